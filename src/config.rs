@@ -1,0 +1,264 @@
+//! `pipeline.toml`: the robots, gaits, campaigns and settings of a run.
+//!
+//! [`Config::default`] is the paper; the file in the repository is tested to equal it.
+
+mod check;
+mod error;
+mod paper;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+pub use error::ConfigError;
+pub(crate) use error::{nearest, parse_toml};
+
+use crate::motion::Model;
+use crate::robot::{Gait, JointCommand, Robot};
+
+/// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
+/// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    pub paths: Paths,
+    pub vicon: Vicon,
+    pub ingest: Ingest,
+    pub fit: Fit,
+    pub robot: BTreeMap<String, RobotConfig>,
+    pub gait: BTreeMap<String, GaitConfig>,
+    pub campaign: BTreeMap<String, Campaign>,
+    pub markers: Markers,
+}
+
+/// Where things are; relative paths start at the configuration file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Paths {
+    /// Trial folder.
+    pub raw: PathBuf,
+    /// Parquet tables.
+    pub derived: PathBuf,
+    /// Figures, page and fits.
+    pub reports: PathBuf,
+}
+
+/// What is known of the cameras.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Vicon {
+    /// Frame rate that the marker files must have, Hz.
+    pub rate_hz: f64,
+    /// Take each file's own rate instead.
+    pub rate_from_file: bool,
+}
+
+/// How markers become velocities and cycles.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Ingest {
+    pub smoothing_window: Smoothing,
+    /// Longest gap that is filled, s. Cycles that touch a longer one are left out.
+    pub max_gap_s: f64,
+    /// Mean residual of the rigid fit above which a trial is flagged, mm.
+    pub max_residual_mm: f64,
+    /// Cycles of transient left out at least.
+    pub skip_cycles: usize,
+}
+
+/// Width of the moving average.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Smoothing {
+    /// Chosen per trial from its frequency.
+    Auto,
+    /// Samples, 5 to 30.
+    Window(usize),
+}
+
+/// Search for the free coefficients.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Fit {
+    /// Bounds of every free skid coefficient, kg/s.
+    pub skid_bounds_kg_s: [f64; 2],
+    /// Bounds of the passive joint's damping where it is free, N m s/rad.
+    pub damping_bounds_nm_s_rad: [f64; 2],
+    /// Starting points, spread over the bounds.
+    pub starts: usize,
+}
+
+/// A robot (Tables I and II). Arrays are links 0, 1, 2.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotConfig {
+    pub h_m: f64,
+    pub l_m: f64,
+    pub b_m: f64,
+    pub mass_kg: [f64; 3],
+    pub inertia_kg_m2: [f64; 3],
+    pub roll_kg_s: [f64; 3],
+    pub skid_kg_s: [f64; 3],
+    /// Needed where a gait leaves a joint passive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stiffness_nm_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damping_nm_s_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rest_angle_deg: Option<f64>,
+}
+
+/// What the joints are commanded to do; a joint without a command is passive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GaitConfig {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint1: Option<JointConfig>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint2: Option<JointConfig>,
+}
+
+/// `phi = offset + amplitude cos(omega t + phase)`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointConfig {
+    #[serde(default)]
+    pub offset_deg: f64,
+    pub amplitude_deg: f64,
+    #[serde(default)]
+    pub phase_deg: f64,
+}
+
+/// One robot with one gait, swept over frequency.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Campaign {
+    /// Name of a `[robot.*]`.
+    pub robot: String,
+    /// Name of a `[gait.*]`.
+    pub gait: String,
+    /// Models that compete.
+    pub models: Vec<Model>,
+    /// Weights of the objective (Table III).
+    pub weights: Weights,
+}
+
+/// Weights of eq. 22.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Weights {
+    pub d: f64,
+    pub v: f64,
+    pub sigma: f64,
+    pub alpha: f64,
+}
+
+/// Marker positions by label, mm in each link's own frame: origin at the link's wheel axle,
+/// x along t_i, y along n_i, z up from the floor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Markers {
+    pub link0: BTreeMap<String, [f64; 3]>,
+    pub link1: BTreeMap<String, [f64; 3]>,
+    pub link2: BTreeMap<String, [f64; 3]>,
+}
+
+impl Markers {
+    /// The layouts of links 0, 1, 2.
+    pub fn links(&self) -> [&BTreeMap<String, [f64; 3]>; 3] {
+        [&self.link0, &self.link1, &self.link2]
+    }
+}
+
+impl Config {
+    /// Reads and checks a configuration file and makes its paths relative to where it lies.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not TOML, has an unknown key (the nearest known one is
+    /// named), or a value that makes no sense (key, found and needed are named).
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let mut config: Self = parse_toml(path, &text)?;
+        config.check(path)?;
+        let home = path.parent().unwrap_or(Path::new(""));
+        for place in [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports] {
+            *place = home.join(&*place);
+        }
+        Ok(config)
+    }
+
+    /// The robot and gait of a campaign, in SI units. `None` if there is no such campaign.
+    pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
+        let campaign = self.campaign.get(campaign)?;
+        let robot = self.robot.get(&campaign.robot)?.to_robot();
+        let gait = self.gait.get(&campaign.gait)?.to_gait();
+        Some((robot, gait))
+    }
+}
+
+impl RobotConfig {
+    /// The robot in SI units; a robot without a spring has none.
+    pub fn to_robot(&self) -> Robot {
+        Robot {
+            h_m: self.h_m,
+            l_m: self.l_m,
+            b_m: self.b_m,
+            mass_kg: self.mass_kg,
+            inertia_kg_m2: self.inertia_kg_m2,
+            roll_kg_s: self.roll_kg_s,
+            skid_kg_s: self.skid_kg_s,
+            stiffness_nm_rad: self.stiffness_nm_rad.unwrap_or(0.0),
+            damping_nm_s_rad: self.damping_nm_s_rad.unwrap_or(0.0),
+            rest_angle_rad: self.rest_angle_deg.unwrap_or(0.0).to_radians(),
+        }
+    }
+}
+
+impl GaitConfig {
+    /// The gait in radians.
+    pub fn to_gait(&self) -> Gait {
+        let command = |joint: &Option<JointConfig>| {
+            joint.as_ref().map(|joint| JointCommand {
+                offset_rad: joint.offset_deg.to_radians(),
+                amplitude_rad: joint.amplitude_deg.to_radians(),
+                phase_rad: joint.phase_deg.to_radians(),
+            })
+        };
+        Gait { joints: [command(&self.joint1), command(&self.joint2)] }
+    }
+}
+
+impl Serialize for Smoothing {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Auto => serializer.serialize_str("auto"),
+            Self::Window(samples) => serializer.serialize_u64(*samples as u64),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Smoothing {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Visitor;
+        impl serde::de::Visitor<'_> for Visitor {
+            type Value = Smoothing;
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("\"auto\" or a whole number of samples from 5 to 30")
+            }
+            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Smoothing, E> {
+                if text == "auto" {
+                    return Ok(Smoothing::Auto);
+                }
+                Err(E::invalid_value(serde::de::Unexpected::Str(text), &self))
+            }
+            fn visit_i64<E: serde::de::Error>(self, samples: i64) -> Result<Smoothing, E> {
+                match usize::try_from(samples) {
+                    Ok(window @ 5..=30) => Ok(Smoothing::Window(window)),
+                    _ => Err(E::invalid_value(serde::de::Unexpected::Signed(samples), &self)),
+                }
+            }
+        }
+        deserializer.deserialize_any(Visitor)
+    }
+}

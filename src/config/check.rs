@@ -1,0 +1,188 @@
+//! What a configuration must satisfy beyond being well-formed.
+
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+use std::path::Path;
+
+use super::{Config, ConfigError, RobotConfig, nearest};
+
+/// Least distance between two markers of a link, mm: nearer ones give no heading.
+const LEAST_SPREAD_MM: f64 = 5.0;
+
+impl Config {
+    /// Checks every value; `path` is the file that errors name.
+    pub(super) fn check(&self, path: &Path) -> Result<(), ConfigError> {
+        let check = Checker { path };
+        check.that(
+            self.vicon.rate_hz > 0.0,
+            "vicon.rate_hz",
+            &self.vicon.rate_hz,
+            "more than 0",
+        )?;
+        for (key, value) in [
+            ("ingest.max_gap_s", self.ingest.max_gap_s),
+            ("ingest.max_residual_mm", self.ingest.max_residual_mm),
+        ] {
+            check.that(value >= 0.0, key, &value, "0 or more")?;
+        }
+        for (key, bounds) in [
+            ("fit.skid_bounds_kg_s", self.fit.skid_bounds_kg_s),
+            ("fit.damping_bounds_nm_s_rad", self.fit.damping_bounds_nm_s_rad),
+        ] {
+            let ordered = bounds[0] > 0.0 && bounds[1] > bounds[0] && bounds[1].is_finite();
+            check.that(ordered, key, &bounds, "0 < lower < upper")?;
+        }
+        check.that(self.fit.starts > 0, "fit.starts", &self.fit.starts, "at least 1")?;
+        for (name, robot) in &self.robot {
+            check.robot(name, robot)?;
+        }
+        for (name, gait) in &self.gait {
+            let commanded = gait.joint1.iter().chain(&gait.joint2);
+            check.that(
+                commanded.clone().count() > 0,
+                &format!("gait.{name}"),
+                &"no joint",
+                "joint1, joint2 or both",
+            )?;
+            for joint in commanded {
+                let key = format!("gait.{name}");
+                let finite = joint.offset_deg.is_finite() && joint.phase_deg.is_finite();
+                check.that(finite, &key, joint, "finite angles")?;
+                let amplitude = joint.amplitude_deg;
+                check.that(
+                    amplitude > 0.0 && amplitude < 180.0,
+                    &key,
+                    joint,
+                    "0 < amplitude_deg < 180",
+                )?;
+            }
+        }
+        self.check_campaigns(&check)?;
+        self.check_markers(&check)
+    }
+
+    fn check_campaigns(&self, check: &Checker) -> Result<(), ConfigError> {
+        for (name, campaign) in &self.campaign {
+            let robot =
+                check.entry(&self.robot, &campaign.robot, &format!("campaign.{name}.robot"))?;
+            let gait = check.entry(&self.gait, &campaign.gait, &format!("campaign.{name}.gait"))?;
+            if gait.to_gait().passive_joint().is_some() {
+                let key = format!("robot.{}.stiffness_nm_rad", campaign.robot);
+                let spring = robot.stiffness_nm_rad.zip(robot.damping_nm_s_rad);
+                let needed = format!(
+                    "stiffness_nm_rad and damping_nm_s_rad, because gait `{}` of campaign `{name}` leaves a joint passive",
+                    campaign.gait
+                );
+                check.that(spring.is_some(), &key, &"no passive joint", &needed)?;
+            }
+            let key = format!("campaign.{name}.models");
+            check.that(
+                !campaign.models.is_empty(),
+                &key,
+                &"an empty list",
+                "at least one model",
+            )?;
+            let w = campaign.weights;
+            let weights = [w.d, w.v, w.sigma, w.alpha];
+            let key = format!("campaign.{name}.weights");
+            let valid = weights.iter().all(|w| *w >= 0.0 && w.is_finite());
+            check.that(valid, &key, &weights, "numbers of 0 or more")?;
+        }
+        Ok(())
+    }
+
+    fn check_markers(&self, check: &Checker) -> Result<(), ConfigError> {
+        let mut owners = BTreeMap::new();
+        for (i, layout) in self.markers.links().into_iter().enumerate() {
+            let key = format!("markers.link{i}");
+            check.that(layout.len() >= 2, &key, &layout.len(), "at least two markers")?;
+            for (label, position) in layout {
+                check.that(
+                    position.iter().all(|x| x.is_finite()),
+                    &key,
+                    position,
+                    "finite numbers",
+                )?;
+                let earlier = owners.insert(label, i);
+                check.that(earlier.is_none(), &key, label, "labels that no other link has")?;
+            }
+            let apart = layout.values().enumerate().any(|(n, a)| {
+                layout
+                    .values()
+                    .skip(n + 1)
+                    .any(|b| (a[0] - b[0]).hypot(a[1] - b[1]) >= LEAST_SPREAD_MM)
+            });
+            check.that(apart, &key, layout, "two markers at least 5 mm apart in the plane")?;
+        }
+        Ok(())
+    }
+}
+
+struct Checker<'a> {
+    path: &'a Path,
+}
+
+impl Checker<'_> {
+    fn that(
+        &self,
+        holds: bool,
+        key: &str,
+        found: &dyn Debug,
+        needed: &str,
+    ) -> Result<(), ConfigError> {
+        if holds {
+            return Ok(());
+        }
+        Err(ConfigError::Value {
+            path: self.path.to_owned(),
+            key: key.to_owned(),
+            found: format!("{found:?}"),
+            needed: needed.to_owned(),
+        })
+    }
+
+    /// The entry of a family that another entry names.
+    fn entry<'t, T>(
+        &self,
+        family: &'t BTreeMap<String, T>,
+        name: &str,
+        key: &str,
+    ) -> Result<&'t T, ConfigError> {
+        family.get(name).ok_or_else(|| {
+            let known: Vec<&str> = family.keys().map(String::as_str).collect();
+            let hint = nearest(name, known.iter().copied())
+                .map_or(String::new(), |near| format!(" (did you mean `{near}`?)"));
+            ConfigError::Value {
+                path: self.path.to_owned(),
+                key: key.to_owned(),
+                found: format!("`{name}`"),
+                needed: format!("one of `{}`{hint}", known.join("`, `")),
+            }
+        })
+    }
+
+    fn robot(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {
+        let key = |field: &str| format!("robot.{name}.{field}");
+        for (field, value) in [("h_m", robot.h_m), ("l_m", robot.l_m), ("b_m", robot.b_m)] {
+            self.that(value > 0.0 && value.is_finite(), &key(field), &value, "more than 0")?;
+        }
+        for (field, values) in [("mass_kg", robot.mass_kg), ("inertia_kg_m2", robot.inertia_kg_m2)]
+        {
+            let positive = values.iter().all(|x| *x > 0.0 && x.is_finite());
+            self.that(positive, &key(field), &values, "three numbers above 0")?;
+        }
+        for (field, values) in [("roll_kg_s", robot.roll_kg_s), ("skid_kg_s", robot.skid_kg_s)] {
+            let valid = values.iter().all(|x| *x >= 0.0 && x.is_finite());
+            self.that(valid, &key(field), &values, "three numbers of 0 or more")?;
+        }
+        for (field, value) in [
+            ("stiffness_nm_rad", robot.stiffness_nm_rad),
+            ("damping_nm_s_rad", robot.damping_nm_s_rad),
+        ] {
+            let value = value.unwrap_or(0.0);
+            self.that(value >= 0.0 && value.is_finite(), &key(field), &value, "0 or more")?;
+        }
+        let rest = robot.rest_angle_deg.unwrap_or(0.0);
+        self.that(rest.is_finite(), &key("rest_angle_deg"), &rest, "a finite angle")
+    }
+}

@@ -1,0 +1,58 @@
+//! Errors of `pipeline.toml` and `trials.toml`: which file, line or key, what was found and
+//! what was needed.
+
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+/// Why a configuration or a list of trials cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{}, line {line}: {message}{}", path.display(), hint(suggestion))]
+    Syntax { path: PathBuf, line: usize, message: String, suggestion: Option<String> },
+    #[error("{}: key `{key}`: found {found}, needed {needed}", path.display())]
+    Value { path: PathBuf, key: String, found: String, needed: String },
+}
+
+fn hint(suggestion: &Option<String>) -> String {
+    suggestion.as_ref().map_or(String::new(), |name| format!("; did you mean `{name}`?"))
+}
+
+/// Parses TOML; an unknown key's error names its line and the nearest known key.
+pub(crate) fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, ConfigError> {
+    toml::from_str(text).map_err(|error| {
+        let start = error.span().map_or(0, |span| span.start.min(text.len()));
+        let message = error.message().trim().to_owned();
+        ConfigError::Syntax {
+            path: path.to_owned(),
+            line: 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count(),
+            suggestion: unknown_name(&message),
+            message,
+        }
+    })
+}
+
+/// serde says "unknown field `a`, expected one of `b`, `c`": the expected name nearest to `a`.
+fn unknown_name(message: &str) -> Option<String> {
+    if !message.starts_with("unknown ") {
+        return None;
+    }
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let unknown = quoted.next()?;
+    nearest(unknown, quoted).map(str::to_owned)
+}
+
+/// The candidate most like `name`, if any is at all like it.
+pub(crate) fn nearest<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
+    candidates
+        .into_iter()
+        .map(|candidate| (strsim::jaro_winkler(name, candidate), candidate))
+        .filter(|(likeness, _)| *likeness > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate)
+}

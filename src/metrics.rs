@@ -1,0 +1,42 @@
+//! What one cycle of motion amounts to, measured or simulated (eq. 17 and 20).
+
+use serde::Serialize;
+
+/// Metrics of one actuation cycle. Measured and simulated cycles use the same
+/// definitions, so their metrics can be subtracted.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GaitMetrics {
+    /// Displacement of link 0's centre over the cycle (eq. 17), m.
+    pub d_m: f64,
+    /// Mean speed `d / period` (eq. 17), m/s.
+    pub v_m_s: f64,
+    /// Skid ratio of wheels 0, 1, 2 (eq. 20): RMS skid velocity over `l omega`.
+    pub sigma: [f64; 3],
+    /// Half the peak-to-peak of phi1, rad.
+    pub alpha1_rad: f64,
+    /// Net rotation of link 0 over the cycle, rad.
+    pub dtheta_rad: f64,
+}
+
+impl GaitMetrics {
+    /// Every metric unknown.
+    pub const MISSING: Self = Self {
+        d_m: f64::NAN,
+        v_m_s: f64::NAN,
+        sigma: [f64::NAN; 3],
+        alpha1_rad: f64::NAN,
+        dtheta_rad: f64::NAN,
+    };
+
+    /// The metrics as `[d, v, sigma0, sigma1, sigma2, alpha1, dtheta]`.
+    pub fn to_array(self) -> [f64; 7] {
+        let [sigma0, sigma1, sigma2] = self.sigma;
+        [self.d_m, self.v_m_s, sigma0, sigma1, sigma2, self.alpha1_rad, self.dtheta_rad]
+    }
+
+    /// The inverse of [`GaitMetrics::to_array`].
+    pub fn from_array(values: [f64; 7]) -> Self {
+        let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad] = values;
+        Self { d_m, v_m_s, sigma: [sigma0, sigma1, sigma2], alpha1_rad, dtheta_rad }
+    }
+}

@@ -1,0 +1,158 @@
+//! The Radau IIA collocation rule: stiffly accurate, L-stable, order `2 STAGES - 1`.
+//!
+//! Reference: E. Hairer and G. Wanner, *Solving Ordinary Differential Equations II*, 2nd ed.,
+//! Springer 1996, section IV.5.
+
+use std::sync::LazyLock;
+
+use nalgebra::SMatrix;
+
+/// Stages of one element.
+pub const STAGES: usize = 5;
+
+/// Coefficients of the rule on the element `[0, 1]`.
+#[derive(Debug, Clone)]
+pub struct Radau {
+    /// Where the stages are; the last is 1.
+    pub nodes: [f64; STAGES],
+    /// `differentiate[j][l]`: weight of stage `l` in the derivative at stage `j`.
+    pub differentiate: [[f64; STAGES]; STAGES],
+    /// Weight of the element's start in the derivative at stage `j`.
+    pub differentiate_start: [f64; STAGES],
+    /// `integrate[j][l]`: weight of the derivative at stage `l` in the increment up to stage
+    /// `j`; the last row is the quadrature rule of the whole element.
+    pub integrate: [[f64; STAGES]; STAGES],
+    /// Weights (start, stages) of the highest Legendre coefficient of the element's
+    /// polynomial: what is left of its spectrum.
+    pub tail: [f64; STAGES + 1],
+    /// Barycentric weights (start, stages) of the element's polynomial.
+    pub barycentric: [f64; STAGES + 1],
+}
+
+/// The rule, computed once.
+pub static RADAU: LazyLock<Radau> = LazyLock::new(Radau::compute);
+
+impl Radau {
+    fn compute() -> Self {
+        let nodes = radau_nodes();
+        let mut points = [0.0; STAGES + 1];
+        points[1..].copy_from_slice(&nodes);
+        let barycentric: [f64; STAGES + 1] = std::array::from_fn(|j| {
+            let others = points.iter().enumerate().filter(|(l, _)| *l != j);
+            1.0 / others.map(|(_, point)| points[j] - point).product::<f64>()
+        });
+        // Derivative of the Lagrange polynomials at the points.
+        let slope = |j: usize, l: usize| {
+            barycentric[l] / barycentric[j] / (points[j] - points[l])
+        };
+        let mut differentiate = [[0.0; STAGES]; STAGES];
+        let mut differentiate_start = [0.0; STAGES];
+        for j in 0..STAGES {
+            differentiate_start[j] = slope(j + 1, 0);
+            for l in (0..STAGES).filter(|l| *l != j) {
+                differentiate[j][l] = slope(j + 1, l + 1);
+            }
+            differentiate[j][j] = -differentiate_start[j] - differentiate[j].iter().sum::<f64>();
+        }
+        let matrix = SMatrix::<f64, STAGES, STAGES>::from_fn(|j, l| differentiate[j][l]);
+        let inverse = matrix.try_inverse().expect("collocation at distinct points is regular");
+        let integrate = std::array::from_fn(|j| std::array::from_fn(|l| inverse[(j, l)]));
+        // The divided difference of the highest order over the leading coefficient of the
+        // Legendre polynomial shifted to [0, 1], (2s)! / (s!)^2.
+        let leading = (1..=STAGES).map(|k| (STAGES + k) as f64 / k as f64).product::<f64>();
+        let tail = barycentric.map(|weight| weight / leading);
+        Self { nodes, differentiate, differentiate_start, integrate, tail, barycentric }
+    }
+
+    /// Value at `x` in `[0, 1]` of the polynomial through `values` at the start and the stages.
+    pub fn interpolate(&self, values: &[f64; STAGES + 1], x: f64) -> f64 {
+        let (mut numerator, mut denominator) = (0.0, 0.0);
+        for (l, value) in values.iter().enumerate() {
+            let point = if l == 0 { 0.0 } else { self.nodes[l - 1] };
+            if x == point {
+                return *value;
+            }
+            let weight = self.barycentric[l] / (x - point);
+            numerator += weight * value;
+            denominator += weight;
+        }
+        numerator / denominator
+    }
+}
+
+/// Zeros of `P_s(2x - 1) - P_{s-1}(2x - 1)`, ascending; the last one is 1.
+fn radau_nodes() -> [f64; STAGES] {
+    let polynomial = |x: f64| {
+        let t = 2.0 * x - 1.0;
+        let (mut previous, mut current) = (1.0, t);
+        for k in 2..=STAGES {
+            let k = k as f64;
+            (previous, current) =
+                (current, ((2.0 * k - 1.0) * t * current - (k - 1.0) * previous) / k);
+        }
+        current - previous
+    };
+    let mut nodes = [1.0; STAGES];
+    let mut found = 0;
+    // The zeros inside are simple and much further apart than this grid.
+    let steps = 64 * STAGES;
+    for i in 0..steps {
+        let (mut low, mut high) = (i as f64 / steps as f64, (i + 1) as f64 / steps as f64);
+        if found < STAGES - 1 && polynomial(low) * polynomial(high) < 0.0 {
+            while high - low > f64::EPSILON * high {
+                let middle = 0.5 * (low + high);
+                if middle == low || middle == high {
+                    break;
+                }
+                if polynomial(low) * polynomial(middle) <= 0.0 {
+                    high = middle;
+                } else {
+                    low = middle;
+                }
+            }
+            nodes[found] = 0.5 * (low + high);
+            found += 1;
+        }
+    }
+    nodes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_quarters_of_the_rule_are_known() {
+        // Nodes of the five-stage rule, Hairer and Wanner's RADAU (9th order).
+        let known = [
+            0.057_104_196_114_518,
+            0.276_843_013_638_124,
+            0.583_590_432_368_917,
+            0.860_240_135_656_219,
+            1.0,
+        ];
+        for (node, known) in RADAU.nodes.iter().zip(known) {
+            assert!((node - known).abs() < 1e-14, "{node} against {known}");
+        }
+    }
+
+    #[test]
+    fn polynomials_of_the_rules_order_are_integrated_exactly() {
+        for power in 0..2 * STAGES as i32 - 1 {
+            let weights = RADAU.integrate[STAGES - 1];
+            let sum: f64 = RADAU.nodes.iter().zip(weights).map(|(x, w)| w * x.powi(power)).sum();
+            assert!((sum - 1.0 / f64::from(power + 1)).abs() < 1e-14, "power {power}: {sum}");
+        }
+    }
+
+    #[test]
+    fn the_tail_is_the_highest_legendre_coefficient() {
+        // x^s has the leading Legendre coefficient (s!)^2 / (2s)!.
+        let highest = RADAU.tail[1..]
+            .iter()
+            .zip(RADAU.nodes)
+            .map(|(weight, x)| weight * x.powi(STAGES as i32))
+            .sum::<f64>();
+        assert!((highest - 1.0 / 252.0).abs() < 1e-14);
+    }
+}

@@ -1,0 +1,97 @@
+//! What the joints are commanded to do (eq. 18 and 19).
+
+use std::f64::consts::PI;
+
+/// `phi(t) = offset + amplitude cos(omega t + phase)`, all in radians.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointCommand {
+    pub offset_rad: f64,
+    pub amplitude_rad: f64,
+    pub phase_rad: f64,
+}
+
+impl JointCommand {
+    /// Angle (rad) and its first two derivatives with respect to the phase `omega t`.
+    pub fn at(&self, phase_rad: f64) -> [f64; 3] {
+        let (sin, cos) = (phase_rad + self.phase_rad).sin_cos();
+        let wave = self.amplitude_rad * cos;
+        [self.offset_rad + wave, -self.amplitude_rad * sin, -wave]
+    }
+}
+
+/// The commands of both joints. A joint without a command is passive: its spring and
+/// damper (eq. 11) govern it. At most one joint may be passive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gait {
+    pub joints: [Option<JointCommand>; 2],
+}
+
+/// Angles, rates and accelerations of both joints at one moment; the entries of a
+/// passive joint are zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shape {
+    pub phi_rad: [f64; 2],
+    pub rate_rad_s: [f64; 2],
+    pub acceleration_rad_s2: [f64; 2],
+}
+
+impl Gait {
+    /// Both joints about straight, 30 degrees, a quarter period apart (eq. 19).
+    pub fn symmetric() -> Self {
+        Self::circular(0.0)
+    }
+
+    /// As [`Gait::symmetric`] about offsets of 45 and -45 degrees.
+    pub fn skewed() -> Self {
+        Self::circular(45_f64.to_radians())
+    }
+
+    fn circular(offset_rad: f64) -> Self {
+        let amplitude_rad = 30_f64.to_radians();
+        Self {
+            joints: [
+                Some(JointCommand { offset_rad, amplitude_rad, phase_rad: 0.0 }),
+                Some(JointCommand { offset_rad: -offset_rad, amplitude_rad, phase_rad: -PI / 2.0 }),
+            ],
+        }
+    }
+
+    /// Joint 1 on its spring, joint 2 commanded with 30 degrees (eq. 18).
+    pub fn passive_symmetric() -> Self {
+        Self {
+            joints: [
+                None,
+                Some(JointCommand {
+                    offset_rad: 0.0,
+                    amplitude_rad: 30_f64.to_radians(),
+                    phase_rad: 0.0,
+                }),
+            ],
+        }
+    }
+
+    /// Index (0 or 1) of the passive joint, if there is one.
+    pub fn passive_joint(&self) -> Option<usize> {
+        self.joints.iter().position(Option::is_none)
+    }
+
+    /// Whether half a period later every commanded angle has changed its sign.
+    pub fn is_symmetric(&self) -> bool {
+        self.joints.iter().flatten().all(|joint| joint.offset_rad == 0.0)
+    }
+
+    /// The commanded shape at phase `omega t`.
+    pub fn at(&self, phase_rad: f64, omega_rad_s: f64) -> Shape {
+        let mut shape =
+            Shape { phi_rad: [0.0; 2], rate_rad_s: [0.0; 2], acceleration_rad_s2: [0.0; 2] };
+        for (i, joint) in self.joints.iter().enumerate() {
+            if let Some(joint) = joint {
+                let [phi, first, second] = joint.at(phase_rad);
+                shape.phi_rad[i] = phi;
+                shape.rate_rad_s[i] = first * omega_rad_s;
+                shape.acceleration_rad_s2[i] = second * omega_rad_s * omega_rad_s;
+            }
+        }
+        shape
+    }
+}

@@ -1,0 +1,76 @@
+//! The robot itself: its parameters, what its joints are commanded to do, and
+//! the equations of motion of the paper's section II in link 0's own frame.
+//!
+//! Index order is always 0, 1, 2 = middle, front, rear link.
+
+mod balance;
+mod gait;
+mod geometry;
+
+pub use balance::{Balance, force_balance};
+pub use gait::{Gait, JointCommand, Shape};
+pub use geometry::{
+    Trig, det_wb, dot, kinetic_energy, mass_matrix, roll_rows, skid_rows, velocity_terms,
+};
+
+/// Velocities in link 0's frame: `(u, v, theta', phi1', phi2')` with `u` along the
+/// link (m/s), `v` across it to the left (m/s), and angular rates in rad/s.
+///
+/// `u = x' cos(theta) + y' sin(theta)`, `v = -x' sin(theta) + y' cos(theta)`.
+pub type Velocity = [f64; 5];
+
+/// Parameters of a robot (Tables I and II).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Robot {
+    /// Half the length of the middle link, m.
+    pub h_m: f64,
+    /// Distance of a side link's wheel from its joint, m.
+    pub l_m: f64,
+    /// Distance of a side link's centre of mass from its joint, m.
+    pub b_m: f64,
+    /// Masses of links 0, 1, 2, kg.
+    pub mass_kg: [f64; 3],
+    /// Moments of inertia of links 0, 1, 2 about their centres of mass, kg m^2.
+    pub inertia_kg_m2: [f64; 3],
+    /// Roll resistance of wheels 0, 1, 2 (eq. 14), kg/s.
+    pub roll_kg_s: [f64; 3],
+    /// Skid resistance of wheels 0, 1, 2 (eq. 15), kg/s.
+    pub skid_kg_s: [f64; 3],
+    /// Stiffness of the passive joint (eq. 11), N m/rad.
+    pub stiffness_nm_rad: f64,
+    /// Damping of the passive joint (eq. 11), N m s/rad.
+    pub damping_nm_s_rad: f64,
+    /// Angle at which the passive joint's spring is unloaded (eq. 11), rad.
+    pub rest_angle_rad: f64,
+}
+
+impl Robot {
+    /// Table I with the skid coefficients used in the paper's simulations.
+    pub fn kinematic() -> Self {
+        Self {
+            h_m: 0.144,
+            l_m: 0.112,
+            b_m: 0.0685,
+            mass_kg: [1.04, 0.2, 0.2],
+            inertia_kg_m2: [86e-4, 5e-4, 5e-4],
+            roll_kg_s: [0.6, 0.3, 0.3],
+            skid_kg_s: [100.0, 50.0, 50.0],
+            stiffness_nm_rad: 0.0,
+            damping_nm_s_rad: 0.0,
+            rest_angle_rad: 0.0,
+        }
+    }
+
+    /// Table II with the values used in the paper's simulations.
+    pub fn semi_passive() -> Self {
+        Self {
+            b_m: 0.058,
+            mass_kg: [1.04, 0.34, 0.34],
+            inertia_kg_m2: [86e-4, 5.9e-4, 5.9e-4],
+            skid_kg_s: [400.0, 200.0, 200.0],
+            stiffness_nm_rad: 0.188,
+            damping_nm_s_rad: 0.007,
+            ..Self::kinematic()
+        }
+    }
+}

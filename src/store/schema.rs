@@ -1,0 +1,202 @@
+//! The tables of `derived/`. Column names are a contract: scripts of others read them.
+
+use std::path::{Path, PathBuf};
+
+use super::rows::rows;
+use crate::metrics::GaitMetrics;
+
+/// `derived/poses/<trial>.parquet`.
+pub fn poses_path(derived: &Path, trial: &str) -> PathBuf {
+    derived.join("poses").join(format!("{trial}.parquet"))
+}
+
+/// `derived/wheels/<trial>.parquet`.
+pub fn wheels_path(derived: &Path, trial: &str) -> PathBuf {
+    derived.join("wheels").join(format!("{trial}.parquet"))
+}
+
+/// `derived/cycles/<trial>.parquet`.
+pub fn cycles_path(derived: &Path, trial: &str) -> PathBuf {
+    derived.join("cycles").join(format!("{trial}.parquet"))
+}
+
+rows! {
+    /// One cycle of a trial: `cycles/<trial>.parquet`.
+    pub struct CycleRow {
+        pub trial: String,
+        pub cycle: i64,
+        /// When the cycle starts, after the first frame, s.
+        pub start_s: f64,
+        pub d_m: f64,
+        pub v_m_s: f64,
+        pub sigma0: f64,
+        pub sigma1: f64,
+        pub sigma2: f64,
+        pub alpha1_rad: f64,
+        pub dtheta_rad: f64,
+        /// Whether the cycle counts towards the trial's means.
+        pub used: bool,
+    }
+}
+
+rows! {
+    /// One trial: `trials.parquet`. Standard errors end in `_se`.
+    pub struct TrialRow {
+        pub trial: String,
+        /// Empty for trials that are not of kind `gait`.
+        pub campaign: String,
+        pub kind: String,
+        pub omega_commanded_rad_s: f64,
+        /// Measured, by harmonic regression on the commanded joints.
+        pub omega_rad_s: f64,
+        pub omega_rad_s_se: f64,
+        /// Cycles that the means are taken over.
+        pub cycles: i64,
+        pub d_m: f64,
+        pub d_m_se: f64,
+        pub v_m_s: f64,
+        pub v_m_s_se: f64,
+        pub sigma0: f64,
+        pub sigma0_se: f64,
+        pub sigma1: f64,
+        pub sigma1_se: f64,
+        pub sigma2: f64,
+        pub sigma2_se: f64,
+        /// Skid ratios without the part that differs from cycle to cycle.
+        pub sigma0_debiased: f64,
+        pub sigma0_debiased_se: f64,
+        pub sigma1_debiased: f64,
+        pub sigma1_debiased_se: f64,
+        pub sigma2_debiased: f64,
+        pub sigma2_debiased_se: f64,
+        pub alpha1_rad: f64,
+        pub alpha1_rad_se: f64,
+        pub dtheta_rad: f64,
+        pub dtheta_rad_se: f64,
+        /// Measured gait: `phi_i = offset + amplitude cos(omega t + phase)`, the phase of a
+        /// commanded joint being that of its command.
+        pub phi1_offset_rad: f64,
+        pub phi1_amplitude_rad: f64,
+        pub phi1_phase_rad: f64,
+        pub phi2_offset_rad: f64,
+        pub phi2_amplitude_rad: f64,
+        pub phi2_phase_rad: f64,
+        /// Part of all markers' frames that the cameras saw.
+        pub coverage: f64,
+        /// Mean residual of the rigid fits, mm.
+        pub residual_mm: f64,
+        /// Width of the moving average, samples.
+        pub smoothing_window: i64,
+        /// `ok`, `flagged` (a check warns) or `failed` (no metrics).
+        pub status: String,
+        pub message: String,
+    }
+}
+
+impl TrialRow {
+    /// The trial's mean metrics.
+    pub fn metrics(&self) -> GaitMetrics {
+        GaitMetrics {
+            d_m: self.d_m,
+            v_m_s: self.v_m_s,
+            sigma: [self.sigma0, self.sigma1, self.sigma2],
+            alpha1_rad: self.alpha1_rad,
+            dtheta_rad: self.dtheta_rad,
+        }
+    }
+}
+
+rows! {
+    /// One check of one trial: `checks.parquet`.
+    pub struct CheckRow {
+        pub trial: String,
+        /// Code and name, such as `W003 residual`.
+        pub check: String,
+        /// `ok`, `warning` or `error`.
+        pub severity: String,
+        pub value: f64,
+        pub limit: f64,
+        pub message: String,
+    }
+}
+
+rows! {
+    /// One model fitted to one campaign: `fits.parquet`.
+    pub struct FitRow {
+        pub campaign: String,
+        pub model: String,
+        pub skid0_kg_s: f64,
+        pub skid1_kg_s: f64,
+        pub skid2_kg_s: f64,
+        pub roll0_kg_s: f64,
+        pub roll1_kg_s: f64,
+        pub roll2_kg_s: f64,
+        pub stiffness_nm_rad: f64,
+        pub damping_nm_s_rad: f64,
+        /// Names of the fitted parameters.
+        pub free: Vec<String>,
+        /// Fitted parameters that hardly move the objective; their values say little.
+        pub insensitive: Vec<String>,
+        /// Fitted parameters that ended at a bound.
+        pub at_bound: Vec<String>,
+        /// Value of the objective (eq. 22), averaged over the trials.
+        pub j: f64,
+        pub starts: i64,
+        /// Steady motions solved for.
+        pub solves: i64,
+        /// `ok`, or why there is no fit.
+        pub status: String,
+    }
+}
+
+rows! {
+    /// One start of a fit: `starts.parquet`.
+    pub struct StartRow {
+        pub campaign: String,
+        pub model: String,
+        pub start: i64,
+        /// Free parameters, in the order of the fit's `free`, where the search began and ended.
+        pub parameter: String,
+        pub began: f64,
+        pub ended: f64,
+        pub j: f64,
+        pub solves: i64,
+        /// Why the search stopped.
+        pub stopped: String,
+    }
+}
+
+rows! {
+    /// What a fitted model predicts: `predictions.parquet`.
+    pub struct PredictionRow {
+        pub campaign: String,
+        pub model: String,
+        pub omega_rad_s: f64,
+        /// `trial` at the trials' frequencies, `curve` on a fine grid.
+        pub source: String,
+        pub d_m: f64,
+        pub v_m_s: f64,
+        pub sigma0: f64,
+        pub sigma1: f64,
+        pub sigma2: f64,
+        pub alpha1_rad: f64,
+        pub dtheta_rad: f64,
+        /// Contribution of this frequency to the objective; only for `trial`.
+        pub j: f64,
+        /// `stable`, `unstable`, `singular` or `diverged`.
+        pub status: String,
+    }
+}
+
+impl PredictionRow {
+    /// The predicted metrics.
+    pub fn metrics(&self) -> GaitMetrics {
+        GaitMetrics {
+            d_m: self.d_m,
+            v_m_s: self.v_m_s,
+            sigma: [self.sigma0, self.sigma1, self.sigma2],
+            alpha1_rad: self.alpha1_rad,
+            dtheta_rad: self.dtheta_rad,
+        }
+    }
+}

@@ -1,0 +1,252 @@
+//! Columns in memory and Parquet on disk; the only place that knows polars.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use polars::prelude::{
+    Column as PolarsColumn, DataFrame, DataType, Float64Chunked, IntoSeries, KeyValueMetadata,
+    ListBuilderTrait, ListStringChunkedBuilder, NamedFrom, NewChunkedArray, ParquetReader,
+    ParquetWriter, PlSmallStr, SerReader, Series, StringChunked,
+};
+
+use super::{StoreError, write_atomically};
+
+/// Values of one column. NaN is how a missing number is kept; it is written as null.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Column {
+    F64(Vec<f64>),
+    I64(Vec<i64>),
+    Bool(Vec<bool>),
+    Str(Vec<String>),
+    StrList(Vec<Vec<String>>),
+}
+
+impl Column {
+    /// One name per row for columns of few names that repeat.
+    pub fn repeat(value: &str, rows: usize) -> Self {
+        Self::Str(vec![value.to_owned(); rows])
+    }
+
+    fn kind(&self) -> &'static str {
+        match self {
+            Self::F64(_) => "numbers",
+            Self::I64(_) => "whole numbers",
+            Self::Bool(_) => "booleans",
+            Self::Str(_) => "text",
+            Self::StrList(_) => "lists of text",
+        }
+    }
+}
+
+/// What a table was made from; goes into the file's key-value metadata.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Provenance {
+    /// Fingerprint of everything that the table was computed from.
+    pub input: String,
+}
+
+/// A table: named columns of equal length.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    path: PathBuf,
+    columns: Vec<(String, Column)>,
+}
+
+impl Table {
+    /// A table of `columns` in this order.
+    pub fn new<'a>(columns: impl IntoIterator<Item = (&'a str, Column)>) -> Self {
+        let columns = columns.into_iter().map(|(name, column)| (name.to_owned(), column)).collect();
+        Self { path: PathBuf::new(), columns }
+    }
+
+    /// Names and columns in order.
+    pub fn columns(&self) -> &[(String, Column)] {
+        &self.columns
+    }
+
+    /// Writes Parquet (zstd) in one piece.
+    ///
+    /// # Errors
+    /// The file cannot be written; what was there before stays.
+    pub fn write(&self, path: &Path, provenance: &Provenance) -> Result<(), StoreError> {
+        let table_error = |error: polars::error::PolarsError| StoreError::Table {
+            path: path.to_owned(),
+            message: error.to_string(),
+        };
+        let columns = self.columns.iter().map(|(name, column)| to_polars(name, column)).collect();
+        let mut frame = DataFrame::new_infer_height(columns).map_err(table_error)?;
+        let metadata = KeyValueMetadata::from_static(vec![
+            ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("trilink.input".to_owned(), provenance.input.clone()),
+        ]);
+        write_atomically(path, |file| {
+            ParquetWriter::new(file)
+                .set_parallel(false)
+                .with_key_value_metadata(Some(metadata))
+                .finish(&mut frame)
+                .map(|_| ())
+                .map_err(|error| std::io::Error::other(error.to_string()))
+        })
+    }
+
+    /// Reads a Parquet file.
+    ///
+    /// # Errors
+    /// The file cannot be read or is not Parquet, or holds types that trilink does not write.
+    pub fn read(path: &Path) -> Result<Self, StoreError> {
+        let file = File::open(path)
+            .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
+        let frame = ParquetReader::new(file).finish().map_err(|error| StoreError::Table {
+            path: path.to_owned(),
+            message: error.to_string(),
+        })?;
+        let columns = frame
+            .columns()
+            .iter()
+            .map(|column| Ok((column.name().to_string(), from_polars(path, column)?)))
+            .collect::<Result<_, StoreError>>()?;
+        Ok(Self { path: path.to_owned(), columns })
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.columns.first().map_or(0, |(_, column)| match column {
+            Column::F64(values) => values.len(),
+            Column::I64(values) => values.len(),
+            Column::Bool(values) => values.len(),
+            Column::Str(values) => values.len(),
+            Column::StrList(values) => values.len(),
+        })
+    }
+
+    /// Whether there is no row.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Numbers of a column; missing ones are NaN.
+    ///
+    /// # Errors
+    /// There is no such column, or it holds something else; so for the other kinds.
+    pub fn f64(&self, name: &str) -> Result<&[f64], StoreError> {
+        match self.column(name, "numbers")? {
+            Column::F64(values) => Ok(values),
+            other => Err(self.mismatch(name, other, "numbers")),
+        }
+    }
+
+    /// Whole numbers of a column.
+    pub fn i64(&self, name: &str) -> Result<&[i64], StoreError> {
+        match self.column(name, "whole numbers")? {
+            Column::I64(values) => Ok(values),
+            other => Err(self.mismatch(name, other, "whole numbers")),
+        }
+    }
+
+    /// Booleans of a column.
+    pub fn bool(&self, name: &str) -> Result<&[bool], StoreError> {
+        match self.column(name, "booleans")? {
+            Column::Bool(values) => Ok(values),
+            other => Err(self.mismatch(name, other, "booleans")),
+        }
+    }
+
+    /// Text of a column.
+    pub fn str(&self, name: &str) -> Result<&[String], StoreError> {
+        match self.column(name, "text")? {
+            Column::Str(values) => Ok(values),
+            other => Err(self.mismatch(name, other, "text")),
+        }
+    }
+
+    /// Lists of text of a column.
+    pub fn str_list(&self, name: &str) -> Result<&[Vec<String>], StoreError> {
+        match self.column(name, "lists of text")? {
+            Column::StrList(values) => Ok(values),
+            other => Err(self.mismatch(name, other, "lists of text")),
+        }
+    }
+
+    fn column(&self, name: &str, needed: &'static str) -> Result<&Column, StoreError> {
+        let found = self.columns.iter().find(|(column, _)| column == name);
+        found.map(|(_, column)| column).ok_or_else(|| StoreError::Column {
+            path: self.path.clone(),
+            column: name.to_owned(),
+            found: "no such column".to_owned(),
+            needed,
+        })
+    }
+
+    fn mismatch(&self, name: &str, found: &Column, needed: &'static str) -> StoreError {
+        StoreError::Column {
+            path: self.path.clone(),
+            column: name.to_owned(),
+            found: found.kind().to_owned(),
+            needed,
+        }
+    }
+}
+
+fn to_polars(name: &str, column: &Column) -> PolarsColumn {
+    let name = PlSmallStr::from_str(name);
+    let series = match column {
+        Column::F64(values) => {
+            let values = values.iter().map(|&x| if x.is_nan() { None } else { Some(x) });
+            Float64Chunked::from_iter_options(name, values).into_series()
+        }
+        Column::I64(values) => Series::new(name, values),
+        Column::Bool(values) => Series::new(name, values),
+        Column::Str(values) => StringChunked::from_slice(name, values).into_series(),
+        Column::StrList(values) => {
+            let total = values.iter().map(Vec::len).sum();
+            let mut lists = ListStringChunkedBuilder::new(name, values.len(), total);
+            for list in values {
+                lists.append_values_iter(list.iter().map(String::as_str));
+            }
+            lists.finish().into_series()
+        }
+    };
+    series.into()
+}
+
+fn from_polars(path: &Path, column: &PolarsColumn) -> Result<Column, StoreError> {
+    let error = |found: String| StoreError::Column {
+        path: path.to_owned(),
+        column: column.name().to_string(),
+        found,
+        needed: "a type that trilink writes",
+    };
+    let missing = |_| error("missing values".to_owned());
+    let wrong = |problem: polars::error::PolarsError| error(problem.to_string());
+    let series = column.as_materialized_series();
+    Ok(match series.dtype() {
+        dtype if dtype.is_float() || dtype.is_integer() && series.null_count() > 0 => {
+            let numbers = series.cast(&DataType::Float64).map_err(wrong)?;
+            let numbers = numbers.f64().map_err(wrong)?;
+            Column::F64(numbers.iter().map(|x| x.unwrap_or(f64::NAN)).collect())
+        }
+        dtype if dtype.is_integer() => {
+            let numbers = series.cast(&DataType::Int64).map_err(wrong)?;
+            Column::I64(numbers.i64().map_err(wrong)?.into_no_null_iter().collect())
+        }
+        DataType::Boolean => {
+            let values = series.bool().map_err(wrong)?.iter();
+            Column::Bool(values.collect::<Option<_>>().ok_or(()).map_err(missing)?)
+        }
+        DataType::String => {
+            let values = series.str().map_err(wrong)?.iter();
+            Column::Str(values.map(|text| text.unwrap_or_default().to_owned()).collect())
+        }
+        DataType::List(_) => {
+            let lists = series.list().map_err(wrong)?;
+            let to_names = |list: Option<Series>| -> Result<Vec<String>, StoreError> {
+                let Some(list) = list else { return Ok(Vec::new()) };
+                let names = list.str().map_err(wrong)?.iter();
+                Ok(names.map(|text| text.unwrap_or_default().to_owned()).collect())
+            };
+            let lists = lists.series_iter().map(to_names);
+            Column::StrList(lists.collect::<Result<_, _>>()?)
+        }
+        other => return Err(error(other.to_string())),
+    })
+}
