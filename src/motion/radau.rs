@@ -42,9 +42,7 @@ impl Radau {
             1.0 / others.map(|(_, point)| points[j] - point).product::<f64>()
         });
         // Derivative of the Lagrange polynomials at the points.
-        let slope = |j: usize, l: usize| {
-            barycentric[l] / barycentric[j] / (points[j] - points[l])
-        };
+        let slope = |j: usize, l: usize| barycentric[l] / barycentric[j] / (points[j] - points[l]);
         let mut differentiate = [[0.0; STAGES]; STAGES];
         let mut differentiate_start = [0.0; STAGES];
         for j in 0..STAGES {

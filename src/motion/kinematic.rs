@@ -1,0 +1,160 @@
+//! The kinematic robot on wheels that cannot skid: quadrature of eq. 3.
+//!
+//! By Cramer's rule the body velocities of eq. 3 are `N(phi, phi') / det W_b(phi)`. Where the
+//! gait crosses `det W_b = 0` they stay bounded only if the numerator vanishes too, which is
+//! condition (5), or (6) where `phi1 = phi2`; then the quotient has a limit. A gait that
+//! crosses without meeting it has no motion.
+
+use std::f64::consts::TAU;
+
+use super::MotionError;
+use super::path::{Pose, advance};
+use super::radau::RADAU;
+use super::reduced::Moment;
+use crate::metrics::GaitMetrics;
+use crate::robot::{JointCommand, Robot, Trig};
+
+/// Elements of the quadrature at first and at most. Odd numbers keep the elements' ends off
+/// the simple fractions of a period at which gaits tend to cross `det W_b = 0`.
+const ELEMENTS: usize = 9;
+const MOST_ELEMENTS: usize = 4000;
+/// Relative change of a cycle on doubling the elements that is accepted.
+const ACCURACY: f64 = 1e-11;
+/// Samples of a cycle in which crossings are looked for.
+const SAMPLES: usize = 720;
+/// Part of a typical numerator that may be left at a crossing that meets condition (5).
+const CROSSING: f64 = 1e-9;
+/// Part of a typical determinant below which the quotient is taken from its neighbourhood.
+const NEAR: f64 = 1e-6;
+
+/// Metrics of one cycle. They do not depend on the frequency, but for the speed.
+pub(super) fn solve(
+    robot: &Robot,
+    joints: [JointCommand; 2],
+    omega_rad_s: f64,
+) -> Result<GaitMetrics, MotionError> {
+    let eq3 = Eq3::new(robot, joints)?;
+    let mut count = ELEMENTS;
+    let mut before = eq3.cycle(count);
+    loop {
+        count = 2 * count + 1;
+        let after = eq3.cycle(count);
+        let d_m = after.x_m.hypot(after.y_m);
+        let change = (after.x_m - before.x_m).hypot(after.y_m - before.y_m) / d_m.max(robot.l_m);
+        let turn = (after.theta_rad - before.theta_rad).abs();
+        if change.max(turn) <= ACCURACY {
+            return Ok(GaitMetrics {
+                d_m,
+                v_m_s: d_m * omega_rad_s / TAU,
+                sigma: [0.0; 3],
+                alpha1_rad: joints[0].amplitude_rad.abs(),
+                dtheta_rad: after.theta_rad,
+            });
+        }
+        if count >= MOST_ELEMENTS {
+            return Err(MotionError::Unresolved { tail: change.max(turn) });
+        }
+        before = after;
+    }
+}
+
+/// Eq. 3 with time measured as phase.
+struct Eq3<'a> {
+    robot: &'a Robot,
+    joints: [JointCommand; 2],
+    /// Largest `det W_b` of the cycle, m.
+    det_scale_m: f64,
+}
+
+impl<'a> Eq3<'a> {
+    /// # Errors
+    /// The gait crosses `det W_b = 0` without meeting condition (5).
+    fn new(robot: &'a Robot, joints: [JointCommand; 2]) -> Result<Self, MotionError> {
+        let mut eq3 = Self { robot, joints, det_scale_m: 0.0 };
+        let phase = |i: usize| TAU * i as f64 / SAMPLES as f64;
+        let mut scale = 0.0_f64;
+        for i in 0..SAMPLES {
+            let (numerators, det) = eq3.parts(phase(i));
+            scale = scale.max(eq3.size(numerators));
+            eq3.det_scale_m = eq3.det_scale_m.max(det.abs());
+        }
+        if eq3.det_scale_m <= 1e-12 * (robot.h_m + robot.l_m) {
+            return Err(MotionError::Singular { phase_rad: 0.0 });
+        }
+        let det = |phase: f64| eq3.parts(phase).1;
+        for i in 0..SAMPLES {
+            let (low, high) = (phase(i), phase(i + 1));
+            if det(low) == 0.0 || det(low) * det(high) < 0.0 {
+                let crossing = bisect(det, low, high);
+                if eq3.size(eq3.parts(crossing).0) > CROSSING * scale {
+                    return Err(MotionError::Singular { phase_rad: crossing });
+                }
+            }
+        }
+        Ok(eq3)
+    }
+
+    /// Numerators of `u` (m^2) and `theta'` (m) and their denominator `det W_b` (m); `v = 0`.
+    ///
+    /// From eq. 1, with `a_i = l + h cos phi_i`: `s1 u + a1 r = l phi1'` and
+    /// `-s2 u - a2 r = l phi2'`.
+    fn parts(&self, phase: f64) -> ([f64; 2], f64) {
+        let [[phi1, w1, _], [phi2, w2, _]] = self.joints.map(|joint| joint.at(phase));
+        let Trig { s: [s1, s2], c: [c1, c2] } = Trig::new([phi1, phi2]);
+        let (h, l) = (self.robot.h_m, self.robot.l_m);
+        let (a1, a2) = (l + h * c1, l + h * c2);
+        ([-l * (a2 * w1 + a1 * w2), l * (s2 * w1 + s1 * w2)], s2 * a1 - s1 * a2)
+    }
+
+    fn size(&self, numerators: [f64; 2]) -> f64 {
+        numerators[0].abs().max(numerators[1].abs() * self.robot.l_m)
+    }
+
+    /// `u` and `theta'` per radian of phase.
+    fn velocities(&self, phase: f64) -> [f64; 2] {
+        let (numerators, det) = self.parts(phase);
+        if det.abs() > NEAR * self.det_scale_m {
+            return numerators.map(|numerator| numerator / det);
+        }
+        // The quotient is smooth: its value from both sides, to fourth order.
+        const ASIDE: f64 = 1e-3;
+        let at = |steps: f64| {
+            let (numerators, det) = self.parts(phase + steps * ASIDE);
+            numerators.map(|numerator| numerator / det)
+        };
+        let (far_left, left, right, far_right) = (at(-2.0), at(-1.0), at(1.0), at(2.0));
+        std::array::from_fn(|i| (4.0 * (left[i] + right[i]) - far_left[i] - far_right[i]) / 6.0)
+    }
+
+    /// The pose after one cycle that starts at phase 0.
+    fn cycle(&self, count: usize) -> Pose {
+        let length = TAU / count as f64;
+        let mut pose = Pose::default();
+        for k in 0..count {
+            let moments = RADAU.nodes.map(|node| {
+                let [u, r] = self.velocities(length * (k as f64 + node));
+                Moment { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] }
+            });
+            let [.., end] = advance(pose, &moments, length);
+            pose = end;
+        }
+        pose
+    }
+}
+
+/// A zero of `function` between two points of different signs.
+fn bisect(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    if function(low) == 0.0 {
+        return low;
+    }
+    let rising = function(high) > 0.0;
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if (function(middle) > 0.0) == rising {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    0.5 * (low + high)
+}

@@ -1,0 +1,34 @@
+//! Where the robot goes: position and heading from the velocities in its own frame.
+
+use super::radau::{RADAU, STAGES};
+use super::reduced::Moment;
+
+/// Position (m) and heading (rad) of link 0.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Pose {
+    pub x_m: f64,
+    pub y_m: f64,
+    pub theta_rad: f64,
+}
+
+/// Poses at the stages of an element that starts at `from`; the last is its end.
+pub(super) fn advance(from: Pose, moments: &[Moment; STAGES], duration_s: f64) -> [Pose; STAGES] {
+    let integrate = &RADAU.integrate;
+    let sum = |j: usize, rates: &[f64; STAGES]| -> f64 {
+        duration_s * integrate[j].iter().zip(rates).map(|(w, rate)| w * rate).sum::<f64>()
+    };
+    let turning: [f64; STAGES] = std::array::from_fn(|j| moments[j].velocity[2]);
+    let headings: [f64; STAGES] = std::array::from_fn(|j| from.theta_rad + sum(j, &turning));
+    let (mut x_rates, mut y_rates) = ([0.0; STAGES], [0.0; STAGES]);
+    for j in 0..STAGES {
+        let (sin, cos) = headings[j].sin_cos();
+        let [u, v, ..] = moments[j].velocity;
+        x_rates[j] = u * cos - v * sin;
+        y_rates[j] = u * sin + v * cos;
+    }
+    std::array::from_fn(|j| Pose {
+        x_m: from.x_m + sum(j, &x_rates),
+        y_m: from.y_m + sum(j, &y_rates),
+        theta_rad: headings[j],
+    })
+}

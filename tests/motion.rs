@@ -1,0 +1,160 @@
+//! Steady motions against numbers from an independent derivation.
+
+use trilink::metrics::GaitMetrics;
+use trilink::motion::{Accuracy, Model, Problem};
+use trilink::robot::{Gait, Robot};
+
+/// A row of `periodic.csv`.
+struct Row {
+    problem: Problem,
+    metrics: GaitMetrics,
+    name: String,
+}
+
+fn rows() -> Vec<Row> {
+    let text = include_str!("fixtures/reference/periodic.csv");
+    text.lines().skip(1).map(row).collect()
+}
+
+fn row(line: &str) -> Row {
+    // The third field may be quoted and hold commas.
+    let mut fields = Vec::new();
+    let mut quoted = false;
+    let mut field = String::new();
+    for character in line.chars().chain([',']) {
+        match character {
+            '"' => quoted = !quoted,
+            ',' if !quoted => fields.push(std::mem::take(&mut field)),
+            other => field.push(other),
+        }
+    }
+    let number = |i: usize| fields[i].parse::<f64>().unwrap();
+    let (mut robot, gait) = match fields[0].as_str() {
+        "kinematic-symmetric" => (Robot::kinematic(), Gait::symmetric()),
+        "kinematic-skewed" => (Robot::kinematic(), Gait::skewed()),
+        "semi-passive-symmetric" => (Robot::semi_passive(), Gait::passive_symmetric()),
+        other => panic!("unknown campaign {other}"),
+    };
+    for setting in fields[2].split_whitespace() {
+        let (key, value) = setting.split_once('=').unwrap();
+        let values: Vec<f64> = value.split(',').map(|x| x.parse().unwrap()).collect();
+        match key {
+            "skid_kg_s" => robot.skid_kg_s = [values[0], values[1], values[2]],
+            "stiffness_nm_rad" => robot.stiffness_nm_rad = values[0],
+            "damping_nm_s_rad" => robot.damping_nm_s_rad = values[0],
+            other => panic!("unknown key {other}"),
+        }
+    }
+    let model = *Model::ALL.iter().find(|model| model.name() == fields[1]).unwrap();
+    let alpha1_rad = match fields[9].as_str() {
+        "" => gait.joints[0].unwrap().amplitude_rad,
+        _ => number(9).to_radians(),
+    };
+    Row {
+        problem: Problem { robot, gait, model, omega_rad_s: number(3) },
+        metrics: GaitMetrics {
+            d_m: number(4),
+            v_m_s: number(5),
+            sigma: [number(6), number(7), number(8)],
+            alpha1_rad,
+            dtheta_rad: fields[10].parse().unwrap(),
+        },
+        name: format!("{} {} at {}", fields[0], fields[1], fields[3]),
+    }
+}
+
+#[test]
+fn every_reference_motion_is_met_to_1e_8() {
+    for row in rows() {
+        let motion = row.problem.solve(None, Accuracy::Reference).unwrap();
+        let (found, known) = (motion.metrics.to_array(), row.metrics.to_array());
+        for (found, known) in found.iter().zip(&known).take(6) {
+            assert!((found - known).abs() <= 1e-8 * known.abs(), "{}: {found} {known}", row.name);
+        }
+        assert!((found[6] - known[6]).abs() < 1e-9, "{}: dtheta {}", row.name, found[6]);
+        assert_eq!(motion.status(), "stable", "{}", row.name);
+    }
+}
+
+#[test]
+fn a_fit_s_accuracy_is_1e_6() {
+    for row in rows() {
+        let motion = row.problem.solve(None, Accuracy::Fit).unwrap();
+        let (found, known) = (motion.metrics.to_array(), row.metrics.to_array());
+        for (found, known) in found.iter().zip(&known).take(6) {
+            assert!((found - known).abs() <= 1e-6 * known.abs(), "{}: {found} {known}", row.name);
+        }
+    }
+}
+
+#[test]
+fn a_neighbour_leads_to_the_same_motion_in_fewer_steps() {
+    for row in rows() {
+        let cold = row.problem.solve(None, Accuracy::Reference).unwrap();
+        let near = Problem { omega_rad_s: 1.02 * row.problem.omega_rad_s, ..row.problem.clone() };
+        let neighbour = near.solve(None, Accuracy::Reference).unwrap();
+        let warm = row.problem.solve(Some(&neighbour), Accuracy::Reference).unwrap();
+        let d = (warm.metrics.d_m - cold.metrics.d_m).abs();
+        assert!(d < 1e-9 * cold.metrics.d_m, "{}: {d}", row.name);
+        assert!(warm.newton_steps() < cold.newton_steps(), "{}", row.name);
+    }
+}
+
+#[test]
+fn the_kinematic_robot_that_cannot_skid_goes_the_same_way_at_every_frequency() {
+    for (gait, d_m) in [(Gait::symmetric(), 0.663466), (Gait::skewed(), 0.122405)] {
+        for omega_rad_s in [0.5, 1.0, 2.0, 3.9, 6.0] {
+            let problem =
+                Problem { robot: Robot::kinematic(), gait, model: Model::NoSkid, omega_rad_s };
+            let found = problem.solve(None, Accuracy::Reference).unwrap().metrics;
+            // The known values have six digits.
+            assert!((found.d_m - d_m).abs() < 0.5e-6 + 1e-6 * d_m, "{}", found.d_m);
+            let speed = found.d_m * omega_rad_s / std::f64::consts::TAU;
+            assert!((found.v_m_s - speed).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_gait_that_meets_a_singular_shape_off_the_limit_has_no_motion() {
+    let mut gait = Gait::symmetric();
+    gait.joints[0].as_mut().unwrap().amplitude_rad *= 1.05;
+    let problem =
+        Problem { robot: Robot::kinematic(), gait, model: Model::NoSkid, omega_rad_s: 3.9 };
+    let error = problem.solve(None, Accuracy::Reference).unwrap_err();
+    assert_eq!(error.status(), "singular", "{error}");
+}
+
+#[test]
+fn from_rest_the_robot_settles_into_the_steady_motion() {
+    for row in rows().into_iter().filter(|row| row.problem.model.skids()) {
+        let steady = row.problem.solve(None, Accuracy::Reference).unwrap().metrics;
+        let period_s = std::f64::consts::TAU / row.problem.omega_rad_s;
+        let path = row.problem.follow(30.0 * period_s, 1e-9).unwrap();
+        let [from, to] = [29.0, 30.0].map(|cycles| path.at(cycles * period_s));
+        let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);
+        assert!((d_m - steady.d_m).abs() < 1e-6 * steady.d_m, "{}: {d_m} {}", row.name, steady.d_m);
+        assert!((to[2] - from[2] - steady.dtheta_rad).abs() < 1e-6, "{}", row.name);
+    }
+}
+
+#[test]
+fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
+    // Exchanging the side links and looking backwards gives the same robot.
+    let front = Problem {
+        robot: Robot::semi_passive(),
+        gait: Gait::passive_symmetric(),
+        model: Model::SkidRoll,
+        omega_rad_s: 3.0,
+    };
+    let mut rear = front.clone();
+    rear.gait.joints.swap(0, 1);
+    for model in [Model::SkidRoll, Model::Skid, Model::NoSkidRoll] {
+        let [front, rear] = [&front, &rear].map(|problem| {
+            let problem = Problem { model, ..problem.clone() };
+            problem.solve(None, Accuracy::Reference).unwrap().metrics
+        });
+        assert!((front.d_m - rear.d_m).abs() < 1e-9 * front.d_m, "{model}: {front:?} {rear:?}");
+        assert!((front.sigma[1] - rear.sigma[2]).abs() < 1e-9, "{model}");
+    }
+}
