@@ -11,3 +11,6 @@ pub mod metrics;
 pub mod robot;
 
 pub mod motion;
+
+pub mod fit;
+pub mod synth;

@@ -155,10 +155,15 @@ rows! {
         pub campaign: String,
         pub model: String,
         pub start: i64,
-        /// Free parameters, in the order of the fit's `free`, where the search began and ended.
-        pub parameter: String,
-        pub began: f64,
-        pub ended: f64,
+        /// Where the free parameters began and ended; those that are not free are missing.
+        pub began_skid0_kg_s: f64,
+        pub began_skid1_kg_s: f64,
+        pub began_skid2_kg_s: f64,
+        pub began_damping_nm_s_rad: f64,
+        pub ended_skid0_kg_s: f64,
+        pub ended_skid1_kg_s: f64,
+        pub ended_skid2_kg_s: f64,
+        pub ended_damping_nm_s_rad: f64,
         pub j: f64,
         pub solves: i64,
         /// Why the search stopped.

@@ -1,0 +1,130 @@
+//! Trials with a known truth, written as the camera system writes them.
+//!
+//! The motion is that of `skid-roll` with planted coefficients, from rest, under a servo that
+//! does not quite reach its command; the cameras add noise, vibration, tilt and dropouts. The
+//! truth goes to `truth.json`, which nothing but the report's comparison reads.
+
+mod cameras;
+mod motion;
+mod truth;
+
+use std::path::{Path, PathBuf};
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::config::Config;
+use crate::motion::{Model, MotionError, Problem};
+use crate::store::{StoreError, write_bytes};
+use crate::trial::{TRIALS_FILE, Trial, TrialKind, TrialList};
+
+pub use truth::{CampaignTruth, TRUTH_FILE, TrialTruth, Truth};
+
+/// Frequencies of a campaign, rad/s: steps of 0.5 and the paper's 3.9.
+pub const OMEGAS_RAD_S: [f64; 13] =
+    [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.0, 4.5, 5.0, 5.5, 6.0];
+
+/// Why trials could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum SynthError {
+    #[error("{}: has trials that were not made by synth; give another folder", folder.display())]
+    NotSynthetic { folder: PathBuf },
+    #[error("trial `{trial}`: {source}")]
+    Motion { trial: String, source: MotionError },
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// One trial to be made.
+struct Plan {
+    trial: Trial,
+    /// The planted robot under the gait that its servo reaches.
+    problem: Problem,
+    seed: ChaCha8Rng,
+}
+
+/// Writes a trial folder: every campaign of the configuration at [`OMEGAS_RAD_S`]. The same
+/// seed gives the same bytes.
+///
+/// # Errors
+/// The folder holds trials that are not synthetic, a planted motion does not exist, or a file
+/// cannot be written.
+pub fn synthesise(
+    config: &Config,
+    folder: &Path,
+    seed: u64,
+    on_trial: &(dyn Fn(&str) + Sync),
+) -> Result<Vec<Trial>, SynthError> {
+    let has = |name: &str| folder.join(name).exists();
+    if has(TRIALS_FILE) && !has(TRUTH_FILE) {
+        return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
+    }
+    let (plans, campaigns) = plan(config, seed);
+    let rate_hz = config.vicon.rate_hz;
+    let trials: Vec<TrialTruth> = plans
+        .par_iter()
+        .map(|plan| {
+            let failed = |source| SynthError::Motion { trial: plan.trial.id.clone(), source };
+            let motion = motion::from_rest(&plan.problem, rate_hz).map_err(failed)?;
+            let robot = &plan.problem.robot;
+            let bytes = cameras::film(
+                &motion.coordinates,
+                robot,
+                &config.markers,
+                rate_hz,
+                plan.seed.clone(),
+            );
+            write_bytes(&folder.join(&plan.trial.file), &bytes)?;
+            on_trial(&plan.trial.id);
+            Ok(TrialTruth::new(&plan.problem, &motion.steady))
+        })
+        .collect::<Result<_, SynthError>>()?;
+    let ids = plans.iter().map(|plan| plan.trial.id.clone());
+    let truth = Truth { synthetic: true, seed, campaigns, trials: ids.zip(trials).collect() };
+    write_bytes(&folder.join(TRUTH_FILE), truth.to_json().as_bytes())?;
+    // The list comes last: a folder with a list is complete.
+    let list = TrialList { trial: plans.into_iter().map(|plan| plan.trial).collect() };
+    let header = "# Synthetic trials, written by `trilink synth`.\n\n";
+    let text = header.to_owned() + &toml::to_string(&list).expect("a trial list is plain TOML");
+    write_bytes(&folder.join(TRIALS_FILE), text.as_bytes())?;
+    Ok(list.trial)
+}
+
+/// Draws what is planted and lists the trials.
+fn plan(config: &Config, seed: u64) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
+    let (mut plans, mut campaigns) = (Vec::new(), Vec::new());
+    for (number, name) in config.campaign.keys().enumerate() {
+        let Some((robot, gait)) = config.campaign_setup(name) else { continue };
+        // One stream of random numbers for the campaign and one for each of its trials.
+        let stream = |trial: usize| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            random.set_stream((number * (OMEGAS_RAD_S.len() + 1) + trial) as u64);
+            random
+        };
+        let (robot, gait) = motion::planted(name, robot, gait, &mut stream(0));
+        campaigns.push((name.clone(), CampaignTruth::new(&robot, &gait)));
+        for (i, omega_rad_s) in OMEGAS_RAD_S.into_iter().enumerate() {
+            let id = format!("{name}-{omega_rad_s:.2}-r1");
+            plans.push(Plan {
+                trial: Trial {
+                    file: format!("{id}.csv"),
+                    id,
+                    kind: TrialKind::Gait,
+                    campaign: Some(name.clone()),
+                    robot: None,
+                    omega_rad_s: Some(omega_rad_s),
+                    smoothing_window: None,
+                },
+                problem: Problem {
+                    robot: robot.clone(),
+                    gait,
+                    model: Model::SkidRoll,
+                    omega_rad_s,
+                },
+                seed: stream(i + 1),
+            });
+        }
+    }
+    (plans, campaigns)
+}

@@ -1,0 +1,70 @@
+//! What is planted, and the motion that follows from it.
+
+use rand::Rng;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use crate::metrics::GaitMetrics;
+use crate::motion::{Accuracy, MotionError, Problem};
+use crate::robot::{Gait, Robot};
+
+/// The paper's fitted skid coefficients (Tables I and II) by campaign, kg/s.
+const FITTED_SKID_KG_S: [(&str, [f64; 3]); 3] = [
+    ("kinematic-skewed", [74.5, 91.0, 95.0]),
+    ("kinematic-symmetric", [104.0, 34.0, 45.0]),
+    ("semi-passive-symmetric", [420.0, 200.0, 70.0]),
+];
+/// Planted coefficients differ from the paper's by at most this part.
+const NEAR: f64 = 0.1;
+/// The servos' amplitudes differ from the command by this part, one joint's upwards and the
+/// other's downwards, so that the gait's area is about the commanded one.
+const AMPLITUDE_ERROR: std::ops::Range<f64> = 0.015..0.03;
+/// The servos' offsets differ from the command by at most this, rad.
+const OFFSET_ERROR_RAD: f64 = 0.015;
+/// Steady cycles in a trial.
+const STEADY_CYCLES: usize = 9;
+/// What is left of the transient when the steady cycles begin.
+const TRANSIENT_LEFT: f64 = 3e-4;
+/// A trial has at least this many cycles of transient.
+const LEAST_TRANSIENT_CYCLES: usize = 2;
+
+/// The robot with planted skid coefficients and the gait that its servos reach.
+pub(super) fn planted(
+    campaign: &str,
+    mut robot: Robot,
+    mut gait: Gait,
+    random: &mut ChaCha8Rng,
+) -> (Robot, Gait) {
+    let fitted = FITTED_SKID_KG_S.iter().find(|(name, _)| *name == campaign);
+    let near = fitted.map_or(robot.skid_kg_s, |(_, skid_kg_s)| *skid_kg_s);
+    robot.skid_kg_s = near.map(|c| c * random.random_range(1.0 - NEAR..1.0 + NEAR));
+    let mut sign = if random.next_u32() % 2 == 0 { 1.0 } else { -1.0 };
+    for joint in gait.joints.iter_mut().flatten() {
+        joint.amplitude_rad *= 1.0 + sign * random.random_range(AMPLITUDE_ERROR);
+        joint.offset_rad += random.random_range(-OFFSET_ERROR_RAD..OFFSET_ERROR_RAD);
+        sign = -sign;
+    }
+    (robot, gait)
+}
+
+/// A recorded motion.
+pub(super) struct Motion {
+    /// `(x, y, theta, phi1, phi2)` of every frame, m and rad.
+    pub coordinates: Vec<[f64; 5]>,
+    /// Metrics of the steady motion.
+    pub steady: GaitMetrics,
+}
+
+/// The motion from rest until [`STEADY_CYCLES`] are over.
+pub(super) fn from_rest(problem: &Problem, rate_hz: f64) -> Result<Motion, MotionError> {
+    let steady = problem.solve(None, Accuracy::Reference)?;
+    let decay = steady.floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
+    let transient = (TRANSIENT_LEFT.ln() / decay.ln()).ceil() as usize;
+    // Half a cycle more: the recording does not end with a cycle.
+    let cycles = (transient.max(LEAST_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5;
+    let duration_s = cycles * std::f64::consts::TAU / problem.omega_rad_s;
+    let path = problem.follow(duration_s, 1e-8)?;
+    let frames = (duration_s * rate_hz) as usize;
+    let coordinates = (0..frames).map(|frame| path.at(frame as f64 / rate_hz)).collect();
+    Ok(Motion { coordinates, steady: steady.metrics })
+}

@@ -1,0 +1,94 @@
+//! `truth.json`: what was planted.
+
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+use crate::metrics::GaitMetrics;
+use crate::motion::Problem;
+use crate::robot::{Gait, JointCommand, Robot};
+
+/// Name of the truth inside a synthetic trial folder.
+pub const TRUTH_FILE: &str = "truth.json";
+
+/// What was planted in a folder.
+#[derive(Debug, Serialize)]
+pub struct Truth {
+    pub synthetic: bool,
+    pub seed: u64,
+    #[serde(serialize_with = "as_map")]
+    pub campaigns: Vec<(String, CampaignTruth)>,
+    #[serde(serialize_with = "as_map")]
+    pub trials: Vec<(String, TrialTruth)>,
+}
+
+/// Planted coefficients; those of the passive joint are null where there is none.
+#[derive(Debug, Serialize)]
+pub struct CampaignTruth {
+    pub skid_kg_s: [f64; 3],
+    pub roll_kg_s: [f64; 3],
+    pub stiffness_nm_rad: Option<f64>,
+    pub damping_nm_s_rad: Option<f64>,
+}
+
+/// The steady motion of one trial and the gait that its servos reached.
+#[derive(Debug, Serialize)]
+pub struct TrialTruth {
+    pub omega_rad_s: f64,
+    #[serde(flatten)]
+    pub metrics: GaitMetrics,
+    pub gait: [Option<JointTruth>; 2],
+}
+
+/// `phi = offset + amplitude cos(omega t + phase)`.
+#[derive(Debug, Serialize)]
+pub struct JointTruth {
+    pub offset_rad: f64,
+    pub amplitude_rad: f64,
+    pub phase_rad: f64,
+}
+
+impl Truth {
+    /// The file's text.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("plain numbers and names") + "\n"
+    }
+}
+
+impl CampaignTruth {
+    pub(super) fn new(robot: &Robot, gait: &Gait) -> Self {
+        let spring = gait.passive_joint().map(|_| robot);
+        Self {
+            skid_kg_s: robot.skid_kg_s,
+            roll_kg_s: robot.roll_kg_s,
+            stiffness_nm_rad: spring.map(|robot| robot.stiffness_nm_rad),
+            damping_nm_s_rad: spring.map(|robot| robot.damping_nm_s_rad),
+        }
+    }
+}
+
+impl TrialTruth {
+    pub(super) fn new(problem: &Problem, metrics: &GaitMetrics) -> Self {
+        let joint = |command: JointCommand| JointTruth {
+            offset_rad: command.offset_rad,
+            amplitude_rad: command.amplitude_rad,
+            phase_rad: command.phase_rad,
+        };
+        Self {
+            omega_rad_s: problem.omega_rad_s,
+            metrics: *metrics,
+            gait: problem.gait.joints.map(|command| command.map(joint)),
+        }
+    }
+}
+
+/// Pairs as an object, in their order.
+fn as_map<T: Serialize, S: Serializer>(
+    pairs: &[(String, T)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    let mut map = serializer.serialize_map(Some(pairs.len()))?;
+    for (key, value) in pairs {
+        map.serialize_entry(key, value)?;
+    }
+    map.end()
+}
