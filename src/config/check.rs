@@ -11,7 +11,7 @@ const LEAST_SPREAD_MM: f64 = 5.0;
 
 impl Config {
     /// Checks every value; `path` is the file that errors name.
-    pub(super) fn check(&self, path: &Path) -> Result<(), ConfigError> {
+    pub(crate) fn check(&self, path: &Path) -> Result<(), ConfigError> {
         let check = Checker { path };
         check.that(
             self.vicon.rate_hz > 0.0,

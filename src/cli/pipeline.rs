@@ -1,0 +1,107 @@
+//! `trilink demo` and `trilink run`.
+
+use std::path::PathBuf;
+
+use super::{Context, Failure, Outcome};
+use crate::run::{Finished, run};
+use crate::store::FitRow;
+use crate::synth::{OMEGAS_RAD_S, synthesise};
+use crate::trial::TRIALS_FILE;
+
+/// Seed of the demo's trials.
+const DEMO_SEED: u64 = 1;
+
+#[derive(clap::Args)]
+pub(super) struct Demo {}
+
+#[derive(clap::Args)]
+pub(super) struct Run {
+    /// Trial folder [default: `paths.raw` of the configuration].
+    folder: Option<PathBuf>,
+}
+
+impl Demo {
+    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+        let raw = &context.config.paths.raw;
+        if !raw.join(TRIALS_FILE).exists() {
+            let total = context.config.campaign.len() * OMEGAS_RAD_S.len();
+            let stage = context.progress.stage("synth", total);
+            synthesise(&context.config, raw, DEMO_SEED, &|trial| stage.step(trial))?;
+        }
+        context.run_all()
+    }
+}
+
+impl Run {
+    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+        if let Some(folder) = self.folder {
+            context.config.paths.raw = folder;
+        }
+        context.run_all()
+    }
+}
+
+impl Context {
+    fn run_all(&self) -> Result<Outcome, Failure> {
+        let finished = run(&self.config, &self.progress.watch())?;
+        let record = &finished.record;
+        for trial in record.attention.iter().filter(|trial| trial.status == "failed") {
+            eprintln!("failed: {}: {}", trial.trial, trial.message);
+        }
+        print_fits(&finished.fits);
+        let trials = &record.trials;
+        println!(
+            "{} trials: {} ok, {} flagged, {} failed",
+            trials.total, trials.ok, trials.flagged, trials.failed
+        );
+        println!("page: {}", record.page.display());
+        Ok(outcome(&finished))
+    }
+}
+
+/// A failed trial needs a person. A model that has no motion is a result, not a failure.
+fn outcome(finished: &Finished) -> Outcome {
+    match finished.record.trials.failed {
+        0 => Outcome::Well,
+        _ => Outcome::NeedsAttention,
+    }
+}
+
+/// A short table of the fitted parameters.
+pub(super) fn print_fits(fits: &[FitRow]) {
+    println!(
+        "{:<24} {:<17} {:>9} {:>10} {:>10} {:>10}   c_S in kg/s; ~ hardly tells, | at its bound",
+        "campaign", "model", "J", "c_S0", "c_S1", "c_S2"
+    );
+    for fit in fits {
+        if fit.status != "ok" {
+            println!("{:<24} {:<17} {}", fit.campaign, fit.model, fit.status);
+            continue;
+        }
+        let skid = [fit.skid0_kg_s, fit.skid1_kg_s, fit.skid2_kg_s];
+        let names = ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"];
+        let cells: Vec<String> =
+            names.iter().zip(skid).map(|(name, value)| cell(fit, name, value)).collect();
+        let damping = match fit.free.iter().any(|name| name == "damping_nm_s_rad") {
+            true => format!("   c_tau {:.5} N m s/rad", fit.damping_nm_s_rad),
+            false => String::new(),
+        };
+        println!(
+            "{:<24} {:<17} {:>9.5} {:>10} {:>10} {:>10}{damping}",
+            fit.campaign, fit.model, fit.j, cells[0], cells[1], cells[2]
+        );
+    }
+}
+
+fn cell(fit: &FitRow, name: &str, value: f64) -> String {
+    if value.is_nan() {
+        return "-".to_owned();
+    }
+    let has = |list: &[String]| list.iter().any(|listed| listed == name);
+    let mark = match (has(&fit.at_bound), has(&fit.insensitive)) {
+        (true, _) => "|",
+        (false, true) => "~",
+        (false, false) => "",
+    };
+    format!("{mark}{value:.2}")
+}

@@ -1,0 +1,107 @@
+//! Progress: bars on a terminal, plain lines elsewhere, nothing when asked to be quiet.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::run::Watch;
+
+/// How progress is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Progress {
+    Quiet,
+    Lines,
+    Bars,
+}
+
+impl Progress {
+    pub fn new(quiet: bool) -> Self {
+        match (quiet, std::io::stderr().is_terminal()) {
+            (true, _) => Self::Quiet,
+            (false, true) => Self::Bars,
+            (false, false) => Self::Lines,
+        }
+    }
+
+    /// A message beside the results.
+    pub fn say(self, message: &str) {
+        if self != Self::Quiet {
+            eprintln!("{message}");
+        }
+    }
+
+    /// A stage of `total` steps.
+    pub fn stage(self, name: &'static str, total: usize) -> Stage {
+        let bar = match self {
+            Self::Bars => ProgressBar::new(total as u64),
+            Self::Quiet | Self::Lines => ProgressBar::hidden(),
+        };
+        let style = ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {msg}");
+        bar.set_style(style.expect("the template is well-formed"));
+        bar.set_prefix(name);
+        Stage { shown: self, name, total, done: AtomicUsize::new(0), bar }
+    }
+}
+
+/// Shows a whole run, one stage after the other.
+pub(super) struct Watcher {
+    progress: Progress,
+    stage: Mutex<Option<Stage>>,
+}
+
+impl Progress {
+    /// Somebody who watches a run and shows it.
+    pub fn watch(self) -> Watcher {
+        Watcher { progress: self, stage: Mutex::new(None) }
+    }
+}
+
+impl Watch for Watcher {
+    fn begin(&self, stage: &'static str, total: usize) {
+        if let Ok(mut current) = self.stage.lock() {
+            // The old bar goes before the new one comes.
+            *current = None;
+            *current = Some(self.progress.stage(stage, total));
+        }
+    }
+
+    fn step(&self, what: &str) {
+        if let Ok(current) = self.stage.lock()
+            && let Some(stage) = current.as_ref()
+        {
+            stage.step(what);
+        }
+    }
+}
+
+/// Progress of one stage; its steps may end on any thread.
+pub(super) struct Stage {
+    shown: Progress,
+    name: &'static str,
+    total: usize,
+    done: AtomicUsize,
+    bar: ProgressBar,
+}
+
+impl Stage {
+    /// One more step is done.
+    pub fn step(&self, message: &str) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        match self.shown {
+            Progress::Quiet => {}
+            Progress::Lines => eprintln!("{} {done}/{} {message}", self.name, self.total),
+            Progress::Bars => {
+                self.bar.set_message(message.to_owned());
+                self.bar.inc(1);
+            }
+        }
+    }
+}
+
+impl Drop for Stage {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,59 @@
+//! `trilink ingest`, `fit` and `report`: one stage alone.
+
+use std::path::PathBuf;
+
+use super::{Context, Failure, Outcome, pipeline};
+use crate::run;
+
+#[derive(clap::Args)]
+pub(super) struct Ingest {
+    /// Trial folder [default: `paths.raw` of the configuration].
+    folder: Option<PathBuf>,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Fit {}
+
+#[derive(clap::Args)]
+pub(super) struct Report {}
+
+impl Ingest {
+    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+        if let Some(folder) = self.folder {
+            context.config.paths.raw = folder;
+        }
+        let ingested = run::ingest(&context.config, &context.progress.watch())?;
+        for trial in run::attention(&ingested.trials) {
+            eprintln!("{}: {}: {}", trial.status, trial.trial, trial.message);
+        }
+        let counts = run::count(&ingested.trials);
+        println!(
+            "{} trials: {} ok, {} flagged, {} failed; tables in {}",
+            counts.total,
+            counts.ok,
+            counts.flagged,
+            counts.failed,
+            context.config.paths.derived.display()
+        );
+        Ok(if counts.failed == 0 { Outcome::Well } else { Outcome::NeedsAttention })
+    }
+}
+
+impl Fit {
+    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+        let fitted = run::fit(&context.config, &context.progress.watch())?;
+        pipeline::print_fits(&fitted.fits);
+        Ok(Outcome::Well)
+    }
+}
+
+impl Report {
+    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+        let reported = run::draw(&context.config, &context.progress.watch())?;
+        for missing in &reported.missing {
+            context.progress.say(&format!("not drawn: {missing}"));
+        }
+        println!("page: {}", reported.page.display());
+        Ok(Outcome::Well)
+    }
+}
