@@ -2,15 +2,33 @@
 //!
 //! The modules in the order that a trial passes through them:
 
+/// `pipeline.toml`.
 pub mod config;
+/// `trials.toml`.
 pub mod trial;
 
-pub mod store;
+/// Marker files -> markers over time.
+pub mod vicon;
 
-pub mod metrics;
-pub mod robot;
+/// Markers -> link poses -> wheel velocities -> cycles -> one row per trial.
+pub mod ingest;
 
-pub mod motion;
-
+/// Models fitted to the trials.
 pub mod fit;
+
+/// Figures and the page.
+pub mod report;
+
+/// All of it, one stage after the other.
+pub mod run;
+
+/// The command line.
+pub mod cli;
+
+/// What the stages share: the mechanics, the models' motion, metrics and tables; and trials
+/// with a known truth.
+pub mod metrics;
+pub mod motion;
+pub mod robot;
+pub mod store;
 pub mod synth;

@@ -1,0 +1,21 @@
+//! Fig. 13: the measured displacement per cycle.
+
+use super::BARS;
+use crate::report::figure::{Figure, Panel};
+use crate::report::series::{Quantity, Source};
+
+pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
+    let quantity = Quantity::Displacement;
+    Figure {
+        stem: stem.to_owned(),
+        number: super::number(stem),
+        title: format!("Displacement per cycle d of campaign {campaign}"),
+        caption: BARS.to_owned(),
+        campaigns: vec![campaign.to_owned()],
+        panels: vec![Panel {
+            quantity,
+            from_zero: false,
+            series: source.measured(campaign, quantity, 0).into_iter().collect(),
+        }],
+    }
+}

@@ -1,0 +1,79 @@
+//! What the report is made of: the tables that the stages before it left.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::ReportError;
+use super::series::Source;
+use crate::config::Config;
+use crate::store::{CheckRow, FitRow, PredictionRow, Rows, Table, TrialRow};
+
+/// Rows of `derived/`.
+#[derive(Debug, Default)]
+pub struct Tables {
+    pub trials: Vec<TrialRow>,
+    pub checks: Vec<CheckRow>,
+    pub fits: Vec<FitRow>,
+    pub predictions: Vec<PredictionRow>,
+    /// Sentences on tables that are not there.
+    pub missing: Vec<String>,
+}
+
+impl Tables {
+    /// Reads the tables of a folder. Only `trials.parquet` must be there; rows come in the
+    /// order of campaign, model and frequency, whatever their order in the files.
+    ///
+    /// # Errors
+    /// There is no `trials.parquet`, or a table cannot be read or lacks a column.
+    pub fn read(derived: &Path) -> Result<Self, ReportError> {
+        let mut missing = Vec::new();
+        let mut tables = Self {
+            trials: TrialRow::from_table(&Table::read(&derived.join("trials.parquet"))?)?,
+            checks: optional(derived, "checks", "no check is listed", &mut missing)?,
+            fits: optional(derived, "fits", "no model is fitted", &mut missing)?,
+            predictions: optional(derived, "predictions", "no model is drawn", &mut missing)?,
+            missing: Vec::new(),
+        };
+        tables.missing = missing;
+        tables.trials.sort_by(|a, b| {
+            let key = |row: &TrialRow| (row.campaign.is_empty(), row.campaign.clone());
+            key(a)
+                .cmp(&key(b))
+                .then(a.omega_commanded_rad_s.total_cmp(&b.omega_commanded_rad_s))
+                .then_with(|| a.trial.cmp(&b.trial))
+        });
+        tables.fits.sort_by(|a, b| {
+            let key = |row: &FitRow| {
+                (row.campaign.clone(), super::style::model_rank(&row.model), row.model.clone())
+            };
+            key(a).cmp(&key(b))
+        });
+        Ok(tables)
+    }
+
+    pub fn source(&self) -> Source<'_> {
+        Source { trials: &self.trials, predictions: &self.predictions }
+    }
+
+    /// Campaigns of the configuration and of the tables.
+    pub fn campaigns<'a>(&'a self, config: &'a Config) -> BTreeSet<&'a str> {
+        let configured = config.campaign.keys().map(String::as_str);
+        let measured = self.trials.iter().map(|row| row.campaign.as_str());
+        let fitted = self.fits.iter().map(|row| row.campaign.as_str());
+        configured.chain(measured).chain(fitted).filter(|name| !name.is_empty()).collect()
+    }
+}
+
+fn optional<R: Rows>(
+    derived: &Path,
+    name: &str,
+    without: &str,
+    missing: &mut Vec<String>,
+) -> Result<Vec<R>, ReportError> {
+    let path = derived.join(format!("{name}.parquet"));
+    if !path.exists() {
+        missing.push(format!("Table {name}.parquet is not there: {without}."));
+        return Ok(Vec::new());
+    }
+    Ok(R::from_table(&Table::read(&path)?)?)
+}

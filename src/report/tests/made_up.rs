@@ -1,0 +1,285 @@
+//! Tables as a run on the paper's three campaigns would leave them, near the paper's values.
+
+use std::path::Path;
+
+use crate::store::{CheckRow, FitRow, PredictionRow, Provenance, Rows, TrialRow};
+
+pub const SKEWED: &str = "kinematic-skewed";
+pub const SYMMETRIC: &str = "kinematic-symmetric";
+pub const SEMI_PASSIVE: &str = "semi-passive-symmetric";
+
+const OMEGA_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.0, 5.5, 6.0];
+
+/// d (m), sigma 0, 1, 2 at each of [`OMEGA_RAD_S`].
+type Measured = [[f64; 4]; 12];
+
+const SKEWED_MEASURED: Measured = [
+    [0.1058, 0.01371, 0.00630, 0.00546],
+    [0.1029, 0.01721, 0.00790, 0.00736],
+    [0.1032, 0.02283, 0.00990, 0.00976],
+    [0.1006, 0.02648, 0.01213, 0.01206],
+    [0.1075, 0.03139, 0.01551, 0.01402],
+    [0.0960, 0.03349, 0.01744, 0.01621],
+    [0.0987, 0.03838, 0.01900, 0.01905],
+    [0.0971, 0.04071, 0.02014, 0.01920],
+    [0.0933, 0.04453, 0.02215, 0.02298],
+    [0.0905, 0.04865, 0.02591, 0.02402],
+    [0.0886, 0.05444, 0.02591, 0.02551],
+    [0.0879, 0.05566, 0.02896, 0.02710],
+];
+
+const SYMMETRIC_MEASURED: Measured = [
+    [0.4228, 0.02960, 0.04311, 0.03662],
+    [0.4357, 0.02842, 0.04554, 0.03712],
+    [0.4642, 0.02954, 0.04322, 0.03803],
+    [0.4781, 0.03049, 0.04330, 0.04000],
+    [0.4746, 0.03127, 0.04390, 0.04221],
+    [0.4854, 0.03207, 0.04030, 0.04241],
+    [0.4646, 0.02917, 0.04051, 0.04148],
+    [0.4510, 0.03045, 0.04122, 0.04191],
+    [0.4725, 0.02991, 0.04054, 0.04311],
+    [0.4668, 0.02961, 0.03810, 0.04386],
+    [0.4595, 0.03078, 0.03898, 0.04664],
+    [0.4868, 0.03174, 0.03707, 0.04935],
+];
+
+const SEMI_PASSIVE_MEASURED: Measured = [
+    [0.3387, 0.02181, 0.02435, 0.06900],
+    [0.5546, 0.01610, 0.01805, 0.05007],
+    [0.4785, 0.01149, 0.01335, 0.03348],
+    [0.4452, 0.00836, 0.00964, 0.02495],
+    [0.3951, 0.00628, 0.00852, 0.01940],
+    [0.3315, 0.00501, 0.00714, 0.01501],
+    [0.3037, 0.00431, 0.00629, 0.01159],
+    [0.2521, 0.00382, 0.00531, 0.00983],
+    [0.2308, 0.00297, 0.00483, 0.00764],
+    [0.1958, 0.00255, 0.00410, 0.00626],
+    [0.1654, 0.00214, 0.00402, 0.00505],
+    [0.1440, 0.00175, 0.00369, 0.00430],
+];
+
+#[derive(Default)]
+pub struct Tables {
+    pub trials: Vec<TrialRow>,
+    pub checks: Vec<CheckRow>,
+    pub fits: Vec<FitRow>,
+    pub predictions: Vec<PredictionRow>,
+}
+
+impl Tables {
+    pub fn of_the_paper() -> Self {
+        let mut tables = Self::default();
+        let models: [(&str, &Measured, [&str; 4]); 3] = [
+            (SKEWED, &SKEWED_MEASURED, ["no-skid", "no-skid-measured", "skid", "skid-roll"]),
+            (SYMMETRIC, &SYMMETRIC_MEASURED, ["no-skid", "no-skid-measured", "skid", "skid-roll"]),
+            (
+                SEMI_PASSIVE,
+                &SEMI_PASSIVE_MEASURED,
+                ["no-skid", "no-skid-damped", "no-skid-roll", "skid-roll"],
+            ),
+        ];
+        for (campaign, measured, models) in models {
+            for (omega, &values) in OMEGA_RAD_S.iter().zip(measured) {
+                tables.trials.push(trial(campaign, *omega, values));
+            }
+            for (nth, model) in models.into_iter().enumerate() {
+                tables.fits.push(fit(campaign, model, nth));
+                tables.predict(campaign, model, measured);
+            }
+        }
+        tables
+    }
+
+    /// All tables in a folder.
+    pub fn write(&self, derived: &Path) {
+        let provenance = Provenance { input: "made up".to_owned() };
+        let write = |name: &str, table: crate::store::Table| {
+            table.write(&derived.join(format!("{name}.parquet")), &provenance).expect("writes");
+        };
+        write("trials", TrialRow::to_table(&self.trials));
+        write("checks", CheckRow::to_table(&self.checks));
+        write("fits", FitRow::to_table(&self.fits));
+        write("predictions", PredictionRow::to_table(&self.predictions));
+    }
+
+    fn predict(&mut self, campaign: &str, model: &str, measured: &Measured) {
+        let curve = (0..=55).map(|i| ("curve", 0.5 + 0.1 * f64::from(i)));
+        let trials = OMEGA_RAD_S.iter().map(|&omega| ("trial", omega));
+        for (source, omega) in curve.chain(trials) {
+            let predicted = predicted(campaign, model, measured, omega);
+            let row = prediction(campaign, model, omega, source, predicted);
+            if model != "no-skid-measured" || source == "trial" {
+                self.predictions.push(row);
+            }
+        }
+    }
+}
+
+/// Smooth curves with the shape that the models have; `None` where there is no motion.
+fn predicted(campaign: &str, model: &str, measured: &Measured, omega: f64) -> Option<[f64; 4]> {
+    let smooth = |column: usize| {
+        let weight = |at: f64| (-(at - omega).powi(2) / 0.6).exp();
+        let weights: f64 = OMEGA_RAD_S.iter().map(|&at| weight(at)).sum();
+        let terms = OMEGA_RAD_S.iter().zip(measured);
+        terms.map(|(&at, row)| weight(at) * row[column]).sum::<f64>() / weights
+    };
+    let no_skid = |d| Some([d, 0.0, 0.0, 0.0]);
+    match (campaign, model) {
+        (SKEWED, "no-skid") => no_skid(0.122405),
+        (SKEWED, "no-skid-measured") => no_skid(0.1185 - 0.0012 * omega),
+        (SYMMETRIC, "no-skid") => no_skid(0.663466),
+        (SYMMETRIC, "no-skid-measured") => None,
+        (SEMI_PASSIVE, "no-skid") => (omega > 0.8).then_some([4.2 / omega, 0.0, 0.0, 0.0]),
+        (SEMI_PASSIVE, "no-skid-damped") => no_skid(smooth(0) * 1.12),
+        (SEMI_PASSIVE, "no-skid-roll") => no_skid(smooth(0) * 1.06),
+        (_, "skid") => Some([smooth(0) * 1.03, smooth(1), smooth(2) * 0.9, smooth(3) * 1.1]),
+        _ => Some([smooth(0), smooth(1), smooth(2), smooth(3)]),
+    }
+}
+
+fn prediction(
+    campaign: &str,
+    model: &str,
+    omega_rad_s: f64,
+    source: &str,
+    predicted: Option<[f64; 4]>,
+) -> PredictionRow {
+    let [d_m, sigma0, sigma1, sigma2] = predicted.unwrap_or([f64::NAN; 4]);
+    PredictionRow {
+        campaign: campaign.to_owned(),
+        model: model.to_owned(),
+        omega_rad_s,
+        source: source.to_owned(),
+        d_m,
+        v_m_s: d_m * omega_rad_s / std::f64::consts::TAU,
+        sigma0,
+        sigma1,
+        sigma2,
+        alpha1_rad: 0.5,
+        dtheta_rad: 0.0,
+        j: if source == "trial" { 1.0 } else { f64::NAN },
+        status: if predicted.is_some() { "stable" } else { "singular" }.to_owned(),
+    }
+}
+
+pub fn trial(campaign: &str, omega: f64, [d_m, sigma0, sigma1, sigma2]: [f64; 4]) -> TrialRow {
+    let v_m_s = d_m * omega / std::f64::consts::TAU;
+    TrialRow {
+        trial: format!("{campaign}-{omega:.2}-r1"),
+        campaign: campaign.to_owned(),
+        kind: "gait".to_owned(),
+        omega_commanded_rad_s: omega,
+        omega_rad_s: omega * 1.0004,
+        omega_rad_s_se: 0.0003,
+        cycles: 8,
+        d_m,
+        d_m_se: 0.011 * d_m,
+        v_m_s,
+        v_m_s_se: 0.011 * v_m_s,
+        sigma0,
+        sigma0_se: 0.02 * sigma0,
+        sigma1,
+        sigma1_se: 0.02 * sigma1,
+        sigma2,
+        sigma2_se: 0.02 * sigma2,
+        sigma0_debiased: sigma0,
+        sigma0_debiased_se: 0.02 * sigma0,
+        sigma1_debiased: sigma1,
+        sigma1_debiased_se: 0.02 * sigma1,
+        sigma2_debiased: sigma2,
+        sigma2_debiased_se: 0.02 * sigma2,
+        alpha1_rad: 0.52,
+        alpha1_rad_se: 0.001,
+        dtheta_rad: 0.01,
+        dtheta_rad_se: 0.001,
+        phi1_offset_rad: 0.0,
+        phi1_amplitude_rad: 0.51,
+        phi1_phase_rad: 0.0,
+        phi2_offset_rad: 0.0,
+        phi2_amplitude_rad: 0.5,
+        phi2_phase_rad: -1.57,
+        coverage: 0.9934,
+        residual_mm: 0.1873,
+        smoothing_window: 11,
+        status: "ok".to_owned(),
+        message: String::new(),
+    }
+}
+
+pub fn fit(campaign: &str, model: &str, nth: usize) -> FitRow {
+    let skids = model.starts_with("skid");
+    let rolls = model.ends_with("roll");
+    let passive = campaign == SEMI_PASSIVE;
+    let when = |has: bool, value: f64| if has { value } else { f64::NAN };
+    let mut free: Vec<String> = Vec::new();
+    if skids {
+        free = ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"].map(str::to_owned).into();
+    }
+    if model == "no-skid-damped" {
+        free = vec!["damping_nm_s_rad".to_owned()];
+    }
+    FitRow {
+        campaign: campaign.to_owned(),
+        model: model.to_owned(),
+        skid0_kg_s: when(skids, 104.21),
+        skid1_kg_s: when(skids, 34.072),
+        skid2_kg_s: when(skids, 1000.0),
+        roll0_kg_s: when(rolls, 0.6),
+        roll1_kg_s: when(rolls, 0.3),
+        roll2_kg_s: when(rolls, 0.3),
+        stiffness_nm_rad: when(passive, 0.188),
+        damping_nm_s_rad: when(passive, 0.00712),
+        insensitive: if skids { vec!["skid1_kg_s".to_owned()] } else { Vec::new() },
+        at_bound: if skids { vec!["skid2_kg_s".to_owned()] } else { Vec::new() },
+        starts: if free.is_empty() { 1 } else { 8 },
+        free,
+        j: when(model != "no-skid-measured" || campaign == SKEWED, 4.2031 / (1 + nth) as f64),
+        solves: 1230 * nth as i64,
+        status: "ok".to_owned(),
+    }
+}
+
+/// A failed trial and a flagged one, with their checks.
+pub fn with_trouble(mut tables: Tables, message: &str) -> Tables {
+    let mut failed = trial(SKEWED, 3.0, [f64::NAN; 4]);
+    failed.trial = "kinematic-skewed-3.00-r2".to_owned();
+    failed.status = "failed".to_owned();
+    failed.message = message.to_owned();
+    failed.omega_rad_s = f64::NAN;
+    failed.omega_rad_s_se = f64::NAN;
+    failed.coverage = f64::NAN;
+    failed.residual_mm = f64::NAN;
+    failed.cycles = 0;
+    tables.trials.push(failed);
+    let flagged = &mut tables.trials[5];
+    flagged.status = "flagged".to_owned();
+    flagged.message = "residual 0.62 mm, limit 0.5 mm".to_owned();
+    tables.checks.push(CheckRow {
+        trial: flagged.trial.clone(),
+        check: "W003 residual".to_owned(),
+        severity: "warning".to_owned(),
+        value: 0.62,
+        limit: 0.5,
+        message: "residual 0.62 mm, limit 0.5 mm".to_owned(),
+    });
+    tables
+}
+
+/// `truth.json` near the tables' values.
+pub fn truth() -> String {
+    let tables = Tables::of_the_paper();
+    let trials: serde_json::Map<String, serde_json::Value> = tables
+        .trials
+        .iter()
+        .map(|row| {
+            let truth = serde_json::json!({"d_m": row.d_m * 1.002, "v_m_s": row.v_m_s * 0.998,
+                "sigma": [row.sigma0, row.sigma1, row.sigma2], "gait": [null, null]});
+            (row.trial.clone(), truth)
+        })
+        .collect();
+    let campaign = serde_json::json!({"skid_kg_s": [104.0, 34.0, 45.0],
+        "roll_kg_s": [0.6, 0.3, 0.3], "stiffness_nm_rad": null, "damping_nm_s_rad": null});
+    let campaigns = serde_json::json!({SKEWED: campaign, SYMMETRIC: campaign});
+    serde_json::json!({"synthetic": true, "seed": 1, "campaigns": campaigns, "trials": trials})
+        .to_string()
+}

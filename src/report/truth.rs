@@ -1,0 +1,190 @@
+//! Planted truth against what was recovered, where a `truth.json` lies in the trial folder.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::numbers::{as_configured, fixed, percent, significant};
+use super::parameters::{self, Parameter};
+use super::tables::Tables;
+
+/// Name of the file in the trial folder.
+pub const TRUTH_FILE: &str = "truth.json";
+/// The model that the trials were made with.
+const PLANTED_MODEL: &str = "skid-roll";
+
+/// What the trials were made from. Unknown entries are passed over, missing ones are unknown.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct Truth {
+    /// The trials were computed, not recorded.
+    pub synthetic: bool,
+    pub seed: Option<u64>,
+    pub campaigns: BTreeMap<String, PlantedCampaign>,
+    pub trials: BTreeMap<String, PlantedTrial>,
+}
+
+/// Parameters of a campaign's robot.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct PlantedCampaign {
+    pub skid_kg_s: Option<[f64; 3]>,
+    pub roll_kg_s: Option<[f64; 3]>,
+    pub stiffness_nm_rad: Option<f64>,
+    pub damping_nm_s_rad: Option<f64>,
+}
+
+/// Motion of a trial.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct PlantedTrial {
+    pub d_m: Option<f64>,
+    pub v_m_s: Option<f64>,
+}
+
+impl Truth {
+    /// Reads the truth of a trial folder; `None` if there is none.
+    ///
+    /// # Errors
+    /// A sentence on what is wrong with the file; the report goes on without it.
+    pub fn read(folder: &Path) -> Result<Option<Self>, String> {
+        let path = folder.join(TRUTH_FILE);
+        let error = |problem: String| format!("{TRUTH_FILE} is passed over: {problem}.");
+        match std::fs::read(&path) {
+            Ok(bytes) => serde_json::from_slice(&bytes)
+                .map(Some)
+                .map_err(|problem| error(problem.to_string())),
+            Err(problem) if problem.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(problem) => Err(error(problem.to_string())),
+        }
+    }
+}
+
+/// The section of the page.
+#[derive(Debug, Serialize)]
+pub struct Comparison {
+    pub seed: Option<u64>,
+    pub summary: Vec<String>,
+    pub coefficients: Vec<CoefficientRow>,
+    pub trials: Vec<TrialComparison>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct CoefficientRow {
+    pub campaign: String,
+    pub parameter: &'static str,
+    pub planted: String,
+    pub found: String,
+    pub difference: String,
+    /// `held`, `insensitive`, `at bound`.
+    pub marks: Vec<&'static str>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct TrialComparison {
+    pub trial: String,
+    pub d_planted_mm: String,
+    pub d_measured_mm: String,
+    pub d_difference: String,
+    pub v_planted_mm_s: String,
+    pub v_measured_mm_s: String,
+    pub v_difference: String,
+}
+
+/// Compares truth and tables.
+pub fn compare(truth: &Truth, tables: &Tables) -> Comparison {
+    let mut d = Worst::default();
+    let mut v = Worst::default();
+    let trials = tables.trials.iter().filter_map(|row| {
+        let planted = truth.trials.get(&row.trial)?;
+        let planted_d = planted.d_m.unwrap_or(f64::NAN);
+        let planted_v = planted.v_m_s.unwrap_or(f64::NAN);
+        d.see(&row.trial, row.d_m, planted_d);
+        v.see(&row.trial, row.v_m_s, planted_v);
+        Some(TrialComparison {
+            trial: row.trial.clone(),
+            d_planted_mm: fixed(1e3 * planted_d, 2),
+            d_measured_mm: fixed(1e3 * row.d_m, 2),
+            d_difference: percent(row.d_m, planted_d),
+            v_planted_mm_s: fixed(1e3 * planted_v, 2),
+            v_measured_mm_s: fixed(1e3 * row.v_m_s, 2),
+            v_difference: percent(row.v_m_s, planted_v),
+        })
+    });
+    let trials = trials.collect();
+    let summary = [d.sentence("d"), v.sentence("v")].into_iter().flatten().collect();
+    Comparison { seed: truth.seed, summary, coefficients: coefficients(truth, tables), trials }
+}
+
+fn coefficients(truth: &Truth, tables: &Tables) -> Vec<CoefficientRow> {
+    let mut rows = Vec::new();
+    for fit in tables.fits.iter().filter(|fit| fit.model == PLANTED_MODEL) {
+        let Some(planted) = truth.campaigns.get(&fit.campaign) else { continue };
+        let [skid, roll] = [planted.skid_kg_s, planted.roll_kg_s].map(|planted| match planted {
+            Some(values) => values.map(Some),
+            None => [None; 3],
+        });
+        let joint = [planted.stiffness_nm_rad, planted.damping_nm_s_rad];
+        let planted = skid.into_iter().chain(roll).chain(joint);
+        for (parameter, planted) in parameters::of_fit(fit).into_iter().zip(planted) {
+            let Some(planted) = planted else { continue };
+            rows.push(coefficient_row(&fit.campaign, parameter, planted));
+        }
+    }
+    rows
+}
+
+fn coefficient_row(campaign: &str, parameter: Parameter, planted: f64) -> CoefficientRow {
+    CoefficientRow {
+        campaign: campaign.to_owned(),
+        parameter: parameter.name,
+        planted: as_configured(planted),
+        found: significant(parameter.value, 4),
+        difference: percent(parameter.value, planted),
+        marks: marks(parameter),
+    }
+}
+
+/// What a reader has to know before trusting a parameter's value.
+pub fn marks(parameter: Parameter) -> Vec<&'static str> {
+    if !parameter.value.is_finite() {
+        return Vec::new();
+    }
+    let marks = [
+        (!parameter.free, "held"),
+        (parameter.insensitive, "insensitive"),
+        (parameter.at_bound, "at bound"),
+    ];
+    marks.into_iter().filter_map(|(is_so, mark)| is_so.then_some(mark)).collect()
+}
+
+/// The largest relative difference seen.
+#[derive(Default)]
+struct Worst {
+    difference: f64,
+    trial: Option<String>,
+    count: usize,
+}
+
+impl Worst {
+    fn see(&mut self, trial: &str, found: f64, planted: f64) {
+        let difference = (found / planted - 1.0).abs();
+        if difference.is_finite() {
+            self.count += 1;
+            if self.trial.is_none() || difference > self.difference {
+                self.difference = difference;
+                self.trial = Some(trial.to_owned());
+            }
+        }
+    }
+
+    fn sentence(self, symbol: &str) -> Option<String> {
+        let trial = self.trial?;
+        let percent = fixed(100.0 * self.difference, 2);
+        Some(format!(
+            "{symbol} of {} trials is within {percent} % of the planted value; farthest: {trial}.",
+            self.count
+        ))
+    }
+}
