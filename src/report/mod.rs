@@ -10,6 +10,7 @@ mod legend;
 mod numbers;
 mod page;
 mod parameters;
+mod places;
 mod plot;
 mod polyline;
 mod render;
@@ -19,6 +20,7 @@ mod tables;
 #[cfg(test)]
 mod tests;
 mod truth;
+mod warnings;
 
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,6 @@
 //! `index.html`: one file with everything in it.
 
 use std::collections::BTreeMap;
-use std::path::{Component, Path, PathBuf};
 
 use base64::Engine;
 use minijinja::syntax::SyntaxConfig;
@@ -12,11 +11,13 @@ use serde::Serialize;
 use super::figure::Figure;
 use super::numbers::{NONE, as_configured, fixed, significant, with_error};
 use super::parameters::{self, Parameter};
+use super::places::relative;
 use super::tables::Tables;
 use super::truth::{self, Comparison, Truth};
+use super::warnings::{CheckCount, Trouble, check_counts, troubled};
 use super::{ReportError, figures};
 use crate::config::Config;
-use crate::store::{CheckRow, FitRow, TrialRow};
+use crate::store::{FitRow, TrialRow};
 
 /// The name's ending makes the engine escape what it fills in.
 const TEMPLATE: &str = "page.html";
@@ -39,7 +40,7 @@ struct Page<'p> {
     missing: &'p [String],
     campaigns: Vec<CampaignSection<'p>>,
     comparisons: Vec<FigureView<'p>>,
-    trials: Vec<TrialView<'p>>,
+    trials: Vec<TrialGroup<'p>>,
     truth: Option<Comparison>,
     raw: String,
     derived: String,
@@ -53,22 +54,6 @@ struct Counts {
     failed: usize,
     fits: usize,
     figures: usize,
-}
-
-/// A trial that needs a person.
-#[derive(Serialize)]
-struct Trouble<'p> {
-    trial: &'p str,
-    status: &'p str,
-    messages: Vec<&'p str>,
-}
-
-#[derive(Serialize)]
-struct CheckCount<'p> {
-    check: &'p str,
-    warnings: usize,
-    errors: usize,
-    trials: String,
 }
 
 #[derive(Serialize)]
@@ -117,11 +102,16 @@ struct ParameterView {
     marks: Vec<&'static str>,
 }
 
+/// Trials of one campaign, or of one kind where they belong to no campaign.
+#[derive(Serialize)]
+struct TrialGroup<'p> {
+    name: &'p str,
+    trials: Vec<TrialView<'p>>,
+}
+
 #[derive(Serialize)]
 struct TrialView<'p> {
     trial: &'p str,
-    campaign: &'p str,
-    kind: &'p str,
     omega_commanded: String,
     omega: String,
     d_mm: String,
@@ -131,7 +121,6 @@ struct TrialView<'p> {
     coverage: String,
     residual: String,
     status: &'p str,
-    message: &'p str,
 }
 
 /// The page as HTML.
@@ -167,7 +156,7 @@ pub fn html(
             .filter(|drawn| drawn.figure.campaigns.len() > 1)
             .map(figure_view)
             .collect(),
-        trials: tables.trials.iter().map(trial_view).collect(),
+        trials: trial_groups(&tables.trials),
         truth: truth.map(|truth| truth::compare(truth, tables)),
         raw: relative(&config.paths.reports, &config.paths.raw),
         derived: relative(&config.paths.reports, &config.paths.derived),
@@ -179,49 +168,6 @@ pub fn html(
     environment.add_template(TEMPLATE, include_str!("page.html")).map_err(ReportError::Page)?;
     let template = environment.get_template(TEMPLATE).map_err(ReportError::Page)?;
     template.render(Serde(&page)).map_err(ReportError::Page)
-}
-
-/// Failed trials first.
-fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
-    let with = |status: &'static str| {
-        tables.trials.iter().filter(move |row| row.status == status).map(|row| {
-            let checks = tables.checks.iter().filter(|check| check.trial == row.trial);
-            let mut messages: Vec<&str> = checks
-                .filter(|check| check.severity != "ok" && !check.message.is_empty())
-                .map(|check| check.message.as_str())
-                .collect();
-            // A trial's message may be the checks' messages in one line.
-            let said = messages.iter().any(|message| row.message.contains(message));
-            if !row.message.is_empty() {
-                if said {
-                    messages.clear();
-                }
-                messages.insert(0, &row.message);
-            }
-            Trouble { trial: &row.trial, status: &row.status, messages }
-        })
-    };
-    with("failed").chain(with("flagged")).collect()
-}
-
-fn check_counts(checks: &[CheckRow]) -> Vec<CheckCount<'_>> {
-    let mut by_check: BTreeMap<&str, Vec<&CheckRow>> = BTreeMap::new();
-    for check in checks.iter().filter(|check| check.severity != "ok") {
-        by_check.entry(&check.check).or_default().push(check);
-    }
-    let count = |rows: &[&CheckRow], severity: &str| {
-        rows.iter().filter(|row| row.severity == severity).count()
-    };
-    by_check
-        .into_iter()
-        .map(|(check, rows)| {
-            let mut trials: Vec<&str> = rows.iter().map(|row| row.trial.as_str()).collect();
-            trials.dedup();
-            let errors = count(&rows, "error");
-            let warnings = rows.len() - errors;
-            CheckCount { check, warnings, errors, trials: trials.join(", ") }
-        })
-        .collect()
 }
 
 fn campaign_sections<'p>(
@@ -311,12 +257,9 @@ fn figure_view<'p>(drawn: &'p Drawn<'_>) -> FigureView<'p> {
 
 fn fit_view(fit: &FitRow) -> FitView<'_> {
     let view = |parameter: &Parameter| ParameterView {
-        value: match parameter.free {
-            true => significant(parameter.value, 4),
-            false => as_configured(parameter.value),
-        },
+        value: parameter.text(),
         free: parameter.free,
-        marks: truth::marks(*parameter),
+        marks: parameter.marks(),
     };
     let parameters = parameters::of_fit(fit).map(|parameter| view(&parameter));
     let mut parameters = parameters.into_iter();
@@ -332,13 +275,24 @@ fn fit_view(fit: &FitRow) -> FitView<'_> {
     }
 }
 
+fn trial_groups(trials: &[TrialRow]) -> Vec<TrialGroup<'_>> {
+    fn name(row: &TrialRow) -> &str {
+        if row.campaign.is_empty() { &row.kind } else { &row.campaign }
+    }
+    let groups = trials.chunk_by(|a, b| name(a) == name(b));
+    groups
+        .map(|rows| TrialGroup {
+            name: name(&rows[0]),
+            trials: rows.iter().map(trial_view).collect(),
+        })
+        .collect()
+}
+
 fn trial_view(row: &TrialRow) -> TrialView<'_> {
     TrialView {
         trial: &row.trial,
-        campaign: &row.campaign,
-        kind: &row.kind,
-        omega_commanded: significant(row.omega_commanded_rad_s, 3),
-        omega: with_error(row.omega_rad_s, row.omega_rad_s_se),
+        omega_commanded: as_configured(row.omega_commanded_rad_s),
+        omega: significant(row.omega_rad_s, 4),
         d_mm: with_error(1e3 * row.d_m, 1e3 * row.d_m_se),
         v_mm_s: with_error(1e3 * row.v_m_s, 1e3 * row.v_m_s_se),
         sigma: [row.sigma0, row.sigma1, row.sigma2].map(|sigma| fixed(sigma, 4)),
@@ -349,39 +303,5 @@ fn trial_view(row: &TrialRow) -> TrialView<'_> {
         },
         residual: significant(row.residual_mm, 2),
         status: &row.status,
-        message: &row.message,
-    }
-}
-
-/// `to` as seen from the folder `from`; as it is where one of them is absolute and the other
-/// not, or where `from` climbs.
-fn relative(from: &Path, to: &Path) -> String {
-    let plain = |path: &Path| -> PathBuf {
-        path.components().filter(|part| *part != Component::CurDir).collect()
-    };
-    let (from, to) = (plain(from), plain(to));
-    let common = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
-    let rest: Vec<_> = from.components().skip(common).collect();
-    let climbs = rest.iter().any(|part| !matches!(part, Component::Normal(_)));
-    let path = if climbs || from.is_absolute() != to.is_absolute() {
-        to
-    } else {
-        rest.iter().map(|_| Component::ParentDir).chain(to.components().skip(common)).collect()
-    };
-    path.to_string_lossy().replace('\\', "/")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::relative;
-    use std::path::Path;
-
-    #[test]
-    fn places_are_named_as_seen_from_the_page() {
-        let from_to = |from, to| relative(Path::new(from), Path::new(to));
-        assert_eq!(from_to("reports", "derived"), "../derived");
-        assert_eq!(from_to("./a/reports", "a/raw/demo"), "../raw/demo");
-        assert_eq!(from_to("/data/x/reports", "/data/x/derived"), "../derived");
-        assert_eq!(from_to("../reports", "derived"), "derived");
     }
 }

@@ -1,5 +1,6 @@
 //! The parameters of a fitted model and how each came about.
 
+use super::numbers::{as_configured, significant};
 use crate::store::FitRow;
 
 /// Columns of `fits.parquet` that are parameters.
@@ -25,6 +26,26 @@ pub struct Parameter {
     /// Hardly moves the objective.
     pub insensitive: bool,
     pub at_bound: bool,
+}
+
+impl Parameter {
+    /// The value: fitted ones to four digits, held ones as they were configured.
+    pub fn text(&self) -> String {
+        match self.free {
+            true => significant(self.value, 4),
+            false => as_configured(self.value),
+        }
+    }
+
+    /// What a reader has to know before trusting the value: `held`, `insensitive`, `at bound`.
+    pub fn marks(&self) -> Vec<&'static str> {
+        if !self.value.is_finite() {
+            return Vec::new();
+        }
+        let marks =
+            [(!self.free, "held"), (self.insensitive, "insensitive"), (self.at_bound, "at bound")];
+        marks.into_iter().filter_map(|(is_so, mark)| is_so.then_some(mark)).collect()
+    }
 }
 
 /// All parameters of a fit in the order of [`NAMES`].

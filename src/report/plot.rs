@@ -145,8 +145,10 @@ fn draw_panel<B: DrawingBackend>(
     }
     let middle = (frame.top + frame.bottom) / 2.0;
     canvas.text_upwards(panel.quantity.axis_label(), text_at(17.0, middle, HPos::Center))?;
-    let (left_top, right_bottom) = ((LEFT, frame.top), (RIGHT, frame.bottom));
-    let corners = [left_top, (RIGHT, frame.top), right_bottom, (LEFT, frame.bottom), left_top];
+    // From the middle of a side and back to it, so that every corner is joined.
+    let side = (LEFT, middle);
+    let (top, bottom) = ((LEFT, frame.top), (LEFT, frame.bottom));
+    let corners = [side, top, (RIGHT, frame.top), (RIGHT, frame.bottom), bottom, side];
     canvas.line(&corners, style::INK, style::FRAME_WIDTH)?;
     // Models first, so that measurements lie on top of them.
     for kind in [Kind::Model, Kind::Measured] {

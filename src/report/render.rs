@@ -9,7 +9,7 @@ use super::{ReportError, plot};
 
 /// SVG coordinates are whole numbers; a tenth of a pixel is fine enough for smooth curves.
 const SVG_SCALE: f64 = 10.0;
-/// Pixels of the PNG per px of the figure: 1320 across, 377 dots per inch in a column.
+/// Pixels of the PNG per px of the figure: 1380 across, 394 dots per inch in a column.
 const PNG_SCALE: usize = 3;
 /// Drawn finer and averaged, because the backend leaves the edges of wide strokes jagged.
 const OVERSAMPLING: usize = 2;

@@ -22,7 +22,7 @@ pub const PAPER: RGBColor = RGBColor(255, 255, 255);
 const OTHER: RGBColor = RGBColor(120, 120, 120);
 
 /// Sizes, px of a figure [`WIDTH`] wide.
-pub const WIDTH: f64 = 440.0;
+pub const WIDTH: f64 = 460.0;
 pub const TEXT: f64 = 13.0;
 pub const SMALL_TEXT: f64 = 12.0;
 pub const LINE_WIDTH: f64 = 2.0;

@@ -36,7 +36,8 @@ impl Tables {
         };
         tables.missing = missing;
         tables.trials.sort_by(|a, b| {
-            let key = |row: &TrialRow| (row.campaign.is_empty(), row.campaign.clone());
+            let key =
+                |row: &TrialRow| (row.campaign.is_empty(), row.campaign.clone(), row.kind.clone());
             key(a)
                 .cmp(&key(b))
                 .then(a.omega_commanded_rad_s.total_cmp(&b.omega_commanded_rad_s))

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{as_configured, fixed, percent, significant};
+use super::numbers::{as_configured, fixed, percent};
 use super::parameters::{self, Parameter};
 use super::tables::Tables;
 
@@ -140,23 +140,10 @@ fn coefficient_row(campaign: &str, parameter: Parameter, planted: f64) -> Coeffi
         campaign: campaign.to_owned(),
         parameter: parameter.name,
         planted: as_configured(planted),
-        found: significant(parameter.value, 4),
+        found: parameter.text(),
         difference: percent(parameter.value, planted),
-        marks: marks(parameter),
+        marks: parameter.marks(),
     }
-}
-
-/// What a reader has to know before trusting a parameter's value.
-pub fn marks(parameter: Parameter) -> Vec<&'static str> {
-    if !parameter.value.is_finite() {
-        return Vec::new();
-    }
-    let marks = [
-        (!parameter.free, "held"),
-        (parameter.insensitive, "insensitive"),
-        (parameter.at_bound, "at bound"),
-    ];
-    marks.into_iter().filter_map(|(is_so, mark)| is_so.then_some(mark)).collect()
 }
 
 /// The largest relative difference seen.
@@ -183,7 +170,7 @@ impl Worst {
         let trial = self.trial?;
         let percent = fixed(100.0 * self.difference, 2);
         Some(format!(
-            "{symbol} of {} trials is within {percent} % of the planted value; farthest: {trial}.",
+            "{symbol} of {} trials: within {percent} % of the planted value, farthest in {trial}.",
             self.count
         ))
     }

@@ -230,7 +230,7 @@ fn synthetic_trials_are_called_so_and_compared_with_their_truth() {
     std::fs::write(raw.join("truth.json"), made_up::truth()).expect("writes");
     let page = read(&reported(&MadeUp::of_the_paper(), folder.path()).page);
     assert!(page.contains("These trials are synthetic."));
-    assert!(page.contains("d of 36 trials is within 0.20 % of the planted value"));
+    assert!(page.contains("d of 36 trials: within 0.20 % of the planted value"));
     let notice = page.find("These trials are synthetic").expect("a notice");
     assert!(notice < page.find("<h2").expect("a section"));
 

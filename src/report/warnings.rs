@@ -1,0 +1,68 @@
+//! What the page says first: trials and checks that need a person.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::tables::Tables;
+use crate::store::CheckRow;
+
+/// A trial that needs a person.
+#[derive(Serialize)]
+pub struct Trouble<'p> {
+    pub trial: &'p str,
+    pub status: &'p str,
+    pub messages: Vec<&'p str>,
+}
+
+#[derive(Serialize)]
+pub struct CheckCount<'p> {
+    pub check: &'p str,
+    pub warnings: usize,
+    pub errors: usize,
+    pub trials: String,
+}
+
+/// Failed trials first.
+pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
+    let with = |status: &'static str| {
+        tables.trials.iter().filter(move |row| row.status == status).map(|row| {
+            let checks = tables.checks.iter().filter(|check| check.trial == row.trial);
+            let mut messages: Vec<&str> = checks
+                .filter(|check| check.severity != "ok" && !check.message.is_empty())
+                .map(|check| check.message.as_str())
+                .collect();
+            // A trial's message may be the checks' messages in one line.
+            let said = messages.iter().any(|message| row.message.contains(message));
+            if !row.message.is_empty() {
+                if said {
+                    messages.clear();
+                }
+                messages.insert(0, &row.message);
+            }
+            Trouble { trial: &row.trial, status: &row.status, messages }
+        })
+    };
+    with("failed").chain(with("flagged")).collect()
+}
+
+/// Checks that found something, by code.
+pub fn check_counts(checks: &[CheckRow]) -> Vec<CheckCount<'_>> {
+    let mut by_check: BTreeMap<&str, Vec<&CheckRow>> = BTreeMap::new();
+    for check in checks.iter().filter(|check| check.severity != "ok") {
+        by_check.entry(&check.check).or_default().push(check);
+    }
+    let count = |rows: &[&CheckRow], severity: &str| {
+        rows.iter().filter(|row| row.severity == severity).count()
+    };
+    by_check
+        .into_iter()
+        .map(|(check, rows)| {
+            let mut trials: Vec<&str> = rows.iter().map(|row| row.trial.as_str()).collect();
+            trials.dedup();
+            let errors = count(&rows, "error");
+            let warnings = rows.len() - errors;
+            CheckCount { check, warnings, errors, trials: trials.join(", ") }
+        })
+        .collect()
+}
