@@ -150,8 +150,10 @@ pub fn fit(config: &Config, watch: &dyn Watch) -> Result<Fitted, RunError> {
 /// # Errors
 /// A table cannot be read, or a file not written.
 pub fn draw(config: &Config, watch: &dyn Watch) -> Result<Reported, RunError> {
-    watch.begin("report", crate::report::figure_count(config));
-    Ok(report(config, &|figure| watch.step(figure))?)
+    watch.begin("report", 1);
+    let reported = report(config)?;
+    watch.step(&format!("{} figures", reported.figures.len()));
+    Ok(reported)
 }
 
 fn timed<T>(

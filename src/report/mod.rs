@@ -64,12 +64,11 @@ pub struct Reported {
 }
 
 /// Draws the figures and writes the page, from the tables in `config.paths.derived` into
-/// `config.paths.reports`. `on_figure` hears the name of each figure when it is written. The
-/// same tables give the same bytes.
+/// `config.paths.reports`. The same tables give the same bytes.
 ///
 /// # Errors
 /// `trials.parquet` is not there, a table cannot be read, or a file cannot be written.
-pub fn report(config: &Config, on_figure: &(dyn Fn(&str) + Sync)) -> Result<Reported, ReportError> {
+pub fn report(config: &Config) -> Result<Reported, ReportError> {
     let reports = &config.paths.reports;
     let tables = Tables::read(&config.paths.derived)?;
     let found = figures::figures(tables.source(), &tables.campaigns(config));
@@ -89,7 +88,6 @@ pub fn report(config: &Config, on_figure: &(dyn Fn(&str) + Sync)) -> Result<Repo
         .map(|figure| {
             let svg = write_figure(&folder, figure)?;
             let size = plot::size(figure, font);
-            on_figure(&figure.stem);
             Ok(page::Drawn { figure, svg, size })
         })
         .collect::<Result<Vec<_>, ReportError>>()?;

@@ -19,7 +19,7 @@ fn config(folder: &Path) -> Config {
 
 fn reported(tables: &MadeUp, folder: &Path) -> Reported {
     tables.write(&folder.join("derived"));
-    report(&config(folder), &|_| {}).expect("reports")
+    report(&config(folder)).expect("reports")
 }
 
 fn temporary() -> tempfile::TempDir {
@@ -139,7 +139,7 @@ fn a_users_own_campaigns_get_their_own_figures() {
     let mut config = config(folder.path());
     let campaign = config.campaign.remove(SKEWED).expect("the paper's");
     config.campaign = [("über/<b>".to_owned(), campaign)].into();
-    let reported = report(&config, &|_| {}).expect("reports");
+    let reported = report(&config).expect("reports");
     assert_eq!(reported.figures, ["_ber__b_-d-v", "_ber__b_-sigma"]);
     assert!(reported.missing.is_empty(), "{:?}", reported.missing);
     assert!(!read(&reported.page).contains("<b>"));

@@ -1,0 +1,125 @@
+//! Small named checks, all run on every trial, all reported.
+
+use std::fmt;
+
+use crate::store::CheckRow;
+
+/// Part of all markers' frames that should be seen.
+pub(super) const LEAST_COVERAGE: f64 = 0.9;
+/// How far the measured frequency may be from the commanded one.
+pub(super) const FREQUENCY_TOLERANCE: f64 = 0.02;
+/// Cycles that a mean should be over.
+pub(super) const LEAST_CYCLES: f64 = 5.0;
+/// How much d may change from the first half of the used cycles to the second.
+pub(super) const D_DRIFT: f64 = 0.01;
+/// How far offset, amplitude or phase of a joint may be from the command, degrees.
+pub(super) const GAIT_TOLERANCE_DEG: f64 = 10.0;
+
+/// What is looked at. Codes do not change; reports and scripts count them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Check {
+    /// The file says how fast its frames follow each other.
+    Rate,
+    /// No frames are left out.
+    FrameContinuity,
+    /// The cameras saw the markers most of the time.
+    Coverage,
+    /// The markers lie on the links as the layout says.
+    Residual,
+    /// The robot moved at the commanded frequency.
+    Frequency,
+    /// Enough cycles are steady.
+    SteadyState,
+    /// No cycle had to be left out because of a gap.
+    LongGaps,
+    /// Every row has a frame number.
+    RowsWithoutFrame,
+    /// The joints did what they were commanded.
+    Gait,
+    /// d does not change over the cycles used.
+    Drift,
+    /// The trial could be processed.
+    Failed,
+}
+
+/// How bad it is if a check does not hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Severity {
+    Ok,
+    Warning,
+    Error,
+}
+
+impl Severity {
+    /// As `checks.parquet` writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Warning => "warning",
+            Self::Error => "error",
+        }
+    }
+}
+
+impl Check {
+    /// What it means if the check does not hold.
+    pub fn severity(self) -> Severity {
+        match self {
+            Self::Failed => Severity::Error,
+            _ => Severity::Warning,
+        }
+    }
+}
+
+/// Code and name, such as `W003 coverage`.
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Failed => "E001 failed",
+            Self::Rate => "W001 rate",
+            Self::FrameContinuity => "W002 frame-continuity",
+            Self::Coverage => "W003 coverage",
+            Self::Residual => "W004 residual",
+            Self::Frequency => "W005 frequency",
+            Self::SteadyState => "W006 steady-state",
+            Self::LongGaps => "W007 long-gaps",
+            Self::RowsWithoutFrame => "W008 rows-without-frame",
+            Self::Gait => "W009 gait",
+            Self::Drift => "W010 drift",
+        })
+    }
+}
+
+/// What a check found.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Finding {
+    pub check: Check,
+    pub holds: bool,
+    pub value: f64,
+    pub limit: f64,
+    pub message: String,
+}
+
+impl Finding {
+    /// A check that holds while `value` is not above `limit`.
+    pub fn at_most(check: Check, value: f64, limit: f64, message: String) -> Self {
+        Self { check, holds: value <= limit, value, limit, message }
+    }
+
+    /// A check that holds while `value` is not below `limit`.
+    pub fn at_least(check: Check, value: f64, limit: f64, message: String) -> Self {
+        Self { check, holds: value >= limit, value, limit, message }
+    }
+
+    pub fn row(&self, trial: &str) -> CheckRow {
+        let severity = if self.holds { Severity::Ok } else { self.check.severity() };
+        CheckRow {
+            trial: trial.to_owned(),
+            check: self.check.to_string(),
+            severity: severity.name().to_owned(),
+            value: self.value,
+            limit: self.limit,
+            message: self.message.clone(),
+        }
+    }
+}

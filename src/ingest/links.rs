@@ -1,0 +1,223 @@
+//! Every link's pose in every frame, and from them the robot's coordinates (eq. 1).
+
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+
+use super::layout::Layout;
+use super::{TrialFailure, gaps, rigid};
+use crate::vicon::MarkerFile;
+
+/// A jump over more frames than this, or than this many times the rows, is not a gap in time
+/// but damage.
+const MOST_INSERTED_FRAMES: i64 = 1_000_000;
+const MOST_FRAMES_PER_ROW: i64 = 10;
+
+/// Where a link's pose in a frame comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Fill {
+    /// All its markers were seen.
+    Measured,
+    /// Some were not; the pose is that of the others.
+    Rigid,
+    /// The frame lies in a short gap.
+    Interpolated,
+    Missing,
+}
+
+impl Fill {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Measured => "measured",
+            Self::Rigid => "rigid",
+            Self::Interpolated => "interpolated",
+            Self::Missing => "missing",
+        }
+    }
+}
+
+/// The robot's five coordinates over time; NaN where missing.
+#[derive(Debug, Clone)]
+pub(super) struct Coordinates {
+    /// Link 0's wheel axle, m.
+    pub x_m: Vec<f64>,
+    pub y_m: Vec<f64>,
+    /// Heading of link 0, without jumps, rad.
+    pub theta_rad: Vec<f64>,
+    /// Joint angles phi1 and phi2, rad.
+    pub phi_rad: [Vec<f64>; 2],
+}
+
+impl Coordinates {
+    /// The same for each of the five series.
+    pub fn map(&self, change: impl Fn(&[f64]) -> Vec<f64>) -> Self {
+        Self {
+            x_m: change(&self.x_m),
+            y_m: change(&self.y_m),
+            theta_rad: change(&self.theta_rad),
+            phi_rad: [change(&self.phi_rad[0]), change(&self.phi_rad[1])],
+        }
+    }
+
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.x_m.len()
+    }
+}
+
+/// What the markers say, frame by frame without jumps in time.
+#[derive(Debug)]
+pub(super) struct Tracked {
+    pub first_frame: i64,
+    /// Frames that the file leaves out.
+    pub inserted_frames: usize,
+    /// As seen, and with short gaps filled.
+    pub seen: Coordinates,
+    pub filled: Coordinates,
+    /// RMS misfit of links 0, 1, 2, mm; NaN where there is no fit.
+    pub residual_mm: [Vec<f64>; 3],
+    pub fill: [Vec<Fill>; 3],
+    /// Part of all markers' frames that the cameras saw.
+    pub coverage: f64,
+}
+
+/// Fits the links in every frame and fills gaps of at most `max_gap` frames.
+pub(super) fn track(
+    path: &Path,
+    file: &MarkerFile,
+    layout: &Layout,
+    max_gap: usize,
+) -> Result<Tracked, TrialFailure> {
+    let (first_frame, frames) = frame_grid(path, &file.frames)?;
+    let missing = || vec![f64::NAN; frames];
+    let (mut x_m, mut y_m) = (missing(), missing());
+    let mut theta = [missing(), missing(), missing()];
+    let mut residual_mm = [missing(), missing(), missing()];
+    let mut fill = [const { Vec::new() }; 3].map(|_: Vec<Fill>| vec![Fill::Missing; frames]);
+    let mut markers_seen = 0;
+    for (row, &frame) in file.frames.iter().enumerate() {
+        let i = (frame - first_frame) as usize;
+        let positions = file.row_mm(row);
+        for (link, markers) in layout.iter().enumerate() {
+            let pairs = markers.iter().filter_map(|marker| {
+                let [x, y, _] = positions[marker.column];
+                (!x.is_nan()).then_some((marker.place_mm, [x, y]))
+            });
+            let count = pairs.clone().count();
+            markers_seen += count;
+            let Some(pose) = rigid::fit(pairs) else { continue };
+            theta[link][i] = pose.theta_rad;
+            residual_mm[link][i] = pose.residual_mm;
+            fill[link][i] = if count == markers.len() { Fill::Measured } else { Fill::Rigid };
+            if link == 0 {
+                [x_m[i], y_m[i]] = pose.origin_mm.map(|mm| mm / 1000.0);
+            }
+        }
+    }
+    if let Some(link) = (0..3).find(|&link| theta[link].iter().all(|x| x.is_nan())) {
+        return Err(TrialFailure::LinkUnseen { path: path.to_owned(), link });
+    }
+    theta.iter_mut().for_each(|theta| unwrap_angles(theta));
+    // Headings are filled link by link, so that a joint angle uses whichever link was seen.
+    let fill_gaps = |series: &[f64]| gaps::fill(series, max_gap);
+    let filled_theta = [0, 1, 2].map(|link| fill_gaps(&theta[link]));
+    for link in 0..3 {
+        for (fill, theta) in fill[link].iter_mut().zip(&filled_theta[link]) {
+            if *fill == Fill::Missing && !theta.is_nan() {
+                *fill = Fill::Interpolated;
+            }
+        }
+    }
+    let filled = coordinates(fill_gaps(&x_m), fill_gaps(&y_m), filled_theta);
+    let seen = coordinates(x_m, y_m, theta);
+    let markers: usize = layout.iter().map(Vec::len).sum();
+    Ok(Tracked {
+        first_frame,
+        inserted_frames: frames - file.frames.len(),
+        seen,
+        filled,
+        residual_mm,
+        fill,
+        coverage: markers_seen as f64 / (markers * frames) as f64,
+    })
+}
+
+/// First frame and number of frames with those that the file leaves out.
+fn frame_grid(path: &Path, numbers: &[i64]) -> Result<(i64, usize), TrialFailure> {
+    let (first, last) = (numbers[0], numbers[numbers.len() - 1]);
+    let (frames, rows) = (last - first + 1, numbers.len());
+    let most = (MOST_FRAMES_PER_ROW * rows as i64).min(rows as i64 + MOST_INSERTED_FRAMES);
+    if frames > most {
+        return Err(TrialFailure::FrameJumps { path: path.to_owned(), first, last, rows });
+    }
+    Ok((first, frames as usize))
+}
+
+/// Link 1 points along theta - phi1, link 2 along theta + phi2.
+fn coordinates(x_m: Vec<f64>, y_m: Vec<f64>, theta: [Vec<f64>; 3]) -> Coordinates {
+    let [theta0, theta1, theta2] = theta;
+    let difference = |minuend: &[f64], subtrahend: &[f64]| {
+        let mut phi: Vec<f64> = minuend.iter().zip(subtrahend).map(|(a, b)| a - b).collect();
+        if let Some(first) = phi.iter().copied().find(|phi| !phi.is_nan()) {
+            let turns = first - wrap(first);
+            phi.iter_mut().for_each(|phi| *phi -= turns);
+        }
+        unwrap_angles(&mut phi);
+        phi
+    };
+    let phi_rad = [difference(&theta0, &theta1), difference(&theta2, &theta0)];
+    Coordinates { x_m, y_m, theta_rad: theta0, phi_rad }
+}
+
+/// An angle in (-pi, pi].
+pub(super) fn wrap(angle_rad: f64) -> f64 {
+    PI - (PI - angle_rad).rem_euclid(TAU)
+}
+
+/// Removes jumps of whole turns, also across what is missing.
+fn unwrap_angles(angles: &mut [f64]) {
+    let mut previous = f64::NAN;
+    for angle in angles.iter_mut().filter(|angle| !angle.is_nan()) {
+        if !previous.is_nan() {
+            *angle = previous + wrap(*angle - previous);
+        }
+        previous = *angle;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_wrap_into_the_half_open_turn() {
+        assert_eq!(wrap(PI), PI);
+        assert_eq!(wrap(-PI), PI);
+        assert!((wrap(7.0) - (7.0 - TAU)).abs() < 1e-15);
+        assert!((wrap(-0.1) + 0.1).abs() < 1e-15);
+    }
+
+    #[test]
+    fn unwrapping_follows_turns_across_missing_frames() {
+        let turning = |i: usize| 0.4 * i as f64;
+        let mut angles: Vec<f64> = (0..40).map(|i| wrap(turning(i))).collect();
+        angles[17] = f64::NAN;
+        angles[18] = f64::NAN;
+        unwrap_angles(&mut angles);
+        for (i, angle) in angles.iter().enumerate() {
+            assert!(angle.is_nan() == (i == 17 || i == 18));
+            assert!(angle.is_nan() || (angle - turning(i)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn frames_that_are_left_out_are_counted_and_absurd_jumps_refused() {
+        let path = Path::new("a.csv");
+        assert_eq!(frame_grid(path, &[500, 501, 510]).unwrap(), (500, 11));
+        let error = frame_grid(path, &[500, 501, 63268]).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "a.csv: found frames 500 to 63268 in only 3 rows, \
+             needed frame numbers without such jumps"
+        );
+    }
+}

@@ -1,0 +1,304 @@
+//! From the marker files of a folder to tables: markers, link poses, smoothed coordinates,
+//! wheel velocities, cycles, one row per trial.
+//!
+//! A trial that cannot be processed is a row with status `failed` and the reason; the others
+//! go on. Every trial is computed by one thread and nothing depends on which one, so the
+//! tables are the same bytes for any number of threads.
+
+mod checks;
+mod command;
+mod cycles;
+mod error;
+mod fingerprint;
+mod gaps;
+mod harmonics;
+mod layout;
+mod links;
+mod means;
+mod rigid;
+mod smooth;
+mod steady;
+mod summary;
+mod tables;
+mod velocity;
+
+#[cfg(test)]
+mod synthetic;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+pub use checks::{Check, Severity};
+pub use error::{IngestError, TrialFailure};
+
+use crate::config::{Config, Smoothing};
+use crate::robot::{Gait, Robot};
+use crate::store::{
+    CheckRow, CycleRow, Provenance, Rows, Table, TrialRow, cycles_path, poses_path, wheels_path,
+};
+use crate::trial::{Trial, TrialError, TrialKind, TrialList};
+use crate::vicon;
+use checks::Finding;
+use command::{Command, Driven};
+use cycles::CycleData;
+use harmonics::Harmonics;
+use links::Tracked;
+use smooth::JointSignal;
+
+/// Used cycles below which a trial has no means.
+const LEAST_USED_CYCLES: usize = 2;
+
+/// What a folder amounts to: `trials.parquet` and `checks.parquet`, in the order of the list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ingested {
+    pub trials: Vec<TrialRow>,
+    pub checks: Vec<CheckRow>,
+}
+
+/// All that is computed of one trial; nothing of it is written yet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProcessedTrial {
+    pub row: TrialRow,
+    pub checks: Vec<CheckRow>,
+    /// Empty for trials that are not of kind `gait`.
+    pub cycles: Vec<CycleRow>,
+    /// `poses/<trial>.parquet`.
+    pub poses: Table,
+    /// `wheels/<trial>.parquet`.
+    pub wheels: Table,
+}
+
+/// Ingests every trial of a folder, in parallel, and writes `derived/`: the tables of each
+/// trial, then `trials.parquet` and `checks.parquet`. Tables of trials that are no longer
+/// listed or now fail are removed. `on_trial` is called with each trial as it is done, in any
+/// order and from any thread.
+///
+/// # Errors
+/// The list of trials cannot be used, or a table cannot be written or removed. What is wrong
+/// with one trial is in its row instead.
+pub fn ingest_folder(
+    config: &Config,
+    folder: &Path,
+    derived: &Path,
+    on_trial: &(dyn Fn(&TrialRow) + Sync),
+) -> Result<Ingested, IngestError> {
+    let list = TrialList::load(folder)?;
+    let outcomes: Vec<Outcome> = list
+        .trial
+        .par_iter()
+        .with_max_len(1)
+        .map(|trial| {
+            let outcome = ingest_trial(config, folder, derived, trial)?;
+            on_trial(&outcome.row);
+            Ok(outcome)
+        })
+        .collect::<Result<_, IngestError>>()?;
+    let written: BTreeSet<PathBuf> =
+        outcomes.iter().flat_map(|outcome| outcome.written.iter().cloned()).collect();
+    tables::remove_outdated(derived, &written)?;
+    let prints = outcomes.iter().map(|outcome| outcome.fingerprint.as_str());
+    let provenance = Provenance { input: fingerprint::of_all(prints) };
+    let (mut trials, mut checks) = (Vec::new(), Vec::new());
+    for outcome in outcomes {
+        trials.push(outcome.row);
+        checks.extend(outcome.checks);
+    }
+    TrialRow::to_table(&trials).write(&derived.join("trials.parquet"), &provenance)?;
+    CheckRow::to_table(&checks).write(&derived.join("checks.parquet"), &provenance)?;
+    Ok(Ingested { trials, checks })
+}
+
+/// Computes one trial of a folder and writes nothing.
+///
+/// # Errors
+/// The entry of the list, the marker file or what it shows cannot be used.
+pub fn process_trial(
+    folder: &Path,
+    trial: &Trial,
+    config: &Config,
+) -> Result<ProcessedTrial, TrialFailure> {
+    trial.check(config)?;
+    let path = folder.join(&trial.file);
+    process(&path, &vicon::read_file(&path)?, trial, config)
+}
+
+/// What remains of a trial when its tables are written.
+struct Outcome {
+    row: TrialRow,
+    checks: Vec<CheckRow>,
+    fingerprint: String,
+    written: Vec<PathBuf>,
+}
+
+fn ingest_trial(
+    config: &Config,
+    folder: &Path,
+    derived: &Path,
+    trial: &Trial,
+) -> Result<Outcome, IngestError> {
+    let path = folder.join(&trial.file);
+    // The entry is checked first: its file name might point out of the folder.
+    let file =
+        trial.check(config).map_err(TrialFailure::from).and_then(|()| Ok(vicon::read_file(&path)?));
+    let fingerprint = fingerprint::of_trial(trial, config, file.as_deref().ok());
+    let processed = match file.and_then(|file| process(&path, &file, trial, config)) {
+        Ok(processed) => processed,
+        Err(failure) => return Ok(failed(trial, &failure, fingerprint)),
+    };
+    let provenance = Provenance { input: fingerprint };
+    let mut written = Vec::new();
+    let mut write =
+        |table: &Table, path: PathBuf| table.write(&path, &provenance).map(|()| written.push(path));
+    write(&processed.poses, poses_path(derived, &trial.id))?;
+    write(&processed.wheels, wheels_path(derived, &trial.id))?;
+    if trial.kind == TrialKind::Gait {
+        write(&CycleRow::to_table(&processed.cycles), cycles_path(derived, &trial.id))?;
+    }
+    let ProcessedTrial { row, checks, .. } = processed;
+    Ok(Outcome { row, checks, fingerprint: provenance.input, written })
+}
+
+fn failed(trial: &Trial, failure: &TrialFailure, fingerprint: String) -> Outcome {
+    let message = failure.to_string();
+    let finding = Finding {
+        check: Check::Failed,
+        holds: false,
+        value: f64::NAN,
+        limit: f64::NAN,
+        message: message.clone(),
+    };
+    let checks = vec![finding.row(&trial.id)];
+    let row = TrialRow { message, ..summary::blank_row(trial) };
+    Outcome { row, checks, fingerprint, written: Vec::new() }
+}
+
+/// The stage itself, from a marker file's bytes to a trial's tables.
+fn process(
+    path: &Path,
+    bytes: &[u8],
+    trial: &Trial,
+    config: &Config,
+) -> Result<ProcessedTrial, TrialFailure> {
+    let (robot, gait) = setup(trial, config)?;
+    let file = vicon::parse_markers(path, bytes)?;
+    let rate_hz = frame_rate(path, &file, config)?;
+    let layout = layout::locate(path, &config.markers, &file)?;
+    let max_gap = (config.ingest.max_gap_s * rate_hz + 1e-6) as usize;
+    let tracked = links::track(path, &file, &layout, max_gap)?;
+
+    let driven = match &gait {
+        Some((gait, omega_rad_s)) => {
+            let skip_cycles = config.ingest.skip_cycles;
+            let command = Command { path, gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
+            Some(command.measure(&tracked.seen.phi_rad)?)
+        }
+        None => None,
+    };
+    let window = smoothing_window(trial, config, &tracked, driven.as_ref());
+    let smooth = tracked.filled.map(|series| smooth::moving_average(series, window));
+    let wheels = velocity::wheel_velocities(&robot, &smooth, rate_hz);
+
+    let mut row = summary::blank_row(trial);
+    row.smoothing_window = window as i64;
+    summary::describe_tracking(&mut row, &tracked);
+    let mut findings = summary::tracking_checks(
+        &row,
+        &tracked,
+        file.rows_without_frame,
+        file.rate_hz,
+        &config.vicon,
+        config.ingest.max_residual_mm,
+    );
+    let mut cycle_rows = Vec::new();
+    if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
+        let phi_rad = &tracked.seen.phi_rad;
+        let data =
+            CycleData { robot: &robot, gait, driven, phi_rad, smooth: &smooth, wheels: &wheels };
+        let cycles = data.cycles();
+        let steady = steady::steady(&cycles, config.ingest.skip_cycles);
+        if steady.used.len() < LEAST_USED_CYCLES {
+            return Err(TrialFailure::TooFewCycles {
+                path: path.to_owned(),
+                whole: cycles.len(),
+                skipped: steady.skipped,
+                usable: steady.used.len(),
+                needed: LEAST_USED_CYCLES,
+            });
+        }
+        summary::describe_gait(&mut row, &robot, driven, &cycles, &steady, phi_rad);
+        findings.extend(summary::gait_checks(&row, gait, &cycles, &steady));
+        cycle_rows = summary::cycle_rows(trial, &cycles, &steady, rate_hz);
+    }
+    let warnings: Vec<&str> = findings
+        .iter()
+        .filter(|finding| !finding.holds)
+        .map(|finding| finding.message.as_str())
+        .collect();
+    row.status = if warnings.is_empty() { "ok" } else { "flagged" }.to_owned();
+    row.message = warnings.join("; ");
+    Ok(ProcessedTrial {
+        checks: findings.iter().map(|finding| finding.row(&trial.id)).collect(),
+        row,
+        cycles: cycle_rows,
+        wheels: tables::wheels(&trial.id, tracked.first_frame, wheels, rate_hz),
+        poses: tables::poses(&trial.id, &tracked, smooth, rate_hz),
+    })
+}
+
+/// The robot, and for a gait trial the gait with its commanded frequency (rad/s).
+fn setup(trial: &Trial, config: &Config) -> Result<(Robot, Option<(Gait, f64)>), TrialError> {
+    let unknown = |key| TrialError {
+        trial: trial.id.clone(),
+        key,
+        found: "a name without a robot or a gait".to_owned(),
+        needed: "one that pipeline.toml describes in full".to_owned(),
+    };
+    if trial.kind == TrialKind::Gait {
+        let setup = trial.campaign.as_deref().and_then(|name| config.campaign_setup(name));
+        let (robot, gait) = setup.ok_or_else(|| unknown("campaign"))?;
+        Ok((robot, trial.omega_rad_s.map(|omega_rad_s| (gait, omega_rad_s))))
+    } else {
+        let robot = trial.robot.as_deref().and_then(|name| config.robot.get(name));
+        Ok((robot.ok_or_else(|| unknown("robot"))?.to_robot(), None))
+    }
+}
+
+/// The file's frame rate, Hz, if it may be the one; the configured one if the file has none.
+fn frame_rate(path: &Path, file: &vicon::MarkerFile, config: &Config) -> Result<f64, TrialFailure> {
+    let needed_hz = config.vicon.rate_hz;
+    match file.rate_hz {
+        Some(found_hz) if found_hz != needed_hz && !config.vicon.rate_from_file => {
+            Err(TrialFailure::Rate { path: path.to_owned(), found_hz, needed_hz })
+        }
+        rate_hz => Ok(rate_hz.unwrap_or(needed_hz)),
+    }
+}
+
+/// Width of the moving average, samples: the trial's own, the configured one, or the one with
+/// the smallest expected error.
+fn smoothing_window(
+    trial: &Trial,
+    config: &Config,
+    tracked: &Tracked,
+    driven: Option<&Driven>,
+) -> usize {
+    match (trial.smoothing_window, config.ingest.smoothing_window, driven) {
+        (Some(window), _, _) | (None, Smoothing::Window(window), _) => window,
+        (None, Smoothing::Auto, None) => smooth::WINDOW_WITHOUT_GAIT,
+        (None, Smoothing::Auto, Some(Driven { clock, moving, .. })) => {
+            let joints = tracked.seen.phi_rad.each_ref().map(|phi_rad| {
+                let fit = Harmonics::fit(phi_rad, moving.clone(), clock);
+                let amplitudes = |fit: Harmonics| (1..=3).map(|k| fit.amplitude(k)).collect();
+                JointSignal {
+                    noise_rad: smooth::noise(phi_rad),
+                    harmonics_rad: fit.map_or(Vec::new(), amplitudes),
+                }
+            });
+            smooth::best_window(&joints, clock.step_rad)
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Tables of one trial, and the removal of those that no trial accounts for any more.
+
+use std::collections::BTreeSet;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use super::IngestError;
+use super::links::{Coordinates, Tracked};
+use super::velocity::WheelVelocities;
+use crate::store::{Column, Table};
+
+/// Folders inside `derived/` with a file for each trial.
+const FOLDERS: [&str; 3] = ["poses", "wheels", "cycles"];
+
+/// `poses/<trial>.parquet`.
+pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz: f64) -> Table {
+    let frames = smooth.len();
+    let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = smooth;
+    let residual = |link: usize| Column::F64(tracked.residual_mm[link].clone());
+    let fill = |link: usize| {
+        Column::Str(tracked.fill[link].iter().map(|fill| fill.name().to_owned()).collect())
+    };
+    let [frame, time_s] = frames_and_times(tracked.first_frame, frames, rate_hz);
+    Table::new([
+        ("trial", Column::repeat(trial, frames)),
+        ("frame", frame),
+        ("time_s", time_s),
+        ("x_m", Column::F64(x_m)),
+        ("y_m", Column::F64(y_m)),
+        ("theta_rad", Column::F64(theta_rad)),
+        ("phi1_rad", Column::F64(phi1_rad)),
+        ("phi2_rad", Column::F64(phi2_rad)),
+        ("residual0_mm", residual(0)),
+        ("residual1_mm", residual(1)),
+        ("residual2_mm", residual(2)),
+        ("fill0", fill(0)),
+        ("fill1", fill(1)),
+        ("fill2", fill(2)),
+    ])
+}
+
+/// `wheels/<trial>.parquet`.
+pub(super) fn wheels(
+    trial: &str,
+    first_frame: i64,
+    wheels: WheelVelocities,
+    rate_hz: f64,
+) -> Table {
+    let frames = wheels.roll_m_s[0].len();
+    let [frame, time_s] = frames_and_times(first_frame, frames, rate_hz);
+    let WheelVelocities { roll_m_s: [roll0, roll1, roll2], skid_m_s: [skid0, skid1, skid2] } =
+        wheels;
+    Table::new([
+        ("trial", Column::repeat(trial, frames)),
+        ("frame", frame),
+        ("time_s", time_s),
+        ("roll0_m_s", Column::F64(roll0)),
+        ("roll1_m_s", Column::F64(roll1)),
+        ("roll2_m_s", Column::F64(roll2)),
+        ("skid0_m_s", Column::F64(skid0)),
+        ("skid1_m_s", Column::F64(skid1)),
+        ("skid2_m_s", Column::F64(skid2)),
+    ])
+}
+
+fn frames_and_times(first_frame: i64, frames: usize, rate_hz: f64) -> [Column; 2] {
+    [
+        Column::I64((first_frame..).take(frames).collect()),
+        Column::F64((0..frames).map(|i| i as f64 / rate_hz).collect()),
+    ]
+}
+
+/// Removes the tables of trials that are not in the list or have failed, so that nobody takes
+/// them for results. `written` is what this ingest wrote.
+pub(super) fn remove_outdated(
+    derived: &Path,
+    written: &BTreeSet<std::path::PathBuf>,
+) -> Result<(), IngestError> {
+    for folder in FOLDERS.map(|folder| derived.join(folder)) {
+        let error = |path: &Path, source| IngestError::Outdated { path: path.to_owned(), source };
+        let entries = match std::fs::read_dir(&folder) {
+            Ok(entries) => entries,
+            Err(source) if source.kind() == ErrorKind::NotFound => continue,
+            Err(source) => return Err(error(&folder, source)),
+        };
+        for entry in entries {
+            let path = entry.map_err(|source| error(&folder, source))?.path();
+            let is_table = path.extension().is_some_and(|extension| extension == "parquet");
+            if is_table && path.is_file() && !written.contains(&path) {
+                std::fs::remove_file(&path).map_err(|source| error(&path, source))?;
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,405 @@
+//! The whole stage on motions that are known, and on folders that are not as they should be.
+
+use std::fs;
+
+use super::synthetic::{Motion, Recording, header};
+use super::*;
+
+fn gait_trial(id: &str, campaign: &str, omega_rad_s: f64) -> Trial {
+    Trial {
+        id: id.to_owned(),
+        file: format!("{id}.csv"),
+        kind: TrialKind::Gait,
+        campaign: Some(campaign.to_owned()),
+        robot: None,
+        omega_rad_s: Some(omega_rad_s),
+        smoothing_window: None,
+    }
+}
+
+fn process_text(text: &str, trial: &Trial) -> Result<ProcessedTrial, TrialFailure> {
+    process(Path::new("a.csv"), text.as_bytes(), trial, &Config::default())
+}
+
+fn symmetric(omega_rad_s: f64) -> (Recording, Trial) {
+    let recording = Recording::new(Motion::new(omega_rad_s, 0.0));
+    (recording, gait_trial("a", "kinematic-symmetric", omega_rad_s))
+}
+
+#[test]
+fn metrics_and_gait_of_a_known_motion_are_found() {
+    let quarter = std::f64::consts::FRAC_PI_4;
+    for (omega, offset, campaign) in [
+        (0.5, 0.0, "kinematic-symmetric"),
+        (3.9, quarter, "kinematic-skewed"),
+        (6.0, 0.0, "kinematic-symmetric"),
+    ] {
+        let mut motion = Motion::new(omega * 1.004, offset);
+        motion.first_phase_rad = 0.9;
+        let truth = motion.truth(&Robot::kinematic());
+        let text = Recording::new(motion.clone()).export();
+        let processed = process_text(&text, &gait_trial("a", campaign, omega)).unwrap();
+        let row = processed.row;
+        let relative = |found: f64, truth: f64| (found / truth - 1.0).abs();
+        let degrees = |found: f64, truth: f64| (found - truth).to_degrees().abs();
+        assert_eq!((row.status.as_str(), row.message.as_str()), ("ok", ""));
+        assert!(relative(row.omega_rad_s, motion.omega_rad_s) < 1e-4);
+        assert!((row.omega_rad_s - motion.omega_rad_s).abs() < 4.0 * row.omega_rad_s_se);
+        assert!(relative(row.d_m, truth.d_m) < 1e-3, "{omega}: {} {}", row.d_m, truth.d_m);
+        assert!(relative(row.v_m_s, truth.v_m_s) < 1e-3);
+        assert!(degrees(row.dtheta_rad, truth.dtheta_rad) < 0.1);
+        assert!(degrees(row.alpha1_rad, truth.alpha1_rad) < 0.1, "{omega} {}", row.alpha1_rad);
+        for (found, truth) in [row.sigma0_debiased, row.sigma1_debiased, row.sigma2_debiased]
+            .into_iter()
+            .zip(truth.sigma)
+        {
+            assert!(relative(found, truth) < 0.03, "{omega}: {found} {truth}");
+        }
+        let found = [
+            [row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad],
+            [row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad],
+        ];
+        for (found, truth) in found.iter().flatten().zip(motion.joints.iter().flatten()) {
+            assert!(degrees(*found, *truth) < 0.1, "{omega}: {found} {truth}");
+        }
+        assert!(row.cycles >= 7 && row.coverage > 0.9 && row.coverage < 0.97);
+        assert!((0.15..0.3).contains(&row.residual_mm));
+    }
+}
+
+#[test]
+fn standard_errors_of_d_are_of_the_right_size() {
+    let (mut recording, trial) = symmetric(3.9);
+    let truth = recording.motion.truth(&Robot::kinematic());
+    let mut within = 0;
+    for seed in 0..20 {
+        recording.seed = seed;
+        let row = process_text(&recording.export(), &trial).unwrap().row;
+        within += usize::from((row.d_m - truth.d_m).abs() < 2.0 * row.d_m_se);
+        assert!(row.d_m_se < 1e-3 * row.d_m);
+    }
+    assert!(within >= 17, "{within}");
+}
+
+#[test]
+fn poses_are_those_of_the_robot_and_missing_frames_are_null() {
+    let (mut recording, trial) = symmetric(2.0);
+    recording.noise_mm = 0.0;
+    recording.loss = 0.0;
+    let processed = process_text(&recording.export(), &trial).unwrap();
+    let poses = &processed.poses;
+    assert_eq!(poses.i64("frame").unwrap()[..2], [371, 372]);
+    assert_eq!(poses.f64("time_s").unwrap()[120], 1.0);
+    assert!((poses.f64("x_m").unwrap()[0] - 0.5).abs() < 1e-5);
+    assert!((poses.f64("y_m").unwrap()[0] + 0.3).abs() < 1e-5);
+    let [offset, amplitude, ahead] = recording.motion.joints[1];
+    let phase: f64 = 2.0 * 4.0 + ahead;
+    assert!((poses.f64("phi2_rad").unwrap()[480] - offset - amplitude * phase.cos()).abs() < 1e-3);
+    assert!(poses.str("fill1").unwrap().iter().all(|fill| fill == "measured"));
+    let names: Vec<&str> = poses.columns().iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(
+        names.join(" "),
+        "trial frame time_s x_m y_m theta_rad phi1_rad phi2_rad \
+         residual0_mm residual1_mm residual2_mm fill0 fill1 fill2"
+    );
+    let names: Vec<&str> =
+        processed.wheels.columns().iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(
+        names.join(" "),
+        "trial frame time_s roll0_m_s roll1_m_s roll2_m_s skid0_m_s skid1_m_s skid2_m_s"
+    );
+}
+
+/// Empties the cells of link 1's markers, columns 12 to 20 after the two frame columns of
+/// link 0's four markers, in some rows.
+fn without_link1(text: &str, rows: std::ops::Range<usize>) -> String {
+    const HEADER: usize = 5;
+    let lines = text.split_inclusive("\r\n").enumerate().map(|(i, line)| {
+        if !(rows.start + HEADER..rows.end + HEADER).contains(&i) {
+            return line.to_owned();
+        }
+        let mut cells: Vec<&str> = line.split(',').collect();
+        cells[14..23].fill("");
+        cells.join(",")
+    });
+    lines.collect()
+}
+
+#[test]
+fn short_gaps_are_filled_and_long_ones_left_out() {
+    let (mut recording, trial) = symmetric(3.9);
+    recording.loss = 0.0;
+    let text = recording.export();
+    let whole = process_text(&text, &trial).unwrap();
+    assert_eq!(whole.row.cycles, 9);
+
+    let short = process_text(&without_link1(&text, 900..912), &trial).unwrap();
+    assert_eq!((short.row.cycles, short.row.status.as_str()), (9, "ok"));
+    let fill = short.poses.str("fill1").unwrap();
+    assert_eq!((fill[899].as_str(), fill[905].as_str()), ("measured", "interpolated"));
+
+    let long = process_text(&without_link1(&text, 900..1020), &trial).unwrap();
+    // A second of 1.61 s cycles: frames 900 to 1020 lie in cycles 4 (773 to 967) and 5.
+    let used: Vec<i64> =
+        long.cycles.iter().filter(|cycle| cycle.used).map(|cycle| cycle.cycle).collect();
+    assert_eq!(used, [2, 3, 6, 7, 8, 9, 10]);
+    assert!(long.cycles[4].d_m.is_nan() && long.cycles[5].d_m.is_nan());
+    assert_eq!(long.row.message, "2 cycles with gaps are left out");
+    assert_eq!(long.poses.str("fill1").unwrap()[905], "missing");
+    let phi1 = long.poses.f64("phi1_rad").unwrap();
+    assert!(phi1[900..1020].iter().all(|phi| phi.is_nan()));
+    assert!(!phi1[899].is_nan() && !phi1[1020].is_nan());
+    assert!(long.poses.f64("phi2_rad").unwrap().iter().all(|phi| !phi.is_nan()));
+    // Other cycles do not change.
+    assert!((long.cycles[8].d_m - whole.cycles[8].d_m).abs() < 1e-5);
+}
+
+#[test]
+fn a_frame_jump_is_a_gap_in_time() {
+    let (recording, trial) = symmetric(3.9);
+    let text = recording.export();
+    let lines: Vec<&str> = text.split_inclusive("\r\n").collect();
+    let jumping: String = lines[..905].iter().chain(&lines[1025..]).copied().collect();
+    let jumped = process_text(&jumping, &trial).unwrap();
+    let frames = jumped.poses.i64("frame").unwrap();
+    assert!(frames.windows(2).all(|pair| pair[1] == pair[0] + 1));
+    assert_eq!(frames.len(), lines.len() - 5);
+    assert!(jumped.poses.f64("x_m").unwrap()[901..1019].iter().all(|x| x.is_nan()));
+    assert!((jumped.row.omega_rad_s - 3.9).abs() < 4e-4);
+    for warning in ["120 frames are left out of the file", "2 cycles with gaps are left out"] {
+        assert!(jumped.row.message.contains(warning), "{}", jumped.row.message);
+    }
+}
+
+#[test]
+fn a_transient_is_skipped() {
+    let (mut recording, trial) = symmetric(3.9);
+    recording.motion.transient = 0.3;
+    let truth = recording.motion.truth(&Robot::kinematic());
+    let processed = process_text(&recording.export(), &trial).unwrap();
+    // 0.3 exp(-k) falls to 0.3 % of d with k between 4 and 5.
+    assert!((4..=6).contains(&processed.cycles.iter().position(|cycle| cycle.used).unwrap()));
+    assert!((processed.row.d_m / truth.d_m - 1.0).abs() < 3e-3);
+}
+
+#[test]
+fn a_frequency_off_the_command_is_flagged() {
+    let (recording, mut trial) = symmetric(3.9);
+    trial.omega_rad_s = Some(4.1);
+    let row = process_text(&recording.export(), &trial).unwrap().row;
+    assert_eq!(row.status, "flagged");
+    assert!((row.omega_rad_s - 3.9).abs() < 1e-3);
+    assert!(row.message.contains("4.1 rad/s commanded"), "{}", row.message);
+}
+
+#[test]
+fn the_trials_own_window_counts_before_the_configured_one() {
+    let (recording, mut trial) = symmetric(3.9);
+    let text = recording.export();
+    let mut config = Config::default();
+    config.ingest.smoothing_window = Smoothing::Window(11);
+    let window = |trial: &Trial| {
+        let processed = process(Path::new("a.csv"), text.as_bytes(), trial, &config).unwrap();
+        processed.row.smoothing_window
+    };
+    assert_eq!(window(&trial), 11);
+    trial.smoothing_window = Some(7);
+    assert_eq!(window(&trial), 7);
+}
+
+#[test]
+fn what_is_wrong_with_a_trial_is_said() {
+    let (recording, trial) = symmetric(3.9);
+    let text = recording.export();
+    let message = |text: &str| process_text(text, &trial).unwrap_err().to_string();
+    assert_eq!(
+        message(&text.replace("Robot:F2", "Robot:G2")),
+        "a.csv: found no marker `F2`, needed by markers.link1 of pipeline.toml; \
+         the nearest of its 10 labels are `Robot:M2`, `Robot:F1`, `Robot:G2`"
+    );
+    assert_eq!(
+        message(&text.replacen("Robot:R1", "Other:M1", 1).replacen("Robot:R2", "Robot:R1", 1)),
+        "a.csv: found the marker `M1` of markers.link0 as `Robot:M1`, `Other:M1`, \
+         needed one; name it `Subject:Marker` in pipeline.toml"
+    );
+    assert_eq!(
+        message(&text.replacen("\r\n120\r\n", "\r\n100\r\n", 1)),
+        "a.csv: found a frame rate of 100 Hz, needed 120 Hz as vicon.rate_hz says \
+         (or set vicon.rate_from_file = true)"
+    );
+    let lines: Vec<&str> = text.split_inclusive("\r\n").collect();
+    assert_eq!(
+        message(&lines[..5 + 618].concat()),
+        "a.csv: found 1 usable of 3 whole cycles (2 of them transient), needed at least 2"
+    );
+    let unseen = without_link1(&text, 0..lines.len());
+    assert_eq!(
+        message(&unseen),
+        "a.csv: found no frame in which the markers of link 1 give its pose, \
+         needed two that are seen together"
+    );
+}
+
+#[test]
+fn a_file_without_a_rate_gets_the_configured_one_and_says_so() {
+    let (recording, trial) = symmetric(3.9);
+    let text = recording.export().replacen("\r\n120\r\n", "\r\n", 1);
+    let row = process_text(&text, &trial).unwrap().row;
+    assert_eq!(row.message, "the file does not say its rate; 120 Hz is assumed");
+    assert!((row.omega_rad_s - 3.9).abs() < 4e-4);
+}
+
+/// A folder of good and bad trials.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    let (mut recording, _) = symmetric(3.9);
+    let text = recording.export();
+    write("good.csv", &text);
+    recording.seed = 6;
+    write("second.csv", &recording.export());
+    write("empty.csv", "");
+    write("text.csv", &text.replacen(",0,", ",0,lost ", 1));
+    let still = "1,0".to_owned() + &",0,0,0".repeat(10) + "\r\n";
+    write("still.csv", &(header(&Config::default().markers, 120.0) + &still));
+    let mut list = String::new();
+    for (id, rest) in [
+        ("good", "campaign = 'kinematic-symmetric'\nomega_rad_s = 3.9"),
+        ("absent", "campaign = 'kinematic-symmetric'\nomega_rad_s = 3.9"),
+        ("empty", "campaign = 'kinematic-symmetric'\nomega_rad_s = 3.9"),
+        ("text", "campaign = 'kinematic-symmetric'\nomega_rad_s = 3.9"),
+        ("still", "campaign = 'kinematic-symmetric'\nomega_rad_s = 3.9"),
+        ("unknown", "campaign = 'kinematic-symetric'\nomega_rad_s = 3.9"),
+        ("second", "campaign = 'kinematic-symmetric'\nomega_rad_s = 3.9"),
+    ] {
+        list += &format!("[[trial]]\nid = '{id}'\nfile = '{id}.csv'\nkind = 'gait'\n{rest}\n");
+    }
+    list +=
+        "[[trial]]\nid = 'coast'\nfile = 'good.csv'\nkind = 'coast-down'\nrobot = 'kinematic'\n";
+    write("trials.toml", &list);
+    folder
+}
+
+fn ingest(folder: &Path, derived: &Path, threads: usize) -> Ingested {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| ingest_folder(&Config::default(), folder, derived, &|_| ())).unwrap()
+}
+
+/// Relative names and contents of all files below a folder.
+fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_owned();
+                found.push((name, fs::read(&path).unwrap()));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn bad_trials_fail_by_themselves() {
+    let (folder, derived) = (folder(), tempfile::tempdir().unwrap());
+    let ingested = ingest(folder.path(), derived.path(), 2);
+    let statuses: Vec<(&str, &str)> =
+        ingested.trials.iter().map(|row| (row.trial.as_str(), row.status.as_str())).collect();
+    assert_eq!(
+        statuses,
+        [
+            ("good", "ok"),
+            ("absent", "failed"),
+            ("empty", "failed"),
+            ("text", "failed"),
+            ("still", "failed"),
+            ("unknown", "failed"),
+            ("second", "ok"),
+            ("coast", "ok"),
+        ]
+    );
+    let message = |i: usize| ingested.trials[i].message.as_str();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    assert_eq!(message(1), path("absent.csv") + ": no such file");
+    let found = ": found an empty file, needed a `Trajectories` section";
+    assert_eq!(message(2), path("empty.csv") + found);
+    assert!(message(3).contains("text.csv, line 6, column 3 (Robot:M1 X): found `lost "));
+    assert_eq!(message(4), path("still.csv") + ": found 0.01 periods of motion, needed at least 2");
+    assert!(message(5).contains("did you mean `kinematic-symmetric`?"), "{}", message(5));
+
+    let names: Vec<String> =
+        files(derived.path()).iter().map(|(name, _)| name.display().to_string()).collect();
+    assert_eq!(
+        names,
+        [
+            "checks.parquet",
+            "cycles/good.parquet",
+            "cycles/second.parquet",
+            "poses/coast.parquet",
+            "poses/good.parquet",
+            "poses/second.parquet",
+            "trials.parquet",
+            "wheels/coast.parquet",
+            "wheels/good.parquet",
+            "wheels/second.parquet",
+        ]
+    );
+    let table = Table::read(&derived.path().join("trials.parquet")).unwrap();
+    let rows = TrialRow::from_table(&table).unwrap();
+    assert_eq!(format!("{rows:?}"), format!("{:?}", ingested.trials));
+    let coast = &rows[7];
+    assert_eq!((coast.kind.as_str(), coast.smoothing_window), ("coast-down", 9));
+    assert!(coast.d_m.is_nan() && coast.coverage > 0.9);
+    let errors = ingested.checks.iter().filter(|row| row.check == "E001 failed").count();
+    assert_eq!(errors, 5);
+    let good: Vec<&str> = ingested
+        .checks
+        .iter()
+        .filter(|row| row.trial == "good" && row.severity == "ok")
+        .map(|row| &row.check[..4])
+        .collect();
+    let codes = ["W001", "W002", "W003", "W004", "W008", "W005", "W006", "W007", "W009", "W010"];
+    assert_eq!(good, codes);
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let folder = folder();
+    let [one, two] = [1, 2].map(|threads| {
+        let derived = tempfile::tempdir().unwrap();
+        ingest(folder.path(), derived.path(), threads);
+        files(derived.path())
+    });
+    assert_eq!(one.len(), 10);
+    assert!(one == two);
+}
+
+#[test]
+fn tables_of_trials_that_are_gone_or_fail_now_are_removed() {
+    let (folder, derived) = (folder(), tempfile::tempdir().unwrap());
+    ingest(folder.path(), derived.path(), 2);
+    let notes = derived.path().join("poses/notes.txt");
+    fs::write(&notes, "mine").unwrap();
+    fs::write(derived.path().join("poses/gone.parquet"), "old").unwrap();
+    fs::write(folder.path().join("second.csv"), "").unwrap();
+    ingest(folder.path(), derived.path(), 2);
+    let exists = |name: &str| derived.path().join(name).exists();
+    assert!(exists("poses/good.parquet") && exists("cycles/good.parquet") && notes.exists());
+    for folder in ["poses", "wheels", "cycles"] {
+        assert!(!exists(&format!("{folder}/second.parquet")));
+        assert!(!exists(&format!("{folder}/gone.parquet")));
+    }
+}
+
+#[test]
+fn a_folder_without_a_list_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let ingested = ingest_folder(&Config::default(), folder.path(), folder.path(), &|_| ());
+    assert!(ingested.unwrap_err().to_string().contains("trials.toml: cannot be read"));
+    assert!(files(folder.path()).is_empty());
+}

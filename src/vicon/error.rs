@@ -1,0 +1,47 @@
+//! What can be wrong with a marker file.
+
+use std::path::PathBuf;
+
+/// Why a marker file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ViconError {
+    #[error("{}: no such file", path.display())]
+    Missing { path: PathBuf },
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{}: cannot be unpacked: {source}", path.display())]
+    Unpack { path: PathBuf, source: std::io::Error },
+    #[error("{}: found more than {limit_bytes} bytes when unpacked, needed at most that", path.display())]
+    TooLarge { path: PathBuf, limit_bytes: u64 },
+    #[error("{}: found an empty file, needed a `Trajectories` section", path.display())]
+    Empty { path: PathBuf },
+    #[error("{}: found {}, needed a `Trajectories` section", path.display(), sections(found))]
+    NoSection { path: PathBuf, found: Vec<String> },
+    #[error("{}, line {line}: found {found}, needed {needed}", path.display())]
+    Header { path: PathBuf, line: usize, found: String, needed: String },
+    #[error("{}: found no row of numbers below line {line}, needed at least one frame", path.display())]
+    NoRows { path: PathBuf, line: usize },
+    #[error("{}, line {line}, column {column} ({name}): found `{found}`, needed {needed}", path.display())]
+    NotANumber {
+        path: PathBuf,
+        line: usize,
+        /// Counted from 1.
+        column: usize,
+        /// What the column holds, such as `Snake:M1 X` or `Frame`.
+        name: String,
+        found: String,
+        needed: &'static str,
+    },
+    #[error("{}, line {line}: found frame {found} after frame {previous}, needed a larger number", path.display())]
+    FrameOrder { path: PathBuf, line: usize, found: i64, previous: i64 },
+    #[error("{}, line {line}: found rows much shorter than the {markers} markers of the header, needed one cell per axis", path.display())]
+    ShortRows { path: PathBuf, line: usize, markers: usize },
+}
+
+fn sections(found: &[String]) -> String {
+    match found {
+        [] => "no section at all".to_owned(),
+        [one] => format!("only the section `{one}`"),
+        many => format!("only the sections `{}`", many.join("`, `")),
+    }
+}

@@ -1,0 +1,37 @@
+//! Markers over time.
+
+/// The markers of one file, mm in the cameras' frame, in the order of the file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MarkerFile {
+    /// Frame rate that the file states, Hz; a file that somebody trimmed may not say.
+    pub rate_hz: Option<f64>,
+    /// Frame number of each row, increasing; the first is often not 1, and numbers can jump.
+    pub frames: Vec<i64>,
+    /// Labels as they stand in the file, often `Subject:Marker`.
+    pub labels: Vec<String>,
+    /// Rows with data but without a frame number, which are left out.
+    pub rows_without_frame: usize,
+    /// Row by row, marker by marker, X, Y, Z.
+    pub(super) positions_mm: Vec<[f64; 3]>,
+}
+
+impl MarkerFile {
+    /// Where a marker was in a row of the file, mm; three NaN where the cameras did not see it.
+    ///
+    /// # Panics
+    /// There is no such row or marker.
+    #[inline]
+    pub fn position_mm(&self, row: usize, marker: usize) -> [f64; 3] {
+        self.row_mm(row)[marker]
+    }
+
+    /// All markers of a row, mm, in the order of [`MarkerFile::labels`].
+    ///
+    /// # Panics
+    /// There is no such row.
+    #[inline]
+    pub fn row_mm(&self, row: usize) -> &[[f64; 3]] {
+        let markers = self.labels.len();
+        &self.positions_mm[row * markers..(row + 1) * markers]
+    }
+}

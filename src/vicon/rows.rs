@@ -1,0 +1,174 @@
+//! The numbers of the markers' table.
+
+use std::path::Path;
+
+use super::bytes::{bare, is_blank, lone_cell, number, shown};
+use super::header::{Column, Header};
+use super::{MarkerFile, ViconError};
+
+/// Largest frame number that is believed, so that differences of two cannot overflow.
+const LARGEST_FRAME: f64 = 1e12;
+
+const MISSING: [f64; 3] = [f64::NAN; 3];
+
+/// Parses the rows below a header up to the next section or the end of the text.
+pub(super) fn parse(
+    path: &Path,
+    text: &[u8],
+    header: Header<'_>,
+) -> Result<MarkerFile, ViconError> {
+    let markers = header.labels.len();
+    let mut frames: Vec<i64> = Vec::new();
+    let mut positions_mm: Vec<[f64; 3]> = Vec::new();
+    let mut rows_without_frame = 0;
+    let mut after_blank = false;
+    for (line, row) in header.body.clone() {
+        if is_blank(row) {
+            after_blank = true;
+            continue;
+        }
+        if is_next_title(row, after_blank) {
+            break;
+        }
+        after_blank = false;
+        let at = RowOf { path, line, header: &header };
+        let Some(frame) = at.frame(row)? else {
+            rows_without_frame += 1;
+            continue;
+        };
+        if let Some(&previous) = frames.last()
+            && frame <= previous
+        {
+            return Err(ViconError::FrameOrder {
+                path: path.to_owned(),
+                line,
+                found: frame,
+                previous,
+            });
+        }
+        frames.push(frame);
+        let start = positions_mm.len();
+        // A full row has a byte per cell, so this many cells mean that rows are cut short;
+        // a crafted file could otherwise ask for far more memory than its own size.
+        if (start + markers) * 3 > text.len() {
+            return Err(ViconError::ShortRows { path: path.to_owned(), line, markers });
+        }
+        positions_mm.resize(start + markers, MISSING);
+        at.positions(row, &mut positions_mm[start..])?;
+    }
+    if frames.is_empty() {
+        return Err(ViconError::NoRows { path: path.to_owned(), line: header.line });
+    }
+    let Header { rate_hz, labels, .. } = header;
+    Ok(MarkerFile { rate_hz, frames, labels, rows_without_frame, positions_mm })
+}
+
+/// A title is a lone text cell; without a blank row above it could be damage, so then only the
+/// names that the camera system writes are believed.
+fn is_next_title(row: &[u8], after_blank: bool) -> bool {
+    const NAMES: [&[u8]; 7] = [
+        b"Devices",
+        b"Events",
+        b"Joints",
+        b"Model Outputs",
+        b"Segments",
+        b"Trajectories",
+        b"Trajectory Count",
+    ];
+    lone_cell(row).is_some_and(|cell| {
+        let named = NAMES.iter().any(|name| name.eq_ignore_ascii_case(cell));
+        named || after_blank && number(cell).is_none()
+    })
+}
+
+/// One row of a file, to be read and to be named in errors.
+struct RowOf<'a> {
+    path: &'a Path,
+    line: usize,
+    header: &'a Header<'a>,
+}
+
+impl RowOf<'_> {
+    /// The row's frame number; `None` if the cell is empty.
+    fn frame(&self, row: &[u8]) -> Result<Option<i64>, ViconError> {
+        let end = row.iter().position(|&byte| byte == b',').unwrap_or(row.len());
+        let cell = bare(&row[..end]);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        match number(cell) {
+            Some(frame) if frame.fract() == 0.0 && frame.abs() <= LARGEST_FRAME => {
+                Ok(Some(frame as i64))
+            }
+            _ => Err(self.not_a_number(0, cell, "a whole frame number")),
+        }
+    }
+
+    /// Fills in what the row has. Cells that are empty or cut off stay missing, and a marker
+    /// of which only some coordinates are there is missing as a whole.
+    fn positions(&self, row: &[u8], positions_mm: &mut [[f64; 3]]) -> Result<(), ViconError> {
+        let mut rest = row;
+        for (i, column) in self.header.columns.iter().enumerate() {
+            if let &Column::Axis { marker, axis } = column {
+                let (value, length) = self.cell(i, rest)?;
+                positions_mm[marker][axis] = value;
+                rest = &rest[length..];
+            } else {
+                let end = rest.iter().position(|&byte| byte == b',').unwrap_or(rest.len());
+                rest = &rest[end..];
+            }
+            match rest.split_first() {
+                Some((_, after)) => rest = after,
+                None => break,
+            }
+        }
+        for position in positions_mm {
+            if position.iter().any(|x| x.is_nan()) {
+                *position = MISSING;
+            }
+        }
+        Ok(())
+    }
+
+    /// The number at the start of `rest` (NaN for an empty cell) and the length of its cell.
+    #[inline]
+    fn cell(&self, column: usize, rest: &[u8]) -> Result<(f64, usize), ViconError> {
+        match rest.first() {
+            None | Some(b',') => return Ok((f64::NAN, 0)),
+            _ => {}
+        }
+        if let Ok((value, length)) = fast_float2::parse_partial::<f64, _>(rest)
+            && value.is_finite()
+            && matches!(rest.get(length), None | Some(b','))
+        {
+            return Ok((value, length));
+        }
+        let end = rest.iter().position(|&byte| byte == b',').unwrap_or(rest.len());
+        let cell = bare(&rest[..end]);
+        if cell.is_empty() {
+            return Ok((f64::NAN, end));
+        }
+        let value = number(cell);
+        value
+            .map(|value| (value, end))
+            .ok_or_else(|| self.not_a_number(column, cell, "a number of mm or an empty cell"))
+    }
+
+    #[cold]
+    fn not_a_number(&self, column: usize, cell: &[u8], needed: &'static str) -> ViconError {
+        let name = match self.header.columns[column] {
+            Column::Axis { marker, axis } => {
+                format!("{} {}", self.header.labels[marker], ["X", "Y", "Z"][axis])
+            }
+            _ => "Frame".to_owned(),
+        };
+        ViconError::NotANumber {
+            path: self.path.to_owned(),
+            line: self.line,
+            column: column + 1,
+            name,
+            found: shown(cell),
+            needed,
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! One fixture for each quirk that exports have and one for each error.
+
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new("tests/fixtures/vicon").join(name)
+}
+
+fn read(name: &str) -> MarkerFile {
+    read_markers(&fixture(name)).unwrap()
+}
+
+fn message(name: &str) -> String {
+    read_markers(&fixture(name)).unwrap_err().to_string()
+}
+
+/// NaN equals NaN here.
+fn rows(file: &MarkerFile) -> Vec<Vec<Option<[f64; 3]>>> {
+    let seen = |p: &[f64; 3]| (!p[0].is_nan()).then_some(*p);
+    (0..file.frames.len()).map(|row| file.row_mm(row).iter().map(seen).collect()).collect()
+}
+
+#[test]
+fn a_nexus_export_is_read() {
+    let file = read("nexus.csv");
+    assert_eq!(file.rate_hz, Some(120.0));
+    assert_eq!(file.frames, [1, 2]);
+    assert_eq!(file.labels, ["Snake:M1", "Snake:M2"]);
+    assert_eq!(file.rows_without_frame, 0);
+    assert_eq!(file.position_mm(0, 0), [1.5, -2.0, 3.0]);
+    assert_eq!(file.position_mm(1, 1), [11.0, 21.0, 31.0]);
+}
+
+#[test]
+fn the_way_a_file_was_saved_changes_nothing() {
+    let plain = read("nexus.csv");
+    for name in [
+        "lf-no-end.csv",
+        "byte-order-mark.csv",
+        "spreadsheet-padded.csv",
+        "several-sections.csv",
+        "next-section-at-once.csv",
+        "packed.csv.gz",
+    ] {
+        assert_eq!(read(name), plain, "{name}");
+    }
+}
+
+#[test]
+fn a_file_without_title_and_rate_has_an_unknown_rate() {
+    assert_eq!(read("no-title.csv"), MarkerFile { rate_hz: None, ..read("nexus.csv") });
+}
+
+#[test]
+fn magnitudes_are_skipped_and_subjects_may_have_spaces() {
+    let file = read("magnitude.csv");
+    assert_eq!(file.labels, ["Patient 1:M1", "Patient 1:M2"]);
+    assert_eq!(rows(&file), rows(&read("nexus.csv")));
+}
+
+#[test]
+fn the_older_workstation_export_is_read() {
+    let file = read("workstation.csv");
+    assert_eq!((file.rate_hz, &file.labels[..]), (Some(120.0), &["M1".into(), "M2".into()][..]));
+    assert_eq!(rows(&file), rows(&read("nexus.csv")));
+}
+
+#[test]
+fn missing_is_missing_and_zero_is_zero() {
+    let file = read("gaps.csv");
+    let expected = [
+        vec![None, Some([10.0, 20.0, 30.0])],
+        vec![None, Some([11.0, 21.0, 31.0])],
+        vec![Some([0.0; 3]), None],
+        vec![None, None],
+        vec![Some([7.0, 8.0, 9.0]), Some([13.0, 23.0, 33.0])],
+    ];
+    assert_eq!(rows(&file), expected);
+    assert_eq!(file.frames, [1, 2, 3, 4, 5]);
+}
+
+#[test]
+fn exponents_spaces_and_quotes_are_read() {
+    let file = read("exponents.csv");
+    assert_eq!(file.row_mm(0), [[9.54159e-5, -1500.0, 3.0], [10.0, 20.0, 30.0]]);
+}
+
+#[test]
+fn frames_may_start_anywhere_and_jump_and_rows_without_one_are_counted() {
+    let file = read("frames.csv");
+    assert_eq!(file.frames, [500, 501, 63268]);
+    assert_eq!(file.rows_without_frame, 2);
+}
+
+#[test]
+fn every_error_names_file_line_found_and_needed() {
+    let expected = [
+        ("absent.csv", ": no such file"),
+        ("empty.csv", ": found an empty file, needed a `Trajectories` section"),
+        ("blank.csv", ": found an empty file, needed a `Trajectories` section"),
+        ("devices-only.csv", ": found only the section `Devices`, needed a `Trajectories` section"),
+        ("not-a-table.csv", ": found no section at all, needed a `Trajectories` section"),
+        (
+            "no-axes.csv",
+            ", line 1: found no row of axes in the next lines, \
+             needed a row that starts with `Frame,Sub Frame,X,Y,Z`",
+        ),
+        (
+            "no-labels.csv",
+            ", line 3: found `Frame,Sub Frame,X,Y,Z,X,Y,Z`, \
+             needed at least one label with X, Y, Z below it",
+        ),
+        (
+            "no-markers.csv",
+            ", line 4: found `Frame,Sub Frame,RX,RY,RZ`, \
+             needed at least one label with X, Y, Z below it",
+        ),
+        ("bad-rate.csv", ", line 2: found `fast`, needed the frame rate, a number of Hz above 0"),
+        ("metres.csv", ", line 5: found unit `m` of Snake:M1, needed millimetres (`mm`)"),
+        ("no-rows.csv", ": found no row of numbers below line 5, needed at least one frame"),
+        (
+            "text-cell.csv",
+            ", line 7, column 7 (Snake:M2 Y): found `occluded`, \
+             needed a number of mm or an empty cell",
+        ),
+        (
+            "nan-cell.csv",
+            ", line 6, column 4 (Snake:M1 Y): found `nan`, \
+             needed a number of mm or an empty cell",
+        ),
+        ("text-frame.csv", ", line 6, column 1 (Frame): found `one`, needed a whole frame number"),
+        ("frames-backwards.csv", ", line 7: found frame 7 after frame 7, needed a larger number"),
+        (
+            "short-rows.csv",
+            ", line 15: found rows much shorter than the 9 markers of the header, \
+             needed one cell per axis",
+        ),
+        ("broken.csv.gz", ": cannot be unpacked: unexpected end of file"),
+    ];
+    for (name, rest) in expected {
+        assert_eq!(message(name), format!("{}{rest}", fixture(name).display()));
+    }
+}
+
+#[test]
+fn a_folder_is_an_error_and_no_panic() {
+    assert!(read_markers(Path::new("tests/fixtures")).is_err());
+}
+
+#[test]
+fn a_packed_file_that_grows_beyond_the_limit_is_refused() {
+    let file = read_file(&fixture("packed.csv.gz")).unwrap();
+    let unpacked = bytes::unpack_at_most(Path::new("a"), &file, 1 << 20).unwrap().len() as u64;
+    assert!(bytes::unpack_at_most(Path::new("a"), &file, unpacked).is_ok());
+    let error = bytes::unpack_at_most(Path::new("a"), &file, unpacked - 1).unwrap_err();
+    let limit = unpacked - 1;
+    let expected = format!("a: found more than {limit} bytes when unpacked, needed at most that");
+    assert_eq!(error.to_string(), expected);
+}
+
+proptest! {
+    /// Damage anywhere in a valid file gives a result or an error, and never a marker that
+    /// is there in part.
+    #[test]
+    fn damaged_bytes_never_panic(
+        cuts in prop::collection::vec((0_usize..400, any::<u8>()), 0..8),
+        length in 0_usize..400,
+    ) {
+        let mut file = read_file(&fixture("several-sections.csv")).unwrap();
+        for (at, byte) in cuts {
+            let at = at % file.len();
+            file[at] = byte;
+        }
+        file.truncate(length.max(1));
+        if let Ok(markers) = parse_markers(Path::new("damaged"), &file) {
+            for row in 0..markers.frames.len() {
+                for position in markers.row_mm(row) {
+                    let missing = position.iter().filter(|x| x.is_nan()).count();
+                    prop_assert!(missing == 0 || missing == 3);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn any_bytes_never_panic(file in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = parse_markers(Path::new("any"), &file);
+    }
+}
