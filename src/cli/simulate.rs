@@ -154,7 +154,8 @@ fn parse_omegas(text: &str) -> Result<Omegas, String> {
             return Err(format!("found {count} frequencies, needed 2 to 100000"));
         }
         let step = (high - low) / (count - 1) as f64;
-        omegas.extend((0..count).map(|i| if i + 1 == count { high } else { low + step * i as f64 }));
+        omegas
+            .extend((0..count).map(|i| if i + 1 == count { high } else { low + step * i as f64 }));
     }
     Ok(Omegas(omegas))
 }
@@ -162,13 +163,18 @@ fn parse_omegas(text: &str) -> Result<Omegas, String> {
 fn parse_model(text: &str) -> Result<Model, String> {
     let names = || Model::ALL.into_iter().map(Model::name);
     Model::ALL.into_iter().find(|model| model.name() == text).ok_or_else(|| {
-        let hint = nearest(text, names()).map_or(String::new(), |name| format!("; did you mean `{name}`?"));
+        let hint = nearest(text, names())
+            .map_or(String::new(), |name| format!("; did you mean `{name}`?"));
         format!("needed one of {}{hint}", names().collect::<Vec<_>>().join(", "))
     })
 }
 
 /// The configuration with `key=value` settings in the campaign's robot.
-fn with_settings(mut config: Config, campaign: &str, settings: &[String]) -> Result<Config, Failure> {
+fn with_settings(
+    mut config: Config,
+    campaign: &str,
+    settings: &[String],
+) -> Result<Config, Failure> {
     let Some(found) = config.campaign.get(campaign) else {
         let names: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
         let hint = nearest(campaign, names.iter().copied())
