@@ -86,6 +86,18 @@ pub struct Fit {
     pub damping_bounds_nm_s_rad: [f64; 2],
     /// Starting points, spread over the bounds.
     pub starts: usize,
+    /// Which measured skid ratios the models are compared with.
+    pub sigma: SigmaKind,
+}
+
+/// Measured skid ratios.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SigmaKind {
+    /// Eq. 20 as it stands; the markers' noise counts as skid.
+    Raw,
+    /// Without the noise power, that is without what differs from cycle to cycle.
+    Debiased,
 }
 
 /// A robot (Tables I and II). Arrays are links 0, 1, 2.

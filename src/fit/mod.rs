@@ -69,7 +69,7 @@ pub fn fit(config: &Config, trials: &[TrialRow], on_fit: &(dyn Fn(&FitRow) + Syn
             let measurements: Vec<Measurement> = trials
                 .iter()
                 .filter(|trial| trial.campaign == *name)
-                .filter_map(Measurement::new)
+                .filter_map(|trial| Measurement::new(trial, config.fit.sigma))
                 .collect();
             campaign.models.iter().map(move |&model| Job {
                 name: name.clone(),

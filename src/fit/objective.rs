@@ -1,6 +1,6 @@
 //! How far a model is from the measurements (eq. 21 and 22).
 
-use crate::config::{Fit, Weights};
+use crate::config::{Fit, SigmaKind, Weights};
 use crate::metrics::GaitMetrics;
 use crate::motion::{Accuracy, Model, MotionError, Problem, SteadyMotion};
 use crate::robot::{Gait, JointCommand, Robot};
@@ -23,8 +23,23 @@ pub struct Measurement {
 
 impl Measurement {
     /// The measurement of a trial; `None` if the trial has no metrics.
-    pub fn new(trial: &TrialRow) -> Option<Self> {
-        let metrics = trial.metrics();
+    pub fn new(trial: &TrialRow, sigma: SigmaKind) -> Option<Self> {
+        let mut metrics = trial.metrics();
+        let mut sigma_se = [trial.sigma0_se, trial.sigma1_se, trial.sigma2_se];
+        if sigma == SigmaKind::Debiased {
+            let debiased = [
+                (trial.sigma0_debiased, trial.sigma0_debiased_se),
+                (trial.sigma1_debiased, trial.sigma1_debiased_se),
+                (trial.sigma2_debiased, trial.sigma2_debiased_se),
+            ];
+            for (wheel, (sigma, se)) in debiased.into_iter().enumerate() {
+                // Where nothing is left above the noise, eq. 20 has to do.
+                if sigma > 0.0 {
+                    metrics.sigma[wheel] = sigma;
+                    sigma_se[wheel] = se;
+                }
+            }
+        }
         let usable = trial.omega_rad_s > 0.0
             && metrics.to_array().iter().all(|value| value.is_finite())
             && metrics.to_array()[..6].iter().all(|value| *value > 0.0);
@@ -39,7 +54,7 @@ impl Measurement {
             errors: GaitMetrics {
                 d_m: trial.d_m_se,
                 v_m_s: trial.v_m_s_se,
-                sigma: [trial.sigma0_se, trial.sigma1_se, trial.sigma2_se],
+                sigma: sigma_se,
                 alpha1_rad: trial.alpha1_rad_se,
                 dtheta_rad: trial.dtheta_rad_se,
             },
