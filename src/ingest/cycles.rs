@@ -27,7 +27,7 @@ pub(super) struct Cycle {
     pub end: f64,
     /// All missing if the cycle touches a gap.
     pub metrics: GaitMetrics,
-    /// Skid velocities at equal steps of the phase, m/s.
+    /// Skid velocities at equal steps of the phase, hardly attenuated but noisy, m/s.
     pub skid_m_s: [Vec<f64>; 3],
     /// Whether the commanded joints did what they did in the other cycles.
     pub is_gait: bool,
@@ -48,6 +48,8 @@ pub(super) struct CycleData<'a> {
     pub phi_rad: &'a [Vec<f64>; 2],
     pub smooth: &'a Coordinates,
     pub wheels: &'a WheelVelocities,
+    /// Less attenuated and more noisy.
+    pub sharp_wheels: &'a WheelVelocities,
 }
 
 impl CycleData<'_> {
@@ -75,7 +77,7 @@ impl CycleData<'_> {
             (0..PHASES)
                 .map(|i| {
                     let frame = start + (end - start) * i as f64 / PHASES as f64;
-                    interpolate(&self.wheels.skid_m_s[wheel], frame)
+                    interpolate(&self.sharp_wheels.skid_m_s[wheel], frame)
                 })
                 .collect()
         });

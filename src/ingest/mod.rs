@@ -216,8 +216,16 @@ fn process(
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
         let phi_rad = &tracked.seen.phi_rad;
-        let data =
-            CycleData { robot: &robot, gait, driven, phi_rad, smooth: &smooth, wheels: &wheels };
+        let sharp = tracked.filled.map(|series| smooth::twice_smoothed(series, window));
+        let data = CycleData {
+            robot: &robot,
+            gait,
+            driven,
+            phi_rad,
+            smooth: &smooth,
+            wheels: &wheels,
+            sharp_wheels: &velocity::wheel_velocities(&robot, &sharp, rate_hz),
+        };
         let cycles = data.cycles();
         let steady = steady::steady(&cycles, config.ingest.skip_cycles);
         if steady.used.len() < LEAST_USED_CYCLES {

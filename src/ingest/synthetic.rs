@@ -22,6 +22,9 @@ pub struct Motion {
     pub dtheta_rad: f64,
     /// Part by which the speed is too high at the start, decaying over one cycle.
     pub transient: f64,
+    /// If given, the robot hardly skids: RMS skid velocities of its wheels over `l omega`.
+    /// Only for gaits that keep away from the singular straight shape.
+    pub sigma: Option<[f64; 3]>,
 }
 
 /// How the cameras see it.
@@ -49,6 +52,7 @@ impl Motion {
             joints: [[offset_rad + 0.02, 0.51, 0.01], [-offset_rad, 0.54, -TAU / 4.0 - 0.01]],
             dtheta_rad: 0.05,
             transient: 0.0,
+            sigma: None,
         }
     }
 
@@ -62,6 +66,9 @@ impl Motion {
     /// u, v (m/s) and the rate of turn (rad/s) of link 0.
     fn body(&self, phase: f64) -> [f64; 3] {
         let omega = self.omega_rad_s;
+        if let Some(sigma) = self.sigma {
+            return self.body_with_skid(phase, sigma);
+        }
         let cycles = (phase - self.first_phase_rad) / TAU;
         let start = 1.0 + self.transient * (-cycles).exp();
         [
@@ -69,6 +76,25 @@ impl Motion {
             0.006 * omega * (phase + 0.4).sin(),
             omega * (self.dtheta_rad / TAU + 0.12 * (phase + 1.0).sin()),
         ]
+    }
+
+    /// The velocities of link 0 with which the wheels skid as wanted: harmonics 1, 2, 1.
+    fn body_with_skid(&self, phase: f64, sigma: [f64; 3]) -> [f64; 3] {
+        let Robot { h_m: h, l_m: l, .. } = Robot::kinematic();
+        let peak = sigma.map(|sigma| 2_f64.sqrt() * sigma * l * self.omega_rad_s);
+        let v = peak[0] * (phase + 0.4).sin();
+        let skid1 = peak[1] * (2.0 * phase + 1.1).sin();
+        let skid2 = peak[2] * (phase - 0.7).sin();
+        let [[phi1, rate1], [phi2, rate2]] = self.phi(phase);
+        let (s1, c1, s2, c2) = (phi1.sin(), phi1.cos(), phi2.sin(), phi2.cos());
+        // s1 u + arm1 r = right1 and -s2 u - arm2 r = right2.
+        let (arm1, arm2) = (l + h * c1, l + h * c2);
+        let right1 = skid1 - c1 * v + l * rate1;
+        let right2 = skid2 - c2 * v + l * rate2;
+        let determinant = s2 * arm1 - s1 * arm2;
+        let u = (-arm2 * right1 - arm1 * right2) / determinant;
+        let r = (s1 * right2 + s2 * right1) / determinant;
+        [u, v, r]
     }
 
     /// x, y, theta of link 0 after each of `steps` equal steps of phase, from the origin.

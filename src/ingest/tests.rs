@@ -2,6 +2,8 @@
 
 use std::fs;
 
+use proptest::prelude::*;
+
 use super::synthetic::{Motion, Recording, header};
 use super::*;
 
@@ -79,6 +81,34 @@ fn standard_errors_of_d_are_of_the_right_size() {
         assert!(row.d_m_se < 1e-3 * row.d_m);
     }
     assert!(within >= 17, "{within}");
+}
+
+#[test]
+fn a_skid_below_the_noise_is_recovered_with_an_honest_error() {
+    const SEEDS: u64 = 12;
+    let mut motion = Motion::new(3.9, std::f64::consts::FRAC_PI_4);
+    motion.sigma = Some([0.01, 0.02, 0.03]);
+    let truth = motion.truth(&Robot::kinematic());
+    let trial = gait_trial("a", "kinematic-skewed", 3.9);
+    let mut recording = Recording::new(motion);
+    let (mut within, mut mean, mut mean_raw) = (0, [0.0; 3], [0.0; 3]);
+    for seed in 0..SEEDS {
+        recording.seed = seed;
+        let row = process_text(&recording.export(), &trial).unwrap().row;
+        let found = [
+            (row.sigma0, row.sigma0_debiased, row.sigma0_debiased_se),
+            (row.sigma1, row.sigma1_debiased, row.sigma1_debiased_se),
+            (row.sigma2, row.sigma2_debiased, row.sigma2_debiased_se),
+        ];
+        for (wheel, (raw, debiased, se)) in found.into_iter().enumerate() {
+            within += usize::from((debiased - truth.sigma[wheel]).abs() < 2.0 * se);
+            mean[wheel] += debiased / truth.sigma[wheel] / SEEDS as f64;
+            mean_raw[wheel] += raw / truth.sigma[wheel] / SEEDS as f64;
+        }
+    }
+    assert!(mean.iter().all(|mean| (mean - 1.0).abs() < 0.01), "{mean:?}");
+    assert!(mean_raw[1] > 1.05, "the noise would not matter: {mean_raw:?}");
+    assert!(within as u64 >= SEEDS * 3 * 9 / 10, "{within}");
 }
 
 #[test]
@@ -402,4 +432,28 @@ fn a_folder_without_a_list_is_an_error() {
     let ingested = ingest_folder(&Config::default(), folder.path(), folder.path(), &|_| ());
     assert!(ingested.unwrap_err().to_string().contains("trials.toml: cannot be read"));
     assert!(files(folder.path()).is_empty());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever damage does to a file, the trial has metrics or a reason.
+    #[test]
+    fn damaged_files_never_panic(
+        damage in prop::collection::vec((0.0_f64..1.0, 0_usize..7), 1..12),
+        cut in 0.05_f64..1.0,
+    ) {
+        let (mut recording, trial) = symmetric(6.0);
+        recording.cycles = 5.0;
+        let mut text = recording.export();
+        text.truncate((cut * text.len() as f64) as usize);
+        for (at, kind) in damage {
+            let at = (at * text.len() as f64) as usize;
+            text.insert_str(at, ["", ",", "\n", "-", "1e9", "9", "."][kind]);
+        }
+        match process_text(&text, &trial) {
+            Ok(processed) => prop_assert!(processed.row.d_m.is_finite()),
+            Err(failure) => prop_assert!(failure.to_string().len() > 20),
+        }
+    }
 }
