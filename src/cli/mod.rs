@@ -2,6 +2,7 @@
 //! messages to standard error.
 
 mod check;
+mod omegas;
 mod pipeline;
 mod progress;
 mod simulate;

@@ -26,7 +26,8 @@ impl Demo {
         if !raw.join(TRIALS_FILE).exists() {
             let total = context.config.campaign.len() * OMEGAS_RAD_S.len();
             let stage = context.progress.stage("synth", total);
-            synthesise(&context.config, raw, DEMO_SEED, &|trial| stage.step(trial))?;
+            let on_trial = |trial: &str| stage.step(trial);
+            synthesise(&context.config, raw, DEMO_SEED, &OMEGAS_RAD_S, &on_trial)?;
         }
         context.run_all()
     }

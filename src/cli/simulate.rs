@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use super::omegas::{Omegas, parse_omegas};
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, RobotConfig, nearest};
 use crate::motion::{Accuracy, Model, Problem};
@@ -125,39 +126,6 @@ fn print_table(answers: &[Answer]) {
             answer.status,
         );
     }
-}
-
-/// Several frequencies of one `--omega`.
-#[derive(Clone)]
-struct Omegas(Vec<f64>);
-
-fn parse_omegas(text: &str) -> Result<Omegas, String> {
-    let number = |text: &str| -> Result<f64, String> {
-        let number: f64 =
-            text.trim().parse().map_err(|_| format!("found `{text}`, needed a number"))?;
-        if number > 0.0 && number.is_finite() {
-            return Ok(number);
-        }
-        Err(format!("found {number}, needed a frequency above 0"))
-    };
-    let mut omegas = Vec::new();
-    for part in text.split(',') {
-        let Some((low, rest)) = part.split_once("..") else {
-            omegas.push(number(part)?);
-            continue;
-        };
-        let needed = || format!("found `{part}`, needed LOW..HIGH/COUNT, such as 0.5..6/12");
-        let (high, count) = rest.split_once('/').ok_or_else(needed)?;
-        let (low, high) = (number(low)?, number(high)?);
-        let count: usize = count.trim().parse().map_err(|_| needed())?;
-        if !(2..=100_000).contains(&count) {
-            return Err(format!("found {count} frequencies, needed 2 to 100000"));
-        }
-        let step = (high - low) / (count - 1) as f64;
-        omegas
-            .extend((0..count).map(|i| if i + 1 == count { high } else { low + step * i as f64 }));
-    }
-    Ok(Omegas(omegas))
 }
 
 fn parse_model(text: &str) -> Result<Model, String> {

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::omegas::{Omegas, parse_omegas};
 use super::{Context, Failure, Outcome};
 use crate::synth::{OMEGAS_RAD_S, synthesise};
 
@@ -12,14 +13,22 @@ pub(super) struct Synth {
     /// Seed of everything random; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Frequencies of every campaign, rad/s, such as `1,3.9` or `0.5..6/12` [default: 0.5 to 6
+    /// in steps of 0.5, and 3.9].
+    #[arg(long, num_args = 1.., value_parser = parse_omegas)]
+    omega: Vec<Omegas>,
 }
 
 impl Synth {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let total = context.config.campaign.len() * OMEGAS_RAD_S.len();
+        let mut omegas: Vec<f64> = self.omega.into_iter().flat_map(|omegas| omegas.0).collect();
+        if omegas.is_empty() {
+            omegas = OMEGAS_RAD_S.into();
+        }
+        let total = context.config.campaign.len() * omegas.len();
         let stage = context.progress.stage("synth", total);
         let on_trial = |trial: &str| stage.step(trial);
-        let trials = synthesise(&context.config, &self.folder, self.seed, &on_trial)?;
+        let trials = synthesise(&context.config, &self.folder, self.seed, &omegas, &on_trial)?;
         drop(stage);
         println!("{} synthetic trials in {}", trials.len(), self.folder.display());
         Ok(Outcome::Well)

@@ -45,7 +45,12 @@ impl Default for Ingest {
 
 impl Default for Fit {
     fn default() -> Self {
-        Self { skid_bounds_kg_s: [1.0, 1000.0], damping_bounds_nm_s_rad: [1e-4, 1.0], starts: 8, sigma: SigmaKind::Debiased }
+        Self {
+            skid_bounds_kg_s: [1.0, 1000.0],
+            damping_bounds_nm_s_rad: [1e-4, 1.0],
+            starts: 8,
+            sigma: SigmaKind::Debiased,
+        }
     }
 }
 

@@ -21,7 +21,7 @@ use crate::trial::{TRIALS_FILE, Trial, TrialKind, TrialList};
 
 pub use truth::{CampaignTruth, TRUTH_FILE, TrialTruth, Truth};
 
-/// Frequencies of a campaign, rad/s: steps of 0.5 and the paper's 3.9.
+/// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.
 pub const OMEGAS_RAD_S: [f64; 13] =
     [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.0, 4.5, 5.0, 5.5, 6.0];
 
@@ -44,7 +44,7 @@ struct Plan {
     seed: ChaCha8Rng,
 }
 
-/// Writes a trial folder: every campaign of the configuration at [`OMEGAS_RAD_S`]. The same
+/// Writes a trial folder: every campaign of the configuration at every frequency. The same
 /// seed gives the same bytes.
 ///
 /// # Errors
@@ -54,13 +54,14 @@ pub fn synthesise(
     config: &Config,
     folder: &Path,
     seed: u64,
+    omegas_rad_s: &[f64],
     on_trial: &(dyn Fn(&str) + Sync),
 ) -> Result<Vec<Trial>, SynthError> {
     let has = |name: &str| folder.join(name).exists();
     if has(TRIALS_FILE) && !has(TRUTH_FILE) {
         return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
     }
-    let (plans, campaigns) = plan(config, seed);
+    let (plans, campaigns) = plan(config, seed, omegas_rad_s);
     let rate_hz = config.vicon.rate_hz;
     let trials: Vec<TrialTruth> = plans
         .par_iter()
@@ -92,19 +93,23 @@ pub fn synthesise(
 }
 
 /// Draws what is planted and lists the trials.
-fn plan(config: &Config, seed: u64) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
+fn plan(
+    config: &Config,
+    seed: u64,
+    omegas_rad_s: &[f64],
+) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
     let (mut plans, mut campaigns) = (Vec::new(), Vec::new());
     for (number, name) in config.campaign.keys().enumerate() {
         let Some((robot, gait)) = config.campaign_setup(name) else { continue };
         // One stream of random numbers for the campaign and one for each of its trials.
         let stream = |trial: usize| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
-            random.set_stream((number * (OMEGAS_RAD_S.len() + 1) + trial) as u64);
+            random.set_stream((number * (omegas_rad_s.len() + 1) + trial) as u64);
             random
         };
         let (robot, gait) = motion::planted(name, robot, gait, &mut stream(0));
         campaigns.push((name.clone(), CampaignTruth::new(&robot, &gait)));
-        for (i, omega_rad_s) in OMEGAS_RAD_S.into_iter().enumerate() {
+        for (i, omega_rad_s) in omegas_rad_s.iter().copied().enumerate() {
             let id = format!("{name}-{omega_rad_s:.2}-r1");
             plans.push(Plan {
                 trial: Trial {

@@ -1,0 +1,59 @@
+//! Frequencies on the command line.
+
+/// Several frequencies of one `--omega`.
+#[derive(Clone)]
+pub(super) struct Omegas(pub Vec<f64>);
+
+/// Parses `3.9,4` and `0.5..6/12`, twelve from 0.5 to 6.
+pub(super) fn parse_omegas(text: &str) -> Result<Omegas, String> {
+    let number = |text: &str| -> Result<f64, String> {
+        let number: f64 =
+            text.trim().parse().map_err(|_| format!("found `{text}`, needed a number"))?;
+        if number > 0.0 && number.is_finite() {
+            return Ok(number);
+        }
+        Err(format!("found {number}, needed a frequency above 0"))
+    };
+    let mut omegas = Vec::new();
+    for part in text.split(',') {
+        let Some((low, rest)) = part.split_once("..") else {
+            omegas.push(number(part)?);
+            continue;
+        };
+        let needed = || format!("found `{part}`, needed LOW..HIGH/COUNT, such as 0.5..6/12");
+        let (high, count) = rest.split_once('/').ok_or_else(needed)?;
+        let (low, high) = (number(low)?, number(high)?);
+        let count: usize = count.trim().parse().map_err(|_| needed())?;
+        if !(2..=100_000).contains(&count) {
+            return Err(format!("found {count} frequencies, needed 2 to 100000"));
+        }
+        let step = (high - low) / (count - 1) as f64;
+        omegas
+            .extend((0..count).map(|i| if i + 1 == count { high } else { low + step * i as f64 }));
+    }
+    Ok(Omegas(omegas))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::parse_omegas;
+
+    #[test]
+    fn lists_and_ranges_are_frequencies() {
+        assert_eq!(parse_omegas("3.9,4").unwrap().0, [3.9, 4.0]);
+        assert_eq!(parse_omegas("1..2/3,6").unwrap().0, [1.0, 1.5, 2.0, 6.0]);
+    }
+
+    #[test]
+    fn what_is_no_frequency_is_named() {
+        for (text, named) in [
+            ("x", "found `x`, needed a number"),
+            ("-1", "found -1, needed a frequency above 0"),
+            ("1..2", "found `1..2`, needed LOW..HIGH/COUNT"),
+            ("1..2/1", "found 1 frequencies, needed 2 to 100000"),
+        ] {
+            let message = parse_omegas(text).err().unwrap();
+            assert!(message.contains(named), "{message}");
+        }
+    }
+}
