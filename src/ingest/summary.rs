@@ -11,51 +11,18 @@ use super::means::{Estimate, common_skid, mean};
 use super::steady::Steady;
 use crate::config::Vicon;
 use crate::robot::{Gait, Robot};
-use crate::store::{CycleRow, TrialRow};
+use crate::store::{CycleRow, Rows as _, TrialRow};
 use crate::trial::Trial;
 
 /// A row in which nothing is known but what the list of trials says.
 pub(super) fn blank_row(trial: &Trial) -> TrialRow {
-    const NAN: f64 = f64::NAN;
     TrialRow {
         trial: trial.id.clone(),
         campaign: trial.campaign.clone().unwrap_or_default(),
         kind: trial.kind.name().to_owned(),
-        omega_commanded_rad_s: trial.omega_rad_s.unwrap_or(NAN),
-        omega_rad_s: NAN,
-        omega_rad_s_se: NAN,
-        cycles: 0,
-        d_m: NAN,
-        d_m_se: NAN,
-        v_m_s: NAN,
-        v_m_s_se: NAN,
-        sigma0: NAN,
-        sigma0_se: NAN,
-        sigma1: NAN,
-        sigma1_se: NAN,
-        sigma2: NAN,
-        sigma2_se: NAN,
-        sigma0_debiased: NAN,
-        sigma0_debiased_se: NAN,
-        sigma1_debiased: NAN,
-        sigma1_debiased_se: NAN,
-        sigma2_debiased: NAN,
-        sigma2_debiased_se: NAN,
-        alpha1_rad: NAN,
-        alpha1_rad_se: NAN,
-        dtheta_rad: NAN,
-        dtheta_rad_se: NAN,
-        phi1_offset_rad: NAN,
-        phi1_amplitude_rad: NAN,
-        phi1_phase_rad: NAN,
-        phi2_offset_rad: NAN,
-        phi2_amplitude_rad: NAN,
-        phi2_phase_rad: NAN,
-        coverage: NAN,
-        residual_mm: NAN,
-        smoothing_window: 0,
+        omega_commanded_rad_s: trial.omega_rad_s.unwrap_or(f64::NAN),
         status: "failed".to_owned(),
-        message: String::new(),
+        ..TrialRow::blank()
     }
 }
 

@@ -4,6 +4,8 @@ use super::{Column, StoreError, Table};
 
 /// A struct whose fields are the columns of a table.
 pub trait Rows: Sized {
+    /// A row that says nothing: numbers missing, counts 0, texts empty.
+    fn blank() -> Self;
     /// The table of these rows, in order.
     fn to_table(rows: &[Self]) -> Table;
     /// The rows of a table.
@@ -15,13 +17,15 @@ pub trait Rows: Sized {
 
 /// A type that a field of a row can have.
 pub(super) trait Cell: Clone {
+    const BLANK: Self;
     fn gather(values: Vec<Self>) -> Column;
     fn values<'t>(table: &'t Table, column: &str) -> Result<&'t [Self], StoreError>;
 }
 
 macro_rules! cell {
-    ($type:ty, $variant:ident, $getter:ident) => {
+    ($type:ty, $variant:ident, $getter:ident, $blank:expr) => {
         impl Cell for $type {
+            const BLANK: Self = $blank;
             fn gather(values: Vec<Self>) -> Column {
                 Column::$variant(values)
             }
@@ -32,11 +36,11 @@ macro_rules! cell {
     };
 }
 
-cell!(f64, F64, f64);
-cell!(i64, I64, i64);
-cell!(bool, Bool, bool);
-cell!(String, Str, str);
-cell!(Vec<String>, StrList, str_list);
+cell!(f64, F64, f64, f64::NAN);
+cell!(i64, I64, i64, 0);
+cell!(bool, Bool, bool, false);
+cell!(String, Str, str, String::new());
+cell!(Vec<String>, StrList, str_list, Vec::new());
 
 /// Defines a row struct and its [`Rows`]; the fields' names are the columns' names.
 macro_rules! rows {
@@ -48,6 +52,10 @@ macro_rules! rows {
         pub struct $name { $($(#[$field_meta])* pub $field: $type,)* }
 
         impl $crate::store::Rows for $name {
+            fn blank() -> Self {
+                Self { $($field: <$type as $crate::store::rows::Cell>::BLANK,)* }
+            }
+
             fn to_table(rows: &[Self]) -> $crate::store::Table {
                 $crate::store::Table::new([$((
                     stringify!($field),

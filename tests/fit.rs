@@ -1,0 +1,123 @@
+//! Fits against the best known objective of data made by an independent program.
+
+use trilink::config::{Campaign, Config, SigmaKind};
+use trilink::fit::{Objective, Parameter, fit};
+use trilink::motion::Model;
+use trilink::store::{Rows as _, TrialRow};
+
+/// The reference's campaign: metrics at twelve frequencies with 3 % noise.
+struct Reference {
+    campaign: &'static str,
+    data: &'static str,
+    best_j: f64,
+    best_skid_kg_s: [f64; 3],
+}
+
+const REFERENCES: [Reference; 3] = [
+    Reference {
+        campaign: "kinematic-symmetric",
+        data: include_str!("fixtures/reference/fit/kinematic-symmetric.csv"),
+        best_j: 0.26140684,
+        best_skid_kg_s: [100.688, 33.889, 43.584],
+    },
+    Reference {
+        campaign: "kinematic-skewed",
+        data: include_str!("fixtures/reference/fit/kinematic-skewed.csv"),
+        best_j: 0.30575846,
+        best_skid_kg_s: [73.172, 90.566, 94.340],
+    },
+    Reference {
+        campaign: "semi-passive-symmetric",
+        data: include_str!("fixtures/reference/fit/semi-passive-symmetric.csv"),
+        best_j: 1.54518436,
+        best_skid_kg_s: [424.980, 196.798, 70.610],
+    },
+];
+
+fn trials(reference: &Reference) -> Vec<TrialRow> {
+    reference
+        .data
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let fields: Vec<f64> =
+                line.split(',').map(|field| field.parse().unwrap_or(f64::NAN)).collect();
+            let alpha1_rad = if fields[6].is_nan() { 30.0 } else { fields[6] }.to_radians();
+            TrialRow {
+                campaign: reference.campaign.to_owned(),
+                omega_rad_s: fields[0],
+                d_m: fields[1],
+                v_m_s: fields[2],
+                sigma0: fields[3],
+                sigma1: fields[4],
+                sigma2: fields[5],
+                alpha1_rad,
+                dtheta_rad: 0.0,
+                ..TrialRow::blank()
+            }
+        })
+        .collect()
+}
+
+/// The paper's configuration with this one campaign and the reference's passive joint.
+fn config(reference: &Reference) -> Config {
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == reference.campaign);
+    config.campaign.values_mut().for_each(|campaign: &mut Campaign| {
+        campaign.models = vec![Model::SkidRoll];
+    });
+    let robot = config.robot.get_mut("semi-passive").unwrap();
+    (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (Some(0.137), Some(0.006));
+    config.fit.starts = 2;
+    config
+}
+
+#[test]
+fn the_reference_s_best_coefficients_have_its_objective() {
+    for reference in &REFERENCES {
+        let config = config(reference);
+        let campaign = &config.campaign[reference.campaign];
+        let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
+        let rows = trials(reference);
+        let measurements = rows
+            .iter()
+            .filter_map(|row| trilink::fit::Measurement::new(row, SigmaKind::Raw))
+            .collect();
+        let objective =
+            Objective::new(Model::SkidRoll, robot, gait, campaign.weights, measurements);
+        let parameters = Parameter::free_in(Model::SkidRoll, &gait, &config.fit);
+        let j = objective.evaluator(parameters).cost(&reference.best_skid_kg_s);
+        // The coefficients are known to six digits, and the objective has a kink there.
+        let difference = (j - reference.best_j).abs() / reference.best_j;
+        assert!(difference < 2e-5, "{}: {j}", reference.campaign);
+    }
+}
+
+#[test]
+fn the_search_ends_at_the_reference_s_best_objective() {
+    for reference in &REFERENCES {
+        let mut config = config(reference);
+        config.fit.sigma = SigmaKind::Raw;
+        let fitted = fit(&config, &trials(reference), &|_| {});
+        let found = &fitted.fits[0];
+        assert_eq!(found.status, "ok");
+        assert!(
+            (found.j - reference.best_j).abs() < 1e-4 * reference.best_j,
+            "{}: {} at {} {} {}",
+            reference.campaign,
+            found.j,
+            found.skid0_kg_s,
+            found.skid1_kg_s,
+            found.skid2_kg_s,
+        );
+    }
+}
+
+#[test]
+fn a_campaign_without_trials_is_a_row_that_says_so() {
+    let config = config(&REFERENCES[0]);
+    let fitted = fit(&config, &[], &|_| {});
+    assert_eq!(fitted.fits.len(), 1);
+    assert_eq!(fitted.fits[0].status, "failed: no trial with metrics");
+    assert!(fitted.predictions.is_empty());
+}
