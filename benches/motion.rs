@@ -1,7 +1,9 @@
 //! Steady motions: cold, and warm from the neighbouring frequency.
 
+use std::hint::black_box;
+
 use criterion::{Criterion, criterion_group, criterion_main};
-use trilink::motion::{Accuracy, Model, Problem, SteadyMotion};
+use trilink::motion::{FIT_ACCURACY, Model, Problem, Solver};
 use trilink::robot::{Gait, Robot};
 
 /// The paper's frequencies, rad/s.
@@ -31,33 +33,44 @@ fn campaigns(model: Model) -> [(&'static str, Vec<Problem>); 3] {
     ]
 }
 
-fn solve_all(problems: &[Problem], guesses: Option<&[SteadyMotion]>) -> Vec<SteadyMotion> {
-    problems
-        .iter()
-        .enumerate()
-        .map(|(i, problem)| {
-            let guess = guesses.map(|guesses| &guesses[i]);
-            problem.solve(guess, Accuracy::Fit).expect("the paper's motions exist")
-        })
-        .collect()
-}
-
-/// Times are of whole sweeps of 12 frequencies, 36 for all campaigns.
+/// Times are of whole sweeps of 12 frequencies.
 fn steady_motions(criterion: &mut Criterion) {
-    let campaigns = campaigns(Model::SkidRoll);
-    for (name, problems) in &campaigns {
-        criterion.bench_function(&format!("12 cold, {name}"), |bencher| {
-            bencher.iter(|| solve_all(problems, None));
+    let skid_roll = campaigns(Model::SkidRoll);
+    let no_skid_roll = campaigns(Model::NoSkidRoll);
+    let sweeps = skid_roll.iter().map(|sweep| ("skid-roll", sweep));
+    for (model, (campaign, problems)) in sweeps.chain([("no-skid-roll", &no_skid_roll[2])]) {
+        criterion.bench_function(&format!("12 cold, {campaign}, {model}"), |bencher| {
+            let mut solver = Solver::default();
+            bencher.iter(|| {
+                for problem in problems {
+                    solver.forget();
+                    black_box(solver.solve(problem, FIT_ACCURACY).expect("the motion exists"));
+                }
+            });
+        });
+        criterion.bench_function(&format!("12 warm, {campaign}, {model}"), |bencher| {
+            // Each frequency from its neighbour, up and down again.
+            let mut solver = Solver::default();
+            let mut up = true;
+            bencher.iter(|| {
+                for i in 0..problems.len() {
+                    let i = if up { i } else { problems.len() - 1 - i };
+                    black_box(solver.solve(&problems[i], FIT_ACCURACY).expect("it exists"));
+                }
+                up = !up;
+            });
+        });
+        criterion.bench_function(&format!("12 with derivatives, {campaign}, {model}"), |bencher| {
+            let mut solver = Solver::default();
+            bencher.iter(|| {
+                for problem in problems {
+                    solver.forget();
+                    solver.solve(problem, FIT_ACCURACY).expect("the motion exists");
+                    black_box(solver.derivatives().expect("and has derivatives"));
+                }
+            });
         });
     }
-    // The neighbour of a frequency is the one before it.
-    let all: Vec<Problem> = campaigns.iter().flat_map(|(_, problems)| problems.clone()).collect();
-    let solved = solve_all(&all, None);
-    let neighbours: Vec<SteadyMotion> =
-        (0..all.len()).map(|i| solved[if i % 12 == 0 { i + 1 } else { i - 1 }].clone()).collect();
-    criterion.bench_function("36 warm, all campaigns", |bencher| {
-        bencher.iter(|| solve_all(&all, Some(&neighbours)));
-    });
 }
 
 criterion_group!(benches, steady_motions);

@@ -28,6 +28,10 @@ impl GaitMetrics {
         dtheta_rad: f64::NAN,
     };
 
+    /// Every metric zero.
+    pub const NONE: Self =
+        Self { d_m: 0.0, v_m_s: 0.0, sigma: [0.0; 3], alpha1_rad: 0.0, dtheta_rad: 0.0 };
+
     /// The metrics as `[d, v, sigma0, sigma1, sigma2, alpha1, dtheta]`.
     pub fn to_array(self) -> [f64; 7] {
         let [sigma0, sigma1, sigma2] = self.sigma;

@@ -1,7 +1,7 @@
 //! Steady motions against numbers from an independent derivation.
 
 use trilink::metrics::GaitMetrics;
-use trilink::motion::{Accuracy, Model, Problem};
+use trilink::motion::{FIT_ACCURACY, Model, Parameter, Problem, REFERENCE_ACCURACY, Solver};
 use trilink::robot::{Gait, Robot};
 
 /// A row of `periodic.csv`.
@@ -66,7 +66,7 @@ fn row(line: &str) -> Row {
 #[test]
 fn every_reference_motion_is_met_to_1e_8() {
     for row in rows() {
-        let motion = row.problem.solve(None, Accuracy::Reference).unwrap();
+        let motion = row.problem.solve(REFERENCE_ACCURACY).unwrap();
         let (found, known) = (motion.metrics.to_array(), row.metrics.to_array());
         for (found, known) in found.iter().zip(&known).take(6) {
             assert!((found - known).abs() <= 1e-8 * known.abs(), "{}: {found} {known}", row.name);
@@ -79,7 +79,7 @@ fn every_reference_motion_is_met_to_1e_8() {
 #[test]
 fn a_fit_s_accuracy_is_1e_6() {
     for row in rows() {
-        let motion = row.problem.solve(None, Accuracy::Fit).unwrap();
+        let motion = row.problem.solve(FIT_ACCURACY).unwrap();
         let (found, known) = (motion.metrics.to_array(), row.metrics.to_array());
         for (found, known) in found.iter().zip(&known).take(6) {
             assert!((found - known).abs() <= 1e-6 * known.abs(), "{}: {found} {known}", row.name);
@@ -90,13 +90,15 @@ fn a_fit_s_accuracy_is_1e_6() {
 #[test]
 fn a_neighbour_leads_to_the_same_motion_in_fewer_steps() {
     for row in rows() {
-        let cold = row.problem.solve(None, Accuracy::Reference).unwrap();
+        let mut solver = Solver::default();
+        let cold = solver.solve(&row.problem, REFERENCE_ACCURACY).unwrap();
+        let cold_steps = solver.newton_steps();
         let near = Problem { omega_rad_s: 1.02 * row.problem.omega_rad_s, ..row.problem.clone() };
-        let neighbour = near.solve(None, Accuracy::Reference).unwrap();
-        let warm = row.problem.solve(Some(&neighbour), Accuracy::Reference).unwrap();
-        let d = (warm.metrics.d_m - cold.metrics.d_m).abs();
-        assert!(d < 1e-9 * cold.metrics.d_m, "{}: {d}", row.name);
-        assert!(warm.newton_steps() < cold.newton_steps(), "{}", row.name);
+        solver.solve(&near, REFERENCE_ACCURACY).unwrap();
+        let warm = solver.solve(&row.problem, REFERENCE_ACCURACY).unwrap();
+        let d = (warm.d_m - cold.d_m).abs();
+        assert!(d < 1e-9 * cold.d_m, "{}: {d}", row.name);
+        assert!(solver.newton_steps() < cold_steps, "{}", row.name);
     }
 }
 
@@ -106,7 +108,7 @@ fn the_kinematic_robot_that_cannot_skid_goes_the_same_way_at_every_frequency() {
         for omega_rad_s in [0.5, 1.0, 2.0, 3.9, 6.0] {
             let problem =
                 Problem { robot: Robot::kinematic(), gait, model: Model::NoSkid, omega_rad_s };
-            let found = problem.solve(None, Accuracy::Reference).unwrap().metrics;
+            let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
             // The known values have six digits.
             assert!((found.d_m - d_m).abs() < 0.5e-6 + 1e-6 * d_m, "{}", found.d_m);
             let speed = found.d_m * omega_rad_s / std::f64::consts::TAU;
@@ -121,14 +123,14 @@ fn a_gait_that_meets_a_singular_shape_off_the_limit_has_no_motion() {
     gait.joints[0].as_mut().unwrap().amplitude_rad *= 1.05;
     let problem =
         Problem { robot: Robot::kinematic(), gait, model: Model::NoSkid, omega_rad_s: 3.9 };
-    let error = problem.solve(None, Accuracy::Reference).unwrap_err();
+    let error = problem.solve(REFERENCE_ACCURACY).unwrap_err();
     assert_eq!(error.status(), "singular", "{error}");
 }
 
 #[test]
 fn from_rest_the_robot_settles_into_the_steady_motion() {
     for row in rows().into_iter().filter(|row| row.problem.model.skids()) {
-        let steady = row.problem.solve(None, Accuracy::Reference).unwrap().metrics;
+        let steady = row.problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let period_s = std::f64::consts::TAU / row.problem.omega_rad_s;
         let path = row.problem.follow(30.0 * period_s, 1e-9).unwrap();
         let [from, to] = [29.0, 30.0].map(|cycles| path.at(cycles * period_s));
@@ -152,9 +154,65 @@ fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
     for model in [Model::SkidRoll, Model::Skid, Model::NoSkidRoll] {
         let [front, rear] = [&front, &rear].map(|problem| {
             let problem = Problem { model, ..problem.clone() };
-            problem.solve(None, Accuracy::Reference).unwrap().metrics
+            problem.solve(REFERENCE_ACCURACY).unwrap().metrics
         });
         assert!((front.d_m - rear.d_m).abs() < 1e-9 * front.d_m, "{model}: {front:?} {rear:?}");
         assert!((front.sigma[1] - rear.sigma[2]).abs() < 1e-9, "{model}");
+    }
+}
+
+#[test]
+fn derivatives_are_those_of_central_differences() {
+    let changed = |problem: &Problem, parameter: Parameter, step: f64| {
+        let mut problem = problem.clone();
+        match parameter {
+            Parameter::Skid(wheel) => problem.robot.skid_kg_s[wheel] += step,
+            Parameter::Roll(wheel) => problem.robot.roll_kg_s[wheel] += step,
+            Parameter::Stiffness => problem.robot.stiffness_nm_rad += step,
+            Parameter::Damping => problem.robot.damping_nm_s_rad += step,
+            Parameter::Amplitude(joint) => {
+                problem.gait.joints[joint].as_mut().unwrap().amplitude_rad += step;
+            }
+        }
+        problem.solve(1e-13).unwrap().metrics.to_array()
+    };
+    let mut problems: Vec<Problem> = rows().into_iter().map(|row| row.problem).collect();
+    problems.push(Problem { model: Model::Skid, ..problems[4].clone() });
+    problems.push(Problem { model: Model::NoSkid, ..problems[4].clone() });
+    for problem in problems {
+        let mut solver = Solver::default();
+        let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap().to_array();
+        let derivatives = solver.derivatives().unwrap();
+        for (parameter, derivative) in Parameter::ALL.into_iter().zip(derivatives) {
+            let value = match parameter {
+                Parameter::Skid(wheel) => problem.robot.skid_kg_s[wheel],
+                Parameter::Roll(wheel) => problem.robot.roll_kg_s[wheel],
+                Parameter::Stiffness => problem.robot.stiffness_nm_rad,
+                Parameter::Damping => problem.robot.damping_nm_s_rad,
+                Parameter::Amplitude(joint) => match problem.gait.joints[joint] {
+                    Some(joint) => joint.amplitude_rad,
+                    None => continue,
+                },
+            };
+            // Richardson's extrapolation of central differences.
+            let difference = |step: f64| -> [f64; 7] {
+                let (low, high) =
+                    (changed(&problem, parameter, -step), changed(&problem, parameter, step));
+                std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
+            };
+            let step = 2e-3 * if value == 0.0 { 0.1 } else { value };
+            let (coarse, fine) = (difference(step), difference(0.5 * step));
+            for (i, found) in derivative.to_array().into_iter().enumerate() {
+                let known = (4.0 * fine[i] - coarse[i]) / 3.0;
+                // Relative to the derivative, or to what a change by the whole value would do.
+                let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
+                assert!(
+                    (found - known).abs() <= 1e-6 * size,
+                    "{} {parameter:?} metric {i} at {}: {found} against {known}",
+                    problem.model,
+                    problem.omega_rad_s,
+                );
+            }
+        }
     }
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use super::omegas::{Omegas, parse_omegas};
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, RobotConfig, nearest};
-use crate::motion::{Accuracy, Model, Problem};
+use crate::motion::{Model, Problem, REFERENCE_ACCURACY};
 
 #[derive(clap::Args)]
 pub(super) struct Simulate {
@@ -74,7 +74,7 @@ impl Simulate {
 
 fn answer<'a>(problem: &Problem, parameters: &'a Map<String, Value>) -> Answer<'a> {
     let omega_rad_s = problem.omega_rad_s;
-    match problem.solve(None, Accuracy::Reference) {
+    match problem.solve(REFERENCE_ACCURACY) {
         Ok(motion) => Answer {
             omega_rad_s,
             d_m: Some(motion.metrics.d_m),

@@ -2,7 +2,7 @@
 
 use crate::config::{Fit, SigmaKind, Weights};
 use crate::metrics::GaitMetrics;
-use crate::motion::{Accuracy, Model, MotionError, Problem, SteadyMotion};
+use crate::motion::{FIT_ACCURACY, Model, MotionError, Problem, Solver};
 use crate::robot::{Gait, JointCommand, Robot};
 use crate::store::TrialRow;
 
@@ -227,7 +227,7 @@ impl Objective {
         Evaluator {
             objective: self,
             parameters,
-            motions: vec![None; self.measurements.len()],
+            solvers: vec![Solver::default(); self.measurements.len()],
             solves: 0,
         }
     }
@@ -237,7 +237,7 @@ impl Objective {
 pub struct Evaluator<'a> {
     pub objective: &'a Objective,
     pub parameters: Vec<Parameter>,
-    motions: Vec<Option<SteadyMotion>>,
+    solvers: Vec<Solver>,
     solves: usize,
 }
 
@@ -250,24 +250,22 @@ impl Evaluator<'_> {
     /// The objective; a trial without a motion counts with a penalty.
     pub fn cost(&mut self, values: &[f64]) -> f64 {
         let robot = self.objective.robot_with(&self.parameters, values);
-        let sum: f64 = (0..self.motions.len())
+        let count = self.solvers.len();
+        let sum: f64 = (0..count)
             .map(|i| {
                 let measurement = &self.objective.measurements[i];
-                match self.solve(i, &robot) {
-                    Ok(()) => self.motions[i].as_ref().map_or(PENALTY, |motion| {
-                        self.objective.contribution(measurement, &motion.metrics).min(PENALTY)
-                    }),
-                    Err(_) => PENALTY,
-                }
+                self.solve(i, &robot).map_or(PENALTY, |metrics| {
+                    self.objective.contribution(measurement, &metrics).min(PENALTY)
+                })
             })
             .sum();
-        sum / self.motions.len() as f64
+        sum / count as f64
     }
 
     /// `ok`, or which motion does not exist at `values` and why.
     pub fn status(&mut self, values: &[f64]) -> String {
         let robot = self.objective.robot_with(&self.parameters, values);
-        for i in 0..self.motions.len() {
+        for i in 0..self.solvers.len() {
             if let Err(error) = self.solve(i, &robot) {
                 let omega_rad_s = self.objective.measurements[i].omega_rad_s;
                 return format!("{}: at {omega_rad_s:.3} rad/s {error}", error.status());
@@ -276,10 +274,9 @@ impl Evaluator<'_> {
         "ok".to_owned()
     }
 
-    fn solve(&mut self, i: usize, robot: &Robot) -> Result<(), MotionError> {
+    fn solve(&mut self, i: usize, robot: &Robot) -> Result<GaitMetrics, MotionError> {
         self.solves += 1;
         let problem = self.objective.problem_of(robot, &self.objective.measurements[i]);
-        self.motions[i] = Some(problem.solve(self.motions[i].as_ref(), Accuracy::Fit)?);
-        Ok(())
+        self.solvers[i].solve(&problem, FIT_ACCURACY)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::objective::Objective;
 use crate::metrics::GaitMetrics;
-use crate::motion::{Accuracy, Model, MotionError, Problem, SteadyMotion};
+use crate::motion::{Model, MotionError, REFERENCE_ACCURACY, SteadyMotion};
 use crate::robot::Robot;
 use crate::store::PredictionRow;
 
@@ -40,7 +40,7 @@ pub(super) fn predictions(
     };
     let mut rows = Vec::new();
     for measurement in objective.measurements() {
-        let solved = objective.problem_of(robot, measurement).solve(None, Accuracy::Reference);
+        let solved = objective.problem_of(robot, measurement).solve(REFERENCE_ACCURACY);
         let j = solved
             .as_ref()
             .map_or(f64::NAN, |motion| objective.contribution(measurement, &motion.metrics));
@@ -50,13 +50,10 @@ pub(super) fn predictions(
         let omegas = objective.measurements().iter().map(|measurement| measurement.omega_rad_s);
         let low = omegas.clone().fold(f64::INFINITY, f64::min);
         let high = omegas.fold(0.0, f64::max);
-        let mut before: Option<SteadyMotion> = None;
         for i in 0..CURVE_POINTS {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
-            let problem: Problem = objective.problem(robot, omega_rad_s);
-            let solved = problem.solve(before.as_ref(), Accuracy::Reference);
+            let solved = objective.problem(robot, omega_rad_s).solve(REFERENCE_ACCURACY);
             rows.push(row(omega_rad_s, "curve", f64::NAN, &solved));
-            before = solved.ok().or(before);
         }
     }
     rows

@@ -1,60 +1,144 @@
-//! The metrics of one steady cycle (eq. 17 and 20).
+//! The metrics of one steady cycle (eq. 17 and 20) and their derivatives.
 
-use super::path::{Pose, advance};
-use super::periodic::Orbit;
+use super::element::Linearised;
+use super::extreme::Extremes;
+use super::path::{Pose, PoseRate, advance, advance_by};
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Driven, Moment, Reduced};
+use super::reduced::{Driven, Moment, Parameter, Reduced};
+use super::ring::Ring;
 use crate::metrics::GaitMetrics;
-use crate::robot::{Trig, dot, skid_rows};
+use crate::robot::{Trig, dot, skid_rows, skid_turns};
 
-/// Metrics of a periodic solution, by the elements' own quadrature.
-pub(super) fn metrics<const N: usize, R: Reduced<N>>(
+/// A steady cycle measured by the elements' own quadrature.
+pub(super) struct Cycle {
+    pub metrics: GaitMetrics,
+    /// Pose after the elements' span.
+    end: Pose,
+    /// Of joint 1, where it is passive.
+    extremes: Option<Extremes>,
+}
+
+/// Measures a periodic solution.
+pub(super) fn measure<const N: usize, R: Reduced<N>>(
     model: &R,
     driven: &Driven,
-    orbit: &Orbit<N>,
-) -> GaitMetrics {
-    let span_s = orbit.element_s * orbit.elements.len() as f64;
-    let period_s = if orbit.is_half { 2.0 * span_s } else { span_s };
+    ring: &Ring<N, R>,
+    room: &mut Linearised,
+) -> Cycle {
     let weights = RADAU.integrate[STAGES - 1];
-    let mut pose = Pose::default();
+    let mut end = Pose::default();
     let mut skid_squared = [0.0; 3];
-    let mut joint1 = Range::default();
-    for (k, stages) in orbit.elements.iter().enumerate() {
-        let begin_s = k as f64 * orbit.element_s;
-        let moment = |part: f64, y: &[f64; N]| {
-            model.moment(&model.node(driven.omega_rad_s * (begin_s + part * orbit.element_s)), y)
-        };
-        let moments: [Moment; STAGES] = std::array::from_fn(|j| moment(RADAU.nodes[j], &stages[j]));
-        pose = advance(pose, &moments, orbit.element_s)[STAGES - 1];
-        for (moment, weight) in moments.iter().zip(weights) {
-            let rows = skid_rows(&driven.robot, &Trig::new(moment.phi_rad));
-            for (sum, row) in skid_squared.iter_mut().zip(&rows) {
-                *sum += weight * dot(row, &moment.velocity).powi(2);
+    for k in 0..ring.len() {
+        let moments = moments(model, ring, k);
+        end = advance(end, &moments, ring.element_s())[STAGES - 1];
+        if driven.model_skids {
+            for (moment, weight) in moments.iter().zip(weights) {
+                let rows = skid_rows(&driven.robot, &Trig::new(moment.phi_rad));
+                for (sum, row) in skid_squared.iter_mut().zip(&rows) {
+                    *sum += weight * dot(row, &moment.velocity).powi(2);
+                }
             }
         }
-        joint1.take_in(&moment(0.0, &orbit.start(k)), &moments);
     }
-    if orbit.is_half {
-        pose = with_mirror_image(pose);
-        joint1.low = joint1.low.min(-joint1.high);
-        joint1.high = joint1.high.max(-joint1.low);
-    }
-    let speed = driven.robot.l_m * driven.omega_rad_s;
+    let pose = if ring.is_half() { with_mirror_image(end) } else { end };
+    let (alpha1_rad, extremes) = match driven.gait.joints[0] {
+        Some(command) => (command.amplitude_rad.abs(), None),
+        None => {
+            let extremes = Extremes::find(model, driven, ring, room);
+            (extremes.half_range(), Some(extremes))
+        }
+    };
+    let count = ring.len() as f64;
     let d_m = pose.x_m.hypot(pose.y_m);
-    let count = orbit.elements.len() as f64;
-    GaitMetrics {
+    let metrics = GaitMetrics {
         d_m,
-        v_m_s: d_m / period_s,
-        sigma: match driven.model_skids {
-            true => skid_squared.map(|sum| (sum / count).sqrt() / speed),
-            false => [0.0; 3],
-        },
-        alpha1_rad: match driven.gait.joints[0] {
-            Some(command) => command.amplitude_rad.abs(),
-            None => 0.5 * (joint1.high - joint1.low),
-        },
+        v_m_s: d_m * driven.omega_rad_s / std::f64::consts::TAU,
+        sigma: skid_squared.map(|sum| (sum / count).sqrt() / skid_scale(driven)),
+        alpha1_rad,
         dtheta_rad: pose.theta_rad,
+    };
+    Cycle { metrics, end, extremes }
+}
+
+/// Derivative of the metrics by a parameter, the ring's `step` being that of its states.
+pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
+    model: &R,
+    driven: &Driven,
+    ring: &Ring<N, R>,
+    cycle: &Cycle,
+    parameter: Parameter,
+    room: &mut Linearised,
+) -> GaitMetrics {
+    let weights = RADAU.integrate[STAGES - 1];
+    let (mut pose, mut rate) = (Pose::default(), PoseRate::default());
+    let mut products = [0.0; 3];
+    for k in 0..ring.len() {
+        let moments = moments(model, ring, k);
+        let changes = changes(model, ring, k, parameter);
+        (pose, rate) = advance_by((pose, rate), &moments, &changes, ring.element_s());
+        if driven.model_skids {
+            for ((moment, change), weight) in moments.iter().zip(&changes).zip(weights) {
+                let trig = Trig::new(moment.phi_rad);
+                let rows = skid_rows(&driven.robot, &trig);
+                let turns = skid_turns(&driven.robot, &trig);
+                for (wheel, row) in rows.iter().enumerate() {
+                    let mut skid = dot(row, &change.velocity);
+                    if wheel > 0 {
+                        let turned = dot(&turns[wheel - 1], &moment.velocity);
+                        skid += turned * change.phi_rad[wheel - 1];
+                    }
+                    products[wheel] += weight * dot(row, &moment.velocity) * skid;
+                }
+            }
+        }
     }
+    let (whole, rate) = match ring.is_half() {
+        true => (with_mirror_image(cycle.end), mirror_image_by(cycle.end, rate)),
+        false => (cycle.end, rate),
+    };
+    let d_rate = (whole.x_m * rate.x + whole.y_m * rate.y) / cycle.metrics.d_m;
+    let count = ring.len() as f64;
+    let scale = skid_scale(driven).powi(2) * count;
+    let sigma = std::array::from_fn(|wheel| match cycle.metrics.sigma[wheel] {
+        0.0 => 0.0,
+        sigma => products[wheel] / (scale * sigma),
+    });
+    let alpha1_rad = match (cycle.extremes, parameter) {
+        (Some(extremes), _) => extremes.half_range_by(model, driven, ring, parameter, room),
+        (None, Parameter::Amplitude(0)) => 1.0,
+        (None, _) => 0.0,
+    };
+    GaitMetrics {
+        d_m: d_rate,
+        v_m_s: d_rate * driven.omega_rad_s / std::f64::consts::TAU,
+        sigma,
+        alpha1_rad,
+        dtheta_rad: rate.theta,
+    }
+}
+
+/// The characteristic speed `l omega` of eq. 20.
+fn skid_scale(driven: &Driven) -> f64 {
+    driven.robot.l_m * driven.omega_rad_s
+}
+
+fn moments<const N: usize, R: Reduced<N>>(
+    model: &R,
+    ring: &Ring<N, R>,
+    k: usize,
+) -> [Moment; STAGES] {
+    let (nodes, _, stages) = ring.element(k);
+    std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]))
+}
+
+fn changes<const N: usize, R: Reduced<N>>(
+    model: &R,
+    ring: &Ring<N, R>,
+    k: usize,
+    parameter: Parameter,
+) -> [Moment; STAGES] {
+    let ((nodes, _, stages), steps) = (ring.element(k), ring.step(k));
+    std::array::from_fn(|j| model.moment_by(&nodes[j], &stages[j], &steps[j], parameter))
 }
 
 /// The pose after a half period and its mirror image.
@@ -67,50 +151,12 @@ fn with_mirror_image(half: Pose) -> Pose {
     }
 }
 
-/// Range of an angle over a motion, extremes between the stages included.
-struct Range {
-    low: f64,
-    high: f64,
-}
-
-impl Default for Range {
-    fn default() -> Self {
-        Self { low: f64::INFINITY, high: f64::NEG_INFINITY }
+fn mirror_image_by(half: Pose, rate: PoseRate) -> PoseRate {
+    let (sin, cos) = half.theta_rad.sin_cos();
+    let Pose { x_m: x, y_m: y, .. } = half;
+    PoseRate {
+        x: rate.x + cos * rate.x + sin * rate.y + (cos * y - sin * x) * rate.theta,
+        y: rate.y + sin * rate.x - cos * rate.y + (cos * x + sin * y) * rate.theta,
+        theta: 0.0,
     }
-}
-
-impl Range {
-    fn take_in(&mut self, start: &Moment, moments: &[Moment; STAGES]) {
-        let all: [&Moment; STAGES + 1] =
-            std::array::from_fn(|l| if l == 0 { start } else { &moments[l - 1] });
-        let angles = all.map(|moment| moment.phi_rad[0]);
-        let rates = all.map(|moment| moment.velocity[3]);
-        self.include(angles[STAGES]);
-        for l in 0..STAGES {
-            if rates[l] * rates[l + 1] < 0.0 {
-                let from = if l == 0 { 0.0 } else { RADAU.nodes[l - 1] };
-                self.include(RADAU.interpolate(&angles, zero(&rates, from, RADAU.nodes[l])));
-            }
-        }
-    }
-
-    fn include(&mut self, angle: f64) {
-        self.low = self.low.min(angle);
-        self.high = self.high.max(angle);
-    }
-}
-
-/// Where the polynomial through `values` changes its sign, by bisection. An extreme is flat:
-/// this many halvings put its value right to the last digit.
-fn zero(values: &[f64; STAGES + 1], mut low: f64, mut high: f64) -> f64 {
-    let rising = RADAU.interpolate(values, high) > 0.0;
-    for _ in 0..30 {
-        let middle = 0.5 * (low + high);
-        if (RADAU.interpolate(values, middle) > 0.0) == rising {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    0.5 * (low + high)
 }

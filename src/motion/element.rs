@@ -1,107 +1,231 @@
 //! One collocation element: the equations at its stages, linearised and condensed.
+//!
+//! A state that is merely the integral of the one before it ([`Reduced::INTEGRATED`]) is no
+//! unknown of the element: at every stage it is its start plus the rule's integral.
 
-use super::lu::factor_and_solve;
-use super::radau::{RADAU, STAGES};
+use super::lu;
+use super::radau::{RADAU, Radau, STAGES};
 use super::reduced::Reduced;
 
 /// States at the stages of one element.
 pub(super) type Stages<const N: usize> = [[f64; N]; STAGES];
 
-/// The linearised element: how its stages answer to its start.
-///
-/// To first order a change `x` of the start changes the stages by `transfer x + step`.
-#[derive(Debug, Clone)]
-pub(super) struct Condensed<const N: usize> {
-    pub transfer: [[[f64; N]; N]; STAGES],
-    pub step: Stages<N>,
+/// Room for the linearised elements of a motion; grows once and is used again.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Linearised {
+    factors: Vec<f64>,
+    pivots: Vec<usize>,
+    /// Per element: how its unknowns answer to its start (`N` columns).
+    transfer: Vec<f64>,
+    /// Per element: the step of its unknowns when its start stays.
+    step: Vec<f64>,
 }
 
-/// Room for one element's linear system.
-#[derive(Debug, Default)]
-pub(super) struct Workspace {
-    matrix: Vec<f64>,
-    rhs: Vec<f64>,
+/// Unknowns per stage.
+const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
+    if R::INTEGRATED { N - 1 } else { N }
 }
 
-/// Time derivatives at the stages of the polynomial through `start` and `stages`.
+/// Time derivatives at stage `j` of the polynomial through `start` and `stages`.
 #[inline(always)]
-fn rates<const N: usize>(start: &[f64; N], stages: &Stages<N>, duration_s: f64) -> Stages<N> {
-    let rule = &*RADAU;
-    std::array::from_fn(|j| {
-        std::array::from_fn(|i| {
-            let from_stages: f64 =
-                (0..STAGES).map(|l| rule.differentiate[j][l] * stages[l][i]).sum();
-            (rule.differentiate_start[j] * start[i] + from_stages) / duration_s
-        })
-    })
-}
-
-/// Evaluates the equations at the stages of an element, adds the squares of their residuals
-/// to `square` and condenses the linearised system. `None` if it is singular.
-#[inline(always)]
-pub(super) fn condense<const N: usize, R: Reduced<N>>(
-    model: &R,
-    nodes: &[R::Node],
+pub(super) fn rate<const N: usize>(
+    rule: &Radau,
     start: &[f64; N],
     stages: &Stages<N>,
-    duration_s: f64,
-    workspace: &mut Workspace,
-    square: &mut f64,
-) -> Option<Condensed<N>> {
-    let rule = &*RADAU;
-    let (size, columns) = (N * STAGES, N + 1);
-    workspace.matrix.clear();
-    workspace.matrix.resize(size * size, 0.0);
-    workspace.rhs.clear();
-    workspace.rhs.resize(size * columns, 0.0);
-    let rates = rates(start, stages, duration_s);
-    for j in 0..STAGES {
-        let residual = model.residual(&nodes[j], &stages[j], &rates[j]);
-        for i in 0..N {
-            let row = &mut workspace.matrix[(j * N + i) * size..][..size];
-            for l in 0..STAGES {
-                let weight = rule.differentiate[j][l] / duration_s;
-                for k in 0..N {
-                    row[l * N + k] = residual.by_rate[i][k] * weight;
-                }
-            }
-            let right = &mut workspace.rhs[(j * N + i) * columns..][..columns];
-            for k in 0..N {
-                row[j * N + k] += residual.by_state[i][k];
-                right[k] = -residual.by_rate[i][k] * rule.differentiate_start[j] / duration_s;
-            }
-            right[N] = -residual.value[i];
-            *square += residual.value[i] * residual.value[i];
+    j: usize,
+    per_s: f64,
+) -> [f64; N] {
+    std::array::from_fn(|i| {
+        let mut sum = rule.differentiate_start[j] * start[i];
+        for l in 0..STAGES {
+            sum += rule.differentiate[j][l] * stages[l][i];
         }
-    }
-    if !factor_and_solve(size, columns, &mut workspace.matrix, &mut workspace.rhs) {
-        return None;
-    }
-    let answer = |j: usize, i: usize, k: usize| workspace.rhs[(j * N + i) * columns + k];
-    Some(Condensed {
-        transfer: std::array::from_fn(|j| {
-            std::array::from_fn(|i| std::array::from_fn(|k| answer(j, i, k)))
-        }),
-        step: std::array::from_fn(|j| std::array::from_fn(|i| answer(j, i, N))),
+        sum * per_s
     })
 }
 
-/// The stages of one element from a known start, or `None` if Newton's method fails.
+impl Linearised {
+    /// Makes room for `count` elements.
+    pub fn resize<const N: usize, R: Reduced<N>>(&mut self, count: usize) {
+        let size = unknowns::<N, R>() * STAGES;
+        self.factors.resize(count * size * size, 0.0);
+        self.pivots.resize(count * size, 0);
+        self.transfer.resize(count * size * N, 0.0);
+        self.step.resize(count * size, 0.0);
+    }
+
+    /// Linearises element `k` at its stages and factors it; its step is left unsolved until
+    /// [`Linearised::solve_step`]. Returns the square of the residuals, or `None` if the
+    /// system is singular.
+    #[inline(always)]
+    pub fn linearise<const N: usize, R: Reduced<N>>(
+        &mut self,
+        k: usize,
+        model: &R,
+        nodes: &[R::Node],
+        start: &[f64; N],
+        stages: &Stages<N>,
+        duration_s: f64,
+    ) -> Option<f64> {
+        let rule = &*RADAU;
+        let per_stage = unknowns::<N, R>();
+        let size = per_stage * STAGES;
+        let per_s = 1.0 / duration_s;
+        let matrix = &mut self.factors[k * size * size..][..size * size];
+        let transfer = &mut self.transfer[k * size * N..][..size * N];
+        let step = &mut self.step[k * size..][..size];
+        let mut square = 0.0;
+        for j in 0..STAGES {
+            let dy = rate(rule, start, stages, j, per_s);
+            let residual = model.residual(&nodes[j], &stages[j], &dy);
+            for i in 0..per_stage {
+                let row = &mut matrix[(j * per_stage + i) * size..][..size];
+                for l in 0..STAGES {
+                    let weight = rule.differentiate[j][l] * per_s;
+                    for m in 0..per_stage {
+                        row[l * per_stage + m] = residual.by_rate[i][m] * weight;
+                    }
+                    if R::INTEGRATED {
+                        row[l * per_stage + N - 2] +=
+                            residual.by_state[i][N - 1] * rule.integrate[j][l] * duration_s;
+                    }
+                }
+                let right = &mut transfer[(j * per_stage + i) * N..][..N];
+                for m in 0..per_stage {
+                    row[j * per_stage + m] += residual.by_state[i][m];
+                    right[m] = -residual.by_rate[i][m] * rule.differentiate_start[j] * per_s;
+                }
+                if R::INTEGRATED {
+                    right[N - 1] = -residual.by_state[i][N - 1];
+                }
+                step[j * per_stage + i] = -residual.value[i];
+                square += residual.value[i] * residual.value[i];
+            }
+        }
+        let pivots = &mut self.pivots[k * size..][..size];
+        if !lu::factor(size, matrix, pivots) {
+            return None;
+        }
+        lu::solve(size, N, matrix, pivots, transfer);
+        Some(square)
+    }
+
+    /// Evaluates the residuals of element `k` alone; the factors stay those of the last
+    /// [`Linearised::linearise`].
+    #[inline(always)]
+    pub fn evaluate<const N: usize, R: Reduced<N>>(
+        &mut self,
+        k: usize,
+        model: &R,
+        nodes: &[R::Node],
+        start: &[f64; N],
+        stages: &Stages<N>,
+        duration_s: f64,
+    ) -> f64 {
+        let rule = &*RADAU;
+        let per_stage = unknowns::<N, R>();
+        let step = &mut self.step[k * per_stage * STAGES..][..per_stage * STAGES];
+        let mut square = 0.0;
+        for j in 0..STAGES {
+            let dy = rate(rule, start, stages, j, 1.0 / duration_s);
+            let value = model.residual(&nodes[j], &stages[j], &dy).value;
+            for i in 0..per_stage {
+                step[j * per_stage + i] = -value[i];
+                square += value[i] * value[i];
+            }
+        }
+        square
+    }
+
+    /// Puts `rhs(stage)`, the negative of what the equations change by, in place of element
+    /// `k`'s residuals.
+    pub fn set_step<const N: usize, R: Reduced<N>>(
+        &mut self,
+        k: usize,
+        rhs: impl Fn(usize) -> [f64; N],
+    ) {
+        let per_stage = unknowns::<N, R>();
+        let step = &mut self.step[k * per_stage * STAGES..][..per_stage * STAGES];
+        for j in 0..STAGES {
+            step[j * per_stage..][..per_stage].copy_from_slice(&rhs(j)[..per_stage]);
+        }
+    }
+
+    /// Solves for element `k`'s step with the factors at hand.
+    #[inline(always)]
+    pub fn solve_step<const N: usize, R: Reduced<N>>(&mut self, k: usize) {
+        let size = unknowns::<N, R>() * STAGES;
+        let factors = &self.factors[k * size * size..][..size * size];
+        let pivots = &self.pivots[k * size..][..size];
+        lu::solve(size, 1, factors, pivots, &mut self.step[k * size..][..size]);
+    }
+
+    /// Changes of element `k`'s stages when its start changes by `start`; with `whole` its own
+    /// step is added.
+    #[inline(always)]
+    pub fn changes<const N: usize, R: Reduced<N>>(
+        &self,
+        k: usize,
+        start: &[f64; N],
+        duration_s: f64,
+        whole: bool,
+    ) -> Stages<N> {
+        let per_stage = unknowns::<N, R>();
+        let size = per_stage * STAGES;
+        let transfer = &self.transfer[k * size * N..][..size * N];
+        let step = &self.step[k * size..][..size];
+        let mut changes = [[0.0; N]; STAGES];
+        for j in 0..STAGES {
+            for i in 0..per_stage {
+                let row = &transfer[(j * per_stage + i) * N..][..N];
+                let mut sum = if whole { step[j * per_stage + i] } else { 0.0 };
+                for m in 0..N {
+                    sum += row[m] * start[m];
+                }
+                changes[j][i] = sum;
+            }
+        }
+        if R::INTEGRATED {
+            integrate_last(&mut changes, start[N - 1], duration_s);
+        }
+        changes
+    }
+}
+
+/// Sets the last state of every stage to its start plus the integral of the state before it.
+#[inline(always)]
+pub(super) fn integrate_last<const N: usize>(stages: &mut Stages<N>, start: f64, duration_s: f64) {
+    let rule = &*RADAU;
+    for j in 0..STAGES {
+        let mut sum = 0.0;
+        for l in 0..STAGES {
+            sum += rule.integrate[j][l] * stages[l][N - 2];
+        }
+        stages[j][N - 1] = start + duration_s * sum;
+    }
+}
+
+/// The stages of one element from a known start, or `None` if Newton's method fails. Uses the
+/// room of element 0.
 pub(super) fn follow_element<const N: usize, R: Reduced<N>>(
     model: &R,
     nodes: &[R::Node],
     start: &[f64; N],
     duration_s: f64,
     tolerance: f64,
-    workspace: &mut Workspace,
+    room: &mut Linearised,
 ) -> Option<Stages<N>> {
     const MOST_STEPS: usize = 12;
     let mut stages = [*start; STAGES];
+    if R::INTEGRATED {
+        integrate_last(&mut stages, start[N - 1], duration_s);
+    }
     for _ in 0..MOST_STEPS {
-        let mut square = 0.0;
-        let condensed = condense(model, nodes, start, &stages, duration_s, workspace, &mut square)?;
+        room.linearise(0, model, nodes, start, &stages, duration_s)?;
+        room.solve_step::<N, R>(0);
+        let changes = room.changes::<N, R>(0, &[0.0; N], duration_s, true);
         let (mut step, mut size) = (0.0_f64, 0.0_f64);
-        for (y, change) in stages.iter_mut().zip(&condensed.step) {
+        for (y, change) in stages.iter_mut().zip(&changes) {
             for i in 0..N {
                 y[i] += change[i];
                 step = step.max(change[i].abs());
@@ -126,9 +250,4 @@ pub(super) fn tail<const N: usize>(start: &[f64; N], stages: &Stages<N>) -> [f64
         let from_stages: f64 = (0..STAGES).map(|j| weights[j + 1] * stages[j][i]).sum();
         (weights[0] * start[i] + from_stages).abs()
     })
-}
-
-/// Applies a small matrix.
-pub(super) fn apply<const N: usize>(matrix: &[[f64; N]; N], x: &[f64; N]) -> [f64; N] {
-    std::array::from_fn(|i| (0..N).map(|k| matrix[i][k] * x[k]).sum())
 }

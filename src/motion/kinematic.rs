@@ -58,6 +58,32 @@ pub(super) fn solve(
     }
 }
 
+/// Derivative of the metrics by the amplitude of a joint, by Richardson's extrapolation of
+/// central differences: the quadrature has more digits than it needs.
+///
+/// # Errors
+/// A gait with a slightly different amplitude has no motion: one that depends on condition (5)
+/// being met has no derivative.
+pub(super) fn by_amplitude(
+    robot: &Robot,
+    joints: [JointCommand; 2],
+    omega_rad_s: f64,
+    joint: usize,
+) -> Result<GaitMetrics, MotionError> {
+    const STEP_RAD: f64 = 2e-3;
+    let difference = |step: f64| -> Result<[f64; 7], MotionError> {
+        let at = |step: f64| {
+            let mut changed = joints;
+            changed[joint].amplitude_rad += step;
+            Ok(solve(robot, changed, omega_rad_s)?.to_array())
+        };
+        let (low, high) = (at(-step)?, at(step)?);
+        Ok(std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step)))
+    };
+    let (coarse, fine) = (difference(STEP_RAD)?, difference(0.5 * STEP_RAD)?);
+    Ok(GaitMetrics::from_array(std::array::from_fn(|i| (4.0 * fine[i] - coarse[i]) / 3.0)))
+}
+
 /// Eq. 3 with time measured as phase.
 struct Eq3<'a> {
     robot: &'a Robot,

@@ -5,12 +5,14 @@
 
 mod cycle;
 mod element;
+mod extreme;
 mod kinematic;
 mod lu;
 mod path;
-mod periodic;
 mod radau;
 mod reduced;
+mod ring;
+mod solver;
 mod transient;
 
 use std::fmt;
@@ -19,9 +21,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
-use periodic::{Orbit, Search, Start};
-use reduced::{Driven, KinematicSkid, PassiveNoSkid, PassiveSkid, Reduced};
+use reduced::{Driven, KinematicSkid, PassiveNoSkid, PassiveSkid};
 
+pub use reduced::Parameter;
+pub use solver::{Derivatives, Solver};
 pub use transient::Transient;
 
 /// Which forces resist the wheels.
@@ -118,104 +121,22 @@ pub struct Problem {
     pub omega_rad_s: f64,
 }
 
-/// A steady periodic motion.
-#[derive(Debug, Clone)]
-pub struct SteadyMotion {
-    pub metrics: GaitMetrics,
-    /// Modulus of the largest Floquet multiplier of the reduced motion; `None` where the
-    /// motion has no states of its own.
-    pub floquet: Option<f64>,
-    orbit: AnyOrbit,
-}
-
-impl SteadyMotion {
-    /// `stable` or `unstable`.
-    pub fn status(&self) -> &'static str {
-        match self.floquet {
-            Some(modulus) if modulus >= 1.0 => "unstable",
-            _ => "stable",
-        }
-    }
-
-    /// Newton steps that the solution took.
-    pub fn newton_steps(&self) -> usize {
-        match &self.orbit {
-            AnyOrbit::None => 0,
-            AnyOrbit::Kinematic(orbit) => orbit.steps,
-            AnyOrbit::Skid(orbit) => orbit.steps,
-            AnyOrbit::NoSkid(orbit) => orbit.steps,
-        }
-    }
-}
-
-#[derive(Debug, Clone)]
-enum AnyOrbit {
-    None,
-    Kinematic(Orbit<3>),
-    Skid(Orbit<5>),
-    NoSkid(Orbit<2>),
-}
-
-/// How accurately a steady motion is solved for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Accuracy {
-    /// d, v, sigma and alpha_1 to about ten digits.
-    Reference,
-    /// To 1e-6 or better: far below what a measurement tells, for fits.
-    Fit,
-}
-
-impl Accuracy {
-    fn search(self) -> Search {
-        match self {
-            Self::Reference => Search { elements: 32, tail: 3e-7 },
-            Self::Fit => Search { elements: 8, tail: 2e-5 },
-        }
-    }
-}
+/// Relative accuracy of the metrics for reports: about ten digits.
+pub const REFERENCE_ACCURACY: f64 = 1e-10;
+/// Relative accuracy for fits: far below what a measurement tells.
+pub const FIT_ACCURACY: f64 = 1e-6;
 
 impl Problem {
-    /// Solves for the steady periodic motion, from a neighbouring solution if one is given.
+    /// Solves for the steady periodic motion to a relative `accuracy` of its metrics, and for
+    /// its stability. A [`Solver`] does the same many times over without allocating.
     ///
     /// # Errors
     /// There is no such motion, or it could not be found or resolved.
-    pub fn solve(
-        &self,
-        guess: Option<&SteadyMotion>,
-        accuracy: Accuracy,
-    ) -> Result<SteadyMotion, MotionError> {
-        let driven = self.driven();
-        let search = accuracy.search();
-        match (self.gait.joints, self.gait.passive_joint()) {
-            ([Some(joint1), Some(joint2)], _) if !self.model.skids() => {
-                let metrics = kinematic::solve(&self.robot, [joint1, joint2], self.omega_rad_s)?;
-                Ok(SteadyMotion { metrics, floquet: None, orbit: AnyOrbit::None })
-            }
-            ([Some(_), Some(_)], _) => {
-                let guess = guess.and_then(|motion| match &motion.orbit {
-                    AnyOrbit::Kinematic(orbit) => Some(orbit),
-                    _ => None,
-                });
-                steady(&KinematicSkid(driven.clone()), &driven, guess, search, AnyOrbit::Kinematic)
-            }
-            ([None, None], _) | (_, None) => Err(MotionError::NotDriven),
-            (_, Some(passive)) if self.model.skids() => {
-                let guess = guess.and_then(|motion| match &motion.orbit {
-                    AnyOrbit::Skid(orbit) => Some(orbit),
-                    _ => None,
-                });
-                let model = PassiveSkid { driven: driven.clone(), passive };
-                steady(&model, &driven, guess, search, AnyOrbit::Skid)
-            }
-            (_, Some(passive)) => {
-                let guess = guess.and_then(|motion| match &motion.orbit {
-                    AnyOrbit::NoSkid(orbit) => Some(orbit),
-                    _ => None,
-                });
-                let model = PassiveNoSkid { driven: driven.clone(), passive };
-                steady(&model, &driven, guess, search, AnyOrbit::NoSkid)
-            }
-        }
+    pub fn solve(&self, accuracy: f64) -> Result<SteadyMotion, MotionError> {
+        let mut solver = Solver::default();
+        let metrics = solver.solve(self, accuracy)?;
+        let floquet = solver.floquet()?;
+        Ok(SteadyMotion { metrics, floquet, newton_steps: solver.newton_steps() })
     }
 
     /// Follows the motion from rest at phase 0.
@@ -255,33 +176,28 @@ impl Problem {
             gait: self.gait,
             omega_rad_s: self.omega_rad_s,
             model_skids: self.model.skids(),
+            model_rolls: self.model.has_roll_resistance(),
         }
     }
 }
 
-/// Cycles after which a robot that started from rest is near its steady motion.
-const SETTLING_CYCLES: f64 = 40.0;
+/// A steady periodic motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SteadyMotion {
+    pub metrics: GaitMetrics,
+    /// Modulus of the largest Floquet multiplier of the reduced motion; `None` where the
+    /// motion has no states of its own.
+    pub floquet: Option<f64>,
+    /// Newton steps that the solution took.
+    pub newton_steps: usize,
+}
 
-/// Solves for the orbit, from the guess, from rest, or from where the robot settles, and
-/// measures it.
-fn steady<const N: usize, R: Reduced<N>>(
-    model: &R,
-    driven: &Driven,
-    guess: Option<&Orbit<N>>,
-    search: Search,
-    wrap: fn(Orbit<N>) -> AnyOrbit,
-) -> Result<SteadyMotion, MotionError> {
-    let omega_rad_s = driven.omega_rad_s;
-    let near_guess =
-        guess.map(|guess| periodic::solve(model, omega_rad_s, Start::Near(guess), search));
-    let orbit = match near_guess {
-        Some(Ok(orbit)) => orbit,
-        _ => periodic::solve(model, omega_rad_s, Start::Rest, search).or_else(|error| {
-            let duration_s = SETTLING_CYCLES * std::f64::consts::TAU / omega_rad_s;
-            let settled = transient::follow(model, driven, duration_s, 1e-4).map_err(|_| error)?;
-            periodic::solve(model, omega_rad_s, Start::State(settled.1), search)
-        })?,
-    };
-    let metrics = cycle::metrics(model, driven, &orbit);
-    Ok(SteadyMotion { metrics, floquet: Some(orbit.floquet), orbit: wrap(orbit) })
+impl SteadyMotion {
+    /// `stable` or `unstable`.
+    pub fn status(&self) -> &'static str {
+        match self.floquet {
+            Some(modulus) if modulus >= 1.0 => "unstable",
+            _ => "stable",
+        }
+    }
 }

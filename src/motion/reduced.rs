@@ -8,7 +8,9 @@
 //! | both joints commanded | `u, v, theta'` | none (eq. 3, see [`super::kinematic`]) |
 //! | one joint passive | `u, v, theta', phi_p', phi_p` | `s, phi_p` |
 
-use crate::robot::{Gait, Robot, Shape, Trig, Velocity, force_balance, mass_matrix};
+use crate::robot::{
+    Gait, Robot, Shape, Trig, Velocity, dot, force_balance, mass_matrix, roll_rows, skid_rows,
+};
 
 /// Value of the equations of motion and their derivatives at one moment.
 #[derive(Debug, Clone, Copy)]
@@ -27,10 +29,48 @@ pub(super) struct Moment {
     pub velocity: Velocity,
 }
 
+/// What a motion can be differentiated by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Parameter {
+    /// Skid resistance of a wheel, kg/s.
+    Skid(usize),
+    /// Roll resistance of a wheel, kg/s.
+    Roll(usize),
+    /// Stiffness of the passive joint, N m/rad.
+    Stiffness,
+    /// Damping of the passive joint, N m s/rad.
+    Damping,
+    /// Amplitude of a commanded joint (0 or 1), rad.
+    Amplitude(usize),
+}
+
+impl Parameter {
+    /// Every parameter.
+    pub const ALL: [Self; 10] = [
+        Self::Skid(0),
+        Self::Skid(1),
+        Self::Skid(2),
+        Self::Roll(0),
+        Self::Roll(1),
+        Self::Roll(2),
+        Self::Stiffness,
+        Self::Damping,
+        Self::Amplitude(0),
+        Self::Amplitude(1),
+    ];
+}
+
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize> {
+    /// Whether the last state is the integral of the one before it; its own equation is then
+    /// not among the residuals.
+    const INTEGRATED: bool;
+
+    /// Whether the last state is an angle; all others are velocities.
+    const HAS_ANGLE: bool;
+
     /// What the command prescribes at one moment, computed once per solution.
-    type Node: Copy;
+    type Node: Copy + std::fmt::Debug;
 
     /// The command at phase `omega t`.
     fn node(&self, phase_rad: f64) -> Self::Node;
@@ -38,8 +78,26 @@ pub(super) trait Reduced<const N: usize> {
     /// The equations at state `y` with time derivative `dy`.
     fn residual(&self, node: &Self::Node, y: &[f64; N], dy: &[f64; N]) -> Residual<N>;
 
+    /// Derivative of the residual with respect to a parameter.
+    fn residual_by(
+        &self,
+        node: &Self::Node,
+        y: &[f64; N],
+        dy: &[f64; N],
+        parameter: Parameter,
+    ) -> [f64; N];
+
     /// Angles and velocities of the whole robot in state `y`.
     fn moment(&self, node: &Self::Node, y: &[f64; N]) -> Moment;
+
+    /// Change of the moment when the state changes by `step` and `parameter` by 1.
+    fn moment_by(
+        &self,
+        node: &Self::Node,
+        y: &[f64; N],
+        step: &[f64; N],
+        parameter: Parameter,
+    ) -> Moment;
 
     /// Signs of the states half a period later, if the commands have changed theirs.
     fn half_period_signs(&self) -> Option<[f64; N]>;
@@ -57,11 +115,65 @@ pub(super) struct Driven {
     pub omega_rad_s: f64,
     /// Whether the wheels can skid at all.
     pub model_skids: bool,
+    /// Whether the wheels resist rolling.
+    pub model_rolls: bool,
 }
 
 impl Driven {
     fn shape(&self, phase_rad: f64) -> Shape {
         self.gait.at(phase_rad, self.omega_rad_s)
+    }
+
+    /// Whether the motion can depend on a parameter.
+    pub fn knows(&self, parameter: Parameter) -> bool {
+        let passive = self.gait.passive_joint();
+        match parameter {
+            Parameter::Skid(_) => self.model_skids,
+            Parameter::Roll(_) => self.model_rolls,
+            Parameter::Stiffness | Parameter::Damping => passive.is_some(),
+            Parameter::Amplitude(joint) => passive != Some(joint),
+        }
+    }
+
+    /// What eq. 7's left-hand side changes by when commanded joint `a`'s amplitude does, and the
+    /// change of its angle and rate.
+    fn amplitude_by(
+        &self,
+        passive: Option<usize>,
+        moment: &Moment,
+        acceleration: &[f64; 5],
+        shape: &Shape,
+        a: usize,
+    ) -> [f64; 5] {
+        let trig = Trig::new(moment.phi_rad);
+        let robot = &self.robot;
+        let velocity = &moment.velocity;
+        let balance = force_balance(robot, passive, moment.phi_rad, &trig, velocity, acceleration);
+        let mass = mass_matrix(robot, &trig);
+        let [phi, rate, acceleration] = self.wave(shape, a);
+        std::array::from_fn(|i| {
+            balance.by_phi[a][i] * phi
+                + balance.by_velocity[i][3 + a] * rate
+                + mass[i][3 + a] * acceleration
+        })
+    }
+
+    /// Angle, rate and acceleration of a commanded joint per radian of its amplitude; zero for
+    /// a passive joint.
+    fn wave(&self, shape: &Shape, a: usize) -> [f64; 3] {
+        self.gait.joints[a].map_or([0.0; 3], |joint| {
+            [shape.phi_rad[a] - joint.offset_rad, shape.rate_rad_s[a], shape.acceleration_rad_s2[a]]
+                .map(|part| part / joint.amplitude_rad)
+        })
+    }
+
+    /// Adds what a commanded joint's amplitude changes of a moment.
+    fn add_wave(&self, moment: &mut Moment, shape: &Shape, parameter: Parameter) {
+        if let Parameter::Amplitude(a) = parameter {
+            let [phi, rate, _] = self.wave(shape, a);
+            moment.phi_rad[a] += phi;
+            moment.velocity[3 + a] += rate;
+        }
     }
 
     /// Whether the mirror image of the motion follows half a period later.
@@ -71,10 +183,45 @@ impl Driven {
     }
 }
 
+/// Derivative of eq. 7's left-hand side with respect to a coefficient.
+fn balance_by(
+    robot: &Robot,
+    passive: Option<usize>,
+    moment: &Moment,
+    parameter: Parameter,
+) -> [f64; 5] {
+    let trig = Trig::new(moment.phi_rad);
+    let along = |row: [f64; 5]| {
+        let velocity = dot(&row, &moment.velocity);
+        row.map(|entry| entry * velocity)
+    };
+    let mut by = [0.0; 5];
+    match (parameter, passive) {
+        (Parameter::Skid(wheel), _) => return along(skid_rows(robot, &trig)[wheel]),
+        (Parameter::Roll(wheel), _) => return along(roll_rows(robot, &trig)[wheel]),
+        (Parameter::Stiffness, Some(p)) => by[3 + p] = moment.phi_rad[p] - robot.rest_angle_rad,
+        (Parameter::Damping, Some(p)) => by[3 + p] = moment.velocity[3 + p],
+        _ => {}
+    }
+    by
+}
+
 /// Both joints commanded, wheels that skid. States `u, v, theta'`.
+#[derive(Debug, Clone)]
 pub(super) struct KinematicSkid(pub Driven);
 
+impl KinematicSkid {
+    fn full(node: &(Shape, Trig), y: &[f64; 3], dy: &[f64; 3]) -> (Velocity, [f64; 5]) {
+        let [w1, w2] = node.0.rate_rad_s;
+        let [a1, a2] = node.0.acceleration_rad_s2;
+        ([y[0], y[1], y[2], w1, w2], [dy[0], dy[1], dy[2], a1, a2])
+    }
+}
+
 impl Reduced<3> for KinematicSkid {
+    const INTEGRATED: bool = false;
+    const HAS_ANGLE: bool = false;
+
     type Node = (Shape, Trig);
 
     fn node(&self, phase_rad: f64) -> Self::Node {
@@ -85,9 +232,7 @@ impl Reduced<3> for KinematicSkid {
     #[inline(always)]
     fn residual(&self, node: &Self::Node, y: &[f64; 3], dy: &[f64; 3]) -> Residual<3> {
         let (shape, trig) = node;
-        let velocity = [y[0], y[1], y[2], shape.rate_rad_s[0], shape.rate_rad_s[1]];
-        let [a1, a2] = shape.acceleration_rad_s2;
-        let acceleration = [dy[0], dy[1], dy[2], a1, a2];
+        let (velocity, acceleration) = Self::full(node, y, dy);
         let robot = &self.0.robot;
         let balance = force_balance(robot, None, shape.phi_rad, trig, &velocity, &acceleration);
         let mass = mass_matrix(robot, trig);
@@ -101,9 +246,40 @@ impl Reduced<3> for KinematicSkid {
         }
     }
 
+    fn residual_by(
+        &self,
+        node: &Self::Node,
+        y: &[f64; 3],
+        dy: &[f64; 3],
+        parameter: Parameter,
+    ) -> [f64; 3] {
+        let moment = self.moment(node, y);
+        let by = match parameter {
+            Parameter::Amplitude(a) => {
+                let (_, acceleration) = Self::full(node, y, dy);
+                self.0.amplitude_by(None, &moment, &acceleration, &node.0, a)
+            }
+            coefficient => balance_by(&self.0.robot, None, &moment, coefficient),
+        };
+        [by[0], by[1], by[2]]
+    }
+
     fn moment(&self, node: &Self::Node, y: &[f64; 3]) -> Moment {
-        let [w1, w2] = node.0.rate_rad_s;
-        Moment { phi_rad: node.0.phi_rad, velocity: [y[0], y[1], y[2], w1, w2] }
+        let (velocity, _) = Self::full(node, y, &[0.0; 3]);
+        Moment { phi_rad: node.0.phi_rad, velocity }
+    }
+
+    fn moment_by(
+        &self,
+        node: &Self::Node,
+        _y: &[f64; 3],
+        step: &[f64; 3],
+        parameter: Parameter,
+    ) -> Moment {
+        let velocity = [step[0], step[1], step[2], 0.0, 0.0];
+        let mut moment = Moment { phi_rad: [0.0; 2], velocity };
+        self.0.add_wave(&mut moment, &node.0, parameter);
+        moment
     }
 
     fn half_period_signs(&self) -> Option<[f64; 3]> {
@@ -117,12 +293,25 @@ impl Reduced<3> for KinematicSkid {
 
 /// Joint `passive` (0 or 1) on its spring, wheels that skid. States
 /// `u, v, theta', phi_p', phi_p`.
+#[derive(Debug, Clone)]
 pub(super) struct PassiveSkid {
     pub driven: Driven,
     pub passive: usize,
 }
 
+impl PassiveSkid {
+    fn acceleration(&self, node: &(Shape, Trig), dy: &[f64; 5]) -> [f64; 5] {
+        let mut acceleration = [dy[0], dy[1], dy[2], 0.0, 0.0];
+        acceleration[3 + self.passive] = dy[3];
+        acceleration[4 - self.passive] = node.0.acceleration_rad_s2[1 - self.passive];
+        acceleration
+    }
+}
+
 impl Reduced<5> for PassiveSkid {
+    const INTEGRATED: bool = true;
+    const HAS_ANGLE: bool = true;
+
     /// The entries of the passive joint are zero.
     type Node = (Shape, Trig);
 
@@ -137,9 +326,7 @@ impl Reduced<5> for PassiveSkid {
         let Moment { phi_rad, velocity } = self.moment(node, y);
         let mut trig = node.1;
         (trig.s[p], trig.c[p]) = y[4].sin_cos();
-        let mut acceleration = [dy[0], dy[1], dy[2], 0.0, 0.0];
-        acceleration[3 + p] = dy[3];
-        acceleration[4 - p] = node.0.acceleration_rad_s2[1 - p];
+        let acceleration = self.acceleration(node, dy);
         let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
         let mass = mass_matrix(robot, &trig);
 
@@ -154,10 +341,25 @@ impl Reduced<5> for PassiveSkid {
             }
             residual.by_state[i][4] = balance.by_phi[p][row];
         }
-        residual.value[4] = dy[4] - y[3];
-        residual.by_state[4][3] = -1.0;
-        residual.by_rate[4][4] = 1.0;
         residual
+    }
+
+    fn residual_by(
+        &self,
+        node: &Self::Node,
+        y: &[f64; 5],
+        dy: &[f64; 5],
+        parameter: Parameter,
+    ) -> [f64; 5] {
+        let (p, moment) = (self.passive, self.moment(node, y));
+        let by = match parameter {
+            Parameter::Amplitude(a) => {
+                let acceleration = self.acceleration(node, dy);
+                self.driven.amplitude_by(Some(p), &moment, &acceleration, &node.0, a)
+            }
+            coefficient => balance_by(&self.driven.robot, Some(p), &moment, coefficient),
+        };
+        [by[0], by[1], by[2], by[3 + p], 0.0]
     }
 
     fn moment(&self, node: &Self::Node, y: &[f64; 5]) -> Moment {
@@ -168,6 +370,21 @@ impl Reduced<5> for PassiveSkid {
         velocity[3 + p] = y[3];
         velocity[4 - p] = node.0.rate_rad_s[1 - p];
         Moment { phi_rad, velocity }
+    }
+
+    fn moment_by(
+        &self,
+        node: &Self::Node,
+        _y: &[f64; 5],
+        step: &[f64; 5],
+        parameter: Parameter,
+    ) -> Moment {
+        let mut moment =
+            Moment { phi_rad: [0.0; 2], velocity: [step[0], step[1], step[2], 0.0, 0.0] };
+        moment.phi_rad[self.passive] = step[4];
+        moment.velocity[3 + self.passive] = step[3];
+        self.driven.add_wave(&mut moment, &node.0, parameter);
+        moment
     }
 
     fn half_period_signs(&self) -> Option<[f64; 5]> {
@@ -193,6 +410,7 @@ impl Reduced<5> for PassiveSkid {
 /// `n = (l + h cos phi_a, -sin phi_a)`, which is never zero, and a particular solution `e`;
 /// the second gives `phi_p'`. Neither needs `det W_b`, so nothing happens where it is zero.
 /// Eq. 7 projected on the null direction `(n_u, 0, n_r, n_p)` is free of constraint forces.
+#[derive(Debug, Clone)]
 pub(super) struct PassiveNoSkid {
     pub driven: Driven,
     pub passive: usize,
@@ -201,6 +419,7 @@ pub(super) struct PassiveNoSkid {
 /// What the command prescribes: the null direction and the particular solution.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ConstrainedNode {
+    phase_rad: f64,
     shape: Shape,
     trig: Trig,
     /// `(u, theta')` along the null direction, and its time derivative.
@@ -222,7 +441,32 @@ impl PassiveNoSkid {
     }
 }
 
+impl PassiveNoSkid {
+    /// Central difference of `of` at the same phase under a gait whose commanded amplitude is
+    /// changed by `step`, up and down.
+    fn by_amplitude<const M: usize>(
+        &self,
+        node: &ConstrainedNode,
+        a: usize,
+        of: impl Fn(&Self, &ConstrainedNode, f64) -> [f64; M],
+    ) -> [f64; M] {
+        const STEP_RAD: f64 = 1e-5;
+        let at = |step: f64| {
+            let mut changed = Self { driven: self.driven.clone(), passive: self.passive };
+            if let Some(joint) = &mut changed.driven.gait.joints[a] {
+                joint.amplitude_rad += step;
+            }
+            of(&changed, &changed.node(node.phase_rad), step)
+        };
+        let (low, high) = (at(-STEP_RAD), at(STEP_RAD));
+        std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * STEP_RAD))
+    }
+}
+
 impl Reduced<2> for PassiveNoSkid {
+    const INTEGRATED: bool = false;
+    const HAS_ANGLE: bool = true;
+
     type Node = ConstrainedNode;
 
     fn node(&self, phase_rad: f64) -> ConstrainedNode {
@@ -239,6 +483,7 @@ impl Reduced<2> for PassiveNoSkid {
         let q = joint_sign(a) * l * rate / norm;
         let q_rate = joint_sign(a) * l * acceleration / norm - q * norm_rate / norm;
         ConstrainedNode {
+            phase_rad,
             shape,
             trig,
             null: [arm, -sin],
@@ -307,6 +552,49 @@ impl Reduced<2> for PassiveNoSkid {
             by_state: [[by_s, by_phi], [-n_p, -w_by_phi]],
             by_rate: [[project([0.0; 3], null), 0.0], [0.0, 1.0]],
         }
+    }
+
+    fn residual_by(
+        &self,
+        node: &ConstrainedNode,
+        y: &[f64; 2],
+        dy: &[f64; 2],
+        parameter: Parameter,
+    ) -> [f64; 2] {
+        if let Parameter::Amplitude(a) = parameter {
+            let value = |model: &Self, node: &ConstrainedNode, _| model.residual(node, y, dy).value;
+            return self.by_amplitude(node, a, value);
+        }
+        let p = self.passive;
+        let moment = self.moment(node, y);
+        let by = balance_by(&self.driven.robot, Some(p), &moment, parameter);
+        let Trig { s: sin, c: cos } = Trig::new(moment.phi_rad);
+        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let [n_u, n_r] = node.null;
+        let n_p = joint_sign(p) * (sin[p] * n_u + (l + h * cos[p]) * n_r) / l;
+        [n_u * by[0] + n_r * by[2] + n_p * by[3 + p], 0.0]
+    }
+
+    fn moment_by(
+        &self,
+        node: &ConstrainedNode,
+        y: &[f64; 2],
+        step: &[f64; 2],
+        parameter: Parameter,
+    ) -> Moment {
+        // The state goes along with the amplitude, or alone.
+        let a = match parameter {
+            Parameter::Amplitude(a) => a,
+            _ => self.passive,
+        };
+        let all = self.by_amplitude(node, a, |model, node, part| {
+            let moved = [y[0] + part * step[0], y[1] + part * step[1]];
+            let Moment { phi_rad: [phi1, phi2], velocity: [u, v, r, w1, w2] } =
+                model.moment(node, &moved);
+            [phi1, phi2, u, v, r, w1, w2]
+        });
+        let [phi1, phi2, u, v, r, w1, w2] = all;
+        Moment { phi_rad: [phi1, phi2], velocity: [u, v, r, w1, w2] }
     }
 
     fn moment(&self, node: &ConstrainedNode, y: &[f64; 2]) -> Moment {

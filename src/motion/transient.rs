@@ -4,7 +4,7 @@
 //! once their transients are over.
 
 use super::MotionError;
-use super::element::{Workspace, follow_element, tail};
+use super::element::{Linearised, follow_element, tail};
 use super::path::{Pose, advance};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment, Reduced};
@@ -53,7 +53,8 @@ pub(super) fn follow<const N: usize, R: Reduced<N>>(
     let (mut time_s, mut length_s) = (0.0, 1e-4 * period_s);
     let mut sizes = state.map(f64::abs);
     let mut transient = Transient::default();
-    let mut workspace = Workspace::default();
+    let mut room = Linearised::default();
+    room.resize::<N, R>(1);
     while time_s < duration_s {
         length_s = length_s.min(LONGEST_PART * period_s).min(duration_s - time_s);
         if length_s < SHORTEST_PART * period_s && time_s + length_s < duration_s {
@@ -61,8 +62,7 @@ pub(super) fn follow<const N: usize, R: Reduced<N>>(
         }
         let node = |part: f64| model.node(driven.omega_rad_s * (time_s + part * length_s));
         let nodes = RADAU.nodes.map(node);
-        let Some(stages) =
-            follow_element(model, &nodes, &state, length_s, tolerance, &mut workspace)
+        let Some(stages) = follow_element(model, &nodes, &state, length_s, tolerance, &mut room)
         else {
             length_s *= 0.25;
             continue;

@@ -16,7 +16,7 @@
 //! to the generalised force that actuators and constraints must supply: zero for `u, v, r`
 //! of a skidding robot and for its passive joint. Nothing depends on position or heading.
 
-use super::geometry::{dot, roll_rows, skid_rows};
+use super::geometry::{dot, roll_rows, roll_turns, skid_rows, skid_turns};
 use super::{Robot, Trig, Velocity};
 
 /// The left-hand side of eq. 7, `M q'' + B + G - F_d`, and its derivatives.
@@ -123,8 +123,7 @@ pub fn force_balance(
         add_friction(&mut value, &mut by_velocity, robot.roll_kg_s[i], &roll[i], velocity);
     }
     // Only the rows of the side wheels turn, each with its own joint.
-    let skid_turns = [[c1, -s1, -h * s1, 0.0, 0.0], [-c2, -s2, h * s2, 0.0, 0.0]];
-    let roll_turns = [[-s1, -c1, -h * c1, 0.0, 0.0], [-s2, c2, -h * c2, 0.0, 0.0]];
+    let (skid_turns, roll_turns) = (skid_turns(robot, trig), roll_turns(robot, trig));
     for j in 0..2 {
         let (c_skid, c_roll) = (robot.skid_kg_s[j + 1], robot.roll_kg_s[j + 1]);
         add_turned_friction(&mut by_phi[j], c_skid, &skid[j + 1], &skid_turns[j], velocity);

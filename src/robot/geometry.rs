@@ -29,6 +29,22 @@ pub fn skid_rows(robot: &Robot, trig: &Trig) -> [[f64; 5]; 3] {
     [[0.0, 1.0, 0.0, 0.0, 0.0], [s1, c1, l + h * c1, -l, 0.0], [-s2, c2, -l - h * c2, 0.0, -l]]
 }
 
+/// How the skid rows of wheels 1 and 2 change with their own joints' angles, per radian.
+#[inline(always)]
+pub fn skid_turns(robot: &Robot, trig: &Trig) -> [[f64; 5]; 2] {
+    let h = robot.h_m;
+    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
+    [[c1, -s1, -h * s1, 0.0, 0.0], [-c2, -s2, h * s2, 0.0, 0.0]]
+}
+
+/// How the roll rows of wheels 1 and 2 change with their own joints' angles, per radian.
+#[inline(always)]
+pub fn roll_turns(robot: &Robot, trig: &Trig) -> [[f64; 5]; 2] {
+    let h = robot.h_m;
+    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
+    [[-s1, -c1, -h * c1, 0.0, 0.0], [-s2, c2, -h * c2, 0.0, 0.0]]
+}
+
 /// Rows that give the wheels' roll velocities `v_par` from [`Velocity`], m/s.
 #[inline(always)]
 pub fn roll_rows(robot: &Robot, trig: &Trig) -> [[f64; 5]; 3] {

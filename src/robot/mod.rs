@@ -10,7 +10,8 @@ mod geometry;
 pub use balance::{Balance, force_balance};
 pub use gait::{Gait, JointCommand, Shape};
 pub use geometry::{
-    Trig, det_wb, dot, kinetic_energy, mass_matrix, roll_rows, skid_rows, velocity_terms,
+    Trig, det_wb, dot, kinetic_energy, mass_matrix, roll_rows, roll_turns, skid_rows, skid_turns,
+    velocity_terms,
 };
 
 /// Velocities in link 0's frame: `(u, v, theta', phi1', phi2')` with `u` along the

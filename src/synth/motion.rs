@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::metrics::GaitMetrics;
-use crate::motion::{Accuracy, MotionError, Problem};
+use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY};
 use crate::robot::{Gait, Robot};
 
 /// The paper's fitted skid coefficients (Tables I and II) by campaign, kg/s.
@@ -57,7 +57,7 @@ pub(super) struct Motion {
 
 /// The motion from rest until [`STEADY_CYCLES`] are over.
 pub(super) fn from_rest(problem: &Problem, rate_hz: f64) -> Result<Motion, MotionError> {
-    let steady = problem.solve(None, Accuracy::Reference)?;
+    let steady = problem.solve(REFERENCE_ACCURACY)?;
     let decay = steady.floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
     let transient = (TRANSIENT_LEFT.ln() / decay.ln()).ceil() as usize;
     // Half a cycle more: the recording does not end with a cycle.

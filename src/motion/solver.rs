@@ -1,0 +1,240 @@
+//! Steady motions one after the other, each from the last and in the same room.
+
+use std::f64::consts::TAU;
+
+use super::cycle::{Cycle, differentiate, measure};
+use super::kinematic;
+use super::reduced::{Driven, KinematicSkid, Parameter, PassiveNoSkid, PassiveSkid, Reduced};
+use super::ring::{Ring, Start};
+use super::transient;
+use super::{MotionError, Problem};
+use crate::metrics::GaitMetrics;
+
+/// Derivatives of the metrics by every [`Parameter`], in the order of [`Parameter::ALL`].
+pub type Derivatives = [GaitMetrics; Parameter::ALL.len()];
+
+/// Solves for steady motions. A solution starts from the last one if that was of the same
+/// kind of motion (the same passive joint, skidding or not), else from rest.
+#[derive(Debug, Clone, Default)]
+pub struct Solver {
+    last: Option<Problem>,
+    kinematic_skid: Ring<3, KinematicSkid>,
+    passive_skid: Ring<5, PassiveSkid>,
+    passive_no_skid: Ring<2, PassiveNoSkid>,
+    newton_steps: usize,
+}
+
+/// Cycles after which a robot that started from rest is near its steady motion.
+const SETTLING_CYCLES: f64 = 40.0;
+const SETTLING_TOLERANCE: f64 = 1e-4;
+
+impl Solver {
+    /// Solves for the steady periodic motion to a relative `accuracy` of its metrics.
+    ///
+    /// # Errors
+    /// There is no such motion, or it could not be found or resolved.
+    pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics, MotionError> {
+        let goes_on = self.last.take().is_some_and(|last| is_alike(&last, problem));
+        let start = if goes_on { Goes::On } else { Goes::FromRest };
+        let metrics = self.dispatch(problem, Solve { start, accuracy })?;
+        self.last = Some(problem.clone());
+        Ok(metrics)
+    }
+
+    /// Makes the next solution start from rest; the room stays.
+    pub fn forget(&mut self) {
+        self.last = None;
+    }
+
+    /// Modulus of the largest Floquet multiplier of the last solution; `None` where the motion
+    /// has no states of its own.
+    ///
+    /// # Errors
+    /// There is no last solution, or its linearisation is singular.
+    pub fn floquet(&mut self) -> Result<Option<f64>, MotionError> {
+        let problem = self.last.clone().ok_or(MotionError::NotDriven)?;
+        self.dispatch(&problem, Floquet)
+    }
+
+    /// Derivatives of the last solution's metrics, per unit of each parameter; those by
+    /// parameters that the model does not know are zero.
+    ///
+    /// # Errors
+    /// As [`Solver::floquet`].
+    pub fn derivatives(&mut self) -> Result<Derivatives, MotionError> {
+        let problem = self.last.clone().ok_or(MotionError::NotDriven)?;
+        self.dispatch(&problem, Differentiate)
+    }
+
+    /// Newton steps of the last solution.
+    pub fn newton_steps(&self) -> usize {
+        self.newton_steps
+    }
+
+    /// Does `task` with the ring of the problem's kind.
+    fn dispatch<T: Task>(&mut self, problem: &Problem, task: T) -> Result<T::Output, MotionError> {
+        let driven = problem.driven();
+        match problem.gait.joints {
+            [Some(joint1), Some(joint2)] if !driven.model_skids => {
+                self.newton_steps = 0;
+                task.quadrature(&driven, [joint1, joint2])
+            }
+            [Some(_), Some(_)] => {
+                let model = KinematicSkid(driven.clone());
+                let done = task.ring(&model, &driven, &mut self.kinematic_skid);
+                self.newton_steps = self.kinematic_skid.steps();
+                done
+            }
+            [None, None] => Err(MotionError::NotDriven),
+            [first, _] => {
+                let passive = if first.is_none() { 0 } else { 1 };
+                if driven.model_skids {
+                    let model = PassiveSkid { driven: driven.clone(), passive };
+                    let done = task.ring(&model, &driven, &mut self.passive_skid);
+                    self.newton_steps = self.passive_skid.steps();
+                    return done;
+                }
+                let model = PassiveNoSkid { driven: driven.clone(), passive };
+                let done = task.ring(&model, &driven, &mut self.passive_no_skid);
+                self.newton_steps = self.passive_no_skid.steps();
+                done
+            }
+        }
+    }
+}
+
+/// Whether a solution of one problem is a start for the other.
+fn is_alike(last: &Problem, next: &Problem) -> bool {
+    last.gait.passive_joint() == next.gait.passive_joint()
+        && last.model.skids() == next.model.skids()
+}
+
+/// Something to do with a steady motion, of whatever kind it is.
+trait Task {
+    type Output;
+
+    /// For motions that are solutions of differential equations.
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        driven: &Driven,
+        ring: &mut Ring<N, R>,
+    ) -> Result<Self::Output, MotionError>;
+
+    /// For motions that eq. 3 gives.
+    fn quadrature(
+        self,
+        driven: &Driven,
+        joints: [crate::robot::JointCommand; 2],
+    ) -> Result<Self::Output, MotionError>;
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Goes {
+    On,
+    FromRest,
+}
+
+struct Solve {
+    start: Goes,
+    accuracy: f64,
+}
+
+impl Task for Solve {
+    type Output = GaitMetrics;
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        driven: &Driven,
+        ring: &mut Ring<N, R>,
+    ) -> Result<GaitMetrics, MotionError> {
+        let (omega_rad_s, accuracy) = (driven.omega_rad_s, self.accuracy);
+        let near = match self.start {
+            Goes::On => ring.solve(model, omega_rad_s, Start::Last, accuracy).is_ok(),
+            Goes::FromRest => false,
+        };
+        if !near && let Err(error) = ring.solve(model, omega_rad_s, Start::Rest, accuracy) {
+            let duration_s = SETTLING_CYCLES * TAU / omega_rad_s;
+            let settled = transient::follow(model, driven, duration_s, SETTLING_TOLERANCE);
+            let (_, state) = settled.map_err(|_| error)?;
+            ring.solve(model, omega_rad_s, Start::State(state), accuracy)?;
+        }
+        let mut room = ring.take_room();
+        let metrics = measure(model, driven, ring, &mut room).metrics;
+        ring.give_room(room);
+        Ok(metrics)
+    }
+
+    fn quadrature(
+        self,
+        driven: &Driven,
+        joints: [crate::robot::JointCommand; 2],
+    ) -> Result<GaitMetrics, MotionError> {
+        kinematic::solve(&driven.robot, joints, driven.omega_rad_s)
+    }
+}
+
+struct Floquet;
+
+impl Task for Floquet {
+    type Output = Option<f64>;
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        _driven: &Driven,
+        ring: &mut Ring<N, R>,
+    ) -> Result<Option<f64>, MotionError> {
+        ring.floquet(model).map(Some)
+    }
+
+    fn quadrature(
+        self,
+        _driven: &Driven,
+        _joints: [crate::robot::JointCommand; 2],
+    ) -> Result<Option<f64>, MotionError> {
+        Ok(None)
+    }
+}
+
+struct Differentiate;
+
+impl Task for Differentiate {
+    type Output = Derivatives;
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        driven: &Driven,
+        ring: &mut Ring<N, R>,
+    ) -> Result<Derivatives, MotionError> {
+        ring.linearise(model)?;
+        let mut room = ring.take_room();
+        let cycle: Cycle = measure(model, driven, ring, &mut room);
+        let derivatives = Parameter::ALL.map(|parameter| {
+            if !driven.knows(parameter) {
+                return GaitMetrics::NONE;
+            }
+            ring.differentiate(model, parameter);
+            differentiate(model, driven, ring, &cycle, parameter, &mut room)
+        });
+        ring.give_room(room);
+        Ok(derivatives)
+    }
+
+    fn quadrature(
+        self,
+        driven: &Driven,
+        joints: [crate::robot::JointCommand; 2],
+    ) -> Result<Derivatives, MotionError> {
+        let mut derivatives = [GaitMetrics::NONE; Parameter::ALL.len()];
+        for (derivative, parameter) in derivatives.iter_mut().zip(Parameter::ALL) {
+            if let Parameter::Amplitude(joint) = parameter {
+                *derivative =
+                    kinematic::by_amplitude(&driven.robot, joints, driven.omega_rad_s, joint)?;
+            }
+        }
+        Ok(derivatives)
+    }
+}
