@@ -22,7 +22,8 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// The measurement of a trial; `None` if the trial has no metrics.
+    /// The measurement of a trial; `None` if the trial has no metrics. A skid ratio of which
+    /// nothing is left above the noise is missing, and its terms are left out of eq. 22.
     pub fn new(trial: &TrialRow, sigma: SigmaKind) -> Option<Self> {
         let mut metrics = trial.metrics();
         let mut sigma_se = [trial.sigma0_se, trial.sigma1_se, trial.sigma2_se];
@@ -33,16 +34,13 @@ impl Measurement {
                 (trial.sigma2_debiased, trial.sigma2_debiased_se),
             ];
             for (wheel, (sigma, se)) in debiased.into_iter().enumerate() {
-                // Where nothing is left above the noise, eq. 20 has to do.
-                if sigma > 0.0 {
-                    metrics.sigma[wheel] = sigma;
-                    sigma_se[wheel] = se;
-                }
+                // Where nothing is left above the noise there is nothing to compare with.
+                metrics.sigma[wheel] = if sigma > 0.0 { sigma } else { f64::NAN };
+                sigma_se[wheel] = se;
             }
         }
         let usable = trial.omega_rad_s > 0.0
-            && metrics.to_array().iter().all(|value| value.is_finite())
-            && metrics.to_array()[..6].iter().all(|value| *value > 0.0);
+            && [metrics.d_m, metrics.v_m_s, metrics.alpha1_rad].iter().all(|value| *value > 0.0);
         let joint = |offset_rad, amplitude_rad, phase_rad| JointCommand {
             offset_rad,
             amplitude_rad,
@@ -195,7 +193,8 @@ impl Objective {
             .zip(simulated.to_array())
             .map(|(measured, simulated)| ((measured - simulated) / measured).abs());
         let weighted = self.term_weights().into_iter().zip(deviations);
-        weighted.filter(|(weight, _)| *weight > 0.0).map(|(weight, e)| weight * e).sum()
+        let measured = weighted.zip(measured).filter(|(_, measured)| measured.is_finite());
+        measured.filter(|((weight, _), _)| *weight > 0.0).map(|((weight, e), _)| weight * e).sum()
     }
 
     /// Standard error of the objective at the truth that the measurements' errors imply.
@@ -208,7 +207,7 @@ impl Objective {
                 let errors = measurement.errors.to_array();
                 let terms = self.term_weights().into_iter().zip(errors.into_iter().zip(measured));
                 terms
-                    .filter(|(_, (error, _))| error.is_finite())
+                    .filter(|(_, (error, measured))| error.is_finite() && measured.is_finite())
                     .map(|(weight, (error, measured))| (weight * error / measured).powi(2))
                     .sum::<f64>()
             })

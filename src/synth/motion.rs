@@ -1,6 +1,5 @@
 //! What is planted, and the motion that follows from it.
 
-use rand::Rng;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -38,7 +37,7 @@ pub(super) fn planted(
     let fitted = FITTED_SKID_KG_S.iter().find(|(name, _)| *name == campaign);
     let near = fitted.map_or(robot.skid_kg_s, |(_, skid_kg_s)| *skid_kg_s);
     robot.skid_kg_s = near.map(|c| c * random.random_range(1.0 - NEAR..1.0 + NEAR));
-    let mut sign = if random.next_u32() % 2 == 0 { 1.0 } else { -1.0 };
+    let mut sign = if random.random::<bool>() { 1.0 } else { -1.0 };
     for joint in gait.joints.iter_mut().flatten() {
         joint.amplitude_rad *= 1.0 + sign * random.random_range(AMPLITUDE_ERROR);
         joint.offset_rad += random.random_range(-OFFSET_ERROR_RAD..OFFSET_ERROR_RAD);
