@@ -133,8 +133,19 @@ impl Job {
         let mut evaluation = objective.evaluator(parameters.clone());
         let status = evaluation.status(&best.ended);
         let marks = search::marks(&mut evaluation, &best.ended);
-        let solves = starts.iter().map(|start| start.solves).sum::<usize>() + evaluation.solves();
-        let fit = self.fit_row(&robot, &parameters, best, marks, starts.len(), solves, status);
+        let names = |of: &[Coefficient]| of.iter().map(|free| free.name().to_owned()).collect();
+        let free: Vec<Coefficient> = parameters.iter().map(|free| free.coefficient).collect();
+        let fit = FitRow {
+            free: names(&free),
+            insensitive: names(&marks.insensitive),
+            at_bound: names(&marks.at_bound),
+            j: if status == "ok" { best.cost } else { f64::NAN },
+            starts: starts.len() as i64,
+            solves: (starts.iter().map(|start| start.solves).sum::<usize>() + evaluation.solves())
+                as i64,
+            status,
+            ..self.with_parameters_of(&robot)
+        };
         Fitted {
             predictions: predict::predictions(&self.name, &objective, &robot),
             starts: starts
@@ -147,49 +158,30 @@ impl Job {
     }
 
     fn without_trials(&self) -> Fitted {
-        let nothing = Start::unused();
         let status = "failed: no trial with metrics".to_owned();
-        let marks = search::Marks::default();
-        let fit = self.fit_row(&self.robot, &[], &nothing, marks, 0, 0, status);
+        let fit = FitRow { status, ..self.with_parameters_of(&self.robot) };
         Fitted { fits: vec![fit], starts: Vec::new(), predictions: Vec::new() }
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn fit_row(
-        &self,
-        robot: &Robot,
-        parameters: &[Parameter],
-        best: &Start,
-        marks: search::Marks,
-        starts: usize,
-        solves: usize,
-        status: String,
-    ) -> FitRow {
-        let names = |of: &[Coefficient]| of.iter().map(|free| free.name().to_owned()).collect();
-        let free: Vec<Coefficient> = parameters.iter().map(|free| free.coefficient).collect();
-        let model = self.model;
-        let knows = |has: bool, value: f64| if has { value } else { f64::NAN };
+    /// A row with the parameters that the model knows; the others are missing.
+    fn with_parameters_of(&self, robot: &Robot) -> FitRow {
+        let known = |is_known: bool, value: f64| if is_known { value } else { f64::NAN };
         let is_passive = self.gait.passive_joint().is_some();
-        let [skid0, skid1, skid2] = robot.skid_kg_s.map(|c| knows(model.skids(), c));
-        let [roll0, roll1, roll2] = robot.roll_kg_s.map(|c| knows(model.has_roll_resistance(), c));
+        let [skid0, skid1, skid2] = robot.skid_kg_s.map(|c| known(self.model.skids(), c));
+        let has_roll = self.model.has_roll_resistance();
+        let [roll0, roll1, roll2] = robot.roll_kg_s.map(|c| known(has_roll, c));
         FitRow {
             campaign: self.name.clone(),
-            model: model.name().to_owned(),
+            model: self.model.name().to_owned(),
             skid0_kg_s: skid0,
             skid1_kg_s: skid1,
             skid2_kg_s: skid2,
             roll0_kg_s: roll0,
             roll1_kg_s: roll1,
             roll2_kg_s: roll2,
-            stiffness_nm_rad: knows(is_passive, robot.stiffness_nm_rad),
-            damping_nm_s_rad: knows(is_passive, robot.damping_nm_s_rad),
-            free: names(&free),
-            insensitive: names(&marks.insensitive),
-            at_bound: names(&marks.at_bound),
-            j: if status == "ok" { best.cost } else { f64::NAN },
-            starts: starts as i64,
-            solves: solves as i64,
-            status,
+            stiffness_nm_rad: known(is_passive, robot.stiffness_nm_rad),
+            damping_nm_s_rad: known(is_passive, robot.damping_nm_s_rad),
+            ..FitRow::blank()
         }
     }
 

@@ -75,19 +75,6 @@ pub(super) fn search(objective: &Objective, parameters: &[Parameter], number: us
     Start { began, ended, cost, solves: evaluator.solves(), stopped }
 }
 
-impl Start {
-    /// The start of a fit that could not begin.
-    pub(super) fn unused() -> Self {
-        Self {
-            began: Vec::new(),
-            ended: Vec::new(),
-            cost: f64::NAN,
-            solves: 0,
-            stopped: String::new(),
-        }
-    }
-}
-
 /// Where a start begins.
 fn begin(objective: &Objective, parameters: &[Parameter], number: usize) -> Vec<f64> {
     const BASES: [u32; 6] = [2, 3, 5, 7, 11, 13];

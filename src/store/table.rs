@@ -250,3 +250,60 @@ fn from_polars(path: &Path, column: &PolarsColumn) -> Result<Column, StoreError>
         other => return Err(error(other.to_string())),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn provenance() -> Provenance {
+        Provenance { input: "0123".to_owned() }
+    }
+
+    #[test]
+    fn a_table_comes_back_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deep/table.parquet");
+        let lists = vec![vec!["a".to_owned(), "b".to_owned()], vec![], vec!["c".to_owned()]];
+        let table = Table::new([
+            ("number", Column::F64(vec![1.5, f64::NAN, -2.0])),
+            ("count", Column::I64(vec![1, 2, 3])),
+            ("used", Column::Bool(vec![true, false, true])),
+            ("name", Column::Str(vec!["x".into(), String::new(), "z".into()])),
+            ("free", Column::StrList(lists.clone())),
+        ]);
+        table.write(&path, &provenance()).unwrap();
+        let found = Table::read(&path).unwrap();
+        let names: Vec<&str> = found.columns().iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["number", "count", "used", "name", "free"]);
+        let numbers = found.f64("number").unwrap();
+        assert!(numbers[0] == 1.5 && numbers[1].is_nan() && numbers[2] == -2.0);
+        assert_eq!(found.i64("count").unwrap(), [1, 2, 3]);
+        assert_eq!(found.bool("used").unwrap(), [true, false, true]);
+        assert_eq!(found.str("name").unwrap(), ["x", "", "z"]);
+        assert_eq!(found.str_list("free").unwrap(), lists);
+        let bytes = std::fs::read(&path).unwrap();
+        let holds = |text: &str| bytes.windows(text.len()).any(|part| part == text.as_bytes());
+        assert!(holds("trilink.version") && holds("trilink.input"));
+    }
+
+    #[test]
+    fn a_column_that_is_not_there_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let table = Table::new([("count", Column::I64(vec![1]))]);
+        table.write(&path, &provenance()).unwrap();
+        let found = Table::read(&path).unwrap();
+        let message = found.f64("d_m").unwrap_err().to_string();
+        assert!(message.ends_with("column `d_m`: found no such column, needed numbers"));
+        let message = found.str("count").unwrap_err().to_string();
+        assert!(message.ends_with("column `count`: found whole numbers, needed text"));
+    }
+
+    #[test]
+    fn a_file_that_is_no_table_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        std::fs::write(&path, b"PAR1 but not really").unwrap();
+        assert!(matches!(Table::read(&path), Err(StoreError::Table { .. })));
+    }
+}
