@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use proptest::prelude::*;
-use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
+use trilink::motion::{Model, Problem, REFERENCE_ACCURACY, Solver};
 use trilink::robot::{Gait, JointCommand, Robot};
 
 const DYNAMIC: [Model; 3] = [Model::Skid, Model::SkidRoll, Model::NoSkidRoll];
@@ -70,6 +70,16 @@ proptest! {
             for (a, b) in one.sigma.iter().zip(other.sigma) {
                 prop_assert!(close(*a, b, *a), "{one:?} {other:?}");
             }
+        }
+    }
+
+    #[test]
+    fn the_actuators_work_is_what_friction_takes(problem in problems()) {
+        let mut solver = Solver::default();
+        if solver.solve(&problem, REFERENCE_ACCURACY).is_ok() {
+            let [work_j, loss_j] = solver.work_and_loss_j().unwrap().unwrap();
+            prop_assert!(loss_j > 0.0);
+            prop_assert!((work_j - loss_j).abs() < 1e-8 * loss_j, "{work_j} {loss_j}");
         }
     }
 

@@ -6,6 +6,7 @@
 mod cycle;
 mod element;
 mod extreme;
+mod forces;
 mod kinematic;
 mod lu;
 mod path;
@@ -23,6 +24,7 @@ use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
 use reduced::{Driven, KinematicSkid, PassiveNoSkid, PassiveSkid};
 
+pub use forces::Actions;
 pub use reduced::Parameter;
 pub use solver::{Derivatives, Solver};
 pub use transient::Transient;

@@ -90,6 +90,9 @@ pub(super) trait Reduced<const N: usize> {
     /// Angles and velocities of the whole robot in state `y`.
     fn moment(&self, node: &Self::Node, y: &[f64; N]) -> Moment;
 
+    /// Time derivatives of the moment's velocities.
+    fn acceleration(&self, node: &Self::Node, y: &[f64; N], dy: &[f64; N]) -> [f64; 5];
+
     /// Change of the moment when the state changes by `step` and `parameter` by 1.
     fn moment_by(
         &self,
@@ -210,14 +213,6 @@ fn balance_by(
 #[derive(Debug, Clone)]
 pub(super) struct KinematicSkid(pub Driven);
 
-impl KinematicSkid {
-    fn full(node: &(Shape, Trig), y: &[f64; 3], dy: &[f64; 3]) -> (Velocity, [f64; 5]) {
-        let [w1, w2] = node.0.rate_rad_s;
-        let [a1, a2] = node.0.acceleration_rad_s2;
-        ([y[0], y[1], y[2], w1, w2], [dy[0], dy[1], dy[2], a1, a2])
-    }
-}
-
 impl Reduced<3> for KinematicSkid {
     const INTEGRATED: bool = false;
     const HAS_ANGLE: bool = false;
@@ -232,7 +227,8 @@ impl Reduced<3> for KinematicSkid {
     #[inline(always)]
     fn residual(&self, node: &Self::Node, y: &[f64; 3], dy: &[f64; 3]) -> Residual<3> {
         let (shape, trig) = node;
-        let (velocity, acceleration) = Self::full(node, y, dy);
+        let velocity = self.moment(node, y).velocity;
+        let acceleration = self.acceleration(node, y, dy);
         let robot = &self.0.robot;
         let balance = force_balance(robot, None, shape.phi_rad, trig, &velocity, &acceleration);
         let mass = mass_matrix(robot, trig);
@@ -256,7 +252,7 @@ impl Reduced<3> for KinematicSkid {
         let moment = self.moment(node, y);
         let by = match parameter {
             Parameter::Amplitude(a) => {
-                let (_, acceleration) = Self::full(node, y, dy);
+                let acceleration = self.acceleration(node, y, dy);
                 self.0.amplitude_by(None, &moment, &acceleration, &node.0, a)
             }
             coefficient => balance_by(&self.0.robot, None, &moment, coefficient),
@@ -265,8 +261,13 @@ impl Reduced<3> for KinematicSkid {
     }
 
     fn moment(&self, node: &Self::Node, y: &[f64; 3]) -> Moment {
-        let (velocity, _) = Self::full(node, y, &[0.0; 3]);
-        Moment { phi_rad: node.0.phi_rad, velocity }
+        let [w1, w2] = node.0.rate_rad_s;
+        Moment { phi_rad: node.0.phi_rad, velocity: [y[0], y[1], y[2], w1, w2] }
+    }
+
+    fn acceleration(&self, node: &Self::Node, _y: &[f64; 3], dy: &[f64; 3]) -> [f64; 5] {
+        let [a1, a2] = node.0.acceleration_rad_s2;
+        [dy[0], dy[1], dy[2], a1, a2]
     }
 
     fn moment_by(
@@ -299,15 +300,6 @@ pub(super) struct PassiveSkid {
     pub passive: usize,
 }
 
-impl PassiveSkid {
-    fn acceleration(&self, node: &(Shape, Trig), dy: &[f64; 5]) -> [f64; 5] {
-        let mut acceleration = [dy[0], dy[1], dy[2], 0.0, 0.0];
-        acceleration[3 + self.passive] = dy[3];
-        acceleration[4 - self.passive] = node.0.acceleration_rad_s2[1 - self.passive];
-        acceleration
-    }
-}
-
 impl Reduced<5> for PassiveSkid {
     const INTEGRATED: bool = true;
     const HAS_ANGLE: bool = true;
@@ -326,7 +318,7 @@ impl Reduced<5> for PassiveSkid {
         let Moment { phi_rad, velocity } = self.moment(node, y);
         let mut trig = node.1;
         (trig.s[p], trig.c[p]) = y[4].sin_cos();
-        let acceleration = self.acceleration(node, dy);
+        let acceleration = self.acceleration(node, y, dy);
         let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
         let mass = mass_matrix(robot, &trig);
 
@@ -354,7 +346,7 @@ impl Reduced<5> for PassiveSkid {
         let (p, moment) = (self.passive, self.moment(node, y));
         let by = match parameter {
             Parameter::Amplitude(a) => {
-                let acceleration = self.acceleration(node, dy);
+                let acceleration = self.acceleration(node, y, dy);
                 self.driven.amplitude_by(Some(p), &moment, &acceleration, &node.0, a)
             }
             coefficient => balance_by(&self.driven.robot, Some(p), &moment, coefficient),
@@ -370,6 +362,13 @@ impl Reduced<5> for PassiveSkid {
         velocity[3 + p] = y[3];
         velocity[4 - p] = node.0.rate_rad_s[1 - p];
         Moment { phi_rad, velocity }
+    }
+
+    fn acceleration(&self, node: &Self::Node, _y: &[f64; 5], dy: &[f64; 5]) -> [f64; 5] {
+        let mut acceleration = [dy[0], dy[1], dy[2], 0.0, 0.0];
+        acceleration[3 + self.passive] = dy[3];
+        acceleration[4 - self.passive] = node.0.acceleration_rad_s2[1 - self.passive];
+        acceleration
     }
 
     fn moment_by(
@@ -435,9 +434,52 @@ fn joint_sign(joint: usize) -> f64 {
     if joint == 0 { 1.0 } else { -1.0 }
 }
 
+/// The wheel of the passive link, which gives `phi_p'` from `(u, theta')`.
+struct PassiveWheel {
+    sin: f64,
+    cos: f64,
+    arm_m: f64,
+    h_m: f64,
+    /// `sigma_p / l`.
+    per_m: f64,
+}
+
+impl PassiveWheel {
+    /// `phi_p'`.
+    fn rate(&self, [u, r]: [f64; 2]) -> f64 {
+        self.per_m * (self.sin * u + self.arm_m * r)
+    }
+
+    /// How `phi_p'` changes with `phi_p`.
+    fn rate_by_phi(&self, [u, r]: [f64; 2]) -> f64 {
+        self.per_m * (self.cos * u - self.h_m * self.sin * r)
+    }
+
+    /// And how that changes with `phi_p`.
+    fn rate_by_phi_phi(&self, [u, r]: [f64; 2]) -> f64 {
+        self.per_m * (-self.sin * u - self.h_m * self.cos * r)
+    }
+}
+
 impl PassiveNoSkid {
     fn velocities(&self, node: &ConstrainedNode, s: f64) -> [f64; 2] {
-        [s * node.null[0] + node.particular[0], s * node.null[1] + node.particular[1]]
+        std::array::from_fn(|i| s * node.null[i] + node.particular[i])
+    }
+
+    fn accelerations(&self, node: &ConstrainedNode, s: f64, ds: f64) -> [f64; 2] {
+        std::array::from_fn(|i| ds * node.null[i] + s * node.null_rate[i] + node.particular_rate[i])
+    }
+
+    fn wheel(&self, phi: f64) -> PassiveWheel {
+        let (h_m, l_m) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let (sin, cos) = phi.sin_cos();
+        PassiveWheel {
+            sin,
+            cos,
+            arm_m: l_m + h_m * cos,
+            h_m,
+            per_m: joint_sign(self.passive) / l_m,
+        }
     }
 }
 
@@ -496,34 +538,20 @@ impl Reduced<2> for PassiveNoSkid {
     #[inline(always)]
     fn residual(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Residual<2> {
         let (p, robot) = (self.passive, &self.driven.robot);
-        let (h, l, sign) = (robot.h_m, robot.l_m, joint_sign(p));
-        let (s, phi) = (y[0], y[1]);
+        let wheel = self.wheel(y[1]);
         let mut trig = node.trig;
-        (trig.s[p], trig.c[p]) = phi.sin_cos();
-        let (sin, arm) = (trig.s[p], l + h * trig.c[p]);
-        let (cos, h_sin) = (trig.c[p], h * sin);
-        // phi_p' of a motion (u, theta'), and how it changes with phi_p.
-        let wheel = |[u, r]: [f64; 2]| sign * (sin * u + arm * r) / l;
-        let wheel_by_phi = |[u, r]: [f64; 2]| sign * (cos * u - h_sin * r) / l;
+        (trig.s[p], trig.c[p]) = (wheel.sin, wheel.cos);
+        let velocities = self.velocities(node, y[0]);
+        let accelerations = self.accelerations(node, y[0], dy[0]);
+        let (n_p, n_p_by_phi) = (wheel.rate(node.null), wheel.rate_by_phi(node.null));
+        let (w, w_by_phi) = (wheel.rate(velocities), wheel.rate_by_phi(velocities));
+        let dw_by_s = n_p_by_phi * w + w_by_phi * n_p + wheel.rate(node.null_rate);
+        let dw_by_phi = wheel.rate_by_phi_phi(velocities) * w
+            + w_by_phi * w_by_phi
+            + wheel.rate_by_phi(accelerations);
 
-        let [u, r] = self.velocities(node, s);
-        let accelerate =
-            |i: usize| dy[0] * node.null[i] + s * node.null_rate[i] + node.particular_rate[i];
-        let (du, dr) = (accelerate(0), accelerate(1));
-        let (n_p, n_p_by_phi) = (wheel(node.null), wheel_by_phi(node.null));
-        let (w, w_by_phi) = (wheel([u, r]), wheel_by_phi([u, r]));
-        let w_by_phi_phi = sign * (-sin * u - h * cos * r) / l;
-        let dw = w_by_phi * w + wheel([du, dr]);
-        let dw_by_s = n_p_by_phi * w + w_by_phi * n_p + wheel(node.null_rate);
-        let dw_by_phi = w_by_phi_phi * w + w_by_phi * w_by_phi + wheel_by_phi([du, dr]);
-
-        let (mut velocity, mut acceleration) = ([u, 0.0, r, 0.0, 0.0], [du, 0.0, dr, 0.0, 0.0]);
-        velocity[3 + p] = w;
-        velocity[4 - p] = node.shape.rate_rad_s[1 - p];
-        acceleration[3 + p] = dw;
-        acceleration[4 - p] = node.shape.acceleration_rad_s2[1 - p];
-        let mut phi_rad = node.shape.phi_rad;
-        phi_rad[p] = phi;
+        let Moment { phi_rad, velocity } = self.moment(node, y);
+        let acceleration = self.acceleration(node, y, dy);
         let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
         let mass = mass_matrix(robot, &trig);
 
@@ -568,11 +596,20 @@ impl Reduced<2> for PassiveNoSkid {
         let p = self.passive;
         let moment = self.moment(node, y);
         let by = balance_by(&self.driven.robot, Some(p), &moment, parameter);
-        let Trig { s: sin, c: cos } = Trig::new(moment.phi_rad);
-        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
         let [n_u, n_r] = node.null;
-        let n_p = joint_sign(p) * (sin[p] * n_u + (l + h * cos[p]) * n_r) / l;
+        let n_p = self.wheel(y[1]).rate(node.null);
         [n_u * by[0] + n_r * by[2] + n_p * by[3 + p], 0.0]
+    }
+
+    fn acceleration(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> [f64; 5] {
+        let (p, wheel) = (self.passive, self.wheel(y[1]));
+        let velocities = self.velocities(node, y[0]);
+        let [du, dr] = self.accelerations(node, y[0], dy[0]);
+        let mut acceleration = [du, 0.0, dr, 0.0, 0.0];
+        acceleration[3 + p] =
+            wheel.rate_by_phi(velocities) * wheel.rate(velocities) + wheel.rate([du, dr]);
+        acceleration[4 - p] = node.shape.acceleration_rad_s2[1 - p];
+        acceleration
     }
 
     fn moment_by(
@@ -598,14 +635,12 @@ impl Reduced<2> for PassiveNoSkid {
     }
 
     fn moment(&self, node: &ConstrainedNode, y: &[f64; 2]) -> Moment {
-        let (p, robot) = (self.passive, &self.driven.robot);
+        let p = self.passive;
         let [u, r] = self.velocities(node, y[0]);
-        let (sin, cos) = y[1].sin_cos();
-        let arm = robot.l_m + robot.h_m * cos;
         let mut phi_rad = node.shape.phi_rad;
         phi_rad[p] = y[1];
         let mut velocity = [u, 0.0, r, 0.0, 0.0];
-        velocity[3 + p] = joint_sign(p) * (sin * u + arm * r) / robot.l_m;
+        velocity[3 + p] = self.wheel(y[1]).rate([u, r]);
         velocity[4 - p] = node.shape.rate_rad_s[1 - p];
         Moment { phi_rad, velocity }
     }

@@ -3,12 +3,16 @@
 use std::f64::consts::TAU;
 
 use super::cycle::{Cycle, differentiate, measure};
+use super::element::rate;
+use super::forces::actions;
 use super::kinematic;
+use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, KinematicSkid, Parameter, PassiveNoSkid, PassiveSkid, Reduced};
 use super::ring::{Ring, Start};
 use super::transient;
 use super::{MotionError, Problem};
 use crate::metrics::GaitMetrics;
+use crate::robot::JointCommand;
 
 /// Derivatives of the metrics by every [`Parameter`], in the order of [`Parameter::ALL`].
 pub type Derivatives = [GaitMetrics; Parameter::ALL.len()];
@@ -64,6 +68,17 @@ impl Solver {
     pub fn derivatives(&mut self) -> Result<Derivatives, MotionError> {
         let problem = self.last.clone().ok_or(MotionError::NotDriven)?;
         self.dispatch(&problem, Differentiate)
+    }
+
+    /// Work of the actuators and what friction takes over a cycle of the last solution, J; equal,
+    /// up to the accuracy of the solution. `None` where the constraint forces are unbounded
+    /// or the motion comes from eq. 3.
+    ///
+    /// # Errors
+    /// As [`Solver::floquet`].
+    pub fn work_and_loss_j(&mut self) -> Result<Option<[f64; 2]>, MotionError> {
+        let problem = self.last.clone().ok_or(MotionError::NotDriven)?;
+        self.dispatch(&problem, WorkAndLoss)
     }
 
     /// Newton steps of the last solution.
@@ -125,7 +140,7 @@ trait Task {
     fn quadrature(
         self,
         driven: &Driven,
-        joints: [crate::robot::JointCommand; 2],
+        joints: [JointCommand; 2],
     ) -> Result<Self::Output, MotionError>;
 }
 
@@ -169,7 +184,7 @@ impl Task for Solve {
     fn quadrature(
         self,
         driven: &Driven,
-        joints: [crate::robot::JointCommand; 2],
+        joints: [JointCommand; 2],
     ) -> Result<GaitMetrics, MotionError> {
         kinematic::solve(&driven.robot, joints, driven.omega_rad_s)
     }
@@ -192,7 +207,7 @@ impl Task for Floquet {
     fn quadrature(
         self,
         _driven: &Driven,
-        _joints: [crate::robot::JointCommand; 2],
+        _joints: [JointCommand; 2],
     ) -> Result<Option<f64>, MotionError> {
         Ok(None)
     }
@@ -226,7 +241,7 @@ impl Task for Differentiate {
     fn quadrature(
         self,
         driven: &Driven,
-        joints: [crate::robot::JointCommand; 2],
+        joints: [JointCommand; 2],
     ) -> Result<Derivatives, MotionError> {
         let mut derivatives = [GaitMetrics::NONE; Parameter::ALL.len()];
         for (derivative, parameter) in derivatives.iter_mut().zip(Parameter::ALL) {
@@ -236,5 +251,45 @@ impl Task for Differentiate {
             }
         }
         Ok(derivatives)
+    }
+}
+
+struct WorkAndLoss;
+
+impl Task for WorkAndLoss {
+    type Output = Option<[f64; 2]>;
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        driven: &Driven,
+        ring: &mut Ring<N, R>,
+    ) -> Result<Option<[f64; 2]>, MotionError> {
+        let weights = RADAU.integrate[STAGES - 1];
+        let turns = if ring.is_half() { 2.0 } else { 1.0 };
+        let (mut work, mut loss) = (0.0, 0.0);
+        for k in 0..ring.len() {
+            let (nodes, start, stages) = ring.element(k);
+            for j in 0..STAGES {
+                let dy = rate(&RADAU, start, stages, j, 1.0 / ring.element_s());
+                let moment = model.moment(&nodes[j], &stages[j]);
+                let acceleration = model.acceleration(&nodes[j], &stages[j], &dy);
+                let Some(actions) = actions(driven, &moment, &acceleration) else {
+                    return Ok(None);
+                };
+                let weight = turns * ring.element_s() * weights[j];
+                work += weight * actions.power_w;
+                loss += weight * actions.loss_w;
+            }
+        }
+        Ok(Some([work, loss]))
+    }
+
+    fn quadrature(
+        self,
+        _driven: &Driven,
+        _joints: [JointCommand; 2],
+    ) -> Result<Option<[f64; 2]>, MotionError> {
+        Ok(None)
     }
 }

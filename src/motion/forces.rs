@@ -1,0 +1,100 @@
+//! What acts on the robot: wheel forces, actuation torques and power (eq. 8 to 10, 14, 15).
+
+use nalgebra::{SMatrix, SVector};
+
+use super::reduced::{Driven, Moment};
+use crate::robot::{Trig, dot, force_balance, roll_rows, skid_rows};
+
+/// Forces and torques at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Actions {
+    /// Force of the ground on each wheel across it, N: the constraint force Lambda (eq. 8) where
+    /// the wheels cannot skid, else skid resistance (eq. 15).
+    pub lateral_n: [f64; 3],
+    /// Roll resistance at each wheel (eq. 14), N.
+    pub roll_n: [f64; 3],
+    /// Torque of the actuators, or of spring and damper at the passive joint (eq. 11), N m.
+    pub torque_nm: [f64; 2],
+    /// Power of the actuators, W.
+    pub power_w: f64,
+    /// Power that friction takes, at the wheels and in the passive joint, W.
+    pub loss_w: f64,
+}
+
+/// Ratio of singular values at which the constraints are not independent any more.
+const SINGULAR: f64 = 1e-9;
+
+/// The actions at a moment of a motion with these time derivatives of its velocities.
+///
+/// Eq. 7's left-hand side is what actuators and constraints supply, `E tau + W^T Lambda`. Its
+/// rows of the body and of the passive joint have no actuator and give `Lambda`; for the
+/// kinematic robot these are three equations that fail at singular shapes, for the
+/// semi-passive one four, of which `Lambda` is the least-squares solution that it satisfies.
+/// `None` where `Lambda` is unbounded.
+pub(super) fn actions(
+    driven: &Driven,
+    moment: &Moment,
+    acceleration: &[f64; 5],
+) -> Option<Actions> {
+    let robot = &driven.robot;
+    let passive = driven.gait.passive_joint();
+    let trig = Trig::new(moment.phi_rad);
+    let velocity = &moment.velocity;
+    let supplied =
+        force_balance(robot, passive, moment.phi_rad, &trig, velocity, acceleration).value;
+    let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
+    let (skid_m_s, roll_m_s) =
+        (skid.map(|row| dot(&row, velocity)), roll.map(|row| dot(&row, velocity)));
+
+    let mut constrained = [0.0; 5];
+    let lateral_n = if driven.model_skids {
+        std::array::from_fn(|i| -robot.skid_kg_s[i] * skid_m_s[i])
+    } else {
+        // One column per wheel; a row that an actuator supplies is left zero.
+        let mut columns = SMatrix::<f64, 4, 3>::zeros();
+        let mut right = SVector::<f64, 4>::zeros();
+        let rows = [Some(0), Some(1), Some(2), passive.map(|p| 3 + p)];
+        for (place, row) in rows.into_iter().enumerate() {
+            if let Some(row) = row {
+                right[place] = supplied[row];
+                (0..3).for_each(|i| columns[(place, i)] = skid[i][row]);
+            }
+        }
+        let decomposed = columns.svd(true, true);
+        let singular = &decomposed.singular_values;
+        if singular.min() <= SINGULAR * singular.max() {
+            return None;
+        }
+        let lambda = decomposed.solve(&right, 0.0).ok()?;
+        for (row, force) in constrained.iter_mut().enumerate() {
+            *force = (0..3).map(|i| skid[i][row] * lambda[i]).sum();
+        }
+        [lambda[0], lambda[1], lambda[2]]
+    };
+    if lateral_n.iter().any(|force: &f64| !force.is_finite()) {
+        return None;
+    }
+    let torque_nm = std::array::from_fn(|joint| {
+        if passive == Some(joint) {
+            let stretched = moment.phi_rad[joint] - robot.rest_angle_rad;
+            return -robot.stiffness_nm_rad * stretched
+                - robot.damping_nm_s_rad * velocity[3 + joint];
+        }
+        supplied[3 + joint] - constrained[3 + joint]
+    });
+    let actuated = (0..2).filter(|joint| passive != Some(*joint));
+    let power_w = actuated.map(|joint| torque_nm[joint] * velocity[3 + joint]).sum();
+    let wheels: f64 = (0..3)
+        .map(|i| {
+            robot.skid_kg_s[i] * skid_m_s[i].powi(2) + robot.roll_kg_s[i] * roll_m_s[i].powi(2)
+        })
+        .sum();
+    let joint = passive.map_or(0.0, |p| robot.damping_nm_s_rad * velocity[3 + p].powi(2));
+    Some(Actions {
+        lateral_n,
+        roll_n: std::array::from_fn(|i| -robot.roll_kg_s[i] * roll_m_s[i]),
+        torque_nm,
+        power_w,
+        loss_w: wheels + joint,
+    })
+}
