@@ -25,20 +25,8 @@ impl Measurement {
     /// The measurement of a trial; `None` if the trial has no metrics. A skid ratio of which
     /// nothing is left above the noise is missing, and its terms are left out of eq. 22.
     pub fn new(trial: &TrialRow, sigma: SigmaKind) -> Option<Self> {
-        let mut metrics = trial.metrics();
-        let mut sigma_se = [trial.sigma0_se, trial.sigma1_se, trial.sigma2_se];
-        if sigma == SigmaKind::Debiased {
-            let debiased = [
-                (trial.sigma0_debiased, trial.sigma0_debiased_se),
-                (trial.sigma1_debiased, trial.sigma1_debiased_se),
-                (trial.sigma2_debiased, trial.sigma2_debiased_se),
-            ];
-            for (wheel, (sigma, se)) in debiased.into_iter().enumerate() {
-                // Where nothing is left above the noise there is nothing to compare with.
-                metrics.sigma[wheel] = if sigma > 0.0 { sigma } else { f64::NAN };
-                sigma_se[wheel] = se;
-            }
-        }
+        let sigma = trial.sigma(sigma);
+        let metrics = GaitMetrics { sigma: sigma.map(|(value, _)| value), ..trial.metrics() };
         let usable = trial.omega_rad_s > 0.0
             && [metrics.d_m, metrics.v_m_s, metrics.alpha1_rad].iter().all(|value| *value > 0.0);
         let joint = |offset_rad, amplitude_rad, phase_rad| JointCommand {
@@ -52,7 +40,7 @@ impl Measurement {
             errors: GaitMetrics {
                 d_m: trial.d_m_se,
                 v_m_s: trial.v_m_s_se,
-                sigma: sigma_se,
+                sigma: sigma.map(|(_, error)| error),
                 alpha1_rad: trial.alpha1_rad_se,
                 dtheta_rad: trial.dtheta_rad_se,
             },

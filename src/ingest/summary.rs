@@ -195,7 +195,10 @@ pub(super) fn gait_checks(
             Check::LongGaps,
             steady.gapped as f64,
             0.0,
-            format!("{} cycles with gaps are left out", steady.gapped),
+            match steady.gapped {
+                1 => "1 cycle with gaps is left out".to_owned(),
+                several => format!("{several} cycles with gaps are left out"),
+            },
         ),
         Finding::at_most(
             Check::Gait,

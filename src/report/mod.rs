@@ -71,7 +71,7 @@ pub struct Reported {
 pub fn report(config: &Config) -> Result<Reported, ReportError> {
     let reports = &config.paths.reports;
     let tables = Tables::read(&config.paths.derived)?;
-    let found = figures::figures(tables.source(), &tables.campaigns(config));
+    let found = figures::figures(tables.source(config), &tables.campaigns(config));
     let mut missing = tables.missing.clone();
     missing.extend(found.missing);
     let truth = Truth::read(&config.paths.raw).unwrap_or_else(|problem| {

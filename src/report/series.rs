@@ -1,6 +1,7 @@
 //! What figures show: quantities of trials and predictions as series of points.
 
 use super::style::{self, Look};
+use crate::config::SigmaKind;
 use crate::store::{PredictionRow, TrialRow};
 
 /// Half-width of a 95 % interval in standard errors (normal distribution).
@@ -64,13 +65,11 @@ impl Quantity {
         }
     }
 
-    fn of_trial(self, trial: &TrialRow) -> (f64, f64) {
+    fn of_trial(self, trial: &TrialRow, sigma: SigmaKind) -> (f64, f64) {
         let (value, error) = match self {
             Self::Displacement => (trial.d_m, trial.d_m_se),
             Self::Speed => (trial.v_m_s, trial.v_m_s_se),
-            Self::Skid(0) => (trial.sigma0, trial.sigma0_se),
-            Self::Skid(1) => (trial.sigma1, trial.sigma1_se),
-            Self::Skid(_) => (trial.sigma2, trial.sigma2_se),
+            Self::Skid(wheel) => trial.sigma(sigma)[wheel],
         };
         (value * self.per_table_unit(), error * self.per_table_unit())
     }
@@ -128,6 +127,8 @@ impl Series {
 pub struct Source<'t> {
     pub trials: &'t [TrialRow],
     pub predictions: &'t [PredictionRow],
+    /// The measured skid ratios that the fits compare with.
+    pub sigma: SigmaKind,
 }
 
 impl<'t> Source<'t> {
@@ -156,7 +157,7 @@ impl<'t> Source<'t> {
     /// Measurements with error bars, by rising frequency. Without any there is no series.
     pub fn measured(self, campaign: &str, quantity: Quantity, nth: usize) -> Option<Series> {
         let point = |trial: &TrialRow| {
-            let (value, error) = quantity.of_trial(trial);
+            let (value, error) = quantity.of_trial(trial, self.sigma);
             let omega = trial.omega_rad_s;
             Point {
                 omega_rad_s: if omega.is_finite() { omega } else { trial.omega_commanded_rad_s },

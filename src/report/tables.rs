@@ -52,8 +52,9 @@ impl Tables {
         Ok(tables)
     }
 
-    pub fn source(&self) -> Source<'_> {
-        Source { trials: &self.trials, predictions: &self.predictions }
+    pub fn source(&self, config: &Config) -> Source<'_> {
+        let sigma = config.fit.sigma;
+        Source { trials: &self.trials, predictions: &self.predictions, sigma }
     }
 
     /// Campaigns of the configuration and of the tables.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::rows::rows;
+use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
 
 /// `derived/poses/<trial>.parquet`.
@@ -94,6 +95,24 @@ rows! {
 }
 
 impl TrialRow {
+    /// Measured skid ratios of wheels 0, 1, 2 with their standard errors. A debiased one of
+    /// which nothing is left above the noise is missing.
+    pub fn sigma(&self, kind: SigmaKind) -> [(f64, f64); 3] {
+        match kind {
+            SigmaKind::Raw => [
+                (self.sigma0, self.sigma0_se),
+                (self.sigma1, self.sigma1_se),
+                (self.sigma2, self.sigma2_se),
+            ],
+            SigmaKind::Debiased => [
+                (self.sigma0_debiased, self.sigma0_debiased_se),
+                (self.sigma1_debiased, self.sigma1_debiased_se),
+                (self.sigma2_debiased, self.sigma2_debiased_se),
+            ]
+            .map(|(sigma, se)| if sigma > 0.0 { (sigma, se) } else { (f64::NAN, f64::NAN) }),
+        }
+    }
+
     /// The trial's mean metrics.
     pub fn metrics(&self) -> GaitMetrics {
         GaitMetrics {

@@ -1,6 +1,7 @@
 //! Figs. 19 and 20: the wheels' skid ratios of two campaigns, measured and by `skid-roll`.
 
 use super::BARS;
+use crate::config::SigmaKind;
 use crate::report::figure::{Figure, Panel};
 use crate::report::series::{Quantity, Series, Source};
 
@@ -30,7 +31,11 @@ pub fn figure(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
             several => format!("Skid ratios of campaigns {}", several.join(" and ")),
         },
         caption: format!(
-            "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω. {BARS} Lines: the fitted model {MODEL}."
+            "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω{}. {BARS} Lines: the fitted model {MODEL}.",
+            match source.sigma {
+                SigmaKind::Raw => ", the markers' noise included",
+                SigmaKind::Debiased => ", without the noise power",
+            }
         ),
         campaigns: campaigns.iter().map(|&campaign| campaign.to_owned()).collect(),
         panels: [0, 1, 2].map(panel).into(),
