@@ -60,6 +60,7 @@ pub struct Trial {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrialList {
+    #[serde(default)]
     pub trial: Vec<Trial>,
 }
 
@@ -74,6 +75,14 @@ impl TrialList {
         let text = std::fs::read_to_string(&path)
             .map_err(|source| ConfigError::Read { path: path.clone(), source })?;
         let list: Self = parse_toml(&path, &text)?;
+        if list.trial.is_empty() {
+            return Err(ConfigError::Value {
+                path,
+                key: "trial".to_owned(),
+                found: "an empty list".to_owned(),
+                needed: "at least one [[trial]]".to_owned(),
+            });
+        }
         let mut ids = BTreeSet::new();
         for (i, trial) in list.trial.iter().enumerate() {
             let error = |needed: &str| ConfigError::Value {
@@ -95,7 +104,8 @@ impl TrialList {
     }
 }
 
-fn is_valid_id(id: &str) -> bool {
+/// Whether an id can name a trial and its tables.
+pub fn is_valid_id(id: &str) -> bool {
     (1..=64).contains(&id.len())
         && !id.starts_with('.')
         && id.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
@@ -133,6 +143,16 @@ impl Trial {
         {
             let needed = "a whole number from 5 to 30".to_owned();
             return Err(error("smoothing_window", window.to_string(), needed));
+        }
+        let foreign: [(&'static str, bool); 2] = match self.kind {
+            TrialKind::Gait => [("robot", self.robot.is_some()), ("", false)],
+            TrialKind::JointRelease | TrialKind::CoastDown => {
+                [("campaign", self.campaign.is_some()), ("omega_rad_s", self.omega_rad_s.is_some())]
+            }
+        };
+        if let Some((key, _)) = foreign.into_iter().find(|(_, is_there)| *is_there) {
+            let needed = format!("no such key for a trial of kind {}", self.kind.name());
+            return Err(error(key, "a value".to_owned(), needed));
         }
         let (key, name, family): (_, _, Vec<&str>) = match self.kind {
             TrialKind::Gait => {

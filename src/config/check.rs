@@ -23,7 +23,7 @@ impl Config {
             ("ingest.max_gap_s", self.ingest.max_gap_s),
             ("ingest.max_residual_mm", self.ingest.max_residual_mm),
         ] {
-            check.that(value >= 0.0, key, &value, "0 or more")?;
+            check.that(value >= 0.0 && value.is_finite(), key, &value, "0 or more")?;
         }
         for (key, bounds) in [
             ("fit.skid_bounds_kg_s", self.fit.skid_bounds_kg_s),

@@ -24,7 +24,7 @@ fn hint(suggestion: &Option<String>) -> String {
 pub(crate) fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, ConfigError> {
     toml::from_str(text).map_err(|error| {
         let start = error.span().map_or(0, |span| span.start.min(text.len()));
-        let message = error.message().trim().to_owned();
+        let message = in_plain_words(error.message().trim());
         ConfigError::Syntax {
             path: path.to_owned(),
             line: 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count(),
@@ -32,6 +32,16 @@ pub(crate) fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result
             message,
         }
     })
+}
+
+/// serde names Rust's types; people write numbers.
+fn in_plain_words(message: &str) -> String {
+    let words = [
+        ("expected usize", "expected a whole number of 0 or more"),
+        ("expected f64", "expected a number"),
+        ("an array of length", "a list of length"),
+    ];
+    words.iter().fold(message.to_owned(), |message, (rust, plain)| message.replace(rust, plain))
 }
 
 /// serde says "unknown field `a`, expected one of `b`, `c`": the expected name nearest to `a`.

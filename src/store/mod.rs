@@ -11,7 +11,7 @@ pub use schema::{
     CheckRow, CycleRow, FitRow, PredictionRow, StartRow, TrialRow, cycles_path, poses_path,
     wheels_path,
 };
-pub use table::{Column, Provenance, Table};
+pub use table::{Column, Provenance, Table, is_reading};
 
 use std::path::PathBuf;
 

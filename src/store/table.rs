@@ -1,15 +1,27 @@
 //! Columns in memory and Parquet on disk; the only place that knows polars.
 
+use std::cell::Cell;
 use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use polars::prelude::{
     Column as PolarsColumn, DataFrame, DataType, Float64Chunked, IntoSeries, KeyValueMetadata,
-    ListBuilderTrait, ListStringChunkedBuilder, NamedFrom, NewChunkedArray, ParquetReader,
-    ParquetWriter, PlSmallStr, SerReader, Series, StringChunked,
+    ListBuilderTrait, ListStringChunkedBuilder, NamedFrom, NewChunkedArray, ParallelStrategy,
+    ParquetReader, ParquetWriter, PlSmallStr, SerReader, Series, StringChunked,
 };
 
 use super::{StoreError, write_atomically};
+
+thread_local! {
+    static READING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is reading a table: a panic then is an error of the file, and a panic
+/// hook need not speak of it.
+pub fn is_reading() -> bool {
+    READING.with(Cell::get)
+}
 
 /// Values of one column. NaN is how a missing number is kept; it is written as null.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,10 +108,18 @@ impl Table {
     pub fn read(path: &Path) -> Result<Self, StoreError> {
         let file = File::open(path)
             .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
-        let frame = ParquetReader::new(file).finish().map_err(|error| StoreError::Table {
-            path: path.to_owned(),
-            message: error.to_string(),
-        })?;
+        let table_error = |message: String| StoreError::Table { path: path.to_owned(), message };
+        // On some damaged files the Parquet reader panics instead of giving an error.
+        let read = READING.with(|reading| {
+            reading.set(true);
+            let reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None);
+            let read = catch_unwind(AssertUnwindSafe(|| reader.finish()));
+            reading.set(false);
+            read
+        });
+        let frame = read
+            .map_err(|_| table_error("it is damaged".to_owned()))?
+            .map_err(|error| table_error(error.to_string()))?;
         let columns = frame
             .columns()
             .iter()
@@ -297,6 +317,26 @@ mod tests {
         assert!(message.ends_with("column `d_m`: found no such column, needed numbers"));
         let message = found.str("count").unwrap_err().to_string();
         assert!(message.ends_with("column `count`: found whole numbers, needed text"));
+    }
+
+    #[test]
+    fn no_damage_to_a_table_is_a_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let table = Table::new([
+            ("number", Column::F64((0..200).map(f64::from).collect())),
+            ("name", Column::repeat("trial", 200)),
+        ]);
+        table.write(&path, &provenance()).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        let mut refused = 0;
+        for place in 0..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[place] ^= 0x5a;
+            std::fs::write(&path, &damaged).unwrap();
+            refused += usize::from(Table::read(&path).is_err());
+        }
+        assert!(refused > whole.len() / 4, "{refused} of {}", whole.len());
     }
 
     #[test]

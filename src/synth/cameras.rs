@@ -12,7 +12,7 @@ use crate::config::Markers;
 use crate::robot::Robot;
 
 /// Name of the subject before every label.
-const SUBJECT: &str = "Snake";
+const SUBJECT: &str = "Snake:";
 /// Standard deviation of each marker coordinate, mm.
 const NOISE_MM: f64 = 0.2;
 /// Amplitude (rad) and period (s) of the slow tilt of each link about each axis.
@@ -144,7 +144,9 @@ fn header(export: &mut Vec<u8>, rate_hz: f64, markers: &[(usize, &String, [f64; 
     let mut axes = String::from("Frame,Sub Frame");
     let mut units = String::from(",");
     for (_, label, _) in markers {
-        labels += &format!("{SUBJECT}:{label},,,");
+        // A layout that names the subject keeps it.
+        let subject = if label.contains(':') { "" } else { SUBJECT };
+        labels += &format!("{subject}{label},,,");
         axes += ",X,Y,Z";
         units += ",mm,mm,mm";
     }

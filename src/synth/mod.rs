@@ -8,6 +8,7 @@ mod cameras;
 mod motion;
 mod truth;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use rand::SeedableRng;
@@ -17,7 +18,7 @@ use rayon::prelude::*;
 use crate::config::Config;
 use crate::motion::{Model, MotionError, Problem};
 use crate::store::{StoreError, write_bytes};
-use crate::trial::{TRIALS_FILE, Trial, TrialKind, TrialList};
+use crate::trial::{TRIALS_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
 pub use truth::{CampaignTruth, TRUTH_FILE, TrialTruth, Truth};
 
@@ -30,6 +31,12 @@ pub const OMEGAS_RAD_S: [f64; 13] =
 pub enum SynthError {
     #[error("{}: has trials that were not made by synth; give another folder", folder.display())]
     NotSynthetic { folder: PathBuf },
+    #[error(
+        "trial `{trial}`: cannot name a file; needed a campaign's name of the characters A-Z a-z 0-9 . _ -, at most 52 of them"
+    )]
+    Name { trial: String },
+    #[error("trial `{trial}`: planned twice; needed frequencies that differ by 0.01 rad/s or more")]
+    Twice { trial: String },
     #[error("trial `{trial}`: {source}")]
     Motion { trial: String, source: MotionError },
     #[error(transparent)]
@@ -62,6 +69,15 @@ pub fn synthesise(
         return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
     }
     let (plans, campaigns) = plan(config, seed, omegas_rad_s);
+    let mut ids = BTreeSet::new();
+    for Plan { trial: Trial { id, .. }, .. } in &plans {
+        if !is_valid_id(id) {
+            return Err(SynthError::Name { trial: id.clone() });
+        }
+        if !ids.insert(id) {
+            return Err(SynthError::Twice { trial: id.clone() });
+        }
+    }
     let rate_hz = config.vicon.rate_hz;
     let trials: Vec<TrialTruth> = plans
         .par_iter()

@@ -34,6 +34,8 @@ pub enum ViconError {
     },
     #[error("{}, line {line}: found frame {found} after frame {previous}, needed a larger number", path.display())]
     FrameOrder { path: PathBuf, line: usize, found: i64, previous: i64 },
+    #[error("{}, line {line}: found the file's end after {found} cells of a row, needed {needed}; is the copy complete?", path.display())]
+    Cut { path: PathBuf, line: usize, found: usize, needed: usize },
     #[error("{}, line {line}: found rows much shorter than the {markers} markers of the header, needed one cell per axis", path.display())]
     ShortRows { path: PathBuf, line: usize, markers: usize },
 }

@@ -9,6 +9,9 @@ use super::{MarkerFile, ViconError};
 /// Largest frame number that is believed, so that differences of two cannot overflow.
 const LARGEST_FRAME: f64 = 1e12;
 
+/// Largest coordinate that is believed: no camera sees a kilometre.
+const LARGEST_MM: f64 = 1e6;
+
 const MISSING: [f64; 3] = [f64::NAN; 3];
 
 /// Parses the rows below a header up to the next section or the end of the text.
@@ -47,6 +50,10 @@ pub(super) fn parse(
             });
         }
         frames.push(frame);
+        if at.is_cut(row, text) {
+            let (found, needed) = (cells(row), header.columns.len());
+            return Err(ViconError::Cut { path: path.to_owned(), line, found, needed });
+        }
         let start = positions_mm.len();
         // A full row has a byte per cell, so this many cells mean that rows are cut short;
         // a crafted file could otherwise ask for far more memory than its own size.
@@ -88,7 +95,18 @@ struct RowOf<'a> {
     header: &'a Header<'a>,
 }
 
+/// How many cells a row has.
+fn cells(row: &[u8]) -> usize {
+    row.iter().filter(|&&byte| byte == b',').count() + 1
+}
+
 impl RowOf<'_> {
+    /// Whether the file ends in the middle of this row: it has neither all its cells nor a line
+    /// end. Exports without a line end after the last full row are common.
+    fn is_cut(&self, row: &[u8], text: &[u8]) -> bool {
+        row.as_ptr_range().end == text.as_ptr_range().end && cells(row) < self.header.columns.len()
+    }
+
     /// The row's frame number; `None` if the cell is empty.
     fn frame(&self, row: &[u8]) -> Result<Option<i64>, ViconError> {
         let end = row.iter().position(|&byte| byte == b',').unwrap_or(row.len());
@@ -138,7 +156,7 @@ impl RowOf<'_> {
             _ => {}
         }
         if let Ok((value, length)) = fast_float2::parse_partial::<f64, _>(rest)
-            && value.is_finite()
+            && value.abs() <= LARGEST_MM
             && matches!(rest.get(length), None | Some(b','))
         {
             return Ok((value, length));
@@ -148,7 +166,7 @@ impl RowOf<'_> {
         if cell.is_empty() {
             return Ok((f64::NAN, end));
         }
-        let value = number(cell);
+        let value = number(cell).filter(|value| value.abs() <= LARGEST_MM);
         value
             .map(|value| (value, end))
             .ok_or_else(|| self.not_a_number(column, cell, "a number of mm or an empty cell"))

@@ -135,6 +135,16 @@ fn every_error_names_file_line_found_and_needed() {
         ("text-frame.csv", ", line 6, column 1 (Frame): found `one`, needed a whole frame number"),
         ("frames-backwards.csv", ", line 7: found frame 7 after frame 7, needed a larger number"),
         (
+            "far-away.csv",
+            ", line 6, column 4 (Snake:M1 Y): found `1e30`, \
+             needed a number of mm or an empty cell",
+        ),
+        (
+            "cut.csv",
+            ", line 7: found the file's end after 5 cells of a row, needed 8; \
+             is the copy complete?",
+        ),
+        (
             "short-rows.csv",
             ", line 16: found rows much shorter than the 9 markers of the header, \
              needed one cell per axis",
