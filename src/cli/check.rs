@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
+use super::output::say;
 use super::{Context, Failure, Outcome};
 use crate::ingest::process_trial;
 use crate::trial::TrialList;
@@ -40,10 +41,10 @@ impl Check {
             .collect();
         drop(stage);
         for (_, line) in &checked {
-            println!("{line}");
+            say!("{line}");
         }
         let failed = checked.iter().filter(|(failed, _)| *failed).count();
-        println!("{} trials, {failed} that cannot be ingested", checked.len());
+        say!("{} trials, {failed} that cannot be ingested", checked.len());
         Ok(if failed == 0 { Outcome::Well } else { Outcome::NeedsAttention })
     }
 }

@@ -3,6 +3,7 @@
 
 mod check;
 mod omegas;
+mod output;
 mod pipeline;
 mod progress;
 mod simulate;
@@ -15,6 +16,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::config::{Config, ConfigError};
+use output::note;
 use progress::Progress;
 
 /// The configuration file that is used when none is named.
@@ -31,8 +33,8 @@ struct Arguments {
     #[arg(short, long, global = true)]
     quiet: bool,
     /// Threads to work with [default: all processors].
-    #[arg(long, global = true, value_name = "N")]
-    threads: Option<usize>,
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     #[command(subcommand)]
     command: Command,
 }
@@ -78,11 +80,18 @@ struct Context {
 /// Runs the program and gives its exit status.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    let default_hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        // A damaged table is reported as an error of its file.
+        if !crate::store::is_reading() {
+            default_hook(panic);
+        }
+    }));
     match run(arguments) {
         Ok(Outcome::Well) => ExitCode::SUCCESS,
         Ok(Outcome::NeedsAttention) => ExitCode::from(1),
         Err(failure) => {
-            eprintln!("error: {failure}");
+            note!("error: {failure}");
             ExitCode::from(2)
         }
     }
@@ -90,10 +99,7 @@ pub fn main() -> ExitCode {
 
 fn run(arguments: Arguments) -> Result<Outcome, Failure> {
     if let Some(threads) = arguments.threads {
-        if threads == 0 {
-            return Err("--threads: found 0, needed at least 1".into());
-        }
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+        rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
     }
     let config = load(arguments.config.as_deref())?;
     let context = Context { config, progress: Progress::new(arguments.quiet) };

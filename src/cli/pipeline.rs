@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::output::{note, say};
 use super::{Context, Failure, Outcome};
 use crate::run::{Finished, run};
 use crate::store::FitRow;
@@ -47,15 +48,18 @@ impl Context {
         let finished = run(&self.config, &self.progress.watch())?;
         let record = &finished.record;
         for trial in record.attention.iter().filter(|trial| trial.status == "failed") {
-            eprintln!("failed: {}: {}", trial.trial, trial.message);
+            note!("failed: {}: {}", trial.trial, trial.message);
         }
         print_fits(&finished.fits);
         let trials = &record.trials;
-        println!(
+        say!(
             "{} trials: {} ok, {} flagged, {} failed",
-            trials.total, trials.ok, trials.flagged, trials.failed
+            trials.total,
+            trials.ok,
+            trials.flagged,
+            trials.failed
         );
-        println!("page: {}", record.page.display());
+        say!("page: {}", record.page.display());
         Ok(outcome(&finished))
     }
 }
@@ -70,13 +74,18 @@ fn outcome(finished: &Finished) -> Outcome {
 
 /// A short table of the fitted parameters.
 pub(super) fn print_fits(fits: &[FitRow]) {
-    println!(
+    say!(
         "{:<24} {:<17} {:>9} {:>10} {:>10} {:>10}   c_S in kg/s; ~ hardly tells, | at its bound",
-        "campaign", "model", "J", "c_S0", "c_S1", "c_S2"
+        "campaign",
+        "model",
+        "J",
+        "c_S0",
+        "c_S1",
+        "c_S2"
     );
     for fit in fits {
         if fit.status != "ok" {
-            println!("{:<24} {:<17} {}", fit.campaign, fit.model, fit.status);
+            say!("{:<24} {:<17} {}", fit.campaign, fit.model, fit.status);
             continue;
         }
         let skid = [fit.skid0_kg_s, fit.skid1_kg_s, fit.skid2_kg_s];
@@ -87,9 +96,14 @@ pub(super) fn print_fits(fits: &[FitRow]) {
             true => format!("   c_tau {:.5} N m s/rad", fit.damping_nm_s_rad),
             false => String::new(),
         };
-        println!(
+        say!(
             "{:<24} {:<17} {:>9.5} {:>10} {:>10} {:>10}{damping}",
-            fit.campaign, fit.model, fit.j, cells[0], cells[1], cells[2]
+            fit.campaign,
+            fit.model,
+            fit.j,
+            cells[0],
+            cells[1],
+            cells[2]
         );
     }
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::output::note;
 use crate::run::Watch;
 
 /// How progress is shown.
@@ -28,7 +29,7 @@ impl Progress {
     /// A message beside the results.
     pub fn say(self, message: &str) {
         if self != Self::Quiet {
-            eprintln!("{message}");
+            note!("{message}");
         }
     }
 
@@ -91,7 +92,7 @@ impl Stage {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         match self.shown {
             Progress::Quiet => {}
-            Progress::Lines => eprintln!("{} {done}/{} {message}", self.name, self.total),
+            Progress::Lines => note!("{} {done}/{} {message}", self.name, self.total),
             Progress::Bars => {
                 self.bar.set_message(message.to_owned());
                 self.bar.inc(1);

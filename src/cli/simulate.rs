@@ -5,6 +5,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::omegas::{Omegas, parse_omegas};
+use super::output::say;
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, RobotConfig, nearest};
 use crate::motion::{Model, Problem, REFERENCE_ACCURACY};
@@ -16,11 +17,11 @@ pub(super) struct Simulate {
     /// no-skid, no-skid-damped, no-skid-roll, skid or skid-roll.
     #[arg(long, value_parser = parse_model)]
     model: Model,
-    /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6.
-    #[arg(long, required = true, num_args = 1.., value_parser = parse_omegas)]
+    /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. May be given again.
+    #[arg(long, required = true, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
-    /// Parameters of the robot: `skid_kg_s=104,34,45`.
-    #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
+    /// Parameters of the robot: `skid_kg_s=104,34,45`. May be given again.
+    #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Print JSON.
     #[arg(long)]
@@ -63,7 +64,7 @@ impl Simulate {
             })
             .collect();
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&answers)?);
+            say!("{}", serde_json::to_string_pretty(&answers)?);
         } else {
             print_table(&answers);
         }
@@ -103,26 +104,34 @@ fn answer<'a>(problem: &Problem, parameters: &'a Map<String, Value>) -> Answer<'
 }
 
 fn print_table(answers: &[Answer]) {
-    println!(
+    say!(
         "{:>11} {:>13} {:>13} {:>12} {:>12} {:>12} {:>12} {:>13}  status",
-        "omega rad/s", "d mm", "v mm/s", "sigma0", "sigma1", "sigma2", "alpha1 deg", "dtheta deg"
+        "omega rad/s",
+        "d mm",
+        "v mm/s",
+        "sigma0",
+        "sigma1",
+        "sigma2",
+        "alpha1 deg",
+        "dtheta deg"
     );
     for answer in answers {
         let Some(((d_m, v_m_s), (alpha1, dtheta))) =
             answer.d_m.zip(answer.v_m_s).zip(answer.alpha1_rad.zip(answer.dtheta_rad))
         else {
             let reason = answer.reason.as_deref().unwrap_or_default();
-            println!("{:>11} {}: {reason}", answer.omega_rad_s, answer.status);
+            say!("{:>11} {}: {reason}", answer.omega_rad_s, answer.status);
             continue;
         };
         let [sigma0, sigma1, sigma2] = answer.sigma.map(Option::unwrap_or_default);
-        println!(
+        say!(
             "{:>11} {:>13.7} {:>13.7} {sigma0:>12.9} {sigma1:>12.9} {sigma2:>12.9} {:>12.8} {:>13.8}  {}",
             answer.omega_rad_s,
             1e3 * d_m,
             1e3 * v_m_s,
             alpha1.to_degrees(),
-            dtheta.to_degrees(),
+            // No minus before a rotation of nothing.
+            dtheta.to_degrees() + 0.0,
             answer.status,
         );
     }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::output::{note, say};
 use super::{Context, Failure, Outcome, pipeline};
 use crate::run;
 
@@ -24,10 +25,10 @@ impl Ingest {
         }
         let ingested = run::ingest(&context.config, &context.progress.watch())?;
         for trial in run::attention(&ingested.trials) {
-            eprintln!("{}: {}: {}", trial.status, trial.trial, trial.message);
+            note!("{}: {}: {}", trial.status, trial.trial, trial.message);
         }
         let counts = run::count(&ingested.trials);
-        println!(
+        say!(
             "{} trials: {} ok, {} flagged, {} failed; tables in {}",
             counts.total,
             counts.ok,
@@ -53,7 +54,7 @@ impl Report {
         for missing in &reported.missing {
             context.progress.say(&format!("not drawn: {missing}"));
         }
-        println!("page: {}", reported.page.display());
+        say!("page: {}", reported.page.display());
         Ok(Outcome::Well)
     }
 }

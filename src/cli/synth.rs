@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::omegas::{Omegas, parse_omegas};
+use super::output::say;
 use super::{Context, Failure, Outcome};
 use crate::synth::{OMEGAS_RAD_S, synthesise};
 
@@ -13,9 +14,9 @@ pub(super) struct Synth {
     /// Seed of everything random; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Frequencies of every campaign, rad/s, such as `1,3.9` or `0.5..6/12` [default: 0.5 to 6
+    /// Frequencies of every campaign, rad/s, such as `1,3.9` or `0.5..6/12`; may be given again [default: 0.5 to 6
     /// in steps of 0.5, and 3.9].
-    #[arg(long, num_args = 1.., value_parser = parse_omegas)]
+    #[arg(long, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
 }
 
@@ -30,7 +31,7 @@ impl Synth {
         let on_trial = |trial: &str| stage.step(trial);
         let trials = synthesise(&context.config, &self.folder, self.seed, &omegas, &on_trial)?;
         drop(stage);
-        println!("{} synthetic trials in {}", trials.len(), self.folder.display());
+        say!("{} synthetic trials in {}", trials.len(), self.folder.display());
         Ok(Outcome::Well)
     }
 }
