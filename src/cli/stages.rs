@@ -25,7 +25,11 @@ impl Ingest {
         }
         let ingested = run::ingest(&context.config, &context.progress.watch())?;
         for trial in run::attention(&ingested.trials) {
-            note!("{}: {}: {}", trial.status, trial.trial, trial.message);
+            let line = format!("{}: {}: {}", trial.status, trial.trial, trial.message);
+            match trial.status.as_str() {
+                "failed" => note!("{line}"),
+                _ => context.progress.say(&line),
+            }
         }
         let counts = run::count(&ingested.trials);
         say!(

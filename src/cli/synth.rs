@@ -14,8 +14,8 @@ pub(super) struct Synth {
     /// Seed of everything random; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Frequencies of every campaign, rad/s, such as `1,3.9` or `0.5..6/12`; may be given again [default: 0.5 to 6
-    /// in steps of 0.5, and 3.9].
+    /// Frequencies of every campaign, rad/s, such as `1,3.9` or `0.5..6/12`; may be given again
+    /// [default: 0.5 to 6 in steps of 0.5, and 3.9].
     #[arg(long, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
 }

@@ -1,0 +1,553 @@
+//! What the program does, seen from its command line.
+
+mod common;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use common::{files, succeed, text, trilink};
+use serde_json::Value;
+use tempfile::TempDir;
+use trilink::config::Config;
+use trilink::motion::Model;
+use trilink::store::{FitRow, Rows as _, Table};
+
+const CAMPAIGNS: [&str; 2] = ["kinematic-symmetric", "semi-passive-symmetric"];
+const TRIALS: [&str; 4] = [
+    "kinematic-symmetric-0.50-r1",
+    "kinematic-symmetric-3.90-r1",
+    "semi-passive-symmetric-0.50-r1",
+    "semi-passive-symmetric-3.90-r1",
+];
+const FIGURES: [&str; 6] = ["fig13", "fig15", "fig17", "fig18", "fig19", "fig20"];
+
+/// A demo that has run.
+struct Demo {
+    folder: PathBuf,
+    stdout: String,
+    stderr: String,
+}
+
+/// The demo that the tests look at; none of them changes it.
+fn demo() -> &'static Demo {
+    static DEMO: OnceLock<Demo> = OnceLock::new();
+    DEMO.get_or_init(|| {
+        let name = env!("CARGO_MANIFEST_DIR").replace(['/', '\\', ':'], "_");
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("cli{name}"));
+        if folder.exists() {
+            std::fs::remove_dir_all(&folder).expect("the earlier demo can go");
+        }
+        std::fs::create_dir_all(&folder).expect("a folder for the demo");
+        write(&folder, "pipeline.toml", &toml_of(&settings()));
+        succeed(&folder, &["synth", "raw/demo", "--omega", "0.5,3.9", "--seed", "1"]);
+        let output = trilink(&folder, &["demo"]);
+        let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+        assert_eq!(output.status.code(), Some(0), "{stderr}");
+        Demo { folder, stdout, stderr }
+    })
+}
+
+/// Two of the paper's campaigns with two models each.
+fn settings() -> Config {
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| CAMPAIGNS.contains(&name.as_str()));
+    for campaign in config.campaign.values_mut() {
+        campaign.models = vec![Model::NoSkid, Model::SkidRoll];
+    }
+    config.fit.starts = 2;
+    config
+}
+
+fn toml_of(config: &Config) -> String {
+    toml::to_string(config).expect("a configuration is TOML")
+}
+
+fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) {
+    let path = folder.join(name);
+    std::fs::create_dir_all(path.parent().expect("a parent")).expect("a folder");
+    std::fs::write(path, content).expect("the file can be written");
+}
+
+fn empty_folder() -> TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// A folder with the demo's trials and configuration and nothing made of them.
+fn fresh_copy() -> TempDir {
+    let folder = empty_folder();
+    write(folder.path(), "pipeline.toml", toml_of(&settings()));
+    for (name, bytes) in files(&demo().folder.join("raw/demo")) {
+        write(&folder.path().join("raw/demo"), name.to_str().expect("a plain name"), bytes);
+    }
+    folder
+}
+
+fn derived(name: &str) -> Table {
+    Table::read(&demo().folder.join("derived").join(name)).expect("a table")
+}
+
+fn json(path: &Path) -> Value {
+    let text = std::fs::read_to_string(path).expect("the file is there");
+    serde_json::from_str(&text).expect("the file is JSON")
+}
+
+fn truth() -> Value {
+    json(&demo().folder.join("raw/demo/truth.json"))
+}
+
+fn near(found: f64, known: f64, relative: f64) -> bool {
+    (found - known).abs() <= relative * known.abs()
+}
+
+#[test]
+fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
+    let mut expected = BTreeSet::new();
+    for table in ["trials", "checks", "fits", "starts", "predictions"] {
+        expected.insert(format!("derived/{table}.parquet"));
+    }
+    for trial in TRIALS {
+        for table in ["poses", "wheels", "cycles"] {
+            expected.insert(format!("derived/{table}/{trial}.parquet"));
+        }
+    }
+    for figure in FIGURES {
+        for extension in ["svg", "png", "csv"] {
+            expected.insert(format!("reports/figures/{figure}.{extension}"));
+        }
+    }
+    expected.extend(["index.html", "fits.json", "run.json"].map(|name| format!("reports/{name}")));
+    let left = files(&demo().folder);
+    let made: BTreeSet<String> = left
+        .keys()
+        .map(|path| path.to_str().expect("a plain name").replace('\\', "/"))
+        .filter(|name| !name.starts_with("raw/") && name != "pipeline.toml")
+        .collect();
+    assert_eq!(made, expected);
+    assert!(left.values().all(|bytes| !bytes.is_empty()));
+}
+
+#[test]
+fn the_demo_ends_with_the_fits_and_where_the_page_is() {
+    let lines: Vec<&str> = demo().stdout.lines().collect();
+    assert!(lines[0].starts_with("campaign") && lines[0].contains("c_S0"), "{}", lines[0]);
+    for (i, (campaign, model)) in CAMPAIGNS
+        .into_iter()
+        .flat_map(|campaign| ["no-skid", "skid-roll"].map(|model| (campaign, model)))
+        .enumerate()
+    {
+        let words: Vec<&str> = lines[1 + i].split_whitespace().collect();
+        assert_eq!(words[..2], [campaign, model]);
+    }
+    let page = lines[lines.len() - 1].strip_prefix("page: ").expect("the last line");
+    assert!(page.ends_with("index.html"), "{page}");
+    assert!(demo().folder.join(page).exists());
+}
+
+#[test]
+fn without_a_terminal_progress_is_plain_lines() {
+    let stderr = &demo().stderr;
+    assert!(!stderr.contains(['\r', '\x1b']), "{stderr}");
+    for stage in ["ingest 4/4 ", "fit 4/4 ", "report 1/1 "] {
+        assert!(stderr.lines().any(|line| line.starts_with(stage)), "{stderr}");
+    }
+    assert!(!stderr.contains("synth "), "trials that are there are not made again");
+}
+
+#[test]
+fn the_tables_have_the_documented_columns() {
+    let metrics = "d_m v_m_s sigma0 sigma1 sigma2 alpha1_rad dtheta_rad";
+    let trial = TRIALS[0];
+    for (name, columns) in [
+        (
+            format!("poses/{trial}.parquet"),
+            "trial frame time_s x_m y_m theta_rad phi1_rad phi2_rad residual0_mm residual1_mm \
+             residual2_mm fill0 fill1 fill2"
+                .to_owned(),
+        ),
+        (
+            format!("wheels/{trial}.parquet"),
+            "trial frame time_s roll0_m_s roll1_m_s roll2_m_s skid0_m_s skid1_m_s skid2_m_s"
+                .to_owned(),
+        ),
+        (format!("cycles/{trial}.parquet"), format!("trial cycle start_s {metrics} used")),
+        (
+            "trials.parquet".to_owned(),
+            "trial campaign kind omega_commanded_rad_s omega_rad_s omega_rad_s_se cycles d_m \
+             d_m_se v_m_s v_m_s_se sigma0 sigma0_se sigma1 sigma1_se sigma2 sigma2_se \
+             sigma0_debiased sigma0_debiased_se sigma1_debiased sigma1_debiased_se \
+             sigma2_debiased sigma2_debiased_se alpha1_rad alpha1_rad_se dtheta_rad \
+             dtheta_rad_se phi1_offset_rad phi1_amplitude_rad phi1_phase_rad phi2_offset_rad \
+             phi2_amplitude_rad phi2_phase_rad coverage residual_mm smoothing_window status \
+             message"
+                .to_owned(),
+        ),
+        ("checks.parquet".to_owned(), "trial check severity value limit message".to_owned()),
+        (
+            "fits.parquet".to_owned(),
+            "campaign model skid0_kg_s skid1_kg_s skid2_kg_s roll0_kg_s roll1_kg_s roll2_kg_s \
+             stiffness_nm_rad damping_nm_s_rad free insensitive at_bound j starts solves status"
+                .to_owned(),
+        ),
+        (
+            "starts.parquet".to_owned(),
+            "campaign model start began_skid0_kg_s began_skid1_kg_s began_skid2_kg_s \
+             began_damping_nm_s_rad ended_skid0_kg_s ended_skid1_kg_s ended_skid2_kg_s \
+             ended_damping_nm_s_rad j solves stopped"
+                .to_owned(),
+        ),
+        (
+            "predictions.parquet".to_owned(),
+            format!("campaign model omega_rad_s source {metrics} j status"),
+        ),
+    ] {
+        let table = derived(&name);
+        let found: Vec<&str> = table.columns().iter().map(|(name, _)| name.as_str()).collect();
+        let expected: Vec<&str> = columns.split_whitespace().collect();
+        assert_eq!(found, expected, "{name}");
+        assert!(!table.is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn every_table_says_which_version_made_it_of_what() {
+    for (path, bytes) in files(&demo().folder.join("derived")) {
+        for key in ["trilink.version", "trilink.input"] {
+            let holds = bytes.windows(key.len()).any(|window| window == key.as_bytes());
+            assert!(holds, "{}: {key}", path.display());
+        }
+    }
+}
+
+#[test]
+fn frames_are_timed_from_the_first_and_fills_are_named() {
+    for trial in TRIALS {
+        let poses = derived(&format!("poses/{trial}.parquet"));
+        let wheels = derived(&format!("wheels/{trial}.parquet"));
+        let frames = poses.i64("frame").expect("frames");
+        assert_eq!(frames, wheels.i64("frame").expect("frames"));
+        for (frame, time_s) in frames.iter().zip(poses.f64("time_s").expect("times")) {
+            assert_eq!(*time_s, (frame - frames[0]) as f64 / 120.0);
+        }
+        for link in 0..3 {
+            let fills = poses.str(&format!("fill{link}")).expect("fills");
+            let known = ["measured", "rigid", "interpolated", "missing"];
+            assert!(fills.iter().all(|fill| known.contains(&fill.as_str())));
+        }
+    }
+}
+
+#[test]
+fn measured_displacement_and_speed_are_the_truth_to_1_percent() {
+    let (trials, truth) = (derived("trials.parquet"), truth());
+    let names = trials.str("trial").expect("names");
+    assert_eq!(names, TRIALS);
+    for (i, name) in names.iter().enumerate() {
+        for quantity in ["d_m", "v_m_s"] {
+            let found = trials.f64(quantity).expect("numbers")[i];
+            let known = truth["trials"][name][quantity].as_f64().expect("a number");
+            assert!(near(found, known, 0.01), "{name}: {quantity}: {found} for {known}");
+        }
+    }
+}
+
+#[test]
+fn fitted_skid_coefficients_are_the_planted_ones_to_20_percent_or_marked() {
+    let (fits, truth) = (derived("fits.parquet"), truth());
+    let fits = FitRow::from_table(&fits).expect("fits");
+    assert_eq!(fits.len(), 4);
+    for fit in fits.iter().filter(|fit| fit.model == "skid-roll") {
+        let planted = &truth["campaigns"][&fit.campaign]["skid_kg_s"];
+        let fitted = [fit.skid0_kg_s, fit.skid1_kg_s, fit.skid2_kg_s];
+        for (i, found) in fitted.into_iter().enumerate() {
+            let name = format!("skid{i}_kg_s");
+            assert!(fit.free.contains(&name));
+            let known = planted[i].as_f64().expect("a number");
+            let told = near(found, known, 0.2) || fit.insensitive.contains(&name);
+            assert!(told, "{} {name}: {found} for {known}", fit.campaign);
+        }
+    }
+}
+
+#[test]
+fn predictions_are_at_the_trials_frequencies_and_on_a_finer_grid() {
+    let predictions = derived("predictions.parquet");
+    let sources = predictions.str("source").expect("sources");
+    let count = |wanted: &str| sources.iter().filter(|source| *source == wanted).count();
+    assert_eq!(count("trial"), 8);
+    assert!(count("curve") > 5 * count("trial"));
+    assert_eq!(count("trial") + count("curve"), sources.len());
+}
+
+#[test]
+fn the_record_counts_trials_and_names_fits_and_figures() {
+    let record = json(&demo().folder.join("reports/run.json"));
+    assert_eq!(record["trials"]["total"], 4);
+    assert_eq!(record["trials"]["failed"], 0);
+    assert_eq!(record["fits"].as_array().map(Vec::len), Some(4));
+    assert_eq!(record["figures"], Value::from(FIGURES.to_vec()));
+    let fits = json(&demo().folder.join("reports/fits.json"));
+    assert_eq!(fits.as_array().map(Vec::len), Some(4));
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_tables() {
+    let folder = fresh_copy();
+    let tables = ["1", "2"].map(|threads| {
+        let mut config = settings();
+        config.paths.derived = format!("derived-{threads}").into();
+        write(folder.path(), "threads.toml", toml_of(&config));
+        succeed(folder.path(), &["-c", "threads.toml", "--threads", threads, "ingest"]);
+        files(&folder.path().join(&config.paths.derived))
+    });
+    assert_eq!(tables[0].len(), 14);
+    assert!(tables[0] == tables[1]);
+}
+
+#[test]
+fn the_stages_one_by_one_give_what_a_run_gives() {
+    let folder = fresh_copy();
+    for stage in ["ingest", "fit", "report"] {
+        succeed(folder.path(), &[stage]);
+    }
+    let [stages, run] = [folder.path(), &demo().folder].map(|folder| {
+        let mut left = files(folder);
+        left.remove(Path::new("reports/run.json"));
+        left
+    });
+    assert_eq!(stages.keys().collect::<Vec<_>>(), run.keys().collect::<Vec<_>>());
+    for (path, bytes) in stages {
+        assert!(bytes == run[&path], "{}", path.display());
+    }
+}
+
+#[test]
+fn a_folder_named_on_the_command_line_is_run_instead_of_the_configured_one() {
+    let folder = fresh_copy();
+    std::fs::rename(folder.path().join("raw/demo"), folder.path().join("elsewhere"))
+        .expect("the folder can move");
+    let stdout = succeed(folder.path(), &["run", "elsewhere"]);
+    assert!(stdout.contains("4 trials: "), "{stdout}");
+    let record = json(&folder.path().join("reports/run.json"));
+    assert_eq!(record["folder"], "elsewhere");
+}
+
+#[test]
+fn quiet_says_nothing_beside_results() {
+    let folder = fresh_copy();
+    for command in ["demo", "ingest", "fit", "report", "check"] {
+        let output = trilink(folder.path(), &["--quiet", command]);
+        assert_eq!(output.status.code(), Some(0));
+        assert_eq!(text(&output.stderr), "", "{command}");
+        assert!(!output.stdout.is_empty(), "{command}");
+    }
+}
+
+#[test]
+fn check_names_every_trial_and_writes_nothing() {
+    let folder = fresh_copy();
+    let before = files(folder.path());
+    let stdout = succeed(folder.path(), &["check"]);
+    assert!(files(folder.path()) == before);
+    for trial in TRIALS {
+        assert!(stdout.contains(trial), "{stdout}");
+    }
+    assert!(stdout.ends_with("4 trials, 0 that cannot be ingested\n"), "{stdout}");
+}
+
+#[test]
+fn every_subcommand_explains_itself() {
+    let folder = empty_folder();
+    let help = succeed(folder.path(), &["--help"]);
+    for command in ["demo", "run", "ingest", "fit", "report", "check", "simulate", "synth"] {
+        assert!(help.contains(&format!("\n  {command} ")), "{command}: {help}");
+        let help = succeed(folder.path(), &[command, "--help"]);
+        assert!(help.contains(&format!("Usage: trilink {command}")), "{help}");
+    }
+    let version = succeed(folder.path(), &["--version"]);
+    assert_eq!(version.trim(), format!("trilink {}", env!("CARGO_PKG_VERSION")));
+}
+
+/// What `simulate --json` answers.
+fn simulate(campaign: &str, model: &str, omega: &str, settings: &[&str]) -> Vec<Value> {
+    let folder = empty_folder();
+    let mut arguments = vec!["simulate", campaign, "--model", model, "--omega", omega, "--json"];
+    if !settings.is_empty() {
+        arguments.push("--set");
+        arguments.extend(settings);
+    }
+    let stdout = succeed(folder.path(), &arguments);
+    serde_json::from_str(&stdout).expect("an array")
+}
+
+/// Fields of a line; a quoted one may hold commas.
+fn fields(line: &str) -> Vec<String> {
+    let (mut fields, mut quoted) = (vec![String::new()], false);
+    for character in line.chars() {
+        match character {
+            '"' => quoted = !quoted,
+            ',' if !quoted => fields.push(String::new()),
+            other => fields.last_mut().expect("a field").push(other),
+        }
+    }
+    fields
+}
+
+#[test]
+fn simulate_meets_every_skid_roll_row_of_the_reference() {
+    let reference = include_str!("fixtures/reference/periodic.csv");
+    let rows: Vec<Vec<String>> =
+        reference.lines().map(fields).filter(|row| row[1] == "skid-roll").collect();
+    assert_eq!(rows.len(), 8);
+    for row in rows {
+        let settings: Vec<&str> = row[2].split_whitespace().collect();
+        let answers = simulate(&row[0], &row[1], &row[3], &settings);
+        let [answer] = &answers[..] else { panic!("{} answers", answers.len()) };
+        let known = |i: usize| row[i].parse::<f64>().expect("a number");
+        // A commanded joint swings as it is told, by 30 degrees.
+        let alpha1_deg = if row[9].is_empty() { 30.0 } else { known(9) };
+        for (name, found, known) in [
+            ("omega_rad_s", &answer["omega_rad_s"], known(3)),
+            ("d_m", &answer["d_m"], known(4)),
+            ("v_m_s", &answer["v_m_s"], known(5)),
+            ("sigma0", &answer["sigma"][0], known(6)),
+            ("sigma1", &answer["sigma"][1], known(7)),
+            ("sigma2", &answer["sigma"][2], known(8)),
+            ("alpha1_rad", &answer["alpha1_rad"], alpha1_deg.to_radians()),
+        ] {
+            let found = found.as_f64().expect("a number");
+            assert!(near(found, known, 1e-6), "{row:?}: {name}: {found}");
+        }
+        let dtheta = answer["dtheta_rad"].as_f64().expect("a number");
+        assert!((dtheta - known(10)).abs() < 1e-8, "{row:?}: dtheta {dtheta}");
+        assert_eq!(answer["status"], "stable");
+        assert!(answer["floquet"].as_f64().is_some_and(|modulus| modulus < 1.0));
+        let skid = settings[0].strip_prefix("skid_kg_s=").expect("the first setting");
+        let skid: Vec<f64> = skid.split(',').map(|c| c.parse().expect("a number")).collect();
+        assert_eq!(answer["parameters"]["skid_kg_s"], Value::from(skid));
+    }
+}
+
+#[test]
+fn simulate_answers_with_the_documented_keys_in_order_of_frequency() {
+    let answers = simulate("semi-passive-symmetric", "skid-roll", "3.9,0.5..6/3", &[]);
+    let omegas: Vec<Option<f64>> =
+        answers.iter().map(|answer| answer["omega_rad_s"].as_f64()).collect();
+    assert_eq!(omegas, [3.9, 0.5, 3.25, 6.0].map(Some));
+    let expected = BTreeSet::from(
+        [
+            "omega_rad_s",
+            "d_m",
+            "v_m_s",
+            "sigma",
+            "alpha1_rad",
+            "dtheta_rad",
+            "status",
+            "floquet",
+            "parameters",
+        ]
+        .map(str::to_owned),
+    );
+    for answer in &answers {
+        let answer = answer.as_object().expect("an object");
+        assert_eq!(answer.keys().cloned().collect::<BTreeSet<_>>(), expected);
+        assert_eq!(answer["sigma"].as_array().map(Vec::len), Some(3));
+    }
+}
+
+#[test]
+fn a_robot_that_cannot_skid_goes_as_far_at_every_frequency() {
+    for (campaign, known) in [("kinematic-symmetric", 0.663466), ("kinematic-skewed", 0.122405)] {
+        let answers = simulate(campaign, "no-skid", "0.5,2,6", &[]);
+        assert_eq!(answers.len(), 3);
+        for answer in answers {
+            let d_m = answer["d_m"].as_f64().expect("a number");
+            // The known values have six digits.
+            assert!((d_m - known).abs() < 0.5e-6 + 1e-6 * known, "{campaign}: {d_m}");
+            assert_eq!(answer["sigma"], serde_json::json!([0.0, 0.0, 0.0]));
+        }
+    }
+}
+
+#[test]
+fn a_singular_gait_has_no_numbers_but_a_reason() {
+    let folder = empty_folder();
+    let mut config = Config::default();
+    let gait = config.gait.get_mut("symmetric").expect("the paper's gait");
+    gait.joint1.as_mut().expect("an actuated joint").amplitude_deg = 31.0;
+    write(folder.path(), "pipeline.toml", toml_of(&config));
+    let simulate = ["simulate", "kinematic-symmetric", "--model", "no-skid", "--omega", "2"];
+    let output = trilink(folder.path(), &[&simulate[..], &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let answers: Value = serde_json::from_str(&text(&output.stdout)).expect("JSON");
+    let answer = &answers[0];
+    assert_eq!(answer["status"], "singular");
+    assert!(answer["reason"].as_str().is_some_and(|reason| reason.contains("det W_b")));
+    for key in ["d_m", "v_m_s", "alpha1_rad", "dtheta_rad", "floquet"] {
+        assert_eq!(answer[key], Value::Null, "{key}");
+    }
+    assert_eq!(answer["sigma"], serde_json::json!([null, null, null]));
+
+    let output = trilink(folder.path(), &simulate);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stdout).contains("singular: "));
+}
+
+#[test]
+fn a_frequency_list_ends_where_its_option_does() {
+    let folder = empty_folder();
+    let answers = succeed(
+        folder.path(),
+        &["simulate", "--model", "no-skid", "--omega", "1", "--omega", "2", "kinematic-skewed"],
+    );
+    assert_eq!(answers.lines().count(), 3, "{answers}");
+}
+
+#[test]
+fn unknown_names_are_answered_with_the_nearest_known_one() {
+    let folder = empty_folder();
+    for (campaign, model, near) in [
+        ("kinematic-symetric", "no-skid", "did you mean `kinematic-symmetric`?"),
+        ("kinematic-symmetric", "skid-rol", "did you mean `skid-roll`?"),
+    ] {
+        let output =
+            trilink(folder.path(), &["simulate", campaign, "--model", model, "--omega", "1"]);
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains(near), "{stderr}");
+        assert!(output.stdout.is_empty());
+    }
+}
+
+#[test]
+fn the_repository_s_pipeline_toml_says_what_the_program_assumes() {
+    let home = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut expected = Config::default();
+    for place in [&mut expected.paths.raw, &mut expected.paths.derived, &mut expected.paths.reports]
+    {
+        *place = home.join(&*place);
+    }
+    let loaded = Config::load(&home.join("pipeline.toml")).expect("the file is well-formed");
+    assert_eq!(loaded, expected);
+}
+
+#[test]
+fn the_repository_s_pipeline_toml_has_every_key() {
+    let file = include_str!("../pipeline.toml");
+    let written: toml::Table = file.parse().expect("TOML");
+    let known: toml::Table = toml_of(&Config::default()).parse().expect("TOML");
+    assert_eq!(keys("", &known), keys("", &written));
+}
+
+/// Every key of a table and of those inside, with the path to it.
+fn keys(path: &str, table: &toml::Table) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    for (key, value) in table {
+        let key = format!("{path}{key}");
+        if let Some(inner) = value.as_table() {
+            found.extend(keys(&format!("{key}."), inner));
+        }
+        found.insert(key);
+    }
+    found
+}
