@@ -20,8 +20,8 @@ pub(super) struct Simulate {
     /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. May be given again.
     #[arg(long, required = true, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
-    /// Parameters of the robot: `skid_kg_s=104,34,45`. May be given again.
-    #[arg(long, value_name = "KEY=VALUE")]
+    /// Parameters of the robot: `skid_kg_s=104,34,45`, one or several.
+    #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Print JSON.
     #[arg(long)]
