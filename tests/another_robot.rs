@@ -1,0 +1,194 @@
+//! A robot, markers and gaits that are not the paper's, from `pipeline.toml` and
+//! `trials.toml` alone.
+
+mod common;
+
+use std::path::Path;
+
+use common::{files, succeed, text, trilink};
+use serde_json::Value;
+use tempfile::TempDir;
+use trilink::store::{FitRow, Rows as _, Table, TrialRow};
+
+/// Bigger and heavier than the paper's robots, with the rear joint passive.
+const PIPELINE: &str = r#"
+[vicon]
+rate_hz = 200.0
+
+[fit]
+starts = 2
+
+[robot.trolley]
+h_m = 0.18
+l_m = 0.13
+b_m = 0.075
+mass_kg = [1.6, 0.42, 0.38]
+inertia_kg_m2 = [0.016, 0.0011, 0.0010]
+roll_kg_s = [0.8, 0.4, 0.4]
+skid_kg_s = [300.0, 140.0, 110.0]
+stiffness_nm_rad = 0.35
+damping_nm_s_rad = 0.015
+rest_angle_deg = 2.0
+
+[gait.front]
+joint1 = { offset_deg = 6.0, amplitude_deg = 24.0, phase_deg = 20.0 }
+
+[gait.both]
+joint1 = { offset_deg = 38.0, amplitude_deg = 22.0, phase_deg = 10.0 }
+joint2 = { offset_deg = -31.0, amplitude_deg = 27.0, phase_deg = -65.0 }
+
+[campaign.pulled]
+robot = "trolley"
+gait = "front"
+models = ["no-skid-roll", "skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 1.0 }
+
+[campaign.wriggling]
+robot = "trolley"
+gait = "both"
+models = ["no-skid", "skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+
+[markers.link0]
+A1 = [130.0, 0.0, 70.0]
+A2 = [-20.0, 52.0, 70.0]
+A3 = [-125.0, -30.0, 85.0]
+
+[markers.link1]
+B1 = [60.0, 0.0, 50.0]
+B2 = [-40.0, 33.0, 50.0]
+B3 = [-35.0, -28.0, 64.0]
+
+[markers.link2]
+C1 = [-66.0, 5.0, 50.0]
+C2 = [20.0, 36.0, 50.0]
+C3 = [45.0, -31.0, 64.0]
+"#;
+
+const CAMPAIGNS: [&str; 2] = ["pulled", "wriggling"];
+
+/// A folder with the robot's configuration and trials.
+fn recorded() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "pipeline.toml", PIPELINE);
+    succeed(folder.path(), &["synth", "raw/trolley", "--omega", "2,4.2", "--seed", "5"]);
+    folder
+}
+
+fn write(folder: &Path, name: &str, content: &str) {
+    std::fs::write(folder.join(name), content).expect("the file can be written");
+}
+
+fn trials(folder: &Path) -> Vec<TrialRow> {
+    let table = Table::read(&folder.join("derived/trials.parquet")).expect("a table");
+    TrialRow::from_table(&table).expect("trials")
+}
+
+fn truth(folder: &Path) -> Value {
+    let text = std::fs::read_to_string(folder.join("raw/trolley/truth.json")).expect("a truth");
+    serde_json::from_str(&text).expect("the truth is JSON")
+}
+
+#[test]
+fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
+    let folder = recorded();
+    let output = trilink(folder.path(), &["run", "raw/trolley"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+
+    let (trials, truth) = (trials(folder.path()), truth(folder.path()));
+    assert_eq!(trials.len(), 4);
+    for trial in &trials {
+        let known =
+            |quantity: &str| truth["trials"][&trial.trial][quantity].as_f64().expect("a number");
+        for (quantity, found) in [("d_m", trial.d_m), ("v_m_s", trial.v_m_s)] {
+            let error = (found / known(quantity) - 1.0).abs();
+            assert!(error < 0.01, "{}: {quantity}: {found} {}", trial.trial, known(quantity));
+        }
+        let error = trial.omega_rad_s / known("omega_rad_s") - 1.0;
+        assert!(error.abs() < 1e-3, "{}: {}", trial.trial, trial.omega_rad_s);
+        let alpha1 = trial.alpha1_rad / known("alpha1_rad") - 1.0;
+        assert!(alpha1.abs() < 0.01, "{}: {}", trial.trial, trial.alpha1_rad);
+    }
+
+    let fits = Table::read(&folder.path().join("derived/fits.parquet")).expect("a table");
+    let fits = FitRow::from_table(&fits).expect("fits");
+    let named: Vec<_> =
+        fits.iter().map(|fit| (fit.campaign.as_str(), fit.model.as_str())).collect();
+    assert_eq!(
+        named,
+        [
+            ("pulled", "no-skid-roll"),
+            ("pulled", "skid-roll"),
+            ("wriggling", "no-skid"),
+            ("wriggling", "skid-roll"),
+        ]
+    );
+    for fit in fits.iter().filter(|fit| fit.model == "skid-roll") {
+        assert_eq!(fit.status, "ok");
+        assert!(fit.j.is_finite());
+    }
+
+    let reports = files(&folder.path().join("reports"));
+    for campaign in CAMPAIGNS {
+        for figure in ["d-v", "sigma"] {
+            for extension in ["svg", "png", "csv"] {
+                let name = format!("figures/{campaign}-{figure}.{extension}");
+                assert!(reports.contains_key(Path::new(&name)), "{name}");
+            }
+        }
+    }
+    let page = text(&reports[Path::new("index.html")]);
+    assert!(CAMPAIGNS.iter().all(|campaign| page.contains(campaign)));
+}
+
+#[test]
+fn a_frame_is_timed_by_the_configured_rate() {
+    let folder = recorded();
+    succeed(folder.path(), &["ingest", "raw/trolley"]);
+    let poses = folder.path().join("derived/poses/pulled-2.00-r1.parquet");
+    let poses = Table::read(&poses).expect("a table");
+    assert_eq!(poses.f64("time_s").expect("times")[200], 1.0);
+}
+
+#[test]
+fn labels_in_the_layout_may_name_the_subject() {
+    let folder = recorded();
+    succeed(folder.path(), &["ingest", "raw/trolley"]);
+    let by_marker = trials(folder.path());
+
+    // Two robots in view, whose markers have the same names: only the subject tells them apart.
+    for trial in &by_marker {
+        let path = folder.path().join(format!("raw/trolley/{}.csv", trial.trial));
+        let export = std::fs::read_to_string(&path).expect("a marker file");
+        let lines: Vec<String> = export
+            .lines()
+            .enumerate()
+            .map(|(i, line)| match i {
+                0 | 1 => format!("{line}\r\n"),
+                2 => format!("{}Idle:A1,,,\r\n", line.replace("Snake:", "Robo:")),
+                3 => format!("{line},X,Y,Z\r\n"),
+                4 => format!("{line},mm,mm,mm\r\n"),
+                _ => format!("{line},1,2,3\r\n"),
+            })
+            .collect();
+        std::fs::write(&path, lines.concat()).expect("the file can be written");
+    }
+    let ambiguous = trilink(folder.path(), &["ingest", "raw/trolley"]);
+    assert_eq!(ambiguous.status.code(), Some(1));
+    assert!(text(&ambiguous.stderr).contains("Idle:A1"), "{}", text(&ambiguous.stderr));
+
+    let mut layout = PIPELINE.to_owned();
+    for link in ["A", "B", "C"] {
+        for number in 1..=3 {
+            let label = format!("{link}{number}");
+            layout = layout.replace(&format!("\n{label} ="), &format!("\n\"Robo:{label}\" ="));
+        }
+    }
+    write(folder.path(), "pipeline.toml", &layout);
+    succeed(folder.path(), &["ingest", "raw/trolley"]);
+    for (by_subject, by_marker) in trials(folder.path()).iter().zip(&by_marker) {
+        assert_eq!(by_subject.trial, by_marker.trial);
+        assert_eq!(by_subject.d_m, by_marker.d_m);
+        assert_eq!(by_subject.residual_mm, by_marker.residual_mm);
+    }
+}

@@ -1,0 +1,177 @@
+//! Synthetic trials: the same for a seed, and like what the camera system writes.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use common::{files, succeed, text, trilink};
+
+const RATE_HZ: f64 = 120.0;
+/// Frame and sub-frame, then three coordinates of each of ten markers.
+const FIELDS: usize = 2 + 3 * 10;
+
+type Folder = BTreeMap<PathBuf, Vec<u8>>;
+
+/// What synth writes for a seed and a number of threads.
+fn synth(seed: &str, threads: &str) -> Folder {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let arguments = ["synth", "trials", "--omega", "1,3.9", "--seed", seed, "--threads", threads];
+    succeed(folder.path(), &arguments);
+    files(&folder.path().join("trials"))
+}
+
+/// The folder that the tests look at.
+fn trials() -> &'static Folder {
+    static TRIALS: OnceLock<Folder> = OnceLock::new();
+    TRIALS.get_or_init(|| synth("1", "1"))
+}
+
+/// The marker files.
+fn exports() -> Vec<(&'static Path, String)> {
+    let exports: Vec<_> = trials()
+        .iter()
+        .filter(|(path, _)| path.extension().is_some_and(|extension| extension == "csv"))
+        .map(|(path, bytes)| (path.as_path(), text(bytes)))
+        .collect();
+    assert_eq!(exports.len(), 6);
+    exports
+}
+
+/// The fields of each frame.
+fn frames(export: &str) -> Vec<Vec<&str>> {
+    export.lines().skip(5).map(|line| line.split(',').collect()).collect()
+}
+
+#[test]
+fn a_seed_gives_the_same_bytes_at_every_run_and_with_any_number_of_threads() {
+    assert!(synth("1", "1") == *trials());
+    assert!(synth("1", "2") == *trials());
+}
+
+#[test]
+fn another_seed_gives_other_bytes() {
+    let others = synth("2", "2");
+    assert_eq!(others.keys().collect::<Vec<_>>(), trials().keys().collect::<Vec<_>>());
+    for (path, bytes) in &others {
+        // The list says what was commanded, which is the same.
+        let same = path == Path::new("trials.toml");
+        assert_eq!(*bytes == trials()[path], same, "{}", path.display());
+    }
+}
+
+#[test]
+fn a_folder_that_was_made_by_synth_is_made_anew() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let arguments = ["synth", "trials", "--omega", "3.9", "--seed"];
+    for seed in ["1", "2", "1"] {
+        succeed(folder.path(), &[&arguments[..], &[seed]].concat());
+    }
+    let again = files(&folder.path().join("trials"));
+    let other = tempfile::tempdir().expect("a temporary folder");
+    succeed(other.path(), &[&arguments[..], &["1"]].concat());
+    assert!(again == files(&other.path().join("trials")));
+}
+
+#[test]
+fn the_files_have_the_header_and_line_ends_of_an_export() {
+    for (path, export) in exports() {
+        let name = path.display();
+        assert_eq!(export.matches('\n').count(), export.matches("\r\n").count(), "{name}");
+        assert!(export.ends_with("\r\n"), "{name}");
+        let lines: Vec<&str> = export.lines().take(5).collect();
+        assert_eq!(lines[..2], ["Trajectories", "120"], "{name}");
+        assert!(lines[2].starts_with(",,Snake:M1,,,Snake:M2,,,"), "{name}: {}", lines[2]);
+        assert!(lines[3].starts_with("Frame,Sub Frame,X,Y,Z,X,Y,Z,"), "{name}: {}", lines[3]);
+        assert!(lines[4].starts_with(",,mm,mm,mm,"), "{name}: {}", lines[4]);
+    }
+}
+
+#[test]
+fn frames_count_up_from_another_than_the_first() {
+    for (path, export) in exports() {
+        let frames = frames(&export);
+        let number = |i: usize| frames[i][0].parse::<usize>().expect("a frame's number");
+        assert_ne!(number(0), 1, "{}", path.display());
+        for (i, frame) in frames.iter().enumerate() {
+            assert_eq!(number(i), number(0) + i);
+            assert_eq!(frame[1], "0");
+            assert_eq!(frame.len(), FIELDS);
+        }
+    }
+}
+
+#[test]
+fn a_trial_goes_on_for_at_least_eight_cycles_after_the_transient() {
+    for (path, export) in exports() {
+        let omega = if text_of(path).contains("-1.00-") { 1.0 } else { 3.9 };
+        let cycles = frames(&export).len() as f64 / RATE_HZ * omega / std::f64::consts::TAU;
+        assert!(cycles > 10.0, "{}: {cycles}", path.display());
+    }
+}
+
+fn text_of(path: &Path) -> &str {
+    path.to_str().expect("a plain name")
+}
+
+#[test]
+fn numbers_have_at_most_six_significant_digits() {
+    for (path, export) in exports() {
+        let mut six = 0;
+        for number in frames(&export).iter().flat_map(|frame| &frame[2..]) {
+            let digits: String = number.chars().filter(char::is_ascii_digit).collect();
+            let significant = digits.trim_start_matches('0').len();
+            assert!(significant <= 6, "{}: {number}", path.display());
+            six += usize::from(significant == 6);
+        }
+        assert!(six > 1000, "{}: rounded further than the camera system does", path.display());
+    }
+}
+
+#[test]
+fn gaps_are_whole_markers_and_as_frequent_and_long_as_in_real_exports() {
+    let mut gaps = Vec::new();
+    for (path, export) in exports() {
+        let frames = frames(&export);
+        let mut missing = 0;
+        for marker in 0..10 {
+            let mut gap = 0;
+            for frame in &frames {
+                let place = &frame[2 + 3 * marker..5 + 3 * marker];
+                let empty = place.iter().filter(|number| number.is_empty()).count();
+                assert!(empty == 0 || empty == 3, "{}: {place:?}", path.display());
+                if empty == 3 {
+                    missing += 1;
+                    gap += 1;
+                } else if gap > 0 {
+                    gaps.push(std::mem::take(&mut gap));
+                }
+            }
+            if gap > 0 {
+                gaps.push(gap);
+            }
+        }
+        let share = missing as f64 / (10 * frames.len()) as f64;
+        assert!((0.02..=0.09).contains(&share), "{}: {share}", path.display());
+    }
+    gaps.sort_unstable();
+    assert_eq!(gaps[gaps.len() / 2], 1, "the median gap, frames");
+    let short = gaps.iter().filter(|gap| f64::from(**gap) <= 0.1 * RATE_HZ).count();
+    assert!(short as f64 >= 0.9 * gaps.len() as f64, "{short} of {} are short", gaps.len());
+}
+
+#[test]
+fn trials_that_are_not_synthetic_are_left_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let list =
+        "[[trial]]\nid = \"a\"\nfile = \"a.csv\"\nkind = \"coast-down\"\nrobot = \"kinematic\"\n";
+    std::fs::create_dir(folder.path().join("mine")).expect("a folder");
+    std::fs::write(folder.path().join("mine/trials.toml"), list).expect("a list");
+    let before = files(folder.path());
+    let output = trilink(folder.path(), &["synth", "mine", "--omega", "3.9"]);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("mine: has trials that were not made by synth"), "{stderr}");
+    assert!(files(folder.path()) == before);
+}
