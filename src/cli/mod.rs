@@ -21,6 +21,8 @@ use progress::Progress;
 
 /// The configuration file that is used when none is named.
 const CONFIG_FILE: &str = "pipeline.toml";
+/// More threads than this take longer to start than they could save.
+const MOST_THREADS: usize = 1024;
 
 /// From marker files of a wheeled three-link robot to fitted dissipation models and figures.
 #[derive(Parser)]
@@ -33,8 +35,8 @@ struct Arguments {
     #[arg(short, long, global = true)]
     quiet: bool,
     /// Threads to work with [default: all processors].
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
     #[command(subcommand)]
     command: Command,
 }
@@ -99,7 +101,10 @@ pub fn main() -> ExitCode {
 
 fn run(arguments: Arguments) -> Result<Outcome, Failure> {
     if let Some(threads) = arguments.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
+        if !(1..=MOST_THREADS).contains(&threads) {
+            return Err(format!("--threads: found {threads}, needed 1 to {MOST_THREADS}").into());
+        }
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
     let config = load(arguments.config.as_deref())?;
     let context = Context { config, progress: Progress::new(arguments.quiet) };

@@ -6,6 +6,8 @@ use std::path::Path;
 
 use super::{Config, ConfigError, RobotConfig, nearest};
 
+/// More starts find nothing new and may not fit into memory.
+const MOST_STARTS: usize = 10_000;
 /// Least distance between two markers of a link, mm: nearer ones give no heading.
 const LEAST_SPREAD_MM: f64 = 5.0;
 
@@ -14,10 +16,10 @@ impl Config {
     pub(crate) fn check(&self, path: &Path) -> Result<(), ConfigError> {
         let check = Checker { path };
         check.that(
-            self.vicon.rate_hz > 0.0,
+            self.vicon.rate_hz > 0.0 && self.vicon.rate_hz.is_finite(),
             "vicon.rate_hz",
             &self.vicon.rate_hz,
-            "more than 0",
+            "a finite number above 0",
         )?;
         for (key, value) in [
             ("ingest.max_gap_s", self.ingest.max_gap_s),
@@ -32,7 +34,8 @@ impl Config {
             let ordered = bounds[0] > 0.0 && bounds[1] > bounds[0] && bounds[1].is_finite();
             check.that(ordered, key, &bounds, "0 < lower < upper")?;
         }
-        check.that(self.fit.starts > 0, "fit.starts", &self.fit.starts, "at least 1")?;
+        let starts = self.fit.starts;
+        check.that((1..=MOST_STARTS).contains(&starts), "fit.starts", &starts, "1 to 10000")?;
         for (name, robot) in &self.robot {
             check.robot(name, robot)?;
         }

@@ -1,0 +1,347 @@
+//! Bad input by the command line: what is wrong is named, the rest is done, nothing panics and
+//! nothing half-written stays.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::Command;
+use std::sync::OnceLock;
+
+use tempfile::TempDir;
+use trilink::store::Table;
+
+const BAD: &str = "kinematic-symmetric-3.50-r1";
+const GOOD: &str = "kinematic-symmetric-3.90-r1";
+const BAD_FILE: &str = "raw/x/kinematic-symmetric-3.50-r1.csv";
+const TRIALS: &str = "raw/x/trials.toml";
+const CONFIG: &str = r#"[paths]
+raw = "raw/x"
+[fit]
+starts = 1
+[campaign.kinematic-symmetric]
+robot = "kinematic"
+gait = "symmetric"
+models = ["no-skid", "skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
+"#;
+
+/// A folder with two sound trials, to be damaged.
+struct Folder(TempDir);
+
+/// How a command ended.
+struct Ended {
+    status: Option<i32>,
+    errors: String,
+}
+
+impl Folder {
+    fn new() -> Self {
+        static SOUND: OnceLock<Folder> = OnceLock::new();
+        let sound = SOUND.get_or_init(|| {
+            let folder = Self(TempDir::new().unwrap());
+            folder.write("pipeline.toml", CONFIG.as_bytes());
+            let ended = folder.trilink(&["synth", "raw/x", "--omega", "3.5,3.9", "--seed", "1"]);
+            assert_eq!(ended.status, Some(0), "{}", ended.errors);
+            folder
+        });
+        let folder = Self(TempDir::new().unwrap());
+        fs::create_dir_all(folder.path("raw/x")).unwrap();
+        fs::copy(sound.path("pipeline.toml"), folder.path("pipeline.toml")).unwrap();
+        for entry in fs::read_dir(sound.path("raw/x")).unwrap() {
+            let entry = entry.unwrap();
+            fs::copy(entry.path(), folder.path("raw/x").join(entry.file_name())).unwrap();
+        }
+        folder
+    }
+
+    fn path(&self, name: &str) -> std::path::PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) {
+        fs::write(self.path(name), bytes).unwrap();
+    }
+
+    fn replace(&self, name: &str, old: &str, new: &str) {
+        let text = fs::read_to_string(self.path(name)).unwrap();
+        assert!(text.contains(old), "{name} has no {old:?}");
+        self.write(name, text.replacen(old, new, 1).as_bytes());
+    }
+
+    /// Runs the program here; whatever happens, it neither panics nor leaves half a file.
+    fn trilink(&self, arguments: &[&str]) -> Ended {
+        let output = Command::new(env!("CARGO_BIN_EXE_trilink"))
+            .args(["-q", "-c", "pipeline.toml"])
+            .args(arguments)
+            .current_dir(self.0.path())
+            .output()
+            .unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!errors.contains("panicked"), "{errors}");
+        assert_nothing_half_written(self.0.path());
+        Ended { status: output.status.code(), errors }
+    }
+
+    /// One trial failed for the reason that `named` gives; the other has its tables.
+    fn assert_other_trial_done(&self, named: &[&str]) {
+        let trials = Table::read(&self.path("derived/trials.parquet")).unwrap();
+        assert_eq!(trials.str("trial").unwrap(), [BAD, GOOD]);
+        assert_eq!(trials.str("status").unwrap()[0], "failed");
+        assert!(["ok", "flagged"].contains(&trials.str("status").unwrap()[1].as_str()));
+        assert_names(&trials.str("message").unwrap()[0], named);
+        for kind in ["poses", "wheels", "cycles"] {
+            assert!(self.path(&format!("derived/{kind}/{GOOD}.parquet")).is_file());
+            assert!(!self.path(&format!("derived/{kind}/{BAD}.parquet")).exists());
+        }
+    }
+}
+
+fn assert_nothing_half_written(folder: &Path) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        assert!(!name.starts_with(".writing-"), "{name} was left");
+        if path.is_dir() {
+            assert_nothing_half_written(&path);
+        }
+    }
+}
+
+fn assert_names(message: &str, named: &[&str]) {
+    for name in named {
+        assert!(message.contains(name), "{message:?} does not name {name:?}");
+    }
+}
+
+/// Ingest ends with 1, names what is wrong, and does the other trial.
+fn assert_one_fails(damage: impl FnOnce(&Folder), named: &[&str]) {
+    let folder = Folder::new();
+    damage(&folder);
+    let ended = folder.trilink(&["ingest"]);
+    assert_eq!(ended.status, Some(1), "{named:?}: {}", ended.errors);
+    assert_names(&ended.errors, named);
+    assert_names(&ended.errors, &[BAD]);
+    folder.assert_other_trial_done(named);
+}
+
+/// A command ends with 2 and names what is wrong.
+fn assert_nothing_done(damage: impl FnOnce(&Folder), command: &str, named: &[&str]) {
+    let folder = Folder::new();
+    damage(&folder);
+    let ended = folder.trilink(&[command]);
+    assert_eq!(ended.status, Some(2), "{named:?}: {}", ended.errors);
+    assert_names(&ended.errors, named);
+}
+
+#[test]
+fn a_marker_file_that_cannot_be_used_is_named_and_the_other_trial_is_done() {
+    let contents: [(&[u8], &[&str]); 4] = [
+        (b"", &["3.50-r1.csv", "found an empty file", "needed a `Trajectories` section"]),
+        (b"\0\x01\xff\xfe\0\0garbage", &["3.50-r1.csv", "needed a `Trajectories` section"]),
+        (b"\x1f\x8bgarbage", &["3.50-r1.csv", "cannot be unpacked"]),
+        (b"Trajectories\r\n", &["3.50-r1.csv, line 1", "needed a row that starts with `Frame"]),
+    ];
+    for (bytes, named) in contents {
+        assert_one_fails(|folder| folder.write(BAD_FILE, bytes), named);
+    }
+    let gone = |folder: &Folder| fs::remove_file(folder.path(BAD_FILE)).unwrap();
+    assert_one_fails(gone, &["3.50-r1.csv", "no such file"]);
+    let a_folder = |folder: &Folder| {
+        gone(folder);
+        fs::create_dir(folder.path(BAD_FILE)).unwrap();
+    };
+    assert_one_fails(a_folder, &["3.50-r1.csv", "cannot be read"]);
+}
+
+#[test]
+fn what_is_wrong_inside_a_marker_file_is_named_with_line_and_label() {
+    let cases: [(&str, &str, &[&str]); 5] = [
+        ("-276.639", "oops", &["line 7, column 3 (Snake:M1 X)", "`oops`", "a number of mm"]),
+        ("-276.639", "nan", &["line 7, column 3 (Snake:M1 X)", "`nan`", "a number of mm"]),
+        ("\n120\r", "\n100\r", &["100 Hz", "120 Hz", "vicon.rate_hz", "rate_from_file"]),
+        ("Snake:F2", "Snake:F9", &["no marker `F2`", "markers.link1", "Snake:F9"]),
+        ("Snake:M4", "Other:M1", &["`Snake:M1`, `Other:M1`", "`Subject:Marker`"]),
+    ];
+    for (old, new, named) in cases {
+        assert_one_fails(|folder| folder.replace(BAD_FILE, old, new), named);
+    }
+}
+
+#[test]
+fn a_robot_that_never_moves_is_said_to_have_no_periods_of_motion() {
+    let freeze = |folder: &Folder| {
+        let text = fs::read_to_string(folder.path(BAD_FILE)).unwrap();
+        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+        let pose = lines[5].split_once(',').unwrap().1.to_owned();
+        for line in lines.iter_mut().skip(5) {
+            *line = format!("{},{pose}", line.split(',').next().unwrap());
+        }
+        folder.write(BAD_FILE, (lines.join("\r\n") + "\r\n").as_bytes());
+    };
+    assert_one_fails(freeze, &["3.50-r1.csv", "found 0.00 periods of motion", "at least 2"]);
+}
+
+#[test]
+fn a_wrong_value_of_one_trial_is_named_with_its_key_and_fails_only_that_trial() {
+    let file = format!("file = \"{BAD}.csv\"");
+    let campaign = "campaign = \"kinematic-symmetric\"";
+    let window = "omega_rad_s = 3.5\nsmoothing_window = 3";
+    let cases: [(&str, &str, &[&str]); 7] = [
+        (campaign, "campaign = \"kinematic-symetric\"", &["`campaign`", "`kinematic-symmetric`?"]),
+        (&file, "file = \"../x.csv\"", &["`file`", "../x.csv", "inside the trial folder"]),
+        ("omega_rad_s = 3.5", "omega_rad_s = 0", &["`omega_rad_s`", "found 0", "above 0"]),
+        ("omega_rad_s = 3.5", "omega_rad_s = nan", &["`omega_rad_s`", "found NaN"]),
+        ("omega_rad_s = 3.5", "", &["`omega_rad_s`", "found nothing", "above 0"]),
+        ("omega_rad_s = 3.5", "omega_rad_s = 1e300", &["3.50-r1.csv", "is omega_rad_s right?"]),
+        ("omega_rad_s = 3.5", window, &["`smoothing_window`", "found 3", "5 to 30"]),
+    ];
+    for (old, new, named) in cases {
+        assert_one_fails(|folder| folder.replace(TRIALS, old, new), named);
+    }
+}
+
+#[test]
+fn a_list_of_trials_that_makes_no_sense_ends_everything() {
+    let cases: [(&str, &str, &[&str]); 4] = [
+        (GOOD, BAD, &["trials.toml", "trial[1].id", BAD, "no other trial"]),
+        ("id = \"kin", "id = \"a/b", &["trials.toml", "trial[0].id", "a/b", "needed 1 to 64"]),
+        ("omega_rad_s", "omega_rads", &["trials.toml, line 8", "`omega_rads`", "`omega_rad_s`?"]),
+        ("\"gait\"", "\"giat\"", &["trials.toml, line 6", "`giat`", "did you mean `gait`?"]),
+    ];
+    for (old, new, named) in cases {
+        assert_nothing_done(|folder| folder.replace(TRIALS, old, new), "ingest", named);
+    }
+    let gone = |folder: &Folder| fs::remove_file(folder.path(TRIALS)).unwrap();
+    assert_nothing_done(gone, "ingest", &["trials.toml"]);
+    let all_gone = |folder: &Folder| fs::remove_dir_all(folder.path("raw")).unwrap();
+    assert_nothing_done(all_gone, "run", &["trials.toml"]);
+}
+
+#[test]
+fn a_wrong_configuration_ends_everything_with_line_or_key_named() {
+    let cases: [(&str, &str, &[&str]); 9] = [
+        ("starts", "strats", &["pipeline.toml, line 4", "`strats`", "did you mean `starts`?"]),
+        ("[fit]", "[fitt]", &["pipeline.toml, line 3", "`fitt`", "did you mean `fit`?"]),
+        ("= 1", "= = 1", &["pipeline.toml, line 4"]),
+        ("starts = 1", "starts = 0", &["fit.starts", "found 0", "needed 1 to"]),
+        ("starts = 1", "starts = 9223372036854775807", &["fit.starts", "needed 1 to"]),
+        ("[fit]", "[vicon]\nrate_hz = nan\n[fit]", &["vicon.rate_hz", "found NaN"]),
+        ("[fit]", "[vicon]\nrate_hz = inf\n[fit]", &["vicon.rate_hz", "found inf", "finite"]),
+        ("\"kinematic\"", "\"kinemtic\"", &["robot", "`kinemtic`", "`kinematic`?"]),
+        ("skid-roll", "skid-rol", &["pipeline.toml, line 8", "`skid-rol`", "`skid-roll`?"]),
+    ];
+    for (old, new, named) in cases {
+        assert_nothing_done(|folder| folder.replace("pipeline.toml", old, new), "run", named);
+    }
+    for mass in ["-1.0", "nan", "inf", "0.0"] {
+        let robot = format!(
+            "[robot.kinematic]\nh_m = 0.144\nl_m = 0.112\nb_m = 0.0685\nmass_kg = [{mass}, 0.2, \
+             0.2]\ninertia_kg_m2 = [86e-4, 5e-4, 5e-4]\nroll_kg_s = [0.6, 0.3, 0.3]\nskid_kg_s = \
+             [100.0, 50.0, 50.0]\n[fit]"
+        );
+        let named = ["robot.kinematic.mass_kg", "above 0"];
+        assert_nothing_done(|f| f.replace("pipeline.toml", "[fit]", &robot), "run", &named);
+    }
+    let gone = |folder: &Folder| fs::remove_file(folder.path("pipeline.toml")).unwrap();
+    assert_nothing_done(gone, "run", &["pipeline.toml"]);
+}
+
+#[test]
+fn a_number_of_threads_that_cannot_be_is_refused() {
+    for threads in ["0", "1000000000"] {
+        let ended = Folder::new().trilink(&["--threads", threads, "ingest"]);
+        assert_eq!(ended.status, Some(2), "{}", ended.errors);
+        assert_names(&ended.errors, &["--threads", threads, "needed 1 to"]);
+    }
+}
+
+#[test]
+fn a_run_with_a_failed_trial_fits_and_draws_the_rest_and_records_the_failure() {
+    for failing in [vec![BAD], vec![BAD, GOOD]] {
+        let folder = Folder::new();
+        for trial in &failing {
+            fs::remove_file(folder.path(&format!("raw/x/{trial}.csv"))).unwrap();
+        }
+        let ended = folder.trilink(&["run"]);
+        assert_eq!(ended.status, Some(1), "{}", ended.errors);
+        assert!(folder.path("reports/index.html").is_file());
+        let record = fs::read_to_string(folder.path("reports/run.json")).unwrap();
+        let record: serde_json::Value = serde_json::from_str(&record).unwrap();
+        assert_eq!(record["trials"]["failed"], failing.len());
+        for (i, trial) in failing.iter().enumerate() {
+            assert_eq!(record["attention"][i]["trial"], *trial);
+            assert_names(record["attention"][i]["message"].as_str().unwrap(), &["no such file"]);
+        }
+    }
+}
+
+#[test]
+fn an_empty_list_of_trials_ends_everything() {
+    for list in [&b"trial = []\n"[..], b"# nothing yet\n"] {
+        let named = ["trials.toml", "found an empty list", "at least one [[trial]]"];
+        assert_nothing_done(|folder| folder.write(TRIALS, list), "run", &named);
+    }
+}
+
+#[test]
+fn a_marker_file_that_was_copied_in_part_fails() {
+    let cut = |folder: &Folder| {
+        let whole = fs::read(folder.path(BAD_FILE)).unwrap();
+        let row = whole.len() * 3 / 4;
+        let end = row + whole[row..].iter().position(|&byte| byte == b'\n').unwrap();
+        // Some way into the next row.
+        folder.write(BAD_FILE, &whole[..end + 40]);
+    };
+    assert_one_fails(cut, &["3.50-r1.csv, line ", "the file's end", "is the copy complete?"]);
+}
+
+#[test]
+fn a_file_in_the_place_of_a_folder_of_results_is_named_and_stays() {
+    for place in ["derived", "reports"] {
+        let folder = Folder::new();
+        folder.write(place, b"precious");
+        let ended = folder.trilink(&["run"]);
+        assert_eq!(ended.status, Some(2), "{}", ended.errors);
+        assert_names(&ended.errors, &[place]);
+        assert_eq!(fs::read(folder.path(place)).unwrap(), b"precious");
+    }
+}
+
+#[test]
+fn damaged_tables_are_named_and_earlier_results_stay() {
+    let folder = Folder::new();
+    assert_eq!(folder.trilink(&["run"]).status, Some(0));
+    let page = fs::read(folder.path("reports/index.html")).unwrap();
+    let fits = fs::read(folder.path("derived/fits.parquet")).unwrap();
+    let sound = fs::read(folder.path("derived/trials.parquet")).unwrap();
+    for damaged in [&b""[..], b"garbage", &sound[..sound.len() / 2], b"PAR1garbagePAR1", &fits] {
+        folder.write("derived/trials.parquet", damaged);
+        for command in ["fit", "report"] {
+            let ended = folder.trilink(&[command]);
+            assert_eq!(ended.status, Some(2), "{command}: {}", ended.errors);
+            assert_names(&ended.errors, &["trials.parquet"]);
+        }
+    }
+    assert_eq!(fs::read(folder.path("reports/index.html")).unwrap(), page);
+    assert_eq!(fs::read(folder.path("derived/fits.parquet")).unwrap(), fits);
+}
+
+#[test]
+fn packed_files_and_other_frame_rates_are_taken_where_allowed() {
+    let folder = Folder::new();
+    let text = fs::read(folder.path(BAD_FILE)).unwrap();
+    let packed = fs::File::create(folder.path(&format!("{BAD_FILE}.gz"))).unwrap();
+    let mut packer = flate2::write::GzEncoder::new(packed, flate2::Compression::fast());
+    packer.write_all(&text).unwrap();
+    packer.finish().unwrap();
+    fs::remove_file(folder.path(BAD_FILE)).unwrap();
+    folder.replace(TRIALS, &format!("{BAD}.csv"), &format!("{BAD}.csv.gz"));
+    assert_eq!(folder.trilink(&["ingest"]).status, Some(0));
+
+    let folder = Folder::new();
+    folder.replace(BAD_FILE, "\n120\r", "\n100\r");
+    folder.replace(TRIALS, "omega_rad_s = 3.5", "omega_rad_s = 2.9167");
+    folder.replace("pipeline.toml", "[fit]", "[vicon]\nrate_from_file = true\n[fit]");
+    let ended = folder.trilink(&["ingest"]);
+    assert_eq!(ended.status, Some(0), "{}", ended.errors);
+}
