@@ -4,6 +4,7 @@ mod common;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use common::{files, succeed, text, trilink};
@@ -501,6 +502,22 @@ fn a_frequency_list_ends_where_its_option_does() {
         &["simulate", "--model", "no-skid", "--omega", "1", "--omega", "2", "kinematic-skewed"],
     );
     assert_eq!(answers.lines().count(), 3, "{answers}");
+}
+
+#[test]
+fn whoever_reads_the_results_may_stop_before_their_end() {
+    let folder = empty_folder();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_trilink"))
+        .args(["simulate", "kinematic-skewed", "--model", "no-skid", "--omega", "0.5..6/2000"])
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("the program ends");
+    assert_eq!(text(&output.stderr), "");
+    assert_eq!(output.status.code(), Some(0));
 }
 
 #[test]
