@@ -96,7 +96,8 @@ impl TrialList {
                     "1 to 64 of the characters A-Z a-z 0-9 . _ -, not starting with a dot",
                 ));
             }
-            if !ids.insert(&trial.id) {
+            // Some disks do not tell capitals from small letters.
+            if !ids.insert(trial.id.to_ascii_lowercase()) {
                 return Err(error("an id that no other trial has"));
             }
         }

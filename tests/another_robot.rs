@@ -1,6 +1,8 @@
 //! A robot, markers and gaits that are not the paper's, from `pipeline.toml` and
 //! `trials.toml` alone.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::path::Path;

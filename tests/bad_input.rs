@@ -1,6 +1,8 @@
 //! Bad input by the command line: what is wrong is named, the rest is done, nothing panics and
 //! nothing half-written stays.
 
+#![allow(clippy::unwrap_used)]
+
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;

@@ -1,5 +1,7 @@
 //! What the program does, seen from its command line.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::collections::BTreeSet;
@@ -40,7 +42,7 @@ fn demo() -> &'static Demo {
             std::fs::remove_dir_all(&folder).expect("the earlier demo can go");
         }
         std::fs::create_dir_all(&folder).expect("a folder for the demo");
-        write(&folder, "pipeline.toml", &toml_of(&settings()));
+        write(&folder, "pipeline.toml", toml_of(&settings()));
         succeed(&folder, &["synth", "raw/demo", "--omega", "0.5,3.9", "--seed", "1"]);
         let output = trilink(&folder, &["demo"]);
         let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));

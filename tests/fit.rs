@@ -1,5 +1,7 @@
 //! Fits against the best known objective of data made by an independent program.
 
+#![allow(clippy::unwrap_used)]
+
 use trilink::config::{Campaign, Config, SigmaKind};
 use trilink::fit::{Objective, Parameter, fit};
 use trilink::motion::Model;

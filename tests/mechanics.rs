@@ -1,5 +1,7 @@
 //! Eq. 1 and 7 against numbers from an independent derivation, in the world's frame.
 
+#![allow(clippy::unwrap_used)]
+
 use serde_json::Value;
 use trilink::robot::{
     Robot, Trig, Velocity, det_wb, dot, force_balance, kinetic_energy, mass_matrix, roll_rows,

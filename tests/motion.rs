@@ -1,5 +1,7 @@
 //! Steady motions against numbers from an independent derivation.
 
+#![allow(clippy::unwrap_used)]
+
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Model, Parameter, Problem, REFERENCE_ACCURACY, Solver};
 use trilink::robot::{Gait, Robot};

@@ -1,5 +1,7 @@
 //! Symmetries that every model's motion must have, over random robots and gaits.
 
+#![allow(clippy::unwrap_used)]
+
 use std::f64::consts::PI;
 
 use proptest::prelude::*;

@@ -1,5 +1,7 @@
 //! Synthetic trials: the same for a seed, and like what the camera system writes.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use std::collections::BTreeMap;

@@ -85,6 +85,17 @@ impl Config {
                 &"an empty list",
                 "at least one model",
             )?;
+            let repeated = campaign
+                .models
+                .iter()
+                .enumerate()
+                .find(|(i, model)| campaign.models[..*i].contains(model));
+            check.that(
+                repeated.is_none(),
+                &key,
+                &repeated.map(|(_, model)| model.name()),
+                "each model once",
+            )?;
             let w = campaign.weights;
             let weights = [w.d, w.v, w.sigma, w.alpha];
             let key = format!("campaign.{name}.weights");
