@@ -1,6 +1,6 @@
 //! The models' motion: steady periodic solutions and the way there from rest.
 //!
-//! Every solution comes from collocation by the same rule ([`radau`]): a transient follows one
+//! Every solution comes from collocation by the same rule, Radau IIA: a transient follows one
 //! element after the other, a steady motion closes them to a ring and solves for all at once.
 
 mod cycle;

@@ -5,7 +5,7 @@
 //!
 //! | robot | skidding wheels | wheels that cannot skid |
 //! |---|---|---|
-//! | both joints commanded | `u, v, theta'` | none (eq. 3, see [`super::kinematic`]) |
+//! | both joints commanded | `u, v, theta'` | none: eq. 3 gives the motion |
 //! | one joint passive | `u, v, theta', phi_p', phi_p` | `s, phi_p` |
 
 use crate::robot::{
