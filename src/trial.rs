@@ -10,6 +10,9 @@ use crate::config::{Config, ConfigError, nearest, parse_toml};
 /// Name of the list inside a trial folder.
 pub const TRIALS_FILE: &str = "trials.toml";
 
+/// Name of the planted truth inside a folder of synthetic trials.
+pub const TRUTH_FILE: &str = "truth.json";
+
 /// What was recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -56,29 +56,30 @@ impl Default for Fit {
 
 /// Tables I and II with the values used in the paper's simulations.
 fn robots() -> BTreeMap<String, RobotConfig> {
-    let kinematic = RobotConfig {
-        h_m: 0.144,
-        l_m: 0.112,
-        b_m: 0.0685,
-        mass_kg: [1.04, 0.2, 0.2],
-        inertia_kg_m2: [86e-4, 5e-4, 5e-4],
-        roll_kg_s: [0.6, 0.3, 0.3],
-        skid_kg_s: [100.0, 50.0, 50.0],
+    let semi_passive = Robot::semi_passive();
+    let spring = RobotConfig {
+        stiffness_nm_rad: Some(semi_passive.stiffness_nm_rad),
+        damping_nm_s_rad: Some(semi_passive.damping_nm_s_rad),
+        rest_angle_deg: Some(semi_passive.rest_angle_rad.to_degrees()),
+        ..without_spring(&semi_passive)
+    };
+    let kinematic = without_spring(&Robot::kinematic());
+    BTreeMap::from([("kinematic".into(), kinematic), ("semi-passive".into(), spring)])
+}
+
+fn without_spring(robot: &Robot) -> RobotConfig {
+    RobotConfig {
+        h_m: robot.h_m,
+        l_m: robot.l_m,
+        b_m: robot.b_m,
+        mass_kg: robot.mass_kg,
+        inertia_kg_m2: robot.inertia_kg_m2,
+        roll_kg_s: robot.roll_kg_s,
+        skid_kg_s: robot.skid_kg_s,
         stiffness_nm_rad: None,
         damping_nm_s_rad: None,
         rest_angle_deg: None,
-    };
-    let semi_passive = RobotConfig {
-        b_m: 0.058,
-        mass_kg: [1.04, 0.34, 0.34],
-        inertia_kg_m2: [86e-4, 5.9e-4, 5.9e-4],
-        skid_kg_s: [400.0, 200.0, 200.0],
-        stiffness_nm_rad: Some(0.188),
-        damping_nm_s_rad: Some(0.007),
-        rest_angle_deg: Some(0.0),
-        ..kinematic.clone()
-    };
-    BTreeMap::from([("kinematic".into(), kinematic), ("semi-passive".into(), semi_passive)])
+    }
 }
 
 /// Eq. 18 and 19.

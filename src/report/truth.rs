@@ -8,9 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::numbers::{as_configured, fixed, percent};
 use super::parameters::{self, Parameter};
 use super::tables::Tables;
+use crate::trial::TRUTH_FILE;
 
-/// Name of the file in the trial folder.
-pub const TRUTH_FILE: &str = "truth.json";
 /// The model that the trials were made with.
 const PLANTED_MODEL: &str = "skid-roll";
 

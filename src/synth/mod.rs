@@ -18,9 +18,9 @@ use rayon::prelude::*;
 use crate::config::Config;
 use crate::motion::{Model, MotionError, Problem};
 use crate::store::{StoreError, write_bytes};
-use crate::trial::{TRIALS_FILE, Trial, TrialKind, TrialList, is_valid_id};
+use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
-pub use truth::{CampaignTruth, TRUTH_FILE, TrialTruth, Truth};
+pub use truth::{CampaignTruth, TrialTruth, Truth};
 
 /// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.
 pub const OMEGAS_RAD_S: [f64; 13] =

@@ -7,9 +7,6 @@ use crate::metrics::GaitMetrics;
 use crate::motion::Problem;
 use crate::robot::{Gait, JointCommand, Robot};
 
-/// Name of the truth inside a synthetic trial folder.
-pub const TRUTH_FILE: &str = "truth.json";
-
 /// What was planted in a folder.
 #[derive(Debug, Serialize)]
 pub struct Truth {
