@@ -79,7 +79,7 @@ proptest! {
     fn the_actuators_work_is_what_friction_takes(problem in problems()) {
         let mut solver = Solver::default();
         if solver.solve(&problem, REFERENCE_ACCURACY).is_ok() {
-            let [work_j, loss_j] = solver.work_and_loss_j().unwrap().unwrap();
+            let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
             prop_assert!(loss_j > 0.0);
             prop_assert!((work_j - loss_j).abs() < 1e-8 * loss_j, "{work_j} {loss_j}");
         }

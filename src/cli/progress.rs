@@ -101,6 +101,13 @@ impl Stage {
     }
 }
 
+impl Stage {
+    /// One more step is done that is too small for a line of its own.
+    pub fn tick(&self) {
+        self.bar.inc(1);
+    }
+}
+
 impl Drop for Stage {
     fn drop(&mut self) {
         self.bar.finish_and_clear();

@@ -1,14 +1,19 @@
 //! `trilink simulate`.
 
+mod answer;
+mod trajectory;
+
+use std::path::PathBuf;
+
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, RobotConfig, nearest};
-use crate::motion::{Model, Problem, REFERENCE_ACCURACY};
+use crate::motion::{Model, Problem};
+use answer::Answer;
 
 #[derive(clap::Args)]
 pub(super) struct Simulate {
@@ -23,25 +28,18 @@ pub(super) struct Simulate {
     /// Parameters of the robot: `skid_kg_s=104,34,45`, one or several.
     #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Answer with the motion in which the robot ends that starts from rest.
+    #[arg(long)]
+    from_rest: bool,
+    /// Write one steady cycle, or with `--from-rest` the way there, as Parquet.
+    #[arg(long, value_name = "FILE")]
+    trajectory: Option<PathBuf>,
+    /// Moments of a cycle that `--trajectory` writes.
+    #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(8..=100_000))]
+    samples: u32,
     /// Print JSON.
     #[arg(long)]
     json: bool,
-}
-
-/// One frequency's answer; a motion that does not exist has no numbers but a reason.
-#[derive(Serialize)]
-struct Answer<'a> {
-    omega_rad_s: f64,
-    d_m: Option<f64>,
-    v_m_s: Option<f64>,
-    sigma: [Option<f64>; 3],
-    alpha1_rad: Option<f64>,
-    dtheta_rad: Option<f64>,
-    status: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    reason: Option<String>,
-    floquet: Option<f64>,
-    parameters: &'a Map<String, Value>,
 }
 
 impl Simulate {
@@ -54,86 +52,33 @@ impl Simulate {
                 .into());
         }
         let parameters = parameters(&config.robot[&config.campaign[&self.campaign].robot]);
-        let omegas: Vec<f64> = self.omega.into_iter().flat_map(|omegas| omegas.0).collect();
+        let omegas: Vec<f64> = self.omega.iter().flat_map(|omegas| omegas.0.clone()).collect();
+        let problem =
+            |omega_rad_s| Problem { robot: robot.clone(), gait, model: self.model, omega_rad_s };
+        let stage = context.progress.stage("simulate", omegas.len());
         let answers: Vec<Answer> = omegas
-            .into_par_iter()
-            .map(|omega_rad_s| {
-                let problem =
-                    Problem { robot: robot.clone(), gait, model: self.model, omega_rad_s };
-                answer(&problem, &parameters)
+            .par_iter()
+            .with_max_len(1)
+            .map(|&omega_rad_s| {
+                let answer = Answer::new(&problem(omega_rad_s), self.from_rest, &parameters);
+                stage.tick();
+                answer
             })
             .collect();
+        drop(stage);
+        if let Some(path) = &self.trajectory {
+            let problems = answers.iter().map(|answer| (problem(answer.omega_rad_s), answer));
+            let samples = self.samples as usize;
+            let message = trajectory::write(path, problems, self.from_rest, samples)?;
+            context.progress.say(&message);
+        }
         if self.json {
             say!("{}", serde_json::to_string_pretty(&answers)?);
         } else {
-            print_table(&answers);
+            answer::print_table(&answers);
         }
         let all_exist = answers.iter().all(|answer| answer.d_m.is_some());
         Ok(if all_exist { Outcome::Well } else { Outcome::NeedsAttention })
-    }
-}
-
-fn answer<'a>(problem: &Problem, parameters: &'a Map<String, Value>) -> Answer<'a> {
-    let omega_rad_s = problem.omega_rad_s;
-    match problem.solve(REFERENCE_ACCURACY) {
-        Ok(motion) => Answer {
-            omega_rad_s,
-            d_m: Some(motion.metrics.d_m),
-            v_m_s: Some(motion.metrics.v_m_s),
-            sigma: motion.metrics.sigma.map(Some),
-            alpha1_rad: Some(motion.metrics.alpha1_rad),
-            dtheta_rad: Some(motion.metrics.dtheta_rad),
-            status: motion.status(),
-            reason: None,
-            floquet: motion.floquet,
-            parameters,
-        },
-        Err(error) => Answer {
-            omega_rad_s,
-            d_m: None,
-            v_m_s: None,
-            sigma: [None; 3],
-            alpha1_rad: None,
-            dtheta_rad: None,
-            status: error.status(),
-            reason: Some(error.to_string()),
-            floquet: None,
-            parameters,
-        },
-    }
-}
-
-fn print_table(answers: &[Answer]) {
-    say!(
-        "{:>11} {:>13} {:>13} {:>12} {:>12} {:>12} {:>12} {:>13}  status",
-        "omega rad/s",
-        "d mm",
-        "v mm/s",
-        "sigma0",
-        "sigma1",
-        "sigma2",
-        "alpha1 deg",
-        "dtheta deg"
-    );
-    for answer in answers {
-        let Some(((d_m, v_m_s), (alpha1, dtheta))) =
-            answer.d_m.zip(answer.v_m_s).zip(answer.alpha1_rad.zip(answer.dtheta_rad))
-        else {
-            let reason = answer.reason.as_deref().unwrap_or_default();
-            say!("{:>11} {}: {reason}", answer.omega_rad_s, answer.status);
-            continue;
-        };
-        let [sigma0, sigma1, sigma2] = answer.sigma.map(Option::unwrap_or_default);
-        say!(
-            "{:>11} {:>13.7} {:>13.7} {sigma0:>12.9} {sigma1:>12.9} {sigma2:>12.9} {:>12.8} {:>13.8}  {}",
-            answer.omega_rad_s,
-            1e3 * d_m,
-            1e3 * v_m_s,
-            alpha1.to_degrees(),
-            // No minus before a rotation of nothing.
-            dtheta.to_degrees() + 0.0,
-            answer.status,
-        );
     }
 }
 

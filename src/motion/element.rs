@@ -5,7 +5,7 @@
 
 use super::lu;
 use super::radau::{RADAU, Radau, STAGES};
-use super::reduced::Reduced;
+use super::reduced::{MOST_PARAMETERS, Reduced, Residual};
 
 /// States at the stages of one element.
 pub(super) type Stages<const N: usize> = [[f64; N]; STAGES];
@@ -19,10 +19,12 @@ pub(super) struct Linearised {
     transfer: Vec<f64>,
     /// Per element: the step of its unknowns when its start stays.
     step: Vec<f64>,
+    /// Of one element, see [`Linearised::sensitivity`].
+    sensitivity: Vec<f64>,
 }
 
 /// Unknowns per stage.
-const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
+pub(super) const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
     if R::INTEGRATED { N - 1 } else { N }
 }
 
@@ -44,6 +46,52 @@ pub(super) fn rate<const N: usize>(
     })
 }
 
+/// Writes the linear system of one element: its `matrix` and, in the first `N` of each row's
+/// `columns`, how the right-hand side answers to the element's start. `equations` gives the
+/// residual of a stage from its time derivatives and may fill the other columns of the
+/// stage's rows.
+#[inline(always)]
+pub(super) fn assemble<const N: usize, R: Reduced<N>>(
+    start: &[f64; N],
+    stages: &Stages<N>,
+    duration_s: f64,
+    matrix: &mut [f64],
+    right: &mut [f64],
+    columns: usize,
+    mut equations: impl FnMut(usize, &[f64; N], &mut [f64]) -> Residual<N>,
+) {
+    let rule = &*RADAU;
+    let per_stage = unknowns::<N, R>();
+    let size = per_stage * STAGES;
+    let per_s = 1.0 / duration_s;
+    for j in 0..STAGES {
+        let dy = rate(rule, start, stages, j, per_s);
+        let rows = &mut right[j * per_stage * columns..][..per_stage * columns];
+        let residual = equations(j, &dy, rows);
+        for i in 0..per_stage {
+            let row = &mut matrix[(j * per_stage + i) * size..][..size];
+            for l in 0..STAGES {
+                let weight = rule.differentiate[j][l] * per_s;
+                for m in 0..per_stage {
+                    row[l * per_stage + m] = residual.by_rate[i][m] * weight;
+                }
+                if R::INTEGRATED {
+                    row[l * per_stage + N - 2] +=
+                        residual.by_state[i][N - 1] * rule.integrate[j][l] * duration_s;
+                }
+            }
+            let by_start = &mut rows[i * columns..][..N];
+            for m in 0..per_stage {
+                row[j * per_stage + m] += residual.by_state[i][m];
+                by_start[m] = -residual.by_rate[i][m] * rule.differentiate_start[j] * per_s;
+            }
+            if R::INTEGRATED {
+                by_start[N - 1] = -residual.by_state[i][N - 1];
+            }
+        }
+    }
+}
+
 impl Linearised {
     /// Makes room for `count` elements.
     pub fn resize<const N: usize, R: Reduced<N>>(&mut self, count: usize) {
@@ -55,8 +103,7 @@ impl Linearised {
     }
 
     /// Linearises element `k` at its stages and factors it; its step is left unsolved until
-    /// [`Linearised::solve_step`]. Returns the square of the residuals, or `None` if the
-    /// system is singular.
+    /// [`Linearised::solve_step`]. `None` if the system is singular.
     #[inline(always)]
     pub fn linearise<const N: usize, R: Reduced<N>>(
         &mut self,
@@ -66,48 +113,66 @@ impl Linearised {
         start: &[f64; N],
         stages: &Stages<N>,
         duration_s: f64,
-    ) -> Option<f64> {
-        let rule = &*RADAU;
+    ) -> Option<()> {
         let per_stage = unknowns::<N, R>();
         let size = per_stage * STAGES;
-        let per_s = 1.0 / duration_s;
         let matrix = &mut self.factors[k * size * size..][..size * size];
+        let pivots = &mut self.pivots[k * size..][..size];
         let transfer = &mut self.transfer[k * size * N..][..size * N];
         let step = &mut self.step[k * size..][..size];
-        let mut square = 0.0;
-        for j in 0..STAGES {
-            let dy = rate(rule, start, stages, j, per_s);
-            let residual = model.residual(&nodes[j], &stages[j], &dy);
+        assemble::<N, R>(start, stages, duration_s, matrix, transfer, N, |j, dy, _| {
+            let residual = model.residual(&nodes[j], &stages[j], dy);
             for i in 0..per_stage {
-                let row = &mut matrix[(j * per_stage + i) * size..][..size];
-                for l in 0..STAGES {
-                    let weight = rule.differentiate[j][l] * per_s;
-                    for m in 0..per_stage {
-                        row[l * per_stage + m] = residual.by_rate[i][m] * weight;
-                    }
-                    if R::INTEGRATED {
-                        row[l * per_stage + N - 2] +=
-                            residual.by_state[i][N - 1] * rule.integrate[j][l] * duration_s;
-                    }
-                }
-                let right = &mut transfer[(j * per_stage + i) * N..][..N];
-                for m in 0..per_stage {
-                    row[j * per_stage + m] += residual.by_state[i][m];
-                    right[m] = -residual.by_rate[i][m] * rule.differentiate_start[j] * per_s;
-                }
-                if R::INTEGRATED {
-                    right[N - 1] = -residual.by_state[i][N - 1];
-                }
                 step[j * per_stage + i] = -residual.value[i];
-                square += residual.value[i] * residual.value[i];
             }
-        }
-        let pivots = &mut self.pivots[k * size..][..size];
+            residual
+        });
         if !lu::factor(size, matrix, pivots) {
             return None;
         }
         lu::solve(size, N, matrix, pivots, transfer);
-        Some(square)
+        Some(())
+    }
+
+    /// Solves one element for how its unknowns answer to its start and to the parameters; see
+    /// [`Linearised::sensitivity`]. Uses the room of element 0. `None` if the system is
+    /// singular.
+    #[inline(always)]
+    pub fn sensitise<const N: usize, R: Reduced<N>>(
+        &mut self,
+        model: &R,
+        nodes: &[R::Node],
+        start: &[f64; N],
+        stages: &Stages<N>,
+        duration_s: f64,
+    ) -> Option<()> {
+        let per_stage = unknowns::<N, R>();
+        let (size, columns) = (per_stage * STAGES, N + R::PARAMETERS);
+        self.resize::<N, R>(1);
+        self.sensitivity.resize(size * columns, 0.0);
+        let matrix = &mut self.factors[..size * size];
+        let pivots = &mut self.pivots[..size];
+        let right = &mut self.sensitivity[..size * columns];
+        assemble::<N, R>(start, stages, duration_s, matrix, right, columns, |j, dy, rows| {
+            let mut by = [[0.0; MOST_PARAMETERS]; N];
+            let residual = model.sensitivity(&nodes[j], &stages[j], dy, &mut by);
+            for i in 0..per_stage {
+                let row = &mut rows[i * columns + N..][..R::PARAMETERS];
+                row.iter_mut().zip(&by[i]).for_each(|(entry, by)| *entry = -by);
+            }
+            residual
+        });
+        if !lu::factor(size, matrix, pivots) {
+            return None;
+        }
+        lu::solve(size, columns, matrix, pivots, right);
+        Some(())
+    }
+
+    /// The answers of [`Linearised::sensitise`]: per unknown `N` columns of the start, then the
+    /// parameters' columns.
+    pub fn sensitivity(&self) -> &[f64] {
+        &self.sensitivity
     }
 
     /// Evaluates the residuals of element `k` alone; the factors stay those of the last
@@ -121,33 +186,16 @@ impl Linearised {
         start: &[f64; N],
         stages: &Stages<N>,
         duration_s: f64,
-    ) -> f64 {
+    ) {
         let rule = &*RADAU;
         let per_stage = unknowns::<N, R>();
         let step = &mut self.step[k * per_stage * STAGES..][..per_stage * STAGES];
-        let mut square = 0.0;
         for j in 0..STAGES {
             let dy = rate(rule, start, stages, j, 1.0 / duration_s);
             let value = model.residual(&nodes[j], &stages[j], &dy).value;
             for i in 0..per_stage {
                 step[j * per_stage + i] = -value[i];
-                square += value[i] * value[i];
             }
-        }
-        square
-    }
-
-    /// Puts `rhs(stage)`, the negative of what the equations change by, in place of element
-    /// `k`'s residuals.
-    pub fn set_step<const N: usize, R: Reduced<N>>(
-        &mut self,
-        k: usize,
-        rhs: impl Fn(usize) -> [f64; N],
-    ) {
-        let per_stage = unknowns::<N, R>();
-        let step = &mut self.step[k * per_stage * STAGES..][..per_stage * STAGES];
-        for j in 0..STAGES {
-            step[j * per_stage..][..per_stage].copy_from_slice(&rhs(j)[..per_stage]);
         }
     }
 

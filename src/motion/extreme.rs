@@ -5,25 +5,25 @@
 
 use super::element::{Linearised, Stages, follow_element, rate};
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Driven, Moment, Parameter, Reduced};
+use super::reduced::{Driven, Moment, Reduced};
 use super::ring::Ring;
 
 /// Highest and lowest angle of joint 1 over a whole period.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extremes {
-    highest: Turn,
-    lowest: Turn,
+    pub highest: Turn,
+    pub lowest: Turn,
 }
 
 /// Where joint 1 turns round.
 #[derive(Debug, Clone, Copy)]
-struct Turn {
+pub(super) struct Turn {
     phi_rad: f64,
-    element: usize,
+    pub element: usize,
     /// Part of the element.
-    part: f64,
+    pub part: f64,
     /// -1 in the mirror image that follows half a period later.
-    sign: f64,
+    pub sign: f64,
 }
 
 /// Part of an element by which a turn may be missed.
@@ -88,23 +88,6 @@ impl Extremes {
     pub fn half_range(&self) -> f64 {
         0.5 * (self.highest.phi_rad - self.lowest.phi_rad)
     }
-
-    /// Its derivative by a parameter, the ring's step being that of its states.
-    pub fn half_range_by<const N: usize, R: Reduced<N>>(
-        &self,
-        model: &R,
-        driven: &Driven,
-        ring: &Ring<N, R>,
-        parameter: Parameter,
-        room: &mut Linearised,
-    ) -> f64 {
-        let highest = self.highest.by(model, driven, ring, parameter, room);
-        let lowest = match ring.is_half() {
-            true => -highest,
-            false => self.lowest.by(model, driven, ring, parameter, room),
-        };
-        0.5 * (highest - lowest)
-    }
 }
 
 /// The command at a part of element `k`.
@@ -120,7 +103,7 @@ fn node<const N: usize, R: Reduced<N>>(
 
 impl Turn {
     /// The shorter element that ends at the turn: its nodes and stages.
-    fn shorter<const N: usize, R: Reduced<N>>(
+    pub fn shorter<const N: usize, R: Reduced<N>>(
         &self,
         model: &R,
         driven: &Driven,
@@ -165,34 +148,6 @@ impl Turn {
                 return;
             }
         }
-    }
-
-    fn by<const N: usize, R: Reduced<N>>(
-        &self,
-        model: &R,
-        driven: &Driven,
-        ring: &Ring<N, R>,
-        parameter: Parameter,
-        room: &mut Linearised,
-    ) -> f64 {
-        let Some((nodes, stages)) = self.shorter(model, driven, ring, room) else {
-            return f64::NAN;
-        };
-        let (_, start, _) = ring.element(self.element);
-        let duration_s = self.part * ring.element_s();
-        let linearised = room.linearise(0, model, &nodes, start, &stages, duration_s);
-        if linearised.is_none() {
-            return f64::NAN;
-        }
-        room.set_step::<N, R>(0, |j| {
-            let dy = rate(&RADAU, start, &stages, j, 1.0 / duration_s);
-            model.residual_by(&nodes[j], &stages[j], &dy, parameter).map(|by| -by)
-        });
-        room.solve_step::<N, R>(0);
-        let steps = room.changes::<N, R>(0, &ring.start_step(self.element), duration_s, true);
-        let last = STAGES - 1;
-        let change = model.moment_by(&nodes[last], &stages[last], &steps[last], parameter);
-        self.sign * change.phi_rad[0]
     }
 }
 

@@ -5,24 +5,25 @@ use nalgebra::{SMatrix, SVector};
 use super::reduced::{Driven, Moment};
 use crate::robot::{Trig, dot, force_balance, roll_rows, skid_rows};
 
-/// Forces and torques at one moment.
+/// Forces, torques and power at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Actions {
     /// Force of the ground on each wheel across it, N: the constraint force Lambda (eq. 8) where
-    /// the wheels cannot skid, else skid resistance (eq. 15).
+    /// the wheels cannot skid, else skid resistance (eq. 15). NaN where Lambda is unbounded.
     pub lateral_n: [f64; 3],
     /// Roll resistance at each wheel (eq. 14), N.
     pub roll_n: [f64; 3],
-    /// Torque of the actuators, or of spring and damper at the passive joint (eq. 11), N m.
+    /// Torque of the actuators, or of spring and damper at the passive joint (eq. 11), N m. NaN
+    /// where Lambda is unbounded.
     pub torque_nm: [f64; 2],
-    /// Power of the actuators, W.
+    /// Power of the actuators, W; bounded where Lambda is not.
     pub power_w: f64,
     /// Power that friction takes, at the wheels and in the passive joint, W.
     pub loss_w: f64,
 }
 
 /// Ratio of singular values at which the constraints are not independent any more.
-const SINGULAR: f64 = 1e-9;
+const SINGULAR: f64 = 1e-6;
 
 /// The actions at a moment of a motion with these time derivatives of its velocities.
 ///
@@ -30,12 +31,7 @@ const SINGULAR: f64 = 1e-9;
 /// rows of the body and of the passive joint have no actuator and give `Lambda`; for the
 /// kinematic robot these are three equations that fail at singular shapes, for the
 /// semi-passive one four, of which `Lambda` is the least-squares solution that it satisfies.
-/// `None` where `Lambda` is unbounded.
-pub(super) fn actions(
-    driven: &Driven,
-    moment: &Moment,
-    acceleration: &[f64; 5],
-) -> Option<Actions> {
+pub(super) fn actions(driven: &Driven, moment: &Moment, acceleration: &[f64; 5]) -> Actions {
     let robot = &driven.robot;
     let passive = driven.gait.passive_joint();
     let trig = Trig::new(moment.phi_rad);
@@ -46,55 +42,65 @@ pub(super) fn actions(
     let (skid_m_s, roll_m_s) =
         (skid.map(|row| dot(&row, velocity)), roll.map(|row| dot(&row, velocity)));
 
-    let mut constrained = [0.0; 5];
     let lateral_n = if driven.model_skids {
         std::array::from_fn(|i| -robot.skid_kg_s[i] * skid_m_s[i])
     } else {
-        // One column per wheel; a row that an actuator supplies is left zero.
-        let mut columns = SMatrix::<f64, 4, 3>::zeros();
-        let mut right = SVector::<f64, 4>::zeros();
-        let rows = [Some(0), Some(1), Some(2), passive.map(|p| 3 + p)];
-        for (place, row) in rows.into_iter().enumerate() {
-            if let Some(row) = row {
-                right[place] = supplied[row];
-                (0..3).for_each(|i| columns[(place, i)] = skid[i][row]);
-            }
-        }
-        let decomposed = columns.svd(true, true);
-        let singular = &decomposed.singular_values;
-        if singular.min() <= SINGULAR * singular.max() {
-            return None;
-        }
-        let lambda = decomposed.solve(&right, 0.0).ok()?;
-        for (row, force) in constrained.iter_mut().enumerate() {
-            *force = (0..3).map(|i| skid[i][row] * lambda[i]).sum();
-        }
-        [lambda[0], lambda[1], lambda[2]]
+        constraint_forces(passive, &skid, &supplied).unwrap_or([f64::NAN; 3])
     };
-    if lateral_n.iter().any(|force: &f64| !force.is_finite()) {
-        return None;
-    }
     let torque_nm = std::array::from_fn(|joint| {
+        let row = 3 + joint;
         if passive == Some(joint) {
             let stretched = moment.phi_rad[joint] - robot.rest_angle_rad;
-            return -robot.stiffness_nm_rad * stretched
-                - robot.damping_nm_s_rad * velocity[3 + joint];
+            return -robot.stiffness_nm_rad * stretched - robot.damping_nm_s_rad * velocity[row];
         }
-        supplied[3 + joint] - constrained[3 + joint]
+        if driven.model_skids {
+            return supplied[row];
+        }
+        supplied[row] - (0..3).map(|i| skid[i][row] * lateral_n[i]).sum::<f64>()
     });
-    let actuated = (0..2).filter(|joint| passive != Some(*joint));
-    let power_w = actuated.map(|joint| torque_nm[joint] * velocity[3 + joint]).sum();
+    let power_w = if driven.is_determined() {
+        // Constraints do no work: what is supplied comes from the actuators.
+        dot(&supplied, velocity)
+    } else {
+        let actuated = (0..2).filter(|joint| passive != Some(*joint));
+        actuated.map(|joint| torque_nm[joint] * velocity[3 + joint]).sum()
+    };
     let wheels: f64 = (0..3)
         .map(|i| {
             robot.skid_kg_s[i] * skid_m_s[i].powi(2) + robot.roll_kg_s[i] * roll_m_s[i].powi(2)
         })
         .sum();
     let joint = passive.map_or(0.0, |p| robot.damping_nm_s_rad * velocity[3 + p].powi(2));
-    Some(Actions {
+    Actions {
         lateral_n,
         roll_n: std::array::from_fn(|i| -robot.roll_kg_s[i] * roll_m_s[i]),
         torque_nm,
         power_w,
         loss_w: wheels + joint,
-    })
+    }
+}
+
+/// Lambda from the rows that no actuator supplies; `None` where it is unbounded.
+fn constraint_forces(
+    passive: Option<usize>,
+    skid_rows: &[[f64; 5]; 3],
+    supplied: &[f64; 5],
+) -> Option<[f64; 3]> {
+    // One column per wheel; a row that an actuator supplies is left zero.
+    let mut columns = SMatrix::<f64, 4, 3>::zeros();
+    let mut right = SVector::<f64, 4>::zeros();
+    let rows = [Some(0), Some(1), Some(2), passive.map(|p| 3 + p)];
+    for (place, row) in rows.into_iter().enumerate() {
+        if let Some(row) = row {
+            right[place] = supplied[row];
+            (0..3).for_each(|i| columns[(place, i)] = skid_rows[i][row]);
+        }
+    }
+    let decomposed = columns.svd(true, true);
+    let singular = &decomposed.singular_values;
+    if singular.min() <= SINGULAR * singular.max() {
+        return None;
+    }
+    let lambda = decomposed.solve(&right, 0.0).ok()?;
+    lambda.iter().all(|force| force.is_finite()).then_some([lambda[0], lambda[1], lambda[2]])
 }

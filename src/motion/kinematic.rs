@@ -8,9 +8,11 @@
 use std::f64::consts::TAU;
 
 use super::MotionError;
+use super::forces::actions;
 use super::path::{Pose, advance};
-use super::radau::RADAU;
-use super::reduced::Moment;
+use super::radau::{RADAU, STAGES};
+use super::reduced::{Driven, Moment};
+use super::trajectory::Sample;
 use crate::metrics::GaitMetrics;
 use crate::robot::{JointCommand, Robot, Trig};
 
@@ -84,6 +86,60 @@ pub(super) fn by_amplitude(
     Ok(GaitMetrics::from_array(std::array::from_fn(|i| (4.0 * fine[i] - coarse[i]) / 3.0)))
 }
 
+/// Samples of `cycles` cycles, `count` a cycle and one at the end.
+///
+/// # Errors
+/// As [`solve`].
+pub(super) fn samples(
+    driven: &Driven,
+    joints: [JointCommand; 2],
+    cycles: usize,
+    count: usize,
+) -> Result<Vec<Sample>, MotionError> {
+    /// Elements of the quadrature between samples reach at most this far.
+    const LONGEST_RAD: f64 = TAU / 90.0;
+    let eq3 = Eq3::new(&driven.robot, joints)?;
+    let interval = TAU / count as f64;
+    let elements = (interval / LONGEST_RAD).ceil();
+    let mut pose = Pose::default();
+    let mut samples = Vec::with_capacity(cycles * count + 1);
+    for i in 0..=cycles * count {
+        let phase = interval * i as f64;
+        let (moment, acceleration) = eq3.moment(driven, phase);
+        let time_s = phase / driven.omega_rad_s;
+        samples.push(Sample::new(driven, time_s, pose, &moment, &acceleration));
+        let length = interval / elements;
+        for k in 0..elements as usize {
+            pose = eq3.advance(pose, phase + length * k as f64, length);
+        }
+    }
+    Ok(samples)
+}
+
+/// Work of the actuators and what friction takes over a cycle, J.
+///
+/// # Errors
+/// As [`solve`].
+pub(super) fn work_and_loss_j(
+    driven: &Driven,
+    joints: [JointCommand; 2],
+) -> Result<[f64; 2], MotionError> {
+    const ELEMENTS: usize = 101;
+    let eq3 = Eq3::new(&driven.robot, joints)?;
+    let length = TAU / ELEMENTS as f64;
+    let (mut work, mut loss) = (0.0, 0.0);
+    for k in 0..ELEMENTS {
+        for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
+            let (moment, acceleration) = eq3.moment(driven, length * (k as f64 + node));
+            let actions = actions(driven, &moment, &acceleration);
+            let weight = weight * length / driven.omega_rad_s;
+            work += weight * actions.power_w;
+            loss += weight * actions.loss_w;
+        }
+    }
+    Ok([work, loss])
+}
+
 /// Eq. 3 with time measured as phase.
 struct Eq3<'a> {
     robot: &'a Robot,
@@ -155,16 +211,37 @@ impl<'a> Eq3<'a> {
     /// The pose after one cycle that starts at phase 0.
     fn cycle(&self, count: usize) -> Pose {
         let length = TAU / count as f64;
-        let mut pose = Pose::default();
-        for k in 0..count {
-            let moments = RADAU.nodes.map(|node| {
-                let [u, r] = self.velocities(length * (k as f64 + node));
-                Moment { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] }
-            });
-            let [.., end] = advance(pose, &moments, length);
-            pose = end;
+        (0..count).fold(Pose::default(), |pose, k| self.advance(pose, length * k as f64, length))
+    }
+
+    /// The pose after an element that starts at a phase.
+    fn advance(&self, pose: Pose, phase: f64, length: f64) -> Pose {
+        let moments = RADAU.nodes.map(|node| {
+            let [u, r] = self.velocities(phase + length * node);
+            Moment { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] }
+        });
+        let [.., end] = advance(pose, &moments, length);
+        end
+    }
+
+    /// Angles and velocities at a phase, and the time derivatives of the velocities.
+    fn moment(&self, driven: &Driven, phase: f64) -> (Moment, [f64; 5]) {
+        /// Central differences of sixth order: their error is that of rounding.
+        const STEP: f64 = 0.01;
+        const WEIGHTS: [f64; 3] = [45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0];
+        let omega = driven.omega_rad_s;
+        let shape = driven.gait.at(phase, omega);
+        let [u, r] = self.velocities(phase).map(|rate| rate * omega);
+        let ([w1, w2], [a1, a2]) = (shape.rate_rad_s, shape.acceleration_rad_s2);
+        let mut by_phase = [0.0; 2];
+        for (k, weight) in WEIGHTS.iter().enumerate() {
+            let step = STEP * (k + 1) as f64;
+            let (after, before) = (self.velocities(phase + step), self.velocities(phase - step));
+            (0..2).for_each(|i| by_phase[i] += weight * (after[i] - before[i]) / STEP);
         }
-        pose
+        let [du, dr] = by_phase.map(|slope| slope * omega * omega);
+        let moment = Moment { phi_rad: shape.phi_rad, velocity: [u, 0.0, r, w1, w2] };
+        (moment, [du, 0.0, dr, a1, a2])
     }
 }
 

@@ -13,7 +13,10 @@ mod path;
 mod radau;
 mod reduced;
 mod ring;
+mod sensitivity;
+mod settle;
 mod solver;
+mod trajectory;
 mod transient;
 
 use std::fmt;
@@ -22,11 +25,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
-use reduced::{Driven, KinematicSkid, PassiveNoSkid, PassiveSkid};
+use reduced::Driven;
+use solver::{Follow, SampleFromRest};
 
 pub use forces::Actions;
+pub use path::Pose;
 pub use reduced::Parameter;
-pub use solver::{Derivatives, Solver};
+pub use solver::{Derivatives, Settled, Solver};
+pub use trajectory::Sample;
 pub use transient::Transient;
 
 /// Which forces resist the wheels.
@@ -100,8 +106,18 @@ pub enum MotionError {
     Unresolved { tail: f64 },
     #[error("the integrator cannot pass {time_s} s")]
     Stuck { time_s: f64 },
+    #[error("from rest the motion has not settled after {cycles} cycles{}", repeats(*repeats_after))]
+    Unsettled {
+        cycles: usize,
+        /// Number of cycles after which the motion repeats itself, if it does.
+        repeats_after: Option<usize>,
+    },
     #[error("a robot without a commanded joint does not move")]
     NotDriven,
+}
+
+fn repeats(after: Option<usize>) -> String {
+    after.map_or(String::new(), |cycles| format!(": it repeats itself every {cycles} cycles"))
 }
 
 impl MotionError {
@@ -137,31 +153,24 @@ impl Problem {
     pub fn solve(&self, accuracy: f64) -> Result<SteadyMotion, MotionError> {
         let mut solver = Solver::default();
         let metrics = solver.solve(self, accuracy)?;
-        let floquet = solver.floquet()?;
-        Ok(SteadyMotion { metrics, floquet, newton_steps: solver.newton_steps() })
+        solver.motion(metrics)
     }
 
-    /// Follows the motion from rest at phase 0.
+    /// Follows the motion from rest at phase 0 for `duration_s`, with a relative error of every
+    /// element near `tolerance`.
     ///
     /// # Errors
     /// The integrator cannot pass a moment, or the model has no states of its own.
     pub fn follow(&self, duration_s: f64, tolerance: f64) -> Result<Transient, MotionError> {
-        let driven = self.driven();
-        match self.gait.passive_joint() {
-            None if self.model.skids() => {
-                let model = KinematicSkid(driven.clone());
-                Ok(transient::follow(&model, &driven, duration_s, tolerance)?.0)
-            }
-            Some(passive) if self.model.skids() => {
-                let model = PassiveSkid { driven: driven.clone(), passive };
-                Ok(transient::follow(&model, &driven, duration_s, tolerance)?.0)
-            }
-            Some(passive) => {
-                let model = PassiveNoSkid { driven: driven.clone(), passive };
-                Ok(transient::follow(&model, &driven, duration_s, tolerance)?.0)
-            }
-            None => Err(MotionError::NotDriven),
-        }
+        Solver::default().dispatch(self, Follow { duration_s, tolerance })
+    }
+
+    /// The first `cycles` cycles from rest at phase 0, `samples` a cycle and one at the end.
+    ///
+    /// # Errors
+    /// The integrator cannot pass a moment, or there is no motion.
+    pub fn from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>, MotionError> {
+        Solver::default().dispatch(self, SampleFromRest { cycles, samples })
     }
 
     /// The robot with the resistances that the model knows.
@@ -190,6 +199,8 @@ pub struct SteadyMotion {
     /// Modulus of the largest Floquet multiplier of the reduced motion; `None` where the
     /// motion has no states of its own.
     pub floquet: Option<f64>,
+    /// Work of the actuators over a cycle, J.
+    pub work_j: f64,
     /// Newton steps that the solution took.
     pub newton_steps: usize,
 }

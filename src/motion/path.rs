@@ -32,35 +32,3 @@ pub(super) fn advance(from: Pose, moments: &[Moment; STAGES], duration_s: f64) -
         theta_rad: headings[j],
     })
 }
-
-/// Change of a pose (m and rad per unit of a parameter).
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct PoseRate {
-    pub x: f64,
-    pub y: f64,
-    pub theta: f64,
-}
-
-/// The pose at an element's end and its change when the moments change.
-pub(super) fn advance_by(
-    (from, rate): (Pose, PoseRate),
-    moments: &[Moment; STAGES],
-    changes: &[Moment; STAGES],
-    duration_s: f64,
-) -> (Pose, PoseRate) {
-    let integrate = &RADAU.integrate;
-    let poses = advance(from, moments, duration_s);
-    let mut end = rate;
-    for j in 0..STAGES {
-        let turned = integrate[j].iter().zip(changes).map(|(w, change)| w * change.velocity[2]);
-        let theta = rate.theta + duration_s * turned.sum::<f64>();
-        let (sin, cos) = poses[j].theta_rad.sin_cos();
-        let [u, v, ..] = moments[j].velocity;
-        let [du, dv, dr, ..] = changes[j].velocity;
-        let weight = duration_s * integrate[STAGES - 1][j];
-        end.x += weight * (du * cos - dv * sin - (u * sin + v * cos) * theta);
-        end.y += weight * (du * sin + dv * cos + (u * cos - v * sin) * theta);
-        end.theta += weight * dr;
-    }
-    (poses[STAGES - 1], end)
-}

@@ -9,7 +9,8 @@
 //! | one joint passive | `u, v, theta', phi_p', phi_p` | `s, phi_p` |
 
 use crate::robot::{
-    Gait, Robot, Shape, Trig, Velocity, dot, force_balance, mass_matrix, roll_rows, skid_rows,
+    Balance, Gait, Robot, Shape, Trig, Velocity, dot, force_balance, mass_matrix, roll_rows,
+    skid_rows,
 };
 
 /// Value of the equations of motion and their derivatives at one moment.
@@ -58,10 +59,33 @@ impl Parameter {
         Self::Amplitude(0),
         Self::Amplitude(1),
     ];
+
+    /// Its place in [`Parameter::ALL`].
+    pub fn place(self) -> usize {
+        match self {
+            Self::Skid(wheel) => wheel,
+            Self::Roll(wheel) => 3 + wheel,
+            Self::Stiffness => 6,
+            Self::Damping => 7,
+            Self::Amplitude(joint) => 8 + joint,
+        }
+    }
 }
+
+/// Most parameters that a motion of one kind can depend on.
+pub(super) const MOST_PARAMETERS: usize = 9;
+
+/// Derivatives of each equation with respect to the parameters of [`Reduced::parameter`].
+pub(super) type ByParameters<const N: usize> = [[f64; MOST_PARAMETERS]; N];
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize> {
+    /// Parameters that the motion can depend on.
+    const PARAMETERS: usize;
+
+    /// Whether the wheels can skid.
+    const SKIDS: bool;
+
     /// Whether the last state is the integral of the one before it; its own equation is then
     /// not among the residuals.
     const INTEGRATED: bool;
@@ -78,14 +102,17 @@ pub(super) trait Reduced<const N: usize> {
     /// The equations at state `y` with time derivative `dy`.
     fn residual(&self, node: &Self::Node, y: &[f64; N], dy: &[f64; N]) -> Residual<N>;
 
-    /// Derivative of the residual with respect to a parameter.
-    fn residual_by(
+    /// The parameter of a column, counted from 0 to [`Reduced::PARAMETERS`].
+    fn parameter(&self, column: usize) -> Parameter;
+
+    /// The equations, and in `by` their derivatives with respect to the parameters.
+    fn sensitivity(
         &self,
         node: &Self::Node,
         y: &[f64; N],
         dy: &[f64; N],
-        parameter: Parameter,
-    ) -> [f64; N];
+        by: &mut ByParameters<N>,
+    ) -> Residual<N>;
 
     /// Angles and velocities of the whole robot in state `y`.
     fn moment(&self, node: &Self::Node, y: &[f64; N]) -> Moment;
@@ -93,14 +120,12 @@ pub(super) trait Reduced<const N: usize> {
     /// Time derivatives of the moment's velocities.
     fn acceleration(&self, node: &Self::Node, y: &[f64; N], dy: &[f64; N]) -> [f64; 5];
 
-    /// Change of the moment when the state changes by `step` and `parameter` by 1.
-    fn moment_by(
-        &self,
-        node: &Self::Node,
-        y: &[f64; N],
-        step: &[f64; N],
-        parameter: Parameter,
-    ) -> Moment;
+    /// Gradient with respect to the states of a quantity with this gradient with respect to
+    /// the moment.
+    fn by_state(&self, node: &Self::Node, y: &[f64; N], by_moment: &Moment) -> [f64; N];
+
+    /// The same with respect to the joints' amplitudes when the states stay.
+    fn by_amplitude(&self, node: &Self::Node, y: &[f64; N], by_moment: &Moment) -> [f64; 2];
 
     /// Signs of the states half a period later, if the commands have changed theirs.
     fn half_period_signs(&self) -> Option<[f64; N]>;
@@ -123,8 +148,9 @@ pub(super) struct Driven {
 }
 
 impl Driven {
-    fn shape(&self, phase_rad: f64) -> Shape {
-        self.gait.at(phase_rad, self.omega_rad_s)
+    /// Whether eq. 3 gives the motion: both joints are commanded and the wheels cannot skid.
+    pub fn is_determined(&self) -> bool {
+        !self.model_skids && self.gait.passive_joint().is_none()
     }
 
     /// Whether the motion can depend on a parameter.
@@ -138,45 +164,23 @@ impl Driven {
         }
     }
 
-    /// What eq. 7's left-hand side changes by when commanded joint `a`'s amplitude does, and the
-    /// change of its angle and rate.
-    fn amplitude_by(
-        &self,
-        passive: Option<usize>,
-        moment: &Moment,
-        acceleration: &[f64; 5],
-        shape: &Shape,
-        a: usize,
-    ) -> [f64; 5] {
-        let trig = Trig::new(moment.phi_rad);
-        let robot = &self.robot;
-        let velocity = &moment.velocity;
-        let balance = force_balance(robot, passive, moment.phi_rad, &trig, velocity, acceleration);
-        let mass = mass_matrix(robot, &trig);
-        let [phi, rate, acceleration] = self.wave(shape, a);
-        std::array::from_fn(|i| {
-            balance.by_phi[a][i] * phi
-                + balance.by_velocity[i][3 + a] * rate
-                + mass[i][3 + a] * acceleration
-        })
-    }
-
     /// Angle, rate and acceleration of a commanded joint per radian of its amplitude; zero for
     /// a passive joint.
-    fn wave(&self, shape: &Shape, a: usize) -> [f64; 3] {
+    fn wave(&self, phase_rad: f64, a: usize) -> [f64; 3] {
+        let omega = self.omega_rad_s;
         self.gait.joints[a].map_or([0.0; 3], |joint| {
-            [shape.phi_rad[a] - joint.offset_rad, shape.rate_rad_s[a], shape.acceleration_rad_s2[a]]
-                .map(|part| part / joint.amplitude_rad)
+            let (sin, cos) = (phase_rad + joint.phase_rad).sin_cos();
+            [cos, -omega * sin, -omega * omega * cos]
         })
     }
 
-    /// Adds what a commanded joint's amplitude changes of a moment.
-    fn add_wave(&self, moment: &mut Moment, shape: &Shape, parameter: Parameter) {
-        if let Parameter::Amplitude(a) = parameter {
-            let [phi, rate, _] = self.wave(shape, a);
-            moment.phi_rad[a] += phi;
-            moment.velocity[3 + a] += rate;
-        }
+    /// Gradient with respect to the amplitudes of a quantity that depends on the joints only
+    /// by their own angles and rates.
+    fn by_waves(&self, phase_rad: f64, by_moment: &Moment) -> [f64; 2] {
+        std::array::from_fn(|a| {
+            let [phi, rate, _] = self.wave(phase_rad, a);
+            by_moment.phi_rad[a] * phi + by_moment.velocity[3 + a] * rate
+        })
     }
 
     /// Whether the mirror image of the motion follows half a period later.
@@ -186,101 +190,133 @@ impl Driven {
     }
 }
 
-/// Derivative of eq. 7's left-hand side with respect to a coefficient.
-fn balance_by(
-    robot: &Robot,
-    passive: Option<usize>,
-    moment: &Moment,
-    parameter: Parameter,
-) -> [f64; 5] {
-    let trig = Trig::new(moment.phi_rad);
-    let along = |row: [f64; 5]| {
-        let velocity = dot(&row, &moment.velocity);
-        row.map(|entry| entry * velocity)
-    };
-    let mut by = [0.0; 5];
-    match (parameter, passive) {
-        (Parameter::Skid(wheel), _) => return along(skid_rows(robot, &trig)[wheel]),
-        (Parameter::Roll(wheel), _) => return along(roll_rows(robot, &trig)[wheel]),
-        (Parameter::Stiffness, Some(p)) => by[3 + p] = moment.phi_rad[p] - robot.rest_angle_rad,
-        (Parameter::Damping, Some(p)) => by[3 + p] = moment.velocity[3 + p],
-        _ => {}
+/// Derivatives of eq. 7's left-hand side with respect to the coefficients along `rows`.
+#[inline(always)]
+fn by_coefficients(rows: &[[f64; 5]; 3], velocity: &Velocity) -> [[f64; 5]; 3] {
+    rows.map(|row| {
+        let along = dot(&row, velocity);
+        row.map(|entry| entry * along)
+    })
+}
+
+/// What the command prescribes at one moment; the entries of a passive joint are zero.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CommandNode {
+    phase_rad: f64,
+    shape: Shape,
+    trig: Trig,
+}
+
+impl CommandNode {
+    fn new(driven: &Driven, phase_rad: f64) -> Self {
+        let shape = driven.gait.at(phase_rad, driven.omega_rad_s);
+        Self { phase_rad, shape, trig: Trig::new(shape.phi_rad) }
     }
-    by
 }
 
 /// Both joints commanded, wheels that skid. States `u, v, theta'`.
 #[derive(Debug, Clone)]
 pub(super) struct KinematicSkid(pub Driven);
 
-impl Reduced<3> for KinematicSkid {
-    const INTEGRATED: bool = false;
-    const HAS_ANGLE: bool = false;
-
-    type Node = (Shape, Trig);
-
-    fn node(&self, phase_rad: f64) -> Self::Node {
-        let shape = self.0.shape(phase_rad);
-        (shape, Trig::new(shape.phi_rad))
-    }
-
+impl KinematicSkid {
     #[inline(always)]
-    fn residual(&self, node: &Self::Node, y: &[f64; 3], dy: &[f64; 3]) -> Residual<3> {
-        let (shape, trig) = node;
+    fn equations(
+        &self,
+        node: &CommandNode,
+        y: &[f64; 3],
+        dy: &[f64; 3],
+    ) -> (Residual<3>, Balance, [[f64; 5]; 5]) {
         let velocity = self.moment(node, y).velocity;
         let acceleration = self.acceleration(node, y, dy);
-        let robot = &self.0.robot;
-        let balance = force_balance(robot, None, shape.phi_rad, trig, &velocity, &acceleration);
+        let (robot, trig) = (&self.0.robot, &node.trig);
+        let balance =
+            force_balance(robot, None, node.shape.phi_rad, trig, &velocity, &acceleration);
         let mass = mass_matrix(robot, trig);
         let body = |full: &[[f64; 5]; 5]| -> [[f64; 3]; 3] {
             std::array::from_fn(|i| std::array::from_fn(|j| full[i][j]))
         };
-        Residual {
+        let residual = Residual {
             value: std::array::from_fn(|i| balance.value[i]),
             by_state: body(&balance.by_velocity),
             by_rate: body(&mass),
+        };
+        (residual, balance, mass)
+    }
+}
+
+impl Reduced<3> for KinematicSkid {
+    const PARAMETERS: usize = 8;
+    const SKIDS: bool = true;
+    const INTEGRATED: bool = false;
+    const HAS_ANGLE: bool = false;
+
+    type Node = CommandNode;
+
+    fn node(&self, phase_rad: f64) -> CommandNode {
+        CommandNode::new(&self.0, phase_rad)
+    }
+
+    #[inline(always)]
+    fn residual(&self, node: &CommandNode, y: &[f64; 3], dy: &[f64; 3]) -> Residual<3> {
+        self.equations(node, y, dy).0
+    }
+
+    fn parameter(&self, column: usize) -> Parameter {
+        match column {
+            0..3 => Parameter::Skid(column),
+            3..6 => Parameter::Roll(column - 3),
+            _ => Parameter::Amplitude(column - 6),
         }
     }
 
-    fn residual_by(
+    #[inline(always)]
+    fn sensitivity(
         &self,
-        node: &Self::Node,
+        node: &CommandNode,
         y: &[f64; 3],
         dy: &[f64; 3],
-        parameter: Parameter,
-    ) -> [f64; 3] {
-        let moment = self.moment(node, y);
-        let by = match parameter {
-            Parameter::Amplitude(a) => {
-                let acceleration = self.acceleration(node, y, dy);
-                self.0.amplitude_by(None, &moment, &acceleration, &node.0, a)
+        by: &mut ByParameters<3>,
+    ) -> Residual<3> {
+        let (residual, balance, mass) = self.equations(node, y, dy);
+        let velocity = self.moment(node, y).velocity;
+        let by_skid = by_coefficients(&skid_rows(&self.0.robot, &node.trig), &velocity);
+        let by_roll = by_coefficients(&roll_rows(&self.0.robot, &node.trig), &velocity);
+        let waves: [[f64; 3]; 2] = std::array::from_fn(|a| self.0.wave(node.phase_rad, a));
+        for (i, by) in by.iter_mut().enumerate() {
+            for wheel in 0..3 {
+                by[wheel] = by_skid[wheel][i];
+                by[3 + wheel] = by_roll[wheel][i];
             }
-            coefficient => balance_by(&self.0.robot, None, &moment, coefficient),
-        };
-        [by[0], by[1], by[2]]
+            for (a, [phi, rate, acceleration]) in waves.into_iter().enumerate() {
+                by[6 + a] = balance.by_phi[a][i] * phi
+                    + balance.by_velocity[i][3 + a] * rate
+                    + mass[i][3 + a] * acceleration;
+            }
+        }
+        residual
     }
 
-    fn moment(&self, node: &Self::Node, y: &[f64; 3]) -> Moment {
-        let [w1, w2] = node.0.rate_rad_s;
-        Moment { phi_rad: node.0.phi_rad, velocity: [y[0], y[1], y[2], w1, w2] }
+    #[inline(always)]
+    fn moment(&self, node: &CommandNode, y: &[f64; 3]) -> Moment {
+        let [w1, w2] = node.shape.rate_rad_s;
+        Moment { phi_rad: node.shape.phi_rad, velocity: [y[0], y[1], y[2], w1, w2] }
     }
 
-    fn acceleration(&self, node: &Self::Node, _y: &[f64; 3], dy: &[f64; 3]) -> [f64; 5] {
-        let [a1, a2] = node.0.acceleration_rad_s2;
+    #[inline(always)]
+    fn acceleration(&self, node: &CommandNode, _y: &[f64; 3], dy: &[f64; 3]) -> [f64; 5] {
+        let [a1, a2] = node.shape.acceleration_rad_s2;
         [dy[0], dy[1], dy[2], a1, a2]
     }
 
-    fn moment_by(
-        &self,
-        node: &Self::Node,
-        _y: &[f64; 3],
-        step: &[f64; 3],
-        parameter: Parameter,
-    ) -> Moment {
-        let velocity = [step[0], step[1], step[2], 0.0, 0.0];
-        let mut moment = Moment { phi_rad: [0.0; 2], velocity };
-        self.0.add_wave(&mut moment, &node.0, parameter);
-        moment
+    #[inline(always)]
+    fn by_state(&self, _node: &CommandNode, _y: &[f64; 3], by_moment: &Moment) -> [f64; 3] {
+        let [u, v, r, ..] = by_moment.velocity;
+        [u, v, r]
+    }
+
+    #[inline(always)]
+    fn by_amplitude(&self, node: &CommandNode, _y: &[f64; 3], by_moment: &Moment) -> [f64; 2] {
+        self.0.by_waves(node.phase_rad, by_moment)
     }
 
     fn half_period_signs(&self) -> Option<[f64; 3]> {
@@ -300,29 +336,32 @@ pub(super) struct PassiveSkid {
     pub passive: usize,
 }
 
-impl Reduced<5> for PassiveSkid {
-    const INTEGRATED: bool = true;
-    const HAS_ANGLE: bool = true;
+impl PassiveSkid {
+    /// Equations 0, 1, 2 and that of the passive joint.
+    fn rows(&self) -> [usize; 4] {
+        [0, 1, 2, 3 + self.passive]
+    }
 
-    /// The entries of the passive joint are zero.
-    type Node = (Shape, Trig);
-
-    fn node(&self, phase_rad: f64) -> Self::Node {
-        let shape = self.driven.shape(phase_rad);
-        (shape, Trig::new(shape.phi_rad))
+    fn trig(&self, node: &CommandNode, phi_rad: f64) -> Trig {
+        let mut trig = node.trig;
+        (trig.s[self.passive], trig.c[self.passive]) = phi_rad.sin_cos();
+        trig
     }
 
     #[inline(always)]
-    fn residual(&self, node: &Self::Node, y: &[f64; 5], dy: &[f64; 5]) -> Residual<5> {
+    fn equations(
+        &self,
+        node: &CommandNode,
+        trig: &Trig,
+        y: &[f64; 5],
+        dy: &[f64; 5],
+    ) -> (Residual<5>, Balance, [[f64; 5]; 5]) {
         let (p, robot) = (self.passive, &self.driven.robot);
         let Moment { phi_rad, velocity } = self.moment(node, y);
-        let mut trig = node.1;
-        (trig.s[p], trig.c[p]) = y[4].sin_cos();
         let acceleration = self.acceleration(node, y, dy);
-        let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
-        let mass = mass_matrix(robot, &trig);
-
-        let rows = [0, 1, 2, 3 + p];
+        let balance = force_balance(robot, Some(p), phi_rad, trig, &velocity, &acceleration);
+        let mass = mass_matrix(robot, trig);
+        let rows = self.rows();
         let mut residual =
             Residual { value: [0.0; 5], by_state: [[0.0; 5]; 5], by_rate: [[0.0; 5]; 5] };
         for (i, &row) in rows.iter().enumerate() {
@@ -333,57 +372,94 @@ impl Reduced<5> for PassiveSkid {
             }
             residual.by_state[i][4] = balance.by_phi[p][row];
         }
+        (residual, balance, mass)
+    }
+}
+
+impl Reduced<5> for PassiveSkid {
+    const PARAMETERS: usize = 9;
+    const SKIDS: bool = true;
+    const INTEGRATED: bool = true;
+    const HAS_ANGLE: bool = true;
+
+    type Node = CommandNode;
+
+    fn node(&self, phase_rad: f64) -> CommandNode {
+        CommandNode::new(&self.driven, phase_rad)
+    }
+
+    #[inline(always)]
+    fn residual(&self, node: &CommandNode, y: &[f64; 5], dy: &[f64; 5]) -> Residual<5> {
+        self.equations(node, &self.trig(node, y[4]), y, dy).0
+    }
+
+    fn parameter(&self, column: usize) -> Parameter {
+        match column {
+            0..3 => Parameter::Skid(column),
+            3..6 => Parameter::Roll(column - 3),
+            6 => Parameter::Stiffness,
+            7 => Parameter::Damping,
+            _ => Parameter::Amplitude(1 - self.passive),
+        }
+    }
+
+    #[inline(always)]
+    fn sensitivity(
+        &self,
+        node: &CommandNode,
+        y: &[f64; 5],
+        dy: &[f64; 5],
+        by: &mut ByParameters<5>,
+    ) -> Residual<5> {
+        let (a, robot) = (1 - self.passive, &self.driven.robot);
+        let trig = self.trig(node, y[4]);
+        let (residual, balance, mass) = self.equations(node, &trig, y, dy);
+        let velocity = self.moment(node, y).velocity;
+        let by_skid = by_coefficients(&skid_rows(robot, &trig), &velocity);
+        let by_roll = by_coefficients(&roll_rows(robot, &trig), &velocity);
+        let [phi, rate, acceleration] = self.driven.wave(node.phase_rad, a);
+        for (by, row) in by.iter_mut().zip(self.rows()) {
+            for wheel in 0..3 {
+                by[wheel] = by_skid[wheel][row];
+                by[3 + wheel] = by_roll[wheel][row];
+            }
+            (by[6], by[7]) = (0.0, 0.0);
+            by[8] = balance.by_phi[a][row] * phi
+                + balance.by_velocity[row][3 + a] * rate
+                + mass[row][3 + a] * acceleration;
+        }
+        (by[3][6], by[3][7]) = (y[4] - robot.rest_angle_rad, y[3]);
         residual
     }
 
-    fn residual_by(
-        &self,
-        node: &Self::Node,
-        y: &[f64; 5],
-        dy: &[f64; 5],
-        parameter: Parameter,
-    ) -> [f64; 5] {
-        let (p, moment) = (self.passive, self.moment(node, y));
-        let by = match parameter {
-            Parameter::Amplitude(a) => {
-                let acceleration = self.acceleration(node, y, dy);
-                self.driven.amplitude_by(Some(p), &moment, &acceleration, &node.0, a)
-            }
-            coefficient => balance_by(&self.driven.robot, Some(p), &moment, coefficient),
-        };
-        [by[0], by[1], by[2], by[3 + p], 0.0]
-    }
-
-    fn moment(&self, node: &Self::Node, y: &[f64; 5]) -> Moment {
+    #[inline(always)]
+    fn moment(&self, node: &CommandNode, y: &[f64; 5]) -> Moment {
         let p = self.passive;
-        let mut phi_rad = node.0.phi_rad;
+        let mut phi_rad = node.shape.phi_rad;
         phi_rad[p] = y[4];
         let mut velocity = [y[0], y[1], y[2], 0.0, 0.0];
         velocity[3 + p] = y[3];
-        velocity[4 - p] = node.0.rate_rad_s[1 - p];
+        velocity[4 - p] = node.shape.rate_rad_s[1 - p];
         Moment { phi_rad, velocity }
     }
 
-    fn acceleration(&self, node: &Self::Node, _y: &[f64; 5], dy: &[f64; 5]) -> [f64; 5] {
+    #[inline(always)]
+    fn acceleration(&self, node: &CommandNode, _y: &[f64; 5], dy: &[f64; 5]) -> [f64; 5] {
         let mut acceleration = [dy[0], dy[1], dy[2], 0.0, 0.0];
         acceleration[3 + self.passive] = dy[3];
-        acceleration[4 - self.passive] = node.0.acceleration_rad_s2[1 - self.passive];
+        acceleration[4 - self.passive] = node.shape.acceleration_rad_s2[1 - self.passive];
         acceleration
     }
 
-    fn moment_by(
-        &self,
-        node: &Self::Node,
-        _y: &[f64; 5],
-        step: &[f64; 5],
-        parameter: Parameter,
-    ) -> Moment {
-        let mut moment =
-            Moment { phi_rad: [0.0; 2], velocity: [step[0], step[1], step[2], 0.0, 0.0] };
-        moment.phi_rad[self.passive] = step[4];
-        moment.velocity[3 + self.passive] = step[3];
-        self.driven.add_wave(&mut moment, &node.0, parameter);
-        moment
+    #[inline(always)]
+    fn by_state(&self, _node: &CommandNode, _y: &[f64; 5], by_moment: &Moment) -> [f64; 5] {
+        let [u, v, r, ..] = by_moment.velocity;
+        [u, v, r, by_moment.velocity[3 + self.passive], by_moment.phi_rad[self.passive]]
+    }
+
+    #[inline(always)]
+    fn by_amplitude(&self, node: &CommandNode, _y: &[f64; 5], by_moment: &Moment) -> [f64; 2] {
+        self.driven.by_waves(node.phase_rad, by_moment)
     }
 
     fn half_period_signs(&self) -> Option<[f64; 5]> {
@@ -418,15 +494,28 @@ pub(super) struct PassiveNoSkid {
 /// What the command prescribes: the null direction and the particular solution.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ConstrainedNode {
-    phase_rad: f64,
-    shape: Shape,
-    trig: Trig,
-    /// `(u, theta')` along the null direction, and its time derivative.
+    command: CommandNode,
+    frame: Frame,
+}
+
+/// `(u, theta')` along the null direction and of the particular solution, and their time
+/// derivatives.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
     null: [f64; 2],
     null_rate: [f64; 2],
-    /// `(u, theta')` of the particular solution, and its time derivative.
     particular: [f64; 2],
     particular_rate: [f64; 2],
+}
+
+impl Frame {
+    fn velocities(&self, s: f64) -> [f64; 2] {
+        std::array::from_fn(|i| s * self.null[i] + self.particular[i])
+    }
+
+    fn accelerations(&self, s: f64, ds: f64) -> [f64; 2] {
+        std::array::from_fn(|i| ds * self.null[i] + s * self.null_rate[i] + self.particular_rate[i])
+    }
 }
 
 /// Sign with which a side link's wheel feels its joint.
@@ -461,13 +550,24 @@ impl PassiveWheel {
     }
 }
 
-impl PassiveNoSkid {
-    fn velocities(&self, node: &ConstrainedNode, s: f64) -> [f64; 2] {
-        std::array::from_fn(|i| s * node.null[i] + node.particular[i])
-    }
+/// The projected equations of one moment and what they are made of.
+struct Projected {
+    residual: Residual<2>,
+    balance: Balance,
+    mass: [[f64; 5]; 5],
+    trig: Trig,
+    moment: Moment,
+    wheel: PassiveWheel,
+    /// `(u, theta')`.
+    velocities: [f64; 2],
+    /// The null direction along `u`, `theta'` and `phi_p'`.
+    null: [f64; 3],
+}
 
-    fn accelerations(&self, node: &ConstrainedNode, s: f64, ds: f64) -> [f64; 2] {
-        std::array::from_fn(|i| ds * node.null[i] + s * node.null_rate[i] + node.particular_rate[i])
+impl PassiveNoSkid {
+    /// Rows of eq. 7 that the null direction has parts along.
+    fn rows(&self) -> [usize; 3] {
+        [0, 2, 3 + self.passive]
     }
 
     fn wheel(&self, phi: f64) -> PassiveWheel {
@@ -481,82 +581,30 @@ impl PassiveNoSkid {
             per_m: joint_sign(self.passive) / l_m,
         }
     }
-}
-
-impl PassiveNoSkid {
-    /// Central difference of `of` at the same phase under a gait whose commanded amplitude is
-    /// changed by `step`, up and down.
-    fn by_amplitude<const M: usize>(
-        &self,
-        node: &ConstrainedNode,
-        a: usize,
-        of: impl Fn(&Self, &ConstrainedNode, f64) -> [f64; M],
-    ) -> [f64; M] {
-        const STEP_RAD: f64 = 1e-5;
-        let at = |step: f64| {
-            let mut changed = Self { driven: self.driven.clone(), passive: self.passive };
-            if let Some(joint) = &mut changed.driven.gait.joints[a] {
-                joint.amplitude_rad += step;
-            }
-            of(&changed, &changed.node(node.phase_rad), step)
-        };
-        let (low, high) = (at(-STEP_RAD), at(STEP_RAD));
-        std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * STEP_RAD))
-    }
-}
-
-impl Reduced<2> for PassiveNoSkid {
-    const INTEGRATED: bool = false;
-    const HAS_ANGLE: bool = true;
-
-    type Node = ConstrainedNode;
-
-    fn node(&self, phase_rad: f64) -> ConstrainedNode {
-        let shape = self.driven.shape(phase_rad);
-        let trig = Trig::new(shape.phi_rad);
-        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
-        let a = 1 - self.passive;
-        let (sin, cos) = (trig.s[a], trig.c[a]);
-        let (rate, acceleration) = (shape.rate_rad_s[a], shape.acceleration_rad_s2[a]);
-        let (arm, arm_rate, sin_rate) = (l + h * cos, -h * sin * rate, cos * rate);
-        // The shortest particular solution, rotation counted as speed at the distance l.
-        let norm = sin * sin * l * l + arm * arm;
-        let norm_rate = 2.0 * (sin * sin_rate * l * l + arm * arm_rate);
-        let q = joint_sign(a) * l * rate / norm;
-        let q_rate = joint_sign(a) * l * acceleration / norm - q * norm_rate / norm;
-        ConstrainedNode {
-            phase_rad,
-            shape,
-            trig,
-            null: [arm, -sin],
-            null_rate: [arm_rate, -sin_rate],
-            particular: [l * l * sin * q, arm * q],
-            particular_rate: [l * l * (sin_rate * q + sin * q_rate), arm_rate * q + arm * q_rate],
-        }
-    }
 
     #[inline(always)]
-    fn residual(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Residual<2> {
-        let (p, robot) = (self.passive, &self.driven.robot);
+    fn equations(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Projected {
+        let (p, robot, frame) = (self.passive, &self.driven.robot, &node.frame);
         let wheel = self.wheel(y[1]);
-        let mut trig = node.trig;
+        let mut trig = node.command.trig;
         (trig.s[p], trig.c[p]) = (wheel.sin, wheel.cos);
-        let velocities = self.velocities(node, y[0]);
-        let accelerations = self.accelerations(node, y[0], dy[0]);
-        let (n_p, n_p_by_phi) = (wheel.rate(node.null), wheel.rate_by_phi(node.null));
+        let velocities = frame.velocities(y[0]);
+        let accelerations = frame.accelerations(y[0], dy[0]);
+        let (n_p, n_p_by_phi) = (wheel.rate(frame.null), wheel.rate_by_phi(frame.null));
         let (w, w_by_phi) = (wheel.rate(velocities), wheel.rate_by_phi(velocities));
-        let dw_by_s = n_p_by_phi * w + w_by_phi * n_p + wheel.rate(node.null_rate);
+        let dw_by_s = n_p_by_phi * w + w_by_phi * n_p + wheel.rate(frame.null_rate);
         let dw_by_phi = wheel.rate_by_phi_phi(velocities) * w
             + w_by_phi * w_by_phi
             + wheel.rate_by_phi(accelerations);
 
-        let Moment { phi_rad, velocity } = self.moment(node, y);
+        let moment = self.moment(node, y);
         let acceleration = self.acceleration(node, y, dy);
+        let Moment { phi_rad, velocity } = moment;
         let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
         let mass = mass_matrix(robot, &trig);
 
-        let rows = [0, 2, 3 + p];
-        let null = [node.null[0], node.null[1], n_p];
+        let rows = self.rows();
+        let null = [frame.null[0], frame.null[1], n_p];
         // Derivative of the projected balance when velocities and accelerations change.
         let project = |by: [f64; 3], rate_by: [f64; 3]| -> f64 {
             let mut sum = 0.0;
@@ -570,78 +618,193 @@ impl Reduced<2> for PassiveNoSkid {
             sum
         };
         let value = null.iter().zip(&rows).map(|(n, &row)| n * balance.value[row]).sum();
-        let by_s = project(null, [node.null_rate[0], node.null_rate[1], dw_by_s]);
+        let by_s = project(null, [frame.null_rate[0], frame.null_rate[1], dw_by_s]);
         let turned: f64 = null.iter().zip(&rows).map(|(n, &row)| n * balance.by_phi[p][row]).sum();
         let by_phi = project([0.0, 0.0, w_by_phi], [0.0, 0.0, dw_by_phi])
             + turned
             + n_p_by_phi * balance.value[3 + p];
-        Residual {
+        let residual = Residual {
             value: [value, dy[1] - w],
             by_state: [[by_s, by_phi], [-n_p, -w_by_phi]],
             by_rate: [[project([0.0; 3], null), 0.0], [0.0, 1.0]],
+        };
+        Projected { residual, balance, mass, trig, moment, wheel, velocities, null }
+    }
+
+    /// How the frame changes with the commanded joint's amplitude.
+    #[inline(always)]
+    fn frame_by_amplitude(&self, node: &ConstrainedNode) -> Frame {
+        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let a = 1 - self.passive;
+        let sign = joint_sign(a) * l;
+        let command = &node.command;
+        let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
+        let (rate, acceleration) =
+            (command.shape.rate_rad_s[a], command.shape.acceleration_rad_s2[a]);
+        let [dphi, drate, dacceleration] = self.driven.wave(command.phase_rad, a);
+        let arm = l + h * cos;
+        let (arm_rate, sin_rate) = (-h * sin * rate, cos * rate);
+        let (dsin, darm) = (cos * dphi, -h * sin * dphi);
+        let darm_rate = -h * (cos * dphi * rate + sin * drate);
+        let dsin_rate = -sin * dphi * rate + cos * drate;
+        let norm = sin * sin * l * l + arm * arm;
+        let norm_rate = 2.0 * (sin * sin_rate * l * l + arm * arm_rate);
+        let dnorm = 2.0 * (l * l * sin * dsin + arm * darm);
+        let dnorm_rate =
+            2.0 * (l * l * (dsin * sin_rate + sin * dsin_rate) + darm * arm_rate + arm * darm_rate);
+        let q = sign * rate / norm;
+        let q_rate = sign * acceleration / norm - q * norm_rate / norm;
+        let dq = (sign * drate - q * dnorm) / norm;
+        let dq_rate =
+            (sign * dacceleration - dq * norm_rate - q * dnorm_rate - q_rate * dnorm) / norm;
+        Frame {
+            null: [darm, -dsin],
+            null_rate: [darm_rate, -dsin_rate],
+            particular: [l * l * (dsin * q + sin * dq), darm * q + arm * dq],
+            particular_rate: [
+                l * l * (dsin_rate * q + sin_rate * dq + dsin * q_rate + sin * dq_rate),
+                darm_rate * q + arm_rate * dq + darm * q_rate + arm * dq_rate,
+            ],
+        }
+    }
+}
+
+impl Reduced<2> for PassiveNoSkid {
+    const PARAMETERS: usize = 6;
+    const SKIDS: bool = false;
+    const INTEGRATED: bool = false;
+    const HAS_ANGLE: bool = true;
+
+    type Node = ConstrainedNode;
+
+    fn node(&self, phase_rad: f64) -> ConstrainedNode {
+        let command = CommandNode::new(&self.driven, phase_rad);
+        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let a = 1 - self.passive;
+        let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
+        let (rate, acceleration) =
+            (command.shape.rate_rad_s[a], command.shape.acceleration_rad_s2[a]);
+        let (arm, arm_rate, sin_rate) = (l + h * cos, -h * sin * rate, cos * rate);
+        // The shortest particular solution, rotation counted as speed at the distance l.
+        let norm = sin * sin * l * l + arm * arm;
+        let norm_rate = 2.0 * (sin * sin_rate * l * l + arm * arm_rate);
+        let q = joint_sign(a) * l * rate / norm;
+        let q_rate = joint_sign(a) * l * acceleration / norm - q * norm_rate / norm;
+        let frame = Frame {
+            null: [arm, -sin],
+            null_rate: [arm_rate, -sin_rate],
+            particular: [l * l * sin * q, arm * q],
+            particular_rate: [l * l * (sin_rate * q + sin * q_rate), arm_rate * q + arm * q_rate],
+        };
+        ConstrainedNode { command, frame }
+    }
+
+    #[inline(always)]
+    fn residual(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Residual<2> {
+        self.equations(node, y, dy).residual
+    }
+
+    fn parameter(&self, column: usize) -> Parameter {
+        match column {
+            0..3 => Parameter::Roll(column),
+            3 => Parameter::Stiffness,
+            4 => Parameter::Damping,
+            _ => Parameter::Amplitude(1 - self.passive),
         }
     }
 
-    fn residual_by(
+    #[inline(always)]
+    fn sensitivity(
         &self,
         node: &ConstrainedNode,
         y: &[f64; 2],
         dy: &[f64; 2],
-        parameter: Parameter,
-    ) -> [f64; 2] {
-        if let Parameter::Amplitude(a) = parameter {
-            let value = |model: &Self, node: &ConstrainedNode, _| model.residual(node, y, dy).value;
-            return self.by_amplitude(node, a, value);
+        by: &mut ByParameters<2>,
+    ) -> Residual<2> {
+        let (p, a, robot) = (self.passive, 1 - self.passive, &self.driven.robot);
+        let Projected { residual, balance, mass, trig, moment, wheel, velocities, null } =
+            self.equations(node, y, dy);
+        let rows = self.rows();
+        let along = |force: &[f64; 5]| -> f64 {
+            null.iter().zip(&rows).map(|(n, &row)| n * force[row]).sum()
+        };
+        let by_roll = by_coefficients(&roll_rows(robot, &trig), &moment.velocity);
+        for wheel in 0..3 {
+            by[0][wheel] = along(&by_roll[wheel]);
         }
-        let p = self.passive;
-        let moment = self.moment(node, y);
-        let by = balance_by(&self.driven.robot, Some(p), &moment, parameter);
-        let [n_u, n_r] = node.null;
-        let n_p = self.wheel(y[1]).rate(node.null);
-        [n_u * by[0] + n_r * by[2] + n_p * by[3 + p], 0.0]
+        by[0][3] = null[2] * (y[1] - robot.rest_angle_rad);
+        by[0][4] = null[2] * moment.velocity[3 + p];
+
+        // The frame of the constraints turns with the commanded joint.
+        let frame = self.frame_by_amplitude(node);
+        let (dvelocities, daccelerations) =
+            (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
+        let (w, dw) = (wheel.rate(velocities), wheel.rate(dvelocities));
+        let rate_by_phi = wheel.rate_by_phi(velocities);
+        let [phi, rate, acceleration] = self.driven.wave(node.command.phase_rad, a);
+        let mut velocity = [dvelocities[0], 0.0, dvelocities[1], 0.0, 0.0];
+        let mut rates = [daccelerations[0], 0.0, daccelerations[1], 0.0, 0.0];
+        (velocity[3 + p], velocity[3 + a]) = (dw, rate);
+        rates[3 + p] =
+            wheel.rate_by_phi(dvelocities) * w + rate_by_phi * dw + wheel.rate(daccelerations);
+        rates[3 + a] = acceleration;
+        let dnull = [frame.null[0], frame.null[1], wheel.rate(frame.null)];
+        let mut sum = 0.0;
+        for ((n, dn), &row) in null.iter().zip(&dnull).zip(&rows) {
+            let force = dot(&balance.by_velocity[row], &velocity)
+                + dot(&mass[row], &rates)
+                + balance.by_phi[a][row] * phi;
+            sum += n * force + dn * balance.value[row];
+        }
+        by[0][5] = sum;
+        by[1] = [0.0; MOST_PARAMETERS];
+        by[1][5] = -dw;
+        residual
     }
 
+    #[inline(always)]
     fn acceleration(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> [f64; 5] {
         let (p, wheel) = (self.passive, self.wheel(y[1]));
-        let velocities = self.velocities(node, y[0]);
-        let [du, dr] = self.accelerations(node, y[0], dy[0]);
+        let velocities = node.frame.velocities(y[0]);
+        let [du, dr] = node.frame.accelerations(y[0], dy[0]);
         let mut acceleration = [du, 0.0, dr, 0.0, 0.0];
         acceleration[3 + p] =
             wheel.rate_by_phi(velocities) * wheel.rate(velocities) + wheel.rate([du, dr]);
-        acceleration[4 - p] = node.shape.acceleration_rad_s2[1 - p];
+        acceleration[4 - p] = node.command.shape.acceleration_rad_s2[1 - p];
         acceleration
     }
 
-    fn moment_by(
-        &self,
-        node: &ConstrainedNode,
-        y: &[f64; 2],
-        step: &[f64; 2],
-        parameter: Parameter,
-    ) -> Moment {
-        // The state goes along with the amplitude, or alone.
-        let a = match parameter {
-            Parameter::Amplitude(a) => a,
-            _ => self.passive,
-        };
-        let all = self.by_amplitude(node, a, |model, node, part| {
-            let moved = [y[0] + part * step[0], y[1] + part * step[1]];
-            let Moment { phi_rad: [phi1, phi2], velocity: [u, v, r, w1, w2] } =
-                model.moment(node, &moved);
-            [phi1, phi2, u, v, r, w1, w2]
-        });
-        let [phi1, phi2, u, v, r, w1, w2] = all;
-        Moment { phi_rad: [phi1, phi2], velocity: [u, v, r, w1, w2] }
+    #[inline(always)]
+    fn by_state(&self, node: &ConstrainedNode, y: &[f64; 2], by_moment: &Moment) -> [f64; 2] {
+        let (p, wheel, frame) = (self.passive, self.wheel(y[1]), &node.frame);
+        let [u, _, r, ..] = by_moment.velocity;
+        let by_w = by_moment.velocity[3 + p];
+        let by_s = u * frame.null[0] + r * frame.null[1] + by_w * wheel.rate(frame.null);
+        let by_phi = by_moment.phi_rad[p] + by_w * wheel.rate_by_phi(frame.velocities(y[0]));
+        [by_s, by_phi]
     }
 
+    #[inline(always)]
+    fn by_amplitude(&self, node: &ConstrainedNode, y: &[f64; 2], by_moment: &Moment) -> [f64; 2] {
+        let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(y[1]));
+        let velocities = self.frame_by_amplitude(node).velocities(y[0]);
+        let [u, _, r, ..] = by_moment.velocity;
+        let mut by = self.driven.by_waves(node.command.phase_rad, by_moment);
+        by[a] += u * velocities[0]
+            + r * velocities[1]
+            + by_moment.velocity[3 + p] * wheel.rate(velocities);
+        by
+    }
+
+    #[inline(always)]
     fn moment(&self, node: &ConstrainedNode, y: &[f64; 2]) -> Moment {
         let p = self.passive;
-        let [u, r] = self.velocities(node, y[0]);
-        let mut phi_rad = node.shape.phi_rad;
+        let [u, r] = node.frame.velocities(y[0]);
+        let mut phi_rad = node.command.shape.phi_rad;
         phi_rad[p] = y[1];
         let mut velocity = [u, 0.0, r, 0.0, 0.0];
         velocity[3 + p] = self.wheel(y[1]).rate([u, r]);
-        velocity[4 - p] = node.shape.rate_rad_s[1 - p];
+        velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
         Moment { phi_rad, velocity }
     }
 

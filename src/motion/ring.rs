@@ -12,12 +12,32 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix5, SMatrix, SVector};
 
 use super::MotionError;
-use super::element::{Linearised, Stages, follow_element, integrate_last, rate, tail};
+use super::element::{Linearised, Stages, follow_element, integrate_last, tail};
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Parameter, Reduced};
+use super::reduced::Reduced;
+
+/// The ring's start and its elements' stages.
+#[derive(Debug, Clone)]
+struct States<const N: usize> {
+    start: [f64; N],
+    elements: Vec<Stages<N>>,
+}
+
+impl<const N: usize> Default for States<N> {
+    fn default() -> Self {
+        Self { start: [0.0; N], elements: Vec::new() }
+    }
+}
+
+impl<const N: usize> States<N> {
+    /// State where element `k` starts.
+    fn start_of(&self, k: usize) -> &[f64; N] {
+        if k == 0 { &self.start } else { &self.elements[k - 1][STAGES - 1] }
+    }
+}
 
 /// A periodic motion and the room to solve for it, which is used again by the next solution.
 #[derive(Debug, Clone)]
@@ -27,22 +47,23 @@ pub(super) struct Ring<const N: usize, R: Reduced<N>> {
     /// Whether the elements cover half a period.
     is_half: bool,
     element_s: f64,
-    start: [f64; N],
-    elements: Vec<Stages<N>>,
+    now: States<N>,
     nodes: Vec<R::Node>,
     /// Newton steps of the last solution.
     steps: usize,
     linearised: Linearised,
     /// Inverse of the matrix that closes the chain.
     closing: SMatrix<f64, N, N>,
-    step: Vec<Stages<N>>,
-    /// Change of the start that belongs to `step`.
-    start_step: [f64; N],
+    /// The last step by the factors at hand, and the one before.
+    step: States<N>,
+    last_step: States<N>,
+    /// The states before a step, or coarser ones.
+    before: States<N>,
     /// Room for single elements.
     room: Linearised,
-    /// The elements before a step, or the coarser ones.
-    before: Vec<Stages<N>>,
-    is_solved: bool,
+    /// Tail of the last solution's spectrum as a part of what was asked for; infinite if there
+    /// is no solution.
+    tail_part: f64,
 }
 
 /// Where Newton's method starts.
@@ -59,15 +80,21 @@ pub(super) enum Start<const N: usize> {
 /// Elements per period at first, and at most.
 const COARSE: usize = 6;
 const MOST_ELEMENTS: usize = 512;
+/// By how much finer the first elements are when a motion from a state fails with coarse ones.
+const FINER: [usize; 3] = [1, 4, 16];
 /// Relative step at which the coarse elements' solution is good enough to go on from.
 const COARSE_STEP: f64 = 0.02;
 const MOST_STEPS: usize = 60;
-/// Newton gives up when the residual does not shrink along a step of this part.
+/// Newton gives up when steps do not shrink along this part of one.
 const LEAST_PART: f64 = 1.0 / 512.0;
 /// Factors are kept while a step is at most this part of the one before.
 const FAST: f64 = 0.15;
-/// Steps below this size are rounding: their residual cannot be judged.
+/// Steps below this size are rounding: whether they shrink cannot be judged.
 const ROUNDING: f64 = 1e-9;
+/// Elements are laid out for this part of the tail that is allowed.
+const MARGIN: f64 = 0.9;
+/// A solution that could do with this part of its neighbour's elements gets fewer.
+const FEWER: f64 = 0.8;
 
 impl<const N: usize, R: Reduced<N>> Default for Ring<N, R> {
     fn default() -> Self {
@@ -75,25 +102,18 @@ impl<const N: usize, R: Reduced<N>> Default for Ring<N, R> {
             signs: [1.0; N],
             is_half: false,
             element_s: 0.0,
-            start: [0.0; N],
-            elements: Vec::new(),
+            now: States::default(),
             nodes: Vec::new(),
             steps: 0,
             linearised: Linearised::default(),
             closing: SMatrix::zeros(),
-            step: Vec::new(),
-            start_step: [0.0; N],
+            step: States::default(),
+            last_step: States::default(),
+            before: States::default(),
             room: Linearised::default(),
-            before: Vec::new(),
-            is_solved: false,
+            tail_part: f64::INFINITY,
         }
     }
-}
-
-/// Largest relative tail of the elements' spectra at which the metrics, which converge about
-/// twice as fast, are right to `accuracy`.
-fn tail_for(accuracy: f64) -> f64 {
-    0.35 * accuracy.sqrt()
 }
 
 impl<const N: usize, R: Reduced<N>> Ring<N, R> {
@@ -106,84 +126,110 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         start: Start<N>,
         accuracy: f64,
     ) -> Result<(), MotionError> {
-        let solved = self.solve_near(model, omega_rad_s, start, accuracy);
-        self.is_solved = solved.is_ok();
-        solved
-    }
-
-    fn solve_near(
-        &mut self,
-        model: &R,
-        omega_rad_s: f64,
-        start: Start<N>,
-        accuracy: f64,
-    ) -> Result<(), MotionError> {
+        let tail_part = std::mem::replace(&mut self.tail_part, f64::INFINITY);
         let signs = model.half_period_signs();
-        let goes_on = start == Start::Last && self.is_solved && self.is_half == signs.is_some();
+        let goes_on =
+            start == Start::Last && tail_part.is_finite() && self.is_half == signs.is_some();
         self.is_half = signs.is_some();
         self.signs = signs.unwrap_or([1.0; N]);
         self.steps = 0;
-        let parts = if self.is_half { 2 } else { 1 };
-        let target = tail_for(accuracy);
         if goes_on {
-            let before_s = self.element_s;
-            self.lay_nodes(model, omega_rad_s, self.elements.len());
-            // Velocities go with the frequency, the passive joint's angle does not.
-            let faster = before_s / self.element_s;
-            let rates = if R::HAS_ANGLE { N - 1 } else { N };
-            let states = self.elements.iter_mut().flatten().chain([&mut self.start]);
-            states.for_each(|y| y[..rates].iter_mut().for_each(|rate| *rate *= faster));
-            self.integrate();
+            self.go_on(model, omega_rad_s, tail_part);
         } else {
-            self.lay_nodes(model, omega_rad_s, COARSE / parts);
-            self.start = model.at_rest();
-            self.elements.clear();
-            self.elements.resize(COARSE / parts, [self.start; STAGES]);
-            match start {
-                Start::State(state) => self.march(model, state)?,
-                Start::Rest | Start::Last => self.integrate(),
-            }
-            self.newton(model, COARSE_STEP)?;
-            self.refine(model, omega_rad_s, target)?;
+            self.begin(model, omega_rad_s, start)?;
+            let tail_part = self.tail_part(accuracy);
+            self.refine(model, omega_rad_s, tail_part)?;
         }
         loop {
             self.newton(model, accuracy)?;
-            if self.tail() <= target {
+            let tail_part = self.tail_part(accuracy);
+            if tail_part <= 1.0 {
+                self.tail_part = tail_part;
                 return Ok(());
             }
-            self.refine(model, omega_rad_s, target)?;
+            self.refine(model, omega_rad_s, tail_part)?;
         }
     }
 
-    /// Replaces the elements by as many as bring the tail to `target`.
-    fn refine(&mut self, model: &R, omega_rad_s: f64, target: f64) -> Result<(), MotionError> {
-        let tail = self.tail();
-        if tail <= target {
+    /// Finds an approximate solution with few elements.
+    fn begin(&mut self, model: &R, omega_rad_s: f64, start: Start<N>) -> Result<(), MotionError> {
+        let coarse = if self.is_half { COARSE / 2 } else { COARSE };
+        let Start::State(state) = start else {
+            self.lay_nodes(model, omega_rad_s, coarse);
+            self.now.start = model.at_rest();
+            self.now.elements.clear();
+            self.now.elements.resize(coarse, [self.now.start; STAGES]);
+            self.integrate();
+            return self.newton(model, COARSE_STEP);
+        };
+        let mut tried = Ok(());
+        for finer in FINER {
+            self.lay_nodes(model, omega_rad_s, finer * coarse);
+            tried = self.march(model, state).and_then(|()| self.newton(model, COARSE_STEP));
+            if tried.is_ok() {
+                break;
+            }
+        }
+        tried
+    }
+
+    /// Makes the last solution, whose tail was `tail_part` of what was allowed, the start for
+    /// another frequency.
+    fn go_on(&mut self, model: &R, omega_rad_s: f64, tail_part: f64) {
+        let before_s = self.element_s * self.now.elements.len() as f64;
+        let enough = self.enough_elements(tail_part);
+        if (enough as f64) < FEWER * self.now.elements.len() as f64 {
+            self.resample(enough);
+        }
+        self.lay_nodes(model, omega_rad_s, self.now.elements.len());
+        // Velocities go with the frequency, the passive joint's angle does not.
+        let faster = before_s / (self.element_s * self.now.elements.len() as f64);
+        let rates = if R::HAS_ANGLE { N - 1 } else { N };
+        let states = self.now.elements.iter_mut().flatten().chain([&mut self.now.start]);
+        states.for_each(|y| y[..rates].iter_mut().for_each(|rate| *rate *= faster));
+        self.integrate();
+    }
+
+    /// Elements that bring a tail of `tail_part` to what is allowed.
+    fn enough_elements(&self, tail_part: f64) -> usize {
+        let coarse = if self.is_half { COARSE / 2 } else { COARSE };
+        // The tail falls with about this power of the elements' length.
+        let growth = (tail_part / MARGIN).powf(1.0 / (STAGES as f64 + 0.5)).min(4.0);
+        ((self.now.elements.len() as f64 * growth).ceil() as usize).max(coarse)
+    }
+
+    /// Replaces the elements by as many as a tail of `tail_part` needs, if it is too large.
+    fn refine(&mut self, model: &R, omega_rad_s: f64, tail_part: f64) -> Result<(), MotionError> {
+        if tail_part <= 1.0 {
             return Ok(());
         }
         let most = if self.is_half { MOST_ELEMENTS / 2 } else { MOST_ELEMENTS };
-        let count = self.elements.len();
-        if count >= most || !tail.is_finite() {
-            return Err(MotionError::Unresolved { tail });
+        let count = self.now.elements.len();
+        if count >= most || !tail_part.is_finite() {
+            return Err(MotionError::Unresolved { tail: self.tail() });
         }
-        // The tail falls with about this power of the elements' length.
-        let growth = (1.1 * tail / target).powf(1.0 / (STAGES as f64 + 0.5)).min(4.0);
-        let finer = ((count as f64 * growth).ceil() as usize).clamp(count + 1, most);
-        std::mem::swap(&mut self.before, &mut self.elements);
-        self.elements.clear();
-        for k in 0..finer {
-            let at = |j: usize| {
-                let position = (k as f64 + RADAU.nodes[j]) / finer as f64 * count as f64;
-                let coarse = (position as usize).min(count - 1);
-                let start =
-                    if coarse == 0 { self.start } else { self.before[coarse - 1][STAGES - 1] };
-                interpolate(&start, &self.before[coarse], position - coarse as f64)
-            };
-            self.elements.push(std::array::from_fn(at));
-        }
+        let finer = self.enough_elements(tail_part).clamp(count + 1, most);
+        self.resample(finer);
         self.lay_nodes(model, omega_rad_s, finer);
         self.integrate();
         Ok(())
+    }
+
+    /// Replaces the elements by `wanted` others with the same polynomials.
+    fn resample(&mut self, wanted: usize) {
+        std::mem::swap(&mut self.before, &mut self.now);
+        let (from, to) = (&self.before, &mut self.now);
+        let count = from.elements.len();
+        to.start = from.start;
+        to.elements.clear();
+        for k in 0..wanted {
+            let at = |j: usize| {
+                let position = (k as f64 + RADAU.nodes[j]) / wanted as f64 * count as f64;
+                let k = (position as usize).min(count - 1);
+                interpolate(from.start_of(k), &from.elements[k], position - k as f64)
+            };
+            to.elements.push(std::array::from_fn(at));
+        }
     }
 
     /// Lays out the nodes of `count` elements and room for them.
@@ -202,8 +248,8 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     /// Makes an integrated state the integral that it is.
     fn integrate(&mut self) {
         if R::INTEGRATED {
-            let mut start = self.start[N - 1];
-            for stages in &mut self.elements {
+            let mut start = self.now.start[N - 1];
+            for stages in &mut self.now.elements {
                 integrate_last(stages, start, self.element_s);
                 start = stages[STAGES - 1][N - 1];
             }
@@ -212,75 +258,50 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
 
     /// Fills the elements with the motion that follows from a state.
     fn march(&mut self, model: &R, state: [f64; N]) -> Result<(), MotionError> {
-        self.start = state;
+        self.now.start = state;
+        self.now.elements.clear();
         let mut from = state;
         let element_s = self.element_s;
         for (k, nodes) in self.nodes.chunks_exact(STAGES).enumerate() {
             let room = &mut self.linearised;
             let stages = follow_element(model, nodes, &from, element_s, 1e-4, room)
                 .ok_or(MotionError::Stuck { time_s: k as f64 * element_s })?;
-            self.elements[k] = stages;
+            self.now.elements.push(stages);
             from = stages[STAGES - 1];
         }
         Ok(())
     }
 
-    /// Visits every element with its number, nodes, start and stages; gives the norm of the
-    /// residuals, infinite if an element refuses.
-    fn visit(
-        &mut self,
-        mut element: impl FnMut(
-            &mut Linearised,
-            usize,
-            &[R::Node],
-            &[f64; N],
-            &Stages<N>,
-        ) -> Option<f64>,
-    ) -> f64 {
-        let mut square = 0.0;
-        let mut start = &self.start;
-        for (k, (nodes, stages)) in self.nodes.chunks_exact(STAGES).zip(&self.elements).enumerate()
-        {
-            match element(&mut self.linearised, k, nodes, start, stages) {
-                Some(more) => square += more,
-                None => return f64::INFINITY,
-            }
-            start = &stages[STAGES - 1];
-        }
-        let norm = (square / self.nodes.len() as f64).sqrt();
-        if norm.is_finite() { norm } else { f64::INFINITY }
+    fn not_converged(&self) -> MotionError {
+        MotionError::NotConverged { steps: self.steps }
     }
 
     /// Linearises the chain at the present states and prepares its closing.
-    pub fn linearise(&mut self, model: &R) -> Result<f64, MotionError> {
-        let element_s = self.element_s;
-        let norm = self.visit(|room, k, nodes, start, stages| {
-            room.linearise(k, model, nodes, start, stages, element_s)
-        });
-        if norm == f64::INFINITY {
-            return Err(MotionError::NotConverged { steps: self.steps });
+    fn linearise(&mut self, model: &R) -> Result<(), MotionError> {
+        for (k, nodes) in self.nodes.chunks_exact(STAGES).enumerate() {
+            let (start, stages) = (self.now.start_of(k), &self.now.elements[k]);
+            self.linearised
+                .linearise(k, model, nodes, start, stages, self.element_s)
+                .ok_or(MotionError::NotConverged { steps: self.steps })?;
         }
-        let product = self.monodromy();
-        let identity = SMatrix::<f64, N, N>::identity();
-        self.closing = (identity - product)
-            .try_inverse()
-            .ok_or(MotionError::NotConverged { steps: self.steps })?;
-        Ok(norm)
+        let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
+        self.closing = open.try_inverse().ok_or(self.not_converged())?;
+        Ok(())
     }
 
-    /// Residuals at the present states, with the factors kept.
-    fn evaluate(&mut self, model: &R) -> f64 {
-        let element_s = self.element_s;
-        self.visit(|room, k, nodes, start, stages| {
-            Some(room.evaluate(k, model, nodes, start, stages, element_s))
-        })
+    /// Evaluates the residuals at the present states; the factors are kept.
+    fn evaluate(&mut self, model: &R) {
+        for (k, nodes) in self.nodes.chunks_exact(STAGES).enumerate() {
+            let (start, stages) = (self.now.start_of(k), &self.now.elements[k]);
+            self.linearised.evaluate(k, model, nodes, start, stages, self.element_s);
+        }
     }
 
     /// How a state answers to a change at the start, one turn of the ring later.
     fn monodromy(&self) -> SMatrix<f64, N, N> {
         SMatrix::from_columns(&std::array::from_fn::<_, N, _>(|m| {
             let mut x: [f64; N] = std::array::from_fn(|i| if i == m { 1.0 } else { 0.0 });
-            for k in 0..self.elements.len() {
+            for k in 0..self.now.elements.len() {
                 let changes = self.linearised.changes::<N, R>(k, &x, self.element_s, false);
                 x = changes[STAGES - 1];
             }
@@ -288,132 +309,177 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         }))
     }
 
-    /// Solves the closed chain for the right-hand sides in the elements and a mismatch at the
-    /// ring's joint; gives the change of the start and leaves those of the stages in `step`.
-    pub fn close(&mut self, mismatch: [f64; N]) -> [f64; N] {
+    /// Solves the closed chain for the residuals at hand, into `step`.
+    fn close(&mut self) {
+        let count = self.now.elements.len();
         let mut offset = [0.0; N];
-        for k in 0..self.elements.len() {
+        for k in 0..count {
             self.linearised.solve_step::<N, R>(k);
             let changes = self.linearised.changes::<N, R>(k, &offset, self.element_s, true);
             offset = changes[STAGES - 1];
         }
-        let right = SVector::<f64, N>::from_fn(|i, _| self.signs[i] * offset[i] + mismatch[i]);
-        let first = self.closing * right;
-        let first: [f64; N] = std::array::from_fn(|i| first[i]);
-        self.start_step = first;
-        let mut start = first;
-        self.step.clear();
-        for k in 0..self.elements.len() {
+        let end = self.now.start_of(count);
+        let mismatch = |i: usize| self.signs[i] * (offset[i] + end[i]) - self.now.start[i];
+        let first = self.closing * SVector::<f64, N>::from_fn(|i, _| mismatch(i));
+        self.step.start = first.into();
+        let mut start = self.step.start;
+        self.step.elements.clear();
+        for k in 0..count {
             let changes = self.linearised.changes::<N, R>(k, &start, self.element_s, true);
             start = changes[STAGES - 1];
-            self.step.push(changes);
+            self.step.elements.push(changes);
         }
-        first
     }
 
-    /// Newton's method until what is left is below `accuracy`, relative to the states; damped
-    /// while the residual does not shrink, with kept factors while steps shrink fast.
+    /// Newton's method until what is left is below `accuracy`, relative to the states. A step is
+    /// damped until the next one by the same factors is shorter (natural monotonicity, which
+    /// does not depend on how the equations are scaled), and the factors are kept while steps
+    /// by them shrink fast.
+    ///
+    /// Reference: P. Deuflhard, *Newton Methods for Nonlinear Problems*, Springer 2004,
+    /// section 3.3.
     fn newton(&mut self, model: &R, accuracy: f64) -> Result<(), MotionError> {
-        let failed = |steps| Err(MotionError::NotConverged { steps });
-        let mut norm = self.linearise(model)?;
-        let (mut last, mut is_fresh) = (f64::INFINITY, true);
-        for _ in 0..MOST_STEPS {
-            self.steps += 1;
-            let end = self.elements[self.elements.len() - 1][STAGES - 1];
-            let mismatch = std::array::from_fn(|i| self.signs[i] * end[i] - self.start[i]);
-            let start_step = self.close(mismatch);
-            let size = self.step_size();
+        let enough = 0.3 * accuracy;
+        while self.steps < MOST_STEPS {
+            self.linearise(model)?;
+            self.close();
+            let sizes = self.sizes();
+            let mut size = self.step_size(&sizes);
             if !size.is_finite() {
-                return failed(self.steps);
+                return Err(self.not_converged());
             }
-            let shrinks = size / last;
-            // What the next step would be: the square of a fresh one, or the same part again.
-            let left = if is_fresh { 3.0 * size * size } else { size * shrinks };
-            self.before.clear();
-            self.before.extend_from_slice(&self.elements);
-            let start_before = self.start;
+            // The step after a fresh one is about its square.
+            let is_last = 3.0 * size * size <= enough;
             let mut part = 1.0;
-            loop {
-                self.move_by(&start_before, &start_step, part);
-                if left <= 0.3 * accuracy && part == 1.0 {
+            let mut next_size = loop {
+                self.move_by(part);
+                if is_last {
                     return Ok(());
                 }
-                let found = self.evaluate(model);
-                if found < norm || (size * part < ROUNDING && found.is_finite()) {
-                    norm = found;
-                    break;
+                let next_size = self.next_step(model, &sizes);
+                if next_size < (1.0 - 0.25 * part) * size || size < ROUNDING {
+                    break next_size;
                 }
-                if !is_fresh {
-                    // The old factors led astray: back, and on with new ones.
-                    self.move_by(&start_before, &start_step, 0.0);
-                    norm = f64::INFINITY;
-                    break;
-                }
+                // Back, and on by less.
+                std::mem::swap(&mut self.step, &mut self.last_step);
+                std::mem::swap(&mut self.now, &mut self.before);
                 part *= 0.5;
                 if part < LEAST_PART {
-                    return failed(self.steps);
+                    return Err(self.not_converged());
                 }
-            }
-            let fast = part == 1.0 && (shrinks < FAST || (is_fresh && size < FAST));
-            if fast && norm.is_finite() {
-                is_fresh = false;
-            } else {
-                norm = self.linearise(model)?;
-                is_fresh = true;
-            }
-            last = size;
-        }
-        failed(self.steps)
-    }
-
-    fn move_by(&mut self, start: &[f64; N], start_step: &[f64; N], part: f64) {
-        self.start = std::array::from_fn(|i| start[i] + part * start_step[i]);
-        for ((now, before), step) in self.elements.iter_mut().zip(&self.before).zip(&self.step) {
-            for j in 0..STAGES {
-                for i in 0..N {
-                    now[j][i] = before[j][i] + part * step[j][i];
+            };
+            while part == 1.0 && next_size < FAST * size && self.steps < MOST_STEPS {
+                let shrinks = next_size / size;
+                size = next_size;
+                self.move_by(1.0);
+                if shrinks * size <= enough {
+                    return Ok(());
                 }
+                next_size = self.next_step(model, &sizes);
             }
         }
+        Err(self.not_converged())
     }
 
-    /// Largest step of any state over the largest value of that state before or after it.
-    fn step_size(&self) -> f64 {
-        let (mut steps, mut sizes) = ([0.0_f64; N], [0.0_f64; N]);
-        for (step, from) in self.step.iter().flatten().zip(self.elements.iter().flatten()) {
+    /// The step from the present states by the factors at hand, and its size.
+    fn next_step(&mut self, model: &R, sizes: &[f64; N]) -> f64 {
+        self.evaluate(model);
+        std::mem::swap(&mut self.step, &mut self.last_step);
+        self.close();
+        let size = self.step_size(sizes);
+        if size.is_finite() { size } else { f64::INFINITY }
+    }
+
+    /// Goes a part of `step`; where it comes from is left in `before`.
+    fn move_by(&mut self, part: f64) {
+        self.steps += 1;
+        std::mem::swap(&mut self.before, &mut self.now);
+        let (now, before, step) = (&mut self.now, &self.before, &self.step);
+        now.start = std::array::from_fn(|i| before.start[i] + part * step.start[i]);
+        now.elements.clear();
+        now.elements.extend(before.elements.iter().zip(&step.elements).map(|(before, step)| {
+            std::array::from_fn(|j| std::array::from_fn(|i| before[j][i] + part * step[j][i]))
+        }));
+    }
+
+    /// Largest value of each state before or after a step.
+    fn sizes(&self) -> [f64; N] {
+        let mut sizes = [0.0_f64; N];
+        for (y, step) in self.now.elements.iter().flatten().zip(self.step.elements.iter().flatten())
+        {
             for i in 0..N {
-                steps[i] = steps[i].max(step[i].abs());
-                sizes[i] = sizes[i].max(from[i].abs()).max((from[i] + step[i]).abs());
+                sizes[i] = sizes[i].max(y[i].abs()).max((y[i] + step[i]).abs());
             }
         }
-        largest_ratio(&steps, &sizes)
+        sizes
+    }
+
+    /// Largest step of any state over that state's size.
+    fn step_size(&self, sizes: &[f64; N]) -> f64 {
+        let mut steps = [0.0_f64; N];
+        for step in self.step.elements.iter().flatten() {
+            for i in 0..N {
+                // Not `max`, which passes over NaN.
+                steps[i] = if step[i].abs() <= steps[i] { steps[i] } else { step[i].abs() };
+            }
+        }
+        largest_ratio(&steps, sizes)
     }
 
     /// Relative size of what the elements' polynomials cannot show: the largest highest
     /// coefficient of a state over the largest value of that state.
     fn tail(&self) -> f64 {
         let (mut tails, mut sizes) = ([0.0_f64; N], [0.0_f64; N]);
-        let mut start = &self.start;
-        for stages in &self.elements {
-            let found = tail(start, stages);
+        for (k, stages) in self.now.elements.iter().enumerate() {
+            let found = tail(self.now.start_of(k), stages);
             for i in 0..N {
                 tails[i] = tails[i].max(found[i]);
                 sizes[i] = stages.iter().fold(sizes[i], |size, y| size.max(y[i].abs()));
             }
-            start = &stages[STAGES - 1];
         }
         largest_ratio(&tails, &sizes)
+    }
+
+    /// The tail as a part of that at which the metrics, which converge about twice as fast, are
+    /// right to `accuracy`.
+    fn tail_part(&self, accuracy: f64) -> f64 {
+        self.tail() / (0.35 * accuracy.sqrt())
+    }
+
+    /// State at phase 0.
+    pub fn start(&self) -> [f64; N] {
+        self.now.start
     }
 
     /// Modulus of the largest Floquet multiplier of a whole period, from a fresh
     /// linearisation.
     pub fn floquet(&mut self, model: &R) -> Result<f64, MotionError> {
+        const MOST_SWEEPS: usize = 1000;
         self.linearise(model)?;
         let product = self.monodromy();
-        let monodromy = nalgebra::DMatrix::from_column_slice(N, N, product.as_slice());
-        let values = monodromy.complex_eigenvalues();
+        // The eigenvalues of the smaller matrix and zeros: of one size for all rings.
+        let padded = Matrix5::from_fn(|i, j| if i < N && j < N { product[(i, j)] } else { 0.0 });
+        if padded.iter().any(|entry| !entry.is_finite()) {
+            return Err(self.not_converged());
+        }
+        let schur = padded.try_schur(f64::EPSILON, MOST_SWEEPS).ok_or(self.not_converged())?;
+        let values = schur.complex_eigenvalues();
         let largest = values.iter().map(|value| value.norm()).fold(0.0, f64::max);
         Ok(if self.is_half { largest * largest } else { largest })
+    }
+
+    /// One Newton step from the last solution; gives the step relative to the states.
+    pub fn polish(&mut self, model: &R) -> Result<f64, MotionError> {
+        self.linearise(model)?;
+        self.close();
+        let size = self.step_size(&self.sizes());
+        self.move_by(1.0);
+        Ok(size)
+    }
+
+    /// Signs of the states at the end relative to the start.
+    pub fn signs(&self) -> &[f64; N] {
+        &self.signs
     }
 
     /// Whether the elements cover half a period.
@@ -433,12 +499,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
 
     /// Number of elements.
     pub fn len(&self) -> usize {
-        self.elements.len()
-    }
-
-    /// Change of element `k`'s start by the last [`Ring::close`].
-    pub fn start_step(&self, k: usize) -> [f64; N] {
-        if k == 0 { self.start_step } else { self.step[k - 1][STAGES - 1] }
+        self.now.elements.len()
     }
 
     /// Lends room for single elements; give it back with [`Ring::give_room`].
@@ -451,31 +512,10 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         self.room = room;
     }
 
-    /// Changes of element `k`'s stages by the last [`Ring::close`].
-    pub fn step(&self, k: usize) -> &Stages<N> {
-        &self.step[k]
-    }
-
-    /// Changes of all states when `parameter` does, into [`Ring::step`]. The chain must be
-    /// linearised at the solution.
-    pub fn differentiate(&mut self, model: &R, parameter: Parameter) {
-        let rule = &*RADAU;
-        for k in 0..self.elements.len() {
-            let start = if k == 0 { &self.start } else { &self.elements[k - 1][STAGES - 1] };
-            let (nodes, stages) = (&self.nodes[k * STAGES..], &self.elements[k]);
-            let per_s = 1.0 / self.element_s;
-            self.linearised.set_step::<N, R>(k, |j| {
-                let dy = rate(rule, start, stages, j, per_s);
-                model.residual_by(&nodes[j], &stages[j], &dy, parameter).map(|by| -by)
-            });
-        }
-        self.close([0.0; N]);
-    }
-
     /// Nodes, start and stages of element `k`.
     pub fn element(&self, k: usize) -> (&[R::Node], &[f64; N], &Stages<N>) {
-        let start = if k == 0 { &self.start } else { &self.elements[k - 1][STAGES - 1] };
-        (&self.nodes[k * STAGES..][..STAGES], start, &self.elements[k])
+        let nodes = &self.nodes[k * STAGES..][..STAGES];
+        (nodes, self.now.start_of(k), &self.now.elements[k])
     }
 }
 
@@ -484,8 +524,15 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
 fn largest_ratio<const N: usize>(parts: &[f64; N], sizes: &[f64; N]) -> f64 {
     const NOTHING: f64 = 1e-9;
     let floor = NOTHING * sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
-    let ratio = |i: usize| parts[i] / sizes[i].max(floor);
-    (0..N).filter(|&i| parts[i] > 0.0).map(ratio).fold(0.0, f64::max)
+    let mut largest = 0.0;
+    for i in (0..N).filter(|&i| parts[i] != 0.0) {
+        let ratio = parts[i] / sizes[i].max(floor);
+        if ratio.is_nan() {
+            return f64::INFINITY;
+        }
+        largest = f64::max(largest, ratio);
+    }
+    largest
 }
 
 /// State at a fraction of an element.

@@ -2,15 +2,18 @@
 
 use std::f64::consts::TAU;
 
-use super::cycle::{Cycle, differentiate, measure};
+use super::cycle::measure;
 use super::element::rate;
 use super::forces::actions;
 use super::kinematic;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, KinematicSkid, Parameter, PassiveNoSkid, PassiveSkid, Reduced};
 use super::ring::{Ring, Start};
-use super::transient;
-use super::{MotionError, Problem};
+use super::sensitivity::differentiate;
+use super::settle::settle;
+use super::trajectory::{self, Sample};
+use super::transient::{self, Follower, Transient};
+use super::{MotionError, Problem, SteadyMotion};
 use crate::metrics::GaitMetrics;
 use crate::robot::JointCommand;
 
@@ -26,6 +29,17 @@ pub struct Solver {
     passive_skid: Ring<5, PassiveSkid>,
     passive_no_skid: Ring<2, PassiveNoSkid>,
     newton_steps: usize,
+}
+
+/// The steady motion in which the robot from rest ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settled {
+    pub motion: SteadyMotion,
+    /// Cycles after which the state at the end of every cycle stays within 1 % of the steady
+    /// one.
+    pub cycles: usize,
+    /// Whether it is the solution that [`Solver::solve`] finds.
+    pub is_found_first: bool,
 }
 
 /// Cycles after which a robot that started from rest is near its steady motion.
@@ -71,14 +85,52 @@ impl Solver {
     }
 
     /// Work of the actuators and what friction takes over a cycle of the last solution, J; equal,
-    /// up to the accuracy of the solution. `None` where the constraint forces are unbounded
-    /// or the motion comes from eq. 3.
+    /// up to the accuracy of the solution.
+    ///
+    /// # Errors
+    /// There is no last solution.
+    pub fn work_and_loss_j(&mut self) -> Result<[f64; 2], MotionError> {
+        let problem = self.last.clone().ok_or(MotionError::NotDriven)?;
+        self.dispatch(&problem, WorkAndLoss)
+    }
+
+    /// Takes one more Newton step, with a fresh Jacobian, from the last solution; gives its size
+    /// relative to the states, which tells what was left. 0 for a motion without states.
     ///
     /// # Errors
     /// As [`Solver::floquet`].
-    pub fn work_and_loss_j(&mut self) -> Result<Option<[f64; 2]>, MotionError> {
+    pub fn polish(&mut self) -> Result<f64, MotionError> {
         let problem = self.last.clone().ok_or(MotionError::NotDriven)?;
-        self.dispatch(&problem, WorkAndLoss)
+        self.dispatch(&problem, Polish)
+    }
+
+    /// Follows the motion from rest and solves for the steady motion in which it ends. The
+    /// next solution starts from that one.
+    ///
+    /// # Errors
+    /// The motion cannot be followed or does not settle.
+    pub fn settle(&mut self, problem: &Problem, accuracy: f64) -> Result<Settled, MotionError> {
+        let is_solved = self.solve(problem, accuracy).is_ok();
+        let (metrics, cycles, is_found_first) =
+            self.dispatch(problem, Settle { is_solved, accuracy })?;
+        self.last = Some(problem.clone());
+        Ok(Settled { motion: self.motion(metrics)?, cycles, is_found_first })
+    }
+
+    /// The last solution at `samples + 1` moments of a cycle, the first at phase 0.
+    ///
+    /// # Errors
+    /// There is no last solution, or an element of it cannot be followed.
+    pub fn cycle(&mut self, samples: usize) -> Result<Vec<Sample>, MotionError> {
+        let problem = self.last.clone().ok_or(MotionError::NotDriven)?;
+        self.dispatch(&problem, SampleCycle { samples })
+    }
+
+    /// All that is reported of the last solution, given its metrics.
+    pub(super) fn motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion, MotionError> {
+        let floquet = self.floquet()?;
+        let [work_j, _] = self.work_and_loss_j()?;
+        Ok(SteadyMotion { metrics, floquet, work_j, newton_steps: self.newton_steps })
     }
 
     /// Newton steps of the last solution.
@@ -87,7 +139,11 @@ impl Solver {
     }
 
     /// Does `task` with the ring of the problem's kind.
-    fn dispatch<T: Task>(&mut self, problem: &Problem, task: T) -> Result<T::Output, MotionError> {
+    pub(super) fn dispatch<T: Task>(
+        &mut self,
+        problem: &Problem,
+        task: T,
+    ) -> Result<T::Output, MotionError> {
         let driven = problem.driven();
         match problem.gait.joints {
             [Some(joint1), Some(joint2)] if !driven.model_skids => {
@@ -124,8 +180,8 @@ fn is_alike(last: &Problem, next: &Problem) -> bool {
         && last.model.skids() == next.model.skids()
 }
 
-/// Something to do with a steady motion, of whatever kind it is.
-trait Task {
+/// Something to do with a motion, of whatever kind it is.
+pub(super) trait Task {
     type Output;
 
     /// For motions that are solutions of differential equations.
@@ -170,10 +226,13 @@ impl Task for Solve {
             Goes::FromRest => false,
         };
         if !near && let Err(error) = ring.solve(model, omega_rad_s, Start::Rest, accuracy) {
+            let mut room = ring.take_room();
+            let mut follower = Follower::new(model, driven, SETTLING_TOLERANCE);
             let duration_s = SETTLING_CYCLES * TAU / omega_rad_s;
-            let settled = transient::follow(model, driven, duration_s, SETTLING_TOLERANCE);
-            let (_, state) = settled.map_err(|_| error)?;
-            ring.solve(model, omega_rad_s, Start::State(state), accuracy)?;
+            let followed = follower.advance_to(duration_s, &mut room, |_| {});
+            ring.give_room(room);
+            followed.map_err(|_| error)?;
+            ring.solve(model, omega_rad_s, Start::State(follower.state), accuracy)?;
         }
         let mut room = ring.take_room();
         let metrics = measure(model, driven, ring, &mut room).metrics;
@@ -224,18 +283,11 @@ impl Task for Differentiate {
         driven: &Driven,
         ring: &mut Ring<N, R>,
     ) -> Result<Derivatives, MotionError> {
-        ring.linearise(model)?;
         let mut room = ring.take_room();
-        let cycle: Cycle = measure(model, driven, ring, &mut room);
-        let derivatives = Parameter::ALL.map(|parameter| {
-            if !driven.knows(parameter) {
-                return GaitMetrics::NONE;
-            }
-            ring.differentiate(model, parameter);
-            differentiate(model, driven, ring, &cycle, parameter, &mut room)
-        });
+        let cycle = measure(model, driven, ring, &mut room);
+        let derivatives = differentiate(model, driven, ring, &cycle, &mut room);
         ring.give_room(room);
-        Ok(derivatives)
+        derivatives
     }
 
     fn quadrature(
@@ -257,14 +309,14 @@ impl Task for Differentiate {
 struct WorkAndLoss;
 
 impl Task for WorkAndLoss {
-    type Output = Option<[f64; 2]>;
+    type Output = [f64; 2];
 
     fn ring<const N: usize, R: Reduced<N>>(
         self,
         model: &R,
         driven: &Driven,
         ring: &mut Ring<N, R>,
-    ) -> Result<Option<[f64; 2]>, MotionError> {
+    ) -> Result<[f64; 2], MotionError> {
         let weights = RADAU.integrate[STAGES - 1];
         let turns = if ring.is_half() { 2.0 } else { 1.0 };
         let (mut work, mut loss) = (0.0, 0.0);
@@ -274,22 +326,152 @@ impl Task for WorkAndLoss {
                 let dy = rate(&RADAU, start, stages, j, 1.0 / ring.element_s());
                 let moment = model.moment(&nodes[j], &stages[j]);
                 let acceleration = model.acceleration(&nodes[j], &stages[j], &dy);
-                let Some(actions) = actions(driven, &moment, &acceleration) else {
-                    return Ok(None);
-                };
+                let actions = actions(driven, &moment, &acceleration);
                 let weight = turns * ring.element_s() * weights[j];
                 work += weight * actions.power_w;
                 loss += weight * actions.loss_w;
             }
         }
-        Ok(Some([work, loss]))
+        Ok([work, loss])
+    }
+
+    fn quadrature(
+        self,
+        driven: &Driven,
+        joints: [JointCommand; 2],
+    ) -> Result<[f64; 2], MotionError> {
+        kinematic::work_and_loss_j(driven, joints)
+    }
+}
+
+struct Polish;
+
+impl Task for Polish {
+    type Output = f64;
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        _driven: &Driven,
+        ring: &mut Ring<N, R>,
+    ) -> Result<f64, MotionError> {
+        ring.polish(model)
+    }
+
+    fn quadrature(self, _driven: &Driven, _joints: [JointCommand; 2]) -> Result<f64, MotionError> {
+        Ok(0.0)
+    }
+}
+
+/// Gives the metrics, the cycles that it took, and whether it is the ring's solution.
+struct Settle {
+    /// Whether the ring holds a solution.
+    is_solved: bool,
+    accuracy: f64,
+}
+
+impl Task for Settle {
+    type Output = (GaitMetrics, usize, bool);
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        driven: &Driven,
+        ring: &mut Ring<N, R>,
+    ) -> Result<Self::Output, MotionError> {
+        let mut room = ring.take_room();
+        let arrival = settle(model, driven, ring, self.is_solved, self.accuracy, &mut room)?;
+        let start = Start::State(arrival.state);
+        ring.solve(model, driven.omega_rad_s, start, self.accuracy)?;
+        let metrics = measure(model, driven, ring, &mut room).metrics;
+        ring.give_room(room);
+        Ok((metrics, arrival.cycles, arrival.is_known))
+    }
+
+    fn quadrature(
+        self,
+        driven: &Driven,
+        joints: [JointCommand; 2],
+    ) -> Result<Self::Output, MotionError> {
+        Ok((kinematic::solve(&driven.robot, joints, driven.omega_rad_s)?, 0, true))
+    }
+}
+
+struct SampleCycle {
+    samples: usize,
+}
+
+impl Task for SampleCycle {
+    type Output = Vec<Sample>;
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        driven: &Driven,
+        ring: &mut Ring<N, R>,
+    ) -> Result<Vec<Sample>, MotionError> {
+        trajectory::cycle(model, driven, ring, self.samples)
+    }
+
+    fn quadrature(
+        self,
+        driven: &Driven,
+        joints: [JointCommand; 2],
+    ) -> Result<Vec<Sample>, MotionError> {
+        kinematic::samples(driven, joints, 1, self.samples)
+    }
+}
+
+/// Samples from rest, see [`Problem::from_rest`].
+pub(super) struct SampleFromRest {
+    pub cycles: usize,
+    pub samples: usize,
+}
+
+impl Task for SampleFromRest {
+    type Output = Vec<Sample>;
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        driven: &Driven,
+        _ring: &mut Ring<N, R>,
+    ) -> Result<Vec<Sample>, MotionError> {
+        trajectory::from_rest(model, driven, self.cycles, self.samples)
+    }
+
+    fn quadrature(
+        self,
+        driven: &Driven,
+        joints: [JointCommand; 2],
+    ) -> Result<Vec<Sample>, MotionError> {
+        kinematic::samples(driven, joints, self.cycles, self.samples)
+    }
+}
+
+/// The path from rest, see [`Problem::follow`].
+pub(super) struct Follow {
+    pub duration_s: f64,
+    pub tolerance: f64,
+}
+
+impl Task for Follow {
+    type Output = Transient;
+
+    fn ring<const N: usize, R: Reduced<N>>(
+        self,
+        model: &R,
+        driven: &Driven,
+        _ring: &mut Ring<N, R>,
+    ) -> Result<Transient, MotionError> {
+        transient::follow(model, driven, self.duration_s, self.tolerance)
     }
 
     fn quadrature(
         self,
         _driven: &Driven,
         _joints: [JointCommand; 2],
-    ) -> Result<Option<[f64; 2]>, MotionError> {
-        Ok(None)
+    ) -> Result<Transient, MotionError> {
+        Err(MotionError::NotDriven)
     }
 }

@@ -3,11 +3,140 @@
 //! Radau IIA is L-stable: the wheels' time constants, down to 0.2 ms, need not be resolved
 //! once their transients are over.
 
+use std::f64::consts::TAU;
+
 use super::MotionError;
-use super::element::{Linearised, follow_element, tail};
+use super::element::{Linearised, Stages, follow_element, tail};
 use super::path::{Pose, advance};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment, Reduced};
+
+/// A motion on its way, at first at rest at phase 0.
+#[derive(Debug)]
+pub(super) struct Follower<'a, const N: usize, R> {
+    model: &'a R,
+    driven: &'a Driven,
+    tolerance: f64,
+    pub time_s: f64,
+    pub state: [f64; N],
+    pub pose: Pose,
+    /// Largest value of each state so far.
+    sizes: [f64; N],
+    /// Length that the next element should have.
+    length_s: f64,
+}
+
+/// One element of a followed motion.
+pub(super) struct Step<'a, const N: usize> {
+    pub time_s: f64,
+    pub duration_s: f64,
+    /// State and pose where the element starts.
+    pub start: &'a [f64; N],
+    pub pose: Pose,
+    pub moments: &'a [Moment; STAGES],
+    pub poses: &'a [Pose; STAGES],
+}
+
+/// Longest element as part of a period.
+const LONGEST_PART: f64 = 1.0 / 8.0;
+/// Shortest element as part of a period; one that needs less cannot be followed.
+const SHORTEST_PART: f64 = 1e-9;
+/// Most elements of a period.
+const MOST_ELEMENTS: usize = 20_000;
+/// States smaller than this part of the largest are judged by the largest.
+const SMALL: f64 = 1e-3;
+
+impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
+    /// A robot at rest; the motion's relative error per element is near `tolerance`.
+    pub fn new(model: &'a R, driven: &'a Driven, tolerance: f64) -> Self {
+        let state = model.at_rest();
+        Self {
+            model,
+            driven,
+            tolerance,
+            time_s: 0.0,
+            state,
+            pose: Pose::default(),
+            sizes: state.map(f64::abs),
+            length_s: 1e-4 * TAU / driven.omega_rad_s,
+        }
+    }
+
+    /// Goes on to a later time; `visit` is given every element.
+    ///
+    /// # Errors
+    /// An element would have to be too short.
+    pub fn advance_to(
+        &mut self,
+        until_s: f64,
+        room: &mut Linearised,
+        mut visit: impl FnMut(&Step<N>),
+    ) -> Result<(), MotionError> {
+        let (model, tolerance) = (self.model, self.tolerance);
+        let period_s = TAU / self.driven.omega_rad_s;
+        let stuck = |time_s| Err(MotionError::Stuck { time_s });
+        room.resize::<N, R>(1);
+        let most = MOST_ELEMENTS * (1 + ((until_s - self.time_s) / period_s) as usize);
+        let mut elements = 0;
+        while self.time_s < until_s {
+            elements += 1;
+            if self.length_s < SHORTEST_PART * period_s || elements > most {
+                return stuck(self.time_s);
+            }
+            let wanted_s = self.length_s.min(LONGEST_PART * period_s);
+            let is_last = wanted_s >= until_s - self.time_s;
+            let length_s = if is_last { until_s - self.time_s } else { wanted_s };
+            let nodes = RADAU
+                .nodes
+                .map(|part| model.node(self.driven.omega_rad_s * (self.time_s + part * length_s)));
+            let followed = follow_element(model, &nodes, &self.state, length_s, tolerance, room);
+            let Some(stages) = followed else {
+                self.length_s = 0.25 * length_s;
+                continue;
+            };
+            let sizes = grown(&self.sizes, &stages);
+            let largest = sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
+            let tails = tail(&self.state, &stages);
+            let error = (0..N)
+                .map(|i| tails[i] / sizes[i].max(SMALL * largest).max(f64::MIN_POSITIVE))
+                .fold(0.0, f64::max);
+            let growth = (tolerance / error.max(1e-300)).powf(1.0 / (STAGES as f64 + 1.0));
+            if error > 4.0 * tolerance {
+                self.length_s = length_s * (0.8 * growth).clamp(0.1, 0.8);
+                continue;
+            }
+            let moments = std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]));
+            let poses = advance(self.pose, &moments, length_s);
+            visit(&Step {
+                time_s: self.time_s,
+                duration_s: length_s,
+                start: &self.state,
+                pose: self.pose,
+                moments: &moments,
+                poses: &poses,
+            });
+            self.sizes = sizes;
+            self.state = stages[STAGES - 1];
+            self.pose = poses[STAGES - 1];
+            self.time_s = if is_last { until_s } else { self.time_s + length_s };
+            let next_s = length_s * (0.9 * growth).clamp(0.3, 4.0);
+            // An element that was cut short says little about the next.
+            self.length_s = if is_last { next_s.max(self.length_s) } else { next_s };
+        }
+        Ok(())
+    }
+
+    /// Largest difference of two states relative to what the states have been.
+    pub fn distance(&self, a: &[f64; N], b: &[f64; N]) -> f64 {
+        let largest = self.sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
+        let floor = (SMALL * largest).max(f64::MIN_POSITIVE);
+        (0..N).map(|i| (a[i] - b[i]).abs() / self.sizes[i].max(floor)).fold(0.0, f64::max)
+    }
+}
+
+fn grown<const N: usize>(sizes: &[f64; N], stages: &Stages<N>) -> [f64; N] {
+    std::array::from_fn(|i| stages.iter().fold(sizes[i], |size, y| size.max(y[i].abs())))
+}
 
 /// A motion followed from rest.
 #[derive(Debug, Clone, Default)]
@@ -35,91 +164,35 @@ impl Transient {
     }
 }
 
-/// Longest element as part of a period.
-const LONGEST_PART: f64 = 1.0 / 8.0;
-/// Shortest element as part of a period; one that needs less cannot be followed.
-const SHORTEST_PART: f64 = 1e-9;
-
 /// Follows the motion from rest for `duration_s` with a relative error near `tolerance`.
 pub(super) fn follow<const N: usize, R: Reduced<N>>(
     model: &R,
     driven: &Driven,
     duration_s: f64,
     tolerance: f64,
-) -> Result<(Transient, [f64; N]), MotionError> {
-    let period_s = std::f64::consts::TAU / driven.omega_rad_s;
-    let mut state = model.at_rest();
-    let mut pose = Pose::default();
-    let (mut time_s, mut length_s) = (0.0, 1e-4 * period_s);
-    let mut sizes = state.map(f64::abs);
+) -> Result<Transient, MotionError> {
     let mut transient = Transient::default();
-    let mut room = Linearised::default();
-    room.resize::<N, R>(1);
-    while time_s < duration_s {
-        length_s = length_s.min(LONGEST_PART * period_s).min(duration_s - time_s);
-        if length_s < SHORTEST_PART * period_s && time_s + length_s < duration_s {
-            return Err(MotionError::Stuck { time_s });
-        }
-        let node = |part: f64| model.node(driven.omega_rad_s * (time_s + part * length_s));
-        let nodes = RADAU.nodes.map(node);
-        let Some(stages) = follow_element(model, &nodes, &state, length_s, tolerance, &mut room)
-        else {
-            length_s *= 0.25;
-            continue;
+    let mut follower = Follower::new(model, driven, tolerance);
+    follower.advance_to(duration_s, &mut Linearised::default(), |step| {
+        let node = model.node(driven.omega_rad_s * step.time_s);
+        let start = model.moment(&node, step.start);
+        let column = |of: &dyn Fn(&Pose, &Moment) -> f64| -> [f64; STAGES + 1] {
+            std::array::from_fn(|l| match l {
+                0 => of(&step.pose, &start),
+                _ => of(&step.poses[l - 1], &step.moments[l - 1]),
+            })
         };
-        let mut grown = sizes;
-        for y in &stages {
-            for i in 0..N {
-                grown[i] = grown[i].max(y[i].abs());
-            }
-        }
-        let largest = grown.iter().fold(0.0_f64, |largest, size| largest.max(*size));
-        let tails = tail(&state, &stages);
-        let error = (0..N)
-            .map(|i| tails[i] / grown[i].max(1e-3 * largest).max(f64::MIN_POSITIVE))
-            .fold(0.0, f64::max);
-        let growth = (tolerance / error.max(1e-300)).powf(1.0 / (STAGES as f64 + 1.0));
-        if error > 4.0 * tolerance {
-            length_s *= (0.8 * growth).clamp(0.1, 0.8);
-            continue;
-        }
-        let start = model.moment(&node(0.0), &state);
-        let moments: [Moment; STAGES] =
-            std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]));
-        let poses = advance(pose, &moments, length_s);
-        transient.elements.push(record(time_s, length_s, pose, &start, &poses, &moments));
-        sizes = grown;
-        state = stages[STAGES - 1];
-        pose = poses[STAGES - 1];
-        time_s += length_s;
-        length_s *= (0.9 * growth).clamp(0.3, 4.0);
-    }
-    Ok((transient, state))
-}
-
-fn record(
-    start_s: f64,
-    duration_s: f64,
-    pose: Pose,
-    start: &Moment,
-    poses: &[Pose; STAGES],
-    moments: &[Moment; STAGES],
-) -> Element {
-    let column = |of: &dyn Fn(&Pose, &Moment) -> f64| -> [f64; STAGES + 1] {
-        std::array::from_fn(|l| match l {
-            0 => of(&pose, start),
-            _ => of(&poses[l - 1], &moments[l - 1]),
-        })
-    };
-    Element {
-        start_s,
-        duration_s,
-        coordinates: [
-            column(&|pose, _| pose.x_m),
-            column(&|pose, _| pose.y_m),
-            column(&|pose, _| pose.theta_rad),
-            column(&|_, moment| moment.phi_rad[0]),
-            column(&|_, moment| moment.phi_rad[1]),
-        ],
-    }
+        transient.elements.push(Element {
+            start_s: step.time_s,
+            duration_s: step.duration_s,
+            coordinates: [
+                column(&|pose, _| pose.x_m),
+                column(&|pose, _| pose.y_m),
+                column(&|pose, _| pose.theta_rad),
+                column(&|_, moment| moment.phi_rad[0]),
+                column(&|_, moment| moment.phi_rad[1]),
+            ],
+        });
+    })?;
+    Ok(transient)
 }

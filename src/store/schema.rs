@@ -224,3 +224,47 @@ impl PredictionRow {
         }
     }
 }
+
+rows! {
+    /// One moment of a simulated motion: what `simulate --trajectory` writes. Forces and torques
+    /// are missing where the constraint forces are unbounded.
+    pub struct TrajectoryRow {
+        pub omega_rad_s: f64,
+        /// After phase 0, s.
+        pub time_s: f64,
+        /// Centre and heading of link 0.
+        pub x_m: f64,
+        pub y_m: f64,
+        pub theta_rad: f64,
+        pub phi1_rad: f64,
+        pub phi2_rad: f64,
+        /// Time derivatives of the coordinates.
+        pub x_rate_m_s: f64,
+        pub y_rate_m_s: f64,
+        pub theta_rate_rad_s: f64,
+        pub phi1_rate_rad_s: f64,
+        pub phi2_rate_rad_s: f64,
+        /// Roll and skid velocities of the wheels.
+        pub roll0_m_s: f64,
+        pub roll1_m_s: f64,
+        pub roll2_m_s: f64,
+        pub skid0_m_s: f64,
+        pub skid1_m_s: f64,
+        pub skid2_m_s: f64,
+        /// Forces of the ground on the wheels across them: constraint forces Lambda (eq. 8) or
+        /// skid resistance (eq. 15).
+        pub lateral0_n: f64,
+        pub lateral1_n: f64,
+        pub lateral2_n: f64,
+        /// Roll resistance (eq. 14).
+        pub roll0_n: f64,
+        pub roll1_n: f64,
+        pub roll2_n: f64,
+        /// Torques of the actuators, or of spring and damper at the passive joint.
+        pub torque1_nm: f64,
+        pub torque2_nm: f64,
+        /// Power of the actuators, and what friction takes.
+        pub power_w: f64,
+        pub loss_w: f64,
+    }
+}

@@ -1,0 +1,195 @@
+//! Random robots, gaits and coefficients, far beyond the paper's: every one ends in a status,
+//! and no number contradicts the motion that is followed from rest.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use rayon::prelude::*;
+use trilink::metrics::GaitMetrics;
+use trilink::motion::{FIT_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Settled, Solver};
+use trilink::robot::{Gait, JointCommand, Robot};
+
+struct Draw(ChaCha8Rng);
+
+impl Draw {
+    fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Evenly spread in the logarithm.
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.within(low.ln(), high.ln()).exp()
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        self.within(0.0, count as f64) as usize
+    }
+
+    fn joint(&mut self) -> JointCommand {
+        JointCommand {
+            offset_rad: if self.below(2) == 0 { 0.0 } else { self.within(-1.0, 1.0) },
+            amplitude_rad: self.within(0.05, 0.9),
+            phase_rad: self.within(-PI, PI),
+        }
+    }
+
+    fn problem(&mut self) -> Problem {
+        let (h_m, l_m) = (self.within(0.05, 0.3), self.within(0.05, 0.3));
+        let mass_kg = [self.within(0.3, 3.0), self.within(0.05, 0.5), self.within(0.05, 0.5)];
+        let robot = Robot {
+            h_m,
+            l_m,
+            b_m: l_m * self.within(0.0, 1.0),
+            mass_kg,
+            inertia_kg_m2: [
+                mass_kg[0] * h_m * h_m * self.within(0.1, 0.6),
+                mass_kg[1] * l_m * l_m * self.within(0.05, 0.4),
+                mass_kg[2] * l_m * l_m * self.within(0.05, 0.4),
+            ],
+            roll_kg_s: [0; 3].map(|_| self.between(0.01, 3.0)),
+            // The configured bounds of a fit.
+            skid_kg_s: [0; 3].map(|_| self.between(1.0, 1000.0)),
+            stiffness_nm_rad: self.between(0.02, 1.0),
+            damping_nm_s_rad: self.between(1e-4, 0.1),
+            rest_angle_rad: if self.below(2) == 0 { 0.0 } else { self.within(-0.4, 0.4) },
+        };
+        let joints = match self.below(3) {
+            0 => [Some(self.joint()), Some(self.joint())],
+            1 => [None, Some(self.joint())],
+            _ => [Some(self.joint()), None],
+        };
+        Problem {
+            robot,
+            gait: Gait { joints },
+            model: Model::ALL[self.below(Model::ALL.len())],
+            omega_rad_s: self.between(0.3, 10.0),
+        }
+    }
+}
+
+/// Whether the robot that is followed from rest goes as far and turns as much in a cycle.
+fn is_what_follows_from_rest(problem: &Problem, settled: &Settled) -> Result<(), String> {
+    let Some(modulus) = settled.motion.floquet.filter(|modulus| *modulus < 1.0) else {
+        return Err(format!("settled in an unstable motion: {settled:?}"));
+    };
+    // 1 % away after these cycles, shrinking by the modulus with each.
+    let cycles = settled.cycles + (1e-4_f64.ln() / modulus.max(0.01).ln()).ceil() as usize + 2;
+    let period_s = TAU / problem.omega_rad_s;
+    let path = problem
+        .follow(cycles as f64 * period_s, 1e-8)
+        .map_err(|error| format!("cannot be followed: {error}"))?;
+    let [from, to] = [cycles - 1, cycles].map(|cycle| path.at(cycle as f64 * period_s));
+    let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let GaitMetrics { d_m: steady_m, dtheta_rad, .. } = settled.motion.metrics;
+    let scale_m = problem.robot.l_m + problem.robot.h_m;
+    if (d_m - steady_m).abs() > 1e-4 * scale_m.max(d_m) {
+        return Err(format!("d is {steady_m}, from rest {d_m} after {cycles} cycles"));
+    }
+    if (to[2] - from[2] - dtheta_rad).abs() > 1e-4 {
+        return Err(format!("dtheta is {dtheta_rad}, from rest {}", to[2] - from[2]));
+    }
+    Ok(())
+}
+
+/// How one draw ends, or what is wrong with it.
+fn end(problem: &Problem) -> Result<&'static str, String> {
+    let numbers_are_finite = |metrics: &GaitMetrics| {
+        let numbers = metrics.to_array();
+        numbers.iter().all(|number| number.is_finite()).then_some(()).ok_or(format!("{metrics:?}"))
+    };
+    let first = problem.solve(REFERENCE_ACCURACY);
+    if let Ok(first) = &first {
+        numbers_are_finite(&first.metrics)?;
+        // A fit's solution is another approximation of the same motion.
+        let mut solver = Solver::default();
+        let fit = solver.solve(problem, FIT_ACCURACY).map_err(|error| error.to_string())?;
+        let same = (fit.d_m - first.metrics.d_m).abs() <= 1e-5 * first.metrics.d_m.max(0.01);
+        if !same && first.floquet.is_some_and(|modulus| modulus < 0.9) {
+            return Err(format!("to a fit's accuracy {fit:?}, else {:?}", first.metrics));
+        }
+        if let Ok(derivatives) = solver.derivatives() {
+            derivatives.iter().try_for_each(numbers_are_finite)?;
+        }
+    }
+    let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);
+    let status = match (&first, &settled) {
+        (Ok(_), Ok(settled)) if settled.is_found_first => "reached",
+        (Ok(first), Ok(_)) if first.status() == "unstable" => "unstable",
+        (Ok(_), Ok(_)) => "another",
+        (Ok(f), Err(other)) => {
+            eprintln!(
+                "UNSETTLED {} {} p{:?} mu {:?} c {:.5}: / {other}",
+                problem.model,
+                problem.omega_rad_s,
+                problem.gait.passive_joint(),
+                f.floquet,
+                problem.robot.damping_nm_s_rad
+            );
+            "unsettled"
+        }
+        (Err(_), Ok(_)) => "found from rest only",
+        (Err(error), Err(other)) => {
+            if error.status() != "singular" {
+                eprintln!(
+                    "{} {} p{:?} mu - c {:.5}: {error} / {other}",
+                    problem.model,
+                    problem.omega_rad_s,
+                    problem.gait.passive_joint(),
+                    problem.robot.damping_nm_s_rad
+                )
+            };
+            return Ok(error.status());
+        }
+    };
+    if let Ok(settled) = &settled
+        && settled.motion.floquet.is_some()
+    {
+        numbers_are_finite(&settled.motion.metrics)?;
+        is_what_follows_from_rest(problem, settled)?;
+    }
+    Ok(status)
+}
+
+fn draw(seed: u64, count: usize) {
+    let ends: Vec<_> = (0..count)
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|i| {
+            let mut generator = ChaCha8Rng::seed_from_u64(seed);
+            generator.set_stream(i as u64);
+            let problem = Draw(generator).problem();
+            let began = std::time::Instant::now();
+            (i, end(&problem), began.elapsed().as_secs_f64(), problem)
+        })
+        .collect();
+    let mut counts = BTreeMap::new();
+    let mut wrong = Vec::new();
+    for (i, end, time_s, problem) in &ends {
+        match end {
+            Ok(status) => *counts.entry(*status).or_insert(0) += 1,
+            Err(message) => wrong.push(format!("draw {i}: {message}: {problem:?}")),
+        }
+        if *time_s > 60.0 {
+            wrong.push(format!("draw {i}: {time_s} s: {problem:?}"));
+        }
+    }
+    let slowest_s = ends.iter().map(|end| end.2).fold(0.0, f64::max);
+    eprintln!("{counts:?}, {} wrong, the slowest took {slowest_s:.1} s", wrong.len());
+    assert!(wrong.is_empty(), "{} of {count}:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+#[test]
+fn two_hundred_draws_end_in_a_status_that_the_motion_from_rest_confirms() {
+    draw(1, 200);
+}
+
+/// Takes minutes: `cargo test --test draws -- --ignored --nocapture`.
+#[test]
+#[ignore = "minutes"]
+fn ten_thousand_draws_end_in_a_status_that_the_motion_from_rest_confirms() {
+    draw(2, 10_000);
+}
