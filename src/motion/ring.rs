@@ -51,6 +51,8 @@ pub(super) struct Ring<const N: usize, R: Reduced<N>> {
     nodes: Vec<R::Node>,
     /// Newton steps of the last solution.
     steps: usize,
+    /// The step after a fresh one as a part of that one's square, when last seen.
+    bend: f64,
     linearised: Linearised,
     /// Inverse of the matrix that closes the chain.
     closing: SMatrix<f64, N, N>,
@@ -91,10 +93,12 @@ const LEAST_PART: f64 = 1.0 / 512.0;
 const FAST: f64 = 0.15;
 /// Steps below this size are rounding: whether they shrink cannot be judged.
 const ROUNDING: f64 = 1e-9;
+/// By how much what is left may be larger than what was seen lets expect.
+const SAFETY: f64 = 3.0;
 /// Elements are laid out for this part of the tail that is allowed.
-const MARGIN: f64 = 0.9;
+const MARGIN: f64 = 0.6;
 /// A solution that could do with this part of its neighbour's elements gets fewer.
-const FEWER: f64 = 0.8;
+const FEWER: f64 = 0.9;
 
 impl<const N: usize, R: Reduced<N>> Default for Ring<N, R> {
     fn default() -> Self {
@@ -105,6 +109,7 @@ impl<const N: usize, R: Reduced<N>> Default for Ring<N, R> {
             now: States::default(),
             nodes: Vec::new(),
             steps: 0,
+            bend: 1.0,
             linearised: Linearised::default(),
             closing: SMatrix::zeros(),
             step: States::default(),
@@ -132,7 +137,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
             start == Start::Last && tail_part.is_finite() && self.is_half == signs.is_some();
         self.is_half = signs.is_some();
         self.signs = signs.unwrap_or([1.0; N]);
-        self.steps = 0;
+        (self.steps, self.bend) = (0, 1.0);
         if goes_on {
             self.go_on(model, omega_rad_s, tail_part);
         } else {
@@ -340,6 +345,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     /// section 3.3.
     fn newton(&mut self, model: &R, accuracy: f64) -> Result<(), MotionError> {
         let enough = 0.3 * accuracy;
+        let mut first_part = 1.0;
         while self.steps < MOST_STEPS {
             self.linearise(model)?;
             self.close();
@@ -348,11 +354,10 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
             if !size.is_finite() {
                 return Err(self.not_converged());
             }
-            // The step after a fresh one is about its square.
-            let is_last = 3.0 * size * size <= enough;
-            let mut part = 1.0;
+            let is_last = SAFETY * self.bend * size * size <= enough;
+            let mut part = first_part;
             let mut next_size = loop {
-                self.move_by(part);
+                self.move_by(if is_last { 1.0 } else { part });
                 if is_last {
                     return Ok(());
                 }
@@ -368,6 +373,10 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
                     return Err(self.not_converged());
                 }
             };
+            first_part = f64::min(1.0, 2.0 * part);
+            if part == 1.0 {
+                self.bend = next_size / (size * size);
+            }
             while part == 1.0 && next_size < FAST * size && self.steps < MOST_STEPS {
                 let shrinks = next_size / size;
                 size = next_size;
