@@ -208,15 +208,43 @@ impl Linearised {
         lu::solve(size, 1, factors, pivots, &mut self.step[k * size..][..size]);
     }
 
-    /// Changes of element `k`'s stages when its start changes by `start`; with `whole` its own
-    /// step is added.
+    /// The last of [`Linearised::changes`].
+    #[inline(always)]
+    pub fn end_change<const N: usize, R: Reduced<N>>(
+        &self,
+        k: usize,
+        start: &[f64; N],
+        duration_s: f64,
+        whole: bool,
+    ) -> [f64; N] {
+        let per_stage = unknowns::<N, R>();
+        let size = per_stage * STAGES;
+        let transfer = &self.transfer[k * size * N..][..size * N];
+        let step = &self.step[k * size..][..size];
+        let change = |row: usize| {
+            let own = if whole { step[row] } else { 0.0 };
+            let entries = &transfer[row * N..][..N];
+            entries.iter().zip(start).fold(own, |sum, (entry, start)| sum + entry * start)
+        };
+        let mut end = [0.0; N];
+        for i in 0..per_stage {
+            end[i] = change((STAGES - 1) * per_stage + i);
+        }
+        if R::INTEGRATED {
+            let weights = &RADAU.integrate[STAGES - 1];
+            let sum: f64 = (0..STAGES).map(|l| weights[l] * change(l * per_stage + N - 2)).sum();
+            end[N - 1] = start[N - 1] + duration_s * sum;
+        }
+        end
+    }
+
+    /// Changes of element `k`'s stages by its step when its start changes by `start`.
     #[inline(always)]
     pub fn changes<const N: usize, R: Reduced<N>>(
         &self,
         k: usize,
         start: &[f64; N],
         duration_s: f64,
-        whole: bool,
     ) -> Stages<N> {
         let per_stage = unknowns::<N, R>();
         let size = per_stage * STAGES;
@@ -226,7 +254,7 @@ impl Linearised {
         for j in 0..STAGES {
             for i in 0..per_stage {
                 let row = &transfer[(j * per_stage + i) * N..][..N];
-                let mut sum = if whole { step[j * per_stage + i] } else { 0.0 };
+                let mut sum = step[j * per_stage + i];
                 for m in 0..N {
                     sum += row[m] * start[m];
                 }
@@ -253,25 +281,26 @@ pub(super) fn integrate_last<const N: usize>(stages: &mut Stages<N>, start: f64,
     }
 }
 
-/// The stages of one element from a known start, or `None` if Newton's method fails. Uses the
-/// room of element 0.
+/// The stages of one element from a known start, by Newton's method from a guess, or `None` if
+/// it fails. Uses the room of element 0.
 pub(super) fn follow_element<const N: usize, R: Reduced<N>>(
     model: &R,
     nodes: &[R::Node],
     start: &[f64; N],
     duration_s: f64,
+    guess: &Stages<N>,
     tolerance: f64,
     room: &mut Linearised,
 ) -> Option<Stages<N>> {
     const MOST_STEPS: usize = 12;
-    let mut stages = [*start; STAGES];
+    let mut stages = *guess;
     if R::INTEGRATED {
         integrate_last(&mut stages, start[N - 1], duration_s);
     }
     for _ in 0..MOST_STEPS {
         room.linearise(0, model, nodes, start, &stages, duration_s)?;
         room.solve_step::<N, R>(0);
-        let changes = room.changes::<N, R>(0, &[0.0; N], duration_s, true);
+        let changes = room.changes::<N, R>(0, &[0.0; N], duration_s);
         let (mut step, mut size) = (0.0_f64, 0.0_f64);
         for (y, change) in stages.iter_mut().zip(&changes) {
             for i in 0..N {
@@ -293,9 +322,37 @@ pub(super) fn follow_element<const N: usize, R: Reduced<N>>(
 
 /// Size of the highest Legendre coefficient of each state's polynomial in the element.
 pub(super) fn tail<const N: usize>(start: &[f64; N], stages: &Stages<N>) -> [f64; N] {
-    let weights = RADAU.tail;
+    let [.., weights] = RADAU.spectrum;
+    std::array::from_fn(|i| coefficient(&weights, i, start, stages).abs())
+}
+
+/// The same of the coefficient two degrees lower.
+pub(super) fn lower_tail<const N: usize>(start: &[f64; N], stages: &Stages<N>) -> [f64; N] {
+    let [weights, ..] = RADAU.spectrum;
+    std::array::from_fn(|i| coefficient(&weights, i, start, stages).abs())
+}
+
+fn coefficient<const N: usize>(
+    weights: &[f64; STAGES + 1],
+    i: usize,
+    start: &[f64; N],
+    stages: &Stages<N>,
+) -> f64 {
+    let from_stages: f64 = (0..STAGES).map(|j| weights[j + 1] * stages[j][i]).sum();
+    weights[0] * start[i] + from_stages
+}
+
+/// State at a fraction of an element.
+pub(super) fn interpolate<const N: usize>(
+    start: &[f64; N],
+    stages: &Stages<N>,
+    part: f64,
+) -> [f64; N] {
     std::array::from_fn(|i| {
-        let from_stages: f64 = (0..STAGES).map(|j| weights[j + 1] * stages[j][i]).sum();
-        (weights[0] * start[i] + from_stages).abs()
+        let mut values = [start[i]; STAGES + 1];
+        for j in 0..STAGES {
+            values[j + 1] = stages[j][i];
+        }
+        RADAU.interpolate(&values, part)
     })
 }

@@ -3,7 +3,7 @@
 //! The ends of elements are far more accurate than the stages inside, so an extreme is made the
 //! end of a shorter element from the same start.
 
-use super::element::{Linearised, Stages, follow_element, rate};
+use super::element::{Linearised, Stages, follow_element, interpolate, rate};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment, Reduced};
 use super::ring::Ring;
@@ -26,8 +26,8 @@ pub(super) struct Turn {
     pub sign: f64,
 }
 
-/// Part of an element by which a turn may be missed.
-const MISSED: f64 = 1e-9;
+/// Part of an element by which a turn may be missed; the angle then misses its third power.
+const MISSED: f64 = 1e-5;
 const MOST_CORRECTIONS: usize = 4;
 
 impl Extremes {
@@ -110,11 +110,12 @@ impl Turn {
         ring: &Ring<N, R>,
         room: &mut Linearised,
     ) -> Option<([R::Node; STAGES], Stages<N>)> {
-        let (_, start, _) = ring.element(self.element);
+        let (_, start, whole) = ring.element(self.element);
         let nodes = RADAU.nodes.map(|c| node(model, driven, ring, self.element, self.part * c));
         room.resize::<N, R>(1);
         let duration_s = self.part * ring.element_s();
-        let stages = follow_element(model, &nodes, start, duration_s, 1e-12, room)?;
+        let guess = RADAU.nodes.map(|c| interpolate(start, whole, self.part * c));
+        let stages = follow_element(model, &nodes, start, duration_s, &guess, 1e-12, room)?;
         Some((nodes, stages))
     }
 

@@ -54,7 +54,7 @@ pub(super) fn solve(
             });
         }
         if count >= MOST_ELEMENTS {
-            return Err(MotionError::Unresolved { tail: change.max(turn) });
+            return Err(MotionError::Unresolved { missed: change.max(turn) });
         }
         before = after;
     }

@@ -102,8 +102,8 @@ pub enum MotionError {
     Singular { phase_rad: f64 },
     #[error("Newton's method found no periodic motion in {steps} steps")]
     NotConverged { steps: usize },
-    #[error("the motion is too rough to resolve: {tail:.1e} of its spectrum is left")]
-    Unresolved { tail: f64 },
+    #[error("the motion is too rough to resolve: {missed:.1e} of it is missed")]
+    Unresolved { missed: f64 },
     #[error("the integrator cannot pass {time_s} s")]
     Stuck { time_s: f64 },
     #[error("from rest the motion has not settled after {cycles} cycles{}", repeats(*repeats_after))]

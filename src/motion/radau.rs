@@ -22,9 +22,9 @@ pub struct Radau {
     /// `integrate[j][l]`: weight of the derivative at stage `l` in the increment up to stage
     /// `j`; the last row is the quadrature rule of the whole element.
     pub integrate: [[f64; STAGES]; STAGES],
-    /// Weights (start, stages) of the highest Legendre coefficient of the element's
-    /// polynomial: what is left of its spectrum.
-    pub tail: [f64; STAGES + 1],
+    /// Weights (start, stages) of the three highest Legendre coefficients of the element's
+    /// polynomial, of degrees `STAGES - 2` to `STAGES`: the end of its spectrum.
+    pub spectrum: [[f64; STAGES + 1]; 3],
     /// Barycentric weights (start, stages) of the element's polynomial.
     pub barycentric: [f64; STAGES + 1],
 }
@@ -55,11 +55,13 @@ impl Radau {
         let matrix = SMatrix::<f64, STAGES, STAGES>::from_fn(|j, l| differentiate[j][l]);
         let inverse = matrix.try_inverse().expect("collocation at distinct points is regular");
         let integrate = std::array::from_fn(|j| std::array::from_fn(|l| inverse[(j, l)]));
-        // The divided difference of the highest order over the leading coefficient of the
-        // Legendre polynomial shifted to [0, 1], (2s)! / (s!)^2.
-        let leading = (1..=STAGES).map(|k| (STAGES + k) as f64 / k as f64).product::<f64>();
-        let tail = barycentric.map(|weight| weight / leading);
-        Self { nodes, differentiate, differentiate_start, integrate, tail, barycentric }
+        let legendre = SMatrix::<f64, { STAGES + 1 }, { STAGES + 1 }>::from_fn(|l, degree| {
+            legendre(degree, 2.0 * points[l] - 1.0)
+        });
+        let inverse = legendre.try_inverse().expect("interpolation at distinct points is regular");
+        let spectrum =
+            std::array::from_fn(|k| std::array::from_fn(|l| inverse[(STAGES - 2 + k, l)]));
+        Self { nodes, differentiate, differentiate_start, integrate, spectrum, barycentric }
     }
 
     /// Value at `x` in `[0, 1]` of the polynomial through `values` at the start and the stages.
@@ -78,17 +80,21 @@ impl Radau {
     }
 }
 
+/// Value of the Legendre polynomial of a degree.
+fn legendre(degree: usize, t: f64) -> f64 {
+    let (mut before, mut value) = (0.0, 1.0);
+    for k in 1..=degree {
+        let k = k as f64;
+        (before, value) = (value, ((2.0 * k - 1.0) * t * value - (k - 1.0) * before) / k);
+    }
+    value
+}
+
 /// Zeros of `P_s(2x - 1) - P_{s-1}(2x - 1)`, ascending; the last one is 1.
 fn radau_nodes() -> [f64; STAGES] {
     let polynomial = |x: f64| {
         let t = 2.0 * x - 1.0;
-        let (mut previous, mut current) = (1.0, t);
-        for k in 2..=STAGES {
-            let k = k as f64;
-            (previous, current) =
-                (current, ((2.0 * k - 1.0) * t * current - (k - 1.0) * previous) / k);
-        }
-        current - previous
+        legendre(STAGES, t) - legendre(STAGES - 1, t)
     };
     let mut nodes = [1.0; STAGES];
     let mut found = 0;
@@ -144,13 +150,15 @@ mod tests {
     }
 
     #[test]
-    fn the_tail_is_the_highest_legendre_coefficient() {
-        // x^s has the leading Legendre coefficient (s!)^2 / (2s)!.
-        let highest = RADAU.tail[1..]
-            .iter()
-            .zip(RADAU.nodes)
-            .map(|(weight, x)| weight * x.powi(STAGES as i32))
-            .sum::<f64>();
-        assert!((highest - 1.0 / 252.0).abs() < 1e-14);
+    fn the_spectrum_is_of_legendre_coefficients() {
+        for (k, weights) in RADAU.spectrum.iter().enumerate() {
+            for degree in 0..=STAGES {
+                let at_nodes = RADAU.nodes.map(|x| legendre(degree, 2.0 * x - 1.0));
+                let at_start = legendre(degree, -1.0);
+                let stages: f64 = weights[1..].iter().zip(at_nodes).map(|(w, p)| w * p).sum();
+                let known = if degree == STAGES - 2 + k { 1.0 } else { 0.0 };
+                assert!((weights[0] * at_start + stages - known).abs() < 1e-13);
+            }
+        }
     }
 }

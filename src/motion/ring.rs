@@ -15,7 +15,9 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix5, SMatrix, SVector};
 
 use super::MotionError;
-use super::element::{Linearised, Stages, follow_element, integrate_last, tail};
+use super::element::{
+    Linearised, Stages, follow_element, integrate_last, interpolate, lower_tail, tail,
+};
 use super::radau::{RADAU, STAGES};
 use super::reduced::Reduced;
 
@@ -63,9 +65,8 @@ pub(super) struct Ring<const N: usize, R: Reduced<N>> {
     before: States<N>,
     /// Room for single elements.
     room: Linearised,
-    /// Tail of the last solution's spectrum as a part of what was asked for; infinite if there
-    /// is no solution.
-    tail_part: f64,
+    /// What the last solution misses as a part of what it may; infinite if there is none.
+    missed_part: f64,
 }
 
 /// Where Newton's method starts.
@@ -79,8 +80,9 @@ pub(super) enum Start<const N: usize> {
     State([f64; N]),
 }
 
-/// Elements per period at first, and at most.
+/// Elements per period at first, and in the end at least and at most.
 const COARSE: usize = 6;
+const FEWEST: usize = 8;
 const MOST_ELEMENTS: usize = 512;
 /// By how much finer the first elements are when a motion from a state fails with coarse ones.
 const FINER: [usize; 3] = [1, 4, 16];
@@ -94,9 +96,11 @@ const FAST: f64 = 0.15;
 /// Steps below this size are rounding: whether they shrink cannot be judged.
 const ROUNDING: f64 = 1e-9;
 /// By how much what is left may be larger than what was seen lets expect.
-const SAFETY: f64 = 3.0;
-/// Elements are laid out for this part of the tail that is allowed.
-const MARGIN: f64 = 0.6;
+const SAFETY: f64 = 10.0;
+/// Part of the accuracy that the elements may miss.
+const MISSED: f64 = 0.5;
+/// Elements are laid out for this part of what they may miss.
+const MARGIN: f64 = 0.4;
 /// A solution that could do with this part of its neighbour's elements gets fewer.
 const FEWER: f64 = 0.9;
 
@@ -116,7 +120,7 @@ impl<const N: usize, R: Reduced<N>> Default for Ring<N, R> {
             last_step: States::default(),
             before: States::default(),
             room: Linearised::default(),
-            tail_part: f64::INFINITY,
+            missed_part: f64::INFINITY,
         }
     }
 }
@@ -131,34 +135,34 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         start: Start<N>,
         accuracy: f64,
     ) -> Result<(), MotionError> {
-        let tail_part = std::mem::replace(&mut self.tail_part, f64::INFINITY);
+        let missed_part = std::mem::replace(&mut self.missed_part, f64::INFINITY);
         let signs = model.half_period_signs();
         let goes_on =
-            start == Start::Last && tail_part.is_finite() && self.is_half == signs.is_some();
+            start == Start::Last && missed_part.is_finite() && self.is_half == signs.is_some();
         self.is_half = signs.is_some();
         self.signs = signs.unwrap_or([1.0; N]);
         (self.steps, self.bend) = (0, 1.0);
         if goes_on {
-            self.go_on(model, omega_rad_s, tail_part);
+            self.go_on(model, omega_rad_s, missed_part);
         } else {
             self.begin(model, omega_rad_s, start)?;
-            let tail_part = self.tail_part(accuracy);
-            self.refine(model, omega_rad_s, tail_part)?;
+            let missed_part = self.missed_part(model, accuracy);
+            self.refine(model, omega_rad_s, missed_part)?;
         }
         loop {
             self.newton(model, accuracy)?;
-            let tail_part = self.tail_part(accuracy);
-            if tail_part <= 1.0 {
-                self.tail_part = tail_part;
+            let missed_part = self.missed_part(model, accuracy);
+            if missed_part <= 1.0 {
+                self.missed_part = missed_part;
                 return Ok(());
             }
-            self.refine(model, omega_rad_s, tail_part)?;
+            self.refine(model, omega_rad_s, missed_part)?;
         }
     }
 
     /// Finds an approximate solution with few elements.
     fn begin(&mut self, model: &R, omega_rad_s: f64, start: Start<N>) -> Result<(), MotionError> {
-        let coarse = if self.is_half { COARSE / 2 } else { COARSE };
+        let coarse = COARSE / self.parts();
         let Start::State(state) = start else {
             self.lay_nodes(model, omega_rad_s, coarse);
             self.now.start = model.at_rest();
@@ -178,11 +182,11 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         tried
     }
 
-    /// Makes the last solution, whose tail was `tail_part` of what was allowed, the start for
+    /// Makes the last solution, which missed `missed_part` of what it could, the start for
     /// another frequency.
-    fn go_on(&mut self, model: &R, omega_rad_s: f64, tail_part: f64) {
+    fn go_on(&mut self, model: &R, omega_rad_s: f64, missed_part: f64) {
         let before_s = self.element_s * self.now.elements.len() as f64;
-        let enough = self.enough_elements(tail_part);
+        let enough = self.enough_elements(missed_part);
         if (enough as f64) < FEWER * self.now.elements.len() as f64 {
             self.resample(enough);
         }
@@ -195,25 +199,31 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         self.integrate();
     }
 
-    /// Elements that bring a tail of `tail_part` to what is allowed.
-    fn enough_elements(&self, tail_part: f64) -> usize {
-        let coarse = if self.is_half { COARSE / 2 } else { COARSE };
-        // The tail falls with about this power of the elements' length.
-        let growth = (tail_part / MARGIN).powf(1.0 / (STAGES as f64 + 0.5)).min(4.0);
-        ((self.now.elements.len() as f64 * growth).ceil() as usize).max(coarse)
+    /// Parts of a period of which the elements cover one.
+    fn parts(&self) -> usize {
+        if self.is_half { 2 } else { 1 }
     }
 
-    /// Replaces the elements by as many as a tail of `tail_part` needs, if it is too large.
-    fn refine(&mut self, model: &R, omega_rad_s: f64, tail_part: f64) -> Result<(), MotionError> {
-        if tail_part <= 1.0 {
+    /// Elements that miss only what they may, where those at hand miss `missed_part` of it.
+    fn enough_elements(&self, missed_part: f64) -> usize {
+        let fewest = FEWEST / self.parts();
+        // By the rule's order.
+        let growth = (missed_part / MARGIN).powf(1.0 / (2.0 * STAGES as f64 - 1.0)).min(4.0);
+        ((self.now.elements.len() as f64 * growth).ceil() as usize).max(fewest)
+    }
+
+    /// Replaces the elements by as many as are needed, if those at hand miss too much.
+    fn refine(&mut self, model: &R, omega_rad_s: f64, missed_part: f64) -> Result<(), MotionError> {
+        let fewest = FEWEST / self.parts();
+        if missed_part <= 1.0 && self.now.elements.len() >= fewest {
             return Ok(());
         }
-        let most = if self.is_half { MOST_ELEMENTS / 2 } else { MOST_ELEMENTS };
+        let most = MOST_ELEMENTS / self.parts();
         let count = self.now.elements.len();
-        if count >= most || !tail_part.is_finite() {
-            return Err(MotionError::Unresolved { tail: self.tail() });
+        if count >= most || !missed_part.is_finite() {
+            return Err(MotionError::Unresolved { missed: self.missed(model) });
         }
-        let finer = self.enough_elements(tail_part).clamp(count + 1, most);
+        let finer = self.enough_elements(missed_part).clamp(count + 1, most);
         self.resample(finer);
         self.lay_nodes(model, omega_rad_s, finer);
         self.integrate();
@@ -239,7 +249,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
 
     /// Lays out the nodes of `count` elements and room for them.
     fn lay_nodes(&mut self, model: &R, omega_rad_s: f64, count: usize) {
-        let span = if self.is_half { 0.5 * TAU } else { TAU };
+        let span = TAU / self.parts() as f64;
         self.element_s = span / omega_rad_s / count as f64;
         self.nodes.clear();
         for k in 0..count {
@@ -269,7 +279,8 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         let element_s = self.element_s;
         for (k, nodes) in self.nodes.chunks_exact(STAGES).enumerate() {
             let room = &mut self.linearised;
-            let stages = follow_element(model, nodes, &from, element_s, 1e-4, room)
+            let guess = [from; STAGES];
+            let stages = follow_element(model, nodes, &from, element_s, &guess, 1e-4, room)
                 .ok_or(MotionError::Stuck { time_s: k as f64 * element_s })?;
             self.now.elements.push(stages);
             from = stages[STAGES - 1];
@@ -307,8 +318,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         SMatrix::from_columns(&std::array::from_fn::<_, N, _>(|m| {
             let mut x: [f64; N] = std::array::from_fn(|i| if i == m { 1.0 } else { 0.0 });
             for k in 0..self.now.elements.len() {
-                let changes = self.linearised.changes::<N, R>(k, &x, self.element_s, false);
-                x = changes[STAGES - 1];
+                x = self.linearised.end_change::<N, R>(k, &x, self.element_s, false);
             }
             SVector::from_fn(|i, _| self.signs[i] * x[i])
         }))
@@ -320,8 +330,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         let mut offset = [0.0; N];
         for k in 0..count {
             self.linearised.solve_step::<N, R>(k);
-            let changes = self.linearised.changes::<N, R>(k, &offset, self.element_s, true);
-            offset = changes[STAGES - 1];
+            offset = self.linearised.end_change::<N, R>(k, &offset, self.element_s, true);
         }
         let end = self.now.start_of(count);
         let mismatch = |i: usize| self.signs[i] * (offset[i] + end[i]) - self.now.start[i];
@@ -330,7 +339,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         let mut start = self.step.start;
         self.step.elements.clear();
         for k in 0..count {
-            let changes = self.linearised.changes::<N, R>(k, &start, self.element_s, true);
+            let changes = self.linearised.changes::<N, R>(k, &start, self.element_s);
             start = changes[STAGES - 1];
             self.step.elements.push(changes);
         }
@@ -435,24 +444,50 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         largest_ratio(&steps, sizes)
     }
 
-    /// Relative size of what the elements' polynomials cannot show: the largest highest
-    /// coefficient of a state over the largest value of that state.
-    fn tail(&self) -> f64 {
-        let (mut tails, mut sizes) = ([0.0_f64; N], [0.0_f64; N]);
-        for (k, stages) in self.now.elements.iter().enumerate() {
-            let found = tail(self.now.start_of(k), stages);
-            for i in 0..N {
+    /// Relative size, in the order of magnitude, of what the ends of the elements miss of the
+    /// velocities and angles.
+    ///
+    /// The elements' polynomials miss about as much as their highest coefficient, the ends, where
+    /// the rule is of nearly twice the order, only what comes four degrees later; the fall of the
+    /// spectrum over the last two degrees tells how little that is.
+    fn missed(&self, model: &R) -> f64 {
+        let (mut tails, mut lower) = ([0.0_f64; 7], [0.0_f64; 7]);
+        let mut sizes = [0.0_f64; 7];
+        let mut start = self.values(model, 0, None);
+        for k in 0..self.now.elements.len() {
+            let stages: Stages<7> = std::array::from_fn(|j| self.values(model, k, Some(j)));
+            let (found, found_lower) = (tail(&start, &stages), lower_tail(&start, &stages));
+            for i in 0..7 {
                 tails[i] = tails[i].max(found[i]);
+                lower[i] = lower[i].max(found_lower[i]);
                 sizes[i] = stages.iter().fold(sizes[i], |size, y| size.max(y[i].abs()));
             }
+            start = stages[STAGES - 1];
         }
-        largest_ratio(&tails, &sizes)
+        let missed: [f64; 7] = std::array::from_fn(|i| {
+            let fall = if tails[i] < lower[i] { tails[i] / lower[i] } else { 1.0 };
+            tails[i] * fall * fall
+        });
+        largest_ratio(&missed, &sizes)
     }
 
-    /// The tail as a part of that at which the metrics, which converge about twice as fast, are
-    /// right to `accuracy`.
-    fn tail_part(&self, accuracy: f64) -> f64 {
-        self.tail() / (0.35 * accuracy.sqrt())
+    fn values(&self, model: &R, k: usize, j: Option<usize>) -> [f64; 7] {
+        let moment = match j {
+            Some(j) => model.moment(&self.nodes[k * STAGES + j], &self.now.elements[k][j]),
+            None => model.moment(&model.node(0.0), &self.now.start),
+        };
+        let [phi1, phi2] = moment.phi_rad;
+        let [u, v, r, w1, w2] = moment.velocity;
+        [phi1, phi2, u, v, r, w1, w2]
+    }
+
+    /// What is missed as a part of that at which the metrics are right to `accuracy`. Where a
+    /// disturbance dies out slowly, the elements' errors add up.
+    fn missed_part(&self, model: &R, accuracy: f64) -> f64 {
+        let sizes = self.sizes();
+        let row = |i: usize| (0..N).map(|m| self.closing[(i, m)].abs() * sizes[m]).sum::<f64>();
+        let growth = largest_ratio(&std::array::from_fn(row), &sizes);
+        self.missed(model) * growth.max(1.0) / (MISSED * accuracy)
     }
 
     /// State at phase 0.
@@ -542,15 +577,4 @@ fn largest_ratio<const N: usize>(parts: &[f64; N], sizes: &[f64; N]) -> f64 {
         largest = f64::max(largest, ratio);
     }
     largest
-}
-
-/// State at a fraction of an element.
-fn interpolate<const N: usize>(start: &[f64; N], stages: &Stages<N>, part: f64) -> [f64; N] {
-    std::array::from_fn(|i| {
-        let mut values = [start[i]; STAGES + 1];
-        for j in 0..STAGES {
-            values[j + 1] = stages[j][i];
-        }
-        RADAU.interpolate(&values, part)
-    })
 }

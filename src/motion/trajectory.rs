@@ -169,9 +169,16 @@ impl<'a, R> Sampler<'a, R> {
         let (model, omega_rad_s) = (self.model, self.driven.omega_rad_s);
         let nodes = RADAU.nodes.map(|part| model.node(omega_rad_s * (time_s + part * duration_s)));
         self.room.resize::<N, R>(1);
-        let stages: Stages<N> =
-            follow_element(model, &nodes, start, duration_s, 1e-12, &mut self.room)
-                .ok_or(MotionError::Stuck { time_s })?;
+        let stages: Stages<N> = follow_element(
+            model,
+            &nodes,
+            start,
+            duration_s,
+            &[*start; STAGES],
+            1e-12,
+            &mut self.room,
+        )
+        .ok_or(MotionError::Stuck { time_s })?;
         let moments = std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]));
         let [.., end] = advance(pose, &moments, duration_s);
         Ok((stages[STAGES - 1], end))

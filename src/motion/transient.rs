@@ -89,7 +89,8 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
             let nodes = RADAU
                 .nodes
                 .map(|part| model.node(self.driven.omega_rad_s * (self.time_s + part * length_s)));
-            let followed = follow_element(model, &nodes, &self.state, length_s, tolerance, room);
+            let (start, guess) = (&self.state, [self.state; STAGES]);
+            let followed = follow_element(model, &nodes, start, length_s, &guess, tolerance, room);
             let Some(stages) = followed else {
                 self.length_s = 0.25 * length_s;
                 continue;
