@@ -143,6 +143,37 @@ fn from_rest_the_robot_settles_into_the_steady_motion() {
 }
 
 #[test]
+fn wheels_that_hardly_skid_go_the_way_of_wheels_that_cannot() {
+    let setups = [
+        (Robot::kinematic(), Gait::symmetric(), Model::Skid, Model::NoSkid),
+        (Robot::kinematic(), Gait::skewed(), Model::Skid, Model::NoSkid),
+        (Robot::kinematic(), Gait::skewed(), Model::SkidRoll, Model::NoSkidRoll),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Model::SkidRoll, Model::NoSkidRoll),
+    ];
+    for (robot, gait, skids, cannot) in setups {
+        let problem = Problem { robot, gait, model: cannot, omega_rad_s: 3.9 };
+        let limit = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+        let mut last: Option<(f64, [f64; 3])> = None;
+        for skid_kg_s in [1e2, 1e3, 1e4, 1e5, 1e6] {
+            let robot = Robot { skid_kg_s: [skid_kg_s; 3], ..problem.robot.clone() };
+            let problem = Problem { robot, model: skids, ..problem.clone() };
+            let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+            let off = (found.d_m - limit.d_m).abs() / limit.d_m;
+            if let Some((last_off, last_sigma)) = last {
+                // Forces approach those of the constraints, so skidding goes with 1 / c.
+                assert!(off < 0.3 * last_off, "{skids} {skid_kg_s}: {off} after {last_off}");
+                for (sigma, last) in found.sigma.iter().zip(last_sigma) {
+                    assert!(*sigma < 0.2 * last, "{skids} {skid_kg_s}: {sigma} after {last}");
+                }
+            }
+            last = Some((off, found.sigma));
+        }
+        let (off, sigma) = last.unwrap();
+        assert!(off < 1e-4 && sigma.iter().all(|sigma| *sigma < 1e-4), "{skids}: {off} {sigma:?}");
+    }
+}
+
+#[test]
 fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
     // Exchanging the side links and looking backwards gives the same robot.
     let front = Problem {

@@ -27,9 +27,13 @@ pub(super) fn parse_omegas(text: &str) -> Result<Omegas, String> {
         if !(2..=100_000).contains(&count) {
             return Err(format!("found {count} frequencies, needed 2 to 100000"));
         }
-        let step = (high - low) / (count - 1) as f64;
-        omegas
-            .extend((0..count).map(|i| if i + 1 == count { high } else { low + step * i as f64 }));
+        let at = |i: usize| {
+            let omega = low + (high - low) * i as f64 / (count - 1) as f64;
+            // 0.7, not 0.7000000000000001.
+            let rounded = (omega * 1e12).round() / 1e12;
+            if rounded > 0.0 { rounded } else { omega }
+        };
+        omegas.extend((0..count).map(at));
     }
     Ok(Omegas(omegas))
 }
@@ -42,6 +46,7 @@ mod tests {
     fn lists_and_ranges_are_frequencies() {
         assert_eq!(parse_omegas("3.9,4").unwrap().0, [3.9, 4.0]);
         assert_eq!(parse_omegas("1..2/3,6").unwrap().0, [1.0, 1.5, 2.0, 6.0]);
+        assert_eq!(parse_omegas("0.5..1.1/4").unwrap().0, [0.5, 0.7, 0.9, 1.1]);
     }
 
     #[test]

@@ -18,8 +18,9 @@ use super::MotionError;
 use super::element::{
     Linearised, Stages, follow_element, integrate_last, interpolate, lower_tail, tail,
 };
+use super::path::{Pose, advance};
 use super::radau::{RADAU, STAGES};
-use super::reduced::Reduced;
+use super::reduced::{Moment, Reduced};
 
 /// The ring's start and its elements' stages.
 #[derive(Debug, Clone)]
@@ -445,7 +446,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     }
 
     /// Relative size, in the order of magnitude, of what the ends of the elements miss of the
-    /// velocities and angles.
+    /// velocities, in the world's frame, and angles.
     ///
     /// The elements' polynomials miss about as much as their highest coefficient, the ends, where
     /// the rule is of nearly twice the order, only what comes four degrees later; the fall of the
@@ -453,32 +454,27 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     fn missed(&self, model: &R) -> f64 {
         let (mut tails, mut lower) = ([0.0_f64; 7], [0.0_f64; 7]);
         let mut sizes = [0.0_f64; 7];
-        let mut start = self.values(model, 0, None);
-        for k in 0..self.now.elements.len() {
-            let stages: Stages<7> = std::array::from_fn(|j| self.values(model, k, Some(j)));
-            let (found, found_lower) = (tail(&start, &stages), lower_tail(&start, &stages));
+        let moment = model.moment(&model.node(0.0), &self.now.start);
+        let (mut start, mut pose) = (in_the_world(&moment, 0.0), Pose::default());
+        for (nodes, stages) in self.nodes.chunks_exact(STAGES).zip(&self.now.elements) {
+            let moments = std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]));
+            let poses = advance(pose, &moments, self.element_s);
+            pose = poses[STAGES - 1];
+            let values: Stages<7> =
+                std::array::from_fn(|j| in_the_world(&moments[j], poses[j].theta_rad));
+            let (found, found_lower) = (tail(&start, &values), lower_tail(&start, &values));
             for i in 0..7 {
                 tails[i] = tails[i].max(found[i]);
                 lower[i] = lower[i].max(found_lower[i]);
-                sizes[i] = stages.iter().fold(sizes[i], |size, y| size.max(y[i].abs()));
+                sizes[i] = values.iter().fold(sizes[i], |size, value| size.max(value[i].abs()));
             }
-            start = stages[STAGES - 1];
+            start = values[STAGES - 1];
         }
         let missed: [f64; 7] = std::array::from_fn(|i| {
             let fall = if tails[i] < lower[i] { tails[i] / lower[i] } else { 1.0 };
             tails[i] * fall * fall
         });
         largest_ratio(&missed, &sizes)
-    }
-
-    fn values(&self, model: &R, k: usize, j: Option<usize>) -> [f64; 7] {
-        let moment = match j {
-            Some(j) => model.moment(&self.nodes[k * STAGES + j], &self.now.elements[k][j]),
-            None => model.moment(&model.node(0.0), &self.now.start),
-        };
-        let [phi1, phi2] = moment.phi_rad;
-        let [u, v, r, w1, w2] = moment.velocity;
-        [phi1, phi2, u, v, r, w1, w2]
     }
 
     /// What is missed as a part of that at which the metrics are right to `accuracy`. Where a
@@ -577,4 +573,12 @@ fn largest_ratio<const N: usize>(parts: &[f64; N], sizes: &[f64; N]) -> f64 {
         largest = f64::max(largest, ratio);
     }
     largest
+}
+
+/// Angles and velocities of a moment at a heading, the velocity along the world's axes.
+fn in_the_world(moment: &Moment, theta_rad: f64) -> [f64; 7] {
+    let [phi1, phi2] = moment.phi_rad;
+    let [u, v, r, w1, w2] = moment.velocity;
+    let (sin, cos) = theta_rad.sin_cos();
+    [phi1, phi2, u * cos - v * sin, u * sin + v * cos, r, w1, w2]
 }

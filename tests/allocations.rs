@@ -1,0 +1,41 @@
+//! A solver that has solved once needs no more memory.
+
+#![allow(clippy::unwrap_used)]
+
+use allocation_counter::measure;
+use trilink::motion::{FIT_ACCURACY, Model, Problem, Solver};
+use trilink::robot::{Gait, Robot};
+
+fn problems(omega_rad_s: f64) -> Vec<Problem> {
+    let kinds = [
+        (Robot::kinematic(), Gait::symmetric(), Model::SkidRoll),
+        (Robot::kinematic(), Gait::skewed(), Model::Skid),
+        (Robot::kinematic(), Gait::skewed(), Model::NoSkid),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Model::SkidRoll),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Model::NoSkidRoll),
+    ];
+    kinds.map(|(robot, gait, model)| Problem { robot, gait, model, omega_rad_s }).into()
+}
+
+#[test]
+fn a_solution_after_the_first_allocates_nothing() {
+    // The slowest needs the most elements.
+    for (first, next) in problems(0.5).into_iter().zip(problems(3.9)) {
+        let mut solver = Solver::default();
+        let mut solve = |problem: &Problem| {
+            let counted = measure(|| {
+                solver.forget();
+                solver.solve(problem, FIT_ACCURACY).unwrap();
+                solver.solve(problem, FIT_ACCURACY).unwrap();
+                solver.floquet().unwrap();
+                solver.work_and_loss_j().unwrap();
+                solver.polish().unwrap();
+                solver.derivatives().unwrap();
+            });
+            counted.count_total
+        };
+        let at_first = solve(&first);
+        assert!(at_first > 0 || !first.model.skids(), "the counter does not count");
+        assert_eq!(solve(&next), 0, "{} {:?}", next.model, next.gait);
+    }
+}

@@ -1,0 +1,153 @@
+//! Where the robot ends that starts from rest.
+
+#![allow(clippy::unwrap_used)]
+
+use std::f64::consts::TAU;
+
+use trilink::motion::{Model, MotionError, Problem, REFERENCE_ACCURACY, Settled, Solver};
+use trilink::robot::{Gait, JointCommand, Robot};
+
+fn settle(problem: &Problem) -> Result<Settled, MotionError> {
+    Solver::default().settle(problem, REFERENCE_ACCURACY)
+}
+
+/// d of the cycle that ends after this many cycles from rest.
+fn followed_d_m(problem: &Problem, cycles: usize) -> f64 {
+    let period_s = TAU / problem.omega_rad_s;
+    let path = problem.follow(cycles as f64 * period_s, 1e-9).unwrap();
+    let [from, to] = [cycles - 1, cycles].map(|cycle| path.at(cycle as f64 * period_s));
+    (to[0] - from[0]).hypot(to[1] - from[1])
+}
+
+/// A rear spring under an offset gait with two stable motions.
+fn with_two_stable_motions() -> Problem {
+    Problem {
+        robot: Robot {
+            h_m: 0.1865,
+            l_m: 0.1184,
+            b_m: 0.0848,
+            mass_kg: [1.254, 0.2014, 0.2372],
+            inertia_kg_m2: [78e-4, 3e-4, 6.6e-4],
+            roll_kg_s: [0.0; 3],
+            skid_kg_s: [0.0; 3],
+            stiffness_nm_rad: 0.2462,
+            damping_nm_s_rad: 0.0343,
+            rest_angle_rad: -0.039,
+        },
+        gait: Gait {
+            joints: [
+                Some(JointCommand { offset_rad: 0.8443, amplitude_rad: 0.4797, phase_rad: -2.086 }),
+                None,
+            ],
+        },
+        model: Model::NoSkid,
+        omega_rad_s: 5.378,
+    }
+}
+
+/// A soft front spring with hardly any damping.
+fn with_an_unstable_motion() -> Problem {
+    Problem {
+        robot: Robot {
+            h_m: 0.29635,
+            l_m: 0.2079,
+            b_m: 0.15235,
+            mass_kg: [2.9334, 0.3918, 0.21675],
+            inertia_kg_m2: [0.04947, 0.00499, 0.00291],
+            roll_kg_s: [0.0; 3],
+            skid_kg_s: [0.0; 3],
+            stiffness_nm_rad: 0.50875,
+            damping_nm_s_rad: 5.2167e-4,
+            rest_angle_rad: 0.0,
+        },
+        gait: Gait {
+            joints: [
+                None,
+                Some(JointCommand { offset_rad: 0.973, amplitude_rad: 0.22046, phase_rad: 1.2738 }),
+            ],
+        },
+        model: Model::NoSkid,
+        omega_rad_s: 2.98866,
+    }
+}
+
+#[test]
+fn the_papers_robots_reach_the_solution_that_is_found_first() {
+    let robots =
+        [(Robot::kinematic(), Gait::skewed()), (Robot::semi_passive(), Gait::passive_symmetric())];
+    for (robot, gait) in robots {
+        for omega_rad_s in [0.5, 3.9, 6.0] {
+            let problem =
+                Problem { robot: robot.clone(), gait, model: Model::SkidRoll, omega_rad_s };
+            let settled = settle(&problem).unwrap();
+            assert!(settled.is_found_first && (1..=5).contains(&settled.cycles), "{settled:?}");
+            let d_m = settled.motion.metrics.d_m;
+            let first_m = problem.solve(REFERENCE_ACCURACY).unwrap().metrics.d_m;
+            assert!((d_m - first_m).abs() < 1e-9 * first_m, "{d_m} {first_m}");
+        }
+    }
+}
+
+#[test]
+fn without_roll_resistance_the_semi_passive_robot_takes_many_cycles() {
+    let problem = Problem {
+        robot: Robot::semi_passive(),
+        gait: Gait::passive_symmetric(),
+        model: Model::NoSkid,
+        omega_rad_s: 4.0,
+    };
+    let settled = settle(&problem).unwrap();
+    assert!(settled.is_found_first && (10..100).contains(&settled.cycles), "{settled:?}");
+    // After these cycles the distance is what it says it is.
+    let d_m = settled.motion.metrics.d_m;
+    let [then, earlier] =
+        [settled.cycles + 1, settled.cycles / 2].map(|cycles| followed_d_m(&problem, cycles));
+    assert!((then - d_m).abs() < 0.02 * d_m, "{then} {d_m}");
+    assert!((earlier - d_m).abs() > 0.02 * d_m, "{earlier} {d_m}");
+}
+
+#[test]
+fn of_two_stable_motions_the_one_is_told_that_is_reached_from_rest() {
+    let problem = with_two_stable_motions();
+    let first = problem.solve(REFERENCE_ACCURACY).unwrap();
+    let settled = settle(&problem).unwrap();
+    assert_eq!((first.status(), settled.motion.status()), ("stable", "stable"));
+    let (first_m, settled_m) = (first.metrics.d_m, settled.motion.metrics.d_m);
+    assert!(!settled.is_found_first && settled_m > 2.0 * first_m, "{first_m} {settled_m}");
+    let followed_m = followed_d_m(&problem, settled.cycles + 30);
+    assert!((followed_m - settled_m).abs() < 1e-4 * settled_m, "{followed_m} {settled_m}");
+}
+
+#[test]
+fn an_unstable_motion_is_never_where_the_robot_settles() {
+    let problem = with_an_unstable_motion();
+    let first = problem.solve(REFERENCE_ACCURACY).unwrap();
+    assert_eq!(first.status(), "unstable");
+    let settled = settle(&problem).unwrap();
+    assert!(!settled.is_found_first && settled.motion.status() == "stable", "{settled:?}");
+    assert!(settled.motion.metrics.d_m > 100.0 * first.metrics.d_m);
+}
+
+#[test]
+fn a_motion_that_does_not_settle_is_said_not_to() {
+    let problem = Problem {
+        robot: Robot { damping_nm_s_rad: 0.001, ..Robot::semi_passive() },
+        gait: Gait::passive_symmetric(),
+        model: Model::NoSkid,
+        omega_rad_s: 0.4,
+    };
+    let error = settle(&problem).unwrap_err();
+    assert!(matches!(error, MotionError::Unsettled { cycles: 500, .. }), "{error}");
+    assert_eq!(error.status(), "diverged");
+}
+
+#[test]
+fn the_solver_goes_on_from_where_the_robot_settled() {
+    let problem = with_two_stable_motions();
+    let mut solver = Solver::default();
+    let settled = solver.settle(&problem, REFERENCE_ACCURACY).unwrap();
+    let near = Problem { omega_rad_s: 1.001 * problem.omega_rad_s, ..problem };
+    let next = solver.solve(&near, REFERENCE_ACCURACY).unwrap();
+    let settled_m = settled.motion.metrics.d_m;
+    assert!((next.d_m - settled_m).abs() < 0.05 * settled_m, "{next:?} {settled:?}");
+}
