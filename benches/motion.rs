@@ -1,10 +1,16 @@
-//! Steady motions: cold, and warm from the neighbouring frequency.
+//! The models' motion: one evaluation of the equations, one Newton step, steady motions cold,
+//! warm from the neighbouring frequency and with derivatives, the way from rest, and a sweep.
+//!
+//! Times wander with the machine; counts of instructions do not:
+//! `valgrind --tool=callgrind --toggle-collect='*Solver*solve*' BENCH --test NAME`, where `BENCH`
+//! is the executable that `cargo bench --no-run` names.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use trilink::motion::{FIT_ACCURACY, Model, Problem, Solver};
-use trilink::robot::{Gait, Robot};
+use rayon::prelude::*;
+use trilink::motion::{FIT_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Solver};
+use trilink::robot::{Gait, Robot, Trig, force_balance};
 
 /// The paper's frequencies, rad/s.
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.0, 5.5, 6.0];
@@ -16,30 +22,34 @@ fn sweep(robot: Robot, gait: Gait, model: Model) -> Vec<Problem> {
         .into()
 }
 
-/// The paper's three campaigns with its fitted coefficients.
-fn campaigns(model: Model) -> [(&'static str, Vec<Problem>); 3] {
-    let symmetric = Robot { skid_kg_s: [104.0, 34.0, 45.0], ..Robot::kinematic() };
-    let skewed = Robot { skid_kg_s: [74.5, 91.0, 95.0], ..Robot::kinematic() };
-    let passive = Robot {
+/// Table II with the paper's fitted coefficients.
+fn semi_passive() -> Robot {
+    Robot {
         skid_kg_s: [420.0, 200.0, 70.0],
         stiffness_nm_rad: 0.137,
         damping_nm_s_rad: 0.006,
         ..Robot::semi_passive()
-    };
+    }
+}
+
+/// The paper's three campaigns with its fitted coefficients, and the semi-passive robot on
+/// wheels that cannot skid.
+fn campaigns() -> [(&'static str, Vec<Problem>); 4] {
+    let symmetric = Robot { skid_kg_s: [104.0, 34.0, 45.0], ..Robot::kinematic() };
+    let skewed = Robot { skid_kg_s: [74.5, 91.0, 95.0], ..Robot::kinematic() };
+    let passive = Gait::passive_symmetric();
     [
-        ("kinematic-symmetric", sweep(symmetric, Gait::symmetric(), model)),
-        ("kinematic-skewed", sweep(skewed, Gait::skewed(), model)),
-        ("semi-passive-symmetric", sweep(passive, Gait::passive_symmetric(), model)),
+        ("kinematic-symmetric, skid-roll", sweep(symmetric, Gait::symmetric(), Model::SkidRoll)),
+        ("kinematic-skewed, skid-roll", sweep(skewed, Gait::skewed(), Model::SkidRoll)),
+        ("semi-passive-symmetric, skid-roll", sweep(semi_passive(), passive, Model::SkidRoll)),
+        ("semi-passive-symmetric, no-skid-roll", sweep(semi_passive(), passive, Model::NoSkidRoll)),
     ]
 }
 
 /// Times are of whole sweeps of 12 frequencies.
 fn steady_motions(criterion: &mut Criterion) {
-    let skid_roll = campaigns(Model::SkidRoll);
-    let no_skid_roll = campaigns(Model::NoSkidRoll);
-    let sweeps = skid_roll.iter().map(|sweep| ("skid-roll", sweep));
-    for (model, (campaign, problems)) in sweeps.chain([("no-skid-roll", &no_skid_roll[2])]) {
-        criterion.bench_function(&format!("12 cold, {campaign}, {model}"), |bencher| {
+    for (name, problems) in &campaigns() {
+        criterion.bench_function(&format!("12 cold, {name}"), |bencher| {
             let mut solver = Solver::default();
             bencher.iter(|| {
                 for problem in problems {
@@ -48,7 +58,7 @@ fn steady_motions(criterion: &mut Criterion) {
                 }
             });
         });
-        criterion.bench_function(&format!("12 warm, {campaign}, {model}"), |bencher| {
+        criterion.bench_function(&format!("12 warm, {name}"), |bencher| {
             // Each frequency from its neighbour, up and down again.
             let mut solver = Solver::default();
             let mut up = true;
@@ -60,7 +70,7 @@ fn steady_motions(criterion: &mut Criterion) {
                 up = !up;
             });
         });
-        criterion.bench_function(&format!("12 with derivatives, {campaign}, {model}"), |bencher| {
+        criterion.bench_function(&format!("12 with derivatives, {name}"), |bencher| {
             let mut solver = Solver::default();
             bencher.iter(|| {
                 for problem in problems {
@@ -70,8 +80,67 @@ fn steady_motions(criterion: &mut Criterion) {
                 }
             });
         });
+        criterion.bench_function(&format!("12 from rest, {name}"), |bencher| {
+            let mut solver = Solver::default();
+            bencher.iter(|| {
+                for problem in problems {
+                    solver.forget();
+                    black_box(solver.settle(problem, REFERENCE_ACCURACY).expect("it settles"));
+                }
+            });
+        });
     }
 }
 
-criterion_group!(benches, steady_motions);
+fn parts_of_a_solution(criterion: &mut Criterion) {
+    criterion.bench_function("equations of motion with their Jacobian", |bencher| {
+        let robot = semi_passive();
+        let phi_rad = [0.3, -0.4];
+        let (velocity, acceleration) = ([0.2, 0.01, 0.3, 1.0, -0.5], [0.1, 0.2, -0.3, 2.0, 1.0]);
+        bencher.iter(|| {
+            let phi_rad = black_box(phi_rad);
+            let trig = Trig::new(phi_rad);
+            force_balance(&robot, Some(0), phi_rad, &trig, black_box(&velocity), &acceleration)
+        });
+    });
+    for (name, problems) in &campaigns() {
+        criterion.bench_function(&format!("Newton step, {name}"), |bencher| {
+            let mut solver = Solver::default();
+            solver.solve(&problems[7], FIT_ACCURACY).expect("the motion exists");
+            bencher.iter(|| solver.polish().expect("the step exists"));
+        });
+    }
+}
+
+/// 200 frequencies, in runs that go on from neighbour to neighbour.
+fn sweeps(criterion: &mut Criterion) {
+    const RUN: usize = 25;
+    let problems: Vec<Problem> = (0..200)
+        .map(|i| Problem {
+            robot: semi_passive(),
+            gait: Gait::passive_symmetric(),
+            model: Model::SkidRoll,
+            omega_rad_s: 0.5 + 5.5 * f64::from(i) / 199.0,
+        })
+        .collect();
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.expect("threads can be started");
+        let name = format!("sweep of 200, semi-passive-symmetric, skid-roll, {threads} threads");
+        criterion.bench_function(&name, |bencher| {
+            bencher.iter(|| {
+                pool.install(|| {
+                    problems.par_chunks(RUN).for_each(|run| {
+                        let mut solver = Solver::default();
+                        for problem in run {
+                            black_box(solver.solve(problem, FIT_ACCURACY).expect("it exists"));
+                        }
+                    });
+                });
+            });
+        });
+    }
+}
+
+criterion_group!(benches, parts_of_a_solution, steady_motions, sweeps);
 criterion_main!(benches);

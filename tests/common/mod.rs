@@ -1,5 +1,8 @@
 //! Running the program and looking at what it leaves.
 
+// Not every test file uses all of it.
+#![allow(dead_code)]
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,0 +1,342 @@
+//! `trilink simulate`, seen from the command line.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use common::{succeed, text, trilink};
+use serde_json::Value;
+use tempfile::TempDir;
+use trilink::config::Config;
+use trilink::store::{Rows as _, Table, TrajectoryRow};
+
+fn empty_folder() -> TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+fn near(found: f64, known: f64, relative: f64) -> bool {
+    (found - known).abs() <= relative * known.abs()
+}
+
+/// What `simulate --json` answers.
+fn simulate(campaign: &str, model: &str, omega: &str, settings: &[&str]) -> Vec<Value> {
+    let folder = empty_folder();
+    let mut arguments = vec!["simulate", campaign, "--model", model, "--omega", omega, "--json"];
+    if !settings.is_empty() {
+        arguments.push("--set");
+        arguments.extend(settings);
+    }
+    let stdout = succeed(folder.path(), &arguments);
+    serde_json::from_str(&stdout).expect("an array")
+}
+
+/// Fields of a line; a quoted one may hold commas.
+fn fields(line: &str) -> Vec<String> {
+    let (mut fields, mut quoted) = (vec![String::new()], false);
+    for character in line.chars() {
+        match character {
+            '"' => quoted = !quoted,
+            ',' if !quoted => fields.push(String::new()),
+            other => fields.last_mut().expect("a field").push(other),
+        }
+    }
+    fields
+}
+
+#[test]
+fn simulate_meets_every_skid_roll_row_of_the_reference() {
+    let reference = include_str!("fixtures/reference/periodic.csv");
+    let rows: Vec<Vec<String>> =
+        reference.lines().map(fields).filter(|row| row[1] == "skid-roll").collect();
+    assert_eq!(rows.len(), 8);
+    for row in rows {
+        let settings: Vec<&str> = row[2].split_whitespace().collect();
+        let answers = simulate(&row[0], &row[1], &row[3], &settings);
+        let [answer] = &answers[..] else { panic!("{} answers", answers.len()) };
+        let known = |i: usize| row[i].parse::<f64>().expect("a number");
+        // A commanded joint swings as it is told, by 30 degrees.
+        let alpha1_deg = if row[9].is_empty() { 30.0 } else { known(9) };
+        for (name, found, known) in [
+            ("omega_rad_s", &answer["omega_rad_s"], known(3)),
+            ("d_m", &answer["d_m"], known(4)),
+            ("v_m_s", &answer["v_m_s"], known(5)),
+            ("sigma0", &answer["sigma"][0], known(6)),
+            ("sigma1", &answer["sigma"][1], known(7)),
+            ("sigma2", &answer["sigma"][2], known(8)),
+            ("alpha1_rad", &answer["alpha1_rad"], alpha1_deg.to_radians()),
+        ] {
+            let found = found.as_f64().expect("a number");
+            assert!(near(found, known, 1e-6), "{row:?}: {name}: {found}");
+        }
+        let dtheta = answer["dtheta_rad"].as_f64().expect("a number");
+        assert!((dtheta - known(10)).abs() < 1e-8, "{row:?}: dtheta {dtheta}");
+        assert_eq!(answer["status"], "stable");
+        assert!(answer["floquet"].as_f64().is_some_and(|modulus| modulus < 1.0));
+        let skid = settings[0].strip_prefix("skid_kg_s=").expect("the first setting");
+        let skid: Vec<f64> = skid.split(',').map(|c| c.parse().expect("a number")).collect();
+        assert_eq!(answer["parameters"]["skid_kg_s"], Value::from(skid));
+    }
+}
+
+#[test]
+fn simulate_answers_with_the_documented_keys_in_order_of_frequency() {
+    let answers = simulate("semi-passive-symmetric", "skid-roll", "3.9,0.5..6/3", &[]);
+    let omegas: Vec<Option<f64>> =
+        answers.iter().map(|answer| answer["omega_rad_s"].as_f64()).collect();
+    assert_eq!(omegas, [3.9, 0.5, 3.25, 6.0].map(Some));
+    let expected = BTreeSet::from(
+        [
+            "omega_rad_s",
+            "d_m",
+            "v_m_s",
+            "sigma",
+            "alpha1_rad",
+            "dtheta_rad",
+            "work_j",
+            "work_j_m",
+            "status",
+            "floquet",
+            "from_rest",
+            "cycles_to_settle",
+            "parameters",
+        ]
+        .map(str::to_owned),
+    );
+    for answer in &answers {
+        let answer = answer.as_object().expect("an object");
+        assert_eq!(answer.keys().cloned().collect::<BTreeSet<_>>(), expected);
+        assert_eq!(answer["sigma"].as_array().map(Vec::len), Some(3));
+    }
+}
+
+#[test]
+fn a_robot_that_cannot_skid_goes_as_far_at_every_frequency() {
+    for (campaign, known) in [("kinematic-symmetric", 0.663466), ("kinematic-skewed", 0.122405)] {
+        let answers = simulate(campaign, "no-skid", "0.5,2,6", &[]);
+        assert_eq!(answers.len(), 3);
+        for answer in answers {
+            let d_m = answer["d_m"].as_f64().expect("a number");
+            // The known values have six digits.
+            assert!((d_m - known).abs() < 0.5e-6 + 1e-6 * known, "{campaign}: {d_m}");
+            assert_eq!(answer["sigma"], serde_json::json!([0.0, 0.0, 0.0]));
+        }
+    }
+}
+
+#[test]
+fn a_singular_gait_has_no_numbers_but_a_reason() {
+    let folder = empty_folder();
+    let mut config = Config::default();
+    let gait = config.gait.get_mut("symmetric").expect("the paper's gait");
+    gait.joint1.as_mut().expect("an actuated joint").amplitude_deg = 31.0;
+    let text_of = toml::to_string(&config).expect("the configuration can be written");
+    std::fs::write(folder.path().join("pipeline.toml"), text_of).expect("the file is writable");
+    let simulate = ["simulate", "kinematic-symmetric", "--model", "no-skid", "--omega", "2"];
+    let output = trilink(folder.path(), &[&simulate[..], &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let answers: Value = serde_json::from_str(&text(&output.stdout)).expect("JSON");
+    let answer = &answers[0];
+    assert_eq!(answer["status"], "singular");
+    assert!(answer["reason"].as_str().is_some_and(|reason| reason.contains("det W_b")));
+    for key in ["d_m", "v_m_s", "alpha1_rad", "dtheta_rad", "floquet"] {
+        assert_eq!(answer[key], Value::Null, "{key}");
+    }
+    assert_eq!(answer["sigma"], serde_json::json!([null, null, null]));
+
+    let output = trilink(folder.path(), &simulate);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stdout).contains("singular: "));
+}
+
+#[test]
+fn a_frequency_list_ends_where_its_option_does() {
+    let folder = empty_folder();
+    let answers = succeed(
+        folder.path(),
+        &["simulate", "--model", "no-skid", "--omega", "1", "--omega", "2", "kinematic-skewed"],
+    );
+    assert_eq!(answers.lines().count(), 3, "{answers}");
+}
+
+#[test]
+fn whoever_reads_the_results_may_stop_before_their_end() {
+    let folder = empty_folder();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_trilink"))
+        .args(["simulate", "kinematic-skewed", "--model", "no-skid", "--omega", "0.5..6/2000"])
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("the program ends");
+    assert_eq!(text(&output.stderr), "");
+    assert_eq!(output.status.code(), Some(0));
+}
+
+#[test]
+fn unknown_names_are_answered_with_the_nearest_known_one() {
+    let folder = empty_folder();
+    for (campaign, model, near) in [
+        ("kinematic-symetric", "no-skid", "did you mean `kinematic-symmetric`?"),
+        ("kinematic-symmetric", "skid-rol", "did you mean `skid-roll`?"),
+    ] {
+        let output =
+            trilink(folder.path(), &["simulate", campaign, "--model", model, "--omega", "1"]);
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains(near), "{stderr}");
+        assert!(output.stdout.is_empty());
+    }
+}
+
+/// What `--trajectory` writes, and what else is said.
+fn trajectory(folder: &Path, arguments: &[&str]) -> (Vec<TrajectoryRow>, String) {
+    let output =
+        trilink(folder, &[&["simulate"], arguments, &["--trajectory", "t.parquet"]].concat());
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{stderr}");
+    let table = Table::read(&folder.join("t.parquet")).expect("a table");
+    (TrajectoryRow::from_table(&table).expect("with the documented columns"), stderr)
+}
+
+/// Integral over the rows' time by the trapezoidal rule, which is exact to many digits for
+/// a whole period.
+fn integral(rows: &[TrajectoryRow], of: impl Fn(&TrajectoryRow) -> f64) -> f64 {
+    rows.windows(2)
+        .map(|pair| 0.5 * (of(&pair[0]) + of(&pair[1])) * (pair[1].time_s - pair[0].time_s))
+        .sum()
+}
+
+#[test]
+fn a_trajectory_is_one_steady_cycle_whose_numbers_agree_with_the_answer() {
+    let folder = empty_folder();
+    for (campaign, model) in [
+        ("kinematic-skewed", "skid-roll"),
+        ("kinematic-skewed", "no-skid"),
+        ("semi-passive-symmetric", "skid-roll"),
+        ("semi-passive-symmetric", "no-skid-roll"),
+    ] {
+        let arguments = [campaign, "--model", model, "--omega", "3.9"];
+        let answers = simulate(campaign, model, "3.9", &[]);
+        let number = |key: &str| answers[0][key].as_f64().expect("a number");
+        let (rows, stderr) = trajectory(folder.path(), &arguments);
+        assert!(stderr.contains("t.parquet: 241 moments"), "{stderr}");
+        assert_eq!(rows.len(), 241);
+        let (first, last) = (&rows[0], &rows[240]);
+        assert_eq!((first.time_s, first.x_m, first.y_m, first.theta_rad), (0.0, 0.0, 0.0, 0.0));
+        assert!(near(last.time_s, std::f64::consts::TAU / 3.9, 1e-12));
+        assert!(near(last.x_m.hypot(last.y_m), number("d_m"), 1e-8), "{campaign} {model}");
+        assert!((last.theta_rad - number("dtheta_rad")).abs() < 1e-8);
+        // What is periodic comes back.
+        for of in [
+            |row: &TrajectoryRow| row.phi1_rad,
+            |row: &TrajectoryRow| row.phi2_rad,
+            |row: &TrajectoryRow| row.roll0_m_s,
+            |row: &TrajectoryRow| row.skid1_m_s,
+            |row: &TrajectoryRow| row.lateral2_n,
+            |row: &TrajectoryRow| row.torque2_nm,
+        ] {
+            let size = rows.iter().map(|row| of(row).abs()).fold(1e-6, f64::max);
+            assert!((of(first) - of(last)).abs() <= 1e-6 * size, "{campaign} {model}");
+        }
+        // Rates are those of the coordinates, and power is what the answer's work is of.
+        let moved = integral(&rows, |row| row.x_rate_m_s);
+        assert!((moved - last.x_m).abs() < 1e-4 * number("d_m"), "{moved} {}", last.x_m);
+        let (work, loss) = (integral(&rows, |row| row.power_w), integral(&rows, |row| row.loss_w));
+        let scale = number("work_j").abs().max(1e-3);
+        assert!((work - number("work_j")).abs() < 1e-6 * scale, "{campaign} {model}: {work}");
+        assert!((loss - work).abs() < 1e-6 * scale, "{campaign} {model}: {loss} {work}");
+        // Friction is against motion; constraints keep the wheels from skidding.
+        for row in &rows {
+            assert!(row.roll0_n * row.roll0_m_s <= 0.0);
+            assert!(model != "skid-roll" || row.lateral0_n * row.skid0_m_s <= 0.0);
+            assert!(model == "skid-roll" || row.skid0_m_s.abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn several_frequencies_are_one_table() {
+    let folder = empty_folder();
+    let arguments = ["kinematic-skewed", "--model", "skid", "--omega", "1,2", "--samples", "16"];
+    let (rows, _) = trajectory(folder.path(), &arguments);
+    let of = |omega: f64| rows.iter().filter(|row| row.omega_rad_s == omega).count();
+    assert_eq!((rows.len(), of(1.0), of(2.0)), (34, 17, 17));
+}
+
+#[test]
+fn from_rest_the_answer_says_after_how_many_cycles_and_the_trajectory_is_the_way_there() {
+    let folder = empty_folder();
+    let rest = ["semi-passive-symmetric", "--model", "skid-roll", "--omega", "6", "--from-rest"];
+    let answers = succeed(folder.path(), &[&["simulate"], &rest[..], &["--json"]].concat());
+    let answers: Value = serde_json::from_str(&answers).expect("JSON");
+    let cycles = answers[0]["cycles_to_settle"].as_u64().expect("a count") as usize;
+    assert!((2..=10).contains(&cycles) && answers[0]["from_rest"] == "reached");
+    let steady = simulate("semi-passive-symmetric", "skid-roll", "6", &[]);
+    assert_eq!(steady[0]["from_rest"], "reached");
+    let [d_m, steady_m] = [&answers[0], &steady[0]].map(|answer| answer["d_m"].as_f64().unwrap());
+    assert!(near(d_m, steady_m, 1e-9));
+
+    let (rows, _) = trajectory(folder.path(), &rest);
+    assert_eq!(rows.len(), 240 * (cycles + 1) + 1);
+    // At rest but for the commanded joint, which starts with its command.
+    assert_eq!((rows[0].roll0_m_s, rows[0].phi1_rad, rows[0].phi1_rate_rad_s), (0.0, 0.0, 0.0));
+    let of_cycle = |cycle: usize| {
+        let (from, to) = (&rows[240 * cycle], &rows[240 * (cycle + 1)]);
+        (to.x_m - from.x_m).hypot(to.y_m - from.y_m)
+    };
+    assert!(!near(of_cycle(0), d_m, 0.1) && near(of_cycle(cycles), d_m, 0.02));
+
+    let text = succeed(folder.path(), &[&["simulate"], &rest[..]].concat());
+    assert!(text.contains(&format!("stable, from rest after {cycles} cycles")), "{text}");
+}
+
+#[test]
+fn a_motion_that_the_robot_does_not_reach_is_said_to_be_one() {
+    let folder = empty_folder();
+    let lightly = ["semi-passive-symmetric", "--model", "no-skid", "--omega", "0.4"];
+    let damping = ["--set", "damping_nm_s_rad=0.001"];
+    let arguments = [&["simulate"], &lightly[..], &damping[..]].concat();
+    let table = succeed(folder.path(), &arguments);
+    assert!(table.contains("stable, but from rest the robot does not settle"), "{table}");
+    let output = trilink(folder.path(), &[&arguments[..], &["--from-rest", "--json"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let answers: Value = serde_json::from_str(&text(&output.stdout)).expect("JSON");
+    assert_eq!(answers[0]["status"], "diverged");
+    assert_eq!(answers[0]["d_m"], Value::Null);
+    let reason = answers[0]["reason"].as_str().expect("a reason");
+    assert!(reason.contains("has not settled after 500 cycles"), "{reason}");
+}
+
+#[test]
+fn unbounded_constraint_forces_are_missing_and_said_to_be() {
+    let folder = empty_folder();
+    let (rows, stderr) =
+        trajectory(folder.path(), &["kinematic-symmetric", "--model", "no-skid", "--omega", "4"]);
+    assert!(stderr.contains("det W_b = 0"), "{stderr}");
+    // The gait passes phi1 = phi2 twice a cycle, where samples are.
+    let missing: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].lateral0_n.is_nan()).collect();
+    assert_eq!(missing, [30, 150]);
+    assert!(rows.iter().all(|row| row.power_w.is_finite() && row.x_rate_m_s.is_finite()));
+}
+
+#[test]
+fn a_trajectory_that_cannot_be_written_is_an_error_and_leaves_nothing() {
+    let folder = empty_folder();
+    std::fs::create_dir(folder.path().join("taken")).expect("a folder");
+    let arguments = ["simulate", "kinematic-skewed", "--model", "skid", "--omega", "1"];
+    let output = trilink(folder.path(), &[&arguments[..], &["--trajectory", "taken"]].concat());
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("taken: cannot be written"), "{stderr}");
+    assert_eq!(std::fs::read_dir(folder.path().join("taken")).expect("still there").count(), 0);
+    for samples in ["0", "7", "x"] {
+        let output = trilink(folder.path(), &[&arguments[..], &["--samples", samples]].concat());
+        assert_eq!(output.status.code(), Some(2));
+    }
+}
