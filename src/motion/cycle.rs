@@ -10,6 +10,7 @@ use crate::metrics::GaitMetrics;
 use crate::robot::{Trig, dot, skid_rows};
 
 /// A steady cycle measured by the elements' own quadrature.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Cycle {
     pub metrics: GaitMetrics,
     /// Pose after the elements' span.

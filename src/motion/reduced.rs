@@ -164,25 +164,6 @@ impl Driven {
         }
     }
 
-    /// Angle, rate and acceleration of a commanded joint per radian of its amplitude; zero for
-    /// a passive joint.
-    fn wave(&self, phase_rad: f64, a: usize) -> [f64; 3] {
-        let omega = self.omega_rad_s;
-        self.gait.joints[a].map_or([0.0; 3], |joint| {
-            let (sin, cos) = (phase_rad + joint.phase_rad).sin_cos();
-            [cos, -omega * sin, -omega * omega * cos]
-        })
-    }
-
-    /// Gradient with respect to the amplitudes of a quantity that depends on the joints only
-    /// by their own angles and rates.
-    fn by_waves(&self, phase_rad: f64, by_moment: &Moment) -> [f64; 2] {
-        std::array::from_fn(|a| {
-            let [phi, rate, _] = self.wave(phase_rad, a);
-            by_moment.phi_rad[a] * phi + by_moment.velocity[3 + a] * rate
-        })
-    }
-
     /// Whether the mirror image of the motion follows half a period later.
     fn is_mirrored(&self) -> bool {
         let rests_straight = self.robot.rest_angle_rad == 0.0;
@@ -202,15 +183,26 @@ fn by_coefficients(rows: &[[f64; 5]; 3], velocity: &Velocity) -> [[f64; 5]; 3] {
 /// What the command prescribes at one moment; the entries of a passive joint are zero.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CommandNode {
-    phase_rad: f64,
+    /// See [`Gait::waves`].
+    waves: [[f64; 3]; 2],
     shape: Shape,
     trig: Trig,
 }
 
 impl CommandNode {
     fn new(driven: &Driven, phase_rad: f64) -> Self {
-        let shape = driven.gait.at(phase_rad, driven.omega_rad_s);
-        Self { phase_rad, shape, trig: Trig::new(shape.phi_rad) }
+        let waves = driven.gait.waves(phase_rad, driven.omega_rad_s);
+        let shape = driven.gait.shape(&waves);
+        Self { waves, shape, trig: Trig::new(shape.phi_rad) }
+    }
+
+    /// Gradient with respect to the amplitudes of a quantity that depends on the joints only
+    /// by their own angles and rates.
+    fn by_amplitude(&self, by_moment: &Moment) -> [f64; 2] {
+        std::array::from_fn(|a| {
+            let [phi, rate, _] = self.waves[a];
+            by_moment.phi_rad[a] * phi + by_moment.velocity[3 + a] * rate
+        })
     }
 }
 
@@ -281,13 +273,12 @@ impl Reduced<3> for KinematicSkid {
         let velocity = self.moment(node, y).velocity;
         let by_skid = by_coefficients(&skid_rows(&self.0.robot, &node.trig), &velocity);
         let by_roll = by_coefficients(&roll_rows(&self.0.robot, &node.trig), &velocity);
-        let waves: [[f64; 3]; 2] = std::array::from_fn(|a| self.0.wave(node.phase_rad, a));
         for (i, by) in by.iter_mut().enumerate() {
             for wheel in 0..3 {
                 by[wheel] = by_skid[wheel][i];
                 by[3 + wheel] = by_roll[wheel][i];
             }
-            for (a, [phi, rate, acceleration]) in waves.into_iter().enumerate() {
+            for (a, [phi, rate, acceleration]) in node.waves.into_iter().enumerate() {
                 by[6 + a] = balance.by_phi[a][i] * phi
                     + balance.by_velocity[i][3 + a] * rate
                     + mass[i][3 + a] * acceleration;
@@ -316,7 +307,7 @@ impl Reduced<3> for KinematicSkid {
 
     #[inline(always)]
     fn by_amplitude(&self, node: &CommandNode, _y: &[f64; 3], by_moment: &Moment) -> [f64; 2] {
-        self.0.by_waves(node.phase_rad, by_moment)
+        node.by_amplitude(by_moment)
     }
 
     fn half_period_signs(&self) -> Option<[f64; 3]> {
@@ -417,7 +408,7 @@ impl Reduced<5> for PassiveSkid {
         let velocity = self.moment(node, y).velocity;
         let by_skid = by_coefficients(&skid_rows(robot, &trig), &velocity);
         let by_roll = by_coefficients(&roll_rows(robot, &trig), &velocity);
-        let [phi, rate, acceleration] = self.driven.wave(node.phase_rad, a);
+        let [phi, rate, acceleration] = node.waves[a];
         for (by, row) in by.iter_mut().zip(self.rows()) {
             for wheel in 0..3 {
                 by[wheel] = by_skid[wheel][row];
@@ -459,7 +450,7 @@ impl Reduced<5> for PassiveSkid {
 
     #[inline(always)]
     fn by_amplitude(&self, node: &CommandNode, _y: &[f64; 5], by_moment: &Moment) -> [f64; 2] {
-        self.driven.by_waves(node.phase_rad, by_moment)
+        node.by_amplitude(by_moment)
     }
 
     fn half_period_signs(&self) -> Option<[f64; 5]> {
@@ -641,7 +632,7 @@ impl PassiveNoSkid {
         let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
         let (rate, acceleration) =
             (command.shape.rate_rad_s[a], command.shape.acceleration_rad_s2[a]);
-        let [dphi, drate, dacceleration] = self.driven.wave(command.phase_rad, a);
+        let [dphi, drate, dacceleration] = command.waves[a];
         let arm = l + h * cos;
         let (arm_rate, sin_rate) = (-h * sin * rate, cos * rate);
         let (dsin, darm) = (cos * dphi, -h * sin * dphi);
@@ -741,7 +732,7 @@ impl Reduced<2> for PassiveNoSkid {
             (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
         let (w, dw) = (wheel.rate(velocities), wheel.rate(dvelocities));
         let rate_by_phi = wheel.rate_by_phi(velocities);
-        let [phi, rate, acceleration] = self.driven.wave(node.command.phase_rad, a);
+        let [phi, rate, acceleration] = node.command.waves[a];
         let mut velocity = [dvelocities[0], 0.0, dvelocities[1], 0.0, 0.0];
         let mut rates = [daccelerations[0], 0.0, daccelerations[1], 0.0, 0.0];
         (velocity[3 + p], velocity[3 + a]) = (dw, rate);
@@ -789,7 +780,7 @@ impl Reduced<2> for PassiveNoSkid {
         let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(y[1]));
         let velocities = self.frame_by_amplitude(node).velocities(y[0]);
         let [u, _, r, ..] = by_moment.velocity;
-        let mut by = self.driven.by_waves(node.command.phase_rad, by_moment);
+        let mut by = node.command.by_amplitude(by_moment);
         by[a] += u * velocities[0]
             + r * velocities[1]
             + by_moment.velocity[3 + p] * wheel.rate(velocities);

@@ -15,12 +15,13 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix5, SMatrix, SVector};
 
 use super::MotionError;
+use super::cycle::{Cycle, measure};
 use super::element::{
     Linearised, Stages, follow_element, integrate_last, interpolate, lower_tail, tail,
 };
 use super::path::{Pose, advance};
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Moment, Reduced};
+use super::reduced::{Driven, Moment, Reduced};
 
 /// The ring's start and its elements' stages.
 #[derive(Debug, Clone)]
@@ -68,6 +69,8 @@ pub(super) struct Ring<const N: usize, R: Reduced<N>> {
     room: Linearised,
     /// What the last solution misses as a part of what it may; infinite if there is none.
     missed_part: f64,
+    /// What was measured of the solution.
+    cycle: Option<Cycle>,
 }
 
 /// Where Newton's method starts.
@@ -122,6 +125,7 @@ impl<const N: usize, R: Reduced<N>> Default for Ring<N, R> {
             before: States::default(),
             room: Linearised::default(),
             missed_part: f64::INFINITY,
+            cycle: None,
         }
     }
 }
@@ -137,6 +141,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         accuracy: f64,
     ) -> Result<(), MotionError> {
         let missed_part = std::mem::replace(&mut self.missed_part, f64::INFINITY);
+        self.cycle = None;
         let signs = model.half_period_signs();
         let goes_on =
             start == Start::Last && missed_part.is_finite() && self.is_half == signs.is_some();
@@ -514,6 +519,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         self.close();
         let size = self.step_size(&self.sizes());
         self.move_by(1.0);
+        self.cycle = None;
         Ok(size)
     }
 
@@ -540,6 +546,17 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     /// Number of elements.
     pub fn len(&self) -> usize {
         self.now.elements.len()
+    }
+
+    /// What a cycle of the solution amounts to.
+    pub fn measure(&mut self, model: &R, driven: &Driven) -> Cycle {
+        if let Some(cycle) = self.cycle {
+            return cycle;
+        }
+        let mut room = self.take_room();
+        let cycle = measure(model, driven, self, &mut room);
+        self.give_room(room);
+        *self.cycle.insert(cycle)
     }
 
     /// Lends room for single elements; give it back with [`Ring::give_room`].

@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 
-use super::cycle::measure;
 use super::element::rate;
 use super::forces::actions;
 use super::kinematic;
@@ -234,10 +233,7 @@ impl Task for Solve {
             followed.map_err(|_| error)?;
             ring.solve(model, omega_rad_s, Start::State(follower.state), accuracy)?;
         }
-        let mut room = ring.take_room();
-        let metrics = measure(model, driven, ring, &mut room).metrics;
-        ring.give_room(room);
-        Ok(metrics)
+        Ok(ring.measure(model, driven).metrics)
     }
 
     fn quadrature(
@@ -283,8 +279,8 @@ impl Task for Differentiate {
         driven: &Driven,
         ring: &mut Ring<N, R>,
     ) -> Result<Derivatives, MotionError> {
+        let cycle = ring.measure(model, driven);
         let mut room = ring.take_room();
-        let cycle = measure(model, driven, ring, &mut room);
         let derivatives = differentiate(model, driven, ring, &cycle, &mut room);
         ring.give_room(room);
         derivatives
@@ -380,11 +376,12 @@ impl Task for Settle {
         ring: &mut Ring<N, R>,
     ) -> Result<Self::Output, MotionError> {
         let mut room = ring.take_room();
-        let arrival = settle(model, driven, ring, self.is_solved, self.accuracy, &mut room)?;
+        let arrival = settle(model, driven, ring, self.is_solved, self.accuracy, &mut room);
+        ring.give_room(room);
+        let arrival = arrival?;
         let start = Start::State(arrival.state);
         ring.solve(model, driven.omega_rad_s, start, self.accuracy)?;
-        let metrics = measure(model, driven, ring, &mut room).metrics;
-        ring.give_room(room);
+        let metrics = ring.measure(model, driven).metrics;
         Ok((metrics, arrival.cycles, arrival.is_known))
     }
 

@@ -80,18 +80,35 @@ impl Gait {
         self.joints.iter().flatten().all(|joint| joint.offset_rad == 0.0)
     }
 
+    /// Angle (relative to the offset), rate and acceleration of each joint per radian of its
+    /// amplitude at phase `omega t`; zero for a passive joint.
+    pub fn waves(&self, phase_rad: f64, omega_rad_s: f64) -> [[f64; 3]; 2] {
+        self.joints.map(|joint| {
+            joint.map_or([0.0; 3], |joint| {
+                let (sin, cos) = (phase_rad + joint.phase_rad).sin_cos();
+                [cos, -omega_rad_s * sin, -omega_rad_s * omega_rad_s * cos]
+            })
+        })
+    }
+
     /// The commanded shape at phase `omega t`.
     pub fn at(&self, phase_rad: f64, omega_rad_s: f64) -> Shape {
-        let mut shape =
-            Shape { phi_rad: [0.0; 2], rate_rad_s: [0.0; 2], acceleration_rad_s2: [0.0; 2] };
-        for (i, joint) in self.joints.iter().enumerate() {
-            if let Some(joint) = joint {
-                let [phi, first, second] = joint.at(phase_rad);
-                shape.phi_rad[i] = phi;
-                shape.rate_rad_s[i] = first * omega_rad_s;
-                shape.acceleration_rad_s2[i] = second * omega_rad_s * omega_rad_s;
-            }
+        self.shape(&self.waves(phase_rad, omega_rad_s))
+    }
+
+    /// The commanded shape of these waves.
+    pub fn shape(&self, waves: &[[f64; 3]; 2]) -> Shape {
+        let scaled = |k: usize| -> [f64; 2] {
+            std::array::from_fn(|i| {
+                self.joints[i].map_or(0.0, |joint| joint.amplitude_rad * waves[i][k])
+            })
+        };
+        let offsets = self.joints.map(|joint| joint.map_or(0.0, |joint| joint.offset_rad));
+        let [phi1, phi2] = scaled(0);
+        Shape {
+            phi_rad: [offsets[0] + phi1, offsets[1] + phi2],
+            rate_rad_s: scaled(1),
+            acceleration_rad_s2: scaled(2),
         }
-        shape
     }
 }
