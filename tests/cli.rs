@@ -200,7 +200,7 @@ fn the_tables_have_the_documented_columns() {
         ),
         (
             "predictions.parquet".to_owned(),
-            format!("campaign model omega_rad_s source {metrics} j status"),
+            format!("campaign model omega_rad_s source {metrics} j status from_rest"),
         ),
     ] {
         let table = derived(&name);

@@ -2,7 +2,7 @@
 
 use super::objective::Objective;
 use crate::metrics::GaitMetrics;
-use crate::motion::{Model, MotionError, REFERENCE_ACCURACY, SteadyMotion};
+use crate::motion::{Model, MotionError, REFERENCE_ACCURACY, Settled, Solver, SteadyMotion};
 use crate::robot::Robot;
 use crate::store::PredictionRow;
 
@@ -16,7 +16,11 @@ pub(super) fn predictions(
     robot: &Robot,
 ) -> Vec<PredictionRow> {
     let model = objective.model();
-    let row = |omega_rad_s, source: &str, j, solved: &Result<SteadyMotion, MotionError>| {
+    let row = |omega_rad_s,
+               source: &str,
+               j,
+               solved: &Result<SteadyMotion, MotionError>,
+               from_rest: &str| {
         let (metrics, status) = match solved {
             Ok(motion) => (motion.metrics, motion.status()),
             Err(error) => (GaitMetrics::MISSING, error.status()),
@@ -36,15 +40,21 @@ pub(super) fn predictions(
             dtheta_rad,
             j,
             status: status.to_owned(),
+            from_rest: from_rest.to_owned(),
         }
     };
     let mut rows = Vec::new();
     for measurement in objective.measurements() {
-        let solved = objective.problem_of(robot, measurement).solve(REFERENCE_ACCURACY);
+        let problem = objective.problem_of(robot, measurement);
+        let solved = problem.solve(REFERENCE_ACCURACY);
         let j = solved
             .as_ref()
             .map_or(f64::NAN, |motion| objective.contribution(measurement, &motion.metrics));
-        rows.push(row(measurement.omega_rad_s, "trial", j, &solved));
+        let from_rest = match solved {
+            Ok(_) => Settled::from_rest(&Solver::default().settle(&problem, REFERENCE_ACCURACY)),
+            Err(_) => "",
+        };
+        rows.push(row(measurement.omega_rad_s, "trial", j, &solved, from_rest));
     }
     if model != Model::NoSkidMeasured {
         let omegas = objective.measurements().iter().map(|measurement| measurement.omega_rad_s);
@@ -53,7 +63,7 @@ pub(super) fn predictions(
         for i in 0..CURVE_POINTS {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
             let solved = objective.problem(robot, omega_rad_s).solve(REFERENCE_ACCURACY);
-            rows.push(row(omega_rad_s, "curve", f64::NAN, &solved));
+            rows.push(row(omega_rad_s, "curve", f64::NAN, &solved, ""));
         }
     }
     rows

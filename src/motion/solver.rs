@@ -41,6 +41,18 @@ pub struct Settled {
     pub is_found_first: bool,
 }
 
+impl Settled {
+    /// Where the robot from rest ends, seen from the solution that [`Solver::solve`] finds:
+    /// `reached`, `another` or `unsettled`.
+    pub fn from_rest(settled: &Result<Self, MotionError>) -> &'static str {
+        match settled {
+            Ok(settled) if settled.is_found_first => "reached",
+            Ok(_) => "another",
+            Err(_) => "unsettled",
+        }
+    }
+}
+
 /// Cycles after which a robot that started from rest is near its steady motion.
 const SETTLING_CYCLES: f64 = 40.0;
 const SETTLING_TOLERANCE: f64 = 1e-4;

@@ -196,7 +196,7 @@ fn campaign_sections<'p>(
                 .collect(),
             passive: fits.iter().any(|fit| fit.damping_nm_s_rad.is_finite()),
             best: best(&fits),
-            notes: not_drawn(tables, name),
+            notes: remarks(tables, name),
             fits: fits.into_iter().map(fit_view).collect(),
         }
     };
@@ -217,6 +217,28 @@ fn best(fits: &[&FitRow]) -> Option<String> {
         first.model,
         significant(first.j, 4)
     ))
+}
+
+/// What is to be said of a campaign's predictions: those that the figures leave out, and those
+/// that the robot does not get into from rest.
+fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
+    let mut remarks = not_drawn(tables, campaign);
+    let mut counts: BTreeMap<(usize, &str, &str), usize> = BTreeMap::new();
+    for row in tables.predictions.iter().filter(|row| row.campaign == campaign) {
+        if matches!(row.from_rest.as_str(), "another" | "unsettled") {
+            let rank = super::style::model_rank(&row.model);
+            *counts.entry((rank, &row.model, &row.from_rest)).or_default() += 1;
+        }
+    }
+    remarks.extend(counts.iter().map(|((_, model, from_rest), count)| {
+        let goes = match *from_rest {
+            "another" => "gets into another motion than the one that is shown",
+            _ => "does not settle",
+        };
+        let at = if *count == 1 { "frequency" } else { "frequencies" };
+        format!("{model}: at {count} {at} of the trials the robot that starts from rest {goes}.")
+    }));
+    remarks
 }
 
 /// Predictions that the figures leave out, by model and reason.

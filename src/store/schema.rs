@@ -209,6 +209,9 @@ rows! {
         pub j: f64,
         /// `stable`, `unstable`, `singular` or `diverged`.
         pub status: String,
+        /// Where the robot goes from rest: into this motion (`reached`), into `another`, or into
+        /// none (`unsettled`). Only for `trial`, and where there is a motion.
+        pub from_rest: String,
     }
 }
 

@@ -54,11 +54,7 @@ impl<'a> Answer<'a> {
         match (first, settled) {
             (Ok(first), settled) if !from_rest => {
                 answer.motion(&first);
-                answer.from_rest = Some(match settled {
-                    Ok(Settled { is_found_first: true, .. }) => "reached",
-                    Ok(_) => "another",
-                    Err(_) => "unsettled",
-                });
+                answer.from_rest = Some(Settled::from_rest(&settled));
             }
             (_, Ok(settled)) => {
                 answer.motion(&settled.motion);

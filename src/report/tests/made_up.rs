@@ -159,6 +159,7 @@ fn prediction(
         dtheta_rad: 0.0,
         j: if source == "trial" { 1.0 } else { f64::NAN },
         status: if predicted.is_some() { "stable" } else { "singular" }.to_owned(),
+        from_rest: if source == "trial" && predicted.is_some() { "reached" } else { "" }.to_owned(),
     }
 }
 

@@ -155,6 +155,26 @@ fn messages_and_names_cannot_become_markup() {
 }
 
 #[test]
+fn the_page_says_where_the_robot_from_rest_does_not_get_into_the_motion_shown() {
+    let folder = temporary();
+    let mut tables = MadeUp::of_the_paper();
+    let page = read(&reported(&tables, folder.path()).page);
+    assert!(!page.contains("from rest"));
+    let rows = tables.predictions.iter_mut().filter(|row| row.from_rest == "reached");
+    for (row, goes) in rows.zip(["another", "another", "unsettled"]) {
+        (row.campaign, row.model) = (SKEWED.to_owned(), "no-skid".to_owned());
+        row.from_rest = goes.to_owned();
+    }
+    let page = read(&reported(&tables, folder.path()).page);
+    for remark in [
+        "no-skid: at 2 frequencies of the trials the robot that starts from rest gets into another",
+        "no-skid: at 1 frequency of the trials the robot that starts from rest does not settle.",
+    ] {
+        assert!(page.contains(remark), "{remark}");
+    }
+}
+
+#[test]
 fn the_page_needs_nothing_from_outside() {
     let folder = temporary();
     let page = read(&reported(&MadeUp::of_the_paper(), folder.path()).page);
