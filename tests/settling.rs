@@ -151,3 +151,30 @@ fn the_solver_goes_on_from_where_the_robot_settled() {
     let settled_m = settled.motion.metrics.d_m;
     assert!((next.d_m - settled_m).abs() < 0.05 * settled_m, "{next:?} {settled:?}");
 }
+
+#[test]
+fn a_motion_that_comes_back_every_second_cycle_only_is_said_to() {
+    let offset = JointCommand { offset_rad: 0.8137, amplitude_rad: 0.2838, phase_rad: 2.662 };
+    let problem = Problem {
+        robot: Robot {
+            h_m: 0.1695,
+            l_m: 0.1551,
+            b_m: 0.02867,
+            mass_kg: [2.93, 0.196, 0.2922],
+            inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
+            roll_kg_s: [0.0; 3],
+            skid_kg_s: [0.0; 3],
+            stiffness_nm_rad: 0.4998,
+            damping_nm_s_rad: 0.0643,
+            rest_angle_rad: -0.1661,
+        },
+        gait: Gait { joints: [Some(offset), None] },
+        model: Model::NoSkid,
+        omega_rad_s: 3.5473,
+    };
+    // The motion that repeats itself every cycle is unstable.
+    assert_eq!(problem.solve(REFERENCE_ACCURACY).unwrap().status(), "unstable");
+    let error = settle(&problem).unwrap_err();
+    assert_eq!(error, MotionError::Unsettled { cycles: 500, repeats_after: Some(2) });
+    assert!(error.to_string().ends_with("it repeats itself every 2 cycles"), "{error}");
+}

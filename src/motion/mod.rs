@@ -16,6 +16,7 @@ mod ring;
 mod sensitivity;
 mod settle;
 mod solver;
+mod task;
 mod trajectory;
 mod transient;
 
@@ -26,7 +27,7 @@ use serde::{Deserialize, Serialize};
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
 use reduced::Driven;
-use solver::{Follow, SampleFromRest};
+use task::{Follow, SampleFromRest};
 
 pub use forces::Actions;
 pub use path::Pose;
@@ -112,6 +113,10 @@ pub enum MotionError {
         /// Number of cycles after which the motion repeats itself, if it does.
         repeats_after: Option<usize>,
     },
+    #[error("nothing has been solved for yet")]
+    Unsolved,
+    #[error("eq. 3 gives this motion at every moment: there is nothing to follow")]
+    Determined,
     #[error("a robot without a commanded joint does not move")]
     NotDriven,
 }
@@ -169,7 +174,11 @@ impl Problem {
     ///
     /// # Errors
     /// The integrator cannot pass a moment, or there is no motion.
-    pub fn from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>, MotionError> {
+    pub fn cycles_from_rest(
+        &self,
+        cycles: usize,
+        samples: usize,
+    ) -> Result<Vec<Sample>, MotionError> {
         Solver::default().dispatch(self, SampleFromRest { cycles, samples })
     }
 

@@ -87,7 +87,9 @@ pub(super) fn settle<const N: usize, R: Reduced<N>>(
         }
         before = distance;
     }
+    // Not where it only creeps.
+    let same = CERTAIN.min(0.05 * follower.distance(&seen[0], &seen[1]));
     let repeats_after =
-        (2..=MOST_PERIODS).find(|&cycles| follower.distance(&seen[0], &seen[cycles]) < CERTAIN);
+        (2..=MOST_PERIODS).find(|&cycles| follower.distance(&seen[0], &seen[cycles]) < same);
     Err(MotionError::Unsettled { cycles: MOST_CYCLES, repeats_after })
 }

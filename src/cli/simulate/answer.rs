@@ -116,7 +116,7 @@ pub(super) fn print_table(answers: &[Answer]) {
             alpha1.to_degrees(),
             fixed(dtheta.to_degrees(), 8),
             answer.status,
-            answer.from_rest_in_words(),
+            answer.reach_in_words(),
         );
     }
 }
@@ -129,7 +129,7 @@ fn fixed(value: f64, digits: usize) -> String {
 }
 
 impl Answer<'_> {
-    fn from_rest_in_words(&self) -> String {
+    fn reach_in_words(&self) -> String {
         match (self.from_rest, self.cycles_to_settle) {
             (Some("reached"), Some(0)) => String::new(),
             (Some("reached"), Some(1)) => ", from rest after 1 cycle".to_owned(),

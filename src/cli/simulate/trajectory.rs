@@ -54,7 +54,7 @@ fn of(
 ) -> Result<Vec<Sample>, MotionError> {
     if from_rest {
         let cycles = answer.cycles_to_settle.map_or(UNSETTLED_CYCLES, |cycles| cycles + 1);
-        return problem.from_rest(cycles, samples);
+        return problem.cycles_from_rest(cycles, samples);
     }
     let mut solver = Solver::default();
     solver.solve(problem, REFERENCE_ACCURACY)?;

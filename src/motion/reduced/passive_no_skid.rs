@@ -1,0 +1,353 @@
+//! One joint on its spring, wheels that cannot skid.
+
+use super::{
+    ByParameters, CommandNode, Driven, MOST_PARAMETERS, Moment, Parameter, Reduced, Residual,
+    by_coefficients,
+};
+use crate::robot::{Balance, Trig, dot, force_balance, mass_matrix, roll_rows};
+
+/// Joint `passive` (0 or 1) on its spring, wheels that cannot skid. States `s, phi_p`.
+///
+/// Wheel 0 leaves `v = 0`. With `sigma = 1` for joint 1 and `-1` for joint 2, the wheel of the
+/// commanded link a and that of the passive link p leave
+///
+/// ```text
+/// sin(phi_a) u + (l + h cos phi_a) theta' = sigma_a l phi_a'
+/// l phi_p' = sigma_p (sin(phi_p) u + (l + h cos phi_p) theta')
+/// ```
+///
+/// The first has the solutions `(u, theta') = s n + e` with the null direction
+/// `n = (l + h cos phi_a, -sin phi_a)`, which is never zero, and a particular solution `e`;
+/// the second gives `phi_p'`. Neither needs `det W_b`, so nothing happens where it is zero.
+/// Eq. 7 projected on the null direction `(n_u, 0, n_r, n_p)` is free of constraint forces.
+#[derive(Debug, Clone)]
+pub struct PassiveNoSkid {
+    pub driven: Driven,
+    pub passive: usize,
+}
+
+/// What the command prescribes: the null direction and the particular solution.
+#[derive(Debug, Clone, Copy)]
+pub struct ConstrainedNode {
+    command: CommandNode,
+    frame: Frame,
+}
+
+/// `(u, theta')` along the null direction and of the particular solution, and their time
+/// derivatives.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    null: [f64; 2],
+    null_rate: [f64; 2],
+    particular: [f64; 2],
+    particular_rate: [f64; 2],
+}
+
+impl Frame {
+    fn velocities(&self, s: f64) -> [f64; 2] {
+        std::array::from_fn(|i| s * self.null[i] + self.particular[i])
+    }
+
+    fn accelerations(&self, s: f64, ds: f64) -> [f64; 2] {
+        std::array::from_fn(|i| ds * self.null[i] + s * self.null_rate[i] + self.particular_rate[i])
+    }
+}
+
+/// Sign with which a side link's wheel feels its joint.
+fn joint_sign(joint: usize) -> f64 {
+    if joint == 0 { 1.0 } else { -1.0 }
+}
+
+/// The wheel of the passive link, which gives `phi_p'` from `(u, theta')`.
+struct PassiveWheel {
+    sin: f64,
+    cos: f64,
+    arm_m: f64,
+    h_m: f64,
+    /// `sigma_p / l`.
+    per_m: f64,
+}
+
+impl PassiveWheel {
+    /// `phi_p'`.
+    fn rate(&self, [u, r]: [f64; 2]) -> f64 {
+        self.per_m * (self.sin * u + self.arm_m * r)
+    }
+
+    /// How `phi_p'` changes with `phi_p`.
+    fn rate_by_phi(&self, [u, r]: [f64; 2]) -> f64 {
+        self.per_m * (self.cos * u - self.h_m * self.sin * r)
+    }
+
+    /// And how that changes with `phi_p`.
+    fn rate_by_phi_phi(&self, [u, r]: [f64; 2]) -> f64 {
+        self.per_m * (-self.sin * u - self.h_m * self.cos * r)
+    }
+}
+
+/// The projected equations of one moment and what they are made of.
+struct Projected {
+    residual: Residual<2>,
+    balance: Balance,
+    mass: [[f64; 5]; 5],
+    trig: Trig,
+    moment: Moment,
+    wheel: PassiveWheel,
+    /// `(u, theta')`.
+    velocities: [f64; 2],
+    /// The null direction along `u`, `theta'` and `phi_p'`.
+    null: [f64; 3],
+}
+
+impl PassiveNoSkid {
+    /// Rows of eq. 7 that the null direction has parts along.
+    fn rows(&self) -> [usize; 3] {
+        [0, 2, 3 + self.passive]
+    }
+
+    fn wheel(&self, phi: f64) -> PassiveWheel {
+        let (h_m, l_m) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let (sin, cos) = phi.sin_cos();
+        PassiveWheel {
+            sin,
+            cos,
+            arm_m: l_m + h_m * cos,
+            h_m,
+            per_m: joint_sign(self.passive) / l_m,
+        }
+    }
+
+    #[inline(always)]
+    fn equations(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Projected {
+        let (p, robot, frame) = (self.passive, &self.driven.robot, &node.frame);
+        let wheel = self.wheel(y[1]);
+        let mut trig = node.command.trig;
+        (trig.s[p], trig.c[p]) = (wheel.sin, wheel.cos);
+        let velocities = frame.velocities(y[0]);
+        let accelerations = frame.accelerations(y[0], dy[0]);
+        let (n_p, n_p_by_phi) = (wheel.rate(frame.null), wheel.rate_by_phi(frame.null));
+        let (w, w_by_phi) = (wheel.rate(velocities), wheel.rate_by_phi(velocities));
+        let dw_by_s = n_p_by_phi * w + w_by_phi * n_p + wheel.rate(frame.null_rate);
+        let dw_by_phi = wheel.rate_by_phi_phi(velocities) * w
+            + w_by_phi * w_by_phi
+            + wheel.rate_by_phi(accelerations);
+
+        let moment = self.moment(node, y);
+        let acceleration = self.acceleration(node, y, dy);
+        let Moment { phi_rad, velocity } = moment;
+        let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
+        let mass = mass_matrix(robot, &trig);
+
+        let rows = self.rows();
+        let null = [frame.null[0], frame.null[1], n_p];
+        // Derivative of the projected balance when velocities and accelerations change.
+        let project = |by: [f64; 3], rate_by: [f64; 3]| -> f64 {
+            let mut sum = 0.0;
+            for (n, &row) in null.iter().zip(&rows) {
+                for (k, &column) in rows.iter().enumerate() {
+                    sum += n
+                        * (balance.by_velocity[row][column] * by[k]
+                            + mass[row][column] * rate_by[k]);
+                }
+            }
+            sum
+        };
+        let value = null.iter().zip(&rows).map(|(n, &row)| n * balance.value[row]).sum();
+        let by_s = project(null, [frame.null_rate[0], frame.null_rate[1], dw_by_s]);
+        let turned: f64 = null.iter().zip(&rows).map(|(n, &row)| n * balance.by_phi[p][row]).sum();
+        let by_phi = project([0.0, 0.0, w_by_phi], [0.0, 0.0, dw_by_phi])
+            + turned
+            + n_p_by_phi * balance.value[3 + p];
+        let residual = Residual {
+            value: [value, dy[1] - w],
+            by_state: [[by_s, by_phi], [-n_p, -w_by_phi]],
+            by_rate: [[project([0.0; 3], null), 0.0], [0.0, 1.0]],
+        };
+        Projected { residual, balance, mass, trig, moment, wheel, velocities, null }
+    }
+
+    /// How the frame changes with the commanded joint's amplitude.
+    #[inline(always)]
+    fn frame_by_amplitude(&self, node: &ConstrainedNode) -> Frame {
+        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let a = 1 - self.passive;
+        let sign = joint_sign(a) * l;
+        let command = &node.command;
+        let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
+        let (rate, acceleration) =
+            (command.shape.rate_rad_s[a], command.shape.acceleration_rad_s2[a]);
+        let [dphi, drate, dacceleration] = command.waves[a];
+        let arm = l + h * cos;
+        let (arm_rate, sin_rate) = (-h * sin * rate, cos * rate);
+        let (dsin, darm) = (cos * dphi, -h * sin * dphi);
+        let darm_rate = -h * (cos * dphi * rate + sin * drate);
+        let dsin_rate = -sin * dphi * rate + cos * drate;
+        let norm = sin * sin * l * l + arm * arm;
+        let norm_rate = 2.0 * (sin * sin_rate * l * l + arm * arm_rate);
+        let dnorm = 2.0 * (l * l * sin * dsin + arm * darm);
+        let dnorm_rate =
+            2.0 * (l * l * (dsin * sin_rate + sin * dsin_rate) + darm * arm_rate + arm * darm_rate);
+        let q = sign * rate / norm;
+        let q_rate = sign * acceleration / norm - q * norm_rate / norm;
+        let dq = (sign * drate - q * dnorm) / norm;
+        let dq_rate =
+            (sign * dacceleration - dq * norm_rate - q * dnorm_rate - q_rate * dnorm) / norm;
+        Frame {
+            null: [darm, -dsin],
+            null_rate: [darm_rate, -dsin_rate],
+            particular: [l * l * (dsin * q + sin * dq), darm * q + arm * dq],
+            particular_rate: [
+                l * l * (dsin_rate * q + sin_rate * dq + dsin * q_rate + sin * dq_rate),
+                darm_rate * q + arm_rate * dq + darm * q_rate + arm * dq_rate,
+            ],
+        }
+    }
+}
+
+impl Reduced<2> for PassiveNoSkid {
+    const PARAMETERS: usize = 6;
+    const SKIDS: bool = false;
+    const INTEGRATED: bool = false;
+    const HAS_ANGLE: bool = true;
+
+    type Node = ConstrainedNode;
+
+    fn node(&self, phase_rad: f64) -> ConstrainedNode {
+        let command = CommandNode::new(&self.driven, phase_rad);
+        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let a = 1 - self.passive;
+        let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
+        let (rate, acceleration) =
+            (command.shape.rate_rad_s[a], command.shape.acceleration_rad_s2[a]);
+        let (arm, arm_rate, sin_rate) = (l + h * cos, -h * sin * rate, cos * rate);
+        // The shortest particular solution, rotation counted as speed at the distance l.
+        let norm = sin * sin * l * l + arm * arm;
+        let norm_rate = 2.0 * (sin * sin_rate * l * l + arm * arm_rate);
+        let q = joint_sign(a) * l * rate / norm;
+        let q_rate = joint_sign(a) * l * acceleration / norm - q * norm_rate / norm;
+        let frame = Frame {
+            null: [arm, -sin],
+            null_rate: [arm_rate, -sin_rate],
+            particular: [l * l * sin * q, arm * q],
+            particular_rate: [l * l * (sin_rate * q + sin * q_rate), arm_rate * q + arm * q_rate],
+        };
+        ConstrainedNode { command, frame }
+    }
+
+    #[inline(always)]
+    fn residual(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Residual<2> {
+        self.equations(node, y, dy).residual
+    }
+
+    fn parameter(&self, column: usize) -> Parameter {
+        match column {
+            0..3 => Parameter::Roll(column),
+            3 => Parameter::Stiffness,
+            4 => Parameter::Damping,
+            _ => Parameter::Amplitude(1 - self.passive),
+        }
+    }
+
+    #[inline(always)]
+    fn sensitivity(
+        &self,
+        node: &ConstrainedNode,
+        y: &[f64; 2],
+        dy: &[f64; 2],
+        by: &mut ByParameters<2>,
+    ) -> Residual<2> {
+        let (p, a, robot) = (self.passive, 1 - self.passive, &self.driven.robot);
+        let Projected { residual, balance, mass, trig, moment, wheel, velocities, null } =
+            self.equations(node, y, dy);
+        let rows = self.rows();
+        let along = |force: &[f64; 5]| -> f64 {
+            null.iter().zip(&rows).map(|(n, &row)| n * force[row]).sum()
+        };
+        let by_roll = by_coefficients(&roll_rows(robot, &trig), &moment.velocity);
+        for wheel in 0..3 {
+            by[0][wheel] = along(&by_roll[wheel]);
+        }
+        by[0][3] = null[2] * (y[1] - robot.rest_angle_rad);
+        by[0][4] = null[2] * moment.velocity[3 + p];
+
+        // The frame of the constraints turns with the commanded joint.
+        let frame = self.frame_by_amplitude(node);
+        let (dvelocities, daccelerations) =
+            (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
+        let (w, dw) = (wheel.rate(velocities), wheel.rate(dvelocities));
+        let rate_by_phi = wheel.rate_by_phi(velocities);
+        let [phi, rate, acceleration] = node.command.waves[a];
+        let mut velocity = [dvelocities[0], 0.0, dvelocities[1], 0.0, 0.0];
+        let mut rates = [daccelerations[0], 0.0, daccelerations[1], 0.0, 0.0];
+        (velocity[3 + p], velocity[3 + a]) = (dw, rate);
+        rates[3 + p] =
+            wheel.rate_by_phi(dvelocities) * w + rate_by_phi * dw + wheel.rate(daccelerations);
+        rates[3 + a] = acceleration;
+        let dnull = [frame.null[0], frame.null[1], wheel.rate(frame.null)];
+        let mut sum = 0.0;
+        for ((n, dn), &row) in null.iter().zip(&dnull).zip(&rows) {
+            let force = dot(&balance.by_velocity[row], &velocity)
+                + dot(&mass[row], &rates)
+                + balance.by_phi[a][row] * phi;
+            sum += n * force + dn * balance.value[row];
+        }
+        by[0][5] = sum;
+        by[1] = [0.0; MOST_PARAMETERS];
+        by[1][5] = -dw;
+        residual
+    }
+
+    #[inline(always)]
+    fn acceleration(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> [f64; 5] {
+        let (p, wheel) = (self.passive, self.wheel(y[1]));
+        let velocities = node.frame.velocities(y[0]);
+        let [du, dr] = node.frame.accelerations(y[0], dy[0]);
+        let mut acceleration = [du, 0.0, dr, 0.0, 0.0];
+        acceleration[3 + p] =
+            wheel.rate_by_phi(velocities) * wheel.rate(velocities) + wheel.rate([du, dr]);
+        acceleration[4 - p] = node.command.shape.acceleration_rad_s2[1 - p];
+        acceleration
+    }
+
+    #[inline(always)]
+    fn by_state(&self, node: &ConstrainedNode, y: &[f64; 2], by_moment: &Moment) -> [f64; 2] {
+        let (p, wheel, frame) = (self.passive, self.wheel(y[1]), &node.frame);
+        let [u, _, r, ..] = by_moment.velocity;
+        let by_w = by_moment.velocity[3 + p];
+        let by_s = u * frame.null[0] + r * frame.null[1] + by_w * wheel.rate(frame.null);
+        let by_phi = by_moment.phi_rad[p] + by_w * wheel.rate_by_phi(frame.velocities(y[0]));
+        [by_s, by_phi]
+    }
+
+    #[inline(always)]
+    fn by_amplitude(&self, node: &ConstrainedNode, y: &[f64; 2], by_moment: &Moment) -> [f64; 2] {
+        let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(y[1]));
+        let velocities = self.frame_by_amplitude(node).velocities(y[0]);
+        let [u, _, r, ..] = by_moment.velocity;
+        let mut by = node.command.by_amplitude(by_moment);
+        by[a] += u * velocities[0]
+            + r * velocities[1]
+            + by_moment.velocity[3 + p] * wheel.rate(velocities);
+        by
+    }
+
+    #[inline(always)]
+    fn moment(&self, node: &ConstrainedNode, y: &[f64; 2]) -> Moment {
+        let p = self.passive;
+        let [u, r] = node.frame.velocities(y[0]);
+        let mut phi_rad = node.command.shape.phi_rad;
+        phi_rad[p] = y[1];
+        let mut velocity = [u, 0.0, r, 0.0, 0.0];
+        velocity[3 + p] = self.wheel(y[1]).rate([u, r]);
+        velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
+        Moment { phi_rad, velocity }
+    }
+
+    fn half_period_signs(&self) -> Option<[f64; 2]> {
+        self.driven.is_mirrored().then_some([1.0, -1.0])
+    }
+
+    fn at_rest(&self) -> [f64; 2] {
+        [0.0, self.driven.robot.rest_angle_rad]
+    }
+}

@@ -1,0 +1,219 @@
+//! Newton's method on the ring, and its stability.
+
+use nalgebra::{Matrix5, SMatrix, SVector};
+
+use super::Ring;
+use crate::motion::MotionError;
+use crate::motion::radau::STAGES;
+use crate::motion::reduced::Reduced;
+
+const MOST_STEPS: usize = 60;
+/// Newton gives up when steps do not shrink along this part of one.
+const LEAST_PART: f64 = 1.0 / 512.0;
+/// Factors are kept while a step is at most this part of the one before.
+const FAST: f64 = 0.15;
+/// Steps below this size are rounding: whether they shrink cannot be judged.
+const ROUNDING: f64 = 1e-9;
+/// By how much what is left may be larger than what was seen lets expect.
+const SAFETY: f64 = 10.0;
+
+impl<const N: usize, R: Reduced<N>> Ring<N, R> {
+    fn not_converged(&self) -> MotionError {
+        MotionError::NotConverged { steps: self.steps }
+    }
+
+    /// Linearises the chain at the present states and prepares its closing.
+    pub(super) fn linearise(&mut self, model: &R) -> Result<(), MotionError> {
+        for (k, nodes) in self.nodes.chunks_exact(STAGES).enumerate() {
+            let (start, stages) = (self.now.start_of(k), &self.now.elements[k]);
+            self.linearised
+                .linearise(k, model, nodes, start, stages, self.element_s)
+                .ok_or(MotionError::NotConverged { steps: self.steps })?;
+        }
+        let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
+        self.closing = open.try_inverse().ok_or(self.not_converged())?;
+        Ok(())
+    }
+
+    /// Evaluates the residuals at the present states; the factors are kept.
+    fn evaluate(&mut self, model: &R) {
+        for (k, nodes) in self.nodes.chunks_exact(STAGES).enumerate() {
+            let (start, stages) = (self.now.start_of(k), &self.now.elements[k]);
+            self.linearised.evaluate(k, model, nodes, start, stages, self.element_s);
+        }
+    }
+
+    /// How a state answers to a change at the start, one turn of the ring later.
+    fn monodromy(&self) -> SMatrix<f64, N, N> {
+        SMatrix::from_columns(&std::array::from_fn::<_, N, _>(|m| {
+            let mut x: [f64; N] = std::array::from_fn(|i| if i == m { 1.0 } else { 0.0 });
+            for k in 0..self.now.elements.len() {
+                x = self.linearised.end_change::<N, R>(k, &x, self.element_s, false);
+            }
+            SVector::from_fn(|i, _| self.signs[i] * x[i])
+        }))
+    }
+
+    /// Solves the closed chain for the residuals at hand, into `step`.
+    fn close(&mut self) {
+        let count = self.now.elements.len();
+        let mut offset = [0.0; N];
+        for k in 0..count {
+            self.linearised.solve_step::<N, R>(k);
+            offset = self.linearised.end_change::<N, R>(k, &offset, self.element_s, true);
+        }
+        let end = self.now.start_of(count);
+        let mismatch = |i: usize| self.signs[i] * (offset[i] + end[i]) - self.now.start[i];
+        let first = self.closing * SVector::<f64, N>::from_fn(|i, _| mismatch(i));
+        self.step.start = first.into();
+        let mut start = self.step.start;
+        self.step.elements.clear();
+        for k in 0..count {
+            let changes = self.linearised.changes::<N, R>(k, &start, self.element_s);
+            start = changes[STAGES - 1];
+            self.step.elements.push(changes);
+        }
+    }
+
+    /// Newton's method until what is left is below `accuracy`, relative to the states. A step is
+    /// damped until the next one by the same factors is shorter (natural monotonicity, which
+    /// does not depend on how the equations are scaled), and the factors are kept while steps
+    /// by them shrink fast.
+    ///
+    /// Reference: P. Deuflhard, *Newton Methods for Nonlinear Problems*, Springer 2004,
+    /// section 3.3.
+    pub(super) fn newton(&mut self, model: &R, accuracy: f64) -> Result<(), MotionError> {
+        let enough = 0.3 * accuracy;
+        let mut first_part = 1.0;
+        while self.steps < MOST_STEPS {
+            self.linearise(model)?;
+            self.close();
+            let sizes = self.sizes();
+            let mut size = self.step_size(&sizes);
+            if !size.is_finite() {
+                return Err(self.not_converged());
+            }
+            let is_last = SAFETY * self.bend * size * size <= enough;
+            let mut part = first_part;
+            let mut next_size = loop {
+                self.move_by(if is_last { 1.0 } else { part });
+                if is_last {
+                    return Ok(());
+                }
+                let next_size = self.next_step(model, &sizes);
+                if next_size < (1.0 - 0.25 * part) * size || size < ROUNDING {
+                    break next_size;
+                }
+                // Back, and on by less.
+                std::mem::swap(&mut self.step, &mut self.last_step);
+                std::mem::swap(&mut self.now, &mut self.before);
+                part *= 0.5;
+                if part < LEAST_PART {
+                    return Err(self.not_converged());
+                }
+            };
+            first_part = f64::min(1.0, 2.0 * part);
+            if part == 1.0 {
+                self.bend = next_size / (size * size);
+            }
+            while part == 1.0 && next_size < FAST * size && self.steps < MOST_STEPS {
+                let shrinks = next_size / size;
+                size = next_size;
+                self.move_by(1.0);
+                if shrinks * size <= enough {
+                    return Ok(());
+                }
+                next_size = self.next_step(model, &sizes);
+            }
+        }
+        Err(self.not_converged())
+    }
+
+    /// The step from the present states by the factors at hand, and its size.
+    fn next_step(&mut self, model: &R, sizes: &[f64; N]) -> f64 {
+        self.evaluate(model);
+        std::mem::swap(&mut self.step, &mut self.last_step);
+        self.close();
+        let size = self.step_size(sizes);
+        if size.is_finite() { size } else { f64::INFINITY }
+    }
+
+    /// Goes a part of `step`; where it comes from is left in `before`.
+    fn move_by(&mut self, part: f64) {
+        self.steps += 1;
+        std::mem::swap(&mut self.before, &mut self.now);
+        let (now, before, step) = (&mut self.now, &self.before, &self.step);
+        now.start = std::array::from_fn(|i| before.start[i] + part * step.start[i]);
+        now.elements.clear();
+        now.elements.extend(before.elements.iter().zip(&step.elements).map(|(before, step)| {
+            std::array::from_fn(|j| std::array::from_fn(|i| before[j][i] + part * step[j][i]))
+        }));
+    }
+
+    /// Largest value of each state before or after a step.
+    pub(super) fn sizes(&self) -> [f64; N] {
+        let mut sizes = [0.0_f64; N];
+        for (y, step) in self.now.elements.iter().flatten().zip(self.step.elements.iter().flatten())
+        {
+            for i in 0..N {
+                sizes[i] = sizes[i].max(y[i].abs()).max((y[i] + step[i]).abs());
+            }
+        }
+        sizes
+    }
+
+    /// Largest step of any state over that state's size.
+    fn step_size(&self, sizes: &[f64; N]) -> f64 {
+        let mut steps = [0.0_f64; N];
+        for step in self.step.elements.iter().flatten() {
+            for i in 0..N {
+                // Not `max`, which passes over NaN.
+                steps[i] = if step[i].abs() <= steps[i] { steps[i] } else { step[i].abs() };
+            }
+        }
+        largest_ratio(&steps, sizes)
+    }
+
+    /// Modulus of the largest Floquet multiplier of a whole period, from a fresh
+    /// linearisation.
+    pub fn floquet(&mut self, model: &R) -> Result<f64, MotionError> {
+        const MOST_SWEEPS: usize = 1000;
+        self.linearise(model)?;
+        let product = self.monodromy();
+        // The eigenvalues of the smaller matrix and zeros: of one size for all rings.
+        let padded = Matrix5::from_fn(|i, j| if i < N && j < N { product[(i, j)] } else { 0.0 });
+        if padded.iter().any(|entry| !entry.is_finite()) {
+            return Err(self.not_converged());
+        }
+        let schur = padded.try_schur(f64::EPSILON, MOST_SWEEPS).ok_or(self.not_converged())?;
+        let values = schur.complex_eigenvalues();
+        let largest = values.iter().map(|value| value.norm()).fold(0.0, f64::max);
+        Ok(if self.is_half { largest * largest } else { largest })
+    }
+
+    /// One Newton step from the last solution; gives the step relative to the states.
+    pub fn polish(&mut self, model: &R) -> Result<f64, MotionError> {
+        self.linearise(model)?;
+        self.close();
+        let size = self.step_size(&self.sizes());
+        self.move_by(1.0);
+        self.cycle = None;
+        Ok(size)
+    }
+}
+
+/// Largest of `parts[i] / sizes[i]`. A state that is nothing beside the others, such as the
+/// lateral motion of a robot that goes straight, counts as rounding.
+pub(super) fn largest_ratio<const N: usize>(parts: &[f64; N], sizes: &[f64; N]) -> f64 {
+    const NOTHING: f64 = 1e-9;
+    let floor = NOTHING * sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
+    let mut largest = 0.0;
+    for i in (0..N).filter(|&i| parts[i] != 0.0) {
+        let ratio = parts[i] / sizes[i].max(floor);
+        if ratio.is_nan() {
+            return f64::INFINITY;
+        }
+        largest = f64::max(largest, ratio);
+    }
+    largest
+}
