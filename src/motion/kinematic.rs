@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use super::MotionError;
-use super::forces::actions;
+use super::forces::{Actions, actions};
 use super::path::{Pose, advance};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment};
@@ -27,7 +27,7 @@ const SAMPLES: usize = 720;
 /// Part of a typical numerator that may be left at a crossing that meets condition (5).
 const CROSSING: f64 = 1e-9;
 /// Part of a typical determinant below which the quotient is taken from its neighbourhood.
-const NEAR: f64 = 1e-6;
+const NEAR: f64 = 1e-4;
 
 /// Metrics of one cycle. They do not depend on the frequency, but for the speed.
 pub(super) fn solve(
@@ -124,20 +124,33 @@ pub(super) fn work_and_loss_j(
     driven: &Driven,
     joints: [JointCommand; 2],
 ) -> Result<[f64; 2], MotionError> {
-    const ELEMENTS: usize = 101;
     let eq3 = Eq3::new(&driven.robot, joints)?;
-    let length = TAU / ELEMENTS as f64;
-    let (mut work, mut loss) = (0.0, 0.0);
-    for k in 0..ELEMENTS {
-        for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
-            let (moment, acceleration) = eq3.moment(driven, length * (k as f64 + node));
-            let actions = actions(driven, &moment, &acceleration);
-            let weight = weight * length / driven.omega_rad_s;
-            work += weight * actions.power_w;
-            loss += weight * actions.loss_w;
+    let sums = |count: usize| {
+        let length = TAU / count as f64;
+        let (mut sums, mut moved) = ([0.0; 2], 0.0);
+        for k in 0..count {
+            for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
+                let (moment, acceleration) = eq3.moment(driven, length * (k as f64 + node));
+                let Actions { power_w, loss_w, .. } = actions(driven, &moment, &acceleration);
+                let weight = weight * length / driven.omega_rad_s;
+                sums[0] += weight * power_w;
+                sums[1] += weight * loss_w;
+                moved += weight * power_w.abs();
+            }
         }
+        (sums, moved)
+    };
+    let mut count = 2 * ELEMENTS + 1;
+    let (mut before, _) = sums(count);
+    loop {
+        count = 2 * count + 1;
+        let (after, moved) = sums(count);
+        let change = (0..2).map(|i| (after[i] - before[i]).abs()).fold(0.0, f64::max);
+        if change <= ACCURACY * moved || count >= MOST_ELEMENTS {
+            return Ok(after);
+        }
+        before = after;
     }
-    Ok([work, loss])
 }
 
 /// Eq. 3 with time measured as phase.
@@ -194,18 +207,56 @@ impl<'a> Eq3<'a> {
 
     /// `u` and `theta'` per radian of phase.
     fn velocities(&self, phase: f64) -> [f64; 2] {
-        let (numerators, det) = self.parts(phase);
+        self.smooth(phase, |phase| {
+            let (numerators, det) = self.parts(phase);
+            (numerators.map(|numerator| numerator / det), det)
+        })
+    }
+
+    /// Their derivatives by phase.
+    fn accelerations(&self, phase: f64) -> [f64; 2] {
+        self.smooth(phase, |phase| {
+            let (numerators, det) = self.parts(phase);
+            let (by_phase, det_by_phase) = self.parts_by_phase(phase);
+            let slope = |i: usize| (by_phase[i] - numerators[i] / det * det_by_phase) / det;
+            (std::array::from_fn(slope), det)
+        })
+    }
+
+    /// A quotient with its denominator; where that is nearly zero the quotient, which is smooth,
+    /// is taken from both sides, to fourth order.
+    fn smooth(&self, phase: f64, quotient: impl Fn(f64) -> ([f64; 2], f64)) -> [f64; 2] {
+        const ASIDE: f64 = 2e-3;
+        let (value, det) = quotient(phase);
         if det.abs() > NEAR * self.det_scale_m {
-            return numerators.map(|numerator| numerator / det);
+            return value;
         }
-        // The quotient is smooth: its value from both sides, to fourth order.
-        const ASIDE: f64 = 1e-3;
-        let at = |steps: f64| {
-            let (numerators, det) = self.parts(phase + steps * ASIDE);
-            numerators.map(|numerator| numerator / det)
-        };
+        let at = |steps: f64| quotient(phase + steps * ASIDE).0;
         let (far_left, left, right, far_right) = (at(-2.0), at(-1.0), at(1.0), at(2.0));
         std::array::from_fn(|i| (4.0 * (left[i] + right[i]) - far_left[i] - far_right[i]) / 6.0)
+    }
+
+    /// Derivatives of [`Eq3::parts`] by phase.
+    fn parts_by_phase(&self, phase: f64) -> ([f64; 2], f64) {
+        let [[phi1, w1, dw1], [phi2, w2, dw2]] = self.joints.map(|joint| joint.at(phase));
+        let Trig { s: [s1, s2], c: [c1, c2] } = Trig::new([phi1, phi2]);
+        let (h, l) = (self.robot.h_m, self.robot.l_m);
+        let (a1, a2) = (l + h * c1, l + h * c2);
+        let (da1, da2) = (-h * s1 * w1, -h * s2 * w2);
+        let u = -l * (da2 * w1 + a2 * dw1 + da1 * w2 + a1 * dw2);
+        let turning = l * (c2 * w2 * w1 + s2 * dw1 + c1 * w1 * w2 + s1 * dw2);
+        ([u, turning], c2 * w2 * a1 + s2 * da1 - c1 * w1 * a2 - s1 * da2)
+    }
+
+    /// Angles and velocities at a phase, and the time derivatives of the velocities.
+    fn moment(&self, driven: &Driven, phase: f64) -> (Moment, [f64; 5]) {
+        let omega = driven.omega_rad_s;
+        let shape = driven.gait.at(phase, omega);
+        let [u, r] = self.velocities(phase).map(|rate| rate * omega);
+        let [du, dr] = self.accelerations(phase).map(|rate| rate * omega * omega);
+        let ([w1, w2], [a1, a2]) = (shape.rate_rad_s, shape.acceleration_rad_s2);
+        let moment = Moment { phi_rad: shape.phi_rad, velocity: [u, 0.0, r, w1, w2] };
+        (moment, [du, 0.0, dr, a1, a2])
     }
 
     /// The pose after one cycle that starts at phase 0.
@@ -222,26 +273,6 @@ impl<'a> Eq3<'a> {
         });
         let [.., end] = advance(pose, &moments, length);
         end
-    }
-
-    /// Angles and velocities at a phase, and the time derivatives of the velocities.
-    fn moment(&self, driven: &Driven, phase: f64) -> (Moment, [f64; 5]) {
-        /// Central differences of sixth order: their error is that of rounding.
-        const STEP: f64 = 0.01;
-        const WEIGHTS: [f64; 3] = [45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0];
-        let omega = driven.omega_rad_s;
-        let shape = driven.gait.at(phase, omega);
-        let [u, r] = self.velocities(phase).map(|rate| rate * omega);
-        let ([w1, w2], [a1, a2]) = (shape.rate_rad_s, shape.acceleration_rad_s2);
-        let mut by_phase = [0.0; 2];
-        for (k, weight) in WEIGHTS.iter().enumerate() {
-            let step = STEP * (k + 1) as f64;
-            let (after, before) = (self.velocities(phase + step), self.velocities(phase - step));
-            (0..2).for_each(|i| by_phase[i] += weight * (after[i] - before[i]) / STEP);
-        }
-        let [du, dr] = by_phase.map(|slope| slope * omega * omega);
-        let moment = Moment { phi_rad: shape.phi_rad, velocity: [u, 0.0, r, w1, w2] };
-        (moment, [du, 0.0, dr, a1, a2])
     }
 }
 

@@ -146,6 +146,9 @@ pub struct Problem {
 
 /// Relative accuracy of the metrics for reports: about ten digits.
 pub const REFERENCE_ACCURACY: f64 = 1e-10;
+/// Relative accuracy of solutions whose forces are asked for: those of wheels that skid are large
+/// coefficients times velocities that are nearly nothing.
+pub const FORCES_ACCURACY: f64 = 1e-12;
 /// Relative accuracy for fits: far below what a measurement tells.
 pub const FIT_ACCURACY: f64 = 1e-6;
 

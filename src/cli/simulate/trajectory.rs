@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::answer::Answer;
 use crate::cli::Failure;
-use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY, Sample, Solver};
+use crate::motion::{FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::store::{Provenance, Rows, TrajectoryRow};
 
 /// Cycles that are written of a motion which does not settle.
@@ -57,7 +57,9 @@ fn of(
         return problem.cycles_from_rest(cycles, samples);
     }
     let mut solver = Solver::default();
-    solver.solve(problem, REFERENCE_ACCURACY)?;
+    // The roughest motions cannot be had to the higher accuracy.
+    let fine = solver.solve(problem, FORCES_ACCURACY);
+    fine.or_else(|_| solver.solve(problem, REFERENCE_ACCURACY))?;
     solver.cycle(samples)
 }
 
