@@ -48,9 +48,9 @@ pub struct Paths {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Vicon {
-    /// Frame rate that the marker files must have, Hz.
+    /// Frame rate that the marker files must have, Hz; also that of files that do not say one.
     pub rate_hz: f64,
-    /// Take each file's own rate instead.
+    /// Take each file's own rate instead; then each must say one.
     pub rate_from_file: bool,
 }
 

@@ -27,10 +27,16 @@ pub enum TrialFailure {
     Vicon(#[from] ViconError),
     #[error("{}: found a frame rate of {found_hz} Hz, needed {needed_hz} Hz as vicon.rate_hz says (or set vicon.rate_from_file = true)", path.display())]
     Rate { path: PathBuf, found_hz: f64, needed_hz: f64 },
+    #[error("{}: found no frame rate, needed one because vicon.rate_from_file = true (or set it to false and say vicon.rate_hz)", path.display())]
+    NoRate { path: PathBuf },
     #[error("{}: found no marker `{label}`, needed by markers.link{link} of pipeline.toml; {hint}", path.display())]
     MissingMarker { path: PathBuf, label: String, link: usize, hint: String },
-    #[error("{}: found the marker `{label}` of markers.link{link} as `{}`, needed one; name it `Subject:Marker` in pipeline.toml", path.display(), found.join("`, `"))]
+    #[error("{}: found the marker `{label}` of markers.link{link} as `{}`, needed one of them; the layout must name it `Subject:Marker`", path.display(), found.join("`, `"))]
     AmbiguousMarker { path: PathBuf, label: String, link: usize, found: Vec<String> },
+    #[error("{}: found the label `{label}` more than once, needed by markers.link{link} of pipeline.toml once", path.display())]
+    RepeatedLabel { path: PathBuf, label: String, link: usize },
+    #[error("{}: found the marker `{found}` for both `{first}` and `{second}` of pipeline.toml's [markers], needed one each", path.display())]
+    SharedMarker { path: PathBuf, found: String, first: String, second: String },
     #[error("{}: found frames {first} to {last} in only {rows} rows, needed frame numbers without such jumps", path.display())]
     FrameJumps { path: PathBuf, first: i64, last: i64, rows: usize },
     #[error("{}: found no frame in which the markers of link {link} give its pose, needed two that are seen together", path.display())]

@@ -7,10 +7,11 @@ use super::layout::Layout;
 use super::{TrialFailure, gaps, rigid};
 use crate::vicon::MarkerFile;
 
-/// A jump over more frames than this, or than this many times the rows, is not a gap in time
-/// but damage.
-const MOST_INSERTED_FRAMES: i64 = 1_000_000;
-const MOST_FRAMES_PER_ROW: i64 = 10;
+/// Frames that a file may leave out: a quarter of an hour at 120 Hz and, in long files, some
+/// times the rows. A wider jump is not a gap in time but a damaged number.
+const MOST_LEFT_OUT: i64 = 100_000;
+const MOST_LEFT_OUT_PER_ROW: i64 = 10;
+const MOST_LEFT_OUT_AT_ALL: i64 = 1_000_000;
 
 /// Where a link's pose in a frame comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -145,8 +146,8 @@ pub(super) fn track(
 fn frame_grid(path: &Path, numbers: &[i64]) -> Result<(i64, usize), TrialFailure> {
     let (first, last) = (numbers[0], numbers[numbers.len() - 1]);
     let (frames, rows) = (last - first + 1, numbers.len());
-    let most = (MOST_FRAMES_PER_ROW * rows as i64).min(rows as i64 + MOST_INSERTED_FRAMES);
-    if frames > most {
+    let most = (MOST_LEFT_OUT_PER_ROW * rows as i64).clamp(MOST_LEFT_OUT, MOST_LEFT_OUT_AT_ALL);
+    if frames - rows as i64 > most {
         return Err(TrialFailure::FrameJumps { path: path.to_owned(), first, last, rows });
     }
     Ok((first, frames as usize))
@@ -213,10 +214,11 @@ mod tests {
     fn frames_that_are_left_out_are_counted_and_absurd_jumps_refused() {
         let path = Path::new("a.csv");
         assert_eq!(frame_grid(path, &[500, 501, 510]).unwrap(), (500, 11));
-        let error = frame_grid(path, &[500, 501, 63268]).unwrap_err().to_string();
+        assert_eq!(frame_grid(path, &[19288, 19289, 63268]).unwrap(), (19288, 43981));
+        let error = frame_grid(path, &[500, 501, 632680]).unwrap_err().to_string();
         assert_eq!(
             error,
-            "a.csv: found frames 500 to 63268 in only 3 rows, \
+            "a.csv: found frames 500 to 632680 in only 3 rows, \
              needed frame numbers without such jumps"
         );
     }

@@ -275,13 +275,15 @@ fn setup(trial: &Trial, config: &Config) -> Result<(Robot, Option<(Gait, f64)>),
     }
 }
 
-/// The file's frame rate, Hz, if it may be the one; the configured one if the file has none.
+/// The file's frame rate, Hz, if it may be the one. If the file has none, the configured one,
+/// unless each file has to say its own.
 fn frame_rate(path: &Path, file: &vicon::MarkerFile, config: &Config) -> Result<f64, TrialFailure> {
     let needed_hz = config.vicon.rate_hz;
     match file.rate_hz {
         Some(found_hz) if found_hz != needed_hz && !config.vicon.rate_from_file => {
             Err(TrialFailure::Rate { path: path.to_owned(), found_hz, needed_hz })
         }
+        None if config.vicon.rate_from_file => Err(TrialFailure::NoRate { path: path.to_owned() }),
         rate_hz => Ok(rate_hz.unwrap_or(needed_hz)),
     }
 }

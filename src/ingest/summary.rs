@@ -123,7 +123,10 @@ pub(super) fn tracking_checks(
 ) -> Vec<Finding> {
     let rate = match file_rate_hz {
         Some(rate_hz) => format!("the file says {rate_hz} Hz"),
-        None => format!("the file does not say its rate; {} Hz is assumed", vicon.rate_hz),
+        None => format!(
+            "the file does not say its rate; {} Hz is assumed (vicon.rate_hz)",
+            vicon.rate_hz
+        ),
     };
     let inserted = tracked.inserted_frames as f64;
     let unnumbered = rows_without_frame as f64;

@@ -250,7 +250,7 @@ fn what_is_wrong_with_a_trial_is_said() {
     assert_eq!(
         message(&text.replacen("Robot:R1", "Other:M1", 1).replacen("Robot:R2", "Robot:R1", 1)),
         "a.csv: found the marker `M1` of markers.link0 as `Robot:M1`, `Other:M1`, \
-         needed one; name it `Subject:Marker` in pipeline.toml"
+         needed one of them; the layout must name it `Subject:Marker`"
     );
     assert_eq!(
         message(&text.replacen("\r\n120\r\n", "\r\n100\r\n", 1)),
@@ -275,8 +275,34 @@ fn a_file_without_a_rate_gets_the_configured_one_and_says_so() {
     let (recording, trial) = symmetric(3.9);
     let text = recording.export().replacen("\r\n120\r\n", "\r\n", 1);
     let row = process_text(&text, &trial).unwrap().row;
-    assert_eq!(row.message, "the file does not say its rate; 120 Hz is assumed");
+    assert_eq!(row.message, "the file does not say its rate; 120 Hz is assumed (vicon.rate_hz)");
     assert!((row.omega_rad_s - 3.9).abs() < 4e-4);
+    let mut config = Config::default();
+    config.vicon.rate_from_file = true;
+    assert_eq!(
+        process(Path::new("a.csv"), text.as_bytes(), &trial, &config).unwrap_err().to_string(),
+        "a.csv: found no frame rate, needed one because vicon.rate_from_file = true \
+         (or set it to false and say vicon.rate_hz)"
+    );
+}
+
+#[test]
+fn a_jump_of_the_frames_stays_a_gap_in_time_and_rows_without_a_number_are_counted() {
+    let (recording, trial) = symmetric(3.9);
+    let text = recording.export();
+    let mut lines: Vec<String> = text.split_inclusive("\r\n").map(str::to_owned).collect();
+    let whole = process_text(&text, &trial).unwrap();
+    // Two rows have lost their numbers, and 300 frames are not in the file.
+    for line in &mut lines[700..702] {
+        *line = ",,".to_owned() + line.splitn(3, ',').last().unwrap();
+    }
+    lines.drain(702..1000);
+    let jumped = process_text(&lines.concat(), &trial).unwrap();
+    assert_eq!(jumped.poses.len(), whole.poses.len());
+    let (message, d_m) = (jumped.row.message, jumped.row.d_m);
+    assert!(message.contains("300 frames are left out of the file"), "{message}");
+    assert!(message.contains("2 rows without a frame number are left out"), "{message}");
+    assert!((d_m / whole.row.d_m - 1.0).abs() < 2e-3);
 }
 
 /// A folder of good and bad trials.

@@ -13,10 +13,12 @@ pub enum ViconError {
     Unpack { path: PathBuf, source: std::io::Error },
     #[error("{}: found more than {limit_bytes} bytes when unpacked, needed at most that", path.display())]
     TooLarge { path: PathBuf, limit_bytes: u64 },
+    #[error("{}: found UTF-16, needed a text in UTF-8; save it as `CSV UTF-8`", path.display())]
+    Utf16 { path: PathBuf },
     #[error("{}: found an empty file, needed a `Trajectories` section", path.display())]
     Empty { path: PathBuf },
-    #[error("{}: found {}, needed a `Trajectories` section", path.display(), sections(found))]
-    NoSection { path: PathBuf, found: Vec<String> },
+    #[error("{}: found {found}, needed a `Trajectories` section", path.display())]
+    NoSection { path: PathBuf, found: String },
     #[error("{}, line {line}: found {found}, needed {needed}", path.display())]
     Header { path: PathBuf, line: usize, found: String, needed: String },
     #[error("{}: found no row of numbers below line {line}, needed at least one frame", path.display())]
@@ -38,12 +40,4 @@ pub enum ViconError {
     Cut { path: PathBuf, line: usize, found: usize, needed: usize },
     #[error("{}, line {line}: found rows much shorter than the {markers} markers of the header, needed one cell per axis", path.display())]
     ShortRows { path: PathBuf, line: usize, markers: usize },
-}
-
-fn sections(found: &[String]) -> String {
-    match found {
-        [] => "no section at all".to_owned(),
-        [one] => format!("only the section `{one}`"),
-        many => format!("only the sections `{}`", many.join("`, `")),
-    }
 }

@@ -11,16 +11,16 @@
 use std::path::Path;
 
 use super::ViconError;
-use super::bytes::{Lines, cells, is_blank, lone_cell, number, shown};
+use super::cells::{Dialect, Lines, shown};
+use super::sections;
 
 const SECTION: &[u8] = b"Trajectories";
-/// First cell of the row of axes, in Nexus and in the older Workstation.
-const FRAME_CELLS: [&[u8]; 2] = [b"Frame", b"Field #"];
 /// Lines below the title among which the row of axes must be; blank ones count.
 const HEADER_LINES: usize = 8;
 
 /// The header of the `Trajectories` section.
 pub(super) struct Header<'t> {
+    pub dialect: Dialect,
     pub rate_hz: Option<f64>,
     pub labels: Vec<String>,
     /// What each column of the table holds.
@@ -37,58 +37,70 @@ pub(super) enum Column {
     Frame,
     /// Axis 0, 1, 2 of a marker.
     Axis {
-        marker: usize,
-        axis: usize,
+        marker: u32,
+        axis: u8,
     },
     /// Sub frames, magnitudes, padding: not read.
     Other,
 }
 
-/// Finds the section and reads its header. A file without any titled section may still be the
-/// table itself, its title cut off by hand; then the rate is unknown.
+/// Finds the section and reads its header. A file whose first table has no title may still be
+/// the markers, their title cut off by hand; then the rate may be unknown.
 pub(super) fn find<'t>(path: &Path, text: &'t [u8]) -> Result<Header<'t>, ViconError> {
-    if is_blank(text) {
+    let dialect = Dialect::of(text);
+    if dialect.is_blank(text) {
         return Err(ViconError::Empty { path: path.to_owned() });
     }
     let mut lines = Lines::new(text);
-    let titled = lines
-        .by_ref()
-        .find(|(_, line)| lone_cell(line).is_some_and(|title| title.eq_ignore_ascii_case(SECTION)));
-    if let Some((line, _)) = titled {
-        return read(path, lines, line);
+    let is_title = |line| dialect.lone_cell(line).is_some_and(|title| is_section(title));
+    if let Some((line, _)) = lines.by_ref().find(|(_, line)| is_title(line)) {
+        return read(path, dialect, lines, line);
     }
-    let found = sections(text);
-    let untitled = Lines::new(text)
-        .filter(|(_, line)| !is_blank(line))
-        .take(3)
-        .any(|(_, line)| is_axis_row(line) && line.split(|&byte| byte == b',').count() > 4);
-    if found.is_empty() && untitled {
-        return read(path, Lines::new(text), 0);
+    if starts_without_title(dialect, text) {
+        return read(path, dialect, Lines::new(text), 0);
     }
-    Err(ViconError::NoSection { path: path.to_owned(), found })
+    Err(ViconError::NoSection { path: path.to_owned(), found: other_content(dialect, text) })
 }
 
-/// Titles in the text: a row of one text cell above a row that starts with a rate.
-fn sections(text: &[u8]) -> Vec<String> {
-    let mut found = Vec::new();
-    let mut title: Option<&[u8]> = None;
-    for (_, line) in Lines::new(text) {
-        if let Some(title) = title.take()
-            && cells(line).next().and_then(number).is_some()
-        {
-            found.push(shown(title));
+fn is_section(title: &[u8]) -> bool {
+    title.eq_ignore_ascii_case(SECTION)
+}
+
+/// Whether the first rows are a header that lacks its title and perhaps its rate.
+fn starts_without_title(dialect: Dialect, text: &[u8]) -> bool {
+    let filled = || Lines::new(text).filter(|(_, line)| !dialect.is_blank(line));
+    let titled = filled().next().is_some_and(|(_, line)| {
+        dialect.lone_cell(line).is_some_and(|cell| dialect.number(cell).is_none())
+    });
+    let is_axes = |line: &[u8]| dialect.is_axis_row(line) && dialect.count(line) > 4;
+    !titled && filled().take(3).skip(1).any(|(_, line)| is_axes(line))
+}
+
+/// What a file without markers holds instead.
+fn other_content(dialect: Dialect, text: &[u8]) -> String {
+    let sections = sections::list(dialect, text);
+    let names = sections.iter().map(|section| section.name.as_str());
+    let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
+    let quoted = |line: &[u8]| line.starts_with(b"\"") && line.ends_with(b"\"");
+    match names[..] {
+        ["Objects"] => {
+            "only the section `Objects` (poses of rigid bodies, from Tracker)".to_owned()
         }
-        title = lone_cell(line).filter(|cell| number(cell).is_none());
+        [one] => format!("only the section `{one}`"),
+        [] if Lines::new(text).next().is_some_and(|(_, line)| quoted(line)) => {
+            "a table of quoted cells (a graph plot, from Tracker)".to_owned()
+        }
+        [] => "no section at all".to_owned(),
+        _ => format!("only the sections `{}`", names.join("`, `")),
     }
-    found
 }
 
-fn is_axis_row(line: &[u8]) -> bool {
-    let first = cells(line).next().unwrap_or_default();
-    FRAME_CELLS.iter().any(|name| name.eq_ignore_ascii_case(first))
-}
-
-fn read<'t>(path: &Path, mut lines: Lines<'t>, title: usize) -> Result<Header<'t>, ViconError> {
+fn read<'t>(
+    path: &Path,
+    dialect: Dialect,
+    mut lines: Lines<'t>,
+    title: usize,
+) -> Result<Header<'t>, ViconError> {
     let error = |line: usize, found: String, needed: &str| ViconError::Header {
         path: path.to_owned(),
         line,
@@ -103,18 +115,18 @@ fn read<'t>(path: &Path, mut lines: Lines<'t>, title: usize) -> Result<Header<'t
             let found = "no row of axes in the next lines".to_owned();
             return Err(error(title, found, NEEDED_AXES));
         };
-        if is_axis_row(row) {
+        if dialect.is_axis_row(row) {
             break (line, row);
         }
-        if !is_blank(row) {
+        if !dialect.is_blank(row) {
             above.push((line, row));
         }
     };
     let (rate_hz, labels_row) = match above[..] {
         [(_, labels)] => (None, labels),
         [(line, rate), (_, labels)] => {
-            let cell = cells(rate).next().unwrap_or_default();
-            let rate_hz = number(cell).filter(|rate_hz| *rate_hz > 0.0);
+            let cell = dialect.first_cell(rate);
+            let rate_hz = dialect.number(cell).filter(|rate_hz| *rate_hz > 0.0);
             let needed = "the frame rate, a number of Hz above 0";
             let quoted = || format!("`{}`", shown(cell));
             (Some(rate_hz.ok_or_else(|| error(line, quoted(), needed))?), labels)
@@ -127,22 +139,24 @@ fn read<'t>(path: &Path, mut lines: Lines<'t>, title: usize) -> Result<Header<'t
             return Err(error(line, format!("`{}`", shown(row)), NEEDED_AXES));
         }
     };
-    let (labels, columns) = markers(labels_row, axes);
+    let (labels, columns) = markers(dialect, labels_row, axes);
     if labels.is_empty() {
         let found = format!("`{}`", shown(axes));
         let needed = "at least one label with X, Y, Z below it";
         return Err(error(axes_line, found, needed));
     }
-    let mut header = Header { rate_hz, labels, columns, line: axes_line, body: lines.clone() };
+    let mut header =
+        Header { dialect, rate_hz, labels, columns, line: axes_line, body: lines.clone() };
     if let Some((line, units)) = lines.next()
-        && is_unit_row(units)
+        && is_unit_row(dialect, units)
     {
-        for (column, unit) in header.columns.iter().zip(cells(units)) {
+        for (column, unit) in header.columns.iter().zip(dialect.cells(units)) {
             if let Column::Axis { marker, .. } = column
                 && !unit.is_empty()
                 && !unit.eq_ignore_ascii_case(b"mm")
             {
-                let found = format!("unit `{}` of {}", shown(unit), header.labels[*marker]);
+                let found =
+                    format!("unit `{}` of {}", shown(unit), header.labels[*marker as usize]);
                 return Err(error(line, found, "millimetres (`mm`)"));
             }
         }
@@ -153,16 +167,18 @@ fn read<'t>(path: &Path, mut lines: Lines<'t>, title: usize) -> Result<Header<'t
 }
 
 /// Which columns are whole markers: X, Y, Z side by side under a label.
-fn markers(labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Vec<Column>) {
-    let axes: Vec<&[u8]> = cells(axes).collect();
-    let mut columns = vec![Column::Other; axes.len()];
+fn markers(dialect: Dialect, labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Vec<Column>) {
+    let mut names: Vec<&[u8]> = Vec::with_capacity(dialect.count(axes));
+    names.extend(dialect.cells(axes));
+    let mut columns = vec![Column::Other; names.len()];
     columns[0] = Column::Frame;
     let mut labels = Vec::new();
-    for (start, label) in cells(labels_row).enumerate().skip(1) {
-        let triplet = axes.get(start..start + 3).unwrap_or_default();
+    for (start, label) in dialect.cells(labels_row).enumerate().skip(1) {
+        let triplet = names.get(start..start + 3).unwrap_or_default();
         if !label.is_empty() && triplet == [b"X", b"Y", b"Z"] {
             for axis in 0..3 {
-                columns[start + axis] = Column::Axis { marker: labels.len(), axis };
+                let marker = labels.len() as u32;
+                columns[start + axis as usize] = Column::Axis { marker, axis };
             }
             labels.push(String::from_utf8_lossy(label).into_owned());
         }
@@ -171,8 +187,8 @@ fn markers(labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Vec<Column>) {
 }
 
 /// Units are words; a row of data without a frame number has numbers.
-fn is_unit_row(line: &[u8]) -> bool {
-    let mut filled = cells(line).filter(|cell| !cell.is_empty());
-    cells(line).next().is_none_or(<[u8]>::is_empty)
+fn is_unit_row(dialect: Dialect, line: &[u8]) -> bool {
+    let mut filled = dialect.cells(line).filter(|cell| !cell.is_empty());
+    dialect.first_cell(line).is_empty()
         && filled.next().is_some_and(|cell| cell[0].is_ascii_alphabetic())
 }

@@ -6,16 +6,19 @@
 //! file leaves empty is missing.
 
 mod bytes;
+mod cells;
 mod error;
 mod header;
 mod markers;
 mod rows;
+mod sections;
 
 use std::path::Path;
 
 pub use bytes::read_file;
 pub use error::ViconError;
 pub use markers::MarkerFile;
+pub use sections::Section;
 
 /// Reads the markers of an exported file; `.csv` as it is or packed by gzip.
 ///
@@ -32,9 +35,20 @@ pub fn read_markers(path: &Path) -> Result<MarkerFile, ViconError> {
 /// # Errors
 /// As [`read_markers`].
 pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError> {
-    let text = bytes::unpack(path, file)?;
-    let header = header::find(path, &text)?;
-    rows::parse(path, &text, header)
+    let content = bytes::unpack(path, file)?;
+    let text = bytes::text(path, &content)?;
+    let header = header::find(path, text)?;
+    rows::parse(path, text, header)
+}
+
+/// Every table of a file's bytes, also those that are not read.
+///
+/// # Errors
+/// The file cannot be unpacked or is not text.
+pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ViconError> {
+    let content = bytes::unpack(path, file)?;
+    let text = bytes::text(path, &content)?;
+    Ok(sections::list(cells::Dialect::of(text), text))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::bytes::{bare, is_blank, lone_cell, number, shown};
+use super::cells::{Dialect, bare, shown};
 use super::header::{Column, Header};
 use super::{MarkerFile, ViconError};
 
@@ -20,17 +20,18 @@ pub(super) fn parse(
     text: &[u8],
     header: Header<'_>,
 ) -> Result<MarkerFile, ViconError> {
+    let dialect = header.dialect;
     let markers = header.labels.len();
     let mut frames: Vec<i64> = Vec::new();
     let mut positions_mm: Vec<[f64; 3]> = Vec::new();
     let mut rows_without_frame = 0;
     let mut after_blank = false;
     for (line, row) in header.body.clone() {
-        if is_blank(row) {
+        if dialect.is_blank(row) {
             after_blank = true;
             continue;
         }
-        if is_next_title(row, after_blank) {
+        if is_next_title(dialect, row, after_blank) {
             break;
         }
         after_blank = false;
@@ -51,7 +52,7 @@ pub(super) fn parse(
         }
         frames.push(frame);
         if at.is_cut(row, text) {
-            let (found, needed) = (cells(row), header.columns.len());
+            let (found, needed) = (dialect.count(row), header.columns.len());
             return Err(ViconError::Cut { path: path.to_owned(), line, found, needed });
         }
         let start = positions_mm.len();
@@ -72,7 +73,7 @@ pub(super) fn parse(
 
 /// A title is a lone text cell; without a blank row above it could be damage, so then only the
 /// names that the camera system writes are believed.
-fn is_next_title(row: &[u8], after_blank: bool) -> bool {
+fn is_next_title(dialect: Dialect, row: &[u8], after_blank: bool) -> bool {
     const NAMES: [&[u8]; 7] = [
         b"Devices",
         b"Events",
@@ -82,9 +83,9 @@ fn is_next_title(row: &[u8], after_blank: bool) -> bool {
         b"Trajectories",
         b"Trajectory Count",
     ];
-    lone_cell(row).is_some_and(|cell| {
+    dialect.lone_cell(row).is_some_and(|cell| {
         let named = NAMES.iter().any(|name| name.eq_ignore_ascii_case(cell));
-        named || after_blank && number(cell).is_none()
+        named || after_blank && dialect.number(cell).is_none()
     })
 }
 
@@ -95,26 +96,22 @@ struct RowOf<'a> {
     header: &'a Header<'a>,
 }
 
-/// How many cells a row has.
-fn cells(row: &[u8]) -> usize {
-    row.iter().filter(|&&byte| byte == b',').count() + 1
-}
-
 impl RowOf<'_> {
     /// Whether the file ends in the middle of this row: it has neither all its cells nor a line
     /// end. Exports without a line end after the last full row are common.
     fn is_cut(&self, row: &[u8], text: &[u8]) -> bool {
-        row.as_ptr_range().end == text.as_ptr_range().end && cells(row) < self.header.columns.len()
+        row.as_ptr_range().end == text.as_ptr_range().end
+            && self.header.dialect.count(row) < self.header.columns.len()
     }
 
     /// The row's frame number; `None` if the cell is empty.
     fn frame(&self, row: &[u8]) -> Result<Option<i64>, ViconError> {
-        let end = row.iter().position(|&byte| byte == b',').unwrap_or(row.len());
-        let cell = bare(&row[..end]);
+        let dialect = self.header.dialect;
+        let cell = dialect.first_cell(row);
         if cell.is_empty() {
             return Ok(None);
         }
-        match number(cell) {
+        match dialect.number(cell) {
             Some(frame) if frame.fract() == 0.0 && frame.abs() <= LARGEST_FRAME => {
                 Ok(Some(frame as i64))
             }
@@ -129,11 +126,10 @@ impl RowOf<'_> {
         for (i, column) in self.header.columns.iter().enumerate() {
             if let &Column::Axis { marker, axis } = column {
                 let (value, length) = self.cell(i, rest)?;
-                positions_mm[marker][axis] = value;
+                positions_mm[marker as usize][usize::from(axis)] = value;
                 rest = &rest[length..];
             } else {
-                let end = rest.iter().position(|&byte| byte == b',').unwrap_or(rest.len());
-                rest = &rest[end..];
+                rest = &rest[self.header.dialect.cell_end(rest)..];
             }
             match rest.split_first() {
                 Some((_, after)) => rest = after,
@@ -151,22 +147,23 @@ impl RowOf<'_> {
     /// The number at the start of `rest` (NaN for an empty cell) and the length of its cell.
     #[inline]
     fn cell(&self, column: usize, rest: &[u8]) -> Result<(f64, usize), ViconError> {
-        match rest.first() {
-            None | Some(b',') => return Ok((f64::NAN, 0)),
-            _ => {}
+        let dialect = self.header.dialect;
+        let ends = |at: usize| rest.get(at).is_none_or(|&byte| byte == dialect.separator);
+        if ends(0) {
+            return Ok((f64::NAN, 0));
         }
         if let Ok((value, length)) = fast_float2::parse_partial::<f64, _>(rest)
             && value.abs() <= LARGEST_MM
-            && matches!(rest.get(length), None | Some(b','))
+            && ends(length)
         {
             return Ok((value, length));
         }
-        let end = rest.iter().position(|&byte| byte == b',').unwrap_or(rest.len());
+        let end = dialect.cell_end(rest);
         let cell = bare(&rest[..end]);
         if cell.is_empty() {
             return Ok((f64::NAN, end));
         }
-        let value = number(cell).filter(|value| value.abs() <= LARGEST_MM);
+        let value = dialect.number(cell).filter(|value| value.abs() <= LARGEST_MM);
         value
             .map(|value| (value, end))
             .ok_or_else(|| self.not_a_number(column, cell, "a number of mm or an empty cell"))
@@ -176,7 +173,8 @@ impl RowOf<'_> {
     fn not_a_number(&self, column: usize, cell: &[u8], needed: &'static str) -> ViconError {
         let name = match self.header.columns[column] {
             Column::Axis { marker, axis } => {
-                format!("{} {}", self.header.labels[marker], ["X", "Y", "Z"][axis])
+                let label = &self.header.labels[marker as usize];
+                format!("{label} {}", ["X", "Y", "Z"][usize::from(axis)])
             }
             _ => "Frame".to_owned(),
         };

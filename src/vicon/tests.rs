@@ -44,6 +44,12 @@ fn the_way_a_file_was_saved_changes_nothing() {
         "spreadsheet-padded.csv",
         "several-sections.csv",
         "next-section-at-once.csv",
+        "semicolons.csv",
+        "semicolons-points.csv",
+        "tabs.csv",
+        "count-column.csv",
+        "count-first.csv",
+        "rate-without-title.csv",
         "packed.csv.gz",
     ] {
         assert_eq!(read(name), plain, "{name}");
@@ -52,7 +58,39 @@ fn the_way_a_file_was_saved_changes_nothing() {
 
 #[test]
 fn a_file_without_title_and_rate_has_an_unknown_rate() {
-    assert_eq!(read("no-title.csv"), MarkerFile { rate_hz: None, ..read("nexus.csv") });
+    for name in ["no-title.csv", "no-rate.csv", "no-title-then-section.csv"] {
+        let expected = MarkerFile { rate_hz: None, ..read("nexus.csv") };
+        assert_eq!(read(name), expected, "{name}");
+    }
+}
+
+#[test]
+fn labels_stay_as_they_are_though_two_subjects_share_a_name() {
+    assert_eq!(read("two-subjects.csv").labels, ["Branch:X", "Branch_1:X", "Branch_1:Y-2"]);
+}
+
+#[test]
+fn every_section_is_listed_with_its_own_rate() {
+    let listed = |name: &str| -> Vec<(String, usize, Option<f64>, usize)> {
+        let path = fixture(name);
+        let sections = sections(&path, &read_file(&path).unwrap()).unwrap();
+        let fields = |s: Section| (s.name, s.line, s.rate_hz, s.rows);
+        sections.into_iter().map(fields).collect()
+    };
+    let section = |name: &str, line, rate_hz, rows| (name.to_owned(), line, rate_hz, rows);
+    let several = [
+        section("Devices", 2, Some(1000.0), 2),
+        section("Trajectories", 10, Some(120.0), 2),
+        section("Trajectory Count", 18, Some(120.0), 2),
+    ];
+    assert_eq!(listed("several-sections.csv"), several);
+    let untitled = [section("", 2, None, 2), section("Trajectory Count", 7, Some(120.0), 2)];
+    assert_eq!(listed("no-title-then-section.csv"), untitled);
+    assert_eq!(listed("no-rate.csv"), [section("Trajectories", 1, None, 2)]);
+    assert_eq!(listed("workstation.csv"), [section("TRAJECTORIES", 4, Some(120.0), 2)]);
+    assert_eq!(listed("tabs.csv"), [section("Trajectories", 1, Some(120.0), 2)]);
+    assert_eq!(listed("frames.csv"), [section("Trajectories", 1, Some(120.0), 3)]);
+    assert_eq!(listed("not-a-table.csv"), []);
 }
 
 #[test]
@@ -103,6 +141,25 @@ fn every_error_names_file_line_found_and_needed() {
         ("empty.csv", ": found an empty file, needed a `Trajectories` section"),
         ("blank.csv", ": found an empty file, needed a `Trajectories` section"),
         ("devices-only.csv", ": found only the section `Devices`, needed a `Trajectories` section"),
+        (
+            "model-outputs.csv",
+            ": found only the section `Model Outputs`, needed a `Trajectories` section",
+        ),
+        (
+            "no-trajectories.csv",
+            ": found only the sections `Devices`, `Model Outputs`, needed a `Trajectories` section",
+        ),
+        (
+            "tracker-objects.csv",
+            ": found only the section `Objects` (poses of rigid bodies, from Tracker), \
+             needed a `Trajectories` section",
+        ),
+        (
+            "tracker-graph.csv",
+            ": found a table of quoted cells (a graph plot, from Tracker), \
+             needed a `Trajectories` section",
+        ),
+        ("utf-16.csv", ": found UTF-16, needed a text in UTF-8; save it as `CSV UTF-8`"),
         ("not-a-table.csv", ": found no section at all, needed a `Trajectories` section"),
         (
             "no-axes.csv",

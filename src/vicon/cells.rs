@@ -1,0 +1,134 @@
+//! Lines and the cells of a line, whatever separates them.
+
+/// Bytes that can stand between two cells.
+const SEPARATORS: [u8; 3] = [b',', b';', b'\t'];
+
+/// First cell of the row of axes, in Nexus and in the older Workstation.
+const FRAME_CELLS: [&[u8]; 2] = [b"Frame", b"Field #"];
+
+/// Longest number whose decimal comma is turned into a point, bytes.
+const LONGEST_NUMBER: usize = 64;
+
+/// The lines of a text without their ends, numbered from 1.
+#[derive(Clone)]
+pub(super) struct Lines<'t> {
+    rest: &'t [u8],
+    number: usize,
+}
+
+impl<'t> Lines<'t> {
+    pub fn new(text: &'t [u8]) -> Self {
+        Self { rest: text, number: 0 }
+    }
+}
+
+impl<'t> Iterator for Lines<'t> {
+    type Item = (usize, &'t [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let end = self.rest.iter().position(|&byte| byte == b'\n').unwrap_or(self.rest.len());
+        let line = &self.rest[..end];
+        self.rest = self.rest.get(end + 1..).unwrap_or_default();
+        self.number += 1;
+        Some((self.number, line.strip_suffix(b"\r").unwrap_or(line)))
+    }
+}
+
+/// How a text separates its cells. Where that is not the comma, a comma in a number is the
+/// decimal one: spreadsheets of many countries write both at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Dialect {
+    pub separator: u8,
+}
+
+impl Dialect {
+    /// As the first row of axes says; the comma if there is none.
+    pub fn of(text: &[u8]) -> Self {
+        let after_frame = |line: &[u8]| {
+            let end = line.iter().position(|byte| SEPARATORS.contains(byte))?;
+            is_frame_cell(bare(&line[..end])).then_some(line[end])
+        };
+        let separator = Lines::new(text).find_map(|(_, line)| after_frame(line));
+        Self { separator: separator.unwrap_or(b',') }
+    }
+
+    /// The cells of a line without surrounding spaces and quotes.
+    pub fn cells(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
+        line.split(move |&byte| byte == self.separator).map(bare)
+    }
+
+    /// How many cells a line has.
+    pub fn count(self, line: &[u8]) -> usize {
+        line.iter().filter(|&&byte| byte == self.separator).count() + 1
+    }
+
+    /// Length of the first cell of `rest`.
+    pub fn cell_end(self, rest: &[u8]) -> usize {
+        rest.iter().position(|&byte| byte == self.separator).unwrap_or(rest.len())
+    }
+
+    /// The first cell of a line without surrounding spaces and quotes.
+    pub fn first_cell(self, line: &[u8]) -> &[u8] {
+        bare(&line[..self.cell_end(line)])
+    }
+
+    /// Whether a line has nothing in any cell.
+    pub fn is_blank(self, line: &[u8]) -> bool {
+        line.iter().all(|&byte| byte == self.separator || byte.is_ascii_whitespace())
+    }
+
+    /// A line's only cell that is not empty, if it is the first one.
+    pub fn lone_cell(self, line: &[u8]) -> Option<&[u8]> {
+        let end = self.cell_end(line);
+        let first = bare(&line[..end]);
+        (!first.is_empty() && self.is_blank(&line[end..])).then_some(first)
+    }
+
+    /// Whether a line says what the columns below are: `Frame,Sub Frame,X,Y,Z`.
+    pub fn is_axis_row(self, line: &[u8]) -> bool {
+        is_frame_cell(self.first_cell(line))
+    }
+
+    /// A finite number that fills the whole cell.
+    pub fn number(self, cell: &[u8]) -> Option<f64> {
+        if self.separator == b',' || !cell.contains(&b',') {
+            return parse(cell);
+        }
+        let mut with_point = [0; LONGEST_NUMBER];
+        let with_point = with_point.get_mut(..cell.len())?;
+        for (to, &from) in with_point.iter_mut().zip(cell) {
+            *to = if from == b',' { b'.' } else { from };
+        }
+        parse(with_point)
+    }
+}
+
+fn is_frame_cell(cell: &[u8]) -> bool {
+    FRAME_CELLS.iter().any(|name| name.eq_ignore_ascii_case(cell))
+}
+
+fn parse(cell: &[u8]) -> Option<f64> {
+    fast_float2::parse::<f64, _>(cell).ok().filter(|value| value.is_finite())
+}
+
+/// A cell without surrounding spaces and quotes.
+pub(super) fn bare(cell: &[u8]) -> &[u8] {
+    let cell = cell.trim_ascii();
+    let unquoted = cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\""));
+    unquoted.map_or(cell, <[u8]>::trim_ascii)
+}
+
+/// A cell for a message: readable, and not longer than a message should be.
+pub(super) fn shown(cell: &[u8]) -> String {
+    const LONGEST: usize = 40;
+    let text = String::from_utf8_lossy(&cell[..cell.len().min(4 * LONGEST)]);
+    let clean = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
+    let mut short: String = text.chars().take(LONGEST).map(clean).collect();
+    if text.chars().nth(LONGEST).is_some() {
+        short.push_str("...");
+    }
+    short
+}
