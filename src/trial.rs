@@ -42,7 +42,7 @@ impl TrialKind {
 pub struct Trial {
     /// Unique name, `[A-Za-z0-9._-]{1,64}`.
     pub id: String,
-    /// Marker file inside the folder; `.csv` or `.csv.gz`.
+    /// Marker file inside the folder; `.csv` or `.c3d`, or one of them with `.gz`.
     pub file: String,
     pub kind: TrialKind,
     /// Name of a `[campaign.*]`; gait trials only.

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use common::{files, succeed, text, trilink};
+use trilink::store::Table;
 
 const RATE_HZ: f64 = 120.0;
 /// Frame and sub-frame, then three coordinates of each of ten markers.
@@ -161,6 +162,37 @@ fn gaps_are_whole_markers_and_as_frequent_and_long_as_in_real_exports() {
     assert_eq!(gaps[gaps.len() / 2], 1, "the median gap, frames");
     let short = gaps.iter().filter(|gap| f64::from(**gap) <= 0.1 * RATE_HZ).count();
     assert!(short as f64 >= 0.9 * gaps.len() as f64, "{short} of {} are short", gaps.len());
+}
+
+/// The poses of a kinematic trial that was synthesised and ingested in a format.
+fn poses(format: &str) -> Vec<Vec<f64>> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let config = "paths = { raw = \"trials\" }\n[campaign.kinematic-symmetric]\nrobot = \
+                  \"kinematic\"\ngait = \"symmetric\"\nmodels = [\"skid-roll\"]\nweights = { d = \
+                  10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }\n";
+    std::fs::write(folder.path().join("pipeline.toml"), config).unwrap();
+    succeed(folder.path(), &["synth", "trials", "--omega", "3.9", "--format", format]);
+    assert!(folder.path().join(format!("trials/kinematic-symmetric-3.90-r1.{format}")).is_file());
+    succeed(folder.path(), &["ingest"]);
+    let path = folder.path().join("derived/poses/kinematic-symmetric-3.90-r1.parquet");
+    let table = Table::read(&path).unwrap();
+    let columns = ["time_s", "x_m", "y_m", "theta_rad", "phi1_rad", "phi2_rad"];
+    columns.map(|column| table.f64(column).unwrap().to_vec()).into()
+}
+
+#[test]
+fn c3d_and_csv_of_a_trial_give_the_same_poses() {
+    let (c3d, csv) = (poses("c3d"), poses("csv"));
+    // Of a link 0.1 m long this is the angle of 0.01 mm.
+    let bounds = [1e-12, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4];
+    for ((c3d, csv), bound) in c3d.iter().zip(&csv).zip(bounds) {
+        assert_eq!(c3d.len(), csv.len());
+        assert!(csv.len() > 1000);
+        for (c3d, csv) in c3d.iter().zip(csv) {
+            assert_eq!(c3d.is_nan(), csv.is_nan());
+            assert!(c3d.is_nan() || (c3d - csv).abs() < bound, "{c3d} {csv}");
+        }
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::output::{note, say};
 use super::{Context, Failure, Outcome};
 use crate::run::{Finished, run};
 use crate::store::FitRow;
-use crate::synth::{OMEGAS_RAD_S, synthesise};
+use crate::synth::{Format, OMEGAS_RAD_S, synthesise};
 use crate::trial::TRIALS_FILE;
 
 /// Seed of the demo's trials.
@@ -28,7 +28,7 @@ impl Demo {
             let total = context.config.campaign.len() * OMEGAS_RAD_S.len();
             let stage = context.progress.stage("synth", total);
             let on_trial = |trial: &str| stage.step(trial);
-            synthesise(&context.config, raw, DEMO_SEED, &OMEGAS_RAD_S, &on_trial)?;
+            synthesise(&context.config, raw, DEMO_SEED, &OMEGAS_RAD_S, Format::Csv, &on_trial)?;
         }
         context.run_all()
     }

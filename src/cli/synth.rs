@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::synth::{OMEGAS_RAD_S, synthesise};
+use crate::synth::{Format, OMEGAS_RAD_S, synthesise};
 
 #[derive(clap::Args)]
 pub(super) struct Synth {
@@ -18,6 +18,9 @@ pub(super) struct Synth {
     /// [default: 0.5 to 6 in steps of 0.5, and 3.9].
     #[arg(long, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
+    /// How the marker files are written.
+    #[arg(long, value_enum, default_value_t = Format::Csv)]
+    format: Format,
 }
 
 impl Synth {
@@ -29,7 +32,8 @@ impl Synth {
         let total = context.config.campaign.len() * omegas.len();
         let stage = context.progress.stage("synth", total);
         let on_trial = |trial: &str| stage.step(trial);
-        let trials = synthesise(&context.config, &self.folder, self.seed, &omegas, &on_trial)?;
+        let (config, folder) = (&context.config, &self.folder);
+        let trials = synthesise(config, folder, self.seed, &omegas, self.format, &on_trial)?;
         drop(stage);
         say!("{} synthetic trials in {}", trials.len(), self.folder.display());
         Ok(Outcome::Well)

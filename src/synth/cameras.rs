@@ -1,8 +1,7 @@
-//! What the cameras make of a motion: a Nexus 2 `Trajectories` export.
+//! What the cameras make of a motion: noise, vibration, tilt and dropouts.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::io::Write;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -82,14 +81,32 @@ impl Wobble {
     }
 }
 
-/// The export of a motion given as `(x, y, theta, phi1, phi2)` of every frame.
+/// Markers over time, as the cameras saw them.
+pub(super) struct Film {
+    pub rate_hz: f64,
+    /// Number of the first frame.
+    pub first_frame: usize,
+    /// `Subject:Marker`.
+    pub labels: Vec<String>,
+    /// Frame by frame, marker by marker, mm; `None` where the cameras did not see it.
+    pub positions_mm: Vec<Option<[f64; 3]>>,
+}
+
+impl Film {
+    /// Numbers of the frames, with the markers of each.
+    pub fn frames(&self) -> impl Iterator<Item = (usize, &[Option<[f64; 3]>])> {
+        (self.first_frame..).zip(self.positions_mm.chunks_exact(self.labels.len()))
+    }
+}
+
+/// The film of a motion given as `(x, y, theta, phi1, phi2)` of every frame.
 pub(super) fn film(
     coordinates: &[[f64; 5]],
     robot: &Robot,
     layout: &Markers,
     rate_hz: f64,
     mut random: ChaCha8Rng,
-) -> Vec<u8> {
+) -> Film {
     let markers: Vec<(usize, &String, [f64; 3])> = layout
         .links()
         .into_iter()
@@ -105,13 +122,11 @@ pub(super) fn film(
     let seen = dropouts(coordinates.len(), rate_hz, &markers, &mut random);
     let noise = Normal::new(0.0, NOISE_MM).expect("a positive deviation");
 
-    let mut export = Vec::with_capacity(coordinates.len() * (markers.len() * 27 + 8));
-    header(&mut export, rate_hz, &markers);
+    let mut positions_mm = Vec::with_capacity(coordinates.len() * markers.len());
     let (sin, cos) = heading.sin_cos();
     for (frame, q) in coordinates.iter().enumerate() {
         let time_s = frame as f64 / rate_hz;
         let frames = link_frames(q, robot);
-        write!(export, "{},0", first_frame + frame).expect("memory");
         for (i, (link, _, position)) in markers.iter().enumerate() {
             let [x, y, z] = wobbles[*link].displace(*position, time_s);
             let (origin, angle) = frames[*link];
@@ -124,34 +139,13 @@ pub(super) fn film(
             ];
             // Noise is drawn for every marker, so that dropouts do not change the rest.
             let measured = world.map(|x| x + noise.sample(&mut random));
-            if seen[i][frame] {
-                for x in measured {
-                    export.push(b',');
-                    push_six_digits(&mut export, x);
-                }
-            } else {
-                export.extend_from_slice(b",,,");
-            }
+            positions_mm.push(seen[i][frame].then_some(measured));
         }
-        export.extend_from_slice(b"\r\n");
     }
-    export
-}
-
-/// Title, rate, labels, axes and units.
-fn header(export: &mut Vec<u8>, rate_hz: f64, markers: &[(usize, &String, [f64; 3])]) {
-    let mut labels = String::from(",,");
-    let mut axes = String::from("Frame,Sub Frame");
-    let mut units = String::from(",");
-    for (_, label, _) in markers {
-        // A layout that names the subject keeps it.
-        let subject = if label.contains(':') { "" } else { SUBJECT };
-        labels += &format!("{subject}{label},,,");
-        axes += ",X,Y,Z";
-        units += ",mm,mm,mm";
-    }
-    let lines = format!("Trajectories\r\n{rate_hz}\r\n{labels}\r\n{axes}\r\n{units}\r\n");
-    export.extend_from_slice(lines.as_bytes());
+    // A layout that names the subject keeps it.
+    let subject = |label: &str| if label.contains(':') { "" } else { SUBJECT };
+    let labels = markers.iter().map(|(_, label, _)| subject(label).to_owned() + label).collect();
+    Film { rate_hz, first_frame, labels, positions_mm }
 }
 
 /// Origin (the wheel's axle, mm) and angle (rad) of each link.
@@ -213,53 +207,4 @@ fn dropouts(
         }
     }
     seen
-}
-
-/// A number as C's `%g` writes it: six significant digits, no trailing zeros.
-fn push_six_digits(export: &mut Vec<u8>, x: f64) {
-    let begin = export.len();
-    // The exponent after rounding to six digits: 9.999999 is 1.00000e1.
-    write!(export, "{x:.5e}").expect("memory");
-    let digits = &export[begin..];
-    let e = digits.iter().position(|&byte| byte == b'e').unwrap_or(digits.len() - 1);
-    let exponent = std::str::from_utf8(&digits[e + 1..]).ok().and_then(|text| text.parse().ok());
-    let exponent: i32 = exponent.unwrap_or(0);
-    export.truncate(begin);
-    // Below a hundredth of a micrometre the cameras' coordinate is zero.
-    if exponent < -5 || x == 0.0 {
-        export.push(b'0');
-        return;
-    }
-    let decimals = (5 - exponent).max(0) as usize;
-    write!(export, "{x:.decimals$}").expect("memory");
-    if decimals > 0 {
-        while export.last() == Some(&b'0') {
-            export.pop();
-        }
-        if export.last() == Some(&b'.') {
-            export.pop();
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::push_six_digits;
-
-    #[test]
-    fn numbers_are_written_as_nexus_writes_them() {
-        for (x, text) in [
-            (1234.5678, "1234.57"),
-            (-276.862, "-276.862"),
-            (9.9999996, "10"),
-            (0.001234567, "0.00123457"),
-            (100.0, "100"),
-            (0.0, "0"),
-            (-1e-7, "0"),
-        ] {
-            let mut export = Vec::new();
-            push_six_digits(&mut export, x);
-            assert_eq!(String::from_utf8(export).unwrap(), text);
-        }
-    }
 }

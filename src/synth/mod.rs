@@ -4,7 +4,9 @@
 //! does not quite reach its command; the cameras add noise, vibration, tilt and dropouts. The
 //! truth goes to `truth.json`, which nothing but the report's comparison reads.
 
+mod c3d;
 mod cameras;
+mod csv;
 mod motion;
 mod truth;
 
@@ -20,11 +22,37 @@ use crate::motion::{Model, MotionError, Problem};
 use crate::store::{StoreError, write_bytes};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
+use cameras::Film;
 pub use truth::{CampaignTruth, TrialTruth, Truth};
 
 /// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.
 pub const OMEGAS_RAD_S: [f64; 13] =
     [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.0, 4.5, 5.0, 5.5, 6.0];
+
+/// How the marker files are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// Text, as Nexus exports `Trajectories`; six significant digits.
+    Csv,
+    /// Vicon's own binary format.
+    C3d,
+}
+
+impl Format {
+    fn extension(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::C3d => "c3d",
+        }
+    }
+
+    fn bytes(self, film: &Film) -> Vec<u8> {
+        match self {
+            Self::Csv => csv::csv(film),
+            Self::C3d => c3d::c3d(film),
+        }
+    }
+}
 
 /// Why trials could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -52,7 +80,7 @@ struct Plan {
 }
 
 /// Writes a trial folder: every campaign of the configuration at every frequency. The same
-/// seed gives the same bytes.
+/// seed gives the same bytes, and the same motion and noise in every format.
 ///
 /// # Errors
 /// The folder holds trials that are not synthetic, a planted motion does not exist, or a file
@@ -62,13 +90,14 @@ pub fn synthesise(
     folder: &Path,
     seed: u64,
     omegas_rad_s: &[f64],
+    format: Format,
     on_trial: &(dyn Fn(&str) + Sync),
 ) -> Result<Vec<Trial>, SynthError> {
     let has = |name: &str| folder.join(name).exists();
     if has(TRIALS_FILE) && !has(TRUTH_FILE) {
         return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
     }
-    let (plans, campaigns) = plan(config, seed, omegas_rad_s);
+    let (plans, campaigns) = plan(config, seed, omegas_rad_s, format);
     let mut ids = BTreeSet::new();
     for Plan { trial: Trial { id, .. }, .. } in &plans {
         if !is_valid_id(id) {
@@ -85,14 +114,14 @@ pub fn synthesise(
             let failed = |source| SynthError::Motion { trial: plan.trial.id.clone(), source };
             let motion = motion::from_rest(&plan.problem, rate_hz).map_err(failed)?;
             let robot = &plan.problem.robot;
-            let bytes = cameras::film(
+            let film = cameras::film(
                 &motion.coordinates,
                 robot,
                 &config.markers,
                 rate_hz,
                 plan.seed.clone(),
             );
-            write_bytes(&folder.join(&plan.trial.file), &bytes)?;
+            write_bytes(&folder.join(&plan.trial.file), &format.bytes(&film))?;
             on_trial(&plan.trial.id);
             Ok(TrialTruth::new(&plan.problem, &motion.steady))
         })
@@ -113,6 +142,7 @@ fn plan(
     config: &Config,
     seed: u64,
     omegas_rad_s: &[f64],
+    format: Format,
 ) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
     let (mut plans, mut campaigns) = (Vec::new(), Vec::new());
     for (number, name) in config.campaign.keys().enumerate() {
@@ -129,7 +159,7 @@ fn plan(
             let id = format!("{name}-{omega_rad_s:.2}-r1");
             plans.push(Plan {
                 trial: Trial {
-                    file: format!("{id}.csv"),
+                    file: format!("{id}.{}", format.extension()),
                     id,
                     kind: TrialKind::Gait,
                     campaign: Some(name.clone()),

@@ -15,6 +15,8 @@ pub enum ViconError {
     TooLarge { path: PathBuf, limit_bytes: u64 },
     #[error("{}: found UTF-16, needed a text in UTF-8; save it as `CSV UTF-8`", path.display())]
     Utf16 { path: PathBuf },
+    #[error("{}: found {found}, needed {needed}", path.display())]
+    C3d { path: PathBuf, found: String, needed: &'static str },
     #[error("{}: found an empty file, needed a `Trajectories` section", path.display())]
     Empty { path: PathBuf },
     #[error("{}: found {found}, needed a `Trajectories` section", path.display())]

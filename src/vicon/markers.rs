@@ -1,5 +1,11 @@
 //! Markers over time.
 
+/// Largest coordinate that is believed: no camera sees a kilometre.
+pub(super) const LARGEST_MM: f64 = 1e6;
+
+/// Where a marker is that was not seen.
+pub(super) const MISSING: [f64; 3] = [f64::NAN; 3];
+
 /// The markers of one file, mm in the cameras' frame, in the order of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarkerFile {

@@ -1,11 +1,12 @@
 //! Marker files of the camera system: a file's bytes in, markers over time out.
 //!
-//! A Nexus export is several ragged tables in one file. The `Trajectories` section is found by
+//! A Nexus CSV export is several ragged tables in one file. The `Trajectories` section is found by
 //! its name; its header says which columns are markers; its rows are parsed byte by byte
 //! straight into one flat vector. Nothing is interpolated and nothing is guessed: what the
-//! file leaves empty is missing.
+//! file leaves empty is missing. C3D files are told by their content or name.
 
 mod bytes;
+mod c3d;
 mod cells;
 mod error;
 mod header;
@@ -20,7 +21,7 @@ pub use error::ViconError;
 pub use markers::MarkerFile;
 pub use sections::Section;
 
-/// Reads the markers of an exported file; `.csv` as it is or packed by gzip.
+/// Reads the markers of an exported file, CSV or C3D, as it is or packed by gzip.
 ///
 /// # Errors
 /// The file is missing, unreadable, empty or too large when unpacked; has no `Trajectories`
@@ -36,6 +37,9 @@ pub fn read_markers(path: &Path) -> Result<MarkerFile, ViconError> {
 /// As [`read_markers`].
 pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError> {
     let content = bytes::unpack(path, file)?;
+    if c3d::is_c3d(path, &content) {
+        return c3d::parse(path, &content);
+    }
     let text = bytes::text(path, &content)?;
     let header = header::find(path, text)?;
     rows::parse(path, text, header)
@@ -44,9 +48,12 @@ pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError>
 /// Every table of a file's bytes, also those that are not read.
 ///
 /// # Errors
-/// The file cannot be unpacked or is not text.
+/// The file cannot be unpacked, or is neither text nor C3D.
 pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ViconError> {
     let content = bytes::unpack(path, file)?;
+    if c3d::is_c3d(path, &content) {
+        return c3d::sections(path, &content);
+    }
     let text = bytes::text(path, &content)?;
     Ok(sections::list(cells::Dialect::of(text), text))
 }

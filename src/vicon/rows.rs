@@ -4,15 +4,11 @@ use std::path::Path;
 
 use super::cells::{Dialect, bare, shown};
 use super::header::{Column, Header};
+use super::markers::{LARGEST_MM, MISSING};
 use super::{MarkerFile, ViconError};
 
 /// Largest frame number that is believed, so that differences of two cannot overflow.
 const LARGEST_FRAME: f64 = 1e12;
-
-/// Largest coordinate that is believed: no camera sees a kilometre.
-const LARGEST_MM: f64 = 1e6;
-
-const MISSING: [f64; 3] = [f64::NAN; 3];
 
 /// Parses the rows below a header up to the next section or the end of the text.
 pub(super) fn parse(

@@ -1,0 +1,135 @@
+//! A film as Nexus 2 writes it to C3D: little-endian, floats, millimetres
+//! (<https://www.c3d.org>).
+
+use super::cameras::Film;
+
+const BLOCK: usize = 512;
+/// Labels that one list can hold, and bytes that one label can have.
+const LONGEST_LIST: usize = 255;
+/// What the residual says of a point that was not seen.
+const UNSEEN: f32 = -1.0;
+/// Largest number of a word without sign.
+const LARGEST_WORD: usize = 65_535;
+
+/// The bytes of the file.
+pub(super) fn c3d(film: &Film) -> Vec<u8> {
+    let frames = film.frames().count();
+    let last_frame = film.first_frame + frames - 1;
+    // The place of the data is one of the parameters; it does not change their length.
+    let blocks = parameters(film, last_frame, 0).len() / BLOCK;
+    let data_start = 2 + blocks;
+    let mut file = header(film, last_frame, data_start);
+    file.extend(parameters(film, last_frame, data_start));
+    for position in &film.positions_mm {
+        let [x, y, z] = position.unwrap_or_default().map(|x| x as f32);
+        let residual = if position.is_some() { 0.0 } else { UNSEEN };
+        file.extend([x, y, z, residual].into_iter().flat_map(f32::to_le_bytes));
+    }
+    file.resize(file.len().next_multiple_of(BLOCK), 0);
+    file
+}
+
+/// The first block: what can be read without the parameters.
+fn header(film: &Film, last_frame: usize, data_start: usize) -> Vec<u8> {
+    let mut header = vec![2, 0x50];
+    let (no_analog, longest_gap, per_frame) = (0, 0, 0);
+    for number in [film.labels.len(), no_analog, film.first_frame, last_frame, longest_gap] {
+        header.extend(word(number));
+    }
+    header.extend((-1.0_f32).to_le_bytes());
+    header.extend(word(data_start));
+    header.extend(word(per_frame));
+    header.extend((film.rate_hz as f32).to_le_bytes());
+    header.resize(BLOCK, 0);
+    header
+}
+
+/// Whole blocks of parameters.
+fn parameters(film: &Film, last_frame: usize, data_start: usize) -> Vec<u8> {
+    const POINT: i8 = 1;
+    const TRIAL: i8 = 2;
+    const ANALOG: i8 = 3;
+    let mut to = vec![1, 0x50, 0, 84];
+    for (group, name) in [(POINT, "POINT"), (TRIAL, "TRIAL"), (ANALOG, "ANALOG")] {
+        record(&mut to, -group, name, &[]);
+    }
+    let points = film.labels.len();
+    let frames = last_frame - film.first_frame + 1;
+    for (group, name, number) in [
+        (POINT, "USED", points),
+        (POINT, "FRAMES", frames),
+        (POINT, "DATA_START", data_start),
+        (ANALOG, "USED", 0),
+    ] {
+        record(&mut to, group, name, &[&[2, 0], &word(number)[..]].concat());
+    }
+    for (name, number) in [("SCALE", -1.0), ("RATE", film.rate_hz as f32)] {
+        record(&mut to, POINT, name, &[&[4, 0], &number.to_le_bytes()[..]].concat());
+    }
+    texts(&mut to, POINT, "UNITS", &["mm".to_owned()]);
+    for (i, labels) in film.labels.chunks(LONGEST_LIST).enumerate() {
+        let name = if i == 0 { "LABELS".to_owned() } else { format!("LABELS{}", i + 1) };
+        texts(&mut to, POINT, &name, labels);
+    }
+    for (name, frame) in
+        [("ACTUAL_START_FIELD", film.first_frame), ("ACTUAL_END_FIELD", last_frame)]
+    {
+        let [low, high] = [frame & LARGEST_WORD, frame >> 16].map(word);
+        record(&mut to, TRIAL, name, &[&[2, 1, 2], &low[..], &high].concat());
+    }
+    // The end is a name without length.
+    to.resize((to.len() + 2).next_multiple_of(BLOCK), 0);
+    to[2] = (to.len() / BLOCK) as u8;
+    to
+}
+
+/// A group (negative) or a parameter of a group, without a description.
+fn record(to: &mut Vec<u8>, id: i8, name: &str, content: &[u8]) {
+    to.extend([name.len() as u8, id.cast_unsigned()]);
+    to.extend(name.as_bytes());
+    to.extend(word(2 + content.len() + 1));
+    to.extend(content);
+    to.push(0);
+}
+
+fn texts(to: &mut Vec<u8>, group: i8, name: &str, texts: &[String]) {
+    let width = texts.iter().map(String::len).max().unwrap_or(0).min(LONGEST_LIST);
+    let mut content = vec![(-1_i8).cast_unsigned(), 2, width as u8, texts.len() as u8];
+    for text in texts {
+        let bytes = text.bytes().chain(std::iter::repeat(b' '));
+        content.extend(bytes.take(width));
+    }
+    record(to, group, name, &content);
+}
+
+/// Two bytes; what does not fit is written as the largest, as the cameras do.
+fn word(number: usize) -> [u8; 2] {
+    (number.min(LARGEST_WORD) as u16).to_le_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::vicon::parse_markers;
+
+    #[test]
+    fn a_film_is_read_as_it_was_written() {
+        let positions_mm: Vec<Option<[f64; 3]>> = (0..600)
+            .map(|i| (i % 7 != 0).then(|| [f64::from(i), -0.5 * f64::from(i), 62.0]))
+            .collect();
+        // More labels than one list holds, and frames beyond the header's words.
+        let labels: Vec<String> = (0..300).map(|i| format!("Snake:M{i}")).collect();
+        let film = Film { rate_hz: 120.0, first_frame: 65_535, labels, positions_mm };
+        let read = parse_markers(Path::new("a.c3d"), &c3d(&film)).unwrap();
+        assert_eq!(read.rate_hz, Some(120.0));
+        assert_eq!(read.frames, [65_535, 65_536]);
+        assert_eq!(read.labels, film.labels);
+        for ((_, written), row) in film.frames().zip(0..) {
+            for (written, read) in written.iter().zip(read.row_mm(row)) {
+                assert_eq!(*written, (!read[0].is_nan()).then_some(*read));
+            }
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! A film as Nexus 2 writes it to CSV: a `Trajectories` section.
+
+use std::io::Write;
+
+use super::cameras::Film;
+
+/// The bytes of the export.
+pub(super) fn csv(film: &Film) -> Vec<u8> {
+    let mut export = Vec::with_capacity(film.positions_mm.len() * 28);
+    header(&mut export, film);
+    for (frame, positions_mm) in film.frames() {
+        write!(export, "{frame},0").expect("memory");
+        for position in positions_mm {
+            let Some(position) = position else {
+                export.extend_from_slice(b",,,");
+                continue;
+            };
+            for x in position {
+                export.push(b',');
+                push_six_digits(&mut export, *x);
+            }
+        }
+        export.extend_from_slice(b"\r\n");
+    }
+    export
+}
+
+/// Title, rate, labels, axes and units.
+fn header(export: &mut Vec<u8>, film: &Film) {
+    let mut labels = String::from(",,");
+    let mut axes = String::from("Frame,Sub Frame");
+    let mut units = String::from(",");
+    for label in &film.labels {
+        labels += &format!("{label},,,");
+        axes += ",X,Y,Z";
+        units += ",mm,mm,mm";
+    }
+    let rate_hz = film.rate_hz;
+    let lines = format!("Trajectories\r\n{rate_hz}\r\n{labels}\r\n{axes}\r\n{units}\r\n");
+    export.extend_from_slice(lines.as_bytes());
+}
+
+/// A number as C's `%g` writes it: six significant digits, no trailing zeros.
+fn push_six_digits(export: &mut Vec<u8>, x: f64) {
+    let begin = export.len();
+    // The exponent after rounding to six digits: 9.999999 is 1.00000e1.
+    write!(export, "{x:.5e}").expect("memory");
+    let digits = &export[begin..];
+    let e = digits.iter().position(|&byte| byte == b'e').unwrap_or(digits.len() - 1);
+    let exponent = std::str::from_utf8(&digits[e + 1..]).ok().and_then(|text| text.parse().ok());
+    let exponent: i32 = exponent.unwrap_or(0);
+    export.truncate(begin);
+    // Below a hundredth of a micrometre the cameras' coordinate is zero.
+    if exponent < -5 || x == 0.0 {
+        export.push(b'0');
+        return;
+    }
+    let decimals = (5 - exponent).max(0) as usize;
+    write!(export, "{x:.decimals$}").expect("memory");
+    if decimals > 0 {
+        while export.last() == Some(&b'0') {
+            export.pop();
+        }
+        if export.last() == Some(&b'.') {
+            export.pop();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::push_six_digits;
+
+    #[test]
+    fn numbers_are_written_as_nexus_writes_them() {
+        for (x, text) in [
+            (1234.5678, "1234.57"),
+            (-276.862, "-276.862"),
+            (9.9999996, "10"),
+            (0.001234567, "0.00123457"),
+            (100.0, "100"),
+            (0.0, "0"),
+            (-1e-7, "0"),
+        ] {
+            let mut export = Vec::new();
+            push_six_digits(&mut export, x);
+            assert_eq!(String::from_utf8(export).unwrap(), text);
+        }
+    }
+}

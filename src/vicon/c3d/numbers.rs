@@ -1,0 +1,50 @@
+//! Numbers as the processors wrote them on which C3D files were made.
+
+/// How a file writes its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ByteOrder {
+    /// Little-endian; what every camera system writes today.
+    Intel,
+    /// Little-endian integers, VAX floats.
+    Dec,
+    /// Big-endian.
+    Mips,
+}
+
+impl ByteOrder {
+    /// From the fourth byte of the parameter section.
+    pub fn of(processor: u8) -> Option<Self> {
+        match processor {
+            84 => Some(Self::Intel),
+            85 => Some(Self::Dec),
+            86 => Some(Self::Mips),
+            _ => None,
+        }
+    }
+
+    pub fn i16(self, bytes: [u8; 2]) -> i16 {
+        match self {
+            Self::Intel | Self::Dec => i16::from_le_bytes(bytes),
+            Self::Mips => i16::from_be_bytes(bytes),
+        }
+    }
+
+    pub fn u16(self, bytes: [u8; 2]) -> u16 {
+        self.i16(bytes).cast_unsigned()
+    }
+
+    pub fn f32(self, bytes: [u8; 4]) -> f32 {
+        let [a, b, c, d] = bytes;
+        match self {
+            Self::Intel => f32::from_le_bytes(bytes),
+            // The halves are swapped, and the exponent counts from another zero.
+            Self::Dec => f32::from_le_bytes([c, d, a, b]) / 4.0,
+            Self::Mips => f32::from_be_bytes(bytes),
+        }
+    }
+}
+
+/// `N` bytes at a place, if they are there.
+pub(super) fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
+    bytes.get(at..)?.first_chunk().copied()
+}

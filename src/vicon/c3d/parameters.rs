@@ -1,0 +1,108 @@
+//! The parameter section: named groups of named values.
+//!
+//! A group is `length, -id, name, next`, a parameter `length, id, name, next, type, dimensions,
+//! values`; `next` leads from its own place to the following record and is 0 in the last one.
+
+use super::numbers::{ByteOrder, bytes_at};
+
+/// Longest list of values that a dimension can have.
+const LONGEST_LIST: usize = 255;
+
+/// Groups and parameters, still as they are in the file.
+pub(super) struct Parameters<'f> {
+    pub order: ByteOrder,
+    groups: Vec<(u8, &'f [u8])>,
+    parameters: Vec<Parameter<'f>>,
+}
+
+struct Parameter<'f> {
+    group: u8,
+    name: &'f [u8],
+    /// Bytes a value; text has -1.
+    kind: i8,
+    /// First dimension; 1 for a single value.
+    width: usize,
+    values: &'f [u8],
+}
+
+impl<'f> Parameters<'f> {
+    /// Reads a section up to its last record. `None` if it leads out of its bytes.
+    pub fn read(section: &'f [u8], order: ByteOrder) -> Option<Self> {
+        let mut read = Self { order, groups: Vec::new(), parameters: Vec::new() };
+        let mut at = 4;
+        loop {
+            let [length, id] = bytes_at::<2>(section, at)?.map(u8::cast_signed);
+            if length == 0 {
+                return Some(read);
+            }
+            let name_end = at + 2 + usize::from(length.unsigned_abs());
+            let name = section.get(at + 2..name_end)?;
+            let next = usize::from(order.u16(bytes_at(section, name_end)?));
+            if id < 0 {
+                read.groups.push((id.unsigned_abs(), name));
+            } else {
+                let content = section.get(name_end + 2..)?;
+                read.parameters.push(parameter(id.unsigned_abs(), name, content)?);
+            }
+            if next == 0 {
+                return Some(read);
+            }
+            at = name_end + next;
+        }
+    }
+
+    fn find(&self, group: &str, name: &str) -> Option<&Parameter<'f>> {
+        let is = |found: &[u8], name: &str| found.eq_ignore_ascii_case(name.as_bytes());
+        let (id, _) = self.groups.iter().find(|(_, found)| is(found, group))?;
+        self.parameters.iter().find(|found| found.group == *id && is(found.name, name))
+    }
+
+    /// The numbers of a parameter; bytes and integers count without sign, as they do in every
+    /// place where they are large.
+    pub fn numbers(&self, group: &str, name: &str) -> Option<Vec<f64>> {
+        let found = self.find(group, name)?;
+        let order = self.order;
+        let values = match found.kind {
+            1 => found.values.iter().take(LONGEST_LIST).map(|&byte| f64::from(byte)).collect(),
+            2 => {
+                let pairs = found.values.as_chunks().0.iter().take(LONGEST_LIST);
+                pairs.map(|&pair| f64::from(order.u16(pair))).collect()
+            }
+            4 => {
+                let quads = found.values.as_chunks().0.iter().take(LONGEST_LIST);
+                quads.map(|&quad| decimal(order.f32(quad))).collect()
+            }
+            _ => return None,
+        };
+        Some(values)
+    }
+
+    /// The first number of a parameter.
+    pub fn number(&self, group: &str, name: &str) -> Option<f64> {
+        self.numbers(group, name)?.first().copied()
+    }
+
+    /// The texts of a parameter without trailing spaces.
+    pub fn texts(&self, group: &str, name: &str) -> Option<Vec<&'f [u8]>> {
+        let found = self.find(group, name).filter(|found| found.kind == -1)?;
+        let texts = found.values.chunks_exact(found.width.max(1)).take(LONGEST_LIST);
+        let end = |text: &[u8]| text.iter().position(|&byte| byte == 0).unwrap_or(text.len());
+        Some(texts.map(|text| text[..end(text)].trim_ascii()).collect())
+    }
+}
+
+fn parameter<'f>(group: u8, name: &'f [u8], content: &'f [u8]) -> Option<Parameter<'f>> {
+    let [kind, dimensions] = bytes_at::<2>(content, 0)?;
+    let kind = kind.cast_signed();
+    let sizes = content.get(2..2 + usize::from(dimensions))?;
+    let count = sizes.iter().try_fold(1_usize, |count, &size| count.checked_mul(size.into()))?;
+    let length = count.checked_mul(usize::from(kind.unsigned_abs()))?;
+    let values = content.get(2 + sizes.len()..)?.get(..length)?;
+    let width = sizes.first().copied().map_or(1, usize::from);
+    Some(Parameter { group, name, kind, width, values })
+}
+
+/// The number that was meant: 119.88 and not 119.87999725341797.
+pub(super) fn decimal(single: f32) -> f64 {
+    single.to_string().parse().unwrap_or(f64::NAN)
+}
