@@ -358,6 +358,86 @@ fn check_names_every_trial_and_writes_nothing() {
 }
 
 #[test]
+fn check_says_what_a_marker_file_holds_and_what_would_stop_it() {
+    let folder = fresh_copy();
+    let before = files(folder.path());
+    let (trial, name) = (TRIALS[0], format!("raw/demo/{}.csv", TRIALS[0]));
+    let sound = text(&before[Path::new(&name)]);
+    let stdout = succeed(folder.path(), &["check", &name]);
+    assert!(files(folder.path()) == before);
+    let rows = sound.lines().count() - 5;
+    let first: usize = sound.lines().nth(5).unwrap().split(',').next().unwrap().parse().unwrap();
+    for line in [
+        format!("{name}: can be ingested\n"),
+        format!("\n  section Trajectories: 120 Hz, {rows} rows\n"),
+        "\n  rate: 120 Hz\n".to_owned(),
+        format!("\n  frames: {first} to {} in {rows} rows, 0 left out", first + rows - 1),
+        "\n  markers: 10, seen in 9".to_owned(),
+        "\n    Snake:M1 ".to_owned(),
+        " gaps  link 2\n".to_owned(),
+        ", median 1 frames (0.008 s), longest ".to_owned(),
+        "\n1 files, 0 that cannot be ingested\n".to_owned(),
+    ] {
+        assert!(stdout.contains(&line), "{line:?}: {stdout}");
+    }
+
+    let damaged = sound.replacen("\n120\r", "\n100\r", 1).replacen("Snake:F2", "Snake:G2", 1);
+    write(folder.path(), "damaged.csv", damaged);
+    let output = trilink(folder.path(), &["check", "damaged.csv", &name, "absent.csv"]);
+    let stdout = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{stdout}");
+    for line in [
+        "damaged.csv: cannot be ingested\n",
+        "  stops it: damaged.csv: found a frame rate of 100 Hz, needed 120 Hz as vicon.rate_hz says",
+        "  stops it: damaged.csv: found no marker `F2`, needed by markers.link1 of pipeline.toml",
+        "  stops it: absent.csv: no such file\n",
+        "\n3 files, 2 that cannot be ingested\n",
+    ] {
+        assert!(stdout.contains(line), "{line:?}: {stdout}");
+    }
+    assert!(stdout.contains(trial));
+
+    let output = trilink(folder.path(), &["check", "absent.csv", "gone.csv"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(text(&output.stdout), "");
+    let stderr = text(&output.stderr);
+    assert!(
+        stderr.ends_with("error: absent.csv: no such file\ngone.csv: no such file\n"),
+        "{stderr}"
+    );
+    let output = trilink(folder.path(), &["check", "raw", &name]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("needed one folder or marker files"));
+}
+
+#[test]
+fn check_prints_json_of_folders_and_of_files() {
+    let folder = fresh_copy();
+    let checked: Value = serde_json::from_str(&succeed(folder.path(), &["check", "--json"]))
+        .expect("one JSON array");
+    for (checked, trial) in checked.as_array().expect("an array").iter().zip(TRIALS) {
+        assert_eq!(checked["trial"], trial);
+        assert!(checked["cycles"].as_u64().is_some_and(|cycles| cycles >= 2));
+        let coverage = checked["checks"].as_array().expect("checks").iter();
+        let coverage: Vec<_> = coverage.filter(|c| c["check"] == "W003 coverage").collect();
+        assert_eq!((coverage.len(), &coverage[0]["severity"]), (1, &Value::from("ok")));
+    }
+    let name = format!("raw/demo/{}.csv", TRIALS[0]);
+    write(folder.path(), "empty.csv", "");
+    let output = trilink(folder.path(), &["check", "--json", &name, "empty.csv"]);
+    assert_eq!(output.status.code(), Some(1));
+    let checked: Value = serde_json::from_str(&text(&output.stdout)).expect("one JSON array");
+    assert_eq!(checked[0]["file"], name.as_str());
+    assert_eq!(checked[0]["sections"][0]["rate_hz"], 120.0);
+    assert_eq!(checked[0]["recording"]["markers"].as_array().map(Vec::len), Some(10));
+    assert_eq!(checked[0]["recording"]["gaps"]["median_frames"], 1);
+    assert_eq!(checked[0]["stops"], serde_json::json!([]));
+    assert_eq!(checked[1]["recording"], Value::Null);
+    let stop = "empty.csv: found an empty file, needed a `Trajectories` section";
+    assert_eq!(checked[1]["stops"], serde_json::json!([stop]));
+}
+
+#[test]
 fn every_subcommand_explains_itself() {
     let folder = empty_folder();
     let help = succeed(folder.path(), &["--help"]);

@@ -1,50 +1,187 @@
 //! `trilink check`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::ingest::process_trial;
-use crate::trial::TrialList;
+use crate::ingest::{FileSurvey, Recording, process_trial, survey};
+use crate::store::CheckRow;
+use crate::trial::{Trial, TrialList};
 
 #[derive(clap::Args)]
 pub(super) struct Check {
-    /// Trial folder [default: `paths.raw` of the configuration].
-    folder: Option<PathBuf>,
+    /// Trial folder, or marker files [default: `paths.raw` of the configuration].
+    #[arg(value_name = "FOLDER | FILE")]
+    paths: Vec<PathBuf>,
+    /// Print one JSON array: an object per trial, or per file.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What would come of a trial.
+#[derive(Serialize)]
+struct CheckedTrial {
+    trial: String,
+    /// `ok`, `flagged` or `failed`.
+    status: String,
+    message: String,
+    cycles: i64,
+    checks: Vec<CheckLine>,
+}
+
+/// A row of `checks.parquet`; numbers that are missing are null.
+#[derive(Serialize)]
+struct CheckLine {
+    check: String,
+    severity: String,
+    value: f64,
+    limit: f64,
+    message: String,
 }
 
 impl Check {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let folder = self.folder.as_ref().unwrap_or(&context.config.paths.raw);
-        let list = TrialList::load(folder)?;
-        let stage = context.progress.stage("check", list.trial.len());
-        let checked: Vec<(bool, String)> = list
-            .trial
-            .par_iter()
-            .with_max_len(1)
-            .map(|trial| {
-                let (failed, line) = match process_trial(folder, trial, &context.config) {
-                    Ok(processed) if processed.row.message.is_empty() => {
-                        (false, format!("{}: ok, {} cycles", trial.id, processed.row.cycles))
-                    }
-                    Ok(processed) => {
-                        let row = processed.row;
-                        (false, format!("{}: {}: {}", trial.id, row.status, row.message))
-                    }
-                    Err(failure) => (true, format!("{}: failed: {failure}", trial.id)),
-                };
-                stage.step(&trial.id);
-                (failed, line)
-            })
-            .collect();
-        drop(stage);
-        for (_, line) in &checked {
-            say!("{line}");
+        match &self.paths[..] {
+            [] => check_folder(&context, &context.config.paths.raw, self.json),
+            [folder] if folder.is_dir() => check_folder(&context, folder, self.json),
+            files if files.iter().any(|file| file.is_dir()) => {
+                Err("found a folder among several paths, needed one folder or marker files".into())
+            }
+            files => check_files(&context, files, self.json),
         }
-        let failed = checked.iter().filter(|(failed, _)| *failed).count();
-        say!("{} trials, {failed} that cannot be ingested", checked.len());
-        Ok(if failed == 0 { Outcome::Well } else { Outcome::NeedsAttention })
     }
+}
+
+fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome, Failure> {
+    let list = TrialList::load(folder)?;
+    let stage = context.progress.stage("check", list.trial.len());
+    let checked: Vec<CheckedTrial> = list
+        .trial
+        .par_iter()
+        .with_max_len(1)
+        .map(|trial| {
+            let checked = check_trial(context, folder, trial);
+            stage.step(&trial.id);
+            checked
+        })
+        .collect();
+    drop(stage);
+    let failed = checked.iter().filter(|trial| trial.status == "failed").count();
+    if json {
+        say!("{}", serde_json::to_string_pretty(&checked)?);
+    } else {
+        for CheckedTrial { trial, status, message, cycles, .. } in &checked {
+            match message.is_empty() {
+                true => say!("{trial}: {status}, {cycles} cycles"),
+                false => say!("{trial}: {status}: {message}"),
+            }
+        }
+        say!("{} trials, {failed} that cannot be ingested", checked.len());
+    }
+    Ok(if failed == 0 { Outcome::Well } else { Outcome::NeedsAttention })
+}
+
+fn check_trial(context: &Context, folder: &Path, trial: &Trial) -> CheckedTrial {
+    match process_trial(folder, trial, &context.config) {
+        Ok(processed) => CheckedTrial {
+            trial: trial.id.clone(),
+            status: processed.row.status,
+            message: processed.row.message,
+            cycles: processed.row.cycles,
+            checks: processed.checks.into_iter().map(CheckLine::from).collect(),
+        },
+        Err(failure) => CheckedTrial {
+            trial: trial.id.clone(),
+            status: "failed".to_owned(),
+            message: failure.to_string(),
+            cycles: 0,
+            checks: Vec::new(),
+        },
+    }
+}
+
+impl From<CheckRow> for CheckLine {
+    fn from(row: CheckRow) -> Self {
+        let CheckRow { check, severity, value, limit, message, .. } = row;
+        Self { check, severity, value, limit, message }
+    }
+}
+
+fn check_files(context: &Context, files: &[PathBuf], json: bool) -> Result<Outcome, Failure> {
+    let stage = context.progress.stage("check", files.len());
+    let surveys: Vec<FileSurvey> = files
+        .par_iter()
+        .with_max_len(1)
+        .map(|file| {
+            let survey = survey(file, &context.config);
+            stage.step(&file.display().to_string());
+            survey
+        })
+        .collect();
+    drop(stage);
+    if surveys.iter().all(|survey| !survey.readable) {
+        let reasons: Vec<&str> =
+            surveys.iter().flat_map(|survey| &survey.stops).map(String::as_str).collect();
+        return Err(reasons.join("\n").into());
+    }
+    let stopped = surveys.iter().filter(|survey| !survey.stops.is_empty()).count();
+    if json {
+        say!("{}", serde_json::to_string_pretty(&surveys)?);
+    } else {
+        surveys.iter().for_each(say_survey);
+        say!("{} files, {stopped} that cannot be ingested", surveys.len());
+    }
+    Ok(if stopped == 0 { Outcome::Well } else { Outcome::NeedsAttention })
+}
+
+fn say_survey(survey: &FileSurvey) {
+    let verdict = if survey.stops.is_empty() { "can be ingested" } else { "cannot be ingested" };
+    say!("{}: {verdict}", survey.file.display());
+    for section in &survey.sections {
+        let name = if section.name.is_empty() { "(no title)" } else { &section.name };
+        say!("  section {name}: {}, {} rows", hertz(section.rate_hz), section.rows);
+    }
+    if let Some(recording) = &survey.recording {
+        say_recording(recording);
+    }
+    survey.stops.iter().for_each(|stop| say!("  stops it: {stop}"));
+    survey.warnings.iter().for_each(|warning| say!("  flags it: {warning}"));
+}
+
+fn say_recording(recording: &Recording) {
+    let Recording { first_frame, last_frame, rows, markers, gaps, .. } = recording;
+    say!("  rate: {}", hertz(recording.rate_hz));
+    say!(
+        "  frames: {first_frame} to {last_frame} in {rows} rows, {} left out; \
+         {} rows without a frame number",
+        recording.frames_left_out,
+        recording.rows_without_frame
+    );
+    say!("  markers: {}, seen in {:.1} % of the frames", markers.len(), 100.0 * recording.coverage);
+    let width = markers.iter().map(|marker| marker.label.chars().count()).max().unwrap_or(0);
+    for marker in markers {
+        let place = marker.link.map_or("not in the layout".to_owned(), |i| format!("link {i}"));
+        let (label, percent, gaps) = (&marker.label, 100.0 * marker.coverage, marker.gaps);
+        say!("    {label:width$}  {percent:5.1} %  {gaps:4} gaps  {place}");
+    }
+    match (gaps.median_frames, gaps.longest_frames) {
+        (Some(median), Some(longest)) => say!(
+            "  gaps: {}, median {median} frames{}, longest {longest} frames{}",
+            gaps.count,
+            seconds(gaps.median_s),
+            seconds(gaps.longest_s)
+        ),
+        _ => say!("  gaps: none"),
+    }
+}
+
+fn hertz(rate_hz: Option<f64>) -> String {
+    rate_hz.map_or("no rate".to_owned(), |rate_hz| format!("{rate_hz} Hz"))
+}
+
+fn seconds(seconds: Option<f64>) -> String {
+    seconds.map_or(String::new(), |seconds| format!(" ({seconds:.3} s)"))
 }

@@ -53,7 +53,7 @@ enum Command {
     Fit(stages::Fit),
     /// Draw the figures and write the page.
     Report(stages::Report),
-    /// Read a trial folder, write nothing, say what is there and what is wrong.
+    /// Read a trial folder or marker files, write nothing, say what is there and what is wrong.
     Check(check::Check),
     /// Solve for a model's steady motion.
     Simulate(simulate::Simulate),

@@ -100,6 +100,13 @@ pub(super) struct Finding {
     pub message: String,
 }
 
+/// Code, name and message.
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{}: {}", self.check, self.message)
+    }
+}
+
 impl Finding {
     /// A check that holds while `value` is not above `limit`.
     pub fn at_most(check: Check, value: f64, limit: f64, message: String) -> Self {

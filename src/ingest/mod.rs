@@ -19,6 +19,7 @@ mod rigid;
 mod smooth;
 mod steady;
 mod summary;
+mod survey;
 mod tables;
 mod velocity;
 
@@ -34,6 +35,7 @@ use rayon::prelude::*;
 
 pub use checks::{Check, Severity};
 pub use error::{IngestError, TrialFailure};
+pub use survey::{FileSurvey, Gaps, Recording, SeenMarker, survey};
 
 use crate::config::{Config, Smoothing};
 use crate::robot::{Gait, Robot};
@@ -187,8 +189,7 @@ fn process(
     let file = vicon::parse_markers(path, bytes)?;
     let rate_hz = frame_rate(path, &file, config)?;
     let layout = layout::locate(path, &config.markers, &file)?;
-    let max_gap = (config.ingest.max_gap_s * rate_hz + 1e-6) as usize;
-    let tracked = links::track(path, &file, &layout, max_gap)?;
+    let tracked = links::track(path, &file, &layout, max_gap_frames(config, rate_hz))?;
 
     let driven = match &gait {
         Some((gait, omega_rad_s)) => {
@@ -286,6 +287,11 @@ fn frame_rate(path: &Path, file: &vicon::MarkerFile, config: &Config) -> Result<
         None if config.vicon.rate_from_file => Err(TrialFailure::NoRate { path: path.to_owned() }),
         rate_hz => Ok(rate_hz.unwrap_or(needed_hz)),
     }
+}
+
+/// Longest gap that is filled, frames.
+fn max_gap_frames(config: &Config, rate_hz: f64) -> usize {
+    (config.ingest.max_gap_s * rate_hz + 1e-6) as usize
 }
 
 /// Width of the moving average, samples: the trial's own, the configured one, or the one with

@@ -1,0 +1,242 @@
+//! What a marker file holds, without a trial's entry, and what would stop it from being
+//! ingested.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::layout::{self, Layout};
+use super::{TrialFailure, frame_rate, links, max_gap_frames, summary};
+use crate::config::Config;
+use crate::store::{Rows as _, TrialRow};
+use crate::vicon::{self, MarkerFile, Section};
+
+/// A marker file at a glance.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FileSurvey {
+    pub file: PathBuf,
+    /// Whether the file could be opened at all.
+    pub readable: bool,
+    /// Every table in it, also those that are not read.
+    pub sections: Vec<Section>,
+    /// Missing if its markers cannot be read.
+    pub recording: Option<Recording>,
+    /// What would stop it from being ingested; nothing if nothing does.
+    pub stops: Vec<String>,
+    /// What would flag it.
+    pub warnings: Vec<String>,
+}
+
+/// What the markers' table holds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Recording {
+    /// Frame rate that the file states, Hz.
+    pub rate_hz: Option<f64>,
+    pub first_frame: i64,
+    pub last_frame: i64,
+    /// Rows with a frame number.
+    pub rows: usize,
+    /// Frames between the first and the last that have no row.
+    pub frames_left_out: i64,
+    pub rows_without_frame: usize,
+    /// Part of all markers' frames in which they were seen.
+    pub coverage: f64,
+    pub markers: Vec<SeenMarker>,
+    pub gaps: Gaps,
+}
+
+/// One marker of a file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SeenMarker {
+    pub label: String,
+    /// The link that the layout puts it on.
+    pub link: Option<usize>,
+    /// Part of the frames in which it was seen.
+    pub coverage: f64,
+    /// Gaps between frames in which it was seen.
+    pub gaps: usize,
+}
+
+/// The gaps of all markers, each between two frames in which the marker was seen. Without a
+/// gap there is no median and no longest one, without a rate there are no seconds.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Gaps {
+    pub count: usize,
+    pub median_frames: Option<i64>,
+    pub longest_frames: Option<i64>,
+    pub median_s: Option<f64>,
+    pub longest_s: Option<f64>,
+}
+
+/// Reads a marker file and says what is there and what is wrong with it.
+pub fn survey(path: &Path, config: &Config) -> FileSurvey {
+    let mut survey = FileSurvey {
+        file: path.to_owned(),
+        readable: false,
+        sections: Vec::new(),
+        recording: None,
+        stops: Vec::new(),
+        warnings: Vec::new(),
+    };
+    let bytes = match vicon::read_file(path) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            survey.stops.push(error.to_string());
+            return survey;
+        }
+    };
+    survey.readable = true;
+    // What is wrong with the sections is wrong with the markers too.
+    survey.sections = vicon::sections(path, &bytes).unwrap_or_default();
+    match vicon::parse_markers(path, &bytes) {
+        Ok(file) => survey.look_at(path, &file, config),
+        Err(error) => survey.stops.push(error.to_string()),
+    }
+    survey
+}
+
+impl FileSurvey {
+    fn look_at(&mut self, path: &Path, file: &MarkerFile, config: &Config) {
+        let mut stop = |failure: TrialFailure| self.stops.push(failure.to_string());
+        let rate_hz = frame_rate(path, file, config).map_err(&mut stop).ok();
+        let layout = match layout::locate_all(path, &config.markers, file) {
+            Ok(layout) => Some(layout),
+            Err(failures) => {
+                failures.into_iter().for_each(&mut stop);
+                None
+            }
+        };
+        self.recording = Some(Recording::of(file, layout.as_ref(), file.rate_hz.or(rate_hz)));
+        let Some(layout) = layout else { return };
+        let max_gap = rate_hz.map_or(0, |rate_hz| max_gap_frames(config, rate_hz));
+        let tracked = match links::track(path, file, &layout, max_gap) {
+            Ok(tracked) => tracked,
+            Err(failure) => return stop(failure),
+        };
+        let mut row = TrialRow::blank();
+        summary::describe_tracking(&mut row, &tracked);
+        let findings = summary::tracking_checks(
+            &row,
+            &tracked,
+            file.rows_without_frame,
+            file.rate_hz,
+            &config.vicon,
+            config.ingest.max_residual_mm,
+        );
+        let wrong = findings.into_iter().filter(|finding| !finding.holds);
+        self.warnings = wrong.map(|finding| finding.to_string()).collect();
+    }
+}
+
+impl Recording {
+    fn of(file: &MarkerFile, layout: Option<&Layout>, rate_hz: Option<f64>) -> Self {
+        let (first_frame, last_frame) = (file.frames[0], file.frames[file.frames.len() - 1]);
+        let frames = last_frame - first_frame + 1;
+        let mut gaps = Vec::new();
+        let mut markers: Vec<SeenMarker> = Vec::with_capacity(file.labels.len());
+        let mut seen_in_all = 0;
+        for (i, label) in file.labels.iter().enumerate() {
+            let seen: Vec<i64> = (0..file.frames.len())
+                .filter(|&row| !file.position_mm(row, i)[0].is_nan())
+                .map(|row| file.frames[row])
+                .collect();
+            let before = gaps.len();
+            gaps.extend(seen.windows(2).map(|pair| pair[1] - pair[0] - 1).filter(|gap| *gap > 0));
+            let on = |markers: &Vec<layout::LinkMarker>| markers.iter().any(|m| m.column == i);
+            seen_in_all += seen.len();
+            markers.push(SeenMarker {
+                label: label.clone(),
+                link: layout.and_then(|links| links.iter().position(on)),
+                coverage: seen.len() as f64 / frames as f64,
+                gaps: gaps.len() - before,
+            });
+        }
+        Self {
+            rate_hz: file.rate_hz,
+            first_frame,
+            last_frame,
+            rows: file.frames.len(),
+            frames_left_out: frames - file.frames.len() as i64,
+            rows_without_frame: file.rows_without_frame,
+            coverage: seen_in_all as f64 / (markers.len() as f64 * frames as f64),
+            markers,
+            gaps: Gaps::of(gaps, rate_hz),
+        }
+    }
+}
+
+impl Gaps {
+    /// Of gaps that last so many frames.
+    fn of(mut gaps: Vec<i64>, rate_hz: Option<f64>) -> Self {
+        gaps.sort_unstable();
+        let median_frames = gaps.get(gaps.len() / 2).copied();
+        let longest_frames = gaps.last().copied();
+        let seconds = |frames: Option<i64>| Some(frames? as f64 / rate_hz?);
+        Self {
+            count: gaps.len(),
+            median_frames,
+            longest_frames,
+            median_s: seconds(median_frames),
+            longest_s: seconds(longest_frames),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fixture(name: &str) -> FileSurvey {
+        survey(&Path::new("tests/fixtures/vicon").join(name), &Config::default())
+    }
+
+    #[test]
+    fn gaps_are_between_frames_in_which_a_marker_was_seen() {
+        let recording = fixture("gaps.csv").recording.unwrap();
+        assert_eq!((recording.first_frame, recording.last_frame, recording.rows), (1, 5, 5));
+        let markers = recording.markers.iter().map(|m| (m.label.as_str(), m.coverage, m.gaps));
+        assert_eq!(markers.collect::<Vec<_>>(), [("Snake:M1", 0.4, 1), ("Snake:M2", 0.6, 1)]);
+        assert_eq!(recording.coverage, 0.5);
+        let expected = Gaps {
+            count: 2,
+            median_frames: Some(2),
+            longest_frames: Some(2),
+            median_s: Some(2.0 / 120.0),
+            longest_s: Some(2.0 / 120.0),
+        };
+        assert_eq!(recording.gaps, expected);
+    }
+
+    #[test]
+    fn a_jump_of_the_frames_is_a_gap_of_every_marker() {
+        let recording = fixture("frames.csv").recording.unwrap();
+        assert_eq!(recording.frames_left_out, 62766);
+        assert_eq!(recording.rows_without_frame, 2);
+        assert_eq!((recording.gaps.count, recording.gaps.longest_frames), (2, Some(62766)));
+    }
+
+    #[test]
+    fn everything_that_would_stop_a_file_is_listed_and_not_only_the_first() {
+        let path = Path::new("tests/fixtures/vicon/nexus.csv");
+        let mut config = Config::default();
+        config.vicon.rate_hz = 100.0;
+        config.markers.link0.retain(|label, _| label == "M1" || label == "M2");
+        config.markers.link1.retain(|label, _| label == "F1");
+        config.markers.link2.clear();
+        let survey = survey(path, &config);
+        assert_eq!(survey.stops.len(), 2, "{:?}", survey.stops);
+        assert!(survey.stops[0].contains("found a frame rate of 120 Hz, needed 100 Hz"));
+        assert!(survey.stops[1].contains("found no marker `F1`"));
+        assert!(survey.recording.is_some());
+    }
+
+    #[test]
+    fn a_file_without_markers_has_its_sections_listed() {
+        let survey = fixture("devices-only.csv");
+        assert!(survey.readable);
+        assert_eq!(survey.sections.len(), 1);
+        assert_eq!(survey.recording, None);
+        assert!(survey.stops[0].contains("found only the section `Devices`"));
+        assert!(!fixture("absent.csv").readable);
+    }
+}
