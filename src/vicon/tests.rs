@@ -1,6 +1,7 @@
 //! One fixture for each quirk that exports have and one for each error.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use proptest::prelude::*;
 
@@ -51,6 +52,7 @@ fn the_way_a_file_was_saved_changes_nothing() {
         "count-first.csv",
         "rate-without-title.csv",
         "packed.csv.gz",
+        "nexus.c3d",
     ] {
         assert_eq!(read(name), plain, "{name}");
     }
@@ -235,26 +237,107 @@ fn a_packed_file_that_grows_beyond_the_limit_is_refused() {
     assert_eq!(error.to_string(), expected);
 }
 
-proptest! {
-    /// Damage anywhere in a valid file gives a result or an error, and never a marker that
-    /// is there in part.
-    #[test]
-    fn damaged_bytes_never_panic(
-        cuts in prop::collection::vec((0_usize..400, any::<u8>()), 0..8),
-        length in 0_usize..400,
-    ) {
-        let mut file = read_file(&fixture("several-sections.csv")).unwrap();
-        for (at, byte) in cuts {
-            let at = at % file.len();
-            file[at] = byte;
+/// Bytes of every fixture.
+fn fixtures() -> &'static [Vec<u8>] {
+    static FIXTURES: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
+    FIXTURES.get_or_init(|| {
+        let mut paths: Vec<PathBuf> =
+            std::fs::read_dir(fixture("")).unwrap().map(|entry| entry.unwrap().path()).collect();
+        paths.sort();
+        paths.iter().map(|path| read_file(path).unwrap()).collect()
+    })
+}
+
+/// What reading may hold at most, bytes: so many times the file, and some.
+const MEMORY_FACTOR: usize = 64;
+
+impl MarkerFile {
+    fn memory_bytes(&self) -> usize {
+        let labels = self.labels.iter().map(String::capacity).sum::<usize>();
+        labels
+            + self.labels.capacity() * size_of::<String>()
+            + self.frames.capacity() * size_of::<i64>()
+            + self.positions_mm.capacity() * size_of::<[f64; 3]>()
+    }
+}
+
+/// One thing that happens to a file, somewhere in it.
+#[derive(Debug, Clone)]
+enum Damage {
+    Byte(u8),
+    Insert(&'static [u8]),
+    /// So many bytes are gone, or are there twice.
+    Remove(usize),
+    Repeat(usize),
+}
+
+fn damage() -> impl Strategy<Value = (prop::sample::Index, Damage)> {
+    const PIECES: [&[u8]; 14] = [
+        b"Trajectories\n",
+        b"\nFrame,Sub Frame,X,Y,Z\n",
+        b"\nFrame;Sub Frame;X;Y;Z\n",
+        b"X,Y,Z,",
+        b",,mm,mm",
+        b",,,,,,,,,,,,,,,,",
+        b"\n\n",
+        b"1e308",
+        b"-9223372036854775808",
+        b"0.0000000000000000000000000001e-400",
+        b"\"\"",
+        b"\xff\xff\xff\xff",
+        b"\0\0",
+        b"\x1f\x8b",
+    ];
+    let kind = prop_oneof![
+        4 => any::<u8>().prop_map(Damage::Byte),
+        2 => prop::sample::select(&PIECES[..]).prop_map(Damage::Insert),
+        1 => (1_usize..80).prop_map(Damage::Remove),
+        1 => (1_usize..80).prop_map(Damage::Repeat),
+    ];
+    (any::<prop::sample::Index>(), kind)
+}
+
+fn apply(file: &mut Vec<u8>, at: prop::sample::Index, damage: Damage) {
+    if file.is_empty() {
+        return;
+    }
+    let at = at.index(file.len());
+    let end = |length: usize| (at + length).min(file.len());
+    match damage {
+        Damage::Byte(byte) => file[at] = byte,
+        Damage::Insert(piece) => drop(file.splice(at..at, piece.iter().copied())),
+        Damage::Remove(length) => drop(file.drain(at..end(length))),
+        Damage::Repeat(length) => {
+            let again = file[at..end(length)].to_vec();
+            file.splice(at..at, again);
         }
-        file.truncate(length.max(1));
-        if let Ok(markers) = parse_markers(Path::new("damaged"), &file) {
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4000, ..ProptestConfig::default() })]
+
+    /// Damage anywhere in any file gives a result or an error, never a marker that is there in
+    /// part, and never much more memory than the file has bytes.
+    #[test]
+    fn damaged_files_neither_panic_nor_fill_the_memory(
+        which in any::<prop::sample::Index>(),
+        damages in prop::collection::vec(damage(), 0..8),
+    ) {
+        let mut file = which.get(fixtures()).clone();
+        damages.into_iter().for_each(|(at, damage)| apply(&mut file, at, damage));
+        for name in ["damaged.csv", "damaged.c3d"] {
+            let path = Path::new(name);
+            let _ = sections(path, &file);
+            let Ok(markers) = parse_markers(path, &file) else { continue };
             for row in 0..markers.frames.len() {
                 for position in markers.row_mm(row) {
                     let missing = position.iter().filter(|x| x.is_nan()).count();
                     prop_assert!(missing == 0 || missing == 3);
                 }
+            }
+            if !file.starts_with(&[0x1f, 0x8b]) {
+                prop_assert!(markers.memory_bytes() <= MEMORY_FACTOR * (file.len() + 64));
             }
         }
     }
