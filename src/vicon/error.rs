@@ -25,6 +25,10 @@ pub enum ViconError {
     Header { path: PathBuf, line: usize, found: String, needed: String },
     #[error("{}: found no row of numbers below line {line}, needed at least one frame", path.display())]
     NoRows { path: PathBuf, line: usize },
+    #[error("{}: found {rows} rows below line {line} and none with a frame number, needed at least one", path.display())]
+    NoFrameNumbers { path: PathBuf, line: usize, rows: usize },
+    #[error("{}, line {line}: found a second `Trajectories` section, needed one", path.display())]
+    TwoSections { path: PathBuf, line: usize },
     #[error("{}, line {line}, column {column} ({name}): found `{found}`, needed {needed}", path.display())]
     NotANumber {
         path: PathBuf,

@@ -52,8 +52,7 @@ pub(super) fn find<'t>(path: &Path, text: &'t [u8]) -> Result<Header<'t>, ViconE
         return Err(ViconError::Empty { path: path.to_owned() });
     }
     let mut lines = Lines::new(text);
-    let is_title = |line| dialect.lone_cell(line).is_some_and(|title| is_section(title));
-    if let Some((line, _)) = lines.by_ref().find(|(_, line)| is_title(line)) {
+    if let Some(line) = title_line(dialect, &mut lines) {
         return read(path, dialect, lines, line);
     }
     if starts_without_title(dialect, text) {
@@ -62,8 +61,13 @@ pub(super) fn find<'t>(path: &Path, text: &'t [u8]) -> Result<Header<'t>, ViconE
     Err(ViconError::NoSection { path: path.to_owned(), found: other_content(dialect, text) })
 }
 
-fn is_section(title: &[u8]) -> bool {
-    title.eq_ignore_ascii_case(SECTION)
+/// The line of the next title of the markers' section.
+pub(super) fn title_line<'t>(
+    dialect: Dialect,
+    mut lines: impl Iterator<Item = (usize, &'t [u8])>,
+) -> Option<usize> {
+    let is_title = |line| dialect.lone_cell(line).is_some_and(|t| t.eq_ignore_ascii_case(SECTION));
+    lines.find(|(_, line)| is_title(line)).map(|(line, _)| line)
 }
 
 /// Whether the first rows are a header that lacks its title and perhaps its rate.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::cells::{Dialect, bare, shown};
-use super::header::{Column, Header};
+use super::header::{self, Column, Header};
 use super::markers::{LARGEST_MM, MISSING};
 use super::{MarkerFile, ViconError};
 
@@ -22,12 +22,17 @@ pub(super) fn parse(
     let mut positions_mm: Vec<[f64; 3]> = Vec::new();
     let mut rows_without_frame = 0;
     let mut after_blank = false;
-    for (line, row) in header.body.clone() {
+    let mut lines = header.body.clone();
+    while let Some((line, row)) = lines.next() {
         if dialect.is_blank(row) {
             after_blank = true;
             continue;
         }
         if is_next_title(dialect, row, after_blank) {
+            let rest = [(line, row)].into_iter().chain(lines);
+            if let Some(line) = header::title_line(dialect, rest) {
+                return Err(ViconError::TwoSections { path: path.to_owned(), line });
+            }
             break;
         }
         after_blank = false;
@@ -61,7 +66,11 @@ pub(super) fn parse(
         at.positions(row, &mut positions_mm[start..])?;
     }
     if frames.is_empty() {
-        return Err(ViconError::NoRows { path: path.to_owned(), line: header.line });
+        let (path, line) = (path.to_owned(), header.line);
+        return Err(match rows_without_frame {
+            0 => ViconError::NoRows { path, line },
+            rows => ViconError::NoFrameNumbers { path, line, rows },
+        });
     }
     let Header { rate_hz, labels, .. } = header;
     Ok(MarkerFile { rate_hz, frames, labels, rows_without_frame, positions_mm })

@@ -1,8 +1,11 @@
 //! One fixture for each quirk that exports have and one for each error.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use proptest::prelude::*;
 
 use super::*;
@@ -182,6 +185,11 @@ fn every_error_names_file_line_found_and_needed() {
         ("metres.csv", ", line 5: found unit `m` of Snake:M1, needed millimetres (`mm`)"),
         ("no-rows.csv", ": found no row of numbers below line 5, needed at least one frame"),
         (
+            "no-frame-numbers.csv",
+            ": found 2 rows below line 5 and none with a frame number, needed at least one",
+        ),
+        ("two-trajectories.csv", ", line 16: found a second `Trajectories` section, needed one"),
+        (
             "text-cell.csv",
             ", line 7, column 7 (Snake:M2 Y): found `occluded`, \
              needed a number of mm or an empty cell",
@@ -235,6 +243,18 @@ fn a_packed_file_that_grows_beyond_the_limit_is_refused() {
     let limit = unpacked - 1;
     let expected = format!("a: found more than {limit} bytes when unpacked, needed at most that");
     assert_eq!(error.to_string(), expected);
+}
+
+#[test]
+fn a_packed_file_that_is_made_to_fill_the_memory_is_refused() {
+    let mut packer = GzEncoder::new(Vec::new(), Compression::fast());
+    (0..65).for_each(|_| packer.write_all(&[b','; 1 << 20]).unwrap());
+    let bomb = packer.finish().unwrap();
+    assert!(bomb.len() < 1 << 20);
+    assert_eq!(
+        parse_markers(Path::new("a"), &bomb).unwrap_err().to_string(),
+        "a: found more than 67108864 bytes when unpacked, needed at most that"
+    );
 }
 
 /// Bytes of every fixture.
