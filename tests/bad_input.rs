@@ -170,6 +170,24 @@ fn what_is_wrong_inside_a_marker_file_is_named_with_line_and_label() {
 }
 
 #[test]
+fn a_damaged_c3d_file_is_named_and_the_other_trial_is_done() {
+    let whole = fs::read("tests/fixtures/vicon/nexus.c3d").unwrap();
+    let cases: [(&[u8], &[&str]); 4] = [
+        (b"", &["a.c3d", "found no C3D header"]),
+        (&whole[..600], &["a.c3d", "a cut or damaged parameter section"]),
+        (&whole[..1100], &["a.c3d", "found 1 of 2 frames", "is the copy complete?"]),
+        (&whole, &["a.c3d", "no marker `M3`", "`Snake:M1`"]),
+    ];
+    for (bytes, named) in cases {
+        let damage = |folder: &Folder| {
+            folder.write("raw/x/a.c3d", bytes);
+            folder.replace(TRIALS, &format!("{BAD}.csv"), "a.c3d");
+        };
+        assert_one_fails(damage, named);
+    }
+}
+
+#[test]
 fn a_robot_that_never_moves_is_said_to_have_no_periods_of_motion() {
     let freeze = |folder: &Folder| {
         let text = fs::read_to_string(folder.path(BAD_FILE)).unwrap();
