@@ -423,6 +423,14 @@ fn check_prints_json_of_folders_and_of_files() {
         assert_eq!((coverage.len(), &coverage[0]["severity"]), (1, &Value::from("ok")));
     }
     let name = format!("raw/demo/{}.csv", TRIALS[0]);
+    std::fs::remove_file(folder.path().join(format!("raw/demo/{}.csv", TRIALS[1]))).unwrap();
+    let output = trilink(folder.path(), &["check", "--json"]);
+    assert_eq!(output.status.code(), Some(1));
+    let checked: Value = serde_json::from_str(&text(&output.stdout)).expect("one JSON array");
+    assert_eq!(checked[1]["status"], "failed");
+    assert_eq!(checked[1]["checks"][0]["check"], "E001 failed");
+    assert_eq!(checked[1]["checks"][0]["value"], Value::Null);
+    assert!(checked[1]["message"].as_str().is_some_and(|m| m.ends_with("no such file")));
     write(folder.path(), "empty.csv", "");
     let output = trilink(folder.path(), &["check", "--json", &name, "empty.csv"]);
     assert_eq!(output.status.code(), Some(1));

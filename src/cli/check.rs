@@ -98,7 +98,7 @@ fn check_trial(context: &Context, folder: &Path, trial: &Trial) -> CheckedTrial 
             status: "failed".to_owned(),
             message: failure.to_string(),
             cycles: 0,
-            checks: Vec::new(),
+            checks: vec![failure.check_row(&trial.id).into()],
         },
     }
 }

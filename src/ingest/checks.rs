@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::TrialFailure;
 use crate::store::CheckRow;
 
 /// Part of all markers' frames that should be seen.
@@ -128,5 +129,19 @@ impl Finding {
             limit: self.limit,
             message: self.message.clone(),
         }
+    }
+}
+
+impl TrialFailure {
+    /// The only row of `checks.parquet` of a trial that gives no numbers.
+    pub fn check_row(&self, trial: &str) -> CheckRow {
+        let finding = Finding {
+            check: Check::Failed,
+            holds: false,
+            value: f64::NAN,
+            limit: f64::NAN,
+            message: self.to_string(),
+        };
+        finding.row(trial)
     }
 }

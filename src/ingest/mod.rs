@@ -44,7 +44,6 @@ use crate::store::{
 };
 use crate::trial::{Trial, TrialError, TrialKind, TrialList};
 use crate::vicon;
-use checks::Finding;
 use command::{Command, Driven};
 use cycles::CycleData;
 use harmonics::Harmonics;
@@ -165,16 +164,8 @@ fn ingest_trial(
 }
 
 fn failed(trial: &Trial, failure: &TrialFailure, fingerprint: String) -> Outcome {
-    let message = failure.to_string();
-    let finding = Finding {
-        check: Check::Failed,
-        holds: false,
-        value: f64::NAN,
-        limit: f64::NAN,
-        message: message.clone(),
-    };
-    let checks = vec![finding.row(&trial.id)];
-    let row = TrialRow { message, ..summary::blank_row(trial) };
+    let row = TrialRow { message: failure.to_string(), ..summary::blank_row(trial) };
+    let checks = vec![failure.check_row(&trial.id)];
     Outcome { row, checks, fingerprint, written: Vec::new() }
 }
 
