@@ -1,9 +1,9 @@
 //! Marker files of the camera system: a file's bytes in, markers over time out.
 //!
-//! A Nexus CSV export is several ragged tables in one file. The `Trajectories` section is found by
+//! A CSV export is several ragged tables in one file. The `Trajectories` section is found by
 //! its name; its header says which columns are markers; its rows are parsed byte by byte
-//! straight into one flat vector. Nothing is interpolated and nothing is guessed: what the
-//! file leaves empty is missing. C3D files are told by their content or name.
+//! straight into one flat vector. C3D files are told by their content or name. Nothing is
+//! interpolated and nothing is guessed: what the file leaves empty is missing.
 
 mod bytes;
 mod c3d;
@@ -25,8 +25,9 @@ pub use sections::Section;
 ///
 /// # Errors
 /// The file is missing, unreadable, empty or too large when unpacked; has no `Trajectories`
-/// section with named markers; has text where a number should be, or frame numbers that do
-/// not increase. Every message names the file and line, what was found and what was needed.
+/// section with named markers, or two; has text where a number should be, or frame numbers
+/// that do not increase; is a C3D file that is cut or damaged. Every message names the file,
+/// the line of a text, what was found and what was needed.
 pub fn read_markers(path: &Path) -> Result<MarkerFile, ViconError> {
     parse_markers(path, &read_file(path)?)
 }
