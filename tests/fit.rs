@@ -70,7 +70,7 @@ fn config(reference: &Reference) -> Config {
     });
     let robot = config.robot.get_mut("semi-passive").unwrap();
     (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (Some(0.137), Some(0.006));
-    config.fit.starts = 2;
+    config.fit.starts = 32;
     config
 }
 
@@ -96,22 +96,28 @@ fn the_reference_s_best_coefficients_have_its_objective() {
 }
 
 #[test]
-fn the_search_ends_at_the_reference_s_best_objective() {
+fn thirty_of_thirty_two_starts_end_at_the_reference_s_best_objective() {
     for reference in &REFERENCES {
         let mut config = config(reference);
         config.fit.sigma = SigmaKind::Raw;
         let fitted = fit(&config, &trials(reference), &|_| {});
         let found = &fitted.fits[0];
         assert_eq!(found.status, "ok");
-        assert!(
-            (found.j - reference.best_j).abs() < 1e-4 * reference.best_j,
-            "{}: {} at {} {} {}",
-            reference.campaign,
-            found.j,
-            found.skid0_kg_s,
-            found.skid1_kg_s,
-            found.skid2_kg_s,
+        let best = |j: f64| (j - reference.best_j).abs() < 1e-6 * reference.best_j;
+        assert!(best(found.j), "{}: {} after {} solves", reference.campaign, found.j, found.solves);
+        let reached = fitted.starts.iter().filter(|start| best(start.j)).count();
+        assert!(reached >= 30, "{}: {reached} of 32: {:?}", reference.campaign, fitted.starts);
+        // The work is bounded too: a start takes some ten evaluations of twelve motions.
+        assert!(found.solves < 32 * 12 * 20, "{}: {}", reference.campaign, found.solves);
+        eprintln!(
+            "{reached} {} {:?}",
+            found.solves,
+            fitted.starts.iter().map(|s| s.j).collect::<Vec<_>>()
         );
+        let skid = [found.skid0_kg_s, found.skid1_kg_s, found.skid2_kg_s];
+        for (found, known) in skid.iter().zip(reference.best_skid_kg_s) {
+            assert!((found - known).abs() < 1e-4 * known, "{}: {skid:?}", reference.campaign);
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Fits every model of every campaign to the trials (section IV.D).
 
+mod absolute;
 mod objective;
 mod predict;
 mod search;

@@ -1,8 +1,9 @@
 //! How far a model is from the measurements (eq. 21 and 22).
 
+use super::absolute::Term;
 use crate::config::{Fit, SigmaKind, Weights};
 use crate::metrics::GaitMetrics;
-use crate::motion::{FIT_ACCURACY, Model, MotionError, Problem, Solver};
+use crate::motion::{self, FIT_ACCURACY, Model, MotionError, Problem, Solver};
 use crate::robot::{Gait, JointCommand, Robot};
 use crate::store::TrialRow;
 
@@ -77,6 +78,14 @@ impl Coefficient {
         match self {
             Self::Skid(wheel) => robot.skid_kg_s[wheel],
             Self::Damping => robot.damping_nm_s_rad,
+        }
+    }
+
+    /// What the motion is differentiated by.
+    fn derivative(self) -> motion::Parameter {
+        match self {
+            Self::Skid(wheel) => motion::Parameter::Skid(wheel),
+            Self::Damping => motion::Parameter::Damping,
         }
     }
 
@@ -175,14 +184,18 @@ impl Objective {
 
     /// Eq. 22 for one trial.
     pub fn contribution(&self, measurement: &Measurement, simulated: &GaitMetrics) -> f64 {
-        let measured = measurement.metrics.to_array();
-        let deviations = measured
-            .iter()
-            .zip(simulated.to_array())
-            .map(|(measured, simulated)| ((measured - simulated) / measured).abs());
-        let weighted = self.term_weights().into_iter().zip(deviations);
-        let measured = weighted.zip(measured).filter(|(_, measured)| measured.is_finite());
-        measured.filter(|((weight, _), _)| *weight > 0.0).map(|((weight, e), _)| weight * e).sum()
+        let simulated = simulated.to_array();
+        self.terms(measurement)
+            .map(|(i, weight, measured)| weight * ((measured - simulated[i]) / measured).abs())
+            .sum()
+    }
+
+    /// The terms of eq. 22 for one trial: places in [`GaitMetrics::to_array`], weights and
+    /// measured values. What was not measured and what weighs nothing is left out.
+    fn terms(&self, measurement: &Measurement) -> impl Iterator<Item = (usize, f64, f64)> {
+        let weights = self.term_weights().into_iter().zip(measurement.metrics.to_array());
+        let terms = weights.enumerate().map(|(i, (weight, measured))| (i, weight, measured));
+        terms.filter(|(_, weight, measured)| *weight > 0.0 && measured.is_finite())
     }
 
     /// Standard error of the objective at the truth that the measurements' errors imply.
@@ -215,6 +228,7 @@ impl Objective {
             objective: self,
             parameters,
             solvers: vec![Solver::default(); self.measurements.len()],
+            accuracy: FIT_ACCURACY,
             solves: 0,
         }
     }
@@ -225,6 +239,8 @@ pub struct Evaluator<'a> {
     pub objective: &'a Objective,
     pub parameters: Vec<Parameter>,
     solvers: Vec<Solver>,
+    /// Of the motions' metrics, relative.
+    pub accuracy: f64,
     solves: usize,
 }
 
@@ -249,6 +265,42 @@ impl Evaluator<'_> {
         sum / count as f64
     }
 
+    /// The objective and its terms as affine functions of the logarithms of the parameters,
+    /// relative to `values`; a trial without a motion counts with a penalty and has none.
+    pub(super) fn linearised(&mut self, values: &[f64]) -> (f64, Vec<Term>) {
+        let robot = self.objective.robot_with(&self.parameters, values);
+        let count = self.solvers.len();
+        let share = 1.0 / count as f64;
+        let (mut cost, mut terms) = (0.0, Vec::new());
+        for i in 0..count {
+            let found = self.solve(i, &robot).and_then(|metrics| {
+                self.solvers[i].derivatives().map(|derivatives| (metrics, derivatives))
+            });
+            let Ok((metrics, derivatives)) = found else {
+                cost += share * PENALTY;
+                continue;
+            };
+            let measurement = &self.objective.measurements[i];
+            cost += share * self.objective.contribution(measurement, &metrics).min(PENALTY);
+            let simulated = metrics.to_array();
+            let by: Vec<[f64; 7]> = self
+                .parameters
+                .iter()
+                .zip(values)
+                .map(|(parameter, value)| {
+                    let place = parameter.coefficient.derivative().place();
+                    derivatives[place].to_array().map(|by| by * value)
+                })
+                .collect();
+            terms.extend(self.objective.terms(measurement).map(|(m, weight, measured)| Term {
+                weight: share * weight,
+                value: simulated[m] / measured - 1.0,
+                slope: by.iter().map(|by| by[m] / measured).collect(),
+            }));
+        }
+        (cost, terms)
+    }
+
     /// `ok`, or which motion does not exist at `values` and why.
     pub fn status(&mut self, values: &[f64]) -> String {
         let robot = self.objective.robot_with(&self.parameters, values);
@@ -264,6 +316,6 @@ impl Evaluator<'_> {
     fn solve(&mut self, i: usize, robot: &Robot) -> Result<GaitMetrics, MotionError> {
         self.solves += 1;
         let problem = self.objective.problem_of(robot, &self.objective.measurements[i]);
-        self.solvers[i].solve(&problem, FIT_ACCURACY)
+        self.solvers[i].solve(&problem, self.accuracy)
     }
 }

@@ -1,15 +1,18 @@
 //! The search for the free coefficients.
 //!
-//! Nelder and Mead's simplex in the coefficients' logarithms, which the objective's kinks (it
-//! is a sum of absolute values) do not disturb, from several starts. The bounds are met by a
-//! logistic transform.
+//! The objective is a sum of absolute values, and its minimum lies where several of them have
+//! their kinks. Each step minimises the sum of the linearised terms, kinks and all, within a
+//! trust region in the coefficients' logarithms: near a vertex of kinks the steps converge like
+//! Newton's.
+//!
+//! Reference: R. Fletcher, *Practical Methods of Optimization*, 2nd ed., Wiley 1987, section
+//! 14.4.
 
-use std::cell::RefCell;
+use nalgebra::DVector;
 
-use argmin::core::{CostFunction, Executor, State, TerminationReason, TerminationStatus};
-use argmin::solver::neldermead::NelderMead;
-
+use super::absolute::{minimise, sum};
 use super::objective::{Coefficient, Evaluator, Objective, Parameter};
+use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
 /// One run of the search.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,12 +25,12 @@ pub(super) struct Start {
     pub stopped: String,
 }
 
-/// Simplices one after the other, each from where the last one ended: edge lengths in the
-/// transformed coefficients.
-const EDGES: [f64; 3] = [0.6, 0.1, 0.02];
-const MOST_ITERATIONS: u64 = 300;
-/// Spread of the objective over the simplex at which it has converged.
-const SPREAD: f64 = 1e-9;
+const MOST_STEPS: usize = 200;
+/// Trust region at first and at most: coefficients may change by these factors' logarithms.
+const FIRST_REGION: f64 = 1.0;
+const LARGEST_REGION: f64 = 3.0;
+/// Fall of the objective, relative to it, below which it has converged.
+const CONVERGED: f64 = 1e-9;
 
 /// Searches from the start with this number: 0 is the configured robot, the others are spread
 /// over the bounds. Without parameters there is one evaluation.
@@ -39,40 +42,73 @@ pub(super) fn search(objective: &Objective, parameters: &[Parameter], number: us
         let stopped = "nothing is free".to_owned();
         return Start { ended: began.clone(), began, cost, solves: evaluator.solves(), stopped };
     }
-    let mut place: Vec<f64> = parameters
-        .iter()
-        .zip(&began)
-        .map(|(parameter, value)| to_free(parameter, *value))
-        .collect();
-    let problem = Free(RefCell::new(evaluator));
-    let (mut cost, mut stopped) = (f64::INFINITY, String::new());
-    for edge in EDGES {
-        let run = simplex(&place, edge).and_then(|solver| {
-            Executor::new(&problem, solver)
-                .configure(|state| state.max_iters(MOST_ITERATIONS))
-                .ctrlc(false)
-                .run()
-        });
-        match run {
-            Ok(result) => {
-                stopped = reason(result.state().get_termination_status());
-                if let Some(best) = result.state().get_best_param()
-                    && result.state().get_best_cost() <= cost
-                {
-                    cost = result.state().get_best_cost();
-                    place = best.clone();
-                }
+    let mut descent = Descent {
+        place: began.clone(),
+        cost: f64::INFINITY,
+        region: FIRST_REGION,
+        evaluator: &mut evaluator,
+    };
+    descent.run(FIT_ACCURACY);
+    // The last digits by motions that have them.
+    let has_converged = descent.run(REFERENCE_ACCURACY);
+    let Descent { place, cost, .. } = descent;
+    let stopped = if has_converged { "converged" } else { "too many steps" }.to_owned();
+    Start { began, ended: place, cost, solves: evaluator.solves(), stopped }
+}
+
+/// A search on its way.
+struct Descent<'d, 'o> {
+    evaluator: &'d mut Evaluator<'o>,
+    place: Vec<f64>,
+    cost: f64,
+    /// Largest change of a parameter's logarithm.
+    region: f64,
+}
+
+impl Descent<'_, '_> {
+    /// Goes on, with motions of this accuracy, until the objective can hardly fall; `false` if
+    /// that takes too many steps.
+    fn run(&mut self, accuracy: f64) -> bool {
+        self.evaluator.accuracy = accuracy;
+        let parameters = self.evaluator.parameters.clone();
+        let (cost, mut terms) = self.evaluator.linearised(&self.place);
+        self.cost = cost;
+        for _ in 0..MOST_STEPS {
+            let step = minimise(&terms, &self.limits(&parameters));
+            let expected = sum(&terms, &DVector::zeros(step.len())) - sum(&terms, &step);
+            if expected <= CONVERGED * self.cost {
+                return true;
             }
-            Err(error) => {
-                stopped = format!("failed: {error}");
-                break;
+            let next: Vec<f64> = parameters
+                .iter()
+                .zip(self.place.iter().zip(step.iter()))
+                .map(|(parameter, (value, step))| {
+                    let [low, high] = parameter.bounds;
+                    (value * step.exp()).clamp(low, high)
+                })
+                .collect();
+            let (next_cost, next_terms) = self.evaluator.linearised(&next);
+            let kept = (self.cost - next_cost) / expected;
+            if kept < 0.25 {
+                self.region = 0.3 * self.region.min(step.amax());
+            } else if kept > 0.75 {
+                self.region = (2.0 * self.region).min(LARGEST_REGION);
+            }
+            if next_cost < self.cost {
+                (self.place, self.cost, terms) = (next, next_cost, next_terms);
             }
         }
+        false
     }
-    let evaluator = problem.0.into_inner();
-    let ended =
-        parameters.iter().zip(&place).map(|(parameter, z)| from_free(parameter, *z)).collect();
-    Start { began, ended, cost, solves: evaluator.solves(), stopped }
+
+    /// How far the parameters' logarithms may go from where they are.
+    fn limits(&self, parameters: &[Parameter]) -> Vec<[f64; 2]> {
+        let limit = |(parameter, value): (&Parameter, &f64)| {
+            let [low, high] = parameter.bounds.map(|bound| (bound / value).ln());
+            [low.clamp(-self.region, 0.0), high.clamp(0.0, self.region)]
+        };
+        parameters.iter().zip(&self.place).map(limit).collect()
+    }
 }
 
 /// Where a start begins.
@@ -103,57 +139,6 @@ fn radical_inverse(mut number: u32, base: u32) -> f64 {
         digit /= f64::from(base);
     }
     inverse
-}
-
-fn simplex(place: &[f64], edge: f64) -> Result<NelderMead<Vec<f64>, f64>, argmin::core::Error> {
-    let mut corners = vec![place.to_vec()];
-    for i in 0..place.len() {
-        let mut corner = place.to_vec();
-        corner[i] += edge;
-        corners.push(corner);
-    }
-    NelderMead::new(corners).with_sd_tolerance(SPREAD)
-}
-
-fn reason(status: &TerminationStatus) -> String {
-    match status {
-        TerminationStatus::Terminated(TerminationReason::SolverConverged) => "converged".into(),
-        TerminationStatus::Terminated(TerminationReason::MaxItersReached) => {
-            format!("{MOST_ITERATIONS} iterations")
-        }
-        other => other.to_string(),
-    }
-}
-
-/// The objective of the transformed coefficients.
-struct Free<'a>(RefCell<Evaluator<'a>>);
-
-impl CostFunction for &Free<'_> {
-    type Param = Vec<f64>;
-    type Output = f64;
-
-    fn cost(&self, place: &Vec<f64>) -> Result<f64, argmin::core::Error> {
-        let mut evaluator = self.0.borrow_mut();
-        let values: Vec<f64> = evaluator
-            .parameters
-            .iter()
-            .zip(place)
-            .map(|(parameter, z)| from_free(parameter, *z))
-            .collect();
-        Ok(evaluator.cost(&values))
-    }
-}
-
-/// From between the bounds to the real line: the logit of the place on the logarithmic scale.
-fn to_free(parameter: &Parameter, value: f64) -> f64 {
-    let [low, high] = parameter.bounds;
-    let part = ((value / low).ln() / (high / low).ln()).clamp(1e-9, 1.0 - 1e-9);
-    (part / (1.0 - part)).ln()
-}
-
-fn from_free(parameter: &Parameter, z: f64) -> f64 {
-    let [low, high] = parameter.bounds;
-    (low * (high / low).powf(1.0 / (1.0 + (-z).exp()))).clamp(low, high)
 }
 
 /// What is to be said of the fitted coefficients.
