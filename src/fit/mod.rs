@@ -17,7 +17,7 @@ use crate::store::{
 };
 
 pub use objective::{Coefficient, Evaluator, Measurement, Objective, Parameter};
-use search::Start;
+pub use search::{Start, search};
 
 /// The tables of a fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -124,7 +124,7 @@ impl Job {
         let parameters = Parameter::free_in(self.model, &self.gait, &config.fit);
         let starts: Vec<Start> = (0..if parameters.is_empty() { 1 } else { config.fit.starts })
             .into_par_iter()
-            .map(|number| search::search(&objective, &parameters, number))
+            .map(|number| search(&objective, &parameters, number))
             .collect();
         let best = starts
             .iter()

@@ -16,10 +16,13 @@ use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
 /// One run of the search.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Start {
+pub struct Start {
+    /// Values of the free parameters, in their order.
     pub began: Vec<f64>,
     pub ended: Vec<f64>,
+    /// Eq. 22 where it ended.
     pub cost: f64,
+    /// Steady motions solved for.
     pub solves: usize,
     /// Why the search stopped.
     pub stopped: String,
@@ -34,7 +37,7 @@ const CONVERGED: f64 = 1e-9;
 
 /// Searches from the start with this number: 0 is the configured robot, the others are spread
 /// over the bounds. Without parameters there is one evaluation.
-pub(super) fn search(objective: &Objective, parameters: &[Parameter], number: usize) -> Start {
+pub fn search(objective: &Objective, parameters: &[Parameter], number: usize) -> Start {
     let began = begin(objective, parameters, number);
     let mut evaluator = objective.evaluator(parameters.to_vec());
     if parameters.is_empty() {

@@ -1,0 +1,60 @@
+//! One start of a fit of `skid-roll` to a campaign's twelve frequencies, on one thread.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use trilink::config::Config;
+use trilink::fit::{Measurement, Objective, Parameter, search};
+use trilink::metrics::GaitMetrics;
+use trilink::motion::Model;
+
+const DATA: [(&str, &str); 3] = [
+    (
+        "kinematic-symmetric",
+        include_str!("../tests/fixtures/reference/fit/kinematic-symmetric.csv"),
+    ),
+    ("kinematic-skewed", include_str!("../tests/fixtures/reference/fit/kinematic-skewed.csv")),
+    (
+        "semi-passive-symmetric",
+        include_str!("../tests/fixtures/reference/fit/semi-passive-symmetric.csv"),
+    ),
+];
+
+fn measurements(data: &str) -> Vec<Measurement> {
+    let row = |line: &str| {
+        let number = |text: &str| text.parse().unwrap_or(f64::NAN);
+        let fields: Vec<f64> = line.split(',').map(number).collect();
+        let metrics = GaitMetrics {
+            d_m: fields[1],
+            v_m_s: fields[2],
+            sigma: [fields[3], fields[4], fields[5]],
+            alpha1_rad: fields[6].to_radians(),
+            dtheta_rad: 0.0,
+        };
+        let gait = Config::default().campaign_setup("kinematic-symmetric").expect("the paper's").1;
+        Measurement {
+            omega_rad_s: fields[0],
+            metrics,
+            errors: GaitMetrics::NONE,
+            gait: gait.joints.map(|joint| joint.expect("both joints are commanded")),
+        }
+    };
+    data.lines().skip(1).map(row).collect()
+}
+
+fn one_start(criterion: &mut Criterion) {
+    let config = Config::default();
+    for (campaign, data) in DATA {
+        let (mut robot, gait) = config.campaign_setup(campaign).expect("the paper's campaign");
+        (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (0.137, 0.006);
+        let weights = config.campaign[campaign].weights;
+        let objective = Objective::new(Model::SkidRoll, robot, gait, weights, measurements(data));
+        let parameters = Parameter::free_in(Model::SkidRoll, &gait, &config.fit);
+        criterion.bench_function(&format!("one start, {campaign}"), |bencher| {
+            bencher.iter(|| black_box(search(&objective, &parameters, 1)));
+        });
+    }
+}
+
+criterion_group!(benches, one_start);
+criterion_main!(benches);
