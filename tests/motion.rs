@@ -4,7 +4,7 @@
 
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Model, Parameter, Problem, REFERENCE_ACCURACY, Solver};
-use trilink::robot::{Gait, Robot};
+use trilink::robot::{Gait, JointCommand, Robot};
 
 /// A row of `periodic.csv`.
 struct Row {
@@ -210,8 +210,19 @@ fn derivatives_are_those_of_central_differences() {
         problem.solve(1e-13).unwrap().metrics.to_array()
     };
     let mut problems: Vec<Problem> = rows().into_iter().map(|row| row.problem).collect();
-    problems.push(Problem { model: Model::Skid, ..problems[4].clone() });
-    problems.push(Problem { model: Model::NoSkid, ..problems[4].clone() });
+    let offset = |joint: usize| {
+        let command = JointCommand { offset_rad: 0.3, amplitude_rad: 0.5, phase_rad: 0.4 };
+        Gait { joints: [0, 1].map(|j| (j == joint).then_some(command)) }
+    };
+    let robot = Robot { rest_angle_rad: -0.1, ..Robot::semi_passive() };
+    for model in Model::ALL {
+        // Whole periods, with the front and with the rear joint on its spring.
+        for gait in [offset(0), offset(1)] {
+            problems.push(Problem { robot: robot.clone(), gait, model, omega_rad_s: 3.0 });
+        }
+        let (robot, gait) = (Robot::kinematic(), Gait::skewed());
+        problems.push(Problem { robot, gait, model, omega_rad_s: 3.0 });
+    }
     for problem in problems {
         let mut solver = Solver::default();
         let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap().to_array();

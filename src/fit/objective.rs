@@ -9,7 +9,7 @@ use crate::store::TrialRow;
 
 /// What a trial without a steady motion contributes to the objective: far more than any motion
 /// does, so that the search turns back.
-const PENALTY: f64 = 1e3;
+pub(super) const PENALTY: f64 = 1e3;
 
 /// What one trial measured.
 #[derive(Debug, Clone, PartialEq)]

@@ -11,7 +11,7 @@
 use nalgebra::DVector;
 
 use super::absolute::{minimise, sum};
-use super::objective::{Coefficient, Evaluator, Objective, Parameter};
+use super::objective::{Coefficient, Evaluator, Objective, PENALTY, Parameter};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
 /// One run of the search.
@@ -55,7 +55,12 @@ pub fn search(objective: &Objective, parameters: &[Parameter], number: usize) ->
     // The last digits by motions that have them.
     let has_converged = descent.run(REFERENCE_ACCURACY);
     let Descent { place, cost, .. } = descent;
-    let stopped = if has_converged { "converged" } else { "too many steps" }.to_owned();
+    let stopped = match has_converged {
+        _ if cost >= PENALTY => "no motion exists here",
+        true => "converged",
+        false => "too many steps",
+    };
+    let stopped = stopped.to_owned();
     Start { began, ended: place, cost, solves: evaluator.solves(), stopped }
 }
 

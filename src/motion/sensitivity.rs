@@ -285,7 +285,9 @@ impl Gradient {
             0.0 => 0.0,
             sigma => 1.0 / (scale * sigma),
         });
-        let by_end = by_end.map(|part| part / cycle.metrics.d_m);
+        // A distance of nothing has no gradient.
+        let d_m = cycle.metrics.d_m;
+        let by_end = if d_m > 0.0 { by_end.map(|part| part / d_m) } else { [0.0; 3] };
         Self { by_end, end: cycle.end, is_half, duration_s, by_skid }
     }
 
