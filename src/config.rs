@@ -88,6 +88,19 @@ pub struct Fit {
     pub starts: usize,
     /// Which measured skid ratios the models are compared with.
     pub sigma: SigmaKind,
+    /// Which gait drives the models at the trials' frequencies.
+    pub gait_input: GaitInput,
+}
+
+/// The gait that drives a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GaitInput {
+    /// The campaign's command, as in the paper.
+    Commanded,
+    /// Mean and first harmonic of each trial's measured joint angles: servos do not quite
+    /// follow their commands.
+    Measured,
 }
 
 /// Measured skid ratios.

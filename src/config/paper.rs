@@ -50,6 +50,7 @@ impl Default for Fit {
             damping_bounds_nm_s_rad: [1e-4, 1.0],
             starts: 8,
             sigma: SigmaKind::Debiased,
+            gait_input: GaitInput::Commanded,
         }
     }
 }

@@ -119,6 +119,7 @@ impl Job {
             self.robot.clone(),
             self.gait,
             self.campaign.weights,
+            config.fit.gait_input,
             self.measurements.clone(),
         );
         let parameters = Parameter::free_in(self.model, &self.gait, &config.fit);

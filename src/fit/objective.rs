@@ -1,7 +1,7 @@
 //! How far a model is from the measurements (eq. 21 and 22).
 
 use super::absolute::Term;
-use crate::config::{Fit, SigmaKind, Weights};
+use crate::config::{Fit, GaitInput, SigmaKind, Weights};
 use crate::metrics::GaitMetrics;
 use crate::motion::{self, FIT_ACCURACY, Model, MotionError, Problem, Solver};
 use crate::robot::{Gait, JointCommand, Robot};
@@ -126,6 +126,7 @@ pub struct Objective {
     robot: Robot,
     gait: Gait,
     weights: Weights,
+    gait_input: GaitInput,
     measurements: Vec<Measurement>,
 }
 
@@ -135,9 +136,10 @@ impl Objective {
         robot: Robot,
         gait: Gait,
         weights: Weights,
+        gait_input: GaitInput,
         measurements: Vec<Measurement>,
     ) -> Self {
-        Self { model, robot, gait, weights, measurements }
+        Self { model, robot, gait, weights, gait_input, measurements }
     }
 
     /// The model.
@@ -169,10 +171,11 @@ impl Objective {
         Problem { robot: robot.clone(), gait: self.gait, model: self.model, omega_rad_s }
     }
 
-    /// The model's motion for one trial: `no-skid-measured` takes the measured gait.
+    /// The model's motion for one trial, driven by the command or by the measured gait;
+    /// `no-skid-measured` always takes the latter.
     pub fn problem_of(&self, robot: &Robot, measurement: &Measurement) -> Problem {
         let mut problem = self.problem(robot, measurement.omega_rad_s);
-        if self.model == Model::NoSkidMeasured {
+        if self.model == Model::NoSkidMeasured || self.gait_input == GaitInput::Measured {
             for (joint, measured) in problem.gait.joints.iter_mut().zip(measurement.gait) {
                 if joint.is_some() {
                     *joint = Some(measured);
