@@ -196,6 +196,47 @@ fn c3d_and_csv_of_a_trial_give_the_same_poses() {
 }
 
 #[test]
+fn trials_with_misplaced_markers_keep_their_displacement_and_every_such_frame_is_flagged() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let arguments = ["synth", "trials", "--omega", "1,3.9,6", "--seed", "3", "--misplaced", "0.1"];
+    succeed(folder.path(), &arguments);
+    std::fs::write(folder.path().join("pipeline.toml"), "paths = { raw = \"trials\" }").unwrap();
+    succeed(folder.path(), &["ingest"]);
+    let truth = std::fs::read_to_string(folder.path().join("trials/truth.json")).unwrap();
+    let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
+    let read = |name: &str| Table::read(&folder.path().join("derived").join(name)).unwrap();
+    let trials = read("trials.parquet");
+    for (i, trial) in trials.str("trial").unwrap().iter().enumerate() {
+        let truth = &truth["trials"][trial];
+        let error = trials.f64("d_m").unwrap()[i] / truth["d_m"].as_f64().unwrap() - 1.0;
+        assert!(error.abs() < 0.01, "{trial}: {error}");
+        let message = &trials.str("message").unwrap()[i];
+        assert!(message.contains("frames have two labels that are swapped, and swapped back: "));
+        assert!(message.contains("frames have a marker that jumped and is left out: "));
+
+        let poses = read(&format!("poses/{trial}.parquet"));
+        let frames = poses.i64("frame").unwrap();
+        let misplaced = truth["misplaced"].as_array().unwrap();
+        let part = misplaced.len() as f64 / frames.len() as f64;
+        assert!((0.08..0.12).contains(&part), "{trial}: {part}");
+        let flagged: usize = (0..3)
+            .map(|link| {
+                let outliers = poses.str(&format!("outlier{link}")).unwrap();
+                outliers.iter().filter(|outlier| *outlier != "none").count()
+            })
+            .sum();
+        assert_eq!(flagged, misplaced.len(), "{trial}");
+        for planted in misplaced {
+            let row = (planted["frame"].as_i64().unwrap() - frames[0]) as usize;
+            let outlier = &poses.str(&format!("outlier{}", planted["link"])).unwrap()[row];
+            assert_ne!(outlier, "none", "{trial}: {planted}");
+            let right = if planted["swapped"] == true { "swapped" } else { "jumped" };
+            assert!([right, "ambiguous"].contains(&outlier.as_str()), "{trial}: {planted}");
+        }
+    }
+}
+
+#[test]
 fn trials_that_are_not_synthetic_are_left_alone() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let list =

@@ -6,7 +6,7 @@ use super::output::{note, say};
 use super::{Context, Failure, Outcome};
 use crate::run::{Finished, run};
 use crate::store::FitRow;
-use crate::synth::{Format, OMEGAS_RAD_S, synthesise};
+use crate::synth::{Recipe, synthesise};
 use crate::trial::TRIALS_FILE;
 
 /// Seed of the demo's trials.
@@ -25,10 +25,11 @@ impl Demo {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let raw = &context.config.paths.raw;
         if !raw.join(TRIALS_FILE).exists() {
-            let total = context.config.campaign.len() * OMEGAS_RAD_S.len();
+            let recipe = Recipe::new(DEMO_SEED);
+            let total = context.config.campaign.len() * recipe.omegas_rad_s.len();
             let stage = context.progress.stage("synth", total);
             let on_trial = |trial: &str| stage.step(trial);
-            synthesise(&context.config, raw, DEMO_SEED, &OMEGAS_RAD_S, Format::Csv, &on_trial)?;
+            synthesise(&context.config, raw, &recipe, &on_trial)?;
         }
         context.run_all()
     }

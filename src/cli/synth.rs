@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::synth::{Format, OMEGAS_RAD_S, synthesise};
+use crate::synth::{Format, OMEGAS_RAD_S, Recipe, synthesise};
 
 #[derive(clap::Args)]
 pub(super) struct Synth {
@@ -21,21 +21,29 @@ pub(super) struct Synth {
     /// How the marker files are written.
     #[arg(long, value_enum, default_value_t = Format::Csv)]
     format: Format,
+    /// Part of the frames in which one marker is swapped with another of its link or jumps by
+    /// 20 mm, 0 to 1, for practice; `truth.json` lists them.
+    #[arg(long, value_name = "PART", default_value_t = 0.0, value_parser = parse_part)]
+    misplaced: f64,
 }
 
 impl Synth {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let mut omegas: Vec<f64> = self.omega.into_iter().flat_map(|omegas| omegas.0).collect();
-        if omegas.is_empty() {
-            omegas = OMEGAS_RAD_S.into();
-        }
-        let total = context.config.campaign.len() * omegas.len();
+        let omegas: Vec<f64> = self.omega.into_iter().flat_map(|omegas| omegas.0).collect();
+        let omegas_rad_s = if omegas.is_empty() { OMEGAS_RAD_S.into() } else { omegas };
+        let Self { seed, format, misplaced, folder, .. } = self;
+        let recipe = Recipe { seed, omegas_rad_s, format, misplaced };
+        let total = context.config.campaign.len() * recipe.omegas_rad_s.len();
         let stage = context.progress.stage("synth", total);
         let on_trial = |trial: &str| stage.step(trial);
-        let (config, folder) = (&context.config, &self.folder);
-        let trials = synthesise(config, folder, self.seed, &omegas, self.format, &on_trial)?;
+        let trials = synthesise(&context.config, &folder, &recipe, &on_trial)?;
         drop(stage);
-        say!("{} synthetic trials in {}", trials.len(), self.folder.display());
+        say!("{} synthetic trials in {}", trials.len(), folder.display());
         Ok(Outcome::Well)
     }
+}
+
+fn parse_part(text: &str) -> Result<f64, String> {
+    let needed = || format!("found `{text}`, needed a number from 0 to 1");
+    text.parse().ok().filter(|part| (0.0..=1.0).contains(part)).ok_or_else(needed)
 }

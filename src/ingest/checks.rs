@@ -39,6 +39,12 @@ pub enum Check {
     Gait,
     /// d does not change over the cycles used.
     Drift,
+    /// No marker is where the others of its link and the link's motion say it cannot be.
+    JumpedMarker,
+    /// No two labels of a link are swapped.
+    SwappedLabels,
+    /// Where markers contradict each other, it is clear which of them is wrong.
+    AmbiguousMarkers,
     /// The trial could be processed.
     Failed,
 }
@@ -87,6 +93,9 @@ impl fmt::Display for Check {
             Self::RowsWithoutFrame => "W008 rows-without-frame",
             Self::Gait => "W009 gait",
             Self::Drift => "W010 drift",
+            Self::JumpedMarker => "W011 jumped-marker",
+            Self::SwappedLabels => "W012 swapped-labels",
+            Self::AmbiguousMarkers => "W013 ambiguous-markers",
         })
     }
 }

@@ -4,7 +4,8 @@ use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 use super::layout::Layout;
-use super::{TrialFailure, gaps, rigid};
+use super::mend::{LinkFit, Outlier, mend};
+use super::{TrialFailure, gaps};
 use crate::vicon::MarkerFile;
 
 /// Frames that a file may leave out: a quarter of an hour at 120 Hz and, in long files, some
@@ -18,7 +19,7 @@ const MOST_LEFT_OUT_AT_ALL: i64 = 1_000_000;
 pub(super) enum Fill {
     /// All its markers were seen.
     Measured,
-    /// Some were not; the pose is that of the others.
+    /// Some were not, or one had jumped; the pose is that of the others.
     Rigid,
     /// The frame lies in a short gap.
     Interpolated,
@@ -77,6 +78,8 @@ pub(super) struct Tracked {
     /// RMS misfit of links 0, 1, 2, mm; NaN where there is no fit.
     pub residual_mm: [Vec<f64>; 3],
     pub fill: [Vec<Fill>; 3],
+    /// What was wrong with the markers of links 0, 1, 2.
+    pub outlier: [Vec<Outlier>; 3],
     /// Part of all markers' frames that the cameras saw.
     pub coverage: f64,
 }
@@ -93,22 +96,20 @@ pub(super) fn track(
     let (mut x_m, mut y_m) = (missing(), missing());
     let mut theta = [missing(), missing(), missing()];
     let mut residual_mm = [missing(), missing(), missing()];
-    let mut fill = [const { Vec::new() }; 3].map(|_: Vec<Fill>| vec![Fill::Missing; frames]);
+    let mut fill = [(); 3].map(|()| vec![Fill::Missing; frames]);
+    let mut outlier = [(); 3].map(|()| vec![Outlier::None; frames]);
     let mut markers_seen = 0;
-    for (row, &frame) in file.frames.iter().enumerate() {
-        let i = (frame - first_frame) as usize;
-        let positions = file.row_mm(row);
-        for (link, markers) in layout.iter().enumerate() {
-            let pairs = markers.iter().filter_map(|marker| {
-                let [x, y, _] = positions[marker.column];
-                (!x.is_nan()).then_some((marker.place_mm, [x, y]))
-            });
-            let count = pairs.clone().count();
-            markers_seen += count;
-            let Some(pose) = rigid::fit(pairs) else { continue };
+    for (link, fits) in fit_links(file, layout).iter().enumerate() {
+        for (fit, &frame) in fits.iter().zip(&file.frames) {
+            let i = (frame - first_frame) as usize;
+            markers_seen += fit.seen;
+            outlier[link][i] = fit.outlier;
+            let Some(pose) = fit.pose else { continue };
             theta[link][i] = pose.theta_rad;
             residual_mm[link][i] = pose.residual_mm;
-            fill[link][i] = if count == markers.len() { Fill::Measured } else { Fill::Rigid };
+            let is_whole =
+                fit.seen == layout[link].len() && !matches!(fit.outlier, Outlier::Jumped(_));
+            fill[link][i] = if is_whole { Fill::Measured } else { Fill::Rigid };
             if link == 0 {
                 [x_m[i], y_m[i]] = pose.origin_mm.map(|mm| mm / 1000.0);
             }
@@ -138,8 +139,24 @@ pub(super) fn track(
         filled,
         residual_mm,
         fill,
+        outlier,
         coverage: markers_seen as f64 / (markers * frames) as f64,
     })
+}
+
+/// Poses of links 0, 1, 2 in every row of the file, without the markers that are wrong.
+fn fit_links(file: &MarkerFile, layout: &Layout) -> [Vec<LinkFit>; 3] {
+    let mut fits = [(); 3].map(|()| Vec::with_capacity(file.frames.len()));
+    for row in 0..file.frames.len() {
+        let positions_mm = file.row_mm(row);
+        for (fits, markers) in fits.iter_mut().zip(layout) {
+            fits.push(LinkFit::of(positions_mm, markers));
+        }
+    }
+    for (fits, markers) in fits.iter_mut().zip(layout) {
+        mend(file, markers, fits);
+    }
+    fits
 }
 
 /// First frame and number of frames with those that the file leaves out.

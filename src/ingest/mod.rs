@@ -15,12 +15,14 @@ mod harmonics;
 mod layout;
 mod links;
 mod means;
+mod mend;
 mod rigid;
 mod smooth;
 mod steady;
 mod summary;
 mod survey;
 mod tables;
+mod tracking;
 mod velocity;
 
 #[cfg(test)]
@@ -196,15 +198,8 @@ fn process(
 
     let mut row = summary::blank_row(trial);
     row.smoothing_window = window as i64;
-    summary::describe_tracking(&mut row, &tracked);
-    let mut findings = summary::tracking_checks(
-        &row,
-        &tracked,
-        file.rows_without_frame,
-        file.rate_hz,
-        &config.vicon,
-        config.ingest.max_residual_mm,
-    );
+    tracking::describe_tracking(&mut row, &tracked);
+    let mut findings = tracking::tracking_checks(&row, &tracked, &file, &layout, config);
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
         let phi_rad = &tracked.seen.phi_rad;

@@ -14,6 +14,14 @@ pub(super) struct LinkPose {
     pub residual_mm: f64,
 }
 
+impl LinkPose {
+    /// Where the pose puts a place of the link's frame, mm.
+    pub fn at(&self, place_mm: [f64; 2]) -> [f64; 2] {
+        let ([x, y], (sin, cos)) = (place_mm, self.theta_rad.sin_cos());
+        [self.origin_mm[0] + cos * x - sin * y, self.origin_mm[1] + sin * x + cos * y]
+    }
+}
+
 /// Rotation and translation that bring `place_mm` (in the link's frame) nearest to `seen_mm`
 /// (in the world), in the sense of least squares; `None` if the markers do not give a heading.
 ///

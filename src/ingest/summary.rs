@@ -1,15 +1,14 @@
 //! One row for a trial: its means, its gait and what its checks say.
 
 use super::checks::{
-    Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_COVERAGE, LEAST_CYCLES,
+    Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_CYCLES,
 };
 use super::command::Driven;
 use super::cycles::Cycle;
 use super::harmonics::{Clock, Harmonics};
-use super::links::{Tracked, wrap};
+use super::links::wrap;
 use super::means::{Estimate, common_skid, mean};
 use super::steady::Steady;
-use crate::config::Vicon;
 use crate::robot::{Gait, Robot};
 use crate::store::{CycleRow, Rows as _, TrialRow};
 use crate::trial::Trial;
@@ -24,14 +23,6 @@ pub(super) fn blank_row(trial: &Trial) -> TrialRow {
         status: "failed".to_owned(),
         ..TrialRow::blank()
     }
-}
-
-/// Adds to a row what the markers alone say.
-pub(super) fn describe_tracking(row: &mut TrialRow, tracked: &Tracked) {
-    row.coverage = tracked.coverage;
-    let fits = tracked.residual_mm.iter().flatten().filter(|residual| !residual.is_nan());
-    let (count, sum) = fits.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x));
-    row.residual_mm = sum / count;
 }
 
 /// Adds to a row the means over the steady cycles and the measured gait.
@@ -110,59 +101,6 @@ pub(super) fn cycle_rows(
         used: steady.used.binary_search(&i).is_ok(),
     };
     cycles.iter().enumerate().map(row).collect()
-}
-
-/// Checks that every trial has to pass.
-pub(super) fn tracking_checks(
-    row: &TrialRow,
-    tracked: &Tracked,
-    rows_without_frame: usize,
-    file_rate_hz: Option<f64>,
-    vicon: &Vicon,
-    max_residual_mm: f64,
-) -> Vec<Finding> {
-    let rate = match file_rate_hz {
-        Some(rate_hz) => format!("the file says {rate_hz} Hz"),
-        None => format!(
-            "the file does not say its rate; {} Hz is assumed (vicon.rate_hz)",
-            vicon.rate_hz
-        ),
-    };
-    let inserted = tracked.inserted_frames as f64;
-    let unnumbered = rows_without_frame as f64;
-    vec![
-        Finding {
-            check: Check::Rate,
-            holds: file_rate_hz.is_some(),
-            value: file_rate_hz.unwrap_or(f64::NAN),
-            limit: vicon.rate_hz,
-            message: rate,
-        },
-        Finding::at_most(
-            Check::FrameContinuity,
-            inserted,
-            0.0,
-            format!("{inserted} frames are left out of the file"),
-        ),
-        Finding::at_least(
-            Check::Coverage,
-            row.coverage,
-            LEAST_COVERAGE,
-            format!("{:.1} % of all markers' frames were seen", 100.0 * row.coverage),
-        ),
-        Finding::at_most(
-            Check::Residual,
-            row.residual_mm,
-            max_residual_mm,
-            format!("markers are {:.2} mm off the layout on average", row.residual_mm),
-        ),
-        Finding::at_most(
-            Check::RowsWithoutFrame,
-            unnumbered,
-            0.0,
-            format!("{unnumbered} rows without a frame number are left out"),
-        ),
-    ]
 }
 
 /// Checks of a trial with a commanded gait.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::layout::{self, Layout};
-use super::{TrialFailure, frame_rate, links, max_gap_frames, summary};
+use super::{TrialFailure, frame_rate, links, max_gap_frames, tracking};
 use crate::config::Config;
 use crate::store::{Rows as _, TrialRow};
 use crate::vicon::{self, MarkerFile, Section};
@@ -114,15 +114,8 @@ impl FileSurvey {
             Err(failure) => return stop(failure),
         };
         let mut row = TrialRow::blank();
-        summary::describe_tracking(&mut row, &tracked);
-        let findings = summary::tracking_checks(
-            &row,
-            &tracked,
-            file.rows_without_frame,
-            file.rate_hz,
-            &config.vicon,
-            config.ingest.max_residual_mm,
-        );
+        tracking::describe_tracking(&mut row, &tracked);
+        let findings = tracking::tracking_checks(&row, &tracked, file, &layout, config);
         let wrong = findings.into_iter().filter(|finding| !finding.holds);
         self.warnings = wrong.map(|finding| finding.to_string()).collect();
     }

@@ -20,6 +20,9 @@ pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz
     let fill = |link: usize| {
         Column::Str(tracked.fill[link].iter().map(|fill| fill.name().to_owned()).collect())
     };
+    let outlier = |link: usize| {
+        Column::Str(tracked.outlier[link].iter().map(|found| found.name().to_owned()).collect())
+    };
     let [frame, time_s] = frames_and_times(tracked.first_frame, frames, rate_hz);
     Table::new([
         ("trial", Column::repeat(trial, frames)),
@@ -36,6 +39,9 @@ pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz
         ("fill0", fill(0)),
         ("fill1", fill(1)),
         ("fill2", fill(2)),
+        ("outlier0", outlier(0)),
+        ("outlier1", outlier(1)),
+        ("outlier2", outlier(2)),
     ])
 }
 

@@ -130,7 +130,7 @@ fn poses_are_those_of_the_robot_and_missing_frames_are_null() {
     assert_eq!(
         names.join(" "),
         "trial frame time_s x_m y_m theta_rad phi1_rad phi2_rad \
-         residual0_mm residual1_mm residual2_mm fill0 fill1 fill2"
+         residual0_mm residual1_mm residual2_mm fill0 fill1 fill2 outlier0 outlier1 outlier2"
     );
     let names: Vec<&str> =
         processed.wheels.columns().iter().map(|(name, _)| name.as_str()).collect();
@@ -419,7 +419,10 @@ fn bad_trials_fail_by_themselves() {
         .filter(|row| row.trial == "good" && row.severity == "ok")
         .map(|row| &row.check[..4])
         .collect();
-    let codes = ["W001", "W002", "W003", "W004", "W008", "W005", "W006", "W007", "W009", "W010"];
+    let codes = [
+        "W001", "W002", "W003", "W004", "W008", "W011", "W012", "W013", "W005", "W006", "W007",
+        "W009", "W010",
+    ];
     assert_eq!(good, codes);
 }
 

@@ -121,7 +121,13 @@ mod tests {
             .collect();
         // More labels than one list holds, and frames beyond the header's words.
         let labels: Vec<String> = (0..300).map(|i| format!("Snake:M{i}")).collect();
-        let film = Film { rate_hz: 120.0, first_frame: 65_535, labels, positions_mm };
+        let film = Film {
+            rate_hz: 120.0,
+            first_frame: 65_535,
+            labels,
+            positions_mm,
+            misplaced: Vec::new(),
+        };
         let read = parse_markers(Path::new("a.c3d"), &c3d(&film)).unwrap();
         assert_eq!(read.rate_hz, Some(120.0));
         assert_eq!(read.frames, [65_535, 65_536]);

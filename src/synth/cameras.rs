@@ -7,6 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, Normal};
 
+use super::misplace::{Misplaced, misplace};
 use crate::config::Markers;
 use crate::robot::Robot;
 
@@ -90,6 +91,8 @@ pub(super) struct Film {
     pub labels: Vec<String>,
     /// Frame by frame, marker by marker, mm; `None` where the cameras did not see it.
     pub positions_mm: Vec<Option<[f64; 3]>>,
+    /// Frames in which a marker is not where its label says.
+    pub misplaced: Vec<Misplaced>,
 }
 
 impl Film {
@@ -99,14 +102,18 @@ impl Film {
     }
 }
 
+/// What the cameras look at, and how well.
+pub(super) struct Scene<'a> {
+    pub robot: &'a Robot,
+    pub layout: &'a Markers,
+    pub rate_hz: f64,
+    /// Part of the frames in which a marker is misplaced.
+    pub misplaced: f64,
+}
+
 /// The film of a motion given as `(x, y, theta, phi1, phi2)` of every frame.
-pub(super) fn film(
-    coordinates: &[[f64; 5]],
-    robot: &Robot,
-    layout: &Markers,
-    rate_hz: f64,
-    mut random: ChaCha8Rng,
-) -> Film {
+pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8Rng) -> Film {
+    let Scene { robot, layout, rate_hz, misplaced } = *scene;
     let markers: Vec<(usize, &String, [f64; 3])> = layout
         .links()
         .into_iter()
@@ -145,7 +152,14 @@ pub(super) fn film(
     // A layout that names the subject keeps it.
     let subject = |label: &str| if label.contains(':') { "" } else { SUBJECT };
     let labels = markers.iter().map(|(_, label, _)| subject(label).to_owned() + label).collect();
-    Film { rate_hz, first_frame, labels, positions_mm }
+    // Drawn last, so that everything else is the same with and without them.
+    let misplaced = if misplaced > 0.0 {
+        let links: Vec<usize> = markers.iter().map(|(link, _, _)| *link).collect();
+        misplace(&mut positions_mm, &links, first_frame, misplaced, &mut random)
+    } else {
+        Vec::new()
+    };
+    Film { rate_hz, first_frame, labels, positions_mm, misplaced }
 }
 
 /// Origin (the wheel's axle, mm) and angle (rad) of each link.

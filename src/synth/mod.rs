@@ -7,6 +7,7 @@
 mod c3d;
 mod cameras;
 mod csv;
+mod misplace;
 mod motion;
 mod truth;
 
@@ -22,7 +23,8 @@ use crate::motion::{Model, MotionError, Problem};
 use crate::store::{StoreError, write_bytes};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
-use cameras::Film;
+use cameras::{Film, Scene};
+pub use misplace::Misplaced;
 pub use truth::{CampaignTruth, TrialTruth, Truth};
 
 /// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.
@@ -71,6 +73,26 @@ pub enum SynthError {
     Store(#[from] StoreError),
 }
 
+/// What is to be made.
+#[derive(Debug, Clone)]
+pub struct Recipe {
+    /// Of everything random; the same seed gives the same bytes.
+    pub seed: u64,
+    /// Frequencies of every campaign, rad/s.
+    pub omegas_rad_s: Vec<f64>,
+    pub format: Format,
+    /// Part of the frames in which a marker of one link is swapped with another of it, or
+    /// jumps by 20 mm.
+    pub misplaced: f64,
+}
+
+impl Recipe {
+    /// The paper's frequencies as CSV, without misplaced markers.
+    pub fn new(seed: u64) -> Self {
+        Self { seed, omegas_rad_s: OMEGAS_RAD_S.into(), format: Format::Csv, misplaced: 0.0 }
+    }
+}
+
 /// One trial to be made.
 struct Plan {
     trial: Trial,
@@ -88,16 +110,14 @@ struct Plan {
 pub fn synthesise(
     config: &Config,
     folder: &Path,
-    seed: u64,
-    omegas_rad_s: &[f64],
-    format: Format,
+    recipe: &Recipe,
     on_trial: &(dyn Fn(&str) + Sync),
 ) -> Result<Vec<Trial>, SynthError> {
     let has = |name: &str| folder.join(name).exists();
     if has(TRIALS_FILE) && !has(TRUTH_FILE) {
         return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
     }
-    let (plans, campaigns) = plan(config, seed, omegas_rad_s, format);
+    let (plans, campaigns) = plan(config, recipe);
     let mut ids = BTreeSet::new();
     for Plan { trial: Trial { id, .. }, .. } in &plans {
         if !is_valid_id(id) {
@@ -107,23 +127,19 @@ pub fn synthesise(
             return Err(SynthError::Twice { trial: id.clone() });
         }
     }
+    let Recipe { seed, format, misplaced, .. } = *recipe;
     let rate_hz = config.vicon.rate_hz;
     let trials: Vec<TrialTruth> = plans
         .par_iter()
         .map(|plan| {
             let failed = |source| SynthError::Motion { trial: plan.trial.id.clone(), source };
             let motion = motion::from_rest(&plan.problem, rate_hz).map_err(failed)?;
-            let robot = &plan.problem.robot;
-            let film = cameras::film(
-                &motion.coordinates,
-                robot,
-                &config.markers,
-                rate_hz,
-                plan.seed.clone(),
-            );
+            let (robot, layout) = (&plan.problem.robot, &config.markers);
+            let scene = Scene { robot, layout, rate_hz, misplaced };
+            let film = cameras::film(&scene, &motion.coordinates, plan.seed.clone());
             write_bytes(&folder.join(&plan.trial.file), &format.bytes(&film))?;
             on_trial(&plan.trial.id);
-            Ok(TrialTruth::new(&plan.problem, &motion.steady))
+            Ok(TrialTruth::new(&plan.problem, &motion.steady, film.misplaced))
         })
         .collect::<Result<_, SynthError>>()?;
     let ids = plans.iter().map(|plan| plan.trial.id.clone());
@@ -138,12 +154,8 @@ pub fn synthesise(
 }
 
 /// Draws what is planted and lists the trials.
-fn plan(
-    config: &Config,
-    seed: u64,
-    omegas_rad_s: &[f64],
-    format: Format,
-) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
+fn plan(config: &Config, recipe: &Recipe) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
+    let Recipe { seed, ref omegas_rad_s, format, .. } = *recipe;
     let (mut plans, mut campaigns) = (Vec::new(), Vec::new());
     for (number, name) in config.campaign.keys().enumerate() {
         let Some((robot, gait)) = config.campaign_setup(name) else { continue };

@@ -3,6 +3,7 @@
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use super::misplace::Misplaced;
 use crate::metrics::GaitMetrics;
 use crate::motion::Problem;
 use crate::robot::{Gait, JointCommand, Robot};
@@ -34,6 +35,9 @@ pub struct TrialTruth {
     #[serde(flatten)]
     pub metrics: GaitMetrics,
     pub gait: [Option<JointTruth>; 2],
+    /// Frames in which a marker was misplaced.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub misplaced: Vec<Misplaced>,
 }
 
 /// `phi = offset + amplitude cos(omega t + phase)`.
@@ -64,7 +68,7 @@ impl CampaignTruth {
 }
 
 impl TrialTruth {
-    pub(super) fn new(problem: &Problem, metrics: &GaitMetrics) -> Self {
+    pub(super) fn new(problem: &Problem, metrics: &GaitMetrics, misplaced: Vec<Misplaced>) -> Self {
         let joint = |command: JointCommand| JointTruth {
             offset_rad: command.offset_rad,
             amplitude_rad: command.amplitude_rad,
@@ -74,6 +78,7 @@ impl TrialTruth {
             omega_rad_s: problem.omega_rad_s,
             metrics: *metrics,
             gait: problem.gait.joints.map(|command| command.map(joint)),
+            misplaced,
         }
     }
 }

@@ -18,7 +18,7 @@ pub struct MarkerFile {
     /// Rows with data but without a frame number, which are left out.
     pub rows_without_frame: usize,
     /// Row by row, marker by marker, X, Y, Z.
-    pub(super) positions_mm: Vec<[f64; 3]>,
+    pub(crate) positions_mm: Vec<[f64; 3]>,
 }
 
 impl MarkerFile {

@@ -1,0 +1,113 @@
+//! What the markers alone say of a trial, whatever was recorded.
+
+use std::collections::BTreeMap;
+
+use super::checks::{Check, Finding, LEAST_COVERAGE};
+use super::layout::Layout;
+use super::links::Tracked;
+use super::mend::Outlier;
+use crate::config::Config;
+use crate::store::TrialRow;
+use crate::vicon::MarkerFile;
+
+/// Adds to a row what the markers alone say.
+pub(super) fn describe_tracking(row: &mut TrialRow, tracked: &Tracked) {
+    row.coverage = tracked.coverage;
+    let fits = tracked.residual_mm.iter().flatten().filter(|residual| !residual.is_nan());
+    let (count, sum) = fits.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x));
+    row.residual_mm = sum / count;
+}
+
+/// Checks that every trial has to pass.
+pub(super) fn tracking_checks(
+    row: &TrialRow,
+    tracked: &Tracked,
+    file: &MarkerFile,
+    layout: &Layout,
+    config: &Config,
+) -> Vec<Finding> {
+    let assumed_hz = config.vicon.rate_hz;
+    let rate = match file.rate_hz {
+        Some(rate_hz) => format!("the file says {rate_hz} Hz"),
+        None => {
+            format!("the file does not say its rate; {assumed_hz} Hz is assumed (vicon.rate_hz)")
+        }
+    };
+    let inserted = tracked.inserted_frames as f64;
+    let unnumbered = file.rows_without_frame as f64;
+    let mut findings = vec![
+        Finding {
+            check: Check::Rate,
+            holds: file.rate_hz.is_some(),
+            value: file.rate_hz.unwrap_or(f64::NAN),
+            limit: assumed_hz,
+            message: rate,
+        },
+        Finding::at_most(
+            Check::FrameContinuity,
+            inserted,
+            0.0,
+            format!("{inserted} frames are left out of the file"),
+        ),
+        Finding::at_least(
+            Check::Coverage,
+            row.coverage,
+            LEAST_COVERAGE,
+            format!("{:.1} % of all markers' frames were seen", 100.0 * row.coverage),
+        ),
+        Finding::at_most(
+            Check::Residual,
+            row.residual_mm,
+            config.ingest.max_residual_mm,
+            format!("markers are {:.2} mm off the layout on average", row.residual_mm),
+        ),
+        Finding::at_most(
+            Check::RowsWithoutFrame,
+            unnumbered,
+            0.0,
+            format!("{unnumbered} rows without a frame number are left out"),
+        ),
+    ];
+    findings.extend(outlier_checks(tracked, file, layout));
+    findings
+}
+
+/// How many frames had a wrong marker, and which markers they were.
+fn outlier_checks(tracked: &Tracked, file: &MarkerFile, layout: &Layout) -> [Finding; 3] {
+    let label = |link: usize, marker: usize| &file.labels[layout[link][marker].column];
+    [
+        (Check::JumpedMarker, "have a marker that jumped and is left out"),
+        (Check::SwappedLabels, "have two labels that are swapped, and swapped back"),
+        (
+            Check::AmbiguousMarkers,
+            "have markers that contradict each other or the motion, and it \
+          is not clear which of them; the link's pose is thrown out",
+        ),
+    ]
+    .map(|(check, what)| {
+        let name = |link: usize, outlier: Outlier| match (check, outlier) {
+            (Check::JumpedMarker, Outlier::Jumped(marker)) => Some(label(link, marker).clone()),
+            (Check::SwappedLabels, Outlier::Swapped(a, b)) => {
+                Some(format!("{} and {}", label(link, a), label(link, b)))
+            }
+            (Check::AmbiguousMarkers, Outlier::Ambiguous) => Some(format!("link {link}")),
+            _ => None,
+        };
+        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        let mut frames = 0;
+        for frame in 0..tracked.fill[0].len() {
+            let mut is_concerned = false;
+            for link in 0..3 {
+                if let Some(name) = name(link, tracked.outlier[link][frame]) {
+                    *counts.entry(name).or_default() += 1;
+                    is_concerned = true;
+                }
+            }
+            frames += usize::from(is_concerned);
+        }
+        let each: Vec<String> =
+            counts.iter().map(|(name, count)| format!("{name} in {count}")).collect();
+        let list = if each.is_empty() { String::new() } else { format!(": {}", each.join(", ")) };
+        Finding::at_most(check, frames as f64, 0.0, format!("{frames} frames {what}{list}"))
+    })
+}
