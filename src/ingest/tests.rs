@@ -1,6 +1,7 @@
 //! The whole stage on motions that are known, and on folders that are not as they should be.
 
 use std::fs;
+use std::ops::Range;
 
 use proptest::prelude::*;
 
@@ -182,6 +183,51 @@ fn short_gaps_are_filled_and_long_ones_left_out() {
     assert!(long.poses.f64("phi2_rad").unwrap().iter().all(|phi| !phi.is_nan()));
     // Other cycles do not change.
     assert!((long.cycles[8].d_m - whole.cycles[8].d_m).abs() < 1e-5);
+}
+
+#[test]
+fn a_second_without_a_links_markers_leaves_everything_else_as_it_was() {
+    const GAP: std::ops::Range<usize> = 900..1020;
+    const WINDOW: usize = 9;
+    let (recording, mut trial) = symmetric(3.9);
+    trial.smoothing_window = Some(WINDOW);
+    let text = recording.export();
+    let [whole, gapped] =
+        [text.clone(), without_link1(&text, GAP)].map(|text| process_text(&text, &trial).unwrap());
+    // The average and the derivative reach into the gap from beside it, and so does a filled
+    // short gap next to it.
+    let beside = GAP.start - 2 * WINDOW..GAP.end + 2 * WINDOW;
+    let same = |table: fn(&ProcessedTrial) -> &Table, column: &str, skipped: &Range<usize>| {
+        let [whole, gapped] = [&whole, &gapped].map(|trial| table(trial).f64(column).unwrap());
+        for (i, (whole, gapped)) in whole.iter().zip(gapped).enumerate() {
+            let is_same = whole.to_bits() == gapped.to_bits();
+            assert!(is_same || skipped.contains(&i), "{column} {i}: {whole} {gapped}");
+        }
+    };
+    let nowhere = 0..0;
+    for column in ["x_m", "y_m", "theta_rad", "phi2_rad", "residual0_mm", "residual2_mm"] {
+        same(|trial| &trial.poses, column, &nowhere);
+    }
+    same(|trial| &trial.poses, "phi1_rad", &beside);
+    for column in ["roll0_m_s", "skid0_m_s", "roll2_m_s", "skid2_m_s"] {
+        same(|trial| &trial.wheels, column, &nowhere);
+    }
+    for column in ["roll1_m_s", "skid1_m_s"] {
+        same(|trial| &trial.wheels, column, &beside);
+    }
+    let used = |trial: &ProcessedTrial| -> Vec<i64> {
+        trial.cycles.iter().filter(|cycle| cycle.used).map(|cycle| cycle.cycle).collect()
+    };
+    assert_eq!(used(&whole), (2..=10).collect::<Vec<_>>());
+    assert_eq!(used(&gapped), [2, 3, 6, 7, 8, 9, 10]);
+    // Frequency and phase are measured on all frames of both joints: without a second of one
+    // they differ, by less than their standard errors, and with them where a cycle begins.
+    assert!((whole.row.omega_rad_s - gapped.row.omega_rad_s).abs() < whole.row.omega_rad_s_se);
+    for i in used(&gapped) {
+        let [whole, gapped] = [&whole, &gapped].map(|trial| &trial.cycles[i as usize]);
+        assert!((whole.d_m / gapped.d_m - 1.0).abs() < 1e-4);
+        assert!((whole.start_s - gapped.start_s).abs() < 1e-3);
+    }
 }
 
 #[test]
