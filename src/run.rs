@@ -9,7 +9,7 @@ use crate::config::{Config, ConfigError};
 use crate::fit::{Fitted, fit_folder};
 use crate::ingest::{IngestError, Ingested, ingest_folder};
 use crate::report::{ReportError, Reported, report};
-use crate::store::{FitRow, StoreError, TrialRow, write_bytes};
+use crate::store::{FitRow, RobotParameterRow, StoreError, TrialRow, write_bytes};
 use crate::trial::TrialList;
 
 /// Somebody who watches a run.
@@ -91,6 +91,8 @@ pub struct FitRecord {
 #[derive(Debug)]
 pub struct Finished {
     pub record: RunRecord,
+    /// What releases and coast-downs say of the robots.
+    pub parameters: Vec<RobotParameterRow>,
     pub fits: Vec<FitRow>,
     /// Where the record was written.
     pub record_path: PathBuf,
@@ -121,7 +123,7 @@ pub fn run(config: &Config, watch: &dyn Watch) -> Result<Finished, RunError> {
     let record_path = config.paths.reports.join("run.json");
     let json = serde_json::to_string_pretty(&record).expect("a record is plain data") + "\n";
     write_bytes(&record_path, json.as_bytes())?;
-    Ok(Finished { record, fits: fitted.fits, record_path })
+    Ok(Finished { record, parameters: ingested.parameters, fits: fitted.fits, record_path })
 }
 
 /// The first stage: marker files to tables.

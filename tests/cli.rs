@@ -24,6 +24,10 @@ const TRIALS: [&str; 4] = [
 ];
 const FIGURES: [&str; 6] = ["fig13", "fig15", "fig17", "fig18", "fig19", "fig20"];
 
+/// What the demo's folder has beside its gaits.
+const DECAYS: [&str; 3] =
+    ["kinematic-coast-down-r1", "semi-passive-joint-release-r1", "semi-passive-coast-down-r1"];
+
 /// A demo that has run.
 struct Demo {
     folder: PathBuf,
@@ -105,11 +109,16 @@ fn near(found: f64, known: f64, relative: f64) -> bool {
 #[test]
 fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
     let mut expected = BTreeSet::new();
-    for table in ["trials", "checks", "fits", "starts", "predictions"] {
+    for table in ["trials", "checks", "fits", "starts", "predictions", "robot_parameters"] {
         expected.insert(format!("derived/{table}.parquet"));
     }
     for trial in TRIALS {
         for table in ["poses", "wheels", "cycles"] {
+            expected.insert(format!("derived/{table}/{trial}.parquet"));
+        }
+    }
+    for trial in DECAYS {
+        for table in ["poses", "wheels"] {
             expected.insert(format!("derived/{table}/{trial}.parquet"));
         }
     }
@@ -147,10 +156,36 @@ fn the_demo_ends_with_the_fits_and_where_the_page_is() {
 }
 
 #[test]
+fn the_demo_shows_what_releases_and_coast_downs_say_beside_the_configuration() {
+    let measured = derived("robot_parameters.parquet");
+    assert_eq!(measured.str("trial").expect("names"), DECAYS);
+    for (i, trial) in DECAYS.into_iter().enumerate() {
+        let truth = &truth()["robots"][trial];
+        for (column, name, bound) in [
+            ("stiffness_nm_rad", "k_tau N m/rad", 0.02),
+            ("damping_nm_s_rad", "c_tau N m s/rad", 0.05),
+            ("roll_sum_kg_s", "sum c_R kg/s", 0.03),
+        ] {
+            let found = measured.f64(column).expect("numbers")[i];
+            let mut lines = demo().stdout.lines();
+            let line = lines.find(|line| line.starts_with(trial) && line.contains(name));
+            let Some(known) = truth[column].as_f64() else {
+                assert!(found.is_nan() && line.is_none(), "{trial} {column}");
+                continue;
+            };
+            assert!(near(found, known, bound), "{trial} {column}: {found} {known}");
+            let words: Vec<&str> = line.expect("a line").split_whitespace().collect();
+            assert_eq!(words[words.len() - 3], format!("{found:.5}"));
+            assert_eq!(words[words.len() - 1], format!("{known:.5}"));
+        }
+    }
+}
+
+#[test]
 fn without_a_terminal_progress_is_plain_lines() {
     let stderr = &demo().stderr;
     assert!(!stderr.contains(['\r', '\x1b']), "{stderr}");
-    for stage in ["ingest 4/4 ", "fit 4/4 ", "report 1/1 "] {
+    for stage in ["ingest 7/7 ", "fit 4/4 ", "report 1/1 "] {
         assert!(stderr.lines().any(|line| line.starts_with(stage)), "{stderr}");
     }
     assert!(!stderr.contains("synth "), "trials that are there are not made again");
@@ -182,6 +217,17 @@ fn the_tables_have_the_documented_columns() {
              dtheta_rad_se phi1_offset_rad phi1_amplitude_rad phi1_phase_rad phi2_offset_rad \
              phi2_amplitude_rad phi2_phase_rad coverage residual_mm smoothing_window status \
              message"
+                .to_owned(),
+        ),
+        (
+            "robot_parameters.parquet".to_owned(),
+            "trial kind robot joint inertia_kg_m2 natural_rad_s natural_rad_s_se damping_ratio \
+             damping_ratio_se damping_ratio_decrement damping_ratio_decrement_se rest_angle_rad \
+             rest_angle_rad_se rest_angle_configured_rad stiffness_nm_rad stiffness_nm_rad_se \
+             stiffness_configured_nm_rad damping_nm_s_rad damping_nm_s_rad_se \
+             damping_configured_nm_s_rad mass_kg decay_1_s decay_1_s_se roll_sum_kg_s \
+             roll_sum_kg_s_se roll_sum_configured_kg_s roll0_kg_s roll0_kg_s_se roll1_kg_s \
+             roll1_kg_s_se roll2_kg_s roll2_kg_s_se"
                 .to_owned(),
         ),
         ("checks.parquet".to_owned(), "trial check severity value limit message".to_owned()),
@@ -243,8 +289,8 @@ fn frames_are_timed_from_the_first_and_fills_are_named() {
 fn measured_displacement_and_speed_are_the_truth_to_1_percent() {
     let (trials, truth) = (derived("trials.parquet"), truth());
     let names = trials.str("trial").expect("names");
-    assert_eq!(names, TRIALS);
-    for (i, name) in names.iter().enumerate() {
+    assert_eq!(names, [&TRIALS[..], &DECAYS].concat());
+    for (i, name) in names.iter().take(TRIALS.len()).enumerate() {
         for quantity in ["d_m", "v_m_s"] {
             let found = trials.f64(quantity).expect("numbers")[i];
             let known = truth["trials"][name][quantity].as_f64().expect("a number");
@@ -284,7 +330,7 @@ fn predictions_are_at_the_trials_frequencies_and_on_a_finer_grid() {
 #[test]
 fn the_record_counts_trials_and_names_fits_and_figures() {
     let record = json(&demo().folder.join("reports/run.json"));
-    assert_eq!(record["trials"]["total"], 4);
+    assert_eq!(record["trials"]["total"], 7);
     assert_eq!(record["trials"]["failed"], 0);
     assert_eq!(record["fits"].as_array().map(Vec::len), Some(4));
     assert_eq!(record["figures"], Value::from(FIGURES.to_vec()));
@@ -302,7 +348,7 @@ fn any_number_of_threads_gives_the_same_tables() {
         succeed(folder.path(), &["-c", "threads.toml", "--threads", threads, "ingest"]);
         files(&folder.path().join(&config.paths.derived))
     });
-    assert_eq!(tables[0].len(), 14);
+    assert_eq!(tables[0].len(), 21);
     assert!(tables[0] == tables[1]);
 }
 
@@ -329,7 +375,7 @@ fn a_folder_named_on_the_command_line_is_run_instead_of_the_configured_one() {
     std::fs::rename(folder.path().join("raw/demo"), folder.path().join("elsewhere"))
         .expect("the folder can move");
     let stdout = succeed(folder.path(), &["run", "elsewhere"]);
-    assert!(stdout.contains("4 trials: "), "{stdout}");
+    assert!(stdout.contains("7 trials: "), "{stdout}");
     let record = json(&folder.path().join("reports/run.json"));
     assert_eq!(record["folder"], "elsewhere");
 }
@@ -354,7 +400,7 @@ fn check_names_every_trial_and_writes_nothing() {
     for trial in TRIALS {
         assert!(stdout.contains(trial), "{stdout}");
     }
-    assert!(stdout.ends_with("4 trials, 0 that cannot be ingested\n"), "{stdout}");
+    assert!(stdout.ends_with("7 trials, 0 that cannot be ingested\n"), "{stdout}");
 }
 
 #[test]

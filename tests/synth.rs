@@ -31,11 +31,14 @@ fn trials() -> &'static Folder {
     TRIALS.get_or_init(|| synth("1", "1"))
 }
 
-/// The marker files.
+/// The marker files of gaits.
 fn exports() -> Vec<(&'static Path, String)> {
     let exports: Vec<_> = trials()
         .iter()
         .filter(|(path, _)| path.extension().is_some_and(|extension| extension == "csv"))
+        .filter(|(path, _)| {
+            text_of(path).contains("-symmetric-") || text_of(path).contains("-skewed-")
+        })
         .map(|(path, bytes)| (path.as_path(), text(bytes)))
         .collect();
     assert_eq!(exports.len(), 6);
@@ -208,6 +211,9 @@ fn trials_with_misplaced_markers_keep_their_displacement_and_every_such_frame_is
     let trials = read("trials.parquet");
     for (i, trial) in trials.str("trial").unwrap().iter().enumerate() {
         let truth = &truth["trials"][trial];
+        if truth.is_null() {
+            continue;
+        }
         let error = trials.f64("d_m").unwrap()[i] / truth["d_m"].as_f64().unwrap() - 1.0;
         assert!(error.abs() < 0.01, "{trial}: {error}");
         let message = &trials.str("message").unwrap()[i];

@@ -4,6 +4,7 @@
 mod check;
 mod omegas;
 mod output;
+mod parameters;
 mod pipeline;
 mod progress;
 mod simulate;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::output::{note, say};
+use super::parameters::print_parameters;
 use super::{Context, Failure, Outcome};
 use crate::run::{Finished, run};
 use crate::store::FitRow;
@@ -26,7 +27,7 @@ impl Demo {
         let raw = &context.config.paths.raw;
         if !raw.join(TRIALS_FILE).exists() {
             let recipe = Recipe::new(DEMO_SEED);
-            let total = context.config.campaign.len() * recipe.omegas_rad_s.len();
+            let total = recipe.trials(&context.config);
             let stage = context.progress.stage("synth", total);
             let on_trial = |trial: &str| stage.step(trial);
             synthesise(&context.config, raw, &recipe, &on_trial)?;
@@ -52,6 +53,7 @@ impl Context {
             note!("failed: {}: {}", trial.trial, trial.message);
         }
         print_fits(&finished.fits);
+        print_parameters(&finished.parameters);
         let trials = &record.trials;
         say!(
             "{} trials: {} ok, {} flagged, {} failed",

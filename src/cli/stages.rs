@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::output::{note, say};
+use super::parameters::print_parameters;
 use super::{Context, Failure, Outcome, pipeline};
 use crate::run;
 
@@ -31,6 +32,7 @@ impl Ingest {
                 _ => context.progress.say(&line),
             }
         }
+        print_parameters(&ingested.parameters);
         let counts = run::count(&ingested.trials);
         say!(
             "{} trials: {} ok, {} flagged, {} failed; tables in {}",

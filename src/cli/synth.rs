@@ -33,7 +33,7 @@ impl Synth {
         let omegas_rad_s = if omegas.is_empty() { OMEGAS_RAD_S.into() } else { omegas };
         let Self { seed, format, misplaced, folder, .. } = self;
         let recipe = Recipe { seed, omegas_rad_s, format, misplaced };
-        let total = context.config.campaign.len() * recipe.omegas_rad_s.len();
+        let total = recipe.trials(&context.config);
         let stage = context.progress.stage("synth", total);
         let on_trial = |trial: &str| stage.step(trial);
         let trials = synthesise(&context.config, &folder, &recipe, &on_trial)?;

@@ -45,6 +45,12 @@ pub enum Check {
     SwappedLabels,
     /// Where markers contradict each other, it is clear which of them is wrong.
     AmbiguousMarkers,
+    /// The links that should be held while a joint swings do not move.
+    HeldLinks,
+    /// A swing or a speed dies away as linear damping makes it.
+    Decay,
+    /// The robot that coasts is straight.
+    Straight,
     /// The trial could be processed.
     Failed,
 }
@@ -95,6 +101,9 @@ impl fmt::Display for Check {
             Self::Drift => "W010 drift",
             Self::JumpedMarker => "W011 jumped-marker",
             Self::SwappedLabels => "W012 swapped-labels",
+            Self::HeldLinks => "W014 held-links",
+            Self::Decay => "W015 decay",
+            Self::Straight => "W016 straight",
             Self::AmbiguousMarkers => "W013 ambiguous-markers",
         })
     }

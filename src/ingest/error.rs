@@ -51,4 +51,12 @@ pub enum TrialFailure {
     NotDriven { path: PathBuf, joint: usize, omega_rad_s: f64, found_deg: f64, needed_deg: f64 },
     #[error("{}: found {usable} usable of {whole} whole cycles ({skipped} of them transient), needed at least {needed}", path.display())]
     TooFewCycles { path: PathBuf, whole: usize, skipped: usize, usable: usize, needed: usize },
+    #[error("{}: found joints that turn by only {found_deg:.2} degrees from their rest, needed one that is let go at {needed_deg:.1} degrees or more", path.display())]
+    NotReleased { path: PathBuf, found_deg: f64, needed_deg: f64 },
+    #[error("{}: found {found} swings of the joint above the noise that decay, needed at least {needed}", path.display())]
+    FewSwings { path: PathBuf, found: usize, needed: usize },
+    #[error("{}: found a top speed of {found_m_s:.3} m/s, needed a robot that is pushed to {needed_m_s} m/s or more", path.display())]
+    NotPushed { path: PathBuf, found_m_s: f64, needed_m_s: f64 },
+    #[error("{}: found a speed that falls to {found:.2} of its top, needed a fall to {needed} or less and a decay", path.display())]
+    NoDecay { path: PathBuf, found: f64, needed: f64 },
 }

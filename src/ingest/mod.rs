@@ -6,7 +6,9 @@
 //! tables are the same bytes for any number of threads.
 
 mod checks;
+mod coast;
 mod command;
+mod curve;
 mod cycles;
 mod error;
 mod fingerprint;
@@ -16,6 +18,7 @@ mod layout;
 mod links;
 mod means;
 mod mend;
+mod release;
 mod rigid;
 mod smooth;
 mod steady;
@@ -42,7 +45,8 @@ pub use survey::{FileSurvey, Gaps, Recording, SeenMarker, survey};
 use crate::config::{Config, Smoothing};
 use crate::robot::{Gait, Robot};
 use crate::store::{
-    CheckRow, CycleRow, Provenance, Rows, Table, TrialRow, cycles_path, poses_path, wheels_path,
+    CheckRow, CycleRow, Provenance, RobotParameterRow, Rows, Table, TrialRow, cycles_path,
+    poses_path, wheels_path,
 };
 use crate::trial::{Trial, TrialError, TrialKind, TrialList};
 use crate::vicon;
@@ -55,11 +59,14 @@ use smooth::JointSignal;
 /// Used cycles below which a trial has no means.
 const LEAST_USED_CYCLES: usize = 2;
 
-/// What a folder amounts to: `trials.parquet` and `checks.parquet`, in the order of the list.
+/// What a folder amounts to: `trials.parquet`, `checks.parquet` and `robot_parameters.parquet`,
+/// in the order of the list.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ingested {
     pub trials: Vec<TrialRow>,
     pub checks: Vec<CheckRow>,
+    /// Of the trials that are not of kind `gait`.
+    pub parameters: Vec<RobotParameterRow>,
 }
 
 /// All that is computed of one trial; nothing of it is written yet.
@@ -67,6 +74,8 @@ pub struct Ingested {
 pub struct ProcessedTrial {
     pub row: TrialRow,
     pub checks: Vec<CheckRow>,
+    /// Missing for trials of kind `gait`.
+    pub parameters: Option<RobotParameterRow>,
     /// Empty for trials that are not of kind `gait`.
     pub cycles: Vec<CycleRow>,
     /// `poses/<trial>.parquet`.
@@ -105,14 +114,17 @@ pub fn ingest_folder(
     tables::remove_outdated(derived, &written)?;
     let prints = outcomes.iter().map(|outcome| outcome.fingerprint.as_str());
     let provenance = Provenance { input: fingerprint::of_all(prints) };
-    let (mut trials, mut checks) = (Vec::new(), Vec::new());
+    let (mut trials, mut checks, mut parameters) = (Vec::new(), Vec::new(), Vec::new());
     for outcome in outcomes {
         trials.push(outcome.row);
         checks.extend(outcome.checks);
+        parameters.extend(outcome.parameters);
     }
     TrialRow::to_table(&trials).write(&derived.join("trials.parquet"), &provenance)?;
     CheckRow::to_table(&checks).write(&derived.join("checks.parquet"), &provenance)?;
-    Ok(Ingested { trials, checks })
+    RobotParameterRow::to_table(&parameters)
+        .write(&derived.join("robot_parameters.parquet"), &provenance)?;
+    Ok(Ingested { trials, checks, parameters })
 }
 
 /// Computes one trial of a folder and writes nothing.
@@ -133,6 +145,7 @@ pub fn process_trial(
 struct Outcome {
     row: TrialRow,
     checks: Vec<CheckRow>,
+    parameters: Option<RobotParameterRow>,
     fingerprint: String,
     written: Vec<PathBuf>,
 }
@@ -161,14 +174,14 @@ fn ingest_trial(
     if trial.kind == TrialKind::Gait {
         write(&CycleRow::to_table(&processed.cycles), cycles_path(derived, &trial.id))?;
     }
-    let ProcessedTrial { row, checks, .. } = processed;
-    Ok(Outcome { row, checks, fingerprint: provenance.input, written })
+    let ProcessedTrial { row, checks, parameters, .. } = processed;
+    Ok(Outcome { row, checks, parameters, fingerprint: provenance.input, written })
 }
 
 fn failed(trial: &Trial, failure: &TrialFailure, fingerprint: String) -> Outcome {
     let row = TrialRow { message: failure.to_string(), ..summary::blank_row(trial) };
     let checks = vec![failure.check_row(&trial.id)];
-    Outcome { row, checks, fingerprint, written: Vec::new() }
+    Outcome { row, checks, parameters: None, fingerprint, written: Vec::new() }
 }
 
 /// The stage itself, from a marker file's bytes to a trial's tables.
@@ -228,6 +241,23 @@ fn process(
         findings.extend(summary::gait_checks(&row, gait, &cycles, &steady));
         cycle_rows = summary::cycle_rows(trial, &cycles, &steady, rate_hz);
     }
+    let measured = match trial.kind {
+        TrialKind::Gait => None,
+        TrialKind::JointRelease => Some(release::measure(path, &robot, &tracked.seen, rate_hz)?),
+        TrialKind::CoastDown => {
+            let speed_m_s = &wheels.roll_m_s[0];
+            Some(coast::measure(path, &robot, &tracked.seen, speed_m_s, rate_hz)?)
+        }
+    };
+    let parameters = measured.map(|(parameters, found)| {
+        findings.extend(found);
+        RobotParameterRow {
+            trial: trial.id.clone(),
+            kind: trial.kind.name().to_owned(),
+            robot: trial.robot.clone().unwrap_or_default(),
+            ..parameters
+        }
+    });
     let warnings: Vec<&str> = findings
         .iter()
         .filter(|finding| !finding.holds)
@@ -238,6 +268,7 @@ fn process(
     Ok(ProcessedTrial {
         checks: findings.iter().map(|finding| finding.row(&trial.id)).collect(),
         row,
+        parameters,
         cycles: cycle_rows,
         wheels: tables::wheels(&trial.id, tracked.first_frame, wheels, rate_hz),
         poses: tables::poses(&trial.id, &tracked, smooth, rate_hz),

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use super::synthetic::{Motion, Recording, header};
 use super::*;
+use crate::synth::{Recipe, synthesise};
 
 fn gait_trial(id: &str, campaign: &str, omega_rad_s: f64) -> Trial {
     Trial {
@@ -361,6 +362,10 @@ fn folder() -> tempfile::TempDir {
     recording.seed = 6;
     write("second.csv", &recording.export());
     write("empty.csv", "");
+    let others = folder.path().join("others");
+    let recipe = Recipe { omegas_rad_s: Vec::new(), ..Recipe::new(1) };
+    synthesise(&Config::default(), &others, &recipe, &|_| ()).unwrap();
+    write("coast.csv", &fs::read_to_string(others.join("kinematic-coast-down-r1.csv")).unwrap());
     write("text.csv", &text.replacen(",0,", ",0,lost ", 1));
     let still = "1,0".to_owned() + &",0,0,0".repeat(10) + "\r\n";
     write("still.csv", &(header(&Config::default().markers, 120.0) + &still));
@@ -377,7 +382,7 @@ fn folder() -> tempfile::TempDir {
         list += &format!("[[trial]]\nid = '{id}'\nfile = '{id}.csv'\nkind = 'gait'\n{rest}\n");
     }
     list +=
-        "[[trial]]\nid = 'coast'\nfile = 'good.csv'\nkind = 'coast-down'\nrobot = 'kinematic'\n";
+        "[[trial]]\nid = 'coast'\nfile = 'coast.csv'\nkind = 'coast-down'\nrobot = 'kinematic'\n";
     write("trials.toml", &list);
     folder
 }
@@ -445,6 +450,7 @@ fn bad_trials_fail_by_themselves() {
             "poses/coast.parquet",
             "poses/good.parquet",
             "poses/second.parquet",
+            "robot_parameters.parquet",
             "trials.parquet",
             "wheels/coast.parquet",
             "wheels/good.parquet",
@@ -472,6 +478,100 @@ fn bad_trials_fail_by_themselves() {
     assert_eq!(good, codes);
 }
 
+/// Releases and coast-downs of synthetic trials of several seeds, with their true robot, read
+/// with a configuration whose values of what they measure are others.
+fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParameterRow)> {
+    let mut found = Vec::new();
+    for seed in 1..=10 {
+        let folder = tempfile::tempdir().unwrap();
+        let recipe = Recipe { omegas_rad_s: Vec::new(), ..Recipe::new(seed) };
+        let mut config = Config::default();
+        change(&mut config);
+        let trials = synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
+        let mut configured = Config::default();
+        for robot in configured.robot.values_mut() {
+            robot.roll_kg_s = [1.0, 2.0, 3.0];
+            robot.stiffness_nm_rad = Some(1.0);
+            robot.damping_nm_s_rad = Some(0.5);
+        }
+        for trial in trials {
+            let processed = process_trial(folder.path(), &trial, &configured).unwrap();
+            assert_eq!(processed.row.message, "", "{}", trial.id);
+            let truth = config.robot[trial.robot.as_ref().unwrap()].to_robot();
+            found.push((truth, processed.parameters.unwrap()));
+        }
+    }
+    found
+}
+
+#[test]
+fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() {
+    let stiff = |config: &mut Config| {
+        let robot = config.robot.get_mut("semi-passive").unwrap();
+        (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (Some(0.3), Some(0.004));
+        robot.rest_angle_deg = Some(45.0);
+        robot.roll_kg_s = [0.9, 0.5, 0.2];
+    };
+    let (mut within, mut count) = (0, 0);
+    let mut worst = [0.0_f64; 5];
+    for (truth, row) in [measured_parameters(&|_| ()), measured_parameters(&stiff)].concat() {
+        let mut check = |i: usize, found: f64, se: f64, truth: f64| {
+            count += 1;
+            within += usize::from((found - truth).abs() < 2.0 * se);
+            if i < 1 {
+                eprintln!("Z {i} {:.2} rel se {:.5}", (found - truth) / se, se / truth);
+            }
+            worst[i] = worst[i].max((found / truth - 1.0).abs());
+        };
+        if row.kind == "coast-down" {
+            let sum = truth.roll_kg_s.iter().sum();
+            check(0, row.roll_sum_kg_s, row.roll_sum_kg_s_se, sum);
+            assert_eq!((row.joint, row.roll_sum_configured_kg_s), (0, 6.0));
+            assert!((row.roll2_kg_s - 0.5 * row.roll_sum_kg_s).abs() < 1e-12);
+            assert!((row.roll0_kg_s_se - row.roll_sum_kg_s_se / 6.0).abs() < 1e-12);
+            assert!(row.stiffness_nm_rad.is_nan());
+            continue;
+        }
+        assert_eq!((row.joint, row.stiffness_configured_nm_rad), (1, 1.0));
+        check(1, row.stiffness_nm_rad, row.stiffness_nm_rad_se, truth.stiffness_nm_rad);
+        check(2, row.damping_nm_s_rad, row.damping_nm_s_rad_se, truth.damping_nm_s_rad);
+        let ratio =
+            truth.damping_nm_s_rad / (2.0 * (truth.stiffness_nm_rad * row.inertia_kg_m2).sqrt());
+        check(3, row.damping_ratio, row.damping_ratio_se, ratio);
+        check(4, row.damping_ratio_decrement, row.damping_ratio_decrement_se, ratio);
+        assert!((row.rest_angle_rad - truth.rest_angle_rad).abs() < 0.01);
+    }
+    let bounds = [0.03, 0.02, 0.05, 0.05, 0.1];
+    assert!(worst.iter().zip(bounds).all(|(worst, bound)| *worst < bound), "{worst:?}");
+    assert!(within * 10 >= count * 8, "{within} of {count} within two standard errors {worst:?}");
+}
+
+#[test]
+fn a_trial_that_shows_no_decay_says_so() {
+    let (recording, mut trial) = symmetric(3.9);
+    let text = recording.export();
+    (trial.campaign, trial.omega_rad_s) = (None, None);
+    trial.robot = Some("semi-passive".to_owned());
+    trial.kind = TrialKind::CoastDown;
+    let driven = process_text(&text, &trial);
+    assert!(driven.as_ref().map_or(true, |trial| trial.row.status == "flagged"), "{driven:?}");
+    let lines: Vec<&str> = text.split_inclusive("\r\n").collect();
+    let frame = lines[5].split_once(',').unwrap().1;
+    let still: String = (0..300).map(|i| format!("{},{frame}", i + 1)).collect();
+    let still = lines[..5].concat() + &still;
+    let message = |trial: &Trial| process_text(&still, trial).unwrap_err().to_string();
+    assert_eq!(
+        message(&trial),
+        "a.csv: found a top speed of 0.000 m/s, needed a robot that is pushed to 0.05 m/s or more"
+    );
+    trial.kind = TrialKind::JointRelease;
+    assert_eq!(
+        message(&trial),
+        "a.csv: found joints that turn by only 0.00 degrees from their rest, \
+         needed one that is let go at 2.9 degrees or more"
+    );
+}
+
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
     let folder = folder();
@@ -480,7 +580,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
         ingest(folder.path(), derived.path(), threads);
         files(derived.path())
     });
-    assert_eq!(one.len(), 10);
+    assert_eq!(one.len(), 11);
     assert!(one == two);
 }
 

@@ -8,8 +8,8 @@ mod table;
 pub use atomic::{write_atomically, write_bytes};
 pub use rows::Rows;
 pub use schema::{
-    CheckRow, CycleRow, FitRow, PredictionRow, StartRow, TrajectoryRow, TrialRow, cycles_path,
-    poses_path, wheels_path,
+    CheckRow, CycleRow, FitRow, PredictionRow, RobotParameterRow, StartRow, TrajectoryRow,
+    TrialRow, cycles_path, poses_path, wheels_path,
 };
 pub use table::{Column, Provenance, Table, is_reading};
 

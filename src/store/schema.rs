@@ -126,6 +126,53 @@ impl TrialRow {
 }
 
 rows! {
+    /// What one trial of kind `joint-release` or `coast-down` says of its robot:
+    /// `robot_parameters.parquet`. What the kind does not tell is missing. Standard errors end
+    /// in `_se`; values of the configuration have `configured` in their names.
+    pub struct RobotParameterRow {
+        pub trial: String,
+        pub kind: String,
+        pub robot: String,
+        /// The joint that was let go, 1 or 2; 0 for a coast-down.
+        pub joint: i64,
+        /// Moment of inertia of its link about it, from the configuration.
+        pub inertia_kg_m2: f64,
+        pub natural_rad_s: f64,
+        pub natural_rad_s_se: f64,
+        /// From a fit of the whole decay, and from the logarithmic decrement.
+        pub damping_ratio: f64,
+        pub damping_ratio_se: f64,
+        pub damping_ratio_decrement: f64,
+        pub damping_ratio_decrement_se: f64,
+        pub rest_angle_rad: f64,
+        pub rest_angle_rad_se: f64,
+        pub rest_angle_configured_rad: f64,
+        /// k_tau and c_tau of eq. 11.
+        pub stiffness_nm_rad: f64,
+        pub stiffness_nm_rad_se: f64,
+        pub stiffness_configured_nm_rad: f64,
+        pub damping_nm_s_rad: f64,
+        pub damping_nm_s_rad_se: f64,
+        pub damping_configured_nm_s_rad: f64,
+        /// Of the whole robot, from the configuration.
+        pub mass_kg: f64,
+        /// Rate at which the speed decays.
+        pub decay_1_s: f64,
+        pub decay_1_s_se: f64,
+        /// Sum of c^R of eq. 14, and what the configured proportions make of it.
+        pub roll_sum_kg_s: f64,
+        pub roll_sum_kg_s_se: f64,
+        pub roll_sum_configured_kg_s: f64,
+        pub roll0_kg_s: f64,
+        pub roll0_kg_s_se: f64,
+        pub roll1_kg_s: f64,
+        pub roll1_kg_s_se: f64,
+        pub roll2_kg_s: f64,
+        pub roll2_kg_s_se: f64,
+    }
+}
+
+rows! {
     /// One check of one trial: `checks.parquet`.
     pub struct CheckRow {
         pub trial: String,

@@ -1,17 +1,19 @@
 //! Trials with a known truth, written as the camera system writes them.
 //!
 //! The motion is that of `skid-roll` with planted coefficients, from rest, under a servo that
-//! does not quite reach its command; the cameras add noise, vibration, tilt and dropouts. The
-//! truth goes to `truth.json`, which nothing but the report's comparison reads.
+//! does not quite reach its command. Of each robot there is a coast-down too, and a
+//! joint-release if one of its joints is passive. The cameras add noise, vibration, tilt and
+//! dropouts. The truth goes to `truth.json`, which nothing but the report's comparison reads.
 
 mod c3d;
 mod cameras;
 mod csv;
+mod decay;
 mod misplace;
 mod motion;
 mod truth;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use rand::SeedableRng;
@@ -20,10 +22,13 @@ use rayon::prelude::*;
 
 use crate::config::Config;
 use crate::motion::{Model, MotionError, Problem};
+use crate::robot::Robot;
 use crate::store::{StoreError, write_bytes};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
 use cameras::{Film, Scene};
+use decay::Decay;
+pub use decay::DecayTruth;
 pub use misplace::Misplaced;
 pub use truth::{CampaignTruth, TrialTruth, Truth};
 
@@ -55,6 +60,9 @@ impl Format {
         }
     }
 }
+
+/// Random numbers of the trials that belong to no campaign.
+const DECAY_STREAMS: u64 = 1 << 32;
 
 /// Why trials could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -91,6 +99,11 @@ impl Recipe {
     pub fn new(seed: u64) -> Self {
         Self { seed, omegas_rad_s: OMEGAS_RAD_S.into(), format: Format::Csv, misplaced: 0.0 }
     }
+
+    /// How many trials it makes of a configuration.
+    pub fn trials(&self, config: &Config) -> usize {
+        config.campaign.len() * self.omegas_rad_s.len() + plan_decays(config, self).len()
+    }
 }
 
 /// One trial to be made.
@@ -101,7 +114,16 @@ struct Plan {
     seed: ChaCha8Rng,
 }
 
-/// Writes a trial folder: every campaign of the configuration at every frequency. The same
+/// A trial to be made that gives a robot's own parameters.
+struct DecayPlan {
+    trial: Trial,
+    robot: Robot,
+    decay: Decay,
+    seed: ChaCha8Rng,
+}
+
+/// Writes a trial folder: every campaign of the configuration at every frequency, a coast-down
+/// of every robot in them and a release of every passive joint. The same
 /// seed gives the same bytes, and the same motion and noise in every format.
 ///
 /// # Errors
@@ -118,8 +140,10 @@ pub fn synthesise(
         return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
     }
     let (plans, campaigns) = plan(config, recipe);
+    let decays = plan_decays(config, recipe);
     let mut ids = BTreeSet::new();
-    for Plan { trial: Trial { id, .. }, .. } in &plans {
+    let planned = plans.iter().map(|plan| &plan.trial).chain(decays.iter().map(|plan| &plan.trial));
+    for Trial { id, .. } in planned {
         if !is_valid_id(id) {
             return Err(SynthError::Name { trial: id.clone() });
         }
@@ -142,11 +166,21 @@ pub fn synthesise(
             Ok(TrialTruth::new(&plan.problem, &motion.steady, film.misplaced))
         })
         .collect::<Result<_, SynthError>>()?;
+    for DecayPlan { trial, robot, decay, seed } in &decays {
+        let scene = Scene { robot, layout: &config.markers, rate_hz, misplaced };
+        let film = cameras::film(&scene, &decay.coordinates, seed.clone());
+        write_bytes(&folder.join(&trial.file), &format.bytes(&film))?;
+        on_trial(&trial.id);
+    }
     let ids = plans.iter().map(|plan| plan.trial.id.clone());
-    let truth = Truth { synthetic: true, seed, campaigns, trials: ids.zip(trials).collect() };
+    let trials = ids.zip(trials).collect();
+    let robots = decays.iter().map(|plan| (plan.trial.id.clone(), plan.decay.truth.clone()));
+    let truth = Truth { synthetic: true, seed, campaigns, trials, robots: robots.collect() };
     write_bytes(&folder.join(TRUTH_FILE), truth.to_json().as_bytes())?;
     // The list comes last: a folder with a list is complete.
-    let list = TrialList { trial: plans.into_iter().map(|plan| plan.trial).collect() };
+    let decays = decays.into_iter().map(|plan| plan.trial);
+    let list =
+        TrialList { trial: plans.into_iter().map(|plan| plan.trial).chain(decays).collect() };
     let header = "# Synthetic trials, written by `trilink synth`.\n\n";
     let text = header.to_owned() + &toml::to_string(&list).expect("a trial list is plain TOML");
     write_bytes(&folder.join(TRIALS_FILE), text.as_bytes())?;
@@ -190,4 +224,42 @@ fn plan(config: &Config, recipe: &Recipe) -> (Vec<Plan>, Vec<(String, CampaignTr
         }
     }
     (plans, campaigns)
+}
+
+/// A coast-down of every robot that a campaign names, and a release of its passive joint.
+fn plan_decays(config: &Config, recipe: &Recipe) -> Vec<DecayPlan> {
+    // The passive joint of each robot: the first campaign that has one says which.
+    let mut robots: BTreeMap<&str, Option<usize>> = BTreeMap::new();
+    for (name, campaign) in &config.campaign {
+        let passive = config.campaign_setup(name).and_then(|(_, gait)| gait.passive_joint());
+        let known = robots.entry(&campaign.robot).or_default();
+        *known = known.or(passive);
+    }
+    let mut plans = Vec::new();
+    for (i, (name, passive)) in (0..).zip(robots) {
+        let Some(robot) = config.robot.get(name).map(|robot| robot.to_robot()) else { continue };
+        let rate_hz = config.vicon.rate_hz;
+        for (kind, stream) in [(TrialKind::JointRelease, 0), (TrialKind::CoastDown, 1)] {
+            let mut seed = ChaCha8Rng::seed_from_u64(recipe.seed);
+            seed.set_stream(DECAY_STREAMS + 2 * i + stream);
+            let decay = match (kind, passive) {
+                (TrialKind::CoastDown, _) => decay::coasting(name, &robot, rate_hz, &mut seed),
+                (_, Some(joint)) => decay::released(name, &robot, joint, rate_hz, &mut seed),
+                _ => None,
+            };
+            let id = format!("{name}-{}-r1", kind.name());
+            let trial = Trial {
+                file: format!("{id}.{}", recipe.format.extension()),
+                id,
+                kind,
+                campaign: None,
+                robot: Some(name.to_owned()),
+                omega_rad_s: None,
+                smoothing_window: None,
+            };
+            let robot = robot.clone();
+            plans.extend(decay.map(|decay| DecayPlan { trial, robot, decay, seed }));
+        }
+    }
+    plans
 }

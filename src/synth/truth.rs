@@ -3,6 +3,7 @@
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use super::decay::DecayTruth;
 use super::misplace::Misplaced;
 use crate::metrics::GaitMetrics;
 use crate::motion::Problem;
@@ -17,6 +18,9 @@ pub struct Truth {
     pub campaigns: Vec<(String, CampaignTruth)>,
     #[serde(serialize_with = "as_map")]
     pub trials: Vec<(String, TrialTruth)>,
+    /// By the trial that shows them.
+    #[serde(serialize_with = "as_map")]
+    pub robots: Vec<(String, DecayTruth)>,
 }
 
 /// Planted coefficients; those of the passive joint are null where there is none.
