@@ -207,7 +207,7 @@ fn half_period_s(swings: &[(f64, f64)], rate_hz: f64) -> f64 {
 }
 
 /// Standard deviation of what was seen.
-pub(super) fn deviation(series: &[f64]) -> f64 {
+fn deviation(series: &[f64]) -> f64 {
     let seen = || series.iter().filter(|x| !x.is_nan());
     let count = seen().count().max(1) as f64;
     let mean = seen().sum::<f64>() / count;

@@ -630,5 +630,16 @@ proptest! {
             Ok(processed) => prop_assert!(processed.row.d_m.is_finite()),
             Err(failure) => prop_assert!(failure.to_string().len() > 20),
         }
+        for kind in [TrialKind::JointRelease, TrialKind::CoastDown] {
+            let robot = Some("semi-passive".to_owned());
+            let other = Trial { kind, campaign: None, robot, omega_rad_s: None, ..trial.clone() };
+            match process_text(&text, &other) {
+                Ok(processed) => {
+                    let found = processed.parameters.unwrap();
+                    prop_assert!(found.stiffness_nm_rad > 0.0 || found.roll_sum_kg_s > 0.0);
+                }
+                Err(failure) => prop_assert!(failure.to_string().len() > 20),
+            }
+        }
     }
 }
