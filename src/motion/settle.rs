@@ -34,6 +34,8 @@ const SLOW: f64 = 3e-3;
 /// Distance within which that solution is the one which is approached.
 const NEARBY: f64 = 0.1;
 const MOST_CYCLES: usize = 500;
+/// Elements after which a motion is too rough to be followed any further.
+const MOST_ELEMENTS: usize = 100_000;
 /// Most cycles after which a motion that does not settle may repeat itself.
 const MOST_PERIODS: usize = 8;
 const TOLERANCE: f64 = 1e-7;
@@ -86,6 +88,9 @@ pub(super) fn settle<const N: usize, R: Reduced<N>>(
             return Ok(Arrival { state, cycles, is_known });
         }
         before = distance;
+        if follower.elements > MOST_ELEMENTS {
+            return Err(MotionError::Unsettled { cycles: cycle, repeats_after: None });
+        }
     }
     // Not where it only creeps.
     let same = CERTAIN.min(0.05 * follower.distance(&seen[0], &seen[1]));

@@ -20,6 +20,8 @@ pub(super) struct Follower<'a, const N: usize, R> {
     pub time_s: f64,
     pub state: [f64; N],
     pub pose: Pose,
+    /// Elements so far.
+    pub elements: usize,
     /// Largest value of each state so far.
     sizes: [f64; N],
     /// Length that the next element should have.
@@ -57,6 +59,7 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
             time_s: 0.0,
             state,
             pose: Pose::default(),
+            elements: 0,
             sizes: state.map(f64::abs),
             length_s: 1e-4 * TAU / driven.omega_rad_s,
         }
@@ -116,6 +119,7 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
                 moments: &moments,
                 poses: &poses,
             });
+            self.elements += 1;
             self.sizes = sizes;
             self.state = stages[STAGES - 1];
             self.pose = poses[STAGES - 1];
