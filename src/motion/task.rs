@@ -152,7 +152,7 @@ impl Task for WorkAndLoss {
         ring: &mut Ring<N, R>,
     ) -> Result<[f64; 2], MotionError> {
         let weights = RADAU.integrate[STAGES - 1];
-        let turns = if ring.is_half() { 2.0 } else { 1.0 };
+        let parts = ring.parts() as f64;
         let (mut work, mut loss) = (0.0, 0.0);
         for k in 0..ring.len() {
             let (nodes, start, stages) = ring.element(k);
@@ -161,7 +161,7 @@ impl Task for WorkAndLoss {
                 let moment = model.moment(&nodes[j], &stages[j]);
                 let acceleration = model.acceleration(&nodes[j], &stages[j], &dy);
                 let actions = actions(driven, &moment, &acceleration);
-                let weight = turns * ring.element_s() * weights[j];
+                let weight = parts * ring.element_s() * weights[j];
                 work += weight * actions.power_w;
                 loss += weight * actions.loss_w;
             }

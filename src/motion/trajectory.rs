@@ -85,7 +85,7 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
         }
     }
     let start = ring.element(0).1;
-    sampler.finish(TAU / driven.omega_rad_s, start, pose);
+    sampler.push(TAU / driven.omega_rad_s, start, pose);
     Ok(sampler.samples)
 }
 
@@ -107,7 +107,7 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
         }
     })?;
     result?;
-    sampler.finish(end_s, &follower.state, follower.pose);
+    sampler.push(end_s, &follower.state, follower.pose);
     Ok(sampler.samples)
 }
 
@@ -184,14 +184,7 @@ impl<'a, R> Sampler<'a, R> {
         Ok((stages[STAGES - 1], end))
     }
 
-    /// The last sample, where the last element ends.
-    fn finish<const N: usize>(&mut self, time_s: f64, state: &[f64; N], pose: Pose)
-    where
-        R: Reduced<N>,
-    {
-        self.push(time_s, state, pose);
-    }
-
+    /// Adds the sample of a state.
     fn push<const N: usize>(&mut self, time_s: f64, state: &[f64; N], pose: Pose)
     where
         R: Reduced<N>,

@@ -195,7 +195,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     }
 
     /// Parts of a period of which the elements cover one.
-    fn parts(&self) -> usize {
+    pub fn parts(&self) -> usize {
         if self.is_half { 2 } else { 1 }
     }
 
