@@ -5,7 +5,9 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::TrialFailure;
-use super::harmonics::{Clock, FrequencyInformation, LEAST_SAMPLES, Regression};
+use super::harmonics::{
+    Clock, FrequencyInformation, GAIT_HARMONICS, LEAST_SAMPLES, LEAST_SAMPLES_PER_TERM, Regression,
+};
 use super::links::wrap;
 use super::smooth::noise;
 use crate::robot::Gait;
@@ -30,6 +32,18 @@ pub(super) struct Driven {
     pub omega_se_rad_s: f64,
     /// Frames in which the robot is driven.
     pub moving: Range<usize>,
+    /// Harmonics that describe what the robot does in a cycle.
+    pub shape_harmonics: usize,
+}
+
+/// Harmonics that the motion of a cycle has, by its length. The wheels' skid is smooth above
+/// this frequency, and there the links shake.
+fn shape_harmonics(frames_per_period: f64, rate_hz: f64) -> usize {
+    const HIGHEST_HZ: f64 = 5.0;
+    const MOST: usize = 20;
+    let most = ((frames_per_period / LEAST_SAMPLES_PER_TERM as f64 - 1.0) / 2.0) as usize;
+    let below = (HIGHEST_HZ * frames_per_period / rate_hz) as usize;
+    below.max(GAIT_HARMONICS).min(MOST).min(most).max(1)
 }
 
 /// The commanded gait and how the trial is sampled.
@@ -84,6 +98,7 @@ impl Command<'_> {
             omega_rad_s: step * self.rate_hz,
             omega_se_rad_s: variance.sqrt() * self.rate_hz,
             moving,
+            shape_harmonics: shape_harmonics(TAU / step - 2.0, self.rate_hz),
         })
     }
 
@@ -98,7 +113,7 @@ impl Command<'_> {
         let (mut sin, mut cos) = (0.0, 0.0);
         for &(joint, phi) in joints {
             let Some(command) = self.gait.joints[joint] else { continue };
-            let fit = Regression::new(phi, steady.clone(), &clock);
+            let fit = Regression::new(phi, steady.clone(), &clock, GAIT_HARMONICS);
             let found = fit.as_ref().map_or(0.0, |fit| fit.harmonics.amplitude(1));
             if found < LEAST_AMPLITUDE * command.amplitude_rad {
                 return Err(TrialFailure::NotDriven {
@@ -162,37 +177,43 @@ fn frames_at_rest(frames: usize, at: &dyn Fn(usize) -> f64, noise_rad: f64) -> u
     frames
 }
 
-/// The step per frame, near the commanded one, at which the joints' spectrum is largest.
+/// The step per frame, near the commanded one, at which the joints' spectrum is largest. Sums
+/// over a small part of the period stand for their frames.
 fn strongest(joints: &[(usize, &[f64])], range: &Range<usize>, commanded: f64) -> f64 {
-    // A quarter of the width of a spectral line is fine enough for the refinement.
-    let spacing = 0.5 * PI / range.len() as f64;
-    let count = (SEARCH * commanded / spacing).ceil() as i64;
-    let means: Vec<f64> = joints
+    const SUMS_PER_PERIOD: f64 = 24.0;
+    let length = ((TAU / commanded / SUMS_PER_PERIOD) as usize).max(1);
+    let sums: Vec<Vec<f64>> = joints
         .iter()
         .map(|(_, phi)| {
             let seen = phi[range.clone()].iter().filter(|phi| !phi.is_nan());
-            seen.clone().sum::<f64>() / seen.count().max(1) as f64
+            let mean = seen.clone().sum::<f64>() / seen.count().max(1) as f64;
+            phi[range.clone()]
+                .chunks(length)
+                .map(|phi| phi.iter().filter(|phi| !phi.is_nan()).map(|phi| phi - mean).sum())
+                .collect()
         })
         .collect();
     let power = |step: f64| -> f64 {
-        let (turn_sin, turn_cos) = step.sin_cos();
-        let line = |(phi, mean): (&[f64], f64)| {
+        let (turn_sin, turn_cos) = (step * length as f64).sin_cos();
+        let line = |sums: &Vec<f64>| {
             let (mut re, mut im) = (0.0, 0.0);
             let (mut c, mut s) = (1.0, 0.0);
-            for phi in phi[range.clone()].iter() {
-                if !phi.is_nan() {
-                    re += (phi - mean) * c;
-                    im += (phi - mean) * s;
-                }
+            for sum in sums {
+                re += sum * c;
+                im += sum * s;
                 (c, s) = (c * turn_cos - s * turn_sin, s * turn_cos + c * turn_sin);
             }
             re * re + im * im
         };
-        joints.iter().zip(&means).map(|((_, phi), mean)| line((phi, *mean))).sum()
+        sums.iter().map(line).sum()
     };
-    let step = |i: i64| commanded + spacing * i as f64;
-    let best = (-count..=count).max_by(|a, b| power(step(*a)).total_cmp(&power(step(*b))));
-    best.map_or(commanded, step).clamp((1.0 - SEARCH) * commanded, (1.0 + SEARCH) * commanded)
+    // A quarter of the width of a spectral line is fine enough for the refinement.
+    let spacing = 0.5 * PI / range.len() as f64;
+    let count = (SEARCH * commanded / spacing).ceil() as i64;
+    let steps = (-count..=count).map(|i| commanded + spacing * i as f64);
+    let best = steps.map(|step| (step, power(step))).max_by(|a, b| a.1.total_cmp(&b.1));
+    best.map_or(commanded, |(step, _)| step)
+        .clamp((1.0 - SEARCH) * commanded, (1.0 + SEARCH) * commanded)
 }
 
 /// Least-squares step per frame with its variance, by Gauss-Newton on the step with the
@@ -211,7 +232,8 @@ fn refine(
         let clock = Clock::centred(range, step);
         sum = FrequencyInformation::default();
         for (_, phi) in joints {
-            let joint = Regression::new(phi, range.clone(), &clock)?.frequency_information();
+            let joint = Regression::new(phi, range.clone(), &clock, GAIT_HARMONICS)?
+                .frequency_information();
             sum.gradient += joint.gradient;
             sum.curvature += joint.curvature;
             sum.squares += joint.squares;

@@ -1,16 +1,15 @@
 //! The metrics of every whole cycle (eq. 17 and 20).
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use super::command::Driven;
-use super::harmonics::{Clock, Harmonics};
+use super::harmonics::{GAIT_HARMONICS, Harmonics};
 use super::links::Coordinates;
 use super::velocity::WheelVelocities;
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
 
-/// Phases at which the cycles' skid velocities are compared.
-pub(super) const PHASES: usize = 128;
 /// A cycle in which a commanded joint is off its gait by more than this part of the amplitude
 /// (RMS) is not the gait: a start, a stop, a pause.
 const LARGEST_DEVIATION: f64 = 0.2;
@@ -27,7 +26,9 @@ pub(super) struct Cycle {
     pub end: f64,
     /// All missing if the cycle touches a gap.
     pub metrics: GaitMetrics,
-    /// Skid velocities at equal steps of the phase, hardly attenuated but noisy, m/s.
+    /// Components of the wheels' skid velocities, m/s: offset and harmonics, of which nothing is
+    /// smoothed away, such that their squares sum to the mean square. Empty if the cycle touches
+    /// a gap.
     pub skid_m_s: [Vec<f64>; 3],
     /// Whether the commanded joints did what they did in the other cycles.
     pub is_gait: bool,
@@ -44,12 +45,14 @@ pub(super) struct CycleData<'a> {
     pub robot: &'a Robot,
     pub gait: &'a Gait,
     pub driven: &'a Driven,
-    /// Joint angles as seen, unsmoothed, rad.
+    /// Joint angles as seen, rad.
     pub phi_rad: &'a [Vec<f64>; 2],
+    /// With short gaps filled, and what follows from that.
+    pub filled: &'a Coordinates,
+    pub raw_wheels: &'a WheelVelocities,
+    /// Smoothed, and what follows from that.
     pub smooth: &'a Coordinates,
     pub wheels: &'a WheelVelocities,
-    /// Less attenuated and more noisy.
-    pub sharp_wheels: &'a WheelVelocities,
 }
 
 impl CycleData<'_> {
@@ -61,70 +64,85 @@ impl CycleData<'_> {
         let first = (clock.phase(first_frame) / TAU).ceil() as i64;
         let last = (clock.phase(last_frame) / TAU).floor() as i64;
         let gait = [0, 1].map(|joint| {
-            self.gait.joints[joint]
-                .and_then(|_| Harmonics::fit(&self.phi_rad[joint], moving.clone(), clock))
+            self.gait.joints[joint].and_then(|_| {
+                let phi = &self.phi_rad[joint];
+                let fit = Harmonics::fit(phi, moving.clone(), clock, GAIT_HARMONICS)?;
+                Some((fit.over(moving.clone(), clock), LARGEST_DEVIATION * fit.amplitude(1)))
+            })
         });
         (first..last)
             .map(|k| {
                 let [start, end] = [k, k + 1].map(|k| clock.frame(TAU * k as f64));
-                self.cycle(start, end, &gait)
+                let is_gait = (0..2).all(|joint| {
+                    let Some((fitted, largest)) = &gait[joint] else { return true };
+                    let frames = frames_within(start, end);
+                    let fitted = &fitted[frames.start - moving.start..frames.end - moving.start];
+                    deviation(&self.phi_rad[joint][frames], fitted) <= *largest
+                });
+                self.cycle(start, end, is_gait)
             })
             .collect()
     }
 
-    fn cycle(&self, start: f64, end: f64, gait: &[Option<Harmonics>; 2]) -> Cycle {
-        let skid_m_s = [0, 1, 2].map(|wheel| {
-            (0..PHASES)
-                .map(|i| {
-                    let frame = start + (end - start) * i as f64 / PHASES as f64;
-                    interpolate(&self.sharp_wheels.skid_m_s[wheel], frame)
-                })
-                .collect()
-        });
-        let is_gait = (0..2).all(|joint| {
-            let Some(gait) = &gait[joint] else { return true };
-            let deviation = deviation(&self.phi_rad[joint], start, end, gait, &self.driven.clock);
-            deviation <= LARGEST_DEVIATION * gait.amplitude(1)
-        });
-        Cycle { start, end, metrics: self.metrics(start, end), skid_m_s, is_gait }
+    fn cycle(&self, start: f64, end: f64, is_gait: bool) -> Cycle {
+        let metrics = self.metrics(start, end);
+        let skid_m_s = match metrics.d_m.is_nan() {
+            true => [const { Vec::new() }; 3],
+            false => self.raw_wheels.skid_m_s.each_ref().map(|skid_m_s| {
+                self.shape(skid_m_s, start, end).map_or(Vec::new(), Harmonics::components)
+            }),
+        };
+        Cycle { start, end, metrics, skid_m_s, is_gait }
+    }
+
+    /// A series as it goes over a cycle.
+    fn shape(&self, series: &[f64], start: f64, end: f64) -> Option<Harmonics> {
+        let Driven { clock, shape_harmonics, .. } = self.driven;
+        Harmonics::fit(series, frames_within(start, end), clock, *shape_harmonics)
     }
 
     fn metrics(&self, start: f64, end: f64) -> GaitMetrics {
         let Coordinates { x_m, y_m, theta_rad, phi_rad } = self.smooth;
+        let has_gap = [x_m, theta_rad, &phi_rad[0], &phi_rad[1]]
+            .iter()
+            .any(|series| series[frames_within(start, end)].iter().any(|x| x.is_nan()));
+        if has_gap {
+            return GaitMetrics::MISSING;
+        }
+        // Not of the smoothed angle: that would take from its amplitude; nor the extremes of the
+        // angle itself, which noise adds to.
+        let Some(phi1) = self.shape(&self.filled.phi_rad[0], start, end) else {
+            return GaitMetrics::MISSING;
+        };
         let change = |series: &[f64]| interpolate(series, end) - interpolate(series, start);
         let d_m = change(x_m).hypot(change(y_m));
         let omega_rad_s = self.driven.omega_rad_s;
         let scale = self.robot.l_m * omega_rad_s;
-        let sigma = [0, 1, 2]
-            .map(|wheel| mean_square(&self.wheels.skid_m_s[wheel], start, end).sqrt() / scale);
-        // The angle as it was seen: smoothing would take from its amplitude and noise add to
-        // its extremes; the harmonics do neither.
-        let frames = start.ceil() as usize..end.floor() as usize + 1;
-        let phi1 = Harmonics::fit(&self.phi_rad[0], frames.clone(), &self.driven.clock);
-        let alpha1_rad = phi1.map_or(f64::NAN, |phi1| phi1.half_range());
         let metrics = GaitMetrics {
             d_m,
             v_m_s: d_m * omega_rad_s / TAU,
-            sigma,
-            alpha1_rad,
+            sigma: [0, 1, 2]
+                .map(|wheel| mean_square(&self.wheels.skid_m_s[wheel], start, end).sqrt() / scale),
+            alpha1_rad: phi1.half_range(),
             dtheta_rad: change(theta_rad),
         };
-        let has_gap = [x_m, theta_rad, &phi_rad[0], &phi_rad[1]]
-            .iter()
-            .any(|series| series[frames.clone()].iter().any(|x| x.is_nan()));
-        if has_gap || metrics.to_array().iter().any(|x| x.is_nan()) {
-            GaitMetrics::MISSING
-        } else {
-            metrics
+        match metrics.to_array().iter().any(|x| x.is_nan()) {
+            true => GaitMetrics::MISSING,
+            false => metrics,
         }
     }
 }
 
-/// RMS distance of an angle from its gait over a cycle.
-fn deviation(phi: &[f64], start: f64, end: f64, gait: &Harmonics, clock: &Clock) -> f64 {
+/// The frames between two times given in frames.
+fn frames_within(start: f64, end: f64) -> Range<usize> {
+    start.ceil() as usize..end.floor() as usize + 1
+}
+
+/// RMS distance of an angle from its gait.
+fn deviation(phi: &[f64], gait: &[f64]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
-    for i in start.ceil() as usize..=end.floor() as usize {
-        let difference = phi[i] - gait.at(clock.phase(i as f64));
+    for (phi, gait) in phi.iter().zip(gait) {
+        let difference = phi - gait;
         if !difference.is_nan() {
             sum += difference * difference;
             count += 1.0;

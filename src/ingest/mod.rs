@@ -52,7 +52,7 @@ use crate::trial::{Trial, TrialError, TrialKind, TrialList};
 use crate::vicon;
 use command::{Command, Driven};
 use cycles::CycleData;
-use harmonics::Harmonics;
+use harmonics::{GAIT_HARMONICS, Harmonics};
 use links::Tracked;
 use smooth::JointSignal;
 
@@ -216,15 +216,15 @@ fn process(
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
         let phi_rad = &tracked.seen.phi_rad;
-        let sharp = tracked.filled.map(|series| smooth::twice_smoothed(series, window));
         let data = CycleData {
             robot: &robot,
             gait,
             driven,
             phi_rad,
+            filled: &tracked.filled,
+            raw_wheels: &velocity::wheel_velocities(&robot, &tracked.filled, rate_hz),
             smooth: &smooth,
             wheels: &wheels,
-            sharp_wheels: &velocity::wheel_velocities(&robot, &sharp, rate_hz),
         };
         let cycles = data.cycles();
         let steady = steady::steady(&cycles, config.ingest.skip_cycles);
@@ -324,7 +324,7 @@ fn smoothing_window(
         (None, Smoothing::Auto, None) => smooth::WINDOW_WITHOUT_GAIT,
         (None, Smoothing::Auto, Some(Driven { clock, moving, .. })) => {
             let joints = tracked.seen.phi_rad.each_ref().map(|phi_rad| {
-                let fit = Harmonics::fit(phi_rad, moving.clone(), clock);
+                let fit = Harmonics::fit(phi_rad, moving.clone(), clock, GAIT_HARMONICS);
                 let amplitudes = |fit: Harmonics| (1..=3).map(|k| fit.amplitude(k)).collect();
                 JointSignal {
                     noise_rad: smooth::noise(phi_rad),

@@ -25,18 +25,6 @@ pub(super) fn moving_average(series: &[f64], window: usize) -> Vec<f64> {
     smooth
 }
 
-/// The moving average plus the moving average of what it took away (Tukey's twicing): of a sine
-/// that the average leaves `H` of, this leaves `1 - (1 - H)^2`, at the price of more noise. For
-/// what is freed from noise by other means.
-pub(super) fn twice_smoothed(series: &[f64], window: usize) -> Vec<f64> {
-    let mut smooth = moving_average(series, window);
-    let taken: Vec<f64> = series.iter().zip(&smooth).map(|(x, smooth)| x - smooth).collect();
-    for (smooth, back) in smooth.iter_mut().zip(moving_average(&taken, window)) {
-        *smooth += back;
-    }
-    smooth
-}
-
 fn average(series: &[f64], i: usize, window: usize, reach: usize) -> f64 {
     let half = window / 2;
     // Deviations from the middle keep a constant exactly constant.
@@ -185,12 +173,9 @@ mod tests {
             for step in [0.004, 0.05, 0.15, 0.7] {
                 let wave: Vec<f64> = (0..200).map(|i| (step * f64::from(i) + 0.3).cos()).collect();
                 let smooth = moving_average(&wave, window);
-                let twice = twice_smoothed(&wave, window);
                 let left = response(window, step);
-                let left_twice = 1.0 - (1.0 - left).powi(2);
                 for i in 30..170 {
                     assert!((smooth[i] - left * wave[i]).abs() < 1e-12, "{window} {step}");
-                    assert!((twice[i] - left_twice * wave[i]).abs() < 1e-12);
                 }
             }
         }

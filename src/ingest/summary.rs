@@ -5,7 +5,7 @@ use super::checks::{
 };
 use super::command::Driven;
 use super::cycles::Cycle;
-use super::harmonics::{Clock, Harmonics};
+use super::harmonics::{Clock, GAIT_HARMONICS, Harmonics};
 use super::links::wrap;
 use super::means::{Estimate, common_skid, mean};
 use super::steady::Steady;
@@ -74,7 +74,7 @@ pub(super) fn describe_gait(
 fn joint_gait(phi_rad: &[f64], used: &[&Cycle], clock: &Clock) -> [f64; 3] {
     let (Some(first), Some(last)) = (used.first(), used.last()) else { return [f64::NAN; 3] };
     let frames = first.start.ceil() as usize..last.end.floor() as usize + 1;
-    match Harmonics::fit(phi_rad, frames, clock) {
+    match Harmonics::fit(phi_rad, frames, clock, GAIT_HARMONICS) {
         Some(fit) => [fit.offset(), fit.amplitude(1), fit.phase_rad()],
         None => [f64::NAN; 3],
     }

@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::metrics::GaitMetrics;
-use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY};
+use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use crate::robot::{Gait, Robot};
 
 /// The paper's fitted skid coefficients (Tables I and II) by campaign, kg/s.
@@ -50,13 +50,13 @@ pub(super) fn planted(
 pub(super) struct Motion {
     /// `(x, y, theta, phi1, phi2)` of every frame, m and rad.
     pub coordinates: Vec<[f64; 5]>,
-    /// Metrics of the steady motion.
+    /// Metrics of the steady motion that is reached from rest; there may be others.
     pub steady: GaitMetrics,
 }
 
 /// The motion from rest until [`STEADY_CYCLES`] are over.
 pub(super) fn from_rest(problem: &Problem, rate_hz: f64) -> Result<Motion, MotionError> {
-    let steady = problem.solve(REFERENCE_ACCURACY)?;
+    let steady = Solver::default().settle(problem, REFERENCE_ACCURACY)?.motion;
     let decay = steady.floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
     let transient = (TRANSIENT_LEFT.ln() / decay.ln()).ceil() as usize;
     // Half a cycle more: the recording does not end with a cycle.
