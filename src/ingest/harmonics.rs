@@ -15,6 +15,8 @@ pub(super) const LEAST_SAMPLES_PER_TERM: usize = 3;
 pub(super) const LEAST_SAMPLES: usize = LEAST_SAMPLES_PER_TERM * (2 * GAIT_HARMONICS + 1);
 /// Frames that share a table of cosines and sines.
 const BLOCK: usize = 16;
+/// Terms that are summed side by side.
+const LANES: usize = 4;
 
 /// The phase of the gait as a function of the frame: `step_rad * i + offset_rad`, where i
 /// counts from the first frame.
@@ -121,8 +123,9 @@ fn basis(phase_rad: f64, terms: &mut [f64]) {
 /// Evenly spaced phases, and sums over them.
 struct Grid<'c> {
     clock: &'c Clock,
-    /// Terms of each frame of a block that begins with phase 0.
-    table: Vec<f64>,
+    /// Terms of each frame of a block that begins with phase 0, and zeros up to a multiple of
+    /// [`LANES`].
+    table: Vec<[f64; LANES]>,
     /// Terms per frame.
     width: usize,
 }
@@ -130,31 +133,39 @@ struct Grid<'c> {
 impl<'c> Grid<'c> {
     fn new(clock: &'c Clock, count: usize) -> Self {
         let width = 2 * count + 1;
-        let mut table = vec![0.0; BLOCK * width];
-        for (i, terms) in table.chunks_exact_mut(width).enumerate() {
-            basis(clock.step_rad * i as f64, terms);
+        let lanes = width.div_ceil(LANES);
+        let mut table = vec![[0.0; LANES]; BLOCK * lanes];
+        for (i, row) in table.chunks_exact_mut(lanes).enumerate() {
+            basis(clock.step_rad * i as f64, &mut row.as_flattened_mut()[..width]);
         }
         Self { clock, table, width }
     }
 
-    fn rows(&self) -> impl Iterator<Item = &[f64]> {
-        self.table.chunks_exact(self.width)
+    fn rows(&self) -> impl Iterator<Item = &[[f64; LANES]]> {
+        self.table.chunks_exact(self.lanes())
+    }
+
+    fn lanes(&self) -> usize {
+        self.width.div_ceil(LANES)
     }
 
     /// Sums over a range's frames of `terms` times `values`, of which there is one per frame;
     /// missing ones count as zero.
     fn project(&self, values: &[f64], range: Range<usize>) -> Vec<f64> {
         let (mut sums, mut turn) = (vec![0.0; self.width], vec![0.0; self.width]);
-        let mut block_sums = vec![0.0; self.width];
+        let mut block_sums = vec![[0.0; LANES]; self.lanes()];
         for (values, first) in values.chunks(BLOCK).zip(range.step_by(BLOCK)) {
-            block_sums.fill(0.0);
+            block_sums.fill([0.0; LANES]);
             for (value, row) in values.iter().zip(self.rows()) {
                 let value = if value.is_nan() { 0.0 } else { *value };
-                for (sum, term) in block_sums.iter_mut().zip(row) {
-                    *sum += value * term;
+                for (sums, terms) in block_sums.iter_mut().zip(row) {
+                    for (sum, term) in sums.iter_mut().zip(terms) {
+                        *sum += value * term;
+                    }
                 }
             }
             basis(self.clock.phase(first as f64), &mut turn);
+            let block_sums = block_sums.as_flattened();
             sums[0] += block_sums[0];
             for k in (1..self.width).step_by(2) {
                 let (c, s) = (turn[k], turn[k + 1]);
@@ -169,20 +180,27 @@ impl<'c> Grid<'c> {
     /// The sum of `factors` times terms in every frame of a range.
     fn evaluate(&self, factors: &[f64], range: Range<usize>) -> Vec<f64> {
         let mut values = Vec::with_capacity(range.len());
-        let (mut turned, mut turn) = (vec![0.0; self.width], vec![0.0; self.width]);
+        let mut turn = vec![0.0; self.width];
+        let mut turned = vec![[0.0; LANES]; self.lanes()];
+        turned[0][0] = factors[0];
         for first in range.clone().step_by(BLOCK) {
             basis(self.clock.phase(first as f64), &mut turn);
-            turned[0] = factors[0];
+            let flat = turned.as_flattened_mut();
             for k in (1..self.width).step_by(2) {
                 let (c, s) = (turn[k], turn[k + 1]);
                 let (cos, sin) = (factors[k], factors[k + 1]);
-                turned[k] = cos * c + sin * s;
-                turned[k + 1] = sin * c - cos * s;
+                flat[k] = cos * c + sin * s;
+                flat[k + 1] = sin * c - cos * s;
             }
-            let rows = self.rows().take(BLOCK.min(range.end - first));
-            values.extend(rows.map(|row| -> f64 {
-                turned.iter().zip(row).map(|(factor, term)| factor * term).sum()
-            }));
+            for row in self.rows().take(range.end - first) {
+                let mut sums = [0.0; LANES];
+                for (factors, terms) in turned.iter().zip(row) {
+                    for (sum, (factor, term)) in sums.iter_mut().zip(factors.iter().zip(terms)) {
+                        *sum += factor * term;
+                    }
+                }
+                values.push(sums.iter().sum());
+            }
         }
         values
     }

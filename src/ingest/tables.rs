@@ -17,12 +17,8 @@ pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz
     let frames = smooth.len();
     let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = smooth;
     let residual = |link: usize| Column::F64(tracked.residual_mm[link].clone());
-    let fill = |link: usize| {
-        Column::Str(tracked.fill[link].iter().map(|fill| fill.name().to_owned()).collect())
-    };
-    let outlier = |link: usize| {
-        Column::Str(tracked.outlier[link].iter().map(|found| found.name().to_owned()).collect())
-    };
+    let fill = |link: usize| names(tracked.fill[link].iter().map(|fill| fill.name()));
+    let outlier = |link: usize| names(tracked.outlier[link].iter().map(|found| found.name()));
     let [frame, time_s] = frames_and_times(tracked.first_frame, frames, rate_hz);
     Table::new([
         ("trial", Column::repeat(trial, frames)),
@@ -67,6 +63,21 @@ pub(super) fn wheels(
         ("skid1_m_s", Column::F64(skid1)),
         ("skid2_m_s", Column::F64(skid2)),
     ])
+}
+
+/// A column of text of which there are but a few kinds.
+fn names(rows: impl Iterator<Item = &'static str>) -> Column {
+    let mut names: Vec<String> = Vec::new();
+    let rows = rows
+        .map(|name| {
+            let known = names.iter().position(|known| known == name);
+            known.unwrap_or_else(|| {
+                names.push(name.to_owned());
+                names.len() - 1
+            }) as u8
+        })
+        .collect();
+    Column::Names(names, rows)
 }
 
 fn frames_and_times(first_frame: i64, frames: usize, rate_hz: f64) -> [Column; 2] {

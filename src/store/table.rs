@@ -5,13 +5,18 @@ use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
+use polars::polars_utils::compression::ZstdLevel;
 use polars::prelude::{
-    Column as PolarsColumn, DataFrame, DataType, Float64Chunked, IntoSeries, KeyValueMetadata,
-    ListBuilderTrait, ListStringChunkedBuilder, NamedFrom, NewChunkedArray, ParallelStrategy,
-    ParquetReader, ParquetWriter, PlSmallStr, SerReader, Series, StringChunked,
+    ChunkSet, ChunkTake, Column as PolarsColumn, DataFrame, DataType, Float64Chunked, IdxCa,
+    IntoSeries, KeyValueMetadata, ListBuilderTrait, ListStringChunkedBuilder, NamedFrom,
+    NewChunkedArray, ParallelStrategy, ParquetCompression, ParquetReader, ParquetWriter,
+    PlSmallStr, PolarsError, PolarsResult, SerReader, Series, StringChunked,
 };
 
 use super::{StoreError, write_atomically};
+
+/// Numbers with noise in them hardly shrink, however long that takes.
+const ZSTD_LEVEL: i32 = 1;
 
 thread_local! {
     static READING: Cell<bool> = const { Cell::new(false) };
@@ -30,13 +35,27 @@ pub enum Column {
     I64(Vec<i64>),
     Bool(Vec<bool>),
     Str(Vec<String>),
+    /// Text of few values that repeat: the values, and which of them each row has. It is read
+    /// back as `Str`.
+    Names(Vec<String>, Vec<u8>),
     StrList(Vec<Vec<String>>),
 }
 
 impl Column {
-    /// One name per row for columns of few names that repeat.
+    /// The same text in every row.
     pub fn repeat(value: &str, rows: usize) -> Self {
-        Self::Str(vec![value.to_owned(); rows])
+        Self::Names(vec![value.to_owned()], vec![0; rows])
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Self::F64(values) => values.len(),
+            Self::I64(values) => values.len(),
+            Self::Bool(values) => values.len(),
+            Self::Str(values) => values.len(),
+            Self::Names(_, rows) => rows.len(),
+            Self::StrList(values) => values.len(),
+        }
     }
 
     fn kind(&self) -> &'static str {
@@ -44,7 +63,7 @@ impl Column {
             Self::F64(_) => "numbers",
             Self::I64(_) => "whole numbers",
             Self::Bool(_) => "booleans",
-            Self::Str(_) => "text",
+            Self::Str(_) | Self::Names(..) => "text",
             Self::StrList(_) => "lists of text",
         }
     }
@@ -81,19 +100,25 @@ impl Table {
     /// # Errors
     /// The file cannot be written; what was there before stays.
     pub fn write(&self, path: &Path, provenance: &Provenance) -> Result<(), StoreError> {
-        let table_error = |error: polars::error::PolarsError| StoreError::Table {
+        let table_error = |error: PolarsError| StoreError::Table {
             path: path.to_owned(),
             message: error.to_string(),
         };
-        let columns = self.columns.iter().map(|(name, column)| to_polars(name, column)).collect();
-        let mut frame = DataFrame::new_infer_height(columns).map_err(table_error)?;
+        let columns = self.columns.iter().map(|(name, column)| to_polars(name, column));
+        let mut frame = columns
+            .collect::<PolarsResult<_>>()
+            .and_then(DataFrame::new_infer_height)
+            .map_err(table_error)?;
         let metadata = KeyValueMetadata::from_static(vec![
             ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("trilink.input".to_owned(), provenance.input.clone()),
         ]);
+        let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(table_error)?;
+        let compression = ParquetCompression::Zstd(Some(level));
         write_atomically(path, |file| {
             ParquetWriter::new(file)
                 .set_parallel(false)
+                .with_compression(compression)
                 .with_key_value_metadata(Some(metadata))
                 .finish(&mut frame)
                 .map(|_| ())
@@ -130,13 +155,7 @@ impl Table {
 
     /// Number of rows.
     pub fn len(&self) -> usize {
-        self.columns.first().map_or(0, |(_, column)| match column {
-            Column::F64(values) => values.len(),
-            Column::I64(values) => values.len(),
-            Column::Bool(values) => values.len(),
-            Column::Str(values) => values.len(),
-            Column::StrList(values) => values.len(),
-        })
+        self.columns.first().map_or(0, |(_, column)| column.len())
     }
 
     /// Whether there is no row.
@@ -207,16 +226,23 @@ impl Table {
     }
 }
 
-fn to_polars(name: &str, column: &Column) -> PolarsColumn {
+fn to_polars(name: &str, column: &Column) -> PolarsResult<PolarsColumn> {
     let name = PlSmallStr::from_str(name);
     let series = match column {
         Column::F64(values) => {
-            let values = values.iter().map(|&x| if x.is_nan() { None } else { Some(x) });
-            Float64Chunked::from_iter_options(name, values).into_series()
+            let values = Float64Chunked::from_slice(name, values);
+            let missing = values.is_nan();
+            let nulls = missing.any().then(|| values.set(&missing, None)).transpose()?;
+            nulls.unwrap_or(values).into_series()
         }
         Column::I64(values) => Series::new(name, values),
         Column::Bool(values) => Series::new(name, values),
         Column::Str(values) => StringChunked::from_slice(name, values).into_series(),
+        Column::Names(names, rows) => {
+            let rows = rows.iter().map(|&row| row.into()).collect();
+            let names = StringChunked::from_slice(name.clone(), names);
+            names.take(&IdxCa::from_vec(name, rows))?.into_series()
+        }
         Column::StrList(values) => {
             let total = values.iter().map(Vec::len).sum();
             let mut lists = ListStringChunkedBuilder::new(name, values.len(), total);
@@ -226,7 +252,7 @@ fn to_polars(name: &str, column: &Column) -> PolarsColumn {
             lists.finish().into_series()
         }
     };
-    series.into()
+    Ok(series.into())
 }
 
 fn from_polars(path: &Path, column: &PolarsColumn) -> Result<Column, StoreError> {
@@ -237,7 +263,7 @@ fn from_polars(path: &Path, column: &PolarsColumn) -> Result<Column, StoreError>
         needed: "a type that trilink writes",
     };
     let missing = |_| error("missing values".to_owned());
-    let wrong = |problem: polars::error::PolarsError| error(problem.to_string());
+    let wrong = |problem: PolarsError| error(problem.to_string());
     let series = column.as_materialized_series();
     Ok(match series.dtype() {
         dtype if dtype.is_float() || dtype.is_integer() && series.null_count() > 0 => {

@@ -29,7 +29,7 @@ impl<'t> Iterator for Lines<'t> {
         if self.rest.is_empty() {
             return None;
         }
-        let end = self.rest.iter().position(|&byte| byte == b'\n').unwrap_or(self.rest.len());
+        let end = memchr::memchr(b'\n', self.rest).unwrap_or(self.rest.len());
         let line = &self.rest[..end];
         self.rest = self.rest.get(end + 1..).unwrap_or_default();
         self.number += 1;
@@ -106,6 +106,44 @@ impl Dialect {
     }
 }
 
+/// The number at the start of a text and its length, if it is written as most are: digits, at
+/// most 15 of them, and perhaps a sign and a point. Such a number is the quotient of two that
+/// are exact, and so rounded only once (Clinger 1990).
+#[inline]
+pub(super) fn plain_decimal(text: &[u8]) -> Option<(f64, usize)> {
+    const MOST_DIGITS: usize = 15;
+    const POWERS: [f64; MOST_DIGITS + 1] =
+        [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+    let (is_negative, number) = match text {
+        [b'-', number @ ..] => (true, number),
+        number => (false, number),
+    };
+    let (digits, rest) = append_digits(0, number);
+    let whole = number.len() - rest.len();
+    let (digits, rest, places) = match rest {
+        [b'.', fraction @ ..] => {
+            let (digits, rest) = append_digits(digits, fraction);
+            (digits, rest, fraction.len() - rest.len())
+        }
+        rest => (digits, rest, 0),
+    };
+    if !(1..=MOST_DIGITS).contains(&(whole + places)) {
+        return None;
+    }
+    let value = digits as f64 / POWERS[places];
+    Some((if is_negative { -value } else { value }, text.len() - rest.len()))
+}
+
+/// Appends the digits at the start of a text to a number that may overflow.
+#[inline]
+fn append_digits(mut number: u64, mut text: &[u8]) -> (u64, &[u8]) {
+    while let [digit @ b'0'..=b'9', rest @ ..] = text {
+        number = number.wrapping_mul(10).wrapping_add((digit - b'0').into());
+        text = rest;
+    }
+    (number, text)
+}
+
 fn is_frame_cell(cell: &[u8]) -> bool {
     FRAME_CELLS.iter().any(|name| name.eq_ignore_ascii_case(cell))
 }
@@ -131,4 +169,30 @@ pub(super) fn shown(cell: &[u8]) -> String {
         short.push_str("...");
     }
     short
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..Default::default() })]
+
+        #[test]
+        fn plain_decimals_are_read_as_the_standard_library_does(
+            text in "-?[0-9]{0,9}(\\.[0-9]{0,8})?",
+            rest in "|,.*|\\..*|e.*",
+        ) {
+            let found = plain_decimal((text.clone() + &rest).as_bytes());
+            if let Some((value, length)) = found {
+                let read = (text + &rest)[..length].parse::<f64>().unwrap();
+                prop_assert_eq!(value.to_bits(), read.to_bits());
+            } else {
+                let digits = text.bytes().filter(u8::is_ascii_digit).count();
+                prop_assert!(digits == 0 || digits > 15 || !rest.is_empty());
+            }
+        }
+    }
 }

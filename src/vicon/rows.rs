@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::cells::{Dialect, bare, shown};
+use super::cells::{Dialect, bare, plain_decimal, shown};
 use super::header::{self, Column, Header};
 use super::markers::{LARGEST_MM, MISSING};
 use super::{MarkerFile, ViconError};
@@ -157,11 +157,10 @@ impl RowOf<'_> {
         if ends(0) {
             return Ok((f64::NAN, 0));
         }
-        if let Ok((value, length)) = fast_float2::parse_partial::<f64, _>(rest)
-            && value.abs() <= LARGEST_MM
-            && ends(length)
-        {
-            return Ok((value, length));
+        let number =
+            plain_decimal(rest).filter(|(value, at)| value.abs() <= LARGEST_MM && ends(*at));
+        if let Some(number) = number {
+            return Ok(number);
         }
         let end = dialect.cell_end(rest);
         let cell = bare(&rest[..end]);
