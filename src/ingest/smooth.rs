@@ -15,34 +15,31 @@ const ATTENUATION_WEIGHT: f64 = 10.0;
 /// ends of every stretch without gaps the window shrinks from both sides; what is missing
 /// stays missing.
 pub(super) fn moving_average(series: &[f64], window: usize) -> Vec<f64> {
-    let half = window / 2;
     let mut smooth = vec![f64::NAN; series.len()];
-    let mut sums = Vec::with_capacity(series.len() + 1);
     for (start, end) in runs(series) {
-        let (run, smooth) = (&series[start..end], &mut smooth[start..end]);
-        // Deviations from the first sample keep a constant exactly constant.
-        let origin = run[0];
-        sums.clear();
-        sums.push(0.0);
-        let mut sum = 0.0;
-        sums.extend(run.iter().map(|x| {
-            sum += x - origin;
-            sum
-        }));
-        let sum_about = |i: usize, reach: usize| sums[i + reach + 1] - sums[i - reach];
-        for (i, smooth) in smooth.iter_mut().enumerate() {
-            let reach = i.min(run.len() - 1 - i);
-            let mean = if reach < half {
-                sum_about(i, reach) / (2 * reach + 1) as f64
-            } else if window % 2 == 1 {
-                sum_about(i, half) / window as f64
-            } else {
-                0.5 * (sum_about(i, half) + sum_about(i, half - 1)) / window as f64
-            };
-            *smooth = origin + mean;
+        for i in start..end {
+            let reach = (i - start).min(end - 1 - i);
+            smooth[i] = average(series, i, window, reach);
         }
     }
     smooth
+}
+
+fn average(series: &[f64], i: usize, window: usize, reach: usize) -> f64 {
+    let half = window / 2;
+    // Deviations from the middle keep a constant exactly constant.
+    let middle = series[i];
+    let sum = |half: usize| -> f64 {
+        (1..=half).map(|k| (series[i - k] - middle) + (series[i + k] - middle)).sum()
+    };
+    if reach < half {
+        middle + sum(reach) / (2 * reach + 1) as f64
+    } else if window % 2 == 1 {
+        middle + sum(half) / window as f64
+    } else {
+        let outer = (series[i - half] - middle) + (series[i + half] - middle);
+        middle + (sum(half - 1) + 0.5 * outer) / window as f64
+    }
 }
 
 /// Stretches without a missing sample, as half-open ranges.
