@@ -214,9 +214,10 @@ fn the_tables_have_the_documented_columns() {
              d_m_se v_m_s v_m_s_se sigma0 sigma0_se sigma1 sigma1_se sigma2 sigma2_se \
              sigma0_debiased sigma0_debiased_se sigma1_debiased sigma1_debiased_se \
              sigma2_debiased sigma2_debiased_se alpha1_rad alpha1_rad_se dtheta_rad \
-             dtheta_rad_se phi1_offset_rad phi1_amplitude_rad phi1_phase_rad phi2_offset_rad \
-             phi2_amplitude_rad phi2_phase_rad coverage residual_mm smoothing_window status \
-             message"
+             dtheta_rad_se phi1_offset_rad phi1_amplitude_rad phi1_phase_rad \
+             phi1_harmonics_rad phi2_offset_rad phi2_amplitude_rad phi2_phase_rad \
+             phi2_harmonics_rad coverage residual_mm smoothing_window smoothing_left1 \
+             smoothing_left2 smoothing_left3 status message"
                 .to_owned(),
         ),
         (

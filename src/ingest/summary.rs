@@ -8,6 +8,7 @@ use super::cycles::Cycle;
 use super::harmonics::{Clock, GAIT_HARMONICS, Harmonics};
 use super::links::wrap;
 use super::means::{Estimate, common_skid, mean};
+use super::smooth;
 use super::steady::Steady;
 use crate::robot::{Gait, Robot};
 use crate::store::{CycleRow, Rows as _, TrialRow};
@@ -65,18 +66,25 @@ pub(super) fn describe_gait(
     set([&mut row.sigma1_debiased, &mut row.sigma1_debiased_se], debiased(1));
     set([&mut row.sigma2_debiased, &mut row.sigma2_debiased_se], debiased(2));
     let [first, second] = [0, 1].map(|joint| joint_gait(&phi_rad[joint], &used, &driven.clock));
-    [row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad] = first;
-    [row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad] = second;
+    [row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad, row.phi1_harmonics_rad] =
+        first;
+    [row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad, row.phi2_harmonics_rad] =
+        second;
+    let left = |k: f64| smooth::response(row.smoothing_window as usize, k * driven.clock.step_rad);
+    [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);
 }
 
-/// Offset, amplitude and phase of an angle's first harmonic over the cycles used, rad. The
-/// angle is not smoothed, so nothing of the amplitude is lost.
-fn joint_gait(phi_rad: &[f64], used: &[&Cycle], clock: &Clock) -> [f64; 3] {
-    let (Some(first), Some(last)) = (used.first(), used.last()) else { return [f64::NAN; 3] };
+/// Offset, amplitude and phase of an angle's first harmonic over the cycles used, and the RMS of
+/// its higher ones, rad. The angle is not smoothed, so nothing of the amplitude is lost.
+fn joint_gait(phi_rad: &[f64], used: &[&Cycle], clock: &Clock) -> [f64; 4] {
+    let (Some(first), Some(last)) = (used.first(), used.last()) else { return [f64::NAN; 4] };
     let frames = first.start.ceil() as usize..last.end.floor() as usize + 1;
     match Harmonics::fit(phi_rad, frames, clock, GAIT_HARMONICS) {
-        Some(fit) => [fit.offset(), fit.amplitude(1), fit.phase_rad()],
-        None => [f64::NAN; 3],
+        Some(fit) => {
+            let squares = (2..=GAIT_HARMONICS).map(|k| 0.5 * fit.amplitude(k).powi(2)).sum::<f64>();
+            [fit.offset(), fit.amplitude(1), fit.phase_rad(), squares.sqrt()]
+        }
+        None => [f64::NAN; 4],
     }
 }
 

@@ -74,6 +74,10 @@ fn metrics_and_gait_of_a_known_motion_are_found() {
         for (found, truth) in found.iter().flatten().zip(motion.joints.iter().flatten()) {
             assert!(degrees(*found, *truth) < 0.1, "{omega}: {found} {truth}");
         }
+        // The joints have no other harmonics, and noise hardly makes any.
+        assert!(row.phi1_harmonics_rad.max(row.phi2_harmonics_rad).to_degrees() < 0.03);
+        let left = [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3];
+        assert!(left.is_sorted_by(|a, b| a > b) && left[0] < 1.0 && left[2] > 0.5, "{left:?}");
         assert!(row.cycles >= 7 && row.coverage > 0.9 && row.coverage < 0.97);
         assert!((0.15..0.3).contains(&row.residual_mm));
     }

@@ -79,15 +79,23 @@ rows! {
         pub phi1_offset_rad: f64,
         pub phi1_amplitude_rad: f64,
         pub phi1_phase_rad: f64,
+        /// What else the joint does in every cycle: RMS of its harmonics above the first.
+        pub phi1_harmonics_rad: f64,
         pub phi2_offset_rad: f64,
         pub phi2_amplitude_rad: f64,
         pub phi2_phase_rad: f64,
+        pub phi2_harmonics_rad: f64,
         /// Part of all markers' frames that the cameras saw.
         pub coverage: f64,
         /// Mean residual of the rigid fits, mm.
         pub residual_mm: f64,
         /// Width of the moving average, samples.
         pub smoothing_window: i64,
+        /// What it leaves of the speeds of the gait's first three harmonics. Only the raw skid
+        /// ratios and the tables of smoothed coordinates and speeds lose the rest.
+        pub smoothing_left1: f64,
+        pub smoothing_left2: f64,
+        pub smoothing_left3: f64,
         /// `ok`, `flagged` (a check warns) or `failed` (no metrics).
         pub status: String,
         pub message: String,
