@@ -17,6 +17,8 @@ pub(super) struct LinkMarker {
     pub column: usize,
     /// Place in the link's own frame, x along t_i and y along n_i, mm.
     pub place_mm: [f64; 2],
+    /// Above the floor, mm.
+    pub height_mm: f64,
 }
 
 /// The markers of links 0, 1, 2 in a file.
@@ -59,7 +61,8 @@ pub(super) fn locate_all(
                     second: label.clone(),
                 });
             }
-            layout[link].push(LinkMarker { column, place_mm: [place[0], place[1]] });
+            let [x, y, height_mm] = *place;
+            layout[link].push(LinkMarker { column, place_mm: [x, y], height_mm });
         }
     }
     if failures.is_empty() { Ok(layout) } else { Err(failures) }

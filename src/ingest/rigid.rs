@@ -12,6 +12,19 @@ pub(super) struct LinkPose {
     pub theta_rad: f64,
     /// RMS distance of the markers from where the pose puts them, mm.
     pub residual_mm: f64,
+    pub basis: Basis,
+}
+
+/// The markers that a pose rests on: all that is needed to tell how much worse another pose
+/// explains them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Basis {
+    pub markers: f64,
+    /// Their centroid in the link's frame, mm.
+    pub centre_mm: [f64; 2],
+    /// How hard it is to turn the link about that centroid: turning it by an angle adds twice
+    /// this, times one minus the angle's cosine, to the sum of squares, mm^2.
+    pub turning_mm2: f64,
 }
 
 impl LinkPose {
@@ -57,7 +70,12 @@ pub(super) fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> 
             (p[0] + origin_mm[0] - q[0]).powi(2) + (p[1] + origin_mm[1] - q[1]).powi(2)
         })
         .sum();
-    Some(LinkPose { origin_mm, theta_rad, residual_mm: (squares / count).sqrt() })
+    Some(LinkPose {
+        origin_mm,
+        theta_rad,
+        residual_mm: (squares / count).sqrt(),
+        basis: Basis { markers: count, centre_mm: place, turning_mm2: along.hypot(across) },
+    })
 }
 
 /// Whether any two of the markers lie far enough apart.

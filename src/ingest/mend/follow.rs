@@ -3,7 +3,7 @@
 use super::explain::{Explanation, Link};
 use super::{LinkFit, Outlier};
 use crate::ingest::links::wrap;
-use crate::ingest::rigid::LinkPose;
+use crate::ingest::rigid::{Basis, LinkPose};
 
 /// How far a link's markers may be from where its motion takes them, mm: this, and after more
 /// than the first frames so much more for each. A link that begins to turn with 30 rad/s^2, a
@@ -36,22 +36,23 @@ impl Link<'_> {
         unsure.iter().for_each(|&row| is_sure[row] = false);
         let mut is_contradicted = vec![false; unsure.len()];
         for farthest in [FIRST_FRAMES, FOLLOWED_FRAMES] {
+            // What near frames contradict, far ones do not excuse: they tell less.
+            let reached = |is_contradicted: bool| match is_contradicted {
+                true => FIRST_FRAMES,
+                false => farthest,
+            };
             for i in 0..unsure.len() {
-                match self.settle(
-                    fits,
-                    &mut is_sure,
-                    unsure[i],
-                    Side { backwards: false, farthest },
-                ) {
+                let side = Side { backwards: false, farthest: reached(is_contradicted[i]) };
+                match self.settle(fits, &mut is_sure, unsure[i], side) {
                     Some(is_settled) => is_contradicted[i] = !is_settled,
-                    None if farthest == FOLLOWED_FRAMES => {
+                    None if side.farthest == FOLLOWED_FRAMES => {
                         self.begin_anew(fits, &mut is_sure, unsure[i]);
                     }
                     None => {}
                 }
             }
             for i in (0..unsure.len()).rev() {
-                let side = Side { backwards: true, farthest };
+                let side = Side { backwards: true, farthest: reached(is_contradicted[i]) };
                 if let Some(is_settled) = self.settle(fits, &mut is_sure, unsure[i], side) {
                     is_contradicted[i] = !is_settled;
                 }
@@ -90,20 +91,34 @@ impl Link<'_> {
     }
 
     /// After a long time without the link, or at its first frames: if most of the next frames
-    /// have a heading like the row's, they are sure. Swapped labels turn it round.
+    /// have a heading like the row's, those of them are sure that move on evenly. Swapped labels
+    /// turn a link round, and a jump moves it out of line.
     fn begin_anew(&self, fits: &[LinkFit], is_sure: &mut [bool], row: usize) {
         let Some(first) = fits[row].pose else { return };
         let frames = &self.file.frames;
-        let next: Vec<(usize, bool)> = (row..frames.len())
+        let next: Vec<(usize, LinkPose)> = (row..frames.len())
             .take_while(|&other| frames[other] - frames[row] <= BEGINNING_FRAMES)
-            .filter_map(|other| {
-                let away = wrap(fits[other].pose?.theta_rad - first.theta_rad);
-                Some((other, away.abs() < LIKE_RAD))
-            })
+            .filter_map(|other| Some((other, fits[other].pose?)))
             .collect();
-        let like = next.iter().filter(|(_, is_like)| *is_like).count();
-        if like >= BEGINNING_LEAST && 2 * like > next.len() {
-            next.iter().for_each(|(other, is_like)| is_sure[*other] |= is_like);
+        let turn = |pose: &LinkPose| wrap(pose.theta_rad - first.theta_rad);
+        let alike: Vec<(usize, LinkPose)> =
+            next.iter().filter(|(_, pose)| turn(pose).abs() < LIKE_RAD).copied().collect();
+        if alike.len() < BEGINNING_LEAST || 2 * alike.len() <= next.len() {
+            return;
+        }
+        let time = |other: usize| (frames[other] - frames[row]) as f64;
+        let line = |value: &dyn Fn(&LinkPose) -> f64| {
+            line(alike.iter().map(|(other, pose)| (time(*other), value(pose))).collect())
+        };
+        let [x, y] = [0, 1].map(|axis| line(&|pose| pose.origin_mm[axis]));
+        let heading = line(&turn);
+        for (other, pose) in &alike {
+            let even = LinkPose {
+                origin_mm: [x, y].map(|(start, speed)| start + speed * time(*other)),
+                theta_rad: first.theta_rad + heading.0 + heading.1 * time(*other),
+                ..first
+            };
+            is_sure[*other] |= self.distance_mm(pose, &even) <= REACH_MM;
         }
     }
 
@@ -142,7 +157,23 @@ impl Link<'_> {
             origin_mm: [0, 1].map(|axis| on(last.origin_mm[axis], earlier.origin_mm[axis])),
             theta_rad: last.theta_rad + steps * wrap(last.theta_rad - earlier.theta_rad),
             residual_mm: 0.0,
+            basis: Basis::default(),
         };
         Some((predicted, ahead))
     }
+}
+
+/// Start and slope of a straight line through points of different times, half of which may be
+/// anywhere (Theil and Sen).
+fn line(points: Vec<(f64, f64)>) -> (f64, f64) {
+    let slopes = points.iter().enumerate().flat_map(|(i, (t, y))| {
+        points[..i].iter().map(move |(before, value)| (y - value) / (t - before))
+    });
+    let slope = median(slopes.collect());
+    (median(points.iter().map(|(t, y)| y - slope * t).collect()), slope)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::config::Config;
 use crate::ingest::links::wrap;
-use crate::ingest::rigid::LinkPose;
+use crate::ingest::rigid::{Basis, LinkPose};
 
 const FRAMES: usize = 60;
 
@@ -13,7 +13,11 @@ fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (MarkerFile, Vec<LinkMark
     let markers: Vec<LinkMarker> = layout
         .values()
         .enumerate()
-        .map(|(column, place)| LinkMarker { column, place_mm: [place[0], place[1]] })
+        .map(|(column, place)| LinkMarker {
+            column,
+            place_mm: [place[0], place[1]],
+            height_mm: place[2],
+        })
         .collect();
     let mut positions_mm = Vec::new();
     for frame in 0..FRAMES {
@@ -43,6 +47,7 @@ fn truth(frame: usize) -> LinkPose {
         origin_mm: [300.0 * t, 40.0 * (6.0 * t).sin()],
         theta_rad: 3.0 + 0.8 * (6.0 * t).sin(),
         residual_mm: 0.0,
+        basis: Basis::default(),
     }
 }
 
@@ -164,4 +169,40 @@ fn a_layout_that_is_wrong_in_every_frame_throws_no_pose_out() {
         (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
     mend(&file, &markers, &mut fits);
     assert!(fits.iter().all(|fit| fit.pose.is_some() && fit.outlier == Outlier::None));
+}
+
+#[test]
+fn a_jump_in_the_first_frames_is_found_although_only_two_markers_were_seen_in_them() {
+    let fits = mended(|frame, row| {
+        if frame < 45 {
+            row[2] = [f64::NAN; 3];
+        }
+        if frame == 3 {
+            // About the other marker, so that their distance stays.
+            let (sin, cos) = 0.3_f64.sin_cos();
+            let [dx, dy] = [row[1][0] - row[0][0], row[1][1] - row[0][1]];
+            row[1][0] = row[0][0] + cos * dx - sin * dy;
+            row[1][1] = row[0][1] + sin * dx + cos * dy;
+        }
+    });
+    assert_eq!(outliers(&fits), [(3, Outlier::Ambiguous)]);
+}
+
+#[test]
+fn what_the_frames_after_a_jump_contradict_those_before_a_gap_do_not_excuse() {
+    let fits = mended(|frame, row| {
+        if (20..40).contains(&frame) {
+            *row = [[f64::NAN; 3]; 3];
+        }
+        if (40..44).contains(&frame) {
+            row[2] = [f64::NAN; 3];
+        }
+        if frame == 40 {
+            let (sin, cos) = 0.3_f64.sin_cos();
+            let [dx, dy] = [row[1][0] - row[0][0], row[1][1] - row[0][1]];
+            row[1][0] = row[0][0] + cos * dx - sin * dy;
+            row[1][1] = row[0][1] + sin * dx + cos * dy;
+        }
+    });
+    assert_eq!(outliers(&fits), [(40, Outlier::Ambiguous)]);
 }
