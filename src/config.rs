@@ -58,6 +58,7 @@ pub struct Vicon {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Ingest {
+    pub poses: Poses,
     pub smoothing_window: Smoothing,
     /// Longest gap that is filled, s. Cycles that touch a longer one are left out.
     pub max_gap_s: f64,
@@ -65,6 +66,16 @@ pub struct Ingest {
     pub max_residual_mm: f64,
     /// Cycles of transient left out at least.
     pub skip_cycles: usize,
+}
+
+/// How the links' poses are found in a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Poses {
+    /// Each link's from its own markers.
+    Links,
+    /// All from all markers at once, with the joints at the robot's h and l.
+    Chain,
 }
 
 /// Width of the moving average.

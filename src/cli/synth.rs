@@ -32,7 +32,7 @@ impl Synth {
         let omegas: Vec<f64> = self.omega.into_iter().flat_map(|omegas| omegas.0).collect();
         let omegas_rad_s = if omegas.is_empty() { OMEGAS_RAD_S.into() } else { omegas };
         let Self { seed, format, misplaced, folder, .. } = self;
-        let recipe = Recipe { seed, omegas_rad_s, format, misplaced };
+        let recipe = Recipe { omegas_rad_s, format, misplaced, ..Recipe::new(seed) };
         let total = recipe.trials(&context.config);
         let stage = context.progress.stage("synth", total);
         let on_trial = |trial: &str| stage.step(trial);

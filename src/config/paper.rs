@@ -35,6 +35,7 @@ impl Default for Vicon {
 impl Default for Ingest {
     fn default() -> Self {
         Self {
+            poses: Poses::Chain,
             smoothing_window: Smoothing::Auto,
             max_gap_s: 0.1,
             max_residual_mm: 0.5,

@@ -13,6 +13,17 @@ pub(super) const FREQUENCY_TOLERANCE: f64 = 0.02;
 pub(super) const LEAST_CYCLES: f64 = 5.0;
 /// How much d may change from the first half of the used cycles to the second.
 pub(super) const D_DRIFT: f64 = 0.01;
+/// Part of the frames that may have a marker that jumped, or two swapped labels, before
+/// somebody should look. Half of all frames were seen to recover; the cameras' labelling that
+/// fails in one frame of fifty is a reason to look all the same.
+pub(super) const MOST_MISPLACED: f64 = 0.02;
+/// The same of frames in which it is not clear what is wrong, and which are thrown out.
+pub(super) const MOST_AMBIGUOUS: f64 = 0.01;
+/// How far a joint may be from where h and l put it, mm.
+pub(super) const JOINT_PLACE_MM: f64 = 0.8;
+/// How much a joint may stay behind the peak of its first harmonic, as a part of it. A servo
+/// that stops at 0.95 of its amplitude stays behind by 0.023.
+pub(super) const CLIPPING: f64 = 0.02;
 /// How far offset, amplitude or phase of a joint may be from the command, degrees.
 pub(super) const GAIT_TOLERANCE_DEG: f64 = 10.0;
 
@@ -51,6 +62,12 @@ pub enum Check {
     Decay,
     /// The robot that coasts is straight.
     Straight,
+    /// Floor and links are level.
+    Tilt,
+    /// The joints are where h and l put them.
+    JointPlaces,
+    /// No servo stops short of its peaks.
+    GaitClipping,
     /// The trial could be processed.
     Failed,
 }
@@ -59,6 +76,8 @@ pub enum Check {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Severity {
     Ok,
+    /// Something was found that needs nobody.
+    Info,
     Warning,
     Error,
 }
@@ -68,6 +87,7 @@ impl Severity {
     pub fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
+            Self::Info => "info",
             Self::Warning => "warning",
             Self::Error => "error",
         }
@@ -104,6 +124,9 @@ impl fmt::Display for Check {
             Self::HeldLinks => "W014 held-links",
             Self::Decay => "W015 decay",
             Self::Straight => "W016 straight",
+            Self::Tilt => "W017 tilt",
+            Self::JointPlaces => "W018 joint-places",
+            Self::GaitClipping => "W019 gait-clipping",
             Self::AmbiguousMarkers => "W013 ambiguous-markers",
         })
     }
@@ -117,6 +140,8 @@ pub(super) struct Finding {
     pub value: f64,
     pub limit: f64,
     pub message: String,
+    /// Worth saying although it holds.
+    pub is_notable: bool,
 }
 
 /// Code, name and message.
@@ -129,20 +154,32 @@ impl fmt::Display for Finding {
 impl Finding {
     /// A check that holds while `value` is not above `limit`.
     pub fn at_most(check: Check, value: f64, limit: f64, message: String) -> Self {
-        Self { check, holds: value <= limit, value, limit, message }
+        Self { check, holds: value <= limit, value, limit, message, is_notable: false }
     }
 
     /// A check that holds while `value` is not below `limit`.
     pub fn at_least(check: Check, value: f64, limit: f64, message: String) -> Self {
-        Self { check, holds: value >= limit, value, limit, message }
+        Self { check, holds: value >= limit, value, limit, message, is_notable: false }
+    }
+
+    /// The same finding, worth saying whether it holds or not.
+    pub fn notable(self, is_notable: bool) -> Self {
+        Self { is_notable, ..self }
+    }
+
+    pub fn severity(&self) -> Severity {
+        match (self.holds, self.is_notable) {
+            (false, _) => self.check.severity(),
+            (true, true) => Severity::Info,
+            (true, false) => Severity::Ok,
+        }
     }
 
     pub fn row(&self, trial: &str) -> CheckRow {
-        let severity = if self.holds { Severity::Ok } else { self.check.severity() };
         CheckRow {
             trial: trial.to_owned(),
             check: self.check.to_string(),
-            severity: severity.name().to_owned(),
+            severity: self.severity().name().to_owned(),
             value: self.value,
             limit: self.limit,
             message: self.message.clone(),
@@ -159,6 +196,7 @@ impl TrialFailure {
             value: f64::NAN,
             limit: f64::NAN,
             message: self.to_string(),
+            is_notable: false,
         };
         finding.row(trial)
     }

@@ -73,13 +73,18 @@ impl Harmonics {
 
     /// Half the peak-to-peak over a cycle.
     pub fn half_range(&self) -> f64 {
+        let [low, high] = self.extremes();
+        0.5 * (high - low)
+    }
+
+    /// Smallest and largest value over a cycle.
+    pub fn extremes(&self) -> [f64; 2] {
         const POINTS: usize = 360;
         let clock = Clock { step_rad: std::f64::consts::TAU / POINTS as f64, offset_rad: 0.0 };
-        let (low, high) = Grid::new(&clock, self.count())
-            .evaluate(&self.terms, 0..POINTS)
-            .into_iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-        0.5 * (high - low)
+        let values = self.over(0..POINTS, &clock);
+        values.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+            [low.min(value), high.max(value)]
+        })
     }
 
     /// Values in the frames of a range.

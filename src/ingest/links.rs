@@ -3,9 +3,12 @@
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
+use super::chain::Chain;
 use super::layout::Layout;
 use super::mend::{LinkFit, Outlier, mend};
+use super::tilt::Tilt;
 use super::{TrialFailure, gaps};
+use crate::config::Poses;
 use crate::vicon::MarkerFile;
 
 /// Frames that a file may leave out: a quarter of an hour at 120 Hz and, in long files, some
@@ -80,15 +83,22 @@ pub(super) struct Tracked {
     pub fill: [Vec<Fill>; 3],
     /// What was wrong with the markers of links 0, 1, 2.
     pub outlier: [Vec<Outlier>; 3],
+    /// What of the heights was found tilted, before it was corrected.
+    pub tilt: Tilt,
+    /// How far a joint is from where the robot's h and l put it, mm; unknown without a robot.
+    pub joint_places_mm: Option<f64>,
     /// Part of all markers' frames that the cameras saw.
     pub coverage: f64,
 }
 
-/// Fits the links in every frame and fills gaps of at most `max_gap` frames.
+/// Fits the links in every frame, each by itself or all with their joints closed by `chain`, and
+/// fills gaps of at most `max_gap` frames.
 pub(super) fn track(
     path: &Path,
     file: &MarkerFile,
     layout: &Layout,
+    chain: Option<Chain>,
+    poses: Poses,
     max_gap: usize,
 ) -> Result<Tracked, TrialFailure> {
     let (first_frame, frames) = frame_grid(path, &file.frames)?;
@@ -99,12 +109,25 @@ pub(super) fn track(
     let mut fill = [(); 3].map(|()| vec![Fill::Missing; frames]);
     let mut outlier = [(); 3].map(|()| vec![Outlier::None; frames]);
     let mut markers_seen = 0;
-    for (link, fits) in fit_links(file, layout).iter().enumerate() {
-        for (fit, &frame) in fits.iter().zip(&file.frames) {
-            let i = (frame - first_frame) as usize;
+    let mut fits = fit_links(file, layout);
+    let tilt = Tilt::of(file, layout, &fits);
+    if let Some((file, layout)) = tilt.corrected(file, layout) {
+        fits = fit_links(&file, &layout);
+    }
+    let refined = chain.map(|chain| chain.refined(&fits));
+    let joint_places_mm = chain.zip(refined).map(|(said, found)| said.distance_mm(&found));
+    for (row, &frame) in file.frames.iter().enumerate() {
+        let i = (frame - first_frame) as usize;
+        let own = fits.each_ref().map(|fits| fits[row].pose);
+        let poses = match (poses, &refined) {
+            (Poses::Chain, Some(chain)) => chain.close(own),
+            _ => own,
+        };
+        for (link, pose) in poses.into_iter().enumerate() {
+            let fit = &fits[link][row];
             markers_seen += fit.seen;
             outlier[link][i] = fit.outlier;
-            let Some(pose) = fit.pose else { continue };
+            let Some(pose) = pose else { continue };
             theta[link][i] = pose.theta_rad;
             residual_mm[link][i] = pose.residual_mm;
             let is_whole =
@@ -140,6 +163,8 @@ pub(super) fn track(
         residual_mm,
         fill,
         outlier,
+        tilt,
+        joint_places_mm,
         coverage: markers_seen as f64 / (markers * frames) as f64,
     })
 }

@@ -5,7 +5,9 @@
 //! go on. Every trial is computed by one thread and nothing depends on which one, so the
 //! tables are the same bytes for any number of threads.
 
+mod chain;
 mod checks;
+mod clipping;
 mod coast;
 mod command;
 mod curve;
@@ -25,6 +27,7 @@ mod steady;
 mod summary;
 mod survey;
 mod tables;
+mod tilt;
 mod tracking;
 mod velocity;
 
@@ -50,6 +53,8 @@ use crate::store::{
 };
 use crate::trial::{Trial, TrialError, TrialKind, TrialList};
 use crate::vicon;
+use chain::Chain;
+use checks::Finding;
 use command::{Command, Driven};
 use cycles::CycleData;
 use harmonics::{GAIT_HARMONICS, Harmonics};
@@ -138,7 +143,25 @@ pub fn process_trial(
 ) -> Result<ProcessedTrial, TrialFailure> {
     trial.check(config)?;
     let path = folder.join(&trial.file);
-    process(&path, &vicon::read_file(&path)?, trial, config)
+    process(&path, &vicon::read_file(&path)?, trial, config, &mut Vec::new())
+}
+
+/// The checks of one trial of a folder, with its row: of a trial that fails, the reason and the
+/// checks that were made before it. Writes nothing.
+pub fn check_trial(folder: &Path, trial: &Trial, config: &Config) -> (TrialRow, Vec<CheckRow>) {
+    let mut findings = Vec::new();
+    let path = folder.join(&trial.file);
+    let processed = trial
+        .check(config)
+        .map_err(TrialFailure::from)
+        .and_then(|()| process(&path, &vicon::read_file(&path)?, trial, config, &mut findings));
+    match processed {
+        Ok(processed) => (processed.row, processed.checks),
+        Err(failure) => {
+            let row = TrialRow { message: failure.to_string(), ..summary::blank_row(trial) };
+            (row, failed_checks(trial, &failure, &findings))
+        }
+    }
 }
 
 /// What remains of a trial when its tables are written.
@@ -161,9 +184,11 @@ fn ingest_trial(
     let file =
         trial.check(config).map_err(TrialFailure::from).and_then(|()| Ok(vicon::read_file(&path)?));
     let fingerprint = fingerprint::of_trial(trial, config, file.as_deref().ok());
-    let processed = match file.and_then(|file| process(&path, &file, trial, config)) {
+    let mut findings = Vec::new();
+    let processed = file.and_then(|file| process(&path, &file, trial, config, &mut findings));
+    let processed = match processed {
         Ok(processed) => processed,
-        Err(failure) => return Ok(failed(trial, &failure, fingerprint)),
+        Err(failure) => return Ok(failed(trial, &failure, &findings, fingerprint)),
     };
     let provenance = Provenance { input: fingerprint };
     let mut written = Vec::new();
@@ -178,24 +203,42 @@ fn ingest_trial(
     Ok(Outcome { row, checks, parameters, fingerprint: provenance.input, written })
 }
 
-fn failed(trial: &Trial, failure: &TrialFailure, fingerprint: String) -> Outcome {
+fn failed(
+    trial: &Trial,
+    failure: &TrialFailure,
+    findings: &[Finding],
+    fingerprint: String,
+) -> Outcome {
     let row = TrialRow { message: failure.to_string(), ..summary::blank_row(trial) };
-    let checks = vec![failure.check_row(&trial.id)];
+    let checks = failed_checks(trial, failure, findings);
     Outcome { row, checks, parameters: None, fingerprint, written: Vec::new() }
 }
 
-/// The stage itself, from a marker file's bytes to a trial's tables.
+/// The reason, and the checks that were made before it.
+fn failed_checks(trial: &Trial, failure: &TrialFailure, findings: &[Finding]) -> Vec<CheckRow> {
+    let made = findings.iter().map(|finding| finding.row(&trial.id));
+    std::iter::once(failure.check_row(&trial.id)).chain(made).collect()
+}
+
+/// The stage itself, from a marker file's bytes to a trial's tables. What the checks find is
+/// added to `findings`, also if the trial then fails.
 fn process(
     path: &Path,
     bytes: &[u8],
     trial: &Trial,
     config: &Config,
+    findings: &mut Vec<Finding>,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let (robot, gait) = setup(trial, config)?;
     let file = vicon::parse_markers(path, bytes)?;
     let rate_hz = frame_rate(path, &file, config)?;
     let layout = layout::locate(path, &config.markers, &file)?;
-    let tracked = links::track(path, &file, &layout, max_gap_frames(config, rate_hz))?;
+    let chain = Some(Chain::of(&robot));
+    let max_gap = max_gap_frames(config, rate_hz);
+    let tracked = links::track(path, &file, &layout, chain, config.ingest.poses, max_gap)?;
+    let mut row = summary::blank_row(trial);
+    tracking::describe_tracking(&mut row, &tracked);
+    findings.extend(tracking::tracking_checks(&row, &tracked, &file, &layout, config));
 
     let driven = match &gait {
         Some((gait, omega_rad_s)) => {
@@ -209,10 +252,7 @@ fn process(
     let smooth = tracked.filled.map(|series| smooth::moving_average(series, window));
     let wheels = velocity::wheel_velocities(&robot, &smooth, rate_hz);
 
-    let mut row = summary::blank_row(trial);
     row.smoothing_window = window as i64;
-    tracking::describe_tracking(&mut row, &tracked);
-    let mut findings = tracking::tracking_checks(&row, &tracked, &file, &layout, config);
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
         let phi_rad = &tracked.seen.phi_rad;
@@ -239,6 +279,11 @@ fn process(
         }
         summary::describe_gait(&mut row, &robot, driven, &cycles, &steady, phi_rad);
         findings.extend(summary::gait_checks(&row, gait, &cycles, &steady));
+        let used = steady.used.iter().map(|&i| &cycles[i]);
+        if let (Some(first), Some(last)) = (used.clone().next(), used.last()) {
+            let frames = first.start.ceil() as usize..last.end.floor() as usize + 1;
+            findings.push(clipping::check(gait, phi_rad, &frames, &driven.clock));
+        }
         cycle_rows = summary::cycle_rows(trial, &cycles, &steady, rate_hz);
     }
     let measured = match trial.kind {

@@ -109,7 +109,7 @@ impl FileSurvey {
         self.recording = Some(Recording::of(file, layout.as_ref(), file.rate_hz.or(rate_hz)));
         let Some(layout) = layout else { return };
         let max_gap = rate_hz.map_or(0, |rate_hz| max_gap_frames(config, rate_hz));
-        let tracked = match links::track(path, file, &layout, max_gap) {
+        let tracked = match links::track(path, file, &layout, None, config.ingest.poses, max_gap) {
             Ok(tracked) => tracked,
             Err(failure) => return stop(failure),
         };

@@ -2,10 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::checks::{Check, Finding, LEAST_COVERAGE};
+use super::checks::{
+    Check, Finding, JOINT_PLACE_MM, LEAST_COVERAGE, MOST_AMBIGUOUS, MOST_MISPLACED,
+};
 use super::layout::Layout;
 use super::links::Tracked;
 use super::mend::Outlier;
+use super::tilt::{MOST_DEG, Tilt, Turn};
 use crate::config::Config;
 use crate::store::TrialRow;
 use crate::vicon::MarkerFile;
@@ -42,6 +45,7 @@ pub(super) fn tracking_checks(
             value: file.rate_hz.unwrap_or(f64::NAN),
             limit: assumed_hz,
             message: rate,
+            is_notable: false,
         },
         Finding::at_most(
             Check::FrameContinuity,
@@ -69,7 +73,41 @@ pub(super) fn tracking_checks(
         ),
     ];
     findings.extend(outlier_checks(tracked, file, layout));
+    findings.push(tilt_check(&tracked.tilt));
+    findings.extend(tracked.joint_places_mm.map(|mm| {
+        let message = format!("a joint is {mm:.2} mm off where h_m and l_m of the robot put it");
+        Finding::at_most(Check::JointPlaces, mm, JOINT_PLACE_MM, message)
+    }));
     findings
+}
+
+/// What is tilted most, and what was done about all that is.
+fn tilt_check(tilt: &Tilt) -> Finding {
+    let names = ["the floor", "link 0", "link 1", "link 2"];
+    let turns = [tilt.floor, tilt.links[0], tilt.links[1], tilt.links[2]];
+    let said = |i: usize| {
+        let (deg, se_deg) = (turns[i].size_deg(), turns[i].se_rad.to_degrees());
+        let done = match (turns[i].is_large(), turns[i].is_corrected()) {
+            (false, _) => "",
+            (true, true) => " and was corrected",
+            (true, false) => " and was left so: the layout's heights may be wrong",
+        };
+        format!("{} is tilted by {deg:.2} +- {se_deg:.2} degrees{done}", names[i])
+    };
+    let large: Vec<usize> = (0..4).filter(|&i| turns[i].is_large()).collect();
+    let said: Vec<String> = large.iter().map(|&i| said(i)).collect();
+    Finding {
+        check: Check::Tilt,
+        holds: large.is_empty(),
+        value: turns.iter().map(Turn::certain_deg).fold(0.0, f64::max),
+        limit: MOST_DEG,
+        message: if said.is_empty() {
+            "floor and links are level".to_owned()
+        } else {
+            said.join(", ")
+        },
+        is_notable: false,
+    }
 }
 
 /// How many frames had a wrong marker, and which markers they were.
@@ -108,6 +146,12 @@ fn outlier_checks(tracked: &Tracked, file: &MarkerFile, layout: &Layout) -> [Fin
         let each: Vec<String> =
             counts.iter().map(|(name, count)| format!("{name} in {count}")).collect();
         let list = if each.is_empty() { String::new() } else { format!(": {}", each.join(", ")) };
-        Finding::at_most(check, frames as f64, 0.0, format!("{frames} frames {what}{list}"))
+        let part = frames as f64 / tracked.fill[0].len() as f64;
+        let limit = match check {
+            Check::AmbiguousMarkers => MOST_AMBIGUOUS,
+            _ => MOST_MISPLACED,
+        };
+        Finding::at_most(check, part, limit, format!("{frames} frames {what}{list}"))
+            .notable(frames > 0)
     })
 }

@@ -23,13 +23,18 @@ pub struct CheckCount<'p> {
     pub trials: String,
 }
 
+/// Whether a check found more than what is only worth knowing.
+fn needs_a_look(check: &CheckRow) -> bool {
+    !["ok", "info"].contains(&check.severity.as_str())
+}
+
 /// Failed trials first.
 pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
     let with = |status: &'static str| {
         tables.trials.iter().filter(move |row| row.status == status).map(|row| {
             let checks = tables.checks.iter().filter(|check| check.trial == row.trial);
             let mut messages: Vec<&str> = checks
-                .filter(|check| check.severity != "ok" && !check.message.is_empty())
+                .filter(|check| needs_a_look(check) && !check.message.is_empty())
                 .map(|check| check.message.as_str())
                 .collect();
             // A trial's message may be the checks' messages in one line.
@@ -49,7 +54,7 @@ pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
 /// Checks that found something, by code.
 pub fn check_counts(checks: &[CheckRow]) -> Vec<CheckCount<'_>> {
     let mut by_check: BTreeMap<&str, Vec<&CheckRow>> = BTreeMap::new();
-    for check in checks.iter().filter(|check| check.severity != "ok") {
+    for check in checks.iter().filter(|check| needs_a_look(check)) {
         by_check.entry(&check.check).or_default().push(check);
     }
     let count = |rows: &[&CheckRow], severity: &str| {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
+use nalgebra::{Rotation3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, Normal};
@@ -102,6 +103,25 @@ impl Film {
     }
 }
 
+/// A constant tilt out of the plane: turns about the x and y axes of the cameras' frame and of
+/// each link's, rad.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tilt {
+    /// Of the floor against the cameras' plane, about their origin.
+    pub floor_rad: [f64; 2],
+    /// Of links 0, 1, 2 against the floor, about the floor under the axle.
+    pub links_rad: [[f64; 2]; 3],
+}
+
+/// A place after turns about x and y.
+fn turned(about_rad: [f64; 2], place: [f64; 3]) -> [f64; 3] {
+    if about_rad == [0.0; 2] {
+        return place;
+    }
+    let [x, y] = about_rad;
+    (Rotation3::new(Vector3::new(x, y, 0.0)) * Vector3::from(place)).into()
+}
+
 /// What the cameras look at, and how well.
 pub(super) struct Scene<'a> {
     pub robot: &'a Robot,
@@ -109,17 +129,19 @@ pub(super) struct Scene<'a> {
     pub rate_hz: f64,
     /// Part of the frames in which a marker is misplaced.
     pub misplaced: f64,
+    pub tilt: Tilt,
 }
 
 /// The film of a motion given as `(x, y, theta, phi1, phi2)` of every frame.
 pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8Rng) -> Film {
-    let Scene { robot, layout, rate_hz, misplaced } = *scene;
+    let Scene { robot, layout, rate_hz, misplaced, tilt } = *scene;
     let markers: Vec<(usize, &String, [f64; 3])> = layout
         .links()
         .into_iter()
         .enumerate()
         .flat_map(|(link, markers): (usize, &BTreeMap<String, [f64; 3]>)| {
-            markers.iter().map(move |(label, position)| (link, label, *position))
+            let place = move |place| turned(tilt.links_rad[link], place);
+            markers.iter().map(move |(label, position)| (link, label, place(*position)))
         })
         .collect();
     let wobbles: [Wobble; 3] = std::array::from_fn(|_| Wobble::draw(&mut random));
@@ -144,6 +166,7 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
                 origin_mm[1] + sin * floor[0] + cos * floor[1],
                 z,
             ];
+            let world = turned(tilt.floor_rad, world);
             // Noise is drawn for every marker, so that dropouts do not change the rest.
             let measured = world.map(|x| x + noise.sample(&mut random));
             positions_mm.push(seen[i][frame].then_some(measured));

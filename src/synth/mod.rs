@@ -26,6 +26,7 @@ use crate::robot::Robot;
 use crate::store::{StoreError, write_bytes};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
+pub use cameras::Tilt;
 use cameras::{Film, Scene};
 use decay::Decay;
 pub use decay::DecayTruth;
@@ -92,12 +93,19 @@ pub struct Recipe {
     /// Part of the frames in which a marker of one link is swapped with another of it, or
     /// jumps by 20 mm.
     pub misplaced: f64,
+    pub tilt: Tilt,
 }
 
 impl Recipe {
     /// The paper's frequencies as CSV, without misplaced markers.
     pub fn new(seed: u64) -> Self {
-        Self { seed, omegas_rad_s: OMEGAS_RAD_S.into(), format: Format::Csv, misplaced: 0.0 }
+        Self {
+            seed,
+            omegas_rad_s: OMEGAS_RAD_S.into(),
+            format: Format::Csv,
+            misplaced: 0.0,
+            tilt: Tilt::default(),
+        }
     }
 
     /// How many trials it makes of a configuration.
@@ -151,7 +159,7 @@ pub fn synthesise(
             return Err(SynthError::Twice { trial: id.clone() });
         }
     }
-    let Recipe { seed, format, misplaced, .. } = *recipe;
+    let Recipe { seed, format, misplaced, tilt, .. } = *recipe;
     let rate_hz = config.vicon.rate_hz;
     let trials: Vec<TrialTruth> = plans
         .par_iter()
@@ -159,7 +167,7 @@ pub fn synthesise(
             let failed = |source| SynthError::Motion { trial: plan.trial.id.clone(), source };
             let motion = motion::from_rest(&plan.problem, rate_hz).map_err(failed)?;
             let (robot, layout) = (&plan.problem.robot, &config.markers);
-            let scene = Scene { robot, layout, rate_hz, misplaced };
+            let scene = Scene { robot, layout, rate_hz, misplaced, tilt };
             let film = cameras::film(&scene, &motion.coordinates, plan.seed.clone());
             write_bytes(&folder.join(&plan.trial.file), &format.bytes(&film))?;
             on_trial(&plan.trial.id);
@@ -167,7 +175,7 @@ pub fn synthesise(
         })
         .collect::<Result<_, SynthError>>()?;
     for DecayPlan { trial, robot, decay, seed } in &decays {
-        let scene = Scene { robot, layout: &config.markers, rate_hz, misplaced };
+        let scene = Scene { robot, layout: &config.markers, rate_hz, misplaced, tilt };
         let film = cameras::film(&scene, &decay.coordinates, seed.clone());
         write_bytes(&folder.join(&trial.file), &format.bytes(&film))?;
         on_trial(&trial.id);
