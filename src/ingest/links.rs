@@ -6,6 +6,7 @@ use std::path::Path;
 use super::chain::Chain;
 use super::layout::Layout;
 use super::mend::{LinkFit, Outlier, mend};
+use super::sway::{self, Seen};
 use super::tilt::Tilt;
 use super::{TrialFailure, gaps};
 use crate::config::Poses;
@@ -99,6 +100,7 @@ pub(super) fn track(
     layout: &Layout,
     chain: Option<Chain>,
     poses: Poses,
+    rate_hz: f64,
     max_gap: usize,
 ) -> Result<Tracked, TrialFailure> {
     let (first_frame, frames) = frame_grid(path, &file.frames)?;
@@ -111,8 +113,14 @@ pub(super) fn track(
     let mut markers_seen = 0;
     let mut fits = fit_links(file, layout);
     let tilt = Tilt::of(file, layout, &fits);
-    if let Some((file, layout)) = tilt.corrected(file, layout) {
-        fits = fit_links(&file, &layout);
+    let level = tilt.corrected(file, layout);
+    if let Some((file, layout)) = &level {
+        fits = fit_links(file, layout);
+    }
+    let (level_file, level_layout) =
+        level.as_ref().map_or((file, layout), |(file, layout)| (&**file, layout));
+    for (fits, markers) in fits.iter_mut().zip(level_layout) {
+        sway::steady(Seen { file: level_file, markers, floor: tilt.floor_left() }, rate_hz, fits);
     }
     let refined = chain.map(|chain| chain.refined(&fits));
     let joint_places_mm = chain.zip(refined).map(|(said, found)| said.distance_mm(&found));

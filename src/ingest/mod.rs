@@ -26,6 +26,7 @@ mod smooth;
 mod steady;
 mod summary;
 mod survey;
+mod sway;
 mod tables;
 mod tilt;
 mod tracking;
@@ -235,7 +236,7 @@ fn process(
     let layout = layout::locate(path, &config.markers, &file)?;
     let chain = Some(Chain::of(&robot));
     let max_gap = max_gap_frames(config, rate_hz);
-    let tracked = links::track(path, &file, &layout, chain, config.ingest.poses, max_gap)?;
+    let tracked = links::track(path, &file, &layout, chain, config.ingest.poses, rate_hz, max_gap)?;
     let mut row = summary::blank_row(trial);
     tracking::describe_tracking(&mut row, &tracked);
     findings.extend(tracking::tracking_checks(&row, &tracked, &file, &layout, config));

@@ -108,8 +108,9 @@ impl FileSurvey {
         };
         self.recording = Some(Recording::of(file, layout.as_ref(), file.rate_hz.or(rate_hz)));
         let Some(layout) = layout else { return };
-        let max_gap = rate_hz.map_or(0, |rate_hz| max_gap_frames(config, rate_hz));
-        let tracked = match links::track(path, file, &layout, None, config.ingest.poses, max_gap) {
+        let rate_hz = rate_hz.unwrap_or(config.vicon.rate_hz);
+        let (poses, max_gap) = (config.ingest.poses, max_gap_frames(config, rate_hz));
+        let tracked = match links::track(path, file, &layout, None, poses, rate_hz, max_gap) {
             Ok(tracked) => tracked,
             Err(failure) => return stop(failure),
         };

@@ -5,7 +5,7 @@
 //! markers by their height times the sine: a millimetre for a degree at 60 mm. Both are
 //! constant over a trial, so they are estimated once per trial from all frames: the heights
 //! themselves are too noisy to correct a frame by its own. What changes slowly, as on a soft
-//! suspension, averages out and is left alone.
+//! suspension, is not seen here but as [`super::sway`].
 //!
 //! The height of a marker at `(x, y)` in its link's frame and `(X, Y)` in the cameras' is that of
 //! the layout, plus one constant per link, plus `a y - b x` with the link's turns `a` about its x
@@ -175,6 +175,12 @@ impl Tilt {
             se_rad: (0.5 * (variance[first] + variance[first + 1])).sqrt(),
         };
         Self { floor: turn(0), links: [turn(3), turn(6), turn(9)] }
+    }
+
+    /// What is left of the floor's tilt after the correction, if it is certain.
+    pub fn floor_left(&self) -> Turn {
+        let is_left = self.floor.certain_deg() > 0.0 && !self.floor.is_corrected();
+        if is_left { self.floor } else { Turn::default() }
     }
 
     /// Markers and layout as they would be without the tilt that is to be corrected; `None` if
