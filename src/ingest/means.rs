@@ -34,7 +34,8 @@ pub(super) fn mean(values: &[f64], cycles: &[usize]) -> Estimate {
 /// RMS skid velocity (m/s) of what all cycles have in common. With n cycles, the power of
 /// their mean is the common power plus the noise's over n, and the mean of their powers the
 /// common power plus the noise's; the two give both. The standard error is the jackknife's
-/// over cycles.
+/// over cycles, widened to the standard deviation of Student's distribution: from a few cycles
+/// it is itself uncertain.
 pub(super) fn common_skid(cycles: &[&Cycle], wheel: usize) -> Estimate {
     let skid: Vec<&[f64]> = cycles.iter().map(|cycle| cycle.skid_m_s[wheel].as_slice()).collect();
     let n = skid.len();
@@ -60,7 +61,9 @@ pub(super) fn common_skid(cycles: &[&Cycle], wheel: usize) -> Estimate {
     let left_out: Vec<f64> = (0..n).map(|k| common(Some(k))).collect();
     let middle = left_out.iter().sum::<f64>() / n as f64;
     let squares: f64 = left_out.iter().map(|x| (x - middle).powi(2)).sum();
-    let power_se = (squares * (n as f64 - 1.0) / n as f64).sqrt();
+    let freedom = n as f64 - 1.0;
+    let student = (freedom / (freedom - 2.0).max(1.0)).sqrt();
+    let power_se = (squares * freedom / n as f64).sqrt() * student;
     let power = power.max(0.0);
     // By how much the root grows when the power grows by its error: well-defined at zero too.
     Estimate { value: power.sqrt(), se: (power + power_se).sqrt() - power.sqrt() }
