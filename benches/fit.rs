@@ -33,7 +33,10 @@ fn measurements(data: &str) -> Vec<Measurement> {
         };
         let gait = Config::default().campaign_setup("kinematic-symmetric").expect("the paper's").1;
         Measurement {
+            trial: String::new(),
+            frequency_rad_s: fields[0],
             omega_rad_s: fields[0],
+            cycles: 0,
             metrics,
             errors: GaitMetrics::NONE,
             gait: gait.joints.map(|joint| joint.expect("both joints are commanded")),
@@ -50,7 +53,7 @@ fn one_start(criterion: &mut Criterion) {
         let (weights, input) = (config.campaign[campaign].weights, config.fit.gait_input);
         let objective =
             Objective::new(Model::SkidRoll, robot, gait, weights, input, measurements(data));
-        let parameters = Parameter::free_in(Model::SkidRoll, &gait, &config.fit);
+        let parameters = Parameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
         criterion.bench_function(&format!("one start, {campaign}"), |bencher| {
             bencher.iter(|| black_box(search(&objective, &parameters, 1)));
         });

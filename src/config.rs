@@ -93,14 +93,57 @@ pub enum Smoothing {
 pub struct Fit {
     /// Bounds of every free skid coefficient, kg/s.
     pub skid_bounds_kg_s: [f64; 2],
+    /// Bounds of every free roll coefficient, or of their sum, kg/s.
+    pub roll_bounds_kg_s: [f64; 2],
+    /// Bounds of the passive joint's stiffness where it is free, N m/rad.
+    pub stiffness_bounds_nm_rad: [f64; 2],
     /// Bounds of the passive joint's damping where it is free, N m s/rad.
     pub damping_bounds_nm_s_rad: [f64; 2],
     /// Starting points, spread over the bounds.
     pub starts: usize,
+    /// Replicates of the bootstrap that gives confidence intervals; 0 for none.
+    pub bootstrap: usize,
+    /// Of the bootstrap's random numbers.
+    pub seed: u64,
+    /// Whether to follow the objective along every free coefficient.
+    pub profiles: bool,
     /// Which measured skid ratios the models are compared with.
     pub sigma: SigmaKind,
     /// Which gait drives the models at the trials' frequencies.
     pub gait_input: GaitInput,
+    /// Where k_tau, c_tau and the roll coefficients that are not fitted come from.
+    pub robot_parameters: ParameterSource,
+}
+
+/// Where the robots' own parameters come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ParameterSource {
+    /// The configuration.
+    Configured,
+    /// The trials of kind `joint-release` and `coast-down`, where the folder has them for the
+    /// robot; else the configuration.
+    Measured,
+}
+
+/// What a model may leave free in its fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Free {
+    /// The skid coefficients of all three wheels.
+    Skid,
+    Skid0,
+    Skid1,
+    Skid2,
+    /// The sum of the roll coefficients; their configured proportions stay. Distances and speeds
+    /// hardly tell more of them.
+    Roll,
+    Roll0,
+    Roll1,
+    Roll2,
+    /// Of the passive joint.
+    Stiffness,
+    Damping,
 }
 
 /// The gait that drives a model.
@@ -112,6 +155,16 @@ pub enum GaitInput {
     /// Mean and first harmonic of each trial's measured joint angles: servos do not quite
     /// follow their commands.
     Measured,
+}
+
+impl GaitInput {
+    /// As the configuration writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Commanded => "commanded",
+            Self::Measured => "measured",
+        }
+    }
 }
 
 /// Measured skid ratios.
@@ -177,6 +230,10 @@ pub struct Campaign {
     pub models: Vec<Model>,
     /// Weights of the objective (Table III).
     pub weights: Weights,
+    /// What models leave free; those that are not named have the paper's: `skid` where the
+    /// wheels skid, `damping` for `no-skid-damped`, else nothing.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub free: BTreeMap<Model, Vec<Free>>,
 }
 
 /// Weights of eq. 22.

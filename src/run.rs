@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::config::{Config, ConfigError};
-use crate::fit::{Fitted, fit_folder};
+use crate::fit::{FitEvent, Fitted, fit_folder};
 use crate::ingest::{IngestError, Ingested, ingest_folder};
 use crate::report::{ReportError, Reported, report};
 use crate::store::{FitRow, RobotParameterRow, StoreError, TrialRow, write_bytes};
@@ -143,8 +143,12 @@ pub fn ingest(config: &Config, watch: &dyn Watch) -> Result<Ingested, RunError> 
 /// The table of trials cannot be read, or a table not written.
 pub fn fit(config: &Config, watch: &dyn Watch) -> Result<Fitted, RunError> {
     watch.begin("fit", config.campaign.values().map(|campaign| campaign.models.len()).sum());
-    let on_fit = |fit: &FitRow| watch.step(&format!("{} {}", fit.campaign, fit.model));
-    Ok(fit_folder(config, &config.paths.derived, &on_fit)?)
+    let on_event = |event: FitEvent| {
+        if let FitEvent::Fitted(fit) = event {
+            watch.step(&format!("{} {}", fit.campaign, fit.model));
+        }
+    };
+    Ok(fit_folder(config, &config.paths.derived, &on_event)?)
 }
 
 /// The third stage: figures and the page.

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use trilink::config::{Campaign, Config, GaitInput, SigmaKind};
-use trilink::fit::{Objective, Parameter, fit};
+use trilink::fit::{FitData, Objective, Parameter, fit};
 use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
 use trilink::store::{Rows as _, TrialRow};
 
@@ -71,6 +71,7 @@ fn config(reference: &Reference) -> Config {
     let robot = config.robot.get_mut("semi-passive").unwrap();
     (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (Some(0.137), Some(0.006));
     config.fit.starts = 32;
+    (config.fit.bootstrap, config.fit.profiles) = (0, false);
     config
 }
 
@@ -87,7 +88,7 @@ fn the_reference_s_best_coefficients_have_its_objective() {
             .collect();
         let (weights, input) = (campaign.weights, GaitInput::Commanded);
         let objective = Objective::new(Model::SkidRoll, robot, gait, weights, input, measurements);
-        let parameters = Parameter::free_in(Model::SkidRoll, &gait, &config.fit);
+        let parameters = Parameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
         let j = objective.evaluator(parameters).cost(&reference.best_skid_kg_s);
         // The coefficients are known to six digits, and the objective has a kink there.
         let difference = (j - reference.best_j).abs() / reference.best_j;
@@ -100,7 +101,7 @@ fn thirty_of_thirty_two_starts_end_at_the_reference_s_best_objective() {
     for reference in &REFERENCES {
         let mut config = config(reference);
         config.fit.sigma = SigmaKind::Raw;
-        let fitted = fit(&config, &trials(reference), &|_| {});
+        let fitted = fit(&config, &trials(reference).into(), &|_| {});
         let found = &fitted.fits[0];
         assert_eq!(found.status, "ok");
         let best = |j: f64| (j - reference.best_j).abs() < 1e-6 * reference.best_j;
@@ -109,11 +110,6 @@ fn thirty_of_thirty_two_starts_end_at_the_reference_s_best_objective() {
         assert!(reached >= 30, "{}: {reached} of 32: {:?}", reference.campaign, fitted.starts);
         // The work is bounded too: a start takes some ten evaluations of twelve motions.
         assert!(found.solves < 32 * 12 * 20, "{}: {}", reference.campaign, found.solves);
-        eprintln!(
-            "{reached} {} {:?}",
-            found.solves,
-            fitted.starts.iter().map(|s| s.j).collect::<Vec<_>>()
-        );
         let skid = [found.skid0_kg_s, found.skid1_kg_s, found.skid2_kg_s];
         for (found, known) in skid.iter().zip(reference.best_skid_kg_s) {
             assert!((found - known).abs() < 1e-4 * known, "{}: {skid:?}", reference.campaign);
@@ -145,7 +141,7 @@ fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
     config.fit.sigma = SigmaKind::Raw;
     let mut missed = |input: GaitInput| {
         config.fit.gait_input = input;
-        let found = fit(&config, &rows, &|_| {}).fits.remove(0);
+        let found = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
         let skid = [found.skid0_kg_s, found.skid1_kg_s, found.skid2_kg_s];
         let missed =
             skid.iter().zip(reference.best_skid_kg_s).map(|(c, known)| (c / known - 1.0).abs());
@@ -159,7 +155,7 @@ fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
 #[test]
 fn a_campaign_without_trials_is_a_row_that_says_so() {
     let config = config(&REFERENCES[0]);
-    let fitted = fit(&config, &[], &|_| {});
+    let fitted = fit(&config, &FitData::default(), &|_| {});
     assert_eq!(fitted.fits.len(), 1);
     assert_eq!(fitted.fits[0].status, "failed: no trial with metrics");
     assert!(fitted.predictions.is_empty());

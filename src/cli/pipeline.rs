@@ -78,7 +78,7 @@ fn outcome(finished: &Finished) -> Outcome {
 /// A short table of the fitted parameters.
 pub(super) fn print_fits(fits: &[FitRow]) {
     say!(
-        "{:<24} {:<17} {:>9} {:>10} {:>10} {:>10}   c_S in kg/s; ~ hardly tells, | at its bound",
+        "{:<24} {:<17} {:>9} {:>10} {:>10} {:>10}   c_S in kg/s; ~ not identifiable, | at its bound",
         "campaign",
         "model",
         "J",
@@ -116,7 +116,8 @@ fn cell(fit: &FitRow, name: &str, value: f64) -> String {
         return "-".to_owned();
     }
     let has = |list: &[String]| list.iter().any(|listed| listed == name);
-    let mark = match (has(&fit.at_bound), has(&fit.insensitive)) {
+    let unidentifiable = has(&fit.practically_not) || has(&fit.structurally_not);
+    let mark = match (has(&fit.at_bound), unidentifiable) {
         (true, _) => "|",
         (false, true) => "~",
         (false, false) => "",

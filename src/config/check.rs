@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::Path;
 
-use super::{Config, ConfigError, RobotConfig, nearest};
+use super::{Campaign, Config, ConfigError, Free, RobotConfig, nearest};
 
 /// More starts find nothing new and may not fit into memory.
 const MOST_STARTS: usize = 10_000;
+const MOST_REPLICATES: usize = 100_000;
 /// Least distance between two markers of a link, mm: nearer ones give no heading.
 const LEAST_SPREAD_MM: f64 = 5.0;
 
@@ -29,6 +30,8 @@ impl Config {
         }
         for (key, bounds) in [
             ("fit.skid_bounds_kg_s", self.fit.skid_bounds_kg_s),
+            ("fit.roll_bounds_kg_s", self.fit.roll_bounds_kg_s),
+            ("fit.stiffness_bounds_nm_rad", self.fit.stiffness_bounds_nm_rad),
             ("fit.damping_bounds_nm_s_rad", self.fit.damping_bounds_nm_s_rad),
         ] {
             let ordered = bounds[0] > 0.0 && bounds[1] > bounds[0] && bounds[1].is_finite();
@@ -36,6 +39,13 @@ impl Config {
         }
         let starts = self.fit.starts;
         check.that((1..=MOST_STARTS).contains(&starts), "fit.starts", &starts, "1 to 10000")?;
+        let replicates = self.fit.bootstrap;
+        check.that(
+            replicates <= MOST_REPLICATES,
+            "fit.bootstrap",
+            &replicates,
+            "0 to 100000",
+        )?;
         for (name, robot) in &self.robot {
             check.robot(name, robot)?;
         }
@@ -101,6 +111,10 @@ impl Config {
             let key = format!("campaign.{name}.weights");
             let valid = weights.iter().all(|w| *w >= 0.0 && w.is_finite());
             check.that(valid, &key, &weights, "numbers of 0 or more")?;
+            let weighs = weights.iter().any(|w| *w > 0.0);
+            check.that(weighs, &key, &weights, "at least one above 0")?;
+            let has_passive_joint = gait.to_gait().passive_joint().is_some();
+            check.free(name, campaign, has_passive_joint)?;
         }
         Ok(())
     }
@@ -130,6 +144,15 @@ impl Config {
         }
         Ok(())
     }
+}
+
+/// Whether two names free a coefficient in common.
+fn overlap(a: Free, b: Free) -> bool {
+    use Free::{Roll, Roll0, Roll1, Roll2, Skid, Skid0, Skid1, Skid2};
+    let within = |whole, parts: [Free; 3]| {
+        (a == whole && parts.contains(&b)) || (b == whole && parts.contains(&a))
+    };
+    a == b || within(Skid, [Skid0, Skid1, Skid2]) || within(Roll, [Roll0, Roll1, Roll2])
 }
 
 struct Checker<'a> {
@@ -173,6 +196,37 @@ impl Checker<'_> {
                 needed: format!("one of `{}`{hint}", known.join("`, `")),
             }
         })
+    }
+
+    /// What the models of a campaign leave free.
+    fn free(
+        &self,
+        name: &str,
+        campaign: &Campaign,
+        has_passive_joint: bool,
+    ) -> Result<(), ConfigError> {
+        for (model, free) in &campaign.free {
+            let key = format!("campaign.{name}.free.{model}");
+            let competes = campaign.models.contains(model);
+            let models: Vec<&str> = campaign.models.iter().map(|model| model.name()).collect();
+            let needed = format!("one of the campaign's models `{}`", models.join("`, `"));
+            self.that(competes, &key, &model.name(), &needed)?;
+            for (i, one) in free.iter().enumerate() {
+                let (known, why) = match one {
+                    Free::Skid | Free::Skid0 | Free::Skid1 | Free::Skid2 => {
+                        (model.skids(), "wheels that skid")
+                    }
+                    Free::Roll | Free::Roll0 | Free::Roll1 | Free::Roll2 => {
+                        (model.has_roll_resistance(), "wheels that resist rolling")
+                    }
+                    Free::Stiffness | Free::Damping => (has_passive_joint, "a passive joint"),
+                };
+                self.that(known, &key, one, &format!("a model with {why}"))?;
+                let repeated = free[..i].iter().any(|other| overlap(*one, *other));
+                self.that(!repeated, &key, free, "each coefficient once")?;
+            }
+        }
+        Ok(())
     }
 
     fn robot(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {

@@ -48,10 +48,16 @@ impl Default for Fit {
     fn default() -> Self {
         Self {
             skid_bounds_kg_s: [1.0, 1000.0],
+            roll_bounds_kg_s: [0.01, 10.0],
+            stiffness_bounds_nm_rad: [0.01, 10.0],
             damping_bounds_nm_s_rad: [1e-4, 1.0],
             starts: 8,
+            bootstrap: 200,
+            seed: 1,
+            profiles: true,
             sigma: SigmaKind::Debiased,
             gait_input: GaitInput::Commanded,
+            robot_parameters: ParameterSource::Configured,
         }
     }
 }
@@ -103,6 +109,7 @@ fn campaigns() -> BTreeMap<String, Campaign> {
         gait: gait.into(),
         models: models.into(),
         weights: Weights { d: 10.0, v: 1.0, sigma, alpha },
+        free: BTreeMap::new(),
     };
     let kinematic = [NoSkid, NoSkidMeasured, Skid, SkidRoll];
     let passive = [NoSkid, NoSkidDamped, NoSkidRoll, SkidRoll];

@@ -1,214 +1,165 @@
-//! Fits every model of every campaign to the trials (section IV.D).
+//! Fits every model of every campaign to the trials (section IV.D): the best coefficients, what
+//! they are worth, and which model the measurements prefer.
+//!
+//! Confidence intervals are those of the bootstrap: what the spread of cycles and of repeated
+//! trials tells. An error that all trials share, such as a servo that does not follow its command
+//! or a wrong mass, is not in them.
 
 mod absolute;
+mod base;
+mod coefficient;
+mod compare;
+mod folder;
+mod job;
+mod measured;
+mod measurement;
 mod objective;
 mod predict;
+mod profile;
+mod resample;
 mod search;
 
-use std::path::Path;
+use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::config::{Campaign, Config};
+use crate::config::{Config, ParameterSource};
 use crate::motion::Model;
-use crate::robot::{Gait, Robot};
 use crate::store::{
-    FitRow, PredictionRow, Provenance, Rows, StartRow, StoreError, Table, TrialRow,
+    BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
+    StartRow, TrialRow,
 };
+use job::{Done, Job};
+use resample::Resampler;
 
-pub use objective::{Coefficient, Evaluator, Measurement, Objective, Parameter};
+pub use coefficient::{Coefficient, Parameter};
+pub use folder::fit_folder;
+pub use measurement::Measurement;
+pub use objective::{Evaluator, Objective};
 pub use search::{Start, search};
 
+/// What is fitted.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FitData {
+    pub trials: Vec<TrialRow>,
+    /// By trial; of those that have none the standard errors are resampled.
+    pub cycles: BTreeMap<String, Vec<CycleRow>>,
+    /// What trials of other kinds say of the robots.
+    pub robots: Vec<RobotParameterRow>,
+}
+
+impl From<Vec<TrialRow>> for FitData {
+    fn from(trials: Vec<TrialRow>) -> Self {
+        Self { trials, ..Self::default() }
+    }
+}
+
 /// The tables of a fit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Fitted {
     pub fits: Vec<FitRow>,
     pub starts: Vec<StartRow>,
+    pub profiles: Vec<ProfileRow>,
+    pub bootstrap: Vec<BootstrapRow>,
+    pub comparison: Vec<ComparisonRow>,
     pub predictions: Vec<PredictionRow>,
 }
 
-/// Fits all campaigns to `derived/trials.parquet` and writes `fits.parquet`, `starts.parquet`
-/// and `predictions.parquet` beside it. `on_fit` hears of every finished model.
-///
-/// # Errors
-/// The trials cannot be read or the tables not written. A model that cannot be fitted is a
-/// row with a status.
-pub fn fit_folder(
-    config: &Config,
-    derived: &Path,
-    on_fit: &(dyn Fn(&FitRow) + Sync),
-) -> Result<Fitted, StoreError> {
-    let path = derived.join("trials.parquet");
-    let trials = TrialRow::from_table(&Table::read(&path)?)?;
-    let fitted = fit(config, &trials, on_fit);
-    let provenance = provenance(config, &path)?;
-    FitRow::to_table(&fitted.fits).write(&derived.join("fits.parquet"), &provenance)?;
-    StartRow::to_table(&fitted.starts).write(&derived.join("starts.parquet"), &provenance)?;
-    PredictionRow::to_table(&fitted.predictions)
-        .write(&derived.join("predictions.parquet"), &provenance)?;
-    Ok(fitted)
+/// Something that has happened; on any thread.
+#[derive(Debug, Clone, Copy)]
+pub enum FitEvent<'f> {
+    /// One replicate of `total` is fitted.
+    Replicate { campaign: &'f str, model: Model, total: usize },
+    /// A model is done.
+    Fitted(&'f FitRow),
 }
 
-/// The trials' table and the keys that a fit reads.
-fn provenance(config: &Config, trials: &Path) -> Result<Provenance, StoreError> {
-    let bytes = std::fs::read(trials)
-        .map_err(|source| StoreError::Read { path: trials.to_owned(), source })?;
-    let keys = serde_json::to_vec(&(&config.fit, &config.robot, &config.gait, &config.campaign))
-        .expect("a configuration is plain data");
-    let mut hash = blake3::Hasher::new();
-    hash.update(&bytes).update(&keys);
-    Ok(Provenance { input: hash.finalize().to_hex().to_string() })
-}
+/// Somebody who hears of it.
+pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 
-/// Fits all campaigns; models, starts and frequencies in parallel, results in order.
-pub fn fit(config: &Config, trials: &[TrialRow], on_fit: &(dyn Fn(&FitRow) + Sync)) -> Fitted {
-    let jobs: Vec<Job> = config
+/// Fits all campaigns; models, starts, profiles and replicates in parallel, results in order.
+/// They depend neither on the number of threads nor on the order of the trials.
+pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
+    let campaigns: Vec<(&str, Vec<Measurement>, Resampler)> = config
         .campaign
-        .iter()
-        .filter_map(|(name, campaign)| Some((name, campaign, config.campaign_setup(name)?)))
-        .flat_map(|(name, campaign, (robot, gait))| {
-            let measurements: Vec<Measurement> = trials
-                .iter()
-                .filter(|trial| trial.campaign == *name)
+        .keys()
+        .map(|name| {
+            let of_campaign = data.trials.iter().filter(|trial| trial.campaign == *name);
+            let mut measurements: Vec<Measurement> = of_campaign
                 .filter_map(|trial| Measurement::new(trial, config.fit.sigma))
                 .collect();
-            campaign.models.iter().map(move |&model| Job {
-                name: name.clone(),
-                campaign: campaign.clone(),
-                model,
-                robot: robot.clone(),
-                gait,
-                measurements: measurements.clone(),
+            measurements.sort_by(Measurement::order);
+            let seed = config.fit.seed;
+            let resampler = Resampler::new(name, seed, &measurements, &data.cycles);
+            (name.as_str(), measurements, resampler)
+        })
+        .collect();
+    let jobs: Vec<Job> = campaigns
+        .iter()
+        .flat_map(|(name, measurements, resampler)| {
+            let campaign = &config.campaign[*name];
+            let setup = config.campaign_setup(name).map(|(mut robot, gait)| {
+                let measured = match config.fit.robot_parameters {
+                    ParameterSource::Configured => Vec::new(),
+                    ParameterSource::Measured => {
+                        measured::with_measured(&mut robot, &campaign.robot, &data.robots)
+                    }
+                };
+                (robot, gait, measured)
+            });
+            setup.into_iter().flat_map(move |(robot, gait, measured)| {
+                campaign.models.iter().map(move |&model| Job {
+                    config,
+                    campaign: name,
+                    model,
+                    robot: robot.clone(),
+                    gait,
+                    measured: measured.clone(),
+                    resampler,
+                    measurements,
+                })
             })
         })
         .collect();
-    let results: Vec<Fitted> = jobs
+    let mut done: Vec<Done> = jobs
         .par_iter()
+        .with_max_len(1)
         .map(|job| {
-            let fitted = job.run(config);
-            fitted.fits.iter().for_each(on_fit);
-            fitted
+            let done = job.run(on_event);
+            done.tables.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
+            done
         })
         .collect();
-    let mut all = Fitted { fits: Vec::new(), starts: Vec::new(), predictions: Vec::new() };
-    for fitted in results {
-        all.fits.extend(fitted.fits);
-        all.starts.extend(fitted.starts);
-        all.predictions.extend(fitted.predictions);
+    for of_campaign in done.chunk_by_mut(|a, b| campaign_of(a) == campaign_of(b)) {
+        compare_models(of_campaign, config.fit.bootstrap);
+    }
+    let mut all = Fitted::default();
+    for Done { tables, .. } in done {
+        all.fits.extend(tables.fits);
+        all.starts.extend(tables.starts);
+        all.profiles.extend(tables.profiles);
+        all.bootstrap.extend(tables.bootstrap);
+        all.comparison.extend(tables.comparison);
+        all.predictions.extend(tables.predictions);
     }
     all
 }
 
-/// One model of one campaign.
-struct Job {
-    name: String,
-    campaign: Campaign,
-    model: Model,
-    robot: Robot,
-    gait: Gait,
-    measurements: Vec<Measurement>,
+fn campaign_of(done: &Done) -> Option<&str> {
+    done.tables.comparison.first().map(|row| row.campaign.as_str())
 }
 
-impl Job {
-    fn run(&self, config: &Config) -> Fitted {
-        if self.measurements.is_empty() {
-            return self.without_trials();
-        }
-        let objective = Objective::new(
-            self.model,
-            self.robot.clone(),
-            self.gait,
-            self.campaign.weights,
-            config.fit.gait_input,
-            self.measurements.clone(),
-        );
-        let parameters = Parameter::free_in(self.model, &self.gait, &config.fit);
-        let starts: Vec<Start> = (0..if parameters.is_empty() { 1 } else { config.fit.starts })
-            .into_par_iter()
-            .map(|number| search(&objective, &parameters, number))
-            .collect();
-        let best = starts
-            .iter()
-            .min_by(|a, b| a.cost.total_cmp(&b.cost))
-            .expect("there is at least one start");
-        let robot = objective.robot_with(&parameters, &best.ended);
-        let mut evaluation = objective.evaluator(parameters.clone());
-        let status = evaluation.status(&best.ended);
-        let marks = search::marks(&mut evaluation, &best.ended);
-        let names = |of: &[Coefficient]| of.iter().map(|free| free.name().to_owned()).collect();
-        let free: Vec<Coefficient> = parameters.iter().map(|free| free.coefficient).collect();
-        let fit = FitRow {
-            free: names(&free),
-            insensitive: names(&marks.insensitive),
-            at_bound: names(&marks.at_bound),
-            j: if status == "ok" { best.cost } else { f64::NAN },
-            starts: starts.len() as i64,
-            solves: (starts.iter().map(|start| start.solves).sum::<usize>() + evaluation.solves())
-                as i64,
-            status,
-            ..self.with_parameters_of(&robot)
-        };
-        Fitted {
-            predictions: predict::predictions(&self.name, &objective, &robot),
-            starts: starts
-                .iter()
-                .enumerate()
-                .map(|(number, start)| self.start_row(number, &parameters, start))
-                .collect(),
-            fits: vec![fit],
-        }
+/// Completes the rows of a campaign's comparison by what needs all of them.
+fn compare_models(models: &mut [Done], replicates: usize) {
+    let costs: Vec<&[f64]> = models.iter().map(|done| done.replicates.as_slice()).collect();
+    let wins = compare::wins(&costs);
+    for (done, wins) in models.iter_mut().zip(wins) {
+        done.tables.comparison.iter_mut().for_each(|row| row.wins = wins);
     }
-
-    fn without_trials(&self) -> Fitted {
-        let status = "failed: no trial with metrics".to_owned();
-        let fit = FitRow { status, ..self.with_parameters_of(&self.robot) };
-        Fitted { fits: vec![fit], starts: Vec::new(), predictions: Vec::new() }
-    }
-
-    /// A row with the parameters that the model knows; the others are missing.
-    fn with_parameters_of(&self, robot: &Robot) -> FitRow {
-        let known = |is_known: bool, value: f64| if is_known { value } else { f64::NAN };
-        let is_passive = self.gait.passive_joint().is_some();
-        let [skid0, skid1, skid2] = robot.skid_kg_s.map(|c| known(self.model.skids(), c));
-        let has_roll = self.model.has_roll_resistance();
-        let [roll0, roll1, roll2] = robot.roll_kg_s.map(|c| known(has_roll, c));
-        FitRow {
-            campaign: self.name.clone(),
-            model: self.model.name().to_owned(),
-            skid0_kg_s: skid0,
-            skid1_kg_s: skid1,
-            skid2_kg_s: skid2,
-            roll0_kg_s: roll0,
-            roll1_kg_s: roll1,
-            roll2_kg_s: roll2,
-            stiffness_nm_rad: known(is_passive, robot.stiffness_nm_rad),
-            damping_nm_s_rad: known(is_passive, robot.damping_nm_s_rad),
-            ..FitRow::blank()
-        }
-    }
-
-    fn start_row(&self, number: usize, parameters: &[Parameter], start: &Start) -> StartRow {
-        let value = |coefficient: Coefficient, values: &[f64]| {
-            let place = parameters.iter().position(|free| free.coefficient == coefficient);
-            place.map_or(f64::NAN, |place| values[place])
-        };
-        let began = |coefficient| value(coefficient, &start.began);
-        let ended = |coefficient| value(coefficient, &start.ended);
-        StartRow {
-            campaign: self.name.clone(),
-            model: self.model.name().to_owned(),
-            start: number as i64,
-            began_skid0_kg_s: began(Coefficient::Skid(0)),
-            began_skid1_kg_s: began(Coefficient::Skid(1)),
-            began_skid2_kg_s: began(Coefficient::Skid(2)),
-            began_damping_nm_s_rad: began(Coefficient::Damping),
-            ended_skid0_kg_s: ended(Coefficient::Skid(0)),
-            ended_skid1_kg_s: ended(Coefficient::Skid(1)),
-            ended_skid2_kg_s: ended(Coefficient::Skid(2)),
-            ended_damping_nm_s_rad: ended(Coefficient::Damping),
-            j: start.cost,
-            solves: start.solves as i64,
-            stopped: start.stopped.clone(),
-        }
+    let rows: Vec<ComparisonRow> =
+        models.iter().flat_map(|done| done.tables.comparison.iter().cloned()).collect();
+    let sentence = compare::sentence(&rows, replicates);
+    for row in models.iter_mut().flat_map(|done| &mut done.tables.comparison) {
+        row.sentence.clone_from(&sentence);
     }
 }

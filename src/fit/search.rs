@@ -10,8 +10,9 @@
 
 use nalgebra::DVector;
 
-use super::absolute::{minimise, sum};
-use super::objective::{Coefficient, Evaluator, Objective, PENALTY, Parameter};
+use super::absolute::{Term, minimise, sum};
+use super::coefficient::{Coefficient, Parameter};
+use super::objective::{Evaluator, Linearised, Objective, PENALTY};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
 /// One run of the search.
@@ -33,58 +34,80 @@ const MOST_STEPS: usize = 200;
 const FIRST_REGION: f64 = 1.0;
 const LARGEST_REGION: f64 = 3.0;
 /// Fall of the objective, relative to it, below which it has converged.
-const CONVERGED: f64 = 1e-9;
+pub(super) const CONVERGED: f64 = 1e-9;
+/// A search that ended like this has found a minimum.
+pub(super) const HAS_CONVERGED: &str = "converged";
+pub(super) const NOTHING_FREE: &str = "nothing is free";
 
 /// Searches from the start with this number: 0 is the configured robot, the others are spread
 /// over the bounds. Without parameters there is one evaluation.
 pub fn search(objective: &Objective, parameters: &[Parameter], number: usize) -> Start {
     let began = begin(objective, parameters, number);
-    let mut evaluator = objective.evaluator(parameters.to_vec());
-    if parameters.is_empty() {
+    search_from(objective.evaluator(parameters.to_vec()), began)
+}
+
+/// Searches from these values of the free parameters, to the last digits.
+pub(super) fn search_from(mut evaluator: Evaluator, began: Vec<f64>) -> Start {
+    if evaluator.parameters.is_empty() {
         let cost = evaluator.cost(&[]);
-        let stopped = "nothing is free".to_owned();
+        let stopped = NOTHING_FREE.to_owned();
         return Start { ended: began.clone(), began, cost, solves: evaluator.solves(), stopped };
     }
-    let mut descent = Descent {
-        place: began.clone(),
-        cost: f64::INFINITY,
-        region: FIRST_REGION,
-        evaluator: &mut evaluator,
-    };
-    descent.run(FIT_ACCURACY);
+    evaluator.accuracy = FIT_ACCURACY;
+    let mut descent = Descent::new(&mut evaluator, began.clone());
+    descent.run(CONVERGED);
+    let place = descent.place;
     // The last digits by motions that have them.
-    let has_converged = descent.run(REFERENCE_ACCURACY);
-    let Descent { place, cost, .. } = descent;
-    let stopped = match has_converged {
-        _ if cost >= PENALTY => "no motion exists here",
-        true => "converged",
-        false => "too many steps",
-    };
-    let stopped = stopped.to_owned();
-    Start { began, ended: place, cost, solves: evaluator.solves(), stopped }
+    evaluator.accuracy = REFERENCE_ACCURACY;
+    let mut descent = Descent::new(&mut evaluator, place);
+    let has_converged = descent.run(CONVERGED);
+    let stopped = descent.stopped(has_converged).to_owned();
+    let Descent { place: ended, cost, .. } = descent;
+    Start { began, ended, cost, solves: evaluator.solves(), stopped }
 }
 
 /// A search on its way.
-struct Descent<'d, 'o> {
+pub(super) struct Descent<'d, 'o> {
     evaluator: &'d mut Evaluator<'o>,
-    place: Vec<f64>,
-    cost: f64,
+    pub place: Vec<f64>,
+    pub cost: f64,
+    terms: Vec<Term>,
+    /// A parameter that stays as it is.
+    held: Option<usize>,
     /// Largest change of a parameter's logarithm.
     region: f64,
 }
 
-impl Descent<'_, '_> {
-    /// Goes on, with motions of this accuracy, until the objective can hardly fall; `false` if
-    /// that takes too many steps.
-    fn run(&mut self, accuracy: f64) -> bool {
-        self.evaluator.accuracy = accuracy;
+impl<'d, 'o> Descent<'d, 'o> {
+    /// A search that begins at `place`.
+    pub fn new(evaluator: &'d mut Evaluator<'o>, place: Vec<f64>) -> Self {
+        let here = evaluator.linearised(&place);
+        Self::from(evaluator, place, here)
+    }
+
+    /// A search that begins at `place`, where the objective is known.
+    pub fn from(evaluator: &'d mut Evaluator<'o>, place: Vec<f64>, here: Linearised) -> Self {
+        let Linearised { cost, terms } = here;
+        Self { evaluator, place, cost, terms, held: None, region: FIRST_REGION }
+    }
+
+    /// The same with one parameter that stays as it is.
+    pub fn holding(self, place: usize) -> Self {
+        Self { held: Some(place), ..self }
+    }
+
+    /// Goes on until the objective can hardly fall, relative to itself; `false` if that takes
+    /// too many steps.
+    pub fn run(&mut self, converged: f64) -> bool {
         let parameters = self.evaluator.parameters.clone();
-        let (cost, mut terms) = self.evaluator.linearised(&self.place);
-        self.cost = cost;
+        if parameters.len() == usize::from(self.held.is_some()) {
+            return true;
+        }
         for _ in 0..MOST_STEPS {
-            let step = minimise(&terms, &self.limits(&parameters));
-            let expected = sum(&terms, &DVector::zeros(step.len())) - sum(&terms, &step);
-            if expected <= CONVERGED * self.cost {
+            let limits = self.limits(&parameters);
+            let step = best_step(&self.terms, &limits, self.held);
+            let expected = sum(&self.terms, &DVector::zeros(step.len())) - sum(&self.terms, &step);
+            if expected <= converged * self.cost {
                 return true;
             }
             let next: Vec<f64> = parameters
@@ -92,36 +115,69 @@ impl Descent<'_, '_> {
                 .zip(self.place.iter().zip(step.iter()))
                 .map(|(parameter, (value, step))| {
                     let [low, high] = parameter.bounds;
-                    (value * step.exp()).clamp(low, high)
+                    if *step == 0.0 { *value } else { (value * step.exp()).clamp(low, high) }
                 })
                 .collect();
-            let (next_cost, next_terms) = self.evaluator.linearised(&next);
-            let kept = (self.cost - next_cost) / expected;
+            let found = self.evaluator.linearised(&next);
+            let kept = (self.cost - found.cost) / expected;
             if kept < 0.25 {
                 self.region = 0.3 * self.region.min(step.amax());
             } else if kept > 0.75 {
                 self.region = (2.0 * self.region).min(LARGEST_REGION);
             }
-            if next_cost < self.cost {
-                (self.place, self.cost, terms) = (next, next_cost, next_terms);
+            if found.cost < self.cost {
+                (self.place, self.cost, self.terms) = (next, found.cost, found.terms);
             }
         }
         false
     }
 
+    /// Why it stopped.
+    pub fn stopped(&self, has_converged: bool) -> &'static str {
+        match has_converged {
+            _ if self.cost >= PENALTY => "no motion exists here",
+            true => HAS_CONVERGED,
+            false => "too many steps",
+        }
+    }
+
     /// How far the parameters' logarithms may go from where they are.
     fn limits(&self, parameters: &[Parameter]) -> Vec<[f64; 2]> {
-        let limit = |(parameter, value): (&Parameter, &f64)| {
-            let [low, high] = parameter.bounds.map(|bound| (bound / value).ln());
-            [low.clamp(-self.region, 0.0), high.clamp(0.0, self.region)]
-        };
-        parameters.iter().zip(&self.place).map(limit).collect()
+        limits(parameters, &self.place, self.region)
     }
+}
+
+/// How far the parameters' logarithms may go from `place` within the bounds and a region.
+pub(super) fn limits(parameters: &[Parameter], place: &[f64], region: f64) -> Vec<[f64; 2]> {
+    let limit = |(parameter, value): (&Parameter, &f64)| {
+        let [low, high] = parameter.bounds.map(|bound| (bound / value).ln());
+        [low.clamp(-region, 0.0), high.clamp(0.0, region)]
+    };
+    parameters.iter().zip(place).map(limit).collect()
+}
+
+/// The step that minimises the linearised terms; that of a held parameter is 0.
+pub(super) fn best_step(
+    terms: &[Term],
+    limits: &[[f64; 2]],
+    held: Option<usize>,
+) -> DVector<f64> {
+    let Some(held) = held else { return minimise(terms, limits) };
+    if limits.len() == 1 {
+        return DVector::zeros(1);
+    }
+    let mut others = limits.to_vec();
+    others.remove(held);
+    let mut terms = terms.to_vec();
+    for term in &mut terms {
+        term.slope.remove(held);
+    }
+    minimise(&terms, &others).insert_row(held, 0.0)
 }
 
 /// Where a start begins.
 fn begin(objective: &Objective, parameters: &[Parameter], number: usize) -> Vec<f64> {
-    const BASES: [u32; 6] = [2, 3, 5, 7, 11, 13];
+    const BASES: [u32; 8] = [2, 3, 5, 7, 11, 13, 17, 19];
     parameters
         .iter()
         .zip(BASES.into_iter().cycle())
@@ -149,39 +205,19 @@ fn radical_inverse(mut number: u32, base: u32) -> f64 {
     inverse
 }
 
-/// What is to be said of the fitted coefficients.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Marks {
-    /// Hardly move the objective.
-    pub insensitive: Vec<Coefficient>,
-    pub at_bound: Vec<Coefficient>,
-}
-
-/// A coefficient is insensitive when changing it by this factor, up or down, moves the
-/// objective by less than [`SLIGHT`] of its value or than the measurements' own error.
-const FACTOR: f64 = 1.2;
-const SLIGHT: f64 = 0.01;
 /// Relative distance from a bound that counts as at it.
 const AT_BOUND: f64 = 1e-3;
 
-/// Marks the coefficients that the objective does not tell.
-pub(super) fn marks(evaluator: &mut Evaluator, values: &[f64]) -> Marks {
-    let mut marks = Marks::default();
-    let cost = evaluator.cost(values);
-    let slight = (SLIGHT * cost).max(evaluator.objective.standard_error());
-    for (i, parameter) in evaluator.parameters.clone().iter().enumerate() {
-        let moves = [FACTOR, 1.0 / FACTOR].iter().any(|factor| {
-            let mut changed = values.to_vec();
-            changed[i] *= factor;
-            evaluator.cost(&changed) - cost > slight
-        });
-        if !moves {
-            marks.insensitive.push(parameter.coefficient);
-        }
-        let [low, high] = parameter.bounds;
-        if values[i] < low * (1.0 + AT_BOUND) || values[i] > high * (1.0 - AT_BOUND) {
-            marks.at_bound.push(parameter.coefficient);
-        }
-    }
-    marks
+/// To which of its bounds a parameter's value has come: lower, upper.
+pub(super) fn is_at_bound(parameter: &Parameter, value: f64) -> [bool; 2] {
+    let [low, high] = parameter.bounds;
+    [value < low * (1.0 + AT_BOUND), value > high * (1.0 - AT_BOUND)]
+}
+
+/// The parameters that are at a bound.
+pub(super) fn at_bound(parameters: &[Parameter], values: &[f64]) -> Vec<Coefficient> {
+    let both = parameters.iter().zip(values);
+    both.filter(|(parameter, value)| is_at_bound(parameter, **value).contains(&true))
+        .map(|(parameter, _)| parameter.coefficient)
+        .collect()
 }

@@ -92,7 +92,7 @@ pub fn report(config: &Config) -> Result<Reported, ReportError> {
         })
         .collect::<Result<Vec<_>, ReportError>>()?;
 
-    write_bytes(&reports.join("fits.json"), &fits_json::json(&tables.fits)?)?;
+    write_bytes(&reports.join("fits.json"), &fits_json::json(&tables.fits, &tables.comparison)?)?;
     let html = page::html(config, &tables, &drawn, &missing, truth.as_ref())?;
     let page = reports.join("index.html");
     write_bytes(&page, html.as_bytes())?;

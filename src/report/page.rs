@@ -99,6 +99,8 @@ struct FitView<'p> {
 struct ParameterView {
     value: String,
     free: bool,
+    /// 95 % confidence interval.
+    interval: String,
     marks: Vec<&'static str>,
 }
 
@@ -281,6 +283,7 @@ fn fit_view(fit: &FitRow) -> FitView<'_> {
     let view = |parameter: &Parameter| ParameterView {
         value: parameter.text(),
         free: parameter.free,
+        interval: parameter.interval(),
         marks: parameter.marks(),
     };
     let parameters = parameters::of_fit(fit).map(|parameter| view(&parameter));
@@ -290,7 +293,8 @@ fn fit_view(fit: &FitRow) -> FitView<'_> {
         j: significant(fit.j, 4),
         skid: parameters.by_ref().take(3).collect(),
         roll: parameters.by_ref().take(3).collect(),
-        joint: parameters.collect(),
+        // The sum of the roll coefficients is not shown.
+        joint: parameters.skip(1).collect(),
         starts: fit.starts,
         solves: fit.solves,
         status: &fit.status,

@@ -1,19 +1,7 @@
 //! The parameters of a fitted model and how each came about.
 
 use super::numbers::{as_configured, significant};
-use crate::store::FitRow;
-
-/// Columns of `fits.parquet` that are parameters.
-pub const NAMES: [&str; 8] = [
-    "skid0_kg_s",
-    "skid1_kg_s",
-    "skid2_kg_s",
-    "roll0_kg_s",
-    "roll1_kg_s",
-    "roll2_kg_s",
-    "stiffness_nm_rad",
-    "damping_nm_s_rad",
-];
+use crate::store::{FitRow, PARAMETERS};
 
 /// One parameter of one fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,9 +11,13 @@ pub struct Parameter {
     pub value: f64,
     /// Fitted; otherwise held at the robot's value.
     pub free: bool,
-    /// Hardly moves the objective.
-    pub insensitive: bool,
+    /// What its profile does not tell: `practically not` or `structurally not` identifiable.
+    pub unidentifiable: Option<&'static str>,
+    /// 95 % confidence limits; NaN where the interval is open or unknown.
+    pub limits: [f64; 2],
     pub at_bound: bool,
+    /// Given by trials of other kinds.
+    pub measured: bool,
 }
 
 impl Parameter {
@@ -37,38 +29,67 @@ impl Parameter {
         }
     }
 
-    /// What a reader has to know before trusting the value: `held`, `insensitive`, `at bound`.
+    /// What a reader has to know before trusting the value: `held`, `measured`, `not
+    /// identifiable`, `at bound` and the like.
     pub fn marks(&self) -> Vec<&'static str> {
         if !self.value.is_finite() {
             return Vec::new();
         }
-        let marks =
-            [(!self.free, "held"), (self.insensitive, "insensitive"), (self.at_bound, "at bound")];
-        marks.into_iter().filter_map(|(is_so, mark)| is_so.then_some(mark)).collect()
+        let held = match (self.free, self.measured) {
+            (true, _) => None,
+            (false, true) => Some("measured"),
+            (false, false) => Some("held"),
+        };
+        let at_bound = self.at_bound.then_some("at bound");
+        [held, self.unidentifiable, at_bound].into_iter().flatten().collect()
+    }
+
+    /// The confidence interval; empty for parameters that were not fitted, `∞` or `0` where it is
+    /// open.
+    pub fn interval(&self) -> String {
+        let [low, high] = self.limits;
+        if !self.free || !(low.is_finite() || high.is_finite()) {
+            return String::new();
+        }
+        let text = |limit: f64, open: &str| match limit.is_finite() {
+            true => significant(limit, 3),
+            false => open.to_owned(),
+        };
+        format!("{} to {}", text(low, "0"), text(high, "∞"))
     }
 }
 
-/// All parameters of a fit in the order of [`NAMES`].
-pub fn of_fit(fit: &FitRow) -> [Parameter; 8] {
-    let values = [
-        fit.skid0_kg_s,
-        fit.skid1_kg_s,
-        fit.skid2_kg_s,
-        fit.roll0_kg_s,
-        fit.roll1_kg_s,
-        fit.roll2_kg_s,
-        fit.stiffness_nm_rad,
-        fit.damping_nm_s_rad,
-    ];
+/// Names that [`Parameter::marks`] gives to parameters that the data do not tell.
+pub const PRACTICALLY_NOT: &str = "practically not identifiable";
+pub const STRUCTURALLY_NOT: &str = "not identifiable";
+
+/// Place of the sum of the roll coefficients, which the three are free by.
+const ROLL_SUM: usize = 6;
+
+/// All parameters of a fit in the order of [`PARAMETERS`].
+pub fn of_fit(fit: &FitRow) -> [Parameter; 9] {
+    let (values, lower, upper) = (fit.parameters(), fit.lower_limits(), fit.upper_limits());
+    let lists = |names: &[String], place: usize| names.iter().any(|name| name == PARAMETERS[place]);
     std::array::from_fn(|i| {
-        let name = NAMES[i];
-        let lists = |names: &[String]| names.iter().any(|listed| listed == name);
+        // The three roll coefficients are as free as their sum.
+        let is_roll = (3..ROLL_SUM).contains(&i);
+        let by_sum = is_roll && !lists(&fit.free, i) && lists(&fit.free, ROLL_SUM);
+        let place = if by_sum { ROLL_SUM } else { i };
+        let share = if by_sum { values[i] / values[ROLL_SUM] } else { 1.0 };
+        let unidentifiable = match () {
+            () if lists(&fit.structurally_not, place) => Some(STRUCTURALLY_NOT),
+            () if lists(&fit.practically_not, place) => Some(PRACTICALLY_NOT),
+            () => None,
+        };
+        let measured = lists(&fit.measured, i) || is_roll && lists(&fit.measured, ROLL_SUM);
         Parameter {
-            name,
+            name: PARAMETERS[i],
             value: values[i],
-            free: lists(&fit.free),
-            insensitive: lists(&fit.insensitive),
-            at_bound: lists(&fit.at_bound),
+            free: lists(&fit.free, place),
+            measured,
+            unidentifiable,
+            limits: [lower[place] * share, upper[place] * share],
+            at_bound: lists(&fit.at_bound, place),
         }
     })
 }

@@ -6,7 +6,10 @@ use std::path::Path;
 use super::ReportError;
 use super::series::Source;
 use crate::config::Config;
-use crate::store::{CheckRow, FitRow, PredictionRow, Rows, Table, TrialRow};
+use crate::store::{
+    BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, Rows, StartRow,
+    Table, TrialRow,
+};
 
 /// Rows of `derived/`.
 #[derive(Debug, Default)]
@@ -15,6 +18,10 @@ pub struct Tables {
     pub checks: Vec<CheckRow>,
     pub fits: Vec<FitRow>,
     pub predictions: Vec<PredictionRow>,
+    pub comparison: Vec<ComparisonRow>,
+    pub starts: Vec<StartRow>,
+    pub profiles: Vec<ProfileRow>,
+    pub bootstrap: Vec<BootstrapRow>,
     /// Sentences on tables that are not there.
     pub missing: Vec<String>,
 }
@@ -32,6 +39,10 @@ impl Tables {
             checks: optional(derived, "checks", "no check is listed", &mut missing)?,
             fits: optional(derived, "fits", "no model is fitted", &mut missing)?,
             predictions: optional(derived, "predictions", "no model is drawn", &mut missing)?,
+            comparison: optional(derived, "comparison", "no model is compared", &mut missing)?,
+            starts: optional(derived, "starts", "no search is drawn", &mut missing)?,
+            profiles: optional(derived, "profiles", "no profile is drawn", &mut missing)?,
+            bootstrap: optional(derived, "bootstrap", "no replicate is drawn", &mut missing)?,
             missing: Vec::new(),
         };
         tables.missing = missing;

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::numbers::{as_configured, fixed, percent};
 use super::parameters::{self, Parameter};
 use super::tables::Tables;
+use crate::store::FitRow;
 use crate::trial::TRUTH_FILE;
 
 /// The model that the trials were made with.
@@ -76,7 +77,7 @@ pub struct CoefficientRow {
     pub planted: String,
     pub found: String,
     pub difference: String,
-    /// `held`, `insensitive`, `at bound`.
+    /// See [`Parameter::marks`].
     pub marks: Vec<&'static str>,
 }
 
@@ -125,13 +126,18 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Vec<CoefficientRow> {
             None => [None; 3],
         });
         let joint = [planted.stiffness_nm_rad, planted.damping_nm_s_rad];
-        let planted = skid.into_iter().chain(roll).chain(joint);
+        let sum = planted.roll_kg_s.map(|roll| roll.iter().sum()).filter(|_| frees_sum(fit));
+        let planted = skid.into_iter().chain(roll).chain([sum]).chain(joint);
         for (parameter, planted) in parameters::of_fit(fit).into_iter().zip(planted) {
             let Some(planted) = planted else { continue };
             rows.push(coefficient_row(&fit.campaign, parameter, planted));
         }
     }
     rows
+}
+
+fn frees_sum(fit: &FitRow) -> bool {
+    fit.free.iter().any(|name| name == "roll_sum_kg_s")
 }
 
 fn coefficient_row(campaign: &str, parameter: Parameter, planted: f64) -> CoefficientRow {

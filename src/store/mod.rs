@@ -1,15 +1,17 @@
 //! Where results rest: the tables of `derived/`, written whole or not at all.
 
 mod atomic;
+mod parameters;
 mod rows;
 mod schema;
 mod table;
 
 pub use atomic::{write_atomically, write_bytes};
+pub use parameters::PARAMETERS;
 pub use rows::Rows;
 pub use schema::{
-    CheckRow, CycleRow, FitRow, PredictionRow, RobotParameterRow, StartRow, TrajectoryRow,
-    TrialRow, cycles_path, poses_path, wheels_path,
+    BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow,
+    RobotParameterRow, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path, wheels_path,
 };
 pub use table::{Column, Provenance, Table, is_reading};
 

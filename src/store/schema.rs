@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::parameters::parameter_columns;
 use super::rows::rows;
 use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
@@ -195,7 +196,8 @@ rows! {
 }
 
 rows! {
-    /// One model fitted to one campaign: `fits.parquet`.
+    /// One model fitted to one campaign: `fits.parquet`. Parameters that the model does not have
+    /// are missing.
     pub struct FitRow {
         pub campaign: String,
         pub model: String,
@@ -205,17 +207,48 @@ rows! {
         pub roll0_kg_s: f64,
         pub roll1_kg_s: f64,
         pub roll2_kg_s: f64,
+        pub roll_sum_kg_s: f64,
         pub stiffness_nm_rad: f64,
         pub damping_nm_s_rad: f64,
+        /// 95 % confidence limits of the fitted parameters; missing where the interval is open.
+        pub skid0_kg_s_lo: f64,
+        pub skid0_kg_s_hi: f64,
+        pub skid1_kg_s_lo: f64,
+        pub skid1_kg_s_hi: f64,
+        pub skid2_kg_s_lo: f64,
+        pub skid2_kg_s_hi: f64,
+        pub roll0_kg_s_lo: f64,
+        pub roll0_kg_s_hi: f64,
+        pub roll1_kg_s_lo: f64,
+        pub roll1_kg_s_hi: f64,
+        pub roll2_kg_s_lo: f64,
+        pub roll2_kg_s_hi: f64,
+        pub roll_sum_kg_s_lo: f64,
+        pub roll_sum_kg_s_hi: f64,
+        pub stiffness_nm_rad_lo: f64,
+        pub stiffness_nm_rad_hi: f64,
+        pub damping_nm_s_rad_lo: f64,
+        pub damping_nm_s_rad_hi: f64,
         /// Names of the fitted parameters.
         pub free: Vec<String>,
-        /// Fitted parameters that hardly move the objective; their values say little.
-        pub insensitive: Vec<String>,
+        /// Names of the parameters that joint-release and coast-down trials gave.
+        pub measured: Vec<String>,
+        /// Fitted parameters by what the profiles of the objective tell of them.
+        pub identifiable: Vec<String>,
+        pub practically_not: Vec<String>,
+        pub structurally_not: Vec<String>,
         /// Fitted parameters that ended at a bound.
         pub at_bound: Vec<String>,
         /// Value of the objective (eq. 22), averaged over the trials.
         pub j: f64,
+        /// Trials that it is averaged over.
+        pub trials: i64,
         pub starts: i64,
+        /// Starts that ended at this objective, to 1e-6 of it, and those that did not converge.
+        pub starts_reached: i64,
+        pub starts_failed: i64,
+        /// How often a profile found a lower objective, from which the fit went on.
+        pub resumed: i64,
         /// Steady motions solved for.
         pub solves: i64,
         /// `ok`, or why there is no fit.
@@ -224,7 +257,7 @@ rows! {
 }
 
 rows! {
-    /// One start of a fit: `starts.parquet`.
+    /// One start of a fit: `starts.parquet`. No time: the same folder gives the same bytes.
     pub struct StartRow {
         pub campaign: String,
         pub model: String,
@@ -233,15 +266,112 @@ rows! {
         pub began_skid0_kg_s: f64,
         pub began_skid1_kg_s: f64,
         pub began_skid2_kg_s: f64,
+        pub began_roll0_kg_s: f64,
+        pub began_roll1_kg_s: f64,
+        pub began_roll2_kg_s: f64,
+        pub began_roll_sum_kg_s: f64,
+        pub began_stiffness_nm_rad: f64,
         pub began_damping_nm_s_rad: f64,
         pub ended_skid0_kg_s: f64,
         pub ended_skid1_kg_s: f64,
         pub ended_skid2_kg_s: f64,
+        pub ended_roll0_kg_s: f64,
+        pub ended_roll1_kg_s: f64,
+        pub ended_roll2_kg_s: f64,
+        pub ended_roll_sum_kg_s: f64,
+        pub ended_stiffness_nm_rad: f64,
         pub ended_damping_nm_s_rad: f64,
         pub j: f64,
         pub solves: i64,
         /// Why the search stopped.
         pub stopped: String,
+    }
+}
+
+rows! {
+    /// The objective with one free parameter held and the others fitted: `profiles.parquet`.
+    pub struct ProfileRow {
+        pub campaign: String,
+        pub model: String,
+        /// The parameter that is held, and where.
+        pub parameter: String,
+        pub value: f64,
+        /// The free parameters there; those that are not free are missing.
+        pub skid0_kg_s: f64,
+        pub skid1_kg_s: f64,
+        pub skid2_kg_s: f64,
+        pub roll0_kg_s: f64,
+        pub roll1_kg_s: f64,
+        pub roll2_kg_s: f64,
+        pub roll_sum_kg_s: f64,
+        pub stiffness_nm_rad: f64,
+        pub damping_nm_s_rad: f64,
+        pub j: f64,
+        /// Objective above which a value is outside of the profile's interval.
+        pub limit_j: f64,
+    }
+}
+
+rows! {
+    /// One replicate of the bootstrap: `bootstrap.parquet`. The number of a replicate stands for
+    /// the same resampled measurements in every model of a campaign.
+    pub struct BootstrapRow {
+        pub campaign: String,
+        pub model: String,
+        pub replicate: i64,
+        /// The free parameters; those that are not free are missing.
+        pub skid0_kg_s: f64,
+        pub skid1_kg_s: f64,
+        pub skid2_kg_s: f64,
+        pub roll0_kg_s: f64,
+        pub roll1_kg_s: f64,
+        pub roll2_kg_s: f64,
+        pub roll_sum_kg_s: f64,
+        pub stiffness_nm_rad: f64,
+        pub damping_nm_s_rad: f64,
+        pub j: f64,
+        pub solves: i64,
+        pub stopped: String,
+    }
+}
+
+rows! {
+    /// How one model compares with its campaign's others: `comparison.parquet`.
+    pub struct ComparisonRow {
+        pub campaign: String,
+        pub model: String,
+        /// The objective and its parts; the parts' sum is the whole.
+        pub j: f64,
+        pub j_d: f64,
+        pub j_v: f64,
+        pub j_sigma: f64,
+        pub j_alpha: f64,
+        /// The objective with every frequency's trials predicted by a fit to the others.
+        pub j_left_out: f64,
+        /// Number of free parameters, and of terms in the objective.
+        pub free: i64,
+        pub terms: i64,
+        /// Information criterion, see [`crate::fit`]; differences count, lower is better.
+        pub criterion: f64,
+        /// Part of the bootstrap's replicates in which the model has the campaign's lowest
+        /// objective.
+        pub wins: f64,
+        /// The same fit driven by the other gait than the configured one.
+        pub other_gait_input: String,
+        pub other_gait_j: f64,
+        /// Its parameters.
+        pub other_gait_skid0_kg_s: f64,
+        pub other_gait_skid1_kg_s: f64,
+        pub other_gait_skid2_kg_s: f64,
+        pub other_gait_roll0_kg_s: f64,
+        pub other_gait_roll1_kg_s: f64,
+        pub other_gait_roll2_kg_s: f64,
+        pub other_gait_roll_sum_kg_s: f64,
+        pub other_gait_stiffness_nm_rad: f64,
+        pub other_gait_damping_nm_s_rad: f64,
+        pub status: String,
+        /// What the campaign's measurements say of its models, in a sentence.
+        pub sentence: String,
     }
 }
 
@@ -326,3 +456,12 @@ rows! {
         pub loss_w: f64,
     }
 }
+
+parameter_columns!(FitRow, parameters, set_parameters: skid0_kg_s, skid1_kg_s, skid2_kg_s, roll0_kg_s, roll1_kg_s, roll2_kg_s, roll_sum_kg_s, stiffness_nm_rad, damping_nm_s_rad);
+parameter_columns!(FitRow, lower_limits, set_lower_limits: skid0_kg_s_lo, skid1_kg_s_lo, skid2_kg_s_lo, roll0_kg_s_lo, roll1_kg_s_lo, roll2_kg_s_lo, roll_sum_kg_s_lo, stiffness_nm_rad_lo, damping_nm_s_rad_lo);
+parameter_columns!(FitRow, upper_limits, set_upper_limits: skid0_kg_s_hi, skid1_kg_s_hi, skid2_kg_s_hi, roll0_kg_s_hi, roll1_kg_s_hi, roll2_kg_s_hi, roll_sum_kg_s_hi, stiffness_nm_rad_hi, damping_nm_s_rad_hi);
+parameter_columns!(StartRow, began, set_began: began_skid0_kg_s, began_skid1_kg_s, began_skid2_kg_s, began_roll0_kg_s, began_roll1_kg_s, began_roll2_kg_s, began_roll_sum_kg_s, began_stiffness_nm_rad, began_damping_nm_s_rad);
+parameter_columns!(StartRow, ended, set_ended: ended_skid0_kg_s, ended_skid1_kg_s, ended_skid2_kg_s, ended_roll0_kg_s, ended_roll1_kg_s, ended_roll2_kg_s, ended_roll_sum_kg_s, ended_stiffness_nm_rad, ended_damping_nm_s_rad);
+parameter_columns!(ProfileRow, parameters, set_parameters: skid0_kg_s, skid1_kg_s, skid2_kg_s, roll0_kg_s, roll1_kg_s, roll2_kg_s, roll_sum_kg_s, stiffness_nm_rad, damping_nm_s_rad);
+parameter_columns!(BootstrapRow, parameters, set_parameters: skid0_kg_s, skid1_kg_s, skid2_kg_s, roll0_kg_s, roll1_kg_s, roll2_kg_s, roll_sum_kg_s, stiffness_nm_rad, damping_nm_s_rad);
+parameter_columns!(ComparisonRow, other_gait_parameters, set_other_gait_parameters: other_gait_skid0_kg_s, other_gait_skid1_kg_s, other_gait_skid2_kg_s, other_gait_roll0_kg_s, other_gait_roll1_kg_s, other_gait_roll2_kg_s, other_gait_roll_sum_kg_s, other_gait_stiffness_nm_rad, other_gait_damping_nm_s_rad);

@@ -224,24 +224,32 @@ pub fn fit(campaign: &str, model: &str, nth: usize) -> FitRow {
     if model == "no-skid-damped" {
         free = vec!["damping_nm_s_rad".to_owned()];
     }
+    let names = |has: bool, name: &str| if has { vec![name.to_owned()] } else { Vec::new() };
     FitRow {
         campaign: campaign.to_owned(),
         model: model.to_owned(),
         skid0_kg_s: when(skids, 104.21),
+        skid0_kg_s_lo: when(skids, 98.4),
+        skid0_kg_s_hi: when(skids, 111.9),
         skid1_kg_s: when(skids, 34.072),
+        skid1_kg_s_lo: when(skids, 21.3),
         skid2_kg_s: when(skids, 1000.0),
         roll0_kg_s: when(rolls, 0.6),
         roll1_kg_s: when(rolls, 0.3),
         roll2_kg_s: when(rolls, 0.3),
+        roll_sum_kg_s: when(rolls, 1.2),
         stiffness_nm_rad: when(passive, 0.188),
         damping_nm_s_rad: when(passive, 0.00712),
-        insensitive: if skids { vec!["skid1_kg_s".to_owned()] } else { Vec::new() },
-        at_bound: if skids { vec!["skid2_kg_s".to_owned()] } else { Vec::new() },
+        identifiable: names(skids, "skid0_kg_s"),
+        practically_not: names(skids, "skid1_kg_s"),
+        structurally_not: names(skids, "skid2_kg_s"),
+        at_bound: names(skids, "skid2_kg_s"),
         starts: if free.is_empty() { 1 } else { 8 },
         free,
         j: when(model != "no-skid-measured" || campaign == SKEWED, 4.2031 / (1 + nth) as f64),
         solves: 1230 * nth as i64,
         status: "ok".to_owned(),
+        ..FitRow::blank()
     }
 }
 

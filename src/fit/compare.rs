@@ -1,0 +1,132 @@
+//! Which of a campaign's models the measurements prefer, and by how much.
+
+use crate::store::ComparisonRow;
+
+/// Part of the replicates from which on a model is preferred without reserve.
+const CLEARLY: f64 = 0.95;
+
+/// Information criterion `2 n ln J + k ln n` of `n` terms and `k` free parameters: Schwarz's, of
+/// a model whose weighted relative deviations are independent and have one Laplace distribution
+/// (the mean absolute deviation is its estimate of scale). They are not independent: d and v are
+/// nearly the same number, and a model's misfit is alike at neighbouring frequencies. So only
+/// large differences say anything.
+///
+/// Reference: G. Schwarz, *Estimating the dimension of a model*, Ann. Statist. 6 (1978).
+pub(super) fn criterion(j: f64, terms: usize, free: usize) -> f64 {
+    let terms = terms as f64;
+    2.0 * terms * j.ln() + free as f64 * terms.ln()
+}
+
+/// Part of the replicates in which each model has the lowest objective; `costs` are those of all
+/// models' replicates. Missing without any.
+pub(super) fn wins(costs: &[&[f64]]) -> Vec<f64> {
+    let replicates = costs.iter().map(|costs| costs.len()).max().unwrap_or(0);
+    let mut won = vec![0_usize; costs.len()];
+    for number in 0..replicates {
+        let at = |model: &usize| costs[*model].get(number).copied().unwrap_or(f64::INFINITY);
+        let best = (0..costs.len()).min_by(|a, b| at(a).total_cmp(&at(b)));
+        if let Some(best) = best {
+            won[best] += 1;
+        }
+    }
+    let part = |(won, costs): (usize, &&[f64])| match costs.is_empty() {
+        true => f64::NAN,
+        false => won as f64 / replicates as f64,
+    };
+    won.into_iter().zip(costs).map(part).collect()
+}
+
+/// What a campaign's comparison says, in a sentence.
+pub(super) fn sentence(rows: &[ComparisonRow], replicates: usize) -> String {
+    let mut ranked: Vec<&ComparisonRow> = rows.iter().filter(|row| row.j.is_finite()).collect();
+    ranked.sort_by(|a, b| a.j.total_cmp(&b.j));
+    let lowest = |value: fn(&ComparisonRow) -> f64| {
+        let known = ranked.iter().filter(|row| !value(row).is_nan());
+        known.min_by(|a, b| value(a).total_cmp(&value(b))).copied()
+    };
+    let (first, second) = match ranked.as_slice() {
+        [] => return "No model of this campaign has a fit.".to_owned(),
+        [only] => return format!("Only {} has a fit: J = {:.4}.", only.model, only.j),
+        [first, second, ..] => (*first, *second),
+    };
+    let is_clear = first.wins.is_nan() || first.wins >= CLEARLY;
+    let mut text = match is_clear {
+        true => format!("The data prefer {}", first.model),
+        false => format!("The data do not clearly prefer one model; {} is nearest", first.model),
+    };
+    let below = 100.0 * (1.0 - first.j / second.j);
+    text += &format!(
+        ": J = {:.4}, {below:.1} % below that of {} ({:.4})",
+        first.j, second.model, second.j
+    );
+    if first.wins.is_finite() {
+        let won = (first.wins * replicates as f64).round();
+        text += &format!(", the lowest in {won} of {replicates} replicates");
+    }
+    if let Some(best) = lowest(|row| row.j_left_out) {
+        text += &match best.model == first.model {
+            true => format!("; it predicts left-out frequencies best ({:.4})", best.j_left_out),
+            false => format!(
+                "; left-out frequencies are predicted better by {} ({:.4} against {:.4})",
+                best.model, best.j_left_out, first.j_left_out
+            ),
+        };
+    }
+    if let Some(best) = lowest(|row| row.criterion).filter(|best| best.model != first.model) {
+        text += &format!("; with its free parameters counted, {} is preferred", best.model);
+    }
+    text + "."
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Rows as _;
+
+    fn row(model: &str, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
+        let criterion = criterion(j, 60, 3);
+        let model = model.to_owned();
+        ComparisonRow { model, j, j_left_out, wins, criterion, ..ComparisonRow::blank() }
+    }
+
+    #[test]
+    fn a_clear_winner_is_preferred() {
+        let rows = [row("skid", 0.4, 0.5, 0.02), row("skid-roll", 0.3, 0.35, 0.98)];
+        assert_eq!(
+            sentence(&rows, 200),
+            "The data prefer skid-roll: J = 0.3000, 25.0 % below that of skid (0.4000), the \
+             lowest in 196 of 200 replicates; it predicts left-out frequencies best (0.3500)."
+        );
+    }
+
+    #[test]
+    fn two_models_that_share_the_replicates_are_not_told_apart() {
+        let rows = [row("skid", 0.31, 0.33, 0.4), row("skid-roll", 0.30, 0.35, 0.6)];
+        let text = sentence(&rows, 200);
+        assert!(text.starts_with("The data do not clearly prefer one model; skid-roll is nearest"));
+        assert!(text.contains("predicted better by skid (0.3300 against 0.3500)"), "{text}");
+    }
+
+    #[test]
+    fn a_model_without_a_fit_does_not_compete() {
+        let rows = [row("no-skid", f64::NAN, f64::NAN, f64::NAN), row("skid", 0.3, 0.4, 1.0)];
+        assert_eq!(sentence(&rows, 10), "Only skid has a fit: J = 0.3000.");
+        assert_eq!(sentence(&rows[..1], 10), "No model of this campaign has a fit.");
+    }
+
+    #[test]
+    fn each_replicate_is_won_by_its_lowest_objective() {
+        let won = wins(&[&[1.0, 2.0, 3.0, 1.0], &[], &[2.0, 1.0, 2.0, 2.0]]);
+        assert_eq!((won[0], won[2]), (0.5, 0.5));
+        assert!(won[1].is_nan() && wins(&[&[], &[]]).iter().all(|won| won.is_nan()));
+    }
+
+    #[test]
+    fn a_free_parameter_costs_what_the_criterion_says() {
+        assert!(criterion(0.3, 60, 3) < criterion(0.3, 60, 4));
+        // Three more parameters have to lower 60 terms by a tenth.
+        assert!(criterion(0.3, 60, 3) > criterion(0.28, 60, 3));
+        assert!(criterion(0.89 * 0.3, 60, 6) < criterion(0.3, 60, 3));
+        assert!(criterion(0.91 * 0.3, 60, 6) > criterion(0.3, 60, 3));
+    }
+}

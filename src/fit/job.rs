@@ -1,0 +1,373 @@
+//! One model of one campaign: its fit, what it is worth, and what it predicts.
+
+use rayon::prelude::*;
+
+use super::base::{Base, Near};
+use super::coefficient::{Coefficient, Parameter};
+use super::compare::criterion;
+use super::objective::Objective;
+use super::predict::predictions;
+use super::profile::{Class, Profile, profile, profile_limits};
+use super::resample::Resampler;
+use super::search::{
+    HAS_CONVERGED, NOTHING_FREE, Start, at_bound, is_at_bound, search, search_from,
+};
+use super::{FitEvent, Fitted, OnEvent};
+use crate::config::{Config, GaitInput};
+use crate::motion::{Model, REFERENCE_ACCURACY};
+use crate::robot::{Gait, Robot};
+use crate::store::{
+    BootstrapRow, ComparisonRow, FitRow, ProfileRow, Rows as _, StartRow,
+};
+
+/// Starts within this part of the best objective have reached it.
+const REACHED: f64 = 1e-6;
+/// Fall of the objective, relative to it, for which a fit is resumed.
+const LOWER: f64 = 1e-9;
+const MOST_RESUMES: usize = 10;
+/// Parts of the replicates outside of a 95 % interval, on either side.
+const OUTSIDE: f64 = 0.025;
+
+/// One model of one campaign.
+pub(super) struct Job<'j> {
+    pub config: &'j Config,
+    pub campaign: &'j str,
+    pub model: Model,
+    pub robot: Robot,
+    pub gait: Gait,
+    /// Coefficients that trials of other kinds gave.
+    pub measured: Vec<Coefficient>,
+    pub resampler: &'j Resampler,
+    pub measurements: &'j [super::Measurement],
+}
+
+/// What a job gives: its rows, and the replicates' objectives.
+pub(super) struct Done {
+    pub tables: Fitted,
+    pub replicates: Vec<f64>,
+}
+
+impl Job<'_> {
+    pub fn run(&self, on_event: OnEvent) -> Done {
+        if self.measurements.is_empty() {
+            return self.without_trials();
+        }
+        let campaign = &self.config.campaign[self.campaign];
+        let objective = Objective::new(
+            self.model,
+            self.robot.clone(),
+            self.gait,
+            campaign.weights,
+            self.config.fit.gait_input,
+            self.measurements.to_vec(),
+        );
+        let list = campaign.free.get(&self.model).map(Vec::as_slice);
+        let parameters = Parameter::free_in(self.model, &self.gait, &self.config.fit, list);
+        let number = if parameters.is_empty() { 1 } else { self.config.fit.starts };
+        let starts: Vec<Start> = (0..number)
+            .into_par_iter()
+            .map(|number| search(&objective, &parameters, number))
+            .collect();
+        let best = starts.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let best = best.expect("there is at least one start").clone();
+        let mut solves: usize = starts.iter().map(|start| start.solves).sum();
+        let mut evaluator = objective.evaluator(parameters.clone());
+        evaluator.accuracy = REFERENCE_ACCURACY;
+        let status = evaluator.status(&best.ended);
+        solves += evaluator.solves();
+        let mut fit = Fit {
+            base: Base::new(&objective, &parameters, best.ended),
+            cost: best.cost,
+            resumed: 0,
+            solves,
+            profiles: Vec::new(),
+            replicates: Vec::new(),
+        };
+        if status == "ok" {
+            self.follow_profiles(&mut fit);
+            self.bootstrap(&mut fit, on_event);
+        }
+        self.rows(fit, &starts, status)
+    }
+
+    /// Profiles of all free parameters; a lower objective on one of them resumes the fit.
+    fn follow_profiles(&self, fit: &mut Fit) {
+        if !self.config.fit.profiles {
+            return;
+        }
+        loop {
+            let limits = profile_limits(&fit.base, self.resampler);
+            let base = &fit.base;
+            fit.profiles = limits
+                .par_iter()
+                .enumerate()
+                .map(|(place, limit)| profile(base, place, *limit))
+                .collect();
+            fit.solves += fit.profiles.iter().map(|profile| profile.solves).sum::<usize>();
+            let lower = fit.profiles.iter().filter_map(|profile| profile.lower_than(base.cost));
+            let lowest = lower.min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
+            let Some(lowest) = lowest.filter(|_| fit.resumed < MOST_RESUMES) else { return };
+            let resumed = search_from(fit.base.evaluator(), lowest.values);
+            fit.solves += resumed.solves;
+            if resumed.cost >= fit.cost * (1.0 - LOWER) {
+                return;
+            }
+            fit.resumed += 1;
+            fit.cost = resumed.cost;
+            fit.base = fit.base.moved_to(resumed.ended);
+        }
+    }
+
+    fn bootstrap(&self, fit: &mut Fit, on_event: OnEvent) {
+        let total = self.config.fit.bootstrap;
+        let base = &fit.base;
+        fit.replicates = (0..total)
+            .into_par_iter()
+            .map(|number| {
+                let near = base.refit(self.resampler.draw(number));
+                on_event(FitEvent::Replicate { campaign: self.campaign, model: self.model, total });
+                near
+            })
+            .collect();
+        fit.solves += fit.replicates.iter().map(|near| near.solves).sum::<usize>();
+    }
+
+    fn rows(&self, fit: Fit, starts: &[Start], status: String) -> Done {
+        let Fit { base, cost, resumed, profiles, replicates, .. } = &fit;
+        let is_ok = status == "ok";
+        let parameters = base.parameters();
+        let objective = base.objective();
+        let robot = objective.robot_with(parameters, &base.values);
+        let names = |of: Vec<Coefficient>| of.iter().map(|free| free.name().to_owned()).collect();
+        let classed = |class: Class| {
+            let both = parameters.iter().zip(profiles);
+            let of = both.filter(|(_, profile)| profile.class == class);
+            names(of.map(|(parameter, _)| parameter.coefficient).collect())
+        };
+        let free: Vec<Coefficient> = parameters.iter().map(|free| free.coefficient).collect();
+        let held = |coefficient: &Coefficient| {
+            coefficient.is_known_to(self.model, &self.gait) && !free.contains(coefficient)
+        };
+        let (mut comparison, more_solves) = match is_ok {
+            true => self.comparison(&fit),
+            false => (ComparisonRow::blank(), 0),
+        };
+        comparison.campaign = self.campaign.to_owned();
+        comparison.model = self.model.name().to_owned();
+        comparison.status = status.clone();
+        if !is_ok {
+            comparison = without_numbers(comparison);
+        }
+        let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
+        let mut row = FitRow {
+            free: names(free.clone()),
+            measured: names(self.measured.iter().copied().filter(held).collect()),
+            identifiable: classed(Class::Identifiable),
+            practically_not: classed(Class::PracticallyNot),
+            structurally_not: classed(Class::StructurallyNot),
+            at_bound: names(at_bound(parameters, &base.values)),
+            j: if is_ok { *cost } else { f64::NAN },
+            trials: self.measurements.len() as i64,
+            starts: starts.len() as i64,
+            starts_reached: count(&|start| start.cost <= cost * (1.0 + REACHED)),
+            starts_failed: count(&|start| ![HAS_CONVERGED, NOTHING_FREE].contains(&&*start.stopped)),
+            resumed: *resumed as i64,
+            solves: (fit.solves + more_solves) as i64,
+            status,
+            ..self.with_parameters_of(&robot)
+        };
+        let [lower, upper] = fit.intervals();
+        row.set_lower_limits(spread(parameters, &lower));
+        row.set_upper_limits(spread(parameters, &upper));
+        let start_rows = starts.iter().enumerate().map(|(number, start)| {
+            let mut row = StartRow {
+                campaign: self.campaign.to_owned(),
+                model: self.model.name().to_owned(),
+                start: number as i64,
+                j: start.cost,
+                solves: start.solves as i64,
+                stopped: start.stopped.clone(),
+                ..StartRow::blank()
+            };
+            row.set_began(spread(parameters, &start.began));
+            row.set_ended(spread(parameters, &start.ended));
+            row
+        });
+        Done {
+            replicates: replicates.iter().map(|near| near.cost).collect(),
+            tables: Fitted {
+                predictions: predictions(self.campaign, objective, &robot),
+                starts: start_rows.collect(),
+                profiles: self.profile_rows(parameters, profiles),
+                bootstrap: self.bootstrap_rows(parameters, replicates),
+                comparison: vec![comparison],
+                fits: vec![row],
+            },
+        }
+    }
+
+    /// The model's row of the comparison, without what needs the other models; and how many
+    /// motions that took.
+    fn comparison(&self, fit: &Fit) -> (ComparisonRow, usize) {
+        let base = &fit.base;
+        let [j_d, j_v, sigma0, sigma1, sigma2, j_alpha] = base.parts();
+        let objective = base.objective();
+        let terms: usize = self.measurements.iter().map(|each| objective.terms(each).count()).sum();
+        let free = base.parameters().len();
+        let (j_left_out, mut solves) = base.left_out();
+        let mut row = ComparisonRow {
+            j: fit.cost,
+            j_d,
+            j_v,
+            j_sigma: sigma0 + sigma1 + sigma2,
+            j_alpha,
+            j_left_out,
+            free: free as i64,
+            terms: terms as i64,
+            criterion: criterion(fit.cost, terms, free),
+            ..ComparisonRow::blank()
+        };
+        let other = match self.config.fit.gait_input {
+            GaitInput::Commanded => GaitInput::Measured,
+            GaitInput::Measured => GaitInput::Commanded,
+        };
+        if self.model != Model::NoSkidMeasured {
+            let otherwise = objective.with_gait_input(other);
+            let found = base.refit_otherwise(&otherwise);
+            solves += found.solves;
+            other.name().clone_into(&mut row.other_gait_input);
+            // A trial without a motion costs more than any fit.
+            let exists = found.cost < super::objective::PENALTY / self.measurements.len() as f64;
+            if exists {
+                row.other_gait_j = found.cost;
+                let robot = otherwise.robot_with(base.parameters(), &found.ended);
+                row.set_other_gait_parameters(self.parameters_of(&robot));
+            }
+        }
+        (row, solves)
+    }
+
+    fn profile_rows(&self, parameters: &[Parameter], profiles: &[Profile]) -> Vec<ProfileRow> {
+        let rows = parameters.iter().zip(profiles).enumerate();
+        rows.flat_map(|(place, (parameter, profile))| {
+            profile.points.iter().map(move |point| {
+                let mut row = ProfileRow {
+                    campaign: self.campaign.to_owned(),
+                    model: self.model.name().to_owned(),
+                    parameter: parameter.coefficient.name().to_owned(),
+                    value: point.values[place],
+                    j: point.cost,
+                    limit_j: profile.limit,
+                    ..ProfileRow::blank()
+                };
+                row.set_parameters(spread(parameters, &point.values));
+                row
+            })
+        })
+        .collect()
+    }
+
+    fn bootstrap_rows(&self, parameters: &[Parameter], replicates: &[Near]) -> Vec<BootstrapRow> {
+        let row = |(number, near): (usize, &Near)| {
+            let mut row = BootstrapRow {
+                campaign: self.campaign.to_owned(),
+                model: self.model.name().to_owned(),
+                replicate: number as i64,
+                j: near.cost,
+                solves: near.solves as i64,
+                stopped: near.stopped.to_owned(),
+                ..BootstrapRow::blank()
+            };
+            row.set_parameters(spread(parameters, &near.values));
+            row
+        };
+        replicates.iter().enumerate().map(row).collect()
+    }
+
+    fn without_trials(&self) -> Done {
+        let status = "failed: no trial with metrics".to_owned();
+        let mut comparison = without_numbers(ComparisonRow::blank());
+        comparison.campaign = self.campaign.to_owned();
+        comparison.model = self.model.name().to_owned();
+        comparison.status = status.clone();
+        let fit = FitRow { status, ..self.with_parameters_of(&self.robot) };
+        let tables =
+            Fitted { fits: vec![fit], comparison: vec![comparison], ..Fitted::default() };
+        Done { tables, replicates: Vec::new() }
+    }
+
+    /// A row with the parameters that the model knows; the others are missing.
+    fn with_parameters_of(&self, robot: &Robot) -> FitRow {
+        let mut row = FitRow {
+            campaign: self.campaign.to_owned(),
+            model: self.model.name().to_owned(),
+            ..FitRow::blank()
+        };
+        row.set_parameters(self.parameters_of(robot));
+        row
+    }
+
+    fn parameters_of(&self, robot: &Robot) -> [f64; 9] {
+        Coefficient::ALL.map(|coefficient| {
+            let is_known = coefficient.is_known_to(self.model, &self.gait);
+            if is_known { coefficient.of(robot) } else { f64::NAN }
+        })
+    }
+}
+
+/// A fit on its way.
+struct Fit<'o> {
+    base: Base<'o>,
+    cost: f64,
+    resumed: usize,
+    solves: usize,
+    /// One per free parameter, or none.
+    profiles: Vec<Profile>,
+    replicates: Vec<Near>,
+}
+
+impl Fit<'_> {
+    /// Lower and upper limits of the free parameters' 95 % intervals: the replicates' quantiles,
+    /// or without replicates the profiles' limits. Missing where the interval is open: where the
+    /// profile does not end it, or where the replicates' quantile is a bound.
+    fn intervals(&self) -> [Vec<f64>; 2] {
+        [0, 1].map(|side| {
+            let limit = |(place, parameter): (usize, &Parameter)| {
+                let profiled = self.profiles.get(place).map(|profile| profile.interval[side]);
+                if profiled == Some(None) {
+                    return f64::NAN;
+                }
+                let limit = match self.replicates.is_empty() {
+                    true => profiled.flatten().unwrap_or(f64::NAN),
+                    false => self.quantile(place, [OUTSIDE, 1.0 - OUTSIDE][side]),
+                };
+                if is_at_bound(parameter, limit)[side] { f64::NAN } else { limit }
+            };
+            self.base.parameters().iter().enumerate().map(limit).collect()
+        })
+    }
+
+    /// Quantile of a parameter over the replicates, between two of them in proportion.
+    fn quantile(&self, place: usize, part: f64) -> f64 {
+        let mut values: Vec<f64> = self.replicates.iter().map(|near| near.values[place]).collect();
+        values.sort_by(f64::total_cmp);
+        let position = part * (values.len() - 1) as f64;
+        let below = values[position.floor() as usize];
+        let above = values[position.ceil() as usize];
+        below + position.fract() * (above - below)
+    }
+}
+
+/// Values of the free parameters among all parameters; the others are missing.
+fn spread(parameters: &[Parameter], values: &[f64]) -> [f64; 9] {
+    let mut all = [f64::NAN; 9];
+    for (parameter, value) in parameters.iter().zip(values) {
+        all[parameter.coefficient.place()] = *value;
+    }
+    all
+}
+
+/// A row of the comparison that has nothing to compare.
+fn without_numbers(row: ComparisonRow) -> ComparisonRow {
+    ComparisonRow { campaign: row.campaign, model: row.model, status: row.status, ..ComparisonRow::blank() }
+}

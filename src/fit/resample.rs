@@ -1,0 +1,239 @@
+//! Resampled measurements: cycles within trials and trials within frequencies.
+//!
+//! A resample of a trial's n cycles moves each metric by as many of its standard errors as the
+//! mean over the resampled cycles is away from the mean over all, in standard deviations of such
+//! resamples. So a few cycles do not make the spread too small (by (n - 1)/n, were it left as it
+//! is), the covariance of neighbouring cycles counts as in the standard error, metrics of the
+//! same cycles move together, and a debiased skid ratio, which is not a mean over cycles, moves
+//! with them by its own error. Where the cycles are not at hand the standard errors alone are
+//! drawn from, normally distributed.
+//!
+//! Trials of the same frequency are drawn from, too. What they differ by beyond their standard
+//! errors is the trials' own spread, and is scaled so that its variance is unbiased; a trial that
+//! is alone at its frequency is given the spread of the other frequencies' repeats. Without any
+//! repeat the intervals know nothing of it.
+//!
+//! Reference: A. C. Davison and D. V. Hinkley, *Bootstrap Methods and their Application*,
+//! Cambridge 1997, section 3.8.
+
+use std::collections::BTreeMap;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::measurement::Measurement;
+use super::objective::TERMS;
+use crate::metrics::GaitMetrics;
+use crate::store::CycleRow;
+
+/// One number for every metric that has a term in the objective.
+type Metrics = [f64; TERMS];
+
+/// Draws measurements of a campaign.
+pub(super) struct Resampler {
+    campaign: String,
+    seed: u64,
+    measurements: Vec<Measurement>,
+    /// Places of each frequency's trials.
+    frequencies: Vec<Vec<usize>>,
+    /// Standard errors; what the trials do not tell is taken from the others.
+    errors: Vec<Metrics>,
+    /// The metrics of each trial's cycles.
+    cycles: Vec<Vec<Metrics>>,
+    /// Standard deviation of the trials' own spread as a part of that of their deviations.
+    own: Metrics,
+    /// Relative deviations of repeats from their frequency's mean, without bias.
+    deviations: Vec<Metrics>,
+}
+
+/// Measurements that were drawn, and the trials that they were drawn from.
+pub(super) struct Resample {
+    pub places: Vec<usize>,
+    pub measurements: Vec<Measurement>,
+}
+
+impl Resampler {
+    /// Of sorted measurements; `cycles` are those that count, by trial.
+    pub fn new(
+        campaign: &str,
+        seed: u64,
+        measurements: &[Measurement],
+        cycles: &BTreeMap<String, Vec<CycleRow>>,
+    ) -> Self {
+        let used = |measurement: &Measurement| -> Vec<Metrics> {
+            let rows = cycles.get(&measurement.trial).into_iter().flatten();
+            rows.filter(|row| row.used)
+                .map(|row| [row.d_m, row.v_m_s, row.sigma0, row.sigma1, row.sigma2, row.alpha1_rad])
+                .collect()
+        };
+        let frequencies = Measurement::frequencies(measurements);
+        let errors = errors(measurements);
+        let (own, deviations) = own_spread(measurements, &frequencies, &errors);
+        Self {
+            campaign: campaign.to_owned(),
+            seed,
+            cycles: measurements.iter().map(used).collect(),
+            measurements: measurements.to_vec(),
+            frequencies,
+            errors,
+            own,
+            deviations,
+        }
+    }
+
+    /// The resample with this number; the same for every model of the campaign.
+    pub fn draw(&self, number: usize) -> Resample {
+        let mut hash = blake3::Hasher::new();
+        hash.update(&self.seed.to_le_bytes());
+        hash.update(&(number as u64).to_le_bytes());
+        hash.update(self.campaign.as_bytes());
+        let mut random = ChaCha8Rng::from_seed(*hash.finalize().as_bytes());
+        let mut resample = Resample { places: Vec::new(), measurements: Vec::new() };
+        for trials in &self.frequencies {
+            for &trial in trials {
+                let (place, mut metrics) = self.trial_of(trial, trials, &mut random);
+                let moves = self.moves(place, &mut random);
+                for ((metric, error), moves) in metrics.iter_mut().zip(self.errors[place]).zip(moves)
+                {
+                    *metric += error * moves;
+                    if *metric <= 0.0 {
+                        *metric = f64::NAN;
+                    }
+                }
+                let drawn = &self.measurements[place];
+                let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad] = metrics;
+                let dtheta_rad = drawn.metrics.dtheta_rad;
+                let sigma = [sigma0, sigma1, sigma2];
+                let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad };
+                resample.measurements.push(Measurement { metrics, ..drawn.clone() });
+                resample.places.push(place);
+            }
+        }
+        resample
+    }
+
+    /// One of a frequency's trials, and its metrics with the trials' own spread.
+    fn trial_of(
+        &self,
+        trial: usize,
+        trials: &[usize],
+        random: &mut ChaCha8Rng,
+    ) -> (usize, Metrics) {
+        let count = trials.len();
+        if count == 1 {
+            let mut metrics = metrics(&self.measurements[trial]);
+            if !self.deviations.is_empty() {
+                let deviation = self.deviations[random.random_range(0..self.deviations.len())];
+                for i in 0..TERMS {
+                    metrics[i] *= 1.0 + self.own[i] * deviation[i];
+                }
+            }
+            return (trial, metrics);
+        }
+        let place = trials[random.random_range(0..count)];
+        let drawn = metrics(&self.measurements[place]);
+        let means = means(&self.measurements, trials);
+        let scale = (count as f64 / (count as f64 - 1.0)).sqrt();
+        let with_spread = |i: usize| means[i] + self.own[i] * scale * (drawn[i] - means[i]);
+        (place, std::array::from_fn(with_spread))
+    }
+
+    /// By how many standard errors a resample of a trial's cycles moves its metrics.
+    fn moves(&self, place: usize, random: &mut ChaCha8Rng) -> Metrics {
+        let cycles = &self.cycles[place];
+        let count = cycles.len();
+        // d and v are one measurement, and so are in general all metrics of a cycle.
+        let mut normal = [0.0; TERMS];
+        for (i, normal) in normal.iter_mut().enumerate() {
+            if i != 1 {
+                *normal = StandardNormal.sample(random);
+            }
+        }
+        normal[1] = normal[0];
+        let drawn: Vec<usize> = (0..count).map(|_| random.random_range(0..count.max(1))).collect();
+        std::array::from_fn(|i| {
+            let mean = cycles.iter().map(|cycle| cycle[i]).sum::<f64>() / count as f64;
+            let squares: f64 = cycles.iter().map(|cycle| (cycle[i] - mean).powi(2)).sum();
+            let deviation = squares.sqrt() / count as f64;
+            let resampled = drawn.iter().map(|&n| cycles[n][i]).sum::<f64>() / count as f64;
+            let moves = (resampled - mean) / deviation;
+            // Without cycles, or with one, or with equal ones.
+            if moves.is_finite() { moves } else { normal[i] }
+        })
+    }
+}
+
+fn metrics(measurement: &Measurement) -> Metrics {
+    let all = measurement.metrics.to_array();
+    std::array::from_fn(|i| all[i])
+}
+
+/// Means over some trials; what a trial does not have is left out.
+fn means(measurements: &[Measurement], trials: &[usize]) -> Metrics {
+    let all: Vec<Metrics> = trials.iter().map(|&trial| metrics(&measurements[trial])).collect();
+    std::array::from_fn(|i| {
+        let known = all.iter().map(|metrics| metrics[i]).filter(|value| value.is_finite());
+        known.clone().sum::<f64>() / known.count() as f64
+    })
+}
+
+/// Standard errors of every trial's metrics. Where one is missing, as with a single cycle, the
+/// median relative spread of the other trials' cycles stands for it; 0 if no trial has one.
+fn errors(measurements: &[Measurement]) -> Vec<Metrics> {
+    let known = |measurement: &Measurement| -> Metrics {
+        let errors = measurement.errors.to_array();
+        std::array::from_fn(|i| errors[i])
+    };
+    let root = |measurement: &Measurement| (measurement.cycles.max(1) as f64).sqrt();
+    let typical: Metrics = std::array::from_fn(|i| {
+        let mut spreads: Vec<f64> = measurements
+            .iter()
+            .map(|each| known(each)[i] / metrics(each)[i] * root(each))
+            .filter(|spread| spread.is_finite())
+            .collect();
+        spreads.sort_by(f64::total_cmp);
+        spreads.get(spreads.len() / 2).copied().unwrap_or(0.0)
+    });
+    let filled = |measurement: &Measurement| {
+        let (known, metrics) = (known(measurement), metrics(measurement));
+        std::array::from_fn(|i| match known[i] {
+            error if error.is_finite() => error,
+            _ => typical[i] * metrics[i] / root(measurement),
+        })
+    };
+    measurements.iter().map(filled).collect()
+}
+
+/// The trials' own spread as a part of that of their deviations from their frequency's mean, and
+/// these deviations.
+fn own_spread(
+    measurements: &[Measurement],
+    frequencies: &[Vec<usize>],
+    errors: &[Metrics],
+) -> (Metrics, Vec<Metrics>) {
+    let mut deviations: Vec<Metrics> = Vec::new();
+    let (mut squares, mut expected) = ([0.0; TERMS], [0.0; TERMS]);
+    for trials in frequencies.iter().filter(|trials| trials.len() > 1) {
+        let count = trials.len() as f64;
+        let means = means(measurements, trials);
+        for &trial in trials {
+            let found = metrics(&measurements[trial]);
+            let relative: Metrics = std::array::from_fn(|i| found[i] / means[i] - 1.0);
+            for i in 0..TERMS {
+                if relative[i].is_finite() {
+                    squares[i] += relative[i].powi(2);
+                    expected[i] += (errors[trial][i] / means[i]).powi(2) * (count - 1.0) / count;
+                }
+            }
+            let scale = (count / (count - 1.0)).sqrt();
+            let known = |relative: f64| if relative.is_finite() { scale * relative } else { 0.0 };
+            deviations.push(relative.map(known));
+        }
+    }
+    let own = |i: usize| {
+        let part = 1.0 - expected[i] / squares[i];
+        if part > 0.0 { part.sqrt() } else { 0.0 }
+    };
+    (std::array::from_fn(own), deviations)
+}
