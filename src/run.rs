@@ -1,6 +1,8 @@
 //! The whole way from a trial folder to the page, and a record of how it went.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -9,7 +11,7 @@ use crate::config::{Config, ConfigError};
 use crate::fit::{FitEvent, Fitted, fit_folder};
 use crate::ingest::{IngestError, Ingested, ingest_folder};
 use crate::report::{ReportError, Reported, report};
-use crate::store::{FitRow, RobotParameterRow, StoreError, TrialRow, write_bytes};
+use crate::store::{ComparisonRow, FitRow, RobotParameterRow, StoreError, TrialRow, write_bytes};
 use crate::trial::TrialList;
 
 /// Somebody who watches a run.
@@ -18,6 +20,8 @@ pub trait Watch: Sync {
     fn begin(&self, stage: &'static str, total: usize);
     /// A step is done; steps may end on any thread.
     fn step(&self, what: &str);
+    /// Something smaller than a step is done: `done` of `total` parts of `what`.
+    fn part(&self, what: &str, done: usize, total: usize);
 }
 
 /// Why a run ended before its end.
@@ -94,6 +98,7 @@ pub struct Finished {
     /// What releases and coast-downs say of the robots.
     pub parameters: Vec<RobotParameterRow>,
     pub fits: Vec<FitRow>,
+    pub comparison: Vec<ComparisonRow>,
     /// Where the record was written.
     pub record_path: PathBuf,
 }
@@ -123,7 +128,8 @@ pub fn run(config: &Config, watch: &dyn Watch) -> Result<Finished, RunError> {
     let record_path = config.paths.reports.join("run.json");
     let json = serde_json::to_string_pretty(&record).expect("a record is plain data") + "\n";
     write_bytes(&record_path, json.as_bytes())?;
-    Ok(Finished { record, parameters: ingested.parameters, fits: fitted.fits, record_path })
+    let Fitted { fits, comparison, .. } = fitted;
+    Ok(Finished { record, parameters: ingested.parameters, fits, comparison, record_path })
 }
 
 /// The first stage: marker files to tables.
@@ -143,9 +149,16 @@ pub fn ingest(config: &Config, watch: &dyn Watch) -> Result<Ingested, RunError> 
 /// The table of trials cannot be read, or a table not written.
 pub fn fit(config: &Config, watch: &dyn Watch) -> Result<Fitted, RunError> {
     watch.begin("fit", config.campaign.values().map(|campaign| campaign.models.len()).sum());
-    let on_event = |event: FitEvent| {
-        if let FitEvent::Fitted(fit) = event {
-            watch.step(&format!("{} {}", fit.campaign, fit.model));
+    let done: Mutex<BTreeMap<String, usize>> = Mutex::default();
+    let on_event = |event: FitEvent| match event {
+        FitEvent::Fitted(fit) => watch.step(&format!("{} {}", fit.campaign, fit.model)),
+        FitEvent::Replicate { campaign, model, total } => {
+            if let Ok(mut done) = done.lock() {
+                let what = format!("{campaign} {model} replicate");
+                let count = done.entry(what.clone()).or_default();
+                *count += 1;
+                watch.part(&what, *count, total);
+            }
         }
     };
     Ok(fit_folder(config, &config.paths.derived, &on_event)?)

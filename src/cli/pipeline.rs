@@ -6,7 +6,7 @@ use super::output::{note, say};
 use super::parameters::print_parameters;
 use super::{Context, Failure, Outcome};
 use crate::run::{Finished, run};
-use crate::store::FitRow;
+use crate::store::{ComparisonRow, FitRow, PARAMETERS};
 use crate::synth::{Recipe, synthesise};
 use crate::trial::TRIALS_FILE;
 
@@ -53,6 +53,7 @@ impl Context {
             note!("failed: {}: {}", trial.trial, trial.message);
         }
         print_fits(&finished.fits);
+        print_comparison(&finished.comparison);
         print_parameters(&finished.parameters);
         let trials = &record.trials;
         say!(
@@ -95,12 +96,14 @@ pub(super) fn print_fits(fits: &[FitRow]) {
         let names = ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"];
         let cells: Vec<String> =
             names.iter().zip(skid).map(|(name, value)| cell(fit, name, value)).collect();
-        let damping = match fit.free.iter().any(|name| name == "damping_nm_s_rad") {
-            true => format!("   c_tau {:.5} N m s/rad", fit.damping_nm_s_rad),
-            false => String::new(),
-        };
+        let others: String = PARAMETERS[3..]
+            .iter()
+            .zip(&fit.parameters()[3..])
+            .filter(|(name, _)| fit.free.iter().any(|free| free == *name))
+            .map(|(name, value)| format!("   {name} {}", cell(fit, name, *value)))
+            .collect();
         say!(
-            "{:<24} {:<17} {:>9.5} {:>10} {:>10} {:>10}{damping}",
+            "{:<24} {:<17} {:>9.5} {:>10} {:>10} {:>10}{others}",
             fit.campaign,
             fit.model,
             fit.j,
@@ -108,6 +111,13 @@ pub(super) fn print_fits(fits: &[FitRow]) {
             cells[1],
             cells[2]
         );
+    }
+}
+
+/// What the measurements say of each campaign's models.
+pub(super) fn print_comparison(rows: &[ComparisonRow]) {
+    for models in rows.chunk_by(|a, b| a.campaign == b.campaign) {
+        say!("{}: {}", models[0].campaign, models[0].sentence);
     }
 }
 
@@ -122,5 +132,7 @@ fn cell(fit: &FitRow, name: &str, value: f64) -> String {
         (false, true) => "~",
         (false, false) => "",
     };
-    format!("{mark}{value:.2}")
+    // Two decimals for kg/s, more for what is small.
+    let decimals = if value < 1.0 { 5 } else { 2 };
+    format!("{mark}{value:.decimals$}")
 }

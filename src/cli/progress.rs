@@ -75,6 +75,14 @@ impl Watch for Watcher {
             stage.step(what);
         }
     }
+
+    fn part(&self, what: &str, done: usize, total: usize) {
+        if let Ok(current) = self.stage.lock()
+            && let Some(stage) = current.as_ref()
+        {
+            stage.part(what, done, total);
+        }
+    }
 }
 
 /// Progress of one stage; its steps may end on any thread.
@@ -102,6 +110,13 @@ impl Stage {
 }
 
 impl Stage {
+    /// Says on a bar how far something is that is smaller than a step.
+    pub fn part(&self, what: &str, done: usize, total: usize) {
+        if self.shown == Progress::Bars {
+            self.bar.set_message(format!("{what} {done}/{total}"));
+        }
+    }
+
     /// One more step is done that is too small for a line of its own.
     pub fn tick(&self) {
         self.bar.inc(1);

@@ -50,6 +50,7 @@ impl Fit {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let fitted = run::fit(&context.config, &context.progress.watch())?;
         pipeline::print_fits(&fitted.fits);
+        pipeline::print_comparison(&fitted.comparison);
         Ok(Outcome::Well)
     }
 }

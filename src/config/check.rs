@@ -40,12 +40,7 @@ impl Config {
         let starts = self.fit.starts;
         check.that((1..=MOST_STARTS).contains(&starts), "fit.starts", &starts, "1 to 10000")?;
         let replicates = self.fit.bootstrap;
-        check.that(
-            replicates <= MOST_REPLICATES,
-            "fit.bootstrap",
-            &replicates,
-            "0 to 100000",
-        )?;
+        check.that(replicates <= MOST_REPLICATES, "fit.bootstrap", &replicates, "0 to 100000")?;
         for (name, robot) in &self.robot {
             check.robot(name, robot)?;
         }

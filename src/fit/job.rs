@@ -16,9 +16,7 @@ use super::{FitEvent, Fitted, OnEvent};
 use crate::config::{Config, GaitInput};
 use crate::motion::{Model, REFERENCE_ACCURACY};
 use crate::robot::{Gait, Robot};
-use crate::store::{
-    BootstrapRow, ComparisonRow, FitRow, ProfileRow, Rows as _, StartRow,
-};
+use crate::store::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, Rows as _, StartRow};
 
 /// Starts within this part of the best objective have reached it.
 const REACHED: f64 = 1e-6;
@@ -170,7 +168,9 @@ impl Job<'_> {
             trials: self.measurements.len() as i64,
             starts: starts.len() as i64,
             starts_reached: count(&|start| start.cost <= cost * (1.0 + REACHED)),
-            starts_failed: count(&|start| ![HAS_CONVERGED, NOTHING_FREE].contains(&&*start.stopped)),
+            starts_failed: count(&|start| {
+                ![HAS_CONVERGED, NOTHING_FREE].contains(&&*start.stopped)
+            }),
             resumed: *resumed as i64,
             solves: (fit.solves + more_solves) as i64,
             status,
@@ -291,8 +291,7 @@ impl Job<'_> {
         comparison.model = self.model.name().to_owned();
         comparison.status = status.clone();
         let fit = FitRow { status, ..self.with_parameters_of(&self.robot) };
-        let tables =
-            Fitted { fits: vec![fit], comparison: vec![comparison], ..Fitted::default() };
+        let tables = Fitted { fits: vec![fit], comparison: vec![comparison], ..Fitted::default() };
         Done { tables, replicates: Vec::new() }
     }
 
@@ -369,5 +368,10 @@ fn spread(parameters: &[Parameter], values: &[f64]) -> [f64; 9] {
 
 /// A row of the comparison that has nothing to compare.
 fn without_numbers(row: ComparisonRow) -> ComparisonRow {
-    ComparisonRow { campaign: row.campaign, model: row.model, status: row.status, ..ComparisonRow::blank() }
+    ComparisonRow {
+        campaign: row.campaign,
+        model: row.model,
+        status: row.status,
+        ..ComparisonRow::blank()
+    }
 }

@@ -85,9 +85,8 @@ pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
         .keys()
         .map(|name| {
             let of_campaign = data.trials.iter().filter(|trial| trial.campaign == *name);
-            let mut measurements: Vec<Measurement> = of_campaign
-                .filter_map(|trial| Measurement::new(trial, config.fit.sigma))
-                .collect();
+            let mut measurements: Vec<Measurement> =
+                of_campaign.filter_map(|trial| Measurement::new(trial, config.fit.sigma)).collect();
             measurements.sort_by(Measurement::order);
             let seed = config.fit.seed;
             let resampler = Resampler::new(name, seed, &measurements, &data.cycles);

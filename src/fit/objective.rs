@@ -116,11 +116,7 @@ impl Objective {
     }
 
     /// The terms of eq. 22 for one trial, 0 where there is none.
-    pub(super) fn parts(
-        &self,
-        measurement: &Measurement,
-        simulated: &GaitMetrics,
-    ) -> [f64; TERMS] {
+    pub(super) fn parts(&self, measurement: &Measurement, simulated: &GaitMetrics) -> [f64; TERMS] {
         let simulated = simulated.to_array();
         let mut parts = [0.0; TERMS];
         for (i, weight, measured) in self.terms(measurement) {

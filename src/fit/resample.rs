@@ -94,7 +94,8 @@ impl Resampler {
             for &trial in trials {
                 let (place, mut metrics) = self.trial_of(trial, trials, &mut random);
                 let moves = self.moves(place, &mut random);
-                for ((metric, error), moves) in metrics.iter_mut().zip(self.errors[place]).zip(moves)
+                for ((metric, error), moves) in
+                    metrics.iter_mut().zip(self.errors[place]).zip(moves)
                 {
                     *metric += error * moves;
                     if *metric <= 0.0 {

@@ -157,11 +157,7 @@ pub(super) fn limits(parameters: &[Parameter], place: &[f64], region: f64) -> Ve
 }
 
 /// The step that minimises the linearised terms; that of a held parameter is 0.
-pub(super) fn best_step(
-    terms: &[Term],
-    limits: &[[f64; 2]],
-    held: Option<usize>,
-) -> DVector<f64> {
+pub(super) fn best_step(terms: &[Term], limits: &[[f64; 2]], held: Option<usize>) -> DVector<f64> {
     let Some(held) = held else { return minimise(terms, limits) };
     if limits.len() == 1 {
         return DVector::zeros(1);

@@ -1,5 +1,6 @@
 //! A figure before it is drawn.
 
+use super::chart::Chart;
 use super::series::{Kind, Quantity, Series};
 
 /// One quantity against the frequency.
@@ -25,16 +26,24 @@ pub struct Figure {
     /// Campaigns that are in it.
     pub campaigns: Vec<String>,
     pub panels: Vec<Panel>,
+    /// What is drawn instead of panels, if it is not against the frequency.
+    pub charts: Vec<Chart>,
 }
 
 impl Figure {
     /// Whether there is anything to draw.
     pub fn is_empty(&self) -> bool {
-        self.panels.iter().all(|panel| panel.series.is_empty())
+        self.panels.iter().all(|panel| panel.series.is_empty()) && self.charts.is_empty()
     }
 
     /// What the figure shows for those who cannot see it: panels, series and their extent.
     pub fn text_alternative(&self) -> String {
+        if !self.charts.is_empty() {
+            let titles = self.charts.iter().zip('a'..).map(|(chart, letter)| {
+                format!(" ({letter}) {}: {} against {}.", chart.title, chart.y_label, chart.x_label)
+            });
+            return format!("{}.{}", self.title, titles.collect::<String>());
+        }
         let mut text = format!("{}, plotted against the actuation frequency.", self.title);
         for (panel, letter) in self.panels.iter().zip('a'..) {
             text.push_str(&format!(" ({letter}) {}:", panel.quantity.title()));
@@ -47,6 +56,11 @@ impl Figure {
 
     /// The plotted numbers, one row per point; `error_95` is the half-width of the error bar.
     pub fn csv(&self) -> String {
+        if !self.charts.is_empty() {
+            let rows = self.charts.iter().zip('a'..);
+            let rows = rows.map(|(chart, letter)| chart.csv(letter, csv_field));
+            return "panel,title,layer,x,y\n".to_owned() + &rows.collect::<String>();
+        }
         let mut csv = "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95\n".to_owned();
         for (panel, letter) in self.panels.iter().zip('a'..) {
             for series in &panel.series {
@@ -88,7 +102,7 @@ fn extent(series: &Series, quantity: Quantity) -> String {
 }
 
 /// Ten digits: what the tables are good for, without the noise of a change of units.
-fn csv_number(value: f64) -> String {
+pub fn csv_number(value: f64) -> String {
     let rounded: f64 = format!("{value:.9e}").parse().unwrap_or(value);
     rounded.to_string()
 }

@@ -2,6 +2,7 @@
 
 mod axis;
 mod canvas;
+mod chart;
 mod figure;
 mod figures;
 mod fits_json;
@@ -71,7 +72,7 @@ pub struct Reported {
 pub fn report(config: &Config) -> Result<Reported, ReportError> {
     let reports = &config.paths.reports;
     let tables = Tables::read(&config.paths.derived)?;
-    let found = figures::figures(tables.source(config), &tables.campaigns(config));
+    let found = figures::figures(&tables, config);
     let mut missing = tables.missing.clone();
     missing.extend(found.missing);
     let truth = Truth::read(&config.paths.raw).unwrap_or_else(|problem| {
@@ -112,10 +113,10 @@ fn write_figure(folder: &Path, figure: &Figure) -> Result<String, ReportError> {
     Ok(svg)
 }
 
-/// Removes figures of the paper that an earlier report drew and this one does not.
+/// Removes figures of the paper's campaigns that an earlier report drew and this one does not.
 fn remove_stale(folder: &Path, figures: &[Figure]) -> Result<(), ReportError> {
     let drawn = |stem: &str| figures.iter().any(|figure| figure.stem == stem);
-    for stem in figures::PAPER_STEMS.into_iter().filter(|stem| !drawn(stem)) {
+    for stem in figures::known_stems().iter().filter(|stem| !drawn(stem)) {
         for extension in EXTENSIONS {
             let path = folder.join(format!("{stem}.{extension}"));
             match std::fs::remove_file(&path) {

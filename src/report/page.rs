@@ -17,7 +17,7 @@ use super::truth::{self, Comparison, Truth};
 use super::warnings::{CheckCount, Trouble, check_counts, troubled};
 use super::{ReportError, figures};
 use crate::config::Config;
-use crate::store::{FitRow, TrialRow};
+use crate::store::{ComparisonRow, FitRow, TrialRow};
 
 /// The name's ending makes the engine escape what it fills in.
 const TEMPLATE: &str = "page.html";
@@ -66,7 +66,11 @@ struct CampaignSection<'p> {
     fits: Vec<FitView<'p>>,
     /// Whether a model of it has a passive joint.
     passive: bool,
-    best: Option<String>,
+    /// Which model the measurements prefer.
+    best: Option<&'p str>,
+    comparison: Vec<ComparisonView<'p>>,
+    /// Fits with the other gait input, and which that is.
+    otherwise: Option<Otherwise<'p>>,
     notes: Vec<String>,
 }
 
@@ -93,6 +97,33 @@ struct FitView<'p> {
     starts: i64,
     solves: i64,
     status: &'p str,
+}
+
+#[derive(Serialize)]
+struct ComparisonView<'p> {
+    model: &'p str,
+    j: String,
+    /// Of d, v, sigma, alpha.
+    parts: [String; 4],
+    left_out: String,
+    free: i64,
+    criterion: String,
+    wins: String,
+}
+
+#[derive(Serialize)]
+struct Otherwise<'p> {
+    gait_input: &'p str,
+    rows: Vec<OtherwiseRow<'p>>,
+}
+
+#[derive(Serialize)]
+struct OtherwiseRow<'p> {
+    model: &'p str,
+    j: String,
+    other_j: String,
+    /// Of the wheels; as the other input gives them.
+    skid: [String; 3],
 }
 
 #[derive(Serialize)]
@@ -186,6 +217,8 @@ fn campaign_sections<'p>(
     let section = |name: &'p str| {
         let fits: Vec<&FitRow> = tables.fits.iter().filter(|fit| fit.campaign == name).collect();
         let setup = config.campaign.get(name);
+        let of_campaign = tables.comparison.iter().filter(|row| row.campaign == name);
+        let compared: Vec<&ComparisonRow> = of_campaign.collect();
         CampaignSection {
             name,
             robot: setup.map(|campaign| campaign.robot.as_str()),
@@ -197,28 +230,15 @@ fn campaign_sections<'p>(
                 .map(figure_view)
                 .collect(),
             passive: fits.iter().any(|fit| fit.damping_nm_s_rad.is_finite()),
-            best: best(&fits),
+            best: compared.first().map(|row| row.sentence.as_str()),
+            comparison: compared.iter().map(|row| comparison_view(row)).collect(),
+            otherwise: otherwise(&compared),
             notes: remarks(tables, name),
             fits: fits.into_iter().map(fit_view).collect(),
         }
     };
     let sections = names.into_iter().map(section);
     sections.filter(|s| s.trials > 0 || !s.fits.is_empty() || !s.figures.is_empty()).collect()
-}
-
-/// The sentence on which model is nearest to the measurements.
-fn best(fits: &[&FitRow]) -> Option<String> {
-    let mut ranked: Vec<&&FitRow> = fits.iter().filter(|fit| fit.j.is_finite()).collect();
-    ranked.sort_by(|a, b| a.j.total_cmp(&b.j));
-    let (first, rest) = ranked.split_first()?;
-    let second = rest.first().map_or(String::new(), |second| {
-        format!(", followed by {} with {}", second.model, significant(second.j, 4))
-    });
-    Some(format!(
-        "Nearest to the measurements: {} with J = {}{second}.",
-        first.model,
-        significant(first.j, 4)
-    ))
 }
 
 /// What is to be said of a campaign's predictions: those that the figures leave out, and those
@@ -299,6 +319,33 @@ fn fit_view(fit: &FitRow) -> FitView<'_> {
         solves: fit.solves,
         status: &fit.status,
     }
+}
+
+fn comparison_view(row: &ComparisonRow) -> ComparisonView<'_> {
+    let wins = fixed(100.0 * row.wins, 1);
+    ComparisonView {
+        model: &row.model,
+        j: significant(row.j, 4),
+        parts: [row.j_d, row.j_v, row.j_sigma, row.j_alpha].map(|part| significant(part, 3)),
+        left_out: significant(row.j_left_out, 4),
+        free: row.free,
+        criterion: fixed(row.criterion, 1),
+        wins: if wins == NONE { wins } else { format!("{wins} %") },
+    }
+}
+
+/// What the other gait input than the configured one gives.
+fn otherwise<'p>(rows: &[&'p ComparisonRow]) -> Option<Otherwise<'p>> {
+    let with = |row: &&&ComparisonRow| row.other_gait_j.is_finite();
+    let gait_input = rows.iter().find(with)?.other_gait_input.as_str();
+    let view = |row: &&'p ComparisonRow| OtherwiseRow {
+        model: &row.model,
+        j: significant(row.j, 4),
+        other_j: significant(row.other_gait_j, 4),
+        skid: [row.other_gait_skid0_kg_s, row.other_gait_skid1_kg_s, row.other_gait_skid2_kg_s]
+            .map(|skid| significant(skid, 4)),
+    };
+    Some(Otherwise { gait_input, rows: rows.iter().filter(with).map(view).collect() })
 }
 
 fn trial_groups(trials: &[TrialRow]) -> Vec<TrialGroup<'_>> {

@@ -6,6 +6,7 @@ use plotters_backend::DrawingBackend;
 
 use super::axis::{self, Range, Shown};
 use super::canvas::{Canvas, Drawn, TextAt};
+use super::chart;
 use super::figure::{Figure, Panel};
 use super::font::Typeface;
 use super::legend::{self, Entry};
@@ -39,6 +40,9 @@ fn legend_height(entries: &[Entry]) -> f64 {
 
 /// Width and height of a figure, px.
 pub fn size(figure: &Figure, font: Typeface) -> (f64, f64) {
+    if !figure.charts.is_empty() {
+        return chart::size(&figure.charts);
+    }
     let entries = legend::lay_out(figure, font, LEGEND_LEFT, RIGHT);
     let panels = figure.panels.len() as f64 * (TITLE + panel_height(figure));
     (style::WIDTH, MARGIN + legend_height(&entries) + panels + FREQUENCY_AXIS)
@@ -77,6 +81,9 @@ impl Frame {
 /// # Errors
 /// The backend fails.
 pub fn draw<B: DrawingBackend>(figure: &Figure, canvas: &mut Canvas<'_, B>) -> Drawn<B> {
+    if !figure.charts.is_empty() {
+        return chart::draw(&figure.charts, canvas);
+    }
     canvas.fill((0.0, 0.0), size(figure, canvas.font), style::PAPER)?;
     let entries = legend::lay_out(figure, canvas.font, LEGEND_LEFT, RIGHT);
     for entry in &entries {

@@ -17,6 +17,8 @@ mod okabe_ito {
 pub const INK: RGBColor = RGBColor(34, 34, 34);
 /// Lines that help the eye and should not be seen otherwise.
 pub const GRID: RGBColor = RGBColor(226, 226, 226);
+/// An interval behind a line.
+pub const BAND: RGBColor = RGBColor(232, 240, 246);
 pub const PAPER: RGBColor = RGBColor(255, 255, 255);
 /// Models that the palette does not know.
 const OTHER: RGBColor = RGBColor(120, 120, 120);

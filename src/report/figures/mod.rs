@@ -1,6 +1,7 @@
 //! The figures: which there are, and which of them the tables at hand allow.
 
 mod displacement;
+mod fits;
 mod models;
 mod skid;
 mod speed;
@@ -9,6 +10,8 @@ use std::collections::BTreeSet;
 
 use super::figure::Figure;
 use super::series::Source;
+use super::tables::Tables;
+use crate::config::Config;
 
 pub const SKEWED: &str = "kinematic-skewed";
 pub const SYMMETRIC: &str = "kinematic-symmetric";
@@ -19,6 +22,12 @@ pub const PAPER_CAMPAIGNS: [&str; 3] = [SKEWED, SYMMETRIC, SEMI_PASSIVE];
 /// Names that the files of the paper's figures can have.
 pub const PAPER_STEMS: [&str; 8] =
     ["fig10", "fig13", "fig15", "fig16", "fig17", "fig18", "fig19", "fig20"];
+
+/// Names that the files of all figures of the paper's campaigns can have.
+pub fn known_stems() -> Vec<String> {
+    let own = PAPER_CAMPAIGNS.iter().flat_map(|campaign| fits::stems(campaign));
+    PAPER_STEMS.into_iter().map(str::to_owned).chain(own).collect()
+}
 
 const BARS: &str = "Markers: means over the cycles of each trial, flagged trials included; bars: \
                     95 % (1.96 standard errors), where longer than the marker.";
@@ -31,8 +40,9 @@ pub struct Figures {
 }
 
 /// The paper's figures for its campaigns, and for every other campaign one with what the
-/// models predict and one with the wheels' skid.
-pub fn figures(source: Source<'_>, configured: &BTreeSet<&str>) -> Figures {
+/// models predict and one with the wheels' skid; then of every campaign how its fits came about.
+pub fn figures(tables: &Tables, config: &Config) -> Figures {
+    let (source, configured) = (tables.source(config), &tables.campaigns(config));
     let mut found = Figures::default();
     if PAPER_CAMPAIGNS.iter().any(|campaign| configured.contains(campaign)) {
         found.missing = missing_of_the_paper(source, configured);
@@ -58,6 +68,10 @@ pub fn figures(source: Source<'_>, configured: &BTreeSet<&str>) -> Figures {
             found.missing.push(format!("Campaign {campaign}: nothing to draw, {NOTHING}"));
         }
         found.figures.extend(own);
+        found.figures.extend(fits::figures(&name, campaign, tables));
+    }
+    for campaign in PAPER_CAMPAIGNS.iter().filter(|campaign| configured.contains(*campaign)) {
+        found.figures.extend(fits::figures(campaign, campaign, tables));
     }
     found.figures.retain(|figure| !figure.is_empty());
     found

@@ -27,5 +27,6 @@ pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
         caption,
         campaigns: vec![campaign.to_owned()],
         panels,
+        charts: Vec::new(),
     }
 }

@@ -39,5 +39,6 @@ pub fn figure(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
         ),
         campaigns: campaigns.iter().map(|&campaign| campaign.to_owned()).collect(),
         panels: [0, 1, 2].map(panel).into(),
+        charts: Vec::new(),
     }
 }

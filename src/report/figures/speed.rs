@@ -17,5 +17,6 @@ pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
             from_zero: true,
             series: source.measured(campaign, quantity, 0).into_iter().collect(),
         }],
+        charts: Vec::new(),
     }
 }

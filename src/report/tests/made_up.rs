@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use crate::store::{CheckRow, FitRow, PredictionRow, Provenance, Rows, TrialRow};
+use crate::store::{
+    BootstrapRow, CheckRow, ComparisonRow, FitRow, PARAMETERS, PredictionRow, ProfileRow,
+    Provenance, Rows, StartRow, TrialRow,
+};
 
 pub const SKEWED: &str = "kinematic-skewed";
 pub const SYMMETRIC: &str = "kinematic-symmetric";
@@ -100,6 +103,90 @@ impl Tables {
         write("checks", CheckRow::to_table(&self.checks));
         write("fits", FitRow::to_table(&self.fits));
         write("predictions", PredictionRow::to_table(&self.predictions));
+        write("comparison", ComparisonRow::to_table(&self.comparison()));
+        write("starts", StartRow::to_table(&self.starts()));
+        write("profiles", ProfileRow::to_table(&self.profiles()));
+        write("bootstrap", BootstrapRow::to_table(&self.bootstrap()));
+    }
+
+    fn comparison(&self) -> Vec<ComparisonRow> {
+        let row = |fit: &FitRow| ComparisonRow {
+            campaign: fit.campaign.clone(),
+            model: fit.model.clone(),
+            j: fit.j,
+            j_d: 0.7 * fit.j,
+            j_v: 0.1 * fit.j,
+            j_sigma: 0.2 * fit.j,
+            j_alpha: 0.0,
+            j_left_out: 1.1 * fit.j,
+            free: fit.free.len() as i64,
+            terms: 60,
+            criterion: 120.0 * fit.j.ln(),
+            wins: if fit.model == "skid-roll" { 0.985 } else { 0.005 },
+            other_gait_input: "measured".to_owned(),
+            other_gait_j: 0.8 * fit.j,
+            other_gait_skid0_kg_s: 1.02 * fit.skid0_kg_s,
+            sentence: "The data prefer <skid-roll>: J = 1.0508.".to_owned(),
+            status: fit.status.clone(),
+            ..ComparisonRow::blank()
+        };
+        self.fits.iter().map(row).collect()
+    }
+
+    fn starts(&self) -> Vec<StartRow> {
+        let fitted = self.fits.iter().filter(|fit| !fit.free.is_empty());
+        let rows = fitted.flat_map(|fit| (0..8).map(move |start| (fit, start)));
+        let row = |(fit, start): (&FitRow, i64)| StartRow {
+            campaign: fit.campaign.clone(),
+            model: fit.model.clone(),
+            start,
+            j: if start == 5 { 1.4 * fit.j } else { fit.j },
+            ..StartRow::blank()
+        };
+        rows.map(row).collect()
+    }
+
+    fn profiles(&self) -> Vec<ProfileRow> {
+        let mut rows = Vec::new();
+        for fit in &self.fits {
+            for (nth, name) in fit.free.iter().enumerate() {
+                let place = PARAMETERS.iter().position(|known| known == name).expect("known");
+                for step in -9..=9 {
+                    let offset = f64::from(step) * [0.01, 0.2, 0.3][nth];
+                    let steep = if nth == 2 { 0.0 } else { [900.0, 0.4][nth] };
+                    rows.push(ProfileRow {
+                        campaign: fit.campaign.clone(),
+                        model: fit.model.clone(),
+                        parameter: name.clone(),
+                        value: fit.parameters()[place] * offset.exp(),
+                        j: fit.j * (1.0 + steep * offset * offset),
+                        limit_j: 1.1 * fit.j,
+                        ..ProfileRow::blank()
+                    });
+                }
+            }
+        }
+        rows
+    }
+
+    fn bootstrap(&self) -> Vec<BootstrapRow> {
+        let fitted = self.fits.iter().filter(|fit| !fit.free.is_empty());
+        let rows = fitted.flat_map(|fit| (0..100).map(move |replicate| (fit, replicate)));
+        let row = |(fit, replicate): (&FitRow, i64)| {
+            let phase = replicate as f64;
+            let mut row = BootstrapRow {
+                campaign: fit.campaign.clone(),
+                model: fit.model.clone(),
+                replicate,
+                j: fit.j,
+                ..BootstrapRow::blank()
+            };
+            let off = [phase.sin(), (1.3 * phase).sin(), (1.7 * phase).cos()];
+            let fitted = fit.parameters();
+            row.set_parameters(std::array::from_fn(|i| fitted[i] * (1.0 + 0.03 * off[i % 3])));
+            row
+        };
+        rows.map(row).collect()
     }
 
     fn predict(&mut self, campaign: &str, model: &str, measured: &Measured) {

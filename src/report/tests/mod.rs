@@ -2,7 +2,7 @@
 
 mod made_up;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::*;
@@ -45,15 +45,18 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn the_papers_campaigns_give_its_eight_figures() {
+fn the_papers_campaigns_give_its_eight_figures_and_three_of_each_campaign_s_fits() {
     let folder = temporary();
     let tables = MadeUp::of_the_paper();
     tables.write(&folder.path().join("derived"));
     let reported = report(&config(folder.path())).expect("reports");
-    assert_eq!(reported.figures, figures::PAPER_STEMS);
+    assert_eq!(reported.figures[..8], figures::PAPER_STEMS);
+    let all: BTreeSet<String> = reported.figures.iter().cloned().collect();
+    // The semi-passive campaign has pairs of coefficients too, and nothing is missing.
+    assert_eq!(all, figures::known_stems().into_iter().collect());
     assert!(reported.missing.is_empty(), "{:?}", reported.missing);
     let files = files(&folder.path().join("reports"));
-    for stem in figures::PAPER_STEMS {
+    for stem in figures::known_stems() {
         assert!(files[&format!("{stem}.png")].starts_with(b"\x89PNG"));
         assert!(files[&format!("{stem}.csv")].len() > 100);
         assert!(files[&format!("{stem}.svg")].ends_with(b"</svg>\n"));
@@ -83,12 +86,16 @@ fn a_campaign_without_trials_and_fits_is_skipped_and_named() {
     tables.fits.retain(|row| row.campaign != SEMI_PASSIVE);
     tables.predictions.retain(|row| row.campaign != SEMI_PASSIVE);
     let reported = reported(&tables, folder.path());
-    assert_eq!(reported.figures, ["fig10", "fig13", "fig16", "fig17", "fig19", "fig20"]);
+    let of_the_paper = &reported.figures[..6];
+    assert_eq!(of_the_paper, ["fig10", "fig13", "fig16", "fig17", "fig19", "fig20"]);
+    assert!(!reported.figures.iter().any(|stem| stem.starts_with(SEMI_PASSIVE)));
     assert_eq!(reported.missing.len(), 1);
     assert!(reported.missing[0].contains(SEMI_PASSIVE) && reported.missing[0].contains("15, 18"));
     assert!(read(&reported.page).contains(&reported.missing[0]));
     let stale = folder.path().join("reports/figures/fig18.png");
     assert!(!stale.exists(), "a figure of the earlier report is still there");
+    let stale = folder.path().join(format!("reports/figures/{SEMI_PASSIVE}-profiles.svg"));
+    assert!(!stale.exists(), "a figure of the earlier report's fits is still there");
 }
 
 #[test]
@@ -98,12 +105,14 @@ fn tables_that_are_not_there_are_named_and_one_trial_is_enough() {
     let mut tables = MadeUp::of_the_paper();
     tables.trials.truncate(1);
     tables.write(&derived);
-    for name in ["checks", "fits", "predictions"] {
+    const OPTIONAL: [&str; 7] =
+        ["checks", "fits", "predictions", "comparison", "starts", "profiles", "bootstrap"];
+    for name in OPTIONAL {
         std::fs::remove_file(derived.join(format!("{name}.parquet"))).expect("was there");
     }
     let reported = report(&config(folder.path())).expect("reports");
     assert_eq!(reported.figures, ["fig10", "fig16", "fig19"]);
-    for name in ["checks", "fits", "predictions"] {
+    for name in OPTIONAL {
         assert!(reported.missing.iter().any(|sentence| sentence.contains(name)), "{name}");
     }
     assert_eq!(read(&folder.path().join("reports/fits.json")), "[]\n");
@@ -179,8 +188,8 @@ fn the_page_needs_nothing_from_outside() {
     let folder = temporary();
     let page = read(&reported(&MadeUp::of_the_paper(), folder.path()).page);
     assert!(!page.contains("http:") && !page.contains("https:") && !page.contains("<script"));
-    assert_eq!(page.matches("<img src=\"data:image/svg+xml;base64,").count(), 8);
-    assert_eq!(page.matches(" alt=\"").count(), 8);
+    assert_eq!(page.matches("<img src=\"data:image/svg+xml;base64,").count(), 8 + 9);
+    assert_eq!(page.matches(" alt=\"").count(), 8 + 9);
     assert!(!page.contains("synthetic"), "says synthetic without a truth.json");
 }
 
@@ -220,6 +229,22 @@ fn a_figures_csv_has_the_plotted_numbers() {
 }
 
 #[test]
+fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
+    let folder = temporary();
+    let page = read(&reported(&MadeUp::of_the_paper(), folder.path()).page);
+    for text in [
+        "The data prefer &lt;skid-roll&gt;: J = 1.0508.",
+        "<td class=\"n\">98.5 %</td>",
+        "With the measured gait instead",
+        "98.4 to 112",
+        "21.3 to ∞",
+        "practically not identifiable",
+    ] {
+        assert!(page.contains(text), "{text}");
+    }
+}
+
+#[test]
 fn fits_json_has_null_where_there_is_no_number() {
     let folder = temporary();
     reported(&MadeUp::of_the_paper(), folder.path());
@@ -233,7 +258,13 @@ fn fits_json_has_null_where_there_is_no_number() {
     };
     assert!(of(SKEWED, "no-skid")["parameters"]["skid0_kg_s"].is_null());
     assert_eq!(of(SKEWED, "skid-roll")["parameters"]["skid0_kg_s"], 104.21);
-    assert_eq!(of(SKEWED, "skid-roll")["at_bound"][0], "skid2_kg_s");
+    let fit = of(SKEWED, "skid-roll");
+    assert_eq!(fit["at_bound"][0], "skid2_kg_s");
+    assert_eq!(fit["intervals"]["skid0_kg_s"], serde_json::json!([98.4, 111.9]));
+    // The interval is open above.
+    assert_eq!(fit["intervals"]["skid1_kg_s"], serde_json::json!([21.3, null]));
+    assert!(fit["intervals"]["roll0_kg_s"].is_null());
+    assert_eq!(fit["comparison"]["wins"], 0.985);
 }
 
 #[test]

@@ -1,0 +1,169 @@
+//! Whether 95 % intervals hold the truth in 95 of 100 campaigns.
+//!
+//! The campaigns are made from the model itself: every trial's cycles are its motion's metrics
+//! with noise, and a trial may be off as a whole.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeMap;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use trilink::config::{Config, SigmaKind};
+use trilink::fit::{FitData, fit};
+use trilink::metrics::GaitMetrics;
+use trilink::motion::{FIT_ACCURACY, Model, Problem};
+use trilink::store::{CycleRow, FitRow, Rows as _, TrialRow};
+
+const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
+/// Relative noise of d and v, of the skid ratios and of alpha_1 from cycle to cycle.
+const CYCLE_NOISE: [f64; 3] = [0.02, 0.08, 0.02];
+/// The same of whole trials, where they repeat.
+const TRIAL_NOISE: [f64; 3] = [0.01, 0.03, 0.01];
+
+struct Truth {
+    config: Config,
+    campaign: &'static str,
+    skid_kg_s: [f64; 3],
+    motions: Vec<GaitMetrics>,
+}
+
+fn truth(campaign: &'static str, skid_kg_s: [f64; 3]) -> Truth {
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == campaign);
+    config.campaign.values_mut().for_each(|campaign| campaign.models = vec![Model::SkidRoll]);
+    config.fit.starts = 1;
+    config.fit.sigma = SigmaKind::Raw;
+    let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
+    robot.skid_kg_s = skid_kg_s;
+    let motion = |omega_rad_s: &f64| {
+        let (robot, omega_rad_s) = (robot.clone(), *omega_rad_s);
+        let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s };
+        problem.solve(FIT_ACCURACY).unwrap().metrics
+    };
+    let motions = OMEGAS_RAD_S.iter().map(motion).collect();
+    Truth { config, campaign, skid_kg_s, motions }
+}
+
+/// A campaign with `repeats` trials at every frequency.
+fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut data = FitData::default();
+    for (omega_rad_s, motion) in OMEGAS_RAD_S.iter().zip(&truth.motions) {
+        for repeat in 0..repeats {
+            let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+            let trial_noise = if repeats > 1 { TRIAL_NOISE } else { [0.0; 3] };
+            let mut noises = |of: [f64; 3]| {
+                let [d, sigma, alpha] = of;
+                let d = d * normal();
+                [d, d, sigma * normal(), sigma * normal(), sigma * normal(), alpha * normal()]
+            };
+            let off = noises(trial_noise);
+            let trial = format!("{omega_rad_s}-{repeat}");
+            let count = 3 + (seed as usize + repeat + data.trials.len()) % 6;
+            let cycles: Vec<[f64; 6]> = (0..count)
+                .map(|_| {
+                    let noise = noises(CYCLE_NOISE);
+                    std::array::from_fn(|i| motion.to_array()[i] * (1.0 + off[i] + noise[i]))
+                })
+                .collect();
+            let mean = |i: usize| cycles.iter().map(|cycle| cycle[i]).sum::<f64>() / count as f64;
+            let error = |i: usize| {
+                let squares: f64 = cycles.iter().map(|cycle| (cycle[i] - mean(i)).powi(2)).sum();
+                (squares / (count as f64 - 1.0) / count as f64).sqrt()
+            };
+            data.trials.push(TrialRow {
+                trial: trial.clone(),
+                campaign: truth.campaign.to_owned(),
+                omega_commanded_rad_s: *omega_rad_s,
+                omega_rad_s: *omega_rad_s,
+                cycles: count as i64,
+                d_m: mean(0),
+                d_m_se: error(0),
+                v_m_s: mean(1),
+                v_m_s_se: error(1),
+                sigma0: mean(2),
+                sigma0_se: error(2),
+                sigma1: mean(3),
+                sigma1_se: error(3),
+                sigma2: mean(4),
+                sigma2_se: error(4),
+                alpha1_rad: mean(5),
+                alpha1_rad_se: error(5),
+                ..TrialRow::blank()
+            });
+            let row = |(number, cycle): (usize, &[f64; 6])| CycleRow {
+                trial: trial.clone(),
+                cycle: number as i64,
+                start_s: 0.0,
+                d_m: cycle[0],
+                v_m_s: cycle[1],
+                sigma0: cycle[2],
+                sigma1: cycle[3],
+                sigma2: cycle[4],
+                alpha1_rad: cycle[5],
+                dtheta_rad: 0.0,
+                used: true,
+            };
+            data.cycles.insert(trial.clone(), cycles.iter().enumerate().map(row).collect());
+        }
+    }
+    // The stage does not depend on the order of the trials.
+    let turn = random.random_range(0..data.trials.len());
+    data.trials.rotate_left(turn);
+    data
+}
+
+/// In how many of the campaigns the interval of each skid coefficient holds the truth, and how
+/// many intervals there are.
+fn held(truth: &Truth, campaigns: u64, repeats: usize, with_cycles: bool) -> ([usize; 3], u64) {
+    let fits: Vec<FitRow> = (0..campaigns)
+        .into_par_iter()
+        .map(|seed| {
+            let mut data = measure(truth, repeats, seed);
+            if !with_cycles {
+                data.cycles = BTreeMap::new();
+            }
+            fit(&truth.config, &data, &|_| {}).fits.remove(0)
+        })
+        .collect();
+    let mut held = [0; 3];
+    for fit in fits {
+        assert_eq!(fit.status, "ok");
+        let limits = fit.lower_limits().into_iter().zip(fit.upper_limits());
+        for ((held, (low, high)), known) in held.iter_mut().zip(limits).zip(truth.skid_kg_s) {
+            // An open side holds everything.
+            let is_above = low.is_nan() || low <= known;
+            *held += usize::from(is_above && (high.is_nan() || known <= high));
+        }
+    }
+    (held, campaigns)
+}
+
+#[test]
+#[ignore = "several minutes: cargo test --release --test coverage -- --ignored --nocapture"]
+fn ninety_five_percent_intervals_hold_the_truth_in_88_to_99_of_100_campaigns() {
+    let symmetric = ("kinematic-symmetric", [104.0, 34.0, 45.0]);
+    let skewed = ("kinematic-skewed", [74.0, 88.0, 96.0]);
+    let passive = ("semi-passive-symmetric", [420.0, 200.0, 70.0]);
+    for (bootstrap, profiles) in [(200, false), (0, true)] {
+        for ((campaign, skid), repeats, with_cycles) in [
+            (symmetric, 1, true),
+            (symmetric, 1, false),
+            (symmetric, 2, true),
+            (skewed, 1, true),
+            (skewed, 2, true),
+            (passive, 1, true),
+        ] {
+            let mut truth = truth(campaign, skid);
+            (truth.config.fit.bootstrap, truth.config.fit.profiles) = (bootstrap, profiles);
+            let (held, of) = held(&truth, 100, repeats, with_cycles);
+            let kind = if profiles { "profiles" } else { "bootstrap" };
+            eprintln!(
+                "{campaign}, {kind}, {repeats} a frequency, cycles {with_cycles}: {held:?} of {of}"
+            );
+        }
+    }
+}
