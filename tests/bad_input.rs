@@ -271,6 +271,30 @@ fn a_wrong_configuration_ends_everything_with_line_or_key_named() {
 }
 
 #[test]
+fn what_a_model_cannot_leave_free_is_named() {
+    let cases: [(&str, &[&str]); 7] = [
+        ("skid-roll = [\"skd\"]", &["pipeline.toml, line 11", "`skd`", "did you mean `skid`?"]),
+        ("skid-rol = [\"skid\"]", &["pipeline.toml, line 11", "`skid-rol`", "`skid-roll`?"]),
+        ("skid = [\"skid\"]", &["free.skid", "one of the campaign's models `no-skid`, `skid-roll`"]),
+        ("no-skid = [\"skid0\"]", &["free.no-skid", "found Skid0", "wheels that skid"]),
+        ("no-skid = [\"roll\"]", &["free.no-skid", "found Roll", "wheels that resist rolling"]),
+        ("skid-roll = [\"stiffness\"]", &["free.skid-roll", "found Stiffness", "passive joint"]),
+        ("skid-roll = [\"skid\", \"skid1\"]", &["free.skid-roll", "each coefficient once"]),
+    ];
+    for (line, named) in cases {
+        let free = format!("alpha = 0.0 }}\n[campaign.kinematic-symmetric.free]\n{line}");
+        let add = |folder: &Folder| folder.replace("pipeline.toml", "alpha = 0.0 }", &free);
+        assert_nothing_done(add, "run", named);
+    }
+    let weigh = |folder: &Folder| {
+        let nothing = "d = 0.0, v = 0.0, sigma = 0.0, alpha = 0.0";
+        let weights = "d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0";
+        folder.replace("pipeline.toml", weights, nothing);
+    };
+    assert_nothing_done(weigh, "run", &["campaign.kinematic-symmetric.weights", "above 0"]);
+}
+
+#[test]
 fn a_number_of_threads_that_cannot_be_is_refused() {
     for threads in ["0", "1000000000"] {
         let ended = Folder::new().trilink(&["--threads", threads, "ingest"]);

@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used)]
 
-use trilink::config::{Campaign, Config, GaitInput, SigmaKind};
-use trilink::fit::{FitData, Objective, Parameter, fit};
+use trilink::config::{
+    Campaign, Config, Free, GaitInput, ParameterSource, SigmaKind, Weights,
+};
+use trilink::fit::{Coefficient, FitData, Fitted, Objective, Parameter, fit};
 use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
-use trilink::store::{Rows as _, TrialRow};
+use trilink::store::{RobotParameterRow, Rows as _, TrialRow};
 
 /// The reference's campaign: metrics at twelve frequencies with 3 % noise.
 struct Reference {
@@ -159,4 +161,217 @@ fn a_campaign_without_trials_is_a_row_that_says_so() {
     assert_eq!(fitted.fits.len(), 1);
     assert_eq!(fitted.fits[0].status, "failed: no trial with metrics");
     assert!(fitted.predictions.is_empty());
+}
+
+/// The reference's trials with names, frequencies and errors.
+fn named(reference: &Reference) -> Vec<TrialRow> {
+    let mut rows = trials(reference);
+    for (number, row) in rows.iter_mut().enumerate() {
+        row.trial = format!("trial-{number}");
+        row.kind = "gait".to_owned();
+        row.omega_commanded_rad_s = row.omega_rad_s;
+        row.cycles = 5;
+        (row.d_m_se, row.v_m_s_se) = (0.01 * row.d_m, 0.01 * row.v_m_s);
+        row.sigma0_se = 0.03 * row.sigma0;
+        row.sigma1_se = 0.03 * row.sigma1;
+        row.sigma2_se = 0.03 * row.sigma2;
+    }
+    rows
+}
+
+/// Fits of two starts and few replicates.
+fn quick(reference: &Reference) -> Config {
+    let mut config = config(reference);
+    config.fit.sigma = SigmaKind::Raw;
+    (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (2, 10, true);
+    config
+}
+
+#[test]
+fn neither_threads_nor_the_order_of_the_trials_change_a_bit() {
+    let reference = &REFERENCES[0];
+    let config = quick(reference);
+    let rows = named(reference);
+    let with_threads = |threads: usize, rows: Vec<TrialRow>| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| fit(&config, &rows.into(), &|_| {}))
+    };
+    // Missing values are not equal to themselves, so the text is compared; it has all digits.
+    let text = |fitted: &Fitted| format!("{fitted:?}");
+    let one = with_threads(1, rows.clone());
+    assert_eq!(one.bootstrap.len(), 10);
+    assert!(!one.profiles.is_empty());
+    let mut turned = rows.clone();
+    turned.rotate_left(5);
+    turned.swap(0, 3);
+    assert!(text(&one) == text(&with_threads(3, turned)));
+}
+
+#[test]
+fn failed_trials_and_missing_metrics_are_left_out_and_the_others_fitted() {
+    let reference = &REFERENCES[0];
+    let config = quick(reference);
+    let mut rows = named(reference);
+    let whole = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
+    assert_eq!(whole.trials, 12);
+    let blank = |trial: &str, status: &str| TrialRow {
+        trial: trial.to_owned(),
+        campaign: reference.campaign.to_owned(),
+        status: status.to_owned(),
+        ..TrialRow::blank()
+    };
+    rows.push(blank("nothing", "ok"));
+    rows.push(TrialRow { status: "failed".to_owned(), d_m: 9.0, ..rows[0].clone() });
+    let same = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
+    assert_eq!((same.trials, same.j), (12, whole.j));
+    // A whole frequency and a single metric.
+    rows.remove(4);
+    rows[2].sigma1 = f64::NAN;
+    let fitted = fit(&config, &rows.into(), &|_| {});
+    let fit = &fitted.fits[0];
+    assert_eq!((fit.trials, fit.status.as_str()), (11, "ok"));
+    assert!((fit.skid0_kg_s / whole.skid0_kg_s - 1.0).abs() < 0.1);
+    assert_eq!(fitted.comparison[0].terms, 5 * 11 - 1);
+}
+
+#[test]
+fn bounds_that_exclude_the_configured_start_are_respected_and_marked() {
+    let reference = &REFERENCES[0];
+    let mut config = quick(reference);
+    // The robot has 100, 50, 50 kg/s and the best is 101, 34, 44 kg/s.
+    config.fit.skid_bounds_kg_s = [55.0, 90.0];
+    let fitted = fit(&config, &named(reference).into(), &|_| {});
+    let fit = &fitted.fits[0];
+    assert_eq!(fit.status, "ok");
+    assert_eq!([fit.skid0_kg_s, fit.skid1_kg_s, fit.skid2_kg_s], [90.0, 55.0, 55.0]);
+    assert_eq!(fit.at_bound.len(), 3);
+    for start in &fitted.starts {
+        assert!(start.began().iter().take(3).all(|value| (55.0..=90.0).contains(value)));
+    }
+    // What lies beyond the bounds is not known.
+    assert!(fit.skid0_kg_s_hi.is_nan() && fit.skid1_kg_s_lo.is_nan());
+    assert!(fit.practically_not.contains(&"skid0_kg_s".to_owned()));
+}
+
+#[test]
+fn a_model_without_a_motion_says_so_and_the_others_are_fitted() {
+    let reference = &REFERENCES[0];
+    let mut config = quick(reference);
+    let campaign = config.campaign.get_mut(reference.campaign).unwrap();
+    campaign.models = vec![Model::NoSkidMeasured, Model::NoSkid, Model::SkidRoll];
+    let mut rows = named(reference);
+    // A gait that is a little off crosses the singular shape without meeting condition (5).
+    for row in &mut rows {
+        (row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad) = (0.0, 0.5, 0.01);
+        (row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad) = (0.01, 0.52, -1.5);
+    }
+    let fitted = fit(&config, &rows.into(), &|_| {});
+    let statuses: Vec<&str> = fitted.fits.iter().map(|fit| fit.status.as_str()).collect();
+    assert!(statuses[0].starts_with("singular: at 0.500 rad/s"), "{statuses:?}");
+    assert_eq!(statuses[1..], ["ok", "ok"]);
+    assert!(fitted.fits[0].j.is_nan() && fitted.comparison[0].j.is_nan());
+    assert!(fitted.comparison[0].sentence.starts_with("The data prefer skid-roll: J = 0.2614"));
+    assert_eq!(fitted.comparison[2].wins, 1.0);
+    // Ten replicates for each model that has a fit.
+    assert_eq!(fitted.bootstrap.len(), 20);
+}
+
+#[test]
+fn trials_without_a_measured_gait_leave_the_models_that_need_it_without_a_fit() {
+    let reference = &REFERENCES[1];
+    let mut config = quick(reference);
+    let campaign = config.campaign.get_mut(reference.campaign).unwrap();
+    campaign.models = vec![Model::NoSkidMeasured, Model::SkidRoll];
+    let fitted = fit(&config, &named(reference).into(), &|_| {});
+    assert!(fitted.fits[0].status.starts_with("diverged"), "{}", fitted.fits[0].status);
+    assert_eq!(fitted.fits[1].status, "ok");
+    assert!(fitted.comparison[1].other_gait_j.is_nan());
+}
+
+#[test]
+fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
+    // With the weight on alpha_1 at a single frequency there is one number for two coefficients.
+    let reference = &REFERENCES[2];
+    let mut config = quick(reference);
+    let campaign = config.campaign.get_mut(reference.campaign).unwrap();
+    campaign.free = [(Model::SkidRoll, vec![Free::Stiffness, Free::Damping])].into();
+    campaign.weights = Weights { d: 0.0, v: 0.0, sigma: 0.0, alpha: 1.0 };
+    let mut rows = named(reference);
+    rows.drain(4..);
+    rows.drain(..3);
+    rows[0].alpha1_rad_se = 0.01 * rows[0].alpha1_rad;
+    let fitted = fit(&config, &rows.into(), &|_| {});
+    let fit = &fitted.fits[0];
+    assert_eq!(fit.status, "ok");
+    assert!(fit.j < 1e-6, "{}", fit.j);
+    assert!(!fit.identifiable.contains(&"damping_nm_s_rad".to_owned()), "{fit:?}");
+}
+
+#[test]
+fn a_coefficient_that_nothing_measured_depends_on_is_structurally_not_identifiable() {
+    // The weight is on alpha_1 alone, which the gait commands: no skid coefficient moves it.
+    let reference = &REFERENCES[0];
+    let mut config = quick(reference);
+    let campaign = config.campaign.get_mut(reference.campaign).unwrap();
+    campaign.weights = Weights { d: 0.0, v: 0.0, sigma: 0.0, alpha: 1.0 };
+    let fitted = fit(&config, &named(reference).into(), &|_| {});
+    let fit = &fitted.fits[0];
+    assert_eq!(fit.structurally_not, ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"]);
+    assert!(fit.lower_limits().iter().chain(&fit.upper_limits()).all(|limit| limit.is_nan()));
+}
+
+#[test]
+fn noise_free_trials_give_back_whatever_is_free() {
+    let reference = &REFERENCES[2];
+    let mut config = quick(reference);
+    config.fit.starts = 4;
+    let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
+    let model = Model::SkidRoll;
+    for (free, planted) in [
+        (vec![Free::Skid, Free::Roll], vec![Coefficient::RollSum]),
+        (vec![Free::Roll0, Free::Skid2], vec![Coefficient::Roll(0), Coefficient::Skid(2)]),
+        (vec![Free::Stiffness, Free::Damping], vec![Coefficient::Stiffness, Coefficient::Damping]),
+    ] {
+        let mut truth = robot.clone();
+        for coefficient in &planted {
+            coefficient.set(&mut truth, 1.3 * coefficient.of(&robot));
+        }
+        let mut rows = named(reference);
+        for row in &mut rows {
+            let omega_rad_s = row.omega_rad_s;
+            let problem = Problem { robot: truth.clone(), gait, model, omega_rad_s };
+            let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+            (row.d_m, row.v_m_s, row.alpha1_rad) = (metrics.d_m, metrics.v_m_s, metrics.alpha1_rad);
+            [row.sigma0, row.sigma1, row.sigma2] = metrics.sigma;
+        }
+        let campaign = config.campaign.get_mut(reference.campaign).unwrap();
+        campaign.free = [(model, free.clone())].into();
+        let fitted = fit(&config, &rows.into(), &|_| {});
+        let found = &fitted.fits[0];
+        assert!(found.j < 1e-6, "{free:?}: {}", found.j);
+        assert_eq!(found.identifiable, found.free, "{free:?}");
+        for coefficient in Coefficient::ALL {
+            let (found, known) = (found.parameters()[coefficient.place()], coefficient.of(&truth));
+            assert!((found / known - 1.0).abs() < 1e-3, "{free:?} {coefficient:?}: {found} {known}");
+        }
+    }
+}
+
+#[test]
+fn measured_parameters_of_the_robot_take_the_place_of_configured_ones() {
+    let reference = &REFERENCES[2];
+    let mut config = quick(reference);
+    config.fit.robot_parameters = ParameterSource::Measured;
+    let release = RobotParameterRow {
+        robot: "semi-passive".to_owned(),
+        stiffness_nm_rad: 0.15,
+        damping_nm_s_rad: 0.0065,
+        ..RobotParameterRow::blank()
+    };
+    let data = FitData { robots: vec![release], ..FitData::from(named(reference)) };
+    let fit = fit(&config, &data, &|_| {}).fits.remove(0);
+    assert_eq!((fit.stiffness_nm_rad, fit.damping_nm_s_rad), (0.15, 0.0065));
+    // There is no coast-down.
+    assert_eq!((fit.roll0_kg_s, fit.roll_sum_kg_s), (0.6, 1.2));
+    assert_eq!(fit.measured, ["stiffness_nm_rad", "damping_nm_s_rad"]);
 }

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::coefficient::Parameter;
+use super::doubled::Doubled;
 use super::measurement::Measurement;
 use super::objective::{Evaluator, Linearised, Objective, PENALTY, Response, TERMS};
 use super::resample::Resample;
@@ -94,6 +95,22 @@ impl<'o> Base<'o> {
     /// The fit of another objective, from here.
     pub fn refit_otherwise(&self, objective: &Objective) -> Start {
         search_from(objective.evaluator(self.parameters().to_vec()), self.values.clone())
+    }
+
+    /// How the results of resamples are to be corrected; `noises` are the measurements' own.
+    pub fn doubled(&self, noises: &[[f64; TERMS]]) -> Doubled {
+        let measurements = self.objective().measurements();
+        let sum: f64 = measurements
+            .iter()
+            .zip(noises)
+            .flat_map(|(measurement, noises)| {
+                let terms = self.objective().terms(measurement);
+                terms.map(|(i, weight, measured)| weight * noises[i] / measured)
+            })
+            .sum();
+        // Mean absolute value of a normal deviate.
+        let mean = (2.0 / std::f64::consts::PI).sqrt();
+        Doubled::new(self.cost, mean * sum / measurements.len() as f64)
     }
 
     /// The parts of the objective: of `d, v, sigma0, sigma1, sigma2, alpha1`.

@@ -176,7 +176,7 @@ impl Job<'_> {
             status,
             ..self.with_parameters_of(&robot)
         };
-        let [lower, upper] = fit.intervals();
+        let [lower, upper] = fit.intervals(self.resampler);
         row.set_lower_limits(spread(parameters, &lower));
         row.set_upper_limits(spread(parameters, &upper));
         let start_rows = starts.iter().enumerate().map(|(number, start)| {
@@ -327,9 +327,10 @@ struct Fit<'o> {
 
 impl Fit<'_> {
     /// Lower and upper limits of the free parameters' 95 % intervals: the replicates' quantiles,
-    /// or without replicates the profiles' limits. Missing where the interval is open: where the
+    /// corrected for the noise that stands twice, or without replicates the profiles' limits. Missing where the interval is open: where the
     /// profile does not end it, or where the replicates' quantile is a bound.
-    fn intervals(&self) -> [Vec<f64>; 2] {
+    fn intervals(&self, resampler: &Resampler) -> [Vec<f64>; 2] {
+        let spread = self.base.doubled(&resampler.noises()).spread;
         [0, 1].map(|side| {
             let limit = |(place, parameter): (usize, &Parameter)| {
                 let profiled = self.profiles.get(place).map(|profile| profile.interval[side]);
@@ -340,7 +341,14 @@ impl Fit<'_> {
                     true => profiled.flatten().unwrap_or(f64::NAN),
                     false => self.quantile(place, [OUTSIDE, 1.0 - OUTSIDE][side]),
                 };
-                if is_at_bound(parameter, limit)[side] { f64::NAN } else { limit }
+                if is_at_bound(parameter, limit)[side] {
+                    return f64::NAN;
+                }
+                let fitted = self.base.values[place];
+                match self.replicates.is_empty() {
+                    true => limit,
+                    false => fitted * (limit / fitted).powf(spread),
+                }
             };
             self.base.parameters().iter().enumerate().map(limit).collect()
         })

@@ -9,6 +9,7 @@ mod absolute;
 mod base;
 mod coefficient;
 mod compare;
+mod doubled;
 mod folder;
 mod job;
 mod measured;

@@ -8,7 +8,7 @@ use super::measurement::Measurement;
 use crate::config::{GaitInput, Weights};
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, Model, MotionError, Problem, Solver};
-use crate::robot::{Gait, Robot};
+use crate::robot::{Gait, JointCommand, Robot};
 
 /// What a trial without a steady motion contributes to the objective: far more than any motion
 /// does, so that the search turns back.
@@ -98,7 +98,8 @@ impl Objective {
 
     /// The model's motion for one trial, driven by the command or by the measured gait;
     /// `no-skid-measured` always takes the latter.
-    pub fn problem_of(&self, robot: &Robot, measurement: &Measurement) -> Problem {
+    /// `None` if that was not measured.
+    pub fn problem_of(&self, robot: &Robot, measurement: &Measurement) -> Option<Problem> {
         let mut problem = self.problem(robot, measurement.omega_rad_s);
         if self.model == Model::NoSkidMeasured || self.gait_input == GaitInput::Measured {
             for (joint, measured) in problem.gait.joints.iter_mut().zip(measurement.gait) {
@@ -107,7 +108,12 @@ impl Objective {
                 }
             }
         }
-        problem
+        let mut commands = problem.gait.joints.iter().flatten();
+        let is_known = commands.all(|joint| {
+            let JointCommand { offset_rad, amplitude_rad, phase_rad } = joint;
+            [offset_rad, amplitude_rad, phase_rad].iter().all(|number| number.is_finite())
+        });
+        is_known.then_some(problem)
     }
 
     /// Eq. 22 for one trial.
@@ -263,6 +269,7 @@ impl<'a> Evaluator<'a> {
     fn solve(&mut self, i: usize, robot: &Robot) -> Result<GaitMetrics, MotionError> {
         self.solves += 1;
         let problem = self.objective.problem_of(robot, &self.objective.measurements[i]);
+        let problem = problem.ok_or(MotionError::GaitUnknown)?;
         self.solvers[i].solve(&problem, self.accuracy)
     }
 }

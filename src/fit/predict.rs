@@ -45,14 +45,16 @@ pub(super) fn predictions(
     };
     let mut rows = Vec::new();
     for measurement in objective.measurements() {
-        let problem = objective.problem_of(robot, measurement);
-        let solved = problem.solve(REFERENCE_ACCURACY);
+        let problem = objective.problem_of(robot, measurement).ok_or(MotionError::GaitUnknown);
+        let solved = problem.clone().and_then(|problem| problem.solve(REFERENCE_ACCURACY));
         let j = solved
             .as_ref()
             .map_or(f64::NAN, |motion| objective.contribution(measurement, &motion.metrics));
-        let from_rest = match solved {
-            Ok(_) => Settled::from_rest(&Solver::default().settle(&problem, REFERENCE_ACCURACY)),
-            Err(_) => "",
+        let from_rest = match (&solved, &problem) {
+            (Ok(_), Ok(problem)) => {
+                Settled::from_rest(&Solver::default().settle(problem, REFERENCE_ACCURACY))
+            }
+            _ => "",
         };
         rows.push(row(measurement.omega_rad_s, "trial", j, &solved, from_rest));
     }

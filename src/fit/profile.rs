@@ -4,7 +4,8 @@
 //! a limit. For least squares chi-square would give it; a sum of absolute values has no such law,
 //! so that it is taken from resampled measurements: where the fit were the truth, holding the
 //! parameter at it would cost a resample's fit so much in 95 of 100. Resamples are fitted with
-//! the terms linearised at the fit, which costs no motion.
+//! the terms linearised at the fit, which costs no motion; see [`super::doubled`] for what is
+//! corrected.
 //!
 //! Reference: A. Raue et al., *Structural and practical identifiability analysis of partially
 //! observed dynamical models by exploiting the profile likelihood*, Bioinformatics 25 (2009).
@@ -76,10 +77,11 @@ pub(super) fn profile_limits(base: &Base, resampler: &Resampler) -> Vec<f64> {
             (0..count).map(|place| held(place) - free).collect()
         })
         .collect();
+    let doubled = base.doubled(&resampler.noises());
     let limit = |place: usize| {
         let mut of_one: Vec<f64> = rises.iter().map(|rises| rises[place]).collect();
         of_one.sort_by(f64::total_cmp);
-        let rise = of_one[((RESAMPLES - 1) as f64 * LEVEL) as usize];
+        let rise = doubled.rise * of_one[((RESAMPLES - 1) as f64 * LEVEL) as usize];
         base.cost + rise.max(2.0 * noise(base.cost))
     };
     (0..count).map(limit).collect()

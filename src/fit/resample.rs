@@ -43,6 +43,8 @@ pub(super) struct Resampler {
     cycles: Vec<Vec<Metrics>>,
     /// Standard deviation of the trials' own spread as a part of that of their deviations.
     own: Metrics,
+    /// Relative standard deviation of repeats around their frequency's mean.
+    spread: Metrics,
     /// Relative deviations of repeats from their frequency's mean, without bias.
     deviations: Vec<Metrics>,
 }
@@ -69,7 +71,7 @@ impl Resampler {
         };
         let frequencies = Measurement::frequencies(measurements);
         let errors = errors(measurements);
-        let (own, deviations) = own_spread(measurements, &frequencies, &errors);
+        let (own, spread, deviations) = own_spread(measurements, &frequencies, &errors);
         Self {
             campaign: campaign.to_owned(),
             seed,
@@ -78,8 +80,18 @@ impl Resampler {
             frequencies,
             errors,
             own,
+            spread,
             deviations,
         }
+    }
+
+    /// Standard deviations of what every measurement is off by: of its cycles and its own.
+    pub fn noises(&self) -> Vec<Metrics> {
+        let both = self.measurements.iter().map(metrics).zip(&self.errors);
+        let noise = |(metrics, errors): (Metrics, &Metrics)| {
+            std::array::from_fn(|i| errors[i].hypot(self.own[i] * self.spread[i] * metrics[i]))
+        };
+        both.map(noise).collect()
     }
 
     /// The resample with this number; the same for every model of the campaign.
@@ -206,18 +218,20 @@ fn errors(measurements: &[Measurement]) -> Vec<Metrics> {
     measurements.iter().map(filled).collect()
 }
 
-/// The trials' own spread as a part of that of their deviations from their frequency's mean, and
-/// these deviations.
+/// The trials' own spread as a part of that of their deviations from their frequency's mean, the
+/// latter, and these deviations.
 fn own_spread(
     measurements: &[Measurement],
     frequencies: &[Vec<usize>],
     errors: &[Metrics],
-) -> (Metrics, Vec<Metrics>) {
+) -> (Metrics, Metrics, Vec<Metrics>) {
+    let mut freedom = 0.0;
     let mut deviations: Vec<Metrics> = Vec::new();
     let (mut squares, mut expected) = ([0.0; TERMS], [0.0; TERMS]);
     for trials in frequencies.iter().filter(|trials| trials.len() > 1) {
         let count = trials.len() as f64;
         let means = means(measurements, trials);
+        freedom += count - 1.0;
         for &trial in trials {
             let found = metrics(&measurements[trial]);
             let relative: Metrics = std::array::from_fn(|i| found[i] / means[i] - 1.0);
@@ -236,5 +250,6 @@ fn own_spread(
         let part = 1.0 - expected[i] / squares[i];
         if part > 0.0 { part.sqrt() } else { 0.0 }
     };
-    (std::array::from_fn(own), deviations)
+    let spread = squares.map(|squares| if freedom > 0.0 { (squares / freedom).sqrt() } else { 0.0 });
+    (std::array::from_fn(own), spread, deviations)
 }

@@ -119,6 +119,8 @@ pub enum MotionError {
     Determined,
     #[error("a robot without a commanded joint does not move")]
     NotDriven,
+    #[error("the gait that is to drive the robot was not measured")]
+    GaitUnknown,
 }
 
 fn repeats(after: Option<usize>) -> String {
