@@ -275,7 +275,10 @@ fn what_a_model_cannot_leave_free_is_named() {
     let cases: [(&str, &[&str]); 7] = [
         ("skid-roll = [\"skd\"]", &["pipeline.toml, line 11", "`skd`", "did you mean `skid`?"]),
         ("skid-rol = [\"skid\"]", &["pipeline.toml, line 11", "`skid-rol`", "`skid-roll`?"]),
-        ("skid = [\"skid\"]", &["free.skid", "one of the campaign's models `no-skid`, `skid-roll`"]),
+        (
+            "skid = [\"skid\"]",
+            &["free.skid", "one of the campaign's models `no-skid`, `skid-roll`"],
+        ),
         ("no-skid = [\"skid0\"]", &["free.no-skid", "found Skid0", "wheels that skid"]),
         ("no-skid = [\"roll\"]", &["free.no-skid", "found Roll", "wheels that resist rolling"]),
         ("skid-roll = [\"stiffness\"]", &["free.skid-roll", "found Stiffness", "passive joint"]),

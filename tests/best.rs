@@ -20,12 +20,12 @@ const NOISE: f64 = 0.04;
 type Known = (&'static str, Model, [f64; 3]);
 
 const KNOWN: [Known; 6] = [
-    ("kinematic-skewed", Model::Skid, [0.0; 3]),
-    ("kinematic-skewed", Model::SkidRoll, [0.0; 3]),
-    ("kinematic-symmetric", Model::Skid, [0.0; 3]),
-    ("kinematic-symmetric", Model::SkidRoll, [0.0; 3]),
-    ("semi-passive-symmetric", Model::NoSkidDamped, [0.0; 3]),
-    ("semi-passive-symmetric", Model::SkidRoll, [0.0; 3]),
+    ("kinematic-skewed", Model::Skid, [1.410366642, 1.657114384, 1.499385728]),
+    ("kinematic-skewed", Model::SkidRoll, [0.3856194583, 0.4753052855, 0.4274892636]),
+    ("kinematic-symmetric", Model::Skid, [2.998846994, 3.166651315, 3.003688191]),
+    ("kinematic-symmetric", Model::SkidRoll, [0.3044025805, 0.4035559794, 0.3564296176]),
+    ("semi-passive-symmetric", Model::NoSkidDamped, [12.79719615, 12.81122202, 12.40493667]),
+    ("semi-passive-symmetric", Model::SkidRoll, [1.778931577, 2.722902841, 2.043762884]),
 ];
 
 /// The objective of a campaign that `skid-roll` moved, with noise, and what the model frees.
@@ -69,9 +69,8 @@ fn evolve(objective: &Objective, parameters: &[Parameter], generations: usize, s
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut evaluator = objective.evaluator(parameters.to_vec());
     evaluator.accuracy = 1e-9;
-    let mut cost = |x: &[f64]| {
-        evaluator.cost(&x.iter().map(|x: &f64| x.exp()).collect::<Vec<f64>>())
-    };
+    let mut cost =
+        |x: &[f64]| evaluator.cost(&x.iter().map(|x: &f64| x.exp()).collect::<Vec<f64>>());
     let bounds: Vec<[f64; 2]> = parameters.iter().map(|free| free.bounds.map(f64::ln)).collect();
     let mut members: Vec<(Vec<f64>, f64)> = (0..POPULATION)
         .map(|_| {
@@ -139,7 +138,7 @@ fn a_long_evolution_gives_the_best_known_objectives() {
     for ((campaign, model, known), evolved) in KNOWN.iter().zip(evolved) {
         eprintln!("{campaign} {model} {evolved:?}");
         for (evolved, known) in evolved.iter().zip(known) {
-            assert!(*known == 0.0 || evolved / known > 1.0 - 1e-6);
+            assert!(evolved / known > 1.0 - 1e-6);
         }
     }
 }

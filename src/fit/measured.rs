@@ -12,17 +12,14 @@ pub(super) fn with_measured(
     name: &str,
     rows: &[RobotParameterRow],
 ) -> Vec<Coefficient> {
-    let of: [(Coefficient, fn(&RobotParameterRow) -> f64); 3] = [
-        (Coefficient::Stiffness, |row| row.stiffness_nm_rad),
-        (Coefficient::Damping, |row| row.damping_nm_s_rad),
-        (Coefficient::RollSum, |row| row.roll_sum_kg_s),
-    ];
+    const COEFFICIENTS: [Coefficient; 3] =
+        [Coefficient::Stiffness, Coefficient::Damping, Coefficient::RollSum];
     let mut measured = Vec::new();
-    for (coefficient, value) in of {
+    for (nth, coefficient) in COEFFICIENTS.into_iter().enumerate() {
         let mut values: Vec<f64> = rows
             .iter()
             .filter(|row| row.robot == name)
-            .map(value)
+            .map(|row| [row.stiffness_nm_rad, row.damping_nm_s_rad, row.roll_sum_kg_s][nth])
             .filter(|value| *value > 0.0 && value.is_finite())
             .collect();
         if values.is_empty() {

@@ -2,12 +2,14 @@
 
 use super::objective::Objective;
 use crate::metrics::GaitMetrics;
-use crate::motion::{Model, MotionError, REFERENCE_ACCURACY, Settled, Solver, SteadyMotion};
+use crate::motion::{Model, MotionError, Problem, REFERENCE_ACCURACY, Settled, Solver};
 use crate::robot::Robot;
 use crate::store::PredictionRow;
 
 /// Frequencies of a curve.
 const CURVE_POINTS: usize = 112;
+/// Relative accuracy of a curve.
+const CURVE_ACCURACY: f64 = 1e-8;
 
 /// Rows of `predictions.parquet` for one model of one campaign.
 pub(super) fn predictions(
@@ -19,10 +21,10 @@ pub(super) fn predictions(
     let row = |omega_rad_s,
                source: &str,
                j,
-               solved: &Result<SteadyMotion, MotionError>,
+               solved: &Result<(GaitMetrics, &'static str), MotionError>,
                from_rest: &str| {
         let (metrics, status) = match solved {
-            Ok(motion) => (motion.metrics, motion.status()),
+            Ok((metrics, status)) => (*metrics, *status),
             Err(error) => (GaitMetrics::MISSING, error.status()),
         };
         let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad] = metrics.to_array();
@@ -46,10 +48,10 @@ pub(super) fn predictions(
     let mut rows = Vec::new();
     for measurement in objective.measurements() {
         let problem = objective.problem_of(robot, measurement).ok_or(MotionError::GaitUnknown);
-        let solved = problem.clone().and_then(|problem| problem.solve(REFERENCE_ACCURACY));
+        let solved = problem.clone().and_then(|problem| solve(&problem, REFERENCE_ACCURACY));
         let j = solved
             .as_ref()
-            .map_or(f64::NAN, |motion| objective.contribution(measurement, &motion.metrics));
+            .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
         let from_rest = match (&solved, &problem) {
             (Ok(_), Ok(problem)) => {
                 Settled::from_rest(&Solver::default().settle(problem, REFERENCE_ACCURACY))
@@ -64,9 +66,17 @@ pub(super) fn predictions(
         let high = omegas.fold(0.0, f64::max);
         for i in 0..CURVE_POINTS {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
-            let solved = objective.problem(robot, omega_rad_s).solve(REFERENCE_ACCURACY);
+            let solved = solve(&objective.problem(robot, omega_rad_s), CURVE_ACCURACY);
             rows.push(row(omega_rad_s, "curve", f64::NAN, &solved, ""));
         }
     }
     rows
+}
+
+/// The metrics of a motion, and whether it is stable.
+fn solve(problem: &Problem, accuracy: f64) -> Result<(GaitMetrics, &'static str), MotionError> {
+    let mut solver = Solver::default();
+    let metrics = solver.solve(problem, accuracy)?;
+    let is_unstable = solver.floquet()?.is_some_and(|modulus| modulus >= 1.0);
+    Ok((metrics, if is_unstable { "unstable" } else { "stable" }))
 }

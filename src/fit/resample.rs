@@ -250,6 +250,7 @@ fn own_spread(
         let part = 1.0 - expected[i] / squares[i];
         if part > 0.0 { part.sqrt() } else { 0.0 }
     };
-    let spread = squares.map(|squares| if freedom > 0.0 { (squares / freedom).sqrt() } else { 0.0 });
+    let spread =
+        squares.map(|squares| if freedom > 0.0 { (squares / freedom).sqrt() } else { 0.0 });
     (std::array::from_fn(own), spread, deviations)
 }

@@ -35,6 +35,8 @@ const FIRST_REGION: f64 = 1.0;
 const LARGEST_REGION: f64 = 3.0;
 /// Fall of the objective, relative to it, below which it has converged.
 pub(super) const CONVERGED: f64 = 1e-9;
+/// Accuracies of the motions before those of the last steps, and when they have done their part.
+const ON_THE_WAY: [(f64, f64); 2] = [(1e-4, 1e-3), (FIT_ACCURACY, 1e-6)];
 /// A search that ended like this has found a minimum.
 pub(super) const HAS_CONVERGED: &str = "converged";
 pub(super) const NOTHING_FREE: &str = "nothing is free";
@@ -53,11 +55,14 @@ pub(super) fn search_from(mut evaluator: Evaluator, began: Vec<f64>) -> Start {
         let stopped = NOTHING_FREE.to_owned();
         return Start { ended: began.clone(), began, cost, solves: evaluator.solves(), stopped };
     }
-    evaluator.accuracy = FIT_ACCURACY;
-    let mut descent = Descent::new(&mut evaluator, began.clone());
-    descent.run(CONVERGED);
-    let place = descent.place;
-    // The last digits by motions that have them.
+    // Most of the way by coarse motions, the last digits by motions that have them.
+    let mut place = began.clone();
+    for (accuracy, converged) in ON_THE_WAY {
+        evaluator.accuracy = accuracy;
+        let mut descent = Descent::new(&mut evaluator, place);
+        descent.run(converged);
+        place = descent.place;
+    }
     evaluator.accuracy = REFERENCE_ACCURACY;
     let mut descent = Descent::new(&mut evaluator, place);
     let has_converged = descent.run(CONVERGED);
