@@ -383,3 +383,72 @@ fn without_numbers(row: ComparisonRow) -> ComparisonRow {
         ..ComparisonRow::blank()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::config::SigmaKind;
+    use crate::fit::Measurement;
+    use crate::store::TrialRow;
+
+    const CAMPAIGN: &str = "kinematic-symmetric";
+
+    fn measurements() -> Vec<Measurement> {
+        let data = include_str!("../../tests/fixtures/reference/fit/kinematic-symmetric.csv");
+        let row = |(number, line): (usize, &str)| {
+            let fields: Vec<f64> = line.split(',').map(|f| f.parse().unwrap_or(f64::NAN)).collect();
+            let row = TrialRow {
+                trial: number.to_string(),
+                omega_rad_s: fields[0],
+                d_m: fields[1],
+                v_m_s: fields[2],
+                sigma0: fields[3],
+                sigma1: fields[4],
+                sigma2: fields[5],
+                ..TrialRow::blank()
+            };
+            Measurement::new(&row, SigmaKind::Raw).expect("a measurement")
+        };
+        data.lines().skip(1).enumerate().map(row).collect()
+    }
+
+    #[test]
+    fn a_profile_that_finds_a_lower_objective_resumes_the_fit() {
+        let config = Config::default();
+        let (robot, gait) = config.campaign_setup(CAMPAIGN).expect("the paper's");
+        let measurements = measurements();
+        let resampler = Resampler::new(CAMPAIGN, 1, &measurements, &BTreeMap::new());
+        let job = Job {
+            config: &config,
+            campaign: CAMPAIGN,
+            model: Model::SkidRoll,
+            robot: robot.clone(),
+            gait,
+            measured: Vec::new(),
+            resampler: &resampler,
+            measurements: &measurements,
+        };
+        let (weights, input) = (config.campaign[CAMPAIGN].weights, config.fit.gait_input);
+        let objective =
+            Objective::new(job.model, robot, gait, weights, input, measurements.clone());
+        let parameters = Parameter::free_in(job.model, &gait, &config.fit, None);
+        // Away from the best, which is at 100.7, 33.9, 43.6 kg/s.
+        let base = Base::new(&objective, &parameters, vec![95.0, 34.0, 44.0]);
+        let began = base.cost;
+        let mut fit = Fit {
+            cost: base.cost,
+            base,
+            resumed: 0,
+            solves: 0,
+            profiles: Vec::new(),
+            replicates: Vec::new(),
+        };
+        job.follow_profiles(&mut fit);
+        assert!(began > 0.27 && fit.resumed >= 1, "{began} {}", fit.resumed);
+        assert!((fit.cost / 0.26140684 - 1.0).abs() < 1e-6, "{}", fit.cost);
+        // The profiles are those of the lower fit.
+        assert!(fit.profiles.iter().all(|profile| profile.lower_than(fit.cost).is_none()));
+    }
+}

@@ -61,7 +61,7 @@ pub(super) struct Profile {
 
 /// Change of the objective that is the search's and the motions' own inaccuracy.
 fn noise(cost: f64) -> f64 {
-    1e-5 + 1e-4 * cost
+    5e-6 + 1e-5 * cost
 }
 
 /// The objective's limit for each parameter.

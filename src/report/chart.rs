@@ -8,7 +8,7 @@ use super::axis::{self, Range};
 use super::canvas::{Canvas, Drawn, TextAt};
 use super::style;
 
-const LEFT: f64 = 58.0;
+const LEFT: f64 = 66.0;
 const RIGHT: f64 = 10.0;
 const TOP: f64 = 30.0;
 const BOTTOM: f64 = 42.0;
@@ -44,6 +44,8 @@ pub struct Chart {
     pub layers: Vec<Layer>,
     /// The largest value that the vertical axis has to show, if not all of them.
     pub up_to: Option<f64>,
+    /// Whether the horizontal axis counts, so that it is never logarithmic.
+    pub counts: bool,
 }
 
 /// Values along an axis: where they are between its ends.
@@ -54,12 +56,12 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(values: &[f64], up_to: Option<f64>) -> Self {
+    fn of(values: &[f64], up_to: Option<f64>, counts: bool) -> Self {
         let most = up_to.unwrap_or(f64::INFINITY);
         let shown = values.iter().copied().filter(|value| value.is_finite() && *value <= most);
         let low = shown.clone().fold(f64::NAN, f64::min);
         let high = shown.fold(f64::NAN, f64::max);
-        let is_logarithmic = low > 0.0 && high > LOGARITHMIC * low;
+        let is_logarithmic = !counts && low > 0.0 && high > LOGARITHMIC * low;
         let of = |value: f64| if is_logarithmic { value.log10() } else { value };
         let (low, high) = (of(low), of(high));
         if !(low.is_finite() && high.is_finite()) {
@@ -162,7 +164,7 @@ fn draw_chart<B: DrawingBackend>(
     canvas: &mut Canvas<'_, B>,
 ) -> Drawn<B> {
     let (xs, ys) = extent(chart);
-    let (x, y) = (Scale::of(&xs, None), Scale::of(&ys, chart.up_to));
+    let (x, y) = (Scale::of(&xs, None, chart.counts), Scale::of(&ys, chart.up_to, false));
     let at_x = |value: f64| place.left + x.part(value) * (place.right - place.left);
     let at_y = |value: f64| place.bottom - y.part(value) * (place.bottom - place.top);
     let text = |x, y, align| TextAt { x, y, em: style::SMALL_TEXT, colour: style::INK, align };

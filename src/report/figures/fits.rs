@@ -70,6 +70,7 @@ fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Chart> {
         y_label: "J".to_owned(),
         layers: vec![Layer::Line { name: "starts".to_owned(), points, colour: colour(fit) }],
         up_to: None,
+        counts: true,
     })
 }
 
@@ -95,6 +96,7 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
                 Layer::Mark { name: "fit".to_owned(), point: (parameter.value, fit.j) },
             ],
             up_to: Some(fit.j + 2.5 * rise),
+            counts: false,
         })
     };
     fit.free.iter().filter_map(chart).collect()
@@ -124,6 +126,7 @@ fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
                     Layer::Mark { name: "fit".to_owned(), point: (fitted[x], fitted[y]) },
                 ],
                 up_to: None,
+                counts: false,
             });
         }
     }
