@@ -512,6 +512,32 @@ fn check_prints_json_of_folders_and_of_files() {
 }
 
 #[test]
+fn calibrated_markers_can_be_pasted_into_the_configuration() {
+    let folder = fresh_copy();
+    let before = files(folder.path());
+    let arguments = ["ingest", "--calibrate", "kinematic-symmetric-3.90-r1"];
+    let tables = succeed(folder.path(), &arguments);
+    assert!(files(folder.path()) == before, "nothing is written");
+    assert!(tables.contains("# h_m = 0.14") && tables.contains("; 0.14400 is configured."));
+    let pasted = std::fs::read_to_string(folder.path().join("pipeline.toml")).unwrap();
+    write(folder.path(), "pasted.toml", &format!("{pasted}\n{tables}"));
+    let config = Config::load(&folder.path().join("pasted.toml")).unwrap();
+    for (found, truth) in config.markers.links().iter().zip(Config::default().markers.links()) {
+        assert_eq!(found.keys().collect::<Vec<_>>(), truth.keys().collect::<Vec<_>>());
+        for (found, truth) in found.values().flatten().zip(truth.values().flatten()) {
+            assert!((found - truth).abs() < 1.0, "{found} {truth}");
+        }
+    }
+    let checked = succeed(folder.path(), &["check", "-c", "pasted.toml"]);
+    assert!(!checked.contains("failed"), "{checked}");
+
+    let output = trilink(folder.path(), &["ingest", "--calibrate", "kinematic-symetric-3.90-r1"]);
+    assert_eq!((output.status.code(), text(&output.stdout).as_str()), (Some(2), ""));
+    let stderr = text(&output.stderr);
+    assert!(stderr.contains("did you mean `kinematic-symmetric-3.90-r1`?"), "{stderr}");
+}
+
+#[test]
 fn every_subcommand_explains_itself() {
     let folder = empty_folder();
     let help = succeed(folder.path(), &["--help"]);

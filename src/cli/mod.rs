@@ -1,6 +1,7 @@
 //! The command line, one file per subcommand. Results go to standard output, progress and
 //! messages to standard error.
 
+mod calibrate;
 mod check;
 mod omegas;
 mod output;

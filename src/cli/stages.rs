@@ -4,13 +4,16 @@ use std::path::PathBuf;
 
 use super::output::{note, say};
 use super::parameters::print_parameters;
-use super::{Context, Failure, Outcome, pipeline};
+use super::{Context, Failure, Outcome, calibrate, pipeline};
 use crate::run;
 
 #[derive(clap::Args)]
 pub(super) struct Ingest {
     /// Trial folder [default: `paths.raw` of the configuration].
     folder: Option<PathBuf>,
+    /// Write nothing: print the [markers] tables that this trial shows, in which both joints move.
+    #[arg(long, value_name = "TRIAL")]
+    calibrate: Option<String>,
 }
 
 #[derive(clap::Args)]
@@ -23,6 +26,9 @@ impl Ingest {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         if let Some(folder) = self.folder {
             context.config.paths.raw = folder;
+        }
+        if let Some(trial) = self.calibrate {
+            return calibrate::run(&context, &context.config.paths.raw, &trial);
         }
         let ingested = run::ingest(&context.config, &context.progress.watch())?;
         for trial in run::attention(&ingested.trials) {

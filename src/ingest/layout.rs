@@ -100,7 +100,7 @@ fn column_of(
 }
 
 /// A label without its subject.
-fn marker_name(label: &str) -> &str {
+pub(super) fn marker_name(label: &str) -> &str {
     label.rsplit_once(':').map_or(label, |(_, name)| name)
 }
 

@@ -5,6 +5,7 @@
 //! go on. Every trial is computed by one thread and nothing depends on which one, so the
 //! tables are the same bytes for any number of threads.
 
+mod calibrate;
 mod chain;
 mod checks;
 mod clipping;
@@ -42,6 +43,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+pub use calibrate::{Calibration, CalibrationError, MarkerPlace, Measured, calibrate};
 pub use checks::{Check, Severity};
 pub use error::{IngestError, TrialFailure};
 pub use survey::{FileSurvey, Gaps, Recording, SeenMarker, survey};

@@ -1,0 +1,71 @@
+//! Which markers move rigidly together, from the distances between them.
+
+use crate::vicon::MarkerFile;
+
+/// Rows that are looked at, spread over the trial.
+const ROWS: usize = 600;
+/// Rows in which two markers must be seen together.
+const LEAST_ROWS: usize = 20;
+/// A distance that changes by less than this is rigid, mm. Noise of 0.2 mm makes 0.3; markers
+/// of two links that turn by ten degrees change theirs by many millimetres.
+const RIGID_MM: f64 = 2.0;
+/// The middle part of the distances that counts, and its width for normal deviates of unit
+/// deviation: swapped labels in a few frames do not matter.
+const QUANTILES: [f64; 2] = [0.1, 0.9];
+const WIDTH: f64 = 2.563;
+
+/// Groups of the columns of a file, each of two at least and rigid, by their first column; other
+/// columns are in no group. Two groups join if all distances between them are constant, the most
+/// constant first.
+pub(super) fn rigid_groups(file: &MarkerFile, columns: &[usize]) -> Vec<Vec<usize>> {
+    let spread = |a: usize, b: usize| spread_mm(file, a, b);
+    let mut groups: Vec<Vec<usize>> = columns.iter().map(|&column| vec![column]).collect();
+    let mut apart: Vec<Vec<f64>> =
+        columns.iter().map(|&a| columns.iter().map(|&b| spread(a, b)).collect()).collect();
+    loop {
+        let pairs = (0..groups.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+        let nearest = pairs
+            .map(|(i, j)| (apart[i][j], i, j))
+            .filter(|(apart, _, _)| *apart < RIGID_MM)
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, i, j)) = nearest else { break };
+        let joined = groups.remove(j);
+        groups[i].extend(joined);
+        let gone = apart.remove(j);
+        apart.iter_mut().for_each(|row| {
+            row.remove(j);
+        });
+        for (k, other) in gone.into_iter().enumerate().filter(|(k, _)| *k != j) {
+            let k = if k > j { k - 1 } else { k };
+            let most = apart[i][k].max(other);
+            (apart[i][k], apart[k][i]) = (most, most);
+        }
+    }
+    groups.retain(|group| group.len() >= 2);
+    groups.iter_mut().for_each(|group| group.sort_unstable());
+    groups.sort();
+    groups
+}
+
+/// Robust standard deviation of the distance of two markers; infinite if they are hardly ever
+/// seen together.
+fn spread_mm(file: &MarkerFile, a: usize, b: usize) -> f64 {
+    if a == b {
+        return 0.0;
+    }
+    let stride = (file.frames.len() / ROWS).max(1);
+    let mut distances: Vec<f64> = (0..file.frames.len())
+        .step_by(stride)
+        .map(|row| {
+            let [p, q] = [a, b].map(|column| file.position_mm(row, column));
+            (p[0] - q[0]).hypot(p[1] - q[1])
+        })
+        .filter(|distance| !distance.is_nan())
+        .collect();
+    if distances.len() < LEAST_ROWS {
+        return f64::INFINITY;
+    }
+    distances.sort_by(f64::total_cmp);
+    let [low, high] = QUANTILES.map(|q| distances[(q * (distances.len() - 1) as f64) as usize]);
+    (high - low) / WIDTH
+}

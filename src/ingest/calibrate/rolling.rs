@@ -1,0 +1,86 @@
+//! The direction in which a side link's wheel rolls.
+//!
+//! The joint's motion shows where a link's joint is, and nothing about where its wheel is: any
+//! direction and any distance from the joint move alike. The wheel does: it rolls along the link
+//! and hardly skids across it. The direction is the one in which the skid velocity of the axle,
+//! at a distance l from the joint, is smallest in the sense of least squares.
+
+use super::shape::Body;
+use crate::ingest::links::wrap;
+
+/// Half the time over which velocities are taken, s.
+const HALF_S: f64 = 0.025;
+const STEPS: usize = 20;
+
+/// Velocity of a place of a body in the body's own frame, mm/s, and its rate of turn, rad/s.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Velocity {
+    pub row: usize,
+    pub along_mm_s: [f64; 2],
+    pub turn_rad_s: f64,
+}
+
+/// Of every row with poses shortly before and after it.
+pub(super) fn velocities(
+    body: &Body,
+    place_mm: [f64; 2],
+    frames: &[i64],
+    rate_hz: f64,
+) -> Vec<Velocity> {
+    let half = ((HALF_S * rate_hz).round() as usize).max(1);
+    let span_s = 2.0 * half as f64 / rate_hz;
+    (half..frames.len().saturating_sub(half))
+        .filter_map(|row| {
+            let (before, after) = (row - half, row + half);
+            if frames[after] - frames[before] != 2 * half as i64 {
+                return None;
+            }
+            let [earlier, now, later] = [before, row, after].map(|row| body.fits[row].pose);
+            let (earlier, now, later) = (earlier?, now?, later?);
+            let (from, to) = (earlier.at(place_mm), later.at(place_mm));
+            let [vx, vy] = [0, 1].map(|axis| (to[axis] - from[axis]) / span_s);
+            let (sin, cos) = now.theta_rad.sin_cos();
+            Some(Velocity {
+                row,
+                along_mm_s: [cos * vx + sin * vy, cos * vy - sin * vx],
+                turn_rad_s: wrap(later.theta_rad - earlier.theta_rad) / span_s,
+            })
+        })
+        .collect()
+}
+
+/// The direction of the link in the body's frame, rad, near `guess_rad`, if the axle is at
+/// `lever_mm` along it (negative: behind the joint); `None` if the velocities do not tell.
+pub(super) fn direction(velocities: &[Velocity], lever_mm: f64, guess_rad: f64) -> Option<f64> {
+    let mut direction = guess_rad;
+    for _ in 0..STEPS {
+        let (sin, cos) = direction.sin_cos();
+        let (mut gradient, mut curvature) = (0.0, 0.0);
+        for Velocity { along_mm_s: [x, y], turn_rad_s, .. } in velocities {
+            let skid = cos * y - sin * x + lever_mm * turn_rad_s;
+            let slope = -(cos * x + sin * y);
+            gradient += slope * skid;
+            curvature += slope * slope;
+        }
+        if !(curvature > 0.0) {
+            return None;
+        }
+        let step = (gradient / curvature).clamp(-0.5, 0.5);
+        direction = wrap(direction - step);
+        if step.abs() < 1e-12 {
+            break;
+        }
+    }
+    Some(direction)
+}
+
+/// The distance of the axle from the joint along a direction at which the axle skids least, mm.
+pub(super) fn lever_mm(velocities: &[Velocity], direction_rad: f64) -> f64 {
+    let (sin, cos) = direction_rad.sin_cos();
+    let (mut product, mut square) = (0.0, 0.0);
+    for Velocity { along_mm_s: [x, y], turn_rad_s, .. } in velocities {
+        product += (cos * y - sin * x) * turn_rad_s;
+        square += turn_rad_s * turn_rad_s;
+    }
+    -product / square
+}

@@ -1,0 +1,132 @@
+//! The shape of a rigid group of markers: generalised Procrustes analysis in the plane (Gower
+//! 1975). Each row is fitted to the shape so far, and the shape becomes the mean of what the
+//! fitted rows say.
+
+use super::super::layout::LinkMarker;
+use super::super::mend::{LinkFit, Outlier, mend};
+use crate::vicon::MarkerFile;
+
+/// Rounds of medians, which do not mind misplaced markers, and of means, which are more precise.
+const MEDIANS: usize = 4;
+const MEANS: usize = 4;
+
+/// A group's markers in a frame of its own, with its pose in every row.
+#[derive(Debug, Clone)]
+pub(super) struct Body {
+    pub markers: Vec<LinkMarker>,
+    pub fits: Vec<LinkFit>,
+}
+
+impl Body {
+    /// Of the markers of some columns; `None` if no two of them are ever seen together, or one
+    /// is never seen with two others.
+    pub fn of(file: &MarkerFile, columns: &[usize]) -> Option<Self> {
+        let rows = file.frames.len();
+        let seen = |row: usize| {
+            columns.iter().filter(|&&column| !file.position_mm(row, column)[0].is_nan()).count()
+        };
+        let first = (0..rows).max_by_key(|&row| (seen(row), std::cmp::Reverse(row)))?;
+        let mut markers: Vec<LinkMarker> = columns
+            .iter()
+            .map(|&column| {
+                let [x, y, _] = file.position_mm(first, column);
+                LinkMarker { column, place_mm: [x, y], height_mm: 0.0 }
+            })
+            .collect();
+        centre(&mut markers);
+        for _ in 0..MEDIANS {
+            let fits = fits(file, &markers);
+            reshape(file, &mut markers, &fits, &|_| true, &median);
+        }
+        let mut fits = fits(file, &markers);
+        if markers.iter().any(|marker| marker.place_mm[0].is_nan()) {
+            return None;
+        }
+        mend(file, &markers, &mut fits);
+        Some(Self { markers, fits }.refined(file, &|_| true))
+    }
+
+    /// The shape by the means over some of the rows, and the poses that follow from it. Rows in
+    /// which something is wrong keep the pose that they had.
+    pub fn refined(&self, file: &MarkerFile, is_used: &dyn Fn(usize) -> bool) -> Self {
+        let mut body = self.clone();
+        for _ in 0..MEANS {
+            reshape(file, &mut body.markers, &body.fits, is_used, &mean);
+            for (row, fit) in body.fits.iter_mut().enumerate() {
+                if fit.outlier == Outlier::None && fit.pose.is_some() {
+                    fit.pose = LinkFit::of(file.row_mm(row), &body.markers).pose;
+                }
+            }
+        }
+        for marker in &mut body.markers {
+            let heights = good_rows(&body.fits, is_used)
+                .map(|row| file.position_mm(row, marker.column)[2])
+                .filter(|z| !z.is_nan());
+            marker.height_mm = mean(heights.collect());
+        }
+        body
+    }
+}
+
+fn fits(file: &MarkerFile, markers: &[LinkMarker]) -> Vec<LinkFit> {
+    // A marker without a place yet is not fitted.
+    let known: Vec<LinkMarker> =
+        markers.iter().filter(|marker| !marker.place_mm[0].is_nan()).copied().collect();
+    (0..file.frames.len()).map(|row| LinkFit::of(file.row_mm(row), &known)).collect()
+}
+
+/// Rows with a pose whose markers are all where they should be.
+fn good_rows<'f>(
+    fits: &'f [LinkFit],
+    is_used: &'f dyn Fn(usize) -> bool,
+) -> impl Iterator<Item = usize> + 'f {
+    fits.iter()
+        .enumerate()
+        .filter(|(row, fit)| fit.pose.is_some() && fit.outlier == Outlier::None && is_used(*row))
+        .map(|(row, _)| row)
+}
+
+/// Moves every marker to the average place that the rows' poses give it.
+fn reshape(
+    file: &MarkerFile,
+    markers: &mut [LinkMarker],
+    fits: &[LinkFit],
+    is_used: &dyn Fn(usize) -> bool,
+    average: &dyn Fn(Vec<f64>) -> f64,
+) {
+    for marker in markers.iter_mut() {
+        let (mut along, mut across) = (Vec::new(), Vec::new());
+        for row in good_rows(fits, is_used) {
+            let [x, y, _] = file.position_mm(row, marker.column);
+            let Some(pose) = fits[row].pose.filter(|_| !x.is_nan()) else { continue };
+            let (sin, cos) = pose.theta_rad.sin_cos();
+            let (dx, dy) = (x - pose.origin_mm[0], y - pose.origin_mm[1]);
+            along.push(cos * dx + sin * dy);
+            across.push(cos * dy - sin * dx);
+        }
+        marker.place_mm = [average(along), average(across)];
+    }
+    centre(markers);
+}
+
+/// Puts the origin into the middle of the markers: their pose is known best there.
+fn centre(markers: &mut [LinkMarker]) {
+    let known: Vec<[f64; 2]> =
+        markers.iter().map(|marker| marker.place_mm).filter(|place| !place[0].is_nan()).collect();
+    let middle = [0, 1].map(|axis| mean(known.iter().map(|place| place[axis]).collect()));
+    for marker in markers {
+        marker.place_mm = [0, 1].map(|axis| marker.place_mm[axis] - middle[axis]);
+    }
+}
+
+fn mean(values: Vec<f64>) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
