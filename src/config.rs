@@ -52,6 +52,9 @@ pub struct Vicon {
     pub rate_hz: f64,
     /// Take each file's own rate instead; then each must say one.
     pub rate_from_file: bool,
+    /// Labels of markers that are left out, such as virtual ones: `*` stands for any characters,
+    /// `?` for one; with or without the subject.
+    pub ignore: Vec<String>,
 }
 
 /// How markers become velocities and cycles.

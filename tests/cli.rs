@@ -421,6 +421,12 @@ fn check_names_every_trial_and_writes_nothing() {
         assert!(stdout.contains(trial), "{stdout}");
     }
     assert!(stdout.ends_with("7 trials, 0 that cannot be ingested\n"), "{stdout}");
+    for check in ["W001 rate", "W003 coverage", "W012 swapped-labels", "W017 tilt"] {
+        assert!(stdout.contains(&format!("\n{check:<24} 7 ok\n")), "{check}: {stdout}");
+    }
+    for check in ["W005 frequency", "W006 steady-state", "W019 gait-clipping"] {
+        assert!(stdout.contains(&format!("\n{check:<24} 4 ok\n")), "{check}: {stdout}");
+    }
 }
 
 #[test]
@@ -512,6 +518,49 @@ fn check_prints_json_of_folders_and_of_files() {
 }
 
 #[test]
+fn virtual_markers_can_be_left_out_by_a_pattern() {
+    let folder = fresh_copy();
+    let (trial, name) = (TRIALS[1], format!("raw/demo/{}.csv", TRIALS[1]));
+    let sound = std::fs::read_to_string(folder.path().join(&name)).unwrap();
+    // A second subject has a virtual marker of a name that the robot has too.
+    let cells = |line: &str, cell: &str| format!("{line}{cell}\r\n");
+    let ghost: String = sound
+        .lines()
+        .enumerate()
+        .map(|(i, line)| match i {
+            2 => cells(line, "V_Ghost:M1,,"),
+            3 => cells(line, ",X,Y,Z"),
+            4 => cells(line, ",mm,mm,mm"),
+            0 | 1 => cells(line, ""),
+            _ => cells(line, ",1,2,3"),
+        })
+        .collect();
+    write(folder.path(), &name, ghost);
+    let output = trilink(folder.path(), &["check", &name]);
+    let stdout = text(&output.stdout);
+    assert!(stdout.contains("found the marker `M1` of markers.link0 as "), "{stdout}");
+
+    let settings = std::fs::read_to_string(folder.path().join("pipeline.toml")).unwrap();
+    let ignoring = settings.replacen("ignore = []", "ignore = [\"V_*\"]", 1);
+    assert_ne!(ignoring, settings);
+    write(folder.path(), "pipeline.toml", &ignoring);
+    let stdout = succeed(folder.path(), &["check", &name]);
+    let line = stdout.lines().find(|line| line.contains("V_Ghost:M1")).unwrap();
+    assert!(line.ends_with("  ignored"), "{line}");
+    succeed(folder.path(), &["ingest"]);
+    let poses = format!("derived/poses/{trial}.parquet");
+    let found = Table::read(&folder.path().join(&poses)).unwrap();
+    let usual = Table::read(&demo().folder.join(&poses)).unwrap();
+    assert_eq!(found.f64("x_m").unwrap(), usual.f64("x_m").unwrap());
+
+    write(folder.path(), "pipeline.toml", ignoring.replacen("V_*", "F?", 1));
+    let output = trilink(folder.path(), &["check"]);
+    let stderr = text(&output.stderr);
+    let said = "key `vicon.ignore`: found \"F?\", needed patterns that do not name `F1`";
+    assert!(stderr.contains(said), "{stderr}");
+}
+
+#[test]
 fn calibrated_markers_can_be_pasted_into_the_configuration() {
     let folder = fresh_copy();
     let before = files(folder.path());
@@ -520,7 +569,8 @@ fn calibrated_markers_can_be_pasted_into_the_configuration() {
     assert!(files(folder.path()) == before, "nothing is written");
     assert!(tables.contains("# h_m = 0.14") && tables.contains("; 0.14400 is configured."));
     let pasted = std::fs::read_to_string(folder.path().join("pipeline.toml")).unwrap();
-    write(folder.path(), "pasted.toml", &format!("{pasted}\n{tables}"));
+    let (others, _) = pasted.split_once("[markers").unwrap();
+    write(folder.path(), "pasted.toml", &format!("{others}\n{tables}"));
     let config = Config::load(&folder.path().join("pasted.toml")).unwrap();
     for (found, truth) in config.markers.links().iter().zip(Config::default().markers.links()) {
         assert_eq!(found.keys().collect::<Vec<_>>(), truth.keys().collect::<Vec<_>>());

@@ -1,5 +1,6 @@
 //! `trilink check`.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -7,7 +8,7 @@ use serde::Serialize;
 
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::ingest::{FileSurvey, Recording, process_trial, survey};
+use crate::ingest::{self, FileSurvey, Recording, survey};
 use crate::store::CheckRow;
 use crate::trial::{Trial, TrialList};
 
@@ -73,33 +74,49 @@ fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome,
     if json {
         say!("{}", serde_json::to_string_pretty(&checked)?);
     } else {
-        for CheckedTrial { trial, status, message, cycles, .. } in &checked {
-            match message.is_empty() {
-                true => say!("{trial}: {status}, {cycles} cycles"),
-                false => say!("{trial}: {status}: {message}"),
-            }
-        }
+        checked.iter().for_each(say_trial);
+        say_counts(&checked);
         say!("{} trials, {failed} that cannot be ingested", checked.len());
     }
     Ok(if failed == 0 { Outcome::Well } else { Outcome::NeedsAttention })
 }
 
 fn check_trial(context: &Context, folder: &Path, trial: &Trial) -> CheckedTrial {
-    match process_trial(folder, trial, &context.config) {
-        Ok(processed) => CheckedTrial {
-            trial: trial.id.clone(),
-            status: processed.row.status,
-            message: processed.row.message,
-            cycles: processed.row.cycles,
-            checks: processed.checks.into_iter().map(CheckLine::from).collect(),
-        },
-        Err(failure) => CheckedTrial {
-            trial: trial.id.clone(),
-            status: "failed".to_owned(),
-            message: failure.to_string(),
-            cycles: 0,
-            checks: vec![failure.check_row(&trial.id).into()],
-        },
+    let (row, checks) = ingest::check_trial(folder, trial, &context.config);
+    CheckedTrial {
+        trial: row.trial,
+        status: row.status,
+        message: row.message,
+        cycles: row.cycles,
+        checks: checks.into_iter().map(CheckLine::from).collect(),
+    }
+}
+
+/// A trial, and below it what its checks found by code.
+fn say_trial(checked: &CheckedTrial) {
+    let CheckedTrial { trial, status, cycles, checks, .. } = checked;
+    say!("{trial}: {status}, {cycles} cycles");
+    for CheckLine { check, severity, message, .. } in checks {
+        if severity != "ok" {
+            say!("  {check}: {severity}: {message}");
+        }
+    }
+}
+
+/// How the trials fared in every check.
+fn say_counts(trials: &[CheckedTrial]) {
+    let mut counts: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
+    const SEVERITIES: [&str; 4] = ["ok", "info", "warning", "error"];
+    for line in trials.iter().flat_map(|trial| &trial.checks) {
+        let count = counts.entry(&line.check).or_default();
+        let place = SEVERITIES.iter().position(|severity| *severity == line.severity);
+        count[place.unwrap_or(0)] += 1;
+    }
+    for (check, count) in counts {
+        let said = SEVERITIES.iter().zip(count).filter(|(_, count)| *count > 0);
+        let said: Vec<String> =
+            said.map(|(severity, count)| format!("{count} {severity}")).collect();
+        say!("{check:<24} {}", said.join(", "));
     }
 }
 
@@ -163,7 +180,11 @@ fn say_recording(recording: &Recording) {
     say!("  markers: {}, seen in {:.1} % of the frames", markers.len(), 100.0 * recording.coverage);
     let width = markers.iter().map(|marker| marker.label.chars().count()).max().unwrap_or(0);
     for marker in markers {
-        let place = marker.link.map_or("not in the layout".to_owned(), |i| format!("link {i}"));
+        let place = match (marker.link, marker.ignored) {
+            (_, true) => "ignored".to_owned(),
+            (Some(link), false) => format!("link {link}"),
+            (None, false) => "not in the layout".to_owned(),
+        };
         let (label, percent, gaps) = (&marker.label, 100.0 * marker.coverage, marker.gaps);
         say!("    {label:width$}  {percent:5.1} %  {gaps:4} gaps  {place}");
     }

@@ -5,6 +5,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use super::{Campaign, Config, ConfigError, Free, RobotConfig, nearest};
+use crate::vicon::matches_label;
 
 /// More starts find nothing new and may not fit into memory.
 const MOST_STARTS: usize = 10_000;
@@ -125,6 +126,13 @@ impl Config {
                     &key,
                     position,
                     "finite numbers",
+                )?;
+                let ignored = self.vicon.ignore.iter().find(|name| matches_label(name, label));
+                check.that(
+                    ignored.is_none(),
+                    "vicon.ignore",
+                    &ignored.map_or("", String::as_str),
+                    &format!("patterns that do not name `{label}` of {key}"),
                 )?;
                 let earlier = owners.insert(label, i);
                 check.that(earlier.is_none(), &key, label, "labels that no other link has")?;

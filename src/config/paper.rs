@@ -28,7 +28,7 @@ impl Default for Paths {
 
 impl Default for Vicon {
     fn default() -> Self {
-        Self { rate_hz: 120.0, rate_from_file: false }
+        Self { rate_hz: 120.0, rate_from_file: false, ignore: Vec::new() }
     }
 }
 

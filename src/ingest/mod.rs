@@ -233,7 +233,7 @@ fn process(
     findings: &mut Vec<Finding>,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let (robot, gait) = setup(trial, config)?;
-    let file = vicon::parse_markers(path, bytes)?;
+    let file = vicon::parse_markers(path, bytes)?.without(&config.vicon.ignore);
     let rate_hz = frame_rate(path, &file, config)?;
     let layout = layout::locate(path, &config.markers, &file)?;
     let chain = Some(Chain::of(&robot));

@@ -51,6 +51,8 @@ pub struct SeenMarker {
     pub label: String,
     /// The link that the layout puts it on.
     pub link: Option<usize>,
+    /// Whether `vicon.ignore` names it: then it counts for nothing else here.
+    pub ignored: bool,
     /// Part of the frames in which it was seen.
     pub coverage: f64,
     /// Gaps between frames in which it was seen.
@@ -97,6 +99,9 @@ pub fn survey(path: &Path, config: &Config) -> FileSurvey {
 
 impl FileSurvey {
     fn look_at(&mut self, path: &Path, file: &MarkerFile, config: &Config) {
+        let ignore = &config.vicon.ignore;
+        let whole = file;
+        let file = &whole.clone().without(ignore);
         let mut stop = |failure: TrialFailure| self.stops.push(failure.to_string());
         let rate_hz = frame_rate(path, file, config).map_err(&mut stop).ok();
         let layout = match layout::locate_all(path, &config.markers, file) {
@@ -106,7 +111,8 @@ impl FileSurvey {
                 None
             }
         };
-        self.recording = Some(Recording::of(file, layout.as_ref(), file.rate_hz.or(rate_hz)));
+        self.recording =
+            Some(Recording::of(whole, ignore, layout.as_ref(), whole.rate_hz.or(rate_hz)));
         let Some(layout) = layout else { return };
         let rate_hz = rate_hz.unwrap_or(config.vicon.rate_hz);
         let (poses, max_gap) = (config.ingest.poses, max_gap_frames(config, rate_hz));
@@ -123,27 +129,39 @@ impl FileSurvey {
 }
 
 impl Recording {
-    fn of(file: &MarkerFile, layout: Option<&Layout>, rate_hz: Option<f64>) -> Self {
+    fn of(
+        file: &MarkerFile,
+        ignore: &[String],
+        layout: Option<&Layout>,
+        rate_hz: Option<f64>,
+    ) -> Self {
         let (first_frame, last_frame) = (file.frames[0], file.frames[file.frames.len() - 1]);
         let frames = last_frame - first_frame + 1;
         let mut gaps = Vec::new();
         let mut markers: Vec<SeenMarker> = Vec::with_capacity(file.labels.len());
-        let mut seen_in_all = 0;
+        let (mut seen_in_all, mut kept) = (0, 0);
         for (i, label) in file.labels.iter().enumerate() {
             let seen: Vec<i64> = (0..file.frames.len())
                 .filter(|&row| !file.position_mm(row, i)[0].is_nan())
                 .map(|row| file.frames[row])
                 .collect();
-            let before = gaps.len();
-            gaps.extend(seen.windows(2).map(|pair| pair[1] - pair[0] - 1).filter(|gap| *gap > 0));
-            let on = |markers: &Vec<layout::LinkMarker>| markers.iter().any(|m| m.column == i);
-            seen_in_all += seen.len();
+            let own: Vec<i64> =
+                seen.windows(2).map(|pair| pair[1] - pair[0] - 1).filter(|gap| *gap > 0).collect();
+            // The layout's columns are those of the markers that are kept.
+            let on = |markers: &Vec<layout::LinkMarker>| markers.iter().any(|m| m.column == kept);
+            let ignored = file.is_named(i, ignore);
             markers.push(SeenMarker {
                 label: label.clone(),
-                link: layout.and_then(|links| links.iter().position(on)),
+                link: layout.filter(|_| !ignored).and_then(|links| links.iter().position(on)),
+                ignored,
                 coverage: seen.len() as f64 / frames as f64,
-                gaps: gaps.len() - before,
+                gaps: own.len(),
             });
+            if !ignored {
+                kept += 1;
+                seen_in_all += seen.len();
+                gaps.extend(own);
+            }
         }
         Self {
             rate_hz: file.rate_hz,
@@ -152,7 +170,7 @@ impl Recording {
             rows: file.frames.len(),
             frames_left_out: frames - file.frames.len() as i64,
             rows_without_frame: file.rows_without_frame,
-            coverage: seen_in_all as f64 / (markers.len() as f64 * frames as f64),
+            coverage: seen_in_all as f64 / (f64::from(kept.max(1) as u32) * frames as f64),
             markers,
             gaps: Gaps::of(gaps, rate_hz),
         }
@@ -222,6 +240,17 @@ mod tests {
         assert!(survey.stops[0].contains("found a frame rate of 120 Hz, needed 100 Hz"));
         assert!(survey.stops[1].contains("found no marker `F1`"));
         assert!(survey.recording.is_some());
+    }
+
+    #[test]
+    fn ignored_markers_are_named_as_in_the_file_and_count_for_nothing_else() {
+        let path = Path::new("tests/fixtures/vicon/gaps.csv");
+        let mut config = Config::default();
+        config.vicon.ignore = vec!["*1".to_owned()];
+        let recording = survey(path, &config).recording.unwrap();
+        let ignored = recording.markers.iter().map(|m| (m.label.as_str(), m.ignored));
+        assert_eq!(ignored.collect::<Vec<_>>(), [("Snake:M1", true), ("Snake:M2", false)]);
+        assert_eq!((recording.coverage, recording.gaps.count), (0.6, 1));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Markers over time.
 
+use super::pattern::matches_label;
+
 /// Largest coordinate that is believed: no camera sees a kilometre.
 pub(super) const LARGEST_MM: f64 = 1e6;
 
@@ -22,6 +24,31 @@ pub struct MarkerFile {
 }
 
 impl MarkerFile {
+    /// Whether a marker is one that any of the patterns names: `*` stands for any characters,
+    /// `?` for one, and the subject may be left out.
+    pub fn is_named(&self, marker: usize, patterns: &[String]) -> bool {
+        patterns.iter().any(|pattern| matches_label(pattern, &self.labels[marker]))
+    }
+
+    /// The file without the markers that any of the patterns names.
+    pub fn without(self, patterns: &[String]) -> Self {
+        let kept: Vec<usize> =
+            (0..self.labels.len()).filter(|&marker| !self.is_named(marker, patterns)).collect();
+        if kept.len() == self.labels.len() {
+            return self;
+        }
+        let rows = 0..self.frames.len();
+        let kept_of = |row| kept.iter().map(move |&marker| (row, marker));
+        Self {
+            labels: kept.iter().map(|&marker| self.labels[marker].clone()).collect(),
+            positions_mm: rows
+                .flat_map(kept_of)
+                .map(|(row, marker)| self.position_mm(row, marker))
+                .collect(),
+            ..self
+        }
+    }
+
     /// Where a marker was in a row of the file, mm; three NaN where the cameras did not see it.
     ///
     /// # Panics

@@ -115,6 +115,7 @@ pub fn calibrate(
     let (robot, gait) = setup(trial, config).map_err(TrialFailure::from)?;
     let path = folder.join(&trial.file);
     let file = vicon::read_markers(&path).map_err(TrialFailure::from)?;
+    let file = file.without(&config.vicon.ignore);
     let rate_hz = frame_rate(&path, &file, config)?;
     of_file(&path, &file, config, &robot, gait.as_ref(), rate_hz).map(|calibration| Calibration {
         trial: trial.id.clone(),
