@@ -570,7 +570,7 @@ fn calibrated_markers_can_be_pasted_into_the_configuration() {
     assert!(tables.contains("# h_m = 0.14") && tables.contains("; 0.14400 is configured."));
     let pasted = std::fs::read_to_string(folder.path().join("pipeline.toml")).unwrap();
     let (others, _) = pasted.split_once("[markers").unwrap();
-    write(folder.path(), "pasted.toml", &format!("{others}\n{tables}"));
+    write(folder.path(), "pasted.toml", format!("{others}\n{tables}"));
     let config = Config::load(&folder.path().join("pasted.toml")).unwrap();
     for (found, truth) in config.markers.links().iter().zip(Config::default().markers.links()) {
         assert_eq!(found.keys().collect::<Vec<_>>(), truth.keys().collect::<Vec<_>>());

@@ -19,8 +19,8 @@ use super::rigid::Basis;
 
 /// Steps of Gauss-Newton: from the links' own fits, two reach rounding.
 const STEPS: usize = 4;
-/// A step below this, rad or mm, is the last.
-const SMALL: f64 = 1e-9;
+/// A step below this, rad or mm, is the last: what remains is a thousandth of it or less.
+const SMALL: f64 = 1e-6;
 /// Rows that say where the joints are, spread over the trial.
 const ROWS: usize = 2000;
 /// How far a joint may well be from where the robot's h and l put it, and how far the links of a

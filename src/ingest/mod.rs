@@ -282,8 +282,8 @@ fn process(
         }
         summary::describe_gait(&mut row, &robot, driven, &cycles, &steady, phi_rad);
         findings.extend(summary::gait_checks(&row, gait, &cycles, &steady));
-        let used = steady.used.iter().map(|&i| &cycles[i]);
-        if let (Some(first), Some(last)) = (used.clone().next(), used.last()) {
+        if let [first, .., last] = steady.used[..] {
+            let (first, last) = (&cycles[first], &cycles[last]);
             let frames = first.start.ceil() as usize..last.end.floor() as usize + 1;
             findings.push(clipping::check(gait, phi_rad, &frames, &driven.clock));
         }

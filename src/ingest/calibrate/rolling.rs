@@ -62,7 +62,7 @@ pub(super) fn direction(velocities: &[Velocity], lever_mm: f64, guess_rad: f64) 
             gradient += slope * skid;
             curvature += slope * slope;
         }
-        if !(curvature > 0.0) {
+        if curvature.is_nan() || curvature <= 0.0 {
             return None;
         }
         let step = (gradient / curvature).clamp(-0.5, 0.5);
