@@ -11,6 +11,9 @@ pub(super) const LEAST_COVERAGE: f64 = 0.9;
 pub(super) const FREQUENCY_TOLERANCE: f64 = 0.02;
 /// Cycles that a mean should be over.
 pub(super) const LEAST_CYCLES: f64 = 5.0;
+/// Part of the cycles after the transient that gaps may cost before somebody should look at the
+/// cameras.
+pub(super) const MOST_GAPPED: f64 = 0.3;
 /// How much d may change from the first half of the used cycles to the second.
 pub(super) const D_DRIFT: f64 = 0.01;
 /// Part of the frames that may have a marker that jumped, or two swapped labels, before
@@ -42,7 +45,7 @@ pub enum Check {
     Frequency,
     /// Enough cycles are steady.
     SteadyState,
-    /// No cycle had to be left out because of a gap.
+    /// Few cycles had to be left out because of a gap.
     LongGaps,
     /// Every row has a frame number.
     RowsWithoutFrame,

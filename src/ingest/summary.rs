@@ -1,7 +1,7 @@
 //! One row for a trial: its means, its gait and what its checks say.
 
 use super::checks::{
-    Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_CYCLES,
+    Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_CYCLES, MOST_GAPPED,
 };
 use super::command::Driven;
 use super::cycles::Cycle;
@@ -142,13 +142,14 @@ pub(super) fn gait_checks(
         ),
         Finding::at_most(
             Check::LongGaps,
-            steady.gapped as f64,
-            0.0,
+            steady.gapped as f64 / (used + steady.gapped).max(1) as f64,
+            MOST_GAPPED,
             match steady.gapped {
                 1 => "1 cycle with gaps is left out".to_owned(),
                 several => format!("{several} cycles with gaps are left out"),
             },
-        ),
+        )
+        .notable(steady.gapped > 0),
         Finding::at_most(
             Check::Gait,
             deviation_deg,

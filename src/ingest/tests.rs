@@ -198,7 +198,10 @@ fn short_gaps_are_filled_and_long_ones_left_out() {
         long.cycles.iter().filter(|cycle| cycle.used).map(|cycle| cycle.cycle).collect();
     assert_eq!(used, [2, 3, 6, 7, 8, 9, 10]);
     assert!(long.cycles[4].d_m.is_nan() && long.cycles[5].d_m.is_nan());
-    assert_eq!(long.row.message, "2 cycles with gaps are left out");
+    let gaps = check_of(&long, "W007");
+    let expected = ("info", "2 cycles with gaps are left out");
+    assert_eq!((gaps.severity.as_str(), gaps.message.as_str()), expected);
+    assert_eq!(long.row.status, "ok");
     assert_eq!(names(&long.poses, "fill1")[905], "missing");
     let phi1 = long.poses.f64("phi1_rad").unwrap();
     assert!(phi1[900..1020].iter().all(|phi| phi.is_nan()));
@@ -280,9 +283,9 @@ fn a_frame_jump_is_a_gap_in_time() {
     assert_eq!(frames.len(), lines.len() - 5);
     assert!(jumped.poses.f64("x_m").unwrap()[901..1019].iter().all(|x| x.is_nan()));
     assert!((jumped.row.omega_rad_s - 3.9).abs() < 4e-4);
-    for warning in ["120 frames are left out of the file", "2 cycles with gaps are left out"] {
-        assert!(jumped.row.message.contains(warning), "{}", jumped.row.message);
-    }
+    let message = &jumped.row.message;
+    assert!(message.contains("120 frames are left out of the file"), "{message}");
+    assert_eq!(check_of(&jumped, "W007").message, "2 cycles with gaps are left out");
 }
 
 #[test]
