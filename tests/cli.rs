@@ -22,7 +22,20 @@ const TRIALS: [&str; 4] = [
     "semi-passive-symmetric-0.50-r1",
     "semi-passive-symmetric-3.90-r1",
 ];
-const FIGURES: [&str; 6] = ["fig13", "fig15", "fig17", "fig18", "fig19", "fig20"];
+const FIGURES: [&str; 12] = [
+    "fig13",
+    "fig15",
+    "fig17",
+    "fig18",
+    "fig19",
+    "fig20",
+    "kinematic-symmetric-starts",
+    "kinematic-symmetric-profiles",
+    "kinematic-symmetric-replicates",
+    "semi-passive-symmetric-starts",
+    "semi-passive-symmetric-profiles",
+    "semi-passive-symmetric-replicates",
+];
 
 /// What the demo's folder has beside its gaits.
 const DECAYS: [&str; 3] =
@@ -109,7 +122,9 @@ fn near(found: f64, known: f64, relative: f64) -> bool {
 #[test]
 fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
     let mut expected = BTreeSet::new();
-    for table in ["trials", "checks", "fits", "starts", "predictions", "robot_parameters"] {
+    const OF_FITS: [&str; 6] =
+        ["fits", "starts", "profiles", "bootstrap", "comparison", "predictions"];
+    for table in ["trials", "checks", "robot_parameters"].into_iter().chain(OF_FITS) {
         expected.insert(format!("derived/{table}.parquet"));
     }
     for trial in TRIALS {

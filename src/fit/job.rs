@@ -446,7 +446,7 @@ mod tests {
             replicates: Vec::new(),
         };
         job.follow_profiles(&mut fit);
-        assert!(began > 0.27 && fit.resumed >= 1, "{began} {}", fit.resumed);
+        assert!(began > 0.269 && fit.resumed >= 1, "{began} {}", fit.resumed);
         assert!((fit.cost / 0.26140684 - 1.0).abs() < 1e-6, "{}", fit.cost);
         // The profiles are those of the lower fit.
         assert!(fit.profiles.iter().all(|profile| profile.lower_than(fit.cost).is_none()));

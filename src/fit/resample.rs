@@ -254,3 +254,112 @@ fn own_spread(
         squares.map(|squares| if freedom > 0.0 { (squares / freedom).sqrt() } else { 0.0 });
     (std::array::from_fn(own), spread, deviations)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::SigmaKind;
+    use crate::store::{Rows as _, TrialRow};
+
+    /// A trial with d of these cycles; everything else does not vary.
+    fn trial(name: &str, omega_rad_s: f64, d_m: &[f64]) -> (Measurement, Vec<CycleRow>) {
+        let count = d_m.len() as f64;
+        let mean = d_m.iter().sum::<f64>() / count;
+        let squares: f64 = d_m.iter().map(|d| (d - mean).powi(2)).sum();
+        let row = TrialRow {
+            trial: name.to_owned(),
+            omega_rad_s,
+            omega_commanded_rad_s: omega_rad_s,
+            cycles: d_m.len() as i64,
+            d_m: mean,
+            d_m_se: (squares / (count - 1.0) / count).sqrt(),
+            v_m_s: 1.0,
+            sigma0: 0.03,
+            sigma0_se: 0.001,
+            ..TrialRow::blank()
+        };
+        let cycle = |d_m: &f64| CycleRow { d_m: *d_m, used: true, ..CycleRow::blank() };
+        let measurement = Measurement::new(&row, SigmaKind::Raw).expect("a measurement");
+        (measurement, d_m.iter().map(cycle).collect())
+    }
+
+    fn resampler(trials: Vec<(Measurement, Vec<CycleRow>)>, with_cycles: bool) -> Resampler {
+        let cycles: BTreeMap<String, Vec<CycleRow>> = trials
+            .iter()
+            .filter(|_| with_cycles)
+            .map(|(measurement, cycles)| (measurement.trial.clone(), cycles.clone()))
+            .collect();
+        let measurements: Vec<Measurement> = trials.into_iter().map(|(each, _)| each).collect();
+        Resampler::new("campaign", 1, &measurements, &cycles)
+    }
+
+    /// Standard deviation of a number over many resamples.
+    fn deviation(resampler: &Resampler, of: impl Fn(&Resample) -> f64) -> f64 {
+        let values: Vec<f64> = (0..4000).map(|number| of(&resampler.draw(number))).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64)
+            .sqrt()
+    }
+
+    #[test]
+    fn a_few_cycles_spread_by_their_standard_error_with_and_without_their_table() {
+        for with_cycles in [true, false] {
+            for d_m in [vec![0.40, 0.43], vec![0.40, 0.43, 0.42], vec![0.40, 0.41, 0.43, 0.45]] {
+                let trial = trial("one", 2.0, &d_m);
+                let expected = trial.0.errors.d_m;
+                let resampler = resampler(vec![trial], with_cycles);
+                let found = deviation(&resampler, |resample| resample.measurements[0].metrics.d_m);
+                assert!((found / expected - 1.0).abs() < 0.05, "{found} for {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_single_cycle_is_given_the_spread_of_the_other_trials() {
+        let single = trial("single", 3.0, &[0.5]);
+        assert!(single.0.errors.d_m.is_nan());
+        let resampler = resampler(vec![trial("one", 2.0, &[0.40, 0.42, 0.44]), single], true);
+        let found = deviation(&resampler, |resample| resample.measurements[1].metrics.d_m);
+        // A cycle's relative spread is 0.02 / 0.42.
+        assert!((found / (0.5 * 0.02 / 0.42) - 1.0).abs() < 0.05, "{found}");
+    }
+
+    #[test]
+    fn the_mean_of_repeats_spreads_by_what_the_repeats_differ_by() {
+        // Hardly any spread within the trials, much between them.
+        let values = [[0.400, 0.401, 0.402], [0.420, 0.421, 0.422], [0.447, 0.448, 0.449]];
+        let trials = (0..).zip(values).map(|(i, d_m)| trial(&format!("r{i}"), 2.0, &d_m));
+        let resampler = resampler(trials.collect(), true);
+        let mean = |resample: &Resample| {
+            resample.measurements.iter().map(|each| each.metrics.d_m).sum::<f64>() / 3.0
+        };
+        let means = [0.401_f64, 0.421, 0.448];
+        let middle = means.iter().sum::<f64>() / 3.0;
+        let variance = means.iter().map(|mean| (mean - middle).powi(2)).sum::<f64>() / 2.0 / 3.0;
+        let found = deviation(&resampler, mean);
+        assert!((found / variance.sqrt() - 1.0).abs() < 0.05, "{found}");
+    }
+
+    #[test]
+    fn a_trial_alone_at_its_frequency_is_given_the_spread_of_the_repeats() {
+        let mut trials: Vec<_> = (0..)
+            .zip([0.40, 0.42, 0.44, 0.46])
+            .map(|(i, d)| trial(&format!("r{i}"), 2.0, &[d - 1e-4, d, d + 1e-4]))
+            .collect();
+        trials.push(trial("alone", 3.0, &[0.2999, 0.3, 0.3001]));
+        let resampler = resampler(trials, true);
+        let found = deviation(&resampler, |resample| resample.measurements[4].metrics.d_m);
+        let relative = (0.002_f64 / 3.0).sqrt() / 0.43;
+        assert!((found / (0.3 * relative) - 1.0).abs() < 0.05, "{found}");
+    }
+
+    #[test]
+    fn the_same_number_is_the_same_resample() {
+        let trials = || vec![trial("one", 2.0, &[0.40, 0.43, 0.42])];
+        let (first, second) = (resampler(trials(), true), resampler(trials(), true));
+        let d_m =
+            |resampler: &Resampler, number| resampler.draw(number).measurements[0].metrics.d_m;
+        assert!((0..20).all(|number| d_m(&first, number) == d_m(&second, number)));
+        assert!((1..20).any(|number| d_m(&first, number) != d_m(&first, 0)));
+    }
+}
