@@ -363,6 +363,19 @@ fn predictions_are_at_the_trials_frequencies_and_on_a_finer_grid() {
 }
 
 #[test]
+fn a_sentence_says_which_model_the_data_of_a_campaign_prefer() {
+    let page = demo().folder.join("reports/index.html");
+    let page = std::fs::read_to_string(page).expect("the page");
+    for campaign in ["kinematic-symmetric", "semi-passive-symmetric"] {
+        let sentence = format!("{campaign}: The data prefer skid-roll: J = ");
+        let mut lines = demo().stdout.lines();
+        let line = lines.find(|line| line.starts_with(&sentence)).expect("a sentence");
+        let sentence = line.split_once(": ").expect("a campaign's").1;
+        assert!(line.contains("200 of 200 replicates") && page.contains(sentence), "{line}");
+    }
+}
+
+#[test]
 fn the_record_counts_trials_and_names_fits_and_figures() {
     let record = json(&demo().folder.join("reports/run.json"));
     assert_eq!(record["trials"]["total"], 7);

@@ -4,6 +4,12 @@
 //! Confidence intervals are those of the bootstrap: what the spread of cycles and of repeated
 //! trials tells. An error that all trials share, such as a servo that does not follow its command
 //! or a wrong mass, is not in them.
+//!
+//! Models are compared by their objective, by how they predict frequencies that they were not
+//! fitted to, by how often they are nearest to resampled measurements, and by the information
+//! criterion `2 n ln J + k ln n` of `n` terms and `k` free parameters (Schwarz's, for independent
+//! deviations of one Laplace distribution; they are not quite, so that only large differences
+//! say anything).
 
 mod absolute;
 mod base;
