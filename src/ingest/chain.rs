@@ -7,7 +7,7 @@
 //! the markers say ([`Basis`]), so the sum over the markers is not taken again. Instead of the
 //! joint angles the links' headings are the unknowns, which gives the same minimum.
 
-use nalgebra::{Matrix4, Matrix5, Vector4, Vector5};
+use nalgebra::{Matrix3, Matrix4, Vector3, Vector4, Vector5};
 
 use super::links::wrap;
 use super::mend::LinkFit;
@@ -19,8 +19,9 @@ use super::rigid::Basis;
 
 /// Steps of Gauss-Newton: from the links' own fits, two reach rounding.
 const STEPS: usize = 4;
-/// A step below this, rad or mm, is the last: what remains is a thousandth of it or less.
-const SMALL: f64 = 1e-6;
+/// A step that turns no link by more than this, rad, is the last: what remains is its square times
+/// an arm, a thousandth of a millimetre.
+const SMALL_RAD: f64 = 3e-3;
 /// Rows that say where the joints are, spread over the trial.
 const ROWS: usize = 2000;
 /// How far a joint may well be from where the robot's h and l put it, and how far the links of a
@@ -110,20 +111,19 @@ impl Chain {
             own[1].map_or(0.0, |pose| pose.theta_rad),
             own[2].map_or(0.0, |pose| pose.theta_rad),
         );
+        let seen_mm = own.map(|pose| pose.map_or([0.0; 2], |pose| pose.at(pose.basis.centre_mm)));
         for _ in 0..STEPS {
-            let (normal, gradient) = self.system(&own, &q);
             // Markers that give every link a heading give a positive definite matrix.
-            let Some(factor) = normal.cholesky() else { return own };
-            let step = factor.solve(&gradient);
+            let Some(step) = self.step(&own, &seen_mm, &q) else { return own };
             q -= step;
-            if step.amax() < SMALL {
+            if step.fixed_rows::<3>(2).amax() < SMALL_RAD {
                 break;
             }
         }
         let mut closed = own;
         for (link, pose) in closed.iter_mut().enumerate() {
             if let Some(pose) = pose {
-                *pose = self.posed(link, pose, &q);
+                *pose = self.posed(link, pose, seen_mm[link], &q);
             }
         }
         closed
@@ -141,67 +141,92 @@ impl Chain {
         }
     }
 
-    /// Half the Gauss-Newton matrix and gradient of the sum of squares at `q`: link 0's axle
-    /// and the headings of links 0, 1, 2.
-    fn system(
+    /// The Gauss-Newton step at `q`: link 0's axle and the headings of links 0, 1, 2. A side
+    /// link's heading acts on its own markers only, and is eliminated first.
+    fn step(
         &self,
         own: &[Option<LinkPose>; 3],
+        seen_mm: &[[f64; 2]; 3],
         q: &Vector5<f64>,
-    ) -> (Matrix5<f64>, Vector5<f64>) {
-        let (mut normal, mut gradient) = (Matrix5::zeros(), Vector5::zeros());
+    ) -> Option<Vector5<f64>> {
+        let (sin, cos) = q[2].sin_cos();
+        let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+        let mut sides = [(Vector3::zeros(), 0.0); 3];
         for (link, pose) in own.iter().enumerate() {
-            let heading = 2 + link;
-            let Some(pose) = pose else {
-                // Nothing moves a heading that no marker shows.
-                normal[(heading, heading)] = 1.0;
-                continue;
-            };
+            let Some(pose) = pose else { continue };
             let basis = &pose.basis;
+            let (markers, turning) = (basis.markers, basis.turning_mm2);
             let (to_joint, to_axle) = self.arms(link);
-            let by_middle = turned(q[2], to_joint);
-            let own_arm = [0, 1].map(|axis| to_axle[axis] + basis.centre_mm[axis]);
-            let by_own = turned(q[heading], own_arm);
-            let seen = pose.at(basis.centre_mm);
+            let arm = [0, 1].map(|axis| to_axle[axis] + basis.centre_mm[axis]);
+            let by_own = if link == 0 { rotated(sin, cos, arm) } else { turned(q[2 + link], arm) };
+            let by_middle = rotated(sin, cos, to_joint);
+            let off =
+                [0, 1].map(|axis| q[axis] + by_middle[axis] + by_own[axis] - seen_mm[link][axis]);
+            let slope = turning * (q[2 + link] - pose.theta_rad).sin();
             // Derivatives of `off` by the headings of link 0 and of the link itself.
-            let slopes = [[-by_middle[1], by_middle[0]], [-by_own[1], by_own[0]]];
-            for axis in 0..2 {
-                let off = q[axis] + by_middle[axis] + by_own[axis] - seen[axis];
-                let mut row = Vector5::zeros();
-                row[axis] = 1.0;
-                row[2] += slopes[0][axis];
-                row[heading] += slopes[1][axis];
-                normal.ger(basis.markers, &row, &row, 1.0);
-                gradient.axpy(basis.markers * off, &row, 1.0);
+            let middle_arm = if link == 0 { by_own } else { by_middle };
+            let ([px, py], [bx, by]) = (across(middle_arm), across(by_own));
+            let turn = px * off[0] + py * off[1];
+            normal[(0, 0)] += markers;
+            normal[(1, 1)] += markers;
+            normal[(2, 0)] += markers * px;
+            normal[(2, 1)] += markers * py;
+            normal[(2, 2)] += markers * (px * px + py * py);
+            gradient += Vector3::new(off[0], off[1], turn) * markers;
+            if link == 0 {
+                normal[(2, 2)] += turning;
+                gradient[2] += slope;
+                continue;
             }
-            normal[(heading, heading)] += basis.turning_mm2;
-            gradient[heading] += basis.turning_mm2 * (q[heading] - pose.theta_rad).sin();
+            let stiffness = markers * (bx * bx + by * by) + turning;
+            let coupling = Vector3::new(bx, by, px * bx + py * by) * (markers / stiffness);
+            let own_step = (markers * (bx * off[0] + by * off[1]) + slope) / stiffness;
+            for i in 0..3 {
+                for j in 0..=i {
+                    normal[(i, j)] -= coupling[i] * coupling[j] * stiffness;
+                }
+            }
+            gradient -= coupling * (own_step * stiffness);
+            sides[link] = (coupling, own_step);
         }
-        (normal, gradient)
+        // Cholesky reads the lower triangle only.
+        let step = normal.cholesky()?.solve(&gradient);
+        let heading = |link: usize| sides[link].1 - sides[link].0.dot(&step);
+        Some(Vector5::new(step[0], step[1], step[2], heading(1), heading(2)))
     }
 
-    /// A link's pose in the chain.
-    fn posed(&self, link: usize, own: &LinkPose, q: &Vector5<f64>) -> LinkPose {
+    /// A link's pose in the chain, given its own and where that has its markers' centroid.
+    fn posed(&self, link: usize, own: &LinkPose, seen_mm: [f64; 2], q: &Vector5<f64>) -> LinkPose {
         let (to_joint, to_axle) = self.arms(link);
-        let (to_joint, to_axle) = (turned(q[2], to_joint), turned(q[2 + link], to_axle));
-        let mut pose = LinkPose {
-            origin_mm: [0, 1].map(|axis| q[axis] + to_joint[axis] + to_axle[axis]),
-            theta_rad: wrap(q[2 + link]),
-            ..*own
+        let (sin, cos) = q[2 + link].sin_cos();
+        let (by_middle, by_own) = match link {
+            0 => ([0.0; 2], [0.0; 2]),
+            _ => (turned(q[2], to_joint), rotated(sin, cos, to_axle)),
         };
+        let origin_mm = [0, 1].map(|axis| q[axis] + by_middle[axis] + by_own[axis]);
         let basis = &own.basis;
-        let [new, old] = [&pose, own].map(|pose| pose.at(basis.centre_mm));
-        let turned = pose.theta_rad - own.theta_rad;
-        let more = (new[0] - old[0]).powi(2)
-            + (new[1] - old[1]).powi(2)
-            + 2.0 * basis.turning_mm2 * (1.0 - turned.cos()) / basis.markers;
-        pose.residual_mm = (own.residual_mm.powi(2) + more).sqrt();
-        pose
+        let to_centre = rotated(sin, cos, basis.centre_mm);
+        let [x, y] = [0, 1].map(|axis| origin_mm[axis] + to_centre[axis] - seen_mm[axis]);
+        let half_turn = (0.5 * (q[2 + link] - own.theta_rad)).sin();
+        let turning = 4.0 * basis.turning_mm2 * half_turn * half_turn;
+        let residual_mm =
+            (own.residual_mm.powi(2) + x * x + y * y + turning / basis.markers).sqrt();
+        LinkPose { origin_mm, theta_rad: wrap(q[2 + link]), residual_mm, ..*own }
     }
 }
 
-fn turned(angle_rad: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+fn turned(angle_rad: f64, arm: [f64; 2]) -> [f64; 2] {
     let (sin, cos) = angle_rad.sin_cos();
+    rotated(sin, cos, arm)
+}
+
+fn rotated(sin: f64, cos: f64, [x, y]: [f64; 2]) -> [f64; 2] {
     [cos * x - sin * y, sin * x + cos * y]
+}
+
+/// Derivative of a turned arm by its angle.
+fn across([x, y]: [f64; 2]) -> [f64; 2] {
+    [-y, x]
 }
 
 #[cfg(test)]
@@ -225,7 +250,7 @@ mod tests {
                 residual_mm: 0.0,
                 basis: rigid::Basis { markers: 1.0, ..Default::default() },
             };
-            let pose = chain.posed(link, &own, q);
+            let pose = chain.posed(link, &own, [0.0; 2], q);
             let place = |p: &[f64; 3]| {
                 k += 1.0;
                 let [x, y] = pose.at([p[0], p[1]]);
@@ -245,7 +270,7 @@ mod tests {
         let chain = Chain::of(&Robot::kinematic());
         let own = own(pairs);
         let of_link = |link: usize| -> f64 {
-            let pose = chain.posed(link, &own[link].unwrap(), q);
+            let pose = chain.posed(link, &own[link].unwrap(), [0.0; 2], q);
             let square = |(place, seen): &([f64; 2], [f64; 2])| {
                 let at = pose.at(*place);
                 (at[0] - seen[0]).powi(2) + (at[1] - seen[1]).powi(2)

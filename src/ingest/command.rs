@@ -40,10 +40,10 @@ pub(super) struct Driven {
 /// this frequency, and there the links shake.
 fn shape_harmonics(frames_per_period: f64, rate_hz: f64) -> usize {
     const HIGHEST_HZ: f64 = 5.0;
-    const MOST: usize = 20;
+    const MOST: usize = 12;
     let most = ((frames_per_period / LEAST_SAMPLES_PER_TERM as f64 - 1.0) / 2.0) as usize;
     let below = (HIGHEST_HZ * frames_per_period / rate_hz) as usize;
-    below.max(GAIT_HARMONICS).min(MOST).min(most).max(1)
+    below.clamp(GAIT_HARMONICS, MOST).min(most).max(1)
 }
 
 /// The commanded gait and how the trial is sampled.

@@ -221,6 +221,9 @@ fn coordinates(x_m: Vec<f64>, y_m: Vec<f64>, theta: [Vec<f64>; 3]) -> Coordinate
 
 /// An angle in (-pi, pi].
 pub(super) fn wrap(angle_rad: f64) -> f64 {
+    if angle_rad > -PI && angle_rad <= PI {
+        return angle_rad;
+    }
     PI - (PI - angle_rad).rem_euclid(TAU)
 }
 

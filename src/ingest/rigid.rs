@@ -60,7 +60,12 @@ pub(super) fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> 
         across += p[0] * q[1] - p[1] * q[0];
     }
     let theta_rad = across.atan2(along);
-    let (sin, cos) = theta_rad.sin_cos();
+    let turning_mm2 = (along * along + across * across).sqrt();
+    // Markers that were all seen in one place give no heading.
+    if turning_mm2 == 0.0 {
+        return None;
+    }
+    let (sin, cos) = (across / turning_mm2, along / turning_mm2);
     let turned = |p: [f64; 2]| [cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]];
     let centre = turned(place);
     let origin_mm = [seen[0] - centre[0], seen[1] - centre[1]];
@@ -74,14 +79,17 @@ pub(super) fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> 
         origin_mm,
         theta_rad,
         residual_mm: (squares / count).sqrt(),
-        basis: Basis { markers: count, centre_mm: place, turning_mm2: along.hypot(across) },
+        basis: Basis { markers: count, centre_mm: place, turning_mm2 },
     })
 }
 
 /// Whether any two of the markers lie far enough apart.
 fn is_spread(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> bool {
     pairs.clone().enumerate().any(|(i, (a, _))| {
-        pairs.clone().skip(i + 1).any(|(b, _)| (a[0] - b[0]).hypot(a[1] - b[1]) >= LEAST_SPREAD_MM)
+        pairs.clone().skip(i + 1).any(|(b, _)| {
+            let [x, y] = [a[0] - b[0], a[1] - b[1]];
+            x * x + y * y >= LEAST_SPREAD_MM * LEAST_SPREAD_MM
+        })
     })
 }
 
@@ -131,6 +139,8 @@ mod tests {
     #[test]
     fn markers_that_almost_coincide_give_no_heading() {
         let pairs = [([0.0, 0.0], [0.0, 0.0]), ([4.0, 0.0], [4.0, 0.0])];
+        assert_eq!(fit(pairs.into_iter()), None);
+        let pairs = [([-50.0, 0.0], [7.0, 7.0]), ([40.0, 0.0], [7.0, 7.0])];
         assert_eq!(fit(pairs.into_iter()), None);
     }
 }

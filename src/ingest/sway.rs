@@ -81,26 +81,28 @@ impl Seen<'_> {
     /// Sums over parts of so many rows each.
     fn parts(&self, rows: usize, fits: &[LinkFit]) -> Vec<Heights> {
         let begin = fits.iter().position(|fit| fit.pose.is_some()).unwrap_or(0);
+        let [a, b] = self.floor.about_rad;
         let mut parts = vec![Heights::default(); fits.len().div_ceil(rows)];
-        for (row, fit) in fits.iter().enumerate() {
-            if fit.pose.is_none() || fit.outlier != Outlier::None {
-                continue;
-            }
-            let part = &mut parts[row / rows];
-            for marker in self.markers {
-                let [x, y, z] = self.file.position_mm(row, marker.column);
-                if x.is_nan() {
-                    continue;
+        for marker in self.markers {
+            let [x0, y0, _] = self.file.position_mm(begin, marker.column);
+            let [x0, y0] = if x0.is_nan() { [0.0; 2] } else { [x0, y0] };
+            let [x, y] = marker.place_mm;
+            let column = Vector3::new(1.0, y, -x);
+            for (part, (i, fits)) in parts.iter_mut().zip(fits.chunks(rows).enumerate()) {
+                let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+                for (fit, row) in fits.iter().zip(i * rows..) {
+                    let [x, y, z] = self.file.position_mm(row, marker.column);
+                    if x.is_nan() || fit.pose.is_none() || fit.outlier != Outlier::None {
+                        continue;
+                    }
+                    let height = z - marker.height_mm - (a * (y - y0) - b * (x - x0));
+                    count += 1.0;
+                    sum += height;
+                    squares += height * height;
                 }
-                let [x0, y0, _] = self.file.position_mm(begin, marker.column);
-                let [a, b] = self.floor.about_rad;
-                let floor = if x0.is_nan() { 0.0 } else { a * (y - y0) - b * (x - x0) };
-                let [x, y] = marker.place_mm;
-                let column = Vector3::new(1.0, y, -x);
-                let height = z - marker.height_mm - floor;
-                part.normal.ger(1.0, &column, &column, 1.0);
-                part.right.axpy(height, &column, 1.0);
-                part.squares += height * height;
+                part.normal.ger(count, &column, &column, 1.0);
+                part.right.axpy(sum, &column, 1.0);
+                part.squares += squares;
             }
         }
         parts
