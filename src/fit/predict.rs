@@ -1,5 +1,8 @@
 //! What a fitted model predicts at the trials' frequencies and between them.
 
+use rayon::prelude::*;
+
+use super::measurement::Measurement;
 use super::objective::Objective;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Model, MotionError, Problem, REFERENCE_ACCURACY, Settled, Solver};
@@ -45,37 +48,43 @@ pub(super) fn predictions(
             from_rest: from_rest.to_owned(),
         }
     };
-    let mut rows = Vec::new();
-    for measurement in objective.measurements() {
+    let at_trial = |measurement: &Measurement| {
+        let mut solver = Solver::default();
         let problem = objective.problem_of(robot, measurement).ok_or(MotionError::GaitUnknown);
-        let solved = problem.clone().and_then(|problem| solve(&problem, REFERENCE_ACCURACY));
+        let solved =
+            problem.clone().and_then(|problem| solve(&mut solver, &problem, REFERENCE_ACCURACY));
         let j = solved
             .as_ref()
             .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
         let from_rest = match (&solved, &problem) {
-            (Ok(_), Ok(problem)) => {
-                Settled::from_rest(&Solver::default().settle(problem, REFERENCE_ACCURACY))
-            }
+            // The solver goes on from what it has found.
+            (Ok(_), Ok(problem)) => Settled::from_rest(&solver.settle(problem, REFERENCE_ACCURACY)),
             _ => "",
         };
-        rows.push(row(measurement.omega_rad_s, "trial", j, &solved, from_rest));
-    }
+        row(measurement.omega_rad_s, "trial", j, &solved, from_rest)
+    };
+    let mut rows: Vec<PredictionRow> = objective.measurements().par_iter().map(at_trial).collect();
     if model != Model::NoSkidMeasured {
         let omegas = objective.measurements().iter().map(|measurement| measurement.omega_rad_s);
         let low = omegas.clone().fold(f64::INFINITY, f64::min);
         let high = omegas.fold(0.0, f64::max);
-        for i in 0..CURVE_POINTS {
+        let on_curve = |i: usize| {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
-            let solved = solve(&objective.problem(robot, omega_rad_s), CURVE_ACCURACY);
-            rows.push(row(omega_rad_s, "curve", f64::NAN, &solved, ""));
-        }
+            let problem = objective.problem(robot, omega_rad_s);
+            let solved = solve(&mut Solver::default(), &problem, CURVE_ACCURACY);
+            row(omega_rad_s, "curve", f64::NAN, &solved, "")
+        };
+        rows.par_extend((0..CURVE_POINTS).into_par_iter().map(on_curve));
     }
     rows
 }
 
 /// The metrics of a motion, and whether it is stable.
-fn solve(problem: &Problem, accuracy: f64) -> Result<(GaitMetrics, &'static str), MotionError> {
-    let mut solver = Solver::default();
+fn solve(
+    solver: &mut Solver,
+    problem: &Problem,
+    accuracy: f64,
+) -> Result<(GaitMetrics, &'static str), MotionError> {
     let metrics = solver.solve(problem, accuracy)?;
     let is_unstable = solver.floquet()?.is_some_and(|modulus| modulus >= 1.0);
     Ok((metrics, if is_unstable { "unstable" } else { "stable" }))
