@@ -111,17 +111,7 @@ pub(super) fn track(
     let mut fill = [(); 3].map(|()| vec![Fill::Missing; frames]);
     let mut outlier = [(); 3].map(|()| vec![Outlier::None; frames]);
     let mut markers_seen = 0;
-    let mut fits = fit_links(file, layout);
-    let tilt = Tilt::of(file, layout, &fits);
-    let level = tilt.corrected(file, layout);
-    if let Some((file, layout)) = &level {
-        fits = fit_links(file, layout);
-    }
-    let (level_file, level_layout) =
-        level.as_ref().map_or((file, layout), |(file, layout)| (&**file, layout));
-    for (fits, markers) in fits.iter_mut().zip(level_layout) {
-        sway::steady(Seen { file: level_file, markers, floor: tilt.floor_left() }, rate_hz, fits);
-    }
+    let (fits, tilt) = upright_fits(file, layout, rate_hz);
     let refined = chain.map(|chain| chain.refined(&fits));
     let joint_places_mm = chain.zip(refined).map(|(said, found)| said.distance_mm(&found));
     for (row, &frame) in file.frames.iter().enumerate() {
@@ -175,6 +165,23 @@ pub(super) fn track(
         joint_places_mm,
         coverage: markers_seen as f64 / (markers * frames) as f64,
     })
+}
+
+/// Poses of links 0, 1, 2 in every row of the file, as on a level floor with upright links, and
+/// the tilt that was found.
+fn upright_fits(file: &MarkerFile, layout: &Layout, rate_hz: f64) -> ([Vec<LinkFit>; 3], Tilt) {
+    let mut fits = fit_links(file, layout);
+    let tilt = Tilt::of(file, layout, &fits);
+    let corrected = tilt.corrected(file, layout);
+    if let Some((file, layout)) = &corrected {
+        fits = fit_links(file, layout);
+    }
+    let (file, layout) =
+        corrected.as_ref().map_or((file, layout), |(file, layout)| (&**file, layout));
+    for (fits, markers) in fits.iter_mut().zip(layout) {
+        sway::steady(Seen { file, markers, floor: tilt.floor_left() }, rate_hz, fits);
+    }
+    (fits, tilt)
 }
 
 /// Poses of links 0, 1, 2 in every row of the file, without the markers that are wrong.
