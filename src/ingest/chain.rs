@@ -111,11 +111,18 @@ impl Chain {
             own[1].map_or(0.0, |pose| pose.theta_rad),
             own[2].map_or(0.0, |pose| pose.theta_rad),
         );
-        let seen_mm = own.map(|pose| pose.map_or([0.0; 2], |pose| pose.at(pose.basis.centre_mm)));
+        let mut turns = turns(&q);
+        let seen_mm = [0, 1, 2].map(|link| {
+            own[link].map_or([0.0; 2], |LinkPose { origin_mm, basis, .. }| {
+                let to_centre = rotated(turns[link], basis.centre_mm);
+                [0, 1].map(|axis| origin_mm[axis] + to_centre[axis])
+            })
+        });
         for _ in 0..STEPS {
             // Markers that give every link a heading give a positive definite matrix.
-            let Some(step) = self.step(&own, &seen_mm, &q) else { return own };
+            let Some(step) = self.step(&own, &seen_mm, &q, &turns) else { return own };
             q -= step;
+            turns = self::turns(&q);
             if step.fixed_rows::<3>(2).amax() < SMALL_RAD {
                 break;
             }
@@ -123,7 +130,7 @@ impl Chain {
         let mut closed = own;
         for (link, pose) in closed.iter_mut().enumerate() {
             if let Some(pose) = pose {
-                *pose = self.posed(link, pose, seen_mm[link], &q);
+                *pose = self.posed(link, pose, seen_mm[link], &q, &turns);
             }
         }
         closed
@@ -148,8 +155,8 @@ impl Chain {
         own: &[Option<LinkPose>; 3],
         seen_mm: &[[f64; 2]; 3],
         q: &Vector5<f64>,
+        turns: &[Turn; 3],
     ) -> Option<Vector5<f64>> {
-        let (sin, cos) = q[2].sin_cos();
         let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
         let mut sides = [(Vector3::zeros(), 0.0); 3];
         for (link, pose) in own.iter().enumerate() {
@@ -158,8 +165,8 @@ impl Chain {
             let (markers, turning) = (basis.markers, basis.turning_mm2);
             let (to_joint, to_axle) = self.arms(link);
             let arm = [0, 1].map(|axis| to_axle[axis] + basis.centre_mm[axis]);
-            let by_own = if link == 0 { rotated(sin, cos, arm) } else { turned(q[2 + link], arm) };
-            let by_middle = rotated(sin, cos, to_joint);
+            let by_own = rotated(turns[link], arm);
+            let by_middle = rotated(turns[0], to_joint);
             let off =
                 [0, 1].map(|axis| q[axis] + by_middle[axis] + by_own[axis] - seen_mm[link][axis]);
             let slope = turning * (q[2 + link] - pose.theta_rad).sin();
@@ -196,16 +203,19 @@ impl Chain {
     }
 
     /// A link's pose in the chain, given its own and where that has its markers' centroid.
-    fn posed(&self, link: usize, own: &LinkPose, seen_mm: [f64; 2], q: &Vector5<f64>) -> LinkPose {
+    fn posed(
+        &self,
+        link: usize,
+        own: &LinkPose,
+        seen_mm: [f64; 2],
+        q: &Vector5<f64>,
+        turns: &[Turn; 3],
+    ) -> LinkPose {
         let (to_joint, to_axle) = self.arms(link);
-        let (sin, cos) = q[2 + link].sin_cos();
-        let (by_middle, by_own) = match link {
-            0 => ([0.0; 2], [0.0; 2]),
-            _ => (turned(q[2], to_joint), rotated(sin, cos, to_axle)),
-        };
+        let (by_middle, by_own) = (rotated(turns[0], to_joint), rotated(turns[link], to_axle));
         let origin_mm = [0, 1].map(|axis| q[axis] + by_middle[axis] + by_own[axis]);
         let basis = &own.basis;
-        let to_centre = rotated(sin, cos, basis.centre_mm);
+        let to_centre = rotated(turns[link], basis.centre_mm);
         let [x, y] = [0, 1].map(|axis| origin_mm[axis] + to_centre[axis] - seen_mm[axis]);
         let half_turn = (0.5 * (q[2 + link] - own.theta_rad)).sin();
         let turning = 4.0 * basis.turning_mm2 * half_turn * half_turn;
@@ -215,12 +225,15 @@ impl Chain {
     }
 }
 
-fn turned(angle_rad: f64, arm: [f64; 2]) -> [f64; 2] {
-    let (sin, cos) = angle_rad.sin_cos();
-    rotated(sin, cos, arm)
+/// Sine and cosine of a heading.
+type Turn = (f64, f64);
+
+/// Of links 0, 1, 2.
+fn turns(q: &Vector5<f64>) -> [Turn; 3] {
+    [2, 3, 4].map(|heading| q[heading].sin_cos())
 }
 
-fn rotated(sin: f64, cos: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+fn rotated((sin, cos): Turn, [x, y]: [f64; 2]) -> [f64; 2] {
     [cos * x - sin * y, sin * x + cos * y]
 }
 
@@ -250,7 +263,7 @@ mod tests {
                 residual_mm: 0.0,
                 basis: rigid::Basis { markers: 1.0, ..Default::default() },
             };
-            let pose = chain.posed(link, &own, [0.0; 2], q);
+            let pose = chain.posed(link, &own, [0.0; 2], q, &turns(q));
             let place = |p: &[f64; 3]| {
                 k += 1.0;
                 let [x, y] = pose.at([p[0], p[1]]);
@@ -270,7 +283,7 @@ mod tests {
         let chain = Chain::of(&Robot::kinematic());
         let own = own(pairs);
         let of_link = |link: usize| -> f64 {
-            let pose = chain.posed(link, &own[link].unwrap(), [0.0; 2], q);
+            let pose = chain.posed(link, &own[link].unwrap(), [0.0; 2], q, &turns(q));
             let square = |(place, seen): &([f64; 2], [f64; 2])| {
                 let at = pose.at(*place);
                 (at[0] - seen[0]).powi(2) + (at[1] - seen[1]).powi(2)

@@ -124,15 +124,15 @@ impl Seen<'_> {
             heights += marker.height_mm;
             turning += marker.height_mm * (from_centre[0] * shift[1] - from_centre[1] * shift[0]);
         }
-        let seen_mm = pose.at(centre);
-        let (sin, cos) = pose.theta_rad.sin_cos();
         let mean_mm = heights / pose.basis.markers;
-        let shift = [cos * shift[0] - sin * shift[1], sin * shift[0] + cos * shift[1]];
+        let (sin, cos) = pose.theta_rad.sin_cos();
+        // The markers' centroid, upright, seen from the axle as it was.
+        let [x, y] = [0, 1].map(|axis| centre[axis] - mean_mm * shift[axis]);
         pose.theta_rad -= turning / pose.basis.turning_mm2;
-        let off = pose.at(centre);
-        for axis in 0..2 {
-            pose.origin_mm[axis] += seen_mm[axis] - mean_mm * shift[axis] - off[axis];
-        }
+        let (sin_upright, cos_upright) = pose.theta_rad.sin_cos();
+        let [u, v] = centre;
+        pose.origin_mm[0] += cos * x - sin * y - (cos_upright * u - sin_upright * v);
+        pose.origin_mm[1] += sin * x + cos * y - (sin_upright * u + cos_upright * v);
     }
 }
 
