@@ -17,7 +17,7 @@ use super::truth::{self, Comparison, Truth};
 use super::warnings::{CheckCount, Trouble, check_counts, troubled};
 use super::{ReportError, figures};
 use crate::config::Config;
-use crate::store::{ComparisonRow, FitRow, TrialRow};
+use crate::store::{ComparisonRow, FitRow, RobotParameterRow, TrialRow};
 
 /// The name's ending makes the engine escape what it fills in.
 const TEMPLATE: &str = "page.html";
@@ -40,6 +40,7 @@ struct Page<'p> {
     missing: &'p [String],
     campaigns: Vec<CampaignSection<'p>>,
     comparisons: Vec<FigureView<'p>>,
+    robots: Vec<RobotView<'p>>,
     trials: Vec<TrialGroup<'p>>,
     truth: Option<Comparison>,
     raw: String,
@@ -135,6 +136,17 @@ struct ParameterView {
     marks: Vec<&'static str>,
 }
 
+/// A measured parameter of a robot.
+#[derive(Serialize)]
+struct RobotView<'p> {
+    robot: &'p str,
+    trial: &'p str,
+    name: &'static str,
+    unit: &'static str,
+    measured: String,
+    configured: String,
+}
+
 /// Trials of one campaign, or of one kind where they belong to no campaign.
 #[derive(Serialize)]
 struct TrialGroup<'p> {
@@ -189,6 +201,7 @@ pub fn html(
             .filter(|drawn| drawn.figure.campaigns.len() > 1)
             .map(figure_view)
             .collect(),
+        robots: tables.robots.iter().flat_map(robot_views).collect(),
         trials: trial_groups(&tables.trials),
         truth: truth.map(|truth| truth::compare(truth, tables)),
         raw: relative(&config.paths.reports, &config.paths.raw),
@@ -346,6 +359,17 @@ fn otherwise<'p>(rows: &[&'p ComparisonRow]) -> Option<Otherwise<'p>> {
             .map(|skid| significant(skid, 4)),
     };
     Some(Otherwise { gait_input, rows: rows.iter().filter(with).map(view).collect() })
+}
+
+fn robot_views(row: &RobotParameterRow) -> impl Iterator<Item = RobotView<'_>> {
+    row.quantities().map(|quantity| RobotView {
+        robot: &row.robot,
+        trial: &row.trial,
+        name: quantity.name,
+        unit: quantity.unit,
+        measured: with_error(quantity.measured, quantity.se),
+        configured: as_configured(quantity.configured),
+    })
 }
 
 fn trial_groups(trials: &[TrialRow]) -> Vec<TrialGroup<'_>> {

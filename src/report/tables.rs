@@ -7,9 +7,11 @@ use super::ReportError;
 use super::series::Source;
 use crate::config::Config;
 use crate::store::{
-    BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, Rows, StartRow,
-    Table, TrialRow,
+    BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
+    Rows, StartRow, Table, TrialRow,
 };
+
+const WITHOUT_ROBOTS: &str = "no measured parameter of a robot is listed";
 
 /// Rows of `derived/`.
 #[derive(Debug, Default)]
@@ -22,6 +24,8 @@ pub struct Tables {
     pub starts: Vec<StartRow>,
     pub profiles: Vec<ProfileRow>,
     pub bootstrap: Vec<BootstrapRow>,
+    /// Of releases and coast-downs.
+    pub robots: Vec<RobotParameterRow>,
     /// Sentences on tables that are not there.
     pub missing: Vec<String>,
 }
@@ -43,6 +47,7 @@ impl Tables {
             starts: optional(derived, "starts", "no search is drawn", &mut missing)?,
             profiles: optional(derived, "profiles", "no profile is drawn", &mut missing)?,
             bootstrap: optional(derived, "bootstrap", "no replicate is drawn", &mut missing)?,
+            robots: optional(derived, "robot_parameters", WITHOUT_ROBOTS, &mut missing)?,
             missing: Vec::new(),
         };
         tables.missing = missing;

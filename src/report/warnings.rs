@@ -15,11 +15,13 @@ pub struct Trouble<'p> {
     pub messages: Vec<&'p str>,
 }
 
+/// What a check found in all trials.
 #[derive(Serialize)]
 pub struct CheckCount<'p> {
     pub check: &'p str,
-    pub warnings: usize,
-    pub errors: usize,
+    /// How many trials it found `ok`, worth an `info`, a `warning`, an `error`.
+    pub counts: [usize; 4],
+    /// Those that are not ok.
     pub trials: String,
 }
 
@@ -51,23 +53,21 @@ pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
     with("failed").chain(with("flagged")).collect()
 }
 
-/// Checks that found something, by code.
+/// All checks, by code.
 pub fn check_counts(checks: &[CheckRow]) -> Vec<CheckCount<'_>> {
     let mut by_check: BTreeMap<&str, Vec<&CheckRow>> = BTreeMap::new();
-    for check in checks.iter().filter(|check| needs_a_look(check)) {
+    for check in checks {
         by_check.entry(&check.check).or_default().push(check);
     }
-    let count = |rows: &[&CheckRow], severity: &str| {
-        rows.iter().filter(|row| row.severity == severity).count()
-    };
     by_check
         .into_iter()
         .map(|(check, rows)| {
-            let mut trials: Vec<&str> = rows.iter().map(|row| row.trial.as_str()).collect();
+            let with = |severity: &str| rows.iter().filter(|row| row.severity == severity).count();
+            let found = rows.iter().filter(|row| row.severity != "ok");
+            let mut trials: Vec<&str> = found.map(|row| row.trial.as_str()).collect();
             trials.dedup();
-            let errors = count(&rows, "error");
-            let warnings = rows.len() - errors;
-            CheckCount { check, warnings, errors, trials: trials.join(", ") }
+            let counts = ["ok", "info", "warning", "error"].map(with);
+            CheckCount { check, counts, trials: trials.join(", ") }
         })
         .collect()
 }

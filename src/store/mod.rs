@@ -11,7 +11,8 @@ pub use parameters::PARAMETERS;
 pub use rows::Rows;
 pub use schema::{
     BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow,
-    RobotParameterRow, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path, wheels_path,
+    RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
+    wheels_path,
 };
 pub use table::{Column, Provenance, Table, is_reading};
 

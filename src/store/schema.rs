@@ -181,6 +181,46 @@ rows! {
     }
 }
 
+/// A quantity that a trial tells of its robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RobotQuantity {
+    /// Its symbol in plain letters, and its unit.
+    pub name: &'static str,
+    pub unit: &'static str,
+    pub measured: f64,
+    pub se: f64,
+    /// NaN if it is not in the configuration.
+    pub configured: f64,
+}
+
+impl RobotParameterRow {
+    /// What the trial tells, in the order in which it is to be read.
+    pub fn quantities(&self) -> impl Iterator<Item = RobotQuantity> {
+        let quantity = |name, unit, [measured, se, configured]: [f64; 3]| RobotQuantity {
+            name,
+            unit,
+            measured,
+            se,
+            configured,
+        };
+        let none = f64::NAN;
+        let stiffness =
+            [self.stiffness_nm_rad, self.stiffness_nm_rad_se, self.stiffness_configured_nm_rad];
+        let damping =
+            [self.damping_nm_s_rad, self.damping_nm_s_rad_se, self.damping_configured_nm_s_rad];
+        let roll = [self.roll_sum_kg_s, self.roll_sum_kg_s_se, self.roll_sum_configured_kg_s];
+        [
+            quantity("omega_n", "rad/s", [self.natural_rad_s, self.natural_rad_s_se, none]),
+            quantity("zeta", "", [self.damping_ratio, self.damping_ratio_se, none]),
+            quantity("k_tau", "N m/rad", stiffness),
+            quantity("c_tau", "N m s/rad", damping),
+            quantity("sum c_R", "kg/s", roll),
+        ]
+        .into_iter()
+        .filter(|quantity| !quantity.measured.is_nan())
+    }
+}
+
 rows! {
     /// One check of one trial: `checks.parquet`.
     pub struct CheckRow {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::store::{
     BootstrapRow, CheckRow, ComparisonRow, FitRow, PARAMETERS, PredictionRow, ProfileRow,
-    Provenance, Rows, StartRow, TrialRow,
+    Provenance, RobotParameterRow, Rows, StartRow, TrialRow,
 };
 
 pub const SKEWED: &str = "kinematic-skewed";
@@ -107,6 +107,22 @@ impl Tables {
         write("starts", StartRow::to_table(&self.starts()));
         write("profiles", ProfileRow::to_table(&self.profiles()));
         write("bootstrap", BootstrapRow::to_table(&self.bootstrap()));
+        write("robot_parameters", RobotParameterRow::to_table(&self.robots()));
+    }
+
+    fn robots(&self) -> Vec<RobotParameterRow> {
+        let release = RobotParameterRow {
+            trial: "release-r1".to_owned(),
+            kind: "joint-release".to_owned(),
+            robot: "semi-passive".to_owned(),
+            natural_rad_s: 10.4,
+            natural_rad_s_se: 0.02,
+            stiffness_nm_rad: 0.1875,
+            stiffness_nm_rad_se: 0.0012,
+            stiffness_configured_nm_rad: 0.188,
+            ..RobotParameterRow::blank()
+        };
+        vec![release]
     }
 
     fn comparison(&self) -> Vec<ComparisonRow> {

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::*;
+use crate::store::CheckRow;
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
 
 fn config(folder: &Path) -> Config {
@@ -105,8 +106,16 @@ fn tables_that_are_not_there_are_named_and_one_trial_is_enough() {
     let mut tables = MadeUp::of_the_paper();
     tables.trials.truncate(1);
     tables.write(&derived);
-    const OPTIONAL: [&str; 7] =
-        ["checks", "fits", "predictions", "comparison", "starts", "profiles", "bootstrap"];
+    const OPTIONAL: [&str; 8] = [
+        "checks",
+        "fits",
+        "predictions",
+        "comparison",
+        "starts",
+        "profiles",
+        "bootstrap",
+        "robot_parameters",
+    ];
     for name in OPTIONAL {
         std::fs::remove_file(derived.join(format!("{name}.parquet"))).expect("was there");
     }
@@ -148,6 +157,27 @@ fn a_users_own_campaigns_get_their_own_figures() {
     assert!(!read(&reported.page).contains("<b>"));
     let svg = read(&folder.path().join("reports/figures/_ber__b_-sigma.svg"));
     assert!(svg.contains("über/&lt;b&gt;, measured"));
+}
+
+#[test]
+fn the_page_lists_every_check_and_what_releases_say_of_the_robots() {
+    let folder = temporary();
+    let mut tables = made_up::with_trouble(MadeUp::of_the_paper(), "lost");
+    let info = CheckRow {
+        trial: tables.trials[0].trial.clone(),
+        check: "W007 long-gaps".to_owned(),
+        severity: "info".to_owned(),
+        value: 0.1,
+        limit: 0.3,
+        message: "1 cycle with gaps is left out".to_owned(),
+    };
+    let ok = CheckRow { severity: "ok".to_owned(), trial: "other".to_owned(), ..info.clone() };
+    tables.checks.extend([info, ok]);
+    let page = read(&reported(&tables, folder.path()).page);
+    let counts = ["1", "1", "", ""].map(|count| format!("<td class=\"n\">{count}</td>")).concat();
+    let row = format!("<th scope=\"row\">W007 long-gaps</th>{counts}");
+    assert!(page.contains(&row), "{row}");
+    assert!(page.contains("<td class=\"n\">0.1875 ± 0.0012</td><td class=\"n\">0.188</td>"));
 }
 
 #[test]
