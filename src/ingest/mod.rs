@@ -40,6 +40,8 @@ mod tests;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, SyncSender};
+use std::thread;
 
 use rayon::prelude::*;
 
@@ -51,8 +53,8 @@ pub use survey::{FileSurvey, Gaps, Recording, SeenMarker, survey};
 use crate::config::{Config, Smoothing};
 use crate::robot::{Gait, Robot};
 use crate::store::{
-    CheckRow, CycleRow, Provenance, RobotParameterRow, Rows, Table, TrialRow, cycles_path,
-    poses_path, wheels_path,
+    Beside, CheckRow, CycleRow, Provenance, RobotParameterRow, Rows, StoreError, Table, TrialRow,
+    cycles_path, poses_path, wheels_path,
 };
 use crate::trial::{Trial, TrialError, TrialKind, TrialList};
 use crate::vicon;
@@ -64,6 +66,8 @@ use harmonics::{GAIT_HARMONICS, Harmonics};
 use links::Tracked;
 use smooth::JointSignal;
 
+/// Files that may wait for the disk.
+const MOST_BESIDE: usize = 32;
 /// Used cycles below which a trial has no means.
 const LEAST_USED_CYCLES: usize = 2;
 
@@ -107,16 +111,24 @@ pub fn ingest_folder(
     on_trial: &(dyn Fn(&TrialRow) + Sync),
 ) -> Result<Ingested, IngestError> {
     let list = TrialList::load(folder)?;
-    let outcomes: Vec<Outcome> = list
-        .trial
-        .par_iter()
-        .with_max_len(1)
-        .map(|trial| {
-            let outcome = ingest_trial(config, folder, derived, trial)?;
-            on_trial(&outcome.row);
-            Ok(outcome)
-        })
-        .collect::<Result<_, IngestError>>()?;
+    let (to_disk, written) = mpsc::sync_channel(MOST_BESIDE);
+    let (outcomes, settled) = thread::scope(|scope| {
+        // The disk is waited for while the next trials are computed.
+        let settling = scope.spawn(move || written.into_iter().try_for_each(Beside::settle));
+        let outcomes: Result<Vec<Outcome>, IngestError> = list
+            .trial
+            .par_iter()
+            .with_max_len(1)
+            .map_with(to_disk, |to_disk, trial| {
+                let outcome = ingest_trial(config, folder, derived, trial, to_disk)?;
+                on_trial(&outcome.row);
+                Ok(outcome)
+            })
+            .collect();
+        (outcomes, settling.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    });
+    settled?;
+    let outcomes = outcomes?;
     let written: BTreeSet<PathBuf> =
         outcomes.iter().flat_map(|outcome| outcome.written.iter().cloned()).collect();
     tables::remove_outdated(derived, &written)?;
@@ -181,6 +193,7 @@ fn ingest_trial(
     folder: &Path,
     derived: &Path,
     trial: &Trial,
+    to_disk: &SyncSender<Beside>,
 ) -> Result<Outcome, IngestError> {
     let path = folder.join(&trial.file);
     // The entry is checked first: its file name might point out of the folder.
@@ -195,8 +208,13 @@ fn ingest_trial(
     };
     let provenance = Provenance { input: fingerprint };
     let mut written = Vec::new();
-    let mut write =
-        |table: &Table, path: PathBuf| table.write(&path, &provenance).map(|()| written.push(path));
+    let mut write = |table: &Table, path: PathBuf| -> Result<(), StoreError> {
+        let beside = table.write_beside(&path, &provenance)?;
+        // If nobody takes it any more, whoever did has the reason.
+        let _ = to_disk.send(beside);
+        written.push(path);
+        Ok(())
+    };
     write(&processed.poses, poses_path(derived, &trial.id))?;
     write(&processed.wheels, wheels_path(derived, &trial.id))?;
     if trial.kind == TrialKind::Gait {

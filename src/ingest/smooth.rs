@@ -15,30 +15,50 @@ const ATTENUATION_WEIGHT: f64 = 10.0;
 /// ends of every stretch without gaps the window shrinks from both sides; what is missing
 /// stays missing.
 pub(super) fn moving_average(series: &[f64], window: usize) -> Vec<f64> {
+    let half = window / 2;
     let mut smooth = vec![f64::NAN; series.len()];
     for (start, end) in runs(series) {
-        for i in start..end {
-            let reach = (i - start).min(end - 1 - i);
-            smooth[i] = average(series, i, window, reach);
+        let (run, smooth) = (&series[start..end], &mut smooth[start..end]);
+        let last = run.len() - 1;
+        let inner = half.min(run.len())..run.len().saturating_sub(half).max(half.min(run.len()));
+        for i in (0..inner.start).chain(inner.end..run.len()) {
+            smooth[i] = shrunk_average(run, i, i.min(last - i));
+        }
+        if !inner.is_empty() {
+            full_averages(run, window, &mut smooth[inner]);
         }
     }
     smooth
 }
 
-fn average(series: &[f64], i: usize, window: usize, reach: usize) -> f64 {
+/// The average over a window that reaches so many samples to both sides.
+fn shrunk_average(run: &[f64], i: usize, reach: usize) -> f64 {
+    let middle = run[i];
+    let sum: f64 = (1..=reach).map(|k| (run[i - k] - middle) + (run[i + k] - middle)).sum();
+    middle + sum / (2 * reach + 1) as f64
+}
+
+/// The averages about all samples that have a whole window about them.
+fn full_averages(run: &[f64], window: usize, averages: &mut [f64]) {
     let half = window / 2;
-    // Deviations from the middle keep a constant exactly constant.
-    let middle = series[i];
-    let sum = |half: usize| -> f64 {
-        (1..=half).map(|k| (series[i - k] - middle) + (series[i + k] - middle)).sum()
+    let count = averages.len();
+    let middles = &run[half..half + count];
+    averages.fill(0.0);
+    // Deviations from the middle keep a constant exactly constant. The samples at one distance
+    // are added to all averages before those at the next.
+    let mut add = |k: usize, weight: f64| {
+        let sides = run[half - k..].iter().zip(&run[half + k..]);
+        for ((sum, middle), (before, after)) in averages.iter_mut().zip(middles).zip(sides) {
+            *sum += weight * ((before - middle) + (after - middle));
+        }
     };
-    if reach < half {
-        middle + sum(reach) / (2 * reach + 1) as f64
-    } else if window % 2 == 1 {
-        middle + sum(half) / window as f64
-    } else {
-        let outer = (series[i - half] - middle) + (series[i + half] - middle);
-        middle + (sum(half - 1) + 0.5 * outer) / window as f64
+    let is_even = window.is_multiple_of(2);
+    (1..=half - usize::from(is_even)).for_each(|k| add(k, 1.0));
+    if is_even {
+        add(half, 0.5);
+    }
+    for (average, middle) in averages.iter_mut().zip(middles) {
+        *average = middle + *average / window as f64;
     }
 }
 

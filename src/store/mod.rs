@@ -6,7 +6,7 @@ mod rows;
 mod schema;
 mod table;
 
-pub use atomic::{write_atomically, write_bytes};
+pub use atomic::{Beside, write_bytes};
 pub use parameters::PARAMETERS;
 pub use rows::Rows;
 pub use schema::{

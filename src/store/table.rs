@@ -10,12 +10,13 @@ use polars::prelude::{
     ChunkSet, ChunkTake, Column as PolarsColumn, DataFrame, DataType, Float64Chunked, IdxCa,
     IntoSeries, KeyValueMetadata, ListBuilderTrait, ListStringChunkedBuilder, NamedFrom,
     NewChunkedArray, ParallelStrategy, ParquetCompression, ParquetReader, ParquetWriter,
-    PlSmallStr, PolarsError, PolarsResult, SerReader, Series, StringChunked,
+    PlSmallStr, PolarsError, PolarsResult, SerReader, Series, StatisticsOptions, StringChunked,
 };
 
-use super::{StoreError, write_atomically};
+use super::{Beside, StoreError};
 
-/// Numbers with noise in them hardly shrink, however long that takes.
+/// Numbers with noise in them hardly shrink, however long that takes. Statistics, too, would take
+/// time: they tell a reader which parts of a table to skip, and these tables have one part.
 const ZSTD_LEVEL: i32 = 1;
 
 thread_local! {
@@ -100,6 +101,14 @@ impl Table {
     /// # Errors
     /// The file cannot be written; what was there before stays.
     pub fn write(&self, path: &Path, provenance: &Provenance) -> Result<(), StoreError> {
+        self.write_beside(path, provenance)?.settle()
+    }
+
+    /// [`Table::write`] but for the last step: the file is not yet in its place.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_beside(&self, path: &Path, provenance: &Provenance) -> Result<Beside, StoreError> {
         let table_error = |error: PolarsError| StoreError::Table {
             path: path.to_owned(),
             message: error.to_string(),
@@ -115,10 +124,11 @@ impl Table {
         ]);
         let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(table_error)?;
         let compression = ParquetCompression::Zstd(Some(level));
-        write_atomically(path, |file| {
+        Beside::write(path, |file| {
             ParquetWriter::new(file)
                 .set_parallel(false)
                 .with_compression(compression)
+                .with_statistics(StatisticsOptions::empty())
                 .with_key_value_metadata(Some(metadata))
                 .finish(&mut frame)
                 .map(|_| ())
