@@ -1,6 +1,6 @@
 //! `pipeline.toml`: the robots, gaits, campaigns and settings of a run.
 //!
-//! The default [`Config`] is the paper; the file in the repository is tested to equal it.
+//! The default `Config` is the paper; the file in the repository is tested to equal it.
 
 mod check;
 mod error;
