@@ -22,19 +22,31 @@ const TRIALS: [&str; 4] = [
     "semi-passive-symmetric-0.50-r1",
     "semi-passive-symmetric-3.90-r1",
 ];
-const FIGURES: [&str; 12] = [
+const FIGURES: [&str; 23] = [
+    "fig03",
+    "fig04",
+    "fig05",
+    "fig06",
+    "fig08",
+    "fig11",
+    "fig12",
     "fig13",
+    "fig14",
     "fig15",
     "fig17",
     "fig18",
     "fig19",
     "fig20",
+    "kinematic-symmetric-residuals",
     "kinematic-symmetric-starts",
     "kinematic-symmetric-profiles",
     "kinematic-symmetric-replicates",
+    "semi-passive-symmetric-residuals",
     "semi-passive-symmetric-starts",
     "semi-passive-symmetric-profiles",
     "semi-passive-symmetric-replicates",
+    "work",
+    "truth",
 ];
 
 /// What the demo's folder has beside its gaits.
@@ -141,6 +153,9 @@ fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
         for extension in ["svg", "png", "csv"] {
             expected.insert(format!("reports/figures/{figure}.{extension}"));
         }
+    }
+    for trial in TRIALS.iter().chain(&DECAYS) {
+        expected.insert(format!("reports/trials/{trial}.html"));
     }
     expected.extend(["index.html", "fits.json", "run.json"].map(|name| format!("reports/{name}")));
     let left = files(&demo().folder);

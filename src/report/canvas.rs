@@ -63,11 +63,23 @@ impl<B: DrawingBackend> Canvas<'_, B> {
     pub fn line(&mut self, points: &[(f64, f64)], colour: RGBColor, width: f64) -> Drawn<B> {
         let mut path: Vec<_> = points.iter().map(|&point| self.at(point)).collect();
         path.dedup();
-        if path.len() < 2 {
-            return Ok(());
-        }
         let stroke = self.stroke(colour, width);
-        self.backend.draw_path(path, &stroke)
+        let radius = stroke.stroke_width / 2;
+        match (self.lettering, path.as_slice()) {
+            (_, [] | [_]) => Ok(()),
+            // Where a broad line turns sharply, plotters leaves holes in its pixels.
+            (Lettering::Pixels, [_, .., last]) if path.len() > 2 && radius > 1 => {
+                for pair in path.windows(2) {
+                    self.backend.draw_path(pair.to_vec(), &stroke)?;
+                }
+                let (first, fill) = (path[0], colour.filled());
+                let mut joints = path[1..path.len() - 1]
+                    .iter()
+                    .filter(|joint| *joint != &first && *joint != last);
+                joints.try_for_each(|joint| self.backend.draw_circle(*joint, radius, &fill, true))
+            }
+            _ => self.backend.draw_path(path, &stroke),
+        }
     }
 
     pub fn circle(&mut self, centre: (f64, f64), radius: f64, colour: RGBColor) -> Drawn<B> {
@@ -94,6 +106,17 @@ impl<B: DrawingBackend> Canvas<'_, B> {
         };
         disc(style::MARKER_RADIUS, colour)?;
         if filled { Ok(()) } else { disc(style::MARKER_RADIUS - WALL, style::PAPER) }
+    }
+
+    /// An error bar with its ends.
+    pub fn error_bar(&mut self, x: f64, low: f64, high: f64, colour: RGBColor) -> Drawn<B> {
+        /// Half the width of the ends.
+        const END: f64 = 3.2;
+        self.line(&[(x, low), (x, high)], colour, style::FRAME_WIDTH)?;
+        for end in [low, high] {
+            self.line(&[(x - END, end), (x + END, end)], colour, style::FRAME_WIDTH)?;
+        }
+        Ok(())
     }
 
     pub fn text(&mut self, text: &str, at: TextAt) -> Drawn<B> {

@@ -1,6 +1,7 @@
 //! A figure before it is drawn.
 
-use super::chart::Chart;
+use super::chart::{Chart, Layout};
+use super::legend::Sample;
 use super::series::{Kind, Quantity, Series};
 
 /// One quantity against the frequency.
@@ -28,12 +29,40 @@ pub struct Figure {
     pub panels: Vec<Panel>,
     /// What is drawn instead of panels, if it is not against the frequency.
     pub charts: Vec<Chart>,
+    /// How these are put together.
+    pub layout: Layout,
 }
 
 impl Figure {
+    /// A figure of charts, without a caption.
+    pub fn of_charts(stem: &str, title: String, campaigns: &[&str], charts: Vec<Chart>) -> Self {
+        Self {
+            stem: stem.to_owned(),
+            number: super::figures::number(stem),
+            title,
+            caption: String::new(),
+            campaigns: campaigns.iter().map(|&campaign| campaign.to_owned()).collect(),
+            panels: Vec::new(),
+            charts,
+            layout: Layout::default(),
+        }
+    }
+
     /// Whether there is anything to draw.
     pub fn is_empty(&self) -> bool {
-        self.panels.iter().all(|panel| panel.series.is_empty()) && self.charts.is_empty()
+        self.panels.iter().all(|panel| panel.series.is_empty())
+            && self.charts.iter().all(Chart::is_empty)
+    }
+
+    /// What the legend says of everything that is in it.
+    pub fn samples(&self) -> Vec<Sample> {
+        let series = self.panels.iter().flat_map(|panel| &panel.series);
+        let of_series = series.map(|series| Sample {
+            label: series.label.clone(),
+            look: series.look,
+            bar: series.kind == Kind::Measured,
+        });
+        of_series.chain(self.charts.iter().flat_map(Chart::samples)).collect()
     }
 
     /// What the figure shows for those who cannot see it: panels, series and their extent.
@@ -59,7 +88,7 @@ impl Figure {
         if !self.charts.is_empty() {
             let rows = self.charts.iter().zip('a'..);
             let rows = rows.map(|(chart, letter)| chart.csv(letter, csv_field));
-            return "panel,title,layer,x,y\n".to_owned() + &rows.collect::<String>();
+            return "panel,title,layer,x,y,error_95\n".to_owned() + &rows.collect::<String>();
         }
         let mut csv = "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95\n".to_owned();
         for (panel, letter) in self.panels.iter().zip('a'..) {

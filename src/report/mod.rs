@@ -14,12 +14,15 @@ mod parameters;
 mod places;
 mod plot;
 mod polyline;
+mod recording;
 mod render;
 mod series;
+mod simulated;
 mod style;
 mod tables;
 #[cfg(test)]
 mod tests;
+mod trials;
 mod truth;
 mod warnings;
 
@@ -72,13 +75,13 @@ pub struct Reported {
 pub fn report(config: &Config) -> Result<Reported, ReportError> {
     let reports = &config.paths.reports;
     let tables = Tables::read(&config.paths.derived)?;
-    let found = figures::figures(&tables, config);
     let mut missing = tables.missing.clone();
-    missing.extend(found.missing);
     let truth = Truth::read(&config.paths.raw).unwrap_or_else(|problem| {
         missing.push(problem);
         None
     });
+    let found = figures::figures(&tables, config, truth.as_ref());
+    missing.extend(found.missing);
 
     let folder = reports.join("figures");
     remove_stale(&folder, &found.figures)?;
@@ -94,7 +97,9 @@ pub fn report(config: &Config) -> Result<Reported, ReportError> {
         .collect::<Result<Vec<_>, ReportError>>()?;
 
     write_bytes(&reports.join("fits.json"), &fits_json::json(&tables.fits, &tables.comparison)?)?;
-    let html = page::html(config, &tables, &drawn, &missing, truth.as_ref())?;
+    let pages = trials::pages(&tables);
+    trials::write(config, &tables, &pages)?;
+    let html = page::html(config, &tables, &drawn, &pages, &missing, truth.as_ref())?;
     let page = reports.join("index.html");
     write_bytes(&page, html.as_bytes())?;
     let figures = found.figures.iter().map(|figure| figure.stem.clone()).collect();

@@ -21,8 +21,6 @@ const MARGIN: f64 = 10.0;
 const TITLE: f64 = 29.0;
 const FREQUENCY_AXIS: f64 = 46.0;
 const TICK: f64 = 5.0;
-/// Half the width of an error bar's ends.
-const BAR_END: f64 = 3.2;
 const FREQUENCY_LABEL: &str = "Actuation frequency ω (rad/s)";
 
 fn panel_height(figure: &Figure) -> f64 {
@@ -40,12 +38,28 @@ fn legend_height(entries: &[Entry]) -> f64 {
 
 /// Width and height of a figure, px.
 pub fn size(figure: &Figure, font: Typeface) -> (f64, f64) {
+    let entries = entries(figure, font);
     if !figure.charts.is_empty() {
-        return chart::size(&figure.charts);
+        let (width, height) = chart::size(&figure.charts, figure.layout);
+        return (width, top(&entries) + height);
     }
-    let entries = legend::lay_out(figure, font, LEGEND_LEFT, RIGHT);
     let panels = figure.panels.len() as f64 * (TITLE + panel_height(figure));
     (style::WIDTH, MARGIN + legend_height(&entries) + panels + FREQUENCY_AXIS)
+}
+
+/// The legend above all panels; panels that have their own have none.
+fn entries(figure: &Figure, font: Typeface) -> Vec<Entry> {
+    let right = match figure.charts.is_empty() {
+        true => RIGHT,
+        false if chart::have_own_legends(&figure.charts, figure.layout, font) => return Vec::new(),
+        false => chart::size(&figure.charts, figure.layout).0 - MARGIN,
+    };
+    legend::lay_out(figure.samples(), font, LEGEND_LEFT, right)
+}
+
+/// Where the panels of a figure with charts begin.
+fn top(entries: &[Entry]) -> f64 {
+    if entries.is_empty() { 0.0 } else { MARGIN + legend_height(entries) }
 }
 
 /// Where a panel's values are on the figure.
@@ -81,13 +95,14 @@ impl Frame {
 /// # Errors
 /// The backend fails.
 pub fn draw<B: DrawingBackend>(figure: &Figure, canvas: &mut Canvas<'_, B>) -> Drawn<B> {
-    if !figure.charts.is_empty() {
-        return chart::draw(&figure.charts, canvas);
-    }
     canvas.fill((0.0, 0.0), size(figure, canvas.font), style::PAPER)?;
-    let entries = legend::lay_out(figure, canvas.font, LEGEND_LEFT, RIGHT);
+    let entries = entries(figure, canvas.font);
     for entry in &entries {
-        draw_entry(entry, canvas)?;
+        let y = MARGIN + entry.row as f64 * legend::ROW + legend::ROW / 2.0;
+        legend::draw(&entry.sample, entry.x, y, canvas)?;
+    }
+    if !figure.charts.is_empty() {
+        return chart::draw(&figure.charts, figure.layout, top(&entries), canvas);
     }
     let omegas: Vec<f64> = figure
         .panels
@@ -187,25 +202,11 @@ fn draw_series<B: DrawingBackend>(
                 let (x, y) = frame.at(point);
                 if let Some(error) = point.error {
                     let (low, high) = (frame.y(point.value - error), frame.y(point.value + error));
-                    draw_bar(x, low, high, colour, canvas)?;
+                    canvas.error_bar(x, low, high, colour)?;
                 }
                 canvas.marker((x, y), colour, shape, filled)?;
             }
         }
-    }
-    Ok(())
-}
-
-fn draw_bar<B: DrawingBackend>(
-    x: f64,
-    low: f64,
-    high: f64,
-    colour: RGBColor,
-    canvas: &mut Canvas<'_, B>,
-) -> Drawn<B> {
-    canvas.line(&[(x, low), (x, high)], colour, style::FRAME_WIDTH)?;
-    for end in [low, high] {
-        canvas.line(&[(x - BAR_END, end), (x + BAR_END, end)], colour, style::FRAME_WIDTH)?;
     }
     Ok(())
 }
@@ -254,27 +255,6 @@ fn draw_frequency_axis<B: DrawingBackend>(
     }
     let at = text_at((LEFT + RIGHT) / 2.0, bottom + FREQUENCY_AXIS - 10.0, HPos::Center);
     canvas.text(FREQUENCY_LABEL, at)
-}
-
-fn draw_entry<B: DrawingBackend>(entry: &Entry, canvas: &mut Canvas<'_, B>) -> Drawn<B> {
-    let y = MARGIN + entry.row as f64 * legend::ROW + legend::ROW / 2.0;
-    let (from, to) = (entry.x, entry.x + legend::SAMPLE);
-    let middle = (from + to) / 2.0;
-    match entry.look {
-        Look::Line { colour, dash } => {
-            for dash in polyline::dashes(&[(from, y), (to, y)], dash) {
-                canvas.line(&dash, colour, style::LINE_WIDTH)?;
-            }
-        }
-        Look::Marker { colour, shape, filled } => {
-            if entry.bar {
-                draw_bar(middle, y - 7.0, y + 7.0, colour, canvas)?;
-            }
-            canvas.marker((middle, y), colour, shape, filled)?;
-        }
-    }
-    let at = text_at(entry.text_x(), y + 0.36 * style::SMALL_TEXT, HPos::Left);
-    canvas.text(&entry.label, TextAt { em: style::SMALL_TEXT, ..at })
 }
 
 fn text_at(x: f64, y: f64, align: HPos) -> TextAt {

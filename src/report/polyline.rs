@@ -35,6 +35,23 @@ fn clip_segment(from: Point, to: Point, top: f64, bottom: f64) -> Option<(Point,
     (start < end).then_some((start_point, end_point))
 }
 
+/// The line without the points that are nearer than `apart` to the last one before them.
+pub fn thin(line: impl Iterator<Item = Point>, apart: f64) -> Vec<Point> {
+    let mut thin: Vec<Point> = Vec::new();
+    let mut end = None;
+    for point in line {
+        let is_near = |last: &Point| (point.0 - last.0).hypot(point.1 - last.1) < apart;
+        if thin.last().is_some_and(is_near) {
+            end = Some(point);
+        } else {
+            thin.push(point);
+            end = None;
+        }
+    }
+    thin.extend(end);
+    thin
+}
+
 /// Cuts a line into dashes; `pattern` is dash, gap, dash, gap, ... and nothing is a solid line.
 pub fn dashes(line: &[Point], pattern: &[f64]) -> Vec<Vec<Point>> {
     if pattern.is_empty() || pattern.iter().any(|&length| length <= 0.0) {

@@ -133,7 +133,7 @@ pub struct Source<'t> {
 
 impl<'t> Source<'t> {
     /// Trials of a campaign that have metrics.
-    fn measured_trials(self, campaign: &str) -> impl Iterator<Item = &'t TrialRow> {
+    pub fn measured_trials(self, campaign: &str) -> impl Iterator<Item = &'t TrialRow> {
         self.trials
             .iter()
             .filter(move |trial| trial.campaign == campaign && trial.kind == "gait")

@@ -11,6 +11,7 @@ mod okabe_ito {
     pub const BLUE: RGBColor = RGBColor(0, 114, 178);
     pub const VERMILLION: RGBColor = RGBColor(213, 94, 0);
     pub const PURPLE: RGBColor = RGBColor(204, 121, 167);
+    pub const SKY: RGBColor = RGBColor(86, 180, 233);
 }
 
 /// Text, frames and measurements.
@@ -20,21 +21,26 @@ pub const GRID: RGBColor = RGBColor(226, 226, 226);
 /// An interval behind a line.
 pub const BAND: RGBColor = RGBColor(232, 240, 246);
 pub const PAPER: RGBColor = RGBColor(255, 255, 255);
+/// The robot's links on a map.
+pub const LINKS: RGBColor = RGBColor(110, 110, 110);
 /// Models that the palette does not know.
 const OTHER: RGBColor = RGBColor(120, 120, 120);
 
 /// Sizes, px of a figure [`WIDTH`] wide.
 pub const WIDTH: f64 = 460.0;
+/// Width of figures with panels side by side, px.
+pub const WIDE: f64 = 644.0;
 pub const TEXT: f64 = 13.0;
 pub const SMALL_TEXT: f64 = 12.0;
 pub const LINE_WIDTH: f64 = 2.0;
+pub const CHART_LINE_WIDTH: f64 = 1.5;
 pub const FRAME_WIDTH: f64 = 1.0;
 pub const MARKER_RADIUS: f64 = 3.6;
 
 /// Lengths of dashes and of the gaps after them, px; nothing is a solid line.
 pub type Dash = &'static [f64];
 
-const SOLID: Dash = &[];
+pub const SOLID: Dash = &[];
 const LONG_DASHES: Dash = &[11.0, 4.0];
 const DASHES: Dash = &[6.0, 4.0];
 const DOTS: Dash = &[2.0, 3.0];
@@ -65,6 +71,36 @@ impl Look {
 pub fn measured(nth: usize) -> Look {
     let (shape, filled) = [(Shape::Circle, true), (Shape::Square, false)][nth % 2];
     Look::Marker { colour: INK, shape, filled }
+}
+
+/// What was recorded or is shown alone, as a line.
+pub const RECORDED: Look = Look::Line { colour: INK, dash: SOLID };
+/// What was commanded.
+pub const COMMANDED: Look = Look::Line { colour: OTHER, dash: DASHES };
+
+/// The way into a steady motion.
+pub const TRANSIENT: Look = Look::Line { colour: OTHER, dash: SOLID };
+/// What was fitted to it.
+pub const FITTED: Look = Look::Line { colour: okabe_ito::VERMILLION, dash: DASHES };
+
+/// The `nth` of the same quantity of several links, wheels, joints or directions.
+pub fn component(nth: usize) -> Look {
+    let looks = [(INK, SOLID), (okabe_ito::SKY, LONG_DASHES), (okabe_ito::VERMILLION, DASH_DOT)];
+    let (colour, dash) = looks[nth % looks.len()];
+    Look::Line { colour, dash }
+}
+
+/// The `nth` way in which frames are not measured.
+pub fn gap(nth: usize) -> RGBColor {
+    [okabe_ito::SKY, okabe_ito::ORANGE, okabe_ito::VERMILLION][nth % 3]
+}
+
+/// A model as a line, also where it is driven by a measured gait.
+pub fn model_line(name: &str) -> Look {
+    match model(name) {
+        Look::Marker { colour, .. } => Look::Line { colour, dash: DOTS },
+        line => line,
+    }
 }
 
 /// A model, the same in every figure. One that is driven by each trial's own gait has no

@@ -41,6 +41,8 @@ pub struct PlantedCampaign {
 pub struct PlantedTrial {
     pub d_m: Option<f64>,
     pub v_m_s: Option<f64>,
+    pub sigma: Option<[f64; 3]>,
+    pub alpha1_rad: Option<f64>,
 }
 
 impl Truth {
@@ -114,11 +116,20 @@ pub fn compare(truth: &Truth, tables: &Tables) -> Comparison {
     });
     let trials = trials.collect();
     let summary = [d.sentence("d"), v.sentence("v")].into_iter().flatten().collect();
-    Comparison { seed: truth.seed, summary, coefficients: coefficients(truth, tables), trials }
+    let coefficients = planted(truth, tables).into_iter().map(coefficient_row).collect();
+    Comparison { seed: truth.seed, summary, coefficients, trials }
 }
 
-fn coefficients(truth: &Truth, tables: &Tables) -> Vec<CoefficientRow> {
-    let mut rows = Vec::new();
+/// A coefficient of the fitted model that the trials were made with, and what was planted.
+pub struct Known<'t> {
+    pub campaign: &'t str,
+    pub parameter: Parameter,
+    pub planted: f64,
+}
+
+/// All coefficients of which the truth is known, by campaign.
+pub fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
+    let mut known = Vec::new();
     for fit in tables.fits.iter().filter(|fit| fit.model == PLANTED_MODEL) {
         let Some(planted) = truth.campaigns.get(&fit.campaign) else { continue };
         let [skid, roll] = [planted.skid_kg_s, planted.roll_kg_s].map(|planted| match planted {
@@ -128,19 +139,20 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Vec<CoefficientRow> {
         let joint = [planted.stiffness_nm_rad, planted.damping_nm_s_rad];
         let sum = planted.roll_kg_s.map(|roll| roll.iter().sum()).filter(|_| frees_sum(fit));
         let planted = skid.into_iter().chain(roll).chain([sum]).chain(joint);
-        for (parameter, planted) in parameters::of_fit(fit).into_iter().zip(planted) {
-            let Some(planted) = planted else { continue };
-            rows.push(coefficient_row(&fit.campaign, parameter, planted));
-        }
+        let pairs = parameters::of_fit(fit).into_iter().zip(planted);
+        known.extend(pairs.filter_map(|(parameter, planted)| {
+            Some(Known { campaign: &fit.campaign, parameter, planted: planted? })
+        }));
     }
-    rows
+    known
 }
 
 fn frees_sum(fit: &FitRow) -> bool {
     fit.free.iter().any(|name| name == "roll_sum_kg_s")
 }
 
-fn coefficient_row(campaign: &str, parameter: Parameter, planted: f64) -> CoefficientRow {
+fn coefficient_row(known: Known<'_>) -> CoefficientRow {
+    let Known { campaign, parameter, planted } = known;
     CoefficientRow {
         campaign: campaign.to_owned(),
         parameter: parameter.name,

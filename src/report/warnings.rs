@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::page::TrialPages;
 use super::tables::Tables;
 use crate::store::CheckRow;
 
@@ -11,6 +12,8 @@ use crate::store::CheckRow;
 #[derive(Serialize)]
 pub struct Trouble<'p> {
     pub trial: &'p str,
+    /// File of its own page in `trials/`.
+    pub page: Option<&'p str>,
     pub status: &'p str,
     pub messages: Vec<&'p str>,
 }
@@ -31,7 +34,7 @@ fn needs_a_look(check: &CheckRow) -> bool {
 }
 
 /// Failed trials first.
-pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
+pub fn troubled<'p>(tables: &'p Tables, pages: &'p TrialPages) -> Vec<Trouble<'p>> {
     let with = |status: &'static str| {
         tables.trials.iter().filter(move |row| row.status == status).map(|row| {
             let checks = tables.checks.iter().filter(|check| check.trial == row.trial);
@@ -47,7 +50,8 @@ pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
                 }
                 messages.insert(0, &row.message);
             }
-            Trouble { trial: &row.trial, status: &row.status, messages }
+            let page = pages.get(&row.trial).map(String::as_str);
+            Trouble { trial: &row.trial, page, status: &row.status, messages }
         })
     };
     with("failed").chain(with("flagged")).collect()

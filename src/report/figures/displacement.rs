@@ -1,6 +1,7 @@
 //! Fig. 13: the measured displacement per cycle.
 
 use super::BARS;
+use crate::report::chart::Layout;
 use crate::report::figure::{Figure, Panel};
 use crate::report::series::{Quantity, Source};
 
@@ -18,5 +19,6 @@ pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
             series: source.measured(campaign, quantity, 0).into_iter().collect(),
         }],
         charts: Vec::new(),
+        layout: Layout::Grid,
     }
 }

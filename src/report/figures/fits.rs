@@ -1,7 +1,8 @@
 //! How the searches ended, how the objective depends on each coefficient, and how the
 //! coefficients of the bootstrap's replicates go together.
 
-use crate::report::chart::{Chart, Layer};
+use crate::report::axis::Range;
+use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
 use crate::report::parameters;
 use crate::report::style;
@@ -27,6 +28,7 @@ pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> Vec<Figure> {
         campaigns: vec![campaign.to_owned()],
         panels: Vec::new(),
         charts,
+        layout: Layout::Grid,
     };
     let starts = fits.iter().filter_map(|fit| waterfall(fit, tables)).collect();
     let profiles = fits.iter().flat_map(|fit| profiles(fit, tables)).collect();
@@ -69,8 +71,8 @@ fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Chart> {
         x_label: "Start, by rank".to_owned(),
         y_label: "J".to_owned(),
         layers: vec![Layer::Line { name: "starts".to_owned(), points, colour: colour(fit) }],
-        up_to: None,
-        counts: true,
+        axes: Axes::LinearAcross,
+        ..Chart::default()
     })
 }
 
@@ -95,8 +97,8 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
                 Layer::Level { name: "limit".to_owned(), y: limit_j },
                 Layer::Mark { name: "fit".to_owned(), point: (parameter.value, fit.j) },
             ],
-            up_to: Some(fit.j + 2.5 * rise),
-            counts: false,
+            shown: Some(Range { low: f64::NEG_INFINITY, high: fit.j + 2.5 * rise }),
+            ..Chart::default()
         })
     };
     fit.free.iter().filter_map(chart).collect()
@@ -125,8 +127,7 @@ fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
                     Layer::Dots { name: "replicates".to_owned(), points, colour: colour(fit) },
                     Layer::Mark { name: "fit".to_owned(), point: (fitted[x], fitted[y]) },
                 ],
-                up_to: None,
-                counts: false,
+                ..Chart::default()
             });
         }
     }

@@ -3,15 +3,28 @@
 mod displacement;
 mod fits;
 mod models;
+mod parts;
+mod recovered;
+mod release;
+mod residuals;
 mod skid;
+mod skidding;
 mod speed;
+mod steady_passive;
+mod tracking;
+pub mod trial;
+mod wheels;
+mod work;
 
 use std::collections::BTreeSet;
 
 use super::figure::Figure;
+use super::recording::Recording;
 use super::series::Source;
 use super::tables::Tables;
+use super::truth::Truth;
 use crate::config::Config;
+use crate::store::TrialRow;
 
 pub const SKEWED: &str = "kinematic-skewed";
 pub const SYMMETRIC: &str = "kinematic-symmetric";
@@ -20,13 +33,25 @@ pub const SEMI_PASSIVE: &str = "semi-passive-symmetric";
 pub const PAPER_CAMPAIGNS: [&str; 3] = [SKEWED, SYMMETRIC, SEMI_PASSIVE];
 
 /// Names that the files of the paper's figures can have.
-pub const PAPER_STEMS: [&str; 8] =
-    ["fig10", "fig13", "fig15", "fig16", "fig17", "fig18", "fig19", "fig20"];
+pub const PAPER_STEMS: [&str; 17] = [
+    "fig03", "fig04", "fig05", "fig06", "fig08", "fig09", "fig10", "fig11", "fig12", "fig13",
+    "fig14", "fig15", "fig16", "fig17", "fig18", "fig19", "fig20",
+];
+/// The figure of planted truth, and that of the actuators' work.
+pub const TRUTH: &str = "truth";
+const WORK: &str = "work";
+
+/// Frequency of the trials that the paper shows moment by moment, rad/s.
+const SHOWN_RAD_S: f64 = 3.9;
 
 /// Names that the files of all figures of the paper's campaigns can have.
 pub fn known_stems() -> Vec<String> {
-    let own = PAPER_CAMPAIGNS.iter().flat_map(|campaign| fits::stems(campaign));
-    PAPER_STEMS.into_iter().map(str::to_owned).chain(own).collect()
+    let own = PAPER_CAMPAIGNS.iter().flat_map(|campaign| {
+        let residuals = format!("{campaign}-residuals");
+        fits::stems(campaign).into_iter().chain([residuals])
+    });
+    let paper = PAPER_STEMS.into_iter().chain([TRUTH, WORK]);
+    paper.map(str::to_owned).chain(own).collect()
 }
 
 const BARS: &str = "Markers: means over the cycles of each trial, flagged trials included; bars: \
@@ -39,23 +64,23 @@ pub struct Figures {
     pub missing: Vec<String>,
 }
 
+impl Figures {
+    fn add(&mut self, figure: Result<Figure, String>) {
+        match figure {
+            Ok(figure) => self.figures.push(figure),
+            Err(sentence) => self.missing.push(sentence),
+        }
+    }
+}
+
 /// The paper's figures for its campaigns, and for every other campaign one with what the
-/// models predict and one with the wheels' skid; then of every campaign how its fits came about.
-pub fn figures(tables: &Tables, config: &Config) -> Figures {
+/// models predict and one with the wheels' skid; then of every campaign what its models miss and
+/// how its fits came about.
+pub fn figures(tables: &Tables, config: &Config, truth: Option<&Truth>) -> Figures {
     let (source, configured) = (tables.source(config), &tables.campaigns(config));
     let mut found = Figures::default();
     if PAPER_CAMPAIGNS.iter().any(|campaign| configured.contains(campaign)) {
-        found.missing = missing_of_the_paper(source, configured);
-        found.figures = vec![
-            speed::figure("fig10", SKEWED, source),
-            displacement::figure("fig13", SYMMETRIC, source),
-            speed::figure("fig15", SEMI_PASSIVE, source),
-            models::figure("fig16", SKEWED, source),
-            models::figure("fig17", SYMMETRIC, source),
-            models::figure("fig18", SEMI_PASSIVE, source),
-            skid::figure("fig19", &[SYMMETRIC, SKEWED], source),
-            skid::figure("fig20", &[SYMMETRIC, SEMI_PASSIVE], source),
-        ];
+        of_the_paper(tables, config, configured, &mut found);
     }
     let mut stems = BTreeSet::new();
     for campaign in configured.iter().filter(|name| !PAPER_CAMPAIGNS.contains(name)) {
@@ -68,24 +93,100 @@ pub fn figures(tables: &Tables, config: &Config) -> Figures {
             found.missing.push(format!("Campaign {campaign}: nothing to draw, {NOTHING}"));
         }
         found.figures.extend(own);
+        found.figures.push(residuals::figure(&name, campaign, source));
         found.figures.extend(fits::figures(&name, campaign, tables));
     }
     for campaign in PAPER_CAMPAIGNS.iter().filter(|campaign| configured.contains(*campaign)) {
+        found.figures.push(residuals::figure(campaign, campaign, source));
         found.figures.extend(fits::figures(campaign, campaign, tables));
     }
+    found.figures.push(work::figure(WORK, tables, config));
+    found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, source)));
     found.figures.retain(|figure| !figure.is_empty());
     found
 }
 
+/// The paper's figures, in its order.
+fn of_the_paper(
+    tables: &Tables,
+    config: &Config,
+    configured: &BTreeSet<&str>,
+    found: &mut Figures,
+) {
+    let source = tables.source(config);
+    found.missing.extend(missing_of_the_paper(source, configured));
+    match steady_passive::figures(config) {
+        Ok(figures) => found.figures.extend(figures),
+        Err(sentence) => found.missing.push(sentence),
+    }
+    found.add(skidding::figure(config));
+    found.add(release(tables, config));
+    tracked("fig09", SKEWED, source, config, found);
+    found.figures.push(speed::figure("fig10", SKEWED, source));
+    tracked("fig11", SYMMETRIC, source, config, found);
+    found.figures.push(displacement::figure("fig13", SYMMETRIC, source));
+    tracked("fig14", SEMI_PASSIVE, source, config, found);
+    found.figures.extend([
+        speed::figure("fig15", SEMI_PASSIVE, source),
+        models::figure("fig16", SKEWED, source),
+        models::figure("fig17", SYMMETRIC, source),
+        models::figure("fig18", SEMI_PASSIVE, source),
+        skid::figure("fig19", &[SYMMETRIC, SKEWED], source),
+        skid::figure("fig20", &[SYMMETRIC, SEMI_PASSIVE], source),
+    ]);
+}
+
+/// Fig. 8: the first release of the semi-passive robot that there is.
+fn release(tables: &Tables, config: &Config) -> Result<Figure, String> {
+    let not_drawn = |why: &str| format!("Fig. 8 is not drawn, because {why}.");
+    let row = tables.robots.iter().find(|row| row.kind == "joint-release");
+    let row = row.ok_or_else(|| not_drawn("no trial of kind joint-release has results"))?;
+    let recording = Recording::read(&config.paths.derived, &row.trial)
+        .map_err(|error| not_drawn(&error.to_string()))?;
+    release::figure(row, &recording)
+        .ok_or_else(|| not_drawn(&format!("the tables of trial {} show no swing", row.trial)))
+}
+
+/// The figure of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked; of the
+/// symmetric campaign its wheels too. Without a trial there is none.
+fn tracked(stem: &str, campaign: &str, source: Source<'_>, config: &Config, found: &mut Figures) {
+    let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
+    let measured = source.measured_trials(campaign).filter(|trial| trial.omega_rad_s.is_finite());
+    let nearest =
+        measured.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.trial.cmp(&b.trial)));
+    let Some(trial) = nearest else { return };
+    let not_drawn = |why: String| format!("{} is not drawn, because {why}.", number(stem));
+    if config.campaign_setup(campaign).is_none() {
+        return found.missing.push(not_drawn(format!("campaign {campaign} is not configured")));
+    }
+    let recording = match Recording::read(&config.paths.derived, &trial.trial) {
+        Ok(recording) => recording,
+        Err(error) => return found.missing.push(not_drawn(error.to_string())),
+    };
+    let (figure, missing) = tracking::figure(stem, trial, &recording, config);
+    let without = || not_drawn(format!("trial {} has no used cycle", trial.trial));
+    found.add(figure.ok_or_else(without));
+    found.missing.extend(missing);
+    if campaign == SYMMETRIC {
+        found.figures.extend(wheels::figure("fig12", trial, &recording));
+    }
+}
+
 const NOTHING: &str = "because it has no trial with results and no prediction.";
+
+/// The paper's figures of a campaign: moment by moment, against the frequency, and together with
+/// another campaign.
+const OF_CAMPAIGNS: [(&str, &str, &str, &str); 3] = [
+    (SKEWED, "Fig. 9", "10, 16", "19"),
+    (SYMMETRIC, "Figs. 11 and 12", "13, 17", "19, 20"),
+    (SEMI_PASSIVE, "Fig. 14", "15, 18", "20"),
+];
 
 fn missing_of_the_paper(source: Source<'_>, configured: &BTreeSet<&str>) -> Vec<String> {
     let absent =
         |campaign: &str| !source.has_measurements(campaign) && source.models(campaign).is_empty();
-    let figures = [(SKEWED, "10, 16"), (SYMMETRIC, "13, 17"), (SEMI_PASSIVE, "15, 18")];
-    let skid = [(SKEWED, "19"), (SYMMETRIC, "19, 20"), (SEMI_PASSIVE, "20")];
     let mut missing = Vec::new();
-    for ((campaign, own), (_, shared)) in figures.into_iter().zip(skid) {
+    for (campaign, tracked, own, shared) in OF_CAMPAIGNS {
         if absent(campaign) {
             let why = if configured.contains(campaign) {
                 NOTHING
@@ -93,11 +194,13 @@ fn missing_of_the_paper(source: Source<'_>, configured: &BTreeSet<&str>) -> Vec<
                 "because the configuration does not have it."
             };
             missing.push(format!(
-                "Campaign {campaign}: Figs. {own} are not drawn and Fig. {shared} does not show it, {why}"
+                "Campaign {campaign}: {tracked} and Figs. {own} are not drawn and Fig. {shared} does \
+                 not show it, {why}"
             ));
         } else if !source.has_measurements(campaign) {
             missing.push(format!(
-                "Campaign {campaign}: Figs. {own} show no measurements, because no trial has results."
+                "Campaign {campaign}: {tracked} not drawn and no measurements in Figs. {own}, because \
+                 no trial has results."
             ));
         } else if source.models(campaign).is_empty() {
             missing.push(format!(
@@ -108,10 +211,20 @@ fn missing_of_the_paper(source: Source<'_>, configured: &BTreeSet<&str>) -> Vec<
     missing
 }
 
-/// The campaign's name as a file name; a number keeps two that look alike apart.
-fn file_name(campaign: &str, taken: &mut BTreeSet<String>) -> String {
+/// Campaigns that have measurements, in the paper's order and then by name.
+fn campaigns_of(source: Source<'_>) -> Vec<&str> {
+    let names: BTreeSet<&str> = source.trials.iter().map(|trial| trial.campaign.as_str()).collect();
+    let mut names: Vec<&str> =
+        names.into_iter().filter(|campaign| source.has_measurements(campaign)).collect();
+    let paper = |name: &str| PAPER_CAMPAIGNS.iter().position(|known| *known == name);
+    names.sort_by_key(|name| (paper(name).unwrap_or(PAPER_CAMPAIGNS.len()), *name));
+    names
+}
+
+/// The name of a campaign or trial as a file name; a number keeps two that look alike apart.
+pub fn file_name(name: &str, taken: &mut BTreeSet<String>) -> String {
     let safe = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
-    let base: String = campaign.chars().map(safe).collect();
+    let base: String = name.chars().map(safe).collect();
     let base = if base.starts_with('.') { format!("_{base}") } else { base };
     let mut name = base.clone();
     let mut number = 2;
@@ -123,7 +236,7 @@ fn file_name(campaign: &str, taken: &mut BTreeSet<String>) -> String {
 }
 
 /// `Fig. 16` for `fig16`, nothing for figures that the paper does not have.
-fn number(stem: &str) -> String {
+pub fn number(stem: &str) -> String {
     let digits = stem.strip_prefix("fig").filter(|_| PAPER_STEMS.contains(&stem));
-    digits.map_or(String::new(), |digits| format!("Fig. {digits}"))
+    digits.map_or(String::new(), |digits| format!("Fig. {}", digits.trim_start_matches('0')))
 }

@@ -1,6 +1,7 @@
 //! Figs. 16, 17 and 18: displacement and speed, measured and by all models of the campaign.
 
 use super::BARS;
+use crate::report::chart::Layout;
 use crate::report::figure::{Figure, Panel};
 use crate::report::series::{Quantity, Source};
 
@@ -28,5 +29,6 @@ pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
         campaigns: vec![campaign.to_owned()],
         panels,
         charts: Vec::new(),
+        layout: Layout::Grid,
     }
 }

@@ -2,6 +2,7 @@
 
 use super::BARS;
 use crate::config::SigmaKind;
+use crate::report::chart::Layout;
 use crate::report::figure::{Figure, Panel};
 use crate::report::series::{Quantity, Series, Source};
 
@@ -40,5 +41,6 @@ pub fn figure(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
         campaigns: campaigns.iter().map(|&campaign| campaign.to_owned()).collect(),
         panels: [0, 1, 2].map(panel).into(),
         charts: Vec::new(),
+        layout: Layout::Grid,
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::recording;
 use crate::store::{
     BootstrapRow, CheckRow, ComparisonRow, FitRow, PARAMETERS, PredictionRow, ProfileRow,
     Provenance, RobotParameterRow, Rows, StartRow, TrialRow,
@@ -10,6 +11,9 @@ use crate::store::{
 pub const SKEWED: &str = "kinematic-skewed";
 pub const SYMMETRIC: &str = "kinematic-symmetric";
 pub const SEMI_PASSIVE: &str = "semi-passive-symmetric";
+
+/// The trial of a joint that was let go.
+pub const RELEASE: &str = "release-r1";
 
 const OMEGA_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.0, 5.5, 6.0];
 
@@ -108,11 +112,22 @@ impl Tables {
         write("profiles", ProfileRow::to_table(&self.profiles()));
         write("bootstrap", BootstrapRow::to_table(&self.bootstrap()));
         write("robot_parameters", RobotParameterRow::to_table(&self.robots()));
+        for trial in &self.trials {
+            recording::write(derived, trial);
+        }
+        recording::write_release(derived, RELEASE);
     }
 
     fn robots(&self) -> Vec<RobotParameterRow> {
         let release = RobotParameterRow {
-            trial: "release-r1".to_owned(),
+            trial: RELEASE.to_owned(),
+            joint: 1,
+            inertia_kg_m2: 0.001734,
+            damping_ratio: 0.19,
+            damping_ratio_se: 0.001,
+            damping_ratio_decrement: 0.192,
+            damping_ratio_decrement_se: 0.002,
+            rest_angle_rad: 0.0,
             kind: "joint-release".to_owned(),
             robot: "semi-passive".to_owned(),
             natural_rad_s: 10.4,
@@ -268,6 +283,7 @@ fn prediction(
 
 pub fn trial(campaign: &str, omega: f64, [d_m, sigma0, sigma1, sigma2]: [f64; 4]) -> TrialRow {
     let v_m_s = d_m * omega / std::f64::consts::TAU;
+    let offset_rad = if campaign == SKEWED { 0.78 } else { 0.0 };
     TrialRow {
         trial: format!("{campaign}-{omega:.2}-r1"),
         campaign: campaign.to_owned(),
@@ -296,11 +312,11 @@ pub fn trial(campaign: &str, omega: f64, [d_m, sigma0, sigma1, sigma2]: [f64; 4]
         alpha1_rad_se: 0.001,
         dtheta_rad: 0.01,
         dtheta_rad_se: 0.001,
-        phi1_offset_rad: 0.0,
+        phi1_offset_rad: offset_rad,
         phi1_amplitude_rad: 0.51,
         phi1_phase_rad: 0.0,
         phi1_harmonics_rad: 0.002,
-        phi2_offset_rad: 0.0,
+        phi2_offset_rad: -offset_rad,
         phi2_amplitude_rad: 0.5,
         phi2_phase_rad: -1.57,
         phi2_harmonics_rad: 0.002,
@@ -390,7 +406,7 @@ pub fn truth() -> String {
         .iter()
         .map(|row| {
             let truth = serde_json::json!({"d_m": row.d_m * 1.002, "v_m_s": row.v_m_s * 0.998,
-                "sigma": [row.sigma0, row.sigma1, row.sigma2], "gait": [null, null]});
+                "sigma": [row.sigma0, row.sigma1, row.sigma2], "alpha1_rad": 0.521, "gait": [null, null]});
             (row.trial.clone(), truth)
         })
         .collect();

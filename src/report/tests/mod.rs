@@ -1,9 +1,11 @@
 //! The whole report from made-up tables.
 
 mod made_up;
+mod recording;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::OnceLock;
 
 use super::*;
 use crate::store::CheckRow;
@@ -22,6 +24,27 @@ fn reported(tables: &MadeUp, folder: &Path) -> Reported {
     report(&config(folder)).expect("reports")
 }
 
+/// The report of the paper's campaigns with their truth; no test changes it.
+fn standard() -> &'static (tempfile::TempDir, Reported) {
+    static STANDARD: OnceLock<(tempfile::TempDir, Reported)> = OnceLock::new();
+    STANDARD.get_or_init(|| {
+        let folder = temporary();
+        let raw = folder.path().join("raw");
+        std::fs::create_dir_all(&raw).expect("a folder");
+        std::fs::write(raw.join("truth.json"), made_up::truth()).expect("writes");
+        let reported = reported(&MadeUp::of_the_paper(), folder.path());
+        (folder, reported)
+    })
+}
+
+/// As [`reported`] without the campaign whose simulations take long.
+fn reported_in_short(tables: &MadeUp, folder: &Path) -> Reported {
+    tables.write(&folder.join("derived"));
+    let mut config = config(folder);
+    config.campaign.remove(SEMI_PASSIVE);
+    report(&config).expect("reports")
+}
+
 fn temporary() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
@@ -33,7 +56,7 @@ fn read(path: &Path) -> String {
 /// Every file under a folder by its name.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
-    for place in [folder.to_owned(), folder.join("figures")] {
+    for place in [folder.to_owned(), folder.join("figures"), folder.join("trials")] {
         for entry in std::fs::read_dir(place).expect("a folder") {
             let path = entry.expect("an entry").path();
             if path.is_file() {
@@ -46,14 +69,10 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn the_papers_campaigns_give_its_eight_figures_and_three_of_each_campaign_s_fits() {
-    let folder = temporary();
-    let tables = MadeUp::of_the_paper();
-    tables.write(&folder.path().join("derived"));
-    let reported = report(&config(folder.path())).expect("reports");
-    assert_eq!(reported.figures[..8], figures::PAPER_STEMS);
+fn the_papers_campaigns_give_all_its_figures_and_those_of_each_campaign_s_models() {
+    let (folder, reported) = standard();
+    assert_eq!(reported.figures[..17], figures::PAPER_STEMS);
     let all: BTreeSet<String> = reported.figures.iter().cloned().collect();
-    // The semi-passive campaign has pairs of coefficients too, and nothing is missing.
     assert_eq!(all, figures::known_stems().into_iter().collect());
     assert!(reported.missing.is_empty(), "{:?}", reported.missing);
     let files = files(&folder.path().join("reports"));
@@ -69,7 +88,7 @@ fn the_papers_campaigns_give_its_eight_figures_and_three_of_each_campaign_s_fits
 fn the_same_tables_give_the_same_bytes_in_any_folder() {
     let folders = [temporary(), temporary()];
     let [first, second] = folders.each_ref().map(|folder| {
-        reported(&MadeUp::of_the_paper(), folder.path());
+        reported_in_short(&MadeUp::of_the_paper(), folder.path());
         files(&folder.path().join("reports"))
     });
     assert_eq!(first.keys().collect::<Vec<_>>(), second.keys().collect::<Vec<_>>());
@@ -81,22 +100,28 @@ fn the_same_tables_give_the_same_bytes_in_any_folder() {
 #[test]
 fn a_campaign_without_trials_and_fits_is_skipped_and_named() {
     let folder = temporary();
-    reported(&MadeUp::of_the_paper(), folder.path());
+    let place = folder.path().join("reports/figures");
+    std::fs::create_dir_all(&place).expect("a folder");
+    let stale = [place.join("fig18.png"), place.join(format!("{SEMI_PASSIVE}-profiles.svg"))];
+    stale.each_ref().map(|path| std::fs::write(path, "of an earlier report").expect("writes"));
     let mut tables = MadeUp::of_the_paper();
     tables.trials.retain(|row| row.campaign != SEMI_PASSIVE);
     tables.fits.retain(|row| row.campaign != SEMI_PASSIVE);
     tables.predictions.retain(|row| row.campaign != SEMI_PASSIVE);
     let reported = reported(&tables, folder.path());
-    let of_the_paper = &reported.figures[..6];
-    assert_eq!(of_the_paper, ["fig10", "fig13", "fig16", "fig17", "fig19", "fig20"]);
+    let of_the_paper = &reported.figures[..14];
+    let gone = ["fig14", "fig15", "fig18"];
+    assert!(
+        of_the_paper.iter().eq(figures::PAPER_STEMS.iter().filter(|stem| !gone.contains(stem)))
+    );
     assert!(!reported.figures.iter().any(|stem| stem.starts_with(SEMI_PASSIVE)));
     assert_eq!(reported.missing.len(), 1);
     assert!(reported.missing[0].contains(SEMI_PASSIVE) && reported.missing[0].contains("15, 18"));
+    assert!(reported.missing[0].contains("Fig. 14"));
     assert!(read(&reported.page).contains(&reported.missing[0]));
-    let stale = folder.path().join("reports/figures/fig18.png");
-    assert!(!stale.exists(), "a figure of the earlier report is still there");
-    let stale = folder.path().join(format!("reports/figures/{SEMI_PASSIVE}-profiles.svg"));
-    assert!(!stale.exists(), "a figure of the earlier report's fits is still there");
+    for path in stale {
+        assert!(!path.exists(), "{} is still there", path.display());
+    }
 }
 
 #[test]
@@ -119,8 +144,10 @@ fn tables_that_are_not_there_are_named_and_one_trial_is_enough() {
     for name in OPTIONAL {
         std::fs::remove_file(derived.join(format!("{name}.parquet"))).expect("was there");
     }
-    let reported = report(&config(folder.path())).expect("reports");
-    assert_eq!(reported.figures, ["fig10", "fig16", "fig19"]);
+    let mut config = config(folder.path());
+    config.campaign.remove(SEMI_PASSIVE);
+    let reported = report(&config).expect("reports");
+    assert_eq!(reported.figures, ["fig06", "fig09", "fig10", "fig16", "fig19"]);
     for name in OPTIONAL {
         assert!(reported.missing.iter().any(|sentence| sentence.contains(name)), "{name}");
     }
@@ -152,7 +179,8 @@ fn a_users_own_campaigns_get_their_own_figures() {
     let campaign = config.campaign.remove(SKEWED).expect("the paper's");
     config.campaign = [("über/<b>".to_owned(), campaign)].into();
     let reported = report(&config).expect("reports");
-    assert_eq!(reported.figures, ["_ber__b_-d-v", "_ber__b_-sigma"]);
+    let own = ["_ber__b_-d-v", "_ber__b_-sigma", "_ber__b_-residuals"];
+    assert_eq!(reported.figures, own);
     assert!(reported.missing.is_empty(), "{:?}", reported.missing);
     assert!(!read(&reported.page).contains("<b>"));
     let svg = read(&folder.path().join("reports/figures/_ber__b_-sigma.svg"));
@@ -173,7 +201,7 @@ fn the_page_lists_every_check_and_what_releases_say_of_the_robots() {
     };
     let ok = CheckRow { severity: "ok".to_owned(), trial: "other".to_owned(), ..info.clone() };
     tables.checks.extend([info, ok]);
-    let page = read(&reported(&tables, folder.path()).page);
+    let page = read(&reported_in_short(&tables, folder.path()).page);
     let counts = ["1", "1", "", ""].map(|count| format!("<td class=\"n\">{count}</td>")).concat();
     let row = format!("<th scope=\"row\">W007 long-gaps</th>{counts}");
     assert!(page.contains(&row), "{row}");
@@ -188,23 +216,64 @@ fn messages_and_names_cannot_become_markup() {
     tables.trials[0].trial = hostile.to_owned();
     tables.fits[0].status = hostile.to_owned();
     tables.checks[0].check = hostile.to_owned();
-    let page = read(&reported(&tables, folder.path()).page);
-    assert!(!page.contains("<img src=x"));
+    let page = read(&reported_in_short(&tables, folder.path()).page);
+    let file = "_img_src_x_onerror_alert_1__.html";
+    assert!(page.contains(&format!("<a href=\"trials/{file}\">&lt;img")));
+    let own = read(&folder.path().join("reports/trials").join(file));
+    assert!(own.contains("<h1>&lt;img src=x onerror=alert(1)&gt;</h1>"));
+    assert!(!page.contains("<img src=x") && !own.contains("<img src=x"));
     assert!(page.matches("&lt;img src=x onerror=alert(1)&gt;").count() >= 4);
+}
+
+#[test]
+fn every_trial_has_a_page_and_those_that_are_gone_lose_theirs() {
+    let folder = temporary();
+    let mut tables = MadeUp::of_the_paper();
+    reported_in_short(&tables, folder.path());
+    let place = folder.path().join("reports/trials");
+    let page = read(&place.join("kinematic-symmetric-3.90-r1.html"));
+    for text in ["Joint angles", "Skid velocities", "Gaps", "451.0 ± 5.0", "Longest missing"] {
+        assert!(page.contains(text), "{text}");
+    }
+    assert_eq!(page.matches("data:image/svg+xml;base64,").count(), 3);
+    // 40 frames of link 1.
+    assert!(page.contains("<td class=\"n\">0.333</td>"));
+    assert_eq!(std::fs::read_dir(&place).expect("a folder").count(), 36);
+    tables.trials.truncate(2);
+    tables.trials[1].status = "failed".to_owned();
+    reported_in_short(&tables, folder.path());
+    assert_eq!(std::fs::read_dir(&place).expect("a folder").count(), 2);
+    assert!(!read(&place.join(format!("{}.html", tables.trials[1].trial))).contains("Motion"));
+}
+
+#[test]
+fn a_trial_without_its_tables_is_said_to_be_missing_from_its_figure() {
+    let folder = temporary();
+    let derived = folder.path().join("derived");
+    MadeUp::of_the_paper().write(&derived);
+    std::fs::remove_dir_all(derived.join("poses")).expect("can go");
+    let mut config = config(folder.path());
+    config.campaign.remove(SEMI_PASSIVE);
+    let reported = report(&config).expect("reports");
+    for figure in ["Fig. 8 ", "Fig. 9 ", "Fig. 11 "] {
+        let of_figure = |sentence: &&String| sentence.starts_with(figure);
+        let sentence = reported.missing.iter().find(of_figure).expect("a sentence");
+        assert!(sentence.contains(".parquet"), "{sentence}");
+    }
+    assert!(!reported.figures.iter().any(|stem| stem == "fig09" || stem == "fig12"));
 }
 
 #[test]
 fn the_page_says_where_the_robot_from_rest_does_not_get_into_the_motion_shown() {
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
-    let page = read(&reported(&tables, folder.path()).page);
-    assert!(!page.contains("from rest"));
+    assert!(!read(&standard().1.page).contains("starts from rest"));
     let rows = tables.predictions.iter_mut().filter(|row| row.from_rest == "reached");
     for (row, goes) in rows.zip(["another", "another", "unsettled"]) {
         (row.campaign, row.model) = (SKEWED.to_owned(), "no-skid".to_owned());
         row.from_rest = goes.to_owned();
     }
-    let page = read(&reported(&tables, folder.path()).page);
+    let page = read(&reported_in_short(&tables, folder.path()).page);
     for remark in [
         "no-skid: at 2 frequencies of the trials the robot that starts from rest gets into another",
         "no-skid: at 1 frequency of the trials the robot that starts from rest does not settle.",
@@ -215,18 +284,15 @@ fn the_page_says_where_the_robot_from_rest_does_not_get_into_the_motion_shown() 
 
 #[test]
 fn the_page_needs_nothing_from_outside() {
-    let folder = temporary();
-    let page = read(&reported(&MadeUp::of_the_paper(), folder.path()).page);
+    let page = read(&standard().1.page);
     assert!(!page.contains("http:") && !page.contains("https:") && !page.contains("<script src"));
-    assert_eq!(page.matches("<img src=\"data:image/svg+xml;base64,").count(), 8 + 9);
-    assert_eq!(page.matches(" alt=\"").count(), 8 + 9);
-    assert!(!page.contains("synthetic"), "says synthetic without a truth.json");
+    assert_eq!(page.matches("<img src=\"data:image/svg+xml;base64,").count(), 17 + 3 * 4 + 2);
+    assert_eq!(page.matches(" alt=\"").count(), 17 + 3 * 4 + 2);
 }
 
 #[test]
 fn figures_carry_our_font_and_nothing_of_the_machine() {
-    let folder = temporary();
-    reported(&MadeUp::of_the_paper(), folder.path());
+    let (folder, _) = standard();
     let here = folder.path().to_string_lossy().into_owned();
     for stem in figures::PAPER_STEMS {
         let svg = read(&folder.path().join(format!("reports/figures/{stem}.svg")));
@@ -242,8 +308,7 @@ fn figures_carry_our_font_and_nothing_of_the_machine() {
 
 #[test]
 fn a_figures_csv_has_the_plotted_numbers() {
-    let folder = temporary();
-    reported(&MadeUp::of_the_paper(), folder.path());
+    let (folder, _) = standard();
     let csv = read(&folder.path().join("reports/figures/fig16.csv"));
     let mut lines = csv.lines();
     let header = "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95";
@@ -260,8 +325,7 @@ fn a_figures_csv_has_the_plotted_numbers() {
 
 #[test]
 fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
-    let folder = temporary();
-    let page = read(&reported(&MadeUp::of_the_paper(), folder.path()).page);
+    let page = read(&standard().1.page);
     for text in [
         "The data prefer &lt;skid-roll&gt;: J = 1.0508.",
         "<td class=\"n\">98.5 %</td>",
@@ -276,8 +340,7 @@ fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
 
 #[test]
 fn fits_json_has_null_where_there_is_no_number() {
-    let folder = temporary();
-    reported(&MadeUp::of_the_paper(), folder.path());
+    let (folder, _) = standard();
     let json = read(&folder.path().join("reports/fits.json"));
     let fits: serde_json::Value = serde_json::from_str(&json).expect("JSON");
     assert_eq!(fits.as_array().map(Vec::len), Some(12));
@@ -299,18 +362,19 @@ fn fits_json_has_null_where_there_is_no_number() {
 
 #[test]
 fn synthetic_trials_are_called_so_and_compared_with_their_truth() {
-    let folder = temporary();
-    let raw = folder.path().join("raw");
-    std::fs::create_dir_all(&raw).expect("a folder");
-    std::fs::write(raw.join("truth.json"), made_up::truth()).expect("writes");
-    let page = read(&reported(&MadeUp::of_the_paper(), folder.path()).page);
+    let page = read(&standard().1.page);
     assert!(page.contains("These trials are synthetic."));
     assert!(page.contains("d of 36 trials: within 0.20 % of the planted value"));
     let notice = page.find("These trials are synthetic").expect("a notice");
     assert!(notice < page.find("<h2").expect("a section"));
 
+    let folder = temporary();
+    let plain = reported_in_short(&MadeUp::of_the_paper(), folder.path());
+    assert!(!read(&plain.page).contains("synthetic"), "says synthetic without a truth.json");
+    let raw = folder.path().join("raw");
+    std::fs::create_dir_all(&raw).expect("a folder");
     std::fs::write(raw.join("truth.json"), "{ \"synthetic\": ").expect("writes");
-    let broken = reported(&MadeUp::of_the_paper(), folder.path());
+    let broken = reported_in_short(&MadeUp::of_the_paper(), folder.path());
     assert!(broken.missing.iter().any(|sentence| sentence.contains("truth.json")));
 }
 

@@ -1,12 +1,14 @@
-//! `index.html`: one file with everything in it.
+//! `index.html`, one file with everything in it, and a page for each trial.
+
+mod engine;
+mod trial;
 
 use std::collections::BTreeMap;
 
 use base64::Engine;
-use minijinja::syntax::SyntaxConfig;
-use minijinja::value::Serde;
-use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
+
+pub use trial::html as trial_html;
 
 use super::figure::Figure;
 use super::numbers::{NONE, as_configured, fixed, significant, with_error};
@@ -19,8 +21,8 @@ use super::{ReportError, figures};
 use crate::config::Config;
 use crate::store::{ComparisonRow, FitRow, RobotParameterRow, TrialRow};
 
-/// The name's ending makes the engine escape what it fills in.
-const TEMPLATE: &str = "page.html";
+/// Trials' names, and the files of their pages in `trials/`.
+pub type TrialPages = BTreeMap<String, String>;
 
 /// A drawn figure.
 pub struct Drawn<'f> {
@@ -41,8 +43,12 @@ struct Page<'p> {
     campaigns: Vec<CampaignSection<'p>>,
     comparisons: Vec<FigureView<'p>>,
     robots: Vec<RobotView<'p>>,
+    /// Figures of joints that were let go.
+    releases: Vec<FigureView<'p>>,
     trials: Vec<TrialGroup<'p>>,
     truth: Option<Comparison>,
+    /// Figures of planted truth.
+    recovered: Vec<FigureView<'p>>,
     raw: String,
     derived: String,
 }
@@ -86,6 +92,10 @@ struct FigureView<'p> {
     image_base64: String,
     width: u32,
     height: u32,
+    /// Whether its files lie in `figures/`.
+    files: bool,
+    /// Whether it needs the whole width of the page.
+    wide: bool,
 }
 
 #[derive(Serialize)]
@@ -157,6 +167,8 @@ struct TrialGroup<'p> {
 #[derive(Serialize)]
 struct TrialView<'p> {
     trial: &'p str,
+    /// File of its own page in `trials/`.
+    page: Option<&'p str>,
     omega_commanded: String,
     omega: String,
     d_mm: String,
@@ -176,6 +188,7 @@ pub fn html(
     config: &Config,
     tables: &Tables,
     drawn: &[Drawn<'_>],
+    pages: &TrialPages,
     missing: &[String],
     truth: Option<&Truth>,
 ) -> Result<String, ReportError> {
@@ -192,28 +205,22 @@ pub fn html(
             fits: tables.fits.len(),
             figures: drawn.len(),
         },
-        troubled: troubled(tables),
+        troubled: troubled(tables, pages),
         checks: check_counts(&tables.checks),
         missing,
         campaigns: campaign_sections(config, tables, drawn),
-        comparisons: drawn
-            .iter()
-            .filter(|drawn| drawn.figure.campaigns.len() > 1)
-            .map(figure_view)
-            .collect(),
+        comparisons: views(drawn, |figure| {
+            figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
+        }),
+        releases: views(drawn, |figure| figure.campaigns.is_empty()),
+        recovered: views(drawn, |figure| figure.stem == figures::TRUTH),
         robots: tables.robots.iter().flat_map(robot_views).collect(),
-        trials: trial_groups(&tables.trials),
+        trials: trial_groups(&tables.trials, pages),
         truth: truth.map(|truth| truth::compare(truth, tables)),
         raw: relative(&config.paths.reports, &config.paths.raw),
         derived: relative(&config.paths.reports, &config.paths.derived),
     };
-    let mut environment = Environment::new();
-    let syntax = SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).build();
-    environment.set_syntax(syntax.map_err(ReportError::Page)?);
-    environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    environment.add_template(TEMPLATE, include_str!("page.html")).map_err(ReportError::Page)?;
-    let template = environment.get_template(TEMPLATE).map_err(ReportError::Page)?;
-    template.render(Serde(&page)).map_err(ReportError::Page)
+    engine::fill("index.html", &page).map_err(ReportError::Page)
 }
 
 fn campaign_sections<'p>(
@@ -237,11 +244,9 @@ fn campaign_sections<'p>(
             robot: setup.map(|campaign| campaign.robot.as_str()),
             gait: setup.map(|campaign| campaign.gait.as_str()),
             trials: tables.trials.iter().filter(|row| row.campaign == name).count(),
-            figures: drawn
-                .iter()
-                .filter(|drawn| drawn.figure.campaigns == [name])
-                .map(figure_view)
-                .collect(),
+            figures: views(drawn, |figure| {
+                figure.campaigns == [name] && figure.stem != figures::TRUTH
+            }),
             passive: fits.iter().any(|fit| fit.damping_nm_s_rad.is_finite()),
             best: compared.first().map(|row| row.sentence.as_str()),
             comparison: compared.iter().map(|row| comparison_view(row)).collect(),
@@ -298,9 +303,17 @@ fn not_drawn(tables: &Tables, campaign: &str) -> Vec<String> {
         .collect()
 }
 
-fn figure_view<'p>(drawn: &'p Drawn<'_>) -> FigureView<'p> {
+fn views<'p>(drawn: &'p [Drawn<'_>], is_wanted: impl Fn(&Figure) -> bool) -> Vec<FigureView<'p>> {
+    let wanted = drawn.iter().filter(|drawn| is_wanted(drawn.figure));
+    wanted.map(|drawn| figure_view(drawn, true)).collect()
+}
+
+/// A drawn figure as a page shows it; `files` if it lies in `figures/` too.
+fn figure_view<'p>(drawn: &'p Drawn<'_>, files: bool) -> FigureView<'p> {
     let (width, height) = drawn.size;
     FigureView {
+        files,
+        wide: width > super::style::WIDTH,
         stem: &drawn.figure.stem,
         number: &drawn.figure.number,
         title: &drawn.figure.title,
@@ -372,7 +385,7 @@ fn robot_views(row: &RobotParameterRow) -> impl Iterator<Item = RobotView<'_>> {
     })
 }
 
-fn trial_groups(trials: &[TrialRow]) -> Vec<TrialGroup<'_>> {
+fn trial_groups<'p>(trials: &'p [TrialRow], pages: &'p TrialPages) -> Vec<TrialGroup<'p>> {
     fn name(row: &TrialRow) -> &str {
         if row.campaign.is_empty() { &row.kind } else { &row.campaign }
     }
@@ -380,14 +393,15 @@ fn trial_groups(trials: &[TrialRow]) -> Vec<TrialGroup<'_>> {
     groups
         .map(|rows| TrialGroup {
             name: name(&rows[0]),
-            trials: rows.iter().map(trial_view).collect(),
+            trials: rows.iter().map(|row| trial_view(row, pages)).collect(),
         })
         .collect()
 }
 
-fn trial_view(row: &TrialRow) -> TrialView<'_> {
+fn trial_view<'p>(row: &'p TrialRow, pages: &'p TrialPages) -> TrialView<'p> {
     TrialView {
         trial: &row.trial,
+        page: pages.get(&row.trial).map(String::as_str),
         omega_commanded: as_configured(row.omega_commanded_rad_s),
         omega: significant(row.omega_rad_s, 4),
         d_mm: with_error(1e3 * row.d_m, 1e3 * row.d_m_se),

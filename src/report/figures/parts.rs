@@ -1,0 +1,115 @@
+//! What several figures have alike: the robot on a map, lines of one quantity each, units.
+
+use crate::motion::Pose;
+use crate::report::chart::Layer;
+use crate::report::style::{self, Look};
+use crate::robot::Robot;
+
+/// The axis that frequencies are on.
+pub const FREQUENCY: &str = "Actuation frequency ω (rad/s)";
+/// The same where there is little room.
+pub const OMEGA: &str = "ω (rad/s)";
+/// Degrees in a radian.
+pub const DEG: f64 = 180.0 / std::f64::consts::PI;
+
+/// The `nth` of several lines of one quantity.
+pub fn series(nth: usize, name: &str, points: Vec<(f64, f64)>) -> Layer {
+    Layer::Curve { name: name.to_owned(), points, look: style::component(nth) }
+}
+
+/// The same where there are more points than a panel is wide: the least and the greatest of each
+/// part of the line, without dashes, which would not be seen.
+pub fn dense_series(nth: usize, name: &str, points: &[(f64, f64)]) -> Layer {
+    const PARTS: usize = 400;
+    let look = Look::Line { colour: style::component(nth).colour(), dash: style::SOLID };
+    let mut ends = Vec::new();
+    for part in points.chunks(points.len().div_ceil(PARTS).max(1)) {
+        let seen = || part.iter().filter(|(_, y)| y.is_finite());
+        let least = seen().min_by(|a, b| a.1.total_cmp(&b.1));
+        let greatest = seen().max_by(|a, b| a.1.total_cmp(&b.1));
+        match least.zip(greatest) {
+            Some((least, greatest)) if least.0 < greatest.0 => ends.extend([*least, *greatest]),
+            Some((least, greatest)) => ends.extend([*greatest, *least]),
+            None => ends.push((f64::NAN, f64::NAN)),
+        }
+    }
+    Layer::Curve { name: name.to_owned(), points: ends, look }
+}
+
+/// Front wheel, front joint, rear joint and rear wheel, m.
+pub fn links(robot: &Robot, pose: Pose, phi_rad: [f64; 2]) -> Vec<(f64, f64)> {
+    let along = |(x, y): (f64, f64), length_m: f64, angle_rad: f64| {
+        (x + length_m * angle_rad.cos(), y + length_m * angle_rad.sin())
+    };
+    let centre = (pose.x_m, pose.y_m);
+    let front = along(centre, robot.h_m, pose.theta_rad);
+    let rear = along(centre, -robot.h_m, pose.theta_rad);
+    vec![
+        along(front, robot.l_m, pose.theta_rad - phi_rad[0]),
+        front,
+        rear,
+        along(rear, -robot.l_m, pose.theta_rad + phi_rad[1]),
+    ]
+}
+
+/// An arrow beside a path in the direction of its travel.
+pub fn travel(path: &[(f64, f64)]) -> Layer {
+    const LENGTH: f64 = 0.35;
+    const ASIDE: f64 = 0.1;
+    let (from, to) = match path {
+        [first, .., last] => (*first, *last),
+        _ => ((f64::NAN, f64::NAN), (f64::NAN, f64::NAN)),
+    };
+    let (along, up) = (to.0 - from.0, to.1 - from.1);
+    // Beside the whole width of the path.
+    let length = along.hypot(up);
+    let offset =
+        |point: &(f64, f64)| ((point.1 - from.1) * along - (point.0 - from.0) * up) / length;
+    let lowest = path.iter().map(offset).fold(0.0, f64::min);
+    let aside = lowest / length - ASIDE;
+    let start = (from.0 + 0.3 * along - aside * up, from.1 + 0.3 * up + aside * along);
+    let end = (start.0 + LENGTH * along, start.1 + LENGTH * up);
+    Layer::Arrow { name: "direction of travel".to_owned(), from: start, to: end }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_straight_robot_lies_along_its_heading() {
+        let robot = Robot::kinematic();
+        let pose = Pose { x_m: 1.0, y_m: 2.0, theta_rad: std::f64::consts::FRAC_PI_2 };
+        let links = links(&robot, pose, [0.0; 2]);
+        let reach = robot.h_m + robot.l_m;
+        for ((x, y), along) in links.iter().zip([reach, robot.h_m, -robot.h_m, -reach]) {
+            assert!((x - 1.0).abs() < 1e-12 && (y - 2.0 - along).abs() < 1e-12);
+        }
+        // Both side links turned to the left: link 1 by -phi1, link 2 by phi2 of its own axis.
+        let bent = super::links(&robot, Pose::default(), [-0.5, 0.0]);
+        assert!(bent[0].1 > 0.0 && bent[3].1 == 0.0);
+    }
+
+    #[test]
+    fn of_many_points_the_extremes_and_the_gaps_are_left() {
+        let value = |i: usize| match i {
+            4321 => 7.0,
+            5000..6000 => f64::NAN,
+            _ => (i as f64 / 50.0).sin(),
+        };
+        let points: Vec<(f64, f64)> = (0..10_000).map(|i| (i as f64, value(i))).collect();
+        let Layer::Curve { points, .. } = dense_series(0, "dense", &points) else { panic!() };
+        assert!(points.len() <= 800 && points.contains(&(4321.0, 7.0)));
+        assert!(points.iter().any(|(_, y)| y.is_nan()));
+        let known = points.iter().filter(|(x, _)| x.is_finite());
+        assert!(known.map(|(x, _)| *x).is_sorted());
+    }
+
+    #[test]
+    fn the_arrow_points_where_the_path_goes_and_does_not_lie_on_it() {
+        let path = [(0.0, 0.0), (1.0, -0.2), (2.0, 0.1), (3.0, 0.0)];
+        let Layer::Arrow { from, to, .. } = travel(&path) else { panic!("an arrow") };
+        assert!(to.0 > from.0 && (to.1 - from.1).abs() < 1e-12);
+        assert!(from.1 < -0.2);
+    }
+}

@@ -1,0 +1,166 @@
+//! What every model misses of every trial.
+
+use super::parts::OMEGA;
+use crate::config::SigmaKind;
+use crate::motion::Model;
+use crate::report::axis::Range;
+use crate::report::chart::{Axes, Chart, Layer, Layout};
+use crate::report::figure::Figure;
+use crate::report::series::{BAR_STANDARD_ERRORS, Source};
+use crate::report::style::{self, Look, Shape};
+use crate::store::{PredictionRow, TrialRow};
+
+/// A measured quantity, its standard error and what a model predicts.
+struct Quantity {
+    title: &'static str,
+    of_trial: fn(&TrialRow, SigmaKind) -> (f64, f64),
+    of_model: fn(&PredictionRow) -> f64,
+    /// Of the wheels' skid, of which models without skid say nothing.
+    is_skid: bool,
+}
+
+const QUANTITIES: [Quantity; 6] = [
+    Quantity {
+        title: "d",
+        of_trial: |trial, _| (trial.d_m, trial.d_m_se),
+        of_model: |row| row.d_m,
+        is_skid: false,
+    },
+    Quantity {
+        title: "v",
+        of_trial: |trial, _| (trial.v_m_s, trial.v_m_s_se),
+        of_model: |row| row.v_m_s,
+        is_skid: false,
+    },
+    Quantity {
+        title: "σ₀",
+        of_trial: |trial, sigma| trial.sigma(sigma)[0],
+        of_model: |row| row.sigma0,
+        is_skid: true,
+    },
+    Quantity {
+        title: "σ₁",
+        of_trial: |trial, sigma| trial.sigma(sigma)[1],
+        of_model: |row| row.sigma1,
+        is_skid: true,
+    },
+    Quantity {
+        title: "σ₂",
+        of_trial: |trial, sigma| trial.sigma(sigma)[2],
+        of_model: |row| row.sigma2,
+        is_skid: true,
+    },
+    Quantity {
+        title: "α₁",
+        of_trial: |trial, _| (trial.alpha1_rad, trial.alpha1_rad_se),
+        of_model: |row| row.alpha1_rad,
+        is_skid: false,
+    },
+];
+
+/// A model that misses more than this many times what the nearest one does is not shown whole.
+const FARTHEST: f64 = 6.0;
+/// What a panel has room for if models miss so much, %.
+const LEAST: f64 = 60.0;
+
+/// Residuals of a campaign's models in per cent of what was measured.
+pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
+    let charts = QUANTITIES.iter().map(|quantity| panel(quantity, campaign, source));
+    Figure {
+        caption: "What the fitted models predict for each trial less what was measured, in parts \
+                  of the latter. Bars: 95 % of the measurement (1.96 standard errors)."
+            .to_owned(),
+        layout: Layout::Grid,
+        ..Figure::of_charts(
+            &format!("{stem}-residuals"),
+            format!("Residuals of the models of campaign {campaign}"),
+            &[campaign],
+            charts.filter(|chart| !chart.layers.is_empty()).collect(),
+        )
+    }
+}
+
+fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Chart {
+    let mut models = source.models(campaign);
+    models.retain(|name| {
+        !quantity.is_skid || Model::ALL.iter().any(|model| model.name() == *name && model.skids())
+    });
+    let trials: Vec<&TrialRow> = source
+        .measured_trials(campaign)
+        .filter(|trial| (quantity.of_trial)(trial, source.sigma).0.is_finite())
+        .collect();
+    let missed = |model: &str| -> Vec<(f64, f64)> {
+        let mut points: Vec<(f64, f64)> = source
+            .predictions
+            .iter()
+            .filter(|row| row.campaign == campaign && row.model == model)
+            .filter(|row| row.source == "trial" && row.status == "stable")
+            .filter_map(|row| {
+                let (measured, _) = (quantity.of_trial)(nearest(&trials, row)?, source.sigma);
+                let residual = (quantity.of_model)(row) / measured - 1.0;
+                Some((row.omega_rad_s, 100.0 * residual))
+            })
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        points
+    };
+    let residuals: Vec<(&str, Vec<(f64, f64)>)> = models
+        .into_iter()
+        .map(|model| (model, missed(model)))
+        .filter(|(_, points)| !points.is_empty())
+        .collect();
+    if residuals.is_empty() {
+        return Chart::default();
+    }
+    let farthest = |points: &[(f64, f64)]| {
+        points.iter().fold(0.0, |most: f64, (_, residual)| most.max(residual.abs()))
+    };
+    let nearest =
+        residuals.iter().map(|(_, points)| farthest(points)).fold(f64::INFINITY, f64::min);
+    let limit = (FARTHEST * nearest).max(LEAST);
+    let beyond: Vec<&str> = residuals
+        .iter()
+        .filter(|(_, points)| farthest(points) > limit)
+        .map(|(model, _)| *model)
+        .collect();
+    let most = residuals.iter().map(|(_, points)| farthest(points)).fold(0.0, f64::max);
+    let beyond = match beyond.as_slice() {
+        [] => String::new(),
+        [model] => format!("{model}: to {most:.0} %"),
+        several => format!("{} models: to {most:.0} %", several.len()),
+    };
+    let errors = trials.iter().filter_map(|trial| {
+        let (measured, error) = (quantity.of_trial)(trial, source.sigma);
+        let half = 100.0 * BAR_STANDARD_ERRORS * error / measured;
+        half.is_finite().then_some((trial.omega_rad_s, 0.0, Some(half)))
+    });
+    let bars = Layer::Bars {
+        name: "measured".to_owned(),
+        points: errors.collect(),
+        look: Look::Marker { colour: style::INK, shape: Shape::Circle, filled: true },
+    };
+    let lines = residuals.into_iter().map(|(model, points)| Layer::Curve {
+        name: model.to_owned(),
+        points,
+        look: style::model_line(model),
+    });
+    Chart {
+        title: quantity.title.to_owned(),
+        x_label: OMEGA.to_owned(),
+        y_label: "Residual (%)".to_owned(),
+        layers: [bars].into_iter().chain(lines).collect(),
+        shown: Some(Range { low: -limit, high: limit }),
+        axes: Axes::Linear,
+        beyond,
+        ..Chart::default()
+    }
+}
+
+/// The trial that a prediction is of: the one nearest to its frequency, which is that of a trial.
+fn nearest<'t>(trials: &[&'t TrialRow], row: &PredictionRow) -> Option<&'t TrialRow> {
+    /// Parts of the frequency.
+    const SAME: f64 = 2e-3;
+    let distance = |trial: &TrialRow| (trial.omega_rad_s - row.omega_rad_s).abs();
+    let nearest = trials.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+    (distance(nearest) < SAME * row.omega_rad_s).then_some(nearest)
+}

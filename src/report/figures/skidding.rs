@@ -1,0 +1,70 @@
+//! Fig. 6: the kinematic robot that skids, simulated.
+
+use super::SYMMETRIC;
+use super::parts::{DEG, series};
+use crate::config::Config;
+use crate::motion::{Model, Sample};
+use crate::report::chart::{Axes, Chart, Layer, Layout};
+use crate::report::figure::Figure;
+use crate::report::simulated;
+
+const OMEGA_RAD_S: f64 = 4.0;
+const MODEL: Model = Model::SkidRoll;
+const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
+
+/// The figure, or a sentence on why there is none.
+pub fn figure(config: &Config) -> Result<Figure, String> {
+    let none = |why: String| format!("Fig. 6 is not drawn, because {why}.");
+    let problem = simulated::configured(config, SYMMETRIC, MODEL, OMEGA_RAD_S)
+        .ok_or_else(|| none(format!("campaign {SYMMETRIC} is not configured")))?;
+    let (motion, cycle) = simulated::steady(&problem)
+        .map_err(|error| none(format!("there is no motion at {OMEGA_RAD_S} rad/s: {error}")))?;
+    let over_time = |of: &dyn Fn(&Sample) -> f64| -> Vec<(f64, f64)> {
+        cycle.iter().map(|sample| (sample.time_s, of(sample))).collect()
+    };
+    let wheels = |of: fn(&Sample, usize) -> f64| -> Vec<Layer> {
+        (0..3).map(|i| series(i, WHEELS[i], over_time(&|sample| of(sample, i)))).collect()
+    };
+    let joints = (0..2)
+        .map(|i| series(i, ["φ₁", "φ₂"][i], over_time(&|sample| DEG * sample.phi_rad[i])))
+        .collect();
+    let most_n = |of: fn(&Sample) -> [f64; 3]| {
+        cycle.iter().flat_map(of).fold(0.0, |most: f64, force| most.max(force.abs()))
+    };
+    let panel = |title: &str, y_label: &str, layers: Vec<Layer>| Chart {
+        title: title.to_owned(),
+        x_label: "Time (s)".to_owned(),
+        y_label: y_label.to_owned(),
+        layers,
+        axes: Axes::Linear,
+        ..Chart::default()
+    };
+    Ok(Figure {
+        caption: format!(
+            "With the robot's configured coefficients, in steady motion; mean forward speed {:.1} \
+             mm/s. Wheels 0, 1, 2: middle, front, rear. The forces are those across the wheels; along them roll resistance stays below \
+             {:.2} N.",
+            1e3 * motion.metrics.v_m_s,
+            most_n(|sample| sample.actions.roll_n),
+        ),
+        layout: Layout::Stack(185.0),
+        ..Figure::of_charts(
+            "fig06",
+            format!("Simulated motion of campaign {SYMMETRIC}, {MODEL}, {OMEGA_RAD_S} rad/s"),
+            &[SYMMETRIC],
+            vec![
+                panel("Joint angles", "Angle (deg)", joints),
+                panel(
+                    "Ground forces",
+                    "Force (N)",
+                    wheels(|sample, i| sample.actions.lateral_n[i]),
+                ),
+                panel(
+                    "Skid speeds",
+                    "Skid speed (mm/s)",
+                    wheels(|sample, i| 1e3 * sample.skid_m_s[i]),
+                ),
+            ],
+        )
+    })
+}

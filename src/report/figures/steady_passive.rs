@@ -1,0 +1,249 @@
+//! Figs. 3, 4 and 5: the semi-passive robot without skid, simulated.
+
+use rayon::prelude::*;
+
+use super::SEMI_PASSIVE;
+use super::parts::{DEG, FREQUENCY, links, series, travel};
+use crate::config::Config;
+use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
+use crate::report::chart::{Axes, Chart, Layer, Layout};
+use crate::report::figure::Figure;
+use crate::report::simulated::{self, SAMPLES};
+use crate::report::style;
+
+const OMEGA_RAD_S: f64 = 4.0;
+/// Cycles that are shown of the steady motion.
+const CYCLES: usize = 2;
+const PATH_CYCLES: usize = 3;
+/// Most cycles that are shown from rest.
+const MOST_FROM_REST: usize = 40;
+/// Frequencies of the sweep, rad/s.
+const SWEEP: (f64, f64, usize) = (0.5, 8.0, 61);
+
+/// The figures, or a sentence on why there are none.
+pub fn figures(config: &Config) -> Result<Vec<Figure>, String> {
+    let of = |omega_rad_s| simulated::configured(config, SEMI_PASSIVE, Model::NoSkid, omega_rad_s);
+    let problem = of(OMEGA_RAD_S).ok_or_else(|| {
+        format!("Figs. 3 to 5 are not drawn, because campaign {SEMI_PASSIVE} is not configured.")
+    })?;
+    let no_motion = |error: MotionError| {
+        format!(
+            "Figs. 3 and 4 are not drawn, because there is no motion at {OMEGA_RAD_S} rad/s: {error}."
+        )
+    };
+    let (motion, cycle) = simulated::steady(&problem).map_err(no_motion)?;
+    Ok(vec![
+        time_courses(&problem, &cycle),
+        gait_and_path(&problem, &cycle, motion.metrics.d_m).map_err(no_motion)?,
+        sweep(of),
+    ])
+}
+
+/// Time and one quantity of a cycle that is repeated.
+fn over_time(cycle: &[Sample], of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+    let period_s = cycle.last().map_or(0.0, |last| last.time_s);
+    let repeated =
+        (0..CYCLES).flat_map(|n| cycle.iter().skip(usize::from(n > 0)).map(move |s| (n, s)));
+    repeated.map(|(n, sample)| (n as f64 * period_s + sample.time_s, of(sample))).collect()
+}
+
+fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
+    let h_m = problem.robot.h_m;
+    let joints = [0, 1].map(|i| {
+        let points = over_time(cycle, |sample| DEG * sample.phi_rad[i]);
+        series(i, ["φ₁", "φ₂"][i], points)
+    });
+    let velocities = [0, 1, 2].map(|i| {
+        let factor = if i == 2 { h_m } else { 1.0 };
+        let points = over_time(cycle, |sample| 1e3 * factor * sample.rates[i]);
+        series(i, ["dx/dt", "dy/dt", "h dθ/dt"][i], points)
+    });
+    let forces = [0, 1, 2].map(|i| {
+        let points = over_time(cycle, |sample| sample.actions.lateral_n[i]);
+        series(i, ["λ₀", "λ₁", "λ₂"][i], points)
+    });
+    let difference = over_time(cycle, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
+    let crossings = Layer::Rules { name: "φ₁ = φ₂".to_owned(), xs: crossings(&difference) };
+    let panel = |title: &str, y_label: &str, layers: Vec<Layer>| Chart {
+        title: title.to_owned(),
+        x_label: "Time (s)".to_owned(),
+        y_label: y_label.to_owned(),
+        layers,
+        axes: Axes::Linear,
+        ..Chart::default()
+    };
+    let forces = forces.into_iter().chain([crossings]).collect();
+    Figure {
+        caption: "Without skid and roll resistance, as configured, in steady motion. Dashed \
+                  uprights: φ₁ = φ₂, where the kinematic robot would be singular."
+            .to_owned(),
+        layout: Layout::Stack(185.0),
+        ..Figure::of_charts(
+            "fig03",
+            format!("Simulated motion of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"),
+            &[SEMI_PASSIVE],
+            vec![
+                panel("Joint angles", "Angle (deg)", joints.into()),
+                panel("Middle link", "Velocity (mm/s)", velocities.into()),
+                panel("Constraint forces", "Force (N)", forces),
+            ],
+        )
+    }
+}
+
+/// Where a line crosses zero.
+fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
+    let pairs = line.windows(2).filter(|pair| (pair[0].1 < 0.0) != (pair[1].1 < 0.0));
+    pairs
+        .map(|pair| {
+            let [(x0, y0), (x1, y1)] = [pair[0], pair[1]];
+            x0 + (x1 - x0) * y0 / (y0 - y1)
+        })
+        .collect()
+}
+
+fn gait_and_path(problem: &Problem, cycle: &[Sample], d_m: f64) -> Result<Figure, MotionError> {
+    let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);
+    let cycles = settled.map_or(MOST_FROM_REST, |settled| settled.cycles.clamp(1, MOST_FROM_REST));
+    let from_rest = problem.cycles_from_rest(cycles, SAMPLES)?;
+    let shape = |samples: &[Sample]| -> Vec<(f64, f64)> {
+        samples.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()
+    };
+    let gait = Chart {
+        title: "Gait from rest".to_owned(),
+        x_label: "φ₁ (deg)".to_owned(),
+        y_label: "φ₂ (deg)".to_owned(),
+        layers: vec![
+            Layer::Curve {
+                name: "from rest".to_owned(),
+                points: shape(&from_rest),
+                look: style::TRANSIENT,
+            },
+            Layer::Curve {
+                name: "no-skid, steady".to_owned(),
+                points: shape(cycle),
+                look: style::model_line(Model::NoSkid.name()),
+            },
+        ],
+        axes: Axes::Map,
+        ..Chart::default()
+    };
+    let path = simulated::repeat(cycle, PATH_CYCLES, Pose::default());
+    let points = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();
+    let path = Chart {
+        title: format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m),
+        x_label: "x (m)".to_owned(),
+        y_label: "y (m)".to_owned(),
+        layers: vec![
+            Layer::Curve {
+                name: "no-skid, steady".to_owned(),
+                points,
+                look: style::model_line(Model::NoSkid.name()),
+            },
+            Layer::Links {
+                name: "links at the start".to_owned(),
+                points: links(&problem.robot, cycle[0].pose, cycle[0].phi_rad),
+            },
+            travel(&path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect::<Vec<_>>()),
+        ],
+        axes: Axes::Map,
+        ..Chart::default()
+    };
+    Ok(Figure {
+        caption: format!(
+            "As Fig. 3. From rest the motion comes within 1 % of the steady one after {cycles} \
+             cycles. The path is {PATH_CYCLES} cycles of the steady motion; thick: the robot's \
+             links at their start; arrow: direction of travel."
+        ),
+        layout: Layout::Pairs,
+        ..Figure::of_charts(
+            "fig04",
+            format!(
+                "Simulated gait and path of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"
+            ),
+            &[SEMI_PASSIVE],
+            vec![gait, path],
+        )
+    })
+}
+
+fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
+    let (low, high, count) = SWEEP;
+    let solve = |i: usize| {
+        let omega_rad_s = low + (high - low) * i as f64 / (count - 1) as f64;
+        let metrics = of(omega_rad_s)
+            .and_then(|problem| Solver::default().settle(&problem, REFERENCE_ACCURACY).ok())
+            .map(|settled| settled.motion.metrics);
+        let mm = |value: Option<f64>| value.map_or(f64::NAN, |value| 1e3 * value);
+        let [d, v] = [metrics.map(|metrics| metrics.d_m), metrics.map(|metrics| metrics.v_m_s)];
+        [(omega_rad_s, mm(d)), (omega_rad_s, mm(v))]
+    };
+    let points: Vec<[(f64, f64); 2]> = (0..count).into_par_iter().map(solve).collect();
+    let panel = |nth: usize, title: &str, y_label: &str, unit: &str| {
+        let points: Vec<(f64, f64)> = points.iter().map(|both| both[nth]).collect();
+        let most = largest(&points);
+        let mut layers = vec![Layer::Curve {
+            name: "no-skid".to_owned(),
+            points,
+            look: style::model_line(Model::NoSkid.name()),
+        }];
+        let mut title = title.to_owned();
+        if let Some(point) = most {
+            layers.push(Layer::Mark { name: "largest".to_owned(), point });
+            title += &format!(", largest {:.1} {unit} at {:.2} rad/s", point.1, point.0);
+        }
+        Chart {
+            title,
+            x_label: FREQUENCY.to_owned(),
+            y_label: y_label.to_owned(),
+            layers,
+            axes: Axes::Linear,
+            ..Chart::default()
+        }
+    };
+    Figure {
+        caption: "The steady motion that the robot reaches from rest, without skid and roll \
+                  resistance, as configured. Open circles: the largest values between the ends."
+            .to_owned(),
+        layout: Layout::Stack(230.0),
+        ..Figure::of_charts(
+            "fig05",
+            format!("Simulated displacement and speed of campaign {SEMI_PASSIVE}, no-skid"),
+            &[SEMI_PASSIVE],
+            vec![
+                panel(0, "Displacement per cycle", "Displacement d (mm)", "mm"),
+                panel(1, "Mean speed", "Mean speed v (mm/s)", "mm/s"),
+            ],
+        )
+    }
+}
+
+/// The largest value of a line that has values on both sides of it, by a parabola through the
+/// three points there.
+fn largest(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let inside =
+        points.windows(3).filter(|three| three[1].1 >= three[0].1 && three[1].1 >= three[2].1);
+    let three = inside.max_by(|a, b| a[1].1.total_cmp(&b[1].1))?;
+    let [(x0, y0), (x1, y1), (x2, y2)] = [three[0], three[1], three[2]];
+    let (slope, bend) = ((y2 - y0) / 2.0, y2 - 2.0 * y1 + y0);
+    let shift = if bend < 0.0 { -slope / bend } else { 0.0 };
+    Some((x1 + shift * (x2 - x0) / 2.0, y1 + 0.5 * slope * shift))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_value_is_found_between_the_points_and_not_at_an_end() {
+        let parabola = |x: f64| (x, 3.0 - (x - 1.3).powi(2));
+        let (x, y) = largest(&[0.0, 1.0, 2.0, 3.0].map(parabola)).expect("there is one");
+        assert!((x - 1.3).abs() < 1e-12 && (y - 3.0).abs() < 1e-12);
+        assert_eq!(largest(&[(0.0, 3.0), (1.0, 2.0), (2.0, 1.0)]), None);
+    }
+
+    #[test]
+    fn crossings_of_zero_lie_between_the_points_around_them() {
+        assert_eq!(crossings(&[(0.0, 1.0), (1.0, -1.0), (2.0, -3.0), (3.0, 1.0)]), [0.5, 2.75]);
+    }
+}

@@ -1,0 +1,213 @@
+//! Figs. 9, 11 and 14: one trial as it was tracked, and what models make of its gait.
+
+use super::parts::{DEG, links, travel};
+use super::{SEMI_PASSIVE, SKEWED, SYMMETRIC};
+use crate::config::Config;
+use crate::motion::{Model, Pose, Problem, Sample};
+use crate::report::chart::{Axes, Chart, Layer, Layout};
+use crate::report::figure::Figure;
+use crate::report::numbers::with_error;
+use crate::report::recording::Recording;
+use crate::report::simulated;
+use crate::report::style::{self, Look};
+use crate::robot::{Gait, JointCommand};
+use crate::store::TrialRow;
+
+/// Cycles that are shown.
+const CYCLES: usize = 4;
+/// How much harder skidding is where the measured ellipse meets a singularity: without skid
+/// there would be no motion.
+const STIFF: f64 = 100.0;
+
+/// A model that is drawn over the recording.
+struct Overlay {
+    name: &'static str,
+    problem: Problem,
+    look: Look,
+}
+
+/// The figure of a trial of one of the paper's campaigns, and sentences on models that have no
+/// motion; `None` without a used cycle.
+pub fn figure(
+    stem: &str,
+    trial: &TrialRow,
+    recording: &Recording,
+    config: &Config,
+) -> (Option<Figure>, Vec<String>) {
+    let overlays = overlays(trial, config);
+    let Some((robot, commanded_gait)) = config.campaign_setup(&trial.campaign) else {
+        return (None, vec![]);
+    };
+    let Some((start_s, cycles)) = recording.used_cycles(CYCLES) else { return (None, vec![]) };
+    let Some(start) = recording.pose_at(start_s) else { return (None, vec![]) };
+    let end_s = start_s + cycles as f64 * std::f64::consts::TAU / trial.omega_rad_s;
+    let shown = recording.between(start_s, end_s);
+    let measured = |x: &dyn Fn(usize) -> f64, y: &dyn Fn(usize) -> f64| Layer::Curve {
+        name: "measured".to_owned(),
+        points: shown.clone().map(|i| (x(i), y(i))).collect(),
+        look: style::RECORDED,
+    };
+    let phi = |joint: usize| move |i: usize| DEG * recording.phi_rad[joint][i];
+    let mut gait = vec![measured(&phi(0), &phi(1))];
+    let after_s = |i: usize| recording.time_s[i] - start_s;
+    let mut heading = vec![measured(&after_s, &|i| DEG * recording.theta_rad[i])];
+    let frame = Travel::new(start, recording.pose_at(end_s).unwrap_or(start));
+    let place = |i: usize| frame.place((recording.x_m[i], recording.y_m[i]));
+    let first = shown.start.min(recording.phi_rad[0].len().saturating_sub(1));
+    let at_start = [recording.phi_rad[0][first], recording.phi_rad[1][first]];
+    let places: Vec<_> = shown.clone().map(place).filter(|(x, y)| (x + y).is_finite()).collect();
+    let mut path = vec![
+        Layer::Links {
+            name: "links at the start".to_owned(),
+            points: links(&robot, start, at_start).into_iter().map(|at| frame.place(at)).collect(),
+        },
+        travel(&places),
+        measured(&|i| place(i).0, &|i| place(i).1),
+    ];
+    let mut missing = Vec::new();
+    // What is wholly commanded is shown as such.
+    let is_whole = commanded_gait.passive_joint().is_none();
+    gait.extend(is_whole.then(|| commanded(&commanded_gait)));
+    for Overlay { name, problem, look } in overlays {
+        let is_commanded = is_whole && problem.gait == commanded_gait;
+        let cycle = match simulated::steady(&problem) {
+            Ok((_, cycle)) => cycle,
+            Err(error) => {
+                let figure = super::number(stem);
+                missing.push(format!(
+                    "{figure}: {name} is not drawn over trial {}: {error}.",
+                    trial.trial
+                ));
+                continue;
+            }
+        };
+        let curve = |points| Layer::Curve { name: name.to_owned(), points, look };
+        if !is_commanded {
+            gait.push(curve(shape(&cycle)));
+        }
+        let poses = simulated::repeat(&cycle, cycles, start);
+        heading.push(curve(poses.iter().map(|(t, pose)| (*t, DEG * pose.theta_rad)).collect()));
+        let places = poses.iter().map(|(_, pose)| frame.place((pose.x_m, pose.y_m)));
+        path.push(curve(places.collect()));
+    }
+    let chart = |title: String, x_label: &str, y_label: &str, layers, axes| Chart {
+        title,
+        x_label: x_label.to_owned(),
+        y_label: y_label.to_owned(),
+        layers,
+        axes,
+        ..Chart::default()
+    };
+    let d = with_error(1e3 * trial.d_m, 1e3 * trial.d_m_se);
+    let charts = vec![
+        chart("Gait".to_owned(), "φ₁ (deg)", "φ₂ (deg)", gait, Axes::Map),
+        chart("Heading θ".to_owned(), "Time (s)", "θ (deg)", heading, Axes::Linear),
+        chart(format!("Path of the middle link, d = {d} mm"), "x (m)", "y (m)", path, Axes::Map),
+    ];
+    let figure = Figure {
+        caption: format!(
+            "{cycles} cycles of trial {}. The simulated motions are steady and start where the \
+             measured one does. The map is turned so that the measured path goes along x. Thick: the robot's links at the start; arrow: direction of \
+             travel; d: mean over the trial's used cycles with its standard error.",
+            trial.trial
+        ),
+        layout: Layout::PairsAndWide,
+        ..Figure::of_charts(
+            stem,
+            format!(
+                "Measured and simulated motion of campaign {}, {:.1} rad/s",
+                trial.campaign, trial.omega_rad_s
+            ),
+            &[&trial.campaign],
+            charts,
+        )
+    };
+    (Some(figure), missing)
+}
+
+fn shape(cycle: &[Sample]) -> Vec<(f64, f64)> {
+    cycle.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()
+}
+
+/// The loop that both joints were commanded.
+fn commanded(gait: &Gait) -> Layer {
+    let points = (0..=simulated::SAMPLES).map(|i| {
+        let phase = std::f64::consts::TAU * i as f64 / simulated::SAMPLES as f64;
+        let [phi1, phi2] = gait.at(phase, 1.0).phi_rad;
+        (DEG * phi1, DEG * phi2)
+    });
+    let points = points.collect();
+    Layer::Curve { name: "commanded".to_owned(), points, look: style::COMMANDED }
+}
+
+/// A frame that starts where the motion does, with x along its travel.
+struct Travel {
+    start: Pose,
+    along: (f64, f64),
+}
+
+impl Travel {
+    fn new(start: Pose, end: Pose) -> Self {
+        let (x, y) = (end.x_m - start.x_m, end.y_m - start.y_m);
+        let length = x.hypot(y);
+        let along = if length > 0.0 { (x / length, y / length) } else { (1.0, 0.0) };
+        Self { start, along }
+    }
+
+    fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        let (x, y) = (x - self.start.x_m, y - self.start.y_m);
+        let (cos, sin) = self.along;
+        (cos * x + sin * y, cos * y - sin * x)
+    }
+}
+
+/// What the paper draws over its campaigns' trials.
+fn overlays(trial: &TrialRow, config: &Config) -> Vec<Overlay> {
+    let of = |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
+    let plain = |name, model: Model| {
+        let problem = of(model)?;
+        Some(Overlay { name, problem, look: style::model_line(model.name()) })
+    };
+    let driven_by_measured = |model| {
+        let mut problem: Problem = of(model)?;
+        problem.gait.joints = measured_gait(trial).map(Some);
+        Some(problem)
+    };
+    let overlays = match trial.campaign.as_str() {
+        SKEWED => [
+            plain("no-skid", Model::NoSkid),
+            driven_by_measured(Model::NoSkid).map(|problem| Overlay {
+                name: "no-skid, measured ellipse",
+                problem,
+                look: style::model_line(Model::NoSkidMeasured.name()),
+            }),
+        ],
+        SYMMETRIC => [
+            plain("no-skid", Model::NoSkid),
+            driven_by_measured(Model::SkidRoll).map(|mut problem| {
+                problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
+                Overlay {
+                    name: "skid-roll, measured ellipse, 100 times the skid coefficients",
+                    problem,
+                    look: style::model_line(Model::SkidRoll.name()),
+                }
+            }),
+        ],
+        SEMI_PASSIVE => [plain("no-skid", Model::NoSkid), plain("no-skid-roll", Model::NoSkidRoll)],
+        _ => [None, None],
+    };
+    overlays.into_iter().flatten().collect()
+}
+
+/// The ellipse that fits the measured gait best.
+fn measured_gait(trial: &TrialRow) -> [JointCommand; 2] {
+    [
+        (trial.phi1_offset_rad, trial.phi1_amplitude_rad, trial.phi1_phase_rad),
+        (trial.phi2_offset_rad, trial.phi2_amplitude_rad, trial.phi2_phase_rad),
+    ]
+    .map(|(offset_rad, amplitude_rad, phase_rad)| JointCommand {
+        offset_rad,
+        amplitude_rad,
+        phase_rad,
+    })
+}

@@ -1,0 +1,78 @@
+//! What a metre costs: the actuators' work by the fitted models.
+
+use std::collections::BTreeSet;
+
+use rayon::prelude::*;
+
+use super::parts::FREQUENCY;
+use crate::config::Config;
+use crate::motion::{Model, Solver};
+use crate::report::chart::{Axes, Chart, Layer, Layout};
+use crate::report::figure::Figure;
+use crate::report::simulated;
+use crate::report::style;
+use crate::report::tables::Tables;
+use crate::store::FitRow;
+
+/// Every so many of the curves' frequencies.
+const STRIDE: usize = 2;
+
+/// One panel for each campaign that has a fitted model.
+pub fn figure(stem: &str, tables: &Tables, config: &Config) -> Figure {
+    let campaigns: BTreeSet<&str> = tables.fits.iter().map(|fit| fit.campaign.as_str()).collect();
+    let panel = |campaign: &&str| {
+        let fits = tables.fits.iter().filter(|fit| fit.campaign == *campaign);
+        let layers: Vec<Layer> = fits
+            // Each trial's own gait has no curve.
+            .filter(|fit| fit.model != Model::NoSkidMeasured.name())
+            .map(|fit| Layer::Curve {
+                name: fit.model.clone(),
+                points: curve(fit, tables, config),
+                look: style::model_line(&fit.model),
+            })
+            .collect();
+        Chart {
+            title: (*campaign).to_owned(),
+            x_label: FREQUENCY.to_owned(),
+            y_label: "Work per metre (J/m)".to_owned(),
+            layers,
+            axes: Axes::Linear,
+            ..Chart::default()
+        }
+    };
+    let charts: Vec<Chart> =
+        campaigns.iter().map(panel).filter(|chart| !chart.is_empty()).collect();
+    let names: Vec<&str> = charts.iter().map(|chart| chart.title.as_str()).collect();
+    Figure {
+        caption: "Work of the actuators over a cycle of the steady motion per metre of d, by the \
+                  fitted models under the commanded gait. Where nothing resists, the actuators \
+                  give nothing over a cycle; friction of the joints' gears is not in any model."
+            .to_owned(),
+        layout: Layout::Stack(215.0),
+        ..Figure::of_charts(
+            stem,
+            "Actuators' work per metre of travel".to_owned(),
+            &names,
+            charts.clone(),
+        )
+    }
+}
+
+/// Frequency and work of a fitted model, broken where it has no stable motion.
+fn curve(fit: &FitRow, tables: &Tables, config: &Config) -> Vec<(f64, f64)> {
+    let mut omegas: Vec<f64> = tables
+        .predictions
+        .iter()
+        .filter(|row| row.campaign == fit.campaign && row.model == fit.model)
+        .filter(|row| row.source == "curve")
+        .map(|row| row.omega_rad_s)
+        .collect();
+    omegas.sort_by(f64::total_cmp);
+    let omegas: Vec<f64> = omegas.into_iter().step_by(STRIDE).collect();
+    let point = |omega_rad_s: &f64| {
+        let work_j_m = simulated::fitted(config, fit, *omega_rad_s)
+            .and_then(|problem| simulated::work_j_m(&mut Solver::default(), &problem));
+        (*omega_rad_s, work_j_m.unwrap_or(f64::NAN))
+    };
+    omegas.par_iter().map(point).collect()
+}

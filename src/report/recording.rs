@@ -1,0 +1,126 @@
+//! What was recorded of one trial, moment by moment, from its own tables.
+
+use std::path::Path;
+
+use crate::motion::Pose;
+use crate::store::{CycleRow, Rows, StoreError, Table, cycles_path, poses_path, wheels_path};
+
+/// Links, wheels: 0, 1, 2 = middle, front, rear. What is missing is NaN.
+#[derive(Debug, Clone, Default)]
+pub struct Recording {
+    pub time_s: Vec<f64>,
+    pub x_m: Vec<f64>,
+    pub y_m: Vec<f64>,
+    pub theta_rad: Vec<f64>,
+    pub phi_rad: [Vec<f64>; 2],
+    pub residual_mm: [Vec<f64>; 3],
+    /// `measured`, `rigid`, `interpolated` or `missing`.
+    pub fill: [Vec<String>; 3],
+    pub roll_m_s: [Vec<f64>; 3],
+    pub skid_m_s: [Vec<f64>; 3],
+    /// Empty for trials that are not of kind `gait`.
+    pub cycles: Vec<CycleRow>,
+}
+
+impl Recording {
+    /// Reads the tables of a trial.
+    ///
+    /// # Errors
+    /// A table of poses or wheels is not there, or a table cannot be read or lacks a column.
+    pub fn read(derived: &Path, trial: &str) -> Result<Self, StoreError> {
+        let poses = Table::read(&poses_path(derived, trial))?;
+        let wheels = Table::read(&wheels_path(derived, trial))?;
+        let cycles = cycles_path(derived, trial);
+        let numbers = |table: &Table, name: &str| table.f64(name).map(<[f64]>::to_vec);
+        let three = |table: &Table, name: fn(usize) -> String| -> Result<_, StoreError> {
+            Ok([numbers(table, &name(0))?, numbers(table, &name(1))?, numbers(table, &name(2))?])
+        };
+        let fill = |link: usize| poses.str(&format!("fill{link}")).map(<[String]>::to_vec);
+        Ok(Self {
+            time_s: numbers(&poses, "time_s")?,
+            x_m: numbers(&poses, "x_m")?,
+            y_m: numbers(&poses, "y_m")?,
+            theta_rad: numbers(&poses, "theta_rad")?,
+            phi_rad: [numbers(&poses, "phi1_rad")?, numbers(&poses, "phi2_rad")?],
+            residual_mm: three(&poses, |link| format!("residual{link}_mm"))?,
+            fill: [fill(0)?, fill(1)?, fill(2)?],
+            roll_m_s: three(&wheels, |wheel| format!("roll{wheel}_m_s"))?,
+            skid_m_s: three(&wheels, |wheel| format!("skid{wheel}_m_s"))?,
+            cycles: match cycles.exists() {
+                true => CycleRow::from_table(&Table::read(&cycles)?)?,
+                false => Vec::new(),
+            },
+        })
+    }
+
+    /// The first of the longest runs of used cycles, at most so many of them: when it starts
+    /// (s) and how many they are.
+    pub fn used_cycles(&self, most: usize) -> Option<(f64, usize)> {
+        let follows = |a: &CycleRow, b: &CycleRow| a.used && b.used && b.cycle == a.cycle + 1;
+        let runs = self.cycles.chunk_by(follows).filter(|run| run[0].used);
+        let mut best: Option<&[CycleRow]> = None;
+        for run in runs {
+            let run = &run[..run.len().min(most)];
+            if best.is_none_or(|best| run.len() > best.len()) {
+                best = Some(run);
+            }
+        }
+        best.map(|run| (run[0].start_s, run.len()))
+    }
+
+    /// Places of the moments from `from_s` to `to_s`.
+    pub fn between(&self, from_s: f64, to_s: f64) -> std::ops::Range<usize> {
+        let first = self.time_s.partition_point(|time_s| *time_s < from_s);
+        let last = self.time_s.partition_point(|time_s| *time_s <= to_s);
+        first..last.max(first)
+    }
+
+    /// The pose of link 0 at a moment, between the frames around it; `None` where there is none.
+    pub fn pose_at(&self, time_s: f64) -> Option<Pose> {
+        let after = self.time_s.partition_point(|frame_s| *frame_s < time_s);
+        let before = after.saturating_sub(1);
+        let (from_s, to_s) = (*self.time_s.get(before)?, *self.time_s.get(after)?);
+        let part = if to_s > from_s { (time_s - from_s) / (to_s - from_s) } else { 0.0 };
+        let at = |values: &[f64]| values[before] + part * (values[after] - values[before]);
+        let pose = Pose { x_m: at(&self.x_m), y_m: at(&self.y_m), theta_rad: at(&self.theta_rad) };
+        (pose.x_m + pose.y_m + pose.theta_rad).is_finite().then_some(pose)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recording(used: &[bool]) -> Recording {
+        let cycle = |(i, used): (usize, &bool)| CycleRow {
+            cycle: i as i64,
+            start_s: 2.0 * i as f64,
+            used: *used,
+            ..CycleRow::blank()
+        };
+        Recording { cycles: used.iter().enumerate().map(cycle).collect(), ..Recording::default() }
+    }
+
+    #[test]
+    fn the_longest_run_of_used_cycles_is_shown_and_of_several_the_first() {
+        let used = [false, true, false, true, true, false, true, true];
+        assert_eq!(recording(&used).used_cycles(5), Some((6.0, 2)));
+        assert_eq!(recording(&used).used_cycles(1), Some((2.0, 1)));
+        assert_eq!(recording(&[false; 3]).used_cycles(5), None);
+    }
+
+    #[test]
+    fn a_pose_between_two_frames_is_between_theirs() {
+        let values = vec![0.0, 1.0, 2.0];
+        let recording = Recording {
+            time_s: values.clone(),
+            x_m: values.clone(),
+            y_m: vec![0.0, -2.0, f64::NAN],
+            theta_rad: values,
+            ..Recording::default()
+        };
+        let pose = recording.pose_at(0.25).expect("between two frames");
+        assert_eq!((pose.x_m, pose.y_m), (0.25, -0.5));
+        assert!(recording.pose_at(1.5).is_none() && recording.pose_at(7.0).is_none());
+    }
+}

@@ -1,0 +1,119 @@
+//! Motions that no table holds, for the figures that show them.
+
+use crate::config::Config;
+use crate::motion::{
+    FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample,
+    Solver, SteadyMotion,
+};
+use crate::store::FitRow;
+
+/// Moments of a cycle that a figure shows.
+pub const SAMPLES: usize = 240;
+
+/// The motion of a model of a campaign's robot as configured; `None` without that campaign.
+pub fn configured(
+    config: &Config,
+    campaign: &str,
+    model: Model,
+    omega_rad_s: f64,
+) -> Option<Problem> {
+    let (robot, gait) = config.campaign_setup(campaign)?;
+    Some(Problem { robot, gait, model, omega_rad_s })
+}
+
+/// The motion of a fitted model under the commanded gait; `None` where there is no fit, or its
+/// campaign or model is not known.
+pub fn fitted(config: &Config, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
+    let model = Model::ALL.into_iter().find(|model| model.name() == fit.model)?;
+    let mut problem = configured(config, &fit.campaign, model, omega_rad_s)?;
+    let [skid0, skid1, skid2, roll0, roll1, roll2, _, stiffness, damping] = fit.parameters();
+    let robot = &mut problem.robot;
+    let fields = robot.skid_kg_s.iter_mut().zip([skid0, skid1, skid2]);
+    let fields = fields.chain(robot.roll_kg_s.iter_mut().zip([roll0, roll1, roll2]));
+    let fields = fields
+        .chain([(&mut robot.stiffness_nm_rad, stiffness), (&mut robot.damping_nm_s_rad, damping)]);
+    for (field, value) in fields.filter(|(_, value)| value.is_finite()) {
+        *field = value;
+    }
+    (fit.status == "ok").then_some(problem)
+}
+
+/// The steady motion that the robot reaches from rest, or where it reaches none the one that
+/// there is; and a cycle of it.
+///
+/// # Errors
+/// There is no steady motion.
+pub fn steady(problem: &Problem) -> Result<(SteadyMotion, Vec<Sample>), MotionError> {
+    let mut solver = Solver::default();
+    let motion = match solver.settle(problem, FORCES_ACCURACY) {
+        Ok(settled) => settled.motion,
+        // The roughest motions cannot be had to the accuracy that their forces would need.
+        Err(_) => {
+            solver.forget();
+            solver.solve(problem, REFERENCE_ACCURACY)?;
+            problem.solve(REFERENCE_ACCURACY)?
+        }
+    };
+    Ok((motion, solver.cycle(SAMPLES)?))
+}
+
+/// Work of the actuators per metre of d, J/m; `None` where there is no stable motion that goes
+/// anywhere.
+pub fn work_j_m(solver: &mut Solver, problem: &Problem) -> Option<f64> {
+    let metrics = solver.solve(problem, FIT_ACCURACY).ok()?;
+    let [work_j, _] = solver.work_and_loss_j().ok()?;
+    let is_stable = solver.floquet().ok()?.is_none_or(|modulus| modulus < 1.0);
+    (is_stable && metrics.d_m > 0.0).then(|| work_j / metrics.d_m)
+}
+
+/// Time (s) and pose of a motion that repeats a cycle so often, from `start` on.
+pub fn repeat(cycle: &[Sample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
+    let [first, .., last] = cycle else { return Vec::new() };
+    let mut poses = vec![(0.0, start)];
+    let (mut from, mut time_s) = (start, 0.0);
+    for _ in 0..cycles {
+        poses.extend(cycle[1..].iter().map(|sample| {
+            (time_s + sample.time_s - first.time_s, moved(from, first.pose, sample.pose))
+        }));
+        from = moved(from, first.pose, last.pose);
+        time_s += last.time_s - first.time_s;
+    }
+    poses
+}
+
+/// `pose` as it is when the motion that starts at `origin` starts at `from` instead.
+fn moved(from: Pose, origin: Pose, pose: Pose) -> Pose {
+    let turn_rad = from.theta_rad - origin.theta_rad;
+    let (sin, cos) = turn_rad.sin_cos();
+    let (x, y) = (pose.x_m - origin.x_m, pose.y_m - origin.y_m);
+    Pose {
+        x_m: from.x_m + cos * x - sin * y,
+        y_m: from.y_m + sin * x + cos * y,
+        theta_rad: pose.theta_rad + turn_rad,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_motion_goes_on_where_its_last_cycle_ended() {
+        let config = Config::default();
+        let problem = configured(&config, "kinematic-skewed", Model::SkidRoll, 3.9);
+        let problem = problem.expect("a campaign of the paper");
+        let start = Pose { x_m: 1.0, y_m: -2.0, theta_rad: 0.7 };
+        let (motion, cycle) = steady(&problem).expect("there is a motion");
+        let path = repeat(&cycle, 3, start);
+        assert_eq!(path.len(), 3 * SAMPLES + 1);
+        let mut ends = path.iter().step_by(SAMPLES).map(|(_, pose)| pose);
+        let mut before = ends.next().expect("the start");
+        for end in ends {
+            let d_m = (end.x_m - before.x_m).hypot(end.y_m - before.y_m);
+            assert!((d_m - motion.metrics.d_m).abs() < 1e-9);
+            let turned = end.theta_rad - before.theta_rad;
+            assert!((turned - motion.metrics.dtheta_rad).abs() < 1e-9);
+            before = end;
+        }
+    }
+}

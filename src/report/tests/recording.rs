@@ -1,0 +1,93 @@
+//! Made-up tables of one trial's poses, wheels and cycles.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use crate::store::{
+    Column, CycleRow, Provenance, Rows, Table, TrialRow, cycles_path, poses_path, wheels_path,
+};
+
+const RATE_HZ: f64 = 120.0;
+const CYCLES: usize = 8;
+
+/// Poses, wheels and cycles of a trial that goes straight on as fast as its row says; the first
+/// two cycles are not used, and link 1 is missing for a while.
+pub fn write(derived: &Path, trial: &TrialRow) {
+    let period_s = TAU / trial.omega_rad_s;
+    let frames = (CYCLES as f64 * period_s * RATE_HZ) as usize;
+    let phase = |i: usize| trial.omega_rad_s * i as f64 / RATE_HZ;
+    let along = |i: usize| trial.v_m_s * i as f64 / RATE_HZ;
+    let name = trial.trial.as_str();
+    let fill = |link: usize| {
+        let of = |i: usize| match (link, i) {
+            (1, 300..340) => "missing",
+            (_, i) if i % 17 == link => "rigid",
+            _ => "measured",
+        };
+        Column::Str((0..frames).map(|i| of(i).to_owned()).collect())
+    };
+    let numbers = |of: &dyn Fn(usize) -> f64| Column::F64((0..frames).map(of).collect());
+    let poses = Table::new([
+        ("time_s", numbers(&|i| i as f64 / RATE_HZ)),
+        ("x_m", numbers(&|i| if (300..340).contains(&i) { f64::NAN } else { along(i) })),
+        ("y_m", numbers(&|i| 0.02 * phase(i).sin())),
+        ("theta_rad", numbers(&|i| 0.3 * phase(i).cos())),
+        ("phi1_rad", numbers(&|i| 0.52 * phase(i).cos())),
+        ("phi2_rad", numbers(&|i| 0.52 * phase(i).sin())),
+        ("residual0_mm", numbers(&|i| 0.2 + 0.001 * (i % 7) as f64)),
+        ("residual1_mm", numbers(&|i| 0.21 + 0.001 * (i % 5) as f64)),
+        ("residual2_mm", numbers(&|i| 0.19 + 0.001 * (i % 3) as f64)),
+        ("fill0", fill(0)),
+        ("fill1", fill(1)),
+        ("fill2", fill(2)),
+    ]);
+    save(&poses, &poses_path(derived, name));
+    save(&wheels(frames, &|i| 0.03 * phase(i).sin()), &wheels_path(derived, name));
+    let cycle = |i: usize| CycleRow {
+        trial: name.to_owned(),
+        cycle: i as i64,
+        start_s: i as f64 * period_s,
+        d_m: trial.d_m,
+        used: i >= 2,
+        ..CycleRow::blank()
+    };
+    let cycles: Vec<CycleRow> = (0..CYCLES).map(cycle).collect();
+    save(&CycleRow::to_table(&cycles), &cycles_path(derived, name));
+}
+
+/// Poses and wheels of a joint that swings with 10.4 rad/s and a damping ratio of 0.19.
+pub fn write_release(derived: &Path, trial: &str) {
+    let frames = 480;
+    let swing = |i: usize| {
+        let time_s = (i as f64 / RATE_HZ - 0.5).max(0.0);
+        0.5 * (-0.19 * 10.4 * time_s).exp() * (10.21 * time_s).cos()
+    };
+    let numbers = |of: &dyn Fn(usize) -> f64| Column::F64((0..frames).map(of).collect());
+    let nothing = || numbers(&|_| 0.0);
+    let measured = || Column::Str(vec!["measured".to_owned(); frames]);
+    let poses = Table::new([
+        ("time_s", numbers(&|i| i as f64 / RATE_HZ)),
+        ("x_m", nothing()),
+        ("y_m", nothing()),
+        ("theta_rad", nothing()),
+        ("phi1_rad", numbers(&swing)),
+        ("phi2_rad", nothing()),
+        ("residual0_mm", nothing()),
+        ("residual1_mm", nothing()),
+        ("residual2_mm", nothing()),
+        ("fill0", measured()),
+        ("fill1", measured()),
+        ("fill2", measured()),
+    ]);
+    save(&poses, &poses_path(derived, trial));
+    save(&wheels(frames, &|_| 0.0), &wheels_path(derived, trial));
+}
+
+fn wheels(frames: usize, of: &dyn Fn(usize) -> f64) -> Table {
+    let names = ["roll0_m_s", "roll1_m_s", "roll2_m_s", "skid0_m_s", "skid1_m_s", "skid2_m_s"];
+    Table::new(names.map(|name| (name, Column::F64((0..frames).map(of).collect()))))
+}
+
+fn save(table: &Table, path: &Path) {
+    table.write(path, &Provenance { input: "made up".to_owned() }).expect("writes");
+}
