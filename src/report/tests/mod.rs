@@ -1,5 +1,6 @@
 //! The whole report from made-up tables.
 
+mod browser;
 mod made_up;
 mod recording;
 
@@ -103,7 +104,9 @@ fn a_campaign_without_trials_and_fits_is_skipped_and_named() {
     let place = folder.path().join("reports/figures");
     std::fs::create_dir_all(&place).expect("a folder");
     let stale = [place.join("fig18.png"), place.join(format!("{SEMI_PASSIVE}-profiles.svg"))];
-    stale.each_ref().map(|path| std::fs::write(path, "of an earlier report").expect("writes"));
+    for path in &stale {
+        std::fs::write(path, "of an earlier report").expect("writes");
+    }
     let mut tables = MadeUp::of_the_paper();
     tables.trials.retain(|row| row.campaign != SEMI_PASSIVE);
     tables.fits.retain(|row| row.campaign != SEMI_PASSIVE);

@@ -1,0 +1,70 @@
+"use strict";
+// Runs in the page under test: watches what goes wrong, then uses the page as a reader would,
+// and leaves what it saw as JSON in an element of its own.
+const problems = [];
+addEventListener("error", event => {
+  const source = event.target.src || event.target.href;
+  problems.push(source ? `not loaded: ${source.slice(0, 80)}` : String(event.message));
+}, true);
+addEventListener("unhandledrejection", event => problems.push(String(event.reason)));
+window.alert = text => problems.push(`an alert: ${text}`);
+
+const use = () => {
+  const table = document.getElementById("trials-table");
+  const visible = () => [...table.tBodies]
+    .filter(body => !body.hidden)
+    .flatMap(body => [...body.rows].slice(1).filter(row => !row.hidden));
+  const number = row => Number.parseFloat(row.cells[4].textContent.replace("\u2212", "-"));
+  const sorted = direction => [...table.tBodies].every(body => {
+    const values = [...body.rows].slice(1).map(number).filter(value => !Number.isNaN(value));
+    return values.every((value, i) => i === 0 || direction * (value - values[i - 1]) >= 0);
+  });
+  const heading = table.tHead.rows[0].cells[4];
+  const button = heading.querySelector("button");
+  const before = sorted(1);
+  button.focus();
+  const focused = document.activeElement === button;
+  button.click();
+  const rising = sorted(1) && heading.getAttribute("aria-sort") === "ascending";
+  button.click();
+  const falling = sorted(-1) && heading.getAttribute("aria-sort") === "descending";
+
+  const filter = document.getElementById("trials-filter");
+  const all = visible().length;
+  const type = text => {
+    filter.value = text;
+    filter.dispatchEvent(new Event("input"));
+    return visible().map(row => row.cells[0].textContent);
+  };
+  const images = [...document.images];
+  return {
+    all,
+    before,
+    focused,
+    rising,
+    falling,
+    filtered: type("skewed 3.90"),
+    nothing: type("no such trial"),
+    hostile: type("<img"),
+    cleared: type("").length,
+    images: images.length,
+    drawn: images.filter(image => image.complete && image.naturalWidth > 0).length,
+    described: images.filter(image => image.alt.length > 20).length,
+    requests: performance.getEntriesByType("resource")
+      .map(entry => entry.name)
+      .filter(name => !name.startsWith("data:")),
+    // Anchors within the page lead somewhere.
+    lost: [...document.querySelectorAll('a[href^="#"]')]
+      .map(link => link.getAttribute("href").slice(1))
+      .filter(id => !document.getElementById(id)),
+    overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  };
+};
+addEventListener("load", () => {
+  let seen = {};
+  try { seen = use(); } catch (error) { problems.push(String(error)); }
+  const report = document.createElement("pre");
+  report.id = "seen";
+  report.textContent = JSON.stringify({ ...seen, problems });
+  document.body.append(report);
+});
