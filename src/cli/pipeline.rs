@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use super::output::{note, say};
 use super::parameters::print_parameters;
+use super::stages::Exclusive;
 use super::{Context, Failure, Outcome};
-use crate::run::{Finished, run};
-use crate::store::{ComparisonRow, FitRow, PARAMETERS};
+use crate::run::{Ahead, Finished, Options, look, run};
+use crate::store::{ComparisonRow, FitRow, How, PARAMETERS, Planned, Redo};
 use crate::synth::{Recipe, synthesise};
 use crate::trial::TRIALS_FILE;
 
@@ -14,25 +15,53 @@ use crate::trial::TRIALS_FILE;
 const DEMO_SEED: u64 = 1;
 
 #[derive(clap::Args)]
-pub(super) struct Demo {}
+pub(super) struct Demo {
+    #[command(flatten)]
+    update: Update,
+}
 
 #[derive(clap::Args)]
 pub(super) struct Run {
     /// Trial folder [default: `paths.raw` of the configuration].
     folder: Option<PathBuf>,
+    #[command(flatten)]
+    update: Update,
+}
+
+/// What is done again.
+#[derive(clap::Args)]
+pub(super) struct Update {
+    /// Redo every trial, fit and figure, not only what changed.
+    #[arg(long)]
+    force: bool,
+    /// Write nothing: list what would be redone.
+    #[arg(long)]
+    dry_run: bool,
+    /// Say why each trial, fit and figure is redone.
+    #[arg(long)]
+    explain: bool,
+    /// Read every file again, also those whose size and time have not changed.
+    #[arg(long)]
+    verify: bool,
+    #[command(flatten)]
+    exclusive: Exclusive,
 }
 
 impl Demo {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let raw = &context.config.paths.raw;
         if !raw.join(TRIALS_FILE).exists() {
+            if self.update.dry_run {
+                say!("everything: {} is not there", raw.join(TRIALS_FILE).display());
+                return Ok(Outcome::Well);
+            }
             let recipe = Recipe::new(DEMO_SEED);
             let total = recipe.trials(&context.config);
             let stage = context.progress.stage("synth", total);
             let on_trial = |trial: &str| stage.step(trial);
             synthesise(&context.config, raw, &recipe, &on_trial)?;
         }
-        context.run_all()
+        self.update.run(&context)
     }
 }
 
@@ -41,13 +70,20 @@ impl Run {
         if let Some(folder) = self.folder {
             context.config.paths.raw = folder;
         }
-        context.run_all()
+        self.update.run(&context)
     }
 }
 
-impl Context {
-    fn run_all(&self) -> Result<Outcome, Failure> {
-        let finished = run(&self.config, &self.progress.watch())?;
+impl Update {
+    fn run(&self, context: &Context) -> Result<Outcome, Failure> {
+        let how = How { force: self.force, verify: self.verify };
+        if self.dry_run {
+            return self.list(&look(&context.config, how)?);
+        }
+        let options = Options { how, wait: self.exclusive.wait };
+        let watch = context.progress.watch().explaining(self.explain);
+        let finished = run(&context.config, options, &watch)?;
+        drop(watch);
         let record = &finished.record;
         for trial in record.attention.iter().filter(|trial| trial.status == "failed") {
             note!("failed: {}: {}", trial.trial, trial.message);
@@ -64,7 +100,37 @@ impl Context {
             trials.failed
         );
         say!("page: {}", record.page.display());
+        if finished.was_up_to_date {
+            context.progress.say("everything was up to date");
+        }
         Ok(outcome(&finished))
+    }
+
+    /// What a run would do, a line each.
+    fn list(&self, ahead: &Ahead) -> Result<Outcome, Failure> {
+        if let Some(problem) = &ahead.problem {
+            note!("{problem}");
+        }
+        for (number, redo) in ahead.stages.iter().enumerate() {
+            let perhaps = if number >= ahead.uncertain_from { "perhaps " } else { "" };
+            for Planned { name, why } in &redo.things {
+                let why =
+                    if self.explain { format!(": {}", why.join("; ")) } else { String::new() };
+                say!("{perhaps}{} {name}{why}", redo.kind);
+            }
+            for name in &redo.removed {
+                let why = if self.explain { ": is no more" } else { "" };
+                say!("remove {} {name}{why}", redo.kind);
+            }
+            for why in &redo.whole {
+                say!("{perhaps}{}: {why}", ["tables of trials", "tables of fits", "page"][number]);
+            }
+        }
+        ahead.others.iter().for_each(|other| say!("{other}"));
+        if ahead.stages.iter().all(Redo::is_empty) && ahead.others.is_empty() {
+            note!("everything is up to date");
+        }
+        Ok(Outcome::Well)
     }
 }
 

@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output::note;
 use crate::run::Watch;
+use crate::store::{Planned, Redo};
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +40,8 @@ impl Progress {
             Self::Bars => ProgressBar::new(total as u64),
             Self::Quiet | Self::Lines => ProgressBar::hidden(),
         };
-        let style = ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {msg}");
+        let style =
+            ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta:>4} left {msg}");
         bar.set_style(style.expect("the template is well-formed"));
         bar.set_prefix(name);
         Stage { shown: self, name, total, done: AtomicUsize::new(0), bar }
@@ -49,17 +51,39 @@ impl Progress {
 /// Shows a whole run, one stage after the other.
 pub(super) struct Watcher {
     progress: Progress,
+    explain: bool,
     stage: Mutex<Option<Stage>>,
+}
+
+impl Watcher {
+    /// Says why each thing is done, too.
+    pub fn explaining(self, explain: bool) -> Self {
+        Self { explain, ..self }
+    }
 }
 
 impl Progress {
     /// Somebody who watches a run and shows it.
     pub fn watch(self) -> Watcher {
-        Watcher { progress: self, stage: Mutex::new(None) }
+        Watcher { progress: self, explain: false, stage: Mutex::new(None) }
     }
 }
 
 impl Watch for Watcher {
+    fn planned(&self, redo: &Redo) {
+        if self.explain {
+            for Planned { name, why } in &redo.things {
+                note!("{} {name}: {}", redo.kind, why.join("; "));
+            }
+            redo.removed.iter().for_each(|name| note!("{} {name}: is no more", redo.kind));
+            redo.whole.iter().for_each(|why| note!("{why}"));
+        }
+    }
+
+    fn note(&self, message: &str) {
+        self.progress.say(message);
+    }
+
     fn begin(&self, stage: &'static str, total: usize) {
         if let Ok(mut current) = self.stage.lock() {
             // The old bar goes before the new one comes.

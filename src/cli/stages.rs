@@ -11,16 +11,32 @@ use crate::run;
 pub(super) struct Ingest {
     /// Trial folder [default: `paths.raw` of the configuration].
     folder: Option<PathBuf>,
+    #[command(flatten)]
+    exclusive: Exclusive,
     /// Write nothing: print the [markers] tables that this trial shows, in which both joints move.
     #[arg(long, value_name = "TRIAL")]
     calibrate: Option<String>,
 }
 
 #[derive(clap::Args)]
-pub(super) struct Fit {}
+pub(super) struct Fit {
+    #[command(flatten)]
+    exclusive: Exclusive,
+}
 
 #[derive(clap::Args)]
-pub(super) struct Report {}
+pub(super) struct Report {
+    #[command(flatten)]
+    exclusive: Exclusive,
+}
+
+/// What to do when another run is busy with the same folder of results.
+#[derive(clap::Args)]
+pub(super) struct Exclusive {
+    /// Wait for another run on the same folder of results, instead of giving up.
+    #[arg(long)]
+    pub wait: bool,
+}
 
 impl Ingest {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
@@ -30,7 +46,8 @@ impl Ingest {
         if let Some(trial) = self.calibrate {
             return calibrate::run(&context, &context.config.paths.raw, &trial);
         }
-        let ingested = run::ingest(&context.config, &context.progress.watch())?;
+        let ingested =
+            run::ingest(&context.config, self.exclusive.wait, &context.progress.watch())?;
         for trial in run::attention(&ingested.trials) {
             let line = format!("{}: {}: {}", trial.status, trial.trial, trial.message);
             match trial.status.as_str() {
@@ -54,7 +71,7 @@ impl Ingest {
 
 impl Fit {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let fitted = run::fit(&context.config, &context.progress.watch())?;
+        let fitted = run::fit(&context.config, self.exclusive.wait, &context.progress.watch())?;
         pipeline::print_fits(&fitted.fits);
         pipeline::print_comparison(&fitted.comparison);
         Ok(Outcome::Well)
@@ -63,7 +80,7 @@ impl Fit {
 
 impl Report {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let reported = run::draw(&context.config, &context.progress.watch())?;
+        let reported = run::draw(&context.config, self.exclusive.wait, &context.progress.watch())?;
         for missing in &reported.missing {
             context.progress.say(&format!("not drawn: {missing}"));
         }

@@ -1,15 +1,24 @@
 //! From the tables of `derived/` to tables beside them.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::{FitData, Fitted, OnEvent, fit};
+use super::plan::{FitPlan, plan};
+use super::{FitData, Fitted, OnEvent, fit_except};
 use crate::config::Config;
-use crate::store::{
-    BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, Provenance,
-    RobotParameterRow, Rows, StartRow, StoreError, Table, TrialRow, cycles_path,
-};
+use crate::store::{How, Rows, StageState, StoreError, Table, TrialRow, cycles_path, flatten};
 use crate::trial::is_valid_id;
+
+/// The tables of a fit.
+pub(super) const TABLES: [&str; 6] = [
+    "fits.parquet",
+    "starts.parquet",
+    "profiles.parquet",
+    "bootstrap.parquet",
+    "comparison.parquet",
+    "predictions.parquet",
+];
 
 /// Fits all campaigns to `derived/trials.parquet` and writes `fits.parquet`, `starts.parquet`,
 /// `profiles.parquet`, `bootstrap.parquet`, `comparison.parquet` and `predictions.parquet` beside
@@ -23,56 +32,115 @@ pub fn fit_folder(
     derived: &Path,
     on_event: OnEvent,
 ) -> Result<Fitted, StoreError> {
-    let mut input = Input::new(config);
-    let trials: Vec<TrialRow> = input.rows(&derived.join("trials.parquet"))?;
+    let known = StageState::default();
+    Ok(fit_planned(config, derived, plan(config, derived, &known, How::FORCE)?, on_event)?.0)
+}
+
+/// [`fit_folder`] of those models only that the plan does not keep. The tables are those that a
+/// fit of all would have left. Gives what to record, too.
+///
+/// # Errors
+/// A table cannot be written.
+pub fn fit_planned(
+    config: &Config,
+    derived: &Path,
+    mut plan: FitPlan,
+    on_event: OnEvent,
+) -> Result<(Fitted, StageState), StoreError> {
+    let Some(data) = plan.data.take().filter(|_| !plan.redo.is_empty()) else {
+        let state = plan.state();
+        return Ok((plan.into_fitted(), state));
+    };
+    let provenance = plan.provenance();
+    let mut state = StageState {
+        settings: flatten(config),
+        things: plan.things(),
+        inputs: plan.inputs,
+        order: plan.order,
+        ..StageState::default()
+    };
+    let fitted = fit_except(config, &data, plan.kept, on_event);
+    for (name, table) in TABLES.into_iter().zip(fitted.to_tables()) {
+        let stamp = table.write_if_changed(&derived.join(name), &provenance)?;
+        state.outputs.insert(name.to_owned(), stamp);
+    }
+    state.input = provenance.input;
+    Ok((fitted, state))
+}
+
+/// Files that a fit writes.
+pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
+    TABLES.map(|name| derived.join(name)).into()
+}
+
+/// Files that a fit reads.
+///
+/// # Errors
+/// There is no table of trials.
+pub(super) fn input_paths(derived: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let trials = derived.join("trials.parquet");
+    match std::fs::metadata(&trials) {
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            return Err(StoreError::NotIngested { path: trials });
+        }
+        _ => {}
+    }
+    let mut paths = vec![trials, derived.join("robot_parameters.parquet")];
+    let folder = derived.join("cycles");
+    match std::fs::read_dir(&folder) {
+        Ok(entries) => {
+            let tables = entries.flatten().map(|entry| entry.path());
+            paths.extend(tables.filter(|path| path.extension().is_some_and(|e| e == "parquet")));
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound => {}
+        Err(source) => return Err(StoreError::Read { path: folder, source }),
+    }
+    paths.retain(|path| path.exists());
+    Ok(paths)
+}
+
+/// What is fitted.
+pub(super) fn read_data(derived: &Path) -> Result<FitData, StoreError> {
+    let trials: Vec<TrialRow> = rows(&derived.join("trials.parquet"))?;
     let mut cycles = BTreeMap::new();
     for trial in trials.iter().filter(|trial| is_valid_id(&trial.trial)) {
         let path = cycles_path(derived, &trial.trial);
         if path.exists() {
-            cycles.insert(trial.trial.clone(), input.rows::<CycleRow>(&path)?);
+            cycles.insert(trial.trial.clone(), rows(&path)?);
         }
     }
     let path = derived.join("robot_parameters.parquet");
-    let robots: Vec<RobotParameterRow> =
-        if path.exists() { input.rows(&path)? } else { Vec::new() };
-    let provenance = input.provenance();
-    let fitted = fit(config, &FitData { trials, cycles, robots }, on_event);
-    let write = |name: &str, table: Table| {
-        let path: PathBuf = derived.join(format!("{name}.parquet"));
-        table.write(&path, &provenance)
-    };
-    write("fits", FitRow::to_table(&fitted.fits))?;
-    write("starts", StartRow::to_table(&fitted.starts))?;
-    write("profiles", ProfileRow::to_table(&fitted.profiles))?;
-    write("bootstrap", BootstrapRow::to_table(&fitted.bootstrap))?;
-    write("comparison", ComparisonRow::to_table(&fitted.comparison))?;
-    write("predictions", PredictionRow::to_table(&fitted.predictions))?;
-    Ok(fitted)
+    let robots = if path.exists() { rows(&path)? } else { Vec::new() };
+    Ok(FitData { trials, cycles, robots })
 }
 
-/// What is read, and the fingerprint of it and of the keys that a fit reads.
-struct Input {
-    hash: blake3::Hasher,
+/// The tables that a fit left.
+pub(super) fn read_fitted(derived: &Path) -> Result<Fitted, StoreError> {
+    let [fits, starts, profiles, bootstrap, comparison, predictions] =
+        TABLES.map(|name| derived.join(name));
+    Ok(Fitted {
+        fits: rows(&fits)?,
+        starts: rows(&starts)?,
+        profiles: rows(&profiles)?,
+        bootstrap: rows(&bootstrap)?,
+        comparison: rows(&comparison)?,
+        predictions: rows(&predictions)?,
+    })
 }
 
-impl Input {
-    fn new(config: &Config) -> Self {
-        let keys =
-            serde_json::to_vec(&(&config.fit, &config.robot, &config.gait, &config.campaign))
-                .expect("a configuration is plain data");
-        let mut hash = blake3::Hasher::new();
-        hash.update(&keys);
-        Self { hash }
-    }
+fn rows<R: Rows>(path: &Path) -> Result<Vec<R>, StoreError> {
+    R::from_table(&Table::read(path)?)
+}
 
-    fn rows<R: Rows>(&mut self, path: &Path) -> Result<Vec<R>, StoreError> {
-        let bytes = std::fs::read(path)
-            .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
-        self.hash.update(&bytes);
-        R::from_table(&Table::read(path)?)
-    }
-
-    fn provenance(&self) -> Provenance {
-        Provenance { input: self.hash.finalize().to_hex().to_string() }
+impl Fitted {
+    fn to_tables(&self) -> [Table; 6] {
+        [
+            Rows::to_table(&self.fits),
+            Rows::to_table(&self.starts),
+            Rows::to_table(&self.profiles),
+            Rows::to_table(&self.bootstrap),
+            Rows::to_table(&self.comparison),
+            Rows::to_table(&self.predictions),
+        ]
     }
 }

@@ -45,6 +45,13 @@ pub(super) struct Done {
     pub replicates: Vec<f64>,
 }
 
+/// A model that was fitted before.
+impl From<Fitted> for Done {
+    fn from(tables: Fitted) -> Self {
+        Self { replicates: tables.bootstrap.iter().map(|row| row.j).collect(), tables }
+    }
+}
+
 impl Job<'_> {
     pub fn run(&self, on_event: OnEvent) -> Done {
         if self.measurements.is_empty() {

@@ -21,6 +21,7 @@ mod job;
 mod measured;
 mod measurement;
 mod objective;
+mod plan;
 mod predict;
 mod profile;
 mod resample;
@@ -40,10 +41,15 @@ use job::{Done, Job};
 use resample::Resampler;
 
 pub use coefficient::{Coefficient, Parameter};
-pub use folder::fit_folder;
+pub use folder::{fit_folder, fit_planned, table_paths};
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective};
+pub use plan::{FitPlan, plan, plan_after};
 pub use search::{Start, search};
+
+/// Raise it when the same measurements and configuration give other tables than before: then
+/// every model is fitted again once.
+pub const FIT_VERSION: u32 = 1;
 
 /// What is fitted.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -87,14 +93,22 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// Fits all campaigns; models, starts, profiles and replicates in parallel, results in order.
 /// They depend neither on the number of threads nor on the order of the trials.
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
-    let campaigns: Vec<(&str, Vec<Measurement>, Resampler)> = config
-        .campaign
-        .keys()
-        .map(|name| {
-            let of_campaign = data.trials.iter().filter(|trial| trial.campaign == *name);
-            let mut measurements: Vec<Measurement> =
-                of_campaign.filter_map(|trial| Measurement::new(trial, config.fit.sigma)).collect();
-            measurements.sort_by(Measurement::order);
+    fit_except(config, data, Kept::new(), on_event)
+}
+
+/// What there is of fits that stay as they are, by campaign and model.
+pub type Kept = BTreeMap<(String, Model), Fitted>;
+
+/// [`fit`] of those models only that are not kept. The tables are those that a fit of all would
+/// have given.
+pub fn fit_except(config: &Config, data: &FitData, mut kept: Kept, on_event: OnEvent) -> Fitted {
+    let campaigns = config.campaign.iter();
+    let campaigns: Vec<(&str, Vec<Measurement>, Resampler)> = campaigns
+        .filter(|(name, campaign)| {
+            campaign.models.iter().any(|model| !kept.contains_key(&((*name).clone(), *model)))
+        })
+        .map(|(name, _)| {
+            let measurements = measurements(config, name, data);
             let seed = config.fit.seed;
             let resampler = Resampler::new(name, seed, &measurements, &data.cycles);
             (name.as_str(), measurements, resampler)
@@ -126,33 +140,48 @@ pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
                 })
             })
         })
+        .filter(|job| !kept.contains_key(&(job.campaign.to_owned(), job.model)))
         .collect();
-    let mut done: Vec<Done> = jobs
+    let mut fitted: BTreeMap<(&str, Model), Done> = jobs
         .par_iter()
         .with_max_len(1)
         .map(|job| {
             let done = job.run(on_event);
             done.tables.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
-            done
+            ((job.campaign, job.model), done)
         })
         .collect();
-    for of_campaign in done.chunk_by_mut(|a, b| campaign_of(a) == campaign_of(b)) {
-        compare_models(of_campaign, config.fit.bootstrap);
-    }
     let mut all = Fitted::default();
-    for Done { tables, .. } in done {
-        all.fits.extend(tables.fits);
-        all.starts.extend(tables.starts);
-        all.profiles.extend(tables.profiles);
-        all.bootstrap.extend(tables.bootstrap);
-        all.comparison.extend(tables.comparison);
-        all.predictions.extend(tables.predictions);
+    for (name, campaign) in &config.campaign {
+        let models = campaign.models.iter().filter_map(|&model| {
+            let kept = kept.remove(&(name.clone(), model)).map(Done::from);
+            kept.or_else(|| fitted.remove(&(name.as_str(), model)))
+        });
+        let mut models: Vec<Done> = models.collect();
+        compare_models(&mut models, config.fit.bootstrap);
+        models.into_iter().for_each(|done| all.extend(done.tables));
     }
     all
 }
 
-fn campaign_of(done: &Done) -> Option<&str> {
-    done.tables.comparison.first().map(|row| row.campaign.as_str())
+/// What the trials of a campaign measured, in order.
+fn measurements(config: &Config, campaign: &str, data: &FitData) -> Vec<Measurement> {
+    let of_campaign = data.trials.iter().filter(|trial| trial.campaign == campaign);
+    let mut measurements: Vec<Measurement> =
+        of_campaign.filter_map(|trial| Measurement::new(trial, config.fit.sigma)).collect();
+    measurements.sort_by(Measurement::order);
+    measurements
+}
+
+impl Fitted {
+    fn extend(&mut self, other: Self) {
+        self.fits.extend(other.fits);
+        self.starts.extend(other.starts);
+        self.profiles.extend(other.profiles);
+        self.bootstrap.extend(other.bootstrap);
+        self.comparison.extend(other.comparison);
+        self.predictions.extend(other.predictions);
+    }
 }
 
 /// Completes the rows of a campaign's comparison by what needs all of them.

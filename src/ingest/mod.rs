@@ -15,12 +15,14 @@ mod curve;
 mod cycles;
 mod error;
 mod fingerprint;
+mod folder;
 mod gaps;
 mod harmonics;
 mod layout;
 mod links;
 mod means;
 mod mend;
+mod plan;
 mod release;
 mod rigid;
 mod smooth;
@@ -38,25 +40,20 @@ mod synthetic;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-use std::sync::mpsc::{self, SyncSender};
-use std::thread;
-
-use rayon::prelude::*;
+use std::path::Path;
 
 pub use calibrate::{Calibration, CalibrationError, MarkerPlace, Measured, calibrate};
 pub use checks::{Check, Severity};
 pub use error::{IngestError, TrialFailure};
+pub use folder::{OnTrial, ingest_folder, ingest_planned};
+pub use plan::{IngestPlan, Touched, plan, table_paths};
 pub use survey::{FileSurvey, Gaps, Recording, SeenMarker, survey};
+pub use tables::table_folders;
 
 use crate::config::{Config, Smoothing};
 use crate::robot::{Gait, Robot};
-use crate::store::{
-    Beside, CheckRow, CycleRow, Provenance, RobotParameterRow, Rows, StoreError, Table, TrialRow,
-    cycles_path, poses_path, wheels_path,
-};
-use crate::trial::{Trial, TrialError, TrialKind, TrialList};
+use crate::store::{CheckRow, CycleRow, RobotParameterRow, Table, TrialRow};
+use crate::trial::{Trial, TrialError, TrialKind};
 use crate::vicon;
 use chain::Chain;
 use checks::Finding;
@@ -66,14 +63,15 @@ use harmonics::{GAIT_HARMONICS, Harmonics};
 use links::Tracked;
 use smooth::JointSignal;
 
-/// Files that may wait for the disk.
-const MOST_BESIDE: usize = 32;
+/// Raise it when the same marker files, list and configuration give other tables than before:
+/// then every trial is ingested again once.
+pub const INGEST_VERSION: u32 = 1;
 /// Used cycles below which a trial has no means.
 const LEAST_USED_CYCLES: usize = 2;
 
 /// What a folder amounts to: `trials.parquet`, `checks.parquet` and `robot_parameters.parquet`,
 /// in the order of the list.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ingested {
     pub trials: Vec<TrialRow>,
     pub checks: Vec<CheckRow>,
@@ -94,57 +92,6 @@ pub struct ProcessedTrial {
     pub poses: Table,
     /// `wheels/<trial>.parquet`.
     pub wheels: Table,
-}
-
-/// Ingests every trial of a folder, in parallel, and writes `derived/`: the tables of each
-/// trial, then `trials.parquet` and `checks.parquet`. Tables of trials that are no longer
-/// listed or now fail are removed. `on_trial` is called with each trial as it is done, in any
-/// order and from any thread.
-///
-/// # Errors
-/// The list of trials cannot be used, or a table cannot be written or removed. What is wrong
-/// with one trial is in its row instead.
-pub fn ingest_folder(
-    config: &Config,
-    folder: &Path,
-    derived: &Path,
-    on_trial: &(dyn Fn(&TrialRow) + Sync),
-) -> Result<Ingested, IngestError> {
-    let list = TrialList::load(folder)?;
-    let (to_disk, written) = mpsc::sync_channel(MOST_BESIDE);
-    let (outcomes, settled) = thread::scope(|scope| {
-        // The disk is waited for while the next trials are computed.
-        let settling = scope.spawn(move || written.into_iter().try_for_each(Beside::settle));
-        let outcomes: Result<Vec<Outcome>, IngestError> = list
-            .trial
-            .par_iter()
-            .with_max_len(1)
-            .map_with(to_disk, |to_disk, trial| {
-                let outcome = ingest_trial(config, folder, derived, trial, to_disk)?;
-                on_trial(&outcome.row);
-                Ok(outcome)
-            })
-            .collect();
-        (outcomes, settling.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    });
-    settled?;
-    let outcomes = outcomes?;
-    let written: BTreeSet<PathBuf> =
-        outcomes.iter().flat_map(|outcome| outcome.written.iter().cloned()).collect();
-    tables::remove_outdated(derived, &written)?;
-    let prints = outcomes.iter().map(|outcome| outcome.fingerprint.as_str());
-    let provenance = Provenance { input: fingerprint::of_all(prints) };
-    let (mut trials, mut checks, mut parameters) = (Vec::new(), Vec::new(), Vec::new());
-    for outcome in outcomes {
-        trials.push(outcome.row);
-        checks.extend(outcome.checks);
-        parameters.extend(outcome.parameters);
-    }
-    TrialRow::to_table(&trials).write(&derived.join("trials.parquet"), &provenance)?;
-    CheckRow::to_table(&checks).write(&derived.join("checks.parquet"), &provenance)?;
-    RobotParameterRow::to_table(&parameters)
-        .write(&derived.join("robot_parameters.parquet"), &provenance)?;
-    Ok(Ingested { trials, checks, parameters })
 }
 
 /// Computes one trial of a folder and writes nothing.
@@ -177,62 +124,6 @@ pub fn check_trial(folder: &Path, trial: &Trial, config: &Config) -> (TrialRow, 
             (row, failed_checks(trial, &failure, &findings))
         }
     }
-}
-
-/// What remains of a trial when its tables are written.
-struct Outcome {
-    row: TrialRow,
-    checks: Vec<CheckRow>,
-    parameters: Option<RobotParameterRow>,
-    fingerprint: String,
-    written: Vec<PathBuf>,
-}
-
-fn ingest_trial(
-    config: &Config,
-    folder: &Path,
-    derived: &Path,
-    trial: &Trial,
-    to_disk: &SyncSender<Beside>,
-) -> Result<Outcome, IngestError> {
-    let path = folder.join(&trial.file);
-    // The entry is checked first: its file name might point out of the folder.
-    let file =
-        trial.check(config).map_err(TrialFailure::from).and_then(|()| Ok(vicon::read_file(&path)?));
-    let fingerprint = fingerprint::of_trial(trial, config, file.as_deref().ok());
-    let mut findings = Vec::new();
-    let processed = file.and_then(|file| process(&path, &file, trial, config, &mut findings));
-    let processed = match processed {
-        Ok(processed) => processed,
-        Err(failure) => return Ok(failed(trial, &failure, &findings, fingerprint)),
-    };
-    let provenance = Provenance { input: fingerprint };
-    let mut written = Vec::new();
-    let mut write = |table: &Table, path: PathBuf| -> Result<(), StoreError> {
-        let beside = table.write_beside(&path, &provenance)?;
-        // If nobody takes it any more, whoever did has the reason.
-        let _ = to_disk.send(beside);
-        written.push(path);
-        Ok(())
-    };
-    write(&processed.poses, poses_path(derived, &trial.id))?;
-    write(&processed.wheels, wheels_path(derived, &trial.id))?;
-    if trial.kind == TrialKind::Gait {
-        write(&CycleRow::to_table(&processed.cycles), cycles_path(derived, &trial.id))?;
-    }
-    let ProcessedTrial { row, checks, parameters, .. } = processed;
-    Ok(Outcome { row, checks, parameters, fingerprint: provenance.input, written })
-}
-
-fn failed(
-    trial: &Trial,
-    failure: &TrialFailure,
-    findings: &[Finding],
-    fingerprint: String,
-) -> Outcome {
-    let row = TrialRow { message: failure.to_string(), ..summary::blank_row(trial) };
-    let checks = failed_checks(trial, failure, findings);
-    Outcome { row, checks, parameters: None, fingerprint, written: Vec::new() }
 }
 
 /// The reason, and the checks that were made before it.

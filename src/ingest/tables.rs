@@ -7,7 +7,7 @@ use std::path::Path;
 use super::IngestError;
 use super::links::{Coordinates, Tracked};
 use super::velocity::WheelVelocities;
-use crate::store::{Column, Table};
+use crate::store::{Column, StageState, Table, is_own_table};
 
 /// Folders inside `derived/` with a file for each trial.
 const FOLDERS: [&str; 3] = ["poses", "wheels", "cycles"];
@@ -88,11 +88,18 @@ fn frames_and_times(first_frame: i64, frames: usize, rate_hz: f64) -> [Column; 2
 }
 
 /// Removes the tables of trials that are not in the list or have failed, so that nobody takes
-/// them for results. `written` is what this ingest wrote.
+/// them for results; `current` are those that stay. What this program did not write stays too.
 pub(super) fn remove_outdated(
     derived: &Path,
-    written: &BTreeSet<std::path::PathBuf>,
+    known: &StageState,
+    current: &BTreeSet<std::path::PathBuf>,
 ) -> Result<(), IngestError> {
+    let recorded: BTreeSet<std::path::PathBuf> = known
+        .things
+        .values()
+        .flat_map(|thing| thing.outputs.keys())
+        .map(|n| derived.join(n))
+        .collect();
     for folder in FOLDERS.map(|folder| derived.join(folder)) {
         let error = |path: &Path, source| IngestError::Outdated { path: path.to_owned(), source };
         let entries = match std::fs::read_dir(&folder) {
@@ -103,10 +110,19 @@ pub(super) fn remove_outdated(
         for entry in entries {
             let path = entry.map_err(|source| error(&folder, source))?.path();
             let is_table = path.extension().is_some_and(|extension| extension == "parquet");
-            if is_table && path.is_file() && !written.contains(&path) {
+            if is_table
+                && !current.contains(&path)
+                && path.is_file()
+                && (recorded.contains(&path) || is_own_table(&path))
+            {
                 std::fs::remove_file(&path).map_err(|source| error(&path, source))?;
             }
         }
     }
     Ok(())
+}
+
+/// Folders inside `derived/` with a file for each trial.
+pub fn table_folders(derived: &Path) -> Vec<std::path::PathBuf> {
+    FOLDERS.map(|folder| derived.join(folder)).into()
 }

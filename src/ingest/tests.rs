@@ -734,11 +734,15 @@ fn tables_of_trials_that_are_gone_or_fail_now_are_removed() {
     ingest(folder.path(), derived.path(), 2);
     let notes = derived.path().join("poses/notes.txt");
     fs::write(&notes, "mine").unwrap();
-    fs::write(derived.path().join("poses/gone.parquet"), "old").unwrap();
+    let [good, gone, foreign] = ["good", "gone", "foreign"]
+        .map(|name| derived.path().join(format!("poses/{name}.parquet")));
+    fs::copy(good, gone).unwrap();
+    fs::write(&foreign, "mine").unwrap();
     fs::write(folder.path().join("second.csv"), "").unwrap();
     ingest(folder.path(), derived.path(), 2);
     let exists = |name: &str| derived.path().join(name).exists();
-    assert!(exists("poses/good.parquet") && exists("cycles/good.parquet") && notes.exists());
+    assert!(exists("poses/good.parquet") && exists("cycles/good.parquet"));
+    assert!(notes.exists() && foreign.exists());
     for folder in ["poses", "wheels", "cycles"] {
         assert!(!exists(&format!("{folder}/second.parquet")));
         assert!(!exists(&format!("{folder}/gone.parquet")));

@@ -12,6 +12,7 @@ mod numbers;
 mod page;
 mod parameters;
 mod places;
+mod plan;
 mod plot;
 mod polyline;
 mod recording;
@@ -26,16 +27,22 @@ mod trials;
 mod truth;
 mod warnings;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use crate::config::Config;
-use crate::store::{StoreError, write_bytes};
+use crate::store::{How, StageState, Stamp, StoreError, Thing, write_if_changed};
 use figure::Figure;
 use font::Typeface;
-use tables::Tables;
-use truth::Truth;
+use plan::Content;
+
+pub use plan::{ReportPlan, plan, plan_after};
+
+/// Raise it when the same tables and configuration give another page or other drawings of the
+/// same numbers: then every figure is drawn again once.
+pub const REPORT_VERSION: u32 = 1;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -73,64 +80,80 @@ pub struct Reported {
 /// # Errors
 /// `trials.parquet` is not there, a table cannot be read, or a file cannot be written.
 pub fn report(config: &Config) -> Result<Reported, ReportError> {
-    let reports = &config.paths.reports;
-    let tables = Tables::read(&config.paths.derived)?;
-    let mut missing = tables.missing.clone();
-    let truth = Truth::read(&config.paths.raw).unwrap_or_else(|problem| {
-        missing.push(problem);
-        None
-    });
-    let found = figures::figures(&tables, config, truth.as_ref());
-    missing.extend(found.missing);
+    let known = StageState::default();
+    Ok(report_planned(config, plan(config, &known, How::FORCE)?)?.0)
+}
 
-    let folder = reports.join("figures");
-    remove_stale(&folder, &found.figures)?;
+/// [`report`], but figures that the plan keeps are not drawn again, and files that would get the
+/// bytes that they have are left alone. Gives what to record, too.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn report_planned(
+    config: &Config,
+    plan: ReportPlan,
+) -> Result<(Reported, StageState), ReportError> {
+    let page = config.paths.reports.join(PAGE);
+    let mut state = plan.state();
+    let Some(Content { tables, figures, missing, truth }) = plan.content else {
+        let (figures, missing) = (state.order.clone(), state.missing.clone());
+        return Ok((Reported { page, figures, missing }, state));
+    };
+    let reports = &config.paths.reports;
+    plan::remove_stale(reports, plan.known, &figures)?;
     let font = Typeface::load()?;
-    let drawn = found
-        .figures
+    let drawn = figures
         .par_iter()
         .map(|figure| {
-            let svg = write_figure(&folder, figure)?;
+            let (svg, outputs) = match plan.kept.get(&figure.stem) {
+                Some((svg, outputs)) => (svg.clone(), outputs.clone()),
+                None => draw(reports, figure)?,
+            };
             let size = plot::size(figure, font);
-            Ok(page::Drawn { figure, svg, size })
+            Ok((page::Drawn { figure, svg, size }, outputs))
         })
         .collect::<Result<Vec<_>, ReportError>>()?;
+    let (drawn, outputs): (Vec<page::Drawn>, Vec<_>) = drawn.into_iter().unzip();
+    for (figure, outputs) in figures.iter().zip(outputs) {
+        let parts = plan::parts(figure);
+        state.things.insert(figure.stem.clone(), Thing { parts, outputs });
+    }
 
-    write_bytes(&reports.join("fits.json"), &fits_json::json(&tables.fits, &tables.comparison)?)?;
+    let mut write = |name: &str, bytes: &[u8]| -> Result<(), StoreError> {
+        let stamp = write_if_changed(&reports.join(name), bytes)?;
+        state.outputs.insert(name.to_owned(), stamp);
+        Ok(())
+    };
+    write(FITS, &fits_json::json(&tables.fits, &tables.comparison)?)?;
     let pages = trials::pages(&tables);
     trials::write(config, &tables, &pages)?;
     let html = page::html(config, &tables, &drawn, &pages, &missing, truth.as_ref())?;
-    let page = reports.join("index.html");
-    write_bytes(&page, html.as_bytes())?;
-    let figures = found.figures.iter().map(|figure| figure.stem.clone()).collect();
-    Ok(Reported { page, figures, missing })
+    write(PAGE, html.as_bytes())?;
+    let figures: Vec<String> = figures.iter().map(|figure| figure.stem.clone()).collect();
+    state.order.clone_from(&figures);
+    state.missing.clone_from(&missing);
+    Ok((Reported { page, figures, missing }, state))
 }
 
+const PAGE: &str = "index.html";
+const FITS: &str = "fits.json";
 const EXTENSIONS: [&str; 3] = ["svg", "png", "csv"];
 
-fn write_figure(folder: &Path, figure: &Figure) -> Result<String, ReportError> {
-    let svg = render::svg(figure)?;
-    let [svg_file, png_file, csv_file] =
-        EXTENSIONS.map(|extension| folder.join(format!("{}.{extension}", figure.stem)));
-    write_bytes(&svg_file, svg.as_bytes())?;
-    write_bytes(&png_file, &render::png(figure)?)?;
-    write_bytes(&csv_file, figure.csv().as_bytes())?;
-    Ok(svg)
+/// Files that a report writes, but for the figures.
+pub fn file_paths(reports: &Path) -> Vec<PathBuf> {
+    [PAGE, FITS].map(|name| reports.join(name)).into()
 }
 
-/// Removes figures of the paper's campaigns that an earlier report drew and this one does not.
-fn remove_stale(folder: &Path, figures: &[Figure]) -> Result<(), ReportError> {
-    let drawn = |stem: &str| figures.iter().any(|figure| figure.stem == stem);
-    for stem in figures::known_stems().iter().filter(|stem| !drawn(stem)) {
-        for extension in EXTENSIONS {
-            let path = folder.join(format!("{stem}.{extension}"));
-            match std::fs::remove_file(&path) {
-                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(ReportError::Remove { path, source });
-                }
-                _ => {}
-            }
-        }
+/// Draws a figure and writes its files; gives the SVG and the files' stamps.
+fn draw(reports: &Path, figure: &Figure) -> Result<(String, BTreeMap<String, Stamp>), ReportError> {
+    let svg = render::svg(figure)?;
+    let (png, csv) = (render::png(figure)?, figure.csv());
+    let mut outputs = BTreeMap::new();
+    let files = EXTENSIONS.into_iter().zip([svg.as_bytes(), &png, csv.as_bytes()]);
+    for (extension, bytes) in files {
+        let name = plan::file_name(&figure.stem, extension);
+        let stamp = write_if_changed(&reports.join(&name), bytes)?;
+        outputs.insert(name, stamp);
     }
-    Ok(())
+    Ok((svg, outputs))
 }

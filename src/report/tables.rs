@@ -1,17 +1,33 @@
 //! What the report is made of: the tables that the stages before it left.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::ReportError;
 use super::series::Source;
 use crate::config::Config;
 use crate::store::{
     BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
-    Rows, StartRow, Table, TrialRow,
+    Rows, StartRow, StoreError, Table, TrialRow,
 };
 
 const WITHOUT_ROBOTS: &str = "no measured parameter of a robot is listed";
+
+/// The tables that are read, where they are there.
+pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
+    const TABLES: [&str; 9] = [
+        "trials",
+        "checks",
+        "fits",
+        "predictions",
+        "comparison",
+        "starts",
+        "profiles",
+        "bootstrap",
+        "robot_parameters",
+    ];
+    TABLES.map(|name| derived.join(format!("{name}.parquet"))).into()
+}
 
 /// Rows of `derived/`.
 #[derive(Debug, Default)]
@@ -38,8 +54,12 @@ impl Tables {
     /// There is no `trials.parquet`, or a table cannot be read or lacks a column.
     pub fn read(derived: &Path) -> Result<Self, ReportError> {
         let mut missing = Vec::new();
+        let trials = derived.join("trials.parquet");
+        if !trials.exists() {
+            return Err(StoreError::NotIngested { path: trials }.into());
+        }
         let mut tables = Self {
-            trials: TrialRow::from_table(&Table::read(&derived.join("trials.parquet"))?)?,
+            trials: TrialRow::from_table(&Table::read(&trials)?)?,
             checks: optional(derived, "checks", "no check is listed", &mut missing)?,
             fits: optional(derived, "fits", "no model is fitted", &mut missing)?,
             predictions: optional(derived, "predictions", "no model is drawn", &mut missing)?,

@@ -12,7 +12,7 @@ use super::recording::Recording;
 use super::tables::Tables;
 use super::{ReportError, figures, plot, render};
 use crate::config::Config;
-use crate::store::{TrialRow, write_bytes};
+use crate::store::{TrialRow, write_if_changed};
 
 /// Folder of the pages inside of `reports/`.
 const FOLDER: &str = "trials";
@@ -47,7 +47,8 @@ pub fn write(config: &Config, tables: &Tables, pages: &TrialPages) -> Result<(),
             _ => Recording::read(&config.paths.derived, &trial.trial).ok(),
         };
         let html = html(trial, tables, recording.as_ref(), config)?;
-        Ok::<(), ReportError>(write_bytes(&folder.join(file), html.as_bytes())?)
+        write_if_changed(&folder.join(file), html.as_bytes())?;
+        Ok::<(), ReportError>(())
     })?;
     remove_others(&folder, pages)
 }

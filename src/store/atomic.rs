@@ -4,13 +4,17 @@ use std::fs;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::StoreError;
+use super::{Stamp, StoreError};
+
+/// How the names of files begin that are being written.
+pub(super) const WRITING: &str = ".writing-";
 
 /// A file that is written beside its place and not yet there.
 #[derive(Debug)]
 pub struct Beside {
     path: PathBuf,
     file: tempfile::NamedTempFile,
+    blake3: String,
 }
 
 impl Beside {
@@ -26,27 +30,55 @@ impl Beside {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
             let folder = folder.unwrap_or(Path::new("."));
             fs::create_dir_all(folder)?;
-            let file = tempfile::Builder::new().prefix(".writing-").tempfile_in(folder)?;
-            let mut buffer = BufWriter::new(file);
-            write(&mut buffer)?;
-            let file = buffer.into_inner().map_err(|error| error.into_error())?;
+            let file = tempfile::Builder::new().prefix(WRITING).tempfile_in(folder)?;
+            let mut hashing = Hashing { to: BufWriter::new(file), hasher: blake3::Hasher::new() };
+            write(&mut hashing)?;
+            let blake3 = hashing.hasher.finalize().to_hex().to_string();
+            let file = hashing.to.into_inner().map_err(|error| error.into_error())?;
             make_readable(file.as_file())?;
-            Ok(Self { path: path.to_owned(), file })
+            Ok(Self { path: path.to_owned(), file, blake3 })
         };
         attempt().map_err(|source| StoreError::Write { path: path.to_owned(), source })
+    }
+
+    /// Where it will be.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Flushes the file to the disk and renames it into its place.
     ///
     /// # Errors
     /// Either fails; then what was there before stays.
-    pub fn settle(self) -> Result<(), StoreError> {
-        let Self { path, file } = self;
+    pub fn settle(self) -> Result<Stamp, StoreError> {
+        let Self { path, file, blake3 } = self;
         let settled = file
             .as_file()
             .sync_all()
-            .and_then(|()| file.persist(&path).map_err(|error| error.error));
-        settled.map(|_| ()).map_err(|source| StoreError::Write { path, source })
+            .and_then(|()| file.persist(&path).map_err(|error| error.error))
+            .and_then(|file| file.metadata());
+        match settled {
+            Ok(metadata) => Ok(Stamp::of_output(&metadata, blake3)),
+            Err(source) => Err(StoreError::Write { path, source }),
+        }
+    }
+}
+
+/// Hashes what it passes on.
+struct Hashing<W> {
+    to: W,
+    hasher: blake3::Hasher,
+}
+
+impl<W: Write> Write for Hashing<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.to.flush()
     }
 }
 
@@ -55,8 +87,25 @@ impl Beside {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
     Beside::write(path, |file| file.write_all(bytes))?.settle()
+}
+
+/// [`write_bytes`], unless the file has these bytes already: then it is left alone.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_if_changed(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
+    match fs::metadata(path) {
+        Ok(metadata)
+            if metadata.is_file()
+                && metadata.len() == bytes.len() as u64
+                && fs::read(path).is_ok_and(|found| found == bytes) =>
+        {
+            Ok(Stamp::of_output(&metadata, super::hash(bytes)))
+        }
+        _ => write_bytes(path, bytes),
+    }
 }
 
 /// Temporary files are private; results are for everybody who may read the folder.

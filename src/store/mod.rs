@@ -1,20 +1,29 @@
-//! Where results rest: the tables of `derived/`, written whole or not at all.
+//! Where results rest: the tables of `derived/`, written whole or not at all, and the record of
+//! what is up to date.
 
 mod atomic;
+mod lock;
 mod parameters;
+mod record;
+mod redo;
 mod rows;
 mod schema;
+mod stamp;
 mod table;
 
-pub use atomic::{Beside, write_bytes};
+pub use atomic::{Beside, write_bytes, write_if_changed};
+pub use lock::{LOCK_FILE, Lock, check_places, sweep};
 pub use parameters::PARAMETERS;
+pub use record::{Parts, RECORD_FILE, Record, StageState, Thing, absolute, changed_outputs};
+pub use redo::{CONFIGURATION, How, Planned, Redo, VERSION, changed_settings, flatten, reasons};
 pub use rows::Rows;
 pub use schema::{
     BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow,
     RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
     wheels_path,
 };
-pub use table::{Column, Provenance, Table, is_reading};
+pub use stamp::{Stamp, hash};
+pub use table::{Column, Provenance, Table, is_own_table, is_reading};
 
 use std::path::PathBuf;
 
@@ -27,6 +36,14 @@ pub enum StoreError {
     Read { path: PathBuf, source: std::io::Error },
     #[error("{}: not a Parquet table of trilink: {message}", path.display())]
     Table { path: PathBuf, message: String },
+    #[error("{}: not there; `trilink ingest` makes it", path.display())]
+    NotIngested { path: PathBuf },
+    #[error("{}: found {found}, needed {needed}", path.display())]
+    Place { path: PathBuf, found: &'static str, needed: &'static str },
+    #[error("{}: cannot be removed: {source}", path.display())]
+    Remove { path: PathBuf, source: std::io::Error },
+    #[error("{}: held by {holder}", path.display())]
+    Held { path: PathBuf, holder: String },
     #[error("{}: column `{column}`: found {found}, needed {needed}", path.display())]
     Column { path: PathBuf, column: String, found: String, needed: &'static str },
 }

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::fs::File;
+use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -13,11 +14,14 @@ use polars::prelude::{
     PlSmallStr, PolarsError, PolarsResult, SerReader, Series, StatisticsOptions, StringChunked,
 };
 
-use super::{Beside, StoreError};
+use super::{Beside, Stamp, StoreError, write_if_changed};
 
 /// Numbers with noise in them hardly shrink, however long that takes. Statistics, too, would take
 /// time: they tell a reader which parts of a table to skip, and these tables have one part.
 const ZSTD_LEVEL: i32 = 1;
+
+/// Key of the fingerprint in a file's metadata.
+const INPUT_KEY: &str = "trilink.input";
 
 thread_local! {
     static READING: Cell<bool> = const { Cell::new(false) };
@@ -101,7 +105,7 @@ impl Table {
     /// # Errors
     /// The file cannot be written; what was there before stays.
     pub fn write(&self, path: &Path, provenance: &Provenance) -> Result<(), StoreError> {
-        self.write_beside(path, provenance)?.settle()
+        self.write_beside(path, provenance)?.settle().map(|_| ())
     }
 
     /// [`Table::write`] but for the last step: the file is not yet in its place.
@@ -109,31 +113,31 @@ impl Table {
     /// # Errors
     /// The file cannot be written.
     pub fn write_beside(&self, path: &Path, provenance: &Provenance) -> Result<Beside, StoreError> {
-        let table_error = |error: PolarsError| StoreError::Table {
-            path: path.to_owned(),
-            message: error.to_string(),
-        };
-        let columns = self.columns.iter().map(|(name, column)| to_polars(name, column));
-        let mut frame = columns
-            .collect::<PolarsResult<_>>()
-            .and_then(DataFrame::new_infer_height)
-            .map_err(table_error)?;
-        let metadata = KeyValueMetadata::from_static(vec![
-            ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-            ("trilink.input".to_owned(), provenance.input.clone()),
-        ]);
-        let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(table_error)?;
-        let compression = ParquetCompression::Zstd(Some(level));
+        let mut frame = self.frame().map_err(|error| table_error(path, &error))?;
         Beside::write(path, |file| {
-            ParquetWriter::new(file)
-                .set_parallel(false)
-                .with_compression(compression)
-                .with_statistics(StatisticsOptions::empty())
-                .with_key_value_metadata(Some(metadata))
-                .finish(&mut frame)
-                .map(|_| ())
-                .map_err(|error| std::io::Error::other(error.to_string()))
+            write_parquet(&mut frame, file, provenance).map_err(std::io::Error::other)
         })
+    }
+
+    /// [`Table::write`], unless the file is this table already: then it is left alone.
+    ///
+    /// # Errors
+    /// The file cannot be written; what was there before stays.
+    pub fn write_if_changed(
+        &self,
+        path: &Path,
+        provenance: &Provenance,
+    ) -> Result<Stamp, StoreError> {
+        let mut bytes = Vec::new();
+        self.frame()
+            .and_then(|mut frame| write_parquet(&mut frame, &mut bytes, provenance))
+            .map_err(|error| table_error(path, &error))?;
+        write_if_changed(path, &bytes)
+    }
+
+    fn frame(&self) -> PolarsResult<DataFrame> {
+        let columns = self.columns.iter().map(|(name, column)| to_polars(name, column));
+        columns.collect::<PolarsResult<_>>().and_then(DataFrame::new_infer_height)
     }
 
     /// Reads a Parquet file.
@@ -234,6 +238,35 @@ impl Table {
             needed,
         }
     }
+}
+
+fn table_error(path: &Path, error: &PolarsError) -> StoreError {
+    StoreError::Table { path: path.to_owned(), message: error.to_string() }
+}
+
+fn write_parquet(
+    frame: &mut DataFrame,
+    to: impl Write,
+    provenance: &Provenance,
+) -> PolarsResult<()> {
+    let metadata = KeyValueMetadata::from_static(vec![
+        ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        (INPUT_KEY.to_owned(), provenance.input.clone()),
+    ]);
+    let compression = ParquetCompression::Zstd(Some(ZstdLevel::try_new(ZSTD_LEVEL)?));
+    ParquetWriter::new(to)
+        .set_parallel(false)
+        .with_compression(compression)
+        .with_statistics(StatisticsOptions::empty())
+        .with_key_value_metadata(Some(metadata))
+        .finish(frame)
+        .map(|_| ())
+}
+
+/// Whether a file is a table that this program wrote.
+pub fn is_own_table(path: &Path) -> bool {
+    const KEY: &[u8] = INPUT_KEY.as_bytes();
+    std::fs::read(path).is_ok_and(|bytes| bytes.windows(KEY.len()).any(|part| part == KEY))
 }
 
 fn to_polars(name: &str, column: &Column) -> PolarsResult<PolarsColumn> {

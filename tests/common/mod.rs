@@ -28,7 +28,10 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the text is UTF-8")
 }
 
-/// Every file below a folder, by its path from there.
+/// What is beside the results: who holds them, and the record of times and hashes.
+const BESIDE: [&str; 2] = [".lock", "up-to-date.json"];
+
+/// Every file of results below a folder, by its path from there.
 pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut open = vec![folder.to_owned()];
@@ -37,7 +40,7 @@ pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
             let path = entry.expect("an entry").path();
             if path.is_dir() {
                 open.push(path);
-            } else {
+            } else if !BESIDE.iter().any(|name| path.ends_with(name)) {
                 let bytes = std::fs::read(&path).expect("the file is readable");
                 let name = path.strip_prefix(folder).expect("the file is inside");
                 found.insert(name.to_owned(), bytes);

@@ -1,0 +1,156 @@
+//! The whole way from a trial folder to the page, as far as something changed, and a record of
+//! how it went.
+
+mod look;
+mod stages;
+mod summary;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use crate::config::{Config, ConfigError};
+use crate::fit::Fitted;
+use crate::ingest::{IngestError, Ingested};
+use crate::report::{ReportError, Reported};
+use crate::store::{
+    ComparisonRow, FitRow, How, Record, Redo, RobotParameterRow, StoreError, write_bytes,
+};
+
+pub use look::{Ahead, look};
+pub use stages::{draw, fit, ingest};
+pub use summary::{Attention, FitRecord, RunRecord, StageRecord, TrialCounts, attention, count};
+
+/// Somebody who watches a run.
+pub trait Watch: Sync {
+    /// A stage begins that has `total` steps.
+    fn begin(&self, stage: &'static str, total: usize);
+    /// A step is done; steps may end on any thread.
+    fn step(&self, what: &str);
+    /// Something smaller than a step is done: `done` of `total` parts of `what`.
+    fn part(&self, what: &str, done: usize, total: usize);
+    /// What a stage is about to do again.
+    fn planned(&self, _redo: &Redo) {}
+    /// Something that a person should know.
+    fn note(&self, _message: &str) {}
+}
+
+/// Why a run ended before its end.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    #[error(transparent)]
+    Trials(#[from] ConfigError),
+    #[error(transparent)]
+    Ingest(#[from] IngestError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    #[error("{0}; --wait waits for it")]
+    Held(StoreError),
+}
+
+/// How a run is done.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Options {
+    pub how: How,
+    /// Wait for another run on the same folder, instead of giving up.
+    pub wait: bool,
+}
+
+/// Everything that a run gives.
+#[derive(Debug)]
+pub struct Finished {
+    pub record: RunRecord,
+    /// What releases and coast-downs say of the robots.
+    pub parameters: Vec<RobotParameterRow>,
+    pub fits: Vec<FitRow>,
+    pub comparison: Vec<ComparisonRow>,
+    /// Where the record was written.
+    pub record_path: PathBuf,
+    /// Whether there was nothing to do, and nothing was written.
+    pub was_up_to_date: bool,
+}
+
+/// Ingests, fits and reports what has changed of the folder that `config` names, and writes
+/// `run.json`. The results are those of a run from scratch, to the last byte. Where nothing has
+/// changed, nothing is written.
+///
+/// # Errors
+/// A stage that cannot be done at all, or another run that is busy with the same folder. Trials
+/// and fits that fail are rows with a status.
+pub fn run(config: &Config, options: Options, watch: &dyn Watch) -> Result<Finished, RunError> {
+    let (known, problem) = Record::load(&config.paths.derived);
+    problem.iter().for_each(|problem| watch.note(problem));
+    // Looking comes first: an unchanged folder is not even locked.
+    if let Some(results) = look::up_to_date(config, &known, options.how)? {
+        return Ok(results.into_finished(config, true));
+    }
+    let _lock = stages::take_over(config, options.wait, watch)?;
+    // Whoever held the lock may have been faster.
+    let (known, _) = Record::load(&config.paths.derived);
+    let how = options.how;
+    let (mut record, mut stages) = (known.clone(), Vec::new());
+    let begin = Instant::now();
+    let (ingested, redo) = stages::ingest_planned(config, &mut record, how, watch)?;
+    stages.push(StageRecord::new("ingest", begin.elapsed().as_secs_f64(), redo));
+    let begin = Instant::now();
+    let (fitted, redo) = stages::fit_planned(config, &mut record, how, watch)?;
+    stages.push(StageRecord::new("fit", begin.elapsed().as_secs_f64(), redo));
+    let begin = Instant::now();
+    let (reported, redo) = stages::draw_planned(config, &mut record, how, watch)?;
+    stages.push(StageRecord::new("report", begin.elapsed().as_secs_f64(), redo));
+
+    let did_nothing = record.confirms(&known) && look::is_recorded(config, &known, how);
+    let results = Results { ingested, fitted, reported, stages };
+    let finished = results.into_finished(config, did_nothing);
+    if !did_nothing {
+        let json = serde_json::to_string_pretty(&finished.record).expect("a record is plain data");
+        record.run = Some(write_bytes(&finished.record_path, (json + "\n").as_bytes())?);
+    }
+    // Last, so that what it says is there.
+    record.save(&config.paths.derived)?;
+    Ok(finished)
+}
+
+/// What the stages gave.
+struct Results {
+    ingested: Ingested,
+    fitted: Fitted,
+    reported: Reported,
+    stages: Vec<StageRecord>,
+}
+
+impl Results {
+    fn into_finished(self, config: &Config, was_up_to_date: bool) -> Finished {
+        let Self { ingested, fitted, reported, stages } = self;
+        let record = RunRecord {
+            program: env!("CARGO_PKG_NAME"),
+            version: env!("CARGO_PKG_VERSION"),
+            folder: config.paths.raw.clone(),
+            threads: rayon::current_num_threads(),
+            stages,
+            trials: count(&ingested.trials),
+            attention: attention(&ingested.trials),
+            fits: fitted.fits.iter().map(FitRecord::new).collect(),
+            figures: reported.figures,
+            missing: reported.missing,
+            page: reported.page,
+        };
+        let Fitted { fits, comparison, .. } = fitted;
+        let (parameters, record_path) = (ingested.parameters, record_path(config));
+        Finished { record, parameters, fits, comparison, record_path, was_up_to_date }
+    }
+}
+
+fn record_path(config: &Config) -> PathBuf {
+    config.paths.reports.join("run.json")
+}
+
+impl RunError {
+    fn of_lock(error: StoreError) -> Self {
+        match error {
+            StoreError::Held { .. } => Self::Held(error),
+            other => Self::Store(other),
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! The stages one by one: planned, done and recorded.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use super::{RunError, Watch, record_path};
+use crate::config::Config;
+use crate::fit::{self, FitEvent, Fitted};
+use crate::ingest::{self, Ingested};
+use crate::report::{self, Reported};
+use crate::store::{
+    How, LOCK_FILE, Lock, RECORD_FILE, Record, Redo, TrialRow, check_places, sweep,
+};
+
+/// The first stage, of all trials: marker files to tables.
+///
+/// # Errors
+/// The list of trials cannot be read, a table not written, or another run is busy.
+pub fn ingest(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Ingested, RunError> {
+    let _lock = take_over(config, wait, watch)?;
+    let (mut record, _) = Record::load(&config.paths.derived);
+    Ok(ingest_planned(config, &mut record, How::FORCE, watch)?.0)
+}
+
+/// The second stage, of all models: tables to fitted models.
+///
+/// # Errors
+/// The table of trials cannot be read, a table not written, or another run is busy.
+pub fn fit(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Fitted, RunError> {
+    let _lock = take_over(config, wait, watch)?;
+    let (mut record, _) = Record::load(&config.paths.derived);
+    Ok(fit_planned(config, &mut record, How::FORCE, watch)?.0)
+}
+
+/// The third stage, of all figures: figures and the page.
+///
+/// # Errors
+/// A table cannot be read, a file not written, or another run is busy.
+pub fn draw(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Reported, RunError> {
+    let _lock = take_over(config, wait, watch)?;
+    let (mut record, _) = Record::load(&config.paths.derived);
+    let (reported, _) = draw_planned(config, &mut record, How::FORCE, watch)?;
+    record.save(&config.paths.derived)?;
+    Ok(reported)
+}
+
+/// Takes the lock of the folder of results, and makes sure that there is where to write to.
+pub(super) fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
+    let (derived, reports) = (&config.paths.derived, &config.paths.reports);
+    let figures = reports.join("figures");
+    let mut folders = vec![derived.clone(), reports.clone(), figures];
+    folders.extend(ingest::table_folders(derived));
+    let mut files: Vec<PathBuf> = [LOCK_FILE, RECORD_FILE].map(|name| derived.join(name)).into();
+    files.extend(ingest::table_paths(derived));
+    files.extend(fit::table_paths(derived));
+    files.extend(report::file_paths(reports));
+    files.push(record_path(config));
+    check_places(&folders[..1], &files[..1])?;
+    let waiting = |held: &str| watch.note(&format!("{held}; waiting"));
+    let on_wait: Option<&dyn Fn(&str)> = if wait { Some(&waiting) } else { None };
+    let lock = Lock::take(derived, on_wait).map_err(RunError::of_lock)?;
+    check_places(&folders, &files)?;
+    sweep(&lock, &folders)?;
+    Ok(lock)
+}
+
+/// Ingests what has changed and records it.
+pub(super) fn ingest_planned(
+    config: &Config,
+    record: &mut Record,
+    how: How,
+    watch: &dyn Watch,
+) -> Result<(Ingested, Redo), RunError> {
+    let (folder, derived) = (&config.paths.raw, &config.paths.derived);
+    let known = record.ingest.clone();
+    let plan = ingest::plan(config, folder, derived, &known, how)?;
+    let redo = plan.redo.clone();
+    announce(&redo, "ingest", redo.things.len(), watch);
+    let on_trial = |trial: &TrialRow| watch.step(&format!("{} {}", trial.trial, trial.status));
+    let (ingested, state) = ingest::ingest_planned(config, folder, derived, plan, &on_trial)?;
+    record.ingest = state;
+    if !redo.is_empty() {
+        record.save(derived)?;
+    }
+    Ok((ingested, redo))
+}
+
+/// Fits what has changed and records it.
+pub(super) fn fit_planned(
+    config: &Config,
+    record: &mut Record,
+    how: How,
+    watch: &dyn Watch,
+) -> Result<(Fitted, Redo), RunError> {
+    let derived = &config.paths.derived;
+    let known = record.fit.clone();
+    let plan = fit::plan(config, derived, &known, how)?;
+    let redo = plan.redo.clone();
+    announce(&redo, "fit", plan.total(), watch);
+    let done: Mutex<BTreeMap<String, usize>> = Mutex::default();
+    let on_event = |event: FitEvent| match event {
+        FitEvent::Fitted(fit) => watch.step(&format!("{} {}", fit.campaign, fit.model)),
+        FitEvent::Replicate { campaign, model, total } => {
+            if let Ok(mut done) = done.lock() {
+                let what = format!("{campaign} {model} replicate");
+                let count = done.entry(what.clone()).or_default();
+                *count += 1;
+                watch.part(&what, *count, total);
+            }
+        }
+    };
+    let (fitted, state) = fit::fit_planned(config, derived, plan, &on_event)?;
+    record.fit = state;
+    if !redo.is_empty() {
+        record.save(derived)?;
+    }
+    Ok((fitted, redo))
+}
+
+/// Draws what has changed; who calls it records it.
+pub(super) fn draw_planned(
+    config: &Config,
+    record: &mut Record,
+    how: How,
+    watch: &dyn Watch,
+) -> Result<(Reported, Redo), RunError> {
+    let known = record.report.clone();
+    let plan = report::plan(config, &known, how)?;
+    let redo = plan.redo.clone();
+    announce(&redo, "report", 1, watch);
+    let (reported, state) = report::report_planned(config, plan)?;
+    record.report = state;
+    if !redo.is_empty() {
+        watch.step(&format!("{} figures", redo.things.len()));
+    }
+    Ok((reported, redo))
+}
+
+fn announce(redo: &Redo, stage: &'static str, total: usize, watch: &dyn Watch) {
+    watch.planned(redo);
+    if !redo.is_empty() {
+        watch.begin(stage, total);
+    }
+}

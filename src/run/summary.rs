@@ -1,0 +1,107 @@
+//! `run.json`: how a run went.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::store::{FitRow, Redo, TrialRow};
+
+/// `run.json`: what ran, how long it took and what failed.
+#[derive(Debug, Clone, Serialize)]
+pub struct RunRecord {
+    pub program: &'static str,
+    pub version: &'static str,
+    /// Trial folder.
+    pub folder: PathBuf,
+    pub threads: usize,
+    pub stages: Vec<StageRecord>,
+    pub trials: TrialCounts,
+    /// Trials that need a person, with the reason.
+    pub attention: Vec<Attention>,
+    pub fits: Vec<FitRecord>,
+    /// Figures drawn.
+    pub figures: Vec<String>,
+    /// What could not be drawn, and why.
+    pub missing: Vec<String>,
+    pub page: PathBuf,
+}
+
+/// One stage of a run.
+#[derive(Debug, Clone, Serialize)]
+pub struct StageRecord {
+    pub stage: &'static str,
+    pub seconds: f64,
+    /// Trials, fits or figures that were made again, and how many were not.
+    pub redone: Vec<String>,
+    pub up_to_date: usize,
+    /// Those that are no more.
+    pub removed: Vec<String>,
+}
+
+impl StageRecord {
+    pub(super) fn new(stage: &'static str, seconds: f64, redo: Redo) -> Self {
+        let (redone, up_to_date) = (redo.names(), redo.up_to_date);
+        Self { stage, seconds, redone, up_to_date, removed: redo.removed }
+    }
+}
+
+/// How many trials ended how.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct TrialCounts {
+    pub total: usize,
+    pub ok: usize,
+    pub flagged: usize,
+    pub failed: usize,
+}
+
+/// A trial that needs a person.
+#[derive(Debug, Clone, Serialize)]
+pub struct Attention {
+    pub trial: String,
+    pub status: String,
+    pub message: String,
+}
+
+/// How one fit ended.
+#[derive(Debug, Clone, Serialize)]
+pub struct FitRecord {
+    pub campaign: String,
+    pub model: String,
+    pub status: String,
+    /// Missing where there is no fit.
+    pub j: Option<f64>,
+}
+
+/// Counts trials by their status.
+pub fn count(trials: &[TrialRow]) -> TrialCounts {
+    let with = |status: &str| trials.iter().filter(|trial| trial.status == status).count();
+    TrialCounts {
+        total: trials.len(),
+        ok: with("ok"),
+        flagged: with("flagged"),
+        failed: with("failed"),
+    }
+}
+
+/// The trials that are not `ok`.
+pub fn attention(trials: &[TrialRow]) -> Vec<Attention> {
+    let others = trials.iter().filter(|trial| trial.status != "ok");
+    others
+        .map(|trial| Attention {
+            trial: trial.trial.clone(),
+            status: trial.status.clone(),
+            message: trial.message.clone(),
+        })
+        .collect()
+}
+
+impl FitRecord {
+    pub(super) fn new(fit: &FitRow) -> Self {
+        Self {
+            campaign: fit.campaign.clone(),
+            model: fit.model.clone(),
+            status: fit.status.clone(),
+            j: fit.j.is_finite().then_some(fit.j),
+        }
+    }
+}

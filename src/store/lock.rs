@@ -1,0 +1,139 @@
+//! One run at a time on a folder of results.
+
+use std::fs::{File, TryLockError};
+use std::io::{Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde::{Deserialize, Serialize};
+
+use super::StoreError;
+
+/// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
+/// system lets go of it when a process ends, however that ends.
+pub const LOCK_FILE: &str = ".lock";
+
+/// A folder of results that nobody else writes to while this lives.
+#[derive(Debug)]
+pub struct Lock {
+    _file: File,
+}
+
+/// Who holds a lock, as the file says it.
+#[derive(Debug, Serialize, Deserialize)]
+struct Holder {
+    process: u32,
+    host: Option<String>,
+    started_unix_s: u64,
+}
+
+impl Lock {
+    /// Takes the lock of `derived`, which is made if need be. If another process has it, waits
+    /// for it after `on_wait` was told who that is, or without `on_wait` gives up.
+    ///
+    /// # Errors
+    /// Another process has it, or the file cannot be written.
+    pub fn take(derived: &Path, on_wait: Option<&dyn Fn(&str)>) -> Result<Self, StoreError> {
+        let path = derived.join(LOCK_FILE);
+        let error = |source| StoreError::Write { path: path.clone(), source };
+        std::fs::create_dir_all(derived)
+            .map_err(|source| StoreError::Write { path: derived.to_owned(), source })?;
+        let mut options = File::options();
+        let mut file = options
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path)
+            .map_err(error)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let held = StoreError::Held { path: path.clone(), holder: holder(&mut file) };
+                let Some(on_wait) = on_wait else { return Err(held) };
+                on_wait(&held.to_string());
+                file.lock().map_err(error)?;
+            }
+            Err(TryLockError::Error(source)) => return Err(error(source)),
+        }
+        let holder = Holder { process: std::process::id(), host: host(), started_unix_s: now_s() };
+        let text = serde_json::to_string(&holder).expect("a holder is plain data") + "\n";
+        file.set_len(0)
+            .and_then(|()| file.rewind())
+            .and_then(|()| file.write_all(text.as_bytes()))
+            .map_err(error)?;
+        Ok(Self { _file: file })
+    }
+}
+
+/// Who holds a lock, in words.
+fn holder(file: &mut File) -> String {
+    let mut text = String::new();
+    // Some systems do not let others read a file that is locked.
+    let _ = file.read_to_string(&mut text);
+    match serde_json::from_str::<Holder>(&text) {
+        Ok(Holder { process, host, started_unix_s }) => {
+            let host = host.map_or(String::new(), |host| format!(" on {host}"));
+            let age_s = now_s().saturating_sub(started_unix_s);
+            format!("process {process}{host}, for {age_s} s")
+        }
+        Err(_) => "another process".to_owned(),
+    }
+}
+
+fn now_s() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
+}
+
+fn host() -> Option<String> {
+    const LINUX: &str = "/proc/sys/kernel/hostname";
+    let said = std::fs::read_to_string(LINUX).ok();
+    let said = said.or_else(|| std::env::var("COMPUTERNAME").ok());
+    let said = said.or_else(|| std::env::var("HOSTNAME").ok());
+    said.map(|name| name.trim().to_owned()).filter(|name| !name.is_empty())
+}
+
+/// Removes what writers that were killed left in these folders. Only who holds the lock may.
+///
+/// # Errors
+/// A folder cannot be read, or a file not removed.
+pub fn sweep(_lock: &Lock, folders: &[PathBuf]) -> Result<(), StoreError> {
+    for folder in folders {
+        let Ok(entries) = std::fs::read_dir(folder) else { continue };
+        for entry in entries.flatten() {
+            if entry.file_name().to_string_lossy().starts_with(super::atomic::WRITING) {
+                let path = entry.path();
+                std::fs::remove_file(&path)
+                    .map_err(|source| StoreError::Remove { path, source })?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks that results can be written before any work is done: that `folders` are folders, or
+/// can be made, in which files can be made, and that none of `files` is a folder.
+///
+/// # Errors
+/// Names the first place that will not do.
+pub fn check_places(folders: &[PathBuf], files: &[PathBuf]) -> Result<(), StoreError> {
+    for folder in folders {
+        let error = |source| StoreError::Write { path: folder.clone(), source };
+        if folder.exists() && !folder.is_dir() {
+            let (found, needed) = ("a file", "a folder");
+            return Err(StoreError::Place { path: folder.clone(), found, needed });
+        }
+        std::fs::create_dir_all(folder).map_err(error)?;
+        tempfile::Builder::new()
+            .prefix(super::atomic::WRITING)
+            .tempfile_in(folder)
+            .map_err(error)?;
+    }
+    match files.iter().find(|path| path.is_dir()) {
+        Some(path) => {
+            let (found, needed) = ("a folder", "a place for a file");
+            Err(StoreError::Place { path: path.clone(), found, needed })
+        }
+        None => Ok(()),
+    }
+}
