@@ -100,6 +100,9 @@ impl Update {
             trials.failed
         );
         say!("page: {}", record.page.display());
+        for missing in &record.missing {
+            context.progress.say(&format!("not in the report: {missing}"));
+        }
         if finished.was_up_to_date {
             context.progress.say("everything was up to date");
         }

@@ -3,6 +3,7 @@
 use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -44,7 +45,8 @@ impl Progress {
             ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta:>4} left {msg}");
         bar.set_style(style.expect("the template is well-formed"));
         bar.set_prefix(name);
-        Stage { shown: self, name, total, done: AtomicUsize::new(0), bar }
+        let begin = Instant::now();
+        Stage { shown: self, name, total, begin, done: AtomicUsize::new(0), bar }
     }
 }
 
@@ -114,6 +116,7 @@ pub(super) struct Stage {
     shown: Progress,
     name: &'static str,
     total: usize,
+    begin: Instant,
     done: AtomicUsize,
     bar: ProgressBar,
 }
@@ -124,7 +127,9 @@ impl Stage {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         match self.shown {
             Progress::Quiet => {}
-            Progress::Lines => note!("{} {done}/{} {message}", self.name, self.total),
+            Progress::Lines => {
+                note!("{} {done}/{} {message}{}", self.name, self.total, self.time_left(done));
+            }
             Progress::Bars => {
                 self.bar.set_message(message.to_owned());
                 self.bar.inc(1);
@@ -133,7 +138,24 @@ impl Stage {
     }
 }
 
+/// Lines do not tell how much time is left of a stage that has run for less.
+const SHORT: Duration = Duration::from_secs(5);
+
 impl Stage {
+    /// How long the rest will take if it goes on like this.
+    fn time_left(&self, done: usize) -> String {
+        let elapsed = self.begin.elapsed();
+        if elapsed < SHORT || done >= self.total {
+            return String::new();
+        }
+        let left_s = elapsed.as_secs_f64() * (self.total - done) as f64 / done as f64;
+        match left_s {
+            ..90.0 => format!(", {left_s:.0} s left"),
+            ..5400.0 => format!(", {:.0} min left", left_s / 60.0),
+            _ => format!(", {:.1} h left", left_s / 3600.0),
+        }
+    }
+
     /// Says on a bar how far something is that is smaller than a step.
     pub fn part(&self, what: &str, done: usize, total: usize) {
         if self.shown == Progress::Bars {

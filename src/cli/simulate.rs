@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::config::{Config, RobotConfig, nearest};
+use crate::config::{Config, ConfigError, RobotConfig, nearest};
 use crate::motion::{Model, Problem};
 use answer::Answer;
 
@@ -114,10 +114,22 @@ fn with_settings(
         let kept = lines.lines().filter(|line| !line.starts_with(&format!("{key} ")));
         lines = kept.map(|line| format!("{line}\n")).collect();
         lines += &format!("{key} = {value}\n");
-        *robot = crate::config::parse_toml(std::path::Path::new("--set"), &lines)?;
+        *robot = crate::config::parse_toml(std::path::Path::new("--set"), &lines)
+            .map_err(|error| of_setting(setting, error))?;
     }
     config.check(std::path::Path::new("--set"))?;
     Ok(config)
+}
+
+/// What is wrong with a setting, which has no lines.
+fn of_setting(setting: &str, error: ConfigError) -> String {
+    match error {
+        ConfigError::Syntax { message, suggestion, .. } => {
+            let hint = suggestion.map_or(String::new(), |name| format!("; did you mean `{name}`?"));
+            format!("--set {setting}: {message}{hint}")
+        }
+        other => other.to_string(),
+    }
 }
 
 /// The robot's parameters as the answer shows them.

@@ -199,7 +199,7 @@ struct FitThing<'c> {
     configuration: String,
 }
 
-/// What a fit reads of the configuration.
+/// What a fit reads of the configuration; a model with nothing free is not searched.
 #[derive(Serialize)]
 struct Dependencies<'c> {
     campaign: &'c str,
@@ -237,10 +237,10 @@ fn things(config: &Config) -> Vec<FitThing<'_>> {
                 free: free.iter().map(|free| (free.coefficient.name(), free.bounds)).collect(),
                 robot: config.robot.get(&of.robot),
                 gait,
-                starts: fit.starts,
+                starts: if free.is_empty() { 1 } else { fit.starts },
                 bootstrap: fit.bootstrap,
                 seed: fit.seed,
-                profiles: fit.profiles,
+                profiles: fit.profiles && !free.is_empty(),
                 sigma: fit.sigma,
                 gait_input: fit.gait_input,
                 robot_parameters: fit.robot_parameters,

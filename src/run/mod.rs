@@ -90,17 +90,15 @@ pub fn run(config: &Config, options: Options, watch: &dyn Watch) -> Result<Finis
     let (known, _) = Record::load(&config.paths.derived);
     let how = options.how;
     let (mut record, mut stages) = (known.clone(), Vec::new());
-    let begin = Instant::now();
-    let (ingested, redo) = stages::ingest_planned(config, &mut record, how, watch)?;
-    stages.push(StageRecord::new("ingest", begin.elapsed().as_secs_f64(), redo));
-    let begin = Instant::now();
-    let (fitted, redo) = stages::fit_planned(config, &mut record, how, watch)?;
-    stages.push(StageRecord::new("fit", begin.elapsed().as_secs_f64(), redo));
-    let begin = Instant::now();
-    let (reported, redo) = stages::draw_planned(config, &mut record, how, watch)?;
-    stages.push(StageRecord::new("report", begin.elapsed().as_secs_f64(), redo));
+    let ingested =
+        timed(&mut stages, "ingest", || stages::ingest_planned(config, &mut record, how, watch))?;
+    let fitted =
+        timed(&mut stages, "fit", || stages::fit_planned(config, &mut record, how, watch))?;
+    let reported =
+        timed(&mut stages, "report", || stages::draw_planned(config, &mut record, how, watch))?;
 
-    let did_nothing = record.confirms(&known) && look::is_recorded(config, &known, how);
+    let is_new = |stage: &StageRecord| stage.did_something;
+    let did_nothing = !stages.iter().any(is_new) && look::is_recorded(config, &known, how);
     let results = Results { ingested, fitted, reported, stages };
     let finished = results.into_finished(config, did_nothing);
     if !did_nothing {
@@ -110,6 +108,17 @@ pub fn run(config: &Config, options: Options, watch: &dyn Watch) -> Result<Finis
     // Last, so that what it says is there.
     record.save(&config.paths.derived)?;
     Ok(finished)
+}
+
+fn timed<T>(
+    stages: &mut Vec<StageRecord>,
+    stage: &'static str,
+    work: impl FnOnce() -> Result<(T, Redo), RunError>,
+) -> Result<T, RunError> {
+    let begin = Instant::now();
+    let (result, redo) = work()?;
+    stages.push(StageRecord::new(stage, begin.elapsed().as_secs_f64(), redo));
+    Ok(result)
 }
 
 /// What the stages gave.

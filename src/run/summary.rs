@@ -31,6 +31,9 @@ pub struct RunRecord {
 pub struct StageRecord {
     pub stage: &'static str,
     pub seconds: f64,
+    /// Whether any file of it was looked at again.
+    #[serde(skip)]
+    pub did_something: bool,
     /// Trials, fits or figures that were made again, and how many were not.
     pub redone: Vec<String>,
     pub up_to_date: usize,
@@ -40,8 +43,14 @@ pub struct StageRecord {
 
 impl StageRecord {
     pub(super) fn new(stage: &'static str, seconds: f64, redo: Redo) -> Self {
-        let (redone, up_to_date) = (redo.names(), redo.up_to_date);
-        Self { stage, seconds, redone, up_to_date, removed: redo.removed }
+        Self {
+            stage,
+            seconds,
+            did_something: !redo.is_empty(),
+            redone: redo.names(),
+            up_to_date: redo.up_to_date,
+            removed: redo.removed,
+        }
     }
 }
 

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::OnceLock;
 
 /// Runs the program in `folder`.
 pub fn trilink(folder: &Path, arguments: &[&str]) -> Output {
@@ -48,4 +49,136 @@ pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
         }
     }
     found
+}
+
+/// Two campaigns of which little is asked: a run of their trials takes a second.
+pub const SMALL: &str = r#"[paths]
+raw = "raw"
+[fit]
+starts = 2
+bootstrap = 3
+profiles = false
+[campaign.kinematic-symmetric]
+robot = "kinematic"
+gait = "symmetric"
+models = ["no-skid", "skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
+[campaign.kinematic-skewed]
+robot = "kinematic"
+gait = "skewed"
+models = ["skid"]
+weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
+"#;
+
+/// Where the trials of [`SMALL`] are and what is made of them.
+pub struct Small(pub tempfile::TempDir);
+
+impl Small {
+    /// Trials of which nothing is made yet.
+    pub fn raw() -> Self {
+        static MADE: OnceLock<Small> = OnceLock::new();
+        let made = MADE.get_or_init(|| {
+            let folder = Self(tempfile::tempdir().expect("a temporary folder"));
+            folder.write("pipeline.toml", SMALL);
+            succeed(folder.path(), &["-q", "synth", "raw", "--omega", "5,6", "--seed", "1"]);
+            folder
+        });
+        made.copy()
+    }
+
+    /// Trials of which everything is made.
+    pub fn done() -> Self {
+        static DONE: OnceLock<Small> = OnceLock::new();
+        let done = DONE.get_or_init(|| {
+            let folder = Self::raw();
+            folder.run();
+            folder
+        });
+        done.copy()
+    }
+
+    /// The same files with the same times elsewhere.
+    pub fn copy(&self) -> Self {
+        let copy = Self(tempfile::tempdir().expect("a temporary folder"));
+        let mut open = vec![PathBuf::new()];
+        while let Some(inner) = open.pop() {
+            std::fs::create_dir_all(copy.path().join(&inner)).expect("a folder");
+            for entry in std::fs::read_dir(self.path().join(&inner)).expect("a folder") {
+                let entry = entry.expect("an entry");
+                let name = inner.join(entry.file_name());
+                if entry.path().is_dir() {
+                    open.push(name);
+                    continue;
+                }
+                let place = copy.path().join(name);
+                std::fs::copy(entry.path(), &place).expect("a copy");
+                let time = entry.metadata().and_then(|data| data.modified()).expect("a time");
+                let file = std::fs::File::options().write(true).open(place).expect("a file");
+                file.set_modified(time).expect("a time");
+            }
+        }
+        copy
+    }
+
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub fn place(&self, name: &str) -> PathBuf {
+        self.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        let place = self.place(name);
+        std::fs::create_dir_all(place.parent().expect("a parent")).expect("a folder");
+        std::fs::write(place, bytes).expect("a file");
+    }
+
+    pub fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.place(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// Replaces the first `old` in a file.
+    pub fn replace(&self, name: &str, old: &str, new: &str) {
+        let content = text(&self.read(name));
+        assert!(content.contains(old), "{name} has no {old:?}");
+        self.write(name, content.replacen(old, new, 1));
+    }
+
+    /// Runs what has changed.
+    pub fn run(&self) -> String {
+        succeed(self.path(), &["run"])
+    }
+
+    /// What a run left, but for when and how long.
+    pub fn results(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut results = files(self.path());
+        results.retain(|name, _| name.starts_with("derived") || name.starts_with("reports"));
+        results.remove(Path::new("reports/run.json"));
+        results
+    }
+
+    /// What a run from scratch of the same trials and configuration leaves.
+    pub fn from_scratch(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let scratch = self.copy();
+        for made in ["derived", "reports"] {
+            let _ = std::fs::remove_dir_all(scratch.place(made));
+        }
+        let output = trilink(scratch.path(), &["run"]);
+        assert!(output.status.code() < Some(2), "{}", text(&output.stderr));
+        scratch.results()
+    }
+}
+
+/// Both have the same files with the same bytes.
+pub fn assert_same(
+    found: &BTreeMap<PathBuf, Vec<u8>>,
+    expected: &BTreeMap<PathBuf, Vec<u8>>,
+    what: &str,
+) {
+    let names = |files: &BTreeMap<PathBuf, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(found), names(expected), "{what}");
+    for (name, bytes) in found {
+        assert!(bytes == &expected[name], "{what}: {} differs", name.display());
+    }
 }
