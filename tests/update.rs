@@ -230,7 +230,8 @@ fn a_file_with_another_time_and_the_same_bytes_redoes_nothing_and_is_read_once()
 fn what_size_and_time_do_not_tell_is_found_by_verify() {
     let folder = Small::done();
     folder.run();
-    for name in [SYMMETRIC_FILE, "derived/trials.parquet", "reports/figures/fig17.png"] {
+    let table = "derived/poses/kinematic-skewed-5.00-r1.parquet";
+    for name in [SYMMETRIC_FILE, table, "reports/figures/fig17.png"] {
         let place = folder.place(name);
         let time = fs::metadata(&place).unwrap().modified().unwrap();
         let mut bytes = folder.read(name);
@@ -242,7 +243,7 @@ fn what_size_and_time_do_not_tell_is_found_by_verify() {
     let unseen = trilink(folder.path(), &["run", "--dry-run"]);
     assert_eq!(text(&unseen.stdout), "");
     let seen = succeed(folder.path(), &["run", "--dry-run", "--explain", "--verify"]);
-    assert!(seen.contains("trials.parquet is not as it was written"), "{seen}");
+    assert!(seen.contains("skewed-5.00-r1.parquet is not as it was written"), "{seen}");
     assert!(seen.contains("the marker file changed"), "{seen}");
     trilink(folder.path(), &["run", "--verify"]);
     assert_same(&folder.results(), &folder.from_scratch(), "verified");

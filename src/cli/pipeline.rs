@@ -100,11 +100,11 @@ impl Update {
             trials.failed
         );
         say!("page: {}", record.page.display());
-        for missing in &record.missing {
-            context.progress.say(&format!("not in the report: {missing}"));
-        }
         if finished.was_up_to_date {
             context.progress.say("everything was up to date");
+        } else {
+            let missing = record.missing.iter();
+            missing.for_each(|missing| context.progress.say(&format!("not drawn: {missing}")));
         }
         Ok(outcome(&finished))
     }
