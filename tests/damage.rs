@@ -112,7 +112,7 @@ fn damaged_results_are_made_again() {
         ("reports/index.html", Half, "index.html is not as it was written"),
         ("reports/fits.json", Garbage, "fits.json is not as it was written"),
         ("reports/run.json", Gone, ""),
-        ("reports", Gone, "index.html is gone"),
+        ("reports", Gone, "figures/fig17.svg is gone"),
         ("derived", Gone, "new"),
         (RECORD, Gone, "new"),
         (RECORD, Empty, "up-to-date.json: not a record of trilink"),

@@ -458,4 +458,29 @@ mod tests {
         // The profiles are those of the lower fit.
         assert!(fit.profiles.iter().all(|profile| profile.lower_than(fit.cost).is_none()));
     }
+
+    /// Numbers that change only with [`FIT_VERSION`]: if this fails and is meant to, raise the
+    /// version and renew the numbers, so that folders that were fitted before are fitted again.
+    #[test]
+    fn measurements_are_fitted_as_this_version_of_the_stage_does() {
+        let mut config = Config::default();
+        config.fit.starts = 1;
+        config.fit.bootstrap = 2;
+        let (robot, gait) = config.campaign_setup(CAMPAIGN).expect("the paper's");
+        let measurements = measurements();
+        let resampler = Resampler::new(CAMPAIGN, 1, &measurements, &BTreeMap::new());
+        let (config, measured, model) = (&config, Vec::new(), Model::SkidRoll);
+        let (resampler, measurements) = (&resampler, &measurements[..]);
+        let campaign = CAMPAIGN;
+        let job = Job { config, campaign, model, robot, gait, measured, resampler, measurements };
+        let Fitted { fits, bootstrap, comparison, predictions, .. } = job.run(&|_| {}).tables;
+        let [fit, replicate] = [fits[0].parameters(), bootstrap[1].parameters()];
+        let found = [fit[0], fit[1], fit[2], fits[0].j, fits[0].upper_limits()[0], replicate[0]];
+        let others = [comparison[0].j_left_out, predictions[20].d_m, predictions[20].sigma0];
+        let found = found.into_iter().chain(others).map(|number| format!("{number:.4e}"));
+        let found = found.collect::<Vec<_>>().join(" ");
+        const KNOWN: &str =
+            "1.0069e2 3.3889e1 4.3584e1 2.6141e-1 1.0069e2 1.0069e2 2.6762e-1 4.3931e-1 3.0847e-2";
+        assert_eq!((crate::fit::FIT_VERSION, found.as_str()), (1, KNOWN));
+    }
 }

@@ -2,13 +2,14 @@
 
 use std::fs;
 use std::ops::Range;
+use std::path::PathBuf;
 
 use proptest::prelude::*;
 
 use super::synthetic::{Motion, Recording, header};
 use super::*;
 use crate::config::Poses;
-use crate::store::Column;
+use crate::store::{Column, Rows as _};
 use crate::synth::{Recipe, Tilt, synthesise};
 
 fn gait_trial(id: &str, campaign: &str, omega_rad_s: f64) -> Trial {
@@ -755,6 +756,23 @@ fn a_folder_without_a_list_is_an_error() {
     let ingested = ingest_folder(&Config::default(), folder.path(), folder.path(), &|_| ());
     assert!(ingested.unwrap_err().to_string().contains("trials.toml: cannot be read"));
     assert!(files(folder.path()).is_empty());
+}
+
+/// Numbers that change only with [`INGEST_VERSION`]: if this fails and is meant to, raise the
+/// version and renew the numbers, so that folders that were ingested before are ingested again.
+#[test]
+fn a_recording_comes_out_as_this_version_of_the_stage_has_it() {
+    let (recording, trial) = symmetric(3.9);
+    let processed = process_text(&recording.export(), &trial).unwrap();
+    let TrialRow { omega_rad_s, d_m, v_m_s, sigma0, sigma1_debiased, alpha1_rad, .. } =
+        processed.row;
+    let pose = processed.poses.f64("theta_rad").unwrap()[300];
+    let wheel = processed.wheels.f64("skid1_m_s").unwrap()[300];
+    let found = [omega_rad_s, d_m, v_m_s, sigma0, sigma1_debiased, alpha1_rad, pose, wheel];
+    let found = found.map(|number| format!("{number:.4e}")).join(" ");
+    const KNOWN: &str =
+        "3.9000e0 3.7495e-1 2.3273e-1 3.7636e-2 6.2935e-1 5.0993e-1 1.7158e-1 -3.1502e-1";
+    assert_eq!((INGEST_VERSION, found.as_str()), (1, KNOWN));
 }
 
 proptest! {

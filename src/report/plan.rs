@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::figure::Figure;
+use super::page;
 use super::tables::{Tables, table_paths};
 use super::truth::Truth;
 use super::{EXTENSIONS, REPORT_VERSION, ReportError, figures};
@@ -48,7 +49,8 @@ pub fn plan<'s>(
 ) -> Result<ReportPlan<'s>, ReportError> {
     let reports = &config.paths.reports;
     let settings = flatten(config);
-    let input = format!("version {REPORT_VERSION}");
+    // A change of the template tells itself.
+    let input = format!("version {REPORT_VERSION}, page {}", &hash(page::texts().as_bytes())[..16]);
     let (tables, truth) = (table_paths(&config.paths.derived), config.paths.raw.join(TRUTH_FILE));
     let read: Vec<&PathBuf> = tables.iter().chain([&truth]).filter(|path| path.is_file()).collect();
     let damaged = changed_outputs(reports, all_outputs(known), how.verify);

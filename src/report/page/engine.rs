@@ -13,6 +13,11 @@ const TEMPLATES: [(&str, &str); 4] = [
     ("style.css", include_str!("style.css")),
 ];
 
+/// The text of all templates: what pages look like.
+pub fn texts() -> String {
+    TEMPLATES.iter().map(|(_, text)| *text).collect()
+}
+
 /// Fills in the template of that name.
 ///
 /// # Errors

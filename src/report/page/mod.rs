@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use base64::Engine;
 use serde::Serialize;
 
+pub use engine::texts;
 pub use trial::html as trial_html;
 
 use super::figure::Figure;
