@@ -95,7 +95,7 @@ pub(super) fn input_paths(derived: &Path) -> Result<Vec<PathBuf>, StoreError> {
         Err(error) if error.kind() == ErrorKind::NotFound => {}
         Err(source) => return Err(StoreError::Read { path: folder, source }),
     }
-    paths.retain(|path| path.exists());
+    paths.retain(|path| path.is_file());
     Ok(paths)
 }
 

@@ -82,8 +82,12 @@ pub fn run(config: &Config, options: Options, watch: &dyn Watch) -> Result<Finis
     let (known, problem) = Record::load(&config.paths.derived);
     problem.iter().for_each(|problem| watch.note(problem));
     // Looking comes first: an unchanged folder is not even locked.
-    if let Some(results) = look::up_to_date(config, &known, options.how)? {
-        return Ok(results.into_finished(config, true));
+    match look::up_to_date(config, &known, options.how) {
+        Ok(Some(results)) => return Ok(results.into_finished(config, true)),
+        // Somebody else may be changing what was looked at; the lock tells.
+        Err(_) if config.paths.derived.is_dir() => {}
+        Err(error) => return Err(error),
+        Ok(None) => {}
     }
     let _lock = stages::take_over(config, options.wait, watch)?;
     // Whoever held the lock may have been faster.
