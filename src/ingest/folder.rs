@@ -1,6 +1,6 @@
 //! A folder's trials, side by side, and their tables.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, SyncSender};
 use std::thread;
@@ -94,12 +94,7 @@ pub fn ingest_planned(
         ingested.checks.extend(outcome.checks);
         ingested.parameters.extend(outcome.parameters);
     }
-    let current: BTreeSet<PathBuf> = state
-        .things
-        .values()
-        .flat_map(|thing| thing.outputs.keys())
-        .map(|n| derived.join(n))
-        .collect();
+    let current = tables::recorded(derived, &state);
     tables::remove_outdated(derived, known, &current)?;
     let parts = state.order.iter().filter_map(|id| state.things.get(id)).map(|thing| &thing.parts);
     let provenance = Provenance { input: fingerprint::of_all(parts) };

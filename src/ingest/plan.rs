@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::fingerprint::{self, MARKER_FILE};
+use super::tables;
 use super::{INGEST_VERSION, IngestError, Ingested};
 use crate::config::Config;
 use crate::store::{
@@ -90,6 +91,10 @@ pub fn plan<'s>(
         if known.order.iter().collect::<Vec<_>>() != order {
             redo.whole.push("trials.toml has another order".to_owned());
         }
+        // What a run left that was killed before it recorded them.
+        let outdated = tables::outdated(derived, known, &tables::recorded(derived, known))?;
+        let names = outdated.iter().map(|path| path.display());
+        redo.whole.extend(names.map(|name| format!("{name} is of no trial")));
     }
     Ok(IngestPlan { redo, touched, list, known, kept })
 }

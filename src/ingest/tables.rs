@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::IngestError;
 use super::links::{Coordinates, Tracked};
@@ -87,42 +87,56 @@ fn frames_and_times(first_frame: i64, frames: usize, rate_hz: f64) -> [Column; 2
     ]
 }
 
-/// Removes the tables of trials that are not in the list or have failed, so that nobody takes
-/// them for results; `current` are those that stay. What this program did not write stays too.
-pub(super) fn remove_outdated(
+/// Tables of trials that are not in the list or have failed, so that nobody should take them for
+/// results: those that are not `current` and that this program wrote.
+///
+/// # Errors
+/// A folder cannot be read.
+pub(super) fn outdated(
     derived: &Path,
     known: &StageState,
-    current: &BTreeSet<std::path::PathBuf>,
-) -> Result<(), IngestError> {
-    let recorded: BTreeSet<std::path::PathBuf> = known
-        .things
-        .values()
-        .flat_map(|thing| thing.outputs.keys())
-        .map(|n| derived.join(n))
-        .collect();
-    for folder in FOLDERS.map(|folder| derived.join(folder)) {
-        let error = |path: &Path, source| IngestError::Outdated { path: path.to_owned(), source };
+    current: &BTreeSet<PathBuf>,
+) -> Result<Vec<PathBuf>, IngestError> {
+    let recorded = recorded(derived, known);
+    let mut found = Vec::new();
+    for folder in table_folders(derived) {
         let entries = match std::fs::read_dir(&folder) {
             Ok(entries) => entries,
             Err(source) if source.kind() == ErrorKind::NotFound => continue,
-            Err(source) => return Err(error(&folder, source)),
+            // The places are checked before anything is written.
+            Err(source) if source.kind() == ErrorKind::NotADirectory => continue,
+            Err(source) => return Err(IngestError::Outdated { path: folder, source }),
         };
-        for entry in entries {
-            let path = entry.map_err(|source| error(&folder, source))?.path();
-            let is_table = path.extension().is_some_and(|extension| extension == "parquet");
-            if is_table
-                && !current.contains(&path)
+        let paths = entries.flatten().map(|entry| entry.path());
+        found.extend(paths.filter(|path| {
+            path.extension().is_some_and(|extension| extension == "parquet")
+                && !current.contains(path)
                 && path.is_file()
-                && (recorded.contains(&path) || is_own_table(&path))
-            {
-                std::fs::remove_file(&path).map_err(|source| error(&path, source))?;
-            }
-        }
+                && (recorded.contains(path) || is_own_table(path))
+        }));
+    }
+    Ok(found)
+}
+
+/// Removes the tables that are [`outdated`].
+pub(super) fn remove_outdated(
+    derived: &Path,
+    known: &StageState,
+    current: &BTreeSet<PathBuf>,
+) -> Result<(), IngestError> {
+    for path in outdated(derived, known, current)? {
+        std::fs::remove_file(&path).map_err(|source| IngestError::Outdated { path, source })?;
     }
     Ok(())
 }
 
+/// The trials' own tables that a record has.
+pub(super) fn recorded(derived: &Path, known: &StageState) -> BTreeSet<PathBuf> {
+    let names = known.things.values().flat_map(|thing| thing.outputs.keys());
+    names.map(|name| derived.join(name)).collect()
+}
+
 /// Folders inside `derived/` with a file for each trial.
-pub fn table_folders(derived: &Path) -> Vec<std::path::PathBuf> {
+pub fn table_folders(derived: &Path) -> Vec<PathBuf> {
     FOLDERS.map(|folder| derived.join(folder)).into()
 }

@@ -1,12 +1,13 @@
 //! What a run would do, without doing it.
 
+use super::stages::folders;
 use super::summary::StageRecord;
 use super::{Results, RunError, record_path};
 use crate::config::Config;
 use crate::fit;
 use crate::ingest;
 use crate::report::{self, report_planned};
-use crate::store::{How, Record, Redo};
+use crate::store::{How, Record, Redo, unfinished};
 
 /// What a run would do: certainly if the stages before have nothing to do, else perhaps.
 #[derive(Debug)]
@@ -43,6 +44,9 @@ pub fn look(config: &Config, how: How) -> Result<Ahead, RunError> {
     }
     let report = report::plan(config, &known.report, how)?;
     let mut others = Vec::new();
+    if !unfinished(&folders(config)).is_empty() {
+        others.push("a killed run left unfinished files".to_owned());
+    }
     if !is_recorded(config, &known, how) {
         others.push("run.json is not as it was written".to_owned());
     }
@@ -65,7 +69,8 @@ pub(super) fn up_to_date(
         return Ok(None);
     }
     let report = report::plan(config, &known.report, how)?;
-    if !report.redo.is_empty() || !is_recorded(config, known, how) {
+    let is_whole = is_recorded(config, known, how) && unfinished(&folders(config)).is_empty();
+    if !report.redo.is_empty() || !is_whole {
         return Ok(None);
     }
     let redo = [ingest.redo.clone(), fit.redo.clone(), report.redo.clone()];

@@ -48,9 +48,7 @@ pub fn draw(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Reported, 
 /// Takes the lock of the folder of results, and makes sure that there is where to write to.
 pub(super) fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
     let (derived, reports) = (&config.paths.derived, &config.paths.reports);
-    let figures = reports.join("figures");
-    let mut folders = vec![derived.clone(), reports.clone(), figures];
-    folders.extend(ingest::table_folders(derived));
+    let folders = folders(config);
     let mut files: Vec<PathBuf> = [LOCK_FILE, RECORD_FILE].map(|name| derived.join(name)).into();
     files.extend(ingest::table_paths(derived));
     files.extend(fit::table_paths(derived));
@@ -63,6 +61,14 @@ pub(super) fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Resul
     check_places(&folders, &files)?;
     sweep(&lock, &folders)?;
     Ok(lock)
+}
+
+/// Folders that are written to, `derived/` first.
+pub(super) fn folders(config: &Config) -> Vec<PathBuf> {
+    let (derived, reports) = (&config.paths.derived, &config.paths.reports);
+    let mut folders = vec![derived.clone(), reports.clone(), reports.join("figures")];
+    folders.extend(ingest::table_folders(derived));
+    folders
 }
 
 /// Ingests what has changed and records it.

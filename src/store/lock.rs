@@ -8,6 +8,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 
 use super::StoreError;
+use super::atomic::WRITING;
 
 /// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
 /// system lets go of it when a process ends, however that ends.
@@ -93,20 +94,20 @@ fn host() -> Option<String> {
     said.map(|name| name.trim().to_owned()).filter(|name| !name.is_empty())
 }
 
+/// What writers that were killed left in these folders, or are writing just now.
+pub fn unfinished(folders: &[PathBuf]) -> Vec<PathBuf> {
+    let entries = folders.iter().flat_map(std::fs::read_dir).flatten().flatten();
+    let is_unfinished = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with(WRITING);
+    entries.filter(|entry| is_unfinished(&entry.file_name())).map(|entry| entry.path()).collect()
+}
+
 /// Removes what writers that were killed left in these folders. Only who holds the lock may.
 ///
 /// # Errors
-/// A folder cannot be read, or a file not removed.
+/// A file cannot be removed.
 pub fn sweep(_lock: &Lock, folders: &[PathBuf]) -> Result<(), StoreError> {
-    for folder in folders {
-        let Ok(entries) = std::fs::read_dir(folder) else { continue };
-        for entry in entries.flatten() {
-            if entry.file_name().to_string_lossy().starts_with(super::atomic::WRITING) {
-                let path = entry.path();
-                std::fs::remove_file(&path)
-                    .map_err(|source| StoreError::Remove { path, source })?;
-            }
-        }
+    for path in unfinished(folders) {
+        std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
     }
     Ok(())
 }
@@ -124,10 +125,7 @@ pub fn check_places(folders: &[PathBuf], files: &[PathBuf]) -> Result<(), StoreE
             return Err(StoreError::Place { path: folder.clone(), found, needed });
         }
         std::fs::create_dir_all(folder).map_err(error)?;
-        tempfile::Builder::new()
-            .prefix(super::atomic::WRITING)
-            .tempfile_in(folder)
-            .map_err(error)?;
+        tempfile::Builder::new().prefix(WRITING).tempfile_in(folder).map_err(error)?;
     }
     match files.iter().find(|path| path.is_dir()) {
         Some(path) => {

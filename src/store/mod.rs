@@ -12,7 +12,7 @@ mod stamp;
 mod table;
 
 pub use atomic::{Beside, write_bytes, write_if_changed};
-pub use lock::{LOCK_FILE, Lock, check_places, sweep};
+pub use lock::{LOCK_FILE, Lock, check_places, sweep, unfinished};
 pub use parameters::PARAMETERS;
 pub use record::{Parts, RECORD_FILE, Record, StageState, Thing, absolute, changed_outputs};
 pub use redo::{CONFIGURATION, How, Planned, Redo, VERSION, changed_settings, flatten, reasons};
