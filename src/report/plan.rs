@@ -16,6 +16,7 @@ use crate::store::{
 use crate::trial::TRUTH_FILE;
 
 const CONTENT: &str = "what it shows";
+const CAMPAIGNS: &str = "the list of its campaigns";
 
 /// What a report has to do.
 pub struct ReportPlan<'s> {
@@ -114,16 +115,22 @@ pub fn plan<'s>(
     Ok(ReportPlan { redo, known, content, kept, inputs, settings, input })
 }
 
-/// What there will be to do once the stages before have changed their tables.
-pub fn plan_after(known: &StageState, how: How) -> Redo {
+/// What there will be to do once the stages before have changed what they have of `campaigns`.
+pub fn plan_after(known: &StageState, how: How, campaigns: &BTreeSet<String>) -> Redo {
     let mut redo = Redo::new("figure");
     for stem in &known.order {
-        let why = if how.force { "--force" } else { "if what it shows changes" };
-        redo.add(stem, vec![why.to_owned()]);
+        let shown = known.things.get(stem).and_then(|thing| thing.parts.get(CAMPAIGNS));
+        let shows = |campaign: &str| campaigns.contains(campaign);
+        let is_touched = shown.is_none_or(|shown| shown.split('\n').any(shows));
+        let mut why = Vec::new();
+        if how.force {
+            why.push("--force".to_owned());
+        } else if is_touched {
+            why.push("if what it shows changes".to_owned());
+        }
+        redo.add(stem, why);
     }
-    if known.order.is_empty() {
-        redo.whole.push("new".to_owned());
-    }
+    redo.whole.push(if known.order.is_empty() { "new" } else { "if a table changes" }.to_owned());
     redo
 }
 
@@ -142,6 +149,7 @@ pub(super) fn parts(figure: &Figure) -> Parts {
     Parts::from([
         (VERSION.to_owned(), REPORT_VERSION.to_string()),
         (CONTENT.to_owned(), hash(format!("{figure:?}").as_bytes())),
+        (CAMPAIGNS.to_owned(), figure.campaigns.join("\n")),
     ])
 }
 

@@ -134,3 +134,41 @@ pub fn changed_settings(
         .map(|key| format!("{key}: {} -> {}", value(old, key), value(new, key)))
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parts(parts: &[(&str, &str)]) -> Parts {
+        parts.iter().map(|(name, part)| ((*name).to_owned(), (*part).to_owned())).collect()
+    }
+
+    #[test]
+    fn every_part_that_differs_is_a_reason() {
+        let old = parts(&[(VERSION, "1"), ("trial a", "0"), ("trial b", "0"), ("the file", "0")]);
+        let new = parts(&[(VERSION, "2"), ("trial b", "0"), ("trial c", "0"), ("the file", "1")]);
+        assert_eq!(
+            reasons(&old, &new, Vec::new),
+            [
+                "the file changed",
+                "trial a is gone",
+                "trial c is new",
+                "the stage is of version 2, was 1",
+            ]
+        );
+        assert!(reasons(&old, &old, || panic!("nothing has changed")).is_empty());
+    }
+
+    #[test]
+    fn a_change_of_the_configuration_is_told_by_the_keys_that_are_read() {
+        let config = |starts: usize, seed: usize| serde_json::json!({ "fit": { "starts": starts, "seed": seed }, "vicon": { "x": [1] } });
+        let (old, new) = (flatten(&config(8, 1)), flatten(&config(4, 2)));
+        let changed = |prefix: &str| changed_settings(&old, &new, &[prefix.to_owned()]);
+        assert_eq!(changed("fit."), ["fit.seed: 1 -> 2", "fit.starts: 8 -> 4"]);
+        assert_eq!(changed("fit.s"), changed("fit."));
+        assert!(changed("vicon.").is_empty());
+        let [old, new] = ["0", "1"].map(|hash| parts(&[(CONFIGURATION, hash)]));
+        assert_eq!(reasons(&old, &new, || changed("fit.starts")), ["fit.starts: 8 -> 4"]);
+        assert_eq!(reasons(&old, &new, Vec::new), ["the configuration changed"]);
+    }
+}
