@@ -22,7 +22,7 @@ const TRIALS: [&str; 4] = [
     "semi-passive-symmetric-0.50-r1",
     "semi-passive-symmetric-3.90-r1",
 ];
-const FIGURES: [&str; 23] = [
+const FIGURES: [&str; 24] = [
     "fig03",
     "fig04",
     "fig05",
