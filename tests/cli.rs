@@ -157,7 +157,10 @@ fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
     for trial in TRIALS.iter().chain(&DECAYS) {
         expected.insert(format!("reports/trials/{trial}.html"));
     }
-    expected.extend(["index.html", "fits.json", "run.json"].map(|name| format!("reports/{name}")));
+    expected.extend(
+        ["index.html", "fits.json", "scorecard.json", "run.json"]
+            .map(|name| format!("reports/{name}")),
+    );
     let left = files(&demo().folder);
     let made: BTreeSet<String> = left
         .keys()

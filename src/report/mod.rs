@@ -1,4 +1,4 @@
-//! The report: tables of `derived/` to figures, `fits.json` and a page.
+//! The report: tables of `derived/` to figures, `fits.json`, `scorecard.json` and a page.
 
 mod axis;
 mod canvas;
@@ -17,6 +17,7 @@ mod plot;
 mod polyline;
 mod recording;
 mod render;
+mod scorecard;
 mod series;
 mod simulated;
 mod style;
@@ -55,8 +56,10 @@ pub enum ReportError {
     Draw { figure: String, message: String },
     #[error("figure {figure}: cannot be written as PNG: {source}")]
     Png { figure: String, source: png::EncodingError },
-    #[error("fits.json: {0}")]
+    #[error("JSON: {0}")]
     Json(serde_json::Error),
+    #[error("the claims that come with the program cannot be read: {0}")]
+    Claims(toml::de::Error),
     #[error("index.html: {0:#}")]
     Page(minijinja::Error),
     #[error("{}: is of an earlier report and cannot be removed: {source}", path.display())]
@@ -68,6 +71,8 @@ pub enum ReportError {
 pub struct Reported {
     /// `index.html`.
     pub page: PathBuf,
+    /// `scorecard.json`.
+    pub scorecard: PathBuf,
     /// Names of the figures that were drawn, without extension.
     pub figures: Vec<String>,
     /// Sentences on what is not in the report and why.
@@ -93,11 +98,11 @@ pub fn report_planned(
     config: &Config,
     plan: ReportPlan,
 ) -> Result<(Reported, StageState), ReportError> {
-    let page = config.paths.reports.join(PAGE);
+    let [page, scorecard] = [PAGE, SCORECARD].map(|name| config.paths.reports.join(name));
     let mut state = plan.state();
     let Some(Content { tables, figures, missing, truth }) = plan.content else {
         let (figures, missing) = (state.order.clone(), state.missing.clone());
-        return Ok((Reported { page, figures, missing }, state));
+        return Ok((Reported { page, scorecard, figures, missing }, state));
     };
     let reports = &config.paths.reports;
     plan::remove_stale(reports, plan.known, &figures)?;
@@ -125,23 +130,27 @@ pub fn report_planned(
         Ok(())
     };
     write(FITS, &fits_json::json(&tables.fits, &tables.comparison)?)?;
+    let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
+    let scores = scorecard::scorecard(config, &tables, is_synthetic)?;
+    write(SCORECARD, &scorecard::json(&scores)?)?;
     let pages = trials::pages(&tables);
     trials::write(config, &tables, &pages)?;
-    let html = page::html(config, &tables, &drawn, &pages, &missing, truth.as_ref())?;
+    let html = page::html(config, &tables, &drawn, &pages, &scores, &missing, truth.as_ref())?;
     write(PAGE, html.as_bytes())?;
     let figures: Vec<String> = figures.iter().map(|figure| figure.stem.clone()).collect();
     state.order.clone_from(&figures);
     state.missing.clone_from(&missing);
-    Ok((Reported { page, figures, missing }, state))
+    Ok((Reported { page, scorecard, figures, missing }, state))
 }
 
 const PAGE: &str = "index.html";
 const FITS: &str = "fits.json";
+const SCORECARD: &str = "scorecard.json";
 const EXTENSIONS: [&str; 3] = ["svg", "png", "csv"];
 
 /// Files that a report writes, but for the figures.
 pub fn file_paths(reports: &Path) -> Vec<PathBuf> {
-    [PAGE, FITS].map(|name| reports.join(name)).into()
+    [PAGE, FITS, SCORECARD].map(|name| reports.join(name)).into()
 }
 
 /// Draws a figure and writes its files; gives the SVG and the files' stamps.

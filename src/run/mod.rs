@@ -148,6 +148,7 @@ impl Results {
             figures: reported.figures,
             missing: reported.missing,
             page: reported.page,
+            scorecard: reported.scorecard,
         };
         let Fitted { fits, comparison, .. } = fitted;
         let (parameters, record_path) = (ingested.parameters, record_path(config));

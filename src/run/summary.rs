@@ -24,6 +24,7 @@ pub struct RunRecord {
     /// What could not be drawn, and why.
     pub missing: Vec<String>,
     pub page: PathBuf,
+    pub scorecard: PathBuf,
 }
 
 /// One stage of a run.

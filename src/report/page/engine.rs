@@ -6,10 +6,11 @@ use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
 
 /// Names and texts; a name that ends in `.html` makes the engine escape what it fills in.
-const TEMPLATES: [(&str, &str); 4] = [
+const TEMPLATES: [(&str, &str); 5] = [
     ("index.html", include_str!("index.html")),
     ("trial.html", include_str!("trial.html")),
     ("figure.html", include_str!("figure.html")),
+    ("scorecard.html", include_str!("scorecard.html")),
     ("style.css", include_str!("style.css")),
 ];
 

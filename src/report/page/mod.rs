@@ -18,7 +18,7 @@ use super::places::relative;
 use super::tables::Tables;
 use super::truth::{self, Comparison, Truth};
 use super::warnings::{CheckCount, Trouble, check_counts, troubled};
-use super::{ReportError, figures};
+use super::{ReportError, figures, scorecard};
 use crate::config::Config;
 use crate::store::{ComparisonRow, FitRow, RobotParameterRow, TrialRow};
 
@@ -50,6 +50,7 @@ struct Page<'p> {
     truth: Option<Comparison>,
     /// Figures of planted truth.
     recovered: Vec<FigureView<'p>>,
+    scorecard: scorecard::View<'p>,
     raw: String,
     derived: String,
 }
@@ -190,6 +191,7 @@ pub fn html(
     tables: &Tables,
     drawn: &[Drawn<'_>],
     pages: &TrialPages,
+    scores: &[scorecard::Entry],
     missing: &[String],
     truth: Option<&Truth>,
 ) -> Result<String, ReportError> {
@@ -218,6 +220,7 @@ pub fn html(
         robots: tables.robots.iter().flat_map(robot_views).collect(),
         trials: trial_groups(&tables.trials, pages),
         truth: truth.map(|truth| truth::compare(truth, tables)),
+        scorecard: scorecard::View::new(scores),
         raw: relative(&config.paths.reports, &config.paths.raw),
         derived: relative(&config.paths.reports, &config.paths.derived),
     };

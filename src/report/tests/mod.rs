@@ -1,7 +1,7 @@
 //! The whole report from made-up tables.
 
 mod browser;
-mod made_up;
+pub(super) mod made_up;
 mod recording;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -82,7 +82,9 @@ fn the_papers_campaigns_give_all_its_figures_and_those_of_each_campaign_s_models
         assert!(files[&format!("{stem}.csv")].len() > 100);
         assert!(files[&format!("{stem}.svg")].ends_with(b"</svg>\n"));
     }
-    assert!(files.contains_key("fits.json") && files.contains_key("index.html"));
+    for name in ["fits.json", "scorecard.json", "index.html"] {
+        assert!(files.contains_key(name), "{name}");
+    }
 }
 
 #[test]
@@ -155,6 +157,25 @@ fn tables_that_are_not_there_are_named_and_one_trial_is_enough() {
         assert!(reported.missing.iter().any(|sentence| sentence.contains(name)), "{name}");
     }
     assert_eq!(read(&folder.path().join("reports/fits.json")), "[]\n");
+}
+
+#[test]
+fn without_a_trial_or_a_fit_the_paper_still_has_its_scorecard() {
+    let folder = temporary();
+    let reported = reported(&MadeUp::default(), folder.path());
+    let json = read(&reported.scorecard);
+    let entries: Vec<serde_json::Value> = serde_json::from_str(&json).expect("JSON");
+    let of = |verdict: &str| entries.iter().filter(|entry| entry["verdict"] == verdict).count();
+    let (reproduced, differ) = (of("reproduced"), of("differs"));
+    assert!(reproduced > 40 && differ > 5, "{reproduced} {differ}");
+    let page = read(&reported.page);
+    let sentence = format!(
+        "Of {} numbers and claims that the paper prints, {reproduced} are reproduced, {differ} differ and",
+        entries.len()
+    );
+    assert!(page.contains(&sentence));
+    assert_eq!(page.matches("<tr id=\"claim-").count(), entries.len());
+    assert!(page.contains("<td class=\"n\">729<small>mm</small></td>\n<td class=\"n\">1292</td>"));
 }
 
 #[test]

@@ -1,0 +1,292 @@
+//! The claims' file, the numbers that are known, and the verdicts.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::claims::Criterion;
+use super::measured::Measured;
+use super::*;
+use crate::report::tests::made_up::{self, Tables as MadeUp};
+
+/// The scorecard of a folder without tables.
+fn alone() -> Vec<Entry> {
+    scorecard(&Config::default(), &Tables::default(), false).expect("a scorecard")
+}
+
+fn with_tables(made_up: &MadeUp, is_synthetic: bool) -> Vec<Entry> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    made_up.write(folder.path());
+    let tables = Tables::read(folder.path()).expect("tables");
+    scorecard(&Config::default(), &tables, is_synthetic).expect("a scorecard")
+}
+
+fn find<'e>(entries: &'e [Entry], id: &str) -> &'e Entry {
+    entries.iter().find(|entry| entry.id == id).unwrap_or_else(|| panic!("no claim {id}"))
+}
+
+fn claims() -> Claims {
+    Claims::load().expect("claims.toml")
+}
+
+#[test]
+fn every_claim_has_a_name_of_its_own_and_is_answered_or_has_a_reason() {
+    let claims = claims();
+    let mut ids = BTreeSet::new();
+    let mut parts: Vec<&str> = Vec::new();
+    for claim in &claims.claim {
+        let id = &claim.id;
+        assert!(ids.insert(id), "{id} stands twice");
+        assert!(id.bytes().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'-'));
+        let ends = [&claim.claim, claim.not_testable.as_ref().unwrap_or(&claim.claim)];
+        assert!(ends.iter().all(|text| text.ends_with('.')) && !claim.place.is_empty(), "{id}");
+        if parts.last() != Some(&claim.part.as_str()) {
+            assert!(!parts.contains(&claim.part.as_str()), "{} is in two places", claim.part);
+            parts.push(&claim.part);
+        }
+        let judged = match claim.judged {
+            Judged::Computed => claim.computed.is_some(),
+            Judged::Measured => claim.measured.is_some(),
+        };
+        let is_answered = judged && claim.criterion.is_some();
+        assert!(is_answered != claim.not_testable.is_some(), "{id}");
+        for also in &claim.also {
+            assert!(also.text.contains("{}"), "{id}");
+        }
+    }
+    assert!(claims.claim.len() > 90 && parts.len() > 8);
+}
+
+#[test]
+fn every_criterion_has_the_printed_number_that_it_compares_with() {
+    for claim in claims().claim {
+        let has_number = claim.printed.as_ref().and_then(Printed::number).is_some();
+        let is_fit = matches!(claim.measured, Some(Measured::Fit { .. }));
+        match claim.criterion {
+            Some(Criterion::Within(_) | Criterion::WithinPercent(_)) => {
+                assert!(has_number, "{}", claim.id);
+            }
+            Some(Criterion::ConfidenceInterval) => assert!(has_number && is_fit, "{}", claim.id),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn every_motion_that_a_claim_names_exists_and_every_motion_is_used() {
+    let claims = claims();
+    let paper = Paper::new(&claims);
+    let mut used: BTreeSet<String> = BTreeSet::new();
+    for claim in &claims.claim {
+        let also = claim.also.iter().map(|also| &also.computed);
+        let computed = claim.computed.iter().chain(also);
+        used.extend(computed.flat_map(|computed| computed.motions()).map(str::to_owned));
+        if let Some(Measured::LagExcess { motion, over, .. }) = &claim.measured {
+            used.extend([motion.clone(), over.clone()]);
+        }
+    }
+    for name in &used {
+        assert!(paper.problem(name, 1.0).is_some(), "{name}");
+    }
+    let known: BTreeSet<String> = claims.motion.keys().cloned().collect();
+    assert_eq!(used, known);
+}
+
+#[test]
+fn the_fitted_values_are_those_of_the_claims() {
+    let claims = claims();
+    let printed = |id: &str| {
+        let claim = claims.claim.iter().find(|claim| claim.id == id).expect("a claim");
+        claim.printed.as_ref().and_then(Printed::number).expect("a number")
+    };
+    let tables = [
+        ("kinematic-skewed", "table1-fit-skewed"),
+        ("kinematic-symmetric", "table1-fit-symmetric"),
+        ("semi-passive-symmetric", "table2-fit"),
+    ];
+    for (campaign, prefix) in tables {
+        let skid = [0, 1, 2].map(|wheel| printed(&format!("{prefix}-c{wheel}")));
+        assert_eq!(claims.fitted[campaign].skid_kg_s, skid);
+    }
+    let spring = &claims.fitted["semi-passive-symmetric"];
+    assert_eq!(spring.stiffness_nm_rad, Some(printed("table2-k-tau")));
+    assert_eq!(spring.damping_nm_s_rad, Some(printed("table2-c-tau")));
+}
+
+#[test]
+fn numbers_that_are_known_come_out() {
+    let entries = alone();
+    // Of an independent derivation; 1292.07 of the two states of the constrained robot.
+    let known = [
+        ("fig6-v", 312.778, 0.05),
+        ("fig9-d", 96.5092, 1e-3),
+        ("fig11-d", 478.3597, 1e-3),
+        ("fig14-d", 265.5048, 1e-3),
+        ("fig18-roll-enough", 281.6976, 1e-3),
+        ("fig4-d", 1292.0, 0.2),
+        ("det-wb-eq4", -1.0, 1e-9),
+        ("det-a-kinematic", 1.0, 1e-9),
+        ("fig8-natural-frequency", 8.8893, 1e-3),
+    ];
+    for (id, value, tolerance) in known {
+        let found = find(&entries, id).computed.expect("a number");
+        assert!((found - value).abs() <= tolerance, "{id}: {found}, known {value}");
+    }
+    let said = [
+        ("fig4-d", "With roll resistance 356.684 mm."),
+        ("fig13-no-skid", "It is 663.466 mm."),
+        ("fig16-no-skid", "It is 122.405 mm."),
+        ("fig13-optimum", "From 425.511 mm at 0.5 rad/s to 481.976 mm at 6 rad/s."),
+    ];
+    for (id, text) in said {
+        assert!(find(&entries, id).remark.contains(text), "{id}: {}", find(&entries, id).remark);
+    }
+    let difference = find(&entries, "fig14-d").relative_difference.expect("a number");
+    assert!((difference - (265.5048 / 263.0 - 1.0)).abs() < 1e-5, "{difference}");
+}
+
+/// Verdicts without any trials, one `id: verdict` a line, in order. A change of the solver that
+/// turns one is a change of what the paper's models say.
+#[test]
+fn the_verdicts_are_those_on_record() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report/scorecard/verdicts.txt");
+    let record = std::fs::read_to_string(path).expect("the record");
+    let found: Vec<String> =
+        alone().iter().map(|entry| format!("{}: {}", entry.id, entry.verdict)).collect();
+    let recorded: Vec<&str> = record.lines().collect();
+    for line in found.iter().filter(|line| !recorded.contains(&line.as_str())) {
+        eprintln!("not on record: {line}");
+    }
+    assert!(found == recorded, "{}", found.join("\n"));
+}
+
+#[test]
+fn what_is_known_to_differ_differs_and_what_agrees_agrees() {
+    let entries = alone();
+    for id in ["det-wb-eq4", "det-a-kinematic", "fig4-d", "fig13-optimum", "fig10-optimum"] {
+        assert_eq!(find(&entries, id).verdict, "differs", "{id}");
+    }
+    for id in ["fig6-v", "fig9-d", "fig11-d", "fig14-d", "fig15-optimum", "fig5-v-optimum"] {
+        assert_eq!(find(&entries, id).verdict, "reproduced", "{id}");
+    }
+}
+
+#[test]
+fn trials_and_fits_answer_what_is_about_them() {
+    let mut tables = MadeUp::of_the_paper();
+    let entries = with_tables(&tables, true);
+    let d = find(&entries, "fig9-d");
+    let trial = tables.trials.iter().find(|row| row.trial == "kinematic-skewed-3.90-r1");
+    assert_eq!(d.measured, trial.map(|row| 1e3 * row.d_m));
+    // Judged by what is computed, all the same.
+    assert!((d.relative_difference.expect("a number") + 0.0747).abs() < 1e-4);
+    assert_eq!((d.judged_by, d.verdict), (Some(Judged::Computed), "reproduced"));
+
+    let inside = find(&entries, "table1-fit-symmetric-c0");
+    assert_eq!((inside.measured, inside.verdict), (Some(104.21), "reproduced"));
+    assert!(inside.remark.starts_with("95 % interval 98.4 to 112. The trials are synthetic."));
+    let outside = find(&entries, "table1-fit-skewed-c0");
+    assert_eq!((outside.judged_by, outside.verdict), (Some(Judged::Measured), "differs"));
+    let open = find(&entries, "table1-fit-symmetric-c1");
+    assert_eq!(open.verdict, "reproduced");
+    assert!(open.remark.contains("21.3 to ∞"), "{}", open.remark);
+    let without = find(&entries, "table1-fit-symmetric-c2");
+    assert_eq!((without.measured, without.verdict), (Some(1000.0), "not testable here"));
+    assert_eq!(without.remark, "The fit has no confidence interval.");
+
+    let stiffness = find(&entries, "table2-k-tau");
+    assert_eq!((stiffness.measured, stiffness.verdict), (Some(0.1875), "differs"));
+    assert_eq!(find(&entries, "fig17-singular").measured, Some(0.0));
+    let measured_gait = find(&entries, "fig16-measured-gait").measured.expect("a ratio");
+    assert!((measured_gait - 1.5).abs() < 1e-12, "{measured_gait}");
+    // The part of the amplitude is zero in these tables: nothing can be said.
+    assert_eq!(find(&entries, "alpha-accuracy").verdict, "not testable here");
+
+    // Repeated trials count by their mean, failed ones not at all.
+    let again = |status: &str, d_m: f64| {
+        let mut row = made_up::trial(made_up::SKEWED, 3.9, [d_m, 0.04, 0.02, 0.02]);
+        row.status = status.to_owned();
+        row
+    };
+    tables.trials.extend([again("failed", 9.0), again("flagged", 0.2)]);
+    let entries = with_tables(&tables, false);
+    let mean = find(&entries, "fig9-d").measured.expect("a number");
+    assert!((mean - 0.5 * (d.measured.expect("a number") + 200.0)).abs() < 1e-9, "{mean}");
+    assert!(entries.iter().all(|entry| !entry.remark.contains("synthetic")));
+}
+
+#[test]
+fn verdicts_follow_the_criterion() {
+    let claims = claims();
+    let by = |id: &str, value: f64, limits: Option<[f64; 2]>| {
+        let claim = claims.claim.iter().find(|claim| claim.id == id).expect("a claim");
+        judge(claim, Some(&Found { limits, ..Found::new(value) })).0
+    };
+    assert_eq!(by("fig4-d", 729.49, None), Verdict::Reproduced);
+    assert_eq!(by("fig4-d", 729.51, None), Verdict::Differs);
+    assert_eq!(by("fig6-v", 329.9, None), Verdict::Reproduced);
+    assert_eq!(by("fig6-v", 330.1, None), Verdict::Differs);
+    assert_eq!(by("fig10-optimum", 6.0, None), Verdict::Differs);
+    assert_eq!(by("fig10-optimum", 4.0, None), Verdict::Reproduced);
+    assert_eq!(by("fig4-d", f64::NAN, None), Verdict::Differs);
+    let c0 = "table1-fit-symmetric-c0";
+    assert_eq!(by(c0, 110.0, Some([103.0, 120.0])), Verdict::Reproduced);
+    assert_eq!(by(c0, 110.0, Some([105.0, f64::NAN])), Verdict::Differs);
+    assert_eq!(by(c0, 110.0, Some([f64::NAN, f64::NAN])), Verdict::Reproduced);
+    assert_eq!(by(c0, 104.0, None), Verdict::NotTestable);
+}
+
+#[test]
+fn optima_are_inside_or_said_to_be_at_an_end() {
+    use super::sweep::{Point, Quantity, optimum};
+    let curve = |d: &dyn Fn(f64) -> f64| -> Vec<Point> {
+        let at = |i: i32| {
+            let omega_rad_s = 0.5 * f64::from(i);
+            let metrics = crate::metrics::GaitMetrics {
+                d_m: d(omega_rad_s),
+                ..crate::metrics::GaitMetrics::NONE
+            };
+            Point { omega_rad_s, metrics, floquet: f64::NAN, work_j: f64::NAN }
+        };
+        (1..=12).map(at).collect()
+    };
+    let peak = optimum(&curve(&|omega| -(omega - 3.7).powi(2)), Quantity::DMm).expect("one");
+    assert!(peak.is_inside && (peak.omega_rad_s - 3.7).abs() < 1e-12, "{peak:?}");
+    let end = optimum(&curve(&|omega| omega), Quantity::DMm).expect("one");
+    assert!(!end.is_inside && end.omega_rad_s == 6.0);
+    // A lower peak between the ends counts before a higher end.
+    let both = optimum(&curve(&|omega| 9.0 / omega - (omega - 4.0).powi(2)), Quantity::DMm);
+    assert!(both.is_some_and(|both| both.is_inside));
+    assert_eq!(optimum(&[], Quantity::DMm), None);
+}
+
+#[test]
+fn the_json_is_the_same_for_any_number_of_threads_and_has_null_for_no_number() {
+    let bytes = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        json(&pool.install(alone)).expect("JSON")
+    };
+    let one = bytes(1);
+    assert!(one == bytes(4), "differs with the number of threads");
+    let text = String::from_utf8(one).expect("text");
+    assert!(!text.contains("NaN") && !text.contains("inf"));
+    let entries: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let entries = entries.as_array().expect("an array");
+    assert_eq!(entries.len(), claims().claim.len());
+    for entry in entries {
+        assert!(entry["measured"].is_null(), "{entry}");
+        let verdict = entry["verdict"].as_str().expect("a verdict");
+        assert!(Verdict::ALL.iter().any(|known| known.name() == verdict), "{verdict}");
+        let is_judged = verdict != "not testable here";
+        assert_eq!(entry["judged_by"].is_null(), !is_judged, "{entry}");
+        assert!(is_judged || !entry["remark"].as_str().expect("text").is_empty(), "{entry}");
+    }
+}
+
+#[test]
+fn the_view_counts_every_claim_once() {
+    let entries = alone();
+    let view = View::new(&entries);
+    assert_eq!(view.total, entries.len());
+    assert_eq!(view.reproduced + view.differ + view.not_testable, view.total);
+    assert_eq!(view.by_trials, 0);
+}
