@@ -64,6 +64,12 @@ pub enum Computed {
         omega_rad_s: f64,
         from_mm: f64,
     },
+    /// Largest deviation of the displacements of motions from printed ones, per cent.
+    LargestDeviation {
+        motions: Vec<String>,
+        omega_rad_s: f64,
+        from_mm: Vec<f64>,
+    },
     /// How many of these motions there are.
     Existing {
         motions: Vec<String>,
@@ -166,7 +172,9 @@ impl Computed {
             Self::DeviationRatio { motion, over, .. } => {
                 [motion].into_iter().chain(over).map(String::as_str).collect()
             }
-            Self::Existing { motions, .. } => motions.iter().map(String::as_str).collect(),
+            Self::Existing { motions, .. } | Self::LargestDeviation { motions, .. } => {
+                motions.iter().map(String::as_str).collect()
+            }
         }
     }
 
@@ -212,6 +220,13 @@ impl Computed {
                 };
                 let others = over.iter().map(off).collect::<Option<Vec<f64>>>()?;
                 off(motion)? / others.into_iter().fold(0.0, f64::max)
+            }
+            Self::LargestDeviation { motions, omega_rad_s, from_mm } => {
+                let off = |(motion, from): (&String, &f64)| {
+                    Some((at(motion, *omega_rad_s, Quantity::DMm)? / from - 1.0).abs())
+                };
+                let off = motions.iter().zip(from_mm).map(off).collect::<Option<Vec<f64>>>()?;
+                100.0 * off.into_iter().fold(f64::NAN, f64::max)
             }
             Self::Existing { motions, omega_rad_s } => {
                 let exists = |motion: &&String| {

@@ -85,7 +85,9 @@ pub fn scorecard(
 ) -> Result<Vec<Entry>, ReportError> {
     let claims = Claims::load().map_err(ReportError::Claims)?;
     let paper = Paper::new(&claims);
-    let answers = claims.claim.iter().flat_map(|claim| &claim.computed);
+    let answers = claims.claim.iter().flat_map(|claim| {
+        claim.computed.iter().chain(claim.also.iter().map(|also| &also.computed))
+    });
     let swept: BTreeSet<&str> = answers.flat_map(|computed| computed.swept()).collect();
     let curves = sweep::curves(&paper, &swept);
     let entry = |claim: &Claim| {

@@ -8,9 +8,10 @@ use super::paper::Paper;
 use crate::motion::{FORCES_ACCURACY, Parameter, REFERENCE_ACCURACY, Sample, Solver};
 
 /// Samples of a cycle, and how many of them there are to one of the coarse ones. Neither meets the
-/// crossings of the symmetric gait at an eighth and five eighths of the period.
-const FINE: usize = 1010;
-const REFINED: usize = 10;
+/// crossings of the symmetric gait at an eighth and five eighths of the period: both miss them by
+/// half a step.
+const FINE: usize = 1100;
+const REFINED: usize = 11;
 /// Samples in which crossings and phases are looked for.
 const SAMPLES: usize = 180;
 
@@ -30,8 +31,8 @@ fn cycle(paper: &Paper<'_>, motion: &str, omega_rad_s: f64, samples: usize) -> O
     solver.cycle(samples).ok()
 }
 
-/// The largest value seen in all samples over that in every tenth: 1 for what is bounded and
-/// resolved, some 10 for what has a pole.
+/// The largest value seen in all samples over that in every eleventh: 1 for what is bounded and
+/// resolved, 11 for what has a pole.
 pub fn growth(paper: &Paper<'_>, motion: &str, omega_rad_s: f64, of: Grown) -> Option<f64> {
     let h_m = paper.problem(motion, omega_rad_s)?.robot.h_m;
     let samples = cycle(paper, motion, omega_rad_s, FINE)?;

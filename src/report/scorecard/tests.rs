@@ -123,6 +123,8 @@ fn numbers_that_are_known_come_out() {
         ("fig14-d", 265.5048, 1e-3),
         ("fig18-roll-enough", 281.6976, 1e-3),
         ("fig4-d", 1292.0, 0.2),
+        ("good-agreement", 9.4645, 1e-3),
+        ("kinematic-forces-unbounded-roll", 11.0, 0.1),
         ("det-wb-eq4", -1.0, 1e-9),
         ("det-a-kinematic", 1.0, 1e-9),
         ("fig8-natural-frequency", 8.8893, 1e-3),
@@ -135,6 +137,7 @@ fn numbers_that_are_known_come_out() {
         ("fig4-d", "With roll resistance 356.684 mm."),
         ("fig13-no-skid", "It is 663.466 mm."),
         ("fig16-no-skid", "It is 122.405 mm."),
+        ("fig13-qualitative", "largest at 4.87106 rad/s, with a spread of 0."),
         ("fig13-optimum", "From 425.511 mm at 0.5 rad/s to 481.976 mm at 6 rad/s."),
     ];
     for (id, text) in said {

@@ -33,6 +33,7 @@ impl Criterion {
             Self::WithinPercent(tolerance) => format!("within {tolerance} % of the printed value"),
             Self::Equals(value) => format!("equal to {value}"),
             Self::AtLeast(least) => format!("at least {least}"),
+            Self::AtMost(most) if most != 0.0 && most < 1e-4 => format!("at most {most:e}"),
             Self::AtMost(most) => format!("at most {most}"),
             Self::Between([low, high]) => format!("{low} to {high}"),
             Self::ConfidenceInterval => {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::Entry;
 use super::claims::Printed;
 use super::verdict::Verdict;
-use crate::report::numbers::{NONE, percent, significant};
+use crate::report::numbers::{NONE, fixed, percent, significant};
 
 /// The section of the page.
 #[derive(Debug, Serialize)]
@@ -31,10 +31,12 @@ struct Row<'e> {
     id: &'e str,
     place: &'e str,
     claim: &'e str,
-    quantity: &'e str,
-    criterion: &'e str,
+    /// What the numbers are and when they count as reproduced; may be empty.
+    test: String,
     unit: &'e str,
     printed: String,
+    /// Whether that is several numbers.
+    is_text: bool,
     computed: String,
     measured: String,
     difference: String,
@@ -75,14 +77,14 @@ impl<'e> Row<'e> {
             id: &entry.id,
             place: &entry.place,
             claim: &entry.claim,
-            quantity: &entry.quantity,
-            criterion: entry.criterion.as_deref().unwrap_or_default(),
+            test: test(entry),
             unit: &entry.unit,
             printed: match &entry.printed {
                 Some(Printed::Number(number)) => number.to_string(),
                 Some(Printed::Text(text)) => text.clone(),
                 None => String::new(),
             },
+            is_text: matches!(entry.printed, Some(Printed::Text(_))),
             computed: number(entry.computed),
             measured: number(entry.measured),
             difference: match entry.relative_difference {
@@ -100,7 +102,26 @@ impl<'e> Row<'e> {
     }
 }
 
-/// Four significant digits, and a power of ten for what is next to nothing.
+/// The quantity with its unit, where the printed number does not show it, and the criterion.
+fn test(entry: &Entry) -> String {
+    let unit = if entry.printed.is_none() { entry.unit.as_str() } else { "" };
+    let quantity = [entry.quantity.as_str(), unit].into_iter().filter(|text| !text.is_empty());
+    let quantity = quantity.collect::<Vec<_>>().join(", ");
+    let criterion = entry.criterion.as_deref().unwrap_or_default();
+    let parts = [quantity.as_str(), criterion].into_iter().filter(|text| !text.is_empty());
+    let text = parts.collect::<Vec<_>>().join(": ");
+    let mut letters = text.chars();
+    match letters.next() {
+        Some(first) => format!("{}{}.", first.to_uppercase(), letters.as_str()),
+        None => text,
+    }
+}
+
+/// Four significant digits, a whole number as such, and a power of ten for next to nothing.
 fn short(value: f64) -> String {
-    if value != 0.0 && value.abs() < 1e-4 { format!("{value:.0e}") } else { significant(value, 4) }
+    match value {
+        _ if (value - value.round()).abs() < 1e-9 && value.round() != 0.0 => fixed(value, 0),
+        _ if value != 0.0 && value.abs() < 1e-4 => format!("{value:.0e}"),
+        _ => significant(value, 4),
+    }
 }
