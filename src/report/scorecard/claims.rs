@@ -76,9 +76,8 @@ pub enum Criterion {
     AtLeast(f64),
     AtMost(f64),
     Between([f64; 2]),
-    /// The printed number lies in the 95 % confidence interval of the fit.
-    #[serde(rename = "confidence-interval")]
-    ConfidenceInterval,
+    /// The printed number, give or take this, lies in the 95 % confidence interval of the fit.
+    ConfidenceInterval(f64),
 }
 
 /// The number that a verdict is about.

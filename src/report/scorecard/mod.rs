@@ -10,8 +10,9 @@
 //! - `reproduced`: the number that the claim is judged by meets its criterion. That is half a
 //!   unit of the last printed digit unless the claim has a criterion of its own: 10 % where the
 //!   paper says "approximately" or that a model agrees well with a measurement, 0.5 rad/s (a step
-//!   of the trials) where it says "around" a frequency, the fit's 95 % confidence interval for
-//!   fitted coefficients, and for statements in words the bound that the claim names.
+//!   of the trials) where it says "around" a frequency, for fitted coefficients the fit's 95 %
+//!   confidence interval, give or take the rounding of the printed value, and for statements in
+//!   words the bound that the data file gives.
 //! - `differs`: it does not, or there is no such number (a motion that does not exist).
 //! - `not testable here`: the data file gives a reason, or the folder lacks what it takes.
 //!
@@ -167,7 +168,7 @@ fn entry(
 fn note(found: &Found) -> String {
     let Some([low, high]) = found.limits else { return found.note.clone() };
     let text = |limit: f64, open: &str| match limit.is_finite() {
-        true => significant(limit, 3),
+        true => significant(limit, 4),
         false => open.to_owned(),
     };
     format!("95 % interval {} to {}.", text(low, "0"), text(high, "∞"))

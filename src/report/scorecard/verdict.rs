@@ -36,7 +36,7 @@ impl Criterion {
             Self::AtMost(most) if most != 0.0 && most < 1e-4 => format!("at most {most:e}"),
             Self::AtMost(most) => format!("at most {most}"),
             Self::Between([low, high]) => format!("{low} to {high}"),
-            Self::ConfidenceInterval => {
+            Self::ConfidenceInterval(_) => {
                 "printed value in the fit's 95 % confidence interval".to_owned()
             }
         }
@@ -54,11 +54,11 @@ impl Criterion {
             Self::AtLeast(least) => value >= least,
             Self::AtMost(most) => value <= most,
             Self::Between([low, high]) => (low..=high).contains(&value),
-            Self::ConfidenceInterval => {
+            Self::ConfidenceInterval(rounding) => {
                 // An open end is NaN: nothing lies beyond it.
                 let [low, high] = found.limits?;
                 let printed = printed?;
-                !(printed < low || printed > high)
+                !(printed + rounding < low || printed - rounding > high)
             }
         })
     }
