@@ -119,11 +119,11 @@ impl Update {
             for Planned { name, why } in &redo.things {
                 let why =
                     if self.explain { format!(": {}", why.join("; ")) } else { String::new() };
-                say!("{perhaps}{} {name}{why}", redo.kind);
+                say!("{perhaps}{} {name}{why}", redo.kind(name));
             }
             for name in &redo.removed {
                 let why = if self.explain { ": is no more" } else { "" };
-                say!("remove {} {name}{why}", redo.kind);
+                say!("remove {} {name}{why}", redo.kind(name));
             }
             for why in &redo.whole {
                 say!("{perhaps}{}: {why}", ["tables of trials", "tables of fits", "page"][number]);

@@ -75,9 +75,9 @@ impl Watch for Watcher {
     fn planned(&self, redo: &Redo) {
         if self.explain {
             for Planned { name, why } in &redo.things {
-                note!("{} {name}: {}", redo.kind, why.join("; "));
+                note!("{} {name}: {}", redo.kind(name), why.join("; "));
             }
-            redo.removed.iter().for_each(|name| note!("{} {name}: is no more", redo.kind));
+            redo.removed.iter().for_each(|name| note!("{} {name}: is no more", redo.kind(name)));
             redo.whole.iter().for_each(|why| note!("{why}"));
         }
     }

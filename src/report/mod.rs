@@ -134,7 +134,14 @@ pub fn report_planned(
     let scores = scorecard::scorecard(config, &tables, is_synthetic)?;
     write(SCORECARD, &scorecard::json(&scores)?)?;
     let pages = trials::pages(&tables);
-    trials::write(config, &tables, &pages)?;
+    let mut written = trials::write(config, &tables, &pages, &plan.kept_pages)?;
+    for (name, parts) in plan.pages {
+        let outputs = match (written.remove(&name), plan.known.things.get(&name)) {
+            (Some(stamp), _) => BTreeMap::from([(name.clone(), stamp)]),
+            (None, known) => known.map_or(BTreeMap::new(), |thing| thing.outputs.clone()),
+        };
+        state.things.insert(name, Thing { parts, outputs });
+    }
     let html = page::html(config, &tables, &drawn, &pages, &scores, &missing, truth.as_ref())?;
     write(PAGE, html.as_bytes())?;
     let figures: Vec<String> = figures.iter().map(|figure| figure.stem.clone()).collect();

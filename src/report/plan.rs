@@ -7,7 +7,7 @@ use super::figure::Figure;
 use super::page;
 use super::tables::{Tables, table_paths};
 use super::truth::Truth;
-use super::{EXTENSIONS, REPORT_VERSION, ReportError, figures};
+use super::{EXTENSIONS, REPORT_VERSION, ReportError, figures, trials};
 use crate::config::Config;
 use crate::store::{
     How, Parts, Redo, StageState, Stamp, VERSION, absolute, changed_outputs, changed_settings,
@@ -26,6 +26,10 @@ pub struct ReportPlan<'s> {
     pub(super) content: Option<Content>,
     /// SVGs and files of figures that stay.
     pub(super) kept: BTreeMap<String, (String, BTreeMap<String, Stamp>)>,
+    /// What the trials' pages are made of, by their path inside of `reports/`.
+    pub(super) pages: BTreeMap<String, Parts>,
+    /// Those that stay.
+    pub(super) kept_pages: BTreeSet<String>,
     inputs: BTreeMap<String, Stamp>,
     settings: BTreeMap<String, String>,
     input: String,
@@ -52,7 +56,9 @@ pub fn plan<'s>(
     let settings = flatten(config);
     // A change of the template tells itself.
     let input = format!("version {REPORT_VERSION}, page {}", &hash(page::texts().as_bytes())[..16]);
-    let (tables, truth) = (table_paths(&config.paths.derived), config.paths.raw.join(TRUTH_FILE));
+    let derived = &config.paths.derived;
+    let (mut tables, truth) = (table_paths(derived), config.paths.raw.join(TRUTH_FILE));
+    tables.extend(trials::table_paths(derived));
     let read: Vec<&PathBuf> = tables.iter().chain([&truth]).filter(|path| path.is_file()).collect();
     let damaged = changed_outputs(reports, all_outputs(known), how.verify);
     let mut redo = Redo::new("figure");
@@ -63,8 +69,17 @@ pub fn plan<'s>(
         && known.has_read(read.iter().map(|path| path.as_path()), how.verify);
     if is_same {
         redo.up_to_date = known.things.len();
-        let (kept, inputs) = (BTreeMap::new(), known.inputs.clone());
-        return Ok(ReportPlan { redo, known, content: None, kept, inputs, settings, input });
+        return Ok(ReportPlan {
+            redo,
+            known,
+            content: None,
+            kept: BTreeMap::new(),
+            pages: BTreeMap::new(),
+            kept_pages: BTreeSet::new(),
+            inputs: known.inputs.clone(),
+            settings,
+            input,
+        });
     }
     let content = Content::read(config)?;
     let renew = |path: &&PathBuf| match **path == truth {
@@ -94,8 +109,26 @@ pub fn plan<'s>(
         }
         redo.add(&figure.stem, why);
     }
-    let drawn: BTreeSet<&String> = content.figures.iter().map(|figure| &figure.stem).collect();
-    redo.removed = known.things.keys().filter(|stem| !drawn.contains(stem)).cloned().collect();
+    let stamp = |path: &Path| inputs.get(&absolute(path)).map(|stamp| stamp.blake3.clone());
+    let pages = trials::parts(config, &content.tables, &trials::pages(&content.tables), stamp);
+    let mut kept_pages = BTreeSet::new();
+    for (name, parts) in &pages {
+        let why = match known.things.get(name) {
+            _ if how.force => vec!["--force".to_owned()],
+            None => vec!["new".to_owned()],
+            Some(thing) => {
+                let changed = changed_outputs(reports, &thing.outputs, how.verify);
+                reasons(&thing.parts, parts, Vec::new).into_iter().chain(changed).collect()
+            }
+        };
+        if why.is_empty() {
+            kept_pages.insert(name.clone());
+        }
+        redo.add(name, why);
+    }
+    let drawn = content.figures.iter().map(|figure| &figure.stem);
+    let drawn: BTreeSet<&String> = drawn.chain(pages.keys()).collect();
+    redo.removed = known.things.keys().filter(|name| !drawn.contains(name)).cloned().collect();
     let same_inputs = known.inputs.len() == inputs.len()
         && inputs.iter().all(|(path, stamp)| {
             known.inputs.get(path).is_some_and(|known| known.blake3 == stamp.blake3)
@@ -112,7 +145,7 @@ pub fn plan<'s>(
     }
     // Tables with other times and the same bytes change nothing.
     let content = Some(content).filter(|_| !redo.is_empty());
-    Ok(ReportPlan { redo, known, content, kept, inputs, settings, input })
+    Ok(ReportPlan { redo, known, content, kept, pages, kept_pages, inputs, settings, input })
 }
 
 /// What there will be to do once the stages before have changed what they have of `campaigns`.

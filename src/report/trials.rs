@@ -1,8 +1,8 @@
 //! A page for each trial, in `trials/`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
@@ -10,12 +10,14 @@ use super::font::Typeface;
 use super::page::{self, Drawn, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
-use super::{ReportError, figures, plot, render};
+use super::{REPORT_VERSION, ReportError, figures, plot, render};
 use crate::config::Config;
-use crate::store::{TrialRow, write_if_changed};
+use crate::store::{
+    Parts, Stamp, TrialRow, VERSION, cycles_path, hash, poses_path, wheels_path, write_if_changed,
+};
 
 /// Folder of the pages inside of `reports/`.
-const FOLDER: &str = "trials";
+pub const FOLDER: &str = "trials";
 
 /// Files of all trials' pages.
 pub fn pages(tables: &Tables) -> TrialPages {
@@ -33,24 +35,76 @@ fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
     tables.trials.iter().filter(move |trial| seen.insert(trial.trial.as_str()))
 }
 
-/// Writes them, and removes those of trials that are no longer there.
+/// What the page of each trial is made of, by its path inside of `reports/`. `stamp` gives the
+/// hash of a file.
+pub fn parts(
+    config: &Config,
+    tables: &Tables,
+    pages: &TrialPages,
+    stamp: impl Fn(&Path) -> Option<String>,
+) -> BTreeMap<String, Parts> {
+    let derived = &config.paths.derived;
+    let looks = hash(page::texts().as_bytes());
+    let of_trial = |trial: &TrialRow| {
+        let name = trial.trial.as_str();
+        let checks: Vec<_> = tables.checks.iter().filter(|row| row.trial == name).collect();
+        let robots: Vec<_> = tables.robots.iter().filter(|row| row.trial == name).collect();
+        let robot = config.campaign_setup(&trial.campaign);
+        let rows = format!("{trial:?} {checks:?} {robots:?} {robot:?}");
+        let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
+        let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
+        let parts = Parts::from([
+            (VERSION.to_owned(), REPORT_VERSION.to_string()),
+            ("how it looks".to_owned(), looks.clone()),
+            ("its row or checks".to_owned(), hash(rows.as_bytes())),
+            ("its tables".to_owned(), recorded),
+        ]);
+        Some((format!("{FOLDER}/{}", pages.get(name)?), parts))
+    };
+    first_of_each(tables).filter_map(of_trial).collect()
+}
+
+/// Tables of single trials that there are.
+pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
+    let mut paths = Vec::new();
+    for folder in ["poses", "wheels", "cycles"] {
+        let entries = std::fs::read_dir(derived.join(folder)).into_iter().flatten().flatten();
+        let files = entries.map(|entry| entry.path());
+        paths.extend(files.filter(|path| path.extension().is_some_and(|end| end == "parquet")));
+    }
+    paths.sort();
+    paths
+}
+
+/// Writes the pages but for those in `kept`, and removes those of trials that are no longer
+/// there. Gives what was written, by its path inside of `reports/`.
 ///
 /// # Errors
 /// A page cannot be filled in or written, or an old one not removed.
-pub fn write(config: &Config, tables: &Tables, pages: &TrialPages) -> Result<(), ReportError> {
+pub fn write(
+    config: &Config,
+    tables: &Tables,
+    pages: &TrialPages,
+    kept: &BTreeSet<String>,
+) -> Result<BTreeMap<String, Stamp>, ReportError> {
     let folder = config.paths.reports.join(FOLDER);
     let trials: Vec<&TrialRow> = first_of_each(tables).collect();
-    trials.into_par_iter().try_for_each(|trial| {
-        let Some(file) = pages.get(&trial.trial) else { return Ok(()) };
-        let recording = match trial.status.as_str() {
-            "failed" => None,
-            _ => Recording::read(&config.paths.derived, &trial.trial).ok(),
+    let written = trials.into_par_iter().filter_map(|trial| {
+        let file = pages.get(&trial.trial)?;
+        let name = format!("{FOLDER}/{file}");
+        let write = || {
+            let recording = match trial.status.as_str() {
+                "failed" => None,
+                _ => Recording::read(&config.paths.derived, &trial.trial).ok(),
+            };
+            let html = html(trial, tables, recording.as_ref(), config)?;
+            Ok((name.clone(), write_if_changed(&folder.join(file), html.as_bytes())?))
         };
-        let html = html(trial, tables, recording.as_ref(), config)?;
-        write_if_changed(&folder.join(file), html.as_bytes())?;
-        Ok::<(), ReportError>(())
-    })?;
-    remove_others(&folder, pages)
+        (!kept.contains(&name)).then(write)
+    });
+    let written = written.collect::<Result<_, ReportError>>()?;
+    remove_others(&folder, pages)?;
+    Ok(written)
 }
 
 fn html(

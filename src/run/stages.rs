@@ -66,7 +66,8 @@ pub(super) fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Resul
 /// Folders that are written to, `derived/` first.
 pub(super) fn folders(config: &Config) -> Vec<PathBuf> {
     let (derived, reports) = (&config.paths.derived, &config.paths.reports);
-    let mut folders = vec![derived.clone(), reports.clone(), reports.join("figures")];
+    let mut folders =
+        vec![derived.clone(), reports.clone(), reports.join("figures"), reports.join("trials")];
     folders.extend(ingest::table_folders(derived));
     folders
 }
@@ -138,7 +139,7 @@ pub(super) fn draw_planned(
     let (reported, state) = report::report_planned(config, plan)?;
     record.report = state;
     if !redo.is_empty() {
-        watch.step(&format!("{} figures", redo.things.len()));
+        watch.step(&format!("{} figures and pages", redo.things.len()));
     }
     Ok((reported, redo))
 }

@@ -29,7 +29,7 @@ impl How {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Redo {
     /// `trial`, `fit` or `figure`.
-    pub kind: &'static str,
+    kind: &'static str,
     pub things: Vec<Planned>,
     pub up_to_date: usize,
     /// Things that are there and should no longer be.
@@ -57,6 +57,11 @@ impl Redo {
             true => self.up_to_date += 1,
             false => self.things.push(Planned { name: name.to_owned(), why }),
         }
+    }
+
+    /// What a thing of that name is; pages have their folder in their names.
+    pub fn kind(&self, name: &str) -> &'static str {
+        if self.kind == "figure" && name.contains('/') { "page" } else { self.kind }
     }
 
     /// Whether all is up to date.
