@@ -22,13 +22,18 @@ pub mod report;
 /// All of it, one stage after the other.
 pub mod run;
 
+/// A look into any table.
+pub mod inspect;
+
 /// The command line.
 pub mod cli;
 
 /// What the stages share: the mechanics, the models' motion, metrics and tables; and trials
 /// with a known truth.
+pub(crate) mod csv;
 pub mod metrics;
 pub mod motion;
+pub(crate) mod pattern;
 pub mod robot;
 pub mod store;
 pub mod synth;

@@ -3,6 +3,7 @@
 
 mod calibrate;
 mod check;
+mod inspect;
 mod omegas;
 mod output;
 mod parameters;
@@ -11,6 +12,7 @@ mod progress;
 mod simulate;
 mod stages;
 mod synth;
+mod table;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -57,6 +59,8 @@ enum Command {
     Report(stages::Report),
     /// Read a trial folder or marker files, write nothing, say what is there and what is wrong.
     Check(check::Check),
+    /// Look into a table of `derived`, or into any Parquet file.
+    Inspect(inspect::Inspect),
     /// Solve for a model's steady motion.
     Simulate(simulate::Simulate),
     /// Write trials with a known truth, as the camera system would.
@@ -117,6 +121,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Fit(command) => command.run(context),
         Command::Report(command) => command.run(context),
         Command::Check(command) => command.run(context),
+        Command::Inspect(command) => command.run(context),
         Command::Simulate(command) => command.run(context),
         Command::Synth(command) => command.run(context),
     }

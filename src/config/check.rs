@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::path::Path;
 
 use super::{Campaign, Config, ConfigError, Free, RobotConfig, nearest};
-use crate::vicon::matches_label;
+use crate::pattern::matches_label;
 
 /// More starts find nothing new and may not fit into memory.
 const MOST_STARTS: usize = 10_000;

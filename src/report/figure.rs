@@ -3,6 +3,7 @@
 use super::chart::{Chart, Layout};
 use super::legend::Sample;
 use super::series::{Kind, Quantity, Series};
+use crate::csv::field as csv_field;
 
 /// One quantity against the frequency.
 #[derive(Debug, Clone)]
@@ -134,11 +135,4 @@ fn extent(series: &Series, quantity: Quantity) -> String {
 pub fn csv_number(value: f64) -> String {
     let rounded: f64 = format!("{value:.9e}").parse().unwrap_or(value);
     rounded.to_string()
-}
-
-fn csv_field(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        return format!("\"{}\"", text.replace('"', "\"\""));
-    }
-    text.to_owned()
 }

@@ -23,6 +23,7 @@ pub use schema::{
     wheels_path,
 };
 pub use stamp::{Stamp, hash};
+pub(crate) use table::guarded;
 pub use table::{Column, Provenance, Table, is_own_table, is_reading};
 
 use std::path::PathBuf;
@@ -34,6 +35,8 @@ pub enum StoreError {
     Write { path: PathBuf, source: std::io::Error },
     #[error("{}: cannot be read: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
+    #[error("{}: not a Parquet table: {message}", path.display())]
+    Parquet { path: PathBuf, message: String },
     #[error("{}: not a Parquet table of trilink: {message}", path.display())]
     Table { path: PathBuf, message: String },
     #[error("{}: not there; `trilink ingest` makes it", path.display())]

@@ -1,4 +1,4 @@
-//! Columns in memory and Parquet on disk; the only place that knows polars.
+//! Columns in memory and Parquet on disk; the only place that writes with polars.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -8,11 +8,13 @@ use std::path::{Path, PathBuf};
 
 use polars::polars_utils::compression::ZstdLevel;
 use polars::prelude::{
-    ChunkSet, ChunkTake, Column as PolarsColumn, DataFrame, DataType, Float64Chunked, IdxCa,
-    IntoSeries, KeyValueMetadata, ListBuilderTrait, ListStringChunkedBuilder, NamedFrom,
+    ChunkSet, ChunkTake, Column as PolarsColumn, CompatLevel, DataFrame, DataType, Float64Chunked,
+    IdxCa, IntoSeries, KeyValueMetadata, ListBuilderTrait, ListStringChunkedBuilder, NamedFrom,
     NewChunkedArray, ParallelStrategy, ParquetCompression, ParquetReader, ParquetWriter,
-    PlSmallStr, PolarsError, PolarsResult, SerReader, Series, StatisticsOptions, StringChunked,
+    PlSmallStr, PolarsError, PolarsResult, SchemaExt, SerReader, Series, StatisticsOptions,
+    StringChunked,
 };
+use polars_parquet::write::{KeyValue, schema_to_metadata_key};
 
 use super::{Beside, Stamp, StoreError, write_if_changed};
 
@@ -31,6 +33,17 @@ thread_local! {
 /// hook need not speak of it.
 pub fn is_reading() -> bool {
     READING.with(Cell::get)
+}
+
+/// Reads with polars; `None` if the file is damaged such that the reader panics instead of giving
+/// an error.
+pub(crate) fn guarded<T>(read: impl FnOnce() -> T) -> Option<T> {
+    READING.with(|reading| {
+        reading.set(true);
+        let read = catch_unwind(AssertUnwindSafe(read));
+        reading.set(false);
+        read.ok()
+    })
 }
 
 /// Values of one column. NaN is how a missing number is kept; it is written as null.
@@ -148,16 +161,9 @@ impl Table {
         let file = File::open(path)
             .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
         let table_error = |message: String| StoreError::Table { path: path.to_owned(), message };
-        // On some damaged files the Parquet reader panics instead of giving an error.
-        let read = READING.with(|reading| {
-            reading.set(true);
-            let reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None);
-            let read = catch_unwind(AssertUnwindSafe(|| reader.finish()));
-            reading.set(false);
-            read
-        });
-        let frame = read
-            .map_err(|_| table_error("it is damaged".to_owned()))?
+        let reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None);
+        let frame = guarded(|| reader.finish())
+            .ok_or_else(|| table_error("it is damaged".to_owned()))?
             .map_err(|error| table_error(error.to_string()))?;
         let columns = frame
             .columns()
@@ -249,7 +255,9 @@ fn write_parquet(
     to: impl Write,
     provenance: &Provenance,
 ) -> PolarsResult<()> {
+    let types = arrow_schema(frame);
     let metadata = KeyValueMetadata::from_static(vec![
+        (types.key, types.value.unwrap_or_default()),
         ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         (INPUT_KEY.to_owned(), provenance.input.clone()),
     ]);
@@ -267,6 +275,12 @@ fn write_parquet(
 pub fn is_own_table(path: &Path) -> bool {
     const KEY: &[u8] = INPUT_KEY.as_bytes();
     std::fs::read(path).is_ok_and(|bytes| bytes.windows(KEY.len()).any(|part| part == KEY))
+}
+
+/// The types that Arrow's readers are to make of the columns: text and lists of text as they have
+/// always been. pandas cannot take a list of views, which is what polars would name.
+fn arrow_schema(frame: &DataFrame) -> KeyValue {
+    schema_to_metadata_key(&frame.schema().to_arrow(CompatLevel::oldest()))
 }
 
 fn to_polars(name: &str, column: &Column) -> PolarsResult<PolarsColumn> {

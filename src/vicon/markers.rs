@@ -1,6 +1,6 @@
 //! Markers over time.
 
-use super::pattern::matches_label;
+use crate::pattern::matches_label;
 
 /// Largest coordinate that is believed: no camera sees a kilometre.
 pub(super) const LARGEST_MM: f64 = 1e6;

@@ -11,7 +11,6 @@ mod cells;
 mod error;
 mod header;
 mod markers;
-mod pattern;
 mod rows;
 mod sections;
 
@@ -20,7 +19,6 @@ use std::path::Path;
 pub use bytes::read_file;
 pub use error::ViconError;
 pub use markers::MarkerFile;
-pub(crate) use pattern::matches_label;
 pub use sections::Section;
 
 /// Reads the markers of an exported file, CSV or C3D, as it is or packed by gzip.

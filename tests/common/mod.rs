@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use trilink::config::Config;
+use trilink::motion::Model;
+
 /// Runs the program in `folder`.
 pub fn trilink(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trilink"))
@@ -181,4 +184,27 @@ pub fn assert_same(
     for (name, bytes) in found {
         assert!(bytes == &expected[name], "{what}: {} differs", name.display());
     }
+}
+
+/// A configuration of one campaign and two models, whose fits are quick.
+pub fn small_settings() -> Config {
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == "kinematic-symmetric");
+    for campaign in config.campaign.values_mut() {
+        campaign.models = vec![Model::NoSkid, Model::SkidRoll];
+    }
+    config.fit.starts = 2;
+    config.fit.bootstrap = 40;
+    config
+}
+
+/// A folder in which such a configuration has run on synthetic trials of a few frequencies.
+pub fn small_run(config: &Config, seed: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = toml::to_string(config).expect("a configuration is TOML");
+    std::fs::write(folder.path().join("pipeline.toml"), text).expect("the file can be written");
+    let synth = ["synth", "raw/demo", "--omega", "2,3.9", "--seed", seed, "--quiet"];
+    succeed(folder.path(), &synth);
+    succeed(folder.path(), &["run", "--quiet"]);
+    folder
 }

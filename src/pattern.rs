@@ -1,12 +1,13 @@
-//! Labels by pattern: `*` stands for any characters, none too, and `?` for one.
+//! Text by pattern: one character stands for any characters, none too, and another for one.
 
-/// Whether a label, or the part of it after the subject, is as a pattern says.
+/// Whether a label, or the part of it after the subject, is as a pattern with `*` and `?` says.
 pub(crate) fn matches_label(pattern: &str, label: &str) -> bool {
     let name = label.rsplit_once(':').map_or(label, |(_, name)| name);
-    matches(pattern, label) || matches(pattern, name)
+    matches(pattern, label, ['*', '?']) || matches(pattern, name, ['*', '?'])
 }
 
-fn matches(pattern: &str, text: &str) -> bool {
+/// Whether a text is as a pattern says, in which `any` stands for any characters and `one` for one.
+pub(crate) fn matches(pattern: &str, text: &str, [any, one]: [char; 2]) -> bool {
     let (pattern, text): (Vec<char>, Vec<char>) =
         (pattern.chars().collect(), text.chars().collect());
     let (mut p, mut t) = (0, 0);
@@ -14,11 +15,11 @@ fn matches(pattern: &str, text: &str) -> bool {
     let mut star: Option<(usize, usize)> = None;
     while t < text.len() {
         match pattern.get(p) {
-            Some('*') => {
+            Some(c) if *c == any => {
                 star = Some((p, t));
                 p += 1;
             }
-            Some(c) if *c == '?' || *c == text[t] => (p, t) = (p + 1, t + 1),
+            Some(c) if *c == one || *c == text[t] => (p, t) = (p + 1, t + 1),
             _ => match &mut star {
                 Some((at, reach)) => {
                     *reach += 1;
@@ -28,7 +29,7 @@ fn matches(pattern: &str, text: &str) -> bool {
             },
         }
     }
-    pattern[p..].iter().all(|c| *c == '*')
+    pattern[p..].iter().all(|c| *c == any)
 }
 
 #[cfg(test)]
@@ -54,7 +55,7 @@ mod tests {
             ("", "M1", false),
             ("Ä?", "Äß", true),
         ] {
-            assert_eq!(matches(pattern, text), expected, "{pattern} {text}");
+            assert_eq!(matches(pattern, text, ['*', '?']), expected, "{pattern} {text}");
         }
     }
 

@@ -1,0 +1,157 @@
+//! `trilink inspect`.
+
+use std::collections::BTreeSet;
+
+use super::output::say;
+use super::{Context, Failure, Outcome, table};
+use crate::inspect::{
+    ColumnInfo, Kind, Query, SortKey, Value, View, csv, describe, find, json, list, meaning, query,
+    unit,
+};
+
+#[derive(clap::Args)]
+pub(super) struct Inspect {
+    /// A table of `derived`, such as `trials`, `fits` or `poses/TRIAL`, or any Parquet file; all
+    /// of `derived` are listed if none is named.
+    table: Option<String>,
+    /// Columns to show, in this order.
+    #[arg(long, value_delimiter = ',', value_name = "COLUMN,..")]
+    columns: Vec<String>,
+    /// Rows to show, by a condition as SQL has it: "campaign = 'x' and omega_rad_s > 3".
+    #[arg(long = "where", value_name = "CONDITION")]
+    condition: Option<String>,
+    /// Columns to sort by; downwards with a minus sign or ` desc`.
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "COLUMN,..")]
+    sort: Vec<String>,
+    /// Rows at most.
+    #[arg(long, value_name = "N")]
+    head: Option<usize>,
+    /// Show the columns with their types, units and meanings instead of rows.
+    #[arg(long, conflicts_with_all = ["columns", "condition", "sort", "head", "csv", "json"])]
+    schema: bool,
+    /// Print CSV with every digit.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// Print a JSON array of objects with every digit.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Inspect {
+    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+        let derived = &context.config.paths.derived;
+        let Some(name) = &self.table else {
+            return list_tables(&context);
+        };
+        let path = find(derived, name)?;
+        if self.schema {
+            return show_schema(&path);
+        }
+        let sort = self.sort.iter().map(|key| sort_key(key)).collect::<Result<_, _>>()?;
+        let columns = self.columns.iter().map(|column| column.trim().to_owned()).collect();
+        let asked = Query { columns, condition: self.condition.clone(), sort, head: self.head };
+        let view = query(&path, &asked)?;
+        if !view.left_out.is_empty() {
+            let columns = view.left_out.iter();
+            let columns: Vec<String> =
+                columns.map(|column| format!("{} ({})", column.name, column.type_name)).collect();
+            context.progress.say(&format!("not shown: {}", columns.join(", ")));
+        }
+        match (self.csv, self.json) {
+            (true, _) => say!("{}", csv(&view).trim_end_matches('\n')),
+            (_, true) => say!("{}", json(&view)?),
+            _ => show(&context, &view),
+        }
+        Ok(Outcome::Well)
+    }
+}
+
+/// The rows with some digits.
+fn show(context: &Context, view: &View) {
+    let cells: Vec<Vec<String>> =
+        view.rows.iter().map(|row| row.iter().map(in_short).collect()).collect();
+    let headings: Vec<table::Heading> = view.columns.iter().map(heading).collect();
+    let hidden = table::print(&headings, &cells, table::terminal_width());
+    if hidden > 0 {
+        context.progress.say(&format!(
+            "{hidden} columns do not fit on the terminal; --columns chooses, --csv has them all"
+        ));
+    }
+    context.progress.say(&format!("{} of {} rows", view.rows.len(), view.total));
+}
+
+fn heading(column: &ColumnInfo) -> table::Heading<'_> {
+    table::Heading { text: &column.name, right: column.kind == Some(Kind::Number) }
+}
+
+/// Six significant digits, and a dash where nothing is.
+fn in_short(value: &Value) -> String {
+    match value {
+        Value::Missing => "-".to_owned(),
+        Value::Number(number) => table::short(*number),
+        other => other.text(),
+    }
+}
+
+fn sort_key(text: &str) -> Result<SortKey, String> {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let (name, descending) = match words[..] {
+        [name] => (name.strip_prefix('-').unwrap_or(name), name.starts_with('-')),
+        [name, way] if way.eq_ignore_ascii_case("desc") => (name, true),
+        [name, way] if way.eq_ignore_ascii_case("asc") => (name, false),
+        _ => {
+            return Err(format!(
+                "--sort: found `{text}`, needed a column, `-column` or `column desc`"
+            ));
+        }
+    };
+    Ok(SortKey { column: name.to_owned(), descending })
+}
+
+fn show_schema(path: &std::path::Path) -> Result<Outcome, Failure> {
+    let info = describe(path)?;
+    let headings =
+        ["column", "type", "unit", "meaning"].map(|text| table::Heading { text, right: false });
+    let row = |column: &ColumnInfo| {
+        vec![
+            column.name.clone(),
+            column.type_name.clone(),
+            unit(&column.name).unwrap_or_default().to_owned(),
+            meaning(&column.name).unwrap_or_default(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = info.columns.iter().map(row).collect();
+    table::print(&headings, &rows, None);
+    say!("{} rows in {}", info.rows, path.display());
+    info.metadata.iter().for_each(|(key, value)| say!("{key}: {value}"));
+    Ok(Outcome::Well)
+}
+
+/// What there is to look into.
+fn list_tables(context: &Context) -> Result<Outcome, Failure> {
+    let derived = &context.config.paths.derived;
+    let tables = list(derived);
+    if tables.is_empty() {
+        let none = "no tables; `trilink run` makes them";
+        return Err(format!("{}: {none}", derived.display()).into());
+    }
+    let headings = [("table", false), ("rows", true), ("columns", true)];
+    let headings = headings.map(|(text, right)| table::Heading { text, right });
+    let mut problems = BTreeSet::new();
+    let row = |listed: &crate::inspect::Listed| match (listed.tables, describe(&listed.path)) {
+        (1, Ok(info)) if !listed.name.contains('/') => {
+            vec![listed.name.clone(), info.rows.to_string(), info.columns.len().to_string()]
+        }
+        (tables, Ok(info)) => {
+            vec![listed.name.clone(), format!("{tables} tables"), info.columns.len().to_string()]
+        }
+        (_, Err(problem)) => {
+            problems.insert(problem.to_string());
+            vec![listed.name.clone(), "-".to_owned(), "-".to_owned()]
+        }
+    };
+    let rows: Vec<Vec<String>> = tables.iter().map(row).collect();
+    table::print(&headings, &rows, None);
+    problems.iter().for_each(|problem| super::output::note!("{problem}"));
+    Ok(if problems.is_empty() { Outcome::Well } else { Outcome::NeedsAttention })
+}

@@ -1,0 +1,24 @@
+//! Fields of CSV.
+
+/// A field, in quotes where it has to be.
+pub(crate) fn field(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        return format!("\"{}\"", text.replace('"', "\"\""));
+    }
+    text.to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn only_fields_that_would_be_misread_are_in_quotes() {
+        for (text, field) in [
+            ("a b", "a b"),
+            ("a, b", "\"a, b\""),
+            ("5\" disc", "\"5\"\" disc\""),
+            ("two\nlines", "\"two\nlines\""),
+        ] {
+            assert_eq!(super::field(text), field);
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Columns of any Parquet file, whoever wrote it.
+
+use std::fs::File;
+use std::path::Path;
+
+use polars::datatypes::ArrowDataType;
+use polars::prelude::{AnyValue, ParallelStrategy, ParquetReader, PolarsError, SerReader};
+
+use super::value::{Kind, Value};
+use crate::store::{StoreError, guarded};
+
+/// What a file says of a column.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ColumnInfo {
+    pub name: String,
+    /// Type of its values, such as `float64`.
+    pub type_name: String,
+    /// `None` if values of the type cannot be shown.
+    pub kind: Option<Kind>,
+}
+
+/// What a file says of itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileInfo {
+    pub rows: usize,
+    pub columns: Vec<ColumnInfo>,
+    /// Key-value metadata that its writer left; not what is for Arrow's readers.
+    pub metadata: Vec<(String, String)>,
+}
+
+/// Reads what a Parquet file says of itself and none of its rows.
+///
+/// # Errors
+/// The file cannot be read or is not Parquet.
+pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
+    read(path, |mut reader| {
+        let schema = reader.schema()?;
+        let columns = schema.iter().map(|(name, field)| ColumnInfo {
+            name: name.to_string(),
+            type_name: type_name(&field.dtype),
+            kind: kind(&field.dtype),
+        });
+        let columns = columns.collect();
+        let metadata = reader.get_metadata()?;
+        let pairs = metadata.key_value_metadata().iter().flatten();
+        let pairs = pairs.filter(|pair| pair.key != "ARROW:schema");
+        let text = |value: &Option<_>| value.as_ref().map_or(String::new(), ToString::to_string);
+        let pairs = pairs.map(|pair| (pair.key.to_string(), text(&pair.value)));
+        Ok(FileInfo { rows: metadata.num_rows, columns, metadata: pairs.collect() })
+    })
+}
+
+/// Reads the named columns and no others, `rows` rows at most.
+///
+/// # Errors
+/// As [`describe`], or there is no such column.
+pub fn read_columns(
+    path: &Path,
+    names: &[String],
+    rows: Option<usize>,
+) -> Result<Vec<Vec<Value>>, StoreError> {
+    read(path, |reader| {
+        let slice = rows.map(|rows| (0, rows));
+        let frame = reader.with_columns(Some(names.to_vec())).with_slice(slice).finish()?;
+        let column = |name: &String| {
+            let column = frame.column(name)?.as_materialized_series();
+            Ok(column.iter().map(|cell| value(&cell)).collect())
+        };
+        names.iter().map(column).collect()
+    })
+}
+
+fn read<T>(
+    path: &Path,
+    work: impl FnOnce(ParquetReader<File>) -> Result<T, PolarsError>,
+) -> Result<T, StoreError> {
+    let file =
+        File::open(path).map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
+    let error = |message: String| StoreError::Parquet { path: path.to_owned(), message };
+    let reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None);
+    guarded(|| work(reader))
+        .ok_or_else(|| error("it is damaged".to_owned()))?
+        .map_err(|problem| error(problem.to_string()))
+}
+
+/// The types that the reader is built with.
+fn kind(dtype: &ArrowDataType) -> Option<Kind> {
+    use ArrowDataType::{
+        Boolean, Dictionary, Float32, Float64, Int32, Int64, LargeList, LargeUtf8, List, Null,
+        UInt32, UInt64, Utf8, Utf8View,
+    };
+    match dtype {
+        Boolean => Some(Kind::Boolean),
+        Int32 | Int64 | UInt32 | UInt64 | Float32 | Float64 | Null => Some(Kind::Number),
+        Utf8 | LargeUtf8 | Utf8View => Some(Kind::Text),
+        Dictionary(_, inner, _) => kind(inner).filter(|kind| *kind == Kind::Text),
+        List(inner) | LargeList(inner) => kind(&inner.dtype).map(|_| Kind::List),
+        _ => None,
+    }
+}
+
+fn type_name(dtype: &ArrowDataType) -> String {
+    match dtype {
+        ArrowDataType::Utf8 | ArrowDataType::LargeUtf8 | ArrowDataType::Utf8View => "text".into(),
+        ArrowDataType::List(inner) | ArrowDataType::LargeList(inner) => {
+            format!("list of {}", type_name(&inner.dtype))
+        }
+        ArrowDataType::Dictionary(_, inner, _) => format!("categories of {}", type_name(inner)),
+        other => format!("{other:?}").to_lowercase(),
+    }
+}
+
+fn value(cell: &AnyValue) -> Value {
+    match cell {
+        AnyValue::Boolean(boolean) => Value::Boolean(*boolean),
+        AnyValue::Int32(whole) => Value::Whole((*whole).into()),
+        AnyValue::Int64(whole) => Value::Whole((*whole).into()),
+        AnyValue::UInt32(whole) => Value::Whole((*whole).into()),
+        AnyValue::UInt64(whole) => Value::Whole((*whole).into()),
+        // Not its binary expansion: 0.1 of 32 bits is 0.1.
+        AnyValue::Float32(number) => Value::Number(number.to_string().parse().unwrap_or(f64::NAN)),
+        AnyValue::Float64(number) => Value::Number(*number),
+        AnyValue::String(text) => Value::Text((*text).to_owned()),
+        AnyValue::StringOwned(text) => Value::Text(text.to_string()),
+        AnyValue::List(list) => Value::List(list.iter().map(|cell| value(&cell)).collect()),
+        // Of a column of categories.
+        other => other.get_str().map_or(Value::Missing, |text| Value::Text(text.to_owned())),
+    }
+}

@@ -1,0 +1,170 @@
+//! Conditions and queries on small tables.
+
+use super::condition::Condition;
+use super::*;
+use crate::store::{Column, Provenance, Table};
+
+const TEXTS: [&str; 4] = ["kinematic-symmetric", "kinematic-skewed", "", "it's"];
+
+/// Four rows with something missing in the last.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let lists = [&["skid0_kg_s", "skid1_kg_s"][..], &["skid0_kg_s"], &[], &[]];
+    let list = |names: &&[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    let table = Table::new([
+        ("campaign", Column::Str(TEXTS.map(String::from).into())),
+        ("omega_rad_s", Column::F64(vec![3.9, 4.0, 0.5, f64::NAN])),
+        ("cycles", Column::I64(vec![12, 7, 7, 0])),
+        ("used", Column::Bool(vec![true, false, true, false])),
+        ("at_bound", Column::StrList(lists.iter().map(list).collect())),
+    ]);
+    let provenance = Provenance { input: "0123".to_owned() };
+    table.write(&folder.path().join("trials.parquet"), &provenance).unwrap();
+    folder
+}
+
+/// Rows of the table that a condition names, by their number.
+fn rows(condition: &str) -> Result<Vec<usize>, String> {
+    let folder = folder();
+    let query = Query { condition: Some(condition.to_owned()), ..Query::default() };
+    let view = super::query(&folder.path().join("trials.parquet"), &query);
+    let view = view.map_err(|error| error.to_string())?;
+    let row = |row: &Vec<Value>| match &row[0] {
+        Value::Text(text) => TEXTS.iter().position(|known| known == text).unwrap(),
+        other => panic!("found {other:?}"),
+    };
+    Ok(view.rows.iter().map(row).collect())
+}
+
+#[test]
+fn conditions_name_the_rows_for_which_they_are_true() {
+    for (condition, expected) in [
+        ("omega_rad_s > 3", &[0, 1][..]),
+        ("campaign == 'kinematic-symmetric' and omega_rad_s > 3", &[0]),
+        ("campaign = 'kinematic-symmetric' AND omega_rad_s > 3", &[0]),
+        ("campaign = 'it''s'", &[3]),
+        ("campaign <> ''", &[0, 1, 3]),
+        ("campaign < 'kinematic-symmetric'", &[1, 2, 3]),
+        ("omega_rad_s = 0.5 or cycles = 12", &[0, 2]),
+        ("not omega_rad_s > 3", &[2]),
+        ("not (used or cycles = 7)", &[3]),
+        ("used", &[0, 2]),
+        ("used = false", &[1, 3]),
+        ("used is not true", &[1, 3]),
+        ("(omega_rad_s > 3) is not true", &[2, 3]),
+        ("(omega_rad_s > 3) is false", &[2]),
+        ("omega_rad_s is null", &[3]),
+        ("omega_rad_s is not null", &[0, 1, 2]),
+        // What is missing is neither true nor false.
+        ("omega_rad_s > 3 or cycles = 0", &[0, 1, 3]),
+        ("omega_rad_s > 3 and cycles = 0", &[]),
+        ("not (omega_rad_s > 3 and cycles = 0)", &[0, 1, 2]),
+        ("omega_rad_s = null", &[]),
+        ("omega_rad_s in (3.9, 0.5)", &[0, 2]),
+        ("omega_rad_s not in (3.9, 0.5)", &[1]),
+        ("campaign in ('kinematic-skewed', 'x')", &[1]),
+        ("omega_rad_s between 0.5 and 3.9", &[0, 2]),
+        ("omega_rad_s not between 0.5 and 3.9", &[1]),
+        ("campaign like 'kinematic-%'", &[0, 1]),
+        ("campaign not like 'kinematic-s_ewed'", &[0, 2, 3]),
+        ("campaign ilike 'KINEMATIC%'", &[0, 1]),
+        ("at_bound like '%skid1%'", &[0]),
+        ("at_bound = ''", &[2, 3]),
+        ("cycles / 2 = 3.5", &[1, 2]),
+        ("cycles * 2 - 1 + 0 = 23", &[0]),
+        ("-cycles < -10", &[0]),
+        ("+cycles >= 7", &[0, 1, 2]),
+        ("1 / cycles > 0", &[0, 1, 2]),
+        ("cycles = 7.0", &[1, 2]),
+        ("omega_rad_s > -1e-3", &[0, 1, 2]),
+        ("\"omega_rad_s\" > 3", &[0, 1]),
+        ("true", &[0, 1, 2, 3]),
+        ("null", &[]),
+        ("9223372036854775807 + 1 > 9223372036854775807", &[0, 1, 2, 3]),
+    ] {
+        assert_eq!(rows(condition).unwrap(), expected, "{condition}");
+    }
+}
+
+#[test]
+fn what_is_no_condition_says_what_is_wrong() {
+    for (condition, named) in [
+        (
+            "omega_rads > 3",
+            "no column `omega_rads`; did you mean `omega_rad_s`? There are campaign,",
+        ),
+        ("omega_rad_s", "`omega_rad_s` is a number, needed a boolean"),
+        ("omega_rad_s > 'x'", "`omega_rad_s` is a number and `'x'` is text, needed two of a kind"),
+        ("campaign = \"x\"", "no column \"x\": text stands in single quotes, 'x'"),
+        ("campaign + 1 > 2", "`campaign` is text, needed a number"),
+        ("not campaign", "`campaign` is text, needed a boolean"),
+        ("omega_rad_s in (1, 'x')", "needed two of a kind"),
+        ("campaign like omega_rad_s", "`omega_rad_s` is a number, needed text"),
+        ("campaign like campaign", "needed a pattern such as"),
+        ("abs(omega_rad_s) > 1", "`abs(omega_rad_s)` is not supported: and, or, not"),
+        ("omega_rad_s % 2 = 0", "`%` is not supported"),
+        ("cycles = (select 1)", "is not supported"),
+        ("omega_rad_s >", "Expected: an expression, found: EOF"),
+        ("omega_rad_s > 3 4", "found `4` after `omega_rad_s > 3`, needed and, or"),
+        ("omega_rad_s > 3; drop table trials", "found `;` after"),
+        ("campaign = 'x", "Unterminated string literal"),
+        ("", "Expected: an expression"),
+    ] {
+        let message = rows(condition).unwrap_err();
+        assert!(message.starts_with(&format!("--where \"{condition}\": ")), "{message}");
+        assert!(message.contains(named), "{message}");
+    }
+}
+
+#[test]
+fn long_and_deep_conditions_are_errors_or_work() {
+    let columns = [ColumnInfo {
+        name: "n".to_owned(),
+        type_name: "int64".to_owned(),
+        kind: Some(Kind::Number),
+    }];
+    let long = vec!["n=1"; 1100].join(" or ");
+    let two = Value::Whole(2);
+    let condition = Condition::parse(&long, &columns).unwrap();
+    assert!(!condition.holds(&|_| &two));
+    let sum = format!("{}1 > n", "1+".repeat(3900));
+    assert!(Condition::parse(&sum, &columns).unwrap().holds(&|_| &two));
+    let too_long = Condition::parse(&format!("{}1 > n", "1+".repeat(5000)), &columns);
+    assert!(too_long.unwrap_err().contains("needed 8000 at most"));
+    for deep in ["(".repeat(3000), "not ".repeat(1900), "- ".repeat(3900)] {
+        assert!(Condition::parse(&format!("{deep}n"), &columns).is_err());
+    }
+}
+
+#[test]
+fn rows_are_sorted_and_cut_after_the_condition() {
+    let folder = folder();
+    let key = |column: &str, descending| SortKey { column: column.to_owned(), descending };
+    let query = Query {
+        columns: vec!["omega_rad_s".to_owned(), "campaign".to_owned()],
+        condition: Some("cycles < 10".to_owned()),
+        sort: vec![key("cycles", true), key("omega_rad_s", true)],
+        head: Some(2),
+    };
+    let view = super::query(&folder.path().join("trials.parquet"), &query).unwrap();
+    let names: Vec<&str> = view.columns.iter().map(|column| column.name.as_str()).collect();
+    assert_eq!(names, ["omega_rad_s", "campaign"]);
+    assert_eq!(csv(&view), "omega_rad_s,campaign\n4,kinematic-skewed\n0.5,\n");
+    assert_eq!(view.total, 4);
+}
+
+#[test]
+fn json_has_null_for_what_is_missing_and_lists_as_lists() {
+    let folder = folder();
+    let query = Query {
+        columns: ["omega_rad_s", "cycles", "used", "at_bound"].map(String::from).into(),
+        head: Some(4),
+        ..Query::default()
+    };
+    let view = super::query(&folder.path().join("trials.parquet"), &query).unwrap();
+    let text = json(&view).unwrap();
+    let first =
+        r#"{"omega_rad_s":3.9,"cycles":12,"used":true,"at_bound":["skid0_kg_s","skid1_kg_s"]}"#;
+    assert!(text.starts_with(&format!("[{first},\n")), "{text}");
+    assert!(text.contains(r#"{"omega_rad_s":null,"cycles":0,"#), "{text}");
+}
