@@ -3,6 +3,7 @@
 //! The default `Config` is the paper; the file in the repository is tested to equal it.
 
 mod check;
+mod compare;
 mod error;
 mod paper;
 
@@ -11,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
 pub(crate) use error::{nearest, parse_toml};
 
@@ -30,6 +32,7 @@ pub struct Config {
     pub gait: BTreeMap<String, GaitConfig>,
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
+    pub compare: Compare,
 }
 
 /// Where things are; relative paths start at the configuration file.

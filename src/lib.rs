@@ -22,6 +22,8 @@ pub mod report;
 /// All of it, one stage after the other.
 pub mod run;
 
+/// Tonight against the baseline.
+pub mod compare;
 /// A look into any table.
 pub mod inspect;
 

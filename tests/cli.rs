@@ -157,10 +157,15 @@ fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
     for trial in TRIALS.iter().chain(&DECAYS) {
         expected.insert(format!("reports/trials/{trial}.html"));
     }
-    expected.extend(
-        ["index.html", "fits.json", "scorecard.json", "run.json"]
-            .map(|name| format!("reports/{name}")),
-    );
+    let reports = [
+        "index.html",
+        "fits.json",
+        "scorecard.json",
+        "run.json",
+        "history.parquet",
+        "history.html",
+    ];
+    expected.extend(reports.map(|name| format!("reports/{name}")));
     let left = files(&demo().folder);
     let made: BTreeSet<String> = left
         .keys()
@@ -426,7 +431,10 @@ fn the_stages_one_by_one_give_what_a_run_gives() {
     }
     let [stages, run] = [folder.path(), &demo().folder].map(|folder| {
         let mut left = files(folder);
-        left.remove(Path::new("reports/run.json"));
+        // What says when it was made.
+        for name in ["run.json", "history.parquet", "history.html"] {
+            left.remove(&Path::new("reports").join(name));
+        }
         left
     });
     assert_eq!(stages.keys().collect::<Vec<_>>(), run.keys().collect::<Vec<_>>());

@@ -9,6 +9,9 @@ use crate::inspect::{
     unit,
 };
 
+/// Others write whole schemas into a file's metadata.
+const LONGEST_METADATA: usize = 100;
+
 #[derive(clap::Args)]
 pub(super) struct Inspect {
     /// A table of `derived`, such as `trials`, `fits` or `poses/TRIAL`, or any Parquet file; all
@@ -123,7 +126,13 @@ fn show_schema(path: &std::path::Path) -> Result<Outcome, Failure> {
     let rows: Vec<Vec<String>> = info.columns.iter().map(row).collect();
     table::print(&headings, &rows, None);
     say!("{} rows in {}", info.rows, path.display());
-    info.metadata.iter().for_each(|(key, value)| say!("{key}: {value}"));
+    for (key, value) in &info.metadata {
+        let (start, is_cut) = match value.char_indices().nth(LONGEST_METADATA) {
+            Some((end, _)) => (&value[..end], " .."),
+            None => (&**value, ""),
+        };
+        say!("{key}: {start}{is_cut}");
+    }
     Ok(Outcome::Well)
 }
 

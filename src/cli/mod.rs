@@ -3,6 +3,7 @@
 
 mod calibrate;
 mod check;
+mod compare;
 mod inspect;
 mod omegas;
 mod output;
@@ -59,6 +60,8 @@ enum Command {
     Report(stages::Report),
     /// Read a trial folder or marker files, write nothing, say what is there and what is wrong.
     Check(check::Check),
+    /// Compare the tables with those of an earlier run: what differs by more than noise.
+    Compare(compare::Compare),
     /// Look into a table of `derived`, or into any Parquet file.
     Inspect(inspect::Inspect),
     /// Solve for a model's steady motion.
@@ -121,6 +124,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Fit(command) => command.run(context),
         Command::Report(command) => command.run(context),
         Command::Check(command) => command.run(context),
+        Command::Compare(command) => command.run(context),
         Command::Inspect(command) => command.run(context),
         Command::Simulate(command) => command.run(context),
         Command::Synth(command) => command.run(context),

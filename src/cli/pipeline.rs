@@ -100,6 +100,9 @@ impl Update {
             trials.failed
         );
         say!("page: {}", record.page.display());
+        if let Some(problem) = &finished.history_problem {
+            note!("not in the history: {problem}");
+        }
         if finished.was_up_to_date {
             context.progress.say("everything was up to date");
         } else {
@@ -139,8 +142,8 @@ impl Update {
 
 /// A failed trial needs a person. A model that has no motion is a result, not a failure.
 fn outcome(finished: &Finished) -> Outcome {
-    match finished.record.trials.failed {
-        0 => Outcome::Well,
+    match (finished.record.trials.failed, &finished.history_problem) {
+        (0, None) => Outcome::Well,
         _ => Outcome::NeedsAttention,
     }
 }

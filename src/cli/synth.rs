@@ -14,6 +14,12 @@ pub(super) struct Synth {
     /// Seed of everything random; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Seed of what the cameras add, for another night of the same laboratory [default: --seed].
+    #[arg(long, value_name = "SEED")]
+    noise_seed: Option<u64>,
+    /// Multiply the planted skid coefficients of wheels 0, 1, 2, to see whether `compare` tells.
+    #[arg(long, value_name = "F0,F1,F2", value_parser = parse_factors)]
+    skid_factors: Option<Factors>,
     /// Frequencies of every campaign, rad/s, such as `1,3.9` or `0.5..6/12`; may be given again
     /// [default: 0.5 to 6 in steps of 0.5, and 3.9].
     #[arg(long, allow_hyphen_values = true, value_parser = parse_omegas)]
@@ -32,7 +38,16 @@ impl Synth {
         let omegas: Vec<f64> = self.omega.into_iter().flat_map(|omegas| omegas.0).collect();
         let omegas_rad_s = if omegas.is_empty() { OMEGAS_RAD_S.into() } else { omegas };
         let Self { seed, format, misplaced, folder, .. } = self;
-        let recipe = Recipe { omegas_rad_s, format, misplaced, ..Recipe::new(seed) };
+        let skid_factors = self.skid_factors.map_or([1.0; 3], |factors| factors.0);
+        let noise_seed = self.noise_seed;
+        let recipe = Recipe {
+            noise_seed,
+            skid_factors,
+            omegas_rad_s,
+            format,
+            misplaced,
+            ..Recipe::new(seed)
+        };
         let total = recipe.trials(&context.config);
         let stage = context.progress.stage("synth", total);
         let on_trial = |trial: &str| stage.step(trial);
@@ -41,6 +56,18 @@ impl Synth {
         say!("{} synthetic trials in {}", trials.len(), folder.display());
         Ok(Outcome::Well)
     }
+}
+
+/// Three numbers of one option.
+#[derive(Clone)]
+struct Factors([f64; 3]);
+
+fn parse_factors(text: &str) -> Result<Factors, String> {
+    let needed = || format!("found `{text}`, needed three numbers above 0, such as 1,1.05,1");
+    let factors = text.split(',').map(|factor| factor.trim().parse::<f64>().ok());
+    let factors: Option<Vec<f64>> =
+        factors.map(|factor| factor.filter(|factor| *factor > 0.0 && factor.is_finite())).collect();
+    factors.and_then(|factors| factors.try_into().ok()).map(Factors).ok_or_else(needed)
 }
 
 fn parse_part(text: &str) -> Result<f64, String> {

@@ -66,8 +66,28 @@ impl Config {
                 )?;
             }
         }
+        self.check_compare(&check)?;
         self.check_campaigns(&check)?;
         self.check_markers(&check)
+    }
+
+    fn check_compare(&self, check: &Checker) -> Result<(), ConfigError> {
+        let compare = &self.compare;
+        for (key, value, least) in [
+            ("compare.run_time_ratio", compare.run_time_ratio, 1.0),
+            ("compare.run_time_s", compare.run_time_s, 0.0),
+        ] {
+            check.that(value >= least, key, &value, &format!("{least} or more"))?;
+        }
+        for (table, tolerances) in compare.tables() {
+            for (column, tolerance) in tolerances {
+                let limits = [tolerance.absolute, tolerance.relative, tolerance.standard_errors];
+                let valid = limits.into_iter().flatten().all(|limit| limit >= 0.0);
+                let key = format!("compare.{table}.{column}");
+                check.that(valid, &key, tolerance, "limits of 0 or more")?;
+            }
+        }
+        Ok(())
     }
 
     fn check_campaigns(&self, check: &Checker) -> Result<(), ConfigError> {

@@ -16,6 +16,7 @@ impl Default for Config {
             gait: gaits(),
             campaign: campaigns(),
             markers: Markers::default(),
+            compare: Compare::default(),
         }
     }
 }

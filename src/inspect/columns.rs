@@ -106,7 +106,10 @@ fn type_name(dtype: &ArrowDataType) -> String {
             format!("list of {}", type_name(&inner.dtype))
         }
         ArrowDataType::Dictionary(_, inner, _) => format!("categories of {}", type_name(inner)),
-        other => format!("{other:?}").to_lowercase(),
+        other => {
+            let name = format!("{other:?}").to_lowercase();
+            name.split(['(', '{']).next().unwrap_or_default().trim_end().to_owned()
+        }
     }
 }
 

@@ -35,11 +35,15 @@ use rayon::prelude::*;
 
 use crate::config::Config;
 use crate::store::{How, StageState, Stamp, StoreError, Thing, write_if_changed};
-use figure::Figure;
 use font::Typeface;
 use plan::Content;
 
+pub(crate) use chart::{Axes, Chart, Layer};
+pub(crate) use figure::Figure;
+pub(crate) use numbers::{percent, significant};
+pub(crate) use page::{Image, fill, style_sheet};
 pub use plan::{ReportPlan, plan, plan_after};
+pub(crate) use style::colours;
 
 /// Raise it when the same tables and configuration give another page or other drawings of the
 /// same numbers: then every figure is drawn again once.

@@ -14,6 +14,14 @@ mod okabe_ito {
     pub const SKY: RGBColor = RGBColor(86, 180, 233);
 }
 
+/// Of two runs over each other, and of a run after the other.
+pub mod colours {
+    use plotters::style::RGBColor;
+    pub const BASELINE: RGBColor = RGBColor(150, 150, 150);
+    pub const TONIGHT: RGBColor = super::okabe_ito::VERMILLION;
+    pub const TREND: RGBColor = super::okabe_ito::BLUE;
+}
+
 /// Text, frames and measurements.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
 /// Lines that help the eye and should not be seen otherwise.

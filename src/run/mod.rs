@@ -69,6 +69,8 @@ pub struct Finished {
     pub record_path: PathBuf,
     /// Whether there was nothing to do, and nothing was written.
     pub was_up_to_date: bool,
+    /// Why the run is not in the history.
+    pub history_problem: Option<String>,
 }
 
 /// Ingests, fits and reports what has changed of the folder that `config` names, and writes
@@ -104,10 +106,12 @@ pub fn run(config: &Config, options: Options, watch: &dyn Watch) -> Result<Finis
     let is_new = |stage: &StageRecord| stage.did_something;
     let did_nothing = !stages.iter().any(is_new) && look::is_recorded(config, &known, how);
     let results = Results { ingested, fitted, reported, stages };
-    let finished = results.into_finished(config, did_nothing);
+    let mut finished = results.into_finished(config, did_nothing);
     if !did_nothing {
         let json = serde_json::to_string_pretty(&finished.record).expect("a record is plain data");
         record.run = Some(write_bytes(&finished.record_path, (json + "\n").as_bytes())?);
+        let remembered = crate::compare::remember(&config.paths);
+        finished.history_problem = remembered.err().map(|error| error.to_string());
     }
     // Last, so that what it says is there.
     record.save(&config.paths.derived)?;
@@ -152,7 +156,15 @@ impl Results {
         };
         let Fitted { fits, comparison, .. } = fitted;
         let (parameters, record_path) = (ingested.parameters, record_path(config));
-        Finished { record, parameters, fits, comparison, record_path, was_up_to_date }
+        Finished {
+            record,
+            parameters,
+            fits,
+            comparison,
+            record_path,
+            was_up_to_date,
+            history_problem: None,
+        }
     }
 }
 

@@ -17,6 +17,7 @@ pub use parameters::PARAMETERS;
 pub use record::{Parts, RECORD_FILE, Record, StageState, Thing, absolute, changed_outputs};
 pub use redo::{CONFIGURATION, How, Planned, Redo, VERSION, changed_settings, flatten, reasons};
 pub use rows::Rows;
+pub(crate) use rows::{Cell, rows as history_rows};
 pub use schema::{
     BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow,
     RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,

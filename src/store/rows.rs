@@ -16,7 +16,7 @@ pub trait Rows: Sized {
 }
 
 /// A type that a field of a row can have.
-pub(super) trait Cell: Clone {
+pub(crate) trait Cell: Clone {
     const BLANK: Self;
     fn gather(values: Vec<Self>) -> Column;
     fn values<'t>(table: &'t Table, column: &str) -> Result<&'t [Self], StoreError>;
@@ -53,13 +53,13 @@ macro_rules! rows {
 
         impl $crate::store::Rows for $name {
             fn blank() -> Self {
-                Self { $($field: <$type as $crate::store::rows::Cell>::BLANK,)* }
+                Self { $($field: <$type as $crate::store::Cell>::BLANK,)* }
             }
 
             fn to_table(rows: &[Self]) -> $crate::store::Table {
                 $crate::store::Table::new([$((
                     stringify!($field),
-                    $crate::store::rows::Cell::gather(
+                    $crate::store::Cell::gather(
                         rows.iter().map(|row| row.$field.clone()).collect::<Vec<$type>>(),
                     ),
                 ),)*])
@@ -68,7 +68,7 @@ macro_rules! rows {
             fn from_table(
                 table: &$crate::store::Table,
             ) -> Result<Vec<Self>, $crate::store::StoreError> {
-                $(let $field = <$type as $crate::store::rows::Cell>::values(
+                $(let $field = <$type as $crate::store::Cell>::values(
                     table,
                     stringify!($field),
                 )?;)*
@@ -78,4 +78,4 @@ macro_rules! rows {
     };
 }
 
-pub(super) use rows;
+pub(crate) use rows;

@@ -87,6 +87,10 @@ pub enum SynthError {
 pub struct Recipe {
     /// Of everything random; the same seed gives the same bytes.
     pub seed: u64,
+    /// Of what the cameras add, if it is not the same: another night of the same laboratory.
+    pub noise_seed: Option<u64>,
+    /// What the planted skid coefficients of wheels 0, 1, 2 are multiplied by.
+    pub skid_factors: [f64; 3],
     /// Frequencies of every campaign, rad/s.
     pub omegas_rad_s: Vec<f64>,
     pub format: Format,
@@ -101,6 +105,8 @@ impl Recipe {
     pub fn new(seed: u64) -> Self {
         Self {
             seed,
+            noise_seed: None,
+            skid_factors: [1.0; 3],
             omegas_rad_s: OMEGAS_RAD_S.into(),
             format: Format::Csv,
             misplaced: 0.0,
@@ -203,11 +209,13 @@ fn plan(config: &Config, recipe: &Recipe) -> (Vec<Plan>, Vec<(String, CampaignTr
         let Some((robot, gait)) = config.campaign_setup(name) else { continue };
         // One stream of random numbers for the campaign and one for each of its trials.
         let stream = |trial: usize| {
-            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let noise_seed = recipe.noise_seed.filter(|_| trial > 0);
+            let mut random = ChaCha8Rng::seed_from_u64(noise_seed.unwrap_or(seed));
             random.set_stream((number * (omegas_rad_s.len() + 1) + trial) as u64);
             random
         };
-        let (robot, gait) = motion::planted(name, robot, gait, &mut stream(0));
+        let (mut robot, gait) = motion::planted(name, robot, gait, &mut stream(0));
+        robot.skid_kg_s = [0, 1, 2].map(|i| robot.skid_kg_s[i] * recipe.skid_factors[i]);
         campaigns.push((name.clone(), CampaignTruth::new(&robot, &gait)));
         for (i, omega_rad_s) in omegas_rad_s.iter().copied().enumerate() {
             let id = format!("{name}-{omega_rad_s:.2}-r1");
@@ -265,6 +273,12 @@ fn plan_decays(config: &Config, recipe: &Recipe) -> Vec<DecayPlan> {
                 omega_rad_s: None,
                 smoothing_window: None,
             };
+            if let Some(noise_seed) = recipe.noise_seed {
+                let (stream, place) = (seed.get_stream(), seed.get_word_pos());
+                seed = ChaCha8Rng::seed_from_u64(noise_seed);
+                seed.set_stream(stream);
+                seed.set_word_pos(place);
+            }
             let robot = robot.clone();
             plans.extend(decay.map(|decay| DecayPlan { trial, robot, decay, seed }));
         }

@@ -1,35 +1,47 @@
-//! The templates, and how they are filled in.
+//! How templates are filled in, and what they share.
 
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::Serde;
 use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
 
-/// Names and texts; a name that ends in `.html` makes the engine escape what it fills in.
-const TEMPLATES: [(&str, &str); 5] = [
-    ("index.html", include_str!("index.html")),
-    ("trial.html", include_str!("trial.html")),
+use super::{INDEX, trial};
+
+/// Templates that others include.
+const SHARED: [(&str, &str); 3] = [
     ("figure.html", include_str!("figure.html")),
     ("scorecard.html", include_str!("scorecard.html")),
-    ("style.css", include_str!("style.css")),
+    ("style.css", style_sheet()),
 ];
 
-/// The text of all templates: what pages look like.
-pub fn texts() -> String {
-    TEMPLATES.iter().map(|(_, text)| *text).collect()
+/// The style sheet of all pages.
+pub const fn style_sheet() -> &'static str {
+    include_str!("style.css")
 }
 
-/// Fills in the template of that name.
+/// The text of all templates of the report: what its pages look like.
+pub fn texts() -> String {
+    let own = [INDEX, trial::TEMPLATE].into_iter();
+    own.chain(SHARED.map(|(_, text)| text)).collect()
+}
+
+/// Fills in a template; a name that ends with `.html` or `.xml` makes the engine escape what it
+/// fills in.
 ///
 /// # Errors
 /// A template is wrong, or a value that it asks for is not there.
-pub fn fill(name: &str, values: &impl Serialize) -> Result<String, minijinja::Error> {
+pub fn fill(
+    name: &str,
+    template: &str,
+    values: &impl Serialize,
+) -> Result<String, minijinja::Error> {
     let mut environment = Environment::new();
     let syntax = SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).build();
     environment.set_syntax(syntax?);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    for (name, text) in TEMPLATES {
+    for (name, text) in SHARED {
         environment.add_template(name, text)?;
     }
+    environment.add_template(name, template)?;
     environment.get_template(name)?.render(Serde(values))
 }

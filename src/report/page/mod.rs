@@ -1,6 +1,7 @@
 //! `index.html`, one file with everything in it, and a page for each trial.
 
 mod engine;
+mod image;
 mod trial;
 
 use std::collections::BTreeMap;
@@ -8,7 +9,8 @@ use std::collections::BTreeMap;
 use base64::Engine;
 use serde::Serialize;
 
-pub use engine::texts;
+pub use engine::{fill, style_sheet, texts};
+pub use image::Image;
 pub use trial::html as trial_html;
 
 use super::figure::Figure;
@@ -24,6 +26,8 @@ use crate::store::{ComparisonRow, FitRow, RobotParameterRow, TrialRow};
 
 /// Trials' names, and the files of their pages in `trials/`.
 pub type TrialPages = BTreeMap<String, String>;
+
+const INDEX: &str = include_str!("index.html");
 
 /// A drawn figure.
 pub struct Drawn<'f> {
@@ -224,7 +228,7 @@ pub fn html(
         raw: relative(&config.paths.reports, &config.paths.raw),
         derived: relative(&config.paths.reports, &config.paths.derived),
     };
-    engine::fill("index.html", &page).map_err(ReportError::Page)
+    engine::fill("index.html", INDEX, &page).map_err(ReportError::Page)
 }
 
 fn campaign_sections<'p>(

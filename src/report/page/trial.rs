@@ -9,6 +9,8 @@ use crate::report::recording::Recording;
 use crate::report::tables::Tables;
 use crate::store::{CheckRow, CycleRow, TrialRow};
 
+pub const TEMPLATE: &str = include_str!("trial.html");
+
 #[derive(Serialize)]
 struct Page<'p> {
     version: &'static str,
@@ -85,7 +87,7 @@ pub fn html(
             .map_or(Vec::new(), |recording| recording.cycles.iter().map(cycle_view).collect()),
         checks: checks.map(check_view).collect(),
     };
-    engine::fill("trial.html", &page).map_err(ReportError::Page)
+    engine::fill("trial.html", TEMPLATE, &page).map_err(ReportError::Page)
 }
 
 fn quantities(trial: &TrialRow, tables: &Tables) -> Vec<QuantityView> {

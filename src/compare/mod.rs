@@ -1,0 +1,244 @@
+//! Tonight against the baseline: what differs by more than noise.
+//!
+//! Two runs of the same laboratory differ in every digit that noise reaches. Each column has a
+//! tolerance, mostly in standard errors of both runs together; what is systematic and small shows
+//! in the means over a campaign's trials before it shows in one of them.
+
+mod figures;
+mod files;
+mod history;
+mod judge;
+mod means;
+mod snapshot;
+mod trend;
+
+use std::path::PathBuf;
+
+pub use files::{junit, page, to_json};
+pub use history::{HistoryRow, history_path, note_acceptance, now, remember};
+pub use judge::Verdict;
+pub use snapshot::{Acceptance, Cell, Record, Records, Snapshot};
+
+use crate::config::{Compare, Tolerances, tolerance};
+use crate::report::ReportError;
+use crate::store::StoreError;
+use judge::{Judged, StandardError, judge};
+
+/// Why runs cannot be compared.
+#[derive(Debug, thiserror::Error)]
+pub enum CompareError {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("{}: {message}", path.display())]
+    Baseline { path: PathBuf, message: String },
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    #[error("{file}: cannot be written: {message}")]
+    File { file: &'static str, message: String },
+}
+
+/// One cell that differs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    pub table: &'static str,
+    /// The trial, or campaign and model.
+    pub of: String,
+    pub column: String,
+    pub baseline: Cell,
+    pub tonight: Cell,
+    pub verdict: Verdict,
+    /// Largest difference that is within.
+    pub limit: Option<f64>,
+    /// The difference in standard errors of both runs together.
+    pub errors: Option<f64>,
+}
+
+impl Difference {
+    /// How many times the largest difference within it is; infinite where there is no such thing.
+    pub fn severity(&self) -> f64 {
+        let difference = self.difference().unwrap_or(f64::INFINITY).abs();
+        self.limit.map_or(f64::INFINITY, |limit| difference / limit)
+    }
+
+    /// Tonight's number less the baseline's.
+    pub fn difference(&self) -> Option<f64> {
+        Some(self.tonight.number()? - self.baseline.number()?)
+    }
+}
+
+/// A record that only one of the runs has.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lone {
+    pub table: &'static str,
+    pub of: String,
+}
+
+/// How long a stage took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunTime {
+    pub stage: String,
+    pub baseline_s: f64,
+    pub tonight_s: f64,
+    /// Whether it took longer by more than the configuration takes for nothing.
+    pub is_longer: bool,
+}
+
+/// What a comparison says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Compared {
+    /// All that is not the same; what is out of tolerance first, the worst at the front.
+    pub differences: Vec<Difference>,
+    pub appeared: Vec<Lone>,
+    pub vanished: Vec<Lone>,
+    pub run_times: Vec<RunTime>,
+    /// Cells that were compared.
+    pub cells: usize,
+    /// Records that were compared, by table.
+    pub records: Vec<Lone>,
+    run_time_fails: bool,
+}
+
+impl Compared {
+    /// Differences out of tolerance.
+    pub fn out(&self) -> impl Iterator<Item = &Difference> {
+        self.differences.iter().filter(|difference| difference.verdict == Verdict::Out)
+    }
+
+    /// How many differences have a verdict.
+    pub fn count(&self, verdict: Verdict) -> usize {
+        self.differences.iter().filter(|difference| difference.verdict == verdict).count()
+    }
+
+    /// Stages that are out of tolerance.
+    pub fn slow(&self) -> impl Iterator<Item = &RunTime> {
+        self.run_times.iter().filter(|time| time.is_longer && self.run_time_fails)
+    }
+
+    /// Whether nothing is out of tolerance and nothing has vanished.
+    pub fn is_well(&self) -> bool {
+        self.out().next().is_none() && self.vanished.is_empty() && self.slow().next().is_none()
+    }
+}
+
+/// Ends of columns by which others are judged.
+const OF_ERRORS: [&str; 3] = ["_se", "_lo", "_hi"];
+
+/// Columns of text, and whether another text is out of tolerance or only named.
+const TEXTS: [(&str, bool); 7] = [
+    ("status", true),
+    ("free", true),
+    ("verdict", true),
+    ("measured", true),
+    ("identifiable", false),
+    ("practically_not", false),
+    ("at_bound", false),
+];
+
+/// Compares two runs.
+pub fn compare(config: &Compare, baseline: &Snapshot, tonight: &Snapshot) -> Compared {
+    let mut compared = Compared {
+        differences: Vec::new(),
+        appeared: Vec::new(),
+        vanished: Vec::new(),
+        run_times: run_times(config, baseline, tonight),
+        cells: 0,
+        records: Vec::new(),
+        run_time_fails: config.run_time_fails,
+    };
+    let [then, now] = means::of_campaigns(baseline.records("trials"), tonight.records("trials"));
+    for (table, tolerances) in config.tables() {
+        let runs = match table {
+            "campaigns" => [&then, &now],
+            _ => [baseline.records(table), tonight.records(table)],
+        };
+        compared.table(table, tolerances, runs);
+    }
+    compared.differences.sort_by(|one, other| {
+        let rank = |difference: &Difference| difference.verdict != Verdict::Out;
+        rank(one).cmp(&rank(other)).then(other.severity().total_cmp(&one.severity()))
+    });
+    compared
+}
+
+impl Compared {
+    fn table(&mut self, table: &'static str, tolerances: &Tolerances, [then, now]: [&Records; 2]) {
+        let lone = |of: &String| Lone { table, of: of.clone() };
+        self.vanished.extend(then.keys().filter(|of| !now.contains_key(*of)).map(lone));
+        self.appeared.extend(now.keys().filter(|of| !then.contains_key(*of)).map(lone));
+        for (of, baseline) in then {
+            let Some(tonight) = now.get(of) else { continue };
+            self.records.push(lone(of));
+            let judged_by = |column: &str| OF_ERRORS.iter().any(|end| column.ends_with(end));
+            for (column, cell) in baseline.iter().filter(|(column, _)| !judged_by(column)) {
+                let Some(other) = tonight.get(column) else { continue };
+                self.cells += 1;
+                let judged = judge_cells(tolerances, column, [baseline, tonight], [cell, other]);
+                let Some(Judged { verdict, limit, errors }) = judged else { continue };
+                if verdict != Verdict::Same {
+                    self.differences.push(Difference {
+                        table,
+                        of: of.clone(),
+                        column: column.clone(),
+                        baseline: cell.clone(),
+                        tonight: other.clone(),
+                        verdict,
+                        limit,
+                        errors,
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// `None` if the column is not compared.
+fn judge_cells(
+    tolerances: &Tolerances,
+    column: &str,
+    records: [&Record; 2],
+    cells: [&Cell; 2],
+) -> Option<Judged> {
+    let plain = |verdict| Some(Judged { verdict, limit: None, errors: None });
+    if let [Cell::Text(then), Cell::Text(now)] = cells {
+        let (_, fails) = TEXTS.iter().find(|(name, _)| *name == column)?;
+        let [then, now] = [then, now].map(|text| kind(text));
+        return plain(match (then == now, *fails && !is_still_used(then, now)) {
+            (true, _) => Verdict::Same,
+            (_, true) => Verdict::Out,
+            (_, false) => Verdict::NotJudged,
+        });
+    }
+    let tolerance = tolerance(tolerances, column).filter(|tolerance| tolerance.judges())?;
+    match cells {
+        [Cell::Number(then), Cell::Number(now)] => {
+            Some(judge(tolerance, [*then, *now], StandardError::of(column, records)))
+        }
+        [Cell::Missing(()), Cell::Missing(())] => plain(Verdict::Same),
+        _ if tolerance.may_be_missing => plain(Verdict::NotJudged),
+        _ => plain(Verdict::Out),
+    }
+}
+
+/// A status without the words that explain it.
+fn kind(text: &str) -> &str {
+    text.split_once(':').map_or(text, |(kind, _)| kind)
+}
+
+/// A trial that is flagged gives results as one that is ok does.
+fn is_still_used(then: &str, now: &str) -> bool {
+    let is_used = |status: &str| status == "ok" || status == "flagged";
+    is_used(then) && is_used(now)
+}
+
+fn run_times(config: &Compare, baseline: &Snapshot, tonight: &Snapshot) -> Vec<RunTime> {
+    let stage = |(stage, baseline_s): (&String, &f64)| {
+        let (baseline_s, tonight_s) = (*baseline_s, *tonight.stages.get(stage)?);
+        let is_longer = tonight_s > config.run_time_ratio * baseline_s
+            && tonight_s - baseline_s > config.run_time_s;
+        Some(RunTime { stage: stage.clone(), baseline_s, tonight_s, is_longer })
+    };
+    baseline.stages.iter().filter_map(stage).collect()
+}
+
+#[cfg(test)]
+mod tests;

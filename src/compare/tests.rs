@@ -1,0 +1,165 @@
+//! Comparisons of made-up runs.
+
+use std::path::Path;
+
+use super::*;
+
+/// A run of some trials with one fit: `d_m` of the trials and `skid0_kg_s` of the fit.
+fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
+    let number = |(name, value): (&str, f64)| (name.to_owned(), Cell::Number(value));
+    let text = |name: &str, value: &str| (name.to_owned(), Cell::Text(value.to_owned()));
+    let trial = |(i, d_m): (usize, &f64)| {
+        let numbers = [("d_m", *d_m), ("d_m_se", 0.001), ("cycles", 9.0)].map(number);
+        let texts = [text("campaign", "symmetric"), text("status", "ok")];
+        (format!("trial-{i}"), numbers.into_iter().chain(texts).collect())
+    };
+    let fit = [
+        ("skid0_kg_s", skid0_kg_s),
+        ("skid0_kg_s_lo", skid0_kg_s - 1.96),
+        ("skid0_kg_s_hi", skid0_kg_s + 1.96),
+        ("j", 1.0),
+        ("solves", 100.0 * skid0_kg_s),
+    ];
+    let texts = [
+        text("status", "ok"),
+        text("campaign", "symmetric"),
+        text("model", "skid-roll"),
+        text("free", "skid0_kg_s"),
+    ];
+    let fit: Record = fit.map(number).into_iter().chain(texts).collect();
+    let trials: Records = d_m.iter().enumerate().map(trial).collect();
+    Snapshot {
+        format: 1,
+        version: "0.1.0".to_owned(),
+        accepted: Vec::new(),
+        stages: [("fit".to_owned(), 10.0)].into(),
+        tables: [
+            ("trials".to_owned(), trials),
+            ("fits".to_owned(), [("symmetric skid-roll".to_owned(), fit)].into()),
+        ]
+        .into(),
+    }
+}
+
+fn compared(baseline: &Snapshot, tonight: &Snapshot) -> Compared {
+    compare(&Compare::default(), baseline, tonight)
+}
+
+fn out(compared: &Compared) -> Vec<String> {
+    compared.out().map(|d| format!("{} {} {}", d.table, d.of, d.column)).collect()
+}
+
+#[test]
+fn the_same_run_does_not_differ() {
+    let run = run(&[0.4, 0.41], 100.0);
+    let compared = compared(&run, &run.clone());
+    assert!(compared.is_well() && compared.differences.is_empty());
+    assert!(compared.cells > 10);
+}
+
+#[test]
+fn noise_is_within_and_a_change_is_named() {
+    let baseline = run(&[0.4, 0.41], 100.0);
+    let noisy = compared(&baseline, &run(&[0.402, 0.409], 101.0));
+    assert!(noisy.is_well(), "{:?}", out(&noisy));
+    assert_eq!(noisy.count(Verdict::Within), 4);
+    let changed = compared(&baseline, &run(&[0.4, 0.41], 110.0));
+    assert_eq!(out(&changed), ["fits symmetric skid-roll skid0_kg_s"]);
+    let one = changed.out().next().unwrap();
+    assert!((one.errors.unwrap() - 10.0 / 2.0_f64.sqrt()).abs() < 1e-9);
+    let sentence =
+        "skid0_kg_s: 110.000, baseline 100.000 (+10.00 %, 7.1 standard errors, limit 8.49)";
+    assert_eq!(one.sentence(), sentence);
+}
+
+#[test]
+fn a_shift_of_all_trials_shows_in_their_mean_before_it_shows_in_one() {
+    let before: Vec<f64> = (0..30).map(|i| 0.4 + 0.001 * f64::from(i)).collect();
+    let after: Vec<f64> = before.iter().map(|d_m| d_m + 0.003).collect();
+    let shifted = compared(&run(&before, 100.0), &run(&after, 100.0));
+    assert_eq!(out(&shifted), ["campaigns symmetric d_m"]);
+}
+
+#[test]
+fn rows_that_appear_are_named_and_those_that_vanish_are_out_of_tolerance() {
+    let (few, many) = (run(&[0.4], 100.0), run(&[0.4, 0.41], 100.0));
+    let grown = compared(&few, &many);
+    assert!(grown.is_well());
+    assert_eq!(grown.appeared[0].name(), "trials: trial-1");
+    let shrunk = compared(&many, &few);
+    assert!(!shrunk.is_well());
+    assert_eq!(shrunk.vanished[0].name(), "trials: trial-1");
+}
+
+#[test]
+fn what_is_missing_or_another_text_is_out_unless_the_trial_is_still_used() {
+    let baseline = run(&[0.4, 0.41], 100.0);
+    let change = |column: &str, cell: Cell| {
+        let mut tonight = baseline.clone();
+        let trials = tonight.tables.get_mut("trials").unwrap();
+        trials.get_mut("trial-0").unwrap().insert(column.to_owned(), cell);
+        out(&compared(&baseline, &tonight))
+    };
+    assert_eq!(change("d_m", Cell::Missing(())), ["trials trial-0 d_m"]);
+    assert_eq!(change("status", Cell::Text("failed".to_owned())), ["trials trial-0 status"]);
+    assert!(change("status", Cell::Text("flagged".to_owned())).is_empty());
+}
+
+#[test]
+fn a_longer_run_is_named_and_fails_only_if_it_is_to() {
+    let baseline = run(&[0.4], 100.0);
+    let mut tonight = baseline.clone();
+    tonight.stages.insert("fit".to_owned(), 30.0);
+    let named = compared(&baseline, &tonight);
+    assert!(named.is_well() && named.run_times[0].is_longer);
+    let strict = Compare { run_time_fails: true, ..Compare::default() };
+    assert!(!compare(&strict, &baseline, &tonight).is_well());
+    tonight.stages.insert("fit".to_owned(), 14.0);
+    assert!(compare(&strict, &baseline, &tonight).is_well());
+}
+
+#[test]
+fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("deep/baseline.json");
+    let mut saved = run(&[0.1 + 0.2, 1e-300, 0.46560407069451604], 1.0 / 3.0);
+    let trials = saved.tables.get_mut("trials").unwrap();
+    trials.get_mut("trial-0").unwrap().insert("sigma0".to_owned(), Cell::Missing(()));
+    saved.accepted.push(Acceptance {
+        time: now(),
+        reason: "new \"wheels\"".to_owned(),
+        differences: 2,
+    });
+    saved.save(&path).unwrap();
+    assert_eq!(Snapshot::load(&path).unwrap(), saved);
+    std::fs::write(&path, "{\"format\":9,\"version\":\"\",\"tables\":{}}").unwrap();
+    let message = Snapshot::load(&path).unwrap_err().to_string();
+    assert!(message.ends_with("has format 9, needed 1"), "{message}");
+    let message = Snapshot::load(Path::new("nowhere.json")).unwrap_err().to_string();
+    assert!(message.contains("is not there; `trilink compare --save FILE` makes one"));
+}
+
+#[test]
+fn the_files_name_what_is_out_and_escape_what_they_hold() {
+    let baseline = run(&[0.4, 0.41], 100.0);
+    let mut tonight = run(&[0.5, 0.41], 110.0);
+    let odd: Record = [("status".to_owned(), Cell::Text("a<b & \"c\"".to_owned()))].into();
+    let mut known = baseline.clone();
+    for run in [&mut known, &mut tonight] {
+        let trials = run.tables.get_mut("trials").unwrap();
+        trials.insert("<odd>".to_owned(), odd.clone());
+    }
+    let trials = tonight.tables.get_mut("trials").unwrap();
+    trials.get_mut("<odd>").unwrap().insert("status".to_owned(), Cell::Text("failed".to_owned()));
+    let compared = compared(&known, &tonight);
+    let html = page(&compared, &known, &tonight).unwrap();
+    assert!(html.contains("trial-0") && html.contains("skid0_kg_s"), "{html}");
+    assert!(html.contains("&lt;odd&gt;") && !html.contains("<odd>"));
+    assert!(html.contains("Trials of symmetric"), "the curves that differ are drawn");
+    let xml = junit(&compared).unwrap();
+    assert!(xml.contains("<testsuite name=\"trials\" tests=\"3\" failures=\"2\">"), "{xml}");
+    assert!(xml.contains("name=\"&lt;odd&gt;\""), "{xml}");
+    let json = to_json(&compared);
+    assert_eq!(json["within_tolerance"], false);
+    assert_eq!(json["differences"][0]["verdict"], "out");
+}
