@@ -32,7 +32,9 @@ pub mod cli;
 
 /// What the stages share: the mechanics, the models' motion, metrics and tables; and trials
 /// with a known truth.
+pub(crate) mod clock;
 pub(crate) mod csv;
+pub(crate) mod interrupt;
 pub mod metrics;
 pub mod motion;
 pub(crate) mod pattern;

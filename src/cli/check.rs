@@ -66,6 +66,7 @@ fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome,
         .map(|trial| {
             let checked = check_trial(context, folder, trial);
             stage.step(&trial.id);
+            stage.stop_if_asked("trials");
             checked
         })
         .collect();

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use super::output::say;
 use super::{Context, Failure, Outcome, table};
+use crate::clock::utc_now;
 use crate::compare::{
     Acceptance, Compared, Difference, Lone, Snapshot, Verdict, compare, junit, note_acceptance,
-    now, page, remember, to_json,
+    page, remember, to_json,
 };
 use crate::config::{Config, Tolerances};
 use crate::store::write_bytes;
@@ -78,7 +79,7 @@ impl Compare {
             return Ok(if compared.is_well() { Outcome::Well } else { Outcome::NeedsAttention });
         };
         let differences = compared.out().count() + compared.vanished.len();
-        let acceptance = Acceptance { time: now(), reason, differences };
+        let acceptance = Acceptance { time: utc_now(), reason, differences };
         let mut accepted = baseline.accepted;
         accepted.push(acceptance.clone());
         Snapshot { accepted, ..tonight }.save(path)?;

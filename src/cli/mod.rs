@@ -4,12 +4,15 @@
 mod calibrate;
 mod check;
 mod compare;
+mod examples;
 mod inspect;
+mod log;
 mod omegas;
 mod output;
 mod parameters;
 mod pipeline;
 mod progress;
+mod shell;
 mod simulate;
 mod stages;
 mod synth;
@@ -21,6 +24,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::config::{Config, ConfigError};
+use crate::interrupt::{self, Interrupted};
 use output::note;
 use progress::Progress;
 
@@ -31,7 +35,8 @@ const MOST_THREADS: usize = 1024;
 
 /// From marker files of a wheeled three-link robot to fitted dissipation models and figures.
 #[derive(Parser)]
-#[command(version, propagate_version = true, max_term_width = 100)]
+#[command(name = "trilink", version, propagate_version = true, max_term_width = 100)]
+#[command(after_help = examples::TRILINK)]
 struct Arguments {
     /// Configuration file [default: pipeline.toml here, else the paper's values].
     #[arg(short, long, global = true, value_name = "FILE")]
@@ -42,6 +47,12 @@ struct Arguments {
     /// Threads to work with [default: all processors].
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
+    /// Add what happens, with the time, to the end of a file.
+    #[arg(long, global = true, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Say what happens: stages with their times; -vv also every trial and fit.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
     #[command(subcommand)]
     command: Command,
 }
@@ -49,25 +60,41 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Make the demo's trials if they are not there, then run them.
+    #[command(after_help = examples::DEMO)]
     Demo(pipeline::Demo),
     /// Ingest, fit and report a trial folder.
+    #[command(after_help = examples::RUN)]
     Run(pipeline::Run),
     /// Marker files to tables of poses, wheel velocities, cycles and trials.
+    #[command(after_help = examples::INGEST)]
     Ingest(stages::Ingest),
     /// Fit every model of every campaign to the trials.
+    #[command(after_help = examples::FIT)]
     Fit(stages::Fit),
     /// Draw the figures and write the page.
+    #[command(after_help = examples::REPORT)]
     Report(stages::Report),
     /// Read a trial folder or marker files, write nothing, say what is there and what is wrong.
+    #[command(after_help = examples::CHECK)]
     Check(check::Check),
     /// Compare the tables with those of an earlier run: what differs by more than noise.
+    #[command(after_help = examples::COMPARE)]
     Compare(compare::Compare),
     /// Look into a table of `derived`, or into any Parquet file.
+    #[command(after_help = examples::INSPECT)]
     Inspect(inspect::Inspect),
     /// Solve for a model's steady motion.
+    #[command(after_help = examples::SIMULATE)]
     Simulate(simulate::Simulate),
     /// Write trials with a known truth, as the camera system would.
+    #[command(after_help = examples::SYNTH)]
     Synth(synth::Synth),
+    /// Print what makes a shell complete commands and options.
+    #[command(after_help = examples::COMPLETIONS)]
+    Completions(shell::Completions),
+    /// Print the manual's page.
+    #[command(after_help = examples::MAN)]
+    Man(shell::Man),
 }
 
 /// How a command ended: what its exit status says.
@@ -98,26 +125,61 @@ pub fn main() -> ExitCode {
             default_hook(panic);
         }
     }));
-    match run(arguments) {
-        Ok(Outcome::Well) => ExitCode::SUCCESS,
-        Ok(Outcome::NeedsAttention) => ExitCode::from(1),
-        Err(failure) => {
+    let status = match interrupt::abandonable(|| run(arguments)) {
+        Ok(Ok(Outcome::Well)) => 0,
+        Ok(Ok(Outcome::NeedsAttention)) => 1,
+        Ok(Err(failure)) => {
             note!("error: {failure}");
-            ExitCode::from(2)
+            tracing::error!("{failure}");
+            // What was interrupted says so by its status.
+            interrupt::exit_status().filter(|_| is_interrupted(&failure)).unwrap_or(2)
         }
-    }
+        Err(Interrupted { done }) => {
+            let message = if done.is_empty() {
+                "interrupted".into()
+            } else {
+                format!("interrupted after {done}")
+            };
+            note!("{message}");
+            tracing::error!("{message}");
+            interrupt::exit_status().unwrap_or(2)
+        }
+    };
+    tracing::info!(status, "end");
+    ExitCode::from(status)
+}
+
+fn is_interrupted(failure: &Failure) -> bool {
+    matches!(failure.downcast_ref(), Some(crate::run::RunError::Interrupted { .. }))
 }
 
 fn run(arguments: Arguments) -> Result<Outcome, Failure> {
+    // These need no configuration.
+    let command = match arguments.command {
+        Command::Completions(command) => return command.run(),
+        Command::Man(command) => return command.run(),
+        command => command,
+    };
+    interrupt::listen()?;
+    log::begin(arguments.log.as_deref(), arguments.verbose)?;
     if let Some(threads) = arguments.threads {
         if !(1..=MOST_THREADS).contains(&threads) {
             return Err(format!("--threads: found {threads}, needed 1 to {MOST_THREADS}").into());
         }
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
-    let config = load(arguments.config.as_deref())?;
-    let context = Context { config, progress: Progress::new(arguments.quiet) };
-    match arguments.command {
+    let path = arguments.config.as_deref();
+    let line: Vec<String> = std::env::args().skip(1).collect();
+    tracing::info!(
+        version = env!("CARGO_PKG_VERSION"),
+        arguments = line.join(" "),
+        config = %path.unwrap_or(Path::new(CONFIG_FILE)).display(),
+        "begin"
+    );
+    let config = load(path)?;
+    let progress = Progress::new(arguments.quiet, arguments.verbose > 0);
+    let context = Context { config, progress };
+    match command {
         Command::Demo(command) => command.run(context),
         Command::Run(command) => command.run(context),
         Command::Ingest(command) => command.run(context),
@@ -128,6 +190,8 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Inspect(command) => command.run(context),
         Command::Simulate(command) => command.run(context),
         Command::Synth(command) => command.run(context),
+        Command::Completions(command) => command.run(),
+        Command::Man(command) => command.run(),
     }
 }
 

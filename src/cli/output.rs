@@ -8,7 +8,10 @@ pub(super) fn write_line(to: &mut dyn Write, line: std::fmt::Arguments<'_>) {
     match writeln!(to, "{line}").and_then(|()| to.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => std::process::exit(0),
         // A result that cannot be written (a full disk, say) must not look like success.
-        Err(_) => std::process::exit(2),
+        Err(error) => {
+            let _ = writeln!(std::io::stderr().lock(), "error: standard output: {error}");
+            std::process::exit(2)
+        }
         Ok(()) => {}
     }
 }

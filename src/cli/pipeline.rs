@@ -58,7 +58,10 @@ impl Demo {
             let recipe = Recipe::new(DEMO_SEED);
             let total = recipe.trials(&context.config);
             let stage = context.progress.stage("synth", total);
-            let on_trial = |trial: &str| stage.step(trial);
+            let on_trial = |trial: &str| {
+                stage.step(trial);
+                stage.stop_if_asked("trials");
+            };
             synthesise(&context.config, raw, &recipe, &on_trial)?;
         }
         self.update.run(&context)

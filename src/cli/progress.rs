@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output::note;
+use crate::interrupt;
 use crate::run::Watch;
 use crate::store::{Planned, Redo};
 
@@ -20,8 +21,9 @@ pub(super) enum Progress {
 }
 
 impl Progress {
-    pub fn new(quiet: bool) -> Self {
-        match (quiet, std::io::stderr().is_terminal()) {
+    /// `logged` says that lines of the log come between: then there are no bars.
+    pub fn new(quiet: bool, logged: bool) -> Self {
+        match (quiet, std::io::stderr().is_terminal() && !logged) {
             (true, _) => Self::Quiet,
             (false, true) => Self::Bars,
             (false, false) => Self::Lines,
@@ -165,7 +167,15 @@ impl Stage {
 
     /// One more step is done that is too small for a line of its own.
     pub fn tick(&self) {
+        self.done.fetch_add(1, Ordering::Relaxed);
         self.bar.inc(1);
+    }
+
+    /// Abandons the work after a step if somebody asked for it.
+    pub fn stop_if_asked(&self, steps: &str) {
+        interrupt::stop_if_asked(|| {
+            format!("{} of {} {steps}", self.done.load(Ordering::Relaxed), self.total)
+        });
     }
 }
 

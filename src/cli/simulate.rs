@@ -62,6 +62,7 @@ impl Simulate {
             .map(|&omega_rad_s| {
                 let answer = Answer::new(&problem(omega_rad_s), self.from_rest, &parameters);
                 stage.tick();
+                stage.stop_if_asked("frequencies");
                 answer
             })
             .collect();

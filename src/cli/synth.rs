@@ -50,7 +50,10 @@ impl Synth {
         };
         let total = recipe.trials(&context.config);
         let stage = context.progress.stage("synth", total);
-        let on_trial = |trial: &str| stage.step(trial);
+        let on_trial = |trial: &str| {
+            stage.step(trial);
+            stage.stop_if_asked("trials");
+        };
         let trials = synthesise(&context.config, &folder, &recipe, &on_trial)?;
         drop(stage);
         say!("{} synthetic trials in {}", trials.len(), folder.display());

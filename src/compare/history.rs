@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::snapshot::{Cell, Record, Snapshot};
 use super::trend;
 use super::{Acceptance, CompareError};
+use crate::clock::utc_now;
 use crate::config::Paths;
 use crate::store::{PARAMETERS, Provenance, Rows as _, Table, history_rows};
 
@@ -82,14 +83,6 @@ pub fn note_acceptance(paths: &Paths, acceptance: &Acceptance) -> Result<(), Com
     write(paths, &rows)
 }
 
-/// Now, UTC, to the second.
-pub fn now() -> String {
-    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let seconds = since.map_or(0, |since| since.as_secs() as i64);
-    let time = chrono::DateTime::from_timestamp(seconds, 0).unwrap_or_default();
-    time.format("%Y-%m-%dT%H:%M:%SZ").to_string()
-}
-
 fn read(path: &Path) -> Result<Vec<HistoryRow>, CompareError> {
     match path.exists() {
         true => Ok(HistoryRow::from_table(&Table::read(path)?)?),
@@ -115,7 +108,7 @@ fn is_same(last: &[&HistoryRow], new: &[HistoryRow]) -> bool {
 }
 
 fn figures_of_merit(tonight: &Snapshot, run: i64) -> Vec<HistoryRow> {
-    let time = now();
+    let time = utc_now();
     let mut rows = Vec::new();
     let mut add = |campaign: &str, model: &str, quantity: &str, value: f64| {
         if value.is_finite() {

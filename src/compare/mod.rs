@@ -15,7 +15,7 @@ mod trend;
 use std::path::PathBuf;
 
 pub use files::{junit, page, to_json};
-pub use history::{HistoryRow, history_path, note_acceptance, now, remember};
+pub use history::{HistoryRow, history_path, note_acceptance, remember};
 pub use judge::Verdict;
 pub use snapshot::{Acceptance, Cell, Record, Records, Snapshot};
 

@@ -1,7 +1,5 @@
 //! Comparisons of made-up runs.
 
-use std::path::Path;
-
 use super::*;
 
 /// A run of some trials with one fit: `d_m` of the trials and `skid0_kg_s` of the fit.
@@ -126,7 +124,7 @@ fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
     let trials = saved.tables.get_mut("trials").unwrap();
     trials.get_mut("trial-0").unwrap().insert("sigma0".to_owned(), Cell::Missing(()));
     saved.accepted.push(Acceptance {
-        time: now(),
+        time: crate::clock::utc_now(),
         reason: "new \"wheels\"".to_owned(),
         differences: 2,
     });
@@ -135,7 +133,7 @@ fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
     std::fs::write(&path, "{\"format\":9,\"version\":\"\",\"tables\":{}}").unwrap();
     let message = Snapshot::load(&path).unwrap_err().to_string();
     assert!(message.ends_with("has format 9, needed 1"), "{message}");
-    let message = Snapshot::load(Path::new("nowhere.json")).unwrap_err().to_string();
+    let message = Snapshot::load(std::path::Path::new("nowhere.json")).unwrap_err().to_string();
     assert!(message.contains("is not there; `trilink compare --save FILE` makes one"));
 }
 

@@ -109,6 +109,7 @@ impl<'d, 'o> Descent<'d, 'o> {
             return true;
         }
         for _ in 0..MOST_STEPS {
+            crate::interrupt::stop_if_asked(String::new);
             let limits = self.limits(&parameters);
             let step = best_step(&self.terms, &limits, self.held);
             let expected = sum(&self.terms, &DVector::zeros(step.len())) - sum(&self.terms, &step);

@@ -114,6 +114,7 @@ pub fn report_planned(
     let drawn = figures
         .par_iter()
         .map(|figure| {
+            crate::interrupt::stop_if_asked(String::new);
             let (svg, outputs) = match plan.kept.get(&figure.stem) {
                 Some((svg, outputs)) => (svg.clone(), outputs.clone()),
                 None => draw(reports, figure)?,

@@ -8,16 +8,22 @@ mod summary;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use serde::Serialize;
+
+use crate::clock::utc_now;
 use crate::config::{Config, ConfigError};
 use crate::fit::Fitted;
 use crate::ingest::{IngestError, Ingested};
+use crate::interrupt::{Interrupted, abandonable};
 use crate::report::{ReportError, Reported};
 use crate::store::{
-    ComparisonRow, FitRow, How, Record, Redo, RobotParameterRow, StoreError, write_bytes,
+    ComparisonRow, FitRow, How, Record, Redo, RobotParameterRow, Stamp, StoreError, write_bytes,
 };
 
 pub use look::{Ahead, look};
 pub use stages::{draw, fit, ingest};
+use summary::BrokenRecord;
+
 pub use summary::{Attention, FitRecord, RunRecord, StageRecord, TrialCounts, attention, count};
 
 /// Somebody who watches a run.
@@ -47,6 +53,26 @@ pub enum RunError {
     Report(#[from] ReportError),
     #[error("{0}; --wait waits for it")]
     Held(StoreError),
+    #[error(
+        "interrupted during {stage}{}; left: {}. Every file is whole, as this run or the one \
+         before wrote it",
+        after(done),
+        left(stage)
+    )]
+    Interrupted { stage: &'static str, done: String },
+}
+
+/// The stages of a run, in order.
+const STAGES: [&str; 3] = ["ingest", "fit", "report"];
+
+fn after(done: &str) -> String {
+    if done.is_empty() { String::new() } else { format!(" after {done}") }
+}
+
+/// The stages that were not done when one was interrupted.
+fn left(stage: &str) -> String {
+    let done = STAGES.iter().position(|known| *known == stage).unwrap_or(0);
+    STAGES[done..].join(", ")
 }
 
 /// How a run is done.
@@ -85,31 +111,57 @@ pub fn run(config: &Config, options: Options, watch: &dyn Watch) -> Result<Finis
     problem.iter().for_each(|problem| watch.note(problem));
     // Looking comes first: an unchanged folder is not even locked.
     match look::up_to_date(config, &known, options.how) {
-        Ok(Some(results)) => return Ok(results.into_finished(config, true)),
+        Ok(Some(results)) => return Ok(results.into_finished(config, &Begun::now(), true)),
         // Somebody else may be changing what was looked at; the lock tells.
         Err(_) if config.paths.derived.is_dir() => {}
         Err(error) => return Err(error),
         Ok(None) => {}
     }
     let _lock = stages::take_over(config, options.wait, watch)?;
+    let (begun, mut stages) = (Begun::now(), Vec::new());
+    let finished = run_locked(config, options.how, watch, &begun, &mut stages);
+    if let Err(error) = &finished {
+        // Why the run ended is to be said, not why that could not be recorded.
+        let _ = write_record(config, &BrokenRecord::new(config, error, &begun, &stages));
+    }
+    finished
+}
+
+/// When a run began.
+struct Begun {
+    /// UTC.
+    at: String,
+    instant: Instant,
+}
+
+impl Begun {
+    fn now() -> Self {
+        Self { at: utc_now(), instant: Instant::now() }
+    }
+}
+
+fn run_locked(
+    config: &Config,
+    how: How,
+    watch: &dyn Watch,
+    begun: &Begun,
+    stages: &mut Vec<StageRecord>,
+) -> Result<Finished, RunError> {
     // Whoever held the lock may have been faster.
     let (known, _) = Record::load(&config.paths.derived);
-    let how = options.how;
-    let (mut record, mut stages) = (known.clone(), Vec::new());
+    let mut record = known.clone();
     let ingested =
-        timed(&mut stages, "ingest", || stages::ingest_planned(config, &mut record, how, watch))?;
-    let fitted =
-        timed(&mut stages, "fit", || stages::fit_planned(config, &mut record, how, watch))?;
+        timed(stages, "ingest", || stages::ingest_planned(config, &mut record, how, watch))?;
+    let fitted = timed(stages, "fit", || stages::fit_planned(config, &mut record, how, watch))?;
     let reported =
-        timed(&mut stages, "report", || stages::draw_planned(config, &mut record, how, watch))?;
+        timed(stages, "report", || stages::draw_planned(config, &mut record, how, watch))?;
 
     let is_new = |stage: &StageRecord| stage.did_something;
     let did_nothing = !stages.iter().any(is_new) && look::is_recorded(config, &known, how);
-    let results = Results { ingested, fitted, reported, stages };
-    let mut finished = results.into_finished(config, did_nothing);
+    let results = Results { ingested, fitted, reported, stages: std::mem::take(stages) };
+    let mut finished = results.into_finished(config, begun, did_nothing);
     if !did_nothing {
-        let json = serde_json::to_string_pretty(&finished.record).expect("a record is plain data");
-        record.run = Some(write_bytes(&finished.record_path, (json + "\n").as_bytes())?);
+        record.run = Some(write_record(config, &finished.record)?);
         let remembered = crate::compare::remember(&config.paths);
         finished.history_problem = remembered.err().map(|error| error.to_string());
     }
@@ -118,14 +170,24 @@ pub fn run(config: &Config, options: Options, watch: &dyn Watch) -> Result<Finis
     Ok(finished)
 }
 
+/// Writes `run.json`.
+fn write_record(config: &Config, record: &impl Serialize) -> Result<Stamp, StoreError> {
+    let json = serde_json::to_string_pretty(record).expect("a record is plain data");
+    write_bytes(&record_path(config), (json + "\n").as_bytes())
+}
+
 fn timed<T>(
     stages: &mut Vec<StageRecord>,
     stage: &'static str,
     work: impl FnOnce() -> Result<(T, Redo), RunError>,
 ) -> Result<T, RunError> {
     let begin = Instant::now();
-    let (result, redo) = work()?;
-    stages.push(StageRecord::new(stage, begin.elapsed().as_secs_f64(), redo));
+    tracing::info!(stage, "stage begins");
+    let interrupted = |Interrupted { done }| Err(RunError::Interrupted { stage, done });
+    let (result, redo) = abandonable(work).unwrap_or_else(interrupted)?;
+    let seconds = begin.elapsed().as_secs_f64();
+    tracing::info!(stage, seconds, "stage done");
+    stages.push(StageRecord::new(stage, seconds, redo));
     Ok(result)
 }
 
@@ -138,15 +200,20 @@ struct Results {
 }
 
 impl Results {
-    fn into_finished(self, config: &Config, was_up_to_date: bool) -> Finished {
+    fn into_finished(self, config: &Config, begun: &Begun, was_up_to_date: bool) -> Finished {
         let Self { ingested, fitted, reported, stages } = self;
+        let trials = count(&ingested.trials);
         let record = RunRecord {
             program: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
+            status: if trials.failed == 0 { "ok" } else { "attention" },
+            started: begun.at.clone(),
+            ended: utc_now(),
+            seconds: begun.instant.elapsed().as_secs_f64(),
             folder: config.paths.raw.clone(),
             threads: rayon::current_num_threads(),
             stages,
-            trials: count(&ingested.trials),
+            trials,
             attention: attention(&ingested.trials),
             fits: fitted.fits.iter().map(FitRecord::new).collect(),
             figures: reported.figures,

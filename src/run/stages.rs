@@ -3,14 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 use super::{RunError, Watch, record_path};
 use crate::config::Config;
 use crate::fit::{self, FitEvent, Fitted};
 use crate::ingest::{self, Ingested};
+use crate::interrupt::stop_if_asked;
 use crate::report::{self, Reported};
 use crate::store::{
-    How, LOCK_FILE, Lock, RECORD_FILE, Record, Redo, TrialRow, check_places, sweep,
+    FitRow, How, LOCK_FILE, Lock, RECORD_FILE, Record, Redo, TrialRow, check_places, sweep,
 };
 
 /// The first stage, of all trials: marker files to tables.
@@ -84,7 +87,17 @@ pub(super) fn ingest_planned(
     let plan = ingest::plan(config, folder, derived, &known, how)?;
     let redo = plan.redo.clone();
     announce(&redo, "ingest", redo.things.len(), watch);
-    let on_trial = |trial: &TrialRow| watch.step(&format!("{} {}", trial.trial, trial.status));
+    let (begin, done, total) = (Instant::now(), AtomicUsize::new(0), redo.things.len());
+    let on_trial = |trial: &TrialRow| {
+        watch.step(&format!("{} {}", trial.trial, trial.status));
+        let (TrialRow { trial, status, message, .. }, seconds) = (trial, begin.elapsed());
+        match status.as_str() {
+            "ok" => tracing::debug!(trial, status, after_s = seconds.as_secs_f64(), "trial"),
+            _ => tracing::warn!(trial, status, message, "trial"),
+        }
+        let done = 1 + done.fetch_add(1, Ordering::Relaxed);
+        stop_if_asked(|| format!("{done} of {total} trials"));
+    };
     let (ingested, state) = ingest::ingest_planned(config, folder, derived, plan, &on_trial)?;
     record.ingest = state;
     if !redo.is_empty() {
@@ -105,10 +118,17 @@ pub(super) fn fit_planned(
     let plan = fit::plan(config, derived, &known, how)?;
     let redo = plan.redo.clone();
     announce(&redo, "fit", plan.total(), watch);
+    let (fits, models) = (AtomicUsize::new(0), plan.total());
     let done: Mutex<BTreeMap<String, usize>> = Mutex::default();
     let on_event = |event: FitEvent| match event {
-        FitEvent::Fitted(fit) => watch.step(&format!("{} {}", fit.campaign, fit.model)),
+        FitEvent::Fitted(fit) => {
+            watch.step(&format!("{} {}", fit.campaign, fit.model));
+            let FitRow { campaign, model, status, j, .. } = fit;
+            tracing::debug!(campaign, model, j, status, "fit");
+            fits.fetch_add(1, Ordering::Relaxed);
+        }
         FitEvent::Replicate { campaign, model, total } => {
+            stop_if_asked(|| format!("{} of {models} fits", fits.load(Ordering::Relaxed)));
             if let Ok(mut done) = done.lock() {
                 let what = format!("{campaign} {model} replicate");
                 let count = done.entry(what.clone()).or_default();
@@ -137,6 +157,9 @@ pub(super) fn draw_planned(
     let redo = plan.redo.clone();
     announce(&redo, "report", 1, watch);
     let (reported, state) = report::report_planned(config, plan)?;
+    if !redo.is_empty() {
+        reported.missing.iter().for_each(|missing| tracing::warn!(missing, "not drawn"));
+    }
     record.report = state;
     if !redo.is_empty() {
         watch.step(&format!("{} figures and pages", redo.things.len()));

@@ -1,9 +1,12 @@
 //! `run.json`: how a run went.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::{Begun, RunError};
+use crate::clock::utc_now;
+use crate::config::Config;
 use crate::store::{FitRow, Redo, TrialRow};
 
 /// `run.json`: what ran, how long it took and what failed.
@@ -11,6 +14,12 @@ use crate::store::{FitRow, Redo, TrialRow};
 pub struct RunRecord {
     pub program: &'static str,
     pub version: &'static str,
+    /// `ok`, or `attention` where something needs a person.
+    pub status: &'static str,
+    /// UTC.
+    pub started: String,
+    pub ended: String,
+    pub seconds: f64,
     /// Trial folder.
     pub folder: PathBuf,
     pub threads: usize,
@@ -25,6 +34,46 @@ pub struct RunRecord {
     pub missing: Vec<String>,
     pub page: PathBuf,
     pub scorecard: PathBuf,
+}
+
+/// `run.json` of a run that did not come to its end.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct BrokenRecord<'r> {
+    program: &'static str,
+    version: &'static str,
+    /// `failed` or `interrupted`.
+    status: &'static str,
+    error: String,
+    started: &'r str,
+    ended: String,
+    seconds: f64,
+    folder: &'r Path,
+    threads: usize,
+    /// Those that were done.
+    stages: &'r [StageRecord],
+}
+
+impl<'r> BrokenRecord<'r> {
+    pub fn new(
+        config: &'r Config,
+        error: &RunError,
+        begun: &'r Begun,
+        stages: &'r [StageRecord],
+    ) -> Self {
+        let is_interrupted = matches!(error, RunError::Interrupted { .. });
+        Self {
+            program: env!("CARGO_PKG_NAME"),
+            version: env!("CARGO_PKG_VERSION"),
+            status: if is_interrupted { "interrupted" } else { "failed" },
+            error: error.to_string(),
+            started: &begun.at,
+            ended: utc_now(),
+            seconds: begun.instant.elapsed().as_secs_f64(),
+            folder: &config.paths.raw,
+            threads: rayon::current_num_threads(),
+            stages,
+        }
+    }
 }
 
 /// One stage of a run.

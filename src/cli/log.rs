@@ -1,0 +1,35 @@
+//! What happens, as lines: in a file with `--log`, on standard error with `-v`.
+
+use std::fs::OpenOptions;
+use std::path::Path;
+use std::sync::Mutex;
+
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::Layer;
+use tracing_subscriber::fmt::layer;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::registry;
+use tracing_subscriber::util::SubscriberInitExt;
+
+use super::Failure;
+
+/// Begins to write what happens: to the end of a file, and as `-v` or `-vv` says to standard
+/// error.
+pub(super) fn begin(file: Option<&Path>, verbose: u8) -> Result<(), Failure> {
+    let shown = match verbose {
+        0 => LevelFilter::OFF,
+        1 => LevelFilter::INFO,
+        _ => LevelFilter::DEBUG,
+    };
+    let to_file = file
+        .map(|path| {
+            let opened = OpenOptions::new().create(true).append(true).open(path);
+            let opened = opened.map_err(|error| format!("--log: {}: {error}", path.display()))?;
+            let lines = layer().with_ansi(false).with_target(false).with_writer(Mutex::new(opened));
+            Ok::<_, Failure>(lines.with_filter(LevelFilter::DEBUG))
+        })
+        .transpose()?;
+    let to_terminal = layer().with_ansi(false).with_target(false).with_writer(std::io::stderr);
+    registry().with(to_terminal.with_filter(shown)).with(to_file).init();
+    Ok(())
+}

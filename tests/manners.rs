@@ -1,0 +1,197 @@
+//! How the program behaves among others: shells, pipes, signals, logs.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use common::{files, small_settings, succeed, text, trilink};
+use tempfile::TempDir;
+
+const COMMANDS: [&str; 12] = [
+    "demo",
+    "run",
+    "ingest",
+    "fit",
+    "report",
+    "check",
+    "compare",
+    "inspect",
+    "simulate",
+    "synth",
+    "completions",
+    "man",
+];
+
+/// A folder with synthetic trials and nothing made of them.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let text = toml::to_string(&small_settings()).unwrap();
+    std::fs::write(folder.path().join("pipeline.toml"), text).unwrap();
+    let omegas = "0.5,1,1.5,2,2.5,3,3.5,4,4.5,5";
+    succeed(folder.path(), &["synth", "raw/demo", "--omega", omegas, "--quiet"]);
+    folder
+}
+
+fn here() -> &'static Path {
+    Path::new(".")
+}
+
+#[test]
+fn shells_complete_every_command() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = succeed(here(), &["completions", shell]);
+        for command in COMMANDS {
+            assert!(script.contains(command), "{shell} {command}");
+        }
+    }
+    let script = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(script.path(), succeed(here(), &["completions", "bash"])).unwrap();
+    if let Ok(checked) = Command::new("bash").arg("-n").arg(script.path()).output() {
+        assert!(checked.status.success(), "{}", text(&checked.stderr));
+    }
+}
+
+#[test]
+fn the_manual_has_a_page_for_every_command_with_examples() {
+    let page = succeed(here(), &["man"]);
+    assert!(page.contains(".TH trilink 1") && page.contains("Exit status:"), "{page}");
+    let folder = tempfile::tempdir().unwrap();
+    succeed(here(), &["man", "--folder", folder.path().to_str().unwrap()]);
+    let pages = files(folder.path());
+    assert_eq!(pages.len(), COMMANDS.len() + 1);
+    for command in COMMANDS {
+        let page = text(&pages[Path::new(&format!("trilink-{command}.1"))]);
+        assert!(page.contains("Examples:"), "{page}");
+        assert!(succeed(here(), &[command, "--help"]).contains("Examples:\n  trilink "));
+    }
+}
+
+#[test]
+fn help_has_no_colours_where_nobody_wants_them() {
+    let help = |variables: &[(&str, &str)]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trilink"));
+        command.arg("--help").envs(variables.iter().copied());
+        text(&command.output().unwrap().stdout)
+    };
+    assert!(help(&[("CLICOLOR_FORCE", "1")]).contains('\u{1b}'));
+    assert!(!help(&[]).contains('\u{1b}'));
+    assert!(!help(&[("NO_COLOR", "1")]).contains('\u{1b}'));
+}
+
+#[test]
+fn a_log_has_stages_trials_and_how_it_ended() {
+    let folder = folder();
+    let file = folder.path().join("nightly.log");
+    std::fs::write(&file, "earlier\n").unwrap();
+    succeed(folder.path(), &["run", "--quiet", "--log", "nightly.log"]);
+    let log = std::fs::read_to_string(&file).unwrap();
+    let lines: Vec<&str> = log.lines().collect();
+    assert_eq!(lines[0], "earlier");
+    assert!(lines[1].contains(" INFO begin version=\"") && lines[1].contains("--log nightly.log"));
+    for part in [
+        "INFO stage begins stage=\"ingest\"",
+        "DEBUG trial trial=\"kinematic-symmetric-2.00-r1\" status=\"ok\" after_s=",
+        "INFO stage done stage=\"fit\" seconds=",
+        "DEBUG fit campaign=\"kinematic-symmetric\" model=\"skid-roll\" j=0.0",
+        "INFO end status=0",
+    ] {
+        assert!(log.contains(part), "{part}\n{log}");
+    }
+    assert!(lines[1].starts_with("20") && lines[1][..20].contains('T'), "{}", lines[1]);
+
+    let said = trilink(folder.path(), &["fit", "-v", "--quiet"]);
+    let errors = text(&said.stderr);
+    assert!(errors.contains("INFO begin") && errors.contains("INFO end status=0"), "{errors}");
+    assert!(!errors.contains("DEBUG"));
+    assert!(text(&trilink(folder.path(), &["fit", "-vv"]).stderr).contains("DEBUG fit campaign="));
+    let refused = trilink(folder.path(), &["fit", "--log", "nowhere/nightly.log"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("--log: nowhere/nightly.log: "));
+}
+
+#[test]
+fn the_record_of_a_run_tells_a_monitor_when_it_was_and_how_it_ended() {
+    let folder = folder();
+    let record = || -> serde_json::Value {
+        let text = std::fs::read_to_string(folder.path().join("reports/run.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    succeed(folder.path(), &["run", "--quiet"]);
+    assert_eq!(record()["status"], "ok");
+    let [started, ended] =
+        ["started", "ended"].map(|key| record()[key].as_str().unwrap().to_owned());
+    assert!(started <= ended && started.len() == 20 && started.ends_with('Z'), "{started} {ended}");
+    assert!(record()["seconds"].as_f64().unwrap() > 0.0);
+    std::fs::remove_file(folder.path().join("raw/demo/trials.toml")).unwrap();
+    assert_eq!(trilink(folder.path(), &["run", "--quiet"]).status.code(), Some(2));
+    assert_eq!(record()["status"], "failed");
+    assert!(record()["error"].as_str().unwrap().contains("trials.toml"));
+}
+
+#[test]
+fn a_full_disk_is_an_error() {
+    let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") else { return };
+    let output = Command::new(env!("CARGO_BIN_EXE_trilink"))
+        .args(["simulate", "kinematic-symmetric", "--model", "no-skid", "--omega", "4"])
+        .stdout(full)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("error: standard output: "), "{}", text(&output.stderr));
+}
+
+/// Runs until a line of standard error begins as said, then sends a signal: exit status and the
+/// last line.
+#[cfg(unix)]
+fn stopped(folder: &Path, begins: &str, signal: &str) -> (Option<i32>, String) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_trilink"))
+        .args(["run", "--threads", "1"])
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.starts_with(begins)), "no line begins with {begins}");
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let last = lines.last().unwrap_or_default();
+    (child.wait().unwrap().code(), last)
+}
+
+#[cfg(unix)]
+#[test]
+fn the_first_interruption_leaves_whole_files_and_says_what_is_left() {
+    let folder = folder();
+    let record = || std::fs::read_to_string(folder.path().join("reports/run.json")).unwrap();
+    let (status, said) = stopped(folder.path(), "ingest 2/", "-INT");
+    assert_eq!(status, Some(130), "{said}");
+    assert!(said.starts_with("error: interrupted during ingest after "), "{said}");
+    assert!(
+        said.contains(" of 11 trials; left: ingest, fit, report. Every file is whole"),
+        "{said}"
+    );
+    assert!(record().contains("\"status\": \"interrupted\""));
+    let left = files(folder.path());
+    let unfinished = |path: &Path| path.to_string_lossy().contains(".writing-");
+    assert!(!left.keys().any(|path| unfinished(path)), "{:?}", left.keys());
+    for (path, bytes) in &left {
+        if path.extension().is_some_and(|extension| extension == "parquet") {
+            assert_eq!(bytes[bytes.len() - 4..], *b"PAR1", "{}", path.display());
+        }
+    }
+    let (status, said) = stopped(folder.path(), "fit 1/", "-TERM");
+    assert_eq!(status, Some(143), "{said}");
+    assert!(
+        said.contains("interrupted during fit") && said.contains("left: fit, report"),
+        "{said}"
+    );
+    assert!(folder.path().join("derived/trials.parquet").exists());
+    assert!(!folder.path().join("derived/fits.parquet").exists());
+    succeed(folder.path(), &["run", "--quiet"]);
+    assert!(record().contains("\"status\": \"ok\""));
+}
