@@ -13,8 +13,8 @@ use common::{small_run, small_settings, succeed, text};
 /// The README's blocks of a kind.
 fn blocks(kind: &str) -> Vec<String> {
     let readme = std::fs::read_to_string("README.md").unwrap();
-    let start = format!("```{kind}\n");
-    let parts = readme.split(&start).skip(1);
+    let begins = format!("```{kind}\n");
+    let parts = readme.split(&begins).skip(1);
     parts.map(|part| part.split("```").next().unwrap().to_owned()).collect()
 }
 

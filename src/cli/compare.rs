@@ -138,7 +138,10 @@ fn print(compared: &Compared, page: &Path) {
         }
     }
     let lone = |what: &str, all: &[Lone]| {
-        all.iter().for_each(|lone| say!("{what}: {}", lone.name()));
+        all.iter().take(MOST_ROWS).for_each(|lone| say!("{what}: {}", lone.name()));
+        if all.len() > MOST_ROWS {
+            say!("{what}: {} more", all.len() - MOST_ROWS);
+        }
     };
     lone("vanished", &compared.vanished);
     lone("appeared", &compared.appeared);

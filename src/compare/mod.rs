@@ -163,6 +163,13 @@ pub fn compare(config: &Compare, baseline: &Snapshot, tonight: &Snapshot) -> Com
 impl Compared {
     fn table(&mut self, table: &'static str, tolerances: &Tolerances, [then, now]: [&Records; 2]) {
         let lone = |of: &String| Lone { table, of: of.clone() };
+        // A table that one of the runs does not have at all is not told row by row.
+        let all = |records: &Records| Lone { table, of: format!("all {} rows", records.len()) };
+        match (then.is_empty(), now.is_empty()) {
+            (true, false) => return self.appeared.push(all(now)),
+            (false, true) => return self.vanished.push(all(then)),
+            _ => {}
+        }
         self.vanished.extend(then.keys().filter(|of| !now.contains_key(*of)).map(lone));
         self.appeared.extend(now.keys().filter(|of| !then.contains_key(*of)).map(lone));
         for (of, baseline) in then {

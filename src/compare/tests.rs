@@ -90,6 +90,17 @@ fn rows_that_appear_are_named_and_those_that_vanish_are_out_of_tolerance() {
 }
 
 #[test]
+fn a_table_that_only_one_run_has_is_told_in_one_line() {
+    let with = run(&[0.4, 0.41], 100.0);
+    let mut without = with.clone();
+    without.tables.remove("fits");
+    assert_eq!(compared(&without, &with).appeared[0].name(), "fits: all 1 rows");
+    let vanished = compared(&with, &without);
+    assert_eq!(vanished.vanished[0].name(), "fits: all 1 rows");
+    assert!(!vanished.is_well());
+}
+
+#[test]
 fn what_is_missing_or_another_text_is_out_unless_the_trial_is_still_used() {
     let baseline = run(&[0.4, 0.41], 100.0);
     let change = |column: &str, cell: Cell| {

@@ -10,8 +10,11 @@ use super::evaluate::{Arithmetic, Comparison, Node};
 use super::value::{Kind, Value};
 use crate::config::nearest;
 
-/// Parsed terms lie within one another; more would not fit on the stack.
+/// Bytes of a condition.
 const LONGEST: usize = 8000;
+/// Terms that lie within one another, as those of `a or b or c` do; thousands would not fit on
+/// the stack.
+const DEEPEST: usize = 400;
 
 /// A condition that fits a table.
 #[derive(Debug, Clone)]
@@ -39,7 +42,7 @@ impl Condition {
             Token::EOF => {}
             other => return Err(format!("found `{other}` after `{parsed}`, needed and, or")),
         }
-        let mut checker = Checker { columns, used: Vec::new() };
+        let mut checker = Checker { columns, used: Vec::new(), depth: 0 };
         let node = checker.of_kind(&parsed, Kind::Boolean)?;
         Ok(Self { node, columns: checker.used })
     }
@@ -60,10 +63,21 @@ fn plain(error: ParserError) -> String {
 struct Checker<'t> {
     columns: &'t [ColumnInfo],
     used: Vec<String>,
+    depth: usize,
 }
 
 impl Checker<'_> {
     fn typed(&mut self, expr: &Expr) -> Result<Typed, String> {
+        if self.depth == DEEPEST {
+            return Err(format!("more than {DEEPEST} terms; needed fewer, such as `in (..)`"));
+        }
+        self.depth += 1;
+        let typed = self.term(expr);
+        self.depth -= 1;
+        typed
+    }
+
+    fn term(&mut self, expr: &Expr) -> Result<Typed, String> {
         let boolean = |node| Ok((node, Some(Kind::Boolean)));
         match expr {
             Expr::Nested(inner) => self.typed(inner),
