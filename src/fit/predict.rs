@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::measurement::Measurement;
 use super::objective::Objective;
 use crate::metrics::GaitMetrics;
-use crate::motion::{Model, MotionError, Problem, REFERENCE_ACCURACY, Settled, Solver};
+use crate::motion::{Model, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use crate::robot::Robot;
 use crate::store::PredictionRow;
 
@@ -48,43 +48,44 @@ pub(super) fn predictions(
             from_rest: from_rest.to_owned(),
         }
     };
-    let at_trial = |measurement: &Measurement| {
-        let mut solver = Solver::default();
+    let at_trial = |solver: &mut Solver, measurement: &Measurement| {
         let problem = objective.problem_of(robot, measurement).ok_or(MotionError::GaitUnknown);
-        let solved =
-            problem.clone().and_then(|problem| solve(&mut solver, &problem, REFERENCE_ACCURACY));
+        let solved = problem.and_then(|problem| solve(solver, &problem, REFERENCE_ACCURACY));
         let j = solved
             .as_ref()
             .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
-        let from_rest = match (&solved, &problem) {
-            // The solver goes on from what it has found.
-            (Ok(_), Ok(problem)) => Settled::from_rest(&solver.settle(problem, REFERENCE_ACCURACY)),
-            _ => "",
+        let from_rest = match &solved {
+            Ok((metrics, _)) => solver.from_rest(*metrics, REFERENCE_ACCURACY),
+            Err(_) => "",
         };
         row(measurement.omega_rad_s, "trial", j, &solved, from_rest)
     };
-    let mut rows: Vec<PredictionRow> = objective.measurements().par_iter().map(at_trial).collect();
+    let trials = objective.measurements().par_iter();
+    let mut rows: Vec<PredictionRow> = trials.map_init(Solver::default, at_trial).collect();
     if model != Model::NoSkidMeasured {
         let omegas = objective.measurements().iter().map(|measurement| measurement.omega_rad_s);
         let low = omegas.clone().fold(f64::INFINITY, f64::min);
         let high = omegas.fold(0.0, f64::max);
-        let on_curve = |i: usize| {
+        let on_curve = |solver: &mut Solver, i: usize| {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
             let problem = objective.problem(robot, omega_rad_s);
-            let solved = solve(&mut Solver::default(), &problem, CURVE_ACCURACY);
+            let solved = solve(solver, &problem, CURVE_ACCURACY);
             row(omega_rad_s, "curve", f64::NAN, &solved, "")
         };
-        rows.par_extend((0..CURVE_POINTS).into_par_iter().map(on_curve));
+        let points = (0..CURVE_POINTS).into_par_iter();
+        rows.par_extend(points.map_init(Solver::default, on_curve));
     }
     rows
 }
 
-/// The metrics of a motion, and whether it is stable.
+/// The metrics of a motion, found from rest whatever was solved for before, and whether it is
+/// stable.
 fn solve(
     solver: &mut Solver,
     problem: &Problem,
     accuracy: f64,
 ) -> Result<(GaitMetrics, &'static str), MotionError> {
+    solver.forget();
     let metrics = solver.solve(problem, accuracy)?;
     let is_unstable = solver.floquet()?.is_some_and(|modulus| modulus >= 1.0);
     Ok((metrics, if is_unstable { "unstable" } else { "stable" }))

@@ -114,6 +114,26 @@ impl Linearised {
         stages: &Stages<N>,
         duration_s: f64,
     ) -> Option<()> {
+        self.factor(k, model, nodes, start, stages, duration_s)?;
+        let size = unknowns::<N, R>() * STAGES;
+        let matrix = &self.factors[k * size * size..][..size * size];
+        let pivots = &self.pivots[k * size..][..size];
+        lu::solve(size, N, matrix, pivots, &mut self.transfer[k * size * N..][..size * N]);
+        Some(())
+    }
+
+    /// The same for an element the start of which stays: how it answers to that is not solved
+    /// for.
+    #[inline(always)]
+    fn factor<const N: usize, R: Reduced<N>>(
+        &mut self,
+        k: usize,
+        model: &R,
+        nodes: &[R::Node],
+        start: &[f64; N],
+        stages: &Stages<N>,
+        duration_s: f64,
+    ) -> Option<()> {
         let per_stage = unknowns::<N, R>();
         let size = per_stage * STAGES;
         let matrix = &mut self.factors[k * size * size..][..size * size];
@@ -127,11 +147,7 @@ impl Linearised {
             }
             residual
         });
-        if !lu::factor(size, matrix, pivots) {
-            return None;
-        }
-        lu::solve(size, N, matrix, pivots, transfer);
-        Some(())
+        lu::factor(size, matrix, pivots).then_some(())
     }
 
     /// Solves one element for how its unknowns answer to its start and to the parameters; see
@@ -282,7 +298,7 @@ pub(super) fn integrate_last<const N: usize>(stages: &mut Stages<N>, start: f64,
 }
 
 /// The stages of one element from a known start, by Newton's method from a guess, or `None` if
-/// it fails. Uses the room of element 0.
+/// it fails. The factors are kept while steps by them shrink fast. Uses the room of element 0.
 pub(super) fn follow_element<const N: usize, R: Reduced<N>>(
     model: &R,
     nodes: &[R::Node],
@@ -293,12 +309,19 @@ pub(super) fn follow_element<const N: usize, R: Reduced<N>>(
     room: &mut Linearised,
 ) -> Option<Stages<N>> {
     const MOST_STEPS: usize = 12;
+    /// Part of the step before at which a step by kept factors is short enough to keep them.
+    const FAST: f64 = 0.15;
     let mut stages = *guess;
     if R::INTEGRATED {
         integrate_last(&mut stages, start[N - 1], duration_s);
     }
+    let enough = 0.01 * tolerance;
+    let (mut is_fresh, mut last_step) = (true, f64::INFINITY);
     for _ in 0..MOST_STEPS {
-        room.linearise(0, model, nodes, start, &stages, duration_s)?;
+        match is_fresh {
+            true => room.factor(0, model, nodes, start, &stages, duration_s)?,
+            false => room.evaluate(0, model, nodes, start, &stages, duration_s),
+        }
         room.solve_step::<N, R>(0);
         let changes = room.changes::<N, R>(0, &[0.0; N], duration_s);
         let (mut step, mut size) = (0.0_f64, 0.0_f64);
@@ -312,10 +335,19 @@ pub(super) fn follow_element<const N: usize, R: Reduced<N>>(
         if !size.is_finite() {
             return None;
         }
-        // The next step would be about the square of this one.
-        if step <= size * (0.01 * tolerance).sqrt().min(1e-4) {
+        let step = step / size.max(f64::MIN_POSITIVE);
+        let shrinks = step / last_step;
+        // The next step would be about the square of a fresh one, and would shrink like the
+        // others by kept factors.
+        let is_last = match is_fresh {
+            true => step <= enough.sqrt().min(1e-4),
+            false => shrinks < FAST && shrinks * step <= enough,
+        };
+        if is_last {
             return Some(stages);
         }
+        is_fresh = !is_fresh && shrinks >= FAST;
+        last_step = step;
     }
     None
 }
@@ -342,17 +374,12 @@ fn coefficient<const N: usize>(
     weights[0] * start[i] + from_stages
 }
 
-/// State at a fraction of an element.
+/// State at a fraction of an element, or of its polynomial beyond.
 pub(super) fn interpolate<const N: usize>(
     start: &[f64; N],
     stages: &Stages<N>,
     part: f64,
 ) -> [f64; N] {
-    std::array::from_fn(|i| {
-        let mut values = [start[i]; STAGES + 1];
-        for j in 0..STAGES {
-            values[j + 1] = stages[j][i];
-        }
-        RADAU.interpolate(&values, part)
-    })
+    let weights = RADAU.weights(part);
+    std::array::from_fn(|i| coefficient(&weights, i, start, stages))
 }

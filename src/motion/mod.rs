@@ -187,6 +187,11 @@ impl Problem {
         Solver::default().dispatch(self, SampleFromRest { cycles, samples })
     }
 
+    /// Whether eq. 3 gives the motion: both joints are commanded and the wheels cannot skid.
+    fn is_determined(&self) -> bool {
+        !self.model.skids() && self.gait.passive_joint().is_none()
+    }
+
     /// The robot with the resistances that the model knows.
     fn driven(&self) -> Driven {
         let mut robot = self.robot.clone();

@@ -64,19 +64,23 @@ impl Radau {
         Self { nodes, differentiate, differentiate_start, integrate, spectrum, barycentric }
     }
 
-    /// Value at `x` in `[0, 1]` of the polynomial through `values` at the start and the stages.
+    /// Value at `x` of the polynomial through `values` at the start and the stages.
     pub fn interpolate(&self, values: &[f64; STAGES + 1], x: f64) -> f64 {
-        let (mut numerator, mut denominator) = (0.0, 0.0);
-        for (l, value) in values.iter().enumerate() {
+        self.weights(x).iter().zip(values).map(|(weight, value)| weight * value).sum()
+    }
+
+    /// Weights (start, stages) of the values in that of the polynomial through them at `x`.
+    pub fn weights(&self, x: f64) -> [f64; STAGES + 1] {
+        let mut weights = [0.0; STAGES + 1];
+        for (l, weight) in weights.iter_mut().enumerate() {
             let point = if l == 0 { 0.0 } else { self.nodes[l - 1] };
             if x == point {
-                return *value;
+                return std::array::from_fn(|other| if other == l { 1.0 } else { 0.0 });
             }
-            let weight = self.barycentric[l] / (x - point);
-            numerator += weight * value;
-            denominator += weight;
+            *weight = self.barycentric[l] / (x - point);
         }
-        numerator / denominator
+        let sum: f64 = weights.iter().sum();
+        weights.map(|weight| weight / sum)
     }
 }
 

@@ -14,9 +14,7 @@ use super::transient::Follower;
 
 /// Where the motion from rest ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Arrival<const N: usize> {
-    /// State at phase 0 of the steady motion.
-    pub state: [f64; N],
+pub(super) struct Arrival {
     /// Cycles after which the motion stays within [`SETTLED`] of it.
     pub cycles: usize,
     /// Whether it is the solution that the ring had.
@@ -40,8 +38,8 @@ const MOST_ELEMENTS: usize = 100_000;
 const MOST_PERIODS: usize = 8;
 const TOLERANCE: f64 = 1e-7;
 
-/// Follows the motion from rest until it is certain in which solution it ends. The ring's
-/// solution, where `is_solved`, is tried first; the ring's content is lost.
+/// Follows the motion from rest until it is certain in which solution it ends; the ring holds
+/// that then. The ring's own solution, where `is_solved`, is tried first.
 pub(super) fn settle<const N: usize, R: Reduced<N>>(
     model: &R,
     driven: &Driven,
@@ -49,13 +47,14 @@ pub(super) fn settle<const N: usize, R: Reduced<N>>(
     is_solved: bool,
     accuracy: f64,
     room: &mut Linearised,
-) -> Result<Arrival<N>, MotionError> {
+) -> Result<Arrival, MotionError> {
     let period_s = TAU / driven.omega_rad_s;
     let known = is_solved.then(|| ring.start());
     let mut candidate = known.filter(|_| ring.floquet(model).is_ok_and(|modulus| modulus < 1.0));
     let mut follower = Follower::new(model, driven, TOLERANCE);
     let mut seen = [follower.state; MOST_PERIODS + 1];
     let (mut settled, mut before) = (None, f64::INFINITY);
+    let mut held = known;
     for cycle in 1..=MOST_CYCLES {
         follower.advance_to(cycle as f64 * period_s, room, |_| {})?;
         seen.rotate_right(1);
@@ -66,9 +65,9 @@ pub(super) fn settle<const N: usize, R: Reduced<N>>(
         let mut distance = to_candidate(&follower.state);
         if distance > SETTLED && follower.distance(&seen[0], &seen[1]) < SLOW {
             let start = Start::State(follower.state);
-            let found =
-                ring.solve(model, driven.omega_rad_s, start, accuracy).map(|()| ring.start());
-            if let Ok(found) = found
+            held =
+                ring.solve(model, driven.omega_rad_s, start, accuracy).map(|()| ring.start()).ok();
+            if let Some(found) = held
                 && follower.distance(&found, &follower.state) < NEARBY
                 && ring.floquet(model).is_ok_and(|modulus| modulus < 1.0)
             {
@@ -85,7 +84,10 @@ pub(super) fn settle<const N: usize, R: Reduced<N>>(
             && (distance < THERE || (distance < CERTAIN && distance < before))
         {
             let is_known = known.is_some_and(|known| follower.distance(&known, &state) < THERE);
-            return Ok(Arrival { state, cycles, is_known });
+            if held != candidate {
+                ring.solve(model, driven.omega_rad_s, Start::State(state), accuracy)?;
+            }
+            return Ok(Arrival { cycles, is_known });
         }
         before = distance;
         if follower.elements > MOST_ELEMENTS {

@@ -1,5 +1,7 @@
 //! Steady motions one after the other, each from the last and in the same room.
 
+use std::f64::consts::TAU;
+
 use super::reduced::{KinematicSkid, Parameter, PassiveNoSkid, PassiveSkid};
 use super::ring::Ring;
 use super::task::{Differentiate, Floquet, Polish, SampleCycle, Settle, Solve, Task, WorkAndLoss};
@@ -15,6 +17,8 @@ pub type Derivatives = [GaitMetrics; Parameter::ALL.len()];
 #[derive(Debug, Clone, Default)]
 pub struct Solver {
     last: Option<Problem>,
+    /// What the last motion that eq. 3 gives was driven by, and its metrics.
+    by_eq_3: Option<(Problem, GaitMetrics)>,
     kinematic_skid: Ring<3, KinematicSkid>,
     passive_skid: Ring<5, PassiveSkid>,
     passive_no_skid: Ring<2, PassiveNoSkid>,
@@ -36,11 +40,16 @@ impl Settled {
     /// Where the robot from rest ends, seen from the solution that [`Solver::solve`] finds:
     /// `reached`, `another` or `unsettled`.
     pub fn from_rest(settled: &Result<Self, MotionError>) -> &'static str {
-        match settled {
-            Ok(settled) if settled.is_found_first => "reached",
-            Ok(_) => "another",
-            Err(_) => "unsettled",
-        }
+        from_rest(settled.as_ref().ok().map(|settled| settled.is_found_first))
+    }
+}
+
+/// The words of [`Settled::from_rest`], where nothing is known of a robot that does not settle.
+fn from_rest(is_found_first: Option<bool>) -> &'static str {
+    match is_found_first {
+        Some(true) => "reached",
+        Some(false) => "another",
+        None => "unsettled",
     }
 }
 
@@ -51,9 +60,24 @@ impl Solver {
     /// There is no such motion, or it could not be found or resolved.
     pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics, MotionError> {
         let goes_on = self.last.take().is_some_and(|last| is_alike(&last, problem));
-        let metrics = self.dispatch(problem, Solve { goes_on, accuracy })?;
+        let metrics = match self.known_by_eq_3(problem) {
+            Some(metrics) => metrics,
+            None => self.dispatch(problem, Solve { goes_on, accuracy })?,
+        };
+        if problem.is_determined() {
+            self.by_eq_3 = Some((problem.clone(), metrics));
+        }
         self.last = Some(problem.clone());
         Ok(metrics)
+    }
+
+    /// The metrics of a motion that eq. 3 gives, from another of the same robot and gait: the
+    /// frequency changes nothing but the speed.
+    fn known_by_eq_3(&self, problem: &Problem) -> Option<GaitMetrics> {
+        let (known, metrics) = self.by_eq_3.as_ref()?;
+        let Problem { robot, gait, model, omega_rad_s } = problem;
+        let is_same = known.robot == *robot && known.gait == *gait && known.model == *model;
+        is_same.then(|| GaitMetrics { v_m_s: metrics.d_m * omega_rad_s / TAU, ..*metrics })
     }
 
     /// Makes the next solution start from rest; the room stays.
@@ -107,11 +131,23 @@ impl Solver {
     /// # Errors
     /// The motion cannot be followed or does not settle.
     pub fn settle(&mut self, problem: &Problem, accuracy: f64) -> Result<Settled, MotionError> {
-        let is_solved = self.solve(problem, accuracy).is_ok();
+        let solved = self.solve(problem, accuracy);
         let (metrics, cycles, is_found_first) =
-            self.dispatch(problem, Settle { is_solved, accuracy })?;
+            self.dispatch(problem, Settle { solved, accuracy })?;
         self.last = Some(problem.clone());
         Ok(Settled { motion: self.motion(metrics)?, cycles, is_found_first })
+    }
+
+    /// Where the robot from rest ends, seen from the last solution, the metrics of which these
+    /// are, in the words of [`Settled::from_rest`]. The next solution starts from there.
+    pub fn from_rest(&mut self, metrics: GaitMetrics, accuracy: f64) -> &'static str {
+        let arrived = self.last.take().and_then(|problem| {
+            let task = Settle { solved: Ok(metrics), accuracy };
+            let (_, _, is_found_first) = self.dispatch(&problem, task).ok()?;
+            self.last = Some(problem);
+            Some(is_found_first)
+        });
+        from_rest(arrived)
     }
 
     /// The last solution at `samples + 1` moments of a cycle, the first at phase 0.

@@ -200,8 +200,8 @@ impl Task for Polish {
 
 /// Gives the metrics, the cycles that it took, and whether it is the ring's solution.
 pub(super) struct Settle {
-    /// Whether the ring holds a solution.
-    pub is_solved: bool,
+    /// What was solved for; the ring holds it.
+    pub solved: Result<GaitMetrics, MotionError>,
     pub accuracy: f64,
 }
 
@@ -215,21 +215,19 @@ impl Task for Settle {
         ring: &mut Ring<N, R>,
     ) -> Result<Self::Output, MotionError> {
         let mut room = ring.take_room();
-        let arrival = settle(model, driven, ring, self.is_solved, self.accuracy, &mut room);
+        let arrival = settle(model, driven, ring, self.solved.is_ok(), self.accuracy, &mut room);
         ring.give_room(room);
         let arrival = arrival?;
-        let start = Start::State(arrival.state);
-        ring.solve(model, driven.omega_rad_s, start, self.accuracy)?;
         let metrics = ring.measure(model, driven).metrics;
         Ok((metrics, arrival.cycles, arrival.is_known))
     }
 
     fn quadrature(
         self,
-        driven: &Driven,
-        joints: [JointCommand; 2],
+        _driven: &Driven,
+        _joints: [JointCommand; 2],
     ) -> Result<Self::Output, MotionError> {
-        Ok((kinematic::solve(&driven.robot, joints, driven.omega_rad_s)?, 0, true))
+        Ok((self.solved?, 0, true))
     }
 }
 

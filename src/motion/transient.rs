@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use super::MotionError;
-use super::element::{Linearised, Stages, follow_element, tail};
+use super::element::{Linearised, Stages, follow_element, interpolate, tail};
 use super::path::{Pose, advance};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment, Reduced};
@@ -26,6 +26,8 @@ pub(super) struct Follower<'a, const N: usize, R> {
     sizes: [f64; N],
     /// Length that the next element should have.
     length_s: f64,
+    /// Start, stages and length of the last element.
+    last: Option<([f64; N], Stages<N>, f64)>,
 }
 
 /// One element of a followed motion.
@@ -45,6 +47,8 @@ const LONGEST_PART: f64 = 1.0 / 8.0;
 const SHORTEST_PART: f64 = 1e-9;
 /// Most elements of a period.
 const MOST_ELEMENTS: usize = 20_000;
+/// How far an element's polynomial is of use beyond its end, as a part of its length.
+const FARTHEST: f64 = 1.5;
 /// States smaller than this part of the largest are judged by the largest.
 const SMALL: f64 = 1e-3;
 
@@ -62,6 +66,7 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
             elements: 0,
             sizes: state.map(f64::abs),
             length_s: 1e-4 * TAU / driven.omega_rad_s,
+            last: None,
         }
     }
 
@@ -92,7 +97,7 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
             let nodes = RADAU
                 .nodes
                 .map(|part| model.node(self.driven.omega_rad_s * (self.time_s + part * length_s)));
-            let (start, guess) = (&self.state, [self.state; STAGES]);
+            let (start, guess) = (&self.state, self.guess(length_s));
             let followed = follow_element(model, &nodes, start, length_s, &guess, tolerance, room);
             let Some(stages) = followed else {
                 self.length_s = 0.25 * length_s;
@@ -121,6 +126,7 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
             });
             self.elements += 1;
             self.sizes = sizes;
+            self.last = Some((self.state, stages, length_s));
             self.state = stages[STAGES - 1];
             self.pose = poses[STAGES - 1];
             self.time_s = if is_last { until_s } else { self.time_s + length_s };
@@ -129,6 +135,17 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
             self.length_s = if is_last { next_s.max(self.length_s) } else { next_s };
         }
         Ok(())
+    }
+
+    /// Stages that an element of this length may have: those of the last element's polynomial,
+    /// or, where that would be too far from it, the state at its end.
+    fn guess(&self, length_s: f64) -> Stages<N> {
+        match &self.last {
+            Some((start, stages, last_s)) if length_s <= FARTHEST * last_s => {
+                RADAU.nodes.map(|part| interpolate(start, stages, 1.0 + part * length_s / last_s))
+            }
+            _ => [self.state; STAGES],
+        }
     }
 
     /// Largest difference of two states relative to what the states have been.
