@@ -82,6 +82,17 @@ impl Coefficient {
         }
     }
 
+    /// The derivatives that [`Coefficient::by_logarithm`] needs.
+    pub(super) fn derivatives(self) -> Vec<Derivative> {
+        match self {
+            Self::Skid(wheel) => vec![Derivative::Skid(wheel)],
+            Self::Roll(wheel) => vec![Derivative::Roll(wheel)],
+            Self::RollSum => [0, 1, 2].map(Derivative::Roll).into(),
+            Self::Stiffness => vec![Derivative::Stiffness],
+            Self::Damping => vec![Derivative::Damping],
+        }
+    }
+
     /// Derivatives of the metrics by the coefficient's logarithm.
     pub(super) fn by_logarithm(self, robot: &Robot, derivatives: &Derivatives) -> [f64; 7] {
         let by = |parameter: Derivative| derivatives[parameter.place()].to_array();

@@ -15,6 +15,7 @@ mod absolute;
 mod base;
 mod coefficient;
 mod compare;
+mod curvature;
 mod doubled;
 mod folder;
 mod job;

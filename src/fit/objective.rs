@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 
 use super::absolute::Term;
-use super::coefficient::Parameter;
+use super::coefficient::{Coefficient, Parameter};
 use super::measurement::Measurement;
 use crate::config::{GaitInput, Weights};
 use crate::metrics::GaitMetrics;
-use crate::motion::{FIT_ACCURACY, Model, MotionError, Problem, Solver};
+use crate::motion::{FIT_ACCURACY, Model, MotionError, Parameter as Derivative, Problem, Solver};
 use crate::robot::{Gait, JointCommand, Robot};
 
 /// What a trial without a steady motion contributes to the objective: far more than any motion
@@ -233,12 +233,14 @@ impl<'a> Evaluator<'a> {
     pub(super) fn responses(&mut self, values: &[f64]) -> Vec<Option<Response>> {
         let robot = self.objective.robot_with(&self.parameters, values);
         let count = self.solvers.len();
+        let coefficients = self.parameters.iter().map(|parameter| parameter.coefficient);
+        let wanted: Vec<Derivative> = coefficients.flat_map(Coefficient::derivatives).collect();
         let response = |i: usize| {
             let metrics = self.solve(i, &robot).ok()?;
             let by = match self.parameters.as_slice() {
                 [] => Vec::new(),
                 parameters => {
-                    let derivatives = self.solvers[i].derivatives().ok()?;
+                    let derivatives = self.solvers[i].derivatives_by(&wanted).ok()?;
                     let by = parameters.iter().map(|parameter| parameter.coefficient);
                     by.map(|coefficient| coefficient.by_logarithm(&robot, &derivatives)).collect()
                 }

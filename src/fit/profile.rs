@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::absolute::sum;
 use super::base::Base;
 use super::resample::Resampler;
-use super::search::{best_step, limits};
+use super::search::{limits, linear_step};
 
 /// Part of the resamples that the limit covers.
 const LEVEL: f64 = 0.95;
@@ -72,8 +72,8 @@ pub(super) fn profile_limits(base: &Base, resampler: &Resampler) -> Vec<f64> {
         .into_par_iter()
         .map(|number| {
             let terms = base.linearised(resampler.draw(number)).terms;
-            let free = sum(&terms, &best_step(&terms, &bounds, None));
-            let held = |place| sum(&terms, &best_step(&terms, &bounds, Some(place)));
+            let free = sum(&terms, &linear_step(&terms, &bounds, None));
+            let held = |place| sum(&terms, &linear_step(&terms, &bounds, Some(place)));
             (0..count).map(|place| held(place) - free).collect()
         })
         .collect();

@@ -10,8 +10,9 @@
 
 use nalgebra::DVector;
 
-use super::absolute::{Term, minimise, sum};
+use super::absolute::{Term, minimise};
 use super::coefficient::{Coefficient, Parameter};
+use super::curvature::Curvature;
 use super::objective::{Evaluator, Linearised, Objective, PENALTY};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
@@ -56,15 +57,15 @@ pub(super) fn search_from(mut evaluator: Evaluator, began: Vec<f64>) -> Start {
         return Start { ended: began.clone(), began, cost, solves: evaluator.solves(), stopped };
     }
     // Most of the way by coarse motions, the last digits by motions that have them.
-    let mut place = began.clone();
-    for (accuracy, converged) in ON_THE_WAY {
-        evaluator.accuracy = accuracy;
-        let mut descent = Descent::new(&mut evaluator, place);
+    let [(accuracy, converged), on_the_way @ ..] = ON_THE_WAY;
+    evaluator.accuracy = accuracy;
+    let mut descent = Descent::new(&mut evaluator, began.clone());
+    descent.run(converged);
+    for (accuracy, converged) in on_the_way {
+        descent.with_accuracy(accuracy);
         descent.run(converged);
-        place = descent.place;
     }
-    evaluator.accuracy = REFERENCE_ACCURACY;
-    let mut descent = Descent::new(&mut evaluator, place);
+    descent.with_accuracy(REFERENCE_ACCURACY);
     let has_converged = descent.run(CONVERGED);
     let stopped = descent.stopped(has_converged).to_owned();
     let Descent { place: ended, cost, .. } = descent;
@@ -77,6 +78,7 @@ pub(super) struct Descent<'d, 'o> {
     pub place: Vec<f64>,
     pub cost: f64,
     terms: Vec<Term>,
+    curvature: Curvature,
     /// A parameter that stays as it is.
     held: Option<usize>,
     /// Largest change of a parameter's logarithm.
@@ -93,7 +95,15 @@ impl<'d, 'o> Descent<'d, 'o> {
     /// A search that begins at `place`, where the objective is known.
     pub fn from(evaluator: &'d mut Evaluator<'o>, place: Vec<f64>, here: Linearised) -> Self {
         let Linearised { cost, terms } = here;
-        Self { evaluator, place, cost, terms, held: None, region: FIRST_REGION }
+        let curvature = Curvature::default();
+        Self { evaluator, place, cost, terms, curvature, held: None, region: FIRST_REGION }
+    }
+
+    /// Goes on with motions of another accuracy.
+    fn with_accuracy(&mut self, accuracy: f64) {
+        self.evaluator.accuracy = accuracy;
+        let here = self.evaluator.linearised(&self.place);
+        (self.cost, self.terms) = (here.cost, here.terms);
     }
 
     /// The same with one parameter that stays as it is.
@@ -111,8 +121,7 @@ impl<'d, 'o> Descent<'d, 'o> {
         for _ in 0..MOST_STEPS {
             crate::interrupt::stop_if_asked(String::new);
             let limits = self.limits(&parameters);
-            let step = best_step(&self.terms, &limits, self.held);
-            let expected = sum(&self.terms, &DVector::zeros(step.len())) - sum(&self.terms, &step);
+            let (step, expected) = self.curvature.best_step(&self.terms, &limits, self.held);
             if expected <= converged * self.cost {
                 return true;
             }
@@ -125,6 +134,7 @@ impl<'d, 'o> Descent<'d, 'o> {
                 })
                 .collect();
             let found = self.evaluator.linearised(&next);
+            self.curvature.learn(&self.terms, &found.terms, step.as_slice());
             let kept = (self.cost - found.cost) / expected;
             if kept < 0.25 {
                 self.region = 0.3 * self.region.min(step.amax());
@@ -163,7 +173,11 @@ pub(super) fn limits(parameters: &[Parameter], place: &[f64], region: f64) -> Ve
 }
 
 /// The step that minimises the linearised terms; that of a held parameter is 0.
-pub(super) fn best_step(terms: &[Term], limits: &[[f64; 2]], held: Option<usize>) -> DVector<f64> {
+pub(super) fn linear_step(
+    terms: &[Term],
+    limits: &[[f64; 2]],
+    held: Option<usize>,
+) -> DVector<f64> {
     let Some(held) = held else { return minimise(terms, limits) };
     if limits.len() == 1 {
         return DVector::zeros(1);

@@ -150,9 +150,9 @@ impl Linearised {
         lu::factor(size, matrix, pivots).then_some(())
     }
 
-    /// Solves one element for how its unknowns answer to its start and to the parameters; see
-    /// [`Linearised::sensitivity`]. Uses the room of element 0. `None` if the system is
-    /// singular.
+    /// Solves one element for how its unknowns answer to its start and to the first `parameters`
+    /// of the model's; see [`Linearised::sensitivity`]. Uses the room of element 0. `None` if the
+    /// system is singular.
     #[inline(always)]
     pub fn sensitise<const N: usize, R: Reduced<N>>(
         &mut self,
@@ -161,9 +161,10 @@ impl Linearised {
         start: &[f64; N],
         stages: &Stages<N>,
         duration_s: f64,
+        parameters: usize,
     ) -> Option<()> {
         let per_stage = unknowns::<N, R>();
-        let (size, columns) = (per_stage * STAGES, N + R::PARAMETERS);
+        let (size, columns) = (per_stage * STAGES, N + parameters);
         self.resize::<N, R>(1);
         self.sensitivity.resize(size * columns, 0.0);
         let matrix = &mut self.factors[..size * size];
@@ -173,7 +174,7 @@ impl Linearised {
             let mut by = [[0.0; MOST_PARAMETERS]; N];
             let residual = model.sensitivity(&nodes[j], &stages[j], dy, &mut by);
             for i in 0..per_stage {
-                let row = &mut rows[i * columns + N..][..R::PARAMETERS];
+                let row = &mut rows[i * columns + N..][..parameters];
                 row.iter_mut().zip(&by[i]).for_each(|(entry, by)| *entry = -by);
             }
             residual

@@ -31,7 +31,11 @@ type Affine = [f64; MOST_COLUMNS];
 /// The metrics that are integrals over the cycle: d, Delta theta, and sigma of the wheels.
 const INTEGRALS: usize = 5;
 
-/// Derivatives of the metrics of the ring's solution.
+/// The model's first parameters: the skid coefficients, where its wheels skid.
+const FIRST_PARAMETERS: usize = 3;
+
+/// Derivatives of the metrics of the ring's solution by the parameters that are `wanted`; those
+/// by the others may be missing.
 ///
 /// # Errors
 /// The linearised motion is singular: it is where two solutions meet.
@@ -41,9 +45,28 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     ring: &Ring<N, R>,
     cycle: &Cycle,
     room: &mut Linearised,
+    wanted: &[Parameter],
+) -> Result<Derivatives, MotionError> {
+    let others = (FIRST_PARAMETERS..R::PARAMETERS).map(|column| model.parameter(column));
+    // Numbers of columns that are known when this is compiled.
+    match others.into_iter().any(|other| wanted.contains(&other)) {
+        true => by_first(model, driven, ring, cycle, room, R::PARAMETERS),
+        false => by_first(model, driven, ring, cycle, room, FIRST_PARAMETERS),
+    }
+}
+
+/// Derivatives by the first `parameters` of the model.
+#[inline(always)]
+fn by_first<const N: usize, R: Reduced<N>>(
+    model: &R,
+    driven: &Driven,
+    ring: &Ring<N, R>,
+    cycle: &Cycle,
+    room: &mut Linearised,
+    parameters: usize,
 ) -> Result<Derivatives, MotionError> {
     let singular = MotionError::NotConverged { steps: ring.steps() };
-    let columns = N + R::PARAMETERS;
+    let columns = N + parameters;
     let gradient = Gradient::new(driven, ring.is_half(), ring.len(), ring.element_s(), cycle);
     let mut integrals = [[0.0; MOST_COLUMNS]; INTEGRALS];
     let mut state = [[0.0; MOST_COLUMNS]; N];
@@ -59,7 +82,8 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
         }
         let (nodes, start, stages) = ring.element(k);
         let duration_s = ring.element_s();
-        room.sensitise(model, nodes, start, stages, duration_s).ok_or(singular.clone())?;
+        room.sensitise(model, nodes, start, stages, duration_s, parameters)
+            .ok_or(singular.clone())?;
         let right = room.sensitivity();
 
         let moments = moments(model, ring, k);
@@ -77,7 +101,7 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
             let mut own = [0.0; MOST_COLUMNS];
             for j in 0..STAGES {
                 let by_amplitude = model.by_amplitude(&nodes[j], &stages[j], &by_moment[j]);
-                for column in 0..R::PARAMETERS {
+                for column in 0..parameters {
                     if let Parameter::Amplitude(a) = model.parameter(column) {
                         own[N + column] += by_amplitude[a];
                     }
@@ -85,10 +109,10 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
             }
             let by_state: Stages<N> =
                 std::array::from_fn(|j| model.by_state(&nodes[j], &stages[j], &by_moment[j]));
-            contract::<N, R>(&by_state, duration_s, right, &mut own);
+            contract::<N, R>(&by_state, duration_s, right, columns, &mut own);
             compose::<N>(&own, &state, columns, integral);
         }
-        let ends = element_ends::<N, R>(duration_s, right);
+        let ends = element_ends::<N, R>(duration_s, right, columns);
         let mut next = [[0.0; MOST_COLUMNS]; N];
         for (next, end) in next.iter_mut().zip(&ends) {
             compose::<N>(end, &state, columns, next);
@@ -108,7 +132,7 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
         (closing * right).into()
     };
     let starts: [[f64; N]; MOST_PARAMETERS] =
-        std::array::from_fn(|column| if column < R::PARAMETERS { start(column) } else { [0.0; N] });
+        std::array::from_fn(|column| if column < parameters { start(column) } else { [0.0; N] });
     let whole = |affine: &Affine, column: usize| -> f64 {
         affine[N + column] + (0..N).map(|i| affine[i] * starts[column][i]).sum::<f64>()
     };
@@ -116,15 +140,15 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     let mut alpha1 = [0.0; MOST_PARAMETERS];
     if let Some(turns) = turns {
         for ((turn, before), half) in turns.iter().zip(&state_at_turns).zip([0.5, -0.5]) {
-            let by =
-                angle_at_turn(model, driven, ring, turn, before, room).ok_or(singular.clone())?;
-            for (column, alpha1) in alpha1.iter_mut().enumerate().take(R::PARAMETERS) {
+            let by = angle_at_turn(model, driven, ring, turn, before, room, parameters)
+                .ok_or(singular.clone())?;
+            for (column, alpha1) in alpha1.iter_mut().enumerate().take(parameters) {
                 *alpha1 += half * turn.sign * whole(&by, column);
             }
         }
     }
     let mut derivatives = [GaitMetrics::NONE; Parameter::ALL.len()];
-    for column in 0..R::PARAMETERS {
+    for column in 0..parameters {
         let parameter = model.parameter(column);
         if !driven.knows(parameter) {
             continue;
@@ -172,10 +196,10 @@ fn contract<const N: usize, R: Reduced<N>>(
     by_state: &Stages<N>,
     duration_s: f64,
     right: &[f64],
+    columns: usize,
     own: &mut Affine,
 ) {
     let per_stage = unknowns::<N, R>();
-    let columns = N + R::PARAMETERS;
     let mut by_unknown = *by_state;
     if R::INTEGRATED {
         // The last state is its start plus the integral of the one before it.
@@ -201,24 +225,28 @@ fn contract<const N: usize, R: Reduced<N>>(
 fn element_ends<const N: usize, R: Reduced<N>>(
     duration_s: f64,
     right: &[f64],
+    columns: usize,
 ) -> [[f64; MOST_COLUMNS]; N] {
     let per_stage = unknowns::<N, R>();
-    let columns = N + R::PARAMETERS;
     let mut ends = [[0.0; MOST_COLUMNS]; N];
     for (i, end) in ends.iter_mut().enumerate().take(per_stage) {
         let row = &right[((STAGES - 1) * per_stage + i) * columns..][..columns];
         end[..columns].copy_from_slice(row);
     }
     if R::INTEGRATED {
-        ends[N - 1] = integral_at_end::<N, R>(duration_s, right);
+        ends[N - 1] = integral_at_end::<N, R>(duration_s, right, columns);
     }
     ends
 }
 
 /// The same of the last state, where it is the integral of the one before it.
-fn integral_at_end<const N: usize, R: Reduced<N>>(duration_s: f64, right: &[f64]) -> Affine {
+#[inline(always)]
+fn integral_at_end<const N: usize, R: Reduced<N>>(
+    duration_s: f64,
+    right: &[f64],
+    columns: usize,
+) -> Affine {
     let per_stage = unknowns::<N, R>();
-    let columns = N + R::PARAMETERS;
     let mut end = [0.0; MOST_COLUMNS];
     end[N - 1] = 1.0;
     for l in 0..STAGES {
@@ -233,6 +261,7 @@ fn integral_at_end<const N: usize, R: Reduced<N>>(duration_s: f64, right: &[f64]
 
 /// How the passive joint's angle where it turns round depends on the ring's start and on the
 /// parameters. When it turns does not matter: its rate is zero there.
+#[inline(always)]
 fn angle_at_turn<const N: usize, R: Reduced<N>>(
     model: &R,
     driven: &Driven,
@@ -240,14 +269,15 @@ fn angle_at_turn<const N: usize, R: Reduced<N>>(
     turn: &Turn,
     before: &[[f64; MOST_COLUMNS]; N],
     room: &mut Linearised,
+    parameters: usize,
 ) -> Option<Affine> {
-    let columns = N + R::PARAMETERS;
+    let columns = N + parameters;
     let (nodes, stages) = turn.shorter(model, driven, ring, room)?;
     let (_, start, _) = ring.element(turn.element);
     let duration_s = turn.part * ring.element_s();
-    room.sensitise(model, &nodes, start, &stages, duration_s)?;
+    room.sensitise(model, &nodes, start, &stages, duration_s, parameters)?;
     let right = room.sensitivity();
-    let end = element_ends::<N, R>(duration_s, right)[N - 1];
+    let end = element_ends::<N, R>(duration_s, right, columns)[N - 1];
     let mut angle = [0.0; MOST_COLUMNS];
     compose::<N>(&end, before, columns, &mut angle);
     Some(angle)

@@ -36,7 +36,7 @@ const MOST_CYCLES: usize = 500;
 const MOST_ELEMENTS: usize = 100_000;
 /// Most cycles after which a motion that does not settle may repeat itself.
 const MOST_PERIODS: usize = 8;
-const TOLERANCE: f64 = 1e-7;
+const TOLERANCE: f64 = 1e-6;
 
 /// Follows the motion from rest until it is certain in which solution it ends; the ring holds
 /// that then. The ring's own solution, where `is_solved`, is tried first.

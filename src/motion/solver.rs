@@ -101,8 +101,16 @@ impl Solver {
     /// # Errors
     /// As [`Solver::floquet`].
     pub fn derivatives(&mut self) -> Result<Derivatives, MotionError> {
+        self.derivatives_by(&Parameter::ALL)
+    }
+
+    /// The same, where the derivatives by parameters that are not `wanted` may be left zero.
+    ///
+    /// # Errors
+    /// As [`Solver::floquet`].
+    pub fn derivatives_by(&mut self, wanted: &[Parameter]) -> Result<Derivatives, MotionError> {
         let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.dispatch(&problem, Differentiate)
+        self.dispatch(&problem, Differentiate { wanted })
     }
 
     /// Work of the actuators and what friction takes over a cycle of the last solution, J; equal,

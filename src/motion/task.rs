@@ -104,10 +104,12 @@ impl Task for Floquet {
     }
 }
 
-/// Derivatives of the metrics by every parameter.
-pub(super) struct Differentiate;
+/// Derivatives of the metrics by the parameters that are wanted; others may be missing.
+pub(super) struct Differentiate<'w> {
+    pub wanted: &'w [Parameter],
+}
 
-impl Task for Differentiate {
+impl Task for Differentiate<'_> {
     type Output = Derivatives;
 
     fn ring<const N: usize, R: Reduced<N>>(
@@ -118,7 +120,7 @@ impl Task for Differentiate {
     ) -> Result<Derivatives, MotionError> {
         let cycle = ring.measure(model, driven);
         let mut room = ring.take_room();
-        let derivatives = differentiate(model, driven, ring, &cycle, &mut room);
+        let derivatives = differentiate(model, driven, ring, &cycle, &mut room, self.wanted);
         ring.give_room(room);
         derivatives
     }
@@ -130,7 +132,9 @@ impl Task for Differentiate {
     ) -> Result<Derivatives, MotionError> {
         let mut derivatives = [GaitMetrics::NONE; Parameter::ALL.len()];
         for (derivative, parameter) in derivatives.iter_mut().zip(Parameter::ALL) {
-            if let Parameter::Amplitude(joint) = parameter {
+            if let Parameter::Amplitude(joint) = parameter
+                && self.wanted.contains(&parameter)
+            {
                 *derivative =
                     kinematic::by_amplitude(&driven.robot, joints, driven.omega_rad_s, joint)?;
             }
