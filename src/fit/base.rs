@@ -48,6 +48,16 @@ impl<'o> Base<'o> {
         Self { values, cost, responses, evaluator }
     }
 
+    /// `ok`, or which motion does not exist and why.
+    pub fn status(&self) -> String {
+        if self.responses.iter().all(Option::is_some) {
+            return "ok".to_owned();
+        }
+        let mut evaluator = self.evaluator();
+        evaluator.accuracy = REFERENCE_ACCURACY;
+        evaluator.status(&self.values)
+    }
+
     pub fn objective(&self) -> &Objective {
         &self.evaluator.objective
     }

@@ -80,12 +80,16 @@ impl Curvature {
             let next = &step + &change;
             let there = self.terms_after(terms, next.as_slice());
             let found = sum(&there, &nothing);
-            let kept = (cost - found) / expected;
-            if kept < 0.25 {
+            let missed = found - (cost - expected);
+            if missed > 0.75 * expected {
                 region = 0.3 * change.amax();
             }
             if found < cost {
                 (step, here, cost) = (next, there, found);
+            }
+            // What is left is about what the terms' curvature has changed.
+            if missed.abs() <= ENOUGH * (began - cost) {
+                break;
             }
         }
         (step, began - cost)

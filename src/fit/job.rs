@@ -14,7 +14,7 @@ use super::search::{
 };
 use super::{FitEvent, Fitted, OnEvent};
 use crate::config::{Config, GaitInput};
-use crate::motion::{Model, REFERENCE_ACCURACY};
+use crate::motion::Model;
 use crate::robot::{Gait, Robot};
 use crate::store::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, Rows as _, StartRow};
 
@@ -76,12 +76,11 @@ impl Job<'_> {
         let best = starts.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         let best = best.expect("there is at least one start").clone();
         let mut solves: usize = starts.iter().map(|start| start.solves).sum();
-        let mut evaluator = objective.evaluator(parameters.clone());
-        evaluator.accuracy = REFERENCE_ACCURACY;
-        let status = evaluator.status(&best.ended);
-        solves += evaluator.solves();
+        let base = Base::new(&objective, &parameters, best.ended);
+        let status = base.status();
+        solves += base.evaluator().solves();
         let mut fit = Fit {
-            base: Base::new(&objective, &parameters, best.ended),
+            base,
             cost: best.cost,
             resumed: 0,
             solves,

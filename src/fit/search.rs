@@ -99,9 +99,13 @@ impl<'d, 'o> Descent<'d, 'o> {
         Self { evaluator, place, cost, terms, curvature, held: None, region: FIRST_REGION }
     }
 
-    /// Goes on with motions of another accuracy.
+    /// Goes on with motions of another accuracy, from where the last step would have led that
+    /// promised too little to be taken.
     fn with_accuracy(&mut self, accuracy: f64) {
         self.evaluator.accuracy = accuracy;
+        let parameters = self.evaluator.parameters.clone();
+        let (step, _) = self.best_step(&parameters);
+        self.place = self.place_after(&parameters, &step);
         let here = self.evaluator.linearised(&self.place);
         (self.cost, self.terms) = (here.cost, here.terms);
     }
@@ -120,19 +124,11 @@ impl<'d, 'o> Descent<'d, 'o> {
         }
         for _ in 0..MOST_STEPS {
             crate::interrupt::stop_if_asked(String::new);
-            let limits = self.limits(&parameters);
-            let (step, expected) = self.curvature.best_step(&self.terms, &limits, self.held);
+            let (step, expected) = self.best_step(&parameters);
             if expected <= converged * self.cost {
                 return true;
             }
-            let next: Vec<f64> = parameters
-                .iter()
-                .zip(self.place.iter().zip(step.iter()))
-                .map(|(parameter, (value, step))| {
-                    let [low, high] = parameter.bounds;
-                    if *step == 0.0 { *value } else { (value * step.exp()).clamp(low, high) }
-                })
-                .collect();
+            let next = self.place_after(&parameters, &step);
             let found = self.evaluator.linearised(&next);
             self.curvature.learn(&self.terms, &found.terms, step.as_slice());
             let kept = (self.cost - found.cost) / expected;
@@ -157,9 +153,22 @@ impl<'d, 'o> Descent<'d, 'o> {
         }
     }
 
-    /// How far the parameters' logarithms may go from where they are.
-    fn limits(&self, parameters: &[Parameter]) -> Vec<[f64; 2]> {
-        limits(parameters, &self.place, self.region)
+    /// The step of the parameters' logarithms to take next, and the fall that it promises.
+    fn best_step(&self, parameters: &[Parameter]) -> (DVector<f64>, f64) {
+        let limits = limits(parameters, &self.place, self.region);
+        self.curvature.best_step(&self.terms, &limits, self.held)
+    }
+
+    /// The parameters' values after a step of their logarithms.
+    fn place_after(&self, parameters: &[Parameter], step: &DVector<f64>) -> Vec<f64> {
+        parameters
+            .iter()
+            .zip(self.place.iter().zip(step.iter()))
+            .map(|(parameter, (value, step))| {
+                let [low, high] = parameter.bounds;
+                if *step == 0.0 { *value } else { (value * step.exp()).clamp(low, high) }
+            })
+            .collect()
     }
 }
 

@@ -27,7 +27,8 @@ pub const SETTLED: f64 = 0.01;
 const CERTAIN: f64 = 1e-3;
 /// Distance at which it need not be seen to shrink.
 const THERE: f64 = 1e-5;
-/// Change from cycle to cycle below which a solution is looked for nearby.
+/// Change from cycle to cycle below which a solution is looked for nearby, unless the one that is
+/// known is approached.
 const SLOW: f64 = 3e-3;
 /// Distance within which that solution is the one which is approached.
 const NEARBY: f64 = 0.1;
@@ -63,7 +64,8 @@ pub(super) fn settle<const N: usize, R: Reduced<N>>(
             candidate.map_or(f64::INFINITY, |candidate| follower.distance(&candidate, state))
         };
         let mut distance = to_candidate(&follower.state);
-        if distance > SETTLED && follower.distance(&seen[0], &seen[1]) < SLOW {
+        let approaches = distance < NEARBY && distance < before;
+        if distance > SETTLED && !approaches && follower.distance(&seen[0], &seen[1]) < SLOW {
             let start = Start::State(follower.state);
             held =
                 ring.solve(model, driven.omega_rad_s, start, accuracy).map(|()| ring.start()).ok();
