@@ -7,7 +7,7 @@ use super::doubled::Doubled;
 use super::measurement::Measurement;
 use super::objective::{Evaluator, Linearised, Objective, PENALTY, Response, TERMS};
 use super::resample::Resample;
-use super::search::{Descent, Start, search_from};
+use super::search::{Come, Descent, Start, search_from};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
 /// Fall of the objective, relative to it, below which a search that starts from the fit has
@@ -80,7 +80,7 @@ impl<'o> Base<'o> {
         let mut descent = Descent::from(&mut evaluator, self.values.clone(), here);
         let has_converged = descent.run(NEAR);
         let stopped = descent.stopped(has_converged);
-        let Descent { place: values, cost, .. } = descent;
+        let Come { place: values, cost, .. } = descent.come;
         Near { values, cost, solves: evaluator.solves(), stopped }
     }
 
@@ -99,7 +99,7 @@ impl<'o> Base<'o> {
     ) -> (Vec<f64>, f64) {
         let mut descent = Descent::new(evaluator, values).holding(held);
         descent.run(NEAR);
-        (descent.place, descent.cost)
+        (descent.come.place, descent.come.cost)
     }
 
     /// The fit of another objective, from here.

@@ -10,7 +10,7 @@ use super::predict::predictions;
 use super::profile::{Class, Profile, profile, profile_limits};
 use super::resample::Resampler;
 use super::search::{
-    HAS_CONVERGED, NOTHING_FREE, Start, at_bound, is_at_bound, search, search_from,
+    HAS_CONVERGED, JOINED, NOTHING_FREE, Start, at_bound, is_at_bound, search_all, search_from,
 };
 use super::{FitEvent, Fitted, OnEvent};
 use crate::config::{Config, GaitInput};
@@ -69,10 +69,7 @@ impl Job<'_> {
         let list = campaign.free.get(&self.model).map(Vec::as_slice);
         let parameters = Parameter::free_in(self.model, &self.gait, &self.config.fit, list);
         let number = if parameters.is_empty() { 1 } else { self.config.fit.starts };
-        let starts: Vec<Start> = (0..number)
-            .into_par_iter()
-            .map(|number| search(&objective, &parameters, number))
-            .collect();
+        let starts = search_all(&objective, &parameters, number);
         let best = starts.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         let best = best.expect("there is at least one start").clone();
         let mut solves: usize = starts.iter().map(|start| start.solves).sum();
@@ -175,7 +172,7 @@ impl Job<'_> {
             starts: starts.len() as i64,
             starts_reached: count(&|start| start.cost <= cost * (1.0 + REACHED)),
             starts_failed: count(&|start| {
-                ![HAS_CONVERGED, NOTHING_FREE].contains(&&*start.stopped)
+                ![HAS_CONVERGED, JOINED, NOTHING_FREE].contains(&&*start.stopped)
             }),
             resumed: *resumed as i64,
             solves: (fit.solves + more_solves) as i64,

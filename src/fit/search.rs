@@ -9,6 +9,7 @@
 //! 14.4.
 
 use nalgebra::DVector;
+use rayon::prelude::*;
 
 use super::absolute::{Term, minimise};
 use super::coefficient::{Coefficient, Parameter};
@@ -35,12 +36,19 @@ const MOST_STEPS: usize = 200;
 const FIRST_REGION: f64 = 1.0;
 const LARGEST_REGION: f64 = 3.0;
 /// Fall of the objective, relative to it, below which it has converged.
-pub(super) const CONVERGED: f64 = 1e-9;
+pub(super) const CONVERGED: f64 = 1e-11;
 /// Accuracies of the motions before those of the last steps, and when they have done their part.
 const ON_THE_WAY: [(f64, f64); 2] = [(1e-4, 1e-3), (FIT_ACCURACY, 1e-6)];
 /// A search that ended like this has found a minimum.
 pub(super) const HAS_CONVERGED: &str = "converged";
 pub(super) const NOTHING_FREE: &str = "nothing is free";
+/// A search that has come to where one with a lower number goes on from, and ends where that does.
+pub(super) const JOINED: &str = "joined an earlier start";
+/// Largest difference of a parameter's logarithm, and of the objective relative to itself, of
+/// places that are the same before the last steps. These go much less far, and neighbouring
+/// minima are further apart.
+const SAME_PLACE: f64 = 1e-3;
+const SAME_COST: f64 = 1e-5;
 
 /// Searches from the start with this number: 0 is the configured robot, the others are spread
 /// over the bounds. Without parameters there is one evaluation.
@@ -49,40 +57,131 @@ pub fn search(objective: &Objective, parameters: &[Parameter], number: usize) ->
     search_from(objective.evaluator(parameters.to_vec()), began)
 }
 
+/// Searches from the first `count` starts. Of those that come to the same place only the first
+/// takes the last, most accurate steps.
+pub(super) fn search_all(
+    objective: &Objective,
+    parameters: &[Parameter],
+    count: usize,
+) -> Vec<Start> {
+    let come: Vec<Approach> = (0..count)
+        .into_par_iter()
+        .map(|number| {
+            let began = begin(objective, parameters, number);
+            Approach::new(objective.evaluator(parameters.to_vec()), began)
+        })
+        .collect();
+    // In the order of their numbers, whatever the order in which they have come.
+    let mut firsts: Vec<usize> = Vec::new();
+    let mut joined = Vec::new();
+    for approach in &come {
+        let first = firsts.iter().position(|&first| approach.is_at(&come[first]));
+        joined.push(first.unwrap_or(firsts.len()));
+        if first.is_none() {
+            firsts.push(joined.len() - 1);
+        }
+    }
+    let (mut goes_on, mut joins) = (Vec::new(), Vec::new());
+    for (number, approach) in come.into_iter().enumerate() {
+        let began = approach.began.clone();
+        if firsts.contains(&number) {
+            goes_on.push(approach);
+            joins.push(None);
+        } else {
+            joins.push(Some((began, approach.evaluator.solves())));
+        }
+    }
+    let ended: Vec<Start> = goes_on.into_par_iter().map(Approach::finish).collect();
+    let start = |(joins, joined): (Option<(Vec<f64>, usize)>, usize)| match joins {
+        None => ended[joined].clone(),
+        Some((began, solves)) => {
+            Start { began, solves, stopped: JOINED.to_owned(), ..ended[joined].clone() }
+        }
+    };
+    joins.into_iter().zip(joined).map(start).collect()
+}
+
 /// Searches from these values of the free parameters, to the last digits.
-pub(super) fn search_from(mut evaluator: Evaluator, began: Vec<f64>) -> Start {
-    if evaluator.parameters.is_empty() {
-        let cost = evaluator.cost(&[]);
-        let stopped = NOTHING_FREE.to_owned();
-        return Start { ended: began.clone(), began, cost, solves: evaluator.solves(), stopped };
-    }
-    // Most of the way by coarse motions, the last digits by motions that have them.
-    let [(accuracy, converged), on_the_way @ ..] = ON_THE_WAY;
-    evaluator.accuracy = accuracy;
-    let mut descent = Descent::new(&mut evaluator, began.clone());
-    descent.run(converged);
-    for (accuracy, converged) in on_the_way {
-        descent.with_accuracy(accuracy);
+pub(super) fn search_from(evaluator: Evaluator, began: Vec<f64>) -> Start {
+    Approach::new(evaluator, began).finish()
+}
+
+/// A search that lacks the last digits.
+struct Approach<'o> {
+    began: Vec<f64>,
+    evaluator: Evaluator<'o>,
+    come: Come,
+}
+
+impl<'o> Approach<'o> {
+    /// Most of the way by coarse motions.
+    fn new(mut evaluator: Evaluator<'o>, began: Vec<f64>) -> Self {
+        if evaluator.parameters.is_empty() {
+            evaluator.accuracy = FIT_ACCURACY;
+            let come = Come::new(Vec::new(), evaluator.linearised(&[]));
+            return Self { began, evaluator, come };
+        }
+        let [(accuracy, converged), on_the_way @ ..] = ON_THE_WAY;
+        evaluator.accuracy = accuracy;
+        let mut descent = Descent::new(&mut evaluator, began.clone());
         descent.run(converged);
+        for (accuracy, converged) in on_the_way {
+            descent.with_accuracy(accuracy);
+            descent.run(converged);
+        }
+        let come = descent.come;
+        Self { began, evaluator, come }
     }
-    descent.with_accuracy(REFERENCE_ACCURACY);
-    let has_converged = descent.run(CONVERGED);
-    let stopped = descent.stopped(has_converged).to_owned();
-    let Descent { place: ended, cost, .. } = descent;
-    Start { began, ended, cost, solves: evaluator.solves(), stopped }
+
+    /// Whether the last steps would lead to where they lead another search.
+    fn is_at(&self, other: &Self) -> bool {
+        let (here, there) = (&self.come, &other.come);
+        let mut both = here.place.iter().zip(&there.place);
+        (here.cost - there.cost).abs() <= SAME_COST * there.cost
+            && both.all(|(a, b)| (a / b).ln().abs() <= SAME_PLACE)
+    }
+
+    /// The last digits, by motions that have them.
+    fn finish(self) -> Start {
+        let Self { began, mut evaluator, come } = self;
+        if evaluator.parameters.is_empty() {
+            let stopped = NOTHING_FREE.to_owned();
+            let (cost, solves) = (come.cost, evaluator.solves());
+            return Start { ended: began.clone(), began, cost, solves, stopped };
+        }
+        let mut descent = Descent { evaluator: &mut evaluator, come, held: None };
+        descent.with_accuracy(REFERENCE_ACCURACY);
+        let has_converged = descent.run(CONVERGED);
+        let stopped = descent.stopped(has_converged).to_owned();
+        let Come { place: ended, cost, .. } = descent.come;
+        Start { began, ended, cost, solves: evaluator.solves(), stopped }
+    }
+}
+
+/// How far a search has come.
+#[derive(Debug, Clone)]
+pub(super) struct Come {
+    pub place: Vec<f64>,
+    pub cost: f64,
+    terms: Vec<Term>,
+    curvature: Curvature,
+    /// Largest change of a parameter's logarithm.
+    region: f64,
+}
+
+impl Come {
+    fn new(place: Vec<f64>, here: Linearised) -> Self {
+        let Linearised { cost, terms } = here;
+        Self { place, cost, terms, curvature: Curvature::default(), region: FIRST_REGION }
+    }
 }
 
 /// A search on its way.
 pub(super) struct Descent<'d, 'o> {
     evaluator: &'d mut Evaluator<'o>,
-    pub place: Vec<f64>,
-    pub cost: f64,
-    terms: Vec<Term>,
-    curvature: Curvature,
+    pub come: Come,
     /// A parameter that stays as it is.
     held: Option<usize>,
-    /// Largest change of a parameter's logarithm.
-    region: f64,
 }
 
 impl<'d, 'o> Descent<'d, 'o> {
@@ -94,9 +193,7 @@ impl<'d, 'o> Descent<'d, 'o> {
 
     /// A search that begins at `place`, where the objective is known.
     pub fn from(evaluator: &'d mut Evaluator<'o>, place: Vec<f64>, here: Linearised) -> Self {
-        let Linearised { cost, terms } = here;
-        let curvature = Curvature::default();
-        Self { evaluator, place, cost, terms, curvature, held: None, region: FIRST_REGION }
+        Self { evaluator, come: Come::new(place, here), held: None }
     }
 
     /// Goes on with motions of another accuracy, from where the last step would have led that
@@ -105,9 +202,9 @@ impl<'d, 'o> Descent<'d, 'o> {
         self.evaluator.accuracy = accuracy;
         let parameters = self.evaluator.parameters.clone();
         let (step, _) = self.best_step(&parameters);
-        self.place = self.place_after(&parameters, &step);
-        let here = self.evaluator.linearised(&self.place);
-        (self.cost, self.terms) = (here.cost, here.terms);
+        self.come.place = self.place_after(&parameters, &step);
+        let here = self.evaluator.linearised(&self.come.place);
+        (self.come.cost, self.come.terms) = (here.cost, here.terms);
     }
 
     /// The same with one parameter that stays as it is.
@@ -125,20 +222,21 @@ impl<'d, 'o> Descent<'d, 'o> {
         for _ in 0..MOST_STEPS {
             crate::interrupt::stop_if_asked(String::new);
             let (step, expected) = self.best_step(&parameters);
-            if expected <= converged * self.cost {
+            if expected <= converged * self.come.cost {
                 return true;
             }
             let next = self.place_after(&parameters, &step);
             let found = self.evaluator.linearised(&next);
-            self.curvature.learn(&self.terms, &found.terms, step.as_slice());
-            let kept = (self.cost - found.cost) / expected;
+            self.come.curvature.learn(&self.come.terms, &found.terms, step.as_slice());
+            let kept = (self.come.cost - found.cost) / expected;
             if kept < 0.25 {
-                self.region = 0.3 * self.region.min(step.amax());
+                self.come.region = 0.3 * self.come.region.min(step.amax());
             } else if kept > 0.75 {
-                self.region = (2.0 * self.region).min(LARGEST_REGION);
+                self.come.region = (2.0 * self.come.region).min(LARGEST_REGION);
             }
-            if found.cost < self.cost {
-                (self.place, self.cost, self.terms) = (next, found.cost, found.terms);
+            if found.cost < self.come.cost {
+                let come = &mut self.come;
+                (come.place, come.cost, come.terms) = (next, found.cost, found.terms);
             }
         }
         false
@@ -147,7 +245,7 @@ impl<'d, 'o> Descent<'d, 'o> {
     /// Why it stopped.
     pub fn stopped(&self, has_converged: bool) -> &'static str {
         match has_converged {
-            _ if self.cost >= PENALTY => "no motion exists here",
+            _ if self.come.cost >= PENALTY => "no motion exists here",
             true => HAS_CONVERGED,
             false => "too many steps",
         }
@@ -155,15 +253,15 @@ impl<'d, 'o> Descent<'d, 'o> {
 
     /// The step of the parameters' logarithms to take next, and the fall that it promises.
     fn best_step(&self, parameters: &[Parameter]) -> (DVector<f64>, f64) {
-        let limits = limits(parameters, &self.place, self.region);
-        self.curvature.best_step(&self.terms, &limits, self.held)
+        let limits = limits(parameters, &self.come.place, self.come.region);
+        self.come.curvature.best_step(&self.come.terms, &limits, self.held)
     }
 
     /// The parameters' values after a step of their logarithms.
     fn place_after(&self, parameters: &[Parameter], step: &DVector<f64>) -> Vec<f64> {
         parameters
             .iter()
-            .zip(self.place.iter().zip(step.iter()))
+            .zip(self.come.place.iter().zip(step.iter()))
             .map(|(parameter, (value, step))| {
                 let [low, high] = parameter.bounds;
                 if *step == 0.0 { *value } else { (value * step.exp()).clamp(low, high) }

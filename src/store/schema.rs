@@ -323,7 +323,9 @@ rows! {
         pub ended_damping_nm_s_rad: f64,
         pub j: f64,
         pub solves: i64,
-        /// Why the search stopped.
+        /// Why the search stopped: "converged"; "joined an earlier start" if it came to where
+        /// one with a lower number goes on from, so that both end there; "nothing is free"; "no
+        /// motion exists here"; "too many steps".
         pub stopped: String,
     }
 }
