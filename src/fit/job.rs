@@ -14,7 +14,7 @@ use super::search::{
 };
 use super::{FitEvent, Fitted, OnEvent};
 use crate::config::{Config, GaitInput};
-use crate::motion::Model;
+use crate::motion::{Model, REFERENCE_ACCURACY};
 use crate::robot::{Gait, Robot};
 use crate::store::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, Rows as _, StartRow};
 
@@ -70,7 +70,9 @@ impl Job<'_> {
         let parameters = Parameter::free_in(self.model, &self.gait, &self.config.fit, list);
         let number = if parameters.is_empty() { 1 } else { self.config.fit.starts };
         let starts = search_all(&objective, &parameters, number);
-        let best = starts.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        // What is less than the motions' own inaccuracy is nothing: the first of these is best.
+        let floor = |start: &Start| start.cost.max(REFERENCE_ACCURACY);
+        let best = starts.iter().min_by(|a, b| floor(a).total_cmp(&floor(b)));
         let best = best.expect("there is at least one start").clone();
         let mut solves: usize = starts.iter().map(|start| start.solves).sum();
         let base = Base::new(&objective, &parameters, best.ended);

@@ -148,8 +148,18 @@ impl Objective {
         [d, v, sigma, sigma, sigma, alpha]
     }
 
-    /// The objective from what was simulated for each of the measurements; a trial without a
-    /// motion counts with a penalty.
+    /// The objective from the metrics that were simulated for each of the measurements; a trial
+    /// without a motion counts with a penalty.
+    pub(super) fn cost(&self, simulated: &[Option<GaitMetrics>]) -> f64 {
+        let share = 1.0 / self.measurements.len() as f64;
+        let contribution = |(measurement, metrics): (&Measurement, &Option<GaitMetrics>)| {
+            let contribution = metrics.map(|metrics| self.contribution(measurement, &metrics));
+            share * contribution.unwrap_or(PENALTY).min(PENALTY)
+        };
+        self.measurements.iter().zip(simulated).map(contribution).sum()
+    }
+
+    /// The same with its terms, from metrics and their derivatives.
     pub(super) fn linearised<'r>(
         &self,
         responses: impl IntoIterator<Item = Option<&'r Response>>,
@@ -215,44 +225,58 @@ impl<'a> Evaluator<'a> {
 
     /// The objective; a trial without a motion counts with a penalty.
     pub fn cost(&mut self, values: &[f64]) -> f64 {
+        let metrics = self.metrics(values);
+        self.objective.cost(&metrics)
+    }
+
+    /// The metrics of every measurement's motion; `None` where there is none.
+    pub(super) fn metrics(&mut self, values: &[f64]) -> Vec<Option<GaitMetrics>> {
         let robot = self.objective.robot_with(&self.parameters, values);
-        let count = self.solvers.len();
-        let sum: f64 = (0..count)
-            .map(|i| {
-                let metrics = self.solve(i, &robot);
-                let measurement = &self.objective.measurements[i];
-                metrics.map_or(PENALTY, |metrics| {
-                    self.objective.contribution(measurement, &metrics).min(PENALTY)
-                })
-            })
-            .sum();
-        sum / count as f64
+        (0..self.solvers.len()).map(|i| self.solve(i, &robot).ok()).collect()
     }
 
     /// What is simulated for every measurement; `None` where there is no motion.
     pub(super) fn responses(&mut self, values: &[f64]) -> Vec<Option<Response>> {
+        let metrics = self.metrics(values);
+        self.differentiated(values, &metrics)
+    }
+
+    /// The same, where the metrics of the motions that were solved for last are known.
+    fn differentiated(
+        &mut self,
+        values: &[f64],
+        metrics: &[Option<GaitMetrics>],
+    ) -> Vec<Option<Response>> {
         let robot = self.objective.robot_with(&self.parameters, values);
-        let count = self.solvers.len();
         let coefficients = self.parameters.iter().map(|parameter| parameter.coefficient);
-        let wanted: Vec<Derivative> = coefficients.flat_map(Coefficient::derivatives).collect();
-        let response = |i: usize| {
-            let metrics = self.solve(i, &robot).ok()?;
-            let by = match self.parameters.as_slice() {
-                [] => Vec::new(),
-                parameters => {
-                    let derivatives = self.solvers[i].derivatives_by(&wanted).ok()?;
-                    let by = parameters.iter().map(|parameter| parameter.coefficient);
-                    by.map(|coefficient| coefficient.by_logarithm(&robot, &derivatives)).collect()
-                }
-            };
-            Some(Response { metrics, by })
+        let wanted: Vec<Derivative> =
+            coefficients.clone().flat_map(Coefficient::derivatives).collect();
+        let response = |(metrics, solver): (&Option<GaitMetrics>, &mut Solver)| {
+            let metrics = (*metrics)?;
+            if wanted.is_empty() {
+                return Some(Response { metrics, by: Vec::new() });
+            }
+            let derivatives = solver.derivatives_by(&wanted).ok()?;
+            let by = coefficients.clone();
+            let by = by.map(|coefficient| coefficient.by_logarithm(&robot, &derivatives));
+            Some(Response { metrics, by: by.collect() })
         };
-        (0..count).map(response).collect()
+        metrics.iter().zip(&mut self.solvers).map(response).collect()
     }
 
     /// The objective and its terms at `values`.
     pub(super) fn linearised(&mut self, values: &[f64]) -> Linearised {
-        let responses = self.responses(values);
+        let metrics = self.metrics(values);
+        self.linearised_at(values, &metrics)
+    }
+
+    /// The same, where the metrics of the motions that were solved for last are known.
+    pub(super) fn linearised_at(
+        &mut self,
+        values: &[f64],
+        metrics: &[Option<GaitMetrics>],
+    ) -> Linearised {
+        let responses = self.differentiated(values, metrics);
         self.objective.linearised(responses.iter().map(Option::as_ref))
     }
 

@@ -72,33 +72,21 @@ pub(super) fn search_all(
         })
         .collect();
     // In the order of their numbers, whatever the order in which they have come.
-    let mut firsts: Vec<usize> = Vec::new();
-    let mut joined = Vec::new();
-    for approach in &come {
-        let first = firsts.iter().position(|&first| approach.is_at(&come[first]));
-        joined.push(first.unwrap_or(firsts.len()));
-        if first.is_none() {
-            firsts.push(joined.len() - 1);
-        }
+    let mut first: Vec<usize> = Vec::new();
+    for (number, approach) in come.iter().enumerate() {
+        let mut earlier = (0..number).filter(|&earlier| first[earlier] == earlier);
+        first.push(earlier.find(|&earlier| approach.is_at(&come[earlier])).unwrap_or(number));
     }
-    let (mut goes_on, mut joins) = (Vec::new(), Vec::new());
-    for (number, approach) in come.into_iter().enumerate() {
-        let began = approach.began.clone();
-        if firsts.contains(&number) {
-            goes_on.push(approach);
-            joins.push(None);
-        } else {
-            joins.push(Some((began, approach.evaluator.solves())));
-        }
-    }
-    let ended: Vec<Start> = goes_on.into_par_iter().map(Approach::finish).collect();
-    let start = |(joins, joined): (Option<(Vec<f64>, usize)>, usize)| match joins {
-        None => ended[joined].clone(),
-        Some((began, solves)) => {
-            Start { began, solves, stopped: JOINED.to_owned(), ..ended[joined].clone() }
-        }
+    let end = |(number, approach): (usize, Approach)| match first[number] == number {
+        true => approach.finish(),
+        false => approach.join(),
     };
-    joins.into_iter().zip(joined).map(start).collect()
+    let mut starts: Vec<Start> = come.into_par_iter().enumerate().map(end).collect();
+    for (number, &first) in first.iter().enumerate().filter(|(number, first)| number != *first) {
+        let Start { ended, cost, .. } = starts[first].clone();
+        (starts[number].ended, starts[number].cost) = (ended, cost);
+    }
+    starts
 }
 
 /// Searches from these values of the free parameters, to the last digits.
@@ -124,10 +112,10 @@ impl<'o> Approach<'o> {
         let [(accuracy, converged), on_the_way @ ..] = ON_THE_WAY;
         evaluator.accuracy = accuracy;
         let mut descent = Descent::new(&mut evaluator, began.clone());
-        descent.run(converged);
+        descent.descend(converged, false);
         for (accuracy, converged) in on_the_way {
             descent.with_accuracy(accuracy);
-            descent.run(converged);
+            descent.descend(converged, false);
         }
         let come = descent.come;
         Self { began, evaluator, come }
@@ -139,6 +127,12 @@ impl<'o> Approach<'o> {
         let mut both = here.place.iter().zip(&there.place);
         (here.cost - there.cost).abs() <= SAME_COST * there.cost
             && both.all(|(a, b)| (a / b).ln().abs() <= SAME_PLACE)
+    }
+
+    /// A search that leaves the last steps to another one.
+    fn join(self) -> Start {
+        let Self { began, evaluator, come: Come { place: ended, cost, .. } } = self;
+        Start { began, ended, cost, solves: evaluator.solves(), stopped: JOINED.to_owned() }
     }
 
     /// The last digits, by motions that have them.
@@ -213,8 +207,14 @@ impl<'d, 'o> Descent<'d, 'o> {
     }
 
     /// Goes on until the objective can hardly fall, relative to itself; `false` if that takes
-    /// too many steps.
+    /// too many steps. The terms may be left behind.
     pub fn run(&mut self, converged: f64) -> bool {
+        self.descend(converged, true)
+    }
+
+    /// Goes on until the objective can hardly fall; `is_last` if nothing goes on from there, so
+    /// that the terms are not needed where the objective is as low as they promised.
+    fn descend(&mut self, converged: f64, is_last: bool) -> bool {
         let parameters = self.evaluator.parameters.clone();
         if parameters.len() == usize::from(self.held.is_some()) {
             return true;
@@ -222,20 +222,28 @@ impl<'d, 'o> Descent<'d, 'o> {
         for _ in 0..MOST_STEPS {
             crate::interrupt::stop_if_asked(String::new);
             let (step, expected) = self.best_step(&parameters);
-            if expected <= converged * self.come.cost {
+            let cost = self.come.cost;
+            if expected <= converged * cost {
                 return true;
             }
             let next = self.place_after(&parameters, &step);
-            let found = self.evaluator.linearised(&next);
-            self.come.curvature.learn(&self.come.terms, &found.terms, step.as_slice());
-            let kept = (self.come.cost - found.cost) / expected;
-            if kept < 0.25 {
-                self.come.region = 0.3 * self.come.region.min(step.amax());
-            } else if kept > 0.75 {
-                self.come.region = (2.0 * self.come.region).min(LARGEST_REGION);
+            let metrics = self.evaluator.metrics(&next);
+            let found = self.evaluator.objective.cost(&metrics);
+            let is_free = step.amax() < 0.9 * self.come.region;
+            if is_last && is_free && (found - (cost - expected)).abs() <= converged * cost {
+                (self.come.place, self.come.cost) = (next, found);
+                return true;
             }
-            if found.cost < self.come.cost {
-                let come = &mut self.come;
+            let found = self.evaluator.linearised_at(&next, &metrics);
+            let come = &mut self.come;
+            come.curvature.learn(&come.terms, &found.terms, step.as_slice());
+            let kept = (cost - found.cost) / expected;
+            if kept < 0.25 {
+                come.region = 0.3 * come.region.min(step.amax());
+            } else if kept > 0.75 {
+                come.region = (2.0 * come.region).min(LARGEST_REGION);
+            }
+            if found.cost < cost {
                 (come.place, come.cost, come.terms) = (next, found.cost, found.terms);
             }
         }
