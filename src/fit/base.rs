@@ -7,7 +7,8 @@ use super::doubled::Doubled;
 use super::measurement::Measurement;
 use super::objective::{Evaluator, Linearised, Objective, PENALTY, Response, TERMS};
 use super::resample::Resample;
-use super::search::{Come, Descent, Start, search_from};
+use super::search::{Come, Descent};
+use super::starts::{Start, search_from};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
 /// Fall of the objective, relative to it, below which a search that starts from the fit has

@@ -60,10 +60,13 @@ impl Curvature {
     ) -> (DVector<f64>, f64) {
         let nothing = DVector::zeros(limits.len());
         let began = sum(terms, &nothing);
-        if self.by_term.len() != terms.len() {
+        let by_slopes = || {
             let step = linear_step(terms, limits, held);
             let expected = began - sum(terms, &step);
-            return (step, expected);
+            (step, expected)
+        };
+        if self.by_term.len() != terms.len() {
+            return by_slopes();
         }
         let (mut step, mut here, mut cost) = (nothing.clone(), terms.to_vec(), began);
         let mut region = f64::INFINITY;
@@ -92,7 +95,8 @@ impl Curvature {
                 break;
             }
         }
-        (step, began - cost)
+        // Where the curvature lets nothing fall it is wrong, or the slopes say the same.
+        if cost < began { (step, began - cost) } else { by_slopes() }
     }
 
     /// What the terms become by a step.

@@ -9,9 +9,8 @@ use super::objective::Objective;
 use super::predict::predictions;
 use super::profile::{Class, Profile, profile, profile_limits};
 use super::resample::Resampler;
-use super::search::{
-    HAS_CONVERGED, JOINED, NOTHING_FREE, Start, at_bound, is_at_bound, search_all, search_from,
-};
+use super::search::{HAS_CONVERGED, at_bound, is_at_bound};
+use super::starts::{JOINED, NOTHING_FREE, Start, search_all, search_from};
 use super::{FitEvent, Fitted, OnEvent};
 use crate::config::{Config, GaitInput};
 use crate::motion::{Model, REFERENCE_ACCURACY};

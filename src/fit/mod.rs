@@ -27,6 +27,7 @@ mod predict;
 mod profile;
 mod resample;
 mod search;
+mod starts;
 
 use std::collections::BTreeMap;
 
@@ -46,7 +47,7 @@ pub use folder::{fit_folder, fit_planned, table_paths};
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective};
 pub use plan::{FitPlan, plan, plan_after};
-pub use search::{Start, search};
+pub use starts::{Start, search};
 
 /// Raise it when the same measurements and configuration give other tables than before: then
 /// every model is fitted again once.
