@@ -19,6 +19,8 @@ const MOST_STEPS: usize = 200;
 /// Trust region at first and at most: coefficients may change by these factors' logarithms.
 const FIRST_REGION: f64 = 1.0;
 const LARGEST_REGION: f64 = 3.0;
+/// And at least when the motions become more accurate.
+const NEXT_REGION: f64 = 0.1;
 /// Fall of the objective, relative to it, below which it has converged.
 pub(super) const CONVERGED: f64 = 1e-11;
 /// Shortest step, as a multiple of the motions' accuracy, that the curvature is learnt from.
@@ -77,6 +79,8 @@ impl<'d, 'o> Descent<'d, 'o> {
         self.come.place = self.place_after(&parameters, &step);
         let here = self.evaluator.linearised(&self.come.place);
         (self.come.cost, self.come.terms) = (here.cost, here.terms);
+        // What coarse motions could not tell may have closed the region.
+        self.come.region = self.come.region.max(NEXT_REGION);
     }
 
     /// The same with one parameter that stays as it is.
