@@ -32,6 +32,8 @@ pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
 /// Rows of `derived/`.
 #[derive(Debug, Default)]
 pub struct Tables {
+    /// Fingerprint of the marker files and of all else that the trials were computed from.
+    pub input: Option<String>,
     pub trials: Vec<TrialRow>,
     pub checks: Vec<CheckRow>,
     pub fits: Vec<FitRow>,
@@ -58,8 +60,10 @@ impl Tables {
         if !trials.exists() {
             return Err(StoreError::NotIngested { path: trials }.into());
         }
+        let trials = Table::read(&trials)?;
         let mut tables = Self {
-            trials: TrialRow::from_table(&Table::read(&trials)?)?,
+            input: trials.input().map(str::to_owned),
+            trials: TrialRow::from_table(&trials)?,
             checks: optional(derived, "checks", "no check is listed", &mut missing)?,
             fits: optional(derived, "fits", "no model is fitted", &mut missing)?,
             predictions: optional(derived, "predictions", "no model is drawn", &mut missing)?,

@@ -98,6 +98,8 @@ pub struct Provenance {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     path: PathBuf,
+    /// Fingerprint of what it was made from, if it was read and has one.
+    input: Option<String>,
     columns: Vec<(String, Column)>,
 }
 
@@ -105,7 +107,12 @@ impl Table {
     /// A table of `columns` in this order.
     pub fn new<'a>(columns: impl IntoIterator<Item = (&'a str, Column)>) -> Self {
         let columns = columns.into_iter().map(|(name, column)| (name.to_owned(), column)).collect();
-        Self { path: PathBuf::new(), columns }
+        Self { path: PathBuf::new(), input: None, columns }
+    }
+
+    /// [`Provenance::input`] of the file that it was read from.
+    pub fn input(&self) -> Option<&str> {
+        self.input.as_deref()
     }
 
     /// Names and columns in order.
@@ -161,8 +168,14 @@ impl Table {
         let file = File::open(path)
             .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
         let table_error = |message: String| StoreError::Table { path: path.to_owned(), message };
-        let reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None);
-        let frame = guarded(|| reader.finish())
+        let mut reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None);
+        let read = || {
+            let pairs = reader.get_metadata()?.key_value_metadata().iter().flatten();
+            let mut inputs = pairs.filter(|pair| pair.key == INPUT_KEY);
+            let input = inputs.next().and_then(|pair| Some(pair.value.as_ref()?.to_string()));
+            PolarsResult::Ok((reader.finish()?, input))
+        };
+        let (frame, input) = guarded(read)
             .ok_or_else(|| table_error("it is damaged".to_owned()))?
             .map_err(|error| table_error(error.to_string()))?;
         let columns = frame
@@ -170,7 +183,7 @@ impl Table {
             .iter()
             .map(|column| Ok((column.name().to_string(), from_polars(path, column)?)))
             .collect::<Result<_, StoreError>>()?;
-        Ok(Self { path: path.to_owned(), columns })
+        Ok(Self { path: path.to_owned(), input, columns })
     }
 
     /// Number of rows.

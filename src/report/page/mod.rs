@@ -57,6 +57,10 @@ struct Page<'p> {
     scorecard: scorecard::View<'p>,
     raw: String,
     derived: String,
+    /// Fingerprint of the trials, if their table has one.
+    input: Option<&'p str>,
+    /// As TOML, with paths as seen from the page.
+    configuration: String,
 }
 
 #[derive(Serialize)]
@@ -227,8 +231,20 @@ pub fn html(
         scorecard: scorecard::View::new(scores),
         raw: relative(&config.paths.reports, &config.paths.raw),
         derived: relative(&config.paths.reports, &config.paths.derived),
+        input: tables.input.as_deref(),
+        configuration: configuration(config),
     };
     engine::fill("index.html", INDEX, &page).map_err(ReportError::Page)
+}
+
+/// The whole configuration, defaults too.
+fn configuration(config: &Config) -> String {
+    let mut config = config.clone();
+    let reports = config.paths.reports.clone();
+    for path in [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports] {
+        *path = relative(&reports, path).into();
+    }
+    toml::to_string(&config).unwrap_or_default()
 }
 
 fn campaign_sections<'p>(
