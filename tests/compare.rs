@@ -67,6 +67,11 @@ fn the_same_trials_do_not_differ() {
     let other = baseline().0.path().join("derived");
     let said = succeed(folder.path(), &["compare", other.to_str().unwrap()]);
     assert!(said.contains("0 out of tolerance, 0 differ within it"), "{said}");
+    let baseline = baseline().1.to_str().unwrap();
+    let said = succeed(folder.path(), &["compare", baseline, "--against", other.to_str().unwrap()]);
+    assert!(said.contains("0 out of tolerance, 0 differ within it"), "{said}");
+    let nowhere = trilink(folder.path(), &["compare", baseline, "--against", "nowhere"]);
+    assert_eq!(nowhere.status.code(), Some(2));
 }
 
 #[test]

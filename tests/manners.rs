@@ -58,14 +58,14 @@ fn shells_complete_every_command() {
 #[test]
 fn the_manual_has_a_page_for_every_command_with_examples() {
     let page = succeed(here(), &["man"]);
-    assert!(page.contains(".TH trilink 1") && page.contains("Exit status:"), "{page}");
+    assert!(page.contains(".TH trilink 1") && page.contains(".SH EXIT STATUS\n.nf\n"), "{page}");
     let folder = tempfile::tempdir().unwrap();
     succeed(here(), &["man", "--folder", folder.path().to_str().unwrap()]);
     let pages = files(folder.path());
     assert_eq!(pages.len(), COMMANDS.len() + 1);
     for command in COMMANDS {
         let page = text(&pages[Path::new(&format!("trilink-{command}.1"))]);
-        assert!(page.contains("Examples:"), "{page}");
+        assert!(page.contains(".SH EXAMPLES\n.nf\n\\&  trilink "), "{page}");
         assert!(succeed(here(), &[command, "--help"]).contains("Examples:\n  trilink "));
     }
 }

@@ -1,8 +1,10 @@
 //! `trilink completions` and `trilink man`.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::CommandFactory;
+use clap::builder::Resettable;
 use clap_complete::Shell;
 
 use super::output::say;
@@ -33,17 +35,15 @@ impl Completions {
 
 impl Man {
     pub fn run(self) -> Result<Outcome, Failure> {
-        let mut command = Arguments::command();
+        let mut command = Arguments::command().disable_help_subcommand(true);
         command.build();
         let Some(folder) = self.folder else {
             say!("{}", String::from_utf8(page(command)?)?.trim_end());
             return Ok(Outcome::Well);
         };
-        let commands: Vec<clap::Command> =
-            command.get_subcommands().filter(|inner| !inner.is_hide_set()).cloned().collect();
-        for inner in commands.into_iter().filter(|inner| inner.get_name() != "help") {
+        for inner in command.get_subcommands() {
             let name = format!("trilink-{}", inner.get_name());
-            let inner = inner.display_name(name.clone());
+            let inner = inner.clone().display_name(name.clone());
             write_bytes(&folder.join(format!("{name}.1")), &page(inner)?)?;
         }
         write_bytes(&folder.join("trilink.1"), &page(command)?)?;
@@ -51,9 +51,20 @@ impl Man {
     }
 }
 
-/// A page of the manual.
+/// A page of the manual. Examples and tables at the end of the help keep their lines.
 fn page(command: clap::Command) -> std::io::Result<Vec<u8>> {
+    let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
     let mut page = Vec::new();
-    clap_mangen::Man::new(command).render(&mut page)?;
+    clap_mangen::Man::new(command.after_help(Resettable::Reset)).render(&mut page)?;
+    for section in help.split("\n\n").filter(|section| !section.is_empty()) {
+        let (heading, lines) = match section.split_once(":\n") {
+            Some((heading, lines)) => (heading, lines),
+            None => ("Notes", section),
+        };
+        // Backslashes, and points and quotes that begin a line, are roff's own.
+        let line = |line: &str| format!("\\&{}\n", line.replace('\\', "\\e"));
+        let lines: String = lines.lines().map(line).collect();
+        write!(page, ".SH {}\n.nf\n{lines}.fi\n", heading.to_uppercase())?;
+    }
     Ok(page)
 }
