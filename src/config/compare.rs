@@ -104,6 +104,10 @@ const LIBM: f64 = 1e-6;
 /// chance in one night of a million.
 const ERRORS: f64 = 6.0;
 
+/// The markers' noise and the links' vibration are in raw skid ratios of a trial, by more or less
+/// than in the next; that hardly shows in how its cycles differ.
+const RAW_SIGMA: f64 = 0.001;
+
 impl Default for Compare {
     fn default() -> Self {
         Self {
@@ -127,8 +131,9 @@ fn table(entries: &[(&str, Tolerance)]) -> Tolerances {
 fn trials() -> Tolerances {
     let mut all = campaigns();
     all.extend(table(&[
+        ("sigma*", Tolerance { absolute: Some(RAW_SIGMA), ..Tolerance::errors(ERRORS) }),
         ("omega_commanded_rad_s", Tolerance::absolute(1e-9)),
-        ("coverage", Tolerance::absolute(0.05)),
+        ("coverage", Tolerance::absolute(0.1)),
         ("residual_mm", Tolerance::relative(0.2, 0.02)),
         ("phi*", Tolerance::absolute(0.005)),
     ]));
@@ -140,7 +145,7 @@ fn campaigns() -> Tolerances {
         ("omega_rad_s", Tolerance::errors(ERRORS)),
         ("d_m", Tolerance::errors(ERRORS)),
         ("v_m_s", Tolerance::errors(ERRORS)),
-        ("sigma*", Tolerance::errors(ERRORS)),
+        ("sigma*", Tolerance { absolute: Some(RAW_SIGMA / 10.0), ..Tolerance::errors(ERRORS) }),
         ("sigma*_debiased", Tolerance::errors(ERRORS).or_missing()),
         ("alpha1_rad", Tolerance::errors(ERRORS)),
         ("dtheta_rad", Tolerance::errors(ERRORS)),
