@@ -137,21 +137,24 @@ fn damaged_results_are_made_again() {
     }
 }
 
+/// A change of the record.
+type Change = fn(&mut Value);
+
 #[test]
 fn a_record_that_says_what_is_not_true_is_not_believed() {
     let expected = Small::done().results();
-    let cases: [(&str, &dyn Fn(&mut Value)); 6] = [
-        ("a later format", &|record| record["format"] = 99.into()),
-        ("an unknown key", &|record| record["extra"] = 1.into()),
-        ("no stages", &|record| *record = serde_json::json!({ "format": 1 })),
-        ("another hash", &|record| {
+    let cases: [(&str, Change); 6] = [
+        ("a later format", |record| record["format"] = 99.into()),
+        ("an unknown key", |record| record["extra"] = 1.into()),
+        ("no stages", |record| *record = serde_json::json!({ "format": 1 })),
+        ("another hash", |record| {
             record["ingest"]["things"][TRIAL]["parts"]["the marker file"] = "0".into();
         }),
-        ("a trial that there is not", &|record| {
+        ("a trial that there is not", |record| {
             let trial = record["ingest"]["things"][TRIAL].clone();
             record["ingest"]["things"]["nobody"] = trial;
         }),
-        ("a fit that there is not", &|record| {
+        ("a fit that there is not", |record| {
             let fit = record["fit"]["things"]["kinematic-skewed skid"].clone();
             record["fit"]["things"]["no campaign"] = fit;
         }),
@@ -243,7 +246,7 @@ fn trials_and_truth_that_cannot_be_read_are_named() {
         let what = format!("{name} {damage:?}");
         let output = trilink(folder.path(), &["run"]);
         assert_says(&output, status, named, &what);
-        let expected = if status == 2 { before } else { folder.from_scratch() };
+        let expected = if status == 2 { before } else { folder.scratch() };
         assert_same(&folder.results(), &expected, &what);
     }
 }

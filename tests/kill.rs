@@ -54,7 +54,7 @@ fn assert_tables_are_whole(folder: &Path) {
 /// Kills `number` runs at random moments.
 fn kill(number: usize, seed: u64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let undisturbed = [0, 1, 2].map(|kind| folder(kind).from_scratch());
+    let undisturbed = [0, 1, 2].map(|kind| folder(kind).scratch());
     let lasts = [0, 1, 2].map(|kind| {
         let folder = folder(kind);
         let begin = Instant::now();

@@ -107,7 +107,7 @@ fn a_changed_marker_file_redoes_its_trial_its_campaign_s_fits_and_their_figures(
     for other in ["fig10", "fig16", "kinematic-skewed-starts", "kinematic-skewed-replicates"] {
         assert!(!figures.contains(&other.to_owned()), "{figures:?}");
     }
-    assert_same(&folder.results(), &folder.from_scratch(), "a changed marker file");
+    assert_same(&folder.results(), &folder.scratch(), "a changed marker file");
 }
 
 #[test]
@@ -147,12 +147,12 @@ fn a_changed_key_redoes_what_reads_it() {
         if trials == 0 {
             assert_eq!(found_fits, fits, "{new}");
         }
-        assert_same(&folder.results(), &folder.from_scratch(), new);
+        assert_same(&folder.results(), &folder.scratch(), new);
     }
 }
 
 #[test]
-fn trials_that_are_taken_from_the_list_added_or_moved_leave_what_a_run_from_scratch_leaves() {
+fn trials_that_are_taken_from_the_list_added_or_moved_leave_what_a_run_scratch_leaves() {
     let entry = |folder: &Small, id: &str| {
         let list = text(&folder.read("raw/trials.toml"));
         let entries: Vec<&str> = list.split("[[trial]]").collect();
@@ -173,14 +173,14 @@ fn trials_that_are_taken_from_the_list_added_or_moved_leave_what_a_run_from_scra
     }
     assert_eq!(removed.read("derived/poses/mine.parquet"), b"not of this program");
     fs::remove_file(removed.place("derived/poses/mine.parquet")).unwrap();
-    assert_same(&removed.results(), &removed.from_scratch(), "removed");
+    assert_same(&removed.results(), &removed.scratch(), "removed");
 
     // And back again.
     let list = text(&removed.read("raw/trials.toml"));
     removed.write("raw/trials.toml", list + "\n" + &gone);
     removed.run();
     assert_eq!(redone(&removed)[0], [SYMMETRIC]);
-    assert_same(&removed.results(), &removed.from_scratch(), "added");
+    assert_same(&removed.results(), &removed.scratch(), "added");
 
     let moved = Small::done();
     let first = entry(&moved, SYMMETRIC);
@@ -189,7 +189,7 @@ fn trials_that_are_taken_from_the_list_added_or_moved_leave_what_a_run_from_scra
     moved.write("raw/trials.toml", list + "\n" + &first);
     moved.run();
     assert_eq!(redone(&moved).map(|names| names.len())[..2], [0, 0]);
-    assert_same(&moved.results(), &moved.from_scratch(), "moved");
+    assert_same(&moved.results(), &moved.scratch(), "moved");
 }
 
 #[test]
@@ -205,7 +205,7 @@ fn a_campaign_that_is_no_more_takes_its_fits_and_figures_along() {
     assert_eq!(redone(&folder).map(|names| names.len())[..2], [0, 0]);
     assert!(!folder.place("reports/figures/fig16.svg").exists());
     assert!(!folder.place("reports/figures/kinematic-skewed-starts.csv").exists());
-    assert_same(&folder.results(), &folder.from_scratch(), "without a campaign");
+    assert_same(&folder.results(), &folder.scratch(), "without a campaign");
 }
 
 #[test]
@@ -248,7 +248,7 @@ fn what_size_and_time_do_not_tell_is_found_by_verify() {
     assert!(seen.contains("skewed-5.00-r1.parquet is not as it was written"), "{seen}");
     assert!(seen.contains("the marker file changed"), "{seen}");
     trilink(folder.path(), &["run", "--verify"]);
-    assert_same(&folder.results(), &folder.from_scratch(), "verified");
+    assert_same(&folder.results(), &folder.scratch(), "verified");
 }
 
 #[test]
@@ -305,7 +305,7 @@ fn a_trial_that_failed_is_not_tried_again_until_something_changes() {
     folder.write(SYMMETRIC_FILE, "");
     assert_eq!(trilink(folder.path(), &["run"]).status.code(), Some(1));
     assert!(!folder.place(&format!("derived/poses/{SYMMETRIC}.parquet")).exists());
-    assert_same(&folder.results(), &folder.from_scratch(), "failed");
+    assert_same(&folder.results(), &folder.scratch(), "failed");
     let again = trilink(folder.path(), &["run"]);
     assert_eq!(again.status.code(), Some(1));
     let said = text(&again.stderr);
@@ -325,7 +325,7 @@ fn measured_robot_parameters_make_fits_depend_on_the_robot_s_other_trials() {
     assert!(ahead.contains("perhaps fit kinematic-skewed skid: if robot_parameters"), "{ahead}");
     folder.run();
     assert_eq!(redone(&folder)[0], [COAST]);
-    assert_same(&folder.results(), &folder.from_scratch(), "a coast-down");
+    assert_same(&folder.results(), &folder.scratch(), "a coast-down");
 }
 
 #[test]

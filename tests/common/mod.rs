@@ -162,14 +162,14 @@ impl Small {
     }
 
     /// What a run from scratch of the same trials and configuration leaves.
-    pub fn from_scratch(&self) -> BTreeMap<PathBuf, Vec<u8>> {
-        let scratch = self.copy();
+    pub fn scratch(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let copy = self.copy();
         for made in ["derived", "reports"] {
-            let _ = std::fs::remove_dir_all(scratch.place(made));
+            let _ = std::fs::remove_dir_all(copy.place(made));
         }
-        let output = trilink(scratch.path(), &["run"]);
+        let output = trilink(copy.path(), &["run"]);
         assert!(output.status.code() < Some(2), "{}", text(&output.stderr));
-        scratch.results()
+        copy.results()
     }
 }
 
