@@ -7,7 +7,8 @@ fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
     let number = |(name, value): (&str, f64)| (name.to_owned(), Cell::Number(value));
     let text = |name: &str, value: &str| (name.to_owned(), Cell::Text(value.to_owned()));
     let trial = |(i, d_m): (usize, &f64)| {
-        let numbers = [("d_m", *d_m), ("d_m_se", 0.001), ("cycles", 9.0)].map(number);
+        let omega = ("omega_commanded_rad_s", 1.0 + i as f64);
+        let numbers = [omega, ("d_m", *d_m), ("d_m_se", 0.001), ("cycles", 9.0)].map(number);
         let texts = [text("campaign", "symmetric"), text("status", "ok")];
         (format!("trial-{i}"), numbers.into_iter().chain(texts).collect())
     };
