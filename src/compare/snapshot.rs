@@ -243,14 +243,18 @@ fn json(path: &PathBuf) -> Result<Option<Json>, CompareError> {
     }
 }
 
-/// The numbers and verdicts of a scorecard's entries.
+/// What a scorecard computes from the paper, and the verdicts on that. What it measures is of the
+/// trials and fits, which are compared themselves.
 fn score(scorecard: &Json) -> Records {
     let entries = scorecard.as_array().into_iter().flatten();
     let entry = |entry: &Json| {
         let fields = entry.as_object()?;
+        let is_judged = fields.get("judged_by").is_some_and(|by| by == "computed");
         let cells = fields.iter().filter_map(|(name, value)| match value {
-            Json::Number(number) => Some((name.clone(), Cell::Number(number.as_f64()?))),
-            Json::String(text) if name == "verdict" => {
+            Json::Number(number) if name == "computed" => {
+                Some((name.clone(), Cell::Number(number.as_f64()?)))
+            }
+            Json::String(text) if name == "verdict" && is_judged => {
                 Some((name.clone(), Cell::Text(text.clone())))
             }
             _ => None,

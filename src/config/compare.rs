@@ -119,7 +119,7 @@ impl Default for Compare {
             fits: fits(),
             predictions: predictions(),
             robot_parameters: robot_parameters(),
-            scorecard: table(&[("*", Tolerance::relative(0.02, 1e-9))]),
+            scorecard: table(&[("computed", Tolerance::relative(LIBM, 1e-9))]),
         }
     }
 }
