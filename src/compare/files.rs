@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 
 use super::figures::figures;
 use super::{Cell, CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
-use crate::report::{Image, fill, percent, significant, style_sheet};
+use crate::report::{Image, fill, percent, significant};
 
 /// A difference as people read it.
 #[derive(Serialize)]
@@ -28,7 +28,6 @@ struct Row {
 struct Page<'p> {
     version: &'static str,
     baseline_version: &'p str,
-    style: &'static str,
     is_well: bool,
     cells: usize,
     records: usize,
@@ -57,7 +56,6 @@ pub fn page(
     let page = Page {
         version: env!("CARGO_PKG_VERSION"),
         baseline_version: &baseline.version,
-        style: style_sheet(),
         is_well: compared.is_well(),
         cells: compared.cells,
         records: compared.records.len(),

@@ -7,15 +7,12 @@ use serde::Serialize;
 
 use super::CompareError;
 use super::history::HistoryRow;
-use crate::report::{
-    Axes, Chart, Figure, Image, Layer, colours, fill, percent, significant, style_sheet,
-};
+use crate::report::{Axes, Chart, Figure, Image, Layer, colours, fill, percent, significant};
 use crate::store::write_bytes;
 
 #[derive(Serialize)]
 struct Page<'p> {
     version: &'static str,
-    style: &'static str,
     runs: usize,
     first: &'p str,
     last: &'p str,
@@ -71,7 +68,6 @@ pub fn write(reports: &Path, rows: &[HistoryRow]) -> Result<(), CompareError> {
         notes.map(|row| [row.time.clone(), row.note.clone(), significant(row.value, 3)]).collect();
     let page = Page {
         version: env!("CARGO_PKG_VERSION"),
-        style: style_sheet(),
         runs: rows.last().map_or(0, |row| row.run as usize),
         first: rows.first().map_or("", |row| &row.time),
         last: rows.last().map_or("", |row| &row.time),

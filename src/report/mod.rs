@@ -41,7 +41,7 @@ use plan::Content;
 pub(crate) use chart::{Axes, Chart, Layer};
 pub(crate) use figure::Figure;
 pub(crate) use numbers::{percent, significant};
-pub(crate) use page::{Image, fill, style_sheet};
+pub(crate) use page::{Image, fill};
 pub use plan::{ReportPlan, plan, plan_after};
 pub(crate) use style::colours;
 

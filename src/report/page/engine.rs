@@ -7,17 +7,13 @@ use serde::Serialize;
 
 use super::{INDEX, trial};
 
-/// Templates that others include.
-const SHARED: [(&str, &str); 3] = [
+/// Templates that others include or extend.
+const SHARED: [(&str, &str); 4] = [
+    ("base.html", include_str!("base.html")),
     ("figure.html", include_str!("figure.html")),
     ("scorecard.html", include_str!("scorecard.html")),
-    ("style.css", style_sheet()),
+    ("style.css", include_str!("style.css")),
 ];
-
-/// The style sheet of all pages.
-pub const fn style_sheet() -> &'static str {
-    include_str!("style.css")
-}
 
 /// The text of all templates of the report: what its pages look like.
 pub fn texts() -> String {

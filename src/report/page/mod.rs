@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use base64::Engine;
 use serde::Serialize;
 
-pub use engine::{fill, style_sheet, texts};
+pub use engine::{fill, texts};
 pub use image::Image;
 pub use trial::html as trial_html;
 
