@@ -211,13 +211,18 @@ fn missing_of_the_paper(source: Source<'_>, configured: &BTreeSet<&str>) -> Vec<
     missing
 }
 
+/// Place of a campaign: those of the paper in its order, then the others by name.
+pub fn rank(campaign: &str) -> (usize, &str) {
+    let paper = PAPER_CAMPAIGNS.iter().position(|known| *known == campaign);
+    (paper.unwrap_or(PAPER_CAMPAIGNS.len()), campaign)
+}
+
 /// Campaigns that have measurements, in the paper's order and then by name.
 fn campaigns_of(source: Source<'_>) -> Vec<&str> {
     let names: BTreeSet<&str> = source.trials.iter().map(|trial| trial.campaign.as_str()).collect();
     let mut names: Vec<&str> =
         names.into_iter().filter(|campaign| source.has_measurements(campaign)).collect();
-    let paper = |name: &str| PAPER_CAMPAIGNS.iter().position(|known| *known == name);
-    names.sort_by_key(|name| (paper(name).unwrap_or(PAPER_CAMPAIGNS.len()), *name));
+    names.sort_by_key(|name| rank(name));
     names
 }
 
