@@ -92,6 +92,8 @@ fn a_changed_marker_file_redoes_its_trial_its_campaign_s_fits_and_their_figures(
         SYMMETRIC_FITS.map(|fit| format!("perhaps fit {fit}: if trial {SYMMETRIC} changes"))
     );
     assert!(ahead.contains("perhaps figure fig17: if what it shows changes\n"), "{ahead}");
+    let page = format!("trials/{SYMMETRIC}.html");
+    assert!(ahead.contains(&format!("perhaps page {page}: if its trial changes\n")), "{ahead}");
     assert!(!ahead.contains("fig16") && !ahead.contains("skewed"), "{ahead}");
     assert_same(&folder.results(), &before, "--dry-run");
     let output = trilink(folder.path(), &["run", "--explain"]);
@@ -103,6 +105,8 @@ fn a_changed_marker_file_redoes_its_trial_its_campaign_s_fits_and_their_figures(
     assert_eq!(trials, [SYMMETRIC]);
     assert_eq!(fits, SYMMETRIC_FITS);
     assert!(figures.contains(&"fig17".to_owned()), "{figures:?}");
+    let pages: Vec<_> = figures.iter().filter(|name| name.starts_with("trials/")).collect();
+    assert_eq!(pages, [&page]);
     // These show the other campaign alone.
     for other in ["fig10", "fig16", "kinematic-skewed-starts", "kinematic-skewed-replicates"] {
         assert!(!figures.contains(&other.to_owned()), "{figures:?}");

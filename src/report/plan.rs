@@ -148,8 +148,14 @@ pub fn plan<'s>(
     Ok(ReportPlan { redo, known, content, kept, pages, kept_pages, inputs, settings, input })
 }
 
-/// What there will be to do once the stages before have changed what they have of `campaigns`.
-pub fn plan_after(known: &StageState, how: How, campaigns: &BTreeSet<String>) -> Redo {
+/// What there will be to do once the stages before have changed what they have of `campaigns` and
+/// of single `trials`.
+pub fn plan_after(
+    known: &StageState,
+    how: How,
+    campaigns: &BTreeSet<String>,
+    trials: &[String],
+) -> Redo {
     let mut redo = Redo::new("figure");
     for stem in &known.order {
         let shown = known.things.get(stem).and_then(|thing| thing.parts.get(CAMPAIGNS));
@@ -162,6 +168,16 @@ pub fn plan_after(known: &StageState, how: How, campaigns: &BTreeSet<String>) ->
             why.push("if what it shows changes".to_owned());
         }
         redo.add(stem, why);
+    }
+    let own: BTreeSet<String> = trials.iter().map(|trial| trials::page_of(trial)).collect();
+    for page in known.things.keys().filter(|name| trials::is_page(name)) {
+        let mut why = Vec::new();
+        if how.force {
+            why.push("--force".to_owned());
+        } else if own.contains(page) {
+            why.push("if its trial changes".to_owned());
+        }
+        redo.add(page, why);
     }
     redo.whole.push(if known.order.is_empty() { "new" } else { "if a table changes" }.to_owned());
     redo

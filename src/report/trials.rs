@@ -17,7 +17,18 @@ use crate::store::{
 };
 
 /// Folder of the pages inside of `reports/`.
-pub const FOLDER: &str = "trials";
+const FOLDER: &str = "trials";
+
+/// The page that a trial has, by its path inside of `reports/`, unless another trial's name looks
+/// the same.
+pub fn page_of(trial: &str) -> String {
+    format!("{FOLDER}/{}.html", figures::file_name(trial, &mut BTreeSet::new()))
+}
+
+/// Whether that is the path of a trial's page.
+pub fn is_page(name: &str) -> bool {
+    name.strip_prefix(FOLDER).is_some_and(|file| file.starts_with('/'))
+}
 
 /// Files of all trials' pages.
 pub fn pages(tables: &Tables) -> TrialPages {

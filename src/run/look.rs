@@ -33,20 +33,21 @@ pub fn look(config: &Config, how: How) -> Result<Ahead, RunError> {
         Ok(Ahead { stages, uncertain_from, others, problem })
     };
     let ingest = ingest::plan(config, &config.paths.raw, derived, &known.ingest, how)?;
-    let report_after = |fits: &Redo, campaigns: &[String]| {
+    let report_after = |fits: &Redo, campaigns: &[String], trials: &[String]| {
         let of_fits = fits.things.iter().map(|fit| &fit.name).chain(&fits.removed);
         let of_fits = of_fits.filter_map(|name| name.rsplit_once(' '));
         let of_fits = of_fits.map(|(campaign, _)| campaign.to_owned());
-        report::plan_after(&known.report, how, &of_fits.chain(campaigns.iter().cloned()).collect())
+        let campaigns = of_fits.chain(campaigns.iter().cloned()).collect();
+        report::plan_after(&known.report, how, &campaigns, trials)
     };
     if !ingest.redo.is_empty() {
         let fits = fit::plan_after(config, &known.fit, how, &ingest.touched);
-        let figures = report_after(&fits, &ingest.touched.campaigns);
+        let figures = report_after(&fits, &ingest.touched.campaigns, &ingest.redo.names());
         return ahead([ingest.redo, fits, figures], 1, Vec::new());
     }
     let fit = fit::plan(config, derived, &known.fit, how)?;
     if !fit.redo.is_empty() {
-        let figures = report_after(&fit.redo, &[]);
+        let figures = report_after(&fit.redo, &[], &[]);
         return ahead([ingest.redo, fit.redo, figures], 2, Vec::new());
     }
     let report = report::plan(config, &known.report, how)?;
