@@ -22,6 +22,15 @@ pub struct Recording {
     pub cycles: Vec<CycleRow>,
 }
 
+/// Some used cycles in a row.
+pub struct Shown {
+    pub start_s: f64,
+    pub end_s: f64,
+    pub cycles: usize,
+    /// Places of the moments within.
+    pub frames: std::ops::Range<usize>,
+}
+
 impl Recording {
     /// Reads the tables of a trial.
     ///
@@ -55,7 +64,7 @@ impl Recording {
 
     /// The first of the longest runs of used cycles, at most so many of them: when it starts
     /// (s) and how many they are.
-    pub fn used_cycles(&self, most: usize) -> Option<(f64, usize)> {
+    fn used_cycles(&self, most: usize) -> Option<(f64, usize)> {
         let follows = |a: &CycleRow, b: &CycleRow| a.used && b.used && b.cycle == a.cycle + 1;
         let runs = self.cycles.chunk_by(follows).filter(|run| run[0].used);
         let mut best: Option<&[CycleRow]> = None;
@@ -66,6 +75,13 @@ impl Recording {
             }
         }
         best.map(|run| (run[0].start_s, run.len()))
+    }
+
+    /// The cycles that a figure shows, at most so many of them.
+    pub fn shown(&self, omega_rad_s: f64, most: usize) -> Option<Shown> {
+        let (start_s, cycles) = self.used_cycles(most)?;
+        let end_s = start_s + cycles as f64 * std::f64::consts::TAU / omega_rad_s;
+        Some(Shown { start_s, end_s, cycles, frames: self.between(start_s, end_s) })
     }
 
     /// Places of the moments from `from_s` to `to_s`.

@@ -1,9 +1,10 @@
 //! Motions that no table holds, for the figures that show them.
 
 use crate::config::Config;
+use crate::metrics::GaitMetrics;
 use crate::motion::{
     FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample,
-    Solver, SteadyMotion,
+    Solver,
 };
 use crate::store::FitRow;
 
@@ -38,23 +39,30 @@ pub fn fitted(config: &Config, fit: &FitRow, omega_rad_s: f64) -> Option<Problem
     (fit.status == "ok").then_some(problem)
 }
 
+/// A steady motion.
+pub struct Steady {
+    pub metrics: GaitMetrics,
+    pub cycle: Vec<Sample>,
+    /// Cycles after which the robot from rest is within 1 % of it, if it gets there.
+    pub cycles_to_settle: Option<usize>,
+}
+
 /// The steady motion that the robot reaches from rest, or where it reaches none the one that
-/// there is; and a cycle of it.
+/// there is.
 ///
 /// # Errors
 /// There is no steady motion.
-pub fn steady(problem: &Problem) -> Result<(SteadyMotion, Vec<Sample>), MotionError> {
+pub fn steady(problem: &Problem) -> Result<Steady, MotionError> {
     let mut solver = Solver::default();
-    let motion = match solver.settle(problem, FORCES_ACCURACY) {
-        Ok(settled) => settled.motion,
+    let (metrics, cycles_to_settle) = match solver.settle(problem, FORCES_ACCURACY) {
+        Ok(settled) => (settled.motion.metrics, Some(settled.cycles)),
         // The roughest motions cannot be had to the accuracy that their forces would need.
         Err(_) => {
             solver.forget();
-            solver.solve(problem, REFERENCE_ACCURACY)?;
-            problem.solve(REFERENCE_ACCURACY)?
+            (solver.solve(problem, REFERENCE_ACCURACY)?, None)
         }
     };
-    Ok((motion, solver.cycle(SAMPLES)?))
+    Ok(Steady { metrics, cycle: solver.cycle(SAMPLES)?, cycles_to_settle })
 }
 
 /// Work of the actuators per metre of d, J/m; `None` where there is no stable motion that goes
@@ -103,16 +111,16 @@ mod tests {
         let problem = configured(&config, "kinematic-skewed", Model::SkidRoll, 3.9);
         let problem = problem.expect("a campaign of the paper");
         let start = Pose { x_m: 1.0, y_m: -2.0, theta_rad: 0.7 };
-        let (motion, cycle) = steady(&problem).expect("there is a motion");
+        let Steady { metrics, cycle, .. } = steady(&problem).expect("there is a motion");
         let path = repeat(&cycle, 3, start);
         assert_eq!(path.len(), 3 * SAMPLES + 1);
         let mut ends = path.iter().step_by(SAMPLES).map(|(_, pose)| pose);
         let mut before = ends.next().expect("the start");
         for end in ends {
             let d_m = (end.x_m - before.x_m).hypot(end.y_m - before.y_m);
-            assert!((d_m - motion.metrics.d_m).abs() < 1e-9);
+            assert!((d_m - metrics.d_m).abs() < 1e-9);
             let turned = end.theta_rad - before.theta_rad;
-            assert!((turned - motion.metrics.dtheta_rad).abs() < 1e-9);
+            assert!((turned - metrics.dtheta_rad).abs() < 1e-9);
             before = end;
         }
     }

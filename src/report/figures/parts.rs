@@ -1,7 +1,7 @@
 //! What several figures have alike: the robot on a map, lines of one quantity each, units.
 
 use crate::motion::Pose;
-use crate::report::chart::Layer;
+use crate::report::chart::{Axes, Chart, Layer};
 use crate::report::style::{self, Look};
 use crate::robot::Robot;
 
@@ -11,6 +11,18 @@ pub const FREQUENCY: &str = "Actuation frequency ω (rad/s)";
 pub const OMEGA: &str = "ω (rad/s)";
 /// Degrees in a radian.
 pub const DEG: f64 = 180.0 / std::f64::consts::PI;
+
+/// A panel against time.
+pub fn time_course(title: &str, y_label: &str, layers: Vec<Layer>) -> Chart {
+    Chart {
+        title: title.to_owned(),
+        x_label: "Time (s)".to_owned(),
+        y_label: y_label.to_owned(),
+        layers,
+        axes: Axes::Linear,
+        ..Chart::default()
+    }
+}
 
 /// The `nth` of several lines of one quantity.
 pub fn series(nth: usize, name: &str, points: Vec<(f64, f64)>) -> Layer {

@@ -1,12 +1,12 @@
 //! Fig. 6: the kinematic robot that skids, simulated.
 
 use super::SYMMETRIC;
-use super::parts::{DEG, series};
+use super::parts::{DEG, series, time_course};
 use crate::config::Config;
 use crate::motion::{Model, Sample};
-use crate::report::chart::{Axes, Chart, Layer, Layout};
+use crate::report::chart::{Layer, Layout};
 use crate::report::figure::Figure;
-use crate::report::simulated;
+use crate::report::simulated::{self, Steady};
 
 const OMEGA_RAD_S: f64 = 4.0;
 const MODEL: Model = Model::SkidRoll;
@@ -17,7 +17,7 @@ pub fn figure(config: &Config) -> Result<Figure, String> {
     let none = |why: String| format!("Fig. 6 is not drawn, because {why}.");
     let problem = simulated::configured(config, SYMMETRIC, MODEL, OMEGA_RAD_S)
         .ok_or_else(|| none(format!("campaign {SYMMETRIC} is not configured")))?;
-    let (motion, cycle) = simulated::steady(&problem)
+    let Steady { metrics, cycle, .. } = simulated::steady(&problem)
         .map_err(|error| none(format!("there is no motion at {OMEGA_RAD_S} rad/s: {error}")))?;
     let over_time = |of: &dyn Fn(&Sample) -> f64| -> Vec<(f64, f64)> {
         cycle.iter().map(|sample| (sample.time_s, of(sample))).collect()
@@ -31,20 +31,12 @@ pub fn figure(config: &Config) -> Result<Figure, String> {
     let most_n = |of: fn(&Sample) -> [f64; 3]| {
         cycle.iter().flat_map(of).fold(0.0, |most: f64, force| most.max(force.abs()))
     };
-    let panel = |title: &str, y_label: &str, layers: Vec<Layer>| Chart {
-        title: title.to_owned(),
-        x_label: "Time (s)".to_owned(),
-        y_label: y_label.to_owned(),
-        layers,
-        axes: Axes::Linear,
-        ..Chart::default()
-    };
     Ok(Figure {
         caption: format!(
             "With the robot's configured coefficients, in steady motion; mean forward speed {:.1} \
              mm/s. Wheels 0, 1, 2: middle, front, rear. The forces are those across the wheels; along them roll resistance stays below \
              {:.2} N.",
-            1e3 * motion.metrics.v_m_s,
+            1e3 * metrics.v_m_s,
             most_n(|sample| sample.actions.roll_n),
         ),
         layout: Layout::Stack(185.0),
@@ -53,13 +45,13 @@ pub fn figure(config: &Config) -> Result<Figure, String> {
             format!("Simulated motion of campaign {SYMMETRIC}, {MODEL}, {OMEGA_RAD_S} rad/s"),
             &[SYMMETRIC],
             vec![
-                panel("Joint angles", "Angle (deg)", joints),
-                panel(
+                time_course("Joint angles", "Angle (deg)", joints),
+                time_course(
                     "Ground forces",
                     "Force (N)",
                     wheels(|sample, i| sample.actions.lateral_n[i]),
                 ),
-                panel(
+                time_course(
                     "Skid speeds",
                     "Skid speed (mm/s)",
                     wheels(|sample, i| 1e3 * sample.skid_m_s[i]),

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::SEMI_PASSIVE;
-use super::parts::{DEG, FREQUENCY, links, series, travel};
+use super::parts::{DEG, FREQUENCY, links, series, time_course, travel};
 use crate::config::Config;
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
-use crate::report::simulated::{self, SAMPLES};
+use crate::report::simulated::{self, SAMPLES, Steady};
 use crate::report::style;
 
 const OMEGA_RAD_S: f64 = 4.0;
@@ -31,10 +31,10 @@ pub fn figures(config: &Config) -> Result<Vec<Figure>, String> {
             "Figs. 3 and 4 are not drawn, because there is no motion at {OMEGA_RAD_S} rad/s: {error}."
         )
     };
-    let (motion, cycle) = simulated::steady(&problem).map_err(no_motion)?;
+    let steady = simulated::steady(&problem).map_err(no_motion)?;
     Ok(vec![
-        time_courses(&problem, &cycle),
-        gait_and_path(&problem, &cycle, motion.metrics.d_m).map_err(no_motion)?,
+        time_courses(&problem, &steady.cycle),
+        gait_and_path(&problem, &steady).map_err(no_motion)?,
         sweep(of),
     ])
 }
@@ -64,14 +64,6 @@ fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
     });
     let difference = over_time(cycle, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
     let crossings = Layer::Rules { name: "φ₁ = φ₂".to_owned(), xs: crossings(&difference) };
-    let panel = |title: &str, y_label: &str, layers: Vec<Layer>| Chart {
-        title: title.to_owned(),
-        x_label: "Time (s)".to_owned(),
-        y_label: y_label.to_owned(),
-        layers,
-        axes: Axes::Linear,
-        ..Chart::default()
-    };
     let forces = forces.into_iter().chain([crossings]).collect();
     Figure {
         caption: "Without skid and roll resistance, as configured, in steady motion. Dashed \
@@ -83,9 +75,9 @@ fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
             format!("Simulated motion of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"),
             &[SEMI_PASSIVE],
             vec![
-                panel("Joint angles", "Angle (deg)", joints.into()),
-                panel("Middle link", "Velocity (mm/s)", velocities.into()),
-                panel("Constraint forces", "Force (N)", forces),
+                time_course("Joint angles", "Angle (deg)", joints.into()),
+                time_course("Middle link", "Velocity (mm/s)", velocities.into()),
+                time_course("Constraint forces", "Force (N)", forces),
             ],
         )
     }
@@ -102,9 +94,9 @@ fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
         .collect()
 }
 
-fn gait_and_path(problem: &Problem, cycle: &[Sample], d_m: f64) -> Result<Figure, MotionError> {
-    let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);
-    let cycles = settled.map_or(MOST_FROM_REST, |settled| settled.cycles.clamp(1, MOST_FROM_REST));
+fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionError> {
+    let (cycle, d_m) = (steady.cycle.as_slice(), steady.metrics.d_m);
+    let cycles = steady.cycles_to_settle.unwrap_or(MOST_FROM_REST).clamp(1, MOST_FROM_REST);
     let from_rest = problem.cycles_from_rest(cycles, SAMPLES)?;
     let shape = |samples: &[Sample]| -> Vec<(f64, f64)> {
         samples.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()

@@ -7,7 +7,7 @@ use crate::motion::{Model, Pose, Problem, Sample};
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
 use crate::report::numbers::with_error;
-use crate::report::recording::Recording;
+use crate::report::recording::{Recording, Shown};
 use crate::report::simulated;
 use crate::report::style::{self, Look};
 use crate::robot::{Gait, JointCommand};
@@ -38,10 +38,9 @@ pub fn figure(
     let Some((robot, commanded_gait)) = config.campaign_setup(&trial.campaign) else {
         return (None, vec![]);
     };
-    let Some((start_s, cycles)) = recording.used_cycles(CYCLES) else { return (None, vec![]) };
+    let Some(window) = recording.shown(trial.omega_rad_s, CYCLES) else { return (None, vec![]) };
+    let Shown { start_s, end_s, cycles, frames: shown } = window;
     let Some(start) = recording.pose_at(start_s) else { return (None, vec![]) };
-    let end_s = start_s + cycles as f64 * std::f64::consts::TAU / trial.omega_rad_s;
-    let shown = recording.between(start_s, end_s);
     let measured = |x: &dyn Fn(usize) -> f64, y: &dyn Fn(usize) -> f64| Layer::Curve {
         name: "measured".to_owned(),
         points: shown.clone().map(|i| (x(i), y(i))).collect(),
@@ -71,7 +70,7 @@ pub fn figure(
     for Overlay { name, problem, look } in overlays {
         let is_commanded = is_whole && problem.gait == commanded_gait;
         let cycle = match simulated::steady(&problem) {
-            Ok((_, cycle)) => cycle,
+            Ok(steady) => steady.cycle,
             Err(error) => {
                 let figure = super::number(stem);
                 missing.push(format!(

@@ -1,6 +1,6 @@
 //! What the page of a trial shows: its path, and what its links and wheels did all the time.
 
-use super::parts::{DEG, dense_series, links, series, travel};
+use super::parts::{DEG, dense_series, links, series, time_course, travel};
 use crate::config::Config;
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
@@ -16,13 +16,8 @@ const LINKS: [&str; 3] = ["link 0", "link 1", "link 2"];
 /// The figures of a trial; those without anything to show are left out.
 pub fn figures(trial: &TrialRow, recording: &Recording, config: &Config) -> Vec<Figure> {
     let unused = unused_cycles(trial, recording);
-    let panel = |title: &str, y_label: &str, layers: Vec<Layer>| Chart {
-        title: title.to_owned(),
-        x_label: "Time (s)".to_owned(),
-        y_label: y_label.to_owned(),
-        layers: unused.iter().cloned().chain(layers).collect(),
-        axes: Axes::Linear,
-        ..Chart::default()
+    let panel = |title: &str, y_label: &str, layers: Vec<Layer>| {
+        time_course(title, y_label, unused.iter().cloned().chain(layers).collect())
     };
     let three = |names: [&str; 3], values: &[Vec<f64>; 3], factor: f64| -> Vec<Layer> {
         let line = |i: usize| dense_series(i, names[i], &over_time(recording, &values[i], factor));
@@ -66,14 +61,7 @@ pub fn figures(trial: &TrialRow, recording: &Recording, config: &Config) -> Vec<
             &[],
             vec![
                 panel("Residuals", "Residual (mm)", residuals.collect()),
-                Chart {
-                    title: "Gaps".to_owned(),
-                    x_label: "Time (s)".to_owned(),
-                    y_label: "Link".to_owned(),
-                    layers: gaps(recording),
-                    axes: Axes::Linear,
-                    ..Chart::default()
-                },
+                time_course("Gaps", "Link", gaps(recording)),
             ],
         )
     };

@@ -1,8 +1,9 @@
 //! Fig. 12: how the wheels rolled and skidded.
 
-use crate::report::chart::{Axes, Chart, Layer, Layout};
+use super::parts::time_course;
+use crate::report::chart::{Layer, Layout};
 use crate::report::figure::Figure;
-use crate::report::recording::Recording;
+use crate::report::recording::{Recording, Shown};
 use crate::report::style;
 use crate::store::TrialRow;
 
@@ -12,23 +13,12 @@ const WHEELS: [&str; 3] = ["wheel 0 (middle)", "wheel 1 (front)", "wheel 2 (rear
 
 /// The figure; `None` without a used cycle.
 pub fn figure(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Figure> {
-    let (start_s, cycles) = recording.used_cycles(CYCLES)?;
-    let end_s = start_s + cycles as f64 * std::f64::consts::TAU / trial.omega_rad_s;
-    let shown = recording.between(start_s, end_s);
-    let panel = |title: String, y_label: &str, values: &[f64]| Chart {
-        title,
-        x_label: "Time (s)".to_owned(),
-        y_label: y_label.to_owned(),
-        layers: vec![Layer::Curve {
-            name: "measured".to_owned(),
-            points: shown
-                .clone()
-                .map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]))
-                .collect(),
-            look: style::RECORDED,
-        }],
-        axes: Axes::Linear,
-        ..Chart::default()
+    let Shown { start_s, cycles, frames, .. } = recording.shown(trial.omega_rad_s, CYCLES)?;
+    let panel = |title: String, y_label: &str, values: &[f64]| {
+        let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
+        let (name, points) = ("measured".to_owned(), points.collect());
+        let curve = Layer::Curve { name, points, look: style::RECORDED };
+        time_course(&title, y_label, vec![curve])
     };
     let charts = (0..3).flat_map(|i| {
         let wheel = WHEELS[i];
