@@ -120,7 +120,7 @@ fn extent(series: &Series, quantity: Quantity) -> String {
     let low = values().fold(f64::NAN, f64::min);
     let high = values().fold(f64::NAN, f64::max);
     let digits = match quantity {
-        Quantity::Displacement | Quantity::Speed => 1,
+        Quantity::Displacement | Quantity::Speed | Quantity::Amplitude => 1,
         Quantity::Skid(_) => 4,
     };
     let points = match series.kind {

@@ -14,9 +14,32 @@ pub enum Quantity {
     Speed,
     /// Skid ratio of wheel 0, 1 or 2.
     Skid(usize),
+    /// Of the swing of joint 1.
+    Amplitude,
 }
 
 impl Quantity {
+    /// Every quantity that a model is judged by.
+    pub const ALL: [Self; 6] = [
+        Self::Displacement,
+        Self::Speed,
+        Self::Skid(0),
+        Self::Skid(1),
+        Self::Skid(2),
+        Self::Amplitude,
+    ];
+
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Displacement => "d",
+            Self::Speed => "v",
+            Self::Skid(0) => "σ₀",
+            Self::Skid(1) => "σ₁",
+            Self::Skid(_) => "σ₂",
+            Self::Amplitude => "α₁",
+        }
+    }
+
     pub fn axis_label(self) -> &'static str {
         match self {
             Self::Displacement => "Displacement d (mm)",
@@ -24,6 +47,7 @@ impl Quantity {
             Self::Skid(0) => "Skid ratio σ₀",
             Self::Skid(1) => "Skid ratio σ₁",
             Self::Skid(_) => "Skid ratio σ₂",
+            Self::Amplitude => "Amplitude α₁ (deg)",
         }
     }
 
@@ -34,6 +58,7 @@ impl Quantity {
             Self::Skid(0) => "Wheel 0 (middle)",
             Self::Skid(1) => "Wheel 1 (front)",
             Self::Skid(_) => "Wheel 2 (rear)",
+            Self::Amplitude => "Amplitude of joint 1",
         }
     }
 
@@ -45,6 +70,7 @@ impl Quantity {
             Self::Skid(0) => "sigma0",
             Self::Skid(1) => "sigma1",
             Self::Skid(_) => "sigma2",
+            Self::Amplitude => "alpha1_deg",
         }
     }
 
@@ -54,31 +80,36 @@ impl Quantity {
             Self::Displacement => " mm",
             Self::Speed => " mm/s",
             Self::Skid(_) => "",
+            Self::Amplitude => " deg",
         }
     }
 
-    /// Plotted units (mm, mm/s) in one of the tables' (m, m/s).
+    /// Plotted units (mm, mm/s, deg) in one of the tables' (m, m/s, rad).
     fn per_table_unit(self) -> f64 {
         match self {
             Self::Displacement | Self::Speed => 1000.0,
             Self::Skid(_) => 1.0,
+            Self::Amplitude => 180.0 / std::f64::consts::PI,
         }
     }
 
-    fn of_trial(self, trial: &TrialRow, sigma: SigmaKind) -> (f64, f64) {
+    /// What a trial measured, and its standard error.
+    pub fn of_trial(self, trial: &TrialRow, sigma: SigmaKind) -> (f64, f64) {
         let (value, error) = match self {
             Self::Displacement => (trial.d_m, trial.d_m_se),
             Self::Speed => (trial.v_m_s, trial.v_m_s_se),
             Self::Skid(wheel) => trial.sigma(sigma)[wheel],
+            Self::Amplitude => (trial.alpha1_rad, trial.alpha1_rad_se),
         };
         (value * self.per_table_unit(), error * self.per_table_unit())
     }
 
-    fn of_prediction(self, row: &PredictionRow) -> f64 {
+    pub fn of_prediction(self, row: &PredictionRow) -> f64 {
         let value = match self {
             Self::Displacement => row.d_m,
             Self::Speed => row.v_m_s,
             Self::Skid(wheel) => row.metrics().sigma[wheel],
+            Self::Amplitude => row.alpha1_rad,
         };
         value * self.per_table_unit()
     }

@@ -1,62 +1,13 @@
 //! What every model misses of every trial.
 
 use super::parts::OMEGA;
-use crate::config::SigmaKind;
 use crate::motion::Model;
 use crate::report::axis::Range;
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
-use crate::report::series::{BAR_STANDARD_ERRORS, Source};
+use crate::report::series::{BAR_STANDARD_ERRORS, Quantity, Source};
 use crate::report::style::{self, Look, Shape};
 use crate::store::{PredictionRow, TrialRow};
-
-/// A measured quantity, its standard error and what a model predicts.
-struct Quantity {
-    title: &'static str,
-    of_trial: fn(&TrialRow, SigmaKind) -> (f64, f64),
-    of_model: fn(&PredictionRow) -> f64,
-    /// Of the wheels' skid, of which models without skid say nothing.
-    is_skid: bool,
-}
-
-const QUANTITIES: [Quantity; 6] = [
-    Quantity {
-        title: "d",
-        of_trial: |trial, _| (trial.d_m, trial.d_m_se),
-        of_model: |row| row.d_m,
-        is_skid: false,
-    },
-    Quantity {
-        title: "v",
-        of_trial: |trial, _| (trial.v_m_s, trial.v_m_s_se),
-        of_model: |row| row.v_m_s,
-        is_skid: false,
-    },
-    Quantity {
-        title: "σ₀",
-        of_trial: |trial, sigma| trial.sigma(sigma)[0],
-        of_model: |row| row.sigma0,
-        is_skid: true,
-    },
-    Quantity {
-        title: "σ₁",
-        of_trial: |trial, sigma| trial.sigma(sigma)[1],
-        of_model: |row| row.sigma1,
-        is_skid: true,
-    },
-    Quantity {
-        title: "σ₂",
-        of_trial: |trial, sigma| trial.sigma(sigma)[2],
-        of_model: |row| row.sigma2,
-        is_skid: true,
-    },
-    Quantity {
-        title: "α₁",
-        of_trial: |trial, _| (trial.alpha1_rad, trial.alpha1_rad_se),
-        of_model: |row| row.alpha1_rad,
-        is_skid: false,
-    },
-];
 
 /// A model that misses more than this many times what the nearest one does is not shown whole.
 const FARTHEST: f64 = 6.0;
@@ -65,7 +16,7 @@ const LEAST: f64 = 60.0;
 
 /// Residuals of a campaign's models in per cent of what was measured.
 pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
-    let charts = QUANTITIES.iter().map(|quantity| panel(quantity, campaign, source));
+    let charts = Quantity::ALL.map(|quantity| panel(quantity, campaign, source));
     Figure {
         caption: "What the fitted models predict for each trial less what was measured, in parts \
                   of the latter. Bars: 95 % of the measurement (1.96 standard errors)."
@@ -75,19 +26,21 @@ pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
             &format!("{stem}-residuals"),
             format!("Residuals of the models of campaign {campaign}"),
             &[campaign],
-            charts.filter(|chart| !chart.layers.is_empty()).collect(),
+            charts.into_iter().filter(|chart| !chart.layers.is_empty()).collect(),
         )
     }
 }
 
-fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Chart {
+fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Chart {
     let mut models = source.models(campaign);
+    // Models without skid say nothing of it.
+    let is_skid = matches!(quantity, Quantity::Skid(_));
     models.retain(|name| {
-        !quantity.is_skid || Model::ALL.iter().any(|model| model.name() == *name && model.skids())
+        !is_skid || Model::ALL.iter().any(|model| model.name() == *name && model.skids())
     });
     let trials: Vec<&TrialRow> = source
         .measured_trials(campaign)
-        .filter(|trial| (quantity.of_trial)(trial, source.sigma).0.is_finite())
+        .filter(|trial| quantity.of_trial(trial, source.sigma).0.is_finite())
         .collect();
     let missed = |model: &str| -> Vec<(f64, f64)> {
         let mut points: Vec<(f64, f64)> = source
@@ -96,8 +49,8 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Chart {
             .filter(|row| row.campaign == campaign && row.model == model)
             .filter(|row| row.source == "trial" && row.status == "stable")
             .filter_map(|row| {
-                let (measured, _) = (quantity.of_trial)(nearest(&trials, row)?, source.sigma);
-                let residual = (quantity.of_model)(row) / measured - 1.0;
+                let (measured, _) = quantity.of_trial(nearest(&trials, row)?, source.sigma);
+                let residual = quantity.of_prediction(row) / measured - 1.0;
                 Some((row.omega_rad_s, 100.0 * residual))
             })
             .collect();
@@ -130,7 +83,7 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Chart {
         several => format!("{} models: to {most:.0} %", several.len()),
     };
     let errors = trials.iter().filter_map(|trial| {
-        let (measured, error) = (quantity.of_trial)(trial, source.sigma);
+        let (measured, error) = quantity.of_trial(trial, source.sigma);
         let half = 100.0 * BAR_STANDARD_ERRORS * error / measured;
         half.is_finite().then_some((trial.omega_rad_s, 0.0, Some(half)))
     });
@@ -145,7 +98,7 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Chart {
         look: style::model_line(model),
     });
     Chart {
-        title: quantity.title.to_owned(),
+        title: quantity.symbol().to_owned(),
         x_label: OMEGA.to_owned(),
         y_label: "Residual (%)".to_owned(),
         layers: [bars].into_iter().chain(lines).collect(),
