@@ -4,8 +4,7 @@
 
 use serde_json::Value;
 use trilink::robot::{
-    Robot, Trig, Velocity, det_wb, dot, force_balance, kinetic_energy, mass_matrix, roll_rows,
-    skid_rows, velocity_terms,
+    Robot, Trig, Velocity, det_wb, dot, force_balance, mass_matrix, roll_rows, rotated, skid_rows,
 };
 
 struct State {
@@ -38,12 +37,18 @@ fn vector(value: &Value) -> [f64; 5] {
 
 /// A row in link 0's frame as a row in the world's: `(u, v)` turns with `theta`.
 fn to_world(theta: f64, row: [f64; 5]) -> [f64; 5] {
-    let (sin, cos) = theta.sin_cos();
-    [row[0] * cos - row[1] * sin, row[0] * sin + row[1] * cos, row[2], row[3], row[4]]
+    let [x, y] = rotated(theta, [row[0], row[1]]);
+    [x, y, row[2], row[3], row[4]]
 }
 
 fn to_body(theta: f64, row: [f64; 5]) -> Velocity {
     to_world(-theta, row)
+}
+
+/// `B` of eq. 7: what is left of the balance without friction, springs and accelerations.
+fn velocity_terms(robot: &Robot, phi: [f64; 2], velocity: &Velocity) -> [f64; 5] {
+    let robot = Robot { skid_kg_s: [0.0; 3], roll_kg_s: [0.0; 3], ..robot.clone() };
+    force_balance(&robot, None, phi, &Trig::new(phi), velocity, &[0.0; 5]).force
 }
 
 #[track_caller]
@@ -82,7 +87,8 @@ fn the_mass_matrix_and_the_energy_are_lagranges() {
             }
         }
         let velocity = to_body(state.theta, state.qdot);
-        let energy = kinetic_energy(&state.robot, &trig, &velocity);
+        let momenta = body.map(|row| dot(&row, &velocity));
+        let energy = 0.5 * dot(&momenta, &velocity);
         assert_near(energy, state.case["kinetic_energy"].as_f64().unwrap());
     }
 }
@@ -92,7 +98,7 @@ fn the_velocity_terms_are_lagranges() {
     for state in states() {
         let trig = Trig::new(state.phi);
         let velocity = to_body(state.theta, state.qdot);
-        let mut terms = velocity_terms(&state.robot, &trig, &velocity);
+        let mut terms = velocity_terms(&state.robot, state.phi, &velocity);
         // B in the world's frame leaves out the turning of link 0's frame: (u', v') = r (v, -u)
         // is the rate of a velocity that does not change in the world.
         let [u, v, r, ..] = velocity;
@@ -120,7 +126,7 @@ fn the_balance_is_its_parts_and_its_jacobian_their_derivative() {
         let trig = Trig::new(state.phi);
         let balance = value(state.phi, velocity);
         let mass = mass_matrix(&robot, &trig);
-        let terms = velocity_terms(&robot, &trig, &velocity);
+        let terms = velocity_terms(&robot, state.phi, &velocity);
         let (skid, roll) = (skid_rows(&robot, &trig), roll_rows(&robot, &trig));
         for i in 0..5 {
             let mut sum = dot(&mass[i], &acceleration) + terms[i];
@@ -132,18 +138,18 @@ fn the_balance_is_its_parts_and_its_jacobian_their_derivative() {
                 sum += robot.stiffness_nm_rad * (state.phi[0] - robot.rest_angle_rad)
                     + robot.damping_nm_s_rad * velocity[3];
             }
-            assert!((balance.value[i] - sum).abs() < 1e-11 * sum.abs().max(1.0));
+            assert!((balance.force[i] - sum).abs() < 1e-11 * sum.abs().max(1.0));
         }
         const STEP: f64 = 1e-6;
         for j in 0..5 {
             let [low, high] = [-STEP, STEP].map(|step| {
                 let mut moved = velocity;
                 moved[j] += step;
-                value(state.phi, moved).value
+                value(state.phi, moved).force
             });
             for i in 0..5 {
                 let slope = (high[i] - low[i]) / (2.0 * STEP);
-                let found = balance.by_velocity[i][j];
+                let found = balance.dforce_dvelocity[i][j];
                 assert!((found - slope).abs() < 1e-7 * slope.abs().max(1.0), "{i} {j}");
             }
         }
@@ -151,11 +157,11 @@ fn the_balance_is_its_parts_and_its_jacobian_their_derivative() {
             let [low, high] = [-STEP, STEP].map(|step| {
                 let mut moved = state.phi;
                 moved[j] += step;
-                value(moved, velocity).value
+                value(moved, velocity).force
             });
             for i in 0..5 {
                 let slope = (high[i] - low[i]) / (2.0 * STEP);
-                let found = balance.by_phi[j][i];
+                let found = balance.dforce_dphi[j][i];
                 assert!((found - slope).abs() < 1e-7 * slope.abs().max(1.0), "phi {i} {j}");
             }
         }

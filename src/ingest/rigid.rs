@@ -1,5 +1,7 @@
 //! The pose of a link from those of its markers that the cameras saw.
 
+use crate::robot::in_world;
+
 /// Two markers nearer than this, mm, say too little about the heading.
 const LEAST_SPREAD_MM: f64 = 5.0;
 
@@ -30,8 +32,7 @@ pub(super) struct Basis {
 impl LinkPose {
     /// Where the pose puts a place of the link's frame, mm.
     pub fn at(&self, place_mm: [f64; 2]) -> [f64; 2] {
-        let ([x, y], (sin, cos)) = (place_mm, self.theta_rad.sin_cos());
-        [self.origin_mm[0] + cos * x - sin * y, self.origin_mm[1] + sin * x + cos * y]
+        in_world(self.origin_mm, self.theta_rad, place_mm)
     }
 }
 

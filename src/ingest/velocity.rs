@@ -2,7 +2,7 @@
 
 use super::links::Coordinates;
 use super::smooth::runs;
-use crate::robot::{Robot, Trig, Velocity, dot, roll_rows, skid_rows};
+use crate::robot::{Robot, Trig, Velocity, dot, roll_rows, rotated, skid_rows};
 
 /// Velocities of wheels 0, 1, 2 over time, m/s; NaN where missing.
 #[derive(Debug, Clone)]
@@ -22,15 +22,9 @@ pub(super) fn wheel_velocities(
     let missing = || [(); 3].map(|()| vec![f64::NAN; frames]);
     let (mut roll_m_s, mut skid_m_s) = (missing(), missing());
     for i in 0..frames {
-        let (sin, cos) = coordinates.theta_rad[i].sin_cos();
-        let (vx, vy) = (rates.x_m[i], rates.y_m[i]);
-        let velocity: Velocity = [
-            vx * cos + vy * sin,
-            vy * cos - vx * sin,
-            rates.theta_rad[i],
-            rates.phi_rad[0][i],
-            rates.phi_rad[1][i],
-        ];
+        let [u, v] = rotated(-coordinates.theta_rad[i], [rates.x_m[i], rates.y_m[i]]);
+        let [w1, w2] = [0, 1].map(|joint| rates.phi_rad[joint][i]);
+        let velocity = [u, v, rates.theta_rad[i], w1, w2];
         let trig = Trig::new([coordinates.phi_rad[0][i], coordinates.phi_rad[1][i]]);
         let (roll, skid) = (roll_rows(robot, &trig), skid_rows(robot, &trig));
         for wheel in 0..3 {

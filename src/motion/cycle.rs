@@ -2,12 +2,12 @@
 
 use super::element::Linearised;
 use super::extreme::Extremes;
-use super::path::{Pose, advance};
+use super::path::advance;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment, Reduced};
 use super::ring::Ring;
 use crate::metrics::GaitMetrics;
-use crate::robot::{Trig, dot, skid_rows};
+use crate::robot::{Pose, Trig, dot, skid_rows};
 
 /// A steady cycle measured by the elements' own quadrature.
 #[derive(Debug, Clone, Copy)]
@@ -41,7 +41,7 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
             }
         }
     }
-    let pose = if ring.is_half() { with_mirror_image(end) } else { end };
+    let pose = if ring.is_half() { end * end.mirrored() } else { end };
     let (alpha1_rad, extremes) = match driven.gait.joints[0] {
         Some(command) => (command.amplitude_rad.abs(), None),
         None => {
@@ -73,14 +73,4 @@ pub(super) fn moments<const N: usize, R: Reduced<N>>(
 ) -> [Moment; STAGES] {
     let (nodes, _, stages) = ring.element(k);
     std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]))
-}
-
-/// The pose after a half period and its mirror image.
-pub(super) fn with_mirror_image(half: Pose) -> Pose {
-    let (sin, cos) = half.theta_rad.sin_cos();
-    Pose {
-        x_m: half.x_m + cos * half.x_m + sin * half.y_m,
-        y_m: half.y_m + sin * half.x_m - cos * half.y_m,
-        theta_rad: 0.0,
-    }
 }

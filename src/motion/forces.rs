@@ -37,7 +37,7 @@ pub(super) fn actions(driven: &Driven, moment: &Moment, acceleration: &[f64; 5])
     let trig = Trig::new(moment.phi_rad);
     let velocity = &moment.velocity;
     let supplied =
-        force_balance(robot, passive, moment.phi_rad, &trig, velocity, acceleration).value;
+        force_balance(robot, passive, moment.phi_rad, &trig, velocity, acceleration).force;
     let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
     let (skid_m_s, roll_m_s) =
         (skid.map(|row| dot(&row, velocity)), roll.map(|row| dot(&row, velocity)));

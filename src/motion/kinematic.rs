@@ -9,12 +9,12 @@ use std::f64::consts::TAU;
 
 use super::MotionError;
 use super::forces::{Actions, actions};
-use super::path::{Pose, advance};
+use super::path::advance;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment};
 use super::trajectory::Sample;
 use crate::metrics::GaitMetrics;
-use crate::robot::{JointCommand, Robot, Trig};
+use crate::robot::{JointCommand, Pose, Robot, Trig};
 
 /// Elements of the quadrature at first and at most. Odd numbers keep the elements' ends off
 /// the simple fractions of a period at which gaits tend to cross `det W_b = 0`.

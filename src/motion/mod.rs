@@ -25,12 +25,12 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::GaitMetrics;
+pub use crate::robot::Pose;
 use crate::robot::{Gait, Robot};
 use reduced::Driven;
 use task::{Follow, SampleFromRest};
 
 pub use forces::Actions;
-pub use path::Pose;
 pub use reduced::Parameter;
 pub use solver::{Derivatives, Settled, Solver};
 pub use trajectory::Sample;

@@ -2,14 +2,7 @@
 
 use super::radau::{RADAU, STAGES};
 use super::reduced::Moment;
-
-/// Position (m) and heading (rad) of link 0.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Pose {
-    pub x_m: f64,
-    pub y_m: f64,
-    pub theta_rad: f64,
-}
+use crate::robot::{Pose, rotated};
 
 /// Poses at the stages of an element that starts at `from`; the last is its end.
 pub(super) fn advance(from: Pose, moments: &[Moment; STAGES], duration_s: f64) -> [Pose; STAGES] {
@@ -21,10 +14,8 @@ pub(super) fn advance(from: Pose, moments: &[Moment; STAGES], duration_s: f64) -
     let headings: [f64; STAGES] = std::array::from_fn(|j| from.theta_rad + sum(j, &turning));
     let (mut x_rates, mut y_rates) = ([0.0; STAGES], [0.0; STAGES]);
     for j in 0..STAGES {
-        let (sin, cos) = headings[j].sin_cos();
         let [u, v, ..] = moments[j].velocity;
-        x_rates[j] = u * cos - v * sin;
-        y_rates[j] = u * sin + v * cos;
+        [x_rates[j], y_rates[j]] = rotated(headings[j], [u, v]);
     }
     std::array::from_fn(|j| Pose {
         x_m: from.x_m + sum(j, &x_rates),

@@ -14,13 +14,13 @@ use super::MotionError;
 use super::cycle::{Cycle, moments, skid_scale};
 use super::element::{Linearised, Stages, unknowns};
 use super::extreme::Turn;
-use super::path::{Pose, advance};
+use super::path::advance;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, MOST_PARAMETERS, Moment, Parameter, Reduced};
 use super::ring::Ring;
 use super::solver::Derivatives;
 use crate::metrics::GaitMetrics;
-use crate::robot::{Trig, dot, skid_rows, skid_turns};
+use crate::robot::{Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
 /// Most columns: states at the start, then parameters.
 pub(super) const MOST_COLUMNS: usize = 5 + MOST_PARAMETERS;
@@ -355,7 +355,7 @@ impl Gradient {
             for (j, moment) in moments.iter().enumerate() {
                 let trig = Trig::new(moment.phi_rad);
                 let rows = skid_rows(&driven.robot, &trig);
-                let turns = skid_turns(&driven.robot, &trig);
+                let turns = dskid_rows_dphi(&driven.robot, &trig);
                 for (wheel, row) in rows.iter().enumerate() {
                     let by = &mut by[2 + wheel][j];
                     let factor = weights[j] * self.by_skid[wheel] * dot(row, &moment.velocity);

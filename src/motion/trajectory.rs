@@ -10,12 +10,12 @@ use nalgebra::{SMatrix, SVector};
 use super::MotionError;
 use super::element::{Linearised, Stages, follow_element};
 use super::forces::{Actions, actions};
-use super::path::{Pose, advance};
+use super::path::advance;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment, Reduced};
 use super::ring::Ring;
 use super::transient::Follower;
-use crate::robot::{Trig, dot, roll_rows, skid_rows};
+use crate::robot::{Pose, Trig, dot, roll_rows, rotated, skid_rows};
 
 /// The robot at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,13 +45,13 @@ impl Sample {
     ) -> Self {
         let trig = Trig::new(moment.phi_rad);
         let [u, v, turning, w1, w2] = moment.velocity;
-        let (sin, cos) = pose.theta_rad.sin_cos();
+        let [x_rate, y_rate] = rotated(pose.theta_rad, [u, v]);
         let along = |rows: [[f64; 5]; 3]| rows.map(|row| dot(&row, &moment.velocity));
         Self {
             time_s,
             pose,
             phi_rad: moment.phi_rad,
-            rates: [u * cos - v * sin, u * sin + v * cos, turning, w1, w2],
+            rates: [x_rate, y_rate, turning, w1, w2],
             roll_m_s: along(roll_rows(&driven.robot, &trig)),
             skid_m_s: along(skid_rows(&driven.robot, &trig)),
             actions: actions(driven, moment, acceleration),

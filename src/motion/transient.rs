@@ -7,9 +7,10 @@ use std::f64::consts::TAU;
 
 use super::MotionError;
 use super::element::{Linearised, Stages, follow_element, interpolate, tail};
-use super::path::{Pose, advance};
+use super::path::advance;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Driven, Moment, Reduced};
+use crate::robot::Pose;
 
 /// A motion on its way, at first at rest at phase 0.
 #[derive(Debug)]

@@ -74,31 +74,22 @@ pub fn work_j_m(solver: &mut Solver, problem: &Problem) -> Option<f64> {
     (is_stable && metrics.d_m > 0.0).then(|| work_j / metrics.d_m)
 }
 
-/// Time (s) and pose of a motion that repeats a cycle so often, from `start` on.
+/// Time (s) and pose of a motion that repeats a cycle, which starts at the origin, so often from
+/// `start` on.
 pub fn repeat(cycle: &[Sample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
     let [first, .., last] = cycle else { return Vec::new() };
     let mut poses = vec![(0.0, start)];
     let (mut from, mut time_s) = (start, 0.0);
     for _ in 0..cycles {
-        poses.extend(cycle[1..].iter().map(|sample| {
-            (time_s + sample.time_s - first.time_s, moved(from, first.pose, sample.pose))
-        }));
-        from = moved(from, first.pose, last.pose);
+        poses.extend(
+            cycle[1..]
+                .iter()
+                .map(|sample| (time_s + sample.time_s - first.time_s, from * sample.pose)),
+        );
+        from = from * last.pose;
         time_s += last.time_s - first.time_s;
     }
     poses
-}
-
-/// `pose` as it is when the motion that starts at `origin` starts at `from` instead.
-fn moved(from: Pose, origin: Pose, pose: Pose) -> Pose {
-    let turn_rad = from.theta_rad - origin.theta_rad;
-    let (sin, cos) = turn_rad.sin_cos();
-    let (x, y) = (pose.x_m - origin.x_m, pose.y_m - origin.y_m);
-    Pose {
-        x_m: from.x_m + cos * x - sin * y,
-        y_m: from.y_m + sin * x + cos * y,
-        theta_rad: pose.theta_rad + turn_rad,
-    }
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Eq. 7 in link 0's frame with its Jacobian.
+//! Eq. 7 in link 0's frame with its Jacobian, and its mass matrix.
 //!
 //! # Derivation
 //!
@@ -16,20 +16,46 @@
 //! to the generalised force that actuators and constraints must supply: zero for `u, v, r`
 //! of a skidding robot and for its passive joint. Nothing depends on position or heading.
 
-use super::geometry::{dot, roll_rows, roll_turns, skid_rows, skid_turns};
-use super::{Robot, Trig, Velocity};
+use super::Robot;
+use super::kinematics::{
+    Trig, Velocity, dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
+};
 
 /// The left-hand side of eq. 7, `M q'' + B + G - F_d`, and its derivatives.
 ///
-/// The derivative with respect to the accelerations is [`super::mass_matrix`].
+/// The derivative with respect to the accelerations is [`mass_matrix`].
 #[derive(Debug, Clone, Copy)]
 pub struct Balance {
     /// Generalised forces (N, N, N m, N m, N m) along [`Velocity`].
-    pub value: [f64; 5],
-    /// `by_velocity[i][j]`: derivative of row i with respect to velocity j.
-    pub by_velocity: [[f64; 5]; 5],
-    /// `by_phi[j][i]`: derivative of row i with respect to joint angle j.
-    pub by_phi: [[f64; 5]; 2],
+    pub force: [f64; 5],
+    /// `dforce_dvelocity[i][j]`: derivative of force i with respect to velocity j.
+    pub dforce_dvelocity: [[f64; 5]; 5],
+    /// `dforce_dphi[j][i]`: derivative of force i with respect to joint angle j.
+    pub dforce_dphi: [[f64; 5]; 2],
+}
+
+/// `M` of eq. 7 in link 0's frame: kg, kg m and kg m^2, rows and columns as [`Velocity`].
+#[inline(always)]
+pub fn mass_matrix(robot: &Robot, trig: &Trig) -> [[f64; 5]; 5] {
+    let (h, b) = (robot.h_m, robot.b_m);
+    let [m0, m1, m2] = robot.mass_kg;
+    let [i0, i1, i2] = robot.inertia_kg_m2;
+    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
+    let total = m0 + m1 + m2;
+    let (j1, j2) = (m1 * b * b + i1, m2 * b * b + i2);
+    let (p1, p2) = (m1 * h * b * c1 + j1, m2 * h * b * c2 + j2);
+    let u_r = b * (m1 * s1 + m2 * s2);
+    let v_r = m1 * (h + b * c1) - m2 * (h + b * c2);
+    let r_r = i0 + (m1 + m2) * h * h + 2.0 * h * b * (m1 * c1 + m2 * c2) + j1 + j2;
+    let (u_1, v_1) = (-m1 * b * s1, -m1 * b * c1);
+    let (u_2, v_2) = (m2 * b * s2, -m2 * b * c2);
+    [
+        [total, 0.0, u_r, u_1, u_2],
+        [0.0, total, v_r, v_1, v_2],
+        [u_r, v_r, r_r, -p1, p2],
+        [u_1, v_1, -p1, j1, 0.0],
+        [u_2, v_2, p2, 0.0, j2],
+    ]
 }
 
 /// Projects forces on the three centres of mass on the five velocities.
@@ -73,14 +99,14 @@ pub fn force_balance(
     let a1 = [ax - h * r * r + b * dr1 * s1 - turn1 * c1, ay + h * dr + b * dr1 * c1 + turn1 * s1];
     let a2 = [ax + h * r * r + b * dr2 * s2 + turn2 * c2, ay - h * dr - b * dr2 * c2 + turn2 * s2];
     let forces = [[m0 * ax, m0 * ay], [m1 * a1[0], m1 * a1[1]], [m2 * a2[0], m2 * a2[1]]];
-    let mut value = project(robot, trig, forces);
-    value[2] += i0 * dr + i1 * dr1 + i2 * dr2;
-    value[3] -= i1 * dr1;
-    value[4] += i2 * dr2;
+    let mut force = project(robot, trig, forces);
+    force[2] += i0 * dr + i1 * dr1 + i2 * dr2;
+    force[3] -= i1 * dr1;
+    force[4] += i2 * dr2;
 
     // Columns of the Jacobian: how the three accelerations change with each velocity.
     let (g1, g2) = (2.0 * b * r1, 2.0 * b * r2);
-    let by_column = [
+    let columns = [
         project(robot, trig, [[0.0, m0 * r], [0.0, m1 * r], [0.0, m2 * r]]),
         project(robot, trig, [[-m0 * r, 0.0], [-m1 * r, 0.0], [-m2 * r, 0.0]]),
         project(
@@ -95,9 +121,9 @@ pub fn force_balance(
         project(robot, trig, [[0.0; 2], [m1 * g1 * c1, -m1 * g1 * s1], [0.0; 2]]),
         project(robot, trig, [[0.0; 2], [0.0; 2], [m2 * g2 * c2, m2 * g2 * s2]]),
     ];
-    let mut by_velocity = [[0.0; 5]; 5];
-    for (i, row) in by_velocity.iter_mut().enumerate() {
-        for (entry, column) in row.iter_mut().zip(&by_column) {
+    let mut dforce_dvelocity = [[0.0; 5]; 5];
+    for (i, row) in dforce_dvelocity.iter_mut().enumerate() {
+        for (entry, column) in row.iter_mut().zip(&columns) {
             *entry = column[i];
         }
     }
@@ -105,63 +131,63 @@ pub fn force_balance(
     // The side links' accelerations turn with their joints, and so do the arms b.
     let f1 = [m1 * (turn1 * s1 + b * dr1 * c1), m1 * (turn1 * c1 - b * dr1 * s1)];
     let f2 = [m2 * (-turn2 * s2 + b * dr2 * c2), m2 * (turn2 * c2 + b * dr2 * s2)];
-    let mut by_phi = [
+    let mut dforce_dphi = [
         project(robot, trig, [[0.0; 2], f1, [0.0; 2]]),
         project(robot, trig, [[0.0; 2], [0.0; 2], f2]),
     ];
     let arm1 = m1 * b * (c1 * a1[0] - s1 * a1[1]);
     let arm2 = m2 * b * (c2 * a2[0] + s2 * a2[1]);
-    by_phi[0][2] += arm1;
-    by_phi[0][3] -= arm1;
-    by_phi[1][2] += arm2;
-    by_phi[1][4] += arm2;
+    dforce_dphi[0][2] += arm1;
+    dforce_dphi[0][3] -= arm1;
+    dforce_dphi[1][2] += arm2;
+    dforce_dphi[1][4] += arm2;
 
     let skid = skid_rows(robot, trig);
     let roll = roll_rows(robot, trig);
     for i in 0..3 {
-        add_friction(&mut value, &mut by_velocity, robot.skid_kg_s[i], &skid[i], velocity);
-        add_friction(&mut value, &mut by_velocity, robot.roll_kg_s[i], &roll[i], velocity);
+        add_friction(&mut force, &mut dforce_dvelocity, robot.skid_kg_s[i], &skid[i], velocity);
+        add_friction(&mut force, &mut dforce_dvelocity, robot.roll_kg_s[i], &roll[i], velocity);
     }
     // Only the rows of the side wheels turn, each with its own joint.
-    let (skid_turns, roll_turns) = (skid_turns(robot, trig), roll_turns(robot, trig));
+    let (dskid, droll) = (dskid_rows_dphi(robot, trig), droll_rows_dphi(robot, trig));
     for j in 0..2 {
         let (c_skid, c_roll) = (robot.skid_kg_s[j + 1], robot.roll_kg_s[j + 1]);
-        add_turned_friction(&mut by_phi[j], c_skid, &skid[j + 1], &skid_turns[j], velocity);
-        add_turned_friction(&mut by_phi[j], c_roll, &roll[j + 1], &roll_turns[j], velocity);
+        add_friction_gradient(&mut dforce_dphi[j], c_skid, &skid[j + 1], &dskid[j], velocity);
+        add_friction_gradient(&mut dforce_dphi[j], c_roll, &roll[j + 1], &droll[j], velocity);
     }
 
     if let Some(joint) = passive {
         let row = 3 + joint;
-        value[row] += robot.stiffness_nm_rad * (phi_rad[joint] - robot.rest_angle_rad)
+        force[row] += robot.stiffness_nm_rad * (phi_rad[joint] - robot.rest_angle_rad)
             + robot.damping_nm_s_rad * velocity[row];
-        by_velocity[row][row] += robot.damping_nm_s_rad;
-        by_phi[joint][row] += robot.stiffness_nm_rad;
+        dforce_dvelocity[row][row] += robot.damping_nm_s_rad;
+        dforce_dphi[joint][row] += robot.stiffness_nm_rad;
     }
-    Balance { value, by_velocity, by_phi }
+    Balance { force, dforce_dvelocity, dforce_dphi }
 }
 
 /// Adds `c row (row . velocity)` and its derivative with respect to the velocity.
 #[inline(always)]
 fn add_friction(
-    value: &mut [f64; 5],
-    by_velocity: &mut [[f64; 5]; 5],
+    force: &mut [f64; 5],
+    dforce_dvelocity: &mut [[f64; 5]; 5],
     c_kg_s: f64,
     row: &[f64; 5],
     velocity: &Velocity,
 ) {
-    let force = c_kg_s * dot(row, velocity);
+    let along = c_kg_s * dot(row, velocity);
     for i in 0..5 {
-        value[i] += force * row[i];
+        force[i] += along * row[i];
         for j in 0..5 {
-            by_velocity[i][j] += c_kg_s * row[i] * row[j];
+            dforce_dvelocity[i][j] += c_kg_s * row[i] * row[j];
         }
     }
 }
 
 /// Adds the derivative of `c row (row . velocity)` when `row` changes by `turn`.
 #[inline(always)]
-fn add_turned_friction(
-    by_phi: &mut [f64; 5],
+fn add_friction_gradient(
+    dforce_dphi: &mut [f64; 5],
     c_kg_s: f64,
     row: &[f64; 5],
     turn: &[f64; 5],
@@ -169,6 +195,6 @@ fn add_turned_friction(
 ) {
     let (along, across) = (c_kg_s * dot(row, velocity), c_kg_s * dot(turn, velocity));
     for i in 0..5 {
-        by_phi[i] += along * turn[i] + across * row[i];
+        dforce_dphi[i] += along * turn[i] + across * row[i];
     }
 }

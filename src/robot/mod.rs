@@ -5,20 +5,13 @@
 
 mod balance;
 mod gait;
-mod geometry;
+mod kinematics;
 
-pub use balance::{Balance, force_balance};
+pub use balance::{Balance, force_balance, mass_matrix};
 pub use gait::{Gait, JointCommand, Shape};
-pub use geometry::{
-    Trig, det_wb, dot, kinetic_energy, mass_matrix, roll_rows, roll_turns, skid_rows, skid_turns,
-    velocity_terms,
+pub use kinematics::{
+    Pose, Trig, Velocity, det_wb, dot, dskid_rows_dphi, in_world, roll_rows, rotated, skid_rows,
 };
-
-/// Velocities in link 0's frame: `(u, v, theta', phi1', phi2')` with `u` along the
-/// link (m/s), `v` across it to the left (m/s), and angular rates in rad/s.
-///
-/// `u = x' cos(theta) + y' sin(theta)`, `v = -x' sin(theta) + y' cos(theta)`.
-pub type Velocity = [f64; 5];
 
 /// Parameters of a robot (Tables I and II).
 #[derive(Debug, Clone, PartialEq)]

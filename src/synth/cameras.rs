@@ -10,7 +10,7 @@ use rand_distr::{Distribution, LogNormal, Normal};
 
 use super::misplace::{Misplaced, misplace};
 use crate::config::Markers;
-use crate::robot::Robot;
+use crate::robot::{Pose, Robot, in_world};
 
 /// Name of the subject before every label.
 const SUBJECT: &str = "Snake:";
@@ -152,21 +152,16 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
     let noise = Normal::new(0.0, NOISE_MM).expect("a positive deviation");
 
     let mut positions_mm = Vec::with_capacity(coordinates.len() * markers.len());
-    let (sin, cos) = heading.sin_cos();
     for (frame, q) in coordinates.iter().enumerate() {
         let time_s = frame as f64 / rate_hz;
-        let frames = link_frames(q, robot);
+        let [x_m, y_m, theta_rad, phi_rad @ ..] = *q;
+        let links = robot.link_poses(Pose { x_m, y_m, theta_rad }, phi_rad);
         for (i, (link, _, position)) in markers.iter().enumerate() {
             let [x, y, z] = wobbles[*link].displace(*position, time_s);
-            let (origin, angle) = frames[*link];
-            let (s, c) = angle.sin_cos();
-            let floor = [origin[0] + c * x - s * y, origin[1] + s * x + c * y];
-            let world = [
-                origin_mm[0] + cos * floor[0] - sin * floor[1],
-                origin_mm[1] + sin * floor[0] + cos * floor[1],
-                z,
-            ];
-            let world = turned(tilt.floor_rad, world);
+            let Pose { x_m, y_m, theta_rad } = links[*link];
+            let floor = in_world([1e3 * x_m, 1e3 * y_m], theta_rad, [x, y]);
+            let [x, y] = in_world(origin_mm, heading, floor);
+            let world = turned(tilt.floor_rad, [x, y, z]);
             // Noise is drawn for every marker, so that dropouts do not change the rest.
             let measured = world.map(|x| x + noise.sample(&mut random));
             positions_mm.push(seen[i][frame].then_some(measured));
@@ -183,22 +178,6 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
         Vec::new()
     };
     Film { rate_hz, first_frame, labels, positions_mm, misplaced }
-}
-
-/// Origin (the wheel's axle, mm) and angle (rad) of each link.
-fn link_frames(q: &[f64; 5], robot: &Robot) -> [([f64; 2], f64); 3] {
-    let [x, y, theta, phi1, phi2] = *q;
-    let (h, l) = (robot.h_m, robot.l_m);
-    let along = |angle: f64| [angle.cos(), angle.sin()];
-    let (angle1, angle2) = (theta - phi1, theta + phi2);
-    let (t0, t1, t2) = (along(theta), along(angle1), along(angle2));
-    let mm =
-        |i: usize, sign: f64, side: [f64; 2]| 1e3 * ([x, y][i] + sign * (h * t0[i] + l * side[i]));
-    [
-        ([1e3 * x, 1e3 * y], theta),
-        ([mm(0, 1.0, t1), mm(1, 1.0, t1)], angle1),
-        ([mm(0, -1.0, t2), mm(1, -1.0, t2)], angle2),
-    ]
 }
 
 /// Which frames of each marker the cameras saw.

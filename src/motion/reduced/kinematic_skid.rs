@@ -27,8 +27,8 @@ impl KinematicSkid {
             std::array::from_fn(|i| std::array::from_fn(|j| full[i][j]))
         };
         let residual = Residual {
-            value: std::array::from_fn(|i| balance.value[i]),
-            by_state: body(&balance.by_velocity),
+            value: std::array::from_fn(|i| balance.force[i]),
+            by_state: body(&balance.dforce_dvelocity),
             by_rate: body(&mass),
         };
         (residual, balance, mass)
@@ -78,8 +78,8 @@ impl Reduced<3> for KinematicSkid {
                 by[3 + wheel] = by_roll[wheel][i];
             }
             for (a, [phi, rate, acceleration]) in node.waves.into_iter().enumerate() {
-                by[6 + a] = balance.by_phi[a][i] * phi
-                    + balance.by_velocity[i][3 + a] * rate
+                by[6 + a] = balance.dforce_dphi[a][i] * phi
+                    + balance.dforce_dvelocity[i][3 + a] * rate
                     + mass[i][3 + a] * acceleration;
             }
         }

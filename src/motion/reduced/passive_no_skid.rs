@@ -146,18 +146,19 @@ impl PassiveNoSkid {
             for (n, &row) in null.iter().zip(&rows) {
                 for (k, &column) in rows.iter().enumerate() {
                     sum += n
-                        * (balance.by_velocity[row][column] * by[k]
+                        * (balance.dforce_dvelocity[row][column] * by[k]
                             + mass[row][column] * rate_by[k]);
                 }
             }
             sum
         };
-        let value = null.iter().zip(&rows).map(|(n, &row)| n * balance.value[row]).sum();
+        let value = null.iter().zip(&rows).map(|(n, &row)| n * balance.force[row]).sum();
         let by_s = project(null, [frame.null_rate[0], frame.null_rate[1], dw_by_s]);
-        let turned: f64 = null.iter().zip(&rows).map(|(n, &row)| n * balance.by_phi[p][row]).sum();
+        let turned: f64 =
+            null.iter().zip(&rows).map(|(n, &row)| n * balance.dforce_dphi[p][row]).sum();
         let by_phi = project([0.0, 0.0, w_by_phi], [0.0, 0.0, dw_by_phi])
             + turned
-            + n_p_by_phi * balance.value[3 + p];
+            + n_p_by_phi * balance.force[3 + p];
         let residual = Residual {
             value: [value, dy[1] - w],
             by_state: [[by_s, by_phi], [-n_p, -w_by_phi]],
@@ -286,10 +287,10 @@ impl Reduced<2> for PassiveNoSkid {
         let dnull = [frame.null[0], frame.null[1], wheel.rate(frame.null)];
         let mut sum = 0.0;
         for ((n, dn), &row) in null.iter().zip(&dnull).zip(&rows) {
-            let force = dot(&balance.by_velocity[row], &velocity)
+            let force = dot(&balance.dforce_dvelocity[row], &velocity)
                 + dot(&mass[row], &rates)
-                + balance.by_phi[a][row] * phi;
-            sum += n * force + dn * balance.value[row];
+                + balance.dforce_dphi[a][row] * phi;
+            sum += n * force + dn * balance.force[row];
         }
         by[0][5] = sum;
         by[1] = [0.0; MOST_PARAMETERS];

@@ -42,12 +42,12 @@ impl PassiveSkid {
         let mut residual =
             Residual { value: [0.0; 5], by_state: [[0.0; 5]; 5], by_rate: [[0.0; 5]; 5] };
         for (i, &row) in rows.iter().enumerate() {
-            residual.value[i] = balance.value[row];
+            residual.value[i] = balance.force[row];
             for (j, &column) in rows.iter().enumerate() {
-                residual.by_state[i][j] = balance.by_velocity[row][column];
+                residual.by_state[i][j] = balance.dforce_dvelocity[row][column];
                 residual.by_rate[i][j] = mass[row][column];
             }
-            residual.by_state[i][4] = balance.by_phi[p][row];
+            residual.by_state[i][4] = balance.dforce_dphi[p][row];
         }
         (residual, balance, mass)
     }
@@ -101,8 +101,8 @@ impl Reduced<5> for PassiveSkid {
                 by[3 + wheel] = by_roll[wheel][row];
             }
             (by[6], by[7]) = (0.0, 0.0);
-            by[8] = balance.by_phi[a][row] * phi
-                + balance.by_velocity[row][3 + a] * rate
+            by[8] = balance.dforce_dphi[a][row] * phi
+                + balance.dforce_dvelocity[row][3 + a] * rate
                 + mass[row][3 + a] * acceleration;
         }
         (by[3][6], by[3][7]) = (y[4] - robot.rest_angle_rad, y[3]);

@@ -3,9 +3,10 @@
 use super::Ring;
 use super::newton::largest_ratio;
 use crate::motion::element::{Stages, lower_tail, tail};
-use crate::motion::path::{Pose, advance};
+use crate::motion::path::advance;
 use crate::motion::radau::STAGES;
 use crate::motion::reduced::{Moment, Reduced};
+use crate::robot::{Pose, rotated};
 
 /// Part of the accuracy that the elements may miss.
 const MISSED: f64 = 0.5;
@@ -57,6 +58,6 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
 fn in_the_world(moment: &Moment, theta_rad: f64) -> [f64; 7] {
     let [phi1, phi2] = moment.phi_rad;
     let [u, v, r, w1, w2] = moment.velocity;
-    let (sin, cos) = theta_rad.sin_cos();
-    [phi1, phi2, u * cos - v * sin, u * sin + v * cos, r, w1, w2]
+    let [x_rate, y_rate] = rotated(theta_rad, [u, v]);
+    [phi1, phi2, x_rate, y_rate, r, w1, w2]
 }

@@ -50,18 +50,9 @@ pub fn dense_series(nth: usize, name: &str, points: &[(f64, f64)]) -> Layer {
 
 /// Front wheel, front joint, rear joint and rear wheel, m.
 pub fn links(robot: &Robot, pose: Pose, phi_rad: [f64; 2]) -> Vec<(f64, f64)> {
-    let along = |(x, y): (f64, f64), length_m: f64, angle_rad: f64| {
-        (x + length_m * angle_rad.cos(), y + length_m * angle_rad.sin())
-    };
-    let centre = (pose.x_m, pose.y_m);
-    let front = along(centre, robot.h_m, pose.theta_rad);
-    let rear = along(centre, -robot.h_m, pose.theta_rad);
-    vec![
-        along(front, robot.l_m, pose.theta_rad - phi_rad[0]),
-        front,
-        rear,
-        along(rear, -robot.l_m, pose.theta_rad + phi_rad[1]),
-    ]
+    let [_, front, rear] = robot.link_poses(pose, phi_rad);
+    let places = [front, pose.ahead(robot.h_m), pose.ahead(-robot.h_m), rear];
+    places.map(|pose| (pose.x_m, pose.y_m)).into()
 }
 
 /// An arrow beside a path in the direction of its travel.
