@@ -1,4 +1,4 @@
-//! What the README says of running every night, tried.
+//! What docs/nightly.md says of running every night, tried.
 
 #![allow(clippy::unwrap_used)]
 #![cfg(unix)]
@@ -10,11 +10,11 @@ use std::process::Command;
 
 use common::{small_run, small_settings, succeed, text};
 
-/// The README's blocks of a kind.
+/// The document's blocks of a kind.
 fn blocks(kind: &str) -> Vec<String> {
-    let readme = std::fs::read_to_string("README.md").unwrap();
+    let document = std::fs::read_to_string("docs/nightly.md").unwrap();
     let begins = format!("```{kind}\n");
-    let parts = readme.split(&begins).skip(1);
+    let parts = document.split(&begins).skip(1);
     parts.map(|part| part.split("```").next().unwrap().to_owned()).collect()
 }
 
