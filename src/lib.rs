@@ -35,6 +35,7 @@ pub mod cli;
 pub(crate) mod clock;
 pub(crate) mod csv;
 pub(crate) mod interrupt;
+pub(crate) mod least_squares;
 pub mod metrics;
 pub mod motion;
 pub(crate) mod pattern;

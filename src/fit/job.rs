@@ -1,16 +1,18 @@
 //! One model of one campaign: its fit, what it is worth, and what it predicts.
 
+use std::sync::atomic::Ordering;
+
 use rayon::prelude::*;
 
-use super::base::{Base, Near};
 use super::coefficient::{Coefficient, Parameter};
 use super::compare::criterion;
+use super::fitted_point::{FittedPoint, Refit};
 use super::objective::Objective;
 use super::predict::predictions;
 use super::profile::{Class, Profile, profile, profile_limits};
 use super::resample::Resampler;
-use super::search::{HAS_CONVERGED, at_bound, is_at_bound};
-use super::starts::{JOINED, NOTHING_FREE, Start, search_all, search_from};
+use super::search::{Ended, at_bound, is_at_bound};
+use super::starts::{Start, search_all, search_from};
 use super::{FitEvent, Fitted, OnEvent};
 use crate::config::{Config, GaitInput};
 use crate::motion::{Model, REFERENCE_ACCURACY};
@@ -39,20 +41,20 @@ pub(super) struct Job<'j> {
 }
 
 /// What a job gives: its rows, and the replicates' objectives.
-pub(super) struct Done {
+pub(super) struct JobResult {
     pub tables: Fitted,
     pub replicates: Vec<f64>,
 }
 
 /// A model that was fitted before.
-impl From<Fitted> for Done {
+impl From<Fitted> for JobResult {
     fn from(tables: Fitted) -> Self {
         Self { replicates: tables.bootstrap.iter().map(|row| row.j).collect(), tables }
     }
 }
 
 impl Job<'_> {
-    pub fn run(&self, on_event: OnEvent) -> Done {
+    pub fn run(&self, on_event: OnEvent) -> JobResult {
         if self.measurements.is_empty() {
             return self.without_trials();
         }
@@ -74,11 +76,11 @@ impl Job<'_> {
         let best = starts.iter().min_by(|a, b| floor(a).total_cmp(&floor(b)));
         let best = best.expect("there is at least one start").clone();
         let mut solves: usize = starts.iter().map(|start| start.solves).sum();
-        let base = Base::new(&objective, &parameters, best.ended);
-        let status = base.status();
-        solves += base.evaluator().solves();
+        let point = FittedPoint::new(&objective, &parameters, best.ended);
+        let status = point.status();
+        solves += point.evaluator().solves();
         let mut fit = Fit {
-            base,
+            point,
             cost: best.cost,
             resumed: 0,
             solves,
@@ -98,48 +100,50 @@ impl Job<'_> {
             return;
         }
         loop {
-            let limits = profile_limits(&fit.base, self.resampler);
-            let base = &fit.base;
+            let limits = profile_limits(&fit.point, self.resampler);
+            let point = &fit.point;
             fit.profiles = limits
                 .par_iter()
                 .enumerate()
-                .map(|(place, limit)| profile(base, place, *limit))
+                .map(|(index, limit)| profile(point, index, *limit))
                 .collect();
             fit.solves += fit.profiles.iter().map(|profile| profile.solves).sum::<usize>();
-            let lower = fit.profiles.iter().filter_map(|profile| profile.lower_than(base.cost));
+            let lower = fit.profiles.iter().filter_map(|profile| profile.lower_than(point.cost));
             let lowest = lower.min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
             let Some(lowest) = lowest.filter(|_| fit.resumed < MOST_RESUMES) else { return };
-            let resumed = search_from(fit.base.evaluator(), lowest.values);
+            let resumed = search_from(fit.point.evaluator(), lowest.values);
             fit.solves += resumed.solves;
             if resumed.cost >= fit.cost * (1.0 - LOWER) {
                 return;
             }
             fit.resumed += 1;
             fit.cost = resumed.cost;
-            fit.base = fit.base.moved_to(resumed.ended);
+            fit.point = fit.point.moved_to(resumed.ended);
         }
     }
 
     fn bootstrap(&self, fit: &mut Fit, on_event: OnEvent) {
         let total = self.config.fit.bootstrap;
-        let base = &fit.base;
+        let (point, ended) = (&fit.point, Ended::default());
+        let (campaign, model) = (self.campaign, self.model);
         fit.replicates = (0..total)
             .into_par_iter()
             .map(|number| {
-                let near = base.refit(self.resampler.draw(number));
-                on_event(FitEvent::Replicate { campaign: self.campaign, model: self.model, total });
-                near
+                let refit = point.refit(self.resampler.draw(number), &ended);
+                let done = ended.load(Ordering::Relaxed);
+                on_event(FitEvent::Replicate { campaign, model, done, total });
+                refit
             })
             .collect();
-        fit.solves += fit.replicates.iter().map(|near| near.solves).sum::<usize>();
+        fit.solves += fit.replicates.iter().map(|refit| refit.solves).sum::<usize>();
     }
 
-    fn rows(&self, fit: Fit, starts: &[Start], status: String) -> Done {
-        let Fit { base, cost, resumed, profiles, replicates, .. } = &fit;
+    fn rows(&self, fit: Fit, starts: &[Start], status: String) -> JobResult {
+        let Fit { point, cost, resumed, profiles, replicates, .. } = &fit;
         let is_ok = status == "ok";
-        let parameters = base.parameters();
-        let objective = base.objective();
-        let robot = objective.robot_with(parameters, &base.values);
+        let parameters = point.parameters();
+        let objective = point.objective();
+        let robot = objective.robot_with(parameters, &point.values);
         let names = |of: Vec<Coefficient>| of.iter().map(|free| free.name().to_owned()).collect();
         let classed = |class: Class| {
             let both = parameters.iter().zip(profiles);
@@ -167,14 +171,12 @@ impl Job<'_> {
             identifiable: classed(Class::Identifiable),
             practically_not: classed(Class::PracticallyNot),
             structurally_not: classed(Class::StructurallyNot),
-            at_bound: names(at_bound(parameters, &base.values)),
+            at_bound: names(at_bound(parameters, &point.values)),
             j: if is_ok { *cost } else { f64::NAN },
             trials: self.measurements.len() as i64,
             starts: starts.len() as i64,
             starts_reached: count(&|start| start.cost <= cost * (1.0 + REACHED)),
-            starts_failed: count(&|start| {
-                ![HAS_CONVERGED, JOINED, NOTHING_FREE].contains(&&*start.stopped)
-            }),
+            starts_failed: count(&|start| start.stopped.is_failure()),
             resumed: *resumed as i64,
             solves: (fit.solves + more_solves) as i64,
             status,
@@ -190,15 +192,15 @@ impl Job<'_> {
                 start: number as i64,
                 j: start.cost,
                 solves: start.solves as i64,
-                stopped: start.stopped.clone(),
+                stopped: start.stopped.name().to_owned(),
                 ..StartRow::blank()
             };
             row.set_began(spread(parameters, &start.began));
             row.set_ended(spread(parameters, &start.ended));
             row
         });
-        Done {
-            replicates: replicates.iter().map(|near| near.cost).collect(),
+        JobResult {
+            replicates: replicates.iter().map(|refit| refit.cost).collect(),
             tables: Fitted {
                 predictions: predictions(self.campaign, objective, &robot),
                 starts: start_rows.collect(),
@@ -213,12 +215,12 @@ impl Job<'_> {
     /// The model's row of the comparison, without what needs the other models; and how many
     /// motions that took.
     fn comparison(&self, fit: &Fit) -> (ComparisonRow, usize) {
-        let base = &fit.base;
-        let [j_d, j_v, sigma0, sigma1, sigma2, j_alpha] = base.parts();
-        let objective = base.objective();
+        let point = &fit.point;
+        let [j_d, j_v, sigma0, sigma1, sigma2, j_alpha] = point.parts();
+        let objective = point.objective();
         let terms: usize = self.measurements.iter().map(|each| objective.terms(each).count()).sum();
-        let free = base.parameters().len();
-        let (j_left_out, mut solves) = base.left_out();
+        let free = point.parameters().len();
+        let (j_left_out, mut solves) = point.leave_one_frequency_out();
         let mut row = ComparisonRow {
             j: fit.cost,
             j_d,
@@ -237,14 +239,14 @@ impl Job<'_> {
         };
         if self.model != Model::NoSkidMeasured {
             let otherwise = objective.with_gait_input(other);
-            let found = base.refit_otherwise(&otherwise);
+            let found = point.refit_otherwise(&otherwise);
             solves += found.solves;
             other.name().clone_into(&mut row.other_gait_input);
             // A trial without a motion costs more than any fit.
             let exists = found.cost < super::objective::PENALTY / self.measurements.len() as f64;
             if exists {
                 row.other_gait_j = found.cost;
-                let robot = otherwise.robot_with(base.parameters(), &found.ended);
+                let robot = otherwise.robot_with(point.parameters(), &found.ended);
                 row.set_other_gait_parameters(self.parameters_of(&robot));
             }
         }
@@ -253,13 +255,13 @@ impl Job<'_> {
 
     fn profile_rows(&self, parameters: &[Parameter], profiles: &[Profile]) -> Vec<ProfileRow> {
         let rows = parameters.iter().zip(profiles).enumerate();
-        rows.flat_map(|(place, (parameter, profile))| {
+        rows.flat_map(|(index, (parameter, profile))| {
             profile.points.iter().map(move |point| {
                 let mut row = ProfileRow {
                     campaign: self.campaign.to_owned(),
                     model: self.model.name().to_owned(),
                     parameter: parameter.coefficient.name().to_owned(),
-                    value: point.values[place],
+                    value: point.values[index],
                     j: point.cost,
                     limit_j: profile.limit,
                     ..ProfileRow::blank()
@@ -271,24 +273,24 @@ impl Job<'_> {
         .collect()
     }
 
-    fn bootstrap_rows(&self, parameters: &[Parameter], replicates: &[Near]) -> Vec<BootstrapRow> {
-        let row = |(number, near): (usize, &Near)| {
+    fn bootstrap_rows(&self, parameters: &[Parameter], replicates: &[Refit]) -> Vec<BootstrapRow> {
+        let row = |(number, refit): (usize, &Refit)| {
             let mut row = BootstrapRow {
                 campaign: self.campaign.to_owned(),
                 model: self.model.name().to_owned(),
                 replicate: number as i64,
-                j: near.cost,
-                solves: near.solves as i64,
-                stopped: near.stopped.to_owned(),
+                j: refit.cost,
+                solves: refit.solves as i64,
+                stopped: refit.stopped.name().to_owned(),
                 ..BootstrapRow::blank()
             };
-            row.set_parameters(spread(parameters, &near.values));
+            row.set_parameters(spread(parameters, &refit.values));
             row
         };
         replicates.iter().enumerate().map(row).collect()
     }
 
-    fn without_trials(&self) -> Done {
+    fn without_trials(&self) -> JobResult {
         let status = "failed: no trial with metrics".to_owned();
         let mut comparison = without_numbers(ComparisonRow::blank());
         comparison.campaign = self.campaign.to_owned();
@@ -296,7 +298,7 @@ impl Job<'_> {
         comparison.status = status.clone();
         let fit = FitRow { status, ..self.with_parameters_of(&self.robot) };
         let tables = Fitted { fits: vec![fit], comparison: vec![comparison], ..Fitted::default() };
-        Done { tables, replicates: Vec::new() }
+        JobResult { tables, replicates: Vec::new() }
     }
 
     /// A row with the parameters that the model knows; the others are missing.
@@ -320,47 +322,49 @@ impl Job<'_> {
 
 /// A fit on its way.
 struct Fit<'o> {
-    base: Base<'o>,
+    point: FittedPoint<'o>,
     cost: f64,
     resumed: usize,
     solves: usize,
     /// One per free parameter, or none.
     profiles: Vec<Profile>,
-    replicates: Vec<Near>,
+    replicates: Vec<Refit>,
 }
 
 impl Fit<'_> {
     /// Lower and upper limits of the free parameters' 95 % intervals: the replicates' quantiles,
-    /// corrected for the noise that stands twice, or without replicates the profiles' limits. Missing where the interval is open: where the
-    /// profile does not end it, or where the replicates' quantile is a bound.
+    /// corrected for noise that counts twice, or without replicates the profiles' limits. Missing
+    /// where the interval is open: where the profile does not end it, or where the replicates'
+    /// quantile is a bound.
     fn intervals(&self, resampler: &Resampler) -> [Vec<f64>; 2] {
-        let spread = self.base.doubled(&resampler.noises()).spread;
+        let spread = self.point.noise_correction(&resampler.noises()).spread;
         [0, 1].map(|side| {
-            let limit = |(place, parameter): (usize, &Parameter)| {
-                let profiled = self.profiles.get(place).map(|profile| profile.interval[side]);
+            let limit = |(index, parameter): (usize, &Parameter)| {
+                let profiled = self.profiles.get(index).map(|profile| profile.interval[side]);
                 if profiled == Some(None) {
                     return f64::NAN;
                 }
                 let limit = match self.replicates.is_empty() {
                     true => profiled.flatten().unwrap_or(f64::NAN),
-                    false => self.quantile(place, [OUTSIDE, 1.0 - OUTSIDE][side]),
+                    false => self.quantile(index, [OUTSIDE, 1.0 - OUTSIDE][side]),
                 };
                 if is_at_bound(parameter, limit)[side] {
                     return f64::NAN;
                 }
-                let fitted = self.base.values[place];
+                let fitted = self.point.values[index];
                 match self.replicates.is_empty() {
                     true => limit,
                     false => fitted * (limit / fitted).powf(spread),
                 }
             };
-            self.base.parameters().iter().enumerate().map(limit).collect()
+            self.point.parameters().iter().enumerate().map(limit).collect()
         })
     }
 
     /// Quantile of a parameter over the replicates, between two of them in proportion.
-    fn quantile(&self, place: usize, part: f64) -> f64 {
-        let mut values: Vec<f64> = self.replicates.iter().map(|near| near.values[place]).collect();
+    fn quantile(&self, index: usize, part: f64) -> f64 {
+        let mut values: Vec<f64> =
+            self.replicates.iter().map(|refit| refit.values[index]).collect();
         values.sort_by(f64::total_cmp);
         let position = part * (values.len() - 1) as f64;
         let below = values[position.floor() as usize];
@@ -439,11 +443,11 @@ mod tests {
             Objective::new(job.model, robot, gait, weights, input, measurements.clone());
         let parameters = Parameter::free_in(job.model, &gait, &config.fit, None);
         // Away from the best, which is at 100.7, 33.9, 43.6 kg/s.
-        let base = Base::new(&objective, &parameters, vec![95.0, 34.0, 44.0]);
-        let began = base.cost;
+        let point = FittedPoint::new(&objective, &parameters, vec![95.0, 34.0, 44.0]);
+        let began = point.cost;
         let mut fit = Fit {
-            cost: base.cost,
-            base,
+            cost: point.cost,
+            point,
             resumed: 0,
             solves: 0,
             profiles: Vec::new(),

@@ -93,7 +93,7 @@ impl Measurement {
             .then_with(|| by_numbers().unwrap_or(Ordering::Equal))
     }
 
-    /// Places of the measurements of each frequency; the measurements are in their order.
+    /// Indices of the measurements of each frequency; the measurements are in their order.
     pub(super) fn frequencies(sorted: &[Self]) -> Vec<Vec<usize>> {
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for (i, measurement) in sorted.iter().enumerate() {

@@ -11,16 +11,16 @@
 //! deviations of one Laplace distribution; they are not quite, so that only large differences
 //! say anything).
 
-mod absolute;
-mod base;
 mod coefficient;
 mod compare;
-mod curvature;
-mod doubled;
+mod fitted_point;
 mod folder;
+mod hessian;
 mod job;
+mod least_absolute;
 mod measured;
 mod measurement;
+mod noise_correction;
 mod objective;
 mod plan;
 mod predict;
@@ -39,7 +39,7 @@ use crate::store::{
     BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
     StartRow, TrialRow,
 };
-use job::{Done, Job};
+use job::{Job, JobResult};
 use resample::Resampler;
 
 pub use coefficient::{Coefficient, Parameter};
@@ -47,6 +47,7 @@ pub use folder::{fit_folder, fit_planned, table_paths};
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective};
 pub use plan::{FitPlan, plan, plan_after};
+pub use search::Stopped;
 pub use starts::{Start, search};
 
 /// Raise it when the same measurements and configuration give other tables than before: then
@@ -83,8 +84,8 @@ pub struct Fitted {
 /// Something that has happened; on any thread.
 #[derive(Debug, Clone, Copy)]
 pub enum FitEvent<'f> {
-    /// One replicate of `total` is fitted.
-    Replicate { campaign: &'f str, model: Model, total: usize },
+    /// Another replicate is fitted: `done` of `total` are.
+    Replicate { campaign: &'f str, model: Model, done: usize, total: usize },
     /// A model is done.
     Fitted(&'f FitRow),
 }
@@ -144,7 +145,7 @@ pub fn fit_except(config: &Config, data: &FitData, mut kept: Kept, on_event: OnE
         })
         .filter(|job| !kept.contains_key(&(job.campaign.to_owned(), job.model)))
         .collect();
-    let mut fitted: BTreeMap<(&str, Model), Done> = jobs
+    let mut fitted: BTreeMap<(&str, Model), JobResult> = jobs
         .par_iter()
         .with_max_len(1)
         .map(|job| {
@@ -156,10 +157,10 @@ pub fn fit_except(config: &Config, data: &FitData, mut kept: Kept, on_event: OnE
     let mut all = Fitted::default();
     for (name, campaign) in &config.campaign {
         let models = campaign.models.iter().filter_map(|&model| {
-            let kept = kept.remove(&(name.clone(), model)).map(Done::from);
+            let kept = kept.remove(&(name.clone(), model)).map(JobResult::from);
             kept.or_else(|| fitted.remove(&(name.as_str(), model)))
         });
-        let mut models: Vec<Done> = models.collect();
+        let mut models: Vec<JobResult> = models.collect();
         compare_models(&mut models, config.fit.bootstrap);
         models.into_iter().for_each(|done| all.extend(done.tables));
     }
@@ -187,7 +188,7 @@ impl Fitted {
 }
 
 /// Completes the rows of a campaign's comparison by what needs all of them.
-fn compare_models(models: &mut [Done], replicates: usize) {
+fn compare_models(models: &mut [JobResult], replicates: usize) {
     let costs: Vec<&[f64]> = models.iter().map(|done| done.replicates.as_slice()).collect();
     let wins = compare::wins(&costs);
     for (done, wins) in models.iter_mut().zip(wins) {

@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::absolute::Term;
 use super::coefficient::{Coefficient, Parameter};
+use super::least_absolute::Residual;
 use super::measurement::Measurement;
 use crate::config::{GaitInput, Weights};
 use crate::metrics::GaitMetrics;
@@ -28,20 +28,20 @@ pub struct Objective {
     measurements: Vec<Measurement>,
 }
 
-/// A trial's simulated metrics, and for every free parameter their derivatives by its logarithm.
+/// A trial's simulated metrics, and for every free parameter their derivatives with respect to its logarithm.
 #[derive(Debug, Clone)]
 pub(super) struct Response {
     pub metrics: GaitMetrics,
-    by: Vec<[f64; 7]>,
+    d_metrics_d_logarithm: Vec<[f64; 7]>,
 }
 
-/// The objective somewhere.
+/// The objective at a point, linearised.
 #[derive(Debug, Clone)]
 pub(super) struct Linearised {
     pub cost: f64,
-    /// The objective's terms as affine functions of the logarithms of the free parameters. A
-    /// trial without a motion has none.
-    pub terms: Vec<Term>,
+    /// Affine functions of the logarithms of the free parameters. A trial without a motion has
+    /// none.
+    pub residuals: Vec<Residual>,
 }
 
 impl Objective {
@@ -131,7 +131,7 @@ impl Objective {
         parts
     }
 
-    /// The terms of eq. 22 for one trial: places in [`GaitMetrics::to_array`], weights and
+    /// The terms of eq. 22 for one trial: indices in [`GaitMetrics::to_array`], weights and
     /// measured values. What was not measured and what weighs nothing is left out.
     pub(super) fn terms(
         &self,
@@ -159,27 +159,27 @@ impl Objective {
         self.measurements.iter().zip(simulated).map(contribution).sum()
     }
 
-    /// The same with its terms, from metrics and their derivatives.
+    /// The same, linearised, from metrics and their derivatives.
     pub(super) fn linearised<'r>(
         &self,
         responses: impl IntoIterator<Item = Option<&'r Response>>,
     ) -> Linearised {
         let share = 1.0 / self.measurements.len() as f64;
-        let (mut cost, mut terms) = (0.0, Vec::new());
+        let (mut cost, mut residuals) = (0.0, Vec::new());
         for (measurement, response) in self.measurements.iter().zip(responses) {
-            let Some(Response { metrics, by }) = response else {
+            let Some(Response { metrics, d_metrics_d_logarithm }) = response else {
                 cost += share * PENALTY;
                 continue;
             };
             cost += share * self.contribution(measurement, metrics).min(PENALTY);
             let simulated = metrics.to_array();
-            terms.extend(self.terms(measurement).map(|(m, weight, measured)| Term {
+            residuals.extend(self.terms(measurement).map(|(m, weight, measured)| Residual {
                 weight: share * weight,
                 value: simulated[m] / measured - 1.0,
-                slope: by.iter().map(|by| by[m] / measured).collect(),
+                slope: d_metrics_d_logarithm.iter().map(|each| each[m] / measured).collect(),
             }));
         }
-        Linearised { cost, terms }
+        Linearised { cost, residuals }
     }
 
     /// Something that evaluates the objective and remembers the last motions.
@@ -212,12 +212,12 @@ impl<'a> Evaluator<'a> {
     }
 
     /// An evaluator of other measurements, the motions of which start from those of the
-    /// measurements at `places` here.
-    pub(super) fn of_others(&self, measurements: Vec<Measurement>, places: &[usize]) -> Self {
+    /// measurements at `indices` here.
+    pub(super) fn of_others(&self, measurements: Vec<Measurement>, indices: &[usize]) -> Self {
         Self {
             objective: Cow::Owned(self.objective.with_measurements(measurements)),
             parameters: self.parameters.clone(),
-            solvers: places.iter().map(|&place| self.solvers[place].clone()).collect(),
+            solvers: indices.iter().map(|&index| self.solvers[index].clone()).collect(),
             accuracy: self.accuracy,
             solves: 0,
         }
@@ -254,17 +254,16 @@ impl<'a> Evaluator<'a> {
         let response = |(metrics, solver): (&Option<GaitMetrics>, &mut Solver)| {
             let metrics = (*metrics)?;
             if wanted.is_empty() {
-                return Some(Response { metrics, by: Vec::new() });
+                return Some(Response { metrics, d_metrics_d_logarithm: Vec::new() });
             }
             let derivatives = solver.derivatives_by(&wanted).ok()?;
-            let by = coefficients.clone();
-            let by = by.map(|coefficient| coefficient.by_logarithm(&robot, &derivatives));
-            Some(Response { metrics, by: by.collect() })
+            let each = coefficients.clone().map(|each| each.by_logarithm(&robot, &derivatives));
+            Some(Response { metrics, d_metrics_d_logarithm: each.collect() })
         };
         metrics.iter().zip(&mut self.solvers).map(response).collect()
     }
 
-    /// The objective and its terms at `values`.
+    /// The objective linearised at `values`.
     pub(super) fn linearised(&mut self, values: &[f64]) -> Linearised {
         let metrics = self.metrics(values);
         self.linearised_at(values, &metrics)

@@ -4,18 +4,18 @@
 //! a limit. For least squares chi-square would give it; a sum of absolute values has no such law,
 //! so that it is taken from resampled measurements: where the fit were the truth, holding the
 //! parameter at it would cost a resample's fit so much in 95 of 100. Resamples are fitted with
-//! the terms linearised at the fit, which costs no motion; see [`super::doubled`] for what is
-//! corrected.
+//! the objective linearised at the fit, which costs no motion, and corrected
+//! ([`super::noise_correction`]).
 //!
 //! Reference: A. Raue et al., *Structural and practical identifiability analysis of partially
 //! observed dynamical models by exploiting the profile likelihood*, Bioinformatics 25 (2009).
 
 use rayon::prelude::*;
 
-use super::absolute::sum;
-use super::base::Base;
+use super::fitted_point::FittedPoint;
+use super::least_absolute::{minimise, minimise_holding, sum};
 use super::resample::Resampler;
-use super::search::{limits, linear_step};
+use super::search::limits;
 
 /// Part of the resamples that the limit covers.
 const LEVEL: f64 = 0.95;
@@ -24,12 +24,12 @@ const RESAMPLES: usize = 400;
 /// First step of a parameter's logarithm and what the next ones grow by.
 const FIRST_STEP: f64 = 0.03;
 const GROWTH: f64 = 1.8;
-/// Part of the way from the fit to which the crossing of the limit is found.
+/// Part of the distance from the fit to which the crossing of the limit is found.
 const CROSSING: f64 = 0.02;
-/// Linearised terms are good within about this factor's logarithm.
-const REGION: f64 = 1.0;
+/// Linearised residuals are good within about this factor's logarithm.
+const RADIUS: f64 = 1.0;
 
-/// What a profile says of a parameter.
+/// How well the measurements determine a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Class {
     Identifiable,
@@ -65,43 +65,43 @@ fn noise(cost: f64) -> f64 {
 }
 
 /// The objective's limit for each parameter.
-pub(super) fn profile_limits(base: &Base, resampler: &Resampler) -> Vec<f64> {
-    let bounds = limits(base.parameters(), &base.values, REGION);
+pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f64> {
+    let bounds = limits(fit.parameters(), &fit.values, RADIUS);
     let count = bounds.len();
     let rises: Vec<Vec<f64>> = (0..RESAMPLES)
         .into_par_iter()
         .map(|number| {
-            let terms = base.linearised(resampler.draw(number)).terms;
-            let free = sum(&terms, &linear_step(&terms, &bounds, None));
-            let held = |place| sum(&terms, &linear_step(&terms, &bounds, Some(place)));
-            (0..count).map(|place| held(place) - free).collect()
+            let all = fit.linearised(resampler.draw(number)).residuals;
+            let free = sum(&all, &minimise(&all, &bounds));
+            let held = |index| sum(&all, &minimise_holding(&all, &bounds, Some(index)));
+            (0..count).map(|index| held(index) - free).collect()
         })
         .collect();
-    let doubled = base.doubled(&resampler.noises());
-    let limit = |place: usize| {
-        let mut of_one: Vec<f64> = rises.iter().map(|rises| rises[place]).collect();
+    let correction = fit.noise_correction(&resampler.noises());
+    let limit = |index: usize| {
+        let mut of_one: Vec<f64> = rises.iter().map(|rises| rises[index]).collect();
         of_one.sort_by(f64::total_cmp);
-        let rise = doubled.rise * of_one[((RESAMPLES - 1) as f64 * LEVEL) as usize];
-        base.cost + rise.max(2.0 * noise(base.cost))
+        let rise = correction.rise * of_one[((RESAMPLES - 1) as f64 * LEVEL) as usize];
+        fit.cost + rise.max(2.0 * noise(fit.cost))
     };
     (0..count).map(limit).collect()
 }
 
-/// The profile of the parameter at `place`.
-pub(super) fn profile(base: &Base, place: usize, limit: f64) -> Profile {
+/// The profile of the parameter with this index.
+pub(super) fn profile(fit: &FittedPoint, index: usize, limit: f64) -> Profile {
     let (below, above) =
-        rayon::join(|| Side::walk(base, place, limit, 0), || Side::walk(base, place, limit, 1));
-    let fit = ProfilePoint { values: base.values.clone(), cost: base.cost };
+        rayon::join(|| Side::trace(fit, index, limit, 0), || Side::trace(fit, index, limit, 1));
+    let fitted = ProfilePoint { values: fit.values.clone(), cost: fit.cost };
     let interval = [below.crossing, above.crossing];
     let solves = below.solves + above.solves;
     let mut points = below.points;
-    points.push(fit);
+    points.push(fitted);
     points.extend(above.points);
-    points.sort_by(|a, b| a.values[place].total_cmp(&b.values[place]));
-    let rise = points.iter().map(|point| (point.cost - base.cost).abs()).fold(0.0, f64::max);
+    points.sort_by(|a, b| a.values[index].total_cmp(&b.values[index]));
+    let rise = points.iter().map(|point| (point.cost - fit.cost).abs()).fold(0.0, f64::max);
     let class = match interval {
         [Some(_), Some(_)] => Class::Identifiable,
-        [None, None] if rise <= noise(base.cost) => Class::StructurallyNot,
+        [None, None] if rise <= noise(fit.cost) => Class::StructurallyNot,
         _ => Class::PracticallyNot,
     };
     Profile { points, limit, interval, class, solves }
@@ -115,24 +115,24 @@ struct Side {
 }
 
 impl Side {
-    /// Walks away from the fit until the objective is above the limit or the bound is reached;
+    /// Steps away from the fit until the objective is above the limit or the bound is reached;
     /// `side` is 0 for below and 1 for above.
-    fn walk(base: &Base, place: usize, limit: f64, side: usize) -> Self {
-        let fitted = base.values[place];
-        let bound = base.parameters()[place].bounds[side];
+    fn trace(fit: &FittedPoint, index: usize, limit: f64, side: usize) -> Self {
+        let fitted = fit.values[index];
+        let bound = fit.parameters()[index].bounds[side];
         let whole = (bound / fitted).ln();
-        let mut evaluator = base.evaluator();
+        let mut evaluator = fit.evaluator();
         let mut points: Vec<ProfilePoint> = Vec::new();
         let mut at = |offset: f64, from: &[f64]| {
             let mut values = from.to_vec();
-            values[place] = if offset == whole { bound } else { fitted * offset.exp() };
-            let (values, cost) = Base::refit_holding(&mut evaluator, values, place);
+            values[index] = if offset == whole { bound } else { fitted * offset.exp() };
+            let (values, cost) = FittedPoint::refit_holding(&mut evaluator, values, index);
             points.push(ProfilePoint { values: values.clone(), cost });
             (values, cost)
         };
         // Offsets of the logarithm, values and objective on this side and on the other side of
         // the limit.
-        let mut under = (0.0, base.values.clone(), base.cost);
+        let mut under = (0.0, fit.values.clone(), fit.cost);
         let mut over = None;
         let mut step = FIRST_STEP.copysign(whole);
         while under.0 != whole && over.is_none() {
@@ -146,6 +146,8 @@ impl Side {
             step *= GROWTH;
         }
         let crossing = over.map(|mut over| {
+            // Not argmin's BrentRoot: a refit depends on the point that it begins from, and has to
+            // begin from the last one under the limit.
             let mut halve = false;
             while (over.0 - under.0).abs() > CROSSING * over.0.abs() {
                 // Where a line between the two meets the limit, but not too near to either.

@@ -35,7 +35,7 @@ pub(super) struct Resampler {
     campaign: String,
     seed: u64,
     measurements: Vec<Measurement>,
-    /// Places of each frequency's trials.
+    /// Indices of each frequency's trials.
     frequencies: Vec<Vec<usize>>,
     /// Standard errors; what the trials do not tell is taken from the others.
     errors: Vec<Metrics>,
@@ -51,7 +51,7 @@ pub(super) struct Resampler {
 
 /// Measurements that were drawn, and the trials that they were drawn from.
 pub(super) struct Resample {
-    pub places: Vec<usize>,
+    pub indices: Vec<usize>,
     pub measurements: Vec<Measurement>,
 }
 
@@ -101,26 +101,26 @@ impl Resampler {
         hash.update(&(number as u64).to_le_bytes());
         hash.update(self.campaign.as_bytes());
         let mut random = ChaCha8Rng::from_seed(*hash.finalize().as_bytes());
-        let mut resample = Resample { places: Vec::new(), measurements: Vec::new() };
+        let mut resample = Resample { indices: Vec::new(), measurements: Vec::new() };
         for trials in &self.frequencies {
             for &trial in trials {
-                let (place, mut metrics) = self.trial_of(trial, trials, &mut random);
-                let moves = self.moves(place, &mut random);
+                let (index, mut metrics) = self.trial_of(trial, trials, &mut random);
+                let moves = self.moves(index, &mut random);
                 for ((metric, error), moves) in
-                    metrics.iter_mut().zip(self.errors[place]).zip(moves)
+                    metrics.iter_mut().zip(self.errors[index]).zip(moves)
                 {
                     *metric += error * moves;
                     if *metric <= 0.0 {
                         *metric = f64::NAN;
                     }
                 }
-                let drawn = &self.measurements[place];
+                let drawn = &self.measurements[index];
                 let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad] = metrics;
                 let dtheta_rad = drawn.metrics.dtheta_rad;
                 let sigma = [sigma0, sigma1, sigma2];
                 let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad };
                 resample.measurements.push(Measurement { metrics, ..drawn.clone() });
-                resample.places.push(place);
+                resample.indices.push(index);
             }
         }
         resample
@@ -144,17 +144,17 @@ impl Resampler {
             }
             return (trial, metrics);
         }
-        let place = trials[random.random_range(0..count)];
-        let drawn = metrics(&self.measurements[place]);
+        let index = trials[random.random_range(0..count)];
+        let drawn = metrics(&self.measurements[index]);
         let means = means(&self.measurements, trials);
         let scale = (count as f64 / (count as f64 - 1.0)).sqrt();
         let with_spread = |i: usize| means[i] + self.own[i] * scale * (drawn[i] - means[i]);
-        (place, std::array::from_fn(with_spread))
+        (index, std::array::from_fn(with_spread))
     }
 
     /// By how many standard errors a resample of a trial's cycles moves its metrics.
-    fn moves(&self, place: usize, random: &mut ChaCha8Rng) -> Metrics {
-        let cycles = &self.cycles[place];
+    fn moves(&self, index: usize, random: &mut ChaCha8Rng) -> Metrics {
+        let cycles = &self.cycles[index];
         let count = cycles.len();
         // d and v are one measurement, and so are in general all metrics of a cycle.
         let mut normal = [0.0; TERMS];

@@ -1,200 +1,256 @@
-//! The search for the free coefficients.
+//! The search for the free coefficients: sequential least absolute deviations with a trust
+//! region.
 //!
 //! The objective is a sum of absolute values, and its minimum lies where several of them have
-//! their kinks. Each step minimises the sum of the linearised terms, kinks and all, within a
-//! trust region in the coefficients' logarithms: near a vertex of kinks the steps converge like
-//! Newton's.
+//! their breakpoints. Each iteration minimises the sum of the linearised residuals, breakpoints
+//! and all, within a trust region of the coefficients' logarithms: near a vertex of breakpoints
+//! the iterates converge like Newton's. argmin runs it; none of argmin's own solvers converges on
+//! breakpoints.
 //!
 //! Reference: R. Fletcher, *Practical Methods of Optimization*, 2nd ed., Wiley 1987, section
 //! 14.4.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use argmin::argmin_error;
+use argmin::core::observers::{Observe, ObserverMode};
+use argmin::core::{
+    Error, Executor, IterState, KV, OptimizationResult, Problem, Solver, State as _,
+    TerminationReason,
+};
 use nalgebra::DVector;
 
-use super::absolute::{Term, minimise};
 use super::coefficient::{Coefficient, Parameter};
-use super::curvature::Curvature;
+use super::hessian::Hessians;
+use super::least_absolute::Residual;
 use super::objective::{Evaluator, Linearised, PENALTY};
+use crate::interrupt::stop_if_asked;
 
-const MOST_STEPS: usize = 200;
-/// Trust region at first and at most: coefficients may change by these factors' logarithms.
-const FIRST_REGION: f64 = 1.0;
-const LARGEST_REGION: f64 = 3.0;
+const MAX_ITERATIONS: u64 = 200;
+/// Trust-region radius at first and at most: coefficients may change by these factors' logarithms.
+const FIRST_RADIUS: f64 = 1.0;
+const MAX_RADIUS: f64 = 3.0;
 /// And at least when the motions become more accurate.
-const NEXT_REGION: f64 = 0.1;
+const NEXT_RADIUS: f64 = 0.1;
 /// Fall of the objective, relative to it, below which it has converged.
 pub(super) const CONVERGED: f64 = 1e-11;
-/// Shortest step, as a multiple of the motions' accuracy, that the curvature is learnt from.
-const TELLING: f64 = 10.0;
-/// A search that ended like this has found a minimum.
-pub(super) const HAS_CONVERGED: &str = "converged";
-/// How far a search has come.
+/// Shortest step, as a multiple of the motions' accuracy, that updates the Hessians.
+const INFORMATIVE: f64 = 10.0;
+
+/// Why a search ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stopped {
+    Converged,
+    /// Another search with a lower number goes on from the same point, and both end there.
+    Joined,
+    NothingFree,
+    NoMotion,
+    TooManySteps,
+}
+
+impl Stopped {
+    /// Its text in the tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::Joined => "joined an earlier start",
+            Self::NothingFree => "nothing is free",
+            Self::NoMotion => "no motion exists here",
+            Self::TooManySteps => "too many steps",
+        }
+    }
+
+    /// Whether the search has not found a minimum.
+    pub fn is_failure(self) -> bool {
+        matches!(self, Self::NoMotion | Self::TooManySteps)
+    }
+
+    fn of(reason: Option<&TerminationReason>, cost: f64) -> Self {
+        match reason {
+            _ if cost >= PENALTY => Self::NoMotion,
+            Some(TerminationReason::SolverConverged) => Self::Converged,
+            _ => Self::TooManySteps,
+        }
+    }
+}
+
+/// Counts searches that have ended.
+pub(super) type Ended = Arc<AtomicUsize>;
+
+/// A search between two runs of the executor.
 #[derive(Debug, Clone)]
-pub(super) struct Come {
-    pub place: Vec<f64>,
+pub(super) struct Iterate {
+    pub values: Vec<f64>,
     pub cost: f64,
-    terms: Vec<Term>,
-    curvature: Curvature,
-    /// Largest change of a parameter's logarithm.
-    region: f64,
+    /// Of the last run.
+    pub stopped: Stopped,
+    solver: TrustRegion,
 }
 
-impl Come {
-    pub fn new(place: Vec<f64>, here: Linearised) -> Self {
-        let Linearised { cost, terms } = here;
-        Self { place, cost, terms, curvature: Curvature::default(), region: FIRST_REGION }
-    }
-}
-
-/// A search on its way.
-pub(super) struct Descent<'d, 'o> {
-    evaluator: &'d mut Evaluator<'o>,
-    pub come: Come,
-    /// A parameter that stays as it is.
-    held: Option<usize>,
-}
-
-impl<'d, 'o> Descent<'d, 'o> {
-    /// A search that begins at `place`.
-    pub fn new(evaluator: &'d mut Evaluator<'o>, place: Vec<f64>) -> Self {
-        let here = evaluator.linearised(&place);
-        Self::from(evaluator, place, here)
+impl Iterate {
+    /// A search that begins at `values`.
+    pub fn begin(evaluator: &mut Evaluator, values: Vec<f64>) -> Self {
+        let at = evaluator.linearised(&values);
+        Self::from_linearised(values, at)
     }
 
-    /// A search that begins at `place`, where the objective is known.
-    pub fn from(evaluator: &'d mut Evaluator<'o>, place: Vec<f64>, here: Linearised) -> Self {
-        Self::going_on(evaluator, Come::new(place, here))
-    }
-
-    /// A search that goes on from where it has come.
-    pub fn going_on(evaluator: &'d mut Evaluator<'o>, come: Come) -> Self {
-        Self { evaluator, come, held: None }
-    }
-
-    /// Goes on with motions of another accuracy, from where the last step would have led that
-    /// promised too little to be taken.
-    pub fn with_accuracy(&mut self, accuracy: f64) {
-        self.evaluator.accuracy = accuracy;
-        let parameters = self.evaluator.parameters.clone();
-        let (step, _) = self.best_step(&parameters);
-        self.come.place = self.place_after(&parameters, &step);
-        let here = self.evaluator.linearised(&self.come.place);
-        (self.come.cost, self.come.terms) = (here.cost, here.terms);
-        // What coarse motions could not tell may have closed the region.
-        self.come.region = self.come.region.max(NEXT_REGION);
+    /// A search that begins at `values`, where the objective is known.
+    pub fn from_linearised(values: Vec<f64>, Linearised { cost, residuals }: Linearised) -> Self {
+        let solver = TrustRegion {
+            residuals,
+            hessians: Hessians::default(),
+            radius: FIRST_RADIUS,
+            held: None,
+            tolerance: CONVERGED,
+            is_last: false,
+        };
+        Self { values, cost, stopped: Stopped::NothingFree, solver }
     }
 
     /// The same with one parameter that stays as it is.
-    pub fn holding(self, place: usize) -> Self {
-        Self { held: Some(place), ..self }
+    pub fn holding(mut self, index: usize) -> Self {
+        self.solver.held = Some(index);
+        self
     }
 
-    /// Goes on until the objective can hardly fall, relative to itself; `false` if that takes
-    /// too many steps. The terms may be left behind.
-    pub fn run(&mut self, converged: f64) -> bool {
-        self.descend(converged, true)
+    /// Evaluates motions of another accuracy, where the last step would have led that promised
+    /// too little to be taken.
+    pub fn with_accuracy(mut self, evaluator: &mut Evaluator, accuracy: f64) -> Self {
+        evaluator.accuracy = accuracy;
+        let (step, _) = self.solver.best_step(&evaluator.parameters, &self.values);
+        self.values = values_after(&evaluator.parameters, &self.values, &step);
+        let at = evaluator.linearised(&self.values);
+        (self.cost, self.solver.residuals) = (at.cost, at.residuals);
+        // What coarse motions could not resolve may have closed the region.
+        self.solver.radius = self.solver.radius.max(NEXT_RADIUS);
+        self
     }
 
-    /// Goes on until the objective can hardly fall; `is_last` if nothing goes on from there, so
-    /// that the terms are not needed where the objective is as low as they promised.
-    pub fn descend(&mut self, converged: f64, is_last: bool) -> bool {
-        let parameters = self.evaluator.parameters.clone();
-        if parameters.len() == usize::from(self.held.is_some()) {
-            return true;
-        }
-        for _ in 0..MOST_STEPS {
-            crate::interrupt::stop_if_asked(String::new);
-            let (step, expected) = self.best_step(&parameters);
-            let cost = self.come.cost;
-            if expected <= converged * cost {
-                return true;
-            }
-            let next = self.place_after(&parameters, &step);
-            let metrics = self.evaluator.metrics(&next);
-            let found = self.evaluator.objective.cost(&metrics);
-            let is_free = step.amax() < 0.9 * self.come.region;
-            if is_last && is_free && (found - (cost - expected)).abs() <= converged * cost {
-                (self.come.place, self.come.cost) = (next, found);
-                return true;
-            }
-            let found = self.evaluator.linearised_at(&next, &metrics);
-            let come = &mut self.come;
-            // Slopes that differ by no more than their inaccuracy tell nothing of the curvature.
-            if step.amax() > TELLING * self.evaluator.accuracy {
-                come.curvature.learn(&come.terms, &found.terms, step.as_slice());
-            }
-            let kept = (cost - found.cost) / expected;
-            if kept < 0.25 {
-                come.region = 0.3 * come.region.min(step.amax());
-            } else if kept > 0.75 {
-                come.region = (2.0 * come.region).min(LARGEST_REGION);
-            }
-            if found.cost < cost {
-                (come.place, come.cost, come.terms) = (next, found.cost, found.terms);
-            }
-        }
-        false
-    }
-
-    /// Why it stopped.
-    pub fn stopped(&self, has_converged: bool) -> &'static str {
-        match has_converged {
-            _ if self.come.cost >= PENALTY => "no motion exists here",
-            true => HAS_CONVERGED,
-            false => "too many steps",
-        }
-    }
-
-    /// The step of the parameters' logarithms to take next, and the fall that it promises.
-    fn best_step(&self, parameters: &[Parameter]) -> (DVector<f64>, f64) {
-        let limits = limits(parameters, &self.come.place, self.come.region);
-        self.come.curvature.best_step(&self.come.terms, &limits, self.held)
-    }
-
-    /// The parameters' values after a step of their logarithms.
-    fn place_after(&self, parameters: &[Parameter], step: &DVector<f64>) -> Vec<f64> {
-        parameters
-            .iter()
-            .zip(self.come.place.iter().zip(step.iter()))
-            .map(|(parameter, (value, step))| {
-                let [low, high] = parameter.bounds;
-                if *step == 0.0 { *value } else { (value * step.exp()).clamp(low, high) }
-            })
-            .collect()
+    /// Iterates until the objective can hardly fall, relative to itself; `is_last` if nothing
+    /// goes on from the end.
+    pub fn run(self, on: &mut Evaluator, tolerance: f64, is_last: bool, ended: &Ended) -> Self {
+        let solver = TrustRegion { tolerance, is_last, ..self.solver };
+        let result = Executor::new(on, solver)
+            .configure(|state| state.param(self.values).cost(self.cost).max_iters(MAX_ITERATIONS))
+            .timer(false)
+            .ctrlc(false)
+            .add_observer(Observer(Arc::clone(ended)), ObserverMode::Always)
+            .run();
+        let OptimizationResult { solver, state, .. } = result.expect("there is a first iterate");
+        let stopped = Stopped::of(state.get_termination_reason(), state.cost);
+        Self { values: state.param.unwrap_or_default(), cost: state.cost, stopped, solver }
     }
 }
 
-/// How far the parameters' logarithms may go from `place` within the bounds and a region.
-pub(super) fn limits(parameters: &[Parameter], place: &[f64], region: f64) -> Vec<[f64; 2]> {
+/// The values of the parameters and the objective there.
+type State = IterState<Vec<f64>, (), (), (), (), f64>;
+
+/// The method, with what it knows beside the iterate.
+#[derive(Debug, Clone)]
+struct TrustRegion {
+    residuals: Vec<Residual>,
+    hessians: Hessians,
+    /// Largest change of a parameter's logarithm.
+    radius: f64,
+    /// A parameter that stays as it is.
+    held: Option<usize>,
+    tolerance: f64,
+    /// Whether the residuals are not needed where the objective is as low as predicted.
+    is_last: bool,
+}
+
+impl TrustRegion {
+    /// The next step of the parameters' logarithms, and the fall that it predicts.
+    fn best_step(&self, parameters: &[Parameter], values: &[f64]) -> (DVector<f64>, f64) {
+        let limits = limits(parameters, values, self.radius);
+        self.hessians.best_step(&self.residuals, &limits, self.held)
+    }
+}
+
+impl<'e, 'o> Solver<&'e mut Evaluator<'o>, State> for TrustRegion {
+    fn name(&self) -> &str {
+        "sequential least absolute deviations"
+    }
+
+    fn next_iter(
+        &mut self,
+        problem: &mut Problem<&'e mut Evaluator<'o>>,
+        mut state: State,
+    ) -> Result<(State, Option<KV>), Error> {
+        let (Some(evaluator), Some(values)) = (problem.problem.as_mut(), &state.param) else {
+            return Err(argmin_error!(NotInitialized, "no first iterate"));
+        };
+        let converged = TerminationReason::SolverConverged;
+        let cost = state.cost;
+        let (step, expected) = self.best_step(&evaluator.parameters, values);
+        if expected <= self.tolerance * cost {
+            return Ok((state.terminate_with(converged), None));
+        }
+        let next = values_after(&evaluator.parameters, values, &step);
+        let metrics = evaluator.metrics(&next);
+        let found = evaluator.objective.cost(&metrics);
+        let is_inside = step.amax() < 0.9 * self.radius;
+        let is_as_predicted = (found - (cost - expected)).abs() <= self.tolerance * cost;
+        if self.is_last && is_inside && is_as_predicted {
+            return Ok((state.param(next).cost(found).terminate_with(converged), None));
+        }
+        let found = evaluator.linearised_at(&next, &metrics);
+        // Slopes that differ by no more than their inaccuracy say nothing of the Hessians.
+        if step.amax() > INFORMATIVE * evaluator.accuracy {
+            self.hessians.update(&self.residuals, &found.residuals, step.as_slice());
+        }
+        let ratio = (cost - found.cost) / expected;
+        if ratio < 0.25 {
+            self.radius = 0.3 * self.radius.min(step.amax());
+        } else if ratio > 0.75 {
+            self.radius = (2.0 * self.radius).min(MAX_RADIUS);
+        }
+        if found.cost < cost {
+            self.residuals = found.residuals;
+            state = state.param(next).cost(found.cost);
+        }
+        Ok((state, None))
+    }
+}
+
+/// Abandons a search if the program is asked to stop, and counts it when it has ended.
+struct Observer(Ended);
+
+impl Observe<State> for Observer {
+    fn observe_iter(&mut self, _: &State, _: &KV) -> Result<(), Error> {
+        stop_if_asked(String::new);
+        Ok(())
+    }
+
+    fn observe_final(&mut self, _: &State) -> Result<(), Error> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+/// The parameters' values after a step of their logarithms.
+fn values_after(parameters: &[Parameter], values: &[f64], step: &DVector<f64>) -> Vec<f64> {
+    let after = |(parameter, (value, step)): (&Parameter, (&f64, &f64))| {
+        let [low, high] = parameter.bounds;
+        if *step == 0.0 { *value } else { (value * step.exp()).clamp(low, high) }
+    };
+    parameters.iter().zip(values.iter().zip(step.iter())).map(after).collect()
+}
+
+/// How far the parameters' logarithms may go from `values` within the bounds and a trust region.
+pub(super) fn limits(parameters: &[Parameter], values: &[f64], radius: f64) -> Vec<[f64; 2]> {
     let limit = |(parameter, value): (&Parameter, &f64)| {
         let [low, high] = parameter.bounds.map(|bound| (bound / value).ln());
-        [low.clamp(-region, 0.0), high.clamp(0.0, region)]
+        [low.clamp(-radius, 0.0), high.clamp(0.0, radius)]
     };
-    parameters.iter().zip(place).map(limit).collect()
-}
-
-/// The step that minimises the linearised terms; that of a held parameter is 0.
-pub(super) fn linear_step(
-    terms: &[Term],
-    limits: &[[f64; 2]],
-    held: Option<usize>,
-) -> DVector<f64> {
-    let Some(held) = held else { return minimise(terms, limits) };
-    if limits.len() == 1 {
-        return DVector::zeros(1);
-    }
-    let mut others = limits.to_vec();
-    others.remove(held);
-    let mut terms = terms.to_vec();
-    for term in &mut terms {
-        term.slope.remove(held);
-    }
-    minimise(&terms, &others).insert_row(held, 0.0)
+    parameters.iter().zip(values).map(limit).collect()
 }
 
 /// Relative distance from a bound that counts as at it.
 const AT_BOUND: f64 = 1e-3;
 
-/// To which of its bounds a parameter's value has come: lower, upper.
+/// At which of its bounds a parameter's value is: lower, upper.
 pub(super) fn is_at_bound(parameter: &Parameter, value: f64) -> [bool; 2] {
     let [low, high] = parameter.bounds;
     [value < low * (1.0 + AT_BOUND), value > high * (1.0 - AT_BOUND)]

@@ -4,10 +4,10 @@ use rayon::prelude::*;
 
 use super::coefficient::Parameter;
 use super::objective::{Evaluator, Objective};
-use super::search::{CONVERGED, Come, Descent};
+use super::search::{CONVERGED, Ended, Iterate, Stopped};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
-/// One run of the search.
+/// One search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
     /// Values of the free parameters, in their order.
@@ -17,20 +17,16 @@ pub struct Start {
     pub cost: f64,
     /// Steady motions solved for.
     pub solves: usize,
-    /// Why the search stopped.
-    pub stopped: String,
+    pub stopped: Stopped,
 }
 
-/// Accuracies of the motions before those of the last steps, and when they have done their part.
-const ON_THE_WAY: [(f64, f64); 2] = [(1e-4, 1e-3), (FIT_ACCURACY, 1e-6)];
-/// A search without anything to search for.
-pub(super) const NOTHING_FREE: &str = "nothing is free";
-/// A search that has come to where one with a lower number goes on from, and ends where that does.
-pub(super) const JOINED: &str = "joined an earlier start";
+/// Accuracies of the motions before those of the last iterations, and the tolerances of the
+/// search with them.
+const APPROACH: [(f64, f64); 2] = [(1e-4, 1e-3), (FIT_ACCURACY, 1e-6)];
 /// Largest difference of a parameter's logarithm, and of the objective relative to itself, of
-/// places that are the same before the last steps. These go much less far, and neighbouring
-/// minima are further apart.
-const SAME_PLACE: f64 = 1e-3;
+/// iterates that are the same before the last iterations. These go much less far, and
+/// neighbouring minima are further apart.
+const SAME_VALUE: f64 = 1e-3;
 const SAME_COST: f64 = 1e-5;
 
 /// Searches from the start with this number: 0 is the configured robot, the others are spread
@@ -40,31 +36,32 @@ pub fn search(objective: &Objective, parameters: &[Parameter], number: usize) ->
     search_from(objective.evaluator(parameters.to_vec()), began)
 }
 
-/// Searches from the first `count` starts. Of those that come to the same place only the first
-/// takes the last, most accurate steps.
+/// Searches from the first `count` starts. Of those that come to the same minimum only the first
+/// takes the last, most accurate iterations.
 pub(super) fn search_all(
     objective: &Objective,
     parameters: &[Parameter],
     count: usize,
 ) -> Vec<Start> {
-    let come: Vec<Approach> = (0..count)
+    let approaches: Vec<Approach> = (0..count)
         .into_par_iter()
         .map(|number| {
             let began = begin(objective, parameters, number);
             Approach::new(objective.evaluator(parameters.to_vec()), began)
         })
         .collect();
-    // In the order of their numbers, whatever the order in which they have come.
+    // In the order of their numbers, whatever the order in which they have ended.
     let mut first: Vec<usize> = Vec::new();
-    for (number, approach) in come.iter().enumerate() {
+    for (number, approach) in approaches.iter().enumerate() {
         let mut earlier = (0..number).filter(|&earlier| first[earlier] == earlier);
-        first.push(earlier.find(|&earlier| approach.is_at(&come[earlier])).unwrap_or(number));
+        let same = earlier.find(|&earlier| approach.is_near(&approaches[earlier]));
+        first.push(same.unwrap_or(number));
     }
     let end = |(number, approach): (usize, Approach)| match first[number] == number {
         true => approach.finish(),
-        false => approach.join(),
+        false => approach.start(Stopped::Joined),
     };
-    let mut starts: Vec<Start> = come.into_par_iter().enumerate().map(end).collect();
+    let mut starts: Vec<Start> = approaches.into_par_iter().enumerate().map(end).collect();
     for (number, &first) in first.iter().enumerate().filter(|(number, first)| number != *first) {
         let Start { ended, cost, .. } = starts[first].clone();
         (starts[number].ended, starts[number].cost) = (ended, cost);
@@ -81,56 +78,47 @@ pub(super) fn search_from(evaluator: Evaluator, began: Vec<f64>) -> Start {
 struct Approach<'o> {
     began: Vec<f64>,
     evaluator: Evaluator<'o>,
-    come: Come,
+    iterate: Iterate,
 }
 
 impl<'o> Approach<'o> {
     /// Most of the way by coarse motions.
     fn new(mut evaluator: Evaluator<'o>, began: Vec<f64>) -> Self {
-        if evaluator.parameters.is_empty() {
-            evaluator.accuracy = FIT_ACCURACY;
-            let come = Come::new(Vec::new(), evaluator.linearised(&[]));
-            return Self { began, evaluator, come };
+        let [(accuracy, tolerance), finer @ ..] = APPROACH;
+        let is_free = !evaluator.parameters.is_empty();
+        evaluator.accuracy = if is_free { accuracy } else { FIT_ACCURACY };
+        let mut iterate = Iterate::begin(&mut evaluator, began.clone());
+        if is_free {
+            iterate = iterate.run(&mut evaluator, tolerance, false, &Ended::default());
+            for (accuracy, tolerance) in finer {
+                iterate = iterate.with_accuracy(&mut evaluator, accuracy);
+                iterate = iterate.run(&mut evaluator, tolerance, false, &Ended::default());
+            }
         }
-        let [(accuracy, converged), on_the_way @ ..] = ON_THE_WAY;
-        evaluator.accuracy = accuracy;
-        let mut descent = Descent::new(&mut evaluator, began.clone());
-        descent.descend(converged, false);
-        for (accuracy, converged) in on_the_way {
-            descent.with_accuracy(accuracy);
-            descent.descend(converged, false);
-        }
-        let come = descent.come;
-        Self { began, evaluator, come }
+        Self { began, evaluator, iterate }
     }
 
-    /// Whether the last steps would lead to where they lead another search.
-    fn is_at(&self, other: &Self) -> bool {
-        let (here, there) = (&self.come, &other.come);
-        let mut both = here.place.iter().zip(&there.place);
+    /// Whether the last iterations would lead to where they lead another search.
+    fn is_near(&self, other: &Self) -> bool {
+        let (here, there) = (&self.iterate, &other.iterate);
+        let mut both = here.values.iter().zip(&there.values);
         (here.cost - there.cost).abs() <= SAME_COST * there.cost
-            && both.all(|(a, b)| (a / b).ln().abs() <= SAME_PLACE)
-    }
-
-    /// A search that leaves the last steps to another one.
-    fn join(self) -> Start {
-        let Self { began, evaluator, come: Come { place: ended, cost, .. } } = self;
-        Start { began, ended, cost, solves: evaluator.solves(), stopped: JOINED.to_owned() }
+            && both.all(|(a, b)| (a / b).ln().abs() <= SAME_VALUE)
     }
 
     /// The last digits, by motions that have them.
-    fn finish(self) -> Start {
-        let Self { began, mut evaluator, come } = self;
-        if evaluator.parameters.is_empty() {
-            let stopped = NOTHING_FREE.to_owned();
-            let (cost, solves) = (come.cost, evaluator.solves());
-            return Start { ended: began.clone(), began, cost, solves, stopped };
+    fn finish(mut self) -> Start {
+        if self.evaluator.parameters.is_empty() {
+            return self.start(Stopped::NothingFree);
         }
-        let mut descent = Descent::going_on(&mut evaluator, come);
-        descent.with_accuracy(REFERENCE_ACCURACY);
-        let has_converged = descent.run(CONVERGED);
-        let stopped = descent.stopped(has_converged).to_owned();
-        let Come { place: ended, cost, .. } = descent.come;
+        let iterate = self.iterate.with_accuracy(&mut self.evaluator, REFERENCE_ACCURACY);
+        self.iterate = iterate.run(&mut self.evaluator, CONVERGED, true, &Ended::default());
+        let stopped = self.iterate.stopped;
+        self.start(stopped)
+    }
+
+    fn start(self, stopped: Stopped) -> Start {
+        let Self { began, evaluator, iterate: Iterate { values: ended, cost, .. } } = self;
         Start { began, ended, cost, solves: evaluator.solves(), stopped }
     }
 }

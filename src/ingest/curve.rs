@@ -2,7 +2,8 @@
 
 use nalgebra::{Cholesky, SMatrix, SVector};
 
-const ITERATIONS: usize = 60;
+use crate::least_squares::{Minimum, minimise};
+
 /// Lags that count, in units of the sum of the autocorrelations.
 const WINDOW: f64 = 5.0;
 /// A step of this part of the parameters' standard errors ends the search.
@@ -22,55 +23,25 @@ pub(super) struct Curve<const N: usize> {
 
 impl<const N: usize> Curve<N> {
     /// Fits `model`, which gives the value and its derivatives at a time, to samples of time
-    /// and value, by Levenberg and Marquardt's method; `None` if it finds no minimum or there
-    /// are no more samples than parameters.
+    /// and value; `None` if there is no minimum or there are no more samples than parameters.
     pub fn fit(
         samples: &[(f64, f64)],
         start: SVector<f64, N>,
         model: impl Fn(&SVector<f64, N>, f64) -> (f64, SVector<f64, N>),
     ) -> Option<Self> {
-        if samples.len() <= N {
-            return None;
-        }
-        let squares = |parameters: &SVector<f64, N>| -> f64 {
-            samples.iter().map(|(t, y)| (y - model(parameters, *t).0).powi(2)).sum()
+        let residual = |parameters: &SVector<f64, N>, (t, y): &(f64, f64)| {
+            let (value, slopes) = model(parameters, *t);
+            (y - value, slopes)
         };
-        let mut parameters = start;
-        let mut cost = squares(&parameters);
-        let mut damping = 1e-3;
-        for _ in 0..ITERATIONS {
-            let (mut normal, mut right) = (SMatrix::<f64, N, N>::zeros(), SVector::zeros());
-            for (t, y) in samples {
-                let (value, slopes) = model(&parameters, *t);
-                normal += slopes * slopes.transpose();
-                right += slopes * (y - value);
-            }
-            let mut damped = normal;
-            (0..N).for_each(|i| damped[(i, i)] *= 1.0 + damping);
-            let step = Cholesky::new(damped)?.solve(&right);
-            let tried = parameters + step;
-            let tried_cost = squares(&tried);
-            let gain = step.dot(&right);
-            if tried_cost <= cost {
-                (parameters, cost) = (tried, tried_cost);
-                damping *= 0.1;
-            } else {
-                damping *= 10.0;
-            }
-            let variance = cost / (samples.len() - N) as f64;
-            if gain.abs() <= SMALL_STEP * SMALL_STEP * variance.max(f64::MIN_POSITIVE) {
-                let inverse = Cholesky::new(normal)?.inverse();
-                let inflation = inflation(samples, |t| model(&parameters, t).0);
-                let covariance = inverse * variance * inflation;
-                let misfit = (cost / samples.len() as f64).sqrt();
-                return Some(Self { parameters, covariance, inverse, misfit });
-            }
-            if damping > 1e12 {
-                // No step lowers the sum any more: this is the minimum, to rounding.
-                damping = 0.0;
-            }
-        }
-        None
+        let Minimum { parameters, squares, normal } =
+            minimise(samples, start, SMALL_STEP, residual)?;
+        let residuals: Vec<f64> =
+            samples.iter().map(|each| residual(&parameters, each).0).collect();
+        let variance = squares / (samples.len() - N) as f64;
+        let inverse = Cholesky::new(normal)?.inverse();
+        let covariance = inverse * variance * inflation(&residuals);
+        let misfit = (squares / samples.len() as f64).sqrt();
+        Some(Self { parameters, covariance, inverse, misfit })
     }
 
     /// Standard error of a function of the parameters, given its derivatives.
@@ -82,8 +53,7 @@ impl<const N: usize> Curve<N> {
 /// By how much the correlation of the residuals raises the variance: the sum of their
 /// autocorrelations, up to a lag of [`WINDOW`] times that sum (Sokal 1997). The links' slow tilt
 /// is small beside the cameras' noise and counts nevertheless, because it does not average out.
-fn inflation(samples: &[(f64, f64)], curve: impl Fn(f64) -> f64) -> f64 {
-    let residuals: Vec<f64> = samples.iter().map(|(t, y)| y - curve(*t)).collect();
+fn inflation(residuals: &[f64]) -> f64 {
     let product =
         |lag: usize| -> f64 { residuals.iter().zip(&residuals[lag..]).map(|(a, b)| a * b).sum() };
     let squares = product(0).max(f64::MIN_POSITIVE);

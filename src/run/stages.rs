@@ -1,8 +1,6 @@
 //! The stages one by one: planned, done and recorded.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -119,7 +117,6 @@ pub(super) fn fit_planned(
     let redo = plan.redo.clone();
     announce(&redo, "fit", plan.total(), watch);
     let (fits, models) = (AtomicUsize::new(0), plan.total());
-    let done: Mutex<BTreeMap<String, usize>> = Mutex::default();
     let on_event = |event: FitEvent| match event {
         FitEvent::Fitted(fit) => {
             watch.step(&format!("{} {}", fit.campaign, fit.model));
@@ -127,14 +124,9 @@ pub(super) fn fit_planned(
             tracing::debug!(campaign, model, j, status, "fit");
             fits.fetch_add(1, Ordering::Relaxed);
         }
-        FitEvent::Replicate { campaign, model, total } => {
+        FitEvent::Replicate { campaign, model, done, total } => {
             stop_if_asked(|| format!("{} of {models} fits", fits.load(Ordering::Relaxed)));
-            if let Ok(mut done) = done.lock() {
-                let what = format!("{campaign} {model} replicate");
-                let count = done.entry(what.clone()).or_default();
-                *count += 1;
-                watch.part(&what, *count, total);
-            }
+            watch.part(&format!("{campaign} {model} replicate"), done, total);
         }
     };
     let (fitted, state) = fit::fit_planned(config, derived, plan, &on_event)?;

@@ -5,12 +5,16 @@
 //! and hardly skids across it. The direction is the one in which the skid velocity of the axle,
 //! at a distance l from the joint, is smallest in the sense of least squares.
 
+use nalgebra::Vector1;
+
 use super::shape::Body;
 use crate::ingest::links::wrap;
+use crate::least_squares::minimise;
 
 /// Half the time over which velocities are taken, s.
 const HALF_S: f64 = 0.025;
-const STEPS: usize = 20;
+/// A step of this part of the standard error ends the search for the direction.
+const SMALL_STEP: f64 = 1e-8;
 
 /// Velocity of a place of a body in the body's own frame, mm/s, and its rate of turn, rad/s.
 #[derive(Debug, Clone, Copy)]
@@ -52,26 +56,13 @@ pub(super) fn velocities(
 /// The direction of the link in the body's frame, rad, near `guess_rad`, if the axle is at
 /// `lever_mm` along it (negative: behind the joint); `None` if the velocities do not tell.
 pub(super) fn direction(velocities: &[Velocity], lever_mm: f64, guess_rad: f64) -> Option<f64> {
-    let mut direction = guess_rad;
-    for _ in 0..STEPS {
-        let (sin, cos) = direction.sin_cos();
-        let (mut gradient, mut curvature) = (0.0, 0.0);
-        for Velocity { along_mm_s: [x, y], turn_rad_s, .. } in velocities {
-            let skid = cos * y - sin * x + lever_mm * turn_rad_s;
-            let slope = -(cos * x + sin * y);
-            gradient += slope * skid;
-            curvature += slope * slope;
-        }
-        if curvature.is_nan() || curvature <= 0.0 {
-            return None;
-        }
-        let step = (gradient / curvature).clamp(-0.5, 0.5);
-        direction = wrap(direction - step);
-        if step.abs() < 1e-12 {
-            break;
-        }
-    }
-    Some(direction)
+    let skid = |direction_rad: &Vector1<f64>, velocity: &Velocity| {
+        let Velocity { along_mm_s: [x, y], turn_rad_s, .. } = velocity;
+        let (sin, cos) = direction_rad.x.sin_cos();
+        (cos * y - sin * x + lever_mm * turn_rad_s, Vector1::new(cos * x + sin * y))
+    };
+    let minimum = minimise(velocities, Vector1::new(guess_rad), SMALL_STEP, skid)?;
+    Some(wrap(minimum.parameters.x))
 }
 
 /// The distance of the axle from the joint along a direction at which the axle skids least, mm.

@@ -1,22 +1,22 @@
-//! A fit that others go on from: its motions are known.
+//! The point of a fit, with its motions: refits begin there.
 
 use rayon::prelude::*;
 
 use super::coefficient::Parameter;
-use super::doubled::Doubled;
 use super::measurement::Measurement;
+use super::noise_correction::NoiseCorrection;
 use super::objective::{Evaluator, Linearised, Objective, PENALTY, Response, TERMS};
 use super::resample::Resample;
-use super::search::{Come, Descent};
+use super::search::{Ended, Iterate, Stopped};
 use super::starts::{Start, search_from};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 
-/// Fall of the objective, relative to it, below which a search that starts from the fit has
-/// converged: far below what resampling moves it by.
-const NEAR: f64 = 1e-5;
+/// Fall of the objective, relative to it, below which a refit has converged: far below what
+/// resampling moves it by.
+const REFIT_TOLERANCE: f64 = 1e-5;
 
-/// A fit with its motions.
-pub(super) struct Base<'o> {
+/// The point of a fit, with its motions.
+pub(super) struct FittedPoint<'o> {
     pub values: Vec<f64>,
     pub cost: f64,
     responses: Vec<Option<Response>>,
@@ -24,14 +24,14 @@ pub(super) struct Base<'o> {
 }
 
 /// Where a search from the fit ended.
-pub(super) struct Near {
+pub(super) struct Refit {
     pub values: Vec<f64>,
     pub cost: f64,
     pub solves: usize,
-    pub stopped: &'static str,
+    pub stopped: Stopped,
 }
 
-impl<'o> Base<'o> {
+impl<'o> FittedPoint<'o> {
     /// Solves for the motions of a fit.
     pub fn new(objective: &'o Objective, parameters: &[Parameter], values: Vec<f64>) -> Self {
         let evaluator = objective.evaluator(parameters.to_vec());
@@ -73,34 +73,33 @@ impl<'o> Base<'o> {
     }
 
     /// The fit of resampled measurements, from here.
-    pub fn refit(&self, resample: Resample) -> Near {
-        let Resample { places, measurements } = resample;
-        let mut evaluator = self.evaluator.of_others(measurements, &places);
-        let responses = places.iter().map(|&place| self.responses[place].as_ref());
-        let here = evaluator.objective.linearised(responses);
-        let mut descent = Descent::from(&mut evaluator, self.values.clone(), here);
-        let has_converged = descent.run(NEAR);
-        let stopped = descent.stopped(has_converged);
-        let Come { place: values, cost, .. } = descent.come;
-        Near { values, cost, solves: evaluator.solves(), stopped }
+    pub fn refit(&self, resample: Resample, ended: &Ended) -> Refit {
+        let Resample { indices, measurements } = resample;
+        let mut evaluator = self.evaluator.of_others(measurements, &indices);
+        let responses = indices.iter().map(|&index| self.responses[index].as_ref());
+        let at = evaluator.objective.linearised(responses);
+        let iterate = Iterate::from_linearised(self.values.clone(), at);
+        let Iterate { values, cost, stopped, .. } =
+            iterate.run(&mut evaluator, REFIT_TOLERANCE, true, ended);
+        Refit { values, cost, solves: evaluator.solves(), stopped }
     }
 
-    /// The objective of resampled measurements, its terms linearised here.
+    /// The objective of resampled measurements, linearised here.
     pub fn linearised(&self, resample: Resample) -> Linearised {
         let objective = self.objective().with_measurements(resample.measurements);
-        let responses = resample.places.iter().map(|&place| self.responses[place].as_ref());
+        let responses = resample.indices.iter().map(|&index| self.responses[index].as_ref());
         objective.linearised(responses)
     }
 
-    /// The fit with one parameter held, from what is known nearby.
+    /// The fit with one parameter held, from values nearby: all values and the objective.
     pub fn refit_holding(
         evaluator: &mut Evaluator<'o>,
         values: Vec<f64>,
         held: usize,
     ) -> (Vec<f64>, f64) {
-        let mut descent = Descent::new(evaluator, values).holding(held);
-        descent.run(NEAR);
-        (descent.come.place, descent.come.cost)
+        let iterate = Iterate::begin(evaluator, values).holding(held);
+        let refit = iterate.run(evaluator, REFIT_TOLERANCE, true, &Ended::default());
+        (refit.values, refit.cost)
     }
 
     /// The fit of another objective, from here.
@@ -109,7 +108,7 @@ impl<'o> Base<'o> {
     }
 
     /// How the results of resamples are to be corrected; `noises` are the measurements' own.
-    pub fn doubled(&self, noises: &[[f64; TERMS]]) -> Doubled {
+    pub fn noise_correction(&self, noises: &[[f64; TERMS]]) -> NoiseCorrection {
         let measurements = self.objective().measurements();
         let sum: f64 = measurements
             .iter()
@@ -121,7 +120,7 @@ impl<'o> Base<'o> {
             .sum();
         // Mean absolute value of a normal deviate.
         let mean = (2.0 / std::f64::consts::PI).sqrt();
-        Doubled::new(self.cost, mean * sum / measurements.len() as f64)
+        NoiseCorrection::new(self.cost, mean * sum / measurements.len() as f64)
     }
 
     /// The parts of the objective: of `d, v, sigma0, sigma1, sigma2, alpha1`.
@@ -138,26 +137,28 @@ impl<'o> Base<'o> {
         sums
     }
 
-    /// The objective with every frequency's trials predicted by the fit to the others, and the
-    /// motions that were solved for. Missing with a single frequency.
-    pub fn left_out(&self) -> (f64, usize) {
+    /// Leave-one-frequency-out cross-validation: the objective with every frequency's trials
+    /// predicted by the fit to the others, and the motions that were solved for. Missing with a
+    /// single frequency.
+    pub fn leave_one_frequency_out(&self) -> (f64, usize) {
         let measurements = self.objective().measurements();
         let frequencies = Measurement::frequencies(measurements);
         if frequencies.len() < 2 {
             return (f64::NAN, 0);
         }
+        let at = |index: &usize| measurements[*index].clone();
         let without = |left_out: &Vec<usize>| -> (f64, usize) {
             let (values, mut solves) = if self.parameters().is_empty() {
                 (Vec::new(), 0)
             } else {
-                let places: Vec<usize> =
-                    (0..measurements.len()).filter(|place| !left_out.contains(place)).collect();
-                let kept = places.iter().map(|&place| measurements[place].clone()).collect();
-                let near = self.refit(Resample { places, measurements: kept });
-                (near.values, near.solves)
+                let all = 0..measurements.len();
+                let indices: Vec<usize> = all.filter(|index| !left_out.contains(index)).collect();
+                let measurements = indices.iter().map(at).collect();
+                let refit = self.refit(Resample { indices, measurements }, &Ended::default());
+                (refit.values, refit.solves)
             };
-            let alone = left_out.iter().map(|&place| measurements[place].clone()).collect();
-            let mut evaluator = self.evaluator.of_others(alone, left_out);
+            let mut evaluator =
+                self.evaluator.of_others(left_out.iter().map(at).collect(), left_out);
             let cost = evaluator.cost(&values).min(PENALTY);
             solves += evaluator.solves();
             (cost * left_out.len() as f64, solves)

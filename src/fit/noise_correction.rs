@@ -1,4 +1,4 @@
-//! Noise that stands twice: what a bootstrap of least absolute deviations makes too much of.
+//! Correction of the bootstrap of least absolute deviations for noise that counts twice.
 //!
 //! A resample adds noise to measurements that have noise already, so that its residuals are
 //! spread by both. Where an estimate is linear in the measurements, as for least squares, that
@@ -13,16 +13,16 @@
 
 use std::f64::consts::PI;
 
-/// By what the results of resamples are to be multiplied.
+/// Factors of the results of resamples.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Doubled {
+pub(super) struct NoiseCorrection {
     /// The spread of the coefficients' logarithms.
     pub spread: f64,
     /// The rise of the objective when a coefficient is held.
     pub rise: f64,
 }
 
-impl Doubled {
+impl NoiseCorrection {
     /// From the objective at the fit, and the part of it that noise alone would make.
     pub fn new(cost: f64, noise: f64) -> Self {
         let ratio = (cost / noise).powi(2);
@@ -41,14 +41,17 @@ mod tests {
 
     #[test]
     fn a_true_model_s_intervals_shrink_and_a_wrong_one_s_stay() {
-        let of_true = Doubled::new(0.2, 0.2);
+        let of_true = NoiseCorrection::new(0.2, 0.2);
         assert!((of_true.spread - 0.75_f64.sqrt()).abs() < 1e-12);
         assert!((of_true.rise - 0.75 * 2_f64.sqrt()).abs() < 1e-12);
-        assert_eq!(Doubled::new(0.1, 0.2), of_true);
-        let of_wrong = Doubled::new(20.0, 0.2);
+        assert_eq!(NoiseCorrection::new(0.1, 0.2), of_true);
+        let of_wrong = NoiseCorrection::new(20.0, 0.2);
         assert!((of_wrong.spread - 1.0).abs() < 1e-3 && (of_wrong.rise - 1.0).abs() < 1e-3);
         // Noise-free measurements.
-        assert!(Doubled::new(0.3, 0.0).spread.is_finite() && Doubled::new(0.0, 0.0).rise > 0.0);
+        assert!(
+            NoiseCorrection::new(0.3, 0.0).spread.is_finite()
+                && NoiseCorrection::new(0.0, 0.0).rise > 0.0
+        );
     }
 
     #[test]
@@ -78,7 +81,7 @@ mod tests {
             .sum::<f64>()
             / samples.len() as f64;
         let ratio = variance(&medians) / resampled;
-        let expected = Doubled::new(1.0, 1.0).spread.powi(2);
+        let expected = NoiseCorrection::new(1.0, 1.0).spread.powi(2);
         assert!((ratio / expected - 1.0).abs() < 0.25, "{ratio} for {expected}");
     }
 }
