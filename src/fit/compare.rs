@@ -2,24 +2,24 @@
 
 use crate::store::ComparisonRow;
 
-/// Part of the replicates from which on a model is preferred without reserve.
+/// Part of the replicates from which on a model is clearly preferred.
 const CLEARLY: f64 = 0.95;
 
-/// Information criterion `2 n ln J + k ln n` of `n` terms and `k` free parameters: Schwarz's, of
-/// a model whose weighted relative deviations are independent and have one Laplace distribution
-/// (the mean absolute deviation is its estimate of scale). They are not independent: d and v are
-/// nearly the same number, and a model's misfit is alike at neighbouring frequencies. So only
-/// large differences say anything.
+/// Bayesian information criterion (BIC) `2 n ln J + k ln n` of `n` terms and `k` free parameters,
+/// of a model whose weighted relative deviations are independent and have one Laplace
+/// distribution (the mean absolute deviation is its estimate of scale). They are not independent:
+/// d and v are nearly the same number, and a model's misfit is alike at neighbouring frequencies.
+/// So only large differences say anything.
 ///
 /// Reference: G. Schwarz, *Estimating the dimension of a model*, Ann. Statist. 6 (1978).
-pub(super) fn criterion(j: f64, terms: usize, free: usize) -> f64 {
+pub(super) fn bic(j: f64, terms: usize, free: usize) -> f64 {
     let terms = terms as f64;
     2.0 * terms * j.ln() + free as f64 * terms.ln()
 }
 
-/// Part of the replicates in which each model has the lowest objective; `costs` are those of all
-/// models' replicates. Missing without any.
-pub(super) fn wins(costs: &[&[f64]]) -> Vec<f64> {
+/// Selection frequency of each model: the part of the replicates in which its objective is the
+/// lowest; `costs` are those of all models' replicates. Missing without any.
+pub(super) fn selection_frequencies(costs: &[&[f64]]) -> Vec<f64> {
     let replicates = costs.iter().map(|costs| costs.len()).max().unwrap_or(0);
     let mut won = vec![0_usize; costs.len()];
     for number in 0..replicates {
@@ -36,7 +36,7 @@ pub(super) fn wins(costs: &[&[f64]]) -> Vec<f64> {
     won.into_iter().zip(costs).map(part).collect()
 }
 
-/// What a campaign's comparison says, in a sentence.
+/// The outcome of a campaign's comparison, in a sentence.
 pub(super) fn sentence(rows: &[ComparisonRow], replicates: usize) -> String {
     let mut ranked: Vec<&ComparisonRow> = rows.iter().filter(|row| row.j.is_finite()).collect();
     ranked.sort_by(|a, b| a.j.total_cmp(&b.j));
@@ -84,7 +84,7 @@ mod tests {
     use crate::store::Rows as _;
 
     fn row(model: &str, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
-        let criterion = criterion(j, 60, 3);
+        let criterion = bic(j, 60, 3);
         let model = model.to_owned();
         ComparisonRow { model, j, j_left_out, wins, criterion, ..ComparisonRow::blank() }
     }
@@ -116,17 +116,19 @@ mod tests {
 
     #[test]
     fn each_replicate_is_won_by_its_lowest_objective() {
-        let won = wins(&[&[1.0, 2.0, 3.0, 1.0], &[], &[2.0, 1.0, 2.0, 2.0]]);
+        let won = selection_frequencies(&[&[1.0, 2.0, 3.0, 1.0], &[], &[2.0, 1.0, 2.0, 2.0]]);
         assert_eq!((won[0], won[2]), (0.5, 0.5));
-        assert!(won[1].is_nan() && wins(&[&[], &[]]).iter().all(|won| won.is_nan()));
+        assert!(
+            won[1].is_nan() && selection_frequencies(&[&[], &[]]).iter().all(|won| won.is_nan())
+        );
     }
 
     #[test]
     fn a_free_parameter_costs_what_the_criterion_says() {
-        assert!(criterion(0.3, 60, 3) < criterion(0.3, 60, 4));
+        assert!(bic(0.3, 60, 3) < bic(0.3, 60, 4));
         // Three more parameters have to lower 60 terms by a tenth.
-        assert!(criterion(0.3, 60, 3) > criterion(0.28, 60, 3));
-        assert!(criterion(0.89 * 0.3, 60, 6) < criterion(0.3, 60, 3));
-        assert!(criterion(0.91 * 0.3, 60, 6) > criterion(0.3, 60, 3));
+        assert!(bic(0.3, 60, 3) > bic(0.28, 60, 3));
+        assert!(bic(0.89 * 0.3, 60, 6) < bic(0.3, 60, 3));
+        assert!(bic(0.91 * 0.3, 60, 6) > bic(0.3, 60, 3));
     }
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use rayon::prelude::*;
 
 use super::coefficient::{Coefficient, Parameter};
-use super::compare::criterion;
+use super::compare::bic;
 use super::fitted_point::{FittedPoint, Refit};
 use super::objective::Objective;
 use super::predict::predictions;
@@ -230,7 +230,7 @@ impl Job<'_> {
             j_left_out,
             free: free as i64,
             terms: terms as i64,
-            criterion: criterion(fit.cost, terms, free),
+            criterion: bic(fit.cost, terms, free),
             ..ComparisonRow::blank()
         };
         let other = match self.config.fit.gait_input {

@@ -1,15 +1,13 @@
 //! Fits every model of every campaign to the trials (section IV.D): the best coefficients, what
 //! they are worth, and which model the measurements prefer.
 //!
-//! Confidence intervals are those of the bootstrap: what the spread of cycles and of repeated
-//! trials tells. An error that all trials share, such as a servo that does not follow its command
+//! Confidence intervals are those of the bootstrap: of the spread of cycles and of repeated
+//! trials. An error that all trials share, such as a servo that does not follow its command
 //! or a wrong mass, is not in them.
 //!
-//! Models are compared by their objective, by how they predict frequencies that they were not
-//! fitted to, by how often they are nearest to resampled measurements, and by the information
-//! criterion `2 n ln J + k ln n` of `n` terms and `k` free parameters (Schwarz's, for independent
-//! deviations of one Laplace distribution; they are not quite, so that only large differences
-//! say anything).
+//! Models are compared by their objective, by leave-one-frequency-out cross-validation, by how
+//! often they are nearest to resampled measurements (selection frequency of the bootstrap), and by
+//! the Bayesian information criterion.
 
 mod coefficient;
 mod compare;
@@ -190,9 +188,9 @@ impl Fitted {
 /// Completes the rows of a campaign's comparison by what needs all of them.
 fn compare_models(models: &mut [JobResult], replicates: usize) {
     let costs: Vec<&[f64]> = models.iter().map(|done| done.replicates.as_slice()).collect();
-    let wins = compare::wins(&costs);
-    for (done, wins) in models.iter_mut().zip(wins) {
-        done.tables.comparison.iter_mut().for_each(|row| row.wins = wins);
+    let frequencies = compare::selection_frequencies(&costs);
+    for (model, frequency) in models.iter_mut().zip(frequencies) {
+        model.tables.comparison.iter_mut().for_each(|row| row.wins = frequency);
     }
     let rows: Vec<ComparisonRow> =
         models.iter().flat_map(|done| done.tables.comparison.iter().cloned()).collect();
