@@ -50,7 +50,9 @@ pub(super) fn minimise_holding(
     }
     let (mut others, mut residuals) = (bounds.to_vec(), residuals.to_vec());
     others.remove(held);
-    residuals.iter_mut().for_each(|residual| drop(residual.slope.remove(held)));
+    for residual in &mut residuals {
+        residual.slope.remove(held);
+    }
     minimise(&residuals, &others).insert_row(held, 0.0)
 }
 
