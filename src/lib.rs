@@ -40,5 +40,6 @@ pub mod metrics;
 pub mod motion;
 pub(crate) mod pattern;
 pub mod robot;
+pub(crate) mod stats;
 pub mod store;
 pub mod synth;

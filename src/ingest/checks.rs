@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::TrialFailure;
+use super::error::TrialFailure;
 use crate::store::CheckRow;
 
 /// Part of all markers' frames that should be seen.

@@ -5,35 +5,36 @@
 //! go on. Every trial is computed by one thread and nothing depends on which one, so the
 //! tables are the same bytes for any number of threads.
 
-mod calibrate;
-mod chain;
-mod checks;
-mod clipping;
-mod coast;
-mod command;
-mod curve;
+// In the order in which a trial passes through them:
+
+/// Marker file -> markers of each link, corrected labels, each link's own pose.
+mod markers;
+
+/// Links' poses -> the robot's coordinates over time.
+mod poses;
+
+/// Joint angles -> frequency and phase of the commanded gait.
+mod phase;
+
+/// Coordinates and phase -> wheel velocities, cycles, their means.
 mod cycles;
+
+/// Trials without a gait -> parameters of the robot.
+mod identification;
+
+/// A trial of unknown layout -> the layout.
+mod calibrate;
+
+// What they share, and what goes around them.
+mod checks;
 mod error;
 mod fingerprint;
 mod folder;
-mod gaps;
-mod harmonics;
-mod layout;
-mod links;
-mod means;
-mod mend;
 mod plan;
-mod release;
-mod rigid;
-mod smooth;
-mod steady;
-mod summary;
+mod setup;
+mod signals;
 mod survey;
-mod sway;
 mod tables;
-mod tilt;
-mod tracking;
-mod velocity;
 
 #[cfg(test)]
 mod synthetic;
@@ -51,17 +52,17 @@ pub use survey::{FileSurvey, Gaps, Recording, SeenMarker, survey};
 pub use tables::table_folders;
 
 use crate::config::{Config, Smoothing};
-use crate::robot::{Gait, Robot};
 use crate::store::{CheckRow, CycleRow, RobotParameterRow, Table, TrialRow};
-use crate::trial::{Trial, TrialError, TrialKind};
+use crate::trial::{Trial, TrialKind};
 use crate::vicon;
-use chain::Chain;
 use checks::Finding;
-use command::{Command, Driven};
-use cycles::CycleData;
-use harmonics::{GAIT_HARMONICS, Harmonics};
-use links::Tracked;
-use smooth::JointSignal;
+use cycles::{CycleData, clipping, steady, summary, wheel_velocities};
+use identification::{coast, release};
+use markers::layout;
+use phase::{Command, Driven, GAIT_HARMONICS, Harmonics};
+use poses::{Chain, Tracked};
+use setup::{frame_rate, max_gap_frames, setup};
+use signals::JointSignal;
 
 /// Raise it when the same marker files, list and configuration give other tables than before:
 /// then every trial is ingested again once.
@@ -147,10 +148,10 @@ fn process(
     let layout = layout::locate(path, &config.markers, &file)?;
     let chain = Some(Chain::of(&robot));
     let max_gap = max_gap_frames(config, rate_hz);
-    let tracked = links::track(path, &file, &layout, chain, config.ingest.poses, rate_hz, max_gap)?;
+    let tracked = poses::track(path, &file, &layout, chain, config.ingest.poses, rate_hz, max_gap)?;
     let mut row = summary::blank_row(trial);
-    tracking::describe_tracking(&mut row, &tracked);
-    findings.extend(tracking::tracking_checks(&row, &tracked, &file, &layout, config));
+    poses::describe_tracking(&mut row, &tracked);
+    findings.extend(poses::tracking_checks(&row, &tracked, &file, &layout, config));
 
     let driven = match &gait {
         Some((gait, omega_rad_s)) => {
@@ -161,8 +162,8 @@ fn process(
         None => None,
     };
     let window = smoothing_window(trial, config, &tracked, driven.as_ref());
-    let smooth = tracked.filled.map(|series| smooth::moving_average(series, window));
-    let wheels = velocity::wheel_velocities(&robot, &smooth, rate_hz);
+    let smooth = tracked.filled.map(|series| signals::moving_average(series, window));
+    let wheels = wheel_velocities(&robot, &smooth, rate_hz);
 
     row.smoothing_window = window as i64;
     let mut cycle_rows = Vec::new();
@@ -174,7 +175,7 @@ fn process(
             driven,
             phi_rad,
             filled: &tracked.filled,
-            raw_wheels: &velocity::wheel_velocities(&robot, &tracked.filled, rate_hz),
+            raw_wheels: &wheel_velocities(&robot, &tracked.filled, rate_hz),
             smooth: &smooth,
             wheels: &wheels,
         };
@@ -232,42 +233,6 @@ fn process(
     })
 }
 
-/// The robot, and for a gait trial the gait with its commanded frequency (rad/s).
-fn setup(trial: &Trial, config: &Config) -> Result<(Robot, Option<(Gait, f64)>), TrialError> {
-    let unknown = |key| TrialError {
-        trial: trial.id.clone(),
-        key,
-        found: "a name without a robot or a gait".to_owned(),
-        needed: "one that pipeline.toml describes in full".to_owned(),
-    };
-    if trial.kind == TrialKind::Gait {
-        let setup = trial.campaign.as_deref().and_then(|name| config.campaign_setup(name));
-        let (robot, gait) = setup.ok_or_else(|| unknown("campaign"))?;
-        Ok((robot, trial.omega_rad_s.map(|omega_rad_s| (gait, omega_rad_s))))
-    } else {
-        let robot = trial.robot.as_deref().and_then(|name| config.robot.get(name));
-        Ok((robot.ok_or_else(|| unknown("robot"))?.to_robot(), None))
-    }
-}
-
-/// The file's frame rate, Hz, if it may be the one. If the file has none, the configured one,
-/// unless each file has to say its own.
-fn frame_rate(path: &Path, file: &vicon::MarkerFile, config: &Config) -> Result<f64, TrialFailure> {
-    let needed_hz = config.vicon.rate_hz;
-    match file.rate_hz {
-        Some(found_hz) if found_hz != needed_hz && !config.vicon.rate_from_file => {
-            Err(TrialFailure::Rate { path: path.to_owned(), found_hz, needed_hz })
-        }
-        None if config.vicon.rate_from_file => Err(TrialFailure::NoRate { path: path.to_owned() }),
-        rate_hz => Ok(rate_hz.unwrap_or(needed_hz)),
-    }
-}
-
-/// Longest gap that is filled, frames.
-fn max_gap_frames(config: &Config, rate_hz: f64) -> usize {
-    (config.ingest.max_gap_s * rate_hz + 1e-6) as usize
-}
-
 /// Width of the moving average, samples: the trial's own, the configured one, or the one with
 /// the smallest expected error.
 fn smoothing_window(
@@ -278,17 +243,17 @@ fn smoothing_window(
 ) -> usize {
     match (trial.smoothing_window, config.ingest.smoothing_window, driven) {
         (Some(window), _, _) | (None, Smoothing::Window(window), _) => window,
-        (None, Smoothing::Auto, None) => smooth::WINDOW_WITHOUT_GAIT,
+        (None, Smoothing::Auto, None) => signals::WINDOW_WITHOUT_GAIT,
         (None, Smoothing::Auto, Some(Driven { clock, moving, .. })) => {
             let joints = tracked.seen.phi_rad.each_ref().map(|phi_rad| {
                 let fit = Harmonics::fit(phi_rad, moving.clone(), clock, GAIT_HARMONICS);
                 let amplitudes = |fit: Harmonics| (1..=3).map(|k| fit.amplitude(k)).collect();
                 JointSignal {
-                    noise_rad: smooth::noise(phi_rad),
+                    noise_rad: signals::noise(phi_rad),
                     harmonics_rad: fit.map_or(Vec::new(), amplitudes),
                 }
             });
-            smooth::best_window(&joints, clock.step_rad)
+            signals::best_window(&joints, clock.step_rad)
         }
     }
 }

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::layout::{self, Layout};
-use super::{TrialFailure, frame_rate, links, max_gap_frames, tracking};
+use super::error::TrialFailure;
+use super::markers::layout::{self, Layout};
+use super::poses::{self, describe_tracking, tracking_checks};
+use super::setup::{frame_rate, max_gap_frames};
 use crate::config::Config;
 use crate::store::{Rows as _, TrialRow};
 use crate::vicon::{self, MarkerFile, Section};
@@ -115,14 +117,15 @@ impl FileSurvey {
             Some(Recording::of(whole, ignore, layout.as_ref(), whole.rate_hz.or(rate_hz)));
         let Some(layout) = layout else { return };
         let rate_hz = rate_hz.unwrap_or(config.vicon.rate_hz);
-        let (poses, max_gap) = (config.ingest.poses, max_gap_frames(config, rate_hz));
-        let tracked = match links::track(path, file, &layout, None, poses, rate_hz, max_gap) {
-            Ok(tracked) => tracked,
-            Err(failure) => return stop(failure),
-        };
+        let max_gap = max_gap_frames(config, rate_hz);
+        let tracked =
+            match poses::track(path, file, &layout, None, config.ingest.poses, rate_hz, max_gap) {
+                Ok(tracked) => tracked,
+                Err(failure) => return stop(failure),
+            };
         let mut row = TrialRow::blank();
-        tracking::describe_tracking(&mut row, &tracked);
-        let findings = tracking::tracking_checks(&row, &tracked, file, &layout, config);
+        describe_tracking(&mut row, &tracked);
+        let findings = tracking_checks(&row, &tracked, file, &layout, config);
         let wrong = findings.into_iter().filter(|finding| !finding.holds);
         self.warnings = wrong.map(|finding| finding.to_string()).collect();
     }

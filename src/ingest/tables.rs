@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::IngestError;
-use super::links::{Coordinates, Tracked};
-use super::velocity::WheelVelocities;
+use super::cycles::WheelVelocities;
+use super::error::IngestError;
+use super::poses::{Coordinates, Tracked};
 use crate::store::{Column, StageState, Table, is_own_table};
 
 /// Folders inside `derived/` with a file for each trial.

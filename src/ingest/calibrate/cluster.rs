@@ -1,5 +1,6 @@
 //! Which markers move rigidly together, from the distances between them.
 
+use crate::stats::quantiles_low;
 use crate::vicon::MarkerFile;
 
 /// Rows that are looked at, spread over the trial.
@@ -54,7 +55,7 @@ fn spread_mm(file: &MarkerFile, a: usize, b: usize) -> f64 {
         return 0.0;
     }
     let stride = (file.frames.len() / ROWS).max(1);
-    let mut distances: Vec<f64> = (0..file.frames.len())
+    let distances: Vec<f64> = (0..file.frames.len())
         .step_by(stride)
         .map(|row| {
             let [p, q] = [a, b].map(|column| file.position_mm(row, column));
@@ -65,7 +66,6 @@ fn spread_mm(file: &MarkerFile, a: usize, b: usize) -> f64 {
     if distances.len() < LEAST_ROWS {
         return f64::INFINITY;
     }
-    distances.sort_by(f64::total_cmp);
-    let [low, high] = QUANTILES.map(|q| distances[(q * (distances.len() - 1) as f64) as usize]);
+    let [low, high] = quantiles_low(distances, QUANTILES);
     (high - low) / WIDTH
 }

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::super::TrialFailure;
 use crate::config::ConfigError;
+use crate::ingest::error::TrialFailure;
 
 /// Why a trial gives no layout.
 #[derive(Debug, thiserror::Error)]

@@ -3,6 +3,7 @@
 use super::joint::Joint;
 use super::rolling::{self, Velocity};
 use super::shape::Body;
+use crate::ingest::markers::layout::LinkMarker;
 use crate::robot::Robot;
 use crate::vicon::MarkerFile;
 
@@ -84,7 +85,7 @@ impl Estimate {
         let places_mm = [0, 1, 2].map(|link| {
             let (origin, direction, shift) = axes[link];
             let (sin, cos) = direction.sin_cos();
-            let of = |marker: &super::LinkMarker| {
+            let of = |marker: &LinkMarker| {
                 let [x, y] = [0, 1].map(|axis| marker.place_mm[axis] - origin[axis]);
                 [cos * x + sin * y + shift, cos * y - sin * x, marker.height_mm]
             };

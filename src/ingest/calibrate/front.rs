@@ -8,8 +8,8 @@
 use nalgebra::{Complex, ComplexField};
 
 use super::shape::Body;
-use crate::ingest::links::wrap;
 use crate::robot::Gait;
+use crate::stats::wrap;
 
 /// How far the measured frequency may be from the commanded one, and the steps in which it is
 /// looked for.

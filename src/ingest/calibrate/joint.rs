@@ -50,7 +50,7 @@ type Placed = ([f64; 2], f64, f64);
 /// The rows in which both bodies have a pose, with origin, cosine and sine of each.
 fn rows<'b>(first: &'b Body, second: &'b Body) -> impl Iterator<Item = (usize, [Placed; 2])> + 'b {
     first.fits.iter().zip(&second.fits).enumerate().filter_map(|(row, (a, b))| {
-        let placed = |fit: &super::super::mend::LinkFit| {
+        let placed = |fit: &crate::ingest::markers::labels::LinkFit| {
             let pose = fit.pose?;
             let (sin, cos) = pose.theta_rad.sin_cos();
             Some((pose.origin_mm, cos, sin))

@@ -29,11 +29,12 @@ use std::path::Path;
 
 pub use error::CalibrationError;
 
-use super::layout::{LinkMarker, locate, marker_name};
-use super::links::wrap;
-use super::{TrialFailure, frame_rate, setup};
+use super::error::TrialFailure;
+use super::markers::layout::{LinkMarker, locate, marker_name};
+use super::setup::{frame_rate, setup};
 use crate::config::{Config, Markers, nearest};
 use crate::robot::{Gait, Robot};
+use crate::stats::{quantiles_low, wrap};
 use crate::trial::TrialList;
 use crate::vicon::{self, MarkerFile};
 use estimate::Estimate;
@@ -272,9 +273,8 @@ fn check_turn(
     }
     let first = angles[0];
     angles.iter_mut().for_each(|angle| *angle = wrap(*angle - first));
-    angles.sort_by(f64::total_cmp);
-    let at = |part: f64| angles[(part * (angles.len() - 1) as f64) as usize];
-    let found_deg = (at(0.95) - at(0.05)).to_degrees();
+    let [low, high] = quantiles_low(angles, [0.05, 0.95]);
+    let found_deg = (high - low).to_degrees();
     if found_deg < LEAST_TURN_DEG {
         let needed_deg = LEAST_TURN_DEG;
         let path = path.to_owned();

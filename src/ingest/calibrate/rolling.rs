@@ -8,8 +8,8 @@
 use nalgebra::Vector1;
 
 use super::shape::Body;
-use crate::ingest::links::wrap;
 use crate::least_squares::minimise;
+use crate::stats::wrap;
 
 /// Half the time over which velocities are taken, s.
 const HALF_S: f64 = 0.025;

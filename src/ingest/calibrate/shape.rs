@@ -2,8 +2,9 @@
 //! 1975). Each row is fitted to the shape so far, and the shape becomes the mean of what the
 //! fitted rows say.
 
-use super::super::layout::LinkMarker;
-use super::super::mend::{LinkFit, Outlier, mend};
+use crate::ingest::markers::labels::{LinkFit, Outlier, mend};
+use crate::ingest::markers::layout::LinkMarker;
+use crate::stats::{mean, median_high};
 use crate::vicon::MarkerFile;
 
 /// Rounds of medians, which do not mind misplaced markers, and of means, which are more precise.
@@ -36,7 +37,7 @@ impl Body {
         centre(&mut markers);
         for _ in 0..MEDIANS {
             let fits = fits(file, &markers);
-            reshape(file, &mut markers, &fits, &|_| true, &median);
+            reshape(file, &mut markers, &fits, &|_| true, &median_high);
         }
         let mut fits = fits(file, &markers);
         if markers.iter().any(|marker| marker.place_mm[0].is_nan()) {
@@ -51,7 +52,7 @@ impl Body {
     pub fn refined(&self, file: &MarkerFile, is_used: &dyn Fn(usize) -> bool) -> Self {
         let mut body = self.clone();
         for _ in 0..MEANS {
-            reshape(file, &mut body.markers, &body.fits, is_used, &mean);
+            reshape(file, &mut body.markers, &body.fits, is_used, &mean::<Vec<f64>>);
             for (row, fit) in body.fits.iter_mut().enumerate() {
                 if fit.outlier == Outlier::None && fit.pose.is_some() {
                     fit.pose = LinkFit::of(file.row_mm(row), &body.markers).pose;
@@ -62,7 +63,7 @@ impl Body {
             let heights = good_rows(&body.fits, is_used)
                 .map(|row| file.position_mm(row, marker.column)[2])
                 .filter(|z| !z.is_nan());
-            marker.height_mm = mean(heights.collect());
+            marker.height_mm = mean(heights);
         }
         body
     }
@@ -113,20 +114,8 @@ fn reshape(
 fn centre(markers: &mut [LinkMarker]) {
     let known: Vec<[f64; 2]> =
         markers.iter().map(|marker| marker.place_mm).filter(|place| !place[0].is_nan()).collect();
-    let middle = [0, 1].map(|axis| mean(known.iter().map(|place| place[axis]).collect()));
+    let middle = [0, 1].map(|axis| mean(known.iter().map(|place| place[axis])));
     for marker in markers {
         marker.place_mm = [0, 1].map(|axis| marker.place_mm[axis] - middle[axis]);
     }
-}
-
-fn mean(values: Vec<f64>) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

@@ -1,0 +1,207 @@
+//! The metrics of every whole cycle (eq. 17 and 20).
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use super::velocity::WheelVelocities;
+use crate::ingest::phase::{Driven, GAIT_HARMONICS, Harmonics};
+use crate::ingest::poses::Coordinates;
+use crate::metrics::GaitMetrics;
+use crate::robot::{Gait, Robot};
+
+/// A cycle in which a commanded joint is off its gait by more than this part of the amplitude
+/// (RMS) is not the gait: a start, a stop, a pause.
+const LARGEST_DEVIATION: f64 = 0.2;
+
+/// A cycle may begin or end this many frames outside the recording, so that noise in the phase
+/// does not decide whether a cycle that begins with the recording is there.
+const END_TOLERANCE: f64 = 0.4;
+
+/// One actuation period, from one zero phase of the command to the next.
+#[derive(Debug, Clone)]
+pub struct Cycle {
+    /// Start and end, in frames after the first.
+    pub start: f64,
+    pub end: f64,
+    /// All missing if the cycle touches a gap.
+    pub metrics: GaitMetrics,
+    /// Components of the wheels' skid velocities, m/s: offset and harmonics, of which nothing is
+    /// smoothed away, such that their squares sum to the mean square. Empty if the cycle touches
+    /// a gap.
+    pub skid_m_s: [Vec<f64>; 3],
+    /// Whether the commanded joints did what they did in the other cycles.
+    pub is_gait: bool,
+}
+
+impl Cycle {
+    pub fn is_whole(&self) -> bool {
+        !self.metrics.d_m.is_nan()
+    }
+}
+
+/// What cycles are measured on.
+pub struct CycleData<'a> {
+    pub robot: &'a Robot,
+    pub gait: &'a Gait,
+    pub driven: &'a Driven,
+    /// Joint angles as seen, rad.
+    pub phi_rad: &'a [Vec<f64>; 2],
+    /// With short gaps filled, and what follows from that.
+    pub filled: &'a Coordinates,
+    pub raw_wheels: &'a WheelVelocities,
+    /// Smoothed, and what follows from that.
+    pub smooth: &'a Coordinates,
+    pub wheels: &'a WheelVelocities,
+}
+
+impl CycleData<'_> {
+    /// All whole cycles of the time in which the robot is driven.
+    pub fn cycles(&self) -> Vec<Cycle> {
+        let Driven { clock, moving, .. } = self.driven;
+        let first_frame = moving.start as f64 - END_TOLERANCE;
+        let last_frame = moving.end as f64 - 1.0 + END_TOLERANCE;
+        let first = (clock.phase(first_frame) / TAU).ceil() as i64;
+        let last = (clock.phase(last_frame) / TAU).floor() as i64;
+        let gait = [0, 1].map(|joint| {
+            self.gait.joints[joint].and_then(|_| {
+                let phi = &self.phi_rad[joint];
+                let fit = Harmonics::fit(phi, moving.clone(), clock, GAIT_HARMONICS)?;
+                Some((fit.over(moving.clone(), clock), LARGEST_DEVIATION * fit.amplitude(1)))
+            })
+        });
+        (first..last)
+            .map(|k| {
+                let [start, end] = [k, k + 1].map(|k| clock.frame(TAU * k as f64));
+                let is_gait = (0..2).all(|joint| {
+                    let Some((fitted, largest)) = &gait[joint] else { return true };
+                    let frames = frames_within(start, end);
+                    let fitted = &fitted[frames.start - moving.start..frames.end - moving.start];
+                    deviation(&self.phi_rad[joint][frames], fitted) <= *largest
+                });
+                self.cycle(start, end, is_gait)
+            })
+            .collect()
+    }
+
+    fn cycle(&self, start: f64, end: f64, is_gait: bool) -> Cycle {
+        let metrics = self.metrics(start, end);
+        let skid_m_s = match metrics.d_m.is_nan() {
+            true => [const { Vec::new() }; 3],
+            false => self.raw_wheels.skid_m_s.each_ref().map(|skid_m_s| {
+                self.shape(skid_m_s, start, end).map_or(Vec::new(), Harmonics::components)
+            }),
+        };
+        Cycle { start, end, metrics, skid_m_s, is_gait }
+    }
+
+    /// A series as it goes over a cycle.
+    fn shape(&self, series: &[f64], start: f64, end: f64) -> Option<Harmonics> {
+        let Driven { clock, shape_harmonics, .. } = self.driven;
+        Harmonics::fit(series, frames_within(start, end), clock, *shape_harmonics)
+    }
+
+    fn metrics(&self, start: f64, end: f64) -> GaitMetrics {
+        let Coordinates { x_m, y_m, theta_rad, phi_rad } = self.smooth;
+        let has_gap = [x_m, theta_rad, &phi_rad[0], &phi_rad[1]]
+            .iter()
+            .any(|series| series[frames_within(start, end)].iter().any(|x| x.is_nan()));
+        if has_gap {
+            return GaitMetrics::MISSING;
+        }
+        // Not of the smoothed angle: that would take from its amplitude; nor the extremes of the
+        // angle itself, which noise adds to.
+        let Some(phi1) = self.shape(&self.filled.phi_rad[0], start, end) else {
+            return GaitMetrics::MISSING;
+        };
+        let change = |series: &[f64]| interpolate(series, end) - interpolate(series, start);
+        let d_m = change(x_m).hypot(change(y_m));
+        let omega_rad_s = self.driven.omega_rad_s;
+        let scale = self.robot.l_m * omega_rad_s;
+        let metrics = GaitMetrics {
+            d_m,
+            v_m_s: d_m * omega_rad_s / TAU,
+            sigma: [0, 1, 2]
+                .map(|wheel| mean_square(&self.wheels.skid_m_s[wheel], start, end).sqrt() / scale),
+            alpha1_rad: phi1.half_range(),
+            dtheta_rad: change(theta_rad),
+        };
+        match metrics.to_array().iter().any(|x| x.is_nan()) {
+            true => GaitMetrics::MISSING,
+            false => metrics,
+        }
+    }
+}
+
+/// The frames between two times given in frames.
+fn frames_within(start: f64, end: f64) -> Range<usize> {
+    start.ceil() as usize..end.floor() as usize + 1
+}
+
+/// RMS distance of an angle from its gait.
+fn deviation(phi: &[f64], gait: &[f64]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (phi, gait) in phi.iter().zip(gait) {
+        let difference = phi - gait;
+        if !difference.is_nan() {
+            sum += difference * difference;
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
+}
+
+/// Mean square between two times given in frames: every sample stands for the time halfway to
+/// its neighbours.
+fn mean_square(series: &[f64], start: f64, end: f64) -> f64 {
+    let mut sum = 0.0;
+    let first = (start - 0.5).ceil().max(0.0) as usize;
+    for i in first..series.len() {
+        let (from, to) = (i as f64 - 0.5, i as f64 + 0.5);
+        if from >= end {
+            break;
+        }
+        sum += (to.min(end) - from.max(start)) * series[i] * series[i];
+    }
+    sum / (end - start)
+}
+
+/// The cubic through the four samples about a time given in frames (the outermost four at the
+/// ends); NaN if one of them is missing.
+fn interpolate(series: &[f64], frame: f64) -> f64 {
+    if series.len() < 4 {
+        return f64::NAN;
+    }
+    let first = (frame.floor() as usize).saturating_sub(1).min(series.len() - 4);
+    let t = frame - first as f64;
+    let (t1, t2, t3) = (t - 1.0, t - 2.0, t - 3.0);
+    let s = &series[first..first + 4];
+    (s[3] * t * t1 * t2 - s[0] * t1 * t2 * t3) / 6.0 + (s[1] * t2 - s[2] * t1) * t * t3 / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_is_interpolated_exactly_to_the_ends() {
+        let cubic = |t: f64| 1.0 - 2.0 * t + 0.3 * t * t - 0.05 * t.powi(3);
+        let series: Vec<f64> = (0..10).map(|i| cubic(i.into())).collect();
+        for i in 0..=90 {
+            let frame = f64::from(i) / 10.0;
+            assert!((interpolate(&series, frame) - cubic(frame)).abs() < 1e-12, "{frame}");
+        }
+        let mut gap = series;
+        gap[4] = f64::NAN;
+        assert!(interpolate(&gap, 3.5).is_nan() && !interpolate(&gap, 1.5).is_nan());
+    }
+
+    #[test]
+    fn the_mean_square_of_a_sine_over_its_period_is_a_half() {
+        let step = TAU / 123.4;
+        let series: Vec<f64> = (0..400).map(|i| (step * f64::from(i)).sin()).collect();
+        for start in [0.0, 17.3, 100.7] {
+            let mean = mean_square(&series, start, start + 123.4);
+            assert!((mean - 0.5).abs() < 2e-4, "{mean}");
+        }
+    }
+}

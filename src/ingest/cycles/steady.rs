@@ -1,0 +1,100 @@
+//! Which cycles count: those after the transient that are whole and show the gait.
+
+use super::measure::Cycle;
+use crate::stats::{MAD_TO_DEVIATION, median, median_absolute_deviation};
+
+/// Cycles that are kept however much the first of them still differs from the others.
+const LEAST_KEPT: usize = 3;
+/// Changes below these are no drift: part of d, and rad.
+const D_TOLERANCE: f64 = 0.003;
+const DTHETA_TOLERANCE_RAD: f64 = 0.005;
+/// Robust standard deviations by which the first cycle may differ.
+const DEVIATIONS: f64 = 3.0;
+
+/// Which cycles count and which were left out why.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Steady {
+    /// Indices of the cycles that count, increasing.
+    pub used: Vec<usize>,
+    /// Leading cycles taken for transient.
+    pub skipped: usize,
+    /// Later cycles left out because of gaps.
+    pub gapped: usize,
+    /// Later cycles left out because the joints were off their gait.
+    pub off_gait: usize,
+}
+
+/// Skips at least `skip` cycles, more while the first one left still differs from the rest in
+/// d or Delta theta, but never more than two thirds of what is there.
+pub fn steady(cycles: &[Cycle], skip: usize) -> Steady {
+    let usable = |i: &usize| cycles[*i].is_whole() && cycles[*i].is_gait;
+    let begin = skip.min(cycles.len());
+    let mut used: Vec<usize> = (begin..cycles.len()).filter(usable).collect();
+    let least = LEAST_KEPT.max(used.len() / 3);
+    let mut drifting = 0;
+    while used.len() > least + drifting && drifts(cycles, &used[drifting..]) {
+        drifting += 1;
+    }
+    used.drain(..drifting);
+    let later = &cycles[begin..];
+    Steady {
+        skipped: if drifting > 0 { used[0] } else { begin },
+        gapped: later.iter().filter(|cycle| !cycle.is_whole()).count(),
+        off_gait: later.iter().filter(|cycle| cycle.is_whole() && !cycle.is_gait).count(),
+        used,
+    }
+}
+
+fn drifts(cycles: &[Cycle], used: &[usize]) -> bool {
+    let differs = |value: &dyn Fn(&Cycle) -> f64, tolerance: &dyn Fn(f64) -> f64| {
+        let rest: Vec<f64> = used[1..].iter().map(|&i| value(&cycles[i])).collect();
+        let (middle, spread) = (median(rest.clone()), median_absolute_deviation(&rest));
+        let limit = (DEVIATIONS * MAD_TO_DEVIATION * spread).max(tolerance(middle));
+        (value(&cycles[used[0]]) - middle).abs() > limit
+    };
+    differs(&|cycle| cycle.metrics.d_m, &|d| D_TOLERANCE * d)
+        || differs(&|cycle| cycle.metrics.dtheta_rad, &|_| DTHETA_TOLERANCE_RAD)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::GaitMetrics;
+
+    fn cycles(d_m: &[f64]) -> Vec<Cycle> {
+        d_m.iter()
+            .map(|&d_m| Cycle {
+                start: 0.0,
+                end: 0.0,
+                metrics: GaitMetrics { d_m, dtheta_rad: 0.0, ..GaitMetrics::MISSING },
+                skid_m_s: [const { Vec::new() }; 3],
+                is_gait: true,
+            })
+            .collect()
+    }
+
+    #[test]
+    fn at_least_the_configured_cycles_are_skipped() {
+        let steady = steady(&cycles(&[0.4; 10]), 2);
+        assert_eq!(steady.used, (2..10).collect::<Vec<_>>());
+        assert_eq!(steady.skipped, 2);
+    }
+
+    #[test]
+    fn cycles_are_skipped_while_d_drifts() {
+        let decay = |i: i32| 0.4 * (1.0 + 0.2 * (-f64::from(i)).exp());
+        let d_m: Vec<f64> = (0..16).map(decay).collect();
+        // 0.2 exp(-i) falls below 0.3 % between cycles 4 and 5.
+        assert_eq!(steady(&cycles(&d_m), 1).used, (5..16).collect::<Vec<_>>());
+        let lasting: Vec<f64> = (0..9).map(|i| 0.4 + 0.1 * f64::from(i)).collect();
+        assert!(steady(&cycles(&lasting), 0).used.len() >= LEAST_KEPT);
+    }
+
+    #[test]
+    fn gaps_and_pauses_are_left_out_and_counted() {
+        let mut list = cycles(&[0.4, 0.4, 0.4, f64::NAN, 0.4, 0.4, 0.4, 0.4]);
+        list[5].is_gait = false;
+        let expected = Steady { used: vec![2, 4, 6, 7], skipped: 2, gapped: 1, off_gait: 1 };
+        assert_eq!(steady(&list, 2), expected);
+    }
+}

@@ -1,0 +1,160 @@
+//! The straight robot pushed and left to coast: its roll resistance (eq. 14).
+//!
+//! All wheels roll at the robot's speed u and none skids, so `sum(m) u' = -sum(c^R) u` and the
+//! way gone is `s = s0 + a (1 - exp(-lambda t))` with `sum(c^R) = lambda sum(m)`. The way is
+//! fitted, not the speed: it is measured, and its noise is white. The masses are taken as
+//! configured, and the sum is split by the configured proportions: a straight robot tells no
+//! more.
+
+use std::f64::consts::PI;
+use std::path::Path;
+
+use nalgebra::SVector;
+
+use super::curve::Curve;
+use crate::ingest::checks::{Check, Finding};
+use crate::ingest::error::TrialFailure;
+use crate::ingest::poses::Coordinates;
+use crate::robot::Robot;
+use crate::store::{RobotParameterRow, Rows as _};
+
+/// A robot that is slower than this was not pushed, m/s.
+const LEAST_SPEED_M_S: f64 = 0.05;
+/// The robot is free below this part of its top speed, and the fit ends below this one.
+const FREE: f64 = 0.95;
+const SLOW: f64 = 0.1;
+/// The speed must fall to this part of the top speed, or the decay is not seen.
+const LEAST_FALL: f64 = 0.6;
+/// The suspension tilts the links slowly by some thousandths of a radian, which moves markers
+/// 60 mm above the floor by about this much, m.
+const SLOW_M: f64 = 3e-4;
+/// How far the fit may miss, as a part of the way, and how bent the robot may be, degrees.
+const MISFIT_TOLERANCE: f64 = 0.01;
+const STRAIGHT_DEG: f64 = 5.0;
+
+/// What a trial of kind `coast-down` says of the robot, and its checks; `speed_m_s` is the
+/// smoothed roll velocity of wheel 0.
+pub fn measure(
+    path: &Path,
+    robot: &Robot,
+    seen: &Coordinates,
+    speed_m_s: &[f64],
+    rate_hz: f64,
+) -> Result<(RobotParameterRow, Vec<Finding>), TrialFailure> {
+    let top = speed_m_s.iter().fold(0.0, |top: f64, v| top.max(v.abs()));
+    if top < LEAST_SPEED_M_S {
+        let (found_m_s, needed_m_s) = (top, LEAST_SPEED_M_S);
+        return Err(TrialFailure::NotPushed { path: path.to_owned(), found_m_s, needed_m_s });
+    }
+    let below = |from: usize, part: f64| {
+        speed_m_s[from..].iter().position(|v| v.abs() < part * top).map(|i| from + i)
+    };
+    let fastest = speed_m_s.iter().position(|v| v.abs() >= top).unwrap_or(0);
+    let start = below(fastest, FREE).unwrap_or(speed_m_s.len() - 1);
+    let end = below(start, SLOW).unwrap_or(speed_m_s.len());
+    let no_decay = || {
+        let lowest = speed_m_s[start..].iter().fold(top, |low, v| low.min(v.abs()));
+        let found = lowest / top;
+        TrialFailure::NoDecay { path: path.to_owned(), found, needed: LEAST_FALL }
+    };
+    let fall = below(start, LEAST_FALL).ok_or_else(no_decay)?;
+    let samples = way(seen, start, end, rate_hz);
+    let gone = samples.last().map_or(0.0, |(_, way)| *way);
+    let guess_1_s = -(LEAST_FALL / FREE).ln() * rate_hz / (fall - start).max(1) as f64;
+    let guess = SVector::from([0.0, gone / (1.0 - SLOW), guess_1_s]);
+    let curve = Curve::fit(&samples, guess, coasting).ok_or_else(no_decay)?;
+    let decay_1_s = curve.parameters[2];
+    let decay_se = curve.se(SVector::from([0.0, 0.0, 1.0])).hypot(slow_error(&curve, &samples));
+    if decay_1_s <= 0.0 {
+        return Err(no_decay());
+    }
+
+    let mass_kg: f64 = robot.mass_kg.iter().sum();
+    let configured: f64 = robot.roll_kg_s.iter().sum();
+    let roll = |wheel: usize, sum: f64| match configured > 0.0 {
+        true => sum * robot.roll_kg_s[wheel] / configured,
+        false => f64::NAN,
+    };
+    let (sum, se) = (mass_kg * decay_1_s, mass_kg * decay_se);
+    let row = RobotParameterRow {
+        mass_kg,
+        decay_1_s,
+        decay_1_s_se: decay_se,
+        roll_sum_kg_s: sum,
+        roll_sum_kg_s_se: se,
+        roll_sum_configured_kg_s: configured,
+        roll0_kg_s: roll(0, sum),
+        roll0_kg_s_se: roll(0, se),
+        roll1_kg_s: roll(1, sum),
+        roll1_kg_s_se: roll(1, se),
+        roll2_kg_s: roll(2, sum),
+        roll2_kg_s_se: roll(2, se),
+        ..RobotParameterRow::blank()
+    };
+    let bent_deg = seen
+        .phi_rad
+        .iter()
+        .map(|phi| mean(&phi[start..end]).abs().to_degrees())
+        .fold(0.0, f64::max);
+    let findings = vec![
+        Finding::at_most(
+            Check::Straight,
+            bent_deg,
+            STRAIGHT_DEG,
+            format!("the robot is bent by {bent_deg:.1} degrees"),
+        ),
+        Finding::at_most(
+            Check::Decay,
+            curve.misfit / gone.abs(),
+            MISFIT_TOLERANCE,
+            format!("the way is {:.2} mm (RMS) off a decay", 1e3 * curve.misfit),
+        ),
+    ];
+    Ok((row, findings))
+}
+
+/// Standard error of the decay from displacements so slow that the fit takes them for a part
+/// of the decay: waves of two recordings' length, [`SLOW_M`] high, at any phase.
+fn slow_error(curve: &Curve<3>, samples: &[(f64, f64)]) -> f64 {
+    let length_s = samples.last().map_or(1.0, |(t, _)| *t);
+    let (mut sines, mut cosines) = (SVector::zeros(), SVector::zeros());
+    for (t, _) in samples {
+        let slopes = coasting(&curve.parameters, *t).1;
+        let (sin, cos) = (PI * t / length_s).sin_cos();
+        sines += slopes * sin;
+        cosines += slopes * cos;
+    }
+    let decay = |moments: SVector<f64, 3>| SLOW_M * (curve.inverse * moments)[2];
+    decay(sines).hypot(decay(cosines))
+}
+
+/// `p0 + p1 (1 - exp(-p2 t))` with its derivatives.
+fn coasting(p: &SVector<f64, 3>, t: f64) -> (f64, SVector<f64, 3>) {
+    let left = (-p[2] * t).exp();
+    (p[0] + p[1] * (1.0 - left), SVector::from([1.0, 1.0 - left, p[1] * t * left]))
+}
+
+/// Time (s) and way along the heading (m) of the frames that were seen, from the first of them.
+fn way(seen: &Coordinates, start: usize, end: usize, rate_hz: f64) -> Vec<(f64, f64)> {
+    let mut samples: Vec<(f64, f64)> = Vec::with_capacity(end - start);
+    let mut last: Option<[f64; 3]> = None;
+    for i in start..end {
+        let [x, y, theta] = [seen.x_m[i], seen.y_m[i], seen.theta_rad[i]];
+        if x.is_nan() || theta.is_nan() {
+            continue;
+        }
+        let step = last.map_or(0.0, |last: [f64; 3]| {
+            let (sin, cos) = (0.5 * (theta + last[2])).sin_cos();
+            (x - last[0]) * cos + (y - last[1]) * sin
+        });
+        let before = samples.last().map_or(0.0, |(_, way)| *way);
+        samples.push(((i - start) as f64 / rate_hz, before + step));
+        last = Some([x, y, theta]);
+    }
+    samples
+}
+
+fn mean(series: &[f64]) -> f64 {
+    let seen = || series.iter().filter(|x| !x.is_nan());
+    seen().sum::<f64>() / seen().count().max(1) as f64
+}

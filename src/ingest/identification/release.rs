@@ -1,0 +1,214 @@
+//! The passive joint let go from rest (Fig. 8b): its stiffness and damping (eq. 11).
+//!
+//! The robot is lifted so that no wheel touches the floor, its middle link and its actuated
+//! joint are held, and the passive joint is turned from its rest and let go. Its link then
+//! swings about the joint alone: `J phi'' + c_tau phi' + k_tau (phi - gamma) = 0` with the
+//! link's moment of inertia about the joint, `J = I + m b^2`. (On its wheel the link would not
+//! swing: the wheel would have to skid.) The errors are those of the recording; J is taken as
+//! configured.
+
+use std::f64::consts::PI;
+use std::path::Path;
+
+use nalgebra::SVector;
+
+use super::curve::Curve;
+use crate::ingest::checks::{Check, Finding};
+use crate::ingest::cycles::Estimate;
+use crate::ingest::error::TrialFailure;
+use crate::ingest::poses::Coordinates;
+use crate::ingest::signals::{moving_average, noise};
+use crate::robot::Robot;
+use crate::stats::median_high;
+use crate::store::{RobotParameterRow, Rows as _};
+
+/// A joint that moves less than this was not let go, rad.
+const LEAST_SWING_RAD: f64 = 0.05;
+/// The joint is let go when it was this near its largest angle and is this far from it now, as
+/// parts of that angle: then no hand is at it.
+const HELD: f64 = 0.95;
+const FREE: f64 = 0.8;
+/// Swings below this many standard deviations of the noise are not counted, and the fit goes on
+/// for this much longer than they are seen.
+const NOISE_DEVIATIONS: f64 = 6.0;
+const LONGER: f64 = 1.5;
+/// Swings to one side or the other that a logarithmic decrement is taken from.
+const LEAST_SWINGS: usize = 3;
+/// Smoothing of the swings before their peaks are taken, samples. It lowers all by one factor.
+const PEAK_WINDOW: usize = 5;
+/// How much the held links may move, and the fit may miss, as parts of the first swing.
+const HELD_TOLERANCE: f64 = 0.02;
+const MISFIT_TOLERANCE: f64 = 0.03;
+
+/// What a trial of kind `joint-release` says of the robot, and its checks.
+pub fn measure(
+    path: &Path,
+    robot: &Robot,
+    seen: &Coordinates,
+    rate_hz: f64,
+) -> Result<(RobotParameterRow, Vec<Finding>), TrialFailure> {
+    let ranges = seen.phi_rad.each_ref().map(|phi| range(phi));
+    // The other joint is held.
+    let joint = usize::from(ranges[1] > ranges[0]);
+    let phi = &seen.phi_rad[joint];
+    let rest_rad = late_median(phi);
+    let swing: Vec<f64> = phi.iter().map(|phi| phi - rest_rad).collect();
+    let largest = swing.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    if largest < LEAST_SWING_RAD {
+        let (found_deg, needed_deg) = (largest.to_degrees(), LEAST_SWING_RAD.to_degrees());
+        return Err(TrialFailure::NotReleased { path: path.to_owned(), found_deg, needed_deg });
+    }
+    let noise_rad = noise(phi);
+    let (start, end) = free_frames(&swing, largest, noise_rad);
+    let smooth = moving_average(&swing, PEAK_WINDOW);
+    let few =
+        |found| TrialFailure::FewSwings { path: path.to_owned(), found, needed: LEAST_SWINGS };
+    let swings = swings(&smooth[start..end], 0.0, noise_rad);
+    if swings.len() < LEAST_SWINGS {
+        return Err(few(swings.len()));
+    }
+    let first_guess = decrement(&swings, noise_rad);
+    let half_s = half_period_s(&swings, rate_hz);
+    let samples: Vec<(f64, f64)> = (start..end)
+        .filter(|&i| !swing[i].is_nan())
+        .map(|i| ((i - start) as f64 / rate_hz, swing[i]))
+        .collect();
+    let guess = [0.0, FREE * largest, 0.0, first_guess.value / half_s, PI / half_s];
+    let curve = Curve::fit(&samples, SVector::from(guess), decaying).ok_or_else(|| few(0))?;
+    let [offset, _, _, decay_1_s, damped_rad_s] = curve.parameters.into();
+    if decay_1_s <= 0.0 || damped_rad_s <= 0.0 {
+        return Err(few(0));
+    }
+
+    let natural_rad_s = damped_rad_s.hypot(decay_1_s);
+    let (decay, damped) = (decay_1_s / natural_rad_s, damped_rad_s / natural_rad_s);
+    let slopes = |to_decay, to_damped| SVector::from([0.0, 0.0, 0.0, to_decay, to_damped]);
+    let logarithmic = decrement(&self::swings(&smooth[start..end], offset, noise_rad), noise_rad);
+    let ratio = |decrement: f64| decrement / decrement.hypot(PI);
+    let link = joint + 1;
+    let inertia = robot.inertia_kg_m2[link] + robot.mass_kg[link] * robot.b_m.powi(2);
+    let row = RobotParameterRow {
+        joint: link as i64,
+        inertia_kg_m2: inertia,
+        natural_rad_s,
+        natural_rad_s_se: curve.se(slopes(decay, damped)),
+        damping_ratio: decay,
+        damping_ratio_se: curve.se(slopes(damped * damped, -decay * damped) / natural_rad_s),
+        damping_ratio_decrement: ratio(logarithmic.value),
+        damping_ratio_decrement_se: ratio(logarithmic.value + logarithmic.se)
+            - ratio(logarithmic.value),
+        rest_angle_rad: rest_rad + offset,
+        rest_angle_rad_se: curve.se(SVector::from([1.0, 0.0, 0.0, 0.0, 0.0])),
+        rest_angle_configured_rad: robot.rest_angle_rad,
+        stiffness_nm_rad: inertia * natural_rad_s.powi(2),
+        stiffness_nm_rad_se: 2.0 * inertia * curve.se(slopes(decay_1_s, damped_rad_s)),
+        stiffness_configured_nm_rad: robot.stiffness_nm_rad,
+        damping_nm_s_rad: 2.0 * inertia * decay_1_s,
+        damping_nm_s_rad_se: 2.0 * inertia * curve.se(slopes(1.0, 0.0)),
+        damping_configured_nm_s_rad: robot.damping_nm_s_rad,
+        ..RobotParameterRow::blank()
+    };
+    let moved = [&seen.theta_rad[start..end], &seen.phi_rad[1 - joint][start..end]]
+        .map(deviation)
+        .into_iter()
+        .fold(0.0, f64::max);
+    let findings = vec![
+        Finding::at_most(
+            Check::HeldLinks,
+            moved / largest,
+            HELD_TOLERANCE,
+            format!("the held links move by {:.2} degrees (RMS)", moved.to_degrees()),
+        ),
+        Finding::at_most(
+            Check::Decay,
+            curve.misfit / largest,
+            MISFIT_TOLERANCE,
+            format!("the joint is {:.2} degrees (RMS) off a decay", curve.misfit.to_degrees()),
+        ),
+    ];
+    Ok((row, findings))
+}
+
+/// `p0 + exp(-p3 t) (p1 cos(p4 t) + p2 sin(p4 t))` with its derivatives.
+fn decaying(p: &SVector<f64, 5>, t: f64) -> (f64, SVector<f64, 5>) {
+    let (envelope, (sin, cos)) = ((-p[3] * t).exp(), (p[4] * t).sin_cos());
+    let wave = envelope * (p[1] * cos + p[2] * sin);
+    let turned = envelope * (p[2] * cos - p[1] * sin);
+    (p[0] + wave, SVector::from([1.0, envelope * cos, envelope * sin, -t * wave, t * turned]))
+}
+
+fn range(series: &[f64]) -> f64 {
+    let (low, high) = series
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    high - low
+}
+
+/// Median of the last fifth of what was seen: about where the joint came to rest.
+fn late_median(series: &[f64]) -> f64 {
+    let seen: Vec<f64> = series.iter().copied().filter(|x| !x.is_nan()).collect();
+    median_high(seen[seen.len() - seen.len().div_ceil(5)..].to_vec())
+}
+
+/// From where the joint is free to where it is at rest.
+fn free_frames(swing: &[f64], largest: f64, noise_rad: f64) -> (usize, usize) {
+    let held = swing.iter().position(|x| x.abs() >= HELD * largest).unwrap_or(0);
+    let free = swing[held..].iter().position(|x| x.abs() < FREE * largest);
+    let start = held + free.unwrap_or(0);
+    let last = swing.iter().rposition(|x| x.abs() > NOISE_DEVIATIONS * noise_rad);
+    let moving = last.unwrap_or(start).saturating_sub(start);
+    (start, swing.len().min(start + (LONGER * moving as f64) as usize))
+}
+
+/// Frame and height of the peak of every swing to one side, after the first crossing of the
+/// rest angle and while they stand out of the noise.
+fn swings(swing: &[f64], rest: f64, noise_rad: f64) -> Vec<(f64, f64)> {
+    let mut peaks: Vec<(f64, f64)> = Vec::new();
+    let mut side = 0.0;
+    let mut crossings = 0;
+    for (i, x) in swing.iter().map(|x| x - rest).enumerate().filter(|(_, x)| !x.is_nan()) {
+        if x.signum() != side && (side == 0.0 || x.abs() > noise_rad) {
+            if side != 0.0 {
+                crossings += 1;
+                peaks.push((i as f64, 0.0));
+            }
+            side = x.signum();
+        }
+        if crossings > 0
+            && let Some(peak) = peaks.last_mut()
+            && x.abs() > peak.1
+        {
+            *peak = (i as f64, x.abs());
+        }
+    }
+    let small = peaks.iter().position(|(_, height)| *height < NOISE_DEVIATIONS * noise_rad);
+    peaks.truncate(small.unwrap_or(peaks.len()));
+    peaks
+}
+
+/// Logarithmic decrement of half a period, by weighted regression on the swings' peaks.
+fn decrement(swings: &[(f64, f64)], noise_rad: f64) -> Estimate {
+    let weighted = |value: &dyn Fn(f64, f64) -> f64| -> f64 {
+        let each = swings.iter().enumerate();
+        each.map(|(k, (_, height))| height * height * value(k as f64, height.ln())).sum()
+    };
+    let weight = weighted(&|_, _| 1.0);
+    let middle = weighted(&|k, _| k) / weight;
+    let spread = weighted(&|k, _| (k - middle).powi(2));
+    let value = -weighted(&|k, height| (k - middle) * height) / spread;
+    // The logarithm of a peak has the variance of the noise over the peak's square.
+    Estimate { value, se: noise_rad / (PEAK_WINDOW as f64).sqrt() / spread.sqrt() }
+}
+
+fn half_period_s(swings: &[(f64, f64)], rate_hz: f64) -> f64 {
+    let (first, last) = (swings[0].0, swings[swings.len() - 1].0);
+    (last - first) / (swings.len() - 1) as f64 / rate_hz
+}
+
+/// Standard deviation of what was seen.
+fn deviation(series: &[f64]) -> f64 {
+    let seen = || series.iter().filter(|x| !x.is_nan());
+    let count = seen().count().max(1) as f64;
+    let mean = seen().sum::<f64>() / count;
+    (seen().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
+}

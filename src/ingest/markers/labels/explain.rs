@@ -1,0 +1,108 @@
+//! What may have happened to a link's markers in one row, judged by that row alone.
+
+use super::{LinkFit, Outlier};
+use crate::ingest::markers::layout::LinkMarker;
+use crate::ingest::markers::rigid::{self, LinkPose};
+use crate::vicon::MarkerFile;
+
+/// Explanations that put no marker farther apart than this are one, mm.
+const SAME_MM: f64 = 2.0;
+
+/// An explanation of what was seen.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Explanation {
+    pub outlier: Outlier,
+    pub pose: LinkPose,
+    /// Markers whose place it explains.
+    pub explained: usize,
+}
+
+/// A link's markers and what is noise to them.
+pub(super) struct Link<'a> {
+    pub file: &'a MarkerFile,
+    pub markers: &'a [LinkMarker],
+    pub tolerance_mm: f64,
+    pub usual_mm: f64,
+}
+
+impl Link<'_> {
+    /// Explains a row by its markers alone; whether three markers or more agree on it.
+    pub fn explain(&self, row: usize, fit: &mut LinkFit) -> bool {
+        let found = self.explanations(row);
+        let most = found.iter().map(|found| found.explained).max().unwrap_or(0);
+        let mut best = found.iter().filter(|found| found.explained == most);
+        let single = best.next().filter(|first| {
+            best.all(|other| self.distance_mm(&first.pose, &other.pose) <= SAME_MM)
+        });
+        if let Some(single) = single {
+            (fit.pose, fit.outlier) = (Some(single.pose), single.outlier);
+            return most >= 3;
+        }
+        // A layout that fits no frame is the residual check's; only what is unusual is thrown
+        // out.
+        let is_usual = fit.pose.is_some_and(|pose| pose.residual_mm <= self.usual_mm);
+        if !is_usual {
+            (fit.pose, fit.outlier) = (None, Outlier::Ambiguous);
+        }
+        is_usual
+    }
+
+    /// All explanations of a row within the tolerance, those of the same kind by increasing
+    /// residual.
+    pub fn explanations(&self, row: usize) -> Vec<Explanation> {
+        let positions = self.file.row_mm(row);
+        let seen: Vec<(usize, [f64; 2], [f64; 2])> = self
+            .markers
+            .iter()
+            .enumerate()
+            .filter(|(_, marker)| !positions[marker.column][0].is_nan())
+            .map(|(i, marker)| {
+                let [x, y, _] = positions[marker.column];
+                (i, marker.place_mm, [x, y])
+            })
+            .collect();
+        let n = seen.len();
+        let mut found = Vec::new();
+        let mut offer = |outlier, explained, pose: Option<LinkPose>| {
+            let pose = pose.filter(|pose| pose.residual_mm <= self.tolerance_mm);
+            found.extend(pose.map(|pose| Explanation { outlier, pose, explained }));
+        };
+        let all = seen.iter().map(|(_, place, at)| (*place, *at));
+        offer(Outlier::None, n, rigid::fit(all.clone()));
+        for a in 0..n {
+            for b in a + 1..n {
+                let swapped = seen.iter().enumerate().map(|(i, (_, place, _))| {
+                    let from = if i == a {
+                        b
+                    } else if i == b {
+                        a
+                    } else {
+                        i
+                    };
+                    (*place, seen[from].2)
+                });
+                offer(Outlier::Swapped(seen[a].0, seen[b].0), n, rigid::fit(swapped));
+            }
+        }
+        if n >= 3 {
+            for (left_out, (marker, _, _)) in seen.iter().enumerate() {
+                let rest = all.clone().enumerate().filter(|(i, _)| *i != left_out);
+                let pose = rigid::fit(rest.map(|(_, pair)| pair));
+                offer(Outlier::Jumped(*marker), n - 1, pose);
+            }
+        }
+        found.sort_by(|a, b| {
+            b.explained.cmp(&a.explained).then(a.pose.residual_mm.total_cmp(&b.pose.residual_mm))
+        });
+        found
+    }
+
+    /// How far two poses put one of the link's markers apart at most, mm.
+    pub fn distance_mm(&self, one: &LinkPose, other: &LinkPose) -> f64 {
+        let apart = |marker: &LinkMarker| {
+            let [a, b] = [one, other].map(|pose| pose.at(marker.place_mm));
+            (a[0] - b[0]).hypot(a[1] - b[1])
+        };
+        self.markers.iter().map(apart).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,160 @@
+//! Which markers of a file belong to which link.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::config::Markers;
+use crate::ingest::error::TrialFailure;
+use crate::vicon::MarkerFile;
+
+/// Labels of the file that an error proposes.
+const PROPOSALS: usize = 3;
+
+/// One marker of a link.
+#[derive(Debug, Clone, Copy)]
+pub struct LinkMarker {
+    /// Index among the file's labels.
+    pub column: usize,
+    /// Place in the link's own frame, x along t_i and y along n_i, mm.
+    pub place_mm: [f64; 2],
+    /// Above the floor, mm.
+    pub height_mm: f64,
+}
+
+/// The markers of links 0, 1, 2 in a file.
+pub type Layout = [Vec<LinkMarker>; 3];
+
+/// Finds every marker of the configured layout in the file: by its whole label, or else by the
+/// part after the subject if only one subject has it. The error is about the first that is not
+/// found.
+pub fn locate(path: &Path, markers: &Markers, file: &MarkerFile) -> Result<Layout, TrialFailure> {
+    locate_all(path, markers, file).map_err(|mut failures| failures.swap_remove(0))
+}
+
+/// [`locate`], with an error for every marker that is not found: one at least.
+pub fn locate_all(
+    path: &Path,
+    markers: &Markers,
+    file: &MarkerFile,
+) -> Result<Layout, Vec<TrialFailure>> {
+    let mut layout = [const { Vec::new() }; 3];
+    let mut failures = Vec::new();
+    let mut owners: BTreeMap<usize, &str> = BTreeMap::new();
+    for (link, configured) in markers.links().into_iter().enumerate() {
+        for (label, place) in configured {
+            let column = match column_of(path, link, label, &file.labels) {
+                Ok(column) => column,
+                Err(failure) => {
+                    failures.push(failure);
+                    continue;
+                }
+            };
+            if let Some(first) = owners.insert(column, label) {
+                failures.push(TrialFailure::SharedMarker {
+                    path: path.to_owned(),
+                    found: file.labels[column].clone(),
+                    first: first.to_owned(),
+                    second: label.clone(),
+                });
+            }
+            let [x, y, height_mm] = *place;
+            layout[link].push(LinkMarker { column, place_mm: [x, y], height_mm });
+        }
+    }
+    if failures.is_empty() { Ok(layout) } else { Err(failures) }
+}
+
+fn column_of(
+    path: &Path,
+    link: usize,
+    label: &str,
+    labels: &[String],
+) -> Result<usize, TrialFailure> {
+    let among = |matches: &dyn Fn(&str) -> bool| -> Vec<usize> {
+        (0..labels.len()).filter(|&i| matches(&labels[i])).collect()
+    };
+    let mut found = among(&|candidate| candidate == label);
+    if found.is_empty() {
+        found = among(&|candidate| marker_name(candidate) == label);
+    }
+    let path = path.to_owned();
+    let label = label.to_owned();
+    match found[..] {
+        [column] => Ok(column),
+        [] => {
+            let hint = proposals(&label, labels);
+            Err(TrialFailure::MissingMarker { path, label, link, hint })
+        }
+        [first, ..] if found.iter().all(|&i| labels[i] == labels[first]) => {
+            Err(TrialFailure::RepeatedLabel { path, label: labels[first].clone(), link })
+        }
+        _ => {
+            let found = found.iter().map(|&i| labels[i].clone()).collect();
+            Err(TrialFailure::AmbiguousMarker { path, label, link, found })
+        }
+    }
+}
+
+/// A label without its subject.
+pub fn marker_name(label: &str) -> &str {
+    label.rsplit_once(':').map_or(label, |(_, name)| name)
+}
+
+fn proposals(label: &str, labels: &[String]) -> String {
+    let likeness = |candidate: &str| {
+        let names = strsim::jaro_winkler(marker_name(label), marker_name(candidate));
+        names.max(strsim::jaro_winkler(label, candidate))
+    };
+    let mut ranked: Vec<&String> = labels.iter().collect();
+    ranked.sort_by(|a, b| likeness(b).total_cmp(&likeness(a)));
+    let nearest: Vec<&str> = ranked.iter().take(PROPOSALS).map(|label| label.as_str()).collect();
+    format!("the nearest of its {} labels are `{}`", labels.len(), nearest.join("`, `"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vicon::read_markers;
+
+    /// The markers of the fixture with two subjects that both have a marker `X`.
+    fn located(link0: [&str; 2]) -> Result<Layout, TrialFailure> {
+        let path = Path::new("tests/fixtures/vicon/two-subjects.csv");
+        let file = read_markers(path).unwrap();
+        let link0 = link0.into_iter().map(|label| (label.to_owned(), [0.0; 3])).collect();
+        let markers = Markers { link0, link1: BTreeMap::new(), link2: BTreeMap::new() };
+        locate(Path::new("a.csv"), &markers, &file)
+    }
+
+    #[test]
+    fn a_name_that_two_subjects_have_needs_the_subject() {
+        assert_eq!(
+            located(["X", "Y-2"]).unwrap_err().to_string(),
+            "a.csv: found the marker `X` of markers.link0 as `Branch:X`, `Branch_1:X`, \
+             needed one of them; the layout must name it `Subject:Marker`"
+        );
+        let layout = located(["Branch_1:X", "Y-2"]).unwrap();
+        assert_eq!(layout[0].iter().map(|marker| marker.column).collect::<Vec<_>>(), [1, 2]);
+    }
+
+    #[test]
+    fn a_marker_cannot_stand_for_two_of_the_layout() {
+        assert_eq!(
+            located(["Branch_1:Y-2", "Y-2"]).unwrap_err().to_string(),
+            "a.csv: found the marker `Branch_1:Y-2` for both `Branch_1:Y-2` and `Y-2` of \
+             pipeline.toml's [markers], needed one each"
+        );
+    }
+
+    #[test]
+    fn a_label_that_a_file_has_twice_is_an_error() {
+        let labels = ["Snake:M1".to_owned(), "Snake:M1".to_owned()];
+        for label in ["M1", "Snake:M1"] {
+            let error = column_of(Path::new("a.csv"), 0, label, &labels).unwrap_err();
+            assert_eq!(
+                error.to_string(),
+                "a.csv: found the label `Snake:M1` more than once, \
+                 needed by markers.link0 of pipeline.toml once"
+            );
+        }
+    }
+}

@@ -1,0 +1,316 @@
+//! When the robot moves, at which frequency, and where in the commanded cycle it is.
+
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+use std::path::Path;
+
+use super::harmonics::{
+    Clock, FrequencyInformation, GAIT_HARMONICS, LEAST_SAMPLES, LEAST_SAMPLES_PER_TERM, Regression,
+};
+use crate::ingest::error::TrialFailure;
+use crate::ingest::signals::noise;
+use crate::robot::Gait;
+use crate::stats::wrap;
+
+/// The frequency is looked for this far from the commanded one.
+const SEARCH: f64 = 0.1;
+/// Fewer frames per period cannot carry the harmonics.
+const LEAST_FRAMES_PER_PERIOD: f64 = 20.0;
+/// Fewer periods do not separate frequency and phase.
+const LEAST_PERIODS: f64 = 2.0;
+/// A commanded joint that reaches less than this part of its amplitude is not driven.
+const LEAST_AMPLITUDE: f64 = 0.1;
+/// The robot rests if its joints stay where they are for longer than this phase, rad.
+const REST_PHASE_RAD: f64 = 0.5;
+
+/// What the commanded joints did.
+#[derive(Debug, Clone)]
+pub struct Driven {
+    /// Phase of the command in every frame.
+    pub clock: Clock,
+    pub omega_rad_s: f64,
+    pub omega_se_rad_s: f64,
+    /// Frames in which the robot is driven.
+    pub moving: Range<usize>,
+    /// Harmonics that describe what the robot does in a cycle.
+    pub shape_harmonics: usize,
+}
+
+/// Harmonics that the motion of a cycle has, by its length. The wheels' skid is smooth above
+/// this frequency, and there the links shake.
+fn shape_harmonics(frames_per_period: f64, rate_hz: f64) -> usize {
+    const HIGHEST_HZ: f64 = 5.0;
+    const MOST: usize = 12;
+    let most = ((frames_per_period / LEAST_SAMPLES_PER_TERM as f64 - 1.0) / 2.0) as usize;
+    let below = (HIGHEST_HZ * frames_per_period / rate_hz) as usize;
+    below.clamp(GAIT_HARMONICS, MOST).min(most).max(1)
+}
+
+/// The commanded gait and how the trial is sampled.
+pub struct Command<'a> {
+    pub path: &'a Path,
+    pub gait: &'a Gait,
+    pub omega_rad_s: f64,
+    pub rate_hz: f64,
+    /// Cycles that may be transient and are not needed for the frequency.
+    pub skip_cycles: usize,
+}
+
+impl Command<'_> {
+    /// Finds frequency and phase by harmonic regression on the commanded joints' unsmoothed
+    /// angles; NaN where a joint was not seen.
+    pub fn measure(&self, phi_rad: &[Vec<f64>; 2]) -> Result<Driven, TrialFailure> {
+        let path = || self.path.to_owned();
+        let step = self.omega_rad_s / self.rate_hz;
+        let found = TAU / step;
+        if found < LEAST_FRAMES_PER_PERIOD {
+            let needed = LEAST_FRAMES_PER_PERIOD;
+            return Err(TrialFailure::TooFast { path: path(), found, needed });
+        }
+        let joints: Vec<(usize, &[f64])> = (0..2)
+            .filter(|&joint| self.gait.joints[joint].is_some())
+            .map(|joint| (joint, phi_rad[joint].as_slice()))
+            .collect();
+        let moving = moving(&joints, step);
+        let periods = moving.len() as f64 * step / TAU;
+        if periods < LEAST_PERIODS {
+            let needed = LEAST_PERIODS;
+            return Err(TrialFailure::TooShort { path: path(), found: periods, needed });
+        }
+        for (joint, phi) in &joints {
+            let found = phi[moving.clone()].iter().filter(|x| !x.is_nan()).count();
+            if found < LEAST_SAMPLES {
+                let (joint, needed) = (joint + 1, LEAST_SAMPLES);
+                return Err(TrialFailure::JointUnseen { path: path(), joint, found, needed });
+            }
+        }
+        // The transient is left out if enough remains.
+        let skipped = (self.skip_cycles as f64).min(periods - LEAST_PERIODS).max(0.0);
+        let steady = moving.start + (skipped * TAU / step) as usize..moving.end;
+        let coarse = strongest(&joints, &steady, step);
+        let (step, variance) = refine(&joints, &steady, coarse, step).ok_or_else(|| {
+            let needed = LEAST_PERIODS;
+            TrialFailure::TooShort { path: path(), found: periods, needed }
+        })?;
+        let clock = self.clock(&joints, &steady, step)?;
+        Ok(Driven {
+            clock,
+            omega_rad_s: step * self.rate_hz,
+            omega_se_rad_s: variance.sqrt() * self.rate_hz,
+            moving,
+            shape_harmonics: shape_harmonics(TAU / step - 2.0, self.rate_hz),
+        })
+    }
+
+    /// The clock in which the joints' first harmonics have, on average, their commanded phases.
+    fn clock(
+        &self,
+        joints: &[(usize, &[f64])],
+        steady: &Range<usize>,
+        step: f64,
+    ) -> Result<Clock, TrialFailure> {
+        let mut clock = Clock::centred(steady, step);
+        let (mut sin, mut cos) = (0.0, 0.0);
+        for &(joint, phi) in joints {
+            let Some(command) = self.gait.joints[joint] else { continue };
+            let fit = Regression::new(phi, steady.clone(), &clock, GAIT_HARMONICS);
+            let found = fit.as_ref().map_or(0.0, |fit| fit.harmonics.amplitude(1));
+            if found < LEAST_AMPLITUDE * command.amplitude_rad {
+                return Err(TrialFailure::NotDriven {
+                    path: self.path.to_owned(),
+                    joint: joint + 1,
+                    omega_rad_s: self.omega_rad_s,
+                    found_deg: found.to_degrees(),
+                    needed_deg: command.amplitude_rad.to_degrees(),
+                });
+            }
+            if let Some(fit) = fit {
+                let ahead = fit.harmonics.phase_rad() - command.phase_rad;
+                sin += command.amplitude_rad * ahead.sin();
+                cos += command.amplitude_rad * ahead.cos();
+            }
+        }
+        clock.offset_rad = wrap(clock.offset_rad + sin.atan2(cos));
+        Ok(clock)
+    }
+}
+
+/// The frames from the first to the last in which a commanded joint leaves the angle at which
+/// the recording starts or ends.
+fn moving(joints: &[(usize, &[f64])], step: f64) -> Range<usize> {
+    let frames = joints.first().map_or(0, |(_, phi)| phi.len());
+    let rest = |backwards: bool| {
+        let leaves = joints.iter().map(|(_, phi)| {
+            let at = |i: usize| phi[if backwards { frames - 1 - i } else { i }];
+            frames_at_rest(frames, &at, noise(phi))
+        });
+        let still = leaves.min().unwrap_or(0);
+        if still as f64 * step > REST_PHASE_RAD { still } else { 0 }
+    };
+    let start = rest(false);
+    start..frames.saturating_sub(rest(true)).max(start)
+}
+
+/// Frames before an angle leaves, for good, where it starts.
+fn frames_at_rest(frames: usize, at: &dyn Fn(usize) -> f64, noise_rad: f64) -> usize {
+    const FIRST: usize = 5;
+    const IN_A_ROW: usize = 3;
+    let seen = (0..frames).map(at).filter(|phi| !phi.is_nan());
+    let (low, high) = seen
+        .clone()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+    let (count, sum) = seen.take(FIRST).fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x));
+    let reference = sum / count;
+    let tolerance = (6.0 * noise_rad).max(0.005 * (high - low));
+    let mut away = 0;
+    for i in 0..frames {
+        let phi = at(i);
+        if (phi - reference).abs() > tolerance {
+            away += 1;
+            if away == IN_A_ROW {
+                return i + 1 - IN_A_ROW;
+            }
+        } else if !phi.is_nan() {
+            away = 0;
+        }
+    }
+    frames
+}
+
+/// The step per frame, near the commanded one, at which the joints' spectrum is largest. Sums
+/// over a small part of the period stand for their frames.
+fn strongest(joints: &[(usize, &[f64])], range: &Range<usize>, commanded: f64) -> f64 {
+    const SUMS_PER_PERIOD: f64 = 24.0;
+    let length = ((TAU / commanded / SUMS_PER_PERIOD) as usize).max(1);
+    let sums: Vec<Vec<f64>> = joints
+        .iter()
+        .map(|(_, phi)| {
+            let seen = phi[range.clone()].iter().filter(|phi| !phi.is_nan());
+            let mean = seen.clone().sum::<f64>() / seen.count().max(1) as f64;
+            phi[range.clone()]
+                .chunks(length)
+                .map(|phi| phi.iter().filter(|phi| !phi.is_nan()).map(|phi| phi - mean).sum())
+                .collect()
+        })
+        .collect();
+    let power = |step: f64| -> f64 {
+        let (turn_sin, turn_cos) = (step * length as f64).sin_cos();
+        let line = |sums: &Vec<f64>| {
+            let (mut re, mut im) = (0.0, 0.0);
+            let (mut c, mut s) = (1.0, 0.0);
+            for sum in sums {
+                re += sum * c;
+                im += sum * s;
+                (c, s) = (c * turn_cos - s * turn_sin, s * turn_cos + c * turn_sin);
+            }
+            re * re + im * im
+        };
+        sums.iter().map(line).sum()
+    };
+    // A quarter of the width of a spectral line is fine enough for the refinement.
+    let spacing = 0.5 * PI / range.len() as f64;
+    let count = (SEARCH * commanded / spacing).ceil() as i64;
+    let steps = (-count..=count).map(|i| commanded + spacing * i as f64);
+    let best = steps.map(|step| (step, power(step))).max_by(|a, b| a.1.total_cmp(&b.1));
+    best.map_or(commanded, |(step, _)| step)
+        .clamp((1.0 - SEARCH) * commanded, (1.0 + SEARCH) * commanded)
+}
+
+/// Least-squares step per frame with its variance, by Gauss-Newton on the step with the
+/// harmonics eliminated.
+fn refine(
+    joints: &[(usize, &[f64])],
+    range: &Range<usize>,
+    coarse: f64,
+    commanded: f64,
+) -> Option<(f64, f64)> {
+    const ITERATIONS: usize = 12;
+    const TOLERANCE: f64 = 1e-10;
+    let mut step = coarse;
+    let mut sum = FrequencyInformation::default();
+    for _ in 0..ITERATIONS {
+        let clock = Clock::centred(range, step);
+        sum = FrequencyInformation::default();
+        for (_, phi) in joints {
+            let joint = Regression::new(phi, range.clone(), &clock, GAIT_HARMONICS)?
+                .frequency_information();
+            sum.gradient += joint.gradient;
+            sum.curvature += joint.curvature;
+            sum.squares += joint.squares;
+            sum.neighbours += joint.neighbours;
+            sum.freedom += joint.freedom;
+        }
+        if sum.curvature <= 0.0 {
+            return None;
+        }
+        // A step of more than a spectral line would follow another maximum.
+        let line = PI / range.len() as f64;
+        let change = (sum.gradient / sum.curvature).clamp(-line, line);
+        let reach = 1.2 * SEARCH * commanded;
+        step = (step + change).clamp(commanded - reach, commanded + reach);
+        if change.abs() < TOLERANCE * commanded {
+            break;
+        }
+    }
+    // Neighbouring residuals are alike where the servo, not the noise, makes them: as many
+    // independent samples are missing as a first-order process of that correlation says.
+    let correlation = (sum.neighbours / sum.squares.max(f64::MIN_POSITIVE)).clamp(0.0, 0.98);
+    let inflation = (1.0 + correlation) / (1.0 - correlation);
+    let variance = sum.squares / sum.freedom.max(1.0) * inflation / sum.curvature;
+    Some((step, variance))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measure(phi: impl Fn(f64) -> [f64; 2], seconds: f64, omega: f64) -> Result<Driven, String> {
+        let frames = (seconds * 120.0) as usize;
+        let at = |joint: usize| (0..frames).map(|i| phi(i as f64 / 120.0)[joint]).collect();
+        let gait = Gait::symmetric();
+        let command = Command {
+            path: Path::new("a.csv"),
+            gait: &gait,
+            omega_rad_s: omega,
+            rate_hz: 120.0,
+            skip_cycles: 2,
+        };
+        command.measure(&[at(0), at(1)]).map_err(|error| error.to_string())
+    }
+
+    fn gait_at(phase: f64) -> [f64; 2] {
+        [0.5 * phase.cos() + 0.01 * (3.0 * phase).cos(), 0.04 + 0.52 * phase.sin()]
+    }
+
+    #[test]
+    fn frequency_and_phase_of_a_clean_gait_are_exact() {
+        for (omega, true_omega) in [(3.9, 3.9), (3.9, 3.7), (0.5, 0.52), (6.0, 6.3)] {
+            let driven =
+                measure(|t| gait_at(true_omega * t + 1.0), 60.0 / omega + 10.0, omega).unwrap();
+            assert!((driven.omega_rad_s / true_omega - 1.0).abs() < 1e-9, "{omega}");
+            assert!(wrap(driven.clock.offset_rad - 1.0).abs() < 1e-7);
+            assert!(driven.omega_se_rad_s < 1e-6);
+        }
+    }
+
+    #[test]
+    fn rest_before_and_after_the_motion_is_left_out() {
+        let (begin, end) = (4.0, 20.0);
+        let driven = measure(|t| gait_at(3.9 * (t.clamp(begin, end) - begin)), 27.0, 3.9).unwrap();
+        assert!((driven.moving.start as f64 / 120.0 - begin).abs() < 0.1);
+        assert!((driven.moving.end as f64 / 120.0 - end).abs() < 0.1);
+        assert!((driven.omega_rad_s - 3.9).abs() < 2e-3);
+    }
+
+    #[test]
+    fn a_trial_that_does_not_move_or_is_too_short_says_so() {
+        let still = measure(|_| [0.1, 0.2], 20.0, 3.9).unwrap_err();
+        assert_eq!(still, "a.csv: found 0.00 periods of motion, needed at least 2");
+        let short = measure(|t| gait_at(3.9 * t), 1.2, 3.9).unwrap_err();
+        assert_eq!(short, "a.csv: found 0.74 periods of motion, needed at least 2");
+        let slow = measure(|t| [gait_at(0.3 * t)[0], gait_at(0.3 * t)[1]], 60.0, 5.0).unwrap_err();
+        assert!(slow.starts_with("a.csv: found joint 1 moving by only "), "{slow}");
+        let fast = measure(|t| gait_at(50.0 * t), 10.0, 50.0).unwrap_err();
+        assert!(fast.starts_with("a.csv: found 15.1 frames per commanded period"), "{fast}");
+    }
+}

@@ -1,0 +1,384 @@
+//! Harmonic regression: an offset and some harmonics of a known frequency.
+//!
+//! Frames are evenly spaced, so their phases are too: within a block of frames all blocks share
+//! one table of cosines and sines, and a block's own phase turns the harmonics as a whole.
+
+use std::ops::Range;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// Harmonics of a joint's angle that tell its frequency and its phase.
+pub const GAIT_HARMONICS: usize = 5;
+/// Samples below which a fit is not attempted, per term.
+pub const LEAST_SAMPLES_PER_TERM: usize = 3;
+/// Samples that tell the gait.
+pub const LEAST_SAMPLES: usize = LEAST_SAMPLES_PER_TERM * (2 * GAIT_HARMONICS + 1);
+/// Frames that share a table of cosines and sines.
+const BLOCK: usize = 16;
+/// Terms that are summed side by side.
+const LANES: usize = 4;
+
+/// The phase of the gait as a function of the frame: `step_rad * i + offset_rad`, where i
+/// counts from the first frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Clock {
+    pub step_rad: f64,
+    pub offset_rad: f64,
+}
+
+impl Clock {
+    pub fn phase(&self, frame: f64) -> f64 {
+        self.step_rad * frame + self.offset_rad
+    }
+
+    /// The frame, usually between two, at which the phase is `phase_rad`.
+    pub fn frame(&self, phase_rad: f64) -> f64 {
+        (phase_rad - self.offset_rad) / self.step_rad
+    }
+
+    /// Zero phase in the middle of a range, where frequency and phase are least correlated.
+    pub fn centred(range: &Range<usize>, step_rad: f64) -> Self {
+        let middle = 0.5 * (range.start + range.end) as f64;
+        Self { step_rad, offset_rad: -step_rad * middle }
+    }
+}
+
+/// `offset + sum of amplitude_k cos(k phase + phase_k)`.
+#[derive(Debug, Clone)]
+pub struct Harmonics {
+    /// Offset, then the factors of cos and sin of every harmonic.
+    terms: Vec<f64>,
+}
+
+impl Harmonics {
+    /// Least squares over the samples of a range that are not missing; `None` if there are
+    /// too few, or too few of the cycle.
+    pub fn fit(series: &[f64], range: Range<usize>, clock: &Clock, count: usize) -> Option<Self> {
+        Regression::new(series, range, clock, count).map(|regression| regression.harmonics)
+    }
+
+    pub fn offset(&self) -> f64 {
+        self.terms[0]
+    }
+
+    /// Amplitude of harmonic `k`, counted from 1.
+    pub fn amplitude(&self, k: usize) -> f64 {
+        self.terms[2 * k - 1].hypot(self.terms[2 * k])
+    }
+
+    /// Phase of the first harmonic, rad, in (-pi, pi].
+    pub fn phase_rad(&self) -> f64 {
+        (-self.terms[2]).atan2(self.terms[1])
+    }
+
+    /// Half the peak-to-peak over a cycle.
+    pub fn half_range(&self) -> f64 {
+        let [low, high] = self.extremes();
+        0.5 * (high - low)
+    }
+
+    /// Smallest and largest value over a cycle.
+    pub fn extremes(&self) -> [f64; 2] {
+        const POINTS: usize = 360;
+        let clock = Clock { step_rad: std::f64::consts::TAU / POINTS as f64, offset_rad: 0.0 };
+        let values = self.over(0..POINTS, &clock);
+        values.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+            [low.min(value), high.max(value)]
+        })
+    }
+
+    /// Values in the frames of a range.
+    pub fn over(&self, range: Range<usize>, clock: &Clock) -> Vec<f64> {
+        Grid::new(clock, self.count()).evaluate(&self.terms, range)
+    }
+
+    /// Numbers whose squares sum to the mean square over a cycle, and whose products with
+    /// another's to the mean product.
+    pub fn components(mut self) -> Vec<f64> {
+        self.terms[1..].iter_mut().for_each(|term| *term *= std::f64::consts::FRAC_1_SQRT_2);
+        self.terms
+    }
+
+    fn count(&self) -> usize {
+        self.terms.len() / 2
+    }
+
+    /// Terms of the derivative with respect to the phase.
+    fn slope(&self) -> Vec<f64> {
+        let mut slope = vec![0.0; self.terms.len()];
+        for k in 1..=self.count() {
+            slope[2 * k - 1] = k as f64 * self.terms[2 * k];
+            slope[2 * k] = -(k as f64) * self.terms[2 * k - 1];
+        }
+        slope
+    }
+}
+
+/// 1, cos, sin, cos 2, sin 2, ...
+fn basis(phase_rad: f64, terms: &mut [f64]) {
+    let (sin, cos) = phase_rad.sin_cos();
+    let (mut c, mut s) = (1.0, 0.0);
+    terms[0] = 1.0;
+    for pair in terms[1..].chunks_exact_mut(2) {
+        (c, s) = (c * cos - s * sin, s * cos + c * sin);
+        pair.copy_from_slice(&[c, s]);
+    }
+}
+
+/// Evenly spaced phases, and sums over them.
+struct Grid<'c> {
+    clock: &'c Clock,
+    /// Terms of each frame of a block that begins with phase 0, and zeros up to a multiple of
+    /// [`LANES`].
+    table: Vec<[f64; LANES]>,
+    /// Terms per frame.
+    width: usize,
+}
+
+impl<'c> Grid<'c> {
+    fn new(clock: &'c Clock, count: usize) -> Self {
+        let width = 2 * count + 1;
+        let lanes = width.div_ceil(LANES);
+        let mut table = vec![[0.0; LANES]; BLOCK * lanes];
+        for (i, row) in table.chunks_exact_mut(lanes).enumerate() {
+            basis(clock.step_rad * i as f64, &mut row.as_flattened_mut()[..width]);
+        }
+        Self { clock, table, width }
+    }
+
+    fn rows(&self) -> impl Iterator<Item = &[[f64; LANES]]> {
+        self.table.chunks_exact(self.lanes())
+    }
+
+    fn lanes(&self) -> usize {
+        self.width.div_ceil(LANES)
+    }
+
+    /// Sums over a range's frames of `terms` times `values`, of which there is one per frame;
+    /// missing ones count as zero.
+    fn project(&self, values: &[f64], range: Range<usize>) -> Vec<f64> {
+        let (mut sums, mut turn) = (vec![0.0; self.width], vec![0.0; self.width]);
+        let mut block_sums = vec![[0.0; LANES]; self.lanes()];
+        for (values, first) in values.chunks(BLOCK).zip(range.step_by(BLOCK)) {
+            block_sums.fill([0.0; LANES]);
+            for (value, row) in values.iter().zip(self.rows()) {
+                let value = if value.is_nan() { 0.0 } else { *value };
+                for (sums, terms) in block_sums.iter_mut().zip(row) {
+                    for (sum, term) in sums.iter_mut().zip(terms) {
+                        *sum += value * term;
+                    }
+                }
+            }
+            basis(self.clock.phase(first as f64), &mut turn);
+            let block_sums = block_sums.as_flattened();
+            sums[0] += block_sums[0];
+            for k in (1..self.width).step_by(2) {
+                let (c, s) = (turn[k], turn[k + 1]);
+                let (cos, sin) = (block_sums[k], block_sums[k + 1]);
+                sums[k] += c * cos - s * sin;
+                sums[k + 1] += s * cos + c * sin;
+            }
+        }
+        sums
+    }
+
+    /// The sum of `factors` times terms in every frame of a range.
+    fn evaluate(&self, factors: &[f64], range: Range<usize>) -> Vec<f64> {
+        let mut values = Vec::with_capacity(range.len());
+        let mut turn = vec![0.0; self.width];
+        let mut turned = vec![[0.0; LANES]; self.lanes()];
+        turned[0][0] = factors[0];
+        for first in range.clone().step_by(BLOCK) {
+            basis(self.clock.phase(first as f64), &mut turn);
+            let flat = turned.as_flattened_mut();
+            for k in (1..self.width).step_by(2) {
+                let (c, s) = (turn[k], turn[k + 1]);
+                let (cos, sin) = (factors[k], factors[k + 1]);
+                flat[k] = cos * c + sin * s;
+                flat[k + 1] = sin * c - cos * s;
+            }
+            for row in self.rows().take(range.end - first) {
+                let mut sums = [0.0; LANES];
+                for (factors, terms) in turned.iter().zip(row) {
+                    for (sum, (factor, term)) in sums.iter_mut().zip(factors.iter().zip(terms)) {
+                        *sum += factor * term;
+                    }
+                }
+                values.push(sums.iter().sum());
+            }
+        }
+        values
+    }
+
+    /// Products of all terms with each other, summed over the frames of a range in which
+    /// `series` is not missing. Products of harmonics are sums of harmonics up to twice as high,
+    /// whose sums over all frames have a closed form.
+    fn gram(&self, series: &[f64], range: &Range<usize>) -> DMatrix<f64> {
+        let highest = self.width - 1;
+        let frames = range.len() as f64;
+        let middle = self.clock.phase(range.start as f64 + 0.5 * (frames - 1.0));
+        let mut sums = vec![0.0; 2 * highest + 1];
+        basis(middle, &mut sums);
+        sums[0] = frames;
+        for k in 1..=highest {
+            let half = 0.5 * k as f64 * self.clock.step_rad;
+            let kernel = (frames * half).sin() / half.sin();
+            sums[2 * k - 1] *= kernel;
+            sums[2 * k] *= kernel;
+        }
+        let mut terms = vec![0.0; sums.len()];
+        for i in range.clone().filter(|&i| series[i].is_nan()) {
+            basis(self.clock.phase(i as f64), &mut terms);
+            sums.iter_mut().zip(&terms).for_each(|(sum, term)| *sum -= term);
+        }
+        let cos = |k: usize| if k == 0 { sums[0] } else { sums[2 * k - 1] };
+        let sin = |k: usize| if k == 0 { 0.0 } else { sums[2 * k] };
+        let product = |a: usize, b: usize| {
+            // Term 2k - 1 is the cosine of harmonic k, term 2k its sine.
+            let (j, k) = (a.div_ceil(2), b.div_ceil(2));
+            let (sum, difference) = (j + k, j.abs_diff(k));
+            let sign = if j >= k { 1.0 } else { -1.0 };
+            match (a % 2 == 1 || a == 0, b % 2 == 1 || b == 0) {
+                (true, true) => 0.5 * (cos(difference) + cos(sum)),
+                (false, false) => 0.5 * (cos(difference) - cos(sum)),
+                (false, true) => 0.5 * (sin(sum) + sign * sin(difference)),
+                (true, false) => 0.5 * (sin(sum) - sign * sin(difference)),
+            }
+        };
+        DMatrix::from_fn(self.width, self.width, product)
+    }
+}
+
+/// A fit with what is needed to improve its frequency.
+pub struct Regression<'s> {
+    pub harmonics: Harmonics,
+    series: &'s [f64],
+    range: Range<usize>,
+    clock: Clock,
+    factor: Cholesky<f64, Dyn>,
+}
+
+/// What one joint says about the frequency.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct FrequencyInformation {
+    /// Product of the residuals with the derivative with respect to the step.
+    pub gradient: f64,
+    /// Square of the part of that derivative which no harmonic explains.
+    pub curvature: f64,
+    /// Sum of squared residuals, and of products of neighbouring ones.
+    pub squares: f64,
+    pub neighbours: f64,
+    /// Samples beyond the number of parameters.
+    pub freedom: f64,
+}
+
+impl<'s> Regression<'s> {
+    pub fn new(
+        series: &'s [f64],
+        range: Range<usize>,
+        clock: &Clock,
+        count: usize,
+    ) -> Option<Self> {
+        let samples = &series[range.clone()];
+        let grid = Grid::new(clock, count);
+        if samples.iter().filter(|x| !x.is_nan()).count() < LEAST_SAMPLES_PER_TERM * grid.width {
+            return None;
+        }
+        // Too little of the cycle makes the harmonics indistinguishable.
+        let factor = Cholesky::new(grid.gram(series, &range)).filter(|factor| {
+            let diagonal = factor.l_dirty().diagonal();
+            diagonal.min() > 1e-4 * diagonal.max()
+        })?;
+        let right = DVector::from_vec(grid.project(samples, range.clone()));
+        let terms = factor.solve(&right).data.into();
+        Some(Self { harmonics: Harmonics { terms }, series, range, clock: *clock, factor })
+    }
+
+    /// The Gauss-Newton system for the step; time counts from where the clock's phase is zero.
+    pub fn frequency_information(&self) -> FrequencyInformation {
+        let origin = self.clock.frame(0.0);
+        let grid = Grid::new(&self.clock, self.harmonics.count());
+        let fitted = grid.evaluate(&self.harmonics.terms, self.range.clone());
+        let mut slopes = grid.evaluate(&self.harmonics.slope(), self.range.clone());
+        let mut sum = FrequencyInformation::default();
+        let mut previous = 0.0;
+        let mut count = 0.0;
+        for ((i, fitted), slope) in self.range.clone().zip(fitted).zip(&mut slopes) {
+            let residual = self.series[i] - fitted;
+            if residual.is_nan() {
+                (previous, *slope) = (0.0, 0.0);
+                continue;
+            }
+            *slope *= i as f64 - origin;
+            sum.gradient += residual * *slope;
+            sum.curvature += *slope * *slope;
+            sum.squares += residual * residual;
+            sum.neighbours += residual * previous;
+            previous = residual;
+            count += 1.0;
+        }
+        let explained = DVector::from_vec(grid.project(&slopes, self.range.clone()));
+        sum.curvature -= explained.dot(&self.factor.solve(&explained));
+        sum.freedom = count - grid.width as f64;
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sum_of_harmonics_is_found_whatever_is_missing() {
+        let clock = Clock { step_rad: 0.0325, offset_rad: -0.7 };
+        let wave = |i: usize| {
+            let phase = clock.phase(i as f64);
+            0.3 + 0.5 * (phase + 2.0).cos() + 0.02 * (3.0 * phase - 1.0).cos()
+        };
+        let mut series: Vec<f64> = (0..900).map(wave).collect();
+        series[100..160].fill(f64::NAN);
+        let fit = Harmonics::fit(&series, 30..880, &clock, 5).unwrap();
+        assert!((fit.offset() - 0.3).abs() < 1e-12);
+        assert!((fit.amplitude(1) - 0.5).abs() < 1e-12);
+        assert!((fit.amplitude(3) - 0.02).abs() < 1e-12);
+        assert!((fit.phase_rad() - 2.0).abs() < 1e-12);
+        let values = fit.over(100..300, &clock);
+        for (value, i) in values.iter().zip(100..) {
+            assert!((value - wave(i)).abs() < 1e-12);
+        }
+        let squares: f64 = fit.components().iter().map(|x| x * x).sum();
+        assert!((squares - (0.09 + 0.125 + 2e-4)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_products_of_the_terms_are_summed_as_by_hand() {
+        const COUNT: usize = 7;
+        let clock = Clock { step_rad: 0.21, offset_rad: 0.4 };
+        let series: Vec<f64> = (0..90).map(|i| if i % 11 == 3 { f64::NAN } else { 1.0 }).collect();
+        let gram = Grid::new(&clock, COUNT).gram(&series, &(5..80));
+        let mut terms = [0.0; 2 * COUNT + 1];
+        let mut by_hand = DMatrix::zeros(terms.len(), terms.len());
+        for i in (5..80).filter(|i| i % 11 != 3) {
+            basis(clock.phase(i.into()), &mut terms);
+            let terms = DVector::from_row_slice(&terms);
+            by_hand += &terms * terms.transpose();
+        }
+        assert!((gram - by_hand).amax() < 1e-11);
+    }
+
+    #[test]
+    fn half_the_range_of_a_cosine_is_its_amplitude() {
+        let clock = Clock { step_rad: 0.05, offset_rad: 0.1 };
+        let series: Vec<f64> = (0..400).map(|i| 1.0 + 0.4 * clock.phase(i.into()).cos()).collect();
+        let fit = Harmonics::fit(&series, 0..400, &clock, 5).unwrap();
+        assert!((fit.half_range() - 0.4).abs() < 1e-4 * 0.4);
+    }
+
+    #[test]
+    fn a_small_part_of_a_cycle_gives_no_fit() {
+        let clock = Clock { step_rad: 1e-3, offset_rad: 0.0 };
+        let series: Vec<f64> = (0..200).map(|i| clock.phase(i.into()).cos()).collect();
+        assert!(Harmonics::fit(&series, 0..200, &clock, 5).is_none());
+        assert!(Harmonics::fit(&series, 0..10, &clock, 5).is_none());
+    }
+}

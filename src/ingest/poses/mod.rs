@@ -1,0 +1,12 @@
+//! From the links' own poses to the robot's coordinates over time (eq. 1): tilt of the floor, of the
+//! links and of their suspension is undone, the joints are closed, short gaps are filled.
+
+mod checks;
+mod multibody;
+mod suspension;
+mod tilt;
+mod track;
+
+pub use checks::{describe_tracking, tracking_checks};
+pub use multibody::Chain;
+pub use track::{Coordinates, Tracked, track};

@@ -1,0 +1,382 @@
+//! The poses of all three links at once, with the joints closed.
+//!
+//! Each link's own fit leaves its joints a little apart: noise of some tenths of a millimetre.
+//! Here the five coordinates (eq. 1) are those that bring all markers of a frame nearest to
+//! where the cameras saw them, in the sense of least squares, with every joint at one place of
+//! both its links. A link's own fit, and the centroid and spread of its markers, say all that
+//! the markers say ([`Basis`]), so the sum over the markers is not taken again. Instead of the
+//! joint angles the links' headings are the unknowns, which gives the same minimum.
+
+use nalgebra::{Matrix3, Matrix4, Vector3, Vector4, Vector5};
+
+use crate::ingest::markers::labels::LinkFit;
+use crate::ingest::markers::rigid::LinkPose;
+use crate::robot::Robot;
+use crate::stats::wrap;
+
+#[cfg(doc)]
+use crate::ingest::markers::rigid::Basis;
+
+/// Steps of Gauss-Newton: from the links' own fits, two reach rounding.
+const STEPS: usize = 4;
+/// A step that turns no link by more than this, rad, is the last: what remains is its square times
+/// an arm, a thousandth of a millimetre.
+const SMALL_RAD: f64 = 3e-3;
+/// Rows that say where the joints are, spread over the trial.
+const ROWS: usize = 2000;
+/// How far a joint may well be from where the robot's h and l put it, and how far the links of a
+/// frame leave it apart, mm.
+const PLACE_MM: f64 = 3.0;
+const APART_MM: f64 = 0.5;
+/// Frames over which a slow tilt of the links leaves it apart in the same direction.
+const ALIKE_FRAMES: f64 = 360.0;
+
+/// Where a joint is in its two links' own frames, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointPlaces {
+    pub in_middle: [f64; 2],
+    pub in_outer: [f64; 2],
+}
+
+/// Where the joints with links 1 and 2 are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chain {
+    pub joints: [JointPlaces; 2],
+}
+
+impl Chain {
+    /// As h and l of a robot say.
+    pub fn of(robot: &Robot) -> Self {
+        let joint = |sign: f64| JointPlaces {
+            in_middle: [sign * 1e3 * robot.h_m, 0.0],
+            in_outer: [-sign * 1e3 * robot.l_m, 0.0],
+        };
+        Self { joints: [joint(1.0), joint(-1.0)] }
+    }
+
+    /// As a trial's own poses say, starting from these places: h and l that are a millimetre
+    /// wrong would bend the poses by half a degree. What the trial does not tell, such as both
+    /// places of a joint that does not turn, stays near where it was.
+    pub fn refined(&self, fits: &[Vec<LinkFit>; 3]) -> Self {
+        let rows = fits[0].len();
+        let stride = (rows / ROWS).max(1);
+        let alike = (ALIKE_FRAMES / stride as f64).max(1.0);
+        let mut chain = *self;
+        for (joint, places) in chain.joints.iter_mut().enumerate() {
+            let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+            for row in (0..rows).step_by(stride) {
+                let poses = (fits[0][row].pose, fits[1 + joint][row].pose);
+                let (Some(middle), Some(outer)) = poses else { continue };
+                let (from, to) = (middle.at(places.in_middle), outer.at(places.in_outer));
+                let ((s, c), (so, co)) = (middle.theta_rad.sin_cos(), outer.theta_rad.sin_cos());
+                for (row, apart) in [
+                    (Vector4::new(c, -s, -co, so), to[0] - from[0]),
+                    (Vector4::new(s, c, -so, -co), to[1] - from[1]),
+                ] {
+                    normal.ger(1.0, &row, &row, 1.0);
+                    right.axpy(apart, &row, 1.0);
+                }
+            }
+            normal += Matrix4::identity() * (APART_MM / PLACE_MM).powi(2) * alike;
+            let Some(factor) = normal.cholesky() else { continue };
+            let moved = factor.solve(&right);
+            for axis in 0..2 {
+                places.in_middle[axis] += moved[axis];
+                places.in_outer[axis] += moved[2 + axis];
+            }
+        }
+        chain
+    }
+
+    /// How far a joint of a link is from where another chain has it, at most, mm.
+    pub fn distance_mm(&self, other: &Self) -> f64 {
+        let places = |chain: &Self| chain.joints.map(|joint| [joint.in_middle, joint.in_outer]);
+        let pairs = places(self).into_iter().flatten().zip(places(other).into_iter().flatten());
+        pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
+    }
+
+    /// The poses of links 0, 1, 2 with their joints closed, given the poses that each link's
+    /// own markers say; a link without one stays without. Residuals are the markers' RMS
+    /// distances from the new poses.
+    pub fn close(&self, own: [Option<LinkPose>; 3]) -> [Option<LinkPose>; 3] {
+        // Without the middle link, or with it alone, no joint is known from both sides.
+        let Some(middle) = own[0] else { return own };
+        if own[1].is_none() && own[2].is_none() {
+            return own;
+        }
+        let mut q = Vector5::new(
+            middle.origin_mm[0],
+            middle.origin_mm[1],
+            middle.theta_rad,
+            own[1].map_or(0.0, |pose| pose.theta_rad),
+            own[2].map_or(0.0, |pose| pose.theta_rad),
+        );
+        let mut turns = turns(&q);
+        let seen_mm = [0, 1, 2].map(|link| {
+            own[link].map_or([0.0; 2], |LinkPose { origin_mm, basis, .. }| {
+                let to_centre = rotated(turns[link], basis.centre_mm);
+                [0, 1].map(|axis| origin_mm[axis] + to_centre[axis])
+            })
+        });
+        for _ in 0..STEPS {
+            // Markers that give every link a heading give a positive definite matrix.
+            let Some(step) = self.step(&own, &seen_mm, &q, &turns) else { return own };
+            q -= step;
+            turns = self::turns(&q);
+            if step.fixed_rows::<3>(2).amax() < SMALL_RAD {
+                break;
+            }
+        }
+        let mut closed = own;
+        for (link, pose) in closed.iter_mut().enumerate() {
+            if let Some(pose) = pose {
+                *pose = self.posed(link, pose, seen_mm[link], &q, &turns);
+            }
+        }
+        closed
+    }
+
+    /// From link 0's axle to the joint of a link, in link 0's frame, and from there to the
+    /// link's axle, in its own.
+    fn arms(&self, link: usize) -> ([f64; 2], [f64; 2]) {
+        match link {
+            0 => ([0.0; 2], [0.0; 2]),
+            _ => {
+                let JointPlaces { in_middle, in_outer } = self.joints[link - 1];
+                (in_middle, in_outer.map(|x| -x))
+            }
+        }
+    }
+
+    /// The Gauss-Newton step at `q`: link 0's axle and the headings of links 0, 1, 2. A side
+    /// link's heading acts on its own markers only, and is eliminated first.
+    fn step(
+        &self,
+        own: &[Option<LinkPose>; 3],
+        seen_mm: &[[f64; 2]; 3],
+        q: &Vector5<f64>,
+        turns: &[Turn; 3],
+    ) -> Option<Vector5<f64>> {
+        let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+        let mut sides = [(Vector3::zeros(), 0.0); 3];
+        for (link, pose) in own.iter().enumerate() {
+            let Some(pose) = pose else { continue };
+            let basis = &pose.basis;
+            let (markers, turning) = (basis.markers, basis.turning_mm2);
+            let (to_joint, to_axle) = self.arms(link);
+            let arm = [0, 1].map(|axis| to_axle[axis] + basis.centre_mm[axis]);
+            let by_own = rotated(turns[link], arm);
+            let by_middle = rotated(turns[0], to_joint);
+            let off =
+                [0, 1].map(|axis| q[axis] + by_middle[axis] + by_own[axis] - seen_mm[link][axis]);
+            let slope = turning * (q[2 + link] - pose.theta_rad).sin();
+            // Derivatives of `off` by the headings of link 0 and of the link itself.
+            let middle_arm = if link == 0 { by_own } else { by_middle };
+            let ([px, py], [bx, by]) = (across(middle_arm), across(by_own));
+            let turn = px * off[0] + py * off[1];
+            normal[(0, 0)] += markers;
+            normal[(1, 1)] += markers;
+            normal[(2, 0)] += markers * px;
+            normal[(2, 1)] += markers * py;
+            normal[(2, 2)] += markers * (px * px + py * py);
+            gradient += Vector3::new(off[0], off[1], turn) * markers;
+            if link == 0 {
+                normal[(2, 2)] += turning;
+                gradient[2] += slope;
+                continue;
+            }
+            let stiffness = markers * (bx * bx + by * by) + turning;
+            let coupling = Vector3::new(bx, by, px * bx + py * by) * (markers / stiffness);
+            let own_step = (markers * (bx * off[0] + by * off[1]) + slope) / stiffness;
+            for i in 0..3 {
+                for j in 0..=i {
+                    normal[(i, j)] -= coupling[i] * coupling[j] * stiffness;
+                }
+            }
+            gradient -= coupling * (own_step * stiffness);
+            sides[link] = (coupling, own_step);
+        }
+        // Cholesky reads the lower triangle only.
+        let step = normal.cholesky()?.solve(&gradient);
+        let heading = |link: usize| sides[link].1 - sides[link].0.dot(&step);
+        Some(Vector5::new(step[0], step[1], step[2], heading(1), heading(2)))
+    }
+
+    /// A link's pose in the chain, given its own and where that has its markers' centroid.
+    fn posed(
+        &self,
+        link: usize,
+        own: &LinkPose,
+        seen_mm: [f64; 2],
+        q: &Vector5<f64>,
+        turns: &[Turn; 3],
+    ) -> LinkPose {
+        let (to_joint, to_axle) = self.arms(link);
+        let (by_middle, by_own) = (rotated(turns[0], to_joint), rotated(turns[link], to_axle));
+        let origin_mm = [0, 1].map(|axis| q[axis] + by_middle[axis] + by_own[axis]);
+        let basis = &own.basis;
+        let to_centre = rotated(turns[link], basis.centre_mm);
+        let [x, y] = [0, 1].map(|axis| origin_mm[axis] + to_centre[axis] - seen_mm[axis]);
+        let half_turn = (0.5 * (q[2 + link] - own.theta_rad)).sin();
+        let turning = 4.0 * basis.turning_mm2 * half_turn * half_turn;
+        let residual_mm =
+            (own.residual_mm.powi(2) + x * x + y * y + turning / basis.markers).sqrt();
+        LinkPose { origin_mm, theta_rad: wrap(q[2 + link]), residual_mm, ..*own }
+    }
+}
+
+/// Sine and cosine of a heading.
+type Turn = (f64, f64);
+
+/// Of links 0, 1, 2.
+fn turns(q: &Vector5<f64>) -> [Turn; 3] {
+    [2, 3, 4].map(|heading| q[heading].sin_cos())
+}
+
+fn rotated((sin, cos): Turn, [x, y]: [f64; 2]) -> [f64; 2] {
+    [cos * x - sin * y, sin * x + cos * y]
+}
+
+/// Derivative of a turned arm by its angle.
+fn across([x, y]: [f64; 2]) -> [f64; 2] {
+    [-y, x]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::ingest::markers::labels::Outlier;
+    use crate::ingest::markers::rigid;
+
+    type Pairs = Vec<([f64; 2], [f64; 2])>;
+
+    /// Places and noisy positions of the default layout's markers in one frame.
+    fn pairs(q: &Vector5<f64>, noise_mm: f64) -> [Pairs; 3] {
+        let chain = Chain::of(&Robot::kinematic());
+        let config = Config::default();
+        let mut k = 0.0_f64;
+        [0, 1, 2].map(|link| {
+            let own = LinkPose {
+                origin_mm: [0.0; 2],
+                theta_rad: 0.0,
+                residual_mm: 0.0,
+                basis: rigid::Basis { markers: 1.0, ..Default::default() },
+            };
+            let pose = chain.posed(link, &own, [0.0; 2], q, &turns(q));
+            let place = |p: &[f64; 3]| {
+                k += 1.0;
+                let [x, y] = pose.at([p[0], p[1]]);
+                let noise = [(12.9 * k).sin(), (78.2 * k).cos()].map(|x| noise_mm * x);
+                ([p[0], p[1]], [x + noise[0], y + noise[1]])
+            };
+            config.markers.links()[link].values().map(place).collect()
+        })
+    }
+
+    fn own(pairs: &[Pairs; 3]) -> [Option<LinkPose>; 3] {
+        pairs.each_ref().map(|pairs| rigid::fit(pairs.iter().copied()))
+    }
+
+    /// The sum of squared distances of all markers, by its definition.
+    fn squares(pairs: &[Pairs; 3], q: &Vector5<f64>) -> f64 {
+        let chain = Chain::of(&Robot::kinematic());
+        let own = own(pairs);
+        let of_link = |link: usize| -> f64 {
+            let pose = chain.posed(link, &own[link].unwrap(), [0.0; 2], q, &turns(q));
+            let square = |(place, seen): &([f64; 2], [f64; 2])| {
+                let at = pose.at(*place);
+                (at[0] - seen[0]).powi(2) + (at[1] - seen[1]).powi(2)
+            };
+            pairs[link].iter().map(square).sum()
+        };
+        (0..3).map(of_link).sum()
+    }
+
+    const Q: [f64; 5] = [812.0, -340.0, 3.0, 2.4, 3.5];
+
+    #[test]
+    fn without_noise_the_poses_stay_as_they_are() {
+        let own = own(&pairs(&Vector5::from(Q), 0.0));
+        let closed = Chain::of(&Robot::kinematic()).close(own);
+        for (own, closed) in own.into_iter().flatten().zip(closed.into_iter().flatten()) {
+            assert!((own.theta_rad - closed.theta_rad).abs() < 1e-12);
+            assert!((own.origin_mm[0] - closed.origin_mm[0]).abs() < 1e-9);
+            assert!(closed.residual_mm < 1e-6);
+        }
+    }
+
+    #[test]
+    fn noisy_poses_become_the_least_squares_of_all_markers_with_closed_joints() {
+        let pairs = pairs(&Vector5::from(Q), 1.0);
+        let chain = Chain::of(&Robot::kinematic());
+        let closed = chain.close(own(&pairs)).map(Option::unwrap);
+        let [[x, y], theta] =
+            [closed[0].origin_mm, closed.map(|pose| pose.theta_rad)[..2].try_into().unwrap()];
+        let q = Vector5::new(x, y, theta[0], theta[1], closed[2].theta_rad);
+        let least = squares(&pairs, &q);
+        for i in 0..5 {
+            for step in [-1e-4, 1e-4] {
+                let mut other = q;
+                other[i] += step;
+                assert!(squares(&pairs, &other) > least, "{i}");
+            }
+        }
+        let counts = [4.0, 3.0, 3.0];
+        let by_residuals: f64 =
+            closed.iter().zip(counts).map(|(pose, n)| n * pose.residual_mm.powi(2)).sum();
+        assert!((by_residuals / least - 1.0).abs() < 1e-9);
+        // The joints are closed: link 1's is l behind its axle, link 0's h before its own.
+        let robot = Robot::kinematic();
+        let (h_mm, l_mm) = (1e3 * robot.h_m, 1e3 * robot.l_m);
+        let [front, rear] = [closed[0].at([h_mm, 0.0]), closed[0].at([-h_mm, 0.0])];
+        let [of_front, of_rear] = [closed[1].at([-l_mm, 0.0]), closed[2].at([l_mm, 0.0])];
+        for (a, b) in [(front, of_front), (rear, of_rear)] {
+            assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn places_of_joints_that_are_wrong_are_found_from_the_poses() {
+        let right = Chain::of(&Robot::kinematic());
+        let fit = |pose: LinkPose| LinkFit { pose: Some(pose), seen: 3, outlier: Outlier::None };
+        let mut fits = [const { Vec::new() }; 3];
+        for i in 0..2000 {
+            let phase = 0.1 * i as f64;
+            let turn = [0.5 * phase.cos(), 0.5 * phase.sin()];
+            let q = Vector5::new(3.0 * phase, 5.0, 1.0, 1.0 - turn[0], 1.0 + turn[1]);
+            for (fits, pose) in fits.iter_mut().zip(own(&pairs(&q, 0.0))) {
+                fits.extend(pose.map(fit));
+            }
+        }
+        let mut robot = Robot::kinematic();
+        robot.h_m += 0.002;
+        robot.l_m -= 0.001;
+        let wrong = Chain::of(&robot);
+        assert!((wrong.distance_mm(&right) - 2.0).abs() < 1e-9);
+        assert!(wrong.refined(&fits).distance_mm(&right) < 0.3);
+        // From a joint that does not turn only their sum is known.
+        let still = fits.map(|fits| vec![fits[0]; 200]);
+        let refined = wrong.refined(&still);
+        let [middle, front] = [0, 1].map(|link| still[link][0].pose.unwrap());
+        let places = refined.joints[0];
+        let (a, b) = (middle.at(places.in_middle), front.at(places.in_outer));
+        assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.1);
+        assert!(refined.distance_mm(&wrong) < 2.0);
+    }
+
+    #[test]
+    fn a_link_that_was_not_seen_stays_so_and_the_others_close_their_joint() {
+        let pairs = pairs(&Vector5::from(Q), 1.0);
+        let chain = Chain::of(&Robot::kinematic());
+        let all = own(&pairs);
+        let closed = chain.close([all[0], all[1], None]);
+        assert_eq!(closed[2], None);
+        let [middle, front] = [closed[0].unwrap(), closed[1].unwrap()];
+        let joint = chain.joints[0];
+        let (a, b) = (middle.at(joint.in_middle), front.at(joint.in_outer));
+        assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9);
+        assert_eq!(chain.close([None, all[1], all[2]]), [None, all[1], all[2]]);
+        assert_eq!(chain.close([all[0], None, None]), [all[0], None, None]);
+    }
+}

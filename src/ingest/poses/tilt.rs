@@ -1,0 +1,266 @@
+//! Tilt out of the plane, from the markers' heights: of the floor against the cameras' plane, and
+//! of a link against the floor.
+//!
+//! A tilted floor shortens what is seen from above by the cosine. A tilted link shifts its
+//! markers by their height times the sine: a millimetre for a degree at 60 mm. Both are
+//! constant over a trial, so they are estimated once per trial from all frames: the heights
+//! themselves are too noisy to correct a frame by its own. What changes slowly, as on a soft
+//! suspension, is not seen here but as [`super::suspension`].
+//!
+//! The height of a marker at `(x, y)` in its link's frame and `(X, Y)` in the cameras' is that of
+//! the layout, plus one constant per link, plus `a y - b x` with the link's turns `a` about its x
+//! axis and `b` about its y axis, plus the same of the floor with `(X, Y)`. The least squares
+//! have a weak prior on the turns: where a trial cannot tell the floor from three links that are
+//! tilted alike (a straight run), it is the floor.
+
+use std::borrow::Cow;
+
+use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
+
+use crate::ingest::markers::labels::{LinkFit, Outlier};
+use crate::ingest::markers::layout::Layout;
+use crate::vicon::MarkerFile;
+
+/// A tilt above this is corrected and flagged, degrees. A suspension that swings by 0.3 degrees
+/// within 6 to 20 s stays below it.
+pub const MOST_DEG: f64 = 0.5;
+/// A tilt above this is no tilt but a layout whose heights are wrong: flagged, not corrected.
+const PLAUSIBLE_DEG: f64 = 3.0;
+/// Standard errors by which a tilt must differ from none.
+const DEVIATIONS: f64 = 3.0;
+/// Rows that are looked at, spread over the trial.
+const ROWS: usize = 2000;
+/// How long a suspension may swing to one side: heights are alike so long, frames.
+const SWING_FRAMES: f64 = 360.0;
+/// Parts of the trial whose difference gives the standard errors.
+const BLOCKS: usize = 8;
+/// Standard deviations of the heights (mm) and of the turns (rad) that the prior takes: turns
+/// that the heights say nothing about are none.
+const HEIGHT_MM: f64 = 0.3;
+const TURN_RAD: f64 = 0.02;
+/// Unknowns: the floor's two turns, then of each link a constant height and two turns.
+const UNKNOWNS: usize = 11;
+
+type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+type Unknowns = SVector<f64, UNKNOWNS>;
+
+/// Turns about x and y with the standard error of their size, rad.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Turn {
+    pub about_rad: [f64; 2],
+    pub se_rad: f64,
+}
+
+impl Turn {
+    /// Its size, degrees.
+    pub fn size_deg(&self) -> f64 {
+        self.about_rad[0].hypot(self.about_rad[1]).to_degrees()
+    }
+
+    /// Its size, degrees; none if it is not certain.
+    pub fn certain_deg(&self) -> f64 {
+        let size_deg = self.size_deg();
+        if size_deg > DEVIATIONS * self.se_rad.to_degrees() { size_deg } else { 0.0 }
+    }
+
+    /// Whether it is more than what is left alone.
+    pub fn is_large(&self) -> bool {
+        self.certain_deg() > MOST_DEG
+    }
+
+    /// Whether it is undone.
+    pub fn is_corrected(&self) -> bool {
+        self.is_large() && self.size_deg() <= PLAUSIBLE_DEG
+    }
+
+    fn rotation(&self) -> Rotation3<f64> {
+        Rotation3::new(Vector3::new(self.about_rad[0], self.about_rad[1], 0.0))
+    }
+}
+
+/// What is tilted in a trial.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tilt {
+    pub floor: Turn,
+    pub links: [Turn; 3],
+}
+
+/// Sums over the heights of one marker in one part of a trial; X and Y count from where the
+/// robot starts.
+#[derive(Debug, Clone, Copy, Default)]
+struct Heights {
+    count: f64,
+    x: f64,
+    y: f64,
+    z: f64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+    xz: f64,
+    yz: f64,
+    zz: f64,
+}
+
+impl Heights {
+    fn add(&mut self, [x, y, z]: [f64; 3]) {
+        self.count += 1.0;
+        self.x += x;
+        self.y += y;
+        self.z += z;
+        self.xx += x * x;
+        self.xy += x * y;
+        self.yy += y * y;
+        self.xz += x * z;
+        self.yz += y * z;
+        self.zz += z * z;
+    }
+}
+
+/// Least squares of a part of a trial.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    normal: Normal,
+    right: Unknowns,
+    count: f64,
+    squares: f64,
+}
+
+impl Tilt {
+    /// Of a trial, from the frames in which nothing is wrong with a link's markers.
+    pub fn of(file: &MarkerFile, layout: &Layout, fits: &[Vec<LinkFit>; 3]) -> Self {
+        let rows = file.frames.len();
+        let stride = (rows / ROWS).max(1);
+        let begin = (0..rows)
+            .flat_map(|row| file.row_mm(row))
+            .find(|[x, _, _]| !x.is_nan())
+            .map_or([0.0; 2], |[x, y, _]| [*x, *y]);
+        let mut parts = [Part::empty(); BLOCKS];
+        for (i, part) in parts.iter_mut().enumerate() {
+            let rows = i * rows / BLOCKS..(i + 1) * rows / BLOCKS;
+            for (link, markers) in layout.iter().enumerate() {
+                for marker in markers {
+                    let mut heights = Heights::default();
+                    for row in rows.clone().step_by(stride) {
+                        let fit = &fits[link][row];
+                        let [x, y, z] = file.position_mm(row, marker.column);
+                        if fit.pose.is_some() && fit.outlier == Outlier::None && !x.is_nan() {
+                            heights.add([x - begin[0], y - begin[1], z - marker.height_mm]);
+                        }
+                    }
+                    part.add(link, marker.place_mm, &heights);
+                }
+            }
+        }
+        let all_but = |left_out: usize| {
+            let used = (0..BLOCKS).filter(|&i| i != left_out).map(|i| &parts[i]);
+            used.fold(Part::empty(), |sum, part| sum.plus(part))
+        };
+        let whole = all_but(BLOCKS);
+        let Some((found, inverse)) = whole.solve() else { return Self::default() };
+        // Jackknife: how the estimates without one part each differ from the one with all.
+        let mut variance = Unknowns::zeros();
+        for left_out in 0..BLOCKS {
+            let Some((without, _)) = all_but(left_out).solve() else { return Self::default() };
+            let away = without - found;
+            variance += (BLOCKS - 1) as f64 / BLOCKS as f64 * away.component_mul(&away);
+        }
+        // What a short trial or a robot at rest leaves open, no part of it differs in: what is
+        // left of the heights counts as one sample for each swing of the suspension.
+        let left = (whole.squares - found.dot(&whole.right)).max(0.0) / whole.count.max(1.0);
+        let markers = layout.iter().map(Vec::len).sum::<usize>() as f64 / 3.0;
+        let alike = (SWING_FRAMES / stride as f64).max(1.0) * markers;
+        variance += left * alike * inverse.diagonal();
+        let turn = |first: usize| Turn {
+            about_rad: [found[first], found[first + 1]],
+            se_rad: (0.5 * (variance[first] + variance[first + 1])).sqrt(),
+        };
+        Self { floor: turn(0), links: [turn(3), turn(6), turn(9)] }
+    }
+
+    /// What is left of the floor's tilt after the correction, if it is certain.
+    pub fn floor_left(&self) -> Turn {
+        let is_left = self.floor.certain_deg() > 0.0 && !self.floor.is_corrected();
+        if is_left { self.floor } else { Turn::default() }
+    }
+
+    /// Markers and layout as they would be without the tilt that is to be corrected; `None` if
+    /// there is none.
+    pub fn corrected<'f>(
+        &self,
+        file: &'f MarkerFile,
+        layout: &Layout,
+    ) -> Option<(Cow<'f, MarkerFile>, Layout)> {
+        let is_level = !self.floor.is_corrected();
+        if is_level && self.links.iter().all(|turn| !turn.is_corrected()) {
+            return None;
+        }
+        let mut file = Cow::Borrowed(file);
+        if !is_level {
+            let back = self.floor.rotation().inverse();
+            for position in &mut file.to_mut().positions_mm {
+                *position = (back * Vector3::from(*position)).into();
+            }
+        }
+        let mut layout = layout.clone();
+        for (markers, turn) in layout.iter_mut().zip(&self.links) {
+            for marker in markers.iter_mut().filter(|_| turn.is_corrected()) {
+                let [x, y] = marker.place_mm;
+                let turned = turn.rotation() * Vector3::new(x, y, marker.height_mm);
+                marker.place_mm = [turned.x, turned.y];
+            }
+        }
+        Some((file, layout))
+    }
+}
+
+impl Part {
+    fn empty() -> Self {
+        Self { normal: Normal::zeros(), right: Unknowns::zeros(), count: 0.0, squares: 0.0 }
+    }
+
+    /// Adds a marker's heights.
+    fn add(&mut self, link: usize, [x, y]: [f64; 2], heights: &Heights) {
+        let Self { normal, right, .. } = self;
+        // Columns: the floor's turns have coefficients (Y, -X), the link's are constant.
+        let own = 2 + 3 * link;
+        let constant = [(own, 1.0), (own + 1, y), (own + 2, -x)];
+        for (i, a) in constant {
+            for (j, b) in constant {
+                normal[(i, j)] += heights.count * a * b;
+            }
+            for (j, sum) in [(0, heights.y), (1, -heights.x)] {
+                normal[(i, j)] += a * sum;
+                normal[(j, i)] += a * sum;
+            }
+            right[i] += a * heights.z;
+        }
+        normal[(0, 0)] += heights.yy;
+        normal[(0, 1)] -= heights.xy;
+        normal[(1, 0)] -= heights.xy;
+        normal[(1, 1)] += heights.xx;
+        right[0] += heights.yz;
+        right[1] -= heights.xz;
+        self.count += heights.count;
+        self.squares += heights.zz;
+    }
+
+    fn plus(self, other: &Self) -> Self {
+        Self {
+            normal: self.normal + other.normal,
+            right: self.right + other.right,
+            count: self.count + other.count,
+            squares: self.squares + other.squares,
+        }
+    }
+
+    /// The unknowns, and the inverse of their matrix.
+    fn solve(&self) -> Option<(Unknowns, Normal)> {
+        let mut normal = self.normal;
+        let prior = (HEIGHT_MM / TURN_RAD).powi(2);
+        for turn in [0, 1, 3, 4, 6, 7, 9, 10] {
+            normal[(turn, turn)] += prior;
+        }
+        let factor = normal.cholesky()?;
+        Some((factor.solve(&self.right), factor.inverse()))
+    }
+}

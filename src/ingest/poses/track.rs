@@ -1,0 +1,246 @@
+//! Every link's pose in every frame, and from them the robot's coordinates (eq. 1).
+
+use std::path::Path;
+
+use super::multibody::Chain;
+use super::suspension::{self, Seen};
+use super::tilt::Tilt;
+use crate::config::Poses;
+use crate::ingest::error::TrialFailure;
+use crate::ingest::markers::labels::{LinkFit, Outlier, mend};
+use crate::ingest::markers::layout::Layout;
+use crate::ingest::signals;
+use crate::stats::{unwrap, wrap};
+use crate::vicon::MarkerFile;
+
+/// Frames that a file may leave out: a quarter of an hour at 120 Hz and, in long files, some
+/// times the rows. A wider jump is not a gap in time but a damaged number.
+const MOST_LEFT_OUT: i64 = 100_000;
+const MOST_LEFT_OUT_PER_ROW: i64 = 10;
+const MOST_LEFT_OUT_AT_ALL: i64 = 1_000_000;
+
+/// Where a link's pose in a frame comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fill {
+    /// All its markers were seen.
+    Measured,
+    /// Some were not, or one had jumped; the pose is that of the others.
+    Rigid,
+    /// The frame lies in a short gap.
+    Interpolated,
+    Missing,
+}
+
+impl Fill {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Measured => "measured",
+            Self::Rigid => "rigid",
+            Self::Interpolated => "interpolated",
+            Self::Missing => "missing",
+        }
+    }
+}
+
+/// The robot's five coordinates over time; NaN where missing.
+#[derive(Debug, Clone)]
+pub struct Coordinates {
+    /// Link 0's wheel axle, m.
+    pub x_m: Vec<f64>,
+    pub y_m: Vec<f64>,
+    /// Heading of link 0, without jumps, rad.
+    pub theta_rad: Vec<f64>,
+    /// Joint angles phi1 and phi2, rad.
+    pub phi_rad: [Vec<f64>; 2],
+}
+
+impl Coordinates {
+    /// The same for each of the five series.
+    pub fn map(&self, change: impl Fn(&[f64]) -> Vec<f64>) -> Self {
+        Self {
+            x_m: change(&self.x_m),
+            y_m: change(&self.y_m),
+            theta_rad: change(&self.theta_rad),
+            phi_rad: [change(&self.phi_rad[0]), change(&self.phi_rad[1])],
+        }
+    }
+
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.x_m.len()
+    }
+}
+
+/// What the markers say, frame by frame without jumps in time.
+#[derive(Debug)]
+pub struct Tracked {
+    pub first_frame: i64,
+    /// Frames that the file leaves out.
+    pub inserted_frames: usize,
+    /// As seen, and with short gaps filled.
+    pub seen: Coordinates,
+    pub filled: Coordinates,
+    /// RMS misfit of links 0, 1, 2, mm; NaN where there is no fit.
+    pub residual_mm: [Vec<f64>; 3],
+    pub fill: [Vec<Fill>; 3],
+    /// What was wrong with the markers of links 0, 1, 2.
+    pub outlier: [Vec<Outlier>; 3],
+    /// What of the heights was found tilted, before it was corrected.
+    pub tilt: Tilt,
+    /// How far a joint is from where the robot's h and l put it, mm; unknown without a robot.
+    pub joint_places_mm: Option<f64>,
+    /// Part of all markers' frames that the cameras saw.
+    pub coverage: f64,
+}
+
+/// Fits the links in every frame, each by itself or all with their joints closed by `chain`, and
+/// fills gaps of at most `max_gap` frames.
+pub fn track(
+    path: &Path,
+    file: &MarkerFile,
+    layout: &Layout,
+    chain: Option<Chain>,
+    poses: Poses,
+    rate_hz: f64,
+    max_gap: usize,
+) -> Result<Tracked, TrialFailure> {
+    let (first_frame, frames) = frame_grid(path, &file.frames)?;
+    let missing = || vec![f64::NAN; frames];
+    let (mut x_m, mut y_m) = (missing(), missing());
+    let mut theta = [missing(), missing(), missing()];
+    let mut residual_mm = [missing(), missing(), missing()];
+    let mut fill = [(); 3].map(|()| vec![Fill::Missing; frames]);
+    let mut outlier = [(); 3].map(|()| vec![Outlier::None; frames]);
+    let mut markers_seen = 0;
+    let (fits, tilt) = upright_fits(file, layout, rate_hz);
+    let refined = chain.map(|chain| chain.refined(&fits));
+    let joint_places_mm = chain.zip(refined).map(|(said, found)| said.distance_mm(&found));
+    for (row, &frame) in file.frames.iter().enumerate() {
+        let i = (frame - first_frame) as usize;
+        let own = fits.each_ref().map(|fits| fits[row].pose);
+        let poses = match (poses, &refined) {
+            (Poses::Chain, Some(chain)) => chain.close(own),
+            _ => own,
+        };
+        for (link, pose) in poses.into_iter().enumerate() {
+            let fit = &fits[link][row];
+            markers_seen += fit.seen;
+            outlier[link][i] = fit.outlier;
+            let Some(pose) = pose else { continue };
+            theta[link][i] = pose.theta_rad;
+            residual_mm[link][i] = pose.residual_mm;
+            let is_whole =
+                fit.seen == layout[link].len() && !matches!(fit.outlier, Outlier::Jumped(_));
+            fill[link][i] = if is_whole { Fill::Measured } else { Fill::Rigid };
+            if link == 0 {
+                [x_m[i], y_m[i]] = pose.origin_mm.map(|mm| mm / 1000.0);
+            }
+        }
+    }
+    if let Some(link) = (0..3).find(|&link| theta[link].iter().all(|x| x.is_nan())) {
+        return Err(TrialFailure::LinkUnseen { path: path.to_owned(), link });
+    }
+    theta.iter_mut().for_each(|theta| unwrap(theta));
+    // Headings are filled link by link, so that a joint angle uses whichever link was seen.
+    let fill_gaps = |series: &[f64]| signals::fill(series, max_gap);
+    let filled_theta = [0, 1, 2].map(|link| fill_gaps(&theta[link]));
+    for link in 0..3 {
+        for (fill, theta) in fill[link].iter_mut().zip(&filled_theta[link]) {
+            if *fill == Fill::Missing && !theta.is_nan() {
+                *fill = Fill::Interpolated;
+            }
+        }
+    }
+    let filled = coordinates(fill_gaps(&x_m), fill_gaps(&y_m), filled_theta);
+    let seen = coordinates(x_m, y_m, theta);
+    let markers: usize = layout.iter().map(Vec::len).sum();
+    Ok(Tracked {
+        first_frame,
+        inserted_frames: frames - file.frames.len(),
+        seen,
+        filled,
+        residual_mm,
+        fill,
+        outlier,
+        tilt,
+        joint_places_mm,
+        coverage: markers_seen as f64 / (markers * frames) as f64,
+    })
+}
+
+/// Poses of links 0, 1, 2 in every row of the file, as on a level floor with upright links, and
+/// the tilt that was found.
+fn upright_fits(file: &MarkerFile, layout: &Layout, rate_hz: f64) -> ([Vec<LinkFit>; 3], Tilt) {
+    let mut fits = fit_links(file, layout);
+    let tilt = Tilt::of(file, layout, &fits);
+    let corrected = tilt.corrected(file, layout);
+    if let Some((file, layout)) = &corrected {
+        fits = fit_links(file, layout);
+    }
+    let (file, layout) =
+        corrected.as_ref().map_or((file, layout), |(file, layout)| (&**file, layout));
+    for (fits, markers) in fits.iter_mut().zip(layout) {
+        suspension::steady(Seen { file, markers, floor: tilt.floor_left() }, rate_hz, fits);
+    }
+    (fits, tilt)
+}
+
+/// Poses of links 0, 1, 2 in every row of the file, without the markers that are wrong.
+fn fit_links(file: &MarkerFile, layout: &Layout) -> [Vec<LinkFit>; 3] {
+    let mut fits = [(); 3].map(|()| Vec::with_capacity(file.frames.len()));
+    for row in 0..file.frames.len() {
+        let positions_mm = file.row_mm(row);
+        for (fits, markers) in fits.iter_mut().zip(layout) {
+            fits.push(LinkFit::of(positions_mm, markers));
+        }
+    }
+    for (fits, markers) in fits.iter_mut().zip(layout) {
+        mend(file, markers, fits);
+    }
+    fits
+}
+
+/// First frame and number of frames with those that the file leaves out.
+fn frame_grid(path: &Path, numbers: &[i64]) -> Result<(i64, usize), TrialFailure> {
+    let (first, last) = (numbers[0], numbers[numbers.len() - 1]);
+    let (frames, rows) = (last - first + 1, numbers.len());
+    let most = (MOST_LEFT_OUT_PER_ROW * rows as i64).clamp(MOST_LEFT_OUT, MOST_LEFT_OUT_AT_ALL);
+    if frames - rows as i64 > most {
+        return Err(TrialFailure::FrameJumps { path: path.to_owned(), first, last, rows });
+    }
+    Ok((first, frames as usize))
+}
+
+/// Link 1 points along theta - phi1, link 2 along theta + phi2.
+fn coordinates(x_m: Vec<f64>, y_m: Vec<f64>, theta: [Vec<f64>; 3]) -> Coordinates {
+    let [theta0, theta1, theta2] = theta;
+    let difference = |minuend: &[f64], subtrahend: &[f64]| {
+        let mut phi: Vec<f64> = minuend.iter().zip(subtrahend).map(|(a, b)| a - b).collect();
+        if let Some(first) = phi.iter().copied().find(|phi| !phi.is_nan()) {
+            let turns = first - wrap(first);
+            phi.iter_mut().for_each(|phi| *phi -= turns);
+        }
+        unwrap(&mut phi);
+        phi
+    };
+    let phi_rad = [difference(&theta0, &theta1), difference(&theta2, &theta0)];
+    Coordinates { x_m, y_m, theta_rad: theta0, phi_rad }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_that_are_left_out_are_counted_and_absurd_jumps_refused() {
+        let path = Path::new("a.csv");
+        assert_eq!(frame_grid(path, &[500, 501, 510]).unwrap(), (500, 11));
+        assert_eq!(frame_grid(path, &[19288, 19289, 63268]).unwrap(), (19288, 43981));
+        let error = frame_grid(path, &[500, 501, 632680]).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "a.csv: found frames 500 to 632680 in only 3 rows, \
+             needed frame numbers without such jumps"
+        );
+    }
+}

@@ -1,0 +1,10 @@
+//! Series of numbers, one for each frame and NaN where missing, whatever they are of: gaps that are
+//! filled, smoothing, derivatives.
+
+mod derivative;
+mod gaps;
+mod smooth;
+
+pub use derivative::derivative;
+pub use gaps::fill;
+pub use smooth::{JointSignal, WINDOW_WITHOUT_GAIT, best_window, moving_average, noise, response};

@@ -1,0 +1,232 @@
+//! Moving average, and how wide it should be.
+
+use super::derivative::derivative_weights;
+use super::gaps::runs;
+use crate::stats::median_high;
+
+/// Narrowest and widest window, samples.
+const WINDOWS: std::ops::RangeInclusive<usize> = 5..=30;
+/// Window of trials without a commanded frequency, samples.
+pub const WINDOW_WITHOUT_GAIT: usize = 9;
+/// How much more an attenuated speed counts than noise of the same power: noise can be taken
+/// out of the skid ratio afterwards, attenuation cannot.
+const ATTENUATION_WEIGHT: f64 = 10.0;
+
+/// Averages over `window` samples about each sample. An even window reaches half a sample
+/// further to both sides, with half the weight there, so that it is centred as well. At the
+/// ends of every stretch without gaps the window shrinks from both sides; what is missing
+/// stays missing.
+pub fn moving_average(series: &[f64], window: usize) -> Vec<f64> {
+    let half = window / 2;
+    let mut smooth = vec![f64::NAN; series.len()];
+    for (start, end) in runs(series) {
+        let (run, smooth) = (&series[start..end], &mut smooth[start..end]);
+        let last = run.len() - 1;
+        let inner = half.min(run.len())..run.len().saturating_sub(half).max(half.min(run.len()));
+        for i in (0..inner.start).chain(inner.end..run.len()) {
+            smooth[i] = shrunk_average(run, i, i.min(last - i));
+        }
+        if !inner.is_empty() {
+            full_averages(run, window, &mut smooth[inner]);
+        }
+    }
+    smooth
+}
+
+/// The average over a window that reaches so many samples to both sides.
+fn shrunk_average(run: &[f64], i: usize, reach: usize) -> f64 {
+    let middle = run[i];
+    let sum: f64 = (1..=reach).map(|k| (run[i - k] - middle) + (run[i + k] - middle)).sum();
+    middle + sum / (2 * reach + 1) as f64
+}
+
+/// The averages about all samples that have a whole window about them.
+fn full_averages(run: &[f64], window: usize, averages: &mut [f64]) {
+    let half = window / 2;
+    let count = averages.len();
+    let middles = &run[half..half + count];
+    averages.fill(0.0);
+    // Deviations from the middle keep a constant exactly constant. The samples at one distance
+    // are added to all averages before those at the next.
+    let mut add = |k: usize, weight: f64| {
+        let sides = run[half - k..].iter().zip(&run[half + k..]);
+        for ((sum, middle), (before, after)) in averages.iter_mut().zip(middles).zip(sides) {
+            *sum += weight * ((before - middle) + (after - middle));
+        }
+    };
+    let is_even = window.is_multiple_of(2);
+    (1..=half - usize::from(is_even)).for_each(|k| add(k, 1.0));
+    if is_even {
+        add(half, 0.5);
+    }
+    for (average, middle) in averages.iter_mut().zip(middles) {
+        *average = middle + *average / window as f64;
+    }
+}
+
+/// What the moving average leaves of a sine of `step_rad` per sample: the Dirichlet kernel,
+/// for an even window with half weights at its ends.
+pub fn response(window: usize, step_rad: f64) -> f64 {
+    let half = 0.5 * step_rad;
+    if half.sin().abs() < 1e-12 {
+        return 1.0;
+    }
+    let kernel = (window as f64 * half).sin() / (window as f64 * half.sin());
+    if window % 2 == 1 { kernel } else { kernel * half.cos() }
+}
+
+/// Noise of a series of positions, in its own unit: from its third differences, in which
+/// motion far slower than the sampling leaves nothing. Their median bears outliers.
+pub fn noise(series: &[f64]) -> f64 {
+    let differences: Vec<f64> = series
+        .windows(4)
+        .map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs())
+        .filter(|difference| !difference.is_nan())
+        .collect();
+    if differences.is_empty() {
+        return 0.0;
+    }
+    // 1 + 9 + 9 + 1 times the variance; the median of a normal deviate's modulus is 0.6745.
+    median_high(differences) / (0.6745 * 20_f64.sqrt())
+}
+
+/// A joint as the choice of the window sees it.
+pub struct JointSignal {
+    /// Of the unsmoothed angle, rad.
+    pub noise_rad: f64,
+    /// Amplitudes of its harmonics, the first one first, rad.
+    pub harmonics_rad: Vec<f64>,
+}
+
+/// The window with the smallest expected error of the joints' rates, which dominate that of
+/// the wheels' velocities: noise that is left and, weighted, speed that is lost.
+/// `step_rad` is the gait's phase per frame.
+pub fn best_window(joints: &[JointSignal], step_rad: f64) -> usize {
+    let error = |window: usize| -> f64 {
+        let gain = noise_gain(window);
+        let lost = |joint: &JointSignal| -> f64 {
+            joint
+                .harmonics_rad
+                .iter()
+                .zip(1..)
+                .map(|(amplitude, k)| {
+                    let step = f64::from(k) * step_rad;
+                    0.5 * ((1.0 - response(window, step)) * step * amplitude).powi(2)
+                })
+                .sum()
+        };
+        joints
+            .iter()
+            .map(|joint| gain * joint.noise_rad.powi(2) + ATTENUATION_WEIGHT * lost(joint))
+            .sum()
+    };
+    WINDOWS.min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or(WINDOW_WITHOUT_GAIT)
+}
+
+/// Variance of the derivative per sample that white noise of variance 1 leaves.
+fn noise_gain(window: usize) -> f64 {
+    let half = window / 2;
+    let mut average = vec![1.0 / window as f64; 2 * half + 1];
+    if window.is_multiple_of(2) {
+        average[0] *= 0.5;
+        average[2 * half] *= 0.5;
+    }
+    let derivative = derivative_weights();
+    let mut both = vec![0.0; average.len() + derivative.len() - 1];
+    for (i, a) in average.iter().enumerate() {
+        for (j, d) in derivative.iter().enumerate() {
+            both[i + j] += a * d;
+        }
+    }
+    both.iter().map(|weight| weight * weight).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAN: f64 = f64::NAN;
+
+    #[test]
+    fn constants_and_straight_lines_are_unchanged_to_the_ends() {
+        for window in WINDOWS {
+            let constant = vec![0.1; 50];
+            assert_eq!(moving_average(&constant, window), constant);
+            let line: Vec<f64> = (0..50).map(|i| 3.0 - 0.25 * f64::from(i)).collect();
+            for (smooth, value) in moving_average(&line, window).iter().zip(&line) {
+                assert!((smooth - value).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn missing_stays_missing_and_does_not_spread() {
+        let series = [1.0, NAN, 2.0, 3.0, 4.0, NAN, NAN, 5.0];
+        let smooth = moving_average(&series, 5);
+        for (smooth, value) in smooth.iter().zip(series) {
+            assert!(smooth.is_nan() == value.is_nan());
+            assert!(value.is_nan() || (smooth - value).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_sine_is_attenuated_as_the_dirichlet_kernel_says() {
+        for window in WINDOWS {
+            for step in [0.004, 0.05, 0.15, 0.7] {
+                let wave: Vec<f64> = (0..200).map(|i| (step * f64::from(i) + 0.3).cos()).collect();
+                let smooth = moving_average(&wave, window);
+                let left = response(window, step);
+                for i in 30..170 {
+                    assert!((smooth[i] - left * wave[i]).abs() < 1e-12, "{window} {step}");
+                }
+            }
+        }
+        let kernel = |n: f64, w: f64| (n * w / 2.0).sin() / (n * (w / 2.0).sin());
+        assert!((response(7, 0.2) - kernel(7.0, 0.2)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_noise_gain_is_that_of_the_two_filters_in_turn() {
+        // By hand for the average of five and the derivative of fourth order.
+        let average = [0.2; 5];
+        let derivative = [1.0 / 12.0, -8.0 / 12.0, 0.0, 8.0 / 12.0, -1.0 / 12.0];
+        let mut both = [0.0; 9];
+        for i in 0..5 {
+            for j in 0..5 {
+                both[i + j] += average[i] * derivative[j];
+            }
+        }
+        let expected: f64 = both.iter().map(|w| w * w).sum();
+        assert!((noise_gain(5) - expected).abs() < 1e-15);
+    }
+
+    #[test]
+    fn faster_gaits_get_narrower_windows_and_noisier_ones_wider() {
+        let window = |omega: f64, noise_rad: f64| {
+            let joint = JointSignal { noise_rad, harmonics_rad: vec![0.5] };
+            best_window(&[joint], omega / 120.0)
+        };
+        assert!(window(0.5, 2e-3) > window(3.9, 2e-3));
+        assert!(window(3.9, 2e-3) > window(12.0, 2e-3));
+        assert!(window(3.9, 4e-3) > window(3.9, 1e-3));
+        assert!((5..=30).contains(&window(100.0, 1e-6)) && window(0.01, 1.0) == 30);
+    }
+
+    #[test]
+    fn the_noise_of_a_slow_wave_is_found() {
+        // A known sequence of +-1 in which successive values are uncorrelated enough.
+        let mut state = 1_u32;
+        let mut deviate = || {
+            (0..12)
+                .map(|_| {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    f64::from(state >> 8) / f64::from(1 << 24)
+                })
+                .sum::<f64>()
+                - 6.0
+        };
+        let series: Vec<f64> =
+            (0..20_000).map(|i| (0.03 * f64::from(i)).sin() + 2e-3 * deviate()).collect();
+        assert!((noise(&series) / 2e-3 - 1.0).abs() < 0.05);
+    }
+}

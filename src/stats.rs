@@ -1,0 +1,135 @@
+//! Averages, quantiles and angles, each by one definition.
+//!
+//! They are written out because the crates differ from them: `statrs` has the quantiles of one
+//! other method only, and copies and sorts for each.
+
+use std::f64::consts::{PI, TAU};
+
+/// Median absolute deviation of normal deviates of unit deviation, the other way round.
+pub const MAD_TO_DEVIATION: f64 = 1.4826;
+
+/// Arithmetic mean; NaN of nothing.
+pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (count, sum) = values.into_iter().fold((0.0, -0.0), |(n, sum), x| (n + 1.0, sum + x));
+    sum / count
+}
+
+/// Median; of an even number the mean of the two in the middle, NaN of nothing.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    match values[..] {
+        [] => f64::NAN,
+        _ => 0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2]),
+    }
+}
+
+/// Median; of an even number the higher one of the two in the middle, NaN of nothing.
+pub fn median_high(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Median of the distances from the median ([`median`]).
+pub fn median_absolute_deviation(values: &[f64]) -> f64 {
+    let middle = median(values.to_vec());
+    median(values.iter().map(|x| (x - middle).abs()).collect())
+}
+
+/// Quantiles, in proportion between two of the sorted values; NaN of nothing.
+pub fn quantiles<const N: usize>(mut values: Vec<f64>, parts: [f64; N]) -> [f64; N] {
+    values.sort_unstable_by(f64::total_cmp);
+    parts.map(|part| {
+        let Some(last) = values.len().checked_sub(1) else { return f64::NAN };
+        let position = part * last as f64;
+        let [below, above] = [position.floor(), position.ceil()].map(|i| values[i as usize]);
+        below + position.fract() * (above - below)
+    })
+}
+
+/// Quantiles, the lower one of the two sorted values; NaN of nothing.
+pub fn quantiles_low<const N: usize>(mut values: Vec<f64>, parts: [f64; N]) -> [f64; N] {
+    values.sort_unstable_by(f64::total_cmp);
+    parts.map(|part| match values.len() {
+        0 => f64::NAN,
+        count => values[(part * (count - 1) as f64) as usize],
+    })
+}
+
+/// An angle in (-pi, pi].
+pub fn wrap(angle_rad: f64) -> f64 {
+    if angle_rad > -PI && angle_rad <= PI {
+        return angle_rad;
+    }
+    PI - (PI - angle_rad).rem_euclid(TAU)
+}
+
+/// Removes jumps of whole turns, also across what is missing (NaN).
+pub fn unwrap(angles_rad: &mut [f64]) {
+    let mut previous = f64::NAN;
+    for angle in angles_rad.iter_mut().filter(|angle| !angle.is_nan()) {
+        if !previous.is_nan() {
+            *angle = previous + wrap(*angle - previous);
+        }
+        previous = *angle;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_of_an_even_number_are_between_the_middle_two_or_the_higher_one() {
+        assert_eq!(median(vec![4.0, 1.0, 3.0, 2.0]), 2.5);
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median_high(vec![4.0, 1.0, 3.0, 2.0]), 3.0);
+        assert_eq!(median_high(vec![3.0, 1.0, 2.0]), 2.0);
+        assert!(median(Vec::new()).is_nan() && median_high(Vec::new()).is_nan());
+    }
+
+    #[test]
+    fn the_median_absolute_deviation_bears_an_outlier() {
+        assert_eq!(median_absolute_deviation(&[1.0, 1.0, 2.0, 2.0, 4.0, 6.0, 9.0]), 1.0);
+        assert_eq!(median_absolute_deviation(&[1.0, 2.0, 3.0, 4.0, 1e9]), 1.0);
+    }
+
+    #[test]
+    fn quantiles_are_those_of_numpy() {
+        // numpy.quantile(..., method="linear") and "lower".
+        let values = || vec![7.0, 1.0, 3.0, 2.0];
+        assert_eq!(quantiles(values(), [0.0, 0.25, 0.5, 1.0]), [1.0, 1.75, 2.5, 7.0]);
+        assert_eq!(quantiles_low(values(), [0.0, 0.25, 0.5, 1.0]), [1.0, 1.0, 2.0, 7.0]);
+        assert!(quantiles(Vec::new(), [0.5])[0].is_nan());
+        assert!(quantiles_low(Vec::new(), [0.5])[0].is_nan());
+    }
+
+    #[test]
+    fn means_are_sums_over_counts() {
+        assert_eq!(mean([1.0, 2.0, 6.0]), 3.0);
+        assert!(mean([]).is_nan());
+    }
+
+    #[test]
+    fn angles_wrap_into_the_half_open_turn() {
+        assert_eq!(wrap(PI), PI);
+        assert_eq!(wrap(-PI), PI);
+        assert!((wrap(7.0) - (7.0 - TAU)).abs() < 1e-15);
+        assert!((wrap(-0.1) + 0.1).abs() < 1e-15);
+    }
+
+    #[test]
+    fn unwrapping_follows_turns_across_missing_frames() {
+        let turning = |i: usize| 0.4 * i as f64;
+        let mut angles: Vec<f64> = (0..40).map(|i| wrap(turning(i))).collect();
+        angles[17] = f64::NAN;
+        angles[18] = f64::NAN;
+        unwrap(&mut angles);
+        for (i, angle) in angles.iter().enumerate() {
+            assert!(angle.is_nan() == (i == 17 || i == 18));
+            assert!(angle.is_nan() || (angle - turning(i)).abs() < 1e-12);
+        }
+    }
+}
