@@ -9,6 +9,7 @@ use proptest::prelude::*;
 use super::synthetic::{Motion, Recording, header};
 use super::*;
 use crate::config::Poses;
+use crate::robot::Robot;
 use crate::store::{Column, Rows as _};
 use crate::synth::{Recipe, Tilt, synthesise};
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 
-use super::ViconError;
+use super::{Problem, ViconError};
 
 /// Largest text that is unpacked, bytes: some ten hours of ten markers.
 const UNPACKED_LIMIT_BYTES: u64 = 1 << 30;
@@ -25,23 +25,19 @@ const UTF16_MARKS: [&[u8]; 2] = [&[0xff, 0xfe], &[0xfe, 0xff]];
 /// # Errors
 /// The file is missing or unreadable.
 pub fn read_file(path: &Path) -> Result<Vec<u8>, ViconError> {
-    std::fs::read(path).map_err(|source| match source.kind() {
-        ErrorKind::NotFound => ViconError::Missing { path: path.to_owned() },
-        _ => ViconError::Read { path: path.to_owned(), source },
+    std::fs::read(path).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => Problem::Missing.of(path),
+        _ => Problem::Read(error).of(path),
     })
 }
 
 /// The content of a file: unpacked if it is packed.
-pub(super) fn unpack<'f>(path: &Path, file: &'f [u8]) -> Result<Cow<'f, [u8]>, ViconError> {
+pub(super) fn unpack(file: &[u8]) -> Result<Cow<'_, [u8]>, Problem> {
     let by_ratio = LARGEST_RATIO.saturating_mul(file.len() as u64);
-    unpack_at_most(path, file, by_ratio.clamp(LEAST_LIMIT_BYTES, UNPACKED_LIMIT_BYTES))
+    unpack_at_most(file, by_ratio.clamp(LEAST_LIMIT_BYTES, UNPACKED_LIMIT_BYTES))
 }
 
-pub(super) fn unpack_at_most<'f>(
-    path: &Path,
-    file: &'f [u8],
-    limit_bytes: u64,
-) -> Result<Cow<'f, [u8]>, ViconError> {
+pub(super) fn unpack_at_most(file: &[u8], limit_bytes: u64) -> Result<Cow<'_, [u8]>, Problem> {
     if !file.starts_with(GZIP_MAGIC) {
         return Ok(Cow::Borrowed(file));
     }
@@ -49,17 +45,17 @@ pub(super) fn unpack_at_most<'f>(
     MultiGzDecoder::new(file)
         .take(limit_bytes.saturating_add(1))
         .read_to_end(&mut content)
-        .map_err(|source| ViconError::Unpack { path: path.to_owned(), source })?;
+        .map_err(Problem::Unpack)?;
     if content.len() as u64 > limit_bytes {
-        return Err(ViconError::TooLarge { path: path.to_owned(), limit_bytes });
+        return Err(Problem::TooLarge { limit_bytes });
     }
     Ok(Cow::Owned(content))
 }
 
 /// The text of a file's content, without a byte-order mark.
-pub(super) fn text<'c>(path: &Path, content: &'c [u8]) -> Result<&'c [u8], ViconError> {
+pub(super) fn text(content: &[u8]) -> Result<&[u8], Problem> {
     if UTF16_MARKS.iter().any(|mark| content.starts_with(mark)) {
-        return Err(ViconError::Utf16 { path: path.to_owned() });
+        return Err(Problem::Utf16);
     }
     Ok(content.strip_prefix(BYTE_ORDER_MARK).unwrap_or(content))
 }

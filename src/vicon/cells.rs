@@ -49,7 +49,7 @@ impl Dialect {
     pub fn of(text: &[u8]) -> Self {
         let after_frame = |line: &[u8]| {
             let end = line.iter().position(|byte| SEPARATORS.contains(byte))?;
-            is_frame_cell(bare(&line[..end])).then_some(line[end])
+            is_frame_cell(trimmed(&line[..end])).then_some(line[end])
         };
         let separator = Lines::new(text).find_map(|(_, line)| after_frame(line));
         Self { separator: separator.unwrap_or(b',') }
@@ -57,7 +57,7 @@ impl Dialect {
 
     /// The cells of a line without surrounding spaces and quotes.
     pub fn cells(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
-        line.split(move |&byte| byte == self.separator).map(bare)
+        line.split(move |&byte| byte == self.separator).map(trimmed)
     }
 
     /// How many cells a line has.
@@ -72,7 +72,7 @@ impl Dialect {
 
     /// The first cell of a line without surrounding spaces and quotes.
     pub fn first_cell(self, line: &[u8]) -> &[u8] {
-        bare(&line[..self.cell_end(line)])
+        trimmed(&line[..self.cell_end(line)])
     }
 
     /// Whether a line has nothing in any cell.
@@ -83,7 +83,7 @@ impl Dialect {
     /// A line's only cell that is not empty, if it is the first one.
     pub fn lone_cell(self, line: &[u8]) -> Option<&[u8]> {
         let end = self.cell_end(line);
-        let first = bare(&line[..end]);
+        let first = trimmed(&line[..end]);
         (!first.is_empty() && self.is_blank(&line[end..])).then_some(first)
     }
 
@@ -153,7 +153,7 @@ fn parse(cell: &[u8]) -> Option<f64> {
 }
 
 /// A cell without surrounding spaces and quotes.
-pub(super) fn bare(cell: &[u8]) -> &[u8] {
+pub(super) fn trimmed(cell: &[u8]) -> &[u8] {
     let cell = cell.trim_ascii();
     let unquoted = cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\""));
     unquoted.map_or(cell, <[u8]>::trim_ascii)

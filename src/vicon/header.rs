@@ -8,9 +8,7 @@
 //! ,,mm,mm,mm,mm,mm,mm   units; the older Workstation export has none
 //! ```
 
-use std::path::Path;
-
-use super::ViconError;
+use super::Problem;
 use super::cells::{Dialect, Lines, shown};
 use super::sections;
 
@@ -18,7 +16,7 @@ const SECTION: &[u8] = b"Trajectories";
 /// Lines below the title among which the row of axes must be; blank ones count.
 const HEADER_LINES: usize = 8;
 
-/// The header of the `Trajectories` section.
+/// The header of the section, and what comes below it.
 pub(super) struct Header<'t> {
     pub dialect: Dialect,
     pub rate_hz: Option<f64>,
@@ -46,19 +44,19 @@ pub(super) enum Column {
 
 /// Finds the section and reads its header. A file whose first table has no title may still be
 /// the markers, their title cut off by hand; then the rate may be unknown.
-pub(super) fn find<'t>(path: &Path, text: &'t [u8]) -> Result<Header<'t>, ViconError> {
+pub(super) fn find(text: &[u8]) -> Result<Header<'_>, Problem> {
     let dialect = Dialect::of(text);
     if dialect.is_blank(text) {
-        return Err(ViconError::Empty { path: path.to_owned() });
+        return Err(Problem::Empty);
     }
     let mut lines = Lines::new(text);
     if let Some(line) = title_line(dialect, &mut lines) {
-        return read(path, dialect, lines, line);
+        return read(dialect, lines, line);
     }
     if starts_without_title(dialect, text) {
-        return read(path, dialect, Lines::new(text), 0);
+        return read(dialect, Lines::new(text), 0);
     }
-    Err(ViconError::NoSection { path: path.to_owned(), found: other_content(dialect, text) })
+    Err(Problem::NoSection { found: other_content(dialect, text) })
 }
 
 /// The line of the next title of the markers' section.
@@ -99,26 +97,16 @@ fn other_content(dialect: Dialect, text: &[u8]) -> String {
     }
 }
 
-fn read<'t>(
-    path: &Path,
-    dialect: Dialect,
-    mut lines: Lines<'t>,
-    title: usize,
-) -> Result<Header<'t>, ViconError> {
-    let error = |line: usize, found: String, needed: &str| ViconError::Header {
-        path: path.to_owned(),
-        line,
-        found,
-        needed: needed.to_owned(),
-    };
+/// Reads the header below a title's line.
+fn read(dialect: Dialect, mut lines: Lines<'_>, title: usize) -> Result<Header<'_>, Problem> {
     const NEEDED_AXES: &str = "a row that starts with `Frame,Sub Frame,X,Y,Z`";
+    let error = |line, found, needed| Problem::Header { line, found, needed };
+    let quoted = |cell: &[u8]| format!("`{}`", shown(cell));
     let mut above = Vec::new();
-    let (axes_line, axes) = loop {
+    let (line, axes) = loop {
         let next = lines.next().filter(|(line, _)| *line <= title + HEADER_LINES);
-        let Some((line, row)) = next else {
-            let found = "no row of axes in the next lines".to_owned();
-            return Err(error(title, found, NEEDED_AXES));
-        };
+        let none = || error(title, "no row of axes in the next lines".to_owned(), NEEDED_AXES);
+        let (line, row) = next.ok_or_else(none)?;
         if dialect.is_axis_row(row) {
             break (line, row);
         }
@@ -132,47 +120,38 @@ fn read<'t>(
             let cell = dialect.first_cell(rate);
             let rate_hz = dialect.number(cell).filter(|rate_hz| *rate_hz > 0.0);
             let needed = "the frame rate, a number of Hz above 0";
-            let quoted = || format!("`{}`", shown(cell));
-            (Some(rate_hz.ok_or_else(|| error(line, quoted(), needed))?), labels)
+            (Some(rate_hz.ok_or_else(|| error(line, quoted(cell), needed))?), labels)
         }
         [] => {
             let found = "the row of axes at once".to_owned();
-            return Err(error(axes_line, found, "a row of marker labels above it"));
+            return Err(error(line, found, "a row of marker labels above it"));
         }
-        [.., (line, row)] => {
-            return Err(error(line, format!("`{}`", shown(row)), NEEDED_AXES));
-        }
+        [.., (line, row)] => return Err(error(line, quoted(row), NEEDED_AXES)),
     };
     let (labels, columns) = markers(dialect, labels_row, axes);
     if labels.is_empty() {
-        let found = format!("`{}`", shown(axes));
-        let needed = "at least one label with X, Y, Z below it";
-        return Err(error(axes_line, found, needed));
+        return Err(error(line, quoted(axes), "at least one label with X, Y, Z below it"));
     }
-    let mut header =
-        Header { dialect, rate_hz, labels, columns, line: axes_line, body: lines.clone() };
-    if let Some((line, units)) = lines.next()
-        && is_unit_row(dialect, units)
-    {
+    let mut header = Header { dialect, rate_hz, labels, columns, line, body: lines.clone() };
+    if let Some((line, units)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
         for (column, unit) in header.columns.iter().zip(dialect.cells(units)) {
             if let Column::Axis { marker, .. } = column
                 && !unit.is_empty()
                 && !unit.eq_ignore_ascii_case(b"mm")
             {
-                let found =
-                    format!("unit `{}` of {}", shown(unit), header.labels[*marker as usize]);
+                let label = &header.labels[*marker as usize];
+                let found = format!("unit {} of {label}", quoted(unit));
                 return Err(error(line, found, "millimetres (`mm`)"));
             }
         }
-        header.line = line;
-        header.body = lines;
+        (header.line, header.body) = (line, lines);
     }
     Ok(header)
 }
 
 /// Which columns are whole markers: X, Y, Z side by side under a label.
 fn markers(dialect: Dialect, labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Vec<Column>) {
-    let mut names: Vec<&[u8]> = Vec::with_capacity(dialect.count(axes));
+    let mut names = Vec::with_capacity(dialect.count(axes));
     names.extend(dialect.cells(axes));
     let mut columns = vec![Column::Other; names.len()];
     columns[0] = Column::Frame;

@@ -17,7 +17,7 @@ mod sections;
 use std::path::Path;
 
 pub use bytes::read_file;
-pub use error::ViconError;
+pub use error::{Problem, ViconError};
 pub use markers::MarkerFile;
 pub use sections::Section;
 
@@ -37,13 +37,14 @@ pub fn read_markers(path: &Path) -> Result<MarkerFile, ViconError> {
 /// # Errors
 /// As [`read_markers`].
 pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError> {
-    let content = bytes::unpack(path, file)?;
-    if c3d::is_c3d(path, &content) {
-        return c3d::parse(path, &content);
-    }
-    let text = bytes::text(path, &content)?;
-    let header = header::find(path, text)?;
-    rows::parse(path, text, header)
+    let parse = || {
+        let content = bytes::unpack(file)?;
+        if c3d::is_c3d(path, &content) {
+            return c3d::parse(&content);
+        }
+        rows::parse(bytes::text(&content)?)
+    };
+    parse().map_err(|problem: Problem| problem.of(path))
 }
 
 /// Every table of a file's bytes, also those that are not read.
@@ -51,12 +52,15 @@ pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError>
 /// # Errors
 /// The file cannot be unpacked, or is neither text nor C3D.
 pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ViconError> {
-    let content = bytes::unpack(path, file)?;
-    if c3d::is_c3d(path, &content) {
-        return c3d::sections(path, &content);
-    }
-    let text = bytes::text(path, &content)?;
-    Ok(sections::list(cells::Dialect::of(text), text))
+    let list = || {
+        let content = bytes::unpack(file)?;
+        if c3d::is_c3d(path, &content) {
+            return c3d::sections(&content);
+        }
+        let text = bytes::text(&content)?;
+        Ok(sections::list(cells::Dialect::of(text), text))
+    };
+    list().map_err(|problem: Problem| problem.of(path))
 }
 
 #[cfg(test)]

@@ -52,7 +52,7 @@ impl Body {
     pub fn refined(&self, file: &MarkerFile, is_used: &dyn Fn(usize) -> bool) -> Self {
         let mut body = self.clone();
         for _ in 0..MEANS {
-            reshape(file, &mut body.markers, &body.fits, is_used, &mean::<Vec<f64>>);
+            reshape(file, &mut body.markers, &body.fits, is_used, &|values| mean(values));
             for (row, fit) in body.fits.iter_mut().enumerate() {
                 if fit.outlier == Outlier::None && fit.pose.is_some() {
                     fit.pose = LinkFit::of(file.row_mm(row), &body.markers).pose;

@@ -11,8 +11,9 @@ mod tests;
 
 use std::path::Path;
 
+use super::cells::shown;
 use super::markers::{LARGEST_MM, MISSING};
-use super::{MarkerFile, Section, ViconError};
+use super::{MarkerFile, Problem, Section};
 use numbers::{ByteOrder, bytes_at};
 use parameters::{Parameters, decimal};
 
@@ -27,9 +28,9 @@ const MODEL_OUTPUTS: [&str; 5] = ["ANGLES", "FORCES", "MOMENTS", "POWERS", "SCAL
 /// Whether a file is C3D, by its content or else by its name.
 pub(super) fn is_c3d(path: &Path, content: &[u8]) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
-    let named = name.strip_suffix(".gz").unwrap_or(&name).ends_with(".c3d");
-    let magic = content.get(1) == Some(&MAGIC);
-    named || magic && parameter_section(content).is_some_and(|section| processor(section).is_ok())
+    let is_named = name.strip_suffix(".gz").unwrap_or(&name).ends_with(".c3d");
+    let order = || ByteOrder::of(parameter_section(content)?).ok();
+    is_named || content.get(1) == Some(&MAGIC) && order().is_some()
 }
 
 /// The bytes from the parameters' start that can belong to them.
@@ -39,35 +40,29 @@ fn parameter_section(content: &[u8]) -> Option<&[u8]> {
     Some(&section[..section.len().min(MOST_PARAMETER_BLOCKS * BLOCK)])
 }
 
-/// How the numbers are written, or the type that is not known.
-fn processor(section: &[u8]) -> Result<ByteOrder, u8> {
-    let found = section.get(3).copied().unwrap_or(0);
-    ByteOrder::of(found).ok_or(found)
-}
-
 /// The markers of a C3D file.
-pub(super) fn parse(path: &Path, content: &[u8]) -> Result<MarkerFile, ViconError> {
-    let layout = Layout::read(path, content)?;
-    let mm_per_unit = layout.mm_per_unit(path)?;
+pub(super) fn parse(content: &[u8]) -> Result<MarkerFile, Problem> {
+    let contents = Contents::read(content)?;
+    let mm_per_unit = contents.mm_per_unit()?;
     // First: labels are cheap to invent, frames are not.
-    let data = layout.frames(path, content)?;
-    let markers = layout.markers(path)?;
-    let mut positions_mm = Vec::with_capacity(markers.len() * layout.frame_count);
+    let data = contents.frames(content)?;
+    let markers = contents.markers()?;
+    let mut positions_mm = Vec::with_capacity(markers.len() * contents.frame_count);
     for (i, frame) in data.enumerate() {
         for (point, label) in &markers {
-            let seen = layout.position(frame, *point).map(|p| p.map(|x| x * mm_per_unit));
-            let wild = |p: &[f64; 3]| p.iter().find(|x| x.abs() > LARGEST_MM).copied();
-            if let Some(x) = seen.as_ref().and_then(wild) {
-                let found =
-                    format!("{x} mm for {label} in frame {}", layout.first_frame + i as i64);
-                return Err(error(path, found, "a number of mm within a kilometre"));
+            let seen = contents.position(frame, *point).unwrap_or(MISSING);
+            let position = seen.map(|x| x * mm_per_unit);
+            if let Some(x) = position.iter().find(|x| x.abs() > LARGEST_MM) {
+                let frame = contents.first_frame + i as i64;
+                let found = format!("{x} mm for {label} in frame {frame}");
+                return Err(error(found, "a number of mm within a kilometre"));
             }
-            positions_mm.push(seen.unwrap_or(MISSING));
+            positions_mm.push(position);
         }
     }
     Ok(MarkerFile {
-        rate_hz: layout.rate_hz,
-        frames: (layout.first_frame..).take(layout.frame_count).collect(),
+        rate_hz: contents.rate_hz,
+        frames: (contents.first_frame..).take(contents.frame_count).collect(),
         labels: markers.into_iter().map(|(_, label)| label).collect(),
         rows_without_frame: 0,
         positions_mm,
@@ -75,31 +70,29 @@ pub(super) fn parse(path: &Path, content: &[u8]) -> Result<MarkerFile, ViconErro
 }
 
 /// Points and analog samples as if they were sections of an export.
-pub(super) fn sections(path: &Path, content: &[u8]) -> Result<Vec<Section>, ViconError> {
-    let layout = Layout::read(path, content)?;
-    let section = |name: &str, rate_hz, rows| {
-        let name = name.to_owned();
-        Section { name, line: 0, rate_hz, rows }
-    };
-    let per_frame = layout.analog_per_frame as usize;
-    let analog_hz = layout.rate_hz.map(|rate_hz| rate_hz * per_frame as f64);
-    let points = section("Points", layout.rate_hz, layout.frame_count);
-    let analog = section("Analog", analog_hz, layout.frame_count.saturating_mul(per_frame));
-    Ok([points].into_iter().chain((layout.analog_values > 0).then_some(analog)).collect())
+pub(super) fn sections(content: &[u8]) -> Result<Vec<Section>, Problem> {
+    let contents = Contents::read(content)?;
+    let section =
+        |name: &str, rate_hz, rows| Section { name: name.to_owned(), line: 0, rate_hz, rows };
+    let per_frame = contents.analog_per_frame;
+    let analog_hz = contents.rate_hz.map(|rate_hz| rate_hz * per_frame as f64);
+    let points = section("Points", contents.rate_hz, contents.frame_count);
+    let analog = section("Analog", analog_hz, contents.frame_count.saturating_mul(per_frame));
+    Ok([points].into_iter().chain((contents.analog_values > 0).then_some(analog)).collect())
 }
 
-fn error(path: &Path, found: impl Into<String>, needed: &'static str) -> ViconError {
-    ViconError::C3d { path: path.to_owned(), found: found.into(), needed }
+fn error(found: impl Into<String>, needed: &'static str) -> Problem {
+    Problem::C3d { found: found.into(), needed }
 }
 
-/// What the header and the parameters say of the data.
-struct Layout<'f> {
+/// What the header and the parameters state of the data.
+struct Contents<'f> {
     parameters: Parameters<'f>,
     points: usize,
     /// Analog values a frame, all channels.
     analog_values: usize,
     /// Analog samples a frame and channel.
-    analog_per_frame: u16,
+    analog_per_frame: usize,
     first_frame: i64,
     frame_count: usize,
     rate_hz: Option<f64>,
@@ -109,26 +102,27 @@ struct Layout<'f> {
     data_start: usize,
 }
 
-impl<'f> Layout<'f> {
-    fn read(path: &Path, content: &'f [u8]) -> Result<Self, ViconError> {
+impl<'f> Contents<'f> {
+    fn read(content: &'f [u8]) -> Result<Self, Problem> {
         let header = content
             .get(..BLOCK)
             .filter(|header| header[1] == MAGIC)
-            .ok_or_else(|| error(path, "no C3D header", "512 bytes of which the second is 0x50"))?;
+            .ok_or_else(|| error("no C3D header", "512 bytes of which the second is 0x50"))?;
         let section = parameter_section(content)
-            .ok_or_else(|| error(path, "no parameter section", "one inside the file"))?;
-        let order = processor(section).map_err(|found| {
-            error(path, format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
+            .ok_or_else(|| error("no parameter section", "one inside the file"))?;
+        let order = ByteOrder::of(section).map_err(|found| {
+            error(format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
         })?;
         let parameters = Parameters::read(section, order)
-            .ok_or_else(|| error(path, "a cut or damaged parameter section", "a whole one"))?;
+            .ok_or_else(|| error("a cut or damaged parameter section", "a whole one"))?;
         let word = |i: usize| order.u16([header[2 * i], header[2 * i + 1]]);
-        let real =
-            |i: usize| bytes_at(header, 2 * i).map_or(0.0, |bytes| decimal(order.f32(bytes)));
-        let whole =
-            |name: &str| parameters.number("POINT", name).map(|x| x as u16).map(usize::from);
+        // A number is taken from the parameters or else from the header.
+        let real = |name: &str, i: usize| {
+            let in_header = || Some(decimal(order.f32(bytes_at(header, 2 * i)?)));
+            parameters.number("POINT", name).or_else(in_header).unwrap_or(0.0)
+        };
+        let whole = |name: &str| Some(usize::from(parameters.number("POINT", name)? as u16));
         let (first_frame, last_frame) = frame_range(&parameters, word(3), word(4));
-        let rate_hz = parameters.number("POINT", "RATE").unwrap_or_else(|| real(10));
         let data_block = match word(8) {
             0 => whole("DATA_START").unwrap_or(0),
             block => usize::from(block),
@@ -137,19 +131,19 @@ impl<'f> Layout<'f> {
         Ok(Self {
             points: whole("USED").unwrap_or(usize::from(word(1))),
             analog_values: usize::from(word(2)),
-            analog_per_frame: word(9),
+            analog_per_frame: usize::from(word(9)),
             first_frame,
             frame_count: usize::try_from(last_frame - first_frame + 1).unwrap_or(0),
-            rate_hz: Some(rate_hz).filter(|rate_hz| *rate_hz > 0.0 && rate_hz.is_finite()),
-            scale: parameters.number("POINT", "SCALE").unwrap_or_else(|| real(6)),
+            rate_hz: Some(real("RATE", 10)).filter(|hz| *hz > 0.0 && hz.is_finite()),
+            scale: real("SCALE", 6),
             data_start: data_start
-                .ok_or_else(|| error(path, "no place of the data", "POINT:DATA_START"))?,
+                .ok_or_else(|| error("no place of the data", "POINT:DATA_START"))?,
             parameters,
         })
     }
 
     /// Index and label of every point that is a marker. Unlabelled points have none, or `*12`.
-    fn markers(&self, path: &Path) -> Result<Vec<(usize, String)>, ViconError> {
+    fn markers(&self) -> Result<Vec<(usize, String)>, Problem> {
         let texts = |name: &str| self.parameters.texts("POINT", name);
         let outputs: Vec<&[u8]> =
             MODEL_OUTPUTS.iter().filter_map(|name| texts(name)).flatten().collect();
@@ -157,29 +151,22 @@ impl<'f> Layout<'f> {
         let labels = texts("LABELS").unwrap_or_default().into_iter().chain(more);
         let is_marker =
             |label: &[u8]| !label.is_empty() && label[0] != b'*' && !outputs.contains(&label);
-        let markers: Vec<(usize, String)> = labels
-            .take(self.points)
-            .enumerate()
-            .filter(|(_, label)| is_marker(label))
-            .map(|(point, label)| (point, String::from_utf8_lossy(label).into_owned()))
-            .collect();
+        let markers = labels.take(self.points).enumerate().filter(|(_, label)| is_marker(label));
+        let text = |(point, label)| (point, String::from_utf8_lossy(label).into_owned());
+        let markers: Vec<(usize, String)> = markers.map(text).collect();
         if markers.is_empty() {
             let found = format!("{} points without a label", self.points);
-            return Err(error(path, found, "at least one marker in POINT:LABELS"));
+            return Err(error(found, "at least one marker in POINT:LABELS"));
         }
         Ok(markers)
     }
 
-    fn mm_per_unit(&self, path: &Path) -> Result<f64, ViconError> {
+    fn mm_per_unit(&self) -> Result<f64, Problem> {
         let units = self.parameters.texts("POINT", "UNITS").unwrap_or_default();
-        let unit = units.first().copied().unwrap_or_default();
-        match unit {
+        match units.first().copied().unwrap_or_default() {
             b"mm" => Ok(1.0),
             b"m" => Ok(1000.0),
-            _ => {
-                let found = format!("POINT:UNITS `{}`", super::cells::shown(unit));
-                Err(error(path, found, "`mm` or `m`"))
-            }
+            unit => Err(error(format!("POINT:UNITS `{}`", shown(unit)), "`mm` or `m`")),
         }
     }
 
@@ -188,21 +175,17 @@ impl<'f> Layout<'f> {
     }
 
     /// The bytes of each frame.
-    fn frames(
-        &self,
-        path: &Path,
-        content: &'f [u8],
-    ) -> Result<impl Iterator<Item = &'f [u8]> + use<'f>, ViconError> {
+    fn frames<'c>(&self, content: &'c [u8]) -> Result<impl Iterator<Item = &'c [u8]>, Problem> {
         let value = if self.is_float() { 4 } else { 2 };
         let frame = value * (4 * self.points + self.analog_values);
         let data = content.get(self.data_start..).unwrap_or_default();
         if self.frame_count == 0 || frame == 0 {
-            return Err(error(path, "no frames", "at least one"));
+            return Err(error("no frames", "at least one"));
         }
         let whole = data.len() / frame;
         if whole < self.frame_count {
             let found = format!("{whole} of {} frames", self.frame_count);
-            return Err(error(path, found, "all of them; is the copy complete?"));
+            return Err(error(found, "all of them; is the copy complete?"));
         }
         Ok(data.chunks_exact(frame).take(self.frame_count))
     }

@@ -12,13 +12,13 @@ pub(super) enum ByteOrder {
 }
 
 impl ByteOrder {
-    /// From the fourth byte of the parameter section.
-    pub fn of(processor: u8) -> Option<Self> {
-        match processor {
-            84 => Some(Self::Intel),
-            85 => Some(Self::Dec),
-            86 => Some(Self::Mips),
-            _ => None,
+    /// From the fourth byte of the parameter section; the byte if it is none that is known.
+    pub fn of(section: &[u8]) -> Result<Self, u8> {
+        match section.get(3) {
+            Some(84) => Ok(Self::Intel),
+            Some(85) => Ok(Self::Dec),
+            Some(86) => Ok(Self::Mips),
+            other => Err(other.copied().unwrap_or(0)),
         }
     }
 
@@ -44,7 +44,7 @@ impl ByteOrder {
     }
 }
 
-/// `N` bytes at a place, if they are there.
+/// `N` bytes from a position on, if they are there.
 pub(super) fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
     bytes.get(at..)?.first_chunk().copied()
 }

@@ -61,20 +61,14 @@ impl<'f> Parameters<'f> {
     /// place where they are large.
     pub fn numbers(&self, group: &str, name: &str) -> Option<Vec<f64>> {
         let found = self.find(group, name)?;
-        let order = self.order;
-        let values = match found.kind {
-            1 => found.values.iter().take(LONGEST_LIST).map(|&byte| f64::from(byte)).collect(),
-            2 => {
-                let pairs = found.values.as_chunks().0.iter().take(LONGEST_LIST);
-                pairs.map(|&pair| f64::from(order.u16(pair))).collect()
-            }
-            4 => {
-                let quads = found.values.as_chunks().0.iter().take(LONGEST_LIST);
-                quads.map(|&quad| decimal(order.f32(quad))).collect()
-            }
-            _ => return None,
+        let number = |bytes: &[u8]| match *bytes {
+            [byte] => Some(f64::from(byte)),
+            [a, b] => Some(f64::from(self.order.u16([a, b]))),
+            [a, b, c, d] => Some(decimal(self.order.f32([a, b, c, d]))),
+            _ => None,
         };
-        Some(values)
+        let width = usize::try_from(found.kind).ok().filter(|width| *width > 0)?;
+        found.values.chunks_exact(width).take(LONGEST_LIST).map(number).collect()
     }
 
     /// The first number of a parameter.
@@ -86,8 +80,8 @@ impl<'f> Parameters<'f> {
     pub fn texts(&self, group: &str, name: &str) -> Option<Vec<&'f [u8]>> {
         let found = self.find(group, name).filter(|found| found.kind == -1)?;
         let texts = found.values.chunks_exact(found.width.max(1)).take(LONGEST_LIST);
-        let end = |text: &[u8]| text.iter().position(|&byte| byte == 0).unwrap_or(text.len());
-        Some(texts.map(|text| text[..end(text)].trim_ascii()).collect())
+        let text = |text: &'f [u8]| text.split(|&byte| byte == 0).next();
+        Some(texts.filter_map(text).map(<[u8]>::trim_ascii).collect())
     }
 }
 

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::vicon::{parse_markers, sections};
+use crate::vicon::{ViconError, parse_markers, sections};
 
 /// What a file is made of; [`Recipe::default`] is the table of `nexus.csv`.
 struct Recipe {
