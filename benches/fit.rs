@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use trilink::config::Config;
-use trilink::fit::{Measurement, Objective, Parameter, search};
+use trilink::fit::{FreeParameter, Measurement, Objective, search};
 use trilink::metrics::GaitMetrics;
 use trilink::motion::Model;
 
@@ -53,7 +53,7 @@ fn one_start(criterion: &mut Criterion) {
         let (weights, input) = (config.campaign[campaign].weights, config.fit.gait_input);
         let objective =
             Objective::new(Model::SkidRoll, robot, gait, weights, input, measurements(data));
-        let parameters = Parameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
+        let parameters = FreeParameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
         criterion.bench_function(&format!("one start, {campaign}"), |bencher| {
             bencher.iter(|| black_box(search(&objective, &parameters, 1)));
         });

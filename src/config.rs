@@ -17,7 +17,7 @@ pub use error::ConfigError;
 pub(crate) use error::{nearest, parse_toml};
 
 use crate::motion::Model;
-use crate::robot::{Gait, JointCommand, Robot};
+use crate::robot::{Gait, JointCommand, Parameter, Robot};
 
 /// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
 /// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family.
@@ -132,25 +132,10 @@ pub enum ParameterSource {
     Measured,
 }
 
-/// What a model may leave free in its fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Free {
-    /// The skid coefficients of all three wheels.
-    Skid,
-    Skid0,
-    Skid1,
-    Skid2,
-    /// The sum of the roll coefficients; their configured proportions stay. Distances and speeds
-    /// hardly tell more of them.
-    Roll,
-    Roll0,
-    Roll1,
-    Roll2,
-    /// Of the passive joint.
-    Stiffness,
-    Damping,
-}
+/// What a model leaves free in its fit: a list of the parameters' names, where `skid` is short for
+/// the skid coefficients of all three wheels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Free(pub Vec<Parameter>);
 
 /// The gait that drives a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -239,7 +224,7 @@ pub struct Campaign {
     /// What models leave free; those that are not named have the paper's: `skid` where the
     /// wheels skid, `damping` for `no-skid-damped`, else nothing.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub free: BTreeMap<Model, Vec<Free>>,
+    pub free: BTreeMap<Model, Free>,
 }
 
 /// Weights of eq. 22.
@@ -325,6 +310,32 @@ impl GaitConfig {
             })
         };
         Gait { joints: [command(&self.joint1), command(&self.joint2)] }
+    }
+}
+
+impl Serialize for Free {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.0.iter().map(|parameter| parameter.key()))
+    }
+}
+
+impl<'de> Deserialize<'de> for Free {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const ALL_SKID: &str = "skid";
+        let mut parameters = Vec::new();
+        for name in Vec::<String>::deserialize(deserializer)? {
+            match Parameter::ALL.into_iter().find(|parameter| parameter.key() == name) {
+                Some(parameter) => parameters.push(parameter),
+                None if name == ALL_SKID => parameters.extend(Parameter::SKID),
+                None => {
+                    let known = Parameter::ALL.map(Parameter::key).join("`, `");
+                    return Err(serde::de::Error::custom(format!(
+                        "unknown variant `{name}`, expected one of `{ALL_SKID}`, `{known}`"
+                    )));
+                }
+            }
+        }
+        Ok(Self(parameters))
     }
 }
 

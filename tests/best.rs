@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink::config::Config;
-use trilink::fit::{Measurement, Objective, Parameter, search};
+use trilink::fit::{FreeParameter, Measurement, Objective, search};
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
 
@@ -29,7 +29,7 @@ const KNOWN: [Known; 6] = [
 ];
 
 /// The objective of a campaign that `skid-roll` moved, with noise, and what the model frees.
-fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<Parameter>) {
+fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParameter>) {
     let config = Config::default();
     let (robot, gait) = config.campaign_setup(campaign).unwrap();
     let mut truth = robot.clone();
@@ -57,12 +57,17 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<Parameter
         })
         .collect();
     let (weights, input) = (config.campaign[campaign].weights, config.fit.gait_input);
-    let parameters = Parameter::free_in(model, &gait, &config.fit, None);
+    let parameters = FreeParameter::free_in(model, &gait, &config.fit, None);
     (Objective::new(model, robot, gait, weights, input, measurements), parameters)
 }
 
 /// The lowest objective after so many generations in the logarithms of the parameters.
-fn evolve(objective: &Objective, parameters: &[Parameter], generations: usize, seed: u64) -> f64 {
+fn evolve(
+    objective: &Objective,
+    parameters: &[FreeParameter],
+    generations: usize,
+    seed: u64,
+) -> f64 {
     const POPULATION: usize = 24;
     const WEIGHT: f64 = 0.6;
     const CROSSOVER: f64 = 0.9;

@@ -112,7 +112,8 @@ fn end(problem: &Problem) -> Result<&'static str, String> {
             return Err(format!("to a fit's accuracy {fit:?}, else {:?}", first.metrics));
         }
         if let Ok(derivatives) = solver.derivatives() {
-            derivatives.iter().try_for_each(numbers_are_finite)?;
+            derivatives.parameters.iter().try_for_each(|(_, by)| numbers_are_finite(by))?;
+            derivatives.amplitudes.iter().try_for_each(numbers_are_finite)?;
         }
     }
     let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);

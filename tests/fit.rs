@@ -3,8 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use trilink::config::{Campaign, Config, Free, GaitInput, ParameterSource, SigmaKind, Weights};
-use trilink::fit::{Coefficient, FitData, Fitted, Objective, Parameter, fit};
+use trilink::fit::{FitData, Fitted, FreeParameter, Objective, fit};
 use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
+use trilink::robot::Parameter;
 use trilink::store::{RobotParameterRow, Rows as _, TrialRow};
 
 /// The reference's campaign: metrics at twelve frequencies with 3 % noise.
@@ -88,7 +89,7 @@ fn the_reference_s_best_coefficients_have_its_objective() {
             .collect();
         let (weights, input) = (campaign.weights, GaitInput::Commanded);
         let objective = Objective::new(Model::SkidRoll, robot, gait, weights, input, measurements);
-        let parameters = Parameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
+        let parameters = FreeParameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
         let j = objective.evaluator(parameters).cost(&reference.best_skid_kg_s);
         // The coefficients are known to six digits, and the objective has a kink there.
         let difference = (j - reference.best_j).abs() / reference.best_j;
@@ -293,7 +294,8 @@ fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
     let reference = &REFERENCES[2];
     let mut config = quick(reference);
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
-    campaign.free = [(Model::SkidRoll, vec![Free::Stiffness, Free::Damping])].into();
+    campaign.free =
+        [(Model::SkidRoll, Free(vec![Parameter::Stiffness, Parameter::Damping]))].into();
     campaign.weights = Weights { d: 0.0, v: 0.0, sigma: 0.0, alpha: 1.0 };
     let mut rows = named(reference);
     rows.drain(4..);
@@ -327,9 +329,12 @@ fn noise_free_trials_give_back_whatever_is_free() {
     let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
     let model = Model::SkidRoll;
     for (free, planted) in [
-        (vec![Free::Skid, Free::Roll], vec![Coefficient::RollSum]),
-        (vec![Free::Roll0, Free::Skid2], vec![Coefficient::Roll(0), Coefficient::Skid(2)]),
-        (vec![Free::Stiffness, Free::Damping], vec![Coefficient::Stiffness, Coefficient::Damping]),
+        ([&Parameter::SKID[..], &[Parameter::RollSum]].concat(), vec![Parameter::RollSum]),
+        (vec![Parameter::Roll0, Parameter::Skid2], vec![Parameter::Roll0, Parameter::Skid2]),
+        (
+            vec![Parameter::Stiffness, Parameter::Damping],
+            vec![Parameter::Stiffness, Parameter::Damping],
+        ),
     ] {
         let mut truth = robot.clone();
         for coefficient in &planted {
@@ -344,13 +349,13 @@ fn noise_free_trials_give_back_whatever_is_free() {
             [row.sigma0, row.sigma1, row.sigma2] = metrics.sigma;
         }
         let campaign = config.campaign.get_mut(reference.campaign).unwrap();
-        campaign.free = [(model, free.clone())].into();
+        campaign.free = [(model, Free(free.clone()))].into();
         let fitted = fit(&config, &rows.into(), &|_| {});
         let found = &fitted.fits[0];
         assert!(found.j < 1e-6, "{free:?}: {}", found.j);
         assert_eq!(found.identifiable, found.free, "{free:?}");
-        for coefficient in Coefficient::ALL {
-            let (found, known) = (found.parameters()[coefficient.place()], coefficient.of(&truth));
+        for coefficient in Parameter::ALL {
+            let (found, known) = (found.parameters()[coefficient as usize], coefficient.of(&truth));
             assert!(
                 (found / known - 1.0).abs() < 1e-3,
                 "{free:?} {coefficient:?}: {found} {known}"

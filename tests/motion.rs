@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use trilink::metrics::GaitMetrics;
-use trilink::motion::{FIT_ACCURACY, Model, Parameter, Problem, REFERENCE_ACCURACY, Solver};
-use trilink::robot::{Gait, JointCommand, Robot};
+use trilink::motion::{FIT_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Solver};
+use trilink::robot::{Gait, JointCommand, Parameter, Robot};
 
 /// A row of `periodic.csv`.
 struct Row {
@@ -194,18 +194,19 @@ fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
     }
 }
 
+/// A parameter of the robot, or the joint whose amplitude it is.
+type Variable = Result<Parameter, usize>;
+
 #[test]
 fn derivatives_are_those_of_central_differences() {
-    let changed = |problem: &Problem, parameter: Parameter, step: f64| {
+    let changed = |problem: &Problem, variable: Variable, step: f64| {
         let mut problem = problem.clone();
-        match parameter {
-            Parameter::Skid(wheel) => problem.robot.skid_kg_s[wheel] += step,
-            Parameter::Roll(wheel) => problem.robot.roll_kg_s[wheel] += step,
-            Parameter::Stiffness => problem.robot.stiffness_nm_rad += step,
-            Parameter::Damping => problem.robot.damping_nm_s_rad += step,
-            Parameter::Amplitude(joint) => {
-                problem.gait.joints[joint].as_mut().unwrap().amplitude_rad += step;
+        match variable {
+            Ok(parameter) => {
+                let value = parameter.of(&problem.robot) + step;
+                parameter.set(&mut problem.robot, value);
             }
+            Err(joint) => problem.gait.joints[joint].as_mut().unwrap().amplitude_rad += step,
         }
         problem.solve(1e-13).unwrap().metrics.to_array()
     };
@@ -227,13 +228,12 @@ fn derivatives_are_those_of_central_differences() {
         let mut solver = Solver::default();
         let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap().to_array();
         let derivatives = solver.derivatives().unwrap();
-        for (parameter, derivative) in Parameter::ALL.into_iter().zip(derivatives) {
-            let value = match parameter {
-                Parameter::Skid(wheel) => problem.robot.skid_kg_s[wheel],
-                Parameter::Roll(wheel) => problem.robot.roll_kg_s[wheel],
-                Parameter::Stiffness => problem.robot.stiffness_nm_rad,
-                Parameter::Damping => problem.robot.damping_nm_s_rad,
-                Parameter::Amplitude(joint) => match problem.gait.joints[joint] {
+        let by_parameter = derivatives.parameters.iter().map(|(of, found)| (Ok(of), *found));
+        let by_amplitude = (0..2).map(|joint| (Err(joint), derivatives.amplitudes[joint]));
+        for (variable, derivative) in by_parameter.chain(by_amplitude) {
+            let value = match variable {
+                Ok(parameter) => parameter.of(&problem.robot),
+                Err(joint) => match problem.gait.joints[joint] {
                     Some(joint) => joint.amplitude_rad,
                     None => continue,
                 },
@@ -241,7 +241,7 @@ fn derivatives_are_those_of_central_differences() {
             // Richardson's extrapolation of central differences.
             let difference = |step: f64| -> [f64; 7] {
                 let (low, high) =
-                    (changed(&problem, parameter, -step), changed(&problem, parameter, step));
+                    (changed(&problem, variable, -step), changed(&problem, variable, step));
                 std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
             };
             let step = 2e-3 * if value == 0.0 { 0.1 } else { value };
@@ -252,7 +252,7 @@ fn derivatives_are_those_of_central_differences() {
                 let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
                 assert!(
                     (found - known).abs() <= 1e-6 * size,
-                    "{} {parameter:?} metric {i} at {}: {found} against {known}",
+                    "{} {variable:?} metric {i} at {}: {found} against {known}",
                     problem.model,
                     problem.omega_rad_s,
                 );

@@ -6,8 +6,9 @@ use super::output::{note, say};
 use super::parameters::print_parameters;
 use super::stages::Exclusive;
 use super::{Context, Failure, Outcome};
+use crate::robot::Parameter;
 use crate::run::{Ahead, Finished, Options, look, run};
-use crate::store::{ComparisonRow, FitRow, How, PARAMETERS, Planned, Redo};
+use crate::store::{ComparisonRow, FitRow, How, Planned, Redo};
 use crate::synth::{Recipe, synthesise};
 use crate::trial::TRIALS_FILE;
 
@@ -171,7 +172,8 @@ pub(super) fn print_fits(fits: &[FitRow]) {
         let names = ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"];
         let cells: Vec<String> =
             names.iter().zip(skid).map(|(name, value)| cell(fit, name, value)).collect();
-        let others: String = PARAMETERS[3..]
+        let names = Parameter::ALL.map(Parameter::column);
+        let others: String = names[3..]
             .iter()
             .zip(&fit.parameters()[3..])
             .filter(|(name, _)| fit.free.iter().any(|free| free == *name))

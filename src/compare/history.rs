@@ -7,7 +7,8 @@ use super::trend;
 use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
 use crate::config::Paths;
-use crate::store::{PARAMETERS, Provenance, Rows as _, Table, history_rows};
+use crate::robot::Parameter;
+use crate::store::{Provenance, Rows as _, Table, history_rows};
 
 const MEANS: [&str; 7] = [
     "d_m",
@@ -142,7 +143,8 @@ fn figures_of_merit(tonight: &Snapshot, run: i64) -> Vec<HistoryRow> {
         let number = |name: &str| fit.get(name).and_then(Cell::number).unwrap_or(f64::NAN);
         add(campaign, model, "j", number("j"));
         let free: Vec<&str> = text(fit, "free").split(", ").collect();
-        for parameter in PARAMETERS.into_iter().filter(|parameter| free.contains(parameter)) {
+        let columns = Parameter::ALL.map(Parameter::column);
+        for parameter in columns.into_iter().filter(|parameter| free.contains(parameter)) {
             add(campaign, model, parameter, number(parameter));
         }
     }

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
 use super::CompareError;
-use crate::store::{Column, PARAMETERS, StoreError, Table, write_bytes};
+use crate::robot::Parameter;
+use crate::store::{Column, StoreError, Table, write_bytes};
 
 /// Tables whose rows are compared, and the columns that name a row.
 const TABLES: [(&str, &[&str]); 3] =
@@ -195,7 +196,7 @@ fn records(table: &Table, key: &[&str]) -> Result<Records, StoreError> {
 /// Adds the widths of the fitted parameters' intervals.
 fn with_intervals(mut fits: Records) -> Records {
     for fit in fits.values_mut() {
-        for parameter in PARAMETERS {
+        for parameter in Parameter::ALL.map(Parameter::column) {
             let limit = |end: &str| fit.get(&format!("{parameter}_{end}"))?.number();
             if let Some((low, high)) = limit("lo").zip(limit("hi")) {
                 fit.insert(format!("interval_{parameter}"), Cell::Number(high - low));

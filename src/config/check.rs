@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::{Campaign, Config, ConfigError, Free, RobotConfig, nearest};
 use crate::pattern::matches_label;
+use crate::robot::{Family, Gait, Parameter};
 
 /// More starts find nothing new and may not fit into memory.
 const MOST_STARTS: usize = 10_000;
@@ -129,8 +130,7 @@ impl Config {
             check.that(valid, &key, &weights, "numbers of 0 or more")?;
             let weighs = weights.iter().any(|w| *w > 0.0);
             check.that(weighs, &key, &weights, "at least one above 0")?;
-            let has_passive_joint = gait.to_gait().passive_joint().is_some();
-            check.free(name, campaign, has_passive_joint)?;
+            check.free(name, campaign, &gait.to_gait())?;
         }
         Ok(())
     }
@@ -167,15 +167,6 @@ impl Config {
         }
         Ok(())
     }
-}
-
-/// Whether two names free a coefficient in common.
-fn overlap(a: Free, b: Free) -> bool {
-    use Free::{Roll, Roll0, Roll1, Roll2, Skid, Skid0, Skid1, Skid2};
-    let within = |whole, parts: [Free; 3]| {
-        (a == whole && parts.contains(&b)) || (b == whole && parts.contains(&a))
-    };
-    a == b || within(Skid, [Skid0, Skid1, Skid2]) || within(Roll, [Roll0, Roll1, Roll2])
 }
 
 struct Checker<'a> {
@@ -222,30 +213,24 @@ impl Checker<'_> {
     }
 
     /// What the models of a campaign leave free.
-    fn free(
-        &self,
-        name: &str,
-        campaign: &Campaign,
-        has_passive_joint: bool,
-    ) -> Result<(), ConfigError> {
+    fn free(&self, name: &str, campaign: &Campaign, gait: &Gait) -> Result<(), ConfigError> {
         for (model, free) in &campaign.free {
             let key = format!("campaign.{name}.free.{model}");
             let competes = campaign.models.contains(model);
             let models: Vec<&str> = campaign.models.iter().map(|model| model.name()).collect();
             let needed = format!("one of the campaign's models `{}`", models.join("`, `"));
             self.that(competes, &key, &model.name(), &needed)?;
+            let Free(free) = free;
             for (i, one) in free.iter().enumerate() {
-                let (known, why) = match one {
-                    Free::Skid | Free::Skid0 | Free::Skid1 | Free::Skid2 => {
-                        (model.skids(), "wheels that skid")
-                    }
-                    Free::Roll | Free::Roll0 | Free::Roll1 | Free::Roll2 => {
-                        (model.has_roll_resistance(), "wheels that resist rolling")
-                    }
-                    Free::Stiffness | Free::Damping => (has_passive_joint, "a passive joint"),
+                let why = match one.family() {
+                    Family::Skid => "wheels that skid",
+                    Family::Roll => "wheels that resist rolling",
+                    Family::Joint => "a passive joint",
                 };
+                let known = model.knows(*one, gait);
                 self.that(known, &key, one, &format!("a model with {why}"))?;
-                let repeated = free[..i].iter().any(|other| overlap(*one, *other));
+                let overlaps = |other: &Parameter| one.is_part_of(*other) || other.is_part_of(*one);
+                let repeated = free[..i].iter().any(overlaps);
                 self.that(!repeated, &key, free, "each coefficient once")?;
             }
         }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::coefficient::Parameter;
+use super::free::FreeParameter;
 use super::measurement::Measurement;
 use super::noise_correction::NoiseCorrection;
 use super::objective::{Evaluator, Linearised, Objective, PENALTY, Response, TERMS};
@@ -33,7 +33,7 @@ pub(super) struct Refit {
 
 impl<'o> FittedPoint<'o> {
     /// Solves for the motions of a fit.
-    pub fn new(objective: &'o Objective, parameters: &[Parameter], values: Vec<f64>) -> Self {
+    pub fn new(objective: &'o Objective, parameters: &[FreeParameter], values: Vec<f64>) -> Self {
         let evaluator = objective.evaluator(parameters.to_vec());
         let unknown = Self { values: Vec::new(), cost: f64::NAN, responses: Vec::new(), evaluator };
         unknown.moved_to(values)
@@ -63,7 +63,7 @@ impl<'o> FittedPoint<'o> {
         &self.evaluator.objective
     }
 
-    pub fn parameters(&self) -> &[Parameter] {
+    pub fn parameters(&self) -> &[FreeParameter] {
         &self.evaluator.parameters
     }
 

@@ -4,9 +4,9 @@ use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
-use super::coefficient::{Coefficient, Parameter};
 use super::compare::bic;
 use super::fitted_point::{FittedPoint, Refit};
+use super::free::FreeParameter;
 use super::objective::Objective;
 use super::predict::predictions;
 use super::profile::{Class, Profile, profile, profile_limits};
@@ -16,7 +16,7 @@ use super::starts::{Start, search_all, search_from};
 use super::{FitEvent, Fitted, OnEvent};
 use crate::config::{Config, GaitInput};
 use crate::motion::{Model, REFERENCE_ACCURACY};
-use crate::robot::{Gait, Robot};
+use crate::robot::{Gait, Parameter, Robot};
 use crate::store::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, Rows as _, StartRow};
 
 /// Starts within this part of the best objective have reached it.
@@ -35,7 +35,7 @@ pub(super) struct Job<'j> {
     pub robot: Robot,
     pub gait: Gait,
     /// Coefficients that trials of other kinds gave.
-    pub measured: Vec<Coefficient>,
+    pub measured: Vec<Parameter>,
     pub resampler: &'j Resampler,
     pub measurements: &'j [super::Measurement],
 }
@@ -67,8 +67,8 @@ impl Job<'_> {
             self.config.fit.gait_input,
             self.measurements.to_vec(),
         );
-        let list = campaign.free.get(&self.model).map(Vec::as_slice);
-        let parameters = Parameter::free_in(self.model, &self.gait, &self.config.fit, list);
+        let list = campaign.free.get(&self.model);
+        let parameters = FreeParameter::free_in(self.model, &self.gait, &self.config.fit, list);
         let number = if parameters.is_empty() { 1 } else { self.config.fit.starts };
         let starts = search_all(&objective, &parameters, number);
         // What is less than the motions' own inaccuracy is nothing: the first of these is best.
@@ -144,15 +144,15 @@ impl Job<'_> {
         let parameters = point.parameters();
         let objective = point.objective();
         let robot = objective.robot_with(parameters, &point.values);
-        let names = |of: Vec<Coefficient>| of.iter().map(|free| free.name().to_owned()).collect();
+        let names = |of: Vec<Parameter>| of.iter().map(|free| free.column().to_owned()).collect();
         let classed = |class: Class| {
             let both = parameters.iter().zip(profiles);
             let of = both.filter(|(_, profile)| profile.class == class);
-            names(of.map(|(parameter, _)| parameter.coefficient).collect())
+            names(of.map(|(free, _)| free.parameter).collect())
         };
-        let free: Vec<Coefficient> = parameters.iter().map(|free| free.coefficient).collect();
-        let held = |coefficient: &Coefficient| {
-            coefficient.is_known_to(self.model, &self.gait) && !free.contains(coefficient)
+        let free: Vec<Parameter> = parameters.iter().map(|free| free.parameter).collect();
+        let held = |parameter: &Parameter| {
+            self.model.knows(*parameter, &self.gait) && !free.contains(parameter)
         };
         let (mut comparison, more_solves) = match is_ok {
             true => self.comparison(&fit),
@@ -253,14 +253,14 @@ impl Job<'_> {
         (row, solves)
     }
 
-    fn profile_rows(&self, parameters: &[Parameter], profiles: &[Profile]) -> Vec<ProfileRow> {
+    fn profile_rows(&self, parameters: &[FreeParameter], profiles: &[Profile]) -> Vec<ProfileRow> {
         let rows = parameters.iter().zip(profiles).enumerate();
         rows.flat_map(|(index, (parameter, profile))| {
             profile.points.iter().map(move |point| {
                 let mut row = ProfileRow {
                     campaign: self.campaign.to_owned(),
                     model: self.model.name().to_owned(),
-                    parameter: parameter.coefficient.name().to_owned(),
+                    parameter: parameter.parameter.column().to_owned(),
                     value: point.values[index],
                     j: point.cost,
                     limit_j: profile.limit,
@@ -273,7 +273,11 @@ impl Job<'_> {
         .collect()
     }
 
-    fn bootstrap_rows(&self, parameters: &[Parameter], replicates: &[Refit]) -> Vec<BootstrapRow> {
+    fn bootstrap_rows(
+        &self,
+        parameters: &[FreeParameter],
+        replicates: &[Refit],
+    ) -> Vec<BootstrapRow> {
         let row = |(number, refit): (usize, &Refit)| {
             let mut row = BootstrapRow {
                 campaign: self.campaign.to_owned(),
@@ -313,9 +317,9 @@ impl Job<'_> {
     }
 
     fn parameters_of(&self, robot: &Robot) -> [f64; 9] {
-        Coefficient::ALL.map(|coefficient| {
-            let is_known = coefficient.is_known_to(self.model, &self.gait);
-            if is_known { coefficient.of(robot) } else { f64::NAN }
+        Parameter::ALL.map(|parameter| {
+            let is_known = self.model.knows(parameter, &self.gait);
+            if is_known { parameter.of(robot) } else { f64::NAN }
         })
     }
 }
@@ -339,7 +343,7 @@ impl Fit<'_> {
     fn intervals(&self, resampler: &Resampler) -> [Vec<f64>; 2] {
         let spread = self.point.noise_correction(&resampler.noises()).spread;
         [0, 1].map(|side| {
-            let limit = |(index, parameter): (usize, &Parameter)| {
+            let limit = |(index, parameter): (usize, &FreeParameter)| {
                 let profiled = self.profiles.get(index).map(|profile| profile.interval[side]);
                 if profiled == Some(None) {
                     return f64::NAN;
@@ -374,10 +378,10 @@ impl Fit<'_> {
 }
 
 /// Values of the free parameters among all parameters; the others are missing.
-fn spread(parameters: &[Parameter], values: &[f64]) -> [f64; 9] {
+fn spread(parameters: &[FreeParameter], values: &[f64]) -> [f64; 9] {
     let mut all = [f64::NAN; 9];
-    for (parameter, value) in parameters.iter().zip(values) {
-        all[parameter.coefficient.place()] = *value;
+    for (free, value) in parameters.iter().zip(values) {
+        all[free.parameter as usize] = *value;
     }
     all
 }
@@ -441,7 +445,7 @@ mod tests {
         let (weights, input) = (config.campaign[CAMPAIGN].weights, config.fit.gait_input);
         let objective =
             Objective::new(job.model, robot, gait, weights, input, measurements.clone());
-        let parameters = Parameter::free_in(job.model, &gait, &config.fit, None);
+        let parameters = FreeParameter::free_in(job.model, &gait, &config.fit, None);
         // Away from the best, which is at 100.7, 33.9, 43.6 kg/s.
         let point = FittedPoint::new(&objective, &parameters, vec![95.0, 34.0, 44.0]);
         let began = point.cost;

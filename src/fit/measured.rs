@@ -1,7 +1,6 @@
 //! The robots' own parameters as joint-release and coast-down trials measured them.
 
-use super::coefficient::Coefficient;
-use crate::robot::Robot;
+use crate::robot::{Parameter, Robot};
 use crate::store::RobotParameterRow;
 
 /// Gives a robot the means over its trials, where there are any, of stiffness and damping of the
@@ -11,11 +10,10 @@ pub(super) fn with_measured(
     robot: &mut Robot,
     name: &str,
     rows: &[RobotParameterRow],
-) -> Vec<Coefficient> {
-    const COEFFICIENTS: [Coefficient; 3] =
-        [Coefficient::Stiffness, Coefficient::Damping, Coefficient::RollSum];
+) -> Vec<Parameter> {
+    const MEASURED: [Parameter; 3] = [Parameter::Stiffness, Parameter::Damping, Parameter::RollSum];
     let mut measured = Vec::new();
-    for (nth, coefficient) in COEFFICIENTS.into_iter().enumerate() {
+    for (nth, parameter) in MEASURED.into_iter().enumerate() {
         let mut values: Vec<f64> = rows
             .iter()
             .filter(|row| row.robot == name)
@@ -27,8 +25,8 @@ pub(super) fn with_measured(
         }
         // The sum does not depend on the order of the trials.
         values.sort_by(f64::total_cmp);
-        coefficient.set(robot, values.iter().sum::<f64>() / values.len() as f64);
-        measured.push(coefficient);
+        parameter.set(robot, values.iter().sum::<f64>() / values.len() as f64);
+        measured.push(parameter);
     }
     measured
 }
@@ -53,7 +51,7 @@ mod tests {
         let configured = Robot::semi_passive();
         let mut robot = configured.clone();
         let measured = with_measured(&mut robot, "ours", &rows);
-        assert_eq!(measured, [Coefficient::Damping, Coefficient::RollSum]);
+        assert_eq!(measured, [Parameter::Damping, Parameter::RollSum]);
         assert_eq!(robot.stiffness_nm_rad, configured.stiffness_nm_rad);
         assert_eq!(robot.damping_nm_s_rad, 0.01);
         for (found, expected) in robot.roll_kg_s.iter().zip([0.6, 0.3, 0.3]) {

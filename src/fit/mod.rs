@@ -9,10 +9,10 @@
 //! often they are nearest to resampled measurements (selection frequency of the bootstrap), and by
 //! the Bayesian information criterion.
 
-mod coefficient;
 mod compare;
 mod fitted_point;
 mod folder;
+mod free;
 mod hessian;
 mod job;
 mod least_absolute;
@@ -40,8 +40,8 @@ use crate::store::{
 use job::{Job, JobResult};
 use resample::Resampler;
 
-pub use coefficient::{Coefficient, Parameter};
 pub use folder::{fit_folder, fit_planned, table_paths};
+pub use free::FreeParameter;
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective};
 pub use plan::{FitPlan, plan, plan_after};

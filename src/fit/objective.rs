@@ -2,13 +2,13 @@
 
 use std::borrow::Cow;
 
-use super::coefficient::{Coefficient, Parameter};
+use super::free::FreeParameter;
 use super::least_absolute::Residual;
 use super::measurement::Measurement;
 use crate::config::{GaitInput, Weights};
 use crate::metrics::GaitMetrics;
-use crate::motion::{FIT_ACCURACY, Model, MotionError, Parameter as Derivative, Problem, Solver};
-use crate::robot::{Gait, JointCommand, Robot};
+use crate::motion::{FIT_ACCURACY, Model, MotionError, Problem, Solver};
+use crate::robot::{Gait, JointCommand, Parameter, Robot};
 
 /// What a trial without a steady motion contributes to the objective: far more than any motion
 /// does, so that the search turns back.
@@ -83,10 +83,10 @@ impl Objective {
     }
 
     /// The robot with `values` for the free `parameters`.
-    pub fn robot_with(&self, parameters: &[Parameter], values: &[f64]) -> Robot {
+    pub fn robot_with(&self, parameters: &[FreeParameter], values: &[f64]) -> Robot {
         let mut robot = self.robot.clone();
-        for (parameter, value) in parameters.iter().zip(values) {
-            parameter.coefficient.set(&mut robot, *value);
+        for (free, value) in parameters.iter().zip(values) {
+            free.parameter.set(&mut robot, *value);
         }
         robot
     }
@@ -183,7 +183,7 @@ impl Objective {
     }
 
     /// Something that evaluates the objective and remembers the last motions.
-    pub fn evaluator(&self, parameters: Vec<Parameter>) -> Evaluator<'_> {
+    pub fn evaluator(&self, parameters: Vec<FreeParameter>) -> Evaluator<'_> {
         Evaluator {
             objective: Cow::Borrowed(self),
             parameters,
@@ -198,7 +198,7 @@ impl Objective {
 #[derive(Clone)]
 pub struct Evaluator<'a> {
     pub objective: Cow<'a, Objective>,
-    pub parameters: Vec<Parameter>,
+    pub parameters: Vec<FreeParameter>,
     solvers: Vec<Solver>,
     /// Of the motions' metrics, relative.
     pub accuracy: f64,
@@ -248,17 +248,18 @@ impl<'a> Evaluator<'a> {
         metrics: &[Option<GaitMetrics>],
     ) -> Vec<Option<Response>> {
         let robot = self.objective.robot_with(&self.parameters, values);
-        let coefficients = self.parameters.iter().map(|parameter| parameter.coefficient);
-        let wanted: Vec<Derivative> =
-            coefficients.clone().flat_map(Coefficient::derivatives).collect();
+        let wanted: Vec<Parameter> = self.parameters.iter().map(|free| free.parameter).collect();
         let response = |(metrics, solver): (&Option<GaitMetrics>, &mut Solver)| {
             let metrics = (*metrics)?;
             if wanted.is_empty() {
                 return Some(Response { metrics, d_metrics_d_logarithm: Vec::new() });
             }
-            let derivatives = solver.derivatives_by(&wanted).ok()?;
-            let each = coefficients.clone().map(|each| each.by_logarithm(&robot, &derivatives));
-            Some(Response { metrics, d_metrics_d_logarithm: each.collect() })
+            let derivatives = solver.derivatives_by(&wanted).ok()?.parameters;
+            let d_metrics_d_logarithm = wanted.iter().map(|parameter| {
+                let value = parameter.of(&robot);
+                derivatives[*parameter].to_array().map(|derivative| derivative * value)
+            });
+            Some(Response { metrics, d_metrics_d_logarithm: d_metrics_d_logarithm.collect() })
         };
         metrics.iter().zip(&mut self.solvers).map(response).collect()
     }

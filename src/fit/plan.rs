@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::folder::{TABLES, read_data, read_fitted};
-use super::{FIT_VERSION, FitData, Fitted, Kept, Measurement, Parameter, measurements};
+use super::{FIT_VERSION, FitData, Fitted, FreeParameter, Kept, Measurement, measurements};
 use crate::config::{Campaign, Config, GaitInput, ParameterSource, SigmaKind, Weights};
 use crate::ingest::Touched;
 use crate::motion::Model;
@@ -225,16 +225,16 @@ fn things(config: &Config) -> Vec<FitThing<'_>> {
         .flat_map(|(name, of)| of.models.iter().map(move |&model| (name.as_str(), of, model)))
         .map(|(campaign, of, model)| {
             let gait = config.gait.get(&of.gait);
-            let list = of.free.get(&model).map(Vec::as_slice);
+            let list = of.free.get(&model);
             let free = gait.map_or(Vec::new(), |gait| {
-                Parameter::free_in(model, &gait.to_gait(), &config.fit, list)
+                FreeParameter::free_in(model, &gait.to_gait(), &config.fit, list)
             });
             let fit = &config.fit;
             let dependencies = Dependencies {
                 campaign,
                 model,
                 weights: of.weights,
-                free: free.iter().map(|free| (free.coefficient.name(), free.bounds)).collect(),
+                free: free.iter().map(|free| (free.parameter.column(), free.bounds)).collect(),
                 robot: config.robot.get(&of.robot),
                 gait,
                 starts: if free.is_empty() { 1 } else { fit.starts },

@@ -21,11 +21,12 @@ use argmin::core::{
 };
 use nalgebra::DVector;
 
-use super::coefficient::{Coefficient, Parameter};
+use super::free::FreeParameter;
 use super::hessian::Hessians;
 use super::least_absolute::Residual;
 use super::objective::{Evaluator, Linearised, PENALTY};
 use crate::interrupt::stop_if_asked;
+use crate::robot::Parameter;
 
 const MAX_ITERATIONS: u64 = 200;
 /// Trust-region radius at first and at most: coefficients may change by these factors' logarithms.
@@ -162,7 +163,7 @@ struct TrustRegion {
 
 impl TrustRegion {
     /// The next step of the parameters' logarithms, and the fall that it predicts.
-    fn best_step(&self, parameters: &[Parameter], values: &[f64]) -> (DVector<f64>, f64) {
+    fn best_step(&self, parameters: &[FreeParameter], values: &[f64]) -> (DVector<f64>, f64) {
         let limits = limits(parameters, values, self.radius);
         self.hessians.best_step(&self.residuals, &limits, self.held)
     }
@@ -230,8 +231,8 @@ impl Observe<State> for Observer {
 }
 
 /// The parameters' values after a step of their logarithms.
-fn values_after(parameters: &[Parameter], values: &[f64], step: &DVector<f64>) -> Vec<f64> {
-    let after = |(parameter, (value, step)): (&Parameter, (&f64, &f64))| {
+fn values_after(parameters: &[FreeParameter], values: &[f64], step: &DVector<f64>) -> Vec<f64> {
+    let after = |(parameter, (value, step)): (&FreeParameter, (&f64, &f64))| {
         let [low, high] = parameter.bounds;
         if *step == 0.0 { *value } else { (value * step.exp()).clamp(low, high) }
     };
@@ -239,8 +240,8 @@ fn values_after(parameters: &[Parameter], values: &[f64], step: &DVector<f64>) -
 }
 
 /// How far the parameters' logarithms may go from `values` within the bounds and a trust region.
-pub(super) fn limits(parameters: &[Parameter], values: &[f64], radius: f64) -> Vec<[f64; 2]> {
-    let limit = |(parameter, value): (&Parameter, &f64)| {
+pub(super) fn limits(parameters: &[FreeParameter], values: &[f64], radius: f64) -> Vec<[f64; 2]> {
+    let limit = |(parameter, value): (&FreeParameter, &f64)| {
         let [low, high] = parameter.bounds.map(|bound| (bound / value).ln());
         [low.clamp(-radius, 0.0), high.clamp(0.0, radius)]
     };
@@ -251,15 +252,15 @@ pub(super) fn limits(parameters: &[Parameter], values: &[f64], radius: f64) -> V
 const AT_BOUND: f64 = 1e-3;
 
 /// At which of its bounds a parameter's value is: lower, upper.
-pub(super) fn is_at_bound(parameter: &Parameter, value: f64) -> [bool; 2] {
+pub(super) fn is_at_bound(parameter: &FreeParameter, value: f64) -> [bool; 2] {
     let [low, high] = parameter.bounds;
     [value < low * (1.0 + AT_BOUND), value > high * (1.0 - AT_BOUND)]
 }
 
 /// The parameters that are at a bound.
-pub(super) fn at_bound(parameters: &[Parameter], values: &[f64]) -> Vec<Coefficient> {
+pub(super) fn at_bound(parameters: &[FreeParameter], values: &[f64]) -> Vec<Parameter> {
     let both = parameters.iter().zip(values);
-    both.filter(|(parameter, value)| is_at_bound(parameter, **value).contains(&true))
-        .map(|(parameter, _)| parameter.coefficient)
+    both.filter(|(free, value)| is_at_bound(free, **value).contains(&true))
+        .map(|(free, _)| free.parameter)
         .collect()
 }

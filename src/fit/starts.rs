@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::coefficient::Parameter;
+use super::free::FreeParameter;
 use super::objective::{Evaluator, Objective};
 use super::search::{CONVERGED, Ended, Iterate, Stopped};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
@@ -31,7 +31,7 @@ const SAME_COST: f64 = 1e-5;
 
 /// Searches from the start with this number: 0 is the configured robot, the others are spread
 /// over the bounds. Without parameters there is one evaluation.
-pub fn search(objective: &Objective, parameters: &[Parameter], number: usize) -> Start {
+pub fn search(objective: &Objective, parameters: &[FreeParameter], number: usize) -> Start {
     let began = begin(objective, parameters, number);
     search_from(objective.evaluator(parameters.to_vec()), began)
 }
@@ -40,7 +40,7 @@ pub fn search(objective: &Objective, parameters: &[Parameter], number: usize) ->
 /// takes the last, most accurate iterations.
 pub(super) fn search_all(
     objective: &Objective,
-    parameters: &[Parameter],
+    parameters: &[FreeParameter],
     count: usize,
 ) -> Vec<Start> {
     let approaches: Vec<Approach> = (0..count)
@@ -124,14 +124,14 @@ impl<'o> Approach<'o> {
 }
 
 /// Where a start begins.
-fn begin(objective: &Objective, parameters: &[Parameter], number: usize) -> Vec<f64> {
+fn begin(objective: &Objective, parameters: &[FreeParameter], number: usize) -> Vec<f64> {
     const BASES: [u32; 8] = [2, 3, 5, 7, 11, 13, 17, 19];
     parameters
         .iter()
         .zip(BASES.into_iter().cycle())
-        .map(|(parameter, base)| {
-            let [low, high] = parameter.bounds;
-            let configured = parameter.coefficient.of(objective.robot());
+        .map(|(free, base)| {
+            let [low, high] = free.bounds;
+            let configured = free.parameter.of(objective.robot());
             if number == 0 && configured > low && configured < high {
                 return configured;
             }

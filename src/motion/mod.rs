@@ -26,13 +26,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::metrics::GaitMetrics;
 pub use crate::robot::Pose;
-use crate::robot::{Gait, Robot};
+use crate::robot::{Family, Gait, Parameter, Robot};
 use reduced::Driven;
 use task::{Follow, SampleFromRest};
 
 pub use forces::Actions;
-pub use reduced::Parameter;
-pub use solver::{Derivatives, Settled, Solver};
+pub use reduced::Derivatives;
+pub use solver::{Settled, Solver};
 pub use trajectory::Sample;
 pub use transient::Transient;
 
@@ -85,6 +85,15 @@ impl Model {
     /// Whether the wheels resist rolling.
     pub fn has_roll_resistance(self) -> bool {
         matches!(self, Self::NoSkidRoll | Self::SkidRoll)
+    }
+
+    /// Whether the motion of a robot with this gait can depend on a parameter.
+    pub fn knows(self, parameter: Parameter, gait: &Gait) -> bool {
+        match parameter.family() {
+            Family::Skid => self.skids(),
+            Family::Roll => self.has_roll_resistance(),
+            Family::Joint => gait.passive_joint().is_some(),
+        }
     }
 }
 

@@ -16,11 +16,10 @@ use super::element::{Linearised, Stages, unknowns};
 use super::extreme::Turn;
 use super::path::advance;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Driven, MOST_PARAMETERS, Moment, Parameter, Reduced};
+use super::reduced::{Derivatives, Driven, MOST_PARAMETERS, Moment, Reduced, Variable};
 use super::ring::Ring;
-use super::solver::Derivatives;
 use crate::metrics::GaitMetrics;
-use crate::robot::{Pose, Trig, dot, dskid_rows_dphi, skid_rows};
+use crate::robot::{Parameter, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
 /// Most columns: states at the start, then parameters.
 pub(super) const MOST_COLUMNS: usize = 5 + MOST_PARAMETERS;
@@ -34,8 +33,8 @@ const INTEGRALS: usize = 5;
 /// The model's first parameters: the skid coefficients, where its wheels skid.
 const FIRST_PARAMETERS: usize = 3;
 
-/// Derivatives of the metrics of the ring's solution by the parameters that are `wanted`; those
-/// by the others may be missing.
+/// Derivatives of the metrics of the ring's solution by the parameters that are `wanted`, or by
+/// everything; those by others may be missing.
 ///
 /// # Errors
 /// The linearised motion is singular: it is where two solutions meet.
@@ -45,11 +44,16 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     ring: &Ring<N, R>,
     cycle: &Cycle,
     room: &mut Linearised,
-    wanted: &[Parameter],
+    wanted: Option<&[Parameter]>,
 ) -> Result<Derivatives, MotionError> {
-    let others = (FIRST_PARAMETERS..R::PARAMETERS).map(|column| model.parameter(column));
+    let is_wanted = |variable| match (variable, wanted) {
+        (_, None) => true,
+        (Variable::Parameter(own), Some(wanted)) => wanted.iter().any(|of| own.is_part_of(*of)),
+        (Variable::Amplitude(_), Some(_)) => false,
+    };
+    let mut others = (FIRST_PARAMETERS..R::PARAMETERS).map(|column| model.variable(column));
     // Numbers of columns that are known when this is compiled.
-    match others.into_iter().any(|other| wanted.contains(&other)) {
+    match others.any(is_wanted) {
         true => by_first(model, driven, ring, cycle, room, R::PARAMETERS),
         false => by_first(model, driven, ring, cycle, room, FIRST_PARAMETERS),
     }
@@ -102,7 +106,7 @@ fn by_first<const N: usize, R: Reduced<N>>(
             for j in 0..STAGES {
                 let by_amplitude = model.by_amplitude(&nodes[j], &stages[j], &by_moment[j]);
                 for column in 0..parameters {
-                    if let Parameter::Amplitude(a) = model.parameter(column) {
+                    if let Variable::Amplitude(a) = model.variable(column) {
                         own[N + column] += by_amplitude[a];
                     }
                 }
@@ -147,27 +151,38 @@ fn by_first<const N: usize, R: Reduced<N>>(
             }
         }
     }
-    let mut derivatives = [GaitMetrics::NONE; Parameter::ALL.len()];
+    let mut derivatives = Derivatives::NONE;
     for column in 0..parameters {
-        let parameter = model.parameter(column);
-        if !driven.knows(parameter) {
+        let variable = model.variable(column);
+        if !driven.knows(variable) {
             continue;
         }
         let [d_m, dtheta_rad, sigma0, sigma1, sigma2] =
             integrals.each_ref().map(|integral| whole(integral, column));
-        let commanded = match (parameter, driven.gait.joints[0]) {
-            (Parameter::Amplitude(0), Some(command)) => command.amplitude_rad.signum(),
+        let commanded = match (variable, driven.gait.joints[0]) {
+            (Variable::Amplitude(0), Some(command)) => command.amplitude_rad.signum(),
             _ => 0.0,
         };
-        derivatives[parameter.place()] = GaitMetrics {
+        let derivative = GaitMetrics {
             d_m,
             v_m_s: d_m * driven.omega_rad_s / TAU,
             sigma: [sigma0, sigma1, sigma2],
             alpha1_rad: alpha1[column] + commanded,
             dtheta_rad,
         };
+        derivatives.set(variable, derivative);
     }
+    derivatives.parameters[Parameter::RollSum] = by_roll_sum(driven, &derivatives);
     Ok(derivatives)
+}
+
+/// Derivative by the sum of the roll resistances, whose proportions stay.
+fn by_roll_sum(driven: &Driven, derivatives: &Derivatives) -> GaitMetrics {
+    let shares = driven.robot.roll_shares();
+    let by_wheel = Parameter::ROLL.map(|roll| derivatives.parameters[roll].to_array());
+    GaitMetrics::from_array(std::array::from_fn(|metric| {
+        (0..3).map(|wheel| shares[wheel] * by_wheel[wheel][metric]).sum()
+    }))
 }
 
 /// Adds `of (state)` to `sum`: the entries of `of` beside the states, and those of the states

@@ -2,15 +2,13 @@
 
 use std::f64::consts::TAU;
 
-use super::reduced::{KinematicSkid, Parameter, PassiveNoSkid, PassiveSkid};
+use super::reduced::{Derivatives, KinematicSkid, PassiveNoSkid, PassiveSkid};
 use super::ring::Ring;
 use super::task::{Differentiate, Floquet, Polish, SampleCycle, Settle, Solve, Task, WorkAndLoss};
 use super::trajectory::Sample;
 use super::{MotionError, Problem, SteadyMotion};
 use crate::metrics::GaitMetrics;
-
-/// Derivatives of the metrics by every [`Parameter`], in the order of [`Parameter::ALL`].
-pub type Derivatives = [GaitMetrics; Parameter::ALL.len()];
+use crate::robot::Parameter;
 
 /// Solves for steady motions. A solution starts from the last one if that was of the same
 /// kind of motion (the same passive joint, skidding or not), else from rest.
@@ -95,22 +93,22 @@ impl Solver {
         self.dispatch(&problem, Floquet)
     }
 
-    /// Derivatives of the last solution's metrics, per unit of each parameter; those by
-    /// parameters that the model does not know are zero.
+    /// Derivatives of the last solution's metrics.
     ///
     /// # Errors
     /// As [`Solver::floquet`].
     pub fn derivatives(&mut self) -> Result<Derivatives, MotionError> {
-        self.derivatives_by(&Parameter::ALL)
+        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
+        self.dispatch(&problem, Differentiate { wanted: None })
     }
 
-    /// The same, where the derivatives by parameters that are not `wanted` may be left zero.
+    /// The same, where only the derivatives by the parameters that are `wanted` need be there.
     ///
     /// # Errors
     /// As [`Solver::floquet`].
     pub fn derivatives_by(&mut self, wanted: &[Parameter]) -> Result<Derivatives, MotionError> {
         let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.dispatch(&problem, Differentiate { wanted })
+        self.dispatch(&problem, Differentiate { wanted: Some(wanted) })
     }
 
     /// Work of the actuators and what friction takes over a cycle of the last solution, J; equal,

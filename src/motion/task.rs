@@ -7,15 +7,14 @@ use super::element::rate;
 use super::forces::actions;
 use super::kinematic;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Driven, Parameter, Reduced};
+use super::reduced::{Derivatives, Driven, Reduced};
 use super::ring::{Ring, Start};
 use super::sensitivity::differentiate;
 use super::settle::settle;
-use super::solver::Derivatives;
 use super::trajectory::{self, Sample};
 use super::transient::{self, Follower, Transient};
 use crate::metrics::GaitMetrics;
-use crate::robot::JointCommand;
+use crate::robot::{JointCommand, Parameter};
 
 /// Cycles after which a robot that started from rest is near its steady motion.
 const SETTLING_CYCLES: f64 = 40.0;
@@ -104,9 +103,10 @@ impl Task for Floquet {
     }
 }
 
-/// Derivatives of the metrics by the parameters that are wanted; others may be missing.
+/// Derivatives of the metrics by the parameters that are wanted, or by everything; others may be
+/// missing.
 pub(super) struct Differentiate<'w> {
-    pub wanted: &'w [Parameter],
+    pub wanted: Option<&'w [Parameter]>,
 }
 
 impl Task for Differentiate<'_> {
@@ -130,11 +130,9 @@ impl Task for Differentiate<'_> {
         driven: &Driven,
         joints: [JointCommand; 2],
     ) -> Result<Derivatives, MotionError> {
-        let mut derivatives = [GaitMetrics::NONE; Parameter::ALL.len()];
-        for (derivative, parameter) in derivatives.iter_mut().zip(Parameter::ALL) {
-            if let Parameter::Amplitude(joint) = parameter
-                && self.wanted.contains(&parameter)
-            {
+        let mut derivatives = Derivatives::NONE;
+        if self.wanted.is_none() {
+            for (joint, derivative) in derivatives.amplitudes.iter_mut().enumerate() {
                 *derivative =
                     kinematic::by_amplitude(&driven.robot, joints, driven.omega_rad_s, joint)?;
             }

@@ -1,7 +1,8 @@
 //! The parameters of a fitted model and how each came about.
 
 use super::numbers::{as_configured, significant};
-use crate::store::{FitRow, PARAMETERS};
+use crate::robot;
+use crate::store::FitRow;
 
 /// One parameter of one fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,10 +67,12 @@ pub const STRUCTURALLY_NOT: &str = "not identifiable";
 /// Place of the sum of the roll coefficients, which the three are free by.
 const ROLL_SUM: usize = 6;
 
-/// All parameters of a fit in the order of [`PARAMETERS`].
+/// All parameters of a fit in the order of [`robot::Parameter::ALL`].
 pub fn of_fit(fit: &FitRow) -> [Parameter; 9] {
     let (values, lower, upper) = (fit.parameters(), fit.lower_limits(), fit.upper_limits());
-    let lists = |names: &[String], place: usize| names.iter().any(|name| name == PARAMETERS[place]);
+    let lists = |names: &[String], place: usize| {
+        names.iter().any(|name| name == robot::Parameter::ALL[place].column())
+    };
     std::array::from_fn(|i| {
         // The three roll coefficients are as free as their sum.
         let is_roll = (3..ROLL_SUM).contains(&i);
@@ -83,7 +86,7 @@ pub fn of_fit(fit: &FitRow) -> [Parameter; 9] {
         };
         let measured = lists(&fit.measured, i) || is_roll && lists(&fit.measured, ROLL_SUM);
         Parameter {
-            name: PARAMETERS[i],
+            name: robot::Parameter::ALL[i].column(),
             value: values[i],
             free: lists(&fit.free, place),
             measured,

@@ -6,12 +6,14 @@
 mod balance;
 mod gait;
 mod kinematics;
+mod parameter;
 
 pub use balance::{Balance, force_balance, mass_matrix};
 pub use gait::{Gait, JointCommand, Shape};
 pub use kinematics::{
     Pose, Trig, Velocity, det_wb, dot, dskid_rows_dphi, in_world, roll_rows, rotated, skid_rows,
 };
+pub use parameter::{ByParameter, Family, Parameter};
 
 /// Parameters of a robot (Tables I and II).
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +41,12 @@ pub struct Robot {
 }
 
 impl Robot {
+    /// Each wheel's part of the sum of the roll resistances; equal parts where there is none.
+    pub fn roll_shares(&self) -> [f64; 3] {
+        let sum: f64 = self.roll_kg_s.iter().sum();
+        if sum > 0.0 { self.roll_kg_s.map(|roll| roll / sum) } else { [1.0 / 3.0; 3] }
+    }
+
     /// Table I with the skid coefficients used in the paper's simulations.
     pub fn kinematic() -> Self {
         Self {

@@ -13,7 +13,6 @@ mod table;
 
 pub use atomic::{Beside, write_bytes, write_if_changed};
 pub use lock::{LOCK_FILE, Lock, check_places, sweep, unfinished};
-pub use parameters::PARAMETERS;
 pub use record::{Parts, RECORD_FILE, Record, StageState, Thing, absolute, changed_outputs};
 pub use redo::{CONFIGURATION, How, Planned, Redo, VERSION, changed_settings, flatten, reasons};
 pub use rows::Rows;

@@ -101,13 +101,18 @@ pub struct Table {
     /// Fingerprint of what it was made from, if it was read and has one.
     input: Option<String>,
     columns: Vec<(String, Column)>,
+    /// The columns as polars has them.
+    pub frame: DataFrame,
 }
 
 impl Table {
     /// A table of `columns` in this order.
     pub fn new<'a>(columns: impl IntoIterator<Item = (&'a str, Column)>) -> Self {
-        let columns = columns.into_iter().map(|(name, column)| (name.to_owned(), column)).collect();
-        Self { path: PathBuf::new(), input: None, columns }
+        let columns: Vec<(String, Column)> =
+            columns.into_iter().map(|(name, column)| (name.to_owned(), column)).collect();
+        let polars = columns.iter().map(|(name, column)| to_polars(name, column));
+        let frame = polars.collect::<PolarsResult<_>>().and_then(DataFrame::new_infer_height);
+        Self { path: PathBuf::new(), input: None, columns, frame: frame.unwrap_or_default() }
     }
 
     /// [`Provenance::input`] of the file that it was read from.
@@ -133,9 +138,8 @@ impl Table {
     /// # Errors
     /// The file cannot be written.
     pub fn write_beside(&self, path: &Path, provenance: &Provenance) -> Result<Beside, StoreError> {
-        let mut frame = self.frame().map_err(|error| table_error(path, &error))?;
         Beside::write(path, |file| {
-            write_parquet(&mut frame, file, provenance).map_err(std::io::Error::other)
+            write_parquet(&mut self.frame.clone(), file, provenance).map_err(std::io::Error::other)
         })
     }
 
@@ -149,15 +153,9 @@ impl Table {
         provenance: &Provenance,
     ) -> Result<Stamp, StoreError> {
         let mut bytes = Vec::new();
-        self.frame()
-            .and_then(|mut frame| write_parquet(&mut frame, &mut bytes, provenance))
+        write_parquet(&mut self.frame.clone(), &mut bytes, provenance)
             .map_err(|error| table_error(path, &error))?;
         write_if_changed(path, &bytes)
-    }
-
-    fn frame(&self) -> PolarsResult<DataFrame> {
-        let columns = self.columns.iter().map(|(name, column)| to_polars(name, column));
-        columns.collect::<PolarsResult<_>>().and_then(DataFrame::new_infer_height)
     }
 
     /// Reads a Parquet file.
@@ -183,7 +181,7 @@ impl Table {
             .iter()
             .map(|column| Ok((column.name().to_string(), from_polars(path, column)?)))
             .collect::<Result<_, StoreError>>()?;
-        Ok(Self { path: path.to_owned(), input, columns })
+        Ok(Self { path: path.to_owned(), input, columns, frame })
     }
 
     /// Number of rows.

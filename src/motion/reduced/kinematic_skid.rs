@@ -1,9 +1,9 @@
 //! Both joints commanded, wheels that skid.
 
 use super::{
-    ByParameters, CommandNode, Driven, Moment, Parameter, Reduced, Residual, by_coefficients,
+    ByParameters, CommandNode, Driven, Moment, Reduced, Residual, Variable, by_coefficients,
 };
-use crate::robot::{Balance, force_balance, mass_matrix, roll_rows, skid_rows};
+use crate::robot::{Balance, Parameter, force_balance, mass_matrix, roll_rows, skid_rows};
 
 /// Both joints commanded, wheels that skid. States `u, v, theta'`.
 #[derive(Debug, Clone)]
@@ -52,11 +52,11 @@ impl Reduced<3> for KinematicSkid {
         self.equations(node, y, dy).0
     }
 
-    fn parameter(&self, column: usize) -> Parameter {
+    fn variable(&self, column: usize) -> Variable {
         match column {
-            0..3 => Parameter::Skid(column),
-            3..6 => Parameter::Roll(column - 3),
-            _ => Parameter::Amplitude(column - 6),
+            0..3 => Variable::Parameter(Parameter::SKID[column]),
+            3..6 => Variable::Parameter(Parameter::ROLL[column - 3]),
+            _ => Variable::Amplitude(column - 6),
         }
     }
 

@@ -16,7 +16,8 @@ pub(super) use kinematic_skid::KinematicSkid;
 pub(super) use passive_no_skid::PassiveNoSkid;
 pub(super) use passive_skid::PassiveSkid;
 
-use crate::robot::{Gait, Robot, Shape, Trig, Velocity, dot};
+use crate::metrics::GaitMetrics;
+use crate::robot::{ByParameter, Family, Gait, Parameter, Robot, Shape, Trig, Velocity, dot};
 
 /// Value of the equations of motion and their derivatives at one moment.
 #[derive(Debug, Clone, Copy)]
@@ -37,42 +38,31 @@ pub(super) struct Moment {
 
 /// What a motion can be differentiated by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Parameter {
-    /// Skid resistance of a wheel, kg/s.
-    Skid(usize),
-    /// Roll resistance of a wheel, kg/s.
-    Roll(usize),
-    /// Stiffness of the passive joint, N m/rad.
-    Stiffness,
-    /// Damping of the passive joint, N m s/rad.
-    Damping,
+pub(super) enum Variable {
+    Parameter(Parameter),
     /// Amplitude of a commanded joint (0 or 1), rad.
     Amplitude(usize),
 }
 
-impl Parameter {
-    /// Every parameter.
-    pub const ALL: [Self; 10] = [
-        Self::Skid(0),
-        Self::Skid(1),
-        Self::Skid(2),
-        Self::Roll(0),
-        Self::Roll(1),
-        Self::Roll(2),
-        Self::Stiffness,
-        Self::Damping,
-        Self::Amplitude(0),
-        Self::Amplitude(1),
-    ];
+/// Derivatives of the metrics; zero for what the motion does not depend on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Derivatives {
+    /// Per unit of each parameter.
+    pub parameters: ByParameter<GaitMetrics>,
+    /// Per radian of each commanded joint's amplitude.
+    pub amplitudes: [GaitMetrics; 2],
+}
 
-    /// Its place in [`Parameter::ALL`].
-    pub fn place(self) -> usize {
-        match self {
-            Self::Skid(wheel) => wheel,
-            Self::Roll(wheel) => 3 + wheel,
-            Self::Stiffness => 6,
-            Self::Damping => 7,
-            Self::Amplitude(joint) => 8 + joint,
+impl Derivatives {
+    pub(super) const NONE: Self = Self {
+        parameters: ByParameter::splat(GaitMetrics::NONE),
+        amplitudes: [GaitMetrics::NONE; 2],
+    };
+
+    pub(super) fn set(&mut self, variable: Variable, derivative: GaitMetrics) {
+        match variable {
+            Variable::Parameter(parameter) => self.parameters[parameter] = derivative,
+            Variable::Amplitude(joint) => self.amplitudes[joint] = derivative,
         }
     }
 }
@@ -80,7 +70,7 @@ impl Parameter {
 /// Most parameters that a motion of one kind can depend on.
 pub(super) const MOST_PARAMETERS: usize = 9;
 
-/// Derivatives of each equation with respect to the parameters of [`Reduced::parameter`].
+/// Derivatives of each equation with respect to the variables of [`Reduced::variable`].
 pub(super) type ByParameters<const N: usize> = [[f64; MOST_PARAMETERS]; N];
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
@@ -107,8 +97,8 @@ pub(super) trait Reduced<const N: usize> {
     /// The equations at state `y` with time derivative `dy`.
     fn residual(&self, node: &Self::Node, y: &[f64; N], dy: &[f64; N]) -> Residual<N>;
 
-    /// The parameter of a column, counted from 0 to [`Reduced::PARAMETERS`].
-    fn parameter(&self, column: usize) -> Parameter;
+    /// The variable of a column, counted from 0 to [`Reduced::PARAMETERS`].
+    fn variable(&self, column: usize) -> Variable;
 
     /// The equations, and in `by` their derivatives with respect to the parameters.
     fn sensitivity(
@@ -158,14 +148,16 @@ impl Driven {
         !self.model_skids && self.gait.passive_joint().is_none()
     }
 
-    /// Whether the motion can depend on a parameter.
-    pub fn knows(&self, parameter: Parameter) -> bool {
+    /// Whether the motion can depend on a variable.
+    pub fn knows(&self, variable: Variable) -> bool {
         let passive = self.gait.passive_joint();
-        match parameter {
-            Parameter::Skid(_) => self.model_skids,
-            Parameter::Roll(_) => self.model_rolls,
-            Parameter::Stiffness | Parameter::Damping => passive.is_some(),
-            Parameter::Amplitude(joint) => passive != Some(joint),
+        match variable {
+            Variable::Amplitude(joint) => passive != Some(joint),
+            Variable::Parameter(parameter) => match parameter.family() {
+                Family::Skid => self.model_skids,
+                Family::Roll => self.model_rolls,
+                Family::Joint => passive.is_some(),
+            },
         }
     }
 

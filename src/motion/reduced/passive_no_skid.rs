@@ -1,10 +1,10 @@
 //! One joint on its spring, wheels that cannot skid.
 
 use super::{
-    ByParameters, CommandNode, Driven, MOST_PARAMETERS, Moment, Parameter, Reduced, Residual,
+    ByParameters, CommandNode, Driven, MOST_PARAMETERS, Moment, Reduced, Residual, Variable,
     by_coefficients,
 };
-use crate::robot::{Balance, Trig, dot, force_balance, mass_matrix, roll_rows};
+use crate::robot::{Balance, Parameter, Trig, dot, force_balance, mass_matrix, roll_rows};
 
 /// Joint `passive` (0 or 1) on its spring, wheels that cannot skid. States `s, phi_p`.
 ///
@@ -240,12 +240,12 @@ impl Reduced<2> for PassiveNoSkid {
         self.equations(node, y, dy).residual
     }
 
-    fn parameter(&self, column: usize) -> Parameter {
+    fn variable(&self, column: usize) -> Variable {
         match column {
-            0..3 => Parameter::Roll(column),
-            3 => Parameter::Stiffness,
-            4 => Parameter::Damping,
-            _ => Parameter::Amplitude(1 - self.passive),
+            0..3 => Variable::Parameter(Parameter::ROLL[column]),
+            3 => Variable::Parameter(Parameter::Stiffness),
+            4 => Variable::Parameter(Parameter::Damping),
+            _ => Variable::Amplitude(1 - self.passive),
         }
     }
 

@@ -1,9 +1,9 @@
 //! One joint on its spring, wheels that skid.
 
 use super::{
-    ByParameters, CommandNode, Driven, Moment, Parameter, Reduced, Residual, by_coefficients,
+    ByParameters, CommandNode, Driven, Moment, Reduced, Residual, Variable, by_coefficients,
 };
-use crate::robot::{Balance, Trig, force_balance, mass_matrix, roll_rows, skid_rows};
+use crate::robot::{Balance, Parameter, Trig, force_balance, mass_matrix, roll_rows, skid_rows};
 
 /// Joint `passive` (0 or 1) on its spring, wheels that skid. States
 /// `u, v, theta', phi_p', phi_p`.
@@ -70,13 +70,13 @@ impl Reduced<5> for PassiveSkid {
         self.equations(node, &self.trig(node, y[4]), y, dy).0
     }
 
-    fn parameter(&self, column: usize) -> Parameter {
+    fn variable(&self, column: usize) -> Variable {
         match column {
-            0..3 => Parameter::Skid(column),
-            3..6 => Parameter::Roll(column - 3),
-            6 => Parameter::Stiffness,
-            7 => Parameter::Damping,
-            _ => Parameter::Amplitude(1 - self.passive),
+            0..3 => Variable::Parameter(Parameter::SKID[column]),
+            3..6 => Variable::Parameter(Parameter::ROLL[column - 3]),
+            6 => Variable::Parameter(Parameter::Stiffness),
+            7 => Variable::Parameter(Parameter::Damping),
+            _ => Variable::Amplitude(1 - self.passive),
         }
     }
 

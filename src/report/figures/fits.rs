@@ -7,7 +7,8 @@ use crate::report::figure::Figure;
 use crate::report::parameters;
 use crate::report::style;
 use crate::report::tables::Tables;
-use crate::store::{BootstrapRow, FitRow, PARAMETERS, ProfileRow};
+use crate::robot::Parameter;
+use crate::store::{BootstrapRow, FitRow, ProfileRow};
 
 const KINDS: [&str; 3] = ["starts", "profiles", "replicates"];
 
@@ -83,13 +84,13 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
         let of_parameter = rows.iter().filter(|row| row.parameter == *name);
         let points: Vec<(f64, f64)> = of_parameter.clone().map(|row| (row.value, row.j)).collect();
         let limit_j = of_parameter.clone().next()?.limit_j;
-        let place = PARAMETERS.iter().position(|known| known == name)?;
-        let parameter = parameters::of_fit(fit)[place];
+        let known = Parameter::of_column(name)?;
+        let parameter = parameters::of_fit(fit)[known as usize];
         let [from, to] = parameter.limits.map(|limit| Some(limit).filter(|x| x.is_finite()));
         let rise = limit_j - fit.j;
         Some(Chart {
             title: fit.model.clone(),
-            x_label: label(name),
+            x_label: label(known),
             y_label: "J".to_owned(),
             layers: vec![
                 Layer::Band { name: "95 % interval".to_owned(), from, to },
@@ -108,24 +109,29 @@ fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
     let of_fit = |row: &&BootstrapRow| row.campaign == fit.campaign && row.model == fit.model;
     let rows: Vec<[f64; 9]> =
         tables.bootstrap.iter().filter(of_fit).map(|row| row.parameters()).collect();
-    let free: Vec<usize> = (0..PARAMETERS.len())
-        .filter(|i| fit.free.iter().any(|name| name == PARAMETERS[*i]))
+    let free: Vec<Parameter> = Parameter::ALL
+        .into_iter()
+        .filter(|parameter| fit.free.iter().any(|name| name == parameter.column()))
         .collect();
     let mut charts = Vec::new();
     for (n, &x) in free.iter().enumerate() {
         for &y in &free[n + 1..] {
-            let points: Vec<(f64, f64)> = rows.iter().map(|row| (row[x], row[y])).collect();
+            let points: Vec<(f64, f64)> =
+                rows.iter().map(|row| (row[x as usize], row[y as usize])).collect();
             if points.is_empty() {
                 continue;
             }
             let fitted = fit.parameters();
             charts.push(Chart {
                 title: fit.model.clone(),
-                x_label: label(PARAMETERS[x]),
-                y_label: label(PARAMETERS[y]),
+                x_label: label(x),
+                y_label: label(y),
                 layers: vec![
                     Layer::Dots { name: "replicates".to_owned(), points, colour: colour(fit) },
-                    Layer::Mark { name: "fit".to_owned(), point: (fitted[x], fitted[y]) },
+                    Layer::Mark {
+                        name: "fit".to_owned(),
+                        point: (fitted[x as usize], fitted[y as usize]),
+                    },
                 ],
                 ..Chart::default()
             });
@@ -139,17 +145,6 @@ fn colour(fit: &FitRow) -> plotters::style::RGBColor {
 }
 
 /// A parameter as an axis names it.
-fn label(name: &str) -> String {
-    let (symbol, unit) = match name {
-        "skid0_kg_s" => ("Skid 0", "kg/s"),
-        "skid1_kg_s" => ("Skid 1", "kg/s"),
-        "skid2_kg_s" => ("Skid 2", "kg/s"),
-        "roll0_kg_s" => ("Roll 0", "kg/s"),
-        "roll1_kg_s" => ("Roll 1", "kg/s"),
-        "roll2_kg_s" => ("Roll 2", "kg/s"),
-        "roll_sum_kg_s" => ("Sum of roll", "kg/s"),
-        "stiffness_nm_rad" => ("Stiffness", "N m/rad"),
-        _ => ("Damping", "N m s/rad"),
-    };
-    format!("{symbol} ({unit})")
+fn label(parameter: Parameter) -> String {
+    format!("{} ({})", parameter.label(), parameter.unit())
 }

@@ -8,7 +8,8 @@ use super::sweep::{self, Curve, Optimum, Point, Quantity};
 use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
 use crate::report::tables::Tables;
-use crate::store::{PARAMETERS, TrialRow};
+use crate::robot::Parameter;
+use crate::store::TrialRow;
 
 /// Part of the printed frequency that a trial may be off.
 const NEAR: f64 = 0.02;
@@ -297,7 +298,7 @@ fn robot_quantity(tables: &Tables, robot: &str, quantity: RobotQuantity) -> Opti
 
 /// A coefficient that a fit left free, with its interval.
 fn fitted(tables: &Tables, campaign: &str, parameter: &str) -> Option<Found> {
-    let place = PARAMETERS.iter().position(|name| *name == parameter)?;
+    let place = Parameter::of_column(parameter)? as usize;
     let mut fits = tables.fits.iter();
     let fit = fits.find(|fit| {
         fit.campaign == campaign

@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use serde::Deserialize;
 
 use super::paper::Paper;
-use crate::motion::{FORCES_ACCURACY, Parameter, REFERENCE_ACCURACY, Sample, Solver};
+use crate::motion::{FORCES_ACCURACY, REFERENCE_ACCURACY, Sample, Solver};
+use crate::robot::Parameter;
 
 /// Samples of a cycle, and how many of them there are to one of the coarse ones. Neither meets the
 /// crossings of the symmetric gait at an eighth and five eighths of the period: both miss them by
@@ -116,12 +117,10 @@ pub fn energy_gap(paper: &Paper<'_>, motion: &str, omega_rad_s: f64) -> Option<f
 pub fn coefficients(paper: &Paper<'_>, motion: &str, omega_rad_s: f64) -> Option<f64> {
     let mut solver = Solver::default();
     solver.solve(&paper.problem(motion, omega_rad_s)?, REFERENCE_ACCURACY).ok()?;
-    let derivatives = solver.derivatives().ok()?;
-    let dissipates = |parameter: Parameter| {
-        matches!(parameter, Parameter::Skid(_) | Parameter::Roll(_) | Parameter::Damping)
-    };
-    let moved = Parameter::ALL.iter().zip(&derivatives).filter(|(parameter, derivative)| {
-        dissipates(**parameter) && derivative.to_array().iter().any(|by| *by != 0.0)
+    let derivatives = solver.derivatives().ok()?.parameters;
+    let moved = derivatives.iter().filter(|(parameter, derivative)| {
+        !matches!(parameter, Parameter::RollSum | Parameter::Stiffness)
+            && derivative.to_array().iter().any(|by| *by != 0.0)
     });
     Some(moved.count() as f64)
 }

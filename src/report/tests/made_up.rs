@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::recording;
+use crate::robot::Parameter;
 use crate::store::{
-    BootstrapRow, CheckRow, ComparisonRow, FitRow, PARAMETERS, PredictionRow, ProfileRow,
-    Provenance, RobotParameterRow, Rows, StartRow, TrialRow,
+    BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, Provenance,
+    RobotParameterRow, Rows, StartRow, TrialRow,
 };
 
 pub const SKEWED: &str = "kinematic-skewed";
@@ -181,7 +182,7 @@ impl Tables {
         let mut rows = Vec::new();
         for fit in &self.fits {
             for (nth, name) in fit.free.iter().enumerate() {
-                let place = PARAMETERS.iter().position(|known| known == name).expect("known");
+                let place = Parameter::of_column(name).expect("known") as usize;
                 for step in -9..=9 {
                     let offset = f64::from(step) * [0.01, 0.2, 0.3][nth];
                     let steep = if nth == 2 { 0.0 } else { [900.0, 0.4][nth] };
