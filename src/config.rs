@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
-pub(crate) use error::{nearest, parse_toml};
+pub(crate) use error::{did_you_mean, nearest, parse_toml};
 
 use crate::motion::Model;
 use crate::robot::{Gait, JointCommand, Parameter, Robot};

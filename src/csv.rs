@@ -1,4 +1,9 @@
-//! Fields of CSV.
+//! Lines of CSV.
+
+/// A line of fields.
+pub(crate) fn line(fields: &[String]) -> String {
+    fields.iter().map(|text| field(text)).collect::<Vec<_>>().join(",") + "\n"
+}
 
 /// A field, in quotes where it has to be.
 pub(crate) fn field(text: &str) -> String {

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use polars::prelude::AnyValue;
+
 use super::output::say;
 use super::{Context, Failure, Outcome, table};
 use crate::inspect::{
-    ColumnInfo, Kind, Query, SortKey, Value, View, csv, describe, find, json, list, meaning, query,
-    unit,
+    ColumnInfo, Kind, Listed, Query, SortKey, View, csv, describe, find, float, json, list,
+    meaning, query, text, unit,
 };
 
 /// Others write whole schemas into a file's metadata.
@@ -62,7 +64,7 @@ impl Inspect {
         }
         match (self.csv, self.json) {
             (true, _) => say!("{}", csv(&view).trim_end_matches('\n')),
-            (_, true) => say!("{}", json(&view)?),
+            (_, true) => say!("{}", json(&view)),
             _ => show(&context, &view),
         }
         Ok(Outcome::Well)
@@ -71,8 +73,7 @@ impl Inspect {
 
 /// The rows with some digits.
 fn show(context: &Context, view: &View) {
-    let cells: Vec<Vec<String>> =
-        view.rows.iter().map(|row| row.iter().map(in_short).collect()).collect();
+    let cells = view.cells(in_short);
     let headings: Vec<table::Heading> = view.columns.iter().map(heading).collect();
     let hidden = table::print(&headings, &cells, table::terminal_width());
     if hidden > 0 {
@@ -80,7 +81,7 @@ fn show(context: &Context, view: &View) {
             "{hidden} columns do not fit on the terminal; --columns chooses, --csv has them all"
         ));
     }
-    context.progress.say(&format!("{} of {} rows", view.rows.len(), view.total));
+    context.progress.say(&format!("{} of {} rows", cells.len(), view.total));
 }
 
 fn heading(column: &ColumnInfo) -> table::Heading<'_> {
@@ -88,11 +89,11 @@ fn heading(column: &ColumnInfo) -> table::Heading<'_> {
 }
 
 /// Six significant digits, and a dash where nothing is.
-fn in_short(value: &Value) -> String {
-    match value {
-        Value::Missing => "-".to_owned(),
-        Value::Number(number) => table::short(*number),
-        other => other.text(),
+fn in_short(cell: &AnyValue) -> String {
+    match float(cell) {
+        Some(number) => table::short(number),
+        None if cell.is_null() => "-".to_owned(),
+        None => text(cell),
     }
 }
 
@@ -147,14 +148,15 @@ fn list_tables(context: &Context) -> Result<Outcome, Failure> {
     let headings = [("table", false), ("rows", true), ("columns", true)];
     let headings = headings.map(|(text, right)| table::Heading { text, right });
     let mut problems = BTreeSet::new();
-    let row = |listed: &crate::inspect::Listed| match (listed.tables, describe(&listed.path)) {
-        (1, Ok(info)) if !listed.name.contains('/') => {
-            vec![listed.name.clone(), info.rows.to_string(), info.columns.len().to_string()]
+    let row = |listed: &Listed| match describe(&listed.path) {
+        Ok(info) => {
+            let rows = match listed.tables {
+                Some(tables) => format!("{tables} tables"),
+                None => info.rows.to_string(),
+            };
+            vec![listed.name.clone(), rows, info.columns.len().to_string()]
         }
-        (tables, Ok(info)) => {
-            vec![listed.name.clone(), format!("{tables} tables"), info.columns.len().to_string()]
-        }
-        (_, Err(problem)) => {
+        Err(problem) => {
             problems.insert(problem.to_string());
             vec![listed.name.clone(), "-".to_owned(), "-".to_owned()]
         }

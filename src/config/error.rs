@@ -54,6 +54,14 @@ fn unknown_name(message: &str) -> Option<String> {
     nearest(unknown, quoted).map(str::to_owned)
 }
 
+/// A question by the candidate most like `name`, empty if none is at all like it.
+pub(crate) fn did_you_mean<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> String {
+    nearest(name, candidates).map_or(String::new(), |name| format!("; did you mean `{name}`?"))
+}
+
 /// The candidate most like `name`, if any is at all like it.
 pub(crate) fn nearest<'a>(
     name: &str,

@@ -4,10 +4,21 @@ use std::fs::File;
 use std::path::Path;
 
 use polars::datatypes::ArrowDataType;
-use polars::prelude::{AnyValue, ParallelStrategy, ParquetReader, PolarsError, SerReader};
+use polars::prelude::{
+    DataFrame, DataType, ParallelStrategy, ParquetReader, PolarsResult, SerReader,
+};
 
-use super::value::{Kind, Value};
 use crate::store::{StoreError, guarded};
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Boolean,
+    /// Whole or not.
+    Number,
+    Text,
+    List,
+}
 
 /// What a file says of a column.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,39 +51,29 @@ pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
             type_name: type_name(&field.dtype),
             kind: kind(&field.dtype),
         });
-        let columns = columns.collect();
         let metadata = reader.get_metadata()?;
         let pairs = metadata.key_value_metadata().iter().flatten();
         let pairs = pairs.filter(|pair| pair.key != "ARROW:schema");
         let text = |value: &Option<_>| value.as_ref().map_or(String::new(), ToString::to_string);
         let pairs = pairs.map(|pair| (pair.key.to_string(), text(&pair.value)));
-        Ok(FileInfo { rows: metadata.num_rows, columns, metadata: pairs.collect() })
+        let (columns, metadata) = (columns.collect(), pairs.collect());
+        Ok(FileInfo { rows: reader.get_metadata()?.num_rows, columns, metadata })
     })
 }
 
 /// Reads the named columns and no others, `rows` rows at most.
-///
-/// # Errors
-/// As [`describe`], or there is no such column.
-pub fn read_columns(
+pub(super) fn read_columns(
     path: &Path,
-    names: &[String],
+    names: Vec<String>,
     rows: Option<usize>,
-) -> Result<Vec<Vec<Value>>, StoreError> {
-    read(path, |reader| {
-        let slice = rows.map(|rows| (0, rows));
-        let frame = reader.with_columns(Some(names.to_vec())).with_slice(slice).finish()?;
-        let column = |name: &String| {
-            let column = frame.column(name)?.as_materialized_series();
-            Ok(column.iter().map(|cell| value(&cell)).collect())
-        };
-        names.iter().map(column).collect()
-    })
+) -> Result<DataFrame, StoreError> {
+    let slice = rows.map(|rows| (0, rows));
+    read(path, |reader| reader.with_columns(Some(names)).with_slice(slice).finish())
 }
 
 fn read<T>(
     path: &Path,
-    work: impl FnOnce(ParquetReader<File>) -> Result<T, PolarsError>,
+    work: impl FnOnce(ParquetReader<File>) -> PolarsResult<T>,
 ) -> Result<T, StoreError> {
     let file =
         File::open(path).map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
@@ -81,6 +82,37 @@ fn read<T>(
     guarded(|| work(reader))
         .ok_or_else(|| error("it is damaged".to_owned()))?
         .map_err(|problem| error(problem.to_string()))
+}
+
+impl Kind {
+    /// As messages name it.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Boolean => "a boolean",
+            Self::Number => "a number",
+            Self::Text => "text",
+            Self::List => "a list",
+        }
+    }
+
+    /// Of the values of a column by which rows are chosen; `None` if all are missing.
+    pub(super) fn of(dtype: &DataType) -> Option<Self> {
+        match dtype {
+            DataType::Null => None,
+            DataType::Boolean => Some(Self::Boolean),
+            DataType::String => Some(Self::Text),
+            _ => Some(Self::Number),
+        }
+    }
+
+    /// The type of such a column that has no rows.
+    pub(super) fn dtype(self) -> DataType {
+        match self {
+            Self::Boolean => DataType::Boolean,
+            Self::Number => DataType::Float64,
+            Self::Text | Self::List => DataType::String,
+        }
+    }
 }
 
 /// The types that the reader is built with.
@@ -110,23 +142,5 @@ fn type_name(dtype: &ArrowDataType) -> String {
             let name = format!("{other:?}").to_lowercase();
             name.split(['(', '{']).next().unwrap_or_default().trim_end().to_owned()
         }
-    }
-}
-
-fn value(cell: &AnyValue) -> Value {
-    match cell {
-        AnyValue::Boolean(boolean) => Value::Boolean(*boolean),
-        AnyValue::Int32(whole) => Value::Whole((*whole).into()),
-        AnyValue::Int64(whole) => Value::Whole((*whole).into()),
-        AnyValue::UInt32(whole) => Value::Whole((*whole).into()),
-        AnyValue::UInt64(whole) => Value::Whole((*whole).into()),
-        // Not its binary expansion: 0.1 of 32 bits is 0.1.
-        AnyValue::Float32(number) => Value::Number(number.to_string().parse().unwrap_or(f64::NAN)),
-        AnyValue::Float64(number) => Value::Number(*number),
-        AnyValue::String(text) => Value::Text((*text).to_owned()),
-        AnyValue::StringOwned(text) => Value::Text(text.to_string()),
-        AnyValue::List(list) => Value::List(list.iter().map(|cell| value(&cell)).collect()),
-        // Of a column of categories.
-        other => other.get_str().map_or(Value::Missing, |text| Value::Text(text.to_owned())),
     }
 }

@@ -86,50 +86,41 @@ const MEANINGS: [(&str, &str); 62] = [
     ("natural", "natural frequency"),
 ];
 
-/// Ends of names that say what of a quantity it is.
-const SUFFIXES: [(&str, &str); 3] = [
+/// Ends and beginnings of names that say what of a quantity it is.
+const PARTS: [(&str, &str); 5] = [
     ("_se", "standard error: "),
     ("_lo", "lower 95 % confidence limit: "),
     ("_hi", "upper 95 % confidence limit: "),
+    ("began_", "where the search began: "),
+    ("ended_", "where the search ended: "),
 ];
 
-/// Beginnings of names that say what of a quantity it is.
-const PREFIXES: [(&str, &str); 2] =
-    [("began_", "where the search began: "), ("ended_", "where the search ended: ")];
+/// A name without one of [`PARTS`], and what that says.
+fn without_part(name: &str) -> Option<(&str, &'static str)> {
+    PARTS.iter().find_map(|(part, what)| {
+        let rest = name.strip_suffix(part).or_else(|| name.strip_prefix(part))?;
+        Some((rest, *what))
+    })
+}
 
 /// The unit that a column's name says.
 pub fn unit(name: &str) -> Option<&'static str> {
-    let name = SUFFIXES.iter().find_map(|(end, _)| name.strip_suffix(end)).unwrap_or(name);
-    let is_number = |name: &str| name.ends_with(|last: char| last.is_ascii_digit());
-    // `j_d` is a part of the objective and `joint1_m` is no column: a unit follows a word.
-    let found = UNITS.iter().find(|(end, _)| name.len() > end.len() && name.ends_with(end));
-    found.filter(|_| !is_number(name) || name.ends_with("kg_m2")).map(|(_, unit)| *unit)
+    let name = without_part(name).map_or(name, |(name, _)| name);
+    // `j_d` is a part of the objective: a unit follows a word.
+    UNITS.iter().find(|(end, _)| name.len() > end.len() && name.ends_with(end)).map(|(_, unit)| *unit)
 }
 
 /// What a column of that name means in trilink's tables.
 pub fn meaning(name: &str) -> Option<String> {
-    for (end, what) in SUFFIXES {
-        if let Some(of) = name.strip_suffix(end) {
-            return meaning(of).map(|meaning| format!("{what}{meaning}"));
-        }
-    }
-    for (begin, what) in PREFIXES {
-        if let Some(of) = name.strip_prefix(begin) {
-            return meaning(of).map(|meaning| format!("{what}{meaning}"));
-        }
+    if let Some((name, what)) = without_part(name) {
+        return meaning(name).map(|meaning| format!("{what}{meaning}"));
     }
     let (plain, number) = without_number(name);
     let known = |name: &str| MEANINGS.iter().find(|(known, _)| *known == name);
     // Quantities of different units share a beginning: `skid0_kg_s`, `skid0_m_s`.
-    let without_unit = || {
-        let ends = UNITS.iter().map(|(end, _)| *end);
-        ends.filter_map(|end| plain.strip_suffix(end)).next()
-    };
+    let without_unit = || UNITS.iter().find_map(|(end, _)| plain.strip_suffix(end));
     let (_, meaning) = known(&plain).or_else(|| known(without_unit()?))?;
-    Some(match number {
-        Some(number) => format!("{meaning}, {number}"),
-        None => (*meaning).to_owned(),
-    })
+    Some(number.map_or(meaning.to_string(), |number| format!("{meaning}, {number}")))
 }
 
 /// A name without the number of its wheel, link or joint.

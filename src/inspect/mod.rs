@@ -1,25 +1,28 @@
 //! A look into a table: some of its columns, the rows that a condition names, in some order.
 
+mod cells;
 mod columns;
 mod condition;
-mod evaluate;
-mod export;
+mod find;
 mod meaning;
-mod places;
 #[cfg(test)]
 mod tests;
-mod value;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-pub use columns::{ColumnInfo, FileInfo, describe};
-pub use export::{csv, json};
+pub use cells::{csv, float, json, text};
+pub use columns::{ColumnInfo, FileInfo, Kind, describe};
+pub use find::{Listed, find, list};
 pub use meaning::{meaning, unit};
-pub use places::{Listed, find, list};
-pub use value::{Kind, Value};
+
+use polars::prelude::{
+    AnyValue, ChunkTake, Column, DataFrame, DataType, PolarsResult, SortMultipleOptions,
+};
 
 use condition::Condition;
 
+use crate::config::did_you_mean;
 use crate::store::StoreError;
 
 /// Why a table cannot be looked into.
@@ -57,12 +60,23 @@ pub struct SortKey {
 #[derive(Debug, Clone)]
 pub struct View {
     pub columns: Vec<ColumnInfo>,
-    /// A cell for every column.
-    pub rows: Vec<Vec<Value>>,
+    /// Its rows, with at least these columns.
+    pub frame: DataFrame,
     /// Rows of the table.
     pub total: usize,
     /// Columns that were not asked for by name and cannot be shown.
     pub left_out: Vec<ColumnInfo>,
+}
+
+impl View {
+    /// What is made of each row's cells, in the order of the columns.
+    pub fn cells<T>(&self, show: impl Fn(&AnyValue) -> T) -> Vec<Vec<T>> {
+        let columns = self.columns.iter().filter_map(|column| self.frame.column(&column.name).ok());
+        let mut columns: Vec<_> =
+            columns.map(|column| column.as_materialized_series().iter()).collect();
+        let row = |_| columns.iter_mut().filter_map(Iterator::next).map(|cell| show(&cell)).collect();
+        (0..self.frame.height()).map(row).collect()
+    }
 }
 
 /// Looks into the table of a Parquet file. Only the columns that are needed are read.
@@ -70,45 +84,53 @@ pub struct View {
 /// # Errors
 /// The file cannot be read, has no such column, or the condition is none for its columns.
 pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
+    let Query { condition, sort, head, .. } = query;
     let FileInfo { rows: total, columns: known, .. } = describe(path)?;
     let (columns, left_out) = chosen(path, query, &known)?;
-    let condition = query.condition.as_deref().map(|text| {
+    let condition = condition.as_ref().map(|text| {
         Condition::parse(text, &known)
-            .map_err(|message| InspectError::Condition { condition: text.to_owned(), message })
+            .map_err(|message| InspectError::Condition { condition: text.clone(), message })
     });
     let condition = condition.transpose()?;
-    for key in &query.sort {
+    for key in sort {
         shown(path, &key.column, &known)?;
     }
 
-    // Which columns are read, and where among them the others stand.
-    let mut names: Vec<String> = Vec::new();
-    let mut place = |name: &str| {
-        names.iter().position(|known| known == name).unwrap_or_else(|| {
-            names.push(name.to_owned());
-            names.len() - 1
-        })
+    let shown = columns.iter().map(|column| &column.name);
+    let needed = condition.iter().flat_map(|condition| &condition.columns);
+    let needed = shown.chain(needed).chain(sort.iter().map(|key| &key.column));
+    let needed: BTreeSet<String> = needed.cloned().collect();
+    let is_plain = condition.is_none() && sort.is_empty();
+    let frame =
+        columns::read_columns(path, needed.into_iter().collect(), head.filter(|_| is_plain))?;
+    let found = match condition {
+        Some(condition) => condition.mask(&frame).and_then(|mask| frame.filter(&mask)),
+        None => Ok(frame),
     };
-    let shown: Vec<usize> = columns.iter().map(|column| place(&column.name)).collect();
-    let sorted: Vec<usize> = query.sort.iter().map(|key| place(&key.column)).collect();
-    let of_condition = condition.iter().flat_map(|condition| &condition.columns);
-    let looked_at: Vec<usize> = of_condition.map(|name| place(name)).collect();
-    let is_plain = condition.is_none() && sorted.is_empty();
-    let cells = columns::read_columns(path, &names, query.head.filter(|_| is_plain))?;
+    let frame = found
+        .and_then(|found| sorted(found, sort))
+        .map_err(|error| column_error(path, error.to_string()))?;
+    let frame = frame.slice(0, head.unwrap_or(total));
+    Ok(View { columns, frame, total, left_out })
+}
 
-    let mut rows: Vec<usize> = (0..cells.first().map_or(0, Vec::len)).collect();
-    if let Some(condition) = &condition {
-        rows.retain(|&row| condition.holds(&|column| &cells[looked_at[column]][row]));
+/// Rows in order; NaN and then what is missing come last upwards and downwards.
+fn sorted(frame: DataFrame, sort: &[SortKey]) -> PolarsResult<DataFrame> {
+    let mut keys: Vec<Column> = Vec::new();
+    let mut options = SortMultipleOptions { maintain_order: true, ..Default::default() };
+    options.descending.clear();
+    for SortKey { column, descending } in sort {
+        let key = cells::comparable(frame.column(column)?.as_materialized_series())?;
+        if *key.dtype() == DataType::Float64 {
+            keys.push(key.is_nan()?.into_column());
+            options.descending.push(false);
+        }
+        keys.push(key.into());
+        options.descending.push(*descending);
     }
-    rows.sort_by(|&one, &other| {
-        let keys = sorted.iter().zip(&query.sort);
-        keys.map(|(&column, key)| cells[column][one].order(&cells[column][other], key.descending))
-            .find(|order| order.is_ne())
-            .unwrap_or(std::cmp::Ordering::Equal)
-    });
-    rows.truncate(query.head.unwrap_or(usize::MAX));
-    let row = |row: usize| shown.iter().map(|&column| cells[column][row].clone()).collect();
-    Ok(View { columns, rows: rows.into_iter().map(row).collect(), total, left_out })
+    let Some((first, others)) = keys.split_first() else { return Ok(frame) };
+    options.nulls_last = vec![true; keys.len()];
+    frame.take(&first.arg_sort_multiple(others, &options)?)
 }
 
 /// The columns that a query asks for, and those that it would show if it could.
@@ -123,11 +145,10 @@ fn chosen(
     }
     let (columns, left_out): (Vec<_>, Vec<_>) =
         known.iter().cloned().partition(|column| column.kind.is_some());
-    if columns.is_empty() {
-        let message = "has no column that can be shown".to_owned();
-        return Err(InspectError::Column { path: path.to_owned(), message });
+    match columns.is_empty() {
+        true => Err(column_error(path, "has no column that can be shown".to_owned())),
+        false => Ok((columns, left_out)),
     }
-    Ok((columns, left_out))
 }
 
 /// The column of a name, which must be one that can be shown.
@@ -136,13 +157,23 @@ fn shown<'t>(
     name: &str,
     known: &'t [ColumnInfo],
 ) -> Result<&'t ColumnInfo, InspectError> {
-    let error = |message| InspectError::Column { path: path.to_owned(), message };
-    let column = known.iter().find(|column| column.name == name);
-    let column = column.ok_or_else(|| error(condition::no_column(name, known)))?;
-    match column.kind {
-        Some(_) => Ok(column),
-        None => {
-            Err(error(format!("column `{name}`: values of {} are not shown", column.type_name)))
+    let message = match known.iter().find(|column| column.name == name) {
+        Some(column) if column.kind.is_some() => return Ok(column),
+        Some(column) => {
+            format!("column `{name}`: values of {} are not shown", column.type_name)
         }
-    }
+        None => no_column(name, known),
+    };
+    Err(column_error(path, message))
+}
+
+fn column_error(path: &Path, message: String) -> InspectError {
+    InspectError::Column { path: path.to_owned(), message }
+}
+
+/// That there is no such column, the nearest name and all of them.
+fn no_column(name: &str, known: &[ColumnInfo]) -> String {
+    let known: Vec<&str> = known.iter().map(|column| column.name.as_str()).collect();
+    let hint = did_you_mean(name, known.iter().copied());
+    format!("no column `{name}`{hint} There are {}", known.join(", "))
 }

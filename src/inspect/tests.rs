@@ -1,5 +1,7 @@
 //! Conditions and queries on small tables.
 
+use polars::prelude::{DataType, NamedFrom, Series, df};
+
 use super::condition::Condition;
 use super::*;
 use crate::store::{Column, Provenance, Table};
@@ -29,11 +31,8 @@ fn rows(condition: &str) -> Result<Vec<usize>, String> {
     let query = Query { condition: Some(condition.to_owned()), ..Query::default() };
     let view = super::query(&folder.path().join("trials.parquet"), &query);
     let view = view.map_err(|error| error.to_string())?;
-    let row = |row: &Vec<Value>| match &row[0] {
-        Value::Text(text) => TEXTS.iter().position(|known| known == text).unwrap(),
-        other => panic!("found {other:?}"),
-    };
-    Ok(view.rows.iter().map(row).collect())
+    let row = |row: Vec<String>| TEXTS.iter().position(|known| *known == row[0]).unwrap();
+    Ok(view.cells(text).into_iter().map(row).collect())
 }
 
 #[test]
@@ -124,11 +123,13 @@ fn long_and_deep_conditions_are_errors_or_work() {
         kind: Some(Kind::Number),
     }];
     let long = vec!["n=1"; 390].join(" or ");
-    let two = Value::Whole(2);
-    let condition = Condition::parse(&long, &columns).unwrap();
-    assert!(!condition.holds(&|_| &two));
-    let list = format!("n in ({}2)", "1,".repeat(3900));
-    assert!(Condition::parse(&list, &columns).unwrap().holds(&|_| &two));
+    let two = df!("n" => [2_i64]).unwrap();
+    let holds = |text: &str| {
+        let condition = Condition::parse(text, &columns).unwrap();
+        condition.mask(&two).unwrap().get(0).unwrap()
+    };
+    assert!(!holds(&long));
+    assert!(holds(&format!("n in ({}2)", "1,".repeat(3900))));
     let sum = format!("{}1 > n", "1+".repeat(3900));
     let too_deep = Condition::parse(&sum, &columns);
     assert!(too_deep.unwrap_err().contains("more than 400 terms; needed fewer"));
@@ -165,9 +166,53 @@ fn json_has_null_for_what_is_missing_and_lists_as_lists() {
         ..Query::default()
     };
     let view = super::query(&folder.path().join("trials.parquet"), &query).unwrap();
-    let text = json(&view).unwrap();
+    let text = json(&view);
     let first =
         r#"{"omega_rad_s":3.9,"cycles":12,"used":true,"at_bound":["skid0_kg_s","skid1_kg_s"]}"#;
     assert!(text.starts_with(&format!("[{first},\n")), "{text}");
     assert!(text.contains(r#"{"omega_rad_s":null,"cycles":0,"#), "{text}");
+}
+
+#[test]
+fn what_is_missing_comes_last_upwards_and_downwards() {
+    let numbers = df!("n" => [None, Some(2.5), Some(3.0), Some(f64::NAN), Some(-1.0)]).unwrap();
+    for (descending, expected) in [(false, "-1 2.5 3 NaN "), (true, "3 2.5 -1 NaN ")] {
+        let key = SortKey { column: "n".to_owned(), descending };
+        let sorted = sorted(numbers.clone(), &[key]).unwrap();
+        let cells = sorted.column("n").unwrap().as_materialized_series().iter();
+        assert_eq!(cells.map(|cell| text(&cell)).collect::<Vec<_>>().join(" "), expected);
+    }
+}
+
+#[test]
+fn columns_of_other_programs_are_compared_as_what_they_hold() {
+    let columns = [("big", Kind::Number), ("short", Kind::Number), ("x", Kind::Number)];
+    let columns = columns.map(|(name, kind)| ColumnInfo {
+        name: name.to_owned(),
+        type_name: String::new(),
+        kind: Some(kind),
+    });
+    let lists = Series::new("list".into(), [Series::new("".into(), [1_i64, 2])]);
+    let list =
+        ColumnInfo { name: "list".to_owned(), type_name: String::new(), kind: Some(Kind::List) };
+    let columns: Vec<ColumnInfo> = columns.into_iter().chain([list]).collect();
+    let mut frame =
+        df!("big" => [u64::MAX], "short" => [0.1_f32], "x" => [f64::NAN], "n" => [9_i64]).unwrap();
+    frame.with_column(lists.into()).unwrap();
+    assert_eq!(frame.column("short").unwrap().dtype(), &DataType::Float32);
+    for (condition, expected) in [
+        ("big = 18446744073709551615", Some(true)),
+        ("big > -1 and big > 18446744073709551614 and not big < 5.0", Some(true)),
+        ("big - 1 = 18446744073709551614", Some(true)),
+        ("short = 0.1", Some(true)),
+        ("x <> x", Some(true)),
+        ("x = x or x < 1 or x >= 1", Some(false)),
+        ("not x = null", None),
+        ("x + null is null", Some(true)),
+        ("list = '1, 2'", Some(true)),
+        ("null = null", None),
+    ] {
+        let parsed = Condition::parse(condition, &columns).unwrap();
+        assert_eq!(parsed.mask(&frame).unwrap().get(0), expected, "{condition}");
+    }
 }

@@ -1,0 +1,70 @@
+//! Tables by name.
+
+use std::path::{Path, PathBuf};
+
+use super::InspectError;
+use crate::config::did_you_mean;
+
+/// A table of `derived`, or a folder of tables that are of a kind.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listed {
+    /// Its name, such as `trials` or `poses/<trial>`.
+    pub name: String,
+    /// One of them.
+    pub path: PathBuf,
+    /// How many there are; `None` of a single table.
+    pub tables: Option<usize>,
+}
+
+/// The file of a table: one of `derived` by its name, or any by its path.
+///
+/// # Errors
+/// There is none; says which there are and which is nearest.
+pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
+    let named = derived.join(format!("{table}.parquet"));
+    for path in [named, PathBuf::from(table)] {
+        if path.is_file() {
+            return Ok(path);
+        }
+    }
+    let known: Vec<String> = list(derived).into_iter().map(|listed| listed.name).collect();
+    let mut near = known.clone();
+    // Of a trial's tables only those are likely that begin as the one that is meant.
+    if let Some((folder, _)) = table.split_once('/') {
+        let names = tables(&derived.join(folder)).map(|(stem, _)| format!("{folder}/{stem}"));
+        near.retain(|name| !name.starts_with(&format!("{folder}/")));
+        near.extend(names);
+    }
+    let hint = did_you_mean(table, near.iter().map(String::as_str));
+    let there = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+    let message =
+        format!("no table and no file `{table}`{hint} {} holds {there}", derived.display());
+    Err(InspectError::NoTable { message })
+}
+
+/// The tables of `derived`, then its folders of tables, by name.
+pub fn list(derived: &Path) -> Vec<Listed> {
+    let single = tables(derived).map(|(name, path)| Listed { name, path, tables: None });
+    let folders = entries(derived).filter(|path| path.is_dir()).filter_map(|folder| {
+        let (_, path) = tables(&folder).next()?;
+        let name = format!("{}/<trial>", folder.file_name()?.to_string_lossy());
+        Some(Listed { name, path, tables: Some(tables(&folder).count()) })
+    });
+    single.chain(folders).collect()
+}
+
+/// Names and files of a folder's tables.
+fn tables(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+    let is_table =
+        |path: &PathBuf| path.is_file() && path.extension().is_some_and(|end| end == "parquet");
+    let named = |path: PathBuf| Some((path.file_stem()?.to_string_lossy().into_owned(), path));
+    entries(folder).filter(is_table).filter_map(named)
+}
+
+/// What a folder holds, sorted; nothing if it cannot be read.
+fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    paths.sort();
+    paths.into_iter()
+}
