@@ -33,9 +33,7 @@ pub fn text(cell: &AnyValue) -> String {
     }
     match cell {
         AnyValue::Boolean(boolean) => boolean.to_string(),
-        AnyValue::List(list) => {
-            list.iter().map(|cell| text(&cell)).collect::<Vec<_>>().join(", ")
-        }
+        AnyValue::List(list) => list.iter().map(|cell| text(&cell)).collect::<Vec<_>>().join(", "),
         cell => match (cell.get_str(), cell.extract::<i128>()) {
             (Some(text), _) => text.to_owned(),
             (None, whole) => whole.map_or(String::new(), |whole| whole.to_string()),

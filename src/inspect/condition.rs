@@ -171,7 +171,7 @@ impl Evaluator<'_> {
     ) -> PolarsResult<BooleanChunked> {
         let text = self.of_kind(of, Kind::Text)?;
         let found = self.of_kind(pattern, Kind::Text)?;
-        let Some(found) = found.str()?.get(0) else {
+        let Some(found) = found.str()?.iter().next().flatten() else {
             polars_bail!(ComputeError: "found `{pattern}`, needed a pattern such as 'kinematic%'");
         };
         let pattern = case(found);
@@ -284,7 +284,8 @@ fn arithmetic(one: &Series, op: &Op, other: &Series) -> PolarsResult<Series> {
     let least = result.min::<f64>()?.unwrap_or(0.0);
     let greatest = result.max::<f64>()?.unwrap_or(0.0);
     // A little less than the types hold: the result is rounded.
-    let wholes = [(DataType::Int64, -9.223_372e18, 9.223_372e18), (DataType::UInt64, 0.0, 1.8446744e19)];
+    let wholes =
+        [(DataType::Int64, -9.223_372e18, 9.223_372e18), (DataType::UInt64, 0.0, 1.8446744e19)];
     for (whole, low, high) in wholes {
         if *op != Op::Divide
             && least >= low

@@ -54,7 +54,7 @@ pub fn list(derived: &Path) -> Vec<Listed> {
 }
 
 /// Names and files of a folder's tables.
-fn tables(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+fn tables(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> + use<> {
     let is_table =
         |path: &PathBuf| path.is_file() && path.extension().is_some_and(|end| end == "parquet");
     let named = |path: PathBuf| Some((path.file_stem()?.to_string_lossy().into_owned(), path));
@@ -62,7 +62,7 @@ fn tables(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
 }
 
 /// What a folder holds, sorted; nothing if it cannot be read.
-fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
+fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> + use<> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
     paths.sort();

@@ -107,7 +107,10 @@ fn without_part(name: &str) -> Option<(&str, &'static str)> {
 pub fn unit(name: &str) -> Option<&'static str> {
     let name = without_part(name).map_or(name, |(name, _)| name);
     // `j_d` is a part of the objective: a unit follows a word.
-    UNITS.iter().find(|(end, _)| name.len() > end.len() && name.ends_with(end)).map(|(_, unit)| *unit)
+    UNITS
+        .iter()
+        .find(|(end, _)| name.len() > end.len() && name.ends_with(end))
+        .map(|(_, unit)| *unit)
 }
 
 /// What a column of that name means in trilink's tables.

@@ -17,7 +17,7 @@ pub use find::{Listed, find, list};
 pub use meaning::{meaning, unit};
 
 use polars::prelude::{
-    AnyValue, ChunkTake, Column, DataFrame, DataType, PolarsResult, SortMultipleOptions,
+    AnyValue, Column, DataFrame, DataType, IntoColumn, PolarsResult, SortMultipleOptions,
 };
 
 use condition::Condition;
@@ -74,7 +74,8 @@ impl View {
         let columns = self.columns.iter().filter_map(|column| self.frame.column(&column.name).ok());
         let mut columns: Vec<_> =
             columns.map(|column| column.as_materialized_series().iter()).collect();
-        let row = |_| columns.iter_mut().filter_map(Iterator::next).map(|cell| show(&cell)).collect();
+        let row =
+            |_| columns.iter_mut().filter_map(Iterator::next).map(|cell| show(&cell)).collect();
         (0..self.frame.height()).map(row).collect()
     }
 }
