@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use polars::prelude::AnyValue;
+use polars::prelude::{AnyValue, DataType};
 
 use super::output::say;
 use super::{Context, Failure, Outcome, table};
 use crate::inspect::{
-    ColumnInfo, Kind, Listed, Query, SortKey, View, csv, describe, find, float, json, list,
-    meaning, query, text, unit,
+    ColumnInfo, Listed, Query, SortKey, View, csv, describe, find, float, json, list, meaning,
+    query, text, unit,
 };
 
 /// Others write whole schemas into a file's metadata.
@@ -85,7 +85,7 @@ fn show(context: &Context, view: &View) {
 }
 
 fn heading(column: &ColumnInfo) -> table::Heading<'_> {
-    table::Heading { text: &column.name, right: column.kind == Some(Kind::Number) }
+    table::Heading { text: &column.name, right: column.dtype == Some(DataType::Float64) }
 }
 
 /// Six significant digits, and a dash where nothing is.

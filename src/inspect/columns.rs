@@ -10,24 +10,15 @@ use polars::prelude::{
 
 use crate::store::{StoreError, guarded};
 
-/// What a column holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    Boolean,
-    /// Whole or not.
-    Number,
-    Text,
-    List,
-}
-
 /// What a file says of a column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ColumnInfo {
     pub name: String,
     /// Type of its values, such as `float64`.
     pub type_name: String,
-    /// `None` if values of the type cannot be shown.
-    pub kind: Option<Kind>,
+    /// As what rows are chosen by it: booleans, floats or text. `None` if values of its type
+    /// cannot be shown.
+    pub dtype: Option<DataType>,
 }
 
 /// What a file says of itself.
@@ -49,15 +40,15 @@ pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
         let columns = schema.iter().map(|(name, field)| ColumnInfo {
             name: name.to_string(),
             type_name: type_name(&field.dtype),
-            kind: kind(&field.dtype),
+            dtype: shown_as(&field.dtype),
         });
         let metadata = reader.get_metadata()?;
         let pairs = metadata.key_value_metadata().iter().flatten();
-        let pairs = pairs.filter(|pair| pair.key != "ARROW:schema");
-        let text = |value: &Option<_>| value.as_ref().map_or(String::new(), ToString::to_string);
-        let pairs = pairs.map(|pair| (pair.key.to_string(), text(&pair.value)));
-        let (columns, metadata) = (columns.collect(), pairs.collect());
-        Ok(FileInfo { rows: reader.get_metadata()?.num_rows, columns, metadata })
+        let pairs = pairs.filter(|pair| pair.key != "ARROW:schema").map(|pair| {
+            (pair.key.to_string(), pair.value.as_deref().unwrap_or_default().to_owned())
+        });
+        let (columns, pairs) = (columns.collect(), pairs.collect());
+        Ok(FileInfo { rows: metadata.num_rows, columns, metadata: pairs })
     })
 }
 
@@ -84,60 +75,30 @@ fn read<T>(
         .map_err(|problem| error(problem.to_string()))
 }
 
-impl Kind {
-    /// As messages name it.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Boolean => "a boolean",
-            Self::Number => "a number",
-            Self::Text => "text",
-            Self::List => "a list",
-        }
-    }
-
-    /// Of the values of a column by which rows are chosen; `None` if all are missing.
-    pub(super) fn of(dtype: &DataType) -> Option<Self> {
-        match dtype {
-            DataType::Null => None,
-            DataType::Boolean => Some(Self::Boolean),
-            DataType::String => Some(Self::Text),
-            _ => Some(Self::Number),
-        }
-    }
-
-    /// The type of such a column that has no rows.
-    pub(super) fn dtype(self) -> DataType {
-        match self {
-            Self::Boolean => DataType::Boolean,
-            Self::Number => DataType::Float64,
-            Self::Text | Self::List => DataType::String,
-        }
-    }
-}
-
-/// The types that the reader is built with.
-fn kind(dtype: &ArrowDataType) -> Option<Kind> {
-    use ArrowDataType::{
-        Boolean, Dictionary, Float32, Float64, Int32, Int64, LargeList, LargeUtf8, List, Null,
-        UInt32, UInt64, Utf8, Utf8View,
-    };
+/// Lists and categories are chosen by their text.
+fn shown_as(dtype: &ArrowDataType) -> Option<DataType> {
+    use ArrowDataType as Arrow;
     match dtype {
-        Boolean => Some(Kind::Boolean),
-        Int32 | Int64 | UInt32 | UInt64 | Float32 | Float64 | Null => Some(Kind::Number),
-        Utf8 | LargeUtf8 | Utf8View => Some(Kind::Text),
-        Dictionary(_, inner, _) => kind(inner).filter(|kind| *kind == Kind::Text),
-        List(inner) | LargeList(inner) => kind(&inner.dtype).map(|_| Kind::List),
+        Arrow::Boolean => Some(DataType::Boolean),
+        Arrow::Int32 | Arrow::Int64 | Arrow::UInt32 | Arrow::UInt64 => Some(DataType::Float64),
+        Arrow::Float32 | Arrow::Float64 | Arrow::Null => Some(DataType::Float64),
+        Arrow::Utf8 | Arrow::LargeUtf8 | Arrow::Utf8View => Some(DataType::String),
+        Arrow::Dictionary(_, inner, _) => shown_as(inner).filter(DataType::is_string),
+        Arrow::List(inner) | Arrow::LargeList(inner) => {
+            shown_as(&inner.dtype).map(|_| DataType::String)
+        }
         _ => None,
     }
 }
 
 fn type_name(dtype: &ArrowDataType) -> String {
+    use ArrowDataType as Arrow;
     match dtype {
-        ArrowDataType::Utf8 | ArrowDataType::LargeUtf8 | ArrowDataType::Utf8View => "text".into(),
-        ArrowDataType::List(inner) | ArrowDataType::LargeList(inner) => {
+        Arrow::Utf8 | Arrow::LargeUtf8 | Arrow::Utf8View => "text".to_owned(),
+        Arrow::List(inner) | Arrow::LargeList(inner) => {
             format!("list of {}", type_name(&inner.dtype))
         }
-        ArrowDataType::Dictionary(_, inner, _) => format!("categories of {}", type_name(inner)),
+        Arrow::Dictionary(_, inner, _) => format!("categories of {}", type_name(inner)),
         other => {
             let name = format!("{other:?}").to_lowercase();
             name.split(['(', '{']).next().unwrap_or_default().trim_end().to_owned()

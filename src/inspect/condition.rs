@@ -1,5 +1,5 @@
-//! Conditions on rows, parsed by `sqlparser`, in SQL's logic: what is missing is neither true nor
-//! false.
+//! Conditions on rows, parsed by `sqlparser` and evaluated on columns in SQL's logic: what is
+//! missing is neither true nor false.
 
 use polars::prelude::{
     BooleanChunked, ChunkCompareEq, ChunkCompareIneq, ChunkFillNullValue, ChunkSet, DataFrame,
@@ -8,10 +8,10 @@ use polars::prelude::{
 use sqlparser::ast::{BinaryOperator as Op, Expr, UnaryOperator, Value as Literal};
 use sqlparser::dialect::GenericDialect;
 use sqlparser::parser::{Parser, ParserError};
-use sqlparser::tokenizer::Token;
+use sqlparser::tokenizer::{Token, Tokenizer};
 
 use super::cells::comparable;
-use super::columns::{ColumnInfo, Kind};
+use super::columns::ColumnInfo;
 use super::no_column;
 
 /// Bytes of a condition.
@@ -21,55 +21,51 @@ const LONGEST: usize = 8000;
 const DEEPEST: usize = 400;
 const KNOWN: &str = "and, or, not, comparisons, + - * /, is null, in (..), between, like";
 
-/// A condition that fits a table.
-#[derive(Debug)]
-pub(super) struct Condition<'t> {
-    parsed: Expr,
-    known: &'t [ColumnInfo],
-    /// Columns that it looks at.
-    pub columns: Vec<String>,
+/// A condition, and the words in it: some are columns.
+pub(super) type Parsed = (Expr, Vec<String>);
+
+/// Parses a condition.
+///
+/// # Errors
+/// A sentence on what is not understood.
+pub(super) fn parse(text: &str) -> Result<Parsed, String> {
+    if text.len() > LONGEST {
+        return Err(format!("found {} bytes, needed {LONGEST} at most", text.len()));
+    }
+    let tokens =
+        Tokenizer::new(&GenericDialect {}, text).tokenize().map_err(|error| error.to_string())?;
+    let words = tokens.iter().filter_map(|token| match token {
+        Token::Word(word) => Some(word.value.clone()),
+        _ => None,
+    });
+    let words = words.collect();
+    let mut parser = Parser::new(&GenericDialect {}).with_tokens(tokens);
+    let parsed = parser.parse_expr().map_err(|error| match error {
+        ParserError::TokenizerError(message) | ParserError::ParserError(message) => message,
+        ParserError::RecursionLimitExceeded => "too many parentheses".to_owned(),
+    })?;
+    match parser.peek_token().token {
+        Token::EOF => Ok((parsed, words)),
+        other => Err(format!("found `{other}` after `{parsed}`, needed and, or")),
+    }
 }
 
-impl<'t> Condition<'t> {
-    /// Parses a condition on rows with these columns.
-    ///
-    /// # Errors
-    /// A sentence on what is not understood, not known, or of the wrong kind.
-    pub fn parse(text: &str, known: &'t [ColumnInfo]) -> Result<Self, String> {
-        if text.len() > LONGEST {
-            return Err(format!("found {} bytes, needed {LONGEST} at most", text.len()));
-        }
-        let plain = |error| match error {
-            ParserError::TokenizerError(message) | ParserError::ParserError(message) => message,
-            ParserError::RecursionLimitExceeded => "too many parentheses".to_owned(),
-        };
-        let mut parser = Parser::new(&GenericDialect {}).try_with_sql(text).map_err(plain)?;
-        let parsed = parser.parse_expr().map_err(plain)?;
-        match parser.peek_token().token {
-            Token::EOF => {}
-            other => return Err(format!("found `{other}` after `{parsed}`, needed and, or")),
-        }
-        // Without rows, it says what it needs.
-        let frame = DataFrame::empty();
-        let mut evaluator = Evaluator { known, frame: &frame, used: Vec::new(), depth: 0 };
-        evaluator.truth(&parsed).map_err(|error| error.to_string())?;
-        let columns = evaluator.used;
-        Ok(Self { parsed, known, columns })
-    }
-
-    /// For which rows of a frame with [`Condition::columns`] it is true; a single value if for all
-    /// or none.
-    pub fn mask(&self, frame: &DataFrame) -> PolarsResult<BooleanChunked> {
-        Evaluator { known: self.known, frame, used: Vec::new(), depth: 0 }.truth(&self.parsed)
-    }
+/// For which rows of a frame a condition is true; a single value if for all or none.
+///
+/// # Errors
+/// A sentence on what is not known, or of the wrong kind for these columns.
+pub(super) fn mask(
+    parsed: &Expr,
+    known: &[ColumnInfo],
+    frame: &DataFrame,
+) -> PolarsResult<BooleanChunked> {
+    Evaluator { known, frame, depth: 0 }.truth(parsed)
 }
 
 /// Evaluates terms of a condition as columns; what is the same in all rows is a single value.
 struct Evaluator<'t> {
     known: &'t [ColumnInfo],
-    /// A column that it lacks is taken to have no rows.
     frame: &'t DataFrame,
-    used: Vec<String>,
     depth: usize,
 }
 
@@ -89,14 +85,12 @@ impl Evaluator<'_> {
             Expr::Nested(inner) => return self.series(inner),
             Expr::Identifier(name) => return self.column(&name.value, name.quote_style),
             Expr::Value(value) => return literal(&value.value),
-            Expr::UnaryOp { op: UnaryOperator::Plus, expr } => {
-                return self.of_kind(expr, Kind::Number);
-            }
+            Expr::BinaryOp { left, op, right } => return self.binary(left, op, right),
+            Expr::UnaryOp { op: UnaryOperator::Plus, expr } => return self.number(expr),
             Expr::UnaryOp { op: UnaryOperator::Minus, expr } => {
                 let zero = Series::new(PlSmallStr::EMPTY, [0_i64]);
-                return arithmetic(&zero, &Op::Minus, &self.of_kind(expr, Kind::Number)?);
+                return arithmetic(&zero, &Op::Minus, &self.number(expr)?);
             }
-            Expr::BinaryOp { left, op, right } => return self.binary(left, op, right),
             Expr::UnaryOp { op: UnaryOperator::Not, expr } => !self.truth(expr)?,
             Expr::IsNull(of) => self.series(of)?.is_null(),
             Expr::IsNotNull(of) => self.series(of)?.is_not_null(),
@@ -105,15 +99,15 @@ impl Evaluator<'_> {
             Expr::IsFalse(of) => !self.truth(of)?.fill_null_with_values(true)?,
             Expr::IsNotFalse(of) => self.truth(of)?.fill_null_with_values(true)?,
             Expr::Between { expr, negated, low, high } => {
-                let one = self.series(expr)?;
-                let low = self.compare(expr, &one, &Op::GtEq, low)?;
-                not_if(*negated, low & self.compare(expr, &one, &Op::LtEq, high)?)
+                let value = self.series(expr)?;
+                let low = self.compare(expr, &value, &Op::GtEq, low)?;
+                not_if(*negated, low & self.compare(expr, &value, &Op::LtEq, high)?)
             }
             Expr::InList { expr, list, negated } => {
-                let one = self.series(expr)?;
+                let value = self.series(expr)?;
                 let mut is_in = BooleanChunked::new(PlSmallStr::EMPTY, [false]);
                 for item in list {
-                    is_in = is_in | self.compare(expr, &one, &Op::Eq, item)?;
+                    is_in = is_in | self.compare(expr, &value, &Op::Eq, item)?;
                 }
                 not_if(*negated, is_in)
             }
@@ -131,35 +125,34 @@ impl Evaluator<'_> {
     fn binary(&mut self, left: &Expr, op: &Op, right: &Expr) -> PolarsResult<Series> {
         let truth = match op {
             Op::Eq | Op::NotEq | Op::Lt | Op::LtEq | Op::Gt | Op::GtEq => {
-                let one = self.series(left)?;
-                self.compare(left, &one, op, right)?
+                let value = self.series(left)?;
+                self.compare(left, &value, op, right)?
             }
             Op::And => self.truth(left)? & self.truth(right)?,
             Op::Or => self.truth(left)? | self.truth(right)?,
             Op::Plus | Op::Minus | Op::Multiply | Op::Divide => {
-                let one = self.of_kind(left, Kind::Number)?;
-                return arithmetic(&one, op, &self.of_kind(right, Kind::Number)?);
+                return arithmetic(&self.number(left)?, op, &self.number(right)?);
             }
             other => polars_bail!(ComputeError: "`{other}` is not supported: {KNOWN}"),
         };
         Ok(truth.into_series())
     }
 
+    /// Compares a term, of which the value is known, with another.
     fn compare(
         &mut self,
         left: &Expr,
-        one: &Series,
+        value: &Series,
         op: &Op,
         right: &Expr,
     ) -> PolarsResult<BooleanChunked> {
         let other = self.series(right)?;
-        match (Kind::of(one.dtype()), Kind::of(other.dtype())) {
-            (Some(kind), Some(other)) if kind != other => polars_bail!(
-                ComputeError: "`{left}` is {} and `{right}` is {}, needed two of a kind",
-                kind.name(), other.name()
-            ),
-            _ => compare(one, op, &other),
+        let [of, other_of] = [value, &other].map(|series| kind(series.dtype()));
+        if of != other_of && !value.dtype().is_null() && !other.dtype().is_null() {
+            let kinds = format!("`{left}` is {of} and `{right}` is {other_of}");
+            polars_bail!(ComputeError: "{kinds}, needed two of a kind");
         }
+        compare(value, op, &other)
     }
 
     /// Whether a text is as a pattern says: `%` stands for any characters, `_` for one.
@@ -169,50 +162,59 @@ impl Evaluator<'_> {
         pattern: &Expr,
         case: fn(&str) -> String,
     ) -> PolarsResult<BooleanChunked> {
-        let text = self.of_kind(of, Kind::Text)?;
-        let found = self.of_kind(pattern, Kind::Text)?;
-        let Some(found) = found.str()?.iter().next().flatten() else {
+        let [text, _] =
+            [self.of_kind(of, &DataType::String)?, self.of_kind(pattern, &DataType::String)?];
+        let found = match pattern {
+            Expr::Value(value) => value.value.clone().into_string(),
+            _ => None,
+        };
+        let Some(found) = found else {
             polars_bail!(ComputeError: "found `{pattern}`, needed a pattern such as 'kinematic%'");
         };
-        let pattern = case(found);
+        let pattern = case(&found);
         let is_like = |text: &str| crate::pattern::matches(&pattern, &case(text), ['%', '_']);
         Ok(text.str()?.iter().map(|text| text.map(is_like)).collect())
     }
 
     fn truth(&mut self, expr: &Expr) -> PolarsResult<BooleanChunked> {
-        Ok(self.of_kind(expr, Kind::Boolean)?.bool()?.clone())
+        Ok(self.of_kind(expr, &DataType::Boolean)?.bool()?.clone())
     }
 
-    fn of_kind(&mut self, expr: &Expr, needed: Kind) -> PolarsResult<Series> {
+    fn number(&mut self, expr: &Expr) -> PolarsResult<Series> {
+        self.of_kind(expr, &DataType::Float64)
+    }
+
+    fn of_kind(&mut self, expr: &Expr, needed: &DataType) -> PolarsResult<Series> {
         let series = self.series(expr)?;
-        match Kind::of(series.dtype()) {
-            None => series.cast(&needed.dtype()),
-            Some(kind) if kind == needed => Ok(series),
-            Some(kind) => {
-                polars_bail!(ComputeError: "`{expr}` is {}, needed {}", kind.name(), needed.name())
-            }
+        let (found, needed_kind) = (kind(series.dtype()), kind(needed));
+        match series.dtype() {
+            DataType::Null => series.cast(needed),
+            _ if found == needed_kind => Ok(series),
+            _ => polars_bail!(ComputeError: "`{expr}` is {found}, needed {needed_kind}"),
         }
     }
 
-    fn column(&mut self, name: &str, quote: Option<char>) -> PolarsResult<Series> {
-        let Some(column) = self.known.iter().find(|column| column.name == name) else {
-            if quote == Some('"') {
-                polars_bail!(
-                    ComputeError: "no column \"{name}\": text stands in single quotes, '{name}'"
-                );
+    fn column(&self, name: &str, quote: Option<char>) -> PolarsResult<Series> {
+        let message = match self.known.iter().find(|column| column.name == name) {
+            Some(column) if column.dtype.is_some() => {
+                return comparable(self.frame.column(name)?.as_materialized_series());
             }
-            polars_bail!(ComputeError: "{}", no_column(name, self.known));
+            Some(column) => format!("column `{name}`: {} cannot be compared", column.type_name),
+            None if quote == Some('"') => {
+                format!("no column \"{name}\": text stands in single quotes, '{name}'")
+            }
+            None => no_column(name, self.known),
         };
-        let Some(kind) = column.kind else {
-            polars_bail!(
-                ComputeError: "column `{name}`: {} cannot be compared", column.type_name
-            );
-        };
-        self.used.push(name.to_owned());
-        match self.frame.column(name) {
-            Ok(column) => comparable(column.as_materialized_series()),
-            Err(_) => Ok(Series::new_empty(name.into(), &kind.dtype())),
-        }
+        polars_bail!(ComputeError: "{message}")
+    }
+}
+
+/// What messages call values of a type.
+fn kind(dtype: &DataType) -> &'static str {
+    match dtype {
+        DataType::Boolean => "a boolean",
+        DataType::String => "text",
+        _ => "a number",
     }
 }
 
@@ -245,10 +247,8 @@ fn compare(one: &Series, op: &Op, other: &Series) -> PolarsResult<BooleanChunked
         (dtype, other) if dtype == other => dtype,
         _ => &DataType::Float64,
     };
-    let wholes = [DataType::Int64, DataType::UInt64];
-    let exact = wholes.iter().find_map(|whole| both_whole(one, other, whole));
-    let [one, other] = match exact {
-        Some(wholes) => wholes,
+    let [one, other] = match whole([one, other], [0.0; 2]) {
+        Some(whole) => whole,
         None => [one.cast(dtype)?, other.cast(dtype)?],
     };
     let truth = match op {
@@ -269,40 +269,33 @@ fn compare(one: &Series, op: &Op, other: &Series) -> PolarsResult<BooleanChunked
 /// Whole numbers stay whole but for a quotient and for what no type holds; what is divided by
 /// zero is missing.
 fn arithmetic(one: &Series, op: &Op, other: &Series) -> PolarsResult<Series> {
-    let calculate = |one: &Series, other: &Series| match op {
+    let calculate = |[one, other]: [&Series; 2]| match op {
         Op::Plus => one + other,
         Op::Minus => one - other,
         Op::Multiply => one * other,
         _ => one / other,
     };
-    let mut divisor = other.cast(&DataType::Float64)?;
+    let [float, mut divisor] = [one.cast(&DataType::Float64)?, other.cast(&DataType::Float64)?];
     if *op == Op::Divide {
         let numbers = divisor.f64()?;
         divisor = numbers.set(&numbers.equal(0.0), None)?.into_series();
+        return calculate([&float, &divisor]);
     }
-    let result = calculate(&one.cast(&DataType::Float64)?, &divisor)?;
-    let least = result.min::<f64>()?.unwrap_or(0.0);
-    let greatest = result.max::<f64>()?.unwrap_or(0.0);
-    // A little less than the types hold: the result is rounded.
-    let wholes =
-        [(DataType::Int64, -9.223_372e18, 9.223_372e18), (DataType::UInt64, 0.0, 1.8446744e19)];
-    for (whole, low, high) in wholes {
-        if *op != Op::Divide
-            && least >= low
-            && greatest <= high
-            && let Some([one, other]) = both_whole(one, other, &whole)
-        {
-            return calculate(&one, &other);
-        }
-    }
-    Ok(result)
+    let rounded = calculate([&float, &divisor])?;
+    let range = [rounded.min::<f64>()?, rounded.max::<f64>()?].map(Option::unwrap_or_default);
+    whole([one, other], range).map_or(Ok(rounded), |[one, other]| calculate([&one, &other]))
 }
 
-/// Two columns as whole numbers of a type, if they are whole and it holds them.
-fn both_whole(one: &Series, other: &Series, whole: &DataType) -> Option<[Series; 2]> {
-    let cast = |series: &Series| match series.dtype().is_integer() {
-        true => series.strict_cast(whole).ok(),
-        false => None,
-    };
-    Some([cast(one)?, cast(other)?])
+/// Two columns of whole numbers as a type that holds them and a range; the range is rounded.
+fn whole(columns: [&Series; 2], [least, greatest]: [f64; 2]) -> Option<[Series; 2]> {
+    let types =
+        [(DataType::Int64, -9.223372e18, 9.223372e18), (DataType::UInt64, 0.0, 1.8446744e19)];
+    types.into_iter().find_map(|(dtype, low, high)| {
+        let cast = |series: &Series| match series.dtype().is_integer() {
+            true => series.strict_cast(&dtype).ok(),
+            false => None,
+        };
+        let [one, other] = columns.map(cast);
+        (low <= least && greatest <= high).then_some([one?, other?])
+    })
 }

@@ -1,116 +1,38 @@
 //! Units and meanings of the columns that trilink writes, by their names.
 
-/// Ends of names and the units that they say; longer ends first.
-const UNITS: [(&str, &str); 16] = [
-    ("_nm_s_rad", "N m s/rad"),
-    ("_nm_rad", "N m/rad"),
-    ("_rad_s", "rad/s"),
-    ("_kg_m2", "kg m^2"),
-    ("_kg_s", "kg/s"),
-    ("_1_s", "1/s"),
-    ("_m_s", "m/s"),
-    ("_rad", "rad"),
-    ("_deg", "deg"),
-    ("_mm", "mm"),
-    ("_kg", "kg"),
-    ("_nm", "N m"),
-    ("_m", "m"),
-    ("_s", "s"),
-    ("_n", "N"),
-    ("_w", "W"),
-];
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
-/// Beginnings of names, without a wheel's, link's or joint's number at the end.
-const MEANINGS: [(&str, &str); 62] = [
-    ("trial", "name of the trial"),
-    ("campaign", "campaign that it belongs to; empty where there is none"),
-    ("model", "which forces resist the wheels"),
-    ("robot", "robot of the configuration"),
-    ("kind", "gait, joint-release or coast-down"),
-    ("frame", "number of the frame"),
-    ("time", "time after the first frame or phase 0"),
-    ("cycle", "number of the cycle"),
-    ("cycles", "cycles that the means are taken over"),
-    ("start_s", "when the cycle starts, after the first frame"),
-    ("used", "whether the cycle counts towards the trial's means"),
-    ("x", "place of the middle link's wheel axle"),
-    ("y", "place of the middle link's wheel axle"),
-    ("theta", "heading of the middle link, unwrapped"),
-    ("phi", "joint angle"),
-    ("roll_m_s", "speed at which the wheel rolls"),
-    ("skid_m_s", "speed at which the wheel skids sideways"),
-    ("fill", "where the link's pose comes from: measured, rigid, interpolated or missing"),
-    ("outlier", "what was wrong with the link's markers and what was done about it"),
-    ("omega", "frequency of the gait, as measured where it is a trial's"),
-    ("omega_commanded", "frequency that was commanded"),
-    ("d", "distance covered in a cycle (eq. 17)"),
-    ("v", "mean speed over a cycle"),
-    ("sigma", "skid ratio of the wheel (eq. 20)"),
-    ("sigma_debiased", "skid ratio of the wheel without the markers' noise"),
-    ("alpha", "amplitude of the passive joint: half of peak to peak"),
-    ("dtheta", "rotation in a cycle"),
-    ("phi_offset", "mean of the measured joint angle"),
-    ("phi_amplitude", "first harmonic of the measured joint angle"),
-    ("phi_phase", "phase of that harmonic"),
-    ("phi_harmonics", "RMS of the joint's higher harmonics"),
-    ("coverage", "part of all markers' frames that the cameras saw"),
-    ("residual", "residual of the rigid fit"),
-    ("smoothing_window", "width of the moving average, samples"),
-    ("smoothing_left", "part of a gait's harmonic that the moving average leaves"),
-    ("status", "how it ended"),
-    ("message", "in words"),
-    ("check", "code and name of the check"),
-    ("severity", "ok, info, warning or error"),
-    ("value", "what was found or held"),
-    ("limit", "what it is compared with"),
-    ("skid_kg_s", "skid resistance c^S of the wheel (eq. 15)"),
-    ("roll_kg_s", "roll resistance c^R of the wheel (eq. 14)"),
-    ("roll_sum", "sum of the roll resistances"),
-    ("stiffness", "spring k_tau of the passive joint (eq. 11)"),
-    ("damping", "damper c_tau of the passive joint (eq. 11)"),
-    ("free", "parameters that were fitted"),
-    ("measured", "parameters that joint-releases and coast-downs gave"),
-    ("identifiable", "fitted parameters that the data determine"),
-    ("practically_not", "fitted parameters of which the data give no interval"),
-    ("structurally_not", "fitted parameters that change nothing"),
-    ("at_bound", "fitted parameters that ended at a bound"),
-    ("j", "objective (eq. 22)"),
-    ("limit_j", "objective above which a value is outside of the interval"),
-    ("starts", "searches that were started"),
-    ("solves", "steady motions that were solved for"),
-    ("stopped", "why the search stopped"),
-    ("replicate", "number of the resample"),
-    ("parameter", "the parameter that is held"),
-    ("source", "at the trials' frequencies (trial) or on a fine grid (curve)"),
-    ("from_rest", "where the robot goes from rest: reached, another or unsettled"),
-    ("natural", "natural frequency"),
-];
+/// `meanings.toml`.
+#[derive(Default, serde::Deserialize)]
+struct Meanings {
+    units: BTreeMap<String, String>,
+    parts: BTreeMap<String, String>,
+    meanings: BTreeMap<String, String>,
+}
 
-/// Ends and beginnings of names that say what of a quantity it is.
-const PARTS: [(&str, &str); 5] = [
-    ("_se", "standard error: "),
-    ("_lo", "lower 95 % confidence limit: "),
-    ("_hi", "upper 95 % confidence limit: "),
-    ("began_", "where the search began: "),
-    ("ended_", "where the search ended: "),
-];
+static KNOWN: LazyLock<Meanings> =
+    LazyLock::new(|| toml::from_str(include_str!("meanings.toml")).unwrap_or_default());
 
-/// A name without one of [`PARTS`], and what that says.
+/// A name without what says what of a quantity it is, and that.
 fn without_part(name: &str) -> Option<(&str, &'static str)> {
-    PARTS.iter().find_map(|(part, what)| {
-        let rest = name.strip_suffix(part).or_else(|| name.strip_prefix(part))?;
-        Some((rest, *what))
+    KNOWN.parts.iter().find_map(|(part, what)| {
+        let rest = name.strip_suffix(part.as_str()).or_else(|| name.strip_prefix(part.as_str()))?;
+        Some((rest, what.as_str()))
     })
+}
+
+/// A name without its unit, and that. A unit follows a word: `j_d` is a part of the objective.
+fn without_unit(name: &str) -> Option<(&str, &'static str)> {
+    let rest = |end: &String| name.strip_suffix(end.as_str()).filter(|rest| !rest.is_empty());
+    let found = KNOWN.units.iter().filter_map(|(end, unit)| Some((rest(end)?, unit.as_str())));
+    found.min_by_key(|(rest, _)| rest.len())
 }
 
 /// The unit that a column's name says.
 pub fn unit(name: &str) -> Option<&'static str> {
     let name = without_part(name).map_or(name, |(name, _)| name);
-    // `j_d` is a part of the objective: a unit follows a word.
-    UNITS
-        .iter()
-        .find(|(end, _)| name.len() > end.len() && name.ends_with(end))
-        .map(|(_, unit)| *unit)
+    without_unit(name).map(|(_, unit)| unit)
 }
 
 /// What a column of that name means in trilink's tables.
@@ -119,11 +41,10 @@ pub fn meaning(name: &str) -> Option<String> {
         return meaning(name).map(|meaning| format!("{what}{meaning}"));
     }
     let (plain, number) = without_number(name);
-    let known = |name: &str| MEANINGS.iter().find(|(known, _)| *known == name);
     // Quantities of different units share a beginning: `skid0_kg_s`, `skid0_m_s`.
-    let without_unit = || UNITS.iter().find_map(|(end, _)| plain.strip_suffix(end));
-    let (_, meaning) = known(&plain).or_else(|| known(without_unit()?))?;
-    Some(number.map_or(meaning.to_string(), |number| format!("{meaning}, {number}")))
+    let known = |name: &str| KNOWN.meanings.get(name);
+    let meaning = known(&plain).or_else(|| known(without_unit(&plain)?.0))?;
+    Some(number.map_or(meaning.clone(), |number| format!("{meaning}, {number}")))
 }
 
 /// A name without the number of its wheel, link or joint.
@@ -143,6 +64,11 @@ fn without_number(name: &str) -> (String, Option<char>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_table_of_meanings_is_well_formed() {
+        toml::from_str::<Meanings>(include_str!("meanings.toml")).unwrap();
+    }
 
     #[test]
     fn units_are_what_the_names_say() {

@@ -12,15 +12,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub use cells::{csv, float, json, text};
-pub use columns::{ColumnInfo, FileInfo, Kind, describe};
+pub use columns::{ColumnInfo, FileInfo, describe};
 pub use find::{Listed, find, list};
 pub use meaning::{meaning, unit};
 
 use polars::prelude::{
     AnyValue, Column, DataFrame, DataType, IntoColumn, PolarsResult, SortMultipleOptions,
 };
-
-use condition::Condition;
 
 use crate::config::did_you_mean;
 use crate::store::StoreError;
@@ -88,29 +86,31 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
     let Query { condition, sort, head, .. } = query;
     let FileInfo { rows: total, columns: known, .. } = describe(path)?;
     let (columns, left_out) = chosen(path, query, &known)?;
-    let condition = condition.as_ref().map(|text| {
-        Condition::parse(text, &known)
-            .map_err(|message| InspectError::Condition { condition: text.clone(), message })
-    });
-    let condition = condition.transpose()?;
     for key in sort {
         shown(path, &key.column, &known)?;
     }
-
-    let shown = columns.iter().map(|column| &column.name);
-    let needed = condition.iter().flat_map(|condition| &condition.columns);
-    let needed = shown.chain(needed).chain(sort.iter().map(|key| &key.column));
-    let needed: BTreeSet<String> = needed.cloned().collect();
-    let is_plain = condition.is_none() && sort.is_empty();
-    let frame =
-        columns::read_columns(path, needed.into_iter().collect(), head.filter(|_| is_plain))?;
-    let found = match condition {
-        Some(condition) => condition.mask(&frame).and_then(|mask| frame.filter(&mask)),
-        None => Ok(frame),
+    let in_condition = |message| {
+        let condition = condition.clone().unwrap_or_default();
+        InspectError::Condition { condition, message }
     };
-    let frame = found
-        .and_then(|found| sorted(found, sort))
-        .map_err(|error| column_error(path, error.to_string()))?;
+    let parsed = condition.as_deref().map(condition::parse).transpose().map_err(in_condition)?;
+
+    let words = parsed.iter().flat_map(|(_, words)| words);
+    let needed: BTreeSet<&String> = words
+        .filter(|word| shown(path, word, &known).is_ok())
+        .chain(sort.iter().map(|key| &key.column))
+        .chain(columns.iter().map(|column| &column.name))
+        .collect();
+    let needed = needed.into_iter().cloned().collect();
+    let is_plain = parsed.is_none() && sort.is_empty();
+    let mut frame = columns::read_columns(path, needed, head.filter(|_| is_plain))?;
+    if let Some((condition, _)) = parsed {
+        let chosen = condition::mask(&condition, &known, &frame);
+        frame = chosen
+            .and_then(|mask| frame.filter(&mask))
+            .map_err(|error| in_condition(error.to_string()))?;
+    }
+    let frame = sorted(frame, sort).map_err(|error| column_error(path, error.to_string()))?;
     let frame = frame.slice(0, head.unwrap_or(total));
     Ok(View { columns, frame, total, left_out })
 }
@@ -145,7 +145,7 @@ fn chosen(
         return Ok((columns.collect::<Result<_, _>>()?, Vec::new()));
     }
     let (columns, left_out): (Vec<_>, Vec<_>) =
-        known.iter().cloned().partition(|column| column.kind.is_some());
+        known.iter().cloned().partition(|column| column.dtype.is_some());
     match columns.is_empty() {
         true => Err(column_error(path, "has no column that can be shown".to_owned())),
         false => Ok((columns, left_out)),
@@ -159,7 +159,7 @@ fn shown<'t>(
     known: &'t [ColumnInfo],
 ) -> Result<&'t ColumnInfo, InspectError> {
     let message = match known.iter().find(|column| column.name == name) {
-        Some(column) if column.kind.is_some() => return Ok(column),
+        Some(column) if column.dtype.is_some() => return Ok(column),
         Some(column) => {
             format!("column `{name}`: values of {} are not shown", column.type_name)
         }
