@@ -16,8 +16,7 @@ pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
 pub(crate) use error::{did_you_mean, nearest, parse_toml};
 
-use crate::motion::Model;
-use crate::robot::{Gait, JointCommand, Parameter, Robot};
+use crate::robot::{Gait, JointCommand, Model, Parameter, Robot};
 
 /// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
 /// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family.
@@ -251,6 +250,27 @@ impl Markers {
     /// The layouts of links 0, 1, 2.
     pub fn links(&self) -> [&BTreeMap<String, [f64; 3]>; 3] {
         [&self.link0, &self.link1, &self.link2]
+    }
+}
+
+/// One entry of a family of the configuration, such as `[robot.kinematic]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Named<T> {
+    pub name: String,
+    pub value: T,
+}
+
+impl<T: Clone> Named<T> {
+    /// The entry of a family that has this name.
+    pub fn of(family: &BTreeMap<String, T>, name: &str) -> Option<Self> {
+        family.get(name).map(|value| Self { name: name.to_owned(), value: value.clone() })
+    }
+}
+
+/// As the configuration has it: a table with the name as its key.
+impl<T: Serialize> Serialize for Named<T> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map([(&self.name, &self.value)])
     }
 }
 

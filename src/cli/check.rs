@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::ingest::{self, FileSurvey, Recording, survey};
+use crate::ingest::{self, FileSurvey, IngestSettings, Recording, survey};
 use crate::store::CheckRow;
 use crate::trial::{Trial, TrialList};
 
@@ -129,12 +129,13 @@ impl From<CheckRow> for CheckLine {
 }
 
 fn check_files(context: &Context, files: &[PathBuf], json: bool) -> Result<Outcome, Failure> {
+    let settings = IngestSettings::new(&context.config);
     let stage = context.progress.stage("check", files.len());
     let surveys: Vec<FileSurvey> = files
         .par_iter()
         .with_max_len(1)
         .map(|file| {
-            let survey = survey(file, &context.config);
+            let survey = survey(file, &settings);
             stage.step(&file.display().to_string());
             survey
         })

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::motion::Model;
 
 impl Default for Config {
     fn default() -> Self {

@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::plan::{FitPlan, plan};
-use super::{FitData, Fitted, OnEvent, fit_except};
+use super::{FitData, FitInput, Fitted, OnEvent, fit_except};
 use crate::config::Config;
 use crate::store::{How, Rows, StageState, StoreError, Table, TrialRow, cycles_path, flatten};
 use crate::trial::is_valid_id;
@@ -59,7 +59,7 @@ pub fn fit_planned(
         order: plan.order,
         ..StageState::default()
     };
-    let fitted = fit_except(config, &data, plan.kept, on_event);
+    let fitted = fit_except(&FitInput::all(config), &data, plan.kept, on_event);
     for (name, table) in TABLES.into_iter().zip(fitted.to_tables()) {
         let stamp = table.write_if_changed(&derived.join(name), &provenance)?;
         state.outputs.insert(name.to_owned(), stamp);

@@ -14,6 +14,7 @@ mod fitted_point;
 mod folder;
 mod free;
 mod hessian;
+mod input;
 mod job;
 mod least_absolute;
 mod measured;
@@ -32,7 +33,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use crate::config::{Config, ParameterSource};
-use crate::motion::Model;
+use crate::robot::Model;
 use crate::store::{
     BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
     StartRow, TrialRow,
@@ -42,6 +43,7 @@ use resample::Resampler;
 
 pub use folder::{fit_folder, fit_planned, table_paths};
 pub use free::FreeParameter;
+pub use input::{FitCampaign, FitInput};
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective};
 pub use plan::{FitPlan, plan, plan_after};
@@ -94,7 +96,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// Fits all campaigns; models, starts, profiles and replicates in parallel, results in order.
 /// They depend neither on the number of threads nor on the order of the trials.
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
-    fit_except(config, data, Kept::new(), on_event)
+    fit_except(&FitInput::all(config), data, Kept::new(), on_event)
 }
 
 /// What there is of fits that stay as they are, by campaign and model.
@@ -102,74 +104,68 @@ pub type Kept = BTreeMap<(String, Model), Fitted>;
 
 /// [`fit`] of those models only that are not kept. The tables are those that a fit of all would
 /// have given.
-pub fn fit_except(config: &Config, data: &FitData, mut kept: Kept, on_event: OnEvent) -> Fitted {
-    let campaigns = config.campaign.iter();
-    let campaigns: Vec<(&str, Vec<Measurement>, Resampler)> = campaigns
-        .filter(|(name, campaign)| {
-            campaign.models.iter().any(|model| !kept.contains_key(&((*name).clone(), *model)))
-        })
-        .map(|(name, _)| {
-            let measurements = measurements(config, name, data);
-            let seed = config.fit.seed;
-            let resampler = Resampler::new(name, seed, &measurements, &data.cycles);
-            (name.as_str(), measurements, resampler)
+pub fn fit_except(
+    inputs: &[FitInput],
+    data: &FitData,
+    mut kept: Kept,
+    on_event: OnEvent,
+) -> Fitted {
+    let campaigns: Vec<&[FitInput]> =
+        inputs.chunk_by(|a, b| a.campaign.name == b.campaign.name).collect();
+    let key = |input: &FitInput| (input.campaign.name.clone(), input.model);
+    let sampled: Vec<(&[FitInput], Vec<Measurement>, Resampler)> = campaigns
+        .iter()
+        .filter(|inputs| inputs.iter().any(|input| !kept.contains_key(&key(input))))
+        .map(|inputs| {
+            let measurements = measurements(&inputs[0], data);
+            let FitInput { campaign, fit, .. } = &inputs[0];
+            let resampler = Resampler::new(&campaign.name, fit.seed, &measurements, &data.cycles);
+            (*inputs, measurements, resampler)
         })
         .collect();
-    let jobs: Vec<Job> = campaigns
+    let jobs: Vec<Job> = sampled
         .iter()
-        .flat_map(|(name, measurements, resampler)| {
-            let campaign = &config.campaign[*name];
-            let setup = config.campaign_setup(name).map(|(mut robot, gait)| {
-                let measured = match config.fit.robot_parameters {
+        .flat_map(|(inputs, measurements, resampler)| {
+            let new = inputs.iter().filter(|input| !kept.contains_key(&key(input)));
+            new.map(move |input| {
+                let mut robot = input.robot.value.to_robot();
+                let measured = match input.fit.robot_parameters {
                     ParameterSource::Configured => Vec::new(),
                     ParameterSource::Measured => {
-                        measured::with_measured(&mut robot, &campaign.robot, &data.robots)
+                        measured::with_measured(&mut robot, &input.robot.name, &data.robots)
                     }
                 };
-                (robot, gait, measured)
-            });
-            setup.into_iter().flat_map(move |(robot, gait, measured)| {
-                campaign.models.iter().map(move |&model| Job {
-                    config,
-                    campaign: name,
-                    model,
-                    robot: robot.clone(),
-                    gait,
-                    measured: measured.clone(),
-                    resampler,
-                    measurements,
-                })
+                let gait = input.gait.value.to_gait();
+                Job { input, robot, gait, measured, resampler, measurements }
             })
         })
-        .filter(|job| !kept.contains_key(&(job.campaign.to_owned(), job.model)))
         .collect();
-    let mut fitted: BTreeMap<(&str, Model), JobResult> = jobs
+    let mut fitted: BTreeMap<(String, Model), JobResult> = jobs
         .par_iter()
         .with_max_len(1)
         .map(|job| {
             let done = job.run(on_event);
             done.tables.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
-            ((job.campaign, job.model), done)
+            (key(job.input), done)
         })
         .collect();
     let mut all = Fitted::default();
-    for (name, campaign) in &config.campaign {
-        let models = campaign.models.iter().filter_map(|&model| {
-            let kept = kept.remove(&(name.clone(), model)).map(JobResult::from);
-            kept.or_else(|| fitted.remove(&(name.as_str(), model)))
+    for inputs in campaigns {
+        let models = inputs.iter().filter_map(|input| {
+            kept.remove(&key(input)).map(JobResult::from).or_else(|| fitted.remove(&key(input)))
         });
         let mut models: Vec<JobResult> = models.collect();
-        compare_models(&mut models, config.fit.bootstrap);
+        compare_models(&mut models, inputs[0].fit.bootstrap);
         models.into_iter().for_each(|done| all.extend(done.tables));
     }
     all
 }
 
 /// What the trials of a campaign measured, in order.
-fn measurements(config: &Config, campaign: &str, data: &FitData) -> Vec<Measurement> {
-    let of_campaign = data.trials.iter().filter(|trial| trial.campaign == campaign);
+fn measurements(input: &FitInput, data: &FitData) -> Vec<Measurement> {
+    let of_campaign = data.trials.iter().filter(|trial| trial.campaign == input.campaign.name);
     let mut measurements: Vec<Measurement> =
-        of_campaign.filter_map(|trial| Measurement::new(trial, config.fit.sigma)).collect();
+        of_campaign.filter_map(|trial| Measurement::new(trial, input.fit.sigma)).collect();
     measurements.sort_by(Measurement::order);
     measurements
 }

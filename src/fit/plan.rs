@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::folder::{TABLES, read_data, read_fitted};
-use super::{FIT_VERSION, FitData, Fitted, FreeParameter, Kept, Measurement, measurements};
-use crate::config::{Campaign, Config, GaitInput, ParameterSource, SigmaKind, Weights};
+use super::{FIT_VERSION, FitData, FitInput, Fitted, Kept, Measurement, measurements};
+use crate::config::{Campaign, Config, ParameterSource};
 use crate::ingest::Touched;
 use crate::motion::Model;
 use crate::store::{
@@ -93,7 +93,7 @@ pub fn plan<'s>(
                 changed_settings(&known.settings, &settings, &thing.prefixes())
             })),
         }
-        let key = (thing.campaign.to_owned(), thing.model);
+        let key = (thing.input.campaign.name.clone(), thing.input.model);
         match earlier.remove(&key) {
             Some(rows) if why.is_empty() => {
                 kept.insert(key, rows);
@@ -140,7 +140,7 @@ pub fn plan_after(config: &Config, known: &StageState, how: How, touched: &Touch
                 if measured && touched.robots.contains(&thing.of.robot) {
                     why.push(format!("if {ROBOTS} changes"));
                 }
-                if why.is_empty() && touched.campaigns.iter().any(|name| name == thing.campaign) {
+                if why.is_empty() && touched.campaigns.iter().any(|name| *name == thing.input.campaign.name) {
                     why.push("if its trials change".to_owned());
                 }
             }
@@ -193,60 +193,20 @@ fn by_model(fitted: Fitted) -> Kept {
 /// One model of one campaign.
 struct FitThing<'c> {
     name: String,
-    campaign: &'c str,
+    input: FitInput,
     of: &'c Campaign,
-    model: Model,
     configuration: String,
-}
-
-/// What a fit reads of the configuration; a model with nothing free is not searched.
-#[derive(Serialize)]
-struct Dependencies<'c> {
-    campaign: &'c str,
-    model: Model,
-    weights: Weights,
-    /// Names and bounds.
-    free: Vec<(&'static str, [f64; 2])>,
-    robot: Option<&'c crate::config::RobotConfig>,
-    gait: Option<&'c crate::config::GaitConfig>,
-    starts: usize,
-    bootstrap: usize,
-    seed: u64,
-    profiles: bool,
-    sigma: SigmaKind,
-    gait_input: GaitInput,
-    robot_parameters: ParameterSource,
 }
 
 /// All fits of a configuration, in order.
 fn things(config: &Config) -> Vec<FitThing<'_>> {
-    let campaigns = config.campaign.iter();
-    campaigns
-        .flat_map(|(name, of)| of.models.iter().map(move |&model| (name.as_str(), of, model)))
-        .map(|(campaign, of, model)| {
-            let gait = config.gait.get(&of.gait);
-            let list = of.free.get(&model);
-            let free = gait.map_or(Vec::new(), |gait| {
-                FreeParameter::free_in(model, &gait.to_gait(), &config.fit, list)
-            });
-            let fit = &config.fit;
-            let dependencies = Dependencies {
-                campaign,
-                model,
-                weights: of.weights,
-                free: free.iter().map(|free| (free.parameter.column(), free.bounds)).collect(),
-                robot: config.robot.get(&of.robot),
-                gait,
-                starts: if free.is_empty() { 1 } else { fit.starts },
-                bootstrap: fit.bootstrap,
-                seed: fit.seed,
-                profiles: fit.profiles && !free.is_empty(),
-                sigma: fit.sigma,
-                gait_input: fit.gait_input,
-                robot_parameters: fit.robot_parameters,
-            };
-            let name = format!("{campaign} {}", model.name());
-            FitThing { name, campaign, of, model, configuration: hash_of(&dependencies) }
+    let inputs = FitInput::all(config).into_iter();
+    inputs
+        .map(|input| FitThing {
+            name: format!("{} {}", input.campaign.name, input.model.name()),
+            of: &config.campaign[&input.campaign.name],
+            configuration: hash_of(&input),
+            input,
         })
         .collect()
 }
@@ -262,7 +222,7 @@ impl FitThing<'_> {
 
     fn parts(&self, config: &Config, data: &FitData) -> Parts {
         let mut parts = self.own_parts();
-        for measurement in measurements(config, self.campaign, data) {
+        for measurement in measurements(&self.input, data) {
             let cycles = data.cycles.get(&measurement.trial).map_or(&[][..], Vec::as_slice);
             let part = part_of_trial(&measurement.trial);
             parts.insert(part, hash_of_trial(&measurement, cycles));
@@ -283,7 +243,7 @@ impl FitThing<'_> {
     fn prefixes(&self) -> Vec<String> {
         let Campaign { robot, gait, .. } = self.of;
         let campaign = ["robot", "gait", "weights", "free"]
-            .map(|key| format!("campaign.{}.{key}", self.campaign));
+            .map(|key| format!("campaign.{}.{key}", self.input.campaign.name));
         let mut prefixes = vec!["fit.".into(), format!("robot.{robot}."), format!("gait.{gait}.")];
         prefixes.extend(campaign);
         prefixes

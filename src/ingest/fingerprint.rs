@@ -5,10 +5,10 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::IngestInput;
 use super::plan::version;
-use crate::config::{Config, GaitConfig, Ingest, Markers, RobotConfig, Vicon};
 use crate::store::{CONFIGURATION, Parts, Stamp, hash};
-use crate::trial::Trial;
+use crate::trial::{Trial, TrialError};
 
 const ENTRY: &str = "the entry in trials.toml";
 /// Part of every trial that is known once the file is looked at.
@@ -16,35 +16,22 @@ pub(super) const MARKER_FILE: &str = "the marker file";
 /// Part of trials that failed: their messages name the file.
 pub(super) const PLACE: &str = "the place of the marker file";
 
-/// The keys of the configuration that a trial's tables depend on.
-#[derive(Serialize)]
-struct Dependencies<'a> {
-    vicon: &'a Vicon,
-    ingest: &'a Ingest,
-    markers: &'a Markers,
-    robot: Option<&'a RobotConfig>,
-    gait: Option<&'a GaitConfig>,
-    /// What is wrong with the entry, which is said with names of the configuration.
-    wrong: Option<String>,
-}
-
-/// Everything but the marker file that a trial's tables depend on.
-pub(super) fn parts(trial: &Trial, config: &Config, folder: &Path) -> Parts {
-    let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
-    let robot = campaign.map(|campaign| &campaign.robot).or(trial.robot.as_ref());
-    let dependencies = Dependencies {
-        vicon: &config.vicon,
-        ingest: &config.ingest,
-        markers: &config.markers,
-        robot: robot.and_then(|name| config.robot.get(name)),
-        gait: campaign.and_then(|campaign| config.gait.get(&campaign.gait)),
-        wrong: trial.check(config).err().map(|error| error.to_string()),
+/// Everything but the marker file that a trial's tables depend on; an entry that cannot be used
+/// is described with names of the configuration.
+pub(super) fn parts(
+    trial: &Trial,
+    input: &Result<IngestInput, TrialError>,
+    folder: &Path,
+) -> Parts {
+    let settings = match input {
+        Ok(input) => hash_of(input),
+        Err(error) => hash(error.to_string().as_bytes()),
     };
     let place = folder.join(&trial.file).display().to_string();
     Parts::from([
         version(),
         (ENTRY.to_owned(), hash_of(trial)),
-        (CONFIGURATION.to_owned(), hash_of(&dependencies)),
+        (CONFIGURATION.to_owned(), settings),
         (PLACE.to_owned(), place),
     ])
 }
@@ -81,6 +68,7 @@ fn hash_of(value: &impl Serialize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Config;
     use crate::trial::TrialKind;
 
     #[test]
@@ -97,7 +85,7 @@ mod tests {
         let print = |change: &dyn Fn(&mut Config)| {
             let mut config = Config::default();
             change(&mut config);
-            of_parts(&parts(&trial, &config, Path::new("raw")))
+            of_parts(&parts(&trial, &IngestInput::new(&config, &trial), Path::new("raw")))
         };
         let original = print(&|_| ());
         assert_eq!(original.len(), 64);

@@ -11,7 +11,7 @@ use super::checks::Finding;
 use super::cycles::summary;
 use super::fingerprint::{self, MARKER_FILE, PLACE};
 use super::plan::{IngestPlan, KeptTrial, TABLES, plan};
-use super::{IngestError, Ingested, ProcessedTrial, TrialFailure, failed_checks, process, tables};
+use super::{IngestError, IngestInput, Ingested, ProcessedTrial, TrialFailure, failed_checks, process, tables};
 use crate::config::Config;
 use crate::store::{
     Beside, CheckRow, CycleRow, How, Parts, Provenance, RobotParameterRow, Rows, StageState, Stamp,
@@ -159,11 +159,12 @@ fn ingest_trial(
     to_disk: &SyncSender<Beside>,
 ) -> Result<Outcome, IngestError> {
     let path = folder.join(&trial.file);
-    let mut parts = fingerprint::parts(trial, config, folder);
     // The entry is checked first: its file name might point out of the folder.
-    let (file, stamp) = match trial.check(config) {
+    let input = IngestInput::new(config, trial);
+    let mut parts = fingerprint::parts(trial, &input, folder);
+    let (file, stamp) = match input {
         Err(error) => (Err(TrialFailure::from(error)), None),
-        Ok(()) => {
+        Ok(input) => {
             // What is read may be newer than its time, never older.
             let metadata = std::fs::metadata(&path);
             let file = vicon::read_file(&path);
@@ -172,16 +173,17 @@ fn ingest_trial(
                 (Ok(file), Err(_)) => Ok(Stamp::of_content(file)),
                 (Err(_), _) => Stamp::read(&path),
             };
-            (file.map_err(TrialFailure::from), Some(stamp))
+            (file.map(|file| (file, input)).map_err(TrialFailure::from), Some(stamp))
         }
     };
     parts.insert(MARKER_FILE.to_owned(), fingerprint::of_file(stamp.as_ref()));
-    let input = stamp.and_then(Result::ok).map(|stamp| (absolute(&path), stamp));
+    let input_file = stamp.and_then(Result::ok).map(|stamp| (absolute(&path), stamp));
     let mut findings = Vec::new();
-    let processed = file.and_then(|file| process(&path, &file, trial, config, &mut findings));
+    let processed =
+        file.and_then(|(file, input)| process(&path, &file, trial, &input, &mut findings));
     let processed = match processed {
         Ok(processed) => processed,
-        Err(failure) => return Ok(failed(trial, &failure, &findings, parts, input)),
+        Err(failure) => return Ok(failed(trial, &failure, &findings, parts, input_file)),
     };
     parts.remove(PLACE);
     let provenance = Provenance { input: fingerprint::of_parts(&parts) };
@@ -200,7 +202,7 @@ fn ingest_trial(
     }
     let ProcessedTrial { row, checks, parameters, .. } = processed;
     let thing = Thing { parts, ..Thing::default() };
-    Ok(Outcome { row, checks, parameters, thing, input, written })
+    Ok(Outcome { row, checks, parameters, thing, input: input_file, written })
 }
 
 fn failed(

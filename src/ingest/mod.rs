@@ -31,7 +31,6 @@ mod error;
 mod fingerprint;
 mod folder;
 mod plan;
-mod setup;
 mod signals;
 mod survey;
 mod tables;
@@ -47,6 +46,7 @@ pub use calibrate::{Calibration, CalibrationError, MarkerPlace, Measured, calibr
 pub use checks::{Check, Severity};
 pub use error::{IngestError, TrialFailure};
 pub use folder::{OnTrial, ingest_folder, ingest_planned};
+pub use input::{IngestInput, IngestSettings};
 pub use plan::{IngestPlan, Touched, plan, table_paths};
 pub use survey::{FileSurvey, Gaps, Recording, SeenMarker, survey};
 pub use tables::table_folders;
@@ -61,7 +61,6 @@ use identification::{coast, release};
 use markers::layout;
 use phase::{Command, Driven, GAIT_HARMONICS, Harmonics};
 use poses::{Chain, Tracked};
-use setup::{frame_rate, max_gap_frames, setup};
 use signals::JointSignal;
 
 /// Raise it when the same marker files, list and configuration give other tables than before:
@@ -104,9 +103,9 @@ pub fn process_trial(
     trial: &Trial,
     config: &Config,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    trial.check(config)?;
+    let input = IngestInput::new(config, trial)?;
     let path = folder.join(&trial.file);
-    process(&path, &vicon::read_file(&path)?, trial, config, &mut Vec::new())
+    process(&path, &vicon::read_file(&path)?, trial, &input, &mut Vec::new())
 }
 
 /// The checks of one trial of a folder, with its row: of a trial that fails, the reason and the
@@ -114,10 +113,9 @@ pub fn process_trial(
 pub fn check_trial(folder: &Path, trial: &Trial, config: &Config) -> (TrialRow, Vec<CheckRow>) {
     let mut findings = Vec::new();
     let path = folder.join(&trial.file);
-    let processed = trial
-        .check(config)
+    let processed = IngestInput::new(config, trial)
         .map_err(TrialFailure::from)
-        .and_then(|()| process(&path, &vicon::read_file(&path)?, trial, config, &mut findings));
+        .and_then(|input| process(&path, &vicon::read_file(&path)?, trial, &input, &mut findings));
     match processed {
         Ok(processed) => (processed.row, processed.checks),
         Err(failure) => {
@@ -139,29 +137,30 @@ fn process(
     path: &Path,
     bytes: &[u8],
     trial: &Trial,
-    config: &Config,
+    input: &IngestInput,
     findings: &mut Vec<Finding>,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    let (robot, gait) = setup(trial, config)?;
-    let file = vicon::parse_markers(path, bytes)?.without(&config.vicon.ignore);
-    let rate_hz = frame_rate(path, &file, config)?;
-    let layout = layout::locate(path, &config.markers, &file)?;
+    let (robot, gait, settings) = (input.robot(), input.command(trial), &input.settings);
+    let IngestSettings { vicon, ingest, markers } = settings;
+    let file = vicon::parse_markers(path, bytes)?.without(&vicon.ignore);
+    let rate_hz = settings.frame_rate(path, &file)?;
+    let layout = layout::locate(path, markers, &file)?;
     let chain = Some(Chain::of(&robot));
-    let max_gap = max_gap_frames(config, rate_hz);
-    let tracked = poses::track(path, &file, &layout, chain, config.ingest.poses, rate_hz, max_gap)?;
+    let max_gap = settings.max_gap_frames(rate_hz);
+    let tracked = poses::track(path, &file, &layout, chain, ingest.poses, rate_hz, max_gap)?;
     let mut row = summary::blank_row(trial);
     poses::describe_tracking(&mut row, &tracked);
-    findings.extend(poses::tracking_checks(&row, &tracked, &file, &layout, config));
+    findings.extend(poses::tracking_checks(&row, &tracked, &file, &layout, settings));
 
     let driven = match &gait {
         Some((gait, omega_rad_s)) => {
-            let skip_cycles = config.ingest.skip_cycles;
+            let skip_cycles = ingest.skip_cycles;
             let command = Command { path, gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
             Some(command.measure(&tracked.seen.phi_rad)?)
         }
         None => None,
     };
-    let window = smoothing_window(trial, config, &tracked, driven.as_ref());
+    let window = smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref());
     let smooth = tracked.filled.map(|series| signals::moving_average(series, window));
     let wheels = wheel_velocities(&robot, &smooth, rate_hz);
 
@@ -180,7 +179,7 @@ fn process(
             wheels: &wheels,
         };
         let cycles = data.cycles();
-        let steady = steady::steady(&cycles, config.ingest.skip_cycles);
+        let steady = steady::steady(&cycles, ingest.skip_cycles);
         if steady.used.len() < LEAST_USED_CYCLES {
             return Err(TrialFailure::TooFewCycles {
                 path: path.to_owned(),
@@ -237,11 +236,11 @@ fn process(
 /// the smallest expected error.
 fn smoothing_window(
     trial: &Trial,
-    config: &Config,
+    configured: Smoothing,
     tracked: &Tracked,
     driven: Option<&Driven>,
 ) -> usize {
-    match (trial.smoothing_window, config.ingest.smoothing_window, driven) {
+    match (trial.smoothing_window, configured, driven) {
         (Some(window), _, _) | (None, Smoothing::Window(window), _) => window,
         (None, Smoothing::Auto, None) => signals::WINDOW_WITHOUT_GAIT,
         (None, Smoothing::Auto, Some(Driven { clock, moving, .. })) => {

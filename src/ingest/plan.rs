@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::fingerprint::{self, MARKER_FILE};
 use super::tables;
-use super::{INGEST_VERSION, IngestError, Ingested};
+use super::{INGEST_VERSION, IngestError, IngestInput, Ingested};
 use crate::config::Config;
 use crate::store::{
     CheckRow, How, Redo, RobotParameterRow, Rows, StageState, Stamp, StoreError, Table, Thing,
@@ -176,11 +176,12 @@ impl Look<'_> {
         };
         let mut why = whole.to_vec();
         let path = self.folder.join(&trial.file);
-        let stamp = match trial.check(self.config) {
-            Ok(()) => Some(self.known.renew(&path, self.how.verify)),
+        let input = IngestInput::new(self.config, trial);
+        let stamp = match input {
+            Ok(_) => Some(self.known.renew(&path, self.how.verify)),
             Err(_) => None,
         };
-        let mut parts = fingerprint::parts(trial, self.config, self.folder);
+        let mut parts = fingerprint::parts(trial, &input, self.folder);
         parts.insert(MARKER_FILE.to_owned(), fingerprint::of_file(stamp.as_ref()));
         // Only a trial that failed says where its file is.
         if !thing.parts.contains_key(fingerprint::PLACE) {

@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::error::TrialFailure;
+use super::input::IngestSettings;
 use super::markers::layout::{self, Layout};
 use super::poses::{self, describe_tracking, tracking_checks};
-use super::setup::{frame_rate, max_gap_frames};
-use crate::config::Config;
 use crate::store::{Rows as _, TrialRow};
 use crate::vicon::{self, MarkerFile, Section};
 
@@ -73,7 +72,7 @@ pub struct Gaps {
 }
 
 /// Reads a marker file and says what is there and what is wrong with it.
-pub fn survey(path: &Path, config: &Config) -> FileSurvey {
+pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
     let mut survey = FileSurvey {
         file: path.to_owned(),
         readable: false,
@@ -93,20 +92,20 @@ pub fn survey(path: &Path, config: &Config) -> FileSurvey {
     // What is wrong with the sections is wrong with the markers too.
     survey.sections = vicon::sections(path, &bytes).unwrap_or_default();
     match vicon::parse_markers(path, &bytes) {
-        Ok(file) => survey.look_at(path, &file, config),
+        Ok(file) => survey.look_at(path, &file, settings),
         Err(error) => survey.stops.push(error.to_string()),
     }
     survey
 }
 
 impl FileSurvey {
-    fn look_at(&mut self, path: &Path, file: &MarkerFile, config: &Config) {
-        let ignore = &config.vicon.ignore;
+    fn look_at(&mut self, path: &Path, file: &MarkerFile, settings: &IngestSettings) {
+        let ignore = &settings.vicon.ignore;
         let whole = file;
         let file = &whole.clone().without(ignore);
         let mut stop = |failure: TrialFailure| self.stops.push(failure.to_string());
-        let rate_hz = frame_rate(path, file, config).map_err(&mut stop).ok();
-        let layout = match layout::locate_all(path, &config.markers, file) {
+        let rate_hz = settings.frame_rate(path, file).map_err(&mut stop).ok();
+        let layout = match layout::locate_all(path, &settings.markers, file) {
             Ok(layout) => Some(layout),
             Err(failures) => {
                 failures.into_iter().for_each(&mut stop);
@@ -116,16 +115,16 @@ impl FileSurvey {
         self.recording =
             Some(Recording::of(whole, ignore, layout.as_ref(), whole.rate_hz.or(rate_hz)));
         let Some(layout) = layout else { return };
-        let rate_hz = rate_hz.unwrap_or(config.vicon.rate_hz);
-        let max_gap = max_gap_frames(config, rate_hz);
+        let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
+        let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
         let tracked =
-            match poses::track(path, file, &layout, None, config.ingest.poses, rate_hz, max_gap) {
+            match poses::track(path, file, &layout, None, poses, rate_hz, max_gap) {
                 Ok(tracked) => tracked,
                 Err(failure) => return stop(failure),
             };
         let mut row = TrialRow::blank();
         describe_tracking(&mut row, &tracked);
-        let findings = tracking_checks(&row, &tracked, file, &layout, config);
+        let findings = tracking_checks(&row, &tracked, file, &layout, settings);
         let wrong = findings.into_iter().filter(|finding| !finding.holds);
         self.warnings = wrong.map(|finding| finding.to_string()).collect();
     }
@@ -200,9 +199,10 @@ impl Gaps {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Config;
 
     fn fixture(name: &str) -> FileSurvey {
-        survey(&Path::new("tests/fixtures/vicon").join(name), &Config::default())
+        survey(&Path::new("tests/fixtures/vicon").join(name), &IngestSettings::new(&Config::default()))
     }
 
     #[test]
@@ -238,7 +238,7 @@ mod tests {
         config.markers.link0.retain(|label, _| label == "M1" || label == "M2");
         config.markers.link1.retain(|label, _| label == "F1");
         config.markers.link2.clear();
-        let survey = survey(path, &config);
+        let survey = survey(path, &IngestSettings::new(&config));
         assert_eq!(survey.stops.len(), 2, "{:?}", survey.stops);
         assert!(survey.stops[0].contains("found a frame rate of 120 Hz, needed 100 Hz"));
         assert!(survey.stops[1].contains("found no marker `F1`"));
@@ -250,7 +250,7 @@ mod tests {
         let path = Path::new("tests/fixtures/vicon/gaps.csv");
         let mut config = Config::default();
         config.vicon.ignore = vec!["*1".to_owned()];
-        let recording = survey(path, &config).recording.unwrap();
+        let recording = survey(path, &IngestSettings::new(&config)).recording.unwrap();
         let ignored = recording.markers.iter().map(|m| (m.label.as_str(), m.ignored));
         assert_eq!(ignored.collect::<Vec<_>>(), [("Snake:M1", true), ("Snake:M2", false)]);
         assert_eq!((recording.coverage, recording.gaps.count), (0.6, 1));

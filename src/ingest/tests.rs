@@ -41,7 +41,8 @@ fn process_with(
     trial: &Trial,
     config: &Config,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    process(Path::new("a.csv"), text.as_bytes(), trial, config, &mut Vec::new())
+    let input = IngestInput::new(config, trial)?;
+    process(Path::new("a.csv"), text.as_bytes(), trial, &input, &mut Vec::new())
 }
 
 fn symmetric(omega_rad_s: f64) -> (Recording, Trial) {

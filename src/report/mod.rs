@@ -7,6 +7,7 @@ mod figure;
 mod figures;
 mod fits_json;
 mod font;
+mod input;
 mod legend;
 mod numbers;
 mod page;
@@ -40,6 +41,7 @@ use plan::Content;
 
 pub(crate) use chart::{Axes, Chart, Layer};
 pub(crate) use figure::Figure;
+pub use input::{ReportCampaign, ReportInput};
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{Image, fill};
 pub use plan::{ReportPlan, plan, plan_after};
@@ -89,8 +91,8 @@ pub struct Reported {
 /// # Errors
 /// `trials.parquet` is not there, a table cannot be read, or a file cannot be written.
 pub fn report(config: &Config) -> Result<Reported, ReportError> {
-    let known = StageState::default();
-    Ok(report_planned(config, plan(config, &known, How::FORCE)?)?.0)
+    let (input, known) = (ReportInput::new(config), StageState::default());
+    Ok(report_planned(&input, plan(&input, &known, How::FORCE)?)?.0)
 }
 
 /// [`report`], but figures that the plan keeps are not drawn again, and files that would get the
@@ -99,7 +101,7 @@ pub fn report(config: &Config) -> Result<Reported, ReportError> {
 /// # Errors
 /// A file cannot be written.
 pub fn report_planned(
-    config: &Config,
+    config: &ReportInput,
     plan: ReportPlan,
 ) -> Result<(Reported, StageState), ReportError> {
     let [page, scorecard] = [PAGE, SCORECARD].map(|name| config.paths.reports.join(name));

@@ -8,7 +8,7 @@ use super::page;
 use super::tables::{Tables, table_paths};
 use super::truth::Truth;
 use super::{EXTENSIONS, REPORT_VERSION, ReportError, figures, trials};
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::store::{
     How, Parts, Redo, StageState, Stamp, VERSION, absolute, changed_outputs, changed_settings,
     flatten, hash, reasons,
@@ -48,7 +48,7 @@ pub(super) struct Content {
 /// # Errors
 /// `trials.parquet` is not there, or a table cannot be read.
 pub fn plan<'s>(
-    config: &Config,
+    config: &ReportInput,
     known: &'s StageState,
     how: How,
 ) -> Result<ReportPlan<'s>, ReportError> {
@@ -234,7 +234,7 @@ pub(super) fn remove_stale(
 }
 
 impl Content {
-    fn read(config: &Config) -> Result<Self, ReportError> {
+    fn read(config: &ReportInput) -> Result<Self, ReportError> {
         let tables = Tables::read(&config.paths.derived)?;
         let mut missing = tables.missing.clone();
         let truth = Truth::read(&config.paths.raw).unwrap_or_else(|problem| {

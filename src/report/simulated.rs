@@ -1,6 +1,6 @@
 //! Motions that no table holds, for the figures that show them.
 
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::metrics::GaitMetrics;
 use crate::motion::{
     FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample,
@@ -13,7 +13,7 @@ pub const SAMPLES: usize = 240;
 
 /// The motion of a model of a campaign's robot as configured; `None` without that campaign.
 pub fn configured(
-    config: &Config,
+    config: &ReportInput,
     campaign: &str,
     model: Model,
     omega_rad_s: f64,
@@ -24,7 +24,7 @@ pub fn configured(
 
 /// The motion of a fitted model under the commanded gait; `None` where there is no fit, or its
 /// campaign or model is not known.
-pub fn fitted(config: &Config, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
+pub fn fitted(config: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
     let model = Model::ALL.into_iter().find(|model| model.name() == fit.model)?;
     let mut problem = configured(config, &fit.campaign, model, omega_rad_s)?;
     let [skid0, skid1, skid2, roll0, roll1, roll2, _, stiffness, damping] = fit.parameters();
@@ -95,10 +95,11 @@ pub fn repeat(cycle: &[Sample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Config;
 
     #[test]
     fn a_motion_goes_on_where_its_last_cycle_ended() {
-        let config = Config::default();
+        let config = ReportInput::new(&Config::default());
         let problem = configured(&config, "kinematic-skewed", Model::SkidRoll, 3.9);
         let problem = problem.expect("a campaign of the paper");
         let start = Pose { x_m: 1.0, y_m: -2.0, theta_rad: 0.7 };

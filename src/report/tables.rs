@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::ReportError;
 use super::series::Source;
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::store::{
     BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
     Rows, StartRow, StoreError, Table, TrialRow,
@@ -92,13 +92,13 @@ impl Tables {
         Ok(tables)
     }
 
-    pub fn source(&self, config: &Config) -> Source<'_> {
-        let sigma = config.fit.sigma;
+    pub fn source(&self, config: &ReportInput) -> Source<'_> {
+        let sigma = config.sigma;
         Source { trials: &self.trials, predictions: &self.predictions, sigma }
     }
 
     /// Campaigns of the configuration and of the tables.
-    pub fn campaigns<'a>(&'a self, config: &'a Config) -> BTreeSet<&'a str> {
+    pub fn campaigns<'a>(&'a self, config: &'a ReportInput) -> BTreeSet<&'a str> {
         let configured = config.campaign.keys().map(String::as_str);
         let measured = self.trials.iter().map(|row| row.campaign.as_str());
         let fitted = self.fits.iter().map(|row| row.campaign.as_str());

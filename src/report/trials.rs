@@ -11,7 +11,7 @@ use super::page::{self, Drawn, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
 use super::{REPORT_VERSION, ReportError, figures, plot, render};
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::store::{
     Parts, Stamp, TrialRow, VERSION, cycles_path, hash, poses_path, wheels_path, write_if_changed,
 };
@@ -49,7 +49,7 @@ fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
 /// What the page of each trial is made of, by its path inside of `reports/`. `stamp` gives the
 /// hash of a file.
 pub fn parts(
-    config: &Config,
+    config: &ReportInput,
     tables: &Tables,
     pages: &TrialPages,
     stamp: impl Fn(&Path) -> Option<String>,
@@ -93,7 +93,7 @@ pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
 /// # Errors
 /// A page cannot be filled in or written, or an old one not removed.
 pub fn write(
-    config: &Config,
+    config: &ReportInput,
     tables: &Tables,
     pages: &TrialPages,
     kept: &BTreeSet<String>,
@@ -122,7 +122,7 @@ fn html(
     trial: &TrialRow,
     tables: &Tables,
     recording: Option<&Recording>,
-    config: &Config,
+    config: &ReportInput,
 ) -> Result<String, ReportError> {
     let font = Typeface::load()?;
     let figures =

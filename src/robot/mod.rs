@@ -6,6 +6,7 @@
 mod balance;
 mod gait;
 mod kinematics;
+mod model;
 mod parameter;
 
 pub use balance::{Balance, force_balance, mass_matrix};
@@ -13,6 +14,7 @@ pub use gait::{Gait, JointCommand, Shape};
 pub use kinematics::{
     Pose, Trig, Velocity, det_wb, dot, dskid_rows_dphi, in_world, roll_rows, rotated, skid_rows,
 };
+pub use model::Model;
 pub use parameter::{ByParameter, Family, Parameter};
 
 /// Parameters of a robot (Tables I and II).

@@ -6,7 +6,7 @@ use super::{Results, RunError, record_path};
 use crate::config::Config;
 use crate::fit;
 use crate::ingest;
-use crate::report::{self, report_planned};
+use crate::report::{self, ReportInput, report_planned};
 use crate::store::{How, Record, Redo, unfinished};
 
 /// What a run would do: certainly if the stages before have nothing to do, else perhaps.
@@ -50,7 +50,7 @@ pub fn look(config: &Config, how: How) -> Result<Ahead, RunError> {
         let figures = report_after(&fit.redo, &[], &[]);
         return ahead([ingest.redo, fit.redo, figures], 2, Vec::new());
     }
-    let report = report::plan(config, &known.report, how)?;
+    let report = report::plan(&ReportInput::new(config), &known.report, how)?;
     let mut others = Vec::new();
     if !unfinished(&folders(config)).is_empty() {
         others.push("a killed run left unfinished files".to_owned());
@@ -76,7 +76,7 @@ pub(super) fn up_to_date(
     if !fit.redo.is_empty() || !fit.state().confirms(&known.fit) {
         return Ok(None);
     }
-    let report = report::plan(config, &known.report, how)?;
+    let report = report::plan(&ReportInput::new(config), &known.report, how)?;
     let is_whole = is_recorded(config, known, how) && unfinished(&folders(config)).is_empty();
     if !report.redo.is_empty() || !is_whole {
         return Ok(None);
@@ -84,7 +84,7 @@ pub(super) fn up_to_date(
     let redo = [ingest.redo.clone(), fit.redo.clone(), report.redo.clone()];
     let stages = ["ingest", "fit", "report"].into_iter().zip(redo);
     let stages = stages.map(|(stage, redo)| StageRecord::new(stage, 0.0, redo)).collect();
-    let (reported, state) = report_planned(config, report)?;
+    let (reported, state) = report_planned(&ReportInput::new(config), report)?;
     let (ingested, fitted) = (ingest.into_rows(), fit.into_fitted());
     let results = Results { ingested, fitted, reported, stages };
     Ok(Some(results).filter(|_| state.confirms(&known.report)))

@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::fit::{self, FitEvent, Fitted};
 use crate::ingest::{self, Ingested};
 use crate::interrupt::stop_if_asked;
-use crate::report::{self, Reported};
+use crate::report::{self, ReportInput, Reported};
 use crate::store::{
     FitRow, How, LOCK_FILE, Lock, RECORD_FILE, Record, Redo, TrialRow, check_places, sweep,
 };
@@ -145,10 +145,10 @@ pub(super) fn draw_planned(
     watch: &dyn Watch,
 ) -> Result<(Reported, Redo), RunError> {
     let known = record.report.clone();
-    let plan = report::plan(config, &known, how)?;
+    let plan = report::plan(&ReportInput::new(config), &known, how)?;
     let redo = plan.redo.clone();
     announce(&redo, "report", 1, watch);
-    let (reported, state) = report::report_planned(config, plan)?;
+    let (reported, state) = report::report_planned(&ReportInput::new(config), plan)?;
     if !redo.is_empty() {
         reported.missing.iter().for_each(|missing| tracing::warn!(missing, "not drawn"));
     }

@@ -31,7 +31,7 @@ pub use error::CalibrationError;
 
 use super::error::TrialFailure;
 use super::markers::layout::{LinkMarker, locate, marker_name};
-use super::setup::{frame_rate, setup};
+use super::input::{IngestInput, IngestSettings};
 use crate::config::{Config, Markers, nearest};
 use crate::robot::{Gait, Robot};
 use crate::stats::{quantiles_low, wrap};
@@ -112,13 +112,14 @@ pub fn calibrate(
         let hint = nearest(id, ids).map_or(String::new(), |id| format!("; did you mean `{id}`?"));
         CalibrationError::NoTrial { folder: folder.to_owned(), id: id.to_owned(), hint }
     })?;
-    trial.check(config).map_err(TrialFailure::from)?;
-    let (robot, gait) = setup(trial, config).map_err(TrialFailure::from)?;
+    let input = IngestInput::new(config, trial).map_err(TrialFailure::from)?;
+    let settings @ IngestSettings { vicon, markers, .. } = &input.settings;
+    let (robot, gait) = (input.robot(), input.command(trial));
     let path = folder.join(&trial.file);
     let file = vicon::read_markers(&path).map_err(TrialFailure::from)?;
-    let file = file.without(&config.vicon.ignore);
-    let rate_hz = frame_rate(&path, &file, config)?;
-    of_file(&path, &file, config, &robot, gait.as_ref(), rate_hz).map(|calibration| Calibration {
+    let file = file.without(&vicon.ignore);
+    let rate_hz = settings.frame_rate(&path, &file)?;
+    of_file(&path, &file, markers, &robot, gait.as_ref(), rate_hz).map(|calibration| Calibration {
         trial: trial.id.clone(),
         is_symmetric: gait.as_ref().is_some_and(|(gait, _)| {
             gait.joints.iter().flatten().all(|command| command.offset_rad == 0.0)
@@ -138,12 +139,12 @@ struct Groups {
 fn of_file(
     path: &Path,
     file: &MarkerFile,
-    config: &Config,
+    markers: &Markers,
     robot: &Robot,
     gait: Option<&(Gait, f64)>,
     rate_hz: f64,
 ) -> Result<Calibration, CalibrationError> {
-    let groups = groups(path, file, &config.markers)?;
+    let groups = groups(path, file, markers)?;
     let shaped = |columns: &[usize]| {
         Body::of(file, columns).ok_or_else(|| CalibrationError::Unseen {
             path: path.to_owned(),
@@ -175,7 +176,7 @@ fn of_file(
         Measured { value: all, se }
     };
     let links = [0, 1, 2].map(|link| {
-        let configured = config.markers.links()[link];
+        let configured = markers.links()[link];
         let place = |(i, marker): (usize, &LinkMarker)| {
             let whole = file.labels[marker.column].as_str();
             let name = marker_name(whole);

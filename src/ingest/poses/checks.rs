@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use super::tilt::{MOST_DEG, Tilt, Turn};
 use super::track::Tracked;
-use crate::config::Config;
 use crate::ingest::checks::{
     Check, Finding, JOINT_PLACE_MM, LEAST_COVERAGE, MOST_AMBIGUOUS, MOST_MISPLACED,
 };
+use crate::ingest::input::IngestSettings;
 use crate::ingest::markers::labels::Outlier;
 use crate::ingest::markers::layout::Layout;
 use crate::store::TrialRow;
@@ -27,9 +27,9 @@ pub fn tracking_checks(
     tracked: &Tracked,
     file: &MarkerFile,
     layout: &Layout,
-    config: &Config,
+    settings: &IngestSettings,
 ) -> Vec<Finding> {
-    let assumed_hz = config.vicon.rate_hz;
+    let assumed_hz = settings.vicon.rate_hz;
     let rate = match file.rate_hz {
         Some(rate_hz) => format!("the file says {rate_hz} Hz"),
         None => {
@@ -62,7 +62,7 @@ pub fn tracking_checks(
         Finding::at_most(
             Check::Residual,
             row.residual_mm,
-            config.ingest.max_residual_mm,
+            settings.ingest.max_residual_mm,
             format!("markers are {:.2} mm off the layout on average", row.residual_mm),
         ),
         Finding::at_most(

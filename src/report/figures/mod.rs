@@ -23,7 +23,7 @@ use super::recording::Recording;
 use super::series::Source;
 use super::tables::Tables;
 use super::truth::Truth;
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::store::TrialRow;
 
 pub const SKEWED: &str = "kinematic-skewed";
@@ -76,7 +76,7 @@ impl Figures {
 /// The paper's figures for its campaigns, and for every other campaign one with what the
 /// models predict and one with the wheels' skid; then of every campaign what its models miss and
 /// how its fits came about.
-pub fn figures(tables: &Tables, config: &Config, truth: Option<&Truth>) -> Figures {
+pub fn figures(tables: &Tables, config: &ReportInput, truth: Option<&Truth>) -> Figures {
     let (source, configured) = (tables.source(config), &tables.campaigns(config));
     let mut found = Figures::default();
     if PAPER_CAMPAIGNS.iter().any(|campaign| configured.contains(campaign)) {
@@ -109,7 +109,7 @@ pub fn figures(tables: &Tables, config: &Config, truth: Option<&Truth>) -> Figur
 /// The paper's figures, in its order.
 fn of_the_paper(
     tables: &Tables,
-    config: &Config,
+    config: &ReportInput,
     configured: &BTreeSet<&str>,
     found: &mut Figures,
 ) {
@@ -137,7 +137,7 @@ fn of_the_paper(
 }
 
 /// Fig. 8: the first release of the semi-passive robot that there is.
-fn release(tables: &Tables, config: &Config) -> Result<Figure, String> {
+fn release(tables: &Tables, config: &ReportInput) -> Result<Figure, String> {
     let not_drawn = |why: &str| format!("Fig. 8 is not drawn, because {why}.");
     let row = tables.robots.iter().find(|row| row.kind == "joint-release");
     let row = row.ok_or_else(|| not_drawn("no trial of kind joint-release has results"))?;
@@ -149,7 +149,7 @@ fn release(tables: &Tables, config: &Config) -> Result<Figure, String> {
 
 /// The figure of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked; of the
 /// symmetric campaign its wheels too. Without a trial there is none.
-fn tracked(stem: &str, campaign: &str, source: Source<'_>, config: &Config, found: &mut Figures) {
+fn tracked(stem: &str, campaign: &str, source: Source<'_>, config: &ReportInput, found: &mut Figures) {
     let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
     let measured = source.measured_trials(campaign).filter(|trial| trial.omega_rad_s.is_finite());
     let nearest =

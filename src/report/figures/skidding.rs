@@ -2,7 +2,7 @@
 
 use super::SYMMETRIC;
 use super::parts::{DEG, series, time_course};
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::motion::{Model, Sample};
 use crate::report::chart::{Layer, Layout};
 use crate::report::figure::Figure;
@@ -13,7 +13,7 @@ const MODEL: Model = Model::SkidRoll;
 const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
 
 /// The figure, or a sentence on why there is none.
-pub fn figure(config: &Config) -> Result<Figure, String> {
+pub fn figure(config: &ReportInput) -> Result<Figure, String> {
     let none = |why: String| format!("Fig. 6 is not drawn, because {why}.");
     let problem = simulated::configured(config, SYMMETRIC, MODEL, OMEGA_RAD_S)
         .ok_or_else(|| none(format!("campaign {SYMMETRIC} is not configured")))?;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::SEMI_PASSIVE;
 use super::parts::{DEG, FREQUENCY, links, series, time_course, travel};
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
@@ -21,7 +21,7 @@ const MOST_FROM_REST: usize = 40;
 const SWEEP: (f64, f64, usize) = (0.5, 8.0, 61);
 
 /// The figures, or a sentence on why there are none.
-pub fn figures(config: &Config) -> Result<Vec<Figure>, String> {
+pub fn figures(config: &ReportInput) -> Result<Vec<Figure>, String> {
     let of = |omega_rad_s| simulated::configured(config, SEMI_PASSIVE, Model::NoSkid, omega_rad_s);
     let problem = of(OMEGA_RAD_S).ok_or_else(|| {
         format!("Figs. 3 to 5 are not drawn, because campaign {SEMI_PASSIVE} is not configured.")

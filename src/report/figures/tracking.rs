@@ -2,7 +2,7 @@
 
 use super::parts::{DEG, links, travel};
 use super::{SEMI_PASSIVE, SKEWED, SYMMETRIC};
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::motion::{Model, Pose, Problem, Sample};
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
@@ -32,7 +32,7 @@ pub fn figure(
     stem: &str,
     trial: &TrialRow,
     recording: &Recording,
-    config: &Config,
+    config: &ReportInput,
 ) -> (Option<Figure>, Vec<String>) {
     let overlays = overlays(trial, config);
     let Some((robot, commanded_gait)) = config.campaign_setup(&trial.campaign) else {
@@ -161,7 +161,7 @@ impl Travel {
 }
 
 /// What the paper draws over its campaigns' trials.
-fn overlays(trial: &TrialRow, config: &Config) -> Vec<Overlay> {
+fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
     let of = |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
     let plain = |name, model: Model| {
         let problem = of(model)?;

@@ -1,7 +1,7 @@
 //! What the page of a trial shows: its path, and what its links and wheels did all the time.
 
 use super::parts::{DEG, dense_series, links, series, time_course, travel};
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
 use crate::report::recording::Recording;
@@ -14,7 +14,7 @@ const PARTS: usize = 100;
 const LINKS: [&str; 3] = ["link 0", "link 1", "link 2"];
 
 /// The figures of a trial; those without anything to show are left out.
-pub fn figures(trial: &TrialRow, recording: &Recording, config: &Config) -> Vec<Figure> {
+pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Vec<Figure> {
     let unused = unused_cycles(trial, recording);
     let panel = |title: &str, y_label: &str, layers: Vec<Layer>| {
         time_course(title, y_label, unused.iter().cloned().chain(layers).collect())
@@ -83,7 +83,7 @@ fn greatest(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     parts.map(of_part).collect()
 }
 
-fn path(trial: &TrialRow, recording: &Recording, config: &Config) -> Figure {
+fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure {
     let all: Vec<(f64, f64)> =
         recording.x_m.iter().copied().zip(recording.y_m.iter().copied()).collect();
     let seen: Vec<(f64, f64)> = all.iter().copied().filter(|(x, y)| (x + y).is_finite()).collect();

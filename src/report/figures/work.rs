@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 use super::parts::FREQUENCY;
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::motion::{Model, Solver};
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
@@ -18,7 +18,7 @@ use crate::store::FitRow;
 const STRIDE: usize = 2;
 
 /// One panel for each campaign that has a fitted model.
-pub fn figure(stem: &str, tables: &Tables, config: &Config) -> Figure {
+pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
     let campaigns: BTreeSet<&str> = tables.fits.iter().map(|fit| fit.campaign.as_str()).collect();
     let panel = |campaign: &&str| {
         let fits = tables.fits.iter().filter(|fit| fit.campaign == *campaign);
@@ -59,7 +59,7 @@ pub fn figure(stem: &str, tables: &Tables, config: &Config) -> Figure {
 }
 
 /// Frequency and work of a fitted model, broken where it has no stable motion.
-fn curve(fit: &FitRow, tables: &Tables, config: &Config) -> Vec<(f64, f64)> {
+fn curve(fit: &FitRow, tables: &Tables, config: &ReportInput) -> Vec<(f64, f64)> {
     let mut omegas: Vec<f64> = tables
         .predictions
         .iter()

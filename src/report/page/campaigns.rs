@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::{Drawn, FigureView, views};
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::report::figures;
 use crate::report::numbers::{NONE, fixed, significant};
 use crate::report::parameters::{self, Parameter};
@@ -81,7 +81,7 @@ struct ParameterView {
 
 /// Sections in the paper's order, then by name; without those that have nothing to say.
 pub fn sections<'p>(
-    config: &'p Config,
+    config: &'p ReportInput,
     tables: &'p Tables,
     drawn: &'p [Drawn<'_>],
 ) -> Vec<CampaignSection<'p>> {

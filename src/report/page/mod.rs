@@ -21,7 +21,7 @@ use super::tables::Tables;
 use super::truth::{self, Comparison, Truth};
 use super::warnings::{CheckCount, Trouble, check_counts, troubled};
 use super::{ReportError, figures, scorecard};
-use crate::config::Config;
+use crate::report::ReportInput;
 use crate::store::{RobotParameterRow, TrialRow};
 
 /// Trials' names, and the files of their pages in `trials/`.
@@ -129,7 +129,7 @@ struct TrialView<'p> {
 /// # Errors
 /// The template cannot be filled in.
 pub fn html(
-    config: &Config,
+    config: &ReportInput,
     tables: &Tables,
     drawn: &[Drawn<'_>],
     pages: &TrialPages,
@@ -166,19 +166,9 @@ pub fn html(
         raw: relative(&config.paths.reports, &config.paths.raw),
         derived: relative(&config.paths.reports, &config.paths.derived),
         input: tables.input.as_deref(),
-        configuration: configuration(config),
+        configuration: config.configuration(),
     };
     engine::fill("index.html", INDEX, &page).map_err(ReportError::Page)
-}
-
-/// The whole configuration, defaults too.
-fn configuration(config: &Config) -> String {
-    let mut config = config.clone();
-    let reports = config.paths.reports.clone();
-    for path in [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports] {
-        *path = relative(&reports, path).into();
-    }
-    toml::to_string(&config).unwrap_or_default()
 }
 
 fn views<'p>(drawn: &'p [Drawn<'_>], is_wanted: impl Fn(&Figure) -> bool) -> Vec<FigureView<'p>> {

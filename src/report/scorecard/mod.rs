@@ -42,7 +42,7 @@ use serde::Serialize;
 use super::ReportError;
 use super::numbers::significant;
 use super::tables::Tables;
-use crate::config::Config;
+use crate::report::ReportInput;
 use claims::{Claim, Claims, Judged, Printed};
 use computed::Found;
 use paper::Paper;
@@ -80,7 +80,7 @@ pub struct Entry {
 /// # Errors
 /// The claims that come with the program cannot be read.
 pub fn scorecard(
-    config: &Config,
+    config: &ReportInput,
     tables: &Tables,
     is_synthetic: bool,
 ) -> Result<Vec<Entry>, ReportError> {
@@ -94,7 +94,7 @@ pub fn scorecard(
     let entry = |claim: &Claim| {
         let computed = claim.computed.as_ref().map(|computed| computed.find(&paper, &curves));
         let measured = claim.measured.as_ref();
-        let measured = measured.and_then(|of| of.find(&paper, tables, config.fit.sigma));
+        let measured = measured.and_then(|of| of.find(&paper, tables, config.sigma));
         entry(claim, computed, measured, &more(claim, &paper, &curves), is_synthetic)
     };
     Ok(claims.claim.par_iter().map(entry).collect())

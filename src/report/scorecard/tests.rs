@@ -6,18 +6,19 @@ use std::path::Path;
 use super::claims::Criterion;
 use super::measured::Measured;
 use super::*;
+use crate::config::Config;
 use crate::report::tests::made_up::{self, Tables as MadeUp};
 
 /// The scorecard of a folder without tables.
 fn alone() -> Vec<Entry> {
-    scorecard(&Config::default(), &Tables::default(), false).expect("a scorecard")
+    scorecard(&ReportInput::new(&Config::default()), &Tables::default(), false).expect("a scorecard")
 }
 
 fn with_tables(made_up: &MadeUp, is_synthetic: bool) -> Vec<Entry> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     made_up.write(folder.path());
     let tables = Tables::read(folder.path()).expect("tables");
-    scorecard(&Config::default(), &tables, is_synthetic).expect("a scorecard")
+    scorecard(&ReportInput::new(&Config::default()), &tables, is_synthetic).expect("a scorecard")
 }
 
 fn find<'e>(entries: &'e [Entry], id: &str) -> &'e Entry {

@@ -1,0 +1,93 @@
+//! What the ingest reads of the configuration.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::error::TrialFailure;
+use crate::config::{Config, GaitConfig, Ingest, Markers, Named, RobotConfig, Vicon};
+use crate::robot::{Gait, Robot};
+use crate::trial::{Trial, TrialError, TrialKind};
+use crate::vicon::MarkerFile;
+
+/// What every marker file is read with.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct IngestSettings {
+    pub vicon: Vicon,
+    pub ingest: Ingest,
+    pub markers: Markers,
+}
+
+/// What one trial is processed with.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct IngestInput {
+    #[serde(flatten)]
+    pub settings: IngestSettings,
+    pub robot: Named<RobotConfig>,
+    /// Of trials of kind `gait`.
+    pub gait: Option<Named<GaitConfig>>,
+}
+
+impl IngestSettings {
+    pub fn new(config: &Config) -> Self {
+        let Config { vicon, ingest, markers, .. } = config.clone();
+        Self { vicon, ingest, markers }
+    }
+
+    /// The file's frame rate, Hz, if it may be the one. If the file has none, the configured one,
+    /// unless each file has to say its own.
+    pub(super) fn frame_rate(&self, path: &Path, file: &MarkerFile) -> Result<f64, TrialFailure> {
+        let needed_hz = self.vicon.rate_hz;
+        match file.rate_hz {
+            Some(found_hz) if found_hz != needed_hz && !self.vicon.rate_from_file => {
+                Err(TrialFailure::Rate { path: path.to_owned(), found_hz, needed_hz })
+            }
+            None if self.vicon.rate_from_file => {
+                Err(TrialFailure::NoRate { path: path.to_owned() })
+            }
+            rate_hz => Ok(rate_hz.unwrap_or(needed_hz)),
+        }
+    }
+
+    /// Longest gap that is filled, frames.
+    pub(super) fn max_gap_frames(&self, rate_hz: f64) -> usize {
+        (self.ingest.max_gap_s * rate_hz + 1e-6) as usize
+    }
+}
+
+impl IngestInput {
+    /// What a trial is processed with.
+    ///
+    /// # Errors
+    /// The trial's entry does not go with the configuration.
+    pub fn new(config: &Config, trial: &Trial) -> Result<Self, TrialError> {
+        trial.check(config)?;
+        let unknown = |key| TrialError {
+            trial: trial.id.clone(),
+            key,
+            found: "a name without a robot or a gait".to_owned(),
+            needed: "one that pipeline.toml describes in full".to_owned(),
+        };
+        let settings = IngestSettings::new(config);
+        let (robot, gait) = match trial.kind {
+            TrialKind::Gait => {
+                let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
+                let campaign = campaign.ok_or_else(|| unknown("campaign"))?;
+                let gait = Named::of(&config.gait, &campaign.gait);
+                (&campaign.robot, Some(gait.ok_or_else(|| unknown("campaign"))?))
+            }
+            _ => (trial.robot.as_ref().ok_or_else(|| unknown("robot"))?, None),
+        };
+        let robot = Named::of(&config.robot, robot).ok_or_else(|| unknown("robot"))?;
+        Ok(Self { settings, robot, gait })
+    }
+
+    pub(super) fn robot(&self) -> Robot {
+        self.robot.value.to_robot()
+    }
+
+    /// The commanded gait of a trial of kind `gait` and its frequency, rad/s.
+    pub(super) fn command(&self, trial: &Trial) -> Option<(Gait, f64)> {
+        Some((self.gait.as_ref()?.value.to_gait(), trial.omega_rad_s?))
+    }
+}
