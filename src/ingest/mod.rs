@@ -30,6 +30,7 @@ mod checks;
 mod error;
 mod fingerprint;
 mod folder;
+mod input;
 mod plan;
 mod signals;
 mod survey;
