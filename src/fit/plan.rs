@@ -140,7 +140,9 @@ pub fn plan_after(config: &Config, known: &StageState, how: How, touched: &Touch
                 if measured && touched.robots.contains(&thing.of.robot) {
                     why.push(format!("if {ROBOTS} changes"));
                 }
-                if why.is_empty() && touched.campaigns.iter().any(|name| *name == thing.input.campaign.name) {
+                if why.is_empty()
+                    && touched.campaigns.iter().any(|name| *name == thing.input.campaign.name)
+                {
                     why.push("if its trials change".to_owned());
                 }
             }

@@ -11,7 +11,10 @@ use super::checks::Finding;
 use super::cycles::summary;
 use super::fingerprint::{self, MARKER_FILE, PLACE};
 use super::plan::{IngestPlan, KeptTrial, TABLES, plan};
-use super::{IngestError, IngestInput, Ingested, ProcessedTrial, TrialFailure, failed_checks, process, tables};
+use super::{
+    IngestError, IngestInput, Ingested, ProcessedTrial, TrialFailure, failed_checks, process,
+    tables,
+};
 use crate::config::Config;
 use crate::store::{
     Beside, CheckRow, CycleRow, How, Parts, Provenance, RobotParameterRow, Rows, StageState, Stamp,

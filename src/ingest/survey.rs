@@ -117,11 +117,10 @@ impl FileSurvey {
         let Some(layout) = layout else { return };
         let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
         let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
-        let tracked =
-            match poses::track(path, file, &layout, None, poses, rate_hz, max_gap) {
-                Ok(tracked) => tracked,
-                Err(failure) => return stop(failure),
-            };
+        let tracked = match poses::track(path, file, &layout, None, poses, rate_hz, max_gap) {
+            Ok(tracked) => tracked,
+            Err(failure) => return stop(failure),
+        };
         let mut row = TrialRow::blank();
         describe_tracking(&mut row, &tracked);
         let findings = tracking_checks(&row, &tracked, file, &layout, settings);
@@ -202,7 +201,10 @@ mod tests {
     use crate::config::Config;
 
     fn fixture(name: &str) -> FileSurvey {
-        survey(&Path::new("tests/fixtures/vicon").join(name), &IngestSettings::new(&Config::default()))
+        survey(
+            &Path::new("tests/fixtures/vicon").join(name),
+            &IngestSettings::new(&Config::default()),
+        )
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! Motions that no table holds, for the figures that show them.
 
-use crate::report::ReportInput;
 use crate::metrics::GaitMetrics;
 use crate::motion::{
     FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample,
     Solver,
 };
+use crate::report::ReportInput;
 use crate::store::FitRow;
 
 /// Moments of a cycle that a figure shows.

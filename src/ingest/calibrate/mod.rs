@@ -30,8 +30,8 @@ use std::path::Path;
 pub use error::CalibrationError;
 
 use super::error::TrialFailure;
-use super::markers::layout::{LinkMarker, locate, marker_name};
 use super::input::{IngestInput, IngestSettings};
+use super::markers::layout::{LinkMarker, locate, marker_name};
 use crate::config::{Config, Markers, nearest};
 use crate::robot::{Gait, Robot};
 use crate::stats::{quantiles_low, wrap};

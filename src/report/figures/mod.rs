@@ -149,7 +149,13 @@ fn release(tables: &Tables, config: &ReportInput) -> Result<Figure, String> {
 
 /// The figure of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked; of the
 /// symmetric campaign its wheels too. Without a trial there is none.
-fn tracked(stem: &str, campaign: &str, source: Source<'_>, config: &ReportInput, found: &mut Figures) {
+fn tracked(
+    stem: &str,
+    campaign: &str,
+    source: Source<'_>,
+    config: &ReportInput,
+    found: &mut Figures,
+) {
     let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
     let measured = source.measured_trials(campaign).filter(|trial| trial.omega_rad_s.is_finite());
     let nearest =

@@ -2,8 +2,8 @@
 
 use super::SYMMETRIC;
 use super::parts::{DEG, series, time_course};
-use crate::report::ReportInput;
 use crate::motion::{Model, Sample};
+use crate::report::ReportInput;
 use crate::report::chart::{Layer, Layout};
 use crate::report::figure::Figure;
 use crate::report::simulated::{self, Steady};

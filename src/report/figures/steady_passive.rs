@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::SEMI_PASSIVE;
 use super::parts::{DEG, FREQUENCY, links, series, time_course, travel};
-use crate::report::ReportInput;
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
+use crate::report::ReportInput;
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
 use crate::report::simulated::{self, SAMPLES, Steady};

@@ -2,8 +2,8 @@
 
 use super::parts::{DEG, links, travel};
 use super::{SEMI_PASSIVE, SKEWED, SYMMETRIC};
-use crate::report::ReportInput;
 use crate::motion::{Model, Pose, Problem, Sample};
+use crate::report::ReportInput;
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
 use crate::report::numbers::with_error;

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 use super::parts::FREQUENCY;
-use crate::report::ReportInput;
 use crate::motion::{Model, Solver};
+use crate::report::ReportInput;
 use crate::report::chart::{Axes, Chart, Layer, Layout};
 use crate::report::figure::Figure;
 use crate::report::simulated;

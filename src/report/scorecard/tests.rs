@@ -11,7 +11,8 @@ use crate::report::tests::made_up::{self, Tables as MadeUp};
 
 /// The scorecard of a folder without tables.
 fn alone() -> Vec<Entry> {
-    scorecard(&ReportInput::new(&Config::default()), &Tables::default(), false).expect("a scorecard")
+    scorecard(&ReportInput::new(&Config::default()), &Tables::default(), false)
+        .expect("a scorecard")
 }
 
 fn with_tables(made_up: &MadeUp, is_synthetic: bool) -> Vec<Entry> {
