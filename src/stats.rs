@@ -1,9 +1,11 @@
-//! Averages, quantiles and angles, each by one definition.
+//! Averages, quantiles, least squares and angles, each by one definition.
 //!
 //! They are written out because the crates differ from them: `statrs` has the quantiles of one
 //! other method only, and copies and sorts for each.
 
 use std::f64::consts::{PI, TAU};
+
+use nalgebra::{SMatrix, SVector};
 
 /// Median absolute deviation of normal deviates of unit deviation, the other way round.
 pub const MAD_TO_DEVIATION: f64 = 1.4826;
@@ -12,6 +14,17 @@ pub const MAD_TO_DEVIATION: f64 = 1.4826;
 pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (count, sum) = values.into_iter().fold((0.0, -0.0), |(n, sum), x| (n + 1.0, sum + x));
     sum / count
+}
+
+/// The values of a series that are not missing (NaN).
+pub fn seen(series: &[f64]) -> impl Iterator<Item = f64> + Clone {
+    series.iter().copied().filter(|x| !x.is_nan())
+}
+
+/// Smallest and largest value; what is missing (NaN) does not count.
+pub fn extremes(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let none = [f64::INFINITY, f64::NEG_INFINITY];
+    values.into_iter().fold(none, |[low, high], x| [low.min(x), high.max(x)])
 }
 
 /// Median; of an even number the mean of the two in the middle, NaN of nothing.
@@ -56,6 +69,62 @@ pub fn quantiles_low<const N: usize>(mut values: Vec<f64>, parts: [f64; N]) -> [
         0 => f64::NAN,
         count => values[(part * (count - 1) as f64) as usize],
     })
+}
+
+/// An estimate with its standard error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    pub value: f64,
+    pub se: f64,
+}
+
+/// Sums of a linear least-squares problem: enough to solve it, and to add those of other parts.
+#[derive(Debug, Clone, Copy)]
+pub struct NormalEquations<const N: usize> {
+    pub matrix: SMatrix<f64, N, N>,
+    pub right: SVector<f64, N>,
+    /// Equations, and the sum of their squared right-hand sides.
+    pub count: f64,
+    pub squares: f64,
+}
+
+impl<const N: usize> NormalEquations<N> {
+    pub fn new() -> Self {
+        Self { matrix: SMatrix::zeros(), right: SVector::zeros(), count: 0.0, squares: 0.0 }
+    }
+
+    /// Adds the equation `row . unknowns = value`.
+    pub fn add(&mut self, row: &SVector<f64, N>, value: f64) {
+        self.add_sums(row, 1.0, value, value * value);
+    }
+
+    /// Adds `count` equations of one row, given the sums of their values and their squares.
+    pub fn add_sums(&mut self, row: &SVector<f64, N>, count: f64, sum: f64, squares: f64) {
+        self.matrix.ger(count, row, row, 1.0);
+        self.right.axpy(sum, row, 1.0);
+        self.count += count;
+        self.squares += squares;
+    }
+
+    pub fn sum<'e>(parts: impl Iterator<Item = &'e Self>) -> Self {
+        parts.fold(Self::new(), |sum, part| Self {
+            matrix: sum.matrix + part.matrix,
+            right: sum.right + part.right,
+            count: sum.count + part.count,
+            squares: sum.squares + part.squares,
+        })
+    }
+
+    /// The unknowns and the inverse of their matrix, `None` if it is not positive definite.
+    pub fn solve(&self) -> Option<(SVector<f64, N>, SMatrix<f64, N, N>)> {
+        let factor = self.matrix.cholesky()?;
+        Some((factor.solve(&self.right), factor.inverse()))
+    }
+
+    /// Sum of squared residuals of a solution.
+    pub fn residual_squares(&self, solution: &SVector<f64, N>) -> f64 {
+        (self.squares - solution.dot(&self.right)).max(0.0)
+    }
 }
 
 /// An angle in (-pi, pi].
@@ -107,9 +176,32 @@ mod tests {
     }
 
     #[test]
+    fn extremes_pass_over_what_is_missing() {
+        assert_eq!(extremes([2.0, f64::NAN, -1.0]), [-1.0, 2.0]);
+        assert_eq!(extremes([]), [f64::INFINITY, f64::NEG_INFINITY]);
+    }
+
+    #[test]
     fn means_are_sums_over_counts() {
         assert_eq!(mean([1.0, 2.0, 6.0]), 3.0);
         assert!(mean([]).is_nan());
+    }
+
+    #[test]
+    fn a_line_is_the_solution_of_its_equations_in_any_parts() {
+        let part = |times: std::ops::Range<i32>| {
+            let mut equations = NormalEquations::new();
+            for t in times.map(f64::from) {
+                equations.add(&SVector::from([1.0, t]), 2.0 - 0.5 * t);
+            }
+            equations
+        };
+        let whole = NormalEquations::sum([part(0..3), part(3..7)].iter());
+        let (line, inverse) = whole.solve().unwrap();
+        assert!((line - SVector::from([2.0, -0.5])).amax() < 1e-14);
+        assert!((inverse * whole.matrix - SMatrix::identity()).amax() < 1e-14);
+        assert!(whole.count == 7.0 && whole.residual_squares(&line) < 1e-13);
+        assert!(part(0..1).solve().is_none());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::ingest::{Calibration, MarkerPlace, Measured, calibrate};
+use crate::ingest::{Calibration, Estimate, MarkerPosition, calibrate};
 
 /// Estimates the layouts from one trial and prints them.
 pub(super) fn run(context: &Context, folder: &Path, trial: &str) -> Result<Outcome, Failure> {
@@ -64,22 +64,22 @@ fn print(found: &Calibration) {
     }
 }
 
-fn line(marker: &MarkerPlace) -> String {
+fn line(marker: &MarkerPosition) -> String {
     let all = |numbers: [f64; 3]| numbers.map(|x| format!("{x:.2}")).join(", ");
-    let place = marker.place_mm.map(|measured| measured.value);
+    let position = marker.position_mm.map(|estimate| estimate.value);
     let off = match marker.configured_mm {
         Some(configured) => {
-            let off = [0, 1, 2].map(|axis| format!("{:+.2}", place[axis] - configured[axis]));
+            let off = [0, 1, 2].map(|axis| format!("{:+.2}", position[axis] - configured[axis]));
             format!("; off by {}", off.join(", "))
         }
         None => String::new(),
     };
-    let errors = all(marker.place_mm.map(|measured| measured.se));
-    format!("{} = [{}]  # +- {errors}{off}", key(&marker.label), all(place))
+    let errors = all(marker.position_mm.map(|estimate| estimate.se));
+    format!("{} = [{}]  # +- {errors}{off}", key(&marker.label), all(position))
 }
 
-fn with_error(measured: &Measured, digits: usize) -> String {
-    format!("{:.digits$} +- {:.digits$}", measured.value, measured.se)
+fn with_error(estimate: &Estimate, digits: usize) -> String {
+    format!("{:.digits$} +- {:.digits$}", estimate.value, estimate.se)
 }
 
 /// A label as a key of TOML.

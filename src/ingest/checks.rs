@@ -23,7 +23,7 @@ pub(super) const MOST_MISPLACED: f64 = 0.02;
 /// The same of frames in which it is not clear what is wrong, and which are thrown out.
 pub(super) const MOST_AMBIGUOUS: f64 = 0.01;
 /// How far a joint may be from where h and l put it, mm.
-pub(super) const JOINT_PLACE_MM: f64 = 0.8;
+pub(super) const JOINT_POSITION_MM: f64 = 0.8;
 /// How much a joint may stay behind the peak of its first harmonic, as a part of it. A servo
 /// that stops at 0.95 of its amplitude stays behind by 0.023.
 pub(super) const CLIPPING: f64 = 0.02;
@@ -33,13 +33,13 @@ pub(super) const GAIT_TOLERANCE_DEG: f64 = 10.0;
 /// What is looked at. Codes do not change; reports and scripts count them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Check {
-    /// The file says how fast its frames follow each other.
+    /// The file states its frame rate.
     Rate,
     /// No frames are left out.
     FrameContinuity,
     /// The cameras saw the markers most of the time.
     Coverage,
-    /// The markers lie on the links as the layout says.
+    /// The markers lie on the links as in the layout.
     Residual,
     /// The robot moved at the commanded frequency.
     Frequency,
@@ -53,7 +53,7 @@ pub enum Check {
     Gait,
     /// d does not change over the cycles used.
     Drift,
-    /// No marker is where the others of its link and the link's motion say it cannot be.
+    /// No marker is off the others of its link or off the link's motion.
     JumpedMarker,
     /// No two labels of a link are swapped.
     SwappedLabels,
@@ -68,7 +68,7 @@ pub enum Check {
     /// Floor and links are level.
     Tilt,
     /// The joints are where h and l put them.
-    JointPlaces,
+    JointPositions,
     /// No servo stops short of its peaks.
     GaitClipping,
     /// The trial could be processed.
@@ -128,7 +128,7 @@ impl fmt::Display for Check {
             Self::Decay => "W015 decay",
             Self::Straight => "W016 straight",
             Self::Tilt => "W017 tilt",
-            Self::JointPlaces => "W018 joint-places",
+            Self::JointPositions => "W018 joint-places",
             Self::GaitClipping => "W019 gait-clipping",
             Self::AmbiguousMarkers => "W013 ambiguous-markers",
         })
@@ -155,14 +155,18 @@ impl fmt::Display for Finding {
 }
 
 impl Finding {
+    pub fn new(check: Check, holds: bool, value: f64, limit: f64, message: String) -> Self {
+        Self { check, holds, value, limit, message, is_notable: false }
+    }
+
     /// A check that holds while `value` is not above `limit`.
     pub fn at_most(check: Check, value: f64, limit: f64, message: String) -> Self {
-        Self { check, holds: value <= limit, value, limit, message, is_notable: false }
+        Self::new(check, value <= limit, value, limit, message)
     }
 
     /// A check that holds while `value` is not below `limit`.
     pub fn at_least(check: Check, value: f64, limit: f64, message: String) -> Self {
-        Self { check, holds: value >= limit, value, limit, message, is_notable: false }
+        Self::new(check, value >= limit, value, limit, message)
     }
 
     /// The same finding, worth saying whether it holds or not.
@@ -193,14 +197,6 @@ impl Finding {
 impl TrialFailure {
     /// The only row of `checks.parquet` of a trial that gives no numbers.
     pub fn check_row(&self, trial: &str) -> CheckRow {
-        let finding = Finding {
-            check: Check::Failed,
-            holds: false,
-            value: f64::NAN,
-            limit: f64::NAN,
-            message: self.to_string(),
-            is_notable: false,
-        };
-        finding.row(trial)
+        Finding::new(Check::Failed, false, f64::NAN, f64::NAN, self.to_string()).row(trial)
     }
 }

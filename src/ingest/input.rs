@@ -1,10 +1,8 @@
 //! What the ingest reads of the configuration.
 
-use std::path::Path;
-
 use serde::Serialize;
 
-use super::error::TrialFailure;
+use super::error::Problem;
 use crate::config::{Config, GaitConfig, Ingest, Markers, Named, RobotConfig, Vicon};
 use crate::robot::{Gait, Robot};
 use crate::trial::{Trial, TrialError, TrialKind};
@@ -35,16 +33,14 @@ impl IngestSettings {
     }
 
     /// The file's frame rate, Hz, if it may be the one. If the file has none, the configured one,
-    /// unless each file has to say its own.
-    pub(super) fn frame_rate(&self, path: &Path, file: &MarkerFile) -> Result<f64, TrialFailure> {
+    /// unless each file has to state its own.
+    pub(super) fn frame_rate(&self, file: &MarkerFile) -> Result<f64, Problem> {
         let needed_hz = self.vicon.rate_hz;
         match file.rate_hz {
             Some(found_hz) if found_hz != needed_hz && !self.vicon.rate_from_file => {
-                Err(TrialFailure::Rate { path: path.to_owned(), found_hz, needed_hz })
+                Err(Problem::Rate { found_hz, needed_hz })
             }
-            None if self.vicon.rate_from_file => {
-                Err(TrialFailure::NoRate { path: path.to_owned() })
-            }
+            None if self.vicon.rate_from_file => Err(Problem::NoRate),
             rate_hz => Ok(rate_hz.unwrap_or(needed_hz)),
         }
     }

@@ -37,31 +37,31 @@ mod survey;
 mod tables;
 
 #[cfg(test)]
-mod synthetic;
-#[cfg(test)]
 mod tests;
 
 use std::path::Path;
 
-pub use calibrate::{Calibration, CalibrationError, MarkerPlace, Measured, calibrate};
+pub use crate::stats::Estimate;
+pub use calibrate::{Calibration, CalibrationError, LayoutProblem, MarkerPosition, calibrate};
 pub use checks::{Check, Severity};
-pub use error::{IngestError, TrialFailure};
+pub use error::{IngestError, Problem, TrialFailure};
 pub use folder::{OnTrial, ingest_folder, ingest_planned};
 pub use input::{IngestInput, IngestSettings};
 pub use plan::{IngestPlan, Touched, plan, table_paths};
-pub use survey::{FileSurvey, Gaps, Recording, SeenMarker, survey};
+pub use survey::{FileSurvey, Gaps, MarkerCoverage, Recording, survey};
 pub use tables::table_folders;
 
 use crate::config::{Config, Smoothing};
+use crate::robot::Gait;
 use crate::store::{CheckRow, CycleRow, RobotParameterRow, Table, TrialRow};
 use crate::trial::{Trial, TrialKind};
-use crate::vicon;
+use crate::vicon::{self, MarkerFile};
 use checks::Finding;
-use cycles::{CycleData, clipping, steady, summary, wheel_velocities};
+use cycles::{CycleData, steady, summary, wheel_velocities};
 use identification::{coast, release};
 use markers::layout;
-use phase::{Command, Driven, GAIT_HARMONICS, Harmonics};
-use poses::{Chain, Tracked};
+use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics};
+use poses::{Linkage, Tracked};
 use signals::JointSignal;
 
 /// Raise it when the same marker files, list and configuration give other tables than before:
@@ -141,70 +141,72 @@ fn process(
     input: &IngestInput,
     findings: &mut Vec<Finding>,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    let (robot, gait, settings) = (input.robot(), input.command(trial), &input.settings);
-    let IngestSettings { vicon, ingest, markers } = settings;
-    let file = vicon::parse_markers(path, bytes)?.without(&vicon.ignore);
-    let rate_hz = settings.frame_rate(path, &file)?;
-    let layout = layout::locate(path, markers, &file)?;
-    let chain = Some(Chain::of(&robot));
+    let ignore = &input.settings.vicon.ignore;
+    let file = vicon::parse_markers(path, bytes)?.without(ignore);
+    process_recording(&file, trial, input, findings).map_err(|problem| problem.of(path))
+}
+
+/// [`process`] of the markers of a trial.
+fn process_recording(
+    file: &MarkerFile,
+    trial: &Trial,
+    input: &IngestInput,
+    findings: &mut Vec<Finding>,
+) -> Result<ProcessedTrial, Problem> {
+    let (robot, gait, settings) = (&input.robot(), input.command(trial), &input.settings);
+    let IngestSettings { ingest, markers, .. } = settings;
+    let rate_hz = settings.frame_rate(file)?;
+    let layout = layout::locate(markers, file)?;
+    let linkage = Some(Linkage::of(robot));
     let max_gap = settings.max_gap_frames(rate_hz);
-    let tracked = poses::track(path, &file, &layout, chain, ingest.poses, rate_hz, max_gap)?;
+    let tracked = poses::track(file, &layout, linkage, ingest.poses, rate_hz, max_gap)?;
     let mut row = summary::blank_row(trial);
     poses::describe_tracking(&mut row, &tracked);
-    findings.extend(poses::tracking_checks(&row, &tracked, &file, &layout, settings));
+    findings.extend(poses::tracking_checks(&row, &tracked, file, &layout, settings));
 
-    let driven = match &gait {
-        Some((gait, omega_rad_s)) => {
-            let skip_cycles = ingest.skip_cycles;
-            let command = Command { path, gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
-            Some(command.measure(&tracked.seen.phi_rad)?)
-        }
-        None => None,
+    let skip_cycles = ingest.skip_cycles;
+    let measure = |(gait, omega_rad_s): &(Gait, f64)| {
+        let command = CommandedGait { gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
+        command.measure(&tracked.seen.phi_rad)
     };
+    let driven = gait.as_ref().map(measure).transpose()?;
     let window = smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref());
     let smooth = tracked.filled.map(|series| signals::moving_average(series, window));
-    let wheels = wheel_velocities(&robot, &smooth, rate_hz);
+    let wheels = wheel_velocities(robot, &smooth, rate_hz);
 
     row.smoothing_window = window as i64;
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
-        let phi_rad = &tracked.seen.phi_rad;
         let data = CycleData {
-            robot: &robot,
+            robot,
             gait,
             driven,
-            phi_rad,
+            phi_rad: &tracked.seen.phi_rad,
             filled: &tracked.filled,
-            raw_wheels: &wheel_velocities(&robot, &tracked.filled, rate_hz),
+            raw_wheels: &wheel_velocities(robot, &tracked.filled, rate_hz),
             smooth: &smooth,
             wheels: &wheels,
         };
         let cycles = data.cycles();
-        let steady = steady::steady(&cycles, ingest.skip_cycles);
+        let steady = steady::steady(&cycles, skip_cycles);
         if steady.used.len() < LEAST_USED_CYCLES {
-            return Err(TrialFailure::TooFewCycles {
-                path: path.to_owned(),
+            return Err(Problem::TooFewCycles {
                 whole: cycles.len(),
                 skipped: steady.skipped,
                 usable: steady.used.len(),
                 needed: LEAST_USED_CYCLES,
             });
         }
-        summary::describe_gait(&mut row, &robot, driven, &cycles, &steady, phi_rad);
-        findings.extend(summary::gait_checks(&row, gait, &cycles, &steady));
-        if let [first, .., last] = steady.used[..] {
-            let (first, last) = (&cycles[first], &cycles[last]);
-            let frames = first.start.ceil() as usize..last.end.floor() as usize + 1;
-            findings.push(clipping::check(gait, phi_rad, &frames, &driven.clock));
-        }
+        summary::describe_gait(&mut row, &data, &cycles, &steady);
+        findings.extend(summary::gait_checks(&row, &data, &cycles, &steady));
         cycle_rows = summary::cycle_rows(trial, &cycles, &steady, rate_hz);
     }
     let measured = match trial.kind {
         TrialKind::Gait => None,
-        TrialKind::JointRelease => Some(release::measure(path, &robot, &tracked.seen, rate_hz)?),
+        TrialKind::JointRelease => Some(release::measure(robot, &tracked.seen, rate_hz)?),
         TrialKind::CoastDown => {
             let speed_m_s = &wheels.roll_m_s[0];
-            Some(coast::measure(path, &robot, &tracked.seen, speed_m_s, rate_hz)?)
+            Some(coast::measure(robot, &tracked.seen, speed_m_s, rate_hz)?)
         }
     };
     let parameters = measured.map(|(parameters, found)| {
@@ -216,11 +218,8 @@ fn process(
             ..parameters
         }
     });
-    let warnings: Vec<&str> = findings
-        .iter()
-        .filter(|finding| !finding.holds)
-        .map(|finding| finding.message.as_str())
-        .collect();
+    let failed = findings.iter().filter(|finding| !finding.holds);
+    let warnings: Vec<&str> = failed.map(|finding| finding.message.as_str()).collect();
     row.status = if warnings.is_empty() { "ok" } else { "flagged" }.to_owned();
     row.message = warnings.join("; ");
     Ok(ProcessedTrial {
@@ -239,21 +238,21 @@ fn smoothing_window(
     trial: &Trial,
     configured: Smoothing,
     tracked: &Tracked,
-    driven: Option<&Driven>,
+    driven: Option<&GaitPhase>,
 ) -> usize {
     match (trial.smoothing_window, configured, driven) {
         (Some(window), _, _) | (None, Smoothing::Window(window), _) => window,
         (None, Smoothing::Auto, None) => signals::WINDOW_WITHOUT_GAIT,
-        (None, Smoothing::Auto, Some(Driven { clock, moving, .. })) => {
+        (None, Smoothing::Auto, Some(GaitPhase { phase, moving, .. })) => {
             let joints = tracked.seen.phi_rad.each_ref().map(|phi_rad| {
-                let fit = Harmonics::fit(phi_rad, moving.clone(), clock, GAIT_HARMONICS);
+                let fit = Harmonics::fit(phi_rad, moving.clone(), phase, GAIT_HARMONICS);
                 let amplitudes = |fit: Harmonics| (1..=3).map(|k| fit.amplitude(k)).collect();
                 JointSignal {
                     noise_rad: signals::noise(phi_rad),
                     harmonics_rad: fit.map_or(Vec::new(), amplitudes),
                 }
             });
-            signals::best_window(&joints, clock.step_rad)
+            signals::best_window(&joints, phase.step_rad)
         }
     }
 }

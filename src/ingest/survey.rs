@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::error::TrialFailure;
+use super::error::Problem;
 use super::input::IngestSettings;
 use super::markers::layout::{self, Layout};
 use super::poses::{self, describe_tracking, tracking_checks};
@@ -42,13 +42,13 @@ pub struct Recording {
     pub rows_without_frame: usize,
     /// Part of all markers' frames in which they were seen.
     pub coverage: f64,
-    pub markers: Vec<SeenMarker>,
+    pub markers: Vec<MarkerCoverage>,
     pub gaps: Gaps,
 }
 
 /// One marker of a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct SeenMarker {
+pub struct MarkerCoverage {
     pub label: String,
     /// The link that the layout puts it on.
     pub link: Option<usize>,
@@ -71,7 +71,7 @@ pub struct Gaps {
     pub longest_s: Option<f64>,
 }
 
-/// Reads a marker file and says what is there and what is wrong with it.
+/// Reads a marker file, and lists what is there and what is wrong with it.
 pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
     let mut survey = FileSurvey {
         file: path.to_owned(),
@@ -92,23 +92,23 @@ pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
     // What is wrong with the sections is wrong with the markers too.
     survey.sections = vicon::sections(path, &bytes).unwrap_or_default();
     match vicon::parse_markers(path, &bytes) {
-        Ok(file) => survey.look_at(path, &file, settings),
+        Ok(file) => survey.add_markers(path, &file, settings),
         Err(error) => survey.stops.push(error.to_string()),
     }
     survey
 }
 
 impl FileSurvey {
-    fn look_at(&mut self, path: &Path, file: &MarkerFile, settings: &IngestSettings) {
+    fn add_markers(&mut self, path: &Path, file: &MarkerFile, settings: &IngestSettings) {
         let ignore = &settings.vicon.ignore;
         let whole = file;
         let file = &whole.clone().without(ignore);
-        let mut stop = |failure: TrialFailure| self.stops.push(failure.to_string());
-        let rate_hz = settings.frame_rate(path, file).map_err(&mut stop).ok();
-        let layout = match layout::locate_all(path, &settings.markers, file) {
+        let mut stop = |problem: Problem| self.stops.push(problem.of(path).to_string());
+        let rate_hz = settings.frame_rate(file).map_err(&mut stop).ok();
+        let layout = match layout::locate_all(&settings.markers, file) {
             Ok(layout) => Some(layout),
-            Err(failures) => {
-                failures.into_iter().for_each(&mut stop);
+            Err(problems) => {
+                problems.into_iter().for_each(&mut stop);
                 None
             }
         };
@@ -117,9 +117,9 @@ impl FileSurvey {
         let Some(layout) = layout else { return };
         let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
         let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
-        let tracked = match poses::track(path, file, &layout, None, poses, rate_hz, max_gap) {
+        let tracked = match poses::track(file, &layout, None, poses, rate_hz, max_gap) {
             Ok(tracked) => tracked,
-            Err(failure) => return stop(failure),
+            Err(problem) => return stop(problem),
         };
         let mut row = TrialRow::blank();
         describe_tracking(&mut row, &tracked);
@@ -139,7 +139,7 @@ impl Recording {
         let (first_frame, last_frame) = (file.frames[0], file.frames[file.frames.len() - 1]);
         let frames = last_frame - first_frame + 1;
         let mut gaps = Vec::new();
-        let mut markers: Vec<SeenMarker> = Vec::with_capacity(file.labels.len());
+        let mut markers: Vec<MarkerCoverage> = Vec::with_capacity(file.labels.len());
         let (mut seen_in_all, mut kept) = (0, 0);
         for (i, label) in file.labels.iter().enumerate() {
             let seen: Vec<i64> = (0..file.frames.len())
@@ -151,7 +151,7 @@ impl Recording {
             // The layout's columns are those of the markers that are kept.
             let on = |markers: &Vec<layout::LinkMarker>| markers.iter().any(|m| m.column == kept);
             let ignored = file.is_named(i, ignore);
-            markers.push(SeenMarker {
+            markers.push(MarkerCoverage {
                 label: label.clone(),
                 link: layout.filter(|_| !ignored).and_then(|links| links.iter().position(on)),
                 ignored,

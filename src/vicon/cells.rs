@@ -45,7 +45,7 @@ pub(super) struct Dialect {
 }
 
 impl Dialect {
-    /// As the first row of axes says; the comma if there is none.
+    /// As in the first row of axes; the comma if there is none.
     pub fn of(text: &[u8]) -> Self {
         let after_frame = |line: &[u8]| {
             let end = line.iter().position(|byte| SEPARATORS.contains(byte))?;
@@ -87,7 +87,7 @@ impl Dialect {
         (!first.is_empty() && self.is_blank(&line[end..])).then_some(first)
     }
 
-    /// Whether a line says what the columns below are: `Frame,Sub Frame,X,Y,Z`.
+    /// Whether a line names the columns below: `Frame,Sub Frame,X,Y,Z`.
     pub fn is_axis_row(self, line: &[u8]) -> bool {
         is_frame_cell(self.first_cell(line))
     }

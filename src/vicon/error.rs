@@ -33,24 +33,18 @@ pub enum Problem {
     Header { line: usize, found: String, needed: &'static str },
     #[error(": found no row of numbers below line {line}, needed at least one frame")]
     NoRows { line: usize },
-    #[error(
-        ": found {rows} rows below line {line} and none with a frame number, needed at least one"
-    )]
+    #[error(": found {} rows below line {} and none with a frame number, needed at least one", .rows, .line)]
     NoFrameNumbers { line: usize, rows: usize },
     #[error(", line {line}: found a second `Trajectories` section, needed one")]
     TwoSections { line: usize },
-    /// A cell of a column (counted from 1) that holds what its name says, such as `Snake:M1 X`.
+    /// A cell of a column (counted from 1) with its name, such as `Snake:M1 X`.
     #[error(", line {line}, column {column} ({name}): found `{found}`, needed {needed}")]
     NotANumber { line: usize, column: usize, name: String, found: String, needed: &'static str },
     #[error(", line {line}: found frame {found} after frame {previous}, needed a larger number")]
     FrameOrder { line: usize, found: i64, previous: i64 },
-    #[error(
-        ", line {line}: found the file's end after {found} cells of a row, needed {needed}; is the copy complete?"
-    )]
+    #[error(", line {}: found the file's end after {} cells of a row, needed {}; is the copy complete?", .line, .found, .needed)]
     Cut { line: usize, found: usize, needed: usize },
-    #[error(
-        ", line {line}: found rows much shorter than the {markers} markers of the header, needed one cell per axis"
-    )]
+    #[error(", line {}: found rows much shorter than the {} markers of the header, needed one cell per axis", .line, .markers)]
     ShortRows { line: usize, markers: usize },
 }
 

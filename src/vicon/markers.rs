@@ -11,7 +11,7 @@ pub(super) const MISSING: [f64; 3] = [f64::NAN; 3];
 /// The markers of one file, mm in the cameras' frame, in the order of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarkerFile {
-    /// Frame rate that the file states, Hz; a file that somebody trimmed may not say.
+    /// Frame rate that the file states, Hz; a file that somebody trimmed may have none.
     pub rate_hz: Option<f64>,
     /// Frame number of each row, increasing; the first is often not 1, and numbers can jump.
     pub frames: Vec<i64>,

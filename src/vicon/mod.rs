@@ -1,8 +1,8 @@
 //! Marker files of the camera system: a file's bytes in, markers over time out.
 //!
 //! A CSV export is several ragged tables in one file. The `Trajectories` section is found by
-//! its name; its header says which columns are markers; its rows are parsed byte by byte
-//! straight into one flat vector. C3D files are told by their content or name. Nothing is
+//! its name; its header names the columns of markers; its rows are parsed byte by byte
+//! straight into one flat vector. C3D files are recognised by their content or name. Nothing is
 //! interpolated and nothing is guessed: what the file leaves empty is missing.
 
 mod bytes;

@@ -95,12 +95,9 @@ impl Row<'_> {
         if cell.is_empty() {
             return Ok(None);
         }
-        match dialect.number(cell) {
-            Some(frame) if frame.fract() == 0.0 && frame.abs() <= LARGEST_FRAME => {
-                Ok(Some(frame as i64))
-            }
-            _ => Err(self.not_a_number(0, cell, "a whole frame number")),
-        }
+        let is_whole = |frame: &f64| frame.fract() == 0.0 && frame.abs() <= LARGEST_FRAME;
+        let frame = dialect.number(cell).filter(is_whole).map(|frame| Some(frame as i64));
+        frame.ok_or_else(|| self.not_a_number(0, cell, "a whole frame number"))
     }
 
     /// Fills in what the row has. Cells that are empty or cut off stay missing, and a marker

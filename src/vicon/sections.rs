@@ -14,7 +14,7 @@ pub struct Section {
     pub name: String,
     /// Line where it starts, from 1; 0 in a binary file.
     pub line: usize,
-    /// Its own rate, Hz, if the file says one.
+    /// Its own rate, Hz, if the file states one.
     pub rate_hz: Option<f64>,
     /// Rows with a frame number.
     pub rows: usize,

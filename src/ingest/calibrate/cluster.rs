@@ -17,30 +17,25 @@ const WIDTH: f64 = 2.563;
 
 /// Groups of the columns of a file, each of two at least and rigid, by their first column; other
 /// columns are in no group. Two groups join if all distances between them are constant, the most
-/// constant first.
-pub(super) fn rigid_groups(file: &MarkerFile, columns: &[usize]) -> Vec<Vec<usize>> {
-    let spread = |a: usize, b: usize| spread_mm(file, a, b);
-    let mut groups: Vec<Vec<usize>> = columns.iter().map(|&column| vec![column]).collect();
-    let mut apart: Vec<Vec<f64>> =
-        columns.iter().map(|&a| columns.iter().map(|&b| spread(a, b)).collect()).collect();
+/// constant first (complete linkage).
+pub(super) fn rigid_groups(file: &MarkerFile) -> Vec<Vec<usize>> {
+    let columns = 0..file.labels.len();
+    let spread = |a: usize| columns.clone().map(move |b| spread_mm(file, a, b)).collect();
+    let spreads: Vec<Vec<f64>> = columns.clone().map(spread).collect();
+    let mut groups: Vec<Vec<usize>> = columns.map(|column| vec![column]).collect();
     loop {
-        let pairs = (0..groups.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
-        let nearest = pairs
-            .map(|(i, j)| (apart[i][j], i, j))
+        let apart = |i: usize, j: usize| {
+            let pairs = groups[i].iter().flat_map(|&a| groups[j].iter().map(move |&b| (a, b)));
+            pairs.map(|(a, b)| spreads[a][b]).fold(0.0, f64::max)
+        };
+        let nearest = (0..groups.len())
+            .flat_map(|j| (0..j).map(move |i| (i, j)))
+            .map(|(i, j)| (apart(i, j), i, j))
             .filter(|(apart, _, _)| *apart < RIGID_MM)
             .min_by(|a, b| a.0.total_cmp(&b.0));
         let Some((_, i, j)) = nearest else { break };
         let joined = groups.remove(j);
         groups[i].extend(joined);
-        let gone = apart.remove(j);
-        apart.iter_mut().for_each(|row| {
-            row.remove(j);
-        });
-        for (k, other) in gone.into_iter().enumerate().filter(|(k, _)| *k != j) {
-            let k = if k > j { k - 1 } else { k };
-            let most = apart[i][k].max(other);
-            (apart[i][k], apart[k][i]) = (most, most);
-        }
     }
     groups.retain(|group| group.len() >= 2);
     groups.iter_mut().for_each(|group| group.sort_unstable());

@@ -1,14 +1,11 @@
-//! The layout that some of a trial's rows say.
+//! The layout by some of a trial's rows.
 
 use super::joint::Joint;
-use super::rolling::{self, Velocity};
+use super::rolling;
 use super::shape::Body;
 use crate::ingest::markers::layout::LinkMarker;
-use crate::robot::Robot;
+use crate::robot::{Robot, rotated};
 use crate::vicon::MarkerFile;
-
-/// Rounds in which direction and distance of an axle follow each other.
-const ROUNDS: usize = 30;
 
 /// The middle link's own frame in that of its body.
 pub(super) struct Middle {
@@ -34,20 +31,20 @@ impl Middle {
     }
 }
 
-/// What some of a trial's rows say of links 0, 1, 2.
-pub(super) struct Estimate {
+/// Links 0, 1, 2 by some of a trial's rows.
+pub(super) struct LayoutEstimate {
     /// Of the markers, in their links' own frames.
-    pub places_mm: [Vec<[f64; 3]>; 3],
+    pub positions_mm: [Vec<[f64; 3]>; 3],
     pub h_mm: f64,
-    /// From joint to axle as the wheels' rolling says.
+    /// From joint to axle by the wheels' rolling.
     pub l_mm: [f64; 2],
     pub joints: [Joint; 2],
     /// Of the side links in their bodies' frames, with the axle at the robot's l.
     pub direction_rad: [f64; 2],
 }
 
-impl Estimate {
-    /// `None` if the rows do not say where the joints are or where the wheels roll to.
+impl LayoutEstimate {
+    /// `None` if the rows do not determine where the joints are or where the wheels roll to.
     pub fn of(
         file: &MarkerFile,
         bodies: &[Body; 3],
@@ -60,38 +57,30 @@ impl Estimate {
         let (mut l_mm, mut direction_rad) = ([0.0; 2], [0.0; 2]);
         for (side, sign) in [(0, 1.0), (1, -1.0)] {
             let outer = &bodies[1 + side];
-            let place = middle.joints[side].in_second;
-            let velocities: Vec<Velocity> =
-                rolling::velocities(outer, place, &file.frames, rate_hz)
-                    .into_iter()
-                    .filter(|velocity| is_used(velocity.row))
-                    .collect();
+            let joint = middle.joints[side].in_second;
+            let mut velocities = rolling::velocities(outer, joint, &file.frames, rate_hz);
+            velocities.retain(|velocity| is_used(velocity.row));
             let guess = mean_turn(&bodies[0], outer, is_used) + middle.direction_rad;
             let lever_mm = sign * 1e3 * robot.l_m;
             let direction = rolling::direction(&velocities, lever_mm, guess)?;
             direction_rad[side] = direction;
-            let (mut free, mut lever_mm) = (direction, lever_mm);
-            for _ in 0..ROUNDS {
-                lever_mm = rolling::lever_mm(&velocities, free);
-                free = rolling::direction(&velocities, lever_mm, free)?;
-            }
-            l_mm[side] = sign * lever_mm;
+            l_mm[side] = sign * rolling::lever_mm(&velocities, direction, lever_mm)?;
         }
         let axes = [
             (middle.origin_mm, middle.direction_rad, 0.0),
             (middle.joints[0].in_second, direction_rad[0], -1e3 * robot.l_m),
             (middle.joints[1].in_second, direction_rad[1], 1e3 * robot.l_m),
         ];
-        let places_mm = [0, 1, 2].map(|link| {
+        let positions_mm = [0, 1, 2].map(|link| {
             let (origin, direction, shift) = axes[link];
-            let (sin, cos) = direction.sin_cos();
             let of = |marker: &LinkMarker| {
-                let [x, y] = [0, 1].map(|axis| marker.place_mm[axis] - origin[axis]);
-                [cos * x + sin * y + shift, cos * y - sin * x, marker.height_mm]
+                let from_origin = [0, 1].map(|axis| marker.local_position_mm[axis] - origin[axis]);
+                let [x, y] = rotated(-direction, from_origin);
+                [x + shift, y, marker.height_mm]
             };
             bodies[link].markers.iter().map(of).collect()
         });
-        Some(Self { places_mm, h_mm: middle.h_mm, l_mm, joints: middle.joints, direction_rad })
+        Some(Self { positions_mm, h_mm: middle.h_mm, l_mm, joints: middle.joints, direction_rad })
     }
 }
 

@@ -3,7 +3,7 @@
 //! Seen from behind, the front joint's angle is minus the rear one's and the other way round. So
 //! the two ways to name the links differ in which joint does what, and in which of them is ahead:
 //! the one that the commanded gait fits better is right. The direction in which the robot moves
-//! says nothing: some gaits drive it backwards.
+//! does not decide: some gaits drive it backwards.
 
 use nalgebra::{Complex, ComplexField};
 

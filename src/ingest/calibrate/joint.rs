@@ -1,8 +1,10 @@
-//! The axis about which two rigid bodies turn: the point that is at rest in both.
+//! The axis about which two rigid bodies turn: symmetrical centre of rotation estimation (SCoRE,
+//! Ehrig and others 2006), in the plane.
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::Vector4;
 
 use super::shape::Body;
+use crate::stats::NormalEquations;
 
 /// Where a joint is in the frames of the two bodies that it joins, mm.
 #[derive(Debug, Clone, Copy)]
@@ -15,46 +17,27 @@ pub(super) struct Joint {
 
 impl Joint {
     /// Least squares over the rows in which both bodies have a pose: `o_a + R_a p_a = o_b +
-    /// R_b p_b` is linear in the two places. `None` if the bodies do not turn against each other.
+    /// R_b p_b` is linear in the two positions. `None` if the bodies do not turn against each
+    /// other.
     pub fn between(first: &Body, second: &Body, is_used: &dyn Fn(usize) -> bool) -> Option<Self> {
-        let (mut normal, mut right) = (Matrix4::<f64>::zeros(), Vector4::<f64>::zeros());
-        let (mut count, mut squares) = (0.0, 0.0);
-        for (row, [(a, ca, sa), (b, cb, sb)]) in rows(first, second) {
+        let mut equations = NormalEquations::new();
+        for (row, fits) in first.fits.iter().zip(&second.fits).enumerate() {
+            let (Some(a), Some(b)) = (fits.0.pose, fits.1.pose) else { continue };
             if !is_used(row) {
                 continue;
             }
-            let apart = [b[0] - a[0], b[1] - a[1]];
-            let equations = [
-                (Vector4::new(ca, -sa, -cb, sb), apart[0]),
-                (Vector4::new(sa, ca, -sb, -cb), apart[1]),
-            ];
-            for (row, value) in equations {
-                normal.ger(1.0, &row, &row, 1.0);
-                right.axpy(value, &row, 1.0);
-                squares += value * value;
-            }
-            count += 1.0;
+            let ((sa, ca), (sb, cb)) = (a.theta_rad.sin_cos(), b.theta_rad.sin_cos());
+            let [x, y] = [0, 1].map(|axis| b.origin_mm[axis] - a.origin_mm[axis]);
+            equations.add(&Vector4::new(ca, -sa, -cb, sb), x);
+            equations.add(&Vector4::new(sa, ca, -sb, -cb), y);
         }
-        let places = normal.cholesky()?.solve(&right);
-        let left = (squares - places.dot(&right)).max(0.0);
+        let (positions, _) = equations.solve()?;
+        // Two equations for each row.
+        let mean_square = equations.residual_squares(&positions) / (0.5 * equations.count);
         Some(Self {
-            in_first: [places[0], places[1]],
-            in_second: [places[2], places[3]],
-            residual_mm: (left / count).sqrt(),
+            in_first: [positions[0], positions[1]],
+            in_second: [positions[2], positions[3]],
+            residual_mm: mean_square.sqrt(),
         })
     }
-}
-
-type Placed = ([f64; 2], f64, f64);
-
-/// The rows in which both bodies have a pose, with origin, cosine and sine of each.
-fn rows<'b>(first: &'b Body, second: &'b Body) -> impl Iterator<Item = (usize, [Placed; 2])> + 'b {
-    first.fits.iter().zip(&second.fits).enumerate().filter_map(|(row, (a, b))| {
-        let placed = |fit: &crate::ingest::markers::labels::LinkFit| {
-            let pose = fit.pose?;
-            let (sin, cos) = pose.theta_rad.sin_cos();
-            Some((pose.origin_mm, cos, sin))
-        };
-        Some((row, [placed(a)?, placed(b)?]))
-    })
 }

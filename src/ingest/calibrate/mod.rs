@@ -8,8 +8,8 @@
 //!   link give its origin, half way between them, its direction and h;
 //! - of a side link its joint only. In which direction its axle is from there is where its wheel
 //!   rolls to ([`rolling`]): as good as the wheel does not skid to one side on average. How far
-//!   away it is cannot be told well from a wheel that skids, so l is taken from the robot and
-//!   what the wheel says of it is only shown.
+//!   away it is does not show well in a wheel that skids, so l is taken from the robot and
+//!   what the wheel gives is only shown.
 //!
 //! The heights are means. Standard errors are those of a jackknife over parts of the trial, so
 //! they account for noise and for what changes from part to part, not for what the wheels do
@@ -27,17 +27,17 @@ mod tests;
 
 use std::path::Path;
 
-pub use error::CalibrationError;
+pub use error::{CalibrationError, LayoutProblem};
 
 use super::error::TrialFailure;
 use super::input::{IngestInput, IngestSettings};
 use super::markers::layout::{LinkMarker, locate, marker_name};
 use crate::config::{Config, Markers, nearest};
 use crate::robot::{Gait, Robot};
-use crate::stats::{quantiles_low, wrap};
+use crate::stats::{Estimate, quantiles_low, wrap};
 use crate::trial::TrialList;
 use crate::vicon::{self, MarkerFile};
-use estimate::Estimate;
+use estimate::LayoutEstimate;
 use joint::Joint;
 use shape::Body;
 
@@ -48,43 +48,36 @@ const LEAST_TURN_DEG: f64 = 20.0;
 /// Frames in which two links must be seen.
 const LEAST_ROWS: usize = 100;
 
-/// A number with its standard error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measured {
-    pub value: f64,
-    pub se: f64,
-}
-
-/// A marker's place in its link's frame, mm.
+/// A marker's position in its link's frame, mm.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MarkerPlace {
+pub struct MarkerPosition {
     /// As in the file, without the subject if no other marker has that name.
     pub label: String,
     /// x, y, z.
-    pub place_mm: [Measured; 3],
-    /// The configured place, if this label is configured on this link.
+    pub position_mm: [Estimate; 3],
+    /// The configured one, if this label is configured on this link.
     pub configured_mm: Option<[f64; 3]>,
 }
 
-/// What a trial says of the layout and of the robot.
+/// Layout and dimensions of the robot as a trial shows them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     pub trial: String,
     /// Markers of links 0, 1, 2 in the order of the file.
-    pub links: [Vec<MarkerPlace>; 3],
+    pub links: [Vec<MarkerPosition>; 3],
     /// Whether the links' markers were found by how they move, because the file does not have
     /// those that the configuration names; then the front is where the commanded gait has it.
     pub is_grouped: bool,
     /// Labels that move with no link.
     pub left_out: Vec<String>,
     /// Half the distance of the two joints, and as configured, mm.
-    pub h_mm: Measured,
+    pub h_mm: Estimate,
     pub h_configured_mm: f64,
     /// Distance from the joint at which the wheels of links 1 and 2 skid least, and what was
     /// taken instead, mm.
-    pub l_mm: [Measured; 2],
+    pub l_mm: [Estimate; 2],
     pub l_configured_mm: f64,
-    /// RMS distance of the two places of each joint, mm.
+    /// RMS distance of the two positions of each joint, mm.
     pub joint_residual_mm: [f64; 2],
     /// Standard errors of the side links' directions, degrees; what wheels add that skid to one
     /// side on average is not in them.
@@ -118,8 +111,10 @@ pub fn calibrate(
     let path = folder.join(&trial.file);
     let file = vicon::read_markers(&path).map_err(TrialFailure::from)?;
     let file = file.without(&vicon.ignore);
-    let rate_hz = settings.frame_rate(&path, &file)?;
-    of_file(&path, &file, markers, &robot, gait.as_ref(), rate_hz).map(|calibration| Calibration {
+    let rate_hz = settings.frame_rate(&file).map_err(|problem| problem.of(&path))?;
+    let calibration = of_file(&file, markers, &robot, gait.as_ref(), rate_hz)
+        .map_err(|problem| CalibrationError::Layout { path, problem })?;
+    Ok(Calibration {
         trial: trial.id.clone(),
         is_symmetric: gait.as_ref().is_some_and(|(gait, _)| {
             gait.joints.iter().flatten().all(|command| command.offset_rad == 0.0)
@@ -137,61 +132,60 @@ struct Groups {
 
 /// [`calibrate`] of markers at hand.
 fn of_file(
-    path: &Path,
     file: &MarkerFile,
     markers: &Markers,
     robot: &Robot,
     gait: Option<&(Gait, f64)>,
     rate_hz: f64,
-) -> Result<Calibration, CalibrationError> {
-    let groups = groups(path, file, markers)?;
+) -> Result<Calibration, LayoutProblem> {
+    let groups = groups(file, markers)?;
     let shaped = |columns: &[usize]| {
-        Body::of(file, columns).ok_or_else(|| CalibrationError::Unseen {
-            path: path.to_owned(),
+        Body::of(file, columns).ok_or_else(|| LayoutProblem::Unseen {
             labels: columns.iter().map(|&i| file.labels[i].clone()).collect(),
         })
     };
     let [a, b, c] = &groups.columns;
     let bodies = [shaped(a)?, shaped(b)?, shaped(c)?];
     let bodies = match groups.is_grouped {
-        true => in_order(path, file, bodies, gait, rate_hz)?,
+        true => in_order(file, bodies, gait, rate_hz)?,
         false => bodies,
     };
     for side in 0..2 {
-        check_turn(path, side, &bodies[0], &bodies[1 + side])?;
+        check_turn(side, &bodies[0], &bodies[1 + side])?;
     }
     let rows = file.frames.len();
     let estimate = |left_out: usize| {
         let part = |row: usize| row * PARTS / rows;
-        Estimate::of(file, &bodies, robot, rate_hz, &|row| part(row) != left_out)
+        LayoutEstimate::of(file, &bodies, robot, rate_hz, &|row| part(row) != left_out)
     };
-    let still = || CalibrationError::Indeterminate { path: path.to_owned() };
-    let whole = estimate(PARTS).ok_or_else(still)?;
-    let partial: Vec<Estimate> =
-        (0..PARTS).map(estimate).collect::<Option<_>>().ok_or_else(still)?;
-    let measured = |value: &dyn Fn(&Estimate) -> f64| {
+    let whole = estimate(PARTS).ok_or(LayoutProblem::Indeterminate)?;
+    let partial: Vec<LayoutEstimate> =
+        (0..PARTS).map(estimate).collect::<Option<_>>().ok_or(LayoutProblem::Indeterminate)?;
+    let measured = |value: &dyn Fn(&LayoutEstimate) -> f64| {
         let all = value(&whole);
         let squares: f64 = partial.iter().map(|part| (value(part) - all).powi(2)).sum();
         let se = ((PARTS - 1) as f64 / PARTS as f64 * squares).sqrt();
-        Measured { value: all, se }
+        Estimate { value: all, se }
     };
     let links = [0, 1, 2].map(|link| {
         let configured = markers.links()[link];
-        let place = |(i, marker): (usize, &LinkMarker)| {
+        let position = |(i, marker): (usize, &LinkMarker)| {
             let whole = file.labels[marker.column].as_str();
             let name = marker_name(whole);
             let is_only =
                 file.labels.iter().filter(|other| marker_name(other) == name).count() == 1;
-            MarkerPlace {
+            MarkerPosition {
                 label: if is_only { name } else { whole }.to_owned(),
-                place_mm: [0, 1, 2].map(|axis| measured(&|part| part.places_mm[link][i][axis])),
+                position_mm: [0, 1, 2]
+                    .map(|axis| measured(&|part| part.positions_mm[link][i][axis])),
                 configured_mm: configured.get(whole).or(configured.get(name)).copied(),
             }
         };
-        bodies[link].markers.iter().enumerate().map(place).collect()
+        bodies[link].markers.iter().enumerate().map(position).collect()
     });
     let direction = |side: usize| {
-        let away = |part: &Estimate| wrap(part.direction_rad[side] - whole.direction_rad[side]);
+        let away =
+            |part: &LayoutEstimate| wrap(part.direction_rad[side] - whole.direction_rad[side]);
         measured(&away).se.to_degrees()
     };
     Ok(Calibration {
@@ -211,38 +205,33 @@ fn of_file(
 }
 
 /// The configured groups if the file has all their labels, else those that move rigidly.
-fn groups(path: &Path, file: &MarkerFile, markers: &Markers) -> Result<Groups, CalibrationError> {
-    if let Ok(layout) = locate(path, markers, file) {
+fn groups(file: &MarkerFile, markers: &Markers) -> Result<Groups, LayoutProblem> {
+    if let Ok(layout) = locate(markers, file) {
         let columns = layout.map(|markers| markers.iter().map(|marker| marker.column).collect());
         return Ok(Groups { columns, is_grouped: false, left_out: Vec::new() });
     }
-    let all: Vec<usize> = (0..file.labels.len()).collect();
-    let found = cluster::rigid_groups(file, &all);
-    let in_none = all.iter().filter(|i| !found.iter().any(|group| group.contains(i)));
-    let left_out = in_none.map(|&i| file.labels[i].clone()).collect();
-    let names = |group: &Vec<usize>| -> Vec<String> {
-        group.iter().map(|&i| file.labels[i].clone()).collect()
-    };
-    let columns = found.try_into().map_err(|found: Vec<Vec<usize>>| CalibrationError::Groups {
-        path: path.to_owned(),
-        found: found.iter().map(names).collect(),
+    let labels = |columns: &[usize]| columns.iter().map(|&i| file.labels[i].clone()).collect();
+    let found = cluster::rigid_groups(file);
+    let all = 0..file.labels.len();
+    let in_none: Vec<usize> =
+        all.filter(|i| !found.iter().any(|group| group.contains(i))).collect();
+    let columns = found.try_into().map_err(|found: Vec<Vec<usize>>| LayoutProblem::Groups {
+        found: found.iter().map(|group| labels(group)).collect(),
     })?;
-    Ok(Groups { columns, is_grouped: true, left_out })
+    Ok(Groups { columns, is_grouped: true, left_out: labels(&in_none) })
 }
 
 /// The bodies with the middle link first, which the two pairs with a joint share, and then the
-/// one in front, as far as a commanded gait tells.
+/// one in front, as far as there is a commanded gait.
 fn in_order(
-    path: &Path,
     file: &MarkerFile,
     bodies: [Body; 3],
     gait: Option<&(Gait, f64)>,
     rate_hz: f64,
-) -> Result<[Body; 3], CalibrationError> {
-    let still = || CalibrationError::Indeterminate { path: path.to_owned() };
+) -> Result<[Body; 3], LayoutProblem> {
     let misfit = |a: usize, b: usize| {
         let joint = Joint::between(&bodies[a], &bodies[b], &|_| true);
-        joint.map(|joint| joint.residual_mm).ok_or_else(still)
+        joint.map(|joint| joint.residual_mm).ok_or(LayoutProblem::Indeterminate)
     };
     let apart = [(misfit(1, 2)?, 0), (misfit(0, 2)?, 1), (misfit(0, 1)?, 2)];
     let middle = apart.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, i)| i);
@@ -256,12 +245,7 @@ fn in_order(
     Ok(bodies)
 }
 
-fn check_turn(
-    path: &Path,
-    side: usize,
-    middle: &Body,
-    outer: &Body,
-) -> Result<(), CalibrationError> {
+fn check_turn(side: usize, middle: &Body, outer: &Body) -> Result<(), LayoutProblem> {
     let mut angles: Vec<f64> = middle
         .fits
         .iter()
@@ -270,7 +254,7 @@ fn check_turn(
         .collect();
     if angles.len() < LEAST_ROWS {
         let (found, needed) = (angles.len(), LEAST_ROWS);
-        return Err(CalibrationError::FewFrames { path: path.to_owned(), side, found, needed });
+        return Err(LayoutProblem::FewFrames { side, found, needed });
     }
     let first = angles[0];
     angles.iter_mut().for_each(|angle| *angle = wrap(*angle - first));
@@ -278,8 +262,7 @@ fn check_turn(
     let found_deg = (high - low).to_degrees();
     if found_deg < LEAST_TURN_DEG {
         let needed_deg = LEAST_TURN_DEG;
-        let path = path.to_owned();
-        return Err(CalibrationError::LittleTurn { path, side, found_deg, needed_deg });
+        return Err(LayoutProblem::LittleTurn { side, found_deg, needed_deg });
     }
     Ok(())
 }

@@ -5,7 +5,7 @@
 //! and hardly skids across it. The direction is the one in which the skid velocity of the axle,
 //! at a distance l from the joint, is smallest in the sense of least squares.
 
-use nalgebra::Vector1;
+use nalgebra::{Vector1, Vector2};
 
 use super::shape::Body;
 use crate::least_squares::minimise;
@@ -16,7 +16,7 @@ const HALF_S: f64 = 0.025;
 /// A step of this part of the standard error ends the search for the direction.
 const SMALL_STEP: f64 = 1e-8;
 
-/// Velocity of a place of a body in the body's own frame, mm/s, and its rate of turn, rad/s.
+/// Velocity of a point of a body in the body's own frame, mm/s, and its rate of turn, rad/s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Velocity {
     pub row: usize,
@@ -27,7 +27,7 @@ pub(super) struct Velocity {
 /// Of every row with poses shortly before and after it.
 pub(super) fn velocities(
     body: &Body,
-    place_mm: [f64; 2],
+    point_mm: [f64; 2],
     frames: &[i64],
     rate_hz: f64,
 ) -> Vec<Velocity> {
@@ -41,7 +41,7 @@ pub(super) fn velocities(
             }
             let [earlier, now, later] = [before, row, after].map(|row| body.fits[row].pose);
             let (earlier, now, later) = (earlier?, now?, later?);
-            let (from, to) = (earlier.at(place_mm), later.at(place_mm));
+            let (from, to) = (earlier.at(point_mm), later.at(point_mm));
             let [vx, vy] = [0, 1].map(|axis| (to[axis] - from[axis]) / span_s);
             let (sin, cos) = now.theta_rad.sin_cos();
             Some(Velocity {
@@ -54,24 +54,30 @@ pub(super) fn velocities(
 }
 
 /// The direction of the link in the body's frame, rad, near `guess_rad`, if the axle is at
-/// `lever_mm` along it (negative: behind the joint); `None` if the velocities do not tell.
+/// `lever_mm` along it (negative: behind the joint); `None` if the velocities do not determine it.
 pub(super) fn direction(velocities: &[Velocity], lever_mm: f64, guess_rad: f64) -> Option<f64> {
     let skid = |direction_rad: &Vector1<f64>, velocity: &Velocity| {
-        let Velocity { along_mm_s: [x, y], turn_rad_s, .. } = velocity;
-        let (sin, cos) = direction_rad.x.sin_cos();
-        (cos * y - sin * x + lever_mm * turn_rad_s, Vector1::new(cos * x + sin * y))
+        let (skid, [slope, _]) = skid(velocity, direction_rad.x, lever_mm);
+        (skid, Vector1::new(slope))
     };
     let minimum = minimise(velocities, Vector1::new(guess_rad), SMALL_STEP, skid)?;
     Some(wrap(minimum.parameters.x))
 }
 
-/// The distance of the axle from the joint along a direction at which the axle skids least, mm.
-pub(super) fn lever_mm(velocities: &[Velocity], direction_rad: f64) -> f64 {
+/// The distance of the axle from the joint at which the axle skids least, mm, if its direction is
+/// free too; from a direction and a lever that are near.
+pub(super) fn lever_mm(velocities: &[Velocity], direction_rad: f64, lever_mm: f64) -> Option<f64> {
+    let skid = |at: &Vector2<f64>, velocity: &Velocity| {
+        let (skid, slopes) = skid(velocity, at.x, at.y);
+        (skid, slopes.into())
+    };
+    let guess = Vector2::new(direction_rad, lever_mm);
+    Some(minimise(velocities, guess, SMALL_STEP, skid)?.parameters.y)
+}
+
+/// Skid velocity of the axle, and by how much it falls with direction and lever.
+fn skid(velocity: &Velocity, direction_rad: f64, lever_mm: f64) -> (f64, [f64; 2]) {
+    let Velocity { along_mm_s: [x, y], turn_rad_s, .. } = velocity;
     let (sin, cos) = direction_rad.sin_cos();
-    let (mut product, mut square) = (0.0, 0.0);
-    for Velocity { along_mm_s: [x, y], turn_rad_s, .. } in velocities {
-        product += (cos * y - sin * x) * turn_rad_s;
-        square += turn_rad_s * turn_rad_s;
-    }
-    -product / square
+    (cos * y - sin * x + lever_mm * turn_rad_s, [cos * x + sin * y, -turn_rad_s])
 }

@@ -1,9 +1,10 @@
 //! The shape of a rigid group of markers: generalised Procrustes analysis in the plane (Gower
-//! 1975). Each row is fitted to the shape so far, and the shape becomes the mean of what the
-//! fitted rows say.
+//! 1975). Each row is fitted to the shape so far, and the shape becomes the mean of the
+//! fitted rows.
 
-use crate::ingest::markers::labels::{LinkFit, Outlier, mend};
+use crate::ingest::markers::labels::{LinkFit, correct_labels};
 use crate::ingest::markers::layout::LinkMarker;
+use crate::robot::rotated;
 use crate::stats::{mean, median_high};
 use crate::vicon::MarkerFile;
 
@@ -27,23 +28,21 @@ impl Body {
             columns.iter().filter(|&&column| !file.position_mm(row, column)[0].is_nan()).count()
         };
         let first = (0..rows).max_by_key(|&row| (seen(row), std::cmp::Reverse(row)))?;
-        let mut markers: Vec<LinkMarker> = columns
-            .iter()
-            .map(|&column| {
-                let [x, y, _] = file.position_mm(first, column);
-                LinkMarker { column, place_mm: [x, y], height_mm: 0.0 }
-            })
-            .collect();
+        let marker = |&column: &usize| {
+            let [x, y, _] = file.position_mm(first, column);
+            LinkMarker { column, local_position_mm: [x, y], height_mm: 0.0 }
+        };
+        let mut markers: Vec<LinkMarker> = columns.iter().map(marker).collect();
         centre(&mut markers);
         for _ in 0..MEDIANS {
             let fits = fits(file, &markers);
             reshape(file, &mut markers, &fits, &|_| true, &median_high);
         }
         let mut fits = fits(file, &markers);
-        if markers.iter().any(|marker| marker.place_mm[0].is_nan()) {
+        if markers.iter().any(|marker| marker.local_position_mm[0].is_nan()) {
             return None;
         }
-        mend(file, &markers, &mut fits);
+        correct_labels(file, &markers, &mut fits);
         Some(Self { markers, fits }.refined(file, &|_| true))
     }
 
@@ -54,7 +53,7 @@ impl Body {
         for _ in 0..MEANS {
             reshape(file, &mut body.markers, &body.fits, is_used, &|values| mean(values));
             for (row, fit) in body.fits.iter_mut().enumerate() {
-                if fit.outlier == Outlier::None && fit.pose.is_some() {
+                if fit.is_sound() {
                     fit.pose = LinkFit::of(file.row_mm(row), &body.markers).pose;
                 }
             }
@@ -70,24 +69,21 @@ impl Body {
 }
 
 fn fits(file: &MarkerFile, markers: &[LinkMarker]) -> Vec<LinkFit> {
-    // A marker without a place yet is not fitted.
+    // A marker without a position yet is not fitted.
     let known: Vec<LinkMarker> =
-        markers.iter().filter(|marker| !marker.place_mm[0].is_nan()).copied().collect();
+        markers.iter().filter(|marker| !marker.local_position_mm[0].is_nan()).copied().collect();
     (0..file.frames.len()).map(|row| LinkFit::of(file.row_mm(row), &known)).collect()
 }
 
-/// Rows with a pose whose markers are all where they should be.
+/// Rows that are sound.
 fn good_rows<'f>(
     fits: &'f [LinkFit],
     is_used: &'f dyn Fn(usize) -> bool,
 ) -> impl Iterator<Item = usize> + 'f {
-    fits.iter()
-        .enumerate()
-        .filter(|(row, fit)| fit.pose.is_some() && fit.outlier == Outlier::None && is_used(*row))
-        .map(|(row, _)| row)
+    fits.iter().enumerate().filter(|(row, fit)| fit.is_sound() && is_used(*row)).map(|(row, _)| row)
 }
 
-/// Moves every marker to the average place that the rows' poses give it.
+/// Moves every marker to the average position that the rows' poses give it.
 fn reshape(
     file: &MarkerFile,
     markers: &mut [LinkMarker],
@@ -100,22 +96,22 @@ fn reshape(
         for row in good_rows(fits, is_used) {
             let [x, y, _] = file.position_mm(row, marker.column);
             let Some(pose) = fits[row].pose.filter(|_| !x.is_nan()) else { continue };
-            let (sin, cos) = pose.theta_rad.sin_cos();
-            let (dx, dy) = (x - pose.origin_mm[0], y - pose.origin_mm[1]);
-            along.push(cos * dx + sin * dy);
-            across.push(cos * dy - sin * dx);
+            let [u, v] = rotated(-pose.theta_rad, [x - pose.origin_mm[0], y - pose.origin_mm[1]]);
+            along.push(u);
+            across.push(v);
         }
-        marker.place_mm = [average(along), average(across)];
+        marker.local_position_mm = [average(along), average(across)];
     }
     centre(markers);
 }
 
 /// Puts the origin into the middle of the markers: their pose is known best there.
 fn centre(markers: &mut [LinkMarker]) {
-    let known: Vec<[f64; 2]> =
-        markers.iter().map(|marker| marker.place_mm).filter(|place| !place[0].is_nan()).collect();
-    let middle = [0, 1].map(|axis| mean(known.iter().map(|place| place[axis])));
+    let known = || markers.iter().map(|marker| marker.local_position_mm).filter(|p| !p[0].is_nan());
+    let middle = [0, 1].map(|axis| mean(known().map(|position| position[axis])));
     for marker in markers {
-        marker.place_mm = [0, 1].map(|axis| marker.place_mm[axis] - middle[axis]);
+        for axis in 0..2 {
+            marker.local_position_mm[axis] -= middle[axis];
+        }
     }
 }

@@ -17,7 +17,7 @@ fn errors(found: &Calibration, link: usize) -> (f64, f64) {
     let pairs: Vec<([f64; 2], [f64; 2])> = found.links[link]
         .iter()
         .map(|marker| {
-            let [x, y, z] = marker.place_mm.map(|measured| measured.value);
+            let [x, y, z] = marker.position_mm.map(|measured| measured.value);
             let [tx, ty, tz] = truth.links()[link][&marker.label];
             assert!((z - tz).abs() < 0.2, "{}: {z}", marker.label);
             ([x - joint_mm, y], [tx - joint_mm, ty])

@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use crate::ingest::checks::{CLIPPING, Check, Finding};
-use crate::ingest::phase::{Clock, GAIT_HARMONICS, Harmonics};
+use crate::ingest::phase::{GAIT_HARMONICS, Harmonics, LinearPhase};
 use crate::robot::Gait;
 
 /// Checks the commanded joints over some frames; angles as seen, unsmoothed, rad.
@@ -15,12 +15,12 @@ pub fn check(
     gait: &Gait,
     phi_rad: &[Vec<f64>; 2],
     frames: &Range<usize>,
-    clock: &Clock,
+    phase: &LinearPhase,
 ) -> Finding {
     let mut worst = (0.0, String::new());
     for joint in (0..2).filter(|&joint| gait.joints[joint].is_some()) {
         let phi_rad = &phi_rad[joint];
-        let Some(fit) = Harmonics::fit(phi_rad, frames.clone(), clock, GAIT_HARMONICS) else {
+        let Some(fit) = Harmonics::fit(phi_rad, frames.clone(), phase, GAIT_HARMONICS) else {
             continue;
         };
         let [lowest, highest] = fit.extremes().map(|extreme| (extreme - fit.offset()).abs());
@@ -45,13 +45,13 @@ mod tests {
     use super::*;
 
     fn finding(wave: impl Fn(f64) -> f64) -> Finding {
-        let clock = Clock { step_rad: 0.0325, offset_rad: 0.4 };
+        let phase = LinearPhase { step_rad: 0.0325, offset_rad: 0.4 };
         let phi = |frame: usize| {
             // A little of what noise does, the same at every run.
-            wave(clock.phase(frame as f64)) + 0.002 * (7.7 * frame as f64).sin()
+            wave(phase.at(frame as f64)) + 0.002 * (7.7 * frame as f64).sin()
         };
         let series: Vec<f64> = (0..1800).map(phi).collect();
-        check(&Gait::symmetric(), &[series.clone(), series], &(100..1700), &clock)
+        check(&Gait::symmetric(), &[series.clone(), series], &(100..1700), &phase)
     }
 
     #[test]

@@ -1,13 +1,7 @@
 //! Means over cycles and what they are worth.
 
 use super::measure::Cycle;
-
-/// An estimate with its standard error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    pub value: f64,
-    pub se: f64,
-}
+use crate::stats::{self, Estimate};
 
 /// How far the correlation of neighbouring cycles may change the variance of a mean: its
 /// estimate from a few cycles is rough, so a large gain is not believed.
@@ -59,7 +53,7 @@ pub fn common_skid(cycles: &[&Cycle], wheel: usize) -> Estimate {
         return Estimate { value: power.max(0.0).sqrt(), se: f64::NAN };
     }
     let left_out: Vec<f64> = (0..n).map(|k| common(Some(k))).collect();
-    let middle = left_out.iter().sum::<f64>() / n as f64;
+    let middle = stats::mean(left_out.iter().copied());
     let squares: f64 = left_out.iter().map(|x| (x - middle).powi(2)).sum();
     let freedom = n as f64 - 1.0;
     let student = (freedom / (freedom - 2.0).max(1.0)).sqrt();

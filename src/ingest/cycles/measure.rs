@@ -4,10 +4,11 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::velocity::WheelVelocities;
-use crate::ingest::phase::{Driven, GAIT_HARMONICS, Harmonics};
+use crate::ingest::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
 use crate::ingest::poses::Coordinates;
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
+use crate::stats::mean;
 
 /// A cycle in which a commanded joint is off its gait by more than this part of the amplitude
 /// (RMS) is not the gait: a start, a stop, a pause.
@@ -43,7 +44,7 @@ impl Cycle {
 pub struct CycleData<'a> {
     pub robot: &'a Robot,
     pub gait: &'a Gait,
-    pub driven: &'a Driven,
+    pub driven: &'a GaitPhase,
     /// Joint angles as seen, rad.
     pub phi_rad: &'a [Vec<f64>; 2],
     /// With short gaps filled, and what follows from that.
@@ -57,62 +58,57 @@ pub struct CycleData<'a> {
 impl CycleData<'_> {
     /// All whole cycles of the time in which the robot is driven.
     pub fn cycles(&self) -> Vec<Cycle> {
-        let Driven { clock, moving, .. } = self.driven;
+        let GaitPhase { phase, moving, .. } = self.driven;
         let first_frame = moving.start as f64 - END_TOLERANCE;
         let last_frame = moving.end as f64 - 1.0 + END_TOLERANCE;
-        let first = (clock.phase(first_frame) / TAU).ceil() as i64;
-        let last = (clock.phase(last_frame) / TAU).floor() as i64;
+        let first = (phase.at(first_frame) / TAU).ceil() as i64;
+        let last = (phase.at(last_frame) / TAU).floor() as i64;
         let gait = [0, 1].map(|joint| {
             self.gait.joints[joint].and_then(|_| {
                 let phi = &self.phi_rad[joint];
-                let fit = Harmonics::fit(phi, moving.clone(), clock, GAIT_HARMONICS)?;
-                Some((fit.over(moving.clone(), clock), LARGEST_DEVIATION * fit.amplitude(1)))
+                let fit = Harmonics::fit(phi, moving.clone(), phase, GAIT_HARMONICS)?;
+                Some((fit.over(moving.clone(), phase), LARGEST_DEVIATION * fit.amplitude(1)))
             })
         });
         (first..last)
             .map(|k| {
-                let [start, end] = [k, k + 1].map(|k| clock.frame(TAU * k as f64));
+                let [start, end] = [k, k + 1].map(|k| phase.frame_of(TAU * k as f64));
                 let is_gait = (0..2).all(|joint| {
                     let Some((fitted, largest)) = &gait[joint] else { return true };
                     let frames = frames_within(start, end);
                     let fitted = &fitted[frames.start - moving.start..frames.end - moving.start];
                     deviation(&self.phi_rad[joint][frames], fitted) <= *largest
                 });
-                self.cycle(start, end, is_gait)
+                let metrics = self.metrics(start, end);
+                let components = |skid_m_s: &Vec<f64>| {
+                    let shape = metrics.and_then(|_| self.shape(skid_m_s, start, end));
+                    shape.map_or(Vec::new(), Harmonics::components)
+                };
+                let skid_m_s = self.raw_wheels.skid_m_s.each_ref().map(components);
+                let metrics = metrics.unwrap_or(GaitMetrics::MISSING);
+                Cycle { start, end, metrics, skid_m_s, is_gait }
             })
             .collect()
     }
 
-    fn cycle(&self, start: f64, end: f64, is_gait: bool) -> Cycle {
-        let metrics = self.metrics(start, end);
-        let skid_m_s = match metrics.d_m.is_nan() {
-            true => [const { Vec::new() }; 3],
-            false => self.raw_wheels.skid_m_s.each_ref().map(|skid_m_s| {
-                self.shape(skid_m_s, start, end).map_or(Vec::new(), Harmonics::components)
-            }),
-        };
-        Cycle { start, end, metrics, skid_m_s, is_gait }
-    }
-
     /// A series as it goes over a cycle.
     fn shape(&self, series: &[f64], start: f64, end: f64) -> Option<Harmonics> {
-        let Driven { clock, shape_harmonics, .. } = self.driven;
-        Harmonics::fit(series, frames_within(start, end), clock, *shape_harmonics)
+        let GaitPhase { phase, shape_harmonics, .. } = self.driven;
+        Harmonics::fit(series, frames_within(start, end), phase, *shape_harmonics)
     }
 
-    fn metrics(&self, start: f64, end: f64) -> GaitMetrics {
+    /// `None` if the cycle touches a gap.
+    fn metrics(&self, start: f64, end: f64) -> Option<GaitMetrics> {
         let Coordinates { x_m, y_m, theta_rad, phi_rad } = self.smooth;
         let has_gap = [x_m, theta_rad, &phi_rad[0], &phi_rad[1]]
             .iter()
             .any(|series| series[frames_within(start, end)].iter().any(|x| x.is_nan()));
         if has_gap {
-            return GaitMetrics::MISSING;
+            return None;
         }
         // Not of the smoothed angle: that would take from its amplitude; nor the extremes of the
         // angle itself, which noise adds to.
-        let Some(phi1) = self.shape(&self.filled.phi_rad[0], start, end) else {
-            return GaitMetrics::MISSING;
-        };
+        let phi1 = self.shape(&self.filled.phi_rad[0], start, end)?;
         let change = |series: &[f64]| interpolate(series, end) - interpolate(series, start);
         let d_m = change(x_m).hypot(change(y_m));
         let omega_rad_s = self.driven.omega_rad_s;
@@ -125,29 +121,19 @@ impl CycleData<'_> {
             alpha1_rad: phi1.half_range(),
             dtheta_rad: change(theta_rad),
         };
-        match metrics.to_array().iter().any(|x| x.is_nan()) {
-            true => GaitMetrics::MISSING,
-            false => metrics,
-        }
+        (!metrics.to_array().iter().any(|x| x.is_nan())).then_some(metrics)
     }
 }
 
 /// The frames between two times given in frames.
-fn frames_within(start: f64, end: f64) -> Range<usize> {
+pub fn frames_within(start: f64, end: f64) -> Range<usize> {
     start.ceil() as usize..end.floor() as usize + 1
 }
 
-/// RMS distance of an angle from its gait.
+/// RMS distance of an angle from its gait; zero if it was not seen.
 fn deviation(phi: &[f64], gait: &[f64]) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for (phi, gait) in phi.iter().zip(gait) {
-        let difference = phi - gait;
-        if !difference.is_nan() {
-            sum += difference * difference;
-            count += 1.0;
-        }
-    }
-    if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
+    let squares = phi.iter().zip(gait).map(|(phi, gait)| (phi - gait).powi(2));
+    mean(squares.filter(|square| !square.is_nan())).max(0.0).sqrt()
 }
 
 /// Mean square between two times given in frames: every sample stands for the time halfway to

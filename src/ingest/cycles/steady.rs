@@ -1,6 +1,8 @@
 //! Which cycles count: those after the transient that are whole and show the gait.
 
-use super::measure::Cycle;
+use std::ops::Range;
+
+use super::measure::{Cycle, frames_within};
 use crate::stats::{MAD_TO_DEVIATION, median, median_absolute_deviation};
 
 /// Cycles that are kept however much the first of them still differs from the others.
@@ -22,6 +24,14 @@ pub struct Steady {
     pub gapped: usize,
     /// Later cycles left out because the joints were off their gait.
     pub off_gait: usize,
+}
+
+impl Steady {
+    /// The frames from the first cycle that counts to the last one.
+    pub fn frames(&self, cycles: &[Cycle]) -> Option<Range<usize>> {
+        let (first, last) = (&cycles[*self.used.first()?], &cycles[*self.used.last()?]);
+        Some(frames_within(first.start, last.end))
+    }
 }
 
 /// Skips at least `skip` cycles, more while the first one left still differs from the rest in

@@ -1,19 +1,22 @@
-//! One row for a trial: its means, its gait and what its checks say.
+//! One row for a trial: its means, its gait and its checks.
 
-use super::means::{Estimate, common_skid, mean};
-use super::measure::Cycle;
+use std::ops::Range;
+
+use super::clipping;
+use super::means::{common_skid, mean};
+use super::measure::{Cycle, CycleData};
 use super::steady::Steady;
 use crate::ingest::checks::{
     Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_CYCLES, MOST_GAPPED,
 };
-use crate::ingest::phase::{Clock, Driven, GAIT_HARMONICS, Harmonics};
+use crate::ingest::phase::{GAIT_HARMONICS, Harmonics, LinearPhase};
 use crate::ingest::signals::response;
-use crate::robot::{Gait, Robot};
-use crate::stats::wrap;
+use crate::robot::Gait;
+use crate::stats::{self, Estimate, wrap};
 use crate::store::{CycleRow, Rows as _, TrialRow};
 use crate::trial::Trial;
 
-/// A row in which nothing is known but what the list of trials says.
+/// A row in which nothing is known but what is in the list of trials.
 pub fn blank_row(trial: &Trial) -> TrialRow {
     TrialRow {
         trial: trial.id.clone(),
@@ -26,14 +29,8 @@ pub fn blank_row(trial: &Trial) -> TrialRow {
 }
 
 /// Adds to a row the means over the steady cycles and the measured gait.
-pub fn describe_gait(
-    row: &mut TrialRow,
-    robot: &Robot,
-    driven: &Driven,
-    cycles: &[Cycle],
-    steady: &Steady,
-    phi_rad: &[Vec<f64>; 2],
-) {
+pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], steady: &Steady) {
+    let driven = data.driven;
     row.omega_rad_s = driven.omega_rad_s;
     row.omega_rad_s_se = driven.omega_se_rad_s;
     row.cycles = steady.used.len() as i64;
@@ -58,33 +55,31 @@ pub fn describe_gait(
     set([&mut row.sigma2, &mut row.sigma2_se], sigma(2));
     let debiased = |wheel: usize| {
         let skid = common_skid(&used, wheel);
-        let scale = robot.l_m * driven.omega_rad_s;
+        let scale = data.robot.l_m * driven.omega_rad_s;
         Estimate { value: skid.value / scale, se: skid.se / scale }
     };
     set([&mut row.sigma0_debiased, &mut row.sigma0_debiased_se], debiased(0));
     set([&mut row.sigma1_debiased, &mut row.sigma1_debiased_se], debiased(1));
     set([&mut row.sigma2_debiased, &mut row.sigma2_debiased_se], debiased(2));
-    let [first, second] = [0, 1].map(|joint| joint_gait(&phi_rad[joint], &used, &driven.clock));
+    let frames = steady.frames(cycles);
+    let [first, second] =
+        data.phi_rad.each_ref().map(|phi_rad| joint_gait(phi_rad, frames.clone(), &driven.phase));
     [row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad, row.phi1_harmonics_rad] =
         first;
     [row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad, row.phi2_harmonics_rad] =
         second;
-    let left = |k: f64| response(row.smoothing_window as usize, k * driven.clock.step_rad);
+    let left = |k: f64| response(row.smoothing_window as usize, k * driven.phase.step_rad);
     [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);
 }
 
 /// Offset, amplitude and phase of an angle's first harmonic over the cycles used, and the RMS of
 /// its higher ones, rad. The angle is not smoothed, so nothing of the amplitude is lost.
-fn joint_gait(phi_rad: &[f64], used: &[&Cycle], clock: &Clock) -> [f64; 4] {
-    let (Some(first), Some(last)) = (used.first(), used.last()) else { return [f64::NAN; 4] };
-    let frames = first.start.ceil() as usize..last.end.floor() as usize + 1;
-    match Harmonics::fit(phi_rad, frames, clock, GAIT_HARMONICS) {
-        Some(fit) => {
-            let squares = (2..=GAIT_HARMONICS).map(|k| 0.5 * fit.amplitude(k).powi(2)).sum::<f64>();
-            [fit.offset(), fit.amplitude(1), fit.phase_rad(), squares.sqrt()]
-        }
-        None => [f64::NAN; 4],
-    }
+fn joint_gait(phi_rad: &[f64], frames: Option<Range<usize>>, phase: &LinearPhase) -> [f64; 4] {
+    let fit = frames.and_then(|frames| Harmonics::fit(phi_rad, frames, phase, GAIT_HARMONICS));
+    fit.map_or([f64::NAN; 4], |fit| {
+        let squares = (2..=GAIT_HARMONICS).map(|k| 0.5 * fit.amplitude(k).powi(2)).sum::<f64>();
+        [fit.offset(), fit.amplitude(1), fit.phase_rad(), squares.sqrt()]
+    })
 }
 
 /// `cycles/<trial>.parquet`.
@@ -106,60 +101,48 @@ pub fn cycle_rows(trial: &Trial, cycles: &[Cycle], steady: &Steady, rate_hz: f64
 }
 
 /// Checks of a trial with a commanded gait.
-pub fn gait_checks(row: &TrialRow, gait: &Gait, cycles: &[Cycle], steady: &Steady) -> Vec<Finding> {
+pub fn gait_checks(
+    row: &TrialRow,
+    data: &CycleData,
+    cycles: &[Cycle],
+    steady: &Steady,
+) -> Vec<Finding> {
     let (omega, commanded) = (row.omega_rad_s, row.omega_commanded_rad_s);
     let used = steady.used.len();
+    let off_command = (omega / commanded - 1.0).abs();
+    let measured = format!("{omega:.4} rad/s were measured, {commanded} rad/s commanded");
+    let counted = format!(
+        "{used} of {} whole cycles count, after {} of transient and without {} off the gait",
+        cycles.len(),
+        steady.skipped,
+        steady.off_gait
+    );
+    let part_gapped = steady.gapped as f64 / (used + steady.gapped).max(1) as f64;
+    let gapped = match steady.gapped {
+        1 => "1 cycle with gaps is left out".to_owned(),
+        several => format!("{several} cycles with gaps are left out"),
+    };
+    let deviation_deg = gait_deviation_deg(row, data.gait);
+    let deviation = format!("the joints are up to {deviation_deg:.1} degrees off the command");
     let drift = drift_of_d(cycles, steady);
-    let deviation_deg = gait_deviation_deg(row, gait);
-    vec![
-        Finding::at_most(
-            Check::Frequency,
-            (omega / commanded - 1.0).abs(),
-            FREQUENCY_TOLERANCE,
-            format!("{omega:.4} rad/s were measured, {commanded} rad/s commanded"),
-        ),
-        Finding::at_least(
-            Check::SteadyState,
-            used as f64,
-            LEAST_CYCLES,
-            format!(
-                "{used} of {} whole cycles count, after {} of transient and without {} off the gait",
-                cycles.len(),
-                steady.skipped,
-                steady.off_gait
-            ),
-        ),
-        Finding::at_most(
-            Check::LongGaps,
-            steady.gapped as f64 / (used + steady.gapped).max(1) as f64,
-            MOST_GAPPED,
-            match steady.gapped {
-                1 => "1 cycle with gaps is left out".to_owned(),
-                several => format!("{several} cycles with gaps are left out"),
-            },
-        )
-        .notable(steady.gapped > 0),
-        Finding::at_most(
-            Check::Gait,
-            deviation_deg,
-            GAIT_TOLERANCE_DEG,
-            format!("the joints are up to {deviation_deg:.1} degrees off the command"),
-        ),
-        Finding::at_most(
-            Check::Drift,
-            drift,
-            D_DRIFT,
-            format!("d changes by {:.2} % over the cycles used", 100.0 * drift),
-        ),
-    ]
+    let drifted = format!("d changes by {:.2} % over the cycles used", 100.0 * drift);
+    let mut findings = vec![
+        Finding::at_most(Check::Frequency, off_command, FREQUENCY_TOLERANCE, measured),
+        Finding::at_least(Check::SteadyState, used as f64, LEAST_CYCLES, counted),
+        Finding::at_most(Check::LongGaps, part_gapped, MOST_GAPPED, gapped)
+            .notable(steady.gapped > 0),
+        Finding::at_most(Check::Gait, deviation_deg, GAIT_TOLERANCE_DEG, deviation),
+        Finding::at_most(Check::Drift, drift, D_DRIFT, drifted),
+    ];
+    let clipping = |frames| clipping::check(data.gait, data.phi_rad, &frames, &data.driven.phase);
+    findings.extend(steady.frames(cycles).map(clipping));
+    findings
 }
 
 /// Relative change of d from the first half of the used cycles to the second.
 fn drift_of_d(cycles: &[Cycle], steady: &Steady) -> f64 {
     let half = steady.used.len() / 2;
-    let mean = |used: &[usize]| {
-        used.iter().map(|&i| cycles[i].metrics.d_m).sum::<f64>() / used.len() as f64
-    };
+    let mean = |used: &[usize]| stats::mean(used.iter().map(|&i| cycles[i].metrics.d_m));
     let early = mean(&steady.used[..half]);
     let late = mean(&steady.used[steady.used.len() - half..]);
     (late / early - 1.0).abs()

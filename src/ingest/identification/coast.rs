@@ -1,21 +1,21 @@
 //! The straight robot pushed and left to coast: its roll resistance (eq. 14).
 //!
 //! All wheels roll at the robot's speed u and none skids, so `sum(m) u' = -sum(c^R) u` and the
-//! way gone is `s = s0 + a (1 - exp(-lambda t))` with `sum(c^R) = lambda sum(m)`. The way is
+//! path length is `s = s0 + a (1 - exp(-lambda t))` with `sum(c^R) = lambda sum(m)`. The path is
 //! fitted, not the speed: it is measured, and its noise is white. The masses are taken as
-//! configured, and the sum is split by the configured proportions: a straight robot tells no
-//! more.
+//! configured, and the sum is split by the configured proportions: a straight robot does not
+//! determine more.
 
 use std::f64::consts::PI;
-use std::path::Path;
 
 use nalgebra::SVector;
 
 use super::curve::Curve;
 use crate::ingest::checks::{Check, Finding};
-use crate::ingest::error::TrialFailure;
+use crate::ingest::error::Problem;
 use crate::ingest::poses::Coordinates;
 use crate::robot::Robot;
+use crate::stats::{mean, seen};
 use crate::store::{RobotParameterRow, Rows as _};
 
 /// A robot that is slower than this was not pushed, m/s.
@@ -28,23 +28,22 @@ const LEAST_FALL: f64 = 0.6;
 /// The suspension tilts the links slowly by some thousandths of a radian, which moves markers
 /// 60 mm above the floor by about this much, m.
 const SLOW_M: f64 = 3e-4;
-/// How far the fit may miss, as a part of the way, and how bent the robot may be, degrees.
+/// How far the fit may miss, as a part of the path, and how bent the robot may be, degrees.
 const MISFIT_TOLERANCE: f64 = 0.01;
 const STRAIGHT_DEG: f64 = 5.0;
 
-/// What a trial of kind `coast-down` says of the robot, and its checks; `speed_m_s` is the
+/// The robot's parameters by a trial of kind `coast-down`, and its checks; `speed_m_s` is the
 /// smoothed roll velocity of wheel 0.
 pub fn measure(
-    path: &Path,
     robot: &Robot,
-    seen: &Coordinates,
+    coordinates: &Coordinates,
     speed_m_s: &[f64],
     rate_hz: f64,
-) -> Result<(RobotParameterRow, Vec<Finding>), TrialFailure> {
+) -> Result<(RobotParameterRow, Vec<Finding>), Problem> {
     let top = speed_m_s.iter().fold(0.0, |top: f64, v| top.max(v.abs()));
     if top < LEAST_SPEED_M_S {
         let (found_m_s, needed_m_s) = (top, LEAST_SPEED_M_S);
-        return Err(TrialFailure::NotPushed { path: path.to_owned(), found_m_s, needed_m_s });
+        return Err(Problem::NotPushed { found_m_s, needed_m_s });
     }
     let below = |from: usize, part: f64| {
         speed_m_s[from..].iter().position(|v| v.abs() < part * top).map(|i| from + i)
@@ -55,11 +54,11 @@ pub fn measure(
     let no_decay = || {
         let lowest = speed_m_s[start..].iter().fold(top, |low, v| low.min(v.abs()));
         let found = lowest / top;
-        TrialFailure::NoDecay { path: path.to_owned(), found, needed: LEAST_FALL }
+        Problem::NoDecay { found, needed: LEAST_FALL }
     };
     let fall = below(start, LEAST_FALL).ok_or_else(no_decay)?;
-    let samples = way(seen, start, end, rate_hz);
-    let gone = samples.last().map_or(0.0, |(_, way)| *way);
+    let samples = path_length(coordinates, start, end, rate_hz);
+    let gone = samples.last().map_or(0.0, |(_, length)| *length);
     let guess_1_s = -(LEAST_FALL / FREE).ln() * rate_hz / (fall - start).max(1) as f64;
     let guess = SVector::from([0.0, gone / (1.0 - SLOW), guess_1_s]);
     let curve = Curve::fit(&samples, guess, coasting).ok_or_else(no_decay)?;
@@ -91,24 +90,16 @@ pub fn measure(
         roll2_kg_s_se: roll(2, se),
         ..RobotParameterRow::blank()
     };
-    let bent_deg = seen
+    let bent_deg = coordinates
         .phi_rad
         .iter()
-        .map(|phi| mean(&phi[start..end]).abs().to_degrees())
+        .map(|phi| mean(seen(&phi[start..end])).abs().to_degrees())
         .fold(0.0, f64::max);
+    let bent = format!("the robot is bent by {bent_deg:.1} degrees");
+    let off = format!("the way is {:.2} mm (RMS) off a decay", 1e3 * curve.misfit);
     let findings = vec![
-        Finding::at_most(
-            Check::Straight,
-            bent_deg,
-            STRAIGHT_DEG,
-            format!("the robot is bent by {bent_deg:.1} degrees"),
-        ),
-        Finding::at_most(
-            Check::Decay,
-            curve.misfit / gone.abs(),
-            MISFIT_TOLERANCE,
-            format!("the way is {:.2} mm (RMS) off a decay", 1e3 * curve.misfit),
-        ),
+        Finding::at_most(Check::Straight, bent_deg, STRAIGHT_DEG, bent),
+        Finding::at_most(Check::Decay, curve.misfit / gone.abs(), MISFIT_TOLERANCE, off),
     ];
     Ok((row, findings))
 }
@@ -134,8 +125,8 @@ fn coasting(p: &SVector<f64, 3>, t: f64) -> (f64, SVector<f64, 3>) {
     (p[0] + p[1] * (1.0 - left), SVector::from([1.0, 1.0 - left, p[1] * t * left]))
 }
 
-/// Time (s) and way along the heading (m) of the frames that were seen, from the first of them.
-fn way(seen: &Coordinates, start: usize, end: usize, rate_hz: f64) -> Vec<(f64, f64)> {
+/// Time (s) and path length along the heading (m) in the frames that were seen, from the first of them on.
+fn path_length(seen: &Coordinates, start: usize, end: usize, rate_hz: f64) -> Vec<(f64, f64)> {
     let mut samples: Vec<(f64, f64)> = Vec::with_capacity(end - start);
     let mut last: Option<[f64; 3]> = None;
     for i in start..end {
@@ -147,14 +138,9 @@ fn way(seen: &Coordinates, start: usize, end: usize, rate_hz: f64) -> Vec<(f64, 
             let (sin, cos) = (0.5 * (theta + last[2])).sin_cos();
             (x - last[0]) * cos + (y - last[1]) * sin
         });
-        let before = samples.last().map_or(0.0, |(_, way)| *way);
+        let before = samples.last().map_or(0.0, |(_, length)| *length);
         samples.push(((i - start) as f64 / rate_hz, before + step));
         last = Some([x, y, theta]);
     }
     samples
-}
-
-fn mean(series: &[f64]) -> f64 {
-    let seen = || series.iter().filter(|x| !x.is_nan());
-    seen().sum::<f64>() / seen().count().max(1) as f64
 }

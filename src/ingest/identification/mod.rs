@@ -1,4 +1,4 @@
-//! What trials without a gait tell of the robot's parameters.
+//! The robot's parameters by trials without a gait.
 
 pub mod coast;
 mod curve;

@@ -8,18 +8,16 @@
 //! configured.
 
 use std::f64::consts::PI;
-use std::path::Path;
 
 use nalgebra::SVector;
 
 use super::curve::Curve;
 use crate::ingest::checks::{Check, Finding};
-use crate::ingest::cycles::Estimate;
-use crate::ingest::error::TrialFailure;
+use crate::ingest::error::Problem;
 use crate::ingest::poses::Coordinates;
 use crate::ingest::signals::{moving_average, noise};
 use crate::robot::Robot;
-use crate::stats::median_high;
+use crate::stats::{Estimate, extremes, mean, median_high, seen};
 use crate::store::{RobotParameterRow, Rows as _};
 
 /// A joint that moves less than this was not let go, rad.
@@ -40,29 +38,27 @@ const PEAK_WINDOW: usize = 5;
 const HELD_TOLERANCE: f64 = 0.02;
 const MISFIT_TOLERANCE: f64 = 0.03;
 
-/// What a trial of kind `joint-release` says of the robot, and its checks.
+/// The robot's parameters by a trial of kind `joint-release`, and its checks.
 pub fn measure(
-    path: &Path,
     robot: &Robot,
-    seen: &Coordinates,
+    coordinates: &Coordinates,
     rate_hz: f64,
-) -> Result<(RobotParameterRow, Vec<Finding>), TrialFailure> {
-    let ranges = seen.phi_rad.each_ref().map(|phi| range(phi));
+) -> Result<(RobotParameterRow, Vec<Finding>), Problem> {
+    let ranges = coordinates.phi_rad.each_ref().map(|phi| extremes(seen(phi)));
     // The other joint is held.
-    let joint = usize::from(ranges[1] > ranges[0]);
-    let phi = &seen.phi_rad[joint];
+    let joint = usize::from(ranges[1][1] - ranges[1][0] > ranges[0][1] - ranges[0][0]);
+    let phi = &coordinates.phi_rad[joint];
     let rest_rad = late_median(phi);
     let swing: Vec<f64> = phi.iter().map(|phi| phi - rest_rad).collect();
     let largest = swing.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     if largest < LEAST_SWING_RAD {
         let (found_deg, needed_deg) = (largest.to_degrees(), LEAST_SWING_RAD.to_degrees());
-        return Err(TrialFailure::NotReleased { path: path.to_owned(), found_deg, needed_deg });
+        return Err(Problem::NotReleased { found_deg, needed_deg });
     }
     let noise_rad = noise(phi);
     let (start, end) = free_frames(&swing, largest, noise_rad);
     let smooth = moving_average(&swing, PEAK_WINDOW);
-    let few =
-        |found| TrialFailure::FewSwings { path: path.to_owned(), found, needed: LEAST_SWINGS };
+    let few = |found| Problem::FewSwings { found, needed: LEAST_SWINGS };
     let swings = swings(&smooth[start..end], 0.0, noise_rad);
     if swings.len() < LEAST_SWINGS {
         return Err(few(swings.len()));
@@ -108,23 +104,15 @@ pub fn measure(
         damping_configured_nm_s_rad: robot.damping_nm_s_rad,
         ..RobotParameterRow::blank()
     };
-    let moved = [&seen.theta_rad[start..end], &seen.phi_rad[1 - joint][start..end]]
-        .map(deviation)
-        .into_iter()
-        .fold(0.0, f64::max);
+    let held = [&coordinates.theta_rad, &coordinates.phi_rad[1 - joint]];
+    let moved =
+        held.map(|series| &series[start..end]).map(deviation).into_iter().fold(0.0, f64::max);
+    let (moved_part, misfit) = (moved / largest, curve.misfit / largest);
+    let moved = format!("the held links move by {:.2} degrees (RMS)", moved.to_degrees());
+    let off = format!("the joint is {:.2} degrees (RMS) off a decay", curve.misfit.to_degrees());
     let findings = vec![
-        Finding::at_most(
-            Check::HeldLinks,
-            moved / largest,
-            HELD_TOLERANCE,
-            format!("the held links move by {:.2} degrees (RMS)", moved.to_degrees()),
-        ),
-        Finding::at_most(
-            Check::Decay,
-            curve.misfit / largest,
-            MISFIT_TOLERANCE,
-            format!("the joint is {:.2} degrees (RMS) off a decay", curve.misfit.to_degrees()),
-        ),
+        Finding::at_most(Check::HeldLinks, moved_part, HELD_TOLERANCE, moved),
+        Finding::at_most(Check::Decay, misfit, MISFIT_TOLERANCE, off),
     ];
     Ok((row, findings))
 }
@@ -137,16 +125,9 @@ fn decaying(p: &SVector<f64, 5>, t: f64) -> (f64, SVector<f64, 5>) {
     (p[0] + wave, SVector::from([1.0, envelope * cos, envelope * sin, -t * wave, t * turned]))
 }
 
-fn range(series: &[f64]) -> f64 {
-    let (low, high) = series
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
-    high - low
-}
-
 /// Median of the last fifth of what was seen: about where the joint came to rest.
 fn late_median(series: &[f64]) -> f64 {
-    let seen: Vec<f64> = series.iter().copied().filter(|x| !x.is_nan()).collect();
+    let seen: Vec<f64> = seen(series).collect();
     median_high(seen[seen.len() - seen.len().div_ceil(5)..].to_vec())
 }
 
@@ -207,8 +188,6 @@ fn half_period_s(swings: &[(f64, f64)], rate_hz: f64) -> f64 {
 
 /// Standard deviation of what was seen.
 fn deviation(series: &[f64]) -> f64 {
-    let seen = || series.iter().filter(|x| !x.is_nan());
-    let count = seen().count().max(1) as f64;
-    let mean = seen().sum::<f64>() / count;
-    (seen().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt()
+    let middle = mean(seen(series));
+    mean(seen(series).map(|x| (x - middle).powi(2))).sqrt()
 }

@@ -1,10 +1,9 @@
 //! Which markers of a file belong to which link.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use crate::config::Markers;
-use crate::ingest::error::TrialFailure;
+use crate::ingest::error::Problem;
 use crate::vicon::MarkerFile;
 
 /// Labels of the file that an error proposes.
@@ -16,7 +15,7 @@ pub struct LinkMarker {
     /// Index among the file's labels.
     pub column: usize,
     /// Place in the link's own frame, x along t_i and y along n_i, mm.
-    pub place_mm: [f64; 2],
+    pub local_position_mm: [f64; 2],
     /// Above the floor, mm.
     pub height_mm: f64,
 }
@@ -27,22 +26,18 @@ pub type Layout = [Vec<LinkMarker>; 3];
 /// Finds every marker of the configured layout in the file: by its whole label, or else by the
 /// part after the subject if only one subject has it. The error is about the first that is not
 /// found.
-pub fn locate(path: &Path, markers: &Markers, file: &MarkerFile) -> Result<Layout, TrialFailure> {
-    locate_all(path, markers, file).map_err(|mut failures| failures.swap_remove(0))
+pub fn locate(markers: &Markers, file: &MarkerFile) -> Result<Layout, Problem> {
+    locate_all(markers, file).map_err(|mut problems| problems.swap_remove(0))
 }
 
 /// [`locate`], with an error for every marker that is not found: one at least.
-pub fn locate_all(
-    path: &Path,
-    markers: &Markers,
-    file: &MarkerFile,
-) -> Result<Layout, Vec<TrialFailure>> {
+pub fn locate_all(markers: &Markers, file: &MarkerFile) -> Result<Layout, Vec<Problem>> {
     let mut layout = [const { Vec::new() }; 3];
     let mut failures = Vec::new();
     let mut owners: BTreeMap<usize, &str> = BTreeMap::new();
     for (link, configured) in markers.links().into_iter().enumerate() {
         for (label, place) in configured {
-            let column = match column_of(path, link, label, &file.labels) {
+            let column = match column_of(link, label, &file.labels) {
                 Ok(column) => column,
                 Err(failure) => {
                     failures.push(failure);
@@ -50,26 +45,20 @@ pub fn locate_all(
                 }
             };
             if let Some(first) = owners.insert(column, label) {
-                failures.push(TrialFailure::SharedMarker {
-                    path: path.to_owned(),
+                failures.push(Problem::SharedMarker {
                     found: file.labels[column].clone(),
                     first: first.to_owned(),
                     second: label.clone(),
                 });
             }
             let [x, y, height_mm] = *place;
-            layout[link].push(LinkMarker { column, place_mm: [x, y], height_mm });
+            layout[link].push(LinkMarker { column, local_position_mm: [x, y], height_mm });
         }
     }
     if failures.is_empty() { Ok(layout) } else { Err(failures) }
 }
 
-fn column_of(
-    path: &Path,
-    link: usize,
-    label: &str,
-    labels: &[String],
-) -> Result<usize, TrialFailure> {
+fn column_of(link: usize, label: &str, labels: &[String]) -> Result<usize, Problem> {
     let among = |matches: &dyn Fn(&str) -> bool| -> Vec<usize> {
         (0..labels.len()).filter(|&i| matches(&labels[i])).collect()
     };
@@ -77,20 +66,19 @@ fn column_of(
     if found.is_empty() {
         found = among(&|candidate| marker_name(candidate) == label);
     }
-    let path = path.to_owned();
     let label = label.to_owned();
     match found[..] {
         [column] => Ok(column),
         [] => {
             let hint = proposals(&label, labels);
-            Err(TrialFailure::MissingMarker { path, label, link, hint })
+            Err(Problem::MissingMarker { label, link, hint })
         }
         [first, ..] if found.iter().all(|&i| labels[i] == labels[first]) => {
-            Err(TrialFailure::RepeatedLabel { path, label: labels[first].clone(), link })
+            Err(Problem::RepeatedLabel { label: labels[first].clone(), link })
         }
         _ => {
             let found = found.iter().map(|&i| labels[i].clone()).collect();
-            Err(TrialFailure::AmbiguousMarker { path, label, link, found })
+            Err(Problem::AmbiguousMarker { label, link, found })
         }
     }
 }
@@ -113,7 +101,10 @@ fn proposals(label: &str, labels: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+    use crate::ingest::error::TrialFailure;
     use crate::vicon::read_markers;
 
     /// The markers of the fixture with two subjects that both have a marker `X`.
@@ -122,7 +113,7 @@ mod tests {
         let file = read_markers(path).unwrap();
         let link0 = link0.into_iter().map(|label| (label.to_owned(), [0.0; 3])).collect();
         let markers = Markers { link0, link1: BTreeMap::new(), link2: BTreeMap::new() };
-        locate(Path::new("a.csv"), &markers, &file)
+        locate(&markers, &file).map_err(|problem| problem.of(Path::new("a.csv")))
     }
 
     #[test]
@@ -149,7 +140,7 @@ mod tests {
     fn a_label_that_a_file_has_twice_is_an_error() {
         let labels = ["Snake:M1".to_owned(), "Snake:M1".to_owned()];
         for label in ["M1", "Snake:M1"] {
-            let error = column_of(Path::new("a.csv"), 0, label, &labels).unwrap_err();
+            let error = column_of(0, label, &labels).unwrap_err().of(Path::new("a.csv"));
             assert_eq!(
                 error.to_string(),
                 "a.csv: found the label `Snake:M1` more than once, \

@@ -2,7 +2,7 @@
 
 use crate::robot::in_world;
 
-/// Two markers nearer than this, mm, say too little about the heading.
+/// Two markers nearer than this, mm, hardly determine the heading.
 const LEAST_SPREAD_MM: f64 = 5.0;
 
 /// Where a link is in the plane of the floor.
@@ -17,8 +17,8 @@ pub struct LinkPose {
     pub basis: Basis,
 }
 
-/// The markers that a pose rests on: all that is needed to tell how much worse another pose
-/// explains them.
+/// The markers that a pose rests on: enough to compute how much worse another pose explains
+/// them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Basis {
     pub markers: f64,
@@ -30,45 +30,45 @@ pub struct Basis {
 }
 
 impl LinkPose {
-    /// Where the pose puts a place of the link's frame, mm.
-    pub fn at(&self, place_mm: [f64; 2]) -> [f64; 2] {
-        in_world(self.origin_mm, self.theta_rad, place_mm)
+    /// Where the pose puts a point of the link's frame, mm.
+    pub fn at(&self, local_position_mm: [f64; 2]) -> [f64; 2] {
+        in_world(self.origin_mm, self.theta_rad, local_position_mm)
     }
 }
 
-/// Rotation and translation that bring `place_mm` (in the link's frame) nearest to `seen_mm`
+/// Rotation and translation that bring `local_mm` (in the link's frame) nearest to `seen_mm`
 /// (in the world), in the sense of least squares; `None` if the markers do not give a heading.
 ///
 /// In the plane this has a closed form: about the two centroids, the rotation's tangent is
 /// the sum of cross products over the sum of dot products.
 pub fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<LinkPose> {
-    let (mut count, mut place, mut seen) = (0.0, [0.0; 2], [0.0; 2]);
+    let (mut count, mut local, mut seen) = (0.0, [0.0; 2], [0.0; 2]);
     for (p, q) in pairs.clone() {
         count += 1.0;
         for axis in 0..2 {
-            place[axis] += p[axis];
+            local[axis] += p[axis];
             seen[axis] += q[axis];
         }
     }
     if count < 2.0 || !is_spread(pairs.clone()) {
         return None;
     }
-    let (place, seen) = (place.map(|sum| sum / count), seen.map(|sum| sum / count));
+    let (local, seen) = (local.map(|sum| sum / count), seen.map(|sum| sum / count));
     let (mut along, mut across) = (0.0, 0.0);
     for (p, q) in pairs.clone() {
-        let (p, q) = ([p[0] - place[0], p[1] - place[1]], [q[0] - seen[0], q[1] - seen[1]]);
+        let (p, q) = ([p[0] - local[0], p[1] - local[1]], [q[0] - seen[0], q[1] - seen[1]]);
         along += p[0] * q[0] + p[1] * q[1];
         across += p[0] * q[1] - p[1] * q[0];
     }
     let theta_rad = across.atan2(along);
     let turning_mm2 = (along * along + across * across).sqrt();
-    // Markers that were all seen in one place give no heading.
+    // Markers that were all seen in one point give no heading.
     if turning_mm2 == 0.0 {
         return None;
     }
     let (sin, cos) = (across / turning_mm2, along / turning_mm2);
     let turned = |p: [f64; 2]| [cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]];
-    let centre = turned(place);
+    let centre = turned(local);
     let origin_mm = [seen[0] - centre[0], seen[1] - centre[1]];
     let squares: f64 = pairs
         .map(|(p, q)| {
@@ -80,7 +80,7 @@ pub fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<
         origin_mm,
         theta_rad,
         residual_mm: (squares / count).sqrt(),
-        basis: Basis { markers: count, centre_mm: place, turning_mm2 },
+        basis: Basis { markers: count, centre_mm: local, turning_mm2 },
     })
 }
 

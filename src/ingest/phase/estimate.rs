@@ -2,15 +2,15 @@
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
-use std::path::Path;
 
 use super::harmonics::{
-    Clock, FrequencyInformation, GAIT_HARMONICS, LEAST_SAMPLES, LEAST_SAMPLES_PER_TERM, Regression,
+    FrequencyInformation, GAIT_HARMONICS, LEAST_SAMPLES, LEAST_SAMPLES_PER_TERM, LinearPhase,
+    Regression,
 };
-use crate::ingest::error::TrialFailure;
+use crate::ingest::error::Problem;
 use crate::ingest::signals::noise;
 use crate::robot::Gait;
-use crate::stats::wrap;
+use crate::stats::{extremes, mean, seen, wrap};
 
 /// The frequency is looked for this far from the commanded one.
 const SEARCH: f64 = 0.1;
@@ -25,9 +25,9 @@ const REST_PHASE_RAD: f64 = 0.5;
 
 /// What the commanded joints did.
 #[derive(Debug, Clone)]
-pub struct Driven {
+pub struct GaitPhase {
     /// Phase of the command in every frame.
-    pub clock: Clock,
+    pub phase: LinearPhase,
     pub omega_rad_s: f64,
     pub omega_se_rad_s: f64,
     /// Frames in which the robot is driven.
@@ -47,8 +47,7 @@ fn shape_harmonics(frames_per_period: f64, rate_hz: f64) -> usize {
 }
 
 /// The commanded gait and how the trial is sampled.
-pub struct Command<'a> {
-    pub path: &'a Path,
+pub struct CommandedGait<'a> {
     pub gait: &'a Gait,
     pub omega_rad_s: f64,
     pub rate_hz: f64,
@@ -56,16 +55,14 @@ pub struct Command<'a> {
     pub skip_cycles: usize,
 }
 
-impl Command<'_> {
+impl CommandedGait<'_> {
     /// Finds frequency and phase by harmonic regression on the commanded joints' unsmoothed
     /// angles; NaN where a joint was not seen.
-    pub fn measure(&self, phi_rad: &[Vec<f64>; 2]) -> Result<Driven, TrialFailure> {
-        let path = || self.path.to_owned();
+    pub fn measure(&self, phi_rad: &[Vec<f64>; 2]) -> Result<GaitPhase, Problem> {
         let step = self.omega_rad_s / self.rate_hz;
         let found = TAU / step;
         if found < LEAST_FRAMES_PER_PERIOD {
-            let needed = LEAST_FRAMES_PER_PERIOD;
-            return Err(TrialFailure::TooFast { path: path(), found, needed });
+            return Err(Problem::TooFast { found, needed: LEAST_FRAMES_PER_PERIOD });
         }
         let joints: Vec<(usize, &[f64])> = (0..2)
             .filter(|&joint| self.gait.joints[joint].is_some())
@@ -73,28 +70,24 @@ impl Command<'_> {
             .collect();
         let moving = moving(&joints, step);
         let periods = moving.len() as f64 * step / TAU;
+        let too_short = || Problem::TooShort { found: periods, needed: LEAST_PERIODS };
         if periods < LEAST_PERIODS {
-            let needed = LEAST_PERIODS;
-            return Err(TrialFailure::TooShort { path: path(), found: periods, needed });
+            return Err(too_short());
         }
         for (joint, phi) in &joints {
-            let found = phi[moving.clone()].iter().filter(|x| !x.is_nan()).count();
+            let found = seen(&phi[moving.clone()]).count();
             if found < LEAST_SAMPLES {
                 let (joint, needed) = (joint + 1, LEAST_SAMPLES);
-                return Err(TrialFailure::JointUnseen { path: path(), joint, found, needed });
+                return Err(Problem::JointUnseen { joint, found, needed });
             }
         }
         // The transient is left out if enough remains.
         let skipped = (self.skip_cycles as f64).min(periods - LEAST_PERIODS).max(0.0);
         let steady = moving.start + (skipped * TAU / step) as usize..moving.end;
         let coarse = strongest(&joints, &steady, step);
-        let (step, variance) = refine(&joints, &steady, coarse, step).ok_or_else(|| {
-            let needed = LEAST_PERIODS;
-            TrialFailure::TooShort { path: path(), found: periods, needed }
-        })?;
-        let clock = self.clock(&joints, &steady, step)?;
-        Ok(Driven {
-            clock,
+        let (step, variance) = refine(&joints, &steady, coarse, step).ok_or_else(too_short)?;
+        Ok(GaitPhase {
+            phase: self.phase(&joints, &steady, step)?,
             omega_rad_s: step * self.rate_hz,
             omega_se_rad_s: variance.sqrt() * self.rate_hz,
             moving,
@@ -102,22 +95,21 @@ impl Command<'_> {
         })
     }
 
-    /// The clock in which the joints' first harmonics have, on average, their commanded phases.
-    fn clock(
+    /// The phase in which the joints' first harmonics have, on average, their commanded phases.
+    fn phase(
         &self,
         joints: &[(usize, &[f64])],
         steady: &Range<usize>,
         step: f64,
-    ) -> Result<Clock, TrialFailure> {
-        let mut clock = Clock::centred(steady, step);
+    ) -> Result<LinearPhase, Problem> {
+        let mut phase = LinearPhase::centred(steady, step);
         let (mut sin, mut cos) = (0.0, 0.0);
         for &(joint, phi) in joints {
             let Some(command) = self.gait.joints[joint] else { continue };
-            let fit = Regression::new(phi, steady.clone(), &clock, GAIT_HARMONICS);
+            let fit = Regression::new(phi, steady.clone(), &phase, GAIT_HARMONICS);
             let found = fit.as_ref().map_or(0.0, |fit| fit.harmonics.amplitude(1));
             if found < LEAST_AMPLITUDE * command.amplitude_rad {
-                return Err(TrialFailure::NotDriven {
-                    path: self.path.to_owned(),
+                return Err(Problem::NotDriven {
                     joint: joint + 1,
                     omega_rad_s: self.omega_rad_s,
                     found_deg: found.to_degrees(),
@@ -130,8 +122,8 @@ impl Command<'_> {
                 cos += command.amplitude_rad * ahead.cos();
             }
         }
-        clock.offset_rad = wrap(clock.offset_rad + sin.atan2(cos));
-        Ok(clock)
+        phase.offset_rad = wrap(phase.offset_rad + sin.atan2(cos));
+        Ok(phase)
     }
 }
 
@@ -156,11 +148,8 @@ fn frames_at_rest(frames: usize, at: &dyn Fn(usize) -> f64, noise_rad: f64) -> u
     const FIRST: usize = 5;
     const IN_A_ROW: usize = 3;
     let seen = (0..frames).map(at).filter(|phi| !phi.is_nan());
-    let (low, high) = seen
-        .clone()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-    let (count, sum) = seen.take(FIRST).fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x));
-    let reference = sum / count;
+    let [low, high] = extremes(seen.clone());
+    let reference = mean(seen.take(FIRST));
     let tolerance = (6.0 * noise_rad).max(0.005 * (high - low));
     let mut away = 0;
     for i in 0..frames {
@@ -185,12 +174,9 @@ fn strongest(joints: &[(usize, &[f64])], range: &Range<usize>, commanded: f64) -
     let sums: Vec<Vec<f64>> = joints
         .iter()
         .map(|(_, phi)| {
-            let seen = phi[range.clone()].iter().filter(|phi| !phi.is_nan());
-            let mean = seen.clone().sum::<f64>() / seen.count().max(1) as f64;
-            phi[range.clone()]
-                .chunks(length)
-                .map(|phi| phi.iter().filter(|phi| !phi.is_nan()).map(|phi| phi - mean).sum())
-                .collect()
+            let mean = mean(seen(&phi[range.clone()]));
+            let chunks = phi[range.clone()].chunks(length);
+            chunks.map(|phi| seen(phi).map(|phi| phi - mean).sum()).collect()
         })
         .collect();
     let power = |step: f64| -> f64 {
@@ -229,10 +215,10 @@ fn refine(
     let mut step = coarse;
     let mut sum = FrequencyInformation::default();
     for _ in 0..ITERATIONS {
-        let clock = Clock::centred(range, step);
+        let phase = LinearPhase::centred(range, step);
         sum = FrequencyInformation::default();
         for (_, phi) in joints {
-            let joint = Regression::new(phi, range.clone(), &clock, GAIT_HARMONICS)?
+            let joint = Regression::new(phi, range.clone(), &phase, GAIT_HARMONICS)?
                 .frequency_information();
             sum.gradient += joint.gradient;
             sum.curvature += joint.curvature;
@@ -253,7 +239,7 @@ fn refine(
         }
     }
     // Neighbouring residuals are alike where the servo, not the noise, makes them: as many
-    // independent samples are missing as a first-order process of that correlation says.
+    // independent samples are missing as in a first-order process of that correlation.
     let correlation = (sum.neighbours / sum.squares.max(f64::MIN_POSITIVE)).clamp(0.0, 0.98);
     let inflation = (1.0 + correlation) / (1.0 - correlation);
     let variance = sum.squares / sum.freedom.max(1.0) * inflation / sum.curvature;
@@ -262,20 +248,21 @@ fn refine(
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
-    fn measure(phi: impl Fn(f64) -> [f64; 2], seconds: f64, omega: f64) -> Result<Driven, String> {
+    fn measure(
+        phi: impl Fn(f64) -> [f64; 2],
+        seconds: f64,
+        omega: f64,
+    ) -> Result<GaitPhase, String> {
         let frames = (seconds * 120.0) as usize;
         let at = |joint: usize| (0..frames).map(|i| phi(i as f64 / 120.0)[joint]).collect();
         let gait = Gait::symmetric();
-        let command = Command {
-            path: Path::new("a.csv"),
-            gait: &gait,
-            omega_rad_s: omega,
-            rate_hz: 120.0,
-            skip_cycles: 2,
-        };
-        command.measure(&[at(0), at(1)]).map_err(|error| error.to_string())
+        let command =
+            CommandedGait { gait: &gait, omega_rad_s: omega, rate_hz: 120.0, skip_cycles: 2 };
+        command.measure(&[at(0), at(1)]).map_err(|error| error.of(Path::new("a.csv")).to_string())
     }
 
     fn gait_at(phase: f64) -> [f64; 2] {
@@ -288,7 +275,7 @@ mod tests {
             let driven =
                 measure(|t| gait_at(true_omega * t + 1.0), 60.0 / omega + 10.0, omega).unwrap();
             assert!((driven.omega_rad_s / true_omega - 1.0).abs() < 1e-9, "{omega}");
-            assert!(wrap(driven.clock.offset_rad - 1.0).abs() < 1e-7);
+            assert!(wrap(driven.phase.offset_rad - 1.0).abs() < 1e-7);
             assert!(driven.omega_se_rad_s < 1e-6);
         }
     }

@@ -7,11 +7,13 @@ use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Harmonics of a joint's angle that tell its frequency and its phase.
+use crate::stats::{extremes, seen};
+
+/// Harmonics of a joint's angle that its frequency and phase are taken from.
 pub const GAIT_HARMONICS: usize = 5;
 /// Samples below which a fit is not attempted, per term.
 pub const LEAST_SAMPLES_PER_TERM: usize = 3;
-/// Samples that tell the gait.
+/// Samples that determine the gait.
 pub const LEAST_SAMPLES: usize = LEAST_SAMPLES_PER_TERM * (2 * GAIT_HARMONICS + 1);
 /// Frames that share a table of cosines and sines.
 const BLOCK: usize = 16;
@@ -21,18 +23,18 @@ const LANES: usize = 4;
 /// The phase of the gait as a function of the frame: `step_rad * i + offset_rad`, where i
 /// counts from the first frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Clock {
+pub struct LinearPhase {
     pub step_rad: f64,
     pub offset_rad: f64,
 }
 
-impl Clock {
-    pub fn phase(&self, frame: f64) -> f64 {
+impl LinearPhase {
+    pub fn at(&self, frame: f64) -> f64 {
         self.step_rad * frame + self.offset_rad
     }
 
     /// The frame, usually between two, at which the phase is `phase_rad`.
-    pub fn frame(&self, phase_rad: f64) -> f64 {
+    pub fn frame_of(&self, phase_rad: f64) -> f64 {
         (phase_rad - self.offset_rad) / self.step_rad
     }
 
@@ -53,8 +55,13 @@ pub struct Harmonics {
 impl Harmonics {
     /// Least squares over the samples of a range that are not missing; `None` if there are
     /// too few, or too few of the cycle.
-    pub fn fit(series: &[f64], range: Range<usize>, clock: &Clock, count: usize) -> Option<Self> {
-        Regression::new(series, range, clock, count).map(|regression| regression.harmonics)
+    pub fn fit(
+        series: &[f64],
+        range: Range<usize>,
+        phase: &LinearPhase,
+        count: usize,
+    ) -> Option<Self> {
+        Regression::new(series, range, phase, count).map(|regression| regression.harmonics)
     }
 
     pub fn offset(&self) -> f64 {
@@ -80,16 +87,14 @@ impl Harmonics {
     /// Smallest and largest value over a cycle.
     pub fn extremes(&self) -> [f64; 2] {
         const POINTS: usize = 360;
-        let clock = Clock { step_rad: std::f64::consts::TAU / POINTS as f64, offset_rad: 0.0 };
-        let values = self.over(0..POINTS, &clock);
-        values.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
-            [low.min(value), high.max(value)]
-        })
+        let phase =
+            LinearPhase { step_rad: std::f64::consts::TAU / POINTS as f64, offset_rad: 0.0 };
+        extremes(self.over(0..POINTS, &phase))
     }
 
     /// Values in the frames of a range.
-    pub fn over(&self, range: Range<usize>, clock: &Clock) -> Vec<f64> {
-        Grid::new(clock, self.count()).evaluate(&self.terms, range)
+    pub fn over(&self, range: Range<usize>, phase: &LinearPhase) -> Vec<f64> {
+        Grid::new(phase, self.count()).evaluate(&self.terms, range)
     }
 
     /// Numbers whose squares sum to the mean square over a cycle, and whose products with
@@ -127,7 +132,7 @@ fn basis(phase_rad: f64, terms: &mut [f64]) {
 
 /// Evenly spaced phases, and sums over them.
 struct Grid<'c> {
-    clock: &'c Clock,
+    phase: &'c LinearPhase,
     /// Terms of each frame of a block that begins with phase 0, and zeros up to a multiple of
     /// [`LANES`].
     table: Vec<[f64; LANES]>,
@@ -136,14 +141,14 @@ struct Grid<'c> {
 }
 
 impl<'c> Grid<'c> {
-    fn new(clock: &'c Clock, count: usize) -> Self {
+    fn new(phase: &'c LinearPhase, count: usize) -> Self {
         let width = 2 * count + 1;
         let lanes = width.div_ceil(LANES);
         let mut table = vec![[0.0; LANES]; BLOCK * lanes];
         for (i, row) in table.chunks_exact_mut(lanes).enumerate() {
-            basis(clock.step_rad * i as f64, &mut row.as_flattened_mut()[..width]);
+            basis(phase.step_rad * i as f64, &mut row.as_flattened_mut()[..width]);
         }
-        Self { clock, table, width }
+        Self { phase, table, width }
     }
 
     fn rows(&self) -> impl Iterator<Item = &[[f64; LANES]]> {
@@ -169,7 +174,7 @@ impl<'c> Grid<'c> {
                     }
                 }
             }
-            basis(self.clock.phase(first as f64), &mut turn);
+            basis(self.phase.at(first as f64), &mut turn);
             let block_sums = block_sums.as_flattened();
             sums[0] += block_sums[0];
             for k in (1..self.width).step_by(2) {
@@ -189,7 +194,7 @@ impl<'c> Grid<'c> {
         let mut turned = vec![[0.0; LANES]; self.lanes()];
         turned[0][0] = factors[0];
         for first in range.clone().step_by(BLOCK) {
-            basis(self.clock.phase(first as f64), &mut turn);
+            basis(self.phase.at(first as f64), &mut turn);
             let flat = turned.as_flattened_mut();
             for k in (1..self.width).step_by(2) {
                 let (c, s) = (turn[k], turn[k + 1]);
@@ -216,19 +221,19 @@ impl<'c> Grid<'c> {
     fn gram(&self, series: &[f64], range: &Range<usize>) -> DMatrix<f64> {
         let highest = self.width - 1;
         let frames = range.len() as f64;
-        let middle = self.clock.phase(range.start as f64 + 0.5 * (frames - 1.0));
+        let middle = self.phase.at(range.start as f64 + 0.5 * (frames - 1.0));
         let mut sums = vec![0.0; 2 * highest + 1];
         basis(middle, &mut sums);
         sums[0] = frames;
         for k in 1..=highest {
-            let half = 0.5 * k as f64 * self.clock.step_rad;
+            let half = 0.5 * k as f64 * self.phase.step_rad;
             let kernel = (frames * half).sin() / half.sin();
             sums[2 * k - 1] *= kernel;
             sums[2 * k] *= kernel;
         }
         let mut terms = vec![0.0; sums.len()];
         for i in range.clone().filter(|&i| series[i].is_nan()) {
-            basis(self.clock.phase(i as f64), &mut terms);
+            basis(self.phase.at(i as f64), &mut terms);
             sums.iter_mut().zip(&terms).for_each(|(sum, term)| *sum -= term);
         }
         let cos = |k: usize| if k == 0 { sums[0] } else { sums[2 * k - 1] };
@@ -254,11 +259,11 @@ pub struct Regression<'s> {
     pub harmonics: Harmonics,
     series: &'s [f64],
     range: Range<usize>,
-    clock: Clock,
+    phase: LinearPhase,
     factor: Cholesky<f64, Dyn>,
 }
 
-/// What one joint says about the frequency.
+/// What one joint contributes to the estimate of the frequency.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct FrequencyInformation {
     /// Product of the residuals with the derivative with respect to the step.
@@ -276,12 +281,12 @@ impl<'s> Regression<'s> {
     pub fn new(
         series: &'s [f64],
         range: Range<usize>,
-        clock: &Clock,
+        phase: &LinearPhase,
         count: usize,
     ) -> Option<Self> {
         let samples = &series[range.clone()];
-        let grid = Grid::new(clock, count);
-        if samples.iter().filter(|x| !x.is_nan()).count() < LEAST_SAMPLES_PER_TERM * grid.width {
+        let grid = Grid::new(phase, count);
+        if seen(samples).count() < LEAST_SAMPLES_PER_TERM * grid.width {
             return None;
         }
         // Too little of the cycle makes the harmonics indistinguishable.
@@ -291,13 +296,13 @@ impl<'s> Regression<'s> {
         })?;
         let right = DVector::from_vec(grid.project(samples, range.clone()));
         let terms = factor.solve(&right).data.into();
-        Some(Self { harmonics: Harmonics { terms }, series, range, clock: *clock, factor })
+        Some(Self { harmonics: Harmonics { terms }, series, range, phase: *phase, factor })
     }
 
-    /// The Gauss-Newton system for the step; time counts from where the clock's phase is zero.
+    /// The Gauss-Newton system for the step; time counts from where the phase is zero.
     pub fn frequency_information(&self) -> FrequencyInformation {
-        let origin = self.clock.frame(0.0);
-        let grid = Grid::new(&self.clock, self.harmonics.count());
+        let origin = self.phase.frame_of(0.0);
+        let grid = Grid::new(&self.phase, self.harmonics.count());
         let fitted = grid.evaluate(&self.harmonics.terms, self.range.clone());
         let mut slopes = grid.evaluate(&self.harmonics.slope(), self.range.clone());
         let mut sum = FrequencyInformation::default();
@@ -330,19 +335,19 @@ mod tests {
 
     #[test]
     fn a_sum_of_harmonics_is_found_whatever_is_missing() {
-        let clock = Clock { step_rad: 0.0325, offset_rad: -0.7 };
+        let phase = LinearPhase { step_rad: 0.0325, offset_rad: -0.7 };
         let wave = |i: usize| {
-            let phase = clock.phase(i as f64);
+            let phase = phase.at(i as f64);
             0.3 + 0.5 * (phase + 2.0).cos() + 0.02 * (3.0 * phase - 1.0).cos()
         };
         let mut series: Vec<f64> = (0..900).map(wave).collect();
         series[100..160].fill(f64::NAN);
-        let fit = Harmonics::fit(&series, 30..880, &clock, 5).unwrap();
+        let fit = Harmonics::fit(&series, 30..880, &phase, 5).unwrap();
         assert!((fit.offset() - 0.3).abs() < 1e-12);
         assert!((fit.amplitude(1) - 0.5).abs() < 1e-12);
         assert!((fit.amplitude(3) - 0.02).abs() < 1e-12);
         assert!((fit.phase_rad() - 2.0).abs() < 1e-12);
-        let values = fit.over(100..300, &clock);
+        let values = fit.over(100..300, &phase);
         for (value, i) in values.iter().zip(100..) {
             assert!((value - wave(i)).abs() < 1e-12);
         }
@@ -353,13 +358,13 @@ mod tests {
     #[test]
     fn the_products_of_the_terms_are_summed_as_by_hand() {
         const COUNT: usize = 7;
-        let clock = Clock { step_rad: 0.21, offset_rad: 0.4 };
+        let phase = LinearPhase { step_rad: 0.21, offset_rad: 0.4 };
         let series: Vec<f64> = (0..90).map(|i| if i % 11 == 3 { f64::NAN } else { 1.0 }).collect();
-        let gram = Grid::new(&clock, COUNT).gram(&series, &(5..80));
+        let gram = Grid::new(&phase, COUNT).gram(&series, &(5..80));
         let mut terms = [0.0; 2 * COUNT + 1];
         let mut by_hand = DMatrix::zeros(terms.len(), terms.len());
         for i in (5..80).filter(|i| i % 11 != 3) {
-            basis(clock.phase(i.into()), &mut terms);
+            basis(phase.at(i.into()), &mut terms);
             let terms = DVector::from_row_slice(&terms);
             by_hand += &terms * terms.transpose();
         }
@@ -368,17 +373,17 @@ mod tests {
 
     #[test]
     fn half_the_range_of_a_cosine_is_its_amplitude() {
-        let clock = Clock { step_rad: 0.05, offset_rad: 0.1 };
-        let series: Vec<f64> = (0..400).map(|i| 1.0 + 0.4 * clock.phase(i.into()).cos()).collect();
-        let fit = Harmonics::fit(&series, 0..400, &clock, 5).unwrap();
+        let phase = LinearPhase { step_rad: 0.05, offset_rad: 0.1 };
+        let series: Vec<f64> = (0..400).map(|i| 1.0 + 0.4 * phase.at(i.into()).cos()).collect();
+        let fit = Harmonics::fit(&series, 0..400, &phase, 5).unwrap();
         assert!((fit.half_range() - 0.4).abs() < 1e-4 * 0.4);
     }
 
     #[test]
     fn a_small_part_of_a_cycle_gives_no_fit() {
-        let clock = Clock { step_rad: 1e-3, offset_rad: 0.0 };
-        let series: Vec<f64> = (0..200).map(|i| clock.phase(i.into()).cos()).collect();
-        assert!(Harmonics::fit(&series, 0..200, &clock, 5).is_none());
-        assert!(Harmonics::fit(&series, 0..10, &clock, 5).is_none());
+        let phase = LinearPhase { step_rad: 1e-3, offset_rad: 0.0 };
+        let series: Vec<f64> = (0..200).map(|i| phase.at(i.into()).cos()).collect();
+        assert!(Harmonics::fit(&series, 0..200, &phase, 5).is_none());
+        assert!(Harmonics::fit(&series, 0..10, &phase, 5).is_none());
     }
 }

@@ -3,5 +3,5 @@
 mod estimate;
 mod harmonics;
 
-pub use estimate::{Command, Driven};
-pub use harmonics::{Clock, GAIT_HARMONICS, Harmonics};
+pub use estimate::{CommandedGait, GaitPhase};
+pub use harmonics::{GAIT_HARMONICS, Harmonics, LinearPhase};

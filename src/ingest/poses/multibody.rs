@@ -1,18 +1,19 @@
-//! The poses of all three links at once, with the joints closed.
+//! Multibody optimisation (Lu and O'Connor 1999): the poses of all three links at once, with the
+//! joints closed.
 //!
 //! Each link's own fit leaves its joints a little apart: noise of some tenths of a millimetre.
 //! Here the five coordinates (eq. 1) are those that bring all markers of a frame nearest to
-//! where the cameras saw them, in the sense of least squares, with every joint at one place of
-//! both its links. A link's own fit, and the centroid and spread of its markers, say all that
-//! the markers say ([`Basis`]), so the sum over the markers is not taken again. Instead of the
-//! joint angles the links' headings are the unknowns, which gives the same minimum.
+//! where the cameras saw them, in the sense of least squares, with every joint at one point of
+//! both its links. A link's own fit, and the centroid and spread of its markers, determine the sum
+//! over the markers ([`Basis`]), which is not taken again. Instead of the joint angles the links'
+//! headings are the unknowns, which gives the same minimum.
 
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4, Vector5};
 
 use crate::ingest::markers::labels::LinkFit;
 use crate::ingest::markers::rigid::LinkPose;
 use crate::robot::Robot;
-use crate::stats::wrap;
+use crate::stats::{NormalEquations, wrap};
 
 #[cfg(doc)]
 use crate::ingest::markers::rigid::Basis;
@@ -22,81 +23,78 @@ const STEPS: usize = 4;
 /// A step that turns no link by more than this, rad, is the last: what remains is its square times
 /// an arm, a thousandth of a millimetre.
 const SMALL_RAD: f64 = 3e-3;
-/// Rows that say where the joints are, spread over the trial.
+/// Rows that the joints' positions are taken from, spread over the trial.
 const ROWS: usize = 2000;
 /// How far a joint may well be from where the robot's h and l put it, and how far the links of a
 /// frame leave it apart, mm.
-const PLACE_MM: f64 = 3.0;
+const POSITION_MM: f64 = 3.0;
 const APART_MM: f64 = 0.5;
 /// Frames over which a slow tilt of the links leaves it apart in the same direction.
 const ALIKE_FRAMES: f64 = 360.0;
 
 /// Where a joint is in its two links' own frames, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointPlaces {
+pub struct JointPosition {
     pub in_middle: [f64; 2],
     pub in_outer: [f64; 2],
 }
 
-/// Where the joints with links 1 and 2 are.
+/// The three links with their joints, of links 0 and 1 and of links 0 and 2.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Chain {
-    pub joints: [JointPlaces; 2],
+pub struct Linkage {
+    pub joints: [JointPosition; 2],
 }
 
-impl Chain {
-    /// As h and l of a robot say.
+impl Linkage {
+    /// With the h and l of a robot.
     pub fn of(robot: &Robot) -> Self {
-        let joint = |sign: f64| JointPlaces {
+        let joint = |sign: f64| JointPosition {
             in_middle: [sign * 1e3 * robot.h_m, 0.0],
             in_outer: [-sign * 1e3 * robot.l_m, 0.0],
         };
         Self { joints: [joint(1.0), joint(-1.0)] }
     }
 
-    /// As a trial's own poses say, starting from these places: h and l that are a millimetre
-    /// wrong would bend the poses by half a degree. What the trial does not tell, such as both
-    /// places of a joint that does not turn, stays near where it was.
+    /// With the joints where a trial's own poses have them, starting from these: h and l that are a
+    /// millimetre wrong would bend the poses by half a degree. What the trial does not determine,
+    /// such as both positions of a joint that does not turn, stays near where it was.
     pub fn refined(&self, fits: &[Vec<LinkFit>; 3]) -> Self {
         let rows = fits[0].len();
         let stride = (rows / ROWS).max(1);
         let alike = (ALIKE_FRAMES / stride as f64).max(1.0);
-        let mut chain = *self;
-        for (joint, places) in chain.joints.iter_mut().enumerate() {
-            let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+        let mut linkage = *self;
+        for (JointPosition { in_middle, in_outer }, outer) in
+            linkage.joints.iter_mut().zip(&fits[1..])
+        {
+            let mut equations = NormalEquations::new();
             for row in (0..rows).step_by(stride) {
-                let poses = (fits[0][row].pose, fits[1 + joint][row].pose);
-                let (Some(middle), Some(outer)) = poses else { continue };
-                let (from, to) = (middle.at(places.in_middle), outer.at(places.in_outer));
+                let (Some(middle), Some(outer)) = (fits[0][row].pose, outer[row].pose) else {
+                    continue;
+                };
+                let (from, to) = (middle.at(*in_middle), outer.at(*in_outer));
                 let ((s, c), (so, co)) = (middle.theta_rad.sin_cos(), outer.theta_rad.sin_cos());
-                for (row, apart) in [
-                    (Vector4::new(c, -s, -co, so), to[0] - from[0]),
-                    (Vector4::new(s, c, -so, -co), to[1] - from[1]),
-                ] {
-                    normal.ger(1.0, &row, &row, 1.0);
-                    right.axpy(apart, &row, 1.0);
-                }
+                equations.add(&Vector4::new(c, -s, -co, so), to[0] - from[0]);
+                equations.add(&Vector4::new(s, c, -so, -co), to[1] - from[1]);
             }
-            normal += Matrix4::identity() * (APART_MM / PLACE_MM).powi(2) * alike;
-            let Some(factor) = normal.cholesky() else { continue };
-            let moved = factor.solve(&right);
+            equations.matrix += Matrix4::identity() * (APART_MM / POSITION_MM).powi(2) * alike;
+            let Some((moved, _)) = equations.solve() else { continue };
             for axis in 0..2 {
-                places.in_middle[axis] += moved[axis];
-                places.in_outer[axis] += moved[2 + axis];
+                in_middle[axis] += moved[axis];
+                in_outer[axis] += moved[2 + axis];
             }
         }
-        chain
+        linkage
     }
 
-    /// How far a joint of a link is from where another chain has it, at most, mm.
+    /// How far a joint of a link is from where another linkage has it, at most, mm.
     pub fn distance_mm(&self, other: &Self) -> f64 {
-        let places = |chain: &Self| chain.joints.map(|joint| [joint.in_middle, joint.in_outer]);
-        let pairs = places(self).into_iter().flatten().zip(places(other).into_iter().flatten());
+        let points = |linkage: &Self| linkage.joints.map(|joint| [joint.in_middle, joint.in_outer]);
+        let pairs = points(self).into_iter().flatten().zip(points(other).into_iter().flatten());
         pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
     }
 
-    /// The poses of links 0, 1, 2 with their joints closed, given the poses that each link's
-    /// own markers say; a link without one stays without. Residuals are the markers' RMS
+    /// The poses of links 0, 1, 2 with their joints closed, given the pose that each link's own
+    /// markers give; a link without one stays without. Residuals are the markers' RMS
     /// distances from the new poses.
     pub fn close(&self, own: [Option<LinkPose>; 3]) -> [Option<LinkPose>; 3] {
         // Without the middle link, or with it alone, no joint is known from both sides.
@@ -104,13 +102,9 @@ impl Chain {
         if own[1].is_none() && own[2].is_none() {
             return own;
         }
-        let mut q = Vector5::new(
-            middle.origin_mm[0],
-            middle.origin_mm[1],
-            middle.theta_rad,
-            own[1].map_or(0.0, |pose| pose.theta_rad),
-            own[2].map_or(0.0, |pose| pose.theta_rad),
-        );
+        let [x, y] = middle.origin_mm;
+        let [front, rear] = [own[1], own[2]].map(|pose| pose.map_or(0.0, |pose| pose.theta_rad));
+        let mut q = Vector5::new(x, y, middle.theta_rad, front, rear);
         let mut turns = turns(&q);
         let seen_mm = [0, 1, 2].map(|link| {
             own[link].map_or([0.0; 2], |LinkPose { origin_mm, basis, .. }| {
@@ -142,7 +136,7 @@ impl Chain {
         match link {
             0 => ([0.0; 2], [0.0; 2]),
             _ => {
-                let JointPlaces { in_middle, in_outer } = self.joints[link - 1];
+                let JointPosition { in_middle, in_outer } = self.joints[link - 1];
                 (in_middle, in_outer.map(|x| -x))
             }
         }
@@ -165,14 +159,14 @@ impl Chain {
             let (markers, turning) = (basis.markers, basis.turning_mm2);
             let (to_joint, to_axle) = self.arms(link);
             let arm = [0, 1].map(|axis| to_axle[axis] + basis.centre_mm[axis]);
-            let by_own = rotated(turns[link], arm);
-            let by_middle = rotated(turns[0], to_joint);
+            let own_arm = rotated(turns[link], arm);
+            let middle_arm = rotated(turns[0], to_joint);
             let off =
-                [0, 1].map(|axis| q[axis] + by_middle[axis] + by_own[axis] - seen_mm[link][axis]);
+                [0, 1].map(|axis| q[axis] + middle_arm[axis] + own_arm[axis] - seen_mm[link][axis]);
             let slope = turning * (q[2 + link] - pose.theta_rad).sin();
-            // Derivatives of `off` by the headings of link 0 and of the link itself.
-            let middle_arm = if link == 0 { by_own } else { by_middle };
-            let ([px, py], [bx, by]) = (across(middle_arm), across(by_own));
+            // Derivatives of `off` with respect to the headings of link 0 and of the link itself.
+            let [px, py] = across(if link == 0 { own_arm } else { middle_arm });
+            let [bx, by] = across(own_arm);
             let turn = px * off[0] + py * off[1];
             normal[(0, 0)] += markers;
             normal[(1, 1)] += markers;
@@ -202,7 +196,7 @@ impl Chain {
         Some(Vector5::new(step[0], step[1], step[2], heading(1), heading(2)))
     }
 
-    /// A link's pose in the chain, given its own and where that has its markers' centroid.
+    /// A link's pose in the linkage, given its own and where that has its markers' centroid.
     fn posed(
         &self,
         link: usize,
@@ -212,8 +206,8 @@ impl Chain {
         turns: &[Turn; 3],
     ) -> LinkPose {
         let (to_joint, to_axle) = self.arms(link);
-        let (by_middle, by_own) = (rotated(turns[0], to_joint), rotated(turns[link], to_axle));
-        let origin_mm = [0, 1].map(|axis| q[axis] + by_middle[axis] + by_own[axis]);
+        let (middle_arm, own_arm) = (rotated(turns[0], to_joint), rotated(turns[link], to_axle));
+        let origin_mm = [0, 1].map(|axis| q[axis] + middle_arm[axis] + own_arm[axis]);
         let basis = &own.basis;
         let to_centre = rotated(turns[link], basis.centre_mm);
         let [x, y] = [0, 1].map(|axis| origin_mm[axis] + to_centre[axis] - seen_mm[axis]);
@@ -237,7 +231,7 @@ fn rotated((sin, cos): Turn, [x, y]: [f64; 2]) -> [f64; 2] {
     [cos * x - sin * y, sin * x + cos * y]
 }
 
-/// Derivative of a turned arm by its angle.
+/// Derivative of a turned arm with respect to its angle.
 fn across([x, y]: [f64; 2]) -> [f64; 2] {
     [-y, x]
 }
@@ -253,7 +247,7 @@ mod tests {
 
     /// Places and noisy positions of the default layout's markers in one frame.
     fn pairs(q: &Vector5<f64>, noise_mm: f64) -> [Pairs; 3] {
-        let chain = Chain::of(&Robot::kinematic());
+        let linkage = Linkage::of(&Robot::kinematic());
         let config = Config::default();
         let mut k = 0.0_f64;
         [0, 1, 2].map(|link| {
@@ -263,7 +257,7 @@ mod tests {
                 residual_mm: 0.0,
                 basis: rigid::Basis { markers: 1.0, ..Default::default() },
             };
-            let pose = chain.posed(link, &own, [0.0; 2], q, &turns(q));
+            let pose = linkage.posed(link, &own, [0.0; 2], q, &turns(q));
             let place = |p: &[f64; 3]| {
                 k += 1.0;
                 let [x, y] = pose.at([p[0], p[1]]);
@@ -280,10 +274,10 @@ mod tests {
 
     /// The sum of squared distances of all markers, by its definition.
     fn squares(pairs: &[Pairs; 3], q: &Vector5<f64>) -> f64 {
-        let chain = Chain::of(&Robot::kinematic());
+        let linkage = Linkage::of(&Robot::kinematic());
         let own = own(pairs);
         let of_link = |link: usize| -> f64 {
-            let pose = chain.posed(link, &own[link].unwrap(), [0.0; 2], q, &turns(q));
+            let pose = linkage.posed(link, &own[link].unwrap(), [0.0; 2], q, &turns(q));
             let square = |(place, seen): &([f64; 2], [f64; 2])| {
                 let at = pose.at(*place);
                 (at[0] - seen[0]).powi(2) + (at[1] - seen[1]).powi(2)
@@ -298,7 +292,7 @@ mod tests {
     #[test]
     fn without_noise_the_poses_stay_as_they_are() {
         let own = own(&pairs(&Vector5::from(Q), 0.0));
-        let closed = Chain::of(&Robot::kinematic()).close(own);
+        let closed = Linkage::of(&Robot::kinematic()).close(own);
         for (own, closed) in own.into_iter().flatten().zip(closed.into_iter().flatten()) {
             assert!((own.theta_rad - closed.theta_rad).abs() < 1e-12);
             assert!((own.origin_mm[0] - closed.origin_mm[0]).abs() < 1e-9);
@@ -309,8 +303,8 @@ mod tests {
     #[test]
     fn noisy_poses_become_the_least_squares_of_all_markers_with_closed_joints() {
         let pairs = pairs(&Vector5::from(Q), 1.0);
-        let chain = Chain::of(&Robot::kinematic());
-        let closed = chain.close(own(&pairs)).map(Option::unwrap);
+        let linkage = Linkage::of(&Robot::kinematic());
+        let closed = linkage.close(own(&pairs)).map(Option::unwrap);
         let [[x, y], theta] =
             [closed[0].origin_mm, closed.map(|pose| pose.theta_rad)[..2].try_into().unwrap()];
         let q = Vector5::new(x, y, theta[0], theta[1], closed[2].theta_rad);
@@ -337,8 +331,8 @@ mod tests {
     }
 
     #[test]
-    fn places_of_joints_that_are_wrong_are_found_from_the_poses() {
-        let right = Chain::of(&Robot::kinematic());
+    fn positions_of_joints_that_are_wrong_are_found_from_the_poses() {
+        let right = Linkage::of(&Robot::kinematic());
         let fit = |pose: LinkPose| LinkFit { pose: Some(pose), seen: 3, outlier: Outlier::None };
         let mut fits = [const { Vec::new() }; 3];
         for i in 0..2000 {
@@ -352,15 +346,15 @@ mod tests {
         let mut robot = Robot::kinematic();
         robot.h_m += 0.002;
         robot.l_m -= 0.001;
-        let wrong = Chain::of(&robot);
+        let wrong = Linkage::of(&robot);
         assert!((wrong.distance_mm(&right) - 2.0).abs() < 1e-9);
         assert!(wrong.refined(&fits).distance_mm(&right) < 0.3);
         // From a joint that does not turn only their sum is known.
         let still = fits.map(|fits| vec![fits[0]; 200]);
         let refined = wrong.refined(&still);
         let [middle, front] = [0, 1].map(|link| still[link][0].pose.unwrap());
-        let places = refined.joints[0];
-        let (a, b) = (middle.at(places.in_middle), front.at(places.in_outer));
+        let positions = refined.joints[0];
+        let (a, b) = (middle.at(positions.in_middle), front.at(positions.in_outer));
         assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.1);
         assert!(refined.distance_mm(&wrong) < 2.0);
     }
@@ -368,15 +362,15 @@ mod tests {
     #[test]
     fn a_link_that_was_not_seen_stays_so_and_the_others_close_their_joint() {
         let pairs = pairs(&Vector5::from(Q), 1.0);
-        let chain = Chain::of(&Robot::kinematic());
+        let linkage = Linkage::of(&Robot::kinematic());
         let all = own(&pairs);
-        let closed = chain.close([all[0], all[1], None]);
+        let closed = linkage.close([all[0], all[1], None]);
         assert_eq!(closed[2], None);
         let [middle, front] = [closed[0].unwrap(), closed[1].unwrap()];
-        let joint = chain.joints[0];
+        let joint = linkage.joints[0];
         let (a, b) = (middle.at(joint.in_middle), front.at(joint.in_outer));
         assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9);
-        assert_eq!(chain.close([None, all[1], all[2]]), [None, all[1], all[2]]);
-        assert_eq!(chain.close([all[0], None, None]), [all[0], None, None]);
+        assert_eq!(linkage.close([None, all[1], all[2]]), [None, all[1], all[2]]);
+        assert_eq!(linkage.close([all[0], None, None]), [all[0], None, None]);
     }
 }

@@ -1,64 +1,59 @@
-//! How the links sway on their suspensions: a slow tilt, which shifts what is above the axle.
+//! Slow tilt of the links on their suspensions, which shifts what is above the axle.
 //!
 //! A link that tilts by 0.3 degrees carries markers at 60 mm a third of a millimetre aside. Where
-//! it sways about as fast as the robot's cycles, no mean over cycles takes that out, and it counts
-//! as skid. The heights of all markers over a second tell the tilt to a few hundredths of a degree,
-//! and it is undone. What is constant over the trial is not sway but [`Tilt`].
+//! it tilts about as fast as the robot's cycles, no mean over cycles takes that out, and it counts
+//! as skid. The heights of all markers over a second give roll and pitch of the link to a few
+//! hundredths of a degree, and they are undone. What is constant over the trial is a [`Tilt`].
+//!
+//! [`Tilt`]: super::tilt::Tilt
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::tilt::Turn;
 use crate::ingest::markers::labels::{LinkFit, Outlier};
 use crate::ingest::markers::layout::LinkMarker;
+use crate::stats::NormalEquations;
 use crate::vicon::MarkerFile;
 
-/// Time whose heights say one tilt, s, and the parts of it that neighbouring tilts share.
+/// Time whose heights give one tilt, s, and the parts of it that neighbouring tilts share.
 const WINDOW_S: f64 = 1.0;
 const PARTS: usize = 8;
-/// A window whose markers tell the tilt no better than this says nothing, rad.
+/// A window whose markers determine the tilt no better than this is passed over, rad.
 const LARGEST_SE_RAD: f64 = 2e-3;
-/// The tilt's variance is sway if it is this many times what the heights' noise makes of it.
+/// The tilt changes if its variance is this many times what the heights' noise makes of it.
 const TIMES_NOISE: f64 = 4.0;
 
 /// A link's markers in a file.
 #[derive(Clone, Copy)]
-pub struct Seen<'f> {
+pub struct LinkRecording<'f> {
     pub file: &'f MarkerFile,
     pub markers: &'f [LinkMarker],
     /// Tilt of the floor that the markers' positions still have.
     pub floor: Turn,
 }
 
-/// Sums over the heights of a link's markers above where they should be.
-#[derive(Debug, Clone, Copy, Default)]
-struct Heights {
-    normal: Matrix3<f64>,
-    right: Vector3<f64>,
-    squares: f64,
-}
-
-/// Undoes what the sway of a link does to its poses, if it is more than noise.
-pub fn steady(seen: Seen<'_>, rate_hz: f64, fits: &mut [LinkFit]) {
+/// Undoes what the suspension's tilt does to a link's poses, if it is more than noise.
+pub fn set_upright(link: LinkRecording<'_>, rate_hz: f64, fits: &mut [LinkFit]) {
     let rows = ((WINDOW_S * rate_hz / PARTS as f64) as usize).max(1);
-    let Some(turns_rad) = sway(&seen.parts(rows, fits)) else { return };
+    let Some(turns_rad) = changing_turns(&link.parts(rows, fits)) else { return };
     for (row, fit) in fits.iter_mut().enumerate() {
         // A window's tilt is that of its middle, which is where a part begins.
-        let place = row as f64 / rows as f64;
-        let before = (place as usize).min(turns_rad.len() - 1);
+        let position = row as f64 / rows as f64;
+        let before = (position as usize).min(turns_rad.len() - 1);
         let after = (before + 1).min(turns_rad.len() - 1);
-        let part = place - before as f64;
+        let part = position - before as f64;
         let turn_rad =
             [0, 1].map(|i| (1.0 - part) * turns_rad[before][i] + part * turns_rad[after][i]);
-        seen.set_upright(row, fit, turn_rad);
+        link.set_upright(row, fit, turn_rad);
     }
 }
 
 /// The link's turns about its x and y axes at the begin of every part, without their means, rad;
 /// `None` if noise makes as much. Where too few markers were seen, the turn is the last one.
-fn sway(parts: &[Heights]) -> Option<Vec<[f64; 2]>> {
+fn changing_turns(parts: &[NormalEquations<3>]) -> Option<Vec<[f64; 2]>> {
     let window = |begin: usize| {
         let parts = &parts[begin.saturating_sub(PARTS / 2)..(begin + PARTS / 2).min(parts.len())];
-        parts.iter().fold(Heights::default(), |sum, part| sum.plus(part)).solve()
+        turn(&NormalEquations::sum(parts.iter()))
     };
     let windows: Vec<_> = (0..parts.len()).map(window).collect();
     let found = || windows.iter().flatten();
@@ -67,32 +62,39 @@ fn sway(parts: &[Heights]) -> Option<Vec<[f64; 2]>> {
     let away = |turn: &[f64; 2]| [turn[0] - mean[0], turn[1] - mean[1]];
     let squares: f64 = found().map(|(turn, _)| away(turn)).map(|[a, b]| a * a + b * b).sum();
     let noise: f64 = found().map(|(_, variance)| variance).sum();
-    (squares > TIMES_NOISE * noise).then(|| {
-        let mut last = [0.0; 2];
-        let turns = windows.iter().map(|solved| {
-            last = solved.map_or(last, |(turn, _)| away(&turn));
-            last
-        });
-        turns.collect()
-    })
+    let mut last = [0.0; 2];
+    let turns = windows.iter().map(|window| {
+        last = window.map_or(last, |(turn, _)| away(&turn));
+        last
+    });
+    (squares > TIMES_NOISE * noise).then(|| turns.collect())
 }
 
-impl Seen<'_> {
-    /// Sums over parts of so many rows each.
-    fn parts(&self, rows: usize, fits: &[LinkFit]) -> Vec<Heights> {
+/// The turns about x and y, and the sum of their variances, if that is not too large.
+fn turn(heights: &NormalEquations<3>) -> Option<([f64; 2], f64)> {
+    let (found, inverse) = heights.solve()?;
+    let left = heights.residual_squares(&found) / (heights.count - 3.0).max(1.0);
+    let variance = left * (inverse[(1, 1)] + inverse[(2, 2)]);
+    (variance < LARGEST_SE_RAD.powi(2)).then_some(([found[1], found[2]], variance))
+}
+
+impl LinkRecording<'_> {
+    /// Equations of the heights of the markers above where they should be, for a constant and the
+    /// turns about x and y, in parts of so many rows each.
+    fn parts(&self, rows: usize, fits: &[LinkFit]) -> Vec<NormalEquations<3>> {
         let begin = fits.iter().position(|fit| fit.pose.is_some()).unwrap_or(0);
         let [a, b] = self.floor.about_rad;
-        let mut parts = vec![Heights::default(); fits.len().div_ceil(rows)];
+        let mut parts = vec![NormalEquations::new(); fits.len().div_ceil(rows)];
         for marker in self.markers {
             let [x0, y0, _] = self.file.position_mm(begin, marker.column);
             let [x0, y0] = if x0.is_nan() { [0.0; 2] } else { [x0, y0] };
-            let [x, y] = marker.place_mm;
+            let [x, y] = marker.local_position_mm;
             let column = Vector3::new(1.0, y, -x);
             for (part, (i, fits)) in parts.iter_mut().zip(fits.chunks(rows).enumerate()) {
                 let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
                 for (fit, row) in fits.iter().zip(i * rows..) {
                     let [x, y, z] = self.file.position_mm(row, marker.column);
-                    if x.is_nan() || fit.pose.is_none() || fit.outlier != Outlier::None {
+                    if x.is_nan() || !fit.is_sound() {
                         continue;
                     }
                     let height = z - marker.height_mm - (a * (y - y0) - b * (x - x0));
@@ -100,9 +102,7 @@ impl Seen<'_> {
                     sum += height;
                     squares += height * height;
                 }
-                part.normal.ger(count, &column, &column, 1.0);
-                part.right.axpy(sum, &column, 1.0);
-                part.squares += squares;
+                part.add_sums(&column, count, sum, squares);
             }
         }
         parts
@@ -120,7 +120,7 @@ impl Seen<'_> {
             if x.is_nan() || fit.outlier == Outlier::Jumped(i) {
                 continue;
             }
-            let from_centre = [0, 1].map(|axis| marker.place_mm[axis] - centre[axis]);
+            let from_centre = [0, 1].map(|axis| marker.local_position_mm[axis] - centre[axis]);
             heights += marker.height_mm;
             turning += marker.height_mm * (from_centre[0] * shift[1] - from_centre[1] * shift[0]);
         }
@@ -133,27 +133,6 @@ impl Seen<'_> {
         let [u, v] = centre;
         pose.origin_mm[0] += cos * x - sin * y - (cos_upright * u - sin_upright * v);
         pose.origin_mm[1] += sin * x + cos * y - (sin_upright * u + cos_upright * v);
-    }
-}
-
-impl Heights {
-    fn plus(self, other: &Self) -> Self {
-        Self {
-            normal: self.normal + other.normal,
-            right: self.right + other.right,
-            squares: self.squares + other.squares,
-        }
-    }
-
-    /// The turns about x and y, and the sum of their variances, if that is not too large.
-    fn solve(&self) -> Option<([f64; 2], f64)> {
-        let factor = self.normal.cholesky()?;
-        let found = factor.solve(&self.right);
-        let inverse = factor.inverse();
-        let count = self.normal[(0, 0)];
-        let left = (self.squares - found.dot(&self.right)).max(0.0) / (count - 3.0).max(1.0);
-        let variance = left * (inverse[(1, 1)] + inverse[(2, 2)]);
-        (variance < LARGEST_SE_RAD.powi(2)).then_some(([found[1], found[2]], variance))
     }
 }
 
@@ -171,14 +150,14 @@ mod tests {
         let layout = Config::default().markers.link0;
         let marker = |(column, [x, y, z]): (usize, &[f64; 3])| LinkMarker {
             column,
-            place_mm: [*x, *y],
+            local_position_mm: [*x, *y],
             height_mm: *z,
         };
         layout.values().enumerate().map(|(i, place)| marker((i, place))).collect()
     }
 
-    /// A link that stays where it is but for its sway, with some noise of the cameras.
-    fn film(sway_rad: f64, noise_mm: f64) -> MarkerFile {
+    /// A link that stays where it is but for its tilt, with some noise of the cameras.
+    fn film(tilt_rad: f64, noise_mm: f64) -> MarkerFile {
         let (origin, theta) = TRUE;
         let (sin, cos) = theta.sin_cos();
         let mut k = 0.0_f64;
@@ -189,8 +168,8 @@ mod tests {
         let mut positions_mm = Vec::new();
         for row in 0..ROWS {
             let time_s = row as f64 / RATE_HZ;
-            let [a, b] = [(0.9 * time_s).sin(), (0.6 * time_s).cos()].map(|x| sway_rad * x);
-            for LinkMarker { place_mm: [x, y], height_mm: z, .. } in markers() {
+            let [a, b] = [(0.9 * time_s).sin(), (0.6 * time_s).cos()].map(|x| tilt_rad * x);
+            for LinkMarker { local_position_mm: [x, y], height_mm: z, .. } in markers() {
                 let [x, y, z] = [x + b * z, y - a * z, z - b * x + a * y];
                 let world = [origin[0] + cos * x - sin * y, origin[1] + sin * x + cos * y, z];
                 positions_mm.push(world.map(|x| x + noise()));
@@ -228,12 +207,13 @@ mod tests {
             [place, heading].map(|sum| (sum / ROWS as f64).sqrt())
         };
         let before = rms(&fits);
-        steady(Seen { file, markers: &markers, floor: Turn::default() }, RATE_HZ, &mut fits);
+        let link = LinkRecording { file, markers: &markers, floor: Turn::default() };
+        set_upright(link, RATE_HZ, &mut fits);
         [before, rms(&fits)]
     }
 
     #[test]
-    fn a_link_that_sways_is_set_upright() {
+    fn a_link_that_tilts_on_its_suspension_is_set_upright() {
         let [before, after] = errors(&film(0.005, 0.0));
         assert!(before[0] > 0.2 && after[0] < 0.4 * before[0], "{before:?} {after:?}");
         assert!(before[1] > 1e-4 && after[1] < 0.6 * before[1], "{before:?} {after:?}");
@@ -242,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_that_does_not_sway_stays_as_it_is_seen() {
+    fn a_link_that_does_not_tilt_stays_as_it_is_seen() {
         let [before, after] = errors(&film(0.0, 0.2));
         assert_eq!(before, after);
     }

@@ -5,20 +5,21 @@
 //! markers by their height times the sine: a millimetre for a degree at 60 mm. Both are
 //! constant over a trial, so they are estimated once per trial from all frames: the heights
 //! themselves are too noisy to correct a frame by its own. What changes slowly, as on a soft
-//! suspension, is not seen here but as [`super::suspension`].
+//! suspension, is left to [`super::suspension`].
 //!
 //! The height of a marker at `(x, y)` in its link's frame and `(X, Y)` in the cameras' is that of
 //! the layout, plus one constant per link, plus `a y - b x` with the link's turns `a` about its x
 //! axis and `b` about its y axis, plus the same of the floor with `(X, Y)`. The least squares
-//! have a weak prior on the turns: where a trial cannot tell the floor from three links that are
+//! have a weak prior on the turns: where a trial cannot distinguish the floor from three links that are
 //! tilted alike (a straight run), it is the floor.
 
 use std::borrow::Cow;
 
-use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix4, Rotation3, SVector, Vector3, Vector4};
 
-use crate::ingest::markers::labels::{LinkFit, Outlier};
+use crate::ingest::markers::labels::LinkFit;
 use crate::ingest::markers::layout::Layout;
+use crate::stats::NormalEquations;
 use crate::vicon::MarkerFile;
 
 /// A tilt above this is corrected and flagged, degrees. A suspension that swings by 0.3 degrees
@@ -35,14 +36,13 @@ const SWING_FRAMES: f64 = 360.0;
 /// Parts of the trial whose difference gives the standard errors.
 const BLOCKS: usize = 8;
 /// Standard deviations of the heights (mm) and of the turns (rad) that the prior takes: turns
-/// that the heights say nothing about are none.
+/// that the heights do not determine are none.
 const HEIGHT_MM: f64 = 0.3;
 const TURN_RAD: f64 = 0.02;
 /// Unknowns: the floor's two turns, then of each link a constant height and two turns.
 const UNKNOWNS: usize = 11;
 
-type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
-type Unknowns = SVector<f64, UNKNOWNS>;
+type Equations = NormalEquations<UNKNOWNS>;
 
 /// Turns about x and y with the standard error of their size, rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -85,46 +85,6 @@ pub struct Tilt {
     pub links: [Turn; 3],
 }
 
-/// Sums over the heights of one marker in one part of a trial; X and Y count from where the
-/// robot starts.
-#[derive(Debug, Clone, Copy, Default)]
-struct Heights {
-    count: f64,
-    x: f64,
-    y: f64,
-    z: f64,
-    xx: f64,
-    xy: f64,
-    yy: f64,
-    xz: f64,
-    yz: f64,
-    zz: f64,
-}
-
-impl Heights {
-    fn add(&mut self, [x, y, z]: [f64; 3]) {
-        self.count += 1.0;
-        self.x += x;
-        self.y += y;
-        self.z += z;
-        self.xx += x * x;
-        self.xy += x * y;
-        self.yy += y * y;
-        self.xz += x * z;
-        self.yz += y * z;
-        self.zz += z * z;
-    }
-}
-
-/// Least squares of a part of a trial.
-#[derive(Debug, Clone, Copy)]
-struct Part {
-    normal: Normal,
-    right: Unknowns,
-    count: f64,
-    squares: f64,
-}
-
 impl Tilt {
     /// Of a trial, from the frames in which nothing is wrong with a link's markers.
     pub fn of(file: &MarkerFile, layout: &Layout, fits: &[Vec<LinkFit>; 3]) -> Self {
@@ -134,39 +94,45 @@ impl Tilt {
             .flat_map(|row| file.row_mm(row))
             .find(|[x, _, _]| !x.is_nan())
             .map_or([0.0; 2], |[x, y, _]| [*x, *y]);
-        let mut parts = [Part::empty(); BLOCKS];
+        let mut parts = [Equations::new(); BLOCKS];
         for (i, part) in parts.iter_mut().enumerate() {
             let rows = i * rows / BLOCKS..(i + 1) * rows / BLOCKS;
             for (link, markers) in layout.iter().enumerate() {
                 for marker in markers {
-                    let mut heights = Heights::default();
+                    // Sums of products of 1, X, Y and height; X and Y count from where the robot
+                    // starts.
+                    let mut moments = Matrix4::zeros();
                     for row in rows.clone().step_by(stride) {
-                        let fit = &fits[link][row];
                         let [x, y, z] = file.position_mm(row, marker.column);
-                        if fit.pose.is_some() && fit.outlier == Outlier::None && !x.is_nan() {
-                            heights.add([x - begin[0], y - begin[1], z - marker.height_mm]);
+                        if fits[link][row].is_sound() && !x.is_nan() {
+                            let height = z - marker.height_mm;
+                            let each = Vector4::new(1.0, x - begin[0], y - begin[1], height);
+                            moments.ger(1.0, &each, &each, 1.0);
                         }
                     }
-                    part.add(link, marker.place_mm, &heights);
+                    add_heights(part, link, marker.local_position_mm, &moments);
                 }
             }
         }
+        Self::of_parts(&parts, layout, stride).unwrap_or_default()
+    }
+
+    /// `None` if the heights do not determine the turns.
+    fn of_parts(parts: &[Equations; BLOCKS], layout: &Layout, stride: usize) -> Option<Self> {
         let all_but = |left_out: usize| {
-            let used = (0..BLOCKS).filter(|&i| i != left_out).map(|i| &parts[i]);
-            used.fold(Part::empty(), |sum, part| sum.plus(part))
+            Equations::sum((0..BLOCKS).filter(|&i| i != left_out).map(|i| &parts[i]))
         };
         let whole = all_but(BLOCKS);
-        let Some((found, inverse)) = whole.solve() else { return Self::default() };
+        let (found, inverse) = with_prior(&whole).solve()?;
         // Jackknife: how the estimates without one part each differ from the one with all.
-        let mut variance = Unknowns::zeros();
+        let mut variance = SVector::<f64, UNKNOWNS>::zeros();
         for left_out in 0..BLOCKS {
-            let Some((without, _)) = all_but(left_out).solve() else { return Self::default() };
-            let away = without - found;
+            let away = with_prior(&all_but(left_out)).solve()?.0 - found;
             variance += (BLOCKS - 1) as f64 / BLOCKS as f64 * away.component_mul(&away);
         }
         // What a short trial or a robot at rest leaves open, no part of it differs in: what is
         // left of the heights counts as one sample for each swing of the suspension.
-        let left = (whole.squares - found.dot(&whole.right)).max(0.0) / whole.count.max(1.0);
+        let left = whole.residual_squares(&found) / whole.count.max(1.0);
         let markers = layout.iter().map(Vec::len).sum::<usize>() as f64 / 3.0;
         let alike = (SWING_FRAMES / stride as f64).max(1.0) * markers;
         variance += left * alike * inverse.diagonal();
@@ -174,7 +140,7 @@ impl Tilt {
             about_rad: [found[first], found[first + 1]],
             se_rad: (0.5 * (variance[first] + variance[first + 1])).sqrt(),
         };
-        Self { floor: turn(0), links: [turn(3), turn(6), turn(9)] }
+        Some(Self { floor: turn(0), links: [turn(3), turn(6), turn(9)] })
     }
 
     /// What is left of the floor's tilt after the correction, if it is certain.
@@ -204,63 +170,44 @@ impl Tilt {
         let mut layout = layout.clone();
         for (markers, turn) in layout.iter_mut().zip(&self.links) {
             for marker in markers.iter_mut().filter(|_| turn.is_corrected()) {
-                let [x, y] = marker.place_mm;
+                let [x, y] = marker.local_position_mm;
                 let turned = turn.rotation() * Vector3::new(x, y, marker.height_mm);
-                marker.place_mm = [turned.x, turned.y];
+                marker.local_position_mm = [turned.x, turned.y];
             }
         }
         Some((file, layout))
     }
 }
 
-impl Part {
-    fn empty() -> Self {
-        Self { normal: Normal::zeros(), right: Unknowns::zeros(), count: 0.0, squares: 0.0 }
-    }
-
-    /// Adds a marker's heights.
-    fn add(&mut self, link: usize, [x, y]: [f64; 2], heights: &Heights) {
-        let Self { normal, right, .. } = self;
-        // Columns: the floor's turns have coefficients (Y, -X), the link's are constant.
-        let own = 2 + 3 * link;
-        let constant = [(own, 1.0), (own + 1, y), (own + 2, -x)];
-        for (i, a) in constant {
-            for (j, b) in constant {
-                normal[(i, j)] += heights.count * a * b;
-            }
-            for (j, sum) in [(0, heights.y), (1, -heights.x)] {
-                normal[(i, j)] += a * sum;
-                normal[(j, i)] += a * sum;
-            }
-            right[i] += a * heights.z;
+/// Adds the heights of a marker of a link, given their moments.
+fn add_heights(equations: &mut Equations, link: usize, [x, y]: [f64; 2], moments: &Matrix4<f64>) {
+    let Equations { matrix, right, .. } = equations;
+    let own = 2 + 3 * link;
+    // The link's columns are constant, those of the floor's turns are (Y, -X).
+    for (i, a) in [(own, 1.0), (own + 1, y), (own + 2, -x)] {
+        for (j, b) in [(own, 1.0), (own + 1, y), (own + 2, -x)] {
+            matrix[(i, j)] += moments[(0, 0)] * a * b;
         }
-        normal[(0, 0)] += heights.yy;
-        normal[(0, 1)] -= heights.xy;
-        normal[(1, 0)] -= heights.xy;
-        normal[(1, 1)] += heights.xx;
-        right[0] += heights.yz;
-        right[1] -= heights.xz;
-        self.count += heights.count;
-        self.squares += heights.zz;
-    }
-
-    fn plus(self, other: &Self) -> Self {
-        Self {
-            normal: self.normal + other.normal,
-            right: self.right + other.right,
-            count: self.count + other.count,
-            squares: self.squares + other.squares,
+        for (j, sum) in [(0, moments[(0, 2)]), (1, -moments[(0, 1)])] {
+            matrix[(i, j)] += a * sum;
+            matrix[(j, i)] += a * sum;
         }
+        right[i] += a * moments[(0, 3)];
     }
+    matrix[(0, 0)] += moments[(2, 2)];
+    matrix[(0, 1)] -= moments[(1, 2)];
+    matrix[(1, 0)] -= moments[(1, 2)];
+    matrix[(1, 1)] += moments[(1, 1)];
+    right[0] += moments[(2, 3)];
+    right[1] -= moments[(1, 3)];
+    equations.count += moments[(0, 0)];
+    equations.squares += moments[(3, 3)];
+}
 
-    /// The unknowns, and the inverse of their matrix.
-    fn solve(&self) -> Option<(Unknowns, Normal)> {
-        let mut normal = self.normal;
-        let prior = (HEIGHT_MM / TURN_RAD).powi(2);
-        for turn in [0, 1, 3, 4, 6, 7, 9, 10] {
-            normal[(turn, turn)] += prior;
-        }
-        let factor = normal.cholesky()?;
-        Some((factor.solve(&self.right), factor.inverse()))
+fn with_prior(equations: &Equations) -> Equations {
+    let mut with_prior = *equations;
+    for turn in [0, 1, 3, 4, 6, 7, 9, 10] {
+        with_prior.matrix[(turn, turn)] += (HEIGHT_MM / TURN_RAD).powi(2);
     }
+    with_prior
 }

@@ -1,13 +1,11 @@
 //! Every link's pose in every frame, and from them the robot's coordinates (eq. 1).
 
-use std::path::Path;
-
-use super::multibody::Chain;
-use super::suspension::{self, Seen};
+use super::multibody::Linkage;
+use super::suspension::{self, LinkRecording};
 use super::tilt::Tilt;
 use crate::config::Poses;
-use crate::ingest::error::TrialFailure;
-use crate::ingest::markers::labels::{LinkFit, Outlier, mend};
+use crate::ingest::error::Problem;
+use crate::ingest::markers::labels::{LinkFit, Outlier, correct_labels};
 use crate::ingest::markers::layout::Layout;
 use crate::ingest::signals;
 use crate::stats::{unwrap, wrap};
@@ -71,7 +69,7 @@ impl Coordinates {
     }
 }
 
-/// What the markers say, frame by frame without jumps in time.
+/// What is known from the markers, frame by frame without jumps in time.
 #[derive(Debug)]
 pub struct Tracked {
     pub first_frame: i64,
@@ -88,23 +86,22 @@ pub struct Tracked {
     /// What of the heights was found tilted, before it was corrected.
     pub tilt: Tilt,
     /// How far a joint is from where the robot's h and l put it, mm; unknown without a robot.
-    pub joint_places_mm: Option<f64>,
+    pub joint_offset_mm: Option<f64>,
     /// Part of all markers' frames that the cameras saw.
     pub coverage: f64,
 }
 
-/// Fits the links in every frame, each by itself or all with their joints closed by `chain`, and
+/// Fits the links in every frame, each by itself or all with their joints closed by `linkage`, and
 /// fills gaps of at most `max_gap` frames.
 pub fn track(
-    path: &Path,
     file: &MarkerFile,
     layout: &Layout,
-    chain: Option<Chain>,
+    linkage: Option<Linkage>,
     poses: Poses,
     rate_hz: f64,
     max_gap: usize,
-) -> Result<Tracked, TrialFailure> {
-    let (first_frame, frames) = frame_grid(path, &file.frames)?;
+) -> Result<Tracked, Problem> {
+    let (first_frame, frames) = frame_grid(&file.frames)?;
     let missing = || vec![f64::NAN; frames];
     let (mut x_m, mut y_m) = (missing(), missing());
     let mut theta = [missing(), missing(), missing()];
@@ -113,13 +110,13 @@ pub fn track(
     let mut outlier = [(); 3].map(|()| vec![Outlier::None; frames]);
     let mut markers_seen = 0;
     let (fits, tilt) = upright_fits(file, layout, rate_hz);
-    let refined = chain.map(|chain| chain.refined(&fits));
-    let joint_places_mm = chain.zip(refined).map(|(said, found)| said.distance_mm(&found));
+    let refined = linkage.map(|linkage| linkage.refined(&fits));
+    let joint_offset_mm = linkage.zip(refined).map(|(robot, found)| robot.distance_mm(&found));
     for (row, &frame) in file.frames.iter().enumerate() {
         let i = (frame - first_frame) as usize;
         let own = fits.each_ref().map(|fits| fits[row].pose);
         let poses = match (poses, &refined) {
-            (Poses::Chain, Some(chain)) => chain.close(own),
+            (Poses::Chain, Some(linkage)) => linkage.close(own),
             _ => own,
         };
         for (link, pose) in poses.into_iter().enumerate() {
@@ -138,7 +135,7 @@ pub fn track(
         }
     }
     if let Some(link) = (0..3).find(|&link| theta[link].iter().all(|x| x.is_nan())) {
-        return Err(TrialFailure::LinkUnseen { path: path.to_owned(), link });
+        return Err(Problem::LinkUnseen { link });
     }
     theta.iter_mut().for_each(|theta| unwrap(theta));
     // Headings are filled link by link, so that a joint angle uses whichever link was seen.
@@ -163,7 +160,7 @@ pub fn track(
         fill,
         outlier,
         tilt,
-        joint_places_mm,
+        joint_offset_mm,
         coverage: markers_seen as f64 / (markers * frames) as f64,
     })
 }
@@ -180,7 +177,8 @@ fn upright_fits(file: &MarkerFile, layout: &Layout, rate_hz: f64) -> ([Vec<LinkF
     let (file, layout) =
         corrected.as_ref().map_or((file, layout), |(file, layout)| (&**file, layout));
     for (fits, markers) in fits.iter_mut().zip(layout) {
-        suspension::steady(Seen { file, markers, floor: tilt.floor_left() }, rate_hz, fits);
+        let link = LinkRecording { file, markers, floor: tilt.floor_left() };
+        suspension::set_upright(link, rate_hz, fits);
     }
     (fits, tilt)
 }
@@ -195,18 +193,18 @@ fn fit_links(file: &MarkerFile, layout: &Layout) -> [Vec<LinkFit>; 3] {
         }
     }
     for (fits, markers) in fits.iter_mut().zip(layout) {
-        mend(file, markers, fits);
+        correct_labels(file, markers, fits);
     }
     fits
 }
 
 /// First frame and number of frames with those that the file leaves out.
-fn frame_grid(path: &Path, numbers: &[i64]) -> Result<(i64, usize), TrialFailure> {
+fn frame_grid(numbers: &[i64]) -> Result<(i64, usize), Problem> {
     let (first, last) = (numbers[0], numbers[numbers.len() - 1]);
     let (frames, rows) = (last - first + 1, numbers.len());
     let most = (MOST_LEFT_OUT_PER_ROW * rows as i64).clamp(MOST_LEFT_OUT, MOST_LEFT_OUT_AT_ALL);
     if frames - rows as i64 > most {
-        return Err(TrialFailure::FrameJumps { path: path.to_owned(), first, last, rows });
+        return Err(Problem::FrameJumps { first, last, rows });
     }
     Ok((first, frames as usize))
 }
@@ -229,14 +227,15 @@ fn coordinates(x_m: Vec<f64>, y_m: Vec<f64>, theta: [Vec<f64>; 3]) -> Coordinate
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     #[test]
     fn frames_that_are_left_out_are_counted_and_absurd_jumps_refused() {
-        let path = Path::new("a.csv");
-        assert_eq!(frame_grid(path, &[500, 501, 510]).unwrap(), (500, 11));
-        assert_eq!(frame_grid(path, &[19288, 19289, 63268]).unwrap(), (19288, 43981));
-        let error = frame_grid(path, &[500, 501, 632680]).unwrap_err().to_string();
+        assert_eq!(frame_grid(&[500, 501, 510]).unwrap(), (500, 11));
+        assert_eq!(frame_grid(&[19288, 19289, 63268]).unwrap(), (19288, 43981));
+        let error = frame_grid(&[500, 501, 632680]).unwrap_err().of(Path::new("a.csv")).to_string();
         assert_eq!(
             error,
             "a.csv: found frames 500 to 632680 in only 3 rows, \

@@ -5,7 +5,7 @@ const NEIGHBOURS: usize = 8;
 /// Highest degree of the polynomial. With eight samples on each side, a gap of twelve frames
 /// at 120 Hz and a gait of 6 rad/s its error is some 1e-5 of the amplitude.
 const DEGREE: usize = 5;
-/// Neighbours farther from the gap than this many frames say nothing about it.
+/// Neighbours farther from the gap than this many frames are not used.
 const REACH: usize = 16;
 
 /// The series with gaps of at most `max_gap` samples filled. What is missing at the ends

@@ -1,7 +1,7 @@
 //! C3D, the cameras' binary format (<https://www.c3d.org>): a header of 512 bytes, a section of
 //! parameters, then frame by frame every point (X, Y, Z, residual) and every analog sample.
 //!
-//! Everything that the file says about its own size is held against the bytes that are there.
+//! Everything that the file states about its own size is checked against the bytes that are there.
 
 mod numbers;
 mod parameters;
@@ -209,7 +209,7 @@ fn values<const N: usize>(frame: &[u8], point: usize) -> Option<[[u8; N]; 4]> {
     frame.as_chunks::<N>().0.get(4 * point..)?.first_chunk().copied()
 }
 
-/// First and last frame. The header's words end at 65535; longer files say more in parameters.
+/// First and last frame. The header's words end at 65535; longer files have parameters.
 fn frame_range(parameters: &Parameters<'_>, first: u16, last: u16) -> (i64, i64) {
     let long = |name: &str| match parameters.numbers("TRIAL", name)?[..] {
         [low, high, ..] => Some(i64::from(low as u16) + 65536 * i64::from(high as u16)),

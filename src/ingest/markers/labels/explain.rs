@@ -1,5 +1,6 @@
 //! What may have happened to a link's markers in one row, judged by that row alone.
 
+use super::outlier::seen;
 use super::{LinkFit, Outlier};
 use crate::ingest::markers::layout::LinkMarker;
 use crate::ingest::markers::rigid::{self, LinkPose};
@@ -13,19 +14,19 @@ const SAME_MM: f64 = 2.0;
 pub(super) struct Explanation {
     pub outlier: Outlier,
     pub pose: LinkPose,
-    /// Markers whose place it explains.
+    /// Markers whose position it explains.
     pub explained: usize,
 }
 
-/// A link's markers and what is noise to them.
-pub(super) struct Link<'a> {
+/// A link's markers and which residuals are noise.
+pub(super) struct LinkMarkers<'a> {
     pub file: &'a MarkerFile,
     pub markers: &'a [LinkMarker],
     pub tolerance_mm: f64,
     pub usual_mm: f64,
 }
 
-impl Link<'_> {
+impl LinkMarkers<'_> {
     /// Explains a row by its markers alone; whether three markers or more agree on it.
     pub fn explain(&self, row: usize, fit: &mut LinkFit) -> bool {
         let found = self.explanations(row);
@@ -38,8 +39,8 @@ impl Link<'_> {
             (fit.pose, fit.outlier) = (Some(single.pose), single.outlier);
             return most >= 3;
         }
-        // A layout that fits no frame is the residual check's; only what is unusual is thrown
-        // out.
+        // A layout that fits no frame is found by the check of residuals; only what is unusual is
+        // thrown out.
         let is_usual = fit.pose.is_some_and(|pose| pose.residual_mm <= self.usual_mm);
         if !is_usual {
             (fit.pose, fit.outlier) = (None, Outlier::Ambiguous);
@@ -50,42 +51,26 @@ impl Link<'_> {
     /// All explanations of a row within the tolerance, those of the same kind by increasing
     /// residual.
     pub fn explanations(&self, row: usize) -> Vec<Explanation> {
-        let positions = self.file.row_mm(row);
-        let seen: Vec<(usize, [f64; 2], [f64; 2])> = self
-            .markers
-            .iter()
-            .enumerate()
-            .filter(|(_, marker)| !positions[marker.column][0].is_nan())
-            .map(|(i, marker)| {
-                let [x, y, _] = positions[marker.column];
-                (i, marker.place_mm, [x, y])
-            })
-            .collect();
-        let n = seen.len();
+        let (indices, pairs): (Vec<usize>, Vec<_>) =
+            seen(self.file.row_mm(row), self.markers).unzip();
+        let n = pairs.len();
         let mut found = Vec::new();
         let mut offer = |outlier, explained, pose: Option<LinkPose>| {
             let pose = pose.filter(|pose| pose.residual_mm <= self.tolerance_mm);
             found.extend(pose.map(|pose| Explanation { outlier, pose, explained }));
         };
-        let all = seen.iter().map(|(_, place, at)| (*place, *at));
+        let all = pairs.iter().copied();
         offer(Outlier::None, n, rigid::fit(all.clone()));
         for a in 0..n {
             for b in a + 1..n {
-                let swapped = seen.iter().enumerate().map(|(i, (_, place, _))| {
-                    let from = if i == a {
-                        b
-                    } else if i == b {
-                        a
-                    } else {
-                        i
-                    };
-                    (*place, seen[from].2)
-                });
-                offer(Outlier::Swapped(seen[a].0, seen[b].0), n, rigid::fit(swapped));
+                let mut swapped = pairs.clone();
+                (swapped[a].1, swapped[b].1) = (pairs[b].1, pairs[a].1);
+                let pose = rigid::fit(swapped.iter().copied());
+                offer(Outlier::Swapped(indices[a], indices[b]), n, pose);
             }
         }
         if n >= 3 {
-            for (left_out, (marker, _, _)) in seen.iter().enumerate() {
+            for (left_out, marker) in indices.iter().enumerate() {
                 let rest = all.clone().enumerate().filter(|(i, _)| *i != left_out);
                 let pose = rigid::fit(rest.map(|(_, pair)| pair));
                 offer(Outlier::Jumped(*marker), n - 1, pose);
@@ -100,7 +85,7 @@ impl Link<'_> {
     /// How far two poses put one of the link's markers apart at most, mm.
     pub fn distance_mm(&self, one: &LinkPose, other: &LinkPose) -> f64 {
         let apart = |marker: &LinkMarker| {
-            let [a, b] = [one, other].map(|pose| pose.at(marker.place_mm));
+            let [a, b] = [one, other].map(|pose| pose.at(marker.local_position_mm));
             (a[0] - b[0]).hypot(a[1] - b[1])
         };
         self.markers.iter().map(apart).fold(0.0, f64::max)

@@ -7,11 +7,11 @@ use crate::ingest::markers::rigid::{self, LinkPose};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outlier {
     None,
-    /// One marker is left out, by its place in the link's layout.
+    /// One marker is left out, by its index in the link's layout.
     Jumped(usize),
-    /// Two labels are swapped back, by their places in the link's layout.
+    /// Two labels are swapped back, by their indices in the link's layout.
     Swapped(usize, usize),
-    /// The markers contradict each other or the link's motion, and nothing says which is wrong.
+    /// The markers contradict each other or the link's motion, and it is not clear which is wrong.
     Ambiguous,
 }
 
@@ -38,12 +38,27 @@ pub struct LinkFit {
 }
 
 impl LinkFit {
+    /// Whether there is a pose and nothing was wrong.
+    pub fn is_sound(&self) -> bool {
+        self.pose.is_some() && self.outlier == Outlier::None
+    }
+
     /// The fit of all of the link's markers that were seen in a row.
     pub fn of(positions_mm: &[[f64; 3]], markers: &[LinkMarker]) -> Self {
-        let pairs = markers.iter().filter_map(|marker| {
-            let [x, y, _] = positions_mm[marker.column];
-            (!x.is_nan()).then_some((marker.place_mm, [x, y]))
-        });
-        Self { seen: pairs.clone().count(), pose: rigid::fit(pairs), outlier: Outlier::None }
+        let seen = seen(positions_mm, markers);
+        let pose = rigid::fit(seen.clone().map(|(_, pair)| pair));
+        Self { seen: seen.count(), pose, outlier: Outlier::None }
     }
+}
+
+/// Index of every marker of a link that was seen in a row, with its positions in the link's own
+/// frame and in the cameras'.
+pub(super) fn seen(
+    positions_mm: &[[f64; 3]],
+    markers: &[LinkMarker],
+) -> impl Iterator<Item = (usize, ([f64; 2], [f64; 2]))> + Clone {
+    markers.iter().enumerate().filter_map(|(i, marker)| {
+        let [x, y, _] = positions_mm[marker.column];
+        (!x.is_nan()).then_some((i, (marker.local_position_mm, [x, y])))
+    })
 }

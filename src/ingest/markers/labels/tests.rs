@@ -15,7 +15,7 @@ fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (MarkerFile, Vec<LinkMark
         .enumerate()
         .map(|(column, place)| LinkMarker {
             column,
-            place_mm: [place[0], place[1]],
+            local_position_mm: [place[0], place[1]],
             height_mm: place[2],
         })
         .collect();
@@ -23,7 +23,7 @@ fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (MarkerFile, Vec<LinkMark
     for frame in 0..FRAMES {
         let pose = truth(frame);
         let mut row = [0, 1, 2].map(|i: usize| {
-            let [x, y] = pose.at(markers[i].place_mm);
+            let [x, y] = pose.at(markers[i].local_position_mm);
             // A little of what noise does, the same at every run.
             let noise = 0.1 * ((7 * frame + 3 * i) as f64).sin();
             [x + noise, y - noise, 55.0]
@@ -55,7 +55,7 @@ fn mended(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> Vec<LinkFit> {
     let (file, markers) = film(change);
     let mut fits: Vec<LinkFit> =
         (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
-    mend(&file, &markers, &mut fits);
+    correct_labels(&file, &markers, &mut fits);
     for (frame, fit) in fits.iter().enumerate() {
         let Some(pose) = fit.pose else { continue };
         let truth = truth(frame);
@@ -77,7 +77,7 @@ fn sound_frames_stay_as_they_are() {
     let mut fits: Vec<LinkFit> =
         (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
     let before = format!("{fits:?}");
-    mend(&file, &markers, &mut fits);
+    correct_labels(&file, &markers, &mut fits);
     assert_eq!(format!("{fits:?}"), before);
 }
 
@@ -167,7 +167,7 @@ fn a_layout_that_is_wrong_in_every_frame_throws_no_pose_out() {
     }
     let mut fits: Vec<LinkFit> =
         (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
-    mend(&file, &markers, &mut fits);
+    correct_labels(&file, &markers, &mut fits);
     assert!(fits.iter().all(|fit| fit.pose.is_some() && fit.outlier == Outlier::None));
 }
 

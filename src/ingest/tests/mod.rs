@@ -6,12 +6,15 @@ use std::path::PathBuf;
 
 use proptest::prelude::*;
 
-use super::synthetic::{Motion, Recording, header};
 use super::*;
 use crate::config::Poses;
 use crate::robot::Robot;
 use crate::store::{Column, Rows as _};
 use crate::synth::{Recipe, Tilt, synthesise};
+
+mod synthetic;
+
+use synthetic::{Motion, Recording, header};
 
 fn gait_trial(id: &str, campaign: &str, omega_rad_s: f64) -> Trial {
     Trial {

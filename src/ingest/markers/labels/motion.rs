@@ -1,6 +1,6 @@
 //! Rows that their markers alone do not settle, settled by the link's motion.
 
-use super::explain::{Explanation, Link};
+use super::explain::{Explanation, LinkMarkers};
 use super::{LinkFit, Outlier};
 use crate::ingest::markers::rigid::{Basis, LinkPose};
 use crate::stats::{median_high, wrap};
@@ -14,8 +14,8 @@ const MORE_REACH_MM: f64 = 2.5;
 /// How far that motion is followed, frames, and over how many it is measured.
 const FOLLOWED_FRAMES: i64 = 30;
 const SPEED_FRAMES: std::ops::RangeInclusive<i64> = 3..=10;
-/// Frames that tell, most against few, what is right where nothing else does; how many of them
-/// there must be at least, and how near their headings are, rad.
+/// Frames whose majority decides what is right where nothing else does; how many of them there
+/// must be at least, and how near their headings are, rad.
 const BEGINNING_FRAMES: i64 = 12;
 const BEGINNING_LEAST: usize = 4;
 const LIKE_RAD: f64 = 1.0;
@@ -27,34 +27,30 @@ struct Side {
     farthest: i64,
 }
 
-impl Link<'_> {
+impl LinkMarkers<'_> {
     /// Settles rows, forwards and backwards, by where the link was in the frames next to them
-    /// that are settled already; first by near ones, which tell more. Rows without such
+    /// that are settled already; first by near ones, which are better known. Rows without such
     /// neighbours stay as they are.
-    pub fn follow(&self, fits: &mut [LinkFit], unsure: &[usize]) {
+    pub fn settle_by_motion(&self, fits: &mut [LinkFit], unsure: &[usize]) {
         let mut is_sure: Vec<bool> = fits.iter().map(|fit| fit.pose.is_some()).collect();
         unsure.iter().for_each(|&row| is_sure[row] = false);
         let mut is_contradicted = vec![false; unsure.len()];
-        for farthest in [FIRST_FRAMES, FOLLOWED_FRAMES] {
-            // What near frames contradict, far ones do not excuse: they tell less.
-            let reached = |is_contradicted: bool| match is_contradicted {
-                true => FIRST_FRAMES,
-                false => farthest,
-            };
-            for i in 0..unsure.len() {
-                let side = Side { backwards: false, farthest: reached(is_contradicted[i]) };
-                match self.settle(fits, &mut is_sure, unsure[i], side) {
+        for (longest, backwards) in [
+            (FIRST_FRAMES, false),
+            (FIRST_FRAMES, true),
+            (FOLLOWED_FRAMES, false),
+            (FOLLOWED_FRAMES, true),
+        ] {
+            for k in 0..unsure.len() {
+                let i = if backwards { unsure.len() - 1 - k } else { k };
+                // What near frames contradict, far ones, which are less certain, do not excuse.
+                let farthest = if is_contradicted[i] { FIRST_FRAMES } else { longest };
+                match self.settle(fits, &mut is_sure, unsure[i], Side { backwards, farthest }) {
                     Some(is_settled) => is_contradicted[i] = !is_settled,
-                    None if side.farthest == FOLLOWED_FRAMES => {
+                    None if !backwards && farthest == FOLLOWED_FRAMES => {
                         self.begin_anew(fits, &mut is_sure, unsure[i]);
                     }
                     None => {}
-                }
-            }
-            for i in (0..unsure.len()).rev() {
-                let side = Side { backwards: true, farthest: reached(is_contradicted[i]) };
-                if let Some(is_settled) = self.settle(fits, &mut is_sure, unsure[i], side) {
-                    is_contradicted[i] = !is_settled;
                 }
             }
         }
@@ -64,7 +60,7 @@ impl Link<'_> {
     }
 
     /// Takes the explanation of a row that is nearest to where the link should be; `false` if
-    /// that is too far away, `None` if nothing says where it should be.
+    /// that is too far away, `None` if it is not known where it should be.
     fn settle(
         &self,
         fits: &mut [LinkFit],
