@@ -17,6 +17,7 @@ use super::{FitEvent, FitInput, Fitted, OnEvent};
 use crate::config::GaitInput;
 use crate::motion::{Model, REFERENCE_ACCURACY};
 use crate::robot::{Gait, Parameter, Robot};
+use crate::stats::quantiles;
 use crate::store::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, Rows as _, StartRow};
 
 /// Starts within this part of the best objective have reached it.
@@ -353,7 +354,10 @@ impl Fit<'_> {
                 }
                 let limit = match self.replicates.is_empty() {
                     true => profiled.flatten().unwrap_or(f64::NAN),
-                    false => self.quantile(index, [OUTSIDE, 1.0 - OUTSIDE][side]),
+                    false => {
+                        let values = self.replicates.iter().map(|refit| refit.values[index]);
+                        quantiles(values.collect(), [OUTSIDE, 1.0 - OUTSIDE])[side]
+                    }
                 };
                 if is_at_bound(parameter, limit)[side] {
                     return f64::NAN;
@@ -366,17 +370,6 @@ impl Fit<'_> {
             };
             self.point.parameters().iter().enumerate().map(limit).collect()
         })
-    }
-
-    /// Quantile of a parameter over the replicates, between two of them in proportion.
-    fn quantile(&self, index: usize, part: f64) -> f64 {
-        let mut values: Vec<f64> =
-            self.replicates.iter().map(|refit| refit.values[index]).collect();
-        values.sort_by(f64::total_cmp);
-        let position = part * (values.len() - 1) as f64;
-        let below = values[position.floor() as usize];
-        let above = values[position.ceil() as usize];
-        below + position.fract() * (above - below)
     }
 }
 

@@ -38,6 +38,7 @@ impl NoiseCorrection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stats::median_high;
 
     #[test]
     fn a_true_model_s_intervals_shrink_and_a_wrong_one_s_stay() {
@@ -61,21 +62,18 @@ mod tests {
         use rand_distr::{Distribution, StandardNormal};
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        let median = |mut values: Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            values[values.len() / 2]
-        };
         let variance = |values: &[f64]| {
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64
         };
         let samples: Vec<Vec<f64>> =
             (0..100).map(|_| (0..401).map(|_| normal()).collect()).collect();
-        let medians: Vec<f64> = samples.iter().map(|sample| median(sample.clone())).collect();
+        let medians: Vec<f64> = samples.iter().map(|sample| median_high(sample.clone())).collect();
         let resampled: f64 = samples
             .iter()
             .map(|sample| {
-                let resample = |_| median(sample.iter().map(|value| value + normal()).collect());
+                let resample =
+                    |_| median_high(sample.iter().map(|value| value + normal()).collect());
                 variance(&(0..100).map(resample).collect::<Vec<f64>>())
             })
             .sum::<f64>()

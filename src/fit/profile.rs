@@ -16,6 +16,7 @@ use super::fitted_point::FittedPoint;
 use super::least_absolute::{minimise, minimise_holding, sum};
 use super::resample::Resampler;
 use super::search::limits;
+use crate::stats::quantiles_low;
 
 /// Part of the resamples that the limit covers.
 const LEVEL: f64 = 0.95;
@@ -79,9 +80,8 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
         .collect();
     let correction = fit.noise_correction(&resampler.noises());
     let limit = |index: usize| {
-        let mut of_one: Vec<f64> = rises.iter().map(|rises| rises[index]).collect();
-        of_one.sort_by(f64::total_cmp);
-        let rise = correction.rise * of_one[((RESAMPLES - 1) as f64 * LEVEL) as usize];
+        let of_one = rises.iter().map(|rises| rises[index]).collect();
+        let rise = correction.rise * quantiles_low(of_one, [LEVEL])[0];
         fit.cost + rise.max(2.0 * noise(fit.cost))
     };
     (0..count).map(limit).collect()

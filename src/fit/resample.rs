@@ -25,6 +25,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::measurement::Measurement;
 use super::objective::TERMS;
 use crate::metrics::GaitMetrics;
+use crate::stats::{mean, median_high};
 use crate::store::CycleRow;
 
 /// One number for every metric that has a term in the objective.
@@ -187,7 +188,7 @@ fn means(measurements: &[Measurement], trials: &[usize]) -> Metrics {
     let all: Vec<Metrics> = trials.iter().map(|&trial| metrics(&measurements[trial])).collect();
     std::array::from_fn(|i| {
         let known = all.iter().map(|metrics| metrics[i]).filter(|value| value.is_finite());
-        known.clone().sum::<f64>() / known.count() as f64
+        mean(known)
     })
 }
 
@@ -200,13 +201,10 @@ fn errors(measurements: &[Measurement]) -> Vec<Metrics> {
     };
     let root = |measurement: &Measurement| (measurement.cycles.max(1) as f64).sqrt();
     let typical: Metrics = std::array::from_fn(|i| {
-        let mut spreads: Vec<f64> = measurements
-            .iter()
-            .map(|each| known(each)[i] / metrics(each)[i] * root(each))
-            .filter(|spread| spread.is_finite())
-            .collect();
-        spreads.sort_by(f64::total_cmp);
-        spreads.get(spreads.len() / 2).copied().unwrap_or(0.0)
+        let spreads =
+            measurements.iter().map(|each| known(each)[i] / metrics(each)[i] * root(each));
+        let middle = median_high(spreads.filter(|spread| spread.is_finite()).collect());
+        if middle.is_nan() { 0.0 } else { middle }
     });
     let filled = |measurement: &Measurement| {
         let (known, metrics) = (known(measurement), metrics(measurement));

@@ -1,12 +1,11 @@
 //! What happens within a steady cycle: forces, crossings of `phi1 = phi2`, phases.
 
-use std::f64::consts::TAU;
-
 use serde::Deserialize;
 
 use super::paper::Paper;
 use crate::motion::{FORCES_ACCURACY, REFERENCE_ACCURACY, Sample, Solver};
 use crate::robot::Parameter;
+use crate::stats::wrap;
 
 /// Samples of a cycle, and how many of them there are to one of the coarse ones. Neither meets the
 /// crossings of the symmetric gait at an eighth and five eighths of the period: both miss them by
@@ -102,7 +101,7 @@ pub fn lag_deg(paper: &Paper<'_>, motion: &str, omega_rad_s: f64) -> Option<f64>
 
 /// An angle (rad) in degrees from -180 to 180.
 pub fn wrapped_deg(angle_rad: f64) -> f64 {
-    (angle_rad - TAU * (angle_rad / TAU).round()).to_degrees()
+    wrap(angle_rad).to_degrees()
 }
 
 /// Work of the actuators less what friction takes, over that work.
