@@ -23,7 +23,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::interrupt::{self, Interrupted};
 use output::note;
 use progress::Progress;
@@ -154,21 +154,41 @@ fn is_interrupted(failure: &Failure) -> bool {
 }
 
 fn run(arguments: Arguments) -> Result<Outcome, Failure> {
-    // These need no configuration.
-    let command = match arguments.command {
-        Command::Completions(command) => return command.run(),
-        Command::Man(command) => return command.run(),
-        command => command,
-    };
+    let Arguments { config, quiet, threads, log, verbose, command } = arguments;
+    let context = || begin(config.as_deref(), quiet, threads, log.as_deref(), verbose);
+    match command {
+        Command::Demo(command) => command.run(context()?),
+        Command::Run(command) => command.run(context()?),
+        Command::Ingest(command) => command.run(context()?),
+        Command::Fit(command) => command.run(context()?),
+        Command::Report(command) => command.run(context()?),
+        Command::Check(command) => command.run(context()?),
+        Command::Compare(command) => command.run(context()?),
+        Command::Inspect(command) => command.run(context()?),
+        Command::Simulate(command) => command.run(context()?),
+        Command::Synth(command) => command.run(context()?),
+        // These need no configuration.
+        Command::Completions(command) => command.run(),
+        Command::Man(command) => command.run(),
+    }
+}
+
+/// Listens to signals, opens the log, starts the threads and reads the configuration.
+fn begin(
+    path: Option<&Path>,
+    quiet: bool,
+    threads: Option<usize>,
+    log: Option<&Path>,
+    verbose: u8,
+) -> Result<Context, Failure> {
     interrupt::listen()?;
-    log::begin(arguments.log.as_deref(), arguments.verbose)?;
-    if let Some(threads) = arguments.threads {
+    log::begin(log, verbose)?;
+    if let Some(threads) = threads {
         if !(1..=MOST_THREADS).contains(&threads) {
             return Err(format!("--threads: found {threads}, needed 1 to {MOST_THREADS}").into());
         }
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
-    let path = arguments.config.as_deref();
     let line: Vec<String> = std::env::args().skip(1).collect();
     tracing::info!(
         version = env!("CARGO_PKG_VERSION"),
@@ -176,29 +196,9 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         config = %path.unwrap_or(Path::new(CONFIG_FILE)).display(),
         "begin"
     );
-    let config = load(path)?;
-    let progress = Progress::new(arguments.quiet, arguments.verbose > 0);
-    let context = Context { config, progress };
-    match command {
-        Command::Demo(command) => command.run(context),
-        Command::Run(command) => command.run(context),
-        Command::Ingest(command) => command.run(context),
-        Command::Fit(command) => command.run(context),
-        Command::Report(command) => command.run(context),
-        Command::Check(command) => command.run(context),
-        Command::Compare(command) => command.run(context),
-        Command::Inspect(command) => command.run(context),
-        Command::Simulate(command) => command.run(context),
-        Command::Synth(command) => command.run(context),
-        Command::Completions(command) => command.run(),
-        Command::Man(command) => command.run(),
-    }
-}
-
-fn load(path: Option<&Path>) -> Result<Config, ConfigError> {
-    match path {
-        Some(path) => Config::load(path),
-        None if Path::new(CONFIG_FILE).exists() => Config::load(Path::new(CONFIG_FILE)),
-        None => Ok(Config::default()),
-    }
+    let config = match path.or(Some(Path::new(CONFIG_FILE)).filter(|path| path.exists())) {
+        Some(path) => Config::load(path)?,
+        None => Config::default(),
+    };
+    Ok(Context { config, progress: Progress::new(quiet, verbose > 0) })
 }

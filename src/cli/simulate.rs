@@ -6,12 +6,11 @@ mod trajectory;
 use std::path::PathBuf;
 
 use rayon::prelude::*;
-use serde_json::{Map, Value};
 
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::config::{Config, ConfigError, RobotConfig, nearest};
+use crate::config::{Config, ConfigError, RobotConfig, did_you_mean};
 use crate::motion::{Model, Problem};
 use answer::Answer;
 
@@ -51,7 +50,9 @@ impl Simulate {
                         fit it with `trilink fit`"
                 .into());
         }
-        let parameters = parameters(&config.robot[&config.campaign[&self.campaign].robot]);
+        // As the answers show them.
+        let parameters = serde_json::to_value(&config.robot[&config.campaign[&self.campaign].robot])?;
+        let parameters = parameters.as_object().ok_or("no parameters")?;
         let omegas: Vec<f64> = self.omega.iter().flat_map(|omegas| omegas.0.clone()).collect();
         let problem =
             |omega_rad_s| Problem { robot: robot.clone(), gait, model: self.model, omega_rad_s };
@@ -60,7 +61,7 @@ impl Simulate {
             .par_iter()
             .with_max_len(1)
             .map(|&omega_rad_s| {
-                let answer = Answer::new(&problem(omega_rad_s), self.from_rest, &parameters);
+                let answer = Answer::new(&problem(omega_rad_s), self.from_rest, parameters);
                 stage.tick();
                 stage.stop_if_asked("frequencies");
                 answer
@@ -78,7 +79,7 @@ impl Simulate {
         } else {
             answer::print_table(&answers);
         }
-        let all_exist = answers.iter().all(|answer| answer.d_m.is_some());
+        let all_exist = answers.iter().all(|answer| answer.metrics.d_m.is_finite());
         Ok(if all_exist { Outcome::Well } else { Outcome::NeedsAttention })
     }
 }
@@ -86,8 +87,7 @@ impl Simulate {
 fn parse_model(text: &str) -> Result<Model, String> {
     let names = || Model::ALL.into_iter().map(Model::name);
     Model::ALL.into_iter().find(|model| model.name() == text).ok_or_else(|| {
-        let hint = nearest(text, names())
-            .map_or(String::new(), |name| format!("; did you mean `{name}`?"));
+        let hint = did_you_mean(text, names());
         format!("needed one of {}{hint}", names().collect::<Vec<_>>().join(", "))
     })
 }
@@ -100,8 +100,7 @@ fn with_settings(
 ) -> Result<Config, Failure> {
     let Some(found) = config.campaign.get(campaign) else {
         let names: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
-        let hint = nearest(campaign, names.iter().copied())
-            .map_or(String::new(), |name| format!("; did you mean `{name}`?"));
+        let hint = did_you_mean(campaign, names.iter().copied());
         let known = names.join("`, `");
         return Err(format!("campaign `{campaign}`: needed one of `{known}`{hint}").into());
     };
@@ -130,13 +129,5 @@ fn of_setting(setting: &str, error: ConfigError) -> String {
             format!("--set {setting}: {message}{hint}")
         }
         other => other.to_string(),
-    }
-}
-
-/// The robot's parameters as the answer shows them.
-fn parameters(robot: &RobotConfig) -> Map<String, Value> {
-    match serde_json::to_value(robot) {
-        Ok(Value::Object(parameters)) => parameters,
-        _ => Map::new(),
     }
 }

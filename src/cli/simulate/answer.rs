@@ -4,20 +4,18 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::cli::output::say;
-use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY, Settled, Solver, SteadyMotion};
+use crate::metrics::GaitMetrics;
+use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY, Settled, Solver};
 
-/// A motion that does not exist has no numbers but a reason.
+/// A motion that does not exist has a reason and no numbers: NaN, null in JSON.
 #[derive(Serialize)]
 pub(super) struct Answer<'a> {
     pub omega_rad_s: f64,
-    pub d_m: Option<f64>,
-    v_m_s: Option<f64>,
-    sigma: [Option<f64>; 3],
-    alpha1_rad: Option<f64>,
-    dtheta_rad: Option<f64>,
+    #[serde(flatten)]
+    pub metrics: GaitMetrics,
     /// Work of the actuators over a cycle, J, and per metre of d.
-    work_j: Option<f64>,
-    work_j_m: Option<f64>,
+    work_j: f64,
+    work_j_m: f64,
     status: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
@@ -35,53 +33,32 @@ impl<'a> Answer<'a> {
     pub fn new(problem: &Problem, from_rest: bool, parameters: &'a Map<String, Value>) -> Self {
         let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);
         let first = problem.solve(REFERENCE_ACCURACY);
-        let mut answer = Self {
-            omega_rad_s: problem.omega_rad_s,
-            d_m: None,
-            v_m_s: None,
-            sigma: [None; 3],
-            alpha1_rad: None,
-            dtheta_rad: None,
-            work_j: None,
-            work_j_m: None,
-            status: "",
-            reason: None,
-            floquet: None,
-            from_rest: None,
-            cycles_to_settle: settled.as_ref().ok().map(|settled| settled.cycles),
-            parameters,
+        let cycles_to_settle = settled.as_ref().ok().map(|settled| settled.cycles);
+        let (motion, reach) = match (first, settled) {
+            (Ok(first), settled) if !from_rest => (Ok(first), Some(Settled::from_rest(&settled))),
+            (_, Ok(settled)) => (Ok(settled.motion), Some("reached")),
+            (Err(error), Err(MotionError::Unsettled { .. })) if !from_rest => (Err(error), None),
+            (_, Err(error)) => (Err(error), None),
         };
-        match (first, settled) {
-            (Ok(first), settled) if !from_rest => {
-                answer.motion(&first);
-                answer.from_rest = Some(Settled::from_rest(&settled));
-            }
-            (_, Ok(settled)) => {
-                answer.motion(&settled.motion);
-                answer.from_rest = Some("reached");
-            }
-            (Err(error), Err(MotionError::Unsettled { .. })) if !from_rest => answer.error(&error),
-            (_, Err(error)) => answer.error(&error),
+        let (status, reason) = match &motion {
+            Ok(motion) => (motion.status(), None),
+            Err(error) => (error.status(), Some(error.to_string())),
+        };
+        let motion = motion.ok();
+        let metrics = motion.map_or(GaitMetrics::MISSING, |motion| motion.metrics);
+        let work_j = motion.map_or(f64::NAN, |motion| motion.work_j);
+        Self {
+            omega_rad_s: problem.omega_rad_s,
+            metrics,
+            work_j,
+            work_j_m: if metrics.d_m > 0.0 { work_j / metrics.d_m } else { f64::NAN },
+            status,
+            reason,
+            floquet: motion.and_then(|motion| motion.floquet),
+            from_rest: reach,
+            cycles_to_settle,
+            parameters,
         }
-        answer
-    }
-
-    fn motion(&mut self, motion: &SteadyMotion) {
-        let metrics = &motion.metrics;
-        self.d_m = Some(metrics.d_m);
-        self.v_m_s = Some(metrics.v_m_s);
-        self.sigma = metrics.sigma.map(Some);
-        self.alpha1_rad = Some(metrics.alpha1_rad);
-        self.dtheta_rad = Some(metrics.dtheta_rad);
-        self.work_j = Some(motion.work_j);
-        self.work_j_m = (metrics.d_m > 0.0).then(|| motion.work_j / metrics.d_m);
-        self.status = motion.status();
-        self.floquet = motion.floquet;
-    }
-
-    fn error(&mut self, error: &MotionError) {
-        self.status = error.status();
-        self.reason = Some(error.to_string());
     }
 }
 
@@ -99,22 +76,23 @@ pub(super) fn print_table(answers: &[Answer]) {
         "work J/m"
     );
     for answer in answers {
-        let Some(((d_m, v_m_s), (alpha1, dtheta))) =
-            answer.d_m.zip(answer.v_m_s).zip(answer.alpha1_rad.zip(answer.dtheta_rad))
-        else {
-            let reason = answer.reason.as_deref().unwrap_or_default();
+        if let Some(reason) = &answer.reason {
             say!("{:>11} {}: {reason}", answer.omega_rad_s, answer.status);
             continue;
+        }
+        let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = answer.metrics;
+        let [sigma0, sigma1, sigma2] = sigma;
+        let work = match answer.work_j_m.is_nan() {
+            true => String::new(),
+            false => fixed(answer.work_j_m, 6),
         };
-        let [sigma0, sigma1, sigma2] = answer.sigma.map(Option::unwrap_or_default);
-        let work = answer.work_j_m.map_or(String::new(), |work| fixed(work, 6));
         say!(
             "{:>11} {:>13.7} {:>13.7} {sigma0:>12.9} {sigma1:>12.9} {sigma2:>12.9} {:>12.8} {:>13} {work:>10}  {}{}",
             answer.omega_rad_s,
             1e3 * d_m,
             1e3 * v_m_s,
-            alpha1.to_degrees(),
-            fixed(dtheta.to_degrees(), 8),
+            alpha1_rad.to_degrees(),
+            fixed(dtheta_rad.to_degrees(), 8),
             answer.status,
             answer.reach_in_words(),
         );
