@@ -45,7 +45,7 @@ impl Compare {
             set_tolerance(&mut context.config, line)?;
         }
         let paths = &context.config.paths;
-        let tonight = match &self.against {
+        let candidate = match &self.against {
             Some(folder) => Snapshot::load(existing_folder(folder)?)?,
             None => {
                 remember(paths)?;
@@ -53,7 +53,7 @@ impl Compare {
             }
         };
         if let Some(file) = &self.save {
-            tonight.save(file)?;
+            candidate.save(file)?;
             context.progress.say(&format!("saved {}", file.display()));
         }
         let Some(path) = &self.baseline else { return Ok(Outcome::Well) };
@@ -62,12 +62,12 @@ impl Compare {
             return Err(format!("--accept: {} {found}", path.display()).into());
         }
         let baseline = Snapshot::load(path)?;
-        let compared = compare(&context.config.compare, &baseline, &tonight);
+        let compared = compare(&context.config.compare, &baseline, &candidate);
 
         let reports = &paths.reports;
         let html = reports.join("compare.html");
         let json = serde_json::to_string_pretty(&to_json(&compared))?;
-        write_bytes(&html, page(&compared, &baseline, &tonight)?.as_bytes())?;
+        write_bytes(&html, page(&compared, &baseline, &candidate)?.as_bytes())?;
         write_bytes(&reports.join("compare.xml"), junit(&compared)?.as_bytes())?;
         write_bytes(&reports.join("compare.json"), (json.clone() + "\n").as_bytes())?;
         if self.json {
@@ -82,7 +82,7 @@ impl Compare {
         let acceptance = Acceptance { time: utc_now(), reason, differences };
         let mut accepted = baseline.accepted;
         accepted.push(acceptance.clone());
-        Snapshot { accepted, ..tonight }.save(path)?;
+        Snapshot { accepted, ..candidate }.save(path)?;
         note_acceptance(paths, &acceptance)?;
         context.progress.say(&format!("{} is the new baseline", path.display()));
         Ok(Outcome::Well)
@@ -146,7 +146,7 @@ fn print(compared: &Compared, page: &Path) {
     lone("vanished", &compared.vanished);
     lone("appeared", &compared.appeared);
     for time in compared.run_times.iter().filter(|time| time.is_longer) {
-        let (stage, now, then) = (&time.stage, time.tonight_s, time.baseline_s);
+        let (stage, now, then) = (&time.stage, time.candidate_s, time.baseline_s);
         say!("longer: {stage}: {now:.1} s, baseline {then:.1} s");
     }
     let (within, not_judged) =

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::config::{Config, ConfigError, RobotConfig, did_you_mean};
+use crate::config::{Config, ConfigError, did_you_mean};
 use crate::motion::{Model, Problem};
 use answer::Answer;
 
@@ -51,7 +51,8 @@ impl Simulate {
                 .into());
         }
         // As the answers show them.
-        let parameters = serde_json::to_value(&config.robot[&config.campaign[&self.campaign].robot])?;
+        let parameters =
+            serde_json::to_value(&config.robot[&config.campaign[&self.campaign].robot])?;
         let parameters = parameters.as_object().ok_or("no parameters")?;
         let omegas: Vec<f64> = self.omega.iter().flat_map(|omegas| omegas.0.clone()).collect();
         let problem =

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::snapshot::{Cell, Records, Snapshot};
-use super::{Compared, Difference, Verdict};
+use super::means::campaigns;
+use super::snapshot::{Record, Records, Snapshot, number, text};
+use super::{Compared, Difference};
 use crate::report::{Axes, Chart, Figure, Layer, colours};
 
 const QUANTITIES: [(&str, &str); 7] = [
@@ -18,129 +19,97 @@ const QUANTITIES: [(&str, &str); 7] = [
 /// Quantities that a model's prediction is drawn by if one of its parameters differs.
 const OF_MODELS: [&str; 4] = ["d_m", "sigma0", "sigma1", "sigma2"];
 
+/// Curves of both runs: of a campaign's trials, or of a model's predictions.
+struct Curves<'s> {
+    runs: [&'s Records; 2],
+    campaign: &'s str,
+    model: Option<&'s str>,
+    /// Column of the frequency.
+    omega: &'s str,
+}
+
 /// A figure for each campaign's trials, and for each model, that has something out of tolerance.
-pub fn figures(compared: &Compared, baseline: &Snapshot, tonight: &Snapshot) -> Vec<Figure> {
+pub fn figures(compared: &Compared, baseline: &Snapshot, candidate: &Snapshot) -> Vec<Figure> {
+    let [trials, predictions] =
+        ["trials", "predictions"].map(|table| [baseline.records(table), candidate.records(table)]);
     let mut figures = Vec::new();
-    let trials = [baseline.records("trials"), tonight.records("trials")];
-    let predictions = [baseline.records("predictions"), tonight.records("predictions")];
-    for campaign in campaigns(trials) {
-        let differs = |difference: &&Difference| {
-            difference.table == "campaigns" && difference.of == campaign
-                || difference.table == "trials"
-                    && trials.iter().any(|records| is_of(records, &difference.of, &campaign, None))
-        };
-        let names = columns(compared, &differs);
-        let charts = charts(&names, trials, &campaign, None, "omega_commanded_rad_s");
-        figures.extend(figure(format!("Trials of {campaign}"), &campaign, charts));
-        for model in models(predictions, &campaign) {
-            let of_model = |difference: &&Difference| match difference.table {
-                "fits" => difference.of == format!("{campaign} {model}"),
-                "predictions" => predictions
-                    .iter()
-                    .any(|records| is_of(records, &difference.of, &campaign, Some(&model))),
-                _ => false,
-            };
-            let mut names = columns(compared, &of_model);
-            let has_fit = compared
-                .out()
-                .any(|difference| difference.table == "fits" && of_model(&difference));
-            if has_fit {
-                names.extend(OF_MODELS);
+    let names: BTreeSet<&str> = trials.into_iter().flat_map(campaigns).collect();
+    for campaign in names {
+        let omega = "omega_commanded_rad_s";
+        let curves = Curves { runs: trials, campaign, model: None, omega };
+        let quantities = columns(compared, |difference| match difference.table {
+            "campaigns" => difference.of == campaign,
+            "trials" => curves.include(&difference.of),
+            _ => false,
+        });
+        figures.extend(curves.figure(format!("Trials of {campaign}"), &quantities));
+        let records = predictions.into_iter().flat_map(|records| records.values());
+        let of_campaign = records.filter(|record| text(record, "campaign") == campaign);
+        let models: BTreeSet<&str> = of_campaign.map(|record| text(record, "model")).collect();
+        for model in models {
+            let curves =
+                Curves { runs: predictions, campaign, model: Some(model), omega: "omega_rad_s" };
+            let fit = format!("{campaign} {model}");
+            let mut quantities = columns(compared, |difference| {
+                difference.table == "predictions" && curves.include(&difference.of)
+            });
+            if compared.out().any(|difference| difference.table == "fits" && difference.of == fit) {
+                quantities.extend(OF_MODELS);
             }
-            let charts = charts_of(&names, predictions, &campaign, &model);
-            figures.extend(figure(format!("Model {model} of {campaign}"), &campaign, charts));
+            figures.extend(curves.figure(format!("Model {model} of {campaign}"), &quantities));
         }
     }
     figures
 }
 
-fn charts_of(
-    names: &BTreeSet<&'static str>,
-    runs: [&Records; 2],
-    campaign: &str,
-    model: &str,
-) -> Vec<Chart> {
-    charts(names, runs, campaign, Some(model), "omega_rad_s")
+/// Columns that are out of tolerance in some rows.
+fn columns(compared: &Compared, is_of: impl Fn(&&Difference) -> bool) -> BTreeSet<&str> {
+    let out = compared.out().filter(is_of);
+    out.map(|difference| difference.column.trim_end_matches("_debiased")).collect()
 }
 
-/// Quantities that are out of tolerance in one of some differences.
-fn columns(compared: &Compared, of: &dyn Fn(&&Difference) -> bool) -> BTreeSet<&'static str> {
-    let out = compared.differences.iter().filter(|d| d.verdict == Verdict::Out).filter(of);
-    let names: BTreeSet<&str> =
-        out.map(|difference| difference.column.trim_end_matches("_debiased")).collect();
-    QUANTITIES.iter().map(|(name, _)| *name).filter(|name| names.contains(name)).collect()
-}
+impl Curves<'_> {
+    fn holds(&self, record: &Record) -> bool {
+        text(record, "campaign") == self.campaign
+            && self.model.is_none_or(|model| text(record, "model") == model)
+    }
 
-fn charts(
-    names: &BTreeSet<&'static str>,
-    runs: [&Records; 2],
-    campaign: &str,
-    model: Option<&str>,
-    omega: &str,
-) -> Vec<Chart> {
-    let chart = |(name, label): &(&'static str, &'static str)| {
-        let curve = |records: &Records| {
-            let of_model = records.values().filter(|record| {
-                text(record.get("campaign")) == Some(campaign)
-                    && (model.is_none() || text(record.get("model")) == model)
-            });
-            let point = |record: &super::Record| {
-                Some((record.get(omega)?.number()?, record.get(*name)?.number()?))
-            };
-            let mut points: Vec<(f64, f64)> = of_model.filter_map(point).collect();
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            points
+    fn include(&self, name: &str) -> bool {
+        self.runs.iter().any(|run| run.get(name).is_some_and(|record| self.holds(record)))
+    }
+
+    fn points(&self, records: &Records, column: &str) -> Vec<(f64, f64)> {
+        let records = records.values().filter(|record| self.holds(record));
+        let points = records
+            .filter_map(|record| Some((number(record, self.omega)?, number(record, column)?)));
+        let mut points: Vec<(f64, f64)> = points.collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points
+    }
+
+    /// A chart for each of the columns; `None` if there is nothing to draw.
+    fn figure(&self, title: String, columns: &BTreeSet<&str>) -> Option<Figure> {
+        let quantities = QUANTITIES.iter().filter(|(column, _)| columns.contains(column));
+        let charts = quantities.map(|(column, label)| {
+            let [baseline, candidate] = self.runs.map(|records| self.points(records, column));
+            let line =
+                |name: &str, points, colour| Layer::Line { name: name.to_owned(), points, colour };
+            Chart {
+                title: (*label).to_owned(),
+                x_label: "omega (rad/s)".to_owned(),
+                y_label: (*label).to_owned(),
+                layers: vec![
+                    line("baseline", baseline, colours::BASELINE),
+                    line("tonight", candidate, colours::CANDIDATE),
+                ],
+                axes: Axes::LinearAcross,
+                ..Chart::default()
+            }
+        });
+        let figure = Figure {
+            caption: "Grey: baseline. Orange: tonight.".to_owned(),
+            ..Figure::of_charts("", title, &[self.campaign], charts.collect())
         };
-        let [then, now] = runs.map(curve);
-        Chart {
-            title: (*label).to_owned(),
-            x_label: "omega (rad/s)".to_owned(),
-            y_label: (*label).to_owned(),
-            layers: vec![
-                Layer::Line {
-                    name: "baseline".to_owned(),
-                    points: then,
-                    colour: colours::BASELINE,
-                },
-                Layer::Line { name: "tonight".to_owned(), points: now, colour: colours::TONIGHT },
-            ],
-            axes: Axes::LinearAcross,
-            ..Chart::default()
-        }
-    };
-    QUANTITIES.iter().filter(|(name, _)| names.contains(name)).map(chart).collect()
-}
-
-fn figure(title: String, campaign: &str, charts: Vec<Chart>) -> Option<Figure> {
-    let figure = Figure {
-        caption: "Grey: baseline. Orange: tonight.".to_owned(),
-        ..Figure::of_charts("", title, &[campaign], charts)
-    };
-    (!figure.is_empty()).then_some(figure)
-}
-
-fn campaigns(runs: [&Records; 2]) -> BTreeSet<String> {
-    let names = runs.into_iter().flat_map(|records| records.values());
-    let names = names.filter_map(|record| text(record.get("campaign")).map(str::to_owned));
-    names.filter(|name| !name.is_empty()).collect()
-}
-
-fn models(runs: [&Records; 2], campaign: &str) -> BTreeSet<String> {
-    let records = runs.into_iter().flat_map(|records| records.values());
-    let of_campaign = records.filter(|record| text(record.get("campaign")) == Some(campaign));
-    of_campaign.filter_map(|record| text(record.get("model")).map(str::to_owned)).collect()
-}
-
-fn is_of(records: &Records, of: &str, campaign: &str, model: Option<&str>) -> bool {
-    records.get(of).is_some_and(|record| {
-        text(record.get("campaign")) == Some(campaign)
-            && (model.is_none() || text(record.get("model")) == model)
-    })
-}
-
-fn text(cell: Option<&Cell>) -> Option<&str> {
-    match cell {
-        Some(Cell::Text(text)) => Some(text),
-        _ => None,
+        (!figure.is_empty()).then_some(figure)
     }
 }

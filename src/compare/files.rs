@@ -6,39 +6,22 @@ use serde::Serialize;
 use serde_json::{Value as Json, json};
 
 use super::figures::figures;
-use super::{Cell, CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
+use super::{CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
 use crate::report::{Image, fill, percent, significant};
 
 /// A difference as people read it.
 #[derive(Serialize)]
-struct Row {
-    table: &'static str,
-    of: String,
-    column: String,
+struct Row<'d> {
+    table: &'d str,
+    of: &'d str,
+    column: &'d str,
     baseline: String,
-    tonight: String,
+    candidate: String,
     /// Relative, or empty.
     change: String,
     /// In standard errors, or empty.
     errors: String,
     limit: String,
-}
-
-#[derive(Serialize)]
-struct Page<'p> {
-    version: &'static str,
-    baseline_version: &'p str,
-    is_well: bool,
-    cells: usize,
-    records: usize,
-    within: usize,
-    not_judged: Vec<Row>,
-    out: Vec<Row>,
-    vanished: Vec<String>,
-    appeared: Vec<String>,
-    figures: Vec<Image>,
-    run_times: Vec<[String; 4]>,
-    accepted: &'p [super::Acceptance],
 }
 
 /// `compare.html`.
@@ -48,26 +31,26 @@ struct Page<'p> {
 pub fn page(
     compared: &Compared,
     baseline: &Snapshot,
-    tonight: &Snapshot,
+    candidate: &Snapshot,
 ) -> Result<String, CompareError> {
     let not_judged = compared.differences.iter().filter(|d| d.verdict == Verdict::NotJudged);
-    let figures = figures(compared, baseline, tonight);
-    let figures = figures.iter().map(Image::draw).collect::<Result<_, _>>()?;
-    let page = Page {
-        version: env!("CARGO_PKG_VERSION"),
-        baseline_version: &baseline.version,
-        is_well: compared.is_well(),
-        cells: compared.cells,
-        records: compared.records.len(),
-        within: compared.count(Verdict::Within),
-        not_judged: not_judged.map(row).collect(),
-        out: compared.out().map(row).collect(),
-        vanished: compared.vanished.iter().map(Lone::name).collect(),
-        appeared: compared.appeared.iter().map(Lone::name).collect(),
-        figures,
-        run_times: compared.run_times.iter().map(run_time).collect(),
-        accepted: &baseline.accepted,
-    };
+    let figures = figures(compared, baseline, candidate);
+    let figures = figures.iter().map(Image::draw).collect::<Result<Vec<_>, _>>()?;
+    let page = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "baseline_version": baseline.version,
+        "is_well": compared.is_well(),
+        "cells": compared.cells,
+        "records": compared.records.len(),
+        "within": compared.count(Verdict::Within),
+        "not_judged": not_judged.map(row).collect::<Vec<_>>(),
+        "out": compared.out().map(row).collect::<Vec<_>>(),
+        "vanished": compared.vanished.iter().map(Lone::name).collect::<Vec<_>>(),
+        "appeared": compared.appeared.iter().map(Lone::name).collect::<Vec<_>>(),
+        "figures": figures,
+        "run_times": compared.run_times.iter().map(run_time).collect::<Vec<_>>(),
+        "accepted": baseline.accepted,
+    });
     fill("compare.html", include_str!("compare.html"), &page)
         .map_err(|error| CompareError::File { file: "compare.html", message: error.to_string() })
 }
@@ -79,45 +62,33 @@ impl Lone {
     }
 }
 
-fn row(difference: &Difference) -> Row {
-    let numbers = difference.baseline.number().zip(difference.tonight.number());
+fn row(difference: &Difference) -> Row<'_> {
+    let [baseline, candidate] = [&difference.baseline, &difference.candidate];
+    let numbers = baseline.as_f64().zip(candidate.as_f64());
     Row {
         table: difference.table,
-        of: difference.of.clone(),
-        column: difference.column.clone(),
-        baseline: text(&difference.baseline),
-        tonight: text(&difference.tonight),
+        of: &difference.of,
+        column: &difference.column,
+        baseline: text(baseline),
+        candidate: text(candidate),
         change: numbers.map_or(String::new(), |(then, now)| percent(now, then)),
         errors: difference.errors.map_or(String::new(), |errors| format!("{errors:.1}")),
         limit: difference.limit.map_or(String::new(), |limit| significant(limit, 3)),
     }
 }
 
-fn text(cell: &Cell) -> String {
-    match cell {
-        Cell::Number(number) => significant(*number, 6),
-        Cell::Text(text) => super::kind(text).to_owned(),
-        Cell::Missing(()) => "missing".to_owned(),
+fn text(value: &Json) -> String {
+    match (value.as_f64(), value.as_str()) {
+        (Some(number), _) => significant(number, 6),
+        (_, Some(text)) => super::kind(text).to_owned(),
+        _ => "missing".to_owned(),
     }
 }
 
 fn run_time(time: &RunTime) -> [String; 4] {
-    let RunTime { stage, baseline_s, tonight_s, is_longer } = time;
+    let RunTime { stage, baseline_s, candidate_s, is_longer } = time;
     let remark = if *is_longer { "longer" } else { "" };
-    [stage.clone(), format!("{baseline_s:.2}"), format!("{tonight_s:.2}"), remark.to_owned()]
-}
-
-#[derive(Serialize)]
-struct Suite<'c> {
-    name: &'c str,
-    cases: Vec<Case<'c>>,
-    failures: usize,
-}
-
-#[derive(Serialize)]
-struct Case<'c> {
-    name: &'c str,
-    failures: Vec<String>,
+    [stage.clone(), format!("{baseline_s:.2}"), format!("{candidate_s:.2}"), remark.to_owned()]
 }
 
 /// JUnit's XML, by which servers that build software show what failed: a suite for each table, a
@@ -140,18 +111,20 @@ pub fn junit(compared: &Compared) -> Result<String, CompareError> {
         fail(table, of, "vanished".to_owned());
     }
     for time in &compared.run_times {
-        let RunTime { stage, baseline_s, tonight_s, .. } = time;
+        let RunTime { stage, baseline_s, candidate_s, .. } = time;
         let is_slow = compared.slow().any(|slow| slow == time);
-        let sentence = format!("{tonight_s:.2} s, baseline {baseline_s:.2} s");
+        let sentence = format!("{candidate_s:.2} s, baseline {baseline_s:.2} s");
         let failures = tables.entry("run time").or_default().entry(stage).or_default();
         failures.extend(is_slow.then_some(sentence));
     }
-    let suite = |(name, cases): (_, BTreeMap<_, Vec<String>>)| Suite {
-        name,
-        failures: cases.values().filter(|failures| !failures.is_empty()).count(),
-        cases: cases.into_iter().map(|(name, failures)| Case { name, failures }).collect(),
+    let case =
+        |(name, failures): (&&str, &Vec<String>)| json!({ "name": name, "failures": failures });
+    let suite = |(name, cases): (&str, BTreeMap<&str, Vec<String>>)| {
+        let failures = cases.values().filter(|failures| !failures.is_empty()).count();
+        let cases: Vec<Json> = cases.iter().map(case).collect();
+        json!({ "name": name, "cases": cases, "failures": failures })
     };
-    let suites: Vec<Suite> = tables.into_iter().map(suite).collect();
+    let suites: Vec<Json> = tables.into_iter().map(suite).collect();
     fill("junit.xml", include_str!("junit.xml"), &json!({ "suites": suites }))
         .map_err(|error| CompareError::File { file: "compare.xml", message: error.to_string() })
 }
@@ -160,49 +133,26 @@ impl Difference {
     /// The difference in words.
     pub fn sentence(&self) -> String {
         let row = row(self);
-        let parts =
-            [("", row.change, ""), ("", row.errors, " standard errors"), ("limit ", row.limit, "")];
-        let parts: Vec<String> = parts
-            .into_iter()
-            .filter(|(_, text, _)| !text.is_empty())
-            .map(|(before, text, after)| format!("{before}{text}{after}"))
-            .collect();
-        let parts =
-            if parts.is_empty() { String::new() } else { format!(" ({})", parts.join(", ")) };
-        format!("{}: {}, baseline {}{parts}", self.column, row.tonight, row.baseline)
+        let mut parts = vec![row.change];
+        parts.extend(self.errors.map(|_| format!("{} standard errors", row.errors)));
+        parts.extend(self.limit.map(|_| format!("limit {}", row.limit)));
+        parts.retain(|part| !part.is_empty());
+        let parts = match parts.is_empty() {
+            true => String::new(),
+            false => format!(" ({})", parts.join(", ")),
+        };
+        format!("{}: {}, baseline {}{parts}", self.column, row.candidate, row.baseline)
     }
 }
 
 /// The comparison for other programs.
 pub fn to_json(compared: &Compared) -> Json {
-    let cell = |cell: &Cell| serde_json::to_value(cell).unwrap_or_default();
-    let difference = |difference: &Difference| {
-        json!({
-            "table": difference.table,
-            "of": difference.of,
-            "column": difference.column,
-            "baseline": cell(&difference.baseline),
-            "tonight": cell(&difference.tonight),
-            "verdict": difference.verdict,
-            "limit": difference.limit,
-            "standard_errors": difference.errors,
-        })
-    };
-    let lone = |lone: &Lone| json!({ "table": lone.table, "of": lone.of });
-    let time = |time: &RunTime| {
-        json!({
-            "stage": time.stage,
-            "baseline_s": time.baseline_s,
-            "tonight_s": time.tonight_s,
-            "longer": time.is_longer,
-        })
-    };
     json!({
         "within_tolerance": compared.is_well(),
         "cells": compared.cells,
-        "differences": compared.differences.iter().map(difference).collect::<Vec<_>>(),
-        "appeared": compared.appeared.iter().map(lone).collect::<Vec<_>>(),
-        "vanished": compared.vanished.iter().map(lone).collect::<Vec<_>>(),
-        "run_times": compared.run_times.iter().map(time).collect::<Vec<_>>(),
+        "differences": compared.differences,
+        "appeared": compared.appeared,
+        "vanished": compared.vanished,
+        "run_times": compared.run_times,
     })
 }

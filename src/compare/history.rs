@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::snapshot::{Cell, Record, Snapshot};
-use super::trend;
+use super::means::campaigns;
+use super::snapshot::{Snapshot, number, text};
+use super::trend::{self, HistoryRow};
 use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
 use crate::config::Paths;
 use crate::robot::Parameter;
-use crate::store::{Provenance, Rows as _, Table, history_rows};
+use crate::store::{Provenance, Rows as _, Table};
 
 const MEANS: [&str; 7] = [
     "d_m",
@@ -22,24 +23,6 @@ const MEANS: [&str; 7] = [
 /// What is not the same when nothing has changed.
 const SECONDS: &str = "_s of run";
 
-history_rows! {
-    /// One figure of merit of one run: `history.parquet`.
-    pub struct HistoryRow {
-        /// When the run ended, UTC.
-        pub time: String,
-        /// Counts the runs.
-        pub run: i64,
-        pub version: String,
-        /// Empty for what is of the whole run, as is the model.
-        pub campaign: String,
-        pub model: String,
-        pub quantity: String,
-        pub value: f64,
-        /// Why a run became the new baseline.
-        pub note: String,
-    }
-}
-
 /// Where the history lies.
 pub fn history_path(reports: &Path) -> PathBuf {
     reports.join("history.parquet")
@@ -51,14 +34,13 @@ pub fn history_path(reports: &Path) -> PathBuf {
 /// # Errors
 /// A table cannot be read, or a file not written.
 pub fn remember(paths: &Paths) -> Result<bool, CompareError> {
-    let tonight = Snapshot::of_run(&paths.derived, &paths.reports)?;
+    let candidate = Snapshot::of_run(&paths.derived, &paths.reports)?;
     let path = history_path(&paths.reports);
     let mut rows = read(&path)?;
     let run = rows.last().map_or(0, |row| row.run);
-    let new = figures_of_merit(&tonight, run + 1);
-    let last: Vec<&HistoryRow> =
-        rows.iter().filter(|row| row.run == run && row.note.is_empty()).collect();
-    if is_same(&last, &new) {
+    let new = figures_of_merit(&candidate, run + 1);
+    let last = rows.iter().filter(|row| row.run == run && row.note.is_empty());
+    if last.filter_map(merit).eq(new.iter().filter_map(merit)) {
         return Ok(false);
     }
     rows.extend(new);
@@ -97,70 +79,50 @@ fn write(paths: &Paths, rows: &[HistoryRow]) -> Result<(), CompareError> {
     trend::write(&paths.reports, rows)
 }
 
-fn is_same(last: &[&HistoryRow], new: &[HistoryRow]) -> bool {
-    let key = |row: &HistoryRow| {
-        let HistoryRow { version, campaign, model, quantity, value, .. } = row;
-        let of = [version, campaign, model, quantity].map(String::clone);
-        (!quantity.ends_with(SECONDS)).then_some((of, value.to_bits()))
-    };
-    let last: Vec<_> = last.iter().filter_map(|row| key(row)).collect();
-    let new: Vec<_> = new.iter().filter_map(key).collect();
-    last == new
+/// What is the same when nothing has changed.
+fn merit(row: &HistoryRow) -> Option<([&str; 4], u64)> {
+    let HistoryRow { version, campaign, model, quantity, value, .. } = row;
+    let of = [version, campaign, model, quantity].map(String::as_str);
+    (!quantity.ends_with(SECONDS)).then_some((of, value.to_bits()))
 }
 
-fn figures_of_merit(tonight: &Snapshot, run: i64) -> Vec<HistoryRow> {
-    let time = utc_now();
+fn figures_of_merit(candidate: &Snapshot, run: i64) -> Vec<HistoryRow> {
+    let whole = HistoryRow {
+        time: utc_now(),
+        run,
+        version: candidate.version.clone(),
+        ..HistoryRow::blank()
+    };
     let mut rows = Vec::new();
     let mut add = |campaign: &str, model: &str, quantity: &str, value: f64| {
-        if value.is_finite() {
-            rows.push(HistoryRow {
-                time: time.clone(),
-                run,
-                version: tonight.version.clone(),
-                campaign: campaign.to_owned(),
-                model: model.to_owned(),
-                quantity: quantity.to_owned(),
-                value,
-                note: String::new(),
-            });
-        }
+        let [campaign, model, quantity] = [campaign, model, quantity].map(str::to_owned);
+        let row = HistoryRow { campaign, model, quantity, value, ..whole.clone() };
+        rows.extend(value.is_finite().then_some(row));
     };
-    let trials = tonight.records("trials");
-    let mut campaigns: Vec<&str> = trials.values().map(|trial| text(trial, "campaign")).collect();
-    campaigns.sort_unstable();
-    campaigns.dedup();
-    for campaign in campaigns.into_iter().filter(|name| !name.is_empty()) {
-        let of: Vec<&Record> =
-            trials.values().filter(|trial| text(trial, "campaign") == campaign).collect();
+    let trials = candidate.records("trials");
+    for campaign in campaigns(trials) {
+        let of_campaign = trials.values().filter(|trial| text(trial, "campaign") == campaign);
         for quantity in MEANS {
-            let values = of.iter().filter_map(|trial| trial.get(quantity)?.number());
+            let values = of_campaign.clone().filter_map(|trial| number(trial, quantity));
             let (sum, count) = values.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
             add(campaign, "", &format!("mean {quantity}"), sum / count);
         }
     }
-    for fit in tonight.records("fits").values() {
+    for fit in candidate.records("fits").values() {
         let (campaign, model) = (text(fit, "campaign"), text(fit, "model"));
-        let number = |name: &str| fit.get(name).and_then(Cell::number).unwrap_or(f64::NAN);
-        add(campaign, model, "j", number("j"));
         let free: Vec<&str> = text(fit, "free").split(", ").collect();
-        let columns = Parameter::ALL.map(Parameter::column);
-        for parameter in columns.into_iter().filter(|parameter| free.contains(parameter)) {
-            add(campaign, model, parameter, number(parameter));
+        let fitted = Parameter::ALL.map(Parameter::column);
+        let fitted = fitted.into_iter().filter(|parameter| free.contains(parameter));
+        for quantity in std::iter::once("j").chain(fitted) {
+            add(campaign, model, quantity, number(fit, quantity).unwrap_or(f64::NAN));
         }
     }
     for status in ["ok", "flagged", "failed"] {
         let count = trials.values().filter(|trial| text(trial, "status") == status).count();
         add("", "", &format!("trials {status}"), count as f64);
     }
-    for (stage, seconds) in &tonight.stages {
+    for (stage, seconds) in &candidate.stages {
         add("", "", &format!("{stage}{SECONDS}"), *seconds);
     }
     rows
-}
-
-fn text<'r>(record: &'r Record, column: &str) -> &'r str {
-    match record.get(column) {
-        Some(Cell::Text(text)) => text,
-        _ => "",
-    }
 }

@@ -1,6 +1,6 @@
 //! Whether a difference is more than noise.
 
-use super::snapshot::{Cell, Record};
+use super::snapshot::{Record, number};
 use crate::config::Tolerance;
 
 /// Half the width of a 95 % interval in standard errors.
@@ -30,10 +30,10 @@ pub struct Judged {
 /// Judges a number that differs.
 pub fn judge(
     tolerance: Tolerance,
-    [baseline, tonight]: [f64; 2],
+    [baseline, candidate]: [f64; 2],
     error: Option<StandardError>,
 ) -> Judged {
-    let difference = (tonight - baseline).abs();
+    let difference = (candidate - baseline).abs();
     let errors = error.and_then(|error| error.normal(difference));
     let fixed = [tolerance.absolute, tolerance.relative.map(|part| part * baseline.abs())];
     let fixed = fixed.into_iter().flatten().fold(f64::NAN, f64::max);
@@ -42,7 +42,7 @@ pub fn judge(
     let limit = limit.into_iter().flatten().fold(f64::NAN, f64::max);
     let is_within = difference <= fixed || by_errors.is_some_and(|(most, errors)| errors <= most);
     let is_judged = tolerance.judges() && (tolerance.standard_errors.is_none() || errors.is_some());
-    let verdict = match (baseline == tonight, is_within, is_judged) {
+    let verdict = match (baseline == candidate, is_within, is_judged) {
         (true, _, _) => Verdict::Same,
         (_, true, _) => Verdict::Within,
         (_, _, true) => Verdict::Out,
@@ -63,7 +63,6 @@ impl StandardError {
     /// Of the difference of two runs' values of a column, by their `*_se` or the limits of their
     /// 95 % intervals. `None` if one of them has neither.
     pub fn of(column: &str, records: [&Record; 2]) -> Option<Self> {
-        let number = |record: &Record, name: &str| record.get(name).and_then(Cell::number);
         let one = |record: &Record| {
             if let Some(error) = number(record, &format!("{column}_se")) {
                 let cycles = number(record, "cycles").unwrap_or(f64::INFINITY);

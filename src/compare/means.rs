@@ -1,7 +1,9 @@
 //! Means over the trials of a campaign, in which a small shift of all of them shows.
 
+use std::collections::BTreeSet;
+
 use super::judge::StandardError;
-use super::snapshot::{Cell, Record, Records};
+use super::snapshot::{Record, Records, number, text};
 
 const COLUMNS: [&str; 11] = [
     "omega_rad_s",
@@ -18,59 +20,53 @@ const COLUMNS: [&str; 11] = [
 ];
 
 /// Each campaign's means over the trials that both runs have, with their standard errors.
-pub fn of_campaigns(then: &Records, now: &Records) -> [Records; 2] {
+pub fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
     let mut means = [Records::new(), Records::new()];
-    let campaign = |record: &Record| match record.get("campaign") {
-        Some(Cell::Text(name)) if !name.is_empty() => Some(name.clone()),
-        _ => None,
-    };
-    let mut names: Vec<String> = then.values().filter_map(campaign).collect();
-    names.sort();
-    names.dedup();
-    for name in names {
-        let of_campaign =
-            then.iter().filter(|(_, record)| campaign(record).as_ref() == Some(&name));
-        let both: Vec<[&Record; 2]> =
-            of_campaign.filter_map(|(of, record)| Some([record, now.get(of)?])).collect();
+    for campaign in campaigns(runs[0]) {
+        let of_campaign = runs[0].iter().filter(|(_, trial)| text(trial, "campaign") == campaign);
+        let pairs: Vec<[&Record; 2]> =
+            of_campaign.filter_map(|(name, trial)| Some([trial, runs[1].get(name)?])).collect();
         let mut records = [Record::new(), Record::new()];
         for column in COLUMNS {
             // A trial counts if it has the value in both runs.
-            let has =
-                |pair: &&[&Record; 2]| pair.iter().all(|record| value(record, column).is_some());
-            let pairs: Vec<_> = both.iter().filter(has).collect();
-            for run in [0, 1] {
-                let values = pairs.iter().filter_map(|pair| value(pair[run], column));
-                if let Some((mean, error)) = mean(values) {
-                    records[run].insert(column.to_owned(), Cell::Number(mean));
-                    records[run].insert(format!("{column}_se"), Cell::Number(error.error));
-                    // Where standard errors are looked for, degrees of freedom are cycles less 1.
-                    let cycles = error.freedom + 1.0;
-                    records[run].entry("cycles".to_owned()).or_insert(Cell::Number(cycles));
-                }
+            let values = pairs
+                .iter()
+                .filter_map(|[then, now]| Some([value(then, column)?, value(now, column)?]));
+            let values: Vec<_> = values.collect();
+            for (run, record) in records.iter_mut().enumerate() {
+                let Some((mean, error)) = mean(values.iter().map(|pair| pair[run])) else {
+                    continue;
+                };
+                record.insert(column.to_owned(), mean.into());
+                record.insert(format!("{column}_se"), error.error.into());
+                // Where standard errors are looked for, degrees of freedom are cycles less 1.
+                record.entry("cycles".to_owned()).or_insert((error.freedom + 1.0).into());
             }
         }
-        let [then, now] = records;
-        means[0].insert(name.clone(), then);
-        means[1].insert(name, now);
+        for (means, record) in means.iter_mut().zip(records) {
+            means.insert(campaign.to_owned(), record);
+        }
     }
     means
 }
 
-/// A value with its standard error and what that is known by.
-fn value(record: &Record, column: &str) -> Option<(f64, StandardError)> {
-    let number = |name: &str| record.get(name).and_then(Cell::number);
-    let error = number(&format!("{column}_se"))?;
-    let freedom = (number("cycles")? - 1.0).max(1.0);
-    Some((number(column)?, StandardError { error, freedom }))
+/// Names of the campaigns that have trials, in order.
+pub fn campaigns(trials: &Records) -> BTreeSet<&str> {
+    trials.values().map(|trial| text(trial, "campaign")).filter(|name| !name.is_empty()).collect()
 }
 
-fn mean(values: impl Iterator<Item = (f64, StandardError)>) -> Option<(f64, StandardError)> {
-    let (mut sum, mut error, mut count) = (0.0, None::<StandardError>, 0.0);
-    for (value, of_value) in values {
-        sum += value;
-        error = Some(error.map_or(of_value, |error| error.with(of_value)));
-        count += 1.0;
-    }
-    let error = error?;
+/// A value with its standard error and what that is known by.
+fn value(record: &Record, column: &str) -> Option<(f64, StandardError)> {
+    let error = number(record, &format!("{column}_se"))?;
+    let freedom = (number(record, "cycles")? - 1.0).max(1.0);
+    Some((number(record, column)?, StandardError { error, freedom }))
+}
+
+fn mean(
+    values: impl ExactSizeIterator<Item = (f64, StandardError)>,
+) -> Option<(f64, StandardError)> {
+    let count = values.len() as f64;
+    let (sum, error) =
+        values.reduce(|(sum, error), (value, of_value)| (sum + value, error.with(of_value)))?;
     Some((sum / count, StandardError { error: error.error / count, ..error }))
 }

@@ -1,4 +1,4 @@
-//! Tonight against the baseline: what differs by more than noise.
+//! A candidate against the baseline: what differs by more than noise.
 //!
 //! Two runs of the same laboratory differ in every digit that noise reaches. Each column has a
 //! tolerance, mostly in standard errors of both runs together; what is systematic and small shows
@@ -15,9 +15,13 @@ mod trend;
 use std::path::PathBuf;
 
 pub use files::{junit, page, to_json};
-pub use history::{HistoryRow, history_path, note_acceptance, remember};
+pub use history::{history_path, note_acceptance, remember};
 pub use judge::Verdict;
-pub use snapshot::{Acceptance, Cell, Record, Records, Snapshot};
+pub use snapshot::{Acceptance, Record, Records, Snapshot};
+pub use trend::HistoryRow;
+
+use serde::Serialize;
+use serde_json::Value as Json;
 
 use crate::config::{Compare, Tolerances, tolerance};
 use crate::report::ReportError;
@@ -38,18 +42,20 @@ pub enum CompareError {
 }
 
 /// One cell that differs.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Difference {
     pub table: &'static str,
     /// The trial, or campaign and model.
     pub of: String,
     pub column: String,
-    pub baseline: Cell,
-    pub tonight: Cell,
+    pub baseline: Json,
+    #[serde(rename = "tonight")]
+    pub candidate: Json,
     pub verdict: Verdict,
     /// Largest difference that is within.
     pub limit: Option<f64>,
     /// The difference in standard errors of both runs together.
+    #[serde(rename = "standard_errors")]
     pub errors: Option<f64>,
 }
 
@@ -60,26 +66,28 @@ impl Difference {
         self.limit.map_or(f64::INFINITY, |limit| difference / limit)
     }
 
-    /// Tonight's number less the baseline's.
+    /// The candidate's number less the baseline's.
     pub fn difference(&self) -> Option<f64> {
-        Some(self.tonight.number()? - self.baseline.number()?)
+        Some(self.candidate.as_f64()? - self.baseline.as_f64()?)
     }
 }
 
 /// A record that only one of the runs has.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Lone {
     pub table: &'static str,
     pub of: String,
 }
 
 /// How long a stage took.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunTime {
     pub stage: String,
     pub baseline_s: f64,
-    pub tonight_s: f64,
+    #[serde(rename = "tonight_s")]
+    pub candidate_s: f64,
     /// Whether it took longer by more than the configuration takes for nothing.
+    #[serde(rename = "longer")]
     pub is_longer: bool,
 }
 
@@ -135,21 +143,22 @@ const TEXTS: [(&str, bool); 7] = [
 ];
 
 /// Compares two runs.
-pub fn compare(config: &Compare, baseline: &Snapshot, tonight: &Snapshot) -> Compared {
+pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> Compared {
     let mut compared = Compared {
         differences: Vec::new(),
         appeared: Vec::new(),
         vanished: Vec::new(),
-        run_times: run_times(config, baseline, tonight),
+        run_times: run_times(config, baseline, candidate),
         cells: 0,
         records: Vec::new(),
         run_time_fails: config.run_time_fails,
     };
-    let [then, now] = means::of_campaigns(baseline.records("trials"), tonight.records("trials"));
+    let trials = [baseline, candidate].map(|run| run.records("trials"));
+    let [then, now] = &means::of_campaigns(trials);
     for (table, tolerances) in config.tables() {
         let runs = match table {
-            "campaigns" => [&then, &now],
-            _ => [baseline.records(table), tonight.records(table)],
+            "campaigns" => [then, now],
+            _ => [baseline.records(table), candidate.records(table)],
         };
         compared.table(table, tolerances, runs);
     }
@@ -173,13 +182,13 @@ impl Compared {
         self.vanished.extend(then.keys().filter(|of| !now.contains_key(*of)).map(lone));
         self.appeared.extend(now.keys().filter(|of| !then.contains_key(*of)).map(lone));
         for (of, baseline) in then {
-            let Some(tonight) = now.get(of) else { continue };
+            let Some(candidate) = now.get(of) else { continue };
             self.records.push(lone(of));
             let judged_by = |column: &str| OF_ERRORS.iter().any(|end| column.ends_with(end));
             for (column, cell) in baseline.iter().filter(|(column, _)| !judged_by(column)) {
-                let Some(other) = tonight.get(column) else { continue };
+                let Some(other) = candidate.get(column) else { continue };
                 self.cells += 1;
-                let judged = judge_cells(tolerances, column, [baseline, tonight], [cell, other]);
+                let judged = judge_values(tolerances, column, [baseline, candidate], [cell, other]);
                 let Some(Judged { verdict, limit, errors }) = judged else { continue };
                 if verdict != Verdict::Same {
                     self.differences.push(Difference {
@@ -187,7 +196,7 @@ impl Compared {
                         of: of.clone(),
                         column: column.clone(),
                         baseline: cell.clone(),
-                        tonight: other.clone(),
+                        candidate: other.clone(),
                         verdict,
                         limit,
                         errors,
@@ -199,14 +208,14 @@ impl Compared {
 }
 
 /// `None` if the column is not compared.
-fn judge_cells(
+fn judge_values(
     tolerances: &Tolerances,
     column: &str,
     records: [&Record; 2],
-    cells: [&Cell; 2],
+    values: [&Json; 2],
 ) -> Option<Judged> {
     let plain = |verdict| Some(Judged { verdict, limit: None, errors: None });
-    if let [Cell::Text(then), Cell::Text(now)] = cells {
+    if let [Json::String(then), Json::String(now)] = values {
         let (_, fails) = TEXTS.iter().find(|(name, _)| *name == column)?;
         let [then, now] = [then, now].map(|text| kind(text));
         return plain(match (then == now, *fails && !is_still_used(then, now)) {
@@ -216,11 +225,11 @@ fn judge_cells(
         });
     }
     let tolerance = tolerance(tolerances, column).filter(|tolerance| tolerance.judges())?;
-    match cells {
-        [Cell::Number(then), Cell::Number(now)] => {
-            Some(judge(tolerance, [*then, *now], StandardError::of(column, records)))
+    match values.map(Json::as_f64) {
+        [Some(then), Some(now)] => {
+            Some(judge(tolerance, [then, now], StandardError::of(column, records)))
         }
-        [Cell::Missing(()), Cell::Missing(())] => plain(Verdict::Same),
+        [None, None] => plain(Verdict::Same),
         _ if tolerance.may_be_missing => plain(Verdict::NotJudged),
         _ => plain(Verdict::Out),
     }
@@ -237,12 +246,12 @@ fn is_still_used(then: &str, now: &str) -> bool {
     is_used(then) && is_used(now)
 }
 
-fn run_times(config: &Compare, baseline: &Snapshot, tonight: &Snapshot) -> Vec<RunTime> {
+fn run_times(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> Vec<RunTime> {
     let stage = |(stage, baseline_s): (&String, &f64)| {
-        let (baseline_s, tonight_s) = (*baseline_s, *tonight.stages.get(stage)?);
-        let is_longer = tonight_s > config.run_time_ratio * baseline_s
-            && tonight_s - baseline_s > config.run_time_s;
-        Some(RunTime { stage: stage.clone(), baseline_s, tonight_s, is_longer })
+        let (baseline_s, candidate_s) = (*baseline_s, *candidate.stages.get(stage)?);
+        let is_longer = candidate_s > config.run_time_ratio * baseline_s
+            && candidate_s - baseline_s > config.run_time_s;
+        Some(RunTime { stage: stage.clone(), baseline_s, candidate_s, is_longer })
     };
     baseline.stages.iter().filter_map(stage).collect()
 }

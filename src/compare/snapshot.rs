@@ -3,44 +3,35 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use polars::prelude::{AnyValue, DataType};
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
 use super::CompareError;
 use crate::robot::Parameter;
-use crate::store::{Column, StoreError, Table, write_bytes};
+use crate::store::{StoreError, Table, write_bytes};
 
 /// Tables whose rows are compared, and the columns that name a row.
 const TABLES: [(&str, &[&str]); 3] =
     [("trials", &["trial"]), ("fits", &["campaign", "model"]), ("robot_parameters", &["trial"])];
-const PREDICTIONS: &str = "predictions";
 /// A trial's frequency is the commanded one to this part of it.
 const NEAR: f64 = 0.05;
 const FORMAT: u32 = 1;
 
-/// A cell that is compared.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum Cell {
-    Number(f64),
-    Text(String),
-    Missing(()),
-}
-
-impl Cell {
-    /// As a number, if it is one.
-    pub fn number(&self) -> Option<f64> {
-        match self {
-            Self::Number(number) => Some(*number),
-            _ => None,
-        }
-    }
-}
-
-/// Cells by column.
-pub type Record = BTreeMap<String, Cell>;
+/// Values by column: numbers, texts, and null for what is missing.
+pub type Record = BTreeMap<String, Json>;
 /// Records by what names them, such as a trial.
 pub type Records = BTreeMap<String, Record>;
+
+/// A record's number; `None` if it has none or it is missing.
+pub(super) fn number(record: &Record, column: &str) -> Option<f64> {
+    record.get(column)?.as_f64()
+}
+
+/// A record's text; empty if it has none.
+pub(super) fn text<'r>(record: &'r Record, column: &str) -> &'r str {
+    record.get(column).and_then(Json::as_str).unwrap_or_default()
+}
 
 /// That somebody took a run for the new baseline.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -98,19 +89,21 @@ impl Snapshot {
     /// `trials.parquet` is not there, or a table cannot be read.
     pub fn of_run(derived: &Path, reports: &Path) -> Result<Self, CompareError> {
         let mut tables = BTreeMap::new();
-        for (name, key) in TABLES {
-            let path = derived.join(format!("{name}.parquet"));
-            if name == "trials" || path.exists() {
-                let found = records(&Table::read(&path)?, key)?;
-                let found = if name == "fits" { with_intervals(found) } else { found };
-                tables.insert(name.to_owned(), found);
+        for (table, key) in TABLES {
+            let path = derived.join(format!("{table}.parquet"));
+            if table == "trials" || path.exists() {
+                let name = |row: &Record| {
+                    key.iter().map(|column| text(row, column)).collect::<Vec<_>>().join(" ")
+                };
+                let named = rows(&path, key)?.into_iter().map(|row| (name(&row), row));
+                tables.insert(table.to_owned(), named.collect());
             }
         }
-        let path = derived.join(format!("{PREDICTIONS}.parquet"));
+        tables.get_mut("fits").into_iter().for_each(add_intervals);
+        let path = derived.join("predictions.parquet");
         if path.exists() {
-            let trials = tables.get("trials");
-            let found = predictions(&Table::read(&path)?, trials.unwrap_or(&Records::new()))?;
-            tables.insert(PREDICTIONS.to_owned(), found);
+            let rows = rows(&path, &["campaign", "model", "source"])?;
+            tables.insert("predictions".to_owned(), predictions(rows, &tables["trials"]));
         }
         if let Some(scorecard) = json(&reports.join("scorecard.json"))? {
             tables.insert("scorecard".to_owned(), score(&scorecard));
@@ -125,24 +118,21 @@ impl Snapshot {
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), CompareError> {
-        let line = |value: &dyn erased::Line| value.line();
-        let mut text = format!(
-            "{{\"format\":{},\n\"version\":{},\n\"accepted\":{},\n\"stages\":{},\n\"tables\":{{",
+        let record =
+            |(name, record): (&String, &Record)| format!("\n{}:{}", line(name), line(record));
+        let table = |(name, records): (&String, &Records)| {
+            let records: Vec<String> = records.iter().map(record).collect();
+            format!("\n{}:{{{}}}", line(name), records.join(","))
+        };
+        let tables: Vec<String> = self.tables.iter().map(table).collect();
+        let text = format!(
+            "{{\"format\":{},\n\"version\":{},\n\"accepted\":{},\n\"stages\":{},\n\"tables\":{{{}}}}}\n",
             self.format,
             line(&self.version),
             line(&self.accepted),
-            line(&self.stages)
+            line(&self.stages),
+            tables.join(",")
         );
-        for (i, (name, records)) in self.tables.iter().enumerate() {
-            text += if i == 0 { "\n" } else { ",\n" };
-            text += &format!("{}:{{", line(name));
-            for (i, (key, record)) in records.iter().enumerate() {
-                text += if i == 0 { "\n" } else { ",\n" };
-                text += &format!("{}:{}", line(key), line(record));
-            }
-            text += "}";
-        }
-        text += "}}\n";
         write_bytes(path, text.as_bytes())?;
         Ok(())
     }
@@ -154,83 +144,68 @@ impl Snapshot {
     }
 }
 
-/// Anything as a line of JSON.
-mod erased {
-    pub(super) trait Line {
-        fn line(&self) -> String;
-    }
+/// Plain data as a line of JSON.
+fn line(value: &impl Serialize) -> String {
+    serde_json::to_string(value).unwrap_or_default()
+}
 
-    impl<T: serde::Serialize> Line for T {
-        fn line(&self) -> String {
-            serde_json::to_string(self).expect("a snapshot is plain data")
+/// The rows of a table that has some columns.
+fn rows(path: &Path, needed: &[&str]) -> Result<Vec<Record>, StoreError> {
+    let frame = Table::read(path)?.frame;
+    if let Some(missing) = needed.iter().find(|name| frame.column(name).is_err()) {
+        let (path, column) = (path.to_owned(), (*missing).to_owned());
+        let found = "no such column".to_owned();
+        return Err(StoreError::Column { path, column, found, needed: "text" });
+    }
+    let mut rows = vec![Record::new(); frame.height()];
+    for column in frame.columns() {
+        let is_text = matches!(column.dtype(), DataType::String | DataType::List(_));
+        for (row, cell) in rows.iter_mut().zip(column.as_materialized_series().iter()) {
+            let value = match cell {
+                AnyValue::Null if !is_text => Json::Null,
+                cell if cell.is_primitive_numeric() => cell.extract::<f64>().into(),
+                cell => crate::inspect::text(&cell).into(),
+            };
+            row.insert(column.name().to_string(), value);
         }
     }
-}
-
-/// The cells of one row.
-fn record(table: &Table, row: usize) -> Record {
-    let columns = table.columns().iter().filter_map(|(name, column)| {
-        let cell = match column {
-            Column::F64(values) if values[row].is_nan() => Cell::Missing(()),
-            Column::F64(values) => Cell::Number(values[row]),
-            Column::I64(values) => Cell::Number(values[row] as f64),
-            Column::Bool(values) => Cell::Text(values[row].to_string()),
-            Column::Str(values) => Cell::Text(values[row].clone()),
-            Column::StrList(values) => Cell::Text(values[row].join(", ")),
-            Column::Names(..) => return None,
-        };
-        Some((name.clone(), cell))
-    });
-    columns.collect()
-}
-
-fn records(table: &Table, key: &[&str]) -> Result<Records, StoreError> {
-    let keys = key.iter().map(|name| table.str(name)).collect::<Result<Vec<_>, _>>()?;
-    let row = |row: usize| {
-        let key: Vec<&str> = keys.iter().map(|column| column[row].as_str()).collect();
-        (key.join(" "), record(table, row))
-    };
-    Ok((0..table.len()).map(row).collect())
+    Ok(rows)
 }
 
 /// Adds the widths of the fitted parameters' intervals.
-fn with_intervals(mut fits: Records) -> Records {
+fn add_intervals(fits: &mut Records) {
     for fit in fits.values_mut() {
         for parameter in Parameter::ALL.map(Parameter::column) {
-            let limit = |end: &str| fit.get(&format!("{parameter}_{end}"))?.number();
+            let limit = |end: &str| number(fit, &format!("{parameter}_{end}"));
             if let Some((low, high)) = limit("lo").zip(limit("hi")) {
-                fit.insert(format!("interval_{parameter}"), Cell::Number(high - low));
+                fit.insert(format!("interval_{parameter}"), (high - low).into());
             }
         }
     }
-    fits
 }
 
 /// Predictions at the trials' frequencies, named by the commanded ones: measured ones differ from
 /// run to run.
-fn predictions(table: &Table, trials: &Records) -> Result<Records, StoreError> {
-    let [campaign, model, source] =
-        [table.str("campaign")?, table.str("model")?, table.str("source")?];
-    let omega = table.f64("omega_rad_s")?;
+fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
     let mut found = Records::new();
-    for row in (0..table.len()).filter(|&row| source[row] == "trial") {
-        let of_campaign = trials
+    for row in rows.into_iter().filter(|row| text(row, "source") == "trial") {
+        let (campaign, model) = (text(&row, "campaign"), text(&row, "model"));
+        let omega = number(&row, "omega_rad_s").unwrap_or(f64::NAN);
+        let commanded = trials
             .values()
-            .filter(|trial| trial.get("campaign") == Some(&Cell::Text(campaign[row].clone())));
-        let commanded = of_campaign
-            .filter_map(|trial| trial.get("omega_commanded_rad_s")?.number())
-            .min_by(|a, b| (a - omega[row]).abs().total_cmp(&(b - omega[row]).abs()))
-            .filter(|near| (near - omega[row]).abs() <= NEAR * omega[row]);
-        let rad_s = commanded.unwrap_or(omega[row]);
-        let name = format!("{} {} {rad_s:.2} rad/s", campaign[row], model[row]);
+            .filter(|trial| text(trial, "campaign") == campaign)
+            .filter_map(|trial| number(trial, "omega_commanded_rad_s"))
+            .min_by(|a, b| (a - omega).abs().total_cmp(&(b - omega).abs()))
+            .filter(|near| (near - omega).abs() <= NEAR * omega);
+        let name = format!("{campaign} {model} {:.2} rad/s", commanded.unwrap_or(omega));
         // Repeated trials may have a row each.
         let numbered = (2..).map(|i| format!("{name} ({i})"));
         let mut names = std::iter::once(name.clone()).chain(numbered);
         if let Some(free) = names.find(|name| !found.contains_key(name)) {
-            found.insert(free, record(table, row));
+            found.insert(free, row);
         }
     }
-    Ok(found)
+    found
 }
 
 fn json(path: &PathBuf) -> Result<Option<Json>, CompareError> {
@@ -251,16 +226,12 @@ fn score(scorecard: &Json) -> Records {
     let entry = |entry: &Json| {
         let fields = entry.as_object()?;
         let is_judged = fields.get("judged_by").is_some_and(|by| by == "computed");
-        let cells = fields.iter().filter_map(|(name, value)| match value {
-            Json::Number(number) if name == "computed" => {
-                Some((name.clone(), Cell::Number(number.as_f64()?)))
-            }
-            Json::String(text) if name == "verdict" && is_judged => {
-                Some((name.clone(), Cell::Text(text.clone())))
-            }
-            _ => None,
+        let values = fields.iter().filter(|(name, value)| {
+            *name == "computed" && value.is_number()
+                || *name == "verdict" && value.is_string() && is_judged
         });
-        Some((fields.get("id")?.as_str()?.to_owned(), cells.collect()))
+        let values = values.map(|(name, value)| (name.clone(), value.clone()));
+        Some((fields.get("id")?.as_str()?.to_owned(), values.collect()))
     };
     entries.filter_map(entry).collect()
 }

@@ -4,8 +4,8 @@ use super::*;
 
 /// A run of some trials with one fit: `d_m` of the trials and `skid0_kg_s` of the fit.
 fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
-    let number = |(name, value): (&str, f64)| (name.to_owned(), Cell::Number(value));
-    let text = |name: &str, value: &str| (name.to_owned(), Cell::Text(value.to_owned()));
+    let number = |(name, value): (&str, f64)| (name.to_owned(), Json::from(value));
+    let text = |name: &str, value: &str| (name.to_owned(), Json::from(value));
     let trial = |(i, d_m): (usize, &f64)| {
         let omega = ("omega_commanded_rad_s", 1.0 + i as f64);
         let numbers = [omega, ("d_m", *d_m), ("d_m_se", 0.001), ("cycles", 9.0)].map(number);
@@ -40,8 +40,8 @@ fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
     }
 }
 
-fn compared(baseline: &Snapshot, tonight: &Snapshot) -> Compared {
-    compare(&Compare::default(), baseline, tonight)
+fn compared(baseline: &Snapshot, candidate: &Snapshot) -> Compared {
+    compare(&Compare::default(), baseline, candidate)
 }
 
 fn out(compared: &Compared) -> Vec<String> {
@@ -104,28 +104,28 @@ fn a_table_that_only_one_run_has_is_told_in_one_line() {
 #[test]
 fn what_is_missing_or_another_text_is_out_unless_the_trial_is_still_used() {
     let baseline = run(&[0.4, 0.41], 100.0);
-    let change = |column: &str, cell: Cell| {
-        let mut tonight = baseline.clone();
-        let trials = tonight.tables.get_mut("trials").unwrap();
+    let change = |column: &str, cell: Json| {
+        let mut candidate = baseline.clone();
+        let trials = candidate.tables.get_mut("trials").unwrap();
         trials.get_mut("trial-0").unwrap().insert(column.to_owned(), cell);
-        out(&compared(&baseline, &tonight))
+        out(&compared(&baseline, &candidate))
     };
-    assert_eq!(change("d_m", Cell::Missing(())), ["trials trial-0 d_m"]);
-    assert_eq!(change("status", Cell::Text("failed".to_owned())), ["trials trial-0 status"]);
-    assert!(change("status", Cell::Text("flagged".to_owned())).is_empty());
+    assert_eq!(change("d_m", Json::Null), ["trials trial-0 d_m"]);
+    assert_eq!(change("status", Json::from("failed")), ["trials trial-0 status"]);
+    assert!(change("status", Json::from("flagged")).is_empty());
 }
 
 #[test]
 fn a_longer_run_is_named_and_fails_only_if_it_is_to() {
     let baseline = run(&[0.4], 100.0);
-    let mut tonight = baseline.clone();
-    tonight.stages.insert("fit".to_owned(), 30.0);
-    let named = compared(&baseline, &tonight);
+    let mut candidate = baseline.clone();
+    candidate.stages.insert("fit".to_owned(), 30.0);
+    let named = compared(&baseline, &candidate);
     assert!(named.is_well() && named.run_times[0].is_longer);
     let strict = Compare { run_time_fails: true, ..Compare::default() };
-    assert!(!compare(&strict, &baseline, &tonight).is_well());
-    tonight.stages.insert("fit".to_owned(), 14.0);
-    assert!(compare(&strict, &baseline, &tonight).is_well());
+    assert!(!compare(&strict, &baseline, &candidate).is_well());
+    candidate.stages.insert("fit".to_owned(), 14.0);
+    assert!(compare(&strict, &baseline, &candidate).is_well());
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
     let path = folder.path().join("deep/baseline.json");
     let mut saved = run(&[0.1 + 0.2, 1e-300, 0.46560407069451604], 1.0 / 3.0);
     let trials = saved.tables.get_mut("trials").unwrap();
-    trials.get_mut("trial-0").unwrap().insert("sigma0".to_owned(), Cell::Missing(()));
+    trials.get_mut("trial-0").unwrap().insert("sigma0".to_owned(), Json::Null);
     saved.accepted.push(Acceptance {
         time: crate::clock::utc_now(),
         reason: "new \"wheels\"".to_owned(),
@@ -152,17 +152,17 @@ fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
 #[test]
 fn the_files_name_what_is_out_and_escape_what_they_hold() {
     let baseline = run(&[0.4, 0.41], 100.0);
-    let mut tonight = run(&[0.5, 0.41], 110.0);
-    let odd: Record = [("status".to_owned(), Cell::Text("a<b & \"c\"".to_owned()))].into();
+    let mut candidate = run(&[0.5, 0.41], 110.0);
+    let odd: Record = [("status".to_owned(), Json::from("a<b & \"c\""))].into();
     let mut known = baseline.clone();
-    for run in [&mut known, &mut tonight] {
+    for run in [&mut known, &mut candidate] {
         let trials = run.tables.get_mut("trials").unwrap();
         trials.insert("<odd>".to_owned(), odd.clone());
     }
-    let trials = tonight.tables.get_mut("trials").unwrap();
-    trials.get_mut("<odd>").unwrap().insert("status".to_owned(), Cell::Text("failed".to_owned()));
-    let compared = compared(&known, &tonight);
-    let html = page(&compared, &known, &tonight).unwrap();
+    let trials = candidate.tables.get_mut("trials").unwrap();
+    trials.get_mut("<odd>").unwrap().insert("status".to_owned(), Json::from("failed"));
+    let compared = compared(&known, &candidate);
+    let html = page(&compared, &known, &candidate).unwrap();
     assert!(html.contains("trial-0") && html.contains("skid0_kg_s"), "{html}");
     assert!(html.contains("&lt;odd&gt;") && !html.contains("<odd>"));
     assert!(html.contains("Trials of symmetric"), "the curves that differ are drawn");

@@ -18,7 +18,7 @@ mod okabe_ito {
 pub mod colours {
     use plotters::style::RGBColor;
     pub const BASELINE: RGBColor = RGBColor(150, 150, 150);
-    pub const TONIGHT: RGBColor = super::okabe_ito::VERMILLION;
+    pub const CANDIDATE: RGBColor = super::okabe_ito::VERMILLION;
     pub const TREND: RGBColor = super::okabe_ito::BLUE;
 }
 
