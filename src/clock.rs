@@ -1,4 +1,4 @@
-//! The time of day, for what says when it was made.
+//! The time of day, for results that name it.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

@@ -1,12 +1,12 @@
-//! Text by pattern: one character stands for any characters, none too, and another for one.
+//! Patterns of text: one character stands for any characters, none too, and another for one.
 
-/// Whether a label, or the part of it after the subject, is as a pattern with `*` and `?` says.
+/// Whether a label, or the part of it after the subject, matches a pattern with `*` and `?`.
 pub(crate) fn matches_label(pattern: &str, label: &str) -> bool {
     let name = label.rsplit_once(':').map_or(label, |(_, name)| name);
     matches(pattern, label, ['*', '?']) || matches(pattern, name, ['*', '?'])
 }
 
-/// Whether a text is as a pattern says, in which `any` stands for any characters and `one` for one.
+/// Whether a text matches a pattern, in which `any` stands for any characters and `one` for one.
 pub(crate) fn matches(pattern: &str, text: &str, [any, one]: [char; 2]) -> bool {
     let (pattern, text): (Vec<char>, Vec<char>) =
         (pattern.chars().collect(), text.chars().collect());

@@ -110,14 +110,14 @@ fn say_counts(trials: &[CheckedTrial]) {
     const SEVERITIES: [&str; 4] = ["ok", "info", "warning", "error"];
     for line in trials.iter().flat_map(|trial| &trial.checks) {
         let count = counts.entry(&line.check).or_default();
-        let place = SEVERITIES.iter().position(|severity| *severity == line.severity);
-        count[place.unwrap_or(0)] += 1;
+        let index = SEVERITIES.iter().position(|severity| *severity == line.severity);
+        count[index.unwrap_or(0)] += 1;
     }
     for (check, count) in counts {
-        let said = SEVERITIES.iter().zip(count).filter(|(_, count)| *count > 0);
-        let said: Vec<String> =
-            said.map(|(severity, count)| format!("{count} {severity}")).collect();
-        say!("{check:<24} {}", said.join(", "));
+        let counts = SEVERITIES.iter().zip(count).filter(|(_, count)| *count > 0);
+        let counts: Vec<String> =
+            counts.map(|(severity, count)| format!("{count} {severity}")).collect();
+        say!("{check:<24} {}", counts.join(", "));
     }
 }
 
@@ -182,13 +182,13 @@ fn say_recording(recording: &Recording) {
     say!("  markers: {}, seen in {:.1} % of the frames", markers.len(), 100.0 * recording.coverage);
     let width = markers.iter().map(|marker| marker.label.chars().count()).max().unwrap_or(0);
     for marker in markers {
-        let place = match (marker.link, marker.ignored) {
+        let part = match (marker.link, marker.ignored) {
             (_, true) => "ignored".to_owned(),
             (Some(link), false) => format!("link {link}"),
             (None, false) => "not in the layout".to_owned(),
         };
         let (label, percent, gaps) = (&marker.label, 100.0 * marker.coverage, marker.gaps);
-        say!("    {label:width$}  {percent:5.1} %  {gaps:4} gaps  {place}");
+        say!("    {label:width$}  {percent:5.1} %  {gaps:4} gaps  {part}");
     }
     match (gaps.median_frames, gaps.longest_frames) {
         (Some(median), Some(longest)) => say!(

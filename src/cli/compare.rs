@@ -124,7 +124,6 @@ fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
 fn print(compared: &Compared, page: &Path) {
     let out: Vec<&Difference> = compared.out().collect();
     if !out.is_empty() {
-        let heading = |text| table::Heading { text, right: false };
         let rows: Vec<Vec<String>> = out
             .iter()
             .take(MOST_ROWS)
@@ -132,7 +131,7 @@ fn print(compared: &Compared, page: &Path) {
                 vec![difference.table.to_owned(), difference.of.clone(), difference.sentence()]
             })
             .collect();
-        table::print(&["table", "row", "out of tolerance"].map(heading), &rows, None);
+        table::print(&["table", "row", "out of tolerance"].map(|name| (name, false)), &rows, None);
         if out.len() > MOST_ROWS {
             say!("and {} more", out.len() - MOST_ROWS);
         }

@@ -74,7 +74,10 @@ impl Inspect {
 /// The rows with some digits.
 fn show(context: &Context, view: &View) {
     let cells = view.cells(in_short);
-    let headings: Vec<table::Heading> = view.columns.iter().map(heading).collect();
+    let is_number = |column: &ColumnInfo| column.dtype == Some(DataType::Float64);
+    let columns = view.columns.iter();
+    let headings: Vec<_> =
+        columns.map(|column| (column.name.as_str(), is_number(column))).collect();
     let hidden = table::print(&headings, &cells, table::terminal_width());
     if hidden > 0 {
         context.progress.say(&format!(
@@ -82,10 +85,6 @@ fn show(context: &Context, view: &View) {
         ));
     }
     context.progress.say(&format!("{} of {} rows", cells.len(), view.total));
-}
-
-fn heading(column: &ColumnInfo) -> table::Heading<'_> {
-    table::Heading { text: &column.name, right: column.dtype == Some(DataType::Float64) }
 }
 
 /// Six significant digits, and a dash where nothing is.
@@ -101,8 +100,8 @@ fn sort_key(text: &str) -> Result<SortKey, String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let (name, descending) = match words[..] {
         [name] => (name.strip_prefix('-').unwrap_or(name), name.starts_with('-')),
-        [name, way] if way.eq_ignore_ascii_case("desc") => (name, true),
-        [name, way] if way.eq_ignore_ascii_case("asc") => (name, false),
+        [name, order] if order.eq_ignore_ascii_case("desc") => (name, true),
+        [name, order] if order.eq_ignore_ascii_case("asc") => (name, false),
         _ => {
             return Err(format!(
                 "--sort: found `{text}`, needed a column, `-column` or `column desc`"
@@ -114,8 +113,6 @@ fn sort_key(text: &str) -> Result<SortKey, String> {
 
 fn show_schema(path: &std::path::Path) -> Result<Outcome, Failure> {
     let info = describe(path)?;
-    let headings =
-        ["column", "type", "unit", "meaning"].map(|text| table::Heading { text, right: false });
     let row = |column: &ColumnInfo| {
         vec![
             column.name.clone(),
@@ -125,7 +122,7 @@ fn show_schema(path: &std::path::Path) -> Result<Outcome, Failure> {
         ]
     };
     let rows: Vec<Vec<String>> = info.columns.iter().map(row).collect();
-    table::print(&headings, &rows, None);
+    table::print(&["column", "type", "unit", "meaning"].map(|name| (name, false)), &rows, None);
     say!("{} rows in {}", info.rows, path.display());
     for (key, value) in &info.metadata {
         let (start, is_cut) = match value.char_indices().nth(LONGEST_METADATA) {
@@ -146,7 +143,6 @@ fn list_tables(context: &Context) -> Result<Outcome, Failure> {
         return Err(format!("{}: {none}", derived.display()).into());
     }
     let headings = [("table", false), ("rows", true), ("columns", true)];
-    let headings = headings.map(|(text, right)| table::Heading { text, right });
     let mut problems = BTreeSet::new();
     let row = |listed: &Listed| match describe(&listed.path) {
         Ok(info) => {

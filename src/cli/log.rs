@@ -13,8 +13,7 @@ use tracing_subscriber::util::SubscriberInitExt;
 
 use super::Failure;
 
-/// Begins to write what happens: to the end of a file, and as `-v` or `-vv` says to standard
-/// error.
+/// Begins to write what happens: to the end of a file, and with `-v` or `-vv` to standard error.
 pub(super) fn begin(file: Option<&Path>, verbose: u8) -> Result<(), Failure> {
     let shown = match verbose {
         0 => LevelFilter::OFF,

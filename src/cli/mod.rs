@@ -4,7 +4,6 @@
 mod calibrate;
 mod check;
 mod compare;
-mod examples;
 mod inspect;
 mod log;
 mod omegas;
@@ -17,6 +16,8 @@ mod simulate;
 mod stages;
 mod synth;
 mod table;
+#[cfg(test)]
+mod tests;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -36,7 +37,7 @@ const MOST_THREADS: usize = 1024;
 /// From marker files of a wheeled three-link robot to fitted dissipation models and figures.
 #[derive(Parser)]
 #[command(name = "trilink", version, propagate_version = true, max_term_width = 100)]
-#[command(after_help = examples::TRILINK)]
+#[command(after_help = include_str!("examples/trilink.txt").trim_end())]
 struct Arguments {
     /// Configuration file [default: pipeline.toml here, else the paper's values].
     #[arg(short, long, global = true, value_name = "FILE")]
@@ -60,44 +61,44 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Make the demo's trials if they are not there, then run them.
-    #[command(after_help = examples::DEMO)]
+    #[command(after_help = include_str!("examples/demo.txt").trim_end())]
     Demo(pipeline::Demo),
     /// Ingest, fit and report a trial folder.
-    #[command(after_help = examples::RUN)]
+    #[command(after_help = include_str!("examples/run.txt").trim_end())]
     Run(pipeline::Run),
     /// Marker files to tables of poses, wheel velocities, cycles and trials.
-    #[command(after_help = examples::INGEST)]
+    #[command(after_help = include_str!("examples/ingest.txt").trim_end())]
     Ingest(stages::Ingest),
     /// Fit every model of every campaign to the trials.
-    #[command(after_help = examples::FIT)]
+    #[command(after_help = include_str!("examples/fit.txt").trim_end())]
     Fit(stages::Fit),
     /// Draw the figures and write the page.
-    #[command(after_help = examples::REPORT)]
+    #[command(after_help = include_str!("examples/report.txt").trim_end())]
     Report(stages::Report),
     /// Read a trial folder or marker files, write nothing, say what is there and what is wrong.
-    #[command(after_help = examples::CHECK)]
+    #[command(after_help = include_str!("examples/check.txt").trim_end())]
     Check(check::Check),
     /// Compare the tables with those of an earlier run: what differs by more than noise.
-    #[command(after_help = examples::COMPARE)]
+    #[command(after_help = include_str!("examples/compare.txt").trim_end())]
     Compare(compare::Compare),
     /// Look into a table of `derived`, or into any Parquet file.
-    #[command(after_help = examples::INSPECT)]
+    #[command(after_help = include_str!("examples/inspect.txt").trim_end())]
     Inspect(inspect::Inspect),
     /// Solve for a model's steady motion.
-    #[command(after_help = examples::SIMULATE)]
+    #[command(after_help = include_str!("examples/simulate.txt").trim_end())]
     Simulate(simulate::Simulate),
     /// Write trials with a known truth, as the camera system would.
-    #[command(after_help = examples::SYNTH)]
+    #[command(after_help = include_str!("examples/synth.txt").trim_end())]
     Synth(synth::Synth),
     /// Print what makes a shell complete commands and options.
-    #[command(after_help = examples::COMPLETIONS)]
+    #[command(after_help = include_str!("examples/completions.txt").trim_end())]
     Completions(shell::Completions),
     /// Print the manual's page.
-    #[command(after_help = examples::MAN)]
+    #[command(after_help = include_str!("examples/man.txt").trim_end())]
     Man(shell::Man),
 }
 
-/// How a command ended: what its exit status says.
+/// How a command ended, as its exit status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Outcome {
     /// All well: 0.
@@ -131,7 +132,7 @@ pub fn main() -> ExitCode {
         Ok(Err(failure)) => {
             note!("error: {failure}");
             tracing::error!("{failure}");
-            // What was interrupted says so by its status.
+            // An interrupted command has the signal's status.
             interrupt::exit_status().filter(|_| is_interrupted(&failure)).unwrap_or(2)
         }
         Err(Interrupted { done }) => {

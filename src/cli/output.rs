@@ -1,5 +1,5 @@
-//! Lines on standard output and standard error. Whoever listened may have closed the pipe
-//! (`trilink simulate .. | head`): then there is nothing more to say.
+//! Lines on standard output and standard error. The reader may have closed the pipe
+//! (`trilink simulate .. | head`): then the program ends.
 
 use std::io::{ErrorKind, Write};
 
@@ -7,7 +7,7 @@ use std::io::{ErrorKind, Write};
 pub(super) fn write_line(to: &mut dyn Write, line: std::fmt::Arguments<'_>) {
     match writeln!(to, "{line}").and_then(|()| to.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => std::process::exit(0),
-        // A result that cannot be written (a full disk, say) must not look like success.
+        // A result that cannot be written (a full disk, for example) must not look like success.
         Err(error) => {
             let _ = writeln!(std::io::stderr().lock(), "error: standard output: {error}");
             std::process::exit(2)

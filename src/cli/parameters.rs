@@ -1,9 +1,9 @@
-//! What releases and coast-downs say of the robots, beside what is configured.
+//! Robot parameters measured by releases and coast-downs, beside the configured ones.
 
 use super::output::say;
 use crate::store::{RobotParameterRow, RobotQuantity};
 
-/// A short table; nothing if no trial says anything.
+/// A short table; nothing if nothing was measured.
 pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
     if rows.is_empty() {
         return;

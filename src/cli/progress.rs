@@ -21,7 +21,7 @@ pub(super) enum Progress {
 }
 
 impl Progress {
-    /// `logged` says that lines of the log come between: then there are no bars.
+    /// There are no bars where lines of the log (`logged`) come between.
     pub fn new(quiet: bool, logged: bool) -> Self {
         match (quiet, std::io::stderr().is_terminal() && !logged) {
             (true, _) => Self::Quiet,
@@ -50,6 +50,11 @@ impl Progress {
         let begin = Instant::now();
         Stage { shown: self, name, total, begin, done: AtomicUsize::new(0), bar }
     }
+
+    /// Shows the stages of a run, one after the other.
+    pub fn watch(self) -> Watcher {
+        Watcher { progress: self, explain: false, stage: Mutex::new(None) }
+    }
 }
 
 /// Shows a whole run, one stage after the other.
@@ -60,16 +65,15 @@ pub(super) struct Watcher {
 }
 
 impl Watcher {
-    /// Says why each thing is done, too.
+    /// Gives the reasons for what is done, too.
     pub fn explaining(self, explain: bool) -> Self {
         Self { explain, ..self }
     }
-}
 
-impl Progress {
-    /// Somebody who watches a run and shows it.
-    pub fn watch(self) -> Watcher {
-        Watcher { progress: self, explain: false, stage: Mutex::new(None) }
+    fn with_stage(&self, show: impl Fn(&Stage)) {
+        if let Ok(stage) = self.stage.lock() {
+            stage.iter().for_each(show);
+        }
     }
 }
 
@@ -97,21 +101,16 @@ impl Watch for Watcher {
     }
 
     fn step(&self, what: &str) {
-        if let Ok(current) = self.stage.lock()
-            && let Some(stage) = current.as_ref()
-        {
-            stage.step(what);
-        }
+        self.with_stage(|stage| stage.step(what));
     }
 
     fn part(&self, what: &str, done: usize, total: usize) {
-        if let Ok(current) = self.stage.lock()
-            && let Some(stage) = current.as_ref()
-        {
-            stage.part(what, done, total);
-        }
+        self.with_stage(|stage| stage.part(what, done, total));
     }
 }
+
+/// Lines show no remaining time of a stage that has run for less.
+const SHORT: Duration = Duration::from_secs(5);
 
 /// Progress of one stage; its steps may end on any thread.
 pub(super) struct Stage {
@@ -138,12 +137,7 @@ impl Stage {
             }
         }
     }
-}
 
-/// Lines do not tell how much time is left of a stage that has run for less.
-const SHORT: Duration = Duration::from_secs(5);
-
-impl Stage {
     /// How long the rest will take if it goes on like this.
     fn time_left(&self, done: usize) -> String {
         let elapsed = self.begin.elapsed();
@@ -158,7 +152,7 @@ impl Stage {
         }
     }
 
-    /// Says on a bar how far something is that is smaller than a step.
+    /// Shows on a bar the progress within a step.
     pub fn part(&self, what: &str, done: usize, total: usize) {
         if self.shown == Progress::Bars {
             self.bar.set_message(format!("{what} {done}/{total}"));

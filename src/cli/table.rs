@@ -6,16 +6,15 @@ use super::output::say;
 
 const GAP: &str = "  ";
 
-/// A column's name, and whether its cells end at its right.
-pub(super) struct Heading<'t> {
-    pub text: &'t str,
-    pub right: bool,
-}
-
-/// Prints a table and gives the number of columns at its end that do not fit into `width`.
-pub(super) fn print(headings: &[Heading], rows: &[Vec<String>], width: Option<usize>) -> usize {
+/// Prints a table and gives the number of columns at its end that do not fit into `width`. A
+/// heading is a column's name, and whether its cells end at its right.
+pub(super) fn print(
+    headings: &[(&str, bool)],
+    rows: &[Vec<String>],
+    width: Option<usize>,
+) -> usize {
     let mut widths: Vec<usize> =
-        headings.iter().map(|heading| measure_text_width(heading.text)).collect();
+        headings.iter().map(|(name, _)| measure_text_width(name)).collect();
     for row in rows {
         for (width, cell) in widths.iter_mut().zip(row) {
             *width = measure_text_width(cell).max(*width);
@@ -24,15 +23,15 @@ pub(super) fn print(headings: &[Heading], rows: &[Vec<String>], width: Option<us
     let fitting = fitting(&widths, width);
     let line = |cells: &mut dyn Iterator<Item = &str>| {
         let mut line = String::new();
-        for ((cell, heading), width) in cells.zip(headings).zip(&widths).take(fitting) {
+        for ((cell, (_, right)), width) in cells.zip(headings).zip(&widths).take(fitting) {
             let space = " ".repeat(width - measure_text_width(cell));
-            let (before, after) = if heading.right { (&*space, "") } else { ("", &*space) };
+            let (before, after) = if *right { (&*space, "") } else { ("", &*space) };
             line.push_str(if line.is_empty() { "" } else { GAP });
             line.extend([before, cell, after]);
         }
         say!("{}", line.trim_end());
     };
-    line(&mut headings.iter().map(|heading| heading.text));
+    line(&mut headings.iter().map(|(name, _)| *name));
     for row in rows {
         line(&mut row.iter().map(String::as_str));
     }

@@ -28,8 +28,8 @@ pub fn history_path(reports: &Path) -> PathBuf {
     reports.join("history.parquet")
 }
 
-/// Adds a run to the history and draws the trends again; nothing if it came to the same as the
-/// one before. Gives whether it was added.
+/// Adds a run to the history and draws the trends again; nothing if its figures are those of the
+/// run before. Gives whether it was added.
 ///
 /// # Errors
 /// A table cannot be read, or a file not written.

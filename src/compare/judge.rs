@@ -6,13 +6,13 @@ use crate::config::Tolerance;
 /// Half the width of a 95 % interval in standard errors.
 const HALF_WIDTH_95: f64 = 1.96;
 
-/// What a comparison of two cells says.
+/// The outcome of a comparison of two values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     Same,
     Within,
-    /// Different, and nothing says whether that is much.
+    /// Different, without a tolerance or a standard error to judge it by.
     NotJudged,
     Out,
 }

@@ -62,13 +62,11 @@ pub struct Difference {
 impl Difference {
     /// How many times the largest difference within it is; infinite where there is no such thing.
     pub fn severity(&self) -> f64 {
-        let difference = self.difference().unwrap_or(f64::INFINITY).abs();
-        self.limit.map_or(f64::INFINITY, |limit| difference / limit)
-    }
-
-    /// The candidate's number less the baseline's.
-    pub fn difference(&self) -> Option<f64> {
-        Some(self.candidate.as_f64()? - self.baseline.as_f64()?)
+        let numbers = self.candidate.as_f64().zip(self.baseline.as_f64());
+        let times = |((candidate, baseline), limit): ((f64, f64), f64)| {
+            (candidate - baseline).abs() / limit
+        };
+        numbers.zip(self.limit).map_or(f64::INFINITY, times)
     }
 }
 
@@ -91,8 +89,8 @@ pub struct RunTime {
     pub is_longer: bool,
 }
 
-/// What a comparison says.
-#[derive(Debug, Clone, PartialEq)]
+/// The outcome of a comparison.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Compared {
     /// All that is not the same; what is out of tolerance first, the worst at the front.
     pub differences: Vec<Difference>,
@@ -145,13 +143,9 @@ const TEXTS: [(&str, bool); 7] = [
 /// Compares two runs.
 pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> Compared {
     let mut compared = Compared {
-        differences: Vec::new(),
-        appeared: Vec::new(),
-        vanished: Vec::new(),
         run_times: run_times(config, baseline, candidate),
-        cells: 0,
-        records: Vec::new(),
         run_time_fails: config.run_time_fails,
+        ..Compared::default()
     };
     let trials = [baseline, candidate].map(|run| run.records("trials"));
     let [then, now] = &means::of_campaigns(trials);
@@ -172,7 +166,7 @@ pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> C
 impl Compared {
     fn table(&mut self, table: &'static str, tolerances: &Tolerances, [then, now]: [&Records; 2]) {
         let lone = |of: &String| Lone { table, of: of.clone() };
-        // A table that one of the runs does not have at all is not told row by row.
+        // A table that one of the runs lacks is one line, not a line for each row.
         let all = |records: &Records| Lone { table, of: format!("all {} rows", records.len()) };
         match (then.is_empty(), now.is_empty()) {
             (true, false) => return self.appeared.push(all(now)),

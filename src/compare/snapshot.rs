@@ -1,9 +1,10 @@
-//! What a run came to, as far as it is compared: one file that can be kept.
+//! The results of a run, as far as they are compared: one file that can be kept.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use polars::prelude::{AnyValue, DataType};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
@@ -43,7 +44,7 @@ pub struct Acceptance {
     pub differences: usize,
 }
 
-/// What a run came to.
+/// The results of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     pub format: u32,
@@ -69,21 +70,14 @@ impl Snapshot {
             return Self::of_run(&derived, &reports);
         }
         let error = |message: String| CompareError::Baseline { path: path.to_owned(), message };
-        let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
-            std::io::ErrorKind::NotFound => {
-                error("is not there; `trilink compare --save FILE` makes one".to_owned())
-            }
-            _ => error(format!("cannot be read: {source}")),
-        })?;
-        let found: Self = serde_json::from_str(&text)
-            .map_err(|problem| error(format!("is no baseline: {problem}")))?;
-        match found.format {
-            FORMAT => Ok(found),
-            other => Err(error(format!("has format {other}, needed {FORMAT}"))),
+        match read_json::<Self>(path, "baseline")? {
+            Some(found) if found.format == FORMAT => Ok(found),
+            Some(other) => Err(error(format!("has format {}, needed {FORMAT}", other.format))),
+            None => Err(error("is not there; `trilink compare --save FILE` makes one".to_owned())),
         }
     }
 
-    /// Reads the tables of a run, and what its reports say of its time and score.
+    /// Reads the tables of a run, and its run time and scorecard from its reports.
     ///
     /// # Errors
     /// `trials.parquet` is not there, or a table cannot be read.
@@ -105,15 +99,16 @@ impl Snapshot {
             let rows = rows(&path, &["campaign", "model", "source"])?;
             tables.insert("predictions".to_owned(), predictions(rows, &tables["trials"]));
         }
-        if let Some(scorecard) = json(&reports.join("scorecard.json"))? {
+        if let Some(scorecard) = read_json(&reports.join("scorecard.json"), "JSON")? {
             tables.insert("scorecard".to_owned(), score(&scorecard));
         }
-        let stages = json(&reports.join("run.json"))?.map_or(BTreeMap::new(), |run| stages(&run));
+        let stages = read_json(&reports.join("run.json"), "JSON")?
+            .map_or(BTreeMap::new(), |run| stages(&run));
         let version = env!("CARGO_PKG_VERSION").to_owned();
         Ok(Self { format: FORMAT, version, accepted: Vec::new(), stages, tables })
     }
 
-    /// Writes it whole or not at all; a record a line, so that versions of it can be told apart.
+    /// Writes it whole or not at all; a record a line, so that versions of it can be compared.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -208,14 +203,15 @@ fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
     found
 }
 
-fn json(path: &PathBuf) -> Result<Option<Json>, CompareError> {
-    let error = |message| CompareError::Baseline { path: path.clone(), message };
+/// Reads a file of JSON; `None` if there is none.
+fn read_json<T: DeserializeOwned>(path: &Path, what: &str) -> Result<Option<T>, CompareError> {
+    let error = |message| CompareError::Baseline { path: path.to_owned(), message };
     match std::fs::read_to_string(path) {
         Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(source) => Err(error(format!("cannot be read: {source}"))),
         Ok(text) => serde_json::from_str(&text)
             .map(Some)
-            .map_err(|problem| error(format!("is no JSON: {problem}"))),
+            .map_err(|problem| error(format!("is no {what}: {problem}"))),
     }
 }
 

@@ -10,7 +10,7 @@ use polars::prelude::{
 
 use crate::store::{StoreError, guarded};
 
-/// What a file says of a column.
+/// A column as its file describes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ColumnInfo {
     pub name: String,
@@ -21,7 +21,7 @@ pub struct ColumnInfo {
     pub dtype: Option<DataType>,
 }
 
-/// What a file says of itself.
+/// The description of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileInfo {
     pub rows: usize,
@@ -30,7 +30,7 @@ pub struct FileInfo {
     pub metadata: Vec<(String, String)>,
 }
 
-/// Reads what a Parquet file says of itself and none of its rows.
+/// Reads the description of a Parquet file and none of its rows.
 ///
 /// # Errors
 /// The file cannot be read or is not Parquet.

@@ -155,7 +155,7 @@ impl Evaluator<'_> {
         compare(value, op, &other)
     }
 
-    /// Whether a text is as a pattern says: `%` stands for any characters, `_` for one.
+    /// Whether a text matches a pattern, in which `%` stands for any characters, `_` for one.
     fn like(
         &mut self,
         of: &Expr,

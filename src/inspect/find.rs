@@ -19,7 +19,7 @@ pub struct Listed {
 /// The file of a table: one of `derived` by its name, or any by its path.
 ///
 /// # Errors
-/// There is none; says which there are and which is nearest.
+/// There is none; the message names those that there are and the nearest one.
 pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
     let named = derived.join(format!("{table}.parquet"));
     for path in [named, PathBuf::from(table)] {

@@ -14,7 +14,7 @@ struct Meanings {
 static KNOWN: LazyLock<Meanings> =
     LazyLock::new(|| toml::from_str(include_str!("meanings.toml")).unwrap_or_default());
 
-/// A name without what says what of a quantity it is, and that.
+/// A column's name without one of the `parts`, and the meaning of that part.
 fn without_part(name: &str) -> Option<(&str, &'static str)> {
     KNOWN.parts.iter().find_map(|(part, what)| {
         let rest = name.strip_suffix(part.as_str()).or_else(|| name.strip_prefix(part.as_str()))?;
@@ -22,14 +22,14 @@ fn without_part(name: &str) -> Option<(&str, &'static str)> {
     })
 }
 
-/// A name without its unit, and that. A unit follows a word: `j_d` is a part of the objective.
+/// A column's name without its unit, and the unit. A unit follows a word: `j_d` is a part of the objective.
 fn without_unit(name: &str) -> Option<(&str, &'static str)> {
     let rest = |end: &String| name.strip_suffix(end.as_str()).filter(|rest| !rest.is_empty());
     let found = KNOWN.units.iter().filter_map(|(end, unit)| Some((rest(end)?, unit.as_str())));
     found.min_by_key(|(rest, _)| rest.len())
 }
 
-/// The unit that a column's name says.
+/// The unit at the end of a column's name.
 pub fn unit(name: &str) -> Option<&'static str> {
     let name = without_part(name).map_or(name, |(name, _)| name);
     without_unit(name).map(|(_, unit)| unit)

@@ -140,12 +140,11 @@ fn chosen(
     query: &Query,
     known: &[ColumnInfo],
 ) -> Result<(Vec<ColumnInfo>, Vec<ColumnInfo>), InspectError> {
-    if !query.columns.is_empty() {
-        let columns = query.columns.iter().map(|name| shown(path, name, known).cloned());
-        return Ok((columns.collect::<Result<_, _>>()?, Vec::new()));
-    }
-    let (columns, left_out): (Vec<_>, Vec<_>) =
-        known.iter().cloned().partition(|column| column.dtype.is_some());
+    let named = query.columns.iter().map(|name| shown(path, name, known).cloned());
+    let (columns, left_out): (Vec<_>, Vec<_>) = match query.columns.is_empty() {
+        true => known.iter().cloned().partition(|column| column.dtype.is_some()),
+        false => (named.collect::<Result<_, _>>()?, Vec::new()),
+    };
     match columns.is_empty() {
         true => Err(column_error(path, "has no column that can be shown".to_owned())),
         false => Ok((columns, left_out)),

@@ -1,4 +1,4 @@
-//! What `simulate` says of one frequency.
+//! The answer of `simulate` at one frequency.
 
 use serde::Serialize;
 use serde_json::{Map, Value};

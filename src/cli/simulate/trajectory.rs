@@ -10,7 +10,7 @@ use crate::store::{Provenance, Rows, TrajectoryRow};
 /// Cycles that are written of a motion which does not settle.
 const UNSETTLED_CYCLES: usize = 50;
 
-/// Writes one steady cycle of every problem, or the way there from rest and one cycle more.
+/// Writes one steady cycle of every problem, or the transient from rest and one cycle more.
 /// Gives a sentence on what is in the file.
 pub(super) fn write<'a>(
     path: &Path,

@@ -1,0 +1,45 @@
+//! The examples of the help.
+
+use clap::{CommandFactory, Parser};
+
+use super::Arguments;
+
+/// The words of a line as a shell would have them, without redirection and remarks.
+fn words(line: &str) -> Vec<String> {
+    let (mut words, mut word, mut quote) = (Vec::new(), String::new(), None);
+    for c in line.chars() {
+        match (quote, c) {
+            (None, '\'' | '"') => quote = Some(c),
+            (Some(open), c) if open == c => quote = None,
+            (None, ' ') => words.extend(Some(std::mem::take(&mut word))),
+            (None, '>' | '|') => break,
+            _ => word.push(c),
+        }
+        // Two spaces come before a remark.
+        if words.last().is_some_and(String::is_empty) {
+            break;
+        }
+    }
+    words.push(word);
+    words.into_iter().filter(|word| !word.is_empty()).collect()
+}
+
+#[test]
+fn every_command_has_examples_that_are_command_lines() {
+    let program = Arguments::command();
+    let commands = program.get_subcommands().chain(std::iter::once(&program));
+    let mut count = 0;
+    for command in commands {
+        let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        assert!(help.starts_with("Examples:\n"), "{}", command.get_name());
+        for line in help.replace("\\\n", "").lines() {
+            let Some(line) = line.strip_prefix("  trilink ") else { continue };
+            let line: Vec<String> =
+                line.splitn(2, "      --").map(str::trim).map(String::from).collect();
+            let words = words(&format!("trilink {}", line.join(" --")));
+            Arguments::try_parse_from(&words).unwrap_or_else(|e| panic!("{words:?}: {e}"));
+            count += 1;
+        }
+    }
+    assert!(count > 25, "{count}");
+}
