@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 use trilink::metrics::GaitMetrics;
-use trilink::motion::{FIT_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Settled, Solver};
+use trilink::motion::{Attractor, FIT_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Solver};
 use trilink::robot::{Gait, JointCommand, Robot};
 
 struct Draw(ChaCha8Rng);
@@ -72,7 +72,7 @@ impl Draw {
 }
 
 /// Whether the robot that is followed from rest goes as far and turns as much in a cycle.
-fn is_what_follows_from_rest(problem: &Problem, settled: &Settled) -> Result<(), String> {
+fn is_what_follows_from_rest(problem: &Problem, settled: &Attractor) -> Result<(), String> {
     let Some(modulus) = settled.motion.floquet.filter(|modulus| *modulus < 1.0) else {
         return Err(format!("settled in an unstable motion: {settled:?}"));
     };
@@ -80,7 +80,7 @@ fn is_what_follows_from_rest(problem: &Problem, settled: &Settled) -> Result<(),
     let cycles = settled.cycles + (1e-6_f64.ln() / modulus.max(0.01).ln()).ceil() as usize + 2;
     let period_s = TAU / problem.omega_rad_s;
     let path = problem
-        .follow(cycles as f64 * period_s, 1e-8)
+        .transient(cycles as f64 * period_s, 1e-8)
         .map_err(|error| format!("cannot be followed: {error}"))?;
     let [from, to] = [cycles - 1, cycles].map(|cycle| path.at(cycle as f64 * period_s));
     let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);

@@ -94,13 +94,13 @@ fn a_neighbour_leads_to_the_same_motion_in_fewer_steps() {
     for row in rows() {
         let mut solver = Solver::default();
         let cold = solver.solve(&row.problem, REFERENCE_ACCURACY).unwrap();
-        let cold_steps = solver.newton_steps();
+        let cold_steps = solver.effort().newton_steps;
         let near = Problem { omega_rad_s: 1.02 * row.problem.omega_rad_s, ..row.problem.clone() };
         solver.solve(&near, REFERENCE_ACCURACY).unwrap();
         let warm = solver.solve(&row.problem, REFERENCE_ACCURACY).unwrap();
         let d = (warm.d_m - cold.d_m).abs();
         assert!(d < 1e-9 * cold.d_m, "{}: {d}", row.name);
-        assert!(solver.newton_steps() < cold_steps, "{}", row.name);
+        assert!(solver.effort().newton_steps < cold_steps, "{}", row.name);
     }
 }
 
@@ -134,7 +134,7 @@ fn from_rest_the_robot_settles_into_the_steady_motion() {
     for row in rows().into_iter().filter(|row| row.problem.model.skids()) {
         let steady = row.problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let period_s = std::f64::consts::TAU / row.problem.omega_rad_s;
-        let path = row.problem.follow(30.0 * period_s, 1e-9).unwrap();
+        let path = row.problem.transient(30.0 * period_s, 1e-9).unwrap();
         let [from, to] = [29.0, 30.0].map(|cycles| path.at(cycles * period_s));
         let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);
         assert!((d_m - steady.d_m).abs() < 1e-6 * steady.d_m, "{}: {d_m} {}", row.name, steady.d_m);

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use proptest::prelude::*;
 use trilink::motion::{
-    FORCES_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Sample, Settled, Solver, SteadyMotion,
+    Attractor, FORCES_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Sample, Solver, SteadyMotion,
 };
 use trilink::robot::{Gait, JointCommand, Robot};
 
@@ -99,7 +99,7 @@ fn momentum_missed(robot: &Robot, samples: &[Sample]) -> f64 {
             let about = mass * (x * vy - y * vx) + robot.inertia_kg_m2[i] * spin;
             let own = [mass * vx, mass * vy, about];
             let [x, y, ..] = point(l);
-            let (roll, lateral) = (sample.actions.roll_n[i], sample.actions.lateral_n[i]);
+            let (roll, lateral) = (sample.forces.roll_n[i], sample.forces.lateral_n[i]);
             let fx = roll * angle.cos() - lateral * angle.sin();
             let fy = roll * angle.sin() + lateral * angle.cos();
             for k in 0..3 {
@@ -217,11 +217,11 @@ proptest! {
     #[test]
     fn the_robot_from_rest_does_what_settling_says(problem in problems()) {
         let settled = Solver::default().settle(&problem, REFERENCE_ACCURACY);
-        let Ok(Settled { motion, cycles, .. }) = settled else { return Ok(()) };
+        let Ok(Attractor { motion, cycles, .. }) = settled else { return Ok(()) };
         prop_assume!(motion.floquet.is_some() && forgets(&motion, 0.3));
         let period_s = 2.0 * PI / problem.omega_rad_s;
         let end = cycles as f64 + 20.0;
-        let path = problem.follow(end * period_s, 1e-9).unwrap();
+        let path = problem.transient(end * period_s, 1e-9).unwrap();
         let [from, to] = [end - 1.0, end].map(|cycles| path.at(cycles * period_s));
         let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);
         prop_assert!((d_m - motion.metrics.d_m).abs() < 1e-5 * motion.metrics.d_m.max(1e-3));

@@ -4,17 +4,17 @@
 
 use std::f64::consts::TAU;
 
-use trilink::motion::{Model, MotionError, Problem, REFERENCE_ACCURACY, Settled, Solver};
+use trilink::motion::{Attractor, Model, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use trilink::robot::{Gait, JointCommand, Robot};
 
-fn settle(problem: &Problem) -> Result<Settled, MotionError> {
+fn settle(problem: &Problem) -> Result<Attractor, MotionError> {
     Solver::default().settle(problem, REFERENCE_ACCURACY)
 }
 
 /// d of the cycle that ends after this many cycles from rest.
 fn followed_d_m(problem: &Problem, cycles: usize) -> f64 {
     let period_s = TAU / problem.omega_rad_s;
-    let path = problem.follow(cycles as f64 * period_s, 1e-9).unwrap();
+    let path = problem.transient(cycles as f64 * period_s, 1e-9).unwrap();
     let [from, to] = [cycles - 1, cycles].map(|cycle| path.at(cycle as f64 * period_s));
     (to[0] - from[0]).hypot(to[1] - from[1])
 }
@@ -107,7 +107,7 @@ fn without_roll_resistance_the_semi_passive_robot_takes_many_cycles() {
 }
 
 #[test]
-fn of_two_stable_motions_the_one_is_told_that_is_reached_from_rest() {
+fn of_two_stable_motions_the_one_is_reported_that_is_reached_from_rest() {
     let problem = with_two_stable_motions();
     let first = problem.solve(REFERENCE_ACCURACY).unwrap();
     let settled = settle(&problem).unwrap();

@@ -254,7 +254,7 @@ impl<'a> Evaluator<'a> {
             if wanted.is_empty() {
                 return Some(Response { metrics, d_metrics_d_logarithm: Vec::new() });
             }
-            let derivatives = solver.derivatives_by(&wanted).ok()?.parameters;
+            let derivatives = solver.derivatives_of(&wanted).ok()?.parameters;
             let d_metrics_d_logarithm = wanted.iter().map(|parameter| {
                 let value = parameter.of(&robot);
                 derivatives[*parameter].to_array().map(|derivative| derivative * value)

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::measurement::Measurement;
 use super::objective::Objective;
 use crate::metrics::GaitMetrics;
-use crate::motion::{Model, MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use crate::motion::{Attractor, Model, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use crate::robot::Robot;
 use crate::store::PredictionRow;
 
@@ -50,13 +50,15 @@ pub(super) fn predictions(
     };
     let at_trial = |solver: &mut Solver, measurement: &Measurement| {
         let problem = objective.problem_of(robot, measurement).ok_or(MotionError::GaitUnknown);
-        let solved = problem.and_then(|problem| solve(solver, &problem, REFERENCE_ACCURACY));
+        let solved = problem.clone().and_then(|it| solve(solver, &it, REFERENCE_ACCURACY));
         let j = solved
             .as_ref()
             .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
-        let from_rest = match &solved {
-            Ok((metrics, _)) => solver.from_rest(*metrics, REFERENCE_ACCURACY),
-            Err(_) => "",
+        let from_rest = match (problem, &solved) {
+            (Ok(problem), Ok((metrics, _))) => {
+                Attractor::from_rest(&solver.attractor(&problem, Ok(*metrics), REFERENCE_ACCURACY))
+            }
+            _ => "",
         };
         row(measurement.omega_rad_s, "trial", j, &solved, from_rest)
     };

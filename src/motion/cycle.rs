@@ -1,11 +1,12 @@
 //! The metrics of one steady cycle (eq. 17 and 20).
 
-use super::element::Linearised;
+use super::Problem;
+use super::element::Linearisation;
 use super::extreme::Extremes;
-use super::path::advance;
+use super::mesh::Mesh;
+use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Driven, Moment, Reduced};
-use super::ring::Ring;
+use super::reduced::Reduced;
 use crate::metrics::GaitMetrics;
 use crate::robot::{Pose, Trig, dot, skid_rows};
 
@@ -22,39 +23,39 @@ pub(super) struct Cycle {
 /// Measures a periodic solution.
 pub(super) fn measure<const N: usize, R: Reduced<N>>(
     model: &R,
-    driven: &Driven,
-    ring: &Ring<N, R>,
-    room: &mut Linearised,
+    mesh: &Mesh<N, R>,
+    workspace: &mut Linearisation,
 ) -> Cycle {
+    let problem = model.problem();
     let weights = RADAU.integrate[STAGES - 1];
     let mut end = Pose::default();
     let mut skid_squared = [0.0; 3];
-    for k in 0..ring.len() {
-        let moments = moments(model, ring, k);
-        end = advance(end, &moments, ring.element_s())[STAGES - 1];
-        if driven.model_skids {
-            for (moment, weight) in moments.iter().zip(weights) {
-                let rows = skid_rows(&driven.robot, &Trig::new(moment.phi_rad));
+    for element in mesh.elements() {
+        let states = element.kinematics(model);
+        [.., end] = integrate_poses(end, &states, element.duration_s);
+        if R::SKIDS {
+            for (state, weight) in states.iter().zip(weights) {
+                let rows = skid_rows(&problem.robot, &Trig::new(state.phi_rad));
                 for (sum, row) in skid_squared.iter_mut().zip(&rows) {
-                    *sum += weight * dot(row, &moment.velocity).powi(2);
+                    *sum += weight * dot(row, &state.velocity).powi(2);
                 }
             }
         }
     }
-    let pose = if ring.is_half() { end * end.mirrored() } else { end };
-    let (alpha1_rad, extremes) = match driven.gait.joints[0] {
+    let pose = if mesh.is_half { end * end.mirrored() } else { end };
+    let (alpha1_rad, extremes) = match problem.gait.joints[0] {
         Some(command) => (command.amplitude_rad.abs(), None),
         None => {
-            let extremes = Extremes::find(model, driven, ring, room);
+            let extremes = Extremes::find(model, mesh, workspace);
             (extremes.half_range(), Some(extremes))
         }
     };
-    let count = ring.len() as f64;
+    let count = mesh.len() as f64;
     let d_m = pose.x_m.hypot(pose.y_m);
     let metrics = GaitMetrics {
         d_m,
-        v_m_s: d_m * driven.omega_rad_s / std::f64::consts::TAU,
-        sigma: skid_squared.map(|sum| (sum / count).sqrt() / skid_scale(driven)),
+        v_m_s: d_m * problem.omega_rad_s / std::f64::consts::TAU,
+        sigma: skid_squared.map(|sum| (sum / count).sqrt() / skid_scale(problem)),
         alpha1_rad,
         dtheta_rad: pose.theta_rad,
     };
@@ -62,15 +63,6 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
 }
 
 /// The characteristic speed `l omega` of eq. 20.
-pub(super) fn skid_scale(driven: &Driven) -> f64 {
-    driven.robot.l_m * driven.omega_rad_s
-}
-
-pub(super) fn moments<const N: usize, R: Reduced<N>>(
-    model: &R,
-    ring: &Ring<N, R>,
-    k: usize,
-) -> [Moment; STAGES] {
-    let (nodes, _, stages) = ring.element(k);
-    std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]))
+pub(super) fn skid_scale(problem: &Problem) -> f64 {
+    problem.robot.l_m * problem.omega_rad_s
 }

@@ -5,27 +5,32 @@
 
 use super::lu;
 use super::radau::{RADAU, Radau, STAGES};
-use super::reduced::{MOST_PARAMETERS, Reduced, Residual};
+use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Residual};
 
 /// States at the stages of one element.
 pub(super) type Stages<const N: usize> = [[f64; N]; STAGES];
 
-/// Room for the linearised elements of a motion; grows once and is used again.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Linearised {
-    factors: Vec<f64>,
-    pivots: Vec<usize>,
-    /// Per element: how its unknowns answer to its start (`N` columns).
-    transfer: Vec<f64>,
-    /// Per element: the step of its unknowns when its start stays.
-    step: Vec<f64>,
-    /// Of one element, see [`Linearised::sensitivity`].
-    sensitivity: Vec<f64>,
+/// An element of a motion.
+pub(super) struct Element<'a, const N: usize, R: Reduced<N>> {
+    /// The command at the stages.
+    pub nodes: &'a [R::Node],
+    pub start: &'a [f64; N],
+    pub stages: &'a Stages<N>,
+    pub duration_s: f64,
 }
 
-/// Unknowns per stage.
-pub(super) const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
-    if R::INTEGRATED { N - 1 } else { N }
+impl<const N: usize, R: Reduced<N>> Element<'_, N, R> {
+    /// Time derivatives of the states at stage `j`.
+    #[inline(always)]
+    pub fn rate(&self, j: usize) -> [f64; N] {
+        rate(&RADAU, self.start, self.stages, j, 1.0 / self.duration_s)
+    }
+
+    /// Angles and velocities of the robot at the stages.
+    #[inline(always)]
+    pub fn kinematics(&self, model: &R) -> [KinematicState; STAGES] {
+        std::array::from_fn(|j| model.kinematics(&self.nodes[j], &self.stages[j]))
+    }
 }
 
 /// Time derivatives at stage `j` of the polynomial through `start` and `stages`.
@@ -46,15 +51,18 @@ pub(super) fn rate<const N: usize>(
     })
 }
 
+/// Unknowns per stage.
+pub(super) const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
+    if R::INTEGRATED { N - 1 } else { N }
+}
+
 /// Writes the linear system of one element: its `matrix` and, in the first `N` of each row's
-/// `columns`, how the right-hand side answers to the element's start. `equations` gives the
-/// residual of a stage from its time derivatives and may fill the other columns of the
-/// stage's rows.
+/// `columns`, the derivative of the right-hand side with respect to the element's start.
+/// `equations` gives the residual of a stage from its time derivatives and may fill the other
+/// columns of the stage's rows.
 #[inline(always)]
-pub(super) fn assemble<const N: usize, R: Reduced<N>>(
-    start: &[f64; N],
-    stages: &Stages<N>,
-    duration_s: f64,
+fn assemble<const N: usize, R: Reduced<N>>(
+    element: &Element<N, R>,
     matrix: &mut [f64],
     right: &mut [f64],
     columns: usize,
@@ -63,36 +71,51 @@ pub(super) fn assemble<const N: usize, R: Reduced<N>>(
     let rule = &*RADAU;
     let per_stage = unknowns::<N, R>();
     let size = per_stage * STAGES;
-    let per_s = 1.0 / duration_s;
+    let per_s = 1.0 / element.duration_s;
     for j in 0..STAGES {
-        let dy = rate(rule, start, stages, j, per_s);
         let rows = &mut right[j * per_stage * columns..][..per_stage * columns];
+        let dy = rate(rule, element.start, element.stages, j, per_s);
         let residual = equations(j, &dy, rows);
         for i in 0..per_stage {
+            let (state_jacobian, rate_jacobian) =
+                (&residual.state_jacobian[i], &residual.rate_jacobian[i]);
             let row = &mut matrix[(j * per_stage + i) * size..][..size];
             for l in 0..STAGES {
                 let weight = rule.differentiate[j][l] * per_s;
                 for m in 0..per_stage {
-                    row[l * per_stage + m] = residual.by_rate[i][m] * weight;
+                    row[l * per_stage + m] = rate_jacobian[m] * weight;
                 }
                 if R::INTEGRATED {
                     row[l * per_stage + N - 2] +=
-                        residual.by_state[i][N - 1] * rule.integrate[j][l] * duration_s;
+                        state_jacobian[N - 1] * rule.integrate[j][l] * element.duration_s;
                 }
             }
-            let by_start = &mut rows[i * columns..][..N];
+            let start_jacobian = &mut rows[i * columns..][..N];
             for m in 0..per_stage {
-                row[j * per_stage + m] += residual.by_state[i][m];
-                by_start[m] = -residual.by_rate[i][m] * rule.differentiate_start[j] * per_s;
+                row[j * per_stage + m] += state_jacobian[m];
+                start_jacobian[m] = -rate_jacobian[m] * rule.differentiate_start[j] * per_s;
             }
             if R::INTEGRATED {
-                by_start[N - 1] = -residual.by_state[i][N - 1];
+                start_jacobian[N - 1] = -state_jacobian[N - 1];
             }
         }
     }
 }
 
-impl Linearised {
+/// The linearised elements of a motion; grows once and is used again.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Linearisation {
+    factors: Vec<f64>,
+    pivots: Vec<usize>,
+    /// Per element: derivatives of its unknowns with respect to its start (`N` columns).
+    transfer: Vec<f64>,
+    /// Per element: the step of its unknowns when its start stays.
+    step: Vec<f64>,
+    /// Of one element, see [`Linearisation::solve_sensitivity`].
+    sensitivity: Vec<f64>,
+}
+
+impl Linearisation {
     /// Makes room for `count` elements.
     pub fn resize<const N: usize, R: Reduced<N>>(&mut self, count: usize) {
         let size = unknowns::<N, R>() * STAGES;
@@ -103,18 +126,15 @@ impl Linearised {
     }
 
     /// Linearises element `k` at its stages and factors it; its step is left unsolved until
-    /// [`Linearised::solve_step`]. `None` if the system is singular.
+    /// [`Linearisation::solve_step`]. `None` if the system is singular.
     #[inline(always)]
     pub fn linearise<const N: usize, R: Reduced<N>>(
         &mut self,
         k: usize,
         model: &R,
-        nodes: &[R::Node],
-        start: &[f64; N],
-        stages: &Stages<N>,
-        duration_s: f64,
+        element: &Element<N, R>,
     ) -> Option<()> {
-        self.factor(k, model, nodes, start, stages, duration_s)?;
+        self.factor(k, model, element)?;
         let size = unknowns::<N, R>() * STAGES;
         let matrix = &self.factors[k * size * size..][..size * size];
         let pivots = &self.pivots[k * size..][..size];
@@ -122,17 +142,13 @@ impl Linearised {
         Some(())
     }
 
-    /// The same for an element the start of which stays: how it answers to that is not solved
-    /// for.
+    /// The same for an element the start of which stays: the transfer is not solved for.
     #[inline(always)]
     fn factor<const N: usize, R: Reduced<N>>(
         &mut self,
         k: usize,
         model: &R,
-        nodes: &[R::Node],
-        start: &[f64; N],
-        stages: &Stages<N>,
-        duration_s: f64,
+        element: &Element<N, R>,
     ) -> Option<()> {
         let per_stage = unknowns::<N, R>();
         let size = per_stage * STAGES;
@@ -140,8 +156,8 @@ impl Linearised {
         let pivots = &mut self.pivots[k * size..][..size];
         let transfer = &mut self.transfer[k * size * N..][..size * N];
         let step = &mut self.step[k * size..][..size];
-        assemble::<N, R>(start, stages, duration_s, matrix, transfer, N, |j, dy, _| {
-            let residual = model.residual(&nodes[j], &stages[j], dy);
+        assemble(element, matrix, transfer, N, |j, dy, _| {
+            let residual = model.residual(&element.nodes[j], &element.stages[j], dy);
             for i in 0..per_stage {
                 step[j * per_stage + i] = -residual.value[i];
             }
@@ -150,19 +166,16 @@ impl Linearised {
         lu::factor(size, matrix, pivots).then_some(())
     }
 
-    /// Solves one element for how its unknowns answer to its start and to the first `parameters`
-    /// of the model's; see [`Linearised::sensitivity`]. Uses the room of element 0. `None` if the
-    /// system is singular.
+    /// Solves one element for the derivatives of its unknowns with respect to its start and the
+    /// first `parameters` of the model's: per unknown `N` columns of the start, then those of the
+    /// parameters. Overwrites element 0. `None` if the system is singular.
     #[inline(always)]
-    pub fn sensitise<const N: usize, R: Reduced<N>>(
+    pub fn solve_sensitivity<const N: usize, R: Reduced<N>>(
         &mut self,
         model: &R,
-        nodes: &[R::Node],
-        start: &[f64; N],
-        stages: &Stages<N>,
-        duration_s: f64,
+        element: &Element<N, R>,
         parameters: usize,
-    ) -> Option<()> {
+    ) -> Option<&[f64]> {
         let per_stage = unknowns::<N, R>();
         let (size, columns) = (per_stage * STAGES, N + parameters);
         self.resize::<N, R>(1);
@@ -170,12 +183,13 @@ impl Linearised {
         let matrix = &mut self.factors[..size * size];
         let pivots = &mut self.pivots[..size];
         let right = &mut self.sensitivity[..size * columns];
-        assemble::<N, R>(start, stages, duration_s, matrix, right, columns, |j, dy, rows| {
-            let mut by = [[0.0; MOST_PARAMETERS]; N];
-            let residual = model.sensitivity(&nodes[j], &stages[j], dy, &mut by);
+        assemble(element, matrix, right, columns, |j, dy, rows| {
+            let mut jacobian = [[0.0; MOST_PARAMETERS]; N];
+            let (node, y) = (&element.nodes[j], &element.stages[j]);
+            let residual = model.sensitivity(node, y, dy, &mut jacobian);
             for i in 0..per_stage {
                 let row = &mut rows[i * columns + N..][..parameters];
-                row.iter_mut().zip(&by[i]).for_each(|(entry, by)| *entry = -by);
+                row.iter_mut().zip(&jacobian[i]).for_each(|(entry, slope)| *entry = -slope);
             }
             residual
         });
@@ -183,33 +197,24 @@ impl Linearised {
             return None;
         }
         lu::solve(size, columns, matrix, pivots, right);
-        Some(())
-    }
-
-    /// The answers of [`Linearised::sensitise`]: per unknown `N` columns of the start, then the
-    /// parameters' columns.
-    pub fn sensitivity(&self) -> &[f64] {
-        &self.sensitivity
+        Some(right)
     }
 
     /// Evaluates the residuals of element `k` alone; the factors stay those of the last
-    /// [`Linearised::linearise`].
+    /// [`Linearisation::linearise`].
     #[inline(always)]
     pub fn evaluate<const N: usize, R: Reduced<N>>(
         &mut self,
         k: usize,
         model: &R,
-        nodes: &[R::Node],
-        start: &[f64; N],
-        stages: &Stages<N>,
-        duration_s: f64,
+        element: &Element<N, R>,
     ) {
-        let rule = &*RADAU;
+        let (rule, per_s) = (&*RADAU, 1.0 / element.duration_s);
         let per_stage = unknowns::<N, R>();
         let step = &mut self.step[k * per_stage * STAGES..][..per_stage * STAGES];
         for j in 0..STAGES {
-            let dy = rate(rule, start, stages, j, 1.0 / duration_s);
-            let value = model.residual(&nodes[j], &stages[j], &dy).value;
+            let dy = rate(rule, element.start, element.stages, j, per_s);
+            let value = model.residual(&element.nodes[j], &element.stages[j], &dy).value;
             for i in 0..per_stage {
                 step[j * per_stage + i] = -value[i];
             }
@@ -225,23 +230,49 @@ impl Linearised {
         lu::solve(size, 1, factors, pivots, &mut self.step[k * size..][..size]);
     }
 
-    /// The last of [`Linearised::changes`].
+    /// Derivatives of the unknowns of element `k` with respect to its start, and their step.
+    #[inline(always)]
+    fn answers<const N: usize, R: Reduced<N>>(&self, k: usize) -> (&[f64], &[f64]) {
+        let size = unknowns::<N, R>() * STAGES;
+        (&self.transfer[k * size * N..][..size * N], &self.step[k * size..][..size])
+    }
+
+    /// Changes of element `k`'s stages by its step when its start changes by `start`.
+    #[inline(always)]
+    pub fn changes<const N: usize, R: Reduced<N>>(
+        &self,
+        k: usize,
+        start: &[f64; N],
+        duration_s: f64,
+    ) -> Stages<N> {
+        let per_stage = unknowns::<N, R>();
+        let (transfer, step) = self.answers::<N, R>(k);
+        let mut changes = [[0.0; N]; STAGES];
+        for j in 0..STAGES {
+            for i in 0..per_stage {
+                let row = j * per_stage + i;
+                changes[j][i] = change(&transfer[row * N..][..N], start, step[row]);
+            }
+        }
+        if R::INTEGRATED {
+            integrate_last(&mut changes, start[N - 1], duration_s);
+        }
+        changes
+    }
+
+    /// Change of element `k`'s end alone, with its step or without.
     #[inline(always)]
     pub fn end_change<const N: usize, R: Reduced<N>>(
         &self,
         k: usize,
         start: &[f64; N],
         duration_s: f64,
-        whole: bool,
+        with_step: bool,
     ) -> [f64; N] {
         let per_stage = unknowns::<N, R>();
-        let size = per_stage * STAGES;
-        let transfer = &self.transfer[k * size * N..][..size * N];
-        let step = &self.step[k * size..][..size];
+        let (transfer, step) = self.answers::<N, R>(k);
         let change = |row: usize| {
-            let own = if whole { step[row] } else { 0.0 };
-            let entries = &transfer[row * N..][..N];
-            entries.iter().zip(start).fold(own, |sum, (entry, start)| sum + entry * start)
+            change(&transfer[row * N..][..N], start, if with_step { step[row] } else { 0.0 })
         };
         let mut end = [0.0; N];
         for i in 0..per_stage {
@@ -254,35 +285,12 @@ impl Linearised {
         }
         end
     }
+}
 
-    /// Changes of element `k`'s stages by its step when its start changes by `start`.
-    #[inline(always)]
-    pub fn changes<const N: usize, R: Reduced<N>>(
-        &self,
-        k: usize,
-        start: &[f64; N],
-        duration_s: f64,
-    ) -> Stages<N> {
-        let per_stage = unknowns::<N, R>();
-        let size = per_stage * STAGES;
-        let transfer = &self.transfer[k * size * N..][..size * N];
-        let step = &self.step[k * size..][..size];
-        let mut changes = [[0.0; N]; STAGES];
-        for j in 0..STAGES {
-            for i in 0..per_stage {
-                let row = &transfer[(j * per_stage + i) * N..][..N];
-                let mut sum = step[j * per_stage + i];
-                for m in 0..N {
-                    sum += row[m] * start[m];
-                }
-                changes[j][i] = sum;
-            }
-        }
-        if R::INTEGRATED {
-            integrate_last(&mut changes, start[N - 1], duration_s);
-        }
-        changes
-    }
+/// Change of an unknown by its step and by that of the element's start.
+#[inline(always)]
+fn change<const N: usize>(transfer: &[f64], start: &[f64; N], step: f64) -> f64 {
+    transfer.iter().zip(start).fold(step, |sum, (entry, start)| sum + entry * start)
 }
 
 /// Sets the last state of every stage to its start plus the integral of the state before it.
@@ -298,33 +306,33 @@ pub(super) fn integrate_last<const N: usize>(stages: &mut Stages<N>, start: f64,
     }
 }
 
-/// The stages of one element from a known start, by Newton's method from a guess, or `None` if
-/// it fails. The factors are kept while steps by them shrink fast. Uses the room of element 0.
-pub(super) fn follow_element<const N: usize, R: Reduced<N>>(
+/// The stages of an element from its start, by Newton's method from the stages that it has, or
+/// `None` if it fails. The factors are kept while steps by them shrink fast. Overwrites element 0
+/// of the workspace.
+pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
     model: &R,
-    nodes: &[R::Node],
-    start: &[f64; N],
-    duration_s: f64,
-    guess: &Stages<N>,
+    guess: &Element<N, R>,
     tolerance: f64,
-    room: &mut Linearised,
+    workspace: &mut Linearisation,
 ) -> Option<Stages<N>> {
     const MOST_STEPS: usize = 12;
-    /// Part of the step before at which a step by kept factors is short enough to keep them.
+    /// Factors are kept while a step by them is at most this part of the one before.
     const FAST: f64 = 0.15;
-    let mut stages = *guess;
+    let Element { nodes, start, duration_s, .. } = *guess;
+    let mut stages = *guess.stages;
     if R::INTEGRATED {
         integrate_last(&mut stages, start[N - 1], duration_s);
     }
     let enough = 0.01 * tolerance;
     let (mut is_fresh, mut last_step) = (true, f64::INFINITY);
     for _ in 0..MOST_STEPS {
+        let element = Element { nodes, start, stages: &stages, duration_s };
         match is_fresh {
-            true => room.factor(0, model, nodes, start, &stages, duration_s)?,
-            false => room.evaluate(0, model, nodes, start, &stages, duration_s),
+            true => workspace.factor(0, model, &element)?,
+            false => workspace.evaluate(0, model, &element),
         }
-        room.solve_step::<N, R>(0);
-        let changes = room.changes::<N, R>(0, &[0.0; N], duration_s);
+        workspace.solve_step::<N, R>(0);
+        let changes = workspace.changes::<N, R>(0, &[0.0; N], duration_s);
         let (mut step, mut size) = (0.0_f64, 0.0_f64);
         for (y, change) in stages.iter_mut().zip(&changes) {
             for i in 0..N {
@@ -379,8 +387,8 @@ fn coefficient<const N: usize>(
 pub(super) fn interpolate<const N: usize>(
     start: &[f64; N],
     stages: &Stages<N>,
-    part: f64,
+    fraction: f64,
 ) -> [f64; N] {
-    let weights = RADAU.weights(part);
+    let weights = RADAU.weights(fraction);
     std::array::from_fn(|i| coefficient(&weights, i, start, stages))
 }

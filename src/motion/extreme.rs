@@ -3,83 +3,76 @@
 //! The ends of elements are far more accurate than the stages inside, so an extreme is made the
 //! end of a shorter element from the same start.
 
-use super::element::{Linearised, Stages, follow_element, interpolate, rate};
+use super::element::{Element, Linearisation, Stages, interpolate, rate, solve_element};
+use super::mesh::Mesh;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Driven, Moment, Reduced};
-use super::ring::Ring;
+use super::reduced::{KinematicState, Reduced};
 
 /// Highest and lowest angle of joint 1 over a whole period.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extremes {
-    pub highest: Turn,
-    pub lowest: Turn,
+    pub highest: TurningPoint,
+    pub lowest: TurningPoint,
 }
 
 /// Where joint 1 turns round.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Turn {
+pub(super) struct TurningPoint {
     phi_rad: f64,
     pub element: usize,
-    /// Part of the element.
-    pub part: f64,
+    /// Fraction of the element.
+    pub fraction: f64,
     /// -1 in the mirror image that follows half a period later.
     pub sign: f64,
 }
 
-/// Part of an element by which a turn may be missed; the angle then misses its third power.
-const MISSED: f64 = 1e-5;
+/// Error, as a fraction of an element, of a turning point; the angle's is its third power.
+const TOLERANCE: f64 = 1e-5;
 const MOST_CORRECTIONS: usize = 4;
 
 impl Extremes {
     /// Finds the extremes of a periodic solution.
     pub fn find<const N: usize, R: Reduced<N>>(
         model: &R,
-        driven: &Driven,
-        ring: &Ring<N, R>,
-        room: &mut Linearised,
+        mesh: &Mesh<N, R>,
+        workspace: &mut Linearisation,
     ) -> Self {
         let mut found: Option<Self> = None;
-        for k in 0..ring.len() {
-            let (nodes, start, stages) = ring.element(k);
-            let begin = model.moment(&node(model, driven, ring, k, 0.0), start);
-            let moments: [Moment; STAGES + 1] = std::array::from_fn(|l| match l {
-                0 => begin,
-                _ => model.moment(&nodes[l - 1], &stages[l - 1]),
-            });
-            let (angles, rates) =
-                (moments.map(|moment| moment.phi_rad[0]), moments.map(|moment| moment.velocity[3]));
-            let turn = |part: f64, sign: f64| Turn {
-                phi_rad: sign * RADAU.interpolate(&angles, part),
-                element: k,
-                part,
-                sign,
+        let signs: &[f64] = if mesh.is_half { &[1.0, -1.0] } else { &[1.0] };
+        for (k, element) in mesh.elements().enumerate() {
+            let start = model.kinematics(&mesh.node_at(model, k, 0.0), element.start);
+            let stages = element.kinematics(model);
+            let values = |of: fn(&KinematicState) -> f64| -> [f64; STAGES + 1] {
+                std::array::from_fn(|l| of(if l == 0 { &start } else { &stages[l - 1] }))
             };
+            let (angles, rates) =
+                (values(|state| state.phi_rad[0]), values(|state| state.velocity[3]));
             for l in 0..STAGES {
                 let from = if l == 0 { 0.0 } else { RADAU.nodes[l - 1] };
-                let part = match rates[l] * rates[l + 1] < 0.0 {
+                let fraction = match rates[l] * rates[l + 1] < 0.0 {
                     true => zero(&rates, from, RADAU.nodes[l]),
                     false => RADAU.nodes[l],
                 };
-                let signs: &[f64] = if ring.is_half() { &[1.0, -1.0] } else { &[1.0] };
-                for sign in signs {
-                    let turn = turn(part, *sign);
-                    let extremes = found.get_or_insert(Self { highest: turn, lowest: turn });
-                    if turn.phi_rad > extremes.highest.phi_rad {
-                        extremes.highest = turn;
+                for &sign in signs {
+                    let phi_rad = sign * RADAU.interpolate(&angles, fraction);
+                    let point = TurningPoint { phi_rad, element: k, fraction, sign };
+                    let extremes = found.get_or_insert(Self { highest: point, lowest: point });
+                    if point.phi_rad > extremes.highest.phi_rad {
+                        extremes.highest = point;
                     }
-                    if turn.phi_rad < extremes.lowest.phi_rad {
-                        extremes.lowest = turn;
+                    if point.phi_rad < extremes.lowest.phi_rad {
+                        extremes.lowest = point;
                     }
                 }
             }
         }
-        let mut extremes = found.expect("a ring has elements");
-        extremes.highest.settle(model, driven, ring, room);
-        if ring.is_half() {
-            let Turn { phi_rad, sign, .. } = extremes.highest;
-            extremes.lowest = Turn { phi_rad: -phi_rad, sign: -sign, ..extremes.highest };
+        let mut extremes = found.expect("a mesh has elements");
+        extremes.highest.correct(model, mesh, workspace);
+        if mesh.is_half {
+            let TurningPoint { phi_rad, sign, .. } = extremes.highest;
+            extremes.lowest = TurningPoint { phi_rad: -phi_rad, sign: -sign, ..extremes.highest };
         } else {
-            extremes.lowest.settle(model, driven, ring, room);
+            extremes.lowest.correct(model, mesh, workspace);
         }
         extremes
     }
@@ -90,62 +83,53 @@ impl Extremes {
     }
 }
 
-/// The command at a part of element `k`.
-fn node<const N: usize, R: Reduced<N>>(
-    model: &R,
-    driven: &Driven,
-    ring: &Ring<N, R>,
-    k: usize,
-    part: f64,
-) -> R::Node {
-    model.node(driven.omega_rad_s * ring.element_s() * (k as f64 + part))
-}
-
-impl Turn {
-    /// The shorter element that ends at the turn: its nodes and stages.
-    pub fn shorter<const N: usize, R: Reduced<N>>(
+impl TurningPoint {
+    /// The shorter element that ends at the turning point: its nodes and stages.
+    pub fn shorter_element<const N: usize, R: Reduced<N>>(
         &self,
         model: &R,
-        driven: &Driven,
-        ring: &Ring<N, R>,
-        room: &mut Linearised,
+        mesh: &Mesh<N, R>,
+        workspace: &mut Linearisation,
     ) -> Option<([R::Node; STAGES], Stages<N>)> {
-        let (_, start, whole) = ring.element(self.element);
-        let nodes = RADAU.nodes.map(|c| node(model, driven, ring, self.element, self.part * c));
-        room.resize::<N, R>(1);
-        let duration_s = self.part * ring.element_s();
-        let guess = RADAU.nodes.map(|c| interpolate(start, whole, self.part * c));
-        let stages = follow_element(model, &nodes, start, duration_s, &guess, 1e-12, room)?;
+        let whole = mesh.element(self.element);
+        let nodes = RADAU.nodes.map(|c| mesh.node_at(model, self.element, self.fraction * c));
+        let stages = RADAU.nodes.map(|c| interpolate(whole.start, whole.stages, self.fraction * c));
+        workspace.resize::<N, R>(1);
+        let duration_s = self.fraction * whole.duration_s;
+        let guess = Element { nodes: &nodes, start: whole.start, stages: &stages, duration_s };
+        let stages = solve_element(model, &guess, 1e-12, workspace)?;
         Some((nodes, stages))
     }
 
-    /// Moves the turn to where the rate is zero.
-    fn settle<const N: usize, R: Reduced<N>>(
+    /// Moves the turning point to where the rate is zero.
+    fn correct<const N: usize, R: Reduced<N>>(
         &mut self,
         model: &R,
-        driven: &Driven,
-        ring: &Ring<N, R>,
-        room: &mut Linearised,
+        mesh: &Mesh<N, R>,
+        workspace: &mut Linearisation,
     ) {
+        let Element { start, duration_s, .. } = mesh.element(self.element);
+        let start_rate =
+            model.kinematics(&mesh.node_at(model, self.element, 0.0), start).velocity[3];
         for _ in 0..MOST_CORRECTIONS {
-            let Some((nodes, stages)) = self.shorter(model, driven, ring, room) else { return };
-            let (_, start, _) = ring.element(self.element);
+            let Some((nodes, stages)) = self.shorter_element(model, mesh, workspace) else {
+                return;
+            };
+            let states: [KinematicState; STAGES] =
+                std::array::from_fn(|j| model.kinematics(&nodes[j], &stages[j]));
             let last = STAGES - 1;
-            let moment = model.moment(&nodes[last], &stages[last]);
-            let (phi, w) = (moment.phi_rad[0], moment.velocity[3]);
-            let begin = model.moment(&node(model, driven, ring, self.element, 0.0), start);
-            let rates: Stages<1> =
-                std::array::from_fn(|j| [model.moment(&nodes[j], &stages[j]).velocity[3]]);
-            let per_s = 1.0 / (self.part * ring.element_s());
-            let [acceleration] = rate(&RADAU, &[begin.velocity[3]], &rates, last, per_s);
-            let correction = -w / acceleration / ring.element_s();
+            let (phi, w) = (states[last].phi_rad[0], states[last].velocity[3]);
+            let rates = states.map(|state| [state.velocity[3]]);
+            let per_s = 1.0 / (self.fraction * duration_s);
+            let [acceleration] = rate(&RADAU, &[start_rate], &rates, last, per_s);
+            let correction = -w / acceleration / duration_s;
             if !correction.is_finite() || correction.abs() > 0.5 {
                 return;
             }
-            // The parabola's vertex: what is missed of the angle is of third order.
+            // The parabola's vertex: the error of the angle is of third order.
             self.phi_rad = self.sign * (phi - 0.5 * w * w / acceleration);
-            self.part += correction;
-            if correction.abs() < MISSED || self.part <= 0.0 {
+            self.fraction += correction;
+            if correction.abs() < TOLERANCE || self.fraction <= 0.0 {
                 return;
             }
         }

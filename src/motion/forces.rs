@@ -2,12 +2,13 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::reduced::{Driven, Moment};
+use super::Problem;
+use super::reduced::KinematicState;
 use crate::robot::{Trig, dot, force_balance, roll_rows, skid_rows};
 
-/// Forces, torques and power at one moment.
+/// Forces of the ground, torques and power at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Actions {
+pub struct ContactForces {
     /// Force of the ground on each wheel across it, N: the constraint force Lambda (eq. 8) where
     /// the wheels cannot skid, else skid resistance (eq. 15). NaN where Lambda is unbounded.
     pub lateral_n: [f64; 3],
@@ -25,24 +26,27 @@ pub struct Actions {
 /// Ratio of singular values at which the constraints are not independent any more.
 const SINGULAR: f64 = 1e-6;
 
-/// The actions at a moment of a motion with these time derivatives of its velocities.
+/// The forces in a state with these time derivatives of its velocities.
 ///
 /// Eq. 7's left-hand side is what actuators and constraints supply, `E tau + W^T Lambda`. Its
 /// rows of the body and of the passive joint have no actuator and give `Lambda`; for the
 /// kinematic robot these are three equations that fail at singular shapes, for the
 /// semi-passive one four, of which `Lambda` is the least-squares solution that it satisfies.
-pub(super) fn actions(driven: &Driven, moment: &Moment, acceleration: &[f64; 5]) -> Actions {
-    let robot = &driven.robot;
-    let passive = driven.gait.passive_joint();
-    let trig = Trig::new(moment.phi_rad);
-    let velocity = &moment.velocity;
-    let supplied =
-        force_balance(robot, passive, moment.phi_rad, &trig, velocity, acceleration).force;
+pub(super) fn contact_forces(
+    problem: &Problem,
+    state: &KinematicState,
+    acceleration: &[f64; 5],
+) -> ContactForces {
+    let robot = &problem.robot;
+    let passive = problem.gait.passive_joint();
+    let KinematicState { phi_rad, velocity } = state;
+    let trig = Trig::new(*phi_rad);
+    let supplied = force_balance(robot, passive, *phi_rad, &trig, velocity, acceleration).force;
     let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
     let (skid_m_s, roll_m_s) =
         (skid.map(|row| dot(&row, velocity)), roll.map(|row| dot(&row, velocity)));
 
-    let lateral_n = if driven.model_skids {
+    let lateral_n = if problem.model.skids() {
         std::array::from_fn(|i| -robot.skid_kg_s[i] * skid_m_s[i])
     } else {
         constraint_forces(passive, &skid, &supplied).unwrap_or([f64::NAN; 3])
@@ -50,15 +54,15 @@ pub(super) fn actions(driven: &Driven, moment: &Moment, acceleration: &[f64; 5])
     let torque_nm = std::array::from_fn(|joint| {
         let row = 3 + joint;
         if passive == Some(joint) {
-            let stretched = moment.phi_rad[joint] - robot.rest_angle_rad;
+            let stretched = phi_rad[joint] - robot.rest_angle_rad;
             return -robot.stiffness_nm_rad * stretched - robot.damping_nm_s_rad * velocity[row];
         }
-        if driven.model_skids {
+        if problem.model.skids() {
             return supplied[row];
         }
         supplied[row] - (0..3).map(|i| skid[i][row] * lateral_n[i]).sum::<f64>()
     });
-    let power_w = if driven.is_determined() {
+    let power_w = if problem.is_determined() {
         // Constraints do no work: what is supplied comes from the actuators.
         dot(&supplied, velocity)
     } else {
@@ -71,7 +75,7 @@ pub(super) fn actions(driven: &Driven, moment: &Moment, acceleration: &[f64; 5])
         })
         .sum();
     let joint = passive.map_or(0.0, |p| robot.damping_nm_s_rad * velocity[3 + p].powi(2));
-    Actions {
+    ContactForces {
         lateral_n,
         roll_n: std::array::from_fn(|i| -robot.roll_kg_s[i] * roll_m_s[i]),
         torque_nm,
@@ -90,10 +94,10 @@ fn constraint_forces(
     let mut columns = SMatrix::<f64, 4, 3>::zeros();
     let mut right = SVector::<f64, 4>::zeros();
     let rows = [Some(0), Some(1), Some(2), passive.map(|p| 3 + p)];
-    for (place, row) in rows.into_iter().enumerate() {
+    for (equation, row) in rows.into_iter().enumerate() {
         if let Some(row) = row {
-            right[place] = supplied[row];
-            (0..3).for_each(|i| columns[(place, i)] = skid_rows[i][row]);
+            right[equation] = supplied[row];
+            (0..3).for_each(|i| columns[(equation, i)] = skid_rows[i][row]);
         }
     }
     let decomposed = columns.svd(true, true);

@@ -1,34 +1,35 @@
-//! The models' motion: steady periodic solutions and the way there from rest.
+//! The models' motion: steady periodic solutions and the transients from rest.
 //!
-//! Every solution comes from collocation by the same rule, Radau IIA: a transient follows one
-//! element after the other, a steady motion closes them to a ring and solves for all at once.
+//! Every solution comes from collocation by the same rule, Radau IIA: a transient is integrated
+//! one element after the other, a steady motion is a periodic boundary value problem that is
+//! solved for all elements at once.
 
+mod attractor;
 mod cycle;
 mod element;
 mod extreme;
 mod forces;
-mod kinematic;
 mod lu;
+mod mesh;
+mod method;
+mod orbit;
 mod path;
+mod quadrature;
 mod radau;
 mod reduced;
-mod ring;
 mod sensitivity;
-mod settle;
 mod solver;
-mod task;
 mod trajectory;
 mod transient;
 
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
-use reduced::Driven;
-use task::{Follow, SampleFromRest};
 
 pub use crate::robot::{Model, Pose};
-pub use forces::Actions;
+pub use forces::ContactForces;
+pub use orbit::Effort;
 pub use reduced::Derivatives;
-pub use solver::{Settled, Solver};
+pub use solver::{Attractor, Solver};
 pub use trajectory::Sample;
 pub use transient::Transient;
 
@@ -41,8 +42,8 @@ pub enum MotionError {
     Singular { phase_rad: f64 },
     #[error("Newton's method found no periodic motion in {steps} steps")]
     NotConverged { steps: usize },
-    #[error("the motion is too rough to resolve: {missed:.1e} of it is missed")]
-    Unresolved { missed: f64 },
+    #[error("the motion is too rough to resolve: {error:.1e} of it is missed")]
+    Unresolved { error: f64 },
     #[error("the integrator cannot pass {time_s} s")]
     Stuck { time_s: f64 },
     #[error("from rest the motion has not settled after {cycles} cycles{}", repeats(*repeats_after))]
@@ -101,28 +102,28 @@ impl Problem {
     pub fn solve(&self, accuracy: f64) -> Result<SteadyMotion, MotionError> {
         let mut solver = Solver::default();
         let metrics = solver.solve(self, accuracy)?;
-        solver.motion(metrics)
+        solver.steady_motion(metrics)
     }
 
-    /// Follows the motion from rest at phase 0 for `duration_s`, with a relative error of every
+    /// The transient from rest at phase 0 over `duration_s`, with a relative error of every
     /// element near `tolerance`.
     ///
     /// # Errors
-    /// The integrator cannot pass a moment, or the model has no states of its own.
-    pub fn follow(&self, duration_s: f64, tolerance: f64) -> Result<Transient, MotionError> {
-        Solver::default().dispatch(self, Follow { duration_s, tolerance })
+    /// The integrator cannot pass some time, or the model has no states of its own.
+    pub fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient, MotionError> {
+        Solver::default().with(self, |method| method.transient(duration_s, tolerance))
     }
 
     /// The first `cycles` cycles from rest at phase 0, `samples` a cycle and one at the end.
     ///
     /// # Errors
-    /// The integrator cannot pass a moment, or there is no motion.
+    /// The integrator cannot pass some time, or there is no motion.
     pub fn cycles_from_rest(
         &self,
         cycles: usize,
         samples: usize,
     ) -> Result<Vec<Sample>, MotionError> {
-        Solver::default().dispatch(self, SampleFromRest { cycles, samples })
+        Solver::default().with(self, |method| method.cycles_from_rest(cycles, samples))
     }
 
     /// Whether eq. 3 gives the motion: both joints are commanded and the wheels cannot skid.
@@ -130,22 +131,16 @@ impl Problem {
         !self.model.skids() && self.gait.passive_joint().is_none()
     }
 
-    /// The robot with the resistances that the model knows.
-    fn driven(&self) -> Driven {
-        let mut robot = self.robot.clone();
+    /// The same without the resistances that the model does not know.
+    fn effective(&self) -> Self {
+        let mut problem = self.clone();
         if !self.model.has_roll_resistance() {
-            robot.roll_kg_s = [0.0; 3];
+            problem.robot.roll_kg_s = [0.0; 3];
         }
         if !self.model.skids() {
-            robot.skid_kg_s = [0.0; 3];
+            problem.robot.skid_kg_s = [0.0; 3];
         }
-        Driven {
-            robot,
-            gait: self.gait,
-            omega_rad_s: self.omega_rad_s,
-            model_skids: self.model.skids(),
-            model_rolls: self.model.has_roll_resistance(),
-        }
+        problem
     }
 }
 
@@ -158,8 +153,6 @@ pub struct SteadyMotion {
     pub floquet: Option<f64>,
     /// Work of the actuators over a cycle, J.
     pub work_j: f64,
-    /// Newton steps that the solution took.
-    pub newton_steps: usize,
 }
 
 impl SteadyMotion {

@@ -1,20 +1,24 @@
 //! Where the robot goes: position and heading from the velocities in its own frame.
 
 use super::radau::{RADAU, STAGES};
-use super::reduced::Moment;
+use super::reduced::KinematicState;
 use crate::robot::{Pose, rotated};
 
 /// Poses at the stages of an element that starts at `from`; the last is its end.
-pub(super) fn advance(from: Pose, moments: &[Moment; STAGES], duration_s: f64) -> [Pose; STAGES] {
+pub(super) fn integrate_poses(
+    from: Pose,
+    states: &[KinematicState; STAGES],
+    duration_s: f64,
+) -> [Pose; STAGES] {
     let integrate = &RADAU.integrate;
     let sum = |j: usize, rates: &[f64; STAGES]| -> f64 {
         duration_s * integrate[j].iter().zip(rates).map(|(w, rate)| w * rate).sum::<f64>()
     };
-    let turning: [f64; STAGES] = std::array::from_fn(|j| moments[j].velocity[2]);
+    let turning = states.map(|state| state.velocity[2]);
     let headings: [f64; STAGES] = std::array::from_fn(|j| from.theta_rad + sum(j, &turning));
     let (mut x_rates, mut y_rates) = ([0.0; STAGES], [0.0; STAGES]);
     for j in 0..STAGES {
-        let [u, v, ..] = moments[j].velocity;
+        let [u, v, ..] = states[j].velocity;
         [x_rates[j], y_rates[j]] = rotated(headings[j], [u, v]);
     }
     std::array::from_fn(|j| Pose {

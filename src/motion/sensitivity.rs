@@ -1,30 +1,30 @@
-//! Derivatives of a steady cycle's metrics by the parameters, in one pass over its elements.
+//! Derivatives of a steady cycle's metrics with respect to the parameters, in one pass over its
+//! elements.
 //!
 //! Each element is linearised at the solution, the columns of the parameters beside those of
 //! its start. Its end then is an affine function of its start, and so are the metrics'
-//! integrals over it; composing these along the chain leaves an `N x N` system for how the
-//! ring's start answers to the parameters. Nothing is kept of an element once it is passed,
-//! except where joint 1 turns round.
+//! integrals over it; composing these along the chain leaves an `N x N` system for the
+//! derivatives of the orbit's start. Nothing is kept of an element once it is passed, except
+//! where joint 1 turns round.
 
 use std::f64::consts::TAU;
 
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 
-use super::MotionError;
-use super::cycle::{Cycle, moments, skid_scale};
-use super::element::{Linearised, Stages, unknowns};
-use super::extreme::Turn;
-use super::path::advance;
+use super::cycle::{Cycle, skid_scale};
+use super::element::{Element, Linearisation, Stages, unknowns};
+use super::extreme::TurningPoint;
+use super::mesh::Mesh;
+use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Derivatives, Driven, MOST_PARAMETERS, Moment, Reduced, Variable};
-use super::ring::Ring;
+use super::reduced::{Derivatives, KinematicState, MOST_PARAMETERS, Reduced, Variable};
 use crate::metrics::GaitMetrics;
 use crate::robot::{Parameter, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
 /// Most columns: states at the start, then parameters.
-pub(super) const MOST_COLUMNS: usize = 5 + MOST_PARAMETERS;
+const MOST_COLUMNS: usize = 5 + MOST_PARAMETERS;
 
-/// Something that depends on the ring's start (first `N` entries) and on the parameters.
+/// Derivatives with respect to the orbit's start (first `N` entries) and to the parameters.
 type Affine = [f64; MOST_COLUMNS];
 
 /// The metrics that are integrals over the cycle: d, Delta theta, and sigma of the wheels.
@@ -33,19 +33,16 @@ const INTEGRALS: usize = 5;
 /// The model's first parameters: the skid coefficients, where its wheels skid.
 const FIRST_PARAMETERS: usize = 3;
 
-/// Derivatives of the metrics of the ring's solution by the parameters that are `wanted`, or by
-/// everything; those by others may be missing.
-///
-/// # Errors
-/// The linearised motion is singular: it is where two solutions meet.
+/// Derivatives of the metrics of the solution on a mesh with respect to the parameters that are
+/// `wanted`, or to everything; others may be left zero. `None` if the linearised motion is singular: it is where two
+/// solutions meet.
 pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     model: &R,
-    driven: &Driven,
-    ring: &Ring<N, R>,
+    mesh: &Mesh<N, R>,
     cycle: &Cycle,
-    room: &mut Linearised,
+    workspace: &mut Linearisation,
     wanted: Option<&[Parameter]>,
-) -> Result<Derivatives, MotionError> {
+) -> Option<Derivatives> {
     let is_wanted = |variable| match (variable, wanted) {
         (_, None) => true,
         (Variable::Parameter(own), Some(wanted)) => wanted.iter().any(|of| own.is_part_of(*of)),
@@ -54,66 +51,58 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     let mut others = (FIRST_PARAMETERS..R::PARAMETERS).map(|column| model.variable(column));
     // Numbers of columns that are known when this is compiled.
     match others.any(is_wanted) {
-        true => by_first(model, driven, ring, cycle, room, R::PARAMETERS),
-        false => by_first(model, driven, ring, cycle, room, FIRST_PARAMETERS),
+        true => first_derivatives(model, mesh, cycle, workspace, R::PARAMETERS),
+        false => first_derivatives(model, mesh, cycle, workspace, FIRST_PARAMETERS),
     }
 }
 
-/// Derivatives by the first `parameters` of the model.
+/// Derivatives with respect to the first `parameters` of the model.
 #[inline(always)]
-fn by_first<const N: usize, R: Reduced<N>>(
+fn first_derivatives<const N: usize, R: Reduced<N>>(
     model: &R,
-    driven: &Driven,
-    ring: &Ring<N, R>,
+    mesh: &Mesh<N, R>,
     cycle: &Cycle,
-    room: &mut Linearised,
+    workspace: &mut Linearisation,
     parameters: usize,
-) -> Result<Derivatives, MotionError> {
-    let singular = MotionError::NotConverged { steps: ring.steps() };
+) -> Option<Derivatives> {
+    let problem = model.problem();
     let columns = N + parameters;
-    let gradient = Gradient::new(driven, ring.is_half(), ring.len(), ring.element_s(), cycle);
+    let gradient = MetricGradient::new(model, mesh, cycle);
     let mut integrals = [[0.0; MOST_COLUMNS]; INTEGRALS];
     let mut state = [[0.0; MOST_COLUMNS]; N];
     (0..N).for_each(|i| state[i][i] = 1.0);
-    let turns = cycle.extremes.map(|extremes| [extremes.highest, extremes.lowest]);
-    let mut state_at_turns = [state; 2];
+    let extremes = cycle.extremes.map(|extremes| [extremes.highest, extremes.lowest]);
+    let mut state_at_extremes = [state; 2];
     let mut pose = Pose::default();
-    for k in 0..ring.len() {
-        for (turn, state_at_turn) in turns.iter().flatten().zip(&mut state_at_turns) {
-            if turn.element == k {
-                *state_at_turn = state;
+    for (k, element) in mesh.elements().enumerate() {
+        for (extreme, state_at_extreme) in extremes.iter().flatten().zip(&mut state_at_extremes) {
+            if extreme.element == k {
+                *state_at_extreme = state;
             }
         }
-        let (nodes, start, stages) = ring.element(k);
-        let duration_s = ring.element_s();
-        room.sensitise(model, nodes, start, stages, duration_s, parameters)
-            .ok_or(singular.clone())?;
-        let right = room.sensitivity();
+        let right = workspace.solve_sensitivity(model, &element, parameters)?;
 
-        let moments = moments(model, ring, k);
-        let poses = advance(pose, &moments, duration_s);
+        let (nodes, stages, duration_s) = (element.nodes, element.stages, element.duration_s);
+        let states = element.kinematics(model);
+        let poses = integrate_poses(pose, &states, duration_s);
         pose = poses[STAGES - 1];
-        let by_moment = gradient.by_moments::<R, N>(driven, &moments, &poses);
-        for (integral, by_moment) in integrals.iter_mut().zip(&by_moment) {
-            if by_moment.iter().flatten().all(|part| *part == 0.0) {
+        let gradients = gradient.at_stages::<R, N>(model, &states, &poses);
+        for (integral, gradient) in integrals.iter_mut().zip(&gradients) {
+            if gradient.iter().all(|gradient| *gradient == KinematicState::default()) {
                 continue;
             }
-            let by_moment = by_moment.map(|[phi1, phi2, u, v, r, w1, w2]| Moment {
-                phi_rad: [phi1, phi2],
-                velocity: [u, v, r, w1, w2],
-            });
             let mut own = [0.0; MOST_COLUMNS];
             for j in 0..STAGES {
-                let by_amplitude = model.by_amplitude(&nodes[j], &stages[j], &by_moment[j]);
+                let slopes = model.amplitude_gradient(&nodes[j], &stages[j], &gradient[j]);
                 for column in 0..parameters {
-                    if let Variable::Amplitude(a) = model.variable(column) {
-                        own[N + column] += by_amplitude[a];
+                    if let Variable::Amplitude(joint) = model.variable(column) {
+                        own[N + column] += slopes[joint];
                     }
                 }
             }
-            let by_state: Stages<N> =
-                std::array::from_fn(|j| model.by_state(&nodes[j], &stages[j], &by_moment[j]));
-            contract::<N, R>(&by_state, duration_s, right, columns, &mut own);
+            let gradient: Stages<N> =
+                std::array::from_fn(|j| model.state_gradient(&nodes[j], &stages[j], &gradient[j]));
+            contract::<N, R>(&gradient, duration_s, right, columns, &mut own);
             compose::<N>(&own, &state, columns, integral);
         }
         let ends = element_ends::<N, R>(duration_s, right, columns);
@@ -124,65 +113,59 @@ fn by_first<const N: usize, R: Reduced<N>>(
         state = next;
     }
 
-    // The ring closes: x = S (A x + B).
-    let signs = ring.signs();
+    // The chain closes: x = S (A x + B).
+    let signs = &mesh.signs;
     let open = SMatrix::<f64, N, N>::from_fn(|i, m| {
         let unit = if i == m { 1.0 } else { 0.0 };
         unit - signs[i] * state[i][m]
     });
-    let closing = open.try_inverse().ok_or(singular.clone())?;
-    let start = |column: usize| -> [f64; N] {
-        let right = nalgebra::SVector::<f64, N>::from_fn(|i, _| signs[i] * state[i][N + column]);
-        (closing * right).into()
-    };
-    let starts: [[f64; N]; MOST_PARAMETERS] =
-        std::array::from_fn(|column| if column < parameters { start(column) } else { [0.0; N] });
-    let whole = |affine: &Affine, column: usize| -> f64 {
+    let closure = open.try_inverse()?;
+    let mut starts = [[0.0; N]; MOST_PARAMETERS];
+    for (column, start) in starts.iter_mut().enumerate().take(parameters) {
+        let right = SVector::<f64, N>::from_fn(|i, _| signs[i] * state[i][N + column]);
+        *start = (closure * right).into();
+    }
+    let total = |affine: &Affine, column: usize| -> f64 {
         affine[N + column] + (0..N).map(|i| affine[i] * starts[column][i]).sum::<f64>()
     };
 
     let mut alpha1 = [0.0; MOST_PARAMETERS];
-    if let Some(turns) = turns {
-        for ((turn, before), half) in turns.iter().zip(&state_at_turns).zip([0.5, -0.5]) {
-            let by = angle_at_turn(model, driven, ring, turn, before, room, parameters)
-                .ok_or(singular.clone())?;
-            for (column, alpha1) in alpha1.iter_mut().enumerate().take(parameters) {
-                *alpha1 += half * turn.sign * whole(&by, column);
-            }
+    let extremes = extremes.iter().flatten().zip(&state_at_extremes);
+    for ((extreme, before), half) in extremes.zip([0.5, -0.5]) {
+        let angle = angle_at(model, mesh, extreme, before, workspace, parameters)?;
+        for (column, alpha1) in alpha1.iter_mut().enumerate().take(parameters) {
+            *alpha1 += half * extreme.sign * total(&angle, column);
         }
     }
     let mut derivatives = Derivatives::NONE;
     for column in 0..parameters {
         let variable = model.variable(column);
-        if !driven.knows(variable) {
+        if !problem.knows(variable) {
             continue;
         }
         let [d_m, dtheta_rad, sigma0, sigma1, sigma2] =
-            integrals.each_ref().map(|integral| whole(integral, column));
-        let commanded = match (variable, driven.gait.joints[0]) {
+            integrals.each_ref().map(|integral| total(integral, column));
+        let commanded = match (variable, problem.gait.joints[0]) {
             (Variable::Amplitude(0), Some(command)) => command.amplitude_rad.signum(),
             _ => 0.0,
         };
         let derivative = GaitMetrics {
             d_m,
-            v_m_s: d_m * driven.omega_rad_s / TAU,
+            v_m_s: d_m * problem.omega_rad_s / TAU,
             sigma: [sigma0, sigma1, sigma2],
             alpha1_rad: alpha1[column] + commanded,
             dtheta_rad,
         };
         derivatives.set(variable, derivative);
     }
-    derivatives.parameters[Parameter::RollSum] = by_roll_sum(driven, &derivatives);
-    Ok(derivatives)
-}
-
-/// Derivative by the sum of the roll resistances, whose proportions stay.
-fn by_roll_sum(driven: &Driven, derivatives: &Derivatives) -> GaitMetrics {
-    let shares = driven.robot.roll_shares();
-    let by_wheel = Parameter::ROLL.map(|roll| derivatives.parameters[roll].to_array());
-    GaitMetrics::from_array(std::array::from_fn(|metric| {
-        (0..3).map(|wheel| shares[wheel] * by_wheel[wheel][metric]).sum()
-    }))
+    // The proportions of the roll resistances stay when their sum changes.
+    let shares = problem.robot.roll_shares();
+    let rolls = Parameter::ROLL.map(|roll| derivatives.parameters[roll].to_array());
+    derivatives.parameters[Parameter::RollSum] =
+        GaitMetrics::from_array(std::array::from_fn(|metric| {
+            (0..3).map(|wheel| shares[wheel] * rolls[wheel][metric]).sum()
+        }));
+    Some(derivatives)
 }
 
 /// Adds `of (state)` to `sum`: the entries of `of` beside the states, and those of the states
@@ -204,24 +187,25 @@ fn compose<const N: usize>(
     }
 }
 
-/// Adds to `own` how a quantity with the gradient `by_state` at the stages of an element
-/// depends on the element's start and on the parameters.
+/// Adds to `own` the derivatives of a quantity with this gradient at the stages of an element,
+/// with respect to the element's start and the parameters.
 #[inline(always)]
 fn contract<const N: usize, R: Reduced<N>>(
-    by_state: &Stages<N>,
+    gradient: &Stages<N>,
     duration_s: f64,
     right: &[f64],
     columns: usize,
     own: &mut Affine,
 ) {
     let per_stage = unknowns::<N, R>();
-    let mut by_unknown = *by_state;
+    let mut unknown_gradient = *gradient;
     if R::INTEGRATED {
         // The last state is its start plus the integral of the one before it.
         for j in 0..STAGES {
-            own[N - 1] += by_state[j][N - 1];
+            own[N - 1] += gradient[j][N - 1];
             for l in 0..STAGES {
-                by_unknown[l][N - 2] += duration_s * RADAU.integrate[j][l] * by_state[j][N - 1];
+                unknown_gradient[l][N - 2] +=
+                    duration_s * RADAU.integrate[j][l] * gradient[j][N - 1];
             }
         }
     }
@@ -229,19 +213,19 @@ fn contract<const N: usize, R: Reduced<N>>(
         for i in 0..per_stage {
             let row = &right[(j * per_stage + i) * columns..][..columns];
             for (own, entry) in own.iter_mut().zip(row) {
-                *own += by_unknown[j][i] * entry;
+                *own += unknown_gradient[j][i] * entry;
             }
         }
     }
 }
 
-/// How the states at an element's end depend on its start and on the parameters.
+/// Derivatives of the states at an element's end with respect to its start and the parameters.
 #[inline(always)]
 fn element_ends<const N: usize, R: Reduced<N>>(
     duration_s: f64,
     right: &[f64],
     columns: usize,
-) -> [[f64; MOST_COLUMNS]; N] {
+) -> [Affine; N] {
     let per_stage = unknowns::<N, R>();
     let mut ends = [[0.0; MOST_COLUMNS]; N];
     for (i, end) in ends.iter_mut().enumerate().take(per_stage) {
@@ -249,138 +233,127 @@ fn element_ends<const N: usize, R: Reduced<N>>(
         end[..columns].copy_from_slice(row);
     }
     if R::INTEGRATED {
-        ends[N - 1] = integral_at_end::<N, R>(duration_s, right, columns);
+        let end = &mut ends[N - 1];
+        end[N - 1] = 1.0;
+        for l in 0..STAGES {
+            let weight = duration_s * RADAU.integrate[STAGES - 1][l];
+            let row = &right[(l * per_stage + N - 2) * columns..][..columns];
+            for (end, entry) in end.iter_mut().zip(row) {
+                *end += weight * entry;
+            }
+        }
     }
     ends
 }
 
-/// The same of the last state, where it is the integral of the one before it.
+/// Derivatives of the passive joint's angle where it turns round with respect to the orbit's start
+/// and the parameters. When it turns does not matter: its rate is zero there.
 #[inline(always)]
-fn integral_at_end<const N: usize, R: Reduced<N>>(
-    duration_s: f64,
-    right: &[f64],
-    columns: usize,
-) -> Affine {
-    let per_stage = unknowns::<N, R>();
-    let mut end = [0.0; MOST_COLUMNS];
-    end[N - 1] = 1.0;
-    for l in 0..STAGES {
-        let weight = duration_s * RADAU.integrate[STAGES - 1][l];
-        let row = &right[(l * per_stage + N - 2) * columns..][..columns];
-        for (end, entry) in end.iter_mut().zip(row) {
-            *end += weight * entry;
-        }
-    }
-    end
-}
-
-/// How the passive joint's angle where it turns round depends on the ring's start and on the
-/// parameters. When it turns does not matter: its rate is zero there.
-#[inline(always)]
-fn angle_at_turn<const N: usize, R: Reduced<N>>(
+fn angle_at<const N: usize, R: Reduced<N>>(
     model: &R,
-    driven: &Driven,
-    ring: &Ring<N, R>,
-    turn: &Turn,
-    before: &[[f64; MOST_COLUMNS]; N],
-    room: &mut Linearised,
+    mesh: &Mesh<N, R>,
+    extreme: &TurningPoint,
+    before: &[Affine; N],
+    workspace: &mut Linearisation,
     parameters: usize,
 ) -> Option<Affine> {
     let columns = N + parameters;
-    let (nodes, stages) = turn.shorter(model, driven, ring, room)?;
-    let (_, start, _) = ring.element(turn.element);
-    let duration_s = turn.part * ring.element_s();
-    room.sensitise(model, &nodes, start, &stages, duration_s, parameters)?;
-    let right = room.sensitivity();
+    let (nodes, stages) = extreme.shorter_element(model, mesh, workspace)?;
+    let whole = mesh.element(extreme.element);
+    let duration_s = extreme.fraction * whole.duration_s;
+    let element = Element { nodes: &nodes, start: whole.start, stages: &stages, duration_s };
+    let right = workspace.solve_sensitivity(model, &element, parameters)?;
     let end = element_ends::<N, R>(duration_s, right, columns)[N - 1];
     let mut angle = [0.0; MOST_COLUMNS];
     compose::<N>(&end, before, columns, &mut angle);
     Some(angle)
 }
 
-/// Gradient of the metrics that are integrals.
-struct Gradient {
-    /// Gradient of d with respect to the pose at the end of the elements' span: x, y, theta.
-    by_end: [f64; 3],
+/// Gradients of the metrics that are integrals.
+struct MetricGradient {
+    /// Of d with respect to the pose at the end of the elements' span: x, y, theta.
+    dd_dend: [f64; 3],
     end: Pose,
     is_half: bool,
     duration_s: f64,
-    /// Gradient of sigma_i with respect to the integral of its wheel's skid velocity squared,
-    /// doubled; zero where the wheel does not skid.
-    by_skid: [f64; 3],
+    /// Of sigma_i with respect to the integral of its wheel's skid velocity squared, doubled;
+    /// zero where the wheel does not skid.
+    dsigma_dskid: [f64; 3],
 }
 
-impl Gradient {
-    fn new(driven: &Driven, is_half: bool, count: usize, duration_s: f64, cycle: &Cycle) -> Self {
+impl MetricGradient {
+    fn new<const N: usize, R: Reduced<N>>(model: &R, mesh: &Mesh<N, R>, cycle: &Cycle) -> Self {
         let Pose { x_m: x, y_m: y, theta_rad } = cycle.end;
-        let (sin, cos) = theta_rad.sin_cos();
-        let by_end = if is_half {
-            // Of the half period and its mirror image, see `with_mirror_image`.
-            let (whole_x, whole_y) = (x + cos * x + sin * y, y + sin * x - cos * y);
+        let dd_dend = if mesh.is_half {
+            // Of the half period and its mirror image.
+            let (sin, cos) = theta_rad.sin_cos();
+            let whole = cycle.end * cycle.end.mirrored();
             [
-                whole_x * (1.0 + cos) + whole_y * sin,
-                whole_x * sin + whole_y * (1.0 - cos),
-                whole_x * (cos * y - sin * x) + whole_y * (cos * x + sin * y),
+                whole.x_m * (1.0 + cos) + whole.y_m * sin,
+                whole.x_m * sin + whole.y_m * (1.0 - cos),
+                whole.x_m * (cos * y - sin * x) + whole.y_m * (cos * x + sin * y),
             ]
         } else {
             [x, y, 0.0]
         };
-        let scale = skid_scale(driven).powi(2) * count as f64;
-        let by_skid = cycle.metrics.sigma.map(|sigma| match sigma {
+        let scale = skid_scale(model.problem()).powi(2) * mesh.len() as f64;
+        let dsigma_dskid = cycle.metrics.sigma.map(|sigma| match sigma {
             0.0 => 0.0,
             sigma => 1.0 / (scale * sigma),
         });
         // A distance of nothing has no gradient.
         let d_m = cycle.metrics.d_m;
-        let by_end = if d_m > 0.0 { by_end.map(|part| part / d_m) } else { [0.0; 3] };
-        Self { by_end, end: cycle.end, is_half, duration_s, by_skid }
+        let dd_dend = if d_m > 0.0 { dd_dend.map(|slope| slope / d_m) } else { [0.0; 3] };
+        let (end, is_half, duration_s) = (cycle.end, mesh.is_half, mesh.element_s);
+        Self { dd_dend, end, is_half, duration_s, dsigma_dskid }
     }
 
-    /// Gradients of the integrals with respect to phi1, phi2, u, v, theta', phi1', phi2' at the
-    /// stages of an element.
+    /// Gradients of the integrals with respect to the robot's angles and velocities at the stages
+    /// of an element.
     #[inline(always)]
-    fn by_moments<R: Reduced<N>, const N: usize>(
+    fn at_stages<R: Reduced<N>, const N: usize>(
         &self,
-        driven: &Driven,
-        moments: &[Moment; STAGES],
+        model: &R,
+        states: &[KinematicState; STAGES],
         poses: &[Pose; STAGES],
-    ) -> [[[f64; 7]; STAGES]; INTEGRALS] {
-        let mut by = [[[0.0; 7]; STAGES]; INTEGRALS];
-        let [by_x, by_y, by_theta] = self.by_end;
+    ) -> [[KinematicState; STAGES]; INTEGRALS] {
+        let mut gradients = [[KinematicState::default(); STAGES]; INTEGRALS];
+        let [dd_dx, dd_dy, dd_dtheta] = self.dd_dend;
         let weights = RADAU.integrate[STAGES - 1];
         let end = &poses[STAGES - 1];
-        // Turning the rest of the way.
-        let later = by_theta + by_y * (self.end.x_m - end.x_m) - by_x * (self.end.y_m - end.y_m);
+        // Turning the rest of the path.
+        let later = dd_dtheta + dd_dy * (self.end.x_m - end.x_m) - dd_dx * (self.end.y_m - end.y_m);
         for j in 0..STAGES {
             let weight = self.duration_s * weights[j];
             let (sin, cos) = poses[j].theta_rad.sin_cos();
-            let [u, v, ..] = moments[j].velocity;
-            by[0][j][2] = weight * (by_x * cos + by_y * sin);
-            by[0][j][3] = weight * (by_y * cos - by_x * sin);
-            by[0][j][4] += weight * later;
-            let turned = by_y * (u * cos - v * sin) - by_x * (u * sin + v * cos);
+            let [u, v, ..] = states[j].velocity;
+            let d = &mut gradients[0];
+            d[j].velocity[0] = weight * (dd_dx * cos + dd_dy * sin);
+            d[j].velocity[1] = weight * (dd_dy * cos - dd_dx * sin);
+            d[j].velocity[2] += weight * later;
+            let turned = dd_dy * (u * cos - v * sin) - dd_dx * (u * sin + v * cos);
             for l in 0..STAGES {
-                by[0][l][4] += weight * turned * self.duration_s * RADAU.integrate[j][l];
+                d[l].velocity[2] += weight * turned * self.duration_s * RADAU.integrate[j][l];
             }
             if !self.is_half {
-                by[1][j][4] = weight;
+                gradients[1][j].velocity[2] = weight;
             }
         }
         if R::SKIDS {
-            for (j, moment) in moments.iter().enumerate() {
-                let trig = Trig::new(moment.phi_rad);
-                let rows = skid_rows(&driven.robot, &trig);
-                let turns = dskid_rows_dphi(&driven.robot, &trig);
+            let robot = &model.problem().robot;
+            for (j, KinematicState { phi_rad, velocity }) in states.iter().enumerate() {
+                let trig = Trig::new(*phi_rad);
+                let (rows, slopes) = (skid_rows(robot, &trig), dskid_rows_dphi(robot, &trig));
                 for (wheel, row) in rows.iter().enumerate() {
-                    let by = &mut by[2 + wheel][j];
-                    let factor = weights[j] * self.by_skid[wheel] * dot(row, &moment.velocity);
-                    (0..5).for_each(|i| by[2 + i] = factor * row[i]);
+                    let gradient = &mut gradients[2 + wheel][j];
+                    let factor = weights[j] * self.dsigma_dskid[wheel] * dot(row, velocity);
+                    gradient.velocity = row.map(|entry| factor * entry);
                     if wheel > 0 {
-                        by[wheel - 1] = factor * dot(&turns[wheel - 1], &moment.velocity);
+                        gradient.phi_rad[wheel - 1] = factor * dot(&slopes[wheel - 1], velocity);
                     }
                 }
             }
         }
-        by
+        gradients
     }
 }

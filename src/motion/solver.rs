@@ -1,10 +1,11 @@
-//! Steady motions one after the other, each from the last and in the same room.
+//! Steady motions one after the other, each from the last and in the same workspace.
 
 use std::f64::consts::TAU;
 
-use super::reduced::{Derivatives, KinematicSkid, PassiveNoSkid, PassiveSkid};
-use super::ring::Ring;
-use super::task::{Differentiate, Floquet, Polish, SampleCycle, Settle, Solve, Task, WorkAndLoss};
+use super::method::{Collocation, Method};
+use super::orbit::{Effort, PeriodicOrbit};
+use super::quadrature::Quadrature;
+use super::reduced::{Derivatives, PassiveNoSkid, Skid};
 use super::trajectory::Sample;
 use super::{MotionError, Problem, SteadyMotion};
 use crate::metrics::GaitMetrics;
@@ -15,17 +16,17 @@ use crate::robot::Parameter;
 #[derive(Debug, Clone, Default)]
 pub struct Solver {
     last: Option<Problem>,
-    /// What the last motion that eq. 3 gives was driven by, and its metrics.
-    by_eq_3: Option<(Problem, GaitMetrics)>,
-    kinematic_skid: Ring<3, KinematicSkid>,
-    passive_skid: Ring<5, PassiveSkid>,
-    passive_no_skid: Ring<2, PassiveNoSkid>,
-    newton_steps: usize,
+    /// The last problem whose motion eq. 3 gives, and its metrics.
+    last_quadrature: Option<(Problem, GaitMetrics)>,
+    kinematic_skid: PeriodicOrbit<3, Skid<3>>,
+    passive_skid: PeriodicOrbit<5, Skid<5>>,
+    passive_no_skid: PeriodicOrbit<2, PassiveNoSkid>,
+    effort: Effort,
 }
 
 /// The steady motion in which the robot from rest ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settled {
+pub struct Attractor {
     pub motion: SteadyMotion,
     /// Cycles after which the state at the end of every cycle stays within 1 % of the steady
     /// one.
@@ -34,20 +35,15 @@ pub struct Settled {
     pub is_found_first: bool,
 }
 
-impl Settled {
+impl Attractor {
     /// Where the robot from rest ends, seen from the solution that [`Solver::solve`] finds:
     /// `reached`, `another` or `unsettled`.
-    pub fn from_rest(settled: &Result<Self, MotionError>) -> &'static str {
-        from_rest(settled.as_ref().ok().map(|settled| settled.is_found_first))
-    }
-}
-
-/// The words of [`Settled::from_rest`], where nothing is known of a robot that does not settle.
-fn from_rest(is_found_first: Option<bool>) -> &'static str {
-    match is_found_first {
-        Some(true) => "reached",
-        Some(false) => "another",
-        None => "unsettled",
+    pub fn from_rest(attractor: &Result<Self, MotionError>) -> &'static str {
+        match attractor {
+            Ok(attractor) if attractor.is_found_first => "reached",
+            Ok(_) => "another",
+            Err(_) => "unsettled",
+        }
     }
 }
 
@@ -57,13 +53,15 @@ impl Solver {
     /// # Errors
     /// There is no such motion, or it could not be found or resolved.
     pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics, MotionError> {
-        let goes_on = self.last.take().is_some_and(|last| is_alike(&last, problem));
-        let metrics = match self.known_by_eq_3(problem) {
-            Some(metrics) => metrics,
-            None => self.dispatch(problem, Solve { goes_on, accuracy })?,
+        let is_warm = self.last.take().is_some_and(|last| is_alike(&last, problem));
+        self.effort = Effort::default();
+        let metrics;
+        (metrics, self.effort) = match self.known_by_eq_3(problem) {
+            Some(metrics) => (metrics, Effort::default()),
+            None => self.with(problem, |method| method.solve(is_warm, accuracy))?,
         };
         if problem.is_determined() {
-            self.by_eq_3 = Some((problem.clone(), metrics));
+            self.last_quadrature = Some((problem.clone(), metrics));
         }
         self.last = Some(problem.clone());
         Ok(metrics)
@@ -72,13 +70,13 @@ impl Solver {
     /// The metrics of a motion that eq. 3 gives, from another of the same robot and gait: the
     /// frequency changes nothing but the speed.
     fn known_by_eq_3(&self, problem: &Problem) -> Option<GaitMetrics> {
-        let (known, metrics) = self.by_eq_3.as_ref()?;
+        let (known, metrics) = self.last_quadrature.as_ref()?;
         let Problem { robot, gait, model, omega_rad_s } = problem;
         let is_same = known.robot == *robot && known.gait == *gait && known.model == *model;
         is_same.then(|| GaitMetrics { v_m_s: metrics.d_m * omega_rad_s / TAU, ..*metrics })
     }
 
-    /// Makes the next solution start from rest; the room stays.
+    /// Makes the next solution start from rest; the workspace stays.
     pub fn forget(&mut self) {
         self.last = None;
     }
@@ -89,8 +87,7 @@ impl Solver {
     /// # Errors
     /// There is no last solution, or its linearisation is singular.
     pub fn floquet(&mut self) -> Result<Option<f64>, MotionError> {
-        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.dispatch(&problem, Floquet)
+        self.with_last(|method| method.floquet())
     }
 
     /// Derivatives of the last solution's metrics.
@@ -98,17 +95,15 @@ impl Solver {
     /// # Errors
     /// As [`Solver::floquet`].
     pub fn derivatives(&mut self) -> Result<Derivatives, MotionError> {
-        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.dispatch(&problem, Differentiate { wanted: None })
+        self.with_last(|method| method.derivatives(None))
     }
 
-    /// The same, where only the derivatives by the parameters that are `wanted` need be there.
+    /// The same, where only those with respect to the parameters that are `wanted` need be there.
     ///
     /// # Errors
     /// As [`Solver::floquet`].
-    pub fn derivatives_by(&mut self, wanted: &[Parameter]) -> Result<Derivatives, MotionError> {
-        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.dispatch(&problem, Differentiate { wanted: Some(wanted) })
+    pub fn derivatives_of(&mut self, wanted: &[Parameter]) -> Result<Derivatives, MotionError> {
+        self.with_last(|method| method.derivatives(Some(wanted)))
     }
 
     /// Work of the actuators and what friction takes over a cycle of the last solution, J; equal,
@@ -117,8 +112,7 @@ impl Solver {
     /// # Errors
     /// There is no last solution.
     pub fn work_and_loss_j(&mut self) -> Result<[f64; 2], MotionError> {
-        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.dispatch(&problem, WorkAndLoss)
+        self.with_last(|method| method.work_and_loss_j())
     }
 
     /// Takes one more Newton step, with a fresh Jacobian, from the last solution; gives its size
@@ -127,87 +121,92 @@ impl Solver {
     /// # Errors
     /// As [`Solver::floquet`].
     pub fn polish(&mut self) -> Result<f64, MotionError> {
-        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.dispatch(&problem, Polish)
+        self.with_last(|method| method.polish())
     }
 
-    /// Follows the motion from rest and solves for the steady motion in which it ends. The
+    /// The last solution at `samples + 1` times of a cycle, the first at phase 0.
+    ///
+    /// # Errors
+    /// There is no last solution, or an element of it cannot be integrated.
+    pub fn cycle(&mut self, samples: usize) -> Result<Vec<Sample>, MotionError> {
+        self.with_last(|method| method.cycle(samples))
+    }
+
+    /// Integrates the transient from rest and solves for the steady motion in which it ends. The
     /// next solution starts from that one.
     ///
     /// # Errors
-    /// The motion cannot be followed or does not settle.
-    pub fn settle(&mut self, problem: &Problem, accuracy: f64) -> Result<Settled, MotionError> {
-        let solved = self.solve(problem, accuracy);
-        let (metrics, cycles, is_found_first) =
-            self.dispatch(problem, Settle { solved, accuracy })?;
-        self.last = Some(problem.clone());
-        Ok(Settled { motion: self.motion(metrics)?, cycles, is_found_first })
+    /// The transient cannot be integrated or does not settle.
+    pub fn settle(&mut self, problem: &Problem, accuracy: f64) -> Result<Attractor, MotionError> {
+        let first = self.solve(problem, accuracy);
+        self.attractor(problem, first, accuracy)
     }
 
-    /// Where the robot from rest ends, seen from the last solution, the metrics of which these
-    /// are, in the words of [`Settled::from_rest`]. The next solution starts from there.
-    pub fn from_rest(&mut self, metrics: GaitMetrics, accuracy: f64) -> &'static str {
-        let arrived = self.last.take().and_then(|problem| {
-            let task = Settle { solved: Ok(metrics), accuracy };
-            let (_, _, is_found_first) = self.dispatch(&problem, task).ok()?;
-            self.last = Some(problem);
-            Some(is_found_first)
-        });
-        from_rest(arrived)
-    }
-
-    /// The last solution at `samples + 1` moments of a cycle, the first at phase 0.
+    /// The same where `first` is what [`Solver::solve`] has just given for this problem.
     ///
     /// # Errors
-    /// There is no last solution, or an element of it cannot be followed.
-    pub fn cycle(&mut self, samples: usize) -> Result<Vec<Sample>, MotionError> {
-        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.dispatch(&problem, SampleCycle { samples })
+    /// As [`Solver::settle`].
+    pub fn attractor(
+        &mut self,
+        problem: &Problem,
+        first: Result<GaitMetrics, MotionError>,
+        accuracy: f64,
+    ) -> Result<Attractor, MotionError> {
+        self.last = None;
+        let (metrics, cycles, is_found_first) =
+            self.with(problem, |method| method.attractor(first, accuracy))?;
+        self.last = Some(problem.clone());
+        Ok(Attractor { motion: self.steady_motion(metrics)?, cycles, is_found_first })
     }
 
     /// All that is reported of the last solution, given its metrics.
-    pub(super) fn motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion, MotionError> {
+    ///
+    /// # Errors
+    /// As [`Solver::floquet`].
+    pub fn steady_motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion, MotionError> {
         let floquet = self.floquet()?;
         let [work_j, _] = self.work_and_loss_j()?;
-        Ok(SteadyMotion { metrics, floquet, work_j, newton_steps: self.newton_steps })
+        Ok(SteadyMotion { metrics, floquet, work_j })
     }
 
-    /// Newton steps of the last solution.
-    pub fn newton_steps(&self) -> usize {
-        self.newton_steps
+    /// What the last [`Solver::solve`] took.
+    pub fn effort(&self) -> Effort {
+        self.effort
     }
 
-    /// Does `task` with the ring of the problem's kind.
-    pub(super) fn dispatch<T: Task>(
+    /// Does `task` with the last solution.
+    fn with_last<T>(
+        &mut self,
+        task: impl FnOnce(&mut dyn Method) -> Result<T, MotionError>,
+    ) -> Result<T, MotionError> {
+        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
+        self.with(&problem, task)
+    }
+
+    /// Does `task` with the method for the problem's kind of motion.
+    pub(super) fn with<T>(
         &mut self,
         problem: &Problem,
-        task: T,
-    ) -> Result<T::Output, MotionError> {
-        let driven = problem.driven();
-        match problem.gait.joints {
-            [Some(joint1), Some(joint2)] if !driven.model_skids => {
-                self.newton_steps = 0;
-                task.quadrature(&driven, [joint1, joint2])
+        task: impl FnOnce(&mut dyn Method) -> Result<T, MotionError>,
+    ) -> Result<T, MotionError> {
+        let problem = problem.effective();
+        let passive = problem.gait.passive_joint().unwrap_or_default();
+        match (problem.gait.joints, problem.model.skids()) {
+            ([None, None], _) => Err(MotionError::NotDriven),
+            ([Some(joint1), Some(joint2)], false) => {
+                task(&mut Quadrature { problem: &problem, joints: [joint1, joint2] })
             }
-            [Some(_), Some(_)] => {
-                let model = KinematicSkid(driven.clone());
-                let done = task.ring(&model, &driven, &mut self.kinematic_skid);
-                self.newton_steps = self.kinematic_skid.steps();
-                done
+            ([Some(_), Some(_)], true) => {
+                let orbit = &mut self.kinematic_skid;
+                task(&mut Collocation { model: Skid { problem, passive }, orbit })
             }
-            [None, None] => Err(MotionError::NotDriven),
-            [first, _] => {
-                let passive = if first.is_none() { 0 } else { 1 };
-                if driven.model_skids {
-                    let model = PassiveSkid { driven: driven.clone(), passive };
-                    let done = task.ring(&model, &driven, &mut self.passive_skid);
-                    self.newton_steps = self.passive_skid.steps();
-                    return done;
-                }
-                let model = PassiveNoSkid { driven: driven.clone(), passive };
-                let done = task.ring(&model, &driven, &mut self.passive_no_skid);
-                self.newton_steps = self.passive_no_skid.steps();
-                done
+            (_, true) => {
+                let orbit = &mut self.passive_skid;
+                task(&mut Collocation { model: Skid { problem, passive }, orbit })
+            }
+            (_, false) => {
+                let orbit = &mut self.passive_no_skid;
+                task(&mut Collocation { model: PassiveNoSkid { problem, passive }, orbit })
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What the robot does and what acts on it from moment to moment.
+//! What the robot does and what acts on it over time.
 //!
 //! Inside an element the collocation polynomial has fewer digits than at its end, so every
 //! sample is made the end of a shorter element from the same start.
@@ -7,17 +7,17 @@ use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::MotionError;
-use super::element::{Linearised, Stages, follow_element};
-use super::forces::{Actions, actions};
-use super::path::advance;
+use super::element::{Element, Linearisation, solve_element};
+use super::forces::{ContactForces, contact_forces};
+use super::mesh::Mesh;
+use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Driven, Moment, Reduced};
-use super::ring::Ring;
-use super::transient::Follower;
+use super::reduced::{KinematicState, Reduced};
+use super::transient::Integrator;
+use super::{MotionError, Problem};
 use crate::robot::{Pose, Trig, dot, roll_rows, rotated, skid_rows};
 
-/// The robot at one moment.
+/// The robot at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     pub time_s: f64,
@@ -31,176 +31,154 @@ pub struct Sample {
     pub roll_m_s: [f64; 3],
     /// Skid velocities of the wheels, m/s.
     pub skid_m_s: [f64; 3],
-    pub actions: Actions,
+    pub forces: ContactForces,
 }
 
 impl Sample {
-    /// What is to be known of a moment.
+    /// Of a state and the time derivatives of its velocities.
     pub(super) fn new(
-        driven: &Driven,
+        problem: &Problem,
         time_s: f64,
         pose: Pose,
-        moment: &Moment,
+        state: &KinematicState,
         acceleration: &[f64; 5],
     ) -> Self {
-        let trig = Trig::new(moment.phi_rad);
-        let [u, v, turning, w1, w2] = moment.velocity;
+        let trig = Trig::new(state.phi_rad);
+        let [u, v, turning, w1, w2] = state.velocity;
         let [x_rate, y_rate] = rotated(pose.theta_rad, [u, v]);
-        let along = |rows: [[f64; 5]; 3]| rows.map(|row| dot(&row, &moment.velocity));
+        let along = |rows: [[f64; 5]; 3]| rows.map(|row| dot(&row, &state.velocity));
         Self {
             time_s,
             pose,
-            phi_rad: moment.phi_rad,
+            phi_rad: state.phi_rad,
             rates: [x_rate, y_rate, turning, w1, w2],
-            roll_m_s: along(roll_rows(&driven.robot, &trig)),
-            skid_m_s: along(skid_rows(&driven.robot, &trig)),
-            actions: actions(driven, moment, acceleration),
+            roll_m_s: along(roll_rows(&problem.robot, &trig)),
+            skid_m_s: along(skid_rows(&problem.robot, &trig)),
+            forces: contact_forces(problem, state, acceleration),
         }
     }
 }
 
-/// Relative error of an element that is followed from rest.
+/// Relative error of an element of the transient from rest.
 const TOLERANCE: f64 = 1e-9;
 
-/// Samples of one steady cycle at `count + 1` moments, the first at phase 0, the last a period
+/// Samples of one steady cycle at `count + 1` times, the first at phase 0, the last a period
 /// later.
 pub(super) fn cycle<const N: usize, R: Reduced<N>>(
     model: &R,
-    driven: &Driven,
-    ring: &Ring<N, R>,
+    mesh: &Mesh<N, R>,
     count: usize,
 ) -> Result<Vec<Sample>, MotionError> {
-    let mut sampler = Sampler::new(model, driven, count);
+    let mut sampler = Sampler::new(model, count);
     let mut pose = Pose::default();
-    let turns: &[bool] = if ring.is_half() { &[false, true] } else { &[false] };
-    let mut elements = 0;
-    for is_mirrored in turns {
-        for k in 0..ring.len() {
-            let (_, start, _) = ring.element(k);
-            let signs = if *is_mirrored { *ring.signs() } else { [1.0; N] };
-            let start = std::array::from_fn(|i| signs[i] * start[i]);
-            let time_s = ring.element_s() * elements as f64;
-            pose = sampler.element(time_s, ring.element_s(), &start, pose)?;
-            elements += 1;
-        }
+    let spans = [[1.0; N], mesh.signs].into_iter().take(mesh.spans());
+    let elements = spans.flat_map(|signs| mesh.elements().map(move |element| (signs, element)));
+    for (k, (signs, Element { start, duration_s, .. })) in elements.enumerate() {
+        let start = std::array::from_fn(|i| signs[i] * start[i]);
+        pose = sampler.element(duration_s * k as f64, duration_s, &start, pose)?;
     }
-    let start = ring.element(0).1;
-    sampler.push(TAU / driven.omega_rad_s, start, pose);
+    sampler.push(TAU / model.problem().omega_rad_s, &mesh.states.start, pose);
     Ok(sampler.samples)
 }
 
 /// Samples of the first `cycles` cycles from rest, `count` a cycle and one at the end.
 pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
-    driven: &Driven,
     cycles: usize,
     count: usize,
 ) -> Result<Vec<Sample>, MotionError> {
-    let mut sampler = Sampler::new(model, driven, count);
-    let mut follower = Follower::new(model, driven, TOLERANCE);
-    let end_s = cycles as f64 * TAU / driven.omega_rad_s;
+    let mut sampler = Sampler::new(model, count);
+    let mut transient = Integrator::new(model, TOLERANCE);
+    let end_s = cycles as f64 * TAU / model.problem().omega_rad_s;
     let mut result = Ok(());
-    follower.advance_to(end_s, &mut Linearised::default(), |step| {
+    transient.advance_to(end_s, &mut Linearisation::default(), |step| {
         if result.is_ok() {
             let element = sampler.element(step.time_s, step.duration_s, step.start, step.pose);
             result = element.map(|_| ());
         }
     })?;
     result?;
-    sampler.push(end_s, &follower.state, follower.pose);
+    sampler.push(end_s, &transient.state, transient.pose);
     Ok(sampler.samples)
 }
 
 /// Collects samples at regular times.
-struct Sampler<'a, R> {
+struct Sampler<'a, const N: usize, R: Reduced<N>> {
     model: &'a R,
-    driven: &'a Driven,
+    omega_rad_s: f64,
     interval_s: f64,
-    room: Linearised,
+    workspace: Linearisation,
     samples: Vec<Sample>,
 }
 
-impl<'a, R> Sampler<'a, R> {
+impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
     /// Takes `count` samples a cycle.
-    fn new(model: &'a R, driven: &'a Driven, count: usize) -> Self {
-        let interval_s = TAU / driven.omega_rad_s / count as f64;
-        Self { model, driven, interval_s, room: Linearised::default(), samples: Vec::new() }
+    fn new(model: &'a R, count: usize) -> Self {
+        let omega_rad_s = model.problem().omega_rad_s;
+        let interval_s = TAU / omega_rad_s / count as f64;
+        let (workspace, samples) = Default::default();
+        Self { model, omega_rad_s, interval_s, workspace, samples }
     }
 
     /// Samples an element; gives the pose at its end.
-    fn element<const N: usize>(
+    fn element(
         &mut self,
         time_s: f64,
         duration_s: f64,
         start: &[f64; N],
         pose: Pose,
-    ) -> Result<Pose, MotionError>
-    where
-        R: Reduced<N>,
-    {
+    ) -> Result<Pose, MotionError> {
         // A sample at the very end belongs to the next element.
         let just_before = 1.0 - 1e-9;
         loop {
             let sample_s = self.interval_s * self.samples.len() as f64;
-            let part = (sample_s - time_s) / duration_s;
-            if part >= just_before {
+            let fraction = (sample_s - time_s) / duration_s;
+            if fraction >= just_before {
                 return Ok(self.at(time_s, duration_s, start, pose)?.1);
             }
-            let (state, sample_pose) = if part <= 0.0 {
+            let (state, sample_pose) = if fraction <= 0.0 {
                 (*start, pose)
             } else {
-                self.at(time_s, part * duration_s, start, pose)?
+                self.at(time_s, fraction * duration_s, start, pose)?
             };
             self.push(sample_s, &state, sample_pose);
         }
     }
 
     /// State and pose after `duration_s`, by one element.
-    fn at<const N: usize>(
+    fn at(
         &mut self,
         time_s: f64,
         duration_s: f64,
         start: &[f64; N],
         pose: Pose,
-    ) -> Result<([f64; N], Pose), MotionError>
-    where
-        R: Reduced<N>,
-    {
-        let (model, omega_rad_s) = (self.model, self.driven.omega_rad_s);
-        let nodes = RADAU.nodes.map(|part| model.node(omega_rad_s * (time_s + part * duration_s)));
-        self.room.resize::<N, R>(1);
-        let stages: Stages<N> = follow_element(
-            model,
-            &nodes,
-            start,
-            duration_s,
-            &[*start; STAGES],
-            1e-12,
-            &mut self.room,
-        )
-        .ok_or(MotionError::Stuck { time_s })?;
-        let moments = std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]));
-        let [.., end] = advance(pose, &moments, duration_s);
+    ) -> Result<([f64; N], Pose), MotionError> {
+        let model = self.model;
+        let phase_rad = |part: f64| self.omega_rad_s * (time_s + part * duration_s);
+        let nodes = RADAU.nodes.map(|part| model.node(phase_rad(part)));
+        self.workspace.resize::<N, R>(1);
+        let guess = Element { nodes: &nodes, start, stages: &[*start; STAGES], duration_s };
+        let stages = solve_element(model, &guess, 1e-12, &mut self.workspace)
+            .ok_or(MotionError::Stuck { time_s })?;
+        let element = Element { stages: &stages, ..guess };
+        let [.., end] = integrate_poses(pose, &element.kinematics(model), duration_s);
         Ok((stages[STAGES - 1], end))
     }
 
     /// Adds the sample of a state.
-    fn push<const N: usize>(&mut self, time_s: f64, state: &[f64; N], pose: Pose)
-    where
-        R: Reduced<N>,
-    {
-        let node = self.model.node(self.driven.omega_rad_s * time_s);
-        let moment = self.model.moment(&node, state);
+    fn push(&mut self, time_s: f64, state: &[f64; N], pose: Pose) {
+        let node = self.model.node(self.omega_rad_s * time_s);
         let rates = rates(self.model, &node, state);
         let acceleration = self.model.acceleration(&node, state, &rates);
-        self.samples.push(Sample::new(self.driven, time_s, pose, &moment, &acceleration));
+        let state = self.model.kinematics(&node, state);
+        self.samples.push(Sample::new(self.model.problem(), time_s, pose, &state, &acceleration));
     }
 }
 
 /// Time derivatives of the states by the equations of motion, which are linear in them.
 fn rates<const N: usize, R: Reduced<N>>(model: &R, node: &R::Node, state: &[f64; N]) -> [f64; N] {
     let residual = model.residual(node, state, &[0.0; N]);
-    let mut matrix = SMatrix::<f64, N, N>::from_fn(|i, j| residual.by_rate[i][j]);
+    let mut matrix = SMatrix::<f64, N, N>::from_fn(|i, j| residual.rate_jacobian[i][j]);
     let mut right = SVector::<f64, N>::from_fn(|i, _| -residual.value[i]);
     if R::INTEGRATED {
         matrix[(N - 1, N - 1)] = 1.0;

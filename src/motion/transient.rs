@@ -1,22 +1,23 @@
-//! The motion from rest, by the same collocation, one element after the other.
+//! The transient from rest, by the same collocation, one element after the other.
 //!
 //! Radau IIA is L-stable: the wheels' time constants, down to 0.2 ms, need not be resolved
 //! once their transients are over.
 
 use std::f64::consts::TAU;
+use std::iter;
 
 use super::MotionError;
-use super::element::{Linearised, Stages, follow_element, interpolate, tail};
-use super::path::advance;
+use super::element::{Element, Linearisation, Stages, interpolate, solve_element, tail};
+use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Driven, Moment, Reduced};
+use super::reduced::{KinematicState, Reduced};
 use crate::robot::Pose;
 
-/// A motion on its way, at first at rest at phase 0.
+/// Integrates a motion that is at rest at phase 0.
 #[derive(Debug)]
-pub(super) struct Follower<'a, const N: usize, R> {
+pub(super) struct Integrator<'a, const N: usize, R> {
     model: &'a R,
-    driven: &'a Driven,
+    omega_rad_s: f64,
     tolerance: f64,
     pub time_s: f64,
     pub state: [f64; N],
@@ -31,20 +32,20 @@ pub(super) struct Follower<'a, const N: usize, R> {
     last: Option<([f64; N], Stages<N>, f64)>,
 }
 
-/// One element of a followed motion.
+/// One element of the transient.
 pub(super) struct Step<'a, const N: usize> {
     pub time_s: f64,
     pub duration_s: f64,
     /// State and pose where the element starts.
     pub start: &'a [f64; N],
     pub pose: Pose,
-    pub moments: &'a [Moment; STAGES],
+    pub states: &'a [KinematicState; STAGES],
     pub poses: &'a [Pose; STAGES],
 }
 
-/// Longest element as part of a period.
+/// Longest element as a part of a period.
 const LONGEST_PART: f64 = 1.0 / 8.0;
-/// Shortest element as part of a period; one that needs less cannot be followed.
+/// Shortest element as a part of a period; a motion that needs less cannot be integrated.
 const SHORTEST_PART: f64 = 1e-9;
 /// Most elements of a period.
 const MOST_ELEMENTS: usize = 20_000;
@@ -53,38 +54,38 @@ const FARTHEST: f64 = 1.5;
 /// States smaller than this part of the largest are judged by the largest.
 const SMALL: f64 = 1e-3;
 
-impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
+impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
     /// A robot at rest; the motion's relative error per element is near `tolerance`.
-    pub fn new(model: &'a R, driven: &'a Driven, tolerance: f64) -> Self {
-        let state = model.at_rest();
+    pub fn new(model: &'a R, tolerance: f64) -> Self {
+        let (state, omega_rad_s) = (model.at_rest(), model.problem().omega_rad_s);
         Self {
             model,
-            driven,
+            omega_rad_s,
             tolerance,
             time_s: 0.0,
             state,
             pose: Pose::default(),
             elements: 0,
             sizes: state.map(f64::abs),
-            length_s: 1e-4 * TAU / driven.omega_rad_s,
+            length_s: 1e-4 * TAU / omega_rad_s,
             last: None,
         }
     }
 
-    /// Goes on to a later time; `visit` is given every element.
+    /// Continues to a later time; `visit` is given every element.
     ///
     /// # Errors
     /// An element would have to be too short.
     pub fn advance_to(
         &mut self,
         until_s: f64,
-        room: &mut Linearised,
+        workspace: &mut Linearisation,
         mut visit: impl FnMut(&Step<N>),
     ) -> Result<(), MotionError> {
         let (model, tolerance) = (self.model, self.tolerance);
-        let period_s = TAU / self.driven.omega_rad_s;
+        let period_s = TAU / self.omega_rad_s;
         let stuck = |time_s| Err(MotionError::Stuck { time_s });
-        room.resize::<N, R>(1);
+        workspace.resize::<N, R>(1);
         let most = MOST_ELEMENTS * (1 + ((until_s - self.time_s) / period_s) as usize);
         let mut elements = 0;
         while self.time_s < until_s {
@@ -94,14 +95,13 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
             }
             let wanted_s = self.length_s.min(LONGEST_PART * period_s);
             let is_last = wanted_s >= until_s - self.time_s;
-            let length_s = if is_last { until_s - self.time_s } else { wanted_s };
-            let nodes = RADAU
-                .nodes
-                .map(|part| model.node(self.driven.omega_rad_s * (self.time_s + part * length_s)));
-            let (start, guess) = (&self.state, self.guess(length_s));
-            let followed = follow_element(model, &nodes, start, length_s, &guess, tolerance, room);
-            let Some(stages) = followed else {
-                self.length_s = 0.25 * length_s;
+            let duration_s = if is_last { until_s - self.time_s } else { wanted_s };
+            let phase_rad = |part: f64| self.omega_rad_s * (self.time_s + part * duration_s);
+            let nodes = RADAU.nodes.map(|part| model.node(phase_rad(part)));
+            let (start, stages) = (&self.state, &self.guess(duration_s));
+            let guess = Element { nodes: &nodes, start, stages, duration_s };
+            let Some(stages) = solve_element(model, &guess, tolerance, workspace) else {
+                self.length_s = 0.25 * duration_s;
                 continue;
             };
             let sizes = grown(&self.sizes, &stages);
@@ -112,26 +112,26 @@ impl<'a, const N: usize, R: Reduced<N>> Follower<'a, N, R> {
                 .fold(0.0, f64::max);
             let growth = (tolerance / error.max(1e-300)).powf(1.0 / (STAGES as f64 + 1.0));
             if error > 4.0 * tolerance {
-                self.length_s = length_s * (0.8 * growth).clamp(0.1, 0.8);
+                self.length_s = duration_s * (0.8 * growth).clamp(0.1, 0.8);
                 continue;
             }
-            let moments = std::array::from_fn(|j| model.moment(&nodes[j], &stages[j]));
-            let poses = advance(self.pose, &moments, length_s);
+            let states = Element { stages: &stages, ..guess }.kinematics(model);
+            let poses = integrate_poses(self.pose, &states, duration_s);
             visit(&Step {
                 time_s: self.time_s,
-                duration_s: length_s,
+                duration_s,
                 start: &self.state,
                 pose: self.pose,
-                moments: &moments,
+                states: &states,
                 poses: &poses,
             });
             self.elements += 1;
             self.sizes = sizes;
-            self.last = Some((self.state, stages, length_s));
+            self.last = Some((self.state, stages, duration_s));
             self.state = stages[STAGES - 1];
             self.pose = poses[STAGES - 1];
-            self.time_s = if is_last { until_s } else { self.time_s + length_s };
-            let next_s = length_s * (0.9 * growth).clamp(0.3, 4.0);
+            self.time_s = if is_last { until_s } else { self.time_s + duration_s };
+            let next_s = duration_s * (0.9 * growth).clamp(0.3, 4.0);
             // An element that was cut short says little about the next.
             self.length_s = if is_last { next_s.max(self.length_s) } else { next_s };
         }
@@ -161,15 +161,15 @@ fn grown<const N: usize>(sizes: &[f64; N], stages: &Stages<N>) -> [f64; N] {
     std::array::from_fn(|i| stages.iter().fold(sizes[i], |size, y| size.max(y[i].abs())))
 }
 
-/// A motion followed from rest.
+/// The coordinates of a motion from rest.
 #[derive(Debug, Clone, Default)]
 pub struct Transient {
-    elements: Vec<Element>,
+    elements: Vec<Coordinates>,
 }
 
 /// Coordinates at the start and the stages of one element.
 #[derive(Debug, Clone)]
-struct Element {
+struct Coordinates {
     start_s: f64,
     duration_s: f64,
     /// x, y, theta, phi1, phi2 (m and rad) at the start and the stages.
@@ -187,35 +187,25 @@ impl Transient {
     }
 }
 
-/// Follows the motion from rest for `duration_s` with a relative error near `tolerance`.
-pub(super) fn follow<const N: usize, R: Reduced<N>>(
+/// The transient over `duration_s` with a relative error near `tolerance`.
+pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
-    driven: &Driven,
     duration_s: f64,
     tolerance: f64,
 ) -> Result<Transient, MotionError> {
     let mut transient = Transient::default();
-    let mut follower = Follower::new(model, driven, tolerance);
-    follower.advance_to(duration_s, &mut Linearised::default(), |step| {
-        let node = model.node(driven.omega_rad_s * step.time_s);
-        let start = model.moment(&node, step.start);
-        let column = |of: &dyn Fn(&Pose, &Moment) -> f64| -> [f64; STAGES + 1] {
-            std::array::from_fn(|l| match l {
-                0 => of(&step.pose, &start),
-                _ => of(&step.poses[l - 1], &step.moments[l - 1]),
-            })
-        };
-        transient.elements.push(Element {
-            start_s: step.time_s,
-            duration_s: step.duration_s,
-            coordinates: [
-                column(&|pose, _| pose.x_m),
-                column(&|pose, _| pose.y_m),
-                column(&|pose, _| pose.theta_rad),
-                column(&|_, moment| moment.phi_rad[0]),
-                column(&|_, moment| moment.phi_rad[1]),
-            ],
-        });
+    let mut integrator = Integrator::new(model, tolerance);
+    let omega_rad_s = integrator.omega_rad_s;
+    integrator.advance_to(duration_s, &mut Linearisation::default(), |step| {
+        let start = model.kinematics(&model.node(omega_rad_s * step.time_s), step.start);
+        let mut coordinates = [[0.0; STAGES + 1]; 5];
+        let points = iter::once((&step.pose, &start)).chain(step.poses.iter().zip(step.states));
+        for (l, (pose, KinematicState { phi_rad: [phi1, phi2], .. })) in points.enumerate() {
+            let values = [pose.x_m, pose.y_m, pose.theta_rad, *phi1, *phi2];
+            (0..5).for_each(|i| coordinates[i][l] = values[i]);
+        }
+        let (start_s, duration_s) = (step.time_s, step.duration_s);
+        transient.elements.push(Coordinates { start_s, duration_s, coordinates });
     })?;
     Ok(transient)
 }

@@ -62,7 +62,7 @@ pub(super) fn from_rest(problem: &Problem, rate_hz: f64) -> Result<Motion, Motio
     // Half a cycle more: the recording does not end with a cycle.
     let cycles = (transient.max(LEAST_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5;
     let duration_s = cycles * std::f64::consts::TAU / problem.omega_rad_s;
-    let path = problem.follow(duration_s, 1e-8)?;
+    let path = problem.transient(duration_s, 1e-8)?;
     let frames = (duration_s * rate_hz) as usize;
     let coordinates = (0..frames).map(|frame| path.at(frame as f64 / rate_hz)).collect();
     Ok(Motion { coordinates, steady: steady.metrics })

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 use crate::cli::output::say;
 use crate::metrics::GaitMetrics;
-use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY, Settled, Solver};
+use crate::motion::{Attractor, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 
 /// A motion that does not exist has a reason and no numbers: NaN, null in JSON.
 #[derive(Serialize)]
@@ -31,12 +31,16 @@ pub(super) struct Answer<'a> {
 impl<'a> Answer<'a> {
     /// Solves a problem; with `from_rest` for the motion in which the robot from rest ends.
     pub fn new(problem: &Problem, from_rest: bool, parameters: &'a Map<String, Value>) -> Self {
-        let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);
-        let first = problem.solve(REFERENCE_ACCURACY);
-        let cycles_to_settle = settled.as_ref().ok().map(|settled| settled.cycles);
-        let (motion, reach) = match (first, settled) {
-            (Ok(first), settled) if !from_rest => (Ok(first), Some(Settled::from_rest(&settled))),
-            (_, Ok(settled)) => (Ok(settled.motion), Some("reached")),
+        let mut solver = Solver::default();
+        let metrics = solver.solve(problem, REFERENCE_ACCURACY);
+        let first = metrics.clone().and_then(|metrics| solver.steady_motion(metrics));
+        let attractor = solver.attractor(problem, metrics, REFERENCE_ACCURACY);
+        let cycles_to_settle = attractor.as_ref().ok().map(|attractor| attractor.cycles);
+        let (motion, reach) = match (first, attractor) {
+            (Ok(first), attractor) if !from_rest => {
+                (Ok(first), Some(Attractor::from_rest(&attractor)))
+            }
+            (_, Ok(attractor)) => (Ok(attractor.motion), Some("reached")),
             (Err(error), Err(MotionError::Unsettled { .. })) if !from_rest => (Err(error), None),
             (_, Err(error)) => (Err(error), None),
         };

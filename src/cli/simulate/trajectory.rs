@@ -25,7 +25,7 @@ pub(super) fn write<'a>(
         input.update(format!("{problem:?} {from_rest} {samples}").as_bytes());
         match of(&problem, answer, from_rest, samples) {
             Ok(found) => {
-                unbounded += found.iter().filter(|s| s.actions.lateral_n[0].is_nan()).count();
+                unbounded += found.iter().filter(|s| s.forces.lateral_n[0].is_nan()).count();
                 rows.extend(found.iter().map(|sample| row(problem.omega_rad_s, sample)));
             }
             Err(_) => absent += 1,
@@ -68,9 +68,9 @@ fn row(omega_rad_s: f64, sample: &Sample) -> TrajectoryRow {
     let [x_rate_m_s, y_rate_m_s, theta_rate_rad_s, phi1_rate_rad_s, phi2_rate_rad_s] = sample.rates;
     let [roll0_m_s, roll1_m_s, roll2_m_s] = sample.roll_m_s;
     let [skid0_m_s, skid1_m_s, skid2_m_s] = sample.skid_m_s;
-    let [lateral0_n, lateral1_n, lateral2_n] = sample.actions.lateral_n;
-    let [roll0_n, roll1_n, roll2_n] = sample.actions.roll_n;
-    let [torque1_nm, torque2_nm] = sample.actions.torque_nm;
+    let [lateral0_n, lateral1_n, lateral2_n] = sample.forces.lateral_n;
+    let [roll0_n, roll1_n, roll2_n] = sample.forces.roll_n;
+    let [torque1_nm, torque2_nm] = sample.forces.torque_nm;
     TrajectoryRow {
         omega_rad_s,
         time_s: sample.time_s,
@@ -98,7 +98,7 @@ fn row(omega_rad_s: f64, sample: &Sample) -> TrajectoryRow {
         roll2_n,
         torque1_nm,
         torque2_nm,
-        power_w: sample.actions.power_w,
-        loss_w: sample.actions.loss_w,
+        power_w: sample.forces.power_w,
+        loss_w: sample.forces.loss_w,
     }
 }

@@ -1,9 +1,10 @@
 //! One joint on its spring, wheels that cannot skid.
 
 use super::{
-    ByParameters, CommandNode, Driven, MOST_PARAMETERS, Moment, Reduced, Residual, Variable,
-    by_coefficients,
+    CommandNode, KinematicState, MOST_PARAMETERS, ParameterJacobian, Reduced, Residual, Variable,
+    dforce_dcoefficients,
 };
+use crate::motion::Problem;
 use crate::robot::{Balance, Parameter, Trig, dot, force_balance, mass_matrix, roll_rows};
 
 /// Joint `passive` (0 or 1) on its spring, wheels that cannot skid. States `s, phi_p`.
@@ -22,7 +23,7 @@ use crate::robot::{Balance, Parameter, Trig, dot, force_balance, mass_matrix, ro
 /// Eq. 7 projected on the null direction `(n_u, 0, n_r, n_p)` is free of constraint forces.
 #[derive(Debug, Clone)]
 pub struct PassiveNoSkid {
-    pub driven: Driven,
+    pub problem: Problem,
     pub passive: usize,
 }
 
@@ -74,24 +75,24 @@ impl PassiveWheel {
         self.per_m * (self.sin * u + self.arm_m * r)
     }
 
-    /// How `phi_p'` changes with `phi_p`.
-    fn rate_by_phi(&self, [u, r]: [f64; 2]) -> f64 {
+    /// Derivative of `phi_p'` with respect to `phi_p`.
+    fn drate_dphi(&self, [u, r]: [f64; 2]) -> f64 {
         self.per_m * (self.cos * u - self.h_m * self.sin * r)
     }
 
-    /// And how that changes with `phi_p`.
-    fn rate_by_phi_phi(&self, [u, r]: [f64; 2]) -> f64 {
+    /// The second derivative.
+    fn d2rate_dphi2(&self, [u, r]: [f64; 2]) -> f64 {
         self.per_m * (-self.sin * u - self.h_m * self.cos * r)
     }
 }
 
-/// The projected equations of one moment and what they are made of.
+/// The projected equations of one state and what they are made of.
 struct Projected {
     residual: Residual<2>,
     balance: Balance,
     mass: [[f64; 5]; 5],
     trig: Trig,
-    moment: Moment,
+    state: KinematicState,
     wheel: PassiveWheel,
     /// `(u, theta')`.
     velocities: [f64; 2],
@@ -106,7 +107,7 @@ impl PassiveNoSkid {
     }
 
     fn wheel(&self, phi: f64) -> PassiveWheel {
-        let (h_m, l_m) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let (h_m, l_m) = (self.problem.robot.h_m, self.problem.robot.l_m);
         let (sin, cos) = phi.sin_cos();
         PassiveWheel {
             sin,
@@ -119,58 +120,58 @@ impl PassiveNoSkid {
 
     #[inline(always)]
     fn equations(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Projected {
-        let (p, robot, frame) = (self.passive, &self.driven.robot, &node.frame);
+        let (p, robot, frame) = (self.passive, &self.problem.robot, &node.frame);
         let wheel = self.wheel(y[1]);
         let mut trig = node.command.trig;
         (trig.s[p], trig.c[p]) = (wheel.sin, wheel.cos);
         let velocities = frame.velocities(y[0]);
         let accelerations = frame.accelerations(y[0], dy[0]);
-        let (n_p, n_p_by_phi) = (wheel.rate(frame.null), wheel.rate_by_phi(frame.null));
-        let (w, w_by_phi) = (wheel.rate(velocities), wheel.rate_by_phi(velocities));
-        let dw_by_s = n_p_by_phi * w + w_by_phi * n_p + wheel.rate(frame.null_rate);
-        let dw_by_phi = wheel.rate_by_phi_phi(velocities) * w
-            + w_by_phi * w_by_phi
-            + wheel.rate_by_phi(accelerations);
+        let (n_p, dn_p_dphi) = (wheel.rate(frame.null), wheel.drate_dphi(frame.null));
+        let (w, dw_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
+        let dw_rate_ds = dn_p_dphi * w + dw_dphi * n_p + wheel.rate(frame.null_rate);
+        let dw_rate_dphi = wheel.d2rate_dphi2(velocities) * w
+            + dw_dphi * dw_dphi
+            + wheel.drate_dphi(accelerations);
 
-        let moment = self.moment(node, y);
+        let state = self.kinematics(node, y);
         let acceleration = self.acceleration(node, y, dy);
-        let Moment { phi_rad, velocity } = moment;
+        let KinematicState { phi_rad, velocity } = state;
         let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
         let mass = mass_matrix(robot, &trig);
 
         let rows = self.rows();
         let null = [frame.null[0], frame.null[1], n_p];
         // Derivative of the projected balance when velocities and accelerations change.
-        let project = |by: [f64; 3], rate_by: [f64; 3]| -> f64 {
+        let project = |velocity: [f64; 3], rate: [f64; 3]| -> f64 {
             let mut sum = 0.0;
             for (n, &row) in null.iter().zip(&rows) {
                 for (k, &column) in rows.iter().enumerate() {
                     sum += n
-                        * (balance.dforce_dvelocity[row][column] * by[k]
-                            + mass[row][column] * rate_by[k]);
+                        * (balance.dforce_dvelocity[row][column] * velocity[k]
+                            + mass[row][column] * rate[k]);
                 }
             }
             sum
         };
         let value = null.iter().zip(&rows).map(|(n, &row)| n * balance.force[row]).sum();
-        let by_s = project(null, [frame.null_rate[0], frame.null_rate[1], dw_by_s]);
+        let dvalue_ds = project(null, [frame.null_rate[0], frame.null_rate[1], dw_rate_ds]);
         let turned: f64 =
             null.iter().zip(&rows).map(|(n, &row)| n * balance.dforce_dphi[p][row]).sum();
-        let by_phi = project([0.0, 0.0, w_by_phi], [0.0, 0.0, dw_by_phi])
+        let dvalue_dphi = project([0.0, 0.0, dw_dphi], [0.0, 0.0, dw_rate_dphi])
             + turned
-            + n_p_by_phi * balance.force[3 + p];
+            + dn_p_dphi * balance.force[3 + p];
         let residual = Residual {
             value: [value, dy[1] - w],
-            by_state: [[by_s, by_phi], [-n_p, -w_by_phi]],
-            by_rate: [[project([0.0; 3], null), 0.0], [0.0, 1.0]],
+            state_jacobian: [[dvalue_ds, dvalue_dphi], [-n_p, -dw_dphi]],
+            rate_jacobian: [[project([0.0; 3], null), 0.0], [0.0, 1.0]],
         };
-        Projected { residual, balance, mass, trig, moment, wheel, velocities, null }
+        Projected { residual, balance, mass, trig, state, wheel, velocities, null }
     }
 
-    /// How the frame changes with the commanded joint's amplitude.
+    /// Derivative of the frame with respect to the commanded joint's amplitude.
     #[inline(always)]
-    fn frame_by_amplitude(&self, node: &ConstrainedNode) -> Frame {
-        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
+    fn dframe_damplitude(&self, node: &ConstrainedNode) -> Frame {
+        let (h, l) = (self.problem.robot.h_m, self.problem.robot.l_m);
         let a = 1 - self.passive;
         let sign = joint_sign(a) * l;
         let command = &node.command;
@@ -213,9 +214,13 @@ impl Reduced<2> for PassiveNoSkid {
 
     type Node = ConstrainedNode;
 
+    fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
     fn node(&self, phase_rad: f64) -> ConstrainedNode {
-        let command = CommandNode::new(&self.driven, phase_rad);
-        let (h, l) = (self.driven.robot.h_m, self.driven.robot.l_m);
+        let command = CommandNode::new(&self.problem, phase_rad);
+        let (h, l) = (self.problem.robot.h_m, self.problem.robot.l_m);
         let a = 1 - self.passive;
         let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
         let (rate, acceleration) =
@@ -255,34 +260,34 @@ impl Reduced<2> for PassiveNoSkid {
         node: &ConstrainedNode,
         y: &[f64; 2],
         dy: &[f64; 2],
-        by: &mut ByParameters<2>,
+        jacobian: &mut ParameterJacobian<2>,
     ) -> Residual<2> {
-        let (p, a, robot) = (self.passive, 1 - self.passive, &self.driven.robot);
-        let Projected { residual, balance, mass, trig, moment, wheel, velocities, null } =
+        let (p, a, robot) = (self.passive, 1 - self.passive, &self.problem.robot);
+        let Projected { residual, balance, mass, trig, state, wheel, velocities, null } =
             self.equations(node, y, dy);
         let rows = self.rows();
         let along = |force: &[f64; 5]| -> f64 {
             null.iter().zip(&rows).map(|(n, &row)| n * force[row]).sum()
         };
-        let by_roll = by_coefficients(&roll_rows(robot, &trig), &moment.velocity);
+        let droll = dforce_dcoefficients(&roll_rows(robot, &trig), &state.velocity);
         for wheel in 0..3 {
-            by[0][wheel] = along(&by_roll[wheel]);
+            jacobian[0][wheel] = along(&droll[wheel]);
         }
-        by[0][3] = null[2] * (y[1] - robot.rest_angle_rad);
-        by[0][4] = null[2] * moment.velocity[3 + p];
+        jacobian[0][3] = null[2] * (y[1] - robot.rest_angle_rad);
+        jacobian[0][4] = null[2] * state.velocity[3 + p];
 
         // The frame of the constraints turns with the commanded joint.
-        let frame = self.frame_by_amplitude(node);
+        let frame = self.dframe_damplitude(node);
         let (dvelocities, daccelerations) =
             (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
         let (w, dw) = (wheel.rate(velocities), wheel.rate(dvelocities));
-        let rate_by_phi = wheel.rate_by_phi(velocities);
+        let drate_dphi = wheel.drate_dphi(velocities);
         let [phi, rate, acceleration] = node.command.waves[a];
         let mut velocity = [dvelocities[0], 0.0, dvelocities[1], 0.0, 0.0];
         let mut rates = [daccelerations[0], 0.0, daccelerations[1], 0.0, 0.0];
         (velocity[3 + p], velocity[3 + a]) = (dw, rate);
         rates[3 + p] =
-            wheel.rate_by_phi(dvelocities) * w + rate_by_phi * dw + wheel.rate(daccelerations);
+            wheel.drate_dphi(dvelocities) * w + drate_dphi * dw + wheel.rate(daccelerations);
         rates[3 + a] = acceleration;
         let dnull = [frame.null[0], frame.null[1], wheel.rate(frame.null)];
         let mut sum = 0.0;
@@ -292,9 +297,9 @@ impl Reduced<2> for PassiveNoSkid {
                 + balance.dforce_dphi[a][row] * phi;
             sum += n * force + dn * balance.force[row];
         }
-        by[0][5] = sum;
-        by[1] = [0.0; MOST_PARAMETERS];
-        by[1][5] = -dw;
+        jacobian[0][5] = sum;
+        jacobian[1] = [0.0; MOST_PARAMETERS];
+        jacobian[1][5] = -dw;
         residual
     }
 
@@ -305,35 +310,45 @@ impl Reduced<2> for PassiveNoSkid {
         let [du, dr] = node.frame.accelerations(y[0], dy[0]);
         let mut acceleration = [du, 0.0, dr, 0.0, 0.0];
         acceleration[3 + p] =
-            wheel.rate_by_phi(velocities) * wheel.rate(velocities) + wheel.rate([du, dr]);
+            wheel.drate_dphi(velocities) * wheel.rate(velocities) + wheel.rate([du, dr]);
         acceleration[4 - p] = node.command.shape.acceleration_rad_s2[1 - p];
         acceleration
     }
 
     #[inline(always)]
-    fn by_state(&self, node: &ConstrainedNode, y: &[f64; 2], by_moment: &Moment) -> [f64; 2] {
+    fn state_gradient(
+        &self,
+        node: &ConstrainedNode,
+        y: &[f64; 2],
+        gradient: &KinematicState,
+    ) -> [f64; 2] {
         let (p, wheel, frame) = (self.passive, self.wheel(y[1]), &node.frame);
-        let [u, _, r, ..] = by_moment.velocity;
-        let by_w = by_moment.velocity[3 + p];
-        let by_s = u * frame.null[0] + r * frame.null[1] + by_w * wheel.rate(frame.null);
-        let by_phi = by_moment.phi_rad[p] + by_w * wheel.rate_by_phi(frame.velocities(y[0]));
-        [by_s, by_phi]
+        let [u, _, r, ..] = gradient.velocity;
+        let dw = gradient.velocity[3 + p];
+        let ds = u * frame.null[0] + r * frame.null[1] + dw * wheel.rate(frame.null);
+        let dphi = gradient.phi_rad[p] + dw * wheel.drate_dphi(frame.velocities(y[0]));
+        [ds, dphi]
     }
 
     #[inline(always)]
-    fn by_amplitude(&self, node: &ConstrainedNode, y: &[f64; 2], by_moment: &Moment) -> [f64; 2] {
+    fn amplitude_gradient(
+        &self,
+        node: &ConstrainedNode,
+        y: &[f64; 2],
+        gradient: &KinematicState,
+    ) -> [f64; 2] {
         let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(y[1]));
-        let velocities = self.frame_by_amplitude(node).velocities(y[0]);
-        let [u, _, r, ..] = by_moment.velocity;
-        let mut by = node.command.by_amplitude(by_moment);
-        by[a] += u * velocities[0]
+        let velocities = self.dframe_damplitude(node).velocities(y[0]);
+        let [u, _, r, ..] = gradient.velocity;
+        let mut slopes = node.command.amplitude_gradient(gradient);
+        slopes[a] += u * velocities[0]
             + r * velocities[1]
-            + by_moment.velocity[3 + p] * wheel.rate(velocities);
-        by
+            + gradient.velocity[3 + p] * wheel.rate(velocities);
+        slopes
     }
 
     #[inline(always)]
-    fn moment(&self, node: &ConstrainedNode, y: &[f64; 2]) -> Moment {
+    fn kinematics(&self, node: &ConstrainedNode, y: &[f64; 2]) -> KinematicState {
         let p = self.passive;
         let [u, r] = node.frame.velocities(y[0]);
         let mut phi_rad = node.command.shape.phi_rad;
@@ -341,14 +356,14 @@ impl Reduced<2> for PassiveNoSkid {
         let mut velocity = [u, 0.0, r, 0.0, 0.0];
         velocity[3 + p] = self.wheel(y[1]).rate([u, r]);
         velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
-        Moment { phi_rad, velocity }
+        KinematicState { phi_rad, velocity }
     }
 
     fn half_period_signs(&self) -> Option<[f64; 2]> {
-        self.driven.is_mirrored().then_some([1.0, -1.0])
+        self.problem.is_mirrored().then_some([1.0, -1.0])
     }
 
     fn at_rest(&self) -> [f64; 2] {
-        [0.0, self.driven.robot.rest_angle_rad]
+        [0.0, self.problem.robot.rest_angle_rad]
     }
 }

@@ -37,7 +37,7 @@ pub fn figure(config: &ReportInput) -> Result<Figure, String> {
              mm/s. Wheels 0, 1, 2: middle, front, rear. The forces are those across the wheels; along them roll resistance stays below \
              {:.2} N.",
             1e3 * metrics.v_m_s,
-            most_n(|sample| sample.actions.roll_n),
+            most_n(|sample| sample.forces.roll_n),
         ),
         layout: Layout::Stack(185.0),
         ..Figure::of_charts(
@@ -49,7 +49,7 @@ pub fn figure(config: &ReportInput) -> Result<Figure, String> {
                 time_course(
                     "Ground forces",
                     "Force (N)",
-                    wheels(|sample, i| sample.actions.lateral_n[i]),
+                    wheels(|sample, i| sample.forces.lateral_n[i]),
                 ),
                 time_course(
                     "Skid speeds",

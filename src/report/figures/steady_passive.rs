@@ -59,7 +59,7 @@ fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
         series(i, ["dx/dt", "dy/dt", "h dθ/dt"][i], points)
     });
     let forces = [0, 1, 2].map(|i| {
-        let points = over_time(cycle, |sample| sample.actions.lateral_n[i]);
+        let points = over_time(cycle, |sample| sample.forces.lateral_n[i]);
         series(i, ["λ₀", "λ₁", "λ₂"][i], points)
     });
     let difference = over_time(cycle, |sample| sample.phi_rad[0] - sample.phi_rad[1]);

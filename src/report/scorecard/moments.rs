@@ -40,7 +40,7 @@ pub fn growth(paper: &Paper<'_>, motion: &str, omega_rad_s: f64, of: Grown) -> O
         let sizes = samples.iter().step_by(step).map(|sample| {
             let [x, y, turning, ..] = sample.rates;
             let values = match of {
-                Grown::Force => sample.actions.lateral_n,
+                Grown::Force => sample.forces.lateral_n,
                 Grown::Velocity => [x, y, h_m * turning],
             };
             // A force that is not a number is one that has no bound.

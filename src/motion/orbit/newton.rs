@@ -1,9 +1,10 @@
-//! Newton's method on the ring, and its stability.
+//! Newton's method for the orbit, and its stability.
 
 use nalgebra::{Matrix5, SMatrix, SVector};
 
-use super::Ring;
+use super::PeriodicOrbit;
 use crate::motion::MotionError;
+use crate::motion::mesh::Mesh;
 use crate::motion::radau::STAGES;
 use crate::motion::reduced::Reduced;
 
@@ -14,62 +15,62 @@ const LEAST_PART: f64 = 1.0 / 512.0;
 const FAST: f64 = 0.15;
 /// Steps below this size are rounding: whether they shrink cannot be judged.
 const ROUNDING: f64 = 1e-9;
-/// By how much what is left may be larger than what was seen lets expect.
+/// By how much the error may be larger than the contraction seen so far lets expect.
 const SAFETY: f64 = 10.0;
 
-impl<const N: usize, R: Reduced<N>> Ring<N, R> {
-    fn not_converged(&self) -> MotionError {
+impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
+    pub fn not_converged(&self) -> MotionError {
         MotionError::NotConverged { steps: self.steps }
     }
 
-    /// Linearises the chain at the present states and prepares its closing.
-    pub(super) fn linearise(&mut self, model: &R) -> Result<(), MotionError> {
-        for (k, nodes) in self.nodes.chunks_exact(STAGES).enumerate() {
-            let (start, stages) = (self.now.start_of(k), &self.now.elements[k]);
-            self.linearised
-                .linearise(k, model, nodes, start, stages, self.element_s)
-                .ok_or(MotionError::NotConverged { steps: self.steps })?;
+    /// Linearises the elements at the present states and prepares the chain's closure.
+    fn linearise(&mut self, model: &R) -> Result<(), MotionError> {
+        self.effort.factorisations += 1;
+        for k in 0..self.mesh.len() {
+            let linearised = self.linearisation.linearise(k, model, &self.mesh.element(k));
+            linearised.ok_or(self.not_converged())?;
         }
         let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
-        self.closing = open.try_inverse().ok_or(self.not_converged())?;
+        self.monodromy_closure = open.try_inverse().ok_or(self.not_converged())?;
         Ok(())
     }
 
     /// Evaluates the residuals at the present states; the factors are kept.
     fn evaluate(&mut self, model: &R) {
-        for (k, nodes) in self.nodes.chunks_exact(STAGES).enumerate() {
-            let (start, stages) = (self.now.start_of(k), &self.now.elements[k]);
-            self.linearised.evaluate(k, model, nodes, start, stages, self.element_s);
+        for (k, element) in self.mesh.elements().enumerate() {
+            self.linearisation.evaluate(k, model, &element);
         }
     }
 
-    /// How a state answers to a change at the start, one turn of the ring later.
+    /// Derivative of the states at the end of the elements' span with respect to the start's.
     fn monodromy(&self) -> SMatrix<f64, N, N> {
         SMatrix::from_columns(&std::array::from_fn::<_, N, _>(|m| {
             let mut x: [f64; N] = std::array::from_fn(|i| if i == m { 1.0 } else { 0.0 });
-            for k in 0..self.now.elements.len() {
-                x = self.linearised.end_change::<N, R>(k, &x, self.element_s, false);
+            for k in 0..self.mesh.len() {
+                x = self.linearisation.end_change::<N, R>(k, &x, self.mesh.element_s, false);
             }
-            SVector::from_fn(|i, _| self.signs[i] * x[i])
+            SVector::from_fn(|i, _| self.mesh.signs[i] * x[i])
         }))
     }
 
     /// Solves the closed chain for the residuals at hand, into `step`.
     fn close(&mut self) {
-        let count = self.now.elements.len();
+        self.effort.linear_solves += 1;
+        let Mesh { states, signs, element_s, .. } = &self.mesh;
+        let count = self.mesh.len();
         let mut offset = [0.0; N];
         for k in 0..count {
-            self.linearised.solve_step::<N, R>(k);
-            offset = self.linearised.end_change::<N, R>(k, &offset, self.element_s, true);
+            self.linearisation.solve_step::<N, R>(k);
+            offset = self.linearisation.end_change::<N, R>(k, &offset, *element_s, true);
         }
-        let end = self.now.start_of(count);
-        let mismatch = |i: usize| self.signs[i] * (offset[i] + end[i]) - self.now.start[i];
-        let first = self.closing * SVector::<f64, N>::from_fn(|i, _| mismatch(i));
+        let end = states.start_of(count);
+        let mismatch = |i: usize| signs[i] * (offset[i] + end[i]) - states.start[i];
+        let first = self.monodromy_closure * SVector::<f64, N>::from_fn(|i, _| mismatch(i));
         self.step.start = first.into();
         let mut start = self.step.start;
         self.step.elements.clear();
         for k in 0..count {
-            let changes = self.linearised.changes::<N, R>(k, &start, self.element_s);
+            let changes = self.linearisation.changes::<N, R>(k, &start, *element_s);
             start = changes[STAGES - 1];
             self.step.elements.push(changes);
         }
@@ -93,7 +94,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
             if !size.is_finite() {
                 return Err(self.not_converged());
             }
-            let is_last = SAFETY * self.bend * size * size <= enough;
+            let is_last = SAFETY * self.contraction * size * size <= enough;
             let mut part = first_part;
             let mut next_size = loop {
                 self.move_by(if is_last { 1.0 } else { part });
@@ -106,7 +107,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
                 }
                 // Back, and on by less.
                 std::mem::swap(&mut self.step, &mut self.last_step);
-                std::mem::swap(&mut self.now, &mut self.before);
+                std::mem::swap(&mut self.mesh.states, &mut self.before);
                 part *= 0.5;
                 if part < LEAST_PART {
                     return Err(self.not_converged());
@@ -114,7 +115,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
             };
             first_part = f64::min(1.0, 2.0 * part);
             if part == 1.0 {
-                self.bend = next_size / (size * size);
+                self.contraction = next_size / (size * size);
             }
             while part == 1.0 && next_size < FAST * size && self.steps < MOST_STEPS {
                 let shrinks = next_size / size;
@@ -141,8 +142,9 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     /// Goes a part of `step`; where it comes from is left in `before`.
     fn move_by(&mut self, part: f64) {
         self.steps += 1;
-        std::mem::swap(&mut self.before, &mut self.now);
-        let (now, before, step) = (&mut self.now, &self.before, &self.step);
+        self.effort.newton_steps += 1;
+        std::mem::swap(&mut self.before, &mut self.mesh.states);
+        let (now, before, step) = (&mut self.mesh.states, &self.before, &self.step);
         now.start = std::array::from_fn(|i| before.start[i] + part * step.start[i]);
         now.elements.clear();
         now.elements.extend(before.elements.iter().zip(&step.elements).map(|(before, step)| {
@@ -153,8 +155,8 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     /// Largest value of each state before or after a step.
     pub(super) fn sizes(&self) -> [f64; N] {
         let mut sizes = [0.0_f64; N];
-        for (y, step) in self.now.elements.iter().flatten().zip(self.step.elements.iter().flatten())
-        {
+        let states = self.mesh.states.elements.iter().flatten();
+        for (y, step) in states.zip(self.step.elements.iter().flatten()) {
             for i in 0..N {
                 sizes[i] = sizes[i].max(y[i].abs()).max((y[i] + step[i]).abs());
             }
@@ -178,9 +180,12 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
     /// linearisation.
     pub fn floquet(&mut self, model: &R) -> Result<f64, MotionError> {
         const MOST_SWEEPS: usize = 1000;
+        if let Some(floquet) = self.floquet {
+            return Ok(floquet);
+        }
         self.linearise(model)?;
         let product = self.monodromy();
-        // The eigenvalues of the smaller matrix and zeros: of one size for all rings.
+        // The eigenvalues of the smaller matrix and zeros: of one size for all orbits.
         let padded = Matrix5::from_fn(|i, j| if i < N && j < N { product[(i, j)] } else { 0.0 });
         if padded.iter().any(|entry| !entry.is_finite()) {
             return Err(self.not_converged());
@@ -188,7 +193,12 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         let schur = padded.try_schur(f64::EPSILON, MOST_SWEEPS).ok_or(self.not_converged())?;
         let values = schur.complex_eigenvalues();
         let largest = values.iter().map(|value| value.norm()).fold(0.0, f64::max);
-        Ok(if self.is_half { largest * largest } else { largest })
+        Ok(*self.floquet.insert(if self.mesh.is_half { largest * largest } else { largest }))
+    }
+
+    /// Whether the last solution is known to be stable.
+    pub fn is_stable(&mut self, model: &R) -> bool {
+        self.floquet(model).is_ok_and(|modulus| modulus < 1.0)
     }
 
     /// One Newton step from the last solution; gives the step relative to the states.
@@ -197,7 +207,7 @@ impl<const N: usize, R: Reduced<N>> Ring<N, R> {
         self.close();
         let size = self.step_size(&self.sizes());
         self.move_by(1.0);
-        self.cycle = None;
+        (self.cycle, self.floquet) = (None, None);
         Ok(size)
     }
 }

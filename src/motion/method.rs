@@ -1,0 +1,136 @@
+//! How steady motions are found: one trait for both methods, and collocation's side of it.
+
+use std::f64::consts::TAU;
+
+use super::MotionError;
+use super::attractor::find_attractor;
+use super::forces::contact_forces;
+use super::orbit::{Effort, PeriodicOrbit, Start};
+use super::radau::{RADAU, STAGES};
+use super::reduced::{Derivatives, Reduced};
+use super::sensitivity::differentiate;
+use super::trajectory::{self, Sample};
+use super::transient::{self, Integrator, Transient};
+use crate::metrics::GaitMetrics;
+use crate::robot::Parameter;
+
+/// Cycles after which a robot that started from rest is near its steady motion.
+const TRANSIENT_CYCLES: f64 = 40.0;
+const TRANSIENT_TOLERANCE: f64 = 1e-4;
+
+/// Finds the steady motion of one problem; what is asked of it later is of that solution.
+pub(super) trait Method {
+    /// Solves for the steady motion, from the last solution where `is_warm`.
+    fn solve(&mut self, is_warm: bool, accuracy: f64)
+    -> Result<(GaitMetrics, Effort), MotionError>;
+
+    /// See [`Solver::floquet`](super::Solver::floquet).
+    fn floquet(&mut self) -> Result<Option<f64>, MotionError>;
+
+    /// With respect to the parameters that are `wanted`, or to everything.
+    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives, MotionError>;
+
+    /// See [`Solver::work_and_loss_j`](super::Solver::work_and_loss_j).
+    fn work_and_loss_j(&self) -> Result<[f64; 2], MotionError>;
+
+    /// See [`Solver::polish`](super::Solver::polish).
+    fn polish(&mut self) -> Result<f64, MotionError>;
+
+    /// Replaces the solution, the metrics of which are `first`, by the attractor of the robot from
+    /// rest: its metrics, the cycles until then, and whether it is the same.
+    fn attractor(
+        &mut self,
+        first: Result<GaitMetrics, MotionError>,
+        accuracy: f64,
+    ) -> Result<(GaitMetrics, usize, bool), MotionError>;
+
+    /// See [`Solver::cycle`](super::Solver::cycle).
+    fn cycle(&self, samples: usize) -> Result<Vec<Sample>, MotionError>;
+
+    /// See [`Problem::cycles_from_rest`](super::Problem::cycles_from_rest).
+    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>, MotionError>;
+
+    /// See [`Problem::transient`](super::Problem::transient).
+    fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient, MotionError>;
+}
+
+/// For motions that are solutions of differential equations.
+pub(super) struct Collocation<'o, const N: usize, R: Reduced<N>> {
+    pub model: R,
+    pub orbit: &'o mut PeriodicOrbit<N, R>,
+}
+
+impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
+    fn solve(
+        &mut self,
+        is_warm: bool,
+        accuracy: f64,
+    ) -> Result<(GaitMetrics, Effort), MotionError> {
+        let Self { model, orbit } = self;
+        orbit.effort = Effort::default();
+        let is_solved = is_warm && orbit.solve(model, Start::Last, accuracy).is_ok();
+        if !is_solved && let Err(error) = orbit.solve(model, Start::Rest, accuracy) {
+            let mut transient = Integrator::new(model, TRANSIENT_TOLERANCE);
+            let duration_s = TRANSIENT_CYCLES * TAU / model.problem().omega_rad_s;
+            let integrated = transient.advance_to(duration_s, &mut orbit.workspace, |_| {});
+            integrated.map_err(|_| error)?;
+            orbit.solve(model, Start::State(transient.state), accuracy)?;
+        }
+        Ok((orbit.measure(model).metrics, orbit.effort))
+    }
+
+    fn floquet(&mut self) -> Result<Option<f64>, MotionError> {
+        self.orbit.floquet(&self.model).map(Some)
+    }
+
+    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives, MotionError> {
+        let Self { model, orbit } = self;
+        let cycle = orbit.measure(model);
+        differentiate(model, &orbit.mesh, &cycle, &mut orbit.workspace, wanted)
+            .ok_or(orbit.not_converged())
+    }
+
+    fn work_and_loss_j(&self) -> Result<[f64; 2], MotionError> {
+        let (model, mesh) = (&self.model, &self.orbit.mesh);
+        let weights = RADAU.integrate[STAGES - 1];
+        let (mut work, mut loss) = (0.0, 0.0);
+        for element in mesh.elements() {
+            let states = element.kinematics(model);
+            for j in 0..STAGES {
+                let (node, y) = (&element.nodes[j], &element.stages[j]);
+                let acceleration = model.acceleration(node, y, &element.rate(j));
+                let forces = contact_forces(model.problem(), &states[j], &acceleration);
+                let weight = mesh.spans() as f64 * element.duration_s * weights[j];
+                work += weight * forces.power_w;
+                loss += weight * forces.loss_w;
+            }
+        }
+        Ok([work, loss])
+    }
+
+    fn polish(&mut self) -> Result<f64, MotionError> {
+        self.orbit.polish(&self.model)
+    }
+
+    fn attractor(
+        &mut self,
+        first: Result<GaitMetrics, MotionError>,
+        accuracy: f64,
+    ) -> Result<(GaitMetrics, usize, bool), MotionError> {
+        let Self { model, orbit } = self;
+        let (cycles, is_first) = find_attractor(model, orbit, first.is_ok(), accuracy)?;
+        Ok((orbit.measure(model).metrics, cycles, is_first))
+    }
+
+    fn cycle(&self, samples: usize) -> Result<Vec<Sample>, MotionError> {
+        trajectory::cycle(&self.model, &self.orbit.mesh, samples)
+    }
+
+    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>, MotionError> {
+        trajectory::from_rest(&self.model, cycles, samples)
+    }
+
+    fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient, MotionError> {
+        transient::from_rest(&self.model, duration_s, tolerance)
+    }
+}

@@ -1,0 +1,231 @@
+//! Steady periodic motion: a periodic boundary value problem, solved by collocation.
+//!
+//! The period (half of it, where the mirror image of the motion must follow) is cut into
+//! elements of Radau IIA collocation. Newton's method linearises all of them; each is condensed
+//! to the derivative of its end with respect to its start, and an `N x N` system closes the
+//! chain. The product of these derivatives is the monodromy matrix `M`, whose eigenvalues are the
+//! Floquet multipliers. Work and storage grow in proportion to the number of elements.
+//!
+//! A few coarse elements bring Newton's method near; the end of their polynomials' spectra tells
+//! how many elements the accuracy asks for.
+
+mod newton;
+mod resolution;
+
+use nalgebra::SMatrix;
+
+use super::MotionError;
+use super::cycle::{Cycle, measure};
+use super::element::{Element, Linearisation, solve_element};
+use super::mesh::{Mesh, States};
+use super::radau::STAGES;
+use super::reduced::Reduced;
+
+/// What solutions took.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Effort {
+    /// Newton steps, those of coarse meshes and of starts that failed among them.
+    pub newton_steps: usize,
+    /// Jacobians that were evaluated and factored.
+    pub factorisations: usize,
+    /// Systems that were solved by these factors.
+    pub linear_solves: usize,
+    /// Elements of the last solution.
+    pub elements: usize,
+}
+
+/// A periodic motion and the workspace to solve for it, which is used again by the next solution.
+#[derive(Debug, Clone)]
+pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
+    pub mesh: Mesh<N, R>,
+    /// Newton steps of the last solution.
+    steps: usize,
+    /// Of all solutions since it was last cleared.
+    pub effort: Effort,
+    /// Newton's contraction: the step after a fresh one over that one's square, when last seen.
+    contraction: f64,
+    linearisation: Linearisation,
+    /// `(I - M)^-1`, which closes the chain.
+    monodromy_closure: SMatrix<f64, N, N>,
+    /// The last step by the factors at hand, and the one before.
+    step: States<N>,
+    last_step: States<N>,
+    /// The states before a step, or coarser ones.
+    before: States<N>,
+    /// For single elements.
+    pub workspace: Linearisation,
+    /// The last solution's discretisation error over the accepted one; infinite if there is none.
+    error_ratio: f64,
+    /// What was found out about the solution: its metrics, its largest Floquet multiplier.
+    cycle: Option<Cycle>,
+    floquet: Option<f64>,
+}
+
+/// Where Newton's method starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Start<const N: usize> {
+    /// The robot at rest all the time.
+    Rest,
+    /// The last solution of this orbit, if there is one.
+    Last,
+    /// The motion that follows from a state at phase 0.
+    State([f64; N]),
+}
+
+/// Elements per period at first, and in the end at least and at most.
+const COARSE: usize = 6;
+const FEWEST: usize = 8;
+const MOST_ELEMENTS: usize = 512;
+/// By how much finer the first elements are when a motion from a state fails with coarse ones.
+const FINER: [usize; 3] = [1, 4, 16];
+/// Relative step at which the coarse elements' solution is good enough to be refined.
+const COARSE_STEP: f64 = 0.02;
+/// Error ratio that elements are laid out for.
+const MARGIN: f64 = 0.4;
+/// A solution that could do with this part of its neighbour's elements gets fewer.
+const FEWER: f64 = 0.9;
+
+impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
+    fn default() -> Self {
+        Self {
+            mesh: Mesh::default(),
+            steps: 0,
+            effort: Effort::default(),
+            contraction: 1.0,
+            linearisation: Linearisation::default(),
+            monodromy_closure: SMatrix::zeros(),
+            step: States::default(),
+            last_step: States::default(),
+            before: States::default(),
+            workspace: Linearisation::default(),
+            error_ratio: f64::INFINITY,
+            cycle: None,
+            floquet: None,
+        }
+    }
+}
+
+impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
+    /// Finds the periodic solution near `start` with as many elements as the relative
+    /// `accuracy` of the metrics takes.
+    pub fn solve(&mut self, model: &R, start: Start<N>, accuracy: f64) -> Result<(), MotionError> {
+        let error_ratio = std::mem::replace(&mut self.error_ratio, f64::INFINITY);
+        (self.cycle, self.floquet) = (None, None);
+        let signs = model.half_period_signs();
+        let is_warm =
+            start == Start::Last && error_ratio.is_finite() && self.mesh.is_half == signs.is_some();
+        self.mesh.is_half = signs.is_some();
+        self.mesh.signs = signs.unwrap_or([1.0; N]);
+        (self.steps, self.contraction) = (0, 1.0);
+        if is_warm {
+            self.start_warm(model, error_ratio);
+        } else {
+            self.start_cold(model, start)?;
+            let error_ratio = self.error_ratio(model, accuracy);
+            self.refine(model, error_ratio)?;
+        }
+        loop {
+            self.newton(model, accuracy)?;
+            let error_ratio = self.error_ratio(model, accuracy);
+            if error_ratio <= 1.0 {
+                self.error_ratio = error_ratio;
+                self.effort.elements = self.mesh.len();
+                return Ok(());
+            }
+            self.refine(model, error_ratio)?;
+        }
+    }
+
+    /// Finds an approximate solution with few elements.
+    fn start_cold(&mut self, model: &R, start: Start<N>) -> Result<(), MotionError> {
+        let coarse = COARSE / self.mesh.spans();
+        let Start::State(state) = start else {
+            self.lay_out(model, coarse);
+            let states = &mut self.mesh.states;
+            states.start = model.at_rest();
+            states.elements.clear();
+            states.elements.resize(coarse, [states.start; STAGES]);
+            self.mesh.integrate();
+            return self.newton(model, COARSE_STEP);
+        };
+        let mut tried = Ok(());
+        for finer in FINER {
+            self.lay_out(model, finer * coarse);
+            tried = self.march(model, state).and_then(|()| self.newton(model, COARSE_STEP));
+            if tried.is_ok() {
+                break;
+            }
+        }
+        tried
+    }
+
+    /// Makes the last solution, which had this error ratio, the start for another frequency.
+    fn start_warm(&mut self, model: &R, error_ratio: f64) {
+        let before_s = self.mesh.element_s * self.mesh.len() as f64;
+        let enough = self.enough_elements(error_ratio);
+        if (enough as f64) < FEWER * self.mesh.len() as f64 {
+            self.mesh.resample(enough, &mut self.before);
+        }
+        self.lay_out(model, self.mesh.len());
+        // Velocities go with the frequency, the passive joint's angle does not.
+        let faster = before_s / (self.mesh.element_s * self.mesh.len() as f64);
+        let rates = if R::HAS_ANGLE { N - 1 } else { N };
+        let States { start, elements } = &mut self.mesh.states;
+        let states = elements.iter_mut().flatten().chain([start]);
+        states.for_each(|y| y[..rates].iter_mut().for_each(|rate| *rate *= faster));
+        self.mesh.integrate();
+    }
+
+    /// Elements with an error ratio of [`MARGIN`], where those at hand have `error_ratio`.
+    fn enough_elements(&self, error_ratio: f64) -> usize {
+        let fewest = FEWEST / self.mesh.spans();
+        // By the rule's order.
+        let growth = (error_ratio / MARGIN).powf(1.0 / (2.0 * STAGES as f64 - 1.0)).min(4.0);
+        ((self.mesh.len() as f64 * growth).ceil() as usize).max(fewest)
+    }
+
+    /// Replaces the elements by as many as are needed, if those at hand are too few.
+    fn refine(&mut self, model: &R, error_ratio: f64) -> Result<(), MotionError> {
+        let (fewest, most) = (FEWEST / self.mesh.spans(), MOST_ELEMENTS / self.mesh.spans());
+        let count = self.mesh.len();
+        if error_ratio <= 1.0 && count >= fewest {
+            return Ok(());
+        }
+        if count >= most || !error_ratio.is_finite() {
+            return Err(MotionError::Unresolved { error: self.discretisation_error(model) });
+        }
+        let finer = self.enough_elements(error_ratio).clamp(count + 1, most);
+        self.mesh.resample(finer, &mut self.before);
+        self.lay_out(model, finer);
+        self.mesh.integrate();
+        Ok(())
+    }
+
+    /// Lays out the commands of `count` elements and the workspace for them.
+    fn lay_out(&mut self, model: &R, count: usize) {
+        self.mesh.lay_out(model, count);
+        self.linearisation.resize::<N, R>(count);
+    }
+
+    /// Fills the elements with the motion that follows from a state.
+    fn march(&mut self, model: &R, state: [f64; N]) -> Result<(), MotionError> {
+        let Mesh { nodes, states, element_s: duration_s, .. } = &mut self.mesh;
+        states.start = state;
+        states.elements.clear();
+        for (k, nodes) in nodes.chunks_exact(STAGES).enumerate() {
+            let start = *states.start_of(k);
+            let guess =
+                Element { nodes, start: &start, stages: &[start; STAGES], duration_s: *duration_s };
+            let stages = solve_element(model, &guess, 1e-4, &mut self.linearisation)
+                .ok_or(MotionError::Stuck { time_s: k as f64 * *duration_s })?;
+            states.elements.push(stages);
+        }
+        Ok(())
+    }
+
+    /// What a cycle of the solution amounts to.
+    pub fn measure(&mut self, model: &R) -> Cycle {
+        let Self { mesh, workspace, cycle, .. } = self;
+        *cycle.get_or_insert_with(|| measure(model, mesh, workspace))
+    }
+}

@@ -1,0 +1,336 @@
+//! The kinematic robot on wheels that cannot skid: quadrature of eq. 3.
+//!
+//! By Cramer's rule the body velocities of eq. 3 are `N(phi, phi') / det W_b(phi)`. Where the
+//! gait crosses `det W_b = 0` they stay bounded only if the numerator vanishes too, which is
+//! condition (5), or (6) where `phi1 = phi2`; then the quotient has a limit. A gait that
+//! crosses without meeting it has no motion.
+
+use std::f64::consts::TAU;
+
+use super::forces::contact_forces;
+use super::method::Method;
+use super::orbit::Effort;
+use super::path::integrate_poses;
+use super::radau::{RADAU, STAGES};
+use super::reduced::{Derivatives, KinematicState};
+use super::trajectory::Sample;
+use super::transient::Transient;
+use super::{MotionError, Problem};
+use crate::metrics::GaitMetrics;
+use crate::robot::{JointCommand, Parameter, Pose, Robot, Trig};
+
+/// Elements of the quadrature at first and at most. Odd numbers keep the elements' ends off
+/// the simple fractions of a period at which gaits tend to cross `det W_b = 0`.
+const ELEMENTS: usize = 9;
+const MOST_ELEMENTS: usize = 4000;
+/// Relative change of a cycle on doubling the elements that is accepted.
+const ACCURACY: f64 = 1e-11;
+/// Samples of a cycle in which crossings are looked for.
+const SAMPLES: usize = 720;
+/// Part of a typical numerator that may be left at a crossing that meets condition (5).
+const CROSSING: f64 = 1e-9;
+/// Part of a typical determinant below which the quotient is taken from its neighbourhood.
+const NEAR: f64 = 1e-4;
+
+/// For motions that eq. 3 gives.
+pub(super) struct Quadrature<'p> {
+    pub problem: &'p Problem,
+    pub joints: [JointCommand; 2],
+}
+
+impl Quadrature<'_> {
+    /// Metrics of one cycle. They do not depend on the frequency, but for the speed.
+    fn metrics(&self, joints: [JointCommand; 2]) -> Result<GaitMetrics, MotionError> {
+        let robot = &self.problem.robot;
+        let eq3 = Eq3::new(robot, joints)?;
+        let change = |before: &Pose, after: &Pose| {
+            let d_m = after.x_m.hypot(after.y_m);
+            let moved = (after.x_m - before.x_m).hypot(after.y_m - before.y_m) / d_m.max(robot.l_m);
+            moved.max((after.theta_rad - before.theta_rad).abs())
+        };
+        let (end, error) = refined(ELEMENTS, |count| eq3.cycle(count), change);
+        if error > ACCURACY {
+            return Err(MotionError::Unresolved { error });
+        }
+        let d_m = end.x_m.hypot(end.y_m);
+        Ok(GaitMetrics {
+            d_m,
+            v_m_s: d_m * self.problem.omega_rad_s / TAU,
+            sigma: [0.0; 3],
+            alpha1_rad: joints[0].amplitude_rad.abs(),
+            dtheta_rad: end.theta_rad,
+        })
+    }
+
+    /// Derivative of the metrics with respect to the amplitude of a joint, by Richardson's
+    /// extrapolation of central differences: the quadrature has more digits than it needs.
+    ///
+    /// # Errors
+    /// A gait with a slightly different amplitude has no motion: one that depends on condition (5)
+    /// being met has no derivative.
+    fn amplitude_derivative(&self, joint: usize) -> Result<GaitMetrics, MotionError> {
+        const STEP_RAD: f64 = 2e-3;
+        let difference = |step: f64| -> Result<[f64; 7], MotionError> {
+            let at = |step: f64| {
+                let mut joints = self.joints;
+                joints[joint].amplitude_rad += step;
+                Ok(self.metrics(joints)?.to_array())
+            };
+            let (low, high) = (at(-step)?, at(step)?);
+            Ok(std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step)))
+        };
+        let (coarse, fine) = (difference(STEP_RAD)?, difference(0.5 * STEP_RAD)?);
+        Ok(GaitMetrics::from_array(std::array::from_fn(|i| (4.0 * fine[i] - coarse[i]) / 3.0)))
+    }
+}
+
+impl Method for Quadrature<'_> {
+    fn solve(
+        &mut self,
+        _is_warm: bool,
+        _accuracy: f64,
+    ) -> Result<(GaitMetrics, Effort), MotionError> {
+        Ok((self.metrics(self.joints)?, Effort::default()))
+    }
+
+    fn floquet(&mut self) -> Result<Option<f64>, MotionError> {
+        Ok(None)
+    }
+
+    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives, MotionError> {
+        let mut derivatives = Derivatives::NONE;
+        if wanted.is_none() {
+            for (joint, derivative) in derivatives.amplitudes.iter_mut().enumerate() {
+                *derivative = self.amplitude_derivative(joint)?;
+            }
+        }
+        Ok(derivatives)
+    }
+
+    fn work_and_loss_j(&self) -> Result<[f64; 2], MotionError> {
+        let problem = self.problem;
+        let eq3 = Eq3::new(&problem.robot, self.joints)?;
+        // The two, and the power without its sign.
+        let sums = |count: usize| {
+            let length = TAU / count as f64;
+            let mut sums = [0.0; 3];
+            for k in 0..count {
+                for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
+                    let (state, acceleration) = eq3.state(problem, length * (k as f64 + node));
+                    let forces = contact_forces(problem, &state, &acceleration);
+                    let weight = weight * length / problem.omega_rad_s;
+                    sums[0] += weight * forces.power_w;
+                    sums[1] += weight * forces.loss_w;
+                    sums[2] += weight * forces.power_w.abs();
+                }
+            }
+            sums
+        };
+        let change = |before: &[f64; 3], after: &[f64; 3]| {
+            (0..2).map(|i| (after[i] - before[i]).abs()).fold(0.0, f64::max) / after[2]
+        };
+        let ([work_j, loss_j, _], _) = refined(2 * ELEMENTS + 1, sums, change);
+        Ok([work_j, loss_j])
+    }
+
+    fn polish(&mut self) -> Result<f64, MotionError> {
+        Ok(0.0)
+    }
+
+    fn attractor(
+        &mut self,
+        first: Result<GaitMetrics, MotionError>,
+        _accuracy: f64,
+    ) -> Result<(GaitMetrics, usize, bool), MotionError> {
+        Ok((first?, 0, true))
+    }
+
+    fn cycle(&self, samples: usize) -> Result<Vec<Sample>, MotionError> {
+        self.cycles_from_rest(1, samples)
+    }
+
+    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>, MotionError> {
+        /// Elements of the quadrature between samples reach at most this far.
+        const LONGEST_RAD: f64 = TAU / 90.0;
+        let problem = self.problem;
+        let eq3 = Eq3::new(&problem.robot, self.joints)?;
+        let interval = TAU / samples as f64;
+        let elements = (interval / LONGEST_RAD).ceil();
+        let length = interval / elements;
+        let mut pose = Pose::default();
+        let sample = |i: usize| {
+            let phase = interval * i as f64;
+            let (state, acceleration) = eq3.state(problem, phase);
+            let time_s = phase / problem.omega_rad_s;
+            let sample = Sample::new(problem, time_s, pose, &state, &acceleration);
+            for k in 0..elements as usize {
+                pose = eq3.advance(pose, phase + length * k as f64, length);
+            }
+            sample
+        };
+        Ok((0..=cycles * samples).map(sample).collect())
+    }
+
+    fn transient(&self, _duration_s: f64, _tolerance: f64) -> Result<Transient, MotionError> {
+        Err(MotionError::Determined)
+    }
+}
+
+/// A quadrature with ever more elements than `count` until its relative `change` is below [`ACCURACY`], and the
+/// last change, which is larger only where [`MOST_ELEMENTS`] are too few.
+fn refined<T>(
+    mut count: usize,
+    quadrature: impl Fn(usize) -> T,
+    change: impl Fn(&T, &T) -> f64,
+) -> (T, f64) {
+    let mut before = quadrature(count);
+    loop {
+        count = 2 * count + 1;
+        let after = quadrature(count);
+        let change = change(&before, &after);
+        if change <= ACCURACY || count >= MOST_ELEMENTS {
+            return (after, change);
+        }
+        before = after;
+    }
+}
+
+/// Eq. 3 with time measured as phase.
+struct Eq3<'a> {
+    robot: &'a Robot,
+    joints: [JointCommand; 2],
+    /// Largest `det W_b` of the cycle, m.
+    det_scale_m: f64,
+}
+
+impl<'a> Eq3<'a> {
+    /// # Errors
+    /// The gait crosses `det W_b = 0` without meeting condition (5).
+    fn new(robot: &'a Robot, joints: [JointCommand; 2]) -> Result<Self, MotionError> {
+        let mut eq3 = Self { robot, joints, det_scale_m: 0.0 };
+        let phase = |i: usize| TAU * i as f64 / SAMPLES as f64;
+        let mut scale = 0.0_f64;
+        for i in 0..SAMPLES {
+            let (numerators, det) = eq3.parts(phase(i));
+            scale = scale.max(eq3.size(numerators));
+            eq3.det_scale_m = eq3.det_scale_m.max(det.abs());
+        }
+        if eq3.det_scale_m <= 1e-12 * (robot.h_m + robot.l_m) {
+            return Err(MotionError::Singular { phase_rad: 0.0 });
+        }
+        let det = |phase: f64| eq3.parts(phase).1;
+        for i in 0..SAMPLES {
+            let (low, high) = (phase(i), phase(i + 1));
+            if det(low) == 0.0 || det(low) * det(high) < 0.0 {
+                let crossing = bisect(det, low, high);
+                if eq3.size(eq3.parts(crossing).0) > CROSSING * scale {
+                    return Err(MotionError::Singular { phase_rad: crossing });
+                }
+            }
+        }
+        Ok(eq3)
+    }
+
+    /// Numerators of `u` (m^2) and `theta'` (m) and their denominator `det W_b` (m); `v = 0`.
+    ///
+    /// From eq. 1, with `a_i = l + h cos phi_i`: `s1 u + a1 r = l phi1'` and
+    /// `-s2 u - a2 r = l phi2'`.
+    fn parts(&self, phase: f64) -> ([f64; 2], f64) {
+        let [[phi1, w1, _], [phi2, w2, _]] = self.joints.map(|joint| joint.at(phase));
+        let Trig { s: [s1, s2], c: [c1, c2] } = Trig::new([phi1, phi2]);
+        let (h, l) = (self.robot.h_m, self.robot.l_m);
+        let (a1, a2) = (l + h * c1, l + h * c2);
+        ([-l * (a2 * w1 + a1 * w2), l * (s2 * w1 + s1 * w2)], s2 * a1 - s1 * a2)
+    }
+
+    fn size(&self, numerators: [f64; 2]) -> f64 {
+        numerators[0].abs().max(numerators[1].abs() * self.robot.l_m)
+    }
+
+    /// `u` and `theta'` per radian of phase.
+    fn velocities(&self, phase: f64) -> [f64; 2] {
+        self.smooth(phase, |phase| {
+            let (numerators, det) = self.parts(phase);
+            (numerators.map(|numerator| numerator / det), det)
+        })
+    }
+
+    /// Their derivatives with respect to the phase.
+    fn accelerations(&self, phase: f64) -> [f64; 2] {
+        self.smooth(phase, |phase| {
+            let (numerators, det) = self.parts(phase);
+            let (slopes, det_slope) = self.dparts_dphase(phase);
+            let slope = |i: usize| (slopes[i] - numerators[i] / det * det_slope) / det;
+            (std::array::from_fn(slope), det)
+        })
+    }
+
+    /// A quotient with its denominator; where that is nearly zero the quotient, which is smooth,
+    /// is taken from both sides, to fourth order.
+    fn smooth(&self, phase: f64, quotient: impl Fn(f64) -> ([f64; 2], f64)) -> [f64; 2] {
+        const ASIDE: f64 = 2e-3;
+        let (value, det) = quotient(phase);
+        if det.abs() > NEAR * self.det_scale_m {
+            return value;
+        }
+        let at = |steps: f64| quotient(phase + steps * ASIDE).0;
+        let (far_left, left, right, far_right) = (at(-2.0), at(-1.0), at(1.0), at(2.0));
+        std::array::from_fn(|i| (4.0 * (left[i] + right[i]) - far_left[i] - far_right[i]) / 6.0)
+    }
+
+    /// Derivatives of [`Eq3::parts`] with respect to the phase.
+    fn dparts_dphase(&self, phase: f64) -> ([f64; 2], f64) {
+        let [[phi1, w1, dw1], [phi2, w2, dw2]] = self.joints.map(|joint| joint.at(phase));
+        let Trig { s: [s1, s2], c: [c1, c2] } = Trig::new([phi1, phi2]);
+        let (h, l) = (self.robot.h_m, self.robot.l_m);
+        let (a1, a2) = (l + h * c1, l + h * c2);
+        let (da1, da2) = (-h * s1 * w1, -h * s2 * w2);
+        let u = -l * (da2 * w1 + a2 * dw1 + da1 * w2 + a1 * dw2);
+        let turning = l * (c2 * w2 * w1 + s2 * dw1 + c1 * w1 * w2 + s1 * dw2);
+        ([u, turning], c2 * w2 * a1 + s2 * da1 - c1 * w1 * a2 - s1 * da2)
+    }
+
+    /// Angles and velocities at a phase, and the time derivatives of the velocities.
+    fn state(&self, problem: &Problem, phase: f64) -> (KinematicState, [f64; 5]) {
+        let omega = problem.omega_rad_s;
+        let shape = problem.gait.at(phase, omega);
+        let [u, r] = self.velocities(phase).map(|rate| rate * omega);
+        let [du, dr] = self.accelerations(phase).map(|rate| rate * omega * omega);
+        let ([w1, w2], [a1, a2]) = (shape.rate_rad_s, shape.acceleration_rad_s2);
+        let state = KinematicState { phi_rad: shape.phi_rad, velocity: [u, 0.0, r, w1, w2] };
+        (state, [du, 0.0, dr, a1, a2])
+    }
+
+    /// The pose after one cycle that starts at phase 0.
+    fn cycle(&self, count: usize) -> Pose {
+        let length = TAU / count as f64;
+        (0..count).fold(Pose::default(), |pose, k| self.advance(pose, length * k as f64, length))
+    }
+
+    /// The pose after an element that starts at a phase.
+    fn advance(&self, pose: Pose, phase: f64, length: f64) -> Pose {
+        let states = RADAU.nodes.map(|node| {
+            let [u, r] = self.velocities(phase + length * node);
+            KinematicState { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] }
+        });
+        let [.., end] = integrate_poses(pose, &states, length);
+        end
+    }
+}
+
+/// A zero of `function` between two points of different signs.
+fn bisect(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    if function(low) == 0.0 {
+        return low;
+    }
+    let rising = function(high) > 0.0;
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if (function(middle) > 0.0) == rising {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    0.5 * (low + high)
+}

@@ -1,0 +1,194 @@
+//! Wheels that skid.
+
+use super::{
+    CommandNode, KinematicState, ParameterJacobian, Reduced, Residual, Variable,
+    dforce_dcoefficients,
+};
+use crate::motion::Problem;
+use crate::robot::{Balance, Parameter, Trig, force_balance, mass_matrix, roll_rows, skid_rows};
+
+/// Wheels that skid. With both joints commanded (`N` = 3) the states are `u, v, theta'`; with
+/// joint `passive` (0 or 1) on its spring (`N` = 5) `phi_p', phi_p` follow them.
+#[derive(Debug, Clone)]
+pub struct Skid<const N: usize> {
+    pub problem: Problem,
+    /// Of no meaning where both joints are commanded.
+    pub passive: usize,
+}
+
+impl<const N: usize> Skid<N> {
+    const IS_PASSIVE: bool = N == 5;
+    /// Rows of eq. 7 among the equations.
+    const ROWS: usize = if Self::IS_PASSIVE { 4 } else { 3 };
+
+    #[inline(always)]
+    fn passive(&self) -> Option<usize> {
+        Self::IS_PASSIVE.then_some(self.passive)
+    }
+
+    /// The row of eq. 7 that is equation `i`: the body's three, then the passive joint's.
+    #[inline(always)]
+    fn row(&self, i: usize) -> usize {
+        if i < 3 { i } else { 3 + self.passive }
+    }
+
+    fn trig(&self, node: &CommandNode, y: &[f64; N]) -> Trig {
+        let mut trig = node.trig;
+        if let Some(p) = self.passive() {
+            (trig.s[p], trig.c[p]) = y[4].sin_cos();
+        }
+        trig
+    }
+
+    #[inline(always)]
+    fn equations(
+        &self,
+        node: &CommandNode,
+        trig: &Trig,
+        y: &[f64; N],
+        dy: &[f64; N],
+    ) -> (Residual<N>, Balance, [[f64; 5]; 5]) {
+        let (robot, passive) = (&self.problem.robot, self.passive());
+        let KinematicState { phi_rad, velocity } = self.kinematics(node, y);
+        let acceleration = self.acceleration(node, y, dy);
+        let balance = force_balance(robot, passive, phi_rad, trig, &velocity, &acceleration);
+        let mass = mass_matrix(robot, trig);
+        let mut residual = Residual {
+            value: [0.0; N],
+            state_jacobian: [[0.0; N]; N],
+            rate_jacobian: [[0.0; N]; N],
+        };
+        for i in 0..Self::ROWS {
+            let row = self.row(i);
+            residual.value[i] = balance.force[row];
+            for j in 0..Self::ROWS {
+                let column = self.row(j);
+                residual.state_jacobian[i][j] = balance.dforce_dvelocity[row][column];
+                residual.rate_jacobian[i][j] = mass[row][column];
+            }
+            if let Some(p) = self.passive() {
+                residual.state_jacobian[i][4] = balance.dforce_dphi[p][row];
+            }
+        }
+        (residual, balance, mass)
+    }
+}
+
+impl<const N: usize> Reduced<N> for Skid<N> {
+    const PARAMETERS: usize = if Self::IS_PASSIVE { 9 } else { 8 };
+    const SKIDS: bool = true;
+    const INTEGRATED: bool = Self::IS_PASSIVE;
+    const HAS_ANGLE: bool = Self::IS_PASSIVE;
+
+    type Node = CommandNode;
+
+    fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    fn node(&self, phase_rad: f64) -> CommandNode {
+        CommandNode::new(&self.problem, phase_rad)
+    }
+
+    #[inline(always)]
+    fn residual(&self, node: &CommandNode, y: &[f64; N], dy: &[f64; N]) -> Residual<N> {
+        self.equations(node, &self.trig(node, y), y, dy).0
+    }
+
+    fn variable(&self, column: usize) -> Variable {
+        match (column, self.passive()) {
+            (0..3, _) => Variable::Parameter(Parameter::SKID[column]),
+            (3..6, _) => Variable::Parameter(Parameter::ROLL[column - 3]),
+            (6, Some(_)) => Variable::Parameter(Parameter::Stiffness),
+            (7, Some(_)) => Variable::Parameter(Parameter::Damping),
+            (_, Some(p)) => Variable::Amplitude(1 - p),
+            (_, None) => Variable::Amplitude(column - 6),
+        }
+    }
+
+    #[inline(always)]
+    fn sensitivity(
+        &self,
+        node: &CommandNode,
+        y: &[f64; N],
+        dy: &[f64; N],
+        jacobian: &mut ParameterJacobian<N>,
+    ) -> Residual<N> {
+        let robot = &self.problem.robot;
+        let trig = self.trig(node, y);
+        let (residual, balance, mass) = self.equations(node, &trig, y, dy);
+        let velocity = self.kinematics(node, y).velocity;
+        let dskid = dforce_dcoefficients(&skid_rows(robot, &trig), &velocity);
+        let droll = dforce_dcoefficients(&roll_rows(robot, &trig), &velocity);
+        for (i, entries) in jacobian.iter_mut().enumerate().take(Self::ROWS) {
+            let row = self.row(i);
+            for wheel in 0..3 {
+                entries[wheel] = dskid[wheel][row];
+                entries[3 + wheel] = droll[wheel][row];
+            }
+            for joint in (0..2).filter(|joint| self.passive() != Some(*joint)) {
+                let [phi, rate, acceleration] = node.waves[joint];
+                entries[if Self::IS_PASSIVE { 8 } else { 6 + joint }] =
+                    balance.dforce_dphi[joint][row] * phi
+                        + balance.dforce_dvelocity[row][3 + joint] * rate
+                        + mass[row][3 + joint] * acceleration;
+            }
+        }
+        if Self::IS_PASSIVE {
+            (jacobian[3][6], jacobian[3][7]) = (y[4] - robot.rest_angle_rad, y[3]);
+        }
+        residual
+    }
+
+    #[inline(always)]
+    fn kinematics(&self, node: &CommandNode, y: &[f64; N]) -> KinematicState {
+        let (mut phi_rad, [w1, w2]) = (node.shape.phi_rad, node.shape.rate_rad_s);
+        let mut velocity = [y[0], y[1], y[2], w1, w2];
+        if let Some(p) = self.passive() {
+            (velocity[3 + p], phi_rad[p]) = (y[3], y[4]);
+        }
+        KinematicState { phi_rad, velocity }
+    }
+
+    #[inline(always)]
+    fn acceleration(&self, node: &CommandNode, _y: &[f64; N], dy: &[f64; N]) -> [f64; 5] {
+        let [a1, a2] = node.shape.acceleration_rad_s2;
+        let mut acceleration = [dy[0], dy[1], dy[2], a1, a2];
+        if let Some(p) = self.passive() {
+            acceleration[3 + p] = dy[3];
+        }
+        acceleration
+    }
+
+    #[inline(always)]
+    fn state_gradient(
+        &self,
+        _node: &CommandNode,
+        _y: &[f64; N],
+        gradient: &KinematicState,
+    ) -> [f64; N] {
+        std::array::from_fn(|i| match i {
+            4 => gradient.phi_rad[self.passive],
+            _ => gradient.velocity[self.row(i)],
+        })
+    }
+
+    #[inline(always)]
+    fn amplitude_gradient(
+        &self,
+        node: &CommandNode,
+        _y: &[f64; N],
+        gradient: &KinematicState,
+    ) -> [f64; 2] {
+        node.amplitude_gradient(gradient)
+    }
+
+    fn half_period_signs(&self) -> Option<[f64; N]> {
+        let signs = || std::array::from_fn(|i| if i == 0 { 1.0 } else { -1.0 });
+        self.problem.is_mirrored().then(signs)
+    }
+
+    fn at_rest(&self) -> [f64; N] {
+        std::array::from_fn(|i| if i == 4 { self.problem.robot.rest_angle_rad } else { 0.0 })
+    }
+}
