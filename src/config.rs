@@ -1,16 +1,18 @@
 //! `pipeline.toml`: the robots, gaits, campaigns and settings of a run.
 //!
-//! The default `Config` is the paper; the file in the repository is tested to equal it.
+//! The file in the repository is the paper's experiment and the default of every key.
 
 mod check;
 mod compare;
 mod error;
-mod paper;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
@@ -21,7 +23,7 @@ use crate::robot::{Gait, JointCommand, Model, Parameter, Robot};
 /// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
 /// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct Config {
     pub paths: Paths,
     pub vicon: Vicon,
@@ -36,7 +38,7 @@ pub struct Config {
 
 /// Where things are; relative paths start at the configuration file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct Paths {
     /// Trial folder.
     pub raw: PathBuf,
@@ -48,7 +50,7 @@ pub struct Paths {
 
 /// What is known of the cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct Vicon {
     /// Frame rate that the marker files must have, Hz; also that of files that do not say one.
     pub rate_hz: f64,
@@ -61,7 +63,7 @@ pub struct Vicon {
 
 /// How markers become velocities and cycles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct Ingest {
     pub poses: Poses,
     pub smoothing_window: Smoothing,
@@ -94,7 +96,7 @@ pub enum Smoothing {
 
 /// Search for the free coefficients.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct Fit {
     /// Bounds of every free skid coefficient, kg/s.
     pub skid_bounds_kg_s: [f64; 2],
@@ -274,7 +276,48 @@ impl<T: Serialize> Serialize for Named<T> {
     }
 }
 
+/// The default of every key.
+const DEFAULTS: &str = include_str!("../pipeline.toml");
+/// Families of which naming one entry replaces all.
+const FAMILIES: [&str; 4] = ["robot", "gait", "campaign", "markers"];
+
+impl Default for Config {
+    fn default() -> Self {
+        static PARSED: LazyLock<Config> = LazyLock::new(|| {
+            Config::parse("").expect("the configuration that comes with the program is complete")
+        });
+        PARSED.clone()
+    }
+}
+
+/// Completes a table by the defaults of keys that it does not name, so many tables deep.
+fn complete<'t>(table: &mut DeTable<'t>, defaults: DeTable<'t>, depth: usize) {
+    for (key, default) in defaults {
+        match (table.get_mut(&key).map(Spanned::get_mut), default.get_ref()) {
+            (None, _) => {
+                table.insert(key, default);
+            }
+            (Some(DeValue::Table(named)), DeValue::Table(_))
+                if depth > 0 && !FAMILIES.contains(&&**key.get_ref()) =>
+            {
+                if let DeValue::Table(default) = default.into_inner() {
+                    complete(named, default, depth - 1);
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
 impl Config {
+    /// Parses a configuration; keys that it leaves out have their defaults. In `compare`, names
+    /// of columns stand beside the default ones.
+    fn parse(text: &str) -> Result<Self, toml::de::Error> {
+        let mut table = DeTable::parse(text)?;
+        complete(table.get_mut(), DeTable::parse(DEFAULTS)?.into_inner(), 2);
+        Self::deserialize(toml::Deserializer::from(table))
+    }
+
     /// Reads and checks a configuration file and makes its paths relative to where it lies.
     ///
     /// # Errors
@@ -283,7 +326,8 @@ impl Config {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        let mut config: Self = parse_toml(path, &text)?;
+        let mut config =
+            Self::parse(&text).map_err(|error| ConfigError::toml(path, &text, &error))?;
         config.check(path)?;
         let home = path.parent().unwrap_or(Path::new(""));
         for place in [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports] {

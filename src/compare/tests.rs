@@ -1,5 +1,7 @@
 //! Comparisons of made-up runs.
 
+use crate::config::Config;
+
 use super::*;
 
 /// A run of some trials with one fit: `d_m` of the trials and `skid0_kg_s` of the fit.
@@ -41,7 +43,7 @@ fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
 }
 
 fn compared(baseline: &Snapshot, candidate: &Snapshot) -> Compared {
-    compare(&Compare::default(), baseline, candidate)
+    compare(&Config::default().compare, baseline, candidate)
 }
 
 fn out(compared: &Compared) -> Vec<String> {
@@ -122,7 +124,7 @@ fn a_longer_run_is_named_and_fails_only_if_it_is_to() {
     candidate.stages.insert("fit".to_owned(), 30.0);
     let named = compared(&baseline, &candidate);
     assert!(named.is_well() && named.run_times[0].is_longer);
-    let strict = Compare { run_time_fails: true, ..Compare::default() };
+    let strict = Compare { run_time_fails: true, ..Config::default().compare };
     assert!(!compare(&strict, &baseline, &candidate).is_well());
     candidate.stages.insert("fit".to_owned(), 14.0);
     assert!(compare(&strict, &baseline, &candidate).is_well());

@@ -22,16 +22,20 @@ fn hint(suggestion: &Option<String>) -> String {
 
 /// Parses TOML; an unknown key's error names its line and the nearest known key.
 pub(crate) fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, ConfigError> {
-    toml::from_str(text).map_err(|error| {
+    toml::from_str(text).map_err(|error| ConfigError::toml(path, text, &error))
+}
+
+impl ConfigError {
+    pub(super) fn toml(path: &Path, text: &str, error: &toml::de::Error) -> Self {
         let start = error.span().map_or(0, |span| span.start.min(text.len()));
         let message = in_plain_words(error.message().trim());
-        ConfigError::Syntax {
+        Self::Syntax {
             path: path.to_owned(),
             line: 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count(),
             suggestion: unknown_name(&message),
             message,
         }
-    })
+    }
 }
 
 /// serde names Rust's types; people write numbers.

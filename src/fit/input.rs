@@ -47,7 +47,7 @@ impl FitInput {
         };
         let free = input.free();
         let frees = |is: fn(Parameter) -> bool| free.iter().any(|one| is(one.parameter));
-        let (fit, unread) = (&mut input.fit, Fit::default());
+        let (fit, unread) = (&mut input.fit, Config::default().fit);
         if free.is_empty() {
             (fit.starts, fit.profiles) = (1, false);
         }
