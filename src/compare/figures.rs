@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::means::campaigns;
 use super::snapshot::{Record, Records, Snapshot, number, text};
 use super::{Compared, Difference};
-use crate::report::{Axes, Chart, Figure, Layer, colours};
+use crate::report::{Figure, Layer, Look, Panel, Scale, colours};
 
 const QUANTITIES: [(&str, &str); 7] = [
     ("d_m", "d (m)"),
@@ -90,25 +90,18 @@ impl Curves<'_> {
     /// A chart for each of the columns; `None` if there is nothing to draw.
     fn figure(&self, title: String, columns: &BTreeSet<&str>) -> Option<Figure> {
         let quantities = QUANTITIES.iter().filter(|(column, _)| columns.contains(column));
-        let charts = quantities.map(|(column, label)| {
+        let panels = quantities.map(|(column, label)| {
             let [baseline, candidate] = self.runs.map(|records| self.points(records, column));
-            let line =
-                |name: &str, points, colour| Layer::Line { name: name.to_owned(), points, colour };
-            Chart {
-                title: (*label).to_owned(),
-                x_label: "omega (rad/s)".to_owned(),
-                y_label: (*label).to_owned(),
-                layers: vec![
-                    line("baseline", baseline, colours::BASELINE),
-                    line("tonight", candidate, colours::CANDIDATE),
-                ],
-                axes: Axes::LinearAcross,
-                ..Chart::default()
-            }
+            let layers = vec![
+                Layer::new("baseline", baseline, Look::Dotted(colours::BASELINE)),
+                Layer::new("tonight", candidate, Look::Dotted(colours::CANDIDATE)),
+            ];
+            let panel = Panel::new(*label, "omega (rad/s)", *label, layers);
+            Panel { y_scale: Scale::Decades, ..panel }
         });
         let figure = Figure {
             caption: "Grey: baseline. Orange: tonight.".to_owned(),
-            ..Figure::of_charts("", title, &[self.campaign], charts.collect())
+            ..Figure::new("", title, &[self.campaign], panels.collect())
         };
         (!figure.is_empty()).then_some(figure)
     }

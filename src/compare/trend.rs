@@ -6,7 +6,9 @@ use std::path::Path;
 use serde_json::{Value as Json, json};
 
 use super::CompareError;
-use crate::report::{Axes, Chart, Figure, Image, Layer, colours, fill, percent, significant};
+use crate::report::{
+    Figure, Image, Layer, Look, Panel, Scale, colours, fill, percent, significant,
+};
 use crate::store::{history_rows, write_bytes};
 
 history_rows! {
@@ -72,20 +74,12 @@ fn group(campaign: &str, series: &[(String, Series)]) -> Result<Json, CompareErr
         true => "Whole runs".to_owned(),
         false => format!("Campaign {campaign}"),
     };
-    let chart = |(name, points): &(String, Series)| Chart {
-        title: name.clone(),
-        x_label: "run".to_owned(),
-        y_label: String::new(),
-        layers: vec![Layer::Line {
-            name: name.clone(),
-            points: points.clone(),
-            colour: colours::TREND,
-        }],
-        axes: Axes::LinearAcross,
-        ..Chart::default()
+    let panel = |(name, points): &(String, Series)| {
+        let layer = Layer::new(name, points.iter().copied(), Look::Dotted(colours::TREND));
+        Panel { y_scale: Scale::Decades, ..Panel::new(name, "run", "", vec![layer]) }
     };
-    let charts = series.iter().map(chart).collect();
-    let figure = Figure::of_charts("", format!("{name}, run by run"), &[campaign], charts);
+    let panels = series.iter().map(panel).collect();
+    let figure = Figure::new("", format!("{name}, run by run"), &[campaign], panels);
     let row = |(name, points): &(String, Series)| {
         let values: Vec<f64> = points.iter().map(|(_, value)| *value).collect();
         let last = values.last().copied().unwrap_or(f64::NAN);

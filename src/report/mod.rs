@@ -1,27 +1,17 @@
 //! The report: tables of `derived/` to figures, `fits.json`, `scorecard.json` and a page.
 
-mod axis;
-mod canvas;
-mod chart;
-mod figure;
+mod drawing;
 mod figures;
 mod fits_json;
-mod font;
 mod input;
-mod legend;
 mod numbers;
 mod page;
 mod parameters;
 mod places;
 mod plan;
-mod plot;
-mod polyline;
 mod recording;
-mod render;
 mod scorecard;
-mod series;
 mod simulated;
-mod style;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -36,16 +26,14 @@ use rayon::prelude::*;
 
 use crate::config::Config;
 use crate::store::{How, StageState, Stamp, StoreError, Thing, write_if_changed};
-use font::Typeface;
 use plan::Content;
 
-pub(crate) use chart::{Axes, Chart, Layer};
-pub(crate) use figure::Figure;
+pub(crate) use drawing::style::colours;
+pub(crate) use drawing::{Figure, Layer, Look, Panel, Scale};
 pub use input::{ReportCampaign, ReportInput};
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{Image, fill};
 pub use plan::{ReportPlan, plan, plan_after};
-pub(crate) use style::colours;
 
 /// Raise it when the same tables and configuration give another page or other drawings of the
 /// same numbers: then every figure is drawn again once.
@@ -56,12 +44,8 @@ pub const REPORT_VERSION: u32 = 1;
 pub enum ReportError {
     #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("the font that comes with the program cannot be read")]
-    Font,
     #[error("figure {figure}: cannot be drawn: {message}")]
     Draw { figure: String, message: String },
-    #[error("figure {figure}: cannot be written as PNG: {source}")]
-    Png { figure: String, source: png::EncodingError },
     #[error("JSON: {0}")]
     Json(serde_json::Error),
     #[error("the claims that come with the program cannot be read: {0}")]
@@ -112,7 +96,6 @@ pub fn report_planned(
     };
     let reports = &config.paths.reports;
     plan::remove_stale(reports, plan.known, &figures)?;
-    let font = Typeface::load()?;
     let drawn = figures
         .par_iter()
         .map(|figure| {
@@ -121,8 +104,7 @@ pub fn report_planned(
                 Some((svg, outputs)) => (svg.clone(), outputs.clone()),
                 None => draw(reports, figure)?,
             };
-            let size = plot::size(figure, font);
-            Ok((page::Drawn { figure, svg, size }, outputs))
+            Ok((page::Drawn { figure, svg }, outputs))
         })
         .collect::<Result<Vec<_>, ReportError>>()?;
     let (drawn, outputs): (Vec<page::Drawn>, Vec<_>) = drawn.into_iter().unzip();
@@ -169,8 +151,8 @@ pub fn file_paths(reports: &Path) -> Vec<PathBuf> {
 
 /// Draws a figure and writes its files; gives the SVG and the files' stamps.
 fn draw(reports: &Path, figure: &Figure) -> Result<(String, BTreeMap<String, Stamp>), ReportError> {
-    let svg = render::svg(figure)?;
-    let (png, csv) = (render::png(figure)?, figure.csv());
+    let svg = drawing::svg(figure)?;
+    let (png, csv) = (drawing::png(figure, &svg)?, figure.csv());
     let mut outputs = BTreeMap::new();
     let files = EXTENSIONS.into_iter().zip([svg.as_bytes(), &png, csv.as_bytes()]);
     for (extension, bytes) in files {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::figure::Figure;
+use super::drawing::Figure;
 use super::page;
 use super::tables::{Tables, table_paths};
 use super::truth::Truth;

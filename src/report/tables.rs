@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::ReportError;
-use super::series::Source;
+use super::figures::Source;
 use crate::report::ReportInput;
 use crate::store::{
     BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
@@ -85,7 +85,11 @@ impl Tables {
         });
         tables.fits.sort_by(|a, b| {
             let key = |row: &FitRow| {
-                (row.campaign.clone(), super::style::model_rank(&row.model), row.model.clone())
+                (
+                    row.campaign.clone(),
+                    super::drawing::style::model_rank(&row.model),
+                    row.model.clone(),
+                )
             };
             key(a).cmp(&key(b))
         });

@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::font::Typeface;
 use super::page::{self, Drawn, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
-use super::{REPORT_VERSION, ReportError, figures, plot, render};
+use super::{REPORT_VERSION, ReportError, drawing, figures};
 use crate::report::ReportInput;
 use crate::store::{
     Parts, Stamp, TrialRow, VERSION, cycles_path, hash, poses_path, wheels_path, write_if_changed,
@@ -124,12 +123,10 @@ fn html(
     recording: Option<&Recording>,
     config: &ReportInput,
 ) -> Result<String, ReportError> {
-    let font = Typeface::load()?;
     let figures =
         recording.map_or(Vec::new(), |recording| figures::trial::figures(trial, recording, config));
-    let draw = |figure| -> Result<Drawn, ReportError> {
-        Ok(Drawn { figure, svg: render::svg(figure)?, size: plot::size(figure, font) })
-    };
+    let draw =
+        |figure| -> Result<Drawn, ReportError> { Ok(Drawn { figure, svg: drawing::svg(figure)? }) };
     let drawn = figures.iter().map(draw).collect::<Result<Vec<_>, _>>()?;
     page::trial_html(trial, tables, recording, &drawn)
 }

@@ -1,11 +1,8 @@
 //! How the searches ended, how the objective depends on each coefficient, and how the
 //! coefficients of the bootstrap's replicates go together.
 
-use crate::report::axis::Range;
-use crate::report::chart::{Axes, Chart, Layer, Layout};
-use crate::report::figure::Figure;
+use crate::report::drawing::{Figure, Layer, Look, Panel, Range, Scale, style};
 use crate::report::parameters;
-use crate::report::style;
 use crate::report::tables::Tables;
 use crate::robot::Parameter;
 use crate::store::{BootstrapRow, FitRow, ProfileRow};
@@ -21,15 +18,14 @@ pub fn stems(stem: &str) -> [String; 3] {
 pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> Vec<Figure> {
     let fits: Vec<&FitRow> =
         tables.fits.iter().filter(|fit| fit.campaign == campaign && !fit.free.is_empty()).collect();
-    let figure = |kind: &str, title: &str, caption: &str, charts: Vec<Chart>| Figure {
-        stem: format!("{stem}-{kind}"),
-        number: String::new(),
-        title: format!("{title} of campaign {campaign}"),
+    let figure = |kind: &str, title: &str, caption: &str, panels: Vec<Panel>| Figure {
         caption: caption.to_owned(),
-        campaigns: vec![campaign.to_owned()],
-        panels: Vec::new(),
-        charts,
-        layout: Layout::Grid,
+        ..Figure::new(
+            &format!("{stem}-{kind}"),
+            format!("{title} of campaign {campaign}"),
+            &[campaign],
+            panels,
+        )
     };
     let starts = fits.iter().filter_map(|fit| waterfall(fit, tables)).collect();
     let profiles = fits.iter().flat_map(|fit| profiles(fit, tables)).collect();
@@ -59,53 +55,46 @@ pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> Vec<Figure> {
     all.into_iter().filter(|figure| !figure.is_empty()).collect()
 }
 
-fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Chart> {
+fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Panel> {
     let of_fit = |row: &&crate::store::StartRow| {
         row.campaign == fit.campaign && row.model == fit.model && row.j.is_finite()
     };
     let mut ends: Vec<f64> = tables.starts.iter().filter(of_fit).map(|row| row.j).collect();
     ends.sort_by(f64::total_cmp);
-    let points: Vec<(f64, f64)> =
-        ends.into_iter().enumerate().map(|(i, j)| ((i + 1) as f64, j)).collect();
-    (points.len() > 1).then(|| Chart {
-        title: fit.model.clone(),
-        x_label: "Start, by rank".to_owned(),
-        y_label: "J".to_owned(),
-        layers: vec![Layer::Line { name: "starts".to_owned(), points, colour: colour(fit) }],
-        axes: Axes::LinearAcross,
-        ..Chart::default()
+    let points = (1..).map(f64::from).zip(ends.iter().copied());
+    let layer = Layer::new("starts", points, Look::Dotted(colour(fit)));
+    (ends.len() > 1).then(|| Panel {
+        y_scale: Scale::Decades,
+        ..Panel::new(&fit.model, "Start, by rank", "J", vec![layer])
     })
 }
 
-fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
+fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
     let of_fit = |row: &&ProfileRow| row.campaign == fit.campaign && row.model == fit.model;
     let rows: Vec<&ProfileRow> = tables.profiles.iter().filter(of_fit).collect();
-    let chart = |name: &String| {
+    let panel = |name: &String| {
         let of_parameter = rows.iter().filter(|row| row.parameter == *name);
-        let points: Vec<(f64, f64)> = of_parameter.clone().map(|row| (row.value, row.j)).collect();
+        let points = of_parameter.clone().map(|row| (row.value, row.j));
         let limit_j = of_parameter.clone().next()?.limit_j;
         let known = Parameter::of_column(name)?;
         let parameter = parameters::of_fit(fit)[known as usize];
-        let [from, to] = parameter.limits.map(|limit| Some(limit).filter(|x| x.is_finite()));
+        let [from, to] = parameter.limits;
         let rise = limit_j - fit.j;
-        Some(Chart {
-            title: fit.model.clone(),
-            x_label: label(known),
-            y_label: "J".to_owned(),
-            layers: vec![
-                Layer::Band { name: "95 % interval".to_owned(), from, to },
-                Layer::Line { name: "profile".to_owned(), points, colour: colour(fit) },
-                Layer::Level { name: "limit".to_owned(), y: limit_j },
-                Layer::Mark { name: "fit".to_owned(), point: (parameter.value, fit.j) },
-            ],
+        let layers = vec![
+            Layer::band("95 % interval", from, to),
+            Layer::new("profile", points, Look::Dotted(colour(fit))),
+            Layer::level("limit", limit_j),
+            Layer::new("fit", [(parameter.value, fit.j)], Look::Rings),
+        ];
+        Some(Panel {
             shown: Some(Range { low: f64::NEG_INFINITY, high: fit.j + 2.5 * rise }),
-            ..Chart::default()
+            ..decades(fit, &label(known), "J", layers)
         })
     };
-    fit.free.iter().filter_map(chart).collect()
+    fit.free.iter().filter_map(panel).collect()
 }
 
-fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
+fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
     let of_fit = |row: &&BootstrapRow| row.campaign == fit.campaign && row.model == fit.model;
     let rows: Vec<[f64; 9]> =
         tables.bootstrap.iter().filter(of_fit).map(|row| row.parameters()).collect();
@@ -113,7 +102,7 @@ fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
         .into_iter()
         .filter(|parameter| fit.free.iter().any(|name| name == parameter.column()))
         .collect();
-    let mut charts = Vec::new();
+    let mut panels = Vec::new();
     for (n, &x) in free.iter().enumerate() {
         for &y in &free[n + 1..] {
             let points: Vec<(f64, f64)> =
@@ -122,22 +111,22 @@ fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Chart> {
                 continue;
             }
             let fitted = fit.parameters();
-            charts.push(Chart {
-                title: fit.model.clone(),
-                x_label: label(x),
-                y_label: label(y),
-                layers: vec![
-                    Layer::Dots { name: "replicates".to_owned(), points, colour: colour(fit) },
-                    Layer::Mark {
-                        name: "fit".to_owned(),
-                        point: (fitted[x as usize], fitted[y as usize]),
-                    },
-                ],
-                ..Chart::default()
-            });
+            let layers = vec![
+                Layer::new("replicates", points, Look::Dots(colour(fit))),
+                Layer::new("fit", [(fitted[x as usize], fitted[y as usize])], Look::Rings),
+            ];
+            panels.push(decades(fit, &label(x), label(y), layers));
         }
     }
-    charts
+    panels
+}
+
+fn decades(fit: &FitRow, x_label: &str, y_label: impl Into<String>, layers: Vec<Layer>) -> Panel {
+    Panel {
+        x_scale: Scale::Decades,
+        y_scale: Scale::Decades,
+        ..Panel::new(&fit.model, x_label, y_label, layers)
+    }
 }
 
 fn colour(fit: &FitRow) -> plotters::style::RGBColor {

@@ -1,15 +1,13 @@
 //! The figures: which there are, and which of them the tables at hand allow.
 
-mod displacement;
+mod common;
 mod fits;
-mod models;
-mod parts;
+mod frequency;
 mod recovered;
 mod release;
 mod residuals;
-mod skid;
+mod series;
 mod skidding;
-mod speed;
 mod steady_passive;
 mod tracking;
 pub mod trial;
@@ -18,13 +16,14 @@ mod work;
 
 use std::collections::BTreeSet;
 
-use super::figure::Figure;
+use super::drawing::Figure;
 use super::recording::Recording;
-use super::series::Source;
 use super::tables::Tables;
 use super::truth::Truth;
 use crate::report::ReportInput;
 use crate::store::TrialRow;
+use series::Quantity;
+pub use series::Source;
 
 pub const SKEWED: &str = "kinematic-skewed";
 pub const SYMMETRIC: &str = "kinematic-symmetric";
@@ -86,8 +85,8 @@ pub fn figures(tables: &Tables, config: &ReportInput, truth: Option<&Truth>) -> 
     for campaign in configured.iter().filter(|name| !PAPER_CAMPAIGNS.contains(name)) {
         let name = file_name(campaign, &mut stems);
         let own = [
-            models::figure(&format!("{name}-d-v"), campaign, source),
-            skid::figure(&format!("{name}-sigma"), &[campaign], source),
+            frequency::models(&format!("{name}-d-v"), campaign, source),
+            frequency::skid(&format!("{name}-sigma"), &[campaign], source),
         ];
         if own.iter().all(Figure::is_empty) {
             found.missing.push(format!("Campaign {campaign}: nothing to draw, {NOTHING}"));
@@ -103,6 +102,9 @@ pub fn figures(tables: &Tables, config: &ReportInput, truth: Option<&Truth>) -> 
     found.figures.push(work::figure(WORK, tables, config));
     found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, source)));
     found.figures.retain(|figure| !figure.is_empty());
+    for figure in &mut found.figures {
+        figure.number = number(&figure.stem);
+    }
     found
 }
 
@@ -122,17 +124,17 @@ fn of_the_paper(
     found.add(skidding::figure(config));
     found.add(release(tables, config));
     tracked("fig09", SKEWED, source, config, found);
-    found.figures.push(speed::figure("fig10", SKEWED, source));
+    found.figures.push(frequency::measured("fig10", SKEWED, Quantity::Speed, source));
     tracked("fig11", SYMMETRIC, source, config, found);
-    found.figures.push(displacement::figure("fig13", SYMMETRIC, source));
+    found.figures.push(frequency::measured("fig13", SYMMETRIC, Quantity::Displacement, source));
     tracked("fig14", SEMI_PASSIVE, source, config, found);
     found.figures.extend([
-        speed::figure("fig15", SEMI_PASSIVE, source),
-        models::figure("fig16", SKEWED, source),
-        models::figure("fig17", SYMMETRIC, source),
-        models::figure("fig18", SEMI_PASSIVE, source),
-        skid::figure("fig19", &[SYMMETRIC, SKEWED], source),
-        skid::figure("fig20", &[SYMMETRIC, SEMI_PASSIVE], source),
+        frequency::measured("fig15", SEMI_PASSIVE, Quantity::Speed, source),
+        frequency::models("fig16", SKEWED, source),
+        frequency::models("fig17", SYMMETRIC, source),
+        frequency::models("fig18", SEMI_PASSIVE, source),
+        frequency::skid("fig19", &[SYMMETRIC, SKEWED], source),
+        frequency::skid("fig20", &[SYMMETRIC, SEMI_PASSIVE], source),
     ]);
 }
 

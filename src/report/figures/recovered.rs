@@ -1,10 +1,8 @@
 //! Planted truth against what the program made of the trials that were computed from it.
 
-use super::parts::OMEGA;
-use crate::report::chart::{Axes, Chart, Layer, Layout};
-use crate::report::figure::Figure;
-use crate::report::series::{BAR_STANDARD_ERRORS, Source};
-use crate::report::style::{self, Shape};
+use super::common::OMEGA;
+use super::series::{BAR_STANDARD_ERRORS, Source};
+use crate::report::drawing::{Figure, Layer, Panel, Range, Scale, style};
 use crate::report::tables::Tables;
 use crate::report::truth::{self, PlantedTrial, Truth};
 use crate::store::TrialRow;
@@ -29,64 +27,48 @@ pub fn figure(stem: &str, truth: &Truth, tables: &Tables, source: Source<'_>) ->
             move |planted| planted.sigma.map(|sigma| sigma[wheel]),
         )
     });
-    let charts: Vec<Chart> = [coefficients, d, alpha]
-        .into_iter()
-        .chain(skid)
-        .filter(|chart| !chart.is_empty())
-        .collect();
+    let all = [coefficients, d, alpha].into_iter().chain(skid);
+    let panels = all.filter(|panel| !panel.is_empty()).collect();
     let campaigns = super::campaigns_of(source);
     Figure {
         caption: "Coefficients: fitted skid-roll model against what was planted, with 95 % \
                   intervals; a point on the line is right. The others: measured less planted, in \
                   parts of the latter, with bars of 1.96 standard errors."
             .to_owned(),
-        layout: Layout::Grid,
-        ..Figure::of_charts(stem, "Planted and recovered".to_owned(), &campaigns, charts)
+        ..Figure::new(stem, "Planted and recovered".to_owned(), &campaigns, panels)
     }
 }
 
-fn coefficients(truth: &Truth, tables: &Tables) -> Chart {
+fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
     let known: Vec<_> = truth::planted(truth, tables)
         .into_iter()
         .filter(|known| known.parameter.free && known.planted > 0.0)
         .collect();
     let mut campaigns: Vec<&str> = known.iter().map(|known| known.campaign).collect();
     campaigns.dedup();
-    let mut layers = Vec::new();
-    let ends = known.iter().flat_map(|known| [known.planted, known.parameter.value]);
-    let low = ends.clone().fold(f64::NAN, f64::min);
-    let high = ends.fold(f64::NAN, f64::max);
-    layers.push(Layer::Curve {
-        name: "planted".to_owned(),
-        points: vec![(low, low), (high, high)],
-        look: style::COMMANDED,
-    });
-    for (nth, campaign) in campaigns.iter().enumerate() {
+    let Some(Range { low, high }) =
+        Range::of(known.iter().flat_map(|known| [known.planted, known.parameter.value]))
+    else {
+        return Panel::default();
+    };
+    let planted = Layer::new("planted", [(low, low), (high, high)], style::COMMANDED);
+    let layers = campaigns.iter().enumerate().map(|(nth, campaign)| {
         let of_campaign = known.iter().filter(|known| known.campaign == *campaign);
-        layers.push(Layer::Bars {
-            name: (*campaign).to_owned(),
-            points: of_campaign
-                .map(|known| {
-                    let half = 0.5 * (known.parameter.limits[1] - known.parameter.limits[0]);
-                    (
-                        known.planted,
-                        known.parameter.value,
-                        Some(half).filter(|half| half.is_finite()),
-                    )
-                })
-                .collect(),
-            look: campaign_look(nth),
+        let points = of_campaign.map(|known| {
+            let half = 0.5 * (known.parameter.limits[1] - known.parameter.limits[0]);
+            (known.planted, known.parameter.value, half)
         });
-    }
-    if known.is_empty() {
-        layers.clear();
-    }
-    Chart {
-        title: "Coefficients".to_owned(),
-        x_label: "Planted".to_owned(),
-        y_label: "Recovered".to_owned(),
-        layers,
-        ..Chart::default()
+        Layer::with_errors(campaign, points, style::campaign(nth))
+    });
+    Panel {
+        x_scale: Scale::Decades,
+        y_scale: Scale::Decades,
+        ..Panel::new(
+            "Coefficients",
+            "Planted",
+            "Recovered",
+            [planted].into_iter().chain(layers).collect(),
+        )
     }
 }
 
@@ -96,39 +78,20 @@ fn missed(
     name: &str,
     measured: impl Fn(&TrialRow) -> (f64, f64),
     planted: impl Fn(&PlantedTrial) -> Option<f64>,
-) -> Chart {
+) -> Panel {
     let layer = |(nth, campaign): (usize, &str)| {
         let point = |trial: &TrialRow| {
             let planted = planted(truth.trials.get(&trial.trial)?).filter(|value| *value > 0.0)?;
             let (value, error) = measured(trial);
             let half = 100.0 * BAR_STANDARD_ERRORS * error / planted;
-            value.is_finite().then_some((
-                trial.omega_rad_s,
-                100.0 * (value / planted - 1.0),
-                Some(half).filter(|half| half.is_finite()),
-            ))
+            let difference = 100.0 * (value / planted - 1.0);
+            value.is_finite().then_some((trial.omega_rad_s, difference, half))
         };
-        Layer::Bars {
-            name: campaign.to_owned(),
-            points: source.measured_trials(campaign).filter_map(point).collect(),
-            look: campaign_look(nth),
-        }
+        let points = source.measured_trials(campaign).filter_map(point);
+        Layer::with_errors(campaign, points, style::campaign(nth))
     };
-    let level = Layer::Level { name: "planted".to_owned(), y: 0.0 };
+    let level = Layer::level("planted", 0.0);
     let campaigns = super::campaigns_of(source);
-    Chart {
-        title: name.to_owned(),
-        x_label: OMEGA.to_owned(),
-        y_label: "Difference (%)".to_owned(),
-        layers: [level].into_iter().chain(campaigns.into_iter().enumerate().map(layer)).collect(),
-        axes: Axes::Linear,
-        ..Chart::default()
-    }
-}
-
-/// Markers of the `nth` campaign.
-fn campaign_look(nth: usize) -> style::Look {
-    let (shape, filled) =
-        [(Shape::Circle, true), (Shape::Square, false), (Shape::Circle, false)][nth % 3];
-    style::Look::Marker { colour: style::component(nth).colour(), shape, filled }
+    let layers = [level].into_iter().chain(campaigns.into_iter().enumerate().map(layer)).collect();
+    Panel::new(name, OMEGA, "Difference (%)", layers)
 }

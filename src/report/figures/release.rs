@@ -2,12 +2,10 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::parts::DEG;
-use crate::report::chart::{Axes, Chart, Layer, Layout};
-use crate::report::figure::Figure;
+use super::common::DEG;
+use crate::report::drawing::{Figure, Layer, Layout, Panel, style};
 use crate::report::numbers::{significant, with_error};
 use crate::report::recording::Recording;
-use crate::report::style;
 use crate::store::RobotParameterRow;
 
 /// The joint swings freely from where it is this part of its largest angle from its rest.
@@ -25,27 +23,16 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
     let decay = Decay::fit(row, &recording.time_s, phi)?;
     let released_s = decay.released_s;
     let shown = recording.between(released_s - BEFORE_S, decay.end_s);
-    let seen = shown.map(|i| (recording.time_s[i] - released_s, DEG * phi[i])).collect();
-    let fitted = (0..=POINTS)
-        .map(|i| {
-            let time_s = (decay.end_s - released_s) * i as f64 / POINTS as f64;
-            (time_s, DEG * decay.at(time_s))
-        })
-        .collect();
+    let seen = shown.map(|i| (recording.time_s[i] - released_s, DEG * phi[i]));
+    let fitted = (0..=POINTS).map(|i| {
+        let time_s = (decay.end_s - released_s) * i as f64 / POINTS as f64;
+        (time_s, DEG * decay.at(time_s))
+    });
     let [natural, ratio] = [
         with_error(row.natural_rad_s, row.natural_rad_s_se),
         with_error(row.damping_ratio, row.damping_ratio_se),
     ];
-    let chart = Chart {
-        title: format!("Joint {} of robot {}", row.joint, row.robot),
-        x_label: "Time after release (s)".to_owned(),
-        y_label: format!("φ{} (deg)", ["₁", "₂"][joint]),
-        layers: vec![
-            Layer::Curve { name: "measured".to_owned(), points: seen, look: style::RECORDED },
-            Layer::Curve { name: "fitted decay".to_owned(), points: fitted, look: style::FITTED },
-            Layer::Level { name: "rest".to_owned(), y: DEG * row.rest_angle_rad },
-        ],
-        axes: Axes::Linear,
+    let panel = Panel {
         notes: vec![
             format!("natural frequency {natural} rad/s"),
             format!("damping ratio {ratio}"),
@@ -54,7 +41,16 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
                 with_error(row.damping_ratio_decrement, row.damping_ratio_decrement_se)
             ),
         ],
-        ..Chart::default()
+        ..Panel::new(
+            format!("Joint {} of robot {}", row.joint, row.robot),
+            "Time after release (s)",
+            format!("φ{} (deg)", ["₁", "₂"][joint]),
+            vec![
+                Layer::new("measured", seen, style::RECORDED),
+                Layer::new("fitted decay", fitted, style::FITTED),
+                Layer::level("rest", DEG * row.rest_angle_rad),
+            ],
+        )
     };
     Some(Figure {
         caption: format!(
@@ -66,12 +62,12 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
             with_error(row.stiffness_nm_rad, row.stiffness_nm_rad_se),
             with_error(row.damping_nm_s_rad, row.damping_nm_s_rad_se),
         ),
-        layout: Layout::Stack(300.0),
-        ..Figure::of_charts(
+        layout: Layout::Stack,
+        ..Figure::new(
             "fig08",
             format!("Release of the passive joint of robot {}", row.robot),
             &[],
-            vec![chart],
+            vec![panel],
         )
     })
 }

@@ -1,12 +1,9 @@
 //! What every model misses of every trial.
 
-use super::parts::OMEGA;
+use super::common::OMEGA;
+use super::series::{BAR_STANDARD_ERRORS, Quantity, Source};
 use crate::motion::Model;
-use crate::report::axis::Range;
-use crate::report::chart::{Axes, Chart, Layer, Layout};
-use crate::report::figure::Figure;
-use crate::report::series::{BAR_STANDARD_ERRORS, Quantity, Source};
-use crate::report::style::{self, Look, Shape};
+use crate::report::drawing::{Figure, Layer, Panel, Range, style};
 use crate::store::{PredictionRow, TrialRow};
 
 /// A model that misses more than this many times what the nearest one does is not shown whole.
@@ -16,22 +13,21 @@ const LEAST: f64 = 60.0;
 
 /// Residuals of a campaign's models in per cent of what was measured.
 pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
-    let charts = Quantity::ALL.map(|quantity| panel(quantity, campaign, source));
+    let panels = Quantity::ALL.map(|quantity| panel(quantity, campaign, source));
     Figure {
         caption: "What the fitted models predict for each trial less what was measured, in parts \
                   of the latter. Bars: 95 % of the measurement (1.96 standard errors)."
             .to_owned(),
-        layout: Layout::Grid,
-        ..Figure::of_charts(
+        ..Figure::new(
             &format!("{stem}-residuals"),
             format!("Residuals of the models of campaign {campaign}"),
             &[campaign],
-            charts.into_iter().filter(|chart| !chart.layers.is_empty()).collect(),
+            panels.into_iter().filter(|panel| !panel.layers.is_empty()).collect(),
         )
     }
 }
 
-fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Chart {
+fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Panel {
     let mut models = source.models(campaign);
     // Models without skid say nothing of it.
     let is_skid = matches!(quantity, Quantity::Skid(_));
@@ -63,7 +59,7 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Chart {
         .filter(|(_, points)| !points.is_empty())
         .collect();
     if residuals.is_empty() {
-        return Chart::default();
+        return Panel::default();
     }
     let farthest = |points: &[(f64, f64)]| {
         points.iter().fold(0.0, |most: f64, (_, residual)| most.max(residual.abs()))
@@ -85,27 +81,17 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Chart {
     let errors = trials.iter().filter_map(|trial| {
         let (measured, error) = quantity.of_trial(trial, source.sigma);
         let half = 100.0 * BAR_STANDARD_ERRORS * error / measured;
-        half.is_finite().then_some((trial.omega_rad_s, 0.0, Some(half)))
+        half.is_finite().then_some((trial.omega_rad_s, 0.0, half))
     });
-    let bars = Layer::Bars {
-        name: "measured".to_owned(),
-        points: errors.collect(),
-        look: Look::Marker { colour: style::INK, shape: Shape::Circle, filled: true },
-    };
-    let lines = residuals.into_iter().map(|(model, points)| Layer::Curve {
-        name: model.to_owned(),
-        points,
-        look: style::model_line(model),
-    });
-    Chart {
-        title: quantity.symbol().to_owned(),
-        x_label: OMEGA.to_owned(),
-        y_label: "Residual (%)".to_owned(),
-        layers: [bars].into_iter().chain(lines).collect(),
+    let bars = Layer::with_errors("measured", errors, style::measured(0));
+    let lines = residuals
+        .into_iter()
+        .map(|(model, points)| Layer::new(model, points, style::model_line(model)));
+    let layers = [bars].into_iter().chain(lines).collect();
+    Panel {
         shown: Some(Range { low: -limit, high: limit }),
-        axes: Axes::Linear,
         beyond,
-        ..Chart::default()
+        ..Panel::new(quantity.symbol(), OMEGA, "Residual (%)", layers)
     }
 }
 

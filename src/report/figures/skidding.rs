@@ -1,11 +1,10 @@
 //! Fig. 6: the kinematic robot that skids, simulated.
 
 use super::SYMMETRIC;
-use super::parts::{DEG, series, time_course};
+use super::common::{DEG, series, time_course};
 use crate::motion::{Model, Sample};
 use crate::report::ReportInput;
-use crate::report::chart::{Layer, Layout};
-use crate::report::figure::Figure;
+use crate::report::drawing::{Figure, Layer, Layout};
 use crate::report::simulated::{self, Steady};
 
 const OMEGA_RAD_S: f64 = 4.0;
@@ -39,8 +38,8 @@ pub fn figure(config: &ReportInput) -> Result<Figure, String> {
             1e3 * metrics.v_m_s,
             most_n(|sample| sample.forces.roll_n),
         ),
-        layout: Layout::Stack(185.0),
-        ..Figure::of_charts(
+        layout: Layout::Stack,
+        ..Figure::new(
             "fig06",
             format!("Simulated motion of campaign {SYMMETRIC}, {MODEL}, {OMEGA_RAD_S} rad/s"),
             &[SYMMETRIC],

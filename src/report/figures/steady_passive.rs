@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::SEMI_PASSIVE;
-use super::parts::{DEG, FREQUENCY, links, series, time_course, travel};
+use super::common::{
+    DEG, FREQUENCY, gait, links, links_at_start, map, series, time_course, travel,
+};
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::report::ReportInput;
-use crate::report::chart::{Axes, Chart, Layer, Layout};
-use crate::report::figure::Figure;
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, style};
 use crate::report::simulated::{self, SAMPLES, Steady};
-use crate::report::style;
 
 const OMEGA_RAD_S: f64 = 4.0;
 /// Cycles that are shown of the steady motion.
@@ -39,6 +39,10 @@ pub fn figures(config: &ReportInput) -> Result<Vec<Figure>, String> {
     ])
 }
 
+fn no_skid() -> Look {
+    style::model_line(Model::NoSkid.name())
+}
+
 /// Time and one quantity of a cycle that is repeated.
 fn over_time(cycle: &[Sample], of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
     let period_s = cycle.last().map_or(0.0, |last| last.time_s);
@@ -63,14 +67,14 @@ fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
         series(i, ["λ₀", "λ₁", "λ₂"][i], points)
     });
     let difference = over_time(cycle, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
-    let crossings = Layer::Rules { name: "φ₁ = φ₂".to_owned(), xs: crossings(&difference) };
+    let crossings = Layer::uprights("φ₁ = φ₂", crossings(&difference));
     let forces = forces.into_iter().chain([crossings]).collect();
     Figure {
         caption: "Without skid and roll resistance, as configured, in steady motion. Dashed \
                   uprights: φ₁ = φ₂, where the kinematic robot would be singular."
             .to_owned(),
-        layout: Layout::Stack(185.0),
-        ..Figure::of_charts(
+        layout: Layout::Stack,
+        ..Figure::new(
             "fig03",
             format!("Simulated motion of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"),
             &[SEMI_PASSIVE],
@@ -101,46 +105,17 @@ fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionErr
     let shape = |samples: &[Sample]| -> Vec<(f64, f64)> {
         samples.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()
     };
-    let gait = Chart {
-        title: "Gait from rest".to_owned(),
-        x_label: "φ₁ (deg)".to_owned(),
-        y_label: "φ₂ (deg)".to_owned(),
-        layers: vec![
-            Layer::Curve {
-                name: "from rest".to_owned(),
-                points: shape(&from_rest),
-                look: style::TRANSIENT,
-            },
-            Layer::Curve {
-                name: "no-skid, steady".to_owned(),
-                points: shape(cycle),
-                look: style::model_line(Model::NoSkid.name()),
-            },
-        ],
-        axes: Axes::Map,
-        ..Chart::default()
-    };
+    let steady = |points| Layer::new("no-skid, steady", points, no_skid());
+    let from_rest = Layer::new("from rest", shape(&from_rest), style::TRANSIENT);
+    let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
     let path = simulated::repeat(cycle, PATH_CYCLES, Pose::default());
-    let points = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();
-    let path = Chart {
-        title: format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m),
-        x_label: "x (m)".to_owned(),
-        y_label: "y (m)".to_owned(),
-        layers: vec![
-            Layer::Curve {
-                name: "no-skid, steady".to_owned(),
-                points,
-                look: style::model_line(Model::NoSkid.name()),
-            },
-            Layer::Links {
-                name: "links at the start".to_owned(),
-                points: links(&problem.robot, cycle[0].pose, cycle[0].phi_rad),
-            },
-            travel(&path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect::<Vec<_>>()),
-        ],
-        axes: Axes::Map,
-        ..Chart::default()
-    };
+    let path: Vec<_> = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();
+    let arrow = travel(&path);
+    let start = links_at_start(links(&problem.robot, cycle[0].pose, cycle[0].phi_rad));
+    let path = map(
+        format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m),
+        vec![steady(path), start, arrow],
+    );
     Ok(Figure {
         caption: format!(
             "As Fig. 3. From rest the motion comes within 1 % of the steady one after {cycles} \
@@ -148,7 +123,7 @@ fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionErr
              links at their start; arrow: direction of travel."
         ),
         layout: Layout::Pairs,
-        ..Figure::of_charts(
+        ..Figure::new(
             "fig04",
             format!(
                 "Simulated gait and path of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"
@@ -174,31 +149,20 @@ fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
     let panel = |nth: usize, title: &str, y_label: &str, unit: &str| {
         let points: Vec<(f64, f64)> = points.iter().map(|both| both[nth]).collect();
         let most = largest(&points);
-        let mut layers = vec![Layer::Curve {
-            name: "no-skid".to_owned(),
-            points,
-            look: style::model_line(Model::NoSkid.name()),
-        }];
+        let mut layers = vec![Layer::new("no-skid", points, no_skid())];
         let mut title = title.to_owned();
         if let Some(point) = most {
-            layers.push(Layer::Mark { name: "largest".to_owned(), point });
+            layers.push(Layer::new("largest", [point], Look::Rings));
             title += &format!(", largest {:.1} {unit} at {:.2} rad/s", point.1, point.0);
         }
-        Chart {
-            title,
-            x_label: FREQUENCY.to_owned(),
-            y_label: y_label.to_owned(),
-            layers,
-            axes: Axes::Linear,
-            ..Chart::default()
-        }
+        Panel::new(title, FREQUENCY, y_label, layers)
     };
     Figure {
         caption: "The steady motion that the robot reaches from rest, without skid and roll \
                   resistance, as configured. Open circles: the largest values between the ends."
             .to_owned(),
-        layout: Layout::Stack(230.0),
-        ..Figure::of_charts(
+        layout: Layout::Stack,
+        ..Figure::new(
             "fig05",
             format!("Simulated displacement and speed of campaign {SEMI_PASSIVE}, no-skid"),
             &[SEMI_PASSIVE],

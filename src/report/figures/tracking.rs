@@ -1,15 +1,12 @@
 //! Figs. 9, 11 and 14: one trial as it was tracked, and what models make of its gait.
 
-use super::parts::{DEG, links, travel};
+use super::common::{self, DEG, links, links_at_start, map, time_course, travel};
 use super::{SEMI_PASSIVE, SKEWED, SYMMETRIC};
 use crate::motion::{Model, Pose, Problem, Sample};
-use crate::report::ReportInput;
-use crate::report::chart::{Axes, Chart, Layer, Layout};
-use crate::report::figure::Figure;
+use crate::report::drawing::{Figure, Layer, Layout, Look, style};
 use crate::report::numbers::with_error;
 use crate::report::recording::{Recording, Shown};
 use crate::report::simulated;
-use crate::report::style::{self, Look};
 use crate::robot::{Gait, JointCommand};
 use crate::store::TrialRow;
 
@@ -41,27 +38,22 @@ pub fn figure(
     let Some(window) = recording.shown(trial.omega_rad_s, CYCLES) else { return (None, vec![]) };
     let Shown { start_s, end_s, cycles, frames: shown } = window;
     let Some(start) = recording.pose_at(start_s) else { return (None, vec![]) };
-    let measured = |x: &dyn Fn(usize) -> f64, y: &dyn Fn(usize) -> f64| Layer::Curve {
-        name: "measured".to_owned(),
-        points: shown.clone().map(|i| (x(i), y(i))).collect(),
-        look: style::RECORDED,
+    let measured = |point: &dyn Fn(usize) -> (f64, f64)| {
+        Layer::new("measured", shown.clone().map(point), style::RECORDED)
     };
-    let phi = |joint: usize| move |i: usize| DEG * recording.phi_rad[joint][i];
-    let mut gait = vec![measured(&phi(0), &phi(1))];
-    let after_s = |i: usize| recording.time_s[i] - start_s;
-    let mut heading = vec![measured(&after_s, &|i| DEG * recording.theta_rad[i])];
+    let [phi1, phi2] = recording.phi_rad.each_ref();
+    let mut gait = vec![measured(&|i| (DEG * phi1[i], DEG * phi2[i]))];
+    let mut heading =
+        vec![measured(&|i| (recording.time_s[i] - start_s, DEG * recording.theta_rad[i]))];
     let frame = Travel::new(start, recording.pose_at(end_s).unwrap_or(start));
-    let place = |i: usize| frame.place((recording.x_m[i], recording.y_m[i]));
-    let first = shown.start.min(recording.phi_rad[0].len().saturating_sub(1));
-    let at_start = [recording.phi_rad[0][first], recording.phi_rad[1][first]];
-    let places: Vec<_> = shown.clone().map(place).filter(|(x, y)| (x + y).is_finite()).collect();
+    let position = |i: usize| frame.position((recording.x_m[i], recording.y_m[i]));
+    let first = shown.start.min(phi1.len().saturating_sub(1));
+    let at_start = links(&robot, start, [phi1[first], phi2[first]]);
+    let positions = shown.clone().map(position).filter(|(x, y)| (x + y).is_finite());
     let mut path = vec![
-        Layer::Links {
-            name: "links at the start".to_owned(),
-            points: links(&robot, start, at_start).into_iter().map(|at| frame.place(at)).collect(),
-        },
-        travel(&places),
-        measured(&|i| place(i).0, &|i| place(i).1),
+        links_at_start(at_start.into_iter().map(|at| frame.position(at))),
+        travel(&positions.collect::<Vec<_>>()),
+        measured(&position),
     ];
     let mut missing = Vec::new();
     // What is wholly commanded is shown as such.
@@ -80,28 +72,20 @@ pub fn figure(
                 continue;
             }
         };
-        let curve = |points| Layer::Curve { name: name.to_owned(), points, look };
+        let curve = |points| Layer::new(name, points, look);
         if !is_commanded {
             gait.push(curve(shape(&cycle)));
         }
         let poses = simulated::repeat(&cycle, cycles, start);
         heading.push(curve(poses.iter().map(|(t, pose)| (*t, DEG * pose.theta_rad)).collect()));
-        let places = poses.iter().map(|(_, pose)| frame.place((pose.x_m, pose.y_m)));
-        path.push(curve(places.collect()));
+        let positions = poses.iter().map(|(_, pose)| frame.position((pose.x_m, pose.y_m)));
+        path.push(curve(positions.collect::<Vec<_>>()));
     }
-    let chart = |title: String, x_label: &str, y_label: &str, layers, axes| Chart {
-        title,
-        x_label: x_label.to_owned(),
-        y_label: y_label.to_owned(),
-        layers,
-        axes,
-        ..Chart::default()
-    };
     let d = with_error(1e3 * trial.d_m, 1e3 * trial.d_m_se);
-    let charts = vec![
-        chart("Gait".to_owned(), "φ₁ (deg)", "φ₂ (deg)", gait, Axes::Map),
-        chart("Heading θ".to_owned(), "Time (s)", "θ (deg)", heading, Axes::Linear),
-        chart(format!("Path of the middle link, d = {d} mm"), "x (m)", "y (m)", path, Axes::Map),
+    let panels = vec![
+        common::gait("Gait", gait),
+        time_course("Heading θ", "θ (deg)", heading),
+        map(format!("Path of the middle link, d = {d} mm"), path),
     ];
     let figure = Figure {
         caption: format!(
@@ -110,15 +94,15 @@ pub fn figure(
              travel; d: mean over the trial's used cycles with its standard error.",
             trial.trial
         ),
-        layout: Layout::PairsAndWide,
-        ..Figure::of_charts(
+        layout: Layout::Pairs,
+        ..Figure::new(
             stem,
             format!(
                 "Measured and simulated motion of campaign {}, {:.1} rad/s",
                 trial.campaign, trial.omega_rad_s
             ),
             &[&trial.campaign],
-            charts,
+            panels,
         )
     };
     (Some(figure), missing)
@@ -135,8 +119,7 @@ fn commanded(gait: &Gait) -> Layer {
         let [phi1, phi2] = gait.at(phase, 1.0).phi_rad;
         (DEG * phi1, DEG * phi2)
     });
-    let points = points.collect();
-    Layer::Curve { name: "commanded".to_owned(), points, look: style::COMMANDED }
+    Layer::new("commanded", points, style::COMMANDED)
 }
 
 /// A frame that starts where the motion does, with x along its travel.
@@ -153,7 +136,7 @@ impl Travel {
         Self { start, along }
     }
 
-    fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
+    fn position(&self, (x, y): (f64, f64)) -> (f64, f64) {
         let (x, y) = (x - self.start.x_m, y - self.start.y_m);
         let (cos, sin) = self.along;
         (cos * x + sin * y, cos * y - sin * x)

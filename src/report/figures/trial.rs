@@ -1,11 +1,10 @@
 //! What the page of a trial shows: its path, and what its links and wheels did all the time.
 
-use super::parts::{DEG, dense_series, links, series, time_course, travel};
+use super::common::{DEG, dense_series, links, links_at_start, map, series, time_course, travel};
+use crate::motion::Pose;
 use crate::report::ReportInput;
-use crate::report::chart::{Axes, Chart, Layer, Layout};
-use crate::report::figure::Figure;
+use crate::report::drawing::{Figure, Layer, Layout, Look, style};
 use crate::report::recording::Recording;
-use crate::report::style;
 use crate::store::TrialRow;
 
 const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
@@ -32,8 +31,8 @@ pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) ->
             trial.smoothing_window,
             if unused.is_empty() { "" } else { " Shaded: outside of the cycles in use." }
         ),
-        layout: Layout::Stack(175.0),
-        ..Figure::of_charts(
+        layout: Layout::Stack,
+        ..Figure::new(
             "motion",
             "Joints and wheels".to_owned(),
             &[],
@@ -54,8 +53,8 @@ pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) ->
              trial. Gaps: frames of a link that come from its other markers, from interpolation, \
              or are missing."
         ),
-        layout: Layout::Stack(175.0),
-        ..Figure::of_charts(
+        layout: Layout::Stack,
+        ..Figure::new(
             "reconstruction",
             "Residuals and gaps".to_owned(),
             &[],
@@ -95,32 +94,20 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
     });
     let robot = config.campaign_setup(&trial.campaign).map(|(robot, _)| robot);
     if let (Some(i), Some(robot)) = (first, robot) {
-        let pose =
-            crate::motion::Pose { x_m: all[i].0, y_m: all[i].1, theta_rad: recording.theta_rad[i] };
+        let pose = Pose { x_m: all[i].0, y_m: all[i].1, theta_rad: recording.theta_rad[i] };
         let phi_rad = [recording.phi_rad[0][i], recording.phi_rad[1][i]];
-        layers.push(Layer::Links {
-            name: "links at the start".to_owned(),
-            points: links(&robot, pose, phi_rad),
-        });
+        layers.push(links_at_start(links(&robot, pose, phi_rad)));
         layers.push(travel(&seen));
     }
-    layers.push(Layer::Curve { name: "measured".to_owned(), points: all, look: style::RECORDED });
-    let chart = Chart {
-        title: "Path of the middle link".to_owned(),
-        x_label: "x (m)".to_owned(),
-        y_label: "y (m)".to_owned(),
-        layers,
-        axes: Axes::Map,
-        ..Chart::default()
+    layers.push(Layer::new("measured", all, style::RECORDED));
+    let caption = match trial.kind.as_str() {
+        "gait" => "Thick: the robot's links at the start; arrow: direction of travel.",
+        _ => "",
     };
-    let is_gait = trial.kind == "gait";
     Figure {
-        caption: match is_gait {
-            true => "Thick: the robot's links at the start; arrow: direction of travel.".to_owned(),
-            false => String::new(),
-        },
-        layout: Layout::Stack(330.0),
-        ..Figure::of_charts("path", "Path".to_owned(), &[], vec![chart])
+        caption: caption.to_owned(),
+        layout: Layout::Stack,
+        ..Figure::new("path", "Path".to_owned(), &[], vec![map("Path of the middle link", layers)])
     }
 }
 
@@ -131,17 +118,17 @@ fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
     let spans: Vec<(f64, f64)> =
         used.map(|cycle| (cycle.start_s, cycle.start_s + period_s)).collect();
     let Some((_, mut end_s)) = spans.first().copied() else { return Vec::new() };
-    let band = |from, to| Layer::Band { name: "not in use".to_owned(), from, to };
-    let mut bands = vec![band(None, Some(spans[0].0))];
+    let band = |from_s, to_s| Layer::band("not in use", from_s, to_s);
+    let mut bands = vec![band(f64::NAN, spans[0].0)];
     for (from_s, to_s) in &spans[1..] {
         // Cycles that follow one another meet but for rounding.
         if *from_s > end_s + 1e-3 * period_s {
-            bands.push(band(Some(end_s), Some(*from_s)));
+            bands.push(band(end_s, *from_s));
         }
         end_s = *to_s;
     }
     let last_s = recording.time_s.last().copied().unwrap_or(end_s);
-    bands.extend((last_s > end_s).then(|| band(Some(end_s), None)));
+    bands.extend((last_s > end_s).then(|| band(end_s, f64::NAN)));
     bands
 }
 
@@ -164,13 +151,10 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
                 }
             }
         }
-        Layer::Spans { name: name.to_owned(), spans, colour: style::gap(nth) }
+        Layer::spans(name, &spans, style::gap(nth))
     };
-    let recorded = Layer::Spans {
-        name: String::new(),
-        spans: (0..3).map(|link| (*first_s, *last_s, f64::from(link))).collect(),
-        colour: style::BAND,
-    };
+    let recorded = [0.0, 1.0, 2.0].map(|link| (*first_s, *last_s, link));
+    let recorded = Layer::spans("", &recorded, Look::Spans(style::BAND));
     [recorded].into_iter().chain(KINDS.into_iter().enumerate().map(spans)).collect()
 }
 
@@ -196,14 +180,11 @@ mod tests {
         let trial = TrialRow { omega_rad_s: std::f64::consts::TAU / 10.0, ..TrialRow::blank() };
         let bands: Vec<_> = unused_cycles(&trial, &recording)
             .into_iter()
-            .map(|layer| match layer {
-                Layer::Band { from, to, .. } => (from, to.map(f64::round)),
-                other => panic!("{other:?}"),
-            })
+            .map(|layer| [layer.points[0].x, layer.points[1].x])
             .collect();
-        assert_eq!(bands[0], (None, Some(20.0)));
-        assert_eq!(bands[1].1, Some(50.0));
-        assert!((bands[1].0.expect("a start") - 40.0).abs() < 1e-9);
-        assert_eq!((bands.len(), bands[2].1), (3, None));
+        assert!(bands[0][0].is_nan() && bands[0][1] == 20.0);
+        assert_eq!(bands[1][1].round(), 50.0);
+        assert!((bands[1][0] - 40.0).abs() < 1e-9);
+        assert!(bands.len() == 3 && bands[2][1].is_nan());
     }
 }

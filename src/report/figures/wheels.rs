@@ -1,10 +1,8 @@
 //! Fig. 12: how the wheels rolled and skidded.
 
-use super::parts::time_course;
-use crate::report::chart::{Layer, Layout};
-use crate::report::figure::Figure;
+use super::common::time_course;
+use crate::report::drawing::{Figure, Layer, Layout, style};
 use crate::report::recording::{Recording, Shown};
-use crate::report::style;
 use crate::store::TrialRow;
 
 /// Cycles that are shown.
@@ -16,11 +14,9 @@ pub fn figure(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Fig
     let Shown { start_s, cycles, frames, .. } = recording.shown(trial.omega_rad_s, CYCLES)?;
     let panel = |title: String, y_label: &str, values: &[f64]| {
         let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
-        let (name, points) = ("measured".to_owned(), points.collect());
-        let curve = Layer::Curve { name, points, look: style::RECORDED };
-        time_course(&title, y_label, vec![curve])
+        time_course(&title, y_label, vec![Layer::new("measured", points, style::RECORDED)])
     };
-    let charts = (0..3).flat_map(|i| {
+    let panels = (0..3).flat_map(|i| {
         let wheel = WHEELS[i];
         [
             panel(format!("Roll velocity of {wheel}"), "Roll (mm/s)", &recording.roll_m_s[i]),
@@ -33,14 +29,14 @@ pub fn figure(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Fig
             trial.trial, trial.smoothing_window
         ),
         layout: Layout::Pairs,
-        ..Figure::of_charts(
+        ..Figure::new(
             stem,
             format!(
                 "Roll and skid velocities of the wheels, campaign {}, {:.1} rad/s",
                 trial.campaign, trial.omega_rad_s
             ),
             &[&trial.campaign],
-            charts.collect(),
+            panels.collect(),
         )
     })
 }

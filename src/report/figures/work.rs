@@ -4,13 +4,11 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use super::parts::FREQUENCY;
+use super::common::FREQUENCY;
 use crate::motion::{Model, Solver};
 use crate::report::ReportInput;
-use crate::report::chart::{Axes, Chart, Layer, Layout};
-use crate::report::figure::Figure;
+use crate::report::drawing::{Figure, Layer, Layout, Panel, style};
 use crate::report::simulated;
-use crate::report::style;
 use crate::report::tables::Tables;
 use crate::store::FitRow;
 
@@ -22,38 +20,28 @@ pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
     let campaigns: BTreeSet<&str> = tables.fits.iter().map(|fit| fit.campaign.as_str()).collect();
     let panel = |campaign: &&str| {
         let fits = tables.fits.iter().filter(|fit| fit.campaign == *campaign);
-        let layers: Vec<Layer> = fits
-            // Each trial's own gait has no curve.
-            .filter(|fit| fit.model != Model::NoSkidMeasured.name())
-            .map(|fit| Layer::Curve {
-                name: fit.model.clone(),
-                points: curve(fit, tables, config),
-                look: style::model_line(&fit.model),
-            })
-            .collect();
-        Chart {
-            title: (*campaign).to_owned(),
-            x_label: FREQUENCY.to_owned(),
-            y_label: "Work per metre (J/m)".to_owned(),
-            layers,
-            axes: Axes::Linear,
-            ..Chart::default()
-        }
+        // Each trial's own gait has no curve.
+        let fits = fits.filter(|fit| fit.model != Model::NoSkidMeasured.name());
+        let layers = fits.map(|fit| {
+            let look = style::model_line(&fit.model);
+            Layer::new(&fit.model, curve(fit, tables, config), look)
+        });
+        Panel::new(*campaign, FREQUENCY, "Work per metre (J/m)", layers.collect())
     };
-    let charts: Vec<Chart> =
-        campaigns.iter().map(panel).filter(|chart| !chart.is_empty()).collect();
-    let names: Vec<&str> = charts.iter().map(|chart| chart.title.as_str()).collect();
+    let panels: Vec<Panel> =
+        campaigns.iter().map(panel).filter(|panel| !panel.is_empty()).collect();
+    let names: Vec<&str> = panels.iter().map(|panel| panel.title.as_str()).collect();
     Figure {
         caption: "Work of the actuators over a cycle of the steady motion per metre of d, by the \
                   fitted models under the commanded gait. Where nothing resists, the actuators \
                   give nothing over a cycle; friction of the joints' gears is not in any model."
             .to_owned(),
-        layout: Layout::Stack(215.0),
-        ..Figure::of_charts(
+        layout: Layout::Stack,
+        ..Figure::new(
             stem,
             "Actuators' work per metre of travel".to_owned(),
             &names,
-            charts.clone(),
+            panels.clone(),
         )
     }
 }

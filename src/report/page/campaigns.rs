@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::{Drawn, FigureView, views};
 use crate::report::ReportInput;
+use crate::report::drawing::style;
 use crate::report::figures;
 use crate::report::numbers::{NONE, fixed, significant};
 use crate::report::parameters::{self, Parameter};
-use crate::report::style;
 use crate::report::tables::Tables;
 use crate::store::{ComparisonRow, FitRow};
 

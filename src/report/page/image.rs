@@ -3,9 +3,8 @@
 use base64::Engine;
 use serde::Serialize;
 
-use crate::report::figure::Figure;
-use crate::report::font::Typeface;
-use crate::report::{ReportError, plot, render};
+use crate::report::ReportError;
+use crate::report::drawing::{self, Figure};
 
 /// A figure inside a page.
 #[derive(Serialize)]
@@ -24,12 +23,12 @@ impl Image {
     /// # Errors
     /// It cannot be drawn.
     pub fn draw(figure: &Figure) -> Result<Self, ReportError> {
-        let (width, height) = plot::size(figure, Typeface::load()?);
+        let (width, height) = drawing::size(figure);
         Ok(Self {
             title: figure.title.clone(),
             caption: figure.caption.clone(),
             alternative: figure.text_alternative(),
-            image_base64: base64::engine::general_purpose::STANDARD.encode(render::svg(figure)?),
+            image_base64: base64::engine::general_purpose::STANDARD.encode(drawing::svg(figure)?),
             width: width.round() as u32,
             height: height.round() as u32,
         })

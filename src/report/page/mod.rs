@@ -14,7 +14,7 @@ pub use engine::{fill, texts};
 pub use image::Image;
 pub use trial::html as trial_html;
 
-use super::figure::Figure;
+use super::drawing::{self, Figure};
 use super::numbers::{NONE, as_configured, fixed, significant, with_error};
 use super::places::relative;
 use super::tables::Tables;
@@ -33,8 +33,6 @@ const INDEX: &str = include_str!("index.html");
 pub struct Drawn<'f> {
     pub figure: &'f Figure,
     pub svg: String,
-    /// Width and height, px.
-    pub size: (f64, f64),
 }
 
 #[derive(Serialize)]
@@ -178,10 +176,10 @@ fn views<'p>(drawn: &'p [Drawn<'_>], is_wanted: impl Fn(&Figure) -> bool) -> Vec
 
 /// A drawn figure as a page shows it; `files` if it lies in `figures/` too.
 fn figure_view<'p>(drawn: &'p Drawn<'_>, files: bool) -> FigureView<'p> {
-    let (width, height) = drawn.size;
+    let (width, height) = drawing::size(drawn.figure);
     FigureView {
         files,
-        wide: width > super::style::WIDTH,
+        wide: width > drawing::style::WIDTH,
         stem: &drawn.figure.stem,
         number: &drawn.figure.number,
         title: &drawn.figure.title,

@@ -1,8 +1,7 @@
 //! What several figures have alike: the robot on a map, lines of one quantity each, units.
 
 use crate::motion::Pose;
-use crate::report::chart::{Axes, Chart, Layer};
-use crate::report::style::{self, Look};
+use crate::report::drawing::{Layer, Look, Panel, style};
 use crate::robot::Robot;
 
 /// The axis that frequencies are on.
@@ -13,20 +12,23 @@ pub const OMEGA: &str = "ω (rad/s)";
 pub const DEG: f64 = 180.0 / std::f64::consts::PI;
 
 /// A panel against time.
-pub fn time_course(title: &str, y_label: &str, layers: Vec<Layer>) -> Chart {
-    Chart {
-        title: title.to_owned(),
-        x_label: "Time (s)".to_owned(),
-        y_label: y_label.to_owned(),
-        layers,
-        axes: Axes::Linear,
-        ..Chart::default()
-    }
+pub fn time_course(title: &str, y_label: &str, layers: Vec<Layer>) -> Panel {
+    Panel::new(title, "Time (s)", y_label, layers)
+}
+
+/// A map of what the middle link's path is drawn on.
+pub fn map(title: impl Into<String>, layers: Vec<Layer>) -> Panel {
+    Panel::new(title, "x (m)", "y (m)", layers).equal()
+}
+
+/// The joint angles against each other.
+pub fn gait(title: &str, layers: Vec<Layer>) -> Panel {
+    Panel::new(title, "φ₁ (deg)", "φ₂ (deg)", layers).equal()
 }
 
 /// The `nth` of several lines of one quantity.
-pub fn series(nth: usize, name: &str, points: Vec<(f64, f64)>) -> Layer {
-    Layer::Curve { name: name.to_owned(), points, look: style::component(nth) }
+pub fn series(nth: usize, name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Layer {
+    Layer::new(name, points, style::component(nth))
 }
 
 /// The same where there are more points than a panel is wide: the least and the greatest of each
@@ -45,7 +47,12 @@ pub fn dense_series(nth: usize, name: &str, points: &[(f64, f64)]) -> Layer {
             None => ends.push((f64::NAN, f64::NAN)),
         }
     }
-    Layer::Curve { name: name.to_owned(), points: ends, look }
+    Layer::new(name, ends, look)
+}
+
+/// The robot's links at the start of a path.
+pub fn links_at_start(points: impl IntoIterator<Item = (f64, f64)>) -> Layer {
+    Layer::new("links at the start", points, Look::Links)
 }
 
 /// Front wheel, front joint, rear joint and rear wheel, m.
@@ -72,7 +79,7 @@ pub fn travel(path: &[(f64, f64)]) -> Layer {
     let aside = lowest / length - ASIDE;
     let start = (from.0 + 0.3 * along - aside * up, from.1 + 0.3 * up + aside * along);
     let end = (start.0 + LENGTH * along, start.1 + LENGTH * up);
-    Layer::Arrow { name: "direction of travel".to_owned(), from: start, to: end }
+    Layer::new("direction of travel", [start, end], Look::Arrow)
 }
 
 #[cfg(test)]
@@ -101,18 +108,19 @@ mod tests {
             _ => (i as f64 / 50.0).sin(),
         };
         let points: Vec<(f64, f64)> = (0..10_000).map(|i| (i as f64, value(i))).collect();
-        let Layer::Curve { points, .. } = dense_series(0, "dense", &points) else { panic!() };
-        assert!(points.len() <= 800 && points.contains(&(4321.0, 7.0)));
-        assert!(points.iter().any(|(_, y)| y.is_nan()));
-        let known = points.iter().filter(|(x, _)| x.is_finite());
-        assert!(known.map(|(x, _)| *x).is_sorted());
+        let points = dense_series(0, "dense", &points).points;
+        assert!(points.len() <= 800);
+        assert!(points.iter().any(|point| (point.x, point.y) == (4321.0, 7.0)));
+        assert!(points.iter().any(|point| point.y.is_nan()));
+        let known = points.iter().filter(|point| point.x.is_finite());
+        assert!(known.map(|point| point.x).is_sorted());
     }
 
     #[test]
     fn the_arrow_points_where_the_path_goes_and_does_not_lie_on_it() {
         let path = [(0.0, 0.0), (1.0, -0.2), (2.0, 0.1), (3.0, 0.0)];
-        let Layer::Arrow { from, to, .. } = travel(&path) else { panic!("an arrow") };
-        assert!(to.0 > from.0 && (to.1 - from.1).abs() < 1e-12);
-        assert!(from.1 < -0.2);
+        let [from, to] = travel(&path).points[..] else { panic!("an arrow") };
+        assert!(to.x > from.x && (to.y - from.y).abs() < 1e-12);
+        assert!(from.y < -0.2);
     }
 }

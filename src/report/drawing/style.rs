@@ -1,6 +1,6 @@
-//! What everything looks like: one font, one palette, one look for each model.
+//! What everything looks like: one palette, one look for each model.
 
-use plotters::style::RGBColor;
+use plotters::style::{Color, RGBColor, ShapeStyle};
 
 /// Okabe and Ito's palette, which colour-blind readers can tell apart.
 /// <https://jfly.uni-koeln.de/color/>
@@ -24,7 +24,6 @@ pub mod colours {
 
 /// Text, frames and measurements.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
-/// Lines that help the eye and should not be seen otherwise.
 pub const GRID: RGBColor = RGBColor(226, 226, 226);
 /// An interval behind a line.
 pub const BAND: RGBColor = RGBColor(232, 240, 246);
@@ -34,25 +33,37 @@ pub const LINKS: RGBColor = RGBColor(110, 110, 110);
 /// Models that the palette does not know.
 const OTHER: RGBColor = RGBColor(120, 120, 120);
 
-/// Sizes, px of a figure [`WIDTH`] wide.
+/// Width of a figure that fits a column of a page, px.
 pub const WIDTH: f64 = 460.0;
-/// Width of figures with panels side by side, px.
+/// Width of a figure with more panels side by side, px.
 pub const WIDE: f64 = 644.0;
-pub const TEXT: f64 = 13.0;
-pub const SMALL_TEXT: f64 = 12.0;
-pub const LINE_WIDTH: f64 = 2.0;
-pub const CHART_LINE_WIDTH: f64 = 1.5;
+pub const LINE_WIDTH: f64 = 1.75;
 pub const FRAME_WIDTH: f64 = 1.0;
 pub const MARKER_RADIUS: f64 = 3.6;
+/// Radius of points that stand for one of many values, px.
+pub const DOT_RADIUS: f64 = 1.7;
 
-/// Lengths of dashes and of the gaps after them, px; nothing is a solid line.
-pub type Dash = &'static [f64];
+/// The backend has whole coordinates: this many to a pixel, so that curves are smooth.
+pub const UNITS_PER_PX: f64 = 10.0;
 
-pub const SOLID: Dash = &[];
-const LONG_DASHES: Dash = &[11.0, 4.0];
-const DASHES: Dash = &[6.0, 4.0];
-const DOTS: Dash = &[2.0, 3.0];
-const DASH_DOT: Dash = &[9.0, 3.0, 2.0, 3.0];
+/// Pixels in the backend's units.
+pub fn units(px: f64) -> i32 {
+    (px * UNITS_PER_PX).round() as i32
+}
+
+/// A line of a colour, `width_px` wide; what is not a line is filled.
+pub fn stroke(colour: RGBColor, width_px: f64) -> ShapeStyle {
+    colour.filled().stroke_width(units(width_px) as u32)
+}
+
+/// Lengths of dashes and of the gaps between them, px.
+pub type Dash = Option<(f64, f64)>;
+
+pub const SOLID: Dash = None;
+pub const DASHES: Dash = Some((6.0, 4.0));
+const LONG_DASHES: Dash = Some((11.0, 4.0));
+const SHORT_DASHES: Dash = Some((3.5, 2.5));
+const DOTS: Dash = Some((1.8, 3.0));
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
@@ -60,19 +71,49 @@ pub enum Shape {
     Square,
 }
 
-/// How a series is drawn.
+/// How the points of a layer are shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Look {
+    /// A line that the legend names.
     Line { colour: RGBColor, dash: Dash },
+    /// Markers with error bars, which the legend names.
     Marker { colour: RGBColor, shape: Shape, filled: bool },
+    /// A line through points, which are marked.
+    Dotted(RGBColor),
+    /// Points alone.
+    Dots(RGBColor),
+    /// Points that stand out.
+    Rings,
+    /// Dashed lines across the panel: level where only y is known, upright where only x is.
+    Guides,
+    /// A shaded interval of the horizontal axis from the first point to the second; a side that
+    /// is not known is the panel's.
+    Band,
+    /// Bars from every other point to the next, which the legend names if they have a name.
+    Spans(RGBColor),
+    /// The robot's links, joined.
+    Links,
+    /// From the first point to the second.
+    Arrow,
 }
 
 impl Look {
     pub fn colour(self) -> RGBColor {
         match self {
-            Self::Line { colour, .. } | Self::Marker { colour, .. } => colour,
+            Self::Line { colour, .. }
+            | Self::Marker { colour, .. }
+            | Self::Dotted(colour)
+            | Self::Dots(colour)
+            | Self::Spans(colour) => colour,
+            Self::Rings | Self::Guides | Self::Arrow => INK,
+            Self::Band => BAND,
+            Self::Links => LINKS,
         }
     }
+}
+
+const fn line(colour: RGBColor, dash: Dash) -> Look {
+    Look::Line { colour, dash }
 }
 
 /// Measurements of the `nth` campaign in a panel.
@@ -82,31 +123,38 @@ pub fn measured(nth: usize) -> Look {
 }
 
 /// What was recorded or is shown alone, as a line.
-pub const RECORDED: Look = Look::Line { colour: INK, dash: SOLID };
+pub const RECORDED: Look = line(INK, SOLID);
 /// What was commanded.
-pub const COMMANDED: Look = Look::Line { colour: OTHER, dash: DASHES };
-
-/// The way into a steady motion.
-pub const TRANSIENT: Look = Look::Line { colour: OTHER, dash: SOLID };
-/// What was fitted to it.
-pub const FITTED: Look = Look::Line { colour: okabe_ito::VERMILLION, dash: DASHES };
+pub const COMMANDED: Look = line(OTHER, DASHES);
+/// The transient into a steady motion.
+pub const TRANSIENT: Look = line(OTHER, SOLID);
+/// What was fitted to a recording.
+pub const FITTED: Look = line(okabe_ito::VERMILLION, DASHES);
 
 /// The `nth` of the same quantity of several links, wheels, joints or directions.
 pub fn component(nth: usize) -> Look {
-    let looks = [(INK, SOLID), (okabe_ito::SKY, LONG_DASHES), (okabe_ito::VERMILLION, DASH_DOT)];
+    let looks =
+        [(INK, SOLID), (okabe_ito::SKY, LONG_DASHES), (okabe_ito::VERMILLION, SHORT_DASHES)];
     let (colour, dash) = looks[nth % looks.len()];
-    Look::Line { colour, dash }
+    line(colour, dash)
 }
 
-/// The `nth` way in which frames are not measured.
-pub fn gap(nth: usize) -> RGBColor {
-    [okabe_ito::SKY, okabe_ito::ORANGE, okabe_ito::VERMILLION][nth % 3]
+/// Markers of the `nth` campaign where each has a colour.
+pub fn campaign(nth: usize) -> Look {
+    let shapes = [(Shape::Circle, true), (Shape::Square, false), (Shape::Circle, false)];
+    let (shape, filled) = shapes[nth % shapes.len()];
+    Look::Marker { colour: component(nth).colour(), shape, filled }
+}
+
+/// Frames that are not measured: the `nth` of the reasons.
+pub fn gap(nth: usize) -> Look {
+    Look::Spans([okabe_ito::SKY, okabe_ito::ORANGE, okabe_ito::VERMILLION][nth % 3])
 }
 
 /// A model as a line, also where it is driven by a measured gait.
 pub fn model_line(name: &str) -> Look {
     match model(name) {
-        Look::Marker { colour, .. } => Look::Line { colour, dash: DOTS },
+        Look::Marker { colour, .. } => line(colour, DOTS),
         line => line,
     }
 }
@@ -114,14 +162,13 @@ pub fn model_line(name: &str) -> Look {
 /// A model, the same in every figure. One that is driven by each trial's own gait has no
 /// curve and is shown as open markers, as in the paper.
 pub fn model(name: &str) -> Look {
-    let line = |colour, dash| Look::Line { colour, dash };
     match name {
         "no-skid" => line(okabe_ito::BLUE, DASHES),
         "no-skid-measured" => {
             Look::Marker { colour: okabe_ito::BLUE, shape: Shape::Circle, filled: false }
         }
         "no-skid-damped" => line(okabe_ito::PURPLE, LONG_DASHES),
-        "no-skid-roll" => line(okabe_ito::ORANGE, DASH_DOT),
+        "no-skid-roll" => line(okabe_ito::ORANGE, SHORT_DASHES),
         "skid" => line(okabe_ito::GREEN, LONG_DASHES),
         "skid-roll" => line(okabe_ito::VERMILLION, SOLID),
         _ => line(OTHER, DOTS),
@@ -131,12 +178,12 @@ pub fn model(name: &str) -> Look {
 /// The same model for the `nth` campaign in a panel: its colour, another dash.
 pub fn model_of_campaign(name: &str, nth: usize) -> Look {
     match model(name) {
-        Look::Line { colour, .. } if nth > 0 => Look::Line { colour, dash: DASHES },
+        Look::Line { colour, .. } if nth > 0 => line(colour, DASHES),
         look => look,
     }
 }
 
-/// Place of a model in legends and tables.
+/// Position of a model in legends and tables.
 pub fn model_rank(name: &str) -> usize {
     let order =
         ["no-skid", "no-skid-measured", "no-skid-damped", "no-skid-roll", "skid", "skid-roll"];

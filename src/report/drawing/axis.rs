@@ -1,0 +1,250 @@
+//! The limits, the ticks and the scale of an axis.
+
+use plotters::coord::ranged1d::{
+    BoldPoints, KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter,
+};
+use plotters::coord::types::RangedCoordf64;
+
+/// From where to where an axis goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Range {
+    pub fn span(self) -> f64 {
+        self.high - self.low
+    }
+
+    pub fn contains(self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+
+    /// From the least of the finite values to the greatest.
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        values.into_iter().filter(|value| value.is_finite()).fold(None, |range, value| {
+            let Self { low, high } = range.unwrap_or(Self { low: value, high: value });
+            Some(Self { low: low.min(value), high: high.max(value) })
+        })
+    }
+}
+
+/// How an axis divides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Scale {
+    /// Linear, from zero if the values come near it.
+    #[default]
+    Linear,
+    /// Linear from zero, unless there are values below.
+    FromZero,
+    /// Linear, and a unit is as long as on the other axis.
+    Equal,
+    /// Logarithmic where positive values go over decades.
+    Decades,
+}
+
+/// From this ratio of its ends on an axis of positive values is logarithmic.
+const LOGARITHMIC: f64 = 5.0;
+/// Where all values lie above this part of the greatest one, an axis from zero would show little
+/// but white.
+const NEAR_ZERO: f64 = 0.5;
+/// Part of the values' extent that is left free on either side of them.
+const MARGIN: f64 = 0.05;
+/// Of the greatest value: smaller differences are not spread over the axis.
+const LEAST_SPAN: f64 = 1e-3;
+
+/// An axis. Its coordinates are values, of a logarithmic one their decimal logarithms.
+#[derive(Debug, Clone)]
+pub struct Axis {
+    is_logarithmic: bool,
+    range: Range,
+    ticks: Vec<f64>,
+}
+
+impl Axis {
+    /// An axis with room for all finite values, or for those within `shown`.
+    pub fn new(values: &[f64], shown: Option<Range>, scale: Scale) -> Self {
+        let is_shown = |value: &f64| shown.is_none_or(|shown| shown.contains(*value));
+        let Some(extent) = Range::of(values.iter().copied().filter(is_shown)) else {
+            let range = Range { low: 0.0, high: 1.0 };
+            return Self { is_logarithmic: false, range, ticks: Vec::new() };
+        };
+        let Range { low, high } = extent;
+        let is_logarithmic = scale == Scale::Decades && low > 0.0 && high > LOGARITHMIC * low;
+        let from_zero = match scale {
+            Scale::Linear => low >= 0.0 && low < NEAR_ZERO * high,
+            Scale::FromZero => low >= 0.0,
+            Scale::Equal | Scale::Decades => false,
+        };
+        let extent = match (is_logarithmic, from_zero) {
+            (true, _) => Range { low: low.log10(), high: high.log10() },
+            (false, true) => Range { low: 0.0, high },
+            (false, false) => extent,
+        };
+        let least = LEAST_SPAN * extent.high.abs();
+        let span = match extent.span().max(least) {
+            0.0 => 1.0,
+            span => span,
+        };
+        let margin = MARGIN * span + 0.5 * (span - extent.span());
+        let low = if from_zero { 0.0 } else { extent.low - margin };
+        let range = Range { low, high: extent.high + margin };
+        Self { is_logarithmic, range, ticks: Vec::new() }
+    }
+
+    /// Makes units of two axes of `width` and `height` px equally long, by giving one axis more
+    /// room.
+    pub fn equalise(x: &mut Self, y: &mut Self, width: f64, height: f64) {
+        let coarser = (x.range.span() / width).max(y.range.span() / height);
+        for (axis, length) in [(x, width), (y, height)] {
+            let middle = 0.5 * (axis.range.low + axis.range.high);
+            let half = 0.5 * coarser * length;
+            axis.range = Range { low: middle - half, high: middle + half };
+        }
+    }
+
+    /// Sets at most so many ticks, fewer if these do not satisfy `have_room`.
+    pub fn set_ticks(&mut self, most: usize, have_room: impl Fn(&Self) -> bool) {
+        for most in (1..=most).rev() {
+            self.ticks = match self.is_logarithmic {
+                true => self.logarithmic_ticks(most),
+                false => {
+                    let Range { low, high } = self.range;
+                    RangedCoordf64::from(low..high).key_points(BoldPoints(most))
+                }
+            };
+            if have_room(self) {
+                break;
+            }
+        }
+    }
+
+    /// Decades, and where there is room their halves and fifths: plotters knows whole decades
+    /// alone, of which many axes here have none.
+    fn logarithmic_ticks(&self, most: usize) -> Vec<f64> {
+        let decades = (self.range.low.floor() as i32)..=(self.range.high.ceil() as i32);
+        let within = |factors: &[f64]| -> Vec<f64> {
+            let of_decade = |power| factors.iter().map(move |f| f.log10() + f64::from(power));
+            let ticks = decades.clone().flat_map(of_decade);
+            ticks.filter(|tick| self.range.contains(*tick)).collect()
+        };
+        let fine = within(&[1.0, 2.0, 5.0]);
+        if fine.len() <= most { fine } else { within(&[1.0]) }
+    }
+
+    pub fn range(&self) -> Range {
+        self.range
+    }
+
+    /// Ticks, in the axis' coordinates.
+    pub fn ticks(&self) -> &[f64] {
+        &self.ticks
+    }
+
+    /// A value in the axis' coordinates.
+    pub fn scaled(&self, value: f64) -> f64 {
+        if self.is_logarithmic { value.log10() } else { value }
+    }
+
+    /// A tick as text, with as many decimals as any of them needs.
+    pub fn label(&self, tick: f64) -> String {
+        if self.is_logarithmic {
+            let value: f64 = format!("{:.2e}", 10_f64.powf(tick)).parse().unwrap_or(f64::NAN);
+            return value.to_string();
+        }
+        let is_whole = |value: f64| (value - value.round()).abs() < 1e-6 * value.abs().max(1.0);
+        let are_whole = |n: &i32| self.ticks.iter().all(|tick| is_whole(tick * 10_f64.powi(*n)));
+        let decimals = (0..9).find(are_whole).unwrap_or(9) as usize;
+        // Adding zero takes the sign off a negative one.
+        format!("{:.decimals$}", tick + 0.0).replace('-', "\u{2212}")
+    }
+}
+
+impl Ranged for Axis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
+        let part = (value - self.range.low) / self.range.span();
+        from + (part * f64::from(to - from)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        if hint.weight().allow_light_points() { Vec::new() } else { self.ticks.clone() }
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.range.low..self.range.high
+    }
+}
+
+impl ValueFormatter<f64> for Axis {
+    fn format_ext(&self, tick: &f64) -> String {
+        self.label(*tick)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(low: f64, high: f64) -> Vec<String> {
+        let range = Range { low, high };
+        let mut axis = Axis { is_logarithmic: false, range, ticks: Vec::new() };
+        axis.set_ticks(6, |_| true);
+        axis.ticks.iter().map(|tick| axis.label(*tick)).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_numbers_with_the_digits_they_need() {
+        assert_eq!(labels(0.0, 6.3), ["0", "2", "4", "6"]);
+        assert_eq!(labels(0.0, 0.052), ["0.00", "0.01", "0.02", "0.03", "0.04", "0.05"]);
+        assert_eq!(labels(-1.0, 1.0), ["\u{2212}1.0", "\u{2212}0.5", "0.0", "0.5", "1.0"]);
+        assert_eq!(labels(395.0, 505.0), ["400", "420", "440", "460", "480", "500"]);
+    }
+
+    #[test]
+    fn ticks_of_a_logarithmic_axis_divide_decades() {
+        let mut axis = Axis::new(&[20.0, 130.0], None, Scale::Decades);
+        axis.set_ticks(5, |_| true);
+        let labels: Vec<String> = axis.ticks.iter().map(|tick| axis.label(*tick)).collect();
+        assert_eq!(labels, ["20", "50", "100"]);
+    }
+
+    #[test]
+    fn values_close_together_do_not_start_at_zero_unless_asked() {
+        let low = |scale| Axis::new(&[425.0, 490.0], None, scale).range.low;
+        assert!(low(Scale::Linear) > 380.0);
+        assert_eq!(low(Scale::FromZero), 0.0);
+    }
+
+    #[test]
+    fn one_value_and_none_still_have_a_range() {
+        for values in [vec![], vec![0.0], vec![3.0]] {
+            for scale in [Scale::Linear, Scale::FromZero, Scale::Equal, Scale::Decades] {
+                let mut axis = Axis::new(&values, None, scale);
+                axis.set_ticks(5, |_| true);
+                assert!(axis.range.span() > 0.0 && !axis.ticks.is_empty(), "{values:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_metre_is_as_long_along_both_axes() {
+        let [mut x, mut y] =
+            [[0.0, 4.0], [-0.1, 0.1]].map(|values| Axis::new(&values, None, Scale::Equal));
+        let (width, height) = (300.0, 100.0);
+        Axis::equalise(&mut x, &mut y, width, height);
+        let metre = |axis: &Axis, length: f64| length / axis.range.span();
+        assert!((metre(&x, width) - metre(&y, height)).abs() < 1e-9);
+        assert!(x.range.contains(4.0) && y.range.contains(0.1) && y.range.contains(-0.1));
+    }
+
+    #[test]
+    fn what_is_not_to_be_shown_does_not_stretch_the_axis() {
+        let shown = Some(Range { low: -5.0, high: 5.0 });
+        let axis = Axis::new(&[-1.0, 1.0, 400.0], shown, Scale::Linear);
+        assert!(axis.range.high > 1.0 && axis.range.high < 1.2);
+    }
+}

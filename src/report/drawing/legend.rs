@@ -1,0 +1,131 @@
+//! Legends: rows of samples above panels. Plotters' own is a box that covers data.
+
+use plotters::element::{DashedPathElement, ErrorBar, PathElement};
+use plotters::style::text_anchor::HPos;
+
+use super::figure::Sample;
+use super::marks::{Area, Drawn, ERROR_BAR_ENDS, draw_marker};
+use super::style::{self, Look, Shape, units};
+use super::text;
+
+/// Length of a line's sample, px.
+const SAMPLE: f64 = 27.0;
+const SAMPLE_GAP: f64 = 5.0;
+const GAP: f64 = 14.0;
+/// Height of a row, px.
+pub const ROW: f64 = 19.0;
+
+/// A sample and its position: the left end, px, and the row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    pub sample: Sample,
+    pub x: f64,
+    pub row: usize,
+}
+
+fn width(sample: &Sample) -> f64 {
+    SAMPLE + SAMPLE_GAP + text::width(&sample.label)
+}
+
+/// Width of all samples in a row, px.
+pub fn row_width(samples: &[Sample]) -> f64 {
+    samples.iter().map(|sample| width(sample) + GAP).sum::<f64>() - GAP
+}
+
+/// Samples in columns between `left` and `right`: as few rows as that allows.
+pub fn lay_out(samples: Vec<Sample>, left: f64, right: f64) -> Vec<Entry> {
+    let room = right - left;
+    let shortened = samples.into_iter().map(|sample| Sample {
+        label: shorten(&sample.label, room - SAMPLE - SAMPLE_GAP),
+        ..sample
+    });
+    let samples: Vec<Sample> = shortened.collect();
+    let columns = |rows: usize| -> Vec<f64> {
+        let width = |column: &[Sample]| column.iter().map(width).fold(0.0, f64::max) + GAP;
+        samples.chunks(rows).map(width).collect()
+    };
+    let fits = |rows: &usize| columns(*rows).iter().sum::<f64>() - GAP <= room;
+    let rows = (1..samples.len()).find(fits).unwrap_or(samples.len()).max(1);
+    let starts = columns(rows).into_iter().scan(left, |x, width| {
+        let start = *x;
+        *x += width;
+        Some(start)
+    });
+    let columns = samples.chunks(rows).zip(starts);
+    let entries = columns.flat_map(|(column, x)| {
+        column.iter().enumerate().map(move |(row, sample)| Entry { sample: sample.clone(), x, row })
+    });
+    entries.collect()
+}
+
+/// The text, or as much of it as fits.
+fn shorten(label: &str, room: f64) -> String {
+    let mut short = label.to_owned();
+    while text::width(&short) > room && !short.is_empty() {
+        short = short.trim_end_matches('…').to_owned();
+        short.pop();
+        short.push('…');
+    }
+    short
+}
+
+/// Draws samples in a row that ends at `right`.
+pub fn draw_row(samples: &[Sample], right: f64, y: f64, area: &Area<'_>) -> Drawn {
+    let mut x = right - row_width(samples);
+    samples.iter().try_for_each(|sample| {
+        draw(sample, x, y, area)?;
+        x += width(sample) + GAP;
+        Ok(())
+    })
+}
+
+/// Draws a sample from `x` on with its middle at the height `y`, and its text.
+pub fn draw(sample: &Sample, x: f64, y: f64, area: &Area<'_>) -> Drawn {
+    let at = (units(x + SAMPLE / 2.0), units(y));
+    let bar = |half: f64| [at.1 - units(half), at.1, at.1 + units(half)];
+    match sample.look {
+        Look::Line { colour, dash } => {
+            let line = [(units(x), at.1), (units(x + SAMPLE), at.1)];
+            let stroke = style::stroke(colour, style::LINE_WIDTH);
+            match dash {
+                None => area.draw(&PathElement::new(line, stroke))?,
+                Some((dash, gap)) => {
+                    area.draw(&DashedPathElement::new(line, units(dash), units(gap), stroke))?;
+                }
+            }
+        }
+        Look::Marker { colour, shape, filled } => {
+            if sample.has_bar {
+                let [top, middle, bottom] = bar(7.0);
+                let stroke = style::stroke(colour, style::FRAME_WIDTH);
+                let ends = units(ERROR_BAR_ENDS) as u32;
+                area.draw(&ErrorBar::new_vertical(at.0, top, middle, bottom, stroke, ends))?;
+            }
+            draw_marker(area, at, (colour, shape, filled))?;
+        }
+        look => draw_marker(area, at, (look.colour(), Shape::Square, true))?,
+    }
+    let (x, y) = (x + SAMPLE + SAMPLE_GAP, y + 0.36 * text::EM - text::ASCENT);
+    area.draw_text(&sample.label, &text::style(HPos::Left), (units(x), units(y)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_take_as_few_rows_as_there_is_room_for() {
+        let sample =
+            |label: &str| Sample { label: label.to_owned(), look: style::RECORDED, has_bar: false };
+        let samples: Vec<Sample> = ["first", "second", "third"].map(sample).into();
+        let width = row_width(&samples);
+        let rows = |room: f64| {
+            let entries = lay_out(samples.clone(), 0.0, room);
+            entries.into_iter().map(|entry| entry.row).collect::<Vec<_>>()
+        };
+        assert_eq!(rows(width + 1.0), [0, 0, 0]);
+        assert_eq!(rows(width - 20.0), [0, 1, 0]);
+        assert_eq!(rows(60.0), [0, 1, 2]);
+        assert!(lay_out(samples, 0.0, 60.0).iter().any(|entry| entry.sample.label.contains('…')));
+    }
+}

@@ -1,0 +1,17 @@
+//! Figures: a grid of panels, drawn once as SVG, of which the PNG is made.
+
+mod axis;
+mod draw;
+mod figure;
+mod grid;
+mod legend;
+mod marks;
+mod polyline;
+mod render;
+pub mod style;
+mod text;
+
+pub use axis::{Range, Scale};
+pub use figure::{Figure, Layer, Layout, Panel, Point, csv_number};
+pub use render::{png, size, svg};
+pub use style::Look;
