@@ -37,7 +37,7 @@ pub use plan::{ReportPlan, plan, plan_after};
 
 /// Raise it when the same tables and configuration give another page or other drawings of the
 /// same numbers: then every figure is drawn again once.
-pub const REPORT_VERSION: u32 = 1;
+pub const REPORT_VERSION: u32 = 2;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]

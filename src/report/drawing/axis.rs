@@ -5,6 +5,8 @@ use plotters::coord::ranged1d::{
 };
 use plotters::coord::types::RangedCoordf64;
 
+use crate::report::numbers;
+
 /// From where to where an axis goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
@@ -156,8 +158,7 @@ impl Axis {
         let is_whole = |value: f64| (value - value.round()).abs() < 1e-6 * value.abs().max(1.0);
         let are_whole = |n: &i32| self.ticks.iter().all(|tick| is_whole(tick * 10_f64.powi(*n)));
         let decimals = (0..9).find(are_whole).unwrap_or(9) as usize;
-        // Adding zero takes the sign off a negative one.
-        format!("{:.decimals$}", tick + 0.0).replace('-', "\u{2212}")
+        numbers::fixed(tick, decimals)
     }
 }
 

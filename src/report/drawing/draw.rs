@@ -58,14 +58,12 @@ fn draw_panel(cell: Cell<'_>, has_legend: bool, figure: &Area<'_>) -> Drawn {
         .x_label_area_size(units(labels))
         .build_cartesian_2d(cell.x.clone(), cell.y.clone())?;
     let mut frame = Frame { chart: &mut chart, x: cell.x, y: cell.y, pixel };
-    // Bands lie behind the mesh, and markers on the lines, the first layer's on top.
-    let (bands, rest): (Vec<&Layer>, Vec<_>) =
+    // Bands lie behind the mesh.
+    let (bands, others): (Vec<&Layer>, Vec<_>) =
         panel.layers.iter().partition(|layer| layer.look == Look::Band);
-    let (markers, lines): (Vec<_>, Vec<_>) =
-        rest.into_iter().partition(|layer| matches!(layer.look, Look::Marker { .. }));
     bands.into_iter().try_for_each(|layer| frame.draw(layer))?;
     frame.draw_mesh(&panel.x_label, &panel.y_label)?;
-    lines.into_iter().chain(markers.into_iter().rev()).try_for_each(|layer| frame.draw(layer))?;
+    others.into_iter().try_for_each(|layer| frame.draw(layer))?;
     for (note, row) in panel.notes.iter().zip(1..) {
         write(note, HPos::Right, right - 7.0, TOP + f64::from(row) * 1.3 * text::EM + 2.0)?;
     }

@@ -198,9 +198,12 @@ impl Figure {
         self.panels.iter().all(Panel::is_empty)
     }
 
-    /// What the legend has of all panels.
+    /// What the legend has of all panels, measurements first.
     pub fn samples(&self) -> Vec<Sample> {
-        self.panels.iter().flat_map(Panel::samples).fold(Vec::new(), add_new)
+        let samples = self.panels.iter().flat_map(Panel::samples);
+        let mut samples = samples.fold(Vec::new(), add_new);
+        samples.sort_by_key(|sample| !sample.has_bar);
+        samples
     }
 
     /// Panels with the letters that their titles and the CSV have.

@@ -37,7 +37,7 @@ const OTHER: RGBColor = RGBColor(120, 120, 120);
 pub const WIDTH: f64 = 460.0;
 /// Width of a figure with more panels side by side, px.
 pub const WIDE: f64 = 644.0;
-pub const LINE_WIDTH: f64 = 1.75;
+pub const LINE_WIDTH: f64 = 1.6;
 pub const FRAME_WIDTH: f64 = 1.0;
 pub const MARKER_RADIUS: f64 = 3.6;
 /// Radius of points that stand for one of many values, px.

@@ -126,7 +126,11 @@ impl Plot {
             .filter_map(|series| self.beyond(series, ceiling?))
             .collect();
         let description = self.quantity.description();
-        let layers = self.series.iter().map(|series| series.layer(self.label(series)));
+        // Measurements lie on top.
+        let (measured, modelled): (Vec<&Series>, Vec<_>) =
+            self.series.iter().partition(|series| series.is_measured);
+        let layers = modelled.into_iter().chain(measured);
+        let layers = layers.map(|series| series.layer(self.label(series)));
         Panel {
             y_scale: match self.quantity {
                 Quantity::Speed | Quantity::Skid(_) => Scale::FromZero,

@@ -3,6 +3,7 @@
 use super::common::{self, DEG, links, links_at_start, map, time_course, travel};
 use super::{SEMI_PASSIVE, SKEWED, SYMMETRIC};
 use crate::motion::{Model, Pose, Problem, Sample};
+use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, style};
 use crate::report::numbers::with_error;
 use crate::report::recording::{Recording, Shown};
