@@ -22,7 +22,7 @@ pub mod report;
 /// All of it, one stage after the other.
 pub mod run;
 
-/// Tonight against the baseline.
+/// A run against a baseline.
 pub mod compare;
 /// A look into any table.
 pub mod inspect;

@@ -98,6 +98,14 @@ enum Command {
     Man(shell::Man),
 }
 
+/// What to do when another run is busy with the same folder of results.
+#[derive(clap::Args)]
+struct Exclusive {
+    /// Wait for another run on the same folder of results, instead of giving up.
+    #[arg(long)]
+    wait: bool,
+}
+
 /// How a command ended, as its exit status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Outcome {

@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use super::output::{note, say};
 use super::parameters::print_parameters;
-use super::stages::Exclusive;
-use super::{Context, Failure, Outcome};
+use super::{Context, Exclusive, Failure, Outcome};
 use crate::robot::Parameter;
 use crate::run::{Ahead, Finished, Options, look, run};
 use crate::store::{ComparisonRow, FitRow, How, Planned, Redo};

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::output::{note, say};
 use super::parameters::print_parameters;
-use super::{Context, Failure, Outcome, calibrate, pipeline};
+use super::{Context, Exclusive, Failure, Outcome, calibrate, pipeline};
 use crate::run;
 
 #[derive(clap::Args)]
@@ -28,14 +28,6 @@ pub(super) struct Fit {
 pub(super) struct Report {
     #[command(flatten)]
     exclusive: Exclusive,
-}
-
-/// What to do when another run is busy with the same folder of results.
-#[derive(clap::Args)]
-pub(super) struct Exclusive {
-    /// Wait for another run on the same folder of results, instead of giving up.
-    #[arg(long)]
-    pub wait: bool,
 }
 
 impl Ingest {

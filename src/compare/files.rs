@@ -2,27 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
 use serde_json::{Value as Json, json};
 
 use super::figures::figures;
 use super::{CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
 use crate::report::{Image, fill, percent, significant};
-
-/// A difference as people read it.
-#[derive(Serialize)]
-struct Row<'d> {
-    table: &'d str,
-    of: &'d str,
-    column: &'d str,
-    baseline: String,
-    candidate: String,
-    /// Relative, or empty.
-    change: String,
-    /// In standard errors, or empty.
-    errors: String,
-    limit: String,
-}
 
 /// `compare.html`.
 ///
@@ -62,19 +46,20 @@ impl Lone {
     }
 }
 
-fn row(difference: &Difference) -> Row<'_> {
-    let [baseline, candidate] = [&difference.baseline, &difference.candidate];
+/// A difference as people read it; its change is relative, its errors are standard errors.
+fn row(difference: &Difference) -> Json {
+    let Difference { table, of, column, baseline, candidate, errors, limit, .. } = difference;
     let numbers = baseline.as_f64().zip(candidate.as_f64());
-    Row {
-        table: difference.table,
-        of: &difference.of,
-        column: &difference.column,
-        baseline: text(baseline),
-        candidate: text(candidate),
-        change: numbers.map_or(String::new(), |(then, now)| percent(now, then)),
-        errors: difference.errors.map_or(String::new(), |errors| format!("{errors:.1}")),
-        limit: difference.limit.map_or(String::new(), |limit| significant(limit, 3)),
-    }
+    json!({
+        "table": table,
+        "of": of,
+        "column": column,
+        "baseline": text(baseline),
+        "candidate": text(candidate),
+        "change": numbers.map(|(then, now)| percent(now, then)).unwrap_or_default(),
+        "errors": errors.map(|errors| format!("{errors:.1}")).unwrap_or_default(),
+        "limit": limit.map(|limit| significant(limit, 3)).unwrap_or_default(),
+    })
 }
 
 fn text(value: &Json) -> String {
@@ -133,15 +118,19 @@ impl Difference {
     /// The difference in words.
     pub fn sentence(&self) -> String {
         let row = row(self);
-        let mut parts = vec![row.change];
-        parts.extend(self.errors.map(|_| format!("{} standard errors", row.errors)));
-        parts.extend(self.limit.map(|_| format!("limit {}", row.limit)));
-        parts.retain(|part| !part.is_empty());
+        let parts =
+            [("", "change", ""), ("", "errors", " standard errors"), ("limit ", "limit", "")];
+        let parts = parts.map(|(before, part, after)| match row[part].as_str() {
+            Some(text) if !text.is_empty() => format!("{before}{text}{after}"),
+            _ => String::new(),
+        });
+        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         let parts = match parts.is_empty() {
             true => String::new(),
             false => format!(" ({})", parts.join(", ")),
         };
-        format!("{}: {}, baseline {}{parts}", self.column, row.candidate, row.baseline)
+        let [baseline, candidate] = [&self.baseline, &self.candidate].map(text);
+        format!("{}: {candidate}, baseline {baseline}{parts}", self.column)
     }
 }
 
