@@ -2,8 +2,10 @@
 
 use std::f64::consts::PI;
 
+use serde::Serialize;
+
 /// `phi(t) = offset + amplitude cos(omega t + phase)`, all in radians.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct JointCommand {
     pub offset_rad: f64,
     pub amplitude_rad: f64,
@@ -26,7 +28,7 @@ pub struct Gait {
     pub joints: [Option<JointCommand>; 2],
 }
 
-/// Angles, rates and accelerations of both joints at one moment; the entries of a
+/// Angles, rates and accelerations of both joints at one time; the entries of a
 /// passive joint are zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {

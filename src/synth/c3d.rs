@@ -15,7 +15,7 @@ const LARGEST_WORD: usize = 65_535;
 pub(super) fn c3d(film: &Film) -> Vec<u8> {
     let frames = film.frames().count();
     let last_frame = film.first_frame + frames - 1;
-    // The place of the data is one of the parameters; it does not change their length.
+    // The position of the data is one of the parameters; it does not change their length.
     let blocks = parameters(film, last_frame, 0).len() / BLOCK;
     let data_start = 2 + blocks;
     let mut file = header(film, last_frame, data_start);
@@ -126,7 +126,7 @@ mod tests {
             first_frame: 65_535,
             labels,
             positions_mm,
-            misplaced: Vec::new(),
+            label_errors: Vec::new(),
         };
         let read = parse_markers(Path::new("a.c3d"), &c3d(&film)).unwrap();
         assert_eq!(read.rate_hz, Some(120.0));

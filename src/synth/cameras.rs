@@ -8,7 +8,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, Normal};
 
-use super::misplace::{Misplaced, misplace};
+use super::label_errors::{LabelError, add_label_errors};
 use crate::config::Markers;
 use crate::robot::{Pose, Robot, in_world};
 
@@ -92,8 +92,7 @@ pub(super) struct Film {
     pub labels: Vec<String>,
     /// Frame by frame, marker by marker, mm; `None` where the cameras did not see it.
     pub positions_mm: Vec<Option<[f64; 3]>>,
-    /// Frames in which a marker is not where its label says.
-    pub misplaced: Vec<Misplaced>,
+    pub label_errors: Vec<LabelError>,
 }
 
 impl Film {
@@ -113,13 +112,13 @@ pub struct Tilt {
     pub links_rad: [[f64; 2]; 3],
 }
 
-/// A place after turns about x and y.
-fn turned(about_rad: [f64; 2], place: [f64; 3]) -> [f64; 3] {
+/// A position after turns about x and y.
+fn turned(about_rad: [f64; 2], position: [f64; 3]) -> [f64; 3] {
     if about_rad == [0.0; 2] {
-        return place;
+        return position;
     }
     let [x, y] = about_rad;
-    (Rotation3::new(Vector3::new(x, y, 0.0)) * Vector3::from(place)).into()
+    (Rotation3::new(Vector3::new(x, y, 0.0)) * Vector3::from(position)).into()
 }
 
 /// What the cameras look at, and how well.
@@ -140,8 +139,8 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
         .into_iter()
         .enumerate()
         .flat_map(|(link, markers): (usize, &BTreeMap<String, [f64; 3]>)| {
-            let place = move |place| turned(tilt.links_rad[link], place);
-            markers.iter().map(move |(label, position)| (link, label, place(*position)))
+            let turned = move |position| turned(tilt.links_rad[link], position);
+            markers.iter().map(move |(label, position)| (link, label, turned(*position)))
         })
         .collect();
     let wobbles: [Wobble; 3] = std::array::from_fn(|_| Wobble::draw(&mut random));
@@ -171,13 +170,13 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
     let subject = |label: &str| if label.contains(':') { "" } else { SUBJECT };
     let labels = markers.iter().map(|(_, label, _)| subject(label).to_owned() + label).collect();
     // Drawn last, so that everything else is the same with and without them.
-    let misplaced = if misplaced > 0.0 {
+    let label_errors = if misplaced > 0.0 {
         let links: Vec<usize> = markers.iter().map(|(link, _, _)| *link).collect();
-        misplace(&mut positions_mm, &links, first_frame, misplaced, &mut random)
+        add_label_errors(&mut positions_mm, &links, first_frame, misplaced, &mut random)
     } else {
         Vec::new()
     };
-    Film { rate_hz, first_frame, labels, positions_mm, misplaced }
+    Film { rate_hz, first_frame, labels, positions_mm, label_errors }
 }
 
 /// Which frames of each marker the cameras saw.

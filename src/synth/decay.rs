@@ -22,7 +22,7 @@ const LONGEST_S: f64 = 30.0;
 const LARGEST_DAMPING_RATIO: f64 = 0.4;
 
 /// What a trial was made from. What its kind does not depend on is null.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct DecayTruth {
     pub robot: String,
     pub stiffness_nm_rad: Option<f64>,
@@ -76,8 +76,7 @@ pub(super) fn released(
             damping_nm_s_rad: Some(damping),
             natural_rad_s: Some(natural_rad_s),
             damping_ratio: Some(damping_ratio),
-            roll_kg_s: None,
-            roll_sum_kg_s: None,
+            ..DecayTruth::default()
         },
     })
 }
@@ -101,20 +100,17 @@ pub(super) fn coasting(
         let t = frame as f64 / rate_hz;
         let pushed = (t - REST_S).clamp(0.0, PUSH_S);
         let coasted = (t - begin_s).max(0.0);
-        let way = 0.5 * speed / PUSH_S * pushed * pushed
+        let path_m = 0.5 * speed / PUSH_S * pushed * pushed
             + speed / decay * (1.0 - (-decay * coasted).exp());
-        [way, 0.0, 0.0, 0.0, 0.0]
+        [path_m, 0.0, 0.0, 0.0, 0.0]
     };
     Some(Decay {
         coordinates: (0..(duration_s * rate_hz) as usize).map(at).collect(),
         truth: DecayTruth {
             robot: name.to_owned(),
-            stiffness_nm_rad: None,
-            damping_nm_s_rad: None,
-            natural_rad_s: None,
-            damping_ratio: None,
             roll_kg_s: Some(robot.roll_kg_s),
             roll_sum_kg_s: Some(roll_sum_kg_s),
+            ..DecayTruth::default()
         },
     })
 }

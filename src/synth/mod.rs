@@ -9,8 +9,8 @@ mod c3d;
 mod cameras;
 mod csv;
 mod decay;
-mod misplace;
-mod motion;
+mod label_errors;
+mod planted;
 mod truth;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -30,7 +30,7 @@ pub use cameras::Tilt;
 use cameras::{Film, Scene};
 use decay::Decay;
 pub use decay::DecayTruth;
-pub use misplace::Misplaced;
+pub use label_errors::LabelError;
 pub use truth::{CampaignTruth, TrialTruth, Truth};
 
 /// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.
@@ -47,10 +47,20 @@ pub enum Format {
 }
 
 impl Format {
-    fn extension(self) -> &'static str {
-        match self {
+    /// A trial in this format, of no campaign or robot yet.
+    fn trial(self, id: String, kind: TrialKind) -> Trial {
+        let extension = match self {
             Self::Csv => "csv",
             Self::C3d => "c3d",
+        };
+        Trial {
+            file: format!("{id}.{extension}"),
+            id,
+            kind,
+            campaign: None,
+            robot: None,
+            omega_rad_s: None,
+            smoothing_window: None,
         }
     }
 
@@ -87,7 +97,7 @@ pub enum SynthError {
 pub struct Recipe {
     /// Of everything random; the same seed gives the same bytes.
     pub seed: u64,
-    /// Of what the cameras add, if it is not the same: another night of the same laboratory.
+    /// Of what the cameras add, if it is not the same: another recording of the same motion.
     pub noise_seed: Option<u64>,
     /// What the planted skid coefficients of wheels 0, 1, 2 are multiplied by.
     pub skid_factors: [f64; 3],
@@ -123,17 +133,16 @@ impl Recipe {
 /// One trial to be made.
 struct Plan {
     trial: Trial,
-    /// The planted robot under the gait that its servo reaches.
-    problem: Problem,
+    robot: Robot,
+    source: Source,
     seed: ChaCha8Rng,
 }
 
-/// A trial to be made that gives a robot's own parameters.
-struct DecayPlan {
-    trial: Trial,
-    robot: Robot,
-    decay: Decay,
-    seed: ChaCha8Rng,
+enum Source {
+    /// The planted robot under the gait that its servo reaches.
+    Gait(Problem),
+    /// A motion that gives the robot's own parameters.
+    Decay(Decay),
 }
 
 /// Writes a trial folder: every campaign of the configuration at every frequency, a coast-down
@@ -153,11 +162,10 @@ pub fn synthesise(
     if has(TRIALS_FILE) && !has(TRUTH_FILE) {
         return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
     }
-    let (plans, campaigns) = plan(config, recipe);
-    let decays = plan_decays(config, recipe);
+    let (mut plans, campaigns) = plan_gaits(config, recipe);
+    plans.extend(plan_decays(config, recipe));
     let mut ids = BTreeSet::new();
-    let planned = plans.iter().map(|plan| &plan.trial).chain(decays.iter().map(|plan| &plan.trial));
-    for Trial { id, .. } in planned {
+    for Plan { trial: Trial { id, .. }, .. } in &plans {
         if !is_valid_id(id) {
             return Err(SynthError::Name { trial: id.clone() });
         }
@@ -166,35 +174,33 @@ pub fn synthesise(
         }
     }
     let Recipe { seed, format, misplaced, tilt, .. } = *recipe;
-    let rate_hz = config.vicon.rate_hz;
-    let trials: Vec<TrialTruth> = plans
-        .par_iter()
-        .map(|plan| {
-            let failed = |source| SynthError::Motion { trial: plan.trial.id.clone(), source };
-            let motion = motion::from_rest(&plan.problem, rate_hz).map_err(failed)?;
-            let (robot, layout) = (&plan.problem.robot, &config.markers);
-            let scene = Scene { robot, layout, rate_hz, misplaced, tilt };
-            let film = cameras::film(&scene, &motion.coordinates, plan.seed.clone());
-            write_bytes(&folder.join(&plan.trial.file), &format.bytes(&film))?;
-            on_trial(&plan.trial.id);
-            Ok(TrialTruth::new(&plan.problem, &motion.steady, film.misplaced))
-        })
-        .collect::<Result<_, SynthError>>()?;
-    for DecayPlan { trial, robot, decay, seed } in &decays {
-        let scene = Scene { robot, layout: &config.markers, rate_hz, misplaced, tilt };
-        let film = cameras::film(&scene, &decay.coordinates, seed.clone());
+    let (rate_hz, layout) = (config.vicon.rate_hz, &config.markers);
+    let make = |Plan { trial, robot, source, seed }: &Plan| {
+        let scene = Scene { robot, layout, rate_hz, misplaced, tilt };
+        let film = |coordinates: &[[f64; 5]]| cameras::film(&scene, coordinates, seed.clone());
+        let (film, steady) = match source {
+            Source::Gait(problem) => {
+                let failed = |source| SynthError::Motion { trial: trial.id.clone(), source };
+                let motion = planted::from_rest(problem, rate_hz).map_err(failed)?;
+                (film(&motion.coordinates), Some((problem, motion.steady)))
+            }
+            Source::Decay(decay) => (film(&decay.coordinates), None),
+        };
         write_bytes(&folder.join(&trial.file), &format.bytes(&film))?;
         on_trial(&trial.id);
-    }
-    let ids = plans.iter().map(|plan| plan.trial.id.clone());
-    let trials = ids.zip(trials).collect();
-    let robots = decays.iter().map(|plan| (plan.trial.id.clone(), plan.decay.truth.clone()));
+        let truth = |(problem, steady)| TrialTruth::new(problem, &steady, film.label_errors);
+        Ok(steady.map(|steady| (trial.id.clone(), truth(steady))))
+    };
+    let made: Vec<_> = plans.par_iter().map(make).collect::<Result<_, SynthError>>()?;
+    let trials = made.into_iter().flatten().collect();
+    let robots = plans.iter().filter_map(|plan| match &plan.source {
+        Source::Gait(_) => None,
+        Source::Decay(decay) => Some((plan.trial.id.clone(), decay.truth.clone())),
+    });
     let truth = Truth { synthetic: true, seed, campaigns, trials, robots: robots.collect() };
     write_bytes(&folder.join(TRUTH_FILE), truth.to_json().as_bytes())?;
     // The list comes last: a folder with a list is complete.
-    let decays = decays.into_iter().map(|plan| plan.trial);
-    let list =
-        TrialList { trial: plans.into_iter().map(|plan| plan.trial).chain(decays).collect() };
+    let list = TrialList { trial: plans.into_iter().map(|plan| plan.trial).collect() };
     let header = "# Synthetic trials, written by `trilink synth`.\n\n";
     let text = header.to_owned() + &toml::to_string(&list).expect("a trial list is plain TOML");
     write_bytes(&folder.join(TRIALS_FILE), text.as_bytes())?;
@@ -202,7 +208,7 @@ pub fn synthesise(
 }
 
 /// Draws what is planted and lists the trials.
-fn plan(config: &Config, recipe: &Recipe) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
+fn plan_gaits(config: &Config, recipe: &Recipe) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
     let Recipe { seed, ref omegas_rad_s, format, .. } = *recipe;
     let (mut plans, mut campaigns) = (Vec::new(), Vec::new());
     for (number, name) in config.campaign.keys().enumerate() {
@@ -214,36 +220,24 @@ fn plan(config: &Config, recipe: &Recipe) -> (Vec<Plan>, Vec<(String, CampaignTr
             random.set_stream((number * (omegas_rad_s.len() + 1) + trial) as u64);
             random
         };
-        let (mut robot, gait) = motion::planted(name, robot, gait, &mut stream(0));
+        let (mut robot, gait) = planted::planted(name, robot, gait, &mut stream(0));
         robot.skid_kg_s = [0, 1, 2].map(|i| robot.skid_kg_s[i] * recipe.skid_factors[i]);
         campaigns.push((name.clone(), CampaignTruth::new(&robot, &gait)));
         for (i, omega_rad_s) in omegas_rad_s.iter().copied().enumerate() {
             let id = format!("{name}-{omega_rad_s:.2}-r1");
-            plans.push(Plan {
-                trial: Trial {
-                    file: format!("{id}.{}", format.extension()),
-                    id,
-                    kind: TrialKind::Gait,
-                    campaign: Some(name.clone()),
-                    robot: None,
-                    omega_rad_s: Some(omega_rad_s),
-                    smoothing_window: None,
-                },
-                problem: Problem {
-                    robot: robot.clone(),
-                    gait,
-                    model: Model::SkidRoll,
-                    omega_rad_s,
-                },
-                seed: stream(i + 1),
-            });
+            let (campaign, omega) = (Some(name.clone()), Some(omega_rad_s));
+            let trial = format.trial(id, TrialKind::Gait);
+            let trial = Trial { campaign, omega_rad_s: omega, ..trial };
+            let (robot, model) = (robot.clone(), Model::SkidRoll);
+            let source = Source::Gait(Problem { robot: robot.clone(), gait, model, omega_rad_s });
+            plans.push(Plan { trial, robot, source, seed: stream(i + 1) });
         }
     }
     (plans, campaigns)
 }
 
 /// A coast-down of every robot that a campaign names, and a release of its passive joint.
-fn plan_decays(config: &Config, recipe: &Recipe) -> Vec<DecayPlan> {
+fn plan_decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
     // The passive joint of each robot: the first campaign that has one says which.
     let mut robots: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     for (name, campaign) in &config.campaign {
@@ -264,23 +258,16 @@ fn plan_decays(config: &Config, recipe: &Recipe) -> Vec<DecayPlan> {
                 _ => None,
             };
             let id = format!("{name}-{}-r1", kind.name());
-            let trial = Trial {
-                file: format!("{id}.{}", recipe.format.extension()),
-                id,
-                kind,
-                campaign: None,
-                robot: Some(name.to_owned()),
-                omega_rad_s: None,
-                smoothing_window: None,
-            };
+            let trial = Trial { robot: Some(name.to_owned()), ..recipe.format.trial(id, kind) };
             if let Some(noise_seed) = recipe.noise_seed {
-                let (stream, place) = (seed.get_stream(), seed.get_word_pos());
+                let (stream, position) = (seed.get_stream(), seed.get_word_pos());
                 seed = ChaCha8Rng::seed_from_u64(noise_seed);
                 seed.set_stream(stream);
-                seed.set_word_pos(place);
+                seed.set_word_pos(position);
             }
             let robot = robot.clone();
-            plans.extend(decay.map(|decay| DecayPlan { trial, robot, decay, seed }));
+            let source = decay.map(Source::Decay);
+            plans.extend(source.map(|source| Plan { trial, robot, source, seed }));
         }
     }
     plans

@@ -1,10 +1,9 @@
 //! `truth.json`: what was planted.
 
-use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::decay::DecayTruth;
-use super::misplace::Misplaced;
+use super::label_errors::LabelError;
 use crate::metrics::GaitMetrics;
 use crate::motion::Problem;
 use crate::robot::{Gait, JointCommand, Robot};
@@ -38,18 +37,10 @@ pub struct TrialTruth {
     pub omega_rad_s: f64,
     #[serde(flatten)]
     pub metrics: GaitMetrics,
-    pub gait: [Option<JointTruth>; 2],
-    /// Frames in which a marker was misplaced.
+    pub gait: [Option<JointCommand>; 2],
+    /// Frames in which a marker was not where its label says.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub misplaced: Vec<Misplaced>,
-}
-
-/// `phi = offset + amplitude cos(omega t + phase)`.
-#[derive(Debug, Serialize)]
-pub struct JointTruth {
-    pub offset_rad: f64,
-    pub amplitude_rad: f64,
-    pub phase_rad: f64,
+    pub misplaced: Vec<LabelError>,
 }
 
 impl Truth {
@@ -72,18 +63,13 @@ impl CampaignTruth {
 }
 
 impl TrialTruth {
-    pub(super) fn new(problem: &Problem, metrics: &GaitMetrics, misplaced: Vec<Misplaced>) -> Self {
-        let joint = |command: JointCommand| JointTruth {
-            offset_rad: command.offset_rad,
-            amplitude_rad: command.amplitude_rad,
-            phase_rad: command.phase_rad,
-        };
-        Self {
-            omega_rad_s: problem.omega_rad_s,
-            metrics: *metrics,
-            gait: problem.gait.joints.map(|command| command.map(joint)),
-            misplaced,
-        }
+    pub(super) fn new(
+        problem: &Problem,
+        metrics: &GaitMetrics,
+        misplaced: Vec<LabelError>,
+    ) -> Self {
+        let Problem { gait, omega_rad_s, .. } = problem;
+        Self { omega_rad_s: *omega_rad_s, metrics: *metrics, gait: gait.joints, misplaced }
     }
 }
 
@@ -92,9 +78,5 @@ fn as_map<T: Serialize, S: Serializer>(
     pairs: &[(String, T)],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
-    let mut map = serializer.serialize_map(Some(pairs.len()))?;
-    for (key, value) in pairs {
-        map.serialize_entry(key, value)?;
-    }
-    map.end()
+    serializer.collect_map(pairs.iter().map(|(key, value)| (key, value)))
 }

@@ -9,9 +9,9 @@ use serde::Serialize;
 /// How far a marker jumps, mm.
 const JUMP_MM: f64 = 20.0;
 
-/// A frame in which a marker was misplaced.
+/// A frame in which a marker is not where its label says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Misplaced {
+pub struct LabelError {
     /// Number of the frame in the marker file.
     pub frame: usize,
     pub link: usize,
@@ -19,18 +19,17 @@ pub struct Misplaced {
     pub swapped: bool,
 }
 
-/// Misplaces a marker of one link in a part of the frames: half of them get two labels of the
-/// link swapped, in the others a marker jumps by [`JUMP_MM`] in some direction of the plane.
+/// Puts a label error into a part of the frames: half of them get two labels of one link swapped, in the others a marker jumps by [`JUMP_MM`] in some direction of the plane.
 /// Where fewer than two markers of the link were seen the frame is left alone: such a link has
 /// no pose. `links` are those of the markers in their order.
-pub(super) fn misplace(
+pub(super) fn add_label_errors(
     positions_mm: &mut [Option<[f64; 3]>],
     links: &[usize],
     first_frame: usize,
     part: f64,
     random: &mut ChaCha8Rng,
-) -> Vec<Misplaced> {
-    let mut misplaced = Vec::new();
+) -> Vec<LabelError> {
+    let mut errors = Vec::new();
     for (frame, markers) in (first_frame..).zip(positions_mm.chunks_exact_mut(links.len())) {
         if random.random::<f64>() >= part {
             continue;
@@ -51,7 +50,7 @@ pub(super) fn misplace(
             position[0] += JUMP_MM * cos;
             position[1] += JUMP_MM * sin;
         }
-        misplaced.push(Misplaced { frame, link, swapped });
+        errors.push(LabelError { frame, link, swapped });
     }
-    misplaced
+    errors
 }

@@ -14,7 +14,7 @@ const FITTED_SKID_KG_S: [(&str, [f64; 3]); 3] = [
     ("semi-passive-symmetric", [420.0, 200.0, 70.0]),
 ];
 /// Planted coefficients differ from the paper's by at most this part.
-const NEAR: f64 = 0.1;
+const SPREAD: f64 = 0.1;
 /// The servos' amplitudes differ from the command by this part, one joint's upwards and the
 /// other's downwards, so that the gait's area is about the commanded one.
 const AMPLITUDE_ERROR: std::ops::Range<f64> = 0.015..0.03;
@@ -35,8 +35,8 @@ pub(super) fn planted(
     random: &mut ChaCha8Rng,
 ) -> (Robot, Gait) {
     let fitted = FITTED_SKID_KG_S.iter().find(|(name, _)| *name == campaign);
-    let near = fitted.map_or(robot.skid_kg_s, |(_, skid_kg_s)| *skid_kg_s);
-    robot.skid_kg_s = near.map(|c| c * random.random_range(1.0 - NEAR..1.0 + NEAR));
+    let expected = fitted.map_or(robot.skid_kg_s, |(_, skid_kg_s)| *skid_kg_s);
+    robot.skid_kg_s = expected.map(|c| c * random.random_range(1.0 - SPREAD..1.0 + SPREAD));
     let mut sign = if random.random::<bool>() { 1.0 } else { -1.0 };
     for joint in gait.joints.iter_mut().flatten() {
         joint.amplitude_rad *= 1.0 + sign * random.random_range(AMPLITUDE_ERROR);
@@ -62,8 +62,8 @@ pub(super) fn from_rest(problem: &Problem, rate_hz: f64) -> Result<Motion, Motio
     // Half a cycle more: the recording does not end with a cycle.
     let cycles = (transient.max(LEAST_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5;
     let duration_s = cycles * std::f64::consts::TAU / problem.omega_rad_s;
-    let path = problem.transient(duration_s, 1e-8)?;
+    let transient = problem.transient(duration_s, 1e-8)?;
     let frames = (duration_s * rate_hz) as usize;
-    let coordinates = (0..frames).map(|frame| path.at(frame as f64 / rate_hz)).collect();
+    let coordinates = (0..frames).map(|frame| transient.at(frame as f64 / rate_hz)).collect();
     Ok(Motion { coordinates, steady: steady.metrics })
 }
