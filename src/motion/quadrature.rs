@@ -40,7 +40,7 @@ pub(super) struct Quadrature<'p> {
 
 impl Quadrature<'_> {
     /// Metrics of one cycle. They do not depend on the frequency, but for the speed.
-    fn metrics(&self, joints: [JointCommand; 2]) -> Result<GaitMetrics, MotionError> {
+    fn metrics(&self, joints: [JointCommand; 2]) -> Result<(GaitMetrics, Effort), MotionError> {
         let robot = &self.problem.robot;
         let eq3 = Eq3::new(robot, joints)?;
         let change = |before: &Pose, after: &Pose| {
@@ -48,18 +48,19 @@ impl Quadrature<'_> {
             let moved = (after.x_m - before.x_m).hypot(after.y_m - before.y_m) / d_m.max(robot.l_m);
             moved.max((after.theta_rad - before.theta_rad).abs())
         };
-        let (end, error) = refined(ELEMENTS, |count| eq3.cycle(count), change);
+        let (end, error, elements) = refined(ELEMENTS, |count| eq3.cycle(count), change);
         if error > ACCURACY {
             return Err(MotionError::Unresolved { error });
         }
         let d_m = end.x_m.hypot(end.y_m);
-        Ok(GaitMetrics {
+        let metrics = GaitMetrics {
             d_m,
             v_m_s: d_m * self.problem.omega_rad_s / TAU,
             sigma: [0.0; 3],
             alpha1_rad: joints[0].amplitude_rad.abs(),
             dtheta_rad: end.theta_rad,
-        })
+        };
+        Ok((metrics, Effort { elements, ..Effort::default() }))
     }
 
     /// Derivative of the metrics with respect to the amplitude of a joint, by Richardson's
@@ -74,7 +75,7 @@ impl Quadrature<'_> {
             let at = |step: f64| {
                 let mut joints = self.joints;
                 joints[joint].amplitude_rad += step;
-                Ok(self.metrics(joints)?.to_array())
+                Ok(self.metrics(joints)?.0.to_array())
             };
             let (low, high) = (at(-step)?, at(step)?);
             Ok(std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step)))
@@ -90,7 +91,7 @@ impl Method for Quadrature<'_> {
         _is_warm: bool,
         _accuracy: f64,
     ) -> Result<(GaitMetrics, Effort), MotionError> {
-        Ok((self.metrics(self.joints)?, Effort::default()))
+        self.metrics(self.joints)
     }
 
     fn floquet(&mut self) -> Result<Option<f64>, MotionError> {
@@ -129,7 +130,7 @@ impl Method for Quadrature<'_> {
         let change = |before: &[f64; 3], after: &[f64; 3]| {
             (0..2).map(|i| (after[i] - before[i]).abs()).fold(0.0, f64::max) / after[2]
         };
-        let ([work_j, loss_j, _], _) = refined(2 * ELEMENTS + 1, sums, change);
+        let ([work_j, loss_j, _], ..) = refined(2 * ELEMENTS + 1, sums, change);
         Ok([work_j, loss_j])
     }
 
@@ -177,19 +178,19 @@ impl Method for Quadrature<'_> {
 }
 
 /// A quadrature with ever more elements than `count` until its relative `change` is below [`ACCURACY`], and the
-/// last change, which is larger only where [`MOST_ELEMENTS`] are too few.
+/// last change, which is larger only where [`MOST_ELEMENTS`] are too few; and how many there are.
 fn refined<T>(
     mut count: usize,
     quadrature: impl Fn(usize) -> T,
     change: impl Fn(&T, &T) -> f64,
-) -> (T, f64) {
+) -> (T, f64, usize) {
     let mut before = quadrature(count);
     loop {
         count = 2 * count + 1;
         let after = quadrature(count);
         let change = change(&before, &after);
         if change <= ACCURACY || count >= MOST_ELEMENTS {
-            return (after, change);
+            return (after, change, count);
         }
         before = after;
     }

@@ -57,7 +57,7 @@ impl Solver {
         self.effort = Effort::default();
         let metrics;
         (metrics, self.effort) = match self.known_by_eq_3(problem) {
-            Some(metrics) => (metrics, Effort::default()),
+            Some(known) => (known, Effort::default()),
             None => self.with(problem, |method| method.solve(is_warm, accuracy))?,
         };
         if problem.is_determined() {
