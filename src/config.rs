@@ -18,6 +18,7 @@ pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
 pub(crate) use error::{did_you_mean, nearest, parse_toml};
 
+use crate::named::named;
 use crate::robot::{Gait, JointCommand, Model, Parameter, Robot};
 
 /// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
@@ -138,24 +139,14 @@ pub enum ParameterSource {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Free(pub Vec<Parameter>);
 
-/// The gait that drives a model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum GaitInput {
-    /// The campaign's command, as in the paper.
-    Commanded,
-    /// Mean and first harmonic of each trial's measured joint angles: servos do not quite
-    /// follow their commands.
-    Measured,
-}
-
-impl GaitInput {
-    /// As the configuration writes it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Commanded => "commanded",
-            Self::Measured => "measured",
-        }
+named! {
+    /// The gait that drives a model.
+    pub enum GaitInput {
+        /// The campaign's command, as in the paper.
+        Commanded = "commanded",
+        /// Mean and first harmonic of each trial's measured joint angles: servos do not quite
+        /// follow their commands.
+        Measured = "measured",
     }
 }
 

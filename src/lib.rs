@@ -38,6 +38,7 @@ pub(crate) mod interrupt;
 pub(crate) mod least_squares;
 pub mod metrics;
 pub mod motion;
+pub mod named;
 pub(crate) mod pattern;
 pub mod robot;
 pub(crate) mod stats;

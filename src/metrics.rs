@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+pub use crate::stats::Estimate;
+
 /// Metrics of one actuation cycle. Measured and simulated cycles use the same
 /// definitions, so their metrics can be subtracted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -78,6 +78,16 @@ pub struct Estimate {
     pub se: f64,
 }
 
+impl Estimate {
+    /// Nothing is known.
+    pub const MISSING: Self = Self { value: f64::NAN, se: f64::NAN };
+
+    /// A value with its standard error.
+    pub const fn new(value: f64, se: f64) -> Self {
+        Self { value, se }
+    }
+}
+
 /// Sums of a linear least-squares problem: enough to solve it, and to add those of other parts.
 #[derive(Debug, Clone, Copy)]
 pub struct NormalEquations<const N: usize> {

@@ -6,6 +6,7 @@ use std::path::{Component, Path};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, ConfigError, nearest, parse_toml};
+use crate::named::named;
 
 /// Name of the list inside a trial folder.
 pub const TRIALS_FILE: &str = "trials.toml";
@@ -13,26 +14,15 @@ pub const TRIALS_FILE: &str = "trials.toml";
 /// Name of the planted truth inside a folder of synthetic trials.
 pub const TRUTH_FILE: &str = "truth.json";
 
-/// What was recorded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TrialKind {
-    /// The robot driven by its campaign's gait.
-    Gait,
-    /// The passive joint let go from rest (Fig. 8b).
-    JointRelease,
-    /// The straight robot pushed; gives the roll resistance.
-    CoastDown,
-}
-
-impl TrialKind {
-    /// The kind as `trials.toml` writes it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Gait => "gait",
-            Self::JointRelease => "joint-release",
-            Self::CoastDown => "coast-down",
-        }
+named! {
+    /// What was recorded.
+    pub enum TrialKind {
+        /// The robot driven by its campaign's gait.
+        Gait = "gait",
+        /// The passive joint let go from rest (Fig. 8b).
+        JointRelease = "joint-release",
+        /// The straight robot pushed; gives the roll resistance.
+        CoastDown = "coast-down",
     }
 }
 

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 use trilink::config::Config;
 use trilink::ingest::process_trial;
+use trilink::metrics::Estimate;
 use trilink::store::TrialRow;
 use trilink::synth::{OMEGAS_RAD_S, Recipe, synthesise};
 use trilink::trial::{TRUTH_FILE, TrialKind};
@@ -48,33 +49,25 @@ fn differences(seed: u64, omegas_rad_s: &[f64]) -> Vec<Differences> {
 fn compare(row: &TrialRow, truth: &Value, l_m: f64) -> Differences {
     let number = |value: &Value| value.as_f64().unwrap();
     let part = |found: f64, truth: &Value| found / number(truth) - 1.0;
-    let mut degrees = vec![(row.alpha1_rad - number(&truth["alpha1_rad"])).to_degrees()];
-    for (joint, offset_rad, amplitude_rad) in [
-        (0, row.phi1_offset_rad, row.phi1_amplitude_rad),
-        (1, row.phi2_offset_rad, row.phi2_amplitude_rad),
-    ] {
+    let mut degrees = vec![(row.metrics.alpha1_rad - number(&truth["alpha1_rad"])).to_degrees()];
+    for (joint, found) in row.gait.iter().enumerate() {
         let planted = &truth["gait"][joint];
         if !planted.is_null() {
-            degrees.push((offset_rad - number(&planted["offset_rad"])).to_degrees());
-            degrees.push((amplitude_rad - number(&planted["amplitude_rad"])).to_degrees());
+            degrees.push((found.offset_rad - number(&planted["offset_rad"])).to_degrees());
+            degrees.push((found.amplitude_rad - number(&planted["amplitude_rad"])).to_degrees());
         }
     }
-    let found = [
-        (row.sigma0_debiased, row.sigma0_debiased_se),
-        (row.sigma1_debiased, row.sigma1_debiased_se),
-        (row.sigma2_debiased, row.sigma2_debiased_se),
-    ];
-    let skid = |(wheel, (sigma, se)): (usize, (f64, f64))| {
+    let skid = |wheel: usize| {
+        let Estimate { value, se } = row.sigma_debiased[wheel];
         let known = number(&truth["sigma"][wheel]);
-        (sigma / known - 1.0, (sigma - known) / se, known * l_m * row.omega_commanded_rad_s)
+        (value / known - 1.0, (value - known) / se, known * l_m * row.omega_commanded_rad_s)
     };
-    let mut skid = found.into_iter().enumerate().map(skid);
     Differences {
         trial: row.trial.clone(),
-        d: part(row.d_m, &truth["d_m"]),
-        v: part(row.v_m_s, &truth["v_m_s"]),
+        d: part(row.metrics.d_m, &truth["d_m"]),
+        v: part(row.metrics.v_m_s, &truth["v_m_s"]),
         degrees,
-        skid: std::array::from_fn(|_| skid.next().unwrap()),
+        skid: std::array::from_fn(skid),
     }
 }
 

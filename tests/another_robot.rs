@@ -10,7 +10,9 @@ use std::path::Path;
 use common::{files, succeed, text, trilink};
 use serde_json::Value;
 use tempfile::TempDir;
-use trilink::store::{FitRow, Rows as _, Table, TrialRow};
+use trilink::motion::Model;
+use trilink::store::{FitRow, FitStatus, Rows as _, Table, TrialRow};
+use trilink::trial::TrialKind;
 
 /// Bigger and heavier than the paper's robots, with the rear joint passive.
 const PIPELINE: &str = r#"
@@ -100,25 +102,25 @@ fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
     let (mut trials, truth) = (trials(folder.path()), truth(folder.path()));
     // Beside them a release of its rear joint and a coast-down.
     assert_eq!(trials.len(), 6);
-    trials.retain(|trial| trial.kind == "gait");
+    trials.retain(|trial| trial.kind == TrialKind::Gait);
     assert_eq!(trials.len(), 4);
     for trial in &trials {
         let known =
             |quantity: &str| truth["trials"][&trial.trial][quantity].as_f64().expect("a number");
-        for (quantity, found) in [("d_m", trial.d_m), ("v_m_s", trial.v_m_s)] {
+        for (quantity, found) in [("d_m", trial.metrics.d_m), ("v_m_s", trial.metrics.v_m_s)] {
             let error = (found / known(quantity) - 1.0).abs();
             assert!(error < 0.01, "{}: {quantity}: {found} {}", trial.trial, known(quantity));
         }
         let error = trial.omega_rad_s / known("omega_rad_s") - 1.0;
         assert!(error.abs() < 1e-3, "{}: {}", trial.trial, trial.omega_rad_s);
-        let alpha1 = trial.alpha1_rad / known("alpha1_rad") - 1.0;
-        assert!(alpha1.abs() < 0.01, "{}: {}", trial.trial, trial.alpha1_rad);
+        let alpha1_rad = trial.metrics.alpha1_rad;
+        let alpha1 = alpha1_rad / known("alpha1_rad") - 1.0;
+        assert!(alpha1.abs() < 0.01, "{}: {}", trial.trial, alpha1_rad);
     }
 
     let fits = Table::read(&folder.path().join("derived/fits.parquet")).expect("a table");
     let fits = FitRow::from_table(&fits).expect("fits");
-    let named: Vec<_> =
-        fits.iter().map(|fit| (fit.campaign.as_str(), fit.model.as_str())).collect();
+    let named: Vec<_> = fits.iter().map(|fit| (fit.campaign.as_str(), fit.model.name())).collect();
     assert_eq!(
         named,
         [
@@ -128,8 +130,8 @@ fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
             ("wriggling", "skid-roll"),
         ]
     );
-    for fit in fits.iter().filter(|fit| fit.model == "skid-roll") {
-        assert_eq!(fit.status, "ok");
+    for fit in fits.iter().filter(|fit| fit.model == Model::SkidRoll) {
+        assert_eq!(fit.status, FitStatus::Ok);
         assert!(fit.j.is_finite());
     }
 
@@ -152,7 +154,7 @@ fn a_frame_is_timed_by_the_configured_rate() {
     succeed(folder.path(), &["ingest", "raw/trolley"]);
     let poses = folder.path().join("derived/poses/pulled-2.00-r1.parquet");
     let poses = Table::read(&poses).expect("a table");
-    assert_eq!(poses.f64("time_s").expect("times")[200], 1.0);
+    assert_eq!(poses.values::<f64>("time_s").expect("times")[200], 1.0);
 }
 
 #[test]
@@ -193,7 +195,7 @@ fn labels_in_the_layout_may_name_the_subject() {
     succeed(folder.path(), &["ingest", "raw/trolley"]);
     for (by_subject, by_marker) in trials(folder.path()).iter().zip(&by_marker) {
         assert_eq!(by_subject.trial, by_marker.trial);
-        assert_eq!(by_subject.d_m.to_bits(), by_marker.d_m.to_bits());
+        assert_eq!(by_subject.metrics.d_m.to_bits(), by_marker.metrics.d_m.to_bits());
         assert_eq!(by_subject.residual_mm, by_marker.residual_mm);
     }
 }

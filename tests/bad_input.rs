@@ -91,10 +91,12 @@ impl Folder {
     /// One trial failed for the reason that `named` gives; the other has its tables.
     fn assert_other_trial_done(&self, named: &[&str]) {
         let trials = Table::read(&self.path("derived/trials.parquet")).unwrap();
-        assert_eq!(trials.str("trial").unwrap(), [BAD, GOOD]);
-        assert_eq!(trials.str("status").unwrap()[0], "failed");
-        assert!(["ok", "flagged"].contains(&trials.str("status").unwrap()[1].as_str()));
-        assert_names(&trials.str("message").unwrap()[0], named);
+        assert_eq!(trials.values::<String>("trial").unwrap(), [BAD, GOOD]);
+        assert_eq!(trials.values::<String>("status").unwrap()[0], "failed");
+        assert!(
+            ["ok", "flagged"].contains(&trials.values::<String>("status").unwrap()[1].as_str())
+        );
+        assert_names(&trials.values::<String>("message").unwrap()[0], named);
         for kind in ["poses", "wheels", "cycles"] {
             assert!(self.path(&format!("derived/{kind}/{GOOD}.parquet")).is_file());
             assert!(!self.path(&format!("derived/{kind}/{BAD}.parquet")).exists());

@@ -13,6 +13,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 use trilink::config::Config;
 use trilink::motion::Model;
+use trilink::robot::Parameter;
 use trilink::store::{FitRow, Rows as _, Table};
 
 const CAMPAIGNS: [&str; 2] = ["kinematic-symmetric", "semi-passive-symmetric"];
@@ -196,7 +197,7 @@ fn the_demo_ends_with_the_fits_and_where_the_page_is() {
 #[test]
 fn the_demo_shows_what_releases_and_coast_downs_say_beside_the_configuration() {
     let measured = derived("robot_parameters.parquet");
-    assert_eq!(measured.str("trial").expect("names"), DECAYS);
+    assert_eq!(measured.values::<String>("trial").expect("names"), DECAYS);
     for (i, trial) in DECAYS.into_iter().enumerate() {
         let truth = &truth()["robots"][trial];
         for (column, name, bound) in [
@@ -204,7 +205,7 @@ fn the_demo_shows_what_releases_and_coast_downs_say_beside_the_configuration() {
             ("damping_nm_s_rad", "c_tau N m s/rad", 0.05),
             ("roll_sum_kg_s", "sum c_R kg/s", 0.03),
         ] {
-            let found = measured.f64(column).expect("numbers")[i];
+            let found = measured.values::<f64>(column).expect("numbers")[i];
             let mut lines = demo().stdout.lines();
             let line = lines.find(|line| line.starts_with(trial) && line.contains(name));
             let Some(known) = truth[column].as_f64() else {
@@ -316,7 +317,7 @@ fn the_tables_have_the_documented_columns() {
         ),
     ] {
         let table = derived(&name);
-        let found: Vec<&str> = table.columns().iter().map(|(name, _)| name.as_str()).collect();
+        let found = table.frame.get_column_names();
         let expected: Vec<&str> = columns.split_whitespace().collect();
         assert_eq!(found, expected, "{name}");
         assert!(!table.is_empty(), "{name}");
@@ -338,13 +339,13 @@ fn frames_are_timed_from_the_first_and_fills_are_named() {
     for trial in TRIALS {
         let poses = derived(&format!("poses/{trial}.parquet"));
         let wheels = derived(&format!("wheels/{trial}.parquet"));
-        let frames = poses.i64("frame").expect("frames");
-        assert_eq!(frames, wheels.i64("frame").expect("frames"));
-        for (frame, time_s) in frames.iter().zip(poses.f64("time_s").expect("times")) {
-            assert_eq!(*time_s, (frame - frames[0]) as f64 / 120.0);
+        let frames = poses.values::<i64>("frame").expect("frames");
+        assert_eq!(frames, wheels.values::<i64>("frame").expect("frames"));
+        for (frame, time_s) in frames.iter().zip(poses.values::<f64>("time_s").expect("times")) {
+            assert_eq!(time_s, (frame - frames[0]) as f64 / 120.0);
         }
         for link in 0..3 {
-            let fills = poses.str(&format!("fill{link}")).expect("fills");
+            let fills = poses.values::<String>(&format!("fill{link}")).expect("fills");
             let known = ["measured", "rigid", "interpolated", "missing"];
             assert!(fills.iter().all(|fill| known.contains(&fill.as_str())));
         }
@@ -354,7 +355,7 @@ fn frames_are_timed_from_the_first_and_fills_are_named() {
 #[test]
 fn trials_stand_in_the_order_of_the_list() {
     let trials = derived("trials.parquet");
-    assert_eq!(trials.str("trial").expect("names"), [&TRIALS[..], &DECAYS].concat());
+    assert_eq!(trials.values::<String>("trial").expect("names"), [&TRIALS[..], &DECAYS].concat());
 }
 
 #[test]
@@ -362,15 +363,13 @@ fn fitted_skid_coefficients_are_the_planted_ones_to_20_percent_or_marked() {
     let (fits, truth) = (derived("fits.parquet"), truth());
     let fits = FitRow::from_table(&fits).expect("fits");
     assert_eq!(fits.len(), 4);
-    for fit in fits.iter().filter(|fit| fit.model == "skid-roll") {
+    for fit in fits.iter().filter(|fit| fit.model == Model::SkidRoll) {
         let planted = &truth["campaigns"][&fit.campaign]["skid_kg_s"];
-        let fitted = [fit.skid0_kg_s, fit.skid1_kg_s, fit.skid2_kg_s];
-        for (i, found) in fitted.into_iter().enumerate() {
-            let name = format!("skid{i}_kg_s");
-            assert!(fit.free.contains(&name));
-            let known = planted[i].as_f64().expect("a number");
-            let told = near(found, known, 0.2) || !fit.identifiable.contains(&name);
-            assert!(told, "{} {name}: {found} for {known}", fit.campaign);
+        for (i, skid) in Parameter::SKID.into_iter().enumerate() {
+            assert!(fit.free.contains(&skid));
+            let (found, known) = (fit.parameters[skid], planted[i].as_f64().expect("a number"));
+            let told = near(found, known, 0.2) || !fit.identifiable.contains(&skid);
+            assert!(told, "{} {skid:?}: {found} for {known}", fit.campaign);
         }
     }
 }
@@ -378,7 +377,7 @@ fn fitted_skid_coefficients_are_the_planted_ones_to_20_percent_or_marked() {
 #[test]
 fn predictions_are_at_the_trials_frequencies_and_on_a_finer_grid() {
     let predictions = derived("predictions.parquet");
-    let sources = predictions.str("source").expect("sources");
+    let sources = predictions.values::<String>("source").expect("sources");
     let count = |wanted: &str| sources.iter().filter(|source| *source == wanted).count();
     assert_eq!(count("trial"), 8);
     assert!(count("curve") > 5 * count("trial"));
@@ -605,7 +604,7 @@ fn virtual_markers_can_be_left_out_by_a_pattern() {
     let poses = format!("derived/poses/{trial}.parquet");
     let found = Table::read(&folder.path().join(&poses)).unwrap();
     let usual = Table::read(&demo().folder.join(&poses)).unwrap();
-    assert_eq!(found.f64("x_m").unwrap(), usual.f64("x_m").unwrap());
+    assert_eq!(found.values::<f64>("x_m").unwrap(), usual.values::<f64>("x_m").unwrap());
 
     write(folder.path(), "pipeline.toml", ignoring.replacen("V_*", "F?", 1));
     let output = trilink(folder.path(), &["check"]);

@@ -15,7 +15,8 @@ use trilink::config::{Config, SigmaKind};
 use trilink::fit::{FitData, fit};
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Model, Problem};
-use trilink::store::{CycleRow, FitRow, Rows as _, TrialRow};
+use trilink::robot::Parameter;
+use trilink::store::{CycleRow, FitRow, FitStatus, Rows as _, TrialRow};
 
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
 /// Relative noise of d and v, of the skid ratios and of alpha_1 from cycle to cycle.
@@ -80,31 +81,15 @@ fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
                 omega_commanded_rad_s: *omega_rad_s,
                 omega_rad_s: *omega_rad_s,
                 cycles: count as i64,
-                d_m: mean(0),
-                d_m_se: error(0),
-                v_m_s: mean(1),
-                v_m_s_se: error(1),
-                sigma0: mean(2),
-                sigma0_se: error(2),
-                sigma1: mean(3),
-                sigma1_se: error(3),
-                sigma2: mean(4),
-                sigma2_se: error(4),
-                alpha1_rad: mean(5),
-                alpha1_rad_se: error(5),
+                metrics: metrics([0, 1, 2, 3, 4, 5].map(mean), f64::NAN),
+                metrics_se: metrics([0, 1, 2, 3, 4, 5].map(error), f64::NAN),
                 ..TrialRow::blank()
             });
             let row = |(number, cycle): (usize, &[f64; 6])| CycleRow {
                 trial: trial.clone(),
                 cycle: number as i64,
                 start_s: 0.0,
-                d_m: cycle[0],
-                v_m_s: cycle[1],
-                sigma0: cycle[2],
-                sigma1: cycle[3],
-                sigma2: cycle[4],
-                alpha1_rad: cycle[5],
-                dtheta_rad: 0.0,
+                metrics: metrics(*cycle, 0.0),
                 used: true,
             };
             data.cycles.insert(trial.clone(), cycles.iter().enumerate().map(row).collect());
@@ -114,6 +99,11 @@ fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
     let turn = random.random_range(0..data.trials.len());
     data.trials.rotate_left(turn);
     data
+}
+
+/// Metrics of the objective's six terms.
+fn metrics([d_m, v_m_s, sigma @ .., alpha1_rad]: [f64; 6], dtheta_rad: f64) -> GaitMetrics {
+    GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad }
 }
 
 /// Of one coefficient over many campaigns.
@@ -138,13 +128,13 @@ fn coverage(truth: &Truth, campaigns: u64, repeats: usize, with_cycles: bool) ->
             fit(&truth.config, &data, &|_| {}).fits.remove(0)
         })
         .collect();
-    assert!(fits.iter().all(|fit| fit.status == "ok"));
+    assert!(fits.iter().all(|fit| fit.status == FitStatus::Ok));
     std::array::from_fn(|wheel| {
         let known = truth.skid_kg_s[wheel];
         let mut coverage = Coverage::default();
         for fit in &fits {
-            let found = fit.parameters()[wheel];
-            let (low, high) = (fit.lower_limits()[wheel], fit.upper_limits()[wheel]);
+            let skid = Parameter::SKID[wheel];
+            let (found, low, high) = (fit.parameters[skid], fit.lower[skid], fit.upper[skid]);
             // An open side holds everything.
             let is_above = low.is_nan() || low <= known;
             coverage.held += usize::from(is_above && (high.is_nan() || known <= high));

@@ -10,7 +10,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 use trilink::metrics::GaitMetrics;
-use trilink::motion::{Attractor, FIT_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Solver};
+use trilink::motion::{
+    Attractor, FIT_ACCURACY, Model, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
+};
 use trilink::robot::{Gait, JointCommand, Robot};
 
 struct Draw(ChaCha8Rng);
@@ -119,11 +121,11 @@ fn end(problem: &Problem) -> Result<&'static str, String> {
     let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);
     let status = match (&first, &settled) {
         (Ok(_), Ok(settled)) if settled.is_found_first => "reached",
-        (Ok(first), Ok(_)) if first.status() == "unstable" => "unstable",
+        (Ok(first), Ok(_)) if first.status() == MotionStatus::Unstable => "unstable",
         (Ok(_), Ok(_)) => "another",
         (Ok(_), Err(_)) => "unsettled",
         (Err(_), Ok(_)) => "found from rest only",
-        (Err(error), Err(_)) => return Ok(error.status()),
+        (Err(error), Err(_)) => return Ok(error.status().name()),
     };
     if let Ok(settled) = &settled
         && settled.motion.floquet.is_some()

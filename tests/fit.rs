@@ -4,9 +4,11 @@
 
 use trilink::config::{Campaign, Config, Free, GaitInput, ParameterSource, SigmaKind, Weights};
 use trilink::fit::{FitData, Fitted, FreeParameter, Objective, fit};
+use trilink::metrics::{Estimate, GaitMetrics};
 use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
 use trilink::robot::Parameter;
-use trilink::store::{RobotParameterRow, Rows as _, TrialRow};
+use trilink::store::{FitStatus, JointGait, RobotParameterRow, Rows as _, TrialRow, TrialStatus};
+use trilink::trial::TrialKind;
 
 /// The reference's campaign: metrics at twelve frequencies with 3 % noise.
 struct Reference {
@@ -49,13 +51,13 @@ fn trials(reference: &Reference) -> Vec<TrialRow> {
             TrialRow {
                 campaign: reference.campaign.to_owned(),
                 omega_rad_s: fields[0],
-                d_m: fields[1],
-                v_m_s: fields[2],
-                sigma0: fields[3],
-                sigma1: fields[4],
-                sigma2: fields[5],
-                alpha1_rad,
-                dtheta_rad: 0.0,
+                metrics: GaitMetrics {
+                    d_m: fields[1],
+                    v_m_s: fields[2],
+                    sigma: [fields[3], fields[4], fields[5]],
+                    alpha1_rad,
+                    dtheta_rad: 0.0,
+                },
                 ..TrialRow::blank()
             }
         })
@@ -104,14 +106,14 @@ fn thirty_of_thirty_two_starts_end_at_the_reference_s_best_objective() {
         config.fit.sigma = SigmaKind::Raw;
         let fitted = fit(&config, &trials(reference).into(), &|_| {});
         let found = &fitted.fits[0];
-        assert_eq!(found.status, "ok");
+        assert_eq!(found.status, FitStatus::Ok);
         let best = |j: f64| (j - reference.best_j).abs() < 1e-6 * reference.best_j;
         assert!(best(found.j), "{}: {} after {} solves", reference.campaign, found.j, found.solves);
         let reached = fitted.starts.iter().filter(|start| best(start.j)).count();
         assert!(reached >= 30, "{}: {reached} of 32: {:?}", reference.campaign, fitted.starts);
         // The work is bounded too: a start takes some ten evaluations of twelve motions.
         assert!(found.solves < 32 * 12 * 20, "{}: {}", reference.campaign, found.solves);
-        let skid = [found.skid0_kg_s, found.skid1_kg_s, found.skid2_kg_s];
+        let skid = Parameter::SKID.map(|skid| found.parameters[skid]);
         for (found, known) in skid.iter().zip(reference.best_skid_kg_s) {
             assert!((found - known).abs() < 1e-4 * known, "{}: {skid:?}", reference.campaign);
         }
@@ -134,16 +136,14 @@ fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
         let (robot, omega_rad_s) = (robot.clone(), row.omega_rad_s);
         let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s };
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
-        (row.d_m, row.v_m_s, row.alpha1_rad) = (metrics.d_m, metrics.v_m_s, metrics.alpha1_rad);
-        [row.sigma0, row.sigma1, row.sigma2] = metrics.sigma;
-        (row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad) =
-            (offset_rad, amplitude_rad, 0.0);
+        row.metrics = GaitMetrics { dtheta_rad: row.metrics.dtheta_rad, ..metrics };
+        row.gait[1] = JointGait { offset_rad, amplitude_rad, phase_rad: 0.0, ..row.gait[1] };
     }
     config.fit.sigma = SigmaKind::Raw;
     let mut missed = |input: GaitInput| {
         config.fit.gait_input = input;
         let found = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
-        let skid = [found.skid0_kg_s, found.skid1_kg_s, found.skid2_kg_s];
+        let skid = Parameter::SKID.map(|skid| found.parameters[skid]);
         let missed =
             skid.iter().zip(reference.best_skid_kg_s).map(|(c, known)| (c / known - 1.0).abs());
         missed.fold(0.0, f64::max)
@@ -158,7 +158,7 @@ fn a_campaign_without_trials_is_a_row_that_says_so() {
     let config = config(&REFERENCES[0]);
     let fitted = fit(&config, &FitData::default(), &|_| {});
     assert_eq!(fitted.fits.len(), 1);
-    assert_eq!(fitted.fits[0].status, "failed: no trial with metrics");
+    assert_eq!(fitted.fits[0].status.to_string(), "failed: no trial with metrics");
     assert!(fitted.predictions.is_empty());
 }
 
@@ -167,13 +167,12 @@ fn named(reference: &Reference) -> Vec<TrialRow> {
     let mut rows = trials(reference);
     for (number, row) in rows.iter_mut().enumerate() {
         row.trial = format!("trial-{number}");
-        row.kind = "gait".to_owned();
+        row.kind = TrialKind::Gait;
         row.omega_commanded_rad_s = row.omega_rad_s;
         row.cycles = 5;
-        (row.d_m_se, row.v_m_s_se) = (0.01 * row.d_m, 0.01 * row.v_m_s);
-        row.sigma0_se = 0.03 * row.sigma0;
-        row.sigma1_se = 0.03 * row.sigma1;
-        row.sigma2_se = 0.03 * row.sigma2;
+        row.metrics_se.d_m = 0.01 * row.metrics.d_m;
+        row.metrics_se.v_m_s = 0.01 * row.metrics.v_m_s;
+        row.metrics_se.sigma = row.metrics.sigma.map(|sigma| 0.03 * sigma);
     }
     rows
 }
@@ -213,23 +212,26 @@ fn failed_trials_and_missing_metrics_are_left_out_and_the_others_fitted() {
     let mut rows = named(reference);
     let whole = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
     assert_eq!(whole.trials, 12);
-    let blank = |trial: &str, status: &str| TrialRow {
+    let blank = |trial: &str, status: TrialStatus| TrialRow {
         trial: trial.to_owned(),
         campaign: reference.campaign.to_owned(),
-        status: status.to_owned(),
+        status,
         ..TrialRow::blank()
     };
-    rows.push(blank("nothing", "ok"));
-    rows.push(TrialRow { status: "failed".to_owned(), d_m: 9.0, ..rows[0].clone() });
+    rows.push(blank("nothing", TrialStatus::Ok));
+    rows.push(TrialRow { status: TrialStatus::Failed, ..rows[0].clone() });
+    rows[13].metrics.d_m = 9.0;
     let same = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
     assert_eq!((same.trials, same.j), (12, whole.j));
     // A whole frequency and a single metric.
     rows.remove(4);
-    rows[2].sigma1 = f64::NAN;
+    rows[2].metrics.sigma[1] = f64::NAN;
     let fitted = fit(&config, &rows.into(), &|_| {});
     let fit = &fitted.fits[0];
-    assert_eq!((fit.trials, fit.status.as_str()), (11, "ok"));
-    assert!((fit.skid0_kg_s / whole.skid0_kg_s - 1.0).abs() < 0.1);
+    assert_eq!((fit.trials, &fit.status), (11, &FitStatus::Ok));
+    assert!(
+        (fit.parameters[Parameter::Skid0] / whole.parameters[Parameter::Skid0] - 1.0).abs() < 0.1
+    );
     assert_eq!(fitted.comparison[0].terms, 5 * 11 - 1);
 }
 
@@ -241,16 +243,17 @@ fn bounds_that_exclude_the_configured_start_are_respected_and_marked() {
     config.fit.skid_bounds_kg_s = [55.0, 90.0];
     let fitted = fit(&config, &named(reference).into(), &|_| {});
     let fit = &fitted.fits[0];
-    assert_eq!(fit.status, "ok");
-    assert!((55.0..90.0).contains(&fit.skid0_kg_s));
-    assert_eq!([fit.skid1_kg_s, fit.skid2_kg_s], [55.0, 55.0]);
-    assert_eq!(fit.at_bound, ["skid1_kg_s", "skid2_kg_s"]);
+    assert_eq!(fit.status, FitStatus::Ok);
+    let [skid0, skid1, skid2] = Parameter::SKID;
+    assert!((55.0..90.0).contains(&fit.parameters[skid0]));
+    assert_eq!([skid1, skid2].map(|skid| fit.parameters[skid]), [55.0, 55.0]);
+    assert_eq!(fit.at_bound, [skid1, skid2]);
     for start in &fitted.starts {
-        assert!(start.began().iter().take(3).all(|value| (55.0..=90.0).contains(value)));
+        assert!(Parameter::SKID.iter().all(|skid| (55.0..=90.0).contains(&start.began[*skid])));
     }
     // What lies beyond the bounds is not known.
-    assert!(fit.skid1_kg_s_lo.is_nan() && fit.skid2_kg_s_lo.is_nan());
-    assert!(fit.practically_not.contains(&"skid1_kg_s".to_owned()));
+    assert!(fit.lower[skid1].is_nan() && fit.lower[skid2].is_nan());
+    assert!(fit.practically_not.contains(&skid1));
 }
 
 #[test]
@@ -262,11 +265,13 @@ fn a_model_without_a_motion_says_so_and_the_others_are_fitted() {
     let mut rows = named(reference);
     // A gait that is a little off crosses the singular shape without meeting condition (5).
     for row in &mut rows {
-        (row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad) = (0.0, 0.5, 0.01);
-        (row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad) = (0.01, 0.52, -1.5);
+        row.gait =
+            [(0.0, 0.5, 0.01), (0.01, 0.52, -1.5)].map(|(offset_rad, amplitude_rad, phase_rad)| {
+                JointGait { offset_rad, amplitude_rad, phase_rad, harmonics_rad: f64::NAN }
+            });
     }
     let fitted = fit(&config, &rows.into(), &|_| {});
-    let statuses: Vec<&str> = fitted.fits.iter().map(|fit| fit.status.as_str()).collect();
+    let statuses: Vec<String> = fitted.fits.iter().map(|fit| fit.status.to_string()).collect();
     assert!(statuses[0].starts_with("singular: at 0.500 rad/s"), "{statuses:?}");
     assert_eq!(statuses[1..], ["ok", "ok"]);
     assert!(fitted.fits[0].j.is_nan() && fitted.comparison[0].j.is_nan());
@@ -283,8 +288,9 @@ fn trials_without_a_measured_gait_leave_the_models_that_need_it_without_a_fit() 
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
     campaign.models = vec![Model::NoSkidMeasured, Model::SkidRoll];
     let fitted = fit(&config, &named(reference).into(), &|_| {});
-    assert!(fitted.fits[0].status.starts_with("diverged"), "{}", fitted.fits[0].status);
-    assert_eq!(fitted.fits[1].status, "ok");
+    let status = fitted.fits[0].status.to_string();
+    assert!(status.starts_with("diverged"), "{status}");
+    assert_eq!(fitted.fits[1].status, FitStatus::Ok);
     assert!(fitted.comparison[1].other_gait_j.is_nan());
 }
 
@@ -300,12 +306,12 @@ fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
     let mut rows = named(reference);
     rows.drain(4..);
     rows.drain(..3);
-    rows[0].alpha1_rad_se = 0.01 * rows[0].alpha1_rad;
+    rows[0].metrics_se.alpha1_rad = 0.01 * rows[0].metrics.alpha1_rad;
     let fitted = fit(&config, &rows.into(), &|_| {});
     let fit = &fitted.fits[0];
-    assert_eq!(fit.status, "ok");
+    assert_eq!(fit.status, FitStatus::Ok);
     assert!(fit.j < 1e-6, "{}", fit.j);
-    assert!(!fit.identifiable.contains(&"damping_nm_s_rad".to_owned()), "{fit:?}");
+    assert!(!fit.identifiable.contains(&Parameter::Damping), "{fit:?}");
 }
 
 #[test]
@@ -317,8 +323,8 @@ fn a_coefficient_that_nothing_measured_depends_on_is_structurally_not_identifiab
     campaign.weights = Weights { d: 0.0, v: 0.0, sigma: 0.0, alpha: 1.0 };
     let fitted = fit(&config, &named(reference).into(), &|_| {});
     let fit = &fitted.fits[0];
-    assert_eq!(fit.structurally_not, ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"]);
-    assert!(fit.lower_limits().iter().chain(&fit.upper_limits()).all(|limit| limit.is_nan()));
+    assert_eq!(fit.structurally_not, Parameter::SKID);
+    assert!(fit.lower.iter().chain(fit.upper.iter()).all(|(_, limit)| limit.is_nan()));
 }
 
 #[test]
@@ -345,8 +351,7 @@ fn noise_free_trials_give_back_whatever_is_free() {
             let omega_rad_s = row.omega_rad_s;
             let problem = Problem { robot: truth.clone(), gait, model, omega_rad_s };
             let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
-            (row.d_m, row.v_m_s, row.alpha1_rad) = (metrics.d_m, metrics.v_m_s, metrics.alpha1_rad);
-            [row.sigma0, row.sigma1, row.sigma2] = metrics.sigma;
+            row.metrics = GaitMetrics { dtheta_rad: row.metrics.dtheta_rad, ..metrics };
         }
         let campaign = config.campaign.get_mut(reference.campaign).unwrap();
         campaign.free = [(model, Free(free.clone()))].into();
@@ -355,7 +360,7 @@ fn noise_free_trials_give_back_whatever_is_free() {
         assert!(found.j < 1e-6, "{free:?}: {}", found.j);
         assert_eq!(found.identifiable, found.free, "{free:?}");
         for coefficient in Parameter::ALL {
-            let (found, known) = (found.parameters()[coefficient as usize], coefficient.of(&truth));
+            let (found, known) = (found.parameters[coefficient], coefficient.of(&truth));
             assert!(
                 (found / known - 1.0).abs() < 1e-3,
                 "{free:?} {coefficient:?}: {found} {known}"
@@ -371,14 +376,16 @@ fn measured_parameters_of_the_robot_take_the_place_of_configured_ones() {
     config.fit.robot_parameters = ParameterSource::Measured;
     let release = RobotParameterRow {
         robot: "semi-passive".to_owned(),
-        stiffness_nm_rad: 0.15,
-        damping_nm_s_rad: 0.0065,
+        stiffness_nm_rad: Estimate::new(0.15, f64::NAN),
+        damping_nm_s_rad: Estimate::new(0.0065, f64::NAN),
         ..RobotParameterRow::blank()
     };
     let data = FitData { robots: vec![release], ..FitData::from(named(reference)) };
     let fit = fit(&config, &data, &|_| {}).fits.remove(0);
-    assert_eq!((fit.stiffness_nm_rad, fit.damping_nm_s_rad), (0.15, 0.0065));
+    let joint = [Parameter::Stiffness, Parameter::Damping];
+    assert_eq!(joint.map(|of| fit.parameters[of]), [0.15, 0.0065]);
     // There is no coast-down.
-    assert_eq!((fit.roll0_kg_s, fit.roll_sum_kg_s), (0.6, 1.2));
-    assert_eq!(fit.measured, ["stiffness_nm_rad", "damping_nm_s_rad"]);
+    let roll = [Parameter::Roll0, Parameter::RollSum];
+    assert_eq!(roll.map(|of| fit.parameters[of]), [0.6, 1.2]);
+    assert_eq!(fit.measured, joint);
 }

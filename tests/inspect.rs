@@ -63,12 +63,12 @@ fn csv_and_json_have_every_digit_of_every_row() {
     let lines: Vec<&str> = csv.lines().collect();
     let column = lines[0].split(',').position(|name| name == "d_m").unwrap();
     assert_eq!((json.len(), lines.len()), (table.len(), table.len() + 1));
-    let d_m = table.f64("d_m").unwrap();
+    let d_m = table.values::<f64>("d_m").unwrap();
     for (i, d_m) in d_m.iter().enumerate() {
         assert_eq!(json[i]["d_m"].as_f64(), Some(*d_m));
         assert_eq!(lines[i + 1].split(',').nth(column).unwrap().parse(), Ok(*d_m));
     }
-    let alpha = table.f64("alpha1_rad").unwrap();
+    let alpha = table.values::<f64>("alpha1_rad").unwrap();
     assert!(
         alpha.iter().zip(&json).all(|(alpha, row)| alpha.is_nan() == row["alpha1_rad"].is_null())
     );

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use trilink::metrics::GaitMetrics;
-use trilink::motion::{FIT_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Solver};
+use trilink::motion::{FIT_ACCURACY, Model, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
 use trilink::robot::{Gait, JointCommand, Parameter, Robot};
 
 /// A row of `periodic.csv`.
@@ -74,7 +74,7 @@ fn every_reference_motion_is_met_to_1e_8() {
             assert!((found - known).abs() <= 1e-8 * known.abs(), "{}: {found} {known}", row.name);
         }
         assert!((found[6] - known[6]).abs() < 1e-9, "{}: dtheta {}", row.name, found[6]);
-        assert_eq!(motion.status(), "stable", "{}", row.name);
+        assert_eq!(motion.status(), MotionStatus::Stable, "{}", row.name);
     }
 }
 
@@ -126,7 +126,7 @@ fn a_gait_that_meets_a_singular_shape_off_the_limit_has_no_motion() {
     let problem =
         Problem { robot: Robot::kinematic(), gait, model: Model::NoSkid, omega_rad_s: 3.9 };
     let error = problem.solve(REFERENCE_ACCURACY).unwrap_err();
-    assert_eq!(error.status(), "singular", "{error}");
+    assert_eq!(error.status(), MotionStatus::Singular, "{error}");
 }
 
 #[test]

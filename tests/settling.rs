@@ -4,7 +4,9 @@
 
 use std::f64::consts::TAU;
 
-use trilink::motion::{Attractor, Model, MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use trilink::motion::{
+    Attractor, Model, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
+};
 use trilink::robot::{Gait, JointCommand, Robot};
 
 fn settle(problem: &Problem) -> Result<Attractor, MotionError> {
@@ -111,7 +113,10 @@ fn of_two_stable_motions_the_one_is_reported_that_is_reached_from_rest() {
     let problem = with_two_stable_motions();
     let first = problem.solve(REFERENCE_ACCURACY).unwrap();
     let settled = settle(&problem).unwrap();
-    assert_eq!((first.status(), settled.motion.status()), ("stable", "stable"));
+    assert_eq!(
+        (first.status(), settled.motion.status()),
+        (MotionStatus::Stable, MotionStatus::Stable)
+    );
     let (first_m, settled_m) = (first.metrics.d_m, settled.motion.metrics.d_m);
     assert!(!settled.is_found_first && settled_m > 2.0 * first_m, "{first_m} {settled_m}");
     let followed_m = followed_d_m(&problem, settled.cycles + 30);
@@ -122,9 +127,12 @@ fn of_two_stable_motions_the_one_is_reported_that_is_reached_from_rest() {
 fn an_unstable_motion_is_never_where_the_robot_settles() {
     let problem = with_an_unstable_motion();
     let first = problem.solve(REFERENCE_ACCURACY).unwrap();
-    assert_eq!(first.status(), "unstable");
+    assert_eq!(first.status(), MotionStatus::Unstable);
     let settled = settle(&problem).unwrap();
-    assert!(!settled.is_found_first && settled.motion.status() == "stable", "{settled:?}");
+    assert!(
+        !settled.is_found_first && settled.motion.status() == MotionStatus::Stable,
+        "{settled:?}"
+    );
     assert!(settled.motion.metrics.d_m > 100.0 * first.metrics.d_m);
 }
 
@@ -138,7 +146,7 @@ fn a_motion_that_does_not_settle_is_said_not_to() {
     };
     let error = settle(&problem).unwrap_err();
     assert!(matches!(error, MotionError::Unsettled { cycles: 500, .. }), "{error}");
-    assert_eq!(error.status(), "diverged");
+    assert_eq!(error.status(), MotionStatus::Diverged);
 }
 
 #[test]
@@ -173,7 +181,7 @@ fn a_motion_that_comes_back_every_second_cycle_only_is_said_to() {
         omega_rad_s: 3.5473,
     };
     // The motion that repeats itself every cycle is unstable.
-    assert_eq!(problem.solve(REFERENCE_ACCURACY).unwrap().status(), "unstable");
+    assert_eq!(problem.solve(REFERENCE_ACCURACY).unwrap().status(), MotionStatus::Unstable);
     let error = settle(&problem).unwrap_err();
     assert_eq!(error, MotionError::Unsettled { cycles: 500, repeats_after: Some(2) });
     assert!(error.to_string().ends_with("it repeats itself every 2 cycles"), "{error}");

@@ -234,12 +234,12 @@ fn a_trajectory_is_one_steady_cycle_whose_numbers_agree_with_the_answer() {
         assert!((last.theta_rad - number("dtheta_rad")).abs() < 1e-8);
         // What is periodic comes back.
         for of in [
-            |row: &TrajectoryRow| row.phi1_rad,
-            |row: &TrajectoryRow| row.phi2_rad,
-            |row: &TrajectoryRow| row.roll0_m_s,
-            |row: &TrajectoryRow| row.skid1_m_s,
-            |row: &TrajectoryRow| row.lateral2_n,
-            |row: &TrajectoryRow| row.torque2_nm,
+            |row: &TrajectoryRow| row.phi_rad[0],
+            |row: &TrajectoryRow| row.phi_rad[1],
+            |row: &TrajectoryRow| row.roll_m_s[0],
+            |row: &TrajectoryRow| row.skid_m_s[1],
+            |row: &TrajectoryRow| row.forces.lateral_n[2],
+            |row: &TrajectoryRow| row.forces.torque_nm[1],
         ] {
             let size = rows.iter().map(|row| of(row).abs()).fold(1e-6, f64::max);
             assert!((of(first) - of(last)).abs() <= 1e-6 * size, "{campaign} {model}");
@@ -247,15 +247,16 @@ fn a_trajectory_is_one_steady_cycle_whose_numbers_agree_with_the_answer() {
         // Rates are those of the coordinates, and power is what the answer's work is of.
         let moved = integral(&rows, |row| row.x_rate_m_s);
         assert!((moved - last.x_m).abs() < 1e-4 * number("d_m"), "{moved} {}", last.x_m);
-        let (work, loss) = (integral(&rows, |row| row.power_w), integral(&rows, |row| row.loss_w));
+        let (work, loss) =
+            (integral(&rows, |row| row.forces.power_w), integral(&rows, |row| row.forces.loss_w));
         let scale = number("work_j").abs().max(1e-3);
         assert!((work - number("work_j")).abs() < 1e-6 * scale, "{campaign} {model}: {work}");
         assert!((loss - work).abs() < 1e-6 * scale, "{campaign} {model}: {loss} {work}");
         // Friction is against motion; constraints keep the wheels from skidding.
         for row in &rows {
-            assert!(row.roll0_n * row.roll0_m_s <= 0.0);
-            assert!(model != "skid-roll" || row.lateral0_n * row.skid0_m_s <= 0.0);
-            assert!(model == "skid-roll" || row.skid0_m_s.abs() < 1e-12);
+            assert!(row.forces.roll_n[0] * row.roll_m_s[0] <= 0.0);
+            assert!(model != "skid-roll" || row.forces.lateral_n[0] * row.skid_m_s[0] <= 0.0);
+            assert!(model == "skid-roll" || row.skid_m_s[0].abs() < 1e-12);
         }
     }
 }
@@ -285,7 +286,10 @@ fn from_rest_the_answer_says_after_how_many_cycles_and_the_trajectory_is_the_way
     let (rows, _) = trajectory(folder.path(), &rest);
     assert_eq!(rows.len(), 240 * (cycles + 1) + 1);
     // At rest but for the commanded joint, which starts with its command.
-    assert_eq!((rows[0].roll0_m_s, rows[0].phi1_rad, rows[0].phi1_rate_rad_s), (0.0, 0.0, 0.0));
+    assert_eq!(
+        (rows[0].roll_m_s[0], rows[0].phi_rad[0], rows[0].phi_rate_rad_s[0]),
+        (0.0, 0.0, 0.0)
+    );
     let of_cycle = |cycle: usize| {
         let (from, to) = (&rows[240 * cycle], &rows[240 * (cycle + 1)]);
         (to.x_m - from.x_m).hypot(to.y_m - from.y_m)
@@ -320,9 +324,10 @@ fn unbounded_constraint_forces_are_missing_and_said_to_be() {
         trajectory(folder.path(), &["kinematic-symmetric", "--model", "no-skid", "--omega", "4"]);
     assert!(stderr.contains("det W_b = 0"), "{stderr}");
     // The gait passes phi1 = phi2 twice a cycle, where samples are.
-    let missing: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].lateral0_n.is_nan()).collect();
+    let missing: Vec<usize> =
+        (0..rows.len()).filter(|&i| rows[i].forces.lateral_n[0].is_nan()).collect();
     assert_eq!(missing, [30, 150]);
-    assert!(rows.iter().all(|row| row.power_w.is_finite() && row.x_rate_m_s.is_finite()));
+    assert!(rows.iter().all(|row| row.forces.power_w.is_finite() && row.x_rate_m_s.is_finite()));
 }
 
 #[test]

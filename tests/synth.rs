@@ -180,7 +180,7 @@ fn poses(format: &str) -> Vec<Vec<f64>> {
     let path = folder.path().join("derived/poses/kinematic-symmetric-3.90-r1.parquet");
     let table = Table::read(&path).unwrap();
     let columns = ["time_s", "x_m", "y_m", "theta_rad", "phi1_rad", "phi2_rad"];
-    columns.map(|column| table.f64(column).unwrap().to_vec()).into()
+    columns.map(|column| table.values::<f64>(column).unwrap().to_vec()).into()
 }
 
 #[test]
@@ -209,32 +209,33 @@ fn trials_with_misplaced_markers_keep_their_displacement_and_every_such_frame_is
     let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
     let read = |name: &str| Table::read(&folder.path().join("derived").join(name)).unwrap();
     let trials = read("trials.parquet");
-    for (i, trial) in trials.str("trial").unwrap().iter().enumerate() {
+    for (i, trial) in trials.values::<String>("trial").unwrap().iter().enumerate() {
         let truth = &truth["trials"][trial];
         if truth.is_null() {
             continue;
         }
-        let error = trials.f64("d_m").unwrap()[i] / truth["d_m"].as_f64().unwrap() - 1.0;
+        let error = trials.values::<f64>("d_m").unwrap()[i] / truth["d_m"].as_f64().unwrap() - 1.0;
         assert!(error.abs() < 0.01, "{trial}: {error}");
-        let message = &trials.str("message").unwrap()[i];
+        let message = &trials.values::<String>("message").unwrap()[i];
         assert!(message.contains("frames have two labels that are swapped, and swapped back: "));
         assert!(message.contains("frames have a marker that jumped and is left out: "));
 
         let poses = read(&format!("poses/{trial}.parquet"));
-        let frames = poses.i64("frame").unwrap();
+        let frames = poses.values::<i64>("frame").unwrap();
         let misplaced = truth["misplaced"].as_array().unwrap();
         let part = misplaced.len() as f64 / frames.len() as f64;
         assert!((0.08..0.12).contains(&part), "{trial}: {part}");
         let flagged: usize = (0..3)
             .map(|link| {
-                let outliers = poses.str(&format!("outlier{link}")).unwrap();
+                let outliers = poses.values::<String>(&format!("outlier{link}")).unwrap();
                 outliers.iter().filter(|outlier| *outlier != "none").count()
             })
             .sum();
         assert_eq!(flagged, misplaced.len(), "{trial}");
         for planted in misplaced {
             let row = (planted["frame"].as_i64().unwrap() - frames[0]) as usize;
-            let outlier = &poses.str(&format!("outlier{}", planted["link"])).unwrap()[row];
+            let outlier =
+                &poses.values::<String>(&format!("outlier{}", planted["link"])).unwrap()[row];
             assert_ne!(outlier, "none", "{trial}: {planted}");
             let right = if planted["swapped"] == true { "swapped" } else { "jumped" };
             assert!([right, "ambiguous"].contains(&outlier.as_str()), "{trial}: {planted}");

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::ingest::{Calibration, Estimate, MarkerPosition, calibrate};
+use crate::ingest::{Calibration, MarkerPosition, calibrate};
+use crate::metrics::Estimate;
 
 /// Estimates the layouts from one trial and prints them.
 pub(super) fn run(context: &Context, folder: &Path, trial: &str) -> Result<Outcome, Failure> {

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::output::say;
 use super::{Context, Failure, Outcome};
 use crate::ingest::{self, FileSurvey, IngestSettings, Recording, survey};
-use crate::store::CheckRow;
+use crate::store::{CheckRow, Severity, TrialStatus};
 use crate::trial::{Trial, TrialList};
 
 #[derive(clap::Args)]
@@ -26,8 +26,7 @@ pub(super) struct Check {
 #[derive(Serialize)]
 struct CheckedTrial {
     trial: String,
-    /// `ok`, `flagged` or `failed`.
-    status: String,
+    status: TrialStatus,
     message: String,
     cycles: i64,
     checks: Vec<CheckLine>,
@@ -37,7 +36,7 @@ struct CheckedTrial {
 #[derive(Serialize)]
 struct CheckLine {
     check: String,
-    severity: String,
+    severity: Severity,
     value: f64,
     limit: f64,
     message: String,
@@ -71,7 +70,7 @@ fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome,
         })
         .collect();
     drop(stage);
-    let failed = checked.iter().filter(|trial| trial.status == "failed").count();
+    let failed = checked.iter().filter(|trial| trial.status == TrialStatus::Failed).count();
     if json {
         say!("{}", serde_json::to_string_pretty(&checked)?);
     } else {
@@ -98,7 +97,7 @@ fn say_trial(checked: &CheckedTrial) {
     let CheckedTrial { trial, status, cycles, checks, .. } = checked;
     say!("{trial}: {status}, {cycles} cycles");
     for CheckLine { check, severity, message, .. } in checks {
-        if severity != "ok" {
+        if *severity != Severity::Ok {
             say!("  {check}: {severity}: {message}");
         }
     }
@@ -106,18 +105,14 @@ fn say_trial(checked: &CheckedTrial) {
 
 /// How the trials fared in every check.
 fn say_counts(trials: &[CheckedTrial]) {
-    let mut counts: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
-    const SEVERITIES: [&str; 4] = ["ok", "info", "warning", "error"];
+    let mut counts: BTreeMap<&str, BTreeMap<Severity, usize>> = BTreeMap::new();
     for line in trials.iter().flat_map(|trial| &trial.checks) {
-        let count = counts.entry(&line.check).or_default();
-        let index = SEVERITIES.iter().position(|severity| *severity == line.severity);
-        count[index.unwrap_or(0)] += 1;
+        *counts.entry(&line.check).or_default().entry(line.severity).or_default() += 1;
     }
     for (check, count) in counts {
-        let counts = SEVERITIES.iter().zip(count).filter(|(_, count)| *count > 0);
-        let counts: Vec<String> =
-            counts.map(|(severity, count)| format!("{count} {severity}")).collect();
-        say!("{check:<24} {}", counts.join(", "));
+        let said: Vec<String> =
+            count.iter().map(|(severity, count)| format!("{count} {severity}")).collect();
+        say!("{check:<24} {}", said.join(", "));
     }
 }
 

@@ -7,7 +7,7 @@ use super::parameters::print_parameters;
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::robot::Parameter;
 use crate::run::{Ahead, Finished, Options, look, run};
-use crate::store::{ComparisonRow, FitRow, How, Planned, Redo};
+use crate::store::{ComparisonRow, FitRow, How, Planned, Redo, TrialStatus};
 use crate::synth::{Recipe, synthesise};
 use crate::trial::TRIALS_FILE;
 
@@ -88,7 +88,7 @@ impl Update {
         let finished = run(&context.config, options, &watch)?;
         drop(watch);
         let record = &finished.record;
-        for trial in record.attention.iter().filter(|trial| trial.status == "failed") {
+        for trial in record.attention.iter().filter(|trial| trial.status == TrialStatus::Failed) {
             note!("failed: {}: {}", trial.trial, trial.message);
         }
         print_fits(&finished.fits);
@@ -163,30 +163,19 @@ pub(super) fn print_fits(fits: &[FitRow]) {
         "c_S2"
     );
     for fit in fits {
-        if fit.status != "ok" {
-            say!("{:<24} {:<17} {}", fit.campaign, fit.model, fit.status);
+        let FitRow { campaign, model, status, j, .. } = fit;
+        if !status.is_ok() {
+            say!("{campaign:<24} {model:<17} {status}");
             continue;
         }
-        let skid = [fit.skid0_kg_s, fit.skid1_kg_s, fit.skid2_kg_s];
-        let names = ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"];
-        let cells: Vec<String> =
-            names.iter().zip(skid).map(|(name, value)| cell(fit, name, value)).collect();
-        let names = Parameter::ALL.map(Parameter::column);
-        let others: String = names[3..]
+        let (skid, others) = Parameter::ALL.split_at(Parameter::SKID.len());
+        let skid: String = skid.iter().map(|of| format!(" {:>10}", cell(fit, *of))).collect();
+        let others: String = others
             .iter()
-            .zip(&fit.parameters()[3..])
-            .filter(|(name, _)| fit.free.iter().any(|free| free == *name))
-            .map(|(name, value)| format!("   {name} {}", cell(fit, name, *value)))
+            .filter(|parameter| fit.free.contains(parameter))
+            .map(|parameter| format!("   {} {}", parameter.column(), cell(fit, *parameter)))
             .collect();
-        say!(
-            "{:<24} {:<17} {:>9.5} {:>10} {:>10} {:>10}{others}",
-            fit.campaign,
-            fit.model,
-            fit.j,
-            cells[0],
-            cells[1],
-            cells[2]
-        );
+        say!("{campaign:<24} {model:<17} {j:>9.5}{skid}{others}");
     }
 }
 
@@ -197,13 +186,14 @@ pub(super) fn print_comparison(rows: &[ComparisonRow]) {
     }
 }
 
-fn cell(fit: &FitRow, name: &str, value: f64) -> String {
+fn cell(fit: &FitRow, parameter: Parameter) -> String {
+    let value = fit.parameters[parameter];
     if value.is_nan() {
         return "-".to_owned();
     }
-    let has = |list: &[String]| list.iter().any(|listed| listed == name);
-    let unidentifiable = has(&fit.practically_not) || has(&fit.structurally_not);
-    let mark = match (has(&fit.at_bound), unidentifiable) {
+    let unidentifiable = [&fit.practically_not, &fit.structurally_not];
+    let unidentifiable = unidentifiable.iter().any(|list| list.contains(&parameter));
+    let mark = match (fit.at_bound.contains(&parameter), unidentifiable) {
         (true, _) => "|",
         (false, true) => "~",
         (false, false) => "",

@@ -6,6 +6,7 @@ use super::output::{note, say};
 use super::parameters::print_parameters;
 use super::{Context, Exclusive, Failure, Outcome, calibrate, pipeline};
 use crate::run;
+use crate::store::TrialStatus;
 
 #[derive(clap::Args)]
 pub(super) struct Ingest {
@@ -42,8 +43,8 @@ impl Ingest {
             run::ingest(&context.config, self.exclusive.wait, &context.progress.watch())?;
         for trial in run::attention(&ingested.trials) {
             let line = format!("{}: {}: {}", trial.status, trial.trial, trial.message);
-            match trial.status.as_str() {
-                "failed" => note!("{line}"),
+            match trial.status {
+                TrialStatus::Failed => note!("{line}"),
                 _ => context.progress.say(&line),
             }
         }

@@ -9,9 +9,9 @@ use super::CompareError;
 use crate::report::{
     Figure, Image, Layer, Look, Panel, Scale, colours, fill, percent, significant,
 };
-use crate::store::{history_rows, write_bytes};
+use crate::store::{rows, write_bytes};
 
-history_rows! {
+rows! {
     /// One figure of merit of one run: `history.parquet`.
     pub struct HistoryRow {
         /// When the run ended, UTC.

@@ -81,17 +81,17 @@ pub(super) fn sentence(rows: &[ComparisonRow], replicates: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::Model;
     use crate::store::Rows as _;
 
-    fn row(model: &str, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
+    fn row(model: Model, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
         let criterion = bic(j, 60, 3);
-        let model = model.to_owned();
         ComparisonRow { model, j, j_left_out, wins, criterion, ..ComparisonRow::blank() }
     }
 
     #[test]
     fn a_clear_winner_is_preferred() {
-        let rows = [row("skid", 0.4, 0.5, 0.02), row("skid-roll", 0.3, 0.35, 0.98)];
+        let rows = [row(Model::Skid, 0.4, 0.5, 0.02), row(Model::SkidRoll, 0.3, 0.35, 0.98)];
         assert_eq!(
             sentence(&rows, 200),
             "The data prefer skid-roll: J = 0.3000, 25.0 % below that of skid (0.4000), the \
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn two_models_that_share_the_replicates_are_not_told_apart() {
-        let rows = [row("skid", 0.31, 0.33, 0.4), row("skid-roll", 0.30, 0.35, 0.6)];
+        let rows = [row(Model::Skid, 0.31, 0.33, 0.4), row(Model::SkidRoll, 0.30, 0.35, 0.6)];
         let text = sentence(&rows, 200);
         assert!(text.starts_with("The data do not clearly prefer one model; skid-roll is nearest"));
         assert!(text.contains("predicted better by skid (0.3300 against 0.3500)"), "{text}");
@@ -109,7 +109,8 @@ mod tests {
 
     #[test]
     fn a_model_without_a_fit_does_not_compete() {
-        let rows = [row("no-skid", f64::NAN, f64::NAN, f64::NAN), row("skid", 0.3, 0.4, 1.0)];
+        let rows =
+            [row(Model::NoSkid, f64::NAN, f64::NAN, f64::NAN), row(Model::Skid, 0.3, 0.4, 1.0)];
         assert_eq!(sentence(&rows, 10), "Only skid has a fit: J = 0.3000.");
         assert_eq!(sentence(&rows[..1], 10), "No model of this campaign has a fit.");
     }

@@ -7,9 +7,10 @@ use super::measurement::Measurement;
 use super::noise_correction::NoiseCorrection;
 use super::objective::{Evaluator, Linearised, Objective, PENALTY, Response, TERMS};
 use super::resample::Resample;
-use super::search::{Ended, Iterate, Stopped};
+use super::search::{Ended, Iterate};
 use super::starts::{Start, search_from};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
+use crate::store::{FitStatus, Stopped};
 
 /// Fall of the objective, relative to it, below which a refit has converged: far below what
 /// resampling moves it by.
@@ -49,10 +50,10 @@ impl<'o> FittedPoint<'o> {
         Self { values, cost, responses, evaluator }
     }
 
-    /// `ok`, or which motion does not exist and why.
-    pub fn status(&self) -> String {
+    /// Whether all motions exist.
+    pub fn status(&self) -> FitStatus {
         if self.responses.iter().all(Option::is_some) {
-            return "ok".to_owned();
+            return FitStatus::Ok;
         }
         let mut evaluator = self.evaluator();
         evaluator.accuracy = REFERENCE_ACCURACY;

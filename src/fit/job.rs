@@ -9,16 +9,18 @@ use super::fitted_point::{FittedPoint, Refit};
 use super::free::FreeParameter;
 use super::objective::Objective;
 use super::predict::predictions;
-use super::profile::{Class, Profile, profile, profile_limits};
+use super::profile::{Class, Profile, ProfilePoint, profile, profile_limits};
 use super::resample::Resampler;
 use super::search::{Ended, at_bound, is_at_bound};
 use super::starts::{Start, search_all, search_from};
 use super::{FitEvent, FitInput, Fitted, OnEvent};
 use crate::config::GaitInput;
 use crate::motion::{Model, REFERENCE_ACCURACY};
-use crate::robot::{Gait, Parameter, Robot};
+use crate::robot::{ByParameter, Gait, Parameter, Robot};
 use crate::stats::quantiles;
-use crate::store::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, Rows as _, StartRow};
+use crate::store::{
+    BootstrapRow, ComparisonRow, FitRow, FitStatus, ProfileRow, Rows as _, StartRow,
+};
 
 /// Starts within this part of the best objective have reached it.
 const REACHED: f64 = 1e-6;
@@ -91,7 +93,7 @@ impl Job<'_> {
             profiles: Vec::new(),
             replicates: Vec::new(),
         };
-        if status == "ok" {
+        if status.is_ok() {
             self.follow_profiles(&mut fit);
             self.bootstrap(&mut fit, on_event);
         }
@@ -142,74 +144,88 @@ impl Job<'_> {
         fit.solves += fit.replicates.iter().map(|refit| refit.solves).sum::<usize>();
     }
 
-    fn rows(&self, fit: Fit, starts: &[Start], status: String) -> JobResult {
+    fn rows(&self, fit: Fit, starts: &[Start], status: FitStatus) -> JobResult {
         let Fit { point, cost, resumed, profiles, replicates, .. } = &fit;
-        let is_ok = status == "ok";
+        let (campaign, model) = (self.campaign().to_owned(), self.model());
         let parameters = point.parameters();
         let objective = point.objective();
         let robot = objective.robot_with(parameters, &point.values);
-        let names = |of: Vec<Parameter>| of.iter().map(|free| free.column().to_owned()).collect();
-        let classed = |class: Class| {
-            let both = parameters.iter().zip(profiles);
-            let of = both.filter(|(_, profile)| profile.class == class);
-            names(of.map(|(free, _)| free.parameter).collect())
-        };
         let free: Vec<Parameter> = parameters.iter().map(|free| free.parameter).collect();
-        let held = |parameter: &Parameter| {
-            self.model().knows(*parameter, &self.gait) && !free.contains(parameter)
+        let classed = |class: Class| {
+            let both = free.iter().zip(profiles);
+            both.filter(|(_, profile)| profile.class == class).map(|(of, _)| *of).collect()
         };
-        let (mut comparison, more_solves) = match is_ok {
+        let held = |parameter: &Parameter| {
+            model.knows(*parameter, &self.gait) && !free.contains(parameter)
+        };
+        let (comparison, more_solves) = match status.is_ok() {
             true => self.comparison(&fit),
             false => (ComparisonRow::blank(), 0),
         };
-        comparison.campaign = self.campaign().to_owned();
-        comparison.model = self.model().name().to_owned();
-        comparison.status = status.clone();
-        if !is_ok {
-            comparison = without_numbers(comparison);
-        }
+        let comparison = ComparisonRow {
+            campaign: campaign.clone(),
+            model,
+            status: status.clone(),
+            ..comparison
+        };
         let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
-        let mut row = FitRow {
-            free: names(free.clone()),
-            measured: names(self.measured.iter().copied().filter(held).collect()),
+        let [lower, upper] = fit.intervals(self.resampler).map(|limit| spread(parameters, &limit));
+        let row = FitRow {
+            lower,
+            upper,
+            measured: self.measured.iter().copied().filter(held).collect(),
             identifiable: classed(Class::Identifiable),
             practically_not: classed(Class::PracticallyNot),
             structurally_not: classed(Class::StructurallyNot),
-            at_bound: names(at_bound(parameters, &point.values)),
-            j: if is_ok { *cost } else { f64::NAN },
+            at_bound: at_bound(parameters, &point.values),
+            j: if status.is_ok() { *cost } else { f64::NAN },
             trials: self.measurements.len() as i64,
             starts: starts.len() as i64,
             starts_reached: count(&|start| start.cost <= cost * (1.0 + REACHED)),
             starts_failed: count(&|start| start.stopped.is_failure()),
             resumed: *resumed as i64,
             solves: (fit.solves + more_solves) as i64,
-            status,
-            ..self.with_parameters_of(&robot)
+            free,
+            ..self.fit_row(&robot, status)
         };
-        let [lower, upper] = fit.intervals(self.resampler);
-        row.set_lower_limits(spread(parameters, &lower));
-        row.set_upper_limits(spread(parameters, &upper));
-        let start_rows = starts.iter().enumerate().map(|(number, start)| {
-            let mut row = StartRow {
-                campaign: self.campaign().to_owned(),
-                model: self.model().name().to_owned(),
-                start: number as i64,
-                j: start.cost,
-                solves: start.solves as i64,
-                stopped: start.stopped.name().to_owned(),
-                ..StartRow::blank()
+        let start_row = |(number, start): (usize, &Start)| StartRow {
+            campaign: campaign.clone(),
+            model,
+            start: number as i64,
+            began: spread(parameters, &start.began),
+            ended: spread(parameters, &start.ended),
+            j: start.cost,
+            solves: start.solves as i64,
+            stopped: start.stopped,
+        };
+        let profile_rows = |(index, profile): (usize, &Profile)| {
+            let row = |point: &ProfilePoint| ProfileRow {
+                campaign: campaign.clone(),
+                model,
+                parameter: parameters[index].parameter,
+                value: point.values[index],
+                parameters: spread(parameters, &point.values),
+                j: point.cost,
+                limit_j: profile.limit,
             };
-            row.set_began(spread(parameters, &start.began));
-            row.set_ended(spread(parameters, &start.ended));
-            row
-        });
+            profile.points.iter().map(row).collect::<Vec<_>>()
+        };
+        let replicate_row = |(number, refit): (usize, &Refit)| BootstrapRow {
+            campaign: campaign.clone(),
+            model,
+            replicate: number as i64,
+            parameters: spread(parameters, &refit.values),
+            j: refit.cost,
+            solves: refit.solves as i64,
+            stopped: refit.stopped,
+        };
         JobResult {
             replicates: replicates.iter().map(|refit| refit.cost).collect(),
             tables: Fitted {
                 predictions: predictions(self.campaign(), objective, &robot),
-                starts: start_rows.collect(),
-                profiles: self.profile_rows(parameters, profiles),
-                bootstrap: self.bootstrap_rows(parameters, replicates),
+                starts: starts.iter().enumerate().map(start_row).collect(),
+                profiles: profiles.iter().enumerate().flat_map(profile_rows).collect(),
+                bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),
                 comparison: vec![comparison],
                 fits: vec![row],
             },
@@ -245,83 +261,39 @@ impl Job<'_> {
             let otherwise = objective.with_gait_input(other);
             let found = point.refit_otherwise(&otherwise);
             solves += found.solves;
-            other.name().clone_into(&mut row.other_gait_input);
+            row.other_gait_input = Some(other);
             // A trial without a motion costs more than any fit.
             let exists = found.cost < super::objective::PENALTY / self.measurements.len() as f64;
             if exists {
                 row.other_gait_j = found.cost;
                 let robot = otherwise.robot_with(point.parameters(), &found.ended);
-                row.set_other_gait_parameters(self.parameters_of(&robot));
+                row.other_gait_parameters = self.parameters_of(&robot);
             }
         }
         (row, solves)
     }
 
-    fn profile_rows(&self, parameters: &[FreeParameter], profiles: &[Profile]) -> Vec<ProfileRow> {
-        let rows = parameters.iter().zip(profiles).enumerate();
-        rows.flat_map(|(index, (parameter, profile))| {
-            profile.points.iter().map(move |point| {
-                let mut row = ProfileRow {
-                    campaign: self.campaign().to_owned(),
-                    model: self.model().name().to_owned(),
-                    parameter: parameter.parameter.column().to_owned(),
-                    value: point.values[index],
-                    j: point.cost,
-                    limit_j: profile.limit,
-                    ..ProfileRow::blank()
-                };
-                row.set_parameters(spread(parameters, &point.values));
-                row
-            })
-        })
-        .collect()
-    }
-
-    fn bootstrap_rows(
-        &self,
-        parameters: &[FreeParameter],
-        replicates: &[Refit],
-    ) -> Vec<BootstrapRow> {
-        let row = |(number, refit): (usize, &Refit)| {
-            let mut row = BootstrapRow {
-                campaign: self.campaign().to_owned(),
-                model: self.model().name().to_owned(),
-                replicate: number as i64,
-                j: refit.cost,
-                solves: refit.solves as i64,
-                stopped: refit.stopped.name().to_owned(),
-                ..BootstrapRow::blank()
-            };
-            row.set_parameters(spread(parameters, &refit.values));
-            row
-        };
-        replicates.iter().enumerate().map(row).collect()
-    }
-
     fn without_trials(&self) -> JobResult {
-        let status = "failed: no trial with metrics".to_owned();
-        let mut comparison = without_numbers(ComparisonRow::blank());
-        comparison.campaign = self.campaign().to_owned();
-        comparison.model = self.model().name().to_owned();
-        comparison.status = status.clone();
-        let fit = FitRow { status, ..self.with_parameters_of(&self.robot) };
-        let tables = Fitted { fits: vec![fit], comparison: vec![comparison], ..Fitted::default() };
+        let status = FitStatus::Failed("failed: no trial with metrics".to_owned());
+        let comparison = ComparisonRow {
+            campaign: self.campaign().to_owned(),
+            model: self.model(),
+            status: status.clone(),
+            ..ComparisonRow::blank()
+        };
+        let fits = vec![self.fit_row(&self.robot, status)];
+        let tables = Fitted { fits, comparison: vec![comparison], ..Fitted::default() };
         JobResult { tables, replicates: Vec::new() }
     }
 
-    /// A row with the parameters that the model knows; the others are missing.
-    fn with_parameters_of(&self, robot: &Robot) -> FitRow {
-        let mut row = FitRow {
-            campaign: self.campaign().to_owned(),
-            model: self.model().name().to_owned(),
-            ..FitRow::blank()
-        };
-        row.set_parameters(self.parameters_of(robot));
-        row
+    /// A row with the parameters that the model knows; all else is missing.
+    fn fit_row(&self, robot: &Robot, status: FitStatus) -> FitRow {
+        let (campaign, parameters) = (self.campaign().to_owned(), self.parameters_of(robot));
+        FitRow { campaign, model: self.model(), parameters, status, ..FitRow::blank() }
     }
 
-    fn parameters_of(&self, robot: &Robot) -> [f64; 9] {
-        Parameter::ALL.map(|parameter| {
+    fn parameters_of(&self, robot: &Robot) -> ByParameter<f64> {
+        ByParameter::from_fn(|parameter| {
             let is_known = self.model().knows(parameter, &self.gait);
             if is_known { parameter.of(robot) } else { f64::NAN }
         })
@@ -374,22 +346,12 @@ impl Fit<'_> {
 }
 
 /// Values of the free parameters among all parameters; the others are missing.
-fn spread(parameters: &[FreeParameter], values: &[f64]) -> [f64; 9] {
-    let mut all = [f64::NAN; 9];
+fn spread(parameters: &[FreeParameter], values: &[f64]) -> ByParameter<f64> {
+    let mut all = ByParameter::MISSING;
     for (free, value) in parameters.iter().zip(values) {
-        all[free.parameter as usize] = *value;
+        all[free.parameter] = *value;
     }
     all
-}
-
-/// A row of the comparison that has nothing to compare.
-fn without_numbers(row: ComparisonRow) -> ComparisonRow {
-    ComparisonRow {
-        campaign: row.campaign,
-        model: row.model,
-        status: row.status,
-        ..ComparisonRow::blank()
-    }
 }
 
 #[cfg(test)]
@@ -400,6 +362,7 @@ mod tests {
     use crate::config::Config;
     use crate::config::SigmaKind;
     use crate::fit::Measurement;
+    use crate::metrics::GaitMetrics;
     use crate::store::TrialRow;
 
     const CAMPAIGN: &str = "kinematic-symmetric";
@@ -411,11 +374,12 @@ mod tests {
             let row = TrialRow {
                 trial: number.to_string(),
                 omega_rad_s: fields[0],
-                d_m: fields[1],
-                v_m_s: fields[2],
-                sigma0: fields[3],
-                sigma1: fields[4],
-                sigma2: fields[5],
+                metrics: GaitMetrics {
+                    d_m: fields[1],
+                    v_m_s: fields[2],
+                    sigma: [fields[3], fields[4], fields[5]],
+                    ..GaitMetrics::MISSING
+                },
                 ..TrialRow::blank()
             };
             Measurement::new(&row, SigmaKind::Raw).expect("a measurement")
@@ -471,10 +435,12 @@ mod tests {
         let (measured, resampler, measurements) = (Vec::new(), &resampler, &measurements[..]);
         let job = Job { input, robot, gait, measured, resampler, measurements };
         let Fitted { fits, bootstrap, comparison, predictions, .. } = job.run(&|_| {}).tables;
-        let [fit, replicate] = [fits[0].parameters(), bootstrap[1].parameters()];
-        let found = [fit[0], fit[1], fit[2], fits[0].j, fits[0].upper_limits()[0], replicate[0]];
-        let others = [comparison[0].j_left_out, predictions[20].d_m, predictions[20].sigma0];
-        let found = found.into_iter().chain(others).map(|number| format!("{number:.4e}"));
+        let (fit, first) = (&fits[0], Parameter::Skid0);
+        let found = Parameter::SKID.map(|skid| fit.parameters[skid]).into_iter();
+        let found = found.chain([fit.j, fit.upper[first], bootstrap[1].parameters[first]]);
+        let predicted = predictions[20].metrics;
+        let others = [comparison[0].j_left_out, predicted.d_m, predicted.sigma[0]];
+        let found = found.chain(others).map(|number| format!("{number:.4e}"));
         let found = found.collect::<Vec<_>>().join(" ");
         const KNOWN: &str =
             "1.0069e2 3.3889e1 4.3584e1 2.6141e-1 1.0069e2 1.0069e2 2.6762e-1 4.3931e-1 3.0847e-2";

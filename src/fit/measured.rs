@@ -1,5 +1,6 @@
 //! The robots' own parameters as joint-release and coast-down trials measured them.
 
+use crate::metrics::Estimate;
 use crate::robot::{Parameter, Robot};
 use crate::store::RobotParameterRow;
 
@@ -11,13 +12,17 @@ pub(super) fn with_measured(
     name: &str,
     rows: &[RobotParameterRow],
 ) -> Vec<Parameter> {
-    const MEASURED: [Parameter; 3] = [Parameter::Stiffness, Parameter::Damping, Parameter::RollSum];
+    type Of = fn(&RobotParameterRow) -> Estimate;
+    const MEASURED: [(Parameter, Of); 3] = [
+        (Parameter::Stiffness, |row| row.stiffness_nm_rad),
+        (Parameter::Damping, |row| row.damping_nm_s_rad),
+        (Parameter::RollSum, |row| row.roll_sum_kg_s),
+    ];
     let mut measured = Vec::new();
-    for (nth, parameter) in MEASURED.into_iter().enumerate() {
-        let mut values: Vec<f64> = rows
-            .iter()
-            .filter(|row| row.robot == name)
-            .map(|row| [row.stiffness_nm_rad, row.damping_nm_s_rad, row.roll_sum_kg_s][nth])
+    for (parameter, of) in MEASURED {
+        let of_robot = rows.iter().filter(|row| row.robot == name);
+        let mut values: Vec<f64> = of_robot
+            .map(|row| of(row).value)
             .filter(|value| *value > 0.0 && value.is_finite())
             .collect();
         if values.is_empty() {
@@ -42,11 +47,12 @@ mod tests {
             robot: robot.to_owned(),
             ..RobotParameterRow::blank()
         };
+        let found = |value: f64| Estimate { value, ..Estimate::MISSING };
         let rows = [
-            RobotParameterRow { roll_sum_kg_s: 0.9, ..row("ours") },
-            RobotParameterRow { roll_sum_kg_s: 1.5, ..row("ours") },
-            RobotParameterRow { stiffness_nm_rad: 9.0, ..row("another") },
-            RobotParameterRow { damping_nm_s_rad: 0.01, ..row("ours") },
+            RobotParameterRow { roll_sum_kg_s: found(0.9), ..row("ours") },
+            RobotParameterRow { roll_sum_kg_s: found(1.5), ..row("ours") },
+            RobotParameterRow { stiffness_nm_rad: found(9.0), ..row("another") },
+            RobotParameterRow { damping_nm_s_rad: found(0.01), ..row("ours") },
         ];
         let configured = Robot::semi_passive();
         let mut robot = configured.clone();

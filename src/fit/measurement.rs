@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
 use crate::robot::JointCommand;
-use crate::store::TrialRow;
+use crate::store::{TrialRow, TrialStatus};
 
 /// What one trial measured.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,45 +33,25 @@ impl Measurement {
     /// above the noise: eq. 21 divides by it.
     pub fn new(trial: &TrialRow, sigma: SigmaKind) -> Option<Self> {
         let sigma = trial.sigma(sigma);
-        let raw = GaitMetrics { sigma: sigma.map(|(value, _)| value), ..trial.metrics() };
-        let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad] = std::array::from_fn(|i| {
-            let value = raw.to_array()[i];
-            if value > 0.0 && value.is_finite() { value } else { f64::NAN }
-        });
+        let raw = GaitMetrics { sigma: sigma.map(|sigma| sigma.value), ..trial.metrics };
+        let known = |value: f64| if value > 0.0 && value.is_finite() { value } else { f64::NAN };
         let metrics = GaitMetrics {
-            d_m,
-            v_m_s,
-            sigma: [sigma0, sigma1, sigma2],
-            alpha1_rad,
-            dtheta_rad: trial.dtheta_rad,
+            dtheta_rad: raw.dtheta_rad,
+            ..GaitMetrics::from_array(raw.to_array().map(known))
         };
-        let usable = trial.status != "failed"
+        let usable = trial.status != TrialStatus::Failed
             && trial.omega_rad_s > 0.0
             && trial.omega_rad_s.is_finite()
-            && (d_m.is_finite() || v_m_s.is_finite());
+            && (metrics.d_m.is_finite() || metrics.v_m_s.is_finite());
         let commanded = trial.omega_commanded_rad_s;
-        let joint = |offset_rad, amplitude_rad, phase_rad| JointCommand {
-            offset_rad,
-            amplitude_rad,
-            phase_rad,
-        };
         usable.then(|| Self {
             trial: trial.trial.clone(),
             frequency_rad_s: if commanded > 0.0 { commanded } else { trial.omega_rad_s },
             omega_rad_s: trial.omega_rad_s,
             metrics,
-            errors: GaitMetrics {
-                d_m: trial.d_m_se,
-                v_m_s: trial.v_m_s_se,
-                sigma: sigma.map(|(_, error)| error),
-                alpha1_rad: trial.alpha1_rad_se,
-                dtheta_rad: trial.dtheta_rad_se,
-            },
+            errors: GaitMetrics { sigma: sigma.map(|sigma| sigma.se), ..trial.metrics_se },
             cycles: usize::try_from(trial.cycles).unwrap_or(0),
-            gait: [
-                joint(trial.phi1_offset_rad, trial.phi1_amplitude_rad, trial.phi1_phase_rad),
-                joint(trial.phi2_offset_rad, trial.phi2_amplitude_rad, trial.phi2_phase_rad),
-            ],
+            gait: trial.gait.map(|joint| joint.command()),
         })
     }
 

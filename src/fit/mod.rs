@@ -47,7 +47,6 @@ pub use input::{FitCampaign, FitInput};
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective};
 pub use plan::{FitPlan, plan, plan_after};
-pub use search::Stopped;
 pub use starts::{Start, search};
 
 /// Raise it when the same measurements and configuration give other tables than before: then

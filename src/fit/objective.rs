@@ -9,6 +9,7 @@ use crate::config::{GaitInput, Weights};
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, Model, MotionError, Problem, Solver};
 use crate::robot::{Gait, JointCommand, Parameter, Robot};
+use crate::store::FitStatus;
 
 /// What a trial without a steady motion contributes to the objective: far more than any motion
 /// does, so that the search turns back.
@@ -280,16 +281,17 @@ impl<'a> Evaluator<'a> {
         self.objective.linearised(responses.iter().map(Option::as_ref))
     }
 
-    /// `ok`, or which motion does not exist at `values` and why.
-    pub fn status(&mut self, values: &[f64]) -> String {
+    /// Whether all motions exist at `values`.
+    pub fn status(&mut self, values: &[f64]) -> FitStatus {
         let robot = self.objective.robot_with(&self.parameters, values);
         for i in 0..self.solvers.len() {
             if let Err(error) = self.solve(i, &robot) {
                 let omega_rad_s = self.objective.measurements[i].omega_rad_s;
-                return format!("{}: at {omega_rad_s:.3} rad/s {error}", error.status());
+                let status = error.status();
+                return FitStatus::Failed(format!("{status}: at {omega_rad_s:.3} rad/s {error}"));
             }
         }
-        "ok".to_owned()
+        FitStatus::Ok
     }
 
     fn solve(&mut self, i: usize, robot: &Robot) -> Result<GaitMetrics, MotionError> {

@@ -9,7 +9,6 @@ use super::folder::{TABLES, read_data, read_fitted};
 use super::{FIT_VERSION, FitData, FitInput, Fitted, Kept, Measurement, measurements};
 use crate::config::{Campaign, Config, ParameterSource};
 use crate::ingest::Touched;
-use crate::motion::Model;
 use crate::store::{
     CONFIGURATION, CycleRow, How, Parts, Provenance, Redo, StageState, Stamp, StoreError, Thing,
     VERSION, changed_outputs, changed_settings, flatten, hash, reasons,
@@ -179,11 +178,8 @@ fn by_model(fitted: Fitted) -> Kept {
     macro_rules! sort {
         ($($table:ident),+) => {$(
             for row in fitted.$table {
-                let model = Model::ALL.into_iter().find(|model| model.name() == row.model);
-                if let Some(model) = model {
-                    let rows = kept.entry((row.campaign.clone(), model)).or_default();
-                    rows.$table.push(row);
-                }
+                let rows = kept.entry((row.campaign.clone(), row.model)).or_default();
+                rows.$table.push(row);
             }
         )+};
     }
@@ -234,7 +230,10 @@ impl FitThing<'_> {
                 .robots
                 .iter()
                 .filter(|row| row.robot == self.of.robot)
-                .map(|row| [row.stiffness_nm_rad, row.damping_nm_s_rad, row.roll_sum_kg_s])
+                .map(|row| {
+                    [row.stiffness_nm_rad, row.damping_nm_s_rad, row.roll_sum_kg_s]
+                        .map(|of| of.value)
+                })
                 .collect();
             parts.insert(ROBOTS.to_owned(), hash(format!("{rows:?}").as_bytes()));
         }

@@ -5,9 +5,11 @@ use rayon::prelude::*;
 use super::measurement::Measurement;
 use super::objective::Objective;
 use crate::metrics::GaitMetrics;
-use crate::motion::{Attractor, Model, MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use crate::motion::{
+    Attractor, Model, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
+};
 use crate::robot::Robot;
-use crate::store::PredictionRow;
+use crate::store::{PredictionRow, PredictionSource};
 
 /// Frequencies of a curve.
 const CURVE_POINTS: usize = 112;
@@ -21,32 +23,13 @@ pub(super) fn predictions(
     robot: &Robot,
 ) -> Vec<PredictionRow> {
     let model = objective.model();
-    let row = |omega_rad_s,
-               source: &str,
-               j,
-               solved: &Result<(GaitMetrics, &'static str), MotionError>,
-               from_rest: &str| {
+    let row = |omega_rad_s, source, j, solved: &Result<_, MotionError>, from_rest| {
         let (metrics, status) = match solved {
-            Ok((metrics, status)) => (*metrics, *status),
+            Ok(solved) => *solved,
             Err(error) => (GaitMetrics::MISSING, error.status()),
         };
-        let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad] = metrics.to_array();
-        PredictionRow {
-            campaign: campaign.to_owned(),
-            model: model.name().to_owned(),
-            omega_rad_s,
-            source: source.to_owned(),
-            d_m,
-            v_m_s,
-            sigma0,
-            sigma1,
-            sigma2,
-            alpha1_rad,
-            dtheta_rad,
-            j,
-            status: status.to_owned(),
-            from_rest: from_rest.to_owned(),
-        }
+        let campaign = campaign.to_owned();
+        PredictionRow { campaign, model, omega_rad_s, source, metrics, j, status, from_rest }
     };
     let at_trial = |solver: &mut Solver, measurement: &Measurement| {
         let problem = objective.problem_of(robot, measurement).ok_or(MotionError::GaitUnknown);
@@ -54,13 +37,10 @@ pub(super) fn predictions(
         let j = solved
             .as_ref()
             .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
-        let from_rest = match (problem, &solved) {
-            (Ok(problem), Ok((metrics, _))) => {
-                Attractor::from_rest(&solver.attractor(&problem, Ok(*metrics), REFERENCE_ACCURACY))
-            }
-            _ => "",
-        };
-        row(measurement.omega_rad_s, "trial", j, &solved, from_rest)
+        let from_rest = problem.ok().zip(solved.as_ref().ok()).map(|(problem, (metrics, _))| {
+            Attractor::from_rest(&solver.attractor(&problem, Ok(*metrics), REFERENCE_ACCURACY))
+        });
+        row(measurement.omega_rad_s, PredictionSource::Trial, j, &solved, from_rest)
     };
     let trials = objective.measurements().par_iter();
     let mut rows: Vec<PredictionRow> = trials.map_init(Solver::default, at_trial).collect();
@@ -72,7 +52,7 @@ pub(super) fn predictions(
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
             let problem = objective.problem(robot, omega_rad_s);
             let solved = solve(solver, &problem, CURVE_ACCURACY);
-            row(omega_rad_s, "curve", f64::NAN, &solved, "")
+            row(omega_rad_s, PredictionSource::Curve, f64::NAN, &solved, None)
         };
         let points = (0..CURVE_POINTS).into_par_iter();
         rows.par_extend(points.map_init(Solver::default, on_curve));
@@ -86,9 +66,8 @@ fn solve(
     solver: &mut Solver,
     problem: &Problem,
     accuracy: f64,
-) -> Result<(GaitMetrics, &'static str), MotionError> {
+) -> Result<(GaitMetrics, MotionStatus), MotionError> {
     solver.forget();
     let metrics = solver.solve(problem, accuracy)?;
-    let is_unstable = solver.floquet()?.is_some_and(|modulus| modulus >= 1.0);
-    Ok((metrics, if is_unstable { "unstable" } else { "stable" }))
+    Ok((metrics, MotionStatus::of_floquet(solver.floquet()?)))
 }

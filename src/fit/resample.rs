@@ -66,9 +66,7 @@ impl Resampler {
     ) -> Self {
         let used = |measurement: &Measurement| -> Vec<Metrics> {
             let rows = cycles.get(&measurement.trial).into_iter().flatten();
-            rows.filter(|row| row.used)
-                .map(|row| [row.d_m, row.v_m_s, row.sigma0, row.sigma1, row.sigma2, row.alpha1_rad])
-                .collect()
+            rows.filter(|row| row.used).map(|row| terms(&row.metrics)).collect()
         };
         let frequencies = Measurement::frequencies(measurements);
         let errors = errors(measurements);
@@ -116,10 +114,8 @@ impl Resampler {
                     }
                 }
                 let drawn = &self.measurements[index];
-                let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad] = metrics;
-                let dtheta_rad = drawn.metrics.dtheta_rad;
-                let sigma = [sigma0, sigma1, sigma2];
-                let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad };
+                let [d_m, v_m_s, sigma @ .., alpha1_rad] = metrics;
+                let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, ..drawn.metrics };
                 resample.measurements.push(Measurement { metrics, ..drawn.clone() });
                 resample.indices.push(index);
             }
@@ -179,7 +175,12 @@ impl Resampler {
 }
 
 fn metrics(measurement: &Measurement) -> Metrics {
-    let all = measurement.metrics.to_array();
+    terms(&measurement.metrics)
+}
+
+/// The metrics that the objective has terms of.
+fn terms(metrics: &GaitMetrics) -> Metrics {
+    let all = metrics.to_array();
     std::array::from_fn(|i| all[i])
 }
 
@@ -269,14 +270,22 @@ mod tests {
             omega_rad_s,
             omega_commanded_rad_s: omega_rad_s,
             cycles: d_m.len() as i64,
-            d_m: mean,
-            d_m_se: (squares / (count - 1.0) / count).sqrt(),
-            v_m_s: 1.0,
-            sigma0: 0.03,
-            sigma0_se: 0.001,
+            metrics: GaitMetrics {
+                d_m: mean,
+                v_m_s: 1.0,
+                sigma: [0.03, f64::NAN, f64::NAN],
+                ..GaitMetrics::MISSING
+            },
+            metrics_se: GaitMetrics {
+                d_m: (squares / (count - 1.0) / count).sqrt(),
+                sigma: [0.001, f64::NAN, f64::NAN],
+                ..GaitMetrics::MISSING
+            },
             ..TrialRow::blank()
         };
-        let cycle = |d_m: &f64| CycleRow { d_m: *d_m, used: true, ..CycleRow::blank() };
+        let metrics = |d_m: f64| GaitMetrics { d_m, ..GaitMetrics::MISSING };
+        let cycle =
+            |d_m: &f64| CycleRow { metrics: metrics(*d_m), used: true, ..CycleRow::blank() };
         let measurement = Measurement::new(&row, SigmaKind::Raw).expect("a measurement");
         (measurement, d_m.iter().map(cycle).collect())
     }

@@ -27,6 +27,7 @@ use super::least_absolute::Residual;
 use super::objective::{Evaluator, Linearised, PENALTY};
 use crate::interrupt::stop_if_asked;
 use crate::robot::Parameter;
+use crate::store::Stopped;
 
 const MAX_ITERATIONS: u64 = 200;
 /// Trust-region radius at first and at most: coefficients may change by these factors' logarithms.
@@ -39,40 +40,11 @@ pub(super) const CONVERGED: f64 = 1e-11;
 /// Shortest step, as a multiple of the motions' accuracy, that updates the Hessians.
 const INFORMATIVE: f64 = 10.0;
 
-/// Why a search ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stopped {
-    Converged,
-    /// Another search with a lower number goes on from the same point, and both end there.
-    Joined,
-    NothingFree,
-    NoMotion,
-    TooManySteps,
-}
-
-impl Stopped {
-    /// Its text in the tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Converged => "converged",
-            Self::Joined => "joined an earlier start",
-            Self::NothingFree => "nothing is free",
-            Self::NoMotion => "no motion exists here",
-            Self::TooManySteps => "too many steps",
-        }
-    }
-
-    /// Whether the search has not found a minimum.
-    pub fn is_failure(self) -> bool {
-        matches!(self, Self::NoMotion | Self::TooManySteps)
-    }
-
-    fn of(reason: Option<&TerminationReason>, cost: f64) -> Self {
-        match reason {
-            _ if cost >= PENALTY => Self::NoMotion,
-            Some(TerminationReason::SolverConverged) => Self::Converged,
-            _ => Self::TooManySteps,
-        }
+fn stopped(reason: Option<&TerminationReason>, cost: f64) -> Stopped {
+    match reason {
+        _ if cost >= PENALTY => Stopped::NoMotion,
+        Some(TerminationReason::SolverConverged) => Stopped::Converged,
+        _ => Stopped::TooManySteps,
     }
 }
 
@@ -139,7 +111,7 @@ impl Iterate {
             .add_observer(Observer(Arc::clone(ended)), ObserverMode::Always)
             .run();
         let OptimizationResult { solver, state, .. } = result.expect("there is a first iterate");
-        let stopped = Stopped::of(state.get_termination_reason(), state.cost);
+        let stopped = stopped(state.get_termination_reason(), state.cost);
         Self { values: state.param.unwrap_or_default(), cost: state.cost, stopped, solver }
     }
 }

@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use super::free::FreeParameter;
 use super::objective::{Evaluator, Objective};
-use super::search::{CONVERGED, Ended, Iterate, Stopped};
+use super::search::{CONVERGED, Ended, Iterate};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
+use crate::store::Stopped;
 
 /// One search.
 #[derive(Debug, Clone, PartialEq)]

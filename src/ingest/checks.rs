@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::error::TrialFailure;
-use crate::store::CheckRow;
+use crate::store::{CheckRow, Severity};
 
 /// Part of all markers' frames that should be seen.
 pub(super) const LEAST_COVERAGE: f64 = 0.9;
@@ -73,28 +73,6 @@ pub enum Check {
     GaitClipping,
     /// The trial could be processed.
     Failed,
-}
-
-/// How bad it is if a check does not hold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Severity {
-    Ok,
-    /// Something was found that needs nobody.
-    Info,
-    Warning,
-    Error,
-}
-
-impl Severity {
-    /// As `checks.parquet` writes it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Info => "info",
-            Self::Warning => "warning",
-            Self::Error => "error",
-        }
-    }
 }
 
 impl Check {
@@ -186,7 +164,7 @@ impl Finding {
         CheckRow {
             trial: trial.to_owned(),
             check: self.check.to_string(),
-            severity: self.severity().name().to_owned(),
+            severity: self.severity(),
             value: self.value,
             limit: self.limit,
             message: self.message.clone(),

@@ -41,9 +41,8 @@ mod tests;
 
 use std::path::Path;
 
-pub use crate::stats::Estimate;
 pub use calibrate::{Calibration, CalibrationError, LayoutProblem, MarkerPosition, calibrate};
-pub use checks::{Check, Severity};
+pub use checks::Check;
 pub use error::{IngestError, Problem, TrialFailure};
 pub use folder::{OnTrial, ingest_folder, ingest_planned};
 pub use input::{IngestInput, IngestSettings};
@@ -53,7 +52,7 @@ pub use tables::table_folders;
 
 use crate::config::{Config, Smoothing};
 use crate::robot::Gait;
-use crate::store::{CheckRow, CycleRow, RobotParameterRow, Table, TrialRow};
+use crate::store::{CheckRow, CycleRow, RobotParameterRow, Table, TrialRow, TrialStatus};
 use crate::trial::{Trial, TrialKind};
 use crate::vicon::{self, MarkerFile};
 use checks::Finding;
@@ -213,14 +212,14 @@ fn process_recording(
         findings.extend(found);
         RobotParameterRow {
             trial: trial.id.clone(),
-            kind: trial.kind.name().to_owned(),
+            kind: trial.kind,
             robot: trial.robot.clone().unwrap_or_default(),
             ..parameters
         }
     });
     let failed = findings.iter().filter(|finding| !finding.holds);
     let warnings: Vec<&str> = failed.map(|finding| finding.message.as_str()).collect();
-    row.status = if warnings.is_empty() { "ok" } else { "flagged" }.to_owned();
+    row.status = if warnings.is_empty() { TrialStatus::Ok } else { TrialStatus::Flagged };
     row.message = warnings.join("; ");
     Ok(ProcessedTrial {
         checks: findings.iter().map(|finding| finding.row(&trial.id)).collect(),

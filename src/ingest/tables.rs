@@ -7,38 +7,35 @@ use std::path::{Path, PathBuf};
 use super::cycles::WheelVelocities;
 use super::error::IngestError;
 use super::poses::{Coordinates, Tracked};
-use crate::store::{Column, StageState, Table, is_own_table};
+use crate::store::{
+    Column, StageState, Table, is_own_table, names, numbers, repeated, whole_numbers,
+};
 
 /// Folders inside `derived/` with a file for each trial.
 const FOLDERS: [&str; 3] = ["poses", "wheels", "cycles"];
 
 /// `poses/<trial>.parquet`.
 pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz: f64) -> Table {
-    let frames = smooth.len();
     let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = smooth;
-    let residual = |link: usize| Column::F64(tracked.residual_mm[link].clone());
-    let fill = |link: usize| names(tracked.fill[link].iter().map(|fill| fill.name()));
-    let outlier = |link: usize| names(tracked.outlier[link].iter().map(|found| found.name()));
-    let [frame, time_s] = frames_and_times(tracked.first_frame, frames, rate_hz);
-    Table::new([
-        ("trial", Column::repeat(trial, frames)),
-        ("frame", frame),
-        ("time_s", time_s),
-        ("x_m", Column::F64(x_m)),
-        ("y_m", Column::F64(y_m)),
-        ("theta_rad", Column::F64(theta_rad)),
-        ("phi1_rad", Column::F64(phi1_rad)),
-        ("phi2_rad", Column::F64(phi2_rad)),
-        ("residual0_mm", residual(0)),
-        ("residual1_mm", residual(1)),
-        ("residual2_mm", residual(2)),
-        ("fill0", fill(0)),
-        ("fill1", fill(1)),
-        ("fill2", fill(2)),
-        ("outlier0", outlier(0)),
-        ("outlier1", outlier(1)),
-        ("outlier2", outlier(2)),
-    ])
+    let mut columns = frames(trial, tracked.first_frame, x_m.len(), rate_hz);
+    columns.extend([
+        numbers("x_m", x_m),
+        numbers("y_m", y_m),
+        numbers("theta_rad", theta_rad),
+        numbers("phi1_rad", phi1_rad),
+        numbers("phi2_rad", phi2_rad),
+    ]);
+    let of_links = |column: fn(usize, &Tracked) -> Column| [0, 1, 2].map(|i| column(i, tracked));
+    columns.extend(of_links(|link, tracked| {
+        numbers(&format!("residual{link}_mm"), tracked.residual_mm[link].clone())
+    }));
+    columns.extend(of_links(|link, tracked| {
+        names(&format!("fill{link}"), tracked.fill[link].iter().map(|fill| fill.name()))
+    }));
+    columns.extend(of_links(|link, tracked| {
+        names(&format!("outlier{link}"), tracked.outlier[link].iter().map(|found| found.name()))
+    }));
+    Table::new(columns)
 }
 
 /// `wheels/<trial>.parquet`.
@@ -48,42 +45,21 @@ pub(super) fn wheels(
     wheels: WheelVelocities,
     rate_hz: f64,
 ) -> Table {
-    let frames = wheels.roll_m_s[0].len();
-    let [frame, time_s] = frames_and_times(first_frame, frames, rate_hz);
-    let WheelVelocities { roll_m_s: [roll0, roll1, roll2], skid_m_s: [skid0, skid1, skid2] } =
-        wheels;
-    Table::new([
-        ("trial", Column::repeat(trial, frames)),
-        ("frame", frame),
-        ("time_s", time_s),
-        ("roll0_m_s", Column::F64(roll0)),
-        ("roll1_m_s", Column::F64(roll1)),
-        ("roll2_m_s", Column::F64(roll2)),
-        ("skid0_m_s", Column::F64(skid0)),
-        ("skid1_m_s", Column::F64(skid1)),
-        ("skid2_m_s", Column::F64(skid2)),
-    ])
+    let WheelVelocities { roll_m_s, skid_m_s } = wheels;
+    let mut columns = frames(trial, first_frame, roll_m_s[0].len(), rate_hz);
+    for (name, of_wheels) in [("roll", roll_m_s), ("skid", skid_m_s)] {
+        let of_wheels = of_wheels.into_iter().enumerate();
+        columns.extend(of_wheels.map(|(i, values)| numbers(&format!("{name}{i}_m_s"), values)));
+    }
+    Table::new(columns)
 }
 
-/// A column of text of which there are but a few kinds.
-fn names(rows: impl Iterator<Item = &'static str>) -> Column {
-    let mut names: Vec<String> = Vec::new();
-    let rows = rows
-        .map(|name| {
-            let known = names.iter().position(|known| known == name);
-            known.unwrap_or_else(|| {
-                names.push(name.to_owned());
-                names.len() - 1
-            }) as u8
-        })
-        .collect();
-    Column::Names(names, rows)
-}
-
-fn frames_and_times(first_frame: i64, frames: usize, rate_hz: f64) -> [Column; 2] {
-    [
-        Column::I64((first_frame..).take(frames).collect()),
-        Column::F64((0..frames).map(|i| i as f64 / rate_hz).collect()),
+/// The columns that tell the frames.
+fn frames(trial: &str, first_frame: i64, frames: usize, rate_hz: f64) -> Vec<Column> {
+    vec![
+        repeated("trial", trial, frames),
+        whole_numbers("frame", (first_frame..).take(frames).collect()),
+        numbers("time_s", (0..frames).map(|i| i as f64 / rate_hz).collect()),
     ]
 }
 

@@ -4,22 +4,36 @@ use polars::prelude::{DataType, NamedFrom, Series, df};
 
 use super::condition::{mask, parse};
 use super::*;
-use crate::store::{Column, Provenance, Table};
+use crate::robot::Parameter;
+use crate::store::{Provenance, Rows as _};
 
 const TEXTS: [&str; 4] = ["kinematic-symmetric", "kinematic-skewed", "", "it's"];
+
+crate::store::rows! {
+    /// A table's row.
+    pub struct Row {
+        pub campaign: String,
+        pub omega_rad_s: f64,
+        pub cycles: i64,
+        pub used: bool,
+        pub at_bound: Vec<Parameter>,
+    }
+}
 
 /// Four rows with something missing in the last.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let lists = [&["skid0_kg_s", "skid1_kg_s"][..], &["skid0_kg_s"], &[], &[]];
-    let list = |names: &&[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-    let table = Table::new([
-        ("campaign", Column::Str(TEXTS.map(String::from).into())),
-        ("omega_rad_s", Column::F64(vec![3.9, 4.0, 0.5, f64::NAN])),
-        ("cycles", Column::I64(vec![12, 7, 7, 0])),
-        ("used", Column::Bool(vec![true, false, true, false])),
-        ("at_bound", Column::StrList(lists.iter().map(list).collect())),
-    ]);
+    let rows = [(3.9, 12, true), (4.0, 7, false), (0.5, 7, true), (f64::NAN, 0, false)];
+    let lists = [&Parameter::SKID[..2], &[Parameter::Skid0], &[], &[]];
+    let row = |((campaign, at_bound), (omega_rad_s, cycles, used)): ((&str, &[_]), _)| Row {
+        campaign: campaign.to_owned(),
+        omega_rad_s,
+        cycles,
+        used,
+        at_bound: at_bound.to_vec(),
+    };
+    let rows: Vec<Row> = TEXTS.into_iter().zip(lists).zip(rows).map(row).collect();
+    let table = Row::to_table(&rows);
     let provenance = Provenance { input: "0123".to_owned() };
     table.write(&folder.path().join("trials.parquet"), &provenance).unwrap();
     folder

@@ -23,6 +23,7 @@ mod trajectory;
 mod transient;
 
 use crate::metrics::GaitMetrics;
+use crate::named::named;
 use crate::robot::{Gait, Robot};
 
 pub use crate::robot::{Model, Pose};
@@ -32,6 +33,36 @@ pub use reduced::Derivatives;
 pub use solver::{Attractor, Solver};
 pub use trajectory::Sample;
 pub use transient::Transient;
+
+named! {
+    /// What there is of a steady motion.
+    pub enum MotionStatus {
+        Stable = "stable",
+        Unstable = "unstable",
+        /// None: see [`MotionError::Singular`].
+        Singular = "singular",
+        /// None was found.
+        Diverged = "diverged",
+    }
+}
+
+impl MotionStatus {
+    /// Of the modulus of the largest Floquet multiplier, if there is one.
+    pub fn of_floquet(modulus: Option<f64>) -> Self {
+        if modulus.is_some_and(|modulus| modulus >= 1.0) { Self::Unstable } else { Self::Stable }
+    }
+}
+
+named! {
+    /// Where the robot goes from rest, seen from the motion that [`Solver::solve`] finds.
+    pub enum FromRest {
+        /// Into this motion.
+        Reached = "reached",
+        Another = "another",
+        /// Into none.
+        Unsettled = "unsettled",
+    }
+}
 
 /// Why there is no motion to report.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -67,11 +98,11 @@ fn repeats(after: Option<usize>) -> String {
 }
 
 impl MotionError {
-    /// `singular` or `diverged`.
-    pub fn status(&self) -> &'static str {
+    /// What there is of the motion.
+    pub fn status(&self) -> MotionStatus {
         match self {
-            Self::Singular { .. } => "singular",
-            _ => "diverged",
+            Self::Singular { .. } => MotionStatus::Singular,
+            _ => MotionStatus::Diverged,
         }
     }
 }
@@ -156,11 +187,8 @@ pub struct SteadyMotion {
 }
 
 impl SteadyMotion {
-    /// `stable` or `unstable`.
-    pub fn status(&self) -> &'static str {
-        match self.floquet {
-            Some(modulus) if modulus >= 1.0 => "unstable",
-            _ => "stable",
-        }
+    /// Stable or unstable.
+    pub fn status(&self) -> MotionStatus {
+        MotionStatus::of_floquet(self.floquet)
     }
 }

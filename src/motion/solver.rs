@@ -7,7 +7,7 @@ use super::orbit::{Effort, PeriodicOrbit};
 use super::quadrature::Quadrature;
 use super::reduced::{Derivatives, PassiveNoSkid, Skid};
 use super::trajectory::Sample;
-use super::{MotionError, Problem, SteadyMotion};
+use super::{FromRest, MotionError, Problem, SteadyMotion};
 use crate::metrics::GaitMetrics;
 use crate::robot::Parameter;
 
@@ -36,13 +36,12 @@ pub struct Attractor {
 }
 
 impl Attractor {
-    /// Where the robot from rest ends, seen from the solution that [`Solver::solve`] finds:
-    /// `reached`, `another` or `unsettled`.
-    pub fn from_rest(attractor: &Result<Self, MotionError>) -> &'static str {
+    /// Where the robot from rest ends.
+    pub fn from_rest(attractor: &Result<Self, MotionError>) -> FromRest {
         match attractor {
-            Ok(attractor) if attractor.is_found_first => "reached",
-            Ok(_) => "another",
-            Err(_) => "unsettled",
+            Ok(attractor) if attractor.is_found_first => FromRest::Reached,
+            Ok(_) => FromRest::Another,
+            Err(_) => FromRest::Unsettled,
         }
     }
 }

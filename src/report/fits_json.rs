@@ -4,29 +4,32 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{ReportError, parameters};
-use crate::store::{ComparisonRow, FitRow};
+use super::ReportError;
+use crate::config::GaitInput;
+use crate::motion::Model;
+use crate::robot::Parameter;
+use crate::store::{ComparisonRow, FitRow, FitStatus};
 
 #[derive(Serialize)]
 struct Fit<'f> {
     campaign: &'f str,
-    model: &'f str,
+    model: Model,
     /// By column name; null where the model does not have the parameter.
     parameters: BTreeMap<&'static str, Option<f64>>,
     /// 95 % confidence limits of the fitted ones; null where the interval is open.
     intervals: BTreeMap<&'static str, [Option<f64>; 2]>,
-    free: &'f [String],
-    measured: &'f [String],
-    identifiable: &'f [String],
-    practically_not: &'f [String],
-    structurally_not: &'f [String],
-    at_bound: &'f [String],
+    free: &'f [Parameter],
+    measured: &'f [Parameter],
+    identifiable: &'f [Parameter],
+    practically_not: &'f [Parameter],
+    structurally_not: &'f [Parameter],
+    at_bound: &'f [Parameter],
     j: Option<f64>,
     comparison: Option<Comparison<'f>>,
     starts: i64,
     starts_reached: i64,
     solves: i64,
-    status: &'f str,
+    status: &'f FitStatus,
 }
 
 /// How the model compares with its campaign's others.
@@ -61,7 +64,7 @@ pub fn json(fits: &[FitRow], comparison: &[ComparisonRow]) -> Result<Vec<u8>, Re
             j_left_out: number(row.j_left_out),
             criterion: number(row.criterion),
             wins: number(row.wins),
-            other_gait_input: &row.other_gait_input,
+            other_gait_input: row.other_gait_input.map_or("", GaitInput::name),
             other_gait_j: number(row.other_gait_j),
             sentence: &row.sentence,
         })
@@ -70,15 +73,16 @@ pub fn json(fits: &[FitRow], comparison: &[ComparisonRow]) -> Result<Vec<u8>, Re
         .iter()
         .map(|fit| Fit {
             campaign: &fit.campaign,
-            model: &fit.model,
-            parameters: parameters::of_fit(fit)
+            model: fit.model,
+            parameters: fit
+                .parameters
                 .iter()
-                .map(|parameter| (parameter.name, number(parameter.value)))
+                .map(|(of, value)| (of.column(), number(*value)))
                 .collect(),
-            intervals: parameters::of_fit(fit)
+            intervals: fit
+                .free
                 .iter()
-                .filter(|parameter| fit.free.iter().any(|name| name == parameter.name))
-                .map(|parameter| (parameter.name, parameter.limits.map(number)))
+                .map(|of| (of.column(), [fit.lower[*of], fit.upper[*of]].map(number)))
                 .collect(),
             free: &fit.free,
             measured: &fit.measured,

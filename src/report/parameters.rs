@@ -1,14 +1,14 @@
 //! The parameters of a fitted model and how each came about.
 
 use super::numbers::{as_configured, significant};
-use crate::robot;
+use crate::robot::Parameter;
 use crate::store::FitRow;
 
 /// One parameter of one fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameter {
-    pub name: &'static str,
-    /// In the unit of the name; NaN if the model does not have it.
+pub struct FittedParameter {
+    pub parameter: Parameter,
+    /// NaN if the model does not have it.
     pub value: f64,
     /// Fitted; otherwise held at the robot's value.
     pub free: bool,
@@ -21,7 +21,32 @@ pub struct Parameter {
     pub measured: bool,
 }
 
-impl Parameter {
+impl FittedParameter {
+    /// What a fit says of a parameter.
+    pub fn of(fit: &FitRow, parameter: Parameter) -> Self {
+        let sum = Parameter::RollSum;
+        // The three roll coefficients are as free as their sum.
+        let is_part = parameter != sum && parameter.is_part_of(sum);
+        let by_sum = is_part && !fit.free.contains(&parameter) && fit.free.contains(&sum);
+        let told = if by_sum { sum } else { parameter };
+        let value = fit.parameters[parameter];
+        let share = if by_sum { value / fit.parameters[sum] } else { 1.0 };
+        let unidentifiable = match () {
+            () if fit.structurally_not.contains(&told) => Some(STRUCTURALLY_NOT),
+            () if fit.practically_not.contains(&told) => Some(PRACTICALLY_NOT),
+            () => None,
+        };
+        Self {
+            parameter,
+            value,
+            free: fit.free.contains(&told),
+            measured: fit.measured.iter().any(|measured| parameter.is_part_of(*measured)),
+            unidentifiable,
+            limits: [fit.lower, fit.upper].map(|limits| limits[told] * share),
+            at_bound: fit.at_bound.contains(&told),
+        }
+    }
+
     /// The value: fitted ones to four digits, held ones as they were configured.
     pub fn text(&self) -> String {
         match self.free {
@@ -60,39 +85,6 @@ impl Parameter {
     }
 }
 
-/// Names that [`Parameter::marks`] gives to parameters that the data do not tell.
+/// Names that [`FittedParameter::marks`] gives to parameters that the data do not tell.
 pub const PRACTICALLY_NOT: &str = "practically not identifiable";
 pub const STRUCTURALLY_NOT: &str = "not identifiable";
-
-/// Place of the sum of the roll coefficients, which the three are free by.
-const ROLL_SUM: usize = 6;
-
-/// All parameters of a fit in the order of [`robot::Parameter::ALL`].
-pub fn of_fit(fit: &FitRow) -> [Parameter; 9] {
-    let (values, lower, upper) = (fit.parameters(), fit.lower_limits(), fit.upper_limits());
-    let lists = |names: &[String], place: usize| {
-        names.iter().any(|name| name == robot::Parameter::ALL[place].column())
-    };
-    std::array::from_fn(|i| {
-        // The three roll coefficients are as free as their sum.
-        let is_roll = (3..ROLL_SUM).contains(&i);
-        let by_sum = is_roll && !lists(&fit.free, i) && lists(&fit.free, ROLL_SUM);
-        let place = if by_sum { ROLL_SUM } else { i };
-        let share = if by_sum { values[i] / values[ROLL_SUM] } else { 1.0 };
-        let unidentifiable = match () {
-            () if lists(&fit.structurally_not, place) => Some(STRUCTURALLY_NOT),
-            () if lists(&fit.practically_not, place) => Some(PRACTICALLY_NOT),
-            () => None,
-        };
-        let measured = lists(&fit.measured, i) || is_roll && lists(&fit.measured, ROLL_SUM);
-        Parameter {
-            name: robot::Parameter::ALL[i].column(),
-            value: values[i],
-            free: lists(&fit.free, place),
-            measured,
-            unidentifiable,
-            limits: [lower[place] * share, upper[place] * share],
-            at_bound: lists(&fit.at_bound, place),
-        }
-    })
-}

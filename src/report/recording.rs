@@ -40,11 +40,11 @@ impl Recording {
         let poses = Table::read(&poses_path(derived, trial))?;
         let wheels = Table::read(&wheels_path(derived, trial))?;
         let cycles = cycles_path(derived, trial);
-        let numbers = |table: &Table, name: &str| table.f64(name).map(<[f64]>::to_vec);
+        let numbers = |table: &Table, name: &str| table.values::<f64>(name);
         let three = |table: &Table, name: fn(usize) -> String| -> Result<_, StoreError> {
             Ok([numbers(table, &name(0))?, numbers(table, &name(1))?, numbers(table, &name(2))?])
         };
-        let fill = |link: usize| poses.str(&format!("fill{link}")).map(<[String]>::to_vec);
+        let fill = |link: usize| poses.values(&format!("fill{link}"));
         Ok(Self {
             time_s: numbers(&poses, "time_s")?,
             x_m: numbers(&poses, "x_m")?,

@@ -6,6 +6,7 @@ use crate::motion::{
     Solver,
 };
 use crate::report::ReportInput;
+use crate::robot::Parameter;
 use crate::store::FitRow;
 
 /// Moments of a cycle that a figure shows.
@@ -23,20 +24,16 @@ pub fn configured(
 }
 
 /// The motion of a fitted model under the commanded gait; `None` where there is no fit, or its
-/// campaign or model is not known.
+/// campaign is not known.
 pub fn fitted(config: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
-    let model = Model::ALL.into_iter().find(|model| model.name() == fit.model)?;
-    let mut problem = configured(config, &fit.campaign, model, omega_rad_s)?;
-    let [skid0, skid1, skid2, roll0, roll1, roll2, _, stiffness, damping] = fit.parameters();
-    let robot = &mut problem.robot;
-    let fields = robot.skid_kg_s.iter_mut().zip([skid0, skid1, skid2]);
-    let fields = fields.chain(robot.roll_kg_s.iter_mut().zip([roll0, roll1, roll2]));
-    let fields = fields
-        .chain([(&mut robot.stiffness_nm_rad, stiffness), (&mut robot.damping_nm_s_rad, damping)]);
-    for (field, value) in fields.filter(|(_, value)| value.is_finite()) {
-        *field = value;
+    let mut problem = configured(config, &fit.campaign, fit.model, omega_rad_s)?;
+    for (parameter, value) in fit.parameters.iter().filter(|(_, value)| value.is_finite()) {
+        // The single coefficients are known wherever their sum is.
+        if parameter != Parameter::RollSum {
+            parameter.set(&mut problem.robot, *value);
+        }
     }
-    (fit.status == "ok").then_some(problem)
+    fit.status.is_ok().then_some(problem)
 }
 
 /// A steady motion.

@@ -62,7 +62,7 @@ impl Tables {
         }
         let trials = Table::read(&trials)?;
         let mut tables = Self {
-            input: trials.input().map(str::to_owned),
+            input: trials.input.clone(),
             trials: TrialRow::from_table(&trials)?,
             checks: optional(derived, "checks", "no check is listed", &mut missing)?,
             fits: optional(derived, "fits", "no model is fitted", &mut missing)?,
@@ -77,22 +77,13 @@ impl Tables {
         tables.missing = missing;
         tables.trials.sort_by(|a, b| {
             let key =
-                |row: &TrialRow| (row.campaign.is_empty(), row.campaign.clone(), row.kind.clone());
+                |row: &TrialRow| (row.campaign.is_empty(), row.campaign.clone(), row.kind.name());
             key(a)
                 .cmp(&key(b))
                 .then(a.omega_commanded_rad_s.total_cmp(&b.omega_commanded_rad_s))
                 .then_with(|| a.trial.cmp(&b.trial))
         });
-        tables.fits.sort_by(|a, b| {
-            let key = |row: &FitRow| {
-                (
-                    row.campaign.clone(),
-                    super::drawing::style::model_rank(&row.model),
-                    row.model.clone(),
-                )
-            };
-            key(a).cmp(&key(b))
-        });
+        tables.fits.sort_by(|a, b| (&a.campaign, a.model).cmp(&(&b.campaign, b.model)));
         Ok(tables)
     }
 

@@ -12,7 +12,8 @@ use super::tables::Tables;
 use super::{REPORT_VERSION, ReportError, drawing, figures};
 use crate::report::ReportInput;
 use crate::store::{
-    Parts, Stamp, TrialRow, VERSION, cycles_path, hash, poses_path, wheels_path, write_if_changed,
+    Parts, Stamp, TrialRow, TrialStatus, VERSION, cycles_path, hash, poses_path, wheels_path,
+    write_if_changed,
 };
 
 /// Folder of the pages inside of `reports/`.
@@ -103,8 +104,8 @@ pub fn write(
         let file = pages.get(&trial.trial)?;
         let name = format!("{FOLDER}/{file}");
         let write = || {
-            let recording = match trial.status.as_str() {
-                "failed" => None,
+            let recording = match trial.status {
+                TrialStatus::Failed => None,
                 _ => Recording::read(&config.paths.derived, &trial.trial).ok(),
             };
             let html = html(trial, tables, recording.as_ref(), config)?;

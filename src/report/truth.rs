@@ -6,13 +6,15 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::numbers::{as_configured, fixed, percent};
-use super::parameters::{self, Parameter};
+use super::parameters::FittedParameter;
 use super::tables::Tables;
-use crate::store::FitRow;
+use crate::metrics::GaitMetrics;
+use crate::motion::Model;
+use crate::robot::{Parameter, Robot};
 use crate::trial::TRUTH_FILE;
 
 /// The model that the trials were made with.
-const PLANTED_MODEL: &str = "skid-roll";
+const PLANTED_MODEL: Model = Model::SkidRoll;
 
 /// What the trials were made from. Unknown entries are passed over, missing ones are unknown.
 #[derive(Debug, Default, Deserialize)]
@@ -33,6 +35,20 @@ pub struct PlantedCampaign {
     pub roll_kg_s: Option<[f64; 3]>,
     pub stiffness_nm_rad: Option<f64>,
     pub damping_nm_s_rad: Option<f64>,
+}
+
+impl PlantedCampaign {
+    fn of(&self, parameter: Parameter) -> Option<f64> {
+        // What is not known is missing, and so is what follows from it.
+        let robot = Robot {
+            skid_kg_s: self.skid_kg_s.unwrap_or([f64::NAN; 3]),
+            roll_kg_s: self.roll_kg_s.unwrap_or([f64::NAN; 3]),
+            stiffness_nm_rad: self.stiffness_nm_rad.unwrap_or(f64::NAN),
+            damping_nm_s_rad: self.damping_nm_s_rad.unwrap_or(f64::NAN),
+            ..Robot::kinematic()
+        };
+        Some(parameter.of(&robot)).filter(|value| !value.is_nan())
+    }
 }
 
 /// Motion of a trial.
@@ -79,7 +95,7 @@ pub struct CoefficientRow {
     pub planted: String,
     pub found: String,
     pub difference: String,
-    /// See [`Parameter::marks`].
+    /// See [`FittedParameter::marks`].
     pub marks: Vec<&'static str>,
 }
 
@@ -102,16 +118,17 @@ pub fn compare(truth: &Truth, tables: &Tables) -> Comparison {
         let planted = truth.trials.get(&row.trial)?;
         let planted_d = planted.d_m.unwrap_or(f64::NAN);
         let planted_v = planted.v_m_s.unwrap_or(f64::NAN);
-        d.see(&row.trial, row.d_m, planted_d);
-        v.see(&row.trial, row.v_m_s, planted_v);
+        let GaitMetrics { d_m, v_m_s, .. } = row.metrics;
+        d.see(&row.trial, d_m, planted_d);
+        v.see(&row.trial, v_m_s, planted_v);
         Some(TrialComparison {
             trial: row.trial.clone(),
             d_planted_mm: fixed(1e3 * planted_d, 2),
-            d_measured_mm: fixed(1e3 * row.d_m, 2),
-            d_difference: percent(row.d_m, planted_d),
+            d_measured_mm: fixed(1e3 * d_m, 2),
+            d_difference: percent(d_m, planted_d),
             v_planted_mm_s: fixed(1e3 * planted_v, 2),
-            v_measured_mm_s: fixed(1e3 * row.v_m_s, 2),
-            v_difference: percent(row.v_m_s, planted_v),
+            v_measured_mm_s: fixed(1e3 * v_m_s, 2),
+            v_difference: percent(v_m_s, planted_v),
         })
     });
     let trials = trials.collect();
@@ -123,7 +140,7 @@ pub fn compare(truth: &Truth, tables: &Tables) -> Comparison {
 /// A coefficient of the fitted model that the trials were made with, and what was planted.
 pub struct Known<'t> {
     pub campaign: &'t str,
-    pub parameter: Parameter,
+    pub parameter: FittedParameter,
     pub planted: f64,
 }
 
@@ -132,30 +149,21 @@ pub fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
     let mut known = Vec::new();
     for fit in tables.fits.iter().filter(|fit| fit.model == PLANTED_MODEL) {
         let Some(planted) = truth.campaigns.get(&fit.campaign) else { continue };
-        let [skid, roll] = [planted.skid_kg_s, planted.roll_kg_s].map(|planted| match planted {
-            Some(values) => values.map(Some),
-            None => [None; 3],
-        });
-        let joint = [planted.stiffness_nm_rad, planted.damping_nm_s_rad];
-        let sum = planted.roll_kg_s.map(|roll| roll.iter().sum()).filter(|_| frees_sum(fit));
-        let planted = skid.into_iter().chain(roll).chain([sum]).chain(joint);
-        let pairs = parameters::of_fit(fit).into_iter().zip(planted);
-        known.extend(pairs.filter_map(|(parameter, planted)| {
-            Some(Known { campaign: &fit.campaign, parameter, planted: planted? })
+        known.extend(Parameter::ALL.into_iter().filter_map(|parameter| {
+            let is_told = parameter != Parameter::RollSum || fit.free.contains(&parameter);
+            let planted = planted.of(parameter).filter(|_| is_told)?;
+            let parameter = FittedParameter::of(fit, parameter);
+            Some(Known { campaign: &fit.campaign, parameter, planted })
         }));
     }
     known
-}
-
-fn frees_sum(fit: &FitRow) -> bool {
-    fit.free.iter().any(|name| name == "roll_sum_kg_s")
 }
 
 fn coefficient_row(known: Known<'_>) -> CoefficientRow {
     let Known { campaign, parameter, planted } = known;
     CoefficientRow {
         campaign: campaign.to_owned(),
-        parameter: parameter.name,
+        parameter: parameter.parameter.column(),
         planted: as_configured(planted),
         found: parameter.text(),
         difference: percent(parameter.value, planted),

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::page::TrialPages;
 use super::tables::Tables;
-use crate::store::CheckRow;
+use crate::store::{CheckRow, Severity, TrialStatus};
 
 /// A trial that needs a person.
 #[derive(Serialize)]
@@ -14,7 +14,7 @@ pub struct Trouble<'p> {
     pub trial: &'p str,
     /// File of its own page in `trials/`.
     pub page: Option<&'p str>,
-    pub status: &'p str,
+    pub status: TrialStatus,
     pub messages: Vec<&'p str>,
 }
 
@@ -30,12 +30,12 @@ pub struct CheckCount<'p> {
 
 /// Whether a check found more than what is only worth knowing.
 fn needs_a_look(check: &CheckRow) -> bool {
-    !["ok", "info"].contains(&check.severity.as_str())
+    check.severity > Severity::Info
 }
 
 /// Failed trials first.
 pub fn troubled<'p>(tables: &'p Tables, pages: &'p TrialPages) -> Vec<Trouble<'p>> {
-    let with = |status: &'static str| {
+    let with = |status| {
         tables.trials.iter().filter(move |row| row.status == status).map(|row| {
             let checks = tables.checks.iter().filter(|check| check.trial == row.trial);
             let mut messages: Vec<&str> = checks
@@ -51,10 +51,10 @@ pub fn troubled<'p>(tables: &'p Tables, pages: &'p TrialPages) -> Vec<Trouble<'p
                 messages.insert(0, &row.message);
             }
             let page = pages.get(&row.trial).map(String::as_str);
-            Trouble { trial: &row.trial, page, status: &row.status, messages }
+            Trouble { trial: &row.trial, page, status: row.status, messages }
         })
     };
-    with("failed").chain(with("flagged")).collect()
+    with(TrialStatus::Failed).chain(with(TrialStatus::Flagged)).collect()
 }
 
 /// All checks, by code.
@@ -66,11 +66,11 @@ pub fn check_counts(checks: &[CheckRow]) -> Vec<CheckCount<'_>> {
     by_check
         .into_iter()
         .map(|(check, rows)| {
-            let with = |severity: &str| rows.iter().filter(|row| row.severity == severity).count();
-            let found = rows.iter().filter(|row| row.severity != "ok");
+            let with = |severity| rows.iter().filter(|row| row.severity == severity).count();
+            let found = rows.iter().filter(|row| row.severity != Severity::Ok);
             let mut trials: Vec<&str> = found.map(|row| row.trial.as_str()).collect();
             trials.dedup();
-            let counts = ["ok", "info", "warning", "error"].map(with);
+            let counts = Severity::ALL.map(with);
             CheckCount { check, counts, trials: trials.join(", ") }
         })
         .collect()

@@ -11,7 +11,8 @@ use crate::ingest::{self, Ingested};
 use crate::interrupt::stop_if_asked;
 use crate::report::{self, ReportInput, Reported};
 use crate::store::{
-    FitRow, How, LOCK_FILE, Lock, RECORD_FILE, Record, Redo, TrialRow, check_places, sweep,
+    FitRow, How, LOCK_FILE, Lock, RECORD_FILE, Record, Redo, TrialRow, TrialStatus, check_places,
+    sweep,
 };
 
 /// The first stage, of all trials: marker files to tables.
@@ -89,9 +90,10 @@ pub(super) fn ingest_planned(
     let on_trial = |trial: &TrialRow| {
         watch.step(&format!("{} {}", trial.trial, trial.status));
         let (TrialRow { trial, status, message, .. }, seconds) = (trial, begin.elapsed());
-        match status.as_str() {
-            "ok" => tracing::debug!(trial, status, after_s = seconds.as_secs_f64(), "trial"),
-            _ => tracing::warn!(trial, status, message, "trial"),
+        let (is_ok, status) = (*status == TrialStatus::Ok, status.name());
+        match is_ok {
+            true => tracing::debug!(trial, status, after_s = seconds.as_secs_f64(), "trial"),
+            false => tracing::warn!(trial, status, message, "trial"),
         }
         let done = 1 + done.fetch_add(1, Ordering::Relaxed);
         stop_if_asked(|| format!("{done} of {total} trials"));
@@ -121,7 +123,7 @@ pub(super) fn fit_planned(
         FitEvent::Fitted(fit) => {
             watch.step(&format!("{} {}", fit.campaign, fit.model));
             let FitRow { campaign, model, status, j, .. } = fit;
-            tracing::debug!(campaign, model, j, status, "fit");
+            tracing::debug!(campaign, %model, j, %status, "fit");
             fits.fetch_add(1, Ordering::Relaxed);
         }
         FitEvent::Replicate { campaign, model, done, total } => {

@@ -7,7 +7,8 @@ use serde::Serialize;
 use super::{Begun, RunError};
 use crate::clock::utc_now;
 use crate::config::Config;
-use crate::store::{FitRow, Redo, TrialRow};
+use crate::motion::Model;
+use crate::store::{FitRow, FitStatus, Redo, TrialRow, TrialStatus};
 
 /// `run.json`: what ran, how long it took and what failed.
 #[derive(Debug, Clone, Serialize)]
@@ -117,7 +118,7 @@ pub struct TrialCounts {
 #[derive(Debug, Clone, Serialize)]
 pub struct Attention {
     pub trial: String,
-    pub status: String,
+    pub status: TrialStatus,
     pub message: String,
 }
 
@@ -125,30 +126,30 @@ pub struct Attention {
 #[derive(Debug, Clone, Serialize)]
 pub struct FitRecord {
     pub campaign: String,
-    pub model: String,
-    pub status: String,
+    pub model: Model,
+    pub status: FitStatus,
     /// Missing where there is no fit.
     pub j: Option<f64>,
 }
 
 /// Counts trials by their status.
 pub fn count(trials: &[TrialRow]) -> TrialCounts {
-    let with = |status: &str| trials.iter().filter(|trial| trial.status == status).count();
+    let with = |status| trials.iter().filter(|trial| trial.status == status).count();
     TrialCounts {
         total: trials.len(),
-        ok: with("ok"),
-        flagged: with("flagged"),
-        failed: with("failed"),
+        ok: with(TrialStatus::Ok),
+        flagged: with(TrialStatus::Flagged),
+        failed: with(TrialStatus::Failed),
     }
 }
 
 /// The trials that are not `ok`.
 pub fn attention(trials: &[TrialRow]) -> Vec<Attention> {
-    let others = trials.iter().filter(|trial| trial.status != "ok");
+    let others = trials.iter().filter(|trial| trial.status != TrialStatus::Ok);
     others
         .map(|trial| Attention {
             trial: trial.trial.clone(),
-            status: trial.status.clone(),
+            status: trial.status,
             message: trial.message.clone(),
         })
         .collect()
@@ -158,7 +159,7 @@ impl FitRecord {
     pub(super) fn new(fit: &FitRow) -> Self {
         Self {
             campaign: fit.campaign.clone(),
-            model: fit.model.clone(),
+            model: fit.model,
             status: fit.status.clone(),
             j: fit.j.is_finite().then_some(fit.j),
         }

@@ -2,29 +2,31 @@
 //! what is up to date.
 
 mod atomic;
+pub(crate) mod columns;
 mod lock;
-mod parameters;
 mod record;
 mod redo;
-mod rows;
 mod schema;
 mod stamp;
+mod status;
 mod table;
 
 pub use atomic::{Beside, write_bytes, write_if_changed};
+pub(crate) use columns::rows;
+pub use columns::{Columns, Rows, Text, names, numbers, repeated, whole_numbers};
 pub use lock::{LOCK_FILE, Lock, check_places, sweep, unfinished};
+pub use polars::prelude::Column;
 pub use record::{Parts, RECORD_FILE, Record, StageState, Thing, absolute, changed_outputs};
 pub use redo::{CONFIGURATION, How, Planned, Redo, VERSION, changed_settings, flatten, reasons};
-pub use rows::Rows;
-pub(crate) use rows::{Cell, rows as history_rows};
 pub use schema::{
-    BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow,
+    BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, JointGait, PredictionRow, ProfileRow,
     RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
     wheels_path,
 };
 pub use stamp::{Stamp, hash};
+pub use status::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
 pub(crate) use table::guarded;
-pub use table::{Column, Provenance, Table, is_own_table, is_reading};
+pub use table::{Provenance, Table, is_own_table, is_reading};
 
 use std::path::PathBuf;
 

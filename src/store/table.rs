@@ -1,4 +1,4 @@
-//! Columns in memory and Parquet on disk; the only place that writes with polars.
+//! Tables as Parquet files.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -8,15 +8,13 @@ use std::path::{Path, PathBuf};
 
 use polars::polars_utils::compression::ZstdLevel;
 use polars::prelude::{
-    ChunkSet, ChunkTake, Column as PolarsColumn, CompatLevel, DataFrame, DataType, Float64Chunked,
-    IdxCa, IntoSeries, KeyValueMetadata, ListBuilderTrait, ListStringChunkedBuilder, NamedFrom,
-    NewChunkedArray, ParallelStrategy, ParquetCompression, ParquetReader, ParquetWriter,
-    PlSmallStr, PolarsError, PolarsResult, SchemaExt, SerReader, Series, StatisticsOptions,
-    StringChunked,
+    Column, CompatLevel, DataFrame, DataType, KeyValueMetadata, ParallelStrategy,
+    ParquetCompression, ParquetReader, ParquetWriter, PolarsError, PolarsResult, SchemaExt,
+    SerReader, StatisticsOptions,
 };
 use polars_parquet::write::{KeyValue, schema_to_metadata_key};
 
-use super::{Beside, Stamp, StoreError, write_if_changed};
+use super::{Beside, Columns, Stamp, StoreError, write_if_changed};
 
 /// Numbers with noise in them hardly shrink, however long that takes. Statistics, too, would take
 /// time: they tell a reader which parts of a table to skip, and these tables have one part.
@@ -46,47 +44,6 @@ pub(crate) fn guarded<T>(read: impl FnOnce() -> T) -> Option<T> {
     })
 }
 
-/// Values of one column. NaN is how a missing number is kept; it is written as null.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Column {
-    F64(Vec<f64>),
-    I64(Vec<i64>),
-    Bool(Vec<bool>),
-    Str(Vec<String>),
-    /// Text of few values that repeat: the values, and which of them each row has. It is read
-    /// back as `Str`.
-    Names(Vec<String>, Vec<u8>),
-    StrList(Vec<Vec<String>>),
-}
-
-impl Column {
-    /// The same text in every row.
-    pub fn repeat(value: &str, rows: usize) -> Self {
-        Self::Names(vec![value.to_owned()], vec![0; rows])
-    }
-
-    fn len(&self) -> usize {
-        match self {
-            Self::F64(values) => values.len(),
-            Self::I64(values) => values.len(),
-            Self::Bool(values) => values.len(),
-            Self::Str(values) => values.len(),
-            Self::Names(_, rows) => rows.len(),
-            Self::StrList(values) => values.len(),
-        }
-    }
-
-    fn kind(&self) -> &'static str {
-        match self {
-            Self::F64(_) => "numbers",
-            Self::I64(_) => "whole numbers",
-            Self::Bool(_) => "booleans",
-            Self::Str(_) | Self::Names(..) => "text",
-            Self::StrList(_) => "lists of text",
-        }
-    }
-}
-
 /// What a table was made from; goes into the file's key-value metadata.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Provenance {
@@ -97,32 +54,18 @@ pub struct Provenance {
 /// A table: named columns of equal length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    path: PathBuf,
-    /// Fingerprint of what it was made from, if it was read and has one.
-    input: Option<String>,
-    columns: Vec<(String, Column)>,
-    /// The columns as polars has them.
+    /// The file that it was read from.
+    pub path: PathBuf,
+    /// [`Provenance::input`] of that file, if it has one.
+    pub input: Option<String>,
     pub frame: DataFrame,
 }
 
 impl Table {
-    /// A table of `columns` in this order.
-    pub fn new<'a>(columns: impl IntoIterator<Item = (&'a str, Column)>) -> Self {
-        let columns: Vec<(String, Column)> =
-            columns.into_iter().map(|(name, column)| (name.to_owned(), column)).collect();
-        let polars = columns.iter().map(|(name, column)| to_polars(name, column));
-        let frame = polars.collect::<PolarsResult<_>>().and_then(DataFrame::new_infer_height);
-        Self { path: PathBuf::new(), input: None, columns, frame: frame.unwrap_or_default() }
-    }
-
-    /// [`Provenance::input`] of the file that it was read from.
-    pub fn input(&self) -> Option<&str> {
-        self.input.as_deref()
-    }
-
-    /// Names and columns in order.
-    pub fn columns(&self) -> &[(String, Column)] {
-        &self.columns
+    /// A table of `columns`, all of one length and each of another name, in this order.
+    pub fn new(columns: Vec<Column>) -> Self {
+        let frame = DataFrame::new_infer_height(columns).expect("columns of a table");
+        Self { path: PathBuf::new(), input: None, frame }
     }
 
     /// Writes Parquet (zstd) in one piece.
@@ -176,17 +119,12 @@ impl Table {
         let (frame, input) = guarded(read)
             .ok_or_else(|| table_error("it is damaged".to_owned()))?
             .map_err(|error| table_error(error.to_string()))?;
-        let columns = frame
-            .columns()
-            .iter()
-            .map(|column| Ok((column.name().to_string(), from_polars(path, column)?)))
-            .collect::<Result<_, StoreError>>()?;
-        Ok(Self { path: path.to_owned(), input, columns, frame })
+        Ok(Self { path: path.to_owned(), input, frame })
     }
 
     /// Number of rows.
     pub fn len(&self) -> usize {
-        self.columns.first().map_or(0, |(_, column)| column.len())
+        self.frame.height()
     }
 
     /// Whether there is no row.
@@ -194,66 +132,48 @@ impl Table {
         self.len() == 0
     }
 
-    /// Numbers of a column; missing ones are NaN.
+    /// Values of a column, or of several whose names have a pattern.
     ///
     /// # Errors
-    /// There is no such column, or it holds something else; so for the other kinds.
-    pub fn f64(&self, name: &str) -> Result<&[f64], StoreError> {
-        match self.column(name, "numbers")? {
-            Column::F64(values) => Ok(values),
-            other => Err(self.mismatch(name, other, "numbers")),
+    /// A column is not there, or holds something else.
+    pub fn values<T: Columns>(&self, name: &str) -> Result<Vec<T>, StoreError> {
+        T::read(self, name)
+    }
+
+    /// A column of a type that is `needed` (what it is called, and whether one is it), as `dtype`.
+    pub(super) fn column(
+        &self,
+        name: &str,
+        (needed, is_needed): (&'static str, fn(&DataType) -> bool),
+        dtype: &DataType,
+    ) -> Result<Column, StoreError> {
+        let column = self.frame.column(name);
+        let column = column.map_err(|_| self.wrong(name, "no such column", needed))?;
+        match column.dtype() {
+            found if is_needed(found) => column.cast(dtype).map_err(|error| self.error(&error)),
+            found => Err(self.wrong(name, &kind(found), needed)),
         }
     }
 
-    /// Whole numbers of a column.
-    pub fn i64(&self, name: &str) -> Result<&[i64], StoreError> {
-        match self.column(name, "whole numbers")? {
-            Column::I64(values) => Ok(values),
-            other => Err(self.mismatch(name, other, "whole numbers")),
-        }
+    pub(super) fn wrong(&self, column: &str, found: &str, needed: &'static str) -> StoreError {
+        let (path, column) = (self.path.clone(), column.to_owned());
+        StoreError::Column { path, column, found: found.to_owned(), needed }
     }
 
-    /// Booleans of a column.
-    pub fn bool(&self, name: &str) -> Result<&[bool], StoreError> {
-        match self.column(name, "booleans")? {
-            Column::Bool(values) => Ok(values),
-            other => Err(self.mismatch(name, other, "booleans")),
-        }
+    pub(super) fn error(&self, error: &PolarsError) -> StoreError {
+        table_error(&self.path, error)
     }
+}
 
-    /// Text of a column.
-    pub fn str(&self, name: &str) -> Result<&[String], StoreError> {
-        match self.column(name, "text")? {
-            Column::Str(values) => Ok(values),
-            other => Err(self.mismatch(name, other, "text")),
-        }
-    }
-
-    /// Lists of text of a column.
-    pub fn str_list(&self, name: &str) -> Result<&[Vec<String>], StoreError> {
-        match self.column(name, "lists of text")? {
-            Column::StrList(values) => Ok(values),
-            other => Err(self.mismatch(name, other, "lists of text")),
-        }
-    }
-
-    fn column(&self, name: &str, needed: &'static str) -> Result<&Column, StoreError> {
-        let found = self.columns.iter().find(|(column, _)| column == name);
-        found.map(|(_, column)| column).ok_or_else(|| StoreError::Column {
-            path: self.path.clone(),
-            column: name.to_owned(),
-            found: "no such column".to_owned(),
-            needed,
-        })
-    }
-
-    fn mismatch(&self, name: &str, found: &Column, needed: &'static str) -> StoreError {
-        StoreError::Column {
-            path: self.path.clone(),
-            column: name.to_owned(),
-            found: found.kind().to_owned(),
-            needed,
-        }
+/// What a type is called in errors.
+fn kind(dtype: &DataType) -> String {
+    match dtype {
+        dtype if dtype.is_float() => "numbers".to_owned(),
+        dtype if dtype.is_integer() => "whole numbers".to_owned(),
+        DataType::Boolean => "booleans".to_owned(),
+        DataType::String => "text".to_owned(),
+        DataType::List(_) => "lists of text".to_owned(),
+        other => other.to_string(),
     }
 }
 
@@ -294,80 +214,28 @@ fn arrow_schema(frame: &DataFrame) -> KeyValue {
     schema_to_metadata_key(&frame.schema().to_arrow(CompatLevel::oldest()))
 }
 
-fn to_polars(name: &str, column: &Column) -> PolarsResult<PolarsColumn> {
-    let name = PlSmallStr::from_str(name);
-    let series = match column {
-        Column::F64(values) => {
-            let values = Float64Chunked::from_slice(name, values);
-            let missing = values.is_nan();
-            let nulls = missing.any().then(|| values.set(&missing, None)).transpose()?;
-            nulls.unwrap_or(values).into_series()
-        }
-        Column::I64(values) => Series::new(name, values),
-        Column::Bool(values) => Series::new(name, values),
-        Column::Str(values) => StringChunked::from_slice(name, values).into_series(),
-        Column::Names(names, rows) => {
-            let rows = rows.iter().map(|&row| row.into()).collect();
-            let names = StringChunked::from_slice(name.clone(), names);
-            names.take(&IdxCa::from_vec(name, rows))?.into_series()
-        }
-        Column::StrList(values) => {
-            let total = values.iter().map(Vec::len).sum();
-            let mut lists = ListStringChunkedBuilder::new(name, values.len(), total);
-            for list in values {
-                lists.append_values_iter(list.iter().map(String::as_str));
-            }
-            lists.finish().into_series()
-        }
-    };
-    Ok(series.into())
-}
-
-fn from_polars(path: &Path, column: &PolarsColumn) -> Result<Column, StoreError> {
-    let error = |found: String| StoreError::Column {
-        path: path.to_owned(),
-        column: column.name().to_string(),
-        found,
-        needed: "a type that trilink writes",
-    };
-    let missing = |_| error("missing values".to_owned());
-    let wrong = |problem: PolarsError| error(problem.to_string());
-    let series = column.as_materialized_series();
-    Ok(match series.dtype() {
-        dtype if dtype.is_float() || dtype.is_integer() && series.null_count() > 0 => {
-            let numbers = series.cast(&DataType::Float64).map_err(wrong)?;
-            let numbers = numbers.f64().map_err(wrong)?;
-            Column::F64(numbers.iter().map(|x| x.unwrap_or(f64::NAN)).collect())
-        }
-        dtype if dtype.is_integer() => {
-            let numbers = series.cast(&DataType::Int64).map_err(wrong)?;
-            Column::I64(numbers.i64().map_err(wrong)?.into_no_null_iter().collect())
-        }
-        DataType::Boolean => {
-            let values = series.bool().map_err(wrong)?.iter();
-            Column::Bool(values.collect::<Option<_>>().ok_or(()).map_err(missing)?)
-        }
-        DataType::String => {
-            let values = series.str().map_err(wrong)?.iter();
-            Column::Str(values.map(|text| text.unwrap_or_default().to_owned()).collect())
-        }
-        DataType::List(_) => {
-            let lists = series.list().map_err(wrong)?;
-            let to_names = |list: Option<Series>| -> Result<Vec<String>, StoreError> {
-                let Some(list) = list else { return Ok(Vec::new()) };
-                let names = list.str().map_err(wrong)?.iter();
-                Ok(names.map(|text| text.unwrap_or_default().to_owned()).collect())
-            };
-            let lists = lists.series_iter().map(to_names);
-            Column::StrList(lists.collect::<Result<_, _>>()?)
-        }
-        other => return Err(error(other.to_string())),
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::columns::{numbers, repeated};
     use super::*;
+    use crate::robot::Parameter;
+    use crate::store::Rows;
+
+    crate::store::columns::rows! {
+        /// A row with columns of all types.
+        pub struct Row {
+            pub number: f64,
+            pub count: i64,
+            pub some: Option<i64>,
+            pub used: bool,
+            pub name: String,
+            pub free: Vec<Parameter>,
+        }
+    }
+
+    fn row(name: &str) -> Row {
+        Row { name: name.to_owned(), used: true, ..Row::blank() }
+    }
 
     fn provenance() -> Provenance {
         Provenance { input: "0123".to_owned() }
@@ -377,24 +245,24 @@ mod tests {
     fn a_table_comes_back_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/table.parquet");
-        let lists = vec![vec!["a".to_owned(), "b".to_owned()], vec![], vec!["c".to_owned()]];
-        let table = Table::new([
-            ("number", Column::F64(vec![1.5, f64::NAN, -2.0])),
-            ("count", Column::I64(vec![1, 2, 3])),
-            ("used", Column::Bool(vec![true, false, true])),
-            ("name", Column::Str(vec!["x".into(), String::new(), "z".into()])),
-            ("free", Column::StrList(lists.clone())),
-        ]);
-        table.write(&path, &provenance()).unwrap();
+        let rows = vec![
+            Row { number: 1.5, count: 1, some: Some(7), free: Parameter::SKID.into(), ..row("x") },
+            Row { number: f64::NAN, count: 2, used: false, ..row("") },
+            Row { number: -2.0, count: 3, free: vec![Parameter::Damping], ..row("z") },
+        ];
+        Row::to_table(&rows).write(&path, &provenance()).unwrap();
         let found = Table::read(&path).unwrap();
-        let names: Vec<&str> = found.columns().iter().map(|(name, _)| name.as_str()).collect();
-        assert_eq!(names, ["number", "count", "used", "name", "free"]);
-        let numbers = found.f64("number").unwrap();
-        assert!(numbers[0] == 1.5 && numbers[1].is_nan() && numbers[2] == -2.0);
-        assert_eq!(found.i64("count").unwrap(), [1, 2, 3]);
-        assert_eq!(found.bool("used").unwrap(), [true, false, true]);
-        assert_eq!(found.str("name").unwrap(), ["x", "", "z"]);
-        assert_eq!(found.str_list("free").unwrap(), lists);
+        assert_eq!(
+            found.frame.get_column_names(),
+            ["number", "count", "some", "used", "name", "free"]
+        );
+        assert_eq!(found.frame.column("some").unwrap().dtype(), &DataType::Int64);
+        let found = Row::from_table(&found).unwrap();
+        assert!(found[1].number.is_nan());
+        for (found, row) in found.into_iter().zip(rows) {
+            let number = if row.number.is_nan() { 0.0 } else { found.number };
+            assert_eq!(Row { number, ..found }, Row { number, ..row });
+        }
         let bytes = std::fs::read(&path).unwrap();
         let holds = |text: &str| bytes.windows(text.len()).any(|part| part == text.as_bytes());
         assert!(holds("trilink.version") && holds("trilink.input"));
@@ -404,12 +272,12 @@ mod tests {
     fn a_column_that_is_not_there_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
-        let table = Table::new([("count", Column::I64(vec![1]))]);
+        let table = Table::new(vec![Column::new("count".into(), [1_i64])]);
         table.write(&path, &provenance()).unwrap();
         let found = Table::read(&path).unwrap();
-        let message = found.f64("d_m").unwrap_err().to_string();
+        let message = found.values::<f64>("d_m").unwrap_err().to_string();
         assert!(message.ends_with("column `d_m`: found no such column, needed numbers"));
-        let message = found.str("count").unwrap_err().to_string();
+        let message = found.values::<String>("count").unwrap_err().to_string();
         assert!(message.ends_with("column `count`: found whole numbers, needed text"));
     }
 
@@ -417,9 +285,9 @@ mod tests {
     fn no_damage_to_a_table_is_a_panic() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
-        let table = Table::new([
-            ("number", Column::F64((0..200).map(f64::from).collect())),
-            ("name", Column::repeat("trial", 200)),
+        let table = Table::new(vec![
+            numbers("number", (0..200).map(f64::from).collect()),
+            repeated("name", "trial", 200),
         ]);
         table.write(&path, &provenance()).unwrap();
         let whole = std::fs::read(&path).unwrap();

@@ -5,7 +5,9 @@ use serde_json::{Map, Value};
 
 use crate::cli::output::say;
 use crate::metrics::GaitMetrics;
-use crate::motion::{Attractor, MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use crate::motion::{
+    Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
+};
 
 /// A motion that does not exist has a reason and no numbers: NaN, null in JSON.
 #[derive(Serialize)]
@@ -16,13 +18,11 @@ pub(super) struct Answer<'a> {
     /// Work of the actuators over a cycle, J, and per metre of d.
     work_j: f64,
     work_j_m: f64,
-    status: &'static str,
+    status: MotionStatus,
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
     floquet: Option<f64>,
-    /// What the robot does that starts from rest: it gets into this motion (`reached`), into
-    /// another one, or into none (`unsettled`).
-    from_rest: Option<&'static str>,
+    from_rest: Option<FromRest>,
     /// Cycles after which the robot from rest is, and stays, within 1 % of its steady motion.
     pub cycles_to_settle: Option<usize>,
     parameters: &'a Map<String, Value>,
@@ -40,7 +40,7 @@ impl<'a> Answer<'a> {
             (Ok(first), attractor) if !from_rest => {
                 (Ok(first), Some(Attractor::from_rest(&attractor)))
             }
-            (_, Ok(attractor)) => (Ok(attractor.motion), Some("reached")),
+            (_, Ok(attractor)) => (Ok(attractor.motion), Some(FromRest::Reached)),
             (Err(error), Err(MotionError::Unsettled { .. })) if !from_rest => (Err(error), None),
             (_, Err(error)) => (Err(error), None),
         };
@@ -113,13 +113,15 @@ fn fixed(value: f64, digits: usize) -> String {
 impl Answer<'_> {
     fn reach_in_words(&self) -> String {
         match (self.from_rest, self.cycles_to_settle) {
-            (Some("reached"), Some(0)) => String::new(),
-            (Some("reached"), Some(1)) => ", from rest after 1 cycle".to_owned(),
-            (Some("reached"), Some(cycles)) => format!(", from rest after {cycles} cycles"),
-            (Some("another"), _) => {
+            (Some(FromRest::Reached), Some(0)) => String::new(),
+            (Some(FromRest::Reached), Some(1)) => ", from rest after 1 cycle".to_owned(),
+            (Some(FromRest::Reached), Some(cycles)) => format!(", from rest after {cycles} cycles"),
+            (Some(FromRest::Another), _) => {
                 ", but from rest the robot gets into another motion (--from-rest)".to_owned()
             }
-            (Some("unsettled"), _) => ", but from rest the robot does not settle".to_owned(),
+            (Some(FromRest::Unsettled), _) => {
+                ", but from rest the robot does not settle".to_owned()
+            }
             _ => String::new(),
         }
     }

@@ -64,41 +64,20 @@ fn of(
 }
 
 fn row(omega_rad_s: f64, sample: &Sample) -> TrajectoryRow {
-    let [phi1_rad, phi2_rad] = sample.phi_rad;
-    let [x_rate_m_s, y_rate_m_s, theta_rate_rad_s, phi1_rate_rad_s, phi2_rate_rad_s] = sample.rates;
-    let [roll0_m_s, roll1_m_s, roll2_m_s] = sample.roll_m_s;
-    let [skid0_m_s, skid1_m_s, skid2_m_s] = sample.skid_m_s;
-    let [lateral0_n, lateral1_n, lateral2_n] = sample.forces.lateral_n;
-    let [roll0_n, roll1_n, roll2_n] = sample.forces.roll_n;
-    let [torque1_nm, torque2_nm] = sample.forces.torque_nm;
+    let [x_rate_m_s, y_rate_m_s, theta_rate_rad_s, phi_rate_rad_s @ ..] = sample.rates;
     TrajectoryRow {
         omega_rad_s,
         time_s: sample.time_s,
         x_m: sample.pose.x_m,
         y_m: sample.pose.y_m,
         theta_rad: sample.pose.theta_rad,
-        phi1_rad,
-        phi2_rad,
+        phi_rad: sample.phi_rad,
         x_rate_m_s,
         y_rate_m_s,
         theta_rate_rad_s,
-        phi1_rate_rad_s,
-        phi2_rate_rad_s,
-        roll0_m_s,
-        roll1_m_s,
-        roll2_m_s,
-        skid0_m_s,
-        skid1_m_s,
-        skid2_m_s,
-        lateral0_n,
-        lateral1_n,
-        lateral2_n,
-        roll0_n,
-        roll1_n,
-        roll2_n,
-        torque1_nm,
-        torque2_nm,
-        power_w: sample.forces.power_w,
-        loss_w: sample.forces.loss_w,
+        phi_rate_rad_s,
+        roll_m_s: sample.roll_m_s,
+        skid_m_s: sample.skid_m_s,
+        forces: sample.forces,
     }
 }

@@ -11,9 +11,10 @@ use crate::ingest::checks::{
 };
 use crate::ingest::phase::{GAIT_HARMONICS, Harmonics, LinearPhase};
 use crate::ingest::signals::response;
+use crate::metrics::GaitMetrics;
 use crate::robot::Gait;
 use crate::stats::{self, Estimate, wrap};
-use crate::store::{CycleRow, Rows as _, TrialRow};
+use crate::store::{Columns as _, CycleRow, JointGait, Rows as _, TrialRow, TrialStatus};
 use crate::trial::Trial;
 
 /// A row in which nothing is known but what is in the list of trials.
@@ -21,9 +22,9 @@ pub fn blank_row(trial: &Trial) -> TrialRow {
     TrialRow {
         trial: trial.id.clone(),
         campaign: trial.campaign.clone().unwrap_or_default(),
-        kind: trial.kind.name().to_owned(),
+        kind: trial.kind,
         omega_commanded_rad_s: trial.omega_rad_s.unwrap_or(f64::NAN),
-        status: "failed".to_owned(),
+        status: TrialStatus::Failed,
         ..TrialRow::blank()
     }
 }
@@ -35,50 +36,37 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
     row.omega_rad_s_se = driven.omega_se_rad_s;
     row.cycles = steady.used.len() as i64;
     let used: Vec<&Cycle> = steady.used.iter().map(|&i| &cycles[i]).collect();
-    let mean_of = |value: &dyn Fn(&Cycle) -> f64| {
-        let values: Vec<f64> = used.iter().map(|cycle| value(cycle)).collect();
+    let values: Vec<[f64; 7]> = used.iter().map(|cycle| cycle.metrics.to_array()).collect();
+    let means: [Estimate; 7] = std::array::from_fn(|metric| {
+        let values: Vec<f64> = values.iter().map(|of_cycle| of_cycle[metric]).collect();
         mean(&values, &steady.used)
-    };
-    let set = |cells: [&mut f64; 2], estimate: Estimate| {
-        let [value, se] = cells;
-        (*value, *se) = (estimate.value, estimate.se);
-    };
-    set([&mut row.d_m, &mut row.d_m_se], mean_of(&|cycle| cycle.metrics.d_m));
-    set([&mut row.v_m_s, &mut row.v_m_s_se], mean_of(&|cycle| cycle.metrics.v_m_s));
-    let alpha1 = mean_of(&|cycle| cycle.metrics.alpha1_rad);
-    set([&mut row.alpha1_rad, &mut row.alpha1_rad_se], alpha1);
-    let dtheta = mean_of(&|cycle| cycle.metrics.dtheta_rad);
-    set([&mut row.dtheta_rad, &mut row.dtheta_rad_se], dtheta);
-    let sigma = |wheel: usize| mean_of(&|cycle| cycle.metrics.sigma[wheel]);
-    set([&mut row.sigma0, &mut row.sigma0_se], sigma(0));
-    set([&mut row.sigma1, &mut row.sigma1_se], sigma(1));
-    set([&mut row.sigma2, &mut row.sigma2_se], sigma(2));
-    let debiased = |wheel: usize| {
+    });
+    row.metrics = GaitMetrics::from_array(means.map(|mean| mean.value));
+    row.metrics_se = GaitMetrics::from_array(means.map(|mean| mean.se));
+    row.sigma_debiased = [0, 1, 2].map(|wheel| {
         let skid = common_skid(&used, wheel);
         let scale = data.robot.l_m * driven.omega_rad_s;
-        Estimate { value: skid.value / scale, se: skid.se / scale }
-    };
-    set([&mut row.sigma0_debiased, &mut row.sigma0_debiased_se], debiased(0));
-    set([&mut row.sigma1_debiased, &mut row.sigma1_debiased_se], debiased(1));
-    set([&mut row.sigma2_debiased, &mut row.sigma2_debiased_se], debiased(2));
+        Estimate::new(skid.value / scale, skid.se / scale)
+    });
     let frames = steady.frames(cycles);
-    let [first, second] =
-        data.phi_rad.each_ref().map(|phi_rad| joint_gait(phi_rad, frames.clone(), &driven.phase));
-    [row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad, row.phi1_harmonics_rad] =
-        first;
-    [row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad, row.phi2_harmonics_rad] =
-        second;
+    row.gait = data.phi_rad.each_ref().map(|phi_rad| {
+        let gait = frames.clone().and_then(|frames| joint_gait(phi_rad, frames, &driven.phase));
+        gait.unwrap_or_else(JointGait::missing)
+    });
     let left = |k: f64| response(row.smoothing_window as usize, k * driven.phase.step_rad);
     [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);
 }
 
 /// Offset, amplitude and phase of an angle's first harmonic over the cycles used, and the RMS of
 /// its higher ones, rad. The angle is not smoothed, so nothing of the amplitude is lost.
-fn joint_gait(phi_rad: &[f64], frames: Option<Range<usize>>, phase: &LinearPhase) -> [f64; 4] {
-    let fit = frames.and_then(|frames| Harmonics::fit(phi_rad, frames, phase, GAIT_HARMONICS));
-    fit.map_or([f64::NAN; 4], |fit| {
-        let squares = (2..=GAIT_HARMONICS).map(|k| 0.5 * fit.amplitude(k).powi(2)).sum::<f64>();
-        [fit.offset(), fit.amplitude(1), fit.phase_rad(), squares.sqrt()]
+fn joint_gait(phi_rad: &[f64], frames: Range<usize>, phase: &LinearPhase) -> Option<JointGait> {
+    let fit = Harmonics::fit(phi_rad, frames, phase, GAIT_HARMONICS)?;
+    let squares = (2..=GAIT_HARMONICS).map(|k| 0.5 * fit.amplitude(k).powi(2)).sum::<f64>();
+    Some(JointGait {
+        offset_rad: fit.offset(),
+        amplitude_rad: fit.amplitude(1),
+        phase_rad: fit.phase_rad(),
+        harmonics_rad: squares.sqrt(),
     })
 }
 
@@ -88,13 +76,7 @@ pub fn cycle_rows(trial: &Trial, cycles: &[Cycle], steady: &Steady, rate_hz: f64
         trial: trial.id.clone(),
         cycle: i as i64,
         start_s: cycle.start / rate_hz,
-        d_m: cycle.metrics.d_m,
-        v_m_s: cycle.metrics.v_m_s,
-        sigma0: cycle.metrics.sigma[0],
-        sigma1: cycle.metrics.sigma[1],
-        sigma2: cycle.metrics.sigma[2],
-        alpha1_rad: cycle.metrics.alpha1_rad,
-        dtheta_rad: cycle.metrics.dtheta_rad,
+        metrics: cycle.metrics,
         used: steady.used.binary_search(&i).is_ok(),
     };
     cycles.iter().enumerate().map(row).collect()
@@ -151,15 +133,13 @@ fn drift_of_d(cycles: &[Cycle], steady: &Steady) -> f64 {
 /// Largest difference between the measured and the commanded gait; a difference in phase
 /// counts by the angle that it makes.
 fn gait_deviation_deg(row: &TrialRow, gait: &Gait) -> f64 {
-    let measured = [
-        [row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad],
-        [row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad],
-    ];
     let mut largest_rad = 0.0_f64;
-    for (command, [offset, amplitude, phase]) in gait.joints.iter().zip(measured) {
+    for (command, measured) in gait.joints.iter().zip(row.gait) {
         let Some(command) = command else { continue };
-        let late = command.amplitude_rad * wrap(phase - command.phase_rad);
-        for difference in [offset - command.offset_rad, amplitude - command.amplitude_rad, late] {
+        let offset = measured.offset_rad - command.offset_rad;
+        let amplitude = measured.amplitude_rad - command.amplitude_rad;
+        let late = command.amplitude_rad * wrap(measured.phase_rad - command.phase_rad);
+        for difference in [offset, amplitude, late] {
             largest_rad = largest_rad.max(difference.abs());
         }
     }

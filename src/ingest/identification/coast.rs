@@ -14,6 +14,7 @@ use super::curve::Curve;
 use crate::ingest::checks::{Check, Finding};
 use crate::ingest::error::Problem;
 use crate::ingest::poses::Coordinates;
+use crate::metrics::Estimate;
 use crate::robot::Robot;
 use crate::stats::{mean, seen};
 use crate::store::{RobotParameterRow, Rows as _};
@@ -70,24 +71,18 @@ pub fn measure(
 
     let mass_kg: f64 = robot.mass_kg.iter().sum();
     let configured: f64 = robot.roll_kg_s.iter().sum();
-    let roll = |wheel: usize, sum: f64| match configured > 0.0 {
+    let sum = Estimate::new(mass_kg * decay_1_s, mass_kg * decay_se);
+    let part = |wheel: usize, sum: f64| match configured > 0.0 {
         true => sum * robot.roll_kg_s[wheel] / configured,
         false => f64::NAN,
     };
-    let (sum, se) = (mass_kg * decay_1_s, mass_kg * decay_se);
+    let roll = |wheel| Estimate::new(part(wheel, sum.value), part(wheel, sum.se));
     let row = RobotParameterRow {
         mass_kg,
-        decay_1_s,
-        decay_1_s_se: decay_se,
+        decay_1_s: Estimate::new(decay_1_s, decay_se),
         roll_sum_kg_s: sum,
-        roll_sum_kg_s_se: se,
         roll_sum_configured_kg_s: configured,
-        roll0_kg_s: roll(0, sum),
-        roll0_kg_s_se: roll(0, se),
-        roll1_kg_s: roll(1, sum),
-        roll1_kg_s_se: roll(1, se),
-        roll2_kg_s: roll(2, sum),
-        roll2_kg_s_se: roll(2, se),
+        roll_kg_s: [0, 1, 2].map(roll),
         ..RobotParameterRow::blank()
     };
     let bent_deg = coordinates

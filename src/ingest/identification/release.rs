@@ -86,21 +86,29 @@ pub fn measure(
     let row = RobotParameterRow {
         joint: link as i64,
         inertia_kg_m2: inertia,
-        natural_rad_s,
-        natural_rad_s_se: curve.se(slopes(decay, damped)),
-        damping_ratio: decay,
-        damping_ratio_se: curve.se(slopes(damped * damped, -decay * damped) / natural_rad_s),
-        damping_ratio_decrement: ratio(logarithmic.value),
-        damping_ratio_decrement_se: ratio(logarithmic.value + logarithmic.se)
-            - ratio(logarithmic.value),
-        rest_angle_rad: rest_rad + offset,
-        rest_angle_rad_se: curve.se(SVector::from([1.0, 0.0, 0.0, 0.0, 0.0])),
+        natural_rad_s: Estimate::new(natural_rad_s, curve.se(slopes(decay, damped))),
+        damping_ratio: Estimate::new(
+            decay,
+            curve.se(slopes(damped * damped, -decay * damped) / natural_rad_s),
+        ),
+        damping_ratio_decrement: Estimate::new(
+            ratio(logarithmic.value),
+            ratio(logarithmic.value + logarithmic.se) - ratio(logarithmic.value),
+        ),
+        rest_angle_rad: Estimate::new(
+            rest_rad + offset,
+            curve.se(SVector::from([1.0, 0.0, 0.0, 0.0, 0.0])),
+        ),
         rest_angle_configured_rad: robot.rest_angle_rad,
-        stiffness_nm_rad: inertia * natural_rad_s.powi(2),
-        stiffness_nm_rad_se: 2.0 * inertia * curve.se(slopes(decay_1_s, damped_rad_s)),
+        stiffness_nm_rad: Estimate::new(
+            inertia * natural_rad_s.powi(2),
+            2.0 * inertia * curve.se(slopes(decay_1_s, damped_rad_s)),
+        ),
         stiffness_configured_nm_rad: robot.stiffness_nm_rad,
-        damping_nm_s_rad: 2.0 * inertia * decay_1_s,
-        damping_nm_s_rad_se: 2.0 * inertia * curve.se(slopes(1.0, 0.0)),
+        damping_nm_s_rad: Estimate::new(
+            2.0 * inertia * decay_1_s,
+            2.0 * inertia * curve.se(slopes(1.0, 0.0)),
+        ),
         damping_configured_nm_s_rad: robot.damping_nm_s_rad,
         ..RobotParameterRow::blank()
     };

@@ -8,8 +8,9 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::config::Poses;
+use crate::metrics::{Estimate, GaitMetrics};
 use crate::robot::Robot;
-use crate::store::{Column, Rows as _};
+use crate::store::{Rows as _, Severity};
 use crate::synth::{Recipe, Tilt, synthesise};
 
 mod synthetic;
@@ -28,11 +29,14 @@ fn gait_trial(id: &str, campaign: &str, omega_rad_s: f64) -> Trial {
     }
 }
 
-/// A column of names that repeat, row by row.
-fn names<'t>(table: &'t Table, column: &str) -> Vec<&'t str> {
-    let found = table.columns().iter().find(|(name, _)| name == column);
-    let Some((_, Column::Names(names, rows))) = found else { panic!("{column}: {found:?}") };
-    rows.iter().map(|&row| names[usize::from(row)].as_str()).collect()
+fn names(table: &Table, column: &str) -> Vec<String> {
+    table.values(column).unwrap()
+}
+
+fn column_names(table: &Table) -> String {
+    let names: Vec<&str> =
+        table.frame.columns().iter().map(|column| column.name().as_str()).collect();
+    names.join(" ")
 }
 
 fn process_text(text: &str, trial: &Trial) -> Result<ProcessedTrial, TrialFailure> {
@@ -69,28 +73,23 @@ fn metrics_and_gait_of_a_known_motion_are_found() {
         let row = processed.row;
         let relative = |found: f64, truth: f64| (found / truth - 1.0).abs();
         let degrees = |found: f64, truth: f64| (found - truth).to_degrees().abs();
-        assert_eq!((row.status.as_str(), row.message.as_str()), ("ok", ""));
+        assert_eq!((row.status, row.message.as_str()), (TrialStatus::Ok, ""));
         assert!(relative(row.omega_rad_s, motion.omega_rad_s) < 1e-4);
         assert!((row.omega_rad_s - motion.omega_rad_s).abs() < 4.0 * row.omega_rad_s_se);
-        assert!(relative(row.d_m, truth.d_m) < 1e-3, "{omega}: {} {}", row.d_m, truth.d_m);
-        assert!(relative(row.v_m_s, truth.v_m_s) < 1e-3);
-        assert!(degrees(row.dtheta_rad, truth.dtheta_rad) < 0.1);
-        assert!(degrees(row.alpha1_rad, truth.alpha1_rad) < 0.1, "{omega} {}", row.alpha1_rad);
-        for (found, truth) in [row.sigma0_debiased, row.sigma1_debiased, row.sigma2_debiased]
-            .into_iter()
-            .zip(truth.sigma)
-        {
-            assert!(relative(found, truth) < 0.03, "{omega}: {found} {truth}");
+        let GaitMetrics { d_m, v_m_s, alpha1_rad, dtheta_rad, .. } = row.metrics;
+        assert!(relative(d_m, truth.d_m) < 1e-3, "{omega}: {d_m} {}", truth.d_m);
+        assert!(relative(v_m_s, truth.v_m_s) < 1e-3);
+        assert!(degrees(dtheta_rad, truth.dtheta_rad) < 0.1);
+        assert!(degrees(alpha1_rad, truth.alpha1_rad) < 0.1, "{omega} {alpha1_rad}");
+        for (found, truth) in row.sigma_debiased.iter().zip(truth.sigma) {
+            assert!(relative(found.value, truth) < 0.03, "{omega}: {found:?} {truth}");
         }
-        let found = [
-            [row.phi1_offset_rad, row.phi1_amplitude_rad, row.phi1_phase_rad],
-            [row.phi2_offset_rad, row.phi2_amplitude_rad, row.phi2_phase_rad],
-        ];
+        let found = row.gait.map(|joint| [joint.offset_rad, joint.amplitude_rad, joint.phase_rad]);
         for (found, truth) in found.iter().flatten().zip(motion.joints.iter().flatten()) {
             assert!(degrees(*found, *truth) < 0.1, "{omega}: {found} {truth}");
         }
         // The joints have no other harmonics, and noise hardly makes any.
-        assert!(row.phi1_harmonics_rad.max(row.phi2_harmonics_rad).to_degrees() < 0.03);
+        assert!(row.gait.iter().all(|joint| joint.harmonics_rad.to_degrees() < 0.03));
         let left = [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3];
         assert!(left.is_sorted_by(|a, b| a > b) && left[0] < 1.0 && left[2] > 0.5, "{left:?}");
         assert!(row.cycles >= 7 && row.coverage > 0.9 && row.coverage < 0.97);
@@ -106,8 +105,8 @@ fn standard_errors_of_d_are_of_the_right_size() {
     for seed in 0..20 {
         recording.seed = seed;
         let row = process_text(&recording.export(), &trial).unwrap().row;
-        within += usize::from((row.d_m - truth.d_m).abs() < 2.0 * row.d_m_se);
-        assert!(row.d_m_se < 1e-3 * row.d_m);
+        within += usize::from((row.metrics.d_m - truth.d_m).abs() < 2.0 * row.metrics_se.d_m);
+        assert!(row.metrics_se.d_m < 1e-3 * row.metrics.d_m);
     }
     assert!(within >= 17, "{within}");
 }
@@ -125,15 +124,11 @@ fn a_skid_below_the_noise_is_recovered_with_an_honest_error() {
     for seed in 0..SEEDS {
         recording.seed = seed;
         let row = process_text(&recording.export(), &trial).unwrap().row;
-        let found = [
-            (row.sigma0, row.sigma0_debiased, row.sigma0_debiased_se),
-            (row.sigma1, row.sigma1_debiased, row.sigma1_debiased_se),
-            (row.sigma2, row.sigma2_debiased, row.sigma2_debiased_se),
-        ];
-        for (wheel, (raw, debiased, se)) in found.into_iter().enumerate() {
-            within += usize::from((debiased - truth.sigma[wheel]).abs() < 2.0 * se);
-            mean[wheel] += debiased / truth.sigma[wheel] / SEEDS as f64;
-            mean_raw[wheel] += raw / truth.sigma[wheel] / SEEDS as f64;
+        for (wheel, debiased) in row.sigma_debiased.into_iter().enumerate() {
+            let Estimate { value, se } = debiased;
+            within += usize::from((value - truth.sigma[wheel]).abs() < 2.0 * se);
+            mean[wheel] += value / truth.sigma[wheel] / SEEDS as f64;
+            mean_raw[wheel] += row.metrics.sigma[wheel] / truth.sigma[wheel] / SEEDS as f64;
         }
     }
     assert!(mean.iter().all(|mean| (mean - 1.0).abs() < 0.01), "{mean:?}");
@@ -148,24 +143,24 @@ fn poses_are_those_of_the_robot_and_missing_frames_are_null() {
     recording.loss = 0.0;
     let processed = process_text(&recording.export(), &trial).unwrap();
     let poses = &processed.poses;
-    assert_eq!(poses.i64("frame").unwrap()[..2], [371, 372]);
-    assert_eq!(poses.f64("time_s").unwrap()[120], 1.0);
-    assert!((poses.f64("x_m").unwrap()[0] - 0.5).abs() < 1e-5);
-    assert!((poses.f64("y_m").unwrap()[0] + 0.3).abs() < 1e-5);
+    assert_eq!(poses.values::<i64>("frame").unwrap()[..2], [371, 372]);
+    assert_eq!(poses.values::<f64>("time_s").unwrap()[120], 1.0);
+    assert!((poses.values::<f64>("x_m").unwrap()[0] - 0.5).abs() < 1e-5);
+    assert!((poses.values::<f64>("y_m").unwrap()[0] + 0.3).abs() < 1e-5);
     let [offset, amplitude, ahead] = recording.motion.joints[1];
     let phase: f64 = 2.0 * 4.0 + ahead;
-    assert!((poses.f64("phi2_rad").unwrap()[480] - offset - amplitude * phase.cos()).abs() < 1e-3);
+    assert!(
+        (poses.values::<f64>("phi2_rad").unwrap()[480] - offset - amplitude * phase.cos()).abs()
+            < 1e-3
+    );
     assert!(names(poses, "fill1").iter().all(|fill| *fill == "measured"));
-    let names: Vec<&str> = poses.columns().iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
-        names.join(" "),
+        column_names(poses),
         "trial frame time_s x_m y_m theta_rad phi1_rad phi2_rad \
          residual0_mm residual1_mm residual2_mm fill0 fill1 fill2 outlier0 outlier1 outlier2"
     );
-    let names: Vec<&str> =
-        processed.wheels.columns().iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
-        names.join(" "),
+        column_names(&processed.wheels),
         "trial frame time_s roll0_m_s roll1_m_s roll2_m_s skid0_m_s skid1_m_s skid2_m_s"
     );
 }
@@ -194,27 +189,27 @@ fn short_gaps_are_filled_and_long_ones_left_out() {
     assert_eq!(whole.row.cycles, 9);
 
     let short = process_text(&without_link1(&text, 900..912), &trial).unwrap();
-    assert_eq!((short.row.cycles, short.row.status.as_str()), (9, "ok"));
+    assert_eq!((short.row.cycles, short.row.status), (9, TrialStatus::Ok));
     let fill = names(&short.poses, "fill1");
-    assert_eq!((fill[899], fill[905]), ("measured", "interpolated"));
+    assert_eq!((fill[899].as_str(), fill[905].as_str()), ("measured", "interpolated"));
 
     let long = process_text(&without_link1(&text, 900..1020), &trial).unwrap();
     // A second of 1.61 s cycles: frames 900 to 1020 lie in cycles 4 (773 to 967) and 5.
     let used: Vec<i64> =
         long.cycles.iter().filter(|cycle| cycle.used).map(|cycle| cycle.cycle).collect();
     assert_eq!(used, [2, 3, 6, 7, 8, 9, 10]);
-    assert!(long.cycles[4].d_m.is_nan() && long.cycles[5].d_m.is_nan());
+    assert!(long.cycles[4].metrics.d_m.is_nan() && long.cycles[5].metrics.d_m.is_nan());
     let gaps = check_of(&long, "W007");
     let expected = ("info", "2 cycles with gaps are left out");
-    assert_eq!((gaps.severity.as_str(), gaps.message.as_str()), expected);
-    assert_eq!(long.row.status, "ok");
+    assert_eq!((gaps.severity.name(), gaps.message.as_str()), expected);
+    assert_eq!(long.row.status, TrialStatus::Ok);
     assert_eq!(names(&long.poses, "fill1")[905], "missing");
-    let phi1 = long.poses.f64("phi1_rad").unwrap();
+    let phi1 = long.poses.values::<f64>("phi1_rad").unwrap();
     assert!(phi1[900..1020].iter().all(|phi| phi.is_nan()));
     assert!(!phi1[899].is_nan() && !phi1[1020].is_nan());
-    assert!(long.poses.f64("phi2_rad").unwrap().iter().all(|phi| !phi.is_nan()));
+    assert!(long.poses.values::<f64>("phi2_rad").unwrap().iter().all(|phi| !phi.is_nan()));
     // Other cycles do not change.
-    assert!((long.cycles[8].d_m - whole.cycles[8].d_m).abs() < 1e-5);
+    assert!((long.cycles[8].metrics.d_m - whole.cycles[8].metrics.d_m).abs() < 1e-5);
 }
 
 /// With every link fitted by itself not a bit changes; with closed joints a missing link is
@@ -239,7 +234,8 @@ fn leaves_everything_else(poses: Poses, tolerance: f64) {
     // short gap next to it.
     let beside = GAP.start - 2 * WINDOW..GAP.end + 2 * WINDOW;
     let same = |table: fn(&ProcessedTrial) -> &Table, column: &str, skipped: &Range<usize>| {
-        let [whole, gapped] = [&whole, &gapped].map(|trial| table(trial).f64(column).unwrap());
+        let [whole, gapped] =
+            [&whole, &gapped].map(|trial| table(trial).values::<f64>(column).unwrap());
         for (i, (whole, gapped)) in whole.iter().zip(gapped).enumerate() {
             let is_near = (whole - gapped).abs() <= tolerance;
             let is_same = whole.to_bits() == gapped.to_bits() || (tolerance > 0.0 && is_near);
@@ -272,7 +268,7 @@ fn leaves_everything_else(poses: Poses, tolerance: f64) {
     assert!((whole.row.omega_rad_s - gapped.row.omega_rad_s).abs() < whole.row.omega_rad_s_se);
     for i in used(&gapped) {
         let [whole, gapped] = [&whole, &gapped].map(|trial| &trial.cycles[i as usize]);
-        assert!((whole.d_m / gapped.d_m - 1.0).abs() < 1e-4);
+        assert!((whole.metrics.d_m / gapped.metrics.d_m - 1.0).abs() < 1e-4);
         assert!((whole.start_s - gapped.start_s).abs() < 1e-3);
     }
 }
@@ -284,10 +280,10 @@ fn a_frame_jump_is_a_gap_in_time() {
     let lines: Vec<&str> = text.split_inclusive("\r\n").collect();
     let jumping: String = lines[..905].iter().chain(&lines[1025..]).copied().collect();
     let jumped = process_text(&jumping, &trial).unwrap();
-    let frames = jumped.poses.i64("frame").unwrap();
+    let frames = jumped.poses.values::<i64>("frame").unwrap();
     assert!(frames.windows(2).all(|pair| pair[1] == pair[0] + 1));
     assert_eq!(frames.len(), lines.len() - 5);
-    assert!(jumped.poses.f64("x_m").unwrap()[901..1019].iter().all(|x| x.is_nan()));
+    assert!(jumped.poses.values::<f64>("x_m").unwrap()[901..1019].iter().all(|x| x.is_nan()));
     assert!((jumped.row.omega_rad_s - 3.9).abs() < 4e-4);
     let message = &jumped.row.message;
     assert!(message.contains("120 frames are left out of the file"), "{message}");
@@ -302,7 +298,7 @@ fn a_transient_is_skipped() {
     let processed = process_text(&recording.export(), &trial).unwrap();
     // 0.3 exp(-k) falls to 0.3 % of d with k between 4 and 5.
     assert!((4..=6).contains(&processed.cycles.iter().position(|cycle| cycle.used).unwrap()));
-    assert!((processed.row.d_m / truth.d_m - 1.0).abs() < 3e-3);
+    assert!((processed.row.metrics.d_m / truth.d_m - 1.0).abs() < 3e-3);
 }
 
 #[test]
@@ -310,7 +306,7 @@ fn a_frequency_off_the_command_is_flagged() {
     let (recording, mut trial) = symmetric(3.9);
     trial.omega_rad_s = Some(4.1);
     let row = process_text(&recording.export(), &trial).unwrap().row;
-    assert_eq!(row.status, "flagged");
+    assert_eq!(row.status, TrialStatus::Flagged);
     assert!((row.omega_rad_s - 3.9).abs() < 1e-3);
     assert!(row.message.contains("4.1 rad/s commanded"), "{}", row.message);
 }
@@ -392,10 +388,10 @@ fn a_jump_of_the_frames_stays_a_gap_in_time_and_rows_without_a_number_are_counte
     lines.drain(702..1000);
     let jumped = process_text(&lines.concat(), &trial).unwrap();
     assert_eq!(jumped.poses.len(), whole.poses.len());
-    let (message, d_m) = (jumped.row.message, jumped.row.d_m);
+    let (message, d_m) = (jumped.row.message, jumped.row.metrics.d_m);
     assert!(message.contains("300 frames are left out of the file"), "{message}");
     assert!(message.contains("2 rows without a frame number are left out"), "{message}");
-    assert!((d_m / whole.row.d_m - 1.0).abs() < 2e-3);
+    assert!((d_m / whole.row.metrics.d_m - 1.0).abs() < 2e-3);
 }
 
 /// A folder of good and bad trials.
@@ -462,7 +458,7 @@ fn bad_trials_fail_by_themselves() {
     let (folder, derived) = (folder(), tempfile::tempdir().unwrap());
     let ingested = ingest(folder.path(), derived.path(), 2);
     let statuses: Vec<(&str, &str)> =
-        ingested.trials.iter().map(|row| (row.trial.as_str(), row.status.as_str())).collect();
+        ingested.trials.iter().map(|row| (row.trial.as_str(), row.status.name())).collect();
     assert_eq!(
         statuses,
         [
@@ -507,8 +503,8 @@ fn bad_trials_fail_by_themselves() {
     let rows = TrialRow::from_table(&table).unwrap();
     assert_eq!(format!("{rows:?}"), format!("{:?}", ingested.trials));
     let coast = &rows[7];
-    assert_eq!((coast.kind.as_str(), coast.smoothing_window), ("coast-down", 9));
-    assert!(coast.d_m.is_nan() && coast.coverage > 0.9);
+    assert_eq!((coast.kind, coast.smoothing_window), (TrialKind::CoastDown, 9));
+    assert!(coast.metrics.d_m.is_nan() && coast.coverage > 0.9);
     let errors = ingested.checks.iter().filter(|row| row.check == "E001 failed").count();
     assert_eq!(errors, 5);
     // What was checked before a trial failed is there too.
@@ -522,7 +518,7 @@ fn bad_trials_fail_by_themselves() {
     let good: Vec<&str> = ingested
         .checks
         .iter()
-        .filter(|row| row.trial == "good" && row.severity == "ok")
+        .filter(|row| row.trial == "good" && row.severity == Severity::Ok)
         .map(|row| &row.check[..4])
         .collect();
     let codes = [
@@ -557,23 +553,19 @@ fn a_tilted_floor_and_a_tilted_link_are_corrected_and_flagged() {
     for (processed, truth) in ingested(&recipe).iter().filter(|(_, truth)| !truth.is_null()) {
         let row = &processed.row;
         let check = check_of(processed, "W017");
-        assert_eq!(check.severity, "warning");
+        assert_eq!(check.severity, Severity::Warning);
         assert!((check.value - 1.0).abs() < 0.1, "{}: {}", row.trial, check.value);
         let (floor, link) = check.message.split_once(", ").unwrap();
         assert!(floor.starts_with("the floor is tilted by ") && link.starts_with("link 1 is"));
         assert!(floor.ends_with("and was corrected") && link.ends_with("and was corrected"));
         let planted = |key: &str| truth[key].as_f64().unwrap();
-        assert!((row.d_m / planted("d_m") - 1.0).abs() < 2e-3, "{}", row.trial);
-        let alpha1_deg = (row.alpha1_rad - planted("alpha1_rad")).to_degrees();
+        assert!((row.metrics.d_m / planted("d_m") - 1.0).abs() < 2e-3, "{}", row.trial);
+        let alpha1_deg = (row.metrics.alpha1_rad - planted("alpha1_rad")).to_degrees();
         assert!(alpha1_deg.abs() < 0.1, "{}: {alpha1_deg}", row.trial);
-        let gait = [
-            [row.phi1_offset_rad, row.phi1_amplitude_rad],
-            [row.phi2_offset_rad, row.phi2_amplitude_rad],
-        ];
-        for (found, planted) in gait.iter().zip(truth["gait"].as_array().unwrap()) {
+        for (found, planted) in row.gait.iter().zip(truth["gait"].as_array().unwrap()) {
             let Some(offset) = planted["offset_rad"].as_f64() else { continue };
             let amplitude = planted["amplitude_rad"].as_f64().unwrap();
-            for away in [found[0] - offset, found[1] - amplitude] {
+            for away in [found.offset_rad - offset, found.amplitude_rad - amplitude] {
                 assert!(away.to_degrees().abs() < 0.1, "{}: {away}", row.trial);
             }
         }
@@ -586,7 +578,7 @@ fn what_a_soft_suspension_and_noise_do_is_no_tilt_and_moves_no_joint() {
     for (processed, _) in ingested(&recipe) {
         for code in ["W017", "W018"] {
             let check = check_of(&processed, code);
-            assert_eq!(check.severity, "ok", "{}: {}", check.trial, check.message);
+            assert_eq!(check.severity, Severity::Ok, "{}: {}", check.trial, check.message);
         }
         assert_eq!(check_of(&processed, "W017").value, 0.0);
     }
@@ -605,18 +597,18 @@ fn h_and_l_that_are_wrong_by_a_millimetre_are_flagged_and_do_not_bend_the_joints
     for trial in trials.iter().filter(|trial| trial.kind == TrialKind::Gait) {
         let right = process_trial(folder.path(), trial, &Config::default()).unwrap();
         let found = process_trial(folder.path(), trial, &wrong).unwrap();
-        assert_eq!(check_of(&right, "W018").severity, "ok");
-        assert_eq!(check_of(&found, "W018").severity, "warning");
-        let bent = (right.row.alpha1_rad - found.row.alpha1_rad).to_degrees();
+        assert_eq!(check_of(&right, "W018").severity, Severity::Ok);
+        assert_eq!(check_of(&found, "W018").severity, Severity::Warning);
+        let bent = (right.row.metrics.alpha1_rad - found.row.metrics.alpha1_rad).to_degrees();
         assert!(bent.abs() < 0.02, "{}: {bent}", trial.id);
-        let longer = found.row.d_m / right.row.d_m - 1.0;
+        let longer = found.row.metrics.d_m / right.row.metrics.d_m - 1.0;
         assert!(longer.abs() < 1e-3, "{}: {longer}", trial.id);
     }
 }
 
 #[test]
 fn a_few_jumped_markers_are_said_and_need_nobody_and_many_are_flagged() {
-    for (misplaced, severity) in [(0.004, "info"), (0.1, "warning")] {
+    for (misplaced, severity) in [(0.004, Severity::Info), (0.1, Severity::Warning)] {
         let recipe = Recipe { omegas_rad_s: vec![3.9], misplaced, ..Recipe::new(4) };
         let (processed, _) = &ingested(&recipe)[0];
         let check = check_of(processed, "W011");
@@ -624,7 +616,7 @@ fn a_few_jumped_markers_are_said_and_need_nobody_and_many_are_flagged() {
         assert!(check.message.contains("have a marker that jumped and is left out: "));
         assert!(check.value > 0.0 && check.limit == 0.02);
         let is_said = processed.row.message.contains("have a marker that jumped");
-        assert_eq!(is_said, severity == "warning", "{}", processed.row.message);
+        assert_eq!(is_said, severity == Severity::Warning, "{}", processed.row.message);
     }
 }
 
@@ -665,7 +657,7 @@ fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() 
     let (mut within, mut count) = (0, 0);
     let mut worst = [0.0_f64; 5];
     for (truth, row) in [measured_parameters(&|_| ()), measured_parameters(&stiff)].concat() {
-        let mut check = |i: usize, found: f64, se: f64, truth: f64| {
+        let mut check = |i: usize, Estimate { value: found, se }: Estimate, truth: f64| {
             count += 1;
             within += usize::from((found - truth).abs() < 2.0 * se);
             if i < 1 {
@@ -673,23 +665,23 @@ fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() 
             }
             worst[i] = worst[i].max((found / truth - 1.0).abs());
         };
-        if row.kind == "coast-down" {
+        if row.kind == TrialKind::CoastDown {
             let sum = truth.roll_kg_s.iter().sum();
-            check(0, row.roll_sum_kg_s, row.roll_sum_kg_s_se, sum);
+            check(0, row.roll_sum_kg_s, sum);
             assert_eq!((row.joint, row.roll_sum_configured_kg_s), (0, 6.0));
-            assert!((row.roll2_kg_s - 0.5 * row.roll_sum_kg_s).abs() < 1e-12);
-            assert!((row.roll0_kg_s_se - row.roll_sum_kg_s_se / 6.0).abs() < 1e-12);
-            assert!(row.stiffness_nm_rad.is_nan());
+            assert!((row.roll_kg_s[2].value - 0.5 * row.roll_sum_kg_s.value).abs() < 1e-12);
+            assert!((row.roll_kg_s[0].se - row.roll_sum_kg_s.se / 6.0).abs() < 1e-12);
+            assert!(row.stiffness_nm_rad.value.is_nan());
             continue;
         }
         assert_eq!((row.joint, row.stiffness_configured_nm_rad), (1, 1.0));
-        check(1, row.stiffness_nm_rad, row.stiffness_nm_rad_se, truth.stiffness_nm_rad);
-        check(2, row.damping_nm_s_rad, row.damping_nm_s_rad_se, truth.damping_nm_s_rad);
+        check(1, row.stiffness_nm_rad, truth.stiffness_nm_rad);
+        check(2, row.damping_nm_s_rad, truth.damping_nm_s_rad);
         let ratio =
             truth.damping_nm_s_rad / (2.0 * (truth.stiffness_nm_rad * row.inertia_kg_m2).sqrt());
-        check(3, row.damping_ratio, row.damping_ratio_se, ratio);
-        check(4, row.damping_ratio_decrement, row.damping_ratio_decrement_se, ratio);
-        assert!((row.rest_angle_rad - truth.rest_angle_rad).abs() < 0.01);
+        check(3, row.damping_ratio, ratio);
+        check(4, row.damping_ratio_decrement, ratio);
+        assert!((row.rest_angle_rad.value - truth.rest_angle_rad).abs() < 0.01);
     }
     let bounds = [0.03, 0.02, 0.05, 0.05, 0.1];
     assert!(worst.iter().zip(bounds).all(|(worst, bound)| *worst < bound), "{worst:?}");
@@ -704,7 +696,10 @@ fn a_trial_that_shows_no_decay_says_so() {
     trial.robot = Some("semi-passive".to_owned());
     trial.kind = TrialKind::CoastDown;
     let driven = process_text(&text, &trial);
-    assert!(driven.as_ref().map_or(true, |trial| trial.row.status == "flagged"), "{driven:?}");
+    assert!(
+        driven.as_ref().map_or(true, |trial| trial.row.status == TrialStatus::Flagged),
+        "{driven:?}"
+    );
     let lines: Vec<&str> = text.split_inclusive("\r\n").collect();
     let frame = lines[5].split_once(',').unwrap().1;
     let still: String = (0..300).map(|i| format!("{},{frame}", i + 1)).collect();
@@ -769,10 +764,11 @@ fn a_folder_without_a_list_is_an_error() {
 fn a_recording_comes_out_as_this_version_of_the_stage_has_it() {
     let (recording, trial) = symmetric(3.9);
     let processed = process_text(&recording.export(), &trial).unwrap();
-    let TrialRow { omega_rad_s, d_m, v_m_s, sigma0, sigma1_debiased, alpha1_rad, .. } =
-        processed.row;
-    let pose = processed.poses.f64("theta_rad").unwrap()[300];
-    let wheel = processed.wheels.f64("skid1_m_s").unwrap()[300];
+    let TrialRow { omega_rad_s, metrics, sigma_debiased, .. } = processed.row;
+    let GaitMetrics { d_m, v_m_s, sigma: [sigma0, ..], alpha1_rad, .. } = metrics;
+    let sigma1_debiased = sigma_debiased[1].value;
+    let pose = processed.poses.values::<f64>("theta_rad").unwrap()[300];
+    let wheel = processed.wheels.values::<f64>("skid1_m_s").unwrap()[300];
     let found = [omega_rad_s, d_m, v_m_s, sigma0, sigma1_debiased, alpha1_rad, pose, wheel];
     let found = found.map(|number| format!("{number:.4e}")).join(" ");
     const KNOWN: &str =
@@ -798,7 +794,7 @@ proptest! {
             text.insert_str(at, ["", ",", "\n", "-", "1e9", "9", "."][kind]);
         }
         match process_text(&text, &trial) {
-            Ok(processed) => prop_assert!(processed.row.d_m.is_finite()),
+            Ok(processed) => prop_assert!(processed.row.metrics.d_m.is_finite()),
             Err(failure) => prop_assert!(failure.to_string().len() > 20),
         }
         for kind in [TrialKind::JointRelease, TrialKind::CoastDown] {
@@ -807,7 +803,7 @@ proptest! {
             match process_text(&text, &other) {
                 Ok(processed) => {
                     let found = processed.parameters.unwrap();
-                    prop_assert!(found.stiffness_nm_rad > 0.0 || found.roll_sum_kg_s > 0.0);
+                    prop_assert!(found.stiffness_nm_rad.value > 0.0 || found.roll_sum_kg_s.value > 0.0);
                 }
                 Err(failure) => prop_assert!(failure.to_string().len() > 20),
             }

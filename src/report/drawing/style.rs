@@ -2,6 +2,8 @@
 
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
+use crate::motion::Model;
+
 /// Okabe and Ito's palette, which colour-blind readers can tell apart.
 /// <https://jfly.uni-koeln.de/color/>
 mod okabe_ito {
@@ -30,7 +32,7 @@ pub const BAND: RGBColor = RGBColor(232, 240, 246);
 pub const PAPER: RGBColor = RGBColor(255, 255, 255);
 /// The robot's links on a map.
 pub const LINKS: RGBColor = RGBColor(110, 110, 110);
-/// Models that the palette does not know.
+/// Commands and transients.
 const OTHER: RGBColor = RGBColor(120, 120, 120);
 
 /// Width of a figure that fits a column of a page, px.
@@ -152,8 +154,8 @@ pub fn gap(nth: usize) -> Look {
 }
 
 /// A model as a line, also where it is driven by a measured gait.
-pub fn model_line(name: &str) -> Look {
-    match model(name) {
+pub fn model_line(of: Model) -> Look {
+    match model(of) {
         Look::Marker { colour, .. } => line(colour, DOTS),
         line => line,
     }
@@ -161,31 +163,23 @@ pub fn model_line(name: &str) -> Look {
 
 /// A model, the same in every figure. One that is driven by each trial's own gait has no
 /// curve and is shown as open markers, as in the paper.
-pub fn model(name: &str) -> Look {
-    match name {
-        "no-skid" => line(okabe_ito::BLUE, DASHES),
-        "no-skid-measured" => {
+pub fn model(model: Model) -> Look {
+    match model {
+        Model::NoSkid => line(okabe_ito::BLUE, DASHES),
+        Model::NoSkidMeasured => {
             Look::Marker { colour: okabe_ito::BLUE, shape: Shape::Circle, filled: false }
         }
-        "no-skid-damped" => line(okabe_ito::PURPLE, LONG_DASHES),
-        "no-skid-roll" => line(okabe_ito::ORANGE, SHORT_DASHES),
-        "skid" => line(okabe_ito::GREEN, LONG_DASHES),
-        "skid-roll" => line(okabe_ito::VERMILLION, SOLID),
-        _ => line(OTHER, DOTS),
+        Model::NoSkidDamped => line(okabe_ito::PURPLE, LONG_DASHES),
+        Model::NoSkidRoll => line(okabe_ito::ORANGE, SHORT_DASHES),
+        Model::Skid => line(okabe_ito::GREEN, LONG_DASHES),
+        Model::SkidRoll => line(okabe_ito::VERMILLION, SOLID),
     }
 }
 
 /// The same model for the `nth` campaign in a panel: its colour, another dash.
-pub fn model_of_campaign(name: &str, nth: usize) -> Look {
-    match model(name) {
+pub fn model_of_campaign(of: Model, nth: usize) -> Look {
+    match model(of) {
         Look::Line { colour, .. } if nth > 0 => line(colour, DASHES),
         look => look,
     }
-}
-
-/// Position of a model in legends and tables.
-pub fn model_rank(name: &str) -> usize {
-    let order =
-        ["no-skid", "no-skid-measured", "no-skid-damped", "no-skid-roll", "skid", "skid-roll"];
-    order.iter().position(|&known| known == name).unwrap_or(order.len())
 }

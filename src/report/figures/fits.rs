@@ -2,9 +2,9 @@
 //! coefficients of the bootstrap's replicates go together.
 
 use crate::report::drawing::{Figure, Layer, Look, Panel, Range, Scale, style};
-use crate::report::parameters;
+use crate::report::parameters::FittedParameter;
 use crate::report::tables::Tables;
-use crate::robot::Parameter;
+use crate::robot::{ByParameter, Parameter};
 use crate::store::{BootstrapRow, FitRow, ProfileRow};
 
 const KINDS: [&str; 3] = ["starts", "profiles", "replicates"];
@@ -65,19 +65,18 @@ fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Panel> {
     let layer = Layer::new("starts", points, Look::Dotted(colour(fit)));
     (ends.len() > 1).then(|| Panel {
         y_scale: Scale::Decades,
-        ..Panel::new(&fit.model, "Start, by rank", "J", vec![layer])
+        ..Panel::new(fit.model.name(), "Start, by rank", "J", vec![layer])
     })
 }
 
 fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
     let of_fit = |row: &&ProfileRow| row.campaign == fit.campaign && row.model == fit.model;
     let rows: Vec<&ProfileRow> = tables.profiles.iter().filter(of_fit).collect();
-    let panel = |name: &String| {
-        let of_parameter = rows.iter().filter(|row| row.parameter == *name);
+    let panel = |held: &Parameter| {
+        let of_parameter = rows.iter().filter(|row| row.parameter == *held);
         let points = of_parameter.clone().map(|row| (row.value, row.j));
         let limit_j = of_parameter.clone().next()?.limit_j;
-        let known = Parameter::of_column(name)?;
-        let parameter = parameters::of_fit(fit)[known as usize];
+        let parameter = FittedParameter::of(fit, *held);
         let [from, to] = parameter.limits;
         let rise = limit_j - fit.j;
         let layers = vec![
@@ -88,7 +87,7 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         ];
         Some(Panel {
             shown: Some(Range { low: f64::NEG_INFINITY, high: fit.j + 2.5 * rise }),
-            ..decades(fit, &label(known), "J", layers)
+            ..decades(fit, &label(*held), "J", layers)
         })
     };
     fit.free.iter().filter_map(panel).collect()
@@ -96,24 +95,20 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
 
 fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
     let of_fit = |row: &&BootstrapRow| row.campaign == fit.campaign && row.model == fit.model;
-    let rows: Vec<[f64; 9]> =
-        tables.bootstrap.iter().filter(of_fit).map(|row| row.parameters()).collect();
-    let free: Vec<Parameter> = Parameter::ALL
-        .into_iter()
-        .filter(|parameter| fit.free.iter().any(|name| name == parameter.column()))
-        .collect();
+    let rows: Vec<&BootstrapRow> = tables.bootstrap.iter().filter(of_fit).collect();
+    let mut free = fit.free.clone();
+    free.sort();
     let mut panels = Vec::new();
     for (n, &x) in free.iter().enumerate() {
         for &y in &free[n + 1..] {
-            let points: Vec<(f64, f64)> =
-                rows.iter().map(|row| (row[x as usize], row[y as usize])).collect();
+            let point = |of: &ByParameter<f64>| (of[x], of[y]);
+            let points: Vec<(f64, f64)> = rows.iter().map(|row| point(&row.parameters)).collect();
             if points.is_empty() {
                 continue;
             }
-            let fitted = fit.parameters();
             let layers = vec![
                 Layer::new("replicates", points, Look::Dots(colour(fit))),
-                Layer::new("fit", [(fitted[x as usize], fitted[y as usize])], Look::Rings),
+                Layer::new("fit", [point(&fit.parameters)], Look::Rings),
             ];
             panels.push(decades(fit, &label(x), label(y), layers));
         }
@@ -125,12 +120,12 @@ fn decades(fit: &FitRow, x_label: &str, y_label: impl Into<String>, layers: Vec<
     Panel {
         x_scale: Scale::Decades,
         y_scale: Scale::Decades,
-        ..Panel::new(&fit.model, x_label, y_label, layers)
+        ..Panel::new(fit.model.name(), x_label, y_label, layers)
     }
 }
 
 fn colour(fit: &FitRow) -> plotters::style::RGBColor {
-    style::model(&fit.model).colour()
+    style::model(fit.model).colour()
 }
 
 /// A parameter as an axis names it.

@@ -5,12 +5,13 @@ use super::common::FREQUENCY;
 use super::series::{Quantity, Series, Source};
 use crate::config::SigmaKind;
 use crate::csv::field as csv_field;
+use crate::motion::Model;
 use crate::report::drawing::{Figure, Layout, Panel, Range, Scale, csv_number};
 
 /// A model further above the measurements than this would flatten them.
 const FARTHEST_MODEL: f64 = 1.5;
 /// The model of the figures of two campaigns.
-const SHARED_MODEL: &str = "skid-roll";
+const SHARED_MODEL: Model = Model::SkidRoll;
 
 /// Figs. 10, 13 and 15: what was measured of one quantity.
 pub fn measured(stem: &str, campaign: &str, quantity: Quantity, source: Source<'_>) -> Figure {
@@ -27,14 +28,14 @@ pub fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let models = source.models(campaign);
     let plot = |quantity| {
         let predicted =
-            models.iter().filter_map(|model| source.model(campaign, model, quantity, 0));
+            models.iter().filter_map(|model| source.model(campaign, *model, quantity, 0));
         let measured = source.measured(campaign, quantity, 0);
         Plot::new(quantity, measured.into_iter().chain(predicted).collect())
     };
     let plots = vec![plot(Quantity::Displacement), plot(Quantity::Speed)];
     let mut caption = format!("{BARS} Lines: the fitted models under the commanded gait.");
     let shown = plots.iter().flat_map(|plot| &plot.series);
-    if shown.into_iter().any(|series| series.name == "no-skid-measured") {
+    if shown.into_iter().any(|series| series.name == Model::NoSkidMeasured.name()) {
         caption.push_str(" Open circles: no-skid under each trial's measured gait.");
     }
     let title = format!("Measurements and models of campaign {campaign}");

@@ -22,6 +22,7 @@ use super::tables::Tables;
 use super::truth::Truth;
 use crate::report::ReportInput;
 use crate::store::TrialRow;
+use crate::trial::TrialKind;
 use series::Quantity;
 pub use series::Source;
 
@@ -141,7 +142,7 @@ fn of_the_paper(
 /// Fig. 8: the first release of the semi-passive robot that there is.
 fn release(tables: &Tables, config: &ReportInput) -> Result<Figure, String> {
     let not_drawn = |why: &str| format!("Fig. 8 is not drawn, because {why}.");
-    let row = tables.robots.iter().find(|row| row.kind == "joint-release");
+    let row = tables.robots.iter().find(|row| row.kind == TrialKind::JointRelease);
     let row = row.ok_or_else(|| not_drawn("no trial of kind joint-release has results"))?;
     let recording = Recording::read(&config.paths.derived, &row.trial)
         .map_err(|error| not_drawn(&error.to_string()))?;

@@ -2,6 +2,7 @@
 
 use super::common::OMEGA;
 use super::series::{BAR_STANDARD_ERRORS, Source};
+use crate::metrics::Estimate;
 use crate::report::drawing::{Figure, Layer, Panel, Range, Scale, style};
 use crate::report::tables::Tables;
 use crate::report::truth::{self, PlantedTrial, Truth};
@@ -10,12 +11,18 @@ use crate::store::TrialRow;
 /// The figure; empty without trials and coefficients of which the truth is known.
 pub fn figure(stem: &str, truth: &Truth, tables: &Tables, source: Source<'_>) -> Figure {
     let coefficients = coefficients(truth, tables);
-    let d = missed(truth, source, "d", |trial| (trial.d_m, trial.d_m_se), |planted| planted.d_m);
+    let d = missed(
+        truth,
+        source,
+        "d",
+        |trial| Estimate::new(trial.metrics.d_m, trial.metrics_se.d_m),
+        |planted| planted.d_m,
+    );
     let alpha = missed(
         truth,
         source,
         "α₁",
-        |trial| (trial.alpha1_rad, trial.alpha1_rad_se),
+        |trial| Estimate::new(trial.metrics.alpha1_rad, trial.metrics_se.alpha1_rad),
         |planted| planted.alpha1_rad,
     );
     let skid = [0, 1, 2].map(|wheel| {
@@ -76,14 +83,14 @@ fn missed(
     truth: &Truth,
     source: Source<'_>,
     name: &str,
-    measured: impl Fn(&TrialRow) -> (f64, f64),
+    measured: impl Fn(&TrialRow) -> Estimate,
     planted: impl Fn(&PlantedTrial) -> Option<f64>,
 ) -> Panel {
     let layer = |(nth, campaign): (usize, &str)| {
         let point = |trial: &TrialRow| {
             let planted = planted(truth.trials.get(&trial.trial)?).filter(|value| *value > 0.0)?;
-            let (value, error) = measured(trial);
-            let half = 100.0 * BAR_STANDARD_ERRORS * error / planted;
+            let Estimate { value, se } = measured(trial);
+            let half = 100.0 * BAR_STANDARD_ERRORS * se / planted;
             let difference = 100.0 * (value / planted - 1.0);
             value.is_finite().then_some((trial.omega_rad_s, difference, half))
         };

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::common::DEG;
+use crate::metrics::Estimate;
 use crate::report::drawing::{Figure, Layer, Layout, Panel, style};
 use crate::report::numbers::{significant, with_error};
 use crate::report::recording::Recording;
@@ -28,18 +29,13 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
         let time_s = (decay.end_s - released_s) * i as f64 / POINTS as f64;
         (time_s, DEG * decay.at(time_s))
     });
-    let [natural, ratio] = [
-        with_error(row.natural_rad_s, row.natural_rad_s_se),
-        with_error(row.damping_ratio, row.damping_ratio_se),
-    ];
+    let of = |estimate: Estimate| with_error(estimate.value, estimate.se);
+    let [natural, ratio] = [of(row.natural_rad_s), of(row.damping_ratio)];
     let panel = Panel {
         notes: vec![
             format!("natural frequency {natural} rad/s"),
             format!("damping ratio {ratio}"),
-            format!(
-                "by logarithmic decrement {}",
-                with_error(row.damping_ratio_decrement, row.damping_ratio_decrement_se)
-            ),
+            format!("by logarithmic decrement {}", of(row.damping_ratio_decrement)),
         ],
         ..Panel::new(
             format!("Joint {} of robot {}", row.joint, row.robot),
@@ -48,7 +44,7 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
             vec![
                 Layer::new("measured", seen, style::RECORDED),
                 Layer::new("fitted decay", fitted, style::FITTED),
-                Layer::level("rest", DEG * row.rest_angle_rad),
+                Layer::level("rest", DEG * row.rest_angle_rad.value),
             ],
         )
     };
@@ -59,8 +55,8 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
              m/rad and c_τ = {} N m s/rad. Dashed: angle of rest.",
             row.trial,
             significant(row.inertia_kg_m2, 4),
-            with_error(row.stiffness_nm_rad, row.stiffness_nm_rad_se),
-            with_error(row.damping_nm_s_rad, row.damping_nm_s_rad_se),
+            of(row.stiffness_nm_rad),
+            of(row.damping_nm_s_rad),
         ),
         layout: Layout::Stack,
         ..Figure::new(
@@ -85,9 +81,10 @@ struct Decay {
 impl Decay {
     /// The decay of the trial's frequency and damping that is nearest to what was seen.
     fn fit(row: &RobotParameterRow, time_s: &[f64], phi_rad: &[f64]) -> Option<Self> {
-        let rest_rad = row.rest_angle_rad;
-        let decay_1_s = row.damping_ratio * row.natural_rad_s;
-        let damped_rad_s = row.natural_rad_s * (1.0 - row.damping_ratio.powi(2)).sqrt();
+        let [rest_rad, ratio, natural_rad_s] =
+            [row.rest_angle_rad, row.damping_ratio, row.natural_rad_s].map(|of| of.value);
+        let decay_1_s = ratio * natural_rad_s;
+        let damped_rad_s = natural_rad_s * (1.0 - ratio.powi(2)).sqrt();
         let swing = |i: &usize| (phi_rad[*i] - rest_rad).abs();
         let seen = (0..phi_rad.len().min(time_s.len())).filter(|i| phi_rad[*i].is_finite());
         let largest = seen.clone().max_by(|a, b| swing(a).total_cmp(&swing(b)))?;
@@ -131,9 +128,9 @@ mod tests {
     fn the_decay_drawn_is_the_one_seen() {
         let row = RobotParameterRow {
             joint: 1,
-            natural_rad_s: 10.0,
-            damping_ratio: 0.2,
-            rest_angle_rad: 0.05,
+            natural_rad_s: Estimate::new(10.0, f64::NAN),
+            damping_ratio: Estimate::new(0.2, f64::NAN),
+            rest_angle_rad: Estimate::new(0.05, f64::NAN),
             ..RobotParameterRow::blank()
         };
         let damped = 10.0 * (1.0_f64 - 0.04).sqrt();

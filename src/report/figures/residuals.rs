@@ -2,9 +2,10 @@
 
 use super::common::OMEGA;
 use super::series::{BAR_STANDARD_ERRORS, Quantity, Source};
-use crate::motion::Model;
+use crate::metrics::Estimate;
+use crate::motion::{Model, MotionStatus};
 use crate::report::drawing::{Figure, Layer, Panel, Range, style};
-use crate::store::{PredictionRow, TrialRow};
+use crate::store::{PredictionRow, PredictionSource, TrialRow};
 
 /// A model that misses more than this many times what the nearest one does is not shown whole.
 const FARTHEST: f64 = 6.0;
@@ -31,29 +32,28 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Panel {
     let mut models = source.models(campaign);
     // Models without skid say nothing of it.
     let is_skid = matches!(quantity, Quantity::Skid(_));
-    models.retain(|name| {
-        !is_skid || Model::ALL.iter().any(|model| model.name() == *name && model.skids())
-    });
+    models.retain(|model| !is_skid || model.skids());
     let trials: Vec<&TrialRow> = source
         .measured_trials(campaign)
-        .filter(|trial| quantity.of_trial(trial, source.sigma).0.is_finite())
+        .filter(|trial| quantity.of_trial(trial, source.sigma).value.is_finite())
         .collect();
-    let missed = |model: &str| -> Vec<(f64, f64)> {
+    let missed = |model: Model| -> Vec<(f64, f64)> {
         let mut points: Vec<(f64, f64)> = source
             .predictions
             .iter()
             .filter(|row| row.campaign == campaign && row.model == model)
-            .filter(|row| row.source == "trial" && row.status == "stable")
+            .filter(|row| row.source == PredictionSource::Trial)
+            .filter(|row| row.status == MotionStatus::Stable)
             .filter_map(|row| {
-                let (measured, _) = quantity.of_trial(nearest(&trials, row)?, source.sigma);
-                let residual = quantity.of_prediction(row) / measured - 1.0;
+                let measured = quantity.of_trial(nearest(&trials, row)?, source.sigma).value;
+                let residual = quantity.of(&row.metrics) / measured - 1.0;
                 Some((row.omega_rad_s, 100.0 * residual))
             })
             .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         points
     };
-    let residuals: Vec<(&str, Vec<(f64, f64)>)> = models
+    let residuals: Vec<(Model, Vec<(f64, f64)>)> = models
         .into_iter()
         .map(|model| (model, missed(model)))
         .filter(|(_, points)| !points.is_empty())
@@ -67,7 +67,7 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Panel {
     let nearest =
         residuals.iter().map(|(_, points)| farthest(points)).fold(f64::INFINITY, f64::min);
     let limit = (FARTHEST * nearest).max(LEAST);
-    let beyond: Vec<&str> = residuals
+    let beyond: Vec<Model> = residuals
         .iter()
         .filter(|(_, points)| farthest(points) > limit)
         .map(|(model, _)| *model)
@@ -79,14 +79,14 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Panel {
         several => format!("{} models: to {most:.0} %", several.len()),
     };
     let errors = trials.iter().filter_map(|trial| {
-        let (measured, error) = quantity.of_trial(trial, source.sigma);
-        let half = 100.0 * BAR_STANDARD_ERRORS * error / measured;
+        let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
+        let half = 100.0 * BAR_STANDARD_ERRORS * se / value;
         half.is_finite().then_some((trial.omega_rad_s, 0.0, half))
     });
     let bars = Layer::with_errors("measured", errors, style::measured(0));
     let lines = residuals
         .into_iter()
-        .map(|(model, points)| Layer::new(model, points, style::model_line(model)));
+        .map(|(model, points)| Layer::new(model.name(), points, style::model_line(model)));
     let layers = [bars].into_iter().chain(lines).collect();
     Panel {
         shown: Some(Range { low: -limit, high: limit }),

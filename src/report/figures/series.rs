@@ -1,8 +1,13 @@
 //! What figures show: quantities of trials and predictions as series of points.
 
+use std::collections::BTreeSet;
+
 use crate::config::SigmaKind;
+use crate::metrics::{Estimate, GaitMetrics};
+use crate::motion::{Model, MotionStatus};
 use crate::report::drawing::{Layer, Look, Point, style};
-use crate::store::{PredictionRow, TrialRow};
+use crate::store::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
+use crate::trial::TrialKind;
 
 /// Half-width of a 95 % interval in standard errors (normal distribution).
 pub const BAR_STANDARD_ERRORS: f64 = 1.96;
@@ -71,23 +76,22 @@ impl Quantity {
     }
 
     /// What a trial measured, and its standard error.
-    pub fn of_trial(self, trial: &TrialRow, sigma: SigmaKind) -> (f64, f64) {
-        let (value, error) = match self {
-            Self::Displacement => (trial.d_m, trial.d_m_se),
-            Self::Speed => (trial.v_m_s, trial.v_m_s_se),
-            Self::Skid(wheel) => trial.sigma(sigma)[wheel],
-            Self::Amplitude => (trial.alpha1_rad, trial.alpha1_rad_se),
-        };
-        let factor = self.description().per_table_unit;
-        (value * factor, error * factor)
+    pub fn of_trial(self, trial: &TrialRow, sigma: SigmaKind) -> Estimate {
+        let skid = trial.sigma(sigma);
+        let of = |metrics, skid| self.of(&GaitMetrics { sigma: skid, ..metrics });
+        Estimate {
+            value: of(trial.metrics, skid.map(|sigma| sigma.value)),
+            se: of(trial.metrics_se, skid.map(|sigma| sigma.se)),
+        }
     }
 
-    pub fn of_prediction(self, row: &PredictionRow) -> f64 {
+    /// In plotted units.
+    pub fn of(self, metrics: &GaitMetrics) -> f64 {
         let value = match self {
-            Self::Displacement => row.d_m,
-            Self::Speed => row.v_m_s,
-            Self::Skid(wheel) => row.metrics().sigma[wheel],
-            Self::Amplitude => row.alpha1_rad,
+            Self::Displacement => metrics.d_m,
+            Self::Speed => metrics.v_m_s,
+            Self::Skid(wheel) => metrics.sigma[wheel],
+            Self::Amplitude => metrics.alpha1_rad,
         };
         value * self.description().per_table_unit
     }
@@ -131,33 +135,30 @@ impl<'t> Source<'t> {
     pub fn measured_trials(self, campaign: &str) -> impl Iterator<Item = &'t TrialRow> {
         self.trials
             .iter()
-            .filter(move |trial| trial.campaign == campaign && trial.kind == "gait")
-            .filter(|trial| trial.status != "failed")
+            .filter(move |trial| trial.campaign == campaign && trial.kind == TrialKind::Gait)
+            .filter(|trial| trial.status != TrialStatus::Failed)
     }
 
     /// Whether there is something to draw of a campaign.
     pub fn has_measurements(self, campaign: &str) -> bool {
-        self.measured_trials(campaign).any(|trial| trial.d_m.is_finite())
+        self.measured_trials(campaign).any(|trial| trial.metrics.d_m.is_finite())
     }
 
     /// Models that predict something of a campaign, in the order of legends.
-    pub fn models(self, campaign: &str) -> Vec<&'t str> {
+    pub fn models(self, campaign: &str) -> BTreeSet<Model> {
         let rows = self.predictions.iter().filter(|row| row.campaign == campaign);
-        let mut models: Vec<&str> = rows.map(|row| row.model.as_str()).collect();
-        models.sort_by_key(|&model| (style::model_rank(model), model));
-        models.dedup();
-        models
+        rows.map(|row| row.model).collect()
     }
 
     /// Measurements with error bars, by rising frequency. Without any there is no series.
     pub fn measured(self, campaign: &str, quantity: Quantity, nth: usize) -> Option<Series> {
         let point = |trial: &TrialRow| {
-            let (value, error) = quantity.of_trial(trial, self.sigma);
+            let Estimate { value, se } = quantity.of_trial(trial, self.sigma);
             let omega = trial.omega_rad_s;
             Point {
                 x: if omega.is_finite() { omega } else { trial.omega_commanded_rad_s },
                 y: value,
-                error: BAR_STANDARD_ERRORS * error,
+                error: BAR_STANDARD_ERRORS * se,
             }
         };
         let points = self.measured_trials(campaign).map(point);
@@ -170,25 +171,25 @@ impl<'t> Source<'t> {
     pub fn model(
         self,
         campaign: &str,
-        model: &str,
+        model: Model,
         quantity: Quantity,
         nth: usize,
     ) -> Option<Series> {
         let look = style::model_of_campaign(model, nth);
         let source = match look {
-            Look::Marker { .. } => "trial",
-            _ => "curve",
+            Look::Marker { .. } => PredictionSource::Trial,
+            _ => PredictionSource::Curve,
         };
         let rows = self.predictions.iter().filter(|row| row.campaign == campaign);
         let rows = rows.filter(|row| row.model == model && row.source == source);
         let point = |row: &PredictionRow| {
-            let y = match row.status == "stable" {
-                true => quantity.of_prediction(row),
+            let y = match row.status == MotionStatus::Stable {
+                true => quantity.of(&row.metrics),
                 false => f64::NAN,
             };
             Point { x: row.omega_rad_s, y, error: f64::NAN }
         };
-        self.series(campaign, model, look, rows.map(point).collect())
+        self.series(campaign, model.name(), look, rows.map(point).collect())
     }
 
     fn series(

@@ -40,7 +40,7 @@ pub fn figures(config: &ReportInput) -> Result<Vec<Figure>, String> {
 }
 
 fn no_skid() -> Look {
-    style::model_line(Model::NoSkid.name())
+    style::model_line(Model::NoSkid)
 }
 
 /// Time and one quantity of a cycle that is repeated.

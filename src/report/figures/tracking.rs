@@ -8,7 +8,7 @@ use crate::report::drawing::{Figure, Layer, Layout, Look, style};
 use crate::report::numbers::with_error;
 use crate::report::recording::{Recording, Shown};
 use crate::report::simulated;
-use crate::robot::{Gait, JointCommand};
+use crate::robot::Gait;
 use crate::store::TrialRow;
 
 /// Cycles that are shown.
@@ -82,7 +82,7 @@ pub fn figure(
         let positions = poses.iter().map(|(_, pose)| frame.position((pose.x_m, pose.y_m)));
         path.push(curve(positions.collect::<Vec<_>>()));
     }
-    let d = with_error(1e3 * trial.d_m, 1e3 * trial.d_m_se);
+    let d = with_error(1e3 * trial.metrics.d_m, 1e3 * trial.metrics_se.d_m);
     let panels = vec![
         common::gait("Gait", gait),
         time_course("Heading θ", "θ (deg)", heading),
@@ -149,11 +149,12 @@ fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
     let of = |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
     let plain = |name, model: Model| {
         let problem = of(model)?;
-        Some(Overlay { name, problem, look: style::model_line(model.name()) })
+        Some(Overlay { name, problem, look: style::model_line(model) })
     };
     let driven_by_measured = |model| {
         let mut problem: Problem = of(model)?;
-        problem.gait.joints = measured_gait(trial).map(Some);
+        // The ellipse that fits the measured gait best.
+        problem.gait.joints = trial.gait.map(|joint| Some(joint.command()));
         Some(problem)
     };
     let overlays = match trial.campaign.as_str() {
@@ -162,7 +163,7 @@ fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
             driven_by_measured(Model::NoSkid).map(|problem| Overlay {
                 name: "no-skid, measured ellipse",
                 problem,
-                look: style::model_line(Model::NoSkidMeasured.name()),
+                look: style::model_line(Model::NoSkidMeasured),
             }),
         ],
         SYMMETRIC => [
@@ -172,7 +173,7 @@ fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
                 Overlay {
                     name: "skid-roll, measured ellipse, 100 times the skid coefficients",
                     problem,
-                    look: style::model_line(Model::SkidRoll.name()),
+                    look: style::model_line(Model::SkidRoll),
                 }
             }),
         ],
@@ -180,17 +181,4 @@ fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
         _ => [None, None],
     };
     overlays.into_iter().flatten().collect()
-}
-
-/// The ellipse that fits the measured gait best.
-fn measured_gait(trial: &TrialRow) -> [JointCommand; 2] {
-    [
-        (trial.phi1_offset_rad, trial.phi1_amplitude_rad, trial.phi1_phase_rad),
-        (trial.phi2_offset_rad, trial.phi2_amplitude_rad, trial.phi2_phase_rad),
-    ]
-    .map(|(offset_rad, amplitude_rad, phase_rad)| JointCommand {
-        offset_rad,
-        amplitude_rad,
-        phase_rad,
-    })
 }

@@ -6,6 +6,7 @@ use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, style};
 use crate::report::recording::Recording;
 use crate::store::TrialRow;
+use crate::trial::TrialKind;
 
 const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
 /// Parts of a trial of which the greatest residuals are shown.
@@ -100,8 +101,8 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
         layers.push(travel(&seen));
     }
     layers.push(Layer::new("measured", all, style::RECORDED));
-    let caption = match trial.kind.as_str() {
-        "gait" => "Thick: the robot's links at the start; arrow: direction of travel.",
+    let caption = match trial.kind {
+        TrialKind::Gait => "Thick: the robot's links at the start; arrow: direction of travel.",
         _ => "",
     };
     Figure {

@@ -10,7 +10,7 @@ use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Panel, style};
 use crate::report::simulated;
 use crate::report::tables::Tables;
-use crate::store::FitRow;
+use crate::store::{FitRow, PredictionSource};
 
 /// Every so many of the curves' frequencies.
 const STRIDE: usize = 2;
@@ -21,10 +21,10 @@ pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
     let panel = |campaign: &&str| {
         let fits = tables.fits.iter().filter(|fit| fit.campaign == *campaign);
         // Each trial's own gait has no curve.
-        let fits = fits.filter(|fit| fit.model != Model::NoSkidMeasured.name());
+        let fits = fits.filter(|fit| fit.model != Model::NoSkidMeasured);
         let layers = fits.map(|fit| {
-            let look = style::model_line(&fit.model);
-            Layer::new(&fit.model, curve(fit, tables, config), look)
+            let look = style::model_line(fit.model);
+            Layer::new(fit.model.name(), curve(fit, tables, config), look)
         });
         Panel::new(*campaign, FREQUENCY, "Work per metre (J/m)", layers.collect())
     };
@@ -52,7 +52,7 @@ fn curve(fit: &FitRow, tables: &Tables, config: &ReportInput) -> Vec<(f64, f64)>
         .predictions
         .iter()
         .filter(|row| row.campaign == fit.campaign && row.model == fit.model)
-        .filter(|row| row.source == "curve")
+        .filter(|row| row.source == PredictionSource::Curve)
         .map(|row| row.omega_rad_s)
         .collect();
     omegas.sort_by(f64::total_cmp);

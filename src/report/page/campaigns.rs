@@ -5,13 +5,15 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::{Drawn, FigureView, views};
+use crate::config::GaitInput;
+use crate::motion::{FromRest, Model, MotionStatus};
 use crate::report::ReportInput;
-use crate::report::drawing::style;
 use crate::report::figures;
 use crate::report::numbers::{NONE, fixed, significant};
-use crate::report::parameters::{self, Parameter};
+use crate::report::parameters::FittedParameter;
 use crate::report::tables::Tables;
-use crate::store::{ComparisonRow, FitRow};
+use crate::robot::Parameter;
+use crate::store::{ComparisonRow, FitRow, FitStatus, PredictionSource};
 
 #[derive(Serialize)]
 pub struct CampaignSection<'p> {
@@ -25,27 +27,27 @@ pub struct CampaignSection<'p> {
     passive: bool,
     /// Which model the measurements prefer.
     best: Option<&'p str>,
-    comparison: Vec<ComparisonView<'p>>,
+    comparison: Vec<ComparisonView>,
     /// Fits with the other gait input, and which that is.
-    otherwise: Option<Otherwise<'p>>,
+    otherwise: Option<Otherwise>,
     notes: Vec<String>,
 }
 
 #[derive(Serialize)]
 struct FitView<'p> {
-    model: &'p str,
+    model: Model,
     j: String,
     skid: Vec<ParameterView>,
     roll: Vec<ParameterView>,
     joint: Vec<ParameterView>,
     starts: i64,
     solves: i64,
-    status: &'p str,
+    status: &'p FitStatus,
 }
 
 #[derive(Serialize)]
-struct ComparisonView<'p> {
-    model: &'p str,
+struct ComparisonView {
+    model: Model,
     j: String,
     /// Of d, v, sigma, alpha.
     parts: [String; 4],
@@ -56,14 +58,14 @@ struct ComparisonView<'p> {
 }
 
 #[derive(Serialize)]
-struct Otherwise<'p> {
-    gait_input: &'p str,
-    rows: Vec<OtherwiseRow<'p>>,
+struct Otherwise {
+    gait_input: GaitInput,
+    rows: Vec<OtherwiseRow>,
 }
 
 #[derive(Serialize)]
-struct OtherwiseRow<'p> {
-    model: &'p str,
+struct OtherwiseRow {
+    model: Model,
     j: String,
     other_j: String,
     /// Of the wheels; as the other input gives them.
@@ -100,7 +102,7 @@ pub fn sections<'p>(
             figures: views(drawn, |figure| {
                 figure.campaigns == [name] && figure.stem != figures::TRUTH
             }),
-            passive: fits.iter().any(|fit| fit.damping_nm_s_rad.is_finite()),
+            passive: fits.iter().any(|fit| fit.parameters[Parameter::Damping].is_finite()),
             best: compared.first().map(|row| row.sentence.as_str()),
             comparison: compared.iter().map(|row| comparison_view(row)).collect(),
             otherwise: otherwise(&compared),
@@ -116,72 +118,77 @@ pub fn sections<'p>(
 /// that the robot does not get into from rest.
 fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
     let mut remarks = not_drawn(tables, campaign);
-    let mut counts: BTreeMap<(usize, &str, &str), usize> = BTreeMap::new();
+    let mut counts: BTreeMap<(Model, FromRest), usize> = BTreeMap::new();
     for row in tables.predictions.iter().filter(|row| row.campaign == campaign) {
-        if matches!(row.from_rest.as_str(), "another" | "unsettled") {
-            let rank = style::model_rank(&row.model);
-            *counts.entry((rank, &row.model, &row.from_rest)).or_default() += 1;
+        if let Some(from_rest) = row.from_rest {
+            *counts.entry((row.model, from_rest)).or_default() += 1;
         }
     }
-    remarks.extend(counts.iter().map(|((_, model, from_rest), count)| {
-        let goes = match *from_rest {
-            "another" => "gets into another motion than the one that is shown",
-            _ => "does not settle",
+    remarks.extend(counts.iter().filter_map(|((model, from_rest), count)| {
+        let goes = match from_rest {
+            FromRest::Reached => return None,
+            FromRest::Another => "gets into another motion than the one that is shown",
+            FromRest::Unsettled => "does not settle",
         };
         let at = if *count == 1 { "frequency" } else { "frequencies" };
-        format!("{model}: at {count} {at} of the trials the robot that starts from rest {goes}.")
+        Some(format!(
+            "{model}: at {count} {at} of the trials the robot that starts from rest {goes}."
+        ))
     }));
     remarks
 }
 
 /// Predictions that the figures leave out, by model and reason.
 fn not_drawn(tables: &Tables, campaign: &str) -> Vec<String> {
-    let mut counts: BTreeMap<(usize, &str, &str, &str), usize> = BTreeMap::new();
+    let mut counts: BTreeMap<(Model, PredictionSource, MotionStatus), usize> = BTreeMap::new();
     for row in tables.predictions.iter().filter(|row| row.campaign == campaign) {
-        let rank = style::model_rank(&row.model);
-        *counts.entry((rank, &row.model, &row.source, &row.status)).or_default() += 1;
+        *counts.entry((row.model, row.source, row.status)).or_default() += 1;
     }
-    let total = |model: &str, source: &str| -> usize {
-        let of = counts.iter().filter(|(key, _)| key.1 == model && key.2 == source);
+    let total = |model: Model, source: PredictionSource| -> usize {
+        let of = counts.iter().filter(|(key, _)| key.0 == model && key.1 == source);
         of.map(|(_, count)| count).sum()
     };
     counts
         .iter()
-        .filter(|((_, _, _, status), _)| *status != "stable")
-        .map(|((_, model, source, status), count)| {
-            let total = total(model, source);
-            let at = if *source == "trial" { "the trials' frequencies" } else { "the curve" };
+        .filter(|((.., status), _)| *status != MotionStatus::Stable)
+        .map(|((model, source, status), count)| {
+            let total = total(*model, *source);
+            let at = match source {
+                PredictionSource::Trial => "the trials' frequencies",
+                PredictionSource::Curve => "the curve",
+            };
             format!("{model}: {count} of {total} points of {at} are not drawn, status {status}.")
         })
         .collect()
 }
 
 fn fit_view(fit: &FitRow) -> FitView<'_> {
-    let view = |parameter: &Parameter| ParameterView {
-        value: parameter.text(),
-        free: parameter.free,
-        interval: parameter.interval(),
-        marks: parameter.marks(),
+    let view = |parameter: &Parameter| {
+        let fitted = FittedParameter::of(fit, *parameter);
+        ParameterView {
+            value: fitted.text(),
+            free: fitted.free,
+            interval: fitted.interval(),
+            marks: fitted.marks(),
+        }
     };
-    let parameters = parameters::of_fit(fit).map(|parameter| view(&parameter));
-    let mut parameters = parameters.into_iter();
+    let views = |parameters: &[Parameter]| parameters.iter().map(view).collect();
     FitView {
-        model: &fit.model,
+        model: fit.model,
         j: significant(fit.j, 4),
-        skid: parameters.by_ref().take(3).collect(),
-        roll: parameters.by_ref().take(3).collect(),
-        // The sum of the roll coefficients is not shown.
-        joint: parameters.skip(1).collect(),
+        skid: views(&Parameter::SKID),
+        roll: views(&Parameter::ROLL),
+        joint: views(&[Parameter::Stiffness, Parameter::Damping]),
         starts: fit.starts,
         solves: fit.solves,
         status: &fit.status,
     }
 }
 
-fn comparison_view(row: &ComparisonRow) -> ComparisonView<'_> {
+fn comparison_view(row: &ComparisonRow) -> ComparisonView {
     let wins = fixed(100.0 * row.wins, 1);
     ComparisonView {
-        model: &row.model,
+        model: row.model,
         j: significant(row.j, 4),
         parts: [row.j_d, row.j_v, row.j_sigma, row.j_alpha].map(|part| significant(part, 3)),
         left_out: significant(row.j_left_out, 4),
@@ -192,15 +199,14 @@ fn comparison_view(row: &ComparisonRow) -> ComparisonView<'_> {
 }
 
 /// What the other gait input than the configured one gives.
-fn otherwise<'p>(rows: &[&'p ComparisonRow]) -> Option<Otherwise<'p>> {
+fn otherwise(rows: &[&ComparisonRow]) -> Option<Otherwise> {
     let with = |row: &&&ComparisonRow| row.other_gait_j.is_finite();
-    let gait_input = rows.iter().find(with)?.other_gait_input.as_str();
-    let view = |row: &&'p ComparisonRow| OtherwiseRow {
-        model: &row.model,
+    let gait_input = rows.iter().find(with)?.other_gait_input?;
+    let view = |row: &&ComparisonRow| OtherwiseRow {
+        model: row.model,
         j: significant(row.j, 4),
         other_j: significant(row.other_gait_j, 4),
-        skid: [row.other_gait_skid0_kg_s, row.other_gait_skid1_kg_s, row.other_gait_skid2_kg_s]
-            .map(|skid| significant(skid, 4)),
+        skid: Parameter::SKID.map(|skid| significant(row.other_gait_parameters[skid], 4)),
     };
     Some(Otherwise { gait_input, rows: rows.iter().filter(with).map(view).collect() })
 }

@@ -22,7 +22,7 @@ use super::truth::{self, Comparison, Truth};
 use super::warnings::{CheckCount, Trouble, check_counts, troubled};
 use super::{ReportError, figures, scorecard};
 use crate::report::ReportInput;
-use crate::store::{RobotParameterRow, TrialRow};
+use crate::store::{RobotParameterRow, TrialRow, TrialStatus};
 
 /// Trials' names, and the files of their pages in `trials/`.
 pub type TrialPages = BTreeMap<String, String>;
@@ -119,7 +119,7 @@ struct TrialView<'p> {
     cycles: i64,
     coverage: String,
     residual: String,
-    status: &'p str,
+    status: TrialStatus,
 }
 
 /// The page as HTML.
@@ -135,16 +135,15 @@ pub fn html(
     missing: &[String],
     truth: Option<&Truth>,
 ) -> Result<String, ReportError> {
-    let with_status =
-        |status: &str| tables.trials.iter().filter(|row| row.status == status).count();
+    let with_status = |status| tables.trials.iter().filter(|row| row.status == status).count();
     let page = Page {
         version: env!("CARGO_PKG_VERSION"),
         synthetic: truth.is_some_and(|truth| truth.synthetic),
         counts: Counts {
             trials: tables.trials.len(),
-            ok: with_status("ok"),
-            flagged: with_status("flagged"),
-            failed: with_status("failed"),
+            ok: with_status(TrialStatus::Ok),
+            flagged: with_status(TrialStatus::Flagged),
+            failed: with_status(TrialStatus::Failed),
             fits: tables.fits.len(),
             figures: drawn.len(),
         },
@@ -197,14 +196,14 @@ fn robot_views(row: &RobotParameterRow) -> impl Iterator<Item = RobotView<'_>> {
         trial: &row.trial,
         name: quantity.name,
         unit: quantity.unit,
-        measured: with_error(quantity.measured, quantity.se),
+        measured: with_error(quantity.measured.value, quantity.measured.se),
         configured: as_configured(quantity.configured),
     })
 }
 
 fn trial_groups<'p>(trials: &'p [TrialRow], pages: &'p TrialPages) -> Vec<TrialGroup<'p>> {
     fn name(row: &TrialRow) -> &str {
-        if row.campaign.is_empty() { &row.kind } else { &row.campaign }
+        if row.campaign.is_empty() { row.kind.name() } else { &row.campaign }
     }
     let groups = trials.chunk_by(|a, b| name(a) == name(b));
     groups
@@ -221,15 +220,15 @@ fn trial_view<'p>(row: &'p TrialRow, pages: &'p TrialPages) -> TrialView<'p> {
         page: pages.get(&row.trial).map(String::as_str),
         omega_commanded: as_configured(row.omega_commanded_rad_s),
         omega: significant(row.omega_rad_s, 4),
-        d_mm: with_error(1e3 * row.d_m, 1e3 * row.d_m_se),
-        v_mm_s: with_error(1e3 * row.v_m_s, 1e3 * row.v_m_s_se),
-        sigma: [row.sigma0, row.sigma1, row.sigma2].map(|sigma| fixed(sigma, 4)),
+        d_mm: with_error(1e3 * row.metrics.d_m, 1e3 * row.metrics_se.d_m),
+        v_mm_s: with_error(1e3 * row.metrics.v_m_s, 1e3 * row.metrics_se.v_m_s),
+        sigma: row.metrics.sigma.map(|sigma| fixed(sigma, 4)),
         cycles: row.cycles,
         coverage: match fixed(100.0 * row.coverage, 1) {
             none if none == NONE => none,
             percent => format!("{percent} %"),
         },
         residual: significant(row.residual_mm, 2),
-        status: &row.status,
+        status: row.status,
     }
 }

@@ -3,11 +3,14 @@
 use serde::Serialize;
 
 use super::{Drawn, FigureView, engine, figure_view};
+use crate::config::SigmaKind;
+use crate::metrics::Estimate;
 use crate::report::ReportError;
 use crate::report::numbers::{fixed, significant, with_error};
 use crate::report::recording::Recording;
 use crate::report::tables::Tables;
-use crate::store::{CheckRow, CycleRow, TrialRow};
+use crate::store::{CheckRow, CycleRow, Severity, TrialRow, TrialStatus};
+use crate::trial::TrialKind;
 
 pub const TEMPLATE: &str = include_str!("trial.html");
 
@@ -15,9 +18,9 @@ pub const TEMPLATE: &str = include_str!("trial.html");
 struct Page<'p> {
     version: &'static str,
     trial: &'p str,
-    kind: &'p str,
+    kind: TrialKind,
     campaign: &'p str,
-    status: &'p str,
+    status: TrialStatus,
     messages: Vec<&'p str>,
     quantities: Vec<QuantityView>,
     figures: Vec<FigureView<'p>>,
@@ -55,7 +58,7 @@ struct CycleView {
 #[derive(Serialize)]
 struct CheckView<'p> {
     check: &'p str,
-    severity: &'p str,
+    severity: Severity,
     value: String,
     limit: String,
     message: &'p str,
@@ -75,9 +78,9 @@ pub fn html(
     let page = Page {
         version: env!("CARGO_PKG_VERSION"),
         trial: &trial.trial,
-        kind: &trial.kind,
+        kind: trial.kind,
         campaign: &trial.campaign,
-        status: &trial.status,
+        status: trial.status,
         messages: [trial.message.as_str()].into_iter().filter(|text| !text.is_empty()).collect(),
         quantities: quantities(trial, tables),
         figures: drawn.iter().map(|drawn| figure_view(drawn, false)).collect(),
@@ -97,30 +100,35 @@ fn quantities(trial: &TrialRow, tables: &Tables) -> Vec<QuantityView> {
         value: if value.is_finite() { with_error(value, error) } else { String::new() },
         unit,
     };
+    let TrialRow { metrics, metrics_se, .. } = trial;
+    let sigma = |name, of: Estimate| quantity(name, of.value, of.se, "");
+    let [raw0, raw1, raw2] = trial.sigma(SigmaKind::Raw);
+    let [debiased0, debiased1, debiased2] = trial.sigma_debiased;
+    let [phi1, phi2] = trial.gait;
     let plain = [
         quantity("ω, set", trial.omega_commanded_rad_s, f64::NAN, "rad/s"),
         quantity("ω", trial.omega_rad_s, trial.omega_rad_s_se, "rad/s"),
-        quantity("d", 1e3 * trial.d_m, 1e3 * trial.d_m_se, "mm"),
-        quantity("v", 1e3 * trial.v_m_s, 1e3 * trial.v_m_s_se, "mm/s"),
-        quantity("σ₀", trial.sigma0, trial.sigma0_se, ""),
-        quantity("σ₁", trial.sigma1, trial.sigma1_se, ""),
-        quantity("σ₂", trial.sigma2, trial.sigma2_se, ""),
-        quantity("σ₀ without noise", trial.sigma0_debiased, trial.sigma0_debiased_se, ""),
-        quantity("σ₁ without noise", trial.sigma1_debiased, trial.sigma1_debiased_se, ""),
-        quantity("σ₂ without noise", trial.sigma2_debiased, trial.sigma2_debiased_se, ""),
-        quantity("α₁", deg(trial.alpha1_rad), deg(trial.alpha1_rad_se), "deg"),
-        quantity("Rotation per cycle", deg(trial.dtheta_rad), deg(trial.dtheta_rad_se), "deg"),
-        quantity("Offset of φ₁", deg(trial.phi1_offset_rad), f64::NAN, "deg"),
-        quantity("Amplitude of φ₁", deg(trial.phi1_amplitude_rad), f64::NAN, "deg"),
-        quantity("Offset of φ₂", deg(trial.phi2_offset_rad), f64::NAN, "deg"),
-        quantity("Amplitude of φ₂", deg(trial.phi2_amplitude_rad), f64::NAN, "deg"),
+        quantity("d", 1e3 * metrics.d_m, 1e3 * metrics_se.d_m, "mm"),
+        quantity("v", 1e3 * metrics.v_m_s, 1e3 * metrics_se.v_m_s, "mm/s"),
+        sigma("σ₀", raw0),
+        sigma("σ₁", raw1),
+        sigma("σ₂", raw2),
+        sigma("σ₀ without noise", debiased0),
+        sigma("σ₁ without noise", debiased1),
+        sigma("σ₂ without noise", debiased2),
+        quantity("α₁", deg(metrics.alpha1_rad), deg(metrics_se.alpha1_rad), "deg"),
+        quantity("Rotation per cycle", deg(metrics.dtheta_rad), deg(metrics_se.dtheta_rad), "deg"),
+        quantity("Offset of φ₁", deg(phi1.offset_rad), f64::NAN, "deg"),
+        quantity("Amplitude of φ₁", deg(phi1.amplitude_rad), f64::NAN, "deg"),
+        quantity("Offset of φ₂", deg(phi2.offset_rad), f64::NAN, "deg"),
+        quantity("Amplitude of φ₂", deg(phi2.amplitude_rad), f64::NAN, "deg"),
         quantity("Coverage", 100.0 * trial.coverage, f64::NAN, "%"),
         quantity("Mean residual", trial.residual_mm, f64::NAN, "mm"),
     ];
     let robots = tables.robots.iter().filter(|row| row.trial == trial.trial);
     let of_robot = robots.flat_map(|row| row.quantities()).map(|found| QuantityView {
         name: found.name,
-        value: with_error(found.measured, found.se),
+        value: with_error(found.measured.value, found.measured.se),
         unit: found.unit,
     });
     plain.into_iter().chain(of_robot).filter(|row| !row.value.is_empty()).collect()
@@ -148,10 +156,10 @@ fn cycle_view(row: &CycleRow) -> CycleView {
     CycleView {
         cycle: row.cycle,
         start_s: fixed(row.start_s, 3),
-        d_mm: fixed(1e3 * row.d_m, 2),
-        v_mm_s: fixed(1e3 * row.v_m_s, 2),
-        sigma: [row.sigma0, row.sigma1, row.sigma2].map(|sigma| fixed(sigma, 4)),
-        dtheta_deg: fixed(row.dtheta_rad.to_degrees(), 2),
+        d_mm: fixed(1e3 * row.metrics.d_m, 2),
+        v_mm_s: fixed(1e3 * row.metrics.v_m_s, 2),
+        sigma: row.metrics.sigma.map(|sigma| fixed(sigma, 4)),
+        dtheta_deg: fixed(row.metrics.dtheta_rad.to_degrees(), 2),
         used: row.used,
     }
 }
@@ -159,7 +167,7 @@ fn cycle_view(row: &CycleRow) -> CycleView {
 fn check_view(check: &CheckRow) -> CheckView<'_> {
     CheckView {
         check: &check.check,
-        severity: &check.severity,
+        severity: check.severity,
         value: significant(check.value, 3),
         limit: significant(check.limit, 3),
         message: &check.message,

@@ -7,14 +7,15 @@ use super::paper::Paper;
 use super::sweep::{self, Curve, Optimum, Point, Quantity};
 use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
+use crate::motion::{Model, MotionStatus};
 use crate::report::tables::Tables;
 use crate::robot::Parameter;
-use crate::store::TrialRow;
+use crate::store::{PredictionSource, TrialRow, TrialStatus};
 
 /// Part of the printed frequency that a trial may be off.
 const NEAR: f64 = 0.02;
 /// Model whose coefficients the paper prints.
-const FITTED_MODEL: &str = "skid-roll";
+const FITTED_MODEL: Model = Model::SkidRoll;
 
 /// How a number is measured.
 #[derive(Debug, Clone, Deserialize)]
@@ -74,14 +75,14 @@ pub enum Measured {
     /// A model's objective, or a part of it, over the largest of others.
     ObjectiveRatio {
         campaign: String,
-        model: String,
-        over: Vec<String>,
+        model: Model,
+        over: Vec<Model>,
         part: Part,
     },
     /// Part of the trials at whose frequencies a model has a motion.
     Existing {
         campaign: String,
-        model: String,
+        model: Model,
     },
 }
 
@@ -146,7 +147,7 @@ impl Measured {
             Self::LagExcess { motion, over, campaign, omega_rad_s } => {
                 let trials = trials_near(tables, campaign, *omega_rad_s);
                 // The phases lie together: their mean may be taken about the first's.
-                let lag = |row: &TrialRow| row.phi1_phase_rad - row.phi2_phase_rad;
+                let lag = |row: &TrialRow| row.gait[0].phase_rad - row.gait[1].phase_rad;
                 let first = lag(trials.first()?);
                 let off = trials.iter().map(|row| wrapped(lag(row) - first)).sum::<f64>();
                 let measured = (first + off / trials.len() as f64).to_degrees();
@@ -155,15 +156,11 @@ impl Measured {
             Self::GaitOffCommand { campaign, omega_rad_s } => {
                 let (_, gait) = paper.config.campaign_setup(campaign)?;
                 let off = trials_near(tables, campaign, *omega_rad_s).into_iter().map(|row| {
-                    let found = [
-                        [row.phi1_offset_rad, row.phi1_amplitude_rad],
-                        [row.phi2_offset_rad, row.phi2_amplitude_rad],
-                    ];
-                    let commands = gait.joints.iter().zip(found);
-                    let off = commands.filter_map(|(joint, [offset, amplitude])| {
+                    let commands = gait.joints.iter().zip(row.gait);
+                    let off = commands.filter_map(|(joint, found)| {
                         let joint = (*joint)?;
-                        let off = (offset - joint.offset_rad).abs();
-                        Some(off.max((amplitude - joint.amplitude_rad).abs()))
+                        let off = (found.offset_rad - joint.offset_rad).abs();
+                        Some(off.max((found.amplitude_rad - joint.amplitude_rad).abs()))
                     });
                     off.fold(0.0, f64::max).to_degrees()
                 });
@@ -172,9 +169,9 @@ impl Measured {
             Self::Robot { robot, quantity } => robot_quantity(tables, robot, *quantity)?,
             Self::Fit { campaign, parameter } => return fitted(tables, campaign, parameter),
             Self::ObjectiveRatio { campaign, model, over, part } => {
-                let part = |model: &str| {
+                let part = |model: &Model| {
                     let mut rows = tables.comparison.iter();
-                    let row = rows.find(|row| row.campaign == *campaign && row.model == model)?;
+                    let row = rows.find(|row| row.campaign == *campaign && row.model == *model)?;
                     let value = match part {
                         Part::J => row.j,
                         Part::JAlpha => row.j_alpha,
@@ -193,8 +190,8 @@ impl Measured {
                     .predictions
                     .iter()
                     .filter(|row| row.campaign == *campaign && row.model == *model)
-                    .filter(|row| row.source == "trial")
-                    .map(|row| matches!(row.status.as_str(), "stable" | "unstable"))
+                    .filter(|row| row.source == PredictionSource::Trial)
+                    .map(|row| matches!(row.status, MotionStatus::Stable | MotionStatus::Unstable))
                     .collect();
                 if rows.is_empty() {
                     return None;
@@ -209,7 +206,10 @@ impl Measured {
 /// Trials of a campaign that have results.
 fn trials<'t>(tables: &'t Tables, campaign: &str) -> impl Iterator<Item = &'t TrialRow> {
     let of = tables.trials.iter().filter(move |row| row.campaign == campaign);
-    of.filter(|row| row.status != "failed" && row.d_m.is_finite() && row.v_m_s.is_finite())
+    of.filter(|row| {
+        let GaitMetrics { d_m, v_m_s, .. } = row.metrics;
+        row.status != TrialStatus::Failed && d_m.is_finite() && v_m_s.is_finite()
+    })
 }
 
 fn is_near(omega_rad_s: f64, printed_rad_s: f64) -> bool {
@@ -229,13 +229,13 @@ fn measured_curve(tables: &Tables, campaign: &str, sigma: SigmaKind) -> Curve {
         let mean = |value: &dyn Fn(&TrialRow) -> f64| {
             group.iter().map(|row| value(row)).sum::<f64>() / group.len() as f64
         };
-        let wheel = |wheel: usize| mean(&|row| row.sigma(sigma)[wheel].0);
+        let wheel = |wheel: usize| mean(&|row| row.sigma(sigma)[wheel].value);
         let metrics = GaitMetrics {
-            d_m: mean(&|row| row.d_m),
-            v_m_s: mean(&|row| row.v_m_s),
+            d_m: mean(&|row| row.metrics.d_m),
+            v_m_s: mean(&|row| row.metrics.v_m_s),
             sigma: [wheel(0), wheel(1), wheel(2)],
-            alpha1_rad: mean(&|row| row.alpha1_rad),
-            dtheta_rad: mean(&|row| row.dtheta_rad),
+            alpha1_rad: mean(&|row| row.metrics.alpha1_rad),
+            dtheta_rad: mean(&|row| row.metrics.dtheta_rad),
         };
         let omega_rad_s = group[0].omega_commanded_rad_s;
         Point { omega_rad_s, metrics, floquet: f64::NAN, work_j: f64::NAN }
@@ -284,12 +284,12 @@ fn robot_quantity(tables: &Tables, robot: &str, quantity: RobotQuantity) -> Opti
     let of_robot = tables.robots.iter().filter(|row| row.robot == robot);
     let values: Vec<f64> = of_robot
         .map(|row| match quantity {
-            RobotQuantity::RestAngleDeg => row.rest_angle_rad.to_degrees(),
-            RobotQuantity::DampingRatio => row.damping_ratio,
-            RobotQuantity::NaturalRadS => row.natural_rad_s,
-            RobotQuantity::StiffnessNmRad => row.stiffness_nm_rad,
-            RobotQuantity::DampingNmSRad => row.damping_nm_s_rad,
-            RobotQuantity::RollSumKgS => row.roll_sum_kg_s,
+            RobotQuantity::RestAngleDeg => row.rest_angle_rad.value.to_degrees(),
+            RobotQuantity::DampingRatio => row.damping_ratio.value,
+            RobotQuantity::NaturalRadS => row.natural_rad_s.value,
+            RobotQuantity::StiffnessNmRad => row.stiffness_nm_rad.value,
+            RobotQuantity::DampingNmSRad => row.damping_nm_s_rad.value,
+            RobotQuantity::RollSumKgS => row.roll_sum_kg_s.value,
         })
         .filter(|value| value.is_finite())
         .collect();
@@ -298,15 +298,13 @@ fn robot_quantity(tables: &Tables, robot: &str, quantity: RobotQuantity) -> Opti
 
 /// A coefficient that a fit left free, with its interval.
 fn fitted(tables: &Tables, campaign: &str, parameter: &str) -> Option<Found> {
-    let place = Parameter::of_column(parameter)? as usize;
+    let parameter = Parameter::of_column(parameter)?;
     let mut fits = tables.fits.iter();
     let fit = fits.find(|fit| {
-        fit.campaign == campaign
-            && fit.model == FITTED_MODEL
-            && fit.free.iter().any(|name| name == parameter)
+        fit.campaign == campaign && fit.model == FITTED_MODEL && fit.free.contains(&parameter)
     })?;
-    let value = fit.parameters()[place];
-    let limits = [fit.lower_limits()[place], fit.upper_limits()[place]];
+    let value = fit.parameters[parameter];
+    let limits = [fit.lower[parameter], fit.upper[parameter]];
     let limits = limits.iter().any(|limit| limit.is_finite()).then_some(limits);
     value.is_finite().then_some(Found { limits, ..Found::new(value) })
 }

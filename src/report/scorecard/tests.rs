@@ -8,6 +8,7 @@ use super::measured::Measured;
 use super::*;
 use crate::config::Config;
 use crate::report::tests::made_up::{self, Tables as MadeUp};
+use crate::store::TrialStatus;
 
 /// The scorecard of a folder without tables.
 fn alone() -> Vec<Entry> {
@@ -181,7 +182,7 @@ fn trials_and_fits_answer_what_is_about_them() {
     let entries = with_tables(&tables, true);
     let d = find(&entries, "fig9-d");
     let trial = tables.trials.iter().find(|row| row.trial == "kinematic-skewed-3.90-r1");
-    assert_eq!(d.measured, trial.map(|row| 1e3 * row.d_m));
+    assert_eq!(d.measured, trial.map(|row| 1e3 * row.metrics.d_m));
     // Judged by what is computed, all the same.
     assert!((d.relative_difference.expect("a number") + 0.0747).abs() < 1e-4);
     assert_eq!((d.judged_by, d.verdict), (Some(Judged::Computed), "reproduced"));
@@ -207,12 +208,12 @@ fn trials_and_fits_answer_what_is_about_them() {
     assert_eq!(find(&entries, "alpha-accuracy").verdict, "not testable here");
 
     // Repeated trials count by their mean, failed ones not at all.
-    let again = |status: &str, d_m: f64| {
+    let again = |status: TrialStatus, d_m: f64| {
         let mut row = made_up::trial(made_up::SKEWED, 3.9, [d_m, 0.04, 0.02, 0.02]);
-        row.status = status.to_owned();
+        row.status = status;
         row
     };
-    tables.trials.extend([again("failed", 9.0), again("flagged", 0.2)]);
+    tables.trials.extend([again(TrialStatus::Failed, 9.0), again(TrialStatus::Flagged, 0.2)]);
     let entries = with_tables(&tables, false);
     let mean = find(&entries, "fig9-d").measured.expect("a number");
     assert!((mean - 0.5 * (d.measured.expect("a number") + 200.0)).abs() < 1e-9, "{mean}");

@@ -3,11 +3,16 @@
 use std::path::Path;
 
 use super::recording;
-use crate::robot::Parameter;
+use crate::config::GaitInput;
+use crate::metrics::{Estimate, GaitMetrics};
+use crate::motion::{FromRest, Model, MotionStatus};
+use crate::robot::{ByParameter, Parameter};
 use crate::store::{
-    BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, Provenance,
-    RobotParameterRow, Rows, StartRow, TrialRow,
+    BootstrapRow, CheckRow, ComparisonRow, FitRow, FitStatus, JointGait, PredictionRow,
+    PredictionSource, ProfileRow, Provenance, RobotParameterRow, Rows, Severity, StartRow,
+    TrialRow, TrialStatus,
 };
+use crate::trial::TrialKind;
 
 pub const SKEWED: &str = "kinematic-skewed";
 pub const SYMMETRIC: &str = "kinematic-symmetric";
@@ -77,14 +82,13 @@ pub struct Tables {
 impl Tables {
     pub fn of_the_paper() -> Self {
         let mut tables = Self::default();
-        let models: [(&str, &Measured, [&str; 4]); 3] = [
-            (SKEWED, &SKEWED_MEASURED, ["no-skid", "no-skid-measured", "skid", "skid-roll"]),
-            (SYMMETRIC, &SYMMETRIC_MEASURED, ["no-skid", "no-skid-measured", "skid", "skid-roll"]),
-            (
-                SEMI_PASSIVE,
-                &SEMI_PASSIVE_MEASURED,
-                ["no-skid", "no-skid-damped", "no-skid-roll", "skid-roll"],
-            ),
+        use Model::{NoSkid, NoSkidDamped, NoSkidMeasured, NoSkidRoll, Skid, SkidRoll};
+        let kinematic = [NoSkid, NoSkidMeasured, Skid, SkidRoll];
+        let passive = [NoSkid, NoSkidDamped, NoSkidRoll, SkidRoll];
+        let models: [(&str, &Measured, [Model; 4]); 3] = [
+            (SKEWED, &SKEWED_MEASURED, kinematic),
+            (SYMMETRIC, &SYMMETRIC_MEASURED, kinematic),
+            (SEMI_PASSIVE, &SEMI_PASSIVE_MEASURED, passive),
         ];
         for (campaign, measured, models) in models {
             for (omega, &values) in OMEGA_RAD_S.iter().zip(measured) {
@@ -124,17 +128,13 @@ impl Tables {
             trial: RELEASE.to_owned(),
             joint: 1,
             inertia_kg_m2: 0.001734,
-            damping_ratio: 0.19,
-            damping_ratio_se: 0.001,
-            damping_ratio_decrement: 0.192,
-            damping_ratio_decrement_se: 0.002,
-            rest_angle_rad: 0.0,
-            kind: "joint-release".to_owned(),
+            damping_ratio: Estimate::new(0.19, 0.001),
+            damping_ratio_decrement: Estimate::new(0.192, 0.002),
+            rest_angle_rad: Estimate::new(0.0, f64::NAN),
+            kind: TrialKind::JointRelease,
             robot: "semi-passive".to_owned(),
-            natural_rad_s: 10.4,
-            natural_rad_s_se: 0.02,
-            stiffness_nm_rad: 0.1875,
-            stiffness_nm_rad_se: 0.0012,
+            natural_rad_s: Estimate::new(10.4, 0.02),
+            stiffness_nm_rad: Estimate::new(0.1875, 0.0012),
             stiffness_configured_nm_rad: 0.188,
             ..RobotParameterRow::blank()
         };
@@ -144,7 +144,7 @@ impl Tables {
     fn comparison(&self) -> Vec<ComparisonRow> {
         let row = |fit: &FitRow| ComparisonRow {
             campaign: fit.campaign.clone(),
-            model: fit.model.clone(),
+            model: fit.model,
             j: fit.j,
             j_d: 0.7 * fit.j,
             j_v: 0.1 * fit.j,
@@ -154,10 +154,13 @@ impl Tables {
             free: fit.free.len() as i64,
             terms: 60,
             criterion: 120.0 * fit.j.ln(),
-            wins: if fit.model == "skid-roll" { 0.985 } else { 0.005 },
-            other_gait_input: "measured".to_owned(),
+            wins: if fit.model == Model::SkidRoll { 0.985 } else { 0.005 },
+            other_gait_input: Some(GaitInput::Measured),
             other_gait_j: 0.8 * fit.j,
-            other_gait_skid0_kg_s: 1.02 * fit.skid0_kg_s,
+            other_gait_parameters: ByParameter::from_fn(|of| match of {
+                Parameter::Skid0 => 1.02 * fit.parameters[of],
+                _ => f64::NAN,
+            }),
             sentence: "The data prefer <skid-roll>: J = 1.0508.".to_owned(),
             status: fit.status.clone(),
             ..ComparisonRow::blank()
@@ -170,7 +173,7 @@ impl Tables {
         let rows = fitted.flat_map(|fit| (0..8).map(move |start| (fit, start)));
         let row = |(fit, start): (&FitRow, i64)| StartRow {
             campaign: fit.campaign.clone(),
-            model: fit.model.clone(),
+            model: fit.model,
             start,
             j: if start == 5 { 1.4 * fit.j } else { fit.j },
             ..StartRow::blank()
@@ -181,16 +184,15 @@ impl Tables {
     fn profiles(&self) -> Vec<ProfileRow> {
         let mut rows = Vec::new();
         for fit in &self.fits {
-            for (nth, name) in fit.free.iter().enumerate() {
-                let place = Parameter::of_column(name).expect("known") as usize;
+            for (nth, &parameter) in fit.free.iter().enumerate() {
                 for step in -9..=9 {
                     let offset = f64::from(step) * [0.01, 0.2, 0.3][nth];
                     let steep = if nth == 2 { 0.0 } else { [900.0, 0.4][nth] };
                     rows.push(ProfileRow {
                         campaign: fit.campaign.clone(),
-                        model: fit.model.clone(),
-                        parameter: name.clone(),
-                        value: fit.parameters()[place] * offset.exp(),
+                        model: fit.model,
+                        parameter,
+                        value: fit.parameters[parameter] * offset.exp(),
                         j: fit.j * (1.0 + steep * offset * offset),
                         limit_j: 1.1 * fit.j,
                         ..ProfileRow::blank()
@@ -206,28 +208,28 @@ impl Tables {
         let rows = fitted.flat_map(|fit| (0..100).map(move |replicate| (fit, replicate)));
         let row = |(fit, replicate): (&FitRow, i64)| {
             let phase = replicate as f64;
-            let mut row = BootstrapRow {
+            let off = [phase.sin(), (1.3 * phase).sin(), (1.7 * phase).cos()];
+            BootstrapRow {
                 campaign: fit.campaign.clone(),
-                model: fit.model.clone(),
+                model: fit.model,
                 replicate,
+                parameters: ByParameter::from_fn(|of| {
+                    fit.parameters[of] * (1.0 + 0.03 * off[of as usize % 3])
+                }),
                 j: fit.j,
                 ..BootstrapRow::blank()
-            };
-            let off = [phase.sin(), (1.3 * phase).sin(), (1.7 * phase).cos()];
-            let fitted = fit.parameters();
-            row.set_parameters(std::array::from_fn(|i| fitted[i] * (1.0 + 0.03 * off[i % 3])));
-            row
+            }
         };
         rows.map(row).collect()
     }
 
-    fn predict(&mut self, campaign: &str, model: &str, measured: &Measured) {
-        let curve = (0..=55).map(|i| ("curve", 0.5 + 0.1 * f64::from(i)));
-        let trials = OMEGA_RAD_S.iter().map(|&omega| ("trial", omega));
+    fn predict(&mut self, campaign: &str, model: Model, measured: &Measured) {
+        let curve = (0..=55).map(|i| (PredictionSource::Curve, 0.5 + 0.1 * f64::from(i)));
+        let trials = OMEGA_RAD_S.iter().map(|&omega| (PredictionSource::Trial, omega));
         for (source, omega) in curve.chain(trials) {
             let predicted = predicted(campaign, model, measured, omega);
             let row = prediction(campaign, model, omega, source, predicted);
-            if model != "no-skid-measured" || source == "trial" {
+            if model != Model::NoSkidMeasured || source == PredictionSource::Trial {
                 self.predictions.push(row);
             }
         }
@@ -235,7 +237,7 @@ impl Tables {
 }
 
 /// Smooth curves with the shape that the models have; `None` where there is no motion.
-fn predicted(campaign: &str, model: &str, measured: &Measured, omega: f64) -> Option<[f64; 4]> {
+fn predicted(campaign: &str, model: Model, measured: &Measured, omega: f64) -> Option<[f64; 4]> {
     let smooth = |column: usize| {
         let weight = |at: f64| (-(at - omega).powi(2) / 0.6).exp();
         let weights: f64 = OMEGA_RAD_S.iter().map(|&at| weight(at)).sum();
@@ -244,131 +246,127 @@ fn predicted(campaign: &str, model: &str, measured: &Measured, omega: f64) -> Op
     };
     let no_skid = |d| Some([d, 0.0, 0.0, 0.0]);
     match (campaign, model) {
-        (SKEWED, "no-skid") => no_skid(0.122405),
-        (SKEWED, "no-skid-measured") => no_skid(0.1185 - 0.0012 * omega),
-        (SYMMETRIC, "no-skid") => no_skid(0.663466),
-        (SYMMETRIC, "no-skid-measured") => None,
-        (SEMI_PASSIVE, "no-skid") => (omega > 0.8).then_some([4.2 / omega, 0.0, 0.0, 0.0]),
-        (SEMI_PASSIVE, "no-skid-damped") => no_skid(smooth(0) * 1.12),
-        (SEMI_PASSIVE, "no-skid-roll") => no_skid(smooth(0) * 1.06),
-        (_, "skid") => Some([smooth(0) * 1.03, smooth(1), smooth(2) * 0.9, smooth(3) * 1.1]),
+        (SKEWED, Model::NoSkid) => no_skid(0.122405),
+        (SKEWED, Model::NoSkidMeasured) => no_skid(0.1185 - 0.0012 * omega),
+        (SYMMETRIC, Model::NoSkid) => no_skid(0.663466),
+        (SYMMETRIC, Model::NoSkidMeasured) => None,
+        (SEMI_PASSIVE, Model::NoSkid) => (omega > 0.8).then_some([4.2 / omega, 0.0, 0.0, 0.0]),
+        (SEMI_PASSIVE, Model::NoSkidDamped) => no_skid(smooth(0) * 1.12),
+        (SEMI_PASSIVE, Model::NoSkidRoll) => no_skid(smooth(0) * 1.06),
+        (_, Model::Skid) => Some([smooth(0) * 1.03, smooth(1), smooth(2) * 0.9, smooth(3) * 1.1]),
         _ => Some([smooth(0), smooth(1), smooth(2), smooth(3)]),
     }
 }
 
 fn prediction(
     campaign: &str,
-    model: &str,
+    model: Model,
     omega_rad_s: f64,
-    source: &str,
+    source: PredictionSource,
     predicted: Option<[f64; 4]>,
 ) -> PredictionRow {
+    let is_trial = source == PredictionSource::Trial;
     let [d_m, sigma0, sigma1, sigma2] = predicted.unwrap_or([f64::NAN; 4]);
     PredictionRow {
         campaign: campaign.to_owned(),
-        model: model.to_owned(),
+        model,
         omega_rad_s,
-        source: source.to_owned(),
-        d_m,
-        v_m_s: d_m * omega_rad_s / std::f64::consts::TAU,
-        sigma0,
-        sigma1,
-        sigma2,
-        alpha1_rad: 0.5,
-        dtheta_rad: 0.0,
-        j: if source == "trial" { 1.0 } else { f64::NAN },
-        status: if predicted.is_some() { "stable" } else { "singular" }.to_owned(),
-        from_rest: if source == "trial" && predicted.is_some() { "reached" } else { "" }.to_owned(),
+        source,
+        metrics: GaitMetrics {
+            d_m,
+            v_m_s: d_m * omega_rad_s / std::f64::consts::TAU,
+            sigma: [sigma0, sigma1, sigma2],
+            alpha1_rad: 0.5,
+            dtheta_rad: 0.0,
+        },
+        j: if is_trial { 1.0 } else { f64::NAN },
+        status: match predicted {
+            Some(_) => MotionStatus::Stable,
+            None => MotionStatus::Singular,
+        },
+        from_rest: predicted.filter(|_| is_trial).map(|_| FromRest::Reached),
     }
 }
 
-pub fn trial(campaign: &str, omega: f64, [d_m, sigma0, sigma1, sigma2]: [f64; 4]) -> TrialRow {
+pub fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> TrialRow {
     let v_m_s = d_m * omega / std::f64::consts::TAU;
     let offset_rad = if campaign == SKEWED { 0.78 } else { 0.0 };
     TrialRow {
         trial: format!("{campaign}-{omega:.2}-r1"),
         campaign: campaign.to_owned(),
-        kind: "gait".to_owned(),
+        kind: TrialKind::Gait,
         omega_commanded_rad_s: omega,
         omega_rad_s: omega * 1.0004,
         omega_rad_s_se: 0.0003,
         cycles: 8,
-        d_m,
-        d_m_se: 0.011 * d_m,
-        v_m_s,
-        v_m_s_se: 0.011 * v_m_s,
-        sigma0,
-        sigma0_se: 0.02 * sigma0,
-        sigma1,
-        sigma1_se: 0.02 * sigma1,
-        sigma2,
-        sigma2_se: 0.02 * sigma2,
-        sigma0_debiased: sigma0,
-        sigma0_debiased_se: 0.02 * sigma0,
-        sigma1_debiased: sigma1,
-        sigma1_debiased_se: 0.02 * sigma1,
-        sigma2_debiased: sigma2,
-        sigma2_debiased_se: 0.02 * sigma2,
-        alpha1_rad: 0.52,
-        alpha1_rad_se: 0.001,
-        dtheta_rad: 0.01,
-        dtheta_rad_se: 0.001,
-        phi1_offset_rad: offset_rad,
-        phi1_amplitude_rad: 0.51,
-        phi1_phase_rad: 0.0,
-        phi1_harmonics_rad: 0.002,
-        phi2_offset_rad: -offset_rad,
-        phi2_amplitude_rad: 0.5,
-        phi2_phase_rad: -1.57,
-        phi2_harmonics_rad: 0.002,
+        metrics: GaitMetrics { d_m, v_m_s, sigma, alpha1_rad: 0.52, dtheta_rad: 0.01 },
+        metrics_se: GaitMetrics {
+            d_m: 0.011 * d_m,
+            v_m_s: 0.011 * v_m_s,
+            sigma: sigma.map(|sigma| 0.02 * sigma),
+            alpha1_rad: 0.001,
+            dtheta_rad: 0.001,
+        },
+        sigma_debiased: sigma.map(|sigma| Estimate::new(sigma, 0.02 * sigma)),
+        gait: [
+            JointGait { offset_rad, amplitude_rad: 0.51, phase_rad: 0.0, harmonics_rad: 0.002 },
+            JointGait {
+                offset_rad: -offset_rad,
+                amplitude_rad: 0.5,
+                phase_rad: -1.57,
+                harmonics_rad: 0.002,
+            },
+        ],
         coverage: 0.9934,
         residual_mm: 0.1873,
         smoothing_window: 11,
         smoothing_left1: 0.99,
         smoothing_left2: 0.96,
         smoothing_left3: 0.91,
-        status: "ok".to_owned(),
+        status: TrialStatus::Ok,
         message: String::new(),
     }
 }
 
-pub fn fit(campaign: &str, model: &str, nth: usize) -> FitRow {
-    let skids = model.starts_with("skid");
-    let rolls = model.ends_with("roll");
+pub fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
+    use Parameter::{Damping, Skid0, Skid1, Skid2};
+    let (skids, rolls) = (model.skids(), model.has_roll_resistance());
     let passive = campaign == SEMI_PASSIVE;
     let when = |has: bool, value: f64| if has { value } else { f64::NAN };
-    let mut free: Vec<String> = Vec::new();
-    if skids {
-        free = ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"].map(str::to_owned).into();
-    }
-    if model == "no-skid-damped" {
-        free = vec!["damping_nm_s_rad".to_owned()];
-    }
-    let names = |has: bool, name: &str| if has { vec![name.to_owned()] } else { Vec::new() };
+    let free: Vec<Parameter> = match model {
+        _ if skids => Parameter::SKID.into(),
+        Model::NoSkidDamped => vec![Damping],
+        _ => Vec::new(),
+    };
+    let listed = |has: bool, parameter: Parameter| if has { vec![parameter] } else { Vec::new() };
     FitRow {
         campaign: campaign.to_owned(),
-        model: model.to_owned(),
-        skid0_kg_s: when(skids, 104.21),
-        skid0_kg_s_lo: when(skids, 98.4),
-        skid0_kg_s_hi: when(skids, 111.9),
-        skid1_kg_s: when(skids, 34.072),
-        skid1_kg_s_lo: when(skids, 21.3),
-        skid2_kg_s: when(skids, 1000.0),
-        roll0_kg_s: when(rolls, 0.6),
-        roll1_kg_s: when(rolls, 0.3),
-        roll2_kg_s: when(rolls, 0.3),
-        roll_sum_kg_s: when(rolls, 1.2),
-        stiffness_nm_rad: when(passive, 0.188),
-        damping_nm_s_rad: when(passive, 0.00712),
-        identifiable: names(skids, "skid0_kg_s"),
-        practically_not: names(skids, "skid1_kg_s"),
-        structurally_not: names(skids, "skid2_kg_s"),
-        at_bound: names(skids, "skid2_kg_s"),
+        model,
+        parameters: ByParameter::from_fn(|of| match of {
+            Skid0 => when(skids, 104.21),
+            Skid1 => when(skids, 34.072),
+            Skid2 => when(skids, 1000.0),
+            Parameter::Roll0 => when(rolls, 0.6),
+            Parameter::Roll1 | Parameter::Roll2 => when(rolls, 0.3),
+            Parameter::RollSum => when(rolls, 1.2),
+            Parameter::Stiffness => when(passive, 0.188),
+            Damping => when(passive, 0.00712),
+        }),
+        lower: ByParameter::from_fn(|of| match of {
+            Skid0 => when(skids, 98.4),
+            Skid1 => when(skids, 21.3),
+            _ => f64::NAN,
+        }),
+        upper: ByParameter::from_fn(|of| when(skids && of == Skid0, 111.9)),
+        identifiable: listed(skids, Skid0),
+        practically_not: listed(skids, Skid1),
+        structurally_not: listed(skids, Skid2),
+        at_bound: listed(skids, Skid2),
         starts: if free.is_empty() { 1 } else { 8 },
         free,
-        j: when(model != "no-skid-measured" || campaign == SKEWED, 4.2031 / (1 + nth) as f64),
+        j: when(model != Model::NoSkidMeasured || campaign == SKEWED, 4.2031 / (1 + nth) as f64),
         solves: 1230 * nth as i64,
-        status: "ok".to_owned(),
+        status: FitStatus::Ok,
         ..FitRow::blank()
     }
 }
@@ -377,7 +375,7 @@ pub fn fit(campaign: &str, model: &str, nth: usize) -> FitRow {
 pub fn with_trouble(mut tables: Tables, message: &str) -> Tables {
     let mut failed = trial(SKEWED, 3.0, [f64::NAN; 4]);
     failed.trial = "kinematic-skewed-3.00-r2".to_owned();
-    failed.status = "failed".to_owned();
+    failed.status = TrialStatus::Failed;
     failed.message = message.to_owned();
     failed.omega_rad_s = f64::NAN;
     failed.omega_rad_s_se = f64::NAN;
@@ -386,12 +384,12 @@ pub fn with_trouble(mut tables: Tables, message: &str) -> Tables {
     failed.cycles = 0;
     tables.trials.push(failed);
     let flagged = &mut tables.trials[5];
-    flagged.status = "flagged".to_owned();
+    flagged.status = TrialStatus::Flagged;
     flagged.message = "residual 0.62 mm, limit 0.5 mm".to_owned();
     tables.checks.push(CheckRow {
         trial: flagged.trial.clone(),
         check: "W003 residual".to_owned(),
-        severity: "warning".to_owned(),
+        severity: Severity::Warning,
         value: 0.62,
         limit: 0.5,
         message: "residual 0.62 mm, limit 0.5 mm".to_owned(),
@@ -406,8 +404,9 @@ pub fn truth() -> String {
         .trials
         .iter()
         .map(|row| {
-            let truth = serde_json::json!({"d_m": row.d_m * 1.002, "v_m_s": row.v_m_s * 0.998,
-                "sigma": [row.sigma0, row.sigma1, row.sigma2], "alpha1_rad": 0.521, "gait": [null, null]});
+            let GaitMetrics { d_m, v_m_s, sigma, .. } = row.metrics;
+            let truth = serde_json::json!({"d_m": d_m * 1.002, "v_m_s": v_m_s * 0.998,
+                "sigma": sigma, "alpha1_rad": 0.521, "gait": [null, null]});
             (row.trial.clone(), truth)
         })
         .collect();

@@ -9,7 +9,8 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use super::*;
-use crate::store::CheckRow;
+use crate::motion::{FromRest, Model};
+use crate::store::{CheckRow, FitStatus, Severity, TrialStatus};
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
 
 fn config(folder: &Path) -> Config {
@@ -218,12 +219,12 @@ fn the_page_lists_every_check_and_what_releases_say_of_the_robots() {
     let info = CheckRow {
         trial: tables.trials[0].trial.clone(),
         check: "W007 long-gaps".to_owned(),
-        severity: "info".to_owned(),
+        severity: Severity::Info,
         value: 0.1,
         limit: 0.3,
         message: "1 cycle with gaps is left out".to_owned(),
     };
-    let ok = CheckRow { severity: "ok".to_owned(), trial: "other".to_owned(), ..info.clone() };
+    let ok = CheckRow { severity: Severity::Ok, trial: "other".to_owned(), ..info.clone() };
     tables.checks.extend([info, ok]);
     let page = read(&reported_in_short(&tables, folder.path()).page);
     let counts = ["1", "1", "", ""].map(|count| format!("<td class=\"n\">{count}</td>")).concat();
@@ -238,7 +239,7 @@ fn messages_and_names_cannot_become_markup() {
     let hostile = "<img src=x onerror=alert(1)>";
     let mut tables = made_up::with_trouble(MadeUp::of_the_paper(), hostile);
     tables.trials[0].trial = hostile.to_owned();
-    tables.fits[0].status = hostile.to_owned();
+    tables.fits[0].status = FitStatus::Failed(hostile.to_owned());
     tables.checks[0].check = hostile.to_owned();
     let page = read(&reported_in_short(&tables, folder.path()).page);
     let file = "_img_src_x_onerror_alert_1__.html";
@@ -264,7 +265,7 @@ fn every_trial_has_a_page_and_those_that_are_gone_lose_theirs() {
     assert!(page.contains("<td class=\"n\">0.333</td>"));
     assert_eq!(std::fs::read_dir(&place).expect("a folder").count(), 36);
     tables.trials.truncate(2);
-    tables.trials[1].status = "failed".to_owned();
+    tables.trials[1].status = TrialStatus::Failed;
     reported_in_short(&tables, folder.path());
     assert_eq!(std::fs::read_dir(&place).expect("a folder").count(), 2);
     assert!(!read(&place.join(format!("{}.html", tables.trials[1].trial))).contains("Motion"));
@@ -292,10 +293,10 @@ fn the_page_says_where_the_robot_from_rest_does_not_get_into_the_motion_shown() 
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
     assert!(!read(&standard().1.page).contains("starts from rest"));
-    let rows = tables.predictions.iter_mut().filter(|row| row.from_rest == "reached");
-    for (row, goes) in rows.zip(["another", "another", "unsettled"]) {
-        (row.campaign, row.model) = (SKEWED.to_owned(), "no-skid".to_owned());
-        row.from_rest = goes.to_owned();
+    let rows = tables.predictions.iter_mut().filter(|row| row.from_rest.is_some());
+    for (row, goes) in rows.zip([FromRest::Another, FromRest::Another, FromRest::Unsettled]) {
+        (row.campaign, row.model) = (SKEWED.to_owned(), Model::NoSkid);
+        row.from_rest = Some(goes);
     }
     let page = read(&reported_in_short(&tables, folder.path()).page);
     for remark in [

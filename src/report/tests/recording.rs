@@ -4,7 +4,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::store::{
-    Column, CycleRow, Provenance, Rows, Table, TrialRow, cycles_path, poses_path, wheels_path,
+    CycleRow, Provenance, Rows, Table, TrialRow, cycles_path, names, numbers, poses_path, repeated,
+    wheels_path,
 };
 
 const RATE_HZ: f64 = 120.0;
@@ -16,7 +17,7 @@ pub fn write(derived: &Path, trial: &TrialRow) {
     let period_s = TAU / trial.omega_rad_s;
     let frames = (CYCLES as f64 * period_s * RATE_HZ) as usize;
     let phase = |i: usize| trial.omega_rad_s * i as f64 / RATE_HZ;
-    let along = |i: usize| trial.v_m_s * i as f64 / RATE_HZ;
+    let along = |i: usize| trial.metrics.v_m_s * i as f64 / RATE_HZ;
     let name = trial.trial.as_str();
     let fill = |link: usize| {
         let of = |i: usize| match (link, i) {
@@ -24,22 +25,23 @@ pub fn write(derived: &Path, trial: &TrialRow) {
             (_, i) if i % 17 == link => "rigid",
             _ => "measured",
         };
-        Column::Str((0..frames).map(|i| of(i).to_owned()).collect())
+        names(&format!("fill{link}"), (0..frames).map(of))
     };
-    let numbers = |of: &dyn Fn(usize) -> f64| Column::F64((0..frames).map(of).collect());
-    let poses = Table::new([
-        ("time_s", numbers(&|i| i as f64 / RATE_HZ)),
-        ("x_m", numbers(&|i| if (300..340).contains(&i) { f64::NAN } else { along(i) })),
-        ("y_m", numbers(&|i| 0.02 * phase(i).sin())),
-        ("theta_rad", numbers(&|i| 0.3 * phase(i).cos())),
-        ("phi1_rad", numbers(&|i| 0.52 * phase(i).cos())),
-        ("phi2_rad", numbers(&|i| 0.52 * phase(i).sin())),
-        ("residual0_mm", numbers(&|i| 0.2 + 0.001 * (i % 7) as f64)),
-        ("residual1_mm", numbers(&|i| 0.21 + 0.001 * (i % 5) as f64)),
-        ("residual2_mm", numbers(&|i| 0.19 + 0.001 * (i % 3) as f64)),
-        ("fill0", fill(0)),
-        ("fill1", fill(1)),
-        ("fill2", fill(2)),
+    let numbers =
+        |name: &str, of: &dyn Fn(usize) -> f64| numbers(name, (0..frames).map(of).collect());
+    let poses = Table::new(vec![
+        numbers("time_s", &|i| i as f64 / RATE_HZ),
+        numbers("x_m", &|i| if (300..340).contains(&i) { f64::NAN } else { along(i) }),
+        numbers("y_m", &|i| 0.02 * phase(i).sin()),
+        numbers("theta_rad", &|i| 0.3 * phase(i).cos()),
+        numbers("phi1_rad", &|i| 0.52 * phase(i).cos()),
+        numbers("phi2_rad", &|i| 0.52 * phase(i).sin()),
+        numbers("residual0_mm", &|i| 0.2 + 0.001 * (i % 7) as f64),
+        numbers("residual1_mm", &|i| 0.21 + 0.001 * (i % 5) as f64),
+        numbers("residual2_mm", &|i| 0.19 + 0.001 * (i % 3) as f64),
+        fill(0),
+        fill(1),
+        fill(2),
     ]);
     save(&poses, &poses_path(derived, name));
     save(&wheels(frames, &|i| 0.03 * phase(i).sin()), &wheels_path(derived, name));
@@ -47,7 +49,7 @@ pub fn write(derived: &Path, trial: &TrialRow) {
         trial: name.to_owned(),
         cycle: i as i64,
         start_s: i as f64 * period_s,
-        d_m: trial.d_m,
+        metrics: trial.metrics,
         used: i >= 2,
         ..CycleRow::blank()
     };
@@ -62,22 +64,22 @@ pub fn write_release(derived: &Path, trial: &str) {
         let time_s = (i as f64 / RATE_HZ - 0.5).max(0.0);
         0.5 * (-0.19 * 10.4 * time_s).exp() * (10.21 * time_s).cos()
     };
-    let numbers = |of: &dyn Fn(usize) -> f64| Column::F64((0..frames).map(of).collect());
-    let nothing = || numbers(&|_| 0.0);
-    let measured = || Column::Str(vec!["measured".to_owned(); frames]);
-    let poses = Table::new([
-        ("time_s", numbers(&|i| i as f64 / RATE_HZ)),
-        ("x_m", nothing()),
-        ("y_m", nothing()),
-        ("theta_rad", nothing()),
-        ("phi1_rad", numbers(&swing)),
-        ("phi2_rad", nothing()),
-        ("residual0_mm", nothing()),
-        ("residual1_mm", nothing()),
-        ("residual2_mm", nothing()),
-        ("fill0", measured()),
-        ("fill1", measured()),
-        ("fill2", measured()),
+    let numbers =
+        |name: &str, of: &dyn Fn(usize) -> f64| numbers(name, (0..frames).map(of).collect());
+    let nothing = |name: &str| numbers(name, &|_| 0.0);
+    let poses = Table::new(vec![
+        numbers("time_s", &|i| i as f64 / RATE_HZ),
+        nothing("x_m"),
+        nothing("y_m"),
+        nothing("theta_rad"),
+        numbers("phi1_rad", &swing),
+        nothing("phi2_rad"),
+        nothing("residual0_mm"),
+        nothing("residual1_mm"),
+        nothing("residual2_mm"),
+        repeated("fill0", "measured", frames),
+        repeated("fill1", "measured", frames),
+        repeated("fill2", "measured", frames),
     ]);
     save(&poses, &poses_path(derived, trial));
     save(&wheels(frames, &|_| 0.0), &wheels_path(derived, trial));
@@ -85,7 +87,7 @@ pub fn write_release(derived: &Path, trial: &str) {
 
 fn wheels(frames: usize, of: &dyn Fn(usize) -> f64) -> Table {
     let names = ["roll0_m_s", "roll1_m_s", "roll2_m_s", "skid0_m_s", "skid1_m_s", "skid2_m_s"];
-    Table::new(names.map(|name| (name, Column::F64((0..frames).map(of).collect()))))
+    Table::new(names.map(|name| numbers(name, (0..frames).map(of).collect())).into())
 }
 
 fn save(table: &Table, path: &Path) {

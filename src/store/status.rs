@@ -1,0 +1,99 @@
+//! What became of a trial, a check, a fit or a prediction.
+
+use super::columns::Text;
+use crate::named::named;
+
+named! {
+    /// What became of a trial.
+    pub enum TrialStatus {
+        Ok = "ok",
+        /// A check warns.
+        Flagged = "flagged",
+        /// It has no metrics.
+        Failed = "failed",
+    }
+}
+
+named! {
+    /// How bad it is what a check found.
+    pub enum Severity {
+        Ok = "ok",
+        /// Something was found that needs nobody.
+        Info = "info",
+        Warning = "warning",
+        Error = "error",
+    }
+}
+
+named! {
+    /// Where a model predicts.
+    pub enum PredictionSource {
+        /// At the trials' frequencies.
+        Trial = "trial",
+        /// On a fine grid.
+        Curve = "curve",
+    }
+}
+
+named! {
+    /// Why a search ended.
+    pub enum Stopped {
+        Converged = "converged",
+        /// Another search with a lower number goes on from the same point, and both end there.
+        Joined = "joined an earlier start",
+        NothingFree = "nothing is free",
+        NoMotion = "no motion exists here",
+        TooManySteps = "too many steps",
+    }
+}
+
+impl Stopped {
+    /// Whether the search has not found a minimum.
+    pub fn is_failure(self) -> bool {
+        matches!(self, Self::NoMotion | Self::TooManySteps)
+    }
+}
+
+/// What became of a fit.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum FitStatus {
+    Ok,
+    /// Why there is none.
+    Failed(String),
+}
+
+impl FitStatus {
+    /// Whether there is a fit.
+    pub fn is_ok(&self) -> bool {
+        *self == Self::Ok
+    }
+}
+
+impl Text for FitStatus {
+    fn nothing() -> Self {
+        Self::Failed(String::new())
+    }
+
+    fn as_text(&self) -> &str {
+        match self {
+            Self::Ok => "ok",
+            Self::Failed(reason) => reason,
+        }
+    }
+
+    fn of_text(text: &str) -> Option<Self> {
+        Some(if text == Self::Ok.as_text() { Self::Ok } else { Self::Failed(text.to_owned()) })
+    }
+}
+
+impl serde::Serialize for FitStatus {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.as_text())
+    }
+}
+
+impl std::fmt::Display for FitStatus {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.pad(self.as_text())
+    }
+}
