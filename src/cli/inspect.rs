@@ -7,8 +7,8 @@ use polars::prelude::{AnyValue, DataType};
 use super::output::say;
 use super::{Context, Failure, Outcome, table};
 use crate::inspect::{
-    ColumnInfo, Listed, Query, SortKey, View, csv, describe, find, float, json, list, meaning,
-    query, text, unit,
+    ColumnInfo, Listed, Query, View, csv, describe, find, float, json, list, meaning, query, text,
+    unit,
 };
 
 /// Others write whole schemas into a file's metadata.
@@ -96,7 +96,8 @@ fn in_short(cell: &AnyValue) -> String {
     }
 }
 
-fn sort_key(text: &str) -> Result<SortKey, String> {
+/// A column to sort by, and whether downwards.
+fn sort_key(text: &str) -> Result<(String, bool), String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let (name, descending) = match words[..] {
         [name] => (name.strip_prefix('-').unwrap_or(name), name.starts_with('-')),
@@ -108,7 +109,7 @@ fn sort_key(text: &str) -> Result<SortKey, String> {
             ));
         }
     };
-    Ok(SortKey { column: name.to_owned(), descending })
+    Ok((name.to_owned(), descending))
 }
 
 fn show_schema(path: &std::path::Path) -> Result<Outcome, Failure> {

@@ -85,7 +85,24 @@ impl Evaluator<'_> {
             Expr::Nested(inner) => return self.series(inner),
             Expr::Identifier(name) => return self.column(&name.value, name.quote_style),
             Expr::Value(value) => return literal(&value.value),
-            Expr::BinaryOp { left, op, right } => return self.binary(left, op, right),
+            Expr::BinaryOp { left, op: Op::And, right } => self.truth(left)? & self.truth(right)?,
+            Expr::BinaryOp { left, op: Op::Or, right } => self.truth(left)? | self.truth(right)?,
+            Expr::BinaryOp {
+                left,
+                op: op @ (Op::Plus | Op::Minus | Op::Multiply | Op::Divide),
+                right,
+            } => return arithmetic(&self.number(left)?, op, &self.number(right)?),
+            Expr::BinaryOp {
+                left,
+                op: op @ (Op::Eq | Op::NotEq | Op::Lt | Op::LtEq | Op::Gt | Op::GtEq),
+                right,
+            } => {
+                let value = self.series(left)?;
+                self.compare(left, &value, op, right)?
+            }
+            Expr::BinaryOp { op, .. } => {
+                polars_bail!(ComputeError: "`{op}` is not supported: {KNOWN}")
+            }
             Expr::UnaryOp { op: UnaryOperator::Plus, expr } => return self.number(expr),
             Expr::UnaryOp { op: UnaryOperator::Minus, expr } => {
                 let zero = Series::new(PlSmallStr::EMPTY, [0_i64]);
@@ -116,22 +133,6 @@ impl Evaluator<'_> {
             }
             Expr::ILike { negated, any: false, expr, pattern, escape_char: None } => {
                 not_if(*negated, self.like(expr, pattern, str::to_lowercase)?)
-            }
-            other => polars_bail!(ComputeError: "`{other}` is not supported: {KNOWN}"),
-        };
-        Ok(truth.into_series())
-    }
-
-    fn binary(&mut self, left: &Expr, op: &Op, right: &Expr) -> PolarsResult<Series> {
-        let truth = match op {
-            Op::Eq | Op::NotEq | Op::Lt | Op::LtEq | Op::Gt | Op::GtEq => {
-                let value = self.series(left)?;
-                self.compare(left, &value, op, right)?
-            }
-            Op::And => self.truth(left)? & self.truth(right)?,
-            Op::Or => self.truth(left)? | self.truth(right)?,
-            Op::Plus | Op::Minus | Op::Multiply | Op::Divide => {
-                return arithmetic(&self.number(left)?, op, &self.number(right)?);
             }
             other => polars_bail!(ComputeError: "`{other}` is not supported: {KNOWN}"),
         };

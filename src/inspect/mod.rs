@@ -42,16 +42,10 @@ pub struct Query {
     /// All that can be shown if empty.
     pub columns: Vec<String>,
     pub condition: Option<String>,
-    pub sort: Vec<SortKey>,
+    /// Columns to sort by, and whether downwards.
+    pub sort: Vec<(String, bool)>,
     /// Rows at most, after all else.
     pub head: Option<usize>,
-}
-
-/// A column to sort by.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SortKey {
-    pub column: String,
-    pub descending: bool,
 }
 
 /// What a query gives.
@@ -86,8 +80,8 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
     let Query { condition, sort, head, .. } = query;
     let FileInfo { rows: total, columns: known, .. } = describe(path)?;
     let (columns, left_out) = chosen(path, query, &known)?;
-    for key in sort {
-        shown(path, &key.column, &known)?;
+    for (column, _) in sort {
+        shown(path, column, &known)?;
     }
     let in_condition = |message| {
         let condition = condition.clone().unwrap_or_default();
@@ -98,7 +92,7 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
     let words = parsed.iter().flat_map(|(_, words)| words);
     let needed: BTreeSet<&String> = words
         .filter(|word| shown(path, word, &known).is_ok())
-        .chain(sort.iter().map(|key| &key.column))
+        .chain(sort.iter().map(|(column, _)| column))
         .chain(columns.iter().map(|column| &column.name))
         .collect();
     let needed = needed.into_iter().cloned().collect();
@@ -116,11 +110,11 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
 }
 
 /// Rows in order; NaN and then what is missing come last upwards and downwards.
-fn sorted(frame: DataFrame, sort: &[SortKey]) -> PolarsResult<DataFrame> {
+fn sorted(frame: DataFrame, sort: &[(String, bool)]) -> PolarsResult<DataFrame> {
     let mut keys: Vec<Column> = Vec::new();
     let mut options = SortMultipleOptions { maintain_order: true, ..Default::default() };
     options.descending.clear();
-    for SortKey { column, descending } in sort {
+    for (column, descending) in sort {
         let key = cells::comparable(frame.column(column)?.as_materialized_series())?;
         if *key.dtype() == DataType::Float64 {
             keys.push(key.is_nan()?.into_column());

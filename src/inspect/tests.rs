@@ -156,7 +156,7 @@ fn long_and_deep_conditions_are_errors_or_work() {
 #[test]
 fn rows_are_sorted_and_cut_after_the_condition() {
     let folder = folder();
-    let key = |column: &str, descending| SortKey { column: column.to_owned(), descending };
+    let key = |column: &str, descending| (column.to_owned(), descending);
     let query = Query {
         columns: vec!["omega_rad_s".to_owned(), "campaign".to_owned()],
         condition: Some("cycles < 10".to_owned()),
@@ -190,8 +190,7 @@ fn json_has_null_for_what_is_missing_and_lists_as_lists() {
 fn what_is_missing_comes_last_upwards_and_downwards() {
     let numbers = df!("n" => [None, Some(2.5), Some(3.0), Some(f64::NAN), Some(-1.0)]).unwrap();
     for (descending, expected) in [(false, "-1 2.5 3 NaN "), (true, "3 2.5 -1 NaN ")] {
-        let key = SortKey { column: "n".to_owned(), descending };
-        let sorted = sorted(numbers.clone(), &[key]).unwrap();
+        let sorted = sorted(numbers.clone(), &[("n".to_owned(), descending)]).unwrap();
         let cells = sorted.column("n").unwrap().as_materialized_series().iter();
         assert_eq!(cells.map(|cell| text(&cell)).collect::<Vec<_>>().join(" "), expected);
     }
