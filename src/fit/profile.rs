@@ -90,12 +90,11 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
 /// The profile of the parameter with this index.
 pub(super) fn profile(fit: &FittedPoint, index: usize, limit: f64) -> Profile {
     let (below, above) =
-        rayon::join(|| Side::trace(fit, index, limit, 0), || Side::trace(fit, index, limit, 1));
-    let fitted = ProfilePoint { values: fit.values.clone(), cost: fit.cost };
+        rayon::join(|| trace(fit, index, limit, 0), || trace(fit, index, limit, 1));
     let interval = [below.crossing, above.crossing];
     let solves = below.solves + above.solves;
     let mut points = below.points;
-    points.push(fitted);
+    points.push(ProfilePoint { values: fit.values.clone(), cost: fit.cost });
     points.extend(above.points);
     points.sort_by(|a, b| a.values[index].total_cmp(&b.values[index]));
     let rise = points.iter().map(|point| (point.cost - fit.cost).abs()).fold(0.0, f64::max);
@@ -114,58 +113,46 @@ struct Side {
     solves: usize,
 }
 
-impl Side {
-    /// Steps away from the fit until the objective is above the limit or the bound is reached;
-    /// `side` is 0 for below and 1 for above.
-    fn trace(fit: &FittedPoint, index: usize, limit: f64, side: usize) -> Self {
-        let fitted = fit.values[index];
-        let bound = fit.parameters()[index].bounds[side];
-        let whole = (bound / fitted).ln();
-        let mut evaluator = fit.evaluator();
-        let mut points: Vec<ProfilePoint> = Vec::new();
-        let mut at = |offset: f64, from: &[f64]| {
-            let mut values = from.to_vec();
-            values[index] = if offset == whole { bound } else { fitted * offset.exp() };
-            let (values, cost) = FittedPoint::refit_holding(&mut evaluator, values, index);
-            points.push(ProfilePoint { values: values.clone(), cost });
-            (values, cost)
-        };
-        // Offsets of the logarithm, values and objective on this side and on the other side of
-        // the limit.
-        let mut under = (0.0, fit.values.clone(), fit.cost);
-        let mut over = None;
-        let mut step = FIRST_STEP.copysign(whole);
-        while under.0 != whole && over.is_none() {
-            let next = under.0 + step;
-            let offset = if next.abs() < whole.abs() { next } else { whole };
-            let (values, cost) = at(offset, &under.1);
-            match cost > limit {
-                true => over = Some((offset, values, cost)),
-                false => under = (offset, values, cost),
+/// Steps away from the fit until the objective is above the limit or the bound is reached, and
+/// then back to where it crosses the limit; `side` is 0 for below and 1 for above. Not by argmin's
+/// BrentRoot: a refit depends on where it begins, which has to be the last point under the limit.
+fn trace(fit: &FittedPoint, index: usize, limit: f64, side: usize) -> Side {
+    let fitted = fit.values[index];
+    let bound = fit.parameters()[index].bounds[side];
+    let whole = (bound / fitted).ln();
+    let mut evaluator = fit.evaluator();
+    let mut points: Vec<ProfilePoint> = Vec::new();
+    // Offset of the logarithm, values and objective under the limit; offset and objective above.
+    let mut under = (0.0, fit.values.clone(), fit.cost);
+    let mut over: Option<(f64, f64)> = None;
+    let (mut step, mut halve) = (FIRST_STEP.copysign(whole), false);
+    loop {
+        let offset = match over {
+            None if under.0 != whole => {
+                let next = under.0 + step;
+                step *= GROWTH;
+                if next.abs() < whole.abs() { next } else { whole }
             }
-            step *= GROWTH;
-        }
-        let crossing = over.map(|mut over| {
-            // Not argmin's BrentRoot: a refit depends on the point that it begins from, and has to
-            // begin from the last one under the limit.
-            let mut halve = false;
-            while (over.0 - under.0).abs() > CROSSING * over.0.abs() {
+            Some((over, cost)) if (over - under.0).abs() > CROSSING * over.abs() => {
                 // Where a line between the two meets the limit, but not too near to either.
-                let part = (limit - under.2) / (over.2 - under.2);
+                let part = (limit - under.2) / (cost - under.2);
                 let part = if halve { 0.5 } else { part.clamp(0.1, 0.9) };
                 halve = !halve;
-                let offset = under.0 + part * (over.0 - under.0);
-                let (values, cost) = at(offset, &under.1);
-                match cost > limit {
-                    true => over = (offset, values, cost),
-                    false => under = (offset, values, cost),
-                }
+                under.0 + part * (over - under.0)
             }
-            fitted * under.0.midpoint(over.0).exp()
-        });
-        let solves = evaluator.solves();
-        Self { points, crossing, solves }
+            _ => break,
+        };
+        let mut values = under.1.clone();
+        values[index] = if offset == whole { bound } else { fitted * offset.exp() };
+        let (values, cost) = FittedPoint::refit_holding(&mut evaluator, values, index);
+        points.push(ProfilePoint { values: values.clone(), cost });
+        match cost > limit {
+            true => over = Some((offset, cost)),
+            false => under = (offset, values, cost),
+        }
     }
+    let crossing = over.map(|(over, _)| fitted * under.0.midpoint(over).exp());
+    Side { points, crossing, solves: evaluator.solves() }
 }
 
 impl Profile {

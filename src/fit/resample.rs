@@ -11,7 +11,7 @@
 //! Trials of the same frequency are drawn from, too. What they differ by beyond their standard
 //! errors is the trials' own spread, and is scaled so that its variance is unbiased; a trial that
 //! is alone at its frequency is given the spread of the other frequencies' repeats. Without any
-//! repeat the intervals know nothing of it.
+//! repeat the intervals do not contain it.
 //!
 //! Reference: A. C. Davison and D. V. Hinkley, *Bootstrap Methods and their Application*,
 //! Cambridge 1997, section 3.8.
@@ -25,7 +25,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::measurement::Measurement;
 use super::objective::TERMS;
 use crate::metrics::GaitMetrics;
-use crate::stats::{mean, median_high};
+use crate::{mean, median_high};
 use crate::store::CycleRow;
 
 /// One number for every metric that has a term in the objective.
@@ -38,7 +38,7 @@ pub(super) struct Resampler {
     measurements: Vec<Measurement>,
     /// Indices of each frequency's trials.
     frequencies: Vec<Vec<usize>>,
-    /// Standard errors; what the trials do not tell is taken from the others.
+    /// Standard errors; those that are missing are taken from the others.
     errors: Vec<Metrics>,
     /// The metrics of each trial's cycles.
     cycles: Vec<Vec<Metrics>>,
@@ -105,10 +105,8 @@ impl Resampler {
             for &trial in trials {
                 let (index, mut metrics) = self.trial_of(trial, trials, &mut random);
                 let moves = self.moves(index, &mut random);
-                for ((metric, error), moves) in
-                    metrics.iter_mut().zip(self.errors[index]).zip(moves)
-                {
-                    *metric += error * moves;
+                for (i, metric) in metrics.iter_mut().enumerate() {
+                    *metric += self.errors[index][i] * moves[i];
                     if *metric <= 0.0 {
                         *metric = f64::NAN;
                     }
@@ -163,11 +161,11 @@ impl Resampler {
         normal[1] = normal[0];
         let drawn: Vec<usize> = (0..count).map(|_| random.random_range(0..count.max(1))).collect();
         std::array::from_fn(|i| {
-            let mean = cycles.iter().map(|cycle| cycle[i]).sum::<f64>() / count as f64;
-            let squares: f64 = cycles.iter().map(|cycle| (cycle[i] - mean).powi(2)).sum();
+            let centre = mean(cycles.iter().map(|cycle| cycle[i]));
+            let squares: f64 = cycles.iter().map(|cycle| (cycle[i] - centre).powi(2)).sum();
             let deviation = squares.sqrt() / count as f64;
-            let resampled = drawn.iter().map(|&n| cycles[n][i]).sum::<f64>() / count as f64;
-            let moves = (resampled - mean) / deviation;
+            let resampled = mean(drawn.iter().map(|&n| cycles[n][i]));
+            let moves = (resampled - centre) / deviation;
             // Without cycles, or with one, or with equal ones.
             if moves.is_finite() { moves } else { normal[i] }
         })
@@ -186,32 +184,27 @@ fn terms(metrics: &GaitMetrics) -> Metrics {
 
 /// Means over some trials; what a trial does not have is left out.
 fn means(measurements: &[Measurement], trials: &[usize]) -> Metrics {
-    let all: Vec<Metrics> = trials.iter().map(|&trial| metrics(&measurements[trial])).collect();
     std::array::from_fn(|i| {
-        let known = all.iter().map(|metrics| metrics[i]).filter(|value| value.is_finite());
-        mean(known)
+        let values = trials.iter().map(|&trial| metrics(&measurements[trial])[i]);
+        mean(values.filter(|value| value.is_finite()))
     })
 }
 
 /// Standard errors of every trial's metrics. Where one is missing, as with a single cycle, the
-/// median relative spread of the other trials' cycles stands for it; 0 if no trial has one.
+/// median relative spread of the other trials' cycles replaces it; 0 if no trial has one.
 fn errors(measurements: &[Measurement]) -> Vec<Metrics> {
-    let known = |measurement: &Measurement| -> Metrics {
-        let errors = measurement.errors.to_array();
-        std::array::from_fn(|i| errors[i])
-    };
     let root = |measurement: &Measurement| (measurement.cycles.max(1) as f64).sqrt();
     let typical: Metrics = std::array::from_fn(|i| {
-        let spreads =
-            measurements.iter().map(|each| known(each)[i] / metrics(each)[i] * root(each));
-        let middle = median_high(spreads.filter(|spread| spread.is_finite()).collect());
-        if middle.is_nan() { 0.0 } else { middle }
+        let spread = |of: &Measurement| terms(&of.errors)[i] / metrics(of)[i] * root(of);
+        let spreads = measurements.iter().map(spread).filter(|spread| spread.is_finite());
+        let median = median_high(spreads.collect());
+        if median.is_nan() { 0.0 } else { median }
     });
     let filled = |measurement: &Measurement| {
-        let (known, metrics) = (known(measurement), metrics(measurement));
-        std::array::from_fn(|i| match known[i] {
-            error if error.is_finite() => error,
-            _ => typical[i] * metrics[i] / root(measurement),
+        let (known, metrics) = (terms(&measurement.errors), metrics(measurement));
+        std::array::from_fn(|i| match known[i].is_finite() {
+            true => known[i],
+            false => typical[i] * metrics[i] / root(measurement),
         })
     };
     measurements.iter().map(filled).collect()
