@@ -50,9 +50,15 @@ fn one_start(criterion: &mut Criterion) {
     for (campaign, data) in DATA {
         let (mut robot, gait) = config.campaign_setup(campaign).expect("the paper's campaign");
         (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (0.137, 0.006);
-        let (weights, input) = (config.campaign[campaign].weights, config.fit.gait_input);
-        let objective =
-            Objective::new(Model::SkidRoll, robot, gait, weights, input, measurements(data));
+        let (weights, gait_input) = (config.campaign[campaign].weights, config.fit.gait_input);
+        let objective = Objective {
+            model: Model::SkidRoll,
+            robot,
+            gait,
+            weights,
+            gait_input,
+            measurements: measurements(data),
+        };
         let parameters = FreeParameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
         criterion.bench_function(&format!("one start, {campaign}"), |bencher| {
             bencher.iter(|| black_box(search(&objective, &parameters, 1)));

@@ -56,9 +56,9 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
             }
         })
         .collect();
-    let (weights, input) = (config.campaign[campaign].weights, config.fit.gait_input);
+    let (weights, gait_input) = (config.campaign[campaign].weights, config.fit.gait_input);
     let parameters = FreeParameter::free_in(model, &gait, &config.fit, None);
-    (Objective::new(model, robot, gait, weights, input, measurements), parameters)
+    (Objective { model, robot, gait, weights, gait_input, measurements }, parameters)
 }
 
 /// The lowest objective after so many generations in the logarithms of the parameters.

@@ -21,7 +21,8 @@ pub(super) struct FittedPoint<'o> {
     pub values: Vec<f64>,
     pub cost: f64,
     responses: Vec<Option<Response>>,
-    evaluator: Evaluator<'o>,
+    /// Its motions start from the fit's.
+    pub evaluator: Evaluator<'o>,
 }
 
 /// Where a search from the fit ended.
@@ -44,7 +45,8 @@ impl<'o> FittedPoint<'o> {
     pub fn moved_to(&self, values: Vec<f64>) -> Self {
         let mut evaluator = self.evaluator.clone();
         evaluator.accuracy = REFERENCE_ACCURACY;
-        let responses = evaluator.responses(&values);
+        let metrics = evaluator.metrics(&values);
+        let responses = evaluator.responses(&values, &metrics);
         evaluator.accuracy = FIT_ACCURACY;
         let cost = evaluator.objective.linearised(responses.iter().map(Option::as_ref)).cost;
         Self { values, cost, responses, evaluator }
@@ -55,22 +57,9 @@ impl<'o> FittedPoint<'o> {
         if self.responses.iter().all(Option::is_some) {
             return FitStatus::Ok;
         }
-        let mut evaluator = self.evaluator();
+        let mut evaluator = self.evaluator.clone();
         evaluator.accuracy = REFERENCE_ACCURACY;
         evaluator.status(&self.values)
-    }
-
-    pub fn objective(&self) -> &Objective {
-        &self.evaluator.objective
-    }
-
-    pub fn parameters(&self) -> &[FreeParameter] {
-        &self.evaluator.parameters
-    }
-
-    /// An evaluator the motions of which start from the fit's.
-    pub fn evaluator(&self) -> Evaluator<'o> {
-        self.evaluator.clone()
     }
 
     /// The fit of resampled measurements, from here.
@@ -82,12 +71,12 @@ impl<'o> FittedPoint<'o> {
         let iterate = Iterate::from_linearised(self.values.clone(), at);
         let Iterate { values, cost, stopped, .. } =
             iterate.run(&mut evaluator, REFIT_TOLERANCE, true, ended);
-        Refit { values, cost, solves: evaluator.solves(), stopped }
+        Refit { values, cost, solves: evaluator.solves, stopped }
     }
 
     /// The objective of resampled measurements, linearised here.
     pub fn linearised(&self, resample: Resample) -> Linearised {
-        let objective = self.objective().with_measurements(resample.measurements);
+        let objective = self.evaluator.objective.with_measurements(resample.measurements);
         let responses = resample.indices.iter().map(|&index| self.responses[index].as_ref());
         objective.linearised(responses)
     }
@@ -105,17 +94,17 @@ impl<'o> FittedPoint<'o> {
 
     /// The fit of another objective, from here.
     pub fn refit_otherwise(&self, objective: &Objective) -> Start {
-        search_from(objective.evaluator(self.parameters().to_vec()), self.values.clone())
+        search_from(objective.evaluator(self.evaluator.parameters.clone()), self.values.clone())
     }
 
     /// How the results of resamples are to be corrected; `noises` are the measurements' own.
     pub fn noise_correction(&self, noises: &[[f64; TERMS]]) -> NoiseCorrection {
-        let measurements = self.objective().measurements();
+        let measurements = &self.evaluator.objective.measurements;
         let sum: f64 = measurements
             .iter()
             .zip(noises)
             .flat_map(|(measurement, noises)| {
-                let terms = self.objective().terms(measurement);
+                let terms = self.evaluator.objective.terms(measurement);
                 terms.map(|(i, weight, measured)| weight * noises[i] / measured)
             })
             .sum();
@@ -126,11 +115,11 @@ impl<'o> FittedPoint<'o> {
 
     /// The parts of the objective: of `d, v, sigma0, sigma1, sigma2, alpha1`.
     pub fn parts(&self) -> [f64; TERMS] {
-        let measurements = self.objective().measurements();
+        let measurements = &self.evaluator.objective.measurements;
         let mut sums = [0.0; TERMS];
         for (measurement, response) in measurements.iter().zip(&self.responses) {
             let Some(response) = response else { continue };
-            let parts = self.objective().parts(measurement, &response.metrics);
+            let parts = self.evaluator.objective.parts(measurement, &response.metrics);
             for (sum, part) in sums.iter_mut().zip(parts) {
                 *sum += part / measurements.len() as f64;
             }
@@ -142,14 +131,14 @@ impl<'o> FittedPoint<'o> {
     /// predicted by the fit to the others, and the motions that were solved for. Missing with a
     /// single frequency.
     pub fn leave_one_frequency_out(&self) -> (f64, usize) {
-        let measurements = self.objective().measurements();
+        let measurements = &self.evaluator.objective.measurements;
         let frequencies = Measurement::frequencies(measurements);
         if frequencies.len() < 2 {
             return (f64::NAN, 0);
         }
         let at = |index: &usize| measurements[*index].clone();
         let without = |left_out: &Vec<usize>| -> (f64, usize) {
-            let (values, mut solves) = if self.parameters().is_empty() {
+            let (values, mut solves) = if self.evaluator.parameters.is_empty() {
                 (Vec::new(), 0)
             } else {
                 let all = 0..measurements.len();
@@ -161,7 +150,7 @@ impl<'o> FittedPoint<'o> {
             let mut evaluator =
                 self.evaluator.of_others(left_out.iter().map(at).collect(), left_out);
             let cost = evaluator.cost(&values).min(PENALTY);
-            solves += evaluator.solves();
+            solves += evaluator.solves;
             (cost * left_out.len() as f64, solves)
         };
         let each: Vec<(f64, usize)> = frequencies.par_iter().map(without).collect();

@@ -4,6 +4,9 @@ use crate::config::{Fit, Free};
 use crate::motion::Model;
 use crate::robot::{Family, Gait, Parameter};
 
+/// Relative distance from a bound that counts as at it.
+const AT_BOUND: f64 = 1e-3;
+
 /// A parameter that a fit leaves free, and its bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FreeParameter {
@@ -23,6 +26,12 @@ impl FreeParameter {
         let listed = list.map_or(by_default, |Free(parameters)| parameters);
         let known = listed.iter().filter(|parameter| model.knows(**parameter, gait));
         known.map(|&parameter| Self { parameter, bounds: bounds(parameter, fit) }).collect()
+    }
+
+    /// At which of its bounds a value is: lower, upper.
+    pub(super) fn is_at_bound(&self, value: f64) -> [bool; 2] {
+        let [low, high] = self.bounds;
+        [value < low * (1.0 + AT_BOUND), value > high * (1.0 - AT_BOUND)]
     }
 }
 

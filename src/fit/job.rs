@@ -11,7 +11,7 @@ use super::objective::Objective;
 use super::predict::predictions;
 use super::profile::{Class, Profile, ProfilePoint, profile, profile_limits};
 use super::resample::Resampler;
-use super::search::{Ended, at_bound, is_at_bound};
+use super::search::Ended;
 use super::starts::{Start, search_all, search_from};
 use super::{FitEvent, FitInput, Fitted, OnEvent};
 use crate::config::GaitInput;
@@ -67,14 +67,14 @@ impl Job<'_> {
         if self.measurements.is_empty() {
             return self.without_trials();
         }
-        let objective = Objective::new(
-            self.input.model,
-            self.robot.clone(),
-            self.gait,
-            self.input.campaign.value.weights,
-            self.input.fit.gait_input,
-            self.measurements.to_vec(),
-        );
+        let objective = Objective {
+            model: self.input.model,
+            robot: self.robot.clone(),
+            gait: self.gait,
+            weights: self.input.campaign.value.weights,
+            gait_input: self.input.fit.gait_input,
+            measurements: self.measurements.to_vec(),
+        };
         let parameters = self.input.free();
         let starts = search_all(&objective, &parameters, self.input.fit.starts);
         // What is less than the motions' own inaccuracy is nothing: the first of these is best.
@@ -84,7 +84,7 @@ impl Job<'_> {
         let mut solves: usize = starts.iter().map(|start| start.solves).sum();
         let point = FittedPoint::new(&objective, &parameters, best.ended);
         let status = point.status();
-        solves += point.evaluator().solves();
+        solves += point.evaluator.solves;
         let mut fit = Fit {
             point,
             cost: best.cost,
@@ -117,7 +117,7 @@ impl Job<'_> {
             let lower = fit.profiles.iter().filter_map(|profile| profile.lower_than(point.cost));
             let lowest = lower.min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
             let Some(lowest) = lowest.filter(|_| fit.resumed < MOST_RESUMES) else { return };
-            let resumed = search_from(fit.point.evaluator(), lowest.values);
+            let resumed = search_from(fit.point.evaluator.clone(), lowest.values);
             fit.solves += resumed.solves;
             if resumed.cost >= fit.cost * (1.0 - LOWER) {
                 return;
@@ -147,8 +147,8 @@ impl Job<'_> {
     fn rows(&self, fit: Fit, starts: &[Start], status: FitStatus) -> JobResult {
         let Fit { point, cost, resumed, profiles, replicates, .. } = &fit;
         let (campaign, model) = (self.campaign().to_owned(), self.model());
-        let parameters = point.parameters();
-        let objective = point.objective();
+        let parameters = &point.evaluator.parameters;
+        let objective = &point.evaluator.objective;
         let robot = objective.robot_with(parameters, &point.values);
         let free: Vec<Parameter> = parameters.iter().map(|free| free.parameter).collect();
         let classed = |class: Class| {
@@ -168,6 +168,8 @@ impl Job<'_> {
             status: status.clone(),
             ..comparison
         };
+        let both = parameters.iter().zip(&point.values);
+        let at_bound = both.filter(|(free, value)| free.is_at_bound(**value).contains(&true));
         let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
         let [lower, upper] = fit.intervals(self.resampler).map(|limit| spread(parameters, &limit));
         let row = FitRow {
@@ -177,7 +179,7 @@ impl Job<'_> {
             identifiable: classed(Class::Identifiable),
             practically_not: classed(Class::PracticallyNot),
             structurally_not: classed(Class::StructurallyNot),
-            at_bound: at_bound(parameters, &point.values),
+            at_bound: at_bound.map(|(free, _)| free.parameter).collect(),
             j: if status.is_ok() { *cost } else { f64::NAN },
             trials: self.measurements.len() as i64,
             starts: starts.len() as i64,
@@ -237,9 +239,9 @@ impl Job<'_> {
     fn comparison(&self, fit: &Fit) -> (ComparisonRow, usize) {
         let point = &fit.point;
         let [j_d, j_v, sigma0, sigma1, sigma2, j_alpha] = point.parts();
-        let objective = point.objective();
+        let objective = &point.evaluator.objective;
         let terms: usize = self.measurements.iter().map(|each| objective.terms(each).count()).sum();
-        let free = point.parameters().len();
+        let free = point.evaluator.parameters.len();
         let (j_left_out, mut solves) = point.leave_one_frequency_out();
         let mut row = ComparisonRow {
             j: fit.cost,
@@ -258,7 +260,7 @@ impl Job<'_> {
             GaitInput::Measured => GaitInput::Commanded,
         };
         if self.model() != Model::NoSkidMeasured {
-            let otherwise = objective.with_gait_input(other);
+            let otherwise = Objective { gait_input: other, ..objective.as_ref().clone() };
             let found = point.refit_otherwise(&otherwise);
             solves += found.solves;
             row.other_gait_input = Some(other);
@@ -266,7 +268,7 @@ impl Job<'_> {
             let exists = found.cost < super::objective::PENALTY / self.measurements.len() as f64;
             if exists {
                 row.other_gait_j = found.cost;
-                let robot = otherwise.robot_with(point.parameters(), &found.ended);
+                let robot = otherwise.robot_with(&point.evaluator.parameters, &found.ended);
                 row.other_gait_parameters = self.parameters_of(&robot);
             }
         }
@@ -319,7 +321,7 @@ impl Fit<'_> {
     fn intervals(&self, resampler: &Resampler) -> [Vec<f64>; 2] {
         let spread = self.point.noise_correction(&resampler.noises()).spread;
         [0, 1].map(|side| {
-            let limit = |(index, parameter): (usize, &FreeParameter)| {
+            let limit = |(index, free): (usize, &FreeParameter)| {
                 let profiled = self.profiles.get(index).map(|profile| profile.interval[side]);
                 if profiled == Some(None) {
                     return f64::NAN;
@@ -331,7 +333,7 @@ impl Fit<'_> {
                         quantiles(values.collect(), [OUTSIDE, 1.0 - OUTSIDE])[side]
                     }
                 };
-                if is_at_bound(parameter, limit)[side] {
+                if free.is_at_bound(limit)[side] {
                     return f64::NAN;
                 }
                 let fitted = self.point.values[index];
@@ -340,7 +342,7 @@ impl Fit<'_> {
                     false => fitted * (limit / fitted).powf(spread),
                 }
             };
-            self.point.parameters().iter().enumerate().map(limit).collect()
+            self.point.evaluator.parameters.iter().enumerate().map(limit).collect()
         })
     }
 }
@@ -401,9 +403,15 @@ mod tests {
             resampler: &resampler,
             measurements: &measurements,
         };
-        let (weights, input) = (config.campaign[CAMPAIGN].weights, config.fit.gait_input);
-        let objective =
-            Objective::new(job.model(), robot, gait, weights, input, measurements.clone());
+        let (weights, gait_input) = (config.campaign[CAMPAIGN].weights, config.fit.gait_input);
+        let objective = Objective {
+            model: job.model(),
+            robot,
+            gait,
+            weights,
+            gait_input,
+            measurements: measurements.clone(),
+        };
         let parameters = job.input.free();
         // Away from the best, which is at 100.7, 33.9, 43.6 kg/s.
         let point = FittedPoint::new(&objective, &parameters, vec![95.0, 34.0, 44.0]);

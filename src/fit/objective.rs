@@ -21,12 +21,13 @@ pub(super) const TERMS: usize = 6;
 /// Eq. 22 for one model, averaged over a campaign's trials.
 #[derive(Debug, Clone)]
 pub struct Objective {
-    model: Model,
-    robot: Robot,
-    gait: Gait,
-    weights: Weights,
-    gait_input: GaitInput,
-    measurements: Vec<Measurement>,
+    pub model: Model,
+    /// The campaign's robot as configured.
+    pub robot: Robot,
+    pub gait: Gait,
+    pub weights: Weights,
+    pub gait_input: GaitInput,
+    pub measurements: Vec<Measurement>,
 }
 
 /// A trial's simulated metrics, and for every free parameter their derivatives with respect to its logarithm.
@@ -46,41 +47,10 @@ pub(super) struct Linearised {
 }
 
 impl Objective {
-    pub fn new(
-        model: Model,
-        robot: Robot,
-        gait: Gait,
-        weights: Weights,
-        gait_input: GaitInput,
-        measurements: Vec<Measurement>,
-    ) -> Self {
-        Self { model, robot, gait, weights, gait_input, measurements }
-    }
-
-    /// The model.
-    pub fn model(&self) -> Model {
-        self.model
-    }
-
-    /// The measurements that it is averaged over.
-    pub fn measurements(&self) -> &[Measurement] {
-        &self.measurements
-    }
-
     /// The same objective of other measurements.
     pub fn with_measurements(&self, measurements: Vec<Measurement>) -> Self {
         let Self { model, ref robot, gait, weights, gait_input, .. } = *self;
         Self { model, robot: robot.clone(), gait, weights, gait_input, measurements }
-    }
-
-    /// The same objective of a model that is driven otherwise.
-    pub fn with_gait_input(&self, gait_input: GaitInput) -> Self {
-        Self { gait_input, ..self.clone() }
-    }
-
-    /// The campaign's robot as configured.
-    pub fn robot(&self) -> &Robot {
-        &self.robot
     }
 
     /// The robot with `values` for the free `parameters`.
@@ -203,15 +173,11 @@ pub struct Evaluator<'a> {
     solvers: Vec<Solver>,
     /// Of the motions' metrics, relative.
     pub accuracy: f64,
-    solves: usize,
+    /// Steady motions solved for so far.
+    pub solves: usize,
 }
 
 impl<'a> Evaluator<'a> {
-    /// Steady motions solved for so far.
-    pub fn solves(&self) -> usize {
-        self.solves
-    }
-
     /// An evaluator of other measurements, the motions of which start from those of the
     /// measurements at `indices` here.
     pub(super) fn of_others(&self, measurements: Vec<Measurement>, indices: &[usize]) -> Self {
@@ -236,14 +202,8 @@ impl<'a> Evaluator<'a> {
         (0..self.solvers.len()).map(|i| self.solve(i, &robot).ok()).collect()
     }
 
-    /// What is simulated for every measurement; `None` where there is no motion.
-    pub(super) fn responses(&mut self, values: &[f64]) -> Vec<Option<Response>> {
-        let metrics = self.metrics(values);
-        self.differentiated(values, &metrics)
-    }
-
-    /// The same, where the metrics of the motions that were solved for last are known.
-    fn differentiated(
+    /// The metrics of the motions that were solved for last, with their derivatives.
+    pub(super) fn responses(
         &mut self,
         values: &[f64],
         metrics: &[Option<GaitMetrics>],
@@ -277,7 +237,7 @@ impl<'a> Evaluator<'a> {
         values: &[f64],
         metrics: &[Option<GaitMetrics>],
     ) -> Linearised {
-        let responses = self.differentiated(values, metrics);
+        let responses = self.responses(values, metrics);
         self.objective.linearised(responses.iter().map(Option::as_ref))
     }
 

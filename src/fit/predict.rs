@@ -22,7 +22,7 @@ pub(super) fn predictions(
     objective: &Objective,
     robot: &Robot,
 ) -> Vec<PredictionRow> {
-    let model = objective.model();
+    let model = objective.model;
     let row = |omega_rad_s, source, j, solved: &Result<_, MotionError>, from_rest| {
         let (metrics, status) = match solved {
             Ok(solved) => *solved,
@@ -42,10 +42,10 @@ pub(super) fn predictions(
         });
         row(measurement.omega_rad_s, PredictionSource::Trial, j, &solved, from_rest)
     };
-    let trials = objective.measurements().par_iter();
+    let trials = objective.measurements.par_iter();
     let mut rows: Vec<PredictionRow> = trials.map_init(Solver::default, at_trial).collect();
     if model != Model::NoSkidMeasured {
-        let omegas = objective.measurements().iter().map(|measurement| measurement.omega_rad_s);
+        let omegas = objective.measurements.iter().map(|measurement| measurement.omega_rad_s);
         let low = omegas.clone().fold(f64::INFINITY, f64::min);
         let high = omegas.fold(0.0, f64::max);
         let on_curve = |solver: &mut Solver, i: usize| {

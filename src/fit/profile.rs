@@ -67,7 +67,7 @@ fn noise(cost: f64) -> f64 {
 
 /// The objective's limit for each parameter.
 pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f64> {
-    let bounds = limits(fit.parameters(), &fit.values, RADIUS);
+    let bounds = limits(&fit.evaluator.parameters, &fit.values, RADIUS);
     let count = bounds.len();
     let rises: Vec<Vec<f64>> = (0..RESAMPLES)
         .into_par_iter()
@@ -118,9 +118,9 @@ struct Side {
 /// BrentRoot: a refit depends on where it begins, which has to be the last point under the limit.
 fn trace(fit: &FittedPoint, index: usize, limit: f64, side: usize) -> Side {
     let fitted = fit.values[index];
-    let bound = fit.parameters()[index].bounds[side];
+    let bound = fit.evaluator.parameters[index].bounds[side];
     let whole = (bound / fitted).ln();
-    let mut evaluator = fit.evaluator();
+    let mut evaluator = fit.evaluator.clone();
     let mut points: Vec<ProfilePoint> = Vec::new();
     // Offset of the logarithm, values and objective under the limit; offset and objective above.
     let mut under = (0.0, fit.values.clone(), fit.cost);
@@ -152,7 +152,7 @@ fn trace(fit: &FittedPoint, index: usize, limit: f64, side: usize) -> Side {
         }
     }
     let crossing = over.map(|(over, _)| fitted * under.0.midpoint(over).exp());
-    Side { points, crossing, solves: evaluator.solves() }
+    Side { points, crossing, solves: evaluator.solves }
 }
 
 impl Profile {

@@ -26,7 +26,6 @@ use super::hessian::Hessians;
 use super::least_absolute::Residual;
 use super::objective::{Evaluator, Linearised, PENALTY};
 use crate::interrupt::stop_if_asked;
-use crate::robot::Parameter;
 use crate::store::Stopped;
 
 const MAX_ITERATIONS: u64 = 200;
@@ -218,21 +217,4 @@ pub(super) fn limits(parameters: &[FreeParameter], values: &[f64], radius: f64) 
         [low.clamp(-radius, 0.0), high.clamp(0.0, radius)]
     };
     parameters.iter().zip(values).map(limit).collect()
-}
-
-/// Relative distance from a bound that counts as at it.
-const AT_BOUND: f64 = 1e-3;
-
-/// At which of its bounds a parameter's value is: lower, upper.
-pub(super) fn is_at_bound(parameter: &FreeParameter, value: f64) -> [bool; 2] {
-    let [low, high] = parameter.bounds;
-    [value < low * (1.0 + AT_BOUND), value > high * (1.0 - AT_BOUND)]
-}
-
-/// The parameters that are at a bound.
-pub(super) fn at_bound(parameters: &[FreeParameter], values: &[f64]) -> Vec<Parameter> {
-    let both = parameters.iter().zip(values);
-    both.filter(|(free, value)| is_at_bound(free, **value).contains(&true))
-        .map(|(free, _)| free.parameter)
-        .collect()
 }

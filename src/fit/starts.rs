@@ -120,7 +120,7 @@ impl<'o> Approach<'o> {
 
     fn start(self, stopped: Stopped) -> Start {
         let Self { began, evaluator, iterate: Iterate { values: ended, cost, .. } } = self;
-        Start { began, ended, cost, solves: evaluator.solves(), stopped }
+        Start { began, ended, cost, solves: evaluator.solves, stopped }
     }
 }
 
@@ -132,7 +132,7 @@ fn begin(objective: &Objective, parameters: &[FreeParameter], number: usize) -> 
         .zip(BASES.into_iter().cycle())
         .map(|(free, base)| {
             let [low, high] = free.bounds;
-            let configured = free.parameter.of(objective.robot());
+            let configured = free.parameter.of(&objective.robot);
             if number == 0 && configured > low && configured < high {
                 return configured;
             }
