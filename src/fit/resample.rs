@@ -25,8 +25,8 @@ use rand_distr::{Distribution, StandardNormal};
 use super::measurement::Measurement;
 use super::objective::TERMS;
 use crate::metrics::GaitMetrics;
-use crate::store::CycleRow;
 use crate::stats::{mean, median_high};
+use crate::store::CycleRow;
 
 /// One number for every metric that has a term in the objective.
 type Metrics = [f64; TERMS];
