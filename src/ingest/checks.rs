@@ -121,7 +121,7 @@ pub(super) struct Finding {
     pub value: f64,
     pub limit: f64,
     pub message: String,
-    /// Worth saying although it holds.
+    /// Worth reporting although it holds.
     pub is_notable: bool,
 }
 
@@ -147,7 +147,7 @@ impl Finding {
         Self::new(check, value >= limit, value, limit, message)
     }
 
-    /// The same finding, worth saying whether it holds or not.
+    /// The same finding, worth reporting whether it holds or not.
     pub fn notable(self, is_notable: bool) -> Self {
         Self { is_notable, ..self }
     }

@@ -103,26 +103,31 @@ pub fn process_trial(
     trial: &Trial,
     config: &Config,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    let input = IngestInput::new(config, trial)?;
-    let path = folder.join(&trial.file);
-    process(&path, &vicon::read_file(&path)?, trial, &input, &mut Vec::new())
+    process_file(folder, trial, config, &mut Vec::new())
 }
 
 /// The checks of one trial of a folder, with its row: of a trial that fails, the reason and the
 /// checks that were made before it. Writes nothing.
 pub fn check_trial(folder: &Path, trial: &Trial, config: &Config) -> (TrialRow, Vec<CheckRow>) {
     let mut findings = Vec::new();
-    let path = folder.join(&trial.file);
-    let processed = IngestInput::new(config, trial)
-        .map_err(TrialFailure::from)
-        .and_then(|input| process(&path, &vicon::read_file(&path)?, trial, &input, &mut findings));
-    match processed {
+    match process_file(folder, trial, config, &mut findings) {
         Ok(processed) => (processed.row, processed.checks),
         Err(failure) => {
             let row = TrialRow { message: failure.to_string(), ..summary::blank_row(trial) };
             (row, failed_checks(trial, &failure, &findings))
         }
     }
+}
+
+fn process_file(
+    folder: &Path,
+    trial: &Trial,
+    config: &Config,
+    findings: &mut Vec<Finding>,
+) -> Result<ProcessedTrial, TrialFailure> {
+    let input = IngestInput::new(config, trial)?;
+    let path = folder.join(&trial.file);
+    process(&path, &vicon::read_file(&path)?, trial, &input, findings)
 }
 
 /// The reason, and the checks that were made before it.
@@ -166,7 +171,7 @@ fn process_recording(
     let skip_cycles = ingest.skip_cycles;
     let measure = |(gait, omega_rad_s): &(Gait, f64)| {
         let command = CommandedGait { gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
-        command.measure(&tracked.seen.phi_rad)
+        command.estimate_phase(&tracked.seen.phi_rad)
     };
     let driven = gait.as_ref().map(measure).transpose()?;
     let window = smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref());
@@ -180,8 +185,7 @@ fn process_recording(
             robot,
             gait,
             driven,
-            phi_rad: &tracked.seen.phi_rad,
-            filled: &tracked.filled,
+            tracked: &tracked,
             raw_wheels: &wheel_velocities(robot, &tracked.filled, rate_hz),
             smooth: &smooth,
             wheels: &wheels,

@@ -13,7 +13,7 @@ use crate::store::{Rows as _, TrialRow};
 use crate::vicon::{self, MarkerFile, Section};
 
 /// A marker file at a glance.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FileSurvey {
     pub file: PathBuf,
     /// Whether the file could be opened at all.
@@ -73,21 +73,9 @@ pub struct Gaps {
 
 /// Reads a marker file, and lists what is there and what is wrong with it.
 pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
-    let mut survey = FileSurvey {
-        file: path.to_owned(),
-        readable: false,
-        sections: Vec::new(),
-        recording: None,
-        stops: Vec::new(),
-        warnings: Vec::new(),
-    };
-    let bytes = match vicon::read_file(path) {
-        Ok(bytes) => bytes,
-        Err(error) => {
-            survey.stops.push(error.to_string());
-            return survey;
-        }
-    };
+    let mut survey = FileSurvey { file: path.to_owned(), ..FileSurvey::default() };
+    let read = vicon::read_file(path).map_err(|error| survey.stops.push(error.to_string()));
+    let Ok(bytes) = read else { return survey };
     survey.readable = true;
     // What is wrong with the sections is wrong with the markers too.
     survey.sections = vicon::sections(path, &bytes).unwrap_or_default();
@@ -105,22 +93,16 @@ impl FileSurvey {
         let file = &whole.clone().without(ignore);
         let mut stop = |problem: Problem| self.stops.push(problem.of(path).to_string());
         let rate_hz = settings.frame_rate(file).map_err(&mut stop).ok();
-        let layout = match layout::locate_all(&settings.markers, file) {
-            Ok(layout) => Some(layout),
-            Err(problems) => {
-                problems.into_iter().for_each(&mut stop);
-                None
-            }
-        };
+        let layout = layout::locate_all(&settings.markers, file)
+            .map_err(|problems| problems.into_iter().for_each(&mut stop))
+            .ok();
         self.recording =
             Some(Recording::of(whole, ignore, layout.as_ref(), whole.rate_hz.or(rate_hz)));
         let Some(layout) = layout else { return };
         let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
         let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
-        let tracked = match poses::track(file, &layout, None, poses, rate_hz, max_gap) {
-            Ok(tracked) => tracked,
-            Err(problem) => return stop(problem),
-        };
+        let tracked = poses::track(file, &layout, None, poses, rate_hz, max_gap).map_err(stop);
+        let Ok(tracked) = tracked else { return };
         let mut row = TrialRow::blank();
         describe_tracking(&mut row, &tracked);
         let findings = tracking_checks(&row, &tracked, file, &layout, settings);

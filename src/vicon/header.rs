@@ -33,11 +33,8 @@ pub(super) struct Header<'t> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Column {
     Frame,
-    /// Axis 0, 1, 2 of a marker.
-    Axis {
-        marker: u32,
-        axis: u8,
-    },
+    /// Index of a marker, and its axis 0, 1, 2.
+    Axis(u32, u8),
     /// Sub frames, magnitudes, padding: not read.
     Other,
 }
@@ -135,7 +132,7 @@ fn read(dialect: Dialect, mut lines: Lines<'_>, title: usize) -> Result<Header<'
     let mut header = Header { dialect, rate_hz, labels, columns, line, body: lines.clone() };
     if let Some((line, units)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
         for (column, unit) in header.columns.iter().zip(dialect.cells(units)) {
-            if let Column::Axis { marker, .. } = column
+            if let Column::Axis(marker, _) = column
                 && !unit.is_empty()
                 && !unit.eq_ignore_ascii_case(b"mm")
             {
@@ -160,8 +157,7 @@ fn markers(dialect: Dialect, labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Ve
         let triplet = names.get(start..start + 3).unwrap_or_default();
         if !label.is_empty() && triplet == [b"X", b"Y", b"Z"] {
             for axis in 0..3 {
-                let marker = labels.len() as u32;
-                columns[start + axis as usize] = Column::Axis { marker, axis };
+                columns[start + usize::from(axis)] = Column::Axis(labels.len() as u32, axis);
             }
             labels.push(String::from_utf8_lossy(label).into_owned());
         }

@@ -105,7 +105,7 @@ impl Row<'_> {
     fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<(), Problem> {
         let mut rest = self.cells;
         for (i, column) in self.header.columns.iter().enumerate() {
-            if let &Column::Axis { marker, axis } = column {
+            if let &Column::Axis(marker, axis) = column {
                 let (value, length) = self.cell(i, rest)?;
                 positions_mm[marker as usize][usize::from(axis)] = value;
                 rest = &rest[length..];
@@ -150,7 +150,7 @@ impl Row<'_> {
     fn not_a_number(&self, column: usize, cell: &[u8], needed: &'static str) -> Problem {
         let Header { columns, labels, .. } = self.header;
         let name = match columns[column] {
-            Column::Axis { marker, axis } => {
+            Column::Axis(marker, axis) => {
                 format!("{} {}", labels[marker as usize], ["X", "Y", "Z"][usize::from(axis)])
             }
             _ => "Frame".to_owned(),

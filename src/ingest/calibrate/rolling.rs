@@ -9,6 +9,7 @@ use nalgebra::{Vector1, Vector2};
 
 use super::shape::Body;
 use crate::least_squares::minimise;
+use crate::robot::rotated;
 use crate::stats::wrap;
 
 /// Half the time over which velocities are taken, s.
@@ -42,11 +43,10 @@ pub(super) fn velocities(
             let [earlier, now, later] = [before, row, after].map(|row| body.fits[row].pose);
             let (earlier, now, later) = (earlier?, now?, later?);
             let (from, to) = (earlier.at(point_mm), later.at(point_mm));
-            let [vx, vy] = [0, 1].map(|axis| (to[axis] - from[axis]) / span_s);
-            let (sin, cos) = now.theta_rad.sin_cos();
+            let velocity_mm_s = [0, 1].map(|axis| (to[axis] - from[axis]) / span_s);
             Some(Velocity {
                 row,
-                along_mm_s: [cos * vx + sin * vy, cos * vy - sin * vx],
+                along_mm_s: rotated(-now.theta_rad, velocity_mm_s),
                 turn_rad_s: wrap(later.theta_rad - earlier.theta_rad) / span_s,
             })
         })

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::velocity::WheelVelocities;
 use crate::ingest::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
-use crate::ingest::poses::Coordinates;
+use crate::ingest::poses::{Coordinates, Tracked};
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
 use crate::stats::mean;
@@ -45,10 +45,8 @@ pub struct CycleData<'a> {
     pub robot: &'a Robot,
     pub gait: &'a Gait,
     pub driven: &'a GaitPhase,
-    /// Joint angles as seen, rad.
-    pub phi_rad: &'a [Vec<f64>; 2],
-    /// With short gaps filled, and what follows from that.
-    pub filled: &'a Coordinates,
+    /// Not smoothed, and what follows from that.
+    pub tracked: &'a Tracked,
     pub raw_wheels: &'a WheelVelocities,
     /// Smoothed, and what follows from that.
     pub smooth: &'a Coordinates,
@@ -65,7 +63,7 @@ impl CycleData<'_> {
         let last = (phase.at(last_frame) / TAU).floor() as i64;
         let gait = [0, 1].map(|joint| {
             self.gait.joints[joint].and_then(|_| {
-                let phi = &self.phi_rad[joint];
+                let phi = &self.tracked.seen.phi_rad[joint];
                 let fit = Harmonics::fit(phi, moving.clone(), phase, GAIT_HARMONICS)?;
                 Some((fit.over(moving.clone(), phase), LARGEST_DEVIATION * fit.amplitude(1)))
             })
@@ -77,7 +75,7 @@ impl CycleData<'_> {
                     let Some((fitted, largest)) = &gait[joint] else { return true };
                     let frames = frames_within(start, end);
                     let fitted = &fitted[frames.start - moving.start..frames.end - moving.start];
-                    deviation(&self.phi_rad[joint][frames], fitted) <= *largest
+                    deviation(&self.tracked.seen.phi_rad[joint][frames], fitted) <= *largest
                 });
                 let metrics = self.metrics(start, end);
                 let components = |skid_m_s: &Vec<f64>| {
@@ -108,7 +106,7 @@ impl CycleData<'_> {
         }
         // Not of the smoothed angle: that would take from its amplitude; nor the extremes of the
         // angle itself, which noise adds to.
-        let phi1 = self.shape(&self.filled.phi_rad[0], start, end)?;
+        let phi1 = self.shape(&self.tracked.filled.phi_rad[0], start, end)?;
         let change = |series: &[f64]| interpolate(series, end) - interpolate(series, start);
         let d_m = change(x_m).hypot(change(y_m));
         let omega_rad_s = self.driven.omega_rad_s;

@@ -49,7 +49,7 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
         Estimate::new(skid.value / scale, skid.se / scale)
     });
     let frames = steady.frames(cycles);
-    row.gait = data.phi_rad.each_ref().map(|phi_rad| {
+    row.gait = data.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
         let gait = frames.clone().and_then(|frames| joint_gait(phi_rad, frames, &driven.phase));
         gait.unwrap_or_else(JointGait::missing)
     });
@@ -116,7 +116,9 @@ pub fn gait_checks(
         Finding::at_most(Check::Gait, deviation_deg, GAIT_TOLERANCE_DEG, deviation),
         Finding::at_most(Check::Drift, drift, D_DRIFT, drifted),
     ];
-    let clipping = |frames| clipping::check(data.gait, data.phi_rad, &frames, &data.driven.phase);
+    let clipping = |frames| {
+        clipping::check(data.gait, &data.tracked.seen.phi_rad, &frames, &data.driven.phase)
+    };
     findings.extend(steady.frames(cycles).map(clipping));
     findings
 }

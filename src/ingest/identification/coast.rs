@@ -120,7 +120,7 @@ fn coasting(p: &SVector<f64, 3>, t: f64) -> (f64, SVector<f64, 3>) {
     (p[0] + p[1] * (1.0 - left), SVector::from([1.0, 1.0 - left, p[1] * t * left]))
 }
 
-/// Time (s) and path length along the heading (m) in the frames that were seen, from the first of them on.
+/// Time (s) and path length along the heading (m) in the frames that were seen.
 fn path_length(seen: &Coordinates, start: usize, end: usize, rate_hz: f64) -> Vec<(f64, f64)> {
     let mut samples: Vec<(f64, f64)> = Vec::with_capacity(end - start);
     let mut last: Option<[f64; 3]> = None;

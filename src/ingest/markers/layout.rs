@@ -33,29 +33,21 @@ pub fn locate(markers: &Markers, file: &MarkerFile) -> Result<Layout, Problem> {
 /// [`locate`], with an error for every marker that is not found: one at least.
 pub fn locate_all(markers: &Markers, file: &MarkerFile) -> Result<Layout, Vec<Problem>> {
     let mut layout = [const { Vec::new() }; 3];
-    let mut failures = Vec::new();
+    let mut problems = Vec::new();
     let mut owners: BTreeMap<usize, &str> = BTreeMap::new();
     for (link, configured) in markers.links().into_iter().enumerate() {
-        for (label, place) in configured {
-            let column = match column_of(link, label, &file.labels) {
-                Ok(column) => column,
-                Err(failure) => {
-                    failures.push(failure);
-                    continue;
-                }
-            };
+        for (label, position_mm) in configured {
+            let found = column_of(link, label, &file.labels);
+            let Ok(column) = found.map_err(|problem| problems.push(problem)) else { continue };
             if let Some(first) = owners.insert(column, label) {
-                failures.push(Problem::SharedMarker {
-                    found: file.labels[column].clone(),
-                    first: first.to_owned(),
-                    second: label.clone(),
-                });
+                let (found, first) = (file.labels[column].clone(), first.to_owned());
+                problems.push(Problem::SharedMarker { found, first, second: label.clone() });
             }
-            let [x, y, height_mm] = *place;
+            let [x, y, height_mm] = *position_mm;
             layout[link].push(LinkMarker { column, local_position_mm: [x, y], height_mm });
         }
     }
-    if failures.is_empty() { Ok(layout) } else { Err(failures) }
+    if problems.is_empty() { Ok(layout) } else { Err(problems) }
 }
 
 fn column_of(link: usize, label: &str, labels: &[String]) -> Result<usize, Problem> {

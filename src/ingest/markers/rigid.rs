@@ -14,13 +14,13 @@ pub struct LinkPose {
     pub theta_rad: f64,
     /// RMS distance of the markers from where the pose puts them, mm.
     pub residual_mm: f64,
-    pub basis: Basis,
+    pub moments: MarkerMoments,
 }
 
 /// The markers that a pose rests on: enough to compute how much worse another pose explains
 /// them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Basis {
+pub struct MarkerMoments {
     pub markers: f64,
     /// Their centroid in the link's frame, mm.
     pub centre_mm: [f64; 2],
@@ -80,7 +80,7 @@ pub fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<
         origin_mm,
         theta_rad,
         residual_mm: (squares / count).sqrt(),
-        basis: Basis { markers: count, centre_mm: local, turning_mm2 },
+        moments: MarkerMoments { markers: count, centre_mm: local, turning_mm2 },
     })
 }
 

@@ -58,7 +58,7 @@ pub struct CommandedGait<'a> {
 impl CommandedGait<'_> {
     /// Finds frequency and phase by harmonic regression on the commanded joints' unsmoothed
     /// angles; NaN where a joint was not seen.
-    pub fn measure(&self, phi_rad: &[Vec<f64>; 2]) -> Result<GaitPhase, Problem> {
+    pub fn estimate_phase(&self, phi_rad: &[Vec<f64>; 2]) -> Result<GaitPhase, Problem> {
         let step = self.omega_rad_s / self.rate_hz;
         let found = TAU / step;
         if found < LEAST_FRAMES_PER_PERIOD {
@@ -84,8 +84,9 @@ impl CommandedGait<'_> {
         // The transient is left out if enough remains.
         let skipped = (self.skip_cycles as f64).min(periods - LEAST_PERIODS).max(0.0);
         let steady = moving.start + (skipped * TAU / step) as usize..moving.end;
-        let coarse = strongest(&joints, &steady, step);
-        let (step, variance) = refine(&joints, &steady, coarse, step).ok_or_else(too_short)?;
+        let coarse = spectral_peak(&joints, &steady, step);
+        let (step, variance) =
+            refined_step(&joints, &steady, coarse, step).ok_or_else(too_short)?;
         Ok(GaitPhase {
             phase: self.phase(&joints, &steady, step)?,
             omega_rad_s: step * self.rate_hz,
@@ -168,7 +169,7 @@ fn frames_at_rest(frames: usize, at: &dyn Fn(usize) -> f64, noise_rad: f64) -> u
 
 /// The step per frame, near the commanded one, at which the joints' spectrum is largest. Sums
 /// over a small part of the period stand for their frames.
-fn strongest(joints: &[(usize, &[f64])], range: &Range<usize>, commanded: f64) -> f64 {
+fn spectral_peak(joints: &[(usize, &[f64])], range: &Range<usize>, commanded: f64) -> f64 {
     const SUMS_PER_PERIOD: f64 = 24.0;
     let length = ((TAU / commanded / SUMS_PER_PERIOD) as usize).max(1);
     let sums: Vec<Vec<f64>> = joints
@@ -204,7 +205,7 @@ fn strongest(joints: &[(usize, &[f64])], range: &Range<usize>, commanded: f64) -
 
 /// Least-squares step per frame with its variance, by Gauss-Newton on the step with the
 /// harmonics eliminated.
-fn refine(
+fn refined_step(
     joints: &[(usize, &[f64])],
     range: &Range<usize>,
     coarse: f64,
@@ -262,7 +263,9 @@ mod tests {
         let gait = Gait::symmetric();
         let command =
             CommandedGait { gait: &gait, omega_rad_s: omega, rate_hz: 120.0, skip_cycles: 2 };
-        command.measure(&[at(0), at(1)]).map_err(|error| error.of(Path::new("a.csv")).to_string())
+        command
+            .estimate_phase(&[at(0), at(1)])
+            .map_err(|error| error.of(Path::new("a.csv")).to_string())
     }
 
     fn gait_at(phase: f64) -> [f64; 2] {

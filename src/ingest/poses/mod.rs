@@ -1,5 +1,5 @@
-//! From the links' own poses to the robot's coordinates over time (eq. 1): tilt of the floor, of the
-//! links and of their suspension is undone, the joints are closed, short gaps are filled.
+//! From the links' own poses to the robot's coordinates over time (eq. 1): tilt of the floor, of
+//! the links and of their suspension is undone, the joints are closed, short gaps are filled.
 
 mod checks;
 mod multibody;

@@ -5,7 +5,7 @@
 //! Here the five coordinates (eq. 1) are those that bring all markers of a frame nearest to
 //! where the cameras saw them, in the sense of least squares, with every joint at one point of
 //! both its links. A link's own fit, and the centroid and spread of its markers, determine the sum
-//! over the markers ([`Basis`]), which is not taken again. Instead of the joint angles the links'
+//! over the markers ([`MarkerMoments`]), which is not taken again. Instead of the joint angles the links'
 //! headings are the unknowns, which gives the same minimum.
 
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4, Vector5};
@@ -16,7 +16,7 @@ use crate::robot::Robot;
 use crate::stats::{NormalEquations, wrap};
 
 #[cfg(doc)]
-use crate::ingest::markers::rigid::Basis;
+use crate::ingest::markers::rigid::MarkerMoments;
 
 /// Steps of Gauss-Newton: from the links' own fits, two reach rounding.
 const STEPS: usize = 4;
@@ -107,8 +107,8 @@ impl Linkage {
         let mut q = Vector5::new(x, y, middle.theta_rad, front, rear);
         let mut turns = turns(&q);
         let seen_mm = [0, 1, 2].map(|link| {
-            own[link].map_or([0.0; 2], |LinkPose { origin_mm, basis, .. }| {
-                let to_centre = rotated(turns[link], basis.centre_mm);
+            own[link].map_or([0.0; 2], |LinkPose { origin_mm, moments, .. }| {
+                let to_centre = rotated(turns[link], moments.centre_mm);
                 [0, 1].map(|axis| origin_mm[axis] + to_centre[axis])
             })
         });
@@ -155,10 +155,10 @@ impl Linkage {
         let mut sides = [(Vector3::zeros(), 0.0); 3];
         for (link, pose) in own.iter().enumerate() {
             let Some(pose) = pose else { continue };
-            let basis = &pose.basis;
-            let (markers, turning) = (basis.markers, basis.turning_mm2);
+            let moments = &pose.moments;
+            let (markers, turning) = (moments.markers, moments.turning_mm2);
             let (to_joint, to_axle) = self.arms(link);
-            let arm = [0, 1].map(|axis| to_axle[axis] + basis.centre_mm[axis]);
+            let arm = [0, 1].map(|axis| to_axle[axis] + moments.centre_mm[axis]);
             let own_arm = rotated(turns[link], arm);
             let middle_arm = rotated(turns[0], to_joint);
             let off =
@@ -208,13 +208,13 @@ impl Linkage {
         let (to_joint, to_axle) = self.arms(link);
         let (middle_arm, own_arm) = (rotated(turns[0], to_joint), rotated(turns[link], to_axle));
         let origin_mm = [0, 1].map(|axis| q[axis] + middle_arm[axis] + own_arm[axis]);
-        let basis = &own.basis;
-        let to_centre = rotated(turns[link], basis.centre_mm);
+        let moments = &own.moments;
+        let to_centre = rotated(turns[link], moments.centre_mm);
         let [x, y] = [0, 1].map(|axis| origin_mm[axis] + to_centre[axis] - seen_mm[axis]);
         let half_turn = (0.5 * (q[2 + link] - own.theta_rad)).sin();
-        let turning = 4.0 * basis.turning_mm2 * half_turn * half_turn;
+        let turning = 4.0 * moments.turning_mm2 * half_turn * half_turn;
         let residual_mm =
-            (own.residual_mm.powi(2) + x * x + y * y + turning / basis.markers).sqrt();
+            (own.residual_mm.powi(2) + x * x + y * y + turning / moments.markers).sqrt();
         LinkPose { origin_mm, theta_rad: wrap(q[2 + link]), residual_mm, ..*own }
     }
 }
@@ -255,7 +255,7 @@ mod tests {
                 origin_mm: [0.0; 2],
                 theta_rad: 0.0,
                 residual_mm: 0.0,
-                basis: rigid::Basis { markers: 1.0, ..Default::default() },
+                moments: rigid::MarkerMoments { markers: 1.0, ..Default::default() },
             };
             let pose = linkage.posed(link, &own, [0.0; 2], q, &turns(q));
             let place = |p: &[f64; 3]| {

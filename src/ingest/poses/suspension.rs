@@ -12,6 +12,7 @@ use nalgebra::Vector3;
 use super::tilt::Turn;
 use crate::ingest::markers::labels::{LinkFit, Outlier};
 use crate::ingest::markers::layout::LinkMarker;
+use crate::robot::rotated;
 use crate::stats::NormalEquations;
 use crate::vicon::MarkerFile;
 
@@ -111,7 +112,7 @@ impl LinkRecording<'_> {
     /// The pose that the link would have without a turn about its x and y axes.
     fn set_upright(&self, row: usize, fit: &mut LinkFit, [about_x, about_y]: [f64; 2]) {
         let Some(pose) = &mut fit.pose else { return };
-        let centre = pose.basis.centre_mm;
+        let centre = pose.moments.centre_mm;
         // The markers of the pose, by their heights: a marker at z is shifted by z times this.
         let shift = [about_y, -about_x];
         let (mut heights, mut turning) = (0.0, 0.0);
@@ -124,15 +125,15 @@ impl LinkRecording<'_> {
             heights += marker.height_mm;
             turning += marker.height_mm * (from_centre[0] * shift[1] - from_centre[1] * shift[0]);
         }
-        let mean_mm = heights / pose.basis.markers;
-        let (sin, cos) = pose.theta_rad.sin_cos();
+        let mean_mm = heights / pose.moments.markers;
         // The markers' centroid, upright, seen from the axle as it was.
-        let [x, y] = [0, 1].map(|axis| centre[axis] - mean_mm * shift[axis]);
-        pose.theta_rad -= turning / pose.basis.turning_mm2;
-        let (sin_upright, cos_upright) = pose.theta_rad.sin_cos();
-        let [u, v] = centre;
-        pose.origin_mm[0] += cos * x - sin * y - (cos_upright * u - sin_upright * v);
-        pose.origin_mm[1] += sin * x + cos * y - (sin_upright * u + cos_upright * v);
+        let upright = [0, 1].map(|axis| centre[axis] - mean_mm * shift[axis]);
+        let upright = rotated(pose.theta_rad, upright);
+        pose.theta_rad -= turning / pose.moments.turning_mm2;
+        let from_axle = rotated(pose.theta_rad, centre);
+        for axis in 0..2 {
+            pose.origin_mm[axis] += upright[axis] - from_axle[axis];
+        }
     }
 }
 

@@ -10,8 +10,8 @@
 //! The height of a marker at `(x, y)` in its link's frame and `(X, Y)` in the cameras' is that of
 //! the layout, plus one constant per link, plus `a y - b x` with the link's turns `a` about its x
 //! axis and `b` about its y axis, plus the same of the floor with `(X, Y)`. The least squares
-//! have a weak prior on the turns: where a trial cannot distinguish the floor from three links that are
-//! tilted alike (a straight run), it is the floor.
+//! have a weak prior on the turns: where a trial cannot distinguish the floor from three links that
+//! are tilted alike (a straight run), it is the floor.
 
 use std::borrow::Cow;
 

@@ -12,18 +12,10 @@ const REACH: usize = 16;
 /// stays missing.
 pub fn fill(series: &[f64], max_gap: usize) -> Vec<f64> {
     let mut filled = series.to_vec();
-    let mut i = 0;
-    while i < series.len() {
-        if !series[i].is_nan() {
-            i += 1;
-            continue;
-        }
-        let start = i;
-        while i < series.len() && series[i].is_nan() {
-            i += 1;
-        }
-        if start > 0 && i < series.len() && i - start <= max_gap {
-            bridge(series, start, i, &mut filled[start..i]);
+    for pair in runs(series).windows(2) {
+        let (start, end) = (pair[0].1, pair[1].0);
+        if end - start <= max_gap {
+            bridge(series, start, end, &mut filled[start..end]);
         }
     }
     filled
@@ -31,20 +23,12 @@ pub fn fill(series: &[f64], max_gap: usize) -> Vec<f64> {
 
 /// Stretches without a missing sample, as half-open ranges.
 pub fn runs(series: &[f64]) -> Vec<(usize, usize)> {
-    let mut found = Vec::new();
-    let mut start = None;
-    for (i, value) in series.iter().enumerate() {
-        match (start, value.is_nan()) {
-            (None, false) => start = Some(i),
-            (Some(first), true) => {
-                found.push((first, i));
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    found.extend(start.map(|first| (first, series.len())));
-    found
+    let mut end = 0;
+    let run = |run: &[f64]| {
+        end += run.len();
+        (!run[0].is_nan()).then_some((end - run.len(), end))
+    };
+    series.chunk_by(|a, b| a.is_nan() == b.is_nan()).filter_map(run).collect()
 }
 
 /// Fills `start..end` from its neighbours by least squares.

@@ -2,7 +2,7 @@
 
 use super::explain::{Explanation, LinkMarkers};
 use super::{LinkFit, Outlier};
-use crate::ingest::markers::rigid::{Basis, LinkPose};
+use crate::ingest::markers::rigid::{LinkPose, MarkerMoments};
 use crate::stats::{median_high, wrap};
 
 /// How far a link's markers may be from where its motion takes them, mm: this, and after more
@@ -19,13 +19,6 @@ const SPEED_FRAMES: std::ops::RangeInclusive<i64> = 3..=10;
 const BEGINNING_FRAMES: i64 = 12;
 const BEGINNING_LEAST: usize = 4;
 const LIKE_RAD: f64 = 1.0;
-
-/// On which side of a row its link is followed from, and from how many frames away at most.
-#[derive(Clone, Copy)]
-struct Side {
-    backwards: bool,
-    farthest: i64,
-}
 
 impl LinkMarkers<'_> {
     /// Settles rows, forwards and backwards, by where the link was in the frames next to them
@@ -45,7 +38,7 @@ impl LinkMarkers<'_> {
                 let i = if backwards { unsure.len() - 1 - k } else { k };
                 // What near frames contradict, far ones, which are less certain, do not excuse.
                 let farthest = if is_contradicted[i] { FIRST_FRAMES } else { longest };
-                match self.settle(fits, &mut is_sure, unsure[i], Side { backwards, farthest }) {
+                match self.settle(fits, &mut is_sure, unsure[i], backwards, farthest) {
                     Some(is_settled) => is_contradicted[i] = !is_settled,
                     None if !backwards && farthest == FOLLOWED_FRAMES => {
                         self.begin_anew(fits, &mut is_sure, unsure[i]);
@@ -59,19 +52,21 @@ impl LinkMarkers<'_> {
         }
     }
 
-    /// Takes the explanation of a row that is nearest to where the link should be; `false` if
-    /// that is too far away, `None` if it is not known where it should be.
+    /// Takes the explanation of a row that is nearest to where the link should be by the sure
+    /// frames on one side, `farthest` frames away at most; `false` if that is too far away, `None`
+    /// if there are no such frames.
     fn settle(
         &self,
         fits: &mut [LinkFit],
         is_sure: &mut [bool],
         row: usize,
-        side: Side,
+        backwards: bool,
+        farthest: i64,
     ) -> Option<bool> {
         if is_sure[row] {
             return Some(true);
         }
-        let (predicted, ahead) = self.predict(fits, is_sure, row, side)?;
+        let (predicted, ahead) = self.predict(fits, is_sure, row, backwards, farthest)?;
         let reach_mm = REACH_MM + MORE_REACH_MM * (ahead - FIRST_FRAMES).max(0) as f64;
         let distance = |found: &Explanation| self.distance_mm(&found.pose, &predicted);
         let nearest = self
@@ -125,11 +120,12 @@ impl LinkMarkers<'_> {
         fits: &[LinkFit],
         is_sure: &[bool],
         row: usize,
-        side: Side,
+        backwards: bool,
+        farthest: i64,
     ) -> Option<(LinkPose, i64)> {
         let frames = &self.file.frames;
         let neighbour = |from: usize, k: usize| {
-            if side.backwards {
+            if backwards {
                 Some(from + k).filter(|&row| row < frames.len())
             } else {
                 from.checked_sub(k)
@@ -143,7 +139,7 @@ impl LinkMarkers<'_> {
                 .take_while(move |(_, away)| *away <= farthest)
                 .filter(|(other, _)| is_sure[*other])
         };
-        let (last, ahead) = sure(row, side.farthest).next()?;
+        let (last, ahead) = sure(row, farthest).next()?;
         let (earlier, apart) =
             sure(last, *SPEED_FRAMES.end()).find(|(_, apart)| SPEED_FRAMES.contains(apart))?;
         let (last, earlier) = (fits[last].pose?, fits[earlier].pose?);
@@ -153,7 +149,7 @@ impl LinkMarkers<'_> {
             origin_mm: [0, 1].map(|axis| on(last.origin_mm[axis], earlier.origin_mm[axis])),
             theta_rad: last.theta_rad + steps * wrap(last.theta_rad - earlier.theta_rad),
             residual_mm: 0.0,
-            basis: Basis::default(),
+            moments: MarkerMoments::default(),
         };
         Some((predicted, ahead))
     }

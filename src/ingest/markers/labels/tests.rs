@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::config::Config;
-use crate::ingest::markers::rigid::{Basis, LinkPose};
+use crate::ingest::markers::rigid::{LinkPose, MarkerMoments};
 use crate::stats::wrap;
 
 const FRAMES: usize = 60;
@@ -47,7 +47,7 @@ fn truth(frame: usize) -> LinkPose {
         origin_mm: [300.0 * t, 40.0 * (6.0 * t).sin()],
         theta_rad: 3.0 + 0.8 * (6.0 * t).sin(),
         residual_mm: 0.0,
-        basis: Basis::default(),
+        moments: MarkerMoments::default(),
     }
 }
 
