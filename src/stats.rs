@@ -72,7 +72,7 @@ pub fn quantiles_low<const N: usize>(mut values: Vec<f64>, parts: [f64; N]) -> [
 }
 
 /// An estimate with its standard error.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Estimate {
     pub value: f64,
     pub se: f64,

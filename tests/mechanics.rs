@@ -1,7 +1,9 @@
-//! Eq. 1 and 7 against numbers from an independent derivation, in the world's frame.
+//! Eq. 1 and 7 against numbers from an independent derivation, in the world's frame, and what the
+//! paper's sections II.A to II.C state about single shapes of the robot.
 
 #![allow(clippy::unwrap_used)]
 
+use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 use serde_json::Value;
 use trilink::robot::{
     Robot, Trig, Velocity, det_wb, dot, force_balance, mass_matrix, roll_rows, rotated, skid_rows,
@@ -166,4 +168,169 @@ fn the_balance_is_its_parts_and_its_jacobian_their_derivative() {
             }
         }
     }
+}
+
+/// Joint angles (rad), no two of them alike.
+fn shapes() -> impl Iterator<Item = [f64; 2]> {
+    const SHAPES_DEG: [[f64; 2]; 6] =
+        [[20.0, -35.0], [-50.0, 10.0], [61.0, 40.0], [-15.0, -70.0], [5.0, 30.0], [75.0, -44.0]];
+    SHAPES_DEG.into_iter().map(|phi| phi.map(f64::to_radians))
+}
+
+/// Singular shapes of the first type, `phi1 = phi2`.
+fn equal_angles() -> impl Iterator<Item = [f64; 2]> {
+    (-12..=12).map(|k| [f64::from(5 * k).to_radians(); 2])
+}
+
+/// Singular shapes of the second type, `h cos((phi2 - phi1) / 2) = -l cos((phi1 + phi2) / 2)`.
+fn opposed_angles(robot: &Robot) -> impl Iterator<Item = [f64; 2]> {
+    let ratio = robot.l_m / robot.h_m;
+    (-8..=8).map(move |k| {
+        let middle = f64::from(10 * k).to_radians();
+        let half = (-ratio * middle.cos()).acos();
+        [middle - half, middle + half]
+    })
+}
+
+/// `W` as eq. 1 prints it.
+fn printed_w(robot: &Robot, theta: f64, [phi1, phi2]: [f64; 2]) -> SMatrix<f64, 3, 5> {
+    let (h, l) = (robot.h_m, robot.l_m);
+    SMatrix::from([
+        [-theta.sin(), (phi1 - theta).sin(), -(phi2 + theta).sin()],
+        [theta.cos(), (phi1 - theta).cos(), (phi2 + theta).cos()],
+        [0.0, l + h * phi1.cos(), -l - h * phi2.cos()],
+        [0.0, -l, 0.0],
+        [0.0, 0.0, -l],
+    ])
+}
+
+/// Positions of the wheels for coordinates `(x, y, theta, phi1, phi2)`, m.
+fn wheels(robot: &Robot, [x, y, theta, phi1, phi2]: [f64; 5]) -> [[f64; 2]; 3] {
+    let (h, l) = (robot.h_m, robot.l_m);
+    let along = |[x, y]: [f64; 2], angle: f64, length: f64| {
+        [x + length * angle.cos(), y + length * angle.sin()]
+    };
+    let middle = [x, y];
+    let front = along(along(middle, theta, h), theta - phi1, l);
+    let rear = along(along(middle, theta, -h), theta + phi2, -l);
+    [middle, front, rear]
+}
+
+#[test]
+fn eq_1_gives_the_velocities_of_the_wheels_across_their_links() {
+    const STEP: f64 = 1e-5;
+    let robot = Robot::kinematic();
+    for phi in shapes() {
+        let theta = 0.4;
+        let q = [0.3, -0.2, theta, phi[0], phi[1]];
+        let w = printed_w(&robot, theta, phi);
+        let links = [theta, theta - phi[0], theta + phi[1]];
+        for j in 0..5 {
+            let [low, high] = [-STEP, STEP].map(|step| {
+                let mut moved = q;
+                moved[j] += step;
+                wheels(&robot, moved)
+            });
+            for i in 0..3 {
+                let [vx, vy] = [0, 1].map(|k| (high[i][k] - low[i][k]) / (2.0 * STEP));
+                let across = -links[i].sin() * vx + links[i].cos() * vy;
+                assert!((across - w[(i, j)]).abs() < 1e-6, "{phi:?}: {across} {}", w[(i, j)]);
+            }
+        }
+    }
+}
+
+/// The kinematic robot's two inputs and three constraints determine it; the semi-passive robot has
+/// four unactuated coordinates, so that one is left to dynamics (I, II.C).
+#[test]
+fn three_independent_constraints_leave_one_freedom_to_the_semi_passive_robot_alone() {
+    fn rank<const N: usize>(robot: &Robot, phi: [f64; 2]) -> usize {
+        let rows = skid_rows(robot, &Trig::new(phi));
+        DMatrix::from_fn(3, N, |i, j| rows[i][j]).rank(1e-9)
+    }
+    for phi in shapes() {
+        assert_eq!(rank::<5>(&Robot::kinematic(), phi), 3, "{phi:?}");
+        assert_eq!(rank::<4>(&Robot::semi_passive(), phi), 3, "{phi:?}");
+    }
+}
+
+/// The zeros are those of eq. 4, and only they matter.
+#[test]
+fn det_w_b_has_the_opposite_sign_of_eq_4() {
+    let robot = Robot::kinematic();
+    for phi in shapes() {
+        let w = printed_w(&robot, 0.4, phi);
+        let det = Matrix3::from_fn(|i, j| w[(i, j)]).determinant();
+        let [phi1, phi2] = phi;
+        let eq4 = robot.h_m * (phi2 - phi1).sin() + robot.l_m * (phi2.sin() - phi1.sin());
+        assert!((det / eq4 + 1.0).abs() < 1e-9, "{phi:?}: {det} {eq4}");
+        assert!((det_wb(&robot, &Trig::new(phi)) - det).abs() < 1e-12, "{phi:?}");
+    }
+}
+
+#[test]
+fn det_w_b_is_zero_on_singular_shapes_of_both_types() {
+    let robot = Robot::kinematic();
+    for phi in equal_angles().chain(opposed_angles(&robot)) {
+        let det = det_wb(&robot, &Trig::new(phi));
+        assert!(det.abs() < 1e-12, "{phi:?}: {det}");
+    }
+}
+
+/// Part of `W_s q_s'` that no body velocity meets at a singular shape: with any the velocities
+/// are unbounded there.
+fn unmet(robot: &Robot, phi: [f64; 2], rates: [f64; 2]) -> f64 {
+    let rows = skid_rows(robot, &Trig::new(phi));
+    let body = Matrix3::from_fn(|i, j| rows[i][j]);
+    let driven = Vector3::from_fn(|i, _| rows[i][3] * rates[0] + rows[i][4] * rates[1]);
+    let met = body.svd(true, true).solve(&driven, 1e-9).unwrap();
+    (body * met - driven).norm() / driven.norm()
+}
+
+/// At `phi1 = phi2 = 0` every rate meets eq. 5 and eq. 6 alone bounds the velocities.
+#[test]
+fn velocities_are_bounded_where_eq_5_holds_and_on_equal_angles_where_eq_6_does() {
+    let robot = Robot::kinematic();
+    for phi in opposed_angles(&robot) {
+        assert!(unmet(&robot, phi, [phi[0].sin(), -phi[1].sin()]) < 1e-9, "{phi:?}");
+        assert!(unmet(&robot, phi, [phi[0].sin(), -2.0 * phi[1].sin()]) > 1e-3, "{phi:?}");
+    }
+    for phi in equal_angles() {
+        assert!(unmet(&robot, phi, [1.0, -1.0]) < 1e-9, "{phi:?}");
+        assert!(unmet(&robot, phi, [1.0, 1.0]) > 1e-3, "{phi:?}");
+    }
+}
+
+/// Determinant of eq. 10's matrix `[[M_pp, -W_p^T], [W_p, 0]]` with `P` passive coordinates.
+fn det_a<const P: usize>(robot: &Robot, phi: [f64; 2]) -> f64 {
+    let trig = Trig::new(phi);
+    let (mass, rows) = (mass_matrix(robot, &trig), skid_rows(robot, &trig));
+    let entry = |i: usize, j: usize| match (i < P, j < P) {
+        (true, true) => mass[i][j],
+        (true, false) => -rows[j - P][i],
+        (false, true) => rows[i - P][j],
+        (false, false) => 0.0,
+    };
+    DMatrix::from_fn(P + 3, P + 3, entry).determinant()
+}
+
+/// The paper has a minus (below eq. 10); only the zeros matter.
+#[test]
+fn det_a_of_the_kinematic_robot_is_plus_the_square_of_det_w_b() {
+    let robot = Robot::kinematic();
+    for phi in shapes() {
+        let square = det_wb(&robot, &Trig::new(phi)).powi(2);
+        assert!((det_a::<3>(&robot, phi) / square - 1.0).abs() < 1e-9, "{phi:?}");
+    }
+}
+
+#[test]
+fn det_a_of_the_semi_passive_robot_is_far_from_zero_up_to_90_degrees() {
+    let robot = Robot::semi_passive();
+    let grid = || (-9..=9).map(|k| f64::from(10 * k).to_radians());
+    let all = grid().flat_map(|phi1| grid().map(move |phi2| [phi1, phi2]));
+    let found: Vec<f64> = all.map(|phi| det_a::<4>(&robot, phi)).collect();
+    let low = found.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = found.iter().copied().fold(0.0, f64::max);
+    assert!(low > 0.01 * high, "{low} {high}");
 }

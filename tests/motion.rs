@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use trilink::metrics::GaitMetrics;
-use trilink::motion::{FIT_ACCURACY, Model, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
+use trilink::motion::{
+    FIT_ACCURACY, FORCES_ACCURACY, Model, MotionStatus, Problem, REFERENCE_ACCURACY, Sample, Solver,
+};
 use trilink::robot::{Gait, JointCommand, Parameter, Robot};
 
 /// A row of `periodic.csv`.
@@ -259,4 +261,35 @@ fn derivatives_are_those_of_central_differences() {
             }
         }
     }
+}
+
+/// The largest of these values in a cycle over the largest in every eleventh sample of it: 1 for
+/// what is bounded and resolved, 11 for what has a pole. No sample meets a crossing of
+/// `phi1 = phi2`: both densities miss those of the symmetric gait by half a step.
+fn growth(model: Model, values: impl Fn(&Sample) -> [f64; 3]) -> f64 {
+    let (robot, gait) = (Robot::kinematic(), Gait::symmetric());
+    let mut solver = Solver::default();
+    solver.solve(&Problem { robot, gait, model, omega_rad_s: 4.0 }, FORCES_ACCURACY).unwrap();
+    let samples = solver.cycle(1100).unwrap();
+    let largest = |step: usize| {
+        let sizes = samples.iter().step_by(step).flat_map(|sample| values(sample).map(f64::abs));
+        sizes.fold(0.0, f64::max)
+    };
+    largest(1) / largest(11)
+}
+
+/// Sections II.A and II.B: eq. 6 bounds the velocities of the circular gait. The paper has its
+/// constraint forces unbounded with and without losses; without any, and with side links that are
+/// alike, the motion is its own mirror image about the crossing, and the forces have a limit.
+#[test]
+fn where_the_kinematic_robot_crosses_equal_angles_its_forces_are_unbounded_with_losses_alone() {
+    let velocities = |sample: &Sample| {
+        let [x, y, turning, ..] = sample.rates;
+        [x, y, Robot::kinematic().h_m * turning]
+    };
+    let forces = |sample: &Sample| sample.forces.lateral_n;
+    assert!(growth(Model::NoSkid, velocities) < 1.05);
+    assert!(growth(Model::NoSkid, forces) < 1.05);
+    let with_roll = growth(Model::NoSkidRoll, forces);
+    assert!((with_roll - 11.0).abs() < 0.1, "{with_roll}");
 }

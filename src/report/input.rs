@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::places::relative;
+use super::paths::relative;
 use crate::config::{Config, Paths, SigmaKind};
 use crate::robot::{Gait, Robot};
 

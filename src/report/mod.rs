@@ -7,7 +7,7 @@ mod input;
 mod numbers;
 mod page;
 mod parameters;
-mod places;
+mod paths;
 mod plan;
 mod recording;
 mod scorecard;
@@ -23,6 +23,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::config::Config;
 use crate::store::{How, StageState, Stamp, StoreError, Thing, write_if_changed};
@@ -104,7 +105,8 @@ pub fn report_planned(
                 Some((svg, outputs)) => (svg.clone(), outputs.clone()),
                 None => draw(reports, figure)?,
             };
-            Ok((page::Drawn { figure, svg }, outputs))
+            let image = Image::of_svg(figure, &svg);
+            Ok((page::Drawn { figure, image }, outputs))
         })
         .collect::<Result<Vec<_>, ReportError>>()?;
     let (drawn, outputs): (Vec<page::Drawn>, Vec<_>) = drawn.into_iter().unzip();
@@ -118,10 +120,10 @@ pub fn report_planned(
         state.outputs.insert(name.to_owned(), stamp);
         Ok(())
     };
-    write(FITS, &fits_json::json(&tables.fits, &tables.comparison)?)?;
+    write(FITS, &json(&fits_json::fits(&tables.fits, &tables.comparison))?)?;
     let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
-    let scores = scorecard::scorecard(config, &tables, is_synthetic)?;
-    write(SCORECARD, &scorecard::json(&scores)?)?;
+    let scores = scorecard::scorecard(&tables, config.sigma, is_synthetic)?;
+    write(SCORECARD, &json(&scores)?)?;
     let pages = trials::pages(&tables);
     let mut written = trials::write(config, &tables, &pages, &plan.kept_pages)?;
     for (name, parts) in plan.pages {
@@ -147,6 +149,12 @@ const EXTENSIONS: [&str; 3] = ["svg", "png", "csv"];
 /// Files that a report writes, but for the figures.
 pub fn file_paths(reports: &Path) -> Vec<PathBuf> {
     [PAGE, FITS, SCORECARD].map(|name| reports.join(name)).into()
+}
+
+fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
+    let mut json = serde_json::to_vec_pretty(value).map_err(ReportError::Json)?;
+    json.push(b'\n');
+    Ok(json)
 }
 
 /// Draws a figure and writes its files; gives the SVG and the files' stamps.

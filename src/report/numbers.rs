@@ -31,6 +31,15 @@ pub fn as_configured(value: f64) -> String {
     }
 }
 
+/// Four significant digits, a whole number as such, and a power of ten for next to nothing.
+pub fn short(value: Option<f64>) -> String {
+    match value.unwrap_or(f64::NAN) {
+        value if (value - value.round()).abs() < 1e-9 && value.round() != 0.0 => fixed(value, 0),
+        value if value != 0.0 && value.abs() < 1e-4 => format!("{value:.0e}"),
+        value => significant(value, 4),
+    }
+}
+
 /// A value with its standard error, both to the error's second digit.
 pub fn with_error(value: f64, error: f64) -> String {
     if !error.is_finite() || error <= 0.0 {
@@ -43,15 +52,33 @@ pub fn with_error(value: f64, error: f64) -> String {
     }
 }
 
+/// A 95 % confidence interval of a positive number, `0` or `∞` where it is open; empty where it is
+/// open on both sides.
+pub fn interval([low, high]: [f64; 2], digits: i32) -> String {
+    let text = |limit: f64, open: &str| match limit.is_finite() {
+        true => significant(limit, digits),
+        false => open.to_owned(),
+    };
+    match low.is_finite() || high.is_finite() {
+        true => format!("{} to {}", text(low, "0"), text(high, "∞")),
+        false => String::new(),
+    }
+}
+
 /// A relative difference in per cent, with its sign.
 pub fn percent(found: f64, truth: f64) -> String {
     let percent = 100.0 * (found / truth - 1.0);
-    let text = fixed(percent, 2);
-    if percent > 0.0 && percent.is_finite() { format!("+{text} %") } else { with_unit(text, "%") }
+    let sign = if percent > 0.0 && percent.is_finite() { "+" } else { "" };
+    in_percent(format!("{sign}{}", fixed(percent, 2)))
 }
 
-fn with_unit(text: String, unit: &str) -> String {
-    if text == NONE { text } else { format!("{text} {unit}") }
+/// A part of a whole in per cent.
+pub fn share(part: f64) -> String {
+    in_percent(fixed(100.0 * part, 1))
+}
+
+fn in_percent(text: String) -> String {
+    if text == NONE { text } else { format!("{text} %") }
 }
 
 fn decimals(value: f64, digits: i32) -> usize {

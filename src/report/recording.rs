@@ -1,4 +1,4 @@
-//! What was recorded of one trial, moment by moment, from its own tables.
+//! What was recorded of one trial, frame by frame, from its own tables.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ pub struct Shown {
     pub start_s: f64,
     pub end_s: f64,
     pub cycles: usize,
-    /// Places of the moments within.
+    /// Indices of the frames within.
     pub frames: std::ops::Range<usize>,
 }
 
@@ -67,14 +67,9 @@ impl Recording {
     fn used_cycles(&self, most: usize) -> Option<(f64, usize)> {
         let follows = |a: &CycleRow, b: &CycleRow| a.used && b.used && b.cycle == a.cycle + 1;
         let runs = self.cycles.chunk_by(follows).filter(|run| run[0].used);
-        let mut best: Option<&[CycleRow]> = None;
-        for run in runs {
-            let run = &run[..run.len().min(most)];
-            if best.is_none_or(|best| run.len() > best.len()) {
-                best = Some(run);
-            }
-        }
-        best.map(|run| (run[0].start_s, run.len()))
+        // The last of several is taken, which in reverse is the first.
+        let longest = runs.rev().max_by_key(|run| run.len().min(most))?;
+        Some((longest[0].start_s, longest.len().min(most)))
     }
 
     /// The cycles that a figure shows, at most so many of them.
@@ -84,14 +79,14 @@ impl Recording {
         Some(Shown { start_s, end_s, cycles, frames: self.between(start_s, end_s) })
     }
 
-    /// Places of the moments from `from_s` to `to_s`.
+    /// Indices of the frames from `from_s` to `to_s`.
     pub fn between(&self, from_s: f64, to_s: f64) -> std::ops::Range<usize> {
         let first = self.time_s.partition_point(|time_s| *time_s < from_s);
         let last = self.time_s.partition_point(|time_s| *time_s <= to_s);
         first..last.max(first)
     }
 
-    /// The pose of link 0 at a moment, between the frames around it; `None` where there is none.
+    /// The pose of link 0 at a time, between the frames around it; `None` where there is none.
     pub fn pose_at(&self, time_s: f64) -> Option<Pose> {
         let after = self.time_s.partition_point(|frame_s| *frame_s < time_s);
         let before = after.saturating_sub(1);

@@ -9,7 +9,7 @@ use crate::report::ReportInput;
 use crate::robot::Parameter;
 use crate::store::FitRow;
 
-/// Moments of a cycle that a figure shows.
+/// Samples of a cycle that a figure shows.
 pub const SAMPLES: usize = 240;
 
 /// The motion of a model of a campaign's robot as configured; `None` without that campaign.

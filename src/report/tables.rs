@@ -11,22 +11,22 @@ use crate::store::{
     Rows, StartRow, StoreError, Table, TrialRow,
 };
 
-const WITHOUT_ROBOTS: &str = "no measured parameter of a robot is listed";
+/// Tables that may be missing, and what the report then lacks.
+const OPTIONAL: [(&str, &str); 8] = [
+    ("checks", "no check is listed"),
+    ("fits", "no model is fitted"),
+    ("predictions", "no model is drawn"),
+    ("comparison", "no model is compared"),
+    ("starts", "no search is drawn"),
+    ("profiles", "no profile is drawn"),
+    ("bootstrap", "no replicate is drawn"),
+    ("robot_parameters", "no measured parameter of a robot is listed"),
+];
 
 /// The tables that are read, where they are there.
 pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
-    const TABLES: [&str; 9] = [
-        "trials",
-        "checks",
-        "fits",
-        "predictions",
-        "comparison",
-        "starts",
-        "profiles",
-        "bootstrap",
-        "robot_parameters",
-    ];
-    TABLES.map(|name| derived.join(format!("{name}.parquet"))).into()
+    let names = ["trials"].into_iter().chain(OPTIONAL.map(|(name, _)| name));
+    names.map(|name| table_path(derived, name)).collect()
 }
 
 /// Rows of `derived/`.
@@ -55,26 +55,27 @@ impl Tables {
     /// # Errors
     /// There is no `trials.parquet`, or a table cannot be read or lacks a column.
     pub fn read(derived: &Path) -> Result<Self, ReportError> {
-        let mut missing = Vec::new();
-        let trials = derived.join("trials.parquet");
-        if !trials.exists() {
-            return Err(StoreError::NotIngested { path: trials }.into());
+        let path = table_path(derived, "trials");
+        if !path.exists() {
+            return Err(StoreError::NotIngested { path }.into());
         }
-        let trials = Table::read(&trials)?;
+        let trials = Table::read(&path)?;
+        let missing = OPTIONAL.iter().filter(|(name, _)| !table_path(derived, name).exists());
         let mut tables = Self {
             input: trials.input.clone(),
             trials: TrialRow::from_table(&trials)?,
-            checks: optional(derived, "checks", "no check is listed", &mut missing)?,
-            fits: optional(derived, "fits", "no model is fitted", &mut missing)?,
-            predictions: optional(derived, "predictions", "no model is drawn", &mut missing)?,
-            comparison: optional(derived, "comparison", "no model is compared", &mut missing)?,
-            starts: optional(derived, "starts", "no search is drawn", &mut missing)?,
-            profiles: optional(derived, "profiles", "no profile is drawn", &mut missing)?,
-            bootstrap: optional(derived, "bootstrap", "no replicate is drawn", &mut missing)?,
-            robots: optional(derived, "robot_parameters", WITHOUT_ROBOTS, &mut missing)?,
-            missing: Vec::new(),
+            checks: optional(derived, "checks")?,
+            fits: optional(derived, "fits")?,
+            predictions: optional(derived, "predictions")?,
+            comparison: optional(derived, "comparison")?,
+            starts: optional(derived, "starts")?,
+            profiles: optional(derived, "profiles")?,
+            bootstrap: optional(derived, "bootstrap")?,
+            robots: optional(derived, "robot_parameters")?,
+            missing: missing
+                .map(|(name, without)| format!("Table {name}.parquet is not there: {without}."))
+                .collect(),
         };
-        tables.missing = missing;
         tables.trials.sort_by(|a, b| {
             let key =
                 |row: &TrialRow| (row.campaign.is_empty(), row.campaign.clone(), row.kind.name());
@@ -101,15 +102,13 @@ impl Tables {
     }
 }
 
-fn optional<R: Rows>(
-    derived: &Path,
-    name: &str,
-    without: &str,
-    missing: &mut Vec<String>,
-) -> Result<Vec<R>, ReportError> {
-    let path = derived.join(format!("{name}.parquet"));
+fn table_path(derived: &Path, name: &str) -> PathBuf {
+    derived.join(format!("{name}.parquet"))
+}
+
+fn optional<R: Rows>(derived: &Path, name: &str) -> Result<Vec<R>, ReportError> {
+    let path = table_path(derived, name);
     if !path.exists() {
-        missing.push(format!("Table {name}.parquet is not there: {without}."));
         return Ok(Vec::new());
     }
     Ok(R::from_table(&Table::read(&path)?)?)

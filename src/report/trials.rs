@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::page::{self, Drawn, TrialPages};
+use super::page::{self, Image, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
-use super::{REPORT_VERSION, ReportError, drawing, figures};
-use crate::report::ReportInput;
+use super::{REPORT_VERSION, ReportError, ReportInput, figures};
 use crate::store::{
     Parts, Stamp, TrialRow, TrialStatus, VERSION, cycles_path, hash, poses_path, wheels_path,
     write_if_changed,
@@ -126,10 +125,8 @@ fn html(
 ) -> Result<String, ReportError> {
     let figures =
         recording.map_or(Vec::new(), |recording| figures::trial::figures(trial, recording, config));
-    let draw =
-        |figure| -> Result<Drawn, ReportError> { Ok(Drawn { figure, svg: drawing::svg(figure)? }) };
-    let drawn = figures.iter().map(draw).collect::<Result<Vec<_>, _>>()?;
-    page::trial_html(trial, tables, recording, &drawn)
+    let images = figures.iter().map(Image::draw).collect::<Result<Vec<_>, _>>()?;
+    page::trial_html(trial, tables, recording, &images)
 }
 
 fn remove_others(folder: &Path, pages: &TrialPages) -> Result<(), ReportError> {

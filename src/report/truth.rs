@@ -5,12 +5,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{as_configured, fixed, percent};
+use super::numbers::fixed;
 use super::parameters::FittedParameter;
 use super::tables::Tables;
-use crate::metrics::GaitMetrics;
 use crate::motion::Model;
 use crate::robot::{Parameter, Robot};
+use crate::store::TrialRow;
 use crate::trial::TRUTH_FILE;
 
 /// The model that the trials were made with.
@@ -81,63 +81,39 @@ impl Truth {
 
 /// The section of the page.
 #[derive(Debug, Serialize)]
-pub struct Comparison {
+pub struct Comparison<'t> {
     pub seed: Option<u64>,
     pub summary: Vec<String>,
-    pub coefficients: Vec<CoefficientRow>,
-    pub trials: Vec<TrialComparison>,
+    pub coefficients: Vec<Known<'t>>,
+    pub trials: Vec<TrialComparison<'t>>,
 }
 
+/// A trial and what was planted, NaN where that is unknown.
 #[derive(Debug, Serialize)]
-pub struct CoefficientRow {
-    pub campaign: String,
-    pub parameter: &'static str,
-    pub planted: String,
-    pub found: String,
-    pub difference: String,
-    /// See [`FittedParameter::marks`].
-    pub marks: Vec<&'static str>,
-}
-
-#[derive(Debug, Serialize)]
-pub struct TrialComparison {
-    pub trial: String,
-    pub d_planted_mm: String,
-    pub d_measured_mm: String,
-    pub d_difference: String,
-    pub v_planted_mm_s: String,
-    pub v_measured_mm_s: String,
-    pub v_difference: String,
+pub struct TrialComparison<'t> {
+    trial: &'t TrialRow,
+    d_m: f64,
+    v_m_s: f64,
 }
 
 /// Compares truth and tables.
-pub fn compare(truth: &Truth, tables: &Tables) -> Comparison {
+pub fn compare<'t>(truth: &Truth, tables: &'t Tables) -> Comparison<'t> {
     let mut d = Worst::default();
     let mut v = Worst::default();
-    let trials = tables.trials.iter().filter_map(|row| {
-        let planted = truth.trials.get(&row.trial)?;
-        let planted_d = planted.d_m.unwrap_or(f64::NAN);
-        let planted_v = planted.v_m_s.unwrap_or(f64::NAN);
-        let GaitMetrics { d_m, v_m_s, .. } = row.metrics;
-        d.see(&row.trial, d_m, planted_d);
-        v.see(&row.trial, v_m_s, planted_v);
-        Some(TrialComparison {
-            trial: row.trial.clone(),
-            d_planted_mm: fixed(1e3 * planted_d, 2),
-            d_measured_mm: fixed(1e3 * d_m, 2),
-            d_difference: percent(d_m, planted_d),
-            v_planted_mm_s: fixed(1e3 * planted_v, 2),
-            v_measured_mm_s: fixed(1e3 * v_m_s, 2),
-            v_difference: percent(v_m_s, planted_v),
-        })
+    let trials = tables.trials.iter().filter_map(|trial| {
+        let planted = truth.trials.get(&trial.trial)?;
+        let [d_m, v_m_s] = [planted.d_m, planted.v_m_s].map(|known| known.unwrap_or(f64::NAN));
+        d.see(&trial.trial, trial.metrics.d_m, d_m);
+        v.see(&trial.trial, trial.metrics.v_m_s, v_m_s);
+        Some(TrialComparison { trial, d_m, v_m_s })
     });
     let trials = trials.collect();
     let summary = [d.sentence("d"), v.sentence("v")].into_iter().flatten().collect();
-    let coefficients = planted(truth, tables).into_iter().map(coefficient_row).collect();
-    Comparison { seed: truth.seed, summary, coefficients, trials }
+    Comparison { seed: truth.seed, summary, coefficients: planted(truth, tables), trials }
 }
 
 /// A coefficient of the fitted model that the trials were made with, and what was planted.
+#[derive(Debug, Serialize)]
 pub struct Known<'t> {
     pub campaign: &'t str,
     pub parameter: FittedParameter,
@@ -157,18 +133,6 @@ pub fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
         }));
     }
     known
-}
-
-fn coefficient_row(known: Known<'_>) -> CoefficientRow {
-    let Known { campaign, parameter, planted } = known;
-    CoefficientRow {
-        campaign: campaign.to_owned(),
-        parameter: parameter.parameter.column(),
-        planted: as_configured(planted),
-        found: parameter.text(),
-        difference: percent(parameter.value, planted),
-        marks: parameter.marks(),
-    }
 }
 
 /// The largest relative difference seen.

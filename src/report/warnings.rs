@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::page::TrialPages;
 use super::tables::Tables;
 use crate::store::{CheckRow, Severity, TrialStatus};
 
@@ -12,8 +11,6 @@ use crate::store::{CheckRow, Severity, TrialStatus};
 #[derive(Serialize)]
 pub struct Trouble<'p> {
     pub trial: &'p str,
-    /// File of its own page in `trials/`.
-    pub page: Option<&'p str>,
     pub status: TrialStatus,
     pub messages: Vec<&'p str>,
 }
@@ -34,7 +31,7 @@ fn needs_a_look(check: &CheckRow) -> bool {
 }
 
 /// Failed trials first.
-pub fn troubled<'p>(tables: &'p Tables, pages: &'p TrialPages) -> Vec<Trouble<'p>> {
+pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
     let with = |status| {
         tables.trials.iter().filter(move |row| row.status == status).map(|row| {
             let checks = tables.checks.iter().filter(|check| check.trial == row.trial);
@@ -50,8 +47,7 @@ pub fn troubled<'p>(tables: &'p Tables, pages: &'p TrialPages) -> Vec<Trouble<'p
                 }
                 messages.insert(0, &row.message);
             }
-            let page = pages.get(&row.trial).map(String::as_str);
-            Trouble { trial: &row.trial, page, status: row.status, messages }
+            Trouble { trial: &row.trial, status: row.status, messages }
         })
     };
     with(TrialStatus::Failed).chain(with(TrialStatus::Flagged)).collect()

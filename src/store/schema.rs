@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
+
 use super::columns::{columns, rows};
 use super::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
 use crate::config::{GaitInput, SigmaKind};
@@ -27,6 +29,7 @@ pub fn cycles_path(derived: &Path, trial: &str) -> PathBuf {
 
 rows! {
     /// One cycle of a trial: `cycles/<trial>.parquet`.
+    #[derive(Serialize)]
     pub struct CycleRow {
         pub trial: String,
         pub cycle: i64,
@@ -40,6 +43,7 @@ rows! {
 
 rows! {
     /// One trial: `trials.parquet`. Standard errors end in `_se`.
+    #[derive(Serialize)]
     pub struct TrialRow {
         pub trial: String,
         /// Empty for trials that are not of kind `gait`.
@@ -77,7 +81,7 @@ rows! {
 rows! {
     /// What a joint does: `phi = offset + amplitude cos(omega t + phase)`, the phase of a
     /// commanded joint being that of its command.
-    #[derive(Copy)]
+    #[derive(Copy, Serialize)]
     pub struct JointGait {
         pub offset_rad: f64,
         pub amplitude_rad: f64,
@@ -115,6 +119,7 @@ rows! {
     /// What one trial of kind `joint-release` or `coast-down` says of its robot:
     /// `robot_parameters.parquet`. What the kind does not tell is missing. Standard errors end
     /// in `_se`; values of the configuration have `configured` in their names.
+    #[derive(Serialize)]
     pub struct RobotParameterRow {
         pub trial: String,
         pub kind: TrialKind,
@@ -129,6 +134,11 @@ rows! {
         pub damping_ratio_decrement: Estimate,
         pub rest_angle_rad: Estimate,
         pub rest_angle_configured_rad: f64,
+        /// The decay that was fitted: at `t` after `released_s`, which is after the first frame,
+        /// `rest_angle + exp(-zeta omega_n t) (cosine cos(omega_d t) + sine sin(omega_d t))`.
+        pub released_s: f64,
+        pub decay_cosine_rad: f64,
+        pub decay_sine_rad: f64,
         /// k_tau and c_tau of eq. 11.
         pub stiffness_nm_rad: Estimate,
         pub stiffness_configured_nm_rad: f64,
@@ -146,7 +156,7 @@ rows! {
 }
 
 /// A quantity that a trial tells of its robot.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RobotQuantity {
     /// Its symbol in plain letters, and its unit.
     pub name: &'static str,
@@ -157,6 +167,14 @@ pub struct RobotQuantity {
 }
 
 impl RobotParameterRow {
+    /// The fitted decay of a joint that was let go, rad, at a time after its release.
+    pub fn decay_rad(&self, after_s: f64) -> f64 {
+        let [ratio, natural_rad_s] = [self.damping_ratio.value, self.natural_rad_s.value];
+        let (sin, cos) = (natural_rad_s * (1.0 - ratio.powi(2)).sqrt() * after_s).sin_cos();
+        let swing_rad = self.decay_cosine_rad * cos + self.decay_sine_rad * sin;
+        self.rest_angle_rad.value + (-ratio * natural_rad_s * after_s).exp() * swing_rad
+    }
+
     /// What the trial tells, in the order in which it is to be read.
     pub fn quantities(&self) -> impl Iterator<Item = RobotQuantity> {
         let stiffness = (self.stiffness_nm_rad, self.stiffness_configured_nm_rad);
@@ -182,6 +200,7 @@ impl RobotParameterRow {
 
 rows! {
     /// One check of one trial: `checks.parquet`.
+    #[derive(Serialize)]
     pub struct CheckRow {
         pub trial: String,
         /// Code and name, such as `W003 residual`.
@@ -196,6 +215,7 @@ rows! {
 rows! {
     /// One model fitted to one campaign: `fits.parquet`. Parameters that the model does not have
     /// are missing.
+    #[derive(Serialize)]
     pub struct FitRow {
         pub campaign: String,
         pub model: Model,
@@ -277,6 +297,7 @@ rows! {
 
 rows! {
     /// How one model compares with its campaign's others: `comparison.parquet`.
+    #[derive(Serialize)]
     pub struct ComparisonRow {
         pub campaign: String,
         pub model: Model,

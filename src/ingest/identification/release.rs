@@ -71,7 +71,7 @@ pub fn measure(
         .collect();
     let guess = [0.0, FREE * largest, 0.0, first_guess.value / half_s, PI / half_s];
     let curve = Curve::fit(&samples, SVector::from(guess), decaying).ok_or_else(|| few(0))?;
-    let [offset, _, _, decay_1_s, damped_rad_s] = curve.parameters.into();
+    let [offset, cosine_rad, sine_rad, decay_1_s, damped_rad_s] = curve.parameters.into();
     if decay_1_s <= 0.0 || damped_rad_s <= 0.0 {
         return Err(few(0));
     }
@@ -100,6 +100,9 @@ pub fn measure(
             curve.se(SVector::from([1.0, 0.0, 0.0, 0.0, 0.0])),
         ),
         rest_angle_configured_rad: robot.rest_angle_rad,
+        released_s: start as f64 / rate_hz,
+        decay_cosine_rad: cosine_rad,
+        decay_sine_rad: sine_rad,
         stiffness_nm_rad: Estimate::new(
             inertia * natural_rad_s.powi(2),
             2.0 * inertia * curve.se(slopes(decay_1_s, damped_rad_s)),

@@ -682,6 +682,9 @@ fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() 
         check(3, row.damping_ratio, ratio);
         check(4, row.damping_ratio_decrement, ratio);
         assert!((row.rest_angle_rad.value - truth.rest_angle_rad).abs() < 0.01);
+        let swing_rad = (row.decay_rad(0.0) - row.rest_angle_rad.value).abs();
+        assert!(row.released_s > 0.0 && swing_rad > 0.1, "{} {swing_rad}", row.released_s);
+        assert!((row.decay_rad(60.0) - row.rest_angle_rad.value).abs() < 1e-3 * swing_rad);
     }
     let bounds = [0.03, 0.02, 0.05, 0.05, 0.1];
     assert!(worst.iter().zip(bounds).all(|(worst, bound)| *worst < bound), "{worst:?}");

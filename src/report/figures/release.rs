@@ -1,6 +1,4 @@
-//! Fig. 8: the passive joint let go, and the decay that its parameters give.
-
-use nalgebra::{Matrix2, Vector2};
+//! Fig. 8: the passive joint let go, and the decay that was fitted to it.
 
 use super::common::DEG;
 use crate::metrics::Estimate;
@@ -9,25 +7,26 @@ use crate::report::numbers::{significant, with_error};
 use crate::report::recording::Recording;
 use crate::store::RobotParameterRow;
 
-/// The joint swings freely from where it is this part of its largest angle from its rest.
-const FREE: f64 = 0.8;
 /// What is left of the swing at the end of what is drawn.
 const REST: f64 = 0.005;
 /// Time before the release that is drawn, s.
 const BEFORE_S: f64 = 0.2;
 const POINTS: usize = 400;
 
-/// The figure of one release; `None` where the tables do not tell of a swing.
+/// The figure of one release; `None` where the tables show no swing.
 pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> {
     let joint = usize::try_from(row.joint - 1).ok().filter(|joint| *joint < 2)?;
     let phi = &recording.phi_rad[joint];
-    let decay = Decay::fit(row, &recording.time_s, phi)?;
-    let released_s = decay.released_s;
-    let shown = recording.between(released_s - BEFORE_S, decay.end_s);
+    let released_s = row.released_s;
+    let end_s = released_s - REST.ln() / (row.damping_ratio.value * row.natural_rad_s.value);
+    if !(row.decay_rad(0.0) + end_s).is_finite() || end_s <= released_s {
+        return None;
+    }
+    let shown = recording.between(released_s - BEFORE_S, end_s);
     let seen = shown.map(|i| (recording.time_s[i] - released_s, DEG * phi[i]));
     let fitted = (0..=POINTS).map(|i| {
-        let time_s = (decay.end_s - released_s) * i as f64 / POINTS as f64;
-        (time_s, DEG * decay.at(time_s))
+        let after_s = (end_s - released_s) * i as f64 / POINTS as f64;
+        (after_s, DEG * row.decay_rad(after_s))
     });
     let of = |estimate: Estimate| with_error(estimate.value, estimate.se);
     let [natural, ratio] = [of(row.natural_rad_s), of(row.damping_ratio)];
@@ -68,86 +67,40 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
     })
 }
 
-/// `rest + exp(-decay t) (a cos + b sin)(damped t)` with `t` from the release.
-struct Decay {
-    rest_rad: f64,
-    decay_1_s: f64,
-    damped_rad_s: f64,
-    amplitudes_rad: [f64; 2],
-    released_s: f64,
-    end_s: f64,
-}
-
-impl Decay {
-    /// The decay of the trial's frequency and damping that is nearest to what was seen.
-    fn fit(row: &RobotParameterRow, time_s: &[f64], phi_rad: &[f64]) -> Option<Self> {
-        let [rest_rad, ratio, natural_rad_s] =
-            [row.rest_angle_rad, row.damping_ratio, row.natural_rad_s].map(|of| of.value);
-        let decay_1_s = ratio * natural_rad_s;
-        let damped_rad_s = natural_rad_s * (1.0 - ratio.powi(2)).sqrt();
-        let swing = |i: &usize| (phi_rad[*i] - rest_rad).abs();
-        let seen = (0..phi_rad.len().min(time_s.len())).filter(|i| phi_rad[*i].is_finite());
-        let largest = seen.clone().max_by(|a, b| swing(a).total_cmp(&swing(b)))?;
-        let free = seen.clone().filter(|i| *i > largest);
-        let first = free.clone().find(|i| swing(i) < FREE * swing(&largest))?;
-        let released_s = time_s[first];
-        let end_s = released_s - REST.ln() / decay_1_s;
-        if !(damped_rad_s > 0.0 && end_s > released_s) {
-            return None;
-        }
-        let mut decay =
-            Self { rest_rad, decay_1_s, damped_rad_s, amplitudes_rad: [0.0; 2], released_s, end_s };
-        let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
-        for i in free.filter(|i| *i >= first && time_s[*i] <= end_s) {
-            let waves = Vector2::from(decay.waves(time_s[i] - released_s));
-            normal += waves * waves.transpose();
-            right += waves * (phi_rad[i] - rest_rad);
-        }
-        decay.amplitudes_rad = (normal.try_inverse()? * right).into();
-        Some(decay)
-    }
-
-    fn waves(&self, time_s: f64) -> [f64; 2] {
-        let left = (-self.decay_1_s * time_s).exp();
-        let (sin, cos) = (self.damped_rad_s * time_s).sin_cos();
-        [left * cos, left * sin]
-    }
-
-    fn at(&self, time_s: f64) -> f64 {
-        let [cos, sin] = self.waves(time_s);
-        self.rest_rad + self.amplitudes_rad[0] * cos + self.amplitudes_rad[1] * sin
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::store::Rows as _;
 
     #[test]
-    fn the_decay_drawn_is_the_one_seen() {
+    fn the_decay_drawn_is_the_one_fitted() {
         let row = RobotParameterRow {
             joint: 1,
             natural_rad_s: Estimate::new(10.0, f64::NAN),
             damping_ratio: Estimate::new(0.2, f64::NAN),
             rest_angle_rad: Estimate::new(0.05, f64::NAN),
+            released_s: 1.0,
+            decay_cosine_rad: 0.4,
+            decay_sine_rad: 0.08,
             ..RobotParameterRow::blank()
         };
-        let damped = 10.0 * (1.0_f64 - 0.04).sqrt();
-        let swing = |time_s: f64| {
-            0.05 + 0.4
-                * (-2.0 * time_s).exp()
-                * ((damped * time_s).cos() + 0.2 * (damped * time_s).sin())
+        let time_s: Vec<f64> = (0..480).map(|i| f64::from(i) / 120.0).collect();
+        let phi: Vec<f64> = time_s.iter().map(|t| row.decay_rad((t - 1.0).max(0.0))).collect();
+        let recording = Recording { time_s, phi_rad: [phi, Vec::new()], ..Recording::default() };
+        let figure = figure(&row, &recording).expect("it swings");
+        let [seen, fitted, ..] = figure.panels[0].layers.as_slice() else {
+            panic!("two curves are drawn");
         };
-        let time_s: Vec<f64> = (0..480).map(|i| i as f64 / 120.0).collect();
-        let held = |t: f64| if t < 1.0 { swing(0.0) } else { swing(t - 1.0) };
-        let mut phi: Vec<f64> = time_s.iter().map(|t| held(*t)).collect();
-        phi[150] = f64::NAN;
-        let decay = Decay::fit(&row, &time_s, &phi).expect("it swings");
-        for t in [0.0, 0.3, 1.1] {
-            let seen = swing(decay.released_s - 1.0 + t);
-            assert!((decay.at(t) - seen).abs() < 1e-9, "{t}: {} {seen}", decay.at(t));
+        let swing = |t: f64| {
+            let damped = 10.0 * (1.0_f64 - 0.04).sqrt();
+            0.05 + 0.4 * (-2.0 * t).exp() * ((damped * t).cos() + 0.2 * (damped * t).sin())
+        };
+        assert!(seen.points[0].x < -0.19 && fitted.points[0].x == 0.0);
+        let free = seen.points.iter().filter(|point| point.x > 0.0);
+        for point in fitted.points.iter().chain(free) {
+            assert!((point.y - DEG * swing(point.x)).abs() < 1e-9, "{point:?}");
         }
-        assert!(Decay::fit(&row, &time_s, &vec![0.05; 480]).is_none());
+        let unknown = RobotParameterRow { released_s: f64::NAN, ..row };
+        assert!(super::figure(&unknown, &recording).is_none());
     }
 }

@@ -4,16 +4,14 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Drawn, FigureView, views};
-use crate::config::GaitInput;
+use super::{Drawn, Image, images};
 use crate::motion::{FromRest, Model, MotionStatus};
 use crate::report::ReportInput;
 use crate::report::figures;
-use crate::report::numbers::{NONE, fixed, significant};
 use crate::report::parameters::FittedParameter;
 use crate::report::tables::Tables;
 use crate::robot::Parameter;
-use crate::store::{ComparisonRow, FitRow, FitStatus, PredictionSource};
+use crate::store::{ComparisonRow, FitRow, PredictionSource};
 
 #[derive(Serialize)]
 pub struct CampaignSection<'p> {
@@ -21,64 +19,20 @@ pub struct CampaignSection<'p> {
     robot: Option<&'p str>,
     gait: Option<&'p str>,
     trials: usize,
-    figures: Vec<FigureView<'p>>,
+    figures: Vec<&'p Image>,
     fits: Vec<FitView<'p>>,
     /// Whether a model of it has a passive joint.
     passive: bool,
-    /// Which model the measurements prefer.
-    best: Option<&'p str>,
-    comparison: Vec<ComparisonView>,
-    /// Fits with the other gait input, and which that is.
-    otherwise: Option<Otherwise>,
+    /// Its first sentence says which model the measurements prefer.
+    comparison: Vec<&'p ComparisonRow>,
     notes: Vec<String>,
 }
 
 #[derive(Serialize)]
 struct FitView<'p> {
-    model: Model,
-    j: String,
-    skid: Vec<ParameterView>,
-    roll: Vec<ParameterView>,
-    joint: Vec<ParameterView>,
-    starts: i64,
-    solves: i64,
-    status: &'p FitStatus,
-}
-
-#[derive(Serialize)]
-struct ComparisonView {
-    model: Model,
-    j: String,
-    /// Of d, v, sigma, alpha.
-    parts: [String; 4],
-    left_out: String,
-    free: i64,
-    criterion: String,
-    wins: String,
-}
-
-#[derive(Serialize)]
-struct Otherwise {
-    gait_input: GaitInput,
-    rows: Vec<OtherwiseRow>,
-}
-
-#[derive(Serialize)]
-struct OtherwiseRow {
-    model: Model,
-    j: String,
-    other_j: String,
-    /// Of the wheels; as the other input gives them.
-    skid: [String; 3],
-}
-
-#[derive(Serialize)]
-struct ParameterView {
-    value: String,
-    free: bool,
-    /// 95 % confidence interval.
-    interval: String,
-    marks: Vec<&'static str>,
+    fit: &'p FitRow,
+    /// All but the sum of the roll coefficients.
+    parameters: Vec<FittedParameter>,
 }
 
 /// Sections in the paper's order, then by name; without those that have nothing to say.
@@ -90,24 +44,22 @@ pub fn sections<'p>(
     let mut names: Vec<&str> = tables.campaigns(config).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
     let section = |name: &'p str| {
-        let fits: Vec<&FitRow> = tables.fits.iter().filter(|fit| fit.campaign == name).collect();
+        let fits = tables.fits.iter().filter(|fit| fit.campaign == name);
+        let fits: Vec<FitView> = fits.map(fit_view).collect();
         let setup = config.campaign.get(name);
-        let of_campaign = tables.comparison.iter().filter(|row| row.campaign == name);
-        let compared: Vec<&ComparisonRow> = of_campaign.collect();
+        let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
         CampaignSection {
             name,
             robot: setup.map(|campaign| campaign.robot.as_str()),
             gait: setup.map(|campaign| campaign.gait.as_str()),
             trials: tables.trials.iter().filter(|row| row.campaign == name).count(),
-            figures: views(drawn, |figure| {
+            figures: images(drawn, |figure| {
                 figure.campaigns == [name] && figure.stem != figures::TRUTH
             }),
-            passive: fits.iter().any(|fit| fit.parameters[Parameter::Damping].is_finite()),
-            best: compared.first().map(|row| row.sentence.as_str()),
-            comparison: compared.iter().map(|row| comparison_view(row)).collect(),
-            otherwise: otherwise(&compared),
+            passive: fits.iter().any(|view| view.fit.parameters[Parameter::Damping].is_finite()),
+            comparison: comparison.collect(),
             notes: remarks(tables, name),
-            fits: fits.into_iter().map(fit_view).collect(),
+            fits,
         }
     };
     let sections = names.into_iter().map(section);
@@ -163,50 +115,9 @@ fn not_drawn(tables: &Tables, campaign: &str) -> Vec<String> {
 }
 
 fn fit_view(fit: &FitRow) -> FitView<'_> {
-    let view = |parameter: &Parameter| {
-        let fitted = FittedParameter::of(fit, *parameter);
-        ParameterView {
-            value: fitted.text(),
-            free: fitted.free,
-            interval: fitted.interval(),
-            marks: fitted.marks(),
-        }
-    };
-    let views = |parameters: &[Parameter]| parameters.iter().map(view).collect();
+    let shown = Parameter::ALL.into_iter().filter(|parameter| *parameter != Parameter::RollSum);
     FitView {
-        model: fit.model,
-        j: significant(fit.j, 4),
-        skid: views(&Parameter::SKID),
-        roll: views(&Parameter::ROLL),
-        joint: views(&[Parameter::Stiffness, Parameter::Damping]),
-        starts: fit.starts,
-        solves: fit.solves,
-        status: &fit.status,
+        fit,
+        parameters: shown.map(|parameter| FittedParameter::of(fit, parameter)).collect(),
     }
-}
-
-fn comparison_view(row: &ComparisonRow) -> ComparisonView {
-    let wins = fixed(100.0 * row.wins, 1);
-    ComparisonView {
-        model: row.model,
-        j: significant(row.j, 4),
-        parts: [row.j_d, row.j_v, row.j_sigma, row.j_alpha].map(|part| significant(part, 3)),
-        left_out: significant(row.j_left_out, 4),
-        free: row.free,
-        criterion: fixed(row.criterion, 1),
-        wins: if wins == NONE { wins } else { format!("{wins} %") },
-    }
-}
-
-/// What the other gait input than the configured one gives.
-fn otherwise(rows: &[&ComparisonRow]) -> Option<Otherwise> {
-    let with = |row: &&&ComparisonRow| row.other_gait_j.is_finite();
-    let gait_input = rows.iter().find(with)?.other_gait_input?;
-    let view = |row: &&ComparisonRow| OtherwiseRow {
-        model: row.model,
-        j: significant(row.j, 4),
-        other_j: significant(row.other_gait_j, 4),
-        skid: Parameter::SKID.map(|skid| significant(row.other_gait_parameters[skid], 4)),
-    };
-    Some(Otherwise { gait_input, rows: rows.iter().filter(with).map(view).collect() })
 }

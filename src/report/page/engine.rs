@@ -6,6 +6,9 @@ use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
 
 use super::{INDEX, trial};
+use crate::report::numbers::{
+    as_configured, fixed, interval, percent, share, short, significant, with_error,
+};
 
 /// Templates that others include or extend.
 const SHARED: [(&str, &str); 4] = [
@@ -22,7 +25,7 @@ pub fn texts() -> String {
 }
 
 /// Fills in a template; a name that ends with `.html` or `.xml` makes the engine escape what it
-/// fills in.
+/// fills in. Numbers are written by the functions of [`crate::report::numbers`], as filters.
 ///
 /// # Errors
 /// A template is wrong, or a value that it asks for is not there.
@@ -35,6 +38,18 @@ pub fn fill(
     let syntax = SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).build();
     environment.set_syntax(syntax?);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    environment.add_filter("fixed", fixed);
+    environment.add_filter("significant", significant);
+    environment.add_filter("as_configured", as_configured);
+    environment.add_filter("with_error", with_error);
+    environment.add_filter("percent", percent);
+    environment.add_filter("share", share);
+    environment.add_filter("short", short);
+    environment.add_filter("interval", |limits: Vec<f64>, digits| {
+        limits.try_into().map_or_else(|_| String::new(), |limits| interval(limits, digits))
+    });
+    environment.add_filter("degrees", f64::to_degrees);
+    environment.add_test("finite", f64::is_finite);
     for (name, text) in SHARED {
         environment.add_template(name, text)?;
     }

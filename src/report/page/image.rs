@@ -1,4 +1,4 @@
-//! Drawings inside of pages other than the report's own.
+//! Drawings inside of pages.
 
 use base64::Engine;
 use serde::Serialize;
@@ -9,12 +9,17 @@ use crate::report::drawing::{self, Figure};
 /// A figure inside a page.
 #[derive(Serialize)]
 pub struct Image {
-    pub title: String,
-    pub caption: String,
-    pub alternative: String,
-    pub image_base64: String,
-    pub width: u32,
-    pub height: u32,
+    stem: String,
+    number: String,
+    title: String,
+    caption: String,
+    alternative: String,
+    /// The SVG.
+    image_base64: String,
+    width: u32,
+    height: u32,
+    /// Whether it needs the whole width of the page.
+    wide: bool,
 }
 
 impl Image {
@@ -23,14 +28,22 @@ impl Image {
     /// # Errors
     /// It cannot be drawn.
     pub fn draw(figure: &Figure) -> Result<Self, ReportError> {
+        Ok(Self::of_svg(figure, &drawing::svg(figure)?))
+    }
+
+    /// A figure that was drawn.
+    pub fn of_svg(figure: &Figure, svg: &str) -> Self {
         let (width, height) = drawing::size(figure);
-        Ok(Self {
+        Self {
+            stem: figure.stem.clone(),
+            number: figure.number.clone(),
             title: figure.title.clone(),
             caption: figure.caption.clone(),
             alternative: figure.text_alternative(),
-            image_base64: base64::engine::general_purpose::STANDARD.encode(drawing::svg(figure)?),
+            image_base64: base64::engine::general_purpose::STANDARD.encode(svg),
             width: width.round() as u32,
             height: height.round() as u32,
-        })
+            wide: width > drawing::style::WIDTH,
+        }
     }
 }

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::computed::Computed;
-use super::measured::Measured;
+use super::formula::Formula;
 use super::paper::{Fitted, MotionSpec};
+use super::verdict::Criterion;
 
 /// Everything in the file.
 #[derive(Debug, Deserialize)]
@@ -21,7 +21,7 @@ pub struct Claims {
 }
 
 /// One number or claim of the paper.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
     /// Does not change: scripts name claims by it.
@@ -34,50 +34,25 @@ pub struct Claim {
     /// What the numbers are, where the claim does not say it itself.
     #[serde(default)]
     pub quantity: String,
-    pub printed: Option<Printed>,
+    pub printed: Option<f64>,
     #[serde(default)]
     pub unit: String,
     /// When the claim counts as reproduced.
-    pub criterion: Option<Criterion>,
+    pub criterion: Criterion,
     /// Which number the verdict is about.
-    #[serde(default)]
+    #[serde(default, skip_serializing)]
     pub judged: Judged,
     /// From the paper's own parameters.
-    pub computed: Option<Computed>,
+    #[serde(skip_serializing)]
+    pub computed: Option<Formula>,
     /// From the trials at hand.
-    pub measured: Option<Measured>,
-    /// Why there is no verdict.
-    pub not_testable: Option<String>,
-    #[serde(default)]
+    #[serde(skip_serializing)]
+    pub measured: Option<Formula>,
+    #[serde(default, skip_serializing)]
     pub remark: String,
     /// More numbers for the remark.
-    #[serde(default)]
+    #[serde(default, skip_serializing)]
     pub also: Vec<Also>,
-}
-
-/// A printed number, or several of them as text.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum Printed {
-    Number(f64),
-    Text(String),
-}
-
-/// When a number agrees with a claim.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Criterion {
-    /// Not farther from the printed number than this.
-    Within(f64),
-    /// The same in per cent of the printed number.
-    WithinPercent(f64),
-    /// To nine digits.
-    Equals(f64),
-    AtLeast(f64),
-    AtMost(f64),
-    Between([f64; 2]),
-    /// The printed number, give or take this, lies in the 95 % confidence interval of the fit.
-    ConfidenceInterval(f64),
 }
 
 /// The number that a verdict is about.
@@ -94,7 +69,7 @@ pub enum Judged {
 #[serde(deny_unknown_fields)]
 pub struct Also {
     pub text: String,
-    pub computed: Computed,
+    pub computed: Formula,
 }
 
 impl Claims {
@@ -104,15 +79,5 @@ impl Claims {
     /// The file does not fit the types here.
     pub fn load() -> Result<Self, toml::de::Error> {
         toml::from_str(include_str!("claims.toml"))
-    }
-}
-
-impl Printed {
-    /// The number, where it is a single one.
-    pub fn number(&self) -> Option<f64> {
-        match self {
-            Self::Number(number) => Some(*number),
-            Self::Text(_) => None,
-        }
     }
 }

@@ -1,20 +1,17 @@
-//! The scorecard: every number and claim that the paper prints, and what becomes of it.
+//! The scorecard: the numbers and claims that the paper prints, and what becomes of them.
 //!
 //! The claims and how each is answered are data, `claims.toml`. A claim has a *computed* number,
 //! which the motion solver gives from the paper's own parameters whatever the user's
 //! configuration says, or a *measured* one, which the tables of the trials at hand give, or both.
-//! Nothing is fitted or tuned to a claim.
+//! Nothing is fitted or tuned to a claim. Identities of the mechanics are tests instead, and what
+//! no program can judge stands in `docs/paper-claims.md`.
 //!
 //! # Verdicts
 //!
-//! - `reproduced`: the number that the claim is judged by meets its criterion. That is half a
-//!   unit of the last printed digit unless the claim has a criterion of its own: 10 % where the
-//!   paper says "approximately" or that a model agrees well with a measurement, 0.5 rad/s (a step
-//!   of the trials) where it says "around" a frequency, for fitted coefficients the fit's 95 %
-//!   confidence interval, give or take the rounding of the printed value, and for statements in
-//!   words the bound that the data file gives.
+//! - `reproduced`: the number that the claim is judged by meets its criterion: half a unit of the
+//!   last printed digit, unless the claim's words ask for another (the head of `claims.toml`).
 //! - `differs`: it does not, or there is no such number (a motion that does not exist).
-//! - `not testable here`: the data file gives a reason, or the folder lacks what it takes.
+//! - `not testable here`: the folder lacks what it takes.
 //!
 //! What the authors measured on their robot is judged by the computed number, with their fitted
 //! parameters, where there is one: other trials cannot refute a measurement. Fitted coefficients
@@ -22,154 +19,101 @@
 //! the remark says so.
 
 mod claims;
-mod computed;
-mod measured;
-mod mechanics;
-mod moments;
+mod curve;
+mod cycle;
+mod formula;
 mod paper;
-mod parameters;
-mod sweep;
 #[cfg(test)]
 mod tests;
+mod trials;
 mod verdict;
-mod view;
-
-use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ReportError;
-use super::numbers::significant;
+use super::numbers::{interval, significant};
 use super::tables::Tables;
-use crate::report::ReportInput;
-use claims::{Claim, Claims, Judged, Printed};
-use computed::Found;
+use crate::config::SigmaKind;
+use claims::{Claim, Claims, Judged};
+use formula::{Found, Sources};
 use paper::Paper;
-use sweep::Curves;
 use verdict::{Verdict, judge};
-pub use view::View;
-
-/// Said of what is judged by trials that no camera recorded.
-const SYNTHETIC: &str = "The trials are synthetic.";
 
 /// One line of the scorecard. A number that there is not, or that has no bound, is null.
 #[derive(Debug, Serialize)]
 pub struct Entry {
-    pub id: String,
-    pub part: String,
-    pub place: String,
-    pub claim: String,
-    /// What the numbers are, where the claim does not say it itself.
-    pub quantity: String,
-    pub printed: Option<Printed>,
-    pub unit: String,
-    pub criterion: Option<String>,
+    #[serde(flatten)]
+    pub claim: Claim,
     pub judged_by: Option<Judged>,
     pub computed: Option<f64>,
     pub measured: Option<f64>,
     /// Of the number that it is judged by from the printed one.
     pub relative_difference: Option<f64>,
-    pub verdict: &'static str,
+    pub verdict: Verdict,
     pub remark: String,
 }
 
-/// Judges every claim, by the paper's parameters and by the `tables` at hand; `is_synthetic` if
-/// those come from trials with a planted truth.
+/// Judges every claim, by the paper's parameters and by the `tables` at hand, of whose skid
+/// ratios those of kind `sigma` count; `is_synthetic` if they come from trials with a planted
+/// truth.
 ///
 /// # Errors
 /// The claims that come with the program cannot be read.
 pub fn scorecard(
-    config: &ReportInput,
     tables: &Tables,
+    sigma: SigmaKind,
     is_synthetic: bool,
 ) -> Result<Vec<Entry>, ReportError> {
-    let claims = Claims::load().map_err(ReportError::Claims)?;
-    let paper = Paper::new(&claims);
-    let answers = claims.claim.iter().flat_map(|claim| {
-        claim.computed.iter().chain(claim.also.iter().map(|also| &also.computed))
-    });
-    let swept: BTreeSet<&str> = answers.flat_map(|computed| computed.swept()).collect();
-    let curves = sweep::curves(&paper, &swept);
-    let entry = |claim: &Claim| {
-        let computed = claim.computed.as_ref().map(|computed| computed.find(&paper, &curves));
-        let measured = claim.measured.as_ref();
-        let measured = measured.and_then(|of| of.find(&paper, tables, config.sigma));
-        entry(claim, computed, measured, &more(claim, &paper, &curves), is_synthetic)
-    };
-    Ok(claims.claim.par_iter().map(entry).collect())
+    let Claims { fitted, motion, claim } = Claims::load().map_err(ReportError::Claims)?;
+    let sources = Sources::new(Paper::new(fitted, motion), tables, sigma);
+    Ok(claim.into_par_iter().map(|claim| entry(claim, &sources, is_synthetic)).collect())
 }
 
-/// `scorecard.json`.
-///
-/// # Errors
-/// None that is known; those of the encoder.
-pub fn json(entries: &[Entry]) -> Result<Vec<u8>, ReportError> {
-    let mut json = serde_json::to_vec_pretty(entries).map_err(ReportError::Json)?;
-    json.push(b'\n');
-    Ok(json)
-}
-
-/// The sentences of [`Claim::also`].
-fn more(claim: &Claim, paper: &Paper<'_>, curves: &Curves) -> Vec<String> {
-    let sentence = |also: &claims::Also| {
-        let number = significant(also.computed.find(paper, curves).value, 6);
-        also.text.replace("{}", &number)
-    };
-    claim.also.iter().map(sentence).collect()
-}
-
-fn entry(
-    claim: &Claim,
-    computed: Option<Found>,
-    measured: Option<Found>,
-    more: &[String],
-    is_synthetic: bool,
-) -> Entry {
+fn entry(claim: Claim, sources: &Sources<'_>, is_synthetic: bool) -> Entry {
+    let no_motion = || Found::with_note(f64::NAN, "There is no such motion.");
+    let computed = claim.computed.as_ref();
+    let computed = computed.map(|formula| formula.find(sources).unwrap_or_else(no_motion));
+    let measured = claim.measured.as_ref().and_then(|formula| formula.find(sources));
+    // An optimum that is none is an answer, a measurement without a number is not.
+    let measured = measured.filter(|found| found.value.is_finite() || !found.note.is_empty());
     let judged = match claim.judged {
-        Judged::Computed => computed.as_ref(),
-        Judged::Measured => measured.as_ref(),
+        Judged::Computed => &computed,
+        Judged::Measured => &measured,
     };
-    let (verdict, reason) = judge(claim, judged);
-    let is_judged = verdict != Verdict::NotTestable;
-    let by_trials = is_judged && claim.judged == Judged::Measured;
-    let note = judged.filter(|_| is_judged).map(note).unwrap_or_default();
-    let synthetic = if by_trials && is_synthetic { SYNTHETIC } else { "" };
-    let sentences = [reason.as_deref().unwrap_or_default(), &claim.remark, &note];
-    let sentences = sentences.into_iter().chain(more.iter().map(String::as_str)).chain([synthetic]);
-    let sentences: Vec<&str> = sentences.filter(|sentence| !sentence.is_empty()).collect();
+    let (verdict, reason) = judge(&claim, judged.as_ref());
+    let judged = judged.as_ref().filter(|_| verdict != Verdict::NotTestable);
 
-    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-    let printed = claim.printed.as_ref().and_then(Printed::number);
-    let relative_difference = match (judged.filter(|_| is_judged), printed) {
-        (Some(found), Some(printed)) if printed != 0.0 => finite(found.value / printed - 1.0),
-        _ => None,
-    };
-    let number = |found: &Option<Found>| found.as_ref().and_then(|found| finite(found.value));
+    let mut sentences = vec![reason.to_owned(), claim.remark.clone()];
+    sentences.extend(judged.map(note));
+    sentences.extend(claim.also.iter().map(|also| {
+        let value = also.computed.find(sources).map_or(f64::NAN, |found| found.value);
+        also.text.replace("{}", &significant(value, 6))
+    }));
+    if is_synthetic && judged.is_some() && claim.judged == Judged::Measured {
+        sentences.push("The trials are synthetic.".to_owned());
+    }
+    sentences.retain(|sentence| !sentence.is_empty());
+
+    let finite = |value: &f64| value.is_finite();
+    let number = |found: Option<Found>| found.map(|found| found.value).filter(finite);
+    let printed = claim.printed.filter(|printed| *printed != 0.0);
+    let difference = judged.zip(printed).map(|(found, printed)| found.value / printed - 1.0);
     Entry {
-        id: claim.id.clone(),
-        part: claim.part.clone(),
-        place: claim.place.clone(),
-        claim: claim.claim.clone(),
-        quantity: claim.quantity.clone(),
-        printed: claim.printed.clone(),
-        unit: claim.unit.clone(),
-        criterion: claim.criterion.map(|criterion| criterion.text()),
-        judged_by: is_judged.then_some(claim.judged),
-        computed: number(&computed),
-        measured: number(&measured),
-        relative_difference,
-        verdict: verdict.name(),
+        judged_by: judged.map(|_| claim.judged),
+        relative_difference: difference.filter(finite),
+        computed: number(computed),
+        measured: number(measured),
+        verdict,
         remark: sentences.join(" "),
+        claim,
     }
 }
 
-/// What is to be said of a number beside the verdict.
+/// A sentence on a number, beside the verdict.
 fn note(found: &Found) -> String {
-    let Some([low, high]) = found.limits else { return found.note.clone() };
-    let text = |limit: f64, open: &str| match limit.is_finite() {
-        true => significant(limit, 4),
-        false => open.to_owned(),
-    };
-    format!("95 % interval {} to {}.", text(low, "0"), text(high, "∞"))
+    match found.limits {
+        Some(limits) => format!("95 % interval {}.", interval(limits, 4)),
+        None => found.note.clone(),
+    }
 }

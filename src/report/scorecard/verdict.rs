@@ -1,47 +1,67 @@
 //! Verdicts: what counts as reproduced.
 
-use super::claims::{Claim, Criterion};
-use super::computed::Found;
+use std::fmt;
+
+use serde::{Deserialize, Serialize, Serializer};
+
+use super::claims::Claim;
+use super::formula::Found;
 
 /// Relative tolerance of [`Criterion::Equals`].
 const EQUAL: f64 = 1e-9;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum Verdict {
+    #[serde(rename = "reproduced")]
     Reproduced,
+    #[serde(rename = "differs")]
     Differs,
+    #[serde(rename = "not testable here")]
     NotTestable,
 }
 
-impl Verdict {
-    pub const ALL: [Self; 3] = [Self::Reproduced, Self::Differs, Self::NotTestable];
+/// When a number agrees with a claim.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Criterion {
+    /// Not farther from the printed number than this.
+    Within(f64),
+    /// The same in per cent of the printed number.
+    WithinPercent(f64),
+    /// To nine digits.
+    Equals(f64),
+    AtLeast(f64),
+    AtMost(f64),
+    Between([f64; 2]),
+    /// The printed number, give or take this, lies in the 95 % confidence interval of the fit.
+    ConfidenceInterval(f64),
+}
 
-    pub fn name(self) -> &'static str {
+impl fmt::Display for Criterion {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
-            Self::Reproduced => "reproduced",
-            Self::Differs => "differs",
-            Self::NotTestable => "not testable here",
+            Self::Within(tolerance) => write!(f, "within {tolerance} of the printed value"),
+            Self::WithinPercent(percent) => write!(f, "within {percent} % of the printed value"),
+            Self::Equals(value) => write!(f, "equal to {value}"),
+            Self::AtLeast(least) => write!(f, "at least {least}"),
+            Self::AtMost(most) if *most != 0.0 && *most < 1e-4 => write!(f, "at most {most:e}"),
+            Self::AtMost(most) => write!(f, "at most {most}"),
+            Self::Between([low, high]) => write!(f, "{low} to {high}"),
+            Self::ConfidenceInterval(_) => {
+                f.write_str("printed value in the fit's 95 % confidence interval")
+            }
         }
+    }
+}
+
+/// In words.
+impl Serialize for Criterion {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
     }
 }
 
 impl Criterion {
-    /// In words.
-    pub fn text(self) -> String {
-        match self {
-            Self::Within(tolerance) => format!("within {tolerance} of the printed value"),
-            Self::WithinPercent(tolerance) => format!("within {tolerance} % of the printed value"),
-            Self::Equals(value) => format!("equal to {value}"),
-            Self::AtLeast(least) => format!("at least {least}"),
-            Self::AtMost(most) if most != 0.0 && most < 1e-4 => format!("at most {most:e}"),
-            Self::AtMost(most) => format!("at most {most}"),
-            Self::Between([low, high]) => format!("{low} to {high}"),
-            Self::ConfidenceInterval(_) => {
-                "printed value in the fit's 95 % confidence interval".to_owned()
-            }
-        }
-    }
-
     /// Whether a number meets it; `None` where it cannot be told.
     fn is_met(self, found: &Found, printed: Option<f64>) -> Option<bool> {
         let value = found.value;
@@ -65,19 +85,14 @@ impl Criterion {
 }
 
 /// The verdict on a claim by the number that it is about, and why there is none.
-pub fn judge(claim: &Claim, found: Option<&Found>) -> (Verdict, Option<String>) {
-    let not_testable = |reason: &str| (Verdict::NotTestable, Some(reason.to_owned()));
-    if let Some(reason) = &claim.not_testable {
-        return not_testable(reason);
-    }
+pub fn judge(claim: &Claim, found: Option<&Found>) -> (Verdict, &'static str) {
     let Some(found) = found else {
         let lacking = claim.measured.as_ref().map(|measured| measured.lacking());
-        return not_testable(lacking.unwrap_or("Nothing answers it."));
+        return (Verdict::NotTestable, lacking.unwrap_or_default());
     };
-    let printed = claim.printed.as_ref().and_then(|printed| printed.number());
-    match claim.criterion.and_then(|criterion| criterion.is_met(found, printed)) {
-        Some(true) => (Verdict::Reproduced, None),
-        Some(false) => (Verdict::Differs, None),
-        None => not_testable("The fit has no confidence interval."),
+    match claim.criterion.is_met(found, claim.printed) {
+        Some(true) => (Verdict::Reproduced, ""),
+        Some(false) => (Verdict::Differs, ""),
+        None => (Verdict::NotTestable, "The fit has no confidence interval."),
     }
 }

@@ -1,4 +1,4 @@
-//! How the page names folders.
+//! Paths of folders as the page gives them.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -26,7 +26,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn places_are_named_as_seen_from_the_page() {
+    fn paths_are_as_seen_from_the_page() {
         let from_to = |from, to| relative(Path::new(from), Path::new(to));
         assert_eq!(from_to("reports", "derived"), "../derived");
         assert_eq!(from_to("./a/reports", "a/raw/demo"), "../raw/demo");
