@@ -110,9 +110,9 @@ fn say_counts(trials: &[CheckedTrial]) {
         *counts.entry(&line.check).or_default().entry(line.severity).or_default() += 1;
     }
     for (check, count) in counts {
-        let said: Vec<String> =
+        let counts: Vec<String> =
             count.iter().map(|(severity, count)| format!("{count} {severity}")).collect();
-        say!("{check:<24} {}", said.join(", "));
+        say!("{check:<24} {}", counts.join(", "));
     }
 }
 

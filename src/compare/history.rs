@@ -9,7 +9,7 @@ use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
 use crate::config::Paths;
 use crate::robot::Parameter;
-use crate::store::{Provenance, Rows as _, Table};
+use crate::store::{Provenance, Rows as _, Table, TrialStatus};
 
 const MEANS: [&str; 7] = [
     "d_m",
@@ -117,7 +117,7 @@ fn figures_of_merit(candidate: &Snapshot, run: i64) -> Vec<HistoryRow> {
             add(campaign, model, quantity, number(fit, quantity).unwrap_or(f64::NAN));
         }
     }
-    for status in ["ok", "flagged", "failed"] {
+    for status in TrialStatus::ALL.map(TrialStatus::name) {
         let count = trials.values().filter(|trial| text(trial, "status") == status).count();
         add("", "", &format!("trials {status}"), count as f64);
     }

@@ -25,7 +25,7 @@ use serde_json::Value as Json;
 
 use crate::config::{Compare, Tolerances, tolerance};
 use crate::report::ReportError;
-use crate::store::StoreError;
+use crate::store::{StoreError, TrialStatus};
 use judge::{Judged, StandardError, judge};
 
 /// Why runs cannot be compared.
@@ -236,8 +236,8 @@ fn kind(text: &str) -> &str {
 
 /// A trial that is flagged gives results as one that is ok does.
 fn is_still_used(then: &str, now: &str) -> bool {
-    let is_used = |status: &str| status == "ok" || status == "flagged";
-    is_used(then) && is_used(now)
+    let used = [TrialStatus::Ok, TrialStatus::Flagged].map(TrialStatus::name);
+    used.contains(&then) && used.contains(&now)
 }
 
 fn run_times(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> Vec<RunTime> {

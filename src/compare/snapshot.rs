@@ -10,7 +10,7 @@ use serde_json::Value as Json;
 
 use super::CompareError;
 use crate::robot::Parameter;
-use crate::store::{StoreError, Table, write_bytes};
+use crate::store::{PredictionSource, StoreError, Table, write_bytes};
 
 /// Tables whose rows are compared, and the columns that name a row.
 const TABLES: [(&str, &[&str]); 3] =
@@ -183,7 +183,8 @@ fn add_intervals(fits: &mut Records) {
 /// run to run.
 fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
     let mut found = Records::new();
-    for row in rows.into_iter().filter(|row| text(row, "source") == "trial") {
+    for row in rows.into_iter().filter(|row| text(row, "source") == PredictionSource::Trial.name())
+    {
         let (campaign, model) = (text(&row, "campaign"), text(&row, "model"));
         let omega = number(&row, "omega_rad_s").unwrap_or(f64::NAN);
         let commanded = trials
