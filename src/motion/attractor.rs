@@ -6,10 +6,10 @@
 
 use std::f64::consts::TAU;
 
-use super::MotionError;
 use super::orbit::{PeriodicOrbit, Start};
 use super::reduced::Reduced;
 use super::transient::Integrator;
+use super::{MotionError, Result};
 
 /// Relative distance from the steady motion at which the robot has settled.
 const SETTLED: f64 = 0.01;
@@ -37,7 +37,7 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     orbit: &mut PeriodicOrbit<N, R>,
     is_solved: bool,
     accuracy: f64,
-) -> Result<(usize, bool), MotionError> {
+) -> Result<(usize, bool)> {
     let period_s = TAU / model.problem().omega_rad_s;
     let known = is_solved.then(|| orbit.mesh.states.start);
     let mut candidate = known.filter(|_| orbit.is_stable(model));

@@ -126,29 +126,15 @@ impl Linearisation {
     }
 
     /// Linearises element `k` at its stages and factors it; its step is left unsolved until
-    /// [`Linearisation::solve_step`]. `None` if the system is singular.
+    /// [`Linearisation::solve_step`], the transfer too where the start stays (not `with_transfer`).
+    /// `None` if the system is singular.
     #[inline(always)]
     pub fn linearise<const N: usize, R: Reduced<N>>(
         &mut self,
         k: usize,
         model: &R,
         element: &Element<N, R>,
-    ) -> Option<()> {
-        self.factor(k, model, element)?;
-        let size = unknowns::<N, R>() * STAGES;
-        let matrix = &self.factors[k * size * size..][..size * size];
-        let pivots = &self.pivots[k * size..][..size];
-        lu::solve(size, N, matrix, pivots, &mut self.transfer[k * size * N..][..size * N]);
-        Some(())
-    }
-
-    /// The same for an element the start of which stays: the transfer is not solved for.
-    #[inline(always)]
-    fn factor<const N: usize, R: Reduced<N>>(
-        &mut self,
-        k: usize,
-        model: &R,
-        element: &Element<N, R>,
+        with_transfer: bool,
     ) -> Option<()> {
         let per_stage = unknowns::<N, R>();
         let size = per_stage * STAGES;
@@ -163,7 +149,11 @@ impl Linearisation {
             }
             residual
         });
-        lu::factor(size, matrix, pivots).then_some(())
+        let is_regular = lu::factor(size, matrix, pivots);
+        if is_regular && with_transfer {
+            lu::solve(size, N, matrix, pivots, transfer);
+        }
+        is_regular.then_some(())
     }
 
     /// Solves one element for the derivatives of its unknowns with respect to its start and the
@@ -328,7 +318,7 @@ pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
     for _ in 0..MOST_STEPS {
         let element = Element { nodes, start, stages: &stages, duration_s };
         match is_fresh {
-            true => workspace.factor(0, model, &element)?,
+            true => workspace.linearise(0, model, &element, false)?,
             false => workspace.evaluate(0, model, &element),
         }
         workspace.solve_step::<N, R>(0);
@@ -361,16 +351,14 @@ pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
     None
 }
 
-/// Size of the highest Legendre coefficient of each state's polynomial in the element.
-pub(super) fn tail<const N: usize>(start: &[f64; N], stages: &Stages<N>) -> [f64; N] {
-    let [.., weights] = RADAU.spectrum;
-    std::array::from_fn(|i| coefficient(&weights, i, start, stages).abs())
-}
-
-/// The same of the coefficient two degrees lower.
-pub(super) fn lower_tail<const N: usize>(start: &[f64; N], stages: &Stages<N>) -> [f64; N] {
-    let [weights, ..] = RADAU.spectrum;
-    std::array::from_fn(|i| coefficient(&weights, i, start, stages).abs())
+/// Size of a Legendre coefficient of each state's polynomial in the element: of the one with these
+/// weights, see [`Radau::spectrum`].
+pub(super) fn spectrum<const N: usize>(
+    weights: &[f64; STAGES + 1],
+    start: &[f64; N],
+    stages: &Stages<N>,
+) -> [f64; N] {
+    std::array::from_fn(|i| coefficient(weights, i, start, stages).abs())
 }
 
 fn coefficient<const N: usize>(

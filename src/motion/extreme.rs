@@ -5,7 +5,7 @@
 
 use super::element::{Element, Linearisation, Stages, interpolate, rate, solve_element};
 use super::mesh::Mesh;
-use super::radau::{RADAU, STAGES};
+use super::radau::{RADAU, STAGES, bisect};
 use super::reduced::{KinematicState, Reduced};
 
 /// Highest and lowest angle of joint 1 over a whole period.
@@ -50,7 +50,7 @@ impl Extremes {
             for l in 0..STAGES {
                 let from = if l == 0 { 0.0 } else { RADAU.nodes[l - 1] };
                 let fraction = match rates[l] * rates[l + 1] < 0.0 {
-                    true => zero(&rates, from, RADAU.nodes[l]),
+                    true => bisect(|x| RADAU.interpolate(&rates, x), from, RADAU.nodes[l], 12),
                     false => RADAU.nodes[l],
                 };
                 for &sign in signs {
@@ -134,18 +134,4 @@ impl TurningPoint {
             }
         }
     }
-}
-
-/// Where the polynomial through `values` changes its sign.
-fn zero(values: &[f64; STAGES + 1], mut low: f64, mut high: f64) -> f64 {
-    let rises = RADAU.interpolate(values, high) > 0.0;
-    for _ in 0..12 {
-        let middle = 0.5 * (low + high);
-        if (RADAU.interpolate(values, middle) > 0.0) == rises {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    0.5 * (low + high)
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::MotionError;
+use super::Result;
 use super::attractor::find_attractor;
 use super::forces::contact_forces;
 use super::orbit::{Effort, PeriodicOrbit, Start};
@@ -21,37 +21,36 @@ const TRANSIENT_TOLERANCE: f64 = 1e-4;
 /// Finds the steady motion of one problem; what is asked of it later is of that solution.
 pub(super) trait Method {
     /// Solves for the steady motion, from the last solution where `is_warm`.
-    fn solve(&mut self, is_warm: bool, accuracy: f64)
-    -> Result<(GaitMetrics, Effort), MotionError>;
+    fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)>;
 
     /// See [`Solver::floquet`](super::Solver::floquet).
-    fn floquet(&mut self) -> Result<Option<f64>, MotionError>;
+    fn floquet(&mut self) -> Result<Option<f64>>;
 
     /// With respect to the parameters that are `wanted`, or to everything.
-    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives, MotionError>;
+    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives>;
 
     /// See [`Solver::work_and_loss_j`](super::Solver::work_and_loss_j).
-    fn work_and_loss_j(&self) -> Result<[f64; 2], MotionError>;
+    fn work_and_loss_j(&self) -> Result<[f64; 2]>;
 
     /// See [`Solver::polish`](super::Solver::polish).
-    fn polish(&mut self) -> Result<f64, MotionError>;
+    fn polish(&mut self) -> Result<f64>;
 
     /// Replaces the solution, the metrics of which are `first`, by the attractor of the robot from
     /// rest: its metrics, the cycles until then, and whether it is the same.
     fn attractor(
         &mut self,
-        first: Result<GaitMetrics, MotionError>,
+        first: Result<GaitMetrics>,
         accuracy: f64,
-    ) -> Result<(GaitMetrics, usize, bool), MotionError>;
+    ) -> Result<(GaitMetrics, usize, bool)>;
 
     /// See [`Solver::cycle`](super::Solver::cycle).
-    fn cycle(&self, samples: usize) -> Result<Vec<Sample>, MotionError>;
+    fn cycle(&self, samples: usize) -> Result<Vec<Sample>>;
 
     /// See [`Problem::cycles_from_rest`](super::Problem::cycles_from_rest).
-    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>, MotionError>;
+    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>>;
 
     /// See [`Problem::transient`](super::Problem::transient).
-    fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient, MotionError>;
+    fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient>;
 }
 
 /// For motions that are solutions of differential equations.
@@ -61,11 +60,7 @@ pub(super) struct Collocation<'o, const N: usize, R: Reduced<N>> {
 }
 
 impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
-    fn solve(
-        &mut self,
-        is_warm: bool,
-        accuracy: f64,
-    ) -> Result<(GaitMetrics, Effort), MotionError> {
+    fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         let Self { model, orbit } = self;
         orbit.effort = Effort::default();
         let is_solved = is_warm && orbit.solve(model, Start::Last, accuracy).is_ok();
@@ -79,18 +74,18 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         Ok((orbit.measure(model).metrics, orbit.effort))
     }
 
-    fn floquet(&mut self) -> Result<Option<f64>, MotionError> {
+    fn floquet(&mut self) -> Result<Option<f64>> {
         self.orbit.floquet(&self.model).map(Some)
     }
 
-    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives, MotionError> {
+    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
         differentiate(model, &orbit.mesh, &cycle, &mut orbit.workspace, wanted)
             .ok_or(orbit.not_converged())
     }
 
-    fn work_and_loss_j(&self) -> Result<[f64; 2], MotionError> {
+    fn work_and_loss_j(&self) -> Result<[f64; 2]> {
         let (model, mesh) = (&self.model, &self.orbit.mesh);
         let weights = RADAU.integrate[STAGES - 1];
         let (mut work, mut loss) = (0.0, 0.0);
@@ -108,29 +103,29 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         Ok([work, loss])
     }
 
-    fn polish(&mut self) -> Result<f64, MotionError> {
+    fn polish(&mut self) -> Result<f64> {
         self.orbit.polish(&self.model)
     }
 
     fn attractor(
         &mut self,
-        first: Result<GaitMetrics, MotionError>,
+        first: Result<GaitMetrics>,
         accuracy: f64,
-    ) -> Result<(GaitMetrics, usize, bool), MotionError> {
+    ) -> Result<(GaitMetrics, usize, bool)> {
         let Self { model, orbit } = self;
         let (cycles, is_first) = find_attractor(model, orbit, first.is_ok(), accuracy)?;
         Ok((orbit.measure(model).metrics, cycles, is_first))
     }
 
-    fn cycle(&self, samples: usize) -> Result<Vec<Sample>, MotionError> {
+    fn cycle(&self, samples: usize) -> Result<Vec<Sample>> {
         trajectory::cycle(&self.model, &self.orbit.mesh, samples)
     }
 
-    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>, MotionError> {
+    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
         trajectory::from_rest(&self.model, cycles, samples)
     }
 
-    fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient, MotionError> {
+    fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient> {
         transient::from_rest(&self.model, duration_s, tolerance)
     }
 }

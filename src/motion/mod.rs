@@ -64,6 +64,9 @@ named! {
     }
 }
 
+/// A result of this module.
+pub(crate) type Result<T> = std::result::Result<T, MotionError>;
+
 /// Why there is no motion to report.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MotionError {
@@ -130,7 +133,7 @@ impl Problem {
     ///
     /// # Errors
     /// There is no such motion, or it could not be found or resolved.
-    pub fn solve(&self, accuracy: f64) -> Result<SteadyMotion, MotionError> {
+    pub fn solve(&self, accuracy: f64) -> Result<SteadyMotion> {
         let mut solver = Solver::default();
         let metrics = solver.solve(self, accuracy)?;
         solver.steady_motion(metrics)
@@ -141,7 +144,7 @@ impl Problem {
     ///
     /// # Errors
     /// The integrator cannot pass some time, or the model has no states of its own.
-    pub fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient, MotionError> {
+    pub fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient> {
         Solver::default().with(self, |method| method.transient(duration_s, tolerance))
     }
 
@@ -149,11 +152,7 @@ impl Problem {
     ///
     /// # Errors
     /// The integrator cannot pass some time, or there is no motion.
-    pub fn cycles_from_rest(
-        &self,
-        cycles: usize,
-        samples: usize,
-    ) -> Result<Vec<Sample>, MotionError> {
+    pub fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
         Solver::default().with(self, |method| method.cycles_from_rest(cycles, samples))
     }
 

@@ -11,11 +11,11 @@ use super::forces::contact_forces;
 use super::method::Method;
 use super::orbit::Effort;
 use super::path::integrate_poses;
-use super::radau::{RADAU, STAGES};
+use super::radau::{RADAU, STAGES, bisect};
 use super::reduced::{Derivatives, KinematicState};
 use super::trajectory::Sample;
 use super::transient::Transient;
-use super::{MotionError, Problem};
+use super::{MotionError, Problem, Result};
 use crate::metrics::GaitMetrics;
 use crate::robot::{JointCommand, Parameter, Pose, Robot, Trig};
 
@@ -40,7 +40,7 @@ pub(super) struct Quadrature<'p> {
 
 impl Quadrature<'_> {
     /// Metrics of one cycle. They do not depend on the frequency, but for the speed.
-    fn metrics(&self, joints: [JointCommand; 2]) -> Result<(GaitMetrics, Effort), MotionError> {
+    fn metrics(&self, joints: [JointCommand; 2]) -> Result<(GaitMetrics, Effort)> {
         let robot = &self.problem.robot;
         let eq3 = Eq3::new(robot, joints)?;
         let change = |before: &Pose, after: &Pose| {
@@ -69,9 +69,9 @@ impl Quadrature<'_> {
     /// # Errors
     /// A gait with a slightly different amplitude has no motion: one that depends on condition (5)
     /// being met has no derivative.
-    fn amplitude_derivative(&self, joint: usize) -> Result<GaitMetrics, MotionError> {
+    fn amplitude_derivative(&self, joint: usize) -> Result<GaitMetrics> {
         const STEP_RAD: f64 = 2e-3;
-        let difference = |step: f64| -> Result<[f64; 7], MotionError> {
+        let difference = |step: f64| -> Result<[f64; 7]> {
             let at = |step: f64| {
                 let mut joints = self.joints;
                 joints[joint].amplitude_rad += step;
@@ -86,19 +86,15 @@ impl Quadrature<'_> {
 }
 
 impl Method for Quadrature<'_> {
-    fn solve(
-        &mut self,
-        _is_warm: bool,
-        _accuracy: f64,
-    ) -> Result<(GaitMetrics, Effort), MotionError> {
+    fn solve(&mut self, _is_warm: bool, _accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         self.metrics(self.joints)
     }
 
-    fn floquet(&mut self) -> Result<Option<f64>, MotionError> {
+    fn floquet(&mut self) -> Result<Option<f64>> {
         Ok(None)
     }
 
-    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives, MotionError> {
+    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let mut derivatives = Derivatives::NONE;
         if wanted.is_none() {
             for (joint, derivative) in derivatives.amplitudes.iter_mut().enumerate() {
@@ -108,7 +104,7 @@ impl Method for Quadrature<'_> {
         Ok(derivatives)
     }
 
-    fn work_and_loss_j(&self) -> Result<[f64; 2], MotionError> {
+    fn work_and_loss_j(&self) -> Result<[f64; 2]> {
         let problem = self.problem;
         let eq3 = Eq3::new(&problem.robot, self.joints)?;
         // The two, and the power without its sign.
@@ -134,23 +130,23 @@ impl Method for Quadrature<'_> {
         Ok([work_j, loss_j])
     }
 
-    fn polish(&mut self) -> Result<f64, MotionError> {
+    fn polish(&mut self) -> Result<f64> {
         Ok(0.0)
     }
 
     fn attractor(
         &mut self,
-        first: Result<GaitMetrics, MotionError>,
+        first: Result<GaitMetrics>,
         _accuracy: f64,
-    ) -> Result<(GaitMetrics, usize, bool), MotionError> {
+    ) -> Result<(GaitMetrics, usize, bool)> {
         Ok((first?, 0, true))
     }
 
-    fn cycle(&self, samples: usize) -> Result<Vec<Sample>, MotionError> {
+    fn cycle(&self, samples: usize) -> Result<Vec<Sample>> {
         self.cycles_from_rest(1, samples)
     }
 
-    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>, MotionError> {
+    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
         /// Elements of the quadrature between samples reach at most this far.
         const LONGEST_RAD: f64 = TAU / 90.0;
         let problem = self.problem;
@@ -172,7 +168,7 @@ impl Method for Quadrature<'_> {
         Ok((0..=cycles * samples).map(sample).collect())
     }
 
-    fn transient(&self, _duration_s: f64, _tolerance: f64) -> Result<Transient, MotionError> {
+    fn transient(&self, _duration_s: f64, _tolerance: f64) -> Result<Transient> {
         Err(MotionError::Determined)
     }
 }
@@ -207,7 +203,7 @@ struct Eq3<'a> {
 impl<'a> Eq3<'a> {
     /// # Errors
     /// The gait crosses `det W_b = 0` without meeting condition (5).
-    fn new(robot: &'a Robot, joints: [JointCommand; 2]) -> Result<Self, MotionError> {
+    fn new(robot: &'a Robot, joints: [JointCommand; 2]) -> Result<Self> {
         let mut eq3 = Self { robot, joints, det_scale_m: 0.0 };
         let phase = |i: usize| TAU * i as f64 / SAMPLES as f64;
         let mut scale = 0.0_f64;
@@ -223,7 +219,7 @@ impl<'a> Eq3<'a> {
         for i in 0..SAMPLES {
             let (low, high) = (phase(i), phase(i + 1));
             if det(low) == 0.0 || det(low) * det(high) < 0.0 {
-                let crossing = bisect(det, low, high);
+                let crossing = if det(low) == 0.0 { low } else { bisect(det, low, high, 60) };
                 if eq3.size(eq3.parts(crossing).0) > CROSSING * scale {
                     return Err(MotionError::Singular { phase_rad: crossing });
                 }
@@ -317,21 +313,4 @@ impl<'a> Eq3<'a> {
         let [.., end] = integrate_poses(pose, &states, length);
         end
     }
-}
-
-/// A zero of `function` between two points of different signs.
-fn bisect(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
-    if function(low) == 0.0 {
-        return low;
-    }
-    let rising = function(high) > 0.0;
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if (function(middle) > 0.0) == rising {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    0.5 * (low + high)
 }

@@ -94,33 +94,34 @@ fn legendre(degree: usize, t: f64) -> f64 {
     value
 }
 
+/// Where `function`, which has different signs at both ends, changes its sign, to `2^-steps` of the
+/// interval.
+pub fn bisect(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64, steps: usize) -> f64 {
+    let rises = function(high) > 0.0;
+    for _ in 0..steps {
+        let middle = 0.5 * (low + high);
+        if (function(middle) > 0.0) == rises {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
 /// Zeros of `P_s(2x - 1) - P_{s-1}(2x - 1)`, ascending; the last one is 1.
 fn radau_nodes() -> [f64; STAGES] {
     let polynomial = |x: f64| {
         let t = 2.0 * x - 1.0;
         legendre(STAGES, t) - legendre(STAGES - 1, t)
     };
-    let mut nodes = [1.0; STAGES];
-    let mut found = 0;
     // The zeros inside are simple and much further apart than this grid.
     let steps = 64 * STAGES;
-    for i in 0..steps {
-        let (mut low, mut high) = (i as f64 / steps as f64, (i + 1) as f64 / steps as f64);
-        if found < STAGES - 1 && polynomial(low) * polynomial(high) < 0.0 {
-            while high - low > f64::EPSILON * high {
-                let middle = 0.5 * (low + high);
-                if middle == low || middle == high {
-                    break;
-                }
-                if polynomial(low) * polynomial(middle) <= 0.0 {
-                    high = middle;
-                } else {
-                    low = middle;
-                }
-            }
-            nodes[found] = 0.5 * (low + high);
-            found += 1;
-        }
+    let intervals = (0..steps).map(|i| [i, i + 1].map(|i| i as f64 / steps as f64));
+    let changes = intervals.filter(|ends| ends.map(polynomial).iter().product::<f64>() < 0.0);
+    let mut nodes = [1.0; STAGES];
+    for (node, [low, high]) in nodes[..STAGES - 1].iter_mut().zip(changes) {
+        *node = bisect(polynomial, low, high, 60);
     }
     nodes
 }

@@ -7,7 +7,7 @@ use super::orbit::{Effort, PeriodicOrbit};
 use super::quadrature::Quadrature;
 use super::reduced::{Derivatives, PassiveNoSkid, Skid};
 use super::trajectory::Sample;
-use super::{FromRest, MotionError, Problem, SteadyMotion};
+use super::{FromRest, MotionError, Problem, Result, SteadyMotion};
 use crate::metrics::GaitMetrics;
 use crate::robot::Parameter;
 
@@ -37,7 +37,7 @@ pub struct Attractor {
 
 impl Attractor {
     /// Where the robot from rest ends.
-    pub fn from_rest(attractor: &Result<Self, MotionError>) -> FromRest {
+    pub fn from_rest(attractor: &Result<Self>) -> FromRest {
         match attractor {
             Ok(attractor) if attractor.is_found_first => FromRest::Reached,
             Ok(_) => FromRest::Another,
@@ -51,7 +51,7 @@ impl Solver {
     ///
     /// # Errors
     /// There is no such motion, or it could not be found or resolved.
-    pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics, MotionError> {
+    pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
         let is_warm = self.last.take().is_some_and(|last| is_alike(&last, problem));
         self.effort = Effort::default();
         let metrics;
@@ -85,7 +85,7 @@ impl Solver {
     ///
     /// # Errors
     /// There is no last solution, or its linearisation is singular.
-    pub fn floquet(&mut self) -> Result<Option<f64>, MotionError> {
+    pub fn floquet(&mut self) -> Result<Option<f64>> {
         self.with_last(|method| method.floquet())
     }
 
@@ -93,7 +93,7 @@ impl Solver {
     ///
     /// # Errors
     /// As [`Solver::floquet`].
-    pub fn derivatives(&mut self) -> Result<Derivatives, MotionError> {
+    pub fn derivatives(&mut self) -> Result<Derivatives> {
         self.with_last(|method| method.derivatives(None))
     }
 
@@ -101,7 +101,7 @@ impl Solver {
     ///
     /// # Errors
     /// As [`Solver::floquet`].
-    pub fn derivatives_of(&mut self, wanted: &[Parameter]) -> Result<Derivatives, MotionError> {
+    pub fn derivatives_of(&mut self, wanted: &[Parameter]) -> Result<Derivatives> {
         self.with_last(|method| method.derivatives(Some(wanted)))
     }
 
@@ -110,7 +110,7 @@ impl Solver {
     ///
     /// # Errors
     /// There is no last solution.
-    pub fn work_and_loss_j(&mut self) -> Result<[f64; 2], MotionError> {
+    pub fn work_and_loss_j(&mut self) -> Result<[f64; 2]> {
         self.with_last(|method| method.work_and_loss_j())
     }
 
@@ -119,7 +119,7 @@ impl Solver {
     ///
     /// # Errors
     /// As [`Solver::floquet`].
-    pub fn polish(&mut self) -> Result<f64, MotionError> {
+    pub fn polish(&mut self) -> Result<f64> {
         self.with_last(|method| method.polish())
     }
 
@@ -127,7 +127,7 @@ impl Solver {
     ///
     /// # Errors
     /// There is no last solution, or an element of it cannot be integrated.
-    pub fn cycle(&mut self, samples: usize) -> Result<Vec<Sample>, MotionError> {
+    pub fn cycle(&mut self, samples: usize) -> Result<Vec<Sample>> {
         self.with_last(|method| method.cycle(samples))
     }
 
@@ -136,7 +136,7 @@ impl Solver {
     ///
     /// # Errors
     /// The transient cannot be integrated or does not settle.
-    pub fn settle(&mut self, problem: &Problem, accuracy: f64) -> Result<Attractor, MotionError> {
+    pub fn settle(&mut self, problem: &Problem, accuracy: f64) -> Result<Attractor> {
         let first = self.solve(problem, accuracy);
         self.attractor(problem, first, accuracy)
     }
@@ -148,9 +148,9 @@ impl Solver {
     pub fn attractor(
         &mut self,
         problem: &Problem,
-        first: Result<GaitMetrics, MotionError>,
+        first: Result<GaitMetrics>,
         accuracy: f64,
-    ) -> Result<Attractor, MotionError> {
+    ) -> Result<Attractor> {
         self.last = None;
         let (metrics, cycles, is_found_first) =
             self.with(problem, |method| method.attractor(first, accuracy))?;
@@ -162,7 +162,7 @@ impl Solver {
     ///
     /// # Errors
     /// As [`Solver::floquet`].
-    pub fn steady_motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion, MotionError> {
+    pub fn steady_motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion> {
         let floquet = self.floquet()?;
         let [work_j, _] = self.work_and_loss_j()?;
         Ok(SteadyMotion { metrics, floquet, work_j })
@@ -174,10 +174,7 @@ impl Solver {
     }
 
     /// Does `task` with the last solution.
-    fn with_last<T>(
-        &mut self,
-        task: impl FnOnce(&mut dyn Method) -> Result<T, MotionError>,
-    ) -> Result<T, MotionError> {
+    fn with_last<T>(&mut self, task: impl FnOnce(&mut dyn Method) -> Result<T>) -> Result<T> {
         let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
         self.with(&problem, task)
     }
@@ -186,8 +183,8 @@ impl Solver {
     pub(super) fn with<T>(
         &mut self,
         problem: &Problem,
-        task: impl FnOnce(&mut dyn Method) -> Result<T, MotionError>,
-    ) -> Result<T, MotionError> {
+        task: impl FnOnce(&mut dyn Method) -> Result<T>,
+    ) -> Result<T> {
         let problem = problem.effective();
         let passive = problem.gait.passive_joint().unwrap_or_default();
         match (problem.gait.joints, problem.model.skids()) {

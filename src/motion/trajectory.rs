@@ -14,7 +14,7 @@ use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, Reduced};
 use super::transient::Integrator;
-use super::{MotionError, Problem};
+use super::{MotionError, Problem, Result};
 use crate::robot::{Pose, Trig, dot, roll_rows, rotated, skid_rows};
 
 /// The robot at one time.
@@ -68,7 +68,7 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     count: usize,
-) -> Result<Vec<Sample>, MotionError> {
+) -> Result<Vec<Sample>> {
     let mut sampler = Sampler::new(model, count);
     let mut pose = Pose::default();
     let spans = [[1.0; N], mesh.signs].into_iter().take(mesh.spans());
@@ -86,7 +86,7 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
     cycles: usize,
     count: usize,
-) -> Result<Vec<Sample>, MotionError> {
+) -> Result<Vec<Sample>> {
     let mut sampler = Sampler::new(model, count);
     let mut transient = Integrator::new(model, TOLERANCE);
     let end_s = cycles as f64 * TAU / model.problem().omega_rad_s;
@@ -127,7 +127,7 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
         duration_s: f64,
         start: &[f64; N],
         pose: Pose,
-    ) -> Result<Pose, MotionError> {
+    ) -> Result<Pose> {
         // A sample at the very end belongs to the next element.
         let just_before = 1.0 - 1e-9;
         loop {
@@ -152,7 +152,7 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
         duration_s: f64,
         start: &[f64; N],
         pose: Pose,
-    ) -> Result<([f64; N], Pose), MotionError> {
+    ) -> Result<([f64; N], Pose)> {
         let model = self.model;
         let phase_rad = |part: f64| self.omega_rad_s * (time_s + part * duration_s);
         let nodes = RADAU.nodes.map(|part| model.node(phase_rad(part)));

@@ -6,11 +6,11 @@
 use std::f64::consts::TAU;
 use std::iter;
 
-use super::MotionError;
-use super::element::{Element, Linearisation, Stages, interpolate, solve_element, tail};
+use super::element::{Element, Linearisation, Stages, interpolate, solve_element, spectrum};
 use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, Reduced};
+use super::{MotionError, Result};
 use crate::robot::Pose;
 
 /// Integrates a motion that is at rest at phase 0.
@@ -81,7 +81,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
         until_s: f64,
         workspace: &mut Linearisation,
         mut visit: impl FnMut(&Step<N>),
-    ) -> Result<(), MotionError> {
+    ) -> Result<()> {
         let (model, tolerance) = (self.model, self.tolerance);
         let period_s = TAU / self.omega_rad_s;
         let stuck = |time_s| Err(MotionError::Stuck { time_s });
@@ -106,7 +106,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
             };
             let sizes = grown(&self.sizes, &stages);
             let largest = sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
-            let tails = tail(&self.state, &stages);
+            let tails = spectrum(&RADAU.spectrum[2], &self.state, &stages);
             let error = (0..N)
                 .map(|i| tails[i] / sizes[i].max(SMALL * largest).max(f64::MIN_POSITIVE))
                 .fold(0.0, f64::max);
@@ -192,7 +192,7 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
     duration_s: f64,
     tolerance: f64,
-) -> Result<Transient, MotionError> {
+) -> Result<Transient> {
     let mut transient = Transient::default();
     let mut integrator = Integrator::new(model, tolerance);
     let omega_rad_s = integrator.omega_rad_s;

@@ -14,12 +14,12 @@ mod resolution;
 
 use nalgebra::SMatrix;
 
-use super::MotionError;
 use super::cycle::{Cycle, measure};
 use super::element::{Element, Linearisation, solve_element};
 use super::mesh::{Mesh, States};
 use super::radau::STAGES;
 use super::reduced::Reduced;
+use super::{MotionError, Result};
 
 /// What solutions took.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -108,7 +108,7 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
 impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// Finds the periodic solution near `start` with as many elements as the relative
     /// `accuracy` of the metrics takes.
-    pub fn solve(&mut self, model: &R, start: Start<N>, accuracy: f64) -> Result<(), MotionError> {
+    pub fn solve(&mut self, model: &R, start: Start<N>, accuracy: f64) -> Result<()> {
         let error_ratio = std::mem::replace(&mut self.error_ratio, f64::INFINITY);
         (self.cycle, self.floquet) = (None, None);
         let signs = model.half_period_signs();
@@ -137,7 +137,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Finds an approximate solution with few elements.
-    fn start_cold(&mut self, model: &R, start: Start<N>) -> Result<(), MotionError> {
+    fn start_cold(&mut self, model: &R, start: Start<N>) -> Result<()> {
         let coarse = COARSE / self.mesh.spans();
         let Start::State(state) = start else {
             self.lay_out(model, coarse);
@@ -185,7 +185,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Replaces the elements by as many as are needed, if those at hand are too few.
-    fn refine(&mut self, model: &R, error_ratio: f64) -> Result<(), MotionError> {
+    fn refine(&mut self, model: &R, error_ratio: f64) -> Result<()> {
         let (fewest, most) = (FEWEST / self.mesh.spans(), MOST_ELEMENTS / self.mesh.spans());
         let count = self.mesh.len();
         if error_ratio <= 1.0 && count >= fewest {
@@ -208,7 +208,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Fills the elements with the motion that follows from a state.
-    fn march(&mut self, model: &R, state: [f64; N]) -> Result<(), MotionError> {
+    fn march(&mut self, model: &R, state: [f64; N]) -> Result<()> {
         let Mesh { nodes, states, element_s: duration_s, .. } = &mut self.mesh;
         states.start = state;
         states.elements.clear();

@@ -3,10 +3,10 @@
 use nalgebra::{Matrix5, SMatrix, SVector};
 
 use super::PeriodicOrbit;
-use crate::motion::MotionError;
 use crate::motion::mesh::Mesh;
 use crate::motion::radau::STAGES;
 use crate::motion::reduced::Reduced;
+use crate::motion::{MotionError, Result};
 
 const MOST_STEPS: usize = 60;
 /// Newton gives up when steps do not shrink along this part of one.
@@ -24,10 +24,10 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Linearises the elements at the present states and prepares the chain's closure.
-    fn linearise(&mut self, model: &R) -> Result<(), MotionError> {
+    fn linearise(&mut self, model: &R) -> Result<()> {
         self.effort.factorisations += 1;
         for k in 0..self.mesh.len() {
-            let linearised = self.linearisation.linearise(k, model, &self.mesh.element(k));
+            let linearised = self.linearisation.linearise(k, model, &self.mesh.element(k), true);
             linearised.ok_or(self.not_converged())?;
         }
         let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
@@ -83,7 +83,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     ///
     /// Reference: P. Deuflhard, *Newton Methods for Nonlinear Problems*, Springer 2004,
     /// section 3.3.
-    pub(super) fn newton(&mut self, model: &R, accuracy: f64) -> Result<(), MotionError> {
+    pub(super) fn newton(&mut self, model: &R, accuracy: f64) -> Result<()> {
         let enough = 0.3 * accuracy;
         let mut first_part = 1.0;
         while self.steps < MOST_STEPS {
@@ -178,7 +178,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Modulus of the largest Floquet multiplier of a whole period, from a fresh
     /// linearisation.
-    pub fn floquet(&mut self, model: &R) -> Result<f64, MotionError> {
+    pub fn floquet(&mut self, model: &R) -> Result<f64> {
         const MOST_SWEEPS: usize = 1000;
         if let Some(floquet) = self.floquet {
             return Ok(floquet);
@@ -202,7 +202,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// One Newton step from the last solution; gives the step relative to the states.
-    pub fn polish(&mut self, model: &R) -> Result<f64, MotionError> {
+    pub fn polish(&mut self, model: &R) -> Result<f64> {
         self.linearise(model)?;
         self.close();
         let size = self.step_size(&self.sizes());

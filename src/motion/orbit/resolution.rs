@@ -2,9 +2,9 @@
 
 use super::PeriodicOrbit;
 use super::newton::largest_ratio;
-use crate::motion::element::{Stages, lower_tail, tail};
+use crate::motion::element::{Stages, spectrum};
 use crate::motion::path::integrate_poses;
-use crate::motion::radau::STAGES;
+use crate::motion::radau::{RADAU, STAGES};
 use crate::motion::reduced::{KinematicState, Reduced};
 use crate::robot::{Pose, rotated};
 
@@ -21,6 +21,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     pub(super) fn discretisation_error(&self, model: &R) -> f64 {
         let (mut tails, mut lower) = ([0.0_f64; 7], [0.0_f64; 7]);
         let mut sizes = [0.0_f64; 7];
+        let [lowest, _, highest] = &RADAU.spectrum;
         let state = model.kinematics(&model.node(0.0), &self.mesh.states.start);
         let (mut start, mut pose) = (world_values(&state, 0.0), Pose::default());
         for element in self.mesh.elements() {
@@ -29,7 +30,8 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             pose = poses[STAGES - 1];
             let values: Stages<7> =
                 std::array::from_fn(|j| world_values(&states[j], poses[j].theta_rad));
-            let (found, found_lower) = (tail(&start, &values), lower_tail(&start, &values));
+            let found = spectrum(highest, &start, &values);
+            let found_lower = spectrum(lowest, &start, &values);
             for i in 0..7 {
                 tails[i] = tails[i].max(found[i]);
                 lower[i] = lower[i].max(found_lower[i]);
