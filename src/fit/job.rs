@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::compare::bic;
 use super::fitted_point::{FittedPoint, Refit};
 use super::free::FreeParameter;
-use super::objective::Objective;
+use super::objective::{Objective, PENALTY};
 use super::predict::predictions;
 use super::profile::{Class, Profile, ProfilePoint, profile, profile_limits};
 use super::resample::Resampler;
@@ -55,14 +55,6 @@ impl From<Fitted> for JobResult {
 }
 
 impl Job<'_> {
-    fn campaign(&self) -> &str {
-        &self.input.campaign.name
-    }
-
-    fn model(&self) -> Model {
-        self.input.model
-    }
-
     pub fn run(&self, on_event: OnEvent) -> JobResult {
         if self.measurements.is_empty() {
             return self.without_trials();
@@ -131,7 +123,7 @@ impl Job<'_> {
     fn bootstrap(&self, fit: &mut Fit, on_event: OnEvent) {
         let total = self.input.fit.bootstrap;
         let (point, ended) = (&fit.point, Ended::default());
-        let (campaign, model) = (self.campaign(), self.model());
+        let (campaign, model) = (self.input.campaign.name.as_str(), self.input.model);
         fit.replicates = (0..total)
             .into_par_iter()
             .map(|number| {
@@ -146,7 +138,7 @@ impl Job<'_> {
 
     fn rows(&self, fit: Fit, starts: &[Start], status: FitStatus) -> JobResult {
         let Fit { point, cost, resumed, profiles, replicates, .. } = &fit;
-        let (campaign, model) = (self.campaign().to_owned(), self.model());
+        let (campaign, model) = (&self.input.campaign.name, self.input.model);
         let parameters = &point.evaluator.parameters;
         let objective = &point.evaluator.objective;
         let robot = objective.robot_with(parameters, &point.values);
@@ -158,16 +150,8 @@ impl Job<'_> {
         let held = |parameter: &Parameter| {
             model.knows(*parameter, &self.gait) && !free.contains(parameter)
         };
-        let (comparison, more_solves) = match status.is_ok() {
-            true => self.comparison(&fit),
-            false => (ComparisonRow::blank(), 0),
-        };
-        let comparison = ComparisonRow {
-            campaign: campaign.clone(),
-            model,
-            status: status.clone(),
-            ..comparison
-        };
+        let ok = Some(&fit).filter(|_| status.is_ok());
+        let (comparison, more_solves) = self.comparison(ok, &status);
         let both = parameters.iter().zip(&point.values);
         let at_bound = both.filter(|(free, value)| free.is_at_bound(**value).contains(&true));
         let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
@@ -224,7 +208,7 @@ impl Job<'_> {
         JobResult {
             replicates: replicates.iter().map(|refit| refit.cost).collect(),
             tables: Fitted {
-                predictions: predictions(self.campaign(), objective, &robot),
+                predictions: predictions(campaign, objective, &robot),
                 starts: starts.iter().enumerate().map(start_row).collect(),
                 profiles: profiles.iter().enumerate().flat_map(profile_rows).collect(),
                 bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),
@@ -236,15 +220,18 @@ impl Job<'_> {
 
     /// The model's row of the comparison, without what needs the other models; and how many
     /// motions that took.
-    fn comparison(&self, fit: &Fit) -> (ComparisonRow, usize) {
-        let point = &fit.point;
+    fn comparison(&self, fit: Option<&Fit>, status: &FitStatus) -> (ComparisonRow, usize) {
+        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model);
+        let row =
+            ComparisonRow { campaign, model, status: status.clone(), ..ComparisonRow::blank() };
+        let Some(Fit { point, cost, .. }) = fit else { return (row, 0) };
         let [j_d, j_v, sigma0, sigma1, sigma2, j_alpha] = point.parts();
         let objective = &point.evaluator.objective;
         let terms: usize = self.measurements.iter().map(|each| objective.terms(each).count()).sum();
         let free = point.evaluator.parameters.len();
         let (j_left_out, mut solves) = point.leave_one_frequency_out();
         let mut row = ComparisonRow {
-            j: fit.cost,
+            j: *cost,
             j_d,
             j_v,
             j_sigma: sigma0 + sigma1 + sigma2,
@@ -252,21 +239,20 @@ impl Job<'_> {
             j_left_out,
             free: free as i64,
             terms: terms as i64,
-            criterion: bic(fit.cost, terms, free),
-            ..ComparisonRow::blank()
+            criterion: bic(*cost, terms, free),
+            ..row
         };
         let other = match self.input.fit.gait_input {
             GaitInput::Commanded => GaitInput::Measured,
             GaitInput::Measured => GaitInput::Commanded,
         };
-        if self.model() != Model::NoSkidMeasured {
+        if self.input.model != Model::NoSkidMeasured {
             let otherwise = Objective { gait_input: other, ..objective.as_ref().clone() };
             let found = point.refit_otherwise(&otherwise);
             solves += found.solves;
             row.other_gait_input = Some(other);
             // A trial without a motion costs more than any fit.
-            let exists = found.cost < super::objective::PENALTY / self.measurements.len() as f64;
-            if exists {
+            if found.cost < PENALTY / self.measurements.len() as f64 {
                 row.other_gait_j = found.cost;
                 let robot = otherwise.robot_with(&point.evaluator.parameters, &found.ended);
                 row.other_gait_parameters = self.parameters_of(&robot);
@@ -277,12 +263,7 @@ impl Job<'_> {
 
     fn without_trials(&self) -> JobResult {
         let status = FitStatus::Failed("failed: no trial with metrics".to_owned());
-        let comparison = ComparisonRow {
-            campaign: self.campaign().to_owned(),
-            model: self.model(),
-            status: status.clone(),
-            ..ComparisonRow::blank()
-        };
+        let (comparison, _) = self.comparison(None, &status);
         let fits = vec![self.fit_row(&self.robot, status)];
         let tables = Fitted { fits, comparison: vec![comparison], ..Fitted::default() };
         JobResult { tables, replicates: Vec::new() }
@@ -290,13 +271,15 @@ impl Job<'_> {
 
     /// A row with the parameters that the model knows; all else is missing.
     fn fit_row(&self, robot: &Robot, status: FitStatus) -> FitRow {
-        let (campaign, parameters) = (self.campaign().to_owned(), self.parameters_of(robot));
-        FitRow { campaign, model: self.model(), parameters, status, ..FitRow::blank() }
+        let (FitInput { campaign, model, .. }, parameters) =
+            (self.input, self.parameters_of(robot));
+        let campaign = campaign.name.clone();
+        FitRow { campaign, model: *model, parameters, status, ..FitRow::blank() }
     }
 
     fn parameters_of(&self, robot: &Robot) -> ByParameter<f64> {
         ByParameter::from_fn(|parameter| {
-            let is_known = self.model().knows(parameter, &self.gait);
+            let is_known = self.input.model.knows(parameter, &self.gait);
             if is_known { parameter.of(robot) } else { f64::NAN }
         })
     }
@@ -405,7 +388,7 @@ mod tests {
         };
         let (weights, gait_input) = (config.campaign[CAMPAIGN].weights, config.fit.gait_input);
         let objective = Objective {
-            model: job.model(),
+            model: job.input.model,
             robot,
             gait,
             weights,
