@@ -9,7 +9,7 @@ const CLEARLY: f64 = 0.95;
 /// of a model whose weighted relative deviations are independent and have one Laplace
 /// distribution (the mean absolute deviation is its estimate of scale). They are not independent:
 /// d and v are nearly the same number, and a model's misfit is alike at neighbouring frequencies.
-/// So only large differences say anything.
+/// So only large differences count.
 ///
 /// Reference: G. Schwarz, *Estimating the dimension of a model*, Ann. Statist. 6 (1978).
 pub(super) fn bic(j: f64, terms: usize, free: usize) -> f64 {

@@ -285,7 +285,7 @@ impl Job<'_> {
     }
 }
 
-/// A fit on its way.
+/// A fit that is not complete yet.
 struct Fit<'o> {
     point: FittedPoint<'o>,
     cost: f64,

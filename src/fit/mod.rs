@@ -59,7 +59,7 @@ pub struct FitData {
     pub trials: Vec<TrialRow>,
     /// By trial; of those that have none the standard errors are resampled.
     pub cycles: BTreeMap<String, Vec<CycleRow>>,
-    /// What trials of other kinds say of the robots.
+    /// What trials of other kinds measured of the robots.
     pub robots: Vec<RobotParameterRow>,
 }
 
@@ -89,7 +89,7 @@ pub enum FitEvent<'f> {
     Fitted(&'f FitRow),
 }
 
-/// Somebody who hears of it.
+/// Is notified of it.
 pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 
 /// Fits all campaigns; models, starts, profiles and replicates in parallel, results in order.

@@ -54,7 +54,7 @@ pub(super) struct Profile {
     /// By rising value; the fit is one of them.
     pub points: Vec<ProfilePoint>,
     pub limit: f64,
-    /// Where the objective comes to the limit; `None` where it does not up to the bound.
+    /// Where the objective crosses the limit; `None` where it does not up to the bound.
     pub interval: [Option<f64>; 2],
     pub class: Class,
     pub solves: usize,

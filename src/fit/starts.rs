@@ -83,7 +83,7 @@ struct Approach<'o> {
 }
 
 impl<'o> Approach<'o> {
-    /// Most of the way by coarse motions.
+    /// The larger part of the search, by coarse motions.
     fn new(mut evaluator: Evaluator<'o>, began: Vec<f64>) -> Self {
         let [(accuracy, tolerance), finer @ ..] = APPROACH;
         let is_free = !evaluator.parameters.is_empty();
