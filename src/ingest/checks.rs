@@ -75,16 +75,6 @@ pub enum Check {
     Failed,
 }
 
-impl Check {
-    /// What it means if the check does not hold.
-    pub fn severity(self) -> Severity {
-        match self {
-            Self::Failed => Severity::Error,
-            _ => Severity::Warning,
-        }
-    }
-}
-
 /// Code and name, such as `W003 coverage`.
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
@@ -117,12 +107,10 @@ impl fmt::Display for Check {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Finding {
     pub check: Check,
-    pub holds: bool,
+    pub severity: Severity,
     pub value: f64,
     pub limit: f64,
     pub message: String,
-    /// Worth reporting although it holds.
-    pub is_notable: bool,
 }
 
 /// Code, name and message.
@@ -134,7 +122,12 @@ impl fmt::Display for Finding {
 
 impl Finding {
     pub fn new(check: Check, holds: bool, value: f64, limit: f64, message: String) -> Self {
-        Self { check, holds, value, limit, message, is_notable: false }
+        let severity = match (holds, check) {
+            (true, _) => Severity::Ok,
+            (false, Check::Failed) => Severity::Error,
+            (false, _) => Severity::Warning,
+        };
+        Self { check, severity, value, limit, message }
     }
 
     /// A check that holds while `value` is not above `limit`.
@@ -147,24 +140,23 @@ impl Finding {
         Self::new(check, value >= limit, value, limit, message)
     }
 
-    /// The same finding, worth reporting whether it holds or not.
-    pub fn notable(self, is_notable: bool) -> Self {
-        Self { is_notable, ..self }
+    /// The same finding, worth reporting although it holds.
+    pub fn notable(mut self, is_notable: bool) -> Self {
+        if is_notable && self.holds() {
+            self.severity = Severity::Info;
+        }
+        self
     }
 
-    pub fn severity(&self) -> Severity {
-        match (self.holds, self.is_notable) {
-            (false, _) => self.check.severity(),
-            (true, true) => Severity::Info,
-            (true, false) => Severity::Ok,
-        }
+    pub fn holds(&self) -> bool {
+        matches!(self.severity, Severity::Ok | Severity::Info)
     }
 
     pub fn row(&self, trial: &str) -> CheckRow {
         CheckRow {
             trial: trial.to_owned(),
             check: self.check.to_string(),
-            severity: self.severity(),
+            severity: self.severity,
             value: self.value,
             limit: self.limit,
             message: self.message.clone(),

@@ -221,7 +221,7 @@ fn process_recording(
             ..parameters
         }
     });
-    let failed = findings.iter().filter(|finding| !finding.holds);
+    let failed = findings.iter().filter(|finding| !finding.holds());
     let warnings: Vec<&str> = failed.map(|finding| finding.message.as_str()).collect();
     row.status = if warnings.is_empty() { TrialStatus::Ok } else { TrialStatus::Flagged };
     row.message = warnings.join("; ");

@@ -106,7 +106,7 @@ impl FileSurvey {
         let mut row = TrialRow::blank();
         describe_tracking(&mut row, &tracked);
         let findings = tracking_checks(&row, &tracked, file, &layout, settings);
-        let wrong = findings.into_iter().filter(|finding| !finding.holds);
+        let wrong = findings.into_iter().filter(|finding| !finding.holds());
         self.warnings = wrong.map(|finding| finding.to_string()).collect();
     }
 }

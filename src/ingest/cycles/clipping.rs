@@ -58,7 +58,7 @@ mod tests {
     fn a_servo_that_stops_short_of_its_peaks_is_found_on_either_side() {
         for (low, high) in [(-0.45, 0.45), (-0.45, 1.0), (-1.0, 0.45), (-0.475, 0.475)] {
             let found = finding(|phase| (0.5 * phase.cos()).clamp(low, high) + 0.1);
-            assert!(!found.holds, "{low} {high}: {}", found.value);
+            assert!(!found.holds(), "{low} {high}: {}", found.value);
         }
         let cut = finding(|phase| (0.5 * phase.cos()).clamp(-0.45, 0.45));
         assert!((cut.value - 0.06).abs() < 0.01, "{}", cut.value);
@@ -69,7 +69,7 @@ mod tests {
     fn a_servo_that_is_late_small_or_uneven_without_flat_tops_passes() {
         let sharp = |phase: f64| 0.5 * phase.cos() + 0.02 * (3.0 * phase).cos();
         let skewed = |phase: f64| 0.5 * phase.cos() + 0.015 * (2.0 * phase).sin();
-        assert!(finding(|phase| 0.2 * (phase - 0.3).cos()).holds);
-        assert!(finding(sharp).holds && finding(skewed).holds);
+        assert!(finding(|phase| 0.2 * (phase - 0.3).cos()).holds());
+        assert!(finding(sharp).holds() && finding(skewed).holds());
     }
 }
