@@ -15,7 +15,7 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{Matrix4, Rotation3, SVector, Vector3, Vector4};
+use nalgebra::{Rotation3, SVector, Vector3};
 
 use crate::ingest::markers::labels::LinkFit;
 use crate::ingest::markers::layout::Layout;
@@ -43,6 +43,8 @@ const TURN_RAD: f64 = 0.02;
 const UNKNOWNS: usize = 11;
 
 type Equations = NormalEquations<UNKNOWNS>;
+/// Sums of the products of 1, X, Y and a marker's height, in the lower triangle.
+type Moments = [[f64; 4]; 4];
 
 /// Turns about x and y with the standard error of their size, rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -99,15 +101,16 @@ impl Tilt {
             let rows = i * rows / BLOCKS..(i + 1) * rows / BLOCKS;
             for (link, markers) in layout.iter().enumerate() {
                 for marker in markers {
-                    // Sums of products of 1, X, Y and height; X and Y count from where the robot
-                    // starts.
-                    let mut moments = Matrix4::zeros();
+                    // X and Y count from where the robot starts.
+                    let mut moments = Moments::default();
                     for row in rows.clone().step_by(stride) {
                         let [x, y, z] = file.position_mm(row, marker.column);
                         if fits[link][row].is_sound() && !x.is_nan() {
                             let height = z - marker.height_mm;
-                            let each = Vector4::new(1.0, x - begin[0], y - begin[1], height);
-                            moments.ger(1.0, &each, &each, 1.0);
+                            let each = [1.0, x - begin[0], y - begin[1], height];
+                            for i in 0..4 {
+                                (0..=i).for_each(|j| moments[i][j] += each[i] * each[j]);
+                            }
                         }
                     }
                     add_heights(part, link, marker.local_position_mm, &moments);
@@ -180,28 +183,28 @@ impl Tilt {
 }
 
 /// Adds the heights of a marker of a link, given their moments.
-fn add_heights(equations: &mut Equations, link: usize, [x, y]: [f64; 2], moments: &Matrix4<f64>) {
+fn add_heights(equations: &mut Equations, link: usize, [x, y]: [f64; 2], moments: &Moments) {
     let Equations { matrix, right, .. } = equations;
     let own = 2 + 3 * link;
     // The link's columns are constant, those of the floor's turns are (Y, -X).
     for (i, a) in [(own, 1.0), (own + 1, y), (own + 2, -x)] {
         for (j, b) in [(own, 1.0), (own + 1, y), (own + 2, -x)] {
-            matrix[(i, j)] += moments[(0, 0)] * a * b;
+            matrix[(i, j)] += moments[0][0] * a * b;
         }
-        for (j, sum) in [(0, moments[(0, 2)]), (1, -moments[(0, 1)])] {
+        for (j, sum) in [(0, moments[2][0]), (1, -moments[1][0])] {
             matrix[(i, j)] += a * sum;
             matrix[(j, i)] += a * sum;
         }
-        right[i] += a * moments[(0, 3)];
+        right[i] += a * moments[3][0];
     }
-    matrix[(0, 0)] += moments[(2, 2)];
-    matrix[(0, 1)] -= moments[(1, 2)];
-    matrix[(1, 0)] -= moments[(1, 2)];
-    matrix[(1, 1)] += moments[(1, 1)];
-    right[0] += moments[(2, 3)];
-    right[1] -= moments[(1, 3)];
-    equations.count += moments[(0, 0)];
-    equations.squares += moments[(3, 3)];
+    matrix[(0, 0)] += moments[2][2];
+    matrix[(0, 1)] -= moments[2][1];
+    matrix[(1, 0)] -= moments[2][1];
+    matrix[(1, 1)] += moments[1][1];
+    right[0] += moments[3][2];
+    right[1] -= moments[3][1];
+    equations.count += moments[0][0];
+    equations.squares += moments[3][3];
 }
 
 fn with_prior(equations: &Equations) -> Equations {
