@@ -4,13 +4,16 @@ mod drawing;
 mod figures;
 mod fits_json;
 mod input;
+mod looks;
 mod numbers;
 mod page;
 mod parameters;
 mod paths;
 mod plan;
+mod plotted;
 mod recording;
 mod scorecard;
+mod series;
 mod simulated;
 mod tables;
 #[cfg(test)]
@@ -29,9 +32,9 @@ use crate::config::Config;
 use crate::store::{How, StageState, Stamp, StoreError, Thing, write_if_changed};
 use plan::Content;
 
-pub(crate) use drawing::style::colours;
 pub(crate) use drawing::{Figure, Layer, Look, Panel, Scale};
 pub use input::{ReportCampaign, ReportInput};
+pub(crate) use looks::colours;
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{Image, fill};
 pub use plan::{ReportPlan, plan, plan_after};
@@ -160,7 +163,7 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
 /// Draws a figure and writes its files; gives the SVG and the files' stamps.
 fn draw(reports: &Path, figure: &Figure) -> Result<(String, BTreeMap<String, Stamp>), ReportError> {
     let svg = drawing::svg(figure)?;
-    let (png, csv) = (drawing::png(figure, &svg)?, figure.csv());
+    let (png, csv) = (drawing::png(figure, &svg)?, plotted::csv(figure));
     let mut outputs = BTreeMap::new();
     let files = EXTENSIONS.into_iter().zip([svg.as_bytes(), &png, csv.as_bytes()]);
     for (extension, bytes) in files {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::ReportError;
-use super::figures::Source;
+use super::series::Source;
 use crate::report::ReportInput;
 use crate::store::{
     BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,

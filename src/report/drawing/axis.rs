@@ -60,8 +60,8 @@ const LEAST_SPAN: f64 = 1e-3;
 #[derive(Debug, Clone)]
 pub struct Axis {
     is_logarithmic: bool,
-    range: Range,
-    ticks: Vec<f64>,
+    pub range: Range,
+    pub ticks: Vec<f64>,
 }
 
 impl Axis {
@@ -125,40 +125,19 @@ impl Axis {
     /// Decades, and where there is room their halves and fifths: plotters knows whole decades
     /// alone, of which many axes here have none.
     fn logarithmic_ticks(&self, most: usize) -> Vec<f64> {
-        let decades = (self.range.low.floor() as i32)..=(self.range.high.ceil() as i32);
         let within = |factors: &[f64]| -> Vec<f64> {
+            let decades = (self.range.low.floor() as i32)..=(self.range.high.ceil() as i32);
             let of_decade = |power| factors.iter().map(move |f| f.log10() + f64::from(power));
-            let ticks = decades.clone().flat_map(of_decade);
+            let ticks = decades.flat_map(of_decade);
             ticks.filter(|tick| self.range.contains(*tick)).collect()
         };
         let fine = within(&[1.0, 2.0, 5.0]);
         if fine.len() <= most { fine } else { within(&[1.0]) }
     }
 
-    pub fn range(&self) -> Range {
-        self.range
-    }
-
-    /// Ticks, in the axis' coordinates.
-    pub fn ticks(&self) -> &[f64] {
-        &self.ticks
-    }
-
     /// A value in the axis' coordinates.
     pub fn scaled(&self, value: f64) -> f64 {
         if self.is_logarithmic { value.log10() } else { value }
-    }
-
-    /// A tick as text, with as many decimals as any of them needs.
-    pub fn label(&self, tick: f64) -> String {
-        if self.is_logarithmic {
-            let value: f64 = format!("{:.2e}", 10_f64.powf(tick)).parse().unwrap_or(f64::NAN);
-            return value.to_string();
-        }
-        let is_whole = |value: f64| (value - value.round()).abs() < 1e-6 * value.abs().max(1.0);
-        let are_whole = |n: &i32| self.ticks.iter().all(|tick| is_whole(tick * 10_f64.powi(*n)));
-        let decimals = (0..9).find(are_whole).unwrap_or(9) as usize;
-        numbers::fixed(tick, decimals)
     }
 }
 
@@ -181,8 +160,15 @@ impl Ranged for Axis {
 }
 
 impl ValueFormatter<f64> for Axis {
+    /// With as many decimals as any of the ticks needs.
     fn format_ext(&self, tick: &f64) -> String {
-        self.label(*tick)
+        if self.is_logarithmic {
+            let value: f64 = format!("{:.2e}", 10_f64.powf(*tick)).parse().unwrap_or(f64::NAN);
+            return value.to_string();
+        }
+        let is_whole = |value: f64| (value - value.round()).abs() < 1e-6 * value.abs().max(1.0);
+        let are_whole = |n: &i32| self.ticks.iter().all(|tick| is_whole(tick * 10_f64.powi(*n)));
+        numbers::fixed(*tick, (0..9).find(are_whole).unwrap_or(9) as usize)
     }
 }
 
@@ -194,7 +180,7 @@ mod tests {
         let range = Range { low, high };
         let mut axis = Axis { is_logarithmic: false, range, ticks: Vec::new() };
         axis.set_ticks(6, |_| true);
-        axis.ticks.iter().map(|tick| axis.label(*tick)).collect()
+        axis.ticks.iter().map(|tick| axis.format_ext(tick)).collect()
     }
 
     #[test]
@@ -209,7 +195,7 @@ mod tests {
     fn ticks_of_a_logarithmic_axis_divide_decades() {
         let mut axis = Axis::new(&[20.0, 130.0], None, Scale::Decades);
         axis.set_ticks(5, |_| true);
-        let labels: Vec<String> = axis.ticks.iter().map(|tick| axis.label(*tick)).collect();
+        let labels: Vec<String> = axis.ticks.iter().map(|tick| axis.format_ext(tick)).collect();
         assert_eq!(labels, ["20", "50", "100"]);
     }
 

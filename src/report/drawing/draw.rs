@@ -8,9 +8,9 @@ use plotters::style::{Color, RGBColor, ShapeStyle, TRANSPARENT};
 
 use super::axis::Axis;
 use super::figure::{Layer, Point};
-use super::grid::{BOTTOM, Cell, Grid, LEFT, RIGHT, TOP};
+use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, RIGHT, TOP};
 use super::marks::{Area, Chart, Drawn, ERROR_BAR_ENDS, draw_marker};
-use super::style::{self, Look, Shape, stroke, units};
+use super::style::{self, Dash, Look, Shape, stroke, units};
 use super::{legend, polyline, text};
 
 const TICK: f64 = 4.0;
@@ -18,24 +18,20 @@ const LINK_WIDTH: f64 = 4.0;
 const ARROW_HEAD: f64 = 9.0;
 /// Of a bar, in units of the panel.
 const SPAN_HEIGHT: f64 = 0.28;
-const GUIDE_DASHES: (f64, f64) = (6.0, 4.0);
 /// Points of a curve nearer to each other than this cannot be told apart, px.
 const APART: f64 = 0.3;
 
 /// Draws a figure with its legend onto an area of the grid's size.
 pub fn draw(grid: Grid<'_>, area: &Area<'_>) -> Drawn {
     area.fill(&style::PAPER)?;
-    for entry in &grid.entries {
-        legend::draw(&entry.sample, entry.x, Grid::row_middle(entry.row), area)?;
-    }
-    grid.cells.into_iter().try_for_each(|cell| draw_panel(cell, grid.has_own_legends, area))
+    legend::draw(&grid.legend, MARGIN, area)?;
+    grid.cells.into_iter().try_for_each(|cell| draw_panel(cell, area))
 }
 
-fn draw_panel(cell: Cell<'_>, has_legend: bool, figure: &Area<'_>) -> Drawn {
-    let height = TOP + cell.inner_height + cell.bottom();
+fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     let area = figure
         .clone()
-        .shrink((units(cell.left), units(cell.top)), (units(cell.width), units(height)));
+        .shrink((units(cell.left), units(cell.top)), (units(cell.width), units(cell.height())));
     let (panel, right) = (cell.panel, cell.width - RIGHT);
     let write = |label: &str, align: HPos, x: f64, baseline: f64| {
         let at = (units(x), units(baseline - text::ASCENT));
@@ -43,11 +39,8 @@ fn draw_panel(cell: Cell<'_>, has_legend: bool, figure: &Area<'_>) -> Drawn {
     };
     write(&cell.title, HPos::Left, LEFT, TOP - 8.0)?;
     write(&panel.beyond, HPos::Right, right, TOP - 8.0)?;
-    if has_legend {
-        legend::draw_row(&panel.samples(), right, TOP - 12.0, &area)?;
-    }
-    let pixel =
-        (cell.x.range().span() / cell.inner_width(), cell.y.range().span() / cell.inner_height);
+    legend::draw(&cell.legend, TOP - 12.0 - 0.5 * legend::ROW, &area)?;
+    let pixel = (cell.x.range.span() / cell.inner_width(), cell.y.range.span() / cell.inner_height);
     let labels = if cell.has_x_labels { BOTTOM - 5.0 } else { 0.0 };
     let mut chart = ChartBuilder::on(&area)
         .margin_top(units(TOP))
@@ -96,12 +89,12 @@ impl Frame<'_, '_, '_> {
             .draw()?;
         // All four sides, where plotters draws two: from the middle of one and back to it, so that
         // every corner is joined.
-        let (x, y) = (self.x.range(), self.y.range());
+        let (x, y) = (self.x.range, self.y.range);
         let side = (x.low, 0.5 * (y.low + y.high));
         let (bottom, top) =
             ([(x.low, y.low), (x.high, y.low)], [(x.high, y.high), (x.low, y.high)]);
         let corners = [side].into_iter().chain(bottom).chain(top).chain([side]);
-        self.line(corners.collect(), ink)
+        self.path(corners.collect(), style::SOLID, ink)
     }
 
     /// A position in the axes' coordinates.
@@ -111,7 +104,7 @@ impl Frame<'_, '_, '_> {
 
     fn draw(&mut self, layer: &Layer) -> Drawn {
         let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
-        let (x, y) = (self.x.range(), self.y.range());
+        let (x, y) = (self.x.range, self.y.range);
         let colour = layer.look.colour();
         match layer.look {
             Look::Line { dash, .. } => self.curve(&points, colour, dash),
@@ -131,7 +124,7 @@ impl Frame<'_, '_, '_> {
                     (_, up) if y.contains(up) => [(x.low, up), (x.high, up)],
                     _ => return Ok(()),
                 };
-                self.dashes(ends.into(), GUIDE_DASHES, stroke(colour, style::FRAME_WIDTH))
+                self.path(ends.into(), style::DASHES, stroke(colour, style::FRAME_WIDTH))
             }),
             Look::Band => {
                 let side = |nth: usize, open: f64| {
@@ -148,41 +141,29 @@ impl Frame<'_, '_, '_> {
                 self.fill([(from, middle + half), (to, middle - half)], colour)
             }),
             Look::Links => {
-                self.line(points.clone(), stroke(colour, LINK_WIDTH))?;
+                self.path(points.clone(), style::SOLID, stroke(colour, LINK_WIDTH))?;
                 self.dots(&points, LINK_WIDTH, colour)
             }
             Look::Arrow => self.arrow(&points, stroke(colour, style::LINE_WIDTH)),
         }
     }
 
-    fn line(&mut self, points: Vec<(f64, f64)>, stroke: ShapeStyle) -> Drawn {
+    fn path(&mut self, points: Vec<(f64, f64)>, dash: Dash, stroke: ShapeStyle) -> Drawn {
+        if let Some((dash, gap)) = dash {
+            let dashes = DashedLineSeries::new(points, units(dash), units(gap), stroke);
+            return self.chart.draw_series(dashes).map(|_| ());
+        }
         self.chart.draw_series(LineSeries::new(points, stroke)).map(|_| ())
     }
 
-    fn dashes(
-        &mut self,
-        points: Vec<(f64, f64)>,
-        (dash, gap): (f64, f64),
-        stroke: ShapeStyle,
-    ) -> Drawn {
-        let dashes = DashedLineSeries::new(points, units(dash), units(gap), stroke);
-        self.chart.draw_series(dashes).map(|_| ())
-    }
-
-    fn curve(&mut self, points: &[(f64, f64)], colour: RGBColor, dash: style::Dash) -> Drawn {
+    fn curve(&mut self, points: &[(f64, f64)], colour: RGBColor, dash: Dash) -> Drawn {
         let apart = (APART * self.pixel.0, APART * self.pixel.1);
-        let stroke = stroke(colour, style::LINE_WIDTH);
-        for part in polyline::visible(points, self.y.range(), apart) {
-            match dash {
-                None => self.line(part, stroke)?,
-                Some(dash) => self.dashes(part, dash, stroke)?,
-            }
-        }
-        Ok(())
+        let mut parts = polyline::visible(points, self.y.range, apart).into_iter();
+        parts.try_for_each(|part| self.path(part, dash, stroke(colour, style::LINE_WIDTH)))
     }
 
     fn shows(&self, (x, y): (f64, f64)) -> bool {
-        x.is_finite() && self.y.range().contains(y)
+        x.is_finite() && self.y.range.contains(y)
     }
 
     fn dots(&mut self, points: &[(f64, f64)], radius: f64, colour: RGBColor) -> Drawn {
@@ -197,16 +178,15 @@ impl Frame<'_, '_, '_> {
     }
 
     fn error_bars(&mut self, points: &[Point], colour: RGBColor) -> Drawn {
-        let y = self.y.range();
-        let bars = points.iter().filter(|point| self.shows(self.at(point)));
-        let bars = bars.filter(|point| point.error.is_finite()).map(|point| {
-            let (across, up) = self.at(point);
-            let low = self.y.scaled(point.y - point.error).max(y.low);
-            let high = self.y.scaled(point.y + point.error).min(y.high);
+        let bar = |point: &Point| {
+            let (x, y) = self.at(point);
+            let low = self.y.scaled(point.y - point.error).max(self.y.range.low);
+            let high = self.y.scaled(point.y + point.error).min(self.y.range.high);
             let stroke = stroke(colour, style::FRAME_WIDTH);
-            ErrorBar::new_vertical(across, low, up, high, stroke, units(ERROR_BAR_ENDS) as u32)
-        });
-        let bars: Vec<_> = bars.collect();
+            let bar = ErrorBar::new_vertical(x, low, y, high, stroke, units(ERROR_BAR_ENDS) as u32);
+            (point.error.is_finite() && self.shows((x, y))).then_some(bar)
+        };
+        let bars: Vec<_> = points.iter().filter_map(bar).collect();
         self.chart.draw_series(bars).map(|_| ())
     }
 
@@ -226,7 +206,7 @@ impl Frame<'_, '_, '_> {
         let part = ARROW_HEAD * self.pixel.0 / length;
         let (along, up) = (along * part, up * part);
         let head = |side: f64| (to.0 - along + side * 0.45 * up, to.1 - up - side * 0.45 * along);
-        self.line(vec![*from, *to], stroke)?;
-        self.line(vec![head(1.0), *to, head(-1.0)], stroke)
+        self.path(vec![*from, *to], style::SOLID, stroke)?;
+        self.path(vec![head(1.0), *to, head(-1.0)], style::SOLID, stroke)
     }
 }

@@ -2,7 +2,6 @@
 
 use super::axis::{Range, Scale};
 use super::style::Look;
-use crate::csv::field as csv_field;
 
 /// A point of a layer with the half-width of its error bar. What is not a number is not known.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,27 +94,6 @@ impl Layer {
         Self { name: name.to_owned(), points: points.collect(), look }
     }
 
-    /// A dashed line across the panel at a height.
-    pub fn level(name: &str, y: f64) -> Self {
-        Self::new(name, [(f64::NAN, y)], Look::Guides)
-    }
-
-    /// Dashed lines up the panel.
-    pub fn uprights(name: &str, xs: impl IntoIterator<Item = f64>) -> Self {
-        Self::new(name, xs.into_iter().map(|x| (x, f64::NAN)), Look::Guides)
-    }
-
-    /// A shaded interval of the horizontal axis; a side that is not finite is the panel's.
-    pub fn band(name: &str, from: f64, to: f64) -> Self {
-        Self::new(name, [(from, f64::NAN), (to, f64::NAN)], Look::Band)
-    }
-
-    /// Bars `(from, to, height)`, for each of which the panel has a unit of height.
-    pub fn spans(name: &str, spans: &[(f64, f64, f64)], look: Look) -> Self {
-        let ends = spans.iter().flat_map(|(from, to, y)| [(*from, *y, 0.5), (*to, *y, 0.5)]);
-        Self::with_errors(name, ends, look)
-    }
-
     fn sample(&self) -> Option<Sample> {
         let is_named = match self.look {
             Look::Line { .. } | Look::Marker { .. } => true,
@@ -137,11 +115,6 @@ impl Panel {
     ) -> Self {
         let (title, x_label, y_label) = (title.into(), x_label.to_owned(), y_label.into());
         Self { title, x_label, y_label, layers, ..Self::default() }
-    }
-
-    /// A map, or whatever else has the same unit along both axes.
-    pub fn equal(self) -> Self {
-        Self { x_scale: Scale::Equal, y_scale: Scale::Equal, ..self }
     }
 
     /// Whether there is a value to show.
@@ -167,18 +140,10 @@ impl Panel {
         self.points().flat_map(ends).collect()
     }
 
-    /// What the legend has of the panel's layers, each look of a name once.
+    /// What the legend has of the panel's layers.
     pub fn samples(&self) -> Vec<Sample> {
-        let samples = self.layers.iter().filter_map(Layer::sample);
-        samples.fold(Vec::new(), add_new)
+        self.layers.iter().filter_map(Layer::sample).collect()
     }
-}
-
-fn add_new(mut samples: Vec<Sample>, sample: Sample) -> Vec<Sample> {
-    if !samples.contains(&sample) {
-        samples.push(sample);
-    }
-    samples
 }
 
 impl Figure {
@@ -198,10 +163,14 @@ impl Figure {
         self.panels.iter().all(Panel::is_empty)
     }
 
-    /// What the legend has of all panels, measurements first.
+    /// What the legend has of all panels, each look of a name once, measurements first.
     pub fn samples(&self) -> Vec<Sample> {
-        let samples = self.panels.iter().flat_map(Panel::samples);
-        let mut samples = samples.fold(Vec::new(), add_new);
+        let mut samples: Vec<Sample> = Vec::new();
+        for sample in self.panels.iter().flat_map(Panel::samples) {
+            if !samples.contains(&sample) {
+                samples.push(sample);
+            }
+        }
         samples.sort_by_key(|sample| !sample.has_bar);
         samples
     }
@@ -210,44 +179,4 @@ impl Figure {
     pub fn lettered(&self) -> impl Iterator<Item = (char, &Panel)> {
         ('a'..).zip(&self.panels)
     }
-
-    /// What the figure shows for those who cannot see it.
-    pub fn text_alternative(&self) -> String {
-        let of_panels = || {
-            let titles = self.lettered().map(|(letter, panel)| {
-                format!(" ({letter}) {}: {} against {}.", panel.title, panel.y_label, panel.x_label)
-            });
-            format!("{}.{}", self.title, titles.collect::<String>())
-        };
-        self.alternative.clone().unwrap_or_else(of_panels)
-    }
-
-    /// The plotted numbers, one row per point; `error_95` is the half-width of the error bar.
-    pub fn csv(&self) -> String {
-        if let Some(csv) = &self.csv {
-            return csv.clone();
-        }
-        let mut csv = "panel,title,layer,x,y,error_95\n".to_owned();
-        for (letter, panel) in self.lettered() {
-            let title = csv_field(&panel.title);
-            for layer in &panel.layers {
-                let name = csv_field(&layer.name);
-                for Point { x, y, error } in &layer.points {
-                    let [x, y, error] = [x, y, error].map(|value| csv_number(*value));
-                    csv.push_str(&format!("{letter},{title},{name},{x},{y},{error}\n"));
-                }
-            }
-        }
-        csv
-    }
-}
-
-/// Ten digits: what the tables are good for, without the noise of a change of units. Nothing for
-/// what is not a number.
-pub fn csv_number(value: f64) -> String {
-    if !value.is_finite() {
-        return String::new();
-    }
-    let rounded: f64 = format!("{value:.9e}").parse().unwrap_or(value);
-    rounded.to_string()
 }

@@ -33,29 +33,23 @@ pub fn row_width(samples: &[Sample]) -> f64 {
 }
 
 /// Samples in columns between `left` and `right`: as few rows as that allows.
-pub fn lay_out(samples: Vec<Sample>, left: f64, right: f64) -> Vec<Entry> {
+pub fn lay_out(mut samples: Vec<Sample>, left: f64, right: f64) -> Vec<Entry> {
     let room = right - left;
-    let shortened = samples.into_iter().map(|sample| Sample {
-        label: shorten(&sample.label, room - SAMPLE - SAMPLE_GAP),
-        ..sample
-    });
-    let samples: Vec<Sample> = shortened.collect();
-    let columns = |rows: usize| -> Vec<f64> {
+    for sample in &mut samples {
+        sample.label = shorten(&sample.label, room - SAMPLE - SAMPLE_GAP);
+    }
+    let widths = |rows: usize| -> Vec<f64> {
         let width = |column: &[Sample]| column.iter().map(width).fold(0.0, f64::max) + GAP;
         samples.chunks(rows).map(width).collect()
     };
-    let fits = |rows: &usize| columns(*rows).iter().sum::<f64>() - GAP <= room;
+    let fits = |rows: &usize| widths(*rows).iter().sum::<f64>() - GAP <= room + 1e-6;
     let rows = (1..samples.len()).find(fits).unwrap_or(samples.len()).max(1);
-    let starts = columns(rows).into_iter().scan(left, |x, width| {
-        let start = *x;
-        *x += width;
-        Some(start)
-    });
-    let columns = samples.chunks(rows).zip(starts);
-    let entries = columns.flat_map(|(column, x)| {
-        column.iter().enumerate().map(move |(row, sample)| Entry { sample: sample.clone(), x, row })
-    });
-    entries.collect()
+    let widths = widths(rows);
+    let entry = |(nth, sample)| {
+        let x = left + widths[..nth / rows].iter().sum::<f64>();
+        Entry { sample, x, row: nth % rows }
+    };
+    samples.into_iter().enumerate().map(entry).collect()
 }
 
 /// The text, or as much of it as fits.
@@ -69,18 +63,16 @@ fn shorten(label: &str, room: f64) -> String {
     short
 }
 
-/// Draws samples in a row that ends at `right`.
-pub fn draw_row(samples: &[Sample], right: f64, y: f64, area: &Area<'_>) -> Drawn {
-    let mut x = right - row_width(samples);
-    samples.iter().try_for_each(|sample| {
-        draw(sample, x, y, area)?;
-        x += width(sample) + GAP;
-        Ok(())
-    })
+/// Draws a legend from the height `top` on.
+pub fn draw(entries: &[Entry], top: f64, area: &Area<'_>) -> Drawn {
+    let middle = |row: usize| top + (row as f64 + 0.5) * ROW;
+    entries
+        .iter()
+        .try_for_each(|entry| draw_sample(&entry.sample, entry.x, middle(entry.row), area))
 }
 
 /// Draws a sample from `x` on with its middle at the height `y`, and its text.
-pub fn draw(sample: &Sample, x: f64, y: f64, area: &Area<'_>) -> Drawn {
+fn draw_sample(sample: &Sample, x: f64, y: f64, area: &Area<'_>) -> Drawn {
     let at = (units(x + SAMPLE / 2.0), units(y));
     let bar = |half: f64| [at.1 - units(half), at.1, at.1 + units(half)];
     match sample.look {
@@ -115,8 +107,11 @@ mod tests {
 
     #[test]
     fn samples_take_as_few_rows_as_there_is_room_for() {
-        let sample =
-            |label: &str| Sample { label: label.to_owned(), look: style::RECORDED, has_bar: false };
+        let sample = |label: &str| Sample {
+            label: label.to_owned(),
+            look: style::Look::Line { colour: style::INK, dash: style::SOLID },
+            has_bar: false,
+        };
         let samples: Vec<Sample> = ["first", "second", "third"].map(sample).into();
         let width = row_width(&samples);
         let rows = |room: f64| {

@@ -12,6 +12,6 @@ pub mod style;
 mod text;
 
 pub use axis::{Range, Scale};
-pub use figure::{Figure, Layer, Layout, Panel, Point, csv_number};
+pub use figure::{Figure, Layer, Layout, Panel, Point};
 pub use render::{png, size, svg};
 pub use style::Look;

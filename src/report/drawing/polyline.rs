@@ -43,13 +43,12 @@ fn clip_segment(from: Point, to: Point, range: Range) -> Option<(Point, Point)> 
 
 fn thin(line: &[Point], apart: (f64, f64)) -> Vec<Point> {
     let mut thin: Vec<Point> = Vec::new();
-    let is_near = |a: &Point, b: &Point| ((a.0 - b.0) / apart.0).hypot((a.1 - b.1) / apart.1) < 1.0;
-    for point in line {
-        if !thin.last().is_some_and(|last| is_near(last, point)) {
-            thin.push(*point);
+    for (i, (x, y)) in line.iter().enumerate() {
+        let is_near = |last: &Point| ((x - last.0) / apart.0).hypot((y - last.1) / apart.1) < 1.0;
+        if i + 1 == line.len() || !thin.last().is_some_and(is_near) {
+            thin.push((*x, *y));
         }
     }
-    thin.extend(line.last().filter(|end| thin.last() != Some(*end)));
     thin
 }
 

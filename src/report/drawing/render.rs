@@ -71,22 +71,17 @@ fn rasterise(svg: &str) -> Result<Vec<u8>, String> {
     let mut pixels = Pixmap::new(width, height).ok_or("it has no size")?;
     resvg::render(&tree, Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
     let png = pixels.encode_png().map_err(|error| error.to_string())?;
-    Ok(with_resolution(png, (f64::from(width) / COLUMN_WIDTH_M).round() as u32))
+    Ok(with_resolution(&png, (f64::from(width) / COLUMN_WIDTH_M).round() as u32))
 }
 
-/// A PNG with its resolution, which the encoder does not write.
-fn with_resolution(mut png: Vec<u8>, per_metre: u32) -> Vec<u8> {
-    /// Length of the signature and of the first chunk, after which this one may come.
-    const HEADER: usize = 8 + 25;
-    const METRE: [u8; 1] = [1];
+/// A PNG with its resolution, which the encoder does not write, after the first chunk.
+fn with_resolution(png: &[u8], per_metre: u32) -> Vec<u8> {
     let resolution = per_metre.to_be_bytes();
-    let content = [b"pHYs", &resolution[..], &resolution, &METRE].concat();
+    let content = [b"pHYs", &resolution[..], &resolution, &[1]].concat();
     let mut sum = flate2::Crc::new();
     sum.update(&content);
-    let length = content.len() as u32 - 4;
-    let chunk = [&length.to_be_bytes()[..], &content, &sum.sum().to_be_bytes()].concat();
-    png.splice(HEADER..HEADER, chunk);
-    png
+    let (header, rest) = png.split_at(8 + 25);
+    [header, &9_u32.to_be_bytes(), &content, &sum.sum().to_be_bytes(), rest].concat()
 }
 
 #[cfg(test)]

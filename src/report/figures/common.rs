@@ -1,7 +1,8 @@
 //! What several figures have alike: the robot on a map, lines of one quantity each, units.
 
 use crate::motion::Pose;
-use crate::report::drawing::{Layer, Look, Panel, style};
+use crate::report::drawing::{Layer, Look, Panel, Scale, style};
+use crate::report::looks;
 use crate::robot::Robot;
 
 /// The axis that frequencies are on.
@@ -18,24 +19,28 @@ pub fn time_course(title: &str, y_label: &str, layers: Vec<Layer>) -> Panel {
 
 /// A map of what the middle link's path is drawn on.
 pub fn map(title: impl Into<String>, layers: Vec<Layer>) -> Panel {
-    Panel::new(title, "x (m)", "y (m)", layers).equal()
+    equal(Panel::new(title, "x (m)", "y (m)", layers))
 }
 
 /// The joint angles against each other.
 pub fn gait(title: &str, layers: Vec<Layer>) -> Panel {
-    Panel::new(title, "φ₁ (deg)", "φ₂ (deg)", layers).equal()
+    equal(Panel::new(title, "φ₁ (deg)", "φ₂ (deg)", layers))
+}
+
+fn equal(panel: Panel) -> Panel {
+    Panel { x_scale: Scale::Equal, y_scale: Scale::Equal, ..panel }
 }
 
 /// The `nth` of several lines of one quantity.
 pub fn series(nth: usize, name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Layer {
-    Layer::new(name, points, style::component(nth))
+    Layer::new(name, points, looks::component(nth))
 }
 
 /// The same where there are more points than a panel is wide: the least and the greatest of each
 /// part of the line, without dashes, which would not be seen.
 pub fn dense_series(nth: usize, name: &str, points: &[(f64, f64)]) -> Layer {
     const PARTS: usize = 400;
-    let look = Look::Line { colour: style::component(nth).colour(), dash: style::SOLID };
+    let look = Look::Line { colour: looks::component(nth).colour(), dash: style::SOLID };
     let mut ends = Vec::new();
     for part in points.chunks(points.len().div_ceil(PARTS).max(1)) {
         let seen = || part.iter().filter(|(_, y)| y.is_finite());

@@ -1,7 +1,8 @@
 //! How the searches ended, how the objective depends on each coefficient, and how the
 //! coefficients of the bootstrap's replicates go together.
 
-use crate::report::drawing::{Figure, Layer, Look, Panel, Range, Scale, style};
+use crate::report::drawing::{Figure, Layer, Look, Panel, Range, Scale};
+use crate::report::looks;
 use crate::report::parameters::FittedParameter;
 use crate::report::tables::Tables;
 use crate::robot::{ByParameter, Parameter};
@@ -80,9 +81,9 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         let [from, to] = parameter.limits;
         let rise = limit_j - fit.j;
         let layers = vec![
-            Layer::band("95 % interval", from, to),
+            Layer::new("95 % interval", [(from, f64::NAN), (to, f64::NAN)], Look::Band),
             Layer::new("profile", points, Look::Dotted(colour(fit))),
-            Layer::level("limit", limit_j),
+            Layer::new("limit", [(f64::NAN, limit_j)], Look::Guides),
             Layer::new("fit", [(parameter.value, fit.j)], Look::Rings),
         ];
         Some(Panel {
@@ -125,7 +126,7 @@ fn decades(fit: &FitRow, x_label: &str, y_label: impl Into<String>, layers: Vec<
 }
 
 fn colour(fit: &FitRow) -> plotters::style::RGBColor {
-    style::model(fit.model).colour()
+    looks::model(fit.model).colour()
 }
 
 /// A parameter as an axis names it.

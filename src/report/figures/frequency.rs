@@ -2,11 +2,12 @@
 
 use super::BARS;
 use super::common::FREQUENCY;
-use super::series::{Quantity, Series, Source};
 use crate::config::SigmaKind;
 use crate::csv::field as csv_field;
 use crate::motion::Model;
-use crate::report::drawing::{Figure, Layout, Panel, Range, Scale, csv_number};
+use crate::report::drawing::{Figure, Layout, Panel, Range, Scale};
+use crate::report::plotted;
+use crate::report::series::{Quantity, Series, Source};
 
 /// A model further above the measurements than this would flatten them.
 const FARTHEST_MODEL: f64 = 1.5;
@@ -179,7 +180,7 @@ impl Plot {
             let kind = if series.is_measured { "measured" } else { "model" };
             let [campaign, name] = [&series.campaign, &series.name].map(|name| csv_field(name));
             for point in series.points() {
-                let [x, y, error] = [point.x, point.y, point.error].map(csv_number);
+                let [x, y, error] = [point.x, point.y, point.error].map(plotted::number);
                 csv.push_str(&format!(
                     "{letter},{quantity},{campaign},{name},{kind},{x},{y},{error}\n"
                 ));

@@ -1,9 +1,10 @@
 //! Planted truth against what the program made of the trials that were computed from it.
 
 use super::common::OMEGA;
-use super::series::{BAR_STANDARD_ERRORS, Source};
 use crate::metrics::Estimate;
-use crate::report::drawing::{Figure, Layer, Panel, Range, Scale, style};
+use crate::report::drawing::{Figure, Layer, Look, Panel, Range, Scale};
+use crate::report::looks;
+use crate::report::series::{BAR_STANDARD_ERRORS, Source};
 use crate::report::tables::Tables;
 use crate::report::truth::{self, PlantedTrial, Truth};
 use crate::store::TrialRow;
@@ -58,14 +59,14 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
     else {
         return Panel::default();
     };
-    let planted = Layer::new("planted", [(low, low), (high, high)], style::COMMANDED);
+    let planted = Layer::new("planted", [(low, low), (high, high)], looks::COMMANDED);
     let layers = campaigns.iter().enumerate().map(|(nth, campaign)| {
         let of_campaign = known.iter().filter(|known| known.campaign == *campaign);
         let points = of_campaign.map(|known| {
             let half = 0.5 * (known.parameter.limits[1] - known.parameter.limits[0]);
             (known.planted, known.parameter.value, half)
         });
-        Layer::with_errors(campaign, points, style::campaign(nth))
+        Layer::with_errors(campaign, points, looks::campaign(nth))
     });
     Panel {
         x_scale: Scale::Decades,
@@ -95,9 +96,9 @@ fn missed(
             value.is_finite().then_some((trial.omega_rad_s, difference, half))
         };
         let points = source.measured_trials(campaign).filter_map(point);
-        Layer::with_errors(campaign, points, style::campaign(nth))
+        Layer::with_errors(campaign, points, looks::campaign(nth))
     };
-    let level = Layer::level("planted", 0.0);
+    let level = Layer::new("planted", [(f64::NAN, 0.0)], Look::Guides);
     let campaigns = super::campaigns_of(source);
     let layers = [level].into_iter().chain(campaigns.into_iter().enumerate().map(layer)).collect();
     Panel::new(name, OMEGA, "Difference (%)", layers)

@@ -2,7 +2,8 @@
 
 use super::common::DEG;
 use crate::metrics::Estimate;
-use crate::report::drawing::{Figure, Layer, Layout, Panel, style};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
+use crate::report::looks;
 use crate::report::numbers::{significant, with_error};
 use crate::report::recording::Recording;
 use crate::store::RobotParameterRow;
@@ -41,9 +42,9 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
             "Time after release (s)",
             format!("φ{} (deg)", ["₁", "₂"][joint]),
             vec![
-                Layer::new("measured", seen, style::RECORDED),
-                Layer::new("fitted decay", fitted, style::FITTED),
-                Layer::level("rest", DEG * row.rest_angle_rad.value),
+                Layer::new("measured", seen, looks::RECORDED),
+                Layer::new("fitted decay", fitted, looks::FITTED),
+                Layer::new("rest", [(f64::NAN, DEG * row.rest_angle_rad.value)], Look::Guides),
             ],
         )
     };

@@ -1,10 +1,11 @@
 //! What every model misses of every trial.
 
 use super::common::OMEGA;
-use super::series::{BAR_STANDARD_ERRORS, Quantity, Source};
 use crate::metrics::Estimate;
 use crate::motion::{Model, MotionStatus};
-use crate::report::drawing::{Figure, Layer, Panel, Range, style};
+use crate::report::drawing::{Figure, Layer, Panel, Range};
+use crate::report::looks;
+use crate::report::series::{BAR_STANDARD_ERRORS, Quantity, Source};
 use crate::store::{PredictionRow, PredictionSource, TrialRow};
 
 /// A model that misses more than this many times what the nearest one does is not shown whole.
@@ -83,10 +84,10 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Panel {
         let half = 100.0 * BAR_STANDARD_ERRORS * se / value;
         half.is_finite().then_some((trial.omega_rad_s, 0.0, half))
     });
-    let bars = Layer::with_errors("measured", errors, style::measured(0));
+    let bars = Layer::with_errors("measured", errors, looks::measured(0));
     let lines = residuals
         .into_iter()
-        .map(|(model, points)| Layer::new(model.name(), points, style::model_line(model)));
+        .map(|(model, points)| Layer::new(model.name(), points, looks::model_line(model)));
     let layers = [bars].into_iter().chain(lines).collect();
     Panel {
         shown: Some(Range { low: -limit, high: limit }),

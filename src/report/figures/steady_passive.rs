@@ -8,7 +8,8 @@ use super::common::{
 };
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::report::ReportInput;
-use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, style};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
+use crate::report::looks;
 use crate::report::simulated::{self, SAMPLES, Steady};
 
 const OMEGA_RAD_S: f64 = 4.0;
@@ -40,7 +41,7 @@ pub fn figures(config: &ReportInput) -> Result<Vec<Figure>, String> {
 }
 
 fn no_skid() -> Look {
-    style::model_line(Model::NoSkid)
+    looks::model_line(Model::NoSkid)
 }
 
 /// Time and one quantity of a cycle that is repeated.
@@ -67,7 +68,8 @@ fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
         series(i, ["λ₀", "λ₁", "λ₂"][i], points)
     });
     let difference = over_time(cycle, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
-    let crossings = Layer::uprights("φ₁ = φ₂", crossings(&difference));
+    let crossings = crossings(&difference).into_iter().map(|time_s| (time_s, f64::NAN));
+    let crossings = Layer::new("φ₁ = φ₂", crossings, Look::Guides);
     let forces = forces.into_iter().chain([crossings]).collect();
     Figure {
         caption: "Without skid and roll resistance, as configured, in steady motion. Dashed \
@@ -106,7 +108,7 @@ fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionErr
         samples.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()
     };
     let steady = |points| Layer::new("no-skid, steady", points, no_skid());
-    let from_rest = Layer::new("from rest", shape(&from_rest), style::TRANSIENT);
+    let from_rest = Layer::new("from rest", shape(&from_rest), looks::TRANSIENT);
     let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
     let path = simulated::repeat(cycle, PATH_CYCLES, Pose::default());
     let path: Vec<_> = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();

@@ -4,7 +4,8 @@ use super::common::{self, DEG, links, links_at_start, map, time_course, travel};
 use super::{SEMI_PASSIVE, SKEWED, SYMMETRIC};
 use crate::motion::{Model, Pose, Problem, Sample};
 use crate::report::ReportInput;
-use crate::report::drawing::{Figure, Layer, Layout, Look, style};
+use crate::report::drawing::{Figure, Layer, Layout, Look};
+use crate::report::looks;
 use crate::report::numbers::with_error;
 use crate::report::recording::{Recording, Shown};
 use crate::report::simulated;
@@ -40,7 +41,7 @@ pub fn figure(
     let Shown { start_s, end_s, cycles, frames: shown } = window;
     let Some(start) = recording.pose_at(start_s) else { return (None, vec![]) };
     let measured = |point: &dyn Fn(usize) -> (f64, f64)| {
-        Layer::new("measured", shown.clone().map(point), style::RECORDED)
+        Layer::new("measured", shown.clone().map(point), looks::RECORDED)
     };
     let [phi1, phi2] = recording.phi_rad.each_ref();
     let mut gait = vec![measured(&|i| (DEG * phi1[i], DEG * phi2[i]))];
@@ -120,7 +121,7 @@ fn commanded(gait: &Gait) -> Layer {
         let [phi1, phi2] = gait.at(phase, 1.0).phi_rad;
         (DEG * phi1, DEG * phi2)
     });
-    Layer::new("commanded", points, style::COMMANDED)
+    Layer::new("commanded", points, looks::COMMANDED)
 }
 
 /// A frame that starts where the motion does, with x along its travel.
@@ -149,7 +150,7 @@ fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
     let of = |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
     let plain = |name, model: Model| {
         let problem = of(model)?;
-        Some(Overlay { name, problem, look: style::model_line(model) })
+        Some(Overlay { name, problem, look: looks::model_line(model) })
     };
     let driven_by_measured = |model| {
         let mut problem: Problem = of(model)?;
@@ -163,7 +164,7 @@ fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
             driven_by_measured(Model::NoSkid).map(|problem| Overlay {
                 name: "no-skid, measured ellipse",
                 problem,
-                look: style::model_line(Model::NoSkidMeasured),
+                look: looks::model_line(Model::NoSkidMeasured),
             }),
         ],
         SYMMETRIC => [
@@ -173,7 +174,7 @@ fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
                 Overlay {
                     name: "skid-roll, measured ellipse, 100 times the skid coefficients",
                     problem,
-                    look: style::model_line(Model::SkidRoll),
+                    look: looks::model_line(Model::SkidRoll),
                 }
             }),
         ],

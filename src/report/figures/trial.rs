@@ -4,6 +4,7 @@ use super::common::{DEG, dense_series, links, links_at_start, map, series, time_
 use crate::motion::Pose;
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, style};
+use crate::report::looks;
 use crate::report::recording::Recording;
 use crate::store::TrialRow;
 use crate::trial::TrialKind;
@@ -100,7 +101,7 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
         layers.push(links_at_start(links(&robot, pose, phi_rad)));
         layers.push(travel(&seen));
     }
-    layers.push(Layer::new("measured", all, style::RECORDED));
+    layers.push(Layer::new("measured", all, looks::RECORDED));
     let caption = match trial.kind {
         TrialKind::Gait => "Thick: the robot's links at the start; arrow: direction of travel.",
         _ => "",
@@ -119,7 +120,8 @@ fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
     let spans: Vec<(f64, f64)> =
         used.map(|cycle| (cycle.start_s, cycle.start_s + period_s)).collect();
     let Some((_, mut end_s)) = spans.first().copied() else { return Vec::new() };
-    let band = |from_s, to_s| Layer::band("not in use", from_s, to_s);
+    let band =
+        |from_s, to_s| Layer::new("not in use", [(from_s, f64::NAN), (to_s, f64::NAN)], Look::Band);
     let mut bands = vec![band(f64::NAN, spans[0].0)];
     for (from_s, to_s) in &spans[1..] {
         // Cycles that follow one another meet but for rounding.
@@ -131,6 +133,12 @@ fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
     let last_s = recording.time_s.last().copied().unwrap_or(end_s);
     bands.extend((last_s > end_s).then(|| band(end_s, f64::NAN)));
     bands
+}
+
+/// Bars `(from, to, height)`, with room for a unit of height.
+fn bars(name: &str, spans: &[(f64, f64, f64)], look: Look) -> Layer {
+    let ends = spans.iter().flat_map(|(from, to, y)| [(*from, *y, 0.5), (*to, *y, 0.5)]);
+    Layer::with_errors(name, ends, look)
 }
 
 /// Where the frames of each link were not measured.
@@ -152,10 +160,10 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
                 }
             }
         }
-        Layer::spans(name, &spans, style::gap(nth))
+        bars(name, &spans, looks::gap(nth))
     };
     let recorded = [0.0, 1.0, 2.0].map(|link| (*first_s, *last_s, link));
-    let recorded = Layer::spans("", &recorded, Look::Spans(style::BAND));
+    let recorded = bars("", &recorded, Look::Spans(style::BAND));
     [recorded].into_iter().chain(KINDS.into_iter().enumerate().map(spans)).collect()
 }
 

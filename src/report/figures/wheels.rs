@@ -1,7 +1,8 @@
 //! Fig. 12: how the wheels rolled and skidded.
 
 use super::common::time_course;
-use crate::report::drawing::{Figure, Layer, Layout, style};
+use crate::report::drawing::{Figure, Layer, Layout};
+use crate::report::looks;
 use crate::report::recording::{Recording, Shown};
 use crate::store::TrialRow;
 
@@ -14,7 +15,7 @@ pub fn figure(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Fig
     let Shown { start_s, cycles, frames, .. } = recording.shown(trial.omega_rad_s, CYCLES)?;
     let panel = |title: String, y_label: &str, values: &[f64]| {
         let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
-        time_course(&title, y_label, vec![Layer::new("measured", points, style::RECORDED)])
+        time_course(&title, y_label, vec![Layer::new("measured", points, looks::RECORDED)])
     };
     let panels = (0..3).flat_map(|i| {
         let wheel = WHEELS[i];

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use super::common::FREQUENCY;
 use crate::motion::{Model, Solver};
 use crate::report::ReportInput;
-use crate::report::drawing::{Figure, Layer, Layout, Panel, style};
+use crate::report::drawing::{Figure, Layer, Layout, Panel};
+use crate::report::looks;
 use crate::report::simulated;
 use crate::report::tables::Tables;
 use crate::store::{FitRow, PredictionSource};
@@ -23,7 +24,7 @@ pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
         // Each trial's own gait has no curve.
         let fits = fits.filter(|fit| fit.model != Model::NoSkidMeasured);
         let layers = fits.map(|fit| {
-            let look = style::model_line(fit.model);
+            let look = looks::model_line(fit.model);
             Layer::new(fit.model.name(), curve(fit, tables, config), look)
         });
         Panel::new(*campaign, FREQUENCY, "Work per metre (J/m)", layers.collect())

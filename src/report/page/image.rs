@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use crate::report::ReportError;
 use crate::report::drawing::{self, Figure};
+use crate::report::plotted;
 
 /// A figure inside a page.
 #[derive(Serialize)]
@@ -39,7 +40,7 @@ impl Image {
             number: figure.number.clone(),
             title: figure.title.clone(),
             caption: figure.caption.clone(),
-            alternative: figure.text_alternative(),
+            alternative: plotted::text_alternative(figure),
             image_base64: base64::engine::general_purpose::STANDARD.encode(svg),
             width: width.round() as u32,
             height: height.round() as u32,

@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use crate::config::SigmaKind;
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::motion::{Model, MotionStatus};
-use crate::report::drawing::{Layer, Look, Point, style};
+use crate::report::drawing::{Layer, Look, Point};
+use crate::report::looks;
 use crate::store::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
 use crate::trial::TrialKind;
 
@@ -163,7 +164,7 @@ impl<'t> Source<'t> {
         };
         let points = self.measured_trials(campaign).map(point);
         let points = points.filter(|point| point.x.is_finite() && point.y.is_finite());
-        self.series(campaign, "measured", style::measured(nth), points.collect())
+        self.series(campaign, "measured", looks::measured(nth), points.collect())
     }
 
     /// What a model predicts: its curve, broken where no stable motion was found, or where the
@@ -175,7 +176,7 @@ impl<'t> Source<'t> {
         quantity: Quantity,
         nth: usize,
     ) -> Option<Series> {
-        let look = style::model_of_campaign(model, nth);
+        let look = looks::model_of_campaign(model, nth);
         let source = match look {
             Look::Marker { .. } => PredictionSource::Trial,
             _ => PredictionSource::Curve,
