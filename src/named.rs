@@ -1,12 +1,26 @@
-//! Enumerations whose values have names, in files, in tables and on the command line.
+//! Values that have names in files, in tables and on the command line.
 
-/// An enumeration of [`named!`].
-pub trait Named: Copy + 'static {
-    /// Every value, in order.
-    const VALUES: &'static [Self];
+/// A value that is known by its name.
+pub trait Named: Sized {
+    /// What stands where nothing is known.
+    fn first() -> Self;
+    fn as_name(&self) -> &str;
+    /// `None` if no value has this name.
+    fn of_name(name: &str) -> Option<Self>;
+}
 
-    /// Its name.
-    fn as_str(self) -> &'static str;
+impl Named for String {
+    fn first() -> Self {
+        Self::new()
+    }
+
+    fn as_name(&self) -> &str {
+        self
+    }
+
+    fn of_name(name: &str) -> Option<Self> {
+        Some(name.to_owned())
+    }
 }
 
 /// Defines an enumeration with the names of its values; serde knows it by them.
@@ -30,9 +44,16 @@ macro_rules! named {
         }
 
         impl $crate::named::Named for $type {
-            const VALUES: &'static [Self] = &Self::ALL;
-            fn as_str(self) -> &'static str {
+            fn first() -> Self {
+                Self::ALL[0]
+            }
+
+            fn as_name(&self) -> &str {
                 self.name()
+            }
+
+            fn of_name(name: &str) -> Option<Self> {
+                Self::ALL.into_iter().find(|value| value.name() == name)
             }
         }
 

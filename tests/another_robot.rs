@@ -11,7 +11,7 @@ use common::{files, succeed, text, trilink};
 use serde_json::Value;
 use tempfile::TempDir;
 use trilink::motion::Model;
-use trilink::store::{FitRow, FitStatus, Rows as _, Table, TrialRow};
+use trilink::store::{Columns as _, FitRow, FitStatus, Table, TrialRow};
 use trilink::trial::TrialKind;
 
 /// Bigger and heavier than the paper's robots, with the rear joint passive.

@@ -14,7 +14,7 @@ use tempfile::TempDir;
 use trilink::config::Config;
 use trilink::motion::Model;
 use trilink::robot::Parameter;
-use trilink::store::{FitRow, Rows as _, Table};
+use trilink::store::{Columns as _, FitRow, Table};
 
 const CAMPAIGNS: [&str; 2] = ["kinematic-symmetric", "semi-passive-symmetric"];
 const TRIALS: [&str; 4] = [

@@ -11,7 +11,7 @@ use common::{small_settings, succeed, text, trilink};
 use serde_json::Value;
 use tempfile::TempDir;
 use trilink::compare::HistoryRow;
-use trilink::store::{Rows as _, Table};
+use trilink::store::{Columns as _, Table};
 
 /// A laboratory's night: synthetic trials of one truth that were run.
 fn night(arguments: &[&str]) -> TempDir {

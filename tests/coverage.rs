@@ -16,7 +16,7 @@ use trilink::fit::{FitData, fit};
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Model, Problem};
 use trilink::robot::Parameter;
-use trilink::store::{CycleRow, FitRow, FitStatus, Rows as _, TrialRow};
+use trilink::store::{Columns as _, CycleRow, FitRow, FitStatus, TrialRow};
 
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
 /// Relative noise of d and v, of the skid ratios and of alpha_1 from cycle to cycle.

@@ -7,7 +7,9 @@ use trilink::fit::{FitData, Fitted, FreeParameter, Objective, fit};
 use trilink::metrics::{Estimate, GaitMetrics};
 use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
 use trilink::robot::Parameter;
-use trilink::store::{FitStatus, JointGait, RobotParameterRow, Rows as _, TrialRow, TrialStatus};
+use trilink::store::{
+    Columns as _, FitStatus, JointGait, RobotParameterRow, TrialRow, TrialStatus,
+};
 use trilink::trial::TrialKind;
 
 /// The reference's campaign: metrics at twelve frequencies with 3 % noise.

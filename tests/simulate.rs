@@ -12,7 +12,7 @@ use common::{succeed, text, trilink};
 use serde_json::Value;
 use tempfile::TempDir;
 use trilink::config::Config;
-use trilink::store::{Rows as _, Table, TrajectoryRow};
+use trilink::store::{Columns as _, Table, TrajectoryRow};
 
 fn empty_folder() -> TempDir {
     tempfile::tempdir().expect("a temporary folder")

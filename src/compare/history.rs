@@ -9,7 +9,7 @@ use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
 use crate::config::Paths;
 use crate::robot::Parameter;
-use crate::store::{Provenance, Rows as _, Table, TrialStatus};
+use crate::store::{Columns as _, Provenance, Table, TrialStatus};
 
 const MEANS: [&str; 7] = [
     "d_m",

@@ -82,7 +82,7 @@ pub(super) fn sentence(rows: &[ComparisonRow], replicates: usize) -> String {
 mod tests {
     use super::*;
     use crate::motion::Model;
-    use crate::store::Rows as _;
+    use crate::store::Columns as _;
 
     fn row(model: Model, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
         let criterion = bic(j, 60, 3);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::plan::{FitPlan, plan};
 use super::{FitData, FitInput, Fitted, OnEvent, fit_except};
 use crate::config::Config;
-use crate::store::{How, Rows, StageState, StoreError, Table, TrialRow, cycles_path, flatten};
+use crate::store::{Columns, How, StageState, StoreError, Table, TrialRow, cycles_path, flatten};
 use crate::trial::is_valid_id;
 
 /// The tables of a fit.
@@ -128,19 +128,19 @@ pub(super) fn read_fitted(derived: &Path) -> Result<Fitted, StoreError> {
     })
 }
 
-fn rows<R: Rows>(path: &Path) -> Result<Vec<R>, StoreError> {
+fn rows<R: Columns>(path: &Path) -> Result<Vec<R>, StoreError> {
     R::from_table(&Table::read(path)?)
 }
 
 impl Fitted {
     fn to_tables(&self) -> [Table; 6] {
         [
-            Rows::to_table(&self.fits),
-            Rows::to_table(&self.starts),
-            Rows::to_table(&self.profiles),
-            Rows::to_table(&self.bootstrap),
-            Rows::to_table(&self.comparison),
-            Rows::to_table(&self.predictions),
+            Columns::to_table(&self.fits),
+            Columns::to_table(&self.starts),
+            Columns::to_table(&self.profiles),
+            Columns::to_table(&self.bootstrap),
+            Columns::to_table(&self.comparison),
+            Columns::to_table(&self.predictions),
         ]
     }
 }

@@ -19,7 +19,7 @@ use crate::motion::{Model, REFERENCE_ACCURACY};
 use crate::robot::{ByParameter, Gait, Parameter, Robot};
 use crate::stats::quantiles;
 use crate::store::{
-    BootstrapRow, ComparisonRow, FitRow, FitStatus, ProfileRow, Rows as _, StartRow,
+    BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
 };
 
 /// Starts within this part of the best objective have reached it.

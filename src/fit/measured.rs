@@ -39,7 +39,7 @@ pub(super) fn with_measured(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Rows as _;
+    use crate::store::Columns as _;
 
     #[test]
     fn what_the_trials_do_not_tell_stays_as_configured() {

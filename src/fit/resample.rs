@@ -251,7 +251,7 @@ fn own_spread(
 mod tests {
     use super::*;
     use crate::config::SigmaKind;
-    use crate::store::{Rows as _, TrialRow};
+    use crate::store::{Columns as _, TrialRow};
 
     /// A trial with d of these cycles; everything else does not vary.
     fn trial(name: &str, omega_rad_s: f64, d_m: &[f64]) -> (Measurement, Vec<CycleRow>) {

@@ -17,8 +17,9 @@ use super::{
 };
 use crate::config::Config;
 use crate::store::{
-    Beside, CheckRow, CycleRow, How, Parts, Provenance, RobotParameterRow, Rows, StageState, Stamp,
-    StoreError, Table, Thing, TrialRow, absolute, cycles_path, flatten, poses_path, wheels_path,
+    Beside, CheckRow, Columns, CycleRow, How, Parts, Provenance, RobotParameterRow, StageState,
+    Stamp, StoreError, Table, Thing, TrialRow, absolute, cycles_path, flatten, poses_path,
+    wheels_path,
 };
 use crate::trial::{Trial, TrialKind};
 use crate::vicon;

@@ -8,7 +8,7 @@ use super::tables;
 use super::{INGEST_VERSION, IngestError, IngestInput, Ingested};
 use crate::config::Config;
 use crate::store::{
-    CheckRow, How, Redo, RobotParameterRow, Rows, StageState, Stamp, StoreError, Table, Thing,
+    CheckRow, Columns, How, Redo, RobotParameterRow, StageState, Stamp, StoreError, Table, Thing,
     TrialRow, VERSION, changed_outputs, changed_settings, flatten, reasons,
 };
 use crate::trial::{Trial, TrialList};

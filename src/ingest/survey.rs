@@ -9,7 +9,7 @@ use super::error::Problem;
 use super::input::IngestSettings;
 use super::markers::layout::{self, Layout};
 use super::poses::{self, describe_tracking, tracking_checks};
-use crate::store::{Rows as _, TrialRow};
+use crate::store::{Columns as _, TrialRow};
 use crate::vicon::{self, MarkerFile, Section};
 
 /// A marker file at a glance.

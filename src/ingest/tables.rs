@@ -7,9 +7,7 @@ use std::path::{Path, PathBuf};
 use super::cycles::WheelVelocities;
 use super::error::IngestError;
 use super::poses::{Coordinates, Tracked};
-use crate::store::{
-    Column, StageState, Table, is_own_table, names, numbers, repeated, whole_numbers,
-};
+use crate::store::{Column, StageState, Table, is_own_table, numbers, repeated, texts};
 
 /// Folders inside `derived/` with a file for each trial.
 const FOLDERS: [&str; 3] = ["poses", "wheels", "cycles"];
@@ -25,16 +23,16 @@ pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz
         numbers("phi1_rad", phi1_rad),
         numbers("phi2_rad", phi2_rad),
     ]);
-    let of_links = |column: fn(usize, &Tracked) -> Column| [0, 1, 2].map(|i| column(i, tracked));
-    columns.extend(of_links(|link, tracked| {
-        numbers(&format!("residual{link}_mm"), tracked.residual_mm[link].clone())
-    }));
-    columns.extend(of_links(|link, tracked| {
-        names(&format!("fill{link}"), tracked.fill[link].iter().map(|fill| fill.name()))
-    }));
-    columns.extend(of_links(|link, tracked| {
-        names(&format!("outlier{link}"), tracked.outlier[link].iter().map(|found| found.name()))
-    }));
+    let Tracked { residual_mm, fill, outlier, .. } = tracked;
+    for (link, residual_mm) in residual_mm.iter().enumerate() {
+        columns.push(numbers(&format!("residual{link}_mm"), residual_mm.clone()));
+    }
+    for (link, fill) in fill.iter().enumerate() {
+        columns.push(texts(&format!("fill{link}"), fill.iter().map(|fill| fill.name())));
+    }
+    for (link, outlier) in outlier.iter().enumerate() {
+        columns.push(texts(&format!("outlier{link}"), outlier.iter().map(|found| found.name())));
+    }
     Table::new(columns)
 }
 
@@ -58,7 +56,7 @@ pub(super) fn wheels(
 fn frames(trial: &str, first_frame: i64, frames: usize, rate_hz: f64) -> Vec<Column> {
     vec![
         repeated("trial", trial, frames),
-        whole_numbers("frame", (first_frame..).take(frames).collect()),
+        Column::new("frame".into(), (first_frame..).take(frames).collect::<Vec<_>>()),
         numbers("time_s", (0..frames).map(|i| i as f64 / rate_hz).collect()),
     ]
 }

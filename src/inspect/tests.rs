@@ -5,7 +5,7 @@ use polars::prelude::{DataType, NamedFrom, Series, df};
 use super::condition::{mask, parse};
 use super::*;
 use crate::robot::Parameter;
-use crate::store::{Provenance, Rows as _};
+use crate::store::{Columns as _, Provenance};
 
 const TEXTS: [&str; 4] = ["kinematic-symmetric", "kinematic-skewed", "", "it's"];
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::motion::Pose;
-use crate::store::{CycleRow, Rows, StoreError, Table, cycles_path, poses_path, wheels_path};
+use crate::store::{Columns, CycleRow, StoreError, Table, cycles_path, poses_path, wheels_path};
 
 /// Links, wheels: 0, 1, 2 = middle, front, rear. What is missing is NaN.
 #[derive(Debug, Clone, Default)]

@@ -7,8 +7,8 @@ use super::ReportError;
 use super::series::Source;
 use crate::report::ReportInput;
 use crate::store::{
-    BootstrapRow, CheckRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
-    Rows, StartRow, StoreError, Table, TrialRow,
+    BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, PredictionRow, ProfileRow,
+    RobotParameterRow, StartRow, StoreError, Table, TrialRow,
 };
 
 /// Tables that may be missing, and what the report then lacks.
@@ -106,7 +106,7 @@ fn table_path(derived: &Path, name: &str) -> PathBuf {
     derived.join(format!("{name}.parquet"))
 }
 
-fn optional<R: Rows>(derived: &Path, name: &str) -> Result<Vec<R>, ReportError> {
+fn optional<R: Columns>(derived: &Path, name: &str) -> Result<Vec<R>, ReportError> {
     let path = table_path(derived, name);
     if !path.exists() {
         return Ok(Vec::new());

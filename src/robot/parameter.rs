@@ -5,6 +5,7 @@ use std::ops::{Index, IndexMut};
 use serde::{Serialize, Serializer};
 
 use super::Robot;
+use crate::named::Named;
 
 /// What a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,11 +82,6 @@ impl Parameter {
     /// Roll resistances of wheels 0, 1, 2.
     pub const ROLL: [Self; 3] = [Self::Roll0, Self::Roll1, Self::Roll2];
 
-    /// The parameter of a column.
-    pub fn of_column(column: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|parameter| parameter.column() == column)
-    }
-
     /// Whether a value of it is one of `other` too: the same, or the sum that it is part of.
     pub fn is_part_of(self, other: Self) -> bool {
         self == other || other == Self::RollSum && Self::ROLL.contains(&self)
@@ -124,6 +120,21 @@ impl Parameter {
 }
 
 /// By its column.
+impl Named for Parameter {
+    fn first() -> Self {
+        Self::ALL[0]
+    }
+
+    fn as_name(&self) -> &str {
+        self.column()
+    }
+
+    fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|parameter| parameter.column() == name)
+    }
+}
+
+/// By its column.
 impl Serialize for Parameter {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.column())
@@ -132,7 +143,7 @@ impl Serialize for Parameter {
 
 /// Something for every parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct ByParameter<T>([T; Parameter::ALL.len()]);
+pub struct ByParameter<T>(pub(crate) [T; Parameter::ALL.len()]);
 
 impl ByParameter<f64> {
     /// Every value missing.
@@ -188,7 +199,7 @@ mod tests {
             let mut robot = Robot::semi_passive();
             parameter.set(&mut robot, 2.5);
             assert_eq!(parameter.of(&robot), 2.5, "{parameter:?}");
-            assert_eq!(Parameter::of_column(parameter.column()), Some(parameter));
+            assert_eq!(Parameter::of_name(parameter.column()), Some(parameter));
             let others = Parameter::ALL.into_iter().filter(|other| {
                 let related = [other.is_part_of(parameter), parameter.is_part_of(*other)];
                 !related.contains(&true)

@@ -1,9 +1,8 @@
 //! What a value is in a table: one column, or several of which each has a part of it.
 
 use polars::prelude::{
-    BooleanChunked, ChunkFull, ChunkSet, ChunkTake, Column, DataType, Float64Chunked, IdxCa,
-    IdxSize, Int64Chunked, IntoColumn, ListBuilderTrait, ListStringChunkedBuilder, NewChunkedArray,
-    PolarsResult, Series, StringChunked,
+    ChunkFull, ChunkSet, Column, DataType, Float64Chunked, IntoColumn, ListBuilderTrait,
+    ListStringChunkedBuilder, NewChunkedArray, PolarsResult, Series, StringChunked,
 };
 
 use super::{StoreError, Table};
@@ -11,17 +10,15 @@ use crate::metrics::{Estimate, GaitMetrics};
 use crate::named::Named;
 use crate::robot::{ByParameter, Parameter};
 
-/// A value that a table keeps in one column or in several.
+/// A value that a table keeps in one column or in several, such as a row.
 ///
 /// A pattern names them: in the place of its `{}` comes the name that a part has within the value.
 pub trait Columns: Sized {
-    /// The pattern for a field that names none: that of a single column is the field's name.
-    fn pattern(field: &str) -> String {
-        field.to_owned()
-    }
+    /// The pattern of a field of this type that names none.
+    const PATTERN: &'static str = "{field}";
 
     /// Nothing: numbers missing, counts 0, texts empty, of an enumeration its first value.
-    fn missing() -> Self;
+    fn blank() -> Self;
 
     /// Adds the columns of one value a row.
     fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>);
@@ -31,14 +28,6 @@ pub trait Columns: Sized {
     /// # Errors
     /// A column is not there, or holds something else.
     fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError>;
-}
-
-/// A struct whose fields are the columns of a table.
-pub trait Rows: Columns {
-    /// A row that says nothing.
-    fn blank() -> Self {
-        Self::missing()
-    }
 
     /// The table of these rows, in order.
     fn to_table(rows: &[Self]) -> Table {
@@ -56,7 +45,10 @@ pub trait Rows: Columns {
     }
 }
 
-impl<T: Columns> Rows for T {}
+/// The pattern of a field: its `own`, or its type's.
+pub(crate) fn pattern_of<T: Columns>(outer: &str, field: &str, own: &[&str]) -> String {
+    fill(outer, &own.first().unwrap_or(&T::PATTERN).replace("{field}", field))
+}
 
 /// A pattern with the name of a part, or with the part's own pattern.
 pub(crate) fn fill(pattern: &str, part: &str) -> String {
@@ -79,32 +71,24 @@ pub(crate) fn interleave(columns: &mut Vec<Column>, first: usize, pattern: &str,
 /// Implements [`Columns`] for a struct by its fields; a field can have a pattern (`as`) and stand
 /// behind columns of earlier ones (`after`).
 macro_rules! columns {
-    ($name:ident { $($field:ident: $type:ty $(as $pattern:literal $(after $after:literal)?)?,)* }) => {
+    ($name:ident $(as $outer:literal)? {
+        $($field:ident: $type:ty $(as $pattern:literal $(after $after:literal)?)?,)*
+    }) => {
         impl $crate::store::Columns for $name {
-            fn pattern(_: &str) -> String {
-                "{}".to_owned()
+            const PATTERN: &'static str = [$($outer,)? "{}"][0];
+
+            fn blank() -> Self {
+                Self { $($field: <$type as $crate::store::Columns>::blank(),)* }
             }
 
-            fn missing() -> Self {
-                Self { $($field: <$type as $crate::store::Columns>::missing(),)* }
-            }
-
-            fn write(
-                values: &[&Self],
-                pattern: &str,
-                columns: &mut Vec<polars::prelude::Column>,
-            ) {
-                use $crate::store::columns::{Columns, fill};
+            fn write(values: &[&Self], pattern: &str, columns: &mut Vec<$crate::store::Column>) {
+                use $crate::store::columns::*;
                 $({
-                    let own = [
-                        $($pattern.to_owned(),)?
-                        <$type as Columns>::pattern(stringify!($field)),
-                    ];
-                    let own = fill(pattern, &own[0]);
+                    let own = pattern_of::<$type>(pattern, stringify!($field), &[$($pattern)?]);
                     let parts: Vec<&$type> = values.iter().map(|value| &value.$field).collect();
                     let _first = columns.len();
                     <$type as Columns>::write(&parts, &own, columns);
-                    $($($crate::store::columns::interleave(columns, _first, &own, &fill(pattern, $after));)?)?
+                    $($(interleave(columns, _first, &own, &fill(pattern, $after));)?)?
                 })*
             }
 
@@ -112,17 +96,12 @@ macro_rules! columns {
                 table: &$crate::store::Table,
                 pattern: &str,
             ) -> Result<Vec<Self>, $crate::store::StoreError> {
-                use $crate::store::columns::{Columns, fill};
+                use $crate::store::columns::*;
                 $(
-                    let own = [
-                        $($pattern.to_owned(),)?
-                        <$type as Columns>::pattern(stringify!($field)),
-                    ];
-                    let mut $field =
-                        <$type as Columns>::read(table, &fill(pattern, &own[0]))?.into_iter();
+                    let own = pattern_of::<$type>(pattern, stringify!($field), &[$($pattern)?]);
+                    let mut $field = <$type as Columns>::read(table, &own)?.into_iter();
                 )*
-                let row = || Some(Self { $($field: $field.next()?,)* });
-                Ok(std::iter::from_fn(row).collect())
+                Ok(std::iter::from_fn(|| Some(Self { $($field: $field.next()?,)* })).collect())
             }
         }
     };
@@ -158,285 +137,185 @@ columns! {
     }
 }
 
-/// The value, and the standard error with `_se` behind its name.
-impl Columns for Estimate {
-    fn pattern(field: &str) -> String {
-        format!("{field}{{}}")
-    }
-
-    fn missing() -> Self {
-        Self::MISSING
-    }
-
-    fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        columns.push(numbers(&fill(pattern, ""), values.iter().map(|of| of.value).collect()));
-        columns.push(numbers(&fill(pattern, "_se"), values.iter().map(|of| of.se).collect()));
-    }
-
-    fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        let values = f64::read(table, &fill(pattern, ""))?;
-        let errors = f64::read(table, &fill(pattern, "_se"))?;
-        Ok(values.into_iter().zip(errors).map(|(value, se)| Self { value, se }).collect())
+columns! {
+    Estimate as "{field}{}" {
+        value: f64 as "",
+        se: f64 as "_se",
     }
 }
 
 /// Links and wheels are 0, 1, 2; joints are 1 and 2.
 impl<T: Columns, const N: usize> Columns for [T; N] {
-    fn missing() -> Self {
-        std::array::from_fn(|_| T::missing())
+    fn blank() -> Self {
+        std::array::from_fn(|_| T::blank())
     }
 
     fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        for i in 0..N {
-            let parts: Vec<&T> = values.iter().map(|value| &value[i]).collect();
-            T::write(&parts, &fill(pattern, &number::<N>(i)), columns);
-        }
+        write_parts(values, numbered::<N>(pattern), columns);
     }
 
     fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        let part = |i| T::read(table, &fill(pattern, &number::<N>(i)));
-        let parts = (0..N).map(part).collect::<Result<Vec<_>, _>>()?;
-        Ok(across(parts, table.len(), |part| std::array::from_fn(part)))
+        read_parts(table, numbered::<N>(pattern))
     }
 }
 
-fn number<const N: usize>(i: usize) -> String {
-    (i + usize::from(N == 2)).to_string()
+fn numbered<const N: usize>(pattern: &str) -> impl Iterator<Item = String> {
+    (0..N).map(move |i| fill(pattern, &(i + usize::from(N == 2)).to_string()))
 }
 
 impl<T: Columns> Columns for ByParameter<T> {
-    fn pattern(_: &str) -> String {
-        "{}".to_owned()
-    }
+    const PATTERN: &'static str = "{}";
 
-    fn missing() -> Self {
-        Self::from_fn(|_| T::missing())
+    fn blank() -> Self {
+        Self(Columns::blank())
     }
 
     fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        for parameter in Parameter::ALL {
-            let parts: Vec<&T> = values.iter().map(|value| &value[parameter]).collect();
-            T::write(&parts, &fill(pattern, parameter.column()), columns);
-        }
+        let values: Vec<_> = values.iter().map(|value| &value.0).collect();
+        write_parts(&values, by_parameter(pattern), columns);
     }
 
     fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        let part = |of: Parameter| T::read(table, &fill(pattern, of.column()));
-        let parts = Parameter::ALL.into_iter().map(part).collect::<Result<Vec<_>, _>>()?;
-        Ok(across(parts, table.len(), |part| Self::from_fn(|of| part(of as usize))))
+        Ok(read_parts(table, by_parameter(pattern))?.into_iter().map(Self).collect())
     }
 }
 
-/// Rows of columns: `row` makes one from what gives its parts by their index.
-fn across<T: Columns, R>(
-    parts: Vec<Vec<T>>,
-    rows: usize,
-    row: impl Fn(&mut dyn FnMut(usize) -> T) -> R,
-) -> Vec<R> {
-    let mut parts: Vec<_> = parts.into_iter().map(Vec::into_iter).collect();
-    let mut part = |i: usize| parts[i].next().unwrap_or_else(T::missing);
-    (0..rows).map(|_| row(&mut part)).collect()
+fn by_parameter(pattern: &str) -> impl Iterator<Item = String> {
+    Parameter::ALL.into_iter().map(move |parameter| fill(pattern, parameter.column()))
 }
 
-impl Columns for f64 {
-    fn missing() -> Self {
-        f64::NAN
+fn write_parts<T: Columns, const N: usize>(
+    values: &[&[T; N]],
+    patterns: impl Iterator<Item = String>,
+    columns: &mut Vec<Column>,
+) {
+    for (i, pattern) in patterns.enumerate() {
+        let parts: Vec<&T> = values.iter().map(|value| &value[i]).collect();
+        T::write(&parts, &pattern, columns);
+    }
+}
+
+fn read_parts<T: Columns, const N: usize>(
+    table: &Table,
+    patterns: impl Iterator<Item = String>,
+) -> Result<Vec<[T; N]>, StoreError> {
+    let parts = patterns.map(|pattern| Ok(T::read(table, &pattern)?.into_iter()));
+    let mut parts = parts.collect::<Result<Vec<_>, StoreError>>()?;
+    let row = |_| std::array::from_fn(|i| parts[i].next().unwrap_or_else(T::blank));
+    Ok((0..table.len()).map(row).collect())
+}
+
+/// Implements [`Columns`] for what is one column: what nothing is, what the type is called and
+/// how polars calls it, and how values are written and read; `None` if some are missing.
+macro_rules! column {
+    ($type:ty, $blank:expr, $kind:literal, $is:ident, $dtype:ident, $of:ident, $write:expr, $read:expr) => {
+        impl Columns for $type {
+            fn blank() -> Self {
+                $blank
+            }
+
+            fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
+                let values: Vec<Self> = values.iter().map(|value| **value).collect();
+                columns.push($write(name, values));
+            }
+
+            fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
+                let column = table.column(name, ($kind, DataType::$is), &DataType::$dtype)?;
+                let values = column.$of().map_err(|error| table.error(&error))?.iter();
+                let read: fn(_) -> Option<Self> = $read;
+                let values: Option<Vec<Self>> = values.map(read).collect();
+                values.ok_or_else(|| table.wrong(name, "missing values", $kind))
+            }
+        }
+    };
+}
+
+fn plain<T: AsRef<[V]>, V>(name: &str, values: T) -> Column
+where
+    Series: polars::prelude::NamedFrom<T, [V]>,
+{
+    Column::new(name.into(), values)
+}
+
+column!(f64, f64::NAN, "numbers", is_primitive_numeric, Float64, f64, numbers, |value: Option<
+    f64,
+>| {
+    Some(value.unwrap_or(f64::NAN))
+});
+column!(i64, 0, "whole numbers", is_integer, Int64, i64, plain, |value| value);
+column!(Option<i64>, None, "whole numbers", is_integer, Int64, i64, plain, Some);
+column!(bool, false, "booleans", is_bool, Boolean, bool, plain, |value| value);
+
+impl<T: Named> Columns for T {
+    fn blank() -> Self {
+        T::first()
     }
 
     fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        columns.push(numbers(name, values.iter().map(|value| **value).collect()));
+        columns.push(texts(name, values.iter().map(|value| value.as_name())));
     }
 
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-        let needed = ("numbers", DataType::is_primitive_numeric as fn(&_) -> _);
-        let column = table.column(name, needed, &DataType::Float64)?;
-        let values = column.f64().map_err(|error| table.error(&error))?;
-        Ok(values.iter().map(|value| value.unwrap_or(f64::NAN)).collect())
-    }
-}
-
-impl Columns for Option<i64> {
-    fn missing() -> Self {
-        None
-    }
-
-    fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        let values: Int64Chunked = values.iter().map(|value| **value).collect();
-        columns.push(values.with_name(name.into()).into_column());
-    }
-
-    fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-        let needed = ("whole numbers", DataType::is_integer as fn(&_) -> _);
-        let column = table.column(name, needed, &DataType::Int64)?;
-        Ok(column.i64().map_err(|error| table.error(&error))?.iter().collect())
-    }
-}
-
-impl Columns for i64 {
-    fn missing() -> Self {
-        0
-    }
-
-    fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        columns.push(whole_numbers(name, values.iter().map(|value| **value).collect()));
-    }
-
-    fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-        let values = <Option<i64>>::read(table, name)?;
-        let all: Option<Vec<i64>> = values.into_iter().collect();
-        all.ok_or_else(|| table.wrong(name, "missing values", "whole numbers"))
-    }
-}
-
-impl Columns for bool {
-    fn missing() -> Self {
-        false
-    }
-
-    fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        let values: BooleanChunked = values.iter().map(|value| **value).collect();
-        columns.push(values.with_name(name.into()).into_column());
-    }
-
-    fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-        let needed = ("booleans", DataType::is_bool as fn(&_) -> _);
-        let column = table.column(name, needed, &DataType::Boolean)?;
-        let values = column.bool().map_err(|error| table.error(&error))?;
-        let all: Option<Vec<bool>> = values.iter().collect();
-        all.ok_or_else(|| table.wrong(name, "missing values", "booleans"))
-    }
-}
-
-/// A value that a table keeps as text.
-pub trait Text: Sized {
-    /// See [`Columns::missing`].
-    fn nothing() -> Self;
-    fn as_text(&self) -> &str;
-    /// `None` if no value has this text.
-    fn of_text(text: &str) -> Option<Self>;
-}
-
-impl Text for String {
-    fn nothing() -> Self {
-        Self::new()
-    }
-
-    fn as_text(&self) -> &str {
-        self
-    }
-
-    fn of_text(text: &str) -> Option<Self> {
-        Some(text.to_owned())
-    }
-}
-
-impl<T: Named> Text for T {
-    fn nothing() -> Self {
-        T::VALUES[0]
-    }
-
-    fn as_text(&self) -> &str {
-        self.as_str()
-    }
-
-    fn of_text(text: &str) -> Option<Self> {
-        T::VALUES.iter().copied().find(|value| value.as_str() == text)
-    }
-}
-
-impl<T: Text> Columns for T {
-    fn missing() -> Self {
-        T::nothing()
-    }
-
-    fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        columns.push(texts(name, values.iter().map(|value| value.as_text())));
-    }
-
-    fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-        read_texts(table, name, T::of_text)
+        let column = table.column(name, ("text", DataType::is_string), &DataType::String)?;
+        named(table, name, column.str(), T::of_name)
     }
 }
 
 /// Text that is empty where there is no value.
-impl<T: Text> Columns for Option<T> {
-    fn missing() -> Self {
+impl<T: Named> Columns for Option<T> {
+    fn blank() -> Self {
         None
     }
 
     fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        let values = values.iter().map(|value| value.as_ref().map_or("", T::as_text));
+        let values = values.iter().map(|value| value.as_ref().map_or("", T::as_name));
         columns.push(texts(name, values));
     }
 
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-        read_texts(table, name, |text| match text {
-            "" => Some(None),
-            text => T::of_text(text).map(Some),
-        })
+        let column = table.column(name, ("text", DataType::is_string), &DataType::String)?;
+        let of_name =
+            |text: &str| if text.is_empty() { Some(None) } else { T::of_name(text).map(Some) };
+        named(table, name, column.str(), of_name)
     }
 }
 
-fn read_texts<T>(
-    table: &Table,
-    name: &str,
-    of_text: impl Fn(&str) -> Option<T>,
-) -> Result<Vec<T>, StoreError> {
-    let needed = ("text", DataType::is_string as fn(&_) -> _);
-    let column = table.column(name, needed, &DataType::String)?;
-    values_of_texts(table, name, column.str(), of_text)
-}
-
-fn values_of_texts<T>(
-    table: &Table,
-    name: &str,
-    texts: PolarsResult<&StringChunked>,
-    of_text: impl Fn(&str) -> Option<T>,
-) -> Result<Vec<T>, StoreError> {
-    let value = |text: Option<&str>| {
-        let text = text.unwrap_or_default();
-        of_text(text).ok_or_else(|| table.wrong(name, &format!("`{text}`"), "a known name"))
-    };
-    texts.map_err(|error| table.error(&error))?.iter().map(value).collect()
-}
-
-impl Text for Parameter {
-    fn nothing() -> Self {
-        Self::ALL[0]
-    }
-
-    fn as_text(&self) -> &str {
-        self.column()
-    }
-
-    fn of_text(text: &str) -> Option<Self> {
-        Self::of_column(text)
-    }
-}
-
-impl<T: Text> Columns for Vec<T> {
-    fn missing() -> Self {
+impl<T: Named> Columns for Vec<T> {
+    fn blank() -> Self {
         Self::new()
     }
 
     fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
         let total = values.iter().map(|list| list.len()).sum();
         let mut lists = ListStringChunkedBuilder::new(name.into(), values.len(), total);
-        values.iter().for_each(|list| lists.append_values_iter(list.iter().map(T::as_text)));
+        values.iter().for_each(|list| lists.append_values_iter(list.iter().map(T::as_name)));
         columns.push(lists.finish().into_column());
     }
 
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-        let needed = ("lists of text", DataType::is_list as fn(&_) -> _);
-        let text = DataType::List(Box::new(DataType::String));
-        let column = table.column(name, needed, &text)?;
+        let texts = DataType::List(Box::new(DataType::String));
+        let column = table.column(name, ("lists of text", DataType::is_list), &texts)?;
         let lists = column.list().map_err(|error| table.error(&error))?;
         let list = |list: Option<Series>| match list {
-            Some(list) => values_of_texts(table, name, list.str(), T::of_text),
+            Some(list) => named(table, name, list.str(), T::of_name),
             None => Ok(Self::new()),
         };
         lists.series_iter().map(list).collect()
     }
+}
+
+/// Values by their names; a missing name is empty.
+fn named<T>(
+    table: &Table,
+    column: &str,
+    texts: PolarsResult<&StringChunked>,
+    of_name: impl Fn(&str) -> Option<T>,
+) -> Result<Vec<T>, StoreError> {
+    let value = |text: Option<&str>| {
+        let text = text.unwrap_or_default();
+        of_name(text).ok_or_else(|| table.wrong(column, &format!("`{text}`"), "a known name"))
+    };
+    texts.map_err(|error| table.error(&error))?.iter().map(value).collect()
 }
 
 /// A column of numbers; missing ones, which are NaN, become nulls.
@@ -447,29 +326,9 @@ pub fn numbers(name: &str, values: Vec<f64>) -> Column {
     nulls.unwrap_or(values).into_column()
 }
 
-/// A column of whole numbers.
-pub fn whole_numbers(name: &str, values: Vec<i64>) -> Column {
-    Int64Chunked::from_vec(name.into(), values).into_column()
-}
-
 /// A column of text.
 pub fn texts<'t>(name: &str, values: impl Iterator<Item = &'t str>) -> Column {
     StringChunked::from_iter_values(name.into(), values).into_column()
-}
-
-/// A column of text of which there are but a few kinds: faster than [`texts`].
-pub fn names(name: &str, values: impl Iterator<Item = &'static str>) -> Column {
-    let mut kinds: Vec<&str> = Vec::new();
-    let index = |value: &'static str| {
-        let known = kinds.iter().position(|kind| *kind == value);
-        known.unwrap_or_else(|| {
-            kinds.push(value);
-            kinds.len() - 1
-        }) as IdxSize
-    };
-    let rows = IdxCa::from_vec(name.into(), values.map(index).collect());
-    let kinds = StringChunked::from_slice(name.into(), &kinds);
-    kinds.take(&rows).expect("every index is of a kind").into_column()
 }
 
 /// A column with the same text in every row.

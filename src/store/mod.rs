@@ -13,7 +13,7 @@ mod table;
 
 pub use atomic::{Beside, write_bytes, write_if_changed};
 pub(crate) use columns::rows;
-pub use columns::{Columns, Rows, Text, names, numbers, repeated, whole_numbers};
+pub use columns::{Columns, numbers, repeated, texts};
 pub use lock::{LOCK_FILE, Lock, check_places, sweep, unfinished};
 pub use polars::prelude::Column;
 pub use record::{Parts, RECORD_FILE, Record, StageState, Thing, absolute, changed_outputs};

@@ -1,7 +1,6 @@
 //! What became of a trial, a check, a fit or a prediction.
 
-use super::columns::Text;
-use crate::named::named;
+use crate::named::{Named, named};
 
 named! {
     /// What became of a trial.
@@ -69,31 +68,31 @@ impl FitStatus {
     }
 }
 
-impl Text for FitStatus {
-    fn nothing() -> Self {
+impl Named for FitStatus {
+    fn first() -> Self {
         Self::Failed(String::new())
     }
 
-    fn as_text(&self) -> &str {
+    fn as_name(&self) -> &str {
         match self {
             Self::Ok => "ok",
             Self::Failed(reason) => reason,
         }
     }
 
-    fn of_text(text: &str) -> Option<Self> {
-        Some(if text == Self::Ok.as_text() { Self::Ok } else { Self::Failed(text.to_owned()) })
+    fn of_name(name: &str) -> Option<Self> {
+        Some(if name == Self::Ok.as_name() { Self::Ok } else { Self::Failed(name.to_owned()) })
     }
 }
 
 impl serde::Serialize for FitStatus {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.as_text())
+        serializer.serialize_str(self.as_name())
     }
 }
 
 impl std::fmt::Display for FitStatus {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.pad(self.as_text())
+        f.pad(self.as_name())
     }
 }

@@ -219,7 +219,7 @@ mod tests {
     use super::super::columns::{numbers, repeated};
     use super::*;
     use crate::robot::Parameter;
-    use crate::store::Rows;
+    use crate::store::Columns;
 
     crate::store::columns::rows! {
         /// A row with columns of all types.

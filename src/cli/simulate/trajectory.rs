@@ -5,7 +5,7 @@ use std::path::Path;
 use super::answer::Answer;
 use crate::cli::Failure;
 use crate::motion::{FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY, Sample, Solver};
-use crate::store::{Provenance, Rows, TrajectoryRow};
+use crate::store::{Columns, Provenance, TrajectoryRow};
 
 /// Cycles that are written of a motion which does not settle.
 const UNSETTLED_CYCLES: usize = 50;

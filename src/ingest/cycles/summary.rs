@@ -14,7 +14,7 @@ use crate::ingest::signals::response;
 use crate::metrics::GaitMetrics;
 use crate::robot::Gait;
 use crate::stats::{self, Estimate, wrap};
-use crate::store::{Columns as _, CycleRow, JointGait, Rows as _, TrialRow, TrialStatus};
+use crate::store::{Columns as _, CycleRow, JointGait, TrialRow, TrialStatus};
 use crate::trial::Trial;
 
 /// A row in which nothing is known but what is in the list of trials.
@@ -51,7 +51,7 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
     let frames = steady.frames(cycles);
     row.gait = data.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
         let gait = frames.clone().and_then(|frames| joint_gait(phi_rad, frames, &driven.phase));
-        gait.unwrap_or_else(JointGait::missing)
+        gait.unwrap_or_else(JointGait::blank)
     });
     let left = |k: f64| response(row.smoothing_window as usize, k * driven.phase.step_rad);
     [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);

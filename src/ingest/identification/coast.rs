@@ -17,7 +17,7 @@ use crate::ingest::poses::Coordinates;
 use crate::metrics::Estimate;
 use crate::robot::Robot;
 use crate::stats::{mean, seen};
-use crate::store::{RobotParameterRow, Rows as _};
+use crate::store::{Columns as _, RobotParameterRow};
 
 /// A robot that is slower than this was not pushed, m/s.
 const LEAST_SPEED_M_S: f64 = 0.05;

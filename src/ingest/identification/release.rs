@@ -18,7 +18,7 @@ use crate::ingest::poses::Coordinates;
 use crate::ingest::signals::{moving_average, noise};
 use crate::robot::Robot;
 use crate::stats::{Estimate, extremes, mean, median_high, seen};
-use crate::store::{RobotParameterRow, Rows as _};
+use crate::store::{Columns as _, RobotParameterRow};
 
 /// A joint that moves less than this was not let go, rad.
 const LEAST_SWING_RAD: f64 = 0.05;

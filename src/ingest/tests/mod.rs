@@ -10,7 +10,7 @@ use super::*;
 use crate::config::Poses;
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::robot::Robot;
-use crate::store::{Rows as _, Severity};
+use crate::store::{Columns as _, Severity};
 use crate::synth::{Recipe, Tilt, synthesise};
 
 mod synthetic;

@@ -71,7 +71,7 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Rows as _;
+    use crate::store::Columns as _;
 
     #[test]
     fn the_decay_drawn_is_the_one_fitted() {

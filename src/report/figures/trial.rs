@@ -170,7 +170,7 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{CycleRow, Rows as _};
+    use crate::store::{Columns as _, CycleRow};
 
     #[test]
     fn time_outside_of_the_used_cycles_is_shaded() {

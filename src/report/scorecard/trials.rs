@@ -7,6 +7,7 @@ use super::formula::Found;
 use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
 use crate::motion::MotionStatus;
+use crate::named::Named as _;
 use crate::report::tables::Tables;
 use crate::robot::{Gait, Model, Parameter};
 use crate::stats::{self, wrap};
@@ -131,7 +132,7 @@ pub fn off_command_deg(
 
 /// A coefficient that a fit left free, with its interval.
 pub fn fitted(tables: &Tables, campaign: &str, parameter: &str) -> Option<Found> {
-    let parameter = Parameter::of_column(parameter)?;
+    let parameter = Parameter::of_name(parameter)?;
     let mut fits = tables.fits.iter();
     let fit = fits.find(|fit| {
         fit.campaign == campaign && fit.model == FITTED_MODEL && fit.free.contains(&parameter)

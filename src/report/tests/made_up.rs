@@ -8,9 +8,9 @@ use crate::metrics::{Estimate, GaitMetrics};
 use crate::motion::{FromRest, Model, MotionStatus};
 use crate::robot::{ByParameter, Parameter};
 use crate::store::{
-    BootstrapRow, CheckRow, ComparisonRow, FitRow, FitStatus, JointGait, PredictionRow,
-    PredictionSource, ProfileRow, Provenance, RobotParameterRow, Rows, Severity, StartRow,
-    TrialRow, TrialStatus,
+    BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, FitStatus, JointGait, PredictionRow,
+    PredictionSource, ProfileRow, Provenance, RobotParameterRow, Severity, StartRow, TrialRow,
+    TrialStatus,
 };
 use crate::trial::TrialKind;
 

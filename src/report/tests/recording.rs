@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use crate::store::{
-    CycleRow, Provenance, Rows, Table, TrialRow, cycles_path, names, numbers, poses_path, repeated,
-    wheels_path,
+    Columns, CycleRow, Provenance, Table, TrialRow, cycles_path, numbers, poses_path, repeated,
+    texts, wheels_path,
 };
 
 const RATE_HZ: f64 = 120.0;
@@ -25,7 +25,7 @@ pub fn write(derived: &Path, trial: &TrialRow) {
             (_, i) if i % 17 == link => "rigid",
             _ => "measured",
         };
-        names(&format!("fill{link}"), (0..frames).map(of))
+        texts(&format!("fill{link}"), (0..frames).map(of))
     };
     let numbers =
         |name: &str, of: &dyn Fn(usize) -> f64| numbers(name, (0..frames).map(of).collect());
