@@ -34,15 +34,15 @@ impl GaitMetrics {
     pub const NONE: Self =
         Self { d_m: 0.0, v_m_s: 0.0, sigma: [0.0; 3], alpha1_rad: 0.0, dtheta_rad: 0.0 };
 
-    /// The metrics as `[d, v, sigma0, sigma1, sigma2, alpha1, dtheta]`.
+    /// The metrics in the order of the fields.
     pub fn to_array(self) -> [f64; 7] {
-        let [sigma0, sigma1, sigma2] = self.sigma;
-        [self.d_m, self.v_m_s, sigma0, sigma1, sigma2, self.alpha1_rad, self.dtheta_rad]
+        let [middle, front, rear] = self.sigma;
+        [self.d_m, self.v_m_s, middle, front, rear, self.alpha1_rad, self.dtheta_rad]
     }
 
     /// The inverse of [`GaitMetrics::to_array`].
     pub fn from_array(values: [f64; 7]) -> Self {
-        let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad] = values;
-        Self { d_m, v_m_s, sigma: [sigma0, sigma1, sigma2], alpha1_rad, dtheta_rad }
+        let [d_m, v_m_s, sigma @ .., alpha1_rad, dtheta_rad] = values;
+        Self { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad }
     }
 }

@@ -113,7 +113,7 @@ impl<'o> FittedPoint<'o> {
         NoiseCorrection::new(self.cost, mean * sum / measurements.len() as f64)
     }
 
-    /// The parts of the objective: of `d, v, sigma0, sigma1, sigma2, alpha1`.
+    /// The parts of the objective: of d, v, the wheels' sigma and alpha_1.
     pub fn parts(&self) -> [f64; TERMS] {
         let measurements = &self.evaluator.objective.measurements;
         let mut sums = [0.0; TERMS];

@@ -225,7 +225,7 @@ impl Job<'_> {
         let row =
             ComparisonRow { campaign, model, status: status.clone(), ..ComparisonRow::blank() };
         let Some(Fit { point, cost, .. }) = fit else { return (row, 0) };
-        let [j_d, j_v, sigma0, sigma1, sigma2, j_alpha] = point.parts();
+        let [j_d, j_v, j_sigma @ .., j_alpha] = point.parts();
         let objective = &point.evaluator.objective;
         let terms: usize = self.measurements.iter().map(|each| objective.terms(each).count()).sum();
         let free = point.evaluator.parameters.len();
@@ -234,7 +234,7 @@ impl Job<'_> {
             j: *cost,
             j_d,
             j_v,
-            j_sigma: sigma0 + sigma1 + sigma2,
+            j_sigma: j_sigma.iter().sum(),
             j_alpha,
             j_left_out,
             free: free as i64,

@@ -15,7 +15,7 @@ use crate::store::FitStatus;
 /// does, so that the search turns back.
 pub(super) const PENALTY: f64 = 1e3;
 
-/// Terms of eq. 22 for one trial: `d, v, sigma0, sigma1, sigma2, alpha1`.
+/// Terms of eq. 22 for one trial: of d, v, the wheels' sigma and alpha_1.
 pub(super) const TERMS: usize = 6;
 
 /// Eq. 22 for one model, averaged over a campaign's trials.
@@ -113,7 +113,7 @@ impl Objective {
         terms.filter(|(_, weight, measured)| *weight > 0.0 && measured.is_finite())
     }
 
-    /// Weights of `d, v, sigma0, sigma1, sigma2, alpha1`; Delta theta has none.
+    /// Weights of d, v, the wheels' sigma and alpha_1; Delta theta has none.
     fn term_weights(&self) -> [f64; TERMS] {
         let Weights { d, v, sigma, alpha } = self.weights;
         [d, v, sigma, sigma, sigma, alpha]

@@ -143,7 +143,7 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
         if !problem.knows(variable) {
             continue;
         }
-        let [d_m, dtheta_rad, sigma0, sigma1, sigma2] =
+        let [d_m, dtheta_rad, sigma @ ..] =
             integrals.each_ref().map(|integral| total(integral, column));
         let commanded = match (variable, problem.gait.joints[0]) {
             (Variable::Amplitude(0), Some(command)) => command.amplitude_rad.signum(),
@@ -152,7 +152,7 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
         let derivative = GaitMetrics {
             d_m,
             v_m_s: d_m * problem.omega_rad_s / TAU,
-            sigma: [sigma0, sigma1, sigma2],
+            sigma,
             alpha1_rad: alpha1[column] + commanded,
             dtheta_rad,
         };

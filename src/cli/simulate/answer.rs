@@ -85,13 +85,13 @@ pub(super) fn print_table(answers: &[Answer]) {
             continue;
         }
         let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = answer.metrics;
-        let [sigma0, sigma1, sigma2] = sigma;
+        let sigma = sigma.map(|sigma| format!("{sigma:>12.9}")).join(" ");
         let work = match answer.work_j_m.is_nan() {
             true => String::new(),
             false => fixed(answer.work_j_m, 6),
         };
         say!(
-            "{:>11} {:>13.7} {:>13.7} {sigma0:>12.9} {sigma1:>12.9} {sigma2:>12.9} {:>12.8} {:>13} {work:>10}  {}{}",
+            "{:>11} {:>13.7} {:>13.7} {sigma} {:>12.8} {:>13} {work:>10}  {}{}",
             answer.omega_rad_s,
             1e3 * d_m,
             1e3 * v_m_s,
