@@ -248,12 +248,12 @@ impl Markers {
 
 /// One entry of a family of the configuration, such as `[robot.kinematic]`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Named<T> {
+pub struct NamedEntry<T> {
     pub name: String,
     pub value: T,
 }
 
-impl<T: Clone> Named<T> {
+impl<T: Clone> NamedEntry<T> {
     /// The entry of a family that has this name.
     pub fn of(family: &BTreeMap<String, T>, name: &str) -> Option<Self> {
         family.get(name).map(|value| Self { name: name.to_owned(), value: value.clone() })
@@ -261,7 +261,7 @@ impl<T: Clone> Named<T> {
 }
 
 /// As the configuration has it: a table with the name as its key.
-impl<T: Serialize> Serialize for Named<T> {
+impl<T: Serialize> Serialize for NamedEntry<T> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map([(&self.name, &self.value)])
     }

@@ -19,8 +19,8 @@ pub mod fit;
 /// Figures and the page.
 pub mod report;
 
-/// All of it, one stage after the other.
-pub mod run;
+/// What is up to date, what is redone and why; all of it, one stage after the other.
+pub mod build;
 
 /// A run against a baseline.
 pub mod compare;

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::named::named;
 pub use crate::stats::Estimate;
 
 /// Metrics of one actuation cycle. Measured and simulated cycles use the same
@@ -44,5 +45,35 @@ impl GaitMetrics {
     pub fn from_array(values: [f64; 7]) -> Self {
         let [d_m, v_m_s, sigma @ .., alpha1_rad, dtheta_rad] = values;
         Self { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad }
+    }
+}
+
+named! {
+    /// What there is of a steady motion.
+    pub enum MotionStatus {
+        Stable = "stable",
+        Unstable = "unstable",
+        /// None: the gait crosses det W_b = 0 without meeting condition (5).
+        Singular = "singular",
+        /// None was found.
+        Diverged = "diverged",
+    }
+}
+
+impl MotionStatus {
+    /// Of the modulus of the largest Floquet multiplier, if there is one.
+    pub fn of_floquet(modulus: Option<f64>) -> Self {
+        if modulus.is_some_and(|modulus| modulus >= 1.0) { Self::Unstable } else { Self::Stable }
+    }
+}
+
+named! {
+    /// Where the robot goes from rest, seen from the motion that a solver finds without regard to that.
+    pub enum FromRest {
+        /// Into this motion.
+        Reached = "reached",
+        Another = "another",
+        /// Into none.
+        Unsettled = "unsettled",
     }
 }

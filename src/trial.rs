@@ -106,7 +106,7 @@ pub fn is_valid_id(id: &str) -> bool {
 }
 
 /// What is wrong with one entry of `trials.toml`.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[derive(Debug, Clone, thiserror::Error, PartialEq, Eq)]
 #[error("trials.toml, trial `{trial}`: key `{key}`: found {found}, needed {needed}")]
 pub struct TrialError {
     pub trial: String,

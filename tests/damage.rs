@@ -146,17 +146,23 @@ fn a_record_that_says_what_is_not_true_is_not_believed() {
     let cases: [(&str, Change); 6] = [
         ("a later format", |record| record["format"] = 99.into()),
         ("an unknown key", |record| record["extra"] = 1.into()),
-        ("no stages", |record| *record = serde_json::json!({ "format": 1 })),
+        ("no stages", |record| *record = serde_json::json!({ "format": 2 })),
         ("another hash", |record| {
-            record["ingest"]["things"][TRIAL]["parts"]["the marker file"] = "0".into();
+            let made = record["ingest"]["targets"].as_array_mut().unwrap();
+            let of_trial = |made: &&mut Value| made["target"]["trial"] == TRIAL;
+            made.iter_mut().find(of_trial).unwrap()["parts"]["the marker file"] = "0".into();
         }),
         ("a trial that there is not", |record| {
-            let trial = record["ingest"]["things"][TRIAL].clone();
-            record["ingest"]["things"]["nobody"] = trial;
+            let made = record["ingest"]["targets"].as_array_mut().unwrap();
+            let mut nobody = made[0].clone();
+            nobody["target"]["trial"] = "nobody".into();
+            made.push(nobody);
         }),
         ("a fit that there is not", |record| {
-            let fit = record["fit"]["things"]["kinematic-skewed skid"].clone();
-            record["fit"]["things"]["no campaign"] = fit;
+            let made = record["fit"]["targets"].as_array_mut().unwrap();
+            let mut nobody = made[0].clone();
+            nobody["target"]["fit"]["campaign"] = "no campaign".into();
+            made.push(nobody);
         }),
     ];
     for (what, change) in cases {

@@ -159,7 +159,7 @@ pub fn main() -> ExitCode {
 }
 
 fn is_interrupted(failure: &Failure) -> bool {
-    matches!(failure.downcast_ref(), Some(crate::run::RunError::Interrupted { .. }))
+    matches!(failure.downcast_ref(), Some(crate::build::RunError::Interrupted { .. }))
 }
 
 fn run(arguments: Arguments) -> Result<Outcome, Failure> {

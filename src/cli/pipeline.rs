@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use super::output::{note, say};
 use super::parameters::print_parameters;
 use super::{Context, Exclusive, Failure, Outcome};
+use crate::build::{DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, dry_run, run};
 use crate::robot::Parameter;
-use crate::run::{Ahead, Finished, Options, look, run};
-use crate::store::{ComparisonRow, FitRow, How, Planned, Redo, TrialStatus};
+use crate::store::{ComparisonRow, FitRow, TrialStatus};
 use crate::synth::{Recipe, synthesise};
 use crate::trial::TRIALS_FILE;
 
@@ -79,13 +79,12 @@ impl Run {
 
 impl Update {
     fn run(&self, context: &Context) -> Result<Outcome, Failure> {
-        let how = How { force: self.force, verify: self.verify };
+        let options = RerunOptions { force: self.force, verify: self.verify };
         if self.dry_run {
-            return self.list(&look(&context.config, how)?);
+            return self.list(&dry_run(&context.config, options)?);
         }
-        let options = Options { how, wait: self.exclusive.wait };
         let watch = context.progress.watch().explaining(self.explain);
-        let finished = run(&context.config, options, &watch)?;
+        let finished = run(&context.config, options, self.exclusive.wait, &watch)?;
         drop(watch);
         let record = &finished.record;
         for trial in record.attention.iter().filter(|trial| trial.status == TrialStatus::Failed) {
@@ -116,27 +115,27 @@ impl Update {
     }
 
     /// What a run would do, a line each.
-    fn list(&self, ahead: &Ahead) -> Result<Outcome, Failure> {
+    fn list(&self, ahead: &DryRun) -> Result<Outcome, Failure> {
         if let Some(problem) = &ahead.problem {
             note!("{problem}");
         }
-        for (number, redo) in ahead.stages.iter().enumerate() {
+        for (number, plan) in ahead.stages.iter().enumerate() {
             let perhaps = if number >= ahead.uncertain_from { "perhaps " } else { "" };
-            for Planned { name, why } in &redo.things {
+            for PlannedTarget { target, why } in &plan.targets {
                 let why =
                     if self.explain { format!(": {}", why.join("; ")) } else { String::new() };
-                say!("{perhaps}{} {name}{why}", redo.kind(name));
+                say!("{perhaps}{target}{why}");
             }
-            for name in &redo.removed {
+            for target in &plan.removed {
                 let why = if self.explain { ": is no more" } else { "" };
-                say!("remove {} {name}{why}", redo.kind(name));
+                say!("remove {target}{why}");
             }
-            for why in &redo.whole {
+            for why in &plan.whole {
                 say!("{perhaps}{}: {why}", ["tables of trials", "tables of fits", "page"][number]);
             }
         }
         ahead.others.iter().for_each(|other| say!("{other}"));
-        if ahead.stages.iter().all(Redo::is_empty) && ahead.others.is_empty() {
+        if ahead.stages.iter().all(StagePlan::is_empty) && ahead.others.is_empty() {
             note!("everything is up to date");
         }
         Ok(Outcome::Well)

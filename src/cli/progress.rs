@@ -8,9 +8,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::output::note;
+use crate::build::{PlannedTarget, StagePlan, Watch};
 use crate::interrupt;
-use crate::run::Watch;
-use crate::store::{Planned, Redo};
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,13 +77,13 @@ impl Watcher {
 }
 
 impl Watch for Watcher {
-    fn planned(&self, redo: &Redo) {
+    fn planned(&self, plan: &StagePlan) {
         if self.explain {
-            for Planned { name, why } in &redo.things {
-                note!("{} {name}: {}", redo.kind(name), why.join("; "));
+            for PlannedTarget { target, why } in &plan.targets {
+                note!("{target}: {}", why.join("; "));
             }
-            redo.removed.iter().for_each(|name| note!("{} {name}: is no more", redo.kind(name)));
-            redo.whole.iter().for_each(|why| note!("{why}"));
+            plan.removed.iter().for_each(|target| note!("{target}: is no more"));
+            plan.whole.iter().for_each(|why| note!("{why}"));
         }
     }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::output::{note, say};
 use super::parameters::print_parameters;
 use super::{Context, Exclusive, Failure, Outcome, calibrate, pipeline};
-use crate::run;
+use crate::build;
 use crate::store::TrialStatus;
 
 #[derive(clap::Args)]
@@ -40,8 +40,8 @@ impl Ingest {
             return calibrate::run(&context, &context.config.paths.raw, &trial);
         }
         let ingested =
-            run::ingest(&context.config, self.exclusive.wait, &context.progress.watch())?;
-        for trial in run::attention(&ingested.trials) {
+            build::ingest(&context.config, self.exclusive.wait, &context.progress.watch())?;
+        for trial in build::attention(&ingested.trials) {
             let line = format!("{}: {}: {}", trial.status, trial.trial, trial.message);
             match trial.status {
                 TrialStatus::Failed => note!("{line}"),
@@ -49,7 +49,7 @@ impl Ingest {
             }
         }
         print_parameters(&ingested.parameters);
-        let counts = run::count(&ingested.trials);
+        let counts = build::count(&ingested.trials);
         say!(
             "{} trials: {} ok, {} flagged, {} failed; tables in {}",
             counts.total,
@@ -64,7 +64,7 @@ impl Ingest {
 
 impl Fit {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let fitted = run::fit(&context.config, self.exclusive.wait, &context.progress.watch())?;
+        let fitted = build::fit(&context.config, self.exclusive.wait, &context.progress.watch())?;
         pipeline::print_fits(&fitted.fits);
         pipeline::print_comparison(&fitted.comparison);
         Ok(Outcome::Well)
@@ -73,7 +73,8 @@ impl Fit {
 
 impl Report {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let reported = run::draw(&context.config, self.exclusive.wait, &context.progress.watch())?;
+        let reported =
+            build::report(&context.config, self.exclusive.wait, &context.progress.watch())?;
         for missing in &reported.missing {
             context.progress.say(&format!("not drawn: {missing}"));
         }

@@ -1,18 +1,21 @@
 //! What a fit reads of the configuration.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
-use super::FreeParameter;
-use crate::config::{Config, Fit, Free, GaitConfig, Named, RobotConfig, Weights};
+use super::{FitData, FreeParameter, Measurement, measurements};
+use crate::config::{Config, Fit, Free, GaitConfig, NamedEntry, RobotConfig, Weights};
 use crate::robot::{Family, Model, Parameter};
+use crate::store::{CycleRow, hash};
 
 /// What one model of one campaign is fitted with.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FitInput {
-    pub campaign: Named<FitCampaign>,
+    pub campaign: NamedEntry<FitCampaign>,
     pub model: Model,
-    pub robot: Named<RobotConfig>,
-    pub gait: Named<GaitConfig>,
+    pub robot: NamedEntry<RobotConfig>,
+    pub gait: NamedEntry<GaitConfig>,
     /// What the fit does not read, such as bounds of what is not free, has its default.
     pub fit: Fit,
 }
@@ -39,10 +42,10 @@ impl FitInput {
         let of = config.campaign.get(campaign)?;
         let value = FitCampaign { weights: of.weights, free: of.free.get(&model).cloned() };
         let mut input = Self {
-            campaign: Named { name: campaign.to_owned(), value },
+            campaign: NamedEntry { name: campaign.to_owned(), value },
             model,
-            robot: Named::of(&config.robot, &of.robot)?,
-            gait: Named::of(&config.gait, &of.gait)?,
+            robot: NamedEntry::of(&config.robot, &of.robot)?,
+            gait: NamedEntry::of(&config.gait, &of.gait)?,
             fit: config.fit.clone(),
         };
         let free = input.free();
@@ -64,6 +67,28 @@ impl FitInput {
             fit.damping_bounds_nm_s_rad = unread.damping_bounds_nm_s_rad;
         }
         Some(input)
+    }
+
+    /// Hash of what the fit reads of each trial. Numbers are printed such that they can be told apart.
+    pub fn trials(&self, data: &FitData) -> BTreeMap<String, String> {
+        let of_trial = |measurement: Measurement| {
+            let cycles = data.cycles.get(&measurement.trial).map_or(&[][..], Vec::as_slice);
+            let used: Vec<&CycleRow> = cycles.iter().filter(|row| row.used).collect();
+            let hash = hash(format!("{measurement:?} {used:?}").as_bytes());
+            (measurement.trial, hash)
+        };
+        measurements(self, data).into_iter().map(of_trial).collect()
+    }
+
+    /// Hash of what trials of other kinds say of the robot.
+    pub fn robots(&self, data: &FitData) -> String {
+        let of_robot = data.robots.iter().filter(|row| row.robot == self.robot.name);
+        let rows: Vec<[f64; 3]> = of_robot
+            .map(|row| {
+                [row.stiffness_nm_rad, row.damping_nm_s_rad, row.roll_sum_kg_s].map(|of| of.value)
+            })
+            .collect();
+        hash(format!("{rows:?}").as_bytes())
     }
 
     /// The parameters that the fit frees, with their bounds.

@@ -21,7 +21,6 @@ mod measured;
 mod measurement;
 mod noise_correction;
 mod objective;
-mod plan;
 mod predict;
 mod profile;
 mod resample;
@@ -41,17 +40,12 @@ use crate::store::{
 use job::{Job, JobResult};
 use resample::Resampler;
 
-pub use folder::{fit_folder, fit_planned, table_paths};
+pub use folder::{TABLES, input_paths};
 pub use free::FreeParameter;
 pub use input::{FitCampaign, FitInput};
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective};
-pub use plan::{FitPlan, plan, plan_after};
 pub use starts::{Start, search};
-
-/// Raise it when the same measurements and configuration give other tables than before: then
-/// every model is fitted again once.
-pub const FIT_VERSION: u32 = 1;
 
 /// What is fitted.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -167,17 +161,6 @@ fn measurements(input: &FitInput, data: &FitData) -> Vec<Measurement> {
         of_campaign.filter_map(|trial| Measurement::new(trial, input.fit.sigma)).collect();
     measurements.sort_by(Measurement::order);
     measurements
-}
-
-impl Fitted {
-    fn extend(&mut self, other: Self) {
-        self.fits.extend(other.fits);
-        self.starts.extend(other.starts);
-        self.profiles.extend(other.profiles);
-        self.bootstrap.extend(other.bootstrap);
-        self.comparison.extend(other.comparison);
-        self.predictions.extend(other.predictions);
-    }
 }
 
 /// Completes the rows of a campaign's comparison by what needs all of them.

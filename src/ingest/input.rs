@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::error::Problem;
-use crate::config::{Config, GaitConfig, Ingest, Markers, Named, RobotConfig, Vicon};
+use crate::config::{Config, GaitConfig, Ingest, Markers, NamedEntry, RobotConfig, Vicon};
 use crate::robot::{Gait, Robot};
 use crate::trial::{Trial, TrialError, TrialKind};
 use crate::vicon::MarkerFile;
@@ -21,9 +21,9 @@ pub struct IngestSettings {
 pub struct IngestInput {
     #[serde(flatten)]
     pub settings: IngestSettings,
-    pub robot: Named<RobotConfig>,
+    pub robot: NamedEntry<RobotConfig>,
     /// Of trials of kind `gait`.
-    pub gait: Option<Named<GaitConfig>>,
+    pub gait: Option<NamedEntry<GaitConfig>>,
 }
 
 impl IngestSettings {
@@ -69,12 +69,12 @@ impl IngestInput {
             TrialKind::Gait => {
                 let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
                 let campaign = campaign.ok_or_else(|| unknown("campaign"))?;
-                let gait = Named::of(&config.gait, &campaign.gait);
+                let gait = NamedEntry::of(&config.gait, &campaign.gait);
                 (&campaign.robot, Some(gait.ok_or_else(|| unknown("campaign"))?))
             }
             _ => (trial.robot.as_ref().ok_or_else(|| unknown("robot"))?, None),
         };
-        let robot = Named::of(&config.robot, robot).ok_or_else(|| unknown("robot"))?;
+        let robot = NamedEntry::of(&config.robot, robot).ok_or_else(|| unknown("robot"))?;
         Ok(Self { settings, robot, gait })
     }
 

@@ -28,10 +28,8 @@ mod calibrate;
 // What they share, and what goes around them.
 mod checks;
 mod error;
-mod fingerprint;
 mod folder;
 mod input;
-mod plan;
 mod signals;
 mod survey;
 mod tables;
@@ -44,11 +42,9 @@ use std::path::Path;
 pub use calibrate::{Calibration, CalibrationError, LayoutProblem, MarkerPosition, calibrate};
 pub use checks::Check;
 pub use error::{IngestError, Problem, TrialFailure};
-pub use folder::{OnTrial, ingest_folder, ingest_planned};
+pub use folder::{Entry, FOLDERS, IngestedTrial, TABLES, ingest_trials, outdated};
 pub use input::{IngestInput, IngestSettings};
-pub use plan::{IngestPlan, Touched, plan, table_paths};
 pub use survey::{FileSurvey, Gaps, MarkerCoverage, Recording, survey};
-pub use tables::table_folders;
 
 use crate::config::{Config, Smoothing};
 use crate::robot::Gait;
@@ -63,9 +59,6 @@ use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics};
 use poses::{Linkage, Tracked};
 use signals::JointSignal;
 
-/// Raise it when the same marker files, list and configuration give other tables than before:
-/// then every trial is ingested again once.
-pub const INGEST_VERSION: u32 = 1;
 /// Used cycles below which a trial has no means.
 const LEAST_USED_CYCLES: usize = 2;
 

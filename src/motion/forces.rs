@@ -4,24 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Problem;
 use super::reduced::KinematicState;
-use crate::robot::{Trig, dot, force_balance, roll_rows, skid_rows};
-
-/// Forces of the ground, torques and power at one time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ContactForces {
-    /// Force of the ground on each wheel across it, N: the constraint force Lambda (eq. 8) where
-    /// the wheels cannot skid, else skid resistance (eq. 15). NaN where Lambda is unbounded.
-    pub lateral_n: [f64; 3],
-    /// Roll resistance at each wheel (eq. 14), N.
-    pub roll_n: [f64; 3],
-    /// Torque of the actuators, or of spring and damper at the passive joint (eq. 11), N m. NaN
-    /// where Lambda is unbounded.
-    pub torque_nm: [f64; 2],
-    /// Power of the actuators, W; bounded where Lambda is not.
-    pub power_w: f64,
-    /// Power that friction takes, at the wheels and in the passive joint, W.
-    pub loss_w: f64,
-}
+use crate::robot::{ContactForces, Trig, dot, force_balance, roll_rows, skid_rows};
 
 /// Ratio of singular values at which the constraints are not independent any more.
 const SINGULAR: f64 = 1e-6;

@@ -23,46 +23,16 @@ mod trajectory;
 mod transient;
 
 use crate::metrics::GaitMetrics;
-use crate::named::named;
 use crate::robot::{Gait, Robot};
 
+pub use crate::metrics::{FromRest, MotionStatus};
+pub use crate::robot::ContactForces;
 pub use crate::robot::{Model, Pose};
-pub use forces::ContactForces;
 pub use orbit::Effort;
 pub use reduced::Derivatives;
 pub use solver::{Attractor, Solver};
 pub use trajectory::Sample;
 pub use transient::Transient;
-
-named! {
-    /// What there is of a steady motion.
-    pub enum MotionStatus {
-        Stable = "stable",
-        Unstable = "unstable",
-        /// None: see [`MotionError::Singular`].
-        Singular = "singular",
-        /// None was found.
-        Diverged = "diverged",
-    }
-}
-
-impl MotionStatus {
-    /// Of the modulus of the largest Floquet multiplier, if there is one.
-    pub fn of_floquet(modulus: Option<f64>) -> Self {
-        if modulus.is_some_and(|modulus| modulus >= 1.0) { Self::Unstable } else { Self::Stable }
-    }
-}
-
-named! {
-    /// Where the robot goes from rest, seen from the motion that [`Solver::solve`] finds.
-    pub enum FromRest {
-        /// Into this motion.
-        Reached = "reached",
-        Another = "another",
-        /// Into none.
-        Unsettled = "unsettled",
-    }
-}
 
 /// A result of this module.
 pub(crate) type Result<T> = std::result::Result<T, MotionError>;

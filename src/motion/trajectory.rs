@@ -8,14 +8,14 @@ use std::f64::consts::TAU;
 use nalgebra::{SMatrix, SVector};
 
 use super::element::{Element, Linearisation, solve_element};
-use super::forces::{ContactForces, contact_forces};
+use super::forces::contact_forces;
 use super::mesh::Mesh;
 use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, Reduced};
 use super::transient::Integrator;
 use super::{MotionError, Problem, Result};
-use crate::robot::{Pose, Trig, dot, roll_rows, rotated, skid_rows};
+use crate::robot::{ContactForces, Pose, Trig, dot, roll_rows, rotated, skid_rows};
 
 /// The robot at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]

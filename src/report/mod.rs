@@ -1,5 +1,6 @@
 //! The report: tables of `derived/` to figures, `fits.json`, `scorecard.json` and a page.
 
+mod content;
 mod drawing;
 mod figures;
 mod fits_json;
@@ -9,7 +10,6 @@ mod numbers;
 mod page;
 mod parameters;
 mod paths;
-mod plan;
 mod plotted;
 mod recording;
 mod scorecard;
@@ -22,26 +22,21 @@ mod trials;
 mod truth;
 mod warnings;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::config::Config;
-use crate::store::{How, StageState, Stamp, StoreError, Thing, write_if_changed};
-use plan::Content;
+use crate::store::{Stamp, StoreError, write_if_changed};
 
+pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Look, Panel, Scale};
 pub use input::{ReportCampaign, ReportInput};
 pub(crate) use looks::colours;
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{Image, fill};
-pub use plan::{ReportPlan, plan, plan_after};
-
-/// Raise it when the same tables and configuration give another page or other drawings of the
-/// same numbers: then every figure is drawn again once.
-pub const REPORT_VERSION: u32 = 2;
+pub use trials::page_of;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -73,75 +68,79 @@ pub struct Reported {
     pub missing: Vec<String>,
 }
 
-/// Draws the figures and writes the page, from the tables in `config.paths.derived` into
-/// `config.paths.reports`. The same tables give the same bytes.
-///
-/// # Errors
-/// `trials.parquet` is not there, a table cannot be read, or a file cannot be written.
-pub fn report(config: &Config) -> Result<Reported, ReportError> {
-    let (input, known) = (ReportInput::new(config), StageState::default());
-    Ok(report_planned(&input, plan(&input, &known, How::FORCE)?)?.0)
+impl Reported {
+    /// A report with these figures.
+    pub fn new(input: &ReportInput, figures: Vec<String>, missing: Vec<String>) -> Self {
+        let [page, scorecard] = [PAGE, SCORECARD].map(|name| input.paths.reports.join(name));
+        Self { page, scorecard, figures, missing }
+    }
 }
 
-/// [`report`], but figures that the plan keeps are not drawn again, and files that would get the
-/// bytes that they have are left alone. Gives what to record, too.
-///
-/// # Errors
-/// A file cannot be written.
-pub fn report_planned(
-    config: &ReportInput,
-    plan: ReportPlan,
-) -> Result<(Reported, StageState), ReportError> {
-    let [page, scorecard] = [PAGE, SCORECARD].map(|name| config.paths.reports.join(name));
-    let mut state = plan.state();
-    let Some(Content { tables, figures, missing, truth }) = plan.content else {
-        let (figures, missing) = (state.order.clone(), state.missing.clone());
-        return Ok((Reported { page, scorecard, figures, missing }, state));
-    };
-    let reports = &config.paths.reports;
-    plan::remove_stale(reports, plan.known, &figures)?;
-    let drawn = figures
-        .par_iter()
-        .map(|figure| {
-            crate::interrupt::stop_if_asked(String::new);
-            let (svg, outputs) = match plan.kept.get(&figure.stem) {
-                Some((svg, outputs)) => (svg.clone(), outputs.clone()),
-                None => draw(reports, figure)?,
-            };
-            let image = Image::of_svg(figure, &svg);
-            Ok((page::Drawn { figure, image }, outputs))
-        })
-        .collect::<Result<Vec<_>, ReportError>>()?;
-    let (drawn, outputs): (Vec<page::Drawn>, Vec<_>) = drawn.into_iter().unzip();
-    for (figure, outputs) in figures.iter().zip(outputs) {
-        let parts = plan::parts(figure);
-        state.things.insert(figure.stem.clone(), Thing { parts, outputs });
-    }
+/// A report with the files that were written, each by its path inside of `reports/`.
+#[derive(Debug)]
+pub struct Written {
+    pub reported: Reported,
+    /// Of the figures and pages that were not kept, by stem or path.
+    pub targets: BTreeMap<String, BTreeMap<String, Stamp>>,
+    /// Of the report as a whole.
+    pub outputs: BTreeMap<String, Stamp>,
+}
 
-    let mut write = |name: &str, bytes: &[u8]| -> Result<(), StoreError> {
-        let stamp = write_if_changed(&reports.join(name), bytes)?;
-        state.outputs.insert(name.to_owned(), stamp);
-        Ok(())
-    };
-    write(FITS, &json(&fits_json::fits(&tables.fits, &tables.comparison))?)?;
-    let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
-    let scores = scorecard::scorecard(&tables, config.sigma, is_synthetic)?;
-    write(SCORECARD, &json(&scores)?)?;
-    let pages = trials::pages(&tables);
-    let mut written = trials::write(config, &tables, &pages, &plan.kept_pages)?;
-    for (name, parts) in plan.pages {
-        let outputs = match (written.remove(&name), plan.known.things.get(&name)) {
-            (Some(stamp), _) => BTreeMap::from([(name.clone(), stamp)]),
-            (None, known) => known.map_or(BTreeMap::new(), |thing| thing.outputs.clone()),
+impl Content {
+    /// Draws the figures and writes the pages, from the tables in `paths.derived` into
+    /// `paths.reports`. The same tables give the same bytes. Figures of which the SVG is `kept`
+    /// are not drawn again, nor `kept_pages` written; files that would get the bytes that they
+    /// have are left alone. Figures that an earlier report `recorded` and this one does not have
+    /// are removed.
+    ///
+    /// # Errors
+    /// A file cannot be written or removed.
+    pub fn write<'r>(
+        &self,
+        input: &ReportInput,
+        mut kept: BTreeMap<String, String>,
+        kept_pages: &BTreeSet<String>,
+        recorded: impl Iterator<Item = &'r str>,
+    ) -> Result<Written, ReportError> {
+        let reports = &input.paths.reports;
+        let Self { tables, figures, missing, truth, pages, .. } = self;
+        remove_stale(reports, recorded, figures)?;
+        let with_svg: Vec<_> =
+            figures.iter().map(|figure| (figure, kept.remove(&figure.stem))).collect();
+        let drawn = with_svg
+            .into_par_iter()
+            .map(|(figure, svg)| {
+                crate::interrupt::stop_if_asked(String::new);
+                let (svg, outputs) = match svg {
+                    Some(svg) => (svg, None),
+                    None => draw(reports, figure).map(|(svg, outputs)| (svg, Some(outputs)))?,
+                };
+                let image = Image::of_svg(figure, &svg);
+                Ok((page::Drawn { figure, image }, outputs))
+            })
+            .collect::<Result<Vec<_>, ReportError>>()?;
+        let (drawn, outputs): (Vec<page::Drawn>, Vec<_>) = drawn.into_iter().unzip();
+        let drawn_now = figures.iter().zip(outputs);
+        let mut targets: BTreeMap<String, BTreeMap<String, Stamp>> = drawn_now
+            .filter_map(|(figure, outputs)| Some((figure.stem.clone(), outputs?)))
+            .collect();
+        let pages_now = trials::write(input, tables, pages, kept_pages)?.into_iter();
+        targets.extend(pages_now.map(|(name, stamp)| (name.clone(), [(name, stamp)].into())));
+
+        let mut outputs = BTreeMap::new();
+        let mut write = |name: &str, bytes: &[u8]| -> Result<(), StoreError> {
+            outputs.insert(name.to_owned(), write_if_changed(&reports.join(name), bytes)?);
+            Ok(())
         };
-        state.things.insert(name, Thing { parts, outputs });
+        write(FITS, &json(&fits_json::fits(&tables.fits, &tables.comparison))?)?;
+        let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
+        let scores = scorecard::scorecard(tables, input.sigma, is_synthetic)?;
+        write(SCORECARD, &json(&scores)?)?;
+        let html = page::html(input, tables, &drawn, pages, &scores, missing, truth.as_ref())?;
+        write(PAGE, html.as_bytes())?;
+        let figures = figures.iter().map(|figure| figure.stem.clone()).collect();
+        Ok(Written { reported: Reported::new(input, figures, missing.clone()), targets, outputs })
     }
-    let html = page::html(config, &tables, &drawn, &pages, &scores, &missing, truth.as_ref())?;
-    write(PAGE, html.as_bytes())?;
-    let figures: Vec<String> = figures.iter().map(|figure| figure.stem.clone()).collect();
-    state.order.clone_from(&figures);
-    state.missing.clone_from(&missing);
-    Ok((Reported { page, scorecard, figures, missing }, state))
 }
 
 const PAGE: &str = "index.html";
@@ -149,9 +148,12 @@ const FITS: &str = "fits.json";
 const SCORECARD: &str = "scorecard.json";
 const EXTENSIONS: [&str; 3] = ["svg", "png", "csv"];
 
-/// Files that a report writes, but for the figures.
-pub fn file_paths(reports: &Path) -> Vec<PathBuf> {
-    [PAGE, FITS, SCORECARD].map(|name| reports.join(name)).into()
+/// Files that a report writes, but for the figures and the trials' pages.
+pub const FILES: [&str; 3] = [PAGE, FITS, SCORECARD];
+
+/// Of a figure, inside of `reports/`.
+fn file_name(stem: &str, extension: &str) -> String {
+    format!("figures/{stem}.{extension}")
 }
 
 fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
@@ -167,9 +169,35 @@ fn draw(reports: &Path, figure: &Figure) -> Result<(String, BTreeMap<String, Sta
     let mut outputs = BTreeMap::new();
     let files = EXTENSIONS.into_iter().zip([svg.as_bytes(), &png, csv.as_bytes()]);
     for (extension, bytes) in files {
-        let name = plan::file_name(&figure.stem, extension);
+        let name = file_name(&figure.stem, extension);
         let stamp = write_if_changed(&reports.join(&name), bytes)?;
         outputs.insert(name, stamp);
     }
     Ok((svg, outputs))
+}
+
+/// Removes figures that an earlier report drew and this one does not: those that were `recorded`,
+/// and those of the paper's campaigns.
+fn remove_stale<'r>(
+    reports: &Path,
+    recorded: impl Iterator<Item = &'r str>,
+    figures: &[Figure],
+) -> Result<(), ReportError> {
+    let drawn: BTreeSet<&str> = figures.iter().map(|figure| figure.stem.as_str()).collect();
+    let mut stems = figures::known_stems();
+    stems.extend(recorded.map(str::to_owned));
+    // Figures lie in their folder; nothing else is removed, whatever the record has.
+    stems.retain(|stem| !stem.contains(['/', '\\']) && !drawn.contains(stem.as_str()));
+    for stem in &stems {
+        for extension in EXTENSIONS {
+            let path = reports.join(file_name(stem, extension));
+            match std::fs::remove_file(&path) {
+                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(ReportError::Remove { path, source });
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
 }

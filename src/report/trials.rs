@@ -9,10 +9,9 @@ use rayon::prelude::*;
 use super::page::{self, Image, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
-use super::{REPORT_VERSION, ReportError, ReportInput, figures};
+use super::{ReportError, ReportInput, figures};
 use crate::store::{
-    Parts, Stamp, TrialRow, TrialStatus, VERSION, cycles_path, hash, poses_path, wheels_path,
-    write_if_changed,
+    Stamp, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path, write_if_changed,
 };
 
 /// Folder of the pages inside of `reports/`.
@@ -22,11 +21,6 @@ const FOLDER: &str = "trials";
 /// the same.
 pub fn page_of(trial: &str) -> String {
     format!("{FOLDER}/{}.html", figures::file_name(trial, &mut BTreeSet::new()))
-}
-
-/// Whether that is the path of a trial's page.
-pub fn is_page(name: &str) -> bool {
-    name.strip_prefix(FOLDER).is_some_and(|file| file.starts_with('/'))
 }
 
 /// Files of all trials' pages.
@@ -52,9 +46,8 @@ pub fn parts(
     tables: &Tables,
     pages: &TrialPages,
     stamp: impl Fn(&Path) -> Option<String>,
-) -> BTreeMap<String, Parts> {
+) -> BTreeMap<String, BTreeMap<String, String>> {
     let derived = &config.paths.derived;
-    let looks = hash(page::texts().as_bytes());
     let of_trial = |trial: &TrialRow| {
         let name = trial.trial.as_str();
         let checks: Vec<_> = tables.checks.iter().filter(|row| row.trial == name).collect();
@@ -63,9 +56,7 @@ pub fn parts(
         let rows = format!("{trial:?} {checks:?} {robots:?} {robot:?}");
         let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
         let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
-        let parts = Parts::from([
-            (VERSION.to_owned(), REPORT_VERSION.to_string()),
-            ("how it looks".to_owned(), looks.clone()),
+        let parts = BTreeMap::from([
             ("its row or checks".to_owned(), hash(rows.as_bytes())),
             ("its tables".to_owned(), recorded),
         ]);

@@ -21,6 +21,23 @@ use super::kinematics::{
     Trig, Velocity, dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
 };
 
+/// Forces of the ground, torques and power at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactForces {
+    /// Force of the ground on each wheel across it, N: the constraint force Lambda (eq. 8) where
+    /// the wheels cannot skid, else skid resistance (eq. 15). NaN where Lambda is unbounded.
+    pub lateral_n: [f64; 3],
+    /// Roll resistance at each wheel (eq. 14), N.
+    pub roll_n: [f64; 3],
+    /// Torque of the actuators, or of spring and damper at the passive joint (eq. 11), N m. NaN
+    /// where Lambda is unbounded.
+    pub torque_nm: [f64; 2],
+    /// Power of the actuators, W; bounded where Lambda is not.
+    pub power_w: f64,
+    /// Power that friction takes, at the wheels and in the passive joint, W.
+    pub loss_w: f64,
+}
+
 /// The left-hand side of eq. 7, `M q'' + B + G - F_d`, and its derivatives.
 ///
 /// The derivative with respect to the accelerations is [`mass_matrix`].

@@ -7,17 +7,17 @@ use std::path::{Path, PathBuf};
 use super::{Stamp, StoreError};
 
 /// How the names of files begin that are being written.
-pub(super) const WRITING: &str = ".writing-";
+pub const WRITING: &str = ".writing-";
 
 /// A file that is written beside its place and not yet there.
 #[derive(Debug)]
-pub struct Beside {
+pub struct PendingFile {
     path: PathBuf,
     file: tempfile::NamedTempFile,
     blake3: String,
 }
 
-impl Beside {
+impl PendingFile {
     /// Writes a file beside its place; creates the folder if need be.
     ///
     /// # Errors
@@ -88,7 +88,7 @@ impl<W: Write> Write for Hashing<W> {
 /// # Errors
 /// The file cannot be written.
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
-    Beside::write(path, |file| file.write_all(bytes))?.settle()
+    PendingFile::write(path, |file| file.write_all(bytes))?.settle()
 }
 
 /// [`write_bytes`], unless the file has these bytes already: then it is left alone.

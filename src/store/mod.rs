@@ -1,23 +1,17 @@
-//! Where results rest: the tables of `derived/`, written whole or not at all, and the record of
-//! what is up to date.
+//! The tables of `derived/`, written whole or not at all.
 
 mod atomic;
 pub(crate) mod columns;
-mod lock;
-mod record;
-mod redo;
 mod schema;
 mod stamp;
 mod status;
 mod table;
+mod tables;
 
-pub use atomic::{Beside, write_bytes, write_if_changed};
+pub use atomic::{PendingFile, WRITING, write_bytes, write_if_changed};
 pub(crate) use columns::rows;
 pub use columns::{Columns, numbers, repeated, texts};
-pub use lock::{LOCK_FILE, Lock, check_places, sweep, unfinished};
 pub use polars::prelude::Column;
-pub use record::{Parts, RECORD_FILE, Record, StageState, Thing, absolute, changed_outputs};
-pub use redo::{CONFIGURATION, How, Planned, Redo, VERSION, changed_settings, flatten, reasons};
 pub use schema::{
     BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, JointGait, PredictionRow, ProfileRow,
     RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
@@ -27,6 +21,7 @@ pub use stamp::{Stamp, hash};
 pub use status::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
 pub(crate) use table::guarded;
 pub use table::{Provenance, Table, is_own_table, is_reading};
+pub(crate) use tables::table_set;
 
 use std::path::PathBuf;
 

@@ -7,9 +7,8 @@ use serde::Serialize;
 use super::columns::{columns, rows};
 use super::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
 use crate::config::{GaitInput, SigmaKind};
-use crate::metrics::{Estimate, GaitMetrics};
-use crate::motion::{ContactForces, FromRest, Model, MotionStatus};
-use crate::robot::{ByParameter, JointCommand, Parameter};
+use crate::metrics::{Estimate, FromRest, GaitMetrics, MotionStatus};
+use crate::robot::{ByParameter, ContactForces, JointCommand, Model, Parameter};
 use crate::trial::TrialKind;
 
 /// `derived/poses/<trial>.parquet`.

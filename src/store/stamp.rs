@@ -95,6 +95,12 @@ impl Stamp {
         if verify { self.is_content_of(path) } else { self.is_current(path) }
     }
 
+    /// The text of a file that still has this content.
+    pub fn text_of(&self, path: &Path) -> Option<String> {
+        let text = std::fs::read_to_string(path).ok()?;
+        (hash(text.as_bytes()) == self.blake3).then_some(text)
+    }
+
     /// Whether a file has this content.
     pub fn is_content_of(&self, path: &Path) -> bool {
         std::fs::read(path).is_ok_and(|content| hash(&content) == self.blake3)

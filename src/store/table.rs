@@ -14,7 +14,7 @@ use polars::prelude::{
 };
 use polars_parquet::write::{KeyValue, schema_to_metadata_key};
 
-use super::{Beside, Columns, Stamp, StoreError, write_if_changed};
+use super::{Columns, PendingFile, Stamp, StoreError, write_if_changed};
 
 /// Numbers with noise in them hardly shrink, however long that takes. Statistics, too, would take
 /// time: they tell a reader which parts of a table to skip, and these tables have one part.
@@ -80,8 +80,12 @@ impl Table {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write_beside(&self, path: &Path, provenance: &Provenance) -> Result<Beside, StoreError> {
-        Beside::write(path, |file| {
+    pub fn write_beside(
+        &self,
+        path: &Path,
+        provenance: &Provenance,
+    ) -> Result<PendingFile, StoreError> {
+        PendingFile::write(path, |file| {
             write_parquet(&mut self.frame.clone(), file, provenance).map_err(std::io::Error::other)
         })
     }

@@ -5,7 +5,6 @@ use minijinja::value::Serde;
 use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
 
-use super::{INDEX, trial};
 use crate::report::numbers::{
     as_configured, fixed, interval, percent, share, short, significant, with_error,
 };
@@ -17,12 +16,6 @@ const SHARED: [(&str, &str); 4] = [
     ("scorecard.html", include_str!("scorecard.html")),
     ("style.css", include_str!("style.css")),
 ];
-
-/// The text of all templates of the report: what its pages look like.
-pub fn texts() -> String {
-    let own = [INDEX, trial::TEMPLATE].into_iter();
-    own.chain(SHARED.map(|(_, text)| text)).collect()
-}
 
 /// Fills in a template; a name that ends with `.html` or `.xml` makes the engine escape what it
 /// fills in. Numbers are written by the functions of [`crate::report::numbers`], as filters.

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-pub use engine::{fill, texts};
+pub use engine::fill;
 pub use image::Image;
 pub use trial::html as trial_html;
 

@@ -1,22 +1,26 @@
 //! `run.json`: how a run went.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::{Begun, RunError};
+use super::{Begun, StagePlan, Target};
 use crate::clock::utc_now;
 use crate::config::Config;
-use crate::motion::Model;
-use crate::store::{FitRow, FitStatus, Redo, TrialRow, TrialStatus};
+use crate::robot::Model;
+use crate::store::{FitRow, FitStatus, TrialRow, TrialStatus};
 
-/// `run.json`: what ran, how long it took and what failed.
+/// What ran and how long it took, however it ended.
 #[derive(Debug, Clone, Serialize)]
-pub struct RunRecord {
+pub struct RunHeader {
     pub program: &'static str,
     pub version: &'static str,
-    /// `ok`, or `attention` where something needs a person.
+    /// `ok`, or `attention` where something needs a person; `failed` or `interrupted` where a run
+    /// did not come to its end.
     pub status: &'static str,
+    /// Why it did not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
     /// UTC.
     pub started: String,
     pub ended: String,
@@ -24,7 +28,15 @@ pub struct RunRecord {
     /// Trial folder.
     pub folder: PathBuf,
     pub threads: usize,
+    /// Those that were done.
     pub stages: Vec<StageRecord>,
+}
+
+/// `run.json`: what ran, how long it took and what failed.
+#[derive(Debug, Clone, Serialize)]
+pub struct RunRecord {
+    #[serde(flatten)]
+    pub header: RunHeader,
     pub trials: TrialCounts,
     /// Trials that need a person, with the reason.
     pub attention: Vec<Attention>,
@@ -37,40 +49,22 @@ pub struct RunRecord {
     pub scorecard: PathBuf,
 }
 
-/// `run.json` of a run that did not come to its end.
-#[derive(Debug, Clone, Serialize)]
-pub(super) struct BrokenRecord<'r> {
-    program: &'static str,
-    version: &'static str,
-    /// `failed` or `interrupted`.
-    status: &'static str,
-    error: String,
-    started: &'r str,
-    ended: String,
-    seconds: f64,
-    folder: &'r Path,
-    threads: usize,
-    /// Those that were done.
-    stages: &'r [StageRecord],
-}
-
-impl<'r> BrokenRecord<'r> {
-    pub fn new(
-        config: &'r Config,
-        error: &RunError,
-        begun: &'r Begun,
-        stages: &'r [StageRecord],
+impl RunHeader {
+    pub(super) fn new(
+        config: &Config,
+        status: &'static str,
+        begun: &Begun,
+        stages: Vec<StageRecord>,
     ) -> Self {
-        let is_interrupted = matches!(error, RunError::Interrupted { .. });
         Self {
             program: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
-            status: if is_interrupted { "interrupted" } else { "failed" },
-            error: error.to_string(),
-            started: &begun.at,
+            status,
+            error: None,
+            started: begun.at.clone(),
             ended: utc_now(),
             seconds: begun.instant.elapsed().as_secs_f64(),
-            folder: &config.paths.raw,
+            folder: config.paths.raw.clone(),
             threads: rayon::current_num_threads(),
             stages,
         }
@@ -93,14 +87,14 @@ pub struct StageRecord {
 }
 
 impl StageRecord {
-    pub(super) fn new(stage: &'static str, seconds: f64, redo: Redo) -> Self {
+    pub(super) fn new(stage: &'static str, seconds: f64, plan: &StagePlan) -> Self {
         Self {
             stage,
             seconds,
-            did_something: !redo.is_empty(),
-            redone: redo.names(),
-            up_to_date: redo.up_to_date,
-            removed: redo.removed,
+            did_something: !plan.is_empty(),
+            redone: plan.names(),
+            up_to_date: plan.up_to_date,
+            removed: plan.removed.iter().map(Target::name).collect(),
         }
     }
 }

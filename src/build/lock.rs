@@ -7,8 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use super::StoreError;
-use super::atomic::WRITING;
+use crate::store::{StoreError, WRITING};
 
 /// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
 /// system lets go of it when a process ends, however that ends.

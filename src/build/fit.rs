@@ -1,0 +1,146 @@
+//! The second stage: tables to fitted models, a target for each model of each campaign.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::plan::{Completed, Stage, Touched, Wanted, Work, hash_of};
+use super::record::{Inputs, Made, StageState};
+use super::target::{Fingerprint, SETTINGS, Target};
+use super::{RunError, Watch};
+use crate::config::{Config, ParameterSource};
+use crate::fit::{FitData, FitEvent, FitInput, Fitted, TABLES, fit_except, input_paths};
+use crate::interrupt::stop_if_asked;
+use crate::store::{FitRow, Provenance, StoreError};
+
+/// Part of every fit whose robot has measured parameters.
+const ROBOTS: &str = "robot_parameters.parquet";
+
+pub struct FitStage {
+    derived: PathBuf,
+    inputs: Vec<FitInput>,
+}
+
+impl FitStage {
+    pub fn new(config: &Config) -> Self {
+        Self { derived: config.paths.derived.clone(), inputs: FitInput::all(config) }
+    }
+}
+
+fn target(input: &FitInput) -> Target {
+    Target::Fit { campaign: input.campaign.name.clone(), model: input.model }
+}
+
+fn part_of_trial(trial: &str) -> String {
+    format!("trial {trial}")
+}
+
+impl Stage for FitStage {
+    type Sources = FitData;
+    type Kept = Fitted;
+    type Output = Fitted;
+
+    const NAME: &'static str = "fit";
+    const SOURCE: &'static str = env!("TRILINK_FIT_SOURCE");
+    const ROWS_OF_TARGETS: bool = true;
+    const OTHER_ORDER: &'static str = "the configuration has another order of models";
+
+    fn home(&self) -> &Path {
+        &self.derived
+    }
+
+    /// Where the tables are as they were, so is what is made of them.
+    fn reads_the_same(&self, known: &StageState, verify: bool) -> Result<bool, RunError> {
+        let foreseen = self.foreseen(known);
+        let settings = foreseen.iter().map(|wanted| (&wanted.target, wanted.parts.get(SETTINGS)));
+        let known_settings =
+            known.targets.iter().map(|made| (&made.target, made.parts.get(SETTINGS)));
+        let paths = input_paths(&self.derived)?;
+        Ok(settings.eq(known_settings)
+            && known.has_read(paths.iter().map(PathBuf::as_path), verify))
+    }
+
+    fn read(&self, inputs: &mut Inputs) -> Result<FitData, RunError> {
+        for path in input_paths(&self.derived)? {
+            inputs.stamp(&path, true).map_err(|source| StoreError::Read { path, source })?;
+        }
+        Ok(FitData::read(&self.derived)?)
+    }
+
+    fn wanted(&self, data: &FitData) -> Vec<Wanted> {
+        let of_model = |input: &FitInput| {
+            let trials = input.trials(data).into_iter();
+            let mut parts: Fingerprint =
+                trials.map(|(trial, hash)| (part_of_trial(&trial), hash)).collect();
+            if input.fit.robot_parameters == ParameterSource::Measured {
+                parts.insert(ROBOTS.to_owned(), input.robots(data));
+            }
+            Wanted::new(target(input), input, parts)
+        };
+        self.inputs.iter().map(of_model).collect()
+    }
+
+    fn earlier(&self, _known: &StageState) -> Result<Fitted, String> {
+        Fitted::read(&self.derived).map_err(|error| error.to_string())
+    }
+
+    fn by_target(&self, earlier: Fitted) -> BTreeMap<Target, Fitted> {
+        let is_whole = |rows: &Fitted| rows.fits.len() == 1 && rows.comparison.len() == 1;
+        let whole = earlier.by_target().into_iter().filter(|(_, rows)| is_whole(rows));
+        whole.map(|((campaign, model), rows)| (Target::Fit { campaign, model }, rows)).collect()
+    }
+
+    fn keep(&self, _made: &Made, earlier: Option<Fitted>) -> Result<Fitted, String> {
+        earlier.ok_or_else(|| format!("{} does not have it", TABLES[0]))
+    }
+
+    fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<Completed<Self>, RunError> {
+        let Work { sources, wanted, kept, .. } = work;
+        let (fits, models) = (AtomicUsize::new(0), wanted.len() - kept.len());
+        let on_event = |event: FitEvent| match event {
+            FitEvent::Fitted(FitRow { campaign, model, status, j, .. }) => {
+                watch.step(&format!("{campaign} {model}"));
+                tracing::debug!(campaign, %model, j, %status, "fit");
+                fits.fetch_add(1, Ordering::Relaxed);
+            }
+            FitEvent::Replicate { campaign, model, done, total } => {
+                stop_if_asked(|| format!("{} of {models} fits", fits.load(Ordering::Relaxed)));
+                watch.part(&format!("{campaign} {model} replicate"), done, total);
+            }
+        };
+        let kept = kept.into_iter().filter_map(|(target, (_, rows))| match target {
+            Target::Fit { campaign, model } => Some(((campaign, model), rows)),
+            _ => None,
+        });
+        let output = fit_except(&self.inputs, &sources, kept.collect(), &on_event);
+        let parts: Vec<&Fingerprint> = wanted.iter().map(|wanted| &wanted.parts).collect();
+        let outputs = output.write(&self.derived, &Provenance { input: hash_of(&parts) })?;
+        let targets = wanted.into_iter().map(|wanted| wanted.made(BTreeMap::new())).collect();
+        let (inputs, missing) = (BTreeMap::new(), Vec::new());
+        Ok(Completed { output, targets, outputs, inputs, missing })
+    }
+
+    fn foreseen(&self, _known: &StageState) -> Vec<Wanted> {
+        let of_model = |input| Wanted::new(target(input), input, Fingerprint::new());
+        self.inputs.iter().map(of_model).collect()
+    }
+
+    fn perhaps(&self, made: &Made, touched: &Touched) -> Vec<String> {
+        let parts = touched.trials.iter().map(|trial| part_of_trial(trial));
+        let parts = parts.filter(|part| made.parts.contains_key(part));
+        let mut why: Vec<String> = parts.map(|part| format!("if {part} changes")).collect();
+        let input = self.inputs.iter().find(|input| target(input) == made.target);
+        let robot = input.map(|input| &input.robot.name);
+        if made.parts.contains_key(ROBOTS)
+            && robot.is_some_and(|name| touched.robots.contains(name))
+        {
+            why.push(format!("if {ROBOTS} changes"));
+        }
+        let is_of =
+            |campaign| matches!(&made.target, Target::Fit { campaign: c, .. } if c == campaign);
+        if why.is_empty() && touched.campaigns.iter().any(is_of) {
+            why.push("if its trials change".to_owned());
+        }
+        why
+    }
+}

@@ -1,0 +1,418 @@
+//! What a stage has to do again and why, and doing it: one engine for all stages.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::record::{Inputs, Made, Outputs, StageState, changed_outputs};
+use super::target::{Fingerprint, SETTINGS, Target, changed_settings, reasons};
+use super::{RunError, Watch};
+use crate::store::{Stamp, hash};
+
+/// How a stage is done again.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RerunOptions {
+    /// Redo all.
+    pub force: bool,
+    /// Read files again whose size and time have not changed.
+    pub verify: bool,
+}
+
+impl RerunOptions {
+    /// Redo all, as who asks for a single stage means it.
+    pub const FORCE: Self = Self { force: true, verify: false };
+}
+
+/// What a stage has to do again.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct StagePlan {
+    pub targets: Vec<PlannedTarget>,
+    pub up_to_date: usize,
+    /// Targets that are there and should no longer be.
+    pub removed: Vec<Target>,
+    /// Why files of the stage as a whole are looked at again, if no target gives a reason.
+    pub whole: Vec<String>,
+}
+
+/// A target to make again, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PlannedTarget {
+    pub target: Target,
+    pub why: Vec<String>,
+}
+
+impl StagePlan {
+    /// Adds a target; without a reason it is up to date.
+    fn add(&mut self, target: Target, why: Vec<String>) {
+        match why.is_empty() {
+            true => self.up_to_date += 1,
+            false => self.targets.push(PlannedTarget { target, why }),
+        }
+    }
+
+    /// Whether all is up to date.
+    pub fn is_empty(&self) -> bool {
+        self.targets.is_empty() && self.removed.is_empty() && self.whole.is_empty()
+    }
+
+    /// Names of the targets to make again.
+    pub fn names(&self) -> Vec<String> {
+        self.targets.iter().map(|planned| planned.target.name()).collect()
+    }
+}
+
+/// A target as it would be made now.
+#[derive(Debug, Clone)]
+pub struct Wanted {
+    pub target: Target,
+    pub settings: Value,
+    pub parts: Fingerprint,
+    /// Campaigns that a figure shows.
+    pub campaigns: Vec<String>,
+}
+
+impl Wanted {
+    /// A target that is made of `settings` and other parts.
+    pub fn new(target: Target, settings: &impl Serialize, mut parts: Fingerprint) -> Self {
+        let settings = serde_json::to_value(settings).expect("settings have text keys");
+        if !settings.is_null() {
+            parts.insert(SETTINGS.to_owned(), hash_of(&settings));
+        }
+        Self { target, settings, parts, campaigns: Vec::new() }
+    }
+
+    /// It as made, with the files that it left.
+    pub fn made(self, outputs: Outputs) -> Made {
+        let Self { target, parts, campaigns, .. } = self;
+        Made { target, parts, campaigns, outputs }
+    }
+}
+
+/// Of the value as JSON.
+pub fn hash_of(value: &impl Serialize) -> String {
+    hash(&serde_json::to_vec(value).expect("plain data with text keys"))
+}
+
+/// A stage as the engine sees it. It reads files, makes targets of them, each with files of its
+/// own, and files of the stage as a whole.
+pub trait Stage {
+    /// What the targets are made of, read.
+    type Sources;
+    /// What stays of a target that is not made again.
+    type Kept;
+    type Output: Clone;
+
+    const NAME: &'static str;
+    /// Hash of the stage's source, see `build.rs`.
+    const SOURCE: &'static str;
+    /// Whether the files of the stage as a whole are the rows of its targets; else they are made
+    /// of everything that is read.
+    const ROWS_OF_TARGETS: bool;
+    /// What to say where targets have another order than they had.
+    const OTHER_ORDER: &'static str;
+
+    /// The folder that it writes to.
+    fn home(&self) -> &Path;
+
+    /// The settings of the stage as a whole.
+    fn whole(&self) -> Value {
+        Value::Null
+    }
+
+    /// Whether a stage that is otherwise unchanged finds everything as it did, as far as that can
+    /// be told without reading it.
+    fn reads_the_same(&self, _known: &StageState, _verify: bool) -> Result<bool, RunError> {
+        Ok(false)
+    }
+
+    /// Reads what the targets are made of.
+    fn read(&self, inputs: &mut Inputs) -> Result<Self::Sources, RunError>;
+
+    /// All targets in order.
+    fn wanted(&self, sources: &Self::Sources) -> Vec<Wanted>;
+
+    /// Completes a target's parts by what is looked at only if the target was `made` before.
+    fn complete(&self, _index: usize, _wanted: &mut Wanted, _made: &Made, _inputs: &mut Inputs) {}
+
+    /// What the stage gave the last time; or why its files cannot be used.
+    fn earlier(&self, known: &StageState) -> Result<Self::Output, String>;
+
+    /// What each target contributed to that.
+    fn by_target(&self, _earlier: Self::Output) -> BTreeMap<Target, Self::Kept> {
+        BTreeMap::new()
+    }
+
+    /// What stays of a target that is up to date; or why it has to be made again.
+    fn keep(&self, made: &Made, earlier: Option<Self::Kept>) -> Result<Self::Kept, String>;
+
+    /// What is there that nobody accounts for.
+    fn leftovers(&self, _known: &StageState) -> Result<Vec<String>, RunError> {
+        Ok(Vec::new())
+    }
+
+    /// How many steps it takes to make so many targets.
+    fn steps(&self, targets: usize) -> usize {
+        targets
+    }
+
+    /// Makes what is not kept and the files of the stage as a whole.
+    fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<Completed<Self>, RunError>;
+
+    /// Targets that there will be, with the parts of them that are known before the stages before
+    /// are done.
+    fn foreseen(&self, known: &StageState) -> Vec<Wanted> {
+        let of_stage = known.targets.iter();
+        of_stage.map(|made| Wanted::new(made.target.clone(), &(), Fingerprint::new())).collect()
+    }
+
+    /// Why a target may have to be made again once the stages before are done.
+    fn perhaps(&self, _made: &Made, _touched: &Touched) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// What there is to do.
+pub struct Work<'k, S: Stage + ?Sized> {
+    pub sources: S::Sources,
+    /// All targets in order.
+    pub wanted: Vec<Wanted>,
+    /// Those that stay.
+    pub kept: BTreeMap<Target, (Made, S::Kept)>,
+    pub known: &'k StageState,
+}
+
+/// What was done.
+pub struct Completed<S: Stage + ?Sized> {
+    pub output: S::Output,
+    /// In order.
+    pub targets: Vec<Made>,
+    /// Of the stage as a whole.
+    pub outputs: Outputs,
+    /// Stamps of files as they were when they were read, where that was not for the plan.
+    pub inputs: BTreeMap<String, Stamp>,
+    pub missing: Vec<String>,
+}
+
+/// What later stages may find changed.
+#[derive(Debug, Default)]
+pub struct Touched {
+    pub trials: BTreeSet<String>,
+    pub campaigns: BTreeSet<String>,
+    pub robots: BTreeSet<String>,
+}
+
+/// A plan with what it takes to carry it out.
+pub struct Planned<'k, S: Stage> {
+    pub plan: StagePlan,
+    settings: BTreeMap<String, Value>,
+    inputs: BTreeMap<String, Stamp>,
+    next: Next<'k, S>,
+    known: &'k StageState,
+}
+
+enum Next<'k, S: Stage> {
+    /// Everything is up to date; what there is already.
+    Nothing(S::Output),
+    Make(Work<'k, S>),
+}
+
+/// Compares what a stage would make now with what the record has of it.
+///
+/// # Errors
+/// What the stage reads cannot be used.
+pub fn plan<'k, S: Stage>(
+    stage: &S,
+    known: &'k StageState,
+    options: RerunOptions,
+) -> Result<Planned<'k, S>, RunError> {
+    let RerunOptions { force, verify } = options;
+    let home = stage.home();
+    let changed = |outputs: &Outputs| changed_outputs(home, outputs, verify);
+    let mut damaged = if force { Vec::new() } else { changed(&known.outputs) };
+    let mut earlier = None;
+    if !force && !known.source.is_empty() && damaged.is_empty() {
+        earlier = stage.earlier(known).map_err(|why| damaged.push(why)).ok();
+    }
+    let (is_same_source, whole) = (known.source == S::SOURCE, stage.whole());
+    let mut plan = StagePlan::default();
+    if let Some(output) = &earlier
+        && is_same_source
+        && known.whole == whole
+        && stage.reads_the_same(known, verify)?
+        && known.targets.iter().all(|made| changed(&made.outputs).is_empty())
+    {
+        plan.up_to_date = known.targets.len();
+        let (settings, inputs) = (known.settings.clone(), known.inputs.clone());
+        let next = Next::Nothing(output.clone());
+        return Ok(Planned { plan, settings, inputs, next, known });
+    }
+    let mut inputs = Inputs { known, verify, seen: BTreeMap::new() };
+    let sources = stage.read(&mut inputs)?;
+    let mut rows = earlier.clone().map(|earlier| stage.by_target(earlier)).unwrap_or_default();
+    let made: BTreeMap<&Target, &Made> =
+        known.targets.iter().map(|made| (&made.target, made)).collect();
+    let mut wanted = stage.wanted(&sources);
+    let mut kept = BTreeMap::new();
+    for (index, wanted) in wanted.iter_mut().enumerate() {
+        let mut why = Vec::new();
+        match made.get(&wanted.target) {
+            _ if force => why.push("--force".to_owned()),
+            None => why.push("new".to_owned()),
+            Some(made) => {
+                stage.complete(index, wanted, made, &mut inputs);
+                why.extend(source_reason::<S>(known));
+                if S::ROWS_OF_TARGETS {
+                    why.extend(damaged.iter().cloned());
+                }
+                why.extend(known.reasons(&made.parts, wanted));
+                why.extend(changed(&made.outputs));
+                let mut keep = || stage.keep(made, rows.remove(&wanted.target));
+                match why.is_empty().then(&mut keep) {
+                    Some(Ok(stays)) => {
+                        kept.insert(wanted.target.clone(), ((*made).clone(), stays));
+                    }
+                    Some(Err(reason)) => why.push(reason),
+                    None => {}
+                }
+            }
+        }
+        plan.add(wanted.target.clone(), why);
+    }
+    plan.removed = removed(known, &wanted);
+    if plan.is_empty() {
+        let order = known.targets.iter().map(|made| &made.target);
+        if !order.eq(wanted.iter().map(|wanted| &wanted.target)) {
+            plan.whole.push(S::OTHER_ORDER.to_owned());
+        }
+        plan.whole.extend(force.then(|| "--force".to_owned()));
+        plan.whole.extend(damaged);
+        plan.whole.extend(source_reason::<S>(known));
+        plan.whole.extend(changed_settings(&known.whole, &whole));
+        if !S::ROWS_OF_TARGETS && !known.has_content_of(&inputs.seen) {
+            plan.whole.push("a table or truth.json changed".to_owned());
+        }
+        plan.whole.extend(stage.leftovers(known)?);
+    }
+    let of_target = |wanted: &Wanted| {
+        wanted.parts.get(SETTINGS).map(|hash| (hash.clone(), wanted.settings.clone()))
+    };
+    let (settings, inputs) = (wanted.iter().filter_map(of_target).collect(), inputs.seen);
+    let next = match earlier {
+        Some(earlier) if plan.is_empty() => Next::Nothing(earlier),
+        _ => Next::Make(Work { sources, wanted, kept, known }),
+    };
+    Ok(Planned { plan, settings, inputs, next, known })
+}
+
+/// What a stage will have to do once those before it are done that have `touched` something: more
+/// than that only if other tables than the record knows lie about.
+pub fn plan_after<S: Stage>(
+    stage: &S,
+    known: &StageState,
+    options: RerunOptions,
+    touched: &Touched,
+) -> StagePlan {
+    let mut plan = StagePlan::default();
+    let made: BTreeMap<&Target, &Made> =
+        known.targets.iter().map(|made| (&made.target, made)).collect();
+    let foreseen = stage.foreseen(known);
+    plan.removed = removed(known, &foreseen);
+    for wanted in foreseen {
+        let mut why = Vec::new();
+        match made.get(&wanted.target) {
+            _ if options.force => why.push("--force".to_owned()),
+            None => why.push("new".to_owned()),
+            Some(made) => {
+                let mut old = made.parts.clone();
+                old.retain(|name, _| wanted.parts.contains_key(name));
+                why.extend(source_reason::<S>(known));
+                why.extend(known.reasons(&old, &wanted));
+                why.extend(stage.perhaps(made, touched));
+            }
+        }
+        plan.add(wanted.target, why);
+    }
+    if !S::ROWS_OF_TARGETS {
+        let is_new = known.targets.is_empty();
+        plan.whole.push(if is_new { "new" } else { "if a table changes" }.to_owned());
+    }
+    plan
+}
+
+/// Targets that are no more.
+fn removed(known: &StageState, wanted: &[Wanted]) -> Vec<Target> {
+    let wanted: BTreeSet<&Target> = wanted.iter().map(|wanted| &wanted.target).collect();
+    let known = known.targets.iter().map(|made| &made.target);
+    let removed: BTreeSet<&Target> = known.filter(|target| !wanted.contains(target)).collect();
+    removed.into_iter().cloned().collect()
+}
+
+/// What is said if the program's source of a stage is another than it was.
+fn source_reason<S: Stage>(known: &StageState) -> Option<String> {
+    let reason = match known.source.is_empty() {
+        true => "new".to_owned(),
+        false => format!("the program's {} has changed", S::NAME),
+    };
+    (known.source != S::SOURCE).then_some(reason)
+}
+
+impl StageState {
+    /// Why a target that was made of `old` parts is to be made again.
+    fn reasons(&self, old: &Fingerprint, wanted: &Wanted) -> Vec<String> {
+        reasons(old, &wanted.parts, || {
+            let settings = old.get(SETTINGS).and_then(|hash| self.settings.get(hash));
+            settings.map_or(Vec::new(), |old| changed_settings(old, &wanted.settings))
+        })
+    }
+
+    /// Whether files with these stamps have the content of those that were read.
+    fn has_content_of(&self, inputs: &BTreeMap<String, Stamp>) -> bool {
+        let content = |inputs: &BTreeMap<String, Stamp>| -> Vec<(String, String)> {
+            inputs.iter().map(|(path, stamp)| (path.clone(), stamp.blake3.clone())).collect()
+        };
+        content(&self.inputs) == content(inputs)
+    }
+}
+
+impl<S: Stage> Planned<'_, S> {
+    /// What there is already, if there is nothing to do and nothing worth to be recorded.
+    pub fn up_to_date(self) -> Option<(S::Output, StagePlan)> {
+        let is_recorded = self.state().confirms(self.known);
+        match self.next {
+            Next::Nothing(output) if is_recorded => Some((output, self.plan)),
+            _ => None,
+        }
+    }
+
+    /// The record's part where nothing is done: with files' times as they are now.
+    fn state(&self) -> StageState {
+        StageState { inputs: self.inputs.clone(), ..self.known.clone() }
+    }
+
+    /// Does what is planned; gives what to record, too.
+    ///
+    /// # Errors
+    /// A file cannot be written or removed.
+    pub fn carry_out(
+        self,
+        stage: &S,
+        watch: &dyn Watch,
+    ) -> Result<(S::Output, StagePlan, StageState), RunError> {
+        watch.planned(&self.plan);
+        let state = self.state();
+        let Self { plan, settings, mut inputs, next, .. } = self;
+        let work = match next {
+            Next::Nothing(output) => return Ok((output, plan, state)),
+            Next::Make(work) => work,
+        };
+        watch.begin(S::NAME, stage.steps(plan.targets.len()));
+        let Completed { output, targets, outputs, inputs: read, missing } =
+            stage.make(work, watch)?;
+        inputs.extend(read);
+        let (source, whole) = (S::SOURCE.to_owned(), stage.whole());
+        let state = StageState { source, whole, settings, inputs, targets, outputs, missing };
+        Ok((output, plan, state))
+    }
+}

@@ -1,0 +1,128 @@
+//! The third stage: figures and pages, a target for each.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::plan::{Completed, Stage, Touched, Wanted, Work};
+use super::record::{Inputs, Made, StageState};
+use super::target::{Fingerprint, Target};
+use super::{RunError, Watch};
+use crate::config::Config;
+use crate::report::{Content, ReportInput, Reported, input_paths, page_of};
+
+pub struct ReportStage(ReportInput);
+
+impl ReportStage {
+    pub fn new(config: &Config) -> Self {
+        Self(ReportInput::new(config))
+    }
+}
+
+impl Stage for ReportStage {
+    type Sources = Content;
+    /// The SVG of a figure, nothing of a page.
+    type Kept = Option<String>;
+    type Output = Reported;
+
+    const NAME: &'static str = "report";
+    const SOURCE: &'static str = env!("TRILINK_REPORT_SOURCE");
+    const ROWS_OF_TARGETS: bool = false;
+    const OTHER_ORDER: &'static str = "figures have another order";
+
+    fn home(&self) -> &Path {
+        &self.0.paths.reports
+    }
+
+    fn whole(&self) -> Value {
+        serde_json::to_value(&self.0).expect("a configuration is plain data")
+    }
+
+    fn reads_the_same(&self, known: &StageState, verify: bool) -> Result<bool, RunError> {
+        let paths = input_paths(&self.0.paths);
+        Ok(known.has_read(paths.iter().map(|(path, _)| path.as_path()), verify))
+    }
+
+    fn read(&self, inputs: &mut Inputs) -> Result<Content, RunError> {
+        for (path, own) in input_paths(&self.0.paths) {
+            // What cannot be read is missing, or ends the stage when it is wanted.
+            let _ = inputs.stamp(&path, own);
+        }
+        Ok(Content::read(&self.0, |path| inputs.hash(path))?)
+    }
+
+    fn wanted(&self, content: &Content) -> Vec<Wanted> {
+        let figures = content.figures().map(|(stem, campaigns, hash)| {
+            let parts = Fingerprint::from([("what it shows".to_owned(), hash)]);
+            let target = Target::Figure(stem.to_owned());
+            Wanted { campaigns: campaigns.to_vec(), ..Wanted::new(target, &(), parts) }
+        });
+        let pages = content
+            .page_parts()
+            .iter()
+            .map(|(name, parts)| Wanted::new(Target::Page(name.clone()), &(), parts.clone()));
+        figures.chain(pages).collect()
+    }
+
+    fn earlier(&self, known: &StageState) -> Result<Reported, String> {
+        let figure = |made: &Made| match &made.target {
+            Target::Figure(stem) => Some(stem.clone()),
+            _ => None,
+        };
+        let figures = known.targets.iter().filter_map(figure).collect();
+        Ok(Reported::new(&self.0, figures, known.missing.clone()))
+    }
+
+    fn keep(&self, made: &Made, _earlier: Option<Self::Kept>) -> Result<Self::Kept, String> {
+        if matches!(made.target, Target::Page(_)) {
+            return Ok(None);
+        }
+        let svg = made.outputs.iter().find(|(name, _)| name.ends_with(".svg"));
+        let text = svg.and_then(|(name, stamp)| stamp.text_of(&self.home().join(name)));
+        text.map(Some).ok_or_else(|| "its SVG cannot be read".to_owned())
+    }
+
+    fn steps(&self, _targets: usize) -> usize {
+        1
+    }
+
+    fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<Completed<Self>, RunError> {
+        let Work { sources, wanted, mut kept, known } = work;
+        let (mut svgs, mut pages) = (BTreeMap::new(), BTreeSet::new());
+        for (target, (_, svg)) in &mut kept {
+            match target {
+                Target::Figure(stem) => svgs.extend(svg.take().map(|svg| (stem.clone(), svg))),
+                target => drop(pages.insert(target.name())),
+            }
+        }
+        let recorded = known.targets.iter().filter_map(|made| match &made.target {
+            Target::Figure(stem) => Some(stem.as_str()),
+            _ => None,
+        });
+        let made = sources.write(&self.0, svgs, &pages, recorded)?;
+        made.reported.missing.iter().for_each(|missing| tracing::warn!(missing, "not drawn"));
+        watch.step(&format!("{} figures and pages", wanted.len() - kept.len()));
+        let mut written = made.targets;
+        let targets = wanted.into_iter().map(|wanted| match kept.remove(&wanted.target) {
+            Some((made, _)) => made,
+            None => {
+                let outputs = written.remove(&wanted.target.name()).unwrap_or_default();
+                wanted.made(outputs)
+            }
+        });
+        let (targets, missing) = (targets.collect(), made.reported.missing.clone());
+        let (output, outputs, inputs) = (made.reported, made.outputs, BTreeMap::new());
+        Ok(Completed { output, targets, outputs, inputs, missing })
+    }
+
+    fn perhaps(&self, made: &Made, touched: &Touched) -> Vec<String> {
+        let shows = made.campaigns.iter().any(|campaign| touched.campaigns.contains(campaign));
+        let is_own = |trial: &String| made.target == Target::Page(page_of(trial));
+        match shows {
+            true => vec!["if what it shows changes".to_owned()],
+            false if touched.trials.iter().any(is_own) => vec!["if its trial changes".to_owned()],
+            false => Vec::new(),
+        }
+    }
+}
