@@ -13,8 +13,8 @@ use super::{
     IngestError, IngestInput, Ingested, ProcessedTrial, TrialFailure, failed_checks, process,
 };
 use crate::store::{
-    Columns as _, CycleRow, PendingFile, Provenance, Stamp, StoreError, Table, TrialRow, cycles_path,
-    is_own_table, poses_path, table_set, wheels_path,
+    Columns as _, CycleRow, PendingFile, Provenance, Stamp, StoreError, Table, TrialRow,
+    cycles_path, is_own_table, poses_path, table_set, wheels_path,
 };
 use crate::trial::{Trial, TrialError, TrialKind};
 use crate::vicon;
