@@ -1,5 +1,19 @@
 //! From marker files of a wheeled three-link robot to fitted dissipation models and figures.
 //!
+//! The steady motion of the paper's robot with skid and roll resistance, in metres a cycle:
+//!
+//! ```
+//! use trilink::config::Config;
+//! use trilink::motion::{Problem, REFERENCE_ACCURACY, Solver};
+//! use trilink::robot::Model;
+//!
+//! let (mut robot, gait) = Config::default().campaign_setup("kinematic-symmetric").unwrap();
+//! robot.skid_kg_s = [104.0, 34.0, 45.0];
+//! let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s: 3.9 };
+//! let metrics = Solver::default().solve(&problem, REFERENCE_ACCURACY).unwrap();
+//! assert!((metrics.d_m - 0.478359748170948).abs() < 1e-10);
+//! ```
+//!
 //! The modules in the order that a trial passes through them:
 
 /// `pipeline.toml`.

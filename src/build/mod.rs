@@ -103,6 +103,27 @@ pub struct Finished {
 /// `run.json`. The results are those of a run from scratch, to the last byte. Where nothing has
 /// changed, nothing is written. If another run is busy with the folder, `wait` waits for it.
 ///
+/// ```
+/// use trilink::build::{RerunOptions, run};
+/// use trilink::config::Config;
+/// use trilink::synth::{Recipe, synthesise};
+///
+/// let folder = tempfile::tempdir()?;
+/// let mut config = Config::default();
+/// config.campaign.retain(|name, _| name == "kinematic-skewed");
+/// (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
+/// for path in [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports] {
+///     *path = folder.path().join(&*path);
+/// }
+/// let recipe = Recipe { omegas_rad_s: vec![3.0, 4.0], ..Recipe::new(1) };
+/// synthesise(&config, &config.paths.raw, &recipe, &|_| {})?;
+///
+/// let finished = run(&config, RerunOptions::default(), false, &())?;
+/// assert!(finished.record.page.is_file() && !finished.was_up_to_date);
+/// assert!(run(&config, RerunOptions::default(), false, &())?.was_up_to_date);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// A stage that cannot be done at all, or another run that is busy with the same folder. Trials
 /// and fits that fail are rows with a status.

@@ -88,6 +88,34 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 
 /// Fits all campaigns; models, starts, profiles and replicates in parallel, results in order.
 /// They depend neither on the number of threads nor on the order of the trials.
+///
+/// ```
+/// use trilink::config::{Config, SigmaKind};
+/// use trilink::fit::{FitData, fit};
+/// use trilink::motion::{FIT_ACCURACY, Problem, Solver};
+/// use trilink::robot::{Model, Parameter};
+/// use trilink::store::{Columns, TrialRow};
+///
+/// let campaign = "kinematic-symmetric";
+/// let mut config = Config::default();
+/// config.campaign.retain(|name, _| name == campaign);
+/// config.campaign.get_mut(campaign).unwrap().models = vec![Model::SkidRoll];
+/// (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
+/// config.fit.sigma = SigmaKind::Raw;
+///
+/// let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
+/// robot.skid_kg_s = [104.0, 34.0, 45.0];
+/// let trial = |omega_rad_s: f64| {
+///     let problem = Problem { robot: robot.clone(), gait, model: Model::SkidRoll, omega_rad_s };
+///     let metrics = Solver::default().solve(&problem, FIT_ACCURACY).unwrap();
+///     let (trial, campaign) = (format!("at {omega_rad_s} rad/s"), campaign.to_owned());
+///     TrialRow { trial, campaign, omega_rad_s, metrics, ..TrialRow::blank() }
+/// };
+/// let trials: Vec<TrialRow> = [1.0, 2.0, 3.0, 4.0].map(trial).into();
+/// let fitted = fit(&config, &FitData::from(trials), &|_| {});
+/// let skid0_kg_s = fitted.fits[0].parameters[Parameter::Skid0];
+/// assert!((skid0_kg_s / 104.0 - 1.0).abs() < 1e-4);
+/// ```
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
     fit_except(&FitInput::all(config), data, Kept::new(), on_event)
 }

@@ -89,6 +89,24 @@ pub struct ProcessedTrial {
 
 /// Computes one trial of a folder and writes nothing.
 ///
+/// ```
+/// use trilink::config::Config;
+/// use trilink::ingest::process_trial;
+/// use trilink::synth::{Recipe, synthesise};
+/// use trilink::trial::TrialList;
+///
+/// let mut config = Config::default();
+/// config.campaign.retain(|name, _| name == "kinematic-symmetric");
+/// let folder = tempfile::tempdir()?;
+/// let recipe = Recipe { omegas_rad_s: vec![4.0], ..Recipe::new(1) };
+/// synthesise(&config, folder.path(), &recipe, &|_| {})?;
+///
+/// let list = TrialList::load(folder.path())?;
+/// let processed = process_trial(folder.path(), &list.trial[0], &config)?;
+/// assert!(processed.row.cycles > 2 && processed.row.metrics.d_m > 0.4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// The entry of the list, the marker file or what it shows cannot be used.
 pub fn process_trial(
