@@ -271,8 +271,8 @@ fn the_tables_have_the_documented_columns() {
             "robot_parameters.parquet".to_owned(),
             "trial kind robot joint inertia_kg_m2 natural_rad_s natural_rad_s_se damping_ratio \
              damping_ratio_se damping_ratio_decrement damping_ratio_decrement_se rest_angle_rad \
-             rest_angle_rad_se rest_angle_configured_rad stiffness_nm_rad stiffness_nm_rad_se \
-             stiffness_configured_nm_rad damping_nm_s_rad damping_nm_s_rad_se \
+             rest_angle_rad_se rest_angle_configured_rad released_s decay_cosine_rad \
+             decay_sine_rad stiffness_nm_rad stiffness_nm_rad_se stiffness_configured_nm_rad damping_nm_s_rad damping_nm_s_rad_se \
              damping_configured_nm_s_rad mass_kg decay_1_s decay_1_s_se roll_sum_kg_s \
              roll_sum_kg_s_se roll_sum_configured_kg_s roll0_kg_s roll0_kg_s_se roll1_kg_s \
              roll1_kg_s_se roll2_kg_s roll2_kg_s_se"
