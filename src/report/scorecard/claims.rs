@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::formula::Formula;
 use super::paper::{Fitted, MotionSpec};
-use super::verdict::Criterion;
+use super::verdict::{Criterion, Found, Verdict};
 
 /// Everything in the file.
 #[derive(Debug, Deserialize)]
@@ -53,6 +53,21 @@ pub struct Claim {
     /// More numbers for the remark.
     #[serde(default, skip_serializing)]
     pub also: Vec<Also>,
+}
+
+impl Claim {
+    /// The verdict by the number that the claim is about, and why there is none.
+    pub fn judge(&self, found: Option<&Found>) -> (Verdict, &'static str) {
+        let Some(found) = found else {
+            let lacking = self.measured.as_ref().map(Formula::lacking);
+            return (Verdict::NotTestable, lacking.unwrap_or_default());
+        };
+        match self.criterion.is_met(found, self.printed) {
+            Some(true) => (Verdict::Reproduced, ""),
+            Some(false) => (Verdict::Differs, ""),
+            None => (Verdict::NotTestable, "The fit has no confidence interval."),
+        }
+    }
 }
 
 /// The number that a verdict is about.

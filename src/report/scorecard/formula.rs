@@ -9,31 +9,12 @@ use super::curve::{self, Optimum, Point, Quantity};
 use super::cycle::{self, CycleQuantity};
 use super::paper::{Paper, TableNumber};
 use super::trials::{self, Part, RobotQuantity};
+use super::verdict::Found;
 use crate::config::SigmaKind;
 use crate::motion::Solver;
 use crate::report::tables::Tables;
 use crate::robot::Model;
 use crate::stats::wrap;
-
-/// A number, and what is to be said of it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Found {
-    /// NaN where there is none: no such motion, no optimum.
-    pub value: f64,
-    /// 95 % confidence limits of a fitted value; NaN where the interval is open.
-    pub limits: Option<[f64; 2]>,
-    pub note: String,
-}
-
-impl Found {
-    pub fn new(value: f64) -> Self {
-        Self { value, limits: None, note: String::new() }
-    }
-
-    pub fn with_note(value: f64, note: &str) -> Self {
-        Self { note: note.to_owned(), ..Self::new(value) }
-    }
-}
 
 /// How a number is found. `of`, `over` and `from` name motions of the paper, which are computed,
 /// or campaigns, which the trials at hand measured.

@@ -36,9 +36,9 @@ use super::numbers::{interval, significant};
 use super::tables::Tables;
 use crate::config::SigmaKind;
 use claims::{Claim, Claims, Judged};
-use formula::{Found, Sources};
+use formula::Sources;
 use paper::Paper;
-use verdict::{Verdict, judge};
+use verdict::{Found, Verdict};
 
 /// One line of the scorecard. A number that there is not, or that has no bound, is null.
 #[derive(Debug, Serialize)]
@@ -81,7 +81,7 @@ fn entry(claim: Claim, sources: &Sources<'_>, is_synthetic: bool) -> Entry {
         Judged::Computed => &computed,
         Judged::Measured => &measured,
     };
-    let (verdict, reason) = judge(&claim, judged.as_ref());
+    let (verdict, reason) = claim.judge(judged.as_ref());
     let judged = judged.as_ref().filter(|_| verdict != Verdict::NotTestable);
 
     let mut sentences = vec![reason.to_owned(), claim.remark.clone()];

@@ -248,7 +248,7 @@ fn verdicts_follow_the_criterion() {
     let claims = claims();
     let by = |id: &str, value: f64, limits: Option<[f64; 2]>| {
         let claim = claims.claim.iter().find(|claim| claim.id == id).expect("a claim");
-        judge(claim, Some(&Found { limits, ..Found::new(value) })).0
+        claim.judge(Some(&Found { limits, ..Found::new(value) })).0
     };
     assert_eq!(by("fig4-d", 729.49, None), Verdict::Reproduced);
     assert_eq!(by("fig4-d", 729.51, None), Verdict::Differs);

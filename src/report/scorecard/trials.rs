@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::curve::Point;
-use super::formula::Found;
+use super::verdict::Found;
 use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
 use crate::motion::MotionStatus;

@@ -4,9 +4,6 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::claims::Claim;
-use super::formula::Found;
-
 /// Relative tolerance of [`Criterion::Equals`].
 const EQUAL: f64 = 1e-9;
 
@@ -18,6 +15,26 @@ pub enum Verdict {
     Differs,
     #[serde(rename = "not testable here")]
     NotTestable,
+}
+
+/// A number, and what is to be said of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// NaN where there is none: no such motion, no optimum.
+    pub value: f64,
+    /// 95 % confidence limits of a fitted value; NaN where the interval is open.
+    pub limits: Option<[f64; 2]>,
+    pub note: String,
+}
+
+impl Found {
+    pub fn new(value: f64) -> Self {
+        Self { value, limits: None, note: String::new() }
+    }
+
+    pub fn with_note(value: f64, note: &str) -> Self {
+        Self { note: note.to_owned(), ..Self::new(value) }
+    }
 }
 
 /// When a number agrees with a claim.
@@ -63,7 +80,7 @@ impl Serialize for Criterion {
 
 impl Criterion {
     /// Whether a number meets it; `None` where it cannot be told.
-    fn is_met(self, found: &Found, printed: Option<f64>) -> Option<bool> {
+    pub fn is_met(self, found: &Found, printed: Option<f64>) -> Option<bool> {
         let value = found.value;
         Some(match self {
             Self::Within(tolerance) => (value - printed?).abs() <= tolerance,
@@ -81,18 +98,5 @@ impl Criterion {
                 !(printed + rounding < low || printed - rounding > high)
             }
         })
-    }
-}
-
-/// The verdict on a claim by the number that it is about, and why there is none.
-pub fn judge(claim: &Claim, found: Option<&Found>) -> (Verdict, &'static str) {
-    let Some(found) = found else {
-        let lacking = claim.measured.as_ref().map(|measured| measured.lacking());
-        return (Verdict::NotTestable, lacking.unwrap_or_default());
-    };
-    match claim.criterion.is_met(found, claim.printed) {
-        Some(true) => (Verdict::Reproduced, ""),
-        Some(false) => (Verdict::Differs, ""),
-        None => (Verdict::NotTestable, "The fit has no confidence interval."),
     }
 }
