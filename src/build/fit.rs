@@ -100,7 +100,8 @@ impl Stage for FitStage {
         let on_event = |event: FitEvent| match event {
             FitEvent::Fitted(FitRow { campaign, model, status, j, .. }) => {
                 watch.step(&format!("{campaign} {model}"));
-                tracing::debug!(campaign, %model, j, %status, "fit");
+                let status = status.to_string();
+                tracing::debug!(campaign, model = model.name(), j, status, "fit");
                 fits.fetch_add(1, Ordering::Relaxed);
             }
             FitEvent::Replicate { campaign, model, done, total } => {
