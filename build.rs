@@ -2,7 +2,8 @@
 //! below `src/`) and of the rooms that these use, found by following `crate::room`. Tests and
 //! comments are left out, and so are all other rooms: a change of the search redoes no trial.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
+use std::collections::btree_map::{BTreeMap, Entry};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
@@ -14,7 +15,7 @@ const STAGES: [(&str, &str); 3] = [
 ];
 
 fn main() {
-    for changed in ["src", "pipeline.toml", "Cargo.lock", "build.rs"] {
+    for changed in ["src", "Cargo.lock", "build.rs"] {
         println!("cargo:rerun-if-changed={changed}");
     }
     let home = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo says where"));
@@ -41,11 +42,11 @@ pub fn closure(src: &Path, room: &str) -> BTreeMap<String, Room> {
     while let Some(name) = open.pop() {
         let path = [format!("{name}.rs"), format!("{name}/mod.rs")].map(|file| src.join(file));
         let Some(path) = path.into_iter().find(|path| path.is_file()) else { continue };
-        if !found.contains_key(&name) {
+        if let Entry::Vacant(entry) = found.entry(name) {
             let mut room = Room::default();
             room.read(src, &path, 1);
             open.extend(room.uses.iter().cloned());
-            found.insert(name, room);
+            entry.insert(room);
         }
     }
     found

@@ -1,6 +1,6 @@
 //! `pipeline.toml`: the robots, gaits, campaigns and settings of a run.
 //!
-//! The file in the repository is the paper's experiment and the default of every key.
+//! `defaults.toml` is the paper's experiment; the repository's `pipeline.toml` begins as its copy.
 
 mod check;
 mod compare;
@@ -268,7 +268,7 @@ impl<T: Serialize> Serialize for NamedEntry<T> {
 }
 
 /// The default of every key.
-const DEFAULTS: &str = include_str!("../pipeline.toml");
+const DEFAULTS: &str = include_str!("config/defaults.toml");
 /// Families of which naming one entry replaces all.
 const FAMILIES: [&str; 4] = ["robot", "gait", "campaign", "markers"];
 

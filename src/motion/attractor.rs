@@ -39,7 +39,7 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     accuracy: f64,
 ) -> Result<(usize, bool)> {
     let period_s = TAU / model.problem().omega_rad_s;
-    let known = is_solved.then(|| orbit.mesh.states.start);
+    let known = is_solved.then_some(orbit.mesh.states.start);
     let mut candidate = known.filter(|_| orbit.is_stable(model));
     let mut transient = Integrator::new(model, TOLERANCE);
     let mut seen = [transient.state; MOST_PERIODS + 1];

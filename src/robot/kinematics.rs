@@ -46,6 +46,8 @@ impl Pose {
 impl Mul for Pose {
     type Output = Self;
 
+    // Positions turn, headings add.
+    #[allow(clippy::suspicious_arithmetic_impl)]
     fn mul(self, local: Self) -> Self {
         let origin = [self.x_m, self.y_m];
         let [x_m, y_m] = in_world(origin, self.theta_rad, [local.x_m, local.y_m]);

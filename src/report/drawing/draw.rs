@@ -200,7 +200,7 @@ impl Frame<'_, '_, '_> {
         let [from, to] = points else { return Ok(()) };
         let (along, up) = (to.0 - from.0, to.1 - from.1);
         let length = along.hypot(up);
-        if !(length > self.pixel.0) {
+        if length.is_nan() || length <= self.pixel.0 {
             return Ok(());
         }
         let part = ARROW_HEAD * self.pixel.0 / length;

@@ -166,7 +166,6 @@ impl Tables {
             }),
             sentence: "The data prefer <skid-roll>: J = 1.0508.".to_owned(),
             status: fit.status.clone(),
-            ..ComparisonRow::blank()
         };
         self.fits.iter().map(row).collect()
     }

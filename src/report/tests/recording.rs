@@ -51,7 +51,6 @@ pub fn write(derived: &Path, trial: &TrialRow) {
         start_s: i as f64 * period_s,
         metrics: trial.metrics,
         used: i >= 2,
-        ..CycleRow::blank()
     };
     let cycles: Vec<CycleRow> = (0..CYCLES).map(cycle).collect();
     save(&CycleRow::to_table(&cycles), &cycles_path(derived, name));
