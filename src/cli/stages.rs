@@ -14,8 +14,12 @@ pub(super) struct Ingest {
     folder: Option<PathBuf>,
     #[command(flatten)]
     exclusive: Exclusive,
-    /// Write nothing: print the [markers] tables that this trial shows, in which both joints move.
-    #[arg(long, value_name = "TRIAL")]
+    #[arg(
+        long,
+        value_name = "TRIAL",
+        help = "Write nothing: print the [markers] tables that this trial shows, in which both \
+                joints move"
+    )]
     calibrate: Option<String>,
 }
 

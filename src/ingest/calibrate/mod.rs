@@ -2,12 +2,12 @@
 //!
 //! What a trial in which both joints move shows:
 //!
-//! - which markers move rigidly together ([`cluster`]) and how they lie to each other
-//!   ([`shape`]);
-//! - the joints, which are points at rest in both their links ([`joint`]). Those of the middle
+//! - which markers move rigidly together (`cluster`) and how they lie to each other
+//!   (`shape`);
+//! - the joints, which are points at rest in both their links (`joint`). Those of the middle
 //!   link give its origin, half way between them, its direction and h;
 //! - of a side link its joint only. In which direction its axle is from there is where its wheel
-//!   rolls to ([`rolling`]): as good as the wheel does not skid to one side on average. How far
+//!   rolls to (`rolling`): as good as the wheel does not skid to one side on average. How far
 //!   away it is does not show well in a wheel that skids, so l is taken from the robot and
 //!   what the wheel gives is only shown.
 //!

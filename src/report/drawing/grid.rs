@@ -9,6 +9,8 @@ use super::{legend, text};
 
 /// Room around a panel's frame for its title, ticks and labels, px.
 pub const LEFT: f64 = 66.0;
+/// Of `LEFT`, for the labels of ticks.
+const TICK_LABELS: f64 = 46.0;
 pub const RIGHT: f64 = 10.0;
 pub const TOP: f64 = 30.0;
 pub const BOTTOM: f64 = 42.0;
@@ -139,14 +141,15 @@ fn axes(panel: &Panel, xs: &[f64], width: f64, height: f64) -> (Axis, Axis) {
     if panel.x_scale == Scale::Equal {
         Axis::equalise(&mut x, &mut y, width, height);
     }
+    let widest = |axis: &Axis| {
+        axis.ticks.iter().map(|tick| text::width(&axis.format_ext(tick))).fold(0.0, f64::max)
+    };
     let have_room = |x: &Axis| {
-        let widest =
-            x.ticks.iter().map(|tick| text::width(&x.format_ext(tick))).fold(0.0, f64::max);
         let apart = x.ticks.windows(2).map(|pair| pair[1] - pair[0]);
         let apart = apart.fold(f64::INFINITY, f64::min) / x.range.span() * width;
-        apart > widest + 0.6 * text::EM
+        apart > widest(x) + 0.6 * text::EM
     };
     x.set_ticks(((width / 45.0) as usize).max(3) + 1, have_room);
-    y.set_ticks((height / 28.0) as usize + 1, |_| true);
+    y.set_ticks((height / 28.0) as usize + 1, |y| y.ticks.len() <= 2 || widest(y) <= TICK_LABELS);
     (x, y)
 }
