@@ -46,8 +46,8 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
         .margin_top(units(TOP))
         .margin_right(units(RIGHT))
         .margin_bottom(units(cell.bottom() - labels))
-        .margin_left(units(5.0))
-        .y_label_area_size(units(LEFT - 5.0))
+        .margin_left(units(1.0))
+        .y_label_area_size(units(LEFT - 1.0))
         .x_label_area_size(units(labels))
         .build_cartesian_2d(cell.x.clone(), cell.y.clone())?;
     let mut frame = Frame { chart: &mut chart, x: cell.x, y: cell.y, pixel };
