@@ -2,18 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::config::ConfigError;
-use crate::store::StoreError;
 use crate::trial::TrialError;
 use crate::vicon::ViconError;
 
 /// Why a folder cannot be ingested at all.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
-    #[error(transparent)]
-    Trials(#[from] ConfigError),
-    #[error(transparent)]
-    Store(#[from] StoreError),
     #[error("{}: an outdated table cannot be removed: {source}", path.display())]
     Outdated { path: PathBuf, source: std::io::Error },
 }
