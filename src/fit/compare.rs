@@ -1,5 +1,6 @@
 //! Which of a campaign's models the measurements prefer, and by how much.
 
+use super::Fitted;
 use crate::store::ComparisonRow;
 
 /// Part of the replicates from which on a model is clearly preferred.
@@ -17,27 +18,38 @@ pub(super) fn bic(j: f64, terms: usize, free: usize) -> f64 {
     2.0 * terms * j.ln() + free as f64 * terms.ln()
 }
 
+/// Completes the rows of a campaign's comparison by what needs all of its models.
+pub(super) fn complete(models: &mut [Fitted], replicates: usize) {
+    let costs = |model: &Fitted| model.bootstrap.iter().map(|row| row.j).collect();
+    let frequencies = selection_frequencies(&models.iter().map(costs).collect::<Vec<_>>());
+    for (model, frequency) in models.iter_mut().zip(frequencies) {
+        model.comparison.iter_mut().for_each(|row| row.wins = frequency);
+    }
+    let rows = models.iter().flat_map(|model| model.comparison.clone());
+    let sentence = sentence(&rows.collect::<Vec<_>>(), replicates);
+    for row in models.iter_mut().flat_map(|model| &mut model.comparison) {
+        row.sentence.clone_from(&sentence);
+    }
+}
+
 /// Selection frequency of each model: the part of the replicates in which its objective is the
 /// lowest; `costs` are those of all models' replicates. Missing without any.
-pub(super) fn selection_frequencies(costs: &[&[f64]]) -> Vec<f64> {
-    let replicates = costs.iter().map(|costs| costs.len()).max().unwrap_or(0);
-    let mut won = vec![0_usize; costs.len()];
-    for number in 0..replicates {
+fn selection_frequencies(costs: &[Vec<f64>]) -> Vec<f64> {
+    let replicates = costs.iter().map(Vec::len).max().unwrap_or(0);
+    let lowest = |number: usize| {
         let at = |model: &usize| costs[*model].get(number).copied().unwrap_or(f64::INFINITY);
-        let best = (0..costs.len()).min_by(|a, b| at(a).total_cmp(&at(b)));
-        if let Some(best) = best {
-            won[best] += 1;
-        }
-    }
-    let part = |(won, costs): (usize, &&[f64])| match costs.is_empty() {
-        true => f64::NAN,
-        false => won as f64 / replicates as f64,
+        (0..costs.len()).min_by(|a, b| at(a).total_cmp(&at(b)))
     };
-    won.into_iter().zip(costs).map(part).collect()
+    let won: Vec<usize> = (0..replicates).filter_map(lowest).collect();
+    let part = |(model, costs): (usize, &Vec<f64>)| match costs.is_empty() {
+        true => f64::NAN,
+        false => won.iter().filter(|won| **won == model).count() as f64 / replicates as f64,
+    };
+    costs.iter().enumerate().map(part).collect()
 }
 
 /// The outcome of a campaign's comparison, in a sentence.
-pub(super) fn sentence(rows: &[ComparisonRow], replicates: usize) -> String {
+fn sentence(rows: &[ComparisonRow], replicates: usize) -> String {
     let mut ranked: Vec<&ComparisonRow> = rows.iter().filter(|row| row.j.is_finite()).collect();
     ranked.sort_by(|a, b| a.j.total_cmp(&b.j));
     let lowest = |value: fn(&ComparisonRow) -> f64| {
@@ -117,10 +129,15 @@ mod tests {
 
     #[test]
     fn each_replicate_is_won_by_its_lowest_objective() {
-        let won = selection_frequencies(&[&[1.0, 2.0, 3.0, 1.0], &[], &[2.0, 1.0, 2.0, 2.0]]);
+        let won = selection_frequencies(&[
+            vec![1.0, 2.0, 3.0, 1.0],
+            Vec::new(),
+            vec![2.0, 1.0, 2.0, 2.0],
+        ]);
         assert_eq!((won[0], won[2]), (0.5, 0.5));
         assert!(
-            won[1].is_nan() && selection_frequencies(&[&[], &[]]).iter().all(|won| won.is_nan())
+            won[1].is_nan()
+                && selection_frequencies(&[Vec::new(), Vec::new()]).iter().all(|won| won.is_nan())
         );
     }
 

@@ -2,15 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::free::FreeParameter;
 use super::measurement::Measurement;
 use super::noise_correction::NoiseCorrection;
-use super::objective::{Evaluator, Linearised, Objective, PENALTY, Response, TERMS};
+use super::objective::{Evaluator, Linearised, PENALTY, Response, TERMS};
 use super::resample::Resample;
 use super::search::{Ended, Iterate};
-use super::starts::{Start, search_from};
+use super::starts::Start;
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
-use crate::store::{FitStatus, Stopped};
+use crate::store::FitStatus;
 
 /// Fall of the objective, relative to it, below which a refit has converged: far below what
 /// resampling moves it by.
@@ -25,25 +24,27 @@ pub(super) struct FittedPoint<'o> {
     pub evaluator: Evaluator<'o>,
 }
 
-/// Where a search from the fit ended.
-pub(super) struct Refit {
+/// The fit with one parameter held.
+#[derive(Debug, Clone)]
+pub(super) struct HeldPoint {
+    /// All free parameters.
     pub values: Vec<f64>,
     pub cost: f64,
-    pub solves: usize,
-    pub stopped: Stopped,
+}
+
+impl HeldPoint {
+    /// From values nearby.
+    pub fn fit(evaluator: &mut Evaluator, values: Vec<f64>, held: usize) -> Self {
+        let iterate = Iterate::begin(evaluator, values).holding(held);
+        let Iterate { values, cost, .. } =
+            iterate.run(evaluator, REFIT_TOLERANCE, true, &Ended::default());
+        Self { values, cost }
+    }
 }
 
 impl<'o> FittedPoint<'o> {
-    /// Solves for the motions of a fit.
-    pub fn new(objective: &'o Objective, parameters: &[FreeParameter], values: Vec<f64>) -> Self {
-        let evaluator = objective.evaluator(parameters.to_vec());
-        let unknown = Self { values: Vec::new(), cost: f64::NAN, responses: Vec::new(), evaluator };
-        unknown.moved_to(values)
-    }
-
-    /// The fit with other values.
-    pub fn moved_to(&self, values: Vec<f64>) -> Self {
-        let mut evaluator = self.evaluator.clone();
+    /// Solves for the motions of a fit with these values.
+    pub fn new(mut evaluator: Evaluator<'o>, values: Vec<f64>) -> Self {
         evaluator.accuracy = REFERENCE_ACCURACY;
         let metrics = evaluator.metrics(&values);
         let responses = evaluator.responses(&values, &metrics);
@@ -54,24 +55,21 @@ impl<'o> FittedPoint<'o> {
 
     /// Whether all motions exist.
     pub fn status(&self) -> FitStatus {
-        if self.responses.iter().all(Option::is_some) {
-            return FitStatus::Ok;
-        }
         let mut evaluator = self.evaluator.clone();
         evaluator.accuracy = REFERENCE_ACCURACY;
         evaluator.status(&self.values)
     }
 
     /// The fit of resampled measurements, from here.
-    pub fn refit(&self, resample: Resample, ended: &Ended) -> Refit {
+    pub fn refit(&self, resample: Resample, ended: &Ended) -> Start {
         let Resample { indices, measurements } = resample;
         let mut evaluator = self.evaluator.of_others(measurements, &indices);
         let responses = indices.iter().map(|&index| self.responses[index].as_ref());
         let at = evaluator.objective.linearised(responses);
         let iterate = Iterate::from_linearised(self.values.clone(), at);
-        let Iterate { values, cost, stopped, .. } =
+        let Iterate { values: ended, cost, stopped, .. } =
             iterate.run(&mut evaluator, REFIT_TOLERANCE, true, ended);
-        Refit { values, cost, solves: evaluator.solves, stopped }
+        Start { began: self.values.clone(), ended, cost, solves: evaluator.solves, stopped }
     }
 
     /// The objective of resampled measurements, linearised here.
@@ -79,22 +77,6 @@ impl<'o> FittedPoint<'o> {
         let objective = self.evaluator.objective.with_measurements(resample.measurements);
         let responses = resample.indices.iter().map(|&index| self.responses[index].as_ref());
         objective.linearised(responses)
-    }
-
-    /// The fit with one parameter held, from values nearby: all values and the objective.
-    pub fn refit_holding(
-        evaluator: &mut Evaluator<'o>,
-        values: Vec<f64>,
-        held: usize,
-    ) -> (Vec<f64>, f64) {
-        let iterate = Iterate::begin(evaluator, values).holding(held);
-        let refit = iterate.run(evaluator, REFIT_TOLERANCE, true, &Ended::default());
-        (refit.values, refit.cost)
-    }
-
-    /// The fit of another objective, from here.
-    pub fn refit_otherwise(&self, objective: &Objective) -> Start {
-        search_from(objective.evaluator(self.evaluator.parameters.clone()), self.values.clone())
     }
 
     /// How the results of resamples are to be corrected; `noises` are the measurements' own.
@@ -145,7 +127,7 @@ impl<'o> FittedPoint<'o> {
                 let indices: Vec<usize> = all.filter(|index| !left_out.contains(index)).collect();
                 let measurements = indices.iter().map(at).collect();
                 let refit = self.refit(Resample { indices, measurements }, &Ended::default());
-                (refit.values, refit.solves)
+                (refit.ended, refit.solves)
             };
             let mut evaluator =
                 self.evaluator.of_others(left_out.iter().map(at).collect(), left_out);

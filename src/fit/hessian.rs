@@ -10,7 +10,7 @@
 
 use nalgebra::DVector;
 
-use super::least_absolute::{Residual, dot, minimise_holding, sum};
+use super::least_absolute::{Residual, dot, minimise, sum};
 
 /// Approximate Hessian of each residual, row by row; empty before the first update.
 #[derive(Debug, Clone, Default)]
@@ -58,7 +58,7 @@ impl Hessians {
         let origin = DVector::zeros(limits.len());
         let began = sum(residuals, &origin);
         let linear = || {
-            let step = minimise_holding(residuals, limits, held);
+            let step = minimise(residuals, limits, held);
             let expected = began - sum(residuals, &step);
             (step, expected)
         };
@@ -72,7 +72,7 @@ impl Hessians {
                 [(low - step).clamp(-radius, 0.0), (high - step).clamp(0.0, radius)]
             };
             let limits: Vec<[f64; 2]> = limits.iter().zip(step.iter()).map(left).collect();
-            let change = minimise_holding(&here, &limits, held);
+            let change = minimise(&here, &limits, held);
             let expected = cost - sum(&here, &change);
             if expected <= ENOUGH * (began - cost) {
                 break;

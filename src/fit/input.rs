@@ -1,13 +1,16 @@
-//! What a fit reads of the configuration.
+//! What a fit reads of the configuration, and what that leaves free.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{FitData, FreeParameter, Measurement, measurements};
-use crate::config::{Config, Fit, Free, GaitConfig, NamedEntry, RobotConfig, Weights};
-use crate::robot::{Family, Model, Parameter};
-use crate::store::{CycleRow, hash};
+use super::{FitData, Measurement};
+use crate::config::{
+    Config, Fit, Free, GaitConfig, NamedEntry, ParameterSource, RobotConfig, Weights,
+};
+use crate::robot::{Family, Gait, Model, Parameter, Robot};
+use crate::stats::{Estimate, mean};
+use crate::store::{CycleRow, RobotParameterRow, hash};
 
 /// What one model of one campaign is fitted with.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -28,6 +31,15 @@ pub struct FitCampaign {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub free: Option<Free>,
 }
+
+type Measured = (Parameter, fn(&RobotParameterRow) -> Estimate);
+
+/// The parameters that joint-release and coast-down trials measure.
+const MEASURED: [Measured; 3] = [
+    (Parameter::Stiffness, |row| row.stiffness_nm_rad),
+    (Parameter::Damping, |row| row.damping_nm_s_rad),
+    (Parameter::RollSum, |row| row.roll_sum_kg_s),
+];
 
 impl FitInput {
     /// Those of all models of all campaigns, in the configuration's order.
@@ -69,6 +81,15 @@ impl FitInput {
         Some(input)
     }
 
+    /// What the campaign's trials measured, in order.
+    pub(super) fn measurements(&self, data: &FitData) -> Vec<Measurement> {
+        let trials = data.trials.iter().filter(|trial| trial.campaign == self.campaign.name);
+        let mut measurements: Vec<Measurement> =
+            trials.filter_map(|trial| Measurement::new(trial, self.fit.sigma)).collect();
+        measurements.sort_by(Measurement::order);
+        measurements
+    }
+
     /// Hash of what the fit reads of each trial. Numbers are printed such that they can be told apart.
     pub fn trials(&self, data: &FitData) -> BTreeMap<String, String> {
         let of_trial = |measurement: Measurement| {
@@ -77,23 +98,122 @@ impl FitInput {
             let hash = hash(format!("{measurement:?} {used:?}").as_bytes());
             (measurement.trial, hash)
         };
-        measurements(self, data).into_iter().map(of_trial).collect()
+        self.measurements(data).into_iter().map(of_trial).collect()
     }
 
-    /// Hash of what trials of other kinds say of the robot.
+    /// What trials of other kinds say of the robot.
+    fn robot_rows<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
+        data.robots.iter().filter(|row| row.robot == self.robot.name)
+    }
+
+    /// Hash of it.
     pub fn robots(&self, data: &FitData) -> String {
-        let of_robot = data.robots.iter().filter(|row| row.robot == self.robot.name);
-        let rows: Vec<[f64; 3]> = of_robot
-            .map(|row| {
-                [row.stiffness_nm_rad, row.damping_nm_s_rad, row.roll_sum_kg_s].map(|of| of.value)
-            })
-            .collect();
+        let values = |row: &RobotParameterRow| MEASURED.map(|(_, of)| of(row).value);
+        let rows: Vec<[f64; 3]> = self.robot_rows(data).map(values).collect();
         hash(format!("{rows:?}").as_bytes())
+    }
+
+    /// The robot, if the configuration asks for it with the means over its trials, where there
+    /// are any, of what these measure (the proportions of the roll resistances stay as
+    /// configured); and which parameters these are.
+    pub(super) fn measured_robot(&self, data: &FitData) -> (Robot, Vec<Parameter>) {
+        let (mut robot, mut measured) = (self.robot.value.to_robot(), Vec::new());
+        if self.fit.robot_parameters == ParameterSource::Configured {
+            return (robot, measured);
+        }
+        for (parameter, of) in MEASURED {
+            let values = self.robot_rows(data).map(|row| of(row).value);
+            let mut values: Vec<f64> =
+                values.filter(|value| *value > 0.0 && value.is_finite()).collect();
+            // The mean does not depend on the order of the trials.
+            values.sort_by(f64::total_cmp);
+            if !values.is_empty() {
+                parameter.set(&mut robot, mean(values));
+                measured.push(parameter);
+            }
+        }
+        (robot, measured)
     }
 
     /// The parameters that the fit frees, with their bounds.
     pub fn free(&self) -> Vec<FreeParameter> {
         let list = self.campaign.value.free.as_ref();
         FreeParameter::free_in(self.model, &self.gait.value.to_gait(), &self.fit, list)
+    }
+}
+
+/// Relative distance from a bound that counts as at it.
+const AT_BOUND: f64 = 1e-3;
+
+/// A parameter that a fit leaves free, and its bounds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FreeParameter {
+    pub parameter: Parameter,
+    pub bounds: [f64; 2],
+}
+
+impl FreeParameter {
+    /// The parameters that a fit of `model` frees: those of its list, else the paper's. What the
+    /// model does not have is left out.
+    pub fn free_in(model: Model, gait: &Gait, fit: &Fit, list: Option<&Free>) -> Vec<Self> {
+        let by_default: &[Parameter] = match model {
+            Model::Skid | Model::SkidRoll => &Parameter::SKID,
+            Model::NoSkidDamped => &[Parameter::Damping],
+            _ => &[],
+        };
+        let listed = list.map_or(by_default, |Free(parameters)| parameters);
+        let known = listed.iter().filter(|parameter| model.knows(**parameter, gait));
+        known.map(|&parameter| Self { parameter, bounds: bounds(parameter, fit) }).collect()
+    }
+
+    /// At which of its bounds a value is: lower, upper.
+    pub(super) fn is_at_bound(&self, value: f64) -> [bool; 2] {
+        let [low, high] = self.bounds;
+        [value < low * (1.0 + AT_BOUND), value > high * (1.0 - AT_BOUND)]
+    }
+}
+
+fn bounds(parameter: Parameter, fit: &Fit) -> [f64; 2] {
+    match (parameter.family(), parameter) {
+        (Family::Skid, _) => fit.skid_bounds_kg_s,
+        (Family::Roll, _) => fit.roll_bounds_kg_s,
+        (Family::Joint, Parameter::Stiffness) => fit.stiffness_bounds_nm_rad,
+        (Family::Joint, _) => fit.damping_bounds_nm_s_rad,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Columns as _;
+
+    #[test]
+    fn what_the_trials_do_not_tell_stays_as_configured() {
+        let row = |robot: &str| RobotParameterRow {
+            robot: robot.to_owned(),
+            ..RobotParameterRow::blank()
+        };
+        let found = |value: f64| Estimate { value, ..Estimate::MISSING };
+        let rows = [
+            RobotParameterRow { roll_sum_kg_s: found(0.9), ..row("ours") },
+            RobotParameterRow { roll_sum_kg_s: found(1.5), ..row("ours") },
+            RobotParameterRow { stiffness_nm_rad: found(9.0), ..row("another") },
+            RobotParameterRow { damping_nm_s_rad: found(0.01), ..row("ours") },
+        ];
+        let data = FitData { robots: rows.into(), ..FitData::default() };
+        let campaign = "semi-passive-symmetric";
+        let mut input =
+            FitInput::new(&Config::default(), campaign, Model::SkidRoll).expect("the paper's");
+        let configured = input.robot.value.to_robot();
+        assert_eq!(input.measured_robot(&data), (configured.clone(), Vec::new()));
+        input.robot.name = "ours".to_owned();
+        input.fit.robot_parameters = ParameterSource::Measured;
+        let (robot, measured) = input.measured_robot(&data);
+        assert_eq!(measured, [Parameter::Damping, Parameter::RollSum]);
+        assert_eq!(robot.stiffness_nm_rad, configured.stiffness_nm_rad);
+        assert_eq!(robot.damping_nm_s_rad, 0.01);
+        for (found, expected) in robot.roll_kg_s.iter().zip([0.6, 0.3, 0.3]) {
+            assert!((found - expected).abs() < 1e-12);
+        }
     }
 }

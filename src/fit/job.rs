@@ -5,18 +5,18 @@ use std::sync::atomic::Ordering;
 use rayon::prelude::*;
 
 use super::compare::bic;
-use super::fitted_point::{FittedPoint, Refit};
-use super::free::FreeParameter;
+use super::fitted_point::{FittedPoint, HeldPoint};
+use super::input::FreeParameter;
 use super::objective::{Objective, PENALTY};
 use super::predict::predictions;
-use super::profile::{Class, Profile, ProfilePoint, profile, profile_limits};
+use super::profile::{Class, Profile, profile, profile_limits};
 use super::resample::Resampler;
 use super::search::Ended;
 use super::starts::{Start, search_all, search_from};
-use super::{FitEvent, FitInput, Fitted, OnEvent};
+use super::{FitData, FitEvent, FitInput, Fitted, OnEvent};
 use crate::config::GaitInput;
 use crate::motion::{Model, REFERENCE_ACCURACY};
-use crate::robot::{ByParameter, Gait, Parameter, Robot};
+use crate::robot::{ByParameter, Parameter, Robot};
 use crate::stats::quantiles;
 use crate::store::{
     BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
@@ -33,58 +33,50 @@ const OUTSIDE: f64 = 0.025;
 /// One model of one campaign.
 pub(super) struct Job<'j> {
     pub input: &'j FitInput,
-    pub robot: Robot,
-    pub gait: Gait,
+    objective: Objective,
     /// Coefficients that trials of other kinds gave.
-    pub measured: Vec<Parameter>,
-    pub resampler: &'j Resampler,
-    pub measurements: &'j [super::Measurement],
+    measured: Vec<Parameter>,
+    resampler: &'j Resampler,
 }
 
-/// What a job gives: its rows, and the replicates' objectives.
-pub(super) struct JobResult {
-    pub tables: Fitted,
-    pub replicates: Vec<f64>,
-}
-
-/// A model that was fitted before.
-impl From<Fitted> for JobResult {
-    fn from(tables: Fitted) -> Self {
-        Self { replicates: tables.bootstrap.iter().map(|row| row.j).collect(), tables }
-    }
-}
-
-impl Job<'_> {
-    pub fn run(&self, on_event: OnEvent) -> JobResult {
-        if self.measurements.is_empty() {
-            return self.without_trials();
-        }
+impl<'j> Job<'j> {
+    pub fn new(input: &'j FitInput, data: &FitData, resampler: &'j Resampler) -> Self {
+        let (robot, measured) = input.measured_robot(data);
         let objective = Objective {
-            model: self.input.model,
-            robot: self.robot.clone(),
-            gait: self.gait,
-            weights: self.input.campaign.value.weights,
-            gait_input: self.input.fit.gait_input,
-            measurements: self.measurements.to_vec(),
+            model: input.model,
+            robot,
+            gait: input.gait.value.to_gait(),
+            weights: input.campaign.value.weights,
+            gait_input: input.fit.gait_input,
+            measurements: resampler.measurements.clone(),
         };
+        Self { input, objective, measured, resampler }
+    }
+
+    /// The model's rows, without what needs the campaign's other models.
+    pub fn run(&self, on_event: OnEvent) -> Fitted {
+        if self.objective.measurements.is_empty() {
+            let status = FitStatus::Failed("failed: no trial with metrics".to_owned());
+            let comparison = vec![self.comparison_row(status.clone())];
+            let fits = vec![self.fit_row(&self.objective.robot, status)];
+            return Fitted { fits, comparison, ..Fitted::default() };
+        }
         let parameters = self.input.free();
-        let starts = search_all(&objective, &parameters, self.input.fit.starts);
+        let starts = search_all(&self.objective, &parameters, self.input.fit.starts);
         // What is less than the motions' own inaccuracy is nothing: the first of these is best.
         let floor = |start: &Start| start.cost.max(REFERENCE_ACCURACY);
         let best = starts.iter().min_by(|a, b| floor(a).total_cmp(&floor(b)));
         let best = best.expect("there is at least one start").clone();
-        let mut solves: usize = starts.iter().map(|start| start.solves).sum();
-        let point = FittedPoint::new(&objective, &parameters, best.ended);
-        let status = point.status();
-        solves += point.evaluator.solves;
         let mut fit = Fit {
-            point,
+            point: FittedPoint::new(self.objective.evaluator(parameters), best.ended),
             cost: best.cost,
             resumed: 0,
-            solves,
+            solves: starts.iter().map(|start| start.solves).sum(),
             profiles: Vec::new(),
             replicates: Vec::new(),
         };
+        fit.solves += fit.point.evaluator.solves;
+        let status = fit.point.status();
         if status.is_ok() {
             self.follow_profiles(&mut fit);
             self.bootstrap(&mut fit, on_event);
@@ -116,7 +108,7 @@ impl Job<'_> {
             }
             fit.resumed += 1;
             fit.cost = resumed.cost;
-            fit.point = fit.point.moved_to(resumed.ended);
+            fit.point = FittedPoint::new(fit.point.evaluator.clone(), resumed.ended);
         }
     }
 
@@ -136,22 +128,20 @@ impl Job<'_> {
         fit.solves += fit.replicates.iter().map(|refit| refit.solves).sum::<usize>();
     }
 
-    fn rows(&self, fit: Fit, starts: &[Start], status: FitStatus) -> JobResult {
-        let Fit { point, cost, resumed, profiles, replicates, .. } = &fit;
-        let (campaign, model) = (&self.input.campaign.name, self.input.model);
+    fn rows(&self, mut fit: Fit, starts: &[Start], status: FitStatus) -> Fitted {
+        let comparison = match status.is_ok() {
+            true => self.comparison(&mut fit),
+            false => self.comparison_row(status.clone()),
+        };
+        let Fit { point, cost, resumed, solves, profiles, replicates } = &fit;
         let parameters = &point.evaluator.parameters;
-        let objective = &point.evaluator.objective;
-        let robot = objective.robot_with(parameters, &point.values);
+        let robot = self.objective.robot_with(parameters, &point.values);
         let free: Vec<Parameter> = parameters.iter().map(|free| free.parameter).collect();
         let classed = |class: Class| {
             let both = free.iter().zip(profiles);
             both.filter(|(_, profile)| profile.class == class).map(|(of, _)| *of).collect()
         };
-        let held = |parameter: &Parameter| {
-            model.knows(*parameter, &self.gait) && !free.contains(parameter)
-        };
-        let ok = Some(&fit).filter(|_| status.is_ok());
-        let (comparison, more_solves) = self.comparison(ok, &status);
+        let held = |parameter: &Parameter| self.knows(*parameter) && !free.contains(parameter);
         let both = parameters.iter().zip(&point.values);
         let at_bound = both.filter(|(free, value)| free.is_at_bound(**value).contains(&true));
         let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
@@ -165,15 +155,16 @@ impl Job<'_> {
             structurally_not: classed(Class::StructurallyNot),
             at_bound: at_bound.map(|(free, _)| free.parameter).collect(),
             j: if status.is_ok() { *cost } else { f64::NAN },
-            trials: self.measurements.len() as i64,
+            trials: self.objective.measurements.len() as i64,
             starts: starts.len() as i64,
             starts_reached: count(&|start| start.cost <= cost * (1.0 + REACHED)),
             starts_failed: count(&|start| start.stopped.is_failure()),
             resumed: *resumed as i64,
-            solves: (fit.solves + more_solves) as i64,
+            solves: *solves as i64,
             free,
             ..self.fit_row(&robot, status)
         };
+        let (campaign, model) = (&self.input.campaign.name, self.input.model);
         let start_row = |(number, start): (usize, &Start)| StartRow {
             campaign: campaign.clone(),
             model,
@@ -184,104 +175,97 @@ impl Job<'_> {
             solves: start.solves as i64,
             stopped: start.stopped,
         };
-        let profile_rows = |(index, profile): (usize, &Profile)| {
-            let row = |point: &ProfilePoint| ProfileRow {
-                campaign: campaign.clone(),
-                model,
-                parameter: parameters[index].parameter,
-                value: point.values[index],
-                parameters: spread(parameters, &point.values),
-                j: point.cost,
-                limit_j: profile.limit,
-            };
-            profile.points.iter().map(row).collect::<Vec<_>>()
+        let profile_row = |(index, limit_j, point): (usize, f64, &HeldPoint)| ProfileRow {
+            campaign: campaign.clone(),
+            model,
+            parameter: parameters[index].parameter,
+            value: point.values[index],
+            parameters: spread(parameters, &point.values),
+            j: point.cost,
+            limit_j,
         };
-        let replicate_row = |(number, refit): (usize, &Refit)| BootstrapRow {
+        let profile_points = profiles.iter().enumerate().flat_map(|(index, profile)| {
+            profile.points.iter().map(move |point| (index, profile.limit, point))
+        });
+        let replicate_row = |(number, refit): (usize, &Start)| BootstrapRow {
             campaign: campaign.clone(),
             model,
             replicate: number as i64,
-            parameters: spread(parameters, &refit.values),
+            parameters: spread(parameters, &refit.ended),
             j: refit.cost,
             solves: refit.solves as i64,
             stopped: refit.stopped,
         };
-        JobResult {
-            replicates: replicates.iter().map(|refit| refit.cost).collect(),
-            tables: Fitted {
-                predictions: predictions(campaign, objective, &robot),
-                starts: starts.iter().enumerate().map(start_row).collect(),
-                profiles: profiles.iter().enumerate().flat_map(profile_rows).collect(),
-                bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),
-                comparison: vec![comparison],
-                fits: vec![row],
-            },
+        Fitted {
+            predictions: predictions(campaign, &self.objective, &robot),
+            starts: starts.iter().enumerate().map(start_row).collect(),
+            profiles: profile_points.map(profile_row).collect(),
+            bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),
+            comparison: vec![comparison],
+            fits: vec![row],
         }
     }
 
-    /// The model's row of the comparison, without what needs the other models; and how many
-    /// motions that took.
-    fn comparison(&self, fit: Option<&Fit>, status: &FitStatus) -> (ComparisonRow, usize) {
-        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model);
-        let row =
-            ComparisonRow { campaign, model, status: status.clone(), ..ComparisonRow::blank() };
-        let Some(Fit { point, cost, .. }) = fit else { return (row, 0) };
+    /// The model's row of the comparison, without what needs the other models.
+    fn comparison(&self, fit: &mut Fit) -> ComparisonRow {
+        let point = &fit.point;
         let [j_d, j_v, j_sigma @ .., j_alpha] = point.parts();
-        let objective = &point.evaluator.objective;
-        let terms: usize = self.measurements.iter().map(|each| objective.terms(each).count()).sum();
-        let free = point.evaluator.parameters.len();
-        let (j_left_out, mut solves) = point.leave_one_frequency_out();
+        let measurements = &self.objective.measurements;
+        let terms: usize = measurements.iter().map(|each| self.objective.terms(each).count()).sum();
+        let parameters = &point.evaluator.parameters;
+        let (j_left_out, solves) = point.leave_one_frequency_out();
+        fit.solves += solves;
         let mut row = ComparisonRow {
-            j: *cost,
+            j: fit.cost,
             j_d,
             j_v,
             j_sigma: j_sigma.iter().sum(),
             j_alpha,
             j_left_out,
-            free: free as i64,
+            free: parameters.len() as i64,
             terms: terms as i64,
-            criterion: bic(*cost, terms, free),
-            ..row
+            criterion: bic(fit.cost, terms, parameters.len()),
+            ..self.comparison_row(FitStatus::Ok)
         };
-        let other = match self.input.fit.gait_input {
+        if self.input.model == Model::NoSkidMeasured {
+            return row;
+        }
+        let gait_input = match self.objective.gait_input {
             GaitInput::Commanded => GaitInput::Measured,
             GaitInput::Measured => GaitInput::Commanded,
         };
-        if self.input.model != Model::NoSkidMeasured {
-            let otherwise = Objective { gait_input: other, ..objective.as_ref().clone() };
-            let found = point.refit_otherwise(&otherwise);
-            solves += found.solves;
-            row.other_gait_input = Some(other);
-            // A trial without a motion costs more than any fit.
-            if found.cost < PENALTY / self.measurements.len() as f64 {
-                row.other_gait_j = found.cost;
-                let robot = otherwise.robot_with(&point.evaluator.parameters, &found.ended);
-                row.other_gait_parameters = self.parameters_of(&robot);
-            }
+        let otherwise = Objective { gait_input, ..self.objective.clone() };
+        let found = search_from(otherwise.evaluator(parameters.clone()), point.values.clone());
+        fit.solves += found.solves;
+        row.other_gait_input = Some(gait_input);
+        // A trial without a motion costs more than any fit.
+        if found.cost < PENALTY / measurements.len() as f64 {
+            row.other_gait_j = found.cost;
+            let robot = otherwise.robot_with(parameters, &found.ended);
+            row.other_gait_parameters = self.parameters_of(&robot);
         }
-        (row, solves)
+        row
     }
 
-    fn without_trials(&self) -> JobResult {
-        let status = FitStatus::Failed("failed: no trial with metrics".to_owned());
-        let (comparison, _) = self.comparison(None, &status);
-        let fits = vec![self.fit_row(&self.robot, status)];
-        let tables = Fitted { fits, comparison: vec![comparison], ..Fitted::default() };
-        JobResult { tables, replicates: Vec::new() }
+    fn comparison_row(&self, status: FitStatus) -> ComparisonRow {
+        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model);
+        ComparisonRow { campaign, model, status, ..ComparisonRow::blank() }
     }
 
     /// A row with the parameters that the model knows; all else is missing.
     fn fit_row(&self, robot: &Robot, status: FitStatus) -> FitRow {
-        let (FitInput { campaign, model, .. }, parameters) =
-            (self.input, self.parameters_of(robot));
-        let campaign = campaign.name.clone();
-        FitRow { campaign, model: *model, parameters, status, ..FitRow::blank() }
+        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model);
+        let parameters = self.parameters_of(robot);
+        FitRow { campaign, model, parameters, status, ..FitRow::blank() }
     }
 
     fn parameters_of(&self, robot: &Robot) -> ByParameter<f64> {
-        ByParameter::from_fn(|parameter| {
-            let is_known = self.input.model.knows(parameter, &self.gait);
-            if is_known { parameter.of(robot) } else { f64::NAN }
-        })
+        let value = |of| if self.knows(of) { of.of(robot) } else { f64::NAN };
+        ByParameter::from_fn(value)
+    }
+
+    fn knows(&self, parameter: Parameter) -> bool {
+        self.input.model.knows(parameter, &self.objective.gait)
     }
 }
 
@@ -290,10 +274,11 @@ struct Fit<'o> {
     point: FittedPoint<'o>,
     cost: f64,
     resumed: usize,
+    /// Motions solved for so far.
     solves: usize,
     /// One per free parameter, or none.
     profiles: Vec<Profile>,
-    replicates: Vec<Refit>,
+    replicates: Vec<Start>,
 }
 
 impl Fit<'_> {
@@ -312,7 +297,7 @@ impl Fit<'_> {
                 let limit = match self.replicates.is_empty() {
                     true => profiled.flatten().unwrap_or(f64::NAN),
                     false => {
-                        let values = self.replicates.iter().map(|refit| refit.values[index]);
+                        let values = self.replicates.iter().map(|refit| refit.ended[index]);
                         quantiles(values.collect(), [OUTSIDE, 1.0 - OUTSIDE])[side]
                     }
                 };
@@ -375,29 +360,12 @@ mod tests {
     #[test]
     fn a_profile_that_finds_a_lower_objective_resumes_the_fit() {
         let config = Config::default();
-        let (robot, gait) = config.campaign_setup(CAMPAIGN).expect("the paper's");
-        let measurements = measurements();
-        let resampler = Resampler::new(CAMPAIGN, 1, &measurements, &BTreeMap::new());
-        let job = Job {
-            input: &FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's"),
-            robot: robot.clone(),
-            gait,
-            measured: Vec::new(),
-            resampler: &resampler,
-            measurements: &measurements,
-        };
-        let (weights, gait_input) = (config.campaign[CAMPAIGN].weights, config.fit.gait_input);
-        let objective = Objective {
-            model: job.input.model,
-            robot,
-            gait,
-            weights,
-            gait_input,
-            measurements: measurements.clone(),
-        };
-        let parameters = job.input.free();
+        let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
+        let resampler = Resampler::new(CAMPAIGN, 1, measurements(), &BTreeMap::new());
+        let job = Job::new(&input, &FitData::default(), &resampler);
         // Away from the best, which is at 100.7, 33.9, 43.6 kg/s.
-        let point = FittedPoint::new(&objective, &parameters, vec![95.0, 34.0, 44.0]);
+        let evaluator = job.objective.evaluator(input.free());
+        let point = FittedPoint::new(evaluator, vec![95.0, 34.0, 44.0]);
         let began = point.cost;
         let mut fit = Fit {
             cost: point.cost,
@@ -419,13 +387,10 @@ mod tests {
         let mut config = Config::default();
         config.fit.starts = 1;
         config.fit.bootstrap = 2;
-        let (robot, gait) = config.campaign_setup(CAMPAIGN).expect("the paper's");
-        let measurements = measurements();
-        let resampler = Resampler::new(CAMPAIGN, 1, &measurements, &BTreeMap::new());
-        let input = &FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
-        let (measured, resampler, measurements) = (Vec::new(), &resampler, &measurements[..]);
-        let job = Job { input, robot, gait, measured, resampler, measurements };
-        let Fitted { fits, bootstrap, comparison, predictions, .. } = job.run(&|_| {}).tables;
+        let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
+        let resampler = Resampler::new(CAMPAIGN, 1, measurements(), &BTreeMap::new());
+        let job = Job::new(&input, &FitData::default(), &resampler);
+        let Fitted { fits, bootstrap, comparison, predictions, .. } = job.run(&|_| {});
         let (fit, first) = (&fits[0], Parameter::Skid0);
         let found = Parameter::SKID.map(|skid| fit.parameters[skid]).into_iter();
         let found = found.chain([fit.j, fit.upper[first], bootstrap[1].parameters[first]]);

@@ -38,27 +38,21 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// [`minimise`] with one variable held at 0.
-pub(super) fn minimise_holding(
+/// The `x` with the smallest [`sum`] and with every `x[i]` within `bounds[i]`, which must
+/// hold 0; a `held` variable stays there.
+pub(super) fn minimise(
     residuals: &[Residual],
     bounds: &[[f64; 2]],
     held: Option<usize>,
 ) -> DVector<f64> {
-    let Some(held) = held else { return minimise(residuals, bounds) };
-    if bounds.len() == 1 {
-        return DVector::zeros(1);
+    if let Some(held) = held {
+        let (mut others, mut residuals) = (bounds.to_vec(), residuals.to_vec());
+        others.remove(held);
+        for residual in &mut residuals {
+            residual.slope.remove(held);
+        }
+        return minimise(&residuals, &others, None).insert_row(held, 0.0);
     }
-    let (mut others, mut residuals) = (bounds.to_vec(), residuals.to_vec());
-    others.remove(held);
-    for residual in &mut residuals {
-        residual.slope.remove(held);
-    }
-    minimise(&residuals, &others).insert_row(held, 0.0)
-}
-
-/// The `x` with the smallest [`sum`] and with every `x[i]` within `bounds[i]`, which must
-/// hold 0.
-pub(super) fn minimise(residuals: &[Residual], bounds: &[[f64; 2]]) -> DVector<f64> {
     const MAX_EDGES: usize = 500;
     let count = bounds.len();
     let slopes = residuals.iter().flat_map(|each| each.slope.iter().map(|a| a * each.weight));
@@ -157,8 +151,8 @@ mod tests {
         let residual = |weight: f64, zero: f64| Residual { weight, value: -zero, slope: vec![1.0] };
         let residuals =
             [residual(1.0, 5.0), residual(1.0, -2.0), residual(3.0, 1.0), residual(1.5, 2.0)];
-        assert_eq!(minimise(&residuals, &[[-10.0, 10.0]])[0], 1.0);
-        assert_eq!(minimise(&residuals, &[[-10.0, 0.5]])[0], 0.5);
+        assert_eq!(minimise(&residuals, &[[-10.0, 10.0]], None)[0], 1.0);
+        assert_eq!(minimise(&residuals, &[[-10.0, 0.5]], None)[0], 0.5);
     }
 
     proptest! {
@@ -177,7 +171,7 @@ mod tests {
                 .map(|(weight, value, slope)| Residual { weight, value, slope })
                 .collect();
             let bounds = [[-1.0, 0.5], [-0.2, 1.0], [0.0, 1.0]];
-            let x = minimise(&residuals, &bounds);
+            let x = minimise(&residuals, &bounds, None);
             for (x, [low, high]) in x.iter().zip(bounds) {
                 prop_assert!((low - 1e-9..=high + 1e-9).contains(x), "{x}");
             }

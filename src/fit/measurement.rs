@@ -59,18 +59,13 @@ impl Measurement {
     /// that of the trials.
     pub fn order(&self, other: &Self) -> Ordering {
         let numbers = |of: &Self| {
-            let metrics = of.metrics.to_array();
-            let errors = of.errors.to_array();
-            [of.omega_rad_s].into_iter().chain(metrics).chain(errors)
-        };
-        let by_numbers = || {
-            let pairs = numbers(self).zip(numbers(other));
-            pairs.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne())
+            let all = of.metrics.to_array().into_iter().chain(of.errors.to_array());
+            [of.omega_rad_s].into_iter().chain(all).map(f64::to_bits)
         };
         self.frequency_rad_s
             .total_cmp(&other.frequency_rad_s)
             .then_with(|| self.trial.cmp(&other.trial))
-            .then_with(|| by_numbers().unwrap_or(Ordering::Equal))
+            .then_with(|| numbers(self).cmp(numbers(other)))
     }
 
     /// Indices of the measurements of each frequency; the measurements are in their order.

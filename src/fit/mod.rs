@@ -12,12 +12,10 @@
 mod compare;
 mod fitted_point;
 mod folder;
-mod free;
 mod hessian;
 mod input;
 mod job;
 mod least_absolute;
-mod measured;
 mod measurement;
 mod noise_correction;
 mod objective;
@@ -31,18 +29,17 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::config::{Config, ParameterSource};
+use crate::config::Config;
 use crate::robot::Model;
 use crate::store::{
     BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
     StartRow, TrialRow,
 };
-use job::{Job, JobResult};
+use job::Job;
 use resample::Resampler;
 
 pub use folder::{TABLES, input_paths};
-pub use free::FreeParameter;
-pub use input::{FitCampaign, FitInput};
+pub use input::{FitCampaign, FitInput, FreeParameter};
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective};
 pub use starts::{Start, search};
@@ -117,91 +114,52 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// assert!((skid0_kg_s / 104.0 - 1.0).abs() < 1e-4);
 /// ```
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
-    fit_except(&FitInput::all(config), data, Kept::new(), on_event)
+    fit_except(&FitInput::all(config), data, BTreeMap::new(), on_event)
 }
 
-/// What there is of fits that stay as they are, by campaign and model.
-pub type Kept = BTreeMap<(String, Model), Fitted>;
-
-/// [`fit`] of those models only that are not kept. The tables are those that a fit of all would
+/// [`fit`] of those models only that are not `cached`. The tables are those that a fit of all would
 /// have given.
 pub fn fit_except(
     inputs: &[FitInput],
     data: &FitData,
-    mut kept: Kept,
+    mut cached: BTreeMap<(String, Model), Fitted>,
     on_event: OnEvent,
 ) -> Fitted {
+    let key = |input: &FitInput| (input.campaign.name.clone(), input.model);
     let campaigns: Vec<&[FitInput]> =
         inputs.chunk_by(|a, b| a.campaign.name == b.campaign.name).collect();
-    let key = |input: &FitInput| (input.campaign.name.clone(), input.model);
-    let sampled: Vec<(&[FitInput], Vec<Measurement>, Resampler)> = campaigns
+    let is_new = |input: &&FitInput| !cached.contains_key(&key(input));
+    let sampled: Vec<(&[FitInput], Resampler)> = campaigns
         .iter()
-        .filter(|inputs| inputs.iter().any(|input| !kept.contains_key(&key(input))))
+        .filter(|inputs| inputs.iter().any(|input| is_new(&input)))
         .map(|inputs| {
-            let measurements = measurements(&inputs[0], data);
             let FitInput { campaign, fit, .. } = &inputs[0];
-            let resampler = Resampler::new(&campaign.name, fit.seed, &measurements, &data.cycles);
-            (*inputs, measurements, resampler)
+            let measurements = inputs[0].measurements(data);
+            (*inputs, Resampler::new(&campaign.name, fit.seed, measurements, &data.cycles))
         })
         .collect();
     let jobs: Vec<Job> = sampled
         .iter()
-        .flat_map(|(inputs, measurements, resampler)| {
-            let new = inputs.iter().filter(|input| !kept.contains_key(&key(input)));
-            new.map(move |input| {
-                let mut robot = input.robot.value.to_robot();
-                let measured = match input.fit.robot_parameters {
-                    ParameterSource::Configured => Vec::new(),
-                    ParameterSource::Measured => {
-                        measured::with_measured(&mut robot, &input.robot.name, &data.robots)
-                    }
-                };
-                let gait = input.gait.value.to_gait();
-                Job { input, robot, gait, measured, resampler, measurements }
-            })
+        .flat_map(|(inputs, resampler)| {
+            inputs.iter().filter(is_new).map(move |input| Job::new(input, data, resampler))
         })
         .collect();
-    let mut fitted: BTreeMap<(String, Model), JobResult> = jobs
+    let fitted: Vec<((String, Model), Fitted)> = jobs
         .par_iter()
         .with_max_len(1)
         .map(|job| {
-            let done = job.run(on_event);
-            done.tables.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
-            (key(job.input), done)
+            let fitted = job.run(on_event);
+            fitted.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
+            (key(job.input), fitted)
         })
         .collect();
+    cached.extend(fitted);
     let mut all = Fitted::default();
     for inputs in campaigns {
-        let models = inputs.iter().filter_map(|input| {
-            kept.remove(&key(input)).map(JobResult::from).or_else(|| fitted.remove(&key(input)))
-        });
-        let mut models: Vec<JobResult> = models.collect();
-        compare_models(&mut models, inputs[0].fit.bootstrap);
-        models.into_iter().for_each(|done| all.extend(done.tables));
+        let models = inputs.iter().filter_map(|input| cached.remove(&key(input)));
+        let mut models: Vec<Fitted> = models.collect();
+        compare::complete(&mut models, inputs[0].fit.bootstrap);
+        models.into_iter().for_each(|fitted| all.extend(fitted));
     }
     all
-}
-
-/// What the trials of a campaign measured, in order.
-fn measurements(input: &FitInput, data: &FitData) -> Vec<Measurement> {
-    let of_campaign = data.trials.iter().filter(|trial| trial.campaign == input.campaign.name);
-    let mut measurements: Vec<Measurement> =
-        of_campaign.filter_map(|trial| Measurement::new(trial, input.fit.sigma)).collect();
-    measurements.sort_by(Measurement::order);
-    measurements
-}
-
-/// Completes the rows of a campaign's comparison by what needs all of them.
-fn compare_models(models: &mut [JobResult], replicates: usize) {
-    let costs: Vec<&[f64]> = models.iter().map(|done| done.replicates.as_slice()).collect();
-    let frequencies = compare::selection_frequencies(&costs);
-    for (model, frequency) in models.iter_mut().zip(frequencies) {
-        model.tables.comparison.iter_mut().for_each(|row| row.wins = frequency);
-    }
-    let rows: Vec<ComparisonRow> =
-        models.iter().flat_map(|done| done.tables.comparison.iter().cloned()).collect();
-    let sentence = compare::sentence(&rows, replicates);
-    for row in models.iter_mut().flat_map(|done| &mut done.tables.comparison) {
-        row.sentence.clone_from(&sentence);
-    }
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::free::FreeParameter;
+use super::input::FreeParameter;
 use super::least_absolute::Residual;
 use super::measurement::Measurement;
 use crate::config::{GaitInput, Weights};

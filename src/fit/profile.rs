@@ -12,8 +12,8 @@
 
 use rayon::prelude::*;
 
-use super::fitted_point::FittedPoint;
-use super::least_absolute::{minimise, minimise_holding, sum};
+use super::fitted_point::{FittedPoint, HeldPoint};
+use super::least_absolute::{minimise, sum};
 use super::resample::Resampler;
 use super::search::limits;
 use crate::stats::quantiles_low;
@@ -40,19 +40,11 @@ pub(super) enum Class {
     StructurallyNot,
 }
 
-/// A point of a profile.
-#[derive(Debug, Clone)]
-pub(super) struct ProfilePoint {
-    /// All free parameters.
-    pub values: Vec<f64>,
-    pub cost: f64,
-}
-
 /// The profile of one parameter.
 #[derive(Debug, Clone)]
 pub(super) struct Profile {
     /// By rising value; the fit is one of them.
-    pub points: Vec<ProfilePoint>,
+    pub points: Vec<HeldPoint>,
     pub limit: f64,
     /// Where the objective crosses the limit; `None` where it does not up to the bound.
     pub interval: [Option<f64>; 2],
@@ -73,9 +65,9 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
         .into_par_iter()
         .map(|number| {
             let all = fit.linearised(resampler.draw(number)).residuals;
-            let free = sum(&all, &minimise(&all, &bounds));
-            let held = |index| sum(&all, &minimise_holding(&all, &bounds, Some(index)));
-            (0..count).map(|index| held(index) - free).collect()
+            let lowest = |held| sum(&all, &minimise(&all, &bounds, held));
+            let free = lowest(None);
+            (0..count).map(|index| lowest(Some(index)) - free).collect()
         })
         .collect();
     let correction = fit.noise_correction(&resampler.noises());
@@ -94,7 +86,7 @@ pub(super) fn profile(fit: &FittedPoint, index: usize, limit: f64) -> Profile {
     let interval = [below.crossing, above.crossing];
     let solves = below.solves + above.solves;
     let mut points = below.points;
-    points.push(ProfilePoint { values: fit.values.clone(), cost: fit.cost });
+    points.push(HeldPoint { values: fit.values.clone(), cost: fit.cost });
     points.extend(above.points);
     points.sort_by(|a, b| a.values[index].total_cmp(&b.values[index]));
     let rise = points.iter().map(|point| (point.cost - fit.cost).abs()).fold(0.0, f64::max);
@@ -108,7 +100,7 @@ pub(super) fn profile(fit: &FittedPoint, index: usize, limit: f64) -> Profile {
 
 /// A profile on one side of the fit.
 struct Side {
-    points: Vec<ProfilePoint>,
+    points: Vec<HeldPoint>,
     crossing: Option<f64>,
     solves: usize,
 }
@@ -121,7 +113,7 @@ fn trace(fit: &FittedPoint, index: usize, limit: f64, side: usize) -> Side {
     let bound = fit.evaluator.parameters[index].bounds[side];
     let whole = (bound / fitted).ln();
     let mut evaluator = fit.evaluator.clone();
-    let mut points: Vec<ProfilePoint> = Vec::new();
+    let mut points: Vec<HeldPoint> = Vec::new();
     // Offset of the logarithm, values and objective under the limit; offset and objective above.
     let mut under = (0.0, fit.values.clone(), fit.cost);
     let mut over: Option<(f64, f64)> = None;
@@ -144,12 +136,12 @@ fn trace(fit: &FittedPoint, index: usize, limit: f64, side: usize) -> Side {
         };
         let mut values = under.1.clone();
         values[index] = if offset == whole { bound } else { fitted * offset.exp() };
-        let (values, cost) = FittedPoint::refit_holding(&mut evaluator, values, index);
-        points.push(ProfilePoint { values: values.clone(), cost });
-        match cost > limit {
-            true => over = Some((offset, cost)),
-            false => under = (offset, values, cost),
+        let point = HeldPoint::fit(&mut evaluator, values, index);
+        match point.cost > limit {
+            true => over = Some((offset, point.cost)),
+            false => under = (offset, point.values.clone(), point.cost),
         }
+        points.push(point);
     }
     let crossing = over.map(|(over, _)| fitted * under.0.midpoint(over).exp());
     Side { points, crossing, solves: evaluator.solves }
@@ -157,7 +149,7 @@ fn trace(fit: &FittedPoint, index: usize, limit: f64, side: usize) -> Side {
 
 impl Profile {
     /// The lowest point, if it is lower than the fit by more than inaccuracy.
-    pub fn lower_than(&self, cost: f64) -> Option<&ProfilePoint> {
+    pub fn lower_than(&self, cost: f64) -> Option<&HeldPoint> {
         let lowest = self.points.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
         (lowest.cost < cost * (1.0 - 1e-7)).then_some(lowest)
     }

@@ -35,7 +35,7 @@ type Metrics = [f64; TERMS];
 pub(super) struct Resampler {
     campaign: String,
     seed: u64,
-    measurements: Vec<Measurement>,
+    pub measurements: Vec<Measurement>,
     /// Indices of each frequency's trials.
     frequencies: Vec<Vec<usize>>,
     /// Standard errors; those that are missing are taken from the others.
@@ -61,21 +61,21 @@ impl Resampler {
     pub fn new(
         campaign: &str,
         seed: u64,
-        measurements: &[Measurement],
+        measurements: Vec<Measurement>,
         cycles: &BTreeMap<String, Vec<CycleRow>>,
     ) -> Self {
         let used = |measurement: &Measurement| -> Vec<Metrics> {
             let rows = cycles.get(&measurement.trial).into_iter().flatten();
             rows.filter(|row| row.used).map(|row| terms(&row.metrics)).collect()
         };
-        let frequencies = Measurement::frequencies(measurements);
-        let errors = errors(measurements);
-        let (own, spread, deviations) = own_spread(measurements, &frequencies, &errors);
+        let frequencies = Measurement::frequencies(&measurements);
+        let errors = errors(&measurements);
+        let (own, spread, deviations) = own_spread(&measurements, &frequencies, &errors);
         Self {
             campaign: campaign.to_owned(),
             seed,
             cycles: measurements.iter().map(used).collect(),
-            measurements: measurements.to_vec(),
+            measurements,
             frequencies,
             errors,
             own,
@@ -290,7 +290,7 @@ mod tests {
             .map(|(measurement, cycles)| (measurement.trial.clone(), cycles.clone()))
             .collect();
         let measurements: Vec<Measurement> = trials.into_iter().map(|(each, _)| each).collect();
-        Resampler::new("campaign", 1, &measurements, &cycles)
+        Resampler::new("campaign", 1, measurements, &cycles)
     }
 
     /// Standard deviation of a number over many resamples.

@@ -21,8 +21,8 @@ use argmin::core::{
 };
 use nalgebra::DVector;
 
-use super::free::FreeParameter;
 use super::hessian::Hessians;
+use super::input::FreeParameter;
 use super::least_absolute::Residual;
 use super::objective::{Evaluator, Linearised, PENALTY};
 use crate::interrupt::stop_if_asked;

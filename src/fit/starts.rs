@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::free::FreeParameter;
+use super::input::FreeParameter;
 use super::objective::{Evaluator, Objective};
 use super::search::{CONVERGED, Ended, Iterate};
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
