@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::output::say;
 use super::{Context, Failure, Outcome};
 use crate::ingest::{self, FileSurvey, IngestSettings, Recording, survey};
-use crate::store::{CheckRow, Severity, TrialStatus};
+use crate::store::{CheckRow, Severity, TrialRow, TrialStatus};
 use crate::trial::{Trial, TrialList};
 
 #[derive(clap::Args)]
@@ -83,13 +83,12 @@ fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome,
 
 fn check_trial(context: &Context, folder: &Path, trial: &Trial) -> CheckedTrial {
     let (row, checks) = ingest::check_trial(folder, trial, &context.config);
-    CheckedTrial {
-        trial: row.trial,
-        status: row.status,
-        message: row.message,
-        cycles: row.cycles,
-        checks: checks.into_iter().map(CheckLine::from).collect(),
-    }
+    let line = |row: CheckRow| {
+        let CheckRow { check, severity, value, limit, message, .. } = row;
+        CheckLine { check, severity, value, limit, message }
+    };
+    let TrialRow { trial, status, message, cycles, .. } = row;
+    CheckedTrial { trial, status, message, cycles, checks: checks.into_iter().map(line).collect() }
 }
 
 /// A trial, and below it what its checks found by code.
@@ -113,13 +112,6 @@ fn say_counts(trials: &[CheckedTrial]) {
         let counts: Vec<String> =
             count.iter().map(|(severity, count)| format!("{count} {severity}")).collect();
         say!("{check:<24} {}", counts.join(", "));
-    }
-}
-
-impl From<CheckRow> for CheckLine {
-    fn from(row: CheckRow) -> Self {
-        let CheckRow { check, severity, value, limit, message, .. } = row;
-        Self { check, severity, value, limit, message }
     }
 }
 

@@ -98,39 +98,26 @@ fn existing_folder(folder: &Path) -> Result<&Path, Failure> {
 
 /// A line of TOML over the configuration's tolerances.
 fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
-    let tables: BTreeMap<String, Tolerances> =
-        crate::config::parse_toml(Path::new("--tolerance"), line)?;
-    for (name, tolerances) in tables {
-        let compare = &mut config.compare;
-        let table = match name.as_str() {
-            "trials" => &mut compare.trials,
-            "campaigns" => &mut compare.campaigns,
-            "fits" => &mut compare.fits,
-            "predictions" => &mut compare.predictions,
-            "robot_parameters" => &mut compare.robot_parameters,
-            "scorecard" => &mut compare.scorecard,
-            _ => {
-                let known: Vec<&str> = compare.tables().iter().map(|(known, _)| *known).collect();
-                let known = known.join("`, `");
-                return Err(format!("--tolerance: table `{name}`: needed one of `{known}`").into());
-            }
+    let option = Path::new("--tolerance");
+    let named: BTreeMap<String, Tolerances> = crate::config::parse_toml(option, line)?;
+    let mut all = toml::Table::try_from(&config.compare)?;
+    for (name, tolerances) in named {
+        let Some(toml::Value::Table(table)) = all.get_mut(&name) else {
+            let known = config.compare.tables().map(|(known, _)| known).join("`, `");
+            return Err(format!("--tolerance: table `{name}`: needed one of `{known}`").into());
         };
-        table.extend(tolerances);
+        table.extend(toml::Table::try_from(tolerances)?);
     }
-    config.check(Path::new("--tolerance"))?;
+    config.compare = all.try_into()?;
+    config.check(option)?;
     Ok(())
 }
 
 fn print(compared: &Compared, page: &Path) {
     let out: Vec<&Difference> = compared.out().collect();
     if !out.is_empty() {
-        let rows: Vec<Vec<String>> = out
-            .iter()
-            .take(MOST_ROWS)
-            .map(|difference| {
-                vec![difference.table.to_owned(), difference.of.clone(), difference.sentence()]
-            })
-            .collect();
+        let row = |of: &&Difference| vec![of.table.to_owned(), of.of.clone(), of.sentence()];
+        let rows: Vec<_> = out.iter().take(MOST_ROWS).map(row).collect();
         table::print(&["table", "row", "out of tolerance"].map(|name| (name, false)), &rows, None);
         if out.len() > MOST_ROWS {
             say!("and {} more", out.len() - MOST_ROWS);

@@ -8,7 +8,6 @@ mod inspect;
 mod log;
 mod omegas;
 mod output;
-mod parameters;
 mod pipeline;
 mod progress;
 mod shell;
@@ -71,10 +70,10 @@ enum Command {
     Ingest(stages::Ingest),
     /// Fit every model of every campaign to the trials.
     #[command(after_help = include_str!("examples/fit.txt").trim_end())]
-    Fit(stages::Fit),
+    Fit(Exclusive),
     /// Draw the figures and write the page.
     #[command(after_help = include_str!("examples/report.txt").trim_end())]
-    Report(stages::Report),
+    Report(Exclusive),
     /// Read a trial folder or marker files, write nothing, say what is there and what is wrong.
     #[command(after_help = include_str!("examples/check.txt").trim_end())]
     Check(check::Check),
@@ -144,10 +143,9 @@ pub fn main() -> ExitCode {
             interrupt::exit_status().filter(|_| is_interrupted(&failure)).unwrap_or(2)
         }
         Err(Interrupted { done }) => {
-            let message = if done.is_empty() {
-                "interrupted".into()
-            } else {
-                format!("interrupted after {done}")
+            let message = match done.is_empty() {
+                true => "interrupted".to_owned(),
+                false => format!("interrupted after {done}"),
             };
             note!("{message}");
             tracing::error!("{message}");
@@ -169,8 +167,8 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Demo(command) => command.run(context()?),
         Command::Run(command) => command.run(context()?),
         Command::Ingest(command) => command.run(context()?),
-        Command::Fit(command) => command.run(context()?),
-        Command::Report(command) => command.run(context()?),
+        Command::Fit(exclusive) => stages::fit(&context()?, exclusive.wait),
+        Command::Report(exclusive) => stages::report(&context()?, exclusive.wait),
         Command::Check(command) => command.run(context()?),
         Command::Compare(command) => command.run(context()?),
         Command::Inspect(command) => command.run(context()?),

@@ -1,18 +1,14 @@
 //! Frequencies on the command line.
 
-/// Several frequencies of one `--omega`.
-#[derive(Clone)]
-pub(super) struct Omegas(pub Vec<f64>);
+/// Frequencies of one `--omega`, rad/s.
+pub(super) type Omegas = Vec<f64>;
 
 /// Parses `3.9,4` and `0.5..6/12`, twelve from 0.5 to 6.
 pub(super) fn parse_omegas(text: &str) -> Result<Omegas, String> {
-    let number = |text: &str| -> Result<f64, String> {
-        let number: f64 =
-            text.trim().parse().map_err(|_| format!("found `{text}`, needed a number"))?;
-        if number > 0.0 && number.is_finite() {
-            return Ok(number);
-        }
-        Err(format!("found {number}, needed a frequency above 0"))
+    let number = |text: &str| match text.trim().parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        Ok(number) => Err(format!("found {number}, needed a frequency above 0")),
+        Err(_) => Err(format!("found `{text}`, needed a number")),
     };
     let mut omegas = Vec::new();
     for part in text.split(',') {
@@ -35,7 +31,7 @@ pub(super) fn parse_omegas(text: &str) -> Result<Omegas, String> {
         };
         omegas.extend((0..count).map(at));
     }
-    Ok(Omegas(omegas))
+    Ok(omegas)
 }
 
 #[cfg(test)]
@@ -44,9 +40,9 @@ mod tests {
 
     #[test]
     fn lists_and_ranges_are_frequencies() {
-        assert_eq!(parse_omegas("3.9,4").unwrap().0, [3.9, 4.0]);
-        assert_eq!(parse_omegas("1..2/3,6").unwrap().0, [1.0, 1.5, 2.0, 6.0]);
-        assert_eq!(parse_omegas("0.5..1.1/4").unwrap().0, [0.5, 0.7, 0.9, 1.1]);
+        assert_eq!(parse_omegas("3.9,4").unwrap(), [3.9, 4.0]);
+        assert_eq!(parse_omegas("1..2/3,6").unwrap(), [1.0, 1.5, 2.0, 6.0]);
+        assert_eq!(parse_omegas("0.5..1.1/4").unwrap(), [0.5, 0.7, 0.9, 1.1]);
     }
 
     #[test]

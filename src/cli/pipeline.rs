@@ -3,12 +3,15 @@
 use std::path::PathBuf;
 
 use super::output::{note, say};
-use super::parameters::print_parameters;
+use super::synth::write_trials;
 use super::{Context, Exclusive, Failure, Outcome};
-use crate::build::{DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, dry_run, run};
+use crate::build::{
+    DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, dry_run, run,
+};
+use crate::metrics::Estimate;
 use crate::robot::Parameter;
-use crate::store::{ComparisonRow, FitRow, TrialStatus};
-use crate::synth::{Recipe, synthesise};
+use crate::store::{ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialStatus};
+use crate::synth::Recipe;
 use crate::trial::TRIALS_FILE;
 
 /// Seed of the demo's trials.
@@ -55,14 +58,7 @@ impl Demo {
                 say!("everything: {} is not there", raw.join(TRIALS_FILE).display());
                 return Ok(Outcome::Well);
             }
-            let recipe = Recipe::new(DEMO_SEED);
-            let total = recipe.trials(&context.config);
-            let stage = context.progress.stage("synth", total);
-            let on_trial = |trial: &str| {
-                stage.step(trial);
-                stage.stop_if_asked("trials");
-            };
-            synthesise(&context.config, raw, &recipe, &on_trial)?;
+            write_trials(&context, raw, &Recipe::new(DEMO_SEED))?;
         }
         self.update.run(&context)
     }
@@ -83,7 +79,7 @@ impl Update {
         if self.dry_run {
             return self.list(&dry_run(&context.config, options)?);
         }
-        let watch = context.progress.watch().explaining(self.explain);
+        let watch = context.progress.watch(self.explain);
         let finished = run(&context.config, options, self.exclusive.wait, &watch)?;
         drop(watch);
         let record = &finished.record;
@@ -93,14 +89,7 @@ impl Update {
         print_fits(&finished.fits);
         print_comparison(&finished.comparison);
         print_parameters(&finished.parameters);
-        let trials = &record.trials;
-        say!(
-            "{} trials: {} ok, {} flagged, {} failed",
-            trials.total,
-            trials.ok,
-            trials.flagged,
-            trials.failed
-        );
+        say!("{}", in_words(&record.trials));
         say!("page: {}", record.page.display());
         if let Some(problem) = &finished.history_problem {
             note!("not in the history: {problem}");
@@ -108,8 +97,7 @@ impl Update {
         if finished.was_up_to_date {
             context.progress.say("everything was up to date");
         } else {
-            let missing = record.missing.iter();
-            missing.for_each(|missing| context.progress.say(&format!("not drawn: {missing}")));
+            say_missing(context, &record.missing);
         }
         Ok(outcome(&finished))
     }
@@ -121,15 +109,11 @@ impl Update {
         }
         for (number, plan) in ahead.stages.iter().enumerate() {
             let perhaps = if number >= ahead.uncertain_from { "perhaps " } else { "" };
-            for PlannedTarget { target, why } in &plan.targets {
-                let why =
-                    if self.explain { format!(": {}", why.join("; ")) } else { String::new() };
-                say!("{perhaps}{target}{why}");
+            let why = |why: &str| if self.explain { format!(": {why}") } else { String::new() };
+            for PlannedTarget { target, why: reasons } in &plan.targets {
+                say!("{perhaps}{target}{}", why(&reasons.join("; ")));
             }
-            for target in &plan.removed {
-                let why = if self.explain { ": is no more" } else { "" };
-                say!("remove {target}{why}");
-            }
+            plan.removed.iter().for_each(|target| say!("remove {target}{}", why("is no more")));
             for why in &plan.whole {
                 say!("{perhaps}{}: {why}", ["tables of trials", "tables of fits", "page"][number]);
             }
@@ -150,17 +134,42 @@ fn outcome(finished: &Finished) -> Outcome {
     }
 }
 
+/// How many trials ended how.
+pub(super) fn in_words(count: &TrialCounts) -> String {
+    let TrialCounts { total, ok, flagged, failed } = count;
+    format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed")
+}
+
+/// Figures that could not be drawn, and why.
+pub(super) fn say_missing(context: &Context, missing: &[String]) {
+    missing.iter().for_each(|missing| context.progress.say(&format!("not drawn: {missing}")));
+}
+
+/// Robot parameters measured by releases and coast-downs, beside the configured ones; nothing if
+/// nothing was measured.
+pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
+    if rows.is_empty() {
+        return;
+    }
+    say!("{:<32} {:<15} {:>10} {:>9} {:>10}", "trial", "parameter", "measured", "+-", "configured");
+    for row in rows {
+        for RobotQuantity { name, unit, measured, configured } in row.quantities() {
+            let Estimate { value, se } = measured;
+            let name = format!("{name} {unit}");
+            let configured = match configured.is_nan() {
+                true => "-".to_owned(),
+                false => format!("{configured:.5}"),
+            };
+            say!("{:<32} {name:<15} {value:>10.5} {se:>9.5} {configured:>10}", row.trial);
+        }
+    }
+}
+
 /// A short table of the fitted parameters.
 pub(super) fn print_fits(fits: &[FitRow]) {
-    say!(
-        "{:<24} {:<17} {:>9} {:>10} {:>10} {:>10}   c_S in kg/s; ~ not identifiable, | at its bound",
-        "campaign",
-        "model",
-        "J",
-        "c_S0",
-        "c_S1",
-        "c_S2"
-    );
+    let [c_s0, c_s1, c_s2] = ["c_S0", "c_S1", "c_S2"].map(|name| format!("{name:>10}"));
+    let marks = "c_S in kg/s; ~ not identifiable, | at its bound";
+    say!("{:<24} {:<17} {:>9} {c_s0} {c_s1} {c_s2}   {marks}", "campaign", "model", "J");
     for fit in fits {
         let FitRow { campaign, model, status, j, .. } = fit;
         if !status.is_ok() {
@@ -190,12 +199,11 @@ fn cell(fit: &FitRow, parameter: Parameter) -> String {
     if value.is_nan() {
         return "-".to_owned();
     }
-    let unidentifiable = [&fit.practically_not, &fit.structurally_not];
-    let unidentifiable = unidentifiable.iter().any(|list| list.contains(&parameter));
-    let mark = match (fit.at_bound.contains(&parameter), unidentifiable) {
-        (true, _) => "|",
-        (false, true) => "~",
-        (false, false) => "",
+    let has = |list: &[Parameter]| list.contains(&parameter);
+    let mark = match has(&fit.practically_not) || has(&fit.structurally_not) {
+        _ if has(&fit.at_bound) => "|",
+        true => "~",
+        false => "",
     };
     // Two decimals for kg/s, more for what is small.
     let decimals = if value < 1.0 { 5 } else { 2 };

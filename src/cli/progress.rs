@@ -50,9 +50,9 @@ impl Progress {
         Stage { shown: self, name, total, begin, done: AtomicUsize::new(0), bar }
     }
 
-    /// Shows the stages of a run, one after the other.
-    pub fn watch(self) -> Watcher {
-        Watcher { progress: self, explain: false, stage: Mutex::new(None) }
+    /// Shows the stages of a run, one after the other, and the reasons if it is to `explain`.
+    pub fn watch(self, explain: bool) -> Watcher {
+        Watcher { progress: self, explain, stage: Mutex::new(None) }
     }
 }
 
@@ -64,11 +64,6 @@ pub(super) struct Watcher {
 }
 
 impl Watcher {
-    /// Gives the reasons for what is done, too.
-    pub fn explaining(self, explain: bool) -> Self {
-        Self { explain, ..self }
-    }
-
     fn with_stage(&self, show: impl Fn(&Stage)) {
         if let Ok(stage) = self.stage.lock() {
             stage.iter().for_each(show);

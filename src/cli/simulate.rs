@@ -54,7 +54,7 @@ impl Simulate {
         let parameters =
             serde_json::to_value(&config.robot[&config.campaign[&self.campaign].robot])?;
         let parameters = parameters.as_object().ok_or("no parameters")?;
-        let omegas: Vec<f64> = self.omega.iter().flat_map(|omegas| omegas.0.clone()).collect();
+        let omegas: Vec<f64> = self.omega.concat();
         let problem =
             |omega_rad_s| Problem { robot: robot.clone(), gait, model: self.model, omega_rad_s };
         let stage = context.progress.stage("simulate", omegas.len());

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use super::output::{note, say};
-use super::parameters::print_parameters;
 use super::{Context, Exclusive, Failure, Outcome, calibrate, pipeline};
 use crate::build;
 use crate::store::TrialStatus;
@@ -23,18 +22,6 @@ pub(super) struct Ingest {
     calibrate: Option<String>,
 }
 
-#[derive(clap::Args)]
-pub(super) struct Fit {
-    #[command(flatten)]
-    exclusive: Exclusive,
-}
-
-#[derive(clap::Args)]
-pub(super) struct Report {
-    #[command(flatten)]
-    exclusive: Exclusive,
-}
-
 impl Ingest {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         if let Some(folder) = self.folder {
@@ -44,7 +31,7 @@ impl Ingest {
             return calibrate::run(&context, &context.config.paths.raw, &trial);
         }
         let ingested =
-            build::ingest(&context.config, self.exclusive.wait, &context.progress.watch())?;
+            build::ingest(&context.config, self.exclusive.wait, &context.progress.watch(false))?;
         for trial in build::attention(&ingested.trials) {
             let line = format!("{}: {}: {}", trial.status, trial.trial, trial.message);
             match trial.status {
@@ -52,37 +39,24 @@ impl Ingest {
                 _ => context.progress.say(&line),
             }
         }
-        print_parameters(&ingested.parameters);
+        pipeline::print_parameters(&ingested.parameters);
         let counts = build::count(&ingested.trials);
-        say!(
-            "{} trials: {} ok, {} flagged, {} failed; tables in {}",
-            counts.total,
-            counts.ok,
-            counts.flagged,
-            counts.failed,
-            context.config.paths.derived.display()
-        );
+        let derived = context.config.paths.derived.display();
+        say!("{}; tables in {derived}", pipeline::in_words(&counts));
         Ok(if counts.failed == 0 { Outcome::Well } else { Outcome::NeedsAttention })
     }
 }
 
-impl Fit {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let fitted = build::fit(&context.config, self.exclusive.wait, &context.progress.watch())?;
-        pipeline::print_fits(&fitted.fits);
-        pipeline::print_comparison(&fitted.comparison);
-        Ok(Outcome::Well)
-    }
+pub(super) fn fit(context: &Context, wait: bool) -> Result<Outcome, Failure> {
+    let fitted = build::fit(&context.config, wait, &context.progress.watch(false))?;
+    pipeline::print_fits(&fitted.fits);
+    pipeline::print_comparison(&fitted.comparison);
+    Ok(Outcome::Well)
 }
 
-impl Report {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let reported =
-            build::report(&context.config, self.exclusive.wait, &context.progress.watch())?;
-        for missing in &reported.missing {
-            context.progress.say(&format!("not drawn: {missing}"));
-        }
-        say!("page: {}", reported.page.display());
-        Ok(Outcome::Well)
-    }
+pub(super) fn report(context: &Context, wait: bool) -> Result<Outcome, Failure> {
+    let reported = build::report(&context.config, wait, &context.progress.watch(false))?;
+    pipeline::say_missing(context, &reported.missing);
+    say!("page: {}", reported.page.display());
+    Ok(Outcome::Well)
 }

@@ -1,6 +1,6 @@
 //! `trilink synth`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
@@ -19,7 +19,7 @@ pub(super) struct Synth {
     noise_seed: Option<u64>,
     /// Multiply the planted skid coefficients of wheels 0, 1, 2, to see whether `compare` tells.
     #[arg(long, value_name = "F0,F1,F2", value_parser = parse_factors)]
-    skid_factors: Option<Factors>,
+    skid_factors: Option<[f64; 3]>,
     /// Frequencies of every campaign, rad/s, such as `1,3.9` or `0.5..6/12`; may be given again
     /// [default: 0.5 to 6 in steps of 0.5, and 3.9].
     #[arg(long, allow_hyphen_values = true, value_parser = parse_omegas)]
@@ -35,42 +35,42 @@ pub(super) struct Synth {
 
 impl Synth {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let omegas: Vec<f64> = self.omega.into_iter().flat_map(|omegas| omegas.0).collect();
-        let omegas_rad_s = if omegas.is_empty() { OMEGAS_RAD_S.into() } else { omegas };
-        let Self { seed, format, misplaced, folder, .. } = self;
-        let skid_factors = self.skid_factors.map_or([1.0; 3], |factors| factors.0);
-        let noise_seed = self.noise_seed;
+        let Self { folder, seed, noise_seed, skid_factors, omega, format, misplaced } = self;
+        let omegas_rad_s = if omega.is_empty() { OMEGAS_RAD_S.into() } else { omega.concat() };
         let recipe = Recipe {
             noise_seed,
-            skid_factors,
+            skid_factors: skid_factors.unwrap_or([1.0; 3]),
             omegas_rad_s,
             format,
             misplaced,
             ..Recipe::new(seed)
         };
-        let total = recipe.trials(&context.config);
-        let stage = context.progress.stage("synth", total);
-        let on_trial = |trial: &str| {
-            stage.step(trial);
-            stage.stop_if_asked("trials");
-        };
-        let trials = synthesise(&context.config, &folder, &recipe, &on_trial)?;
-        drop(stage);
-        say!("{} synthetic trials in {}", trials.len(), folder.display());
+        let trials = write_trials(&context, &folder, &recipe)?;
+        say!("{trials} synthetic trials in {}", folder.display());
         Ok(Outcome::Well)
     }
 }
 
-/// Three numbers of one option.
-#[derive(Clone)]
-struct Factors([f64; 3]);
+/// Writes the trials of a recipe and gives how many.
+pub(super) fn write_trials(
+    context: &Context,
+    folder: &Path,
+    recipe: &Recipe,
+) -> Result<usize, Failure> {
+    let stage = context.progress.stage("synth", recipe.trials(&context.config));
+    let on_trial = |trial: &str| {
+        stage.step(trial);
+        stage.stop_if_asked("trials");
+    };
+    Ok(synthesise(&context.config, folder, recipe, &on_trial)?.len())
+}
 
-fn parse_factors(text: &str) -> Result<Factors, String> {
+fn parse_factors(text: &str) -> Result<[f64; 3], String> {
     let needed = || format!("found `{text}`, needed three numbers above 0, such as 1,1.05,1");
     let factors = text.split(',').map(|factor| factor.trim().parse::<f64>().ok());
     let factors: Option<Vec<f64>> =
         factors.map(|factor| factor.filter(|factor| *factor > 0.0 && factor.is_finite())).collect();
-    factors.and_then(|factors| factors.try_into().ok()).map(Factors).ok_or_else(needed)
+    factors.and_then(|factors| factors.try_into().ok()).ok_or_else(needed)
 }
 
 fn parse_part(text: &str) -> Result<f64, String> {

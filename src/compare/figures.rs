@@ -33,26 +33,24 @@ pub fn figures(compared: &Compared, baseline: &Snapshot, candidate: &Snapshot) -
     let [trials, predictions] =
         ["trials", "predictions"].map(|table| [baseline.records(table), candidate.records(table)]);
     let mut figures = Vec::new();
-    let names: BTreeSet<&str> = trials.into_iter().flat_map(campaigns).collect();
-    for campaign in names {
+    for campaign in trials.into_iter().flat_map(campaigns).collect::<BTreeSet<&str>>() {
         let omega = "omega_commanded_rad_s";
         let curves = Curves { runs: trials, campaign, model: None, omega };
         let quantities = columns(compared, |difference| match difference.table {
             "campaigns" => difference.of == campaign,
-            "trials" => curves.include(&difference.of),
-            _ => false,
+            table => table == "trials" && curves.include(&difference.of),
         });
         figures.extend(curves.figure(format!("Trials of {campaign}"), &quantities));
-        let records = predictions.into_iter().flat_map(|records| records.values());
+        let records = predictions.into_iter().flat_map(Records::values);
         let of_campaign = records.filter(|record| text(record, "campaign") == campaign);
         let models: BTreeSet<&str> = of_campaign.map(|record| text(record, "model")).collect();
         for model in models {
-            let curves =
-                Curves { runs: predictions, campaign, model: Some(model), omega: "omega_rad_s" };
-            let fit = format!("{campaign} {model}");
+            let omega = "omega_rad_s";
+            let curves = Curves { runs: predictions, campaign, model: Some(model), omega };
             let mut quantities = columns(compared, |difference| {
                 difference.table == "predictions" && curves.include(&difference.of)
             });
+            let fit = format!("{campaign} {model}");
             if compared.out().any(|difference| difference.table == "fits" && difference.of == fit) {
                 quantities.extend(OF_MODELS);
             }
@@ -79,10 +77,9 @@ impl Curves<'_> {
     }
 
     fn points(&self, records: &Records, column: &str) -> Vec<(f64, f64)> {
+        let point = |record: &Record| Some((number(record, self.omega)?, number(record, column)?));
         let records = records.values().filter(|record| self.holds(record));
-        let points = records
-            .filter_map(|record| Some((number(record, self.omega)?, number(record, column)?)));
-        let mut points: Vec<(f64, f64)> = points.collect();
+        let mut points: Vec<(f64, f64)> = records.filter_map(point).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
     }

@@ -17,7 +17,7 @@ pub fn page(
     baseline: &Snapshot,
     candidate: &Snapshot,
 ) -> Result<String, CompareError> {
-    let not_judged = compared.differences.iter().filter(|d| d.verdict == Verdict::NotJudged);
+    let not_judged = compared.differences.iter().filter(|d| d.judged.verdict == Verdict::NotJudged);
     let figures = figures(compared, baseline, candidate);
     let figures = figures.iter().map(Image::draw).collect::<Result<Vec<_>, _>>()?;
     let page = json!({
@@ -48,7 +48,7 @@ impl Lone {
 
 /// A difference as people read it; its change is relative, its errors are standard errors.
 fn row(difference: &Difference) -> Json {
-    let Difference { table, of, column, baseline, candidate, errors, limit, .. } = difference;
+    let Difference { table, of, column, baseline, candidate, judged } = difference;
     let numbers = baseline.as_f64().zip(candidate.as_f64());
     json!({
         "table": table,
@@ -57,8 +57,8 @@ fn row(difference: &Difference) -> Json {
         "baseline": text(baseline),
         "candidate": text(candidate),
         "change": numbers.map(|(then, now)| percent(now, then)).unwrap_or_default(),
-        "errors": errors.map(|errors| format!("{errors:.1}")).unwrap_or_default(),
-        "limit": limit.map(|limit| significant(limit, 3)).unwrap_or_default(),
+        "errors": judged.errors.map(|errors| format!("{errors:.1}")).unwrap_or_default(),
+        "limit": judged.limit.map(|limit| significant(limit, 3)).unwrap_or_default(),
     })
 }
 
@@ -83,24 +83,20 @@ fn run_time(time: &RunTime) -> [String; 4] {
 /// The template cannot be filled in.
 pub fn junit(compared: &Compared) -> Result<String, CompareError> {
     let mut tables: BTreeMap<&str, BTreeMap<&str, Vec<String>>> = BTreeMap::new();
-    for Lone { table, of } in &compared.records {
-        tables.entry(table).or_default().entry(of).or_default();
-    }
-    let mut fail = |table, of, sentence| {
-        tables.entry(table).or_default().entry(of).or_default().push(sentence);
+    let mut add = |table, of, failure: Option<String>| {
+        tables.entry(table).or_default().entry(of).or_default().extend(failure);
     };
+    compared.records.iter().for_each(|lone| add(lone.table, &lone.of, None));
     for difference in compared.out() {
-        fail(difference.table, &difference.of, difference.sentence());
+        add(difference.table, &difference.of, Some(difference.sentence()));
     }
     for Lone { table, of } in &compared.vanished {
-        fail(table, of, "vanished".to_owned());
+        add(table, of, Some("vanished".to_owned()));
     }
     for time in &compared.run_times {
         let RunTime { stage, baseline_s, candidate_s, .. } = time;
-        let is_slow = compared.slow().any(|slow| slow == time);
-        let sentence = format!("{candidate_s:.2} s, baseline {baseline_s:.2} s");
-        let failures = tables.entry("run time").or_default().entry(stage).or_default();
-        failures.extend(is_slow.then_some(sentence));
+        let sentence = || format!("{candidate_s:.2} s, baseline {baseline_s:.2} s");
+        add("run time", stage, compared.slow().any(|slow| slow == time).then(sentence));
     }
     let case =
         |(name, failures): (&&str, &Vec<String>)| json!({ "name": name, "failures": failures });
@@ -120,11 +116,11 @@ impl Difference {
         let row = row(self);
         let parts =
             [("", "change", ""), ("", "errors", " standard errors"), ("limit ", "limit", "")];
-        let parts = parts.map(|(before, part, after)| match row[part].as_str() {
-            Some(text) if !text.is_empty() => format!("{before}{text}{after}"),
-            _ => String::new(),
-        });
-        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        let part = |(before, part, after): (&str, &str, &str)| {
+            let text = row[part].as_str().filter(|text| !text.is_empty())?;
+            Some(format!("{before}{text}{after}"))
+        };
+        let parts: Vec<String> = parts.into_iter().filter_map(part).collect();
         let parts = match parts.is_empty() {
             true => String::new(),
             false => format!(" ({})", parts.join(", ")),

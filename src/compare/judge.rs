@@ -17,13 +17,14 @@ pub enum Verdict {
     Out,
 }
 
-/// A judged difference of two numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A judged difference of two values.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Judged {
     pub verdict: Verdict,
     /// Largest difference that is within; `None` where there is none.
     pub limit: Option<f64>,
     /// The difference in standard errors of both runs, of as many cycles as it would take.
+    #[serde(rename = "standard_errors")]
     pub errors: Option<f64>,
 }
 
@@ -62,18 +63,19 @@ pub struct StandardError {
 impl StandardError {
     /// Of the difference of two runs' values of a column, by their `*_se` or the limits of their
     /// 95 % intervals. `None` if one of them has neither.
-    pub fn of(column: &str, records: [&Record; 2]) -> Option<Self> {
-        let one = |record: &Record| {
-            if let Some(error) = number(record, &format!("{column}_se")) {
-                let cycles = number(record, "cycles").unwrap_or(f64::INFINITY);
-                return Some(Self { error, freedom: (cycles - 1.0).max(1.0) });
-            }
-            let low = number(record, &format!("{column}_lo"))?;
-            let high = number(record, &format!("{column}_hi"))?;
-            Some(Self { error: (high - low) / 2.0 / HALF_WIDTH_95, freedom: f64::INFINITY })
-        };
-        let [one, other] = records.map(one);
-        Some(one?.with(other?))
+    pub fn of_difference(column: &str, [one, other]: [&Record; 2]) -> Option<Self> {
+        Some(Self::of(column, one)?.with(Self::of(column, other)?))
+    }
+
+    /// Of a record's value.
+    pub fn of(column: &str, record: &Record) -> Option<Self> {
+        let of = |end: &str| number(record, &format!("{column}_{end}"));
+        if let Some(error) = of("se") {
+            let cycles = number(record, "cycles").unwrap_or(f64::INFINITY);
+            return Some(Self { error, freedom: (cycles - 1.0).max(1.0) });
+        }
+        let error = (of("hi")? - of("lo")?) / 2.0 / HALF_WIDTH_95;
+        Some(Self { error, freedom: f64::INFINITY })
     }
 
     /// Of a sum or difference of independent values (Welch 1947 and Satterthwaite 1946 for the

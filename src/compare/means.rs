@@ -28,11 +28,10 @@ pub fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
             of_campaign.filter_map(|(name, trial)| Some([trial, runs[1].get(name)?])).collect();
         let mut records = [Record::new(), Record::new()];
         for column in COLUMNS {
+            let value = |of: &Record| Some((number(of, column)?, StandardError::of(column, of)?));
             // A trial counts if it has the value in both runs.
-            let values = pairs
-                .iter()
-                .filter_map(|[then, now]| Some([value(then, column)?, value(now, column)?]));
-            let values: Vec<_> = values.collect();
+            let values: Vec<_> =
+                pairs.iter().filter_map(|[then, now]| Some([value(then)?, value(now)?])).collect();
             for (run, record) in records.iter_mut().enumerate() {
                 let Some((mean, error)) = mean(values.iter().map(|pair| pair[run])) else {
                     continue;
@@ -55,13 +54,7 @@ pub fn campaigns(trials: &Records) -> BTreeSet<&str> {
     trials.values().map(|trial| text(trial, "campaign")).filter(|name| !name.is_empty()).collect()
 }
 
-/// A value with its standard error and what that is known by.
-fn value(record: &Record, column: &str) -> Option<(f64, StandardError)> {
-    let error = number(record, &format!("{column}_se"))?;
-    let freedom = (number(record, "cycles")? - 1.0).max(1.0);
-    Some((number(record, column)?, StandardError { error, freedom }))
-}
-
+/// A mean and its standard error.
 fn mean(
     values: impl ExactSizeIterator<Item = (f64, StandardError)>,
 ) -> Option<(f64, StandardError)> {

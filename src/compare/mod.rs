@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 pub use files::{junit, page, to_json};
 pub use history::{history_path, note_acceptance, remember};
-pub use judge::Verdict;
+pub use judge::{Judged, Verdict};
 pub use snapshot::{Acceptance, Record, Records, Snapshot};
 pub use trend::HistoryRow;
 
@@ -26,7 +26,7 @@ use serde_json::Value as Json;
 use crate::config::{Compare, Tolerances, tolerance};
 use crate::report::ReportError;
 use crate::store::{StoreError, TrialStatus};
-use judge::{Judged, StandardError, judge};
+use judge::{StandardError, judge};
 
 /// Why runs cannot be compared.
 #[derive(Debug, thiserror::Error)]
@@ -51,12 +51,8 @@ pub struct Difference {
     pub baseline: Json,
     #[serde(rename = "tonight")]
     pub candidate: Json,
-    pub verdict: Verdict,
-    /// Largest difference that is within.
-    pub limit: Option<f64>,
-    /// The difference in standard errors of both runs together.
-    #[serde(rename = "standard_errors")]
-    pub errors: Option<f64>,
+    #[serde(flatten)]
+    pub judged: Judged,
 }
 
 impl Difference {
@@ -66,7 +62,7 @@ impl Difference {
         let times = |((candidate, baseline), limit): ((f64, f64), f64)| {
             (candidate - baseline).abs() / limit
         };
-        numbers.zip(self.limit).map_or(f64::INFINITY, times)
+        numbers.zip(self.judged.limit).map_or(f64::INFINITY, times)
     }
 }
 
@@ -107,12 +103,12 @@ pub struct Compared {
 impl Compared {
     /// Differences out of tolerance.
     pub fn out(&self) -> impl Iterator<Item = &Difference> {
-        self.differences.iter().filter(|difference| difference.verdict == Verdict::Out)
+        self.differences.iter().filter(|difference| difference.judged.verdict == Verdict::Out)
     }
 
     /// How many differences have a verdict.
     pub fn count(&self, verdict: Verdict) -> usize {
-        self.differences.iter().filter(|difference| difference.verdict == verdict).count()
+        self.differences.iter().filter(|difference| difference.judged.verdict == verdict).count()
     }
 
     /// Stages that are out of tolerance.
@@ -157,7 +153,7 @@ pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> C
         compared.table(table, tolerances, runs);
     }
     compared.differences.sort_by(|one, other| {
-        let rank = |difference: &Difference| difference.verdict != Verdict::Out;
+        let rank = |difference: &Difference| difference.judged.verdict != Verdict::Out;
         rank(one).cmp(&rank(other)).then(other.severity().total_cmp(&one.severity()))
     });
     compared
@@ -183,19 +179,16 @@ impl Compared {
                 let Some(other) = candidate.get(column) else { continue };
                 self.cells += 1;
                 let judged = judge_values(tolerances, column, [baseline, candidate], [cell, other]);
-                let Some(Judged { verdict, limit, errors }) = judged else { continue };
-                if verdict != Verdict::Same {
-                    self.differences.push(Difference {
+                self.differences.extend(judged.filter(|of| of.verdict != Verdict::Same).map(
+                    |judged| Difference {
                         table,
                         of: of.clone(),
                         column: column.clone(),
                         baseline: cell.clone(),
                         candidate: other.clone(),
-                        verdict,
-                        limit,
-                        errors,
-                    });
-                }
+                        judged,
+                    },
+                ));
             }
         }
     }
@@ -221,7 +214,8 @@ fn judge_values(
     let tolerance = tolerance(tolerances, column).filter(|tolerance| tolerance.judges())?;
     match values.map(Json::as_f64) {
         [Some(then), Some(now)] => {
-            Some(judge(tolerance, [then, now], StandardError::of(column, records)))
+            let error = StandardError::of_difference(column, records);
+            Some(judge(tolerance, [then, now], error))
         }
         [None, None] => plain(Verdict::Same),
         _ if tolerance.may_be_missing => plain(Verdict::NotJudged),

@@ -67,7 +67,7 @@ fn noise_is_within_and_a_change_is_named() {
     let changed = compared(&baseline, &run(&[0.4, 0.41], 110.0));
     assert_eq!(out(&changed), ["fits symmetric skid-roll skid0_kg_s"]);
     let one = changed.out().next().unwrap();
-    assert!((one.errors.unwrap() - 10.0 / 2.0_f64.sqrt()).abs() < 1e-9);
+    assert!((one.judged.errors.unwrap() - 10.0 / 2.0_f64.sqrt()).abs() < 1e-9);
     let sentence =
         "skid0_kg_s: 110.000, baseline 100.000 (+10.00 %, 7.1 standard errors, limit 8.49)";
     assert_eq!(one.sentence(), sentence);

@@ -5,7 +5,7 @@ use polars::prelude::{
     BooleanChunked, ChunkCompareEq, ChunkCompareIneq, ChunkFillNullValue, ChunkSet, DataFrame,
     DataType, IntoSeries, NamedFrom, PlSmallStr, PolarsResult, Series, polars_bail,
 };
-use sqlparser::ast::{BinaryOperator as Op, Expr, UnaryOperator, Value as Literal};
+use sqlparser::ast::{BinaryOperator as Op, Expr, UnaryOperator, Value as Literal, ValueWithSpan};
 use sqlparser::dialect::GenericDialect;
 use sqlparser::parser::{Parser, ParserError};
 use sqlparser::tokenizer::{Token, Tokenizer};
@@ -34,11 +34,11 @@ pub(super) fn parse(text: &str) -> Result<Parsed, String> {
     }
     let tokens =
         Tokenizer::new(&GenericDialect {}, text).tokenize().map_err(|error| error.to_string())?;
-    let words = tokens.iter().filter_map(|token| match token {
+    let word = |token: &Token| match token {
         Token::Word(word) => Some(word.value.clone()),
         _ => None,
-    });
-    let words = words.collect();
+    };
+    let words = tokens.iter().filter_map(word).collect();
     let mut parser = Parser::new(&GenericDialect {}).with_tokens(tokens);
     let parsed = parser.parse_expr().map_err(|error| match error {
         ParserError::TokenizerError(message) | ParserError::ParserError(message) => message,
@@ -85,24 +85,17 @@ impl Evaluator<'_> {
             Expr::Nested(inner) => return self.series(inner),
             Expr::Identifier(name) => return self.column(&name.value, name.quote_style),
             Expr::Value(value) => return literal(&value.value),
-            Expr::BinaryOp { left, op: Op::And, right } => self.truth(left)? & self.truth(right)?,
-            Expr::BinaryOp { left, op: Op::Or, right } => self.truth(left)? | self.truth(right)?,
-            Expr::BinaryOp {
-                left,
-                op: op @ (Op::Plus | Op::Minus | Op::Multiply | Op::Divide),
-                right,
-            } => return arithmetic(&self.number(left)?, op, &self.number(right)?),
-            Expr::BinaryOp {
-                left,
-                op: op @ (Op::Eq | Op::NotEq | Op::Lt | Op::LtEq | Op::Gt | Op::GtEq),
-                right,
-            } => {
-                let value = self.series(left)?;
-                self.compare(left, &value, op, right)?
-            }
-            Expr::BinaryOp { op, .. } => {
-                polars_bail!(ComputeError: "`{op}` is not supported: {KNOWN}")
-            }
+            Expr::BinaryOp { left, op, right } => match op {
+                Op::And => self.truth(left)? & self.truth(right)?,
+                Op::Or => self.truth(left)? | self.truth(right)?,
+                Op::Plus | Op::Minus | Op::Multiply | Op::Divide => {
+                    return arithmetic(&self.number(left)?, op, &self.number(right)?);
+                }
+                Op::Eq | Op::NotEq | Op::Lt | Op::LtEq | Op::Gt | Op::GtEq => {
+                    self.compare(left, op, right)?
+                }
+                _ => polars_bail!(ComputeError: "`{op}` is not supported: {KNOWN}"),
+            },
             Expr::UnaryOp { op: UnaryOperator::Plus, expr } => return self.number(expr),
             Expr::UnaryOp { op: UnaryOperator::Minus, expr } => {
                 let zero = Series::new(PlSmallStr::EMPTY, [0_i64]);
@@ -116,17 +109,15 @@ impl Evaluator<'_> {
             Expr::IsFalse(of) => !self.truth(of)?.fill_null_with_values(true)?,
             Expr::IsNotFalse(of) => self.truth(of)?.fill_null_with_values(true)?,
             Expr::Between { expr, negated, low, high } => {
-                let value = self.series(expr)?;
-                let low = self.compare(expr, &value, &Op::GtEq, low)?;
-                not_if(*negated, low & self.compare(expr, &value, &Op::LtEq, high)?)
+                let above = self.compare(expr, &Op::GtEq, low)?;
+                not_if(*negated, above & self.compare(expr, &Op::LtEq, high)?)
             }
             Expr::InList { expr, list, negated } => {
-                let value = self.series(expr)?;
-                let mut is_in = BooleanChunked::new(PlSmallStr::EMPTY, [false]);
-                for item in list {
-                    is_in = is_in | self.compare(expr, &value, &Op::Eq, item)?;
-                }
-                not_if(*negated, is_in)
+                let none = BooleanChunked::new(PlSmallStr::EMPTY, [false]);
+                let is_in = list.iter().try_fold(none, |is_in, item| {
+                    PolarsResult::Ok(is_in | self.compare(expr, &Op::Eq, item)?)
+                });
+                not_if(*negated, is_in?)
             }
             Expr::Like { negated, any: false, expr, pattern, escape_char: None } => {
                 not_if(*negated, self.like(expr, pattern, str::to_owned)?)
@@ -139,21 +130,36 @@ impl Evaluator<'_> {
         Ok(truth.into_series())
     }
 
-    /// Compares a term, of which the value is known, with another.
-    fn compare(
-        &mut self,
-        left: &Expr,
-        value: &Series,
-        op: &Op,
-        right: &Expr,
-    ) -> PolarsResult<BooleanChunked> {
-        let other = self.series(right)?;
-        let [of, other_of] = [value, &other].map(|series| kind(series.dtype()));
-        if of != other_of && !value.dtype().is_null() && !other.dtype().is_null() {
-            let kinds = format!("`{left}` is {of} and `{right}` is {other_of}");
-            polars_bail!(ComputeError: "{kinds}, needed two of a kind");
+    /// Compares two terms of a kind. NaN differs from everything and has no order.
+    fn compare(&mut self, left: &Expr, op: &Op, right: &Expr) -> PolarsResult<BooleanChunked> {
+        let [one, other] = [self.series(left)?, self.series(right)?];
+        let dtype = match (one.dtype(), other.dtype()) {
+            (DataType::Null, dtype) | (dtype, DataType::Null) => dtype,
+            (dtype, other) if dtype == other => dtype,
+            (found, other) if kind(found) == kind(other) => &DataType::Float64,
+            (found, other) => {
+                let [of, other_of] = [found, other].map(kind);
+                let kinds = format!("`{left}` is {of} and `{right}` is {other_of}");
+                polars_bail!(ComputeError: "{kinds}, needed two of a kind");
+            }
+        };
+        let [one, other] = match whole([&one, &other], [0.0; 2]) {
+            Some(whole) => whole,
+            None => [one.cast(dtype)?, other.cast(dtype)?],
+        };
+        let truth = match op {
+            Op::Eq => one.equal(&other)?,
+            Op::NotEq => one.not_equal(&other)?,
+            Op::Lt => one.lt(&other)?,
+            Op::LtEq => one.lt_eq(&other)?,
+            Op::Gt => one.gt(&other)?,
+            _ => one.gt_eq(&other)?,
+        };
+        if !one.dtype().is_float() {
+            return Ok(truth);
         }
-        compare(value, op, &other)
+        let unordered = (one.is_nan()? | other.is_nan()?) & truth.is_not_null();
+        truth.set(&unordered, Some(*op == Op::NotEq))
     }
 
     /// Whether a text matches a pattern, in which `%` stands for any characters, `_` for one.
@@ -163,16 +169,13 @@ impl Evaluator<'_> {
         pattern: &Expr,
         case: fn(&str) -> String,
     ) -> PolarsResult<BooleanChunked> {
-        let [text, _] =
-            [self.of_kind(of, &DataType::String)?, self.of_kind(pattern, &DataType::String)?];
-        let found = match pattern {
-            Expr::Value(value) => value.value.clone().into_string(),
-            _ => None,
-        };
-        let Some(found) = found else {
+        let (text, _) =
+            (self.of_kind(of, &DataType::String)?, self.of_kind(pattern, &DataType::String)?);
+        let Expr::Value(ValueWithSpan { value: Literal::SingleQuotedString(found), .. }) = pattern
+        else {
             polars_bail!(ComputeError: "found `{pattern}`, needed a pattern such as 'kinematic%'");
         };
-        let pattern = case(&found);
+        let pattern = case(found);
         let is_like = |text: &str| crate::pattern::matches(&pattern, &case(text), ['%', '_']);
         Ok(text.str()?.iter().map(|text| text.map(is_like)).collect())
     }
@@ -222,14 +225,17 @@ fn kind(dtype: &DataType) -> &'static str {
 fn literal(literal: &Literal) -> PolarsResult<Series> {
     let name = PlSmallStr::EMPTY;
     Ok(match literal {
-        Literal::Number(digits, _) => match (digits.parse::<i64>(), digits.parse::<u64>()) {
-            (Ok(whole), _) => Series::new(name, [whole]),
-            (_, Ok(whole)) => Series::new(name, [whole]),
-            _ => match digits.parse::<f64>() {
-                Ok(number) => Series::new(name, [number]),
-                Err(_) => polars_bail!(ComputeError: "found `{digits}`, needed a number"),
-            },
-        },
+        Literal::Number(digits, _) => {
+            if let Ok(whole) = digits.parse::<i64>() {
+                Series::new(name, [whole])
+            } else if let Ok(whole) = digits.parse::<u64>() {
+                Series::new(name, [whole])
+            } else if let Ok(number) = digits.parse::<f64>() {
+                Series::new(name, [number])
+            } else {
+                polars_bail!(ComputeError: "found `{digits}`, needed a number")
+            }
+        }
         Literal::SingleQuotedString(text) => Series::new(name, [text.as_str()]),
         Literal::Boolean(boolean) => Series::new(name, [*boolean]),
         Literal::Null => Series::new_null(name, 1),
@@ -239,32 +245,6 @@ fn literal(literal: &Literal) -> PolarsResult<Series> {
 
 fn not_if(negated: bool, truth: BooleanChunked) -> BooleanChunked {
     if negated { !truth } else { truth }
-}
-
-/// Compares two columns of a kind. NaN differs from everything and has no order.
-fn compare(one: &Series, op: &Op, other: &Series) -> PolarsResult<BooleanChunked> {
-    let dtype = match (one.dtype(), other.dtype()) {
-        (DataType::Null, dtype) | (dtype, DataType::Null) => dtype,
-        (dtype, other) if dtype == other => dtype,
-        _ => &DataType::Float64,
-    };
-    let [one, other] = match whole([one, other], [0.0; 2]) {
-        Some(whole) => whole,
-        None => [one.cast(dtype)?, other.cast(dtype)?],
-    };
-    let truth = match op {
-        Op::Eq => one.equal(&other)?,
-        Op::NotEq => one.not_equal(&other)?,
-        Op::Lt => one.lt(&other)?,
-        Op::LtEq => one.lt_eq(&other)?,
-        Op::Gt => one.gt(&other)?,
-        _ => one.gt_eq(&other)?,
-    };
-    if !one.dtype().is_float() {
-        return Ok(truth);
-    }
-    let unordered = (one.is_nan()? | other.is_nan()?) & truth.is_not_null();
-    truth.set(&unordered, Some(*op == Op::NotEq))
 }
 
 /// Whole numbers stay whole but for a quotient and for what no type holds; what is divided by

@@ -37,9 +37,10 @@ pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
     }
     let hint = did_you_mean(table, near.iter().map(String::as_str));
     let there = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-    let message =
-        format!("no table and no file `{table}`{hint} {} holds {there}", derived.display());
-    Err(InspectError::NoTable { message })
+    let derived = derived.display();
+    Err(InspectError::Query(format!(
+        "no table and no file `{table}`{hint} {derived} holds {there}"
+    )))
 }
 
 /// The tables of `derived`, then its folders of tables, by name.

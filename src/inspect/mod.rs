@@ -8,8 +8,7 @@ mod meaning;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 pub use cells::{csv, float, json, text};
 pub use columns::{ColumnInfo, FileInfo, describe};
@@ -28,12 +27,9 @@ use crate::store::StoreError;
 pub enum InspectError {
     #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("{}: {message}", path.display())]
-    Column { path: PathBuf, message: String },
-    #[error("--where \"{condition}\": {message}")]
-    Condition { condition: String, message: String },
-    #[error("{message}")]
-    NoTable { message: String },
+    /// No such table, column or condition.
+    #[error("{0}")]
+    Query(String),
 }
 
 /// What to show of a table.
@@ -83,19 +79,21 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
     for (column, _) in sort {
         shown(path, column, &known)?;
     }
-    let in_condition = |message| {
-        let condition = condition.clone().unwrap_or_default();
-        InspectError::Condition { condition, message }
+    let in_condition = |message: String| {
+        let condition = condition.as_deref().unwrap_or_default();
+        InspectError::Query(format!("--where \"{condition}\": {message}"))
     };
     let parsed = condition.as_deref().map(condition::parse).transpose().map_err(in_condition)?;
 
     let words = parsed.iter().flat_map(|(_, words)| words);
-    let needed: BTreeSet<&String> = words
+    let mut needed: Vec<String> = words
         .filter(|word| shown(path, word, &known).is_ok())
         .chain(sort.iter().map(|(column, _)| column))
         .chain(columns.iter().map(|column| &column.name))
+        .cloned()
         .collect();
-    let needed = needed.into_iter().cloned().collect();
+    needed.sort();
+    needed.dedup();
     let is_plain = parsed.is_none() && sort.is_empty();
     let mut frame = columns::read_columns(path, needed, head.filter(|_| is_plain))?;
     if let Some((condition, _)) = parsed {
@@ -134,11 +132,12 @@ fn chosen(
     query: &Query,
     known: &[ColumnInfo],
 ) -> Result<(Vec<ColumnInfo>, Vec<ColumnInfo>), InspectError> {
-    let named = query.columns.iter().map(|name| shown(path, name, known).cloned());
-    let (columns, left_out): (Vec<_>, Vec<_>) = match query.columns.is_empty() {
-        true => known.iter().cloned().partition(|column| column.dtype.is_some()),
-        false => (named.collect::<Result<_, _>>()?, Vec::new()),
-    };
+    if !query.columns.is_empty() {
+        let named = query.columns.iter().map(|name| shown(path, name, known).cloned());
+        return Ok((named.collect::<Result<_, _>>()?, Vec::new()));
+    }
+    let (columns, left_out): (Vec<_>, Vec<_>) =
+        known.iter().cloned().partition(|column| column.dtype.is_some());
     match columns.is_empty() {
         true => Err(column_error(path, "has no column that can be shown".to_owned())),
         false => Ok((columns, left_out)),
@@ -162,7 +161,7 @@ fn shown<'t>(
 }
 
 fn column_error(path: &Path, message: String) -> InspectError {
-    InspectError::Column { path: path.to_owned(), message }
+    InspectError::Query(format!("{}: {message}", path.display()))
 }
 
 /// That there is no such column, the nearest name and all of them.
