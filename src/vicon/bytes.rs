@@ -47,7 +47,8 @@ pub(super) fn unpack_at_most(file: &[u8], limit_bytes: u64) -> Result<Cow<'_, [u
         .read_to_end(&mut content)
         .map_err(Problem::Unpack)?;
     if content.len() as u64 > limit_bytes {
-        return Err(Problem::TooLarge { limit_bytes });
+        let found = format!("more than {limit_bytes} bytes when unpacked");
+        return Err(Problem::new(found, "at most that"));
     }
     Ok(Cow::Owned(content))
 }
@@ -55,7 +56,7 @@ pub(super) fn unpack_at_most(file: &[u8], limit_bytes: u64) -> Result<Cow<'_, [u
 /// The text of a file's content, without a byte-order mark.
 pub(super) fn text(content: &[u8]) -> Result<&[u8], Problem> {
     if UTF16_MARKS.iter().any(|mark| content.starts_with(mark)) {
-        return Err(Problem::Utf16);
+        return Err(Problem::new("UTF-16", "a text in UTF-8; save it as `CSV UTF-8`"));
     }
     Ok(content.strip_prefix(BYTE_ORDER_MARK).unwrap_or(content))
 }

@@ -19,36 +19,26 @@ pub enum Problem {
     Read(std::io::Error),
     #[error(": cannot be unpacked: {0}")]
     Unpack(std::io::Error),
-    #[error(": found more than {limit_bytes} bytes when unpacked, needed at most that")]
-    TooLarge { limit_bytes: u64 },
-    #[error(": found UTF-16, needed a text in UTF-8; save it as `CSV UTF-8`")]
-    Utf16,
-    #[error(": found {found}, needed {needed}")]
-    C3d { found: String, needed: &'static str },
-    #[error(": found an empty file, needed a `Trajectories` section")]
-    Empty,
-    #[error(": found {found}, needed a `Trajectories` section")]
-    NoSection { found: String },
-    #[error(", line {line}: found {found}, needed {needed}")]
-    Header { line: usize, found: String, needed: &'static str },
-    #[error(": found no row of numbers below line {line}, needed at least one frame")]
-    NoRows { line: usize },
-    #[error(": found {} rows below line {} and none with a frame number, needed at least one", .rows, .line)]
-    NoFrameNumbers { line: usize, rows: usize },
-    #[error(", line {line}: found a second `Trajectories` section, needed one")]
-    TwoSections { line: usize },
-    /// A cell of a column (counted from 1) with its name, such as `Snake:M1 X`.
-    #[error(", line {line}, column {column} ({name}): found `{found}`, needed {needed}")]
-    NotANumber { line: usize, column: usize, name: String, found: String, needed: &'static str },
-    #[error(", line {line}: found frame {found} after frame {previous}, needed a larger number")]
-    FrameOrder { line: usize, found: i64, previous: i64 },
-    #[error(", line {}: found the file's end after {} cells of a row, needed {}; is the copy complete?", .line, .found, .needed)]
-    Cut { line: usize, found: usize, needed: usize },
-    #[error(", line {}: found rows much shorter than the {} markers of the header, needed one cell per axis", .line, .markers)]
-    ShortRows { line: usize, markers: usize },
+    /// `place` is a line, perhaps with a cell, or nothing.
+    #[error("{place}: found {found}, needed {needed}")]
+    Content { place: String, found: String, needed: String },
 }
 
 impl Problem {
+    /// What is wrong with a file as a whole.
+    pub(super) fn new(found: impl Into<String>, needed: impl Into<String>) -> Self {
+        Self::Content { place: String::new(), found: found.into(), needed: needed.into() }
+    }
+
+    pub(super) fn in_line(
+        line: usize,
+        found: impl Into<String>,
+        needed: impl Into<String>,
+    ) -> Self {
+        let (found, needed) = (found.into(), needed.into());
+        Self::Content { place: format!(", line {line}"), found, needed }
+    }
+
     pub(super) fn of(self, path: &Path) -> ViconError {
         ViconError { path: path.to_owned(), problem: self }
     }

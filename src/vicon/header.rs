@@ -13,6 +13,7 @@ use super::cells::{Dialect, Lines, shown};
 use super::sections;
 
 const SECTION: &[u8] = b"Trajectories";
+const NEEDED_SECTION: &str = "a `Trajectories` section";
 /// Lines below the title among which the row of axes must be; blank ones count.
 const HEADER_LINES: usize = 8;
 
@@ -44,7 +45,7 @@ pub(super) enum Column {
 pub(super) fn find(text: &[u8]) -> Result<Header<'_>, Problem> {
     let dialect = Dialect::of(text);
     if dialect.is_blank(text) {
-        return Err(Problem::Empty);
+        return Err(Problem::new("an empty file", NEEDED_SECTION));
     }
     let mut lines = Lines::new(text);
     if let Some(line) = title_line(dialect, &mut lines) {
@@ -53,7 +54,7 @@ pub(super) fn find(text: &[u8]) -> Result<Header<'_>, Problem> {
     if starts_without_title(dialect, text) {
         return read(dialect, Lines::new(text), 0);
     }
-    Err(Problem::NoSection { found: other_content(dialect, text) })
+    Err(Problem::new(other_content(dialect, text), NEEDED_SECTION))
 }
 
 /// The line of the next title of the markers' section.
@@ -97,12 +98,11 @@ fn other_content(dialect: Dialect, text: &[u8]) -> String {
 /// Reads the header below a title's line.
 fn read(dialect: Dialect, mut lines: Lines<'_>, title: usize) -> Result<Header<'_>, Problem> {
     const NEEDED_AXES: &str = "a row that starts with `Frame,Sub Frame,X,Y,Z`";
-    let error = |line, found, needed| Problem::Header { line, found, needed };
     let quoted = |cell: &[u8]| format!("`{}`", shown(cell));
     let mut above = Vec::new();
     let (line, axes) = loop {
         let next = lines.next().filter(|(line, _)| *line <= title + HEADER_LINES);
-        let none = || error(title, "no row of axes in the next lines".to_owned(), NEEDED_AXES);
+        let none = || Problem::in_line(title, "no row of axes in the next lines", NEEDED_AXES);
         let (line, row) = next.ok_or_else(none)?;
         if dialect.is_axis_row(row) {
             break (line, row);
@@ -117,17 +117,19 @@ fn read(dialect: Dialect, mut lines: Lines<'_>, title: usize) -> Result<Header<'
             let cell = dialect.first_cell(rate);
             let rate_hz = dialect.number(cell).filter(|rate_hz| *rate_hz > 0.0);
             let needed = "the frame rate, a number of Hz above 0";
-            (Some(rate_hz.ok_or_else(|| error(line, quoted(cell), needed))?), labels)
+            let error = || Problem::in_line(line, quoted(cell), needed);
+            (Some(rate_hz.ok_or_else(error)?), labels)
         }
         [] => {
-            let found = "the row of axes at once".to_owned();
-            return Err(error(line, found, "a row of marker labels above it"));
+            let needed = "a row of marker labels above it";
+            return Err(Problem::in_line(line, "the row of axes at once", needed));
         }
-        [.., (line, row)] => return Err(error(line, quoted(row), NEEDED_AXES)),
+        [.., (line, row)] => return Err(Problem::in_line(line, quoted(row), NEEDED_AXES)),
     };
     let (labels, columns) = markers(dialect, labels_row, axes);
     if labels.is_empty() {
-        return Err(error(line, quoted(axes), "at least one label with X, Y, Z below it"));
+        let needed = "at least one label with X, Y, Z below it";
+        return Err(Problem::in_line(line, quoted(axes), needed));
     }
     let mut header = Header { dialect, rate_hz, labels, columns, line, body: lines.clone() };
     if let Some((line, units)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
@@ -138,7 +140,7 @@ fn read(dialect: Dialect, mut lines: Lines<'_>, title: usize) -> Result<Header<'
             {
                 let label = &header.labels[*marker as usize];
                 let found = format!("unit {} of {label}", quoted(unit));
-                return Err(error(line, found, "millimetres (`mm`)"));
+                return Err(Problem::in_line(line, found, "millimetres (`mm`)"));
             }
         }
         (header.line, header.body) = (line, lines);

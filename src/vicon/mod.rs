@@ -37,14 +37,7 @@ pub fn read_markers(path: &Path) -> Result<MarkerFile, ViconError> {
 /// # Errors
 /// As [`read_markers`].
 pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError> {
-    let parse = || {
-        let content = bytes::unpack(file)?;
-        if c3d::is_c3d(path, &content) {
-            return c3d::parse(&content);
-        }
-        rows::parse(bytes::text(&content)?)
-    };
-    parse().map_err(|problem: Problem| problem.of(path))
+    by_format(path, file, c3d::parse, rows::parse)
 }
 
 /// Every table of a file's bytes, also those that are not read.
@@ -52,15 +45,22 @@ pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError>
 /// # Errors
 /// The file cannot be unpacked, or is neither text nor C3D.
 pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ViconError> {
-    let list = || {
-        let content = bytes::unpack(file)?;
-        if c3d::is_c3d(path, &content) {
-            return c3d::sections(&content);
-        }
-        let text = bytes::text(&content)?;
+    by_format(path, file, c3d::sections, |text| {
         Ok(sections::list(cells::Dialect::of(text), text))
+    })
+}
+
+fn by_format<T>(
+    path: &Path,
+    file: &[u8],
+    of_c3d: fn(&[u8]) -> Result<T, Problem>,
+    of_text: fn(&[u8]) -> Result<T, Problem>,
+) -> Result<T, ViconError> {
+    let read = |content: &[u8]| match c3d::is_c3d(path, content) {
+        true => of_c3d(content),
+        false => of_text(bytes::text(content)?),
     };
-    list().map_err(|problem: Problem| problem.of(path))
+    bytes::unpack(file).and_then(|content| read(&content)).map_err(|problem| problem.of(path))
 }
 
 #[cfg(test)]

@@ -26,7 +26,9 @@ pub(super) fn parse(text: &[u8]) -> Result<MarkerFile, Problem> {
         if is_next_title(dialect, cells, after_blank) {
             let rest = [(line, cells)].into_iter().chain(lines);
             match header::title_line(dialect, rest) {
-                Some(line) => return Err(Problem::TwoSections { line }),
+                Some(line) => {
+                    return Err(Problem::in_line(line, "a second `Trajectories` section", "one"));
+                }
                 None => break,
             }
         }
@@ -37,28 +39,34 @@ pub(super) fn parse(text: &[u8]) -> Result<MarkerFile, Problem> {
             continue;
         };
         if let Some(&previous) = frames.last().filter(|&&previous| frame <= previous) {
-            return Err(Problem::FrameOrder { line, found: frame, previous });
+            let found = format!("frame {frame} after frame {previous}");
+            return Err(Problem::in_line(line, found, "a larger number"));
         }
         frames.push(frame);
         if row.is_cut(text) {
-            let (found, needed) = (dialect.count(cells), header.columns.len());
-            return Err(Problem::Cut { line, found, needed });
+            let found = format!("the file's end after {} cells of a row", dialect.count(cells));
+            let needed = format!("{}; is the copy complete?", header.columns.len());
+            return Err(Problem::in_line(line, found, needed));
         }
         let start = positions_mm.len();
         // A full row has a byte per cell, so this many cells mean that rows are cut short;
         // a crafted file could otherwise ask for far more memory than its own size.
         if (start + markers) * 3 > text.len() {
-            return Err(Problem::ShortRows { line, markers });
+            let found = format!("rows much shorter than the {markers} markers of the header");
+            return Err(Problem::in_line(line, found, "one cell per axis"));
         }
         positions_mm.resize(start + markers, MISSING);
         row.positions(&mut positions_mm[start..])?;
     }
-    match (frames.is_empty(), header.line, rows_without_frame) {
-        (true, line, 0) => return Err(Problem::NoRows { line }),
-        (true, line, rows) => return Err(Problem::NoFrameNumbers { line, rows }),
-        _ => {}
+    let Header { rate_hz, labels, line, .. } = header;
+    if frames.is_empty() {
+        let unnumbered =
+            || format!("{rows_without_frame} rows below line {line} and none with a frame number");
+        return Err(match rows_without_frame {
+            0 => Problem::new(format!("no row of numbers below line {line}"), "at least one frame"),
+            _ => Problem::new(unnumbered(), "at least one"),
+        });
     }
-    let Header { rate_hz, labels, .. } = header;
     Ok(MarkerFile { rate_hz, frames, labels, rows_without_frame, positions_mm })
 }
 
@@ -155,7 +163,8 @@ impl Row<'_> {
             }
             _ => "Frame".to_owned(),
         };
-        let (line, column, found) = (self.line, column + 1, shown(cell));
-        Problem::NotANumber { line, column, name, found, needed }
+        let place = format!(", line {}, column {} ({name})", self.line, column + 1);
+        let found = format!("`{}`", shown(cell));
+        Problem::Content { place, found, needed: needed.to_owned() }
     }
 }

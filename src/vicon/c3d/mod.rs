@@ -3,7 +3,6 @@
 //!
 //! Everything that the file states about its own size is checked against the bytes that are there.
 
-mod numbers;
 mod parameters;
 
 #[cfg(test)]
@@ -14,8 +13,7 @@ use std::path::Path;
 use super::cells::shown;
 use super::markers::{LARGEST_MM, MISSING};
 use super::{MarkerFile, Problem, Section};
-use numbers::{ByteOrder, bytes_at};
-use parameters::{Parameters, decimal};
+use parameters::{ByteOrder, Parameters, bytes_at, decimal};
 
 const BLOCK: usize = 512;
 /// Blocks that a section of parameters can have: they are counted by one byte.
@@ -55,7 +53,7 @@ pub(super) fn parse(content: &[u8]) -> Result<MarkerFile, Problem> {
             if let Some(x) = position.iter().find(|x| x.abs() > LARGEST_MM) {
                 let frame = contents.first_frame + i as i64;
                 let found = format!("{x} mm for {label} in frame {frame}");
-                return Err(error(found, "a number of mm within a kilometre"));
+                return Err(Problem::new(found, "a number of mm within a kilometre"));
             }
             positions_mm.push(position);
         }
@@ -81,10 +79,6 @@ pub(super) fn sections(content: &[u8]) -> Result<Vec<Section>, Problem> {
     Ok([points].into_iter().chain((contents.analog_values > 0).then_some(analog)).collect())
 }
 
-fn error(found: impl Into<String>, needed: &'static str) -> Problem {
-    Problem::C3d { found: found.into(), needed }
-}
-
 /// What the header and the parameters state of the data.
 struct Contents<'f> {
     parameters: Parameters<'f>,
@@ -107,14 +101,14 @@ impl<'f> Contents<'f> {
         let header = content
             .get(..BLOCK)
             .filter(|header| header[1] == MAGIC)
-            .ok_or_else(|| error("no C3D header", "512 bytes of which the second is 0x50"))?;
+            .ok_or_else(|| Problem::new("no C3D header", "512 bytes of which the second is 0x50"))?;
         let section = parameter_section(content)
-            .ok_or_else(|| error("no parameter section", "one inside the file"))?;
+            .ok_or_else(|| Problem::new("no parameter section", "one inside the file"))?;
         let order = ByteOrder::of(section).map_err(|found| {
-            error(format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
+            Problem::new(format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
         })?;
         let parameters = Parameters::read(section, order)
-            .ok_or_else(|| error("a cut or damaged parameter section", "a whole one"))?;
+            .ok_or_else(|| Problem::new("a cut or damaged parameter section", "a whole one"))?;
         let word = |i: usize| order.u16([header[2 * i], header[2 * i + 1]]);
         // A number is taken from the parameters or else from the header.
         let real = |name: &str, i: usize| {
@@ -137,7 +131,7 @@ impl<'f> Contents<'f> {
             rate_hz: Some(real("RATE", 10)).filter(|hz| *hz > 0.0 && hz.is_finite()),
             scale: real("SCALE", 6),
             data_start: data_start
-                .ok_or_else(|| error("no place of the data", "POINT:DATA_START"))?,
+                .ok_or_else(|| Problem::new("no place of the data", "POINT:DATA_START"))?,
             parameters,
         })
     }
@@ -156,7 +150,7 @@ impl<'f> Contents<'f> {
         let markers: Vec<(usize, String)> = markers.map(text).collect();
         if markers.is_empty() {
             let found = format!("{} points without a label", self.points);
-            return Err(error(found, "at least one marker in POINT:LABELS"));
+            return Err(Problem::new(found, "at least one marker in POINT:LABELS"));
         }
         Ok(markers)
     }
@@ -166,7 +160,7 @@ impl<'f> Contents<'f> {
         match units.first().copied().unwrap_or_default() {
             b"mm" => Ok(1.0),
             b"m" => Ok(1000.0),
-            unit => Err(error(format!("POINT:UNITS `{}`", shown(unit)), "`mm` or `m`")),
+            unit => Err(Problem::new(format!("POINT:UNITS `{}`", shown(unit)), "`mm` or `m`")),
         }
     }
 
@@ -180,12 +174,12 @@ impl<'f> Contents<'f> {
         let frame = value * (4 * self.points + self.analog_values);
         let data = content.get(self.data_start..).unwrap_or_default();
         if self.frame_count == 0 || frame == 0 {
-            return Err(error("no frames", "at least one"));
+            return Err(Problem::new("no frames", "at least one"));
         }
         let whole = data.len() / frame;
         if whole < self.frame_count {
             let found = format!("{whole} of {} frames", self.frame_count);
-            return Err(error(found, "all of them; is the copy complete?"));
+            return Err(Problem::new(found, "all of them; is the copy complete?"));
         }
         Ok(data.chunks_exact(frame).take(self.frame_count))
     }
