@@ -39,7 +39,7 @@ mod tests;
 
 use std::path::Path;
 
-pub use calibrate::{Calibration, CalibrationError, LayoutProblem, MarkerPosition, calibrate};
+pub use calibrate::{Calibration, CalibrationError, MarkerPosition, calibrate};
 pub use checks::Check;
 pub use error::{IngestError, Problem, TrialFailure};
 pub use folder::{Entry, FOLDERS, IngestedTrial, TABLES, ingest_trials, outdated};

@@ -2,9 +2,8 @@
 //!
 //! What a trial in which both joints move shows:
 //!
-//! - which markers move rigidly together (`cluster`) and how they lie to each other
-//!   (`shape`);
-//! - the joints, which are points at rest in both their links (`joint`). Those of the middle
+//! - which markers move rigidly together (`links`) and how they lie to each other (`shape`);
+//! - the joints, which are points at rest in both their links (`estimate`). Those of the middle
 //!   link give its origin, half way between them, its direction and h;
 //! - of a side link its joint only. In which direction its axle is from there is where its wheel
 //!   rolls to (`rolling`): as good as the wheel does not skid to one side on average. How far
@@ -15,30 +14,25 @@
 //! they account for noise and for what changes from part to part, not for what the wheels do
 //! alike in every cycle.
 
-mod cluster;
-mod error;
 mod estimate;
-mod front;
-mod joint;
+mod links;
 mod rolling;
 mod shape;
 #[cfg(test)]
 mod tests;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-pub use error::{CalibrationError, LayoutProblem};
-
-use super::error::TrialFailure;
+use super::error::{Problem, TrialFailure};
 use super::input::{IngestInput, IngestSettings};
 use super::markers::layout::{LinkMarker, locate, marker_name};
-use crate::config::{Config, Markers, nearest};
+use super::phase::CommandedGait;
+use crate::config::{Config, ConfigError, Markers, nearest};
 use crate::robot::{Gait, Robot};
 use crate::stats::{Estimate, quantiles_low, wrap};
 use crate::trial::TrialList;
 use crate::vicon::{self, MarkerFile};
 use estimate::LayoutEstimate;
-use joint::Joint;
 use shape::Body;
 
 /// Parts of the trial whose differences give the standard errors.
@@ -47,6 +41,17 @@ const PARTS: usize = 10;
 const LEAST_TURN_DEG: f64 = 20.0;
 /// Frames in which two links must be seen.
 const LEAST_ROWS: usize = 100;
+
+/// Why a trial gives no layout.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrationError {
+    #[error(transparent)]
+    Trials(#[from] ConfigError),
+    #[error("{}: found no trial `{id}`, needed one of trials.toml{hint}", folder.display())]
+    NoTrial { folder: PathBuf, id: String, hint: String },
+    #[error(transparent)]
+    Trial(#[from] TrialFailure),
+}
 
 /// A marker's position in its link's frame, mm.
 #[derive(Debug, Clone, PartialEq)]
@@ -111,23 +116,11 @@ pub fn calibrate(
     let path = folder.join(&trial.file);
     let file = vicon::read_markers(&path).map_err(TrialFailure::from)?;
     let file = file.without(&vicon.ignore);
-    let rate_hz = settings.frame_rate(&file).map_err(|problem| problem.of(&path))?;
-    let calibration = of_file(&file, markers, &robot, gait.as_ref(), rate_hz)
-        .map_err(|problem| CalibrationError::Layout { path, problem })?;
-    Ok(Calibration {
-        trial: trial.id.clone(),
-        is_symmetric: gait.as_ref().is_some_and(|(gait, _)| {
-            gait.joints.iter().flatten().all(|command| command.offset_rad == 0.0)
-        }),
-        ..calibration
-    })
-}
-
-/// The links' markers by column.
-struct Groups {
-    columns: [Vec<usize>; 3],
-    is_grouped: bool,
-    left_out: Vec<String>,
+    let calibration = settings
+        .frame_rate(&file)
+        .and_then(|rate_hz| of_file(&file, markers, &robot, gait.as_ref(), rate_hz))
+        .map_err(|problem| problem.of(&path))?;
+    Ok(Calibration { trial: trial.id.clone(), ..calibration })
 }
 
 /// [`calibrate`] of markers at hand.
@@ -137,19 +130,34 @@ fn of_file(
     robot: &Robot,
     gait: Option<&(Gait, f64)>,
     rate_hz: f64,
-) -> Result<Calibration, LayoutProblem> {
-    let groups = groups(file, markers)?;
+) -> Result<Calibration, Problem> {
+    let labels = |columns: &[usize]| {
+        columns.iter().map(|&column| file.labels[column].clone()).collect::<Vec<_>>()
+    };
+    let configured = locate(markers, file).ok();
+    let is_grouped = configured.is_none();
+    let groups = match configured {
+        Some(layout) => layout.map(|link| link.iter().map(|marker| marker.column).collect()),
+        None => links::rigid_groups(file).try_into().map_err(|found: Vec<Vec<usize>>| {
+            let list: Vec<String> = found.iter().map(|group| labels(group).join(" ")).collect();
+            Problem::RigidGroups { found: found.len(), list: list.join("; ") }
+        })?,
+    };
     let shaped = |columns: &[usize]| {
-        Body::of(file, columns).ok_or_else(|| LayoutProblem::Unseen {
-            labels: columns.iter().map(|&i| file.labels[i].clone()).collect(),
-        })
+        Body::of(file, columns)
+            .ok_or_else(|| Problem::MarkersApart { labels: labels(columns).join("`, `") })
     };
-    let [a, b, c] = &groups.columns;
-    let bodies = [shaped(a)?, shaped(b)?, shaped(c)?];
-    let bodies = match groups.is_grouped {
-        true => in_order(file, bodies, gait, rate_hz)?,
-        false => bodies,
-    };
+    let [a, b, c] = &groups;
+    let mut bodies = [shaped(a)?, shaped(b)?, shaped(c)?];
+    if is_grouped {
+        let command = gait.map(|&(ref gait, omega_rad_s)| CommandedGait {
+            gait,
+            omega_rad_s,
+            rate_hz,
+            skip_cycles: 0,
+        });
+        bodies = links::in_order(file, bodies, command)?;
+    }
     for side in 0..2 {
         check_turn(side, &bodies[0], &bodies[1 + side])?;
     }
@@ -158,9 +166,9 @@ fn of_file(
         let part = |row: usize| row * PARTS / rows;
         LayoutEstimate::of(file, &bodies, robot, rate_hz, &|row| part(row) != left_out)
     };
-    let whole = estimate(PARTS).ok_or(LayoutProblem::Indeterminate)?;
+    let whole = estimate(PARTS).ok_or(Problem::NoLayout)?;
     let partial: Vec<LayoutEstimate> =
-        (0..PARTS).map(estimate).collect::<Option<_>>().ok_or(LayoutProblem::Indeterminate)?;
+        (0..PARTS).map(estimate).collect::<Option<_>>().ok_or(Problem::NoLayout)?;
     let measured = |value: &dyn Fn(&LayoutEstimate) -> f64| {
         let all = value(&whole);
         let squares: f64 = partial.iter().map(|part| (value(part) - all).powi(2)).sum();
@@ -183,6 +191,11 @@ fn of_file(
         };
         bodies[link].markers.iter().enumerate().map(position).collect()
     });
+    let in_a_group = |column: &usize| groups.iter().flatten().any(|other| other == column);
+    let left_out: Vec<usize> = match is_grouped {
+        true => (0..file.labels.len()).filter(|column| !in_a_group(column)).collect(),
+        false => Vec::new(),
+    };
     let direction = |side: usize| {
         let away =
             |part: &LayoutEstimate| wrap(part.direction_rad[side] - whole.direction_rad[side]);
@@ -191,70 +204,26 @@ fn of_file(
     Ok(Calibration {
         trial: String::new(),
         links,
-        is_grouped: groups.is_grouped,
-        left_out: groups.left_out,
+        is_grouped,
+        left_out: labels(&left_out),
         h_mm: measured(&|part| part.h_mm),
         h_configured_mm: 1e3 * robot.h_m,
         l_mm: [0, 1].map(|side| measured(&|part| part.l_mm[side])),
         l_configured_mm: 1e3 * robot.l_m,
-        joint_residual_mm: [0, 1].map(|side| whole.joints[side].residual_mm),
+        joint_residual_mm: whole.joint_residual_mm,
         direction_se_deg: [0, 1].map(direction),
-        is_symmetric: false,
+        is_symmetric: gait.is_some_and(|(gait, _)| {
+            gait.joints.iter().flatten().all(|command| command.offset_rad == 0.0)
+        }),
         frames: rows,
     })
 }
 
-/// The configured groups if the file has all their labels, else those that move rigidly.
-fn groups(file: &MarkerFile, markers: &Markers) -> Result<Groups, LayoutProblem> {
-    if let Ok(layout) = locate(markers, file) {
-        let columns = layout.map(|markers| markers.iter().map(|marker| marker.column).collect());
-        return Ok(Groups { columns, is_grouped: false, left_out: Vec::new() });
-    }
-    let labels = |columns: &[usize]| columns.iter().map(|&i| file.labels[i].clone()).collect();
-    let found = cluster::rigid_groups(file);
-    let all = 0..file.labels.len();
-    let in_none: Vec<usize> =
-        all.filter(|i| !found.iter().any(|group| group.contains(i))).collect();
-    let columns = found.try_into().map_err(|found: Vec<Vec<usize>>| LayoutProblem::Groups {
-        found: found.iter().map(|group| labels(group)).collect(),
-    })?;
-    Ok(Groups { columns, is_grouped: true, left_out: labels(&in_none) })
-}
-
-/// The bodies with the middle link first, which the two pairs with a joint share, and then the
-/// one in front, as far as there is a commanded gait.
-fn in_order(
-    file: &MarkerFile,
-    bodies: [Body; 3],
-    gait: Option<&(Gait, f64)>,
-    rate_hz: f64,
-) -> Result<[Body; 3], LayoutProblem> {
-    let misfit = |a: usize, b: usize| {
-        let joint = Joint::between(&bodies[a], &bodies[b], &|_| true);
-        joint.map(|joint| joint.residual_mm).ok_or(LayoutProblem::Indeterminate)
-    };
-    let apart = [(misfit(1, 2)?, 0), (misfit(0, 2)?, 1), (misfit(0, 1)?, 2)];
-    let middle = apart.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, i)| i);
-    let mut bodies = bodies;
-    bodies.swap(0, middle);
-    if let Some((gait, omega_rad_s)) = gait
-        && front::is_last_in_front(&bodies, &file.frames, gait, omega_rad_s / rate_hz)
-    {
-        bodies.swap(1, 2);
-    }
-    Ok(bodies)
-}
-
-fn check_turn(side: usize, middle: &Body, outer: &Body) -> Result<(), LayoutProblem> {
-    let mut angles: Vec<f64> = middle
-        .fits
-        .iter()
-        .zip(&outer.fits)
-        .filter_map(|(a, b)| Some(b.pose?.theta_rad - a.pose?.theta_rad))
-        .collect();
+fn check_turn(side: usize, middle: &Body, outer: &Body) -> Result<(), Problem> {
+    let mut angles: Vec<f64> = outer.turns_to(middle).map(|(_, turn)| turn).collect();
     if angles.len() < LEAST_ROWS {
         let (found, needed) = (angles.len(), LEAST_ROWS);
-        return Err(LayoutProblem::FewFrames { side, found, needed });
+        return Err(Problem::LinksApart { link: side + 1, found, needed });
     }
     let first = angles[0];
     angles.iter_mut().for_each(|angle| *angle = wrap(*angle - first));
@@ -262,7 +231,7 @@ fn check_turn(side: usize, middle: &Body, outer: &Body) -> Result<(), LayoutProb
     let found_deg = (high - low).to_degrees();
     if found_deg < LEAST_TURN_DEG {
         let needed_deg = LEAST_TURN_DEG;
-        return Err(LayoutProblem::LittleTurn { side, found_deg, needed_deg });
+        return Err(Problem::LittleTurn { joint: side + 1, found_deg, needed_deg });
     }
     Ok(())
 }

@@ -66,6 +66,13 @@ impl Body {
         }
         body
     }
+
+    /// Angle from another body's frame to this one's, rad, in the rows that show both.
+    pub fn turns_to<'b>(&'b self, other: &'b Self) -> impl Iterator<Item = (usize, f64)> + 'b {
+        self.fits.iter().zip(&other.fits).enumerate().filter_map(|(row, (own, other))| {
+            Some((row, own.pose?.theta_rad - other.pose?.theta_rad))
+        })
+    }
 }
 
 fn fits(file: &MarkerFile, markers: &[LinkMarker]) -> Vec<LinkFit> {

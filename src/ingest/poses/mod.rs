@@ -8,5 +8,5 @@ mod tilt;
 mod track;
 
 pub use checks::{describe_tracking, tracking_checks};
-pub use multibody::Linkage;
-pub use track::{Coordinates, Tracked, track};
+pub use multibody::{JointPosition, Linkage};
+pub use track::{Coordinates, Tracked, frame_grid, track};

@@ -33,10 +33,33 @@ const APART_MM: f64 = 0.5;
 const ALIKE_FRAMES: f64 = 360.0;
 
 /// Where a joint is in its two links' own frames, mm.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointPosition {
     pub in_middle: [f64; 2],
     pub in_outer: [f64; 2],
+}
+
+impl JointPosition {
+    /// Equations of how far the joint is from here in either frame, given poses of both links:
+    /// `o_a + R_a p_a = o_b + R_b p_b` is linear in the two positions.
+    pub fn equations(
+        &self,
+        poses: impl Iterator<Item = (LinkPose, LinkPose)>,
+    ) -> NormalEquations<4> {
+        let mut equations = NormalEquations::new();
+        for (a, b) in poses {
+            let (from, to) = (a.at(self.in_middle), b.at(self.in_outer));
+            let ((sa, ca), (sb, cb)) = (a.theta_rad.sin_cos(), b.theta_rad.sin_cos());
+            equations.add(&Vector4::new(ca, -sa, -cb, sb), to[0] - from[0]);
+            equations.add(&Vector4::new(sa, ca, -sb, -cb), to[1] - from[1]);
+        }
+        equations
+    }
+
+    pub fn moved(self, by: &Vector4<f64>) -> Self {
+        let Self { in_middle: [a, b], in_outer: [c, d] } = self;
+        Self { in_middle: [a + by[0], b + by[1]], in_outer: [c + by[2], d + by[3]] }
+    }
 }
 
 /// The three links with their joints, of links 0 and 1 and of links 0 and 2.
@@ -62,28 +85,15 @@ impl Linkage {
         let rows = fits[0].len();
         let stride = (rows / ROWS).max(1);
         let alike = (ALIKE_FRAMES / stride as f64).max(1.0);
-        let mut linkage = *self;
-        for (JointPosition { in_middle, in_outer }, outer) in
-            linkage.joints.iter_mut().zip(&fits[1..])
-        {
-            let mut equations = NormalEquations::new();
-            for row in (0..rows).step_by(stride) {
-                let (Some(middle), Some(outer)) = (fits[0][row].pose, outer[row].pose) else {
-                    continue;
-                };
-                let (from, to) = (middle.at(*in_middle), outer.at(*in_outer));
-                let ((s, c), (so, co)) = (middle.theta_rad.sin_cos(), outer.theta_rad.sin_cos());
-                equations.add(&Vector4::new(c, -s, -co, so), to[0] - from[0]);
-                equations.add(&Vector4::new(s, c, -so, -co), to[1] - from[1]);
-            }
+        let refined = |side: usize| {
+            let [middle, outer] = [&fits[0], &fits[1 + side]];
+            let pose = |row: usize| Some((middle[row].pose?, outer[row].pose?));
+            let joint = self.joints[side];
+            let mut equations = joint.equations((0..rows).step_by(stride).filter_map(pose));
             equations.matrix += Matrix4::identity() * (APART_MM / POSITION_MM).powi(2) * alike;
-            let Some((moved, _)) = equations.solve() else { continue };
-            for axis in 0..2 {
-                in_middle[axis] += moved[axis];
-                in_outer[axis] += moved[2 + axis];
-            }
-        }
-        linkage
+            equations.solve().map_or(joint, |(moved, _)| joint.moved(&moved))
+        };
+        Self { joints: [refined(0), refined(1)] }
     }
 
     /// How far a joint of a link is from where another linkage has it, at most, mm.

@@ -199,7 +199,7 @@ fn fit_links(file: &MarkerFile, layout: &Layout) -> [Vec<LinkFit>; 3] {
 }
 
 /// First frame and number of frames with those that the file leaves out.
-fn frame_grid(numbers: &[i64]) -> Result<(i64, usize), Problem> {
+pub fn frame_grid(numbers: &[i64]) -> Result<(i64, usize), Problem> {
     let (first, last) = (numbers[0], numbers[numbers.len() - 1]);
     let (frames, rows) = (last - first + 1, numbers.len());
     let most = (MOST_LEFT_OUT_PER_ROW * rows as i64).clamp(MOST_LEFT_OUT, MOST_LEFT_OUT_AT_ALL);
