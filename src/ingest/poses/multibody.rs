@@ -8,7 +8,7 @@
 //! over the markers ([`MarkerMoments`]), which is not taken again. Instead of the joint angles the links'
 //! headings are the unknowns, which gives the same minimum.
 
-use nalgebra::{Matrix3, Matrix4, Vector3, Vector4, Vector5};
+use nalgebra::{Matrix3, Matrix4, UnitComplex, Vector2, Vector3, Vector4, Vector5};
 
 use crate::ingest::markers::labels::LinkFit;
 use crate::ingest::markers::rigid::LinkPose;
@@ -117,9 +117,8 @@ impl Linkage {
         let mut q = Vector5::new(x, y, middle.theta_rad, front, rear);
         let mut turns = turns(&q);
         let seen_mm = [0, 1, 2].map(|link| {
-            own[link].map_or([0.0; 2], |LinkPose { origin_mm, moments, .. }| {
-                let to_centre = rotated(turns[link], moments.centre_mm);
-                [0, 1].map(|axis| origin_mm[axis] + to_centre[axis])
+            own[link].map_or(Vector2::zeros(), |LinkPose { origin_mm, moments, .. }| {
+                Vector2::from(origin_mm) + turns[link] * Vector2::from(moments.centre_mm)
             })
         });
         for _ in 0..STEPS {
@@ -131,24 +130,16 @@ impl Linkage {
                 break;
             }
         }
-        let mut closed = own;
-        for (link, pose) in closed.iter_mut().enumerate() {
-            if let Some(pose) = pose {
-                *pose = self.posed(link, pose, seen_mm[link], &q, &turns);
-            }
-        }
-        closed
+        let posed = |link: usize| Some(self.posed(link, &own[link]?, seen_mm[link], &q, &turns));
+        [0, 1, 2].map(posed)
     }
 
     /// From link 0's axle to the joint of a link, in link 0's frame, and from there to the
     /// link's axle, in its own.
-    fn arms(&self, link: usize) -> ([f64; 2], [f64; 2]) {
-        match link {
-            0 => ([0.0; 2], [0.0; 2]),
-            _ => {
-                let JointPosition { in_middle, in_outer } = self.joints[link - 1];
-                (in_middle, in_outer.map(|x| -x))
-            }
+    fn arms(&self, link: usize) -> (Vector2<f64>, Vector2<f64>) {
+        match link.checked_sub(1).map(|side| self.joints[side]) {
+            None => (Vector2::zeros(), Vector2::zeros()),
+            Some(joint) => (joint.in_middle.into(), -Vector2::from(joint.in_outer)),
         }
     }
 
@@ -157,46 +148,39 @@ impl Linkage {
     fn step(
         &self,
         own: &[Option<LinkPose>; 3],
-        seen_mm: &[[f64; 2]; 3],
+        seen_mm: &[Vector2<f64>; 3],
         q: &Vector5<f64>,
-        turns: &[Turn; 3],
+        turns: &Turns,
     ) -> Option<Vector5<f64>> {
         let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
         let mut sides = [(Vector3::zeros(), 0.0); 3];
         for (link, pose) in own.iter().enumerate() {
-            let Some(pose) = pose else { continue };
-            let moments = &pose.moments;
+            let Some(LinkPose { theta_rad, moments, .. }) = pose else { continue };
             let (markers, turning) = (moments.markers, moments.turning_mm2);
             let (to_joint, to_axle) = self.arms(link);
-            let arm = [0, 1].map(|axis| to_axle[axis] + moments.centre_mm[axis]);
-            let own_arm = rotated(turns[link], arm);
-            let middle_arm = rotated(turns[0], to_joint);
-            let off =
-                [0, 1].map(|axis| q[axis] + middle_arm[axis] + own_arm[axis] - seen_mm[link][axis]);
-            let slope = turning * (q[2 + link] - pose.theta_rad).sin();
+            let own_arm = turns[link] * (to_axle + Vector2::from(moments.centre_mm));
+            let middle_arm = turns[0] * to_joint;
+            let off = q.xy() + middle_arm + own_arm - seen_mm[link];
+            let slope = turning * (q[2 + link] - theta_rad).sin();
             // Derivatives of `off` with respect to the headings of link 0 and of the link itself.
-            let [px, py] = across(if link == 0 { own_arm } else { middle_arm });
-            let [bx, by] = across(own_arm);
-            let turn = px * off[0] + py * off[1];
+            let across = |arm: Vector2<f64>| Vector2::new(-arm.y, arm.x);
+            let (p, b) = (across(if link == 0 { own_arm } else { middle_arm }), across(own_arm));
+            let turn = p.x * off.x + p.y * off.y;
             normal[(0, 0)] += markers;
             normal[(1, 1)] += markers;
-            normal[(2, 0)] += markers * px;
-            normal[(2, 1)] += markers * py;
-            normal[(2, 2)] += markers * (px * px + py * py);
-            gradient += Vector3::new(off[0], off[1], turn) * markers;
+            normal[(2, 0)] += markers * p.x;
+            normal[(2, 1)] += markers * p.y;
+            normal[(2, 2)] += markers * (p.x * p.x + p.y * p.y);
+            gradient += Vector3::new(off.x, off.y, turn) * markers;
             if link == 0 {
                 normal[(2, 2)] += turning;
                 gradient[2] += slope;
                 continue;
             }
-            let stiffness = markers * (bx * bx + by * by) + turning;
-            let coupling = Vector3::new(bx, by, px * bx + py * by) * (markers / stiffness);
-            let own_step = (markers * (bx * off[0] + by * off[1]) + slope) / stiffness;
-            for i in 0..3 {
-                for j in 0..=i {
-                    normal[(i, j)] -= coupling[i] * coupling[j] * stiffness;
-                }
-            }
+            let stiffness = markers * (b.x * b.x + b.y * b.y) + turning;
+            let coupling = Vector3::new(b.x, b.y, p.x * b.x + p.y * b.y) * (markers / stiffness);
+            let own_step = (markers * (b.x * off.x + b.y * off.y) + slope) / stiffness;
+            normal -= coupling * coupling.transpose() * stiffness;
             gradient -= coupling * (own_step * stiffness);
             sides[link] = (coupling, own_step);
         }
@@ -211,39 +195,28 @@ impl Linkage {
         &self,
         link: usize,
         own: &LinkPose,
-        seen_mm: [f64; 2],
+        seen_mm: Vector2<f64>,
         q: &Vector5<f64>,
-        turns: &[Turn; 3],
+        turns: &Turns,
     ) -> LinkPose {
         let (to_joint, to_axle) = self.arms(link);
-        let (middle_arm, own_arm) = (rotated(turns[0], to_joint), rotated(turns[link], to_axle));
-        let origin_mm = [0, 1].map(|axis| q[axis] + middle_arm[axis] + own_arm[axis]);
+        let origin_mm = q.xy() + turns[0] * to_joint + turns[link] * to_axle;
         let moments = &own.moments;
-        let to_centre = rotated(turns[link], moments.centre_mm);
-        let [x, y] = [0, 1].map(|axis| origin_mm[axis] + to_centre[axis] - seen_mm[axis]);
+        let off = origin_mm + turns[link] * Vector2::from(moments.centre_mm) - seen_mm;
         let half_turn = (0.5 * (q[2 + link] - own.theta_rad)).sin();
         let turning = 4.0 * moments.turning_mm2 * half_turn * half_turn;
-        let residual_mm =
-            (own.residual_mm.powi(2) + x * x + y * y + turning / moments.markers).sqrt();
-        LinkPose { origin_mm, theta_rad: wrap(q[2 + link]), residual_mm, ..*own }
+        let squares = own.residual_mm.powi(2) + off.x * off.x + off.y * off.y;
+        let residual_mm = (squares + turning / moments.markers).sqrt();
+        let (origin_mm, theta_rad) = (origin_mm.into(), wrap(q[2 + link]));
+        LinkPose { origin_mm, theta_rad, residual_mm, ..*own }
     }
 }
 
-/// Sine and cosine of a heading.
-type Turn = (f64, f64);
+/// By the headings of links 0, 1, 2.
+type Turns = [UnitComplex<f64>; 3];
 
-/// Of links 0, 1, 2.
-fn turns(q: &Vector5<f64>) -> [Turn; 3] {
-    [2, 3, 4].map(|heading| q[heading].sin_cos())
-}
-
-fn rotated((sin, cos): Turn, [x, y]: [f64; 2]) -> [f64; 2] {
-    [cos * x - sin * y, sin * x + cos * y]
-}
-
-/// Derivative of a turned arm with respect to its angle.
-fn across([x, y]: [f64; 2]) -> [f64; 2] {
-    [-y, x]
+fn turns(q: &Vector5<f64>) -> Turns {
+    [2, 3, 4].map(|heading| UnitComplex::new(q[heading]))
 }
 
 #[cfg(test)]
@@ -267,7 +240,7 @@ mod tests {
                 residual_mm: 0.0,
                 moments: rigid::MarkerMoments { markers: 1.0, ..Default::default() },
             };
-            let pose = linkage.posed(link, &own, [0.0; 2], q, &turns(q));
+            let pose = linkage.posed(link, &own, Vector2::zeros(), q, &turns(q));
             let place = |p: &[f64; 3]| {
                 k += 1.0;
                 let [x, y] = pose.at([p[0], p[1]]);
@@ -287,7 +260,7 @@ mod tests {
         let linkage = Linkage::of(&Robot::kinematic());
         let own = own(pairs);
         let of_link = |link: usize| -> f64 {
-            let pose = linkage.posed(link, &own[link].unwrap(), [0.0; 2], q, &turns(q));
+            let pose = linkage.posed(link, &own[link].unwrap(), Vector2::zeros(), q, &turns(q));
             let square = |(place, seen): &([f64; 2], [f64; 2])| {
                 let at = pose.at(*place);
                 (at[0] - seen[0]).powi(2) + (at[1] - seen[1]).powi(2)

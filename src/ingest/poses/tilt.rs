@@ -15,7 +15,7 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{Rotation3, SVector, Vector3};
+use nalgebra::{Matrix2, Rotation3, RowVector2, SVector, Vector2, Vector3};
 
 use crate::ingest::markers::labels::LinkFit;
 use crate::ingest::markers::layout::Layout;
@@ -182,29 +182,24 @@ impl Tilt {
     }
 }
 
-/// Adds the heights of a marker of a link, given their moments.
+/// Adds the heights of a marker of a link, given their moments: to the lower triangle.
 fn add_heights(equations: &mut Equations, link: usize, [x, y]: [f64; 2], moments: &Moments) {
-    let Equations { matrix, right, .. } = equations;
-    let own = 2 + 3 * link;
+    let Equations { matrix, right, count, squares } = equations;
+    let [[one, ..], [sum_x, x_x, ..], [sum_y, y_x, y_y, _], [sum_z, z_x, z_y, z_z]] = *moments;
     // The link's columns are constant, those of the floor's turns are (Y, -X).
-    for (i, a) in [(own, 1.0), (own + 1, y), (own + 2, -x)] {
-        for (j, b) in [(own, 1.0), (own + 1, y), (own + 2, -x)] {
-            matrix[(i, j)] += moments[0][0] * a * b;
-        }
-        for (j, sum) in [(0, moments[2][0]), (1, -moments[1][0])] {
-            matrix[(i, j)] += a * sum;
-            matrix[(j, i)] += a * sum;
-        }
-        right[i] += a * moments[3][0];
-    }
-    matrix[(0, 0)] += moments[2][2];
-    matrix[(0, 1)] -= moments[2][1];
-    matrix[(1, 0)] -= moments[2][1];
-    matrix[(1, 1)] += moments[1][1];
-    right[0] += moments[3][2];
-    right[1] -= moments[3][1];
-    equations.count += moments[0][0];
-    equations.squares += moments[3][3];
+    let (own, columns) = (2 + 3 * link, Vector3::new(1.0, y, -x));
+    let mut of_link = matrix.fixed_view_mut::<3, 3>(own, own);
+    of_link += one * columns * columns.transpose();
+    let mut coupling = matrix.fixed_view_mut::<3, 2>(own, 0);
+    coupling += columns * RowVector2::new(sum_y, -sum_x);
+    let mut of_floor = matrix.fixed_view_mut::<2, 2>(0, 0);
+    of_floor += Matrix2::new(y_y, 0.0, -y_x, x_x);
+    let mut heights = right.fixed_rows_mut::<3>(own);
+    heights += columns * sum_z;
+    let mut heights = right.fixed_rows_mut::<2>(0);
+    heights += Vector2::new(z_y, -z_x);
+    *count += one;
+    *squares += z_z;
 }
 
 fn with_prior(equations: &Equations) -> Equations {
