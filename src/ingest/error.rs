@@ -64,13 +64,19 @@ pub enum Problem {
     NoDecay { found: f64, needed: f64 },
     #[error("found {} group{} of markers that move rigidly together{}{list}{}, needed three groups, one for each link; a marker that is none of the robot's can be named in vicon.ignore", .found, if *.found == 1 { "" } else { "s" }, if list.is_empty() { "" } else { " (" }, if list.is_empty() { "" } else { ")" })]
     RigidGroups { found: usize, list: String },
-    #[error("found the markers `{labels}` hardly ever together, needed two of a link at least in most frames, and each marker with two others in some")]
+    #[error(
+        "found the markers `{labels}` hardly ever together, needed two of a link at least in most frames, and each marker with two others in some"
+    )]
     MarkersApart { labels: String },
     #[error("found {found} frames that show both link 0 and link {link}, needed {needed}")]
     LinksApart { link: usize, found: usize, needed: usize },
-    #[error("found joint {joint} turning by only {found_deg:.1} degrees, needed {needed_deg} or more to see where it is; take a trial in which both joints move")]
+    #[error(
+        "found joint {joint} turning by only {found_deg:.1} degrees, needed {needed_deg} or more to see where it is; take a trial in which both joints move"
+    )]
     LittleTurn { joint: usize, found_deg: f64, needed_deg: f64 },
-    #[error("found a motion that does not say where the joints and wheels are, needed a trial in which both joints move and the wheels roll")]
+    #[error(
+        "found a motion that does not say where the joints and wheels are, needed a trial in which both joints move and the wheels roll"
+    )]
     NoLayout,
 }
 

@@ -45,9 +45,7 @@ pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError>
 /// # Errors
 /// The file cannot be unpacked, or is neither text nor C3D.
 pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ViconError> {
-    by_format(path, file, c3d::sections, |text| {
-        Ok(sections::list(cells::Dialect::of(text), text))
-    })
+    by_format(path, file, c3d::sections, |text| Ok(sections::list(cells::Dialect::of(text), text)))
 }
 
 fn by_format<T>(

@@ -59,9 +59,8 @@ impl LayoutEstimate {
             let mut velocities = rolling::velocities(outer, joint.in_outer, &file.frames, rate_hz);
             velocities.retain(|velocity| is_used(velocity.row));
             let turns = bodies[0].turns_to(outer).filter(|(row, _)| is_used(*row));
-            let (sin, cos) = turns.fold((0.0, 0.0), |(sin, cos), (_, turn)| {
-                (sin + turn.sin(), cos + turn.cos())
-            });
+            let (sin, cos) = turns
+                .fold((0.0, 0.0), |(sin, cos), (_, turn)| (sin + turn.sin(), cos + turn.cos()));
             let guess = f64::atan2(sin, cos) + middle_rad;
             let lever_mm = sign * 1e3 * robot.l_m;
             let direction = rolling::direction(&velocities, lever_mm, guess)?;

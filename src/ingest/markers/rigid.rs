@@ -1,5 +1,7 @@
 //! The pose of a link from those of its markers that the cameras saw.
 
+use nalgebra::{UnitComplex, Vector2};
+
 use crate::robot::in_world;
 
 /// Two markers nearer than this, mm, hardly determine the heading.
@@ -42,23 +44,23 @@ impl LinkPose {
 /// In the plane this has a closed form: about the two centroids, the rotation's tangent is
 /// the sum of cross products over the sum of dot products.
 pub fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<LinkPose> {
-    let (mut count, mut local, mut seen) = (0.0, [0.0; 2], [0.0; 2]);
+    let pairs = pairs.map(|(p, q)| (Vector2::from(p), Vector2::from(q)));
+    let (mut count, mut local, mut seen) = (0.0, Vector2::zeros(), Vector2::zeros());
     for (p, q) in pairs.clone() {
         count += 1.0;
-        for axis in 0..2 {
-            local[axis] += p[axis];
-            seen[axis] += q[axis];
-        }
+        local += p;
+        seen += q;
     }
-    if count < 2.0 || !is_spread(pairs.clone()) {
+    if count < 2.0 || !is_spread(pairs.clone().map(|(p, _)| p)) {
         return None;
     }
-    let (local, seen) = (local.map(|sum| sum / count), seen.map(|sum| sum / count));
+    local /= count;
+    seen /= count;
     let (mut along, mut across) = (0.0, 0.0);
     for (p, q) in pairs.clone() {
-        let (p, q) = ([p[0] - local[0], p[1] - local[1]], [q[0] - seen[0], q[1] - seen[1]]);
-        along += p[0] * q[0] + p[1] * q[1];
-        across += p[0] * q[1] - p[1] * q[0];
+        let (p, q) = (p - local, q - seen);
+        along += p.dot(&q);
+        across += p.perp(&q);
     }
     let theta_rad = across.atan2(along);
     let turning_mm2 = (along * along + across * across).sqrt();
@@ -66,32 +68,26 @@ pub fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<
     if turning_mm2 == 0.0 {
         return None;
     }
-    let (sin, cos) = (across / turning_mm2, along / turning_mm2);
-    let turned = |p: [f64; 2]| [cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]];
-    let centre = turned(local);
-    let origin_mm = [seen[0] - centre[0], seen[1] - centre[1]];
-    let squares: f64 = pairs
-        .map(|(p, q)| {
-            let p = turned(p);
-            (p[0] + origin_mm[0] - q[0]).powi(2) + (p[1] + origin_mm[1] - q[1]).powi(2)
-        })
-        .sum();
+    let turn = UnitComplex::from_cos_sin_unchecked(along / turning_mm2, across / turning_mm2);
+    let origin_mm = seen - turn * local;
+    let squares: f64 = pairs.map(|(p, q)| (turn * p + origin_mm - q).norm_squared()).sum();
     Some(LinkPose {
-        origin_mm,
+        origin_mm: origin_mm.into(),
         theta_rad,
         residual_mm: (squares / count).sqrt(),
-        moments: MarkerMoments { markers: count, centre_mm: local, turning_mm2 },
+        moments: MarkerMoments { markers: count, centre_mm: local.into(), turning_mm2 },
     })
 }
 
 /// Whether any two of the markers lie far enough apart.
-fn is_spread(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> bool {
-    pairs.clone().enumerate().any(|(i, (a, _))| {
-        pairs.clone().skip(i + 1).any(|(b, _)| {
-            let [x, y] = [a[0] - b[0], a[1] - b[1]];
-            x * x + y * y >= LEAST_SPREAD_MM * LEAST_SPREAD_MM
-        })
-    })
+fn is_spread(mut markers: impl Iterator<Item = Vector2<f64>> + Clone) -> bool {
+    let least_mm2 = LEAST_SPREAD_MM * LEAST_SPREAD_MM;
+    while let Some(a) = markers.next() {
+        if markers.clone().any(|b| (a - b).norm_squared() >= least_mm2) {
+            return true;
+        }
+    }
+    false
 }
 
 #[cfg(test)]

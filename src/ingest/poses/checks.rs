@@ -105,16 +105,10 @@ fn label_checks(tracked: &Tracked, file: &MarkerFile, layout: &Layout) -> [Findi
     .map(|(check, limit, what)| {
         let all = tracked.fill[0].len();
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        let mut count = |(_, name)| *counts.entry(name).or_default() += 1;
         let is_concerned = |frame: &usize| {
-            let mut found = 0;
-            for link in 0..3 {
-                let outlier = named(link, tracked.outlier[link][*frame]);
-                if let Some((_, name)) = outlier.filter(|(of, _)| *of == check) {
-                    *counts.entry(name).or_default() += 1;
-                    found += 1;
-                }
-            }
-            found > 0
+            let found = (0..3).filter_map(|link| named(link, tracked.outlier[link][*frame]));
+            found.filter(|(of, _)| *of == check).map(&mut count).count() > 0
         };
         let frames = (0..all).filter(is_concerned).count();
         let each: Vec<String> =

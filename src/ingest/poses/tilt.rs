@@ -152,33 +152,32 @@ impl Tilt {
         if is_left { self.floor } else { Turn::default() }
     }
 
-    /// Markers and layout as they would be without the tilt that is to be corrected; `None` if
-    /// there is none.
+    /// Whether any of it is undone.
+    pub fn is_corrected(&self) -> bool {
+        self.floor.is_corrected() || self.links.iter().any(Turn::is_corrected)
+    }
+
+    /// Markers and layout as they would be without the tilt that is to be corrected.
     pub fn corrected<'f>(
         &self,
         file: &'f MarkerFile,
-        layout: &Layout,
-    ) -> Option<(Cow<'f, MarkerFile>, Layout)> {
-        let is_level = !self.floor.is_corrected();
-        if is_level && self.links.iter().all(|turn| !turn.is_corrected()) {
-            return None;
-        }
-        let mut file = Cow::Borrowed(file);
-        if !is_level {
+        layout: &'f Layout,
+    ) -> (Cow<'f, MarkerFile>, Cow<'f, Layout>) {
+        let (mut file, mut layout) = (Cow::Borrowed(file), Cow::Borrowed(layout));
+        if self.floor.is_corrected() {
             let back = self.floor.rotation().inverse();
             for position in &mut file.to_mut().positions_mm {
                 *position = (back * Vector3::from(*position)).into();
             }
         }
-        let mut layout = layout.clone();
-        for (markers, turn) in layout.iter_mut().zip(&self.links) {
-            for marker in markers.iter_mut().filter(|_| turn.is_corrected()) {
+        for (link, turn) in self.links.iter().enumerate().filter(|(_, turn)| turn.is_corrected()) {
+            for marker in &mut layout.to_mut()[link] {
                 let [x, y] = marker.local_position_mm;
                 let turned = turn.rotation() * Vector3::new(x, y, marker.height_mm);
                 marker.local_position_mm = [turned.x, turned.y];
             }
         }
-        Some((file, layout))
+        (file, layout)
     }
 }
 

@@ -8,6 +8,7 @@ use crate::ingest::error::Problem;
 use crate::ingest::markers::labels::{LinkFit, Outlier, correct_labels};
 use crate::ingest::markers::layout::Layout;
 use crate::ingest::signals;
+use crate::named::named;
 use crate::stats::{unwrap, wrap};
 use crate::vicon::MarkerFile;
 
@@ -17,26 +18,16 @@ const MOST_LEFT_OUT: i64 = 100_000;
 const MOST_LEFT_OUT_PER_ROW: i64 = 10;
 const MOST_LEFT_OUT_AT_ALL: i64 = 1_000_000;
 
-/// Where a link's pose in a frame comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fill {
-    /// All its markers were seen.
-    Measured,
-    /// Some were not, or one had jumped; the pose is that of the others.
-    Rigid,
-    /// The frame lies in a short gap.
-    Interpolated,
-    Missing,
-}
-
-impl Fill {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Measured => "measured",
-            Self::Rigid => "rigid",
-            Self::Interpolated => "interpolated",
-            Self::Missing => "missing",
-        }
+named! {
+    /// Where a link's pose in a frame comes from.
+    pub enum Fill {
+        /// All its markers were seen.
+        Measured = "measured",
+        /// Some were not, or one had jumped; the pose is that of the others.
+        Rigid = "rigid",
+        /// The frame lies in a short gap.
+        Interpolated = "interpolated",
+        Missing = "missing",
     }
 }
 
@@ -104,10 +95,9 @@ pub fn track(
     let (first_frame, frames) = frame_grid(&file.frames)?;
     let missing = || vec![f64::NAN; frames];
     let (mut x_m, mut y_m) = (missing(), missing());
-    let mut theta = [missing(), missing(), missing()];
-    let mut residual_mm = [missing(), missing(), missing()];
-    let mut fill = [(); 3].map(|()| vec![Fill::Missing; frames]);
-    let mut outlier = [(); 3].map(|()| vec![Outlier::None; frames]);
+    let (mut theta, mut residual_mm) = ([0; 3].map(|_| missing()), [0; 3].map(|_| missing()));
+    let mut fill = [0; 3].map(|_| vec![Fill::Missing; frames]);
+    let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
     let mut markers_seen = 0;
     let (fits, tilt) = upright_fits(file, layout, rate_hz);
     let refined = linkage.map(|linkage| linkage.refined(&fits));
@@ -140,12 +130,10 @@ pub fn track(
     theta.iter_mut().for_each(|theta| unwrap(theta));
     // Headings are filled link by link, so that a joint angle uses whichever link was seen.
     let fill_gaps = |series: &[f64]| signals::fill(series, max_gap);
-    let filled_theta = [0, 1, 2].map(|link| fill_gaps(&theta[link]));
-    for link in 0..3 {
-        for (fill, theta) in fill[link].iter_mut().zip(&filled_theta[link]) {
-            if *fill == Fill::Missing && !theta.is_nan() {
-                *fill = Fill::Interpolated;
-            }
+    let filled_theta = theta.each_ref().map(|theta| fill_gaps(theta));
+    for (fill, theta) in fill.iter_mut().flatten().zip(filled_theta.iter().flatten()) {
+        if *fill == Fill::Missing && !theta.is_nan() {
+            *fill = Fill::Interpolated;
         }
     }
     let filled = coordinates(fill_gaps(&x_m), fill_gaps(&y_m), filled_theta);
@@ -170,14 +158,12 @@ pub fn track(
 fn upright_fits(file: &MarkerFile, layout: &Layout, rate_hz: f64) -> ([Vec<LinkFit>; 3], Tilt) {
     let mut fits = fit_links(file, layout);
     let tilt = Tilt::of(file, layout, &fits);
-    let corrected = tilt.corrected(file, layout);
-    if let Some((file, layout)) = &corrected {
-        fits = fit_links(file, layout);
+    let (file, layout) = tilt.corrected(file, layout);
+    if tilt.is_corrected() {
+        fits = fit_links(&file, &layout);
     }
-    let (file, layout) =
-        corrected.as_ref().map_or((file, layout), |(file, layout)| (&**file, layout));
-    for (fits, markers) in fits.iter_mut().zip(layout) {
-        let link = LinkRecording { file, markers, floor: tilt.floor_left() };
+    for (fits, markers) in fits.iter_mut().zip(&*layout) {
+        let link = LinkRecording { file: &file, markers, floor: tilt.floor_left() };
         suspension::set_upright(link, rate_hz, fits);
     }
     (fits, tilt)
@@ -185,17 +171,12 @@ fn upright_fits(file: &MarkerFile, layout: &Layout, rate_hz: f64) -> ([Vec<LinkF
 
 /// Poses of links 0, 1, 2 in every row of the file, without the markers that are wrong.
 fn fit_links(file: &MarkerFile, layout: &Layout) -> [Vec<LinkFit>; 3] {
-    let mut fits = [(); 3].map(|()| Vec::with_capacity(file.frames.len()));
-    for row in 0..file.frames.len() {
-        let positions_mm = file.row_mm(row);
-        for (fits, markers) in fits.iter_mut().zip(layout) {
-            fits.push(LinkFit::of(positions_mm, markers));
-        }
-    }
-    for (fits, markers) in fits.iter_mut().zip(layout) {
-        correct_labels(file, markers, fits);
-    }
-    fits
+    layout.each_ref().map(|markers| {
+        let rows = 0..file.frames.len();
+        let mut fits = rows.map(|row| LinkFit::of(file.row_mm(row), markers)).collect::<Vec<_>>();
+        correct_labels(file, markers, &mut fits);
+        fits
+    })
 }
 
 /// First frame and number of frames with those that the file leaves out.

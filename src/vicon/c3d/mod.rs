@@ -98,10 +98,9 @@ struct Contents<'f> {
 
 impl<'f> Contents<'f> {
     fn read(content: &'f [u8]) -> Result<Self, Problem> {
-        let header = content
-            .get(..BLOCK)
-            .filter(|header| header[1] == MAGIC)
-            .ok_or_else(|| Problem::new("no C3D header", "512 bytes of which the second is 0x50"))?;
+        let header = content.get(..BLOCK).filter(|header| header[1] == MAGIC).ok_or_else(|| {
+            Problem::new("no C3D header", "512 bytes of which the second is 0x50")
+        })?;
         let section = parameter_section(content)
             .ok_or_else(|| Problem::new("no parameter section", "one inside the file"))?;
         let order = ByteOrder::of(section).map_err(|found| {

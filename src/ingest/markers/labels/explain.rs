@@ -1,7 +1,6 @@
 //! What may have happened to a link's markers in one row, judged by that row alone.
 
-use super::outlier::seen;
-use super::{LinkFit, Outlier};
+use super::{LinkFit, Outlier, seen};
 use crate::ingest::markers::layout::LinkMarker;
 use crate::ingest::markers::rigid::{self, LinkPose};
 use crate::vicon::MarkerFile;
