@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+pub(crate) use check::one_of;
 pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
 pub(crate) use error::{did_you_mean, nearest, parse_toml};
@@ -405,25 +406,12 @@ impl Serialize for Smoothing {
 
 impl<'de> Deserialize<'de> for Smoothing {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Visitor;
-        impl serde::de::Visitor<'_> for Visitor {
-            type Value = Smoothing;
-            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-                f.write_str("\"auto\" or a whole number of samples from 5 to 30")
-            }
-            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Smoothing, E> {
-                if text == "auto" {
-                    return Ok(Smoothing::Auto);
-                }
-                Err(E::invalid_value(serde::de::Unexpected::Str(text), &self))
-            }
-            fn visit_i64<E: serde::de::Error>(self, samples: i64) -> Result<Smoothing, E> {
-                match usize::try_from(samples) {
-                    Ok(window @ 5..=30) => Ok(Smoothing::Window(window)),
-                    _ => Err(E::invalid_value(serde::de::Unexpected::Signed(samples), &self)),
-                }
-            }
+        match toml::Value::deserialize(deserializer)? {
+            toml::Value::String(word) if word == "auto" => Ok(Self::Auto),
+            toml::Value::Integer(samples @ 5..=30) => Ok(Self::Window(samples as usize)),
+            other => Err(serde::de::Error::custom(format!(
+                "invalid value: {other}, expected \"auto\" or a whole number of samples from 5 to 30"
+            ))),
         }
-        deserializer.deserialize_any(Visitor)
     }
 }

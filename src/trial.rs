@@ -5,11 +5,14 @@ use std::path::{Component, Path};
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Config, ConfigError, nearest, parse_toml};
+use crate::config::{Config, ConfigError, one_of, parse_toml};
 use crate::named::named;
 
 /// Name of the list inside a trial folder.
 pub const TRIALS_FILE: &str = "trials.toml";
+
+/// Where campaigns and robots are.
+const PIPELINE: &str = " of pipeline.toml";
 
 /// Name of the planted truth inside a folder of synthetic trials.
 pub const TRUTH_FILE: &str = "truth.json";
@@ -68,30 +71,23 @@ impl TrialList {
         let text = std::fs::read_to_string(&path)
             .map_err(|source| ConfigError::Read { path: path.clone(), source })?;
         let list: Self = parse_toml(&path, &text)?;
+        let error = |key: &str, found, needed: &str| {
+            let (path, key, needed) = (path.clone(), key.to_owned(), needed.to_owned());
+            Err(ConfigError::Value { path, key, found, needed })
+        };
         if list.trial.is_empty() {
-            return Err(ConfigError::Value {
-                path,
-                key: "trial".to_owned(),
-                found: "an empty list".to_owned(),
-                needed: "at least one [[trial]]".to_owned(),
-            });
+            return error("trial", "an empty list".to_owned(), "at least one [[trial]]");
         }
         let mut ids = BTreeSet::new();
-        for (i, trial) in list.trial.iter().enumerate() {
-            let error = |needed: &str| ConfigError::Value {
-                path: path.clone(),
-                key: format!("trial[{i}].id"),
-                found: format!("{:?}", trial.id),
-                needed: needed.to_owned(),
-            };
-            if !is_valid_id(&trial.id) {
-                return Err(error(
-                    "1 to 64 of the characters A-Z a-z 0-9 . _ -, not starting with a dot",
-                ));
+        for (i, Trial { id, .. }) in list.trial.iter().enumerate() {
+            let (key, found) = (format!("trial[{i}].id"), format!("{id:?}"));
+            if !is_valid_id(id) {
+                let characters = "A-Z a-z 0-9 . _ -, not starting with a dot";
+                return error(&key, found, &format!("1 to 64 of the characters {characters}"));
             }
             // Some disks do not tell capitals from small letters.
-            if !ids.insert(trial.id.to_ascii_lowercase()) {
-                return Err(error("an id that no other trial has"));
+            if !ids.insert(id.to_ascii_lowercase()) {
+                return error(&key, found, "an id that no other trial has");
             }
         }
         Ok(list)
@@ -121,55 +117,43 @@ impl Trial {
     /// # Errors
     /// Names the key, what was found and what was needed.
     pub fn check(&self, config: &Config) -> Result<(), TrialError> {
-        let error = |key, found: String, needed: String| TrialError {
-            trial: self.id.clone(),
-            key,
-            found,
-            needed,
+        let error = |key, found: String, needed: &str| {
+            Err(TrialError { trial: self.id.clone(), key, found, needed: needed.to_owned() })
         };
         let mut inside = Path::new(&self.file).components();
         if self.file.is_empty() || !inside.all(|part| matches!(part, Component::Normal(_))) {
-            let needed = "a file inside the trial folder".to_owned();
-            return Err(error("file", format!("{:?}", self.file), needed));
+            return error("file", format!("{:?}", self.file), "a file inside the trial folder");
         }
-        if let Some(window) = self.smoothing_window
-            && !(5..=30).contains(&window)
-        {
-            let needed = "a whole number from 5 to 30".to_owned();
-            return Err(error("smoothing_window", window.to_string(), needed));
+        if let Some(window) = self.smoothing_window.filter(|window| !(5..=30).contains(window)) {
+            return error("smoothing_window", window.to_string(), "a whole number from 5 to 30");
         }
-        let foreign: [(&'static str, bool); 2] = match self.kind {
-            TrialKind::Gait => [("robot", self.robot.is_some()), ("", false)],
-            TrialKind::JointRelease | TrialKind::CoastDown => {
-                [("campaign", self.campaign.is_some()), ("omega_rad_s", self.omega_rad_s.is_some())]
-            }
-        };
+        let is_gait = self.kind == TrialKind::Gait;
+        let foreign = [
+            ("robot", is_gait && self.robot.is_some()),
+            ("campaign", !is_gait && self.campaign.is_some()),
+            ("omega_rad_s", !is_gait && self.omega_rad_s.is_some()),
+        ];
         if let Some((key, _)) = foreign.into_iter().find(|(_, is_there)| *is_there) {
-            let needed = format!("no such key for a trial of kind {}", self.kind.name());
-            return Err(error(key, "a value".to_owned(), needed));
+            let needed = format!("no such key for a trial of kind {}", self.kind);
+            return error(key, "a value".to_owned(), &needed);
         }
-        let (key, name, family): (_, _, Vec<&str>) = match self.kind {
-            TrialKind::Gait => {
-                ("campaign", &self.campaign, config.campaign.keys().map(String::as_str).collect())
-            }
-            TrialKind::JointRelease | TrialKind::CoastDown => {
-                ("robot", &self.robot, config.robot.keys().map(String::as_str).collect())
-            }
-        };
+        let (key, name) =
+            if is_gait { ("campaign", &self.campaign) } else { ("robot", &self.robot) };
         let name = name.as_deref().unwrap_or_default();
-        if !family.contains(&name) {
+        let (is_known, known) = match is_gait {
+            true => (config.campaign.contains_key(name), one_of(name, &config.campaign, PIPELINE)),
+            false => (config.robot.contains_key(name), one_of(name, &config.robot, PIPELINE)),
+        };
+        if !is_known {
             let found = if name.is_empty() { "nothing".into() } else { format!("`{name}`") };
-            let hint = nearest(name, family.iter().copied())
-                .map_or(String::new(), |near| format!(" (did you mean `{near}`?)"));
-            let needed = format!("one of `{}` of pipeline.toml{hint}", family.join("`, `"));
-            return Err(error(key, found, needed));
+            return error(key, found, &known);
         }
-        if self.kind == TrialKind::Gait
-            && !self.omega_rad_s.is_some_and(|omega| omega > 0.0 && omega.is_finite())
-        {
-            let found = self.omega_rad_s.map_or("nothing".into(), |omega| omega.to_string());
-            return Err(error("omega_rad_s", found, "a frequency above 0".into()));
+        match self.omega_rad_s {
+            Some(omega) if !(omega > 0.0 && omega.is_finite()) => {
+                error("omega_rad_s", omega.to_string(), "a frequency above 0")
+            }
+            None if is_gait => error("omega_rad_s", "nothing".into(), "a frequency above 0"),
+            _ => Ok(()),
         }
-        Ok(())
     }
 }

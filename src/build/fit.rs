@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::plan::{Completed, Stage, Touched, Wanted, Work, hash_of};
-use super::record::{Inputs, Made, StageState};
+use super::plan::{Stage, Touched, Wanted, Work, hash_of};
+use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, SETTINGS, Target};
 use super::{RunError, Watch};
 use crate::config::{Config, ParameterSource};
-use crate::fit::{FitData, FitEvent, FitInput, Fitted, TABLES, fit_except, input_paths};
+use crate::fit::{FitData, FitEvent, FitInput, Fitted, fit_except, input_paths};
 use crate::interrupt::stop_if_asked;
 use crate::store::{FitRow, Provenance, StoreError};
 
@@ -44,6 +44,11 @@ impl Stage for FitStage {
     const SOURCE: &'static str = env!("TRILINK_FIT_SOURCE");
     const ROWS_OF_TARGETS: bool = true;
     const OTHER_ORDER: &'static str = "the configuration has another order of models";
+    const NOT_KEPT: &'static str = "fits.parquet does not have it";
+
+    fn state(record: &mut Record) -> &mut StageState {
+        &mut record.fit
+    }
 
     fn home(&self) -> &Path {
         &self.derived
@@ -84,17 +89,13 @@ impl Stage for FitStage {
         Fitted::read(&self.derived).map_err(|error| error.to_string())
     }
 
-    fn by_target(&self, earlier: Fitted) -> BTreeMap<Target, Fitted> {
+    fn kept(&self, _known: &StageState, earlier: Fitted) -> BTreeMap<Target, Fitted> {
         let is_whole = |rows: &Fitted| rows.fits.len() == 1 && rows.comparison.len() == 1;
         let whole = earlier.by_target().into_iter().filter(|(_, rows)| is_whole(rows));
         whole.map(|((campaign, model), rows)| (Target::Fit { campaign, model }, rows)).collect()
     }
 
-    fn keep(&self, _made: &Made, earlier: Option<Fitted>) -> Result<Fitted, String> {
-        earlier.ok_or_else(|| format!("{} does not have it", TABLES[0]))
-    }
-
-    fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<Completed<Self>, RunError> {
+    fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<(Fitted, StageState), RunError> {
         let Work { sources, wanted, kept, .. } = work;
         let (fits, models) = (AtomicUsize::new(0), wanted.len() - kept.len());
         let on_event = |event: FitEvent| match event {
@@ -117,8 +118,7 @@ impl Stage for FitStage {
         let parts: Vec<&Fingerprint> = wanted.iter().map(|wanted| &wanted.parts).collect();
         let outputs = output.write(&self.derived, &Provenance { input: hash_of(&parts) })?;
         let targets = wanted.into_iter().map(|wanted| wanted.made(BTreeMap::new())).collect();
-        let (inputs, missing) = (BTreeMap::new(), Vec::new());
-        Ok(Completed { output, targets, outputs, inputs, missing })
+        Ok((output, StageState { targets, outputs, ..StageState::default() }))
     }
 
     fn foreseen(&self, _known: &StageState) -> Vec<Wanted> {

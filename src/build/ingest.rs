@@ -8,12 +8,12 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::plan::{Completed, PlannedTarget, Stage, StagePlan, Touched, Wanted, Work, hash_of};
-use super::record::{Inputs, Made, StageState, absolute};
+use super::plan::{PlannedTarget, Stage, StagePlan, Touched, Wanted, Work, hash_of};
+use super::record::{Inputs, Made, Record, StageState, absolute};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
 use crate::config::{Config, Paths};
-use crate::ingest::{Entry, IngestError, IngestInput, Ingested, TABLES, ingest_trials, outdated};
+use crate::ingest::{Entry, IngestError, IngestInput, Ingested, ingest_trials, outdated};
 use crate::interrupt::stop_if_asked;
 use crate::store::{Provenance, Stamp, TrialRow, TrialStatus};
 use crate::trial::{Trial, TrialError, TrialList};
@@ -100,6 +100,11 @@ impl Stage for IngestStage {
     const SOURCE: &'static str = env!("TRILINK_INGEST_SOURCE");
     const ROWS_OF_TARGETS: bool = true;
     const OTHER_ORDER: &'static str = "trials.toml has another order";
+    const NOT_KEPT: &'static str = "trials.parquet does not have it";
+
+    fn state(record: &mut Record) -> &mut StageState {
+        &mut record.ingest
+    }
 
     fn home(&self) -> &Path {
         &self.paths.derived
@@ -127,13 +132,9 @@ impl Stage for IngestStage {
         Ingested::read(&self.paths.derived).map_err(|error| error.to_string())
     }
 
-    fn by_target(&self, earlier: Ingested) -> BTreeMap<Target, Ingested> {
+    fn kept(&self, _known: &StageState, earlier: Ingested) -> BTreeMap<Target, Ingested> {
         let whole = earlier.by_target().into_iter().filter(|(_, rows)| rows.trials.len() == 1);
         whole.map(|(id, rows)| (Target::Trial(id), rows)).collect()
-    }
-
-    fn keep(&self, _made: &Made, earlier: Option<Ingested>) -> Result<Ingested, String> {
-        earlier.ok_or_else(|| format!("{} does not have it", TABLES[0]))
     }
 
     /// What a run left that was killed before it recorded them.
@@ -143,7 +144,11 @@ impl Stage for IngestStage {
         Ok(outdated.iter().map(|path| format!("{} is of no trial", path.display())).collect())
     }
 
-    fn make(&self, mut work: Work<Self>, watch: &dyn Watch) -> Result<Completed<Self>, RunError> {
+    fn make(
+        &self,
+        mut work: Work<Self>,
+        watch: &dyn Watch,
+    ) -> Result<(Ingested, StageState), RunError> {
         let Paths { raw, derived, .. } = &self.paths;
         let entries = self.trials.iter().map(|(trial, input)| (trial, input));
         let is_kept = |(trial, _): &Entry| work.kept.contains_key(&Target::Trial(trial.id.clone()));
@@ -195,6 +200,6 @@ impl Stage for IngestStage {
         }
         let parts: Vec<&Fingerprint> = targets.iter().map(|made| &made.parts).collect();
         let outputs = output.write(derived, &Provenance { input: hash_of(&parts) })?;
-        Ok(Completed { output, targets, outputs, inputs, missing: Vec::new() })
+        Ok((output, StageState { inputs, targets, outputs, ..StageState::default() }))
     }
 }

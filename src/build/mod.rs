@@ -13,26 +13,23 @@ mod target;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use serde::Serialize;
-
 use crate::clock::utc_now;
 use crate::config::{Config, ConfigError};
 use crate::fit::Fitted;
 use crate::ingest::{IngestError, Ingested};
 use crate::interrupt::{Interrupted, abandonable};
 use crate::report::{ReportError, Reported};
-use crate::store::{ComparisonRow, FitRow, RobotParameterRow, Stamp, StoreError, write_bytes};
+use crate::store::{Stamp, StoreError, write_bytes};
 
 use fit::FitStage;
 use ingest::IngestStage;
 use lock::{LOCK_FILE, Lock, check_places, sweep, unfinished};
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, plan, plan_after};
-use record::{RECORD_FILE, Record, StageState};
+use record::{RECORD_FILE, Record};
 use report::ReportStage;
-pub use summary::{
-    Attention, FitRecord, RunHeader, RunRecord, StageRecord, TrialCounts, attention, count,
-};
+use summary::{RunRecord, RunResults};
+pub use summary::{StageRecord, TrialCounts, attention, count};
 pub use target::Target;
 
 /// Somebody who watches a run.
@@ -63,6 +60,9 @@ pub enum RunError {
     Store(#[from] StoreError),
     #[error(transparent)]
     Report(#[from] ReportError),
+    /// There is something to do, and nothing may be written.
+    #[error("something has changed")]
+    Outdated,
     #[error("{0}; --wait waits for it")]
     Held(StoreError),
     #[error(
@@ -88,11 +88,10 @@ fn left(stage: &str) -> String {
 /// Everything that a run gives.
 #[derive(Debug)]
 pub struct Finished {
-    pub record: RunRecord,
-    /// What releases and coast-downs say of the robots.
-    pub parameters: Vec<RobotParameterRow>,
-    pub fits: Vec<FitRow>,
-    pub comparison: Vec<ComparisonRow>,
+    pub ingested: Ingested,
+    pub fitted: Fitted,
+    pub reported: Reported,
+    pub stages: Vec<StageRecord>,
     /// Whether there was nothing to do, and nothing was written.
     pub was_up_to_date: bool,
     /// Why the run is not in the history.
@@ -119,7 +118,7 @@ pub struct Finished {
 /// synthesise(&config, &config.paths.raw, &recipe, &|_| {})?;
 ///
 /// let finished = run(&config, RerunOptions::default(), false, &())?;
-/// assert!(finished.record.page.is_file() && !finished.was_up_to_date);
+/// assert!(finished.reported.page.is_file() && !finished.was_up_to_date);
 /// assert!(run(&config, RerunOptions::default(), false, &())?.was_up_to_date);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -133,56 +132,146 @@ pub fn run(
     wait: bool,
     watch: &dyn Watch,
 ) -> Result<Finished, RunError> {
-    let (known, problem) = Record::load(&config.paths.derived);
+    let (mut look, problem) = Sequence::new(config, options, watch);
     problem.iter().for_each(|problem| watch.note(problem));
+    look.may_write = false;
     // Looking comes first: an unchanged folder is not even locked.
-    match up_to_date(config, &known, options) {
-        Ok(Some(results)) => return Ok(results.into_finished(config, &Begun::now(), true)),
+    match look.all() {
+        Ok(finished) => return Ok(finished),
+        Err(RunError::Outdated) => {}
         // Somebody else may be changing what was looked at; the lock tells.
         Err(_) if config.paths.derived.is_dir() => {}
         Err(error) => return Err(error),
-        Ok(None) => {}
     }
     let _lock = take_over(config, wait, watch)?;
-    let (begun, mut stages) = (Begun::now(), Vec::new());
-    let finished = run_locked(config, options, watch, &begun, &mut stages);
+    // Whoever held the lock may have been faster.
+    let (mut sequence, _) = Sequence::new(config, options, watch);
+    let finished = sequence.all();
     if let Err(error) = &finished {
         let is_interrupted = matches!(error, RunError::Interrupted { .. });
         let status = if is_interrupted { "interrupted" } else { "failed" };
-        let header = RunHeader::new(config, status, &begun, stages);
         // Why the run ended is to be said, not why that could not be recorded.
-        let _ = write_record(config, &RunHeader { error: Some(error.to_string()), ..header });
+        let _ = sequence.write_record(status, Some(error.to_string()), None);
     }
     finished
 }
 
-/// The results, if nothing at all has changed and nothing is worth to be recorded.
-fn up_to_date(
-    config: &Config,
-    known: &Record,
+/// The stages, one after the other, of a folder with its record.
+struct Sequence<'s> {
+    config: &'s Config,
     options: RerunOptions,
-) -> Result<Option<Results>, RunError> {
-    let ingest = plan(&IngestStage::new(config)?, &known.ingest, options)?.up_to_date();
-    let Some((ingested, ingest)) = ingest else { return Ok(None) };
-    let fit = plan(&FitStage::new(config), &known.fit, options)?.up_to_date();
-    let Some((fitted, fit)) = fit else { return Ok(None) };
-    let report = plan(&ReportStage::new(config), &known.report, options)?.up_to_date();
-    let Some((reported, report)) = report else { return Ok(None) };
-    if !is_recorded(config, known, options) || !unfinished(&folders(config)).is_empty() {
-        return Ok(None);
-    }
-    let stages = vec![
-        StageRecord::new(IngestStage::NAME, 0.0, &ingest),
-        StageRecord::new(FitStage::NAME, 0.0, &fit),
-        StageRecord::new(ReportStage::NAME, 0.0, &report),
-    ];
-    Ok(Some(Results { ingested, fitted, reported, stages }))
+    watch: &'s dyn Watch,
+    record: Record,
+    /// Else it only looks whether there is something to do.
+    may_write: bool,
+    /// Those that are done.
+    stages: Vec<StageRecord>,
+    /// UTC.
+    began_at: String,
+    began: Instant,
 }
 
-/// Whether `run.json` is as it was written.
-fn is_recorded(config: &Config, known: &Record, options: RerunOptions) -> bool {
-    let path = record_path(config);
-    known.run.as_ref().is_some_and(|stamp| stamp.is_intact(&path, options.verify))
+impl<'s> Sequence<'s> {
+    /// A sequence that may write, and why the folder's record cannot be used.
+    fn new(
+        config: &'s Config,
+        options: RerunOptions,
+        watch: &'s dyn Watch,
+    ) -> (Self, Option<String>) {
+        let (record, problem) = Record::load(&config.paths.derived);
+        let (may_write, stages, began_at, began) = (true, Vec::new(), utc_now(), Instant::now());
+        let sequence = Self { config, options, watch, record, may_write, stages, began_at, began };
+        (sequence, problem)
+    }
+
+    /// Does what a stage has to do, and records it.
+    fn advance<S: Stage>(&mut self, stage: &S) -> Result<S::Output, RunError> {
+        let (begin, stage_name) = (Instant::now(), S::NAME);
+        let known = S::state(&mut self.record).clone();
+        let planned = || plan(stage, &known, self.options);
+        let (output, plan) = if self.may_write {
+            tracing::info!(stage = stage_name, "stage begins");
+            let interrupted =
+                |Interrupted { done }| Err(RunError::Interrupted { stage: stage_name, done });
+            let work = || planned()?.carry_out(stage, self.watch);
+            let (output, plan, state) = abandonable(work).unwrap_or_else(interrupted)?;
+            *S::state(&mut self.record) = state;
+            if !plan.is_empty() {
+                self.record.save(&self.config.paths.derived)?;
+            }
+            tracing::info!(
+                stage = stage_name,
+                seconds = begin.elapsed().as_secs_f64(),
+                "stage done"
+            );
+            (output, plan)
+        } else {
+            planned()?.up_to_date().ok_or(RunError::Outdated)?
+        };
+        self.stages.push(StageRecord::new(stage_name, begin.elapsed().as_secs_f64(), &plan));
+        Ok(output)
+    }
+
+    /// All stages and the record of how they went.
+    fn all(&mut self) -> Result<Finished, RunError> {
+        let config = self.config;
+        let ingested = self.advance(&IngestStage::new(config)?)?;
+        let fitted = self.advance(&FitStage::new(config))?;
+        let reported = self.advance(&ReportStage::new(config))?;
+        let did_something = self.stages.iter().any(|stage| stage.did_something);
+        let was_up_to_date = !did_something && self.is_recorded();
+        let is_done = was_up_to_date && unfinished(&folders(config)).is_empty();
+        if !self.may_write && !is_done {
+            return Err(RunError::Outdated);
+        }
+        let stages = self.stages.clone();
+        let history_problem = None;
+        let mut finished =
+            Finished { ingested, fitted, reported, stages, was_up_to_date, history_problem };
+        if !was_up_to_date {
+            let failed = count(&finished.ingested.trials).failed;
+            let status = if failed == 0 { "ok" } else { "attention" };
+            self.record.run = Some(self.write_record(status, None, Some(&finished))?);
+            let remembered = crate::compare::remember(&config.paths);
+            finished.history_problem = remembered.err().map(|error| error.to_string());
+        }
+        if self.may_write {
+            // Last, so that what it says is there.
+            self.record.save(&config.paths.derived)?;
+        }
+        Ok(finished)
+    }
+
+    /// Whether `run.json` is as it was written.
+    fn is_recorded(&self) -> bool {
+        let path = record_path(self.config);
+        let run = self.record.run.as_ref();
+        run.is_some_and(|stamp| stamp.is_intact(&path, self.options.verify))
+    }
+
+    /// Writes `run.json`.
+    fn write_record(
+        &self,
+        status: &'static str,
+        error: Option<String>,
+        finished: Option<&Finished>,
+    ) -> Result<Stamp, StoreError> {
+        let record = RunRecord {
+            program: env!("CARGO_PKG_NAME"),
+            version: env!("CARGO_PKG_VERSION"),
+            status,
+            error,
+            started: &self.began_at,
+            ended: utc_now(),
+            seconds: self.began.elapsed().as_secs_f64(),
+            folder: &self.config.paths.raw,
+            threads: rayon::current_num_threads(),
+            stages: &self.stages,
+            results: finished.map(RunResults::new),
+        };
+        let json = serde_json::to_string_pretty(&record).expect("a record is plain data");
+        write_bytes(&record_path(self.config), (json + "\n").as_bytes())
+    }
 }
 
 /// What a run would do: certainly if the stages before have nothing to do, else perhaps.
@@ -192,7 +281,7 @@ pub struct DryRun {
     /// The first stage of which only the worst is known.
     pub uncertain_from: usize,
     /// What else would be written.
-    pub others: Vec<String>,
+    pub others: Vec<&'static str>,
     /// Why the record cannot be used.
     pub problem: Option<String>,
 }
@@ -202,39 +291,32 @@ pub struct DryRun {
 /// # Errors
 /// The list of trials or a table cannot be used.
 pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunError> {
-    let (known, problem) = Record::load(&config.paths.derived);
-    let certain =
-        |stages, uncertain_from, others| Ok(DryRun { stages, uncertain_from, others, problem });
+    let (sequence, problem) = Sequence::new(config, options, &());
+    let known = &sequence.record;
     let (trials, models) = (IngestStage::new(config)?, FitStage::new(config));
     let figures = ReportStage::new(config);
     let ingest = plan(&trials, &known.ingest, options)?.plan;
     let mut touched = trials.touched(&ingest);
-    let of_fits = |fit: &StagePlan| -> Vec<String> {
-        let targets = fit.targets.iter().map(|planned| &planned.target).chain(&fit.removed);
-        let campaign = |target: &Target| match target {
-            Target::Fit { campaign, .. } => Some(campaign.clone()),
-            _ => None,
-        };
-        targets.filter_map(campaign).collect()
-    };
-    let (fit, uncertain_from) = match ingest.is_empty() {
+    let (fit, mut uncertain_from) = match ingest.is_empty() {
         false => (plan_after(&models, &known.fit, options, &touched), 1),
         true => (plan(&models, &known.fit, options)?.plan, 2),
     };
-    if !ingest.is_empty() || !fit.is_empty() {
-        touched.campaigns.extend(of_fits(&fit));
-        let report = plan_after(&figures, &known.report, options, &touched);
-        return certain([ingest, fit, report], uncertain_from, Vec::new());
-    }
-    let report = plan(&figures, &known.report, options)?.plan;
     let mut others = Vec::new();
-    if !unfinished(&folders(config)).is_empty() {
-        others.push("a killed run left unfinished files".to_owned());
-    }
-    if !is_recorded(config, &known, options) {
-        others.push("run.json is not as it was written".to_owned());
-    }
-    certain([ingest, fit, report], 3, others)
+    let report = if ingest.is_empty() && fit.is_empty() {
+        uncertain_from = 3;
+        if !unfinished(&folders(config)).is_empty() {
+            others.push("a killed run left unfinished files");
+        }
+        if !sequence.is_recorded() {
+            others.push("run.json is not as it was written");
+        }
+        plan(&figures, &known.report, options)?.plan
+    } else {
+        let fits = fit.targets.iter().map(|planned| &planned.target).chain(&fit.removed);
+        touched.campaigns.extend(fits.filter_map(|target| target.campaign().cloned()));
+        plan_after(&figures, &known.report, options, &touched)
+    };
+    Ok(DryRun { stages: [ingest, fit, report], uncertain_from, others, problem })
 }
 
 /// The first stage, of all trials: marker files to tables.
@@ -242,7 +324,7 @@ pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunErro
 /// # Errors
 /// The list of trials cannot be read, a table not written, or another run is busy.
 pub fn ingest(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Ingested, RunError> {
-    alone(config, wait, watch, IngestStage::new, |record| &mut record.ingest)
+    alone(config, wait, watch, IngestStage::new)
 }
 
 /// The second stage, of all models: tables to fitted models.
@@ -250,7 +332,7 @@ pub fn ingest(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Ingested
 /// # Errors
 /// The table of trials cannot be read, a table not written, or another run is busy.
 pub fn fit(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Fitted, RunError> {
-    alone(config, wait, watch, |config| Ok(FitStage::new(config)), |record| &mut record.fit)
+    alone(config, wait, watch, |config| Ok(FitStage::new(config)))
 }
 
 /// The third stage, of all figures: figures and the page.
@@ -258,7 +340,7 @@ pub fn fit(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Fitted, Run
 /// # Errors
 /// A table cannot be read, a file not written, or another run is busy.
 pub fn report(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Reported, RunError> {
-    alone(config, wait, watch, |config| Ok(ReportStage::new(config)), |record| &mut record.report)
+    alone(config, wait, watch, |config| Ok(ReportStage::new(config)))
 }
 
 /// One stage, of all targets.
@@ -267,29 +349,10 @@ fn alone<S: Stage>(
     wait: bool,
     watch: &dyn Watch,
     stage: fn(&Config) -> Result<S, RunError>,
-    of: fn(&mut Record) -> &mut StageState,
 ) -> Result<S::Output, RunError> {
     let _lock = take_over(config, wait, watch)?;
-    let (mut record, _) = Record::load(&config.paths.derived);
-    Ok(advance(config, &stage(config)?, &mut record, of, RerunOptions::FORCE, watch)?.0)
-}
-
-/// Does what a stage has to do, and records it.
-fn advance<S: Stage>(
-    config: &Config,
-    stage: &S,
-    record: &mut Record,
-    of: fn(&mut Record) -> &mut StageState,
-    options: RerunOptions,
-    watch: &dyn Watch,
-) -> Result<(S::Output, StagePlan), RunError> {
-    let known = of(record).clone();
-    let (output, plan, state) = plan(stage, &known, options)?.carry_out(stage, watch)?;
-    *of(record) = state;
-    if !plan.is_empty() {
-        record.save(&config.paths.derived)?;
-    }
-    Ok((output, plan))
+    let (mut sequence, _) = Sequence::new(config, RerunOptions::FORCE, watch);
+    sequence.advance(&stage(config)?)
 }
 
 /// Takes the lock of the folder of results, and makes sure that there is where to write to.
@@ -320,102 +383,6 @@ fn folders(config: &Config) -> Vec<PathBuf> {
         vec![derived.clone(), reports.clone(), reports.join("figures"), reports.join("trials")];
     folders.extend(crate::ingest::FOLDERS.map(|folder| derived.join(folder)));
     folders
-}
-
-/// When a run began.
-struct Begun {
-    /// UTC.
-    at: String,
-    instant: Instant,
-}
-
-impl Begun {
-    fn now() -> Self {
-        Self { at: utc_now(), instant: Instant::now() }
-    }
-}
-
-fn run_locked(
-    config: &Config,
-    options: RerunOptions,
-    watch: &dyn Watch,
-    begun: &Begun,
-    stages: &mut Vec<StageRecord>,
-) -> Result<Finished, RunError> {
-    // Whoever held the lock may have been faster.
-    let (known, _) = Record::load(&config.paths.derived);
-    let record = &mut known.clone();
-    let ingested = timed(stages, IngestStage::NAME, || {
-        advance(config, &IngestStage::new(config)?, record, |r| &mut r.ingest, options, watch)
-    })?;
-    let fitted = timed(stages, FitStage::NAME, || {
-        advance(config, &FitStage::new(config), record, |r| &mut r.fit, options, watch)
-    })?;
-    let reported = timed(stages, ReportStage::NAME, || {
-        advance(config, &ReportStage::new(config), record, |r| &mut r.report, options, watch)
-    })?;
-
-    let is_new = |stage: &StageRecord| stage.did_something;
-    let did_nothing = !stages.iter().any(is_new) && is_recorded(config, &known, options);
-    let results = Results { ingested, fitted, reported, stages: std::mem::take(stages) };
-    let mut finished = results.into_finished(config, begun, did_nothing);
-    if !did_nothing {
-        record.run = Some(write_record(config, &finished.record)?);
-        let remembered = crate::compare::remember(&config.paths);
-        finished.history_problem = remembered.err().map(|error| error.to_string());
-    }
-    // Last, so that what it says is there.
-    record.save(&config.paths.derived)?;
-    Ok(finished)
-}
-
-/// Writes `run.json`.
-fn write_record(config: &Config, record: &impl Serialize) -> Result<Stamp, StoreError> {
-    let json = serde_json::to_string_pretty(record).expect("a record is plain data");
-    write_bytes(&record_path(config), (json + "\n").as_bytes())
-}
-
-fn timed<T>(
-    stages: &mut Vec<StageRecord>,
-    stage: &'static str,
-    work: impl FnOnce() -> Result<(T, StagePlan), RunError>,
-) -> Result<T, RunError> {
-    let begin = Instant::now();
-    tracing::info!(stage, "stage begins");
-    let interrupted = |Interrupted { done }| Err(RunError::Interrupted { stage, done });
-    let (result, plan) = abandonable(work).unwrap_or_else(interrupted)?;
-    let seconds = begin.elapsed().as_secs_f64();
-    tracing::info!(stage, seconds, "stage done");
-    stages.push(StageRecord::new(stage, seconds, &plan));
-    Ok(result)
-}
-
-/// What the stages gave.
-struct Results {
-    ingested: Ingested,
-    fitted: Fitted,
-    reported: Reported,
-    stages: Vec<StageRecord>,
-}
-
-impl Results {
-    fn into_finished(self, config: &Config, begun: &Begun, was_up_to_date: bool) -> Finished {
-        let Self { ingested, fitted, reported, stages } = self;
-        let trials = count(&ingested.trials);
-        let status = if trials.failed == 0 { "ok" } else { "attention" };
-        let record = RunRecord {
-            header: RunHeader::new(config, status, begun, stages),
-            trials,
-            attention: attention(&ingested.trials),
-            fits: fitted.fits.iter().map(FitRecord::new).collect(),
-            figures: reported.figures,
-            missing: reported.missing,
-            page: reported.page,
-            scorecard: reported.scorecard,
-        };
-        let (Fitted { fits, comparison, .. }, parameters) = (fitted, ingested.parameters);
-        Finished { record, parameters, fits, comparison, was_up_to_date, history_problem: None }
-    }
 }
 
 fn record_path(config: &Config) -> PathBuf {

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::record::{Inputs, Made, Outputs, StageState, changed_outputs};
+use super::record::{Inputs, Made, Outputs, Record, StageState, changed_outputs};
 use super::target::{Fingerprint, SETTINGS, Target, changed_settings, reasons};
 use super::{RunError, Watch};
 use crate::store::{Stamp, hash};
@@ -55,11 +55,6 @@ impl StagePlan {
     /// Whether all is up to date.
     pub fn is_empty(&self) -> bool {
         self.targets.is_empty() && self.removed.is_empty() && self.whole.is_empty()
-    }
-
-    /// Names of the targets to make again.
-    pub fn names(&self) -> Vec<String> {
-        self.targets.iter().map(|planned| planned.target.name()).collect()
     }
 }
 
@@ -112,6 +107,11 @@ pub trait Stage {
     const ROWS_OF_TARGETS: bool;
     /// What to say where targets have another order than they had.
     const OTHER_ORDER: &'static str;
+    /// What to say where nothing is kept of a target that is up to date.
+    const NOT_KEPT: &'static str;
+
+    /// The stage's part of the record.
+    fn state(record: &mut Record) -> &mut StageState;
 
     /// The folder that it writes to.
     fn home(&self) -> &Path;
@@ -139,13 +139,8 @@ pub trait Stage {
     /// What the stage gave the last time; or why its files cannot be used.
     fn earlier(&self, known: &StageState) -> Result<Self::Output, String>;
 
-    /// What each target contributed to that.
-    fn by_target(&self, _earlier: Self::Output) -> BTreeMap<Target, Self::Kept> {
-        BTreeMap::new()
-    }
-
-    /// What stays of a target that is up to date; or why it has to be made again.
-    fn keep(&self, made: &Made, earlier: Option<Self::Kept>) -> Result<Self::Kept, String>;
+    /// What stays of each target that is not made again.
+    fn kept(&self, known: &StageState, earlier: Self::Output) -> BTreeMap<Target, Self::Kept>;
 
     /// What is there that nobody accounts for.
     fn leftovers(&self, _known: &StageState) -> Result<Vec<String>, RunError> {
@@ -157,8 +152,14 @@ pub trait Stage {
         targets
     }
 
-    /// Makes what is not kept and the files of the stage as a whole.
-    fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<Completed<Self>, RunError>;
+    /// Makes what is not kept and the files of the stage as a whole. Gives of the record its
+    /// targets in order, the whole stage's files, what is missing, and the stamps of files as they
+    /// were when they were read, where that was not for the plan.
+    fn make(
+        &self,
+        work: Work<Self>,
+        watch: &dyn Watch,
+    ) -> Result<(Self::Output, StageState), RunError>;
 
     /// Targets that there will be, with the parts of them that are known before the stages before
     /// are done.
@@ -183,18 +184,6 @@ pub struct Work<'k, S: Stage + ?Sized> {
     pub known: &'k StageState,
 }
 
-/// What was done.
-pub struct Completed<S: Stage + ?Sized> {
-    pub output: S::Output,
-    /// In order.
-    pub targets: Vec<Made>,
-    /// Of the stage as a whole.
-    pub outputs: Outputs,
-    /// Stamps of files as they were when they were read, where that was not for the plan.
-    pub inputs: BTreeMap<String, Stamp>,
-    pub missing: Vec<String>,
-}
-
 /// What later stages may find changed.
 #[derive(Debug, Default)]
 pub struct Touched {
@@ -206,16 +195,11 @@ pub struct Touched {
 /// A plan with what it takes to carry it out.
 pub struct Planned<'k, S: Stage> {
     pub plan: StagePlan,
-    settings: BTreeMap<String, Value>,
-    inputs: BTreeMap<String, Stamp>,
-    next: Next<'k, S>,
+    /// What there is already, if everything is up to date; or what there is to do.
+    next: Result<S::Output, Work<'k, S>>,
+    /// The record's part, as far as it is known: with files' times as they are now.
+    state: StageState,
     known: &'k StageState,
-}
-
-enum Next<'k, S: Stage> {
-    /// Everything is up to date; what there is already.
-    Nothing(S::Output),
-    Make(Work<'k, S>),
 }
 
 /// Compares what a stage would make now with what the record has of it.
@@ -244,13 +228,11 @@ pub fn plan<'k, S: Stage>(
         && known.targets.iter().all(|made| changed(&made.outputs).is_empty())
     {
         plan.up_to_date = known.targets.len();
-        let (settings, inputs) = (known.settings.clone(), known.inputs.clone());
-        let next = Next::Nothing(output.clone());
-        return Ok(Planned { plan, settings, inputs, next, known });
+        return Ok(Planned { plan, next: Ok(output.clone()), state: known.clone(), known });
     }
     let mut inputs = Inputs { known, verify, seen: BTreeMap::new() };
     let sources = stage.read(&mut inputs)?;
-    let mut rows = earlier.clone().map(|earlier| stage.by_target(earlier)).unwrap_or_default();
+    let mut rows = earlier.clone().map(|earlier| stage.kept(known, earlier)).unwrap_or_default();
     let made: BTreeMap<&Target, &Made> =
         known.targets.iter().map(|made| (&made.target, made)).collect();
     let mut wanted = stage.wanted(&sources);
@@ -268,13 +250,13 @@ pub fn plan<'k, S: Stage>(
                 }
                 why.extend(known.reasons(&made.parts, wanted));
                 why.extend(changed(&made.outputs));
-                let mut keep = || stage.keep(made, rows.remove(&wanted.target));
-                match why.is_empty().then(&mut keep) {
-                    Some(Ok(stays)) => {
-                        kept.insert(wanted.target.clone(), ((*made).clone(), stays));
+                if why.is_empty() {
+                    match rows.remove(&wanted.target) {
+                        Some(stays) => {
+                            kept.insert(wanted.target.clone(), ((*made).clone(), stays));
+                        }
+                        None => why.push(S::NOT_KEPT.to_owned()),
                     }
-                    Some(Err(reason)) => why.push(reason),
-                    None => {}
                 }
             }
         }
@@ -295,15 +277,20 @@ pub fn plan<'k, S: Stage>(
         }
         plan.whole.extend(stage.leftovers(known)?);
     }
+    let inputs = inputs.seen;
+    if let Some(earlier) = earlier
+        && plan.is_empty()
+    {
+        let state = StageState { inputs, ..known.clone() };
+        return Ok(Planned { plan, next: Ok(earlier), state, known });
+    }
     let of_target = |wanted: &Wanted| {
         wanted.parts.get(SETTINGS).map(|hash| (hash.clone(), wanted.settings.clone()))
     };
-    let (settings, inputs) = (wanted.iter().filter_map(of_target).collect(), inputs.seen);
-    let next = match earlier {
-        Some(earlier) if plan.is_empty() => Next::Nothing(earlier),
-        _ => Next::Make(Work { sources, wanted, kept, known }),
-    };
-    Ok(Planned { plan, settings, inputs, next, known })
+    let (source, settings) = (S::SOURCE.to_owned(), wanted.iter().filter_map(of_target).collect());
+    let state = StageState { source, whole, settings, inputs, ..StageState::default() };
+    let next = Err(Work { sources, wanted, kept, known });
+    Ok(Planned { plan, next, state, known })
 }
 
 /// What a stage will have to do once those before it are done that have `touched` something: more
@@ -379,16 +366,8 @@ impl StageState {
 impl<S: Stage> Planned<'_, S> {
     /// What there is already, if there is nothing to do and nothing worth to be recorded.
     pub fn up_to_date(self) -> Option<(S::Output, StagePlan)> {
-        let is_recorded = self.state().confirms(self.known);
-        match self.next {
-            Next::Nothing(output) if is_recorded => Some((output, self.plan)),
-            _ => None,
-        }
-    }
-
-    /// The record's part where nothing is done: with files' times as they are now.
-    fn state(&self) -> StageState {
-        StageState { inputs: self.inputs.clone(), ..self.known.clone() }
+        let output = self.next.ok()?;
+        self.state.confirms(self.known).then_some((output, self.plan))
     }
 
     /// Does what is planned; gives what to record, too.
@@ -400,19 +379,16 @@ impl<S: Stage> Planned<'_, S> {
         stage: &S,
         watch: &dyn Watch,
     ) -> Result<(S::Output, StagePlan, StageState), RunError> {
-        watch.planned(&self.plan);
-        let state = self.state();
-        let Self { plan, settings, mut inputs, next, .. } = self;
+        let Self { plan, next, mut state, .. } = self;
+        watch.planned(&plan);
         let work = match next {
-            Next::Nothing(output) => return Ok((output, plan, state)),
-            Next::Make(work) => work,
+            Ok(output) => return Ok((output, plan, state)),
+            Err(work) => work,
         };
         watch.begin(S::NAME, stage.steps(plan.targets.len()));
-        let Completed { output, targets, outputs, inputs: read, missing } =
-            stage.make(work, watch)?;
-        inputs.extend(read);
-        let (source, whole) = (S::SOURCE.to_owned(), stage.whole());
-        let state = StageState { source, whole, settings, inputs, targets, outputs, missing };
-        Ok((output, plan, state))
+        let (output, made) = stage.make(work, watch)?;
+        state.inputs.extend(made.inputs);
+        let StageState { targets, outputs, missing, .. } = made;
+        Ok((output, plan, StageState { targets, outputs, missing, ..state }))
     }
 }

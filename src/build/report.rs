@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::plan::{Completed, Stage, Touched, Wanted, Work};
-use super::record::{Inputs, Made, StageState};
+use super::plan::{Stage, Touched, Wanted, Work};
+use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
 use crate::config::Config;
@@ -20,6 +20,14 @@ impl ReportStage {
     }
 }
 
+/// Stems of the figures that were made.
+fn figures(known: &StageState) -> impl Iterator<Item = &str> {
+    known.targets.iter().filter_map(|made| match &made.target {
+        Target::Figure(stem) => Some(stem.as_str()),
+        _ => None,
+    })
+}
+
 impl Stage for ReportStage {
     type Sources = Content;
     /// The SVG of a figure, nothing of a page.
@@ -30,6 +38,11 @@ impl Stage for ReportStage {
     const SOURCE: &'static str = env!("TRILINK_REPORT_SOURCE");
     const ROWS_OF_TARGETS: bool = false;
     const OTHER_ORDER: &'static str = "figures have another order";
+    const NOT_KEPT: &'static str = "its SVG cannot be read";
+
+    fn state(record: &mut Record) -> &mut StageState {
+        &mut record.report
+    }
 
     fn home(&self) -> &Path {
         &self.0.paths.reports
@@ -66,28 +79,33 @@ impl Stage for ReportStage {
     }
 
     fn earlier(&self, known: &StageState) -> Result<Reported, String> {
-        let figure = |made: &Made| match &made.target {
-            Target::Figure(stem) => Some(stem.clone()),
-            _ => None,
-        };
-        let figures = known.targets.iter().filter_map(figure).collect();
+        let figures = figures(known).map(str::to_owned).collect();
         Ok(Reported::new(&self.0, figures, known.missing.clone()))
     }
 
-    fn keep(&self, made: &Made, _earlier: Option<Self::Kept>) -> Result<Self::Kept, String> {
-        if matches!(made.target, Target::Page(_)) {
-            return Ok(None);
-        }
-        let svg = made.outputs.iter().find(|(name, _)| name.ends_with(".svg"));
-        let text = svg.and_then(|(name, stamp)| stamp.text_of(&self.home().join(name)));
-        text.map(Some).ok_or_else(|| "its SVG cannot be read".to_owned())
+    fn kept(&self, known: &StageState, _earlier: Reported) -> BTreeMap<Target, Self::Kept> {
+        let kept = |made: &Made| {
+            let svg = match &made.target {
+                Target::Page(_) => None,
+                _ => {
+                    let svg = made.outputs.iter().find(|(name, _)| name.ends_with(".svg"));
+                    Some(svg.and_then(|(name, stamp)| stamp.text_of(&self.home().join(name)))?)
+                }
+            };
+            Some((made.target.clone(), svg))
+        };
+        known.targets.iter().filter_map(kept).collect()
     }
 
     fn steps(&self, _targets: usize) -> usize {
         1
     }
 
-    fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<Completed<Self>, RunError> {
+    fn make(
+        &self,
+        work: Work<Self>,
+        watch: &dyn Watch,
+    ) -> Result<(Reported, StageState), RunError> {
         let Work { sources, wanted, mut kept, known } = work;
         let (mut svgs, mut pages) = (BTreeMap::new(), BTreeSet::new());
         for (target, (_, svg)) in &mut kept {
@@ -96,11 +114,7 @@ impl Stage for ReportStage {
                 target => drop(pages.insert(target.name())),
             }
         }
-        let recorded = known.targets.iter().filter_map(|made| match &made.target {
-            Target::Figure(stem) => Some(stem.as_str()),
-            _ => None,
-        });
-        let made = sources.write(&self.0, svgs, &pages, recorded)?;
+        let made = sources.write(&self.0, svgs, &pages, figures(known))?;
         made.reported.missing.iter().for_each(|missing| tracing::warn!(missing, "not drawn"));
         watch.step(&format!("{} figures and pages", wanted.len() - kept.len()));
         let mut written = made.targets;
@@ -112,8 +126,8 @@ impl Stage for ReportStage {
             }
         });
         let (targets, missing) = (targets.collect(), made.reported.missing.clone());
-        let (output, outputs, inputs) = (made.reported, made.outputs, BTreeMap::new());
-        Ok(Completed { output, targets, outputs, inputs, missing })
+        let outputs = made.outputs;
+        Ok((made.reported, StageState { targets, outputs, missing, ..StageState::default() }))
     }
 
     fn perhaps(&self, made: &Made, touched: &Touched) -> Vec<String> {

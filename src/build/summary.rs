@@ -1,18 +1,16 @@
 //! `run.json`: how a run went.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Begun, StagePlan, Target};
-use crate::clock::utc_now;
-use crate::config::Config;
+use super::{Finished, StagePlan, Target};
 use crate::robot::Model;
-use crate::store::{FitRow, FitStatus, TrialRow, TrialStatus};
+use crate::store::{FitStatus, TrialRow, TrialStatus};
 
-/// What ran and how long it took, however it ended.
-#[derive(Debug, Clone, Serialize)]
-pub struct RunHeader {
+/// `run.json`: what ran and how long it took, however it ended.
+#[derive(Serialize)]
+pub(super) struct RunRecord<'r> {
     pub program: &'static str,
     pub version: &'static str,
     /// `ok`, or `attention` where something needs a person; `failed` or `interrupted` where a run
@@ -22,51 +20,73 @@ pub struct RunHeader {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// UTC.
-    pub started: String,
+    pub started: &'r str,
     pub ended: String,
     pub seconds: f64,
     /// Trial folder.
-    pub folder: PathBuf,
+    pub folder: &'r Path,
     pub threads: usize,
     /// Those that were done.
-    pub stages: Vec<StageRecord>,
-}
-
-/// `run.json`: what ran, how long it took and what failed.
-#[derive(Debug, Clone, Serialize)]
-pub struct RunRecord {
+    pub stages: &'r [StageRecord],
     #[serde(flatten)]
-    pub header: RunHeader,
-    pub trials: TrialCounts,
-    /// Trials that need a person, with the reason.
-    pub attention: Vec<Attention>,
-    pub fits: Vec<FitRecord>,
-    /// Figures drawn.
-    pub figures: Vec<String>,
-    /// What could not be drawn, and why.
-    pub missing: Vec<String>,
-    pub page: PathBuf,
-    pub scorecard: PathBuf,
+    pub results: Option<RunResults<'r>>,
 }
 
-impl RunHeader {
-    pub(super) fn new(
-        config: &Config,
-        status: &'static str,
-        begun: &Begun,
-        stages: Vec<StageRecord>,
-    ) -> Self {
+/// What came of a run that came to its end.
+#[derive(Serialize)]
+pub(super) struct RunResults<'r> {
+    trials: TrialCounts,
+    attention: Vec<Attention<'r>>,
+    fits: Vec<FitRecord<'r>>,
+    /// Figures drawn.
+    figures: &'r [String],
+    /// What could not be drawn, and why.
+    missing: &'r [String],
+    page: &'r Path,
+    scorecard: &'r Path,
+}
+
+/// A trial that needs a person, with the reason.
+#[derive(Serialize)]
+struct Attention<'r> {
+    trial: &'r str,
+    status: TrialStatus,
+    message: &'r str,
+}
+
+/// How one fit ended.
+#[derive(Serialize)]
+struct FitRecord<'r> {
+    campaign: &'r str,
+    model: Model,
+    status: &'r FitStatus,
+    /// Missing where there is no fit.
+    j: Option<f64>,
+}
+
+impl<'r> RunResults<'r> {
+    pub fn new(finished: &'r Finished) -> Self {
+        let Finished { ingested, fitted, reported, .. } = finished;
+        let attention =
+            attention(&ingested.trials).map(|TrialRow { trial, status, message, .. }| Attention {
+                trial,
+                status: *status,
+                message,
+            });
+        let fits = fitted.fits.iter().map(|fit| FitRecord {
+            campaign: &fit.campaign,
+            model: fit.model,
+            status: &fit.status,
+            j: fit.j.is_finite().then_some(fit.j),
+        });
         Self {
-            program: env!("CARGO_PKG_NAME"),
-            version: env!("CARGO_PKG_VERSION"),
-            status,
-            error: None,
-            started: begun.at.clone(),
-            ended: utc_now(),
-            seconds: begun.instant.elapsed().as_secs_f64(),
-            folder: config.paths.raw.clone(),
-            threads: rayon::current_num_threads(),
-            stages,
+            trials: count(&ingested.trials),
+            attention: attention.collect(),
+            fits: fits.collect(),
+            figures: &reported.figures,
+            missing: &reported.missing,
+            page: &reported.page,
+            scorecard: &reported.scorecard,
         }
     }
 }
@@ -92,7 +112,7 @@ impl StageRecord {
             stage,
             seconds,
             did_something: !plan.is_empty(),
-            redone: plan.names(),
+            redone: plan.targets.iter().map(|planned| planned.target.name()).collect(),
             up_to_date: plan.up_to_date,
             removed: plan.removed.iter().map(Target::name).collect(),
         }
@@ -100,7 +120,7 @@ impl StageRecord {
 }
 
 /// How many trials ended how.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct TrialCounts {
     pub total: usize,
     pub ok: usize,
@@ -108,54 +128,14 @@ pub struct TrialCounts {
     pub failed: usize,
 }
 
-/// A trial that needs a person.
-#[derive(Debug, Clone, Serialize)]
-pub struct Attention {
-    pub trial: String,
-    pub status: TrialStatus,
-    pub message: String,
-}
-
-/// How one fit ended.
-#[derive(Debug, Clone, Serialize)]
-pub struct FitRecord {
-    pub campaign: String,
-    pub model: Model,
-    pub status: FitStatus,
-    /// Missing where there is no fit.
-    pub j: Option<f64>,
-}
-
 /// Counts trials by their status.
 pub fn count(trials: &[TrialRow]) -> TrialCounts {
     let with = |status| trials.iter().filter(|trial| trial.status == status).count();
-    TrialCounts {
-        total: trials.len(),
-        ok: with(TrialStatus::Ok),
-        flagged: with(TrialStatus::Flagged),
-        failed: with(TrialStatus::Failed),
-    }
+    let [ok, flagged, failed] = TrialStatus::ALL.map(with);
+    TrialCounts { total: trials.len(), ok, flagged, failed }
 }
 
 /// The trials that are not `ok`.
-pub fn attention(trials: &[TrialRow]) -> Vec<Attention> {
-    let others = trials.iter().filter(|trial| trial.status != TrialStatus::Ok);
-    others
-        .map(|trial| Attention {
-            trial: trial.trial.clone(),
-            status: trial.status,
-            message: trial.message.clone(),
-        })
-        .collect()
-}
-
-impl FitRecord {
-    pub(super) fn new(fit: &FitRow) -> Self {
-        Self {
-            campaign: fit.campaign.clone(),
-            model: fit.model,
-            status: fit.status.clone(),
-            j: fit.j.is_finite().then_some(fit.j),
-        }
-    }
+pub fn attention(trials: &[TrialRow]) -> impl Iterator<Item = &TrialRow> {
+    trials.iter().filter(|trial| trial.status != TrialStatus::Ok)
 }

@@ -42,6 +42,16 @@ impl Target {
     }
 }
 
+impl Target {
+    /// The campaign of a fit.
+    pub fn campaign(&self) -> Option<&String> {
+        match self {
+            Self::Fit { campaign, .. } => Some(campaign),
+            _ => None,
+        }
+    }
+}
+
 impl fmt::Display for Target {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(f, "{} {}", self.kind(), self.name())

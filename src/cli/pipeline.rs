@@ -6,7 +6,7 @@ use super::output::{note, say};
 use super::synth::write_trials;
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::{
-    DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, dry_run, run,
+    DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, count, dry_run, run,
 };
 use crate::metrics::Estimate;
 use crate::robot::Parameter;
@@ -82,24 +82,29 @@ impl Update {
         let watch = context.progress.watch(self.explain);
         let finished = run(&context.config, options, self.exclusive.wait, &watch)?;
         drop(watch);
-        let record = &finished.record;
-        for trial in record.attention.iter().filter(|trial| trial.status == TrialStatus::Failed) {
+        let Finished { ingested, fitted, reported, .. } = &finished;
+        for trial in ingested.trials.iter().filter(|trial| trial.status == TrialStatus::Failed) {
             note!("failed: {}: {}", trial.trial, trial.message);
         }
-        print_fits(&finished.fits);
-        print_comparison(&finished.comparison);
-        print_parameters(&finished.parameters);
-        say!("{}", in_words(&record.trials));
-        say!("page: {}", record.page.display());
+        print_fits(&fitted.fits);
+        print_comparison(&fitted.comparison);
+        print_parameters(&ingested.parameters);
+        let trials = count(&ingested.trials);
+        say!("{}", in_words(&trials));
+        say!("page: {}", reported.page.display());
         if let Some(problem) = &finished.history_problem {
             note!("not in the history: {problem}");
         }
         if finished.was_up_to_date {
             context.progress.say("everything was up to date");
         } else {
-            say_missing(context, &record.missing);
+            say_missing(context, &reported.missing);
         }
-        Ok(outcome(&finished))
+        // A failed trial needs a person. A model that has no motion is a result, not a failure.
+        match (trials.failed, &finished.history_problem) {
+            (0, None) => Ok(Outcome::Well),
+            _ => Ok(Outcome::NeedsAttention),
+        }
     }
 
     /// What a run would do, a line each.
@@ -123,14 +128,6 @@ impl Update {
             note!("everything is up to date");
         }
         Ok(Outcome::Well)
-    }
-}
-
-/// A failed trial needs a person. A model that has no motion is a result, not a failure.
-fn outcome(finished: &Finished) -> Outcome {
-    match (finished.record.trials.failed, &finished.history_problem) {
-        (0, None) => Outcome::Well,
-        _ => Outcome::NeedsAttention,
     }
 }
 
