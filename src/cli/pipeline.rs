@@ -178,7 +178,7 @@ pub(super) fn print_fits(fits: &[FitRow]) {
         let others: String = others
             .iter()
             .filter(|parameter| fit.free.contains(parameter))
-            .map(|parameter| format!("   {} {}", parameter.column(), cell(fit, *parameter)))
+            .map(|parameter| format!("   {} {}", parameter.name(), cell(fit, *parameter)))
             .collect();
         say!("{campaign:<24} {model:<17} {j:>9.5}{skid}{others}");
     }

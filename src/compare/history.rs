@@ -111,7 +111,7 @@ fn figures_of_merit(candidate: &Snapshot, run: i64) -> Vec<HistoryRow> {
     for fit in candidate.records("fits").values() {
         let (campaign, model) = (text(fit, "campaign"), text(fit, "model"));
         let free: Vec<&str> = text(fit, "free").split(", ").collect();
-        let fitted = Parameter::ALL.map(Parameter::column);
+        let fitted = Parameter::ALL.map(Parameter::name);
         let fitted = fitted.into_iter().filter(|parameter| free.contains(parameter));
         for quantity in std::iter::once("j").chain(fitted) {
             add(campaign, model, quantity, number(fit, quantity).unwrap_or(f64::NAN));

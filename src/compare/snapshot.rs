@@ -170,7 +170,7 @@ fn rows(path: &Path, needed: &[&str]) -> Result<Vec<Record>, StoreError> {
 /// Adds the widths of the fitted parameters' intervals.
 fn add_intervals(fits: &mut Records) {
     for fit in fits.values_mut() {
-        for parameter in Parameter::ALL.map(Parameter::column) {
+        for parameter in Parameter::ALL.map(Parameter::name) {
             let limit = |end: &str| number(fit, &format!("{parameter}_{end}"));
             if let Some((low, high)) = limit("lo").zip(limit("hi")) {
                 fit.insert(format!("interval_{parameter}"), (high - low).into());

@@ -358,17 +358,7 @@ pub(super) fn spectrum<const N: usize>(
     start: &[f64; N],
     stages: &Stages<N>,
 ) -> [f64; N] {
-    std::array::from_fn(|i| coefficient(weights, i, start, stages).abs())
-}
-
-fn coefficient<const N: usize>(
-    weights: &[f64; STAGES + 1],
-    i: usize,
-    start: &[f64; N],
-    stages: &Stages<N>,
-) -> f64 {
-    let from_stages: f64 = (0..STAGES).map(|j| weights[j + 1] * stages[j][i]).sum();
-    weights[0] * start[i] + from_stages
+    weighted(weights, start, stages).map(f64::abs)
 }
 
 /// State at a fraction of an element, or of its polynomial beyond.
@@ -377,6 +367,16 @@ pub(super) fn interpolate<const N: usize>(
     stages: &Stages<N>,
     fraction: f64,
 ) -> [f64; N] {
-    let weights = RADAU.weights(fraction);
-    std::array::from_fn(|i| coefficient(&weights, i, start, stages))
+    weighted(&RADAU.weights(fraction), start, stages)
+}
+
+fn weighted<const N: usize>(
+    weights: &[f64; STAGES + 1],
+    start: &[f64; N],
+    stages: &Stages<N>,
+) -> [f64; N] {
+    std::array::from_fn(|i| {
+        let from_stages: f64 = (0..STAGES).map(|j| weights[j + 1] * stages[j][i]).sum();
+        weights[0] * start[i] + from_stages
+    })
 }

@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 
-use super::Result;
 use super::attractor::find_attractor;
 use super::forces::contact_forces;
 use super::orbit::{Effort, PeriodicOrbit, Start};
@@ -11,6 +10,7 @@ use super::reduced::{Derivatives, Reduced};
 use super::sensitivity::differentiate;
 use super::trajectory::{self, Sample};
 use super::transient::{self, Integrator, Transient};
+use super::{MotionError, Result};
 use crate::metrics::GaitMetrics;
 use crate::robot::Parameter;
 
@@ -18,39 +18,43 @@ use crate::robot::Parameter;
 const TRANSIENT_CYCLES: f64 = 40.0;
 const TRANSIENT_TOLERANCE: f64 = 1e-4;
 
-/// Finds the steady motion of one problem; what is asked of it later is of that solution.
+/// Finds the steady motion of one problem; what is asked of it later is of that solution, and what
+/// [`Solver`](super::Solver)'s and [`Problem`](super::Problem)'s functions of these names give. A
+/// motion that eq. 3 gives has no states and so nothing to settle.
 pub(super) trait Method {
     /// Solves for the steady motion, from the last solution where `is_warm`.
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)>;
 
-    /// See [`Solver::floquet`](super::Solver::floquet).
-    fn floquet(&mut self) -> Result<Option<f64>>;
+    fn floquet(&mut self) -> Result<Option<f64>> {
+        Ok(None)
+    }
 
     /// With respect to the parameters that are `wanted`, or to everything.
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives>;
 
-    /// See [`Solver::work_and_loss_j`](super::Solver::work_and_loss_j).
     fn work_and_loss_j(&self) -> Result<[f64; 2]>;
 
-    /// See [`Solver::polish`](super::Solver::polish).
-    fn polish(&mut self) -> Result<f64>;
+    fn polish(&mut self) -> Result<f64> {
+        Ok(0.0)
+    }
 
     /// Replaces the solution, the metrics of which are `first`, by the attractor of the robot from
     /// rest: its metrics, the cycles until then, and whether it is the same.
     fn attractor(
         &mut self,
         first: Result<GaitMetrics>,
-        accuracy: f64,
-    ) -> Result<(GaitMetrics, usize, bool)>;
+        _: f64,
+    ) -> Result<(GaitMetrics, usize, bool)> {
+        Ok((first?, 0, true))
+    }
 
-    /// See [`Solver::cycle`](super::Solver::cycle).
     fn cycle(&self, samples: usize) -> Result<Vec<Sample>>;
 
-    /// See [`Problem::cycles_from_rest`](super::Problem::cycles_from_rest).
     fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>>;
 
-    /// See [`Problem::transient`](super::Problem::transient).
-    fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient>;
+    fn transient(&self, _duration_s: f64, _tolerance: f64) -> Result<Transient> {
+        Err(MotionError::Determined)
+    }
 }
 
 /// For motions that are solutions of differential equations.

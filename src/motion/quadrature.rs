@@ -14,7 +14,6 @@ use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES, bisect};
 use super::reduced::{Derivatives, KinematicState};
 use super::trajectory::Sample;
-use super::transient::Transient;
 use super::{MotionError, Problem, Result};
 use crate::metrics::GaitMetrics;
 use crate::robot::{JointCommand, Parameter, Pose, Robot, Trig};
@@ -90,10 +89,6 @@ impl Method for Quadrature<'_> {
         self.metrics(self.joints)
     }
 
-    fn floquet(&mut self) -> Result<Option<f64>> {
-        Ok(None)
-    }
-
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let mut derivatives = Derivatives::NONE;
         if wanted.is_none() {
@@ -130,18 +125,6 @@ impl Method for Quadrature<'_> {
         Ok([work_j, loss_j])
     }
 
-    fn polish(&mut self) -> Result<f64> {
-        Ok(0.0)
-    }
-
-    fn attractor(
-        &mut self,
-        first: Result<GaitMetrics>,
-        _accuracy: f64,
-    ) -> Result<(GaitMetrics, usize, bool)> {
-        Ok((first?, 0, true))
-    }
-
     fn cycle(&self, samples: usize) -> Result<Vec<Sample>> {
         self.cycles_from_rest(1, samples)
     }
@@ -166,10 +149,6 @@ impl Method for Quadrature<'_> {
             sample
         };
         Ok((0..=cycles * samples).map(sample).collect())
-    }
-
-    fn transient(&self, _duration_s: f64, _tolerance: f64) -> Result<Transient> {
-        Err(MotionError::Determined)
     }
 }
 
@@ -208,19 +187,19 @@ impl<'a> Eq3<'a> {
         let phase = |i: usize| TAU * i as f64 / SAMPLES as f64;
         let mut scale = 0.0_f64;
         for i in 0..SAMPLES {
-            let (numerators, det) = eq3.parts(phase(i));
+            let [(numerators, det), _] = eq3.parts(phase(i));
             scale = scale.max(eq3.size(numerators));
             eq3.det_scale_m = eq3.det_scale_m.max(det.abs());
         }
         if eq3.det_scale_m <= 1e-12 * (robot.h_m + robot.l_m) {
             return Err(MotionError::Singular { phase_rad: 0.0 });
         }
-        let det = |phase: f64| eq3.parts(phase).1;
+        let det = |phase: f64| eq3.parts(phase)[0].1;
         for i in 0..SAMPLES {
             let (low, high) = (phase(i), phase(i + 1));
             if det(low) == 0.0 || det(low) * det(high) < 0.0 {
                 let crossing = if det(low) == 0.0 { low } else { bisect(det, low, high, 60) };
-                if eq3.size(eq3.parts(crossing).0) > CROSSING * scale {
+                if eq3.size(eq3.parts(crossing)[0].0) > CROSSING * scale {
                     return Err(MotionError::Singular { phase_rad: crossing });
                 }
             }
@@ -228,71 +207,58 @@ impl<'a> Eq3<'a> {
         Ok(eq3)
     }
 
-    /// Numerators of `u` (m^2) and `theta'` (m) and their denominator `det W_b` (m); `v = 0`.
+    /// Numerators of `u` (m^2) and `theta'` (m) and their denominator `det W_b` (m), and their
+    /// derivatives with respect to the phase; `v = 0`.
     ///
     /// From eq. 1, with `a_i = l + h cos phi_i`: `s1 u + a1 r = l phi1'` and
     /// `-s2 u - a2 r = l phi2'`.
-    fn parts(&self, phase: f64) -> ([f64; 2], f64) {
-        let [[phi1, w1, _], [phi2, w2, _]] = self.joints.map(|joint| joint.at(phase));
+    fn parts(&self, phase: f64) -> [([f64; 2], f64); 2] {
+        let [[phi1, w1, dw1], [phi2, w2, dw2]] = self.joints.map(|joint| joint.at(phase));
         let Trig { s: [s1, s2], c: [c1, c2] } = Trig::new([phi1, phi2]);
         let (h, l) = (self.robot.h_m, self.robot.l_m);
         let (a1, a2) = (l + h * c1, l + h * c2);
-        ([-l * (a2 * w1 + a1 * w2), l * (s2 * w1 + s1 * w2)], s2 * a1 - s1 * a2)
+        let (da1, da2) = (-h * s1 * w1, -h * s2 * w2);
+        let du = -l * (da2 * w1 + a2 * dw1 + da1 * w2 + a1 * dw2);
+        let dr = l * (c2 * w2 * w1 + s2 * dw1 + c1 * w1 * w2 + s1 * dw2);
+        let ddet = c2 * w2 * a1 + s2 * da1 - c1 * w1 * a2 - s1 * da2;
+        let numerators = [-l * (a2 * w1 + a1 * w2), l * (s2 * w1 + s1 * w2)];
+        [(numerators, s2 * a1 - s1 * a2), ([du, dr], ddet)]
     }
 
     fn size(&self, numerators: [f64; 2]) -> f64 {
         numerators[0].abs().max(numerators[1].abs() * self.robot.l_m)
     }
 
-    /// `u` and `theta'` per radian of phase.
-    fn velocities(&self, phase: f64) -> [f64; 2] {
-        self.smooth(phase, |phase| {
-            let (numerators, det) = self.parts(phase);
-            (numerators.map(|numerator| numerator / det), det)
-        })
-    }
-
-    /// Their derivatives with respect to the phase.
-    fn accelerations(&self, phase: f64) -> [f64; 2] {
-        self.smooth(phase, |phase| {
-            let (numerators, det) = self.parts(phase);
-            let (slopes, det_slope) = self.dparts_dphase(phase);
-            let slope = |i: usize| (slopes[i] - numerators[i] / det * det_slope) / det;
-            (std::array::from_fn(slope), det)
-        })
-    }
-
-    /// A quotient with its denominator; where that is nearly zero the quotient, which is smooth,
-    /// is taken from both sides, to fourth order.
-    fn smooth(&self, phase: f64, quotient: impl Fn(f64) -> ([f64; 2], f64)) -> [f64; 2] {
+    /// `u` and `theta'` per radian of phase, and their derivatives with respect to the phase. Near
+    /// `det W_b = 0` the quotients, which are smooth, are taken from both sides, to fourth order.
+    fn velocities(&self, phase: f64) -> [[f64; 2]; 2] {
         const ASIDE: f64 = 2e-3;
-        let (value, det) = quotient(phase);
+        let quotients = |phase: f64| {
+            let [(numerators, det), (slopes, det_slope)] = self.parts(phase);
+            let quotients = numerators.map(|numerator| numerator / det);
+            let slope = |i: usize| (slopes[i] - quotients[i] * det_slope) / det;
+            ([quotients, [0, 1].map(slope)], det)
+        };
+        let (value, det) = quotients(phase);
         if det.abs() > NEAR * self.det_scale_m {
             return value;
         }
-        let at = |steps: f64| quotient(phase + steps * ASIDE).0;
-        let (far_left, left, right, far_right) = (at(-2.0), at(-1.0), at(1.0), at(2.0));
-        std::array::from_fn(|i| (4.0 * (left[i] + right[i]) - far_left[i] - far_right[i]) / 6.0)
-    }
-
-    /// Derivatives of [`Eq3::parts`] with respect to the phase.
-    fn dparts_dphase(&self, phase: f64) -> ([f64; 2], f64) {
-        let [[phi1, w1, dw1], [phi2, w2, dw2]] = self.joints.map(|joint| joint.at(phase));
-        let Trig { s: [s1, s2], c: [c1, c2] } = Trig::new([phi1, phi2]);
-        let (h, l) = (self.robot.h_m, self.robot.l_m);
-        let (a1, a2) = (l + h * c1, l + h * c2);
-        let (da1, da2) = (-h * s1 * w1, -h * s2 * w2);
-        let u = -l * (da2 * w1 + a2 * dw1 + da1 * w2 + a1 * dw2);
-        let turning = l * (c2 * w2 * w1 + s2 * dw1 + c1 * w1 * w2 + s1 * dw2);
-        ([u, turning], c2 * w2 * a1 + s2 * da1 - c1 * w1 * a2 - s1 * da2)
+        let [far_left, left, right, far_right] =
+            [-2.0, -1.0, 1.0, 2.0].map(|steps| quotients(phase + steps * ASIDE).0);
+        [0, 1].map(|k| {
+            [0, 1].map(|i| {
+                (4.0 * (left[k][i] + right[k][i]) - far_left[k][i] - far_right[k][i]) / 6.0
+            })
+        })
     }
 
     /// Angles and velocities at a phase, and the time derivatives of the velocities.
     fn state(&self, problem: &Problem, phase: f64) -> (KinematicState, [f64; 5]) {
         let omega = problem.omega_rad_s;
         let shape = problem.gait.at(phase, omega);
-        let [u, r] = self.velocities(phase).map(|rate| rate * omega);
-        let [du, dr] = self.accelerations(phase).map(|rate| rate * omega * omega);
+        let [[u, r], [du, dr]] = self.velocities(phase);
+        let ([u, r], [du, dr]) =
+            ([u, r].map(|rate| rate * omega), [du, dr].map(|rate| rate * omega * omega));
         let ([w1, w2], [a1, a2]) = (shape.rate_rad_s, shape.acceleration_rad_s2);
         let state = KinematicState { phi_rad: shape.phi_rad, velocity: [u, 0.0, r, w1, w2] };
         (state, [du, 0.0, dr, a1, a2])
@@ -307,7 +273,7 @@ impl<'a> Eq3<'a> {
     /// The pose after an element that starts at a phase.
     fn advance(&self, pose: Pose, phase: f64, length: f64) -> Pose {
         let states = RADAU.nodes.map(|node| {
-            let [u, r] = self.velocities(phase + length * node);
+            let [[u, r], _] = self.velocities(phase + length * node);
             KinematicState { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] }
         });
         let [.., end] = integrate_poses(pose, &states, length);

@@ -10,6 +10,10 @@ use nalgebra::SMatrix;
 /// Stages of one element.
 pub const STAGES: usize = 5;
 
+/// Zeros of the difference of Legendre polynomials `P_s(2x - 1) - P_{s-1}(2x - 1)`.
+const NODES: [f64; STAGES] =
+    [0.0571041961145177, 0.2768430136381238, 0.5835904323689167, 0.8602401356562195, 1.0];
+
 /// Coefficients of the rule on the element `[0, 1]`.
 #[derive(Debug, Clone)]
 pub struct Radau {
@@ -34,7 +38,7 @@ pub static RADAU: LazyLock<Radau> = LazyLock::new(Radau::compute);
 
 impl Radau {
     fn compute() -> Self {
-        let nodes = radau_nodes();
+        let nodes = NODES;
         let mut points = [0.0; STAGES + 1];
         points[1..].copy_from_slice(&nodes);
         let barycentric: [f64; STAGES + 1] = std::array::from_fn(|j| {
@@ -109,39 +113,22 @@ pub fn bisect(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64, steps:
     0.5 * (low + high)
 }
 
-/// Zeros of `P_s(2x - 1) - P_{s-1}(2x - 1)`, ascending; the last one is 1.
-fn radau_nodes() -> [f64; STAGES] {
-    let polynomial = |x: f64| {
-        let t = 2.0 * x - 1.0;
-        legendre(STAGES, t) - legendre(STAGES - 1, t)
-    };
-    // The zeros inside are simple and much further apart than this grid.
-    let steps = 64 * STAGES;
-    let intervals = (0..steps).map(|i| [i, i + 1].map(|i| i as f64 / steps as f64));
-    let changes = intervals.filter(|ends| ends.map(polynomial).iter().product::<f64>() < 0.0);
-    let mut nodes = [1.0; STAGES];
-    for (node, [low, high]) in nodes[..STAGES - 1].iter_mut().zip(changes) {
-        *node = bisect(polynomial, low, high, 60);
-    }
-    nodes
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn three_quarters_of_the_rule_are_known() {
-        // Nodes of the five-stage rule, Hairer and Wanner's RADAU (9th order).
-        let known = [
-            0.057_104_196_114_518,
-            0.276_843_013_638_124,
-            0.583_590_432_368_917,
-            0.860_240_135_656_219,
-            1.0,
-        ];
-        for (node, known) in RADAU.nodes.iter().zip(known) {
-            assert!((node - known).abs() < 1e-14, "{node} against {known}");
+    fn the_nodes_are_zeros_of_the_difference_of_legendre_polynomials() {
+        let difference = |x: f64| {
+            let t = 2.0 * x - 1.0;
+            legendre(STAGES, t) - legendre(STAGES - 1, t)
+        };
+        for node in RADAU.nodes {
+            assert!(difference(node).abs() < 1e-14, "{node}");
+        }
+        for node in &RADAU.nodes[..STAGES - 1] {
+            let sides = [-1e-15, 1e-15].map(|aside| difference(node + aside));
+            assert!(sides[0] * sides[1] < 0.0, "{node}: {sides:?}");
         }
     }
 

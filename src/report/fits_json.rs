@@ -65,11 +65,11 @@ pub fn fits<'f>(fits: &'f [FitRow], comparison: &'f [ComparisonRow]) -> Vec<Fit<
         })
     };
     let fit = |fit: &'f FitRow| {
-        let interval = |of: &Parameter| (of.column(), [fit.lower[*of], fit.upper[*of]]);
+        let interval = |of: &Parameter| (of.name(), [fit.lower[*of], fit.upper[*of]]);
         Fit {
             campaign: &fit.campaign,
             model: fit.model,
-            parameters: fit.parameters.iter().map(|(of, value)| (of.column(), *value)).collect(),
+            parameters: fit.parameters.iter().map(|(of, value)| (of.name(), *value)).collect(),
             intervals: fit.free.iter().map(interval).collect(),
             free: &fit.free,
             measured: &fit.measured,

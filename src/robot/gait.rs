@@ -60,16 +60,7 @@ impl Gait {
 
     /// Joint 1 on its spring, joint 2 commanded with 30 degrees (eq. 18).
     pub fn passive_symmetric() -> Self {
-        Self {
-            joints: [
-                None,
-                Some(JointCommand {
-                    offset_rad: 0.0,
-                    amplitude_rad: 30_f64.to_radians(),
-                    phase_rad: 0.0,
-                }),
-            ],
-        }
+        Self { joints: [None, Self::symmetric().joints[0]] }
     }
 
     /// Index (0 or 1) of the passive joint, if there is one.

@@ -5,7 +5,7 @@ use std::ops::{Index, IndexMut};
 use serde::{Serialize, Serializer};
 
 use super::Robot;
-use crate::named::Named;
+use crate::named::named;
 
 /// What a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,62 +18,26 @@ pub enum Family {
     Joint,
 }
 
-/// Defines [`Parameter`]: variant, family, name in the configuration, column in the
-/// tables, name on an axis, unit.
-macro_rules! parameters {
-    ($($(#[$doc:meta])* $name:ident, $family:ident, $key:literal, $column:literal, $label:literal, $unit:literal;)*) => {
-        /// A parameter of the robot that a fit can free.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        pub enum Parameter { $($(#[$doc])* $name,)* }
-
-        impl Parameter {
-            /// Every parameter, in the order of the tables.
-            pub const ALL: [Self; [$($key),*].len()] = [$(Self::$name),*];
-
-            /// What it belongs to.
-            pub fn family(self) -> Family {
-                match self { $(Self::$name => Family::$family,)* }
-            }
-
-            /// Its name in the configuration.
-            pub fn key(self) -> &'static str {
-                match self { $(Self::$name => $key,)* }
-            }
-
-            /// Its column in the tables.
-            pub fn column(self) -> &'static str {
-                match self { $(Self::$name => $column,)* }
-            }
-
-            /// Its name on a figure's axis.
-            pub fn label(self) -> &'static str {
-                match self { $(Self::$name => $label,)* }
-            }
-
-            /// The unit of its values.
-            pub fn unit(self) -> &'static str {
-                match self { $(Self::$name => $unit,)* }
-            }
-        }
-    };
-}
-
-parameters! {
-    /// Skid resistance of wheel 0 (eq. 15).
-    Skid0, Skid, "skid0", "skid0_kg_s", "Skid 0", "kg/s";
-    Skid1, Skid, "skid1", "skid1_kg_s", "Skid 1", "kg/s";
-    Skid2, Skid, "skid2", "skid2_kg_s", "Skid 2", "kg/s";
-    /// Roll resistance of wheel 0 (eq. 14).
-    Roll0, Roll, "roll0", "roll0_kg_s", "Roll 0", "kg/s";
-    Roll1, Roll, "roll1", "roll1_kg_s", "Roll 1", "kg/s";
-    Roll2, Roll, "roll2", "roll2_kg_s", "Roll 2", "kg/s";
-    /// Sum of the wheels' roll resistances; their proportions stay. Distances and speeds hardly
-    /// tell more of them.
-    RollSum, Roll, "roll", "roll_sum_kg_s", "Sum of roll", "kg/s";
-    /// Stiffness of the passive joint (eq. 11).
-    Stiffness, Joint, "stiffness", "stiffness_nm_rad", "Stiffness", "N m/rad";
-    /// Damping of the passive joint (eq. 11).
-    Damping, Joint, "damping", "damping_nm_s_rad", "Damping", "N m s/rad";
+named! {
+    /// A parameter of the robot that a fit can free, in the order of the tables, by its column
+    /// there.
+    pub enum Parameter {
+        /// Skid resistance of wheel 0 (eq. 15).
+        Skid0 = "skid0_kg_s",
+        Skid1 = "skid1_kg_s",
+        Skid2 = "skid2_kg_s",
+        /// Roll resistance of wheel 0 (eq. 14).
+        Roll0 = "roll0_kg_s",
+        Roll1 = "roll1_kg_s",
+        Roll2 = "roll2_kg_s",
+        /// Sum of the wheels' roll resistances; their proportions stay. Distances and speeds
+        /// hardly tell more of them.
+        RollSum = "roll_sum_kg_s",
+        /// Stiffness of the passive joint (eq. 11).
+        Stiffness = "stiffness_nm_rad",
+        /// Damping of the passive joint (eq. 11).
+        Damping = "damping_nm_s_rad",
+    }
 }
 
 impl Parameter {
@@ -81,6 +45,41 @@ impl Parameter {
     pub const SKID: [Self; 3] = [Self::Skid0, Self::Skid1, Self::Skid2];
     /// Roll resistances of wheels 0, 1, 2.
     pub const ROLL: [Self; 3] = [Self::Roll0, Self::Roll1, Self::Roll2];
+
+    /// What it belongs to, its name in the configuration and on a figure's axis, and its unit.
+    const fn about(self) -> (Family, [&'static str; 3]) {
+        match self {
+            Self::Skid0 => (Family::Skid, ["skid0", "Skid 0", "kg/s"]),
+            Self::Skid1 => (Family::Skid, ["skid1", "Skid 1", "kg/s"]),
+            Self::Skid2 => (Family::Skid, ["skid2", "Skid 2", "kg/s"]),
+            Self::Roll0 => (Family::Roll, ["roll0", "Roll 0", "kg/s"]),
+            Self::Roll1 => (Family::Roll, ["roll1", "Roll 1", "kg/s"]),
+            Self::Roll2 => (Family::Roll, ["roll2", "Roll 2", "kg/s"]),
+            Self::RollSum => (Family::Roll, ["roll", "Sum of roll", "kg/s"]),
+            Self::Stiffness => (Family::Joint, ["stiffness", "Stiffness", "N m/rad"]),
+            Self::Damping => (Family::Joint, ["damping", "Damping", "N m s/rad"]),
+        }
+    }
+
+    /// What it belongs to.
+    pub const fn family(self) -> Family {
+        self.about().0
+    }
+
+    /// Its name in the configuration.
+    pub const fn key(self) -> &'static str {
+        self.about().1[0]
+    }
+
+    /// Its name on a figure's axis.
+    pub const fn label(self) -> &'static str {
+        self.about().1[1]
+    }
+
+    /// The unit of its values.
+    pub const fn unit(self) -> &'static str {
+        self.about().1[2]
+    }
 
     /// Whether a value of it is one of `other` too: the same, or the sum that it is part of.
     pub fn is_part_of(self, other: Self) -> bool {
@@ -116,28 +115,6 @@ impl Parameter {
             Self::Stiffness => robot.stiffness_nm_rad = value,
             Self::Damping => robot.damping_nm_s_rad = value,
         }
-    }
-}
-
-/// By its column.
-impl Named for Parameter {
-    fn first() -> Self {
-        Self::ALL[0]
-    }
-
-    fn as_name(&self) -> &str {
-        self.column()
-    }
-
-    fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|parameter| parameter.column() == name)
-    }
-}
-
-/// By its column.
-impl Serialize for Parameter {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.column())
     }
 }
 
@@ -192,6 +169,7 @@ impl<T: Serialize> Serialize for ByParameter<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::named::Named;
 
     #[test]
     fn a_parameter_that_is_set_has_its_value() {
@@ -199,7 +177,7 @@ mod tests {
             let mut robot = Robot::semi_passive();
             parameter.set(&mut robot, 2.5);
             assert_eq!(parameter.of(&robot), 2.5, "{parameter:?}");
-            assert_eq!(Parameter::of_name(parameter.column()), Some(parameter));
+            assert_eq!(Parameter::of_name(parameter.name()), Some(parameter));
             let others = Parameter::ALL.into_iter().filter(|other| {
                 let related = [other.is_part_of(parameter), parameter.is_part_of(*other)];
                 !related.contains(&true)

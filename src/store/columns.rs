@@ -181,7 +181,7 @@ impl<T: Columns> Columns for ByParameter<T> {
 }
 
 fn by_parameter(pattern: &str) -> impl Iterator<Item = String> {
-    Parameter::ALL.into_iter().map(move |parameter| fill(pattern, parameter.column()))
+    Parameter::ALL.into_iter().map(move |parameter| fill(pattern, parameter.name()))
 }
 
 fn write_parts<T: Columns, const N: usize>(

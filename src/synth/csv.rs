@@ -43,28 +43,12 @@ fn header(export: &mut Vec<u8>, film: &Film) {
 /// A number as C's `%g` writes it: six significant digits, no trailing zeros.
 fn push_six_digits(export: &mut Vec<u8>, x: f64) {
     let begin = export.len();
-    // The exponent after rounding to six digits: 9.999999 is 1.00000e1.
     write!(export, "{x:.5e}").expect("memory");
-    let digits = &export[begin..];
-    let e = digits.iter().position(|&byte| byte == b'e').unwrap_or(digits.len() - 1);
-    let exponent = std::str::from_utf8(&digits[e + 1..]).ok().and_then(|text| text.parse().ok());
-    let exponent: i32 = exponent.unwrap_or(0);
+    let rounded: f64 = fast_float2::parse(&export[begin..]).expect("a number");
     export.truncate(begin);
     // Below a hundredth of a micrometre the cameras' coordinate is zero.
-    if exponent < -5 || x == 0.0 {
-        export.push(b'0');
-        return;
-    }
-    let decimals = (5 - exponent).max(0) as usize;
-    write!(export, "{x:.decimals$}").expect("memory");
-    if decimals > 0 {
-        while export.last() == Some(&b'0') {
-            export.pop();
-        }
-        if export.last() == Some(&b'.') {
-            export.pop();
-        }
-    }
+    let seen = if rounded.abs() < 1e-5 { 0.0 } else { rounded };
+    write!(export, "{seen}").expect("memory");
 }
 
 #[cfg(test)]

@@ -188,7 +188,12 @@ pub fn synthesise(
         };
         write_bytes(&folder.join(&trial.file), &format.bytes(&film))?;
         on_trial(&trial.id);
-        let truth = |(problem, steady)| TrialTruth::new(problem, &steady, film.label_errors);
+        let truth = |(Problem { gait, omega_rad_s, .. }, metrics): (&Problem, _)| TrialTruth {
+            omega_rad_s: *omega_rad_s,
+            metrics,
+            gait: gait.joints,
+            misplaced: film.label_errors,
+        };
         Ok(steady.map(|steady| (trial.id.clone(), truth(steady))))
     };
     let made: Vec<_> = plans.par_iter().map(make).collect::<Result<_, SynthError>>()?;
@@ -208,9 +213,9 @@ pub fn synthesise(
 }
 
 /// Draws what is planted and lists the trials.
-fn plan_gaits(config: &Config, recipe: &Recipe) -> (Vec<Plan>, Vec<(String, CampaignTruth)>) {
+fn plan_gaits(config: &Config, recipe: &Recipe) -> (Vec<Plan>, BTreeMap<String, CampaignTruth>) {
     let Recipe { seed, ref omegas_rad_s, format, .. } = *recipe;
-    let (mut plans, mut campaigns) = (Vec::new(), Vec::new());
+    let (mut plans, mut campaigns) = (Vec::new(), BTreeMap::new());
     for (number, name) in config.campaign.keys().enumerate() {
         let Some((robot, gait)) = config.campaign_setup(name) else { continue };
         // One stream of random numbers for the campaign and one for each of its trials.
@@ -222,7 +227,7 @@ fn plan_gaits(config: &Config, recipe: &Recipe) -> (Vec<Plan>, Vec<(String, Camp
         };
         let (mut robot, gait) = planted::planted(name, robot, gait, &mut stream(0));
         robot.skid_kg_s = [0, 1, 2].map(|i| robot.skid_kg_s[i] * recipe.skid_factors[i]);
-        campaigns.push((name.clone(), CampaignTruth::new(&robot, &gait)));
+        campaigns.insert(name.clone(), CampaignTruth::new(&robot, &gait));
         for (i, omega_rad_s) in omegas_rad_s.iter().copied().enumerate() {
             let id = format!("{name}-{omega_rad_s:.2}-r1");
             let (campaign, omega) = (Some(name.clone()), Some(omega_rad_s));

@@ -1,11 +1,12 @@
 //! `truth.json`: what was planted.
 
-use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+
+use serde::Serialize;
 
 use super::decay::DecayTruth;
 use super::label_errors::LabelError;
 use crate::metrics::GaitMetrics;
-use crate::motion::Problem;
 use crate::robot::{Gait, JointCommand, Robot};
 
 /// What was planted in a folder.
@@ -13,13 +14,10 @@ use crate::robot::{Gait, JointCommand, Robot};
 pub struct Truth {
     pub synthetic: bool,
     pub seed: u64,
-    #[serde(serialize_with = "as_map")]
-    pub campaigns: Vec<(String, CampaignTruth)>,
-    #[serde(serialize_with = "as_map")]
-    pub trials: Vec<(String, TrialTruth)>,
+    pub campaigns: BTreeMap<String, CampaignTruth>,
+    pub trials: BTreeMap<String, TrialTruth>,
     /// By the trial that shows them.
-    #[serde(serialize_with = "as_map")]
-    pub robots: Vec<(String, DecayTruth)>,
+    pub robots: BTreeMap<String, DecayTruth>,
 }
 
 /// Planted coefficients; those of the passive joint are null where there is none.
@@ -60,23 +58,4 @@ impl CampaignTruth {
             damping_nm_s_rad: spring.map(|robot| robot.damping_nm_s_rad),
         }
     }
-}
-
-impl TrialTruth {
-    pub(super) fn new(
-        problem: &Problem,
-        metrics: &GaitMetrics,
-        misplaced: Vec<LabelError>,
-    ) -> Self {
-        let Problem { gait, omega_rad_s, .. } = problem;
-        Self { omega_rad_s: *omega_rad_s, metrics: *metrics, gait: gait.joints, misplaced }
-    }
-}
-
-/// Pairs as an object, in their order.
-fn as_map<T: Serialize, S: Serializer>(
-    pairs: &[(String, T)],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(pairs.iter().map(|(key, value)| (key, value)))
 }

@@ -182,6 +182,13 @@ impl CommandNode {
         Self { waves, shape, trig: Trig::new(shape.phi_rad) }
     }
 
+    /// Sine and cosine of a commanded joint's angle, its rate and acceleration.
+    fn joint(&self, joint: usize) -> [f64; 4] {
+        let Shape { rate_rad_s, acceleration_rad_s2, .. } = &self.shape;
+        let Trig { s, c } = &self.trig;
+        [s[joint], c[joint], rate_rad_s[joint], acceleration_rad_s2[joint]]
+    }
+
     /// Gradient with respect to the amplitudes, as far as they act on the joints' own angles and
     /// rates alone.
     fn amplitude_gradient(&self, gradient: &KinematicState) -> [f64; 2] {

@@ -1,5 +1,7 @@
 //! One joint on its spring, wheels that cannot skid.
 
+use nalgebra::{Complex, ComplexField};
+
 use super::{
     CommandNode, KinematicState, MOST_PARAMETERS, ParameterJacobian, Reduced, Residual, Variable,
     dforce_dcoefficients,
@@ -37,11 +39,11 @@ pub struct ConstrainedNode {
 /// `(u, theta')` along the null direction and of the particular solution, and their time
 /// derivatives.
 #[derive(Debug, Clone, Copy)]
-struct Frame {
-    null: [f64; 2],
-    null_rate: [f64; 2],
-    particular: [f64; 2],
-    particular_rate: [f64; 2],
+struct Frame<T = f64> {
+    null: [T; 2],
+    null_rate: [T; 2],
+    particular: [T; 2],
+    particular_rate: [T; 2],
 }
 
 impl Frame {
@@ -168,40 +170,46 @@ impl PassiveNoSkid {
         Projected { residual, balance, mass, trig, state, wheel, velocities, null }
     }
 
-    /// Derivative of the frame with respect to the commanded joint's amplitude.
+    /// The frame, from the commanded joint's sine, cosine, rate and acceleration.
     #[inline(always)]
-    fn dframe_damplitude(&self, node: &ConstrainedNode) -> Frame {
+    fn frame<T>(&self, [sin, cos, rate, acceleration]: [T; 4]) -> Frame<T>
+    where
+        T: ComplexField<RealField = f64> + Copy,
+    {
         let (h, l) = (self.problem.robot.h_m, self.problem.robot.l_m);
-        let a = 1 - self.passive;
-        let sign = joint_sign(a) * l;
-        let command = &node.command;
-        let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
-        let (rate, acceleration) =
-            (command.shape.rate_rad_s[a], command.shape.acceleration_rad_s2[a]);
-        let [dphi, drate, dacceleration] = command.waves[a];
-        let arm = l + h * cos;
-        let (arm_rate, sin_rate) = (-h * sin * rate, cos * rate);
-        let (dsin, darm) = (cos * dphi, -h * sin * dphi);
-        let darm_rate = -h * (cos * dphi * rate + sin * drate);
-        let dsin_rate = -sin * dphi * rate + cos * drate;
-        let norm = sin * sin * l * l + arm * arm;
-        let norm_rate = 2.0 * (sin * sin_rate * l * l + arm * arm_rate);
-        let dnorm = 2.0 * (l * l * sin * dsin + arm * darm);
-        let dnorm_rate =
-            2.0 * (l * l * (dsin * sin_rate + sin * dsin_rate) + darm * arm_rate + arm * darm_rate);
-        let q = sign * rate / norm;
-        let q_rate = sign * acceleration / norm - q * norm_rate / norm;
-        let dq = (sign * drate - q * dnorm) / norm;
-        let dq_rate =
-            (sign * dacceleration - dq * norm_rate - q * dnorm_rate - q_rate * dnorm) / norm;
+        let arm_m = joint_sign(1 - self.passive) * l;
+        let (arm, arm_rate, sin_rate) =
+            (cos.scale(h) + T::from_real(l), sin.scale(-h) * rate, cos * rate);
+        // The shortest particular solution, rotation counted as speed at the distance l.
+        let norm = (sin * sin).scale(l).scale(l) + arm * arm;
+        let norm_rate = ((sin * sin_rate).scale(l).scale(l) + arm * arm_rate).scale(2.0);
+        let q = rate.scale(arm_m) / norm;
+        let q_rate = acceleration.scale(arm_m) / norm - q * norm_rate / norm;
         Frame {
-            null: [darm, -dsin],
-            null_rate: [darm_rate, -dsin_rate],
-            particular: [l * l * (dsin * q + sin * dq), darm * q + arm * dq],
+            null: [arm, -sin],
+            null_rate: [arm_rate, -sin_rate],
+            particular: [sin.scale(l * l) * q, arm * q],
             particular_rate: [
-                l * l * (dsin_rate * q + sin_rate * dq + dsin * q_rate + sin * dq_rate),
-                darm_rate * q + arm_rate * dq + darm * q_rate + arm * dq_rate,
+                (sin_rate * q + sin * q_rate).scale(l * l),
+                arm_rate * q + arm * q_rate,
             ],
+        }
+    }
+
+    /// Derivative of the frame with respect to the commanded joint's amplitude, by a complex step.
+    #[inline(always)]
+    fn dframe_damplitude(&self, ConstrainedNode { command, .. }: &ConstrainedNode) -> Frame {
+        const STEP: f64 = 1e-30;
+        let [dphi, drate, dacceleration] = command.waves[1 - self.passive];
+        let values = command.joint(1 - self.passive);
+        let slopes = [values[1] * dphi, -values[0] * dphi, drate, dacceleration];
+        let frame = self.frame([0, 1, 2, 3].map(|i| Complex::new(values[i], STEP * slopes[i])));
+        let slopes = |of: [Complex<f64>; 2]| of.map(|value| value.im / STEP);
+        Frame {
+            null: slopes(frame.null),
+            null_rate: slopes(frame.null_rate),
+            particular: slopes(frame.particular),
+            particular_rate: slopes(frame.particular_rate),
         }
     }
 }
@@ -220,23 +228,7 @@ impl Reduced<2> for PassiveNoSkid {
 
     fn node(&self, phase_rad: f64) -> ConstrainedNode {
         let command = CommandNode::new(&self.problem, phase_rad);
-        let (h, l) = (self.problem.robot.h_m, self.problem.robot.l_m);
-        let a = 1 - self.passive;
-        let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
-        let (rate, acceleration) =
-            (command.shape.rate_rad_s[a], command.shape.acceleration_rad_s2[a]);
-        let (arm, arm_rate, sin_rate) = (l + h * cos, -h * sin * rate, cos * rate);
-        // The shortest particular solution, rotation counted as speed at the distance l.
-        let norm = sin * sin * l * l + arm * arm;
-        let norm_rate = 2.0 * (sin * sin_rate * l * l + arm * arm_rate);
-        let q = joint_sign(a) * l * rate / norm;
-        let q_rate = joint_sign(a) * l * acceleration / norm - q * norm_rate / norm;
-        let frame = Frame {
-            null: [arm, -sin],
-            null_rate: [arm_rate, -sin_rate],
-            particular: [l * l * sin * q, arm * q],
-            particular_rate: [l * l * (sin_rate * q + sin * q_rate), arm_rate * q + arm * q_rate],
-        };
+        let frame = self.frame(command.joint(1 - self.passive));
         ConstrainedNode { command, frame }
     }
 
