@@ -82,9 +82,9 @@ fn is_what_follows_from_rest(problem: &Problem, settled: &Attractor) -> Result<(
     let cycles = settled.cycles + (1e-6_f64.ln() / modulus.max(0.01).ln()).ceil() as usize + 2;
     let period_s = TAU / problem.omega_rad_s;
     let path = problem
-        .transient(cycles as f64 * period_s, 1e-8)
+        .transient((cycles as f64 + 1.5) * period_s, 1.0 / period_s, 1e-8)
         .map_err(|error| format!("cannot be followed: {error}"))?;
-    let [from, to] = [cycles - 1, cycles].map(|cycle| path.at(cycle as f64 * period_s));
+    let [from, to] = [path[cycles - 1], path[cycles]];
     let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);
     let GaitMetrics { d_m: steady_m, dtheta_rad, .. } = settled.motion.metrics;
     let scale_m = problem.robot.l_m + problem.robot.h_m;

@@ -220,9 +220,9 @@ proptest! {
         let Ok(Attractor { motion, cycles, .. }) = settled else { return Ok(()) };
         prop_assume!(motion.floquet.is_some() && forgets(&motion, 0.3));
         let period_s = 2.0 * PI / problem.omega_rad_s;
-        let end = cycles as f64 + 20.0;
-        let path = problem.transient(end * period_s, 1e-9).unwrap();
-        let [from, to] = [end - 1.0, end].map(|cycles| path.at(cycles * period_s));
+        let end = cycles + 20;
+        let path = problem.transient((end as f64 + 1.5) * period_s, 1.0 / period_s, 1e-9).unwrap();
+        let [from, to] = [path[end - 1], path[end]];
         let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);
         prop_assert!((d_m - motion.metrics.d_m).abs() < 1e-5 * motion.metrics.d_m.max(1e-3));
     }

@@ -16,8 +16,8 @@ fn settle(problem: &Problem) -> Result<Attractor, MotionError> {
 /// d of the cycle that ends after this many cycles from rest.
 fn followed_d_m(problem: &Problem, cycles: usize) -> f64 {
     let period_s = TAU / problem.omega_rad_s;
-    let path = problem.transient(cycles as f64 * period_s, 1e-9).unwrap();
-    let [from, to] = [cycles - 1, cycles].map(|cycle| path.at(cycle as f64 * period_s));
+    let path = problem.transient((cycles as f64 + 1.5) * period_s, 1.0 / period_s, 1e-9).unwrap();
+    let [from, to] = [path[cycles - 1], path[cycles]];
     (to[0] - from[0]).hypot(to[1] - from[1])
 }
 

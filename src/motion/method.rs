@@ -9,7 +9,7 @@ use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced};
 use super::sensitivity::differentiate;
 use super::trajectory::{self, Sample};
-use super::transient::{self, Integrator, Transient};
+use super::transient::{self, Integrator};
 use super::{MotionError, Result};
 use crate::metrics::GaitMetrics;
 use crate::robot::Parameter;
@@ -52,7 +52,7 @@ pub(super) trait Method {
 
     fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>>;
 
-    fn transient(&self, _duration_s: f64, _tolerance: f64) -> Result<Transient> {
+    fn transient(&self, _duration_s: f64, _rate_hz: f64, _: f64) -> Result<Vec<[f64; 5]>> {
         Err(MotionError::Determined)
     }
 }
@@ -129,7 +129,7 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         trajectory::from_rest(&self.model, cycles, samples)
     }
 
-    fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient> {
-        transient::from_rest(&self.model, duration_s, tolerance)
+    fn transient(&self, duration_s: f64, rate_hz: f64, tolerance: f64) -> Result<Vec<[f64; 5]>> {
+        transient::from_rest(&self.model, duration_s, rate_hz, tolerance)
     }
 }

@@ -32,7 +32,6 @@ pub use orbit::Effort;
 pub use reduced::Derivatives;
 pub use solver::{Attractor, Solver};
 pub use trajectory::Sample;
-pub use transient::Transient;
 
 /// A result of this module.
 pub(crate) type Result<T> = std::result::Result<T, MotionError>;
@@ -109,13 +108,18 @@ impl Problem {
         solver.steady_motion(metrics)
     }
 
-    /// The transient from rest at phase 0 over `duration_s`, with a relative error of every
-    /// element near `tolerance`.
+    /// Coordinates `(x, y, theta, phi1, phi2)`, m and rad, at `rate_hz` over `duration_s` from rest
+    /// at phase 0, with a relative error of every element near `tolerance`.
     ///
     /// # Errors
     /// The integrator cannot pass some time, or the model has no states of its own.
-    pub fn transient(&self, duration_s: f64, tolerance: f64) -> Result<Transient> {
-        Solver::default().with(self, |method| method.transient(duration_s, tolerance))
+    pub fn transient(
+        &self,
+        duration_s: f64,
+        rate_hz: f64,
+        tolerance: f64,
+    ) -> Result<Vec<[f64; 5]>> {
+        Solver::default().with(self, |method| method.transient(duration_s, rate_hz, tolerance))
     }
 
     /// The first `cycles` cycles from rest at phase 0, `samples` a cycle and one at the end.

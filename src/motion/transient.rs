@@ -36,6 +36,8 @@ pub(super) struct Integrator<'a, const N: usize, R> {
 pub(super) struct Step<'a, const N: usize> {
     pub time_s: f64,
     pub duration_s: f64,
+    /// Where the next element starts.
+    pub end_s: f64,
     /// State and pose where the element starts.
     pub start: &'a [f64; N],
     pub pose: Pose,
@@ -117,9 +119,11 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
             }
             let states = Element { stages: &stages, ..guess }.kinematics(model);
             let poses = integrate_poses(self.pose, &states, duration_s);
+            let end_s = if is_last { until_s } else { self.time_s + duration_s };
             visit(&Step {
                 time_s: self.time_s,
                 duration_s,
+                end_s,
                 start: &self.state,
                 pose: self.pose,
                 states: &states,
@@ -130,7 +134,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
             self.last = Some((self.state, stages, duration_s));
             self.state = stages[STAGES - 1];
             self.pose = poses[STAGES - 1];
-            self.time_s = if is_last { until_s } else { self.time_s + duration_s };
+            self.time_s = end_s;
             let next_s = duration_s * (0.9 * growth).clamp(0.3, 4.0);
             // An element that was cut short says little about the next.
             self.length_s = if is_last { next_s.max(self.length_s) } else { next_s };
@@ -161,39 +165,15 @@ fn grown<const N: usize>(sizes: &[f64; N], stages: &Stages<N>) -> [f64; N] {
     std::array::from_fn(|i| stages.iter().fold(sizes[i], |size, y| size.max(y[i].abs())))
 }
 
-/// The coordinates of a motion from rest.
-#[derive(Debug, Clone, Default)]
-pub struct Transient {
-    elements: Vec<Coordinates>,
-}
-
-/// Coordinates at the start and the stages of one element.
-#[derive(Debug, Clone)]
-struct Coordinates {
-    start_s: f64,
-    duration_s: f64,
-    /// x, y, theta, phi1, phi2 (m and rad) at the start and the stages.
-    coordinates: [[f64; STAGES + 1]; 5],
-}
-
-impl Transient {
-    /// Coordinates `(x, y, theta, phi1, phi2)`, m and rad, at a time after the start, s; the
-    /// end's beyond it.
-    pub fn at(&self, time_s: f64) -> [f64; 5] {
-        let after = self.elements.partition_point(|element| element.start_s <= time_s);
-        let element = &self.elements[after.saturating_sub(1)];
-        let part = ((time_s - element.start_s) / element.duration_s).clamp(0.0, 1.0);
-        element.coordinates.map(|values| RADAU.interpolate(&values, part))
-    }
-}
-
-/// The transient over `duration_s` with a relative error near `tolerance`.
+/// Coordinates `(x, y, theta, phi1, phi2)`, m and rad, of the transient at `rate_hz`.
 pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
     duration_s: f64,
+    rate_hz: f64,
     tolerance: f64,
-) -> Result<Transient> {
-    let mut transient = Transient::default();
+) -> Result<Vec<[f64; 5]>> {
+    let frames = (duration_s * rate_hz) as usize;
+    let mut path = Vec::with_capacity(frames);
     let mut integrator = Integrator::new(model, tolerance);
     let omega_rad_s = integrator.omega_rad_s;
     integrator.advance_to(duration_s, &mut Linearisation::default(), |step| {
@@ -204,8 +184,11 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
             let values = [pose.x_m, pose.y_m, pose.theta_rad, *phi1, *phi2];
             (0..5).for_each(|i| coordinates[i][l] = values[i]);
         }
-        let (start_s, duration_s) = (step.time_s, step.duration_s);
-        transient.elements.push(Coordinates { start_s, duration_s, coordinates });
+        let times = (path.len()..frames).map(|frame| frame as f64 / rate_hz);
+        path.extend(times.take_while(|time_s| *time_s < step.end_s).map(|time_s| {
+            let part = ((time_s - step.time_s) / step.duration_s).min(1.0);
+            coordinates.each_ref().map(|values| RADAU.interpolate(values, part))
+        }));
     })?;
-    Ok(transient)
+    Ok(path)
 }

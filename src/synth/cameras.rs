@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use nalgebra::{Rotation3, Vector3};
 use rand::RngExt;
@@ -18,10 +19,10 @@ const SUBJECT: &str = "Snake:";
 const NOISE_MM: f64 = 0.2;
 /// Amplitude (rad) and period (s) of the slow tilt of each link about each axis.
 const TILT_RAD: f64 = 0.005;
-const TILT_PERIOD_S: std::ops::Range<f64> = 6.0..20.0;
+const TILT_PERIOD_S: Range<f64> = 6.0..20.0;
 /// Amplitude (mm) and frequency (Hz) of the suspension's vibration.
 const VIBRATION_MM: [f64; 3] = [0.03, 0.03, 0.2];
-const VIBRATION_HZ: std::ops::Range<f64> = 8.0..13.0;
+const VIBRATION_HZ: Range<f64> = 8.0..13.0;
 /// Part of a marker's frames that the cameras miss.
 const MISSED: f64 = 0.045;
 /// Median (s) and logarithmic spread of the gaps' lengths before they are rounded up to whole
@@ -32,49 +33,28 @@ const GAP_SPREAD: f64 = 1.65;
 const OCCLUSIONS_PER_S: f64 = 0.03;
 const LONGEST_OCCLUSION: usize = 10;
 /// First frames of the recordings.
-const FIRST_FRAME: std::ops::Range<usize> = 40..900;
+const FIRST_FRAME: Range<usize> = 40..900;
 
-/// Slow tilt and vibration of one link.
-struct Wobble {
-    tilt: [Wave; 2],
-    vibration: [Wave; 3],
-}
-
-struct Wave {
-    amplitude: f64,
-    frequency_hz: f64,
-    phase_rad: f64,
-}
-
-impl Wave {
-    fn at(&self, time_s: f64) -> f64 {
-        self.amplitude * (TAU * self.frequency_hz * time_s + self.phase_rad).sin()
-    }
-}
+/// Slow tilt about both axes of one link, and its vibration along all three: amplitude (rad or
+/// mm), frequency (Hz) and phase (rad).
+struct Wobble([[f64; 3]; 5]);
 
 impl Wobble {
     fn draw(random: &mut ChaCha8Rng) -> Self {
-        let mut phase_rad = || random.random_range(0.0..TAU);
-        let phases: [f64; 5] = std::array::from_fn(|_| phase_rad());
-        let tilt = std::array::from_fn(|i| Wave {
-            amplitude: TILT_RAD,
-            frequency_hz: 1.0 / random.random_range(TILT_PERIOD_S),
-            phase_rad: phases[i],
-        });
-        let frequency_hz = random.random_range(VIBRATION_HZ);
-        let vibration = std::array::from_fn(|i| Wave {
-            amplitude: VIBRATION_MM[i],
-            frequency_hz,
-            phase_rad: phases[2 + i],
-        });
-        Self { tilt, vibration }
+        let phases: [f64; 5] = std::array::from_fn(|_| random.random_range(0.0..TAU));
+        let [tilt_x, tilt_y] = [(); 2].map(|()| 1.0 / random.random_range(TILT_PERIOD_S));
+        let vibration = random.random_range(VIBRATION_HZ);
+        let frequencies_hz = [tilt_x, tilt_y, vibration, vibration, vibration];
+        let [x, y, z] = VIBRATION_MM;
+        let amplitudes = [TILT_RAD, TILT_RAD, x, y, z];
+        Self(std::array::from_fn(|i| [amplitudes[i], frequencies_hz[i], phases[i]]))
     }
 
     /// Where a marker is in the link's frame, mm.
     fn displace(&self, marker: [f64; 3], time_s: f64) -> [f64; 3] {
-        let [about_x, about_y] = [self.tilt[0].at(time_s), self.tilt[1].at(time_s)];
+        let [about_x, about_y, shift @ ..] =
+            self.0.map(|[size, hz, phase_rad]| size * (TAU * hz * time_s + phase_rad).sin());
         let [x, y, z] = marker;
-        let shift = self.vibration.each_ref().map(|wave| wave.at(time_s));
         [
             x + about_y * z + shift[0],
             y - about_x * z + shift[1],
@@ -194,32 +174,39 @@ fn dropouts(
     let mean_frames = GAP_S * (0.5 * GAP_SPREAD * GAP_SPREAD).exp() * rate_hz + 0.5;
     let start = MISSED / mean_frames;
     let mut seen = vec![vec![true; frames]; markers.len()];
+    let missed = |random: &mut ChaCha8Rng| {
+        (length_s.sample(random).min(longest_s) * rate_hz).ceil() as usize
+    };
     for marker in &mut seen {
-        let mut frame = 0;
-        while frame < frames {
-            if random.random::<f64>() < start {
-                let length = length_s.sample(random).min(longest_s) * rate_hz;
-                let end = (frame + length.ceil() as usize).min(frames);
-                marker[frame..end].fill(false);
-                frame = end;
-            }
-            frame += 1;
+        for gap in gaps(frames, start, random, missed) {
+            marker[gap].fill(false);
         }
     }
+    let hidden = |random: &mut ChaCha8Rng| random.random_range(1..=LONGEST_OCCLUSION);
     for link in 0..3 {
-        let mut frame = 0;
-        while frame < frames {
-            if random.random::<f64>() < OCCLUSIONS_PER_S / rate_hz {
-                let end = (frame + random.random_range(1..=LONGEST_OCCLUSION)).min(frames);
-                for (marker, _) in
-                    seen.iter_mut().zip(markers).filter(|(_, (of, _, _))| *of == link)
-                {
-                    marker[frame..end].fill(false);
-                }
-                frame = end;
-            }
-            frame += 1;
+        for gap in gaps(frames, OCCLUSIONS_PER_S / rate_hz, random, hidden) {
+            let of_link = seen.iter_mut().zip(markers).filter(|(_, (of, _, _))| *of == link);
+            of_link.for_each(|(marker, _)| marker[gap.clone()].fill(false));
         }
     }
     seen
+}
+
+/// Ranges of frames, each of which begins with this probability in any frame.
+fn gaps(
+    frames: usize,
+    probability: f64,
+    random: &mut ChaCha8Rng,
+    length: impl Fn(&mut ChaCha8Rng) -> usize,
+) -> Vec<Range<usize>> {
+    let (mut gaps, mut frame) = (Vec::new(), 0);
+    while frame < frames {
+        if random.random::<f64>() < probability {
+            let end = (frame + length(random)).min(frames);
+            gaps.push(frame..end);
+            frame = end;
+        }
+        frame += 1;
+    }
+    gaps
 }

@@ -181,8 +181,8 @@ pub fn synthesise(
         let (film, steady) = match source {
             Source::Gait(problem) => {
                 let failed = |source| SynthError::Motion { trial: trial.id.clone(), source };
-                let motion = planted::from_rest(problem, rate_hz).map_err(failed)?;
-                (film(&motion.coordinates), Some((problem, motion.steady)))
+                let (path, steady) = planted::from_rest(problem, rate_hz).map_err(failed)?;
+                (film(&path), Some((problem, steady)))
             }
             Source::Decay(decay) => (film(&decay.coordinates), None),
         };

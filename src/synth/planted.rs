@@ -46,24 +46,18 @@ pub(super) fn planted(
     (robot, gait)
 }
 
-/// A recorded motion.
-pub(super) struct Motion {
-    /// `(x, y, theta, phi1, phi2)` of every frame, m and rad.
-    pub coordinates: Vec<[f64; 5]>,
-    /// Metrics of the steady motion that is reached from rest; there may be others.
-    pub steady: GaitMetrics,
-}
-
-/// The motion from rest until [`STEADY_CYCLES`] are over.
-pub(super) fn from_rest(problem: &Problem, rate_hz: f64) -> Result<Motion, MotionError> {
+/// The motion from rest until [`STEADY_CYCLES`] are over: `(x, y, theta, phi1, phi2)` of every
+/// frame, m and rad, and the metrics of the steady motion that is reached; there may be others.
+pub(super) fn from_rest(
+    problem: &Problem,
+    rate_hz: f64,
+) -> Result<(Vec<[f64; 5]>, GaitMetrics), MotionError> {
     let steady = Solver::default().settle(problem, REFERENCE_ACCURACY)?.motion;
     let decay = steady.floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
     let transient = (TRANSIENT_LEFT.ln() / decay.ln()).ceil() as usize;
     // Half a cycle more: the recording does not end with a cycle.
     let cycles = (transient.max(LEAST_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5;
     let duration_s = cycles * std::f64::consts::TAU / problem.omega_rad_s;
-    let transient = problem.transient(duration_s, 1e-8)?;
-    let frames = (duration_s * rate_hz) as usize;
-    let coordinates = (0..frames).map(|frame| transient.at(frame as f64 / rate_hz)).collect();
-    Ok(Motion { coordinates, steady: steady.metrics })
+    let coordinates = problem.transient(duration_s, rate_hz, 1e-8)?;
+    Ok((coordinates, steady.metrics))
 }
