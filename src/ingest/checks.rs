@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::error::TrialFailure;
+use crate::named::named;
 use crate::store::{CheckRow, Severity};
 
 /// Part of all markers' frames that should be seen.
@@ -30,76 +30,49 @@ pub(super) const CLIPPING: f64 = 0.02;
 /// How far offset, amplitude or phase of a joint may be from the command, degrees.
 pub(super) const GAIT_TOLERANCE_DEG: f64 = 10.0;
 
-/// What is looked at. Codes do not change; reports and scripts count them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Check {
-    /// The file states its frame rate.
-    Rate,
-    /// No frames are left out.
-    FrameContinuity,
-    /// The cameras saw the markers most of the time.
-    Coverage,
-    /// The markers lie on the links as in the layout.
-    Residual,
-    /// The robot moved at the commanded frequency.
-    Frequency,
-    /// Enough cycles are steady.
-    SteadyState,
-    /// Few cycles had to be left out because of a gap.
-    LongGaps,
-    /// Every row has a frame number.
-    RowsWithoutFrame,
-    /// The joints did what they were commanded.
-    Gait,
-    /// d does not change over the cycles used.
-    Drift,
-    /// No marker is off the others of its link or off the link's motion.
-    JumpedMarker,
-    /// No two labels of a link are swapped.
-    SwappedLabels,
-    /// Where markers contradict each other, it is clear which of them is wrong.
-    AmbiguousMarkers,
-    /// The links that should be held while a joint swings do not move.
-    HeldLinks,
-    /// A swing or a speed dies away as linear damping makes it.
-    Decay,
-    /// The robot that coasts is straight.
-    Straight,
-    /// Floor and links are level.
-    Tilt,
-    /// The joints are where h and l put them.
-    JointPositions,
-    /// No servo stops short of its peaks.
-    GaitClipping,
-    /// The trial could be processed.
-    Failed,
-}
-
-/// Code and name, such as `W003 coverage`.
-impl fmt::Display for Check {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Failed => "E001 failed",
-            Self::Rate => "W001 rate",
-            Self::FrameContinuity => "W002 frame-continuity",
-            Self::Coverage => "W003 coverage",
-            Self::Residual => "W004 residual",
-            Self::Frequency => "W005 frequency",
-            Self::SteadyState => "W006 steady-state",
-            Self::LongGaps => "W007 long-gaps",
-            Self::RowsWithoutFrame => "W008 rows-without-frame",
-            Self::Gait => "W009 gait",
-            Self::Drift => "W010 drift",
-            Self::JumpedMarker => "W011 jumped-marker",
-            Self::SwappedLabels => "W012 swapped-labels",
-            Self::HeldLinks => "W014 held-links",
-            Self::Decay => "W015 decay",
-            Self::Straight => "W016 straight",
-            Self::Tilt => "W017 tilt",
-            Self::JointPositions => "W018 joint-places",
-            Self::GaitClipping => "W019 gait-clipping",
-            Self::AmbiguousMarkers => "W013 ambiguous-markers",
-        })
+named! {
+    /// What is looked at: code and name. They do not change; reports and scripts count them.
+    pub enum Check {
+        /// The trial could be processed.
+        Failed = "E001 failed",
+        /// The file states its frame rate.
+        Rate = "W001 rate",
+        /// No frames are left out.
+        FrameContinuity = "W002 frame-continuity",
+        /// The cameras saw the markers most of the time.
+        Coverage = "W003 coverage",
+        /// The markers lie on the links as in the layout.
+        Residual = "W004 residual",
+        /// The robot moved at the commanded frequency.
+        Frequency = "W005 frequency",
+        /// Enough cycles are steady.
+        SteadyState = "W006 steady-state",
+        /// Few cycles had to be left out because of a gap.
+        LongGaps = "W007 long-gaps",
+        /// Every row has a frame number.
+        RowsWithoutFrame = "W008 rows-without-frame",
+        /// The joints did what they were commanded.
+        Gait = "W009 gait",
+        /// d does not change over the cycles used.
+        Drift = "W010 drift",
+        /// No marker is off the others of its link or off the link's motion.
+        JumpedMarker = "W011 jumped-marker",
+        /// No two labels of a link are swapped.
+        SwappedLabels = "W012 swapped-labels",
+        /// Where markers contradict each other, it is clear which of them is wrong.
+        AmbiguousMarkers = "W013 ambiguous-markers",
+        /// The links that should be held while a joint swings do not move.
+        HeldLinks = "W014 held-links",
+        /// A swing or a speed dies away as linear damping makes it.
+        Decay = "W015 decay",
+        /// The robot that coasts is straight.
+        Straight = "W016 straight",
+        /// Floor and links are level.
+        Tilt = "W017 tilt",
+        /// The joints are where h and l put them.
+        JointPositions = "W018 joint-places",
+        /// No servo stops short of its peaks.
+        GaitClipping = "W019 gait-clipping",
     }
 }
 
@@ -161,12 +134,5 @@ impl Finding {
             limit: self.limit,
             message: self.message.clone(),
         }
-    }
-}
-
-impl TrialFailure {
-    /// The only row of `checks.parquet` of a trial that gives no numbers.
-    pub fn check_row(&self, trial: &str) -> CheckRow {
-        Finding::new(Check::Failed, false, f64::NAN, f64::NAN, self.to_string()).row(trial)
     }
 }

@@ -8,10 +8,7 @@ use std::thread;
 
 use rayon::prelude::*;
 
-use super::cycles::summary;
-use super::{
-    IngestError, IngestInput, Ingested, ProcessedTrial, TrialFailure, failed_checks, process,
-};
+use super::{IngestError, IngestInput, Ingested, ProcessedTrial, TrialFailure, failed, process};
 use crate::store::{
     Columns as _, CycleRow, PendingFile, Provenance, Stamp, StoreError, Table, TrialRow,
     cycles_path, is_own_table, poses_path, table_set, wheels_path,
@@ -59,9 +56,10 @@ pub fn ingest_trials(
     on_trial: &(dyn Fn(&TrialRow) + Sync),
 ) -> Result<Vec<IngestedTrial>, StoreError> {
     let (to_disk, pending) = mpsc::sync_channel::<PendingFile>(MOST_PENDING);
-    let (ingested, written) = thread::scope(|scope| {
+    let (ingested, stamps) = thread::scope(|scope| {
         // The disk is waited for while the next trials are computed.
-        let settling = scope.spawn(move || settle(pending));
+        let settle = |file: PendingFile| Ok((file.path().to_owned(), file.settle()?));
+        let settling = scope.spawn(move || pending.into_iter().map(settle).collect());
         let ingested: Result<Vec<_>, StoreError> = trials
             .par_iter()
             .with_max_len(1)
@@ -71,20 +69,16 @@ pub fn ingest_trials(
                 Ok(ingested)
             })
             .collect();
-        (ingested, settling.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        let stamps: Result<BTreeMap<PathBuf, Stamp>, StoreError> =
+            settling.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        (ingested, stamps)
     });
-    let mut stamps = written?;
+    let mut stamps = stamps?;
     let with_stamps = |(mut trial, paths): (IngestedTrial, Vec<PathBuf>)| {
         trial.written = paths.into_iter().filter_map(|path| stamps.remove_entry(&path)).collect();
         trial
     };
     Ok(ingested?.into_iter().map(with_stamps).collect())
-}
-
-/// Puts files in their places; gives their stamps.
-fn settle(files: mpsc::Receiver<PendingFile>) -> Result<BTreeMap<PathBuf, Stamp>, StoreError> {
-    let settled = files.into_iter().map(|file| Ok((file.path().to_owned(), file.settle()?)));
-    settled.collect()
 }
 
 /// Ingests one trial; gives the tables that are on their way to the disk, too.
@@ -97,7 +91,7 @@ fn ingest_trial(
 ) -> Result<(IngestedTrial, Vec<PathBuf>), StoreError> {
     let (trial, input) = entry;
     let path = folder.join(&trial.file);
-    let (mut findings, mut marker_file) = (Vec::new(), None);
+    let (mut findings, mut marker_file, mut paths) = (Vec::new(), None, Vec::new());
     // The entry is checked first: its file name might point out of the folder.
     let input = input.as_ref().map_err(|error| TrialFailure::from(error.clone()));
     let processed = input.and_then(|input| {
@@ -111,13 +105,11 @@ fn ingest_trial(
         });
         process(&path, &file?, trial, input, &mut findings)
     });
-    let mut paths = Vec::new();
-    let rows = match processed {
-        Err(failure) => Ingested {
-            trials: vec![TrialRow { message: failure.to_string(), ..summary::blank_row(trial) }],
-            checks: failed_checks(trial, &failure, &findings),
-            parameters: Vec::new(),
-        },
+    let (row, checks, parameters) = match processed {
+        Err(failure) => {
+            let (row, checks) = failed(trial, &failure, &findings);
+            (row, checks, None)
+        }
         Ok(ProcessedTrial { row, checks, parameters, cycles, poses, wheels }) => {
             let provenance = provenance(entry, marker_file.as_ref());
             let mut write = |table: &Table, path: PathBuf| -> Result<(), StoreError> {
@@ -131,10 +123,10 @@ fn ingest_trial(
             if trial.kind == TrialKind::Gait {
                 write(&CycleRow::to_table(&cycles), cycles_path(derived, &trial.id))?;
             }
-            let parameters = parameters.into_iter().collect();
-            Ingested { trials: vec![row], checks, parameters }
+            (row, checks, parameters)
         }
     };
+    let rows = Ingested { trials: vec![row], checks, parameters: parameters.into_iter().collect() };
     Ok((IngestedTrial { rows, marker_file, written: BTreeMap::new() }, paths))
 }
 

@@ -58,24 +58,22 @@ impl IngestInput {
     /// The trial's entry does not go with the configuration.
     pub fn new(config: &Config, trial: &Trial) -> Result<Self, TrialError> {
         trial.check(config)?;
-        let unknown = |key| TrialError {
+        let found = || {
+            let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
+            let robot = campaign.map(|campaign| &campaign.robot).or(trial.robot.as_ref())?;
+            let robot = NamedEntry::of(&config.robot, robot)?;
+            let gait = match campaign {
+                Some(campaign) => Some(NamedEntry::of(&config.gait, &campaign.gait)?),
+                None => None,
+            };
+            Some(Self { settings: IngestSettings::new(config), robot, gait })
+        };
+        found().ok_or_else(|| TrialError {
             trial: trial.id.clone(),
-            key,
+            key: if trial.kind == TrialKind::Gait { "campaign" } else { "robot" },
             found: "a name without a robot or a gait".to_owned(),
             needed: "one that pipeline.toml describes in full".to_owned(),
-        };
-        let settings = IngestSettings::new(config);
-        let (robot, gait) = match trial.kind {
-            TrialKind::Gait => {
-                let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
-                let campaign = campaign.ok_or_else(|| unknown("campaign"))?;
-                let gait = NamedEntry::of(&config.gait, &campaign.gait);
-                (&campaign.robot, Some(gait.ok_or_else(|| unknown("campaign"))?))
-            }
-            _ => (trial.robot.as_ref().ok_or_else(|| unknown("robot"))?, None),
-        };
-        let robot = NamedEntry::of(&config.robot, robot).ok_or_else(|| unknown("robot"))?;
-        Ok(Self { settings, robot, gait })
+        })
     }
 
     pub(super) fn robot(&self) -> Robot {

@@ -117,16 +117,12 @@ pub fn process_trial(
     process_file(folder, trial, config, &mut Vec::new())
 }
 
-/// The checks of one trial of a folder, with its row: of a trial that fails, the reason and the
-/// checks that were made before it. Writes nothing.
+/// One trial of a folder with its checks. Writes nothing.
 pub fn check_trial(folder: &Path, trial: &Trial, config: &Config) -> (TrialRow, Vec<CheckRow>) {
     let mut findings = Vec::new();
     match process_file(folder, trial, config, &mut findings) {
         Ok(processed) => (processed.row, processed.checks),
-        Err(failure) => {
-            let row = TrialRow { message: failure.to_string(), ..summary::blank_row(trial) };
-            (row, failed_checks(trial, &failure, &findings))
-        }
+        Err(failure) => failed(trial, &failure, &findings),
     }
 }
 
@@ -141,10 +137,16 @@ fn process_file(
     process(&path, &vicon::read_file(&path)?, trial, &input, findings)
 }
 
-/// The reason, and the checks that were made before it.
-fn failed_checks(trial: &Trial, failure: &TrialFailure, findings: &[Finding]) -> Vec<CheckRow> {
-    let made = findings.iter().map(|finding| finding.row(&trial.id));
-    std::iter::once(failure.check_row(&trial.id)).chain(made).collect()
+/// A trial that gives no numbers; its checks are the reason and those that were made before it.
+fn failed(
+    trial: &Trial,
+    failure: &TrialFailure,
+    findings: &[Finding],
+) -> (TrialRow, Vec<CheckRow>) {
+    let message = failure.to_string();
+    let reason = Finding::new(Check::Failed, false, f64::NAN, f64::NAN, message.clone());
+    let checks = std::iter::once(&reason).chain(findings).map(|finding| finding.row(&trial.id));
+    (TrialRow { message, ..summary::blank_row(trial) }, checks.collect())
 }
 
 /// The stage itself, from a marker file's bytes to a trial's tables. What the checks find is
@@ -219,8 +221,7 @@ fn process_recording(
         TrialKind::Gait => None,
         TrialKind::JointRelease => Some(release::measure(robot, &tracked.seen, rate_hz)?),
         TrialKind::CoastDown => {
-            let speed_m_s = &wheels.roll_m_s[0];
-            Some(coast::measure(robot, &tracked.seen, speed_m_s, rate_hz)?)
+            Some(coast::measure(robot, &tracked.seen, &wheels.roll_m_s[0], rate_hz)?)
         }
     };
     let parameters = measured.map(|(parameters, found)| {

@@ -16,15 +16,11 @@ pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz
         numbers("phi2_rad", phi2_rad),
     ]);
     let Tracked { residual_mm, fill, outlier, .. } = tracked;
-    for (link, residual_mm) in residual_mm.iter().enumerate() {
-        columns.push(numbers(&format!("residual{link}_mm"), residual_mm.clone()));
-    }
-    for (link, fill) in fill.iter().enumerate() {
-        columns.push(texts(&format!("fill{link}"), fill.iter().map(|fill| fill.name())));
-    }
-    for (link, outlier) in outlier.iter().enumerate() {
-        columns.push(texts(&format!("outlier{link}"), outlier.iter().map(|found| found.name())));
-    }
+    let residual = |i: usize| numbers(&format!("residual{i}_mm"), residual_mm[i].clone());
+    let fill = |i: usize| texts(&format!("fill{i}"), fill[i].iter().map(|fill| fill.name()));
+    let outlier =
+        |i: usize| texts(&format!("outlier{i}"), outlier[i].iter().map(|found| found.name()));
+    columns.extend((0..3).map(residual).chain((0..3).map(fill)).chain((0..3).map(outlier)));
     Table::new(columns)
 }
 

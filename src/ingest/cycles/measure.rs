@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::velocity::WheelVelocities;
+use super::WheelVelocities;
 use crate::ingest::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
 use crate::ingest::poses::{Coordinates, Tracked};
 use crate::metrics::GaitMetrics;

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use super::clipping;
 use super::means::{common_skid, mean};
 use super::measure::{Cycle, CycleData};
 use super::steady::Steady;
 use crate::ingest::checks::{
-    Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_CYCLES, MOST_GAPPED,
+    CLIPPING, Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_CYCLES,
+    MOST_GAPPED,
 };
 use crate::ingest::phase::{GAIT_HARMONICS, Harmonics, LinearPhase};
 use crate::ingest::signals::response;
@@ -116,9 +116,8 @@ pub fn gait_checks(
         Finding::at_most(Check::Gait, deviation_deg, GAIT_TOLERANCE_DEG, deviation),
         Finding::at_most(Check::Drift, drift, D_DRIFT, drifted),
     ];
-    let clipping = |frames| {
-        clipping::check(data.gait, &data.tracked.seen.phi_rad, &frames, &data.driven.phase)
-    };
+    let (phi_rad, phase) = (&data.tracked.seen.phi_rad, &data.driven.phase);
+    let clipping = |frames| clipping_check(data.gait, phi_rad, &frames, phase);
     findings.extend(steady.frames(cycles).map(clipping));
     findings
 }
@@ -146,4 +145,70 @@ fn gait_deviation_deg(row: &TrialRow, gait: &Gait) -> f64 {
         }
     }
     largest_rad.to_degrees()
+}
+
+/// Whether a servo saturates, so that its joint's angle has flat tops; angles as seen, unsmoothed.
+///
+/// A wave that is cut off at its peaks falls short of its own first harmonic there: a wave cut at
+/// 0.9 of its amplitude has a first harmonic of 0.963 and stays 6.5 % below it. Distortions that
+/// make the peaks sharper, and a servo that reaches less than its command as a whole, do not.
+fn clipping_check(
+    gait: &Gait,
+    phi_rad: &[Vec<f64>; 2],
+    frames: &Range<usize>,
+    phase: &LinearPhase,
+) -> Finding {
+    let mut value = 0.0;
+    let mut message = "no joint stays short of its first harmonic".to_owned();
+    for joint in (0..2).filter(|&joint| gait.joints[joint].is_some()) {
+        let fit = Harmonics::fit(&phi_rad[joint], frames.clone(), phase, GAIT_HARMONICS);
+        let Some(fit) = fit else { continue };
+        let [lowest, highest] = fit.extremes().map(|extreme| (extreme - fit.offset()).abs());
+        for (peak, name) in [(highest, "largest"), (lowest, "smallest")] {
+            // The part of its amplitude by which the first harmonic is larger.
+            let short = 1.0 - peak / fit.amplitude(1);
+            if short > value {
+                let (joint, percent) = (joint + 1, 100.0 * short);
+                message = format!(
+                    "joint {joint}'s {name} angle stays {percent:.1} % short of its first harmonic"
+                );
+                value = short;
+            }
+        }
+    }
+    Finding::at_most(Check::GaitClipping, value, CLIPPING, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn finding(wave: impl Fn(f64) -> f64) -> Finding {
+        let phase = LinearPhase { step_rad: 0.0325, offset_rad: 0.4 };
+        let phi = |frame: usize| {
+            // A little of what noise does, the same at every run.
+            wave(phase.at(frame as f64)) + 0.002 * (7.7 * frame as f64).sin()
+        };
+        let series: Vec<f64> = (0..1800).map(phi).collect();
+        clipping_check(&Gait::symmetric(), &[series.clone(), series], &(100..1700), &phase)
+    }
+
+    #[test]
+    fn a_servo_that_stops_short_of_its_peaks_is_found_on_either_side() {
+        for (low, high) in [(-0.45, 0.45), (-0.45, 1.0), (-1.0, 0.45), (-0.475, 0.475)] {
+            let found = finding(|phase| (0.5 * phase.cos()).clamp(low, high) + 0.1);
+            assert!(!found.holds(), "{low} {high}: {}", found.value);
+        }
+        let cut = finding(|phase| (0.5 * phase.cos()).clamp(-0.45, 0.45));
+        assert!((cut.value - 0.06).abs() < 0.01, "{}", cut.value);
+        assert!(cut.message.contains("angle stays 5."), "{}", cut.message);
+    }
+
+    #[test]
+    fn a_servo_that_is_late_small_or_uneven_without_flat_tops_passes() {
+        let sharp = |phase: f64| 0.5 * phase.cos() + 0.02 * (3.0 * phase).cos();
+        let skewed = |phase: f64| 0.5 * phase.cos() + 0.015 * (2.0 * phase).sin();
+        assert!(finding(|phase| 0.2 * (phase - 0.3).cos()).holds());
+        assert!(finding(sharp).holds() && finding(skewed).holds());
+    }
 }

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use nalgebra::SVector;
 
-use super::curve::Curve;
+use super::Curve;
 use crate::ingest::checks::{Check, Finding};
 use crate::ingest::error::Problem;
 use crate::ingest::poses::Coordinates;
@@ -72,17 +72,15 @@ pub fn measure(
     let mass_kg: f64 = robot.mass_kg.iter().sum();
     let configured: f64 = robot.roll_kg_s.iter().sum();
     let sum = Estimate::new(mass_kg * decay_1_s, mass_kg * decay_se);
-    let part = |wheel: usize, sum: f64| match configured > 0.0 {
-        true => sum * robot.roll_kg_s[wheel] / configured,
-        false => f64::NAN,
-    };
-    let roll = |wheel| Estimate::new(part(wheel, sum.value), part(wheel, sum.se));
+    // Nothing of nothing is unknown.
+    let roll =
+        |of_wheel| Estimate::new(sum.value * of_wheel / configured, sum.se * of_wheel / configured);
     let row = RobotParameterRow {
         mass_kg,
         decay_1_s: Estimate::new(decay_1_s, decay_se),
         roll_sum_kg_s: sum,
         roll_sum_configured_kg_s: configured,
-        roll_kg_s: [0, 1, 2].map(roll),
+        roll_kg_s: robot.roll_kg_s.map(roll),
         ..RobotParameterRow::blank()
     };
     let bent_deg = coordinates

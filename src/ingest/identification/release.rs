@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 
 use nalgebra::SVector;
 
-use super::curve::Curve;
+use super::Curve;
 use crate::ingest::checks::{Check, Finding};
 use crate::ingest::error::Problem;
 use crate::ingest::poses::Coordinates;
@@ -48,7 +48,9 @@ pub fn measure(
     // The other joint is held.
     let joint = usize::from(ranges[1][1] - ranges[1][0] > ranges[0][1] - ranges[0][0]);
     let phi = &coordinates.phi_rad[joint];
-    let rest_rad = late_median(phi);
+    // The last fifth of what was seen is about where the joint came to rest.
+    let all: Vec<f64> = seen(phi).collect();
+    let rest_rad = median_high(all[all.len() - all.len().div_ceil(5)..].to_vec());
     let swing: Vec<f64> = phi.iter().map(|phi| phi - rest_rad).collect();
     let largest = swing.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     if largest < LEAST_SWING_RAD {
@@ -64,7 +66,7 @@ pub fn measure(
         return Err(few(swings.len()));
     }
     let first_guess = decrement(&swings, noise_rad);
-    let half_s = half_period_s(&swings, rate_hz);
+    let half_s = (swings[swings.len() - 1].0 - swings[0].0) / (swings.len() - 1) as f64 / rate_hz;
     let samples: Vec<(f64, f64)> = (start..end)
         .filter(|&i| !swing[i].is_nan())
         .map(|i| ((i - start) as f64 / rate_hz, swing[i]))
@@ -136,12 +138,6 @@ fn decaying(p: &SVector<f64, 5>, t: f64) -> (f64, SVector<f64, 5>) {
     (p[0] + wave, SVector::from([1.0, envelope * cos, envelope * sin, -t * wave, t * turned]))
 }
 
-/// Median of the last fifth of what was seen: about where the joint came to rest.
-fn late_median(series: &[f64]) -> f64 {
-    let seen: Vec<f64> = seen(series).collect();
-    median_high(seen[seen.len() - seen.len().div_ceil(5)..].to_vec())
-}
-
 /// From where the joint is free to where it is at rest.
 fn free_frames(swing: &[f64], largest: f64, noise_rad: f64) -> (usize, usize) {
     let held = swing.iter().position(|x| x.abs() >= HELD * largest).unwrap_or(0);
@@ -157,17 +153,14 @@ fn free_frames(swing: &[f64], largest: f64, noise_rad: f64) -> (usize, usize) {
 fn swings(swing: &[f64], rest: f64, noise_rad: f64) -> Vec<(f64, f64)> {
     let mut peaks: Vec<(f64, f64)> = Vec::new();
     let mut side = 0.0;
-    let mut crossings = 0;
     for (i, x) in swing.iter().map(|x| x - rest).enumerate().filter(|(_, x)| !x.is_nan()) {
         if x.signum() != side && (side == 0.0 || x.abs() > noise_rad) {
             if side != 0.0 {
-                crossings += 1;
                 peaks.push((i as f64, 0.0));
             }
             side = x.signum();
         }
-        if crossings > 0
-            && let Some(peak) = peaks.last_mut()
+        if let Some(peak) = peaks.last_mut()
             && x.abs() > peak.1
         {
             *peak = (i as f64, x.abs());
@@ -190,11 +183,6 @@ fn decrement(swings: &[(f64, f64)], noise_rad: f64) -> Estimate {
     let value = -weighted(&|k, height| (k - middle) * height) / spread;
     // The logarithm of a peak has the variance of the noise over the peak's square.
     Estimate { value, se: noise_rad / (PEAK_WINDOW as f64).sqrt() / spread.sqrt() }
-}
-
-fn half_period_s(swings: &[(f64, f64)], rate_hz: f64) -> f64 {
-    let (first, last) = (swings[0].0, swings[swings.len() - 1].0);
-    (last - first) / (swings.len() - 1) as f64 / rate_hz
 }
 
 /// Standard deviation of what was seen.

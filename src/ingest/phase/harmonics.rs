@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SVector};
 
 use crate::stats::{extremes, seen};
 
@@ -133,9 +133,8 @@ fn basis(phase_rad: f64, terms: &mut [f64]) {
 /// Evenly spaced phases, and sums over them.
 struct Grid<'c> {
     phase: &'c LinearPhase,
-    /// Terms of each frame of a block that begins with phase 0, and zeros up to a multiple of
-    /// [`LANES`].
-    table: Vec<[f64; LANES]>,
+    /// Terms of each frame of a block that begins with phase 0.
+    table: Vec<f64>,
     /// Terms per frame.
     width: usize,
 }
@@ -143,39 +142,24 @@ struct Grid<'c> {
 impl<'c> Grid<'c> {
     fn new(phase: &'c LinearPhase, count: usize) -> Self {
         let width = 2 * count + 1;
-        let lanes = width.div_ceil(LANES);
-        let mut table = vec![[0.0; LANES]; BLOCK * lanes];
-        for (i, row) in table.chunks_exact_mut(lanes).enumerate() {
-            basis(phase.step_rad * i as f64, &mut row.as_flattened_mut()[..width]);
+        let mut table = vec![0.0; BLOCK * width];
+        for (i, row) in table.chunks_exact_mut(width).enumerate() {
+            basis(phase.step_rad * i as f64, row);
         }
         Self { phase, table, width }
-    }
-
-    fn rows(&self) -> impl Iterator<Item = &[[f64; LANES]]> {
-        self.table.chunks_exact(self.lanes())
-    }
-
-    fn lanes(&self) -> usize {
-        self.width.div_ceil(LANES)
     }
 
     /// Sums over a range's frames of `terms` times `values`, of which there is one per frame;
     /// missing ones count as zero.
     fn project(&self, values: &[f64], range: Range<usize>) -> Vec<f64> {
-        let (mut sums, mut turn) = (vec![0.0; self.width], vec![0.0; self.width]);
-        let mut block_sums = vec![[0.0; LANES]; self.lanes()];
+        let [mut sums, mut turn, mut block_sums] = [(); 3].map(|()| vec![0.0; self.width]);
         for (values, first) in values.chunks(BLOCK).zip(range.step_by(BLOCK)) {
-            block_sums.fill([0.0; LANES]);
-            for (value, row) in values.iter().zip(self.rows()) {
+            block_sums.fill(0.0);
+            for (value, row) in values.iter().zip(self.table.chunks_exact(self.width)) {
                 let value = if value.is_nan() { 0.0 } else { *value };
-                for (sums, terms) in block_sums.iter_mut().zip(row) {
-                    for (sum, term) in sums.iter_mut().zip(terms) {
-                        *sum += value * term;
-                    }
-                }
+                block_sums.iter_mut().zip(row).for_each(|(sum, term)| *sum += value * term);
             }
             basis(self.phase.at(first as f64), &mut turn);
-            let block_sums = block_sums.as_flattened();
             sums[0] += block_sums[0];
             for k in (1..self.width).step_by(2) {
                 let (c, s) = (turn[k], turn[k + 1]);
@@ -190,27 +174,25 @@ impl<'c> Grid<'c> {
     /// The sum of `factors` times terms in every frame of a range.
     fn evaluate(&self, factors: &[f64], range: Range<usize>) -> Vec<f64> {
         let mut values = Vec::with_capacity(range.len());
-        let mut turn = vec![0.0; self.width];
-        let mut turned = vec![[0.0; LANES]; self.lanes()];
-        turned[0][0] = factors[0];
+        let [mut turn, mut turned] = [(); 2].map(|()| vec![0.0; self.width]);
+        turned[0] = factors[0];
         for first in range.clone().step_by(BLOCK) {
             basis(self.phase.at(first as f64), &mut turn);
-            let flat = turned.as_flattened_mut();
             for k in (1..self.width).step_by(2) {
                 let (c, s) = (turn[k], turn[k + 1]);
                 let (cos, sin) = (factors[k], factors[k + 1]);
-                flat[k] = cos * c + sin * s;
-                flat[k + 1] = sin * c - cos * s;
+                turned[k] = cos * c + sin * s;
+                turned[k + 1] = sin * c - cos * s;
             }
-            for row in self.rows().take(range.end - first) {
+            let rows = self.table.chunks_exact(self.width).take(range.end - first);
+            values.extend(rows.map(|row| {
                 let mut sums = [0.0; LANES];
-                for (factors, terms) in turned.iter().zip(row) {
-                    for (sum, (factor, term)) in sums.iter_mut().zip(factors.iter().zip(terms)) {
-                        *sum += factor * term;
-                    }
+                for (factors, terms) in turned.chunks(LANES).zip(row.chunks(LANES)) {
+                    let products = factors.iter().zip(terms).map(|(factor, term)| factor * term);
+                    sums.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
                 }
-                values.push(sums.iter().sum());
-            }
+                sums.iter().sum::<f64>()
+            }));
         }
         values
     }
@@ -263,20 +245,6 @@ pub struct Regression<'s> {
     factor: Cholesky<f64, Dyn>,
 }
 
-/// What one joint contributes to the estimate of the frequency.
-#[derive(Debug, Default, Clone, Copy)]
-pub struct FrequencyInformation {
-    /// Product of the residuals with the derivative with respect to the step.
-    pub gradient: f64,
-    /// Square of the part of that derivative which no harmonic explains.
-    pub curvature: f64,
-    /// Sum of squared residuals, and of products of neighbouring ones.
-    pub squares: f64,
-    pub neighbours: f64,
-    /// Samples beyond the number of parameters.
-    pub freedom: f64,
-}
-
 impl<'s> Regression<'s> {
     pub fn new(
         series: &'s [f64],
@@ -299,15 +267,17 @@ impl<'s> Regression<'s> {
         Some(Self { harmonics: Harmonics { terms }, series, range, phase: *phase, factor })
     }
 
-    /// The Gauss-Newton system for the step; time counts from where the phase is zero.
-    pub fn frequency_information(&self) -> FrequencyInformation {
+    /// The Gauss-Newton system for the step, whose parts add up over joints: the product of the
+    /// residuals with the derivative by the step, the square of the part of that derivative which
+    /// no harmonic explains; the sum of squared residuals, that of products of neighbouring ones,
+    /// and the samples beyond the number of parameters. Time counts from where the phase is zero.
+    pub fn step_equation(&self) -> SVector<f64, 5> {
         let origin = self.phase.frame_of(0.0);
         let grid = Grid::new(&self.phase, self.harmonics.count());
         let fitted = grid.evaluate(&self.harmonics.terms, self.range.clone());
         let mut slopes = grid.evaluate(&self.harmonics.slope(), self.range.clone());
-        let mut sum = FrequencyInformation::default();
-        let mut previous = 0.0;
-        let mut count = 0.0;
+        let [mut gradient, mut curvature, mut squares, mut neighbours] = [0.0; 4];
+        let (mut previous, mut count) = (0.0, 0.0);
         for ((i, fitted), slope) in self.range.clone().zip(fitted).zip(&mut slopes) {
             let residual = self.series[i] - fitted;
             if residual.is_nan() {
@@ -315,17 +285,16 @@ impl<'s> Regression<'s> {
                 continue;
             }
             *slope *= i as f64 - origin;
-            sum.gradient += residual * *slope;
-            sum.curvature += *slope * *slope;
-            sum.squares += residual * residual;
-            sum.neighbours += residual * previous;
+            gradient += residual * *slope;
+            curvature += *slope * *slope;
+            squares += residual * residual;
+            neighbours += residual * previous;
             previous = residual;
             count += 1.0;
         }
         let explained = DVector::from_vec(grid.project(&slopes, self.range.clone()));
-        sum.curvature -= explained.dot(&self.factor.solve(&explained));
-        sum.freedom = count - grid.width as f64;
-        sum
+        curvature -= explained.dot(&self.factor.solve(&explained));
+        [gradient, curvature, squares, neighbours, count - grid.width as f64].into()
     }
 }
 

@@ -3,32 +3,25 @@
 use super::gaps::runs;
 
 /// Weights of samples -2 to 2 of the central difference of fourth order.
-pub fn derivative_weights() -> [f64; 5] {
-    [1.0, -8.0, 0.0, 8.0, -1.0].map(|weight| weight / 12.0)
-}
+pub const WEIGHTS: [f64; 5] = [1.0 / 12.0, -8.0 / 12.0, 0.0, 8.0 / 12.0, -1.0 / 12.0];
 
 /// Time derivative, per second: central differences of fourth order, of second order next to
 /// an end of a stretch without gaps, and one-sided ones at the end. A lone sample has none.
 pub fn derivative(series: &[f64], rate_hz: f64) -> Vec<f64> {
     let mut rates = vec![f64::NAN; series.len()];
     for (start, end) in runs(series) {
-        let (run, rates) = (&series[start..end], &mut rates[start..end]);
+        let run = &series[start..end];
         let last = run.len() - 1;
-        for i in 0..=last {
-            let from_end = i.min(last - i);
-            let per_frame = if from_end >= 2 {
-                (run[i - 2] - run[i + 2] + 8.0 * (run[i + 1] - run[i - 1])) / 12.0
-            } else if from_end == 1 {
-                0.5 * (run[i + 1] - run[i - 1])
-            } else {
-                match run.len() {
-                    1 => f64::NAN,
-                    2 => run[1] - run[0],
-                    _ if i == 0 => 2.0 * run[1] - 1.5 * run[0] - 0.5 * run[2],
-                    _ => 1.5 * run[last] - 2.0 * run[last - 1] + 0.5 * run[last - 2],
-                }
+        for (i, rate) in rates[start..end].iter_mut().enumerate() {
+            let per_frame = match (i.min(last - i), last) {
+                (0, 0) => f64::NAN,
+                (0, 1) => run[1] - run[0],
+                (0, _) if i == 0 => 2.0 * run[1] - 1.5 * run[0] - 0.5 * run[2],
+                (0, _) => 1.5 * run[last] - 2.0 * run[last - 1] + 0.5 * run[last - 2],
+                (1, _) => 0.5 * (run[i + 1] - run[i - 1]),
+                _ => (run[i - 2] - run[i + 2] + 8.0 * (run[i + 1] - run[i - 1])) / 12.0,
             };
-            rates[i] = per_frame * rate_hz;
+            *rate = per_frame * rate_hz;
         }
     }
     rates

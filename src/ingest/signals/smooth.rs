@@ -1,6 +1,6 @@
 //! Moving average, and how wide it should be.
 
-use super::derivative::derivative_weights;
+use super::derivative::WEIGHTS;
 use super::gaps::runs;
 use crate::stats::median_high;
 
@@ -20,48 +20,27 @@ pub fn moving_average(series: &[f64], window: usize) -> Vec<f64> {
     let half = window / 2;
     let mut smooth = vec![f64::NAN; series.len()];
     for (start, end) in runs(series) {
-        let (run, smooth) = (&series[start..end], &mut smooth[start..end]);
-        let last = run.len() - 1;
-        let inner = half.min(run.len())..run.len().saturating_sub(half).max(half.min(run.len()));
-        for i in (0..inner.start).chain(inner.end..run.len()) {
-            smooth[i] = shrunk_average(run, i, i.min(last - i));
-        }
-        if !inner.is_empty() {
-            full_averages(run, window, &mut smooth[inner]);
+        let run = &series[start..end];
+        for (i, smooth) in smooth[start..end].iter_mut().enumerate() {
+            let reach = i.min(run.len() - 1 - i);
+            *smooth = match reach < half {
+                true => average(run, i, reach, 2 * reach + 1),
+                false => average(run, i, half, window),
+            };
         }
     }
     smooth
 }
 
-/// The average over a window that reaches so many samples to both sides.
-fn shrunk_average(run: &[f64], i: usize, reach: usize) -> f64 {
+/// The average over `window` samples about one, which reach so far to both sides. Deviations
+/// from the middle keep a constant exactly constant.
+fn average(run: &[f64], i: usize, reach: usize, window: usize) -> f64 {
     let middle = run[i];
-    let sum: f64 = (1..=reach).map(|k| (run[i - k] - middle) + (run[i + k] - middle)).sum();
-    middle + sum / (2 * reach + 1) as f64
-}
-
-/// The averages about all samples that have a whole window about them.
-fn full_averages(run: &[f64], window: usize, averages: &mut [f64]) {
-    let half = window / 2;
-    let count = averages.len();
-    let middles = &run[half..half + count];
-    averages.fill(0.0);
-    // Deviations from the middle keep a constant exactly constant. The samples at one distance
-    // are added to all averages before those at the next.
-    let mut add = |k: usize, weight: f64| {
-        let sides = run[half - k..].iter().zip(&run[half + k..]);
-        for ((sum, middle), (before, after)) in averages.iter_mut().zip(middles).zip(sides) {
-            *sum += weight * ((before - middle) + (after - middle));
-        }
-    };
-    let is_even = window.is_multiple_of(2);
-    (1..=half - usize::from(is_even)).for_each(|k| add(k, 1.0));
-    if is_even {
-        add(half, 0.5);
-    }
-    for (average, middle) in averages.iter_mut().zip(middles) {
-        *average = middle + *average / window as f64;
-    }
+    let pair = |k: usize| (run[i - k] - middle) + (run[i + k] - middle);
+    let inner = reach - usize::from(window.is_multiple_of(2));
+    let sum = (1..=inner).map(pair).sum::<f64>();
+    let ends = (inner + 1..=reach).map(|k| 0.5 * pair(k)).sum::<f64>();
+    middle + (sum + ends) / window as f64
 }
 
 /// What the moving average leaves of a sine of `step_rad` per sample: the Dirichlet kernel,
@@ -104,21 +83,15 @@ pub struct JointSignal {
 pub fn best_window(joints: &[JointSignal], step_rad: f64) -> usize {
     let error = |window: usize| -> f64 {
         let gain = noise_gain(window);
-        let lost = |joint: &JointSignal| -> f64 {
-            joint
-                .harmonics_rad
-                .iter()
-                .zip(1..)
-                .map(|(amplitude, k)| {
-                    let step = f64::from(k) * step_rad;
-                    0.5 * ((1.0 - response(window, step)) * step * amplitude).powi(2)
-                })
-                .sum()
+        let lost = |(amplitude, k): (&f64, i32)| {
+            let step = f64::from(k) * step_rad;
+            0.5 * ((1.0 - response(window, step)) * step * amplitude).powi(2)
         };
-        joints
-            .iter()
-            .map(|joint| gain * joint.noise_rad.powi(2) + ATTENUATION_WEIGHT * lost(joint))
-            .sum()
+        let of_joint = |joint: &JointSignal| {
+            let lost: f64 = joint.harmonics_rad.iter().zip(1..).map(lost).sum();
+            gain * joint.noise_rad.powi(2) + ATTENUATION_WEIGHT * lost
+        };
+        joints.iter().map(of_joint).sum()
     };
     WINDOWS.min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or(WINDOW_WITHOUT_GAIT)
 }
@@ -131,10 +104,9 @@ fn noise_gain(window: usize) -> f64 {
         average[0] *= 0.5;
         average[2 * half] *= 0.5;
     }
-    let derivative = derivative_weights();
-    let mut both = vec![0.0; average.len() + derivative.len() - 1];
+    let mut both = vec![0.0; average.len() + WEIGHTS.len() - 1];
     for (i, a) in average.iter().enumerate() {
-        for (j, d) in derivative.iter().enumerate() {
+        for (j, d) in WEIGHTS.iter().enumerate() {
             both[i + j] += a * d;
         }
     }
