@@ -8,7 +8,7 @@ use crate::ingest::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
 use crate::ingest::poses::{Coordinates, Tracked};
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
-use crate::stats::mean;
+use crate::stats::{mean, seen};
 
 /// A cycle in which a commanded joint is off its gait by more than this part of the amplitude
 /// (RMS) is not the gait: a start, a stop, a pause.
@@ -61,21 +61,22 @@ impl CycleData<'_> {
         let last_frame = moving.end as f64 - 1.0 + END_TOLERANCE;
         let first = (phase.at(first_frame) / TAU).ceil() as i64;
         let last = (phase.at(last_frame) / TAU).floor() as i64;
-        let gait = [0, 1].map(|joint| {
-            self.gait.joints[joint].and_then(|_| {
-                let phi = &self.tracked.seen.phi_rad[joint];
-                let fit = Harmonics::fit(phi, moving.clone(), phase, GAIT_HARMONICS)?;
-                Some((fit.over(moving.clone(), phase), LARGEST_DEVIATION * fit.amplitude(1)))
-            })
+        // Squared distances of the commanded joints from what they do on the whole.
+        let commanded = (0..2).filter(|&joint| self.gait.joints[joint].is_some());
+        let off_gait = commanded.filter_map(|joint| {
+            let phi = &self.tracked.seen.phi_rad[joint];
+            let fit = Harmonics::fit(phi, moving.clone(), phase, GAIT_HARMONICS)?;
+            let fitted = fit.over(0..phi.len(), phase);
+            let squares = phi.iter().zip(fitted).map(|(phi, fitted)| (phi - fitted).powi(2));
+            Some((squares.collect(), LARGEST_DEVIATION * fit.amplitude(1)))
         });
+        let off_gait: Vec<(Vec<f64>, f64)> = off_gait.collect();
         (first..last)
             .map(|k| {
                 let [start, end] = [k, k + 1].map(|k| phase.frame_of(TAU * k as f64));
-                let is_gait = (0..2).all(|joint| {
-                    let Some((fitted, largest)) = &gait[joint] else { return true };
-                    let frames = frames_within(start, end);
-                    let fitted = &fitted[frames.start - moving.start..frames.end - moving.start];
-                    deviation(&self.tracked.seen.phi_rad[joint][frames], fitted) <= *largest
+                let is_gait = off_gait.iter().all(|(squares, largest)| {
+                    let squares = seen(&squares[frames_within(start, end)]);
+                    mean(squares).max(0.0).sqrt() <= *largest
                 });
                 let metrics = self.metrics(start, end);
                 let components = |skid_m_s: &Vec<f64>| {
@@ -128,25 +129,13 @@ pub fn frames_within(start: f64, end: f64) -> Range<usize> {
     start.ceil() as usize..end.floor() as usize + 1
 }
 
-/// RMS distance of an angle from its gait; zero if it was not seen.
-fn deviation(phi: &[f64], gait: &[f64]) -> f64 {
-    let squares = phi.iter().zip(gait).map(|(phi, gait)| (phi - gait).powi(2));
-    mean(squares.filter(|square| !square.is_nan())).max(0.0).sqrt()
-}
-
 /// Mean square between two times given in frames: every sample stands for the time halfway to
 /// its neighbours.
 fn mean_square(series: &[f64], start: f64, end: f64) -> f64 {
-    let mut sum = 0.0;
     let first = (start - 0.5).ceil().max(0.0) as usize;
-    for i in first..series.len() {
-        let (from, to) = (i as f64 - 0.5, i as f64 + 0.5);
-        if from >= end {
-            break;
-        }
-        sum += (to.min(end) - from.max(start)) * series[i] * series[i];
-    }
-    sum / (end - start)
+    let last = (end + 0.5).ceil().min(series.len() as f64) as usize;
+    let part = |i: usize| (i as f64 + 0.5).min(end) - (i as f64 - 0.5).max(start);
+    (first..last).map(|i| part(i) * series[i] * series[i]).sum::<f64>() / (end - start)
 }
 
 /// The cubic through the four samples about a time given in frames (the outermost four at the
