@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::means::campaigns;
 use super::snapshot::{Record, Records, Snapshot, number, text};
 use super::{Compared, Difference};
-use crate::report::{Figure, Layer, Look, Panel, Scale, colours};
+use crate::report::{Figure, Layer, Layout, Look, Panel, Scale, colours};
 
 const QUANTITIES: [(&str, &str); 7] = [
     ("d_m", "d (m)"),
@@ -96,10 +96,8 @@ impl Curves<'_> {
             let panel = Panel::new(*label, "omega (rad/s)", *label, layers);
             Panel { y_scale: Scale::Decades, ..panel }
         });
-        let figure = Figure {
-            caption: "Grey: baseline. Orange: tonight.".to_owned(),
-            ..Figure::new("", title, &[self.campaign], panels.collect())
-        };
+        let (caption, layout) = ("Grey: baseline. Orange: tonight.", Layout::Grid);
+        let figure = Figure::new("", title, caption, &[self.campaign], layout, panels.collect());
         (!figure.is_empty()).then_some(figure)
     }
 }

@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 
 use super::CompareError;
 use crate::report::{
-    Figure, Image, Layer, Look, Panel, Scale, colours, fill, percent, significant,
+    Figure, Image, Layer, Layout, Look, Panel, Scale, colours, fill, percent, significant,
 };
 use crate::store::{rows, write_bytes};
 
@@ -79,7 +79,8 @@ fn group(campaign: &str, series: &[(String, Series)]) -> Result<Json, CompareErr
         Panel { y_scale: Scale::Decades, ..Panel::new(name, "run", "", vec![layer]) }
     };
     let panels = series.iter().map(panel).collect();
-    let figure = Figure::new("", format!("{name}, run by run"), &[campaign], panels);
+    let title = format!("{name}, run by run");
+    let figure = Figure::new("", title, "", &[campaign], Layout::Grid, panels);
     let row = |(name, points): &(String, Series)| {
         let values: Vec<f64> = points.iter().map(|(_, value)| *value).collect();
         let last = values.last().copied().unwrap_or(f64::NAN);

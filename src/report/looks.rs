@@ -49,11 +49,12 @@ pub const TRANSIENT: Look = line(OTHER, SOLID);
 /// What was fitted to a recording.
 pub const FITTED: Look = line(okabe_ito::VERMILLION, DASHES);
 
+const COMPONENTS: [(RGBColor, Dash); 3] =
+    [(INK, SOLID), (okabe_ito::SKY, LONG_DASHES), (okabe_ito::VERMILLION, SHORT_DASHES)];
+
 /// The `nth` of the same quantity of several links, wheels, joints or directions.
 pub fn component(nth: usize) -> Look {
-    let looks =
-        [(INK, SOLID), (okabe_ito::SKY, LONG_DASHES), (okabe_ito::VERMILLION, SHORT_DASHES)];
-    let (colour, dash) = looks[nth % looks.len()];
+    let (colour, dash) = COMPONENTS[nth % COMPONENTS.len()];
     line(colour, dash)
 }
 
@@ -61,7 +62,7 @@ pub fn component(nth: usize) -> Look {
 pub fn campaign(nth: usize) -> Look {
     let shapes = [(Shape::Circle, true), (Shape::Square, false), (Shape::Circle, false)];
     let (shape, filled) = shapes[nth % shapes.len()];
-    Look::Marker { colour: component(nth).colour(), shape, filled }
+    Look::Marker { colour: COMPONENTS[nth % COMPONENTS.len()].0, shape, filled }
 }
 
 /// Frames that are not measured: the `nth` of the reasons.
@@ -69,33 +70,35 @@ pub fn gap(nth: usize) -> Look {
     Look::Spans([okabe_ito::SKY, okabe_ito::ORANGE, okabe_ito::VERMILLION][nth % 3])
 }
 
-/// A model as a line, also where it is driven by a measured gait.
-pub fn model_line(of: Model) -> Look {
-    match model(of) {
-        Look::Marker { colour, .. } => line(colour, DOTS),
-        line => line,
-    }
-}
-
-/// A model, the same in every figure. One that is driven by each trial's own gait has no
-/// curve and is shown as open markers, as in the paper.
-pub fn model(model: Model) -> Look {
+/// The colour of a model, the same in every figure, and its dashes.
+const fn of_model(model: Model) -> (RGBColor, Dash) {
     match model {
-        Model::NoSkid => line(okabe_ito::BLUE, DASHES),
-        Model::NoSkidMeasured => {
-            Look::Marker { colour: okabe_ito::BLUE, shape: Shape::Circle, filled: false }
-        }
-        Model::NoSkidDamped => line(okabe_ito::PURPLE, LONG_DASHES),
-        Model::NoSkidRoll => line(okabe_ito::ORANGE, SHORT_DASHES),
-        Model::Skid => line(okabe_ito::GREEN, LONG_DASHES),
-        Model::SkidRoll => line(okabe_ito::VERMILLION, SOLID),
+        Model::NoSkid => (okabe_ito::BLUE, DASHES),
+        Model::NoSkidMeasured => (okabe_ito::BLUE, DOTS),
+        Model::NoSkidDamped => (okabe_ito::PURPLE, LONG_DASHES),
+        Model::NoSkidRoll => (okabe_ito::ORANGE, SHORT_DASHES),
+        Model::Skid => (okabe_ito::GREEN, LONG_DASHES),
+        Model::SkidRoll => (okabe_ito::VERMILLION, SOLID),
     }
 }
 
-/// The same model for the `nth` campaign in a panel: its colour, another dash.
-pub fn model_of_campaign(of: Model, nth: usize) -> Look {
-    match model(of) {
-        Look::Line { colour, .. } if nth > 0 => line(colour, DASHES),
-        look => look,
+pub fn model_colour(model: Model) -> RGBColor {
+    of_model(model).0
+}
+
+/// A model as a line, also where it is driven by a measured gait.
+pub const fn model_line(model: Model) -> Look {
+    let (colour, dash) = of_model(model);
+    line(colour, dash)
+}
+
+/// A model for the `nth` campaign in a panel: its colour, another dash. One that is driven by each
+/// trial's own gait has no curve and is shown as open markers, as in the paper.
+pub fn model_of_campaign(model: Model, nth: usize) -> Look {
+    let (colour, dash) = of_model(model);
+    match model {
+        Model::NoSkidMeasured => Look::Marker { colour, shape: Shape::Circle, filled: false },
+        _ if nth > 0 => line(colour, DASHES),
+        _ => line(colour, dash),
     }
 }

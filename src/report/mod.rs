@@ -31,7 +31,7 @@ use serde::Serialize;
 use crate::store::{Stamp, StoreError, write_if_changed};
 
 pub use content::{Content, input_paths};
-pub(crate) use drawing::{Figure, Layer, Look, Panel, Scale};
+pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
 pub use input::{ReportCampaign, ReportInput};
 pub(crate) use looks::colours;
 pub(crate) use numbers::{percent, significant};

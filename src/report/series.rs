@@ -48,10 +48,6 @@ impl Quantity {
         Self::Amplitude,
     ];
 
-    pub fn symbol(self) -> &'static str {
-        self.description().symbol
-    }
-
     pub(super) fn description(self) -> Description {
         let of = |symbol, axis_label, title, csv_name, unit, per_table_unit| Description {
             symbol,
@@ -98,27 +94,25 @@ impl Quantity {
     }
 }
 
-/// Points that belong together: of the frequency, rad/s, and the quantity.
+/// Measurements or a model of a campaign against the frequency, rad/s.
 #[derive(Debug, Clone)]
 pub struct Series {
     pub campaign: String,
-    /// `measured` or the model's name.
-    pub name: String,
-    pub is_measured: bool,
-    pub look: Look,
+    /// None for measurements.
+    pub model: Option<Model>,
     /// By rising frequency; gaps are points that are not numbers.
-    points: Vec<Point>,
+    pub layer: Layer,
 }
 
 impl Series {
-    /// The points without the gaps.
-    pub fn points(&self) -> impl Iterator<Item = &Point> {
-        self.points.iter().filter(|point| point.y.is_finite())
+    /// What it is of, whatever the layer's name.
+    pub fn name(&self) -> &'static str {
+        self.model.map_or("measured", Model::name)
     }
 
-    /// What a panel shows of it under a name.
-    pub fn layer(&self, name: String) -> Layer {
-        Layer { name, points: self.points.clone(), look: self.look }
+    /// The points without the gaps.
+    pub fn points(&self) -> impl Iterator<Item = &Point> {
+        self.layer.points.iter().filter(|point| point.y.is_finite())
     }
 }
 
@@ -151,20 +145,28 @@ impl<'t> Source<'t> {
         rows.map(|row| row.model).collect()
     }
 
+    /// What a model predicts of a campaign, at the trials' frequencies or along its curve.
+    pub fn predicted(
+        self,
+        campaign: &str,
+        model: Model,
+        source: PredictionSource,
+    ) -> impl Iterator<Item = &'t PredictionRow> {
+        let rows = self.predictions.iter().filter(move |row| row.campaign == campaign);
+        rows.filter(move |row| row.model == model && row.source == source)
+    }
+
     /// Measurements with error bars, by rising frequency. Without any there is no series.
     pub fn measured(self, campaign: &str, quantity: Quantity, nth: usize) -> Option<Series> {
         let point = |trial: &TrialRow| {
             let Estimate { value, se } = quantity.of_trial(trial, self.sigma);
             let omega = trial.omega_rad_s;
-            Point {
-                x: if omega.is_finite() { omega } else { trial.omega_commanded_rad_s },
-                y: value,
-                error: BAR_STANDARD_ERRORS * se,
-            }
+            let x = if omega.is_finite() { omega } else { trial.omega_commanded_rad_s };
+            (x, value, BAR_STANDARD_ERRORS * se)
         };
         let points = self.measured_trials(campaign).map(point);
-        let points = points.filter(|point| point.x.is_finite() && point.y.is_finite());
-        self.series(campaign, "measured", looks::measured(nth), points.collect())
+        let points = points.filter(|(x, y, _)| x.is_finite() && y.is_finite());
+        series(campaign, None, points, looks::measured(nth))
     }
 
     /// What a model predicts: its curve, broken where no stable motion was found, or where the
@@ -181,32 +183,31 @@ impl<'t> Source<'t> {
             Look::Marker { .. } => PredictionSource::Trial,
             _ => PredictionSource::Curve,
         };
-        let rows = self.predictions.iter().filter(|row| row.campaign == campaign);
-        let rows = rows.filter(|row| row.model == model && row.source == source);
         let point = |row: &PredictionRow| {
-            let y = match row.status == MotionStatus::Stable {
-                true => quantity.of(&row.metrics),
-                false => f64::NAN,
-            };
-            Point { x: row.omega_rad_s, y, error: f64::NAN }
+            let is_stable = row.status == MotionStatus::Stable;
+            let y = if is_stable { quantity.of(&row.metrics) } else { f64::NAN };
+            (row.omega_rad_s, y, f64::NAN)
         };
-        self.series(campaign, model.name(), look, rows.map(point).collect())
+        let points = self.predicted(campaign, model, source).map(point);
+        series(campaign, Some(model), points, look)
     }
+}
 
-    fn series(
-        self,
-        campaign: &str,
-        name: &str,
-        look: Look,
-        mut points: Vec<Point>,
-    ) -> Option<Series> {
-        points.sort_by(|a, b| a.x.total_cmp(&b.x));
-        // Axes do not go to where there is a gap.
-        for gap in points.iter_mut().filter(|point| !point.y.is_finite()) {
-            gap.x = f64::NAN;
-        }
-        let (campaign, is_measured) = (campaign.to_owned(), name == "measured");
-        let series = Series { campaign, name: name.to_owned(), is_measured, look, points };
-        Some(series).filter(|series| series.points().next().is_some())
+/// A series by rising frequency, if it has a point.
+fn series(
+    campaign: &str,
+    model: Option<Model>,
+    points: impl Iterator<Item = (f64, f64, f64)>,
+    look: Look,
+) -> Option<Series> {
+    let mut layer = Layer::with_errors("", points, look);
+    layer.points.sort_by(|a, b| a.x.total_cmp(&b.x));
+    // Axes do not go to where there is a gap.
+    for gap in layer.points.iter_mut().filter(|point| !point.y.is_finite()) {
+        gap.x = f64::NAN;
     }
+    let is_empty = layer.points.iter().all(|point| point.y.is_nan());
+    let mut series = Series { campaign: campaign.to_owned(), model, layer };
+    series.layer.name = series.name().to_owned();
+    (!is_empty).then_some(series)
 }

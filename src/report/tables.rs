@@ -11,8 +11,9 @@ use crate::store::{
     RobotParameterRow, StartRow, StoreError, Table, TrialRow,
 };
 
-/// Tables that may be missing, and what the report then lacks.
-const OPTIONAL: [(&str, &str); 8] = [
+/// Tables that are read, and what the report lacks without one; it cannot be without the first.
+const TABLES: [(&str, &str); 9] = [
+    ("trials", "no trial is listed"),
     ("checks", "no check is listed"),
     ("fits", "no model is fitted"),
     ("predictions", "no model is drawn"),
@@ -25,8 +26,7 @@ const OPTIONAL: [(&str, &str); 8] = [
 
 /// The tables that are read, where they are there.
 pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
-    let names = ["trials"].into_iter().chain(OPTIONAL.map(|(name, _)| name));
-    names.map(|name| table_path(derived, name)).collect()
+    TABLES.map(|(name, _)| table_path(derived, name)).into()
 }
 
 /// Rows of `derived/`.
@@ -60,7 +60,7 @@ impl Tables {
             return Err(StoreError::NotIngested { path }.into());
         }
         let trials = Table::read(&path)?;
-        let missing = OPTIONAL.iter().filter(|(name, _)| !table_path(derived, name).exists());
+        let missing = TABLES.iter().filter(|(name, _)| !table_path(derived, name).exists());
         let mut tables = Self {
             input: trials.input.clone(),
             trials: TrialRow::from_table(&trials)?,

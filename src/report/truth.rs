@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::numbers::fixed;
 use super::parameters::FittedParameter;
 use super::tables::Tables;
+use crate::metrics::GaitMetrics;
 use crate::motion::Model;
 use crate::robot::{Parameter, Robot};
 use crate::store::TrialRow;
@@ -61,6 +62,20 @@ pub struct PlantedTrial {
     pub alpha1_rad: Option<f64>,
 }
 
+impl PlantedTrial {
+    /// What is not known is missing.
+    pub fn metrics(&self) -> GaitMetrics {
+        let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
+        GaitMetrics {
+            d_m: known(self.d_m),
+            v_m_s: known(self.v_m_s),
+            sigma: self.sigma.unwrap_or([f64::NAN; 3]),
+            alpha1_rad: known(self.alpha1_rad),
+            dtheta_rad: f64::NAN,
+        }
+    }
+}
+
 impl Truth {
     /// Reads the truth of a trial folder; `None` if there is none.
     ///
@@ -98,17 +113,14 @@ pub struct TrialComparison<'t> {
 
 /// Compares truth and tables.
 pub fn compare<'t>(truth: &Truth, tables: &'t Tables) -> Comparison<'t> {
-    let mut d = Worst::default();
-    let mut v = Worst::default();
     let trials = tables.trials.iter().filter_map(|trial| {
-        let planted = truth.trials.get(&trial.trial)?;
-        let [d_m, v_m_s] = [planted.d_m, planted.v_m_s].map(|known| known.unwrap_or(f64::NAN));
-        d.see(&trial.trial, trial.metrics.d_m, d_m);
-        v.see(&trial.trial, trial.metrics.v_m_s, v_m_s);
+        let GaitMetrics { d_m, v_m_s, .. } = truth.trials.get(&trial.trial)?.metrics();
         Some(TrialComparison { trial, d_m, v_m_s })
     });
-    let trials = trials.collect();
-    let summary = [d.sentence("d"), v.sentence("v")].into_iter().flatten().collect();
+    let trials: Vec<TrialComparison> = trials.collect();
+    let d = trials.iter().map(|of| (of.trial, of.trial.metrics.d_m, of.d_m));
+    let v = trials.iter().map(|of| (of.trial, of.trial.metrics.v_m_s, of.v_m_s));
+    let summary = [sentence("d", d), sentence("v", v)].into_iter().flatten().collect();
     Comparison { seed: truth.seed, summary, coefficients: planted(truth, tables), trials }
 }
 
@@ -135,32 +147,20 @@ pub fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
     known
 }
 
-/// The largest relative difference seen.
-#[derive(Default)]
-struct Worst {
-    difference: f64,
-    trial: Option<String>,
-    count: usize,
-}
-
-impl Worst {
-    fn see(&mut self, trial: &str, found: f64, planted: f64) {
-        let difference = (found / planted - 1.0).abs();
-        if difference.is_finite() {
-            self.count += 1;
-            if self.trial.is_none() || difference > self.difference {
-                self.difference = difference;
-                self.trial = Some(trial.to_owned());
-            }
-        }
-    }
-
-    fn sentence(self, symbol: &str) -> Option<String> {
-        let trial = self.trial?;
-        let percent = fixed(100.0 * self.difference, 2);
-        Some(format!(
-            "{symbol} of {} trials: within {percent} % of the planted value, farthest in {trial}.",
-            self.count
-        ))
-    }
+/// How far a measure of the trials is from what was planted at most.
+fn sentence<'t>(
+    symbol: &str,
+    measures: impl Iterator<Item = (&'t TrialRow, f64, f64)>,
+) -> Option<String> {
+    let known: Vec<_> = measures
+        .map(|(trial, found, planted)| (&trial.trial, (found / planted - 1.0).abs()))
+        .filter(|(_, difference)| difference.is_finite())
+        .collect();
+    // The first of several, which in reverse is the last.
+    let (trial, most) = known.iter().rev().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(format!(
+        "{symbol} of {} trials: within {} % of the planted value, farthest in {trial}.",
+        known.len(),
+        fixed(100.0 * most, 2)
+    ))
 }

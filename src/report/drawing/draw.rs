@@ -1,17 +1,21 @@
 //! Draws a figure.
 
-use plotters::chart::ChartBuilder;
+use plotters::chart::{ChartBuilder, ChartContext};
+use plotters::coord::cartesian::Cartesian2d;
 use plotters::element::{Circle, ErrorBar, Rectangle};
-use plotters::series::{DashedLineSeries, LineSeries};
+use plotters::prelude::SVGBackend;
 use plotters::style::text_anchor::HPos;
 use plotters::style::{Color, RGBColor, ShapeStyle, TRANSPARENT};
 
 use super::axis::Axis;
 use super::figure::{Layer, Point};
 use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, RIGHT, TOP};
-use super::marks::{Area, Chart, Drawn, ERROR_BAR_ENDS, draw_marker};
+use super::legend::{self, Area, Drawn, draw_marker, draw_path};
 use super::style::{self, Dash, Look, Shape, stroke, units};
-use super::{legend, polyline, text};
+use super::{polyline, text};
+
+/// A panel of the drawing, with the coordinates of its axes.
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 
 const TICK: f64 = 4.0;
 const LINK_WIDTH: f64 = 4.0;
@@ -24,7 +28,7 @@ const APART: f64 = 0.3;
 /// Draws a figure with its legend onto an area of the grid's size.
 pub fn draw(grid: Grid<'_>, area: &Area<'_>) -> Drawn {
     area.fill(&style::PAPER)?;
-    legend::draw(&grid.legend, MARGIN, area)?;
+    grid.legend.iter().try_for_each(|entry| legend::draw(entry, MARGIN, area))?;
     grid.cells.into_iter().try_for_each(|cell| draw_panel(cell, area))
 }
 
@@ -39,7 +43,8 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     };
     write(&cell.title, HPos::Left, LEFT, TOP - 8.0)?;
     write(&panel.beyond, HPos::Right, right, TOP - 8.0)?;
-    legend::draw(&cell.legend, TOP - 12.0 - 0.5 * legend::ROW, &area)?;
+    let legend_top = TOP - 12.0 - 0.5 * legend::ROW;
+    cell.legend.iter().try_for_each(|entry| legend::draw(entry, legend_top, &area))?;
     let pixel = (cell.x.range.span() / cell.inner_width(), cell.y.range.span() / cell.inner_height);
     let labels = if cell.has_x_labels { BOTTOM - 5.0 } else { 0.0 };
     let mut chart = ChartBuilder::on(&area)
@@ -90,11 +95,10 @@ impl Frame<'_, '_, '_> {
         // All four sides, where plotters draws two: from the middle of one and back to it, so that
         // every corner is joined.
         let (x, y) = (self.x.range, self.y.range);
-        let side = (x.low, 0.5 * (y.low + y.high));
-        let (bottom, top) =
-            ([(x.low, y.low), (x.high, y.low)], [(x.high, y.high), (x.low, y.high)]);
-        let corners = [side].into_iter().chain(bottom).chain(top).chain([side]);
-        self.path(corners.collect(), style::SOLID, ink)
+        let middle = 0.5 * (y.low + y.high);
+        let xs = [x.low, x.low, x.high, x.high, x.low, x.low];
+        let ys = [middle, y.low, y.low, y.high, y.high, middle];
+        self.path(xs.into_iter().zip(ys).collect(), style::SOLID, ink)
     }
 
     /// A position in the axes' coordinates.
@@ -105,35 +109,34 @@ impl Frame<'_, '_, '_> {
     fn draw(&mut self, layer: &Layer) -> Drawn {
         let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
         let (x, y) = (self.x.range, self.y.range);
-        let colour = layer.look.colour();
         match layer.look {
-            Look::Line { dash, .. } => self.curve(&points, colour, dash),
-            Look::Dotted(_) => {
+            Look::Line { colour, dash } => self.curve(&points, colour, dash),
+            Look::Dotted(colour) => {
                 self.curve(&points, colour, style::SOLID)?;
                 self.dots(&points, style::DOT_RADIUS, colour)
             }
-            Look::Dots(_) => self.dots(&points, style::DOT_RADIUS, colour),
-            Look::Marker { shape, filled, .. } => {
+            Look::Dots(colour) => self.dots(&points, style::DOT_RADIUS, colour),
+            Look::Marker { colour, shape, filled } => {
                 self.error_bars(&layer.points, colour)?;
                 self.markers(&points, (colour, shape, filled))
             }
-            Look::Rings => self.markers(&points, (colour, Shape::Circle, false)),
+            Look::Rings => self.markers(&points, (style::INK, Shape::Circle, false)),
             Look::Guides => points.into_iter().try_for_each(|at| {
                 let ends = match at {
                     (across, up) if up.is_nan() => [(across, y.low), (across, y.high)],
                     (_, up) if y.contains(up) => [(x.low, up), (x.high, up)],
                     _ => return Ok(()),
                 };
-                self.path(ends.into(), style::DASHES, stroke(colour, style::FRAME_WIDTH))
+                self.path(ends.into(), style::DASHES, stroke(style::INK, style::FRAME_WIDTH))
             }),
             Look::Band => {
                 let side = |nth: usize, open: f64| {
                     points.get(nth).map_or(open, |(x, _)| if x.is_finite() { *x } else { open })
                 };
                 let (from, to) = (side(0, x.low).max(x.low), side(1, x.high).min(x.high));
-                self.fill([(from, y.high), (to, y.low)], colour)
+                self.fill([(from, y.high), (to, y.low)], style::BAND)
             }
-            Look::Spans(_) => points.chunks_exact(2).try_for_each(|ends| {
+            Look::Spans(colour) => points.chunks_exact(2).try_for_each(|ends| {
                 let [(from, middle), (to, _)] = [ends[0], ends[1]];
                 // What is short still has to be seen.
                 let to = to.max(from + self.pixel.0);
@@ -141,19 +144,15 @@ impl Frame<'_, '_, '_> {
                 self.fill([(from, middle + half), (to, middle - half)], colour)
             }),
             Look::Links => {
-                self.path(points.clone(), style::SOLID, stroke(colour, LINK_WIDTH))?;
-                self.dots(&points, LINK_WIDTH, colour)
+                self.path(points.clone(), style::SOLID, stroke(style::LINKS, LINK_WIDTH))?;
+                self.dots(&points, LINK_WIDTH, style::LINKS)
             }
-            Look::Arrow => self.arrow(&points, stroke(colour, style::LINE_WIDTH)),
+            Look::Arrow => self.arrow(&points, stroke(style::INK, style::LINE_WIDTH)),
         }
     }
 
     fn path(&mut self, points: Vec<(f64, f64)>, dash: Dash, stroke: ShapeStyle) -> Drawn {
-        if let Some((dash, gap)) = dash {
-            let dashes = DashedLineSeries::new(points, units(dash), units(gap), stroke);
-            return self.chart.draw_series(dashes).map(|_| ());
-        }
-        self.chart.draw_series(LineSeries::new(points, stroke)).map(|_| ())
+        draw_path(self.chart.plotting_area(), points, dash, stroke)
     }
 
     fn curve(&mut self, points: &[(f64, f64)], colour: RGBColor, dash: Dash) -> Drawn {
@@ -183,7 +182,14 @@ impl Frame<'_, '_, '_> {
             let low = self.y.scaled(point.y - point.error).max(self.y.range.low);
             let high = self.y.scaled(point.y + point.error).min(self.y.range.high);
             let stroke = stroke(colour, style::FRAME_WIDTH);
-            let bar = ErrorBar::new_vertical(x, low, y, high, stroke, units(ERROR_BAR_ENDS) as u32);
+            let bar = ErrorBar::new_vertical(
+                x,
+                low,
+                y,
+                high,
+                stroke,
+                units(style::ERROR_BAR_ENDS) as u32,
+            );
             (point.error.is_finite() && self.shows((x, y))).then_some(bar)
         };
         let bars: Vec<_> = points.iter().filter_map(bar).collect();

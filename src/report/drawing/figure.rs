@@ -147,15 +147,17 @@ impl Panel {
 }
 
 impl Figure {
-    /// A figure without a caption, its panels in a [`Layout::Grid`].
-    pub fn new(stem: &str, title: String, campaigns: &[&str], panels: Vec<Panel>) -> Self {
-        Self {
-            stem: stem.to_owned(),
-            title,
-            campaigns: campaigns.iter().map(|&campaign| campaign.to_owned()).collect(),
-            panels,
-            ..Self::default()
-        }
+    pub fn new(
+        stem: &str,
+        title: impl Into<String>,
+        caption: impl Into<String>,
+        campaigns: &[&str],
+        layout: Layout,
+        panels: Vec<Panel>,
+    ) -> Self {
+        let campaigns = campaigns.iter().map(|&campaign| campaign.to_owned()).collect();
+        let (stem, title, caption) = (stem.to_owned(), title.into(), caption.into());
+        Self { stem, title, caption, campaigns, layout, panels, ..Self::default() }
     }
 
     /// Whether there is nothing to draw.

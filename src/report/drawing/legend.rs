@@ -1,12 +1,21 @@
 //! Legends: rows of samples above panels. Plotters' own is a box that covers data.
 
-use plotters::element::{DashedPathElement, ErrorBar, PathElement};
+use plotters::coord::{CoordTranslate, Shift};
+use plotters::drawing::{DrawingArea, DrawingAreaErrorKind};
+use plotters::element::{
+    Circle, DashedPathElement, EmptyElement, ErrorBar, PathElement, Rectangle,
+};
+use plotters::prelude::SVGBackend;
 use plotters::style::text_anchor::HPos;
+use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::figure::Sample;
-use super::marks::{Area, Drawn, ERROR_BAR_ENDS, draw_marker};
-use super::style::{self, Look, Shape, units};
+use super::style::{self, Dash, Look, Shape, units};
 use super::text;
+
+/// A part of the drawing, with coordinates in the backend's units from its upper left corner.
+pub type Area<'b> = DrawingArea<SVGBackend<'b>, Shift>;
+pub type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 /// Length of a line's sample, px.
 const SAMPLE: f64 = 27.0;
@@ -54,51 +63,73 @@ pub fn lay_out(mut samples: Vec<Sample>, left: f64, right: f64) -> Vec<Entry> {
 
 /// The text, or as much of it as fits.
 fn shorten(label: &str, room: f64) -> String {
-    let mut short = label.to_owned();
-    while text::width(&short) > room && !short.is_empty() {
-        short = short.trim_end_matches('…').to_owned();
-        short.pop();
-        short.push('…');
+    let (mut short, mut left) = (label.to_owned(), label.chars());
+    while text::width(&short) > room && left.next_back().is_some() {
+        short = format!("{}…", left.as_str());
     }
     short
 }
 
-/// Draws a legend from the height `top` on.
-pub fn draw(entries: &[Entry], top: f64, area: &Area<'_>) -> Drawn {
-    let middle = |row: usize| top + (row as f64 + 0.5) * ROW;
-    entries
-        .iter()
-        .try_for_each(|entry| draw_sample(&entry.sample, entry.x, middle(entry.row), area))
-}
-
-/// Draws a sample from `x` on with its middle at the height `y`, and its text.
-fn draw_sample(sample: &Sample, x: f64, y: f64, area: &Area<'_>) -> Drawn {
+/// Draws a sample and its text in a legend from the height `top` on.
+pub fn draw(Entry { sample, x, row }: &Entry, top: f64, area: &Area<'_>) -> Drawn {
+    let y = top + (*row as f64 + 0.5) * ROW;
     let at = (units(x + SAMPLE / 2.0), units(y));
     let bar = |half: f64| [at.1 - units(half), at.1, at.1 + units(half)];
     match sample.look {
         Look::Line { colour, dash } => {
-            let line = [(units(x), at.1), (units(x + SAMPLE), at.1)];
-            let stroke = style::stroke(colour, style::LINE_WIDTH);
-            match dash {
-                None => area.draw(&PathElement::new(line, stroke))?,
-                Some((dash, gap)) => {
-                    area.draw(&DashedPathElement::new(line, units(dash), units(gap), stroke))?;
-                }
-            }
+            let line = vec![(units(*x), at.1), (units(x + SAMPLE), at.1)];
+            draw_path(area, line, dash, style::stroke(colour, style::LINE_WIDTH))?;
         }
         Look::Marker { colour, shape, filled } => {
             if sample.has_bar {
                 let [top, middle, bottom] = bar(7.0);
                 let stroke = style::stroke(colour, style::FRAME_WIDTH);
-                let ends = units(ERROR_BAR_ENDS) as u32;
+                let ends = units(style::ERROR_BAR_ENDS) as u32;
                 area.draw(&ErrorBar::new_vertical(at.0, top, middle, bottom, stroke, ends))?;
             }
             draw_marker(area, at, (colour, shape, filled))?;
         }
-        look => draw_marker(area, at, (look.colour(), Shape::Square, true))?,
+        Look::Spans(colour) => draw_marker(area, at, (colour, Shape::Square, true))?,
+        _ => {}
     }
     let (x, y) = (x + SAMPLE + SAMPLE_GAP, y + 0.36 * text::EM - text::ASCENT);
     area.draw_text(&sample.label, &text::style(HPos::Left), (units(x), units(y)))
+}
+
+/// Draws a line.
+pub fn draw_path<'b, T: CoordTranslate<From: Clone + 'static>>(
+    area: &DrawingArea<SVGBackend<'b>, T>,
+    points: Vec<T::From>,
+    dash: Dash,
+    stroke: ShapeStyle,
+) -> Drawn {
+    match dash {
+        None => area.draw(&PathElement::new(points, stroke)),
+        Some((dash, gap)) => {
+            area.draw(&DashedPathElement::new(points, units(dash), units(gap), stroke))
+        }
+    }
+}
+
+/// Draws a marker; an open one hides what is under it, so that lines do not strike it through.
+pub fn draw_marker<'b, T: CoordTranslate<From: Copy>>(
+    area: &DrawingArea<SVGBackend<'b>, T>,
+    at: T::From,
+    (colour, shape, filled): (RGBColor, Shape, bool),
+) -> Drawn {
+    const WALL: f64 = 1.5;
+    let core_colour = if filled { colour } else { style::PAPER };
+    let [radius, core] = [style::MARKER_RADIUS, style::MARKER_RADIUS - WALL];
+    for (radius, colour) in [(radius, colour), (core, core_colour)] {
+        let (half, fill) = (units(0.92 * radius), colour.filled());
+        match shape {
+            Shape::Circle => area.draw(&Circle::new(at, units(radius), fill))?,
+            Shape::Square => area.draw(
+                &(EmptyElement::at(at) + Rectangle::new([(-half, -half), (half, half)], fill)),
+            )?,
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -11,44 +11,26 @@ pub fn visible(line: &[Point], range: Range, apart: (f64, f64)) -> Vec<Vec<Point
     runs.flat_map(|run| clip(&thin(run, apart), range)).collect()
 }
 
+/// The parts of a line within a range, with points where it enters and leaves them.
 fn clip(line: &[Point], range: Range) -> Vec<Vec<Point>> {
-    let mut parts: Vec<Vec<Point>> = Vec::new();
-    let mut is_open = false;
+    let mut cut = line.first().copied().into_iter().collect::<Vec<_>>();
     for pair in line.windows(2) {
-        let Some((from, to)) = clip_segment(pair[0], pair[1], range) else {
-            is_open = false;
-            continue;
-        };
-        match parts.last_mut() {
-            Some(part) if is_open => part.push(to),
-            _ => parts.push(vec![from, to]),
-        }
-        is_open = to == pair[1];
+        let [(x, y), to] = [pair[0], pair[1]];
+        let bounds = if y < to.1 { [range.low, range.high] } else { [range.high, range.low] };
+        let crossed = bounds.into_iter().filter(|bound| (y < *bound) != (to.1 < *bound));
+        cut.extend(crossed.map(|bound| (x + (to.0 - x) * (bound - y) / (to.1 - y), bound)));
+        cut.push(to);
     }
-    parts
+    let parts = cut.split(|(_, y)| !range.contains(*y));
+    parts.filter(|part| part.len() > 1).map(<[Point]>::to_vec).collect()
 }
 
-fn clip_segment(from: Point, to: Point, range: Range) -> Option<(Point, Point)> {
-    if range.contains(from.1) && range.contains(to.1) {
-        return Some((from, to));
-    }
-    let rise = to.1 - from.1;
-    let (enter, leave) = ((range.low - from.1) / rise, (range.high - from.1) / rise);
-    let (start, end) = (enter.min(leave).max(0.0), enter.max(leave).min(1.0));
-    let at = |part: f64| (from.0 + part * (to.0 - from.0), from.1 + part * rise);
-    let start_point = if start > 0.0 { at(start) } else { from };
-    let end_point = if end < 1.0 { at(end) } else { to };
-    (start < end).then_some((start_point, end_point))
-}
-
+/// The line without points that are near to the one before, but for its end.
 fn thin(line: &[Point], apart: (f64, f64)) -> Vec<Point> {
-    let mut thin: Vec<Point> = Vec::new();
-    for (i, (x, y)) in line.iter().enumerate() {
-        let is_near = |last: &Point| ((x - last.0) / apart.0).hypot((y - last.1) / apart.1) < 1.0;
-        if i + 1 == line.len() || !thin.last().is_some_and(is_near) {
-            thin.push((*x, *y));
-        }
-    }
+    let mut thin = line.to_vec();
+    thin.dedup_by(|b, a| ((b.0 - a.0) / apart.0).hypot((b.1 - a.1) / apart.1) < 1.0);
+    let end = line.last().filter(|end| thin.last() != Some(end));
+    thin.extend(end);
     thin
 }
 

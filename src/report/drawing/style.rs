@@ -18,6 +18,8 @@ pub const WIDE: f64 = 644.0;
 pub const LINE_WIDTH: f64 = 1.6;
 pub const FRAME_WIDTH: f64 = 1.0;
 pub const MARKER_RADIUS: f64 = 3.6;
+/// Width of an error bar's ends, px.
+pub const ERROR_BAR_ENDS: f64 = 6.4;
 /// Radius of points that stand for one of many values, px.
 pub const DOT_RADIUS: f64 = 1.7;
 
@@ -73,19 +75,4 @@ pub enum Look {
     Links,
     /// From the first point to the second.
     Arrow,
-}
-
-impl Look {
-    pub fn colour(self) -> RGBColor {
-        match self {
-            Self::Line { colour, .. }
-            | Self::Marker { colour, .. }
-            | Self::Dotted(colour)
-            | Self::Dots(colour)
-            | Self::Spans(colour) => colour,
-            Self::Rings | Self::Guides | Self::Arrow => INK,
-            Self::Band => BAND,
-            Self::Links => LINKS,
-        }
-    }
 }

@@ -1,6 +1,6 @@
 //! What several figures have alike: the robot on a map, lines of one quantity each, units.
 
-use crate::motion::Pose;
+use crate::motion::{Pose, Sample};
 use crate::report::drawing::{Layer, Look, Panel, Scale, style};
 use crate::report::looks;
 use crate::robot::Robot;
@@ -31,16 +31,41 @@ fn equal(panel: Panel) -> Panel {
     Panel { x_scale: Scale::Equal, y_scale: Scale::Equal, ..panel }
 }
 
-/// The `nth` of several lines of one quantity.
-pub fn series(nth: usize, name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Layer {
-    Layer::new(name, points, looks::component(nth))
+/// Several lines of one quantity.
+pub fn lines<const N: usize>(
+    names: [&str; N],
+    points: impl Fn(usize) -> Vec<(f64, f64)>,
+) -> Vec<Layer> {
+    let line = |(nth, name)| Layer::new(name, points(nth), looks::component(nth));
+    names.into_iter().enumerate().map(line).collect()
+}
+
+/// Time and a quantity of a cycle that is repeated.
+pub fn over_time(cycle: &[Sample], cycles: usize, of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+    let period_s = cycle.last().map_or(0.0, |last| last.time_s);
+    let repeated =
+        (0..cycles).flat_map(|n| cycle.iter().skip(usize::from(n > 0)).map(move |s| (n, s)));
+    repeated.map(|(n, sample)| (n as f64 * period_s + sample.time_s, of(sample))).collect()
 }
 
 /// The same where there are more points than a panel is wide: the least and the greatest of each
-/// part of the line, without dashes, which would not be seen.
-pub fn dense_series(nth: usize, name: &str, points: &[(f64, f64)]) -> Layer {
+/// part of a line, without dashes, which would not be seen.
+pub fn dense<const N: usize>(
+    names: [&str; N],
+    points: impl Fn(usize) -> Vec<(f64, f64)>,
+) -> Vec<Layer> {
+    let mut layers = lines(names, |nth| extremes(&points(nth)));
+    for layer in &mut layers {
+        if let Look::Line { dash, .. } = &mut layer.look {
+            *dash = style::SOLID;
+        }
+    }
+    layers
+}
+
+/// The least and the greatest of each part of a line.
+fn extremes(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     const PARTS: usize = 400;
-    let look = Look::Line { colour: looks::component(nth).colour(), dash: style::SOLID };
     let mut ends = Vec::new();
     for part in points.chunks(points.len().div_ceil(PARTS).max(1)) {
         let seen = || part.iter().filter(|(_, y)| y.is_finite());
@@ -52,7 +77,12 @@ pub fn dense_series(nth: usize, name: &str, points: &[(f64, f64)]) -> Layer {
             None => ends.push((f64::NAN, f64::NAN)),
         }
     }
-    Layer::new(name, ends, look)
+    ends
+}
+
+/// Both joint angles over a cycle, deg.
+pub fn shape(cycle: &[Sample]) -> Vec<(f64, f64)> {
+    cycle.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()
 }
 
 /// The robot's links at the start of a path.
@@ -113,12 +143,12 @@ mod tests {
             _ => (i as f64 / 50.0).sin(),
         };
         let points: Vec<(f64, f64)> = (0..10_000).map(|i| (i as f64, value(i))).collect();
-        let points = dense_series(0, "dense", &points).points;
+        let points = extremes(&points);
         assert!(points.len() <= 800);
-        assert!(points.iter().any(|point| (point.x, point.y) == (4321.0, 7.0)));
-        assert!(points.iter().any(|point| point.y.is_nan()));
-        let known = points.iter().filter(|point| point.x.is_finite());
-        assert!(known.map(|point| point.x).is_sorted());
+        assert!(points.contains(&(4321.0, 7.0)));
+        assert!(points.iter().any(|(_, y)| y.is_nan()));
+        let known = points.iter().filter(|(x, _)| x.is_finite());
+        assert!(known.map(|(x, _)| x).is_sorted());
     }
 
     #[test]

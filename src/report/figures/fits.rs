@@ -1,69 +1,57 @@
 //! How the searches ended, how the objective depends on each coefficient, and how the
 //! coefficients of the bootstrap's replicates go together.
 
-use crate::report::drawing::{Figure, Layer, Look, Panel, Range, Scale};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use crate::report::looks;
 use crate::report::parameters::FittedParameter;
 use crate::report::tables::Tables;
 use crate::robot::{ByParameter, Parameter};
-use crate::store::{BootstrapRow, FitRow, ProfileRow};
-
-const KINDS: [&str; 3] = ["starts", "profiles", "replicates"];
+use crate::store::{BootstrapRow, FitRow, ProfileRow, StartRow};
 
 /// Names that the files of the figures can have.
 pub fn stems(stem: &str) -> [String; 3] {
-    KINDS.map(|kind| format!("{stem}-{kind}"))
+    ["starts", "profiles", "replicates"].map(|kind| format!("{stem}-{kind}"))
 }
 
-/// The figures of a campaign's fits; those without anything to show are left out.
-pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> Vec<Figure> {
+/// The figures of a campaign's fits.
+pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> [Figure; 3] {
     let fits: Vec<&FitRow> =
         tables.fits.iter().filter(|fit| fit.campaign == campaign && !fit.free.is_empty()).collect();
-    let figure = |kind: &str, title: &str, caption: &str, panels: Vec<Panel>| Figure {
-        caption: caption.to_owned(),
-        ..Figure::new(
-            &format!("{stem}-{kind}"),
-            format!("{title} of campaign {campaign}"),
-            &[campaign],
-            panels,
-        )
+    let figure = |kind: usize, title: &str, caption: &str, panels: Vec<Panel>| {
+        let title = format!("{title} of campaign {campaign}");
+        Figure::new(&stems(stem)[kind], title, caption, &[campaign], Layout::Grid, panels)
     };
-    let starts = fits.iter().filter_map(|fit| waterfall(fit, tables)).collect();
-    let profiles = fits.iter().flat_map(|fit| profiles(fit, tables)).collect();
-    let replicates = fits.iter().flat_map(|fit| replicates(fit, tables)).collect();
-    let all = [
+    [
         figure(
-            KINDS[0],
+            0,
             "Searches",
             "Objective J where each start of a fit ended, the lowest first.",
-            starts,
+            fits.iter().filter_map(|fit| waterfall(fit, tables)).collect(),
         ),
         figure(
-            KINDS[1],
+            1,
             "Profiles",
             "Objective J with one coefficient held and the others fitted. Open circle: the fit. \
              Dashed: the limit that resampled measurements give. Shaded: the 95 % interval; where \
              it goes on to the panel's side it is open.",
-            profiles,
+            fits.iter().flat_map(|fit| profiles(fit, tables)).collect(),
         ),
         figure(
-            KINDS[2],
+            2,
             "Bootstrap",
             "Pairs of coefficients fitted to resampled measurements. Open circle: the fit.",
-            replicates,
+            fits.iter().flat_map(|fit| replicates(fit, tables)).collect(),
         ),
-    ];
-    all.into_iter().filter(|figure| !figure.is_empty()).collect()
+    ]
 }
 
 fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Panel> {
-    let of_fit = |row: &&crate::store::StartRow| {
-        row.campaign == fit.campaign && row.model == fit.model && row.j.is_finite()
-    };
-    let mut ends: Vec<f64> = tables.starts.iter().filter(of_fit).map(|row| row.j).collect();
+    let of_fit = |row: &&StartRow| row.campaign == fit.campaign && row.model == fit.model;
+    let ends = tables.starts.iter().filter(of_fit).map(|row| row.j);
+    let mut ends: Vec<f64> = ends.filter(|j| j.is_finite()).collect();
     ends.sort_by(f64::total_cmp);
     let points = (1..).map(f64::from).zip(ends.iter().copied());
-    let layer = Layer::new("starts", points, Look::Dotted(colour(fit)));
+    let layer = Layer::new("starts", points, Look::Dotted(looks::model_colour(fit.model)));
     (ends.len() > 1).then(|| Panel {
         y_scale: Scale::Decades,
         ..Panel::new(fit.model.name(), "Start, by rank", "J", vec![layer])
@@ -82,7 +70,7 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         let rise = limit_j - fit.j;
         let layers = vec![
             Layer::new("95 % interval", [(from, f64::NAN), (to, f64::NAN)], Look::Band),
-            Layer::new("profile", points, Look::Dotted(colour(fit))),
+            Layer::new("profile", points, Look::Dotted(looks::model_colour(fit.model))),
             Layer::new("limit", [(f64::NAN, limit_j)], Look::Guides),
             Layer::new("fit", [(parameter.value, fit.j)], Look::Rings),
         ];
@@ -99,22 +87,17 @@ fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
     let rows: Vec<&BootstrapRow> = tables.bootstrap.iter().filter(of_fit).collect();
     let mut free = fit.free.clone();
     free.sort();
-    let mut panels = Vec::new();
-    for (n, &x) in free.iter().enumerate() {
-        for &y in &free[n + 1..] {
-            let point = |of: &ByParameter<f64>| (of[x], of[y]);
-            let points: Vec<(f64, f64)> = rows.iter().map(|row| point(&row.parameters)).collect();
-            if points.is_empty() {
-                continue;
-            }
-            let layers = vec![
-                Layer::new("replicates", points, Look::Dots(colour(fit))),
-                Layer::new("fit", [point(&fit.parameters)], Look::Rings),
-            ];
-            panels.push(decades(fit, &label(x), label(y), layers));
-        }
-    }
-    panels
+    let panel = |(x, y): (Parameter, Parameter)| {
+        let point = |of: &ByParameter<f64>| (of[x], of[y]);
+        let points = rows.iter().map(|row| point(&row.parameters));
+        let layers = vec![
+            Layer::new("replicates", points, Look::Dots(looks::model_colour(fit.model))),
+            Layer::new("fit", [point(&fit.parameters)], Look::Rings),
+        ];
+        decades(fit, &label(x), label(y), layers)
+    };
+    let pairs = free.iter().enumerate().flat_map(|(n, x)| free[n + 1..].iter().map(|y| (*x, *y)));
+    pairs.filter(|_| !rows.is_empty()).map(panel).collect()
 }
 
 fn decades(fit: &FitRow, x_label: &str, y_label: impl Into<String>, layers: Vec<Layer>) -> Panel {
@@ -123,10 +106,6 @@ fn decades(fit: &FitRow, x_label: &str, y_label: impl Into<String>, layers: Vec<
         y_scale: Scale::Decades,
         ..Panel::new(fit.model.name(), x_label, y_label, layers)
     }
-}
-
-fn colour(fit: &FitRow) -> plotters::style::RGBColor {
-    looks::model(fit.model).colour()
 }
 
 /// A parameter as an axis names it.

@@ -63,9 +63,9 @@ pub struct Figures {
 }
 
 impl Figures {
-    fn add(&mut self, figure: Result<Figure, String>) {
-        match figure {
-            Ok(figure) => self.figures.push(figure),
+    fn add(&mut self, figures: Result<impl IntoIterator<Item = Figure>, String>) {
+        match figures {
+            Ok(figures) => self.figures.extend(figures),
             Err(sentence) => self.missing.push(sentence),
         }
     }
@@ -81,22 +81,26 @@ pub fn figures(tables: &Tables, config: &ReportInput, truth: Option<&Truth>) -> 
         of_the_paper(tables, config, configured, &mut found);
     }
     let mut stems = BTreeSet::new();
-    for campaign in configured.iter().filter(|name| !PAPER_CAMPAIGNS.contains(name)) {
-        let name = file_name(campaign, &mut stems);
-        let own = [
-            frequency::models(&format!("{name}-d-v"), campaign, source),
-            frequency::skid(&format!("{name}-sigma"), &[campaign], source),
-        ];
-        if own.iter().all(Figure::is_empty) {
-            found.missing.push(format!("Campaign {campaign}: nothing to draw, {NOTHING}"));
+    let is_of_the_paper = |campaign: &&str| PAPER_CAMPAIGNS.contains(campaign);
+    let (of_the_paper, others): (Vec<&str>, Vec<&str>) =
+        configured.iter().partition(|name| is_of_the_paper(name));
+    for campaign in others.into_iter().chain(of_the_paper) {
+        let name = match is_of_the_paper(&campaign) {
+            true => campaign.to_owned(),
+            false => file_name(campaign, &mut stems),
+        };
+        if !is_of_the_paper(&campaign) {
+            let own = [
+                frequency::models(&format!("{name}-d-v"), campaign, source),
+                frequency::skid(&format!("{name}-sigma"), &[campaign], source),
+            ];
+            if own.iter().all(Figure::is_empty) {
+                found.missing.push(format!("Campaign {campaign}: nothing to draw, {NOTHING}"));
+            }
+            found.figures.extend(own);
         }
-        found.figures.extend(own);
         found.figures.push(residuals::figure(&name, campaign, source));
         found.figures.extend(fits::figures(&name, campaign, tables));
-    }
-    for campaign in PAPER_CAMPAIGNS.iter().filter(|campaign| configured.contains(*campaign)) {
-        found.figures.push(residuals::figure(campaign, campaign, source));
-        found.figures.extend(fits::figures(campaign, campaign, tables));
     }
     found.figures.push(work::figure(WORK, tables, config));
     found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, source)));
@@ -116,12 +120,9 @@ fn of_the_paper(
 ) {
     let source = tables.source(config);
     found.missing.extend(missing_of_the_paper(source, configured));
-    match steady_passive::figures(config) {
-        Ok(figures) => found.figures.extend(figures),
-        Err(sentence) => found.missing.push(sentence),
-    }
-    found.add(skidding::figure(config));
-    found.add(release(tables, config));
+    found.add(steady_passive::figures(config));
+    found.add(skidding::figure(config).map(Some));
+    found.add(release(tables, config).map(Some));
     tracked("fig09", SKEWED, source, config, found);
     found.figures.push(frequency::measured("fig10", SKEWED, Quantity::Speed, source));
     tracked("fig11", SYMMETRIC, source, config, found);
@@ -162,20 +163,21 @@ fn tracked(
     let nearest =
         measured.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.trial.cmp(&b.trial)));
     let Some(trial) = nearest else { return };
-    let not_drawn = |why: String| format!("{} is not drawn, because {why}.", number(stem));
-    if config.campaign_setup(campaign).is_none() {
-        return found.missing.push(not_drawn(format!("campaign {campaign} is not configured")));
-    }
-    let recording = match Recording::read(&config.paths.derived, &trial.trial) {
-        Ok(recording) => recording,
-        Err(error) => return found.missing.push(not_drawn(error.to_string())),
+    let mut draw = || {
+        let setup = config.campaign_setup(campaign);
+        setup.ok_or_else(|| format!("campaign {campaign} is not configured"))?;
+        let recording = Recording::read(&config.paths.derived, &trial.trial)
+            .map_err(|error| error.to_string())?;
+        let figure = tracking::figure(stem, trial, &recording, config, &mut found.missing)
+            .ok_or_else(|| format!("trial {} has no used cycle", trial.trial))?;
+        found.figures.push(figure);
+        if campaign == SYMMETRIC {
+            found.figures.extend(wheels::figure("fig12", trial, &recording));
+        }
+        Ok::<_, String>(())
     };
-    let (figure, missing) = tracking::figure(stem, trial, &recording, config);
-    let without = || not_drawn(format!("trial {} has no used cycle", trial.trial));
-    found.add(figure.ok_or_else(without));
-    found.missing.extend(missing);
-    if campaign == SYMMETRIC {
-        found.figures.extend(wheels::figure("fig12", trial, &recording));
+    if let Err(why) = draw() {
+        found.missing.push(format!("{} is not drawn, because {why}.", number(stem)));
     }
 }
 
@@ -190,32 +192,28 @@ const OF_CAMPAIGNS: [(&str, &str, &str, &str); 3] = [
 ];
 
 fn missing_of_the_paper(source: Source<'_>, configured: &BTreeSet<&str>) -> Vec<String> {
-    let absent =
-        |campaign: &str| !source.has_measurements(campaign) && source.models(campaign).is_empty();
-    let mut missing = Vec::new();
-    for (campaign, tracked, own, shared) in OF_CAMPAIGNS {
-        if absent(campaign) {
-            let why = if configured.contains(campaign) {
-                NOTHING
-            } else {
-                "because the configuration does not have it."
-            };
-            missing.push(format!(
-                "Campaign {campaign}: {tracked} and Figs. {own} are not drawn and Fig. {shared} does \
-                 not show it, {why}"
-            ));
-        } else if !source.has_measurements(campaign) {
-            missing.push(format!(
-                "Campaign {campaign}: {tracked} not drawn and no measurements in Figs. {own}, because \
-                 no trial has results."
-            ));
-        } else if source.models(campaign).is_empty() {
-            missing.push(format!(
-                "Campaign {campaign}: no model in Figs. {own} and {shared}, because nothing was fitted."
-            ));
-        }
-    }
-    missing
+    let of_campaign = |(campaign, tracked, own, shared)| {
+        let without = match (source.has_measurements(campaign), source.models(campaign).len()) {
+            (false, 0) => {
+                let why = match configured.contains(campaign) {
+                    true => NOTHING,
+                    false => "because the configuration does not have it.",
+                };
+                format!(
+                    "{tracked} and Figs. {own} are not drawn and Fig. {shared} does not show it, {why}"
+                )
+            }
+            (false, _) => format!(
+                "{tracked} not drawn and no measurements in Figs. {own}, because no trial has results."
+            ),
+            (true, 0) => {
+                format!("no model in Figs. {own} and {shared}, because nothing was fitted.")
+            }
+            (true, _) => return None,
+        };
+        Some(format!("Campaign {campaign}: {without}"))
+    };
+    OF_CAMPAIGNS.into_iter().filter_map(of_campaign).collect()
 }
 
 /// Place of a campaign: those of the paper in its order, then the others by name.

@@ -48,8 +48,10 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
             ],
         )
     };
-    Some(Figure {
-        caption: format!(
+    Some(Figure::new(
+        "fig08",
+        format!("Release of the passive joint of robot {}", row.robot),
+        format!(
             "Trial {}: the joint is let go with the other links held and the wheels off the floor. \
              With the link's configured moment of inertia about the joint, {} kg m², k_τ = {} N \
              m/rad and c_τ = {} N m s/rad. Dashed: angle of rest.",
@@ -58,14 +60,10 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
             of(row.stiffness_nm_rad),
             of(row.damping_nm_s_rad),
         ),
-        layout: Layout::Stack,
-        ..Figure::new(
-            "fig08",
-            format!("Release of the passive joint of robot {}", row.robot),
-            &[],
-            vec![panel],
-        )
-    })
+        &[],
+        Layout::Stack,
+        vec![panel],
+    ))
 }
 
 #[cfg(test)]

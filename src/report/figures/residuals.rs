@@ -3,7 +3,7 @@
 use super::common::OMEGA;
 use crate::metrics::Estimate;
 use crate::motion::{Model, MotionStatus};
-use crate::report::drawing::{Figure, Layer, Panel, Range};
+use crate::report::drawing::{Figure, Layer, Layout, Panel, Range};
 use crate::report::looks;
 use crate::report::series::{BAR_STANDARD_ERRORS, Quantity, Source};
 use crate::store::{PredictionRow, PredictionSource, TrialRow};
@@ -16,67 +16,46 @@ const LEAST: f64 = 60.0;
 /// Residuals of a campaign's models in per cent of what was measured.
 pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let panels = Quantity::ALL.map(|quantity| panel(quantity, campaign, source));
-    Figure {
-        caption: "What the fitted models predict for each trial less what was measured, in parts \
-                  of the latter. Bars: 95 % of the measurement (1.96 standard errors)."
-            .to_owned(),
-        ..Figure::new(
-            &format!("{stem}-residuals"),
-            format!("Residuals of the models of campaign {campaign}"),
-            &[campaign],
-            panels.into_iter().filter(|panel| !panel.layers.is_empty()).collect(),
-        )
-    }
+    Figure::new(
+        &format!("{stem}-residuals"),
+        format!("Residuals of the models of campaign {campaign}"),
+        "What the fitted models predict for each trial less what was measured, in parts of the \
+         latter. Bars: 95 % of the measurement (1.96 standard errors).",
+        &[campaign],
+        Layout::Grid,
+        panels.into_iter().flatten().collect(),
+    )
 }
 
-fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Panel {
-    let mut models = source.models(campaign);
-    // Models without skid say nothing of it.
-    let is_skid = matches!(quantity, Quantity::Skid(_));
-    models.retain(|model| !is_skid || model.skids());
+fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Option<Panel> {
     let trials: Vec<&TrialRow> = source
         .measured_trials(campaign)
         .filter(|trial| quantity.of_trial(trial, source.sigma).value.is_finite())
         .collect();
-    let missed = |model: Model| -> Vec<(f64, f64)> {
-        let mut points: Vec<(f64, f64)> = source
-            .predictions
-            .iter()
-            .filter(|row| row.campaign == campaign && row.model == model)
-            .filter(|row| row.source == PredictionSource::Trial)
-            .filter(|row| row.status == MotionStatus::Stable)
-            .filter_map(|row| {
-                let measured = quantity.of_trial(nearest(&trials, row)?, source.sigma).value;
-                let residual = quantity.of(&row.metrics) / measured - 1.0;
-                Some((row.omega_rad_s, 100.0 * residual))
-            })
-            .collect();
+    let missed = |model: Model| {
+        let rows = source.predicted(campaign, model, PredictionSource::Trial);
+        let point = |row: &PredictionRow| {
+            let measured = quantity.of_trial(nearest(&trials, row)?, source.sigma).value;
+            let residual = quantity.of(&row.metrics) / measured - 1.0;
+            Some((row.omega_rad_s, 100.0 * residual))
+        };
+        let stable = rows.filter(|row| row.status == MotionStatus::Stable);
+        let mut points: Vec<(f64, f64)> = stable.filter_map(point).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        points
+        let farthest = points.iter().fold(0.0, |most: f64, (_, residual)| most.max(residual.abs()));
+        (!points.is_empty()).then_some((model, points, farthest))
     };
-    let residuals: Vec<(Model, Vec<(f64, f64)>)> = models
-        .into_iter()
-        .map(|model| (model, missed(model)))
-        .filter(|(_, points)| !points.is_empty())
-        .collect();
-    if residuals.is_empty() {
-        return Panel::default();
-    }
-    let farthest = |points: &[(f64, f64)]| {
-        points.iter().fold(0.0, |most: f64, (_, residual)| most.max(residual.abs()))
-    };
-    let nearest =
-        residuals.iter().map(|(_, points)| farthest(points)).fold(f64::INFINITY, f64::min);
-    let limit = (FARTHEST * nearest).max(LEAST);
-    let beyond: Vec<Model> = residuals
-        .iter()
-        .filter(|(_, points)| farthest(points) > limit)
-        .map(|(model, _)| *model)
-        .collect();
-    let most = residuals.iter().map(|(_, points)| farthest(points)).fold(0.0, f64::max);
+    // Models without skid say nothing of it.
+    let is_skid = matches!(quantity, Quantity::Skid(_));
+    let models = source.models(campaign).into_iter().filter(|model| !is_skid || model.skids());
+    let residuals: Vec<_> = models.filter_map(missed).collect();
+    let farthest = Range::of(residuals.iter().map(|(_, _, farthest)| *farthest))?;
+    let limit = (FARTHEST * farthest.low).max(LEAST);
+    let beyond: Vec<_> = residuals.iter().filter(|(_, _, farthest)| *farthest > limit).collect();
+    let most = farthest.high;
     let beyond = match beyond.as_slice() {
         [] => String::new(),
-        [model] => format!("{model}: to {most:.0} %"),
+        [(model, ..)] => format!("{model}: to {most:.0} %"),
         several => format!("{} models: to {most:.0} %", several.len()),
     };
     let errors = trials.iter().filter_map(|trial| {
@@ -84,16 +63,17 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Panel {
         let half = 100.0 * BAR_STANDARD_ERRORS * se / value;
         half.is_finite().then_some((trial.omega_rad_s, 0.0, half))
     });
-    let bars = Layer::with_errors("measured", errors, looks::measured(0));
-    let lines = residuals
-        .into_iter()
-        .map(|(model, points)| Layer::new(model.name(), points, looks::model_line(model)));
-    let layers = [bars].into_iter().chain(lines).collect();
-    Panel {
+    let mut layers = vec![Layer::with_errors("measured", errors, looks::measured(0))];
+    layers.extend(
+        residuals
+            .into_iter()
+            .map(|(model, points, _)| Layer::new(model.name(), points, looks::model_line(model))),
+    );
+    Some(Panel {
         shown: Some(Range { low: -limit, high: limit }),
         beyond,
-        ..Panel::new(quantity.symbol(), OMEGA, "Residual (%)", layers)
-    }
+        ..Panel::new(quantity.description().symbol, OMEGA, "Residual (%)", layers)
+    })
 }
 
 /// The trial that a prediction is of: the one nearest to its frequency, which is that of a trial.

@@ -4,12 +4,14 @@ use rayon::prelude::*;
 
 use super::SEMI_PASSIVE;
 use super::common::{
-    DEG, FREQUENCY, gait, links, links_at_start, map, series, time_course, travel,
+    DEG, FREQUENCY, gait, lines, links, links_at_start, map, over_time, shape, time_course, travel,
 };
+use crate::metrics::GaitMetrics;
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
 use crate::report::looks;
+use crate::report::series::{Description, Quantity};
 use crate::report::simulated::{self, SAMPLES, Steady};
 
 const OMEGA_RAD_S: f64 = 4.0;
@@ -20,6 +22,7 @@ const PATH_CYCLES: usize = 3;
 const MOST_FROM_REST: usize = 40;
 /// Frequencies of the sweep, rad/s.
 const SWEEP: (f64, f64, usize) = (0.5, 8.0, 61);
+const NO_SKID: Look = looks::model_line(Model::NoSkid);
 
 /// The figures, or a sentence on why there are none.
 pub fn figures(config: &ReportInput) -> Result<Vec<Figure>, String> {
@@ -40,53 +43,30 @@ pub fn figures(config: &ReportInput) -> Result<Vec<Figure>, String> {
     ])
 }
 
-fn no_skid() -> Look {
-    looks::model_line(Model::NoSkid)
-}
-
-/// Time and one quantity of a cycle that is repeated.
-fn over_time(cycle: &[Sample], of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
-    let period_s = cycle.last().map_or(0.0, |last| last.time_s);
-    let repeated =
-        (0..CYCLES).flat_map(|n| cycle.iter().skip(usize::from(n > 0)).map(move |s| (n, s)));
-    repeated.map(|(n, sample)| (n as f64 * period_s + sample.time_s, of(sample))).collect()
-}
-
 fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
-    let h_m = problem.robot.h_m;
-    let joints = [0, 1].map(|i| {
-        let points = over_time(cycle, |sample| DEG * sample.phi_rad[i]);
-        series(i, ["φ₁", "φ₂"][i], points)
+    let joints = lines(["φ₁", "φ₂"], |i| over_time(cycle, CYCLES, |s| DEG * s.phi_rad[i]));
+    let velocities = lines(["dx/dt", "dy/dt", "h dθ/dt"], |i| {
+        let factor = if i == 2 { problem.robot.h_m } else { 1.0 };
+        over_time(cycle, CYCLES, |sample| 1e3 * factor * sample.rates[i])
     });
-    let velocities = [0, 1, 2].map(|i| {
-        let factor = if i == 2 { h_m } else { 1.0 };
-        let points = over_time(cycle, |sample| 1e3 * factor * sample.rates[i]);
-        series(i, ["dx/dt", "dy/dt", "h dθ/dt"][i], points)
-    });
-    let forces = [0, 1, 2].map(|i| {
-        let points = over_time(cycle, |sample| sample.forces.lateral_n[i]);
-        series(i, ["λ₀", "λ₁", "λ₂"][i], points)
-    });
-    let difference = over_time(cycle, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
+    let mut forces =
+        lines(["λ₀", "λ₁", "λ₂"], |i| over_time(cycle, CYCLES, |s| s.forces.lateral_n[i]));
+    let difference = over_time(cycle, CYCLES, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
     let crossings = crossings(&difference).into_iter().map(|time_s| (time_s, f64::NAN));
-    let crossings = Layer::new("φ₁ = φ₂", crossings, Look::Guides);
-    let forces = forces.into_iter().chain([crossings]).collect();
-    Figure {
-        caption: "Without skid and roll resistance, as configured, in steady motion. Dashed \
-                  uprights: φ₁ = φ₂, where the kinematic robot would be singular."
-            .to_owned(),
-        layout: Layout::Stack,
-        ..Figure::new(
-            "fig03",
-            format!("Simulated motion of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"),
-            &[SEMI_PASSIVE],
-            vec![
-                time_course("Joint angles", "Angle (deg)", joints.into()),
-                time_course("Middle link", "Velocity (mm/s)", velocities.into()),
-                time_course("Constraint forces", "Force (N)", forces),
-            ],
-        )
-    }
+    forces.push(Layer::new("φ₁ = φ₂", crossings, Look::Guides));
+    Figure::new(
+        "fig03",
+        format!("Simulated motion of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"),
+        "Without skid and roll resistance, as configured, in steady motion. Dashed uprights: \
+         φ₁ = φ₂, where the kinematic robot would be singular.",
+        &[SEMI_PASSIVE],
+        Layout::Stack,
+        vec![
+            time_course("Joint angles", "Angle (deg)", joints),
+            time_course("Middle link", "Velocity (mm/s)", velocities),
+            time_course("Constraint forces", "Force (N)", forces),
+        ],
+    )
 }
 
 /// Where a line crosses zero.
@@ -104,76 +84,60 @@ fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionErr
     let (cycle, d_m) = (steady.cycle.as_slice(), steady.metrics.d_m);
     let cycles = steady.cycles_to_settle.unwrap_or(MOST_FROM_REST).clamp(1, MOST_FROM_REST);
     let from_rest = problem.cycles_from_rest(cycles, SAMPLES)?;
-    let shape = |samples: &[Sample]| -> Vec<(f64, f64)> {
-        samples.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()
-    };
-    let steady = |points| Layer::new("no-skid, steady", points, no_skid());
+    let steady = |points| Layer::new("no-skid, steady", points, NO_SKID);
     let from_rest = Layer::new("from rest", shape(&from_rest), looks::TRANSIENT);
     let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
     let path = simulated::repeat(cycle, PATH_CYCLES, Pose::default());
     let path: Vec<_> = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();
     let arrow = travel(&path);
     let start = links_at_start(links(&problem.robot, cycle[0].pose, cycle[0].phi_rad));
-    let path = map(
-        format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m),
-        vec![steady(path), start, arrow],
-    );
-    Ok(Figure {
-        caption: format!(
+    let title = format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m);
+    Ok(Figure::new(
+        "fig04",
+        format!("Simulated gait and path of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"),
+        format!(
             "As Fig. 3. From rest the motion comes within 1 % of the steady one after {cycles} \
              cycles. The path is {PATH_CYCLES} cycles of the steady motion; thick: the robot's \
              links at their start; arrow: direction of travel."
         ),
-        layout: Layout::Pairs,
-        ..Figure::new(
-            "fig04",
-            format!(
-                "Simulated gait and path of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"
-            ),
-            &[SEMI_PASSIVE],
-            vec![gait, path],
-        )
-    })
+        &[SEMI_PASSIVE],
+        Layout::Pairs,
+        vec![gait, map(title, vec![steady(path), start, arrow])],
+    ))
 }
 
 fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
     let (low, high, count) = SWEEP;
     let solve = |i: usize| {
         let omega_rad_s = low + (high - low) * i as f64 / (count - 1) as f64;
-        let metrics = of(omega_rad_s)
-            .and_then(|problem| Solver::default().settle(&problem, REFERENCE_ACCURACY).ok())
-            .map(|settled| settled.motion.metrics);
-        let mm = |value: Option<f64>| value.map_or(f64::NAN, |value| 1e3 * value);
-        let [d, v] = [metrics.map(|metrics| metrics.d_m), metrics.map(|metrics| metrics.v_m_s)];
-        [(omega_rad_s, mm(d)), (omega_rad_s, mm(v))]
+        let settled = of(omega_rad_s)
+            .and_then(|problem| Solver::default().settle(&problem, REFERENCE_ACCURACY).ok());
+        (omega_rad_s, settled.map_or(GaitMetrics::MISSING, |settled| settled.motion.metrics))
     };
-    let points: Vec<[(f64, f64); 2]> = (0..count).into_par_iter().map(solve).collect();
-    let panel = |nth: usize, title: &str, y_label: &str, unit: &str| {
-        let points: Vec<(f64, f64)> = points.iter().map(|both| both[nth]).collect();
-        let most = largest(&points);
-        let mut layers = vec![Layer::new("no-skid", points, no_skid())];
-        let mut title = title.to_owned();
-        if let Some(point) = most {
-            layers.push(Layer::new("largest", [point], Look::Rings));
-            title += &format!(", largest {:.1} {unit} at {:.2} rad/s", point.1, point.0);
-        }
-        Panel::new(title, FREQUENCY, y_label, layers)
+    let points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
+    let panel = |quantity: Quantity| {
+        let Description { title, axis_label, unit, .. } = quantity.description();
+        let points: Vec<(f64, f64)> = points
+            .iter()
+            .map(|(omega_rad_s, metrics)| (*omega_rad_s, quantity.of(metrics)))
+            .collect();
+        let largest = largest(&points);
+        let said = largest.map(|(x, y)| format!(", largest {y:.1}{unit} at {x:.2} rad/s"));
+        let layers = vec![
+            Layer::new("no-skid", points, NO_SKID),
+            Layer::new("largest", largest, Look::Rings),
+        ];
+        Panel::new(title.to_owned() + &said.unwrap_or_default(), FREQUENCY, axis_label, layers)
     };
-    Figure {
-        caption: "The steady motion that the robot reaches from rest, without skid and roll \
-                  resistance, as configured. Open circles: the largest values between the ends."
-            .to_owned(),
-        layout: Layout::Stack,
-        ..Figure::new(
-            "fig05",
-            format!("Simulated displacement and speed of campaign {SEMI_PASSIVE}, no-skid"),
-            &[SEMI_PASSIVE],
-            vec![
-                panel(0, "Displacement per cycle", "Displacement d (mm)", "mm"),
-                panel(1, "Mean speed", "Mean speed v (mm/s)", "mm/s"),
-            ],
-        )
-    }
+    Figure::new(
+        "fig05",
+        format!("Simulated displacement and speed of campaign {SEMI_PASSIVE}, no-skid"),
+        "The steady motion that the robot reaches from rest, without skid and roll resistance, as \
+         configured. Open circles: the largest values between the ends.",
+        &[SEMI_PASSIVE],
+        Layout::Stack,
+        [Quantity::Displacement, Quantity::Speed].map(panel).into(),
+    )
 }
 
 /// The largest value of a line that has values on both sides of it, by a parabola through the

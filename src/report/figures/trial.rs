@@ -1,6 +1,6 @@
 //! What the page of a trial shows: its path, and what its links and wheels did all the time.
 
-use super::common::{DEG, dense_series, links, links_at_start, map, series, time_course, travel};
+use super::common::{DEG, dense, lines, links, links_at_start, map, time_course, travel};
 use crate::motion::Pose;
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, style};
@@ -12,7 +12,6 @@ use crate::trial::TrialKind;
 const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
 /// Parts of a trial of which the greatest residuals are shown.
 const PARTS: usize = 100;
-const LINKS: [&str; 3] = ["link 0", "link 1", "link 2"];
 
 /// The figures of a trial; those without anything to show are left out.
 pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Vec<Figure> {
@@ -20,58 +19,49 @@ pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) ->
     let panel = |title: &str, y_label: &str, layers: Vec<Layer>| {
         time_course(title, y_label, unused.iter().cloned().chain(layers).collect())
     };
-    let three = |names: [&str; 3], values: &[Vec<f64>; 3], factor: f64| -> Vec<Layer> {
-        let line = |i: usize| dense_series(i, names[i], &over_time(recording, &values[i], factor));
-        (0..3).map(line).collect()
+    let over_time = |values: &[f64], factor: f64| -> Vec<(f64, f64)> {
+        let values = values.iter().map(|value| factor * value);
+        recording.time_s.iter().copied().zip(values).collect()
     };
-    let joints = [0, 1].map(|i| {
-        dense_series(i, ["φ₁", "φ₂"][i], &over_time(recording, &recording.phi_rad[i], DEG))
+    let angles = dense(["φ₁", "φ₂"], |i| over_time(&recording.phi_rad[i], DEG));
+    let roll = dense(WHEELS, |i| over_time(&recording.roll_m_s[i], 1e3));
+    let skid = dense(WHEELS, |i| over_time(&recording.skid_m_s[i], 1e3));
+    let residuals = lines(["link 0", "link 1", "link 2"], |link| {
+        greatest(&over_time(&recording.residual_mm[link], 1.0))
     });
-    let motion = Figure {
-        caption: format!(
+    let motion = Figure::new(
+        "motion",
+        "Joints and wheels",
+        format!(
             "Smoothed by a moving average over {} samples.{}",
             trial.smoothing_window,
             if unused.is_empty() { "" } else { " Shaded: outside of the cycles in use." }
         ),
-        layout: Layout::Stack,
-        ..Figure::new(
-            "motion",
-            "Joints and wheels".to_owned(),
-            &[],
-            vec![
-                panel("Joint angles", "Angle (deg)", joints.into()),
-                panel("Roll velocities", "Roll (mm/s)", three(WHEELS, &recording.roll_m_s, 1e3)),
-                panel("Skid velocities", "Skid (mm/s)", three(WHEELS, &recording.skid_m_s, 1e3)),
-            ],
-        )
-    };
-    let residuals = (0..3).map(|link| {
-        let points = greatest(&over_time(recording, &recording.residual_mm[link], 1.0));
-        series(link, LINKS[link], points)
-    });
-    let reconstruction = Figure {
-        caption: format!(
+        &[],
+        Layout::Stack,
+        vec![
+            panel("Joint angles", "Angle (deg)", angles),
+            panel("Roll velocities", "Roll (mm/s)", roll),
+            panel("Skid velocities", "Skid (mm/s)", skid),
+        ],
+    );
+    let reconstruction = Figure::new(
+        "reconstruction",
+        "Residuals and gaps",
+        format!(
             "Residual of the markers against their link, the greatest in each {PARTS}th of the \
              trial. Gaps: frames of a link that come from its other markers, from interpolation, \
              or are missing."
         ),
-        layout: Layout::Stack,
-        ..Figure::new(
-            "reconstruction",
-            "Residuals and gaps".to_owned(),
-            &[],
-            vec![
-                panel("Residuals", "Residual (mm)", residuals.collect()),
-                time_course("Gaps", "Link", gaps(recording)),
-            ],
-        )
-    };
+        &[],
+        Layout::Stack,
+        vec![
+            panel("Residuals", "Residual (mm)", residuals),
+            time_course("Gaps", "Link", gaps(recording)),
+        ],
+    );
     let all = [path(trial, recording, config), motion, reconstruction];
     all.into_iter().filter(|figure| !figure.is_empty()).collect()
-}
-
-fn over_time(recording: &Recording, values: &[f64], factor: f64) -> Vec<(f64, f64)> {
-    recording.time_s.iter().copied().zip(values.iter().map(|value| factor * value)).collect()
 }
 
 /// The greatest value in each of [`PARTS`] parts of a line.
@@ -94,8 +84,7 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
         let values = angles.map(|values| values[*i]).into_iter().chain([all[*i].0, all[*i].1]);
         values.sum::<f64>().is_finite()
     });
-    let robot = config.campaign_setup(&trial.campaign).map(|(robot, _)| robot);
-    if let (Some(i), Some(robot)) = (first, robot) {
+    if let (Some(i), Some((robot, _))) = (first, config.campaign_setup(&trial.campaign)) {
         let pose = Pose { x_m: all[i].0, y_m: all[i].1, theta_rad: recording.theta_rad[i] };
         let phi_rad = [recording.phi_rad[0][i], recording.phi_rad[1][i]];
         layers.push(links_at_start(links(&robot, pose, phi_rad)));
@@ -106,11 +95,8 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
         TrialKind::Gait => "Thick: the robot's links at the start; arrow: direction of travel.",
         _ => "",
     };
-    Figure {
-        caption: caption.to_owned(),
-        layout: Layout::Stack,
-        ..Figure::new("path", "Path".to_owned(), &[], vec![map("Path of the middle link", layers)])
-    }
+    let panels = vec![map("Path of the middle link", layers)];
+    Figure::new("path", "Path", caption, &[], Layout::Stack, panels)
 }
 
 /// Time outside of the cycles in use; nothing for trials without cycles.
@@ -135,12 +121,6 @@ fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
     bands
 }
 
-/// Bars `(from, to, height)`, with room for a unit of height.
-fn bars(name: &str, spans: &[(f64, f64, f64)], look: Look) -> Layer {
-    let ends = spans.iter().flat_map(|(from, to, y)| [(*from, *y, 0.5), (*to, *y, 0.5)]);
-    Layer::with_errors(name, ends, look)
-}
-
 /// Where the frames of each link were not measured.
 fn gaps(recording: &Recording) -> Vec<Layer> {
     const KINDS: [(&str, &str); 3] =
@@ -148,23 +128,23 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
     let (Some(first_s), Some(last_s)) = (recording.time_s.first(), recording.time_s.last()) else {
         return Vec::new();
     };
-    let spans = |(nth, (fill, name)): (usize, (&str, &str))| {
-        let mut spans = Vec::new();
-        for (link, fills) in recording.fill.iter().enumerate() {
+    // With room for a unit of height.
+    let bar = |from_s, to_s, link| [(from_s, link, 0.5), (to_s, link, 0.5)];
+    let recorded = [0.0, 1.0, 2.0].into_iter().flat_map(|link| bar(*first_s, *last_s, link));
+    let mut layers = vec![Layer::with_errors("", recorded, Look::Spans(style::BAND))];
+    for (nth, (fill, name)) in KINDS.into_iter().enumerate() {
+        let mut bars = Vec::new();
+        for (fills, link) in recording.fill.iter().zip([0.0, 1.0, 2.0]) {
             let mut i = 0;
             for run in fills.chunk_by(|a, b| a == b) {
                 let (from_s, to_s) = (recording.time_s[i], recording.time_s[i + run.len() - 1]);
                 i += run.len();
-                if run[0] == fill {
-                    spans.push((from_s, to_s, link as f64));
-                }
+                bars.extend(bar(from_s, to_s, link).into_iter().filter(|_| run[0] == fill));
             }
         }
-        bars(name, &spans, looks::gap(nth))
-    };
-    let recorded = [0.0, 1.0, 2.0].map(|link| (*first_s, *last_s, link));
-    let recorded = bars("", &recorded, Look::Spans(style::BAND));
-    [recorded].into_iter().chain(KINDS.into_iter().enumerate().map(spans)).collect()
+        layers.push(Layer::with_errors(name, bars, looks::gap(nth)));
+    }
+    layers
 }
 
 #[cfg(test)]

@@ -17,27 +17,25 @@ pub fn figure(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Fig
         let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
         time_course(&title, y_label, vec![Layer::new("measured", points, looks::RECORDED)])
     };
-    let panels = (0..3).flat_map(|i| {
-        let wheel = WHEELS[i];
+    let panels = WHEELS.iter().enumerate().flat_map(|(i, wheel)| {
+        let [roll_m_s, skid_m_s] = [&recording.roll_m_s[i], &recording.skid_m_s[i]];
         [
-            panel(format!("Roll velocity of {wheel}"), "Roll (mm/s)", &recording.roll_m_s[i]),
-            panel(format!("Skid velocity of {wheel}"), "Skid (mm/s)", &recording.skid_m_s[i]),
+            panel(format!("Roll velocity of {wheel}"), "Roll (mm/s)", roll_m_s),
+            panel(format!("Skid velocity of {wheel}"), "Skid (mm/s)", skid_m_s),
         ]
     });
-    Some(Figure {
-        caption: format!(
-            "{cycles} cycles of trial {}, smoothed by a moving average over {} samples.",
-            trial.trial, trial.smoothing_window
+    let TrialRow { trial, campaign, omega_rad_s, smoothing_window, .. } = trial;
+    Some(Figure::new(
+        stem,
+        format!(
+            "Roll and skid velocities of the wheels, campaign {campaign}, {omega_rad_s:.1} rad/s"
         ),
-        layout: Layout::Pairs,
-        ..Figure::new(
-            stem,
-            format!(
-                "Roll and skid velocities of the wheels, campaign {}, {:.1} rad/s",
-                trial.campaign, trial.omega_rad_s
-            ),
-            &[&trial.campaign],
-            panels.collect(),
-        )
-    })
+        format!(
+            "{cycles} cycles of trial {trial}, smoothed by a moving average over \
+             {smoothing_window} samples."
+        ),
+        &[campaign],
+        Layout::Pairs,
+        panels.collect(),
+    ))
 }

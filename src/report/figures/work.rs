@@ -31,37 +31,28 @@ pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
     };
     let panels: Vec<Panel> =
         campaigns.iter().map(panel).filter(|panel| !panel.is_empty()).collect();
-    let names: Vec<&str> = panels.iter().map(|panel| panel.title.as_str()).collect();
-    Figure {
-        caption: "Work of the actuators over a cycle of the steady motion per metre of d, by the \
-                  fitted models under the commanded gait. Where nothing resists, the actuators \
-                  give nothing over a cycle; friction of the joints' gears is not in any model."
-            .to_owned(),
-        layout: Layout::Stack,
-        ..Figure::new(
-            stem,
-            "Actuators' work per metre of travel".to_owned(),
-            &names,
-            panels.clone(),
-        )
-    }
+    let names: Vec<String> = panels.iter().map(|panel| panel.title.clone()).collect();
+    Figure::new(
+        stem,
+        "Actuators' work per metre of travel",
+        "Work of the actuators over a cycle of the steady motion per metre of d, by the fitted \
+         models under the commanded gait. Where nothing resists, the actuators give nothing over a \
+         cycle; friction of the joints' gears is not in any model.",
+        &names.iter().map(String::as_str).collect::<Vec<_>>(),
+        Layout::Stack,
+        panels,
+    )
 }
 
 /// Frequency and work of a fitted model, broken where it has no stable motion.
 fn curve(fit: &FitRow, tables: &Tables, config: &ReportInput) -> Vec<(f64, f64)> {
-    let mut omegas: Vec<f64> = tables
-        .predictions
-        .iter()
-        .filter(|row| row.campaign == fit.campaign && row.model == fit.model)
-        .filter(|row| row.source == PredictionSource::Curve)
-        .map(|row| row.omega_rad_s)
-        .collect();
+    let curve = tables.source(config).predicted(&fit.campaign, fit.model, PredictionSource::Curve);
+    let mut omegas: Vec<f64> = curve.map(|row| row.omega_rad_s).collect();
     omegas.sort_by(f64::total_cmp);
-    let omegas: Vec<f64> = omegas.into_iter().step_by(STRIDE).collect();
-    let point = |omega_rad_s: &f64| {
-        let work_j_m = simulated::fitted(config, fit, *omega_rad_s)
+    let point = |omega_rad_s: f64| {
+        let work_j_m = simulated::fitted(config, fit, omega_rad_s)
             .and_then(|problem| simulated::work_j_m(&mut Solver::default(), &problem));
-        (*omega_rad_s, work_j_m.unwrap_or(f64::NAN))
+        (omega_rad_s, work_j_m.unwrap_or(f64::NAN))
     };
-    omegas.par_iter().map(point).collect()
+    omegas.into_par_iter().step_by(STRIDE).map(point).collect()
 }
