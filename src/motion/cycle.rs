@@ -1,10 +1,9 @@
 //! The metrics of one steady cycle (eq. 17 and 20).
 
 use super::Problem;
-use super::element::Linearisation;
+use super::element::{Linearisation, integrate_poses};
 use super::extreme::Extremes;
 use super::mesh::Mesh;
-use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
 use super::reduced::Reduced;
 use crate::metrics::GaitMetrics;

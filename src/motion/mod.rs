@@ -13,7 +13,6 @@ mod lu;
 mod mesh;
 mod method;
 mod orbit;
-mod path;
 mod quadrature;
 mod radau;
 mod reduced;

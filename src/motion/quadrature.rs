@@ -7,10 +7,10 @@
 
 use std::f64::consts::TAU;
 
+use super::element::integrate_poses;
 use super::forces::contact_forces;
 use super::method::Method;
 use super::orbit::Effort;
-use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES, bisect};
 use super::reduced::{Derivatives, KinematicState};
 use super::trajectory::Sample;

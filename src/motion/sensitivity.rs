@@ -12,10 +12,9 @@ use std::f64::consts::TAU;
 use nalgebra::{SMatrix, SVector};
 
 use super::cycle::{Cycle, skid_scale};
-use super::element::{Element, Linearisation, Stages, unknowns};
+use super::element::{Element, Linearisation, Stages, integrate_poses, unknowns};
 use super::extreme::TurningPoint;
 use super::mesh::Mesh;
-use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, KinematicState, MOST_PARAMETERS, Reduced, Variable};
 use crate::metrics::GaitMetrics;
@@ -105,10 +104,10 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
             contract::<N, R>(&gradient, duration_s, right, columns, &mut own);
             compose::<N>(&own, &state, columns, integral);
         }
-        let ends = element_ends::<N, R>(duration_s, right, columns);
         let mut next = [[0.0; MOST_COLUMNS]; N];
-        for (next, end) in next.iter_mut().zip(&ends) {
-            compose::<N>(end, &state, columns, next);
+        for (i, next) in next.iter_mut().enumerate() {
+            let end = element_end::<N, R>(i, duration_s, right, columns);
+            compose::<N>(&end, &state, columns, next);
         }
         state = next;
     }
@@ -210,7 +209,7 @@ fn contract<const N: usize, R: Reduced<N>>(
         }
     }
     for j in 0..STAGES {
-        for i in 0..per_stage {
+        for i in (0..per_stage).filter(|i| unknown_gradient[j][*i] != 0.0) {
             let row = &right[(j * per_stage + i) * columns..][..columns];
             for (own, entry) in own.iter_mut().zip(row) {
                 *own += unknown_gradient[j][i] * entry;
@@ -219,31 +218,18 @@ fn contract<const N: usize, R: Reduced<N>>(
     }
 }
 
-/// Derivatives of the states at an element's end with respect to its start and the parameters.
+/// Derivatives of state `i` at an element's end with respect to its start and the parameters.
 #[inline(always)]
-fn element_ends<const N: usize, R: Reduced<N>>(
+fn element_end<const N: usize, R: Reduced<N>>(
+    i: usize,
     duration_s: f64,
     right: &[f64],
     columns: usize,
-) -> [Affine; N] {
-    let per_stage = unknowns::<N, R>();
-    let mut ends = [[0.0; MOST_COLUMNS]; N];
-    for (i, end) in ends.iter_mut().enumerate().take(per_stage) {
-        let row = &right[((STAGES - 1) * per_stage + i) * columns..][..columns];
-        end[..columns].copy_from_slice(row);
-    }
-    if R::INTEGRATED {
-        let end = &mut ends[N - 1];
-        end[N - 1] = 1.0;
-        for l in 0..STAGES {
-            let weight = duration_s * RADAU.integrate[STAGES - 1][l];
-            let row = &right[(l * per_stage + N - 2) * columns..][..columns];
-            for (end, entry) in end.iter_mut().zip(row) {
-                *end += weight * entry;
-            }
-        }
-    }
-    ends
+) -> Affine {
+    let (mut gradient, mut end) = ([[0.0; N]; STAGES], [0.0; MOST_COLUMNS]);
+    gradient[STAGES - 1][i] = 1.0;
+    contract::<N, R>(&gradient, duration_s, right, columns, &mut end);
+    end
 }
 
 /// Derivatives of the passive joint's angle where it turns round with respect to the orbit's start
@@ -263,7 +249,7 @@ fn angle_at<const N: usize, R: Reduced<N>>(
     let duration_s = extreme.fraction * whole.duration_s;
     let element = Element { nodes: &nodes, start: whole.start, stages: &stages, duration_s };
     let right = workspace.solve_sensitivity(model, &element, parameters)?;
-    let end = element_ends::<N, R>(duration_s, right, columns)[N - 1];
+    let end = element_end::<N, R>(N - 1, duration_s, right, columns);
     let mut angle = [0.0; MOST_COLUMNS];
     compose::<N>(&end, before, columns, &mut angle);
     Some(angle)

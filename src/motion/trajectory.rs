@@ -7,10 +7,9 @@ use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::element::{Element, Linearisation, solve_element};
+use super::element::{Element, Linearisation, integrate_poses, solve_element};
 use super::forces::contact_forces;
 use super::mesh::Mesh;
-use super::path::integrate_poses;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, Reduced};
 use super::transient::Integrator;

@@ -6,8 +6,9 @@
 use std::f64::consts::TAU;
 use std::iter;
 
-use super::element::{Element, Linearisation, Stages, interpolate, solve_element, spectrum};
-use super::path::integrate_poses;
+use super::element::{
+    Element, Linearisation, Stages, integrate_poses, interpolate, solve_element, spectrum,
+};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, Reduced};
 use super::{MotionError, Result};

@@ -9,7 +9,6 @@ mod c3d;
 mod cameras;
 mod csv;
 mod decay;
-mod label_errors;
 mod planted;
 mod truth;
 
@@ -26,11 +25,10 @@ use crate::robot::Robot;
 use crate::store::{StoreError, write_bytes};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
-pub use cameras::Tilt;
 use cameras::{Film, Scene};
+pub use cameras::{LabelError, Tilt};
 use decay::Decay;
 pub use decay::DecayTruth;
-pub use label_errors::LabelError;
 pub use truth::{CampaignTruth, TrialTruth, Truth};
 
 /// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::cameras::LabelError;
 use super::decay::DecayTruth;
-use super::label_errors::LabelError;
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, JointCommand, Robot};
 

@@ -2,8 +2,7 @@
 
 use super::PeriodicOrbit;
 use super::newton::largest_ratio;
-use crate::motion::element::{Stages, spectrum};
-use crate::motion::path::integrate_poses;
+use crate::motion::element::{Stages, integrate_poses, spectrum};
 use crate::motion::radau::{RADAU, STAGES};
 use crate::motion::reduced::{KinematicState, Reduced};
 use crate::robot::{Pose, rotated};
