@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::drawing::Figure;
 use super::page::TrialPages;
@@ -15,7 +16,7 @@ use crate::trial::TRUTH_FILE;
 /// What a report is made of.
 #[derive(Debug)]
 pub struct Content {
-    pub(super) tables: Tables,
+    pub(super) tables: Arc<Tables>,
     pub(super) figures: Vec<Figure>,
     pub(super) missing: Vec<String>,
     pub(super) truth: Option<Truth>,
@@ -43,7 +44,7 @@ impl Content {
         input: &ReportInput,
         hash_of: impl Fn(&Path) -> Option<String>,
     ) -> Result<Self, ReportError> {
-        let tables = Tables::read(&input.paths.derived)?;
+        let tables = Arc::new(Tables::read(&input.paths.derived)?);
         let mut missing = tables.missing.clone();
         let truth = Truth::read(&input.paths.raw).unwrap_or_else(|problem| {
             missing.push(problem);

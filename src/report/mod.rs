@@ -9,7 +9,6 @@ mod looks;
 mod numbers;
 mod page;
 mod parameters;
-mod paths;
 mod plotted;
 mod recording;
 mod scorecard;
@@ -134,7 +133,7 @@ impl Content {
         };
         write(FITS, &json(&fits_json::fits(&tables.fits, &tables.comparison))?)?;
         let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
-        let scores = scorecard::scorecard(tables, input.sigma, is_synthetic)?;
+        let scores = scorecard::scorecard(tables.clone(), input.sigma, is_synthetic)?;
         write(SCORECARD, &json(&scores)?)?;
         let html = page::html(input, tables, &drawn, pages, &scores, missing, truth.as_ref())?;
         write(PAGE, html.as_bytes())?;

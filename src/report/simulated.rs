@@ -14,19 +14,19 @@ pub const SAMPLES: usize = 240;
 
 /// The motion of a model of a campaign's robot as configured; `None` without that campaign.
 pub fn configured(
-    config: &ReportInput,
+    input: &ReportInput,
     campaign: &str,
     model: Model,
     omega_rad_s: f64,
 ) -> Option<Problem> {
-    let (robot, gait) = config.campaign_setup(campaign)?;
+    let (robot, gait) = input.campaign_setup(campaign)?;
     Some(Problem { robot, gait, model, omega_rad_s })
 }
 
 /// The motion of a fitted model under the commanded gait; `None` where there is no fit, or its
 /// campaign is not known.
-pub fn fitted(config: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
-    let mut problem = configured(config, &fit.campaign, fit.model, omega_rad_s)?;
+pub fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
+    let mut problem = configured(input, &fit.campaign, fit.model, omega_rad_s)?;
     for (parameter, value) in fit.parameters.iter().filter(|(_, value)| value.is_finite()) {
         // The single coefficients are known wherever their sum is.
         if parameter != Parameter::RollSum {

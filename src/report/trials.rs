@@ -42,17 +42,17 @@ fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
 /// What the page of each trial is made of, by its path inside of `reports/`. `stamp` gives the
 /// hash of a file.
 pub fn parts(
-    config: &ReportInput,
+    input: &ReportInput,
     tables: &Tables,
     pages: &TrialPages,
     stamp: impl Fn(&Path) -> Option<String>,
 ) -> BTreeMap<String, BTreeMap<String, String>> {
-    let derived = &config.paths.derived;
+    let derived = &input.paths.derived;
     let of_trial = |trial: &TrialRow| {
         let name = trial.trial.as_str();
         let checks: Vec<_> = tables.checks.iter().filter(|row| row.trial == name).collect();
         let robots: Vec<_> = tables.robots.iter().filter(|row| row.trial == name).collect();
-        let robot = config.campaign_setup(&trial.campaign);
+        let robot = input.campaign_setup(&trial.campaign);
         let rows = format!("{trial:?} {checks:?} {robots:?} {robot:?}");
         let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
         let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
@@ -83,12 +83,12 @@ pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
 /// # Errors
 /// A page cannot be filled in or written, or an old one not removed.
 pub fn write(
-    config: &ReportInput,
+    input: &ReportInput,
     tables: &Tables,
     pages: &TrialPages,
     kept: &BTreeSet<String>,
 ) -> Result<BTreeMap<String, Stamp>, ReportError> {
-    let folder = config.paths.reports.join(FOLDER);
+    let folder = input.paths.reports.join(FOLDER);
     let trials: Vec<&TrialRow> = first_of_each(tables).collect();
     let written = trials.into_par_iter().filter_map(|trial| {
         let file = pages.get(&trial.trial)?;
@@ -96,9 +96,9 @@ pub fn write(
         let write = || {
             let recording = match trial.status {
                 TrialStatus::Failed => None,
-                _ => Recording::read(&config.paths.derived, &trial.trial).ok(),
+                _ => Recording::read(&input.paths.derived, &trial.trial).ok(),
             };
-            let html = html(trial, tables, recording.as_ref(), config)?;
+            let html = html(trial, tables, recording.as_ref(), input)?;
             Ok((name.clone(), write_if_changed(&folder.join(file), html.as_bytes())?))
         };
         (!kept.contains(&name)).then(write)
@@ -112,10 +112,10 @@ fn html(
     trial: &TrialRow,
     tables: &Tables,
     recording: Option<&Recording>,
-    config: &ReportInput,
+    input: &ReportInput,
 ) -> Result<String, ReportError> {
     let figures =
-        recording.map_or(Vec::new(), |recording| figures::trial::figures(trial, recording, config));
+        recording.map_or(Vec::new(), |recording| figures::trial::figures(trial, recording, input));
     let images = figures.iter().map(Image::draw).collect::<Result<Vec<_>, _>>()?;
     page::trial_html(trial, tables, recording, &images)
 }

@@ -1,7 +1,5 @@
 //! What the page says first: trials and checks that need a person.
 
-use std::collections::BTreeMap;
-
 use serde::Serialize;
 
 use super::tables::Tables;
@@ -13,16 +11,6 @@ pub struct Trouble<'p> {
     pub trial: &'p str,
     pub status: TrialStatus,
     pub messages: Vec<&'p str>,
-}
-
-/// What a check found in all trials.
-#[derive(Serialize)]
-pub struct CheckCount<'p> {
-    pub check: &'p str,
-    /// How many trials it found `ok`, worth an `info`, a `warning`, an `error`.
-    pub counts: [usize; 4],
-    /// Those that are not ok.
-    pub trials: String,
 }
 
 /// Whether a check found more than what is only worth knowing.
@@ -51,23 +39,4 @@ pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
         })
     };
     with(TrialStatus::Failed).chain(with(TrialStatus::Flagged)).collect()
-}
-
-/// All checks, by code.
-pub fn check_counts(checks: &[CheckRow]) -> Vec<CheckCount<'_>> {
-    let mut by_check: BTreeMap<&str, Vec<&CheckRow>> = BTreeMap::new();
-    for check in checks {
-        by_check.entry(&check.check).or_default().push(check);
-    }
-    by_check
-        .into_iter()
-        .map(|(check, rows)| {
-            let with = |severity| rows.iter().filter(|row| row.severity == severity).count();
-            let found = rows.iter().filter(|row| row.severity != Severity::Ok);
-            let mut trials: Vec<&str> = found.map(|row| row.trial.as_str()).collect();
-            trials.dedup();
-            let counts = Severity::ALL.map(with);
-            CheckCount { check, counts, trials: trials.join(", ") }
-        })
-        .collect()
 }

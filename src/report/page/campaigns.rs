@@ -37,16 +37,17 @@ struct FitView<'p> {
 
 /// Sections in the paper's order, then by name; without those that have nothing to say.
 pub fn sections<'p>(
-    config: &'p ReportInput,
+    input: &'p ReportInput,
     tables: &'p Tables,
     drawn: &'p [Drawn<'_>],
 ) -> Vec<CampaignSection<'p>> {
-    let mut names: Vec<&str> = tables.campaigns(config).into_iter().collect();
+    let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
     let section = |name: &'p str| {
         let fits = tables.fits.iter().filter(|fit| fit.campaign == name);
-        let fits: Vec<FitView> = fits.map(fit_view).collect();
-        let setup = config.campaign.get(name);
+        let fits: Vec<FitView> =
+            fits.map(|fit| FitView { fit, parameters: parameters(fit) }).collect();
+        let setup = input.campaign.get(name);
         let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
         CampaignSection {
             name,
@@ -66,17 +67,34 @@ pub fn sections<'p>(
     sections.filter(|s| s.trials > 0 || !s.fits.is_empty() || !s.figures.is_empty()).collect()
 }
 
+fn parameters(fit: &FitRow) -> Vec<FittedParameter> {
+    let shown = Parameter::ALL.into_iter().filter(|parameter| *parameter != Parameter::RollSum);
+    shown.map(|parameter| FittedParameter::of(fit, parameter)).collect()
+}
+
 /// What is to be said of a campaign's predictions: those that the figures leave out, and those
 /// that the robot does not get into from rest.
 fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
-    let mut remarks = not_drawn(tables, campaign);
-    let mut counts: BTreeMap<(Model, FromRest), usize> = BTreeMap::new();
+    let mut of_source: BTreeMap<(Model, PredictionSource), usize> = BTreeMap::new();
+    let mut of_status: BTreeMap<(Model, PredictionSource, MotionStatus), usize> = BTreeMap::new();
+    let mut from_rest: BTreeMap<(Model, FromRest), usize> = BTreeMap::new();
     for row in tables.predictions.iter().filter(|row| row.campaign == campaign) {
-        if let Some(from_rest) = row.from_rest {
-            *counts.entry((row.model, from_rest)).or_default() += 1;
+        *of_source.entry((row.model, row.source)).or_default() += 1;
+        *of_status.entry((row.model, row.source, row.status)).or_default() += 1;
+        if let Some(reached) = row.from_rest {
+            *from_rest.entry((row.model, reached)).or_default() += 1;
         }
     }
-    remarks.extend(counts.iter().filter_map(|((model, from_rest), count)| {
+    let not_drawn = of_status.iter().filter(|((.., status), _)| *status != MotionStatus::Stable);
+    let not_drawn = not_drawn.map(|((model, source, status), count)| {
+        let total = of_source[&(*model, *source)];
+        let at = match source {
+            PredictionSource::Trial => "the trials' frequencies",
+            PredictionSource::Curve => "the curve",
+        };
+        format!("{model}: {count} of {total} points of {at} are not drawn, status {status}.")
+    });
+    let from_rest = from_rest.iter().filter_map(|((model, from_rest), count)| {
         let goes = match from_rest {
             FromRest::Reached => return None,
             FromRest::Another => "gets into another motion than the one that is shown",
@@ -86,38 +104,6 @@ fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
         Some(format!(
             "{model}: at {count} {at} of the trials the robot that starts from rest {goes}."
         ))
-    }));
-    remarks
-}
-
-/// Predictions that the figures leave out, by model and reason.
-fn not_drawn(tables: &Tables, campaign: &str) -> Vec<String> {
-    let mut counts: BTreeMap<(Model, PredictionSource, MotionStatus), usize> = BTreeMap::new();
-    for row in tables.predictions.iter().filter(|row| row.campaign == campaign) {
-        *counts.entry((row.model, row.source, row.status)).or_default() += 1;
-    }
-    let total = |model: Model, source: PredictionSource| -> usize {
-        let of = counts.iter().filter(|(key, _)| key.0 == model && key.1 == source);
-        of.map(|(_, count)| count).sum()
-    };
-    counts
-        .iter()
-        .filter(|((.., status), _)| *status != MotionStatus::Stable)
-        .map(|((model, source, status), count)| {
-            let total = total(*model, *source);
-            let at = match source {
-                PredictionSource::Trial => "the trials' frequencies",
-                PredictionSource::Curve => "the curve",
-            };
-            format!("{model}: {count} of {total} points of {at} are not drawn, status {status}.")
-        })
-        .collect()
-}
-
-fn fit_view(fit: &FitRow) -> FitView<'_> {
-    let shown = Parameter::ALL.into_iter().filter(|parameter| *parameter != Parameter::RollSum);
-    FitView {
-        fit,
-        parameters: shown.map(|parameter| FittedParameter::of(fit, parameter)).collect(),
-    }
+    });
+    not_drawn.chain(from_rest).collect()
 }

@@ -14,12 +14,12 @@ pub use image::Image;
 pub use trial::html as trial_html;
 
 use super::drawing::Figure;
-use super::paths::relative;
+use super::input::relative;
 use super::tables::Tables;
 use super::truth::{self, Comparison, Truth};
-use super::warnings::{CheckCount, Trouble, check_counts, troubled};
+use super::warnings::{Trouble, troubled};
 use super::{ReportError, ReportInput, figures, scorecard};
-use crate::store::{RobotParameterRow, RobotQuantity, TrialRow};
+use crate::store::{CheckRow, RobotParameterRow, RobotQuantity, TrialRow};
 
 /// Trials' names, and the files of their pages in `trials/`.
 pub type TrialPages = BTreeMap<String, String>;
@@ -40,7 +40,7 @@ struct Page<'p> {
     figures: usize,
     pages: &'p TrialPages,
     troubled: Vec<Trouble<'p>>,
-    checks: Vec<CheckCount<'p>>,
+    checks: &'p [CheckRow],
     missing: &'p [String],
     campaigns: Vec<campaigns::CampaignSection<'p>>,
     comparisons: Vec<&'p Image>,
@@ -52,7 +52,7 @@ struct Page<'p> {
     truth: Option<Comparison<'p>>,
     /// Figures of planted truth.
     recovered: Vec<&'p Image>,
-    scorecard: &'p [scorecard::Entry],
+    scorecard: &'p [scorecard::JudgedClaim],
     raw: String,
     derived: String,
     /// Fingerprint of the trials, if their table has one.
@@ -66,11 +66,11 @@ struct Page<'p> {
 /// # Errors
 /// The template cannot be filled in.
 pub fn html<'p>(
-    config: &ReportInput,
+    input: &ReportInput,
     tables: &'p Tables,
     drawn: &[Drawn<'_>],
     pages: &TrialPages,
-    scores: &[scorecard::Entry],
+    scores: &[scorecard::JudgedClaim],
     missing: &[String],
     truth: Option<&Truth>,
 ) -> Result<String, ReportError> {
@@ -83,9 +83,9 @@ pub fn html<'p>(
         figures: drawn.len(),
         pages,
         troubled: troubled(tables),
-        checks: check_counts(&tables.checks),
+        checks: &tables.checks,
         missing,
-        campaigns: campaigns::sections(config, tables, drawn),
+        campaigns: campaigns::sections(input, tables, drawn),
         comparisons: images(drawn, |figure| {
             figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
         }),
@@ -95,10 +95,10 @@ pub fn html<'p>(
         trials: &tables.trials,
         truth: truth.map(|truth| truth::compare(truth, tables)),
         scorecard: scores,
-        raw: relative(&config.paths.reports, &config.paths.raw),
-        derived: relative(&config.paths.reports, &config.paths.derived),
+        raw: relative(&input.paths.reports, &input.paths.raw),
+        derived: relative(&input.paths.reports, &input.paths.derived),
         input: tables.input.as_deref(),
-        configuration: config.configuration(),
+        configuration: input.configuration(),
     };
     fill("index.html", INDEX, &page).map_err(ReportError::Page)
 }

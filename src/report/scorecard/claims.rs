@@ -4,16 +4,15 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::formula::Formula;
-use super::paper::{Fitted, MotionSpec};
-use super::verdict::{Criterion, Found, Verdict};
+use super::paper::{MotionSpec, Values};
+use super::verdict::Criterion;
 
 /// Everything in the file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claims {
     /// Fitted values of Tables I and II by campaign.
-    pub fitted: BTreeMap<String, Fitted>,
+    pub fitted: BTreeMap<String, Values>,
     /// Motions that claims are about, by name.
     pub motion: BTreeMap<String, MotionSpec>,
     /// In the order in which they are shown.
@@ -42,32 +41,17 @@ pub struct Claim {
     /// Which number the verdict is about.
     #[serde(default, skip_serializing)]
     pub judged: Judged,
-    /// From the paper's own parameters.
+    /// From the paper's own parameters, by a formula ([`super::formula`]).
     #[serde(skip_serializing)]
-    pub computed: Option<Formula>,
+    pub computed: Option<String>,
     /// From the trials at hand.
     #[serde(skip_serializing)]
-    pub measured: Option<Formula>,
+    pub measured: Option<String>,
     #[serde(default, skip_serializing)]
     pub remark: String,
     /// More numbers for the remark.
     #[serde(default, skip_serializing)]
     pub also: Vec<Also>,
-}
-
-impl Claim {
-    /// The verdict by the number that the claim is about, and why there is none.
-    pub fn judge(&self, found: Option<&Found>) -> (Verdict, &'static str) {
-        let Some(found) = found else {
-            let lacking = self.measured.as_ref().map(Formula::lacking);
-            return (Verdict::NotTestable, lacking.unwrap_or_default());
-        };
-        match self.criterion.is_met(found, self.printed) {
-            Some(true) => (Verdict::Reproduced, ""),
-            Some(false) => (Verdict::Differs, ""),
-            None => (Verdict::NotTestable, "The fit has no confidence interval."),
-        }
-    }
 }
 
 /// The number that a verdict is about.
@@ -84,7 +68,7 @@ pub enum Judged {
 #[serde(deny_unknown_fields)]
 pub struct Also {
     pub text: String,
-    pub computed: Formula,
+    pub computed: String,
 }
 
 impl Claims {

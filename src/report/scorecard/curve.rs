@@ -1,40 +1,14 @@
-//! Steady motions over frequency, and what is read off such curves.
+//! Quantities over frequency, and what is read off them.
 
-use serde::Deserialize;
+use minijinja::Error;
+use minijinja::value::{Object, Value};
 
-use super::paper::Paper;
+use super::formula::{NO_TRIALS, missing, unknown};
+use super::verdict::Found;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Problem, REFERENCE_ACCURACY, Solver};
 use crate::robot::Robot;
 use crate::stats;
-
-/// First and last frequency and the step between, rad/s: the paper's range in half of the steps
-/// of its trials.
-const FROM_RAD_S: f64 = 0.5;
-const STEP_RAD_S: f64 = 0.25;
-const COUNT: usize = 23;
-
-/// What a claim is about, by unit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Quantity {
-    DMm,
-    VMmS,
-    /// Speed over frequency, mm.
-    VOverOmegaMm,
-    Sigma0,
-    Sigma1,
-    Sigma2,
-    /// RMS skid speed of the wheel that skids most over the mean forward speed, per cent.
-    SkidPercent,
-    Alpha1Deg,
-    /// Net rotation a cycle, without its sign.
-    TurnedDeg,
-    /// Largest Floquet multiplier.
-    Floquet,
-    /// Work of the actuators a metre.
-    WorkJM,
-}
 
 /// One steady motion.
 #[derive(Debug, Clone, Copy)]
@@ -60,116 +34,153 @@ impl Point {
         Some(Self { omega_rad_s: problem.omega_rad_s, metrics, floquet, work_j })
     }
 
-    pub fn get(&self, quantity: Quantity) -> f64 {
-        let metrics = &self.metrics;
-        match quantity {
-            Quantity::DMm => 1e3 * metrics.d_m,
-            Quantity::VMmS => 1e3 * metrics.v_m_s,
-            Quantity::VOverOmegaMm => 1e3 * metrics.v_m_s / self.omega_rad_s,
-            Quantity::Sigma0 => metrics.sigma[0],
-            Quantity::Sigma1 => metrics.sigma[1],
-            Quantity::Sigma2 => metrics.sigma[2],
-            Quantity::SkidPercent => {
-                let most = metrics.sigma.into_iter().fold(f64::NAN, f64::max);
-                // Undoes eq. 20; l is that of both tables.
-                100.0 * most * Robot::kinematic().l_m * self.omega_rad_s / metrics.v_m_s
+    /// What a claim is about.
+    ///
+    /// # Errors
+    /// There is no quantity of this name.
+    pub fn get(&self, quantity: &str) -> Result<f64, Error> {
+        let Self { omega_rad_s, metrics, .. } = self;
+        let largest_sigma = || metrics.sigma.into_iter().fold(f64::NAN, f64::max);
+        Ok(match quantity {
+            "d_mm" => 1e3 * metrics.d_m,
+            "v_mm_s" => 1e3 * metrics.v_m_s,
+            "v_over_omega_mm" => 1e3 * metrics.v_m_s / omega_rad_s,
+            "sigma0" => metrics.sigma[0],
+            "sigma1" => metrics.sigma[1],
+            "sigma2" => metrics.sigma[2],
+            "sigma_sum" => metrics.sigma.iter().sum(),
+            // RMS skid speed of the wheel that skids most over the mean forward speed: eq. 20
+            // undone; l is that of both tables.
+            "skid_percent" => {
+                100.0 * largest_sigma() * Robot::kinematic().l_m * omega_rad_s / metrics.v_m_s
             }
-            Quantity::Alpha1Deg => metrics.alpha1_rad.to_degrees(),
-            Quantity::TurnedDeg => metrics.dtheta_rad.abs().to_degrees(),
-            Quantity::Floquet => self.floquet,
-            Quantity::WorkJM => self.work_j / metrics.d_m,
-        }
+            "alpha1_deg" => metrics.alpha1_rad.to_degrees(),
+            // Net rotation a cycle, without its sign.
+            "turned_deg" => metrics.dtheta_rad.abs().to_degrees(),
+            // Largest Floquet multiplier.
+            "floquet" => self.floquet,
+            // Work of the actuators a metre.
+            "work_j_m" => self.work_j / metrics.d_m,
+            _ => return Err(unknown(quantity)),
+        })
     }
 }
 
-/// Solves for a motion of the paper at all frequencies, in their order.
-pub fn sweep(paper: &Paper, motion: &str) -> Vec<Point> {
-    let mut solver = Solver::default();
-    let omegas = (0..COUNT).map(|i| FROM_RAD_S + STEP_RAD_S * i as f64);
-    let problems = omegas.filter_map(|omega_rad_s| paper.problem(motion, omega_rad_s));
-    problems.filter_map(|problem| Point::solve(&mut solver, &problem)).collect()
+/// A quantity over frequency.
+#[derive(Debug)]
+pub struct Curve {
+    /// Frequencies, rad/s, in their order, and values; NaN where it is not known.
+    pub points: Vec<(f64, f64)>,
+    /// By trials, so that it scatters.
+    pub is_measured: bool,
 }
 
-/// Where a curve is largest.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Optimum {
-    pub omega_rad_s: f64,
-    /// Whether it lies between the ends of the curve.
-    pub is_inside: bool,
-}
+impl Object for Curve {}
 
-/// The highest local maximum between the ends, else the end that is higher; of a measured curve,
-/// which scatters, the highest point. `None` for a curve of less than three points.
-pub fn optimum(curve: &[Point], quantity: Quantity, is_measured: bool) -> Option<Optimum> {
-    let at = |i: &usize| curve[*i].get(quantity);
-    let last = curve.len().checked_sub(1).filter(|&last| last >= 2)?;
-    let is_peak = |i: &usize| is_measured || at(i) >= at(&(i - 1)) && at(i) > at(&(i + 1));
-    let candidates = if is_measured { 0..last + 1 } else { 1..last };
-    let peak = candidates.filter(is_peak).max_by(|i, j| at(i).total_cmp(&at(j)));
-    let highest = peak.unwrap_or(if at(&last) > at(&0) { last } else { 0 });
-    let is_inside = 0 < highest && highest < last;
-    let omega_rad_s = match is_inside && !is_measured {
-        true => vertex(curve, quantity, highest),
-        false => curve[highest].omega_rad_s,
-    };
-    Some(Optimum { omega_rad_s, is_inside })
-}
+impl Curve {
+    /// A quantity of motions that are in the order of their frequencies.
+    pub fn of(points: &[Point], quantity: &str, is_measured: bool) -> Result<Value, Error> {
+        let of = |point: &Point| Ok((point.omega_rad_s, point.get(quantity)?));
+        let points = points.iter().map(of).collect::<Result<_, Error>>()?;
+        Ok(Value::from_object(Self { points, is_measured }))
+    }
 
-/// The vertex of the parabola through a peak and its neighbours.
-fn vertex(curve: &[Point], quantity: Quantity, peak: usize) -> f64 {
-    let [before, here, after] =
-        [peak - 1, peak, peak + 1].map(|i| (curve[i].omega_rad_s, curve[i].get(quantity)));
-    let slope = |(x0, y0): (f64, f64), (x1, y1): (f64, f64)| (y1 - y0) / (x1 - x0);
-    let (left, right) = (slope(before, here), slope(here, after));
-    let second_difference = (right - left) / (after.0 - before.0);
-    0.5 * (before.0 + here.0) - left / (2.0 * second_difference)
-}
+    fn values(&self) -> impl Iterator<Item = f64> {
+        self.points.iter().map(|(_, value)| *value)
+    }
 
-/// The points of two curves at the frequencies at which both have all these quantities.
-pub fn common(
-    a: &[Point],
-    b: &[Point],
-    quantities: &[Quantity],
-) -> Option<(Vec<Point>, Vec<Point>)> {
-    let has = |point: &Point| quantities.iter().all(|quantity| point.get(*quantity).is_finite());
-    let pairs = a.iter().filter_map(|point| {
-        let other = b.iter().find(|other| other.omega_rad_s == point.omega_rad_s)?;
-        (has(point) && has(other)).then_some((*point, *other))
-    });
-    let (a, b): (Vec<Point>, Vec<Point>) = pairs.unzip();
-    (!a.is_empty()).then_some((a, b))
-}
+    /// Frequency of the highest local maximum between the ends, else of the end that is higher; of
+    /// a measured curve, which scatters, of the highest point. And whether it lies between the ends.
+    ///
+    /// # Errors
+    /// There are less than three points.
+    pub fn highest(&self) -> Result<(f64, bool), Error> {
+        let at = |i: &usize| self.points[*i].1;
+        let last = self.points.len().checked_sub(1).filter(|&last| last >= 2);
+        let last = last.ok_or_else(|| missing(NO_TRIALS))?;
+        let is_peak = |i: &usize| self.is_measured || at(i) >= at(&(i - 1)) && at(i) > at(&(i + 1));
+        let candidates = if self.is_measured { 0..last + 1 } else { 1..last };
+        let peak = candidates.filter(is_peak).max_by(|i, j| at(i).total_cmp(&at(j)));
+        let highest = peak.unwrap_or(if at(&last) > at(&0) { last } else { 0 });
+        let is_inside = 0 < highest && highest < last;
+        let omega_rad_s = match is_inside && !self.is_measured {
+            true => self.vertex(highest),
+            false => self.points[highest].0,
+        };
+        Ok((omega_rad_s, is_inside))
+    }
 
-/// Difference of the largest and the least value over the mean, in per cent; `None` for a curve
-/// of less than three points.
-pub fn spread_percent(curve: &[Point], quantity: Quantity) -> Option<f64> {
-    let values = || curve.iter().map(|point| point.get(quantity));
-    let (low, high) =
-        (values().fold(f64::INFINITY, f64::min), values().fold(-f64::INFINITY, f64::max));
-    (curve.len() >= 3).then(|| 100.0 * (high - low) / mean(curve, quantity))
-}
+    /// The vertex of the parabola through a peak and its neighbours.
+    fn vertex(&self, peak: usize) -> f64 {
+        let [before, here, after] = [peak - 1, peak, peak + 1].map(|i| self.points[i]);
+        let slope = |(x0, y0): (f64, f64), (x1, y1): (f64, f64)| (y1 - y0) / (x1 - x0);
+        let (left, right) = (slope(before, here), slope(here, after));
+        let second_difference = (right - left) / (after.0 - before.0);
+        0.5 * (before.0 + here.0) - left / (2.0 * second_difference)
+    }
 
-fn mean(curve: &[Point], quantity: Quantity) -> f64 {
-    stats::mean(curve.iter().map(|point| point.get(quantity)))
-}
+    /// Frequency at which a curve is largest, rad/s.
+    pub fn optimum(&self) -> Result<Value, Error> {
+        let (omega_rad_s, is_inside) = self.highest()?;
+        let at_end = "No maximum between the ends: largest at this one.";
+        let note = if is_inside { "" } else { at_end };
+        Ok(Value::from_object(Found::with_note(omega_rad_s, note)))
+    }
 
-/// Ratio of the sums of the means of some quantities.
-pub fn ratio_of_means(curve: &[Point], over: &[Point], quantities: &[Quantity]) -> f64 {
-    let sum = |curve: &[Point]| quantities.iter().map(|q| mean(curve, *q)).sum::<f64>();
-    sum(curve) / sum(over)
-}
+    /// Distance of two such frequencies.
+    pub fn optima_apart(&self, other: &Self) -> Result<Value, Error> {
+        let ((a, a_is_inside), (b, b_is_inside)) = (self.highest()?, other.highest()?);
+        let note = "One of them has no maximum between the ends of the sweep.";
+        Ok(Value::from_object(match a_is_inside && b_is_inside {
+            true => Found::new((a - b).abs()),
+            false => Found::with_note(f64::NAN, note),
+        }))
+    }
 
-/// Least ratio of two curves of the same frequencies.
-pub fn least_ratio(curve: &[Point], over: &[Point], quantity: Quantity) -> f64 {
-    let ratios = curve.iter().zip(over).map(|(a, b)| a.get(quantity) / b.get(quantity));
-    ratios.fold(f64::INFINITY, f64::min)
-}
+    /// Difference of the largest and the least value over the mean, in per cent; of three points at
+    /// least.
+    pub fn spread_percent(&self) -> Result<f64, Error> {
+        let [low, high] = stats::extremes(self.values());
+        match self.points.len() {
+            0..3 => Err(missing(NO_TRIALS)),
+            _ => Ok(100.0 * (high - low) / stats::mean(self.values())),
+        }
+    }
 
-/// Mean difference of two curves of the same frequencies from 4 rad/s on over that up to 2 rad/s.
-pub fn effect_high_over_low(curve: &[Point], over: &[Point], quantity: Quantity) -> f64 {
-    let effect = |is_in: fn(f64) -> bool| {
-        let pairs = curve.iter().zip(over).filter(|(point, _)| is_in(point.omega_rad_s));
-        stats::mean(pairs.map(|(a, b)| (a.get(quantity) - b.get(quantity)).abs()))
-    };
-    effect(|omega| omega >= 4.0) / effect(|omega| omega <= 2.0)
+    /// Its largest value.
+    pub fn largest(&self) -> f64 {
+        self.values().fold(f64::NAN, f64::max)
+    }
+
+    /// Frequencies and values of two curves where both have one.
+    fn common(&self, over: &Self) -> Result<Vec<(f64, f64, f64)>, Error> {
+        let pairs = self.points.iter().filter_map(|(omega_rad_s, value)| {
+            let (_, other) = over.points.iter().find(|(other, _)| other == omega_rad_s)?;
+            (value + other).is_finite().then_some((*omega_rad_s, *value, *other))
+        });
+        let pairs: Vec<_> = pairs.collect();
+        if pairs.is_empty() { Err(missing(NO_TRIALS)) } else { Ok(pairs) }
+    }
+
+    /// Ratio of the means over the frequencies of both.
+    pub fn mean_ratio(&self, over: &Self) -> Result<f64, Error> {
+        let pairs = self.common(over)?;
+        let mean = |value: fn(&(f64, f64, f64)) -> f64| stats::mean(pairs.iter().map(value));
+        Ok(mean(|pair| pair.1) / mean(|pair| pair.2))
+    }
+
+    /// Least ratio over the frequencies of both.
+    pub fn least_ratio(&self, over: &Self) -> Result<f64, Error> {
+        Ok(self.common(over)?.iter().map(|(_, a, b)| a / b).fold(f64::INFINITY, f64::min))
+    }
+
+    /// Mean difference of two curves from 4 rad/s on over that up to 2 rad/s.
+    pub fn effect_high_over_low(&self, over: &Self) -> Result<f64, Error> {
+        let pairs = self.common(over)?;
+        let effect = |is_in: fn(f64) -> bool| {
+            let pairs = pairs.iter().filter(|(omega, ..)| is_in(*omega));
+            stats::mean(pairs.map(|(_, a, b)| (a - b).abs()))
+        };
+        Ok(effect(|omega| omega >= 4.0) / effect(|omega| omega <= 2.0))
+    }
 }

@@ -1,7 +1,8 @@
 //! What happens within a steady cycle: forces, crossings of `phi1 = phi2`, phases.
 
-use serde::Deserialize;
+use minijinja::Error;
 
+use super::formula::{NO_MOTION, missing, unknown};
 use crate::motion::{FORCES_ACCURACY, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::robot::Parameter;
 use crate::stats::wrap;
@@ -15,42 +16,31 @@ const REFINED: usize = 11;
 const SAMPLES: usize = 180;
 
 /// What is read off a cycle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CycleQuantity {
-    /// How often a cycle crosses `phi1 = phi2`.
-    Crossings,
-    /// Largest `|phi1' + phi2'|` over `|phi1'| + |phi2'|` at the crossings (eq. 6).
-    CrossingRates,
-    /// Size of the phase between the joints, see [`lag_deg`].
-    LagDeg,
-    /// Of the ground's largest force on a wheel across it, see [`growth`].
-    ForceGrowth,
-    /// Of the largest of `x'`, `y'` and `h theta'`.
-    VelocityGrowth,
-    /// Number of coefficients of dissipation that the steady motion depends on.
-    DissipationCoefficients,
-}
-
-impl CycleQuantity {
-    /// `None` where there is no such motion, or it crosses nothing.
-    pub fn find(self, problem: &Problem) -> Option<f64> {
-        let crossings = || Some(crossings(&cycle(problem, SAMPLES)?));
-        match self {
-            Self::Crossings => Some(crossings()?.len() as f64),
-            Self::CrossingRates => {
-                let off = |[w1, w2]: [f64; 2]| (w1 + w2).abs() / (w1.abs() + w2.abs());
-                crossings()?.into_iter().map(off).max_by(f64::total_cmp)
-            }
-            Self::LagDeg => Some(lag_deg(problem)?.abs()),
-            Self::ForceGrowth => growth(problem, |sample| sample.forces.lateral_n),
-            Self::VelocityGrowth => growth(problem, |sample| {
-                let [x, y, turning, ..] = sample.rates;
-                [x, y, problem.robot.h_m * turning]
-            }),
-            Self::DissipationCoefficients => dissipation_coefficients(problem),
-        }
-    }
+///
+/// # Errors
+/// There is no such motion, it crosses nothing, or there is no quantity of this name.
+pub fn find(problem: &Problem, quantity: &str) -> Result<f64, Error> {
+    let found = match quantity {
+        // How often a cycle crosses `phi1 = phi2`.
+        "crossings" => crossings(problem).map(|rates| rates.len() as f64),
+        // Largest `|phi1' + phi2'|` over `|phi1'| + |phi2'|` at the crossings (eq. 6).
+        "crossing_rates" => crossings(problem).and_then(|rates| {
+            let off = |[w1, w2]: [f64; 2]| (w1 + w2).abs() / (w1.abs() + w2.abs());
+            rates.into_iter().map(off).max_by(f64::total_cmp)
+        }),
+        "lag_deg" => lag_deg(problem),
+        // Of the ground's largest force on a wheel across it.
+        "force_growth" => growth(problem, |sample| sample.forces.lateral_n),
+        // Of the largest of `x'`, `y'` and `h theta'`.
+        "velocity_growth" => growth(problem, |sample| {
+            let [x, y, turning, ..] = sample.rates;
+            [x, y, problem.robot.h_m * turning]
+        }),
+        // How many coefficients of dissipation the steady motion depends on.
+        "dissipation_coefficients" => dissipation_coefficients(problem),
+        _ => return Err(unknown(quantity)),
+    };
+    found.ok_or_else(|| missing(NO_MOTION))
 }
 
 fn cycle(problem: &Problem, samples: usize) -> Option<Vec<Sample>> {
@@ -73,7 +63,7 @@ fn growth(problem: &Problem, values: impl Fn(&Sample) -> [f64; 3]) -> Option<f64
 }
 
 /// Joint rates where `phi1 = phi2` is crossed in a cycle.
-fn crossings(samples: &[Sample]) -> Vec<[f64; 2]> {
+fn crossings(problem: &Problem) -> Option<Vec<[f64; 2]>> {
     let apart = |sample: &Sample| sample.phi_rad[0] - sample.phi_rad[1];
     let rates = |pair: &[Sample]| {
         let (from, to) = (apart(&pair[0]), apart(&pair[1]));
@@ -85,11 +75,11 @@ fn crossings(samples: &[Sample]) -> Vec<[f64; 2]> {
             })
         })
     };
-    samples.windows(2).filter_map(rates).collect()
+    Some(cycle(problem, SAMPLES)?.windows(2).filter_map(rates).collect())
 }
 
 /// Phase of the first harmonic of phi1 after that of phi2, degrees from -180 to 180.
-pub fn lag_deg(problem: &Problem) -> Option<f64> {
+fn lag_deg(problem: &Problem) -> Option<f64> {
     let samples = cycle(problem, SAMPLES)?;
     let phase = |joint: usize| {
         let (mut cosine, mut sine) = (0.0, 0.0);

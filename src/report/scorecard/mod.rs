@@ -28,6 +28,9 @@ mod tests;
 mod trials;
 mod verdict;
 
+use std::sync::Arc;
+
+use minijinja::ErrorKind;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -36,13 +39,14 @@ use super::numbers::{interval, significant};
 use super::tables::Tables;
 use crate::config::SigmaKind;
 use claims::{Claim, Claims, Judged};
-use formula::Sources;
+use formula::{Formulas, NO_MOTION};
 use paper::Paper;
+use trials::Trials;
 use verdict::{Found, Verdict};
 
 /// One line of the scorecard. A number that there is not, or that has no bound, is null.
 #[derive(Debug, Serialize)]
-pub struct Entry {
+pub struct JudgedClaim {
     #[serde(flatten)]
     pub claim: Claim,
     pub judged_by: Option<Judged>,
@@ -61,33 +65,51 @@ pub struct Entry {
 /// # Errors
 /// The claims that come with the program cannot be read.
 pub fn scorecard(
-    tables: &Tables,
+    tables: Arc<Tables>,
     sigma: SigmaKind,
     is_synthetic: bool,
-) -> Result<Vec<Entry>, ReportError> {
+) -> Result<Vec<JudgedClaim>, ReportError> {
     let Claims { fitted, motion, claim } = Claims::load().map_err(ReportError::Claims)?;
-    let sources = Sources::new(Paper::new(fitted, motion), tables, sigma);
-    Ok(claim.into_par_iter().map(|claim| entry(claim, &sources, is_synthetic)).collect())
+    let formulas = Formulas::new(Paper::new(fitted, motion), Trials { tables, sigma });
+    Ok(claim.into_par_iter().map(|claim| judge(claim, &formulas, is_synthetic)).collect())
 }
 
-fn entry(claim: Claim, sources: &Sources<'_>, is_synthetic: bool) -> Entry {
-    let no_motion = || Found::with_note(f64::NAN, "There is no such motion.");
+fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
+    let no_motion = |_| Found::with_note(f64::NAN, NO_MOTION);
     let computed = claim.computed.as_ref();
-    let computed = computed.map(|formula| formula.find(sources).unwrap_or_else(no_motion));
-    let measured = claim.measured.as_ref().and_then(|formula| formula.find(sources));
-    // An optimum that is none is an answer, a measurement without a number is not.
-    let measured = measured.filter(|found| found.value.is_finite() || !found.note.is_empty());
-    let judged = match claim.judged {
-        Judged::Computed => &computed,
-        Judged::Measured => &measured,
+    let computed = computed.map(|formula| formulas.find(formula).unwrap_or_else(no_motion));
+    let mut sentences = Vec::new();
+    let measured = claim.measured.as_ref().map(|formula| formulas.find(formula));
+    let judged = match (claim.judged, &measured) {
+        (Judged::Computed, _) => computed.as_ref(),
+        (Judged::Measured, Some(Ok(found))) => Some(found),
+        (Judged::Measured, Some(Err(error))) => {
+            let is_missing = error.kind() == ErrorKind::UndefinedError;
+            let reason = error.detail().filter(|_| is_missing);
+            sentences.push(reason.unwrap_or("The tables give it no value.").to_owned());
+            None
+        }
+        (Judged::Measured, None) => None,
     };
-    let (verdict, reason) = claim.judge(judged.as_ref());
-    let judged = judged.as_ref().filter(|_| verdict != Verdict::NotTestable);
+    let verdict = match judged.map(|found| claim.criterion.is_met(found, claim.printed)) {
+        Some(Some(true)) => Verdict::Reproduced,
+        Some(Some(false)) => Verdict::Differs,
+        Some(None) => {
+            sentences.push("The fit has no confidence interval.".to_owned());
+            Verdict::NotTestable
+        }
+        None => Verdict::NotTestable,
+    };
+    let judged = judged.filter(|_| verdict != Verdict::NotTestable);
 
-    let mut sentences = vec![reason.to_owned(), claim.remark.clone()];
-    sentences.extend(judged.map(note));
+    sentences.push(claim.remark.clone());
+    // Beside the verdict, what there is to say of the number.
+    sentences.extend(judged.map(|found| match found.limits {
+        Some(limits) => format!("95 % interval {}.", interval(limits, 4)),
+        None => found.note.to_owned(),
+    }));
     sentences.extend(claim.also.iter().map(|also| {
-        let value = also.computed.find(sources).map_or(f64::NAN, |found| found.value);
+        let value = formulas.find(&also.computed).map_or(f64::NAN, |found| found.value);
         also.text.replace("{}", &significant(value, 6))
     }));
     if is_synthetic && judged.is_some() && claim.judged == Judged::Measured {
@@ -96,24 +118,16 @@ fn entry(claim: Claim, sources: &Sources<'_>, is_synthetic: bool) -> Entry {
     sentences.retain(|sentence| !sentence.is_empty());
 
     let finite = |value: &f64| value.is_finite();
-    let number = |found: Option<Found>| found.map(|found| found.value).filter(finite);
+    let number = |found: &Found| Some(found.value).filter(finite);
     let printed = claim.printed.filter(|printed| *printed != 0.0);
     let difference = judged.zip(printed).map(|(found, printed)| found.value / printed - 1.0);
-    Entry {
+    JudgedClaim {
         judged_by: judged.map(|_| claim.judged),
         relative_difference: difference.filter(finite),
-        computed: number(computed),
-        measured: number(measured),
+        computed: computed.as_ref().and_then(number),
+        measured: measured.as_ref().and_then(|found| number(found.as_ref().ok()?)),
         verdict,
         remark: sentences.join(" "),
         claim,
-    }
-}
-
-/// A sentence on a number, beside the verdict.
-fn note(found: &Found) -> String {
-    match found.limits {
-        Some(limits) => format!("95 % interval {}.", interval(limits, 4)),
-        None => found.note.clone(),
     }
 }

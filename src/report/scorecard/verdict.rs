@@ -18,22 +18,22 @@ pub enum Verdict {
 }
 
 /// A number, and what is to be said of it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
     /// NaN where there is none: no such motion, no optimum.
     pub value: f64,
     /// 95 % confidence limits of a fitted value; NaN where the interval is open.
     pub limits: Option<[f64; 2]>,
-    pub note: String,
+    pub note: &'static str,
 }
 
 impl Found {
     pub fn new(value: f64) -> Self {
-        Self { value, limits: None, note: String::new() }
+        Self::with_note(value, "")
     }
 
-    pub fn with_note(value: f64, note: &str) -> Self {
-        Self { note: note.to_owned(), ..Self::new(value) }
+    pub fn with_note(value: f64, note: &'static str) -> Self {
+        Self { value, limits: None, note }
     }
 }
 
