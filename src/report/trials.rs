@@ -98,7 +98,10 @@ pub fn write(
                 TrialStatus::Failed => None,
                 _ => Recording::read(&input.paths.derived, &trial.trial).ok(),
             };
-            let html = html(trial, tables, recording.as_ref(), input)?;
+            let of_trial = |recording| figures::trial::figures(trial, recording, input);
+            let figures = recording.as_ref().map_or(Vec::new(), of_trial);
+            let images = figures.iter().map(Image::draw).collect::<Result<Vec<_>, _>>()?;
+            let html = page::trial_html(trial, tables, recording.as_ref(), &images)?;
             Ok((name.clone(), write_if_changed(&folder.join(file), html.as_bytes())?))
         };
         (!kept.contains(&name)).then(write)
@@ -106,18 +109,6 @@ pub fn write(
     let written = written.collect::<Result<_, ReportError>>()?;
     remove_others(&folder, pages)?;
     Ok(written)
-}
-
-fn html(
-    trial: &TrialRow,
-    tables: &Tables,
-    recording: Option<&Recording>,
-    input: &ReportInput,
-) -> Result<String, ReportError> {
-    let figures =
-        recording.map_or(Vec::new(), |recording| figures::trial::figures(trial, recording, input));
-    let images = figures.iter().map(Image::draw).collect::<Result<Vec<_>, _>>()?;
-    page::trial_html(trial, tables, recording, &images)
 }
 
 fn remove_others(folder: &Path, pages: &TrialPages) -> Result<(), ReportError> {

@@ -11,11 +11,8 @@ use super::axis::Axis;
 use super::figure::{Layer, Point};
 use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, RIGHT, TOP};
 use super::legend::{self, Area, Drawn, draw_marker, draw_path};
+use super::polyline;
 use super::style::{self, Dash, Look, Shape, stroke, units};
-use super::{polyline, text};
-
-/// A panel of the drawing, with the coordinates of its axes.
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 
 const TICK: f64 = 4.0;
 const LINK_WIDTH: f64 = 4.0;
@@ -38,8 +35,8 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
         .shrink((units(cell.left), units(cell.top)), (units(cell.width), units(cell.height())));
     let (panel, right) = (cell.panel, cell.width - RIGHT);
     let write = |label: &str, align: HPos, x: f64, baseline: f64| {
-        let at = (units(x), units(baseline - text::ASCENT));
-        area.draw_text(label, &text::style(align), at)
+        let at = (units(x), units(baseline - style::ASCENT));
+        area.draw_text(label, &style::text_style(align), at)
     };
     write(&cell.title, HPos::Left, LEFT, TOP - 8.0)?;
     write(&panel.beyond, HPos::Right, right, TOP - 8.0)?;
@@ -63,14 +60,14 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     frame.draw_mesh(&panel.x_label, &panel.y_label)?;
     others.into_iter().try_for_each(|layer| frame.draw(layer))?;
     for (note, row) in panel.notes.iter().zip(1..) {
-        write(note, HPos::Right, right - 7.0, TOP + f64::from(row) * 1.3 * text::EM + 2.0)?;
+        write(note, HPos::Right, right - 7.0, TOP + f64::from(row) * 1.3 * style::EM + 2.0)?;
     }
     Ok(())
 }
 
 /// A panel's frame; lengths and positions are in the axes' coordinates.
 struct Frame<'c, 'a, 'b> {
-    chart: &'c mut Chart<'a, 'b>,
+    chart: &'c mut ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>,
     x: Axis,
     y: Axis,
     /// Width and height of a pixel.
@@ -85,9 +82,9 @@ impl Frame<'_, '_, '_> {
             .light_line_style(TRANSPARENT)
             .bold_line_style(stroke(style::GRID, style::FRAME_WIDTH))
             .axis_style(ink)
-            .label_style(text::style(HPos::Center))
+            .label_style(style::text_style(HPos::Center))
             // Plotters centres text by half the height of an x.
-            .y_label_offset(units(0.1 * text::EM))
+            .y_label_offset(units(0.1 * style::EM))
             .set_all_tick_mark_size(units(TICK))
             .x_desc(x_label)
             .y_desc(y_label)

@@ -4,8 +4,8 @@ use plotters::coord::ranged1d::ValueFormatter;
 
 use super::axis::{Axis, Range, Scale};
 use super::figure::{Figure, Layout, Panel};
-use super::style::{WIDE, WIDTH};
-use super::{legend, text};
+use super::legend;
+use super::style::{self, WIDE, WIDTH};
 
 /// Room around a panel's frame for its title, ticks and labels, px.
 pub const LEFT: f64 = 66.0;
@@ -121,7 +121,7 @@ impl<'f> Grid<'f> {
 /// Whether a panel's title leaves room for a legend of its own, which panels above one another
 /// have if they show different things.
 fn has_room_for_legend(panel: &Panel) -> bool {
-    let taken = text::width(&panel.title) + 30.0 + legend::row_width(&panel.samples());
+    let taken = style::text_width(&panel.title) + 30.0 + legend::row_width(&panel.samples());
     panel.beyond.is_empty() && taken < WIDTH - LEFT - RIGHT
 }
 
@@ -142,12 +142,12 @@ fn axes(panel: &Panel, xs: &[f64], width: f64, height: f64) -> (Axis, Axis) {
         Axis::equalise(&mut x, &mut y, width, height);
     }
     let widest = |axis: &Axis| {
-        axis.ticks.iter().map(|tick| text::width(&axis.format_ext(tick))).fold(0.0, f64::max)
+        axis.ticks.iter().map(|tick| style::text_width(&axis.format_ext(tick))).fold(0.0, f64::max)
     };
     let have_room = |x: &Axis| {
         let apart = x.ticks.windows(2).map(|pair| pair[1] - pair[0]);
         let apart = apart.fold(f64::INFINITY, f64::min) / x.range.span() * width;
-        apart > widest(x) + 0.6 * text::EM
+        apart > widest(x) + 0.6 * style::EM
     };
     x.set_ticks(((width / 45.0) as usize).max(3) + 1, have_room);
     y.set_ticks((height / 28.0) as usize + 1, |y| y.ticks.len() <= 2 || widest(y) <= TICK_LABELS);

@@ -11,7 +11,6 @@ use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::figure::Sample;
 use super::style::{self, Dash, Look, Shape, units};
-use super::text;
 
 /// A part of the drawing, with coordinates in the backend's units from its upper left corner.
 pub type Area<'b> = DrawingArea<SVGBackend<'b>, Shift>;
@@ -33,7 +32,7 @@ pub struct Entry {
 }
 
 fn width(sample: &Sample) -> f64 {
-    SAMPLE + SAMPLE_GAP + text::width(&sample.label)
+    SAMPLE + SAMPLE_GAP + style::text_width(&sample.label)
 }
 
 /// Width of all samples in a row, px.
@@ -64,7 +63,7 @@ pub fn lay_out(mut samples: Vec<Sample>, left: f64, right: f64) -> Vec<Entry> {
 /// The text, or as much of it as fits.
 fn shorten(label: &str, room: f64) -> String {
     let (mut short, mut left) = (label.to_owned(), label.chars());
-    while text::width(&short) > room && left.next_back().is_some() {
+    while style::text_width(&short) > room && left.next_back().is_some() {
         short = format!("{}…", left.as_str());
     }
     short
@@ -92,8 +91,8 @@ pub fn draw(Entry { sample, x, row }: &Entry, top: f64, area: &Area<'_>) -> Draw
         Look::Spans(colour) => draw_marker(area, at, (colour, Shape::Square, true))?,
         _ => {}
     }
-    let (x, y) = (x + SAMPLE + SAMPLE_GAP, y + 0.36 * text::EM - text::ASCENT);
-    area.draw_text(&sample.label, &text::style(HPos::Left), (units(x), units(y)))
+    let (x, y) = (x + SAMPLE + SAMPLE_GAP, y + 0.36 * style::EM - style::ASCENT);
+    area.draw_text(&sample.label, &style::text_style(HPos::Left), (units(x), units(y)))
 }
 
 /// Draws a line.

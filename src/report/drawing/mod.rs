@@ -8,7 +8,6 @@ mod legend;
 mod polyline;
 mod render;
 pub mod style;
-mod text;
 
 pub use axis::{Range, Scale};
 pub use figure::{Figure, Layer, Layout, Panel, Point};

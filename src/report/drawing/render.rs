@@ -8,10 +8,10 @@ use plotters::prelude::{IntoDrawingArea, SVGBackend};
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
 
+use super::draw;
 use super::figure::Figure;
 use super::grid::Grid;
-use super::style::units;
-use super::{draw, text};
+use super::style::{self, units};
 use crate::report::ReportError;
 
 /// Pixels of the PNG per px of the figure: 1380 across, 394 dots per inch in a column.
@@ -36,7 +36,7 @@ pub fn svg(figure: &Figure) -> Result<String, ReportError> {
     let backend = SVGBackend::with_string(&mut drawing, (fine_width as u32, fine_height as u32));
     draw::draw(grid, &backend.into_drawing_area()).map_err(|error| draw_error(figure, error))?;
     let body = drawing.split_once('\n').map_or("", |(_, body)| body);
-    let font = BASE64.encode(text::ROBOTO);
+    let font = BASE64.encode(style::ROBOTO);
     Ok(format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
          viewBox=\"0 0 {fine_width} {fine_height}\">\n\
@@ -61,7 +61,7 @@ fn rasterise(svg: &str) -> Result<Vec<u8>, String> {
     /// The font of the figures and no other, so that the machine's do not matter.
     static FONTS: LazyLock<Arc<usvg::fontdb::Database>> = LazyLock::new(|| {
         let mut fonts = usvg::fontdb::Database::new();
-        fonts.load_font_source(usvg::fontdb::Source::Binary(Arc::new(text::ROBOTO)));
+        fonts.load_font_source(usvg::fontdb::Source::Binary(Arc::new(style::ROBOTO)));
         Arc::new(fonts)
     });
     let options = usvg::Options { fontdb: Arc::clone(&FONTS), ..usvg::Options::default() };
@@ -94,7 +94,7 @@ mod tests {
             let text = format!(
                 "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"20\">\
                  <text y=\"15\" font-family=\"{}\">{sign}</text></svg>",
-                text::FAMILY
+                style::FAMILY
             );
             rasterise(&text).expect("draws")
         };

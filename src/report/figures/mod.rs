@@ -6,11 +6,9 @@ mod frequency;
 mod recovered;
 mod release;
 mod residuals;
-mod skidding;
-mod steady_passive;
+mod simulations;
 mod tracking;
 pub mod trial;
-mod wheels;
 mod work;
 
 use std::collections::BTreeSet;
@@ -120,8 +118,8 @@ fn of_the_paper(
 ) {
     let source = tables.source(config);
     found.missing.extend(missing_of_the_paper(source, configured));
-    found.add(steady_passive::figures(config));
-    found.add(skidding::figure(config).map(Some));
+    found.add(simulations::steady_passive(config));
+    found.add(simulations::skidding(config).map(Some));
     found.add(release(tables, config).map(Some));
     tracked("fig09", SKEWED, source, config, found);
     found.figures.push(frequency::measured("fig10", SKEWED, Quantity::Speed, source));
@@ -172,7 +170,7 @@ fn tracked(
             .ok_or_else(|| format!("trial {} has no used cycle", trial.trial))?;
         found.figures.push(figure);
         if campaign == SYMMETRIC {
-            found.figures.extend(wheels::figure("fig12", trial, &recording));
+            found.figures.extend(tracking::wheels("fig12", trial, &recording));
         }
         Ok::<_, String>(())
     };
@@ -224,11 +222,10 @@ pub fn rank(campaign: &str) -> (usize, &str) {
 
 /// Campaigns that have measurements, in the paper's order and then by name.
 fn campaigns_of(source: Source<'_>) -> Vec<&str> {
-    let names: BTreeSet<&str> = source.trials.iter().map(|trial| trial.campaign.as_str()).collect();
-    let mut names: Vec<&str> =
-        names.into_iter().filter(|campaign| source.has_measurements(campaign)).collect();
-    names.sort_by_key(|name| rank(name));
-    names
+    let campaigns = source.trials.iter().map(|trial| rank(&trial.campaign));
+    let ranked: BTreeSet<(usize, &str)> = campaigns.collect();
+    let names = ranked.into_iter().map(|(_, name)| name);
+    names.filter(|campaign| source.has_measurements(campaign)).collect()
 }
 
 /// The name of a campaign or trial as a file name; a number keeps two that look alike apart.
@@ -236,13 +233,9 @@ pub fn file_name(name: &str, taken: &mut BTreeSet<String>) -> String {
     let safe = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
     let base: String = name.chars().map(safe).collect();
     let base = if base.starts_with('.') { format!("_{base}") } else { base };
-    let mut name = base.clone();
-    let mut number = 2;
-    while !taken.insert(name.to_lowercase()) {
-        name = format!("{base}-{number}");
-        number += 1;
-    }
-    name
+    let numbered = (2..).map(|number| format!("{base}-{number}"));
+    let mut names = [base.clone()].into_iter().chain(numbered);
+    names.find(|name| taken.insert(name.to_lowercase())).unwrap_or(base)
 }
 
 /// `Fig. 16` for `fig16`, nothing for figures that the paper does not have.

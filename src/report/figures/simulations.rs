@@ -1,11 +1,11 @@
-//! Figs. 3, 4 and 5: the semi-passive robot without skid, simulated.
+//! Figs. 3 to 6: the semi-passive robot without skid and the kinematic one that skids, simulated.
 
 use rayon::prelude::*;
 
-use super::SEMI_PASSIVE;
 use super::common::{
     DEG, FREQUENCY, gait, lines, links, links_at_start, map, over_time, shape, time_course, travel,
 };
+use super::{SEMI_PASSIVE, SYMMETRIC};
 use crate::metrics::GaitMetrics;
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::report::ReportInput;
@@ -15,6 +15,8 @@ use crate::report::series::{Description, Quantity};
 use crate::report::simulated::{self, SAMPLES, Steady};
 
 const OMEGA_RAD_S: f64 = 4.0;
+/// The model of the robot that skids.
+const SKIDDING: Model = Model::SkidRoll;
 /// Cycles that are shown of the steady motion.
 const CYCLES: usize = 2;
 const PATH_CYCLES: usize = 3;
@@ -24,8 +26,8 @@ const MOST_FROM_REST: usize = 40;
 const SWEEP: (f64, f64, usize) = (0.5, 8.0, 61);
 const NO_SKID: Look = looks::model_line(Model::NoSkid);
 
-/// The figures, or a sentence on why there are none.
-pub fn figures(config: &ReportInput) -> Result<Vec<Figure>, String> {
+/// Figs. 3, 4 and 5, or a sentence on why there are none.
+pub fn steady_passive(config: &ReportInput) -> Result<Vec<Figure>, String> {
     let of = |omega_rad_s| simulated::configured(config, SEMI_PASSIVE, Model::NoSkid, omega_rad_s);
     let problem = of(OMEGA_RAD_S).ok_or_else(|| {
         format!("Figs. 3 to 5 are not drawn, because campaign {SEMI_PASSIVE} is not configured.")
@@ -67,6 +69,43 @@ fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
             time_course("Constraint forces", "Force (N)", forces),
         ],
     )
+}
+
+/// Fig. 6: the kinematic robot that skids, or a sentence on why there is none.
+pub fn skidding(config: &ReportInput) -> Result<Figure, String> {
+    let none = |why: String| format!("Fig. 6 is not drawn, because {why}.");
+    let problem = simulated::configured(config, SYMMETRIC, SKIDDING, OMEGA_RAD_S)
+        .ok_or_else(|| none(format!("campaign {SYMMETRIC} is not configured")))?;
+    let Steady { metrics, cycle, .. } = simulated::steady(&problem)
+        .map_err(|error| none(format!("there is no motion at {OMEGA_RAD_S} rad/s: {error}")))?;
+    let wheels = |of: fn(&Sample, usize) -> f64| {
+        lines(["wheel 0", "wheel 1", "wheel 2"], |i| over_time(&cycle, 1, |sample| of(sample, i)))
+    };
+    let joints =
+        lines(["φ₁", "φ₂"], |i| over_time(&cycle, 1, |sample| DEG * sample.phi_rad[i]));
+    let most_n = |of: fn(&Sample) -> [f64; 3]| {
+        cycle.iter().flat_map(of).fold(0.0, |most: f64, force| most.max(force.abs()))
+    };
+    let forces = wheels(|sample, i| sample.forces.lateral_n[i]);
+    let skid = wheels(|sample, i| 1e3 * sample.skid_m_s[i]);
+    Ok(Figure::new(
+        "fig06",
+        format!("Simulated motion of campaign {SYMMETRIC}, {SKIDDING}, {OMEGA_RAD_S} rad/s"),
+        format!(
+            "With the robot's configured coefficients, in steady motion; mean forward speed {:.1} \
+             mm/s. Wheels 0, 1, 2: middle, front, rear. The forces are those across the wheels; \
+             along them roll resistance stays below {:.2} N.",
+            1e3 * metrics.v_m_s,
+            most_n(|sample| sample.forces.roll_n),
+        ),
+        &[SYMMETRIC],
+        Layout::Stack,
+        vec![
+            time_course("Joint angles", "Angle (deg)", joints),
+            time_course("Ground forces", "Force (N)", forces),
+            time_course("Skid speeds", "Skid speed (mm/s)", skid),
+        ],
+    ))
 }
 
 /// Where a line crosses zero.
