@@ -76,6 +76,34 @@ named! {
     }
 }
 
+impl Check {
+    /// How many times its limit the value of a check may be before nothing that follows from the
+    /// recording can be believed: then the trial fails. `None` of checks beyond whose limit the
+    /// numbers are less certain, but still the trial's.
+    pub fn fails_beyond(self) -> Option<f64> {
+        match self {
+            // Markers 5 mm off the configured layout, if the limit is the default of 0.5 mm.
+            Self::Residual => Some(10.0),
+            // 8 %: near the end of what is searched for the gait.
+            Self::Frequency => Some(4.0),
+            // 20 degrees: an offset, a sign or a phase that is not the configured one.
+            Self::Gait => Some(2.0),
+            // Four fifths and half of all frames.
+            Self::JumpedMarker | Self::SwappedLabels => Some(40.0),
+            Self::AmbiguousMarkers => Some(50.0),
+            // A fifth of the first swing.
+            Self::HeldLinks => Some(10.0),
+            // 20 degrees.
+            Self::Straight => Some(4.0),
+            // 10 degrees, of which a layout without its heights makes more.
+            Self::Tilt => Some(20.0),
+            // 10 mm.
+            Self::JointPositions => Some(12.5),
+            _ => None,
+        }
+    }
+}
+
 /// What a check found.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Finding {
@@ -86,19 +114,28 @@ pub(super) struct Finding {
     pub message: String,
 }
 
-/// Code, name and message.
+/// Code, name and message, and why it fails the trial if it does.
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        write!(f, "{}: {}", self.check, self.message)
+        write!(f, "{}: {}", self.check, self.message)?;
+        match self.severity {
+            Severity::Error => {
+                write!(f, " (found {:.3}, needed at most {})", self.value, self.limit)
+            }
+            _ => Ok(()),
+        }
     }
 }
 
 impl Finding {
+    /// A value beyond the limit that fails a trial is given with that limit.
     pub fn new(check: Check, holds: bool, value: f64, limit: f64, message: String) -> Self {
-        let severity = match (holds, check) {
-            (true, _) => Severity::Ok,
-            (false, Check::Failed) => Severity::Error,
-            (false, _) => Severity::Warning,
+        let most = check.fails_beyond().map(|times| times * limit).filter(|most| value > *most);
+        let (severity, limit) = match (holds, most) {
+            (true, _) => (Severity::Ok, limit),
+            (false, Some(most)) => (Severity::Error, most),
+            (false, None) if check == Check::Failed => (Severity::Error, limit),
+            (false, None) => (Severity::Warning, limit),
         };
         Self { check, severity, value, limit, message }
     }

@@ -26,6 +26,9 @@ pub enum TrialFailure {
 /// What is wrong with a recording that can be read.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
+    /// What the checks say that are beyond what a trial can have.
+    #[error("{checks}")]
+    BeyondLimits { checks: String },
     #[error("found a frame rate of {} Hz, needed {} Hz as vicon.rate_hz says (or set vicon.rate_from_file = true)", .found_hz, .needed_hz)]
     Rate { found_hz: f64, needed_hz: f64 },
     #[error(

@@ -8,7 +8,7 @@ use std::thread;
 
 use rayon::prelude::*;
 
-use super::{IngestError, IngestInput, Ingested, ProcessedTrial, TrialFailure, failed, process};
+use super::{IngestError, IngestInput, Ingested, Known, ProcessedTrial, TrialFailure, process};
 use crate::store::{
     Columns as _, CycleRow, PendingFile, Provenance, Stamp, StoreError, Table, TrialRow,
     cycles_path, is_own_table, poses_path, table_set, wheels_path,
@@ -91,7 +91,7 @@ fn ingest_trial(
 ) -> Result<(IngestedTrial, Vec<PathBuf>), StoreError> {
     let (trial, input) = entry;
     let path = folder.join(&trial.file);
-    let (mut findings, mut marker_file, mut paths) = (Vec::new(), None, Vec::new());
+    let (mut known, mut marker_file, mut paths) = (Known::new(trial), None, Vec::new());
     // The entry is checked first: its file name might point out of the folder.
     let input = input.as_ref().map_err(|error| TrialFailure::from(error.clone()));
     let processed = input.and_then(|input| {
@@ -103,11 +103,11 @@ fn ingest_trial(
             (Ok(file), Err(_)) => Ok(Stamp::of_content(file)),
             (Err(_), _) => Stamp::read(&path),
         });
-        process(&path, &file?, trial, input, &mut findings)
+        process(&path, &file?, trial, input, &mut known)
     });
     let (row, checks, parameters) = match processed {
         Err(failure) => {
-            let (row, checks) = failed(trial, &failure, &findings);
+            let (row, checks) = known.failed(&failure);
             (row, checks, None)
         }
         Ok(ProcessedTrial { row, checks, parameters, cycles, poses, wheels }) => {

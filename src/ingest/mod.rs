@@ -47,8 +47,9 @@ pub use input::{IngestInput, IngestSettings};
 pub use survey::{FileSurvey, Gaps, MarkerCoverage, Recording, survey};
 
 use crate::config::{Config, Smoothing};
+use crate::metrics::{Estimate, GaitMetrics};
 use crate::robot::Gait;
-use crate::store::{CheckRow, CycleRow, RobotParameterRow, Table, TrialRow, TrialStatus};
+use crate::store::{CheckRow, CycleRow, RobotParameterRow, Severity, Table, TrialRow, TrialStatus};
 use crate::trial::{Trial, TrialKind};
 use crate::vicon::{self, MarkerFile};
 use checks::Finding;
@@ -114,15 +115,46 @@ pub fn process_trial(
     trial: &Trial,
     config: &Config,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    process_file(folder, trial, config, &mut Vec::new())
+    process_file(folder, trial, config, &mut Known::new(trial))
 }
 
 /// One trial of a folder with its checks. Writes nothing.
 pub fn check_trial(folder: &Path, trial: &Trial, config: &Config) -> (TrialRow, Vec<CheckRow>) {
-    let mut findings = Vec::new();
-    match process_file(folder, trial, config, &mut findings) {
+    let mut known = Known::new(trial);
+    match process_file(folder, trial, config, &mut known) {
         Ok(processed) => (processed.row, processed.checks),
-        Err(failure) => failed(trial, &failure, &findings),
+        Err(failure) => known.failed(&failure),
+    }
+}
+
+/// What is known of a trial, also of one that fails later on.
+struct Known {
+    row: TrialRow,
+    findings: Vec<Finding>,
+}
+
+impl Known {
+    fn new(trial: &Trial) -> Self {
+        Self { row: summary::blank_row(trial), findings: Vec::new() }
+    }
+
+    /// The row of a trial that fails, without metrics but with all else that was measured, and its
+    /// checks: the reason, and those that were made before it.
+    fn failed(self, failure: &TrialFailure) -> (TrialRow, Vec<CheckRow>) {
+        let message = failure.to_string();
+        let reason = Finding::new(Check::Failed, false, f64::NAN, f64::NAN, message.clone());
+        let findings = std::iter::once(&reason).chain(&self.findings);
+        let checks = findings.map(|finding| finding.row(&self.row.trial)).collect();
+        let row = TrialRow {
+            cycles: 0,
+            metrics: GaitMetrics::MISSING,
+            metrics_se: GaitMetrics::MISSING,
+            sigma_debiased: [Estimate::MISSING; 3],
+            status: TrialStatus::Failed,
+            message,
+            ..self.row
+        };
+        (row, checks)
     }
 }
 
@@ -130,37 +162,32 @@ fn process_file(
     folder: &Path,
     trial: &Trial,
     config: &Config,
-    findings: &mut Vec<Finding>,
+    known: &mut Known,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let input = IngestInput::new(config, trial)?;
     let path = folder.join(&trial.file);
-    process(&path, &vicon::read_file(&path)?, trial, &input, findings)
+    process(&path, &vicon::read_file(&path)?, trial, &input, known)
 }
 
-/// A trial that gives no numbers; its checks are the reason and those that were made before it.
-fn failed(
-    trial: &Trial,
-    failure: &TrialFailure,
-    findings: &[Finding],
-) -> (TrialRow, Vec<CheckRow>) {
-    let message = failure.to_string();
-    let reason = Finding::new(Check::Failed, false, f64::NAN, f64::NAN, message.clone());
-    let checks = std::iter::once(&reason).chain(findings).map(|finding| finding.row(&trial.id));
-    (TrialRow { message, ..summary::blank_row(trial) }, checks.collect())
-}
-
-/// The stage itself, from a marker file's bytes to a trial's tables. What the checks find is
-/// added to `findings`, also if the trial then fails.
+/// The stage itself, from a marker file's bytes to a trial's tables. What is found on the way is
+/// added to what is `known`. A check that is beyond what a trial can have is the reason for a
+/// failure before anything that follows from it.
 fn process(
     path: &Path,
     bytes: &[u8],
     trial: &Trial,
     input: &IngestInput,
-    findings: &mut Vec<Finding>,
+    known: &mut Known,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let ignore = &input.settings.vicon.ignore;
     let file = vicon::parse_markers(path, bytes)?.without(ignore);
-    process_recording(&file, trial, input, findings).map_err(|problem| problem.of(path))
+    let processed = process_recording(&file, trial, input, known);
+    let beyond = known.findings.iter().filter(|finding| finding.severity == Severity::Error);
+    let beyond: Vec<String> = beyond.map(Finding::to_string).collect();
+    match beyond.is_empty() {
+        true => processed.map_err(|problem| problem.of(path)),
+        false => Err(Problem::BeyondLimits { checks: beyond.join("; ") }.of(path)),
+    }
 }
 
 /// [`process`] of the markers of a trial.
@@ -168,7 +195,7 @@ fn process_recording(
     file: &MarkerFile,
     trial: &Trial,
     input: &IngestInput,
-    findings: &mut Vec<Finding>,
+    Known { row, findings }: &mut Known,
 ) -> Result<ProcessedTrial, Problem> {
     let (robot, gait, settings) = (&input.robot(), input.command(trial), &input.settings);
     let IngestSettings { ingest, markers, .. } = settings;
@@ -177,9 +204,8 @@ fn process_recording(
     let linkage = Some(Linkage::of(robot));
     let max_gap = settings.max_gap_frames(rate_hz);
     let tracked = poses::track(file, &layout, linkage, ingest.poses, rate_hz, max_gap)?;
-    let mut row = summary::blank_row(trial);
-    poses::describe_tracking(&mut row, &tracked);
-    findings.extend(poses::tracking_checks(&row, &tracked, file, &layout, settings));
+    poses::describe_tracking(row, &tracked);
+    findings.extend(poses::tracking_checks(row, &tracked, file, &layout, settings));
 
     let skip_cycles = ingest.skip_cycles;
     let measure = |(gait, omega_rad_s): &(Gait, f64)| {
@@ -213,8 +239,8 @@ fn process_recording(
                 needed: LEAST_USED_CYCLES,
             });
         }
-        summary::describe_gait(&mut row, &data, &cycles, &steady);
-        findings.extend(summary::gait_checks(&row, &data, &cycles, &steady));
+        summary::describe_gait(row, &data, &cycles, &steady);
+        findings.extend(summary::gait_checks(row, &data, &cycles, &steady));
         cycle_rows = summary::cycle_rows(trial, &cycles, &steady, rate_hz);
     }
     let measured = match trial.kind {
@@ -239,7 +265,7 @@ fn process_recording(
     row.message = warnings.join("; ");
     Ok(ProcessedTrial {
         checks: findings.iter().map(|finding| finding.row(&trial.id)).collect(),
-        row,
+        row: row.clone(),
         parameters,
         cycles: cycle_rows,
         wheels: tables::wheels(&trial.id, tracked.first_frame, wheels, rate_hz),

@@ -49,7 +49,7 @@ fn process_with(
     config: &Config,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let input = IngestInput::new(config, trial)?;
-    process(Path::new("a.csv"), text.as_bytes(), trial, &input, &mut Vec::new())
+    process(Path::new("a.csv"), text.as_bytes(), trial, &input, &mut Known::new(trial))
 }
 
 fn symmetric(omega_rad_s: f64) -> (Recording, Trial) {
@@ -357,6 +357,45 @@ fn what_is_wrong_with_a_trial_is_said() {
         "a.csv: found no frame in which the markers of link 1 give its pose, \
          needed two that are seen together"
     );
+}
+
+#[test]
+fn what_no_trial_can_have_fails_it_by_the_check_that_found_it() {
+    let (recording, trial) = symmetric(3.9);
+    let text = recording.export();
+    let failed = |change: &dyn Fn(&mut Config)| {
+        let mut config = Config::default();
+        change(&mut config);
+        let input = IngestInput::new(&config, &trial).unwrap();
+        let mut known = Known::new(&trial);
+        let path = Path::new("a.csv");
+        let failure = process(path, text.as_bytes(), &trial, &input, &mut known).unwrap_err();
+        known.failed(&failure)
+    };
+    let markers = |config: &mut Config| {
+        std::mem::swap(&mut config.markers.link1, &mut config.markers.link2);
+    };
+    let (row, checks) = failed(&markers);
+    assert_eq!(row.status, TrialStatus::Failed);
+    assert!(row.message.starts_with("a.csv: W018 joint-places: a joint is 2"), "{}", row.message);
+    assert!(row.message.contains(", needed at most 10)"), "{}", row.message);
+    assert_eq!((&checks[0].check[..4], &checks[0].message), ("E001", &row.message));
+    let joint = checks.iter().find(|row| row.check.starts_with("W018")).unwrap();
+    assert_eq!((joint.severity, joint.limit), (Severity::Error, 10.0));
+    assert!(row.coverage > 0.8 && row.residual_mm > 0.0);
+
+    let (row, _) = failed(&|config| {
+        let joint = config.gait.get_mut("symmetric").unwrap().joint2.as_mut().unwrap();
+        joint.phase_deg = -joint.phase_deg;
+    });
+    assert!(row.message.starts_with("a.csv: W009 gait: the joints are up to "), "{}", row.message);
+    // Nothing to be fitted, but what the joints did.
+    assert!(row.metrics.d_m.is_nan() && row.sigma_debiased[1].value.is_nan() && row.cycles == 0);
+    assert!((row.omega_rad_s - 3.9).abs() < 1e-3);
+    assert!((row.gait[1].amplitude_rad - 0.54).abs() < 1e-3, "{:?}", row.gait);
+
+    let (row, _) = failed(&|config| config.markers.link1.get_mut("F1").unwrap()[1] += 40.0);
+    assert!(row.message.starts_with("a.csv: W011 jumped-marker: 1"), "{}", row.message);
 }
 
 #[test]
