@@ -1,17 +1,17 @@
 //! Draws a figure.
 
-use plotters::chart::{ChartBuilder, ChartContext};
+use plotters::chart::ChartBuilder;
 use plotters::coord::cartesian::Cartesian2d;
+use plotters::drawing::DrawingArea;
 use plotters::element::{Circle, ErrorBar, Rectangle};
 use plotters::prelude::SVGBackend;
 use plotters::style::text_anchor::HPos;
 use plotters::style::{Color, RGBColor, ShapeStyle, TRANSPARENT};
 
-use super::axis::Axis;
+use super::axis::{Axis, Range};
 use super::figure::{Layer, Point};
 use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, RIGHT, TOP};
 use super::legend::{self, Area, Drawn, draw_marker, draw_path};
-use super::polyline;
 use super::style::{self, Dash, Look, Shape, stroke, units};
 
 const TICK: f64 = 4.0;
@@ -52,12 +52,32 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
         .y_label_area_size(units(LEFT - 1.0))
         .x_label_area_size(units(labels))
         .build_cartesian_2d(cell.x.clone(), cell.y.clone())?;
-    let mut frame = Frame { chart: &mut chart, x: cell.x, y: cell.y, pixel };
+    let area_of_points = chart.plotting_area().clone();
+    let frame = Frame { area: area_of_points, x: cell.x, y: cell.y, pixel };
     // Bands lie behind the mesh.
     let (bands, others): (Vec<&Layer>, Vec<_>) =
         panel.layers.iter().partition(|layer| layer.look == Look::Band);
     bands.into_iter().try_for_each(|layer| frame.draw(layer))?;
-    frame.draw_mesh(&panel.x_label, &panel.y_label)?;
+    let ink = stroke(style::INK, style::FRAME_WIDTH);
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(stroke(style::GRID, style::FRAME_WIDTH))
+        .axis_style(ink)
+        .label_style(style::text_style(HPos::Center))
+        // Plotters centres text by half the height of an x.
+        .y_label_offset(units(0.1 * style::EM))
+        .set_all_tick_mark_size(units(TICK))
+        .x_desc(&panel.x_label)
+        .y_desc(&panel.y_label)
+        .draw()?;
+    // All four sides, where plotters draws two: from the middle of one and back to it, so that
+    // every corner is joined.
+    let (x, y) = (frame.x.range, frame.y.range);
+    let middle = 0.5 * (y.low + y.high);
+    let xs = [x.low, x.low, x.high, x.high, x.low, x.low];
+    let ys = [middle, y.low, y.low, y.high, y.high, middle];
+    frame.path(xs.into_iter().zip(ys).collect(), style::SOLID, ink)?;
     others.into_iter().try_for_each(|layer| frame.draw(layer))?;
     for (note, row) in panel.notes.iter().zip(1..) {
         write(note, HPos::Right, right - 7.0, TOP + f64::from(row) * 1.3 * style::EM + 2.0)?;
@@ -66,44 +86,21 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
 }
 
 /// A panel's frame; lengths and positions are in the axes' coordinates.
-struct Frame<'c, 'a, 'b> {
-    chart: &'c mut ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>,
+struct Frame<'b> {
+    area: DrawingArea<SVGBackend<'b>, Cartesian2d<Axis, Axis>>,
     x: Axis,
     y: Axis,
     /// Width and height of a pixel.
     pixel: (f64, f64),
 }
 
-impl Frame<'_, '_, '_> {
-    fn draw_mesh(&mut self, x_label: &str, y_label: &str) -> Drawn {
-        let ink = stroke(style::INK, style::FRAME_WIDTH);
-        self.chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(stroke(style::GRID, style::FRAME_WIDTH))
-            .axis_style(ink)
-            .label_style(style::text_style(HPos::Center))
-            // Plotters centres text by half the height of an x.
-            .y_label_offset(units(0.1 * style::EM))
-            .set_all_tick_mark_size(units(TICK))
-            .x_desc(x_label)
-            .y_desc(y_label)
-            .draw()?;
-        // All four sides, where plotters draws two: from the middle of one and back to it, so that
-        // every corner is joined.
-        let (x, y) = (self.x.range, self.y.range);
-        let middle = 0.5 * (y.low + y.high);
-        let xs = [x.low, x.low, x.high, x.high, x.low, x.low];
-        let ys = [middle, y.low, y.low, y.high, y.high, middle];
-        self.path(xs.into_iter().zip(ys).collect(), style::SOLID, ink)
-    }
-
+impl Frame<'_> {
     /// A position in the axes' coordinates.
     fn at(&self, point: &Point) -> (f64, f64) {
         (self.x.scaled(point.x), self.y.scaled(point.y))
     }
 
-    fn draw(&mut self, layer: &Layer) -> Drawn {
+    fn draw(&self, layer: &Layer) -> Drawn {
         let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
         let (x, y) = (self.x.range, self.y.range);
         match layer.look {
@@ -148,13 +145,13 @@ impl Frame<'_, '_, '_> {
         }
     }
 
-    fn path(&mut self, points: Vec<(f64, f64)>, dash: Dash, stroke: ShapeStyle) -> Drawn {
-        draw_path(self.chart.plotting_area(), points, dash, stroke)
+    fn path(&self, points: Vec<(f64, f64)>, dash: Dash, stroke: ShapeStyle) -> Drawn {
+        draw_path(&self.area, points, dash, stroke)
     }
 
-    fn curve(&mut self, points: &[(f64, f64)], colour: RGBColor, dash: Dash) -> Drawn {
+    fn curve(&self, points: &[(f64, f64)], colour: RGBColor, dash: Dash) -> Drawn {
         let apart = (APART * self.pixel.0, APART * self.pixel.1);
-        let mut parts = polyline::visible(points, self.y.range, apart).into_iter();
+        let mut parts = visible(points, self.y.range, apart).into_iter();
         parts.try_for_each(|part| self.path(part, dash, stroke(colour, style::LINE_WIDTH)))
     }
 
@@ -162,44 +159,34 @@ impl Frame<'_, '_, '_> {
         x.is_finite() && self.y.range.contains(y)
     }
 
-    fn dots(&mut self, points: &[(f64, f64)], radius: f64, colour: RGBColor) -> Drawn {
-        let shown = points.iter().copied().filter(|at| self.shows(*at)).collect::<Vec<_>>();
-        let dot = |at| Circle::new(at, units(radius), colour.filled());
-        self.chart.draw_series(shown.into_iter().map(dot)).map(|_| ())
+    fn dots(&self, points: &[(f64, f64)], radius: f64, colour: RGBColor) -> Drawn {
+        let mut shown = points.iter().filter(|at| self.shows(**at));
+        shown.try_for_each(|at| self.area.draw(&Circle::new(*at, units(radius), colour.filled())))
     }
 
     fn markers(&self, points: &[(f64, f64)], marker: (RGBColor, Shape, bool)) -> Drawn {
         let mut shown = points.iter().filter(|at| self.shows(**at));
-        shown.try_for_each(|at| draw_marker(self.chart.plotting_area(), *at, marker))
+        shown.try_for_each(|at| draw_marker(&self.area, *at, marker))
     }
 
-    fn error_bars(&mut self, points: &[Point], colour: RGBColor) -> Drawn {
-        let bar = |point: &Point| {
+    fn error_bars(&self, points: &[Point], colour: RGBColor) -> Drawn {
+        let (ends, stroke) =
+            (units(style::ERROR_BAR_ENDS) as u32, stroke(colour, style::FRAME_WIDTH));
+        let has_bar = |point: &&Point| point.error.is_finite() && self.shows(self.at(point));
+        points.iter().filter(has_bar).try_for_each(|point| {
             let (x, y) = self.at(point);
             let low = self.y.scaled(point.y - point.error).max(self.y.range.low);
             let high = self.y.scaled(point.y + point.error).min(self.y.range.high);
-            let stroke = stroke(colour, style::FRAME_WIDTH);
-            let bar = ErrorBar::new_vertical(
-                x,
-                low,
-                y,
-                high,
-                stroke,
-                units(style::ERROR_BAR_ENDS) as u32,
-            );
-            (point.error.is_finite() && self.shows((x, y))).then_some(bar)
-        };
-        let bars: Vec<_> = points.iter().filter_map(bar).collect();
-        self.chart.draw_series(bars).map(|_| ())
+            self.area.draw(&ErrorBar::new_vertical(x, low, y, high, stroke, ends))
+        })
     }
 
-    fn fill(&mut self, corners: [(f64, f64); 2], colour: RGBColor) -> Drawn {
-        let rectangle = Rectangle::new(corners, colour.filled());
-        self.chart.draw_series([rectangle]).map(|_| ())
+    fn fill(&self, corners: [(f64, f64); 2], colour: RGBColor) -> Drawn {
+        self.area.draw(&Rectangle::new(corners, colour.filled()))
     }
 
     /// An arrow, which plotters does not have, between two points of axes with equal units.
-    fn arrow(&mut self, points: &[(f64, f64)], stroke: ShapeStyle) -> Drawn {
+    fn arrow(&self, points: &[(f64, f64)], stroke: ShapeStyle) -> Drawn {
         let [from, to] = points else { return Ok(()) };
         let (along, up) = (to.0 - from.0, to.1 - from.1);
         let length = along.hypot(up);
@@ -211,5 +198,62 @@ impl Frame<'_, '_, '_> {
         let head = |side: f64| (to.0 - along + side * 0.45 * up, to.1 - up - side * 0.45 * along);
         self.path(vec![*from, *to], style::SOLID, stroke)?;
         self.path(vec![head(1.0), *to, head(-1.0)], style::SOLID, stroke)
+    }
+}
+
+/// The parts of a line with y in `range`, where plotters moves what lies outside onto the panel's
+/// sides; points that are not numbers break it, too. Of points nearer to each other than `apart`
+/// along both axes, which cannot be told apart, one is left.
+fn visible(line: &[(f64, f64)], range: Range, apart: (f64, f64)) -> Vec<Vec<(f64, f64)>> {
+    let runs = line.split(|(x, y)| !(x.is_finite() && y.is_finite()));
+    runs.flat_map(|run| clip(&thin(run, apart), range)).collect()
+}
+
+/// The parts of a line within a range, with points where it enters and leaves them.
+fn clip(line: &[(f64, f64)], range: Range) -> Vec<Vec<(f64, f64)>> {
+    let mut cut = line.first().copied().into_iter().collect::<Vec<_>>();
+    for pair in line.windows(2) {
+        let [(x, y), to] = [pair[0], pair[1]];
+        let bounds = if y < to.1 { [range.low, range.high] } else { [range.high, range.low] };
+        let crossed = bounds.into_iter().filter(|bound| (y < *bound) != (to.1 < *bound));
+        cut.extend(crossed.map(|bound| (x + (to.0 - x) * (bound - y) / (to.1 - y), bound)));
+        cut.push(to);
+    }
+    let parts = cut.split(|(_, y)| !range.contains(*y));
+    parts.filter(|part| part.len() > 1).map(<[(f64, f64)]>::to_vec).collect()
+}
+
+/// The line without points that are near to the one before, but for its end.
+fn thin(line: &[(f64, f64)], apart: (f64, f64)) -> Vec<(f64, f64)> {
+    let mut thin = line.to_vec();
+    thin.dedup_by(|b, a| ((b.0 - a.0) / apart.0).hypot((b.1 - a.1) / apart.1) < 1.0);
+    let end = line.last().filter(|end| thin.last() != Some(end));
+    thin.extend(end);
+    thin
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RANGE: Range = Range { low: 0.0, high: 10.0 };
+
+    #[test]
+    fn a_line_that_leaves_the_panel_and_comes_back_is_cut_in_two() {
+        let parts = clip(&[(0.0, 5.0), (10.0, -5.0), (20.0, 5.0)], RANGE);
+        assert_eq!(parts, [[(0.0, 5.0), (5.0, 0.0)], [(15.0, 0.0), (20.0, 5.0)]]);
+    }
+
+    #[test]
+    fn a_line_outside_the_panel_is_gone() {
+        assert!(clip(&[(0.0, -5.0), (10.0, -1.0)], RANGE).is_empty());
+        assert!(clip(&[(0.0, 15.0), (10.0, 15.0)], RANGE).is_empty());
+    }
+
+    #[test]
+    fn a_gap_breaks_a_line_and_its_end_stays() {
+        let line = [(0.0, 1.0), (0.1, 1.0), (5.0, 1.0), (f64::NAN, 1.0), (6.0, 1.0), (6.1, 1.0)];
+        let parts = visible(&line, RANGE, (0.5, 0.5));
+        assert_eq!(parts, [[(0.0, 1.0), (5.0, 1.0)], [(6.0, 1.0), (6.1, 1.0)]]);
     }
 }

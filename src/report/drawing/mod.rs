@@ -5,7 +5,6 @@ mod draw;
 mod figure;
 mod grid;
 mod legend;
-mod polyline;
 mod render;
 pub mod style;
 
