@@ -151,6 +151,16 @@ named! {
     }
 }
 
+impl GaitInput {
+    /// The other one.
+    pub fn other(self) -> Self {
+        match self {
+            Self::Commanded => Self::Measured,
+            Self::Measured => Self::Commanded,
+        }
+    }
+}
+
 /// Measured skid ratios.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -242,6 +242,11 @@ fn the_tables_have_the_documented_columns() {
     };
     let limits = |name: &str| format!("{name}_lo {name}_hi");
     let limits = parameters.split_whitespace().map(limits).collect::<Vec<_>>().join(" ");
+    let fits = format!(
+        "campaign model gait_input {parameters} {limits} free measured identifiable \
+         practically_not structurally_not at_bound j trials starts starts_reached \
+         starts_failed resumed solves status"
+    );
     for (name, columns) in [
         (
             format!("poses/{trial}.parquet"),
@@ -279,14 +284,8 @@ fn the_tables_have_the_documented_columns() {
                 .to_owned(),
         ),
         ("checks.parquet".to_owned(), "trial check severity value limit message".to_owned()),
-        (
-            "fits.parquet".to_owned(),
-            format!(
-                "campaign model {parameters} {limits} free measured identifiable \
-                 practically_not structurally_not at_bound j trials starts starts_reached \
-                 starts_failed resumed solves status"
-            ),
-        ),
+        ("fits.parquet".to_owned(), fits.clone()),
+        ("alternative_fits.parquet".to_owned(), fits),
         (
             "starts.parquet".to_owned(),
             format!(

@@ -6,9 +6,9 @@ use trilink::config::{Campaign, Config, Free, GaitInput, ParameterSource, SigmaK
 use trilink::fit::{FitData, Fitted, FreeParameter, Objective, fit};
 use trilink::metrics::{Estimate, GaitMetrics};
 use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
-use trilink::robot::Parameter;
+use trilink::robot::{JointCommand, Parameter};
 use trilink::store::{
-    Columns as _, FitStatus, JointGait, RobotParameterRow, TrialRow, TrialStatus,
+    Columns as _, FitRow, FitStatus, JointGait, RobotParameterRow, TrialRow, TrialStatus,
 };
 use trilink::trial::TrialKind;
 
@@ -154,6 +154,59 @@ fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
     let (commanded, measured) = (missed(GaitInput::Commanded), missed(GaitInput::Measured));
     // Noise-free data give every coefficient back.
     assert!(measured < 1e-3 && commanded > 0.01, "{measured} {commanded}");
+}
+
+#[test]
+fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
+    let reference = &REFERENCES[1];
+    let mut config = quick(reference);
+    let (_, gait) = config.campaign_setup(reference.campaign).unwrap();
+    let campaign = config.campaign.get_mut(reference.campaign).unwrap();
+    campaign.models = vec![Model::NoSkidMeasured, Model::SkidRoll];
+    let mut rows = named(reference);
+    for row in &mut rows {
+        row.gait = gait.joints.map(|joint| {
+            let JointCommand { offset_rad, amplitude_rad, phase_rad } = joint.unwrap();
+            let amplitude_rad = 0.98 * amplitude_rad;
+            JointGait { offset_rad, amplitude_rad, phase_rad, ..row.gait[0] }
+        });
+    }
+    let mut fitted = |gait_input: GaitInput| {
+        config.fit.gait_input = gait_input;
+        fit(&config, &rows.clone().into(), &|_| {})
+    };
+    let by_input = GaitInput::ALL.map(|input| (input, fitted(input)));
+    let skid = |row: &FitRow| Parameter::SKID.map(|skid| row.parameters[skid]);
+    for (input, Fitted { fits, alternatives, comparison, .. }) in &by_input {
+        assert_eq!(
+            fits.iter().map(|row| row.gait_input).collect::<Vec<_>>(),
+            [GaitInput::Measured, *input]
+        );
+        // A model that is always driven by the measured gait has no alternative.
+        let [alternative] = alternatives.as_slice() else { panic!("{alternatives:?}") };
+        assert_eq!((alternative.model, alternative.gait_input), (Model::SkidRoll, input.other()));
+        assert_eq!(comparison[1].other_gait_j, alternative.j);
+        let known = by_input.iter().find(|(other, _)| *other == input.other());
+        let known = &known.unwrap().1.fits[1];
+        assert!((alternative.j / known.j - 1.0).abs() < 1e-9, "{} {}", alternative.j, known.j);
+        for (found, known) in skid(alternative).into_iter().zip(skid(known)) {
+            assert!((found / known - 1.0).abs() < 1e-6, "{found} {known}");
+        }
+        // Of the same resamples; the profiles, which can open an interval, are the main fit's.
+        for skid in Parameter::SKID {
+            for (found, known) in
+                [(alternative.lower, known.lower), (alternative.upper, known.upper)]
+            {
+                let is_same = (found[skid] / known[skid] - 1.0).abs() < 1e-3;
+                assert!(
+                    is_same || known[skid].is_nan(),
+                    "{skid:?} {} {}",
+                    found[skid],
+                    known[skid]
+                );
+            }
+        }
+    }
 }
 
 #[test]

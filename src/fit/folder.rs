@@ -12,6 +12,7 @@ use crate::trial::is_valid_id;
 table_set! {
     Fitted by (String, Model): row => (row.campaign.clone(), row.model);
     fits: "fits.parquet",
+    alternatives: "alternative_fits.parquet",
     starts: "starts.parquet",
     profiles: "profiles.parquet",
     bootstrap: "bootstrap.parquet",

@@ -7,15 +7,14 @@ use rayon::prelude::*;
 use super::compare::bic;
 use super::fitted_point::{FittedPoint, HeldPoint};
 use super::input::FreeParameter;
-use super::objective::{Objective, PENALTY};
+use super::objective::Objective;
 use super::predict::predictions;
 use super::profile::{Class, Profile, profile, profile_limits};
 use super::resample::Resampler;
 use super::search::Ended;
 use super::starts::{Start, search_all, search_from};
 use super::{FitData, FitEvent, FitInput, Fitted, OnEvent};
-use crate::config::GaitInput;
-use crate::motion::{Model, REFERENCE_ACCURACY};
+use crate::motion::REFERENCE_ACCURACY;
 use crate::robot::{ByParameter, Parameter, Robot};
 use crate::stats::quantiles;
 use crate::store::{
@@ -27,6 +26,8 @@ const REACHED: f64 = 1e-6;
 /// Fall of the objective, relative to it, for which a fit is resumed.
 const LOWER: f64 = 1e-9;
 const MOST_RESUMES: usize = 10;
+/// Most of the usual starts that a fit takes which has a start nearby.
+const USUAL_STARTS: usize = 2;
 /// Parts of the replicates outside of a 95 % interval, on either side.
 const OUTSIDE: f64 = 0.025;
 
@@ -58,30 +59,66 @@ impl<'j> Job<'j> {
         if self.objective.measurements.is_empty() {
             let status = FitStatus::Failed("failed: no trial with metrics".to_owned());
             let comparison = vec![self.comparison_row(status.clone())];
-            let fits = vec![self.fit_row(&self.objective.robot, status)];
-            return Fitted { fits, comparison, ..Fitted::default() };
+            let row = |job: &Self| job.fit_row(&job.objective.robot, status.clone());
+            let alternatives = self.driven_otherwise().iter().map(row).collect();
+            return Fitted { fits: vec![row(self)], alternatives, comparison, ..Fitted::default() };
         }
-        let parameters = self.input.free();
-        let starts = search_all(&self.objective, &parameters, self.input.fit.starts);
-        // What is less than the motions' own inaccuracy is nothing: the first of these is best.
-        let floor = |start: &Start| start.cost.max(REFERENCE_ACCURACY);
-        let best = starts.iter().min_by(|a, b| floor(a).total_cmp(&floor(b)));
-        let best = best.expect("there is at least one start").clone();
-        let mut fit = Fit {
-            point: FittedPoint::new(self.objective.evaluator(parameters), best.ended),
-            cost: best.cost,
-            resumed: 0,
-            solves: starts.iter().map(|start| start.solves).sum(),
-            profiles: Vec::new(),
-            replicates: Vec::new(),
-        };
-        fit.solves += fit.point.evaluator.solves;
-        let status = fit.point.status();
+        let starts = search_all(&self.objective, &self.input.free(), self.input.fit.starts);
+        let (mut fit, status) = self.best_of(&starts);
         if status.is_ok() {
             self.follow_profiles(&mut fit);
             self.bootstrap(&mut fit, on_event);
         }
-        self.rows(fit, &starts, status)
+        let alternative =
+            self.driven_otherwise().map(|job| job.nearby(&fit.point.values, on_event));
+        self.rows(fit, &starts, status, alternative)
+    }
+
+    /// The fit of the start that ended lowest, and whether its motions exist.
+    fn best_of<'f>(&'f self, starts: &[Start]) -> (Fit<'f>, FitStatus) {
+        // What is less than the motions' own inaccuracy is nothing: the first of these is best.
+        let floor = |start: &Start| start.cost.max(REFERENCE_ACCURACY);
+        let best = starts.iter().min_by(|a, b| floor(a).total_cmp(&floor(b)));
+        let best = best.expect("there is at least one start").clone();
+        let evaluator = self.objective.evaluator(self.input.free());
+        let point = FittedPoint::new(evaluator, best.ended);
+        let status = point.status();
+        let solves =
+            starts.iter().map(|start| start.solves).sum::<usize>() + point.evaluator.solves;
+        let (profiles, replicates) = (Vec::new(), Vec::new());
+        (Fit { point, cost: best.cost, resumed: 0, solves, profiles, replicates }, status)
+    }
+
+    /// The same fit driven by the other gait; `None` where the model knows only one.
+    fn driven_otherwise(&self) -> Option<Self> {
+        let gait_input = self.objective.driven_by().other();
+        let objective = Objective { gait_input, ..self.objective.clone() };
+        let Self { input, ref measured, resampler, .. } = *self;
+        (objective.driven_by() == gait_input).then(|| Self {
+            input,
+            objective,
+            measured: measured.clone(),
+            resampler,
+        })
+    }
+
+    /// The fit's row, without profiles if there are replicates, where a fit nearby has these values: searches go out from
+    /// there and from the first of the usual starts.
+    fn nearby(&self, values: &[f64], on_event: OnEvent) -> FitRow {
+        let parameters = self.input.free();
+        let near = search_from(self.objective.evaluator(parameters.clone()), values.to_vec());
+        let mut starts = vec![near];
+        if !parameters.is_empty() {
+            let usual = self.input.fit.starts.min(USUAL_STARTS);
+            starts.extend(search_all(&self.objective, &parameters, usual));
+        }
+        let (mut fit, status) = self.best_of(&starts);
+        match (status.is_ok(), self.input.fit.bootstrap) {
+            (false, _) => {}
+            (true, 0) => self.follow_profiles(&mut fit),
+            (true, _) => self.bootstrap(&mut fit, on_event),
+        }
+        self.row(&fit, &starts, status)
     }
 
     /// Profiles of all free parameters; a lower objective on one of them resumes the fit.
@@ -128,12 +165,8 @@ impl<'j> Job<'j> {
         fit.solves += fit.replicates.iter().map(|refit| refit.solves).sum::<usize>();
     }
 
-    fn rows(&self, mut fit: Fit, starts: &[Start], status: FitStatus) -> Fitted {
-        let comparison = match status.is_ok() {
-            true => self.comparison(&mut fit),
-            false => self.comparison_row(status.clone()),
-        };
-        let Fit { point, cost, resumed, solves, profiles, replicates } = &fit;
+    fn row(&self, fit: &Fit, starts: &[Start], status: FitStatus) -> FitRow {
+        let Fit { point, cost, resumed, solves, profiles, .. } = fit;
         let parameters = &point.evaluator.parameters;
         let robot = self.objective.robot_with(parameters, &point.values);
         let free: Vec<Parameter> = parameters.iter().map(|free| free.parameter).collect();
@@ -146,7 +179,7 @@ impl<'j> Job<'j> {
         let at_bound = both.filter(|(free, value)| free.is_at_bound(**value).contains(&true));
         let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
         let [lower, upper] = fit.intervals(self.resampler).map(|limit| spread(parameters, &limit));
-        let row = FitRow {
+        FitRow {
             lower,
             upper,
             measured: self.measured.iter().copied().filter(held).collect(),
@@ -163,7 +196,31 @@ impl<'j> Job<'j> {
             solves: *solves as i64,
             free,
             ..self.fit_row(&robot, status)
+        }
+    }
+
+    fn rows(
+        &self,
+        mut fit: Fit,
+        starts: &[Start],
+        status: FitStatus,
+        alternative: Option<FitRow>,
+    ) -> Fitted {
+        let mut comparison = match status.is_ok() {
+            true => self.comparison(&mut fit),
+            false => self.comparison_row(status.clone()),
         };
+        if let Some(other) = &alternative {
+            comparison.other_gait_input = Some(other.gait_input);
+            comparison.other_gait_j = other.j;
+            if other.status.is_ok() {
+                comparison.other_gait_parameters = other.parameters;
+            }
+        }
+        let row = self.row(&fit, starts, status);
+        let Fit { point, profiles, replicates, .. } = &fit;
+        let parameters = &point.evaluator.parameters;
+        let robot = self.objective.robot_with(parameters, &point.values);
         let (campaign, model) = (&self.input.campaign.name, self.input.model);
         let start_row = |(number, start): (usize, &Start)| StartRow {
             campaign: campaign.clone(),
@@ -203,6 +260,7 @@ impl<'j> Job<'j> {
             bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),
             comparison: vec![comparison],
             fits: vec![row],
+            alternatives: alternative.into_iter().collect(),
         }
     }
 
@@ -215,7 +273,7 @@ impl<'j> Job<'j> {
         let parameters = &point.evaluator.parameters;
         let (j_left_out, solves) = point.leave_one_frequency_out();
         fit.solves += solves;
-        let mut row = ComparisonRow {
+        ComparisonRow {
             j: fit.cost,
             j_d,
             j_v,
@@ -226,25 +284,7 @@ impl<'j> Job<'j> {
             terms: terms as i64,
             criterion: bic(fit.cost, terms, parameters.len()),
             ..self.comparison_row(FitStatus::Ok)
-        };
-        if self.input.model == Model::NoSkidMeasured {
-            return row;
         }
-        let gait_input = match self.objective.gait_input {
-            GaitInput::Commanded => GaitInput::Measured,
-            GaitInput::Measured => GaitInput::Commanded,
-        };
-        let otherwise = Objective { gait_input, ..self.objective.clone() };
-        let found = search_from(otherwise.evaluator(parameters.clone()), point.values.clone());
-        fit.solves += found.solves;
-        row.other_gait_input = Some(gait_input);
-        // A trial without a motion costs more than any fit.
-        if found.cost < PENALTY / measurements.len() as f64 {
-            row.other_gait_j = found.cost;
-            let robot = otherwise.robot_with(parameters, &found.ended);
-            row.other_gait_parameters = self.parameters_of(&robot);
-        }
-        row
     }
 
     fn comparison_row(&self, status: FitStatus) -> ComparisonRow {
@@ -256,7 +296,8 @@ impl<'j> Job<'j> {
     fn fit_row(&self, robot: &Robot, status: FitStatus) -> FitRow {
         let (campaign, model) = (self.input.campaign.name.clone(), self.input.model);
         let parameters = self.parameters_of(robot);
-        FitRow { campaign, model, parameters, status, ..FitRow::blank() }
+        let gait_input = self.objective.driven_by();
+        FitRow { campaign, model, gait_input, parameters, status, ..FitRow::blank() }
     }
 
     fn parameters_of(&self, robot: &Robot) -> ByParameter<f64> {
@@ -333,6 +374,7 @@ mod tests {
     use crate::config::SigmaKind;
     use crate::fit::Measurement;
     use crate::metrics::GaitMetrics;
+    use crate::robot::Model;
     use crate::store::TrialRow;
 
     const CAMPAIGN: &str = "kinematic-symmetric";

@@ -64,6 +64,8 @@ impl From<Vec<TrialRow>> for FitData {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Fitted {
     pub fits: Vec<FitRow>,
+    /// The same models driven by the other gait than the configured one, without profiles.
+    pub alternatives: Vec<FitRow>,
     pub starts: Vec<StartRow>,
     pub profiles: Vec<ProfileRow>,
     pub bootstrap: Vec<BootstrapRow>,

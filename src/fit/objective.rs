@@ -67,12 +67,19 @@ impl Objective {
         Problem { robot: robot.clone(), gait: self.gait, model: self.model, omega_rad_s }
     }
 
+    /// What drives the model: `no-skid-measured` is always driven by the measured gait.
+    pub fn driven_by(&self) -> GaitInput {
+        match self.model {
+            Model::NoSkidMeasured => GaitInput::Measured,
+            _ => self.gait_input,
+        }
+    }
+
     /// The model's motion for one trial, driven by the command or by the measured gait;
-    /// `no-skid-measured` always takes the latter.
     /// `None` if that was not measured.
     pub fn problem_of(&self, robot: &Robot, measurement: &Measurement) -> Option<Problem> {
         let mut problem = self.problem(robot, measurement.omega_rad_s);
-        if self.model == Model::NoSkidMeasured || self.gait_input == GaitInput::Measured {
+        if self.driven_by() == GaitInput::Measured {
             for (joint, measured) in problem.gait.joints.iter_mut().zip(measurement.gait) {
                 if joint.is_some() {
                     *joint = Some(measured);

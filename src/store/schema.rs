@@ -212,12 +212,15 @@ rows! {
 }
 
 rows! {
-    /// One model fitted to one campaign: `fits.parquet`. Parameters that the model does not have
+    /// One model fitted to one campaign: `fits.parquet`, and `alternative_fits.parquet` for the other
+    /// gait than the configured one. Parameters that the model does not have
     /// are missing.
     #[derive(Serialize)]
     pub struct FitRow {
         pub campaign: String,
         pub model: Model,
+        /// The gait that drives it.
+        pub gait_input: GaitInput,
         pub parameters: ByParameter<f64>,
         /// 95 % confidence limits of the fitted parameters; missing where the interval is open.
         pub lower: ByParameter<f64> as "{}_lo",
