@@ -40,6 +40,8 @@ fn measurements(data: &str) -> Vec<Measurement> {
             metrics,
             errors: GaitMetrics::NONE,
             gait: gait.joints.map(|joint| joint.expect("both joints are commanded")),
+            gait_errors_rad: [[0.0; 3]; 2],
+            lacks_debiased: false,
         }
     };
     data.lines().skip(1).map(row).collect()

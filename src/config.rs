@@ -189,6 +189,23 @@ pub struct RobotConfig {
     pub damping_nm_s_rad: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rest_angle_deg: Option<f64>,
+    /// How well the parameters are known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub standard_deviation: Option<RobotDeviation>,
+}
+
+/// Standard deviations of a robot's parameters; 0 of what is taken as exact.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RobotDeviation {
+    pub h_m: f64,
+    pub l_m: f64,
+    pub b_m: f64,
+    pub mass_kg: [f64; 3],
+    pub inertia_kg_m2: [f64; 3],
+    pub roll_kg_s: [f64; 3],
+    pub stiffness_nm_rad: f64,
+    pub damping_nm_s_rad: f64,
 }
 
 /// What the joints are commanded to do; a joint without a command is passive.

@@ -53,6 +53,8 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
                 errors: GaitMetrics::NONE,
                 cycles: 1,
                 gait: gait.joints.map(|joint| joint.unwrap_or(gait.joints[1].unwrap())),
+                gait_errors_rad: [[0.0; 3]; 2],
+                lacks_debiased: false,
             }
         })
         .collect();

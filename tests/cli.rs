@@ -240,12 +240,14 @@ fn the_tables_have_the_documented_columns() {
         let names = parameters.split_whitespace().map(|name| format!("{prefix}{name}"));
         names.collect::<Vec<_>>().join(" ")
     };
-    let limits = |name: &str| format!("{name}_lo {name}_hi");
+    let limits = |name: &str| format!("{name}_lo {name}_hi {name}_scatter {name}_systematic");
     let limits = parameters.split_whitespace().map(limits).collect::<Vec<_>>().join(" ");
     let fits = format!(
-        "campaign model gait_input {parameters} {limits} free measured identifiable \
-         practically_not structurally_not at_bound j trials starts starts_reached \
-         starts_failed resumed solves status"
+        "campaign model gait_input {parameters} {limits} no_interval free measured identifiable \
+         practically_not structurally_not at_bound j lack_of_fit lack_of_fit_limit \
+         lack_of_fit_d lack_of_fit_v lack_of_fit_sigma lack_of_fit_alpha \
+         autocorrelation autocorrelation_limit runs runs_limit adequate misfit notes \
+         trials starts starts_reached starts_failed resumed solves status"
     );
     for (name, columns) in [
         (
@@ -267,8 +269,9 @@ fn the_tables_have_the_documented_columns() {
              sigma0_debiased sigma0_debiased_se sigma1_debiased sigma1_debiased_se \
              sigma2_debiased sigma2_debiased_se alpha1_rad alpha1_rad_se dtheta_rad \
              dtheta_rad_se phi1_offset_rad phi1_amplitude_rad phi1_phase_rad \
-             phi1_harmonics_rad phi2_offset_rad phi2_amplitude_rad phi2_phase_rad \
-             phi2_harmonics_rad coverage residual_mm smoothing_window smoothing_left1 \
+             phi1_harmonics_rad phi1_offset_rad_se phi1_amplitude_rad_se phi1_phase_rad_se \
+             phi2_offset_rad phi2_amplitude_rad phi2_phase_rad phi2_harmonics_rad \
+             phi2_offset_rad_se phi2_amplitude_rad_se phi2_phase_rad_se coverage residual_mm smoothing_window smoothing_left1 \
              smoothing_left2 smoothing_left3 status message"
                 .to_owned(),
         ),

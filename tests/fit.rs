@@ -323,7 +323,7 @@ fn a_model_without_a_motion_says_so_and_the_others_are_fitted() {
     for row in &mut rows {
         row.gait =
             [(0.0, 0.5, 0.01), (0.01, 0.52, -1.5)].map(|(offset_rad, amplitude_rad, phase_rad)| {
-                JointGait { offset_rad, amplitude_rad, phase_rad, harmonics_rad: f64::NAN }
+                JointGait { offset_rad, amplitude_rad, phase_rad, ..JointGait::blank() }
             });
     }
     let fitted = fit(&config, &rows.into(), &|_| {});

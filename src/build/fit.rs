@@ -99,10 +99,13 @@ impl Stage for FitStage {
         let Work { sources, wanted, kept, .. } = work;
         let (fits, models) = (AtomicUsize::new(0), wanted.len() - kept.len());
         let on_event = |event: FitEvent| match event {
-            FitEvent::Fitted(FitRow { campaign, model, status, j, .. }) => {
+            FitEvent::Fitted(FitRow { campaign, model, status, j, notes, .. }) => {
                 watch.step(&format!("{campaign} {model}"));
                 let status = status.to_string();
                 tracing::debug!(campaign, model = model.name(), j, status, "fit");
+                if !notes.is_empty() {
+                    tracing::warn!(campaign, model = model.name(), notes, "fit");
+                }
                 fits.fetch_add(1, Ordering::Relaxed);
             }
             FitEvent::Replicate { campaign, model, done, total } => {

@@ -61,8 +61,8 @@ pub struct StandardError {
 }
 
 impl StandardError {
-    /// Of the difference of two runs' values of a column, by their `*_se` or the limits of their
-    /// 95 % intervals. `None` if one of them has neither.
+    /// Of the difference of two runs' values of a column, by their `*_se`, the scatter's part of
+    /// their 95 % intervals or the limits of these. `None` if one of them has none.
     pub fn of_difference(column: &str, [one, other]: [&Record; 2]) -> Option<Self> {
         Some(Self::of(column, one)?.with(Self::of(column, other)?))
     }
@@ -74,7 +74,11 @@ impl StandardError {
             let cycles = number(record, "cycles").unwrap_or(f64::INFINITY);
             return Some(Self { error, freedom: (cycles - 1.0).max(1.0) });
         }
-        let error = (of("hi")? - of("lo")?) / 2.0 / HALF_WIDTH_95;
+        let half_width = match of("scatter") {
+            Some(half_width) => half_width,
+            None => (of("hi")? - of("lo")?) / 2.0,
+        };
+        let error = half_width / HALF_WIDTH_95;
         Some(Self { error, freedom: f64::INFINITY })
     }
 

@@ -123,10 +123,10 @@ impl Compared {
 }
 
 /// Ends of columns by which others are judged.
-const OF_ERRORS: [&str; 3] = ["_se", "_lo", "_hi"];
+const OF_ERRORS: [&str; 5] = ["_se", "_lo", "_hi", "_scatter", "_systematic"];
 
 /// Columns of text, and whether another text is out of tolerance or only named.
-const TEXTS: [(&str, bool); 7] = [
+const TEXTS: [(&str, bool); 8] = [
     ("status", true),
     ("free", true),
     ("verdict", true),
@@ -134,6 +134,7 @@ const TEXTS: [(&str, bool); 7] = [
     ("identifiable", false),
     ("practically_not", false),
     ("at_bound", false),
+    ("adequate", false),
 ];
 
 /// Compares two runs.

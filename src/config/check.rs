@@ -12,7 +12,7 @@ use crate::robot::{Family, Gait, Parameter};
 
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
-const RANGES: [(&str, f64, f64); 25] = [
+const RANGES: [(&str, f64, f64); 26] = [
     ("vicon.rate_hz", 1.0, 1e5),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -24,6 +24,7 @@ const RANGES: [(&str, f64, f64); 25] = [
     ("fit.seed", 0.0, 1e19),
     ("compare.run_time_ratio", 1.0, 1e6),
     ("compare.*", 0.0, 1e9),
+    ("robot.*.standard_deviation.*", 0.0, 1e6),
     ("robot.*.h_m", 1e-3, 100.0),
     ("robot.*.l_m", 1e-3, 100.0),
     ("robot.*.b_m", 1e-3, 100.0),

@@ -1,7 +1,7 @@
 //! Which of a campaign's models the measurements prefer, and by how much.
 
 use super::Fitted;
-use crate::store::ComparisonRow;
+use crate::store::{ComparisonRow, FitRow};
 
 /// Part of the replicates from which on a model is clearly preferred.
 const CLEARLY: f64 = 0.95;
@@ -25,8 +25,8 @@ pub(super) fn complete(models: &mut [Fitted], replicates: usize) {
     for (model, frequency) in models.iter_mut().zip(frequencies) {
         model.comparison.iter_mut().for_each(|row| row.wins = frequency);
     }
-    let rows = models.iter().flat_map(|model| model.comparison.clone());
-    let sentence = sentence(&rows.collect::<Vec<_>>(), replicates);
+    let both = models.iter().flat_map(|model| model.comparison.iter().zip(&model.fits));
+    let sentence = sentence(&both.collect::<Vec<_>>(), replicates);
     for row in models.iter_mut().flat_map(|model| &mut model.comparison) {
         row.sentence.clone_from(&sentence);
     }
@@ -48,32 +48,52 @@ fn selection_frequencies(costs: &[Vec<f64>]) -> Vec<f64> {
     costs.iter().enumerate().map(part).collect()
 }
 
+/// A model as it compares with the others, and as it was fitted.
+type Candidate<'f> = (&'f ComparisonRow, &'f FitRow);
+
 /// The outcome of a campaign's comparison, in a sentence.
-fn sentence(rows: &[ComparisonRow], replicates: usize) -> String {
-    let mut ranked: Vec<&ComparisonRow> = rows.iter().filter(|row| row.j.is_finite()).collect();
-    ranked.sort_by(|a, b| a.j.total_cmp(&b.j));
-    let lowest = |value: fn(&ComparisonRow) -> f64| {
-        let known = ranked.iter().filter(|row| !value(row).is_nan());
-        known.min_by(|a, b| value(a).total_cmp(&value(b))).copied()
+fn sentence(rows: &[Candidate], replicates: usize) -> String {
+    let mut ranked: Vec<&Candidate> = rows.iter().filter(|(row, _)| row.j.is_finite()).collect();
+    ranked.sort_by(|(a, _), (b, _)| a.j.total_cmp(&b.j));
+    let Some(&&(first, fit)) = ranked.first() else {
+        return "No model of this campaign has a fit.".to_owned();
     };
-    let (first, second) = match ranked.as_slice() {
-        [] => return "No model of this campaign has a fit.".to_owned(),
-        [only] => return format!("Only {} has a fit: J = {:.4}.", only.model, only.j),
-        [first, second, ..] => (*first, *second),
+    let lowest = |value: fn(&ComparisonRow) -> f64| {
+        let known = ranked.iter().map(|(row, _)| *row).filter(|row| !value(row).is_nan());
+        known.min_by(|a, b| value(a).total_cmp(&value(b)))
     };
     let is_clear = first.wins.is_nan() || first.wins >= CLEARLY;
-    let mut text = match is_clear {
-        true => format!("The data prefer {}", first.model),
-        false => format!("The data do not clearly prefer one model; {} is nearest", first.model),
+    let fits = ranked.iter().find(|(_, fit)| fit.adequate == Some(true));
+    let mut text = match (fit.adequate, fits) {
+        _ if ranked.len() == 1 => format!("Only {} has a fit", first.model),
+        (Some(false), None) => format!("None fits; {} is the best of those", first.model),
+        (Some(false), Some((row, _))) => {
+            format!("The data fit {}; {} is nearer and does not fit", row.model, first.model)
+        }
+        _ if is_clear => format!("The data prefer {}", first.model),
+        _ => format!("The data do not clearly prefer one model; {} is nearest", first.model),
     };
-    let below = 100.0 * (1.0 - first.j / second.j);
-    text += &format!(
-        ": J = {:.4}, {below:.1} % below that of {} ({:.4})",
-        first.j, second.model, second.j
-    );
-    if first.wins.is_finite() {
+    text += &format!(": J = {:.4}", first.j);
+    if let Some((second, _)) = ranked.get(1) {
+        let below = 100.0 * (1.0 - first.j / second.j);
+        text += &format!(", {below:.1} % below that of {} ({:.4})", second.model, second.j);
+    }
+    if first.wins.is_finite() && ranked.len() > 1 {
         let won = (first.wins * replicates as f64).round();
         text += &format!(", the lowest in {won} of {replicates} replicates");
+    }
+    let FitRow { lack_of_fit, lack_of_fit_limit, misfit, .. } = fit;
+    let ratio = format!(
+        "J is {lack_of_fit:.2} times what noise alone leaves, of which up to \
+         {lack_of_fit_limit:.2} would be noise"
+    );
+    text += &match fit.adequate {
+        Some(true) => format!("; it fits ({ratio})"),
+        Some(false) => format!("; it does not fit ({ratio}; {misfit})"),
+        None => "; whether it fits is not known, since nothing tells the noise".to_owned(),
+    };
+    if ranked.len() == 1 {
+        return text + ".";
     }
     if let Some(best) = lowest(|row| row.j_left_out) {
         text += &match best.model == first.model {
@@ -101,20 +121,53 @@ mod tests {
         ComparisonRow { model, j, j_left_out, wins, criterion, ..ComparisonRow::blank() }
     }
 
+    fn of(rows: &[ComparisonRow], adequate: &[Option<bool>]) -> String {
+        let fit = |adequate: &Option<bool>| FitRow {
+            adequate: *adequate,
+            lack_of_fit: if *adequate == Some(true) { 1.1 } else { 12.0 },
+            lack_of_fit_limit: 1.5,
+            misfit: "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s".to_owned(),
+            ..FitRow::blank()
+        };
+        let fits: Vec<FitRow> = adequate.iter().map(fit).collect();
+        sentence(&rows.iter().zip(&fits).collect::<Vec<_>>(), 200)
+    }
+
     #[test]
-    fn a_clear_winner_is_preferred() {
+    fn a_clear_winner_that_fits_is_preferred() {
         let rows = [row(Model::Skid, 0.4, 0.5, 0.02), row(Model::SkidRoll, 0.3, 0.35, 0.98)];
         assert_eq!(
-            sentence(&rows, 200),
+            of(&rows, &[Some(false), Some(true)]),
             "The data prefer skid-roll: J = 0.3000, 25.0 % below that of skid (0.4000), the \
-             lowest in 196 of 200 replicates; it predicts left-out frequencies best (0.3500)."
+             lowest in 196 of 200 replicates; it fits (J is 1.10 times what noise alone leaves, \
+             of which up to 1.50 would be noise); it predicts left-out frequencies best (0.3500)."
         );
+    }
+
+    #[test]
+    fn a_winner_that_does_not_fit_is_not_preferred() {
+        let rows = [row(Model::Skid, 0.4, 0.5, 0.02), row(Model::SkidRoll, 0.3, 0.35, 0.98)];
+        let none = of(&rows, &[Some(false), Some(false)]);
+        assert!(
+            none.starts_with("None fits; skid-roll is the best of those: J = 0.3000"),
+            "{none}"
+        );
+        assert!(
+            none.contains(
+                "it does not fit (J is 12.00 times what noise alone leaves, of which up to 1.50 \
+                 would be noise; d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s)"
+            ),
+            "{none}"
+        );
+        assert!(!none.contains("prefer"), "{none}");
+        let other = of(&rows, &[Some(true), Some(false)]);
+        assert!(other.starts_with("The data fit skid; skid-roll is nearer and does not fit"));
     }
 
     #[test]
     fn two_models_that_share_the_replicates_are_not_told_apart() {
         let rows = [row(Model::Skid, 0.31, 0.33, 0.4), row(Model::SkidRoll, 0.30, 0.35, 0.6)];
-        let text = sentence(&rows, 200);
+        let text = of(&rows, &[Some(true), Some(true)]);
         assert!(text.starts_with("The data do not clearly prefer one model; skid-roll is nearest"));
         assert!(text.contains("predicted better by skid (0.3300 against 0.3500)"), "{text}");
     }
@@ -123,8 +176,13 @@ mod tests {
     fn a_model_without_a_fit_does_not_compete() {
         let rows =
             [row(Model::NoSkid, f64::NAN, f64::NAN, f64::NAN), row(Model::Skid, 0.3, 0.4, 1.0)];
-        assert_eq!(sentence(&rows, 10), "Only skid has a fit: J = 0.3000.");
-        assert_eq!(sentence(&rows[..1], 10), "No model of this campaign has a fit.");
+        assert_eq!(
+            of(&rows, &[None, None]),
+            "Only skid has a fit: J = 0.3000; whether it fits is not known, since nothing tells \
+             the noise."
+        );
+        assert!(of(&rows, &[None, Some(false)]).contains("it does not fit"));
+        assert_eq!(of(&rows[..1], &[None]), "No model of this campaign has a fit.");
     }
 
     #[test]

@@ -2,12 +2,13 @@
 
 use rayon::prelude::*;
 
+use super::least_absolute::Residual;
 use super::measurement::Measurement;
-use super::noise_correction::NoiseCorrection;
-use super::objective::{Evaluator, Linearised, PENALTY, Response, TERMS};
+use super::objective::{Evaluator, GAIT_NUMBERS, PENALTY, Response, TERMS};
 use super::resample::Resample;
 use super::search::{Ended, Iterate};
 use super::starts::Start;
+use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 use crate::store::FitStatus;
 
@@ -16,10 +17,13 @@ use crate::store::FitStatus;
 const REFIT_TOLERANCE: f64 = 1e-5;
 
 /// The point of a fit, with its motions.
+#[derive(Clone)]
 pub(super) struct FittedPoint<'o> {
     pub values: Vec<f64>,
     pub cost: f64,
     responses: Vec<Option<Response>>,
+    /// What a standard error of each number of the measured gaits makes of the metrics.
+    pub gait_effects: Vec<Vec<[f64; TERMS]>>,
     /// Its motions start from the fit's.
     pub evaluator: Evaluator<'o>,
 }
@@ -48,9 +52,10 @@ impl<'o> FittedPoint<'o> {
         evaluator.accuracy = REFERENCE_ACCURACY;
         let metrics = evaluator.metrics(&values);
         let responses = evaluator.responses(&values, &metrics);
+        let gait_effects = evaluator.gait_effects(&values);
         evaluator.accuracy = FIT_ACCURACY;
         let cost = evaluator.objective.linearised(responses.iter().map(Option::as_ref)).cost;
-        Self { values, cost, responses, evaluator }
+        Self { values, cost, responses, gait_effects, evaluator }
     }
 
     /// Whether all motions exist.
@@ -62,37 +67,77 @@ impl<'o> FittedPoint<'o> {
 
     /// The fit of resampled measurements, from here.
     pub fn refit(&self, resample: Resample, ended: &Ended) -> Start {
-        let Resample { indices, measurements } = resample;
+        let Resample { indices, measurements, .. } = resample;
         let mut evaluator = self.evaluator.of_others(measurements, &indices);
-        let responses = indices.iter().map(|&index| self.responses[index].as_ref());
-        let at = evaluator.objective.linearised(responses);
+        let at = match evaluator.objective.is_driven_as_measured() {
+            true => evaluator.linearised(&self.values),
+            false => {
+                let responses = indices.iter().map(|&index| self.responses[index].as_ref());
+                evaluator.objective.linearised(responses)
+            }
+        };
         let iterate = Iterate::from_linearised(self.values.clone(), at);
         let Iterate { values: ended, cost, stopped, .. } =
             iterate.run(&mut evaluator, REFIT_TOLERANCE, true, ended);
         Start { began: self.values.clone(), ended, cost, solves: evaluator.solves, stopped }
     }
 
-    /// The objective of resampled measurements, linearised here.
-    pub fn linearised(&self, resample: Resample) -> Linearised {
-        let objective = self.evaluator.objective.with_measurements(resample.measurements);
-        let responses = resample.indices.iter().map(|&index| self.responses[index].as_ref());
-        objective.linearised(responses)
+    /// The residuals, linearised here.
+    pub fn residuals(&self) -> Vec<Residual> {
+        self.evaluator.objective.linearised(self.responses.iter().map(Option::as_ref)).residuals
     }
 
-    /// How the results of resamples are to be corrected; `noises` are the measurements' own.
-    pub fn noise_correction(&self, noises: &[[f64; TERMS]]) -> NoiseCorrection {
+    /// The residuals of resampled measurements, linearised here.
+    pub fn resampled_residuals(&self, resample: Resample) -> Vec<Residual> {
+        let Resample { indices, measurements, gait_moves } = resample;
+        let moved = |(&index, moves): (&usize, &[f64; GAIT_NUMBERS])| {
+            let mut response = self.responses[index].clone()?;
+            let mut metrics = response.metrics.to_array();
+            for (effect, moved) in self.gait_effects[index].iter().zip(moves) {
+                metrics
+                    .iter_mut()
+                    .zip(effect)
+                    .for_each(|(metric, effect)| *metric += moved * effect);
+            }
+            response.metrics = GaitMetrics::from_array(metrics);
+            Some(response)
+        };
+        let responses: Vec<Option<Response>> = indices.iter().zip(&gait_moves).map(moved).collect();
+        let objective = self.evaluator.objective.with_measurements(measurements);
+        objective.linearised(responses.iter().map(Option::as_ref)).residuals
+    }
+
+    /// What noise of these standard deviations contributes to the objective before a fit.
+    pub fn noise_cost(&self, noises: &[[f64; TERMS]]) -> f64 {
         let measurements = &self.evaluator.objective.measurements;
-        let sum: f64 = measurements
-            .iter()
-            .zip(noises)
-            .flat_map(|(measurement, noises)| {
+        let both = measurements.iter().zip(noises).zip(&self.gait_effects);
+        let sum: f64 = both
+            .flat_map(|((measurement, noises), effects)| {
                 let terms = self.evaluator.objective.terms(measurement);
-                terms.map(|(i, weight, measured)| weight * noises[i] / measured)
+                terms.map(|(i, weight, measured)| {
+                    let by_gait = effects.iter().map(|effect| effect[i].powi(2)).sum::<f64>();
+                    weight * (noises[i].powi(2) + by_gait).sqrt() / measured
+                })
             })
             .sum();
         // Mean absolute value of a normal deviate.
         let mean = (2.0 / std::f64::consts::PI).sqrt();
-        NoiseCorrection::new(self.cost, mean * sum / measurements.len() as f64)
+        mean * sum / measurements.len() as f64
+    }
+
+    /// How far the logarithms of other values are from these.
+    pub fn shift_to(&self, values: &[f64]) -> Vec<f64> {
+        values.iter().zip(&self.values).map(|(other, value)| (other / value).ln()).collect()
+    }
+
+    /// The fit without some measurements.
+    pub fn refit_without(&self, left_out: &[usize]) -> Start {
+        let measurements = &self.evaluator.objective.measurements;
+        let all = 0..measurements.len();
+        let indices: Vec<usize> = all.filter(|index| !left_out.contains(index)).collect();
+        let measurements = indices.iter().map(|&index| measurements[index].clone()).collect();
+        let resample = Resample { indices, measurements, ..Resample::default() };
+        self.refit(resample, &Ended::default())
     }
 
     /// The parts of the objective: of d, v, the wheels' sigma and alpha_1.
@@ -123,10 +168,7 @@ impl<'o> FittedPoint<'o> {
             let (values, mut solves) = if self.evaluator.parameters.is_empty() {
                 (Vec::new(), 0)
             } else {
-                let all = 0..measurements.len();
-                let indices: Vec<usize> = all.filter(|index| !left_out.contains(index)).collect();
-                let measurements = indices.iter().map(at).collect();
-                let refit = self.refit(Resample { indices, measurements }, &Ended::default());
+                let refit = self.refit_without(left_out);
                 (refit.ended, refit.solves)
             };
             let mut evaluator =

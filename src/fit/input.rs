@@ -135,6 +135,43 @@ impl FitInput {
         (robot, measured)
     }
 
+    /// The robot with each of its parameters in turn off by the standard deviation that the
+    /// configuration gives, or the trials that measured it have.
+    pub(super) fn uncertain_robots(&self, robot: &Robot, data: &FitData) -> Vec<Robot> {
+        let deviation = self.robot.value.standard_deviation.unwrap_or_default();
+        let mut robots = Vec::new();
+        let mut add = |deviation: f64, set: &dyn Fn(&mut Robot)| {
+            if deviation > 0.0 {
+                let mut other = robot.clone();
+                set(&mut other);
+                robots.push(other);
+            }
+        };
+        add(deviation.h_m, &|other| other.h_m += deviation.h_m);
+        add(deviation.l_m, &|other| other.l_m += deviation.l_m);
+        add(deviation.b_m, &|other| other.b_m += deviation.b_m);
+        for i in 0..3 {
+            add(deviation.mass_kg[i], &|other| other.mass_kg[i] += deviation.mass_kg[i]);
+            let inertia_kg_m2 = deviation.inertia_kg_m2[i];
+            add(inertia_kg_m2, &|other| other.inertia_kg_m2[i] += inertia_kg_m2);
+            add(deviation.roll_kg_s[i], &|other| other.roll_kg_s[i] += deviation.roll_kg_s[i]);
+        }
+        let stiffness_nm_rad = deviation.stiffness_nm_rad;
+        add(stiffness_nm_rad, &|other| other.stiffness_nm_rad += stiffness_nm_rad);
+        let damping_nm_s_rad = deviation.damping_nm_s_rad;
+        add(damping_nm_s_rad, &|other| other.damping_nm_s_rad += damping_nm_s_rad);
+        if self.fit.robot_parameters == ParameterSource::Measured {
+            for (parameter, of) in MEASURED {
+                let found = self.robot_rows(data).map(of);
+                let found = found.filter(|found| found.value > 0.0 && found.se > 0.0);
+                let squares: Vec<f64> = found.map(|found| found.se.powi(2)).collect();
+                let error = squares.iter().sum::<f64>().sqrt() / squares.len() as f64;
+                add(error, &|other| parameter.set(other, parameter.of(other) + error));
+            }
+        }
+        robots
+    }
+
     /// The parameters that the fit frees, with their bounds.
     pub fn free(&self) -> Vec<FreeParameter> {
         let list = self.campaign.value.free.as_ref();

@@ -4,19 +4,21 @@ use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
+use super::adequacy::Adequacy;
 use super::compare::bic;
 use super::fitted_point::{FittedPoint, HeldPoint};
 use super::input::FreeParameter;
-use super::objective::Objective;
+use super::intervals::{Intervals, Systematic};
+use super::objective::{METRICS, Objective};
 use super::predict::predictions;
 use super::profile::{Class, Profile, profile, profile_limits};
 use super::resample::Resampler;
 use super::search::Ended;
 use super::starts::{Start, search_all, search_from};
 use super::{FitData, FitEvent, FitInput, Fitted, OnEvent};
+use crate::config::GaitInput;
 use crate::motion::REFERENCE_ACCURACY;
 use crate::robot::{ByParameter, Parameter, Robot};
-use crate::stats::quantiles;
 use crate::store::{
     BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
 };
@@ -28,8 +30,6 @@ const LOWER: f64 = 1e-9;
 const MOST_RESUMES: usize = 10;
 /// Most of the usual starts that a fit takes which has a start nearby.
 const USUAL_STARTS: usize = 2;
-/// Parts of the replicates outside of a 95 % interval, on either side.
-const OUTSIDE: f64 = 0.025;
 
 /// One model of one campaign.
 pub(super) struct Job<'j> {
@@ -37,12 +37,15 @@ pub(super) struct Job<'j> {
     objective: Objective,
     /// Coefficients that trials of other kinds gave.
     measured: Vec<Parameter>,
+    /// The robot with one of its uncertain parameters off by its standard deviation.
+    others: Vec<Robot>,
     resampler: &'j Resampler,
 }
 
 impl<'j> Job<'j> {
     pub fn new(input: &'j FitInput, data: &FitData, resampler: &'j Resampler) -> Self {
         let (robot, measured) = input.measured_robot(data);
+        let others = input.uncertain_robots(&robot, data);
         let objective = Objective {
             model: input.model,
             robot,
@@ -51,7 +54,7 @@ impl<'j> Job<'j> {
             gait_input: input.fit.gait_input,
             measurements: resampler.measurements.clone(),
         };
-        Self { input, objective, measured, resampler }
+        Self { input, objective, measured, others, resampler }
     }
 
     /// The model's rows, without what needs the campaign's other models.
@@ -68,9 +71,14 @@ impl<'j> Job<'j> {
         if status.is_ok() {
             self.follow_profiles(&mut fit);
             self.bootstrap(&mut fit, on_event);
+            self.assess(&mut fit);
         }
         let alternative =
             self.driven_otherwise().map(|job| job.nearby(&fit.point.values, on_event));
+        if let Some(other) = alternative.as_ref().filter(|other| other.status.is_ok()) {
+            let values: Vec<f64> = other.free.iter().map(|of| other.parameters[*of]).collect();
+            self.note_shift(&mut fit, &values);
+        }
         self.rows(fit, &starts, status, alternative)
     }
 
@@ -85,19 +93,20 @@ impl<'j> Job<'j> {
         let status = point.status();
         let solves =
             starts.iter().map(|start| start.solves).sum::<usize>() + point.evaluator.solves;
-        let (profiles, replicates) = (Vec::new(), Vec::new());
-        (Fit { point, cost: best.cost, resumed: 0, solves, profiles, replicates }, status)
+        (Fit { solves, ..Fit::new(point, best.cost) }, status)
     }
 
     /// The same fit driven by the other gait; `None` where the model knows only one.
     fn driven_otherwise(&self) -> Option<Self> {
         let gait_input = self.objective.driven_by().other();
         let objective = Objective { gait_input, ..self.objective.clone() };
-        let Self { input, ref measured, resampler, .. } = *self;
-        (objective.driven_by() == gait_input).then(|| Self {
+        let Self { input, ref measured, ref others, resampler, .. } = *self;
+        let (measured, others) = (measured.clone(), others.clone());
+        (objective.driven_by() == gait_input).then_some(Self {
             input,
             objective,
-            measured: measured.clone(),
+            measured,
+            others,
             resampler,
         })
     }
@@ -113,10 +122,13 @@ impl<'j> Job<'j> {
             starts.extend(search_all(&self.objective, &parameters, usual));
         }
         let (mut fit, status) = self.best_of(&starts);
-        match (status.is_ok(), self.input.fit.bootstrap) {
-            (false, _) => {}
-            (true, 0) => self.follow_profiles(&mut fit),
-            (true, _) => self.bootstrap(&mut fit, on_event),
+        if status.is_ok() {
+            match self.input.fit.bootstrap {
+                0 => self.follow_profiles(&mut fit),
+                _ => self.bootstrap(&mut fit, on_event),
+            }
+            self.assess(&mut fit);
+            self.note_shift(&mut fit, values);
         }
         self.row(&fit, &starts, status)
     }
@@ -150,7 +162,8 @@ impl<'j> Job<'j> {
     }
 
     fn bootstrap(&self, fit: &mut Fit, on_event: OnEvent) {
-        let total = self.input.fit.bootstrap;
+        // Replicates without noise would all be the same.
+        let total = if self.resampler.is_silent() { 0 } else { self.input.fit.bootstrap };
         let (point, ended) = (&fit.point, Ended::default());
         let (campaign, model) = (self.input.campaign.name.as_str(), self.input.model);
         fit.replicates = (0..total)
@@ -163,6 +176,24 @@ impl<'j> Job<'j> {
             })
             .collect();
         fit.solves += fit.replicates.iter().map(|refit| refit.solves).sum::<usize>();
+    }
+
+    /// Whether the model fits, and what all trials share.
+    fn assess(&self, fit: &mut Fit) {
+        fit.adequacy = Adequacy::new(&fit.point, self.resampler);
+        let has_intervals = self.input.fit.bootstrap > 0 || self.input.fit.profiles;
+        if has_intervals && !fit.point.values.is_empty() {
+            let (systematic, solves) = Systematic::new(&fit.point, &self.others);
+            (fit.systematic, fit.solves) = (systematic, fit.solves + solves);
+        }
+    }
+
+    /// Takes the coefficients with the measured gait for a known shift where the command drives
+    /// the model.
+    fn note_shift(&self, fit: &mut Fit, values: &[f64]) {
+        if self.objective.driven_by() == GaitInput::Commanded {
+            fit.systematic.gait = Some(fit.point.shift_to(values));
+        }
     }
 
     fn row(&self, fit: &Fit, starts: &[Start], status: FitStatus) -> FitRow {
@@ -178,10 +209,31 @@ impl<'j> Job<'j> {
         let both = parameters.iter().zip(&point.values);
         let at_bound = both.filter(|(free, value)| free.is_at_bound(**value).contains(&true));
         let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
-        let [lower, upper] = fit.intervals(self.resampler).map(|limit| spread(parameters, &limit));
+        let intervals = match status.is_ok() {
+            true => fit.intervals(self.resampler),
+            false => Intervals::NONE,
+        };
+        let Adequacy { lack_of_fit, by_metric, autocorrelation, runs, .. } = fit.adequacy;
+        let [lower, upper] = intervals.limits.map(|limits| spread(parameters, &limits));
         FitRow {
             lower,
             upper,
+            scatter: spread(parameters, &intervals.scatter),
+            systematic: spread(parameters, &intervals.systematic),
+            no_interval: intervals.why_none,
+            lack_of_fit: lack_of_fit[0],
+            lack_of_fit_limit: lack_of_fit[1],
+            lack_of_fit_d: by_metric[0],
+            lack_of_fit_v: by_metric[1],
+            lack_of_fit_sigma: by_metric[2],
+            lack_of_fit_alpha: by_metric[3],
+            autocorrelation: autocorrelation[0],
+            autocorrelation_limit: autocorrelation[1],
+            runs: runs[0],
+            runs_limit: runs[1],
+            adequate: fit.adequacy.is_adequate,
+            misfit: fit.adequacy.misfit.clone(),
+            notes: self.notes(),
             measured: self.measured.iter().copied().filter(held).collect(),
             identifiable: classed(Class::Identifiable),
             practically_not: classed(Class::PracticallyNot),
@@ -264,6 +316,33 @@ impl<'j> Job<'j> {
         }
     }
 
+    /// What was fitted instead of what is missing, and what the objective lacks.
+    fn notes(&self) -> String {
+        let measurements = &self.objective.measurements;
+        let raw: Vec<&str> = measurements
+            .iter()
+            .filter(|measurement| measurement.lacks_debiased)
+            .map(|measurement| measurement.trial.as_str())
+            .collect();
+        let mut notes = Vec::new();
+        if !raw.is_empty() {
+            notes.push(format!(
+                "raw skid ratios are fitted, since debiased ones are not known: trial {}",
+                raw.join(", ")
+            ));
+        }
+        let weights = self.objective.term_weights();
+        let lacks = |i: &usize| {
+            let mut measured = measurements.iter().map(|of| of.metrics.to_array()[*i]);
+            weights[*i] > 0.0 && measured.all(f64::is_nan)
+        };
+        let lacking: Vec<&str> = (0..METRICS.len()).filter(lacks).map(|i| METRICS[i]).collect();
+        if !lacking.is_empty() {
+            notes.push(format!("the objective lacks {}: no trial has it", lacking.join(", ")));
+        }
+        notes.join("; ")
+    }
+
     /// The model's row of the comparison, without what needs the other models.
     fn comparison(&self, fit: &mut Fit) -> ComparisonRow {
         let point = &fit.point;
@@ -320,39 +399,27 @@ struct Fit<'o> {
     /// One per free parameter, or none.
     profiles: Vec<Profile>,
     replicates: Vec<Start>,
+    adequacy: Adequacy,
+    systematic: Systematic,
 }
 
-impl Fit<'_> {
-    /// Lower and upper limits of the free parameters' 95 % intervals: the replicates' quantiles,
-    /// corrected for noise that counts twice, or without replicates the profiles' limits. Missing
-    /// where the interval is open: where the profile does not end it, or where the replicates'
-    /// quantile is a bound.
-    fn intervals(&self, resampler: &Resampler) -> [Vec<f64>; 2] {
-        let spread = self.point.noise_correction(&resampler.noises()).spread;
-        [0, 1].map(|side| {
-            let limit = |(index, free): (usize, &FreeParameter)| {
-                let profiled = self.profiles.get(index).map(|profile| profile.interval[side]);
-                if profiled == Some(None) {
-                    return f64::NAN;
-                }
-                let limit = match self.replicates.is_empty() {
-                    true => profiled.flatten().unwrap_or(f64::NAN),
-                    false => {
-                        let values = self.replicates.iter().map(|refit| refit.ended[index]);
-                        quantiles(values.collect(), [OUTSIDE, 1.0 - OUTSIDE])[side]
-                    }
-                };
-                if free.is_at_bound(limit)[side] {
-                    return f64::NAN;
-                }
-                let fitted = self.point.values[index];
-                match self.replicates.is_empty() {
-                    true => limit,
-                    false => fitted * (limit / fitted).powf(spread),
-                }
-            };
-            self.point.evaluator.parameters.iter().enumerate().map(limit).collect()
-        })
+impl<'o> Fit<'o> {
+    fn new(point: FittedPoint<'o>, cost: f64) -> Self {
+        Self {
+            point,
+            cost,
+            resumed: 0,
+            solves: 0,
+            profiles: Vec::new(),
+            replicates: Vec::new(),
+            adequacy: Adequacy::UNKNOWN,
+            systematic: Systematic::default(),
+        }
+    }
+
+    fn intervals(&self, resampler: &Resampler) -> Intervals {
+        let Self { point, profiles, replicates, adequacy, systematic, .. } = self;
+        Intervals::new(point, profiles, replicates, resampler, adequacy, systematic)
     }
 }
 
@@ -409,14 +476,7 @@ mod tests {
         let evaluator = job.objective.evaluator(input.free());
         let point = FittedPoint::new(evaluator, vec![95.0, 34.0, 44.0]);
         let began = point.cost;
-        let mut fit = Fit {
-            cost: point.cost,
-            point,
-            resumed: 0,
-            solves: 0,
-            profiles: Vec::new(),
-            replicates: Vec::new(),
-        };
+        let mut fit = Fit::new(point, began);
         job.follow_profiles(&mut fit);
         assert!(began > 0.269 && fit.resumed >= 1, "{began} {}", fit.resumed);
         assert!((fit.cost / 0.26140684 - 1.0).abs() < 1e-6, "{}", fit.cost);
@@ -435,13 +495,14 @@ mod tests {
         let Fitted { fits, bootstrap, comparison, predictions, .. } = job.run(&|_| {});
         let (fit, first) = (&fits[0], Parameter::Skid0);
         let found = Parameter::SKID.map(|skid| fit.parameters[skid]).into_iter();
-        let found = found.chain([fit.j, fit.upper[first], bootstrap[1].parameters[first]]);
+        // Nothing tells their noise.
+        assert!(fit.upper[first].is_nan() && bootstrap.is_empty());
+        let found = found.chain([fit.j]);
         let predicted = predictions[20].metrics;
         let others = [comparison[0].j_left_out, predicted.d_m, predicted.sigma[0]];
         let found = found.chain(others).map(|number| format!("{number:.4e}"));
         let found = found.collect::<Vec<_>>().join(" ");
-        const KNOWN: &str =
-            "1.0069e2 3.3889e1 4.3584e1 2.6141e-1 1.0069e2 1.0069e2 2.6762e-1 4.3931e-1 3.0847e-2";
+        const KNOWN: &str = "1.0069e2 3.3889e1 4.3584e1 2.6141e-1 2.6762e-1 4.3931e-1 3.0847e-2";
         assert_eq!(found, KNOWN);
     }
 }

@@ -20,7 +20,7 @@ pub(super) struct Residual {
 }
 
 impl Residual {
-    fn at(&self, x: &DVector<f64>) -> f64 {
+    pub fn at(&self, x: &DVector<f64>) -> f64 {
         self.value + self.along(x)
     }
 

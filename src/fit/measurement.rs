@@ -20,8 +20,12 @@ pub struct Measurement {
     pub errors: GaitMetrics,
     /// Cycles that the metrics are means of.
     pub cycles: usize,
-    /// Mean and first harmonic of the measured joint angles.
+    /// Mean and first harmonic of the measured joint angles, and the standard errors of offset,
+    /// amplitude and phase.
     pub gait: [JointCommand; 2],
+    pub gait_errors_rad: [[f64; 3]; 2],
+    /// Whether raw skid ratios stand for debiased ones that are not known.
+    pub lacks_debiased: bool,
 }
 
 /// Frequencies that differ by less than this part are the same.
@@ -31,8 +35,8 @@ impl Measurement {
     /// The measurement of a trial; `None` if the trial has failed or has no metrics. A single
     /// metric is missing where it is not above zero, as a skid ratio of which nothing is left
     /// above the noise: eq. 21 divides by it.
-    pub fn new(trial: &TrialRow, sigma: SigmaKind) -> Option<Self> {
-        let sigma = trial.sigma(sigma);
+    pub fn new(trial: &TrialRow, kind: SigmaKind) -> Option<Self> {
+        let sigma = trial.sigma(kind);
         let raw = GaitMetrics { sigma: sigma.map(|sigma| sigma.value), ..trial.metrics };
         let known = |value: f64| if value > 0.0 && value.is_finite() { value } else { f64::NAN };
         let metrics = GaitMetrics {
@@ -52,7 +56,21 @@ impl Measurement {
             errors: GaitMetrics { sigma: sigma.map(|sigma| sigma.se), ..trial.metrics_se },
             cycles: usize::try_from(trial.cycles).unwrap_or(0),
             gait: trial.gait.map(|joint| joint.command()),
+            gait_errors_rad: trial.gait.map(|joint| joint.errors_rad()),
+            lacks_debiased: kind == SigmaKind::Debiased && trial.lacks_debiased(),
         })
+    }
+
+    /// The same with another measured gait: offset, amplitude and phase of either joint changed.
+    pub(super) fn with_gait_moved(&self, steps_rad: [f64; 6]) -> Self {
+        let mut moved = self.clone();
+        for (joint, step) in moved.gait.iter_mut().zip(steps_rad.as_chunks::<3>().0) {
+            let [offset_rad, amplitude_rad, phase_rad] = step;
+            joint.offset_rad += offset_rad;
+            joint.amplitude_rad += amplitude_rad;
+            joint.phase_rad += phase_rad;
+        }
+        moved
     }
 
     /// By frequency, then by name, then by what was measured: an order that does not depend on

@@ -9,11 +9,13 @@
 //! often they are nearest to resampled measurements (selection frequency of the bootstrap), and by
 //! the Bayesian information criterion.
 
+mod adequacy;
 mod compare;
 mod fitted_point;
 mod folder;
 mod hessian;
 mod input;
+mod intervals;
 mod job;
 mod least_absolute;
 mod measurement;

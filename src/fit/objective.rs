@@ -18,6 +18,12 @@ pub(super) const PENALTY: f64 = 1e3;
 /// Terms of eq. 22 for one trial: of d, v, the wheels' sigma and alpha_1.
 pub(super) const TERMS: usize = 6;
 
+/// Their metrics.
+pub(super) const METRICS: [&str; TERMS] = ["d", "v", "sigma0", "sigma1", "sigma2", "alpha1"];
+
+/// Numbers of a measured gait: offset, amplitude and phase of either joint.
+pub(super) const GAIT_NUMBERS: usize = 6;
+
 /// Eq. 22 for one model, averaged over a campaign's trials.
 #[derive(Debug, Clone)]
 pub struct Objective {
@@ -75,11 +81,16 @@ impl Objective {
         }
     }
 
+    /// Whether the measured gait of each trial drives the model, not the command.
+    pub fn is_driven_as_measured(&self) -> bool {
+        self.driven_by() == GaitInput::Measured
+    }
+
     /// The model's motion for one trial, driven by the command or by the measured gait;
     /// `None` if that was not measured.
     pub fn problem_of(&self, robot: &Robot, measurement: &Measurement) -> Option<Problem> {
         let mut problem = self.problem(robot, measurement.omega_rad_s);
-        if self.driven_by() == GaitInput::Measured {
+        if self.is_driven_as_measured() {
             for (joint, measured) in problem.gait.joints.iter_mut().zip(measurement.gait) {
                 if joint.is_some() {
                     *joint = Some(measured);
@@ -121,7 +132,7 @@ impl Objective {
     }
 
     /// Weights of d, v, the wheels' sigma and alpha_1; Delta theta has none.
-    fn term_weights(&self) -> [f64; TERMS] {
+    pub(super) fn term_weights(&self) -> [f64; TERMS] {
         let Weights { d, v, sigma, alpha } = self.weights;
         [d, v, sigma, sigma, sigma, alpha]
     }
@@ -230,6 +241,44 @@ impl<'a> Evaluator<'a> {
             Some(Response { metrics, d_metrics_d_logarithm: d_metrics_d_logarithm.collect() })
         };
         metrics.iter().zip(&mut self.solvers).map(response).collect()
+    }
+
+    /// What one standard error of each number of a trial's measured gait makes of its metrics;
+    /// nothing where the command drives the model, or no error is known.
+    pub(super) fn gait_effects(&mut self, values: &[f64]) -> Vec<Vec<[f64; TERMS]>> {
+        if !self.objective.is_driven_as_measured() {
+            return vec![Vec::new(); self.solvers.len()];
+        }
+        let robot = self.objective.robot_with(&self.parameters, values);
+        let count = self.solvers.len();
+        let mut effects =
+            |i: usize| (0..GAIT_NUMBERS).map(|n| self.gait_effect(i, n, &robot)).collect();
+        (0..count).map(&mut effects).collect()
+    }
+
+    /// By a central difference.
+    fn gait_effect(&mut self, i: usize, number: usize, robot: &Robot) -> [f64; TERMS] {
+        const STEP_RAD: f64 = 1e-3;
+        let measurement = &self.objective.measurements[i];
+        let mut error_rad = [0.0; GAIT_NUMBERS];
+        error_rad[number] = measurement.gait_errors_rad.as_flattened()[number];
+        if error_rad[number].is_nan() || error_rad[number] == 0.0 {
+            return [0.0; TERMS];
+        }
+        let mut at = |step_rad: f64| {
+            let mut steps_rad = [0.0; GAIT_NUMBERS];
+            steps_rad[number] = step_rad;
+            let moved = self.objective.measurements[i].with_gait_moved(steps_rad);
+            let problem = self.objective.problem_of(robot, &moved)?;
+            self.solves += 1;
+            Some(self.solvers[i].solve(&problem, self.accuracy).ok()?.to_array())
+        };
+        let both = at(STEP_RAD).zip(at(-STEP_RAD));
+        let scale = error_rad[number] / (2.0 * STEP_RAD);
+        // Where the neighbouring motions do not exist nothing is known.
+        both.map_or([0.0; TERMS], |(above, below)| {
+            std::array::from_fn(|metric| scale * (above[metric] - below[metric]))
+        })
     }
 
     /// The objective linearised at `values`.

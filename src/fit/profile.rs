@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::fitted_point::{FittedPoint, HeldPoint};
 use super::least_absolute::{minimise, sum};
+use super::noise_correction::NoiseCorrection;
 use super::resample::Resampler;
 use super::search::limits;
 use crate::stats::quantiles_low;
@@ -64,13 +65,13 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
     let rises: Vec<Vec<f64>> = (0..RESAMPLES)
         .into_par_iter()
         .map(|number| {
-            let all = fit.linearised(resampler.draw(number)).residuals;
+            let all = fit.resampled_residuals(resampler.draw(number));
             let lowest = |held| sum(&all, &minimise(&all, &bounds, held));
             let free = lowest(None);
             (0..count).map(|index| lowest(Some(index)) - free).collect()
         })
         .collect();
-    let correction = fit.noise_correction(&resampler.noises());
+    let correction = NoiseCorrection::new(fit.cost, fit.noise_cost(&resampler.noises()));
     let limit = |index: usize| {
         let of_one = rises.iter().map(|rises| rises[index]).collect();
         let rise = correction.rise * quantiles_low(of_one, [LEVEL])[0];

@@ -23,7 +23,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::measurement::Measurement;
-use super::objective::TERMS;
+use super::objective::{GAIT_NUMBERS, METRICS, Objective, TERMS};
 use crate::metrics::GaitMetrics;
 use crate::stats::{mean, median_high};
 use crate::store::CycleRow;
@@ -51,9 +51,12 @@ pub(super) struct Resampler {
 }
 
 /// Measurements that were drawn, and the trials that they were drawn from.
+#[derive(Default)]
 pub(super) struct Resample {
     pub indices: Vec<usize>,
     pub measurements: Vec<Measurement>,
+    /// By how many standard errors the numbers of the measured gaits are moved.
+    pub gait_moves: Vec<[f64; GAIT_NUMBERS]>,
 }
 
 impl Resampler {
@@ -84,6 +87,43 @@ impl Resampler {
         }
     }
 
+    /// Random numbers of some purpose, the same for every model of the campaign.
+    pub fn random(&self, purpose: &str, number: usize) -> ChaCha8Rng {
+        let mut hash = blake3::Hasher::new();
+        hash.update(&self.seed.to_le_bytes());
+        hash.update(&(number as u64).to_le_bytes());
+        hash.update(self.campaign.as_bytes());
+        hash.update(purpose.as_bytes());
+        ChaCha8Rng::from_seed(*hash.finalize().as_bytes())
+    }
+
+    /// Whether nothing differs between resamples.
+    pub fn is_silent(&self) -> bool {
+        let gait = |of: &Measurement| of.gait_errors_rad.as_flattened().iter().any(|e| *e > 0.0);
+        self.noises().as_flattened().iter().all(|noise| *noise == 0.0 || noise.is_nan())
+            && !self.measurements.iter().any(gait)
+    }
+
+    /// Metrics with terms in an objective of which nothing tells the noise.
+    pub fn without_noise(&self, objective: &Objective) -> Vec<&'static str> {
+        let noises = self.noises();
+        let is_silent = |i: usize| {
+            let all = self.measurements.iter().zip(&noises);
+            let mut with_term = all
+                .filter(|(of, _)| objective.terms(of).any(|(metric, ..)| metric == i))
+                .peekable();
+            with_term.peek().is_some() && with_term.all(|(_, noises)| noises[i] == 0.0)
+        };
+        (0..TERMS).filter(|i| is_silent(*i)).map(|i| METRICS[i]).collect()
+    }
+
+    /// Degrees of freedom of a measurement's standard errors; `None` of those that are of a
+    /// single cycle, taken from all trials, or of an unknown number.
+    pub fn freedom(&self, measurement: usize) -> Option<f64> {
+        let cycles = self.measurements[measurement].cycles;
+        (cycles > 1).then_some(cycles as f64 - 1.0)
+    }
+
     /// Standard deviations of what every measurement is off by: of its cycles and its own.
     pub fn noises(&self) -> Vec<Metrics> {
         let both = self.measurements.iter().map(metrics).zip(&self.errors);
@@ -95,12 +135,8 @@ impl Resampler {
 
     /// The resample with this number; the same for every model of the campaign.
     pub fn draw(&self, number: usize) -> Resample {
-        let mut hash = blake3::Hasher::new();
-        hash.update(&self.seed.to_le_bytes());
-        hash.update(&(number as u64).to_le_bytes());
-        hash.update(self.campaign.as_bytes());
-        let mut random = ChaCha8Rng::from_seed(*hash.finalize().as_bytes());
-        let mut resample = Resample { indices: Vec::new(), measurements: Vec::new() };
+        let (mut random, mut of_gait) = (self.random("", number), self.random("gait", number));
+        let mut resample = Resample::default();
         for trials in &self.frequencies {
             for &trial in trials {
                 let (index, mut metrics) = self.trial_of(trial, trials, &mut random);
@@ -114,8 +150,19 @@ impl Resampler {
                 let drawn = &self.measurements[index];
                 let [d_m, v_m_s, sigma @ .., alpha1_rad] = metrics;
                 let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, ..drawn.metrics };
-                resample.measurements.push(Measurement { metrics, ..drawn.clone() });
+                let errors_rad = drawn.gait_errors_rad.as_flattened();
+                let moves = std::array::from_fn(|number| {
+                    let moves: f64 = StandardNormal.sample(&mut of_gait);
+                    if errors_rad[number].is_finite() { moves } else { 0.0 }
+                });
+                let steps_rad = std::array::from_fn(|n| match moves[n] {
+                    0.0 => 0.0,
+                    moves => moves * errors_rad[n],
+                });
+                let drawn = drawn.with_gait_moved(steps_rad);
+                resample.measurements.push(Measurement { metrics, ..drawn });
                 resample.indices.push(index);
+                resample.gait_moves.push(moves);
             }
         }
         resample

@@ -61,7 +61,9 @@ impl IngestInput {
         let found = || {
             let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
             let robot = campaign.map(|campaign| &campaign.robot).or(trial.robot.as_ref())?;
-            let robot = NamedEntry::of(&config.robot, robot)?;
+            let mut robot = NamedEntry::of(&config.robot, robot)?;
+            // Only a fit reads it.
+            robot.value.standard_deviation = None;
             let gait = match campaign {
                 Some(campaign) => Some(NamedEntry::of(&config.gait, &campaign.gait)?),
                 None => None,

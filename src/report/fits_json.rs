@@ -15,8 +15,13 @@ pub struct Fit<'f> {
     model: Model,
     /// By column name; null where the model does not have the parameter.
     parameters: BTreeMap<&'static str, f64>,
-    /// 95 % confidence limits of the fitted ones; null where the interval is open.
+    /// 95 % confidence limits of the fitted ones; null where the interval is open, and all of them
+    /// for the reason in `no_interval`.
     intervals: BTreeMap<&'static str, [f64; 2]>,
+    /// Half widths of these by one part alone.
+    scatter: BTreeMap<&'static str, f64>,
+    systematic: BTreeMap<&'static str, f64>,
+    no_interval: &'f str,
     free: &'f [Parameter],
     measured: &'f [Parameter],
     identifiable: &'f [Parameter],
@@ -24,6 +29,11 @@ pub struct Fit<'f> {
     structurally_not: &'f [Parameter],
     at_bound: &'f [Parameter],
     j: f64,
+    lack_of_fit: f64,
+    lack_of_fit_limit: f64,
+    adequate: Option<bool>,
+    misfit: &'f str,
+    notes: &'f str,
     comparison: Option<Comparison<'f>>,
     starts: i64,
     starts_reached: i64,
@@ -71,6 +81,9 @@ pub fn fits<'f>(fits: &'f [FitRow], comparison: &'f [ComparisonRow]) -> Vec<Fit<
             model: fit.model,
             parameters: fit.parameters.iter().map(|(of, value)| (of.name(), *value)).collect(),
             intervals: fit.free.iter().map(interval).collect(),
+            scatter: fit.free.iter().map(|of| (of.name(), fit.scatter[*of])).collect(),
+            systematic: fit.free.iter().map(|of| (of.name(), fit.systematic[*of])).collect(),
+            no_interval: &fit.no_interval,
             free: &fit.free,
             measured: &fit.measured,
             identifiable: &fit.identifiable,
@@ -78,6 +91,11 @@ pub fn fits<'f>(fits: &'f [FitRow], comparison: &'f [ComparisonRow]) -> Vec<Fit<
             structurally_not: &fit.structurally_not,
             at_bound: &fit.at_bound,
             j: fit.j,
+            lack_of_fit: fit.lack_of_fit,
+            lack_of_fit_limit: fit.lack_of_fit_limit,
+            adequate: fit.adequate,
+            misfit: &fit.misfit,
+            notes: &fit.notes,
             comparison: compared(fit),
             starts: fit.starts,
             starts_reached: fit.starts_reached,

@@ -245,6 +245,7 @@ column!(f64, f64::NAN, "numbers", is_primitive_numeric, Float64, f64, numbers, |
 column!(i64, 0, "whole numbers", is_integer, Int64, i64, plain, |value| value);
 column!(Option<i64>, None, "whole numbers", is_integer, Int64, i64, plain, Some);
 column!(bool, false, "booleans", is_bool, Boolean, bool, plain, |value| value);
+column!(Option<bool>, None, "booleans", is_bool, Boolean, bool, plain, Some);
 
 impl<T: Named> Columns for T {
     fn blank() -> Self {

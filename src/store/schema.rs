@@ -87,6 +87,9 @@ rows! {
         pub phase_rad: f64,
         /// What else it does in every cycle: RMS of its harmonics above the first.
         pub harmonics_rad: f64,
+        pub offset_rad_se: f64,
+        pub amplitude_rad_se: f64,
+        pub phase_rad_se: f64,
     }
 }
 
@@ -96,21 +99,32 @@ impl JointGait {
         let Self { offset_rad, amplitude_rad, phase_rad, .. } = *self;
         JointCommand { offset_rad, amplitude_rad, phase_rad }
     }
+
+    /// Standard errors of offset, amplitude and phase.
+    pub fn errors_rad(&self) -> [f64; 3] {
+        [self.offset_rad_se, self.amplitude_rad_se, self.phase_rad_se]
+    }
 }
 
 impl TrialRow {
     /// Measured skid ratios of wheels 0, 1, 2. A debiased one of which nothing is left above the
-    /// noise is missing.
+    /// noise is missing; the raw one replaces a debiased one that is not known.
     pub fn sigma(&self, kind: SigmaKind) -> [Estimate; 3] {
-        std::array::from_fn(|wheel| match kind {
-            SigmaKind::Raw => {
-                Estimate { value: self.metrics.sigma[wheel], se: self.metrics_se.sigma[wheel] }
+        std::array::from_fn(|wheel| {
+            let raw = Estimate::new(self.metrics.sigma[wheel], self.metrics_se.sigma[wheel]);
+            let debiased = self.sigma_debiased[wheel];
+            match kind {
+                SigmaKind::Debiased if debiased.value > 0.0 => debiased,
+                SigmaKind::Debiased if !debiased.value.is_nan() => Estimate::MISSING,
+                SigmaKind::Debiased | SigmaKind::Raw => raw,
             }
-            SigmaKind::Debiased if self.sigma_debiased[wheel].value > 0.0 => {
-                self.sigma_debiased[wheel]
-            }
-            SigmaKind::Debiased => Estimate::MISSING,
         })
+    }
+
+    /// Whether [`TrialRow::sigma`] gives raw skid ratios instead of debiased ones.
+    pub fn lacks_debiased(&self) -> bool {
+        let both = self.metrics.sigma.iter().zip(&self.sigma_debiased);
+        both.into_iter().any(|(raw, debiased)| raw.is_finite() && debiased.value.is_nan())
     }
 }
 
@@ -222,9 +236,16 @@ rows! {
         /// The gait that drives it.
         pub gait_input: GaitInput,
         pub parameters: ByParameter<f64>,
-        /// 95 % confidence limits of the fitted parameters; missing where the interval is open.
+        /// 95 % confidence limits of the fitted parameters; missing where the interval is open,
+        /// and all of them for the reason in `no_interval`.
         pub lower: ByParameter<f64> as "{}_lo",
         pub upper: ByParameter<f64> as "{}_hi" after "{}_lo",
+        /// Half the widths that the intervals have by the scatter of cycles and repeats, and by
+        /// what all trials share.
+        pub scatter: ByParameter<f64> as "{}_scatter" after "{}_hi",
+        pub systematic: ByParameter<f64> as "{}_systematic" after "{}_scatter",
+        /// Why there are no confidence limits.
+        pub no_interval: String,
         /// The fitted parameters.
         pub free: Vec<Parameter>,
         /// The parameters that joint-release and coast-down trials gave.
@@ -237,6 +258,29 @@ rows! {
         pub at_bound: Vec<Parameter>,
         /// Value of the objective (eq. 22), averaged over the trials.
         pub j: f64,
+        /// The objective over the one that noise alone leaves, and the limit of this ratio;
+        /// missing where nothing tells the noise.
+        pub lack_of_fit: f64,
+        pub lack_of_fit_limit: f64,
+        /// The same ratio of the terms of d, v, sigma and alpha_1.
+        pub lack_of_fit_d: f64,
+        pub lack_of_fit_v: f64,
+        pub lack_of_fit_sigma: f64,
+        pub lack_of_fit_alpha: f64,
+        /// Lag-1 autocorrelation over frequency of the residuals of the metric where it is
+        /// largest, and its limit.
+        pub autocorrelation: f64,
+        pub autocorrelation_limit: f64,
+        /// Runs of residuals of one sign over frequency, as a part of those of independent
+        /// residuals, of the metric where they are fewest, and its limit.
+        pub runs: f64,
+        pub runs_limit: f64,
+        /// Whether the model is within the three limits; missing where nothing tells the noise.
+        pub adequate: Option<bool>,
+        /// Where and to which side the measurements are off an inadequate model.
+        pub misfit: String,
+        /// What was fitted instead of what is missing, and what the objective lacks.
+        pub notes: String,
         /// Trials that it is averaged over.
         pub trials: i64,
         pub starts: i64,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::means::{common_skid, mean};
-use super::measure::{Cycle, CycleData};
+use super::measure::{Cycle, CycleData, frames_within};
 use super::steady::Steady;
 use crate::ingest::checks::{
     CLIPPING, Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_CYCLES,
@@ -50,8 +50,20 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
     });
     let frames = steady.frames(cycles);
     row.gait = data.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
-        let gait = frames.clone().and_then(|frames| joint_gait(phi_rad, frames, &driven.phase));
-        gait.unwrap_or_else(JointGait::blank)
+        let fit = |frames| joint_gait(phi_rad, frames, &driven.phase);
+        let gait = frames.clone().and_then(fit).unwrap_or_else(JointGait::blank);
+        let of_cycles = used.iter().filter_map(|cycle| fit(frames_within(cycle.start, cycle.end)));
+        let of_cycles: Vec<JointGait> = of_cycles.collect();
+        let error = |of: &dyn Fn(&JointGait) -> f64| match of_cycles.len() == used.len() {
+            true => mean(&of_cycles.iter().map(of).collect::<Vec<_>>(), &steady.used).se,
+            false => f64::NAN,
+        };
+        JointGait {
+            offset_rad_se: error(&|cycle| cycle.offset_rad),
+            amplitude_rad_se: error(&|cycle| cycle.amplitude_rad),
+            phase_rad_se: error(&|cycle| wrap(cycle.phase_rad - gait.phase_rad)),
+            ..gait
+        }
     });
     let left = |k: f64| response(row.smoothing_window as usize, k * driven.phase.step_rad);
     [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);
@@ -67,6 +79,7 @@ fn joint_gait(phi_rad: &[f64], frames: Range<usize>, phase: &LinearPhase) -> Opt
         amplitude_rad: fit.amplitude(1),
         phase_rad: fit.phase_rad(),
         harmonics_rad: squares.sqrt(),
+        ..JointGait::blank()
     })
 }
 

@@ -311,12 +311,19 @@ pub fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> TrialRo
         },
         sigma_debiased: sigma.map(|sigma| Estimate::new(sigma, 0.02 * sigma)),
         gait: [
-            JointGait { offset_rad, amplitude_rad: 0.51, phase_rad: 0.0, harmonics_rad: 0.002 },
+            JointGait {
+                offset_rad,
+                amplitude_rad: 0.51,
+                phase_rad: 0.0,
+                harmonics_rad: 0.002,
+                ..JointGait::blank()
+            },
             JointGait {
                 offset_rad: -offset_rad,
                 amplitude_rad: 0.5,
                 phase_rad: -1.57,
                 harmonics_rad: 0.002,
+                ..JointGait::blank()
             },
         ],
         coverage: 0.9934,

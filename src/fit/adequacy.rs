@@ -1,0 +1,288 @@
+//! Whether a model is adequate: a lack-of-fit test.
+//!
+//! A model that is true misses the measurements by their noise alone: by the standard errors of
+//! the cycles' means, by what repeats of a frequency differ by (pure error, where there are
+//! repeats), and where the measured gait drives the model by what that gait's own errors make of
+//! its motion. Noise is drawn by these [`DRAWS`] times and fitted with the model linearised at the
+//! fit; so often is the distribution known of
+//!
+//! - the objective that noise alone leaves (the ratio to its mean is the lack of fit),
+//! - the lag-1 autocorrelation of the residuals over frequency, and
+//! - the runs of residuals of one sign (Wald and Wolfowitz).
+//!
+//! The model is adequate if none of the three is outside of what noise alone gives in 95 of 100
+//! draws (Bonferroni). What a metric is off by without anything that tells its noise does not
+//! count. Errors are drawn from Student's distribution of as many degrees of freedom as their
+//! trial's cycles leave. Assumed is that trials err independently of each other; what they share
+//! counts as misfit.
+//!
+//! Reference: N. R. Draper and H. Smith, *Applied Regression Analysis*, 3rd ed., Wiley 1998,
+//! sections 2.1 (lack of fit and pure error) and 7.3 (runs); for the draws Davison and Hinkley
+//! 1997, section 4.2.
+
+use rand_distr::{Distribution, StandardNormal, StudentT};
+use rayon::prelude::*;
+
+use super::fitted_point::FittedPoint;
+use super::least_absolute::{Residual, minimise};
+use super::objective::{METRICS, TERMS};
+use super::resample::Resampler;
+use super::search::limits;
+use crate::stats::{mean, quantiles_low};
+
+/// Draws of noise.
+const DRAWS: usize = 400;
+/// Part of them that an adequate model is within, by all three tests.
+const LEVEL: f64 = 0.95;
+const TESTS: f64 = 3.0;
+/// Linearised residuals are good within about this factor's logarithm.
+const RADIUS: f64 = 1.0;
+/// Fewer residuals have no pattern.
+const LEAST_PATTERN: usize = 5;
+/// Standard deviations below which a residual is one of those that the fit has made zero.
+const ZERO: f64 = 1e-4;
+/// Metrics that a misfit names at most.
+const MOST_NAMED: usize = 3;
+/// Parts of the objective that are tested by themselves: d, v, sigma, alpha_1.
+const GROUPS: [&[usize]; 4] = [&[0], &[1], &[2, 3, 4], &[5]];
+
+/// The result of the test. Ratios are NaN where nothing tells the noise.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Adequacy {
+    /// The objective over the mean of what noise alone leaves, and the limit of this ratio.
+    pub lack_of_fit: [f64; 2],
+    /// The ratio for the terms of d, v, sigma and alpha_1.
+    pub by_metric: [f64; 4],
+    /// The largest of a metric's residuals, and its limit.
+    pub autocorrelation: [f64; 2],
+    /// The fewest, over the number of independent residuals', and its limit.
+    pub runs: [f64; 2],
+    pub is_adequate: Option<bool>,
+    /// Where and to which side the measurements are off; empty for an adequate model.
+    pub misfit: String,
+}
+
+impl Adequacy {
+    pub const UNKNOWN: Self = Self {
+        lack_of_fit: [f64::NAN; 2],
+        by_metric: [f64::NAN; 4],
+        autocorrelation: [f64::NAN; 2],
+        runs: [f64::NAN; 2],
+        is_adequate: None,
+        misfit: String::new(),
+    };
+
+    /// Tests a fit all motions of which exist.
+    pub fn new(point: &FittedPoint, resampler: &Resampler) -> Self {
+        let terms = terms(point, resampler);
+        if terms.iter().all(|term| term.deviation == 0.0) {
+            return Self::UNKNOWN;
+        }
+        let observed = Statistics::new(&terms, |term| term.residual.value);
+        let bounds = limits(&point.evaluator.parameters, &point.values, RADIUS);
+        let drawn: Vec<Statistics> = (0..DRAWS)
+            .into_par_iter()
+            .map(|number| {
+                let noise = noise(point, resampler, &terms, number);
+                let step = minimise(&noise, &bounds, None);
+                let left: Vec<f64> = noise.iter().map(|residual| residual.at(&step)).collect();
+                let mut left = left.into_iter();
+                Statistics::new(&terms, |_| left.next().unwrap_or(f64::NAN))
+            })
+            .collect();
+        let part = 1.0 - (1.0 - LEVEL) / TESTS;
+        let highest = |of: &dyn Fn(&Statistics) -> f64| {
+            quantiles_low(drawn.iter().map(of).collect(), [part])[0]
+        };
+        let alone = |of: &dyn Fn(&Statistics) -> f64| mean(drawn.iter().map(of));
+        let whole: &dyn Fn(&Statistics) -> f64 = &|all| all.costs.iter().sum();
+        let [explained, most] = [alone(whole), highest(whole)];
+        let lack_of_fit = [whole(&observed) / explained, most / explained];
+        let by_metric = GROUPS.map(|group| {
+            let of_group = |all: &Statistics| group.iter().map(|&i| all.costs[i]).sum::<f64>();
+            of_group(&observed) / alone(&of_group)
+        });
+        let autocorrelation = [observed.autocorrelation(), highest(&|all| all.autocorrelation())];
+        let runs = [observed.runs(), -highest(&|all| -all.runs())];
+        // A pattern of a few is not known and says nothing.
+        let exceeds = |[found, limit]: [f64; 2]| found > limit;
+        let is_adequate =
+            ![lack_of_fit, autocorrelation, [runs[1], runs[0]]].into_iter().any(exceeds);
+        let mut off: Vec<(f64, String)> = (0..TERMS)
+            .filter(|_| !is_adequate)
+            .map(|i| (observed.costs[i] / alone(&|all| all.costs[i]), i))
+            .filter(|(ratio, i)| {
+                let is_patterned = observed.autocorrelations[*i] > autocorrelation[1]
+                    || observed.runs[*i] < runs[1];
+                *ratio > highest(&|all| all.costs[*i]) / alone(&|all| all.costs[*i]) || is_patterned
+            })
+            .filter_map(|(ratio, i)| Some((ratio, where_off(&terms, i)?)))
+            .collect();
+        off.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let off: Vec<String> = off.into_iter().map(|(_, text)| text).take(MOST_NAMED).collect();
+        Self {
+            lack_of_fit,
+            by_metric,
+            autocorrelation,
+            runs,
+            is_adequate: Some(is_adequate),
+            misfit: off.join("; "),
+        }
+    }
+}
+
+/// A term of the objective at the fit.
+struct Term {
+    measurement: usize,
+    /// Index of its metric.
+    metric: usize,
+    measured: f64,
+    omega_rad_s: f64,
+    /// Predicted over measured, less 1.
+    residual: Residual,
+    /// Standard deviation of that by noise; 0 if nothing tells it.
+    deviation: f64,
+}
+
+/// The terms of all measurements, by frequency.
+fn terms(point: &FittedPoint, resampler: &Resampler) -> Vec<Term> {
+    let objective = &point.evaluator.objective;
+    let noises = resampler.noises();
+    let mut residuals = point.residuals().into_iter();
+    let mut terms = Vec::new();
+    for (measurement, each) in objective.measurements.iter().enumerate() {
+        for (metric, _, measured) in objective.terms(each) {
+            let Some(residual) = residuals.next() else { break };
+            let own = noises[measurement][metric];
+            let by_gait = point.gait_effects[measurement].iter().map(|of| of[metric].powi(2));
+            let variance = own.powi(2) + by_gait.sum::<f64>();
+            let deviation = if own > 0.0 { variance.sqrt() / measured } else { 0.0 };
+            let omega_rad_s = each.frequency_rad_s;
+            terms.push(Term { measurement, metric, measured, omega_rad_s, residual, deviation });
+        }
+    }
+    terms
+}
+
+/// Residuals of noise alone, where the fit is the truth.
+fn noise(
+    point: &FittedPoint,
+    resampler: &Resampler,
+    terms: &[Term],
+    number: usize,
+) -> Vec<Residual> {
+    let mut random = resampler.random("noise", number);
+    let noises = resampler.noises();
+    let errors: Vec<[f64; TERMS]> = (0..noises.len())
+        .map(|measurement| {
+            let student = resampler.freedom(measurement).and_then(|n| StudentT::new(n).ok());
+            let mut deviates: [f64; TERMS] = std::array::from_fn(|_| match &student {
+                Some(student) => student.sample(&mut random),
+                None => StandardNormal.sample(&mut random),
+            });
+            // d and v are one measurement.
+            deviates[1] = deviates[0];
+            let mut errors: [f64; TERMS] =
+                std::array::from_fn(|i| deviates[i] * noises[measurement][i]);
+            for effect in &point.gait_effects[measurement] {
+                let deviate: f64 = StandardNormal.sample(&mut random);
+                errors
+                    .iter_mut()
+                    .zip(effect)
+                    .for_each(|(error, effect)| *error += deviate * effect);
+            }
+            errors
+        })
+        .collect();
+    let of_term = |term: &Term| {
+        let error = if term.deviation > 0.0 { errors[term.measurement][term.metric] } else { 0.0 };
+        Residual { value: error / term.measured, ..term.residual.clone() }
+    };
+    terms.iter().map(of_term).collect()
+}
+
+/// What is tested of residuals.
+struct Statistics {
+    /// Contributions of the metrics to the objective, as far as their noise is known.
+    costs: [f64; TERMS],
+    autocorrelations: [f64; TERMS],
+    runs: [f64; TERMS],
+}
+
+impl Statistics {
+    fn new(terms: &[Term], mut residual: impl FnMut(&Term) -> f64) -> Self {
+        let mut costs = [0.0; TERMS];
+        let mut series: [Vec<f64>; TERMS] = Default::default();
+        for term in terms {
+            let value = residual(term);
+            if term.deviation > 0.0 {
+                costs[term.metric] += term.residual.weight * value.abs();
+                series[term.metric].push(value / term.deviation);
+            }
+        }
+        // d and v are one measurement.
+        series[1].clear();
+        let autocorrelations = series.each_ref().map(|series| autocorrelation(series));
+        Self { costs, autocorrelations, runs: series.each_ref().map(|series| runs(series)) }
+    }
+
+    fn autocorrelation(&self) -> f64 {
+        self.autocorrelations.into_iter().fold(f64::NAN, f64::max)
+    }
+
+    fn runs(&self) -> f64 {
+        self.runs.into_iter().fold(f64::NAN, f64::min)
+    }
+}
+
+/// Lag-1 autocorrelation of residuals around zero; NaN of a few.
+fn autocorrelation(series: &[f64]) -> f64 {
+    if series.len() < LEAST_PATTERN {
+        return f64::NAN;
+    }
+    let products = series.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
+    products / series.iter().map(|z| z * z).sum::<f64>()
+}
+
+/// Runs of one sign, over the (n + 1) / 2 that independent signs have on average; NaN of a few.
+fn runs(series: &[f64]) -> f64 {
+    let signs: Vec<bool> =
+        series.iter().filter(|z| z.abs() > ZERO).map(|z| z.is_sign_positive()).collect();
+    if signs.len() < LEAST_PATTERN {
+        return f64::NAN;
+    }
+    let count = signs.chunk_by(|a, b| a == b).count() as f64;
+    count / (0.5 * (signs.len() + 1) as f64)
+}
+
+/// Of a metric's residuals of one sign at neighbouring frequencies those that are the furthest
+/// off: by how much, to which side and where.
+fn where_off(terms: &[Term], metric: usize) -> Option<String> {
+    let known = terms.iter().filter(|term| term.metric == metric && term.deviation > 0.0);
+    let known: Vec<&Term> = known.collect();
+    let size = |term: &&Term| (term.residual.value / term.deviation).abs();
+    let sign = |term: &&Term| term.residual.value > 0.0;
+    let furthest =
+        known.chunk_by(|a, b| sign(a) == sign(b) || size(b) <= ZERO).max_by(|a, b| {
+            let sum = |run: &[&Term]| run.iter().map(size).sum::<f64>();
+            sum(a).total_cmp(&sum(b))
+        })?;
+    // Predicted over measured, less 1, as measured over predicted.
+    let percent = |term: &&Term| 100.0 * (1.0 / (1.0 + term.residual.value) - 1.0).abs();
+    let off = furthest.iter().filter(|term| size(term) > 1.0);
+    let off: Vec<&&Term> = off.collect();
+    let (first, last) = (off.first()?, off.last()?);
+    let [low, high] = crate::stats::extremes(off.iter().map(|term| percent(term)));
+    let side = if first.residual.value > 0.0 { "below" } else { "above" };
+    let [from, to] = [first.omega_rad_s, last.omega_rad_s];
+    let [low, high] = [low, high].map(two_digits);
+    let by = if low == high { high } else { format!("{low} to {high}") };
+    let at = if from == to { format!("{to}") } else { format!("{from} to {to}") };
+    Some(format!("{} is measured {by} % {side} the model at {at} rad/s", METRICS[metric]))
+}
+
+/// A positive number with two digits, or all of those before the point.
+fn two_digits(value: f64) -> String {
+    let decimals = (1.0 - value.abs().max(1e-9).log10().floor()).max(0.0) as usize;
+    format!("{value:.decimals$}")
+}

@@ -1,0 +1,201 @@
+//! Confidence intervals in two parts.
+//!
+//! - *Scatter*: what cycles and repeats differ by. The quantiles of the bootstrap, corrected for
+//!   noise that counts twice ([`super::noise_correction`]), or without replicates the profiles'
+//!   limits.
+//! - *Systematic*: what all trials share, and no repeat shows.
+//!   - What the fit takes the model for: a jackknife over blocks of neighbouring frequencies
+//!     spreads by more than the scatter if no one set of coefficients describes them all. Only
+//!     the excess counts.
+//!   - What is assumed of the robot: every standard deviation that the configuration gives, or
+//!     that joint-release and coast-down trials have, moves the fit by so much.
+//!   - The gait, where the command drives the model: servos miss it, and the measured gait gives
+//!     other coefficients. An interval reaches as much further to that side, since a known shift
+//!     is not corrected by a wider symmetric interval. Where the measured gait drives the model
+//!     its errors are part of the scatter.
+//!
+//! Standard deviations of logarithms add up as squares, and as 1.96 of them with the scatter's half
+//! width. Without anything that tells the noise there is no interval, nor for a model that does not
+//! fit: there is no true coefficient for it to hold.
+//!
+//! References: B. Efron and R. J. Tibshirani, *An Introduction to the Bootstrap*, Chapman & Hall
+//! 1993, section 11.5 (jackknife of blocks: section 8.6); for the uncorrected shift S. D. Phillips,
+//! K. R. Eberhardt and B. Parry, J. Res. NIST 102 (1997) 577.
+
+use rayon::prelude::*;
+
+use super::adequacy::Adequacy;
+use super::fitted_point::FittedPoint;
+use super::input::FreeParameter;
+use super::measurement::Measurement;
+use super::noise_correction::NoiseCorrection;
+use super::profile::Profile;
+use super::resample::Resampler;
+use super::starts::{Start, search_from};
+use crate::robot::Robot;
+use crate::stats::quantiles;
+
+/// Parts of the replicates outside of a 95 % interval, on either side.
+const OUTSIDE: f64 = 0.025;
+/// Half the width of a 95 % interval of a normal distribution, in its standard deviations.
+const HALF_WIDTH: f64 = 1.96;
+/// Blocks of frequencies of the jackknife.
+const BLOCKS: usize = 6;
+/// Fewer do not tell a spread.
+const LEAST_BLOCKS: usize = 3;
+
+/// Of the free parameters, in their order.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Intervals {
+    /// NaN where a side is open, or for the reason in `why_none`.
+    pub limits: [Vec<f64>; 2],
+    /// Half widths by one part alone.
+    pub scatter: Vec<f64>,
+    pub systematic: Vec<f64>,
+    pub why_none: String,
+}
+
+/// Shifts of the free parameters' logarithms by what all trials share.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Systematic {
+    /// Of the fit without each block of frequencies.
+    pub blocks: Vec<Vec<f64>>,
+    /// Of the fit with each assumption off by its standard deviation.
+    pub assumed: Vec<Vec<f64>>,
+    /// Of the fit to the measured gait, where the command drives the model.
+    pub gait: Option<Vec<f64>>,
+}
+
+impl Systematic {
+    /// Refits without blocks of frequencies and with the other `robots`; and the motions solved.
+    pub fn new(point: &FittedPoint, robots: &[Robot]) -> (Self, usize) {
+        let objective = &point.evaluator.objective;
+        let frequencies = Measurement::frequencies(&objective.measurements);
+        let count = BLOCKS.min(frequencies.len());
+        let block = |number: usize| -> Vec<usize> {
+            let [from, to] = [number, number + 1].map(|edge| edge * frequencies.len() / count);
+            frequencies[from..to].concat()
+        };
+        let numbers = if count < LEAST_BLOCKS { 0..0 } else { 0..count };
+        let without: Vec<Start> =
+            numbers.into_par_iter().map(|number| point.refit_without(&block(number))).collect();
+        let with = |robot: &Robot| {
+            let mut other = objective.as_ref().clone();
+            other.robot = robot.clone();
+            let evaluator = other.evaluator(point.evaluator.parameters.clone());
+            search_from(evaluator, point.values.clone())
+        };
+        let assumed: Vec<Start> = robots.par_iter().map(with).collect();
+        let solves = without.iter().chain(&assumed).map(|refit| refit.solves).sum();
+        let shifts =
+            |refits: &[Start]| refits.iter().map(|refit| point.shift_to(&refit.ended)).collect();
+        (Self { blocks: shifts(&without), assumed: shifts(&assumed), gait: None }, solves)
+    }
+
+    /// Standard deviation of a parameter's logarithm, given that of its scatter.
+    fn deviation(&self, index: usize, scatter: f64) -> f64 {
+        let count = self.blocks.len() as f64;
+        let of_blocks = || self.blocks.iter().map(|shifts| shifts[index]);
+        let mean = of_blocks().sum::<f64>() / count;
+        let squares: f64 = of_blocks().map(|shift| (shift - mean).powi(2)).sum();
+        let jackknife = if count > 0.0 { (count - 1.0) / count * squares } else { 0.0 };
+        let assumed: f64 = self.assumed.iter().map(|shifts| shifts[index].powi(2)).sum();
+        ((jackknife - scatter.powi(2)).max(0.0) + assumed).sqrt()
+    }
+}
+
+impl Intervals {
+    pub const NONE: Self = Self {
+        limits: [Vec::new(), Vec::new()],
+        scatter: Vec::new(),
+        systematic: Vec::new(),
+        why_none: String::new(),
+    };
+
+    /// Of a fit with its profiles (one per parameter, or none) and replicates.
+    pub fn new(
+        point: &FittedPoint,
+        profiles: &[Profile],
+        replicates: &[Start],
+        resampler: &Resampler,
+        adequacy: &Adequacy,
+        systematic: &Systematic,
+    ) -> Self {
+        let parameters = &point.evaluator.parameters;
+        let none = || vec![f64::NAN; parameters.len()];
+        let lacking = resampler.without_noise(&point.evaluator.objective);
+        let mut all = Self {
+            limits: [none(), none()],
+            scatter: none(),
+            systematic: none(),
+            why_none: String::new(),
+        };
+        if parameters.is_empty() {
+            return all;
+        }
+        if !lacking.is_empty() {
+            let lacking = lacking.join(", ");
+            all.why_none =
+                format!("no cycles, repeats or standard errors tell the noise of {lacking}");
+            return all;
+        }
+        let correction =
+            NoiseCorrection::new(point.cost, point.noise_cost(&resampler.noises())).spread;
+        for (index, free) in parameters.iter().enumerate() {
+            let fitted = point.values[index];
+            // Logarithms of the limits by scatter over the fitted value.
+            let scatter = [0, 1].map(|side| {
+                let limit = scatter_limit(profiles, replicates, index, free, side);
+                let correction = if replicates.is_empty() { 1.0 } else { correction };
+                correction * (limit / fitted).ln()
+            });
+            let [below, above] = scatter.map(f64::abs);
+            let deviation = match (below + above) / 2.0 {
+                half if half.is_finite() => half / HALF_WIDTH,
+                _ => below.max(above) / HALF_WIDTH,
+            };
+            let common = HALF_WIDTH * systematic.deviation(index, deviation.max(0.0));
+            let shift = systematic.gait.as_ref().map_or(0.0, |shifts| shifts[index]);
+            let shared = [common + (-shift).max(0.0), common + shift.max(0.0)];
+            let total = [below.hypot(common), above.hypot(common)];
+            let total = [total[0] + (-shift).max(0.0), total[1] + shift.max(0.0)];
+            let half_width =
+                |[below, above]: [f64; 2]| 0.5 * fitted * (above.exp() - (-below).exp());
+            all.scatter[index] = half_width([below, above]);
+            all.systematic[index] = half_width(shared);
+            for (side, signed) in [-total[0], total[1]].into_iter().enumerate() {
+                let limit = fitted * signed.exp();
+                let is_open = free.is_at_bound(limit)[side];
+                all.limits[side][index] = if is_open { f64::NAN } else { limit };
+            }
+        }
+        if adequacy.is_adequate == Some(false) {
+            all.limits = [none(), none()];
+            all.why_none = "the model does not fit".to_owned();
+        }
+        all
+    }
+}
+
+/// A limit by scatter; NaN where it is open: where the profile does not end the interval, or
+/// where the replicates' quantile is a bound.
+fn scatter_limit(
+    profiles: &[Profile],
+    replicates: &[Start],
+    index: usize,
+    free: &FreeParameter,
+    side: usize,
+) -> f64 {
+    let profiled = profiles.get(index).map(|profile| profile.interval[side]);
+    if profiled == Some(None) {
+        return f64::NAN;
+    }
+    let limit = match replicates.is_empty() {
+        true => profiled.flatten().unwrap_or(f64::NAN),
+        false => {
+            let values = replicates.iter().map(|refit| refit.ended[index]).collect();
+            quantiles(values, [OUTSIDE, 1.0 - OUTSIDE])[side]
+        }
+    };
+    if free.is_at_bound(limit)[side] { f64::NAN } else { limit }
+}
