@@ -139,6 +139,10 @@ impl Intervals {
                 format!("no cycles, repeats or standard errors tell the noise of {lacking}");
             return all;
         }
+        if replicates.is_empty() && profiles.is_empty() {
+            all.why_none = "neither replicates nor profiles were asked for".to_owned();
+            return all;
+        }
         let correction =
             NoiseCorrection::new(point.cost, point.noise_cost(&resampler.noises())).spread;
         for (index, free) in parameters.iter().enumerate() {

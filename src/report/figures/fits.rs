@@ -68,12 +68,15 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         let parameter = FittedParameter::of(fit, *held);
         let [from, to] = parameter.limits;
         let rise = limit_j - fit.j;
-        let layers = vec![
-            Layer::new("95 % interval", [(from, f64::NAN), (to, f64::NAN)], Look::Band),
+        let interval = [(from, f64::NAN), (to, f64::NAN)];
+        let interval = Layer::new("95 % interval", interval, Look::Band);
+        let layers = [
             Layer::new("profile", points, Look::Dotted(looks::model_colour(fit.model))),
             Layer::new("limit", [(f64::NAN, limit_j)], Look::Guides),
             Layer::new("fit", [(parameter.value, fit.j)], Look::Rings),
         ];
+        let interval = fit.no_interval.is_empty().then_some(interval);
+        let layers = interval.into_iter().chain(layers).collect();
         Some(Panel {
             shown: Some(Range { low: f64::NEG_INFINITY, high: fit.j + 2.5 * rise }),
             ..decades(fit, &label(*held), "J", layers)
