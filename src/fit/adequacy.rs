@@ -286,3 +286,43 @@ fn two_digits(value: f64) -> String {
     let decimals = (1.0 - value.abs().max(1e-9).log10().floor()).max(0.0) as usize;
     format!("{value:.decimals$}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smooth_misfit_has_a_large_autocorrelation_and_few_runs() {
+        let smooth = [-2.0, -1.0, -1.0, 0.5, 1.0, 2.0, 2.0];
+        let rough = [-2.0, 1.0, -1.0, 0.5, -1.0, 2.0, -2.0];
+        assert!(autocorrelation(&smooth) > 0.6 && autocorrelation(&rough) < -0.6);
+        assert_eq!((runs(&smooth), runs(&rough)), (0.5, 1.75));
+        // Residuals that the fit has made zero have no sign.
+        assert_eq!(runs(&[1.0, 1.0, 1e-9, -1e-9, 1.0, 1.0, 1.0]), 1.0 / 3.0);
+        assert!(runs(&smooth[..4]).is_nan() && autocorrelation(&smooth[..4]).is_nan());
+    }
+
+    #[test]
+    fn the_furthest_run_is_named_with_its_side_and_frequencies() {
+        let term = |(omega_rad_s, value): (f64, f64)| Term {
+            measurement: 0,
+            metric: 2,
+            measured: 0.03,
+            omega_rad_s,
+            residual: Residual { weight: 1.0, value, slope: Vec::new() },
+            deviation: 0.01,
+        };
+        // Predicted over measured, less 1.
+        let values = [(0.5, -0.03), (1.0, 0.002), (2.0, -0.02), (3.0, 0.25), (4.0, 1.0 / 3.0)];
+        let terms: Vec<Term> = values.into_iter().map(term).collect();
+        assert_eq!(
+            where_off(&terms, 2).as_deref(),
+            Some("sigma0 is measured 20 to 25 % below the model at 3 to 4 rad/s")
+        );
+        assert_eq!(
+            where_off(&terms[..1], 2).as_deref(),
+            Some("sigma0 is measured 3.1 % above the model at 0.5 rad/s")
+        );
+        assert_eq!(where_off(&terms, 0), None);
+    }
+}
