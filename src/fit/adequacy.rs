@@ -11,7 +11,8 @@
 //! - the runs of residuals of one sign (Wald and Wolfowitz).
 //!
 //! The model is adequate if none of the three is outside of what noise alone gives in 95 of 100
-//! draws (Bonferroni). What a metric is off by without anything that tells its noise does not
+//! draws (Bonferroni); a pattern counts in a metric that is off by more than noise alone leaves on
+//! average. What a metric is off by without anything that tells its noise does not
 //! count. Errors are drawn from Student's distribution of as many degrees of freedom as their
 //! trial's cycles leave. Assumed is that trials err independently of each other; what they share
 //! counts as misfit.
@@ -104,29 +105,34 @@ impl Adequacy {
         });
         let autocorrelation = [observed.autocorrelation(), highest(&|all| all.autocorrelation())];
         let runs = [observed.runs(), -highest(&|all| -all.runs())];
-        // A pattern of a few is not known and says nothing.
-        let exceeds = |[found, limit]: [f64; 2]| found > limit;
-        let is_adequate =
-            ![lack_of_fit, autocorrelation, [runs[1], runs[0]]].into_iter().any(exceeds);
-        let mut off: Vec<(f64, String)> = (0..TERMS)
-            .filter(|_| !is_adequate)
-            .map(|i| (observed.costs[i] / alone(&|all| all.costs[i]), i))
-            .filter(|(ratio, i)| {
-                let is_patterned = observed.autocorrelations[*i] > autocorrelation[1]
-                    || observed.runs[*i] < runs[1];
-                *ratio > highest(&|all| all.costs[*i]) / alone(&|all| all.costs[*i]) || is_patterned
-            })
-            .filter_map(|(ratio, i)| Some((ratio, where_off(&terms, i)?)))
-            .collect();
-        off.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let off: Vec<String> = off.into_iter().map(|(_, text)| text).take(MOST_NAMED).collect();
+        let is_patterned = |i: usize| {
+            observed.autocorrelations[i] > autocorrelation[1] || observed.runs[i] < runs[1]
+        };
+        // Of each metric.
+        let ratios: [f64; TERMS] =
+            std::array::from_fn(|i| observed.costs[i] / alone(&|all| all.costs[i]));
+        let has_pattern = (0..TERMS).any(|i| ratios[i] > 1.0 && is_patterned(i));
+        let is_adequate = lack_of_fit[0] <= lack_of_fit[1] && !has_pattern;
+        let is_off = |i: &usize| {
+            let most = highest(&|all| all.costs[*i]) / alone(&|all| all.costs[*i]);
+            !is_adequate && (ratios[*i] > most || ratios[*i] > 1.0 && is_patterned(*i))
+        };
+        let mut off: Vec<usize> = (0..TERMS).filter(|i| ratios[*i] > 0.0).collect();
+        off.sort_by(|a, b| ratios[*b].total_cmp(&ratios[*a]));
+        // All together they may be off where none is by itself: then the one that is the most.
+        let first = off.first().copied();
+        off.retain(is_off);
+        if off.is_empty() && !is_adequate {
+            off.extend(first);
+        }
+        let named = off.into_iter().take(MOST_NAMED).filter_map(|i| where_off(&terms, i));
         Self {
             lack_of_fit,
             by_metric,
             autocorrelation,
             runs,
             is_adequate: Some(is_adequate),
-            misfit: off.join("; "),
+            misfit: named.collect::<Vec<_>>().join("; "),
         }
     }
 }
