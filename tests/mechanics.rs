@@ -6,7 +6,8 @@
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 use serde_json::Value;
 use trilink::robot::{
-    Robot, Trig, Velocity, det_wb, dot, force_balance, mass_matrix, roll_rows, rotated, skid_rows,
+    Gait, Robot, Trig, Velocity, det_wb, dot, force_balance, mass_matrix, roll_rows, rotated,
+    skid_rows,
 };
 
 struct State {
@@ -333,4 +334,37 @@ fn det_a_of_the_semi_passive_robot_is_far_from_zero_up_to_90_degrees() {
     let low = found.iter().copied().fold(f64::INFINITY, f64::min);
     let high = found.iter().copied().fold(0.0, f64::max);
     assert!(low > 0.01 * high, "{low} {high}");
+}
+
+#[test]
+fn the_symmetric_gait_crosses_equal_angles_and_the_skewed_one_does_not() {
+    let crossings = |gait: Gait| {
+        let apart = |i: i32| {
+            let phi = gait.at(std::f64::consts::TAU * (f64::from(i) + 0.5) / 360.0, 1.0).phi_rad;
+            phi[0] - phi[1]
+        };
+        (0..360).filter(|i| apart(*i) * apart(i + 1) < 0.0).count()
+    };
+    assert_eq!([crossings(Gait::symmetric()), crossings(Gait::skewed())], [2, 0]);
+}
+
+#[test]
+fn table_2_has_heavier_side_links_that_are_alike() {
+    let (kinematic, passive) = (Robot::kinematic(), Robot::semi_passive());
+    assert!(passive.mass_kg[1] > kinematic.mass_kg[1]);
+    assert_eq!(passive.mass_kg[1], passive.mass_kg[2]);
+    assert_eq!(passive.inertia_kg_m2[1], passive.inertia_kg_m2[2]);
+}
+
+#[test]
+fn table_1_s_inertias_are_not_those_of_uniform_bars_between_the_joints() {
+    let robot = Robot::kinematic();
+    let bar = |mass_kg: f64, length_m: f64| mass_kg * length_m * length_m / 12.0;
+    let bars = [(0, 2.0 * robot.h_m, 0.315), (1, 2.0 * robot.b_m, 0.173)];
+    for (link, length_m, right_m) in bars {
+        let printed = robot.inertia_kg_m2[link];
+        // The half of its last digit.
+        assert!((bar(robot.mass_kg[link], length_m) - printed).abs() > 0.5e-4, "link {link}");
+        assert!((bar(robot.mass_kg[link], right_m) - printed).abs() < 0.5e-4, "link {link}");
+    }
 }

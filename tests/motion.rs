@@ -293,3 +293,21 @@ fn where_the_kinematic_robot_crosses_equal_angles_its_forces_are_unbounded_with_
     let with_roll = growth(Model::NoSkidRoll, forces);
     assert!((with_roll - 11.0).abs() < 0.1, "{with_roll}");
 }
+
+/// With the passive joint's damping and without its stiffness, which keeps energy.
+#[test]
+fn six_coefficients_dissipate_in_the_kinematic_robot_and_seven_in_the_semi_passive_one() {
+    let count = |robot: Robot, gait: Gait| {
+        let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s: 3.9 };
+        let mut solver = Solver::default();
+        solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+        let derivatives = solver.derivatives().unwrap().parameters;
+        let dissipating = derivatives.iter().filter(|(parameter, derivative)| {
+            !matches!(parameter, Parameter::RollSum | Parameter::Stiffness)
+                && derivative.to_array().iter().any(|slope| *slope != 0.0)
+        });
+        dissipating.count()
+    };
+    assert_eq!(count(Robot::kinematic(), Gait::skewed()), 6);
+    assert_eq!(count(Robot::semi_passive(), Gait::passive_symmetric()), 7);
+}

@@ -3,8 +3,7 @@
 use minijinja::Error;
 
 use super::formula::{NO_MOTION, missing, unknown};
-use crate::motion::{FORCES_ACCURACY, Problem, REFERENCE_ACCURACY, Sample, Solver};
-use crate::robot::Parameter;
+use crate::motion::{FORCES_ACCURACY, Problem, Sample, Solver};
 use crate::stats::wrap;
 
 /// Samples of a cycle, and how many of them there are to one of the coarse ones. Neither meets the
@@ -36,8 +35,6 @@ pub fn find(problem: &Problem, quantity: &str) -> Result<f64, Error> {
             let [x, y, turning, ..] = sample.rates;
             [x, y, problem.robot.h_m * turning]
         }),
-        // How many coefficients of dissipation the steady motion depends on.
-        "dissipation_coefficients" => dissipation_coefficients(problem),
         _ => return Err(unknown(quantity)),
     };
     found.ok_or_else(|| missing(NO_MOTION))
@@ -91,15 +88,4 @@ fn lag_deg(problem: &Problem) -> Option<f64> {
         sine.atan2(cosine)
     };
     Some(wrap(phase(1) - phase(0)).to_degrees())
-}
-
-fn dissipation_coefficients(problem: &Problem) -> Option<f64> {
-    let mut solver = Solver::default();
-    solver.solve(problem, REFERENCE_ACCURACY).ok()?;
-    let derivatives = solver.derivatives().ok()?.parameters;
-    let moving = derivatives.iter().filter(|(parameter, derivative)| {
-        !matches!(parameter, Parameter::RollSum | Parameter::Stiffness)
-            && derivative.to_array().iter().any(|slope| *slope != 0.0)
-    });
-    Some(moving.count() as f64)
 }

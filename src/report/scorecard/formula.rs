@@ -3,14 +3,13 @@
 //!
 //! - Of a motion of the `paper` ([`Paper`]): `at`, `exists`, `cycle`, `curve`.
 //! - Of a campaign of the `trials` and the fits to them ([`Trials`]): `mean_at`, `means`,
-//!   `mean_lag_deg`, `off_command_deg`, `robot`, `fit`, `objective`, `existing_share`.
+//!   `travelled_mm`, `mean_lag_deg`, `off_command_deg`, `robot`, `coefficient`, `fitted`,
+//!   `existing_share`.
 //! - Of a curve, which `curve` and `means` give ([`Curve`]): `optimum`, `optima_apart`,
 //!   `spread_percent`, `largest`; of two, `mean_ratio`, `least_ratio`, `effect_high_over_low`.
 //! - `apart_deg(a, b)`: size of the difference of two phases.
-//! - `table1`, `table2`: robots with the values of the simulations; `fitted`: the authors' fitted
-//!   values by campaign.
 
-use minijinja::value::{Object, Serde, Value};
+use minijinja::value::{Object, Value};
 use minijinja::{Environment, Error, ErrorKind, context};
 
 use super::curve::Curve;
@@ -52,8 +51,9 @@ impl Formulas {
         environment.add_function("mean_lag_deg", Trials::mean_lag_deg);
         environment.add_function("off_command_deg", Trials::off_command_deg);
         environment.add_function("robot", Trials::robot);
-        environment.add_function("fit", Trials::fit);
-        environment.add_function("objective", Trials::objective);
+        environment.add_function("travelled_mm", Trials::travelled_mm);
+        environment.add_function("coefficient", Trials::coefficient);
+        environment.add_function("fitted", Trials::fitted);
         environment.add_function("existing_share", Trials::existing_share);
         environment.add_function("optimum", Curve::optimum);
         environment.add_function("optima_apart", Curve::optima_apart);
@@ -66,9 +66,6 @@ impl Formulas {
         let apart_deg = |a: f64, b: f64| wrap((a - b).to_radians()).to_degrees().abs();
         environment.add_function("apart_deg", apart_deg);
         let values = context! {
-            table1 => Value::from(Serde(&paper.config.robot["kinematic"])),
-            table2 => Value::from(Serde(&paper.config.robot["semi-passive"])),
-            fitted => Value::from(Serde(&paper.fitted)),
             paper => Value::from_object(paper),
             trials => Value::from_object(trials),
         };

@@ -8,15 +8,15 @@
 //!
 //! # Verdicts
 //!
-//! - `reproduced`: the number that the claim is judged by meets its criterion: half a unit of the
-//!   last printed digit, unless the claim's words ask for another (the head of `claims.toml`).
+//! - `reproduced`: the number that the claim is judged by meets its criterion, which comes from the
+//!   claim: half a unit of the last printed digit, the interval of what was measured, or what its
+//!   words ask for (the head of `claims.toml`). No criterion is one that every number meets.
 //! - `differs`: it does not, or there is no such number (a motion that does not exist).
-//! - `not testable here`: the folder lacks what it takes.
+//! - `not testable here`: the folder lacks what it takes, or its trials are synthetic.
 //!
-//! What the authors measured on their robot is judged by the computed number, with their fitted
-//! parameters, where there is one: other trials cannot refute a measurement. Fitted coefficients
-//! and comparisons of fitted models are judged by the trials at hand; where those are synthetic
-//! the remark says so.
+//! What trials or fits to them show is judged by the trials at hand, and not by synthetic ones,
+//! which say nothing of the experiment; what the models with the authors' values show, by the
+//! computed number. Of the fits those count that the commanded gait drives, as in the paper.
 
 mod claims;
 mod curve;
@@ -81,6 +81,10 @@ fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
     let mut sentences = Vec::new();
     let measured = claim.measured.as_ref().map(|formula| formulas.find(formula));
     let judged = match (claim.judged, &measured) {
+        (Judged::Measured, _) if is_synthetic => {
+            sentences.push("A claim on the experiment, and these trials are synthetic.".to_owned());
+            None
+        }
         (Judged::Computed, _) => computed.as_ref(),
         (Judged::Measured, Some(Ok(found))) => Some(found),
         (Judged::Measured, Some(Err(error))) => {
@@ -95,7 +99,7 @@ fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
         Some(Some(true)) => Verdict::Reproduced,
         Some(Some(false)) => Verdict::Differs,
         Some(None) => {
-            sentences.push("The fit has no confidence interval.".to_owned());
+            sentences.push("There is no confidence interval.".to_owned());
             Verdict::NotTestable
         }
         None => Verdict::NotTestable,
@@ -112,9 +116,6 @@ fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
         let value = formulas.find(&also.computed).map_or(f64::NAN, |found| found.value);
         also.text.replace("{}", &significant(value, 6))
     }));
-    if is_synthetic && judged.is_some() && claim.judged == Judged::Measured {
-        sentences.push("The trials are synthetic.".to_owned());
-    }
     sentences.retain(|sentence| !sentence.is_empty());
 
     let finite = |value: &f64| value.is_finite();

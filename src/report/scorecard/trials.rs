@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use minijinja::Error;
-use minijinja::value::{Object, Serde, Value};
+use minijinja::value::{Object, Serde, Value, ValueKind};
 
 use super::curve::{Curve, Point};
 use super::formula::{NO_TRIALS, missing, unknown};
@@ -12,10 +12,11 @@ use crate::config::{Config, SigmaKind};
 use crate::metrics::GaitMetrics;
 use crate::motion::MotionStatus;
 use crate::named::Named as _;
+use crate::report::series::BAR_STANDARD_ERRORS;
 use crate::report::tables::Tables;
 use crate::robot::{Model, Parameter};
 use crate::stats::{self, wrap};
-use crate::store::{PredictionSource, TrialRow, TrialStatus};
+use crate::store::{FitRow, PredictionSource, TrialRow, TrialStatus};
 
 /// Part of the printed frequency that a trial may be off.
 const NEAR: f64 = 0.02;
@@ -33,11 +34,17 @@ pub struct Trials {
 
 impl Object for Trials {}
 
-/// A number of a row.
-fn column_of(row: &impl serde::Serialize, column: &str) -> Result<f64, Error> {
-    let value = Value::from(Serde(row)).get_attr(column)?;
-    // An estimate has its standard error beside it.
-    f64::try_from(value.clone()).or_else(|_| f64::try_from(value.get_attr("value")?))
+/// A number of a row, or 1 for what is true and 0 for what is not: of a column or of a part of it.
+fn column_of(row: &impl serde::Serialize, path: &str) -> Result<f64, Error> {
+    let mut value = Value::from(Serde(row));
+    for name in path.split('.') {
+        value = value.get_attr(name)?;
+    }
+    match value.kind() {
+        ValueKind::Bool => Ok(f64::from(u8::from(value.is_true()))),
+        ValueKind::None => Ok(f64::NAN),
+        _ => f64::try_from(value),
+    }
 }
 
 fn finite(value: f64, lacking: &'static str) -> Result<f64, Error> {
@@ -91,6 +98,16 @@ impl Trials {
         Curve::of(&self.points(campaign), quantity, true)
     }
 
+    /// Mean displacement of the trials near a printed frequency, and its interval.
+    pub fn travelled_mm(&self, campaign: &str, omega_rad_s: f64) -> Result<Value, Error> {
+        let trials = self.near(campaign, omega_rad_s);
+        let value = 1e3 * stats::mean(trials.iter().map(|row| row.metrics.d_m));
+        let variances = trials.iter().map(|row| row.metrics_se.d_m.powi(2));
+        let half = 1e3 * BAR_STANDARD_ERRORS * variances.sum::<f64>().sqrt() / trials.len() as f64;
+        let limits = half.is_finite().then_some([value - half, value + half]);
+        Ok(Value::from_object(Found { limits, ..Found::new(finite(value, NO_TRIALS)?) }))
+    }
+
     /// Mean phase of phi1 after phi2.
     pub fn mean_lag_deg(&self, campaign: &str, omega_rad_s: f64) -> Result<f64, Error> {
         let trials = self.near(campaign, omega_rad_s);
@@ -126,24 +143,28 @@ impl Trials {
         finite(mean, "The folder has no joint-release or coast-down of this robot.")
     }
 
-    /// Coefficient that the fit of a campaign left free, and its interval.
-    pub fn fit(&self, campaign: &str, parameter: &str) -> Result<Value, Error> {
-        let parameter = Parameter::of_name(parameter).ok_or_else(|| unknown(parameter))?;
+    /// The fit of a model under the commanded gait, which is the paper's.
+    fn fit_of(&self, campaign: &str, model: &str) -> Result<&FitRow, Error> {
         let mut fits = self.tables.fits.iter();
-        let fit = fits.find(|fit| {
-            fit.campaign == campaign && fit.model == FITTED_MODEL && fit.free.contains(&parameter)
-        });
-        let fit = fit.ok_or_else(|| missing(NO_FIT))?;
+        let fit = fits.find(|fit| fit.campaign == campaign && fit.model.name() == model);
+        fit.filter(|fit| fit.status.is_ok()).ok_or_else(|| missing(NO_FIT))
+    }
+
+    /// Coefficient that the fit of a campaign left free, and its interval.
+    pub fn coefficient(&self, campaign: &str, parameter: &str) -> Result<Value, Error> {
+        let parameter = Parameter::of_name(parameter).ok_or_else(|| unknown(parameter))?;
+        let fit = self.fit_of(campaign, FITTED_MODEL.name())?;
+        if !fit.free.contains(&parameter) {
+            return Err(missing(NO_FIT));
+        }
         let limits = [fit.lower[parameter], fit.upper[parameter]];
         let limits = limits.iter().any(|limit| limit.is_finite()).then_some(limits);
         Ok(Value::from_object(Found { limits, ..Found::new(fit.parameters[parameter]) }))
     }
 
-    /// A model's objective, or a part of it: a column.
-    pub fn objective(&self, campaign: &str, model: &str, column: &str) -> Result<f64, Error> {
-        let mut rows = self.tables.comparison.iter();
-        let row = rows.find(|row| row.campaign == campaign && row.model.name() == model);
-        finite(column_of(row.ok_or_else(|| missing(NO_FIT))?, column)?, NO_FIT)
+    /// What a column of the fit of a model has.
+    pub fn fitted(&self, campaign: &str, model: &str, column: &str) -> Result<f64, Error> {
+        finite(column_of(self.fit_of(campaign, model)?, column)?, NO_FIT)
     }
 
     /// Part of the trials at whose frequencies a model has a motion.

@@ -22,7 +22,7 @@ pub enum Verdict {
 pub struct Found {
     /// NaN where there is none: no such motion, no optimum.
     pub value: f64,
-    /// 95 % confidence limits of a fitted value; NaN where the interval is open.
+    /// 95 % confidence limits; NaN where the interval is open.
     pub limits: Option<[f64; 2]>,
     pub note: &'static str,
 }
@@ -43,14 +43,13 @@ impl Found {
 pub enum Criterion {
     /// Not farther from the printed number than this.
     Within(f64),
-    /// The same in per cent of the printed number.
-    WithinPercent(f64),
     /// To nine digits.
     Equals(f64),
     AtLeast(f64),
     AtMost(f64),
     Between([f64; 2]),
-    /// The printed number, give or take this, lies in the 95 % confidence interval of the fit.
+    /// The printed number, give or take this, lies in the 95 % confidence interval of what was
+    /// measured or fitted.
     ConfidenceInterval(f64),
 }
 
@@ -58,14 +57,13 @@ impl fmt::Display for Criterion {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
             Self::Within(tolerance) => write!(f, "within {tolerance} of the printed value"),
-            Self::WithinPercent(percent) => write!(f, "within {percent} % of the printed value"),
             Self::Equals(value) => write!(f, "equal to {value}"),
             Self::AtLeast(least) => write!(f, "at least {least}"),
             Self::AtMost(most) if *most != 0.0 && *most < 1e-4 => write!(f, "at most {most:e}"),
             Self::AtMost(most) => write!(f, "at most {most}"),
             Self::Between([low, high]) => write!(f, "{low} to {high}"),
             Self::ConfidenceInterval(_) => {
-                f.write_str("printed value in the fit's 95 % confidence interval")
+                f.write_str("printed value in the 95 % confidence interval")
             }
         }
     }
@@ -84,9 +82,6 @@ impl Criterion {
         let value = found.value;
         Some(match self {
             Self::Within(tolerance) => (value - printed?).abs() <= tolerance,
-            Self::WithinPercent(percent) => {
-                (value - printed?).abs() <= 0.01 * percent * printed?.abs()
-            }
             Self::Equals(wanted) => (value - wanted).abs() <= EQUAL * wanted.abs(),
             Self::AtLeast(least) => value >= least,
             Self::AtMost(most) => value <= most,

@@ -139,6 +139,7 @@ impl Tables {
             natural_rad_s: Estimate::new(10.4, 0.02),
             stiffness_nm_rad: Estimate::new(0.1875, 0.0012),
             stiffness_configured_nm_rad: 0.188,
+            damping_nm_s_rad: Estimate::new(0.00685, 0.00004),
             ..RobotParameterRow::blank()
         };
         vec![release]
