@@ -1,0 +1,5 @@
+//! Whatever `comparison.parquet` holds, the stages that read it end with results or an error.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| trilink_fuzz::table("comparison.parquet", data));

@@ -1,0 +1,5 @@
+//! Whatever `up-to-date.json` holds, a run ends with results or an error.
+
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| trilink_fuzz::record(data));

@@ -1,0 +1,304 @@
+//! What the fuzz targets share: a small project of three trials, and what is done to one of its
+//! files. `tests/hostile.rs` does the same with some hundred inputs of its own.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use polars::prelude::{Column, DataFrame, DataType, Series, StringChunked};
+use trilink::build::{self, RerunOptions, run};
+use trilink::config::Config;
+use trilink::ingest::IngestInput;
+use trilink::motion::{FIT_ACCURACY, Problem};
+use trilink::report::ReportInput;
+use trilink::store::{Provenance, Table};
+use trilink::synth::{Recipe, synthesise};
+use trilink::trial::TrialList;
+use trilink::vicon::{parse_markers, sections};
+
+/// Stands between `pipeline.toml` and `trials.toml`.
+const BETWEEN: &[u8] = b"\n%%\n";
+const CAMPAIGN: &str = "kinematic-skewed";
+
+/// Whatever bytes a marker file has, reading it gives markers or an error.
+pub fn markers(name: &str, file: &[u8]) {
+    let path = Path::new(name);
+    let _ = sections(path, file);
+    let Ok(markers) = parse_markers(path, file) else { return };
+    assert!(!markers.frames.is_empty() && !markers.labels.is_empty());
+    assert!(markers.frames.windows(2).all(|pair| pair[0] < pair[1]));
+    for row in 0..markers.frames.len() {
+        for position in markers.row_mm(row) {
+            let missing = position.iter().filter(|x| x.is_nan()).count();
+            assert!(missing == 0 || missing == 3);
+        }
+    }
+}
+
+/// `pipeline.toml` and `trials.toml`: they are refused, or every stage can take its settings from
+/// them and every model be solved or not.
+pub fn settings(text: &[u8]) {
+    let at = text.windows(BETWEEN.len()).position(|bytes| bytes == BETWEEN);
+    let (pipeline, trials) = match at {
+        Some(at) => (&text[..at], &text[at + BETWEEN.len()..]),
+        None => (text, &b""[..]),
+    };
+    let folder = scratch().join("settings");
+    fs::create_dir_all(&folder).expect("a folder");
+    fs::write(folder.join("pipeline.toml"), pipeline).expect("written");
+    fs::write(folder.join("trials.toml"), trials).expect("written");
+    let (config, list) = (Config::load(&folder.join("pipeline.toml")), TrialList::load(&folder));
+    let Ok(config) = config else { return };
+    for trial in list.iter().flat_map(|list| &list.trial) {
+        let _ = trial.check(&config);
+        let _ = IngestInput::new(&config, trial);
+    }
+    let report = ReportInput::new(&config);
+    let _ = report.configuration();
+    for (name, campaign) in &config.campaign {
+        let Some((robot, gait)) = config.campaign_setup(name) else { continue };
+        for model in &campaign.models {
+            let robot = robot.clone();
+            let _ = Problem { robot, gait, model: *model, omega_rad_s: 3.9 }.solve(FIT_ACCURACY);
+        }
+    }
+}
+
+/// A derived table, by its path inside of `derived/`: what reads it ends with its results or with
+/// an error.
+pub fn table(name: &str, data: &[u8]) {
+    let project = Project::get();
+    project.restore();
+    project.damage(&project.config.paths.derived.join(name), data);
+    if ["trials.parquet", "robot_parameters.parquet"].contains(&name) {
+        let _ = build::fit(&project.config, false, &());
+    }
+    let _ = build::report(&project.config, false, &());
+}
+
+/// `history.parquet`.
+pub fn history(data: &[u8]) {
+    let project = Project::get();
+    project.restore();
+    let path = trilink::compare::history_path(&project.config.paths.reports);
+    project.damage(&path, data);
+    let _ = trilink::compare::remember(&project.config.paths);
+}
+
+/// `up-to-date.json`: what it says was done is done or found not to be.
+pub fn record(data: &[u8]) {
+    let project = Project::get();
+    project.restore();
+    fs::write(project.config.paths.derived.join("up-to-date.json"), data).expect("written");
+    let _ = build::dry_run(&project.config, RerunOptions::default());
+    let _ = run(&project.config, RerunOptions::default(), false, &());
+}
+
+/// The record of the small project: where the fuzzer begins.
+pub fn recorded() -> Vec<u8> {
+    let project = Project::get();
+    project.files[&project.config.paths.derived.join("up-to-date.json")].clone()
+}
+
+/// A folder of this process, in memory where there is such a place.
+fn scratch() -> PathBuf {
+    let shm = Path::new("/dev/shm");
+    let root = if shm.is_dir() { shm.to_owned() } else { std::env::temp_dir() };
+    root.join(format!("trilink-fuzz-{}", std::process::id()))
+}
+
+/// Three trials of one campaign, as a run left them.
+pub struct Project {
+    config: Config,
+    files: BTreeMap<PathBuf, Vec<u8>>,
+}
+
+impl Project {
+    fn get() -> &'static Self {
+        static PROJECT: OnceLock<Project> = OnceLock::new();
+        PROJECT.get_or_init(|| {
+            let folder = scratch();
+            let _ = fs::remove_dir_all(&folder);
+            let mut config = Config::default();
+            config.campaign.retain(|name, _| name == CAMPAIGN);
+            (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 2, false);
+            for path in
+                [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports]
+            {
+                *path = folder.join(&*path);
+            }
+            let recipe = Recipe { omegas_rad_s: vec![4.0, 5.0], ..Recipe::new(1) };
+            synthesise(&config, &config.paths.raw, &recipe, &|_| {}).expect("trials");
+            run(&config, RerunOptions::default(), false, &()).expect("a run");
+            let mut files = BTreeMap::new();
+            for folder in [&config.paths.derived, &config.paths.reports] {
+                collect(folder, &mut files);
+            }
+            Self { config, files }
+        })
+    }
+
+    /// Everything as the run left it.
+    fn restore(&self) {
+        for (path, bytes) in &self.files {
+            if fs::read(path).ok().as_ref() != Some(bytes) {
+                let _ = fs::remove_dir_all(path);
+                fs::write(path, bytes).expect("written");
+            }
+        }
+    }
+
+    /// Damages a table: its bytes are the data, or its cells are edited as the data says.
+    fn damage(&self, path: &Path, data: &[u8]) {
+        match data.split_first() {
+            Some((0xff, bytes)) => fs::write(path, bytes).expect("written"),
+            _ => {
+                let mut table = Table::read(path).expect("the table of a run");
+                let input = table.input.clone().unwrap_or_default();
+                edit(&mut table.frame, &mut Data(data));
+                table.write(path, &Provenance { input }).expect("written");
+            }
+        }
+    }
+
+    /// The path of a table of the first trial inside of `derived/`.
+    pub fn of_trial(folder: &str) -> String {
+        format!("{folder}/{CAMPAIGN}-4.00-r1.parquet")
+    }
+}
+
+fn collect(folder: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            collect(&path, files);
+        } else {
+            files.insert(path.clone(), fs::read(&path).expect("a file"));
+        }
+    }
+}
+
+/// Bytes that are used up; zeros after the last.
+struct Data<'d>(&'d [u8]);
+
+impl Data<'_> {
+    fn byte(&mut self) -> u8 {
+        let Some((first, rest)) = self.0.split_first() else { return 0 };
+        self.0 = rest;
+        *first
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        let wide = usize::from(self.byte()) << 8 | usize::from(self.byte());
+        wide % count.max(1)
+    }
+
+    fn number(&mut self) -> f64 {
+        const ODD: [f64; 12] = [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            0.0,
+            -0.0,
+            -1.0,
+            1e308,
+            -1e308,
+            5e-324,
+            1e6,
+            9e18,
+            1.5,
+        ];
+        match self.below(ODD.len() + 1) {
+            i if i < ODD.len() => ODD[i],
+            _ => f64::from_le_bytes(std::array::from_fn(|_| self.byte())),
+        }
+    }
+
+    fn text(&mut self) -> String {
+        const ODD: [&str; 10] = [
+            "",
+            "ok",
+            "failed",
+            "skid-roll",
+            "gait",
+            "../../outside",
+            "<script>alert(1)</script>",
+            "\u{1b}[31m\u{202e}\n\r\0",
+            "no such",
+            "trial,curve",
+        ];
+        match self.below(ODD.len() + 2) {
+            i if i < ODD.len() => ODD[i].to_owned(),
+            i if i == ODD.len() => "long".repeat(5_000),
+            _ => String::from_utf8_lossy(&[self.byte(), self.byte(), self.byte()]).into_owned(),
+        }
+    }
+}
+
+/// Edits a table until the data are used up.
+fn edit(frame: &mut DataFrame, data: &mut Data) {
+    while !data.0.is_empty() && frame.width() > 0 {
+        let names: Vec<String> = frame.get_column_names().iter().map(|n| n.to_string()).collect();
+        let name = names[data.below(names.len())].as_str();
+        let height = frame.height();
+        let edited = match data.byte() % 8 {
+            // One cell, or a whole column.
+            0..=2 => set(frame, name, Some(data.below(height)), data),
+            3 => set(frame, name, None, data),
+            4 => frame.drop(name),
+            5 => {
+                let types = [DataType::Float64, DataType::Int64, DataType::String];
+                let column = frame.column(name).and_then(|c| c.cast(&types[data.below(3)]));
+                column.map(|column| with(frame, column))
+            }
+            // Rows are left out, come twice or are very many.
+            6 => Ok(frame.slice(data.below(height + 1) as i64, data.below(height + 1))),
+            _ => {
+                let times = [2, 3, 1_000, 100_000][data.below(4)] / height.max(1);
+                let mut all = frame.clone();
+                (0..times.clamp(1, 20_000))
+                    .try_for_each(|_| all.vstack_mut(frame).map(drop))
+                    .map(|()| all)
+            }
+        };
+        if let Ok(edited) = edited {
+            *frame = edited;
+        }
+    }
+    frame.rechunk_mut();
+}
+
+/// A table with another value in one row, or in all.
+fn set(
+    frame: &DataFrame,
+    name: &str,
+    row: Option<usize>,
+    data: &mut Data,
+) -> polars::prelude::PolarsResult<DataFrame> {
+    let column = frame.column(name)?;
+    let is_here = |i: usize| row.is_none_or(|row| row == i);
+    let is_missing = data.byte().is_multiple_of(8);
+    let series: Series = if column.dtype() == &DataType::String {
+        let text = Some(data.text()).filter(|_| !is_missing);
+        let old = column.str()?.iter().enumerate();
+        let new = old.map(|(i, old)| if is_here(i) { text.clone() } else { old.map(Into::into) });
+        let mut texts: StringChunked = new.collect();
+        texts.rename(name.into());
+        texts.into()
+    } else {
+        let value = Some(data.number()).filter(|_| !is_missing);
+        let numbers = column.cast(&DataType::Float64)?;
+        let old = numbers.f64()?.iter().enumerate();
+        let new: Vec<Option<f64>> =
+            old.map(|(i, old)| if is_here(i) { value } else { old }).collect();
+        Series::from_iter(new).with_name(name.into()).cast(column.dtype())?
+    };
+    Ok(with(frame, series.into()))
+}
+
+fn with(frame: &DataFrame, column: Column) -> DataFrame {
+    let mut frame = frame.clone();
+    let _ = frame.with_column(column);
+    frame
+}
