@@ -58,3 +58,4 @@ pub mod robot;
 pub(crate) mod stats;
 pub mod store;
 pub mod synth;
+pub(crate) mod text;

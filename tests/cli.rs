@@ -189,6 +189,19 @@ fn the_demo_ends_with_the_fits_and_where_the_page_is() {
         let words: Vec<&str> = lines[1 + i].split_whitespace().collect();
         assert_eq!(words[..2], [campaign, model]);
     }
+    // Whether a model fits stands beside its objective, and a coefficient of one that does not is
+    // marked.
+    let fits = json(&demo().folder.join("reports/fits.json"));
+    for (fit, line) in fits.as_array().expect("fits").iter().zip(&lines[1..]) {
+        let is_free = !fit["free"].as_array().expect("a list").is_empty();
+        match fit["adequate"].as_bool() {
+            Some(true) => assert!(line.contains(" fits ") && !line.contains('?'), "{line}"),
+            Some(false) => {
+                assert!(line.contains(" not ") && line.contains('?') == is_free, "{line}")
+            }
+            None => assert!(line.contains("not known"), "{line}"),
+        }
+    }
     let page = lines[lines.len() - 1].strip_prefix("page: ").expect("the last line");
     assert!(page.ends_with("index.html"), "{page}");
     assert!(demo().folder.join(page).exists());

@@ -1,5 +1,6 @@
 //! `trilink demo` and `trilink run`.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use super::output::{note, say};
@@ -165,8 +166,9 @@ pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
 /// A short table of the fitted parameters.
 pub(super) fn print_fits(fits: &[FitRow]) {
     let [c_s0, c_s1, c_s2] = ["c_S0", "c_S1", "c_S2"].map(|name| format!("{name:>10}"));
-    let marks = "c_S in kg/s; ~ not identifiable, | at its bound";
-    say!("{:<24} {:<17} {:>9} {c_s0} {c_s1} {c_s2}   {marks}", "campaign", "model", "J");
+    let marks = "c_S in kg/s; ~ not identifiable, | at its bound, ? of a model that does not fit";
+    let head = format!("{:<24} {:<17} {:>9} {:>14}", "campaign", "model", "J", "over noise's");
+    say!("{head} {c_s0} {c_s1} {c_s2}   {marks}");
     for fit in fits {
         let FitRow { campaign, model, status, j, .. } = fit;
         if !status.is_ok() {
@@ -180,8 +182,16 @@ pub(super) fn print_fits(fits: &[FitRow]) {
             .filter(|parameter| fit.free.contains(parameter))
             .map(|parameter| format!("   {} {}", parameter.name(), cell(fit, *parameter)))
             .collect();
-        say!("{campaign:<24} {model:<17} {j:>9.5}{skid}{others}");
+        let fits = match fit.adequate {
+            Some(true) => format!("{:.2} fits", fit.lack_of_fit),
+            Some(false) => format!("{:.2} not", fit.lack_of_fit),
+            None => "not known".to_owned(),
+        };
+        say!("{campaign:<24} {model:<17} {j:>9.5} {fits:>14}{skid}{others}");
     }
+    let notes = fits.iter().map(|fit| (&fit.campaign, &fit.notes));
+    let notes: BTreeSet<_> = notes.filter(|(_, note)| !note.is_empty()).collect();
+    notes.iter().for_each(|(campaign, note)| note!("{campaign}: {note}"));
 }
 
 /// What the measurements say of each campaign's models.
@@ -204,5 +214,6 @@ fn cell(fit: &FitRow, parameter: Parameter) -> String {
     };
     // Two decimals for kg/s, more for what is small.
     let decimals = if value < 1.0 { 5 } else { 2 };
-    format!("{mark}{value:.decimals$}")
+    let is_doubtful = fit.adequate == Some(false) && has(&fit.free);
+    format!("{mark}{value:.decimals$}{}", if is_doubtful { "?" } else { "" })
 }

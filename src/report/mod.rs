@@ -131,7 +131,7 @@ impl Content {
             outputs.insert(name.to_owned(), write_if_changed(&reports.join(name), bytes)?);
             Ok(())
         };
-        write(FITS, &json(&fits_json::fits(&tables.fits, &tables.comparison))?)?;
+        write(FITS, &json(&fits_json::fits(tables))?)?;
         let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
         let scores = scorecard::scorecard(tables.clone(), input.sigma, is_synthetic)?;
         write(SCORECARD, &json(&scores)?)?;

@@ -15,6 +15,9 @@ pub struct FittedParameter {
     pub free: bool,
     /// 95 % confidence limits; NaN where the interval is open or unknown.
     pub limits: [f64; 2],
+    /// Half the widths that they have by scatter and by what all trials share.
+    pub scatter: f64,
+    pub systematic: f64,
     /// What a reader has to know before trusting the value: `held` or `measured` (by trials of
     /// other kinds) instead of fitted, not identifiable by its profile, at a bound.
     pub marks: [Option<&'static str>; 3],
@@ -45,6 +48,8 @@ impl FittedParameter {
             value,
             free,
             limits: [fit.lower, fit.upper].map(|limits| limits[fitted] * share),
+            scatter: fit.scatter[fitted] * share,
+            systematic: fit.systematic[fitted] * share,
             marks: if value.is_finite() { marks } else { [None; 3] },
         }
     }

@@ -12,10 +12,11 @@ use crate::store::{
 };
 
 /// Tables that are read, and what the report lacks without one; it cannot be without the first.
-const TABLES: [(&str, &str); 9] = [
+const TABLES: [(&str, &str); 10] = [
     ("trials", "no trial is listed"),
     ("checks", "no check is listed"),
     ("fits", "no model is fitted"),
+    ("alternative_fits", "what the other gait input gives is not listed"),
     ("predictions", "no model is drawn"),
     ("comparison", "no model is compared"),
     ("starts", "no search is drawn"),
@@ -37,6 +38,8 @@ pub struct Tables {
     pub trials: Vec<TrialRow>,
     pub checks: Vec<CheckRow>,
     pub fits: Vec<FitRow>,
+    /// Driven by the other gait than the configured one.
+    pub alternative_fits: Vec<FitRow>,
     pub predictions: Vec<PredictionRow>,
     pub comparison: Vec<ComparisonRow>,
     pub starts: Vec<StartRow>,
@@ -66,6 +69,7 @@ impl Tables {
             trials: TrialRow::from_table(&trials)?,
             checks: optional(derived, "checks")?,
             fits: optional(derived, "fits")?,
+            alternative_fits: optional(derived, "alternative_fits")?,
             predictions: optional(derived, "predictions")?,
             comparison: optional(derived, "comparison")?,
             starts: optional(derived, "starts")?,
@@ -84,7 +88,9 @@ impl Tables {
                 .then(a.omega_commanded_rad_s.total_cmp(&b.omega_commanded_rad_s))
                 .then_with(|| a.trial.cmp(&b.trial))
         });
-        tables.fits.sort_by(|a, b| (&a.campaign, a.model).cmp(&(&b.campaign, b.model)));
+        for fits in [&mut tables.fits, &mut tables.alternative_fits] {
+            fits.sort_by(|a, b| (&a.campaign, a.model).cmp(&(&b.campaign, b.model)));
+        }
         Ok(tables)
     }
 

@@ -1,5 +1,7 @@
 //! What the page says first: trials and checks that need a person.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
 use super::tables::Tables;
@@ -39,4 +41,17 @@ pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
         })
     };
     with(TrialStatus::Failed).chain(with(TrialStatus::Flagged)).collect()
+}
+
+/// What is wrong with a campaign or with the folder as a whole: checks of what is no trial.
+pub fn common(tables: &Tables) -> Vec<&CheckRow> {
+    let trials: BTreeSet<&str> = tables.trials.iter().map(|row| row.trial.as_str()).collect();
+    let checks = tables.checks.iter().filter(|check| needs_a_look(check));
+    checks.filter(|check| !trials.contains(check.trial.as_str())).collect()
+}
+
+/// What was fitted instead of what is missing, by campaign.
+pub fn fit_notes(tables: &Tables) -> BTreeSet<(&str, &str)> {
+    let notes = tables.fits.iter().map(|fit| (fit.campaign.as_str(), fit.notes.as_str()));
+    notes.filter(|(_, note)| !note.is_empty()).collect()
 }

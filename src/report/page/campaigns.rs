@@ -21,6 +21,8 @@ pub struct CampaignSection<'p> {
     trials: usize,
     figures: Vec<&'p Image>,
     fits: Vec<FitView<'p>>,
+    /// With the other gait than the configured one.
+    alternatives: Vec<FitView<'p>>,
     /// Whether a model of it has a passive joint.
     passive: bool,
     /// Its first sentence says which model the measurements prefer.
@@ -44,9 +46,11 @@ pub fn sections<'p>(
     let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
     let section = |name: &'p str| {
-        let fits = tables.fits.iter().filter(|fit| fit.campaign == name);
-        let fits: Vec<FitView> =
-            fits.map(|fit| FitView { fit, parameters: parameters(fit) }).collect();
+        let views = |fits: &'p [FitRow]| -> Vec<FitView<'p>> {
+            let fits = fits.iter().filter(|fit| fit.campaign == name);
+            fits.map(|fit| FitView { fit, parameters: parameters(fit) }).collect()
+        };
+        let fits = views(&tables.fits);
         let setup = input.campaign.get(name);
         let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
         CampaignSection {
@@ -60,6 +64,7 @@ pub fn sections<'p>(
             passive: fits.iter().any(|view| view.fit.parameters[Parameter::Damping].is_finite()),
             comparison: comparison.collect(),
             notes: remarks(tables, name),
+            alternatives: views(&tables.alternative_fits),
             fits,
         }
     };

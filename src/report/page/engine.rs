@@ -1,13 +1,14 @@
 //! How templates are filled in, and what they share.
 
 use minijinja::syntax::SyntaxConfig;
-use minijinja::value::Serde;
-use minijinja::{Environment, UndefinedBehavior};
+use minijinja::value::{Serde, Value};
+use minijinja::{Environment, UndefinedBehavior, escape_formatter};
 use serde::Serialize;
 
 use crate::report::numbers::{
     as_configured, fixed, interval, percent, share, short, significant, with_error,
 };
+use crate::text::harmless;
 
 /// Templates that others include or extend.
 const SHARED: [(&str, &str); 4] = [
@@ -18,7 +19,7 @@ const SHARED: [(&str, &str); 4] = [
 ];
 
 /// Fills in a template; a name that ends with `.html` or `.xml` makes the engine escape what it
-/// fills in. Numbers are written by the functions of [`crate::report::numbers`], as filters.
+/// fills in. Names and messages cannot act on who reads them. Numbers are written by the functions of [`crate::report::numbers`], as filters.
 ///
 /// # Errors
 /// A template is wrong, or a value that it asks for is not there.
@@ -31,6 +32,12 @@ pub fn fill(
     let syntax = SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).build();
     environment.set_syntax(syntax?);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    environment.set_formatter(|out, state, value| match value.as_str() {
+        Some(text) if !value.is_safe() => {
+            escape_formatter(out, state, &Value::from(harmless(text).as_ref()))
+        }
+        _ => escape_formatter(out, state, value),
+    });
     environment.add_filter("fixed", fixed);
     environment.add_filter("significant", significant);
     environment.add_filter("as_configured", as_configured);

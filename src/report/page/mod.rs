@@ -5,7 +5,7 @@ mod engine;
 mod image;
 mod trial;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ use super::drawing::Figure;
 use super::input::relative;
 use super::tables::Tables;
 use super::truth::{self, Comparison, Truth};
-use super::warnings::{Trouble, troubled};
+use super::warnings::{Trouble, common, fit_notes, troubled};
 use super::{ReportError, ReportInput, figures, scorecard};
 use crate::store::{CheckRow, RobotParameterRow, RobotQuantity, TrialRow};
 
@@ -39,7 +39,10 @@ struct Page<'p> {
     fits: usize,
     figures: usize,
     pages: &'p TrialPages,
+    /// Wrong with more than one trial.
+    common: Vec<&'p CheckRow>,
     troubled: Vec<Trouble<'p>>,
+    fit_notes: BTreeSet<(&'p str, &'p str)>,
     checks: &'p [CheckRow],
     missing: &'p [String],
     campaigns: Vec<campaigns::CampaignSection<'p>>,
@@ -82,7 +85,9 @@ pub fn html<'p>(
         fits: tables.fits.len(),
         figures: drawn.len(),
         pages,
+        common: common(tables),
         troubled: troubled(tables),
+        fit_notes: fit_notes(tables),
         checks: &tables.checks,
         missing,
         campaigns: campaigns::sections(input, tables, drawn),

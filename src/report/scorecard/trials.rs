@@ -8,7 +8,7 @@ use minijinja::value::{Object, Serde, Value, ValueKind};
 use super::curve::{Curve, Point};
 use super::formula::{NO_TRIALS, missing, unknown};
 use super::verdict::Found;
-use crate::config::{Config, SigmaKind};
+use crate::config::{Config, GaitInput, SigmaKind};
 use crate::metrics::GaitMetrics;
 use crate::motion::MotionStatus;
 use crate::named::Named as _;
@@ -143,9 +143,13 @@ impl Trials {
         finite(mean, "The folder has no joint-release or coast-down of this robot.")
     }
 
-    /// The fit of a model under the commanded gait, which is the paper's.
+    /// The fit of a model under the commanded gait, which is the paper's, but for the model that
+    /// knows the measured one only.
     fn fit_of(&self, campaign: &str, model: &str) -> Result<&FitRow, Error> {
-        let mut fits = self.tables.fits.iter();
+        let Tables { fits, alternative_fits, .. } = &*self.tables;
+        let mut fits = fits.iter().chain(alternative_fits).filter(|fit| {
+            fit.gait_input == GaitInput::Commanded || fit.model == Model::NoSkidMeasured
+        });
         let fit = fits.find(|fit| fit.campaign == campaign && fit.model.name() == model);
         fit.filter(|fit| fit.status.is_ok()).ok_or_else(|| missing(NO_FIT))
     }

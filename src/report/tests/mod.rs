@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use super::*;
 use crate::config::Config;
 use crate::motion::{FromRest, Model};
-use crate::store::{CheckRow, FitStatus, Severity, TrialStatus};
+use crate::store::{CheckRow, Columns as _, FitStatus, Severity, TrialStatus};
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
 
 fn report(config: &Config) -> Result<Reported, ReportError> {
@@ -362,7 +362,18 @@ fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
     for text in [
         "The data prefer &lt;skid-roll&gt;: J = 1.0508.",
         "<td class=\"n\">98.5 %</td>",
-        "With the measured gait instead",
+        "With the commanded gait instead",
+        // 1.02 times 104.21, of a model that does not fit.
+        "<strong>106.3†</strong>",
+        "<strong>104.2</strong>",
+        "<small>scatter ±4.3</small><small>systematic ±5.3</small>",
+        "<span class=\"status ok\">fits</span>",
+        "<span class=\"status failed\">does not fit</span>",
+        "<span class=\"soft\">not known</span>",
+        "23.7<small>at most 1.38</small>",
+        "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad&#x2f;s",
+        "no interval: no repeats, cycles or errors",
+        "<strong>kinematic-symmetric</strong>: raw skid ratios are fitted: trial one",
         "98.4 to 112",
         "21.3 to ∞",
         "practically not identifiable",
@@ -391,6 +402,43 @@ fn fits_json_has_null_where_there_is_no_number() {
     assert_eq!(fit["intervals"]["skid1_kg_s"], serde_json::json!([21.3, null]));
     assert!(fit["intervals"]["roll0_kg_s"].is_null());
     assert_eq!(fit["comparison"]["wins"], 0.985);
+    assert_eq!((&fit["adequate"], &fit["lack_of_fit"]), (&true.into(), &1.04.into()));
+    assert_eq!(fit["other_gait"]["gait_input"], "commanded");
+    assert_eq!(fit["other_gait"]["parameters"]["skid0_kg_s"], 1.02 * 104.21);
+    let unknown = of(SKEWED, "no-skid-measured");
+    assert!(unknown["adequate"].is_null() && unknown["other_gait"].is_null());
+    assert!(unknown["lack_of_fit"].is_null());
+}
+
+#[test]
+fn what_is_wrong_with_a_campaign_stands_first_and_with_it() {
+    let folder = temporary();
+    let mut tables = made_up::with_trouble(MadeUp::of_the_paper(), "a line");
+    let message = "joint 2 moves with a phase of 90 deg, configured are -90 deg";
+    tables.checks.push(CheckRow {
+        trial: SKEWED.to_owned(),
+        check: "E004 common-reason".to_owned(),
+        severity: Severity::Error,
+        message: message.to_owned(),
+        ..CheckRow::blank()
+    });
+    let page = read(&reported_in_short(&tables, folder.path()).page);
+    let places: Vec<usize> = page.match_indices(message).map(|(place, _)| place).collect();
+    let failed = page.find("Failed: no results").expect("a failed trial");
+    let campaign = page.find("Campaign kinematic-skewed</h2>").expect("the campaign");
+    assert!(places.len() >= 2 && places[0] < failed && places[1] > campaign, "{places:?}");
+    assert!(page.contains("Wrong with more than one trial"));
+}
+
+#[test]
+fn names_cannot_act_on_who_reads_them() {
+    let folder = temporary();
+    let mut tables = MadeUp::of_the_paper();
+    tables.trials[0].trial = "one\u{202e}txt.exe\u{1b}[2J".to_owned();
+    tables.trials[0].message = "line\r\0".to_owned();
+    let page = read(&reported_in_short(&tables, folder.path()).page);
+    assert!(page.contains("one\\u{202e}txt.exe\\u{1b}[2J"), "the name is not on the page");
+    assert!(!page.contains(['\u{202e}', '\u{1b}', '\r', '\0']));
 }
 
 #[test]
