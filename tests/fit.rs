@@ -226,8 +226,8 @@ fn named(reference: &Reference) -> Vec<TrialRow> {
         row.kind = TrialKind::Gait;
         row.omega_commanded_rad_s = row.omega_rad_s;
         row.cycles = 5;
-        row.metrics_se.d_m = 0.01 * row.metrics.d_m;
-        row.metrics_se.v_m_s = 0.01 * row.metrics.v_m_s;
+        row.metrics_se.d_m = 0.03 * row.metrics.d_m;
+        row.metrics_se.v_m_s = 0.03 * row.metrics.v_m_s;
         row.metrics_se.sigma = row.metrics.sigma.map(|sigma| 0.03 * sigma);
     }
     rows
