@@ -11,7 +11,7 @@
 //! - the runs of residuals of one sign (Wald and Wolfowitz).
 //!
 //! The model is adequate if none of the three is outside of what noise alone gives in 95 of 100
-//! draws (Bonferroni); a pattern counts in a metric that is off by more than noise alone leaves on
+//! draws (Bonferroni); a pattern counts where the objective is more than noise alone leaves on
 //! average. What a metric is off by without anything that tells its noise does not
 //! count. Errors are drawn from Student's distribution of as many degrees of freedom as their
 //! trial's cycles leave. Assumed is that trials err independently of each other; what they share
@@ -111,11 +111,11 @@ impl Adequacy {
         // Of each metric.
         let ratios: [f64; TERMS] =
             std::array::from_fn(|i| observed.costs[i] / alone(&|all| all.costs[i]));
-        let has_pattern = (0..TERMS).any(|i| ratios[i] > 1.0 && is_patterned(i));
+        let has_pattern = lack_of_fit[0] > 1.0 && (0..TERMS).any(is_patterned);
         let is_adequate = lack_of_fit[0] <= lack_of_fit[1] && !has_pattern;
         let is_off = |i: &usize| {
             let most = highest(&|all| all.costs[*i]) / alone(&|all| all.costs[*i]);
-            !is_adequate && (ratios[*i] > most || ratios[*i] > 1.0 && is_patterned(*i))
+            !is_adequate && (ratios[*i] > most || is_patterned(*i))
         };
         let mut off: Vec<usize> = (0..TERMS).filter(|i| ratios[*i] > 0.0).collect();
         off.sort_by(|a, b| ratios[*b].total_cmp(&ratios[*a]));
