@@ -56,6 +56,9 @@ pub struct Trial {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrialList {
+    /// Marker files of the folder that are no trials: `*` stands for any characters, `?` for one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ignore: Vec<String>,
     #[serde(default)]
     pub trial: Vec<Trial>,
 }

@@ -13,7 +13,9 @@ use super::record::{Inputs, Made, Record, StageState, absolute};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
 use crate::config::{Config, Paths};
-use crate::ingest::{Entry, IngestError, IngestInput, Ingested, ingest_trials, outdated};
+use crate::ingest::{
+    Entry, FolderInput, IngestError, IngestInput, Ingested, ingest_trials, outdated, undiagnosed,
+};
 use crate::interrupt::stop_if_asked;
 use crate::store::{Provenance, Stamp, TrialRow, TrialStatus};
 use crate::trial::{Trial, TrialError, TrialList};
@@ -26,6 +28,7 @@ const PLACE: &str = "the place of the marker file";
 pub struct IngestStage {
     paths: Paths,
     trials: Vec<(Trial, Result<IngestInput, TrialError>)>,
+    folder: FolderInput,
 }
 
 impl IngestStage {
@@ -33,12 +36,13 @@ impl IngestStage {
     /// The list of trials cannot be used.
     pub fn new(config: &Config) -> Result<Self, RunError> {
         let list = TrialList::load(&config.paths.raw)?;
+        let folder = FolderInput::new(config, &config.paths.raw, &list);
         let with_input = |trial: Trial| {
             let input = IngestInput::new(config, &trial);
             (trial, input)
         };
         let trials = list.trial.into_iter().map(with_input).collect();
-        Ok(Self { paths: config.paths.clone(), trials })
+        Ok(Self { paths: config.paths.clone(), trials, folder })
     }
 
     /// What later stages may find changed by what is planned.
@@ -110,6 +114,10 @@ impl Stage for IngestStage {
         &self.paths.derived
     }
 
+    fn whole(&self) -> serde_json::Value {
+        json!(self.folder)
+    }
+
     fn read(&self, _inputs: &mut Inputs) -> Result<(), RunError> {
         Ok(())
     }
@@ -134,7 +142,7 @@ impl Stage for IngestStage {
 
     fn kept(&self, _known: &StageState, earlier: Ingested) -> BTreeMap<Target, Ingested> {
         let whole = earlier.by_target().into_iter().filter(|(_, rows)| rows.trials.len() == 1);
-        whole.map(|(id, rows)| (Target::Trial(id), rows)).collect()
+        whole.map(|(id, rows)| (Target::Trial(id), undiagnosed(rows))).collect()
     }
 
     /// What a run left that was killed before it recorded them.
@@ -193,13 +201,20 @@ impl Stage for IngestStage {
                 targets.push(wanted.made(names.collect()));
             }
         }
+        // What was not read has words instead of a hash.
+        let contents = targets.iter().filter_map(|made| {
+            let content = made.parts.get(MARKER_FILE).filter(|content| !content.contains(' '))?;
+            Some((made.target.name(), content.clone()))
+        });
+        self.folder.diagnose(&mut output, &contents.collect());
         let recorded = self.table_paths(&work.known.targets).into_iter().collect();
         for path in outdated(derived, &recorded, &self.table_paths(&targets).into_iter().collect())?
         {
             std::fs::remove_file(&path).map_err(|source| IngestError::Outdated { path, source })?;
         }
         let parts: Vec<&Fingerprint> = targets.iter().map(|made| &made.parts).collect();
-        let outputs = output.write(derived, &Provenance { input: hash_of(&parts) })?;
+        let outputs =
+            output.write(derived, &Provenance { input: hash_of(&(parts, &self.folder)) })?;
         Ok((output, StageState { inputs, targets, outputs, ..StageState::default() }))
     }
 }

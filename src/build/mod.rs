@@ -229,8 +229,7 @@ impl<'s> Sequence<'s> {
         let mut finished =
             Finished { ingested, fitted, reported, stages, was_up_to_date, history_problem };
         if !was_up_to_date {
-            let failed = count(&finished.ingested.trials).failed;
-            let status = if failed == 0 { "ok" } else { "attention" };
+            let status = if finished.ingested.needs_a_person() { "attention" } else { "ok" };
             self.record.run = Some(self.write_record(status, None, Some(&finished))?);
             let remembered = crate::compare::remember(&config.paths);
             finished.history_problem = remembered.err().map(|error| error.to_string());

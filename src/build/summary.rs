@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{Finished, StagePlan, Target};
 use crate::robot::Model;
-use crate::store::{FitStatus, TrialRow, TrialStatus};
+use crate::store::{CheckRow, FitStatus, TrialRow, TrialStatus};
 
 /// `run.json`: what ran and how long it took, however it ended.
 #[derive(Serialize)]
@@ -67,6 +67,11 @@ struct FitRecord<'r> {
 impl<'r> RunResults<'r> {
     pub fn new(finished: &'r Finished) -> Self {
         let Finished { ingested, fitted, reported, .. } = finished;
+        let together = ingested.together().map(|CheckRow { trial, message, .. }| Attention {
+            trial,
+            status: TrialStatus::Failed,
+            message,
+        });
         let attention =
             attention(&ingested.trials).map(|TrialRow { trial, status, message, .. }| Attention {
                 trial,
@@ -81,7 +86,7 @@ impl<'r> RunResults<'r> {
         });
         Self {
             trials: count(&ingested.trials),
-            attention: attention.collect(),
+            attention: together.chain(attention).collect(),
             fits: fits.collect(),
             figures: &reported.figures,
             missing: &reported.missing,

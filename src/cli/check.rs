@@ -8,9 +8,10 @@ use serde::Serialize;
 
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::ingest::{self, FileSurvey, IngestSettings, Recording, survey};
-use crate::store::{CheckRow, Severity, TrialRow, TrialStatus};
+use crate::ingest::{self, FileSurvey, FolderInput, IngestSettings, Ingested, Recording, survey};
+use crate::store::{CheckRow, Severity, TrialRow, TrialStatus, hash};
 use crate::trial::{Trial, TrialList};
+use crate::vicon;
 
 #[derive(clap::Args)]
 pub(super) struct Check {
@@ -58,37 +59,55 @@ impl Check {
 fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome, Failure> {
     let list = TrialList::load(folder)?;
     let stage = context.progress.stage("check", list.trial.len());
-    let checked: Vec<CheckedTrial> = list
+    let found: Vec<(TrialRow, Vec<CheckRow>)> = list
         .trial
         .par_iter()
         .with_max_len(1)
         .map(|trial| {
-            let checked = check_trial(context, folder, trial);
+            let found = ingest::check_trial(folder, trial, &context.config);
             stage.step(&trial.id);
             stage.stop_if_asked("trials");
-            checked
+            found
         })
         .collect();
     drop(stage);
+    let (trials, checks): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    let mut rows = Ingested { trials, checks: checks.concat(), ..Ingested::default() };
+    // The file's name might point out of the folder.
+    let content = |trial: &Trial| {
+        trial.check(&context.config).ok()?;
+        let bytes = vicon::read_file(&folder.join(&trial.file)).ok()?;
+        Some((trial.id.clone(), hash(&bytes)))
+    };
+    let contents = list.trial.iter().filter_map(content).collect();
+    FolderInput::new(&context.config, folder, &list).diagnose(&mut rows, &contents);
+    let of_trial = |row: &TrialRow| CheckedTrial::new(row, &rows.checks);
+    let checked: Vec<CheckedTrial> = rows.trials.iter().map(of_trial).collect();
     let failed = checked.iter().filter(|trial| trial.status == TrialStatus::Failed).count();
     if json {
         say!("{}", serde_json::to_string_pretty(&checked)?);
     } else {
         checked.iter().for_each(say_trial);
         say_counts(&checked);
+        rows.together().for_each(|found| say!("{}: {}", found.trial, found.message));
         say!("{} trials, {failed} that cannot be ingested", checked.len());
     }
-    Ok(if failed == 0 { Outcome::Well } else { Outcome::NeedsAttention })
+    Ok(if rows.needs_a_person() { Outcome::NeedsAttention } else { Outcome::Well })
 }
 
-fn check_trial(context: &Context, folder: &Path, trial: &Trial) -> CheckedTrial {
-    let (row, checks) = ingest::check_trial(folder, trial, &context.config);
-    let line = |row: CheckRow| {
-        let CheckRow { check, severity, value, limit, message, .. } = row;
-        CheckLine { check, severity, value, limit, message }
-    };
-    let TrialRow { trial, status, message, cycles, .. } = row;
-    CheckedTrial { trial, status, message, cycles, checks: checks.into_iter().map(line).collect() }
+impl CheckedTrial {
+    fn new(row: &TrialRow, checks: &[CheckRow]) -> Self {
+        let TrialRow { trial, status, message, cycles, .. } = row.clone();
+        let own = checks.iter().filter(|check| check.trial == trial).cloned();
+        let line = |CheckRow { check, severity, value, limit, message, .. }| CheckLine {
+            check,
+            severity,
+            value,
+            limit,
+            message,
+        };
+        Self { checks: own.map(line).collect(), trial, status, message, cycles }
+    }
 }
 
 /// A trial, and below it what its checks found by code.

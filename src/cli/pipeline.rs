@@ -9,6 +9,7 @@ use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::{
     DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, count, dry_run, run,
 };
+use crate::ingest::Ingested;
 use crate::metrics::Estimate;
 use crate::robot::Parameter;
 use crate::store::{ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialStatus};
@@ -93,6 +94,7 @@ impl Update {
         let trials = count(&ingested.trials);
         say!("{}", in_words(&trials));
         say!("page: {}", reported.page.display());
+        note_together(ingested);
         if let Some(problem) = &finished.history_problem {
             note!("not in the history: {problem}");
         }
@@ -102,8 +104,8 @@ impl Update {
             say_missing(context, &reported.missing);
         }
         // A failed trial needs a person. A model that has no motion is a result, not a failure.
-        match (trials.failed, &finished.history_problem) {
-            (0, None) => Ok(Outcome::Well),
+        match (ingested.needs_a_person(), &finished.history_problem) {
+            (false, None) => Ok(Outcome::Well),
             _ => Ok(Outcome::NeedsAttention),
         }
     }
@@ -130,6 +132,11 @@ impl Update {
         }
         Ok(Outcome::Well)
     }
+}
+
+/// What is wrong with a campaign or the folder as a whole.
+pub(super) fn note_together(ingested: &Ingested) {
+    ingested.together().for_each(|found| note!("{}: {}", found.trial, found.message));
 }
 
 /// How many trials ended how.

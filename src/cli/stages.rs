@@ -43,7 +43,8 @@ impl Ingest {
         let counts = build::count(&ingested.trials);
         let derived = context.config.paths.derived.display();
         say!("{}; tables in {derived}", pipeline::in_words(&counts));
-        Ok(if counts.failed == 0 { Outcome::Well } else { Outcome::NeedsAttention })
+        pipeline::note_together(&ingested);
+        Ok(if ingested.needs_a_person() { Outcome::NeedsAttention } else { Outcome::Well })
     }
 }
 

@@ -116,7 +116,7 @@ impl Config {
                 (a[0] - b[0]).hypot(a[1] - b[1]) >= LEAST_SPREAD_MM
             };
             let mut pairs = layout.values().flat_map(|a| layout.values().map(move |b| (a, b)));
-            let needed = "two markers at least 5 mm apart in the plane";
+            let needed = "two markers at least 5 mm apart in the plane, in millimetres";
             check.that(pairs.any(is_apart), &key, layout, needed)?;
         }
         Ok(())

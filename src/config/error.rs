@@ -28,13 +28,27 @@ pub(crate) fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result
 impl ConfigError {
     pub(super) fn toml(path: &Path, text: &str, error: &toml::de::Error) -> Self {
         let start = error.span().map_or(0, |span| span.start.min(text.len()));
+        let line = 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count();
+        let written = text.lines().nth(line - 1).unwrap_or_default();
         let message = in_plain_words(error.message().trim());
-        Self::Syntax {
-            path: path.to_owned(),
-            line: 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count(),
-            suggestion: unknown_name(&message),
-            message,
+        let message = format!("{message}{}", mistake(&message, written));
+        Self::Syntax { path: path.to_owned(), line, suggestion: unknown_name(&message), message }
+    }
+}
+
+/// What a line was probably meant to be.
+fn mistake(message: &str, line: &str) -> String {
+    let line = line.trim();
+    let table = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+    let is_list = |name: &str| !name.starts_with('[') && name == "trial";
+    match (table, line.split_once('=')) {
+        (Some(name), _) if is_list(name) => {
+            format!("; found [{name}], needed [[{name}]] for each of a list")
         }
+        (_, Some((key, _))) if message.starts_with("invalid unquoted key") => {
+            format!("; found {}, needed it in quotes: \"{}\"", key.trim(), key.trim())
+        }
+        _ => String::new(),
     }
 }
 

@@ -73,6 +73,14 @@ named! {
         JointPositions = "W018 joint-places",
         /// No servo stops short of its peaks.
         GaitClipping = "W019 gait-clipping",
+        /// The joints do what no other campaign commands.
+        OtherCampaign = "E002 other-campaign",
+        /// No other trial has the same marker file.
+        SameFile = "E003 same-file",
+        /// Not most of a campaign's trials need a person for one reason.
+        CommonReason = "E004 common-reason",
+        /// The list names every marker file of the folder.
+        Unlisted = "E005 unlisted",
     }
 }
 
@@ -148,6 +156,12 @@ impl Finding {
     /// A check that holds while `value` is not below `limit`.
     pub fn at_least(check: Check, value: f64, limit: f64, message: String) -> Self {
         Self::new(check, value >= limit, value, limit, message)
+    }
+
+    /// The same finding, which fails the trial.
+    pub fn failing(mut self) -> Self {
+        self.severity = Severity::Error;
+        self
     }
 
     /// The same finding, worth reporting although it holds.

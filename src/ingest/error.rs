@@ -47,6 +47,15 @@ pub enum Problem {
     FrameJumps { first: i64, last: i64, rows: usize },
     #[error("found no frame in which the markers of link {} give its pose, needed two that are seen together", .link)]
     LinkUnseen { link: usize },
+    /// Markers that do not lie as in the layout, and why.
+    #[error("{cause}")]
+    OtherLayout { cause: String },
+    #[error(
+        "found joints that swing by at most {most_deg:.2} degrees, needed the commanded gait: is kind right in trials.toml, and is the file this trial's?"
+    )]
+    NoSwing { most_deg: f64 },
+    #[error("found {omega_rad_s:.4} rad/s, commanded {commanded_rad_s} rad/s: {cause}")]
+    OtherFrequency { omega_rad_s: f64, commanded_rad_s: f64, cause: String },
     #[error("found {:.1} frames per commanded period, needed at least {:.0}; is omega_rad_s right?", .found, .needed)]
     TooFast { found: f64, needed: f64 },
     #[error("found {found:.2} periods of motion, needed at least {needed:.0}")]

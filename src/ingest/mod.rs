@@ -22,6 +22,9 @@ mod cycles;
 /// Trials without a gait -> parameters of the robot.
 mod identification;
 
+/// What was measured and what is configured -> mistakes, named by their cause.
+mod diagnosis;
+
 /// A trial of unknown layout -> the layout.
 mod calibrate;
 
@@ -41,6 +44,7 @@ use std::path::Path;
 
 pub use calibrate::{Calibration, CalibrationError, MarkerPosition, calibrate};
 pub use checks::Check;
+pub use diagnosis::{FolderInput, undiagnosed};
 pub use error::{IngestError, Problem, TrialFailure};
 pub use folder::{Entry, FOLDERS, IngestedTrial, TABLES, ingest_trials, outdated};
 pub use input::{IngestInput, IngestSettings};
@@ -182,11 +186,16 @@ fn process(
     let ignore = &input.settings.vicon.ignore;
     let file = vicon::parse_markers(path, bytes)?.without(ignore);
     let processed = process_recording(&file, trial, input, known);
-    let beyond = known.findings.iter().filter(|finding| finding.severity == Severity::Error);
+    stop_beyond_limits(&known.findings).and(processed).map_err(|problem| problem.of(path))
+}
+
+/// Fails a trial that a check has found beyond what a trial can have.
+fn stop_beyond_limits(findings: &[Finding]) -> Result<(), Problem> {
+    let beyond = findings.iter().filter(|finding| finding.severity == Severity::Error);
     let beyond: Vec<String> = beyond.map(Finding::to_string).collect();
     match beyond.is_empty() {
-        true => processed.map_err(|problem| problem.of(path)),
-        false => Err(Problem::BeyondLimits { checks: beyond.join("; ") }.of(path)),
+        true => Ok(()),
+        false => Err(Problem::BeyondLimits { checks: beyond.join("; ") }),
     }
 }
 
@@ -201,16 +210,28 @@ fn process_recording(
     let IngestSettings { ingest, markers, .. } = settings;
     let rate_hz = settings.frame_rate(file)?;
     let layout = layout::locate(markers, file)?;
-    let linkage = Some(Linkage::of(robot));
+    diagnosis::check_layout(file, &layout)?;
+    let linkage = Linkage::of(robot);
     let max_gap = settings.max_gap_frames(rate_hz);
-    let tracked = poses::track(file, &layout, linkage, ingest.poses, rate_hz, max_gap)?;
+    let tracked = poses::track(file, &layout, Some(linkage), ingest.poses, rate_hz, max_gap)?;
     poses::describe_tracking(row, &tracked);
     findings.extend(poses::tracking_checks(row, &tracked, file, &layout, settings));
+    findings.extend(diagnosis::check_linkage(&linkage, &tracked));
+    stop_beyond_limits(findings)?;
 
     let skip_cycles = ingest.skip_cycles;
     let measure = |(gait, omega_rad_s): &(Gait, f64)| {
         let command = CommandedGait { gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
-        command.estimate_phase(&tracked.seen.phi_rad)
+        let phi_rad = &tracked.seen.phi_rad;
+        diagnosis::check_swing(&command, phi_rad)?;
+        let driven = command.estimate_phase(phi_rad)?;
+        row.omega_rad_s = driven.omega_rad_s;
+        row.gait = summary::joint_gaits(phi_rad, &driven.moving, &driven.phase);
+        // Before cycles are looked for that show the commanded gait.
+        let found = diagnosis::check_gait(row.gait.map(|joint| joint.command()), gait);
+        findings.extend(Some(found).filter(|found| found.severity == Severity::Error));
+        stop_beyond_limits(findings)?;
+        Ok(driven)
     };
     let driven = gait.as_ref().map(measure).transpose()?;
     let window = smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref());

@@ -20,8 +20,18 @@ fn needs_a_look(check: &CheckRow) -> bool {
     check.severity > Severity::Info
 }
 
-/// Failed trials first.
+/// What the trials show together first, then failed trials.
 pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
+    let is_trial = |name: &str| tables.trials.iter().any(|row| row.trial == name);
+    let together = tables
+        .checks
+        .iter()
+        .filter(|check| check.severity == Severity::Error && !is_trial(&check.trial));
+    let together = together.map(|CheckRow { trial, message, .. }| Trouble {
+        trial,
+        status: TrialStatus::Failed,
+        messages: vec![message],
+    });
     let with = |status| {
         tables.trials.iter().filter(move |row| row.status == status).map(|row| {
             let checks = tables.checks.iter().filter(|check| check.trial == row.trial);
@@ -40,7 +50,7 @@ pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
             Trouble { trial: &row.trial, status: row.status, messages }
         })
     };
-    with(TrialStatus::Failed).chain(with(TrialStatus::Flagged)).collect()
+    together.chain(with(TrialStatus::Failed)).chain(with(TrialStatus::Flagged)).collect()
 }
 
 /// What is wrong with a campaign or with the folder as a whole: checks of what is no trial.

@@ -6,9 +6,9 @@ use super::means::{common_skid, mean};
 use super::measure::{Cycle, CycleData, frames_within};
 use super::steady::Steady;
 use crate::ingest::checks::{
-    CLIPPING, Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, GAIT_TOLERANCE_DEG, LEAST_CYCLES,
-    MOST_GAPPED,
+    CLIPPING, Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, LEAST_CYCLES, MOST_GAPPED,
 };
+use crate::ingest::diagnosis::check_gait;
 use crate::ingest::phase::{GAIT_HARMONICS, Harmonics, LinearPhase};
 use crate::ingest::signals::response;
 use crate::metrics::GaitMetrics;
@@ -69,8 +69,18 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
     [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);
 }
 
-/// Offset, amplitude and phase of an angle's first harmonic over the cycles used, and the RMS of
-/// its higher ones, rad. The angle is not smoothed, so nothing of the amplitude is lost.
+/// What both joints do in some frames; blank where too few show it.
+pub fn joint_gaits(
+    phi_rad: &[Vec<f64>; 2],
+    frames: &Range<usize>,
+    phase: &LinearPhase,
+) -> [JointGait; 2] {
+    let gait = |phi_rad: &Vec<f64>| joint_gait(phi_rad, frames.clone(), phase);
+    phi_rad.each_ref().map(|phi_rad| gait(phi_rad).unwrap_or_else(JointGait::blank))
+}
+
+/// Offset, amplitude and phase of an angle's first harmonic, and the RMS of its higher ones, rad.
+/// The angle is not smoothed, so nothing of the amplitude is lost.
 fn joint_gait(phi_rad: &[f64], frames: Range<usize>, phase: &LinearPhase) -> Option<JointGait> {
     let fit = Harmonics::fit(phi_rad, frames, phase, GAIT_HARMONICS)?;
     let squares = (2..=GAIT_HARMONICS).map(|k| 0.5 * fit.amplitude(k).powi(2)).sum::<f64>();
@@ -117,8 +127,6 @@ pub fn gait_checks(
         1 => "1 cycle with gaps is left out".to_owned(),
         several => format!("{several} cycles with gaps are left out"),
     };
-    let deviation_deg = gait_deviation_deg(row, data.gait);
-    let deviation = format!("the joints are up to {deviation_deg:.1} degrees off the command");
     let drift = drift_of_d(cycles, steady);
     let drifted = format!("d changes by {:.2} % over the cycles used", 100.0 * drift);
     let mut findings = vec![
@@ -126,7 +134,7 @@ pub fn gait_checks(
         Finding::at_least(Check::SteadyState, used as f64, LEAST_CYCLES, counted),
         Finding::at_most(Check::LongGaps, part_gapped, MOST_GAPPED, gapped)
             .notable(steady.gapped > 0),
-        Finding::at_most(Check::Gait, deviation_deg, GAIT_TOLERANCE_DEG, deviation),
+        check_gait(row.gait.map(|joint| joint.command()), data.gait),
         Finding::at_most(Check::Drift, drift, D_DRIFT, drifted),
     ];
     let (phi_rad, phase) = (&data.tracked.seen.phi_rad, &data.driven.phase);
@@ -142,22 +150,6 @@ fn drift_of_d(cycles: &[Cycle], steady: &Steady) -> f64 {
     let early = mean(&steady.used[..half]);
     let late = mean(&steady.used[steady.used.len() - half..]);
     (late / early - 1.0).abs()
-}
-
-/// Largest difference between the measured and the commanded gait; a difference in phase
-/// counts by the angle that it makes.
-fn gait_deviation_deg(row: &TrialRow, gait: &Gait) -> f64 {
-    let mut largest_rad = 0.0_f64;
-    for (command, measured) in gait.joints.iter().zip(row.gait) {
-        let Some(command) = command else { continue };
-        let offset = measured.offset_rad - command.offset_rad;
-        let amplitude = measured.amplitude_rad - command.amplitude_rad;
-        let late = command.amplitude_rad * wrap(measured.phase_rad - command.phase_rad);
-        for difference in [offset, amplitude, late] {
-            largest_rad = largest_rad.max(difference.abs());
-        }
-    }
-    largest_rad.to_degrees()
 }
 
 /// Whether a servo saturates, so that its joint's angle has flat tops; angles as seen, unsmoothed.

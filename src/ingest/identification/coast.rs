@@ -88,7 +88,11 @@ pub fn measure(
         .iter()
         .map(|phi| mean(seen(&phi[start..end])).abs().to_degrees())
         .fold(0.0, f64::max);
-    let bent = format!("the robot is bent by {bent_deg:.1} degrees");
+    let asked = match bent_deg > STRAIGHT_DEG {
+        true => ": is kind right in trials.toml, and is no table of [markers] turned?",
+        false => "",
+    };
+    let bent = format!("the robot is bent by {bent_deg:.1} degrees{asked}");
     let off = format!("the way is {:.2} mm (RMS) off a decay", 1e3 * curve.misfit);
     let findings = vec![
         Finding::at_most(Check::Straight, bent_deg, STRAIGHT_DEG, bent),

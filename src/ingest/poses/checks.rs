@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 
 use super::tilt::{MOST_DEG, Tilt, Turn};
 use super::track::Tracked;
-use crate::ingest::checks::{
-    Check, Finding, JOINT_POSITION_MM, LEAST_COVERAGE, MOST_AMBIGUOUS, MOST_MISPLACED,
-};
+use crate::ingest::checks::{Check, Finding, LEAST_COVERAGE, MOST_AMBIGUOUS, MOST_MISPLACED};
 use crate::ingest::input::IngestSettings;
 use crate::ingest::markers::labels::Outlier;
 use crate::ingest::markers::layout::Layout;
@@ -52,10 +50,6 @@ pub fn tracking_checks(
     ];
     findings.extend(label_checks(tracked, file, layout));
     findings.push(tilt_check(&tracked.tilt));
-    findings.extend(tracked.joint_offset_mm.map(|mm| {
-        let message = format!("a joint is {mm:.2} mm off where h_m and l_m of the robot put it");
-        Finding::at_most(Check::JointPositions, mm, JOINT_POSITION_MM, message)
-    }));
     findings
 }
 

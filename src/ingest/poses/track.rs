@@ -64,6 +64,8 @@ impl Coordinates {
 #[derive(Debug)]
 pub struct Tracked {
     pub first_frame: i64,
+    /// Each link's own pose in the rows of the file.
+    pub fits: [Vec<LinkFit>; 3],
     /// Frames that the file leaves out.
     pub inserted_frames: usize,
     /// As seen, and with short gaps filled.
@@ -141,6 +143,7 @@ pub fn track(
     let markers: usize = layout.iter().map(Vec::len).sum();
     Ok(Tracked {
         first_frame,
+        fits,
         inserted_frames: frames - file.frames.len(),
         seen,
         filled,

@@ -1,0 +1,505 @@
+//! Mistakes that laboratories make in the configuration, in the list and in a recording: each is
+//! named by its cause, and none ends as if all were well.
+
+mod common;
+
+use rayon::prelude::*;
+
+use common::{Small, text, trilink};
+
+/// Of the repository's own.
+const CONFIGURATION: &str = include_str!("../pipeline.toml");
+const LIST: &str = "raw/trials.toml";
+const SYMMETRIC: [&str; 3] =
+    ["kinematic-symmetric-4.00-r1", "kinematic-symmetric-5.00-r1", "kinematic-symmetric-6.00-r1"];
+const SKEWED: [&str; 3] =
+    ["kinematic-skewed-4.00-r1", "kinematic-skewed-5.00-r1", "kinematic-skewed-6.00-r1"];
+const COAST: &str = "kinematic-coast-down-r1";
+
+/// A mistake, and what the program must say of it.
+struct Mistake {
+    name: &'static str,
+    make: fn(&Small),
+    words: &'static [&'static str],
+}
+
+const fn mistake(name: &'static str, make: fn(&Small), words: &'static [&'static str]) -> Mistake {
+    Mistake { name, make, words }
+}
+
+/// A night of a small laboratory: three frequencies of two campaigns, and a coast-down.
+fn night() -> Small {
+    let night = Small(tempfile::tempdir().expect("a temporary folder"));
+    night.write("pipeline.toml", CONFIGURATION.replacen("raw/demo", "raw", 1));
+    common::succeed(night.path(), &["-q", "synth", "raw", "--omega", "4,5,6"]);
+    let list = text(&night.read(LIST));
+    for trial in list.split("[[trial]]").filter(|trial| trial.contains("\"semi-passive")) {
+        night.replace(LIST, &format!("[[trial]]{trial}"), "");
+        let file = trial.lines().find_map(|line| line.strip_prefix("file = ")).expect("a file");
+        std::fs::remove_file(night.place("raw").join(file.trim_matches('"'))).expect("the file");
+    }
+    night
+}
+
+fn entry(trial: &str) -> String {
+    format!("raw/{trial}.csv")
+}
+
+fn every() -> impl Iterator<Item = &'static str> {
+    SYMMETRIC.into_iter().chain(SKEWED).chain([COAST])
+}
+
+/// Changes the configuration.
+fn configure(night: &Small, old: &str, new: &str) {
+    night.replace("pipeline.toml", old, new);
+}
+
+/// Changes the list wherever it says something.
+fn list(night: &Small, old: &str, new: &str) {
+    let content = text(&night.read(LIST));
+    assert!(content.contains(old), "{content}");
+    night.write(LIST, content.replace(old, new));
+}
+
+/// Changes the lines of a marker file.
+fn record(night: &Small, trial: &str, change: impl Fn(usize, &str) -> String) {
+    let content = text(&night.read(&entry(trial)));
+    let lines = content.lines().enumerate().map(|(i, line)| change(i, line) + "\n");
+    night.write(&entry(trial), lines.collect::<String>());
+}
+
+/// Changes all positions of a marker file.
+fn positions(night: &Small, trial: &str, change: fn([f64; 3]) -> [f64; 3]) {
+    record(night, trial, |_, line| {
+        let cells: Vec<&str> = line.split(',').collect();
+        if cells[0].parse::<u64>().is_err() || cells.len() < 5 {
+            return line.to_owned();
+        }
+        let mut changed: Vec<String> = cells[..2].iter().map(|&cell| cell.to_owned()).collect();
+        for position in cells[2..].chunks(3) {
+            let read: Vec<f64> = position.iter().filter_map(|cell| cell.parse().ok()).collect();
+            match <[f64; 3]>::try_from(read) {
+                Ok(read) => changed.extend(change(read).map(|x| format!("{x:.6}"))),
+                Err(_) => changed.extend(position.iter().map(|&cell| cell.to_owned())),
+            }
+        }
+        changed.join(",")
+    });
+}
+
+/// The tables `[markers.*]`, each changed.
+fn layout(night: &Small, change: impl Fn(usize, &str, [f64; 3]) -> [f64; 3]) {
+    let content = text(&night.read("pipeline.toml"));
+    let mut link = None;
+    let lines = content.lines().map(|line| {
+        if line.starts_with('[') {
+            link =
+                line.strip_prefix("[markers.link").map(|rest| rest[..1].parse().expect("a link"));
+        }
+        let Some((link, (label, place))) = link.zip(line.split_once(" = [")) else {
+            return line.to_owned() + "\n";
+        };
+        let place = place.split(']').next().expect("numbers");
+        let place: Vec<f64> =
+            place.split(',').map(|x| x.trim().parse().expect("a number")).collect();
+        let [x, y, z] = change(link, label, place.try_into().expect("three numbers"));
+        format!("{label} = [{x:?}, {y:?}, {z:?}]\n")
+    });
+    let changed: String = lines.collect();
+    night.write("pipeline.toml", changed);
+}
+
+/// Exchanges the names of two tables.
+fn exchange(night: &Small, a: &str, b: &str) {
+    configure(night, a, "[exchanged]");
+    configure(night, b, a);
+    configure(night, "[exchanged]", b);
+}
+
+const SKEWED_1: &str = "joint1 = { offset_deg = 45.0, amplitude_deg = 30.0, phase_deg = 0.0 }";
+const SKEWED_2: &str = "joint2 = { offset_deg = -45.0, amplitude_deg = 30.0, phase_deg = -90.0 }";
+const SYMMETRIC_1: &str = "joint1 = { offset_deg = 0.0, amplitude_deg = 30.0, phase_deg = 0.0 }";
+const SYMMETRIC_2: &str = "joint2 = { offset_deg = 0.0, amplitude_deg = 30.0, phase_deg = -90.0 }";
+
+/// Changes the lines of both joints of a gait.
+fn gait(night: &Small, lines: [&str; 2], old: &str, new: &str) {
+    assert!(lines.iter().any(|line| line.contains(old)), "{old}");
+    let both = lines.join("\n");
+    configure(night, &both, &both.replace(old, new));
+}
+
+const MISTAKES: &[Mistake] = &[
+    // The gait.
+    mistake(
+        "the sign of a phase",
+        |night| gait(night, [SYMMETRIC_1, SYMMETRIC_2], "phase_deg = -90.0", "phase_deg = 90.0"),
+        &["joint 2: measured phase -9", "configured 90", "is its sign wrong?", "phase_deg = -90"],
+    ),
+    mistake(
+        "the sign of a phase of bent links",
+        |night| gait(night, [SKEWED_1, SKEWED_2], "phase_deg = -90.0", "phase_deg = 90.0"),
+        &[
+            "campaign kinematic-skewed: 3 of 3 trials",
+            "joint 2: measured phase -",
+            "phase_deg = -90",
+        ],
+    ),
+    mistake(
+        "joints exchanged",
+        |night| {
+            gait(night, [SKEWED_1, SKEWED_2], "joint1", "joint3");
+            configure(night, SKEWED_2, &SKEWED_2.replace("joint2", "joint1"));
+            configure(night, "joint3", "joint2");
+        },
+        &["joints 1 and 2 are exchanged", "exchange joint1 and joint2"],
+    ),
+    mistake(
+        "the sign of an offset",
+        |night| gait(night, [SKEWED_1, SKEWED_2], "offset_deg = -45.0", "offset_deg = 45.0"),
+        &["joint 2: measured offset -4", "configured 45", "is its sign wrong?", "offset_deg = -45"],
+    ),
+    mistake(
+        "a joint that turns the other way",
+        |night| {
+            gait(night, [SKEWED_1, SKEWED_2], "offset_deg = -45.0", "offset_deg = 45.0");
+            configure(
+                night,
+                "offset_deg = 45.0, amplitude_deg = 30.0, phase_deg = -90.0",
+                "offset_deg = 45.0, amplitude_deg = 30.0, phase_deg = 90.0",
+            );
+        },
+        &["joint 2: measured offset -4", "does the joint turn the other way?"],
+    ),
+    mistake(
+        "an amplitude in radians",
+        |night| gait(night, [SKEWED_1, SKEWED_2], "amplitude_deg = 30.0", "amplitude_deg = 0.5236"),
+        &["measured amplitude +3", "configured 0.5236", "is it in radians?", "amplitude_deg = 30"],
+    ),
+    mistake(
+        "a phase in radians",
+        |night| gait(night, [SYMMETRIC_1, SYMMETRIC_2], "-90.0", "-1.5708"),
+        &["joint 2: measured phase -9", "configured -1.5708", "is it in radians?"],
+    ),
+    mistake(
+        "a gait in radians",
+        |night| {
+            gait(night, [SKEWED_1, SKEWED_2], "45.0", "0.7854");
+            let lines = [SKEWED_1.replace("45.0", "0.7854"), SKEWED_2.replace("45.0", "0.7854")];
+            let lines = [lines[0].as_str(), lines[1].as_str()];
+            gait(night, lines, "30.0", "0.5236");
+            configure(night, "0.5236, phase_deg = -90.0", "0.5236, phase_deg = -1.5708");
+        },
+        &["are they in radians?", "configured 0.7854", "offset_deg = 45", "amplitude_deg = 30"],
+    ),
+    mistake(
+        "an amplitude from peak to peak",
+        |night| {
+            gait(night, [SYMMETRIC_1, SYMMETRIC_2], "amplitude_deg = 30.0", "amplitude_deg = 60.0")
+        },
+        &[
+            "measured amplitude +",
+            "configured 60",
+            "is it from peak to peak?",
+            "amplitude_deg = 30",
+        ],
+    ),
+    mistake(
+        "an amplitude of another gait",
+        |night| {
+            gait(night, [SYMMETRIC_1, SYMMETRIC_2], "amplitude_deg = 30.0", "amplitude_deg = 18.0")
+        },
+        &["campaign kinematic-symmetric: 3 of 3", "joint 1: measured offset", "amplitude 18.0"],
+    ),
+    mistake(
+        "an amplitude below zero",
+        |night| {
+            gait(night, [SYMMETRIC_1, SYMMETRIC_2], "amplitude_deg = 30.0", "amplitude_deg = -30.0")
+        },
+        &["gait.symmetric.joint1.amplitude_deg", "found -30.0, needed 0.1 to 179"],
+    ),
+    // The list.
+    mistake(
+        "frequencies in Hz",
+        |night| {
+            list(night, "omega_rad_s = 4.0", "omega_rad_s = 0.6366");
+            list(night, "omega_rad_s = 5.0", "omega_rad_s = 0.7958");
+            list(night, "omega_rad_s = 6.0", "omega_rad_s = 0.9549");
+        },
+        &["commanded 0.6366 rad/s", "is omega_rad_s in Hz?", "set omega_rad_s = 4.0", "3 of 3"],
+    ),
+    mistake(
+        "frequencies in revolutions per minute",
+        |night| {
+            list(night, "omega_rad_s = 4.0", "omega_rad_s = 38.2");
+            list(night, "omega_rad_s = 5.0", "omega_rad_s = 47.7");
+            list(night, "omega_rad_s = 6.0", "omega_rad_s = 57.3");
+        },
+        &["commanded 38.2 rad/s", "in revolutions per minute?", "set omega_rad_s = 4.0"],
+    ),
+    mistake(
+        "the frequency of one trial",
+        |night| list(night, "omega_rad_s = 4.0", "omega_rad_s = 4.7"),
+        &["found 4.0", "commanded 4.7 rad/s", "else set omega_rad_s = 4.0"],
+    ),
+    mistake(
+        "the rate",
+        |night| {
+            for trial in every() {
+                record(night, trial, |i, line| if i == 1 { "60".into() } else { line.into() });
+            }
+            configure(night, "rate_hz = 120.0", "rate_hz = 60.0");
+        },
+        &["factor 0.500", "the rate is wrong: set vicon.rate_hz = 12", "3 of 3 trials"],
+    ),
+    mistake(
+        "the rate in the configuration alone",
+        |night| configure(night, "rate_hz = 120.0", "rate_hz = 100.0"),
+        &["found a frame rate of 120 Hz, needed 100 Hz", "3 of 3 trials"],
+    ),
+    mistake(
+        "another campaign's trials",
+        |night| {
+            list(night, "campaign = \"kinematic-symmetric\"", "campaign = \"kinematic-skewed\"")
+        },
+        &["do what campaign `kinematic-symmetric` commands, not `kinematic-skewed`"],
+    ),
+    mistake(
+        "the same file twice",
+        |night| {
+            list(
+                night,
+                "file = \"kinematic-skewed-5.00-r1.csv\"",
+                "file = \"kinematic-skewed-4.00-r1.csv\"",
+            )
+        },
+        &["the marker file is that of `kinematic-skewed-4.00-r1`, too"],
+    ),
+    mistake(
+        "a copy of another trial's file",
+        |night| night.write(&entry(SYMMETRIC[1]), night.read(&entry(SYMMETRIC[0]))),
+        &["the marker file is that of `kinematic-symmetric-4.00-r1`, too"],
+    ),
+    mistake(
+        "a file that the list lacks",
+        |night| night.write("raw/forgotten.csv", night.read(&entry(SYMMETRIC[0]))),
+        &["folder: 1 marker file is not in trials.toml: `forgotten.csv`"],
+    ),
+    mistake(
+        "[trial] for [[trial]]",
+        |night| list(night, "[[trial]]", "[trial]"),
+        &["trials.toml", "found [trial]", "needed [[trial]]"],
+    ),
+    mistake(
+        "a campaign's name",
+        |night| list(night, "campaign = \"kinematic-skewed\"", "campaign = \"kinematic-skew\""),
+        &["found `kinematic-skew`", "did you mean `kinematic-skewed`?"],
+    ),
+    mistake(
+        "a file's name",
+        |night| list(night, "file = \"kinematic-skewed-4.00", "file = \"kinematic-skewed-4,00"),
+        &["no such file", "1 marker file is not in trials.toml: `kinematic-skewed-4.00-r1.csv`"],
+    ),
+    mistake(
+        "a coast-down among the trials of a gait",
+        |night| {
+            let old = "kind = \"coast-down\"\nrobot = \"kinematic\"";
+            let new = "kind = \"gait\"\ncampaign = \"kinematic-symmetric\"\nomega_rad_s = 4.0";
+            list(night, old, new);
+        },
+        &[
+            "kinematic-coast-down-r1",
+            "joints that swing by at most 0.",
+            "is kind right in trials.toml",
+        ],
+    ),
+    mistake(
+        "a gait among the coast-downs",
+        |night| {
+            let old = "kind = \"gait\"\ncampaign = \"kinematic-skewed\"\nomega_rad_s = 4.0";
+            list(night, old, "kind = \"coast-down\"\nrobot = \"kinematic\"");
+        },
+        &["kinematic-skewed-4.00-r1", "the robot is bent by 5", "is kind right in trials.toml"],
+    ),
+    // The layout.
+    mistake(
+        "a mirrored layout",
+        |night| layout(night, |_, _, [x, y, z]| [x, -y, z]),
+        &["the markers of every link lie as in a mirror", "change the sign of every y"],
+    ),
+    mistake(
+        "one mirrored link",
+        |night| layout(night, |link, _, [x, y, z]| if link == 1 { [x, -y, z] } else { [x, y, z] }),
+        &["the markers of link 1 lie as in a mirror", "markers.link1"],
+    ),
+    mistake(
+        "tables of front and rear exchanged",
+        |night| exchange(night, "[markers.link1]", "[markers.link2]"),
+        &["the markers of markers.link2 are those of link 1", "exchange these tables", "3 of 3"],
+    ),
+    mistake(
+        "tables of middle and front exchanged",
+        |night| exchange(night, "[markers.link0]", "[markers.link1]"),
+        &["the markers of markers.link1 are those of link 0", "exchange these tables"],
+    ),
+    mistake(
+        "positions of front and rear exchanged",
+        |night| {
+            layout(night, |link, label, place| match (link, label) {
+                (1, "F1") => [-50.0, 26.0, 55.0],
+                (1, "F2") => [-30.0, -36.0, 55.0],
+                (1, "F3") => [58.0, -10.0, 70.0],
+                (2, "R1") => [45.0, 30.0, 55.0],
+                (2, "R2") => [38.0, -34.0, 55.0],
+                (2, "R3") => [-62.0, 8.0, 70.0],
+                _ => place,
+            });
+        },
+        &["the positions in markers.link1 and markers.link2 are exchanged"],
+    ),
+    mistake(
+        "a link's x to the rear",
+        |night| layout(night, |link, _, [x, y, z]| if link == 2 { [-x, -y, z] } else { [x, y, z] }),
+        &["link 2 points backwards", "change the signs of x and y in markers.link2"],
+    ),
+    mistake(
+        "two labels exchanged",
+        |night| {
+            configure(night, "F1 = [", "F9 = [");
+            configure(night, "F3 = [", "F1 = [");
+            configure(night, "F9 = [", "F3 = [");
+        },
+        &["labels of link 1 are exchanged", "F3 is at the place of", "F1 is at the place of"],
+    ),
+    mistake(
+        "a digit of a place",
+        |night| configure(night, "M2 = [95.0", "M2 = [59.0"),
+        &["M2` of link 0 is measured at x = 9", "configured at 59, -40", "markers.link0"],
+    ),
+    mistake(
+        "a layout in metres",
+        |night| layout(night, |_, _, place| place.map(|mm| 1e-3 * mm)),
+        &[
+            "key `markers.link0`",
+            "needed two markers at least 5 mm apart in the plane, in millimetres",
+        ],
+    ),
+    mistake(
+        "a layout in centimetres",
+        |night| layout(night, |_, _, place| place.map(|mm| 0.1 * mm)),
+        &["as far apart as in [markers]", "[markers] is in centimetres"],
+    ),
+    mistake(
+        "one table in centimetres",
+        |night| layout(night, |link, _, mm| if link == 2 { mm.map(|mm| 0.1 * mm) } else { mm }),
+        &["the markers of link 2 are", "as far apart as in markers.link2"],
+    ),
+    mistake(
+        "links turned by five degrees",
+        |night| {
+            layout(night, |link, _, [x, y, z]| {
+                let (joint, turn) = [(0.0, 0.0), (-112.0, 5.0), (112.0, 5.0)][link];
+                let (sin, cos) = f64::to_radians(turn).sin_cos();
+                let x = x - joint;
+                [joint + cos * x - sin * y, sin * x + cos * y, z]
+            });
+        },
+        &["campaign kinematic-symmetric: joint 1: measured offset", "markers.link1 turned"],
+    ),
+    mistake(
+        "a label that the files do not have",
+        |night| configure(night, "F1 = [", "front1 = ["),
+        &["found no marker `front1`, needed by markers.link1", "3 of 3"],
+    ),
+    mistake(
+        "a label with a colon without quotes",
+        |night| configure(night, "F1 = [", "Snake:F1 = ["),
+        &["pipeline.toml, line ", "found Snake:F1, needed it in quotes: \"Snake:F1\""],
+    ),
+    // The robot.
+    mistake(
+        "h and l exchanged",
+        |night| {
+            configure(
+                night,
+                "h_m = 0.144             # half the length of the middle link\nl_m = 0.112",
+                "h_m = 0.112\nl_m = 0.144",
+            )
+        },
+        &["h_m and l_m are exchanged", "set h_m = 0.144"],
+    ),
+    mistake(
+        "a wrong length",
+        |night| configure(night, "l_m = 0.112", "l_m = 0.132"),
+        &["l_m of the robot: measured 11", "configured 132.0 mm", "set l_m = 0.11"],
+    ),
+    mistake(
+        "a length in millimetres",
+        |night| configure(night, "h_m = 0.144", "h_m = 144"),
+        &["robot.kinematic.h_m", "found 144.0, needed 0.001 to 100"],
+    ),
+    mistake(
+        "a length in centimetres",
+        |night| configure(night, "l_m = 0.112", "l_m = 11.2"),
+        &["l_m of the robot: measured 11", "(is it in centimetres?)", "set l_m = 0.112"],
+    ),
+    // The recording.
+    mistake(
+        "a mirrored recording",
+        |night| every().for_each(|trial| positions(night, trial, |[x, y, z]| [x, -y, z])),
+        &["the markers of every link lie as in a mirror", "or of an axis of the file"],
+    ),
+    mistake(
+        "metres that are called millimetres",
+        |night| every().for_each(|trial| positions(night, trial, |mm| mm.map(|mm| 1e-3 * mm))),
+        &["the file's numbers are metres, not millimetres", "3 of 3"],
+    ),
+    mistake(
+        "y up",
+        |night| every().for_each(|trial| positions(night, trial, |[x, y, z]| [y, z, x])),
+        &["the file's y axis points up, not z", "export with z up", "3 of 3"],
+    ),
+    mistake(
+        "z down",
+        |night| every().for_each(|trial| positions(night, trial, |[x, y, z]| [x, -y, -z])),
+        &["z axis points down", "export with z up"],
+    ),
+    mistake(
+        "an export that is cut off",
+        |night| {
+            let content = night.read(&entry(SYMMETRIC[1]));
+            night.write(&entry(SYMMETRIC[1]), &content[..content.len() / 2 - 7]);
+        },
+        &["kinematic-symmetric-5.00-r1.csv, line ", "is the copy complete?"],
+    ),
+    mistake(
+        "an export of devices",
+        |night| night.write(&entry(SYMMETRIC[1]), "Devices\n1000\nFrame,Sub Frame,Fx\n1,0,2\n"),
+        &["found only the section `Devices`, needed a `Trajectories` section"],
+    ),
+    mistake(
+        "a recording that begins too late",
+        |night| {
+            record(night, SYMMETRIC[2], |i, line| if i > 150 { String::new() } else { line.into() })
+        },
+        &["kinematic-symmetric-6.00-r1", "periods of motion, needed at least 2"],
+    ),
+];
+
+#[test]
+fn every_mistake_is_named_by_its_cause_and_none_ends_well() {
+    let night = night();
+    let output = trilink(night.path(), &["-q", "ingest"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let wrong = MISTAKES.par_iter().with_max_len(1).filter_map(|Mistake { name, make, words }| {
+        let night = night.copy();
+        make(&night);
+        let output = trilink(night.path(), &["-q", "ingest", "--threads", "1"]);
+        let said = text(&output.stdout) + &text(&output.stderr);
+        let missing: Vec<_> = words.iter().filter(|word| !said.contains(**word)).collect();
+        let is_well = !matches!(output.status.code(), Some(1 | 2));
+        let wrong = format!("{name} ({}): not said {missing:?} in\n{said}", output.status);
+        (is_well || !missing.is_empty()).then_some(wrong)
+    });
+    let wrong: Vec<String> = wrong.collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+}
