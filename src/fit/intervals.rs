@@ -6,7 +6,7 @@
 //! - *Systematic*: what all trials share, and no repeat shows.
 //!   - What the fit takes the model for: a jackknife over blocks of neighbouring frequencies
 //!     spreads by more than the scatter if no one set of coefficients describes them all. Only
-//!     the excess counts.
+//!     what exceeds the scatter's share in 95 of 100 counts.
 //!   - What is assumed of the robot: every standard deviation that the configuration gives, or
 //!     that joint-release and coast-down trials have, moves the fit by so much.
 //!   - The gait, where the command drives the model: servos miss it, and the measured gait gives
@@ -100,7 +100,11 @@ impl Systematic {
         let squares: f64 = of_blocks().map(|shift| (shift - mean).powi(2)).sum();
         let jackknife = if count > 0.0 { (count - 1.0) / count * squares } else { 0.0 };
         let assumed: f64 = self.assumed.iter().map(|shifts| shifts[index].powi(2)).sum();
-        ((jackknife - scatter.powi(2)).max(0.0) + assumed).sqrt()
+        let chance = match count > 0.0 {
+            true => scatter.powi(2) * largest_variance(count - 1.0),
+            false => 0.0,
+        };
+        ((jackknife - chance).max(0.0) + assumed).sqrt()
     }
 }
 
@@ -181,6 +185,13 @@ impl Intervals {
     }
 }
 
+/// What a variance of so many degrees of freedom is at most in 95 of 100, over the true one
+/// (chi-square by Wilson and Hilferty 1931).
+fn largest_variance(freedom: f64) -> f64 {
+    let spread = 2.0 / 9.0 / freedom;
+    (1.0 - spread + 1.645 * spread.sqrt()).powi(3)
+}
+
 /// A limit by scatter; NaN where it is open: where the profile does not end the interval, or
 /// where the replicates' quantile is a bound.
 fn scatter_limit(
@@ -202,4 +213,23 @@ fn scatter_limit(
         }
     };
     if free.is_at_bound(limit)[side] { f64::NAN } else { limit }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_count_by_what_they_differ_by_more_than_chance() {
+        // Chi-square of 5 degrees of freedom is 11.07 at 95 %.
+        assert!((largest_variance(5.0) - 11.07 / 5.0).abs() < 0.01);
+        let blocks = [-0.03, 0.02, -0.01, 0.03, -0.02, 0.01].map(|shift| vec![shift]);
+        let shifts = Systematic { blocks: blocks.into(), ..Systematic::default() };
+        let jackknife = (5.0_f64 / 6.0 * 28e-4).sqrt();
+        assert!((shifts.deviation(0, 0.0) - jackknife).abs() < 1e-12);
+        assert_eq!(shifts.deviation(0, jackknife / 1.4), 0.0);
+        let assumed = Systematic { assumed: vec![vec![0.03], vec![-0.04]], ..shifts };
+        assert!((assumed.deviation(0, jackknife) - 0.05).abs() < 1e-12);
+        assert_eq!(Systematic::default().deviation(0, 0.1), 0.0);
+    }
 }
