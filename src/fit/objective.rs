@@ -68,9 +68,9 @@ impl Objective {
         robot
     }
 
-    /// The model's motion at the commanded gait and any frequency.
-    pub fn problem(&self, robot: &Robot, omega_rad_s: f64) -> Problem {
-        Problem { robot: robot.clone(), gait: self.gait, model: self.model, omega_rad_s }
+    /// The model's motion with a gait at any frequency.
+    pub fn problem(&self, robot: &Robot, gait: Gait, omega_rad_s: f64) -> Problem {
+        Problem { robot: robot.clone(), gait, model: self.model, omega_rad_s }
     }
 
     /// What drives the model: `no-skid-measured` is always driven by the measured gait.
@@ -86,23 +86,27 @@ impl Objective {
         self.driven_by() == GaitInput::Measured
     }
 
-    /// The model's motion for one trial, driven by the command or by the measured gait;
-    /// `None` if that was not measured.
-    pub fn problem_of(&self, robot: &Robot, measurement: &Measurement) -> Option<Problem> {
-        let mut problem = self.problem(robot, measurement.omega_rad_s);
+    /// The gait that drives the model in one trial; `None` if it was to be measured and was not.
+    pub fn gait_of(&self, measurement: &Measurement) -> Option<Gait> {
+        let mut gait = self.gait;
         if self.is_driven_as_measured() {
-            for (joint, measured) in problem.gait.joints.iter_mut().zip(measurement.gait) {
+            for (joint, measured) in gait.joints.iter_mut().zip(measurement.gait) {
                 if joint.is_some() {
                     *joint = Some(measured);
                 }
             }
         }
-        let mut commands = problem.gait.joints.iter().flatten();
-        let is_known = commands.all(|joint| {
+        let is_known = gait.joints.iter().flatten().all(|joint| {
             let JointCommand { offset_rad, amplitude_rad, phase_rad } = joint;
             [offset_rad, amplitude_rad, phase_rad].iter().all(|number| number.is_finite())
         });
-        is_known.then_some(problem)
+        is_known.then_some(gait)
+    }
+
+    /// The model's motion for one trial; `None` as [`Objective::gait_of`].
+    pub fn problem_of(&self, robot: &Robot, measurement: &Measurement) -> Option<Problem> {
+        let gait = self.gait_of(measurement)?;
+        Some(self.problem(robot, gait, measurement.omega_rad_s))
     }
 
     /// Eq. 22 for one trial.

@@ -60,7 +60,10 @@ pub enum MotionError {
     Determined,
     #[error("a robot without a commanded joint does not move")]
     NotDriven,
-    #[error("the gait that is to drive the robot was not measured")]
+    #[error(
+        "the offset, amplitude and phase of the commanded joints were not measured; \
+         gait_input = \"commanded\" under [fit] does without"
+    )]
     GaitUnknown,
 }
 
