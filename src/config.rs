@@ -355,6 +355,17 @@ impl Config {
         Ok(config)
     }
 
+    /// The defaults, but with the passive joint of the paper's simulations (Figs. 3 to 5), which is
+    /// another than its experiments' (Table II has both).
+    pub fn of_simulations() -> Self {
+        let (mut config, simulated) = (Self::default(), Robot::semi_passive());
+        for robot in config.robot.values_mut().filter(|robot| robot.stiffness_nm_rad.is_some()) {
+            robot.stiffness_nm_rad = Some(simulated.stiffness_nm_rad);
+            robot.damping_nm_s_rad = Some(simulated.damping_nm_s_rad);
+        }
+        config
+    }
+
     /// The robot and gait of a campaign, in SI units. `None` if there is no such campaign.
     pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
         let campaign = self.campaign.get(campaign)?;

@@ -11,7 +11,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use trilink::config::{Config, SigmaKind};
+use trilink::config::{Config, GaitInput, SigmaKind};
 use trilink::fit::{FitData, fit};
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Model, Problem};
@@ -37,6 +37,7 @@ fn truth(campaign: &'static str, skid_kg_s: [f64; 3]) -> Truth {
     config.campaign.values_mut().for_each(|campaign| campaign.models = vec![Model::SkidRoll]);
     config.fit.starts = 1;
     config.fit.sigma = SigmaKind::Raw;
+    config.fit.gait_input = GaitInput::Commanded;
     let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
     robot.skid_kg_s = skid_kg_s;
     let motion = |omega_rad_s: &f64| {

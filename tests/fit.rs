@@ -2,13 +2,16 @@
 
 #![allow(clippy::unwrap_used)]
 
+use std::f64::consts::TAU;
+
 use trilink::config::{Campaign, Config, Free, GaitInput, ParameterSource, SigmaKind, Weights};
 use trilink::fit::{FitData, Fitted, FreeParameter, Objective, fit};
 use trilink::metrics::{Estimate, GaitMetrics};
 use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
 use trilink::robot::{JointCommand, Parameter};
 use trilink::store::{
-    Columns as _, FitRow, FitStatus, JointGait, RobotParameterRow, TrialRow, TrialStatus,
+    Columns as _, FitRow, FitStatus, JointGait, PredictionSource, RobotParameterRow, TrialRow,
+    TrialStatus,
 };
 use trilink::trial::TrialKind;
 
@@ -66,16 +69,16 @@ fn trials(reference: &Reference) -> Vec<TrialRow> {
         .collect()
 }
 
-/// The paper's configuration with this one campaign and the reference's passive joint.
+/// The paper's configuration with this one campaign.
 fn config(reference: &Reference) -> Config {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == reference.campaign);
     config.campaign.values_mut().for_each(|campaign: &mut Campaign| {
         campaign.models = vec![Model::SkidRoll];
     });
-    let robot = config.robot.get_mut("semi-passive").unwrap();
-    (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (Some(0.137), Some(0.006));
     config.fit.starts = 32;
+    // The reference's trials are those of the command.
+    config.fit.gait_input = GaitInput::Commanded;
     (config.fit.bootstrap, config.fit.profiles) = (0, false);
     config
 }
@@ -207,6 +210,54 @@ fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
             }
         }
     }
+}
+
+#[test]
+fn a_curve_goes_through_what_is_predicted_for_the_trials_own_gaits() {
+    let reference = &REFERENCES[0];
+    let mut config = quick(reference);
+    (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
+    config.fit.gait_input = GaitInput::Measured;
+    let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
+    // The curve's steps are a 111th of the range.
+    let trials = [(1.0, 0.95, 3.2), (2.0, 1.01, -3.1), (4.0, 0.98, 3.1)];
+    let trial = |(omega_rad_s, part, turned): (f64, f64, f64)| {
+        let mut gait = gait;
+        for joint in gait.joints.iter_mut().flatten() {
+            joint.amplitude_rad *= part;
+            joint.offset_rad += 0.02 * (part - 1.0);
+            joint.phase_rad += 0.01 * turned;
+        }
+        let (robot, model) = (robot.clone(), Model::SkidRoll);
+        let problem = Problem { robot, gait, model, omega_rad_s };
+        let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+        let mut row = TrialRow { omega_rad_s, metrics, ..named(reference).remove(0) };
+        (row.trial, row.omega_commanded_rad_s) = (format!("at-{omega_rad_s}"), omega_rad_s);
+        for (joint, found) in gait.joints.iter().flatten().zip(&mut row.gait) {
+            let JointCommand { offset_rad, amplitude_rad, phase_rad } = *joint;
+            // A turn more is the same phase.
+            let phase_rad = phase_rad + if turned < 0.0 { TAU } else { 0.0 };
+            *found = JointGait { offset_rad, amplitude_rad, phase_rad, ..*found };
+        }
+        row
+    };
+    let rows: Vec<TrialRow> = trials.map(trial).into();
+    let predictions = fit(&config, &rows.into(), &|_| {}).predictions;
+    let of = |source: PredictionSource| predictions.iter().filter(move |row| row.source == source);
+    let curve: Vec<_> = of(PredictionSource::Curve).collect();
+    for (trial, at) in of(PredictionSource::Trial).zip([0, 37, 111]) {
+        assert!((curve[at].omega_rad_s - trial.omega_rad_s).abs() < 1e-12);
+        let (found, known) = (curve[at].metrics.to_array(), trial.metrics.to_array());
+        for (found, known) in found.into_iter().zip(known) {
+            assert!((found - known).abs() < 1e-6 * known.abs().max(1e-3), "{found} {known}");
+        }
+    }
+    // Between two trials it is between what their gaits give, not what the command does.
+    let alpha1_rad = 0.5 * (0.95 + 1.01) * 30_f64.to_radians();
+    let halfway = curve.iter().map(|row| row.metrics.alpha1_rad - alpha1_rad);
+    assert!(
+        halfway.clone().any(|off| off.abs() < 1e-3) && curve[5].metrics.alpha1_rad < alpha1_rad
+    );
 }
 
 #[test]

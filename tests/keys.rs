@@ -20,7 +20,7 @@ const OTHERS: [(&str, &str); 11] = [
     ("ingest.poses", "\"links\""),
     ("ingest.smoothing_window", "9"),
     ("fit.sigma", "\"raw\""),
-    ("fit.gait_input", "\"measured\""),
+    ("fit.gait_input", "\"commanded\""),
     ("fit.robot_parameters", "\"measured\""),
     ("campaign.kinematic-symmetric.robot", "\"semi-passive\""),
     ("campaign.kinematic-symmetric.gait", "\"skewed\""),

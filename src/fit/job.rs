@@ -437,8 +437,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::config::Config;
-    use crate::config::SigmaKind;
+    use crate::config::{Config, SigmaKind};
     use crate::fit::Measurement;
     use crate::metrics::GaitMetrics;
     use crate::robot::Model;
@@ -466,9 +465,15 @@ mod tests {
         data.lines().skip(1).enumerate().map(row).collect()
     }
 
+    fn config() -> Config {
+        let mut config = Config::default();
+        config.fit.gait_input = GaitInput::Commanded;
+        config
+    }
+
     #[test]
     fn a_profile_that_finds_a_lower_objective_resumes_the_fit() {
-        let config = Config::default();
+        let config = config();
         let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
         let resampler = Resampler::new(CAMPAIGN, 1, measurements(), &BTreeMap::new());
         let job = Job::new(&input, &FitData::default(), &resampler);
@@ -486,7 +491,7 @@ mod tests {
 
     #[test]
     fn known_measurements_are_fitted_as_ever() {
-        let mut config = Config::default();
+        let mut config = config();
         config.fit.starts = 1;
         config.fit.bootstrap = 2;
         let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");

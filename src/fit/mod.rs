@@ -91,7 +91,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// They depend neither on the number of threads nor on the order of the trials.
 ///
 /// ```
-/// use trilink::config::{Config, SigmaKind};
+/// use trilink::config::{Config, GaitInput, SigmaKind};
 /// use trilink::fit::{FitData, fit};
 /// use trilink::motion::{FIT_ACCURACY, Problem, Solver};
 /// use trilink::robot::{Model, Parameter};
@@ -102,7 +102,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// config.campaign.retain(|name, _| name == campaign);
 /// config.campaign.get_mut(campaign).unwrap().models = vec![Model::SkidRoll];
 /// (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
-/// config.fit.sigma = SigmaKind::Raw;
+/// (config.fit.sigma, config.fit.gait_input) = (SigmaKind::Raw, GaitInput::Commanded);
 ///
 /// let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
 /// robot.skid_kg_s = [104.0, 34.0, 45.0];

@@ -6,6 +6,7 @@ use super::common::{
     DEG, FREQUENCY, gait, lines, links, links_at_start, map, over_time, shape, time_course, travel,
 };
 use super::{SEMI_PASSIVE, SYMMETRIC};
+use crate::config::Config;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use crate::report::ReportInput;
@@ -28,7 +29,16 @@ const NO_SKID: Look = looks::model_line(Model::NoSkid);
 
 /// Figs. 3, 4 and 5, or a sentence on why there are none.
 pub fn steady_passive(config: &ReportInput) -> Result<Vec<Figure>, String> {
-    let of = |omega_rad_s| simulated::configured(config, SEMI_PASSIVE, Model::NoSkid, omega_rad_s);
+    // The paper's own robot with the joint of its simulations, any other as it is.
+    let joint_of = |setup: Config| Some(setup.campaign_setup(SEMI_PASSIVE)?.0);
+    let [default, simulated] = [Config::default(), Config::of_simulations()].map(joint_of);
+    let of = |omega_rad_s| {
+        let mut problem = simulated::configured(config, SEMI_PASSIVE, Model::NoSkid, omega_rad_s)?;
+        if default.as_ref() == Some(&problem.robot) {
+            problem.robot = simulated.clone()?;
+        }
+        Some(problem)
+    };
     let problem = of(OMEGA_RAD_S).ok_or_else(|| {
         format!("Figs. 3 to 5 are not drawn, because campaign {SEMI_PASSIVE} is not configured.")
     })?;

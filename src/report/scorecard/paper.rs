@@ -43,7 +43,7 @@ pub struct MotionSpec {
 /// The paper's parameters and motions.
 #[derive(Debug)]
 pub struct Paper {
-    /// The default, which is that of the paper's simulations.
+    /// That of the paper's simulations.
     pub config: Config,
     /// Fitted values of Tables I and II by campaign.
     pub fitted: BTreeMap<String, Values>,
@@ -57,7 +57,7 @@ impl Object for Paper {}
 impl Paper {
     pub fn new(fitted: BTreeMap<String, Values>, motion: BTreeMap<String, MotionSpec>) -> Self {
         let sweeps = motion.keys().map(|name| (name.clone(), OnceLock::new())).collect();
-        Self { config: Config::default(), fitted, motion, sweeps }
+        Self { config: Config::of_simulations(), fitted, motion, sweeps }
     }
 
     /// A motion at a frequency; `None` if there is no motion of this name, or it has an unknown column.
