@@ -5,6 +5,7 @@ use super::shape::Body;
 use crate::ingest::markers::layout::LinkMarker;
 use crate::ingest::poses::JointPosition;
 use crate::robot::{Robot, rotated};
+use crate::stats::wrap;
 use crate::vicon::MarkerFile;
 
 /// The axis about which two rigid bodies turn, in the frames of both, and the RMS distance of the
@@ -35,6 +36,9 @@ pub(super) struct LayoutEstimate {
     pub joint_residual_mm: [f64; 2],
     /// Of the side links in their bodies' frames, with the axle at the robot's l.
     pub direction_rad: [f64; 2],
+    /// Mean angle of the arc on which the links lie, as far as these directions show it: half the
+    /// difference of the joints' mean angles.
+    pub bent_rad: f64,
 }
 
 impl LayoutEstimate {
@@ -53,7 +57,7 @@ impl LayoutEstimate {
         let (ahead, behind) = (front.in_middle, rear.in_middle);
         let (dx, dy) = (ahead[0] - behind[0], ahead[1] - behind[1]);
         let (middle, middle_rad) = ([0, 1].map(|i| 0.5 * (ahead[i] + behind[i])), dy.atan2(dx));
-        let (mut l_mm, mut direction_rad) = ([0.0; 2], [0.0; 2]);
+        let (mut l_mm, mut direction_rad, mut bent_rad) = ([0.0; 2], [0.0; 2], 0.0);
         for (side, joint, sign) in [(0, front, 1.0), (1, rear, -1.0)] {
             let outer = &bodies[1 + side];
             let mut velocities = rolling::velocities(outer, joint.in_outer, &file.frames, rate_hz);
@@ -65,6 +69,7 @@ impl LayoutEstimate {
             let lever_mm = sign * 1e3 * robot.l_m;
             let direction = rolling::direction(&velocities, lever_mm, guess)?;
             direction_rad[side] = direction;
+            bent_rad += 0.5 * wrap(guess - direction);
             l_mm[side] = sign * rolling::lever_mm(&velocities, direction, lever_mm)?;
         }
         let axes = [
@@ -82,6 +87,6 @@ impl LayoutEstimate {
             bodies[link].markers.iter().map(of).collect()
         });
         let (h_mm, joint_residual_mm) = (0.5 * dx.hypot(dy), [front_mm, rear_mm]);
-        Some(Self { positions_mm, h_mm, l_mm, joint_residual_mm, direction_rad })
+        Some(Self { positions_mm, h_mm, l_mm, joint_residual_mm, direction_rad, bent_rad })
     }
 }

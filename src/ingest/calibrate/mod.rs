@@ -39,6 +39,12 @@ use shape::Body;
 const PARTS: usize = 10;
 /// How far a joint must turn, from its 5th to its 95th percentile, degrees.
 const LEAST_TURN_DEG: f64 = 20.0;
+/// How bent the links may be on average, half the difference of the joints' mean angles, degrees.
+/// A robot that drives an arc skids to one side: the directions are off by half of that angle and
+/// show the other half of it.
+const MOST_BENT_DEG: f64 = 3.0;
+/// Error of the directions, over what they show of the arc's angle.
+const ARC_ERROR: f64 = 1.2;
 /// Frames in which two links must be seen.
 const LEAST_ROWS: usize = 100;
 
@@ -84,12 +90,9 @@ pub struct Calibration {
     pub l_configured_mm: f64,
     /// RMS distance of the two positions of each joint, mm.
     pub joint_residual_mm: [f64; 2],
-    /// Standard errors of the side links' directions, degrees; what wheels add that skid to one
-    /// side on average is not in them.
+    /// Standard errors of the side links' directions, degrees, with what wheels add that skid to
+    /// one side on average.
     pub direction_se_deg: [f64; 2],
-    /// Whether the commanded joints swing about straight links: else the wheels skid to one side
-    /// on average, and the side links' directions may be degrees off.
-    pub is_symmetric: bool,
     /// Frames that were used.
     pub frames: usize,
 }
@@ -169,6 +172,14 @@ fn of_file(
     let whole = estimate(PARTS).ok_or(Problem::NoLayout)?;
     let partial: Vec<LayoutEstimate> =
         (0..PARTS).map(estimate).collect::<Option<_>>().ok_or(Problem::NoLayout)?;
+    let commanded_rad = gait.map_or(0.0, |(gait, _)| {
+        let [first, second] = gait.joints.map(|joint| joint.map_or(0.0, |joint| joint.offset_rad));
+        0.5 * (first - second)
+    });
+    let bent_deg = commanded_rad.abs().max(2.0 * whole.bent_rad.abs()).to_degrees();
+    if bent_deg > MOST_BENT_DEG {
+        return Err(Problem::BentGait { found_deg: bent_deg, needed_deg: MOST_BENT_DEG });
+    }
     let measured = |value: &dyn Fn(&LayoutEstimate) -> f64| {
         let all = value(&whole);
         let squares: f64 = partial.iter().map(|part| (value(part) - all).powi(2)).sum();
@@ -199,7 +210,7 @@ fn of_file(
     let direction = |side: usize| {
         let away =
             |part: &LayoutEstimate| wrap(part.direction_rad[side] - whole.direction_rad[side]);
-        measured(&away).se.to_degrees()
+        measured(&away).se.hypot(ARC_ERROR * whole.bent_rad).to_degrees()
     };
     Ok(Calibration {
         trial: String::new(),
@@ -212,9 +223,6 @@ fn of_file(
         l_configured_mm: 1e3 * robot.l_m,
         joint_residual_mm: whole.joint_residual_mm,
         direction_se_deg: [0, 1].map(direction),
-        is_symmetric: gait.is_some_and(|(gait, _)| {
-            gait.joints.iter().flatten().all(|command| command.offset_rad == 0.0)
-        }),
         frames: rows,
     })
 }

@@ -38,7 +38,7 @@ fn errors(found: &Calibration, link: usize) -> (f64, f64) {
 fn layouts_and_h_are_found_to_a_fifth_of_a_millimetre() {
     for seed in 1..=3 {
         let folder = trials(&Recipe { omegas_rad_s: vec![2.0, 3.9], ..Recipe::new(seed) });
-        for gait in ["kinematic-skewed", "kinematic-symmetric", "semi-passive-symmetric"] {
+        for gait in ["kinematic-symmetric", "semi-passive-symmetric"] {
             for omega in ["2.00", "3.90"] {
                 let id = format!("{gait}-{omega}-r1");
                 let found = calibrate(&Config::default(), folder.path(), &id).unwrap();
@@ -49,10 +49,14 @@ fn layouts_and_h_are_found_to_a_fifth_of_a_millimetre() {
                     let (away_mm, turned) = errors(&found, link);
                     assert!(away_mm < 0.2, "{id}, link {link}: {away_mm}");
                     // Where the wheels skid to one side the direction is off, and it is said.
-                    let limit_deg = if found.is_symmetric { 0.5 } else { 4.0 };
-                    assert!(turned.to_degrees().abs() < limit_deg, "{id}, link {link}: {turned}");
+                    let turned_deg = turned.to_degrees().abs();
+                    assert!(turned_deg < 0.5, "{id}, link {link}: {turned}");
+                    let stated_deg = if link == 0 { 0.0 } else { found.direction_se_deg[link - 1] };
+                    assert!(
+                        turned_deg <= 2.0 * stated_deg,
+                        "{id}, {link}: {turned_deg} {stated_deg}"
+                    );
                 }
-                assert_eq!(found.is_symmetric, gait != "kinematic-skewed");
             }
         }
     }
@@ -63,13 +67,11 @@ fn standard_errors_of_h_are_honest() {
     let (mut within, mut count) = (0, 0);
     for seed in 11..=16 {
         let folder = trials(&Recipe { omegas_rad_s: vec![3.0, 5.0], ..Recipe::new(seed) });
-        for gait in ["kinematic-skewed", "kinematic-symmetric"] {
-            for omega in ["3.00", "5.00"] {
-                let id = format!("{gait}-{omega}-r1");
-                let h_mm = calibrate(&Config::default(), folder.path(), &id).unwrap().h_mm;
-                within += usize::from((h_mm.value - 144.0).abs() < 2.0 * h_mm.se);
-                count += 1;
-            }
+        for omega in ["3.00", "5.00"] {
+            let id = format!("kinematic-symmetric-{omega}-r1");
+            let h_mm = calibrate(&Config::default(), folder.path(), &id).unwrap().h_mm;
+            within += usize::from((h_mm.value - 144.0).abs() < 2.0 * h_mm.se);
+            count += 1;
         }
     }
     assert!(within * 10 >= count * 8, "{within} of {count}");
@@ -82,7 +84,7 @@ fn links_are_found_by_how_the_markers_move_if_their_labels_are_not_configured() 
     for link in [&mut config.markers.link0, &mut config.markers.link1, &mut config.markers.link2] {
         *link = link.iter().map(|(label, place)| (format!("old-{label}"), *place)).collect();
     }
-    for gait in config.campaign.keys() {
+    for gait in config.campaign.keys().filter(|gait| *gait != "kinematic-skewed") {
         let id = &format!("{gait}-3.90-r1");
         let found = calibrate(&config, folder.path(), id).unwrap();
         assert!(found.is_grouped);
@@ -115,6 +117,21 @@ fn a_trial_that_does_not_show_the_layout_says_why() {
         straight.starts_with("F/kinematic-coast-down-r1.csv: found joint 1 turning by only 0.")
     );
     assert!(straight.ends_with("take a trial in which both joints move"), "{straight}");
+    let bent = message(&config, "kinematic-skewed-3.90-r1");
+    let found =
+        "F/kinematic-skewed-3.90-r1.csv: found a gait about links that are bent by 45.0 degrees";
+    assert!(
+        bent.starts_with(found) && bent.contains("take a trial of a gait about straight"),
+        "{bent}"
+    );
+    // A gait whose command does not say that it drives an arc.
+    let mut silent = config.clone();
+    let gait = silent.gait.get_mut("skewed").unwrap();
+    for joint in [&mut gait.joint1, &mut gait.joint2] {
+        joint.as_mut().unwrap().offset_deg = 0.0;
+    }
+    let bent = message(&silent, "kinematic-skewed-3.90-r1");
+    assert!(bent.contains("found a gait about links that are bent by "), "{bent}");
     let mut unknown = config;
     unknown.markers.link0.insert("M9".to_owned(), [0.0; 3]);
     let one = message(&unknown, "kinematic-coast-down-r1");
