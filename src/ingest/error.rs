@@ -86,7 +86,9 @@ pub enum Problem {
         "found joint {joint} turning by only {found_deg:.1} degrees, needed {needed_deg} or more to see where it is; take a trial in which both joints move"
     )]
     LittleTurn { joint: usize, found_deg: f64, needed_deg: f64 },
-    #[error("found a gait about links that are bent by {found_deg:.1} degrees, needed at most {needed_deg}: on the arc that it drives the wheels skid to one side, which turns the side links; take a trial of a gait about straight links")]
+    #[error(
+        "found a gait about links that are bent by {found_deg:.1} degrees, needed at most {needed_deg}: on the arc that it drives the wheels skid to one side, which turns the side links; take a trial of a gait about straight links"
+    )]
     BentGait { found_deg: f64, needed_deg: f64 },
     #[error(
         "found a motion that does not say where the joints and wheels are, needed a trial in which both joints move and the wheels roll"
