@@ -372,7 +372,7 @@ fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
         "<span class=\"soft\">not known</span>",
         "23.7<small>at most 1.38</small>",
         "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad&#x2f;s",
-        "no interval: no repeats, cycles or errors",
+        "No intervals: no-skid-damped (no repeats, cycles or errors).",
         "<strong>kinematic-symmetric</strong>: raw skid ratios are fitted: trial one",
         "98.4 to 112",
         "21.3 to ∞",
