@@ -343,7 +343,7 @@ impl Config {
     /// The file cannot be read, is not TOML, has an unknown key (the nearest known one is
     /// named), or a value that makes no sense (key, found and needed are named).
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path)
+        let text = crate::files::read_text(path)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let mut config =
             Self::parse(&text).map_err(|error| ConfigError::toml(path, &text, &error))?;

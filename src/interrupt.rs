@@ -30,6 +30,9 @@ pub struct Interrupted {
 /// The system does not allow it.
 pub fn listen() -> std::io::Result<()> {
     let asked = ASKED.get_or_init(Arc::default);
+    // A limit on the size of files is an error of who writes, not the end.
+    #[cfg(unix)]
+    flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
     let is_second = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         // In this order: the first signal finds the flag down and raises it.

@@ -48,6 +48,7 @@ pub mod cli;
 /// with a known truth.
 pub(crate) mod clock;
 pub(crate) mod csv;
+pub(crate) mod files;
 pub(crate) mod interrupt;
 pub(crate) mod least_squares;
 pub mod metrics;

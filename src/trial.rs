@@ -1,6 +1,7 @@
 //! `trials.toml`: which recordings a trial folder holds.
 
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 use std::path::{Component, Path};
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +11,9 @@ use crate::named::named;
 
 /// Name of the list inside a trial folder.
 pub const TRIALS_FILE: &str = "trials.toml";
+
+/// Frequencies that a gait may be commanded with.
+const OMEGA_RAD_S: RangeInclusive<f64> = 0.01..=1000.0;
 
 /// Where campaigns and robots are.
 const PIPELINE: &str = " of pipeline.toml";
@@ -71,7 +75,7 @@ impl TrialList {
     /// The list cannot be read or parsed, or an id is malformed or used twice.
     pub fn load(folder: &Path) -> Result<Self, ConfigError> {
         let path = folder.join(TRIALS_FILE);
-        let text = std::fs::read_to_string(&path)
+        let text = crate::files::read_text(&path)
             .map_err(|source| ConfigError::Read { path: path.clone(), source })?;
         let list: Self = parse_toml(&path, &text)?;
         let error = |key: &str, found, needed: &str| {
@@ -151,11 +155,12 @@ impl Trial {
             let found = if name.is_empty() { "nothing".into() } else { format!("`{name}`") };
             return error(key, found, &known);
         }
+        let needed_omega = "a frequency from 0.01 to 1000 rad/s";
         match self.omega_rad_s {
-            Some(omega) if !(omega > 0.0 && omega.is_finite()) => {
-                error("omega_rad_s", omega.to_string(), "a frequency above 0")
+            Some(omega) if !OMEGA_RAD_S.contains(&omega) => {
+                error("omega_rad_s", omega.to_string(), needed_omega)
             }
-            None if is_gait => error("omega_rad_s", "nothing".into(), "a frequency above 0"),
+            None if is_gait => error("omega_rad_s", "nothing".into(), needed_omega),
             _ => Ok(()),
         }
     }

@@ -11,7 +11,7 @@ use super::{RunError, Watch};
 use crate::config::{Config, ParameterSource};
 use crate::fit::{FitData, FitEvent, FitInput, Fitted, fit_except, input_paths};
 use crate::interrupt::stop_if_asked;
-use crate::store::{FitRow, Provenance, StoreError};
+use crate::store::{FitRow, Provenance, Reader, StoreError};
 
 /// Part of every fit whose robot has measured parameters.
 const ROBOTS: &str = "robot_parameters.parquet";
@@ -46,8 +46,8 @@ impl Stage for FitStage {
     const OTHER_ORDER: &'static str = "the configuration has another order of models";
     const NOT_KEPT: &'static str = "fits.parquet does not have it";
 
-    fn state(record: &mut Record) -> &mut StageState {
-        &mut record.fit
+    fn state(record: &Record) -> &StageState {
+        &record.fit
     }
 
     fn home(&self) -> &Path {
@@ -55,21 +55,20 @@ impl Stage for FitStage {
     }
 
     /// Where the tables are as they were, so is what is made of them.
-    fn reads_the_same(&self, known: &StageState, verify: bool) -> Result<bool, RunError> {
+    fn reads_the_same(&self, known: &StageState, inputs: &Inputs) -> Result<bool, RunError> {
         let foreseen = self.foreseen(known);
         let settings = foreseen.iter().map(|wanted| (&wanted.target, wanted.parts.get(SETTINGS)));
         let known_settings =
             known.targets.iter().map(|made| (&made.target, made.parts.get(SETTINGS)));
         let paths = input_paths(&self.derived)?;
-        Ok(settings.eq(known_settings)
-            && known.has_read(paths.iter().map(PathBuf::as_path), verify))
+        Ok(settings.eq(known_settings) && inputs.are_read(paths.iter().map(PathBuf::as_path)))
     }
 
     fn read(&self, inputs: &mut Inputs) -> Result<FitData, RunError> {
         for path in input_paths(&self.derived)? {
             inputs.stamp(&path, true).map_err(|source| StoreError::Read { path, source })?;
         }
-        Ok(FitData::read(&self.derived)?)
+        Ok(FitData::read(&self.derived, &inputs.reader())?)
     }
 
     fn wanted(&self, data: &FitData) -> Vec<Wanted> {
@@ -85,8 +84,8 @@ impl Stage for FitStage {
         self.inputs.iter().map(of_model).collect()
     }
 
-    fn earlier(&self, _known: &StageState) -> Result<Fitted, String> {
-        Fitted::read(&self.derived).map_err(|error| error.to_string())
+    fn earlier(&self, _known: &StageState, written: &Reader) -> Result<Fitted, String> {
+        Fitted::read(&self.derived, written).map_err(|error| error.to_string())
     }
 
     fn kept(&self, _known: &StageState, earlier: Fitted) -> BTreeMap<Target, Fitted> {
@@ -96,7 +95,7 @@ impl Stage for FitStage {
     }
 
     fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<(Fitted, StageState), RunError> {
-        let Work { sources, wanted, kept, .. } = work;
+        let Work { sources, wanted, kept } = work;
         let (fits, models) = (AtomicUsize::new(0), wanted.len() - kept.len());
         let on_event = |event: FitEvent| match event {
             FitEvent::Fitted(FitRow { campaign, model, status, j, notes, .. }) => {

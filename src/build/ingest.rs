@@ -1,7 +1,7 @@
 //! The first stage: marker files to tables, a target for each trial.
 
 use std::collections::BTreeMap;
-use std::io;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -9,15 +9,15 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::plan::{PlannedTarget, Stage, StagePlan, Touched, Wanted, Work, hash_of};
-use super::record::{Inputs, Made, Record, StageState, absolute};
+use super::record::{Inputs, Made, Record, StageState, name_in};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
 use crate::config::{Config, Paths};
 use crate::ingest::{
-    Entry, FolderInput, IngestError, IngestInput, Ingested, ingest_trials, outdated, undiagnosed,
+    Entry, FolderInput, IngestInput, Ingested, MarkerStamp, ingest_trials, outdated, undiagnosed,
 };
 use crate::interrupt::stop_if_asked;
-use crate::store::{Provenance, Stamp, TrialRow, TrialStatus};
+use crate::store::{Provenance, Reader, StoreError, TrialRow, TrialStatus};
 use crate::trial::{Trial, TrialError, TrialList};
 
 const ENTRY: &str = "the entry in trials.toml";
@@ -79,7 +79,7 @@ impl IngestStage {
     }
 
     /// [`Self::entry`] with the marker file.
-    fn trial(entry: Entry, file: Option<&io::Result<Stamp>>) -> Wanted {
+    fn trial(entry: Entry, file: Option<&MarkerStamp>) -> Wanted {
         let mut wanted = Self::entry(entry);
         wanted.parts.insert(MARKER_FILE.to_owned(), of_file(file));
         wanted
@@ -87,10 +87,10 @@ impl IngestStage {
 }
 
 /// Of a marker file: its content, or why there is none.
-fn of_file(file: Option<&io::Result<Stamp>>) -> String {
+fn of_file(file: Option<&MarkerStamp>) -> String {
     match file {
         Some(Ok(stamp)) => stamp.blake3.clone(),
-        Some(Err(error)) => format!("unreadable: {}", error.kind()),
+        Some(Err(kind)) => format!("unreadable: {kind}"),
         None => "not read".to_owned(),
     }
 }
@@ -106,8 +106,8 @@ impl Stage for IngestStage {
     const OTHER_ORDER: &'static str = "trials.toml has another order";
     const NOT_KEPT: &'static str = "trials.parquet does not have it";
 
-    fn state(record: &mut Record) -> &mut StageState {
-        &mut record.ingest
+    fn state(record: &Record) -> &StageState {
+        &record.ingest
     }
 
     fn home(&self) -> &Path {
@@ -126,18 +126,27 @@ impl Stage for IngestStage {
         self.trials.iter().map(|(trial, input)| Self::entry((trial, input))).collect()
     }
 
-    fn complete(&self, index: usize, wanted: &mut Wanted, made: &Made, inputs: &mut Inputs) {
+    fn complete(
+        &self,
+        index: usize,
+        wanted: &mut Wanted,
+        made: &Made,
+        inputs: &mut Inputs,
+    ) -> Option<String> {
         let (trial, input) = &self.trials[index];
         let path = self.marker_file(trial);
-        let stamp = input.is_ok().then(|| inputs.stamp(&path, false));
+        let stamp = input.is_ok().then(|| inputs.stamp(&path, false).map_err(|e| e.kind()));
         wanted.parts.insert(MARKER_FILE.to_owned(), of_file(stamp.as_ref()));
         if made.parts.contains_key(PLACE) {
             wanted.parts.insert(PLACE.to_owned(), path.display().to_string());
         }
+        // A file that is not there is known; what cannot be read may be there the next time.
+        let is_unreadable = |stamp| matches!(stamp, Some(Err(kind)) if kind != ErrorKind::NotFound);
+        is_unreadable(stamp).then(|| format!("{MARKER_FILE} cannot be read"))
     }
 
-    fn earlier(&self, _known: &StageState) -> Result<Ingested, String> {
-        Ingested::read(&self.paths.derived).map_err(|error| error.to_string())
+    fn earlier(&self, _known: &StageState, written: &Reader) -> Result<Ingested, String> {
+        Ingested::read(&self.paths.derived, written).map_err(|error| error.to_string())
     }
 
     fn kept(&self, _known: &StageState, earlier: Ingested) -> BTreeMap<Target, Ingested> {
@@ -148,7 +157,7 @@ impl Stage for IngestStage {
     /// What a run left that was killed before it recorded them.
     fn leftovers(&self, known: &StageState) -> Result<Vec<String>, RunError> {
         let recorded = self.table_paths(&known.targets).into_iter().collect();
-        let outdated = outdated(&self.paths.derived, &recorded, &recorded)?;
+        let outdated = outdated(&self.paths.derived, &recorded)?;
         Ok(outdated.iter().map(|path| format!("{} is of no trial", path.display())).collect())
     }
 
@@ -173,7 +182,7 @@ impl Stage for IngestStage {
             let done = 1 + done.fetch_add(1, Ordering::Relaxed);
             stop_if_asked(|| format!("{done} of {total} trials"));
         };
-        let provenance = |entry: Entry, file: Option<&io::Result<Stamp>>| Provenance {
+        let provenance = |entry: Entry, file: Option<&MarkerStamp>| Provenance {
             input: hash_of(&Self::trial(entry, file).parts),
         };
         let mut ingested =
@@ -191,7 +200,7 @@ impl Stage for IngestStage {
                     wanted.parts.insert(PLACE.to_owned(), path.display().to_string());
                 }
                 if let Some(Ok(stamp)) = new.marker_file {
-                    inputs.insert(absolute(&path), stamp);
+                    inputs.insert(name_in(derived, &path), stamp);
                 }
                 output.extend(new.rows);
                 let names = new.written.into_iter().filter_map(|(path, stamp)| {
@@ -207,10 +216,8 @@ impl Stage for IngestStage {
             Some((made.target.name(), content.clone()))
         });
         self.folder.diagnose(&mut output, &contents.collect());
-        let recorded = self.table_paths(&work.known.targets).into_iter().collect();
-        for path in outdated(derived, &recorded, &self.table_paths(&targets).into_iter().collect())?
-        {
-            std::fs::remove_file(&path).map_err(|source| IngestError::Outdated { path, source })?;
+        for path in outdated(derived, &self.table_paths(&targets).into_iter().collect())? {
+            std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
         }
         let parts: Vec<&Fingerprint> = targets.iter().map(|made| &made.parts).collect();
         let outputs =

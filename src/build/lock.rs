@@ -3,15 +3,19 @@
 use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
+use crate::interrupt::stop_if_asked;
 use crate::store::{StoreError, WRITING};
 
 /// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
 /// system lets go of it when a process ends, however that ends.
 pub const LOCK_FILE: &str = ".lock";
+
+/// How often who waits looks whether the lock is free.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// A folder of results that nobody else writes to while this lives.
 #[derive(Debug)]
@@ -38,6 +42,13 @@ impl Lock {
         let error = |source| StoreError::Write { path: path.clone(), source };
         std::fs::create_dir_all(derived)
             .map_err(|source| StoreError::Write { path: derived.to_owned(), source })?;
+        // Whoever follows a link writes where nothing of this program is.
+        if let Ok(kind) = std::fs::symlink_metadata(&path).map(|found| found.file_type())
+            && !kind.is_file()
+        {
+            let found = if kind.is_symlink() { "a link" } else { "a device or pipe" };
+            return Err(StoreError::Place { path, found, needed: "a place for a file" });
+        }
         let mut options = File::options();
         let mut file = options
             .read(true)
@@ -52,7 +63,10 @@ impl Lock {
                 let held = StoreError::Held { path: path.clone(), holder: holder(&mut file) };
                 let Some(on_wait) = on_wait else { return Err(held) };
                 on_wait(&held.to_string());
-                file.lock().map_err(error)?;
+                while let Err(TryLockError::WouldBlock) = file.try_lock() {
+                    stop_if_asked(String::new);
+                    std::thread::sleep(LOOK_AGAIN);
+                }
             }
             Err(TryLockError::Error(source)) => return Err(error(source)),
         }
@@ -96,8 +110,11 @@ fn host() -> Option<String> {
 /// What writers that were killed left in these folders, or are writing just now.
 pub fn unfinished(folders: &[PathBuf]) -> Vec<PathBuf> {
     let entries = folders.iter().flat_map(std::fs::read_dir).flatten().flatten();
-    let is_unfinished = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with(WRITING);
-    entries.filter(|entry| is_unfinished(&entry.file_name())).map(|entry| entry.path()).collect()
+    let is_unfinished = |entry: &std::fs::DirEntry| {
+        entry.file_name().to_string_lossy().starts_with(WRITING)
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
+    };
+    entries.filter(is_unfinished).map(|entry| entry.path()).collect()
 }
 
 /// Removes what writers that were killed left in these folders. Only who holds the lock may.

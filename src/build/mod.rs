@@ -15,8 +15,8 @@ use std::time::Instant;
 
 use crate::clock::utc_now;
 use crate::config::{Config, ConfigError};
-use crate::fit::Fitted;
-use crate::ingest::{IngestError, Ingested};
+use crate::fit::{Fitted, input_paths};
+use crate::ingest::Ingested;
 use crate::interrupt::{Interrupted, abandonable};
 use crate::report::{ReportError, Reported};
 use crate::store::{Stamp, StoreError, write_bytes};
@@ -55,8 +55,6 @@ pub enum RunError {
     #[error(transparent)]
     Trials(#[from] ConfigError),
     #[error(transparent)]
-    Ingest(#[from] IngestError),
-    #[error(transparent)]
     Store(#[from] StoreError),
     #[error(transparent)]
     Report(#[from] ReportError),
@@ -72,6 +70,15 @@ pub enum RunError {
         left(stage)
     )]
     Interrupted { stage: &'static str, done: String },
+}
+
+impl RunError {
+    /// Whether a table is not as it was written, although its size and time are.
+    fn is_of_changed_table(&self) -> bool {
+        use ReportError::Store;
+        let (Self::Store(error) | Self::Report(Store(error))) = self else { return false };
+        matches!(error, StoreError::Changed { .. })
+    }
 }
 
 fn after(done: &str) -> String {
@@ -146,7 +153,16 @@ pub fn run(
     let _lock = take_over(config, wait, watch)?;
     // Whoever held the lock may have been faster.
     let (mut sequence, _) = Sequence::new(config, options, watch);
-    let finished = sequence.all();
+    let mut finished = sequence.all();
+    if let Err(error) = &finished
+        && error.is_of_changed_table()
+        && !options.verify
+    {
+        watch.note(&format!("{error}: every file is read again"));
+        let options = RerunOptions { verify: true, ..options };
+        sequence = Sequence::new(config, options, watch).0;
+        finished = sequence.all();
+    }
     if let Err(error) = &finished {
         let is_interrupted = matches!(error, RunError::Interrupted { .. });
         let status = if is_interrupted { "interrupted" } else { "failed" };
@@ -187,17 +203,17 @@ impl<'s> Sequence<'s> {
     /// Does what a stage has to do, and records it.
     fn advance<S: Stage>(&mut self, stage: &S) -> Result<S::Output, RunError> {
         let (begin, stage_name) = (Instant::now(), S::NAME);
-        let known = S::state(&mut self.record).clone();
-        let planned = || plan(stage, &known, self.options);
+        let derived = &self.config.paths.derived;
+        let planned = || plan(stage, derived, &self.record, self.options);
         let (output, plan) = if self.may_write {
             tracing::info!(stage = stage_name, "stage begins");
             let interrupted =
                 |Interrupted { done }| Err(RunError::Interrupted { stage: stage_name, done });
             let work = || planned()?.carry_out(stage, self.watch);
             let (output, plan, state) = abandonable(work).unwrap_or_else(interrupted)?;
-            *S::state(&mut self.record) = state;
+            *self.record.state_mut(S::NAME) = state;
             if !plan.is_empty() {
-                self.record.save(&self.config.paths.derived)?;
+                self.record.save(derived)?;
             }
             tracing::info!(
                 stage = stage_name,
@@ -291,14 +307,14 @@ pub struct DryRun {
 /// The list of trials or a table cannot be used.
 pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunError> {
     let (sequence, problem) = Sequence::new(config, options, &());
-    let known = &sequence.record;
+    let (known, derived) = (&sequence.record, &config.paths.derived);
     let (trials, models) = (IngestStage::new(config)?, FitStage::new(config));
     let figures = ReportStage::new(config);
-    let ingest = plan(&trials, &known.ingest, options)?.plan;
+    let ingest = plan(&trials, derived, known, options)?.plan;
     let mut touched = trials.touched(&ingest);
     let (fit, mut uncertain_from) = match ingest.is_empty() {
         false => (plan_after(&models, &known.fit, options, &touched), 1),
-        true => (plan(&models, &known.fit, options)?.plan, 2),
+        true => (plan(&models, derived, known, options)?.plan, 2),
     };
     let mut others = Vec::new();
     let report = if ingest.is_empty() && fit.is_empty() {
@@ -309,7 +325,7 @@ pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunErro
         if !sequence.is_recorded() {
             others.push("run.json is not as it was written");
         }
-        plan(&figures, &known.report, options)?.plan
+        plan(&figures, derived, known, options)?.plan
     } else {
         let fits = fit.targets.iter().map(|planned| &planned.target).chain(&fit.removed);
         touched.campaigns.extend(fits.filter_map(|target| target.campaign().cloned()));
@@ -331,6 +347,7 @@ pub fn ingest(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Ingested
 /// # Errors
 /// The table of trials cannot be read, a table not written, or another run is busy.
 pub fn fit(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Fitted, RunError> {
+    input_paths(&config.paths.derived)?;
     alone(config, wait, watch, |config| Ok(FitStage::new(config)))
 }
 
@@ -339,6 +356,7 @@ pub fn fit(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Fitted, Run
 /// # Errors
 /// A table cannot be read, a file not written, or another run is busy.
 pub fn report(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Reported, RunError> {
+    input_paths(&config.paths.derived)?;
     alone(config, wait, watch, |config| Ok(ReportStage::new(config)))
 }
 
@@ -349,9 +367,10 @@ fn alone<S: Stage>(
     watch: &dyn Watch,
     stage: fn(&Config) -> Result<S, RunError>,
 ) -> Result<S::Output, RunError> {
+    // Where there is nothing to read, no folder is left behind.
+    let stage = stage(config)?;
     let _lock = take_over(config, wait, watch)?;
-    let (mut sequence, _) = Sequence::new(config, RerunOptions::FORCE, watch);
-    sequence.advance(&stage(config)?)
+    Sequence::new(config, RerunOptions::FORCE, watch).0.advance(&stage)
 }
 
 /// Takes the lock of the folder of results, and makes sure that there is where to write to.

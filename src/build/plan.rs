@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::record::{Inputs, Made, Outputs, Record, StageState, changed_outputs};
 use super::target::{Fingerprint, SETTINGS, Target, changed_settings, reasons};
 use super::{RunError, Watch};
-use crate::store::{Stamp, hash};
+use crate::store::{Reader, Stamp, StoreError, hash};
 
 /// How a stage is done again.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -111,7 +111,7 @@ pub trait Stage {
     const NOT_KEPT: &'static str;
 
     /// The stage's part of the record.
-    fn state(record: &mut Record) -> &mut StageState;
+    fn state(record: &Record) -> &StageState;
 
     /// The folder that it writes to.
     fn home(&self) -> &Path;
@@ -123,7 +123,7 @@ pub trait Stage {
 
     /// Whether a stage that is otherwise unchanged finds everything as it did, as far as that can
     /// be told without reading it.
-    fn reads_the_same(&self, _known: &StageState, _verify: bool) -> Result<bool, RunError> {
+    fn reads_the_same(&self, _known: &StageState, _inputs: &Inputs) -> Result<bool, RunError> {
         Ok(false)
     }
 
@@ -133,11 +133,20 @@ pub trait Stage {
     /// All targets in order.
     fn wanted(&self, sources: &Self::Sources) -> Vec<Wanted>;
 
-    /// Completes a target's parts by what is looked at only if the target was `made` before.
-    fn complete(&self, _index: usize, _wanted: &mut Wanted, _made: &Made, _inputs: &mut Inputs) {}
+    /// Completes a target's parts by what is looked at only if the target was `made` before; gives
+    /// a reason to make it again whatever its parts are.
+    fn complete(
+        &self,
+        _index: usize,
+        _wanted: &mut Wanted,
+        _made: &Made,
+        _inputs: &mut Inputs,
+    ) -> Option<String> {
+        None
+    }
 
-    /// What the stage gave the last time; or why its files cannot be used.
-    fn earlier(&self, known: &StageState) -> Result<Self::Output, String>;
+    /// What the stage gave the last time, as it was `written`; or why its files cannot be used.
+    fn earlier(&self, known: &StageState, written: &Reader) -> Result<Self::Output, String>;
 
     /// What stays of each target that is not made again.
     fn kept(&self, known: &StageState, earlier: Self::Output) -> BTreeMap<Target, Self::Kept>;
@@ -175,13 +184,12 @@ pub trait Stage {
 }
 
 /// What there is to do.
-pub struct Work<'k, S: Stage + ?Sized> {
+pub struct Work<S: Stage + ?Sized> {
     pub sources: S::Sources,
     /// All targets in order.
     pub wanted: Vec<Wanted>,
     /// Those that stay.
     pub kept: BTreeMap<Target, (Made, S::Kept)>,
-    pub known: &'k StageState,
 }
 
 /// What later stages may find changed.
@@ -196,7 +204,7 @@ pub struct Touched {
 pub struct Planned<'k, S: Stage> {
     pub plan: StagePlan,
     /// What there is already, if everything is up to date; or what there is to do.
-    next: Result<S::Output, Work<'k, S>>,
+    next: Result<S::Output, Work<S>>,
     /// The record's part, as far as it is known: with files' times as they are now.
     state: StageState,
     known: &'k StageState,
@@ -208,29 +216,31 @@ pub struct Planned<'k, S: Stage> {
 /// What the stage reads cannot be used.
 pub fn plan<'k, S: Stage>(
     stage: &S,
-    known: &'k StageState,
+    derived: &Path,
+    record: &'k Record,
     options: RerunOptions,
 ) -> Result<Planned<'k, S>, RunError> {
     let RerunOptions { force, verify } = options;
-    let home = stage.home();
+    let (home, known) = (stage.home(), S::state(record));
+    let mut inputs = Inputs::new(derived, record, known, verify);
     let changed = |outputs: &Outputs| changed_outputs(home, outputs, verify);
     let mut damaged = if force { Vec::new() } else { changed(&known.outputs) };
     let mut earlier = None;
     if !force && !known.source.is_empty() && damaged.is_empty() {
-        earlier = stage.earlier(known).map_err(|why| damaged.push(why)).ok();
+        let found = stage.earlier(known, inputs.of_written());
+        earlier = found.map_err(|why| damaged.push(why)).ok();
     }
     let (is_same_source, whole) = (known.source == S::SOURCE, stage.whole());
     let mut plan = StagePlan::default();
     if let Some(output) = &earlier
         && is_same_source
         && known.whole == whole
-        && stage.reads_the_same(known, verify)?
+        && stage.reads_the_same(known, &inputs)?
         && known.targets.iter().all(|made| changed(&made.outputs).is_empty())
     {
         plan.up_to_date = known.targets.len();
         return Ok(Planned { plan, next: Ok(output.clone()), state: known.clone(), known });
     }
-    let mut inputs = Inputs { known, verify, seen: BTreeMap::new() };
     let sources = stage.read(&mut inputs)?;
     let mut rows = earlier.clone().map(|earlier| stage.kept(known, earlier)).unwrap_or_default();
     let made: BTreeMap<&Target, &Made> =
@@ -243,7 +253,7 @@ pub fn plan<'k, S: Stage>(
             _ if force => why.push("--force".to_owned()),
             None => why.push("new".to_owned()),
             Some(made) => {
-                stage.complete(index, wanted, made, &mut inputs);
+                why.extend(stage.complete(index, wanted, made, &mut inputs));
                 why.extend(source_reason::<S>(known));
                 if S::ROWS_OF_TARGETS {
                     why.extend(damaged.iter().cloned());
@@ -272,12 +282,12 @@ pub fn plan<'k, S: Stage>(
         plan.whole.extend(damaged);
         plan.whole.extend(source_reason::<S>(known));
         plan.whole.extend(changed_settings(&known.whole, &whole));
-        if !S::ROWS_OF_TARGETS && !known.has_content_of(&inputs.seen) {
-            plan.whole.push("a table or truth.json changed".to_owned());
-        }
         plan.whole.extend(stage.leftovers(known)?);
     }
-    let inputs = inputs.seen;
+    let inputs = inputs.named();
+    if plan.is_empty() && !S::ROWS_OF_TARGETS {
+        plan.whole.extend(changed_files(&known.inputs, &inputs));
+    }
     if let Some(earlier) = earlier
         && plan.is_empty()
     {
@@ -289,7 +299,7 @@ pub fn plan<'k, S: Stage>(
     };
     let (source, settings) = (S::SOURCE.to_owned(), wanted.iter().filter_map(of_target).collect());
     let state = StageState { source, whole, settings, inputs, ..StageState::default() };
-    let next = Err(Work { sources, wanted, kept, known });
+    let next = Err(Work { sources, wanted, kept });
     Ok(Planned { plan, next, state, known })
 }
 
@@ -353,14 +363,19 @@ impl StageState {
             settings.map_or(Vec::new(), |old| changed_settings(old, &wanted.settings))
         })
     }
+}
 
-    /// Whether files with these stamps have the content of those that were read.
-    fn has_content_of(&self, inputs: &BTreeMap<String, Stamp>) -> bool {
-        let content = |inputs: &BTreeMap<String, Stamp>| -> Vec<(String, String)> {
-            inputs.iter().map(|(path, stamp)| (path.clone(), stamp.blake3.clone())).collect()
-        };
-        content(&self.inputs) == content(inputs)
-    }
+/// Which files have another content than when they were read.
+fn changed_files(old: &BTreeMap<String, Stamp>, new: &BTreeMap<String, Stamp>) -> Option<String> {
+    let content = |inputs: &BTreeMap<String, Stamp>| -> Fingerprint {
+        inputs.iter().map(|(path, stamp)| (path.clone(), stamp.blake3.clone())).collect()
+    };
+    let changed = reasons(&content(old), &content(new), Vec::new);
+    let (first, others) = changed.split_first()?;
+    Some(match others.len() {
+        0 => first.clone(),
+        others => format!("{first}, and so of {others} other files"),
+    })
 }
 
 impl<S: Stage> Planned<'_, S> {
@@ -379,7 +394,7 @@ impl<S: Stage> Planned<'_, S> {
         stage: &S,
         watch: &dyn Watch,
     ) -> Result<(S::Output, StagePlan, StageState), RunError> {
-        let Self { plan, next, mut state, .. } = self;
+        let Self { plan, next, mut state, known } = self;
         watch.planned(&plan);
         let work = match next {
             Ok(output) => return Ok((output, plan, state)),
@@ -387,8 +402,21 @@ impl<S: Stage> Planned<'_, S> {
         };
         watch.begin(S::NAME, stage.steps(plan.targets.len()));
         let (output, made) = stage.make(work, watch)?;
+        remove_outdated(stage.home(), known, &made)?;
         state.inputs.extend(made.inputs);
         let StageState { targets, outputs, missing, .. } = made;
         Ok((output, plan, StageState { targets, outputs, missing, ..state }))
     }
+}
+
+/// Removes what the stage wrote before and does not have any more, if it is as it was written.
+fn remove_outdated(home: &Path, known: &StageState, made: &StageState) -> Result<(), StoreError> {
+    let current: BTreeSet<&String> = made.written().map(|(name, _)| name).collect();
+    for (name, stamp) in known.written().filter(|(name, _)| !current.contains(name)) {
+        let path = home.join(name);
+        if stamp.content_of(&path).is_some() {
+            std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
+        }
+    }
+    Ok(())
 }

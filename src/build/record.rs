@@ -6,19 +6,21 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::target::{Fingerprint, Target};
-use crate::store::{Stamp, StoreError, write_bytes};
+use crate::files;
+use crate::report::relative;
+use crate::store::{Reader, Stamp, StoreError, write_bytes};
 
 /// Name of the record inside `derived/`.
 pub const RECORD_FILE: &str = "up-to-date.json";
 
 /// Raise it when the meaning of the record changes: then everything is redone once.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// The whole record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,7 +44,7 @@ pub struct StageState {
     pub whole: Value,
     /// Settings of its targets, by their hashes.
     pub settings: BTreeMap<String, Value>,
-    /// Files that were read, by their absolute path.
+    /// Files that were read, by their path from `derived/`.
     pub inputs: BTreeMap<String, Stamp>,
     /// In order.
     pub targets: Vec<Made>,
@@ -86,8 +88,8 @@ impl Record {
         struct Format {
             format: u32,
         }
-        let json = match std::fs::read(&path) {
-            Ok(json) => json,
+        let json = match files::read(&path, files::TEXT_BYTES) {
+            Ok((json, _)) => json,
             Err(problem) if problem.kind() == ErrorKind::NotFound => return Default::default(),
             Err(problem) => return unusable(format!("cannot be read: {problem}")),
         };
@@ -110,6 +112,17 @@ impl Record {
     }
 }
 
+impl Record {
+    /// The part of a stage, by its name.
+    pub fn state_mut(&mut self, stage: &str) -> &mut StageState {
+        match stage {
+            "ingest" => &mut self.ingest,
+            "fit" => &mut self.fit,
+            _ => &mut self.report,
+        }
+    }
+}
+
 impl StageState {
     /// Whether nothing has changed since that is worth to be recorded.
     pub fn confirms(&self, earlier: &Self) -> bool {
@@ -119,50 +132,77 @@ impl StageState {
             && Self { inputs: earlier.inputs.clone(), ..self.clone() } == *earlier
     }
 
-    /// Whether these are the files that the stage read, unchanged.
-    pub fn has_read<'p>(&self, mut paths: impl Iterator<Item = &'p Path>, verify: bool) -> bool {
-        let mut count = 0;
-        let all_current = paths.all(|path| {
-            count += 1;
-            self.inputs.get(&absolute(path)).is_some_and(|stamp| stamp.is_intact(path, verify))
-        });
-        all_current && count == self.inputs.len()
+    /// Files that the stage wrote, by their path in its folder.
+    pub fn written(&self) -> impl Iterator<Item = (&String, &Stamp)> {
+        self.targets.iter().flat_map(|made| &made.outputs).chain(&self.outputs)
     }
 }
 
 /// Files that a stage reads, read again only where they may have changed.
 #[derive(Debug)]
 pub struct Inputs<'k> {
-    pub known: &'k StageState,
-    pub verify: bool,
-    /// Those that were looked at, by their absolute path.
-    pub seen: BTreeMap<String, Stamp>,
+    derived: &'k Path,
+    known: &'k StageState,
+    verify: bool,
+    /// The files in `derived/` as they were written.
+    written: Reader,
+    /// Those that were looked at.
+    pub seen: BTreeMap<PathBuf, Stamp>,
 }
 
-impl Inputs<'_> {
+impl<'k> Inputs<'k> {
+    /// The inputs of a stage of which the record knows so much.
+    pub fn new(derived: &'k Path, record: &'k Record, known: &'k StageState, verify: bool) -> Self {
+        let written = record.ingest.written().chain(record.fit.written());
+        let written = written.map(|(name, stamp)| (derived.join(name), stamp.clone()));
+        let written = Reader(written.collect());
+        Self { derived, known, verify, written, seen: BTreeMap::new() }
+    }
+
+    /// Reads tables that must be as they were written.
+    pub fn of_written(&self) -> &Reader {
+        &self.written
+    }
+
     /// The stamp of a file; of one of its `own` that only who holds the lock writes.
     ///
     /// # Errors
     /// It cannot be read.
     pub fn stamp(&mut self, path: &Path, own: bool) -> io::Result<Stamp> {
-        let name = absolute(path);
-        let stamp = match own {
-            true => Stamp::renew_own(path, self.known.inputs.get(&name), self.verify),
-            false => Stamp::renew(path, self.known.inputs.get(&name), self.verify),
-        }?;
-        self.seen.insert(name, stamp.clone());
+        let written = self.written.0.get(path);
+        let known = written.or_else(|| self.known.inputs.get(&name_in(self.derived, path)));
+        let stamp = Stamp::renew(path, known, own, self.verify)?;
+        self.seen.insert(path.to_owned(), stamp.clone());
         Ok(stamp)
     }
 
-    /// Hash of a file that was looked at.
-    pub fn hash(&self, path: &Path) -> Option<String> {
-        self.seen.get(&absolute(path)).map(|stamp| stamp.blake3.clone())
+    /// Reads files that were looked at.
+    pub fn reader(&self) -> Reader {
+        Reader(self.seen.clone())
+    }
+
+    /// What was looked at, by its path from `derived/`.
+    pub fn named(self) -> BTreeMap<String, Stamp> {
+        let named = |(path, stamp): (PathBuf, Stamp)| (name_in(self.derived, &path), stamp);
+        self.seen.into_iter().map(named).collect()
+    }
+
+    /// Whether these are the files that the stage read, unchanged.
+    pub fn are_read<'p>(&self, mut paths: impl Iterator<Item = &'p Path>) -> bool {
+        let mut count = 0;
+        let all_current = paths.all(|path| {
+            count += 1;
+            let known = self.known.inputs.get(&name_in(self.derived, path));
+            known.is_some_and(|stamp| stamp.is_intact(path, self.verify))
+        });
+        all_current && count == self.known.inputs.len()
     }
 }
 
-/// A path that means the same from everywhere.
-pub fn absolute(path: &Path) -> String {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).to_string_lossy().into_owned()
+/// A path as seen from a folder, so that it means the same in a copy of both.
+pub fn name_in(folder: &Path, path: &Path) -> String {
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    relative(&absolute(folder), &absolute(path))
 }
 
 /// What is wrong with files that were written into `folder`.

@@ -11,6 +11,7 @@ use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
 use crate::config::Config;
 use crate::report::{Content, ReportInput, Reported, input_paths, page_of};
+use crate::store::{Reader, StoreError};
 
 pub struct ReportStage(ReportInput);
 
@@ -40,8 +41,8 @@ impl Stage for ReportStage {
     const OTHER_ORDER: &'static str = "figures have another order";
     const NOT_KEPT: &'static str = "its SVG cannot be read";
 
-    fn state(record: &mut Record) -> &mut StageState {
-        &mut record.report
+    fn state(record: &Record) -> &StageState {
+        &record.report
     }
 
     fn home(&self) -> &Path {
@@ -52,17 +53,16 @@ impl Stage for ReportStage {
         serde_json::to_value(&self.0).expect("a configuration is plain data")
     }
 
-    fn reads_the_same(&self, known: &StageState, verify: bool) -> Result<bool, RunError> {
-        let paths = input_paths(&self.0.paths);
-        Ok(known.has_read(paths.iter().map(|(path, _)| path.as_path()), verify))
+    fn reads_the_same(&self, _known: &StageState, inputs: &Inputs) -> Result<bool, RunError> {
+        let paths = input_paths(&self.0.paths)?;
+        Ok(inputs.are_read(paths.iter().map(|(path, _)| path.as_path())))
     }
 
     fn read(&self, inputs: &mut Inputs) -> Result<Content, RunError> {
-        for (path, own) in input_paths(&self.0.paths) {
-            // What cannot be read is missing, or ends the stage when it is wanted.
-            let _ = inputs.stamp(&path, own);
+        for (path, own) in input_paths(&self.0.paths)? {
+            inputs.stamp(&path, own).map_err(|source| StoreError::Read { path, source })?;
         }
-        Ok(Content::read(&self.0, |path| inputs.hash(path))?)
+        Ok(Content::read(&self.0, inputs.reader())?)
     }
 
     fn wanted(&self, content: &Content) -> Vec<Wanted> {
@@ -78,7 +78,7 @@ impl Stage for ReportStage {
         figures.chain(pages).collect()
     }
 
-    fn earlier(&self, known: &StageState) -> Result<Reported, String> {
+    fn earlier(&self, known: &StageState, _written: &Reader) -> Result<Reported, String> {
         let figures = figures(known).map(str::to_owned).collect();
         Ok(Reported::new(&self.0, figures, known.missing.clone()))
     }
@@ -89,7 +89,10 @@ impl Stage for ReportStage {
                 Target::Page(_) => None,
                 _ => {
                     let svg = made.outputs.iter().find(|(name, _)| name.ends_with(".svg"));
-                    Some(svg.and_then(|(name, stamp)| stamp.text_of(&self.home().join(name)))?)
+                    Some(
+                        svg.and_then(|(name, stamp)| stamp.content_of(&self.home().join(name)))
+                            .and_then(|svg| String::from_utf8(svg).ok())?,
+                    )
                 }
             };
             Some((made.target.clone(), svg))
@@ -106,7 +109,7 @@ impl Stage for ReportStage {
         work: Work<Self>,
         watch: &dyn Watch,
     ) -> Result<(Reported, StageState), RunError> {
-        let Work { sources, wanted, mut kept, known } = work;
+        let Work { sources, wanted, mut kept } = work;
         let (mut svgs, mut pages) = (BTreeMap::new(), BTreeSet::new());
         for (target, (_, svg)) in &mut kept {
             match target {
@@ -114,7 +117,7 @@ impl Stage for ReportStage {
                 target => drop(pages.insert(target.name())),
             }
         }
-        let made = sources.write(&self.0, svgs, &pages, figures(known))?;
+        let made = sources.write(&self.0, svgs, &pages)?;
         made.reported.missing.iter().for_each(|missing| tracing::warn!(missing, "not drawn"));
         watch.step(&format!("{} figures and pages", wanted.len() - kept.len()));
         let mut written = made.targets;
@@ -131,12 +134,32 @@ impl Stage for ReportStage {
     }
 
     fn perhaps(&self, made: &Made, touched: &Touched) -> Vec<String> {
-        let shows = made.campaigns.iter().any(|campaign| touched.campaigns.contains(campaign));
+        let is_of_robot = matches!(made.target, Target::Figure(_)) && made.campaigns.is_empty();
+        let shows = made.campaigns.iter().any(|campaign| touched.campaigns.contains(campaign))
+            || is_of_robot && !touched.robots.is_empty();
         let is_own = |trial: &String| made.target == Target::Page(page_of(trial));
         match shows {
             true => vec!["if what it shows changes".to_owned()],
             false if touched.trials.iter().any(is_own) => vec!["if its trial changes".to_owned()],
             false => Vec::new(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::record::Outputs;
+
+    #[test]
+    fn a_figure_of_a_robot_may_change_with_the_robot_s_trials() {
+        let stage = ReportStage::new(&Config::default());
+        let target = Target::Figure("fig08".to_owned());
+        let made = Wanted::new(target, &(), Fingerprint::new()).made(Outputs::new());
+        let mut touched = Touched::default();
+        touched.campaigns.insert("semi-passive-symmetric".to_owned());
+        assert!(stage.perhaps(&made, &touched).is_empty());
+        touched.robots.insert("semi-passive".to_owned());
+        assert_eq!(stage.perhaps(&made, &touched), ["if what it shows changes"]);
     }
 }

@@ -76,7 +76,7 @@ fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome,
     // The file's name might point out of the folder.
     let content = |trial: &Trial| {
         trial.check(&context.config).ok()?;
-        let bytes = vicon::read_file(&folder.join(&trial.file)).ok()?;
+        let bytes = vicon::read_file(&folder.join(&trial.file)).ok()?.0;
         Some((trial.id.clone(), hash(&bytes)))
     };
     let contents = list.trial.iter().filter_map(content).collect();

@@ -203,9 +203,12 @@ fn begin(
         config = %path.unwrap_or(Path::new(CONFIG_FILE)).display(),
         "begin"
     );
-    let config = match path.or(Some(Path::new(CONFIG_FILE)).filter(|path| path.exists())) {
-        Some(path) => Config::load(path)?,
-        None => Config::default(),
+    let own = Path::new(CONFIG_FILE);
+    // Only without a file the defaults count: not where it cannot be read.
+    let is_absent = |error: std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
+    let config = match path {
+        None if own.symlink_metadata().is_err_and(is_absent) => Config::default(),
+        path => Config::load(path.unwrap_or(own))?,
     };
     Ok(Context { config, progress: Progress::new(quiet, verbose > 0) })
 }

@@ -9,7 +9,7 @@ use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
 use crate::config::Paths;
 use crate::robot::Parameter;
-use crate::store::{Columns as _, Provenance, Table, TrialStatus};
+use crate::store::{Columns as _, Provenance, Reader, TrialStatus};
 
 const MEANS: [&str; 7] = [
     "d_m",
@@ -67,10 +67,7 @@ pub fn note_acceptance(paths: &Paths, acceptance: &Acceptance) -> Result<(), Com
 }
 
 fn read(path: &Path) -> Result<Vec<HistoryRow>, CompareError> {
-    match path.exists() {
-        true => Ok(HistoryRow::from_table(&Table::read(path)?)?),
-        false => Ok(Vec::new()),
-    }
+    Ok(Reader::default().rows_if_there(path)?.unwrap_or_default())
 }
 
 fn write(paths: &Paths, rows: &[HistoryRow]) -> Result<(), CompareError> {

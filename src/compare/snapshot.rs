@@ -207,7 +207,7 @@ fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
 /// Reads a file of JSON; `None` if there is none.
 fn read_json<T: DeserializeOwned>(path: &Path, what: &str) -> Result<Option<T>, CompareError> {
     let error = |message| CompareError::Baseline { path: path.to_owned(), message };
-    match std::fs::read_to_string(path) {
+    match crate::files::read_text(path) {
         Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(source) => Err(error(format!("cannot be read: {source}"))),
         Ok(text) => serde_json::from_str(&text)

@@ -13,7 +13,7 @@ use crate::robot::{Family, Gait, Parameter};
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
 const RANGES: [(&str, f64, f64); 26] = [
-    ("vicon.rate_hz", 1.0, 1e5),
+    ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
     ("ingest.max_residual_mm", 0.0, 1000.0),
@@ -21,7 +21,7 @@ const RANGES: [(&str, f64, f64); 26] = [
     ("fit.*_bounds_*", 1e-6, 1e6),
     ("fit.starts", 1.0, 1e4),
     ("fit.bootstrap", 0.0, 1e5),
-    ("fit.seed", 0.0, 1e19),
+    ("fit.seed", 0.0, 9e18),
     ("compare.run_time_ratio", 1.0, 1e6),
     ("compare.*", 0.0, 1e9),
     ("robot.*.standard_deviation.*", 0.0, 1e6),
@@ -40,6 +40,8 @@ const RANGES: [(&str, f64, f64); 26] = [
     ("campaign.*.weights.*", 0.0, 1e6),
     ("markers.*", -1e4, 1e4),
 ];
+/// What names of robots, gaits and campaigns are: they name files, and stand in messages.
+const NAME: &str = "1 to 64 characters, none of them `/`, `\\` or one that cannot be seen";
 /// Least distance between two markers of a link, mm: nearer ones give no heading.
 const LEAST_SPREAD_MM: f64 = 5.0;
 
@@ -49,6 +51,16 @@ impl Config {
         let check = Checker { path };
         let values = Value::try_from(self).expect("a configuration is plain data");
         check.numbers("", &values)?;
+        let families = [
+            ("robot", self.robot.keys().collect::<Vec<_>>()),
+            ("gait", self.gait.keys().collect()),
+            ("campaign", self.campaign.keys().collect()),
+        ];
+        for (family, name) in
+            families.iter().flat_map(|(f, names)| names.iter().map(move |n| (f, n)))
+        {
+            check.that(is_valid_name(name), family, name, NAME)?;
+        }
         for (key, bounds) in [
             ("fit.skid_bounds_kg_s", self.fit.skid_bounds_kg_s),
             ("fit.roll_bounds_kg_s", self.fit.roll_bounds_kg_s),
@@ -199,10 +211,103 @@ impl Checker<'_> {
     }
 }
 
+fn is_valid_name(name: &str) -> bool {
+    let is_unseen = |c: char| {
+        c.is_control() || ('\u{200b}'..='\u{206f}').contains(&c) || "/\\\u{feff}".contains(c)
+    };
+    (1..=64).contains(&name.chars().count()) && !name.chars().any(is_unseen)
+}
+
 /// The names of a family of entries of a `file`, and the one that was perhaps meant.
 pub(crate) fn one_of<T>(name: &str, family: &BTreeMap<String, T>, file: &str) -> String {
     let known: Vec<&str> = family.keys().map(String::as_str).collect();
     let hint = nearest(name, known.iter().copied());
     let hint = hint.map_or(String::new(), |near| format!(" (did you mean `{near}`?)"));
     format!("one of `{}`{file}{hint}", known.join("`, `"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    /// Where numbers are: keys, and places in lists.
+    fn places(value: &Value, place: &[String], found: &mut Vec<Vec<String>>) {
+        let inner = |name: String| [place, &[name]].concat();
+        match value {
+            Value::Table(table) => {
+                table.iter().for_each(|(name, value)| places(value, &inner(name.clone()), found));
+            }
+            Value::Array(list) => {
+                let list = list.iter().enumerate();
+                list.for_each(|(i, value)| places(value, &inner(i.to_string()), found));
+            }
+            Value::Float(_) | Value::Integer(_) => found.push(place.to_vec()),
+            _ => {}
+        }
+    }
+
+    fn at<'v>(value: &'v mut Value, place: &[String]) -> &'v mut Value {
+        place.iter().fold(value, |value, name| match value {
+            Value::Array(list) => &mut list[name.parse::<usize>().unwrap()],
+            value => &mut value[name.as_str()],
+        })
+    }
+
+    #[test]
+    fn every_number_that_is_absurd_is_refused_by_its_key_at_once() {
+        let defaults = Value::try_from(Config::default()).unwrap();
+        let mut all = Vec::new();
+        places(&defaults, &[], &mut all);
+        assert!(all.len() > 150, "{}", all.len());
+        let mut refused = 0;
+        for place in &all {
+            for absurd in [1e308, -1e308, 0.0, f64::NAN, 1e-308, f64::INFINITY] {
+                let mut changed = defaults.clone();
+                let number = at(&mut changed, place);
+                *number = match number {
+                    Value::Integer(_) if absurd.is_finite() => Value::Integer(absurd as i64),
+                    _ => absurd.into(),
+                };
+                let (text, begin) = (toml::to_string(&changed).unwrap(), Instant::now());
+                let found = Config::parse(&text).map_err(|error| error.to_string());
+                let found = found.and_then(|config| {
+                    config.check(Path::new("p.toml")).map_err(|error| error.to_string())
+                });
+                assert!(begin.elapsed() < Duration::from_secs(1), "{place:?} {absurd}");
+                let name = place.iter().rfind(|part| part.parse::<usize>().is_err()).unwrap();
+                match found {
+                    Ok(()) => assert!(absurd.abs() < 1e-3, "{place:?} = {absurd} is taken"),
+                    Err(message) => {
+                        refused += 1;
+                        assert!(message.contains(name), "{place:?} = {absurd}: {message}");
+                    }
+                }
+            }
+        }
+        assert!(refused > 4 * all.len(), "{refused} of {}", 6 * all.len());
+    }
+
+    #[test]
+    fn the_documentation_has_every_range() {
+        let text = include_str!("../../docs/settings.md");
+        for (key, least, most) in RANGES {
+            let row = format!("| `{key}` | {least} | {most} |");
+            assert!(text.contains(&row), "docs/settings.md lacks {row}");
+        }
+    }
+
+    #[test]
+    fn names_of_entries_can_name_files() {
+        let long = "n".repeat(65);
+        for name in ["", &long, "two\\nlines", "\\u001b[31m", "../up", "\\u202e"] {
+            let text = format!(
+                "[campaign.\"{name}\"]\nrobot = \"kinematic\"\ngait = \"skewed\"\nmodels = \
+                 [\"skid\"]\nweights = {{ d = 1.0, v = 1.0, sigma = 1.0, alpha = 0.0 }}\n"
+            );
+            let config = Config::parse(&text).unwrap();
+            let message = config.check(Path::new("p.toml")).unwrap_err().to_string();
+            assert!(message.contains("needed 1 to 64"), "{message}");
+        }
+    }
 }

@@ -1,12 +1,11 @@
 //! The tables of a fit, and those that it reads.
 
 use std::collections::BTreeMap;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::{FitData, Fitted};
 use crate::robot::Model;
-use crate::store::{Columns, StoreError, Table, TrialRow, cycles_path, table_set};
+use crate::store::{Reader, StoreError, TrialRow, cycles_path, table_set, tables_in};
 use crate::trial::is_valid_id;
 
 table_set! {
@@ -20,29 +19,26 @@ table_set! {
     predictions: "predictions.parquet",
 }
 
+const TRIALS: &str = "trials.parquet";
+const ROBOTS: &str = "robot_parameters.parquet";
+
 /// Files that a fit reads.
 ///
 /// # Errors
-/// There is no table of trials.
+/// There is no table of trials, or a folder cannot be read.
 pub fn input_paths(derived: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    let trials = derived.join("trials.parquet");
-    match std::fs::metadata(&trials) {
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Err(StoreError::NotIngested { path: trials });
-        }
-        _ => {}
+    let trials = derived.join(TRIALS);
+    let is_there = |path: &Path| {
+        path.try_exists().map_err(|source| StoreError::Read { path: path.to_owned(), source })
+    };
+    if !is_there(&trials)? {
+        return Err(StoreError::NotIngested { path: trials });
     }
-    let mut paths = vec![trials, derived.join("robot_parameters.parquet")];
-    let folder = derived.join("cycles");
-    match std::fs::read_dir(&folder) {
-        Ok(entries) => {
-            let tables = entries.flatten().map(|entry| entry.path());
-            paths.extend(tables.filter(|path| path.extension().is_some_and(|e| e == "parquet")));
-        }
-        Err(error) if error.kind() == ErrorKind::NotFound => {}
-        Err(source) => return Err(StoreError::Read { path: folder, source }),
+    let (mut paths, robots) = (vec![trials], derived.join(ROBOTS));
+    if is_there(&robots)? {
+        paths.push(robots);
     }
-    paths.retain(|path| path.is_file());
+    paths.extend(tables_in(&derived.join("cycles"))?);
     Ok(paths)
 }
 
@@ -52,21 +48,14 @@ impl FitData {
     ///
     /// # Errors
     /// One of them cannot be read.
-    pub fn read(derived: &Path) -> Result<Self, StoreError> {
-        let trials: Vec<TrialRow> = rows(&derived.join("trials.parquet"))?;
+    pub fn read(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
+        let trials: Vec<TrialRow> = reader.rows(&derived.join(TRIALS))?;
         let mut cycles = BTreeMap::new();
         for trial in trials.iter().filter(|trial| is_valid_id(&trial.trial)) {
-            let path = cycles_path(derived, &trial.trial);
-            if path.exists() {
-                cycles.insert(trial.trial.clone(), rows(&path)?);
-            }
+            let rows = reader.rows_if_there(&cycles_path(derived, &trial.trial))?;
+            cycles.extend(rows.map(|rows| (trial.trial.clone(), rows)));
         }
-        let path = derived.join("robot_parameters.parquet");
-        let robots = if path.exists() { rows(&path)? } else { Vec::new() };
+        let robots = reader.rows_if_there(&derived.join(ROBOTS))?.unwrap_or_default();
         Ok(Self { trials, cycles, robots })
     }
-}
-
-fn rows<R: Columns>(path: &Path) -> Result<Vec<R>, StoreError> {
-    R::from_table(&Table::read(path)?)
 }

@@ -1,16 +1,9 @@
-//! What ends an ingest and what ends only one trial.
+//! What ends a trial.
 
 use std::path::{Path, PathBuf};
 
 use crate::trial::TrialError;
 use crate::vicon::ViconError;
-
-/// Why a folder cannot be ingested at all.
-#[derive(Debug, thiserror::Error)]
-pub enum IngestError {
-    #[error("{}: an outdated table cannot be removed: {source}", path.display())]
-    Outdated { path: PathBuf, source: std::io::Error },
-}
 
 /// Why one trial gives no numbers. The other trials go on.
 #[derive(Debug, thiserror::Error)]

@@ -1,17 +1,17 @@
 //! A folder's trials, side by side, and their tables.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{self, ErrorKind};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, SyncSender};
 use std::thread;
 
 use rayon::prelude::*;
 
-use super::{IngestError, IngestInput, Ingested, Known, ProcessedTrial, TrialFailure, process};
+use super::{IngestInput, Ingested, Known, ProcessedTrial, TrialFailure, process};
 use crate::store::{
     Columns as _, CycleRow, PendingFile, Provenance, Stamp, StoreError, Table, TrialRow,
-    cycles_path, is_own_table, poses_path, table_set, wheels_path,
+    cycles_path, is_own_table, poses_path, table_set, tables_in, wheels_path,
 };
 use crate::trial::{Trial, TrialError, TrialKind};
 use crate::vicon;
@@ -32,13 +32,16 @@ const MOST_PENDING: usize = 32;
 /// A trial with what it is processed with, if its entry can be used.
 pub type Entry<'t> = (&'t Trial, &'t Result<IngestInput, TrialError>);
 
+/// The stamp of a marker file as it was read; or why it could not be.
+pub type MarkerStamp = Result<Stamp, ErrorKind>;
+
 /// What became of a trial.
 #[derive(Debug)]
 pub struct IngestedTrial {
     /// Its rows of the tables of all trials.
     pub rows: Ingested,
     /// Of the marker file as it was read, if it was.
-    pub marker_file: Option<io::Result<Stamp>>,
+    pub marker_file: Option<MarkerStamp>,
     /// Its own tables.
     pub written: BTreeMap<PathBuf, Stamp>,
 }
@@ -52,7 +55,7 @@ pub fn ingest_trials(
     folder: &Path,
     derived: &Path,
     trials: &[Entry],
-    provenance: &(dyn Fn(Entry, Option<&io::Result<Stamp>>) -> Provenance + Sync),
+    provenance: &(dyn Fn(Entry, Option<&MarkerStamp>) -> Provenance + Sync),
     on_trial: &(dyn Fn(&TrialRow) + Sync),
 ) -> Result<Vec<IngestedTrial>, StoreError> {
     let (to_disk, pending) = mpsc::sync_channel::<PendingFile>(MOST_PENDING);
@@ -86,7 +89,7 @@ fn ingest_trial(
     folder: &Path,
     derived: &Path,
     entry: Entry,
-    provenance: &(dyn Fn(Entry, Option<&io::Result<Stamp>>) -> Provenance + Sync),
+    provenance: &(dyn Fn(Entry, Option<&MarkerStamp>) -> Provenance + Sync),
     to_disk: &SyncSender<PendingFile>,
 ) -> Result<(IngestedTrial, Vec<PathBuf>), StoreError> {
     let (trial, input) = entry;
@@ -95,15 +98,13 @@ fn ingest_trial(
     // The entry is checked first: its file name might point out of the folder.
     let input = input.as_ref().map_err(|error| TrialFailure::from(error.clone()));
     let processed = input.and_then(|input| {
-        // What is read may be newer than its time, never older.
-        let metadata = std::fs::metadata(&path);
         let file = vicon::read_file(&path);
-        marker_file = Some(match (&file, metadata) {
-            (Ok(file), Ok(metadata)) => Ok(Stamp::of_input(&metadata, file)),
-            (Ok(file), Err(_)) => Ok(Stamp::of_content(file)),
-            (Err(_), _) => Stamp::read(&path),
+        // What is read may be newer than its time, never older.
+        marker_file = Some(match &file {
+            Ok((file, metadata)) => Ok(Stamp::of_input(metadata, file)),
+            Err(error) => Err(error.system().unwrap_or(ErrorKind::Other)),
         });
-        process(&path, &file?, trial, input, &mut known)
+        process(&path, &file?.0, trial, input, &mut known)
     });
     let (row, checks, parameters) = match processed {
         Err(failure) => {
@@ -131,34 +132,15 @@ fn ingest_trial(
 }
 
 /// Tables of trials that are not in the list or have failed, so that nobody should take them for
-/// results: those that are not `current` and that this program wrote, as `recorded` or as they say.
+/// results: those that are not `current` and that this program wrote.
 ///
 /// # Errors
 /// A folder cannot be read.
-pub fn outdated(
-    derived: &Path,
-    recorded: &BTreeSet<PathBuf>,
-    current: &BTreeSet<PathBuf>,
-) -> Result<Vec<PathBuf>, IngestError> {
-    let mut found = Vec::new();
+pub fn outdated(derived: &Path, current: &BTreeSet<PathBuf>) -> Result<Vec<PathBuf>, StoreError> {
+    let mut paths = Vec::new();
     for folder in FOLDERS.map(|folder| derived.join(folder)) {
-        let entries = match std::fs::read_dir(&folder) {
-            Ok(entries) => entries,
-            // The places are checked before anything is written.
-            Err(source)
-                if matches!(source.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) =>
-            {
-                continue;
-            }
-            Err(source) => return Err(IngestError::Outdated { path: folder, source }),
-        };
-        let paths = entries.flatten().map(|entry| entry.path());
-        found.extend(paths.filter(|path| {
-            path.extension().is_some_and(|extension| extension == "parquet")
-                && !current.contains(path)
-                && path.is_file()
-                && (recorded.contains(path) || is_own_table(path))
-        }));
+        paths.extend(tables_in(&folder)?);
     }
-    Ok(found)
+    paths.retain(|path| !current.contains(path) && is_own_table(path));
+    Ok(paths)
 }

@@ -45,8 +45,8 @@ use std::path::Path;
 pub use calibrate::{Calibration, CalibrationError, MarkerPosition, calibrate};
 pub use checks::Check;
 pub use diagnosis::{FolderInput, undiagnosed};
-pub use error::{IngestError, Problem, TrialFailure};
-pub use folder::{Entry, FOLDERS, IngestedTrial, TABLES, ingest_trials, outdated};
+pub use error::{Problem, TrialFailure};
+pub use folder::{Entry, FOLDERS, IngestedTrial, MarkerStamp, TABLES, ingest_trials, outdated};
 pub use input::{IngestInput, IngestSettings};
 pub use survey::{FileSurvey, Gaps, MarkerCoverage, Recording, survey};
 
@@ -170,7 +170,7 @@ fn process_file(
 ) -> Result<ProcessedTrial, TrialFailure> {
     let input = IngestInput::new(config, trial)?;
     let path = folder.join(&trial.file);
-    process(&path, &vicon::read_file(&path)?, trial, &input, known)
+    process(&path, &vicon::read_file(&path)?.0, trial, &input, known)
 }
 
 /// The stage itself, from a marker file's bytes to a trial's tables. What is found on the way is

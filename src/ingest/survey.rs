@@ -75,7 +75,7 @@ pub struct Gaps {
 pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
     let mut survey = FileSurvey { file: path.to_owned(), ..FileSurvey::default() };
     let read = vicon::read_file(path).map_err(|error| survey.stops.push(error.to_string()));
-    let Ok(bytes) = read else { return survey };
+    let Ok((bytes, _)) = read else { return survey };
     survey.readable = true;
     // What is wrong with the sections is wrong with the markers too.
     survey.sections = vicon::sections(path, &bytes).unwrap_or_default();

@@ -1,6 +1,6 @@
 //! Columns of any Parquet file, whoever wrote it.
 
-use std::fs::File;
+use std::io::Cursor;
 use std::path::Path;
 
 use polars::datatypes::ArrowDataType;
@@ -8,6 +8,7 @@ use polars::prelude::{
     DataFrame, DataType, ParallelStrategy, ParquetReader, PolarsResult, SerReader,
 };
 
+use crate::files;
 use crate::store::{StoreError, guarded};
 
 /// A column as its file describes it.
@@ -64,12 +65,12 @@ pub(super) fn read_columns(
 
 fn read<T>(
     path: &Path,
-    work: impl FnOnce(ParquetReader<File>) -> PolarsResult<T>,
+    work: impl FnOnce(ParquetReader<Cursor<Vec<u8>>>) -> PolarsResult<T>,
 ) -> Result<T, StoreError> {
-    let file =
-        File::open(path).map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
+    let (bytes, _) = files::read(path, files::DATA_BYTES)
+        .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
     let error = |message: String| StoreError::Parquet { path: path.to_owned(), message };
-    let reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None);
+    let reader = ParquetReader::new(Cursor::new(bytes)).read_parallel(ParallelStrategy::None);
     guarded(|| work(reader))
         .ok_or_else(|| error("it is damaged".to_owned()))?
         .map_err(|problem| error(problem.to_string()))

@@ -10,7 +10,7 @@ use super::tables::{Tables, table_paths};
 use super::truth::Truth;
 use super::{ReportError, ReportInput, figures, trials};
 use crate::config::Paths;
-use crate::store::hash;
+use crate::store::{Reader, StoreError, hash, tables_in};
 use crate::trial::TRUTH_FILE;
 
 /// What a report is made of.
@@ -23,38 +23,47 @@ pub struct Content {
     /// Files of the trials' pages.
     pub(super) pages: TrialPages,
     page_parts: BTreeMap<String, BTreeMap<String, String>>,
+    pub(super) reader: Reader,
 }
 
 /// Files that there are to read, and whether they are the program's own.
-pub fn input_paths(paths: &Paths) -> Vec<(PathBuf, bool)> {
-    let mut tables = table_paths(&paths.derived);
-    tables.extend(trials::table_paths(&paths.derived));
-    let tables = tables.into_iter().map(|path| (path, true));
-    let all = tables.chain([(paths.raw.join(TRUTH_FILE), false)]);
-    all.filter(|(path, _)| path.is_file()).collect()
+///
+/// # Errors
+/// A folder cannot be read.
+pub fn input_paths(paths: &Paths) -> Result<Vec<(PathBuf, bool)>, StoreError> {
+    let tables = table_paths(&paths.derived).into_iter().map(|path| (path, true));
+    let mut there = Vec::new();
+    for (path, own) in tables.chain([(paths.raw.join(TRUTH_FILE), false)]) {
+        match path.try_exists() {
+            Ok(is_there) => there.extend(is_there.then_some((path, own))),
+            Err(source) => return Err(StoreError::Read { path, source }),
+        }
+    }
+    for folder in ["cycles", "poses", "wheels"] {
+        let tables = tables_in(&paths.derived.join(folder))?;
+        there.extend(tables.into_iter().map(|path| (path, true)));
+    }
+    Ok(there)
 }
 
 impl Content {
-    /// Reads the tables and the truth, and puts the figures together. `hash_of` gives the hash of
-    /// a file that is read.
+    /// Reads the tables and the truth, and puts the figures together.
     ///
     /// # Errors
-    /// `trials.parquet` is not there, or a table cannot be read.
-    pub fn read(
-        input: &ReportInput,
-        hash_of: impl Fn(&Path) -> Option<String>,
-    ) -> Result<Self, ReportError> {
-        let tables = Arc::new(Tables::read(&input.paths.derived)?);
+    /// `trials.parquet` is not there, or a file cannot be read.
+    pub fn read(input: &ReportInput, reader: Reader) -> Result<Self, ReportError> {
+        let tables = Arc::new(Tables::read(&input.paths.derived, &reader)?);
         let mut missing = tables.missing.clone();
-        let truth = Truth::read(&input.paths.raw).unwrap_or_else(|problem| {
+        let truth = Truth::read(&input.paths.raw, &reader)?.unwrap_or_else(|problem| {
             missing.push(problem);
             None
         });
-        let found = figures::figures(&tables, input, truth.as_ref());
+        let found = figures::figures((&*tables, &reader), input, truth.as_ref())?;
         missing.extend(found.missing);
         let pages = trials::pages(&tables);
+        let hash_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
         let page_parts = trials::parts(input, &tables, &pages, hash_of);
-        Ok(Self { tables, figures: found.figures, missing, truth, pages, page_parts })
+        Ok(Self { tables, figures: found.figures, missing, truth, pages, page_parts, reader })
     }
 
     /// Stem, campaigns and hash of every figure. Numbers are printed such that they can be told

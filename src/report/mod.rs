@@ -31,6 +31,7 @@ use crate::store::{Stamp, StoreError, write_if_changed};
 
 pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
+pub(crate) use input::relative;
 pub use input::{ReportCampaign, ReportInput};
 pub(crate) use looks::colours;
 pub(crate) use numbers::{percent, significant};
@@ -50,8 +51,6 @@ pub enum ReportError {
     Claims(toml::de::Error),
     #[error("index.html: {0:#}")]
     Page(minijinja::Error),
-    #[error("{}: is of an earlier report and cannot be removed: {source}", path.display())]
-    Remove { path: PathBuf, source: std::io::Error },
 }
 
 /// What a report came to.
@@ -89,21 +88,18 @@ impl Content {
     /// Draws the figures and writes the pages, from the tables in `paths.derived` into
     /// `paths.reports`. The same tables give the same bytes. Figures of which the SVG is `kept`
     /// are not drawn again, nor `kept_pages` written; files that would get the bytes that they
-    /// have are left alone. Figures that an earlier report `recorded` and this one does not have
-    /// are removed.
+    /// have are left alone.
     ///
     /// # Errors
-    /// A file cannot be written or removed.
-    pub fn write<'r>(
+    /// A table of a trial cannot be read, or a file not be written.
+    pub fn write(
         &self,
         input: &ReportInput,
         mut kept: BTreeMap<String, String>,
         kept_pages: &BTreeSet<String>,
-        recorded: impl Iterator<Item = &'r str>,
     ) -> Result<Written, ReportError> {
         let reports = &input.paths.reports;
-        let Self { tables, figures, missing, truth, pages, .. } = self;
-        remove_stale(reports, recorded, figures)?;
+        let Self { tables, figures, missing, truth, pages, reader, .. } = self;
         let with_svg: Vec<_> =
             figures.iter().map(|figure| (figure, kept.remove(&figure.stem))).collect();
         let drawn = with_svg
@@ -123,7 +119,7 @@ impl Content {
         let mut targets: BTreeMap<String, BTreeMap<String, Stamp>> = drawn_now
             .filter_map(|(figure, outputs)| Some((figure.stem.clone(), outputs?)))
             .collect();
-        let pages_now = trials::write(input, tables, pages, kept_pages)?.into_iter();
+        let pages_now = trials::write(input, (&**tables, reader), pages, kept_pages)?.into_iter();
         targets.extend(pages_now.map(|(name, stamp)| (name.clone(), [(name, stamp)].into())));
 
         let mut outputs = BTreeMap::new();
@@ -173,30 +169,4 @@ fn draw(reports: &Path, figure: &Figure) -> Result<(String, BTreeMap<String, Sta
         outputs.insert(name, stamp);
     }
     Ok((svg, outputs))
-}
-
-/// Removes figures that an earlier report drew and this one does not: those that were `recorded`,
-/// and those of the paper's campaigns.
-fn remove_stale<'r>(
-    reports: &Path,
-    recorded: impl Iterator<Item = &'r str>,
-    figures: &[Figure],
-) -> Result<(), ReportError> {
-    let drawn: BTreeSet<&str> = figures.iter().map(|figure| figure.stem.as_str()).collect();
-    let mut stems = figures::known_stems();
-    stems.extend(recorded.map(str::to_owned));
-    // Figures lie in their folder; nothing else is removed, whatever the record has.
-    stems.retain(|stem| !stem.contains(['/', '\\']) && !drawn.contains(stem.as_str()));
-    for stem in &stems {
-        for extension in EXTENSIONS {
-            let path = reports.join(file_name(stem, extension));
-            match std::fs::remove_file(&path) {
-                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(ReportError::Remove { path, source });
-                }
-                _ => {}
-            }
-        }
-    }
-    Ok(())
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::motion::Pose;
-use crate::store::{Columns, CycleRow, StoreError, Table, cycles_path, poses_path, wheels_path};
+use crate::store::{CycleRow, Reader, StoreError, Table, cycles_path, poses_path, wheels_path};
 
 /// Links, wheels: 0, 1, 2 = middle, front, rear. What is missing is NaN.
 #[derive(Debug, Clone, Default)]
@@ -32,20 +32,25 @@ pub struct Shown {
 }
 
 impl Recording {
-    /// Reads the tables of a trial.
+    /// Reads the tables of a trial; `None` if that of poses or of wheels is not there.
     ///
     /// # Errors
-    /// A table of poses or wheels is not there, or a table cannot be read or lacks a column.
-    pub fn read(derived: &Path, trial: &str) -> Result<Self, StoreError> {
-        let poses = Table::read(&poses_path(derived, trial))?;
-        let wheels = Table::read(&wheels_path(derived, trial))?;
-        let cycles = cycles_path(derived, trial);
+    /// A table cannot be read or lacks a column.
+    pub fn read(derived: &Path, trial: &str, reader: &Reader) -> Result<Option<Self>, StoreError> {
+        let [poses, wheels] =
+            [poses_path, wheels_path].map(|path| reader.table(&path(derived, trial)));
+        let is_absent =
+            |table: &Result<_, StoreError>| table.as_ref().is_err_and(StoreError::is_not_there);
+        if is_absent(&poses) || is_absent(&wheels) {
+            return Ok(None);
+        }
+        let (poses, wheels) = (poses?, wheels?);
         let numbers = |table: &Table, name: &str| table.values::<f64>(name);
         let three = |table: &Table, name: fn(usize) -> String| -> Result<_, StoreError> {
             Ok([numbers(table, &name(0))?, numbers(table, &name(1))?, numbers(table, &name(2))?])
         };
         let fill = |link: usize| poses.values(&format!("fill{link}"));
-        Ok(Self {
+        Ok(Some(Self {
             time_s: numbers(&poses, "time_s")?,
             x_m: numbers(&poses, "x_m")?,
             y_m: numbers(&poses, "y_m")?,
@@ -55,11 +60,8 @@ impl Recording {
             fill: [fill(0)?, fill(1)?, fill(2)?],
             roll_m_s: three(&wheels, |wheel| format!("roll{wheel}_m_s"))?,
             skid_m_s: three(&wheels, |wheel| format!("skid{wheel}_m_s"))?,
-            cycles: match cycles.exists() {
-                true => CycleRow::from_table(&Table::read(&cycles)?)?,
-                false => Vec::new(),
-            },
-        })
+            cycles: reader.rows_if_there(&cycles_path(derived, trial))?.unwrap_or_default(),
+        }))
     }
 
     /// The first of the longest runs of used cycles, at most so many of them: when it starts
@@ -101,6 +103,7 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::Columns as _;
 
     fn recording(used: &[bool]) -> Recording {
         let cycle = |(i, used): (usize, &bool)| CycleRow {

@@ -7,8 +7,8 @@ use super::ReportError;
 use super::series::Source;
 use crate::report::ReportInput;
 use crate::store::{
-    BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, PredictionRow, ProfileRow,
-    RobotParameterRow, StartRow, StoreError, Table, TrialRow,
+    BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader,
+    RobotParameterRow, StartRow, StoreError, TrialRow,
 };
 
 /// Tables that are read, and what the report lacks without one; it cannot be without the first.
@@ -57,25 +57,27 @@ impl Tables {
     ///
     /// # Errors
     /// There is no `trials.parquet`, or a table cannot be read or lacks a column.
-    pub fn read(derived: &Path) -> Result<Self, ReportError> {
+    pub fn read(derived: &Path, reader: &Reader) -> Result<Self, ReportError> {
         let path = table_path(derived, "trials");
-        if !path.exists() {
-            return Err(StoreError::NotIngested { path }.into());
-        }
-        let trials = Table::read(&path)?;
+        let trials = match reader.table(&path) {
+            Err(error) if error.is_not_there() => {
+                return Err(StoreError::NotIngested { path }.into());
+            }
+            trials => trials?,
+        };
         let missing = TABLES.iter().filter(|(name, _)| !table_path(derived, name).exists());
         let mut tables = Self {
             input: trials.input.clone(),
             trials: TrialRow::from_table(&trials)?,
-            checks: optional(derived, "checks")?,
-            fits: optional(derived, "fits")?,
-            alternative_fits: optional(derived, "alternative_fits")?,
-            predictions: optional(derived, "predictions")?,
-            comparison: optional(derived, "comparison")?,
-            starts: optional(derived, "starts")?,
-            profiles: optional(derived, "profiles")?,
-            bootstrap: optional(derived, "bootstrap")?,
-            robots: optional(derived, "robot_parameters")?,
+            checks: optional(derived, reader, "checks")?,
+            fits: optional(derived, reader, "fits")?,
+            alternative_fits: optional(derived, reader, "alternative_fits")?,
+            predictions: optional(derived, reader, "predictions")?,
+            comparison: optional(derived, reader, "comparison")?,
+            starts: optional(derived, reader, "starts")?,
+            profiles: optional(derived, reader, "profiles")?,
+            bootstrap: optional(derived, reader, "bootstrap")?,
+            robots: optional(derived, reader, "robot_parameters")?,
             missing: missing
                 .map(|(name, without)| format!("Table {name}.parquet is not there: {without}."))
                 .collect(),
@@ -112,10 +114,10 @@ fn table_path(derived: &Path, name: &str) -> PathBuf {
     derived.join(format!("{name}.parquet"))
 }
 
-fn optional<R: Columns>(derived: &Path, name: &str) -> Result<Vec<R>, ReportError> {
-    let path = table_path(derived, name);
-    if !path.exists() {
-        return Ok(Vec::new());
-    }
-    Ok(R::from_table(&Table::read(&path)?)?)
+fn optional<R: Columns>(
+    derived: &Path,
+    reader: &Reader,
+    name: &str,
+) -> Result<Vec<R>, ReportError> {
+    Ok(reader.rows_if_there(&table_path(derived, name))?.unwrap_or_default())
 }

@@ -1,8 +1,7 @@
 //! A page for each trial, in `trials/`.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
@@ -11,7 +10,8 @@ use super::recording::Recording;
 use super::tables::Tables;
 use super::{ReportError, ReportInput, figures};
 use crate::store::{
-    Stamp, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path, write_if_changed,
+    Reader, Stamp, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path,
+    write_if_changed,
 };
 
 /// Folder of the pages inside of `reports/`.
@@ -65,26 +65,14 @@ pub fn parts(
     first_of_each(tables).filter_map(of_trial).collect()
 }
 
-/// Tables of single trials that there are.
-pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
-    let mut paths = Vec::new();
-    for folder in ["poses", "wheels", "cycles"] {
-        let entries = std::fs::read_dir(derived.join(folder)).into_iter().flatten().flatten();
-        let files = entries.map(|entry| entry.path());
-        paths.extend(files.filter(|path| path.extension().is_some_and(|end| end == "parquet")));
-    }
-    paths.sort();
-    paths
-}
-
-/// Writes the pages but for those in `kept`, and removes those of trials that are no longer
-/// there. Gives what was written, by its path inside of `reports/`.
+/// Writes the pages but for those in `kept`. Gives what was written, by its path inside of
+/// `reports/`.
 ///
 /// # Errors
-/// A page cannot be filled in or written, or an old one not removed.
+/// A table of a trial cannot be read, or a page not be filled in or written.
 pub fn write(
     input: &ReportInput,
-    tables: &Tables,
+    (tables, reader): (&Tables, &Reader),
     pages: &TrialPages,
     kept: &BTreeSet<String>,
 ) -> Result<BTreeMap<String, Stamp>, ReportError> {
@@ -96,7 +84,7 @@ pub fn write(
         let write = || {
             let recording = match trial.status {
                 TrialStatus::Failed => None,
-                _ => Recording::read(&input.paths.derived, &trial.trial).ok(),
+                _ => Recording::read(&input.paths.derived, &trial.trial, reader)?,
             };
             let of_trial = |recording| figures::trial::figures(trial, recording, input);
             let figures = recording.as_ref().map_or(Vec::new(), of_trial);
@@ -106,27 +94,5 @@ pub fn write(
         };
         (!kept.contains(&name)).then(write)
     });
-    let written = written.collect::<Result<_, ReportError>>()?;
-    remove_others(&folder, pages)?;
-    Ok(written)
-}
-
-fn remove_others(folder: &Path, pages: &TrialPages) -> Result<(), ReportError> {
-    let error = |path: &Path, source| ReportError::Remove { path: path.to_owned(), source };
-    let written: BTreeSet<&str> = pages.values().map(String::as_str).collect();
-    let entries = match std::fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(source) if source.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(source) => return Err(error(folder, source)),
-    };
-    for entry in entries {
-        let entry = entry.map_err(|source| error(folder, source))?;
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        if name.ends_with(".html") && !written.contains(name.as_ref()) {
-            let path = entry.path();
-            std::fs::remove_file(&path).map_err(|source| error(&path, source))?;
-        }
-    }
-    Ok(())
+    written.collect()
 }

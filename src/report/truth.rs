@@ -11,7 +11,7 @@ use super::tables::Tables;
 use crate::metrics::GaitMetrics;
 use crate::motion::Model;
 use crate::robot::{Parameter, Robot};
-use crate::store::TrialRow;
+use crate::store::{Reader, StoreError, TrialRow};
 use crate::trial::TRUTH_FILE;
 
 /// The model that the trials were made with.
@@ -80,17 +80,18 @@ impl Truth {
     /// Reads the truth of a trial folder; `None` if there is none.
     ///
     /// # Errors
-    /// A sentence on what is wrong with the file; the report goes on without it.
-    pub fn read(folder: &Path) -> Result<Option<Self>, String> {
-        let path = folder.join(TRUTH_FILE);
-        let error = |problem: String| format!("{TRUTH_FILE} is passed over: {problem}.");
-        match std::fs::read(&path) {
-            Ok(bytes) => serde_json::from_slice(&bytes)
-                .map(Some)
-                .map_err(|problem| error(problem.to_string())),
-            Err(problem) if problem.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(problem) => Err(error(problem.to_string())),
-        }
+    /// The file cannot be read, or a sentence on what is wrong with its content: the report goes
+    /// on without it.
+    pub fn read(
+        folder: &Path,
+        reader: &Reader,
+    ) -> Result<Result<Option<Self>, String>, StoreError> {
+        let bytes = match reader.bytes(&folder.join(TRUTH_FILE)) {
+            Err(error) if error.is_not_there() => return Ok(Ok(None)),
+            bytes => bytes?,
+        };
+        let truth = serde_json::from_slice(&bytes).map(Some);
+        Ok(truth.map_err(|problem| format!("{TRUTH_FILE} is passed over: {problem}.")))
     }
 }
 

@@ -1,10 +1,11 @@
 //! Files that are there whole or not at all.
 
 use std::fs;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::{Stamp, StoreError};
+use super::{Stamp, StoreError, hash};
+use crate::files;
 
 /// How the names of files begin that are being written.
 pub const WRITING: &str = ".writing-";
@@ -22,21 +23,18 @@ impl PendingFile {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(
-        path: &Path,
-        write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-    ) -> Result<Self, StoreError> {
+    pub fn write(path: &Path, bytes: &[u8]) -> Result<Self, StoreError> {
         let attempt = || {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
             let folder = folder.unwrap_or(Path::new("."));
             fs::create_dir_all(folder)?;
-            let file = tempfile::Builder::new().prefix(WRITING).tempfile_in(folder)?;
-            let mut hashing = Hashing { to: BufWriter::new(file), hasher: blake3::Hasher::new() };
-            write(&mut hashing)?;
-            let blake3 = hashing.hasher.finalize().to_hex().to_string();
-            let file = hashing.to.into_inner().map_err(|error| error.into_error())?;
-            make_readable(file.as_file())?;
-            Ok(Self { path: path.to_owned(), file, blake3 })
+            let mut builder = tempfile::Builder::new();
+            // Temporary files are private; results are for everybody who may read new files.
+            #[cfg(unix)]
+            builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+            let mut file = builder.prefix(WRITING).tempfile_in(folder)?;
+            file.write_all(bytes)?;
+            Ok(Self { path: path.to_owned(), file, blake3: hash(bytes) })
         };
         attempt().map_err(|source| StoreError::Write { path: path.to_owned(), source })
     }
@@ -64,31 +62,13 @@ impl PendingFile {
     }
 }
 
-/// Hashes what it passes on.
-struct Hashing<W> {
-    to: W,
-    hasher: blake3::Hasher,
-}
-
-impl<W: Write> Write for Hashing<W> {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let written = self.to.write(bytes)?;
-        self.hasher.update(&bytes[..written]);
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        self.to.flush()
-    }
-}
-
 /// Writes bytes at hand beside their place, flushes them to the disk and renames them into place;
 /// creates the folder if need be. An error leaves what was there before.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
-    PendingFile::write(path, |file| file.write_all(bytes))?.settle()
+    PendingFile::write(path, bytes)?.settle()
 }
 
 /// [`write_bytes`], unless the file has these bytes already: then it is left alone.
@@ -96,26 +76,8 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
 /// # Errors
 /// The file cannot be written.
 pub fn write_if_changed(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
-    match fs::metadata(path) {
-        Ok(metadata)
-            if metadata.is_file()
-                && metadata.len() == bytes.len() as u64
-                && fs::read(path).is_ok_and(|found| found == bytes) =>
-        {
-            Ok(Stamp::of_output(&metadata, super::hash(bytes)))
-        }
+    match files::read(path, bytes.len() as u64) {
+        Ok((found, metadata)) if found == bytes => Ok(Stamp::of_output(&metadata, hash(bytes))),
         _ => write_bytes(path, bytes),
     }
-}
-
-/// Temporary files are private; results are for everybody who may read the folder.
-#[cfg(unix)]
-fn make_readable(file: &fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn make_readable(_file: &fs::File) -> std::io::Result<()> {
-    Ok(())
 }

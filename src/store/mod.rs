@@ -17,12 +17,13 @@ pub use schema::{
     RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
     wheels_path,
 };
-pub use stamp::{Stamp, hash};
+pub use stamp::{Reader, Stamp, hash, tables_in};
 pub use status::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
 pub(crate) use table::guarded;
 pub use table::{Provenance, Table, is_own_table, is_reading};
 pub(crate) use tables::table_set;
 
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// Why a table or file could not be written or read.
@@ -32,6 +33,8 @@ pub enum StoreError {
     Write { path: PathBuf, source: std::io::Error },
     #[error("{}: cannot be read: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
+    #[error("{}: is not as it was when it was written or looked at", path.display())]
+    Changed { path: PathBuf },
     #[error("{}: not a Parquet table: {message}", path.display())]
     Parquet { path: PathBuf, message: String },
     #[error("{}: not a Parquet table of trilink: {message}", path.display())]
@@ -46,4 +49,11 @@ pub enum StoreError {
     Held { path: PathBuf, holder: String },
     #[error("{}: column `{column}`: found {found}, needed {needed}", path.display())]
     Column { path: PathBuf, column: String, found: String, needed: &'static str },
+}
+
+impl StoreError {
+    /// Whether there is no such file.
+    pub fn is_not_there(&self) -> bool {
+        matches!(self, Self::Read { source, .. } if source.kind() == ErrorKind::NotFound)
+    }
 }

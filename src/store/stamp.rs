@@ -1,11 +1,15 @@
 //! What a file was when it was last looked at, so that unchanged ones are not read again.
 
+use std::collections::BTreeMap;
 use std::fs::Metadata;
-use std::io;
-use std::path::Path;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
+
+use super::{Columns, StoreError, Table};
+use crate::files;
 
 /// Clocks of file systems tick this coarsely at most; those that count whole seconds are told by
 /// their times.
@@ -32,26 +36,10 @@ impl Stamp {
         Self { bytes: metadata.len(), modified_ns, blake3: hash(content) }
     }
 
-    /// The stamp of a file of which only the content is known.
-    pub fn of_content(content: &[u8]) -> Self {
-        Self { bytes: content.len() as u64, modified_ns: None, blake3: hash(content) }
-    }
-
-    /// The stamp of a file that this program wrote, under its lock.
+    /// The stamp of a file in a folder that only who holds its lock writes to: however young the
+    /// file is, a later change has another time.
     pub(super) fn of_output(metadata: &Metadata, blake3: String) -> Self {
         Self { bytes: metadata.len(), modified_ns: modified_ns(metadata), blake3 }
-    }
-
-    /// [`Stamp::renew`] of a file in a folder that only who holds its lock writes to: however
-    /// young the file is, a later change has another time.
-    ///
-    /// # Errors
-    /// It cannot be read.
-    pub fn renew_own(path: &Path, known: Option<&Self>, verify: bool) -> io::Result<Self> {
-        match known {
-            Some(known) if !verify && known.is_current(path) => Ok(known.clone()),
-            _ => Ok(Self::of_output(&std::fs::metadata(path)?, hash(&std::fs::read(path)?))),
-        }
     }
 
     /// Whether it says the same as an earlier one, or only more of the file's time.
@@ -60,25 +48,21 @@ impl Stamp {
             && (earlier.modified_ns.is_none() || earlier.modified_ns == self.modified_ns)
     }
 
-    /// Reads a file that somebody else may write.
-    ///
-    /// # Errors
-    /// It cannot be read.
-    pub fn read(path: &Path) -> io::Result<Self> {
-        let metadata = std::fs::metadata(path)?;
-        Ok(Self::of_input(&metadata, &std::fs::read(path)?))
-    }
-
     /// The stamp of a file that was known as `known`, which is read only if its size or time
-    /// differ, or to `verify` it.
+    /// differ, or to `verify` it. The program's `own` are of folders that only who holds their
+    /// lock writes to.
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn renew(path: &Path, known: Option<&Self>, verify: bool) -> io::Result<Self> {
-        match known {
-            Some(known) if !verify && known.is_current(path) => Ok(known.clone()),
-            _ => Self::read(path),
+    pub fn renew(path: &Path, known: Option<&Self>, own: bool, verify: bool) -> io::Result<Self> {
+        if let Some(known) = known.filter(|known| !verify && known.is_current(path)) {
+            return Ok(known.clone());
         }
+        let (content, metadata) = files::read(path, files::DATA_BYTES)?;
+        Ok(match own {
+            true => Self::of_output(&metadata, hash(&content)),
+            false => Self::of_input(&metadata, &content),
+        })
     }
 
     /// Whether a file has this size and time.
@@ -92,19 +76,81 @@ impl Stamp {
 
     /// Whether a file is as it was; to `verify` that, it is read.
     pub fn is_intact(&self, path: &Path, verify: bool) -> bool {
-        if verify { self.is_content_of(path) } else { self.is_current(path) }
+        if verify { self.content_of(path).is_some() } else { self.is_current(path) }
     }
 
-    /// The text of a file that still has this content.
-    pub fn text_of(&self, path: &Path) -> Option<String> {
-        let text = std::fs::read_to_string(path).ok()?;
-        (hash(text.as_bytes()) == self.blake3).then_some(text)
+    /// The content of a file that still has this one.
+    pub fn content_of(&self, path: &Path) -> Option<Vec<u8>> {
+        let (content, _) = files::read(path, self.bytes).ok()?;
+        (hash(&content) == self.blake3).then_some(content)
+    }
+}
+
+/// Reads files that were looked at before: what is read is what was seen, or an error.
+#[derive(Debug, Clone, Default)]
+pub struct Reader(pub BTreeMap<PathBuf, Stamp>);
+
+impl Reader {
+    /// The bytes of a file.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not what it was.
+    pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, StoreError> {
+        let (bytes, _) = files::read(path, files::DATA_BYTES)
+            .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
+        match self.0.get(path) {
+            Some(seen) if seen.blake3 != hash(&bytes) => {
+                Err(StoreError::Changed { path: path.to_owned() })
+            }
+            _ => Ok(bytes),
+        }
     }
 
-    /// Whether a file has this content.
-    pub fn is_content_of(&self, path: &Path) -> bool {
-        std::fs::read(path).is_ok_and(|content| hash(&content) == self.blake3)
+    /// A table.
+    ///
+    /// # Errors
+    /// As [`Reader::bytes`], or it is not a table that trilink writes.
+    pub fn table(&self, path: &Path) -> Result<Table, StoreError> {
+        Table::parse(path, self.bytes(path)?)
     }
+
+    /// The rows of a table.
+    ///
+    /// # Errors
+    /// As [`Reader::table`], or a column is missing or of another type.
+    pub fn rows<R: Columns>(&self, path: &Path) -> Result<Vec<R>, StoreError> {
+        R::from_table(&self.table(path)?)
+    }
+
+    /// The rows of a table; none if it is not there.
+    ///
+    /// # Errors
+    /// As [`Reader::rows`], but for a table that is not there.
+    pub fn rows_if_there<R: Columns>(&self, path: &Path) -> Result<Option<Vec<R>>, StoreError> {
+        match self.rows(path) {
+            Err(error) if error.is_not_there() => Ok(None),
+            rows => rows.map(Some),
+        }
+    }
+}
+
+/// The tables in a folder, in order; none if it is not there.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn tables_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let error = |source| StoreError::Read { path: folder.to_owned(), source };
+    let entries = match std::fs::read_dir(folder) {
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(Vec::new());
+        }
+        entries => entries.map_err(error)?,
+    };
+    let paths = entries.map(|entry| entry.map(|entry| entry.path()));
+    let mut paths = paths.collect::<io::Result<Vec<_>>>().map_err(error)?;
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "parquet"));
+    paths.sort();
+    Ok(paths)
 }
 
 /// blake3 in hexadecimal.
@@ -144,19 +190,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         fs::write(&path, "one").unwrap();
-        assert_eq!(Stamp::read(&path).unwrap().modified_ns, None);
+        let read = || Stamp::renew(&path, None, false, false);
+        assert_eq!(read().unwrap().modified_ns, None);
         set_age(&path, Duration::from_secs(10));
-        let stamp = Stamp::read(&path).unwrap();
+        let stamp = read().unwrap();
         assert!(stamp.is_current(&path));
         let time = fs::metadata(&path).unwrap().modified().unwrap();
         fs::write(&path, "two").unwrap();
         File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
-        assert!(stamp.is_current(&path) && !stamp.is_content_of(&path));
-        assert_eq!(Stamp::renew(&path, Some(&stamp), false).unwrap(), stamp);
-        assert_eq!(Stamp::renew(&path, Some(&stamp), true).unwrap().blake3, hash(b"two"));
+        assert!(stamp.is_current(&path) && stamp.content_of(&path).is_none());
+        assert_eq!(Stamp::renew(&path, Some(&stamp), false, false).unwrap(), stamp);
+        assert_eq!(Stamp::renew(&path, Some(&stamp), false, true).unwrap().blake3, hash(b"two"));
         set_age(&path, Duration::from_secs(20));
         assert!(!stamp.is_current(&path));
         fs::remove_file(&path).unwrap();
-        assert!(!stamp.is_current(&path) && Stamp::read(&path).is_err());
+        assert!(!stamp.is_current(&path) && read().is_err());
     }
 }

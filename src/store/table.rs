@@ -1,8 +1,7 @@
 //! Tables as Parquet files.
 
 use std::cell::Cell;
-use std::fs::File;
-use std::io::Write;
+use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -14,7 +13,8 @@ use polars::prelude::{
 };
 use polars_parquet::write::{KeyValue, schema_to_metadata_key};
 
-use super::{Columns, PendingFile, Stamp, StoreError, write_if_changed};
+use super::{Columns, PendingFile, Reader, Stamp, StoreError, write_if_changed};
+use crate::files;
 
 /// Numbers with noise in them hardly shrink, however long that takes. Statistics, too, would take
 /// time: they tell a reader which parts of a table to skip, and these tables have one part.
@@ -85,9 +85,7 @@ impl Table {
         path: &Path,
         provenance: &Provenance,
     ) -> Result<PendingFile, StoreError> {
-        PendingFile::write(path, |file| {
-            write_parquet(&mut self.frame.clone(), file, provenance).map_err(std::io::Error::other)
-        })
+        PendingFile::write(path, &self.to_parquet(path, provenance)?)
     }
 
     /// [`Table::write`], unless the file is this table already: then it is left alone.
@@ -99,10 +97,30 @@ impl Table {
         path: &Path,
         provenance: &Provenance,
     ) -> Result<Stamp, StoreError> {
+        write_if_changed(path, &self.to_parquet(path, provenance)?)
+    }
+
+    /// The bytes of the file.
+    fn to_parquet(&self, path: &Path, provenance: &Provenance) -> Result<Vec<u8>, StoreError> {
+        let types = arrow_schema(&self.frame);
+        let metadata = KeyValueMetadata::from_static(vec![
+            (types.key, types.value.unwrap_or_default()),
+            ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            (INPUT_KEY.to_owned(), provenance.input.clone()),
+        ]);
         let mut bytes = Vec::new();
-        write_parquet(&mut self.frame.clone(), &mut bytes, provenance)
+        let write = |level| {
+            ParquetWriter::new(&mut bytes)
+                .set_parallel(false)
+                .with_compression(ParquetCompression::Zstd(Some(level)))
+                .with_statistics(StatisticsOptions::empty())
+                .with_key_value_metadata(Some(metadata))
+                .finish(&mut self.frame.clone())
+        };
+        ZstdLevel::try_new(ZSTD_LEVEL)
+            .and_then(write)
             .map_err(|error| table_error(path, &error))?;
-        write_if_changed(path, &bytes)
+        Ok(bytes)
     }
 
     /// Reads a Parquet file.
@@ -110,10 +128,14 @@ impl Table {
     /// # Errors
     /// The file cannot be read or is not Parquet, or holds types that trilink does not write.
     pub fn read(path: &Path) -> Result<Self, StoreError> {
-        let file = File::open(path)
-            .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
+        Reader::default().table(path)
+    }
+
+    /// [`Table::read`] of bytes at hand.
+    pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, StoreError> {
         let table_error = |message: String| StoreError::Table { path: path.to_owned(), message };
-        let mut reader = ParquetReader::new(file).read_parallel(ParallelStrategy::None);
+        let bytes = Cursor::new(bytes);
+        let mut reader = ParquetReader::new(bytes).read_parallel(ParallelStrategy::None);
         let read = || {
             let pairs = reader.get_metadata()?.key_value_metadata().iter().flatten();
             let mut inputs = pairs.filter(|pair| pair.key == INPUT_KEY);
@@ -185,31 +207,11 @@ fn table_error(path: &Path, error: &PolarsError) -> StoreError {
     StoreError::Table { path: path.to_owned(), message: error.to_string() }
 }
 
-fn write_parquet(
-    frame: &mut DataFrame,
-    to: impl Write,
-    provenance: &Provenance,
-) -> PolarsResult<()> {
-    let types = arrow_schema(frame);
-    let metadata = KeyValueMetadata::from_static(vec![
-        (types.key, types.value.unwrap_or_default()),
-        ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-        (INPUT_KEY.to_owned(), provenance.input.clone()),
-    ]);
-    let compression = ParquetCompression::Zstd(Some(ZstdLevel::try_new(ZSTD_LEVEL)?));
-    ParquetWriter::new(to)
-        .set_parallel(false)
-        .with_compression(compression)
-        .with_statistics(StatisticsOptions::empty())
-        .with_key_value_metadata(Some(metadata))
-        .finish(frame)
-        .map(|_| ())
-}
-
 /// Whether a file is a table that this program wrote.
 pub fn is_own_table(path: &Path) -> bool {
     const KEY: &[u8] = INPUT_KEY.as_bytes();
-    std::fs::read(path).is_ok_and(|bytes| bytes.windows(KEY.len()).any(|part| part == KEY))
+    files::read(path, files::DATA_BYTES)
+        .is_ok_and(|(bytes, _)| bytes.windows(KEY.len()).any(|part| part == KEY))
 }
 
 /// The types that Arrow's readers are to make of the columns: text and lists of text as they have

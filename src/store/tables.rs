@@ -12,9 +12,11 @@ macro_rules! table_set {
             ///
             /// # Errors
             /// One of them cannot be read.
-            pub fn read(derived: &std::path::Path) -> Result<Self, $crate::store::StoreError> {
-                use $crate::store::{Columns, Table};
-                Ok(Self { $($rows: Columns::from_table(&Table::read(&derived.join($file))?)?),+ })
+            pub fn read(
+                derived: &std::path::Path,
+                reader: &$crate::store::Reader,
+            ) -> Result<Self, $crate::store::StoreError> {
+                Ok(Self { $($rows: reader.rows(&derived.join($file))?),+ })
             }
 
             /// Writes the tables, unless they are there already; gives their stamps by name.

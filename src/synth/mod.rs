@@ -13,6 +13,7 @@ mod planted;
 mod truth;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use rand::SeedableRng;
@@ -20,6 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::config::Config;
+use crate::files;
 use crate::motion::{Model, MotionError, Problem};
 use crate::robot::Robot;
 use crate::store::{StoreError, write_bytes};
@@ -70,6 +72,9 @@ impl Format {
     }
 }
 
+/// More frames, two hours at 120 Hz, may not fit into memory.
+const MOST_FRAMES: f64 = 864_000.0;
+
 /// Random numbers of the trials that belong to no campaign.
 const DECAY_STREAMS: u64 = 1 << 32;
 
@@ -84,6 +89,10 @@ pub enum SynthError {
     Name { trial: String },
     #[error("trial `{trial}`: planned twice; needed frequencies that differ by 0.01 rad/s or more")]
     Twice { trial: String },
+    #[error(
+        "trial `{trial}`: found more than {MOST_FRAMES} frames, needed a higher frequency or a lower vicon.rate_hz"
+    )]
+    TooLong { trial: String },
     #[error("trial `{trial}`: {source}")]
     Motion { trial: String, source: MotionError },
     #[error(transparent)]
@@ -156,21 +165,23 @@ pub fn synthesise(
     recipe: &Recipe,
     on_trial: &(dyn Fn(&str) + Sync),
 ) -> Result<Vec<Trial>, SynthError> {
-    let has = |name: &str| folder.join(name).exists();
-    if has(TRIALS_FILE) && !has(TRUTH_FILE) {
-        return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
-    }
     let (mut plans, campaigns) = plan_gaits(config, recipe);
     plans.extend(plan_decays(config, recipe));
     let mut ids = BTreeSet::new();
-    for Plan { trial: Trial { id, .. }, .. } in &plans {
+    for Plan { trial: Trial { id, .. }, source, .. } in &plans {
         if !is_valid_id(id) {
             return Err(SynthError::Name { trial: id.clone() });
+        }
+        if let Source::Gait(Problem { omega_rad_s, .. }) = source
+            && planted::least_frames(*omega_rad_s, config.vicon.rate_hz) > MOST_FRAMES
+        {
+            return Err(SynthError::TooLong { trial: id.clone() });
         }
         if !ids.insert(id) {
             return Err(SynthError::Twice { trial: id.clone() });
         }
     }
+    take_over(folder, plans.iter().map(|plan| plan.trial.file.as_str()))?;
     let Recipe { seed, format, misplaced, tilt, .. } = *recipe;
     let (rate_hz, layout) = (config.vicon.rate_hz, &config.markers);
     let make = |Plan { trial, robot, source, seed }: &Plan| {
@@ -209,6 +220,42 @@ pub fn synthesise(
     let text = header.to_owned() + &toml::to_string(&list).expect("a trial list is plain TOML");
     write_bytes(&folder.join(TRIALS_FILE), text.as_bytes())?;
     Ok(list.trial)
+}
+
+/// Makes sure that no file of others is overwritten, and that nobody takes the folder for a
+/// folder of trials until it is complete: until then it has no list, and a truth that says what
+/// its files are.
+fn take_over<'p>(
+    folder: &Path,
+    mut planned: impl Iterator<Item = &'p str>,
+) -> Result<(), SynthError> {
+    #[derive(serde::Deserialize)]
+    struct Known {
+        synthetic: bool,
+    }
+    let error = |path: &Path, source| StoreError::Read { path: path.to_owned(), source };
+    let [list, truth] = [TRIALS_FILE, TRUTH_FILE].map(|name| folder.join(name));
+    let is_synthetic = match files::read(&truth, files::TEXT_BYTES) {
+        Ok((json, _)) => serde_json::from_slice(&json).is_ok_and(|Known { synthetic }| synthetic),
+        Err(found) if found.kind() == ErrorKind::NotFound => {
+            let mut places = planned.by_ref().map(|file| folder.join(file)).chain([list.clone()]);
+            let taken = places.find(|place| place.symlink_metadata().is_ok());
+            if taken.is_none() {
+                write_bytes(&truth, b"{ \"synthetic\": true }\n")?;
+            }
+            taken.is_none()
+        }
+        Err(source) => return Err(error(&truth, source).into()),
+    };
+    if !is_synthetic {
+        return Err(SynthError::NotSynthetic { folder: folder.to_owned() });
+    }
+    match std::fs::remove_file(&list) {
+        Err(source) if source.kind() != ErrorKind::NotFound => {
+            Err(StoreError::Remove { path: list, source }.into())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Draws what is planted and lists the trials.

@@ -46,6 +46,12 @@ pub(super) fn planted(
     (robot, gait)
 }
 
+/// The least number of frames of a trial.
+pub(super) fn least_frames(omega_rad_s: f64, rate_hz: f64) -> f64 {
+    let cycles = (LEAST_TRANSIENT_CYCLES + STEADY_CYCLES) as f64 + 0.5;
+    cycles * std::f64::consts::TAU / omega_rad_s * rate_hz
+}
+
 /// The motion from rest until [`STEADY_CYCLES`] are over: `(x, y, theta, phi1, phi2)` of every
 /// frame, m and rad, and the metrics of the steady motion that is reached; there may be others.
 pub(super) fn from_rest(

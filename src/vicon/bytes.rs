@@ -1,12 +1,14 @@
 //! Files as bytes, packed or not.
 
 use std::borrow::Cow;
+use std::fs::Metadata;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 
 use super::{Problem, ViconError};
+use crate::files;
 
 /// Largest text that is unpacked, bytes: some ten hours of ten markers.
 const UNPACKED_LIMIT_BYTES: u64 = 1 << 30;
@@ -20,12 +22,12 @@ const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
 const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
 const UTF16_MARKS: [&[u8]; 2] = [&[0xff, 0xfe], &[0xfe, 0xff]];
 
-/// The bytes of a file as they are.
+/// The bytes of a file as they are, with what the system says of it.
 ///
 /// # Errors
 /// The file is missing or unreadable.
-pub fn read_file(path: &Path) -> Result<Vec<u8>, ViconError> {
-    std::fs::read(path).map_err(|error| match error.kind() {
+pub fn read_file(path: &Path) -> Result<(Vec<u8>, Metadata), ViconError> {
+    files::read(path, files::DATA_BYTES).map_err(|error| match error.kind() {
         ErrorKind::NotFound => Problem::Missing.of(path),
         _ => Problem::Read(error).of(path),
     })

@@ -1,5 +1,6 @@
 //! What can be wrong with a marker file.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Why a marker file cannot be used.
@@ -41,5 +42,16 @@ impl Problem {
 
     pub(super) fn of(self, path: &Path) -> ViconError {
         ViconError { path: path.to_owned(), problem: self }
+    }
+}
+
+impl ViconError {
+    /// What the system says of a file that cannot be read.
+    pub fn system(&self) -> Option<ErrorKind> {
+        match &self.problem {
+            Problem::Missing => Some(ErrorKind::NotFound),
+            Problem::Read(error) => Some(error.kind()),
+            _ => None,
+        }
     }
 }

@@ -29,7 +29,7 @@ pub use sections::Section;
 /// that do not increase; is a C3D file that is cut or damaged. Every message names the file,
 /// the line of a text, what was found and what was needed.
 pub fn read_markers(path: &Path) -> Result<MarkerFile, ViconError> {
-    parse_markers(path, &read_file(path)?)
+    parse_markers(path, &read_file(path)?.0)
 }
 
 /// [`read_markers`] of bytes at hand, packed or not; `path` is the file that errors name.

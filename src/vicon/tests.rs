@@ -79,7 +79,7 @@ fn labels_stay_as_they_are_though_two_subjects_share_a_name() {
 fn every_section_is_listed_with_its_own_rate() {
     let listed = |name: &str| -> Vec<(String, usize, Option<f64>, usize)> {
         let path = fixture(name);
-        let sections = sections(&path, &read_file(&path).unwrap()).unwrap();
+        let sections = sections(&path, &read_file(&path).unwrap().0).unwrap();
         let fields = |s: Section| (s.name, s.line, s.rate_hz, s.rows);
         sections.into_iter().map(fields).collect()
     };
@@ -237,7 +237,7 @@ fn a_folder_is_an_error_and_no_panic() {
 
 #[test]
 fn a_packed_file_that_grows_beyond_the_limit_is_refused() {
-    let file = read_file(&fixture("packed.csv.gz")).unwrap();
+    let file = read_file(&fixture("packed.csv.gz")).unwrap().0;
     let unpacked = bytes::unpack_at_most(&file, 1 << 20).unwrap().len() as u64;
     assert!(bytes::unpack_at_most(&file, unpacked).is_ok());
     let error = bytes::unpack_at_most(&file, unpacked - 1).unwrap_err();
@@ -295,7 +295,7 @@ fn fixtures() -> &'static [Vec<u8>] {
         let mut paths: Vec<PathBuf> =
             std::fs::read_dir(fixture("")).unwrap().map(|entry| entry.unwrap().path()).collect();
         paths.sort();
-        paths.iter().map(|path| read_file(path).unwrap()).collect()
+        paths.iter().map(|path| read_file(path).unwrap().0).collect()
     })
 }
 

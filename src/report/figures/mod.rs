@@ -19,7 +19,7 @@ use super::tables::Tables;
 use super::truth::Truth;
 use crate::report::ReportInput;
 use crate::report::series::{Quantity, Source};
-use crate::store::TrialRow;
+use crate::store::{Reader, StoreError, TrialRow};
 use crate::trial::TrialKind;
 
 pub const SKEWED: &str = "kinematic-skewed";
@@ -41,6 +41,7 @@ const WORK: &str = "work";
 const SHOWN_RAD_S: f64 = 3.9;
 
 /// Names that the files of all figures of the paper's campaigns can have.
+#[cfg(test)]
 pub fn known_stems() -> Vec<String> {
     let own = PAPER_CAMPAIGNS.iter().flat_map(|campaign| {
         let residuals = format!("{campaign}-residuals");
@@ -72,11 +73,18 @@ impl Figures {
 /// The paper's figures for its campaigns, and for every other campaign one with what the
 /// models predict and one with the wheels' skid; then of every campaign what its models miss and
 /// how its fits came about.
-pub fn figures(tables: &Tables, config: &ReportInput, truth: Option<&Truth>) -> Figures {
+///
+/// # Errors
+/// A table of a trial that is drawn cannot be read.
+pub fn figures(
+    (tables, reader): (&Tables, &Reader),
+    config: &ReportInput,
+    truth: Option<&Truth>,
+) -> Result<Figures, StoreError> {
     let (source, configured) = (tables.source(config), &tables.campaigns(config));
     let mut found = Figures::default();
     if PAPER_CAMPAIGNS.iter().any(|campaign| configured.contains(campaign)) {
-        of_the_paper(tables, config, configured, &mut found);
+        of_the_paper((tables, reader), config, configured, &mut found)?;
     }
     let mut stems = BTreeSet::new();
     let is_of_the_paper = |campaign: &&str| PAPER_CAMPAIGNS.contains(campaign);
@@ -106,26 +114,26 @@ pub fn figures(tables: &Tables, config: &ReportInput, truth: Option<&Truth>) -> 
     for figure in &mut found.figures {
         figure.number = number(&figure.stem);
     }
-    found
+    Ok(found)
 }
 
 /// The paper's figures, in its order.
 fn of_the_paper(
-    tables: &Tables,
+    (tables, reader): (&Tables, &Reader),
     config: &ReportInput,
     configured: &BTreeSet<&str>,
     found: &mut Figures,
-) {
+) -> Result<(), StoreError> {
     let source = tables.source(config);
     found.missing.extend(missing_of_the_paper(source, configured));
     found.add(simulations::steady_passive(config));
     found.add(simulations::skidding(config).map(Some));
-    found.add(release(tables, config).map(Some));
-    tracked("fig09", SKEWED, source, config, found);
+    found.add(release(tables, config, reader)?.map(Some));
+    tracked("fig09", SKEWED, source, (config, reader), found)?;
     found.figures.push(frequency::measured("fig10", SKEWED, Quantity::Speed, source));
-    tracked("fig11", SYMMETRIC, source, config, found);
+    tracked("fig11", SYMMETRIC, source, (config, reader), found)?;
     found.figures.push(frequency::measured("fig13", SYMMETRIC, Quantity::Displacement, source));
-    tracked("fig14", SEMI_PASSIVE, source, config, found);
+    tracked("fig14", SEMI_PASSIVE, source, (config, reader), found)?;
     found.figures.extend([
         frequency::measured("fig15", SEMI_PASSIVE, Quantity::Speed, source),
         frequency::models("fig16", SKEWED, source),
@@ -134,17 +142,31 @@ fn of_the_paper(
         frequency::skid("fig19", &[SYMMETRIC, SKEWED], source),
         frequency::skid("fig20", &[SYMMETRIC, SEMI_PASSIVE], source),
     ]);
+    Ok(())
 }
 
 /// Fig. 8: the first release of the semi-passive robot that there is.
-fn release(tables: &Tables, config: &ReportInput) -> Result<Figure, String> {
-    let not_drawn = |why: &str| format!("Fig. 8 is not drawn, because {why}.");
+fn release(
+    tables: &Tables,
+    config: &ReportInput,
+    reader: &Reader,
+) -> Result<Result<Figure, String>, StoreError> {
+    let not_drawn = |why: &str| Ok(Err(format!("Fig. 8 is not drawn, because {why}.")));
     let row = tables.robots.iter().find(|row| row.kind == TrialKind::JointRelease);
-    let row = row.ok_or_else(|| not_drawn("no trial of kind joint-release has results"))?;
-    let recording = Recording::read(&config.paths.derived, &row.trial)
-        .map_err(|error| not_drawn(&error.to_string()))?;
-    release::figure(row, &recording)
-        .ok_or_else(|| not_drawn(&format!("the tables of trial {} show no swing", row.trial)))
+    let Some(row) = row else {
+        return not_drawn("no trial of kind joint-release has results");
+    };
+    let Some(recording) = Recording::read(&config.paths.derived, &row.trial, reader)? else {
+        return not_drawn(&without_tables(&row.trial));
+    };
+    match release::figure(row, &recording) {
+        Some(figure) => Ok(Ok(figure)),
+        None => not_drawn(&format!("the tables of trial {} show no swing", row.trial)),
+    }
+}
+
+fn without_tables(trial: &str) -> String {
+    format!("poses/{trial}.parquet or wheels/{trial}.parquet is not there")
 }
 
 /// The figure of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked; of the
@@ -153,30 +175,31 @@ fn tracked(
     stem: &str,
     campaign: &str,
     source: Source<'_>,
-    config: &ReportInput,
+    (config, reader): (&ReportInput, &Reader),
     found: &mut Figures,
-) {
+) -> Result<(), StoreError> {
     let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
     let measured = source.measured_trials(campaign).filter(|trial| trial.omega_rad_s.is_finite());
     let nearest =
         measured.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.trial.cmp(&b.trial)));
-    let Some(trial) = nearest else { return };
+    let Some(trial) = nearest else { return Ok(()) };
+    let recording = Recording::read(&config.paths.derived, &trial.trial, reader)?;
     let mut draw = || {
         let setup = config.campaign_setup(campaign);
         setup.ok_or_else(|| format!("campaign {campaign} is not configured"))?;
-        let recording = Recording::read(&config.paths.derived, &trial.trial)
-            .map_err(|error| error.to_string())?;
-        let figure = tracking::figure(stem, trial, &recording, config, &mut found.missing)
+        let recording = recording.as_ref().ok_or_else(|| without_tables(&trial.trial))?;
+        let figure = tracking::figure(stem, trial, recording, config, &mut found.missing)
             .ok_or_else(|| format!("trial {} has no used cycle", trial.trial))?;
         found.figures.push(figure);
         if campaign == SYMMETRIC {
-            found.figures.extend(tracking::wheels("fig12", trial, &recording));
+            found.figures.extend(tracking::wheels("fig12", trial, recording));
         }
         Ok::<_, String>(())
     };
     if let Err(why) = draw() {
         found.missing.push(format!("{} is not drawn, because {why}.", number(stem)));
     }
+    Ok(())
 }
 
 const NOTHING: &str = "because it has no trial with results and no prediction.";

@@ -8,6 +8,7 @@ use super::*;
 use crate::config::Config;
 use crate::report::tests::made_up::{self, Tables as MadeUp};
 use crate::robot::{Model, Parameter};
+use crate::store::Reader;
 use crate::store::TrialStatus;
 
 /// The scorecard of a folder without tables.
@@ -18,7 +19,7 @@ fn alone() -> Vec<JudgedClaim> {
 fn with_tables(made_up: &MadeUp, is_synthetic: bool) -> Vec<JudgedClaim> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     made_up.write(folder.path());
-    let tables = Arc::new(Tables::read(folder.path()).expect("tables"));
+    let tables = Arc::new(Tables::read(folder.path(), &Reader::default()).expect("tables"));
     scorecard(tables, Config::default().fit.sigma, is_synthetic).expect("a scorecard")
 }
 
@@ -318,7 +319,7 @@ fn optima_are_inside_or_said_to_be_at_an_end() {
 fn every_formula_has_a_number_or_lacks_one() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     MadeUp::of_the_paper().write(folder.path());
-    let tables = Arc::new(Tables::read(folder.path()).expect("tables"));
+    let tables = Arc::new(Tables::read(folder.path(), &Reader::default()).expect("tables"));
     let Claims { fitted, motion, claim } = claims();
     let sigma = Config::default().fit.sigma;
     for tables in [tables, Arc::default()] {

@@ -1,0 +1,75 @@
+//! Files that are read: regular ones of a bearable size.
+
+use std::fs::{File, Metadata};
+use std::io::{self, ErrorKind, Read};
+use std::path::Path;
+
+/// Most bytes of a configuration, list, record or page.
+pub const TEXT_BYTES: u64 = 1 << 28;
+/// Most bytes of a marker file or table: some twenty hours of ten markers as text.
+pub const DATA_BYTES: u64 = 1 << 31;
+
+/// The bytes of a file, or of what a link points to, with what the system says of it.
+///
+/// # Errors
+/// It is a folder, a device or a pipe, has more than `most` bytes, or cannot be read.
+pub fn read(path: &Path, most: u64) -> io::Result<(Vec<u8>, Metadata)> {
+    // Whoever opens a pipe waits for its other end.
+    check(&std::fs::metadata(path)?, most)?;
+    let file = File::open(path)?;
+    let metadata = file.metadata()?;
+    check(&metadata, most)?;
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(metadata.len() as usize + 1)?;
+    file.take(most + 1).read_to_end(&mut bytes)?;
+    check_size(bytes.len() as u64, most)?;
+    Ok((bytes, metadata))
+}
+
+/// [`read`] of text.
+///
+/// # Errors
+/// As [`read`], or it is not UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let (bytes, _) = read(path, TEXT_BYTES)?;
+    String::from_utf8(bytes).map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
+}
+
+fn check(metadata: &Metadata, most: u64) -> io::Result<()> {
+    let found = match metadata.file_type() {
+        kind if kind.is_file() => return check_size(metadata.len(), most),
+        kind if kind.is_dir() => "a folder",
+        _ => "a device or pipe",
+    };
+    Err(io::Error::new(ErrorKind::InvalidInput, format!("found {found}, needed a file")))
+}
+
+fn check_size(bytes: u64, most: u64) -> io::Result<()> {
+    if bytes <= most {
+        return Ok(());
+    }
+    let message = format!("found {bytes} bytes or more, needed {most} at most");
+    Err(io::Error::new(ErrorKind::FileTooLarge, message))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_of_a_bearable_size_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, "12345").unwrap();
+        assert_eq!(read(&path, 5).unwrap().0, b"12345");
+        let refused = |path: &Path, most| read(path, most).unwrap_err().to_string();
+        assert_eq!(refused(&path, 4), "found 5 bytes or more, needed 4 at most");
+        assert_eq!(refused(folder.path(), 4), "found a folder, needed a file");
+        #[cfg(unix)]
+        assert_eq!(refused(Path::new("/dev/zero"), 4), "found a device or pipe, needed a file");
+        // Sparse: nothing of it is on the disk.
+        File::create(&path).unwrap().set_len(5 << 30).unwrap();
+        assert!(refused(&path, DATA_BYTES).starts_with("found 5368709120 bytes or more"));
+        assert_eq!(read(&folder.path().join("b"), 4).unwrap_err().kind(), ErrorKind::NotFound);
+    }
+}
