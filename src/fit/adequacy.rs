@@ -125,6 +125,9 @@ impl Adequacy {
         if off.is_empty() && !is_adequate {
             off.extend(first);
         }
+        // d and v are one measurement.
+        let has_d = off.contains(&0);
+        off.retain(|i| *i != 1 || !has_d);
         let named = off.into_iter().take(MOST_NAMED).filter_map(|i| where_off(&terms, i));
         Self {
             lack_of_fit,
@@ -281,10 +284,15 @@ fn where_off(terms: &[Term], metric: usize) -> Option<String> {
     let [low, high] = crate::stats::extremes(off.iter().map(|term| percent(term)));
     let side = if first.residual.value > 0.0 { "below" } else { "above" };
     let [from, to] = [first.omega_rad_s, last.omega_rad_s];
+    let at = if from == to { format!("{to} rad/s") } else { format!("{from} to {to} rad/s") };
+    if low.is_infinite() {
+        return Some(format!("the model has no {} at {at}", METRICS[metric]));
+    }
+    // It has none at some of the frequencies.
+    let high = if high.is_finite() { high } else { low };
     let [low, high] = [low, high].map(two_digits);
     let by = if low == high { high } else { format!("{low} to {high}") };
-    let at = if from == to { format!("{to}") } else { format!("{from} to {to}") };
-    Some(format!("{} is measured {by} % {side} the model at {at} rad/s", METRICS[metric]))
+    Some(format!("{} is measured {by} % {side} the model at {at}", METRICS[metric]))
 }
 
 /// A positive number with two digits, or all of those before the point.
@@ -330,5 +338,11 @@ mod tests {
             Some("sigma0 is measured 3.1 % above the model at 0.5 rad/s")
         );
         assert_eq!(where_off(&terms, 0), None);
+        // A model without skid.
+        let none = [(0.5, -1.0), (1.0, -1.0)].map(term);
+        assert_eq!(
+            where_off(&none, 2).as_deref(),
+            Some("the model has no sigma0 at 0.5 to 1 rad/s")
+        );
     }
 }
