@@ -472,6 +472,30 @@ const MISTAKES: &[Mistake] = &[
         &["kinematic-symmetric-5.00-r1.csv, line ", "is the copy complete?"],
     ),
     mistake(
+        "a row with a cell too many",
+        |night| {
+            for trial in SYMMETRIC {
+                record(night, trial, |i, line| match i {
+                    100 => line.replacen(",0,", ",0,0.5,", 1),
+                    _ => line.to_owned(),
+                });
+            }
+        },
+        &["W020", "1 rows have more cells than the header has columns"],
+    ),
+    mistake(
+        "a file of another robot",
+        |night| {
+            for trial in SYMMETRIC {
+                record(night, trial, |i, line| match i {
+                    2 => line.replace(":F", ":front").replace(":R", ":rear"),
+                    _ => line.to_owned(),
+                });
+            }
+        },
+        &["found 6 of the 10 markers of pipeline.toml's [markers] missing", "3 of 3 trials"],
+    ),
+    mistake(
         "an export of devices",
         |night| night.write(&entry(SYMMETRIC[1]), "Devices\n1000\nFrame,Sub Frame,Fx\n1,0,2\n"),
         &["found only the section `Devices`, needed a `Trajectories` section"],

@@ -73,6 +73,8 @@ named! {
         JointPositions = "W018 joint-places",
         /// No servo stops short of its peaks.
         GaitClipping = "W019 gait-clipping",
+        /// No row has more cells than the header has columns.
+        LongRows = "W020 long-rows",
         /// The joints do what no other campaign commands.
         OtherCampaign = "E002 other-campaign",
         /// No other trial has the same marker file.

@@ -30,6 +30,10 @@ pub enum Problem {
     NoRate,
     #[error("found no marker `{label}`, needed by markers.link{link} of pipeline.toml; {hint}")]
     MissingMarker { label: String, link: usize, hint: String },
+    #[error(
+        "found {missing} of the {all} markers of pipeline.toml's [markers] missing, needed all; the file's labels are {labels}: is it a file of this robot?"
+    )]
+    ForeignFile { missing: usize, all: usize, labels: String },
     #[error("found the marker `{label}` of markers.link{link} as `{}`, needed one of them; the layout must name it `Subject:Marker`", found.join("`, `"))]
     AmbiguousMarker { label: String, link: usize, found: Vec<String> },
     #[error("found the label `{}` more than once, needed by markers.link{} of pipeline.toml once", .label, .link)]

@@ -93,12 +93,12 @@ impl FileSurvey {
         let file = &whole.clone().without(ignore);
         let mut stop = |problem: Problem| self.stops.push(problem.of(path).to_string());
         let rate_hz = settings.frame_rate(file).map_err(&mut stop).ok();
-        let layout = layout::locate_all(&settings.markers, file)
-            .map_err(|problems| problems.into_iter().for_each(&mut stop))
-            .ok();
+        let (layout, problems) = layout::locate_all(&settings.markers, file);
         self.recording =
-            Some(Recording::of(whole, ignore, layout.as_ref(), whole.rate_hz.or(rate_hz)));
-        let Some(layout) = layout else { return };
+            Some(Recording::of(whole, ignore, Some(&layout), whole.rate_hz.or(rate_hz)));
+        if !problems.is_empty() {
+            return problems.into_iter().for_each(stop);
+        }
         let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
         let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
         let tracked = poses::track(file, &layout, None, poses, rate_hz, max_gap).map_err(stop);

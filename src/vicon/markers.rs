@@ -19,6 +19,8 @@ pub struct MarkerFile {
     pub labels: Vec<String>,
     /// Rows with data but without a frame number, which are left out.
     pub rows_without_frame: usize,
+    /// Rows with more cells than the header has columns; what is beyond is not read.
+    pub rows_too_long: usize,
     /// Row by row, marker by marker, X, Y, Z.
     pub(crate) positions_mm: Vec<[f64; 3]>,
 }

@@ -15,7 +15,7 @@ pub(super) fn parse(text: &[u8]) -> Result<MarkerFile, Problem> {
     let markers = header.labels.len();
     let mut frames: Vec<i64> = Vec::new();
     let mut positions_mm: Vec<[f64; 3]> = Vec::new();
-    let mut rows_without_frame = 0;
+    let (mut rows_without_frame, mut rows_too_long) = (0, 0);
     let mut after_blank = false;
     let mut lines = header.body.clone();
     while let Some((line, cells)) = lines.next() {
@@ -56,7 +56,8 @@ pub(super) fn parse(text: &[u8]) -> Result<MarkerFile, Problem> {
             return Err(Problem::in_line(line, found, "one cell per axis"));
         }
         positions_mm.resize(start + markers, MISSING);
-        row.positions(&mut positions_mm[start..])?;
+        let rest = row.positions(&mut positions_mm[start..])?;
+        rows_too_long += usize::from(!dialect.is_blank(rest));
     }
     let Header { rate_hz, labels, line, .. } = header;
     if frames.is_empty() {
@@ -67,7 +68,7 @@ pub(super) fn parse(text: &[u8]) -> Result<MarkerFile, Problem> {
             _ => Problem::new(unnumbered(), "at least one"),
         });
     }
-    Ok(MarkerFile { rate_hz, frames, labels, rows_without_frame, positions_mm })
+    Ok(MarkerFile { rate_hz, frames, labels, rows_without_frame, rows_too_long, positions_mm })
 }
 
 /// A title is a lone text cell; without a blank row above it could be damage, so then only the
@@ -108,9 +109,10 @@ impl Row<'_> {
         frame.ok_or_else(|| self.not_a_number(0, cell, "a whole frame number"))
     }
 
-    /// Fills in what the row has. Cells that are empty or cut off stay missing, and a marker
-    /// of which only some coordinates are there is missing as a whole.
-    fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<(), Problem> {
+    /// Fills in what the row has, and gives what is beyond its columns. Cells that are empty or cut
+    /// off stay missing, and a marker of which only some coordinates are there is missing as a
+    /// whole.
+    fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<&[u8], Problem> {
         let mut rest = self.cells;
         for (i, column) in self.header.columns.iter().enumerate() {
             if let &Column::Axis(marker, axis) = column {
@@ -130,7 +132,7 @@ impl Row<'_> {
                 *position = MISSING;
             }
         }
-        Ok(())
+        Ok(rest)
     }
 
     /// The number at the start of `rest` (NaN for an empty cell) and the length of its cell.

@@ -6,6 +6,10 @@ use crate::config::Markers;
 use crate::ingest::error::Problem;
 use crate::vicon::MarkerFile;
 
+/// So many missing markers, and most of the layout's, are a file of something else.
+const LEAST_FOREIGN: usize = 3;
+/// Labels of such a file that are shown.
+const SHOWN_LABELS: usize = 12;
 /// Labels of the file that an error proposes.
 const PROPOSALS: usize = 3;
 
@@ -27,11 +31,13 @@ pub type Layout = [Vec<LinkMarker>; 3];
 /// part after the subject if only one subject has it. The error is about the first that is not
 /// found.
 pub fn locate(markers: &Markers, file: &MarkerFile) -> Result<Layout, Problem> {
-    locate_all(markers, file).map_err(|mut problems| problems.swap_remove(0))
+    let (layout, problems) = locate_all(markers, file);
+    problems.into_iter().next().map_or(Ok(layout), Err)
 }
 
-/// [`locate`], with an error for every marker that is not found: one at least.
-pub fn locate_all(markers: &Markers, file: &MarkerFile) -> Result<Layout, Vec<Problem>> {
+/// The markers that are found, and an error for every one that is not; a single one if most are
+/// not there, as in a file of something else.
+pub fn locate_all(markers: &Markers, file: &MarkerFile) -> (Layout, Vec<Problem>) {
     let mut layout = [const { Vec::new() }; 3];
     let mut problems = Vec::new();
     let mut owners: BTreeMap<usize, &str> = BTreeMap::new();
@@ -47,7 +53,15 @@ pub fn locate_all(markers: &Markers, file: &MarkerFile) -> Result<Layout, Vec<Pr
             layout[link].push(LinkMarker { column, local_position_mm: [x, y], height_mm });
         }
     }
-    if problems.is_empty() { Ok(layout) } else { Err(problems) }
+    let missing = problems.iter().filter(|it| matches!(it, Problem::MissingMarker { .. })).count();
+    let all = markers.links().into_iter().map(BTreeMap::len).sum();
+    if missing >= LEAST_FOREIGN && 2 * missing > all {
+        let labels = file.labels.iter().take(SHOWN_LABELS).map(String::as_str).collect::<Vec<_>>();
+        let more = if file.labels.len() > SHOWN_LABELS { ", .." } else { "" };
+        let labels = format!("`{}`{more}", labels.join("`, `"));
+        problems = vec![Problem::ForeignFile { missing, all, labels }];
+    }
+    (layout, problems)
 }
 
 fn column_of(link: usize, label: &str, labels: &[String]) -> Result<usize, Problem> {

@@ -48,6 +48,14 @@ pub fn tracking_checks(
         Finding::at_most(Check::Residual, row.residual_mm, most_mm, off),
         Finding::at_most(Check::RowsWithoutFrame, unnumbered, 0.0, numbered),
     ];
+    if file.rows_too_long > 0 {
+        let rows = file.rows_too_long as f64;
+        let long = format!(
+            "{rows} rows have more cells than the header has columns: their numbers may stand in \
+             the wrong columns"
+        );
+        findings.push(Finding::at_most(Check::LongRows, rows, 0.0, long));
+    }
     findings.extend(label_checks(tracked, file, layout));
     findings.push(tilt_check(&tracked.tilt));
     findings

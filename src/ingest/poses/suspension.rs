@@ -188,6 +188,7 @@ mod tests {
             frames: (0..ROWS as i64).collect(),
             labels: (0..markers().len()).map(|i| i.to_string()).collect(),
             rows_without_frame: 0,
+            rows_too_long: 0,
             positions_mm,
         }
     }

@@ -63,6 +63,7 @@ pub(super) fn parse(content: &[u8]) -> Result<MarkerFile, Problem> {
         frames: (contents.first_frame..).take(contents.frame_count).collect(),
         labels: markers.into_iter().map(|(_, label)| label).collect(),
         rows_without_frame: 0,
+        rows_too_long: 0,
         positions_mm,
     })
 }

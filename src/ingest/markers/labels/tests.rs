@@ -37,6 +37,7 @@ fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (MarkerFile, Vec<LinkMark
         frames: (100..).take(FRAMES).collect(),
         positions_mm,
         rows_without_frame: 0,
+        rows_too_long: 0,
     };
     (file, markers)
 }
