@@ -1,22 +1,28 @@
 //! Whether 95 % intervals hold the truth in 95 of 100 campaigns.
 //!
 //! The campaigns are made from the model itself: every trial's cycles are its motion's metrics
-//! with noise, and a trial may be off as a whole.
+//! with noise, and a trial may be off as a whole. Or they are the demo's, of other nights: the same
+//! motions seen by the cameras with other noise, from the markers on.
 
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use serde_json::Value;
 use trilink::config::{Config, GaitInput, SigmaKind};
 use trilink::fit::{FitData, fit};
+use trilink::ingest::process_trial;
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Model, Problem};
 use trilink::robot::Parameter;
 use trilink::store::{Columns as _, CycleRow, FitRow, FitStatus, TrialRow};
+use trilink::synth::{Recipe, synthesise};
+use trilink::trial::TRUTH_FILE;
 
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
 /// Relative noise of d and v, of the skid ratios and of alpha_1 from cycle to cycle.
@@ -201,4 +207,127 @@ fn ninety_five_percent_intervals_hold_the_truth_in_88_to_99_of_100_campaigns() {
             assert!(found.iter().all(|of| of.widest < 5.0), "{found:?}");
         }
     }
+}
+
+/// Recordings of the same motions by the demo's cameras.
+const NIGHTS: u64 = 60;
+
+/// One recording, processed and fitted with the default settings.
+struct Night {
+    truth: Value,
+    trials: Vec<TrialRow>,
+    fits: Vec<FitRow>,
+}
+
+fn night(noise_seed: u64) -> Night {
+    let config = Config::default();
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = Recipe { noise_seed: Some(noise_seed), ..Recipe::new(1) };
+    let listed = synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
+    let mut data = FitData::default();
+    for trial in &listed {
+        let processed = process_trial(folder.path(), trial, &config).unwrap();
+        data.trials.push(processed.row);
+        data.cycles.insert(trial.id.clone(), processed.cycles);
+        data.robots.extend(processed.parameters);
+    }
+    let truth = std::fs::read_to_string(folder.path().join(TRUTH_FILE)).unwrap();
+    let truth = serde_json::from_str(&truth).unwrap();
+    let fits = fit(&config, &data, &|_| {}).fits;
+    Night { truth, trials: data.trials, fits }
+}
+
+/// How often something is so; what is out of its bounds is noted.
+struct Share {
+    of: String,
+    yes: usize,
+    all: usize,
+}
+
+impl Share {
+    fn new(of: String, cases: impl Iterator<Item = bool>) -> Self {
+        let (yes, all) = cases.fold((0, 0), |(yes, all), is| (yes + usize::from(is), all + 1));
+        Self { of, yes, all }
+    }
+
+    fn check(&self, bounds: RangeInclusive<f64>, failures: &mut Vec<String>) {
+        let Self { of, yes, all } = self;
+        let share = *yes as f64 / *all as f64;
+        let text = format!("{of}: {yes} of {all}, {:.1} %", 100.0 * share);
+        eprintln!("{text}");
+        if *all > 0 && !bounds.contains(&share) {
+            failures.push(format!("{text}, needed {bounds:?}"));
+        }
+    }
+}
+
+/// Coverage of the coefficients of the model that was planted, and its adequacy.
+fn judge_fits(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
+    let is_true = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SkidRoll;
+    let fits = || nights.iter().map(|night| (night, night.fits.iter().find(is_true).unwrap()));
+    for (wheel, skid) in Parameter::SKID.into_iter().enumerate() {
+        let told = || {
+            fits().filter(|(_, fit)| fit.identifiable.contains(&skid) && fit.no_interval.is_empty())
+        };
+        let is_held = |(night, fit): (&Night, &FitRow)| {
+            let known = night.truth["campaigns"][campaign]["skid_kg_s"][wheel].as_f64().unwrap();
+            fit.lower[skid] <= known && known <= fit.upper[skid]
+        };
+        let of = format!("{campaign} {skid} holds the truth");
+        Share::new(of, told().map(is_held)).check(0.88..=0.99, failures);
+        let count = told().count() as f64;
+        let mean =
+            |of: &dyn Fn(&FitRow) -> f64| told().map(|(_, fit)| of(fit)).sum::<f64>() / count;
+        let middle = mean(&|fit| fit.parameters[skid]);
+        let scatter = mean(&|fit| (fit.parameters[skid] - middle).powi(2)).sqrt();
+        let half_width = mean(&|fit| 0.5 * (fit.upper[skid] - fit.lower[skid]));
+        let times = half_width / (1.96 * scatter);
+        let text = format!("{campaign} {skid}: {half_width:.3} kg/s, {times:.2} times the scatter");
+        eprintln!("{text}");
+        if times > 5.0 {
+            failures.push(format!("{text}, needed 5 at most"));
+        }
+    }
+    let of = format!("{campaign} fits by the model that is true");
+    let is_adequate = fits().map(|(_, fit)| fit.adequate == Some(true));
+    Share::new(of, is_adequate).check(0.90..=0.99, failures);
+}
+
+/// How often a trial's metric is within 1.96 of its standard errors of the truth.
+fn judge_trials(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
+    let mut metrics: BTreeMap<String, Vec<bool>> = BTreeMap::new();
+    for night in nights {
+        for row in night.trials.iter().filter(|row| row.campaign == campaign) {
+            let truth = &night.truth["trials"][&row.trial];
+            let (found, errors) = (row.metrics, row.metrics_se);
+            let mut add = |name: String, value: f64, se: f64, truth: &Value| {
+                if value.is_finite() && se > 0.0 {
+                    let off = (value - truth.as_f64().unwrap()).abs();
+                    metrics.entry(name).or_default().push(off <= 1.96 * se);
+                }
+            };
+            add("d".to_owned(), found.d_m, errors.d_m, &truth["d_m"]);
+            add("v".to_owned(), found.v_m_s, errors.v_m_s, &truth["v_m_s"]);
+            for (wheel, sigma) in row.sigma_debiased.iter().enumerate() {
+                add(format!("sigma{wheel}"), sigma.value, sigma.se, &truth["sigma"][wheel]);
+            }
+            add("alpha1".to_owned(), found.alpha1_rad, errors.alpha1_rad, &truth["alpha1_rad"]);
+        }
+    }
+    for (name, are_near) in metrics {
+        let of = format!("{campaign} {name} is within 1.96 errors of the truth");
+        Share::new(of, are_near.into_iter()).check(0.90..=0.99, failures);
+    }
+}
+
+#[test]
+#[ignore = "minutes: cargo test --release --test coverage nights -- --ignored --nocapture"]
+fn intervals_and_errors_of_sixty_nights_hold_the_planted_truth() {
+    let nights: Vec<Night> = (0..NIGHTS).into_par_iter().map(|seed| night(1000 + seed)).collect();
+    let mut failures = Vec::new();
+    for campaign in Config::default().campaign.keys() {
+        judge_fits(campaign, &nights, &mut failures);
+        judge_trials(campaign, &nights, &mut failures);
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
 }
