@@ -52,6 +52,9 @@ pub struct StageState {
     pub outputs: Outputs,
     /// Sentences on what is not in the report.
     pub missing: Vec<String>,
+    /// What the report says of tables that do not belong together.
+    #[serde(default)]
+    pub damaged: Vec<String>,
 }
 
 /// Files by their path in a stage's folder.

@@ -80,7 +80,7 @@ impl Stage for ReportStage {
 
     fn earlier(&self, known: &StageState, _written: &Reader) -> Result<Reported, String> {
         let figures = figures(known).map(str::to_owned).collect();
-        Ok(Reported::new(&self.0, figures, known.missing.clone()))
+        Ok(Reported::new(&self.0, figures, known.missing.clone(), known.damaged.clone()))
     }
 
     fn kept(&self, known: &StageState, _earlier: Reported) -> BTreeMap<Target, Self::Kept> {
@@ -128,9 +128,10 @@ impl Stage for ReportStage {
                 wanted.made(outputs)
             }
         });
-        let (targets, missing) = (targets.collect(), made.reported.missing.clone());
-        let outputs = made.outputs;
-        Ok((made.reported, StageState { targets, outputs, missing, ..StageState::default() }))
+        let Reported { missing, damaged, .. } = made.reported.clone();
+        let (targets, outputs) = (targets.collect(), made.outputs);
+        let state = StageState { targets, outputs, missing, damaged, ..StageState::default() };
+        Ok((made.reported, state))
     }
 
     fn perhaps(&self, made: &Made, touched: &Touched) -> Vec<String> {

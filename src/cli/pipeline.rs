@@ -103,9 +103,10 @@ impl Update {
         } else {
             say_missing(context, &reported.missing);
         }
+        reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
         // A failed trial needs a person. A model that has no motion is a result, not a failure.
         match (ingested.needs_a_person(), &finished.history_problem) {
-            (false, None) => Ok(Outcome::Well),
+            (false, None) if reported.damaged.is_empty() => Ok(Outcome::Well),
             _ => Ok(Outcome::NeedsAttention),
         }
     }

@@ -58,6 +58,8 @@ pub(super) fn fit(context: &Context, wait: bool) -> Result<Outcome, Failure> {
 pub(super) fn report(context: &Context, wait: bool) -> Result<Outcome, Failure> {
     let reported = build::report(&context.config, wait, &context.progress.watch(false))?;
     pipeline::say_missing(context, &reported.missing);
+    reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
     say!("page: {}", reported.page.display());
-    Ok(Outcome::Well)
+    let is_whole = reported.damaged.is_empty();
+    Ok(if is_whole { Outcome::Well } else { Outcome::NeedsAttention })
 }

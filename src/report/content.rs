@@ -19,6 +19,7 @@ pub struct Content {
     pub(super) tables: Arc<Tables>,
     pub(super) figures: Vec<Figure>,
     pub(super) missing: Vec<String>,
+    pub(super) damaged: Vec<String>,
     pub(super) truth: Option<Truth>,
     /// Files of the trials' pages.
     pub(super) pages: TrialPages,
@@ -60,10 +61,12 @@ impl Content {
         });
         let found = figures::figures((&*tables, &reader), input, truth.as_ref())?;
         missing.extend(found.missing);
+        let damaged = trials::damaged(input, &tables, &reader)?;
         let pages = trials::pages(&tables);
         let hash_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
         let page_parts = trials::parts(input, &tables, &pages, hash_of);
-        Ok(Self { tables, figures: found.figures, missing, truth, pages, page_parts, reader })
+        let figures = found.figures;
+        Ok(Self { tables, figures, missing, damaged, truth, pages, page_parts, reader })
     }
 
     /// Stem, campaigns and hash of every figure. Numbers are printed such that they can be told

@@ -58,11 +58,15 @@ pub fn component(nth: usize) -> Look {
     line(colour, dash)
 }
 
+pub fn component_colour(nth: usize) -> RGBColor {
+    COMPONENTS[nth % COMPONENTS.len()].0
+}
+
 /// Markers of the `nth` campaign where each has a colour.
 pub fn campaign(nth: usize) -> Look {
     let shapes = [(Shape::Circle, true), (Shape::Square, false), (Shape::Circle, false)];
     let (shape, filled) = shapes[nth % shapes.len()];
-    Look::Marker { colour: COMPONENTS[nth % COMPONENTS.len()].0, shape, filled }
+    Look::Marker { colour: component_colour(nth), shape, filled }
 }
 
 /// Frames that are not measured: the `nth` of the reasons.

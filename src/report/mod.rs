@@ -64,13 +64,21 @@ pub struct Reported {
     pub figures: Vec<String>,
     /// Sentences on what is not in the report and why.
     pub missing: Vec<String>,
+    /// Sentences on tables of trials that are damaged or do not belong together: they need a
+    /// person.
+    pub damaged: Vec<String>,
 }
 
 impl Reported {
     /// A report with these figures.
-    pub fn new(input: &ReportInput, figures: Vec<String>, missing: Vec<String>) -> Self {
+    pub fn new(
+        input: &ReportInput,
+        figures: Vec<String>,
+        missing: Vec<String>,
+        damaged: Vec<String>,
+    ) -> Self {
         let [page, scorecard] = [PAGE, SCORECARD].map(|name| input.paths.reports.join(name));
-        Self { page, scorecard, figures, missing }
+        Self { page, scorecard, figures, missing, damaged }
     }
 }
 
@@ -99,7 +107,7 @@ impl Content {
         kept_pages: &BTreeSet<String>,
     ) -> Result<Written, ReportError> {
         let reports = &input.paths.reports;
-        let Self { tables, figures, missing, truth, pages, reader, .. } = self;
+        let Self { tables, figures, missing, damaged, truth, pages, reader, .. } = self;
         let with_svg: Vec<_> =
             figures.iter().map(|figure| (figure, kept.remove(&figure.stem))).collect();
         let drawn = with_svg
@@ -131,10 +139,12 @@ impl Content {
         let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
         let scores = scorecard::scorecard(tables.clone(), input.sigma, is_synthetic)?;
         write(SCORECARD, &json(&scores)?)?;
-        let html = page::html(input, tables, &drawn, pages, &scores, missing, truth.as_ref())?;
+        let said = [missing.as_slice(), damaged].concat();
+        let html = page::html(input, tables, &drawn, pages, &scores, &said, truth.as_ref())?;
         write(PAGE, html.as_bytes())?;
         let figures = figures.iter().map(|figure| figure.stem.clone()).collect();
-        Ok(Written { reported: Reported::new(input, figures, missing.clone()), targets, outputs })
+        let reported = Reported::new(input, figures, missing.clone(), damaged.clone());
+        Ok(Written { reported, targets, outputs })
     }
 }
 

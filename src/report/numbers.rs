@@ -9,7 +9,12 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return NONE.to_owned();
     }
-    let text = format!("{value:.decimals$}");
+    /// From here on the decimals of a number are not its own.
+    const LONG: f64 = 1e15;
+    let text = match value.abs() < LONG {
+        true => format!("{value:.decimals$}"),
+        false => format!("{value:.3e}"),
+    };
     match text.strip_prefix('-') {
         Some(zero) if zero.bytes().all(|byte| b"0.".contains(&byte)) => zero.to_owned(),
         Some(positive) => format!("{MINUS}{positive}"),

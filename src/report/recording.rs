@@ -20,6 +20,8 @@ pub struct Recording {
     pub skid_m_s: [Vec<f64>; 3],
     /// Empty for trials that are not of kind `gait`.
     pub cycles: Vec<CycleRow>,
+    /// Where the tables have other frames than each other.
+    pub problem: Option<String>,
 }
 
 /// Some used cycles in a row.
@@ -32,42 +34,64 @@ pub struct Shown {
 }
 
 impl Recording {
-    /// Reads the tables of a trial; `None` if that of poses or of wheels is not there.
+    /// Reads the tables of a trial and joins them by frame, what one lacks is missing; `None` if
+    /// that of poses or of wheels is not there.
     ///
     /// # Errors
     /// A table cannot be read or lacks a column.
     pub fn read(derived: &Path, trial: &str, reader: &Reader) -> Result<Option<Self>, StoreError> {
-        let [poses, wheels] =
-            [poses_path, wheels_path].map(|path| reader.table(&path(derived, trial)));
+        let (poses_path, wheels_path) = (poses_path(derived, trial), wheels_path(derived, trial));
+        let [poses, wheels] = [&poses_path, &wheels_path].map(|path| reader.table(path));
         let is_absent =
             |table: &Result<_, StoreError>| table.as_ref().is_err_and(StoreError::is_not_there);
         if is_absent(&poses) || is_absent(&wheels) {
             return Ok(None);
         }
         let (poses, wheels) = (poses?, wheels?);
+        let (frames, falls) = frames(&poses)?;
+        let (of_wheels, wheels_fall) = self::frames(&wheels)?;
+        let fall = falls.map(|falls| (&poses_path, falls));
+        if let Some((path, falls)) = fall.or(wheels_fall.map(|falls| (&wheels_path, falls))) {
+            let problem = Some(format!("{}: {falls}", path.display()));
+            return Ok(Some(Self { problem, ..Self::default() }));
+        }
+        let rows: Vec<_> = frames.iter().map(|frame| of_wheels.binary_search(frame).ok()).collect();
+        let shared = rows.iter().flatten().count();
+        let is_whole = shared == frames.len() && shared == of_wheels.len();
         let numbers = |table: &Table, name: &str| table.values::<f64>(name);
-        let three = |table: &Table, name: fn(usize) -> String| -> Result<_, StoreError> {
-            Ok([numbers(table, &name(0))?, numbers(table, &name(1))?, numbers(table, &name(2))?])
+        let wheel = |name: String| -> Result<Vec<f64>, StoreError> {
+            let values = numbers(&wheels, &name)?;
+            Ok(rows.iter().map(|row| row.map_or(f64::NAN, |row| values[row])).collect())
         };
-        let fill = |link: usize| poses.values(&format!("fill{link}"));
         Ok(Some(Self {
             time_s: numbers(&poses, "time_s")?,
             x_m: numbers(&poses, "x_m")?,
             y_m: numbers(&poses, "y_m")?,
             theta_rad: numbers(&poses, "theta_rad")?,
             phi_rad: [numbers(&poses, "phi1_rad")?, numbers(&poses, "phi2_rad")?],
-            residual_mm: three(&poses, |link| format!("residual{link}_mm"))?,
-            fill: [fill(0)?, fill(1)?, fill(2)?],
-            roll_m_s: three(&wheels, |wheel| format!("roll{wheel}_m_s"))?,
-            skid_m_s: three(&wheels, |wheel| format!("skid{wheel}_m_s"))?,
+            residual_mm: three(|link| numbers(&poses, &format!("residual{link}_mm")))?,
+            fill: three(|link| poses.values(&format!("fill{link}")))?,
+            roll_m_s: three(|wheel_number| wheel(format!("roll{wheel_number}_m_s")))?,
+            skid_m_s: three(|wheel_number| wheel(format!("skid{wheel_number}_m_s")))?,
             cycles: reader.rows_if_there(&cycles_path(derived, trial))?.unwrap_or_default(),
+            problem: (!is_whole).then(|| {
+                format!(
+                    "{}: found {} frames, {shared} of the {} of {}, needed the same ones",
+                    wheels_path.display(),
+                    of_wheels.len(),
+                    frames.len(),
+                    poses_path.display()
+                )
+            }),
         }))
     }
 
     /// The first of the longest runs of used cycles, at most so many of them: when it starts
     /// (s) and how many they are.
     fn used_cycles(&self, most: usize) -> Option<(f64, usize)> {
-        let follows = |a: &CycleRow, b: &CycleRow| a.used && b.used && b.cycle == a.cycle + 1;
+        let follows = |a: &CycleRow, b: &CycleRow| {
+            a.used && b.used && a.cycle.checked_add(1) == Some(b.cycle)
+        };
         let runs = self.cycles.chunk_by(follows).filter(|run| run[0].used);
         // The last of several is taken, which in reverse is the first.
         let longest = runs.rev().max_by_key(|run| run.len().min(most))?;
@@ -98,6 +122,29 @@ impl Recording {
         let pose = Pose { x_m: at(&self.x_m), y_m: at(&self.y_m), theta_rad: at(&self.theta_rad) };
         (pose.x_m + pose.y_m + pose.theta_rad).is_finite().then_some(pose)
     }
+}
+
+/// The frames of a table's rows, and where they or their times do not rise.
+fn frames(table: &Table) -> Result<(Vec<i64>, Option<String>), StoreError> {
+    let (frames, time_s) = (table.values::<i64>("frame")?, table.values::<f64>("time_s")?);
+    let falls = |i: &usize| {
+        let rises = frames[i - 1] < frames[*i] && time_s[i - 1] < time_s[*i];
+        !rises
+    };
+    let fall = (1..frames.len()).find(falls).map(|i| {
+        format!(
+            "found `frame` {} at {} s after {} at {} s, needed frames that rise",
+            frames[i],
+            time_s[i],
+            frames[i - 1],
+            time_s[i - 1]
+        )
+    });
+    Ok((frames, fall))
+}
+
+fn three<T>(of: impl Fn(usize) -> Result<T, StoreError>) -> Result<[T; 3], StoreError> {
+    Ok([of(0)?, of(1)?, of(2)?])
 }
 
 #[cfg(test)]

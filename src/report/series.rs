@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use crate::config::SigmaKind;
+use crate::config::{GaitInput, SigmaKind};
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::motion::{Model, MotionStatus};
 use crate::report::drawing::{Layer, Look, Point};
 use crate::report::looks;
-use crate::store::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
+use crate::store::{FitRow, PredictionRow, PredictionSource, TrialRow, TrialStatus};
 use crate::trial::TrialKind;
 
 /// Half-width of a 95 % interval in standard errors (normal distribution).
@@ -121,6 +121,7 @@ impl Series {
 pub struct Source<'t> {
     pub trials: &'t [TrialRow],
     pub predictions: &'t [PredictionRow],
+    pub fits: &'t [FitRow],
     /// The measured skid ratios that the fits compare with.
     pub sigma: SigmaKind,
 }
@@ -189,7 +190,29 @@ impl<'t> Source<'t> {
             (row.omega_rad_s, y, f64::NAN)
         };
         let points = self.predicted(campaign, model, source).map(point);
-        series(campaign, Some(model), points, look)
+        let mut series = series(campaign, Some(model), points, look)?;
+        let mut fits = self.fits_of(campaign).filter(|fit| fit.model == model);
+        if fits.any(|fit| fit.adequate == Some(false)) {
+            series.layer.name.push_str(" (does not fit)");
+        }
+        Some(series)
+    }
+
+    fn fits_of(self, campaign: &str) -> impl Iterator<Item = &'t FitRow> {
+        self.fits.iter().filter(move |fit| fit.campaign == campaign)
+    }
+
+    /// The gait that drives the models of campaigns, in words. One that is driven by each trial's
+    /// measured gait whatever the fits' input is not counted.
+    pub fn gait_input(self, campaigns: &[&str]) -> &'static str {
+        let fits = campaigns.iter().flat_map(|campaign| self.fits_of(campaign));
+        let fits = fits.filter(|fit| fit.model != Model::NoSkidMeasured);
+        let inputs: BTreeSet<&str> = fits.map(|fit| fit.gait_input.name()).collect();
+        match inputs.into_iter().collect::<Vec<_>>().as_slice() {
+            [only] if *only == GaitInput::Measured.name() => "measured gait",
+            [] | [_] => "commanded gait",
+            _ => "commanded gait of some and the measured one of others",
+        }
     }
 }
 

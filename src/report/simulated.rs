@@ -9,6 +9,8 @@ use crate::report::ReportInput;
 use crate::robot::Parameter;
 use crate::store::FitRow;
 
+/// Frequencies at which figures show simulated motions.
+pub const OMEGAS_RAD_S: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Samples of a cycle that a figure shows.
 pub const SAMPLES: usize = 240;
 

@@ -8,26 +8,27 @@ use super::series::Source;
 use crate::report::ReportInput;
 use crate::store::{
     BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader,
-    RobotParameterRow, StartRow, StoreError, TrialRow,
+    RobotParameterRow, StartRow, StoreError, Table, TrialRow,
 };
 
-/// Tables that are read, and what the report lacks without one; it cannot be without the first.
-const TABLES: [(&str, &str); 10] = [
-    ("trials", "no trial is listed"),
-    ("checks", "no check is listed"),
-    ("fits", "no model is fitted"),
-    ("alternative_fits", "what the other gait input gives is not listed"),
-    ("predictions", "no model is drawn"),
-    ("comparison", "no model is compared"),
-    ("starts", "no search is drawn"),
-    ("profiles", "no profile is drawn"),
-    ("bootstrap", "no replicate is drawn"),
-    ("robot_parameters", "no measured parameter of a robot is listed"),
+/// Tables that are read, the most rows that one may have, and what the report lacks without it;
+/// it cannot be without the first.
+const TABLES: [(&str, usize, &str); 10] = [
+    ("trials", 20_000, "no trial is listed"),
+    ("checks", 1_000_000, "no check is listed"),
+    ("fits", 1_000, "no model is fitted"),
+    ("alternative_fits", 1_000, "what the other gait input gives is not listed"),
+    ("predictions", 50_000, "no model is drawn"),
+    ("comparison", 1_000, "no model is compared"),
+    ("starts", 100_000, "no search is drawn"),
+    ("profiles", 100_000, "no profile is drawn"),
+    ("bootstrap", 1_000_000, "no replicate is drawn"),
+    ("robot_parameters", 20_000, "no measured parameter of a robot is listed"),
 ];
 
 /// The tables that are read, where they are there.
 pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
-    TABLES.map(|(name, _)| table_path(derived, name)).into()
+    TABLES.map(|(name, ..)| table_path(derived, name)).into()
 }
 
 /// Rows of `derived/`.
@@ -56,16 +57,13 @@ impl Tables {
     /// order of campaign, model and frequency, whatever their order in the files.
     ///
     /// # Errors
-    /// There is no `trials.parquet`, or a table cannot be read or lacks a column.
+    /// There is no `trials.parquet`, or a table cannot be read, has too many rows or lacks a column.
     pub fn read(derived: &Path, reader: &Reader) -> Result<Self, ReportError> {
         let path = table_path(derived, "trials");
-        let trials = match reader.table(&path) {
-            Err(error) if error.is_not_there() => {
-                return Err(StoreError::NotIngested { path }.into());
-            }
-            trials => trials?,
+        let Some(trials) = read(derived, reader, "trials")? else {
+            return Err(StoreError::NotIngested { path }.into());
         };
-        let missing = TABLES.iter().filter(|(name, _)| !table_path(derived, name).exists());
+        let missing = TABLES.iter().filter(|(name, ..)| !table_path(derived, name).exists());
         let mut tables = Self {
             input: trials.input.clone(),
             trials: TrialRow::from_table(&trials)?,
@@ -79,7 +77,7 @@ impl Tables {
             bootstrap: optional(derived, reader, "bootstrap")?,
             robots: optional(derived, reader, "robot_parameters")?,
             missing: missing
-                .map(|(name, without)| format!("Table {name}.parquet is not there: {without}."))
+                .map(|(name, _, without)| format!("Table {name}.parquet is not there: {without}."))
                 .collect(),
         };
         tables.trials.sort_by(|a, b| {
@@ -98,7 +96,7 @@ impl Tables {
 
     pub fn source(&self, config: &ReportInput) -> Source<'_> {
         let sigma = config.sigma;
-        Source { trials: &self.trials, predictions: &self.predictions, sigma }
+        Source { trials: &self.trials, predictions: &self.predictions, fits: &self.fits, sigma }
     }
 
     /// Campaigns of the configuration and of the tables.
@@ -114,10 +112,28 @@ fn table_path(derived: &Path, name: &str) -> PathBuf {
     derived.join(format!("{name}.parquet"))
 }
 
+/// A table, if it is there.
+fn read(derived: &Path, reader: &Reader, name: &str) -> Result<Option<Table>, ReportError> {
+    let path = table_path(derived, name);
+    let table = match reader.table(&path) {
+        Err(error) if error.is_not_there() => return Ok(None),
+        table => table?,
+    };
+    let limit = TABLES.iter().find(|(known, ..)| *known == name).map(|(_, most, _)| *most);
+    match (table.len(), limit) {
+        (found, Some(most)) if found > most => {
+            let message = format!("found {found} rows, needed at most {most}");
+            Err(StoreError::Table { path, message }.into())
+        }
+        _ => Ok(Some(table)),
+    }
+}
+
 fn optional<R: Columns>(
     derived: &Path,
     reader: &Reader,
     name: &str,
 ) -> Result<Vec<R>, ReportError> {
-    Ok(reader.rows_if_there(&table_path(derived, name))?.unwrap_or_default())
+    let table = read(derived, reader, name)?;
+    Ok(table.map_or(Ok(Vec::new()), |table| R::from_table(&table))?)
 }

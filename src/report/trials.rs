@@ -10,7 +10,7 @@ use super::recording::Recording;
 use super::tables::Tables;
 use super::{ReportError, ReportInput, figures};
 use crate::store::{
-    Reader, Stamp, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path,
+    Reader, Stamp, StoreError, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path,
     write_if_changed,
 };
 
@@ -48,10 +48,14 @@ pub fn parts(
     stamp: impl Fn(&Path) -> Option<String>,
 ) -> BTreeMap<String, BTreeMap<String, String>> {
     let derived = &input.paths.derived;
+    let (mut checks, mut robots) =
+        (BTreeMap::<&str, Vec<_>>::new(), BTreeMap::<&str, Vec<_>>::new());
+    tables.checks.iter().for_each(|row| checks.entry(&row.trial).or_default().push(row));
+    tables.robots.iter().for_each(|row| robots.entry(&row.trial).or_default().push(row));
     let of_trial = |trial: &TrialRow| {
         let name = trial.trial.as_str();
-        let checks: Vec<_> = tables.checks.iter().filter(|row| row.trial == name).collect();
-        let robots: Vec<_> = tables.robots.iter().filter(|row| row.trial == name).collect();
+        let checks = checks.get(name).map_or(&[][..], Vec::as_slice);
+        let robots = robots.get(name).map_or(&[][..], Vec::as_slice);
         let robot = input.campaign_setup(&trial.campaign);
         let rows = format!("{trial:?} {checks:?} {robots:?} {robot:?}");
         let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
@@ -63,6 +67,24 @@ pub fn parts(
         Some((format!("{FOLDER}/{}", pages.get(name)?), parts))
     };
     first_of_each(tables).filter_map(of_trial).collect()
+}
+
+/// Sentences on tables of single trials that do not belong together.
+///
+/// # Errors
+/// A table is there and cannot be read.
+pub fn damaged(
+    input: &ReportInput,
+    tables: &Tables,
+    reader: &Reader,
+) -> Result<Vec<String>, StoreError> {
+    let trials = first_of_each(tables).filter(|trial| trial.status != TrialStatus::Failed);
+    let trials: Vec<&TrialRow> = trials.collect();
+    let of_trial = |trial: &TrialRow| {
+        let recording = Recording::read(&input.paths.derived, &trial.trial, reader)?;
+        Ok(recording.and_then(|recording| recording.problem))
+    };
+    trials.into_par_iter().filter_map(|trial| of_trial(trial).transpose()).collect()
 }
 
 /// Writes the pages but for those in `kept`. Gives what was written, by its path inside of

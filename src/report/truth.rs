@@ -131,6 +131,9 @@ pub struct Known<'t> {
     pub campaign: &'t str,
     pub parameter: FittedParameter,
     pub planted: f64,
+    /// Half the width of the interval that scatter alone gives; NaN where it is not known.
+    #[serde(skip)]
+    pub scatter: f64,
 }
 
 /// All coefficients of which the truth is known, by campaign.
@@ -141,8 +144,9 @@ pub fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
         known.extend(Parameter::ALL.into_iter().filter_map(|parameter| {
             let is_told = parameter != Parameter::RollSum || fit.free.contains(&parameter);
             let planted = planted.of(parameter).filter(|_| is_told)?;
+            let scatter = fit.scatter[parameter];
             let parameter = FittedParameter::of(fit, parameter);
-            Some(Known { campaign: &fit.campaign, parameter, planted })
+            Some(Known { campaign: &fit.campaign, parameter, planted, scatter })
         }));
     }
     known

@@ -23,9 +23,9 @@ impl Range {
         (self.low..=self.high).contains(&value)
     }
 
-    /// From the least of the finite values to the greatest.
+    /// From the least of the values that can be drawn to the greatest.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
-        values.into_iter().filter(|value| value.is_finite()).fold(None, |range, value| {
+        values.into_iter().filter(|value| value.abs() <= LARGEST).fold(None, |range, value| {
             let Self { low, high } = range.unwrap_or(Self { low: value, high: value });
             Some(Self { low: low.min(value), high: high.max(value) })
         })
@@ -55,6 +55,10 @@ const NEAR_ZERO: f64 = 0.5;
 const MARGIN: f64 = 0.05;
 /// Of the greatest value: smaller differences are not spread over the axis.
 const LEAST_SPAN: f64 = 1e-3;
+/// Farther from zero nothing is drawn, and with less between them values are one: beyond, spans
+/// and pixels are no numbers.
+const LARGEST: f64 = 1e100;
+const SMALLEST: f64 = 1e-100;
 
 /// An axis. Its coordinates are values, of a logarithmic one their decimal logarithms.
 #[derive(Debug, Clone)]
@@ -86,7 +90,7 @@ impl Axis {
         };
         let least = LEAST_SPAN * extent.high.abs();
         let span = match extent.span().max(least) {
-            0.0 => 1.0,
+            span if span < SMALLEST => 1.0,
             span => span,
         };
         let margin = MARGIN * span + 0.5 * (span - extent.span());
@@ -112,8 +116,12 @@ impl Axis {
             self.ticks = match self.is_logarithmic {
                 true => self.logarithmic_ticks(most),
                 false => {
-                    let Range { low, high } = self.range;
-                    RangedCoordf64::from(low..high).key_points(BoldPoints(most))
+                    // Plotters tells numbers apart to 2e-16, whatever their size.
+                    let unit = 10_f64.powf(self.range.span().log10().floor());
+                    let unit = if (1e-9..1e9).contains(&unit) { 1.0 } else { unit };
+                    let (low, high) = (self.range.low / unit, self.range.high / unit);
+                    let ticks = RangedCoordf64::from(low..high).key_points(BoldPoints(most));
+                    ticks.into_iter().map(|tick| unit * tick).collect()
                 }
             };
             if have_room(self) {
@@ -132,12 +140,18 @@ impl Axis {
             ticks.filter(|tick| self.range.contains(*tick)).collect()
         };
         let fine = within(&[1.0, 2.0, 5.0]);
-        if fine.len() <= most { fine } else { within(&[1.0]) }
+        let decades = if fine.len() <= most { fine } else { within(&[1.0]) };
+        let every = decades.len().div_ceil(most).max(1);
+        decades.into_iter().step_by(every).collect()
     }
 
-    /// A value in the axis' coordinates.
+    /// A value in the axis' coordinates; NaN if it cannot be drawn.
     pub fn scaled(&self, value: f64) -> f64 {
-        if self.is_logarithmic { value.log10() } else { value }
+        match value.abs() <= LARGEST {
+            true if self.is_logarithmic => value.log10(),
+            true => value,
+            false => f64::NAN,
+        }
     }
 }
 
@@ -164,7 +178,13 @@ impl ValueFormatter<f64> for Axis {
     fn format_ext(&self, tick: &f64) -> String {
         if self.is_logarithmic {
             let value: f64 = format!("{:.2e}", 10_f64.powf(*tick)).parse().unwrap_or(f64::NAN);
-            return value.to_string();
+            let is_short = (1e-6..1e7).contains(&value);
+            return if is_short { value.to_string() } else { format!("{value:e}") };
+        }
+        let largest = self.ticks.iter().fold(0.0, |largest: f64, tick| largest.max(tick.abs()));
+        if largest > 0.0 && !(1e-6..1e7).contains(&largest) {
+            let rounded: f64 = format!("{tick:.2e}").parse().unwrap_or(*tick);
+            return format!("{rounded:e}").replace('-', "\u{2212}");
         }
         let is_whole = |value: f64| (value - value.round()).abs() < 1e-6 * value.abs().max(1.0);
         let are_whole = |n: &i32| self.ticks.iter().all(|tick| is_whole(tick * 10_f64.powi(*n)));

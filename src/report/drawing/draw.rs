@@ -1,5 +1,7 @@
 //! Draws a figure.
 
+use std::collections::BTreeSet;
+
 use plotters::chart::ChartBuilder;
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::drawing::DrawingArea;
@@ -19,6 +21,10 @@ const LINK_WIDTH: f64 = 4.0;
 const ARROW_HEAD: f64 = 9.0;
 /// Of a bar, in units of the panel.
 const SPAN_HEIGHT: f64 = 0.28;
+/// Points of a layer that are all drawn, dashed if the line is; more have no room beside each other.
+const MOST: usize = 4000;
+/// What very many points are kept apart, px.
+const APART_AMONG_MANY: f64 = 2.0;
 /// Points of a curve nearer to each other than this cannot be told apart, px.
 const APART: f64 = 0.3;
 
@@ -56,7 +62,7 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     let frame = Frame { area: area_of_points, x: cell.x, y: cell.y, pixel };
     // Bands lie behind the mesh.
     let (bands, others): (Vec<&Layer>, Vec<_>) =
-        panel.layers.iter().partition(|layer| layer.look == Look::Band);
+        panel.layers.iter().partition(|layer| matches!(layer.look, Look::Band(_)));
     bands.into_iter().try_for_each(|layer| frame.draw(layer))?;
     let ink = stroke(style::INK, style::FRAME_WIDTH);
     chart
@@ -111,24 +117,31 @@ impl Frame<'_> {
             }
             Look::Dots(colour) => self.dots(&points, style::DOT_RADIUS, colour),
             Look::Marker { colour, shape, filled } => {
-                self.error_bars(&layer.points, colour)?;
+                self.error_bars(
+                    &layer.points,
+                    colour,
+                    (style::FRAME_WIDTH, style::ERROR_BAR_ENDS),
+                )?;
                 self.markers(&points, (colour, shape, filled))
             }
             Look::Rings => self.markers(&points, (style::INK, Shape::Circle, false)),
-            Look::Guides => points.into_iter().try_for_each(|at| {
+            Look::Guides => points.into_iter().take(MOST).try_for_each(|at| {
                 let ends = match at {
-                    (across, up) if up.is_nan() => [(across, y.low), (across, y.high)],
+                    (across, up) if up.is_nan() && x.contains(across) => {
+                        [(across, y.low), (across, y.high)]
+                    }
                     (_, up) if y.contains(up) => [(x.low, up), (x.high, up)],
                     _ => return Ok(()),
                 };
                 self.path(ends.into(), style::DASHES, stroke(style::INK, style::FRAME_WIDTH))
             }),
-            Look::Band => {
+            Look::Bars(colour) => self.error_bars(&layer.points, colour, (style::BAR_WIDTH, 0.0)),
+            Look::Band(colour) => {
                 let side = |nth: usize, open: f64| {
                     points.get(nth).map_or(open, |(x, _)| if x.is_finite() { *x } else { open })
                 };
                 let (from, to) = (side(0, x.low).max(x.low), side(1, x.high).min(x.high));
-                self.fill([(from, y.high), (to, y.low)], style::BAND)
+                self.fill([(from, y.high), (to, y.low)], colour)
             }
             Look::Spans(colour) => points.chunks_exact(2).try_for_each(|ends| {
                 let [(from, middle), (to, _)] = [ends[0], ends[1]];
@@ -138,7 +151,9 @@ impl Frame<'_> {
                 self.fill([(from, middle + half), (to, middle - half)], colour)
             }),
             Look::Links => {
-                self.path(points.clone(), style::SOLID, stroke(style::LINKS, LINK_WIDTH))?;
+                let known =
+                    points.iter().copied().filter(|at| self.shows(*at)).take(MOST).collect();
+                self.path(known, style::SOLID, stroke(style::LINKS, LINK_WIDTH))?;
                 self.dots(&points, LINK_WIDTH, style::LINKS)
             }
             Look::Arrow => self.arrow(&points, stroke(style::INK, style::LINE_WIDTH)),
@@ -152,7 +167,21 @@ impl Frame<'_> {
     fn curve(&self, points: &[(f64, f64)], colour: RGBColor, dash: Dash) -> Drawn {
         let apart = (APART * self.pixel.0, APART * self.pixel.1);
         let mut parts = visible(points, self.y.range, apart).into_iter();
-        parts.try_for_each(|part| self.path(part, dash, stroke(colour, style::LINE_WIDTH)))
+        parts.try_for_each(|part| {
+            let (part, dash) =
+                if part.len() > MOST { (extremes(&part), None) } else { (part, dash) };
+            self.path(part, dash, stroke(colour, style::LINE_WIDTH))
+        })
+    }
+
+    /// The points within the panel; of very many those that do not cover each other.
+    fn shown(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+        let mut taken = BTreeSet::new();
+        let cell = |at: f64, pixel: f64| (at / (APART_AMONG_MANY * pixel)).round() as i64;
+        let is_free = |(x, y): &(f64, f64)| {
+            points.len() <= MOST || taken.insert((cell(*x, self.pixel.0), cell(*y, self.pixel.1)))
+        };
+        points.iter().copied().filter(|at| self.shows(*at)).filter(is_free).collect()
     }
 
     fn shows(&self, (x, y): (f64, f64)) -> bool {
@@ -160,19 +189,19 @@ impl Frame<'_> {
     }
 
     fn dots(&self, points: &[(f64, f64)], radius: f64, colour: RGBColor) -> Drawn {
-        let mut shown = points.iter().filter(|at| self.shows(**at));
-        shown.try_for_each(|at| self.area.draw(&Circle::new(*at, units(radius), colour.filled())))
+        let dot = |at| self.area.draw(&Circle::new(at, units(radius), colour.filled()));
+        self.shown(points).into_iter().try_for_each(dot)
     }
 
     fn markers(&self, points: &[(f64, f64)], marker: (RGBColor, Shape, bool)) -> Drawn {
-        let mut shown = points.iter().filter(|at| self.shows(**at));
-        shown.try_for_each(|at| draw_marker(&self.area, *at, marker))
+        let mut shown = self.shown(points).into_iter();
+        shown.try_for_each(|at| draw_marker(&self.area, at, marker))
     }
 
-    fn error_bars(&self, points: &[Point], colour: RGBColor) -> Drawn {
-        let (ends, stroke) =
-            (units(style::ERROR_BAR_ENDS) as u32, stroke(colour, style::FRAME_WIDTH));
-        let has_bar = |point: &&Point| point.error.is_finite() && self.shows(self.at(point));
+    fn error_bars(&self, points: &[Point], colour: RGBColor, (width, ends): (f64, f64)) -> Drawn {
+        let (ends, stroke) = (units(ends) as u32, stroke(colour, width));
+        let has_bar = |point: &&Point| point.error > 0.0 && self.shows(self.at(point));
+        let points = &points[..points.len().min(MOST)];
         points.iter().filter(has_bar).try_for_each(|point| {
             let (x, y) = self.at(point);
             let low = self.y.scaled(point.y - point.error).max(self.y.range.low);
@@ -182,7 +211,11 @@ impl Frame<'_> {
     }
 
     fn fill(&self, corners: [(f64, f64); 2], colour: RGBColor) -> Drawn {
-        self.area.draw(&Rectangle::new(corners, colour.filled()))
+        let is_known = corners.iter().all(|(x, y)| x.is_finite() && y.is_finite());
+        match is_known {
+            true => self.area.draw(&Rectangle::new(corners, colour.filled())),
+            false => Ok(()),
+        }
     }
 
     /// An arrow, which plotters does not have, between two points of axes with equal units.
@@ -221,6 +254,23 @@ fn clip(line: &[(f64, f64)], range: Range) -> Vec<Vec<(f64, f64)>> {
     }
     let parts = cut.split(|(_, y)| !range.contains(*y));
     parts.filter(|part| part.len() > 1).map(<[(f64, f64)]>::to_vec).collect()
+}
+
+/// The first point and the least and the greatest values of each of so many parts of a line that
+/// [`MOST`] points are left.
+fn extremes(line: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut left = Vec::new();
+    for part in line.chunks(line.len().div_ceil(MOST / 5).max(1)) {
+        let by = |of: fn(&(f64, f64)) -> f64| {
+            let indices = 0..part.len();
+            let order = |a: &usize, b: &usize| of(&part[*a]).total_cmp(&of(&part[*b]));
+            [indices.clone().min_by(order), indices.max_by(order)]
+        };
+        let kept = [by(|at| at.0), by(|at| at.1)].into_iter().flatten().flatten();
+        let kept: BTreeSet<usize> = kept.chain([0]).collect();
+        left.extend(kept.into_iter().map(|i| part[i]));
+    }
+    left
 }
 
 /// The line without points that are near to the one before, but for its end.

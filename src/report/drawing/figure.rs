@@ -101,7 +101,7 @@ impl Layer {
             _ => false,
         };
         let has_bar = matches!(self.look, Look::Marker { .. })
-            && self.points.iter().any(|point| point.error.is_finite());
+            && self.points.iter().any(|point| point.error > 0.0 && point.error.is_finite());
         is_named.then(|| Sample { label: self.name.clone(), look: self.look, has_bar })
     }
 }

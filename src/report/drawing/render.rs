@@ -16,6 +16,8 @@ use crate::report::ReportError;
 
 /// Pixels of the PNG per px of the figure: 1380 across, 394 dots per inch in a column.
 const PNG_SCALE: f32 = 3.0;
+/// Figures of very many panels are coarser.
+const MOST_PIXELS: f32 = 2e7;
 const COLUMN_WIDTH_M: f64 = 0.0889;
 
 /// Width and height of a figure, px.
@@ -36,6 +38,9 @@ pub fn svg(figure: &Figure) -> Result<String, ReportError> {
     let backend = SVGBackend::with_string(&mut drawing, (fine_width as u32, fine_height as u32));
     draw::draw(grid, &backend.into_drawing_area()).map_err(|error| draw_error(figure, error))?;
     let body = drawing.split_once('\n').map_or("", |(_, body)| body);
+    // Names can have characters that XML cannot.
+    let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
+    let body = body.replace(|c| !is_text(c), "\u{fffd}");
     let font = BASE64.encode(style::ROBOTO);
     Ok(format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
@@ -66,10 +71,12 @@ fn rasterise(svg: &str) -> Result<Vec<u8>, String> {
     });
     let options = usvg::Options { fontdb: Arc::clone(&FONTS), ..usvg::Options::default() };
     let tree = usvg::Tree::from_str(svg, &options).map_err(|error| error.to_string())?;
-    let [width, height] = [tree.size().width(), tree.size().height()]
-        .map(|length| (length * PNG_SCALE).round() as u32);
+    let area = tree.size().width() * tree.size().height();
+    let scale = PNG_SCALE.min((MOST_PIXELS / area).sqrt());
+    let [width, height] =
+        [tree.size().width(), tree.size().height()].map(|length| (length * scale).round() as u32);
     let mut pixels = Pixmap::new(width, height).ok_or("it has no size")?;
-    resvg::render(&tree, Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
+    resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
     let png = pixels.encode_png().map_err(|error| error.to_string())?;
     Ok(with_resolution(&png, (f64::from(width) / COLUMN_WIDTH_M).round() as u32))
 }
@@ -87,6 +94,7 @@ fn with_resolution(png: &[u8], per_metre: u32) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::drawing::{Layer, Layout, Look, Panel, Scale};
 
     #[test]
     fn the_font_has_the_signs_of_the_figures() {
@@ -104,5 +112,82 @@ mod tests {
             let sign_png = png(sign);
             assert!(sign_png != nothing && sign_png != missing, "{sign}");
         }
+    }
+
+    const LOOKS: [Look; 10] = [
+        Look::Line { colour: style::INK, dash: style::DASHES },
+        Look::Line { colour: style::INK, dash: style::SOLID },
+        Look::Marker { colour: style::INK, shape: style::Shape::Square, filled: false },
+        Look::Dotted(style::INK),
+        Look::Dots(style::INK),
+        Look::Rings,
+        Look::Guides,
+        Look::Spans(style::INK),
+        Look::Links,
+        Look::Arrow,
+    ];
+    const SCALES: [Scale; 4] = [Scale::Linear, Scale::FromZero, Scale::Equal, Scale::Decades];
+
+    fn drawn(points: &[(f64, f64, f64)], look: Look, scale: Scale) -> String {
+        let layers = vec![Layer::with_errors("a", points.iter().copied(), look)];
+        let panel = Panel { x_scale: scale, y_scale: scale, ..Panel::new("", "x", "y", layers) };
+        let figure = Figure::new("any", "", "", &[], Layout::Grid, vec![panel]);
+        svg(&figure).expect("is drawn")
+    }
+
+    #[test]
+    fn any_numbers_are_drawn_in_little_time_and_space() {
+        let hostile = [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::MAX,
+            f64::MIN,
+            1e150,
+            1e99,
+            f64::MIN_POSITIVE,
+            5e-324,
+            0.0,
+            -1.0,
+            1e9,
+        ];
+        let empty = drawn(&[], Look::Rings, Scale::Linear).len();
+        for look in LOOKS {
+            for scale in SCALES {
+                for (nth, value) in hostile.into_iter().enumerate() {
+                    let other = hostile[(nth + 5) % hostile.len()];
+                    let points = [(1.0, 2.0, 0.1), (value, 3.0, other), (other, value, value)];
+                    for points in [&points[..], &points[1..], &points[2..]] {
+                        let size = drawn(points, look, scale).len();
+                        assert!(
+                            size < empty + 40_000,
+                            "{look:?} {scale:?} {points:?}: {size} bytes"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn very_many_points_are_drawn_as_far_as_they_have_room() {
+        let point = |i: i32| (f64::from(i), (0.7 * f64::from(i).powi(2)).sin(), 0.1);
+        let points: Vec<(f64, f64, f64)> = (0..200_000).map(point).collect();
+        let empty = drawn(&[], Look::Rings, Scale::Linear).len();
+        for look in LOOKS {
+            let size = drawn(&points, look, Scale::Linear).len();
+            let most = if matches!(look, Look::Guides | Look::Spans(_)) { 40 } else { 4 };
+            assert!(size < empty + most * 1_000_000, "{look:?}: {size} bytes");
+        }
+    }
+
+    #[test]
+    fn names_that_xml_cannot_have_are_still_drawn() {
+        let layers = vec![Layer::new("\u{1b}[31m\u{0}", [(1.0, 2.0)], LOOKS[0])];
+        let panel = Panel::new("a\u{1}\u{ffff}b<&", "\r\n\t", "", layers);
+        let figure = Figure::new("any", "", "", &[], Layout::Grid, vec![panel]);
+        let svg = svg(&figure).expect("is drawn");
+        assert!(svg.contains("a\u{fffd}\u{fffd}b&lt;&amp;"));
+        assert!(png(&figure, &svg).expect("is well formed").starts_with(b"\x89PNG"));
     }
 }

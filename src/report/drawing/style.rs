@@ -9,8 +9,9 @@ use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyl
 /// Text, frames and measurements.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
 pub const GRID: RGBColor = RGBColor(226, 226, 226);
-/// An interval behind a line.
+/// An interval behind a line, and a part of it.
 pub const BAND: RGBColor = RGBColor(232, 240, 246);
+pub const INNER_BAND: RGBColor = RGBColor(206, 223, 236);
 pub const PAPER: RGBColor = RGBColor(255, 255, 255);
 /// The robot's links on a map.
 pub const LINKS: RGBColor = RGBColor(110, 110, 110);
@@ -21,6 +22,8 @@ pub const WIDTH: f64 = 460.0;
 pub const WIDE: f64 = 644.0;
 pub const LINE_WIDTH: f64 = 1.6;
 pub const FRAME_WIDTH: f64 = 1.0;
+/// Width of a part of an error bar, px.
+pub const BAR_WIDTH: f64 = 3.0;
 pub const MARKER_RADIUS: f64 = 3.6;
 /// Width of an error bar's ends, px.
 pub const ERROR_BAR_ENDS: f64 = 6.4;
@@ -105,7 +108,9 @@ pub enum Look {
     Guides,
     /// A shaded interval of the horizontal axis from the first point to the second; a side that
     /// is not known is the panel's.
-    Band,
+    Band(RGBColor),
+    /// Thick error bars alone.
+    Bars(RGBColor),
     /// Bars from every other point to the next, which the legend names if they have a name.
     Spans(RGBColor),
     /// The robot's links, joined.

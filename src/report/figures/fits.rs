@@ -1,7 +1,7 @@
 //! How the searches ended, how the objective depends on each coefficient, and how the
 //! coefficients of the bootstrap's replicates go together.
 
-use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale, style};
 use crate::report::looks;
 use crate::report::parameters::FittedParameter;
 use crate::report::tables::Tables;
@@ -32,8 +32,8 @@ pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> [Figure; 3] {
             1,
             "Profiles",
             "Objective J with one coefficient held and the others fitted. Open circle: the fit. \
-             Dashed: the limit that resampled measurements give. Shaded: the 95 % interval; where \
-             it goes on to the panel's side it is open.",
+             Dashed: the limit that resampled measurements give. Shaded: the 95 % interval, darker \
+             what scatter alone gives; where it goes on to the panel's side it is open.",
             fits.iter().flat_map(|fit| profiles(fit, tables)).collect(),
         ),
         figure(
@@ -66,17 +66,24 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         let points = of_parameter.clone().map(|row| (row.value, row.j));
         let limit_j = of_parameter.clone().next()?.limit_j;
         let parameter = FittedParameter::of(fit, *held);
-        let [from, to] = parameter.limits;
         let rise = limit_j - fit.j;
-        let interval = [(from, f64::NAN), (to, f64::NAN)];
-        let interval = Layer::new("95 % interval", interval, Look::Band);
-        let layers = [
+        let band = |name, [from, to]: [f64; 2], colour| {
+            Layer::new(name, [(from, f64::NAN), (to, f64::NAN)], Look::Band(colour))
+        };
+        let (value, scatter) = (parameter.value, fit.scatter[*held]);
+        let mut layers = Vec::new();
+        if fit.no_interval.is_empty() {
+            layers.push(band("95 % interval", parameter.limits, style::BAND));
+        }
+        if scatter > 0.0 {
+            let part = [value - scatter, value + scatter];
+            layers.push(band("scatter", part, style::INNER_BAND));
+        }
+        layers.extend([
             Layer::new("profile", points, Look::Dotted(looks::model_colour(fit.model))),
             Layer::new("limit", [(f64::NAN, limit_j)], Look::Guides),
-            Layer::new("fit", [(parameter.value, fit.j)], Look::Rings),
-        ];
-        let interval = fit.no_interval.is_empty().then_some(interval);
-        let layers = interval.into_iter().chain(layers).collect();
+            Layer::new("fit", [(value, fit.j)], Look::Rings),
+        ]);
         Some(Panel {
             shown: Some(Range { low: f64::NEG_INFINITY, high: fit.j + 2.5 * rise }),
             ..decades(fit, &label(*held), "J", layers)

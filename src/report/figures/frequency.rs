@@ -6,8 +6,8 @@ use crate::config::SigmaKind;
 use crate::csv::field as csv_field;
 use crate::motion::Model;
 use crate::report::drawing::{Figure, Layout, Panel, Range, Scale};
-use crate::report::plotted;
 use crate::report::series::{Quantity, Series, Source};
+use crate::report::{numbers, plotted};
 
 /// A model further above the measurements than this would flatten them.
 const FARTHEST_MODEL: f64 = 1.5;
@@ -35,7 +35,8 @@ pub fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
         let measured = source.measured(campaign, quantity, 0);
         (quantity, measured.into_iter().chain(models.iter().filter_map(model)).collect())
     });
-    let mut caption = format!("{BARS} Lines: the fitted models under the commanded gait.");
+    let input = source.gait_input(&[campaign]);
+    let mut caption = format!("{BARS} Lines: the fitted models under the {input}.");
     let mut shown = plots.iter().flat_map(|(_, series)| series);
     if shown.any(|series| series.model == Some(Model::NoSkidMeasured)) {
         caption.push_str(" Open circles: no-skid under each trial's measured gait.");
@@ -65,11 +66,12 @@ pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
     };
     let caption = format!(
         "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω{}. {BARS} Lines: the fitted \
-         model {SHARED_MODEL}.",
+         model {SHARED_MODEL} under the {}.",
         match source.sigma {
             SigmaKind::Raw => ", the markers' noise included",
             SigmaKind::Debiased => ", without the noise power",
-        }
+        },
+        source.gait_input(campaigns)
     );
     figure(stem, title, caption, campaigns, &plots)
 }
@@ -121,7 +123,7 @@ fn panel((quantity, series): &Plot) -> Panel {
         let highest = ceiling.and(above.reduce(f64::max))?;
         let digits = usize::from(highest < 100.0) + 2 * usize::from(highest < 1.0);
         let (name, unit) = (&series.layer.name, description.unit);
-        Some(format!("{name} above, up to {highest:.digits$}{unit}"))
+        Some(format!("{name} above, up to {}{unit}", numbers::fixed(highest, digits)))
     };
     let beyond: Vec<String> = modelled.iter().filter_map(beyond).collect();
     let layers = modelled.into_iter().chain(measured).map(|series| series.layer.clone());

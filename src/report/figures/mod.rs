@@ -19,6 +19,7 @@ use super::tables::Tables;
 use super::truth::Truth;
 use crate::report::ReportInput;
 use crate::report::series::{Quantity, Source};
+use crate::report::simulated;
 use crate::store::{Reader, StoreError, TrialRow};
 use crate::trial::TrialKind;
 
@@ -36,6 +37,9 @@ pub const PAPER_STEMS: [&str; 17] = [
 /// The figure of planted truth, and that of the actuators' work.
 pub const TRUTH: &str = "truth";
 const WORK: &str = "work";
+
+/// A figure of more panels would not fit into a picture.
+const MOST_PANELS: usize = 100;
 
 /// Frequency of the trials that the paper shows moment by moment, rad/s.
 const SHOWN_RAD_S: f64 = 3.9;
@@ -110,10 +114,17 @@ pub fn figures(
     }
     found.figures.push(work::figure(WORK, tables, config));
     found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, source)));
-    found.figures.retain(|figure| !figure.is_empty());
-    for figure in &mut found.figures {
+    let Figures { figures, missing } = &mut found;
+    figures.retain(|figure| !figure.is_empty());
+    for figure in figures.iter_mut() {
         figure.number = number(&figure.stem);
     }
+    figures.retain(|Figure { stem, panels, .. }| {
+        let is_drawn = panels.len() <= MOST_PANELS;
+        let why = format!("found {} panels, needed at most {MOST_PANELS}", panels.len());
+        missing.extend((!is_drawn).then(|| format!("Figure {stem} is not drawn: {why}.")));
+        is_drawn
+    });
     Ok(found)
 }
 
@@ -179,7 +190,9 @@ fn tracked(
     found: &mut Figures,
 ) -> Result<(), StoreError> {
     let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
-    let measured = source.measured_trials(campaign).filter(|trial| trial.omega_rad_s.is_finite());
+    let measured = source
+        .measured_trials(campaign)
+        .filter(|trial| simulated::OMEGAS_RAD_S.contains(&trial.omega_rad_s));
     let nearest =
         measured.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.trial.cmp(&b.trial)));
     let Some(trial) = nearest else { return Ok(()) };

@@ -6,7 +6,7 @@ use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use crate::report::looks;
 use crate::report::series::{BAR_STANDARD_ERRORS, Quantity, Source};
 use crate::report::tables::Tables;
-use crate::report::truth::{self, Truth};
+use crate::report::truth::{self, Known, Truth};
 use crate::store::TrialRow;
 
 /// The figure; empty without trials and coefficients of which the truth is known.
@@ -18,8 +18,8 @@ pub fn figure(stem: &str, truth: &Truth, tables: &Tables, source: Source<'_>) ->
     Figure::new(
         stem,
         "Planted and recovered",
-        "Coefficients: fitted skid-roll model against what was planted, with 95 % intervals; a \
-         point on the line is right. The others: measured less planted, in parts of the latter, \
+        "Coefficients: fitted skid-roll model against what was planted, with 95 % intervals, thick \
+         what scatter alone gives; a point on the line is right. The others: measured less planted, in parts of the latter, \
          with bars of 1.96 standard errors.",
         &super::campaigns_of(source),
         Layout::Grid,
@@ -40,15 +40,22 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
         return Panel::default();
     };
     let planted = Layer::new("planted", [(low, low), (high, high)], looks::COMMANDED);
-    let layers = campaigns.iter().enumerate().map(|(nth, campaign)| {
+    let mut layers = vec![planted];
+    for (nth, campaign) in campaigns.iter().enumerate() {
         let of_campaign = known.iter().filter(|known| known.campaign == *campaign);
+        let point = |known: &&Known, half| (known.planted, known.parameter.value, half);
+        let parts = of_campaign.clone().filter(|known| known.scatter > 0.0);
+        let parts: Vec<_> = parts.map(|known| point(&known, known.scatter)).collect();
+        if !parts.is_empty() {
+            let look = Look::Bars(looks::component_colour(nth));
+            layers.push(Layer::with_errors(&format!("{campaign}, scatter"), parts, look));
+        }
         let points = of_campaign.map(|known| {
-            let half = 0.5 * (known.parameter.limits[1] - known.parameter.limits[0]);
-            (known.planted, known.parameter.value, half)
+            let [low, high] = known.parameter.limits;
+            point(&known, 0.5 * (high - low))
         });
-        Layer::with_errors(campaign, points, looks::campaign(nth))
-    });
-    let layers = [planted].into_iter().chain(layers).collect();
+        layers.push(Layer::with_errors(campaign, points, looks::campaign(nth)));
+    }
     Panel {
         x_scale: Scale::Decades,
         y_scale: Scale::Decades,

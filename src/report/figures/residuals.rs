@@ -5,6 +5,7 @@ use crate::metrics::Estimate;
 use crate::motion::{Model, MotionStatus};
 use crate::report::drawing::{Figure, Layer, Layout, Panel, Range};
 use crate::report::looks;
+use crate::report::numbers::fixed;
 use crate::report::series::{BAR_STANDARD_ERRORS, Quantity, Source};
 use crate::store::{PredictionRow, PredictionSource, TrialRow};
 
@@ -32,10 +33,13 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Option<Panel
         .measured_trials(campaign)
         .filter(|trial| quantity.of_trial(trial, source.sigma).value.is_finite())
         .collect();
+    let mut by_omega = trials.clone();
+    by_omega.retain(|trial| trial.omega_rad_s.is_finite());
+    by_omega.sort_by(|a, b| a.omega_rad_s.total_cmp(&b.omega_rad_s));
     let missed = |model: Model| {
         let rows = source.predicted(campaign, model, PredictionSource::Trial);
         let point = |row: &PredictionRow| {
-            let measured = quantity.of_trial(nearest(&trials, row)?, source.sigma).value;
+            let measured = quantity.of_trial(nearest(&by_omega, row)?, source.sigma).value;
             let residual = quantity.of(&row.metrics) / measured - 1.0;
             Some((row.omega_rad_s, 100.0 * residual))
         };
@@ -52,11 +56,11 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Option<Panel
     let farthest = Range::of(residuals.iter().map(|(_, _, farthest)| *farthest))?;
     let limit = (FARTHEST * farthest.low).max(LEAST);
     let beyond: Vec<_> = residuals.iter().filter(|(_, _, farthest)| *farthest > limit).collect();
-    let most = farthest.high;
+    let most = fixed(farthest.high, 0);
     let beyond = match beyond.as_slice() {
         [] => String::new(),
-        [(model, ..)] => format!("{model}: to {most:.0} %"),
-        several => format!("{} models: to {most:.0} %", several.len()),
+        [(model, ..)] => format!("{model}: to {most} %"),
+        several => format!("{} models: to {most} %", several.len()),
     };
     let errors = trials.iter().filter_map(|trial| {
         let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
@@ -76,11 +80,16 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Option<Panel
     })
 }
 
-/// The trial that a prediction is of: the one nearest to its frequency, which is that of a trial.
+/// The trial that a prediction is of: of those by rising frequency the first of the nearest to its
+/// frequency, which is that of a trial.
 fn nearest<'t>(trials: &[&'t TrialRow], row: &PredictionRow) -> Option<&'t TrialRow> {
     /// Parts of the frequency.
     const SAME: f64 = 2e-3;
     let distance = |trial: &TrialRow| (trial.omega_rad_s - row.omega_rad_s).abs();
-    let nearest = trials.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+    let above = trials.partition_point(|trial| trial.omega_rad_s < row.omega_rad_s);
+    let below = trials[..above].last().map_or(0.0, |trial| trial.omega_rad_s);
+    let below = trials[..above].partition_point(|trial| trial.omega_rad_s < below);
+    let around = [trials.get(below), trials.get(above)].into_iter().flatten().copied();
+    let nearest = around.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
     (distance(nearest) < SAME * row.omega_rad_s).then_some(nearest)
 }

@@ -106,8 +106,9 @@ fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
     let spans: Vec<(f64, f64)> =
         used.map(|cycle| (cycle.start_s, cycle.start_s + period_s)).collect();
     let Some((_, mut end_s)) = spans.first().copied() else { return Vec::new() };
-    let band =
-        |from_s, to_s| Layer::new("not in use", [(from_s, f64::NAN), (to_s, f64::NAN)], Look::Band);
+    let band = |from_s, to_s| {
+        Layer::new("not in use", [(from_s, f64::NAN), (to_s, f64::NAN)], Look::Band(style::BAND))
+    };
     let mut bands = vec![band(f64::NAN, spans[0].0)];
     for (from_s, to_s) in &spans[1..] {
         // Cycles that follow one another meet but for rounding.

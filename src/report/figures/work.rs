@@ -13,8 +13,9 @@ use crate::report::simulated;
 use crate::report::tables::Tables;
 use crate::store::{FitRow, PredictionSource};
 
-/// Every so many of the curves' frequencies.
+/// Every so many of the curves' frequencies, and of very many so many.
 const STRIDE: usize = 2;
+const MOST: usize = 100;
 
 /// One panel for each campaign that has a fitted model.
 pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
@@ -47,12 +48,15 @@ pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
 /// Frequency and work of a fitted model, broken where it has no stable motion.
 fn curve(fit: &FitRow, tables: &Tables, config: &ReportInput) -> Vec<(f64, f64)> {
     let curve = tables.source(config).predicted(&fit.campaign, fit.model, PredictionSource::Curve);
-    let mut omegas: Vec<f64> = curve.map(|row| row.omega_rad_s).collect();
+    let omegas = curve.map(|row| row.omega_rad_s);
+    let mut omegas: Vec<f64> =
+        omegas.filter(|omega| simulated::OMEGAS_RAD_S.contains(omega)).collect();
     omegas.sort_by(f64::total_cmp);
     let point = |omega_rad_s: f64| {
         let work_j_m = simulated::fitted(config, fit, omega_rad_s)
             .and_then(|problem| simulated::work_j_m(&mut Solver::default(), &problem));
         (omega_rad_s, work_j_m.unwrap_or(f64::NAN))
     };
-    omegas.into_par_iter().step_by(STRIDE).map(point).collect()
+    let stride = STRIDE.max(omegas.len().div_ceil(MOST));
+    omegas.into_par_iter().step_by(stride).map(point).collect()
 }

@@ -1,6 +1,7 @@
 //! The whole report from made-up tables.
 
 mod browser;
+mod hostile;
 pub(super) mod made_up;
 mod recording;
 
@@ -460,6 +461,42 @@ fn a_report_to_look_at() {
     std::fs::write(folder.join("raw/truth.json"), made_up::truth()).expect("writes");
     let message = "kinematic-skewed-3.00-r2.csv, line 6: found `abc`, needed a number";
     reported(&made_up::with_trouble(MadeUp::of_the_paper(), message), folder);
+}
+
+#[test]
+fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
+    let mut tables = MadeUp::of_the_paper();
+    for fit in tables.fits.iter_mut().filter(|fit| fit.campaign == SKEWED) {
+        fit.gait_input = crate::config::GaitInput::Measured;
+        fit.adequate = Some(fit.model != Model::SkidRoll);
+        fit.scatter = crate::robot::ByParameter::from_fn(|of| 0.02 * fit.parameters[of]);
+        if fit.model == Model::SkidRoll {
+            fit.no_interval = "the model does not fit".to_owned();
+        }
+    }
+    let folder = temporary();
+    tables.write(&folder.path().join("derived"));
+    let input = ReportInput::new(&config(folder.path()));
+    let content = Content::read(&input, Reader::default()).expect("reads");
+    let figure = |stem: &str| {
+        let mut figures = content.figures.iter().filter(|figure| figure.stem == stem);
+        figures.next().unwrap_or_else(|| panic!("{stem}"))
+    };
+    let fig16 = figure("fig16");
+    assert!(fig16.caption.contains("under the measured gait."), "{}", fig16.caption);
+    assert!(figure("fig17").caption.contains("under the commanded gait."));
+    assert!(figure("fig19").caption.contains("commanded gait of some and the measured one"));
+    let names: Vec<&str> = fig16.panels[0].layers.iter().map(|layer| &*layer.name).collect();
+    assert!(names.contains(&"skid-roll (does not fit)") && names.contains(&"skid"), "{names:?}");
+    assert!(plotted::csv(fig16).contains(",skid-roll,model,"));
+    let profiles = figure(&format!("{SKEWED}-profiles"));
+    let bands = |model: &str| {
+        let panels = profiles.panels.iter().filter(|panel| panel.title == model);
+        let layers = panels.flat_map(|panel| &panel.layers).map(|layer| layer.name.as_str());
+        ["95 % interval", "scatter"].map(|name| layers.clone().filter(|of| *of == name).count())
+    };
+    assert_eq!(bands("skid"), [3, 3]);
+    assert_eq!(bands("skid-roll"), [0, 3]);
 }
 
 #[test]

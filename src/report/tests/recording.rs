@@ -30,6 +30,7 @@ pub fn write(derived: &Path, trial: &TrialRow) {
     let numbers =
         |name: &str, of: &dyn Fn(usize) -> f64| numbers(name, (0..frames).map(of).collect());
     let poses = Table::new(vec![
+        frame(frames),
         numbers("time_s", &|i| i as f64 / RATE_HZ),
         numbers("x_m", &|i| if (300..340).contains(&i) { f64::NAN } else { along(i) }),
         numbers("y_m", &|i| 0.02 * phase(i).sin()),
@@ -67,6 +68,7 @@ pub fn write_release(derived: &Path, trial: &str) {
         |name: &str, of: &dyn Fn(usize) -> f64| numbers(name, (0..frames).map(of).collect());
     let nothing = |name: &str| numbers(name, &|_| 0.0);
     let poses = Table::new(vec![
+        frame(frames),
         numbers("time_s", &|i| i as f64 / RATE_HZ),
         nothing("x_m"),
         nothing("y_m"),
@@ -84,11 +86,18 @@ pub fn write_release(derived: &Path, trial: &str) {
     save(&wheels(frames, &|_| 0.0), &wheels_path(derived, trial));
 }
 
-fn wheels(frames: usize, of: &dyn Fn(usize) -> f64) -> Table {
+pub fn wheels(frames: usize, of: &dyn Fn(usize) -> f64) -> Table {
     let names = ["roll0_m_s", "roll1_m_s", "roll2_m_s", "skid0_m_s", "skid1_m_s", "skid2_m_s"];
-    Table::new(names.map(|name| numbers(name, (0..frames).map(of).collect())).into())
+    let time_s = numbers("time_s", (0..frames).map(|i| i as f64 / RATE_HZ).collect());
+    let mut columns = vec![frame(frames), time_s];
+    columns.extend(names.map(|name| numbers(name, (0..frames).map(of).collect())));
+    Table::new(columns)
 }
 
-fn save(table: &Table, path: &Path) {
+fn frame(frames: usize) -> polars::prelude::Column {
+    polars::prelude::Column::new("frame".into(), (0..frames as i64).collect::<Vec<_>>())
+}
+
+pub fn save(table: &Table, path: &Path) {
     table.write(path, &Provenance { input: "made up".to_owned() }).expect("writes");
 }
