@@ -80,12 +80,12 @@ impl FolderInput {
             };
             let measured = row.gait.map(|joint| joint.command());
             let commanded = |gait: &crate::robot::Gait| gait.joints.iter().flatten().count();
-            let is_own = off_deg(measured, &own) <= GAIT_TOLERANCE_DEG;
-            let follows = |(_, gait): &(&String, crate::robot::Gait)| {
-                // A joint that follows no command may do as another campaign's by chance.
-                let says_more = commanded(gait) > commanded(&own);
-                off_deg(measured, gait) <= FOLLOWED_DEG && if is_own { says_more } else { true }
-            };
+            // A passive joint may do by chance what another campaign commands.
+            if off_deg(measured, &own) <= GAIT_TOLERANCE_DEG {
+                continue;
+            }
+            let follows =
+                |(_, gait): &(&String, crate::robot::Gait)| off_deg(measured, gait) <= FOLLOWED_DEG;
             let all = self.gaits.iter().map(|(name, gait)| (name, gait.to_gait()));
             let followed: Vec<_> = all.filter(follows).collect();
             let most = followed.iter().map(|(_, gait)| commanded(gait)).max().unwrap_or(0);
