@@ -247,6 +247,7 @@ fn process_recording(
             driven,
             tracked: &tracked,
             raw_wheels: &wheel_velocities(robot, &tracked.filled, rate_hz),
+            rate_hz,
             smooth: &smooth,
             wheels: &wheels,
         };

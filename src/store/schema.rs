@@ -57,7 +57,7 @@ rows! {
         /// Means over the cycles, and their standard errors.
         pub metrics: GaitMetrics,
         pub metrics_se: GaitMetrics as "{}_se" after "{}",
-        /// Skid ratios without the part that differs from cycle to cycle.
+        /// Skid ratios without what the markers' noise makes of them.
         pub sigma_debiased: [Estimate; 3] as "sigma{}_debiased{}" after "sigma2_se",
         /// Measured gait of the joints.
         pub gait: [JointGait; 2] as "phi{}_{}",

@@ -1,74 +1,66 @@
-//! Means over cycles and what they are worth.
+//! Means over cycles and what they are worth. 95 % of what is measured lies within 1.96 standard
+//! errors of the truth.
 
-use super::measure::Cycle;
-use crate::stats::{self, Estimate};
+use crate::stats::{Estimate, mean};
 
-/// How far the correlation of neighbouring cycles may change the variance of a mean: its
-/// estimate from a few cycles is rough, so a large gain is not believed.
-const VARIANCE_FACTORS: (f64, f64) = (0.5, 3.0);
+/// How far the correlation of neighbouring cycles may raise the variance of a mean: its estimate
+/// from a few cycles is rough.
+const LARGEST_FACTOR: f64 = 3.0;
 
-/// Mean over cycles; `cycles` are their numbers. Neighbours share an end point, so their
-/// covariance goes into the standard error.
-pub fn mean(values: &[f64], cycles: &[usize]) -> Estimate {
+/// Mean over cycles that have nothing in common.
+pub fn mean_of(values: &[f64]) -> Estimate {
+    let (value, variance) = moments(values);
     let n = values.len() as f64;
-    let value = values.iter().sum::<f64>() / n;
-    let products = |pairs: &mut dyn Iterator<Item = (f64, f64)>| -> f64 {
-        pairs.map(|(a, b)| (a - value) * (b - value)).sum()
-    };
-    let squares = products(&mut values.iter().map(|&x| (x, x)));
-    let neighbours = (1..values.len())
-        .filter(|&i| cycles[i] == cycles[i - 1] + 1)
-        .map(|i| (values[i - 1], values[i]));
-    let covariance = products(&mut { neighbours });
-    let factor = if squares > 0.0 { 1.0 + 2.0 * covariance / squares } else { 1.0 };
-    let factor = factor.clamp(VARIANCE_FACTORS.0, VARIANCE_FACTORS.1);
-    Estimate { value, se: (squares / (n - 1.0) / n * factor).sqrt() }
+    Estimate { value, se: student(n - 1.0) * (variance / n).sqrt() }
 }
 
-/// RMS skid velocity (m/s) of what all cycles have in common. With n cycles, the power of
-/// their mean is the common power plus the noise's over n, and the mean of their powers the
-/// common power plus the noise's; the two give both. The standard error is the jackknife's
-/// over cycles, widened to the standard deviation of Student's distribution: from a few cycles
-/// it is itself uncertain.
-pub fn common_skid(cycles: &[&Cycle], wheel: usize) -> Estimate {
-    let skid: Vec<&[f64]> = cycles.iter().map(|cycle| cycle.skid_m_s[wheel].as_slice()).collect();
-    let n = skid.len();
-    let mut total = vec![0.0; skid.first().map_or(0, |components| components.len())];
-    let mut powers = Vec::with_capacity(n);
-    for components in &skid {
-        total.iter_mut().zip(*components).for_each(|(sum, v)| *sum += v);
-        powers.push(components.iter().map(|v| v * v).sum::<f64>());
-    }
-    let all_power: f64 = powers.iter().sum();
-    let common = |without: Option<usize>| -> f64 {
-        let count = n as f64 - f64::from(u8::from(without.is_some()));
-        let left_out = |i: usize| without.map_or(0.0, |k| skid[k][i]);
-        let mean_power: f64 =
-            total.iter().enumerate().map(|(i, sum)| ((sum - left_out(i)) / count).powi(2)).sum();
-        let power = (all_power - without.map_or(0.0, |k| powers[k])) / count;
-        (count * mean_power - power) / (count - 1.0)
-    };
-    let power = common(None);
-    if n < 3 {
-        return Estimate { value: power.max(0.0).sqrt(), se: f64::NAN };
-    }
-    let left_out: Vec<f64> = (0..n).map(|k| common(Some(k))).collect();
-    let middle = stats::mean(left_out.iter().copied());
-    let squares: f64 = left_out.iter().map(|x| (x - middle).powi(2)).sum();
-    let freedom = n as f64 - 1.0;
-    let student = (freedom / (freedom - 2.0).max(1.0)).sqrt();
-    let power_se = (squares * freedom / n as f64).sqrt() * student;
-    let power = power.max(0.0);
-    // By how much the root grows when the power grows by its error: well-defined at zero too.
-    Estimate { value: power.sqrt(), se: (power + power_se).sqrt() - power.sqrt() }
+/// Mean over cycles of what changes from their starts to their ends; `cycles` are their numbers.
+/// Where one ends the next one starts, and so most of what noise at the ends makes of a mean cancels:
+/// of n cycles in a row, all but that of the first and the last. What differs between cycles beyond
+/// `end_variance`, that of one end, does not cancel.
+pub fn mean_change(values: &[f64], cycles: &[usize], end_variance: f64) -> Estimate {
+    let n = values.len() as f64;
+    let (value, variance) = moments(values);
+    let neighbours: Vec<f64> = (1..values.len())
+        .filter(|&i| cycles[i] == cycles[i - 1] + 1)
+        .map(|i| (values[i - 1] - value) * (values[i] - value))
+        .collect();
+    let rows = n - neighbours.len() as f64;
+    let covariance = neighbours.iter().sum::<f64>() / (n - 1.0);
+    let ends = 2.0 * end_variance;
+    // Neighbours that are alike have a drift in common.
+    let factor = 1.0 + 2.0 * covariance / variance.max(f64::MIN_POSITIVE);
+    let own = (variance - ends).max(0.0) * factor.clamp(1.0, LARGEST_FACTOR);
+    let se = student(n - 1.0) * (own / n + ends * rows / (n * n)).sqrt();
+    Estimate { value, se }
+}
+
+/// RMS of what has the given mean squares in the cycles, of which noise makes `noise`. `common` is
+/// the standard error of all mean squares together.
+pub fn rms_without_noise(squares: &[f64], noise: f64, common: f64) -> Estimate {
+    let Estimate { value, se } = mean_of(squares);
+    let (square, se) = ((value - noise).max(0.0), se.hypot(common));
+    // By how much the root grows when the square grows by its error: well-defined at zero too.
+    Estimate { value: square.sqrt(), se: (square + se).sqrt() - square.sqrt() }
+}
+
+/// Mean and variance of a sample.
+fn moments(values: &[f64]) -> (f64, f64) {
+    let value = mean(values.iter().copied());
+    let squares: f64 = values.iter().map(|x| (x - value).powi(2)).sum();
+    (value, squares / (values.len() as f64 - 1.0))
+}
+
+/// How much wider than of a normal distribution the middle 95 % of Student's are: a standard error
+/// from a few cycles is itself uncertain (Abramowitz and Stegun, 26.7.5).
+fn student(freedom: f64) -> f64 {
+    let x = 1.0 / freedom;
+    1.0 + x * (1.2104 + x * (1.4400 + x * 1.3040))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::GaitMetrics;
-
-    const COMPONENTS: usize = 21;
 
     /// Successive values are as good as independent and normal.
     fn normal(seed: u32) -> impl FnMut() -> f64 {
@@ -82,64 +74,76 @@ mod tests {
         }
     }
 
-    fn with_skid(skid: Vec<f64>) -> Cycle {
-        Cycle {
-            start: 0.0,
-            end: 0.0,
-            metrics: GaitMetrics::MISSING,
-            skid_m_s: [skid, Vec::new(), Vec::new()],
-            is_gait: true,
+    #[test]
+    fn independent_values_have_the_textbook_error_widened_as_students() {
+        let Estimate { value, se } = mean_of(&[1.0, 2.0, 4.0]);
+        assert!((value - 7.0 / 3.0).abs() < 1e-15);
+        let textbook = (7.0_f64 / 3.0).sqrt() / 3_f64.sqrt();
+        // Quantiles of Student's distribution over 1.959964.
+        assert!((se / textbook / (4.302653 / 1.959964) - 1.0).abs() < 0.04);
+        for (freedom, quantile) in [(3.0, 3.182446), (8.0, 2.306004), (30.0, 2.042272)] {
+            assert!((student(freedom) * 1.959964 / quantile - 1.0).abs() < 0.01);
         }
     }
 
-    #[test]
-    fn independent_values_have_the_textbook_error() {
-        let estimate = mean(&[1.0, 2.0, 4.0], &[3, 5, 7]);
-        assert!((estimate.value - 7.0 / 3.0).abs() < 1e-15);
-        let deviation = (7.0_f64 / 3.0).sqrt();
-        assert!((estimate.se - deviation / 3_f64.sqrt()).abs() < 1e-15);
+    /// Part of 400 means of nine cycles within 1.96 errors.
+    fn coverage(mut change: impl FnMut(usize) -> f64, end_variance: f64) -> f64 {
+        let cycles: Vec<usize> = (0..9).collect();
+        let is_within = |_: &usize| {
+            let values: Vec<f64> = cycles.iter().map(|&i| change(i)).collect();
+            let Estimate { value, se } = mean_change(&values, &cycles, end_variance);
+            value.abs() < 1.96 * se
+        };
+        (0..400).filter(is_within).count() as f64 / 400.0
     }
 
     #[test]
-    fn alternating_neighbours_lower_the_error_and_similar_ones_raise_it() {
-        let textbook = |values: &[f64]| mean(values, &[0, 2, 4, 6, 8, 10]).se;
-        let chained = |values: &[f64]| mean(values, &[0, 1, 2, 3, 4, 5]).se;
+    fn the_mean_of_changes_has_the_error_of_its_ends_and_of_what_differs() {
+        let (mut normal, mut last) = (normal(3), 0.0);
+        let mut change = |i: usize, own: f64| {
+            let before = if i == 0 { normal() } else { last };
+            last = normal();
+            last - before + own * normal()
+        };
+        let of_ends = coverage(|i| change(i, 0.0), 1.0);
+        assert!((0.92..0.995).contains(&of_ends), "{of_ends}");
+        let of_both = coverage(|i| change(i, 2.0), 1.0);
+        assert!((0.92..0.995).contains(&of_both), "{of_both}");
         let alternating = [1.0, 2.0, 1.0, 2.0, 1.0, 2.0];
-        assert!((chained(&alternating) / textbook(&alternating) - 0.5_f64.sqrt()).abs() < 1e-12);
+        let se = |end_variance| mean_change(&alternating, &[0, 1, 2, 3, 4, 5], end_variance).se;
+        assert!(se(0.15) < 0.5 * se(0.0));
+        // A drift is in all means over neighbours.
         let drifting = [1.0, 1.1, 1.2, 1.8, 1.9, 2.0];
-        assert!(chained(&drifting) > 1.2 * textbook(&drifting));
-        assert_eq!(chained(&[1.0; 6]), 0.0);
+        let apart = mean_change(&drifting, &[0, 2, 4, 6, 8, 10], 0.0).se;
+        assert!(mean_change(&drifting, &[0, 1, 2, 3, 4, 5], 0.0).se > 1.2 * apart);
     }
 
     #[test]
-    fn noise_of_twice_the_signal_is_taken_out() {
+    fn noise_as_large_as_the_signal_is_taken_out_and_what_differs_between_cycles_is_not() {
         let mut normal = normal(7);
-        let (mut within, mut sum) = (0, 0.0);
-        const REPEATS: usize = 200;
-        let truth = 0.0014;
-        let noise = 0.0028 / (COMPONENTS as f64).sqrt();
-        for _ in 0..REPEATS {
-            let cycles: Vec<Cycle> = (0..9)
-                .map(|_| {
-                    let at = |i: usize| if i == 2 { truth } else { 0.0 } + noise * normal();
-                    with_skid((0..COMPONENTS).map(at).collect())
-                })
-                .collect();
-            let estimate = common_skid(&cycles.iter().collect::<Vec<_>>(), 0);
-            within += usize::from((estimate.value - truth).abs() < 2.0 * estimate.se);
-            sum += estimate.value;
+        for differs in [0.0_f64, 0.15] {
+            let (mut within, mut sum) = (0, 0.0);
+            const REPEATS: usize = 400;
+            let rms = (1.0 + differs * differs).sqrt();
+            for _ in 0..REPEATS {
+                let square = |_| {
+                    let skid = 1.0 + differs * normal();
+                    (0..21)
+                        .map(|i| {
+                            let own = if i == 2 { skid } else { 0.0 };
+                            (own + normal() / 21_f64.sqrt()).powi(2)
+                        })
+                        .sum()
+                };
+                let squares: Vec<f64> = (0..9).map(square).collect();
+                let Estimate { value, se } = rms_without_noise(&squares, 1.0, 0.0);
+                within += usize::from((value - rms).abs() < 1.96 * se);
+                sum += value / rms;
+            }
+            assert!((sum / REPEATS as f64 - 1.0).abs() < 0.02, "{}", sum / REPEATS as f64);
+            assert!(within >= REPEATS * 90 / 100, "{within}");
         }
-        assert!((sum / REPEATS as f64 / truth - 1.0).abs() < 0.01);
-        assert!(within >= REPEATS * 88 / 100, "{within}");
-    }
-
-    #[test]
-    fn pure_noise_leaves_about_nothing() {
-        let mut normal = normal(3);
-        let cycles: Vec<Cycle> = (0..10)
-            .map(|_| with_skid((0..COMPONENTS).map(|_| 0.001 * normal()).collect()))
-            .collect();
-        let estimate = common_skid(&cycles.iter().collect::<Vec<_>>(), 0);
-        assert!(estimate.value < 0.001 && estimate.se > 0.0);
+        let nothing = rms_without_noise(&[0.9, 1.0, 1.1], 1.2, 0.0);
+        assert!(nothing.value == 0.0 && nothing.se > 0.0);
     }
 }

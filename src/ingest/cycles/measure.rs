@@ -48,6 +48,7 @@ pub struct CycleData<'a> {
     /// Not smoothed, and what follows from that.
     pub tracked: &'a Tracked,
     pub raw_wheels: &'a WheelVelocities,
+    pub rate_hz: f64,
     /// Smoothed, and what follows from that.
     pub smooth: &'a Coordinates,
     pub wheels: &'a WheelVelocities,
@@ -91,7 +92,7 @@ impl CycleData<'_> {
     }
 
     /// A series as it goes over a cycle.
-    fn shape(&self, series: &[f64], start: f64, end: f64) -> Option<Harmonics> {
+    pub fn shape(&self, series: &[f64], start: f64, end: f64) -> Option<Harmonics> {
         let GaitPhase { phase, shape_harmonics, .. } = self.driven;
         Harmonics::fit(series, frames_within(start, end), phase, *shape_harmonics)
     }

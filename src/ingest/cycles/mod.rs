@@ -1,8 +1,10 @@
 //! From coordinates and phase to cycles: the wheels' velocities, the metrics of every cycle, which
 //! cycles are steady, and the trial's means and checks.
 
+mod joints;
 mod means;
 mod measure;
+mod noise;
 pub mod steady;
 pub mod summary;
 

@@ -1,9 +1,12 @@
 //! One row for a trial: its means, its gait and its checks.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::means::{common_skid, mean};
+use super::joints::joint_errors;
+use super::means::{mean_change, mean_of, rms_without_noise};
 use super::measure::{Cycle, CycleData, frames_within};
+use super::noise::{end_variances, skid_noise};
 use super::steady::Steady;
 use crate::ingest::checks::{
     CLIPPING, Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, LEAST_CYCLES, MOST_GAPPED,
@@ -36,26 +39,50 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
     row.omega_rad_s_se = driven.omega_se_rad_s;
     row.cycles = steady.used.len() as i64;
     let used: Vec<&Cycle> = steady.used.iter().map(|&i| &cycles[i]).collect();
-    let values: Vec<[f64; 7]> = used.iter().map(|cycle| cycle.metrics.to_array()).collect();
-    let means: [Estimate; 7] = std::array::from_fn(|metric| {
-        let values: Vec<f64> = values.iter().map(|of_cycle| of_cycle[metric]).collect();
-        mean(&values, &steady.used)
-    });
-    row.metrics = GaitMetrics::from_array(means.map(|mean| mean.value));
-    row.metrics_se = GaitMetrics::from_array(means.map(|mean| mean.se));
+    let frames = steady.frames(cycles).unwrap_or(0..0);
+    let common = joint_errors(data, &frames);
+    let of = |metric: &dyn Fn(&GaitMetrics) -> f64| -> Vec<f64> {
+        used.iter().map(|cycle| metric(&cycle.metrics)).collect()
+    };
+    let [position, heading] = end_variances(data, row.smoothing_window as usize);
+    let d = mean_change(&of(&|metrics| metrics.d_m), &steady.used, position);
+    let per_turn = driven.omega_rad_s / TAU;
+    let dtheta = mean_change(&of(&|metrics| metrics.dtheta_rad), &steady.used, heading);
+    let alpha1 = mean_of(&of(&|metrics| metrics.alpha1_rad));
+    let scale = data.robot.l_m * driven.omega_rad_s;
+    let noise = skid_noise(data, &used);
+    let sigma = [0, 1, 2].map(|wheel| mean_of(&of(&|metrics| metrics.sigma[wheel])));
+    row.metrics = GaitMetrics {
+        d_m: d.value,
+        v_m_s: d.value * per_turn,
+        sigma: sigma.map(|sigma| sigma.value),
+        alpha1_rad: alpha1.value,
+        dtheta_rad: dtheta.value,
+    };
     row.sigma_debiased = [0, 1, 2].map(|wheel| {
-        let skid = common_skid(&used, wheel);
-        let scale = data.robot.l_m * driven.omega_rad_s;
+        let square = |cycle: &&Cycle| cycle.skid_m_s[wheel].iter().map(|v| v * v).sum();
+        let squares: Vec<f64> = used.iter().map(square).collect();
+        let skid = rms_without_noise(&squares, noise[wheel], common.skid_square[wheel]);
         Estimate::new(skid.value / scale, skid.se / scale)
     });
-    let frames = steady.frames(cycles);
+    row.metrics_se = GaitMetrics {
+        d_m: d.se,
+        v_m_s: (d.se * per_turn)
+            .hypot(row.metrics.v_m_s * driven.omega_se_rad_s / driven.omega_rad_s),
+        sigma: [0, 1, 2].map(|wheel| {
+            let Estimate { value, se } = sigma[wheel];
+            se.hypot(common.skid_square[wheel] / (2.0 * value * scale * scale))
+        }),
+        alpha1_rad: alpha1.se.hypot(common.alpha1_rad),
+        dtheta_rad: dtheta.se,
+    };
     row.gait = data.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
         let fit = |frames| joint_gait(phi_rad, frames, &driven.phase);
-        let gait = frames.clone().and_then(fit).unwrap_or_else(JointGait::blank);
+        let gait = fit(frames.clone()).unwrap_or_else(JointGait::blank);
         let of_cycles = used.iter().filter_map(|cycle| fit(frames_within(cycle.start, cycle.end)));
         let of_cycles: Vec<JointGait> = of_cycles.collect();
         let error = |of: &dyn Fn(&JointGait) -> f64| match of_cycles.len() == used.len() {
-            true => mean(&of_cycles.iter().map(of).collect::<Vec<_>>(), &steady.used).se,
+            true => mean_of(&of_cycles.iter().map(of).collect::<Vec<_>>()).se,
             false => f64::NAN,
         };
         JointGait {

@@ -108,14 +108,14 @@ impl Harmonics {
         self.terms.len() / 2
     }
 
-    /// Terms of the derivative with respect to the phase.
-    fn slope(&self) -> Vec<f64> {
-        let mut slope = vec![0.0; self.terms.len()];
+    /// The derivative with respect to the phase.
+    pub fn slope(&self) -> Self {
+        let mut terms = vec![0.0; self.terms.len()];
         for k in 1..=self.count() {
-            slope[2 * k - 1] = k as f64 * self.terms[2 * k];
-            slope[2 * k] = -(k as f64) * self.terms[2 * k - 1];
+            terms[2 * k - 1] = k as f64 * self.terms[2 * k];
+            terms[2 * k] = -(k as f64) * self.terms[2 * k - 1];
         }
-        slope
+        Self { terms }
     }
 }
 
@@ -275,7 +275,7 @@ impl<'s> Regression<'s> {
         let origin = self.phase.frame_of(0.0);
         let grid = Grid::new(&self.phase, self.harmonics.count());
         let fitted = grid.evaluate(&self.harmonics.terms, self.range.clone());
-        let mut slopes = grid.evaluate(&self.harmonics.slope(), self.range.clone());
+        let mut slopes = grid.evaluate(&self.harmonics.slope().terms, self.range.clone());
         let [mut gradient, mut curvature, mut squares, mut neighbours] = [0.0; 4];
         let (mut previous, mut count) = (0.0, 0.0);
         for ((i, fitted), slope) in self.range.clone().zip(fitted).zip(&mut slopes) {

@@ -8,5 +8,5 @@ mod tilt;
 mod track;
 
 pub use checks::{describe_tracking, tracking_checks};
-pub use multibody::{JointPosition, Linkage};
-pub use track::{Coordinates, Tracked, frame_grid, track};
+pub use multibody::{JointPosition, Linkage, PARTS};
+pub use track::{Coordinates, JointShift, Tracked, frame_grid, track};

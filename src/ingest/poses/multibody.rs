@@ -25,6 +25,8 @@ const STEPS: usize = 4;
 const SMALL_RAD: f64 = 3e-3;
 /// Rows that the joints' positions are taken from, spread over the trial.
 const ROWS: usize = 2000;
+/// Parts of the trial that the joints' positions are looked for without.
+pub const PARTS: usize = 8;
 /// How far a joint may well be from where the robot's h and l put it, and how far the links of a
 /// frame leave it apart, mm.
 const POSITION_MM: f64 = 3.0;
@@ -80,20 +82,40 @@ impl Linkage {
 
     /// With the joints where a trial's own poses have them, starting from these: h and l that are a
     /// millimetre wrong would bend the poses by half a degree. What the trial does not determine,
-    /// such as both positions of a joint that does not turn, stays near where it was.
-    pub fn refined(&self, fits: &[Vec<LinkFit>; 3]) -> Self {
+    /// such as both positions of a joint that does not turn, stays near where it was. Then the same
+    /// without each of [`PARTS`] parts of the trial, whose differences tell how well the joints
+    /// are known.
+    pub fn refined(&self, fits: &[Vec<LinkFit>; 3]) -> (Self, [Self; PARTS]) {
         let rows = fits[0].len();
         let stride = (rows / ROWS).max(1);
         let alike = (ALIKE_FRAMES / stride as f64).max(1.0);
-        let refined = |side: usize| {
+        let parts = [0, 1].map(|side| {
             let [middle, outer] = [&fits[0], &fits[1 + side]];
             let pose = |row: usize| Some((middle[row].pose?, outer[row].pose?));
-            let joint = self.joints[side];
-            let mut equations = joint.equations((0..rows).step_by(stride).filter_map(pose));
-            equations.matrix += Matrix4::identity() * (APART_MM / POSITION_MM).powi(2) * alike;
-            equations.solve().map_or(joint, |(moved, _)| joint.moved(&moved))
+            let part = |i: usize| (i * rows / PARTS..(i + 1) * rows / PARTS).step_by(stride);
+            std::array::from_fn::<_, PARTS, _>(|i| {
+                self.joints[side].equations(part(i).filter_map(pose))
+            })
+        });
+        let without = |left_out: Option<usize>| {
+            let joint = |side: usize| {
+                let kept = parts[side].iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
+                let mut equations = NormalEquations::sum(kept.map(|(_, part)| part));
+                equations.matrix += Matrix4::identity() * (APART_MM / POSITION_MM).powi(2) * alike;
+                let joint = self.joints[side];
+                equations.solve().map_or(joint, |(moved, _)| joint.moved(&moved))
+            };
+            Self { joints: [joint(0), joint(1)] }
         };
-        Self { joints: [refined(0), refined(1)] }
+        (without(None), std::array::from_fn(|i| without(Some(i))))
+    }
+
+    /// How far apart two links' own poses leave their joint, along and across link 0, mm.
+    pub fn apart_mm(&self, side: usize, own: &[Option<LinkPose>; 3]) -> Option<[f64; 2]> {
+        let JointPosition { in_middle, in_outer } = self.joints[side];
+        let middle = own[0]?;
+        let (from, to) = (middle.at(in_middle), own[1 + side]?.at(in_outer));
+        Some(crate::robot::rotated(-middle.theta_rad, [to[0] - from[0], to[1] - from[1]]))
     }
 
     /// How far a joint of a link is from where another linkage has it, at most, mm.
@@ -331,10 +353,10 @@ mod tests {
         robot.l_m -= 0.001;
         let wrong = Linkage::of(&robot);
         assert!((wrong.distance_mm(&right) - 2.0).abs() < 1e-9);
-        assert!(wrong.refined(&fits).distance_mm(&right) < 0.3);
+        assert!(wrong.refined(&fits).0.distance_mm(&right) < 0.3);
         // From a joint that does not turn only their sum is known.
         let still = fits.map(|fits| vec![fits[0]; 200]);
-        let refined = wrong.refined(&still);
+        let (refined, _) = wrong.refined(&still);
         let [middle, front] = [0, 1].map(|link| still[link][0].pose.unwrap());
         let positions = refined.joints[0];
         let (a, b) = (middle.at(positions.in_middle), front.at(positions.in_outer));

@@ -1,14 +1,16 @@
 //! Every link's pose in every frame, and from them the robot's coordinates (eq. 1).
 
-use super::multibody::Linkage;
+use super::multibody::{Linkage, PARTS};
 use super::suspension::{self, LinkRecording};
 use super::tilt::Tilt;
 use crate::config::Poses;
 use crate::ingest::error::Problem;
 use crate::ingest::markers::labels::{LinkFit, Outlier, correct_labels};
 use crate::ingest::markers::layout::Layout;
+use crate::ingest::markers::rigid::LinkPose;
 use crate::ingest::signals;
 use crate::named::named;
+use crate::robot::rotated;
 use crate::stats::{unwrap, wrap};
 use crate::vicon::MarkerFile;
 
@@ -17,6 +19,9 @@ use crate::vicon::MarkerFile;
 const MOST_LEFT_OUT: i64 = 100_000;
 const MOST_LEFT_OUT_PER_ROW: i64 = 10;
 const MOST_LEFT_OUT_AT_ALL: i64 = 1_000_000;
+
+/// Frames in which it is looked what other positions of the joints would do.
+const SHIFTS: usize = 500;
 
 named! {
     /// Where a link's pose in a frame comes from.
@@ -60,6 +65,14 @@ impl Coordinates {
     }
 }
 
+/// By how much links 0, 1, 2 of a frame would be elsewhere if the joints' positions were those that
+/// follow without one part of the trial: along and across the link, m, and its turn, rad.
+#[derive(Debug, Clone, Copy)]
+pub struct JointShift {
+    pub frame: usize,
+    pub without: [[[f64; 3]; 3]; PARTS],
+}
+
 /// What is known from the markers, frame by frame without jumps in time.
 #[derive(Debug)]
 pub struct Tracked {
@@ -80,6 +93,11 @@ pub struct Tracked {
     pub tilt: Tilt,
     /// How far a joint is from where the robot's h and l put it, mm; unknown without a robot.
     pub joint_offset_mm: Option<f64>,
+    /// In some frames, spread over the trial; none without closed joints.
+    pub joint_shifts: Vec<JointShift>,
+    /// How far the links' own poses leave the joints apart: of joints 1 and 2, along and across
+    /// link 0, mm. Nothing that the robot does makes that, so it is noise.
+    pub apart_mm: [[Vec<f64>; 2]; 2],
     /// Part of all markers' frames that the cameras saw.
     pub coverage: f64,
 }
@@ -102,15 +120,28 @@ pub fn track(
     let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
     let mut markers_seen = 0;
     let (fits, tilt) = upright_fits(file, layout, rate_hz);
-    let refined = linkage.map(|linkage| linkage.refined(&fits));
+    let (refined, without) = linkage.map(|linkage| linkage.refined(&fits)).unzip();
     let joint_offset_mm = linkage.zip(refined).map(|(robot, found)| robot.distance_mm(&found));
+    let mut joint_shifts = Vec::new();
+    let mut apart_mm = [0; 2].map(|_| [0; 2].map(|_| missing()));
+    let stride = (file.frames.len() / SHIFTS).max(1);
+    let is_closed = poses == Poses::Chain;
     for (row, &frame) in file.frames.iter().enumerate() {
         let i = (frame - first_frame) as usize;
         let own = fits.each_ref().map(|fits| fits[row].pose);
-        let poses = match (poses, &refined) {
-            (Poses::Chain, Some(linkage)) => linkage.close(own),
+        let poses = match &refined {
+            Some(linkage) if is_closed => linkage.close(own),
             _ => own,
         };
+        for (side, apart_mm) in apart_mm.iter_mut().enumerate() {
+            let apart = refined.and_then(|linkage: Linkage| linkage.apart_mm(side, &own));
+            let [along, across] = apart.unwrap_or([f64::NAN; 2]);
+            (apart_mm[0][i], apart_mm[1][i]) = (along, across);
+        }
+        if let Some(without) = without.filter(|_| is_closed && row % stride == 0) {
+            let shift = without.map(|linkage| shift(&poses, &linkage.close(own)));
+            joint_shifts.extend(all(shift).map(|without| JointShift { frame: i, without }));
+        }
         for (link, pose) in poses.into_iter().enumerate() {
             let fit = &fits[link][row];
             markers_seen += fit.seen;
@@ -152,8 +183,26 @@ pub fn track(
         outlier,
         tilt,
         joint_offset_mm,
+        joint_shifts,
+        apart_mm,
         coverage: markers_seen as f64 / (markers * frames) as f64,
     })
+}
+
+/// From one set of poses to another: along and across each link, m, and its turn, rad.
+fn shift(from: &[Option<LinkPose>; 3], to: &[Option<LinkPose>; 3]) -> Option<[[f64; 3]; 3]> {
+    all([0, 1, 2].map(|link| {
+        let (from, to) = (from[link]?, to[link]?);
+        let moved_m = [0, 1].map(|axis| (to.origin_mm[axis] - from.origin_mm[axis]) / 1000.0);
+        let [along, across] = rotated(-from.theta_rad, moved_m);
+        Some([along, across, wrap(to.theta_rad - from.theta_rad)])
+    }))
+}
+
+/// The values, if there are all of them.
+fn all<T: Copy, const N: usize>(values: [Option<T>; N]) -> Option<[T; N]> {
+    let known: Vec<T> = values.into_iter().flatten().collect();
+    known.try_into().ok()
 }
 
 /// Poses of links 0, 1, 2 in every row of the file, as on a level floor with upright links, and

@@ -5,6 +5,6 @@ mod derivative;
 mod gaps;
 mod smooth;
 
-pub use derivative::derivative;
+pub use derivative::{WEIGHTS, derivative};
 pub use gaps::fill;
 pub use smooth::{JointSignal, WINDOW_WITHOUT_GAIT, best_window, moving_average, noise, response};

@@ -13,6 +13,7 @@ use crate::robot::Robot;
 use crate::store::{Columns as _, Severity};
 use crate::synth::{Recipe, Tilt, synthesise};
 
+mod coverage;
 mod synthetic;
 
 use synthetic::{Motion, Recording, header};
@@ -860,7 +861,12 @@ proptest! {
             match process_text(&text, &other) {
                 Ok(processed) => {
                     let found = processed.parameters.unwrap();
-                    prop_assert!(found.stiffness_nm_rad.value > 0.0 || found.roll_sum_kg_s.value > 0.0);
+                    let is_off = processed.row.status == TrialStatus::Flagged;
+                    prop_assert!(
+                        is_off
+                            || found.stiffness_nm_rad.value > 0.0
+                            || found.roll_sum_kg_s.value > 0.0
+                    );
                 }
                 Err(failure) => prop_assert!(failure.to_string().len() > 20),
             }

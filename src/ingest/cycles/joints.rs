@@ -1,0 +1,85 @@
+//! What the joints' positions do to the means: they are measured in the trial itself, so all its
+//! cycles have their error in common, and no difference between cycles shows it.
+//!
+//! It is the jackknife's over parts of the trial: every part's joints move the links a little
+//! ([`JointShift`]), a wheel by `a` along and `b` across its link, which turns by `c`. With the
+//! link's rate of turn and the wheel's roll velocity its skid velocity changes by
+//! `b' + a theta' - c roll`.
+
+use std::ops::Range;
+
+use super::measure::CycleData;
+use crate::ingest::phase::{GAIT_HARMONICS, Harmonics};
+use crate::ingest::poses::{JointShift, PARTS};
+use crate::stats::{mean, seen};
+
+/// Standard errors that a trial's cycles have in common.
+pub struct JointErrors {
+    pub alpha1_rad: f64,
+    /// Of the wheels' mean squared skid velocities, m^2/s^2.
+    pub skid_square: [f64; 3],
+}
+
+/// Of the cycles in some frames.
+pub fn joint_errors(data: &CycleData, frames: &Range<usize>) -> JointErrors {
+    let shifts: Vec<&JointShift> =
+        data.tracked.joint_shifts.iter().filter(|shift| frames.contains(&shift.frame)).collect();
+    JointErrors {
+        alpha1_rad: jackknife(alpha1_shifts(data, frames, &shifts)),
+        skid_square: [0, 1, 2].map(|wheel| jackknife(skid_shifts(data, frames, &shifts, wheel))),
+    }
+}
+
+/// By how much the first harmonic of phi1 is larger without each part.
+fn alpha1_shifts(data: &CycleData, frames: &Range<usize>, shifts: &[&JointShift]) -> [f64; PARTS] {
+    let phase = &data.driven.phase;
+    let phi1 = &data.tracked.seen.phi_rad[0];
+    let first = Harmonics::fit(phi1, frames.clone(), phase, GAIT_HARMONICS);
+    let begin_rad = first.map_or(0.0, |fit| fit.phase_rad());
+    std::array::from_fn(|part| {
+        let product = |JointShift { frame, without }: &&JointShift| {
+            let [middle, front, _] = without[part].map(|[_, _, turn_rad]| turn_rad);
+            2.0 * (middle - front) * (phase.at(*frame as f64) + begin_rad).cos()
+        };
+        mean(shifts.iter().map(product))
+    })
+}
+
+/// By how much the mean square of a wheel's skid velocity is larger without each part.
+fn skid_shifts(
+    data: &CycleData,
+    frames: &Range<usize>,
+    shifts: &[&JointShift],
+    wheel: usize,
+) -> [f64; PARTS] {
+    let (driven, half_rate_hz) = (data.driven, 0.5 * data.rate_hz);
+    let skid = &data.raw_wheels.skid_m_s[wheel];
+    let fit = Harmonics::fit(skid, frames.clone(), &driven.phase, driven.shape_harmonics);
+    let Some(fit) = fit else { return [f64::NAN; PARTS] };
+    let slope = fit.slope().over(frames.clone(), &driven.phase);
+    let fit = fit.over(frames.clone(), &driven.phase);
+    let heading = |frame: usize| {
+        let [phi1, phi2] = [0, 1].map(|joint| data.smooth.phi_rad[joint][frame]);
+        data.smooth.theta_rad[frame] + [0.0, -phi1, phi2][wheel]
+    };
+    std::array::from_fn(|part| {
+        let products = shifts.iter().filter(|shift| frames.contains(&(shift.frame + 1)));
+        let product = |JointShift { frame, without }: &&JointShift| {
+            let [along, across, turn_rad] = without[part][wheel];
+            let turning_rad_s = (heading(frame + 1) - heading(frame - 1)) * half_rate_hz;
+            let own = along * turning_rad_s - turn_rad * data.wheels.roll_m_s[wheel][*frame];
+            let i = frame - frames.start;
+            // Over whole cycles, the product with a rate is minus that with the other's rate.
+            2.0 * (fit[i] * own - slope[i] * driven.omega_rad_s * across)
+        };
+        let products: Vec<f64> = products.filter(|shift| shift.frame > 0).map(product).collect();
+        mean(seen(&products))
+    })
+}
+
+/// The standard error by what comes out without each part; none if nothing does.
+fn jackknife(without: [f64; PARTS]) -> f64 {
+    let middle = mean(without);
+    let squares: f64 = without.iter().map(|value| (value - middle).powi(2)).sum();
+    ((PARTS - 1) as f64 / PARTS as f64 * squares).sqrt().max(0.0)
+}

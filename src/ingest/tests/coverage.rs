@@ -1,0 +1,71 @@
+//! Whether the standard errors say how far the trials are off the truth.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::*;
+
+/// Of each campaign and quantity, the part of the values within 1.96 errors of the truth.
+fn shares(seeds: Range<u64>, omegas_rad_s: &[f64]) -> BTreeMap<(String, String), (usize, usize)> {
+    let config = Config::default();
+    let of_seed = |seed: u64| {
+        let folder = tempfile::tempdir().unwrap();
+        let omegas_rad_s = omegas_rad_s.to_vec();
+        let recipe = Recipe { omegas_rad_s, noise_seed: Some(seed), ..Recipe::new(1) };
+        let trials = synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
+        let truth = fs::read_to_string(folder.path().join("truth.json")).unwrap();
+        let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
+        let mut found = Vec::new();
+        for trial in trials.iter().filter(|trial| trial.kind == TrialKind::Gait) {
+            let row = process_trial(folder.path(), trial, &config).unwrap().row;
+            let truth = &truth["trials"][&trial.id];
+            let (metrics, se) = (row.metrics, row.metrics_se);
+            let [s0, s1, s2] = row.sigma_debiased;
+            for (name, value, se, truth) in [
+                ("d", metrics.d_m, se.d_m, &truth["d_m"]),
+                ("v", metrics.v_m_s, se.v_m_s, &truth["v_m_s"]),
+                ("alpha1", metrics.alpha1_rad, se.alpha1_rad, &truth["alpha1_rad"]),
+                ("dtheta", metrics.dtheta_rad, se.dtheta_rad, &truth["dtheta_rad"]),
+                ("sigma0", s0.value, s0.se, &truth["sigma"][0]),
+                ("sigma1", s1.value, s1.se, &truth["sigma"][1]),
+                ("sigma2", s2.value, s2.se, &truth["sigma"][2]),
+            ] {
+                let errors = (value - truth.as_f64().unwrap()) / se;
+                found.push(((row.campaign.clone(), name.to_owned()), errors));
+            }
+        }
+        found
+    };
+    let mut shares = BTreeMap::new();
+    for (key, errors) in seeds.into_par_iter().flat_map_iter(of_seed).collect::<Vec<_>>() {
+        let (within, count) = shares.entry(key).or_insert((0, 0));
+        *within += usize::from(errors.abs() < 1.96);
+        *count += 1;
+    }
+    shares
+}
+
+#[test]
+#[ignore = "60 folders: some minutes"]
+fn of_sixty_recordings_90_to_99_percent_are_within_1_96_errors_of_the_truth() {
+    let shares = shares(0..60, &[0.5, 2.0, 3.9, 6.0]);
+    let mut outside = Vec::new();
+    for ((campaign, name), (within, count)) in shares {
+        let share = within as f64 / count as f64;
+        println!("{campaign:24} {name:8} {share:.3} of {count}");
+        if !(0.9..=0.99).contains(&share) && name != "dtheta" {
+            outside.push(format!("{campaign} {name} {share:.3}"));
+        }
+    }
+    assert!(outside.is_empty(), "{outside:?}");
+}
+
+#[test]
+fn most_values_of_a_few_recordings_are_within_1_96_errors_of_the_truth() {
+    let shares = shares(0..6, &[3.9]);
+    let (within, count) =
+        shares.values().fold((0, 0), |(within, count), share| (within + share.0, count + share.1));
+    println!("{shares:?}");
+    assert!(count == 6 * 3 * 7 && within * 100 >= count * 90, "{within} of {count}: {shares:?}");
+}
