@@ -77,7 +77,8 @@ impl TrialList {
         let path = folder.join(TRIALS_FILE);
         let text = crate::files::read_text(&path)
             .map_err(|source| ConfigError::Read { path: path.clone(), source })?;
-        let list: Self = parse_toml(&path, &text)?;
+        let list: Self =
+            parse_toml(&path, &text).map_err(|error| single_brackets(&path, &text, error))?;
         let error = |key: &str, found, needed: &str| {
             let (path, key, needed) = (path.clone(), key.to_owned(), needed.to_owned());
             Err(ConfigError::Value { path, key, found, needed })
@@ -98,6 +99,20 @@ impl TrialList {
             }
         }
         Ok(list)
+    }
+}
+
+/// What is wrong with a list in which `[trial]` stands for `[[trial]]`, else the parser's error.
+fn single_brackets(path: &Path, text: &str, error: ConfigError) -> ConfigError {
+    let header = |line: &str| line.split('#').next().is_some_and(|line| line.trim() == "[trial]");
+    match text.lines().position(header) {
+        Some(index) => ConfigError::Syntax {
+            path: path.to_owned(),
+            line: index + 1,
+            message: "found `[trial]`, needed `[[trial]]` before each trial".to_owned(),
+            suggestion: None,
+        },
+        None => error,
     }
 }
 

@@ -7,7 +7,7 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use common::{small_settings, succeed, text, trilink};
+use common::{Small, small_settings, succeed, text, trilink};
 use serde_json::Value;
 use tempfile::TempDir;
 use trilink::compare::HistoryRow;
@@ -186,4 +186,172 @@ fn every_run_that_changed_something_is_in_the_history() {
     assert!(second.iter().any(|row| row.run == 2));
     let page = std::fs::read_to_string(folder.path().join("reports/history.html")).unwrap();
     assert!(page.contains("2 runs, ") && page.contains("skid-roll: skid0_kg_s"));
+}
+
+/// Compares a folder with its own baseline: exit status and what was said.
+fn own(folder: &Small, more: &[&str]) -> (Option<i32>, String) {
+    let arguments: Vec<&str> = ["compare", "baseline.json"].iter().chain(more).copied().collect();
+    let output = trilink(folder.path(), &arguments);
+    (output.status.code(), text(&output.stdout) + &text(&output.stderr))
+}
+
+/// A run with its baseline.
+fn with_baseline() -> Small {
+    let folder = Small::done();
+    succeed(folder.path(), &["compare", "--save", "baseline.json", "--quiet"]);
+    folder
+}
+
+fn history(folder: &Small) -> Vec<HistoryRow> {
+    HistoryRow::from_table(&Table::read(&folder.place("reports/history.parquet")).unwrap()).unwrap()
+}
+
+#[test]
+fn tables_that_nobody_should_trust_are_not_compared() {
+    let folder = with_baseline();
+    let refused = |arguments: &[&str], said: &str| {
+        let (status, found) = own(&folder, arguments);
+        assert_eq!(status, Some(2), "{said}: {found}");
+        assert!(found.contains(said), "{said}: {found}");
+        assert!(!found.contains("out of tolerance"), "{said}: {found}");
+        assert!(!folder.place("reports/compare.json").exists(), "{said}");
+        let saved = trilink(folder.path(), &["compare", "--save", "other.json"]);
+        assert!(!arguments.is_empty() || saved.status.code() == Some(2), "{said}");
+    };
+    let well = || {
+        succeed(folder.path(), &["run", "--quiet"]);
+        assert_eq!(own(&folder, &["--max-age", "1h"]).0, Some(0));
+        std::fs::remove_file(folder.place("reports/compare.json")).unwrap();
+    };
+    well();
+
+    succeed(folder.path(), &["fit", "--quiet"]);
+    refused(&[], "is older than the tables");
+    well();
+    let trials = folder.read("derived/trials.parquet");
+    folder.write("derived/trials.parquet", &trials[..trials.len() - 1]);
+    refused(&[], "trials.parquet is not as it was written");
+    well();
+    std::fs::remove_file(folder.place("reports/run.json")).unwrap();
+    refused(&[], "run.json: is not there");
+    well();
+
+    // A run that fails, one that is killed: the history tells of them.
+    let list = folder.read("raw/trials.toml");
+    std::fs::remove_file(folder.place("raw/trials.toml")).unwrap();
+    assert_eq!(trilink(folder.path(), &["run", "--quiet"]).status.code(), Some(2));
+    refused(&[], ": failed: raw/trials.toml: ");
+    folder.write("raw/trials.toml", list);
+    well();
+    folder.replace("reports/run.json", "\"status\": \"ok\"", "\"status\": \"running\"");
+    refused(&[], "was killed; needed the results of a run that came to its end");
+    well();
+    let rows = history(&folder);
+    let failures: Vec<_> = rows.iter().filter(|row| row.quantity.is_empty()).collect();
+    let status: Vec<_> = failures.iter().map(|row| row.status.unwrap().name()).collect();
+    assert_eq!(status, ["failed", "interrupted"]);
+    assert!(failures[0].note.contains("trials.toml") && failures[1].note == "killed");
+    assert_eq!(rows.iter().filter(|row| row.quantity == "mean d_m").count(), 2, "one run");
+    let page = text(&folder.read("reports/history.html"));
+    assert!(page.contains("Runs that did not come to their end") && page.contains("killed"));
+
+    // Runs that find everything up to date keep the tables young.
+    let record =
+        std::fs::File::options().append(true).open(folder.place("derived/up-to-date.json"));
+    let hours = std::time::Duration::from_secs(30 * 3600);
+    record.unwrap().set_modified(std::time::SystemTime::now() - hours).unwrap();
+    refused(&["--max-age", "20h"], "last confirmed 30.0 h ago, needed 20 h at most");
+    assert_eq!(own(&folder, &["--max-age", "2d"]).0, Some(0));
+    std::fs::remove_file(folder.place("reports/compare.json")).unwrap();
+    assert!(folder.run().contains("trials: "));
+    well();
+    assert_eq!(own(&folder, &["--max-age", "20"]).0, Some(2));
+}
+
+#[test]
+fn a_comparison_and_a_run_exclude_each_other() {
+    let folder = with_baseline();
+    let lock = std::fs::File::open(folder.place("derived/.lock")).unwrap();
+    lock.lock().unwrap();
+    let files = || (folder.read("baseline.json"), folder.read("reports/history.parquet"));
+    let before = files();
+    for more in [&[][..], &["--accept", "why"], &["--save", "other.json"]] {
+        let (status, said) = own(&folder, more);
+        assert_eq!(status, Some(2), "{said}");
+        assert!(said.contains("derived/.lock: held by ") && said.contains("--wait"), "{said}");
+    }
+    assert!(!folder.place("other.json").exists() && files() == before);
+    // Somebody else's folder of tables, too.
+    let elsewhere = with_baseline();
+    let derived = folder.place("derived");
+    let against = ["compare", "baseline.json", "--against", derived.to_str().unwrap()];
+    assert_eq!(trilink(elsewhere.path(), &against).status.code(), Some(2));
+    drop(lock);
+    assert_eq!(trilink(elsewhere.path(), &against).status.code(), Some(0));
+}
+
+#[test]
+fn reasons_that_are_given_at_the_same_time_are_all_kept() {
+    let folder = with_baseline();
+    folder.write(".writing-killed", "half a baseline");
+    let reasons: Vec<String> = (0..8).map(|i| format!("reason {i}")).collect();
+    std::thread::scope(|scope| {
+        for reason in &reasons {
+            let folder = &folder;
+            scope
+                .spawn(move || assert_eq!(own(folder, &["--accept", reason, "--wait"]).0, Some(0)));
+        }
+    });
+    let baseline: Value = serde_json::from_slice(&folder.read("baseline.json")).unwrap();
+    let reasons_of = |rows: Vec<HistoryRow>| {
+        let rows = rows.into_iter().filter(|row| row.quantity == "accepted");
+        let mut reasons: Vec<String> = rows.map(|row| row.note).collect();
+        reasons.sort();
+        reasons
+    };
+    assert_eq!(baseline["accepted"].as_array().unwrap().len(), 8);
+    assert_eq!(reasons_of(history(&folder)), reasons);
+    assert!(!folder.place(".writing-killed").exists());
+
+    // Killed between the file and the history: the next comparison completes the history.
+    let rows = history(&folder);
+    let fewer = &rows[..rows.len() - 1];
+    let provenance = trilink::store::Provenance { input: "runs".to_owned() };
+    let path = folder.place("reports/history.parquet");
+    HistoryRow::to_table(fewer).write(&path, &provenance).unwrap();
+    assert_eq!(own(&folder, &[]).0, Some(0));
+    assert_eq!(reasons_of(history(&folder)), reasons);
+    assert_eq!(own(&folder, &["--accept", ""]).0, Some(2));
+}
+
+#[test]
+fn the_history_is_drawn_again_and_a_damaged_one_is_moved_aside() {
+    let folder = with_baseline();
+    let page = folder.read("reports/history.html");
+    for command in [&["run"][..], &["compare", "baseline.json"]] {
+        std::fs::remove_file(folder.place("reports/history.html")).unwrap();
+        succeed(folder.path(), command);
+        assert_eq!(folder.read("reports/history.html"), page);
+        let old = std::time::SystemTime::now() - std::time::Duration::from_secs(1000);
+        let html = folder.place("reports/history.html");
+        std::fs::write(&html, "older than the history").unwrap();
+        std::fs::File::options().append(true).open(html).unwrap().set_modified(old).unwrap();
+        succeed(folder.path(), command);
+        assert_eq!(folder.read("reports/history.html"), page);
+    }
+    succeed(folder.path(), &["run", "--dry-run"]);
+    for (i, command) in [&["run"][..], &["compare", "baseline.json"]].into_iter().enumerate() {
+        let mut damaged = folder.read("reports/history.parquet");
+        let last = damaged.len() - 5;
+        damaged[last] ^= 0xff;
+        folder.write("reports/history.parquet", &damaged);
+        std::fs::remove_file(folder.place("reports/history.html")).unwrap();
+        let said = trilink(folder.path(), command);
+        assert_eq!(said.status.code(), Some(1), "{command:?}: {}", text(&said.stderr));
+        let aside = format!("reports/history.damaged-{}.parquet", i + 1);
+        assert!(text(&said.stderr).contains(&aside), "{}", text(&said.stderr));
+        assert_eq!(folder.read(&aside), damaged);
+        assert!(history(&folder).iter().all(|row| row.run == 1));
+        succeed(folder.path(), command);
+    }
 }

@@ -8,7 +8,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::{files, small_settings, succeed, text, trilink};
+use common::{Small, files, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 
 const COMMANDS: [&str; 12] = [
@@ -194,4 +194,88 @@ fn the_first_interruption_leaves_whole_files_and_says_what_is_left() {
     assert!(!folder.path().join("derived/fits.parquet").exists());
     succeed(folder.path(), &["run", "--quiet"]);
     assert!(record().contains("\"status\": \"ok\""));
+}
+
+#[cfg(unix)]
+#[test]
+fn arguments_that_are_no_utf_8_are_refused_by_name() {
+    use std::os::unix::ffi::OsStrExt;
+    let odd = std::ffi::OsStr::from_bytes(b"raw\xff");
+    for before in [&["run"][..], &["run", "-c"], &["run", "--log"], &["compare"]] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trilink"));
+        let output = command.args(before).arg(odd).current_dir(std::env::temp_dir()).output();
+        let output = output.unwrap();
+        assert_eq!(output.status.code(), Some(2), "{before:?}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("found bytes that are no UTF-8"), "{before:?}");
+    }
+}
+
+#[test]
+fn a_stage_that_has_nothing_to_read_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["ingest", "fit", "report", "run", "compare"] {
+        let arguments: &[&str] =
+            if command == "compare" { &["compare", "--save", "x.json"] } else { &[command] };
+        assert_eq!(trilink(folder.path(), arguments).status.code(), Some(2), "{command}");
+        let left = std::fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(left, 0, "{command}");
+    }
+}
+
+#[test]
+fn the_demo_runs_nobody_elses_trials() {
+    let folder = Small::raw();
+    std::fs::remove_file(folder.place("raw/truth.json")).unwrap();
+    let refused = trilink(folder.path(), &["demo"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let said = text(&refused.stderr);
+    assert!(said.contains("raw/trials.toml: found trials that are not the demo's"), "{said}");
+    assert!(!folder.place("derived").exists());
+}
+
+#[test]
+fn a_run_names_the_trials_that_it_removes_and_what_needs_a_person() {
+    let folder = Small::done();
+    let list = text(&folder.read("raw/trials.toml"));
+    let (first, others) = list.split_once("[[trial]]").unwrap();
+    let trials: Vec<&str> = others.split("[[trial]]").collect();
+    let id = |trial: &str| trial.split('"').nth(1).unwrap().to_owned();
+    let (removed, damaged) = (id(trials[0]), id(trials[1]));
+    let kept = trials[1..].iter().map(|trial| format!("[[trial]]{trial}")).collect::<String>();
+    folder.write("raw/trials.toml", format!("{first}{kept}"));
+    folder.write(&format!("raw/{damaged}.csv"), "nothing");
+    let output = trilink(folder.path(), &["run"]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    let said = text(&output.stderr);
+    assert!(said.contains(&format!("not in the list of trials any more, removed: {removed}")));
+    let block = said.split("needs a person:\n").nth(1).unwrap();
+    assert!(block.starts_with(&format!("  failed: {damaged}: ")), "{said}");
+    // The same where there is nothing to do.
+    let again = text(&trilink(folder.path(), &["run"]).stderr);
+    assert!(again.contains("needs a person:\n") && again.contains("everything was up to date"));
+}
+
+#[test]
+fn flagged_trials_are_named_with_their_reasons() {
+    let folder = Small::raw();
+    let settings = text(&folder.read("pipeline.toml"));
+    folder.write("pipeline.toml", format!("{settings}\n[ingest]\nmax_residual_mm = 0.08\n"));
+    let said = text(&trilink(folder.path(), &["run"]).stderr);
+    let block = said.split("used, but look at:\n").nth(1).unwrap();
+    assert!(block.starts_with("  flagged: kinematic-"), "{said}");
+    assert!(block.contains("residual"), "{said}");
+}
+
+#[test]
+fn messages_say_what_is_meant() {
+    let folder = Small::raw();
+    let list = text(&folder.read("raw/trials.toml"));
+    folder.write("raw/trials.toml", list.replacen("[[trial]]", "[trial]", 2));
+    let said = text(&trilink(folder.path(), &["check"]).stderr);
+    assert!(said.contains("found `[trial]`, needed `[[trial]]` before each trial"), "{said}");
+    assert!(said.contains("raw/trials.toml, line "), "{said}");
+    folder.write("raw/trials.toml", list);
+    std::fs::remove_file(folder.place("raw/kinematic-symmetric-5.00-r1.csv")).unwrap();
+    let said = text(&trilink(folder.path(), &["check"]).stdout);
+    assert!(said.contains("  E001 failed: raw/kinematic-symmetric-5.00-r1.csv: "), "{said}");
 }

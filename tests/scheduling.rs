@@ -6,7 +6,7 @@
 mod common;
 
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 
 use common::{small_run, small_settings, succeed, text};
 
@@ -30,20 +30,58 @@ fn home() -> tempfile::TempDir {
     home
 }
 
-#[test]
-fn the_line_for_cron_works_in_an_empty_environment() {
+/// The times and the command of the line for cron.
+fn cron_line() -> (String, String) {
     let [line] = &blocks("crontab")[..] else { panic!("one block for cron") };
-    let (time, command) = line.trim().split_at(line.find("cd ").unwrap());
-    assert_eq!(time.split_whitespace().count(), 5);
-    assert!(!command.contains('%'), "cron takes a per cent sign for the end of the line");
-    let home = home();
-    let night = Command::new("/bin/sh")
-        .args(["-c", command])
+    let (times, command) = line.trim().split_at(line.find("cd ").unwrap());
+    (times.to_owned(), command.to_owned())
+}
+
+/// A night by cron, in its empty environment, after what a shell does `before`.
+fn cron_night(home: &Path, before: &str) -> Output {
+    let command = cron_line().1;
+    Command::new("/bin/sh")
+        .args(["-c", &format!("{before}\n{command}")])
         .env_clear()
-        .env("HOME", home.path())
+        .env("HOME", home)
+        .env("PATH", "/usr/bin:/bin")
         .current_dir("/")
         .output()
-        .unwrap();
+        .unwrap()
+}
+
+/// A night by systemd: the service's commands as systemd reads them, one after the other as long
+/// as they succeed.
+fn systemd_night(home: &Path, before: &str) -> Output {
+    let unit = &blocks("ini")[0];
+    let mut last = None;
+    for line in unit.lines().filter_map(|line| line.strip_prefix("ExecStart=")) {
+        assert!(!line.starts_with('-'), "{line} swallows a status");
+        let line = line.replace("%h", home.to_str().unwrap()).replace("$$", "$");
+        let ended = Command::new("/bin/sh")
+            .args(["-c", &format!("{before}\n{line}")])
+            .env_clear()
+            .env("HOME", home)
+            .env("PATH", "/usr/bin:/bin")
+            .current_dir(home.join("lab"))
+            .output()
+            .unwrap();
+        let failed = !ended.status.success();
+        last = Some(ended);
+        if failed {
+            break;
+        }
+    }
+    last.unwrap()
+}
+
+#[test]
+fn the_line_for_cron_works_in_an_empty_environment() {
+    let (times, command) = cron_line();
+    assert_eq!(times.split_whitespace().count(), 5);
+    assert!(!command.contains('%'), "cron takes a per cent sign for the end of the line");
+    let home = home();
+    let night = cron_night(home.path(), "");
     assert_eq!(night.status.code(), Some(0), "{}", text(&night.stderr));
     assert_eq!(text(&night.stdout) + &text(&night.stderr), "", "cron would send a mail");
     let said = std::fs::read_to_string(home.path().join("lab/nightly.txt")).unwrap();
@@ -78,17 +116,55 @@ fn systemd_takes_the_timer_and_the_service() {
     if let Ok(next) = Command::new("systemd-analyze").args(["calendar", calendar]).output() {
         assert!(next.status.success(), "{}", text(&next.stderr));
     }
-    // The service's commands one after the other, as systemd would.
-    for line in units[0].lines().filter_map(|line| line.strip_prefix("ExecStart=")) {
-        let command = line.trim_start_matches('-').replace("%h", home.path().to_str().unwrap());
-        let words: Vec<&str> = command.split_whitespace().collect();
-        let ended = Command::new(words[0])
-            .args(&words[1..])
-            .env_clear()
-            .current_dir(home.path().join("lab"))
-            .output()
-            .unwrap();
-        assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
+    let night = systemd_night(home.path(), "");
+    assert_eq!(night.status.code(), Some(0), "{}", text(&night.stderr));
+}
+
+/// Kills a run when it says that it has begun.
+const KILLED: &str = r#"#!/bin/sh
+real=$(dirname "$0")/real
+[ "$1" = run ] || exec "$real" "$@"
+"$real" "$@" & pid=$!
+until grep -q '"running"' reports/run.json; do sleep 0.01; done
+kill -9 $pid; wait $pid
+"#;
+
+#[test]
+fn no_night_on_which_something_failed_reports_success() {
+    type Night = fn(&Path, &str) -> Output;
+    let nights: [(&str, Night); 2] = [("cron", cron_night), ("systemd", systemd_night)];
+    let rerun = "rm -f \"$HOME/lab/derived/fits.parquet\"";
+    let full_disk = format!("{rerun}; ulimit -f 8");
+    let full_disk_told = format!("trap '' XFSZ; {full_disk}");
+    let nights = nights.into_iter().flat_map(|(by, night)| {
+        [
+            ("the raw folder is gone", "mv \"$HOME/lab/raw\" \"$HOME/lab/away\"", None),
+            ("the raw folder is empty", "rm -r \"$HOME/lab/raw/demo/\"*", None),
+            (
+                "a file is damaged",
+                "for f in \"$HOME/lab/raw/demo/\"*.csv; do echo x > \"$f\"; break; done",
+                None,
+            ),
+            ("the disk is full", full_disk.as_str(), None),
+            ("the disk is full and says so", full_disk_told.as_str(), None),
+            ("the run is killed", rerun, Some(KILLED)),
+            ("no program", "rm \"$HOME/.cargo/bin/trilink\"", None),
+        ]
+        .map(|scenario| (by, night, scenario))
+    });
+    for (by, night, (what, before, program)) in nights {
+        let home = home();
+        let programs = home.path().join(".cargo/bin");
+        if let Some(script) = program {
+            std::fs::rename(programs.join("trilink"), programs.join("real")).unwrap();
+            std::fs::write(programs.join("trilink"), script).unwrap();
+            let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+            std::fs::set_permissions(programs.join("trilink"), executable).unwrap();
+        }
+        let ended = night(home.path(), before);
+        let said = text(&ended.stdout) + &text(&ended.stderr);
+        assert_ne!(ended.status.code(), Some(0), "{by}: {what}: {said}");
+        assert!(!said.trim().is_empty(), "{by}: {what}: cron would send no mail");
     }
 }
 
@@ -96,6 +172,10 @@ fn systemd_takes_the_timer_and_the_service() {
 fn the_workflow_names_files_that_are_there() {
     let workflow = std::fs::read_to_string(".github/workflows/nightly.yml").unwrap();
     assert!(workflow.contains("compare docs/demo-baseline.json"));
+    // A step that fails fails the workflow, and the steps behind it do not run.
+    for swallows in ["continue-on-error", "||", "set +e"] {
+        assert!(!workflow.contains(swallows), "{swallows}");
+    }
     let baseline = trilink::compare::Snapshot::load(Path::new("docs/demo-baseline.json")).unwrap();
     assert_eq!(baseline.records("trials").len(), 42);
     assert_eq!(baseline.records("fits").len(), 12);

@@ -80,6 +80,25 @@ impl Lock {
     }
 }
 
+/// Keeps runs from a folder of results that is only read, while this lives; `None` if no run has
+/// ever been there.
+///
+/// # Errors
+/// Another process is busy with the folder.
+pub fn share(derived: &Path) -> Result<Option<Lock>, StoreError> {
+    let path = derived.join(LOCK_FILE);
+    let mut file = match File::open(&path) {
+        Ok(file) => file,
+        Err(problem) if problem.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(StoreError::Read { path, source }),
+    };
+    match file.try_lock_shared() {
+        Ok(()) => Ok(Some(Lock { _file: file })),
+        Err(TryLockError::WouldBlock) => Err(StoreError::Held { path, holder: holder(&mut file) }),
+        Err(TryLockError::Error(source)) => Err(StoreError::Read { path, source }),
+    }
+}
+
 /// Who holds a lock, in words.
 fn holder(file: &mut File) -> String {
     let mut text = String::new();

@@ -3,6 +3,7 @@
 
 mod fit;
 mod ingest;
+mod last_run;
 mod lock;
 mod plan;
 mod record;
@@ -19,17 +20,20 @@ use crate::fit::{Fitted, input_paths};
 use crate::ingest::Ingested;
 use crate::interrupt::{Interrupted, abandonable};
 use crate::report::{ReportError, Reported};
-use crate::store::{Stamp, StoreError, write_bytes};
+use crate::store::{RunStatus, Stamp, StoreError, write_bytes};
 
 use fit::FitStage;
 use ingest::IngestStage;
-use lock::{LOCK_FILE, Lock, check_places, sweep, unfinished};
+use last_run::{LastRun, confirm};
+pub use last_run::{check_finished, hold};
+use lock::{LOCK_FILE, check_places, unfinished};
+pub use lock::{Lock, share, sweep};
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, plan, plan_after};
 use record::{RECORD_FILE, Record};
 use report::ReportStage;
 use summary::{RunRecord, RunResults};
-pub use summary::{StageRecord, TrialCounts, attention, count};
+pub use summary::{StageRecord, TrialCounts, count};
 pub use target::Target;
 
 /// Somebody who watches a run.
@@ -63,6 +67,8 @@ pub enum RunError {
     Outdated,
     #[error("{0}; --wait waits for it")]
     Held(StoreError),
+    #[error("{}: {problem}; needed the results of a run that came to its end: `trilink run`", path.display())]
+    Unfinished { path: PathBuf, problem: String },
     #[error(
         "interrupted during {stage}{}; left: {}. Every file is whole, as this run or the one \
          before wrote it",
@@ -101,7 +107,7 @@ pub struct Finished {
     pub stages: Vec<StageRecord>,
     /// Whether there was nothing to do, and nothing was written.
     pub was_up_to_date: bool,
-    /// Why the run is not in the history.
+    /// What is wrong with the history.
     pub history_problem: Option<String>,
 }
 
@@ -144,7 +150,10 @@ pub fn run(
     look.may_write = false;
     // Looking comes first: an unchanged folder is not even locked.
     match look.all() {
-        Ok(finished) => return Ok(finished),
+        Ok(finished) => {
+            confirm(config);
+            return Ok(finished);
+        }
         Err(RunError::Outdated) => {}
         // Somebody else may be changing what was looked at; the lock tells.
         Err(_) if config.paths.derived.is_dir() => {}
@@ -153,6 +162,15 @@ pub fn run(
     let _lock = take_over(config, wait, watch)?;
     // Whoever held the lock may have been faster.
     let (mut sequence, _) = Sequence::new(config, options, watch);
+    let remember_failure = |started: &str, status, why: &str| {
+        // Why a run ended is to be said, not why that could not be recorded.
+        let problem = crate::compare::remember_failure(&config.paths, started, status, why);
+        problem.ok().flatten().iter().for_each(|problem| watch.note(problem));
+    };
+    if let Some(LastRun { status: RunStatus::Running, started, .. }) = LastRun::load(config) {
+        remember_failure(&started, RunStatus::Interrupted, "killed");
+    }
+    sequence.write_record(RunStatus::Running, None, None)?;
     let mut finished = sequence.all();
     if let Err(error) = &finished
         && error.is_of_changed_table()
@@ -164,9 +182,11 @@ pub fn run(
         finished = sequence.all();
     }
     if let Err(error) = &finished {
-        let is_interrupted = matches!(error, RunError::Interrupted { .. });
-        let status = if is_interrupted { "interrupted" } else { "failed" };
-        // Why the run ended is to be said, not why that could not be recorded.
+        let status = match error {
+            RunError::Interrupted { .. } => RunStatus::Interrupted,
+            _ => RunStatus::Failed,
+        };
+        remember_failure(&sequence.began_at, status, &error.to_string());
         let _ = sequence.write_record(status, Some(error.to_string()), None);
     }
     finished
@@ -236,7 +256,9 @@ impl<'s> Sequence<'s> {
         let reported = self.advance(&ReportStage::new(config))?;
         let did_something = self.stages.iter().any(|stage| stage.did_something);
         let was_up_to_date = !did_something && self.is_recorded();
-        let is_done = was_up_to_date && unfinished(&folders(config)).is_empty();
+        let is_done = was_up_to_date
+            && unfinished(&folders(config)).is_empty()
+            && crate::compare::is_drawn(&config.paths.reports);
         if !self.may_write && !is_done {
             return Err(RunError::Outdated);
         }
@@ -245,10 +267,14 @@ impl<'s> Sequence<'s> {
         let mut finished =
             Finished { ingested, fitted, reported, stages, was_up_to_date, history_problem };
         if !was_up_to_date {
-            let status = if finished.ingested.needs_a_person() { "attention" } else { "ok" };
+            let status = match finished.ingested.needs_a_person() {
+                true => RunStatus::Attention,
+                false => RunStatus::Ok,
+            };
             self.record.run = Some(self.write_record(status, None, Some(&finished))?);
             let remembered = crate::compare::remember(&config.paths);
-            finished.history_problem = remembered.err().map(|error| error.to_string());
+            let problem = |error| Some(format!("not in the history: {error}"));
+            finished.history_problem = remembered.unwrap_or_else(problem);
         }
         if self.may_write {
             // Last, so that what it says is there.
@@ -267,7 +293,7 @@ impl<'s> Sequence<'s> {
     /// Writes `run.json`.
     fn write_record(
         &self,
-        status: &'static str,
+        status: RunStatus,
         error: Option<String>,
         finished: Option<&Finished>,
     ) -> Result<Stamp, StoreError> {
@@ -277,7 +303,7 @@ impl<'s> Sequence<'s> {
             status,
             error,
             started: &self.began_at,
-            ended: utc_now(),
+            ended: (status != RunStatus::Running).then(utc_now),
             seconds: self.began.elapsed().as_secs_f64(),
             folder: &self.config.paths.raw,
             threads: rayon::current_num_threads(),
@@ -325,6 +351,9 @@ pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunErro
         if !sequence.is_recorded() {
             others.push("run.json is not as it was written");
         }
+        if !crate::compare::is_drawn(&config.paths.reports) {
+            others.push("history.html is not that of history.parquet");
+        }
         plan(&figures, derived, known, options)?.plan
     } else {
         let fits = fit.targets.iter().map(|planned| &planned.target).chain(&fit.removed);
@@ -370,7 +399,12 @@ fn alone<S: Stage>(
     // Where there is nothing to read, no folder is left behind.
     let stage = stage(config)?;
     let _lock = take_over(config, wait, watch)?;
-    Sequence::new(config, RerunOptions::FORCE, watch).0.advance(&stage)
+    let mut sequence = Sequence::new(config, RerunOptions::FORCE, watch).0;
+    if S::NAME != ReportStage::NAME {
+        // The tables will be younger than the last run.
+        sequence.record.run = None;
+    }
+    sequence.advance(&stage)
 }
 
 /// Takes the lock of the folder of results, and makes sure that there is where to write to.

@@ -6,22 +6,20 @@ use serde::Serialize;
 
 use super::{Finished, StagePlan, Target};
 use crate::robot::Model;
-use crate::store::{CheckRow, FitStatus, TrialRow, TrialStatus};
+use crate::store::{CheckRow, FitStatus, RunStatus, TrialRow, TrialStatus};
 
 /// `run.json`: what ran and how long it took, however it ended.
 #[derive(Serialize)]
 pub(super) struct RunRecord<'r> {
     pub program: &'static str,
     pub version: &'static str,
-    /// `ok`, or `attention` where something needs a person; `failed` or `interrupted` where a run
-    /// did not come to its end.
-    pub status: &'static str,
-    /// Why it did not.
+    pub status: RunStatus,
+    /// Why it did not come to its end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// UTC.
     pub started: &'r str,
-    pub ended: String,
+    pub ended: Option<String>,
     pub seconds: f64,
     /// Trial folder.
     pub folder: &'r Path,
@@ -72,12 +70,12 @@ impl<'r> RunResults<'r> {
             status: TrialStatus::Failed,
             message,
         });
-        let attention =
-            attention(&ingested.trials).map(|TrialRow { trial, status, message, .. }| Attention {
-                trial,
-                status: *status,
-                message,
-            });
+        let others = ingested.trials.iter().filter(|trial| trial.status != TrialStatus::Ok);
+        let attention = others.map(|TrialRow { trial, status, message, .. }| Attention {
+            trial,
+            status: *status,
+            message,
+        });
         let fits = fitted.fits.iter().map(|fit| FitRecord {
             campaign: &fit.campaign,
             model: fit.model,
@@ -138,9 +136,4 @@ pub fn count(trials: &[TrialRow]) -> TrialCounts {
     let with = |status| trials.iter().filter(|trial| trial.status == status).count();
     let [ok, flagged, failed] = TrialStatus::ALL.map(with);
     TrialCounts { total: trials.len(), ok, flagged, failed }
-}
-
-/// The trials that are not `ok`.
-pub fn attention(trials: &[TrialRow]) -> impl Iterator<Item = &TrialRow> {
-    trials.iter().filter(|trial| trial.status != TrialStatus::Ok)
 }

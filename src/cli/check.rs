@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::output::say;
+use super::output::{say, write_data};
 use super::{Context, Failure, Outcome};
 use crate::ingest::{self, FileSurvey, FolderInput, IngestSettings, Ingested, Recording, survey};
 use crate::store::{CheckRow, Severity, TrialRow, TrialStatus, hash};
@@ -85,7 +85,7 @@ fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome,
     let checked: Vec<CheckedTrial> = rows.trials.iter().map(of_trial).collect();
     let failed = checked.iter().filter(|trial| trial.status == TrialStatus::Failed).count();
     if json {
-        say!("{}", serde_json::to_string_pretty(&checked)?);
+        write_data(&serde_json::to_string_pretty(&checked)?);
     } else {
         checked.iter().for_each(say_trial);
         say_counts(&checked);
@@ -116,7 +116,11 @@ fn say_trial(checked: &CheckedTrial) {
     say!("{trial}: {status}, {cycles} cycles");
     for CheckLine { check, severity, message, .. } in checks {
         if *severity != Severity::Ok {
-            say!("  {check}: {severity}: {message}");
+            // The code of what ends a trial says how bad it is.
+            match check.starts_with('E') {
+                true => say!("  {check}: {message}"),
+                false => say!("  {check}: {severity}: {message}"),
+            }
         }
     }
 }
@@ -154,7 +158,7 @@ fn check_files(context: &Context, files: &[PathBuf], json: bool) -> Result<Outco
     }
     let stopped = surveys.iter().filter(|survey| !survey.stops.is_empty()).count();
     if json {
-        say!("{}", serde_json::to_string_pretty(&surveys)?);
+        write_data(&serde_json::to_string_pretty(&surveys)?);
     } else {
         surveys.iter().for_each(say_survey);
         say!("{} files, {stopped} that cannot be ingested", surveys.len());
@@ -172,7 +176,10 @@ fn say_survey(survey: &FileSurvey) {
     if let Some(recording) = &survey.recording {
         say_recording(recording);
     }
-    survey.stops.iter().for_each(|stop| say!("  stops it: {stop}"));
+    // The file stands above.
+    let file = format!("{}: ", survey.file.display());
+    let stops = survey.stops.iter().map(|stop| stop.strip_prefix(&file).unwrap_or(stop));
+    stops.for_each(|stop| say!("  stops it: {stop}"));
     survey.warnings.iter().for_each(|warning| say!("  flags it: {warning}"));
 }
 

@@ -2,15 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use super::output::say;
-use super::{Context, Failure, Outcome, table};
+use clap::builder::NonEmptyStringValueParser;
+
+use super::output::{note, say, write_data};
+use super::{Context, Exclusive, Failure, Outcome, table};
+use crate::build::{Lock, check_finished, hold, share, sweep};
 use crate::clock::utc_now;
 use crate::compare::{
-    Acceptance, Compared, Difference, Lone, Snapshot, Verdict, compare, junit, note_acceptance,
+    Acceptance, Compared, Difference, Lone, Snapshot, Verdict, compare, junit, note_acceptances,
     page, remember, to_json,
 };
-use crate::config::{Config, Tolerances};
+use crate::config::{Config, Paths, Tolerances};
 use crate::store::write_bytes;
 
 /// More differences than this are on the page.
@@ -32,11 +36,16 @@ pub(super) struct Compare {
     #[arg(long, value_name = "FILE")]
     save: Option<PathBuf>,
     /// Make the tables the new baseline and keep the reason.
-    #[arg(long, value_name = "WHY", requires = "baseline")]
+    #[arg(long, value_name = "WHY", requires = "baseline", value_parser = NonEmptyStringValueParser::new())]
     accept: Option<String>,
+    /// Refuse tables that no run has made or found up to date for longer, such as 20h, 90min, 2d.
+    #[arg(long, value_name = "TIME", value_parser = parse_age, conflicts_with = "against")]
+    max_age: Option<Duration>,
     /// Print the comparison as JSON.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    exclusive: Exclusive,
 }
 
 impl Compare {
@@ -44,25 +53,33 @@ impl Compare {
         for line in &self.tolerance {
             set_tolerance(&mut context.config, line)?;
         }
-        let paths = &context.config.paths;
-        let candidate = match &self.against {
-            Some(folder) => Snapshot::load(existing_folder(folder)?)?,
+        let (config, paths) = (&context.config, &context.config.paths);
+        let watch = context.progress.watch(false);
+        let mut outcome = Outcome::Well;
+        // The lock stays until all is written.
+        let (lock, candidate) = match &self.against {
+            Some(folder) => (None, load(paths, existing_folder(folder)?)?),
             None => {
-                remember(paths)?;
-                Snapshot::of_run(&paths.derived, &paths.reports)?
+                let lock = hold(config, self.exclusive.wait, &watch)?;
+                check_finished(&lock, config, self.max_age)?;
+                if let Some(problem) = remember(paths)? {
+                    note!("{problem}");
+                    outcome = Outcome::NeedsAttention;
+                }
+                (Some(lock), Snapshot::of_run(&paths.derived, &paths.reports)?)
             }
         };
         if let Some(file) = &self.save {
-            candidate.save(file)?;
+            save(&candidate, file, lock.as_ref())?;
             context.progress.say(&format!("saved {}", file.display()));
         }
-        let Some(path) = &self.baseline else { return Ok(Outcome::Well) };
+        let Some(path) = &self.baseline else { return Ok(outcome) };
         if self.accept.is_some() && path.is_dir() {
             let found = "is a folder, needed a file that `--save` wrote";
             return Err(format!("--accept: {} {found}", path.display()).into());
         }
-        let baseline = Snapshot::load(path)?;
-        let compared = compare(&context.config.compare, &baseline, &candidate);
+        let baseline = load(paths, path)?;
+        let compared = compare(&config.compare, &baseline, &candidate);
 
         let reports = &paths.reports;
         let html = reports.join("compare.html");
@@ -71,22 +88,62 @@ impl Compare {
         write_bytes(&reports.join("compare.xml"), junit(&compared)?.as_bytes())?;
         write_bytes(&reports.join("compare.json"), (json.clone() + "\n").as_bytes())?;
         if self.json {
-            say!("{json}");
+            write_data(&json);
         } else {
             print(&compared, &html);
         }
-        let Some(reason) = self.accept else {
-            return Ok(if compared.is_well() { Outcome::Well } else { Outcome::NeedsAttention });
-        };
-        let differences = compared.out().count() + compared.vanished.len();
-        let acceptance = Acceptance { time: utc_now(), reason, differences };
         let mut accepted = baseline.accepted;
-        accepted.push(acceptance.clone());
-        Snapshot { accepted, ..candidate }.save(path)?;
-        note_acceptance(paths, &acceptance)?;
-        context.progress.say(&format!("{} is the new baseline", path.display()));
-        Ok(Outcome::Well)
+        if let Some(reason) = self.accept {
+            let differences = compared.out().count() + compared.vanished.len();
+            accepted.push(Acceptance { time: utc_now(), reason, differences });
+            let candidate = Snapshot { accepted: accepted.clone(), ..candidate };
+            save(&candidate, path, lock.as_ref())?;
+            context.progress.say(&format!("{} is the new baseline", path.display()));
+        } else if !compared.is_well() {
+            outcome = Outcome::NeedsAttention;
+        }
+        // Also those of a comparison that was killed before it came here.
+        if lock.is_some() {
+            note_acceptances(paths, &accepted)?;
+        }
+        Ok(outcome)
     }
+}
+
+/// Reads a file that `--save` wrote, or the tables of a folder to which no run writes meanwhile.
+fn load(paths: &Paths, path: &Path) -> Result<Snapshot, Failure> {
+    let inner = path.join("derived");
+    let derived = if inner.is_dir() { &inner } else { path };
+    let same = |path: &Path| std::fs::canonicalize(path).ok();
+    let _lock = match derived.is_dir() && same(derived) != same(&paths.derived) {
+        true => share(derived)?,
+        false => None,
+    };
+    Ok(Snapshot::load(path)?)
+}
+
+/// Writes a snapshot. Who holds the results removes what killed comparisons left beside it.
+fn save(snapshot: &Snapshot, file: &Path, lock: Option<&Lock>) -> Result<(), Failure> {
+    if let Some((lock, folder)) = lock.zip(std::path::absolute(file)?.parent()) {
+        sweep(lock, &[folder.to_owned()])?;
+    }
+    Ok(snapshot.save(file)?)
+}
+
+/// Parses `20h`, `90min` and `2d`.
+fn parse_age(text: &str) -> Result<Duration, String> {
+    let needed = || format!("found `{text}`, needed a time such as 20h, 90min or 2d");
+    let (number, unit) =
+        text.split_at(text.find(|c: char| c.is_alphabetic()).unwrap_or(text.len()));
+    let unit_s = match unit {
+        "min" => 60.0,
+        "h" => 3600.0,
+        "d" => 86_400.0,
+        _ => return Err(needed()),
+    };
+    let number = number.trim().parse::<f64>().ok().filter(|number| *number > 0.0);
+    let age = number.and_then(|number| Duration::try_from_secs_f64(number * unit_s).ok());
+    age.ok_or_else(needed)
 }
 
 fn existing_folder(folder: &Path) -> Result<&Path, Failure> {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use polars::prelude::{AnyValue, DataType};
 
-use super::output::say;
+use super::output::{note, say, write_data};
 use super::{Context, Failure, Outcome, table};
 use crate::inspect::{
     ColumnInfo, Listed, Query, View, csv, describe, find, float, json, list, meaning, query, text,
@@ -63,8 +63,8 @@ impl Inspect {
             context.progress.say(&format!("not shown: {}", columns.join(", ")));
         }
         match (self.csv, self.json) {
-            (true, _) => say!("{}", csv(&view).trim_end_matches('\n')),
-            (_, true) => say!("{}", json(&view)),
+            (true, _) => write_data(csv(&view).trim_end_matches('\n')),
+            (_, true) => write_data(&json(&view)),
             _ => show(&context, &view),
         }
         Ok(Outcome::Well)
@@ -160,6 +160,6 @@ fn list_tables(context: &Context) -> Result<Outcome, Failure> {
     };
     let rows: Vec<Vec<String>> = tables.iter().map(row).collect();
     table::print(&headings, &rows, None);
-    problems.iter().for_each(|problem| super::output::note!("{problem}"));
+    problems.iter().for_each(|problem| note!("{problem}"));
     Ok(if problems.is_empty() { Outcome::Well } else { Outcome::NeedsAttention })
 }

@@ -2,7 +2,7 @@
 
 use std::fs::OpenOptions;
 use std::path::Path;
-use std::sync::Mutex;
+use std::sync::Arc;
 
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::Layer;
@@ -12,6 +12,7 @@ use tracing_subscriber::registry;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use super::Failure;
+use super::output::Lines;
 
 /// Begins to write what happens: to the end of a file, and with `-v` or `-vv` to standard error.
 pub(super) fn begin(file: Option<&Path>, verbose: u8) -> Result<(), Failure> {
@@ -24,11 +25,14 @@ pub(super) fn begin(file: Option<&Path>, verbose: u8) -> Result<(), Failure> {
         .map(|path| {
             let opened = OpenOptions::new().create(true).append(true).open(path);
             let opened = opened.map_err(|error| format!("--log: {}: {error}", path.display()))?;
-            let lines = layer().with_ansi(false).with_target(false).with_writer(Mutex::new(opened));
+            let file = Arc::new(opened);
+            let lines = move || Lines(Arc::clone(&file));
+            let lines = layer().with_ansi(false).with_target(false).with_writer(lines);
             Ok::<_, Failure>(lines.with_filter(LevelFilter::DEBUG))
         })
         .transpose()?;
-    let to_terminal = layer().with_ansi(false).with_target(false).with_writer(std::io::stderr);
+    let lines = || Lines(std::io::stderr());
+    let to_terminal = layer().with_ansi(false).with_target(false).with_writer(lines);
     registry().with(to_terminal.with_filter(shown)).with(to_file).init();
     Ok(())
 }

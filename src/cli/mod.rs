@@ -125,6 +125,12 @@ struct Context {
 
 /// Runs the program and gives its exit status.
 pub fn main() -> ExitCode {
+    let not_utf8 = std::env::args_os().find(|argument| argument.to_str().is_none());
+    if let Some(argument) = not_utf8 {
+        let needed = "needed UTF-8, as tables and pages have it";
+        note!("error: argument `{}`: found bytes that are no UTF-8, {needed}", argument.display());
+        return ExitCode::from(2);
+    }
     let arguments = Arguments::parse();
     let default_hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

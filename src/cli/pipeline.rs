@@ -12,10 +12,14 @@ use crate::build::{
 use crate::ingest::Ingested;
 use crate::metrics::Estimate;
 use crate::robot::Parameter;
-use crate::store::{ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialStatus};
+use crate::store::{
+    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialRow, TrialStatus,
+};
 use crate::synth::Recipe;
-use crate::trial::TRIALS_FILE;
+use crate::trial::{TRIALS_FILE, TRUTH_FILE};
 
+/// More trials than this are on the page.
+const MOST_LINES: usize = 20;
 /// Seed of the demo's trials.
 const DEMO_SEED: u64 = 1;
 
@@ -55,11 +59,17 @@ pub(super) struct Update {
 impl Demo {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let raw = &context.config.paths.raw;
-        if !raw.join(TRIALS_FILE).exists() {
+        let list = raw.join(TRIALS_FILE);
+        if list.exists() && !raw.join(TRUTH_FILE).exists() {
+            let others = "trials that are not the demo's; `trilink run` runs them";
+            return Err(format!("{}: found {others}", list.display()).into());
+        }
+        if !list.exists() {
             if self.update.dry_run {
-                say!("everything: {} is not there", raw.join(TRIALS_FILE).display());
+                say!("everything: {} is not there", list.display());
                 return Ok(Outcome::Well);
             }
+            context.progress.say(&format!("the demo's trials, synthetic, in {}", raw.display()));
             write_trials(&context, raw, &Recipe::new(DEMO_SEED))?;
         }
         self.update.run(&context)
@@ -85,9 +95,6 @@ impl Update {
         let finished = run(&context.config, options, self.exclusive.wait, &watch)?;
         drop(watch);
         let Finished { ingested, fitted, reported, .. } = &finished;
-        for trial in ingested.trials.iter().filter(|trial| trial.status == TrialStatus::Failed) {
-            note!("failed: {}: {}", trial.trial, trial.message);
-        }
         print_fits(&fitted.fits);
         print_comparison(&fitted.comparison);
         print_parameters(&ingested.parameters);
@@ -95,9 +102,7 @@ impl Update {
         say!("{}", in_words(&trials));
         say!("page: {}", reported.page.display());
         note_together(ingested);
-        if let Some(problem) = &finished.history_problem {
-            note!("not in the history: {problem}");
-        }
+        say_attention(context, &ingested.trials, finished.history_problem.as_deref());
         if finished.was_up_to_date {
             context.progress.say("everything was up to date");
         } else {
@@ -144,6 +149,24 @@ pub(super) fn note_together(ingested: &Ingested) {
 pub(super) fn in_words(count: &TrialCounts) -> String {
     let TrialCounts { total, ok, flagged, failed } = count;
     format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed")
+}
+
+/// In one block what needs a person, and in another one the trials that are used but flagged.
+pub(super) fn say_attention(context: &Context, trials: &[TrialRow], other: Option<&str>) {
+    let of = |status| trials.iter().filter(move |trial| trial.status == status);
+    let line = |trial: &TrialRow| format!("{}: {}: {}", trial.status, trial.trial, trial.message);
+    let block = |heading: &str, lines: Vec<String>| {
+        let shown = lines.iter().take(MOST_LINES).map(|line| format!("\n  {line}"));
+        let more = match lines.len().saturating_sub(MOST_LINES) {
+            0 => String::new(),
+            more => format!("\n  and {more} more, on the page and in checks.parquet"),
+        };
+        (!lines.is_empty()).then(|| format!("{heading}:{}{more}", shown.collect::<String>()))
+    };
+    let failed = of(TrialStatus::Failed).map(line).chain(other.map(str::to_owned)).collect();
+    block("needs a person", failed).iter().for_each(|block| note!("{block}"));
+    let flagged = block("used, but look at", of(TrialStatus::Flagged).map(line).collect());
+    flagged.iter().for_each(|block| context.progress.say(block));
 }
 
 /// Figures that could not be drawn, and why.

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::output::note;
-use crate::build::{PlannedTarget, StagePlan, Watch};
+use super::output::{harmless, note};
+use crate::build::{PlannedTarget, StagePlan, Target, Watch};
 use crate::interrupt;
 
 /// How progress is shown.
@@ -80,6 +80,12 @@ impl Watch for Watcher {
             plan.removed.iter().for_each(|target| note!("{target}: is no more"));
             plan.whole.iter().for_each(|why| note!("{why}"));
         }
+        let trials = plan.removed.iter().filter(|target| matches!(target, Target::Trial(_)));
+        let trials: Vec<String> = trials.map(Target::name).collect();
+        if !trials.is_empty() {
+            let trials = trials.join(", ");
+            self.progress.say(&format!("not in the list of trials any more, removed: {trials}"));
+        }
     }
 
     fn note(&self, message: &str) {
@@ -126,7 +132,7 @@ impl Stage {
                 note!("{} {done}/{} {message}{}", self.name, self.total, self.time_left(done));
             }
             Progress::Bars => {
-                self.bar.set_message(message.to_owned());
+                self.bar.set_message(harmless(message).into_owned());
                 self.bar.inc(1);
             }
         }
@@ -149,7 +155,7 @@ impl Stage {
     /// Shows on a bar the progress within a step.
     pub fn part(&self, what: &str, done: usize, total: usize) {
         if self.shown == Progress::Bars {
-            self.bar.set_message(format!("{what} {done}/{total}"));
+            self.bar.set_message(harmless(&format!("{what} {done}/{total}")).into_owned());
         }
     }
 

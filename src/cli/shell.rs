@@ -7,7 +7,7 @@ use clap::CommandFactory;
 use clap::builder::Resettable;
 use clap_complete::Shell;
 
-use super::output::say;
+use super::output::write_data;
 use super::{Arguments, Failure, Outcome};
 use crate::store::write_bytes;
 
@@ -28,7 +28,7 @@ impl Completions {
     pub fn run(self) -> Result<Outcome, Failure> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Arguments::command(), "trilink", &mut script);
-        say!("{}", String::from_utf8(script)?.trim_end());
+        write_data(String::from_utf8(script)?.trim_end());
         Ok(Outcome::Well)
     }
 }
@@ -38,7 +38,7 @@ impl Man {
         let mut command = Arguments::command().disable_help_subcommand(true);
         command.build();
         let Some(folder) = self.folder else {
-            say!("{}", String::from_utf8(page(command)?)?.trim_end());
+            write_data(String::from_utf8(page(command)?)?.trim_end());
             return Ok(Outcome::Well);
         };
         for inner in command.get_subcommands() {

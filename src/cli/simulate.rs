@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 
 use super::omegas::{Omegas, parse_omegas};
-use super::output::say;
+use super::output::write_data;
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, ConfigError, did_you_mean};
 use crate::motion::{Model, Problem};
@@ -76,7 +76,7 @@ impl Simulate {
             context.progress.say(&message);
         }
         if self.json {
-            say!("{}", serde_json::to_string_pretty(&answers)?);
+            write_data(&serde_json::to_string_pretty(&answers)?);
         } else {
             answer::print_table(&answers);
         }

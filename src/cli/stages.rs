@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Outcome, calibrate, pipeline};
 use crate::build;
-use crate::store::TrialStatus;
 
 #[derive(clap::Args)]
 pub(super) struct Ingest {
@@ -32,18 +31,12 @@ impl Ingest {
         }
         let ingested =
             build::ingest(&context.config, self.exclusive.wait, &context.progress.watch(false))?;
-        for trial in build::attention(&ingested.trials) {
-            let line = format!("{}: {}: {}", trial.status, trial.trial, trial.message);
-            match trial.status {
-                TrialStatus::Failed => note!("{line}"),
-                _ => context.progress.say(&line),
-            }
-        }
         pipeline::print_parameters(&ingested.parameters);
         let counts = build::count(&ingested.trials);
         let derived = context.config.paths.derived.display();
         say!("{}; tables in {derived}", pipeline::in_words(&counts));
         pipeline::note_together(&ingested);
+        pipeline::say_attention(&context, &ingested.trials, None);
         Ok(if ingested.needs_a_person() { Outcome::NeedsAttention } else { Outcome::Well })
     }
 }

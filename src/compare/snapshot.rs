@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
 use super::CompareError;
+use crate::named::Named as _;
 use crate::robot::Parameter;
-use crate::store::{PredictionSource, StoreError, Table, write_bytes};
+use crate::store::{PredictionSource, RunStatus, StoreError, Table, write_bytes};
 
 /// Tables whose rows are compared, and the columns that name a row.
 const TABLES: [(&str, &[&str]); 3] =
@@ -54,6 +55,9 @@ pub struct Snapshot {
     /// Seconds by stage.
     #[serde(default)]
     pub stages: BTreeMap<String, f64>,
+    /// How the run ended, if that is known.
+    #[serde(skip)]
+    pub status: Option<RunStatus>,
     pub tables: BTreeMap<String, Records>,
 }
 
@@ -102,10 +106,10 @@ impl Snapshot {
         if let Some(scorecard) = read_json(&reports.join("scorecard.json"), "JSON")? {
             tables.insert("scorecard".to_owned(), score(&scorecard));
         }
-        let stages = read_json(&reports.join("run.json"), "JSON")?
-            .map_or(BTreeMap::new(), |run| stages(&run));
+        let run: Json = read_json(&reports.join("run.json"), "JSON")?.unwrap_or_default();
+        let (status, stages) = (run["status"].as_str().and_then(RunStatus::of_name), stages(&run));
         let version = env!("CARGO_PKG_VERSION").to_owned();
-        Ok(Self { format: FORMAT, version, accepted: Vec::new(), stages, tables })
+        Ok(Self { format: FORMAT, version, accepted: Vec::new(), stages, status, tables })
     }
 
     /// Writes it whole or not at all; a record a line, so that versions of it can be compared.

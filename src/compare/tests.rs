@@ -34,6 +34,7 @@ fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
         version: "0.1.0".to_owned(),
         accepted: Vec::new(),
         stages: [("fit".to_owned(), 10.0)].into(),
+        status: None,
         tables: [
             ("trials".to_owned(), trials),
             ("fits".to_owned(), [("symmetric skid-roll".to_owned(), fit)].into()),
@@ -160,6 +161,7 @@ fn the_files_name_what_is_out_and_escape_what_they_hold() {
     for run in [&mut known, &mut candidate] {
         let trials = run.tables.get_mut("trials").unwrap();
         trials.insert("<odd>".to_owned(), odd.clone());
+        trials.insert("bell \u{7}".to_owned(), odd.clone());
     }
     let trials = candidate.tables.get_mut("trials").unwrap();
     trials.get_mut("<odd>").unwrap().insert("status".to_owned(), Json::from("failed"));
@@ -169,7 +171,8 @@ fn the_files_name_what_is_out_and_escape_what_they_hold() {
     assert!(html.contains("&lt;odd&gt;") && !html.contains("<odd>"));
     assert!(html.contains("Trials of symmetric"), "the curves that differ are drawn");
     let xml = junit(&compared).unwrap();
-    assert!(xml.contains("<testsuite name=\"trials\" tests=\"3\" failures=\"2\">"), "{xml}");
+    assert!(xml.contains("<testsuite name=\"trials\" tests=\"4\" failures=\"2\">"), "{xml}");
+    assert!(xml.contains("name=\"bell \\u{7}\""), "{xml}");
     assert!(xml.contains("name=\"&lt;odd&gt;\""), "{xml}");
     let json = to_json(&compared);
     assert_eq!(json["within_tolerance"], false);

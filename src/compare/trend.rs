@@ -9,7 +9,7 @@ use super::CompareError;
 use crate::report::{
     Figure, Image, Layer, Layout, Look, Panel, Scale, colours, fill, percent, significant,
 };
-use crate::store::{rows, write_bytes};
+use crate::store::{RunStatus, rows, write_bytes};
 
 rows! {
     /// One figure of merit of one run: `history.parquet`.
@@ -18,16 +18,23 @@ rows! {
         pub time: String,
         /// Counts the runs.
         pub run: i64,
+        /// How it ended; missing in histories from before this was kept.
+        pub status: Option<RunStatus>,
         pub version: String,
         /// Empty for what is of the whole run, as is the model.
         pub campaign: String,
         pub model: String,
         pub quantity: String,
         pub value: f64,
-        /// Why a run became the new baseline.
+        /// Why a run became the new baseline, or did not come to its end; then nothing was measured.
         pub note: String,
     }
 }
+
+/// The page beside the history.
+pub const PAGE: &str = "history.html";
+/// The quantity of a row that tells of a new baseline.
+pub const ACCEPTED: &str = "accepted";
 
 /// A figure of merit by run.
 type Series = Vec<(f64, f64)>;
@@ -52,19 +59,23 @@ pub fn write(reports: &Path, rows: &[HistoryRow]) -> Result<(), CompareError> {
         }
     }
     let groups = groups.iter().map(|((_, campaign), series)| group(campaign, series));
-    let notes = rows.iter().filter(|row| !row.note.is_empty());
+    let notes = rows.iter().filter(|row| row.quantity == ACCEPTED);
     let notes = notes.map(|row| json!([row.time, row.note, significant(row.value, 3)]));
+    let failures = rows.iter().filter(|row| row.quantity.is_empty());
+    let failures =
+        failures.map(|row| json!([row.time, row.run, row.status.map(RunStatus::name), row.note]));
     let page = json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "runs": rows.last().map_or(0, |row| row.run),
+        "runs": rows.iter().map(|row| row.run).max().unwrap_or(0),
         "first": rows.first().map_or("", |row| &row.time),
         "last": rows.last().map_or("", |row| &row.time),
         "groups": groups.collect::<Result<Vec<_>, _>>()?,
+        "failures": failures.collect::<Vec<_>>(),
         "notes": notes.collect::<Vec<_>>(),
     });
-    let html = fill("history.html", include_str!("history.html"), &page)
-        .map_err(|error| CompareError::File { file: "history.html", message: error.to_string() })?;
-    write_bytes(&reports.join("history.html"), html.as_bytes())?;
+    let html = fill(PAGE, include_str!("history.html"), &page)
+        .map_err(|error| CompareError::File { file: PAGE, message: error.to_string() })?;
+    write_bytes(&reports.join(PAGE), html.as_bytes())?;
     Ok(())
 }
 

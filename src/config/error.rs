@@ -58,6 +58,7 @@ fn in_plain_words(message: &str) -> String {
         ("expected usize", "expected a whole number of 0 or more"),
         ("expected f64", "expected a number"),
         ("an array of length", "a list of length"),
+        ("invalid unquoted key", "a key such as `\"Snake:M1\"` stands in quotes; without"),
     ];
     words.iter().fold(message.to_owned(), |message, (rust, plain)| message.replace(rust, plain))
 }

@@ -6,10 +6,19 @@ use serde_json::Value as Json;
 
 use super::View;
 
-/// CSV with a line of names; what is missing is empty.
+/// CSV with a line of names; what is missing is empty. Text that a spreadsheet would compute as a
+/// formula has an apostrophe before it.
 pub fn csv(view: &View) -> String {
-    let names = view.columns.iter().map(|column| column.name.clone()).collect();
-    let lines = std::iter::once(names).chain(view.cells(text));
+    let as_text = |text: String| match text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+        true => format!("'{text}"),
+        false => text,
+    };
+    let cell = |cell: &AnyValue| match cell.is_primitive_numeric() {
+        true => text(cell),
+        false => as_text(text(cell)),
+    };
+    let names = view.columns.iter().map(|column| as_text(column.name.clone())).collect();
+    let lines = std::iter::once(names).chain(view.cells(cell));
     lines.map(|cells: Vec<String>| crate::csv::line(&cells)).collect()
 }
 
@@ -80,6 +89,23 @@ pub(super) fn comparable(series: &Series) -> PolarsResult<Series> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn text_is_no_formula_of_a_spreadsheet() {
+        let frame = polars::prelude::df!("=x" => ["=1+1", "-a", "a=b"], "n" => [-1.5, 2.0, 3.0]);
+        let column = |name: &str| crate::inspect::ColumnInfo {
+            name: name.to_owned(),
+            type_name: String::new(),
+            dtype: None,
+        };
+        let view = View {
+            columns: vec![column("=x"), column("n")],
+            frame: frame.unwrap(),
+            total: 3,
+            left_out: Vec::new(),
+        };
+        assert_eq!(csv(&view), "'=x,n\n'=1+1,-1.5\n'-a,2\na=b,3\n");
+    }
 
     #[test]
     fn numbers_in_full_read_back_as_the_same() {

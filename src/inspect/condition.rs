@@ -81,21 +81,32 @@ impl Evaluator<'_> {
     }
 
     fn term(&mut self, expr: &Expr) -> PolarsResult<Series> {
+        match expr {
+            Expr::Nested(inner) => self.series(inner),
+            Expr::Identifier(name) => self.column(&name.value, name.quote_style),
+            Expr::Value(value) => literal(&value.value),
+            Expr::BinaryOp { left, op, right } => self.binary(left, op, right),
+            other => self.predicate(other),
+        }
+    }
+
+    fn binary(&mut self, left: &Expr, op: &Op, right: &Expr) -> PolarsResult<Series> {
+        let truth = match op {
+            Op::And => self.truth(left)? & self.truth(right)?,
+            Op::Or => self.truth(left)? | self.truth(right)?,
+            Op::Plus | Op::Minus | Op::Multiply | Op::Divide => {
+                return arithmetic(&self.number(left)?, op, &self.number(right)?);
+            }
+            Op::Eq | Op::NotEq | Op::Lt | Op::LtEq | Op::Gt | Op::GtEq => {
+                self.compare(left, op, right)?
+            }
+            _ => polars_bail!(ComputeError: "`{op}` is not supported: {KNOWN}"),
+        };
+        Ok(truth.into_series())
+    }
+
+    fn predicate(&mut self, expr: &Expr) -> PolarsResult<Series> {
         let truth = match expr {
-            Expr::Nested(inner) => return self.series(inner),
-            Expr::Identifier(name) => return self.column(&name.value, name.quote_style),
-            Expr::Value(value) => return literal(&value.value),
-            Expr::BinaryOp { left, op, right } => match op {
-                Op::And => self.truth(left)? & self.truth(right)?,
-                Op::Or => self.truth(left)? | self.truth(right)?,
-                Op::Plus | Op::Minus | Op::Multiply | Op::Divide => {
-                    return arithmetic(&self.number(left)?, op, &self.number(right)?);
-                }
-                Op::Eq | Op::NotEq | Op::Lt | Op::LtEq | Op::Gt | Op::GtEq => {
-                    self.compare(left, op, right)?
-                }
-                _ => polars_bail!(ComputeError: "`{op}` is not supported: {KNOWN}"),
-            },
             Expr::UnaryOp { op: UnaryOperator::Plus, expr } => return self.number(expr),
             Expr::UnaryOp { op: UnaryOperator::Minus, expr } => {
                 let zero = Series::new(PlSmallStr::EMPTY, [0_i64]);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::InspectError;
+use super::{InspectError, sentence_end};
 use crate::config::did_you_mean;
 
 /// A table of `derived`, or a folder of tables that are of a kind.
@@ -35,7 +35,7 @@ pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
         near.retain(|name| !name.starts_with(&format!("{folder}/")));
         near.extend(names);
     }
-    let hint = did_you_mean(table, near.iter().map(String::as_str));
+    let hint = sentence_end(did_you_mean(table, near.iter().map(String::as_str)));
     let there = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
     let derived = derived.display();
     Err(InspectError::Query(format!(

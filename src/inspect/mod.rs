@@ -160,6 +160,11 @@ fn shown<'t>(
     Err(column_error(path, message))
 }
 
+/// A question ends its sentence; without one there is a full stop.
+fn sentence_end(hint: String) -> String {
+    if hint.is_empty() { ".".to_owned() } else { hint }
+}
+
 fn column_error(path: &Path, message: String) -> InspectError {
     InspectError::Query(format!("{}: {message}", path.display()))
 }
@@ -167,6 +172,6 @@ fn column_error(path: &Path, message: String) -> InspectError {
 /// That there is no such column, the nearest name and all of them.
 fn no_column(name: &str, known: &[ColumnInfo]) -> String {
     let known: Vec<&str> = known.iter().map(|column| column.name.as_str()).collect();
-    let hint = did_you_mean(name, known.iter().copied());
+    let hint = sentence_end(did_you_mean(name, known.iter().copied()));
     format!("no column `{name}`{hint} There are {}", known.join(", "))
 }

@@ -106,6 +106,7 @@ fn what_is_no_condition_says_what_is_wrong() {
             "omega_rads > 3",
             "no column `omega_rads`; did you mean `omega_rad_s`? There are campaign,",
         ),
+        ("zzz > 3", "no column `zzz`. There are campaign,"),
         ("omega_rad_s", "`omega_rad_s` is a number, needed a boolean"),
         ("omega_rad_s > 'x'", "`omega_rad_s` is a number and `'x'` is text, needed two of a kind"),
         ("campaign = \"x\"", "no column \"x\": text stands in single quotes, 'x'"),

@@ -41,7 +41,15 @@ pub trait Columns: Sized {
     /// # Errors
     /// A column is missing or of another type.
     fn from_table(table: &Table) -> Result<Vec<Self>, StoreError> {
-        Self::read(table, "{}")
+        let wanted = Self::to_table(&[Self::blank()]).frame;
+        let names = wanted.columns().iter().map(|column| column.name().as_str());
+        let missing: Vec<&str> = names.filter(|name| table.frame.column(name).is_err()).collect();
+        match missing.len() {
+            0 | 1 => Self::read(table, "{}"),
+            _ => {
+                Err(StoreError::Columns { path: table.path.clone(), missing: missing.join("`, `") })
+            }
+        }
     }
 }
 
@@ -242,10 +250,49 @@ column!(f64, f64::NAN, "numbers", is_primitive_numeric, Float64, f64, numbers, |
 >| {
     Some(value.unwrap_or(f64::NAN))
 });
-column!(i64, 0, "whole numbers", is_integer, Int64, i64, plain, |value| value);
-column!(Option<i64>, None, "whole numbers", is_integer, Int64, i64, plain, Some);
 column!(bool, false, "booleans", is_bool, Boolean, bool, plain, |value| value);
 column!(Option<bool>, None, "booleans", is_bool, Boolean, bool, plain, Some);
+
+/// Other programs turn whole numbers into floating-point ones where some are missing.
+impl Columns for Option<i64> {
+    fn blank() -> Self {
+        None
+    }
+
+    fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
+        columns.push(plain(name, values.iter().map(|value| **value).collect::<Vec<_>>()));
+    }
+
+    fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
+        const NEEDED: &str = "whole numbers";
+        if !table.frame.column(name).is_ok_and(|column| column.dtype().is_float()) {
+            let whole = table.column(name, (NEEDED, DataType::is_integer), &DataType::Int64)?;
+            return Ok(whole.i64().map_err(|error| table.error(&error))?.iter().collect());
+        }
+        let whole = |number: f64| match number.fract() {
+            0.0 => Ok(Some(number as i64)),
+            _ if number.is_nan() => Ok(None),
+            _ => Err(table.wrong(name, &number.to_string(), NEEDED)),
+        };
+        f64::read(table, name)?.into_iter().map(whole).collect()
+    }
+}
+
+/// What is missing counts 0.
+impl Columns for i64 {
+    fn blank() -> Self {
+        0
+    }
+
+    fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
+        columns.push(plain(name, values.iter().map(|value| **value).collect::<Vec<_>>()));
+    }
+
+    fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
+        let values = Option::<Self>::read(table, name)?.into_iter();
+        Ok(values.map(Option::unwrap_or_default).collect())
+    }
+}
 
 impl<T: Named> Columns for T {
     fn blank() -> Self {

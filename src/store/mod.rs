@@ -18,7 +18,7 @@ pub use schema::{
     wheels_path,
 };
 pub use stamp::{Reader, Stamp, hash, tables_in};
-pub use status::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
+pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Stopped, TrialStatus};
 pub(crate) use table::guarded;
 pub use table::{Provenance, Table, is_own_table, is_reading};
 pub(crate) use tables::table_set;
@@ -47,6 +47,8 @@ pub enum StoreError {
     Remove { path: PathBuf, source: std::io::Error },
     #[error("{}: held by {holder}", path.display())]
     Held { path: PathBuf, holder: String },
+    #[error("{}: columns `{missing}`: found none of them, needed all", path.display())]
+    Columns { path: PathBuf, missing: String },
     #[error("{}: column `{column}`: found {found}, needed {needed}", path.display())]
     Column { path: PathBuf, column: String, found: String, needed: &'static str },
 }

@@ -14,6 +14,20 @@ named! {
 }
 
 named! {
+    /// How a run ended.
+    pub enum RunStatus {
+        /// It has not, or it was killed.
+        Running = "running",
+        Ok = "ok",
+        /// Something needs a person.
+        Attention = "attention",
+        /// It did not come to its end.
+        Failed = "failed",
+        Interrupted = "interrupted",
+    }
+}
+
+named! {
     /// How bad it is what a check found.
     pub enum Severity {
         Ok = "ok",

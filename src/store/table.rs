@@ -248,6 +248,38 @@ mod tests {
     }
 
     #[test]
+    fn whole_numbers_that_another_program_wrote_with_gaps_are_whole_numbers() {
+        let table = |count: Column| {
+            let mut table = Row::to_table(&[row("a"), row("b")]);
+            for name in ["count", "some"] {
+                let column = count.clone().with_name(name.into());
+                table.frame.with_column(column).expect("two rows");
+            }
+            table
+        };
+        for count in [
+            Column::new("".into(), [Some(12_i64), None]),
+            Column::new("".into(), [Some(12_i32), None]),
+            numbers("", vec![12.0, f64::NAN]),
+            Column::new("".into(), [12.0, f64::NAN]),
+        ] {
+            let rows = Row::from_table(&table(count)).unwrap();
+            assert_eq!([rows[0].count, rows[1].count], [12, 0]);
+            assert_eq!([rows[0].some, rows[1].some], [Some(12), None]);
+        }
+        let broken = Row::from_table(&table(numbers("", vec![12.5, 1.0]))).unwrap_err();
+        assert!(broken.to_string().ends_with("column `count`: found 12.5, needed whole numbers"));
+    }
+
+    #[test]
+    fn missing_columns_are_named_all_at_once() {
+        let table = Table::new(vec![numbers("number", vec![1.0]), repeated("name", "a", 1)]);
+        let message = Row::from_table(&table).unwrap_err().to_string();
+        let missing = "columns `count`, `some`, `used`, `free`: found none of them";
+        assert!(message.contains(missing), "{message}");
+    }
+
+    #[test]
     fn a_table_comes_back_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/table.parquet");
