@@ -481,7 +481,7 @@ const MISTAKES: &[Mistake] = &[
                 });
             }
         },
-        &["W020", "1 rows have more cells than the header has columns"],
+        &["3 of 3 trials: 1 row has more cells than the header has columns"],
     ),
     mistake(
         "a file of another robot",

@@ -84,7 +84,7 @@ impl<'r> RunResults<'r> {
         });
         Self {
             trials: count(&ingested.trials),
-            attention: together.chain(attention).collect(),
+            attention: attention.chain(together).collect(),
             fits: fits.collect(),
             figures: &reported.figures,
             missing: &reported.missing,

@@ -20,18 +20,8 @@ fn needs_a_look(check: &CheckRow) -> bool {
     check.severity > Severity::Info
 }
 
-/// What the trials show together first, then failed trials.
+/// Failed trials first.
 pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
-    let is_trial = |name: &str| tables.trials.iter().any(|row| row.trial == name);
-    let together = tables
-        .checks
-        .iter()
-        .filter(|check| check.severity == Severity::Error && !is_trial(&check.trial));
-    let together = together.map(|CheckRow { trial, message, .. }| Trouble {
-        trial,
-        status: TrialStatus::Failed,
-        messages: vec![message],
-    });
     let with = |status| {
         tables.trials.iter().filter(move |row| row.status == status).map(|row| {
             let checks = tables.checks.iter().filter(|check| check.trial == row.trial);
@@ -50,7 +40,7 @@ pub fn troubled(tables: &Tables) -> Vec<Trouble<'_>> {
             Trouble { trial: &row.trial, status: row.status, messages }
         })
     };
-    together.chain(with(TrialStatus::Failed)).chain(with(TrialStatus::Flagged)).collect()
+    with(TrialStatus::Failed).chain(with(TrialStatus::Flagged)).collect()
 }
 
 /// What is wrong with a campaign or with the folder as a whole: checks of what is no trial.

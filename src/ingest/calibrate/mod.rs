@@ -176,9 +176,9 @@ fn of_file(
         let [first, second] = gait.joints.map(|joint| joint.map_or(0.0, |joint| joint.offset_rad));
         0.5 * (first - second)
     });
-    let bent_deg = commanded_rad.abs().max(2.0 * whole.bent_rad.abs()).to_degrees();
-    if bent_deg > MOST_BENT_DEG {
-        return Err(Problem::BentGait { found_deg: bent_deg, needed_deg: MOST_BENT_DEG });
+    let bent_deg = [commanded_rad, 2.0 * whole.bent_rad].map(|bent| bent.abs().to_degrees());
+    if let Some(found_deg) = bent_deg.into_iter().find(|deg| *deg > MOST_BENT_DEG) {
+        return Err(Problem::BentGait { found_deg, needed_deg: MOST_BENT_DEG });
     }
     let measured = |value: &dyn Fn(&LayoutEstimate) -> f64| {
         let all = value(&whole);

@@ -262,6 +262,8 @@ pub fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> Result<(
         format!("is omega_rad_s in revolutions per minute? {set}")
     } else if is_near(PI / 180.0) {
         format!("is omega_rad_s in degrees per second? {set}")
+    } else if !(0.1..=10.0).contains(&ratio) {
+        format!("is omega_rad_s right? {set}, or the file is another trial's")
     } else {
         format!(
             "if every trial is off by the factor {ratio:.3}, the rate is wrong: set vicon.rate_hz = \

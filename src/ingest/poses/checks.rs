@@ -50,9 +50,9 @@ pub fn tracking_checks(
     ];
     if file.rows_too_long > 0 {
         let rows = file.rows_too_long as f64;
+        let found = if rows == 1.0 { "1 row has".to_owned() } else { format!("{rows} rows have") };
         let long = format!(
-            "{rows} rows have more cells than the header has columns: their numbers may stand in \
-             the wrong columns"
+            "{found} more cells than the header has columns: numbers may stand in wrong columns"
         );
         findings.push(Finding::at_most(Check::LongRows, rows, 0.0, long));
     }
