@@ -179,6 +179,7 @@ fn every_run_that_changed_something_is_in_the_history() {
     assert!(value(&first, 1, "j", "skid-roll") < value(&first, 1, "j", "no-skid"));
     succeed(folder.path(), &["run", "--quiet"]);
     assert_eq!(rows(), first, "the same run adds nothing");
+    std::fs::remove_dir_all(folder.path().join("raw/demo")).unwrap();
     succeed(folder.path(), &["synth", "raw/demo", "--omega", "1,2,3", "--seed", "1", "--quiet"]);
     succeed(folder.path(), &["run", "--quiet"]);
     let second = rows();

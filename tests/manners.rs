@@ -263,7 +263,7 @@ fn flagged_trials_are_named_with_their_reasons() {
     let said = text(&trilink(folder.path(), &["run"]).stderr);
     let block = said.split("used, but look at:\n").nth(1).unwrap();
     assert!(block.starts_with("  flagged: kinematic-"), "{said}");
-    assert!(block.contains("residual"), "{said}");
+    assert!(block.contains("mm off the layout on average"), "{said}");
 }
 
 #[test]
