@@ -112,7 +112,7 @@ fn a_table_is_found_by_path_and_one_that_is_not_there_by_its_nearest_name() {
     assert_eq!(by_path, inspect(&["trials", "--csv"]));
     let message = refused(&["trails"]);
     assert!(message.contains("no table and no file `trails`; did you mean `trials`?"), "{message}");
-    assert!(message.contains("holds bootstrap, checks,"), "{message}");
+    assert!(message.contains("holds alternative_fits, bootstrap, checks,"), "{message}");
     let message = refused(&["poses/kinematic-symetric-3.90-r1"]);
     let named = "did you mean `poses/kinematic-symmetric-3.90-r1`?";
     assert!(message.contains(named), "{message}");

