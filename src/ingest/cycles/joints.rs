@@ -2,7 +2,7 @@
 //! cycles have their error in common, and no difference between cycles shows it.
 //!
 //! It is the jackknife's over parts of the trial: every part's joints move the links a little
-//! ([`JointShift`]), a wheel by `a` along and `b` across its link, which turns by `c`. With the
+//! ([`JointShift`]), and with them a wheel by `a` along and `b` across its link, which turns by `c`. With the
 //! link's rate of turn and the wheel's roll velocity its skid velocity changes by
 //! `b' + a theta' - c roll`.
 
@@ -11,6 +11,7 @@ use std::ops::Range;
 use super::measure::CycleData;
 use crate::ingest::phase::{GAIT_HARMONICS, Harmonics};
 use crate::ingest::poses::{JointShift, PARTS};
+use crate::robot::rotated;
 use crate::stats::{mean, seen};
 
 /// Standard errors that a trial's cycles have in common.
@@ -38,7 +39,7 @@ fn alpha1_shifts(data: &CycleData, frames: &Range<usize>, shifts: &[&JointShift]
     let begin_rad = first.map_or(0.0, |fit| fit.phase_rad());
     std::array::from_fn(|part| {
         let product = |JointShift { frame, without }: &&JointShift| {
-            let [middle, front, _] = without[part].map(|[_, _, turn_rad]| turn_rad);
+            let [_, _, middle, front, _] = without[part];
             2.0 * (middle - front) * (phase.at(*frame as f64) + begin_rad).cos()
         };
         mean(shifts.iter().map(product))
@@ -52,7 +53,7 @@ fn skid_shifts(
     shifts: &[&JointShift],
     wheel: usize,
 ) -> [f64; PARTS] {
-    let (driven, half_rate_hz) = (data.driven, 0.5 * data.rate_hz);
+    let (robot, driven, half_rate_hz) = (data.robot, data.driven, 0.5 * data.rate_hz);
     let skid = &data.raw_wheels.skid_m_s[wheel];
     let fit = Harmonics::fit(skid, frames.clone(), &driven.phase, driven.shape_harmonics);
     let Some(fit) = fit else { return [f64::NAN; PARTS] };
@@ -65,7 +66,14 @@ fn skid_shifts(
     std::array::from_fn(|part| {
         let products = shifts.iter().filter(|shift| frames.contains(&(shift.frame + 1)));
         let product = |JointShift { frame, without }: &&JointShift| {
-            let [along, across, turn_rad] = without[part][wheel];
+            let [along, across, middle_rad, ..] = without[part];
+            let turn_rad = without[part][2 + wheel];
+            // The wheel is where h and l of the robot put it (eq. 1): the link turns about link 0.
+            let side = [0.0, 1.0, -1.0][wheel];
+            let to_link = side * data.smooth.phi_rad[wheel.saturating_sub(1)][*frame];
+            let to_joint = [along, across + side * robot.h_m * middle_rad];
+            let [along, across] = if wheel == 0 { to_joint } else { rotated(to_link, to_joint) };
+            let across = across + side * robot.l_m * turn_rad;
             let turning_rad_s = (heading(frame + 1) - heading(frame - 1)) * half_rate_hz;
             let own = along * turning_rad_s - turn_rad * data.wheels.roll_m_s[wheel][*frame];
             let i = frame - frames.start;

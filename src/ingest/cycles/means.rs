@@ -27,10 +27,10 @@ pub fn mean_change(values: &[f64], cycles: &[usize], end_variance: f64) -> Estim
         .collect();
     let rows = n - neighbours.len() as f64;
     let covariance = neighbours.iter().sum::<f64>() / (n - 1.0);
-    let ends = 2.0 * end_variance;
+    let ends = (2.0 * end_variance).min(variance);
     // Neighbours that are alike have a drift in common.
     let factor = 1.0 + 2.0 * covariance / variance.max(f64::MIN_POSITIVE);
-    let own = (variance - ends).max(0.0) * factor.clamp(1.0, LARGEST_FACTOR);
+    let own = (variance - ends) * factor.clamp(1.0, LARGEST_FACTOR);
     let se = student(n - 1.0) * (own / n + ends * rows / (n * n)).sqrt();
     Estimate { value, se }
 }

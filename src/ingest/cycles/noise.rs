@@ -1,17 +1,19 @@
-//! What the markers' noise makes of a cycle's skid.
+//! What the markers' noise makes of the means.
 //!
-//! Noise is what differs where nothing can. Above the motion's frequencies everything is noise, and
-//! its level there is that of white noise of the positions. Noise that is slower than that, such as
-//! what is left of the links' tilt, is seen where the links' own poses leave a joint apart: it is
-//! above the white noise of the same poses by a factor, which is taken to be that of the skid.
-//! What differs between cycles is no measure: the skid itself may.
+//! Above the motion's frequencies everything is noise, and its level there is that of white noise of
+//! the positions. What is left of the links' tilt is slower, and comes to some times more: how much is
+//! seen in what differs from cycle to cycle. But the skid itself may differ, too, so that no more of
+//! that is taken for noise than [`LARGEST_EXCESS`] times the white noise.
 
 use super::measure::{Cycle, CycleData};
 use crate::ingest::signals::{WEIGHTS, noise};
 use crate::stats::mean;
 
-/// How far the slow noise may be above the white one.
-const LARGEST_EXCESS: f64 = 10.0;
+/// How many times the white noise all noise may be. It is 1.5 times at 2 rad/s and more, and 3 times
+/// at 0.5 rad/s, where a cycle takes as long as a suspension's swing.
+const LARGEST_EXCESS: f64 = 4.0;
+/// Third differences, in which motion far slower than the sampling leaves nothing.
+const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 
 /// Variance of a smoothed position at one end of a cycle, m^2, and of the heading, rad^2.
 pub fn end_variances(data: &CycleData, window: usize) -> [f64; 2] {
@@ -20,57 +22,70 @@ pub fn end_variances(data: &CycleData, window: usize) -> [f64; 2] {
     [0.5 * (x * x + y * y), theta * theta].map(|variance| variance / window as f64)
 }
 
-/// Mean square of the skid velocities of wheels 0, 1, 2 that noise makes in the harmonics of a
-/// cycle, m^2/s^2.
+/// Mean square of the skid velocities of wheels 0, 1, 2 that noise makes in a cycle, m^2/s^2.
 pub fn skid_noise(data: &CycleData, cycles: &[&Cycle]) -> [f64; 3] {
     let (count, step) = (data.driven.shape_harmonics, data.driven.phase.step_rad);
     let frames = mean(cycles.iter().map(|cycle| cycle.end - cycle.start));
-    // Of differentiated white noise of unit variance, in all harmonics.
+    // Of differentiated white noise of unit variance, in a harmonic.
     let gain = |k: usize| {
         let (sin, sin2) = ((k as f64 * step).sin(), (2.0 * k as f64 * step).sin());
         ((8.0 * sin - sin2) / 6.0 * data.rate_hz).powi(2)
     };
-    let white = 2.0 / frames * (1..=count).map(gain).sum::<f64>();
-    let excess = slow_excess(data, cycles, frames);
-    data.raw_wheels.skid_m_s.each_ref().map(|skid_m_s| {
-        let position_m = noise(skid_m_s) * DIFFERENCES_GAIN.sqrt() / (third_gain() * data.rate_hz);
-        excess * white * position_m.powi(2)
+    let gains = 2.0 / frames * (1..=count).map(gain).sum::<f64>();
+    // By how much third differences tell more of a series than of its derivative.
+    let differences = norm(&THIRD) / (norm(&third_of_derivative()) * data.rate_hz);
+    [0, 1, 2].map(|wheel| {
+        let position_m = noise(&data.raw_wheels.skid_m_s[wheel]) * differences;
+        let skid: Vec<&[f64]> = cycles.iter().map(|cycle| &cycle.skid_m_s[wheel][..]).collect();
+        noise_square(&skid, gains * position_m * position_m)
     })
 }
 
-/// By how much the noise in the harmonics of a cycle is above white noise, weighted as in velocities.
-fn slow_excess(data: &CycleData, cycles: &[&Cycle], frames: f64) -> f64 {
-    let (mut found, mut white) = (0.0, 0.0);
-    for apart_mm in data.tracked.apart_mm.iter().flatten() {
-        let shape = |cycle: &&Cycle| data.shape(apart_mm, cycle.start, cycle.end);
-        let rates: Vec<Vec<f64>> =
-            cycles.iter().filter_map(shape).map(|shape| shape.slope().components()).collect();
-        if rates.len() < 3 {
-            continue;
-        }
-        let n = rates.len() as f64;
-        for i in 0..rates[0].len() {
-            // What all cycles have in common is not noise: a layout that is a little off.
-            let middle = mean(rates.iter().map(|rates| rates[i]));
-            found += rates.iter().map(|rates| (rates[i] - middle).powi(2)).sum::<f64>() / (n - 1.0);
-        }
-        let squares: usize = (1..=data.driven.shape_harmonics).map(|k| k * k).sum();
-        white += 2.0 / frames * noise(apart_mm).powi(2) * squares as f64;
-    }
-    if white > 0.0 { (found / white).clamp(1.0, LARGEST_EXCESS) } else { 1.0 }
+/// Mean square that noise makes in cycles of these components, given that of white noise.
+fn noise_square(cycles: &[&[f64]], white: f64) -> f64 {
+    let n = cycles.len() as f64;
+    let differs = |i: usize| {
+        let middle = mean(cycles.iter().map(|cycle| cycle[i]));
+        cycles.iter().map(|cycle| (cycle[i] - middle).powi(2)).sum::<f64>() / (n - 1.0)
+    };
+    (0..cycles[0].len()).map(differs).sum::<f64>().min(LARGEST_EXCESS * white)
 }
 
-/// Variance of the third differences of white noise.
-const DIFFERENCES_GAIN: f64 = 20.0;
-
-/// Standard deviation of the third differences of differentiated white noise.
-fn third_gain() -> f64 {
-    const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+fn third_of_derivative() -> [f64; WEIGHTS.len() + THIRD.len() - 1] {
     let mut both = [0.0; WEIGHTS.len() + THIRD.len() - 1];
     for (i, a) in WEIGHTS.iter().enumerate() {
         for (j, b) in THIRD.iter().enumerate() {
             both[i + j] += a * b;
         }
     }
-    both.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
+    both
+}
+
+fn norm(weights: &[f64]) -> f64 {
+    weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn skid_that_differs_from_cycle_to_cycle_by_15_percent_is_skid() {
+        const WHITE: f64 = 1e-3;
+        let of_cycle = |i: usize| -> Vec<f64> {
+            let skid = 1.0 + 0.15 * [1.0, -1.0, 0.5, -1.5, 1.2, -0.7, 0.9, -1.1, 0.7][i % 9];
+            let noise =
+                |k: usize| (WHITE / 21.0).sqrt() * ((i * 37 + k * 101) as f64).sin() * 1.414;
+            (0..21).map(|k| if k == 1 { skid } else { 0.0 } + noise(k)).collect()
+        };
+        let cycles: Vec<Vec<f64>> = (0..9).map(of_cycle).collect();
+        let cycles: Vec<&[f64]> = cycles.iter().map(Vec::as_slice).collect();
+        let square = mean(cycles.iter().map(|cycle| cycle.iter().map(|v| v * v).sum::<f64>()));
+        let skid = mean(cycles.iter().map(|cycle| cycle[1] * cycle[1])).sqrt();
+        let debiased = (square - noise_square(&cycles, WHITE)).sqrt();
+        assert!((debiased / skid - 1.0).abs() < 0.005, "{debiased} {skid}");
+        // Of differences that noise explains, all are noise.
+        let still = [&[0.03, 1.0][..], &[-0.03, 1.0], &[0.0, 1.0]];
+        assert!((noise_square(&still, WHITE) - 9e-4).abs() < 1e-12);
+    }
 }

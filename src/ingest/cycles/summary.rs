@@ -67,8 +67,7 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
     });
     row.metrics_se = GaitMetrics {
         d_m: d.se,
-        v_m_s: (d.se * per_turn)
-            .hypot(row.metrics.v_m_s * driven.omega_se_rad_s / driven.omega_rad_s),
+        v_m_s: d.se * per_turn,
         sigma: [0, 1, 2].map(|wheel| {
             let Estimate { value, se } = sigma[wheel];
             se.hypot(common.skid_square[wheel] / (2.0 * value * scale * scale))

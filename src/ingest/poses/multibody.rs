@@ -110,14 +110,6 @@ impl Linkage {
         (without(None), std::array::from_fn(|i| without(Some(i))))
     }
 
-    /// How far apart two links' own poses leave their joint, along and across link 0, mm.
-    pub fn apart_mm(&self, side: usize, own: &[Option<LinkPose>; 3]) -> Option<[f64; 2]> {
-        let JointPosition { in_middle, in_outer } = self.joints[side];
-        let middle = own[0]?;
-        let (from, to) = (middle.at(in_middle), own[1 + side]?.at(in_outer));
-        Some(crate::robot::rotated(-middle.theta_rad, [to[0] - from[0], to[1] - from[1]]))
-    }
-
     /// How far a joint of a link is from where another linkage has it, at most, mm.
     pub fn distance_mm(&self, other: &Self) -> f64 {
         let points = |linkage: &Self| linkage.joints.map(|joint| [joint.in_middle, joint.in_outer]);

@@ -65,12 +65,13 @@ impl Coordinates {
     }
 }
 
-/// By how much links 0, 1, 2 of a frame would be elsewhere if the joints' positions were those that
-/// follow without one part of the trial: along and across the link, m, and its turn, rad.
+/// By how much the links of a frame would be elsewhere if the joints' positions were those that
+/// follow without one part of the trial: link 0 along and across itself, m, and the turns of links
+/// 0, 1, 2, rad.
 #[derive(Debug, Clone, Copy)]
 pub struct JointShift {
     pub frame: usize,
-    pub without: [[[f64; 3]; 3]; PARTS],
+    pub without: [[f64; 5]; PARTS],
 }
 
 /// What is known from the markers, frame by frame without jumps in time.
@@ -95,9 +96,6 @@ pub struct Tracked {
     pub joint_offset_mm: Option<f64>,
     /// In some frames, spread over the trial; none without closed joints.
     pub joint_shifts: Vec<JointShift>,
-    /// How far the links' own poses leave the joints apart: of joints 1 and 2, along and across
-    /// link 0, mm. Nothing that the robot does makes that, so it is noise.
-    pub apart_mm: [[Vec<f64>; 2]; 2],
     /// Part of all markers' frames that the cameras saw.
     pub coverage: f64,
 }
@@ -123,7 +121,6 @@ pub fn track(
     let (refined, without) = linkage.map(|linkage| linkage.refined(&fits)).unzip();
     let joint_offset_mm = linkage.zip(refined).map(|(robot, found)| robot.distance_mm(&found));
     let mut joint_shifts = Vec::new();
-    let mut apart_mm = [0; 2].map(|_| [0; 2].map(|_| missing()));
     let stride = (file.frames.len() / SHIFTS).max(1);
     let is_closed = poses == Poses::Chain;
     for (row, &frame) in file.frames.iter().enumerate() {
@@ -133,11 +130,6 @@ pub fn track(
             Some(linkage) if is_closed => linkage.close(own),
             _ => own,
         };
-        for (side, apart_mm) in apart_mm.iter_mut().enumerate() {
-            let apart = refined.and_then(|linkage: Linkage| linkage.apart_mm(side, &own));
-            let [along, across] = apart.unwrap_or([f64::NAN; 2]);
-            (apart_mm[0][i], apart_mm[1][i]) = (along, across);
-        }
         if let Some(without) = without.filter(|_| is_closed && row % stride == 0) {
             let shift = without.map(|linkage| shift(&poses, &linkage.close(own)));
             joint_shifts.extend(all(shift).map(|without| JointShift { frame: i, without }));
@@ -184,19 +176,18 @@ pub fn track(
         tilt,
         joint_offset_mm,
         joint_shifts,
-        apart_mm,
         coverage: markers_seen as f64 / (markers * frames) as f64,
     })
 }
 
-/// From one set of poses to another: along and across each link, m, and its turn, rad.
-fn shift(from: &[Option<LinkPose>; 3], to: &[Option<LinkPose>; 3]) -> Option<[[f64; 3]; 3]> {
-    all([0, 1, 2].map(|link| {
-        let (from, to) = (from[link]?, to[link]?);
-        let moved_m = [0, 1].map(|axis| (to.origin_mm[axis] - from.origin_mm[axis]) / 1000.0);
-        let [along, across] = rotated(-from.theta_rad, moved_m);
-        Some([along, across, wrap(to.theta_rad - from.theta_rad)])
-    }))
+/// From one set of poses to another: link 0 along and across itself, m, and the links' turns, rad.
+fn shift(from: &[Option<LinkPose>; 3], to: &[Option<LinkPose>; 3]) -> Option<[f64; 5]> {
+    let pairs = all([0, 1, 2].map(|link| from[link].zip(to[link])))?;
+    let (from, to) = pairs[0];
+    let moved_m = [0, 1].map(|axis| (to.origin_mm[axis] - from.origin_mm[axis]) / 1000.0);
+    let [along, across] = rotated(-from.theta_rad, moved_m);
+    let [middle, front, rear] = pairs.map(|(from, to)| wrap(to.theta_rad - from.theta_rad));
+    Some([along, across, middle, front, rear])
 }
 
 /// The values, if there are all of them.
