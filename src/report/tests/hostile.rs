@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use proptest::prelude::*;
 use proptest::sample::Index;
+use proptest::test_runner::RngSeed;
 
 use super::recording::{save, wheels};
 use super::*;
@@ -132,7 +133,8 @@ fn repeat_or_drop<T: Clone>(rows: &mut Vec<T>, changes: &[(Index, bool)]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, failure_persistence: None, ..Default::default() })]
+    // Always the same: what a new seed finds is for whoever looks for it, not for the next change.
+    #![proptest_config(ProptestConfig { cases: 8, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..Default::default() })]
     #[test]
     fn no_table_makes_a_report_panic_grow_or_last(
         changes in prop::collection::vec((any::<Index>(), number()), 0..120),

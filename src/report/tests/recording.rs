@@ -15,7 +15,7 @@ const CYCLES: usize = 8;
 /// two cycles are not used, and link 1 is missing for a while.
 pub fn write(derived: &Path, trial: &TrialRow) {
     let period_s = TAU / trial.omega_rad_s;
-    let frames = (CYCLES as f64 * period_s * RATE_HZ) as usize;
+    let frames = ((CYCLES as f64 * period_s * RATE_HZ) as usize).min(20_000);
     let phase = |i: usize| trial.omega_rad_s * i as f64 / RATE_HZ;
     let along = |i: usize| trial.metrics.v_m_s * i as f64 / RATE_HZ;
     let name = trial.trial.as_str();
