@@ -287,7 +287,7 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "[trial] for [[trial]]",
         |night| list(night, "[[trial]]", "[trial]"),
-        &["trials.toml", "found [trial]", "needed [[trial]]"],
+        &["trials.toml", "found `[trial]`", "needed `[[trial]]`"],
     ),
     mistake(
         "a campaign's name",
@@ -413,7 +413,7 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a label with a colon without quotes",
         |night| configure(night, "F1 = [", "Snake:F1 = ["),
-        &["pipeline.toml, line ", "found Snake:F1, needed it in quotes: \"Snake:F1\""],
+        &["pipeline.toml, line ", "a key such as `\"Snake:M1\"` stands in quotes"],
     ),
     // The robot.
     mistake(

@@ -45,7 +45,10 @@ fn stamps(folder: &Path) -> BTreeMap<PathBuf, (SystemTime, u64)> {
         let number = metadata.ino();
         #[cfg(not(unix))]
         let number = 0;
-        found.insert(path, (metadata.modified().unwrap(), number));
+        // The record's time is that of the last look.
+        if !path.ends_with("up-to-date.json") {
+            found.insert(path, (metadata.modified().unwrap(), number));
+        }
     }
     found
 }
