@@ -170,7 +170,6 @@ pub fn run(
     if let Some(LastRun { status: RunStatus::Running, started, .. }) = LastRun::load(config) {
         remember_failure(&started, RunStatus::Interrupted, "killed");
     }
-    sequence.write_record(RunStatus::Running, None, None)?;
     let mut finished = sequence.all();
     if let Err(error) = &finished
         && error.is_of_changed_table()
@@ -200,6 +199,8 @@ struct Sequence<'s> {
     record: Record,
     /// Else it only looks whether there is something to do.
     may_write: bool,
+    /// Whether it is a run, of which `run.json` tells, and not one stage alone.
+    is_run: bool,
     /// Those that are done.
     stages: Vec<StageRecord>,
     /// UTC.
@@ -216,7 +217,9 @@ impl<'s> Sequence<'s> {
     ) -> (Self, Option<String>) {
         let (record, problem) = Record::load(&config.paths.derived);
         let (may_write, stages, began_at, began) = (true, Vec::new(), utc_now(), Instant::now());
-        let sequence = Self { config, options, watch, record, may_write, stages, began_at, began };
+        let is_run = false;
+        let sequence =
+            Self { config, options, watch, record, may_write, is_run, stages, began_at, began };
         (sequence, problem)
     }
 
@@ -229,7 +232,14 @@ impl<'s> Sequence<'s> {
             tracing::info!(stage = stage_name, "stage begins");
             let interrupted =
                 |Interrupted { done }| Err(RunError::Interrupted { stage: stage_name, done });
-            let work = || planned()?.carry_out(stage, self.watch);
+            let work = || {
+                let planned = planned()?;
+                let is_first = !self.stages.iter().any(|stage| stage.did_something);
+                if self.is_run && is_first && !planned.plan.is_empty() {
+                    self.write_record(RunStatus::Running, None, None)?;
+                }
+                planned.carry_out(stage, self.watch)
+            };
             let (output, plan, state) = abandonable(work).unwrap_or_else(interrupted)?;
             *self.record.state_mut(S::NAME) = state;
             if !plan.is_empty() {
@@ -251,15 +261,16 @@ impl<'s> Sequence<'s> {
     /// All stages and the record of how they went.
     fn all(&mut self) -> Result<Finished, RunError> {
         let config = self.config;
+        self.is_run = true;
         let ingested = self.advance(&IngestStage::new(config)?)?;
         let fitted = self.advance(&FitStage::new(config))?;
         let reported = self.advance(&ReportStage::new(config))?;
         let did_something = self.stages.iter().any(|stage| stage.did_something);
-        let was_up_to_date = !did_something && self.is_recorded();
-        let is_done = was_up_to_date
+        let was_up_to_date = !did_something
+            && self.is_recorded()
             && unfinished(&folders(config)).is_empty()
             && crate::compare::is_drawn(&config.paths.reports);
-        if !self.may_write && !is_done {
+        if !self.may_write && !was_up_to_date {
             return Err(RunError::Outdated);
         }
         let stages = self.stages.clone();
