@@ -167,7 +167,7 @@ impl GaitInput {
 pub enum SigmaKind {
     /// Eq. 20 as it stands; the markers' noise counts as skid.
     Raw,
-    /// Without the noise power, that is without what differs from cycle to cycle.
+    /// Without what the markers' noise makes of it.
     Debiased,
 }
 

@@ -33,7 +33,7 @@ use super::profile::Profile;
 use super::resample::Resampler;
 use super::starts::{Start, search_from};
 use crate::robot::Robot;
-use crate::stats::quantiles;
+use crate::stats::{mean, quantiles};
 
 /// Parts of the replicates outside of a 95 % interval, on either side.
 const OUTSIDE: f64 = 0.025;
@@ -94,16 +94,16 @@ impl Systematic {
 
     /// Standard deviation of a parameter's logarithm, given that of its scatter.
     fn deviation(&self, index: usize, scatter: f64) -> f64 {
+        let assumed: f64 = self.assumed.iter().map(|shifts| shifts[index].powi(2)).sum();
+        if self.blocks.is_empty() {
+            return assumed.sqrt();
+        }
         let count = self.blocks.len() as f64;
         let of_blocks = || self.blocks.iter().map(|shifts| shifts[index]);
-        let mean = of_blocks().sum::<f64>() / count;
+        let mean = mean(of_blocks());
         let squares: f64 = of_blocks().map(|shift| (shift - mean).powi(2)).sum();
-        let jackknife = if count > 0.0 { (count - 1.0) / count * squares } else { 0.0 };
-        let assumed: f64 = self.assumed.iter().map(|shifts| shifts[index].powi(2)).sum();
-        let chance = match count > 0.0 {
-            true => scatter.powi(2) * largest_variance(count - 1.0),
-            false => 0.0,
-        };
+        let jackknife = (count - 1.0) / count * squares;
+        let chance = scatter.powi(2) * largest_variance(count - 1.0);
         ((jackknife - chance).max(0.0) + assumed).sqrt()
     }
 }
