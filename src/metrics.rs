@@ -57,6 +57,8 @@ named! {
         Singular = "singular",
         /// None was found.
         Diverged = "diverged",
+        /// None was looked for: the gait that drives it was not measured.
+        Failed = "failed",
     }
 }
 

@@ -47,6 +47,11 @@ const MOST_NAMED: usize = 3;
 /// Parts of the objective that are tested by themselves: d, v, sigma, alpha_1.
 const GROUPS: [&[usize]; 4] = [&[0], &[1], &[2, 3, 4], &[5]];
 
+/// d and v are one measurement: v errs as d does, has no pattern of its own, and is not named
+/// beside d.
+const D: usize = 0;
+const V: usize = 1;
+
 /// The result of the test. Ratios are NaN where nothing tells the noise.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Adequacy {
@@ -125,9 +130,8 @@ impl Adequacy {
         if off.is_empty() && !is_adequate {
             off.extend(first);
         }
-        // d and v are one measurement.
-        let has_d = off.contains(&0);
-        off.retain(|i| *i != 1 || !has_d);
+        let has_d = off.contains(&D);
+        off.retain(|i| *i != V || !has_d);
         let named = off.into_iter().take(MOST_NAMED).filter_map(|i| where_off(&terms, i));
         Self {
             lack_of_fit,
@@ -189,8 +193,7 @@ fn noise(
                 Some(student) => student.sample(&mut random),
                 None => StandardNormal.sample(&mut random),
             });
-            // d and v are one measurement.
-            deviates[1] = deviates[0];
+            deviates[V] = deviates[D];
             let mut errors: [f64; TERMS] =
                 std::array::from_fn(|i| deviates[i] * noises[measurement][i]);
             for effect in &point.gait_effects[measurement] {
@@ -229,8 +232,7 @@ impl Statistics {
                 series[term.metric].push(value / term.deviation);
             }
         }
-        // d and v are one measurement.
-        series[1].clear();
+        series[V].clear();
         let autocorrelations = series.each_ref().map(|series| autocorrelation(series));
         Self { costs, autocorrelations, runs: series.each_ref().map(|series| runs(series)) }
     }

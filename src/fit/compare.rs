@@ -89,7 +89,9 @@ fn sentence(rows: &[Candidate], replicates: usize) -> String {
     );
     text += &match fit.adequate {
         Some(true) => format!("; it fits ({ratio})"),
-        Some(false) => format!("; it does not fit ({ratio}; {misfit})"),
+        Some(false) if ranked.len() == 1 => format!("; it does not fit ({ratio}; {misfit})"),
+        // Said at the beginning.
+        Some(false) => format!("; {ratio}; {misfit}"),
         None => "; whether it fits is not known, since nothing tells the noise".to_owned(),
     };
     if ranked.len() == 1 {
@@ -154,14 +156,15 @@ mod tests {
         );
         assert!(
             none.contains(
-                "it does not fit (J is 12.00 times what noise alone leaves, of which up to 1.50 \
-                 would be noise; d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s)"
+                "; J is 12.00 times what noise alone leaves, of which up to 1.50 would be noise; d \
+                 is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s"
             ),
             "{none}"
         );
-        assert!(!none.contains("prefer"), "{none}");
+        assert!(!none.contains("prefer") && !none.contains("does not fit"), "{none}");
         let other = of(&rows, &[Some(true), Some(false)]);
         assert!(other.starts_with("The data fit skid; skid-roll is nearer and does not fit"));
+        assert_eq!(other.matches("not fit").count(), 1, "{other}");
     }
 
     #[test]

@@ -258,17 +258,10 @@ impl<'j> Job<'j> {
         status: FitStatus,
         alternative: Option<FitRow>,
     ) -> Fitted {
-        let mut comparison = match status.is_ok() {
+        let comparison = match status.is_ok() {
             true => self.comparison(&mut fit),
             false => self.comparison_row(status.clone()),
         };
-        if let Some(other) = &alternative {
-            comparison.other_gait_input = Some(other.gait_input);
-            comparison.other_gait_j = other.j;
-            if other.status.is_ok() {
-                comparison.other_gait_parameters = other.parameters;
-            }
-        }
         let row = self.row(&fit, starts, status);
         let Fit { point, profiles, replicates, .. } = &fit;
         let parameters = &point.evaluator.parameters;

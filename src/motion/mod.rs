@@ -76,6 +76,7 @@ impl MotionError {
     pub fn status(&self) -> MotionStatus {
         match self {
             Self::Singular { .. } => MotionStatus::Singular,
+            Self::GaitUnknown => MotionStatus::Failed,
             _ => MotionStatus::Diverged,
         }
     }

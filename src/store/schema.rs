@@ -363,10 +363,6 @@ rows! {
         /// Part of the bootstrap's replicates in which the model has the campaign's lowest
         /// objective.
         pub wins: f64,
-        /// The same fit driven by the other gait than the configured one, and its parameters.
-        pub other_gait_input: Option<GaitInput>,
-        pub other_gait_j: f64,
-        pub other_gait_parameters: ByParameter<f64> as "other_gait_{}",
         pub status: FitStatus,
         /// What the campaign's measurements say of its models, in a sentence.
         pub sentence: String,

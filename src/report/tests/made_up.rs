@@ -172,12 +172,6 @@ impl Tables {
             terms: 60,
             criterion: 120.0 * fit.j.ln(),
             wins: if fit.model == Model::SkidRoll { 0.985 } else { 0.005 },
-            other_gait_input: Some(GaitInput::Measured),
-            other_gait_j: 0.8 * fit.j,
-            other_gait_parameters: ByParameter::from_fn(|of| match of {
-                Parameter::Skid0 => 1.02 * fit.parameters[of],
-                _ => f64::NAN,
-            }),
             sentence: "The data prefer <skid-roll>: J = 1.0508.".to_owned(),
             status: fit.status.clone(),
         };
