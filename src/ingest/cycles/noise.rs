@@ -14,6 +14,9 @@ use crate::stats::mean;
 const LARGEST_EXCESS: f64 = 4.0;
 /// Third differences, in which motion far slower than the sampling leaves nothing.
 const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+/// Of differentiated white noise that is summed up again, the variance at an end: what is left of
+/// the derivative's weights is (-1, 7, 7, -1) / 12.
+const END: f64 = 100.0 / 144.0;
 
 /// Variance of a smoothed position at one end of a cycle, m^2, and of the heading, rad^2.
 pub fn end_variances(data: &CycleData, window: usize) -> [f64; 2] {
@@ -22,23 +25,35 @@ pub fn end_variances(data: &CycleData, window: usize) -> [f64; 2] {
     [0.5 * (x * x + y * y), theta * theta].map(|variance| variance / window as f64)
 }
 
-/// Mean square of the skid velocities of wheels 0, 1, 2 that noise makes in a cycle, m^2/s^2.
-pub fn skid_noise(data: &CycleData, cycles: &[&Cycle]) -> [f64; 3] {
-    let (count, step) = (data.driven.shape_harmonics, data.driven.phase.step_rad);
-    let frames = mean(cycles.iter().map(|cycle| cycle.end - cycle.start));
-    // Of differentiated white noise of unit variance, in a harmonic.
-    let gain = |k: usize| {
-        let (sin, sin2) = ((k as f64 * step).sin(), (2.0 * k as f64 * step).sin());
-        ((8.0 * sin - sin2) / 6.0 * data.rate_hz).powi(2)
-    };
-    let gains = 2.0 / frames * (1..=count).map(gain).sum::<f64>();
-    // By how much third differences tell more of a series than of its derivative.
-    let differences = norm(&THIRD) / (norm(&third_of_derivative()) * data.rate_hz);
-    [0, 1, 2].map(|wheel| {
+/// What noise makes of a wheel's skid velocity in a cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SkidNoise {
+    /// Of the mean square, m^2/s^2.
+    pub square: f64,
+    /// Variance of the mean velocity by the noise of the position at one end, m^2/s^2.
+    pub end_variance: f64,
+}
+
+impl SkidNoise {
+    /// Of cycles with these components of the wheel's skid velocity.
+    pub fn new(data: &CycleData, cycles: &[&Cycle], wheel: usize) -> Self {
+        let (count, step) = (data.driven.shape_harmonics, data.driven.phase.step_rad);
+        let frames = mean(cycles.iter().map(|cycle| cycle.end - cycle.start));
+        // Of differentiated white noise of unit variance, in a harmonic.
+        let gain = |k: usize| {
+            let (sin, sin2) = ((k as f64 * step).sin(), (2.0 * k as f64 * step).sin());
+            ((8.0 * sin - sin2) / 6.0 * data.rate_hz).powi(2)
+        };
+        let gains = 2.0 / frames * (1..=count).map(gain).sum::<f64>();
+        // By how much third differences tell more of a series than of its derivative.
+        let differences = norm(&THIRD) / (norm(&third_of_derivative()) * data.rate_hz);
         let position_m = noise(&data.raw_wheels.skid_m_s[wheel]) * differences;
         let skid: Vec<&[f64]> = cycles.iter().map(|cycle| &cycle.skid_m_s[wheel][..]).collect();
-        noise_square(&skid, gains * position_m * position_m)
-    })
+        Self {
+            square: noise_square(&skid, gains * position_m * position_m),
+            end_variance: END * (position_m * data.rate_hz / frames).powi(2),
+        }
+    }
 }
 
 /// Mean square that noise makes in cycles of these components, given that of white noise.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::joints::joint_errors;
 use super::means::{mean_change, mean_of, rms_without_noise};
 use super::measure::{Cycle, CycleData, frames_within};
-use super::noise::{end_variances, skid_noise};
+use super::noise::{SkidNoise, end_variances};
 use super::steady::Steady;
 use crate::ingest::checks::{
     CLIPPING, Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, LEAST_CYCLES, MOST_GAPPED,
@@ -50,7 +50,6 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
     let dtheta = mean_change(&of(&|metrics| metrics.dtheta_rad), &steady.used, heading);
     let alpha1 = mean_of(&of(&|metrics| metrics.alpha1_rad));
     let scale = data.robot.l_m * driven.omega_rad_s;
-    let noise = skid_noise(data, &used);
     let sigma = [0, 1, 2].map(|wheel| mean_of(&of(&|metrics| metrics.sigma[wheel])));
     row.metrics = GaitMetrics {
         d_m: d.value,
@@ -60,9 +59,9 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
         dtheta_rad: dtheta.value,
     };
     row.sigma_debiased = [0, 1, 2].map(|wheel| {
-        let square = |cycle: &&Cycle| cycle.skid_m_s[wheel].iter().map(|v| v * v).sum();
-        let squares: Vec<f64> = used.iter().map(square).collect();
-        let skid = rms_without_noise(&squares, noise[wheel], common.skid_square[wheel]);
+        let skid: Vec<&[f64]> = used.iter().map(|cycle| &cycle.skid_m_s[wheel][..]).collect();
+        let noise = SkidNoise::new(data, &used, wheel);
+        let skid = rms_without_noise(&skid, &steady.used, noise, common.skid_square[wheel]);
         Estimate::new(skid.value / scale, skid.se / scale)
     });
     row.metrics_se = GaitMetrics {

@@ -104,6 +104,12 @@ impl Harmonics {
         self.terms
     }
 
+    /// The value at phase zero of what has these components.
+    pub fn value_at_zero(components: &[f64]) -> f64 {
+        let cosines = components[1..].iter().step_by(2).sum::<f64>();
+        components[0] + std::f64::consts::SQRT_2 * cosines
+    }
+
     fn count(&self) -> usize {
         self.terms.len() / 2
     }
