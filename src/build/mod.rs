@@ -20,7 +20,7 @@ use crate::fit::{Fitted, input_paths};
 use crate::ingest::Ingested;
 use crate::interrupt::{Interrupted, abandonable};
 use crate::report::{ReportError, Reported};
-use crate::store::{RunStatus, Stamp, StoreError, write_bytes};
+use crate::store::{Reader, RunStatus, Stamp, StoreError, write_bytes};
 
 use fit::FitStage;
 use ingest::IngestStage;
@@ -389,6 +389,17 @@ pub fn ingest(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Ingested
 pub fn fit(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Fitted, RunError> {
     input_paths(&config.paths.derived)?;
     alone(config, wait, watch, |config| Ok(FitStage::new(config)))
+}
+
+/// What the first stage left of the trials and their checks, as far as it is there.
+///
+/// # Errors
+/// A table cannot be read.
+pub fn ingested(config: &Config) -> Result<Ingested, RunError> {
+    let (derived, reader) = (&config.paths.derived, Reader::default());
+    let trials = reader.rows_if_there(&derived.join("trials.parquet"))?.unwrap_or_default();
+    let checks = reader.rows_if_there(&derived.join("checks.parquet"))?.unwrap_or_default();
+    Ok(Ingested { trials, checks, ..Ingested::default() })
 }
 
 /// The third stage, of all figures: figures and the page.

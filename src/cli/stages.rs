@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Outcome, calibrate, pipeline};
 use crate::build;
+use crate::ingest::Ingested;
 
 #[derive(clap::Args)]
 pub(super) struct Ingest {
@@ -35,17 +36,23 @@ impl Ingest {
         let counts = build::count(&ingested.trials);
         let derived = context.config.paths.derived.display();
         say!("{}; tables in {derived}", pipeline::in_words(&counts));
-        pipeline::note_together(&ingested);
-        pipeline::say_attention(&context, &ingested.trials, None);
-        Ok(if ingested.needs_a_person() { Outcome::NeedsAttention } else { Outcome::Well })
+        Ok(judge(&context, &ingested))
     }
 }
 
+/// Says which trials need a person, and whether any does.
+fn judge(context: &Context, ingested: &Ingested) -> Outcome {
+    pipeline::note_together(ingested);
+    pipeline::say_attention(context, &ingested.trials, None);
+    if ingested.needs_a_person() { Outcome::NeedsAttention } else { Outcome::Well }
+}
+
 pub(super) fn fit(context: &Context, wait: bool) -> Result<Outcome, Failure> {
+    let ingested = build::ingested(&context.config)?;
     let fitted = build::fit(&context.config, wait, &context.progress.watch(false))?;
     pipeline::print_fits(&fitted.fits);
     pipeline::print_comparison(&fitted.comparison);
-    Ok(Outcome::Well)
+    Ok(judge(context, &ingested))
 }
 
 pub(super) fn report(context: &Context, wait: bool) -> Result<Outcome, Failure> {

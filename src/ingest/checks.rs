@@ -83,6 +83,8 @@ named! {
         CommonReason = "E004 common-reason",
         /// The list names every marker file of the folder.
         Unlisted = "E005 unlisted",
+        /// No joint is bent alike in all trials of a campaign.
+        CommonOffset = "E006 common-offset",
     }
 }
 

@@ -23,7 +23,7 @@ impl JointCommand {
 
 /// The commands of both joints. A joint without a command is passive: its spring and
 /// damper (eq. 11) govern it. At most one joint may be passive.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gait {
     pub joints: [Option<JointCommand>; 2],
 }

@@ -1,24 +1,20 @@
-//! What the trials of a folder show together: files that stand in the list twice or not at all,
-//! trials of another campaign, and the one reason for which most trials of a campaign need a person.
+//! What the trials of a folder show together: files that stand in the list twice or not at all, and
+//! the one reason for which most trials of a campaign need a person.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::gait::off_deg;
-use crate::config::{Config, GaitConfig};
+use super::campaigns::{fail, find_common_offsets, find_other_campaigns};
+use crate::config::{Campaign, Config};
 use crate::ingest::Ingested;
-use crate::ingest::checks::{Check, Finding, GAIT_TOLERANCE_DEG};
+use crate::ingest::checks::{Check, Finding};
 use crate::pattern::matches_label;
-use crate::stats::{extremes, mean};
+use crate::robot::Gait;
 use crate::store::{CheckRow, Severity, TrialRow, TrialStatus};
-use crate::trial::{TrialKind, TrialList};
+use crate::trial::TrialList;
 
-/// A gait that the joints follow this well is theirs, degrees.
-const FOLLOWED_DEG: f64 = 4.0;
-/// Joints whose offsets are off by more than this in all trials are off for one reason, degrees.
-const BENT_ALIKE_DEG: f64 = 3.0;
 /// Names of marker files end like this, packed or not.
 const MARKER_FILES: [&str; 2] = [".csv", ".c3d"];
 
@@ -26,15 +22,15 @@ const MARKER_FILES: [&str; 2] = [".csv", ".c3d"];
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FolderInput {
     /// Of every campaign.
-    gaits: BTreeMap<String, GaitConfig>,
+    gaits: BTreeMap<String, Gait>,
     /// Marker files that are not in the list.
     unlisted: Vec<String>,
 }
 
 impl FolderInput {
     pub fn new(config: &Config, folder: &Path, list: &TrialList) -> Self {
-        let gait = |(name, campaign): (&String, &crate::config::Campaign)| {
-            Some((name.clone(), config.gait.get(&campaign.gait)?.clone()))
+        let gait = |(name, campaign): (&String, &Campaign)| {
+            Some((name.clone(), config.gait.get(&campaign.gait)?.to_gait()))
         };
         let is_listed = |name: &str| {
             list.trial.iter().any(|trial| trial.file == name)
@@ -56,9 +52,9 @@ impl FolderInput {
     /// Adds what the trials show together; `contents` has the hash of each trial's marker file, as
     /// far as it was read.
     pub fn diagnose(&self, rows: &mut Ingested, contents: &BTreeMap<String, String>) {
-        self.find_other_campaigns(rows);
+        find_other_campaigns(rows, &self.gaits);
         find_same_files(rows, contents);
-        self.find_common_offsets(rows);
+        find_common_offsets(rows, &self.gaits);
         find_common_reasons(rows);
         if !self.unlisted.is_empty() {
             let (count, names) = (self.unlisted.len(), self.unlisted.join("`, `"));
@@ -69,74 +65,6 @@ impl FolderInput {
             );
             let finding = Finding::at_most(Check::Unlisted, count as f64, 0.0, message);
             rows.checks.push(finding.failing().row("folder"));
-        }
-    }
-
-    fn find_other_campaigns(&self, rows: &mut Ingested) {
-        let Ingested { trials, checks, .. } = rows;
-        for row in trials.iter_mut().filter(|row| row.kind == TrialKind::Gait) {
-            let Some(own) = self.gaits.get(&row.campaign).map(GaitConfig::to_gait) else {
-                continue;
-            };
-            let measured = row.gait.map(|joint| joint.command());
-            let commanded = |gait: &crate::robot::Gait| gait.joints.iter().flatten().count();
-            // A passive joint may do by chance what another campaign commands.
-            if off_deg(measured, &own) <= GAIT_TOLERANCE_DEG {
-                continue;
-            }
-            let follows =
-                |(_, gait): &(&String, crate::robot::Gait)| off_deg(measured, gait) <= FOLLOWED_DEG;
-            let all = self.gaits.iter().map(|(name, gait)| (name, gait.to_gait()));
-            let followed: Vec<_> = all.filter(follows).collect();
-            let most = followed.iter().map(|(_, gait)| commanded(gait)).max().unwrap_or(0);
-            let names: Vec<&str> = followed
-                .iter()
-                .filter(|(_, gait)| commanded(gait) == most)
-                .map(|(name, _)| name.as_str())
-                .collect();
-            if names.is_empty() || row.gait.iter().any(|joint| joint.offset_rad.is_nan()) {
-                continue;
-            }
-            let message = format!(
-                "the joints do what campaign `{}` commands, not `{}`: is campaign right in \
-                 trials.toml, and is the file this trial's?",
-                names.join("` or `"),
-                row.campaign
-            );
-            fail(row, checks, Check::OtherCampaign, message);
-        }
-    }
-}
-
-impl FolderInput {
-    /// Finds joints that are bent alike in all trials of a campaign: servos miss their angles to
-    /// both sides.
-    fn find_common_offsets(&self, rows: &mut Ingested) {
-        for (campaign, gait) in &self.gaits {
-            let of_campaign =
-                |row: &&TrialRow| row.campaign == *campaign && row.status != TrialStatus::Failed;
-            let trials: Vec<&TrialRow> = rows.trials.iter().filter(of_campaign).collect();
-            let commands = gait.to_gait().joints;
-            for (joint, command) in commands.iter().enumerate() {
-                let Some(command) = command else { continue };
-                let off = |row: &&TrialRow| row.gait[joint].offset_rad - command.offset_rad;
-                let off_deg: Vec<f64> = trials.iter().map(|row| off(row).to_degrees()).collect();
-                let [low, high] = extremes(off_deg.iter().copied());
-                if off_deg.len() < 2 || low.max(-high) < BENT_ALIKE_DEG {
-                    continue;
-                }
-                let (configured, mean) = (command.offset_rad.to_degrees(), mean(off_deg));
-                let (count, link) = (trials.len(), joint + 1);
-                let message = format!(
-                    "joint {link}: measured offset {:+.1} deg in all {count} trials, configured \
-                     {configured}: is offset_deg right, or are markers.link0 or markers.link{link} \
-                     turned? ingest --calibrate with a trial of a gait about straight links tells",
-                    configured + mean
-                );
-                let finding =
-                    Finding::at_most(Check::CommonReason, mean.abs(), BENT_ALIKE_DEG, message);
-                rows.checks.push(finding.failing().row(&format!("campaign {campaign}")));
-            }
         }
     }
 }
@@ -163,19 +91,6 @@ fn find_same_files(rows: &mut Ingested, contents: &BTreeMap<String, String>) {
     }
 }
 
-/// Fails a trial for what others show.
-fn fail(row: &mut TrialRow, checks: &mut Vec<CheckRow>, check: Check, message: String) {
-    row.message = match row.message.is_empty() {
-        true => message.clone(),
-        false => format!("{message}; {}", row.message),
-    };
-    row.status = TrialStatus::Failed;
-    let finding = Finding::new(check, false, f64::NAN, f64::NAN, message).failing().row(&row.trial);
-    // Beside the trial's other checks.
-    let after = checks.iter().rposition(|other| other.trial == row.trial);
-    checks.insert(after.map_or(checks.len(), |last| last + 1), finding);
-}
-
 /// Says of each campaign for which reason most of its trials need a person.
 fn find_common_reasons(rows: &mut Ingested) {
     let mut campaigns: BTreeMap<&str, Vec<&TrialRow>> = BTreeMap::new();
@@ -191,7 +106,13 @@ fn find_common_reasons(rows: &mut Ingested) {
             let is_reason = |check: &&CheckRow| {
                 Some(check.severity) == worst && check.severity > Severity::Info
             };
-            for check in of_trial.filter(is_reason) {
+            // A trial fails for one of its checks, or for what it says itself.
+            let failed = Check::Failed.to_string();
+            let mut reasons_of: Vec<&CheckRow> = of_trial.filter(is_reason).collect();
+            if reasons_of.iter().any(|check| check.check != failed) {
+                reasons_of.retain(|check| check.check != failed);
+            }
+            for check in reasons_of {
                 let reason = (check.check.as_str(), without_numbers(said(check)));
                 reasons.entry(reason).or_default().push(check);
             }
@@ -239,8 +160,14 @@ impl Ingested {
 
 /// The rows of a trial as they were before [`FolderInput::diagnose`].
 pub fn undiagnosed(mut rows: Ingested) -> Ingested {
-    let together = [Check::OtherCampaign, Check::SameFile, Check::CommonReason, Check::Unlisted]
-        .map(|check| check.to_string());
+    let together = [
+        Check::OtherCampaign,
+        Check::SameFile,
+        Check::CommonOffset,
+        Check::CommonReason,
+        Check::Unlisted,
+    ]
+    .map(|check| check.to_string());
     let before = rows.checks.len();
     rows.checks.retain(|row| !together.contains(&row.check));
     if rows.checks.len() < before {

@@ -4,9 +4,10 @@
 //! Three things are looked at in turn, each of which the next one rests on: whether the markers lie
 //! on their links as in the layout (`layout`), whether the links hang together as h and l say
 //! (`linkage`), and whether the joints do what they are commanded (`gait`). What several trials show
-//! together, and what the list leaves out, is for `folder`. A trial for which a cause is found
-//! gives no metrics: a fit of it would be a fit of the mistake.
+//! together is for `campaigns` and, with what the list leaves out, for `folder`. A trial for which a
+//! cause is found gives no metrics: a fit of it would be a fit of the mistake.
 
+mod campaigns;
 mod folder;
 mod gait;
 mod layout;
