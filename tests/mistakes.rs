@@ -291,7 +291,10 @@ const MISTAKES: &[Mistake] = &[
             let new = "campaign = \"semi-passive-symmetric\"";
             list(night, "campaign = \"kinematic-symmetric\"", new);
         },
-        &["do what campaign `kinematic-symmetric` commands, not `semi-passive-symmetric`", "3 of 3"],
+        &[
+            "do what campaign `kinematic-symmetric` commands, not `semi-passive-symmetric`",
+            "3 of 3",
+        ],
     ),
     mistake(
         "the same file twice",

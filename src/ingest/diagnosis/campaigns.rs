@@ -23,7 +23,8 @@ const BENT_ALIKE_DEG: f64 = 3.0;
 /// Fails trials that do what another campaign commands.
 pub fn find_other_campaigns(rows: &mut Ingested, gaits: &BTreeMap<String, Gait>) {
     let Ingested { trials, checks, .. } = rows;
-    let others: Vec<Vec<&str>> = trials.iter().map(|row| other_campaigns(row, trials, gaits)).collect();
+    let others: Vec<Vec<&str>> =
+        trials.iter().map(|row| other_campaigns(row, trials, gaits)).collect();
     for (row, names) in trials.iter_mut().zip(others).filter(|(_, names)| !names.is_empty()) {
         let message = format!(
             "the joints do what campaign `{}` commands, not `{}`: is campaign right in trials.toml, \
