@@ -488,6 +488,7 @@ fn measured_parameters_of_the_robot_take_the_place_of_configured_ones() {
         robot: "semi-passive".to_owned(),
         stiffness_nm_rad: Estimate::new(0.15, f64::NAN),
         damping_nm_s_rad: Estimate::new(0.0065, f64::NAN),
+        status: FitStatus::Ok,
         ..RobotParameterRow::blank()
     };
     let data = FitData { robots: vec![release], ..FitData::from(named(reference)) };

@@ -101,9 +101,9 @@ impl FitInput {
         self.measurements(data).into_iter().map(of_trial).collect()
     }
 
-    /// What trials of other kinds say of the robot.
+    /// What trials of other kinds that follow their laws say of the robot.
     fn robot_rows<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
-        data.robots.iter().filter(|row| row.robot == self.robot.name)
+        data.robots.iter().filter(|row| row.robot == self.robot.name && row.status.is_ok())
     }
 
     /// Hash of it.
@@ -222,18 +222,21 @@ fn bounds(parameter: Parameter, fit: &Fit) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Columns as _;
+    use crate::store::{Columns as _, FitStatus};
 
     #[test]
     fn what_the_trials_do_not_tell_stays_as_configured() {
         let row = |robot: &str| RobotParameterRow {
             robot: robot.to_owned(),
+            status: FitStatus::Ok,
             ..RobotParameterRow::blank()
         };
+        let refused = FitStatus::Failed("it is dry".to_owned());
         let found = |value: f64| Estimate { value, ..Estimate::MISSING };
         let rows = [
             RobotParameterRow { roll_sum_kg_s: found(0.9), ..row("ours") },
             RobotParameterRow { roll_sum_kg_s: found(1.5), ..row("ours") },
+            RobotParameterRow { roll_sum_kg_s: found(9.0), status: refused, ..row("ours") },
             RobotParameterRow { stiffness_nm_rad: found(9.0), ..row("another") },
             RobotParameterRow { damping_nm_s_rad: found(0.01), ..row("ours") },
         ];

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::named::named;
-use crate::store::{CheckRow, Severity};
+use crate::store::{CheckRow, FitStatus, Severity};
 
 /// Part of all markers' frames that should be seen.
 pub(super) const LEAST_COVERAGE: f64 = 0.9;
@@ -63,7 +63,7 @@ named! {
         AmbiguousMarkers = "W013 ambiguous-markers",
         /// The links that should be held while a joint swings do not move.
         HeldLinks = "W014 held-links",
-        /// A swing or a speed dies away as linear damping makes it.
+        /// A swing or a speed dies away as linear damping makes it, but for noise.
         Decay = "W015 decay",
         /// The robot that coasts is straight.
         Straight = "W016 straight",
@@ -178,6 +178,14 @@ impl Finding {
 
     pub fn holds(&self) -> bool {
         matches!(self.severity, Severity::Ok | Severity::Info)
+    }
+
+    /// Of what holds only if this does.
+    pub fn status(&self) -> FitStatus {
+        match self.holds() {
+            true => FitStatus::Ok,
+            false => FitStatus::Failed(self.message.clone()),
+        }
     }
 
     pub fn row(&self, trial: &str) -> CheckRow {

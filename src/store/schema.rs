@@ -165,6 +165,9 @@ rows! {
         pub roll_sum_kg_s: Estimate,
         pub roll_sum_configured_kg_s: f64,
         pub roll_kg_s: [Estimate; 3] as "roll{}_kg_s{}",
+        /// Why the recording does not follow the law whose parameters these are; then what was
+        /// measured is missing.
+        pub status: FitStatus,
     }
 }
 

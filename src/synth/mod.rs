@@ -222,6 +222,19 @@ pub fn synthesise(
     Ok(list.trial)
 }
 
+/// Any motion, `(x, y, theta, phi1, phi2)` of every frame, as the camera system exports it.
+#[cfg(test)]
+pub(crate) fn export(
+    config: &Config,
+    robot: &Robot,
+    coordinates: &[[f64; 5]],
+    seed: u64,
+) -> Vec<u8> {
+    let (layout, rate_hz) = (&config.markers, config.vicon.rate_hz);
+    let scene = Scene { robot, layout, rate_hz, misplaced: 0.0, tilt: Tilt::default() };
+    Format::Csv.bytes(&cameras::film(&scene, coordinates, ChaCha8Rng::seed_from_u64(seed)))
+}
+
 /// Makes sure that no file of others is overwritten, and that nobody takes the folder for a
 /// folder of trials until it is complete: until then it has no list, and a truth that says what
 /// its files are.

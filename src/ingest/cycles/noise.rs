@@ -6,14 +6,12 @@
 //! that is taken for noise than [`LARGEST_EXCESS`] times the white noise.
 
 use super::measure::{Cycle, CycleData};
-use crate::ingest::signals::{WEIGHTS, noise};
+use crate::ingest::signals::{THIRD, THIRD_GAIN, WEIGHTS, noise};
 use crate::stats::mean;
 
 /// How many times the white noise all noise may be. It is 1.5 times at 2 rad/s and more, and 3 times
 /// at 0.5 rad/s, where a cycle takes as long as a suspension's swing.
 const LARGEST_EXCESS: f64 = 4.0;
-/// Third differences, in which motion far slower than the sampling leaves nothing.
-const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 /// Of differentiated white noise that is summed up again, the variance at an end: what is left of
 /// the derivative's weights is (-1, 7, 7, -1) / 12.
 const END: f64 = 100.0 / 144.0;
@@ -46,7 +44,7 @@ impl SkidNoise {
         };
         let gains = 2.0 / frames * (1..=count).map(gain).sum::<f64>();
         // By how much third differences tell more of a series than of its derivative.
-        let differences = norm(&THIRD) / (norm(&third_of_derivative()) * data.rate_hz);
+        let differences = (THIRD_GAIN / squares(&third_of_derivative())).sqrt() / data.rate_hz;
         let position_m = noise(&data.raw_wheels.skid_m_s[wheel]) * differences;
         let skid: Vec<&[f64]> = cycles.iter().map(|cycle| &cycle.skid_m_s[wheel][..]).collect();
         Self {
@@ -76,8 +74,8 @@ fn third_of_derivative() -> [f64; WEIGHTS.len() + THIRD.len() - 1] {
     both
 }
 
-fn norm(weights: &[f64]) -> f64 {
-    weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
+fn squares(weights: &[f64]) -> f64 {
+    weights.iter().map(|weight| weight * weight).sum()
 }
 
 #[cfg(test)]

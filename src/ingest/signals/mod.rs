@@ -7,4 +7,7 @@ mod smooth;
 
 pub use derivative::{WEIGHTS, derivative};
 pub use gaps::fill;
-pub use smooth::{JointSignal, WINDOW_WITHOUT_GAIT, best_window, moving_average, noise, response};
+pub use smooth::{
+    JointSignal, THIRD, THIRD_GAIN, WINDOW_WITHOUT_GAIT, best_window, moving_average, noise,
+    response, third_differences,
+};

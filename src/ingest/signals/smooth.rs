@@ -54,19 +54,25 @@ pub fn response(window: usize, step_rad: f64) -> f64 {
     if window % 2 == 1 { kernel } else { kernel * half.cos() }
 }
 
-/// Noise of a series of positions, in its own unit: from its third differences, in which
-/// motion far slower than the sampling leaves nothing. Their median bears outliers.
+/// Weights of third differences, in which motion far slower than the sampling leaves nothing, and
+/// the sum of their squares: how many times the variance of white noise theirs is.
+pub const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+pub const THIRD_GAIN: f64 = 20.0;
+
+pub fn third_differences(series: &[f64]) -> impl Iterator<Item = f64> {
+    let difference = |w: &[f64]| w.iter().zip(THIRD).map(|(x, weight)| x * weight).sum();
+    series.windows(THIRD.len()).map(difference)
+}
+
+/// Noise of a series of positions, in its own unit. The median of third differences bears outliers.
 pub fn noise(series: &[f64]) -> f64 {
-    let differences: Vec<f64> = series
-        .windows(4)
-        .map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs())
-        .filter(|difference| !difference.is_nan())
-        .collect();
+    let differences = third_differences(series).map(f64::abs);
+    let differences: Vec<f64> = differences.filter(|difference| !difference.is_nan()).collect();
     if differences.is_empty() {
         return 0.0;
     }
-    // 1 + 9 + 9 + 1 times the variance; the median of a normal deviate's modulus is 0.6745.
-    median_high(differences) / (0.6745 * 20_f64.sqrt())
+    // The median of a normal deviate's modulus is 0.6745.
+    median_high(differences) / (0.6745 * THIRD_GAIN.sqrt())
 }
 
 /// A joint as the choice of the window sees it.

@@ -14,6 +14,7 @@ use crate::store::{Columns as _, Severity};
 use crate::synth::{Recipe, Tilt, synthesise};
 
 mod coverage;
+mod laws;
 mod synthetic;
 
 use synthetic::{Motion, Recording, header};
@@ -717,9 +718,6 @@ fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() 
         let mut check = |i: usize, Estimate { value: found, se }: Estimate, truth: f64| {
             count += 1;
             within += usize::from((found - truth).abs() < 2.0 * se);
-            if i < 1 {
-                eprintln!("Z {i} {:.2} rel se {:.5}", (found - truth) / se, se / truth);
-            }
             worst[i] = worst[i].max((found / truth - 1.0).abs());
         };
         if row.kind == TrialKind::CoastDown {

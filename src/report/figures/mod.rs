@@ -156,17 +156,20 @@ fn of_the_paper(
     Ok(())
 }
 
-/// Fig. 8: the first release of the semi-passive robot that there is.
+/// Fig. 8: the first release of the semi-passive robot that follows its law.
 fn release(
     tables: &Tables,
     config: &ReportInput,
     reader: &Reader,
 ) -> Result<Result<Figure, String>, StoreError> {
     let not_drawn = |why: &str| Ok(Err(format!("Fig. 8 is not drawn, because {why}.")));
-    let row = tables.robots.iter().find(|row| row.kind == TrialKind::JointRelease);
-    let Some(row) = row else {
+    let releases = tables.robots.iter().filter(|row| row.kind == TrialKind::JointRelease);
+    let Some(row) = releases.min_by_key(|row| !row.status.is_ok()) else {
         return not_drawn("no trial of kind joint-release has results");
     };
+    if !row.status.is_ok() {
+        return not_drawn(&format!("of trial {}, {}", row.trial, row.status));
+    }
     let Some(recording) = Recording::read(&config.paths.derived, &row.trial, reader)? else {
         return not_drawn(&without_tables(&row.trial));
     };

@@ -141,6 +141,7 @@ impl Tables {
             stiffness_nm_rad: Estimate::new(0.1875, 0.0012),
             stiffness_configured_nm_rad: 0.188,
             damping_nm_s_rad: Estimate::new(0.00685, 0.00004),
+            status: FitStatus::Ok,
             ..RobotParameterRow::blank()
         };
         vec![release]

@@ -1,0 +1,203 @@
+//! Coast-downs and joint-releases that follow their law, and others.
+
+use super::*;
+
+const RATE_HZ: f64 = 120.0;
+const STEPS: usize = 20;
+/// Of the semi-passive robot.
+const MASS_KG: f64 = 1.72;
+const ROLL_KG_S: f64 = 1.2;
+const STIFFNESS_NM_RAD: f64 = 0.137;
+const DAMPING_NM_S_RAD: f64 = 0.006;
+const INERTIA_KG_M2: f64 = 5.9e-4 + 0.34 * 0.058 * 0.058;
+
+/// Positions in every frame of what begins at a position with a velocity, and stops where friction
+/// of `dry` holds it; `force` is per unit of mass.
+fn motion(
+    [mut x, mut v]: [f64; 2],
+    dry: f64,
+    duration_s: f64,
+    force: impl Fn(f64, f64) -> f64,
+) -> Vec<f64> {
+    let h = 1.0 / RATE_HZ / STEPS as f64;
+    let frame = |_| {
+        let now = x;
+        for _ in 0..STEPS {
+            // The midpoint rule.
+            let slope = |x: f64, v: f64| force(x, v);
+            let middle = [x + 0.5 * h * v, v + 0.5 * h * slope(x, v)];
+            let free = v + h * slope(middle[0], middle[1]);
+            // Dry friction takes from the velocity what it can.
+            let next = free.signum() * (free.abs() - h * dry).max(0.0);
+            x += 0.5 * h * (v + next);
+            v = next;
+        }
+        now
+    };
+    (0..(duration_s * RATE_HZ) as usize).map(frame).collect()
+}
+
+/// A robot that is pushed to 0.8 m/s and rolls against its viscous resistance and another of
+/// `dry_n`.
+fn coasting(roll_kg_s: f64, dry_n: f64) -> Vec<[f64; 5]> {
+    let rate_1_s = roll_kg_s / MASS_KG;
+    let coasted = motion([0.2, 0.8], dry_n / MASS_KG, 5.2, |_, v| -rate_1_s * v);
+    let pushed = (0..108).map(|i| {
+        let t = (f64::from(i) / RATE_HZ - 0.4).max(0.0);
+        0.8 * t * t
+    });
+    pushed.chain(coasted).map(|x| [x, 0.0, 0.0, 0.0, 0.0]).collect()
+}
+
+/// Joint 1 let go at 0.5 rad: its stiffness grows by a part at 1 rad, and its friction is `dry_nm`
+/// besides the damping.
+fn released(stiffening: f64, dry_nm: f64) -> Vec<[f64; 5]> {
+    let torque = |phi: f64, rate: f64| {
+        -STIFFNESS_NM_RAD * phi * (1.0 + stiffening * phi * phi) - DAMPING_NM_S_RAD * rate
+    };
+    let force = |phi, rate| torque(phi, rate) / INERTIA_KG_M2;
+    let swing = motion([0.5, 0.0], dry_nm / INERTIA_KG_M2, 3.6, force);
+    let held = std::iter::repeat_n(0.5, 60);
+    held.chain(swing).map(|phi| [0.0, 0.0, 0.0, phi, 0.0]).collect()
+}
+
+fn measured(
+    kind: TrialKind,
+    coordinates: &[[f64; 5]],
+    seed: u64,
+) -> Result<ProcessedTrial, TrialFailure> {
+    let config = Config::default();
+    let robot = "semi-passive";
+    let bytes = crate::synth::export(&config, &config.robot[robot].to_robot(), coordinates, seed);
+    let trial = Trial {
+        kind,
+        campaign: None,
+        omega_rad_s: None,
+        robot: Some(robot.to_owned()),
+        ..gait_trial("a", "", 1.0)
+    };
+    let input = IngestInput::new(&config, &trial)?;
+    process(Path::new("a.csv"), &bytes, &trial, &input, &mut Known::new(&trial))
+}
+
+/// Whether the trial's law was refused, and by how many times the noise it is off.
+fn refusal(kind: TrialKind, coordinates: &[[f64; 5]], seed: u64) -> Option<f64> {
+    let ProcessedTrial { row, checks, parameters, .. } =
+        measured(kind, coordinates, seed).expect("it can be measured");
+    let parameters = parameters.expect("it is no gait");
+    let check = checks.iter().find(|check| check.check == "W015 decay").expect("it is checked");
+    let is_refused = check.severity == Severity::Warning;
+    assert_eq!(parameters.status.is_ok(), !is_refused);
+    assert_eq!(parameters.quantities().count() == 0, is_refused);
+    assert_eq!(row.status == TrialStatus::Flagged, is_refused, "{}", row.message);
+    if is_refused {
+        assert_eq!(parameters.status.to_string(), check.message);
+        let law = ["viscous rolling", "a linear spring and damper"];
+        assert!(law.iter().any(|law| check.message.contains(law)), "{}", check.message);
+        assert!(check.message.contains(", needed at most 2"), "{}", check.message);
+    }
+    is_refused.then_some(check.value)
+}
+
+#[test]
+fn dry_rolling_is_refused_however_small_its_part() {
+    // Of the resistance at 0.4 m/s.
+    for part in [1.0, 0.5, 0.05] {
+        let dry_n = part * ROLL_KG_S * 0.4;
+        for seed in 0..3 {
+            let motion = coasting((1.0 - part) * ROLL_KG_S, dry_n);
+            let times = refusal(TrialKind::CoastDown, &motion, seed).expect("it is dry");
+            println!("dry part {part}: {times:.1} times the noise");
+            assert!(times > 5.0, "{part} {times}");
+        }
+    }
+}
+
+#[test]
+fn a_joint_with_dry_friction_or_a_stiffening_spring_is_refused() {
+    for (stiffening, dry_nm) in [(1.0, 0.0), (0.0, 3e-4), (0.0, 1e-3)] {
+        for seed in 0..3 {
+            let motion = released(stiffening, dry_nm);
+            let times = refusal(TrialKind::JointRelease, &motion, seed);
+            println!("stiffening {stiffening}, dry {dry_nm} N m: {times:?} times the noise");
+            assert!(times.is_some(), "{stiffening} {dry_nm}");
+        }
+    }
+    // With more it does not swing.
+    for dry_nm in [4e-3, 8e-3, 0.012, 0.02] {
+        let failed = measured(TrialKind::JointRelease, &released(0.0, dry_nm), 1).unwrap_err();
+        assert!(failed.to_string().contains("swing"), "{failed}");
+    }
+}
+
+/// Value over truth and standard error over truth.
+#[derive(Default)]
+struct Errors(Vec<[f64; 2]>);
+
+impl Errors {
+    fn within(&self) -> f64 {
+        let within = self.0.iter().filter(|[off, se]| off.abs() < 1.96 * se);
+        within.count() as f64 / self.0.len() as f64
+    }
+
+    /// The median standard error over the RMS error.
+    fn width(&self) -> f64 {
+        let rms = self.0.iter().map(|[off, _]| off * off).sum::<f64>() / self.0.len() as f64;
+        let mut errors: Vec<f64> = self.0.iter().map(|[_, se]| *se).collect();
+        errors.sort_by(f64::total_cmp);
+        errors[errors.len() / 2] / rms.sqrt()
+    }
+}
+
+/// What recordings of lawful motions give, and how many of them are refused.
+fn lawful(seeds: Range<u64>) -> ([Errors; 4], usize) {
+    let (mut found, mut refused): ([Errors; 4], usize) = Default::default();
+    let motions = [
+        (TrialKind::CoastDown, coasting(ROLL_KG_S, 0.0)),
+        (TrialKind::JointRelease, released(0.0, 0.0)),
+    ];
+    let ratio = DAMPING_NM_S_RAD / (2.0 * (STIFFNESS_NM_RAD * INERTIA_KG_M2).sqrt());
+    for seed in seeds {
+        for (kind, motion) in &motions {
+            let row = measured(*kind, motion, seed).unwrap().parameters.unwrap();
+            refused += usize::from(!row.status.is_ok());
+            let values = [
+                (row.roll_sum_kg_s, ROLL_KG_S),
+                (row.stiffness_nm_rad, STIFFNESS_NM_RAD),
+                (row.damping_nm_s_rad, DAMPING_NM_S_RAD),
+                (row.damping_ratio_decrement, ratio),
+            ];
+            for (errors, (Estimate { value, se }, truth)) in found.iter_mut().zip(values) {
+                let known = Some([value / truth - 1.0, se / truth]);
+                errors.0.extend(known.filter(|[off, _]| !off.is_nan()));
+            }
+        }
+    }
+    (found, refused)
+}
+
+#[test]
+#[ignore = "80 recordings"]
+fn of_forty_recordings_88_to_99_percent_are_within_errors_that_are_not_too_wide() {
+    let (found, refused) = lawful(0..40);
+    println!("{refused} of 80 refused");
+    let names = ["roll sum", "k_tau", "c_tau", "decrement"];
+    for (errors, name) in found.iter().zip(names) {
+        println!("{name:10} {:.3} within 1.96, {:.2} of scatter", errors.within(), errors.width());
+    }
+    assert!(refused <= 2, "{refused}");
+    for (errors, name) in found.iter().zip(names) {
+        assert!((0.88..=0.99).contains(&errors.within()), "{name}: {}", errors.within());
+        assert!((0.7..2.0).contains(&errors.width()), "{name}: {}", errors.width());
+    }
+}
+
+#[test]
+fn a_few_recordings_of_lawful_motions_pass_and_are_within_their_errors() {
+    let (found, refused) = lawful(100..106);
+    assert_eq!(refused, 0);
+    let within: f64 = found.iter().map(Errors::within).sum();
+    assert!(within / 4.0 > 0.8, "{within}");
+    let widths = found.each_ref().map(Errors::width);
+    assert!(widths.iter().all(|width| (0.4..2.5).contains(width)), "{widths:?}");
+}
