@@ -347,8 +347,8 @@ const FAULTS: [(&str, &[&str]); 6] = [
     ("read", &["error=EIO", "signal=KILL"]),
     ("write", &["error=ENOSPC", "error=EIO", "signal=KILL"]),
     ("fsync", &["error=EIO", "signal=KILL"]),
-    ("rename", &["error=EACCES", "signal=KILL"]),
-    ("statx", &["error=EIO"]),
+    ("/^rename", &["error=EACCES", "signal=KILL"]),
+    ("/^(statx|newfstatat)$", &["error=EIO"]),
 ];
 
 /// Runs the program with a fault at the `nth` call of a kind; `None` if it makes fewer calls.

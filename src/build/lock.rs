@@ -8,7 +8,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 
 use crate::interrupt::stop_if_asked;
-use crate::store::{StoreError, WRITING};
+use crate::store::{StoreError, WRITING, remove_unfinished};
 
 /// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
 /// system lets go of it when a process ends, however that ends.
@@ -126,25 +126,12 @@ fn host() -> Option<String> {
     said.map(|name| name.trim().to_owned()).filter(|name| !name.is_empty())
 }
 
-/// What writers that were killed left in these folders, or are writing just now.
-pub fn unfinished(folders: &[PathBuf]) -> Vec<PathBuf> {
-    let entries = folders.iter().flat_map(std::fs::read_dir).flatten().flatten();
-    let is_unfinished = |entry: &std::fs::DirEntry| {
-        entry.file_name().to_string_lossy().starts_with(WRITING)
-            && entry.file_type().is_ok_and(|kind| kind.is_file())
-    };
-    entries.filter(is_unfinished).map(|entry| entry.path()).collect()
-}
-
 /// Removes what writers that were killed left in these folders. Only who holds the lock may.
 ///
 /// # Errors
 /// A file cannot be removed.
 pub fn sweep(_lock: &Lock, folders: &[PathBuf]) -> Result<(), StoreError> {
-    for path in unfinished(folders) {
-        std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
-    }
-    Ok(())
+    remove_unfinished(folders)
 }
 
 /// Checks that results can be written before any work is done: that `folders` are folders, or

@@ -20,13 +20,13 @@ use crate::fit::{Fitted, input_paths};
 use crate::ingest::Ingested;
 use crate::interrupt::{Interrupted, abandonable};
 use crate::report::{ReportError, Reported};
-use crate::store::{Reader, RunStatus, Stamp, StoreError, write_bytes};
+use crate::store::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
 
 use fit::FitStage;
 use ingest::IngestStage;
 use last_run::{LastRun, confirm};
 pub use last_run::{check_finished, hold};
-use lock::{LOCK_FILE, check_places, unfinished};
+use lock::{LOCK_FILE, check_places};
 pub use lock::{Lock, share, sweep};
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, plan, plan_after};

@@ -29,7 +29,7 @@ use super::least_absolute::{Residual, minimise};
 use super::objective::{METRICS, TERMS};
 use super::resample::Resampler;
 use super::search::limits;
-use crate::stats::{mean, quantiles_low};
+use crate::stats::{mean, quantiles_low, student};
 
 /// Draws of noise.
 const DRAWS: usize = 400;
@@ -188,9 +188,11 @@ fn noise(
     let noises = resampler.noises();
     let errors: Vec<[f64; TERMS]> = (0..noises.len())
         .map(|measurement| {
-            let student = resampler.freedom(measurement).and_then(|n| StudentT::new(n).ok());
-            let mut deviates: [f64; TERMS] = std::array::from_fn(|_| match &student {
-                Some(student) => student.sample(&mut random),
+            let freedom = resampler.freedom(measurement);
+            let of_student = freedom.and_then(|n| Some((StudentT::new(n).ok()?, student(n))));
+            let mut deviates: [f64; TERMS] = std::array::from_fn(|_| match &of_student {
+                // A standard error of a few cycles is as wide as that distribution already.
+                Some((distribution, wider)) => distribution.sample(&mut random) / wider,
                 None => StandardNormal.sample(&mut random),
             });
             deviates[V] = deviates[D];

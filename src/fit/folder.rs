@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{FitData, Fitted};
 use crate::robot::Model;
-use crate::store::{Reader, StoreError, TrialRow, cycles_path, table_set, tables_in};
+use crate::store::{Reader, StoreError, TrialRow, cycles_path, is_there, table_set, tables_in};
 use crate::trial::is_valid_id;
 
 table_set! {
@@ -28,9 +28,6 @@ const ROBOTS: &str = "robot_parameters.parquet";
 /// There is no table of trials, or a folder cannot be read.
 pub fn input_paths(derived: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let trials = derived.join(TRIALS);
-    let is_there = |path: &Path| {
-        path.try_exists().map_err(|source| StoreError::Read { path: path.to_owned(), source })
-    };
     if !is_there(&trials)? {
         return Err(StoreError::NotIngested { path: trials });
     }

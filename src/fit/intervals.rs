@@ -6,7 +6,7 @@
 //! - *Systematic*: what all trials share, and no repeat shows.
 //!   - What the fit takes the model for: a jackknife over blocks of neighbouring frequencies
 //!     spreads by more than the scatter if no one set of coefficients describes them all. Only
-//!     what exceeds the scatter's share in 95 of 100 counts.
+//!     what exceeds [`BY_CHANCE`] times the scatter's variance counts.
 //!   - What is assumed of the robot: every standard deviation that the configuration gives, or
 //!     that joint-release and coast-down trials have, moves the fit by so much.
 //!   - The gait, where the command drives the model: servos miss it, and the measured gait gives
@@ -41,6 +41,10 @@ const OUTSIDE: f64 = 0.025;
 const HALF_WIDTH: f64 = 1.96;
 /// Blocks of frequencies of the jackknife.
 const BLOCKS: usize = 6;
+/// What a jackknife's variance over that of the scatter is at most in 95 of 100 fits of a model that
+/// is true, of 1,080 that were tried: more than of least squares (2.2), because least absolute
+/// deviations go from breakpoint to breakpoint.
+const BY_CHANCE: f64 = 4.0;
 /// Fewer do not tell a spread.
 const LEAST_BLOCKS: usize = 3;
 
@@ -103,7 +107,7 @@ impl Systematic {
         let mean = mean(of_blocks());
         let squares: f64 = of_blocks().map(|shift| (shift - mean).powi(2)).sum();
         let jackknife = (count - 1.0) / count * squares;
-        let chance = scatter.powi(2) * largest_variance(count - 1.0);
+        let chance = BY_CHANCE * scatter.powi(2);
         ((jackknife - chance).max(0.0) + assumed).sqrt()
     }
 }
@@ -185,13 +189,6 @@ impl Intervals {
     }
 }
 
-/// What a variance of so many degrees of freedom is at most in 95 of 100, over the true one
-/// (chi-square by Wilson and Hilferty 1931).
-fn largest_variance(freedom: f64) -> f64 {
-    let spread = 2.0 / 9.0 / freedom;
-    (1.0 - spread + 1.645 * spread.sqrt()).powi(3)
-}
-
 /// A limit by scatter; NaN where it is open: where the profile does not end the interval, or
 /// where the replicates' quantile is a bound.
 fn scatter_limit(
@@ -221,13 +218,11 @@ mod tests {
 
     #[test]
     fn blocks_count_by_what_they_differ_by_more_than_chance() {
-        // Chi-square of 5 degrees of freedom is 11.07 at 95 %.
-        assert!((largest_variance(5.0) - 11.07 / 5.0).abs() < 0.01);
         let blocks = [-0.03, 0.02, -0.01, 0.03, -0.02, 0.01].map(|shift| vec![shift]);
         let shifts = Systematic { blocks: blocks.into(), ..Systematic::default() };
         let jackknife = (5.0_f64 / 6.0 * 28e-4).sqrt();
         assert!((shifts.deviation(0, 0.0) - jackknife).abs() < 1e-12);
-        assert_eq!(shifts.deviation(0, jackknife / 1.4), 0.0);
+        assert_eq!(shifts.deviation(0, jackknife / 1.9), 0.0);
         let assumed = Systematic { assumed: vec![vec![0.03], vec![-0.04]], ..shifts };
         assert!((assumed.deviation(0, jackknife) - 0.05).abs() < 1e-12);
         assert_eq!(Systematic::default().deviation(0, 0.1), 0.0);

@@ -10,7 +10,7 @@ use super::tables::{Tables, table_paths};
 use super::truth::Truth;
 use super::{ReportError, ReportInput, figures, trials};
 use crate::config::Paths;
-use crate::store::{Reader, StoreError, hash, tables_in};
+use crate::store::{Reader, StoreError, hash, is_there, tables_in};
 use crate::trial::TRUTH_FILE;
 
 /// What a report is made of.
@@ -35,9 +35,8 @@ pub fn input_paths(paths: &Paths) -> Result<Vec<(PathBuf, bool)>, StoreError> {
     let tables = table_paths(&paths.derived).into_iter().map(|path| (path, true));
     let mut there = Vec::new();
     for (path, own) in tables.chain([(paths.raw.join(TRUTH_FILE), false)]) {
-        match path.try_exists() {
-            Ok(is_there) => there.extend(is_there.then_some((path, own))),
-            Err(source) => return Err(StoreError::Read { path, source }),
+        if is_there(&path)? {
+            there.push((path, own));
         }
     }
     for folder in ["cycles", "poses", "wheels"] {

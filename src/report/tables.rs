@@ -8,7 +8,7 @@ use super::series::Source;
 use crate::report::ReportInput;
 use crate::store::{
     BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader,
-    RobotParameterRow, StartRow, StoreError, Table, TrialRow,
+    RobotParameterRow, StartRow, StoreError, Table, TrialRow, is_there,
 };
 
 /// Tables that are read, the most rows that one may have, and what the report lacks without it;
@@ -63,7 +63,12 @@ impl Tables {
         let Some(trials) = read(derived, reader, "trials")? else {
             return Err(StoreError::NotIngested { path }.into());
         };
-        let missing = TABLES.iter().filter(|(name, ..)| !table_path(derived, name).exists());
+        let mut missing = Vec::new();
+        for (name, _, without) in TABLES {
+            if !is_there(&table_path(derived, name))? {
+                missing.push(format!("Table {name}.parquet is not there: {without}."));
+            }
+        }
         let mut tables = Self {
             input: trials.input.clone(),
             trials: TrialRow::from_table(&trials)?,
@@ -76,9 +81,7 @@ impl Tables {
             profiles: optional(derived, reader, "profiles")?,
             bootstrap: optional(derived, reader, "bootstrap")?,
             robots: optional(derived, reader, "robot_parameters")?,
-            missing: missing
-                .map(|(name, _, without)| format!("Table {name}.parquet is not there: {without}."))
-                .collect(),
+            missing,
         };
         tables.trials.sort_by(|a, b| {
             let key =

@@ -81,3 +81,24 @@ pub fn write_if_changed(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> 
         _ => write_bytes(path, bytes),
     }
 }
+
+/// What writers that were killed left in these folders, or are writing just now.
+pub fn unfinished(folders: &[PathBuf]) -> Vec<PathBuf> {
+    let entries = folders.iter().flat_map(fs::read_dir).flatten().flatten();
+    let is_unfinished = |entry: &fs::DirEntry| {
+        entry.file_name().to_string_lossy().starts_with(WRITING)
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
+    };
+    entries.filter(is_unfinished).map(|entry| entry.path()).collect()
+}
+
+/// Removes what writers that were killed left in these folders, where nobody is writing.
+///
+/// # Errors
+/// A file cannot be removed.
+pub fn remove_unfinished(folders: &[PathBuf]) -> Result<(), StoreError> {
+    for path in unfinished(folders) {
+        fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
+    }
+    Ok(())
+}

@@ -8,7 +8,9 @@ mod status;
 mod table;
 mod tables;
 
-pub use atomic::{PendingFile, WRITING, write_bytes, write_if_changed};
+pub use atomic::{
+    PendingFile, WRITING, remove_unfinished, unfinished, write_bytes, write_if_changed,
+};
 pub(crate) use columns::rows;
 pub use columns::{Columns, numbers, repeated, texts};
 pub use polars::prelude::Column;
@@ -17,7 +19,7 @@ pub use schema::{
     RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
     wheels_path,
 };
-pub use stamp::{Reader, Stamp, hash, tables_in};
+pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Stopped, TrialStatus};
 pub(crate) use table::guarded;
 pub use table::{Provenance, Table, is_own_table, is_reading};

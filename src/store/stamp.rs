@@ -86,6 +86,14 @@ impl Stamp {
     }
 }
 
+/// Whether there is something at a path.
+///
+/// # Errors
+/// That cannot be found out.
+pub fn is_there(path: &Path) -> Result<bool, StoreError> {
+    path.try_exists().map_err(|source| StoreError::Read { path: path.to_owned(), source })
+}
+
 /// Reads files that were looked at before: what is read is what was seen, or an error.
 #[derive(Debug, Clone, Default)]
 pub struct Reader(pub BTreeMap<PathBuf, Stamp>);

@@ -24,7 +24,7 @@ use crate::config::Config;
 use crate::files;
 use crate::motion::{Model, MotionError, Problem};
 use crate::robot::Robot;
-use crate::store::{StoreError, write_bytes};
+use crate::store::{StoreError, remove_unfinished, write_bytes};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
 use cameras::{Film, Scene};
@@ -182,6 +182,7 @@ pub fn synthesise(
         }
     }
     take_over(folder, plans.iter().map(|plan| plan.trial.file.as_str()))?;
+    remove_unfinished(&[folder.to_owned()])?;
     let Recipe { seed, format, misplaced, tilt, .. } = *recipe;
     let (rate_hz, layout) = (config.vicon.rate_hz, &config.markers);
     let make = |Plan { trial, robot, source, seed }: &Plan| {
