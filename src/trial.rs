@@ -1,6 +1,7 @@
 //! `trials.toml`: which recordings a trial folder holds.
 
 use std::collections::BTreeSet;
+use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 use std::path::{Component, Path};
 
@@ -173,7 +174,12 @@ impl Trial {
         let needed_omega = "a frequency from 0.01 to 1000 rad/s";
         match self.omega_rad_s {
             Some(omega) if !OMEGA_RAD_S.contains(&omega) => {
-                error("omega_rad_s", omega.to_string(), needed_omega)
+                let units = [("Hz", omega * TAU), ("degrees per second", omega.to_radians())];
+                let unit = units.into_iter().find(|(_, right)| OMEGA_RAD_S.contains(right));
+                let unit = unit.map_or(String::new(), |(unit, right)| {
+                    format!(" (is it in {unit}? then {right:.4} is right)")
+                });
+                error("omega_rad_s", omega.to_string(), &format!("{needed_omega}{unit}"))
             }
             None if is_gait => error("omega_rad_s", "nothing".into(), needed_omega),
             _ => Ok(()),

@@ -471,3 +471,38 @@ fn an_error_or_a_kill_at_any_moment_of_synth_leaves_no_folder_that_passes_for_tr
         assert_same(&common::files(&folder.place("raw")), &expected, what);
     });
 }
+
+#[test]
+fn what_cannot_be_looked_at_is_not_taken_for_absent() {
+    // As without a permission, which whoever runs the tests may have.
+    let in_a_circle = |folder: &Small, name: &str| {
+        let _ = fs::remove_file(folder.place(name));
+        symlink(folder.place(name), folder.place(name)).unwrap();
+    };
+    let folder = Small::raw();
+    in_a_circle(&folder, "raw/trials.toml");
+    let before = fs::read_dir(folder.place("raw")).unwrap().count();
+    let named = ["raw/trials.toml: cannot be read"];
+    assert_ends(&trilink(folder.path(), &["-q", "demo"]), 2, &named, "the list of a demo");
+    assert_eq!(fs::read_dir(folder.place("raw")).unwrap().count(), before);
+    assert!(folder.place("raw/trials.toml").is_symlink());
+
+    for name in ["fits.parquet", "predictions.parquet"] {
+        let [tables, other] = [Small::done(), Small::done()];
+        in_a_circle(&other, &format!("derived/{name}"));
+        let folder = other.path().to_str().unwrap();
+        let named = [format!("{name}: cannot be read")];
+        let named = [named[0].as_str()];
+        for arguments in [&["compare", folder][..], &["compare", "derived", "--against", folder]] {
+            assert_ends(&trilink(tables.path(), arguments), 2, &named, name);
+        }
+    }
+    let [tables, other] = [Small::done(), Small::done()];
+    fs::remove_dir_all(other.place("derived")).unwrap();
+    in_a_circle(&other, "derived");
+    let output = trilink(tables.path(), &["compare", other.path().to_str().unwrap()]);
+    assert_ends(&output, 2, &["derived: cannot be read"], "a folder");
+    in_a_circle(&tables, "derived/trials.parquet");
+    let named = ["trials.parquet: cannot be read"];
+    assert_ends(&trilink(tables.path(), &["compare", "derived"]), 2, &named, "its own tables");
+}

@@ -237,7 +237,10 @@ const MISTAKES: &[Mistake] = &[
         |night| {
             gait(night, [SYMMETRIC_1, SYMMETRIC_2], "amplitude_deg = 30.0", "amplitude_deg = -30.0")
         },
-        &["gait.symmetric.joint1.amplitude_deg", "found -30.0, needed 0.1 to 179"],
+        &[
+            "gait.symmetric.joint1.amplitude_deg",
+            "found -30.0, needed 0.1 to 179 degrees (is it 30, and the phase off by 180?)",
+        ],
     ),
     // The list.
     mistake(
@@ -257,6 +260,26 @@ const MISTAKES: &[Mistake] = &[
             list(night, "omega_rad_s = 6.0", "omega_rad_s = 57.3");
         },
         &["commanded 38.2 rad/s", "in revolutions per minute?", "set omega_rad_s = 4.0"],
+    ),
+    mistake(
+        "a slow frequency in Hz",
+        |night| list(night, "omega_rad_s = 4.0", "omega_rad_s = 0.006"),
+        &["found 0.006, needed a frequency from 0.01 to 1000 rad/s (is it in Hz? then 0.0377"],
+    ),
+    mistake(
+        "a frequency in degrees per second",
+        |night| list(night, "omega_rad_s = 4.0", "omega_rad_s = 2291.83"),
+        &["found 2291.83", "(is it in degrees per second? then 40.0000 is right)"],
+    ),
+    mistake(
+        "the rate in kHz",
+        |night| configure(night, "rate_hz = 120.0", "rate_hz = 0.12"),
+        &["vicon.rate_hz", "needed 1 to 10000 Hz (is it in kHz? then 120"],
+    ),
+    mistake(
+        "a gap in milliseconds",
+        |night| configure(night, "max_gap_s = 0.1", "max_gap_s = 100"),
+        &["ingest.max_gap_s", "needed 0 to 60 seconds (is it in milliseconds? then 0.1"],
     ),
     mistake(
         "the frequency of one trial",
@@ -413,7 +436,7 @@ const MISTAKES: &[Mistake] = &[
         |night| layout(night, |_, _, place| place.map(|mm| 1e-3 * mm)),
         &[
             "key `markers.link0`",
-            "needed two markers at least 5 mm apart in the plane, in millimetres",
+            "needed two markers at least 5 mm apart in the plane, in millimetres (are they in metres?)",
         ],
     ),
     mistake(
@@ -471,7 +494,10 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a length in millimetres",
         |night| configure(night, "h_m = 0.144", "h_m = 144"),
-        &["robot.kinematic.h_m", "found 144.0, needed 0.001 to 100"],
+        &[
+            "robot.kinematic.h_m",
+            "found 144.0, needed 0.001 to 100 metres (is it in millimetres? then 0.144",
+        ],
     ),
     mistake(
         "a length in centimetres",

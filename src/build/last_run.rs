@@ -34,8 +34,10 @@ impl LastRun {
 /// Another process is busy with the folder, or it cannot be written to.
 pub fn hold(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
     let path = config.paths.derived.join("trials.parquet");
-    if !path.exists() {
-        return Err(StoreError::NotIngested { path }.into());
+    match path.try_exists() {
+        Ok(true) => {}
+        Ok(false) => return Err(StoreError::NotIngested { path }.into()),
+        Err(source) => return Err(StoreError::Read { path, source }.into()),
     }
     take_over(config, wait, watch)
 }
@@ -53,8 +55,12 @@ pub fn check_finished(
     let (derived, path) = (&config.paths.derived, record_path(config));
     let error = |path: PathBuf, problem: String| Err(RunError::Unfinished { path, problem });
     let Some(LastRun { status, started, error: why }) = LastRun::load(config) else {
-        let problem = if path.exists() { "is no record of a run" } else { "is not there" };
-        return error(path, problem.to_owned());
+        let problem = match path.try_exists() {
+            Ok(true) => "is no record of a run".to_owned(),
+            Ok(false) => "is not there".to_owned(),
+            Err(source) => format!("cannot be read: {source}"),
+        };
+        return error(path, problem);
     };
     match (status, why) {
         (RunStatus::Ok | RunStatus::Attention, _) => {}

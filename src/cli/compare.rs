@@ -12,7 +12,7 @@ use crate::build::{Lock, check_finished, hold, share, sweep};
 use crate::clock::utc_now;
 use crate::compare::{
     Acceptance, Compared, Difference, Lone, Snapshot, Verdict, compare, junit, note_acceptances,
-    page, remember, to_json,
+    page, remember, tables_folder, to_json,
 };
 use crate::config::{Config, Paths, Tolerances};
 use crate::store::write_bytes;
@@ -74,7 +74,7 @@ impl Compare {
             context.progress.say(&format!("saved {}", file.display()));
         }
         let Some(path) = &self.baseline else { return Ok(outcome) };
-        if self.accept.is_some() && path.is_dir() {
+        if self.accept.is_some() && tables_folder(path)?.is_some() {
             let found = "is a folder, needed a file that `--save` wrote";
             return Err(format!("--accept: {} {found}", path.display()).into());
         }
@@ -112,12 +112,10 @@ impl Compare {
 
 /// Reads a file that `--save` wrote, or the tables of a folder to which no run writes meanwhile.
 fn load(paths: &Paths, path: &Path) -> Result<Snapshot, Failure> {
-    let inner = path.join("derived");
-    let derived = if inner.is_dir() { &inner } else { path };
     let same = |path: &Path| std::fs::canonicalize(path).ok();
-    let _lock = match derived.is_dir() && same(derived) != same(&paths.derived) {
-        true => share(derived)?,
-        false => None,
+    let _lock = match tables_folder(path)? {
+        Some(derived) if same(&derived) != same(&paths.derived) => share(&derived)?,
+        _ => None,
     };
     Ok(Snapshot::load(path)?)
 }
@@ -147,9 +145,9 @@ fn parse_age(text: &str) -> Result<Duration, String> {
 }
 
 fn existing_folder(folder: &Path) -> Result<&Path, Failure> {
-    match folder.is_dir() {
-        true => Ok(folder),
-        false => Err(format!("--against: {} is no folder", folder.display()).into()),
+    match tables_folder(folder)? {
+        Some(_) => Ok(folder),
+        None => Err(format!("--against: {} is no folder", folder.display()).into()),
     }
 }
 

@@ -13,7 +13,7 @@ use crate::ingest::Ingested;
 use crate::metrics::Estimate;
 use crate::robot::Parameter;
 use crate::store::{
-    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialRow, TrialStatus,
+    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, StoreError, TrialRow, TrialStatus,
 };
 use crate::synth::Recipe;
 use crate::trial::{TRIALS_FILE, TRUTH_FILE};
@@ -60,11 +60,15 @@ impl Demo {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let raw = &context.config.paths.raw;
         let list = raw.join(TRIALS_FILE);
-        if list.exists() && !raw.join(TRUTH_FILE).exists() {
+        let is_there = |path: PathBuf| {
+            path.try_exists().map_err(|source| StoreError::Read { path, source })
+        };
+        let has_list = is_there(list.clone())?;
+        if has_list && !is_there(raw.join(TRUTH_FILE))? {
             let others = "trials that are not the demo's; `trilink run` runs them";
             return Err(format!("{}: found {others}", list.display()).into());
         }
-        if !list.exists() {
+        if !has_list {
             if self.update.dry_run {
                 say!("everything: {} is not there", list.display());
                 return Ok(Outcome::Well);

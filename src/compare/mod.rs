@@ -17,7 +17,7 @@ use std::path::PathBuf;
 pub use files::{junit, page, to_json};
 pub use history::{history_path, is_drawn, note_acceptances, remember, remember_failure};
 pub use judge::{Judged, Verdict};
-pub use snapshot::{Acceptance, Record, Records, Snapshot};
+pub use snapshot::{Acceptance, Record, Records, Snapshot, tables_folder};
 pub use trend::HistoryRow;
 
 use serde::Serialize;

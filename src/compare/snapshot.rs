@@ -1,7 +1,8 @@
 //! The results of a run, as far as they are compared: one file that can be kept.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::io::ErrorKind::{NotADirectory, NotFound};
+use std::path::{Path, PathBuf};
 
 use polars::prelude::{AnyValue, DataType};
 use serde::de::DeserializeOwned;
@@ -67,9 +68,7 @@ impl Snapshot {
     /// # Errors
     /// There is none, or it cannot be read.
     pub fn load(path: &Path) -> Result<Self, CompareError> {
-        if path.is_dir() {
-            let inner = path.join("derived");
-            let derived = if inner.is_dir() { inner } else { path.to_owned() };
+        if let Some(derived) = tables_folder(path)? {
             let reports = derived.parent().unwrap_or(Path::new("")).join("reports");
             return Self::of_run(&derived, &reports);
         }
@@ -88,20 +87,24 @@ impl Snapshot {
     pub fn of_run(derived: &Path, reports: &Path) -> Result<Self, CompareError> {
         let mut tables = BTreeMap::new();
         for (table, key) in TABLES {
-            let path = derived.join(format!("{table}.parquet"));
-            if table == "trials" || path.exists() {
-                let name = |row: &Record| {
-                    key.iter().map(|column| text(row, column)).collect::<Vec<_>>().join(" ")
-                };
-                let named = rows(&path, key)?.into_iter().map(|row| (name(&row), row));
-                tables.insert(table.to_owned(), named.collect());
-            }
+            let rows = match rows(&derived.join(format!("{table}.parquet")), key) {
+                Err(error) if error.is_not_there() && table != "trials" => continue,
+                rows => rows?,
+            };
+            let name = |row: &Record| {
+                key.iter().map(|column| text(row, column)).collect::<Vec<_>>().join(" ")
+            };
+            let named = rows.into_iter().map(|row| (name(&row), row));
+            tables.insert(table.to_owned(), named.collect());
         }
         tables.get_mut("fits").into_iter().for_each(add_intervals);
         let path = derived.join("predictions.parquet");
-        if path.exists() {
-            let rows = rows(&path, &["campaign", "model", "source"])?;
-            tables.insert("predictions".to_owned(), predictions(rows, &tables["trials"]));
+        match rows(&path, &["campaign", "model", "source"]) {
+            Err(error) if error.is_not_there() => {}
+            rows => {
+                let rows = predictions(rows?, &tables["trials"]);
+                tables.insert("predictions".to_owned(), rows);
+            }
         }
         if let Some(scorecard) = read_json(&reports.join("scorecard.json"), "JSON")? {
             tables.insert("scorecard".to_owned(), score(&scorecard));
@@ -141,6 +144,23 @@ impl Snapshot {
         static NONE: Records = Records::new();
         self.tables.get(table).unwrap_or(&NONE)
     }
+}
+
+/// The folder of tables that a path means: that in it or itself; none if it is no folder.
+///
+/// # Errors
+/// It cannot be looked at.
+pub fn tables_folder(path: &Path) -> Result<Option<PathBuf>, StoreError> {
+    for folder in [path.join("derived"), path.to_owned()] {
+        match std::fs::metadata(&folder) {
+            Ok(metadata) if metadata.is_dir() => return Ok(Some(folder)),
+            Err(source) if !matches!(source.kind(), NotFound | NotADirectory) => {
+                return Err(StoreError::Read { path: folder, source });
+            }
+            _ => {}
+        }
+    }
+    Ok(None)
 }
 
 /// Plain data as a line of JSON.
@@ -212,7 +232,7 @@ fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
 fn read_json<T: DeserializeOwned>(path: &Path, what: &str) -> Result<Option<T>, CompareError> {
     let error = |message| CompareError::Baseline { path: path.to_owned(), message };
     match crate::files::read_text(path) {
-        Err(source) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(source) if source.kind() == NotFound => Ok(None),
         Err(source) => Err(error(format!("cannot be read: {source}"))),
         Ok(text) => serde_json::from_str(&text)
             .map(Some)

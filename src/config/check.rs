@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use toml::Value;
@@ -39,6 +40,16 @@ const RANGES: [(&str, f64, f64); 26] = [
     ("gait.*", -360.0, 360.0),
     ("campaign.*.weights.*", 0.0, 1e6),
     ("markers.*", -1e4, 1e4),
+];
+/// Units of numbers by the end of their keys, what is written for them by mistake, and how many of
+/// the unit one of that is.
+const UNITS: [(&str, &str, &str, f64); 6] = [
+    ("_m", "metres", "millimetres", 1e-3),
+    ("_mm", "millimetres", "micrometres", 1e-3),
+    ("mass_kg", "kilograms", "milligrams", 1e-6),
+    ("inertia_kg_m2", "kg m^2", "g mm^2", 1e-9),
+    ("_hz", "Hz", "kHz", 1e3),
+    ("gap_s", "seconds", "milliseconds", 1e-3),
 ];
 /// What names of robots, gaits and campaigns are: they name files, and stand in messages.
 const NAME: &str = "1 to 64 characters, none of them `/`, `\\` or one that cannot be seen";
@@ -129,7 +140,9 @@ impl Config {
             };
             let mut pairs = layout.values().flat_map(|a| layout.values().map(move |b| (a, b)));
             let needed = "two markers at least 5 mm apart in the plane, in millimetres";
-            check.that(pairs.any(is_apart), &key, layout, needed)?;
+            let in_metres = layout.values().flatten().all(|x| x.abs() < 1.0);
+            let needed = format!("{needed}{}", if in_metres { " (are they in metres?)" } else { "" });
+            check.that(pairs.any(is_apart), &key, layout, &needed)?;
         }
         Ok(())
     }
@@ -171,7 +184,9 @@ impl Checker<'_> {
         };
         let range = RANGES.iter().find(|(pattern, ..)| matches(pattern, key, ['*', '?']));
         let (_, least, most) = range.expect("every number has a range");
-        self.that((*least..=*most).contains(&number), key, found, &format!("{least} to {most}"))
+        let range = *least..=*most;
+        let needed = format!("{least} to {most}{}", in_which_unit(key, number, &range));
+        self.that(range.contains(&number), key, found, &needed)
     }
 
     /// The entry of a family that another entry names.
@@ -208,6 +223,22 @@ impl Checker<'_> {
             }
         }
         Ok(())
+    }
+}
+
+/// The unit of a number, and which one it is in if another makes sense of it.
+fn in_which_unit(key: &str, number: f64, range: &RangeInclusive<f64>) -> String {
+    if key.ends_with(".amplitude_deg") && range.contains(&-number) {
+        return format!(" degrees (is it {}, and the phase off by 180?)", -number);
+    }
+    let Some((_, unit, other, factor)) = UNITS.iter().find(|(end, ..)| key.ends_with(end)) else {
+        return String::new();
+    };
+    match number * factor {
+        right if range.contains(&right) => {
+            format!(" {unit} (is it in {other}? then {right:.6} is right)")
+        }
+        _ => format!(" {unit}"),
     }
 }
 

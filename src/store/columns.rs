@@ -41,16 +41,36 @@ pub trait Columns: Sized {
     /// # Errors
     /// A column is missing or of another type.
     fn from_table(table: &Table) -> Result<Vec<Self>, StoreError> {
-        let wanted = Self::to_table(&[Self::blank()]).frame;
-        let names = wanted.columns().iter().map(|column| column.name().as_str());
-        let missing: Vec<&str> = names.filter(|name| table.frame.column(name).is_err()).collect();
-        match missing.len() {
-            0 | 1 => Self::read(table, "{}"),
-            _ => {
-                Err(StoreError::Columns { path: table.path.clone(), missing: missing.join("`, `") })
-            }
+        Self::read(table, "{}").map_err(|error| match error {
+            StoreError::Column { .. } => all_problems::<Self>(table).unwrap_or(error),
+            other => other,
+        })
+    }
+}
+
+/// All columns of a table that are missing or of another type; `None` if none is.
+fn all_problems<T: Columns>(table: &Table) -> Option<StoreError> {
+    let sound = T::to_table(&[]).frame;
+    let mut rest = Table { frame: table.frame.clear(), ..table.clone() };
+    let (mut missing, mut problems) = (Vec::new(), Vec::new());
+    // Each is found with those before it as they should be.
+    while let Err(StoreError::Column { column, found, needed, .. }) = T::read(&rest, "{}") {
+        rest.frame.with_column(sound.column(&column).ok()?.clone()).ok()?;
+        match table.frame.column(&column) {
+            Err(_) => missing.push(column),
+            Ok(_) => problems.push(format!("column `{column}`: found {found}, needed {needed}")),
         }
     }
+    match &missing[..] {
+        [] => {}
+        [one] => problems.insert(0, format!("column `{one}`: found no such column")),
+        all => {
+            let all = all.join("`, `");
+            problems.insert(0, format!("columns `{all}`: found none of them, needed all"));
+        }
+    }
+    let (path, problems) = (table.path.clone(), problems.join("; "));
+    (!problems.is_empty()).then_some(StoreError::Columns { path, problems })
 }
 
 /// The pattern of a field: its `own`, or its type's.

@@ -49,8 +49,8 @@ pub enum StoreError {
     Remove { path: PathBuf, source: std::io::Error },
     #[error("{}: held by {holder}", path.display())]
     Held { path: PathBuf, holder: String },
-    #[error("{}: columns `{missing}`: found none of them, needed all", path.display())]
-    Columns { path: PathBuf, missing: String },
+    #[error("{}: {problems}", path.display())]
+    Columns { path: PathBuf, problems: String },
     #[error("{}: column `{column}`: found {found}, needed {needed}", path.display())]
     Column { path: PathBuf, column: String, found: String, needed: &'static str },
 }

@@ -280,6 +280,24 @@ mod tests {
     }
 
     #[test]
+    fn columns_of_other_types_are_named_all_at_once_with_those_that_are_missing() {
+        let table = Table::new(vec![
+            repeated("number", "x", 1),
+            Column::new("count".into(), [true]),
+            Column::new("used".into(), [true]),
+            numbers("name", vec![1.0]),
+            Column::new("free".into(), [1_i64]),
+        ]);
+        let message = Row::from_table(&table).unwrap_err().to_string();
+        assert_eq!(
+            message,
+            ": column `some`: found no such column; column `number`: found text, needed numbers; \
+             column `count`: found booleans, needed whole numbers; column `name`: found numbers, \
+             needed text; column `free`: found whole numbers, needed lists of text"
+        );
+    }
+
+    #[test]
     fn a_table_comes_back_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/table.parquet");
