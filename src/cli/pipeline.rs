@@ -60,9 +60,8 @@ impl Demo {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let raw = &context.config.paths.raw;
         let list = raw.join(TRIALS_FILE);
-        let is_there = |path: PathBuf| {
-            path.try_exists().map_err(|source| StoreError::Read { path, source })
-        };
+        let is_there =
+            |path: PathBuf| path.try_exists().map_err(|source| StoreError::Read { path, source });
         let has_list = is_there(list.clone())?;
         if has_list && !is_there(raw.join(TRUTH_FILE))? {
             let others = "trials that are not the demo's; `trilink run` runs them";

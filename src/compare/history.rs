@@ -140,7 +140,10 @@ impl History {
             Err(damage) => damage,
         };
         let aside = (1..).map(|i| reports.join(format!("history.damaged-{i}.parquet")));
-        let aside = aside.into_iter().find(|path| path.try_exists().is_ok_and(|is_there| !is_there)).unwrap_or_else(|| path.clone());
+        let aside = aside
+            .into_iter()
+            .find(|path| path.try_exists().is_ok_and(|is_there| !is_there))
+            .unwrap_or_else(|| path.clone());
         std::fs::rename(&path, &aside)
             .map_err(|source| StoreError::Write { path: aside.clone(), source })?;
         let problem = format!("{damage}; it is now {}, and a new one begins", aside.display());

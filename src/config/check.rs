@@ -141,7 +141,8 @@ impl Config {
             let mut pairs = layout.values().flat_map(|a| layout.values().map(move |b| (a, b)));
             let needed = "two markers at least 5 mm apart in the plane, in millimetres";
             let in_metres = layout.values().flatten().all(|x| x.abs() < 1.0);
-            let needed = format!("{needed}{}", if in_metres { " (are they in metres?)" } else { "" });
+            let needed =
+                format!("{needed}{}", if in_metres { " (are they in metres?)" } else { "" });
             check.that(pairs.any(is_apart), &key, layout, &needed)?;
         }
         Ok(())
