@@ -89,15 +89,16 @@ impl Curves<'_> {
         let quantities = QUANTITIES.iter().filter(|(column, _)| columns.contains(column));
         let panels = quantities.map(|(column, label)| {
             let [baseline, candidate] = self.runs.map(|records| self.points(records, column));
+            let dots = |colour| Look::Dots { colour, joined: true };
             let layers = vec![
-                Layer::new("baseline", baseline, Look::Dotted(colours::BASELINE)),
-                Layer::new("tonight", candidate, Look::Dotted(colours::CANDIDATE)),
+                Layer::new("baseline", baseline, dots(colours::BASELINE)),
+                Layer::new("tonight", candidate, dots(colours::CANDIDATE)),
             ];
             let panel = Panel::new(*label, "omega (rad/s)", *label, layers);
             Panel { y_scale: Scale::Decades, ..panel }
         });
-        let (caption, layout) = ("Grey: baseline. Orange: tonight.", Layout::Grid);
-        let figure = Figure::new("", title, caption, &[self.campaign], layout, panels.collect());
+        let texts = [title, "Grey: baseline. Orange: tonight.".to_owned()];
+        let figure = Figure::new("", texts, &[self.campaign], Layout::Grid, panels.collect());
         (!figure.is_empty()).then_some(figure)
     }
 }

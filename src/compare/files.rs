@@ -6,7 +6,7 @@ use serde_json::{Value as Json, json};
 
 use super::figures::figures;
 use super::{CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
-use crate::report::{Image, fill, percent, significant};
+use crate::report::{fill, image, percent, significant};
 
 /// `compare.html`.
 ///
@@ -19,7 +19,7 @@ pub fn page(
 ) -> Result<String, CompareError> {
     let not_judged = compared.differences.iter().filter(|d| d.judged.verdict == Verdict::NotJudged);
     let figures = figures(compared, baseline, candidate);
-    let figures = figures.iter().map(Image::draw).collect::<Result<Vec<_>, _>>()?;
+    let figures = figures.iter().map(image).collect::<Result<Vec<_>, _>>()?;
     let page = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "baseline_version": baseline.version,

@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 
 use super::CompareError;
 use crate::report::{
-    Figure, Image, Layer, Layout, Look, Panel, Scale, colours, fill, percent, significant,
+    Figure, Layer, Layout, Look, Panel, Scale, colours, fill, image, percent, significant,
 };
 use crate::store::{RunStatus, rows, write_bytes};
 
@@ -86,12 +86,13 @@ fn group(campaign: &str, series: &[(String, Series)]) -> Result<Json, CompareErr
         false => format!("Campaign {campaign}"),
     };
     let panel = |(name, points): &(String, Series)| {
-        let layer = Layer::new(name, points.iter().copied(), Look::Dotted(colours::TREND));
+        let dots = Look::Dots { colour: colours::TREND, joined: true };
+        let layer = Layer::new(name, points.iter().copied(), dots);
         Panel { y_scale: Scale::Decades, ..Panel::new(name, "run", "", vec![layer]) }
     };
     let panels = series.iter().map(panel).collect();
-    let title = format!("{name}, run by run");
-    let figure = Figure::new("", title, "", &[campaign], Layout::Grid, panels);
+    let texts = [format!("{name}, run by run"), String::new()];
+    let figure = Figure::new("", texts, &[campaign], Layout::Grid, panels);
     let row = |(name, points): &(String, Series)| {
         let values: Vec<f64> = points.iter().map(|(_, value)| *value).collect();
         let last = values.last().copied().unwrap_or(f64::NAN);
@@ -108,5 +109,5 @@ fn group(campaign: &str, series: &[(String, Series)]) -> Result<Json, CompareErr
         })
     };
     let rows: Vec<Json> = series.iter().map(row).collect();
-    Ok(json!({ "name": name, "figure": Image::draw(&figure)?, "rows": rows }))
+    Ok(json!({ "name": name, "figure": image(&figure)?, "rows": rows }))
 }

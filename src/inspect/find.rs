@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{InspectError, sentence_end};
 use crate::config::did_you_mean;
+use crate::store::tables_in;
 
 /// A table of `derived`, or a folder of tables that are of a kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,7 +47,10 @@ pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
 /// The tables of `derived`, then its folders of tables, by name.
 pub fn list(derived: &Path) -> Vec<Listed> {
     let single = tables(derived).map(|(name, path)| Listed { name, path, tables: None });
-    let folders = entries(derived).filter(|path| path.is_dir()).filter_map(|folder| {
+    let entries = std::fs::read_dir(derived).into_iter().flatten().flatten();
+    let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    folders.sort();
+    let folders = folders.into_iter().filter_map(|folder| {
         let (_, path) = tables(&folder).next()?;
         let name = format!("{}/<trial>", folder.file_name()?.to_string_lossy());
         Some(Listed { name, path, tables: Some(tables(&folder).count()) })
@@ -54,18 +58,8 @@ pub fn list(derived: &Path) -> Vec<Listed> {
     single.chain(folders).collect()
 }
 
-/// Names and files of a folder's tables.
+/// Names and files of a folder's tables; none if it cannot be read.
 fn tables(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> + use<> {
-    let is_table =
-        |path: &PathBuf| path.is_file() && path.extension().is_some_and(|end| end == "parquet");
-    let named = |path: PathBuf| Some((path.file_stem()?.to_string_lossy().into_owned(), path));
-    entries(folder).filter(is_table).filter_map(named)
-}
-
-/// What a folder holds, sorted; nothing if it cannot be read.
-fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> + use<> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-    paths.sort();
-    paths.into_iter()
+    let tables = tables_in(folder).unwrap_or_default().into_iter().filter(|path| path.is_file());
+    tables.filter_map(|path| Some((path.file_stem()?.to_string_lossy().into_owned(), path)))
 }

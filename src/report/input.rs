@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::config::{Config, Paths, SigmaKind};
+use crate::config::{Campaign, Config, Paths, SigmaKind};
 use crate::robot::{Gait, Robot};
 
 /// What a report is made with. Serialised it is the configuration that the page prints, which
@@ -15,41 +15,29 @@ pub struct ReportInput {
     #[serde(skip)]
     pub paths: Paths,
     #[serde(skip)]
-    pub campaign: BTreeMap<String, ReportCampaign>,
-    #[serde(skip)]
     pub sigma: SigmaKind,
     /// With paths as seen from the page.
     #[serde(flatten)]
     shown: Config,
 }
 
-/// What a report reads of a campaign.
-#[derive(Debug, Clone)]
-pub struct ReportCampaign {
-    /// Names of the entries in the configuration.
-    pub robot: String,
-    pub gait: String,
-    /// Both in SI units; missing where an entry is.
-    setup: Option<(Robot, Gait)>,
-}
-
 impl ReportInput {
     pub fn new(config: &Config) -> Self {
-        let campaigns = config.campaign.iter().map(|(name, of)| {
-            let setup = config.campaign_setup(name);
-            (name.clone(), ReportCampaign { robot: of.robot.clone(), gait: of.gait.clone(), setup })
-        });
-        let (campaign, mut shown) = (campaigns.collect(), config.clone());
+        let mut shown = config.clone();
         let Paths { raw, derived, reports } = &mut shown.paths;
         for path in [raw, derived, reports] {
             *path = relative(&config.paths.reports, path).into();
         }
-        Self { paths: config.paths.clone(), campaign, sigma: config.fit.sigma, shown }
+        Self { paths: config.paths.clone(), sigma: config.fit.sigma, shown }
     }
 
-    /// The robot and gait of a campaign, in SI units.
+    pub fn campaigns(&self) -> &BTreeMap<String, Campaign> {
+        &self.shown.campaign
+    }
+
+    /// The robot and gait of a campaign, in SI units; `None` where an entry is missing.
     pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
-        self.campaign.get(campaign)?.setup.clone()
+        self.shown.campaign_setup(campaign)
     }
 
     /// The configuration as TOML, defaults too.

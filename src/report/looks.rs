@@ -2,9 +2,7 @@
 
 use plotters::style::RGBColor;
 
-use super::drawing::style::{
-    DASHES, DOTS, Dash, INK, LONG_DASHES, Look, SHORT_DASHES, SOLID, Shape,
-};
+use super::drawing::style::{DASHES, Dash, INK, Look, SOLID, Shape};
 use crate::motion::Model;
 
 /// Okabe and Ito's palette, which colour-blind readers can tell apart.
@@ -26,6 +24,14 @@ pub mod colours {
     pub const CANDIDATE: RGBColor = super::okabe_ito::VERMILLION;
     pub const TREND: RGBColor = super::okabe_ito::BLUE;
 }
+
+/// An interval behind a line, and a part of it.
+pub const BAND: RGBColor = RGBColor(232, 240, 246);
+pub const INNER_BAND: RGBColor = RGBColor(206, 223, 236);
+
+const LONG_DASHES: Dash = Some((11.0, 4.0));
+const SHORT_DASHES: Dash = Some((3.5, 2.5));
+const DOTS: Dash = Some((1.8, 3.0));
 
 /// Commands and transients.
 const OTHER: RGBColor = RGBColor(120, 120, 120);
@@ -86,8 +92,9 @@ const fn of_model(model: Model) -> (RGBColor, Dash) {
     }
 }
 
-pub fn model_colour(model: Model) -> RGBColor {
-    of_model(model).0
+/// Points of a model.
+pub fn model_dots(model: Model, joined: bool) -> Look {
+    Look::Dots { colour: of_model(model).0, joined }
 }
 
 /// A model as a line, also where it is driven by a measured gait.

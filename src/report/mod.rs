@@ -19,7 +19,6 @@ mod tables;
 mod tests;
 mod trials;
 mod truth;
-mod warnings;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -31,11 +30,11 @@ use crate::store::{Stamp, StoreError, write_if_changed};
 
 pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
+pub use input::ReportInput;
 pub(crate) use input::relative;
-pub use input::{ReportCampaign, ReportInput};
 pub(crate) use looks::colours;
 pub(crate) use numbers::{percent, significant};
-pub(crate) use page::{Image, fill};
+pub(crate) use page::{fill, image};
 pub use trials::page_of;
 
 /// Why there is no report.
@@ -118,8 +117,7 @@ impl Content {
                     Some(svg) => (svg, None),
                     None => draw(reports, figure).map(|(svg, outputs)| (svg, Some(outputs)))?,
                 };
-                let image = Image::of_svg(figure, &svg);
-                Ok((page::Drawn { figure, image }, outputs))
+                Ok(((figure, page::image_of_svg(figure, &svg)), outputs))
             })
             .collect::<Result<Vec<_>, ReportError>>()?;
         let (drawn, outputs): (Vec<page::Drawn>, Vec<_>) = drawn.into_iter().unzip();
@@ -169,8 +167,9 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
 
 /// Draws a figure and writes its files; gives the SVG and the files' stamps.
 fn draw(reports: &Path, figure: &Figure) -> Result<(String, BTreeMap<String, Stamp>), ReportError> {
-    let svg = drawing::svg(figure)?;
-    let (png, csv) = (drawing::png(figure, &svg)?, plotted::csv(figure));
+    let error = |message| ReportError::Draw { figure: figure.stem.clone(), message };
+    let svg = drawing::svg(figure).map_err(error)?;
+    let (png, csv) = (drawing::png(&svg).map_err(error)?, plotted::csv(figure));
     let mut outputs = BTreeMap::new();
     let files = EXTENSIONS.into_iter().zip([svg.as_bytes(), &png, csv.as_bytes()]);
     for (extension, bytes) in files {

@@ -13,84 +13,66 @@ use crate::trial::TrialKind;
 /// Half-width of a 95 % interval in standard errors (normal distribution).
 pub const BAR_STANDARD_ERRORS: f64 = 1.96;
 
-/// A quantity that is plotted against the frequency.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
-    Displacement,
-    Speed,
-    /// Skid ratio of wheel 0, 1 or 2.
-    Skid(usize),
-    /// Of the swing of joint 1.
-    Amplitude,
-}
-
-/// What figures call a quantity.
-pub(super) struct Description {
+/// A quantity that is plotted against the frequency, and what figures call it.
+#[derive(Debug, Clone, Copy)]
+pub struct Quantity {
     pub symbol: &'static str,
     pub axis_label: &'static str,
     pub title: &'static str,
     /// Name in the figures' CSV, with the unit.
     pub csv_name: &'static str,
-    /// Unit as text puts it after a number.
+    /// Unit as text puts it after a number; skid ratios have none.
     pub unit: &'static str,
-    /// Plotted units (mm, mm/s, deg) in one of the tables' (m, m/s, rad).
-    per_table_unit: f64,
+    /// In plotted units (mm, mm/s, deg).
+    pub of: fn(&GaitMetrics) -> f64,
+}
+
+pub const DISPLACEMENT: Quantity =
+    quantity(["d", "Displacement d (mm)", "Displacement per cycle", "d_mm", " mm"], |metrics| {
+        1e3 * metrics.d_m
+    });
+pub const SPEED: Quantity =
+    quantity(["v", "Mean speed v (mm/s)", "Mean speed", "v_mm_s", " mm/s"], |metrics| {
+        1e3 * metrics.v_m_s
+    });
+/// Of wheels 0, 1 and 2.
+pub const SKID: [Quantity; 3] = [
+    quantity(["σ₀", "Skid ratio σ₀", "Wheel 0 (middle)", "sigma0", ""], |metrics| {
+        metrics.sigma[0]
+    }),
+    quantity(["σ₁", "Skid ratio σ₁", "Wheel 1 (front)", "sigma1", ""], |metrics| {
+        metrics.sigma[1]
+    }),
+    quantity(["σ₂", "Skid ratio σ₂", "Wheel 2 (rear)", "sigma2", ""], |metrics| {
+        metrics.sigma[2]
+    }),
+];
+/// Of the swing of joint 1.
+pub const AMPLITUDE: Quantity = quantity(
+    ["α₁", "Amplitude α₁ (deg)", "Amplitude of joint 1", "alpha1_deg", " deg"],
+    |metrics| metrics.alpha1_rad.to_degrees(),
+);
+/// Every quantity that a model is judged by.
+pub const QUANTITIES: [Quantity; 6] = [DISPLACEMENT, SPEED, SKID[0], SKID[1], SKID[2], AMPLITUDE];
+
+const fn quantity(names: [&'static str; 5], of: fn(&GaitMetrics) -> f64) -> Quantity {
+    let [symbol, axis_label, title, csv_name, unit] = names;
+    Quantity { symbol, axis_label, title, csv_name, unit, of }
 }
 
 impl Quantity {
-    /// Every quantity that a model is judged by.
-    pub const ALL: [Self; 6] = [
-        Self::Displacement,
-        Self::Speed,
-        Self::Skid(0),
-        Self::Skid(1),
-        Self::Skid(2),
-        Self::Amplitude,
-    ];
-
-    pub(super) fn description(self) -> Description {
-        let of = |symbol, axis_label, title, csv_name, unit, per_table_unit| Description {
-            symbol,
-            axis_label,
-            title,
-            csv_name,
-            unit,
-            per_table_unit,
-        };
-        const DEG: f64 = 180.0 / std::f64::consts::PI;
-        match self {
-            Self::Displacement => {
-                of("d", "Displacement d (mm)", "Displacement per cycle", "d_mm", " mm", 1e3)
-            }
-            Self::Speed => of("v", "Mean speed v (mm/s)", "Mean speed", "v_mm_s", " mm/s", 1e3),
-            Self::Skid(0) => of("σ₀", "Skid ratio σ₀", "Wheel 0 (middle)", "sigma0", "", 1.0),
-            Self::Skid(1) => of("σ₁", "Skid ratio σ₁", "Wheel 1 (front)", "sigma1", "", 1.0),
-            Self::Skid(_) => of("σ₂", "Skid ratio σ₂", "Wheel 2 (rear)", "sigma2", "", 1.0),
-            Self::Amplitude => {
-                of("α₁", "Amplitude α₁ (deg)", "Amplitude of joint 1", "alpha1_deg", " deg", DEG)
-            }
-        }
+    pub fn is_skid(&self) -> bool {
+        self.unit.is_empty()
     }
 
     /// What a trial measured, and its standard error.
-    pub fn of_trial(self, trial: &TrialRow, sigma: SigmaKind) -> Estimate {
+    pub fn of_trial(&self, trial: &TrialRow, sigma: SigmaKind) -> Estimate {
         let skid = trial.sigma(sigma);
-        let of = |metrics, skid| self.of(&GaitMetrics { sigma: skid, ..metrics });
+        let of = |metrics, skid| (self.of)(&GaitMetrics { sigma: skid, ..metrics });
         Estimate {
             value: of(trial.metrics, skid.map(|sigma| sigma.value)),
             se: of(trial.metrics_se, skid.map(|sigma| sigma.se)),
         }
-    }
-
-    /// In plotted units.
-    pub fn of(self, metrics: &GaitMetrics) -> f64 {
-        let value = match self {
-            Self::Displacement => metrics.d_m,
-            Self::Speed => metrics.v_m_s,
-            Self::Skid(wheel) => metrics.sigma[wheel],
-            Self::Amplitude => metrics.alpha1_rad,
-        };
-        value * self.description().per_table_unit
     }
 }
 
@@ -158,7 +140,7 @@ impl<'t> Source<'t> {
     }
 
     /// Measurements with error bars, by rising frequency. Without any there is no series.
-    pub fn measured(self, campaign: &str, quantity: Quantity, nth: usize) -> Option<Series> {
+    pub fn measured(self, campaign: &str, quantity: &Quantity, nth: usize) -> Option<Series> {
         let point = |trial: &TrialRow| {
             let Estimate { value, se } = quantity.of_trial(trial, self.sigma);
             let omega = trial.omega_rad_s;
@@ -176,7 +158,7 @@ impl<'t> Source<'t> {
         self,
         campaign: &str,
         model: Model,
-        quantity: Quantity,
+        quantity: &Quantity,
         nth: usize,
     ) -> Option<Series> {
         let look = looks::model_of_campaign(model, nth);
@@ -186,7 +168,7 @@ impl<'t> Source<'t> {
         };
         let point = |row: &PredictionRow| {
             let is_stable = row.status == MotionStatus::Stable;
-            let y = if is_stable { quantity.of(&row.metrics) } else { f64::NAN };
+            let y = if is_stable { (quantity.of)(&row.metrics) } else { f64::NAN };
             (row.omega_rad_s, y, f64::NAN)
         };
         let points = self.predicted(campaign, model, source).map(point);

@@ -104,7 +104,7 @@ impl Tables {
 
     /// Campaigns of the configuration and of the tables.
     pub fn campaigns<'a>(&'a self, config: &'a ReportInput) -> BTreeSet<&'a str> {
-        let configured = config.campaign.keys().map(String::as_str);
+        let configured = config.campaigns().keys().map(String::as_str);
         let measured = self.trials.iter().map(|row| row.campaign.as_str());
         let fitted = self.fits.iter().map(|row| row.campaign.as_str());
         configured.chain(measured).chain(fitted).filter(|name| !name.is_empty()).collect()

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::page::{self, Image, TrialPages};
+use super::page::{self, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
 use super::{ReportError, ReportInput, figures};
@@ -110,7 +110,7 @@ pub fn write(
             };
             let of_trial = |recording| figures::trial::figures(trial, recording, input);
             let figures = recording.as_ref().map_or(Vec::new(), of_trial);
-            let images = figures.iter().map(Image::draw).collect::<Result<Vec<_>, _>>()?;
+            let images = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;
             let html = page::trial_html(trial, tables, recording.as_ref(), &images)?;
             Ok((name.clone(), write_if_changed(&folder.join(file), html.as_bytes())?))
         };

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use minijinja::context;
+use minijinja::value::{Serde, Value};
 use serde::{Deserialize, Serialize};
 
 use super::numbers::fixed;
@@ -95,34 +97,22 @@ impl Truth {
     }
 }
 
-/// The section of the page.
-#[derive(Debug, Serialize)]
-pub struct Comparison<'t> {
-    pub seed: Option<u64>,
-    pub summary: Vec<String>,
-    pub coefficients: Vec<Known<'t>>,
-    pub trials: Vec<TrialComparison<'t>>,
-}
-
-/// A trial and what was planted, NaN where that is unknown.
-#[derive(Debug, Serialize)]
-pub struct TrialComparison<'t> {
-    trial: &'t TrialRow,
-    d_m: f64,
-    v_m_s: f64,
-}
-
-/// Compares truth and tables.
-pub fn compare<'t>(truth: &Truth, tables: &'t Tables) -> Comparison<'t> {
-    let trials = tables.trials.iter().filter_map(|trial| {
-        let GaitMetrics { d_m, v_m_s, .. } = truth.trials.get(&trial.trial)?.metrics();
-        Some(TrialComparison { trial, d_m, v_m_s })
-    });
-    let trials: Vec<TrialComparison> = trials.collect();
-    let d = trials.iter().map(|of| (of.trial, of.trial.metrics.d_m, of.d_m));
-    let v = trials.iter().map(|of| (of.trial, of.trial.metrics.v_m_s, of.v_m_s));
-    let summary = [sentence("d", d), sentence("v", v)].into_iter().flatten().collect();
-    Comparison { seed: truth.seed, summary, coefficients: planted(truth, tables), trials }
+/// What the page shows of truth and tables.
+pub fn compare(truth: &Truth, tables: &Tables) -> Value {
+    let trials = tables.trials.iter();
+    let trials: Vec<(&TrialRow, GaitMetrics)> = trials
+        .filter_map(|trial| Some((trial, truth.trials.get(&trial.trial)?.metrics())))
+        .collect();
+    let summary = [
+        sentence("d", &trials, |metrics| metrics.d_m),
+        sentence("v", &trials, |metrics| metrics.v_m_s),
+    ];
+    context! {
+        seed => truth.seed,
+        summary => Serde(summary.iter().flatten().collect::<Vec<_>>()),
+        coefficients => Serde(planted(truth, tables)),
+        trials => Serde(trials),
+    }
 }
 
 /// A coefficient of the fitted model that the trials were made with, and what was planted.
@@ -153,12 +143,14 @@ pub fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
 }
 
 /// How far a measure of the trials is from what was planted at most.
-fn sentence<'t>(
+fn sentence(
     symbol: &str,
-    measures: impl Iterator<Item = (&'t TrialRow, f64, f64)>,
+    trials: &[(&TrialRow, GaitMetrics)],
+    of: fn(&GaitMetrics) -> f64,
 ) -> Option<String> {
-    let known: Vec<_> = measures
-        .map(|(trial, found, planted)| (&trial.trial, (found / planted - 1.0).abs()))
+    let known: Vec<_> = trials
+        .iter()
+        .map(|(trial, planted)| (&trial.trial, (of(&trial.metrics) / of(planted) - 1.0).abs()))
         .filter(|(_, difference)| difference.is_finite())
         .collect();
     // The first of several, which in reverse is the last.

@@ -6,6 +6,7 @@ use plotters::coord::ranged1d::{
 use plotters::coord::types::RangedCoordf64;
 
 use crate::report::numbers;
+use crate::stats::extremes;
 
 /// From where to where an axis goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,10 +26,8 @@ impl Range {
 
     /// From the least of the values that can be drawn to the greatest.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
-        values.into_iter().filter(|value| value.abs() <= LARGEST).fold(None, |range, value| {
-            let Self { low, high } = range.unwrap_or(Self { low: value, high: value });
-            Some(Self { low: low.min(value), high: high.max(value) })
-        })
+        let [low, high] = extremes(values.into_iter().filter(|value| value.abs() <= LARGEST));
+        (low <= high).then_some(Self { low, high })
     }
 }
 
@@ -69,34 +68,30 @@ pub struct Axis {
 }
 
 impl Axis {
+    /// An axis without ticks.
+    pub fn linear(range: Range) -> Self {
+        Self { is_logarithmic: false, range, ticks: Vec::new() }
+    }
+
     /// An axis with room for all finite values, or for those within `shown`.
     pub fn new(values: &[f64], shown: Option<Range>, scale: Scale) -> Self {
         let is_shown = |value: &f64| shown.is_none_or(|shown| shown.contains(*value));
         let Some(extent) = Range::of(values.iter().copied().filter(is_shown)) else {
-            let range = Range { low: 0.0, high: 1.0 };
-            return Self { is_logarithmic: false, range, ticks: Vec::new() };
+            return Self::linear(Range { low: 0.0, high: 1.0 });
         };
         let Range { low, high } = extent;
         let is_logarithmic = scale == Scale::Decades && low > 0.0 && high > LOGARITHMIC * low;
-        let from_zero = match scale {
-            Scale::Linear => low >= 0.0 && low < NEAR_ZERO * high,
-            Scale::FromZero => low >= 0.0,
-            Scale::Equal | Scale::Decades => false,
+        let is_near_zero = scale == Scale::Linear && low < NEAR_ZERO * high;
+        let from_zero = low >= 0.0 && (is_near_zero || scale == Scale::FromZero);
+        let (low, high) = match is_logarithmic {
+            true => (low.log10(), high.log10()),
+            false => (if from_zero { 0.0 } else { low }, high),
         };
-        let extent = match (is_logarithmic, from_zero) {
-            (true, _) => Range { low: low.log10(), high: high.log10() },
-            (false, true) => Range { low: 0.0, high },
-            (false, false) => extent,
-        };
-        let least = LEAST_SPAN * extent.high.abs();
-        let span = match extent.span().max(least) {
-            span if span < SMALLEST => 1.0,
-            span => span,
-        };
-        let margin = MARGIN * span + 0.5 * (span - extent.span());
-        let low = if from_zero { 0.0 } else { extent.low - margin };
-        let range = Range { low, high: extent.high + margin };
-        Self { is_logarithmic, range, ticks: Vec::new() }
+        let span = (high - low).max(LEAST_SPAN * high.abs());
+        let span = if span < SMALLEST { 1.0 } else { span };
+        let margin = MARGIN * span + 0.5 * (span - (high - low));
+        let low = if from_zero { 0.0 } else { low - margin };
+        Self { is_logarithmic, ..Self::linear(Range { low, high: high + margin }) }
     }
 
     /// Makes units of two axes of `width` and `height` px equally long, by giving one axis more
@@ -112,22 +107,21 @@ impl Axis {
 
     /// Sets at most so many ticks, fewer if these do not satisfy `have_room`.
     pub fn set_ticks(&mut self, most: usize, have_room: impl Fn(&Self) -> bool) {
+        let ticks = if self.is_logarithmic { Self::logarithmic_ticks } else { Self::linear_ticks };
         for most in (1..=most).rev() {
-            self.ticks = match self.is_logarithmic {
-                true => self.logarithmic_ticks(most),
-                false => {
-                    // Plotters tells numbers apart to 2e-16, whatever their size.
-                    let unit = 10_f64.powf(self.range.span().log10().floor());
-                    let unit = if (1e-9..1e9).contains(&unit) { 1.0 } else { unit };
-                    let (low, high) = (self.range.low / unit, self.range.high / unit);
-                    let ticks = RangedCoordf64::from(low..high).key_points(BoldPoints(most));
-                    ticks.into_iter().map(|tick| unit * tick).collect()
-                }
-            };
+            self.ticks = ticks(self, most);
             if have_room(self) {
                 break;
             }
         }
+    }
+
+    fn linear_ticks(&self, most: usize) -> Vec<f64> {
+        // Plotters tells numbers apart to 2e-16, whatever their size.
+        let unit = 10_f64.powf(self.range.span().log10().floor());
+        let unit = if (1e-9..1e9).contains(&unit) { 1.0 } else { unit };
+        let range = RangedCoordf64::from(self.range.low / unit..self.range.high / unit);
+        range.key_points(BoldPoints(most)).into_iter().map(|tick| unit * tick).collect()
     }
 
     /// Decades, and where there is room their halves and fifths: plotters knows whole decades
@@ -147,11 +141,8 @@ impl Axis {
 
     /// A value in the axis' coordinates; NaN if it cannot be drawn.
     pub fn scaled(&self, value: f64) -> f64 {
-        match value.abs() <= LARGEST {
-            true if self.is_logarithmic => value.log10(),
-            true => value,
-            false => f64::NAN,
-        }
+        let value = if value.abs() <= LARGEST { value } else { f64::NAN };
+        if self.is_logarithmic { value.log10() } else { value }
     }
 }
 
@@ -176,15 +167,15 @@ impl Ranged for Axis {
 impl ValueFormatter<f64> for Axis {
     /// With as many decimals as any of the ticks needs.
     fn format_ext(&self, tick: &f64) -> String {
-        if self.is_logarithmic {
-            let value: f64 = format!("{:.2e}", 10_f64.powf(*tick)).parse().unwrap_or(f64::NAN);
-            let is_short = (1e-6..1e7).contains(&value);
-            return if is_short { value.to_string() } else { format!("{value:e}") };
-        }
-        let largest = self.ticks.iter().fold(0.0, |largest: f64, tick| largest.max(tick.abs()));
+        let value = if self.is_logarithmic { 10_f64.powf(*tick) } else { *tick };
+        let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+        let [low, high] = extremes(self.ticks.iter().copied());
+        let largest = if self.is_logarithmic { rounded } else { high.max(-low) };
         if largest > 0.0 && !(1e-6..1e7).contains(&largest) {
-            let rounded: f64 = format!("{tick:.2e}").parse().unwrap_or(*tick);
             return format!("{rounded:e}").replace('-', "\u{2212}");
+        }
+        if self.is_logarithmic {
+            return rounded.to_string();
         }
         let is_whole = |value: f64| (value - value.round()).abs() < 1e-6 * value.abs().max(1.0);
         let are_whole = |n: &i32| self.ticks.iter().all(|tick| is_whole(tick * 10_f64.powi(*n)));
@@ -197,8 +188,7 @@ mod tests {
     use super::*;
 
     fn labels(low: f64, high: f64) -> Vec<String> {
-        let range = Range { low, high };
-        let mut axis = Axis { is_logarithmic: false, range, ticks: Vec::new() };
+        let mut axis = Axis::linear(Range { low, high });
         axis.set_ticks(6, |_| true);
         axis.ticks.iter().map(|tick| axis.format_ext(tick)).collect()
     }

@@ -1,7 +1,7 @@
 //! A figure before it is drawn.
 
 use super::axis::{Range, Scale};
-use super::style::Look;
+use super::style::{Look, SAMPLE, Shape};
 
 /// A point of a layer with the half-width of its error bar. What is not a number is not known.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,7 +12,7 @@ pub struct Point {
 }
 
 /// One of the things that a panel shows.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     pub name: String,
     pub points: Vec<Point>,
@@ -53,8 +53,6 @@ pub enum Layout {
 pub struct Figure {
     /// Name of its files without extension, such as `fig16`.
     pub stem: String,
-    /// `Fig. 16` or empty for figures that the paper does not have.
-    pub number: String,
     /// What is plotted, in a line.
     pub title: String,
     /// What a reader has to know beyond the title.
@@ -67,15 +65,6 @@ pub struct Figure {
     /// the panels.
     pub csv: Option<String>,
     pub alternative: Option<String>,
-}
-
-/// What a legend has of a layer.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
-    pub label: String,
-    pub look: Look,
-    /// Measurements have error bars, in the legend too.
-    pub has_bar: bool,
 }
 
 impl Layer {
@@ -94,15 +83,20 @@ impl Layer {
         Self { name: name.to_owned(), points: points.collect(), look }
     }
 
-    fn sample(&self) -> Option<Sample> {
-        let is_named = match self.look {
-            Look::Line { .. } | Look::Marker { .. } => true,
-            Look::Spans(_) => !self.name.is_empty(),
-            _ => false,
+    /// What a legend has of the layer, px from its middle: measurements have error bars there, too.
+    fn sample(&self) -> Option<Self> {
+        let has_bar = self.points.iter().any(|of| of.error > 0.0 && of.error.is_finite());
+        let bar = if has_bar { 7.0 } else { 0.0 };
+        let half = 0.5 * SAMPLE;
+        let (points, look) = match self.look {
+            Look::Line { .. } => (vec![(-half, 0.0, 0.0), (half, 0.0, 0.0)], self.look),
+            Look::Marker { .. } => (vec![(0.0, 0.0, bar)], self.look),
+            Look::Spans(colour) if !self.name.is_empty() => {
+                (vec![(0.0, 0.0, 0.0)], Look::Marker { colour, shape: Shape::Square, filled: true })
+            }
+            _ => return None,
         };
-        let has_bar = matches!(self.look, Look::Marker { .. })
-            && self.points.iter().any(|point| point.error > 0.0 && point.error.is_finite());
-        is_named.then(|| Sample { label: self.name.clone(), look: self.look, has_bar })
+        Some(Self::with_errors(&self.name, points, look))
     }
 }
 
@@ -133,15 +127,13 @@ impl Panel {
 
     /// All values that the vertical axis has to show, ends of error bars included.
     pub fn ys(&self) -> Vec<f64> {
-        let ends = |point: &Point| match point.error.is_finite() {
-            true => [point.y - point.error, point.y + point.error],
-            false => [point.y; 2],
-        };
+        let half = |point: &Point| if point.error.is_finite() { point.error } else { 0.0 };
+        let ends = |point: &Point| [point.y - half(point), point.y + half(point)];
         self.points().flat_map(ends).collect()
     }
 
     /// What the legend has of the panel's layers.
-    pub fn samples(&self) -> Vec<Sample> {
+    pub fn samples(&self) -> Vec<Layer> {
         self.layers.iter().filter_map(Layer::sample).collect()
     }
 }
@@ -149,15 +141,13 @@ impl Panel {
 impl Figure {
     pub fn new(
         stem: &str,
-        title: impl Into<String>,
-        caption: impl Into<String>,
+        [title, caption]: [String; 2],
         campaigns: &[&str],
         layout: Layout,
         panels: Vec<Panel>,
     ) -> Self {
         let campaigns = campaigns.iter().map(|&campaign| campaign.to_owned()).collect();
-        let (stem, title, caption) = (stem.to_owned(), title.into(), caption.into());
-        Self { stem, title, caption, campaigns, layout, panels, ..Self::default() }
+        Self { stem: stem.to_owned(), title, caption, campaigns, layout, panels, ..Self::default() }
     }
 
     /// Whether there is nothing to draw.
@@ -166,14 +156,14 @@ impl Figure {
     }
 
     /// What the legend has of all panels, each look of a name once, measurements first.
-    pub fn samples(&self) -> Vec<Sample> {
-        let mut samples: Vec<Sample> = Vec::new();
+    pub fn samples(&self) -> Vec<Layer> {
+        let mut samples: Vec<Layer> = Vec::new();
         for sample in self.panels.iter().flat_map(Panel::samples) {
             if !samples.contains(&sample) {
                 samples.push(sample);
             }
         }
-        samples.sort_by_key(|sample| !sample.has_bar);
+        samples.sort_by_key(|sample| sample.points[0].error == 0.0);
         samples
     }
 

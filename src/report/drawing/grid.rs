@@ -27,9 +27,9 @@ pub struct Cell<'f> {
     pub left: f64,
     pub top: f64,
     pub width: f64,
-    /// Of the panel's frame.
+    /// Of the panel's frame, and below it.
     pub inner_height: f64,
-    pub has_x_labels: bool,
+    pub bottom: f64,
     pub x: Axis,
     pub y: Axis,
     /// The panel's own.
@@ -43,20 +43,6 @@ pub struct Grid<'f> {
     /// That of all panels, unless they have their own.
     pub legend: Vec<legend::Entry>,
     pub cells: Vec<Cell<'f>>,
-}
-
-impl Cell<'_> {
-    pub fn inner_width(&self) -> f64 {
-        self.width - LEFT - RIGHT
-    }
-
-    pub fn bottom(&self) -> f64 {
-        if self.has_x_labels { BOTTOM } else { SHARED_BOTTOM }
-    }
-
-    pub fn height(&self) -> f64 {
-        TOP + self.inner_height + self.bottom()
-    }
 }
 
 impl<'f> Grid<'f> {
@@ -73,9 +59,14 @@ impl<'f> Grid<'f> {
         };
         let is_same =
             |of: fn(&Panel, &Panel) -> bool| panels.windows(2).all(|two| of(&two[0], &two[1]));
-        let has_own_legends = is_stack
-            && !is_same(|a, b| a.samples() == b.samples())
-            && panels.iter().all(has_room_for_legend);
+        // Panels above one another have their own legends if they show different things and their
+        // titles leave room.
+        let has_room = |panel: &Panel| {
+            let texts = style::text_width(&panel.title) + legend::row_width(&panel.samples());
+            panel.beyond.is_empty() && texts + 30.0 < WIDTH - LEFT - RIGHT
+        };
+        let is_alike = is_same(|a, b| a.samples() == b.samples());
+        let has_own_legends = is_stack && !is_alike && panels.iter().all(has_room);
         let legend = match has_own_legends {
             true => Vec::new(),
             false => legend::lay_out(figure.samples(), MARGIN, whole_width - MARGIN),
@@ -84,6 +75,7 @@ impl<'f> Grid<'f> {
         let mut top = rows.map_or(0.0, |rows| MARGIN + rows as f64 * legend::ROW);
         let is_shared = is_stack && is_same(|a, b| a.x_label == b.x_label);
         let all_xs: Vec<f64> = panels.iter().flat_map(Panel::xs).collect();
+        let height = |cell: &Cell| TOP + cell.inner_height + cell.bottom;
         let mut cells: Vec<Cell> = Vec::new();
         for (nth, (letter, panel)) in figure.lettered().enumerate() {
             let column = nth % columns;
@@ -91,7 +83,7 @@ impl<'f> Grid<'f> {
             let width = if is_wide { whole_width } else { whole_width / columns as f64 };
             if column == 0 && nth > 0 {
                 let row = &cells[nth - columns..];
-                top += row.iter().map(Cell::height).fold(0.0, f64::max);
+                top += row.iter().map(height).fold(0.0, f64::max);
             }
             let right = width - RIGHT;
             let xs = if is_shared { all_xs.clone() } else { panel.xs() };
@@ -101,28 +93,18 @@ impl<'f> Grid<'f> {
             };
             let (x, y) = axes(panel, &xs, right - LEFT, inner_height);
             let has_x_labels = !is_shared || nth + 1 == panels.len();
-            let title = match panels.len() {
-                1 => panel.title.clone(),
-                _ => format!("({letter}) {}", panel.title),
-            };
+            let bottom = if has_x_labels { BOTTOM } else { SHARED_BOTTOM };
+            let letter = if panels.len() > 1 { format!("({letter}) ") } else { String::new() };
+            let title = letter + &panel.title;
             let samples = if has_own_legends { panel.samples() } else { Vec::new() };
-            let legend =
-                legend::lay_out(samples.clone(), right - legend::row_width(&samples), right);
+            let from = right - legend::row_width(&samples);
+            let legend = legend::lay_out(samples, from, right);
             let left = column as f64 * width;
-            let cell =
-                Cell { panel, title, left, top, width, inner_height, has_x_labels, x, y, legend };
-            cells.push(cell);
+            cells.push(Cell { panel, title, left, top, width, inner_height, bottom, x, y, legend });
         }
-        let height = (top + cells.last().map_or(0.0, Cell::height) + 6.0).round();
+        let height = (top + cells.last().map_or(0.0, height) + 6.0).round();
         Self { width: whole_width, height, legend, cells }
     }
-}
-
-/// Whether a panel's title leaves room for a legend of its own, which panels above one another
-/// have if they show different things.
-fn has_room_for_legend(panel: &Panel) -> bool {
-    let taken = style::text_width(&panel.title) + 30.0 + legend::row_width(&panel.samples());
-    panel.beyond.is_empty() && taken < WIDTH - LEFT - RIGHT
 }
 
 /// Height of the frame of a map that is as wide as the figure: not more than it needs, and not as

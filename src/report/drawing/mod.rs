@@ -3,6 +3,7 @@
 mod axis;
 mod draw;
 mod figure;
+mod frame;
 mod grid;
 mod legend;
 mod render;
@@ -10,5 +11,6 @@ pub mod style;
 
 pub use axis::{Range, Scale};
 pub use figure::{Figure, Layer, Layout, Panel, Point};
+pub use frame::envelope;
 pub use render::{png, size, svg};
 pub use style::Look;

@@ -12,7 +12,6 @@ use super::draw;
 use super::figure::Figure;
 use super::grid::Grid;
 use super::style::{self, units};
-use crate::report::ReportError;
 
 /// Pixels of the PNG per px of the figure: 1380 across, 394 dots per inch in a column.
 const PNG_SCALE: f32 = 3.0;
@@ -29,14 +28,14 @@ pub fn size(figure: &Figure) -> (f64, f64) {
 /// A figure as SVG with its font inside.
 ///
 /// # Errors
-/// The backend fails.
-pub fn svg(figure: &Figure) -> Result<String, ReportError> {
+/// A sentence on why the backend fails.
+pub fn svg(figure: &Figure) -> Result<String, String> {
     let grid = Grid::new(figure);
     let (width, height) = (grid.width, grid.height);
     let (fine_width, fine_height) = (units(width), units(height));
     let mut drawing = String::new();
     let backend = SVGBackend::with_string(&mut drawing, (fine_width as u32, fine_height as u32));
-    draw::draw(grid, &backend.into_drawing_area()).map_err(|error| draw_error(figure, error))?;
+    draw::draw(grid, &backend.into_drawing_area()).map_err(|error| error.to_string())?;
     let body = drawing.split_once('\n').map_or("", |(_, body)| body);
     // Names can have characters that XML cannot.
     let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
@@ -53,16 +52,8 @@ pub fn svg(figure: &Figure) -> Result<String, ReportError> {
 /// The PNG of an SVG of a figure. It knows its size in print.
 ///
 /// # Errors
-/// It cannot be parsed or encoded.
-pub fn png(figure: &Figure, svg: &str) -> Result<Vec<u8>, ReportError> {
-    rasterise(svg).map_err(|message| draw_error(figure, message))
-}
-
-fn draw_error(figure: &Figure, error: impl std::fmt::Display) -> ReportError {
-    ReportError::Draw { figure: figure.stem.clone(), message: error.to_string() }
-}
-
-fn rasterise(svg: &str) -> Result<Vec<u8>, String> {
+/// A sentence on why it cannot be parsed or encoded.
+pub fn png(svg: &str) -> Result<Vec<u8>, String> {
     /// The font of the figures and no other, so that the machine's do not matter.
     static FONTS: LazyLock<Arc<usvg::fontdb::Database>> = LazyLock::new(|| {
         let mut fonts = usvg::fontdb::Database::new();
@@ -98,18 +89,18 @@ mod tests {
 
     #[test]
     fn the_font_has_the_signs_of_the_figures() {
-        let png = |sign: char| {
+        let drawn = |sign: char| {
             let text = format!(
                 "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"20\">\
                  <text y=\"15\" font-family=\"{}\">{sign}</text></svg>",
                 style::FAMILY
             );
-            rasterise(&text).expect("draws")
+            png(&text).expect("draws")
         };
-        let (nothing, missing) = (png(' '), png('\u{6f22}'));
+        let (nothing, missing) = (drawn(' '), drawn('\u{6f22}'));
         for sign in "0123456789.,;:()/-+±×–…·²³°₀₁₂σωφθλαΔéü\u{2212}".chars()
         {
-            let sign_png = png(sign);
+            let sign_png = drawn(sign);
             assert!(sign_png != nothing && sign_png != missing, "{sign}");
         }
     }
@@ -118,8 +109,8 @@ mod tests {
         Look::Line { colour: style::INK, dash: style::DASHES },
         Look::Line { colour: style::INK, dash: style::SOLID },
         Look::Marker { colour: style::INK, shape: style::Shape::Square, filled: false },
-        Look::Dotted(style::INK),
-        Look::Dots(style::INK),
+        Look::Dots { colour: style::INK, joined: true },
+        Look::Dots { colour: style::INK, joined: false },
         Look::Rings,
         Look::Guides,
         Look::Spans(style::INK),
@@ -131,7 +122,7 @@ mod tests {
     fn drawn(points: &[(f64, f64, f64)], look: Look, scale: Scale) -> String {
         let layers = vec![Layer::with_errors("a", points.iter().copied(), look)];
         let panel = Panel { x_scale: scale, y_scale: scale, ..Panel::new("", "x", "y", layers) };
-        let figure = Figure::new("any", "", "", &[], Layout::Grid, vec![panel]);
+        let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
         svg(&figure).expect("is drawn")
     }
 
@@ -176,7 +167,7 @@ mod tests {
         let empty = drawn(&[], Look::Rings, Scale::Linear).len();
         for look in LOOKS {
             let size = drawn(&points, look, Scale::Linear).len();
-            let most = if matches!(look, Look::Guides | Look::Spans(_)) { 40 } else { 5 };
+            let most = if matches!(look, Look::Guides | Look::Spans(_)) { 40 } else { 4 };
             assert!(size < empty + most * 1_000_000, "{look:?}: {size} bytes");
         }
     }
@@ -185,9 +176,9 @@ mod tests {
     fn names_that_xml_cannot_have_are_still_drawn() {
         let layers = vec![Layer::new("\u{1b}[31m\u{0}", [(1.0, 2.0)], LOOKS[0])];
         let panel = Panel::new("a\u{1}\u{ffff}b<&", "\r\n\t", "", layers);
-        let figure = Figure::new("any", "", "", &[], Layout::Grid, vec![panel]);
+        let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
         let svg = svg(&figure).expect("is drawn");
         assert!(svg.contains("a\u{fffd}\u{fffd}b&lt;&amp;"));
-        assert!(png(&figure, &svg).expect("is well formed").starts_with(b"\x89PNG"));
+        assert!(png(&svg).expect("is well formed").starts_with(b"\x89PNG"));
     }
 }

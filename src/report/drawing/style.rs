@@ -9,9 +9,6 @@ use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyl
 /// Text, frames and measurements.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
 pub const GRID: RGBColor = RGBColor(226, 226, 226);
-/// An interval behind a line, and a part of it.
-pub const BAND: RGBColor = RGBColor(232, 240, 246);
-pub const INNER_BAND: RGBColor = RGBColor(206, 223, 236);
 pub const PAPER: RGBColor = RGBColor(255, 255, 255);
 /// The robot's links on a map.
 pub const LINKS: RGBColor = RGBColor(110, 110, 110);
@@ -27,6 +24,8 @@ pub const BAR_WIDTH: f64 = 3.0;
 pub const MARKER_RADIUS: f64 = 3.6;
 /// Width of an error bar's ends, px.
 pub const ERROR_BAR_ENDS: f64 = 6.4;
+/// Length of a line's sample in a legend, px.
+pub const SAMPLE: f64 = 27.0;
 /// Radius of points that stand for one of many values, px.
 pub const DOT_RADIUS: f64 = 1.7;
 
@@ -81,9 +80,6 @@ pub type Dash = Option<(f64, f64)>;
 
 pub const SOLID: Dash = None;
 pub const DASHES: Dash = Some((6.0, 4.0));
-pub const LONG_DASHES: Dash = Some((11.0, 4.0));
-pub const SHORT_DASHES: Dash = Some((3.5, 2.5));
-pub const DOTS: Dash = Some((1.8, 3.0));
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
@@ -98,10 +94,8 @@ pub enum Look {
     Line { colour: RGBColor, dash: Dash },
     /// Markers with error bars, which the legend names.
     Marker { colour: RGBColor, shape: Shape, filled: bool },
-    /// A line through points, which are marked.
-    Dotted(RGBColor),
-    /// Points alone.
-    Dots(RGBColor),
+    /// Points, and the line through them where they are joined.
+    Dots { colour: RGBColor, joined: bool },
     /// Points that stand out.
     Rings,
     /// Dashed lines across the panel: level where only y is known, upright where only x is.

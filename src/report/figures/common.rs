@@ -1,7 +1,7 @@
 //! What several figures have alike: the robot on a map, lines of one quantity each, units.
 
 use crate::motion::{Pose, Sample};
-use crate::report::drawing::{Layer, Look, Panel, Scale, style};
+use crate::report::drawing::{Layer, Look, Panel, Scale, envelope, style};
 use crate::report::looks;
 use crate::robot::Robot;
 
@@ -19,42 +19,30 @@ pub fn time_course(title: &str, y_label: &str, layers: Vec<Layer>) -> Panel {
 
 /// A map of what the middle link's path is drawn on.
 pub fn map(title: impl Into<String>, layers: Vec<Layer>) -> Panel {
-    equal(Panel::new(title, "x (m)", "y (m)", layers))
+    scaled(Scale::Equal, Panel::new(title, "x (m)", "y (m)", layers))
 }
 
 /// The joint angles against each other.
 pub fn gait(title: &str, layers: Vec<Layer>) -> Panel {
-    equal(Panel::new(title, "φ₁ (deg)", "φ₂ (deg)", layers))
+    scaled(Scale::Equal, Panel::new(title, "φ₁ (deg)", "φ₂ (deg)", layers))
 }
 
-fn equal(panel: Panel) -> Panel {
-    Panel { x_scale: Scale::Equal, y_scale: Scale::Equal, ..panel }
+/// A panel of which both axes divide alike.
+pub fn scaled(scale: Scale, panel: Panel) -> Panel {
+    Panel { x_scale: scale, y_scale: scale, ..panel }
 }
 
 /// Several lines of one quantity.
-pub fn lines<const N: usize>(
-    names: [&str; N],
-    points: impl Fn(usize) -> Vec<(f64, f64)>,
-) -> Vec<Layer> {
-    let line = |(nth, name)| Layer::new(name, points(nth), looks::component(nth));
-    names.into_iter().enumerate().map(line).collect()
+pub fn lines(names: &[&str], points: impl Fn(usize) -> Vec<(f64, f64)>) -> Vec<Layer> {
+    let line = |(nth, name): (usize, &&str)| Layer::new(name, points(nth), looks::component(nth));
+    names.iter().enumerate().map(line).collect()
 }
 
-/// Time and a quantity of a cycle that is repeated.
-pub fn over_time(cycle: &[Sample], cycles: usize, of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
-    let period_s = cycle.last().map_or(0.0, |last| last.time_s);
-    let repeated =
-        (0..cycles).flat_map(|n| cycle.iter().skip(usize::from(n > 0)).map(move |s| (n, s)));
-    repeated.map(|(n, sample)| (n as f64 * period_s + sample.time_s, of(sample))).collect()
-}
-
-/// The same where there are more points than a panel is wide: the least and the greatest of each
+/// Such lines where there are more points than a panel is wide: the least and the greatest of each
 /// part of a line, without dashes, which would not be seen.
-pub fn dense<const N: usize>(
-    names: [&str; N],
-    points: impl Fn(usize) -> Vec<(f64, f64)>,
-) -> Vec<Layer> {
-    let mut layers = lines(names, |nth| extremes(&points(nth)));
+pub fn dense(names: &[&str], points: impl Fn(usize) -> Vec<(f64, f64)>) -> Vec<Layer> {
+    const PARTS: usize = 400;
+    let mut layers = lines(names, |nth| envelope(&points(nth), PARTS).concat());
     for layer in &mut layers {
         if let Look::Line { dash, .. } = &mut layer.look {
             *dash = style::SOLID;
@@ -63,21 +51,12 @@ pub fn dense<const N: usize>(
     layers
 }
 
-/// The least and the greatest of each part of a line.
-fn extremes(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    const PARTS: usize = 400;
-    let mut ends = Vec::new();
-    for part in points.chunks(points.len().div_ceil(PARTS).max(1)) {
-        let seen = || part.iter().filter(|(_, y)| y.is_finite());
-        let least = seen().min_by(|a, b| a.1.total_cmp(&b.1));
-        let greatest = seen().max_by(|a, b| a.1.total_cmp(&b.1));
-        match least.zip(greatest) {
-            Some((least, greatest)) if least.0 < greatest.0 => ends.extend([*least, *greatest]),
-            Some((least, greatest)) => ends.extend([*greatest, *least]),
-            None => ends.push((f64::NAN, f64::NAN)),
-        }
-    }
-    ends
+/// Time and a quantity of a cycle that is repeated.
+pub fn over_time(cycle: &[Sample], cycles: usize, of: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
+    let period_s = cycle.last().map_or(0.0, |last| last.time_s);
+    let repeated =
+        (0..cycles).flat_map(|n| cycle.iter().skip(usize::from(n > 0)).map(move |s| (n, s)));
+    repeated.map(|(n, sample)| (n as f64 * period_s + sample.time_s, of(sample))).collect()
 }
 
 /// Both joint angles over a cycle, deg.
@@ -143,7 +122,7 @@ mod tests {
             _ => (i as f64 / 50.0).sin(),
         };
         let points: Vec<(f64, f64)> = (0..10_000).map(|i| (i as f64, value(i))).collect();
-        let points = extremes(&points);
+        let points = envelope(&points, 400).concat();
         assert!(points.len() <= 800);
         assert!(points.contains(&(4321.0, 7.0)));
         assert!(points.iter().any(|(_, y)| y.is_nan()));

@@ -1,47 +1,32 @@
 //! How the searches ended, how the objective depends on each coefficient, and how the
 //! coefficients of the bootstrap's replicates go together.
 
-use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale, style};
+use minijinja::context;
+
+use super::common::scaled;
+use super::texts::texts;
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use crate::report::looks;
 use crate::report::parameters::FittedParameter;
 use crate::report::tables::Tables;
 use crate::robot::{ByParameter, Parameter};
 use crate::store::{BootstrapRow, FitRow, ProfileRow, StartRow};
 
-/// Names that the files of the figures can have.
-pub fn stems(stem: &str) -> [String; 3] {
-    ["starts", "profiles", "replicates"].map(|kind| format!("{stem}-{kind}"))
-}
+/// Ends of the names that the files of the figures can have.
+pub const KINDS: [&str; 3] = ["starts", "profiles", "replicates"];
 
 /// The figures of a campaign's fits.
 pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> [Figure; 3] {
     let fits: Vec<&FitRow> =
         tables.fits.iter().filter(|fit| fit.campaign == campaign && !fit.free.is_empty()).collect();
-    let figure = |kind: usize, title: &str, caption: &str, panels: Vec<Panel>| {
-        let title = format!("{title} of campaign {campaign}");
-        Figure::new(&stems(stem)[kind], title, caption, &[campaign], Layout::Grid, panels)
+    let figure = |kind: &str, panels: Vec<Panel>| {
+        let (stem, texts) = (format!("{stem}-{kind}"), texts(kind, context! { campaign }));
+        Figure::new(&stem, texts, &[campaign], Layout::Grid, panels)
     };
     [
-        figure(
-            0,
-            "Searches",
-            "Objective J where each start of a fit ended, the lowest first.",
-            fits.iter().filter_map(|fit| waterfall(fit, tables)).collect(),
-        ),
-        figure(
-            1,
-            "Profiles",
-            "Objective J with one coefficient held and the others fitted. Open circle: the fit. \
-             Dashed: the limit that resampled measurements give. Shaded: the 95 % interval, darker \
-             what scatter alone gives; where it goes on to the panel's side it is open.",
-            fits.iter().flat_map(|fit| profiles(fit, tables)).collect(),
-        ),
-        figure(
-            2,
-            "Bootstrap",
-            "Pairs of coefficients fitted to resampled measurements. Open circle: the fit.",
-            fits.iter().flat_map(|fit| replicates(fit, tables)).collect(),
-        ),
+        figure(KINDS[0], fits.iter().filter_map(|fit| waterfall(fit, tables)).collect()),
+        figure(KINDS[1], fits.iter().flat_map(|fit| profiles(fit, tables)).collect()),
+        figure(KINDS[2], fits.iter().flat_map(|fit| replicates(fit, tables)).collect()),
     ]
 }
 
@@ -51,7 +36,7 @@ fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Panel> {
     let mut ends: Vec<f64> = ends.filter(|j| j.is_finite()).collect();
     ends.sort_by(f64::total_cmp);
     let points = (1..).map(f64::from).zip(ends.iter().copied());
-    let layer = Layer::new("starts", points, Look::Dotted(looks::model_colour(fit.model)));
+    let layer = Layer::new("starts", points, looks::model_dots(fit.model, true));
     (ends.len() > 1).then(|| Panel {
         y_scale: Scale::Decades,
         ..Panel::new(fit.model.name(), "Start, by rank", "J", vec![layer])
@@ -73,20 +58,20 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         let (value, scatter) = (parameter.value, fit.scatter[*held]);
         let mut layers = Vec::new();
         if fit.no_interval.is_empty() {
-            layers.push(band("95 % interval", parameter.limits, style::BAND));
+            layers.push(band("95 % interval", parameter.limits, looks::BAND));
         }
         if scatter > 0.0 {
             let part = [value - scatter, value + scatter];
-            layers.push(band("scatter", part, style::INNER_BAND));
+            layers.push(band("scatter", part, looks::INNER_BAND));
         }
         layers.extend([
-            Layer::new("profile", points, Look::Dotted(looks::model_colour(fit.model))),
+            Layer::new("profile", points, looks::model_dots(fit.model, true)),
             Layer::new("limit", [(f64::NAN, limit_j)], Look::Guides),
             Layer::new("fit", [(value, fit.j)], Look::Rings),
         ]);
         Some(Panel {
             shown: Some(Range { low: f64::NEG_INFINITY, high: fit.j + 2.5 * rise }),
-            ..decades(fit, &label(*held), "J", layers)
+            ..scaled(Scale::Decades, Panel::new(fit.model.name(), &label(*held), "J", layers))
         })
     };
     fit.free.iter().filter_map(panel).collect()
@@ -101,24 +86,15 @@ fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         let point = |of: &ByParameter<f64>| (of[x], of[y]);
         let points = rows.iter().map(|row| point(&row.parameters));
         let layers = vec![
-            Layer::new("replicates", points, Look::Dots(looks::model_colour(fit.model))),
+            Layer::new("replicates", points, looks::model_dots(fit.model, false)),
             Layer::new("fit", [point(&fit.parameters)], Look::Rings),
         ];
-        decades(fit, &label(x), label(y), layers)
+        scaled(Scale::Decades, Panel::new(fit.model.name(), &label(x), label(y), layers))
     };
     let pairs = free.iter().enumerate().flat_map(|(n, x)| free[n + 1..].iter().map(|y| (*x, *y)));
     pairs.filter(|_| !rows.is_empty()).map(panel).collect()
 }
 
-fn decades(fit: &FitRow, x_label: &str, y_label: impl Into<String>, layers: Vec<Layer>) -> Panel {
-    Panel {
-        x_scale: Scale::Decades,
-        y_scale: Scale::Decades,
-        ..Panel::new(fit.model.name(), x_label, y_label, layers)
-    }
-}
-
-/// A parameter as an axis names it.
 fn label(parameter: Parameter) -> String {
     format!("{} ({})", parameter.label(), parameter.unit())
 }

@@ -1,14 +1,19 @@
 //! Figs. 10, 13 and 15 to 20: measurements and models against the frequency.
 
-use super::BARS;
+use minijinja::context;
+use minijinja::value::Serde;
+
 use super::common::FREQUENCY;
+use super::texts::texts;
 use crate::config::SigmaKind;
 use crate::csv::field as csv_field;
 use crate::motion::Model;
 use crate::report::drawing::{Figure, Layout, Panel, Range, Scale};
-use crate::report::series::{Quantity, Series, Source};
+use crate::report::series::{DISPLACEMENT, Quantity, SKID, SPEED, Series, Source};
 use crate::report::{numbers, plotted};
 
+const BARS: &str = "Markers: means over the cycles of each trial, flagged trials included; bars: \
+                    95 % (1.96 standard errors), where longer than the marker.";
 /// A model further above the measurements than this would flatten them.
 const FARTHEST_MODEL: f64 = 1.5;
 /// The model of the figures of two campaigns.
@@ -18,40 +23,37 @@ const SHARED_MODEL: Model = Model::SkidRoll;
 type Plot = (Quantity, Vec<Series>);
 
 /// Figs. 10, 13 and 15: what was measured of one quantity.
-pub fn measured(stem: &str, campaign: &str, quantity: Quantity, source: Source<'_>) -> Figure {
-    let title = match quantity {
-        Quantity::Displacement => format!("Displacement per cycle d of campaign {campaign}"),
-        _ => format!("Mean speed v of campaign {campaign}"),
-    };
+pub fn measured(stem: &str, campaign: &str, quantity: &Quantity, source: Source<'_>) -> Figure {
+    let name = format!("{} {}", quantity.title, quantity.symbol);
+    let texts = texts("measured", context! { quantity => name, campaign, bars => BARS });
     let series = source.measured(campaign, quantity, 0).into_iter().collect();
-    figure(stem, title, BARS.to_owned(), &[campaign], &[(quantity, series)])
+    figure(stem, texts, &[campaign], &[(*quantity, series)])
 }
 
 /// Figs. 16, 17 and 18: displacement and speed, measured and by all models of the campaign.
 pub fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let models = source.models(campaign);
-    let plots = [Quantity::Displacement, Quantity::Speed].map(|quantity| -> Plot {
-        let model = |model: &Model| source.model(campaign, *model, quantity, 0);
-        let measured = source.measured(campaign, quantity, 0);
+    let plots = [DISPLACEMENT, SPEED].map(|quantity| -> Plot {
+        let model = |model: &Model| source.model(campaign, *model, &quantity, 0);
+        let measured = source.measured(campaign, &quantity, 0);
         (quantity, measured.into_iter().chain(models.iter().filter_map(model)).collect())
     });
-    let input = source.gait_input(&[campaign]);
-    let mut caption = format!("{BARS} Lines: the fitted models under the {input}.");
     let mut shown = plots.iter().flat_map(|(_, series)| series);
-    if shown.any(|series| series.model == Some(Model::NoSkidMeasured)) {
-        caption.push_str(" Open circles: no-skid under each trial's measured gait.");
-    }
-    let title = format!("Measurements and models of campaign {campaign}");
-    figure(stem, title, caption, &[campaign], &plots)
+    let values = context! {
+        campaign,
+        bars => BARS,
+        input => source.gait_input(&[campaign]),
+        by_measured => shown.any(|series| series.model == Some(Model::NoSkidMeasured)),
+    };
+    figure(stem, texts("models", values), &[campaign], &plots)
 }
 
 /// Figs. 19 and 20: the wheels' skid ratios of campaigns, measured and by `skid-roll`.
 pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
-    let plots = [0, 1, 2].map(|wheel| -> Plot {
-        let quantity = Quantity::Skid(wheel);
+    let plots = SKID.map(|quantity| -> Plot {
         let of_campaign = |(nth, campaign): (usize, &&str)| {
-            let measured = source.measured(campaign, quantity, nth);
-            [measured, source.model(campaign, SHARED_MODEL, quantity, nth)]
+            let measured = source.measured(campaign, &quantity, nth);
+            [measured, source.model(campaign, SHARED_MODEL, &quantity, nth)]
         };
         let mut series: Vec<Series> =
             campaigns.iter().enumerate().flat_map(of_campaign).flatten().collect();
@@ -60,52 +62,30 @@ pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
         }
         (quantity, series)
     });
-    let title = match campaigns {
-        [one] => format!("Skid ratios of campaign {one}"),
-        several => format!("Skid ratios of campaigns {}", several.join(" and ")),
+    let values = context! {
+        campaigns => Serde(campaigns),
+        bars => BARS,
+        model => SHARED_MODEL.name(),
+        debiased => source.sigma == SigmaKind::Debiased,
+        input => source.gait_input(campaigns),
     };
-    let caption = format!(
-        "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω{}. {BARS} Lines: the fitted \
-         model {SHARED_MODEL} under the {}.",
-        match source.sigma {
-            SigmaKind::Raw => ", the markers' noise included",
-            SigmaKind::Debiased => ", without the noise power",
-        },
-        source.gait_input(campaigns)
-    );
-    figure(stem, title, caption, campaigns, &plots)
+    figure(stem, texts("skid", values), campaigns, &plots)
 }
 
-fn figure(
-    stem: &str,
-    title: String,
-    caption: String,
-    campaigns: &[&str],
-    plots: &[Plot],
-) -> Figure {
+fn figure(stem: &str, texts: [String; 2], campaigns: &[&str], plots: &[Plot]) -> Figure {
     let mut csv = "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95\n".to_owned();
-    let mut alternative = format!("{title}, plotted against the actuation frequency.");
+    let mut alternative = format!("{}, plotted against the actuation frequency.", texts[0]);
     for ((quantity, all), letter) in plots.iter().zip('a'..) {
         let mut extents = Vec::new();
         for series in all {
-            write_csv(&mut csv, letter, *quantity, series);
-            extents.push(extent(*quantity, series));
+            write_csv(&mut csv, letter, quantity, series);
+            extents.push(extent(quantity, series));
         }
-        let title = quantity.description().title;
-        alternative.push_str(&format!(" ({letter}) {title}: {}.", extents.join("; ")));
+        alternative.push_str(&format!(" ({letter}) {}: {}.", quantity.title, extents.join("; ")));
     }
-    Figure {
-        csv: Some(csv),
-        alternative: Some(alternative),
-        ..Figure::new(
-            stem,
-            title,
-            caption,
-            campaigns,
-            Layout::Stack,
-            plots.iter().map(panel).collect(),
-        )
-    }
+    let panels = plots.iter().map(panel).collect();
+    let figure = Figure::new(stem, texts, campaigns, Layout::Stack, panels);
+    Figure { csv: Some(csv), alternative: Some(alternative), ..figure }
 }
 
 /// All measurements, and the models as far as they leave these readable.
@@ -116,21 +96,20 @@ fn panel((quantity, series): &Plot) -> Panel {
     let tops = measured.iter().flat_map(|series| series.points());
     let most = Range::of(tops.map(|point| point.y + point.error.max(0.0)));
     let ceiling = most.map(|most| FARTHEST_MODEL * most.high).filter(|ceiling| *ceiling > 0.0);
-    let description = quantity.description();
     // How far a series goes above the panel, if it does.
     let beyond = |series: &&Series| {
         let above = series.points().map(|point| point.y).filter(|value| Some(*value) > ceiling);
         let highest = ceiling.and(above.reduce(f64::max))?;
         let digits = usize::from(highest < 100.0) + 2 * usize::from(highest < 1.0);
-        let (name, unit) = (&series.layer.name, description.unit);
+        let (name, unit) = (&series.layer.name, quantity.unit);
         Some(format!("{name} above, up to {}{unit}", numbers::fixed(highest, digits)))
     };
     let beyond: Vec<String> = modelled.iter().filter_map(beyond).collect();
     let layers = modelled.into_iter().chain(measured).map(|series| series.layer.clone());
     Panel {
-        y_scale: match quantity {
-            Quantity::Speed | Quantity::Skid(_) => Scale::FromZero,
-            Quantity::Displacement | Quantity::Amplitude => Scale::Linear,
+        y_scale: match quantity.symbol {
+            "d" => Scale::Linear,
+            _ => Scale::FromZero,
         },
         shown: ceiling.map(|high| Range { low: f64::NEG_INFINITY, high }),
         beyond: match beyond.as_slice() {
@@ -138,29 +117,31 @@ fn panel((quantity, series): &Plot) -> Panel {
             [one] => one.clone(),
             several => format!("{} models lie above", several.len()),
         },
-        ..Panel::new(description.title, FREQUENCY, description.axis_label, layers.collect())
+        ..Panel::new(quantity.title, FREQUENCY, quantity.axis_label, layers.collect())
     }
 }
 
 /// What a series shows for those who cannot see it.
-fn extent(quantity: Quantity, series: &Series) -> String {
+fn extent(quantity: &Quantity, series: &Series) -> String {
     let Range { low, high } = Range::of(series.points().map(|point| point.y))
         .unwrap_or(Range { low: f64::NAN, high: f64::NAN });
-    let digits = if matches!(quantity, Quantity::Skid(_)) { 4 } else { 1 };
+    let digits = if quantity.is_skid() { 4 } else { 1 };
     let trials = match series.model {
         None => format!(" ({} trials)", series.points().count()),
         Some(_) => String::new(),
     };
-    let (name, unit) = (&series.layer.name, quantity.description().unit);
+    let (name, unit) = (&series.layer.name, quantity.unit);
     format!("{name}{trials} from {low:.digits$} to {high:.digits$}{unit}")
 }
 
-fn write_csv(csv: &mut String, letter: char, quantity: Quantity, series: &Series) {
-    let quantity = quantity.description().csv_name;
+fn write_csv(csv: &mut String, letter: char, quantity: &Quantity, series: &Series) {
     let kind = if series.model.is_some() { "model" } else { "measured" };
     let (campaign, name) = (csv_field(&series.campaign), series.name());
     for point in series.points() {
         let [x, y, error] = [point.x, point.y, point.error].map(plotted::number);
-        csv.push_str(&format!("{letter},{quantity},{campaign},{name},{kind},{x},{y},{error}\n"));
+        csv.push_str(&format!(
+            "{letter},{},{campaign},{name},{kind},{x},{y},{error}\n",
+            quantity.csv_name
+        ));
     }
 }

@@ -7,6 +7,7 @@ mod recovered;
 mod release;
 mod residuals;
 mod simulations;
+mod texts;
 mod tracking;
 pub mod trial;
 mod work;
@@ -18,7 +19,7 @@ use super::recording::Recording;
 use super::tables::Tables;
 use super::truth::Truth;
 use crate::report::ReportInput;
-use crate::report::series::{Quantity, Source};
+use crate::report::series::{DISPLACEMENT, SPEED, Source};
 use crate::report::simulated;
 use crate::store::{Reader, StoreError, TrialRow};
 use crate::trial::TrialKind;
@@ -48,15 +49,12 @@ const SHOWN_RAD_S: f64 = 3.9;
 #[cfg(test)]
 pub fn known_stems() -> Vec<String> {
     let own = PAPER_CAMPAIGNS.iter().flat_map(|campaign| {
-        let residuals = format!("{campaign}-residuals");
-        fits::stems(campaign).into_iter().chain([residuals])
+        let kinds = fits::KINDS.into_iter().chain(["residuals"]);
+        kinds.map(move |kind| format!("{campaign}-{kind}"))
     });
     let paper = PAPER_STEMS.into_iter().chain([TRUTH, WORK]);
     paper.map(str::to_owned).chain(own).collect()
 }
-
-const BARS: &str = "Markers: means over the cycles of each trial, flagged trials included; bars: \
-                    95 % (1.96 standard errors), where longer than the marker.";
 
 /// Figures to draw and sentences on what is missing.
 #[derive(Debug, Default)]
@@ -92,9 +90,9 @@ pub fn figures(
     }
     let mut stems = BTreeSet::new();
     let is_of_the_paper = |campaign: &&str| PAPER_CAMPAIGNS.contains(campaign);
-    let (of_the_paper, others): (Vec<&str>, Vec<&str>) =
-        configured.iter().partition(|name| is_of_the_paper(name));
-    for campaign in others.into_iter().chain(of_the_paper) {
+    let mut campaigns: Vec<&str> = configured.iter().copied().collect();
+    campaigns.sort_by_key(is_of_the_paper);
+    for campaign in campaigns {
         let name = match is_of_the_paper(&campaign) {
             true => campaign.to_owned(),
             false => file_name(campaign, &mut stems),
@@ -116,9 +114,6 @@ pub fn figures(
     found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, source)));
     let Figures { figures, missing } = &mut found;
     figures.retain(|figure| !figure.is_empty());
-    for figure in figures.iter_mut() {
-        figure.number = number(&figure.stem);
-    }
     figures.retain(|Figure { stem, panels, .. }| {
         let is_drawn = panels.len() <= MOST_PANELS;
         let why = format!("found {} panels, needed at most {MOST_PANELS}", panels.len());
@@ -141,12 +136,12 @@ fn of_the_paper(
     found.add(simulations::skidding(config).map(Some));
     found.add(release(tables, config, reader)?.map(Some));
     tracked("fig09", SKEWED, source, (config, reader), found)?;
-    found.figures.push(frequency::measured("fig10", SKEWED, Quantity::Speed, source));
+    found.figures.push(frequency::measured("fig10", SKEWED, &SPEED, source));
     tracked("fig11", SYMMETRIC, source, (config, reader), found)?;
-    found.figures.push(frequency::measured("fig13", SYMMETRIC, Quantity::Displacement, source));
+    found.figures.push(frequency::measured("fig13", SYMMETRIC, &DISPLACEMENT, source));
     tracked("fig14", SEMI_PASSIVE, source, (config, reader), found)?;
     found.figures.extend([
-        frequency::measured("fig15", SEMI_PASSIVE, Quantity::Speed, source),
+        frequency::measured("fig15", SEMI_PASSIVE, &SPEED, source),
         frequency::models("fig16", SKEWED, source),
         frequency::models("fig17", SYMMETRIC, source),
         frequency::models("fig18", SEMI_PASSIVE, source),

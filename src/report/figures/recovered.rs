@@ -1,30 +1,25 @@
 //! Planted truth against what the program made of the trials that were computed from it.
 
-use super::common::OMEGA;
+use minijinja::context;
+
+use super::common::{OMEGA, scaled};
+use super::texts::texts;
 use crate::metrics::Estimate;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use crate::report::looks;
-use crate::report::series::{BAR_STANDARD_ERRORS, Quantity, Source};
+use crate::report::series::{AMPLITUDE, BAR_STANDARD_ERRORS, DISPLACEMENT, Quantity, SKID, Source};
 use crate::report::tables::Tables;
 use crate::report::truth::{self, Known, Truth};
 use crate::store::TrialRow;
 
 /// The figure; empty without trials and coefficients of which the truth is known.
 pub fn figure(stem: &str, truth: &Truth, tables: &Tables, source: Source<'_>) -> Figure {
-    use Quantity::{Amplitude, Displacement, Skid};
-    let missed = [Displacement, Amplitude, Skid(0), Skid(1), Skid(2)]
-        .map(|quantity| missed(truth, source, quantity));
-    let all = [coefficients(truth, tables)].into_iter().chain(missed);
-    Figure::new(
-        stem,
-        "Planted and recovered",
-        "Coefficients: fitted skid-roll model against what was planted, with 95 % intervals, thick \
-         what scatter alone gives; a point on the line is right. The others: measured less planted, in parts of the latter, \
-         with bars of 1.96 standard errors.",
-        &super::campaigns_of(source),
-        Layout::Grid,
-        all.filter(|panel| !panel.is_empty()).collect(),
-    )
+    let quantities = [DISPLACEMENT, AMPLITUDE].into_iter().chain(SKID);
+    let missed = quantities.map(|quantity| missed(truth, source, &quantity));
+    let all = std::iter::once(coefficients(truth, tables)).chain(missed);
+    let panels = all.filter(|panel| !panel.is_empty()).collect();
+    let texts = texts("truth", context! {});
+    Figure::new(stem, texts, &super::campaigns_of(source), Layout::Grid, panels)
 }
 
 fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
@@ -56,17 +51,13 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
         });
         layers.push(Layer::with_errors(campaign, points, looks::campaign(nth)));
     }
-    Panel {
-        x_scale: Scale::Decades,
-        y_scale: Scale::Decades,
-        ..Panel::new("Coefficients", "Planted", "Recovered", layers)
-    }
+    scaled(Scale::Decades, Panel::new("Coefficients", "Planted", "Recovered", layers))
 }
 
-fn missed(truth: &Truth, source: Source<'_>, quantity: Quantity) -> Panel {
+fn missed(truth: &Truth, source: Source<'_>, quantity: &Quantity) -> Panel {
     let layer = |(nth, campaign): (usize, &str)| {
         let point = |trial: &TrialRow| {
-            let planted = quantity.of(&truth.trials.get(&trial.trial)?.metrics());
+            let planted = (quantity.of)(&truth.trials.get(&trial.trial)?.metrics());
             let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
             let half = 100.0 * BAR_STANDARD_ERRORS * se / planted;
             let difference = 100.0 * (value / planted - 1.0);
@@ -78,5 +69,5 @@ fn missed(truth: &Truth, source: Source<'_>, quantity: Quantity) -> Panel {
     };
     let mut layers = vec![Layer::new("planted", [(f64::NAN, 0.0)], Look::Guides)];
     layers.extend(super::campaigns_of(source).into_iter().enumerate().map(layer));
-    Panel::new(quantity.description().symbol, OMEGA, "Difference (%)", layers)
+    Panel::new(quantity.symbol, OMEGA, "Difference (%)", layers)
 }

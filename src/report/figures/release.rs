@@ -1,6 +1,9 @@
 //! Fig. 8: the passive joint let go, and the decay that was fitted to it.
 
+use minijinja::context;
+
 use super::common::DEG;
+use super::texts::texts;
 use crate::metrics::Estimate;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
 use crate::report::looks;
@@ -48,22 +51,14 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
             ],
         )
     };
-    Some(Figure::new(
-        "fig08",
-        format!("Release of the passive joint of robot {}", row.robot),
-        format!(
-            "Trial {}: the joint is let go with the other links held and the wheels off the floor. \
-             With the link's configured moment of inertia about the joint, {} kg m², k_τ = {} N \
-             m/rad and c_τ = {} N m s/rad. Dashed: angle of rest.",
-            row.trial,
-            significant(row.inertia_kg_m2, 4),
-            of(row.stiffness_nm_rad),
-            of(row.damping_nm_s_rad),
-        ),
-        &[],
-        Layout::Stack,
-        vec![panel],
-    ))
+    let values = context! {
+        robot => &row.robot,
+        trial => &row.trial,
+        inertia => significant(row.inertia_kg_m2, 4),
+        stiffness => of(row.stiffness_nm_rad),
+        damping => of(row.damping_nm_s_rad),
+    };
+    Some(Figure::new("fig08", texts("fig08", values), &[], Layout::Stack, vec![panel]))
 }
 
 #[cfg(test)]

@@ -1,12 +1,15 @@
 //! What every model misses of every trial.
 
+use minijinja::context;
+
 use super::common::OMEGA;
+use super::texts::texts;
 use crate::metrics::Estimate;
 use crate::motion::{Model, MotionStatus};
 use crate::report::drawing::{Figure, Layer, Layout, Panel, Range};
 use crate::report::looks;
 use crate::report::numbers::fixed;
-use crate::report::series::{BAR_STANDARD_ERRORS, Quantity, Source};
+use crate::report::series::{BAR_STANDARD_ERRORS, QUANTITIES, Quantity, Source};
 use crate::store::{PredictionRow, PredictionSource, TrialRow};
 
 /// A model that misses more than this many times what the nearest one does is not shown whole.
@@ -16,19 +19,12 @@ const LEAST: f64 = 60.0;
 
 /// Residuals of a campaign's models in per cent of what was measured.
 pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
-    let panels = Quantity::ALL.map(|quantity| panel(quantity, campaign, source));
-    Figure::new(
-        &format!("{stem}-residuals"),
-        format!("Residuals of the models of campaign {campaign}"),
-        "What the fitted models predict for each trial less what was measured, in parts of the \
-         latter. Bars: 95 % of the measurement (1.96 standard errors).",
-        &[campaign],
-        Layout::Grid,
-        panels.into_iter().flatten().collect(),
-    )
+    let panels = QUANTITIES.iter().filter_map(|quantity| panel(quantity, campaign, source));
+    let (stem, texts) = (format!("{stem}-residuals"), texts("residuals", context! { campaign }));
+    Figure::new(&stem, texts, &[campaign], Layout::Grid, panels.collect())
 }
 
-fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Option<Panel> {
+fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Panel> {
     let trials: Vec<&TrialRow> = source
         .measured_trials(campaign)
         .filter(|trial| quantity.of_trial(trial, source.sigma).value.is_finite())
@@ -40,7 +36,7 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Option<Panel
         let rows = source.predicted(campaign, model, PredictionSource::Trial);
         let point = |row: &PredictionRow| {
             let measured = quantity.of_trial(nearest(&by_omega, row)?, source.sigma).value;
-            let residual = quantity.of(&row.metrics) / measured - 1.0;
+            let residual = (quantity.of)(&row.metrics) / measured - 1.0;
             Some((row.omega_rad_s, 100.0 * residual))
         };
         let stable = rows.filter(|row| row.status == MotionStatus::Stable);
@@ -50,8 +46,8 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Option<Panel
         (!points.is_empty()).then_some((model, points, farthest))
     };
     // Models without skid say nothing of it.
-    let is_skid = matches!(quantity, Quantity::Skid(_));
-    let models = source.models(campaign).into_iter().filter(|model| !is_skid || model.skids());
+    let says = |model: &Model| !quantity.is_skid() || model.skids();
+    let models = source.models(campaign).into_iter().filter(says);
     let residuals: Vec<_> = models.filter_map(missed).collect();
     let farthest = Range::of(residuals.iter().map(|(_, _, farthest)| *farthest))?;
     let limit = (FARTHEST * farthest.low).max(LEAST);
@@ -76,7 +72,7 @@ fn panel(quantity: Quantity, campaign: &str, source: Source<'_>) -> Option<Panel
     Some(Panel {
         shown: Some(Range { low: -limit, high: limit }),
         beyond,
-        ..Panel::new(quantity.description().symbol, OMEGA, "Residual (%)", layers)
+        ..Panel::new(quantity.symbol, OMEGA, "Residual (%)", layers)
     })
 }
 

@@ -1,10 +1,12 @@
 //! Figs. 3 to 6: the semi-passive robot without skid and the kinematic one that skids, simulated.
 
+use minijinja::context;
 use rayon::prelude::*;
 
 use super::common::{
     DEG, FREQUENCY, gait, lines, links, links_at_start, map, over_time, shape, time_course, travel,
 };
+use super::texts::texts;
 use super::{SEMI_PASSIVE, SYMMETRIC};
 use crate::config::Config;
 use crate::metrics::GaitMetrics;
@@ -12,7 +14,7 @@ use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sampl
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
 use crate::report::looks;
-use crate::report::series::{Description, Quantity};
+use crate::report::series::{DISPLACEMENT, Quantity, SPEED};
 use crate::report::simulated::{self, SAMPLES, Steady};
 
 const OMEGA_RAD_S: f64 = 4.0;
@@ -55,30 +57,36 @@ pub fn steady_passive(config: &ReportInput) -> Result<Vec<Figure>, String> {
     ])
 }
 
+/// A panel of one quantity of several joints, wheels or directions over a cycle that is repeated.
+fn course(
+    (title, y_label): (&str, &str),
+    names: &[&str],
+    (cycle, cycles): (&[Sample], usize),
+    of: impl Fn(&Sample, usize) -> f64,
+) -> Panel {
+    let lines = lines(names, |i| over_time(cycle, cycles, |sample| of(sample, i)));
+    time_course(title, y_label, lines)
+}
+
+const JOINTS: (&str, &str) = ("Joint angles", "Angle (deg)");
+
 fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
-    let joints = lines(["φ₁", "φ₂"], |i| over_time(cycle, CYCLES, |s| DEG * s.phi_rad[i]));
-    let velocities = lines(["dx/dt", "dy/dt", "h dθ/dt"], |i| {
+    let shown = (cycle, CYCLES);
+    let joints = course(JOINTS, &["φ₁", "φ₂"], shown, |s, i| DEG * s.phi_rad[i]);
+    let rates = ["dx/dt", "dy/dt", "h dθ/dt"];
+    let velocities = course(("Middle link", "Velocity (mm/s)"), &rates, shown, |sample, i| {
         let factor = if i == 2 { problem.robot.h_m } else { 1.0 };
-        over_time(cycle, CYCLES, |sample| 1e3 * factor * sample.rates[i])
+        1e3 * factor * sample.rates[i]
     });
-    let mut forces =
-        lines(["λ₀", "λ₁", "λ₂"], |i| over_time(cycle, CYCLES, |s| s.forces.lateral_n[i]));
+    let (forces, lambdas) = (("Constraint forces", "Force (N)"), ["λ₀", "λ₁", "λ₂"]);
+    let mut forces = course(forces, &lambdas, shown, |s, i| s.forces.lateral_n[i]);
     let difference = over_time(cycle, CYCLES, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
     let crossings = crossings(&difference).into_iter().map(|time_s| (time_s, f64::NAN));
-    forces.push(Layer::new("φ₁ = φ₂", crossings, Look::Guides));
-    Figure::new(
-        "fig03",
-        format!("Simulated motion of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"),
-        "Without skid and roll resistance, as configured, in steady motion. Dashed uprights: \
-         φ₁ = φ₂, where the kinematic robot would be singular.",
-        &[SEMI_PASSIVE],
-        Layout::Stack,
-        vec![
-            time_course("Joint angles", "Angle (deg)", joints),
-            time_course("Middle link", "Velocity (mm/s)", velocities),
-            time_course("Constraint forces", "Force (N)", forces),
-        ],
-    )
+    forces.layers.push(Layer::new("φ₁ = φ₂", crossings, Look::Guides));
+    let texts =
+        texts("fig03", context! { campaign => SEMI_PASSIVE, omega => OMEGA_RAD_S.to_string() });
+    let panels = vec![joints, velocities, forces];
+    Figure::new("fig03", texts, &[SEMI_PASSIVE], Layout::Stack, panels)
 }
 
 /// Fig. 6: the kinematic robot that skids, or a sentence on why there is none.
@@ -88,34 +96,23 @@ pub fn skidding(config: &ReportInput) -> Result<Figure, String> {
         .ok_or_else(|| none(format!("campaign {SYMMETRIC} is not configured")))?;
     let Steady { metrics, cycle, .. } = simulated::steady(&problem)
         .map_err(|error| none(format!("there is no motion at {OMEGA_RAD_S} rad/s: {error}")))?;
-    let wheels = |of: fn(&Sample, usize) -> f64| {
-        lines(["wheel 0", "wheel 1", "wheel 2"], |i| over_time(&cycle, 1, |sample| of(sample, i)))
+    let (shown, wheels) = ((cycle.as_slice(), 1), ["wheel 0", "wheel 1", "wheel 2"]);
+    let (forces, skid) = (("Ground forces", "Force (N)"), ("Skid speeds", "Skid speed (mm/s)"));
+    let roll_n = cycle.iter().flat_map(|sample| sample.forces.roll_n);
+    let panels = vec![
+        course(JOINTS, &["φ₁", "φ₂"], shown, |sample, i| DEG * sample.phi_rad[i]),
+        course(forces, &wheels, shown, |sample, i| sample.forces.lateral_n[i]),
+        course(skid, &wheels, shown, |sample, i| 1e3 * sample.skid_m_s[i]),
+    ];
+    let most_n = roll_n.fold(0.0, |most: f64, force| most.max(force.abs()));
+    let values = context! {
+        campaign => SYMMETRIC,
+        model => SKIDDING.name(),
+        omega => OMEGA_RAD_S.to_string(),
+        v_mm_s => format!("{:.1}", 1e3 * metrics.v_m_s),
+        roll_n => format!("{most_n:.2}"),
     };
-    let joints =
-        lines(["φ₁", "φ₂"], |i| over_time(&cycle, 1, |sample| DEG * sample.phi_rad[i]));
-    let most_n = |of: fn(&Sample) -> [f64; 3]| {
-        cycle.iter().flat_map(of).fold(0.0, |most: f64, force| most.max(force.abs()))
-    };
-    let forces = wheels(|sample, i| sample.forces.lateral_n[i]);
-    let skid = wheels(|sample, i| 1e3 * sample.skid_m_s[i]);
-    Ok(Figure::new(
-        "fig06",
-        format!("Simulated motion of campaign {SYMMETRIC}, {SKIDDING}, {OMEGA_RAD_S} rad/s"),
-        format!(
-            "With the robot's configured coefficients, in steady motion; mean forward speed {:.1} \
-             mm/s. Wheels 0, 1, 2: middle, front, rear. The forces are those across the wheels; \
-             along them roll resistance stays below {:.2} N.",
-            1e3 * metrics.v_m_s,
-            most_n(|sample| sample.forces.roll_n),
-        ),
-        &[SYMMETRIC],
-        Layout::Stack,
-        vec![
-            time_course("Joint angles", "Angle (deg)", joints),
-            time_course("Ground forces", "Force (N)", forces),
-            time_course("Skid speeds", "Skid speed (mm/s)", skid),
-        ],
-    ))
+    Ok(Figure::new("fig06", texts("fig06", values), &[SYMMETRIC], Layout::Stack, panels))
 }
 
 /// Where a line crosses zero.
@@ -141,18 +138,14 @@ fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionErr
     let arrow = travel(&path);
     let start = links_at_start(links(&problem.robot, cycle[0].pose, cycle[0].phi_rad));
     let title = format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m);
-    Ok(Figure::new(
-        "fig04",
-        format!("Simulated gait and path of campaign {SEMI_PASSIVE}, no-skid, {OMEGA_RAD_S} rad/s"),
-        format!(
-            "As Fig. 3. From rest the motion comes within 1 % of the steady one after {cycles} \
-             cycles. The path is {PATH_CYCLES} cycles of the steady motion; thick: the robot's \
-             links at their start; arrow: direction of travel."
-        ),
-        &[SEMI_PASSIVE],
-        Layout::Pairs,
-        vec![gait, map(title, vec![steady(path), start, arrow])],
-    ))
+    let values = context! {
+        campaign => SEMI_PASSIVE,
+        omega => OMEGA_RAD_S.to_string(),
+        cycles => cycles,
+        path_cycles => PATH_CYCLES,
+    };
+    let panels = vec![gait, map(title, vec![steady(path), start, arrow])];
+    Ok(Figure::new("fig04", texts("fig04", values), &[SEMI_PASSIVE], Layout::Pairs, panels))
 }
 
 fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
@@ -165,11 +158,9 @@ fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
     };
     let points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
     let panel = |quantity: Quantity| {
-        let Description { title, axis_label, unit, .. } = quantity.description();
-        let points: Vec<(f64, f64)> = points
-            .iter()
-            .map(|(omega_rad_s, metrics)| (*omega_rad_s, quantity.of(metrics)))
-            .collect();
+        let Quantity { title, axis_label, unit, of, .. } = quantity;
+        let points: Vec<(f64, f64)> =
+            points.iter().map(|(omega_rad_s, metrics)| (*omega_rad_s, of(metrics))).collect();
         let largest = largest(&points);
         let said = largest.map(|(x, y)| format!(", largest {y:.1}{unit} at {x:.2} rad/s"));
         let layers = vec![
@@ -178,15 +169,9 @@ fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
         ];
         Panel::new(title.to_owned() + &said.unwrap_or_default(), FREQUENCY, axis_label, layers)
     };
-    Figure::new(
-        "fig05",
-        format!("Simulated displacement and speed of campaign {SEMI_PASSIVE}, no-skid"),
-        "The steady motion that the robot reaches from rest, without skid and roll resistance, as \
-         configured. Open circles: the largest values between the ends.",
-        &[SEMI_PASSIVE],
-        Layout::Stack,
-        [Quantity::Displacement, Quantity::Speed].map(panel).into(),
-    )
+    let texts = texts("fig05", context! { campaign => SEMI_PASSIVE });
+    let panels = [DISPLACEMENT, SPEED].map(panel).into();
+    Figure::new("fig05", texts, &[SEMI_PASSIVE], Layout::Stack, panels)
 }
 
 /// The largest value of a line that has values on both sides of it, by a parabola through the

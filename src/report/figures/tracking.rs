@@ -1,6 +1,9 @@
 //! Figs. 9, 11, 12 and 14: one trial as it was tracked, and what models make of its gait.
 
+use minijinja::context;
+
 use super::common::{self, DEG, links, links_at_start, map, shape, time_course, travel};
+use super::texts::texts;
 use super::{SEMI_PASSIVE, SKEWED, SYMMETRIC};
 use crate::motion::{Model, Problem};
 use crate::report::ReportInput;
@@ -17,13 +20,6 @@ const CYCLES: usize = 4;
 /// How much harder skidding is where the measured ellipse meets a singularity: without skid
 /// there would be no motion.
 const STIFF: f64 = 100.0;
-
-/// A model that is drawn over the recording.
-struct Overlay {
-    name: &'static str,
-    problem: Problem,
-    look: Look,
-}
 
 /// The figure of a trial of one of the paper's campaigns; `None` without a used cycle. Adds
 /// sentences on models that have no motion.
@@ -64,7 +60,7 @@ pub fn figure(
     // What is wholly commanded is shown as such.
     let is_whole = commanded_gait.passive_joint().is_none();
     gait.extend(is_whole.then(|| commanded(&commanded_gait)));
-    for Overlay { name, problem, look } in overlays(trial, config) {
+    for (name, problem, look) in overlays(trial, config) {
         let is_commanded = is_whole && problem.gait == commanded_gait;
         let cycle = match simulated::steady(&problem) {
             Ok(steady) => steady.cycle,
@@ -85,56 +81,34 @@ pub fn figure(
     }
     let d = with_error(1e3 * trial.metrics.d_m, 1e3 * trial.metrics_se.d_m);
     let TrialRow { trial, campaign, omega_rad_s, .. } = trial;
-    Some(Figure::new(
-        stem,
-        format!("Measured and simulated motion of campaign {campaign}, {omega_rad_s:.1} rad/s"),
-        format!(
-            "{cycles} cycles of trial {trial}. The simulated motions are steady and start where \
-             the measured one does. The map is turned so that the measured path goes along x. \
-             Thick: the robot's links at the start; arrow: direction of travel; d: mean over the \
-             trial's used cycles with its standard error."
-        ),
-        &[campaign],
-        Layout::Pairs,
-        vec![
-            common::gait("Gait", gait),
-            time_course("Heading θ", "θ (deg)", heading),
-            map(format!("Path of the middle link, d = {d} mm"), path),
-        ],
-    ))
+    let omega = format!("{omega_rad_s:.1}");
+    let panels = vec![
+        common::gait("Gait", gait),
+        time_course("Heading θ", "θ (deg)", heading),
+        map(format!("Path of the middle link, d = {d} mm"), path),
+    ];
+    let texts = texts("tracking", context! { campaign, omega, cycles, trial });
+    Some(Figure::new(stem, texts, &[campaign], Layout::Pairs, panels))
 }
 
 /// Fig. 12: how the wheels rolled and skidded; `None` without a used cycle.
 pub fn wheels(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Figure> {
     let Shown { start_s, cycles, frames, .. } = recording.shown(trial.omega_rad_s, CYCLES)?;
-    let panel = |title: String, y_label: &str, values: &[f64]| {
+    let panel = |kind: &str, wheel: &str, values: &[f64]| {
         let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
-        time_course(&title, y_label, vec![Layer::new("measured", points, looks::RECORDED)])
+        let (title, y_label) = (format!("{kind} velocity of {wheel}"), format!("{kind} (mm/s)"));
+        time_course(&title, &y_label, vec![Layer::new("measured", points, looks::RECORDED)])
     };
-    let panels = ["wheel 0 (middle)", "wheel 1 (front)", "wheel 2 (rear)"]
-        .iter()
-        .enumerate()
-        .flat_map(|(i, wheel)| {
-            let [roll_m_s, skid_m_s] = [&recording.roll_m_s[i], &recording.skid_m_s[i]];
-            [
-                panel(format!("Roll velocity of {wheel}"), "Roll (mm/s)", roll_m_s),
-                panel(format!("Skid velocity of {wheel}"), "Skid (mm/s)", skid_m_s),
-            ]
-        });
+    let wheels = ["wheel 0 (middle)", "wheel 1 (front)", "wheel 2 (rear)"].into_iter();
+    let panels = wheels.zip(recording.roll_m_s.iter().zip(&recording.skid_m_s)).flat_map(
+        |(wheel, (roll_m_s, skid_m_s))| {
+            [panel("Roll", wheel, roll_m_s), panel("Skid", wheel, skid_m_s)]
+        },
+    );
     let TrialRow { trial, campaign, omega_rad_s, smoothing_window, .. } = trial;
-    Some(Figure::new(
-        stem,
-        format!(
-            "Roll and skid velocities of the wheels, campaign {campaign}, {omega_rad_s:.1} rad/s"
-        ),
-        format!(
-            "{cycles} cycles of trial {trial}, smoothed by a moving average over \
-             {smoothing_window} samples."
-        ),
-        &[campaign],
-        Layout::Pairs,
-        panels.collect(),
-    ))
+    let omega = format!("{omega_rad_s:.1}");
+    let values = context! { campaign, omega, cycles, trial, smoothing_window => *smoothing_window };
+    Some(Figure::new(stem, texts("wheels", values), &[campaign], Layout::Pairs, panels.collect()))
 }
 
 /// The loop that both joints were commanded.
@@ -148,34 +122,28 @@ fn commanded(gait: &Gait) -> Layer {
 }
 
 /// What the paper draws over its campaigns' trials.
-fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<Overlay> {
+fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<(&'static str, Problem, Look)> {
     use Model::{NoSkid, NoSkidMeasured, NoSkidRoll, SkidRoll};
-    type Change = fn(&mut Problem, &TrialRow);
-    const AS_CONFIGURED: Change = |_, _| ();
-    /// The ellipse that fits the measured gait best.
-    const MEASURED: Change = |problem, trial| {
+    let configured =
+        |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
+    // With the ellipse that fits the measured gait best.
+    let measured = |model| {
+        let mut problem = configured(model)?;
         problem.gait.joints = trial.gait.map(|joint| Some(joint.command()));
+        Some(problem)
     };
-    const STIFF_MEASURED: Change = |problem, trial| {
-        MEASURED(problem, trial);
+    let stiff = |mut problem: Problem| {
         problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
+        problem
     };
-    let overlay = |name, model, shown_as, change: Change| {
-        let mut problem = simulated::configured(config, &trial.campaign, model, trial.omega_rad_s)?;
-        change(&mut problem, trial);
-        Some(Overlay { name, problem, look: looks::model_line(shown_as) })
-    };
-    let no_skid = overlay("no-skid", NoSkid, NoSkid, AS_CONFIGURED);
+    let stiff_name = "skid-roll, measured ellipse, 100 times the skid coefficients";
     let other = match trial.campaign.as_str() {
-        SKEWED => overlay("no-skid, measured ellipse", NoSkid, NoSkidMeasured, MEASURED),
-        SYMMETRIC => overlay(
-            "skid-roll, measured ellipse, 100 times the skid coefficients",
-            SkidRoll,
-            SkidRoll,
-            STIFF_MEASURED,
-        ),
-        SEMI_PASSIVE => overlay("no-skid-roll", NoSkidRoll, NoSkidRoll, AS_CONFIGURED),
+        SKEWED => ("no-skid, measured ellipse", NoSkidMeasured, measured(NoSkid)),
+        SYMMETRIC => (stiff_name, SkidRoll, measured(SkidRoll).map(stiff)),
+        SEMI_PASSIVE => ("no-skid-roll", NoSkidRoll, configured(NoSkidRoll)),
         _ => return Vec::new(),
     };
-    no_skid.into_iter().chain(other).collect()
+    let all = [("no-skid", NoSkid, configured(NoSkid)), other].into_iter();
+    all.filter_map(|(name, model, problem)| Some((name, problem?, looks::model_line(model))))
+        .collect()
 }

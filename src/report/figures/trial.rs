@@ -1,12 +1,16 @@
 //! What the page of a trial shows: its path, and what its links and wheels did all the time.
 
+use minijinja::context;
+use minijinja::value::Value;
+
 use super::common::{DEG, dense, lines, links, links_at_start, map, time_course, travel};
+use super::texts::texts;
 use crate::motion::Pose;
 use crate::report::ReportInput;
-use crate::report::drawing::{Figure, Layer, Layout, Look, style};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, envelope};
 use crate::report::looks;
 use crate::report::recording::Recording;
-use crate::store::TrialRow;
+use crate::store::{CycleRow, TrialRow};
 use crate::trial::TrialKind;
 
 const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
@@ -23,55 +27,32 @@ pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) ->
         let values = values.iter().map(|value| factor * value);
         recording.time_s.iter().copied().zip(values).collect()
     };
-    let angles = dense(["φ₁", "φ₂"], |i| over_time(&recording.phi_rad[i], DEG));
-    let roll = dense(WHEELS, |i| over_time(&recording.roll_m_s[i], 1e3));
-    let skid = dense(WHEELS, |i| over_time(&recording.skid_m_s[i], 1e3));
-    let residuals = lines(["link 0", "link 1", "link 2"], |link| {
-        greatest(&over_time(&recording.residual_mm[link], 1.0))
+    let angles = dense(&["φ₁", "φ₂"], |i| over_time(&recording.phi_rad[i], DEG));
+    let roll = dense(&WHEELS, |i| over_time(&recording.roll_m_s[i], 1e3));
+    let skid = dense(&WHEELS, |i| over_time(&recording.skid_m_s[i], 1e3));
+    let residuals = lines(&["link 0", "link 1", "link 2"], |link| {
+        let ends = envelope(&over_time(&recording.residual_mm[link], 1.0), PARTS);
+        ends.into_iter().map(|[a, b]| if b.1 >= a.1 { b } else { a }).collect()
     });
-    let motion = Figure::new(
+    let figure = |stem: &str, values: Value, panels: Vec<Panel>| {
+        Figure::new(stem, texts(stem, values), &[], Layout::Stack, panels)
+    };
+    let smoothing_window = trial.smoothing_window;
+    let motion = figure(
         "motion",
-        "Joints and wheels",
-        format!(
-            "Smoothed by a moving average over {} samples.{}",
-            trial.smoothing_window,
-            if unused.is_empty() { "" } else { " Shaded: outside of the cycles in use." }
-        ),
-        &[],
-        Layout::Stack,
+        context! { smoothing_window, unused => !unused.is_empty() },
         vec![
             panel("Joint angles", "Angle (deg)", angles),
             panel("Roll velocities", "Roll (mm/s)", roll),
             panel("Skid velocities", "Skid (mm/s)", skid),
         ],
     );
-    let reconstruction = Figure::new(
-        "reconstruction",
-        "Residuals and gaps",
-        format!(
-            "Residual of the markers against their link, the greatest in each {PARTS}th of the \
-             trial. Gaps: frames of a link that come from its other markers, from interpolation, \
-             or are missing."
-        ),
-        &[],
-        Layout::Stack,
-        vec![
-            panel("Residuals", "Residual (mm)", residuals),
-            time_course("Gaps", "Link", gaps(recording)),
-        ],
-    );
+    let residuals = panel("Residuals", "Residual (mm)", residuals);
+    let gaps = time_course("Gaps", "Link", gaps(recording));
+    let reconstruction =
+        figure("reconstruction", context! { parts => PARTS }, vec![residuals, gaps]);
     let all = [path(trial, recording, config), motion, reconstruction];
     all.into_iter().filter(|figure| !figure.is_empty()).collect()
-}
-
-/// The greatest value in each of [`PARTS`] parts of a line.
-fn greatest(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let parts = points.chunks(points.len().div_ceil(PARTS).max(1));
-    let of_part = |part: &[(f64, f64)]| {
-        let seen = part.iter().filter(|(_, y)| y.is_finite());
-        seen.max_by(|a, b| a.1.total_cmp(&b.1)).copied().unwrap_or((f64::NAN, f64::NAN))
-    };
-    parts.map(of_part).collect()
 }
 
 fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure {
@@ -91,34 +72,26 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
         layers.push(travel(&seen));
     }
     layers.push(Layer::new("measured", all, looks::RECORDED));
-    let caption = match trial.kind {
-        TrialKind::Gait => "Thick: the robot's links at the start; arrow: direction of travel.",
-        _ => "",
-    };
+    let texts = texts("path", context! { gait => trial.kind == TrialKind::Gait });
     let panels = vec![map("Path of the middle link", layers)];
-    Figure::new("path", "Path", caption, &[], Layout::Stack, panels)
+    Figure::new("path", texts, &[], Layout::Stack, panels)
 }
 
 /// Time outside of the cycles in use; nothing for trials without cycles.
 fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
     let period_s = std::f64::consts::TAU / trial.omega_rad_s;
-    let used = recording.cycles.iter().filter(|cycle| cycle.used);
-    let spans: Vec<(f64, f64)> =
-        used.map(|cycle| (cycle.start_s, cycle.start_s + period_s)).collect();
-    let Some((_, mut end_s)) = spans.first().copied() else { return Vec::new() };
     let band = |from_s, to_s| {
-        Layer::new("not in use", [(from_s, f64::NAN), (to_s, f64::NAN)], Look::Band(style::BAND))
+        Layer::new("not in use", [(from_s, f64::NAN), (to_s, f64::NAN)], Look::Band(looks::BAND))
     };
-    let mut bands = vec![band(f64::NAN, spans[0].0)];
-    for (from_s, to_s) in &spans[1..] {
+    let (mut bands, mut end_s) = (Vec::new(), f64::NAN);
+    for CycleRow { start_s, .. } in recording.cycles.iter().filter(|cycle| cycle.used) {
         // Cycles that follow one another meet but for rounding.
-        if *from_s > end_s + 1e-3 * period_s {
-            bands.push(band(end_s, *from_s));
-        }
-        end_s = *to_s;
+        let follows = *start_s <= end_s + 1e-3 * period_s;
+        bands.extend((!follows).then(|| band(end_s, *start_s)));
+        end_s = start_s + period_s;
     }
-    let last_s = recording.time_s.last().copied().unwrap_or(end_s);
-    bands.extend((last_s > end_s).then(|| band(end_s, f64::NAN)));
+    let is_longer = recording.time_s.last().is_some_and(|last_s| *last_s > end_s);
+    bands.extend(is_longer.then(|| band(end_s, f64::NAN)));
     bands
 }
 
@@ -132,7 +105,7 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
     // With room for a unit of height.
     let bar = |from_s, to_s, link| [(from_s, link, 0.5), (to_s, link, 0.5)];
     let recorded = [0.0, 1.0, 2.0].into_iter().flat_map(|link| bar(*first_s, *last_s, link));
-    let mut layers = vec![Layer::with_errors("", recorded, Look::Spans(style::BAND))];
+    let mut layers = vec![Layer::with_errors("", recorded, Look::Spans(looks::BAND))];
     for (nth, (fill, name)) in KINDS.into_iter().enumerate() {
         let mut bars = Vec::new();
         for (fills, link) in recording.fill.iter().zip([0.0, 1.0, 2.0]) {
@@ -151,7 +124,7 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Columns as _, CycleRow};
+    use crate::store::Columns as _;
 
     #[test]
     fn time_outside_of_the_used_cycles_is_shaded() {

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use minijinja::context;
 use rayon::prelude::*;
 
 use super::common::FREQUENCY;
+use super::texts::texts;
 use crate::motion::{Model, Solver};
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Panel};
@@ -30,19 +32,10 @@ pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
         });
         Panel::new(*campaign, FREQUENCY, "Work per metre (J/m)", layers.collect())
     };
-    let panels: Vec<Panel> =
-        campaigns.iter().map(panel).filter(|panel| !panel.is_empty()).collect();
-    let names: Vec<String> = panels.iter().map(|panel| panel.title.clone()).collect();
-    Figure::new(
-        stem,
-        "Actuators' work per metre of travel",
-        "Work of the actuators over a cycle of the steady motion per metre of d, by the fitted \
-         models under the commanded gait. Where nothing resists, the actuators give nothing over a \
-         cycle; friction of the joints' gears is not in any model.",
-        &names.iter().map(String::as_str).collect::<Vec<_>>(),
-        Layout::Stack,
-        panels,
-    )
+    let panels = campaigns.iter().map(|campaign| (*campaign, panel(campaign)));
+    let (campaigns, panels): (Vec<&str>, Vec<Panel>) =
+        panels.filter(|(_, panel)| !panel.is_empty()).unzip();
+    Figure::new(stem, texts("work", context! {}), &campaigns, Layout::Stack, panels)
 }
 
 /// Frequency and work of a fitted model, broken where it has no stable motion.

@@ -2,94 +2,75 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use minijinja::context;
+use minijinja::value::{Serde, Value};
 
-use super::{Drawn, Image, images};
-use crate::motion::{FromRest, Model, MotionStatus};
-use crate::report::ReportInput;
-use crate::report::figures;
+use super::{Drawn, images};
+use crate::motion::{FromRest, MotionStatus};
+use crate::report::drawing::Figure;
 use crate::report::parameters::FittedParameter;
 use crate::report::tables::Tables;
+use crate::report::{ReportInput, figures};
 use crate::robot::Parameter;
-use crate::store::{ComparisonRow, FitRow, PredictionSource};
-
-#[derive(Serialize)]
-pub struct CampaignSection<'p> {
-    name: &'p str,
-    robot: Option<&'p str>,
-    gait: Option<&'p str>,
-    trials: usize,
-    figures: Vec<&'p Image>,
-    fits: Vec<FitView<'p>>,
-    /// With the other gait than the configured one.
-    alternatives: Vec<FitView<'p>>,
-    /// Whether a model of it has a passive joint.
-    passive: bool,
-    /// Its first sentence says which model the measurements prefer.
-    comparison: Vec<&'p ComparisonRow>,
-    notes: Vec<String>,
-}
-
-#[derive(Serialize)]
-struct FitView<'p> {
-    fit: &'p FitRow,
-    /// All but the sum of the roll coefficients.
-    parameters: Vec<FittedParameter>,
-}
+use crate::store::{FitRow, PredictionSource};
 
 /// Sections in the paper's order, then by name; without those that have nothing to say.
-pub fn sections<'p>(
-    input: &'p ReportInput,
-    tables: &'p Tables,
-    drawn: &'p [Drawn<'_>],
-) -> Vec<CampaignSection<'p>> {
+pub fn sections(input: &ReportInput, tables: &Tables, drawn: &[Drawn<'_>]) -> Vec<Value> {
     let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
-    let section = |name: &'p str| {
-        let views = |fits: &'p [FitRow]| -> Vec<FitView<'p>> {
+    let section = |name: &str| {
+        let fits = |fits: &[FitRow]| -> Vec<Value> {
             let fits = fits.iter().filter(|fit| fit.campaign == name);
-            fits.map(|fit| FitView { fit, parameters: parameters(fit) }).collect()
+            fits.map(|fit| context! { fit => Serde(fit), parameters => Serde(parameters(fit)) })
+                .collect()
         };
-        let fits = views(&tables.fits);
-        let setup = input.campaign.get(name);
+        let has_damping = |fit: &FitRow| fit.parameters[Parameter::Damping].is_finite();
+        let setup = input.campaigns().get(name);
         let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
-        CampaignSection {
-            name,
-            robot: setup.map(|campaign| campaign.robot.as_str()),
-            gait: setup.map(|campaign| campaign.gait.as_str()),
-            trials: tables.trials.iter().filter(|row| row.campaign == name).count(),
-            figures: images(drawn, |figure| {
-                figure.campaigns == [name] && figure.stem != figures::TRUTH
-            }),
-            passive: fits.iter().any(|view| view.fit.parameters[Parameter::Damping].is_finite()),
-            comparison: comparison.collect(),
-            notes: remarks(tables, name),
-            alternatives: views(&tables.alternative_fits),
-            fits,
-        }
+        let trials = tables.trials.iter().filter(|row| row.campaign == name).count();
+        let own = |figure: &Figure| figure.campaigns == [name] && figure.stem != figures::TRUTH;
+        let (own_figures, own_fits) = (images(drawn, own), fits(&tables.fits));
+        (trials > 0 || !own_fits.is_empty() || !own_figures.is_empty()).then(|| {
+            context! {
+                name => name,
+                robot => setup.map(|campaign| &campaign.robot),
+                gait => setup.map(|campaign| &campaign.gait),
+                trials => trials,
+                figures => own_figures,
+                // Whether a model of it has a passive joint.
+                passive => tables.fits.iter().any(|fit| fit.campaign == name && has_damping(fit)),
+                fits => own_fits,
+                // With the other gait than the configured one.
+                alternatives => fits(&tables.alternative_fits),
+                // Its first sentence says which model the measurements prefer.
+                comparison => Serde(comparison.collect::<Vec<_>>()),
+                notes => remarks(tables, name),
+            }
+        })
     };
-    let sections = names.into_iter().map(section);
-    sections.filter(|s| s.trials > 0 || !s.fits.is_empty() || !s.figures.is_empty()).collect()
+    names.into_iter().filter_map(section).collect()
 }
 
+/// All but the sum of the roll coefficients.
 fn parameters(fit: &FitRow) -> Vec<FittedParameter> {
     let shown = Parameter::ALL.into_iter().filter(|parameter| *parameter != Parameter::RollSum);
     shown.map(|parameter| FittedParameter::of(fit, parameter)).collect()
 }
 
+/// How often each key stands there.
+fn counted<K: Ord>(keys: impl Iterator<Item = K>) -> BTreeMap<K, usize> {
+    let mut counts = BTreeMap::new();
+    keys.for_each(|key| *counts.entry(key).or_default() += 1);
+    counts
+}
+
 /// What is to be said of a campaign's predictions: those that the figures leave out, and those
 /// that the robot does not get into from rest.
 fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
-    let mut of_source: BTreeMap<(Model, PredictionSource), usize> = BTreeMap::new();
-    let mut of_status: BTreeMap<(Model, PredictionSource, MotionStatus), usize> = BTreeMap::new();
-    let mut from_rest: BTreeMap<(Model, FromRest), usize> = BTreeMap::new();
-    for row in tables.predictions.iter().filter(|row| row.campaign == campaign) {
-        *of_source.entry((row.model, row.source)).or_default() += 1;
-        *of_status.entry((row.model, row.source, row.status)).or_default() += 1;
-        if let Some(reached) = row.from_rest {
-            *from_rest.entry((row.model, reached)).or_default() += 1;
-        }
-    }
+    let rows = || tables.predictions.iter().filter(|row| row.campaign == campaign);
+    let of_source = counted(rows().map(|row| (row.model, row.source)));
+    let of_status = counted(rows().map(|row| (row.model, row.source, row.status)));
+    let from_rest = counted(rows().filter_map(|row| Some((row.model, row.from_rest?))));
     let not_drawn = of_status.iter().filter(|((.., status), _)| *status != MotionStatus::Stable);
     let not_drawn = not_drawn.map(|((model, source, status), count)| {
         let total = of_source[&(*model, *source)];

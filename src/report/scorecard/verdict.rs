@@ -4,17 +4,18 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize, Serializer};
 
+use crate::named::named;
+
 /// Relative tolerance of [`Criterion::Equals`].
 const EQUAL: f64 = 1e-9;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub enum Verdict {
-    #[serde(rename = "reproduced")]
-    Reproduced,
-    #[serde(rename = "differs")]
-    Differs,
-    #[serde(rename = "not testable here")]
-    NotTestable,
+named! {
+    /// What becomes of a claim.
+    pub enum Verdict {
+        Reproduced = "reproduced",
+        Differs = "differs",
+        NotTestable = "not testable here",
+    }
 }
 
 /// A number, and what is to be said of it.
