@@ -23,6 +23,7 @@ pub(super) fn run(context: &Context, folder: &Path, trial: &str) -> Result<Outco
         "l_configured_m": l_configured_mm / 1e3,
         "l_mm": [front.value, front.se, rear.value, rear.se],
         "direction_se_deg": found.direction_se_deg,
+        "skid_deg": found.skid_deg,
         "is_grouped": found.is_grouped,
         "left_out": found.left_out,
         "links": found.links.each_ref().map(lines),

@@ -84,7 +84,7 @@ pub enum Problem {
     )]
     LittleTurn { joint: usize, found_deg: f64, needed_deg: f64 },
     #[error(
-        "found a gait about links that are bent by {found_deg:.1} degrees, needed at most {needed_deg}: on the arc that it drives the wheels skid to one side, which turns the side links; take a trial of a gait about straight links"
+        "found a gait about links that are bent by {found_deg:.1} degrees, needed at most {needed_deg}: with the middle link aslant of the others all wheels skid to one side, which turns the side links; take a trial of a gait about straight links"
     )]
     BentGait { found_deg: f64, needed_deg: f64 },
     #[error(

@@ -36,9 +36,11 @@ pub(super) struct LayoutEstimate {
     pub joint_residual_mm: [f64; 2],
     /// Of the side links in their bodies' frames, with the axle at the robot's l.
     pub direction_rad: [f64; 2],
-    /// Mean angle of the arc on which the links lie, as far as these directions show it: half the
-    /// difference of the joints' mean angles.
-    pub bent_rad: f64,
+    /// From the middle link's direction to the one in which its wheel moves: it skids to one side
+    /// where it is aslant of the others.
+    pub aslant_rad: f64,
+    /// By how much the side wheels then skid to the other side, which is added to their directions.
+    pub skid_rad: f64,
 }
 
 impl LayoutEstimate {
@@ -57,19 +59,28 @@ impl LayoutEstimate {
         let (ahead, behind) = (front.in_middle, rear.in_middle);
         let (dx, dy) = (ahead[0] - behind[0], ahead[1] - behind[1]);
         let (middle, middle_rad) = ([0, 1].map(|i| 0.5 * (ahead[i] + behind[i])), dy.atan2(dx));
-        let (mut l_mm, mut direction_rad, mut bent_rad) = ([0.0; 2], [0.0; 2], 0.0);
+        let rolling = |body: &Body, point_mm: [f64; 2]| {
+            let mut velocities = rolling::velocities(body, point_mm, &file.frames, rate_hz);
+            velocities.retain(|velocity| is_used(velocity.row));
+            velocities
+        };
+        let moves_rad = rolling::direction(&rolling(&bodies[0], middle), 0.0, middle_rad)?;
+        let aslant_rad = wrap(moves_rad - middle_rad);
+        // Over a cycle the forces to the side are in balance.
+        let [c0, c1, c2] = robot.skid_kg_s;
+        let part = c0 / (c0 + c1 + c2);
+        let skid_rad = if part < 1.0 { aslant_rad * part / (1.0 - part) } else { aslant_rad };
+        let (mut l_mm, mut direction_rad) = ([0.0; 2], [0.0; 2]);
         for (side, joint, sign) in [(0, front, 1.0), (1, rear, -1.0)] {
             let outer = &bodies[1 + side];
-            let mut velocities = rolling::velocities(outer, joint.in_outer, &file.frames, rate_hz);
-            velocities.retain(|velocity| is_used(velocity.row));
+            let velocities = rolling(outer, joint.in_outer);
             let turns = bodies[0].turns_to(outer).filter(|(row, _)| is_used(*row));
             let (sin, cos) = turns
                 .fold((0.0, 0.0), |(sin, cos), (_, turn)| (sin + turn.sin(), cos + turn.cos()));
             let guess = f64::atan2(sin, cos) + middle_rad;
             let lever_mm = sign * 1e3 * robot.l_m;
             let direction = rolling::direction(&velocities, lever_mm, guess)?;
-            direction_rad[side] = direction;
-            bent_rad += 0.5 * wrap(guess - direction);
+            direction_rad[side] = wrap(direction + skid_rad);
             l_mm[side] = sign * rolling::lever_mm(&velocities, direction, lever_mm)?;
         }
         let axes = [
@@ -87,6 +98,14 @@ impl LayoutEstimate {
             bodies[link].markers.iter().map(of).collect()
         });
         let (h_mm, joint_residual_mm) = (0.5 * dx.hypot(dy), [front_mm, rear_mm]);
-        Some(Self { positions_mm, h_mm, l_mm, joint_residual_mm, direction_rad, bent_rad })
+        Some(Self {
+            positions_mm,
+            h_mm,
+            l_mm,
+            joint_residual_mm,
+            direction_rad,
+            aslant_rad,
+            skid_rad,
+        })
     }
 }

@@ -6,13 +6,13 @@
 //! - the joints, which are points at rest in both their links (`estimate`). Those of the middle
 //!   link give its origin, half way between them, its direction and h;
 //! - of a side link its joint only. In which direction its axle is from there is where its wheel
-//!   rolls to (`rolling`): as good as the wheel does not skid to one side on average. How far
-//!   away it is does not show well in a wheel that skids, so l is taken from the robot and
-//!   what the wheel gives is only shown.
+//!   rolls to (`rolling`), but for what it skids to one side on average: as much as balances the
+//!   middle wheel, of which it is seen. How far away it is does not show well in a wheel that skids,
+//!   so l is taken from the robot and what the wheel gives is only shown.
 //!
-//! The heights are means. Standard errors are those of a jackknife over parts of the trial, so
-//! they account for noise and for what changes from part to part, not for what the wheels do
-//! alike in every cycle.
+//! The heights are means. Standard errors are those of a jackknife over parts of whole cycles: what
+//! joints do in a part of a cycle only is no mean. What a wrong ratio of the configured skid
+//! coefficients would do to the balance is added.
 
 mod estimate;
 mod links;
@@ -21,6 +21,7 @@ mod shape;
 #[cfg(test)]
 mod tests;
 
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use super::error::{Problem, TrialFailure};
@@ -35,19 +36,17 @@ use crate::vicon::{self, MarkerFile};
 use estimate::LayoutEstimate;
 use shape::Body;
 
-/// Parts of the trial whose differences give the standard errors.
+/// Parts of the trial whose differences give the standard errors, at most and at least.
 const PARTS: usize = 10;
+const LEAST_PARTS: usize = 5;
 /// How far a joint must turn, from its 5th to its 95th percentile, degrees.
 const LEAST_TURN_DEG: f64 = 20.0;
-/// How bent the links may be on average, half the difference of the joints' mean angles, degrees.
-/// A robot that drives an arc skids to one side: the directions are off by half of that angle and
-/// show the other half of it.
+/// How far the middle link may be aslant of the others on average, half the difference of the joints'
+/// mean angles, degrees: half of that the side wheels skid.
 const MOST_BENT_DEG: f64 = 3.0;
-/// Error of the directions, over what they show of the arc's angle.
-const ARC_ERROR: f64 = 1.2;
-/// The same over what the parts of the trial differ by: what they have in common they do not show.
-/// Where they differ by 0.1 degrees, directions are off by 0.14 to 0.36.
-const COMMON_ERROR: f64 = 2.0;
+/// Relative error of that half: where the configured skid coefficients say 1, the paper's fits have
+/// ratios of the middle one to both others of 0.4 to 1.55.
+const RATIO_ERROR: f64 = 0.4;
 /// Frames in which two links must be seen.
 const LEAST_ROWS: usize = 100;
 
@@ -93,9 +92,11 @@ pub struct Calibration {
     pub l_configured_mm: f64,
     /// RMS distance of the two positions of each joint, mm.
     pub joint_residual_mm: [f64; 2],
-    /// Standard errors of the side links' directions, degrees, with what wheels add that skid to
-    /// one side on average.
+    /// Standard errors of the side links' directions, degrees.
     pub direction_se_deg: [f64; 2],
+    /// By how much their wheels skid to one side, by the configured skid coefficients, degrees; the
+    /// directions are without it.
+    pub skid_deg: f64,
     /// Frames that were used.
     pub frames: usize,
 }
@@ -127,6 +128,32 @@ pub fn calibrate(
         .and_then(|rate_hz| of_file(&file, markers, &robot, gait.as_ref(), rate_hz))
         .map_err(|problem| problem.of(&path))?;
     Ok(Calibration { trial: trial.id.clone(), ..calibration })
+}
+
+/// Equal parts of a trial, of whole cycles if it has a gait and enough of them.
+struct Parts {
+    count: usize,
+    frames: f64,
+}
+
+impl Parts {
+    fn of(file: &MarkerFile, cycle_frames: Option<f64>) -> Self {
+        let all = file.frames.last().map_or(0, |last| last - file.frames[0] + 1) as f64;
+        let cycles = cycle_frames.map_or(0, |frames| (all / frames) as usize);
+        match cycle_frames.filter(|_| cycles >= LEAST_PARTS) {
+            Some(frames) => {
+                let cycles_a_part = cycles.div_ceil(PARTS);
+                Self { count: cycles / cycles_a_part, frames: frames * cycles_a_part as f64 }
+            }
+            None => Self { count: PARTS, frames: all / PARTS as f64 },
+        }
+    }
+
+    /// `None` after the last whole part.
+    fn of_row(&self, file: &MarkerFile, row: usize) -> Option<usize> {
+        let part = ((file.frames[row] - file.frames[0]) as f64 / self.frames) as usize;
+        (part < self.count).then_some(part)
+    }
 }
 
 /// [`calibrate`] of markers at hand.
@@ -167,40 +194,48 @@ fn of_file(
     for side in 0..2 {
         check_turn(side, &bodies[0], &bodies[1 + side])?;
     }
-    let rows = file.frames.len();
+    let parts = Parts::of(file, gait.map(|(_, omega_rad_s)| TAU / omega_rad_s * rate_hz));
     let estimate = |left_out: usize| {
-        let part = |row: usize| row * PARTS / rows;
-        LayoutEstimate::of(file, &bodies, robot, rate_hz, &|row| part(row) != left_out)
+        let is_used = |row: usize| parts.of_row(file, row).is_some_and(|part| part != left_out);
+        LayoutEstimate::of(file, &bodies, robot, rate_hz, &is_used)
     };
-    let whole = estimate(PARTS).ok_or(Problem::NoLayout)?;
+    let whole = estimate(parts.count).ok_or(Problem::NoLayout)?;
     let partial: Vec<LayoutEstimate> =
-        (0..PARTS).map(estimate).collect::<Option<_>>().ok_or(Problem::NoLayout)?;
+        (0..parts.count).map(estimate).collect::<Option<_>>().ok_or(Problem::NoLayout)?;
     let commanded_rad = gait.map_or(0.0, |(gait, _)| {
         let [first, second] = gait.joints.map(|joint| joint.map_or(0.0, |joint| joint.offset_rad));
         0.5 * (first - second)
     });
-    let bent_deg = [commanded_rad, 2.0 * whole.bent_rad].map(|bent| bent.abs().to_degrees());
+    let bent_deg =
+        [commanded_rad, whole.aslant_rad + whole.skid_rad].map(|bent| bent.abs().to_degrees());
     if let Some(found_deg) = bent_deg.into_iter().find(|deg| *deg > MOST_BENT_DEG) {
         return Err(Problem::BentGait { found_deg, needed_deg: MOST_BENT_DEG });
     }
     let measured = |value: &dyn Fn(&LayoutEstimate) -> f64| {
         let all = value(&whole);
         let squares: f64 = partial.iter().map(|part| (value(part) - all).powi(2)).sum();
-        let se = ((PARTS - 1) as f64 / PARTS as f64 * squares).sqrt();
+        let count = parts.count as f64;
+        let se = ((count - 1.0) / count * squares).sqrt();
         Estimate { value: all, se }
     };
+    let turned_rad = RATIO_ERROR * whole.skid_rad.abs();
     let links = [0, 1, 2].map(|link| {
         let configured = markers.links()[link];
         let position = |(i, marker): (usize, &LinkMarker)| {
-            let whole = file.labels[marker.column].as_str();
-            let name = marker_name(whole);
+            let label = file.labels[marker.column].as_str();
+            let name = marker_name(label);
             let is_only =
                 file.labels.iter().filter(|other| marker_name(other) == name).count() == 1;
             MarkerPosition {
-                label: if is_only { name } else { whole }.to_owned(),
-                position_mm: [0, 1, 2]
-                    .map(|axis| measured(&|part| part.positions_mm[link][i][axis])),
-                configured_mm: configured.get(whole).or(configured.get(name)).copied(),
+                label: if is_only { name } else { label }.to_owned(),
+                position_mm: [0, 1, 2].map(|axis| {
+                    let found = measured(&|part| part.positions_mm[link][i][axis]);
+                    let [x, y, _] = whole.positions_mm[link][i];
+                    let joint_mm = [0.0, -1e3 * robot.l_m, 1e3 * robot.l_m][link];
+                    let across_mm = if link == 0 { [0.0; 3] } else { [y, x - joint_mm, 0.0] };
+                    Estimate { se: found.se.hypot(turned_rad * across_mm[axis]), ..found }
+                }),
+                configured_mm: configured.get(label).or(configured.get(name)).copied(),
             }
         };
         bodies[link].markers.iter().enumerate().map(position).collect()
@@ -213,7 +248,7 @@ fn of_file(
     let direction = |side: usize| {
         let away =
             |part: &LayoutEstimate| wrap(part.direction_rad[side] - whole.direction_rad[side]);
-        (COMMON_ERROR * measured(&away).se).hypot(ARC_ERROR * whole.bent_rad).to_degrees()
+        measured(&away).se.hypot(turned_rad).to_degrees()
     };
     Ok(Calibration {
         trial: String::new(),
@@ -226,7 +261,8 @@ fn of_file(
         l_configured_mm: 1e3 * robot.l_m,
         joint_residual_mm: whole.joint_residual_mm,
         direction_se_deg: [0, 1].map(direction),
-        frames: rows,
+        skid_deg: whole.skid_rad.to_degrees(),
+        frames: (0..file.frames.len()).filter(|row| parts.of_row(file, *row).is_some()).count(),
     })
 }
 

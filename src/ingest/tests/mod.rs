@@ -15,6 +15,7 @@ use crate::synth::{Recipe, Tilt, synthesise};
 
 mod coverage;
 mod laws;
+mod skid;
 mod synthetic;
 
 use synthetic::{Motion, Recording, header};
