@@ -48,13 +48,13 @@ impl Recording {
             return Ok(None);
         }
         let (poses, wheels) = (poses?, wheels?);
-        let (frames, falls) = frames(&poses)?;
-        let (of_wheels, wheels_fall) = self::frames(&wheels)?;
-        let fall = falls.map(|falls| (&poses_path, falls));
-        if let Some((path, falls)) = fall.or(wheels_fall.map(|falls| (&wheels_path, falls))) {
-            let problem = Some(format!("{}: {falls}", path.display()));
-            return Ok(Some(Self { problem, ..Self::default() }));
+        for (table, path) in [(&poses, &poses_path), (&wheels, &wheels_path)] {
+            if let Some(fall) = fall(table)? {
+                let problem = Some(format!("{}: {fall}", path.display()));
+                return Ok(Some(Self { problem, ..Self::default() }));
+            }
         }
+        let [frames, of_wheels] = [poses.values::<i64>("frame")?, wheels.values::<i64>("frame")?];
         let rows: Vec<_> = frames.iter().map(|frame| of_wheels.binary_search(frame).ok()).collect();
         let shared = rows.iter().flatten().count();
         let is_whole = shared == frames.len() && shared == of_wheels.len();
@@ -124,23 +124,15 @@ impl Recording {
     }
 }
 
-/// The frames of a table's rows, and where they or their times do not rise.
-fn frames(table: &Table) -> Result<(Vec<i64>, Option<String>), StoreError> {
+/// Where the frames of a table or their times do not rise.
+fn fall(table: &Table) -> Result<Option<String>, StoreError> {
     let (frames, time_s) = (table.values::<i64>("frame")?, table.values::<f64>("time_s")?);
-    let falls = |i: &usize| {
-        let rises = frames[i - 1] < frames[*i] && time_s[i - 1] < time_s[*i];
-        !rises
-    };
-    let fall = (1..frames.len()).find(falls).map(|i| {
-        format!(
-            "found `frame` {} at {} s after {} at {} s, needed frames that rise",
-            frames[i],
-            time_s[i],
-            frames[i - 1],
-            time_s[i - 1]
-        )
-    });
-    Ok((frames, fall))
+    let rises = |i: &usize| frames[i - 1] < frames[*i] && time_s[i - 1] < time_s[*i];
+    let fall = (1..frames.len()).find(|i| !rises(i));
+    Ok(fall.map(|i| {
+        let [before, after] = [i - 1, i].map(|i| format!("{} at {} s", frames[i], time_s[i]));
+        format!("found `frame` {after} after {before}, needed frames that rise")
+    }))
 }
 
 fn three<T>(of: impl Fn(usize) -> Result<T, StoreError>) -> Result<[T; 3], StoreError> {

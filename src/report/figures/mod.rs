@@ -56,20 +56,14 @@ pub fn known_stems() -> Vec<String> {
     paper.map(str::to_owned).chain(own).collect()
 }
 
-/// Figures to draw and sentences on what is missing.
-#[derive(Debug, Default)]
-pub struct Figures {
+/// Figures to draw, sentences on what is missing, and what they are made from.
+pub struct Figures<'r> {
     pub figures: Vec<Figure>,
     pub missing: Vec<String>,
-}
-
-impl Figures {
-    fn add(&mut self, figures: Result<impl IntoIterator<Item = Figure>, String>) {
-        match figures {
-            Ok(figures) => self.figures.extend(figures),
-            Err(sentence) => self.missing.push(sentence),
-        }
-    }
+    tables: &'r Tables,
+    source: Source<'r>,
+    reader: &'r Reader,
+    config: &'r ReportInput,
 }
 
 /// The paper's figures for its campaigns, and for every other campaign one with what the
@@ -78,15 +72,17 @@ impl Figures {
 ///
 /// # Errors
 /// A table of a trial that is drawn cannot be read.
-pub fn figures(
-    (tables, reader): (&Tables, &Reader),
-    config: &ReportInput,
+pub fn figures<'r>(
+    (tables, reader): (&'r Tables, &'r Reader),
+    config: &'r ReportInput,
     truth: Option<&Truth>,
-) -> Result<Figures, StoreError> {
+) -> Result<Figures<'r>, StoreError> {
     let (source, configured) = (tables.source(config), &tables.campaigns(config));
-    let mut found = Figures::default();
+    let (figures, missing) = (Vec::new(), Vec::new());
+    let mut found = Figures { figures, missing, tables, source, reader, config };
     if PAPER_CAMPAIGNS.iter().any(|campaign| configured.contains(campaign)) {
-        of_the_paper((tables, reader), config, configured, &mut found)?;
+        found.missing = missing_of_the_paper(source, configured);
+        found.of_the_paper()?;
     }
     let mut stems = BTreeSet::new();
     let is_of_the_paper = |campaign: &&str| PAPER_CAMPAIGNS.contains(campaign);
@@ -112,7 +108,7 @@ pub fn figures(
     }
     found.figures.push(work::figure(WORK, tables, config));
     found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, source)));
-    let Figures { figures, missing } = &mut found;
+    let Figures { figures, missing, .. } = &mut found;
     figures.retain(|figure| !figure.is_empty());
     figures.retain(|Figure { stem, panels, .. }| {
         let is_drawn = panels.len() <= MOST_PANELS;
@@ -123,94 +119,90 @@ pub fn figures(
     Ok(found)
 }
 
-/// The paper's figures, in its order.
-fn of_the_paper(
-    (tables, reader): (&Tables, &Reader),
-    config: &ReportInput,
-    configured: &BTreeSet<&str>,
-    found: &mut Figures,
-) -> Result<(), StoreError> {
-    let source = tables.source(config);
-    found.missing.extend(missing_of_the_paper(source, configured));
-    found.add(simulations::steady_passive(config));
-    found.add(simulations::skidding(config).map(Some));
-    found.add(release(tables, config, reader)?.map(Some));
-    tracked("fig09", SKEWED, source, (config, reader), found)?;
-    found.figures.push(frequency::measured("fig10", SKEWED, &SPEED, source));
-    tracked("fig11", SYMMETRIC, source, (config, reader), found)?;
-    found.figures.push(frequency::measured("fig13", SYMMETRIC, &DISPLACEMENT, source));
-    tracked("fig14", SEMI_PASSIVE, source, (config, reader), found)?;
-    found.figures.extend([
-        frequency::measured("fig15", SEMI_PASSIVE, &SPEED, source),
-        frequency::models("fig16", SKEWED, source),
-        frequency::models("fig17", SYMMETRIC, source),
-        frequency::models("fig18", SEMI_PASSIVE, source),
-        frequency::skid("fig19", &[SYMMETRIC, SKEWED], source),
-        frequency::skid("fig20", &[SYMMETRIC, SEMI_PASSIVE], source),
-    ]);
-    Ok(())
-}
-
-/// Fig. 8: the first release of the semi-passive robot that follows its law.
-fn release(
-    tables: &Tables,
-    config: &ReportInput,
-    reader: &Reader,
-) -> Result<Result<Figure, String>, StoreError> {
-    let not_drawn = |why: &str| Ok(Err(format!("Fig. 8 is not drawn, because {why}.")));
-    let releases = tables.robots.iter().filter(|row| row.kind == TrialKind::JointRelease);
-    let Some(row) = releases.min_by_key(|row| !row.status.is_ok()) else {
-        return not_drawn("no trial of kind joint-release has results");
-    };
-    if !row.status.is_ok() {
-        return not_drawn(&format!("of trial {}, {}", row.trial, row.status));
-    }
-    let Some(recording) = Recording::read(&config.paths.derived, &row.trial, reader)? else {
-        return not_drawn(&without_tables(&row.trial));
-    };
-    match release::figure(row, &recording) {
-        Some(figure) => Ok(Ok(figure)),
-        None => not_drawn(&format!("the tables of trial {} show no swing", row.trial)),
-    }
-}
-
-fn without_tables(trial: &str) -> String {
-    format!("poses/{trial}.parquet or wheels/{trial}.parquet is not there")
-}
-
-/// The figure of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked; of the
-/// symmetric campaign its wheels too. Without a trial there is none.
-fn tracked(
-    stem: &str,
-    campaign: &str,
-    source: Source<'_>,
-    (config, reader): (&ReportInput, &Reader),
-    found: &mut Figures,
-) -> Result<(), StoreError> {
-    let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
-    let measured = source
-        .measured_trials(campaign)
-        .filter(|trial| simulated::OMEGAS_RAD_S.contains(&trial.omega_rad_s));
-    let nearest =
-        measured.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.trial.cmp(&b.trial)));
-    let Some(trial) = nearest else { return Ok(()) };
-    let recording = Recording::read(&config.paths.derived, &trial.trial, reader)?;
-    let mut draw = || {
-        let setup = config.campaign_setup(campaign);
-        setup.ok_or_else(|| format!("campaign {campaign} is not configured"))?;
-        let recording = recording.as_ref().ok_or_else(|| without_tables(&trial.trial))?;
-        let figure = tracking::figure(stem, trial, recording, config, &mut found.missing)
-            .ok_or_else(|| format!("trial {} has no used cycle", trial.trial))?;
-        found.figures.push(figure);
-        if campaign == SYMMETRIC {
-            found.figures.extend(tracking::wheels("fig12", trial, recording));
+impl Figures<'_> {
+    fn add(&mut self, figures: Result<impl IntoIterator<Item = Figure>, String>) {
+        match figures {
+            Ok(figures) => self.figures.extend(figures),
+            Err(sentence) => self.missing.push(sentence),
         }
-        Ok::<_, String>(())
-    };
-    if let Err(why) = draw() {
-        found.missing.push(format!("{} is not drawn, because {why}.", number(stem)));
     }
-    Ok(())
+
+    /// The paper's figures, in its order.
+    fn of_the_paper(&mut self) -> Result<(), StoreError> {
+        let source = self.source;
+        self.add(simulations::steady_passive(self.config));
+        self.add(simulations::skidding(self.config).map(Some));
+        self.release()?;
+        self.tracked("fig09", SKEWED)?;
+        self.figures.push(frequency::measured("fig10", SKEWED, &SPEED, source));
+        self.tracked("fig11", SYMMETRIC)?;
+        self.figures.push(frequency::measured("fig13", SYMMETRIC, &DISPLACEMENT, source));
+        self.tracked("fig14", SEMI_PASSIVE)?;
+        self.figures.extend([
+            frequency::measured("fig15", SEMI_PASSIVE, &SPEED, source),
+            frequency::models("fig16", SKEWED, source),
+            frequency::models("fig17", SYMMETRIC, source),
+            frequency::models("fig18", SEMI_PASSIVE, source),
+            frequency::skid("fig19", &[SYMMETRIC, SKEWED], source),
+            frequency::skid("fig20", &[SYMMETRIC, SEMI_PASSIVE], source),
+        ]);
+        Ok(())
+    }
+
+    fn recording(&self, trial: &str) -> Result<Result<Recording, String>, StoreError> {
+        let recording = Recording::read(&self.config.paths.derived, trial, self.reader)?;
+        Ok(recording
+            .ok_or_else(|| format!("poses/{trial}.parquet or wheels/{trial}.parquet is not there")))
+    }
+
+    /// Fig. 8: the first release of the semi-passive robot that follows its law.
+    fn release(&mut self) -> Result<(), StoreError> {
+        let releases = self.tables.robots.iter();
+        let releases = releases.filter(|row| row.kind == TrialKind::JointRelease);
+        let figure = match releases.min_by_key(|row| !row.status.is_ok()) {
+            None => Err("no trial of kind joint-release has results".to_owned()),
+            Some(row) if !row.status.is_ok() => {
+                Err(format!("of trial {}, {}", row.trial, row.status))
+            }
+            Some(row) => self.recording(&row.trial)?.and_then(|recording| {
+                let no_swing = || format!("the tables of trial {} show no swing", row.trial);
+                release::figure(row, &recording).ok_or_else(no_swing)
+            }),
+        };
+        self.add(figure.map(Some).map_err(|why| not_drawn("fig08", &why)));
+        Ok(())
+    }
+
+    /// The figure of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked; of the
+    /// symmetric campaign its wheels too. Without a trial there is none.
+    fn tracked(&mut self, stem: &str, campaign: &str) -> Result<(), StoreError> {
+        let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
+        let measured = self.source.measured_trials(campaign);
+        let nearest = measured
+            .filter(|trial| simulated::OMEGAS_RAD_S.contains(&trial.omega_rad_s))
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.trial.cmp(&b.trial)));
+        let Some(trial) = nearest else { return Ok(()) };
+        let recording = self.recording(&trial.trial)?;
+        let (config, missing) = (self.config, &mut self.missing);
+        let draw = || {
+            let setup = config.campaign_setup(campaign);
+            setup.ok_or_else(|| format!("campaign {campaign} is not configured"))?;
+            let recording = recording?;
+            let figure = tracking::figure(stem, trial, &recording, config, missing)
+                .ok_or_else(|| format!("trial {} has no used cycle", trial.trial))?;
+            let wheels = (campaign == SYMMETRIC)
+                .then(|| tracking::wheels("fig12", trial, &recording))
+                .flatten();
+            Ok::<_, String>([figure].into_iter().chain(wheels))
+        };
+        let figures = draw().map_err(|why| not_drawn(stem, &why));
+        self.add(figures);
+        Ok(())
+    }
+}
+
+fn not_drawn(stem: &str, why: &str) -> String {
+    format!("{} is not drawn, because {why}.", number(stem))
 }
 
 const NOTHING: &str = "because it has no trial with results and no prediction.";

@@ -60,16 +60,18 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
         recording.x_m.iter().copied().zip(recording.y_m.iter().copied()).collect();
     let seen: Vec<(f64, f64)> = all.iter().copied().filter(|(x, y)| (x + y).is_finite()).collect();
     let mut layers = Vec::new();
-    let first = (0..all.len()).find(|i| {
-        let angles = [&recording.theta_rad, &recording.phi_rad[0], &recording.phi_rad[1]];
-        let values = angles.map(|values| values[*i]).into_iter().chain([all[*i].0, all[*i].1]);
-        values.sum::<f64>().is_finite()
-    });
-    if let (Some(i), Some((robot, _))) = (first, config.campaign_setup(&trial.campaign)) {
+    let at = |i: usize| {
         let pose = Pose { x_m: all[i].0, y_m: all[i].1, theta_rad: recording.theta_rad[i] };
-        let phi_rad = [recording.phi_rad[0][i], recording.phi_rad[1][i]];
-        layers.push(links_at_start(links(&robot, pose, phi_rad)));
-        layers.push(travel(&seen));
+        (pose, recording.phi_rad.each_ref().map(|phi_rad| phi_rad[i]))
+    };
+    let is_known = |(pose, phi_rad): &(Pose, [f64; 2])| {
+        (pose.x_m + pose.y_m + pose.theta_rad + phi_rad[0] + phi_rad[1]).is_finite()
+    };
+    let start = (0..all.len()).map(at).find(is_known);
+    if let (Some((pose, phi_rad)), Some((robot, _))) =
+        (start, config.campaign_setup(&trial.campaign))
+    {
+        layers.extend([links_at_start(links(&robot, pose, phi_rad)), travel(&seen)]);
     }
     layers.push(Layer::new("measured", all, looks::RECORDED));
     let texts = texts("path", context! { gait => trial.kind == TrialKind::Gait });
