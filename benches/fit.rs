@@ -1,4 +1,5 @@
-//! One start of a fit of `skid-roll` to a campaign's twelve frequencies, on one thread.
+//! One start of a fit of `skid-roll` to a campaign's twelve frequencies, once and many times, on one
+//! thread.
 
 use std::hint::black_box;
 
@@ -47,24 +48,35 @@ fn measurements(data: &str) -> Vec<Measurement> {
     data.lines().skip(1).map(row).collect()
 }
 
+/// A hundred trials of each, the metrics of which differ.
+fn repeated(once: &[Measurement]) -> Vec<Measurement> {
+    let differing = |(number, trial): (usize, &Measurement)| {
+        let factor = 1.0 + 0.02 * ((0.618 * number as f64).fract() - 0.5);
+        let metrics = GaitMetrics::from_array(trial.metrics.to_array().map(|of| factor * of));
+        Measurement { metrics, ..trial.clone() }
+    };
+    let trials = once.iter().flat_map(|trial| std::iter::repeat_n(trial, 100));
+    trials.enumerate().map(differing).collect()
+}
+
 fn one_start(criterion: &mut Criterion) {
     let config = Config::default();
     for (campaign, data) in DATA {
         let (mut robot, gait) = config.campaign_setup(campaign).expect("the paper's campaign");
         (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (0.137, 0.006);
         let (weights, gait_input) = (config.campaign[campaign].weights, config.fit.gait_input);
-        let objective = Objective {
-            model: Model::SkidRoll,
-            robot,
-            gait,
-            weights,
-            gait_input,
-            measurements: measurements(data),
+        let objective = |measurements: Vec<Measurement>| {
+            let robot = robot.clone();
+            Objective::new(Model::SkidRoll, robot, gait, weights, gait_input, measurements)
         };
+        let (once, often) = (measurements(data), repeated(&measurements(data)));
         let parameters = FreeParameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
-        criterion.bench_function(&format!("one start, {campaign}"), |bencher| {
-            bencher.iter(|| black_box(search(&objective, &parameters, 1)));
-        });
+        for (name, measurements) in [("one start", once), ("one start, many repeats", often)] {
+            let objective = objective(measurements);
+            criterion.bench_function(&format!("{name}, {campaign}"), |bencher| {
+                bencher.iter(|| black_box(search(&objective, &parameters, 1)));
+            });
+        }
     }
 }
 

@@ -66,7 +66,7 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
         .collect();
     let (weights, gait_input) = (config.campaign[campaign].weights, config.fit.gait_input);
     let parameters = FreeParameter::free_in(model, &gait, &config.fit, None);
-    (Objective { model, robot, gait, weights, gait_input, measurements }, parameters)
+    (Objective::new(model, robot, gait, weights, gait_input, measurements), parameters)
 }
 
 /// The lowest objective after so many generations in the logarithms of the parameters.

@@ -115,7 +115,9 @@ fn end(problem: &Problem) -> Result<&'static str, String> {
         }
         if let Ok(derivatives) = solver.derivatives() {
             derivatives.parameters.iter().try_for_each(|(_, by)| numbers_are_finite(by))?;
-            derivatives.amplitudes.iter().try_for_each(numbers_are_finite)?;
+            let gait = derivatives.gait.as_flattened().iter();
+            gait.filter(|by| !by.d_m.is_nan()).try_for_each(numbers_are_finite)?;
+            numbers_are_finite(&derivatives.omega)?;
         }
     }
     let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);

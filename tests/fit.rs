@@ -96,7 +96,7 @@ fn the_reference_s_best_coefficients_have_its_objective() {
             .collect();
         let (weights, gait_input) = (campaign.weights, GaitInput::Commanded);
         let objective =
-            Objective { model: Model::SkidRoll, robot, gait, weights, gait_input, measurements };
+            Objective::new(Model::SkidRoll, robot, gait, weights, gait_input, measurements);
         let parameters = FreeParameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
         let j = objective.evaluator(parameters).cost(&reference.best_skid_kg_s);
         // The coefficients are known to six digits, and the objective has a kink there.

@@ -25,10 +25,11 @@ use rand_distr::{Distribution, StandardNormal, StudentT};
 use rayon::prelude::*;
 
 use super::fitted_point::FittedPoint;
-use super::least_absolute::{Residual, minimise};
-use super::objective::{METRICS, TERMS};
+use super::least_absolute::{dot, minimise};
+use super::objective::METRICS;
 use super::resample::Resampler;
 use super::search::limits;
+use super::terms::{TERMS, Target, Terms};
 use crate::stats::{mean, quantiles_low, student};
 
 /// Draws of noise.
@@ -84,14 +85,13 @@ impl Adequacy {
         if terms.iter().all(|term| term.deviation == 0.0) {
             return Self::UNKNOWN;
         }
-        let observed = Statistics::new(&terms, |term| term.residual.value);
+        let observed = Statistics::new(&terms, |term| term.value);
         let bounds = limits(&point.evaluator.parameters, &point.values, RADIUS);
         let drawn: Vec<Statistics> = (0..DRAWS)
             .into_par_iter()
             .map(|number| {
                 let noise = noise(point, resampler, &terms, number);
-                let step = minimise(&noise, &bounds, None);
-                let left: Vec<f64> = noise.iter().map(|residual| residual.at(&step)).collect();
+                let left = left_by_fit(point, &terms, &noise, &bounds);
                 let mut left = left.into_iter();
                 Statistics::new(&terms, |_| left.next().unwrap_or(f64::NAN))
             })
@@ -147,43 +147,55 @@ impl Adequacy {
 /// A term of the objective at the fit.
 struct Term {
     measurement: usize,
+    condition: usize,
     /// Index of its metric.
     metric: usize,
     measured: f64,
     omega_rad_s: f64,
+    weight: f64,
     /// Predicted over measured, less 1.
-    residual: Residual,
+    value: f64,
+    /// By how much that changes with the condition's metric.
+    gain: f64,
     /// Standard deviation of that by noise; 0 if nothing tells it.
     deviation: f64,
 }
 
 /// The terms of all measurements, by frequency.
 fn terms(point: &FittedPoint, resampler: &Resampler) -> Vec<Term> {
-    let objective = &point.evaluator.objective;
+    let objective = point.evaluator.objective;
     let noises = resampler.noises();
-    let mut residuals = point.residuals().into_iter();
+    let share = 1.0 / objective.measurements.len() as f64;
     let mut terms = Vec::new();
     for (measurement, each) in objective.measurements.iter().enumerate() {
-        for (metric, _, measured) in objective.terms(each) {
-            let Some(residual) = residuals.next() else { break };
+        let Some((predicted, ratios)) = point.metrics_of(measurement) else { continue };
+        let condition = objective.conditions.of_trials[measurement].0;
+        for (metric, weight, measured) in objective.terms(each) {
+            let value = predicted.to_array()[metric] / measured - 1.0;
+            let (weight, gain) = (share * weight, ratios[metric] / measured);
             let own = noises[measurement][metric];
             let by_gait = point.gait_effects[measurement].iter().map(|of| of[metric].powi(2));
             let variance = own.powi(2) + by_gait.sum::<f64>();
             let deviation = if own > 0.0 { variance.sqrt() / measured } else { 0.0 };
             let omega_rad_s = each.frequency_rad_s;
-            terms.push(Term { measurement, metric, measured, omega_rad_s, residual, deviation });
+            terms.push(Term {
+                measurement,
+                condition,
+                metric,
+                measured,
+                omega_rad_s,
+                weight,
+                value,
+                gain,
+                deviation,
+            });
         }
     }
     terms
 }
 
 /// Residuals of noise alone, where the fit is the truth.
-fn noise(
-    point: &FittedPoint,
-    resampler: &Resampler,
-    terms: &[Term],
-    number: usize,
-) -> Vec<Residual> {
+fn noise(point: &FittedPoint, resampler: &Resampler, terms: &[Term], number: usize) -> Vec<f64> {
     let mut random = resampler.random("noise", number);
     let noises = resampler.noises();
     let errors: Vec<[f64; TERMS]> = (0..noises.len())
@@ -208,11 +220,35 @@ fn noise(
             errors
         })
         .collect();
-    let of_term = |term: &Term| {
-        let error = if term.deviation > 0.0 { errors[term.measurement][term.metric] } else { 0.0 };
-        Residual { value: error / term.measured, ..term.residual.clone() }
+    let of_term = |term: &Term| match term.deviation > 0.0 {
+        true => errors[term.measurement][term.metric] / term.measured,
+        false => 0.0,
     };
     terms.iter().map(of_term).collect()
+}
+
+/// What a fit leaves of residuals.
+fn left_by_fit(
+    point: &FittedPoint,
+    terms: &[Term],
+    residuals: &[f64],
+    bounds: &[[f64; 2]],
+) -> Vec<f64> {
+    // As functions of what the fit changes a condition's metric by.
+    let target = |(term, residual): (&Term, &f64)| {
+        let &Term { condition, metric, gain, .. } = term;
+        Target { condition, metric, value: -residual / gain, weight: term.weight * gain }
+    };
+    let shares = vec![1.0; point.responses.len()];
+    let changes = Terms::new(shares, terms.iter().zip(residuals).map(target));
+    let mut changes = changes.linearised(&point.responses).residuals;
+    changes.iter_mut().for_each(|change| change.value = 0.0);
+    let step = minimise(&changes, bounds, None);
+    let change = |term: &Term| -> f64 {
+        let response = point.responses[term.condition].as_ref();
+        response.map_or(0.0, |of| dot(&of.affine(term.metric).1, step.as_slice()))
+    };
+    terms.iter().zip(residuals).map(|(term, left)| left + term.gain * change(term)).collect()
 }
 
 /// What is tested of residuals.
@@ -230,7 +266,7 @@ impl Statistics {
         for term in terms {
             let value = residual(term);
             if term.deviation > 0.0 {
-                costs[term.metric] += term.residual.weight * value.abs();
+                costs[term.metric] += term.weight * value.abs();
                 series[term.metric].push(value / term.deviation);
             }
         }
@@ -273,20 +309,20 @@ fn runs(series: &[f64]) -> f64 {
 fn where_off(terms: &[Term], metric: usize) -> Option<String> {
     let known = terms.iter().filter(|term| term.metric == metric && term.deviation > 0.0);
     let known: Vec<&Term> = known.collect();
-    let size = |term: &&Term| (term.residual.value / term.deviation).abs();
-    let sign = |term: &&Term| term.residual.value > 0.0;
+    let size = |term: &&Term| (term.value / term.deviation).abs();
+    let sign = |term: &&Term| term.value > 0.0;
     let furthest =
         known.chunk_by(|a, b| sign(a) == sign(b) || size(b) <= ZERO).max_by(|a, b| {
             let sum = |run: &[&Term]| run.iter().map(size).sum::<f64>();
             sum(a).total_cmp(&sum(b))
         })?;
     // Predicted over measured, less 1, as measured over predicted.
-    let percent = |term: &&Term| 100.0 * (1.0 / (1.0 + term.residual.value) - 1.0).abs();
+    let percent = |term: &&Term| 100.0 * (1.0 / (1.0 + term.value) - 1.0).abs();
     let off = furthest.iter().filter(|term| size(term) > 1.0);
     let off: Vec<&&Term> = off.collect();
     let (first, last) = (off.first()?, off.last()?);
     let [low, high] = crate::stats::extremes(off.iter().map(|term| percent(term)));
-    let side = if first.residual.value > 0.0 { "below" } else { "above" };
+    let side = if first.value > 0.0 { "below" } else { "above" };
     let [from, to] = [first.omega_rad_s, last.omega_rad_s];
     let at = if from == to { format!("{to} rad/s") } else { format!("{from} to {to} rad/s") };
     if low.is_infinite() {
@@ -324,10 +360,13 @@ mod tests {
     fn the_furthest_run_is_named_with_its_side_and_frequencies() {
         let term = |(omega_rad_s, value): (f64, f64)| Term {
             measurement: 0,
+            condition: 0,
             metric: 2,
             measured: 0.03,
             omega_rad_s,
-            residual: Residual { weight: 1.0, value, slope: Vec::new() },
+            weight: 1.0,
+            value,
+            gain: 1.0 / 0.03,
             deviation: 0.01,
         };
         // Predicted over measured, less 1.

@@ -4,10 +4,11 @@ use rayon::prelude::*;
 
 use super::least_absolute::Residual;
 use super::measurement::Measurement;
-use super::objective::{Evaluator, GAIT_NUMBERS, PENALTY, Response, TERMS};
-use super::resample::Resample;
+use super::objective::{Evaluator, GAIT_NUMBERS, Observation};
+use super::resample::DrawnTrial;
 use super::search::{Ended, Iterate};
 use super::starts::Start;
+use super::terms::{PENALTY, Response, TERMS};
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 use crate::store::FitStatus;
@@ -21,7 +22,8 @@ const REFIT_TOLERANCE: f64 = 1e-5;
 pub(super) struct FittedPoint<'o> {
     pub values: Vec<f64>,
     pub cost: f64,
-    responses: Vec<Option<Response>>,
+    /// Of the conditions.
+    pub responses: Vec<Option<Response>>,
     /// What a standard error of each number of the measured gaits makes of the metrics.
     pub gait_effects: Vec<Vec<[f64; TERMS]>>,
     /// Its motions start from the fit's.
@@ -51,10 +53,12 @@ impl<'o> FittedPoint<'o> {
     pub fn new(mut evaluator: Evaluator<'o>, values: Vec<f64>) -> Self {
         evaluator.accuracy = REFERENCE_ACCURACY;
         let metrics = evaluator.metrics(&values);
+        evaluator.add_second_order(&values);
+        evaluator.expand(&metrics, evaluator.objective.is_driven_as_measured());
         let responses = evaluator.responses(&values, &metrics);
-        let gait_effects = evaluator.gait_effects(&values);
         evaluator.accuracy = FIT_ACCURACY;
-        let cost = evaluator.objective.linearised(responses.iter().map(Option::as_ref)).cost;
+        let cost = evaluator.terms.linearised(&responses).cost;
+        let gait_effects = gait_effects(&evaluator);
         Self { values, cost, responses, gait_effects, evaluator }
     }
 
@@ -66,45 +70,51 @@ impl<'o> FittedPoint<'o> {
     }
 
     /// The fit of resampled measurements, from here.
-    pub fn refit(&self, resample: Resample, ended: &Ended) -> Start {
-        let Resample { indices, measurements, .. } = resample;
-        let mut evaluator = self.evaluator.of_others(measurements, &indices);
-        let at = match evaluator.objective.is_driven_as_measured() {
-            true => evaluator.linearised(&self.values),
-            false => {
-                let responses = indices.iter().map(|&index| self.responses[index].as_ref());
-                evaluator.objective.linearised(responses)
-            }
-        };
+    pub fn refit(&self, resample: &[DrawnTrial], ended: &Ended) -> Start {
+        self.refit_to(self.observations(resample), ended)
+    }
+
+    fn refit_to(&self, observations: Vec<Observation>, ended: &Ended) -> Start {
+        let mut evaluator = self.evaluator.of_others(observations);
+        let at = evaluator.terms.linearised(&self.responses);
         let iterate = Iterate::from_linearised(self.values.clone(), at);
         let Iterate { values: ended, cost, stopped, .. } =
             iterate.run(&mut evaluator, REFIT_TOLERANCE, true, ended);
         Start { began: self.values.clone(), ended, cost, solves: evaluator.solves, stopped }
     }
 
-    /// The residuals, linearised here.
-    pub fn residuals(&self) -> Vec<Residual> {
-        self.evaluator.objective.linearised(self.responses.iter().map(Option::as_ref)).residuals
+    /// The metrics of a trial's motion, and those in the objective over its condition's.
+    pub fn metrics_of(&self, trial: usize) -> Option<(GaitMetrics, [f64; TERMS])> {
+        let (condition, differences) = &self.evaluator.objective.conditions.of_trials[trial];
+        let metrics = self.responses[*condition].as_ref()?.metrics;
+        let ratios = self.evaluator.ratios(*condition, differences);
+        let mut values = metrics.to_array();
+        values.iter_mut().zip(ratios).for_each(|(value, ratio)| *value *= ratio);
+        Some((GaitMetrics::from_array(values), ratios))
+    }
+
+    /// Resampled measurements, with the motions of resampled gaits.
+    fn observations(&self, resample: &[DrawnTrial]) -> Vec<Observation> {
+        let objective = self.evaluator.objective;
+        let observation = |drawn: &DrawnTrial| {
+            let mut observation = objective.observation(drawn.index);
+            observation.metrics = drawn.metrics;
+            if objective.is_driven_as_measured() {
+                let (condition, _) = objective.conditions.of_trials[drawn.index];
+                let condition = &objective.conditions.all[condition];
+                let moved = condition.gait_differences(&drawn.gait_steps_rad);
+                let both = observation.differences.iter_mut().zip(moved);
+                both.for_each(|(difference, moved)| *difference += moved);
+            }
+            observation
+        };
+        resample.iter().map(observation).collect()
     }
 
     /// The residuals of resampled measurements, linearised here.
-    pub fn resampled_residuals(&self, resample: Resample) -> Vec<Residual> {
-        let Resample { indices, measurements, gait_moves } = resample;
-        let moved = |(&index, moves): (&usize, &[f64; GAIT_NUMBERS])| {
-            let mut response = self.responses[index].clone()?;
-            let mut metrics = response.metrics.to_array();
-            for (effect, moved) in self.gait_effects[index].iter().zip(moves) {
-                metrics
-                    .iter_mut()
-                    .zip(effect)
-                    .for_each(|(metric, effect)| *metric += moved * effect);
-            }
-            response.metrics = GaitMetrics::from_array(metrics);
-            Some(response)
-        };
-        let responses: Vec<Option<Response>> = indices.iter().zip(&gait_moves).map(moved).collect();
-        let objective = self.evaluator.objective.with_measurements(measurements);
-        objective.linearised(responses.iter().map(Option::as_ref)).residuals
+    pub fn resampled_residuals(&self, resample: &[DrawnTrial]) -> Vec<Residual> {
+        let terms = self.evaluator.terms_of(&self.observations(resample));
+        terms.linearised(&self.responses).residuals
     }
 
     /// What noise of these standard deviations contributes to the objective before a fit.
@@ -132,21 +142,18 @@ impl<'o> FittedPoint<'o> {
 
     /// The fit without some measurements.
     pub fn refit_without(&self, left_out: &[usize]) -> Start {
-        let measurements = &self.evaluator.objective.measurements;
-        let all = 0..measurements.len();
-        let indices: Vec<usize> = all.filter(|index| !left_out.contains(index)).collect();
-        let measurements = indices.iter().map(|&index| measurements[index].clone()).collect();
-        let resample = Resample { indices, measurements, ..Resample::default() };
-        self.refit(resample, &Ended::default())
+        let mut observations = self.evaluator.objective.observations();
+        observations.retain(|observation| !left_out.contains(&observation.trial));
+        self.refit_to(observations, &Ended::default())
     }
 
     /// The parts of the objective: of d, v, the wheels' sigma and alpha_1.
     pub fn parts(&self) -> [f64; TERMS] {
         let measurements = &self.evaluator.objective.measurements;
         let mut sums = [0.0; TERMS];
-        for (measurement, response) in measurements.iter().zip(&self.responses) {
-            let Some(response) = response else { continue };
-            let parts = self.evaluator.objective.parts(measurement, &response.metrics);
+        for (trial, measurement) in measurements.iter().enumerate() {
+            let Some((metrics, _)) = self.metrics_of(trial) else { continue };
+            let parts = self.evaluator.objective.parts(measurement, &metrics);
             for (sum, part) in sums.iter_mut().zip(parts) {
                 *sum += part / measurements.len() as f64;
             }
@@ -163,7 +170,7 @@ impl<'o> FittedPoint<'o> {
         if frequencies.len() < 2 {
             return (f64::NAN, 0);
         }
-        let at = |index: &usize| measurements[*index].clone();
+        let at = |trial: &usize| self.evaluator.objective.observation(*trial);
         let without = |left_out: &Vec<usize>| -> (f64, usize) {
             let (values, mut solves) = if self.evaluator.parameters.is_empty() {
                 (Vec::new(), 0)
@@ -171,8 +178,7 @@ impl<'o> FittedPoint<'o> {
                 let refit = self.refit_without(left_out);
                 (refit.ended, refit.solves)
             };
-            let mut evaluator =
-                self.evaluator.of_others(left_out.iter().map(at).collect(), left_out);
+            let mut evaluator = self.evaluator.of_others(left_out.iter().map(at).collect());
             let cost = evaluator.cost(&values).min(PENALTY);
             solves += evaluator.solves;
             (cost * left_out.len() as f64, solves)
@@ -180,5 +186,27 @@ impl<'o> FittedPoint<'o> {
         let each: Vec<(f64, usize)> = frequencies.par_iter().map(without).collect();
         let cost: f64 = each.iter().map(|(cost, _)| cost).sum();
         (cost / measurements.len() as f64, each.iter().map(|(_, solves)| solves).sum())
+    }
+}
+
+/// What one standard error of each number of a trial's measured gait makes of its metrics; nothing
+/// where the command drives the model.
+fn gait_effects(evaluator: &Evaluator) -> Vec<Vec<[f64; TERMS]>> {
+    let objective = evaluator.objective;
+    let of_trial = |trial: usize| -> Vec<[f64; TERMS]> {
+        let errors_rad = objective.measurements[trial].gait_errors_rad;
+        let (condition, _) = objective.conditions.of_trials[trial];
+        let effect = |number: usize| match &evaluator.expansions[condition] {
+            // Where the neighbouring motions do not exist nothing is known.
+            Some(expansion) if errors_rad.as_flattened()[number].is_finite() => {
+                expansion.effect(1 + number, errors_rad.as_flattened()[number])
+            }
+            _ => [0.0; TERMS],
+        };
+        (0..GAIT_NUMBERS).map(effect).collect()
+    };
+    match objective.is_driven_as_measured() {
+        true => (0..objective.measurements.len()).map(of_trial).collect(),
+        false => vec![Vec::new(); objective.measurements.len()],
     }
 }

@@ -8,6 +8,8 @@
 //! Reference: J. E. Dennis and R. B. Schnabel, *Numerical Methods for Unconstrained Optimization
 //! and Nonlinear Equations*, SIAM 1996, section 9.1.
 
+use std::sync::Arc;
+
 use nalgebra::DVector;
 
 use super::least_absolute::{Residual, dot, minimise, sum};
@@ -104,7 +106,7 @@ impl Hessians {
                 (0..count).map(|i| dot(&hessian[i * count..][..count], step)).collect();
             let slope = residual.slope.iter().zip(&change).map(|(slope, change)| slope + change);
             Residual {
-                weight: residual.weight,
+                deviations: Arc::clone(&residual.deviations),
                 value: residual.value + dot(&residual.slope, step) + 0.5 * dot(&change, step),
                 slope: slope.collect(),
             }

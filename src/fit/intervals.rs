@@ -29,6 +29,7 @@ use super::fitted_point::FittedPoint;
 use super::input::FreeParameter;
 use super::measurement::Measurement;
 use super::noise_correction::NoiseCorrection;
+use super::objective::Objective;
 use super::profile::Profile;
 use super::resample::Resampler;
 use super::starts::{Start, search_from};
@@ -73,7 +74,7 @@ pub(super) struct Systematic {
 impl Systematic {
     /// Refits without blocks of frequencies and with the other `robots`; and the motions solved.
     pub fn new(point: &FittedPoint, robots: &[Robot]) -> (Self, usize) {
-        let objective = &point.evaluator.objective;
+        let objective = point.evaluator.objective;
         let frequencies = Measurement::frequencies(&objective.measurements);
         let count = BLOCKS.min(frequencies.len());
         let block = |number: usize| -> Vec<usize> {
@@ -84,8 +85,7 @@ impl Systematic {
         let without: Vec<Start> =
             numbers.into_par_iter().map(|number| point.refit_without(&block(number))).collect();
         let with = |robot: &Robot| {
-            let mut other = objective.as_ref().clone();
-            other.robot = robot.clone();
+            let other = Objective { robot: robot.clone(), ..objective.clone() };
             let evaluator = other.evaluator(point.evaluator.parameters.clone());
             search_from(evaluator, point.values.clone())
         };
@@ -131,7 +131,7 @@ impl Intervals {
     ) -> Self {
         let parameters = &point.evaluator.parameters;
         let none = || vec![f64::NAN; parameters.len()];
-        let lacking = resampler.without_noise(&point.evaluator.objective);
+        let lacking = resampler.without_noise(point.evaluator.objective);
         let mut all = Self {
             limits: [none(), none()],
             scatter: none(),

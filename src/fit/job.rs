@@ -18,7 +18,7 @@ use super::starts::{Start, search_all, search_from};
 use super::{FitData, FitEvent, FitInput, Fitted, OnEvent};
 use crate::config::GaitInput;
 use crate::motion::REFERENCE_ACCURACY;
-use crate::robot::{ByParameter, Parameter, Robot};
+use crate::robot::{ByParameter, Model, Parameter, Robot};
 use crate::store::{
     BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
 };
@@ -46,14 +46,14 @@ impl<'j> Job<'j> {
     pub fn new(input: &'j FitInput, data: &FitData, resampler: &'j Resampler) -> Self {
         let (robot, measured) = input.measured_robot(data);
         let others = input.uncertain_robots(&robot, data);
-        let objective = Objective {
-            model: input.model,
+        let objective = Objective::new(
+            input.model,
             robot,
-            gait: input.gait.value.to_gait(),
-            weights: input.campaign.value.weights,
-            gait_input: input.fit.gait_input,
-            measurements: resampler.measurements.clone(),
-        };
+            input.gait.value.to_gait(),
+            input.campaign.value.weights,
+            input.fit.gait_input,
+            resampler.measurements.clone(),
+        );
         Self { input, objective, measured, others, resampler }
     }
 
@@ -99,15 +99,13 @@ impl<'j> Job<'j> {
     /// The same fit driven by the other gait; `None` where the model knows only one.
     fn driven_otherwise(&self) -> Option<Self> {
         let gait_input = self.objective.driven_by().other();
-        let objective = Objective { gait_input, ..self.objective.clone() };
-        let Self { input, ref measured, ref others, resampler, .. } = *self;
-        let (measured, others) = (measured.clone(), others.clone());
-        (objective.driven_by() == gait_input).then_some(Self {
-            input,
-            objective,
-            measured,
-            others,
-            resampler,
+        let knows_it = self.objective.model != Model::NoSkidMeasured;
+        knows_it.then(|| Self {
+            input: self.input,
+            objective: self.objective.driven_as(gait_input),
+            measured: self.measured.clone(),
+            others: self.others.clone(),
+            resampler: self.resampler,
         })
     }
 
@@ -169,7 +167,7 @@ impl<'j> Job<'j> {
         fit.replicates = (0..total)
             .into_par_iter()
             .map(|number| {
-                let refit = point.refit(self.resampler.draw(number), &ended);
+                let refit = point.refit(&self.resampler.draw(number), &ended);
                 let done = ended.load(Ordering::Relaxed);
                 on_event(FitEvent::Replicate { campaign, model, done, total });
                 refit
@@ -299,7 +297,7 @@ impl<'j> Job<'j> {
             stopped: refit.stopped,
         };
         Fitted {
-            predictions: predictions(campaign, &self.objective, &robot),
+            predictions: predictions(campaign, point, &robot),
             starts: starts.iter().enumerate().map(start_row).collect(),
             profiles: profile_points.map(profile_row).collect(),
             bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),

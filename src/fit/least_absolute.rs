@@ -1,22 +1,28 @@
-//! Least absolute deviations (L1 regression): the minimum of a weighted sum of absolute values of
-//! affine functions in a box, exactly.
+//! Least absolute deviations (L1 regression): the minimum of a sum of absolute deviations of affine
+//! functions in a box, exactly.
 //!
-//! The minimum is at a vertex, where as many of the functions as there are variables are zero.
-//! From vertex to vertex the descent follows the edge with the steepest fall, to the weighted
-//! median of the breakpoints on it. A linear program with two rows per residual has the same
-//! solution; a general solver takes longer for it than all motions of a campaign take.
+//! Every affine function deviates from many values, the breakpoints of one convex, piecewise
+//! linear function ([`Deviations`]). The minimum is at a vertex, where as many of the affine
+//! functions as there are variables are at a breakpoint. From vertex to vertex the descent follows
+//! the edge with the steepest fall, to the weighted median of the breakpoints on it. A linear
+//! program with two rows per breakpoint has the same solution; a general solver takes longer for
+//! it than all motions of a campaign take.
 //!
 //! Reference: P. Bloomfield and W. L. Steiger, *Least Absolute Deviations*, Birkhaeuser 1983,
 //! chapter 7.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
-/// An affine function of the variables; it contributes `weight |slope . x + value|`.
+use super::deviations::Deviations;
+
+/// An affine function of the variables; it contributes its deviations.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Residual {
-    pub weight: f64,
     pub value: f64,
     pub slope: Vec<f64>,
+    pub deviations: Arc<Deviations>,
 }
 
 impl Residual {
@@ -29,13 +35,20 @@ impl Residual {
     }
 }
 
-/// The weighted sum of the residuals' absolute values at `x`.
+/// The sum of the residuals' deviations at `x`.
 pub(super) fn sum(residuals: &[Residual], x: &DVector<f64>) -> f64 {
-    residuals.iter().map(|residual| residual.weight * residual.at(x).abs()).sum()
+    residuals.iter().map(|residual| residual.deviations.value(residual.at(x))).sum()
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// A residual that a vertex has at one of its breakpoints.
+#[derive(Clone, Copy)]
+struct Tight {
+    residual: usize,
+    breakpoint: usize,
 }
 
 /// The `x` with the smallest [`sum`] and with every `x[i]` within `bounds[i]`, which must
@@ -45,39 +58,41 @@ pub(super) fn minimise(
     bounds: &[[f64; 2]],
     held: Option<usize>,
 ) -> DVector<f64> {
-    if let Some(held) = held {
-        let (mut others, mut residuals) = (bounds.to_vec(), residuals.to_vec());
-        others.remove(held);
-        for residual in &mut residuals {
-            residual.slope.remove(held);
-        }
-        return minimise(&residuals, &others, None).insert_row(held, 0.0);
-    }
     const MAX_EDGES: usize = 500;
     let count = bounds.len();
-    let slopes = residuals.iter().flat_map(|each| each.slope.iter().map(|a| a * each.weight));
-    let total: f64 = slopes.map(f64::abs).sum();
-    let mut all = residuals.to_vec();
-    // Two walls whose slopes cancel in between and outweigh everything outside.
-    let unit = |i: usize| (0..count).map(|j| if i == j { 1.0 } else { 0.0 }).collect::<Vec<_>>();
-    for (i, bounds) in bounds.iter().enumerate() {
-        let weight = 1e3 * total + 1.0;
-        all.extend(bounds.map(|bound| Residual { weight, value: -bound, slope: unit(i) }));
-    }
-    // The first vertex is the origin, held by residuals without weight.
-    let first = all.len();
-    all.extend((0..count).map(|i| Residual { weight: 0.0, value: 0.0, slope: unit(i) }));
-    let mut basis: Vec<usize> = (first..first + count).collect();
+    let steepest_of = |residual: &Residual| {
+        let slopes = residual.slope.iter().map(|slope| slope.abs()).sum::<f64>();
+        residual.deviations.total_weight() * slopes
+    };
+    // Two walls whose slopes cancel in between and outweigh everything outside; the first vertex
+    // is the origin, held by breakpoints without weight.
+    let weight = 1e3 * residuals.iter().map(steepest_of).sum::<f64>() + 1.0;
+    let wall = |(i, bounds): (usize, &[f64; 2])| {
+        let [low, high] = if held == Some(i) { [0.0; 2] } else { *bounds };
+        let walls = vec![(low, weight), (0.0, 0.0), (high, weight)];
+        let slope = (0..count).map(|j| if i == j { 1.0 } else { 0.0 }).collect();
+        Residual { value: 0.0, slope, deviations: Arc::new(Deviations::new(walls)) }
+    };
+    let walls: Vec<Residual> = bounds.iter().enumerate().map(wall).collect();
+    let all: Vec<&Residual> = residuals.iter().chain(&walls).collect();
+    let at_origin = |(i, wall): (usize, &Residual)| Tight {
+        residual: residuals.len() + i,
+        breakpoint: wall.deviations.count_below(0.0),
+    };
+    let mut basis: Vec<Tight> = walls.iter().enumerate().map(at_origin).collect();
     let mut x = DVector::zeros(count);
     for _ in 0..MAX_EDGES {
-        let rows = DMatrix::from_fn(count, count, |i, j| all[basis[i]].slope[j]);
-        let Some(edges) = rows.try_inverse() else { return x };
-        let Some((leaves, sign)) = steepest(&all, &basis, &edges, &x) else { return x };
+        let rows = DMatrix::from_fn(count, count, |i, j| all[basis[i].residual].slope[j]);
+        let Some(edges) = rows.try_inverse() else { break };
+        let Some((leaves, sign)) = steepest(&all, &basis, &edges, &x) else { break };
         let direction = edges.column(leaves) * sign;
-        let next = breakpoint(&all, &basis, leaves, &x, &direction);
-        let Some((enters, length)) = next else { return x };
+        let crossings = Crossing::all(&all, &basis, leaves, sign, &x, &direction);
+        let Some((enters, length)) = lowest(crossings) else { break };
         x += &direction * length;
         basis[leaves] = enters;
+    }
+    if let Some(held) = held {
+        x[held] = 0.0;
     }
     x
 }
@@ -85,25 +100,32 @@ pub(super) fn minimise(
 /// Which residual of the basis to leave, and to which side, for the steepest fall; `None` at the
 /// minimum.
 fn steepest(
-    all: &[Residual],
-    basis: &[usize],
+    all: &[&Residual],
+    basis: &[Tight],
     edges: &DMatrix<f64>,
     x: &DVector<f64>,
 ) -> Option<(usize, f64)> {
     let mut slope = DVector::<f64>::zeros(basis.len());
     let mut size = 0.0_f64;
-    for (_, residual) in all.iter().enumerate().filter(|(k, _)| !basis.contains(k)) {
-        let signed = residual.weight * residual.at(x).signum();
+    for (k, residual) in all.iter().enumerate() {
+        let deviations = &residual.deviations;
+        // What is tight turns with its own breakpoint, the others of it do not.
+        let signed = match basis.iter().find(|tight| tight.residual == k) {
+            Some(Tight { breakpoint, .. }) => {
+                deviations.slope_above(*breakpoint) + deviations.weight(*breakpoint)
+            }
+            None => deviations.slope_above(deviations.count_up_to(residual.at(x))),
+        };
         for (sum, a) in slope.iter_mut().zip(&residual.slope) {
             *sum += signed * a;
             size = size.max((signed * a).abs());
         }
     }
     let mut best: Option<(usize, f64, f64)> = None;
-    for (leaves, &k) in basis.iter().enumerate() {
+    for (leaves, tight) in basis.iter().enumerate() {
         let along = slope.dot(&edges.column(leaves));
-        // Leaving a residual costs its own weight.
-        let fall = along.abs() - all[k].weight;
+        // Leaving a breakpoint costs its own weight.
+        let fall = along.abs() - all[tight.residual].deviations.weight(tight.breakpoint);
         let rounding = 1e-12 * size * edges.column(leaves).amax();
         if fall > rounding && best.is_none_or(|(_, _, most)| fall > most) {
             best = Some((leaves, -along.signum(), fall));
@@ -112,32 +134,104 @@ fn steepest(
     best.map(|(leaves, sign, _)| (leaves, sign))
 }
 
-/// The residual whose breakpoint ends the fall along a direction, and its distance.
-fn breakpoint(
-    all: &[Residual],
-    basis: &[usize],
-    leaves: usize,
-    x: &DVector<f64>,
-    direction: &DVector<f64>,
-) -> Option<(usize, f64)> {
-    let mut slope = all[basis[leaves]].weight;
-    let mut breakpoints = Vec::new();
-    for (k, residual) in all.iter().enumerate().filter(|(k, _)| !basis.contains(k)) {
-        let (value, along) = (residual.at(x), residual.along(direction));
-        slope += residual.weight * value.signum() * along;
-        let distance = -value / along;
-        if distance > 0.0 && distance.is_finite() {
-            breakpoints.push((distance, 2.0 * residual.weight * along.abs(), k));
+/// The breakpoints of one residual that lie on a direction.
+struct Crossing<'r> {
+    residual: usize,
+    deviations: &'r Deviations,
+    value: f64,
+    along: f64,
+    /// Breakpoints below those that may end the fall, and below those that do not.
+    low: usize,
+    high: usize,
+}
+
+impl<'r> Crossing<'r> {
+    /// Those of all residuals that change along a direction, on which the `leaves`-th of the basis
+    /// goes up or down (`sign`).
+    fn all(
+        all: &[&'r Residual],
+        basis: &[Tight],
+        leaves: usize,
+        sign: f64,
+        x: &DVector<f64>,
+        direction: &DVector<f64>,
+    ) -> Vec<Self> {
+        let crossing = |(residual, of): (usize, &&'r Residual)| {
+            let deviations = &*of.deviations;
+            let is_leaving = basis[leaves].residual == residual;
+            let (value, along) = match is_leaving {
+                true => (deviations.breakpoint(basis[leaves].breakpoint), sign),
+                false => (of.at(x), of.along(direction)),
+            };
+            let is_tight = !is_leaving && basis.iter().any(|tight| tight.residual == residual);
+            let [low, high] = match along > 0.0 {
+                true => [deviations.count_up_to(value), deviations.len()],
+                false => [0, deviations.count_below(value)],
+            };
+            let crossing = Self { residual, deviations, value, along, low, high };
+            (!is_tight && along != 0.0).then_some(crossing)
+        };
+        all.iter().enumerate().filter_map(crossing).collect()
+    }
+
+    fn distance(&self, breakpoint: usize) -> f64 {
+        (self.deviations.breakpoint(breakpoint) - self.value) / self.along
+    }
+
+    /// How many breakpoints the residual is above after a length: all up to it where it rises,
+    /// the rest where it falls.
+    fn count_after(&self, length: f64) -> usize {
+        let (mut low, mut high) = (self.low, self.high);
+        while low < high {
+            let middle = low.midpoint(high);
+            match (self.distance(middle) <= length) == (self.along > 0.0) {
+                true => low = middle + 1,
+                false => high = middle,
+            }
+        }
+        low
+    }
+
+    /// Slope along the direction above so many breakpoints.
+    fn slope(&self, count: usize) -> f64 {
+        self.along * self.deviations.slope_above(count)
+    }
+}
+
+/// The first breakpoint after which the sum does not fall any more, and its distance: of those
+/// that are left the middle one of the residual that has most of them tells which half of all to
+/// go on with.
+fn lowest(mut crossings: Vec<Crossing>) -> Option<(Tight, f64)> {
+    let (mut found, mut settled) = (None, 0.0);
+    loop {
+        // What has no breakpoint left has one slope.
+        crossings.retain(|crossing| {
+            let is_open = crossing.low < crossing.high;
+            settled += if is_open { 0.0 } else { crossing.slope(crossing.low) };
+            is_open
+        });
+        let widest = crossings.iter().max_by_key(|crossing| crossing.high - crossing.low);
+        let Some(widest) = widest else { return found };
+        let breakpoint = widest.low.midpoint(widest.high);
+        let (residual, length) = (widest.residual, widest.distance(breakpoint));
+        let after = |crossing: &Crossing| crossing.slope(crossing.count_after(length));
+        let rises = settled + crossings.iter().map(after).sum::<f64>() >= 0.0;
+        if rises {
+            found = Some((Tight { residual, breakpoint }, length));
+        }
+        for crossing in &mut crossings {
+            let mut count = crossing.count_after(length);
+            let is_upward = crossing.along > 0.0;
+            if rises && crossing.residual == residual {
+                // This one is found; what is before it may be, too.
+                count = if is_upward { breakpoint } else { breakpoint + 1 };
+            }
+            match rises == is_upward {
+                true => crossing.high = count,
+                false => crossing.low = count,
+            }
         }
     }
-    breakpoints.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
-    for (distance, change, k) in breakpoints {
-        slope += change;
-        if slope >= 0.0 {
-            return Some((k, distance));
-        }
-    }
-    None
 }
 
 #[cfg(test)]
@@ -146,9 +240,13 @@ mod tests {
 
     use super::*;
 
+    fn residual(weight: f64, value: f64, slope: Vec<f64>) -> Residual {
+        Residual { value, slope, deviations: Arc::new(Deviations::of_values(&[0.0], weight)) }
+    }
+
     #[test]
     fn one_variable_s_minimum_is_the_weighted_median() {
-        let residual = |weight: f64, zero: f64| Residual { weight, value: -zero, slope: vec![1.0] };
+        let residual = |weight: f64, zero: f64| residual(weight, -zero, vec![1.0]);
         let residuals =
             [residual(1.0, 5.0), residual(1.0, -2.0), residual(3.0, 1.0), residual(1.5, 2.0)];
         assert_eq!(minimise(&residuals, &[[-10.0, 10.0]], None)[0], 1.0);
@@ -168,7 +266,7 @@ mod tests {
         ) {
             let residuals: Vec<Residual> = residuals
                 .into_iter()
-                .map(|(weight, value, slope)| Residual { weight, value, slope })
+                .map(|(weight, value, slope)| residual(weight, value, slope))
                 .collect();
             let bounds = [[-1.0, 0.5], [-0.2, 1.0], [0.0, 1.0]];
             let x = minimise(&residuals, &bounds, None);

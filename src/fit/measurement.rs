@@ -61,18 +61,6 @@ impl Measurement {
         })
     }
 
-    /// The same with another measured gait: offset, amplitude and phase of either joint changed.
-    pub(super) fn with_gait_moved(&self, steps_rad: [f64; 6]) -> Self {
-        let mut moved = self.clone();
-        for (joint, step) in moved.gait.iter_mut().zip(steps_rad.as_chunks::<3>().0) {
-            let [offset_rad, amplitude_rad, phase_rad] = step;
-            joint.offset_rad += offset_rad;
-            joint.amplitude_rad += amplitude_rad;
-            joint.phase_rad += phase_rad;
-        }
-        moved
-    }
-
     /// By frequency, then by name, then by what was measured: an order that does not depend on
     /// that of the trials.
     pub fn order(&self, other: &Self) -> Ordering {

@@ -11,6 +11,8 @@
 
 mod adequacy;
 mod compare;
+mod conditions;
+mod deviations;
 mod fitted_point;
 mod folder;
 mod hessian;
@@ -26,6 +28,7 @@ mod profile;
 mod resample;
 mod search;
 mod starts;
+mod terms;
 
 use std::collections::BTreeMap;
 
@@ -142,19 +145,19 @@ pub fn fit_except(
             (*inputs, Resampler::new(&campaign.name, fit.seed, measurements, &data.cycles))
         })
         .collect();
-    let jobs: Vec<Job> = sampled
+    let new: Vec<(&FitInput, &Resampler)> = sampled
         .iter()
         .flat_map(|(inputs, resampler)| {
-            inputs.iter().filter(is_new).map(move |input| Job::new(input, data, resampler))
+            inputs.iter().filter(is_new).map(move |input| (input, resampler))
         })
         .collect();
-    let fitted: Vec<((String, Model), Fitted)> = jobs
+    let fitted: Vec<((String, Model), Fitted)> = new
         .par_iter()
         .with_max_len(1)
-        .map(|job| {
-            let fitted = job.run(on_event);
+        .map(|(input, resampler)| {
+            let fitted = Job::new(input, data, resampler).run(on_event);
             fitted.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
-            (key(job.input), fitted)
+            (key(input), fitted)
         })
         .collect();
     cached.extend(fitted);

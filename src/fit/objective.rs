@@ -1,22 +1,14 @@
 //! How far a model is from the measurements (eq. 21 and 22).
 
-use std::borrow::Cow;
-
+use super::conditions::{Condition, Conditions, Differences, Expansion};
 use super::input::FreeParameter;
-use super::least_absolute::Residual;
 use super::measurement::Measurement;
+use super::terms::{Linearised, Response, TERMS, Target, Terms};
 use crate::config::{GaitInput, Weights};
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, Model, MotionError, Problem, Solver};
 use crate::robot::{Gait, JointCommand, Parameter, Robot};
 use crate::store::FitStatus;
-
-/// What a trial without a steady motion contributes to the objective: far more than any motion
-/// does, so that the search turns back.
-pub(super) const PENALTY: f64 = 1e3;
-
-/// Terms of eq. 22 for one trial: of d, v, the wheels' sigma and alpha_1.
-pub(super) const TERMS: usize = 6;
 
 /// Their metrics.
 pub(super) const METRICS: [&str; TERMS] = ["d", "v", "sigma0", "sigma1", "sigma2", "alpha1"];
@@ -34,29 +26,41 @@ pub struct Objective {
     pub weights: Weights,
     pub gait_input: GaitInput,
     pub measurements: Vec<Measurement>,
+    pub(super) conditions: Conditions,
 }
 
-/// A trial's simulated metrics, and for every free parameter their derivatives with respect to its logarithm.
+/// One trial as it was measured or drawn.
 #[derive(Debug, Clone)]
-pub(super) struct Response {
-    pub metrics: GaitMetrics,
-    d_metrics_d_logarithm: Vec<[f64; 7]>,
-}
-
-/// The objective at a point, linearised.
-#[derive(Debug, Clone)]
-pub(super) struct Linearised {
-    pub cost: f64,
-    /// Affine functions of the logarithms of the free parameters. A trial without a motion has
-    /// none.
-    pub residuals: Vec<Residual>,
+pub(super) struct Observation {
+    pub trial: usize,
+    pub metrics: [f64; TERMS],
+    pub differences: Differences,
 }
 
 impl Objective {
-    /// The same objective of other measurements.
-    pub fn with_measurements(&self, measurements: Vec<Measurement>) -> Self {
-        let Self { model, ref robot, gait, weights, gait_input, .. } = *self;
-        Self { model, robot: robot.clone(), gait, weights, gait_input, measurements }
+    /// Of sorted measurements.
+    pub fn new(
+        model: Model,
+        robot: Robot,
+        gait: Gait,
+        weights: Weights,
+        gait_input: GaitInput,
+        measurements: Vec<Measurement>,
+    ) -> Self {
+        let conditions = Conditions::default();
+        let mut all = Self { model, robot, gait, weights, gait_input, measurements, conditions };
+        all.conditions = Conditions::new(
+            &all.measurements,
+            |measurement| all.gait_of(measurement),
+            |gait, omega_rad_s| all.problem(&all.robot, gait, omega_rad_s),
+        );
+        all
+    }
+
+    /// The same driven by another gait.
+    pub fn driven_as(&self, gait_input: GaitInput) -> Self {
+        let Self { model, ref robot, gait, weights, ref measurements, .. } = *self;
+        Self::new(model, robot.clone(), gait, weights, gait_input, measurements.clone())
     }
 
     /// The robot with `values` for the free `parameters`.
@@ -103,12 +107,6 @@ impl Objective {
         is_known.then_some(gait)
     }
 
-    /// The model's motion for one trial; `None` as [`Objective::gait_of`].
-    pub fn problem_of(&self, robot: &Robot, measurement: &Measurement) -> Option<Problem> {
-        let gait = self.gait_of(measurement)?;
-        Some(self.problem(robot, gait, measurement.omega_rad_s))
-    }
-
     /// Eq. 22 for one trial.
     pub fn contribution(&self, measurement: &Measurement, simulated: &GaitMetrics) -> f64 {
         self.parts(measurement, simulated).iter().sum()
@@ -141,87 +139,129 @@ impl Objective {
         [d, v, sigma, sigma, sigma, alpha]
     }
 
-    /// The objective from the metrics that were simulated for each of the measurements; a trial
-    /// without a motion counts with a penalty.
-    pub(super) fn cost(&self, simulated: &[Option<GaitMetrics>]) -> f64 {
-        let share = 1.0 / self.measurements.len() as f64;
-        let contribution = |(measurement, metrics): (&Measurement, &Option<GaitMetrics>)| {
-            let contribution = metrics.map(|metrics| self.contribution(measurement, &metrics));
-            share * contribution.unwrap_or(PENALTY).min(PENALTY)
-        };
-        self.measurements.iter().zip(simulated).map(contribution).sum()
+    /// The measurements as they are.
+    pub(super) fn observations(&self) -> Vec<Observation> {
+        (0..self.measurements.len()).map(|trial| self.observation(trial)).collect()
     }
 
-    /// The same, linearised, from metrics and their derivatives.
-    pub(super) fn linearised<'r>(
-        &self,
-        responses: impl IntoIterator<Item = Option<&'r Response>>,
-    ) -> Linearised {
-        let share = 1.0 / self.measurements.len() as f64;
-        let (mut cost, mut residuals) = (0.0, Vec::new());
-        for (measurement, response) in self.measurements.iter().zip(responses) {
-            let Some(Response { metrics, d_metrics_d_logarithm }) = response else {
-                cost += share * PENALTY;
-                continue;
-            };
-            cost += share * self.contribution(measurement, metrics).min(PENALTY);
-            let simulated = metrics.to_array();
-            residuals.extend(self.terms(measurement).map(|(m, weight, measured)| Residual {
-                weight: share * weight,
-                value: simulated[m] / measured - 1.0,
-                slope: d_metrics_d_logarithm.iter().map(|each| each[m] / measured).collect(),
-            }));
-        }
-        Linearised { cost, residuals }
+    pub(super) fn observation(&self, trial: usize) -> Observation {
+        let [metrics @ .., _] = self.measurements[trial].metrics.to_array();
+        Observation { trial, metrics, differences: self.conditions.of_trials[trial].1 }
     }
 
     /// Something that evaluates the objective and remembers the last motions.
     pub fn evaluator(&self, parameters: Vec<FreeParameter>) -> Evaluator<'_> {
+        let count = self.conditions.all.len();
         Evaluator {
-            objective: Cow::Borrowed(self),
+            objective: self,
             parameters,
-            solvers: vec![Solver::default(); self.measurements.len()],
+            solvers: vec![Solver::default(); count],
+            observations: self.observations(),
+            expansions: vec![None; count],
+            terms: Terms::default(),
             accuracy: FIT_ACCURACY,
             solves: 0,
         }
+        .with_terms()
     }
 }
 
-/// Evaluates the objective, each motion from the last one at its frequency.
+/// Evaluates the objective, each motion from the last one of its condition.
 #[derive(Clone)]
 pub struct Evaluator<'a> {
-    pub objective: Cow<'a, Objective>,
+    pub objective: &'a Objective,
     pub parameters: Vec<FreeParameter>,
     solvers: Vec<Solver>,
+    observations: Vec<Observation>,
+    /// What the trials' motions make of their conditions', as far as that is known.
+    pub(super) expansions: Vec<Option<Expansion>>,
+    pub(super) terms: Terms,
     /// Of the motions' metrics, relative.
     pub accuracy: f64,
     /// Steady motions solved for so far.
     pub solves: usize,
 }
 
-impl<'a> Evaluator<'a> {
-    /// An evaluator of other measurements, the motions of which start from those of the
-    /// measurements at `indices` here.
-    pub(super) fn of_others(&self, measurements: Vec<Measurement>, indices: &[usize]) -> Self {
+impl Evaluator<'_> {
+    /// An evaluator of other observations; its motions start from those here.
+    pub(super) fn of_others(&self, observations: Vec<Observation>) -> Self {
+        let Self { objective, ref parameters, ref solvers, ref expansions, accuracy, .. } = *self;
         Self {
-            objective: Cow::Owned(self.objective.with_measurements(measurements)),
-            parameters: self.parameters.clone(),
-            solvers: indices.iter().map(|&index| self.solvers[index].clone()).collect(),
-            accuracy: self.accuracy,
+            objective,
+            parameters: parameters.clone(),
+            solvers: solvers.clone(),
+            observations,
+            expansions: expansions.clone(),
+            terms: Terms::default(),
+            accuracy,
             solves: 0,
         }
+        .with_terms()
+    }
+
+    fn with_terms(mut self) -> Self {
+        self.terms = self.terms_of(&self.observations);
+        self
+    }
+
+    /// Eq. 22 of observations: a trial's metric is its condition's in the ratio that the
+    /// expansion has at the point where it was made.
+    pub(super) fn terms_of(&self, observations: &[Observation]) -> Terms {
+        let share = 1.0 / observations.len() as f64;
+        let weights = self.objective.term_weights();
+        let mut shares = vec![0.0; self.solvers.len()];
+        for observation in observations {
+            shares[self.condition_of(observation.trial)] += share;
+        }
+        let targets = observations.iter().flat_map(|observation| {
+            let condition = self.condition_of(observation.trial);
+            let ratios = self.ratios(condition, &observation.differences);
+            let known = (0..TERMS).filter(move |&metric| {
+                weights[metric] > 0.0 && observation.metrics[metric].is_finite()
+            });
+            known.map(move |metric| {
+                let value = observation.metrics[metric] / ratios[metric];
+                Target { condition, metric, value, weight: share * weights[metric] / value }
+            })
+        });
+        Terms::new(shares, targets)
+    }
+
+    fn condition_of(&self, trial: usize) -> usize {
+        self.objective.conditions.of_trials[trial].0
+    }
+
+    /// The metrics of a trial over its condition's.
+    pub(super) fn ratios(&self, condition: usize, differences: &Differences) -> [f64; TERMS] {
+        let expansion = self.expansions[condition].as_ref();
+        expansion.map_or([1.0; TERMS], |expansion| expansion.ratios(differences))
+    }
+
+    /// Whether the trials of a condition differ.
+    fn is_spread(&self, condition: usize) -> bool {
+        let of_trials = &self.objective.conditions.of_trials;
+        let mut trials = self.objective.conditions.all[condition].trials.iter();
+        trials.any(|trial| of_trials[*trial].1.iter().any(|difference| *difference != 0.0))
+    }
+
+    /// Whether those of any condition do.
+    pub(super) fn has_expansions(&self) -> bool {
+        (0..self.solvers.len()).any(|condition| self.is_spread(condition))
     }
 
     /// The objective; a trial without a motion counts with a penalty.
     pub fn cost(&mut self, values: &[f64]) -> f64 {
         let metrics = self.metrics(values);
-        self.objective.cost(&metrics)
+        self.expand(&metrics, false);
+        self.terms.cost(metrics.into_iter())
     }
 
-    /// The metrics of every measurement's motion; `None` where there is none.
+    /// The metrics of every condition's motion; `None` where there is none, or none matters.
     pub(super) fn metrics(&mut self, values: &[f64]) -> Vec<Option<GaitMetrics>> {
         let robot = self.objective.robot_with(&self.parameters, values);
-        (0..self.solvers.len()).map(|i| self.solve(i, &robot).ok()).collect()
+        let count = self.solvers.len();
+        let solve = |i| if self.terms.is_idle(i) { None } else { self.solve(i, &robot).ok() };
+        (0..count).map(solve).collect()
     }
 
     /// The metrics of the motions that were solved for last, with their derivatives.
@@ -247,58 +287,55 @@ impl<'a> Evaluator<'a> {
         metrics.iter().zip(&mut self.solvers).map(response).collect()
     }
 
-    /// What one standard error of each number of a trial's measured gait makes of its metrics;
-    /// nothing where the command drives the model, or no error is known.
-    pub(super) fn gait_effects(&mut self, values: &[f64]) -> Vec<Vec<[f64; TERMS]>> {
-        if !self.objective.is_driven_as_measured() {
-            return vec![Vec::new(); self.solvers.len()];
+    /// Expands the conditions' motions, those that were solved for last: where trials differ, or
+    /// all of them.
+    pub(super) fn expand(&mut self, metrics: &[Option<GaitMetrics>], with_all: bool) {
+        for (condition, metrics) in metrics.iter().enumerate() {
+            let (true, Some(metrics)) = (with_all || self.is_spread(condition), metrics) else {
+                continue;
+            };
+            let Ok(derivatives) = self.solvers[condition].derivatives() else { continue };
+            let mut expansion = Expansion::new(metrics, &derivatives);
+            if let Some(last) = self.expansions[condition].take() {
+                expansion.keep_second_order(last);
+            }
+            self.expansions[condition] = Some(expansion);
         }
+        if self.has_expansions() {
+            self.terms = self.terms_of(&self.observations);
+        }
+    }
+
+    /// Adds the second order where trials differ.
+    pub(super) fn add_second_order(&mut self, values: &[f64]) {
         let robot = self.objective.robot_with(&self.parameters, values);
-        let count = self.solvers.len();
-        let mut effects =
-            |i: usize| (0..GAIT_NUMBERS).map(|n| self.gait_effect(i, n, &robot)).collect();
-        (0..count).map(&mut effects).collect()
-    }
-
-    /// By a central difference.
-    fn gait_effect(&mut self, i: usize, number: usize, robot: &Robot) -> [f64; TERMS] {
-        const STEP_RAD: f64 = 1e-3;
-        let measurement = &self.objective.measurements[i];
-        let mut error_rad = [0.0; GAIT_NUMBERS];
-        error_rad[number] = measurement.gait_errors_rad.as_flattened()[number];
-        if error_rad[number].is_nan() || error_rad[number] == 0.0 {
-            return [0.0; TERMS];
+        let Conditions { all, of_trials } = &self.objective.conditions;
+        for (i, condition) in all.iter().enumerate() {
+            let (true, Some(gait)) = (self.is_spread(i), condition.gait) else { continue };
+            let problem = self.objective.problem(&robot, gait, condition.omega_rad_s);
+            let differences: Vec<Differences> =
+                condition.trials.iter().map(|trial| of_trials[*trial].1).collect();
+            let mut solver = self.solvers[i].clone();
+            self.expansions[i] = Expansion::solve(&mut solver, &problem, &differences).ok();
         }
-        let mut at = |step_rad: f64| {
-            let mut steps_rad = [0.0; GAIT_NUMBERS];
-            steps_rad[number] = step_rad;
-            let moved = self.objective.measurements[i].with_gait_moved(steps_rad);
-            let problem = self.objective.problem_of(robot, &moved)?;
-            self.solves += 1;
-            Some(self.solvers[i].solve(&problem, self.accuracy).ok()?.to_array())
-        };
-        let both = at(STEP_RAD).zip(at(-STEP_RAD));
-        let scale = error_rad[number] / (2.0 * STEP_RAD);
-        // Where the neighbouring motions do not exist nothing is known.
-        both.map_or([0.0; TERMS], |(above, below)| {
-            std::array::from_fn(|metric| scale * (above[metric] - below[metric]))
-        })
     }
 
-    /// The objective linearised at `values`.
-    pub(super) fn linearised(&mut self, values: &[f64]) -> Linearised {
+    /// The objective linearised at `values`, where the trials' motions are expanded.
+    pub(super) fn expanded(&mut self, values: &[f64]) -> Linearised {
         let metrics = self.metrics(values);
+        self.expand(&metrics, false);
         self.linearised_at(values, &metrics)
     }
 
-    /// The same, where the metrics of the motions that were solved for last are known.
+    /// The same, where the metrics of the motions that were solved for last are known, and the
+    /// trials' motions were expanded elsewhere.
     pub(super) fn linearised_at(
         &mut self,
         values: &[f64],
         metrics: &[Option<GaitMetrics>],
     ) -> Linearised {
         let responses = self.responses(values, metrics);
-        self.objective.linearised(responses.iter().map(Option::as_ref))
+        self.terms.linearised(&responses)
     }
 
     /// Whether all motions exist at `values`.
@@ -306,7 +343,7 @@ impl<'a> Evaluator<'a> {
         let robot = self.objective.robot_with(&self.parameters, values);
         for i in 0..self.solvers.len() {
             if let Err(error) = self.solve(i, &robot) {
-                let omega_rad_s = self.objective.measurements[i].omega_rad_s;
+                let omega_rad_s = self.objective.conditions.all[i].omega_rad_s;
                 let status = error.status();
                 return FitStatus::Failed(format!("{status}: at {omega_rad_s:.3} rad/s {error}"));
             }
@@ -316,8 +353,9 @@ impl<'a> Evaluator<'a> {
 
     fn solve(&mut self, i: usize, robot: &Robot) -> Result<GaitMetrics, MotionError> {
         self.solves += 1;
-        let problem = self.objective.problem_of(robot, &self.objective.measurements[i]);
-        let problem = problem.ok_or(MotionError::GaitUnknown)?;
+        let Condition { omega_rad_s, gait, .. } = &self.objective.conditions.all[i];
+        let gait = gait.ok_or(MotionError::GaitUnknown)?;
+        let problem = self.objective.problem(robot, gait, *omega_rad_s);
         self.solvers[i].solve(&problem, self.accuracy)
     }
 }

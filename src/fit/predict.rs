@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::conditions::Condition;
+use super::fitted_point::FittedPoint;
 use super::measurement::Measurement;
 use super::objective::Objective;
 use crate::config::GaitInput;
@@ -21,10 +23,11 @@ const CURVE_ACCURACY: f64 = 1e-8;
 /// Rows of `predictions.parquet` for one model of one campaign.
 pub(super) fn predictions(
     campaign: &str,
-    objective: &Objective,
+    point: &FittedPoint,
     robot: &Robot,
 ) -> Vec<PredictionRow> {
-    let model = objective.model;
+    let objective = point.evaluator.objective;
+    let (model, conditions) = (objective.model, &objective.conditions);
     let row = |omega_rad_s, source, j, solved: &Result<_, MotionError>, from_rest| {
         let (metrics, status) = match solved {
             Ok(solved) => *solved,
@@ -33,19 +36,30 @@ pub(super) fn predictions(
         let campaign = campaign.to_owned();
         PredictionRow { campaign, model, omega_rad_s, source, metrics, j, status, from_rest }
     };
-    let at_trial = |solver: &mut Solver, measurement: &Measurement| {
-        let problem = objective.problem_of(robot, measurement).ok_or(MotionError::GaitUnknown);
+    let of_condition = |solver: &mut Solver, condition: &Condition| {
+        let gait = condition.gait.ok_or(MotionError::GaitUnknown);
+        let problem = gait.map(|gait| objective.problem(robot, gait, condition.omega_rad_s));
         let solved = problem.clone().and_then(|it| solve(solver, &it, REFERENCE_ACCURACY));
-        let j = solved
-            .as_ref()
-            .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
         let from_rest = problem.ok().zip(solved.as_ref().ok()).map(|(problem, (metrics, _))| {
             Attractor::from_rest(&solver.attractor(&problem, Ok(*metrics), REFERENCE_ACCURACY))
         });
-        row(measurement.omega_rad_s, PredictionSource::Trial, j, &solved, from_rest)
+        (solved, from_rest)
     };
-    let trials = objective.measurements.par_iter();
-    let mut rows: Vec<PredictionRow> = trials.map_init(Solver::default, at_trial).collect();
+    let all = conditions.all.par_iter();
+    let solved: Vec<_> = all.map_init(Solver::default, of_condition).collect();
+    let at_trial = |(measurement, (condition, differences)): (&Measurement, &(usize, _))| {
+        let (solved, from_rest) = &solved[*condition];
+        let solved = solved.clone().map(|(metrics, status)| {
+            let expansion = point.evaluator.expansions[*condition].as_ref();
+            (expansion.map_or(metrics, |of| of.metrics_at(&metrics, differences)), status)
+        });
+        let j = solved
+            .as_ref()
+            .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
+        row(measurement.omega_rad_s, PredictionSource::Trial, j, &solved, *from_rest)
+    };
+    let trials = objective.measurements.iter().zip(&conditions.of_trials);
+    let mut rows: Vec<PredictionRow> = trials.map(at_trial).collect();
     if model != Model::NoSkidMeasured {
         let omegas = objective.measurements.iter().map(|measurement| measurement.omega_rad_s);
         let low = omegas.clone().fold(f64::INFINITY, f64::min);
@@ -97,7 +111,7 @@ impl GaitOverFrequency {
     fn at(&self, omega_rad_s: f64) -> Option<Gait> {
         let after = self.known.partition_point(|(known, _)| *known <= omega_rad_s);
         let (low, below) = self.known.get(after.saturating_sub(1))?;
-        let (high, above) = self.known.get(after).unwrap_or(&self.known[after - 1]);
+        let (high, above) = self.known.get(after).or(self.known.last())?;
         if high <= low || omega_rad_s <= *low {
             return Some(*below);
         }
@@ -131,4 +145,27 @@ fn solve(
     solver.forget();
     let metrics = solver.solve(problem, accuracy)?;
     Ok((metrics, MotionStatus::of_floquet(solver.floquet()?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn below_and_beyond_the_known_frequencies_the_gait_is_that_of_the_nearest() {
+        let command = Gait::symmetric();
+        let gait = |offset_rad: f64| Gait {
+            joints: command.joints.map(|joint| joint.map(|of| JointCommand { offset_rad, ..of })),
+        };
+        let known = vec![(2.0, gait(0.1)), (4.0, gait(0.3))];
+        let gaits = GaitOverFrequency { command, known };
+        let offset_rad = |omega_rad_s: f64| {
+            let gait = gaits.at(omega_rad_s).expect("known");
+            gait.joints[0].expect("commanded").offset_rad
+        };
+        // Repeats that are a little slower than their mean.
+        assert_eq!([1.9, 2.0, 4.0, 4.1].map(offset_rad), [0.1, 0.1, 0.3, 0.3]);
+        assert!((offset_rad(3.0) - 0.2).abs() < 1e-12);
+        assert_eq!(GaitOverFrequency { known: Vec::new(), ..gaits }.at(3.0), None);
+    }
 }

@@ -17,6 +17,7 @@ use super::least_absolute::{minimise, sum};
 use super::noise_correction::NoiseCorrection;
 use super::resample::Resampler;
 use super::search::limits;
+use crate::motion::REFERENCE_ACCURACY;
 use crate::stats::quantiles_low;
 
 /// Part of the resamples that the limit covers.
@@ -65,7 +66,7 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
     let rises: Vec<Vec<f64>> = (0..RESAMPLES)
         .into_par_iter()
         .map(|number| {
-            let all = fit.resampled_residuals(resampler.draw(number));
+            let all = fit.resampled_residuals(&resampler.draw(number));
             let lowest = |held| sum(&all, &minimise(&all, &bounds, held));
             let free = lowest(None);
             (0..count).map(|index| lowest(Some(index)) - free).collect()
@@ -152,6 +153,6 @@ impl Profile {
     /// The lowest point, if it is lower than the fit by more than inaccuracy.
     pub fn lower_than(&self, cost: f64) -> Option<&HeldPoint> {
         let lowest = self.points.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        (lowest.cost < cost * (1.0 - 1e-7)).then_some(lowest)
+        (lowest.cost.max(REFERENCE_ACCURACY) < cost * (1.0 - 1e-7)).then_some(lowest)
     }
 }

@@ -23,7 +23,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::measurement::Measurement;
-use super::objective::{GAIT_NUMBERS, METRICS, Objective, TERMS};
+use super::objective::{METRICS, Objective};
+use super::terms::TERMS;
 use crate::metrics::GaitMetrics;
 use crate::stats::{mean, median_high};
 use crate::store::CycleRow;
@@ -40,8 +41,9 @@ pub(super) struct Resampler {
     frequencies: Vec<Vec<usize>>,
     /// Standard errors; those that are missing are taken from the others.
     errors: Vec<Metrics>,
-    /// The metrics of each trial's cycles.
-    cycles: Vec<Vec<Metrics>>,
+    /// Means over the trials of each trial's frequency.
+    means: Vec<Metrics>,
+    cycles: Vec<Cycles>,
     /// Standard deviation of the trials' own spread as a part of that of their deviations.
     own: Metrics,
     /// Relative standard deviation of repeats around their frequency's mean.
@@ -50,13 +52,32 @@ pub(super) struct Resampler {
     deviations: Vec<Metrics>,
 }
 
-/// Measurements that were drawn, and the trials that they were drawn from.
-#[derive(Default)]
-pub(super) struct Resample {
-    pub indices: Vec<usize>,
-    pub measurements: Vec<Measurement>,
-    /// By how many standard errors the numbers of the measured gaits are moved.
-    pub gait_moves: Vec<[f64; GAIT_NUMBERS]>,
+/// A measurement that was drawn.
+pub(super) struct DrawnTrial {
+    /// Which was drawn from.
+    pub index: usize,
+    pub metrics: Metrics,
+    /// By how much the numbers of the measured gait are moved.
+    pub gait_steps_rad: [[f64; 3]; 2],
+}
+
+/// A trial's cycles.
+struct Cycles {
+    metrics: Vec<Metrics>,
+    /// Their means, and standard deviations of resampled means.
+    means: Metrics,
+    deviations: Metrics,
+}
+
+impl Cycles {
+    fn new(metrics: Vec<Metrics>) -> Self {
+        let means: Metrics = std::array::from_fn(|i| mean(metrics.iter().map(|cycle| cycle[i])));
+        let deviations = std::array::from_fn(|i| {
+            let squares: f64 = metrics.iter().map(|cycle| (cycle[i] - means[i]).powi(2)).sum();
+            squares.sqrt() / metrics.len() as f64
+        });
+        Self { metrics, means, deviations }
+    }
 }
 
 impl Resampler {
@@ -67,16 +88,22 @@ impl Resampler {
         measurements: Vec<Measurement>,
         cycles: &BTreeMap<String, Vec<CycleRow>>,
     ) -> Self {
-        let used = |measurement: &Measurement| -> Vec<Metrics> {
+        let used = |measurement: &Measurement| {
             let rows = cycles.get(&measurement.trial).into_iter().flatten();
-            rows.filter(|row| row.used).map(|row| terms(&row.metrics)).collect()
+            Cycles::new(rows.filter(|row| row.used).map(|row| terms(&row.metrics)).collect())
         };
         let frequencies = Measurement::frequencies(&measurements);
         let errors = errors(&measurements);
         let (own, spread, deviations) = own_spread(&measurements, &frequencies, &errors);
+        let mut means_of_trials = vec![[0.0; TERMS]; measurements.len()];
+        for trials in &frequencies {
+            let means = means(&measurements, trials);
+            trials.iter().for_each(|trial| means_of_trials[*trial] = means);
+        }
         Self {
             campaign: campaign.to_owned(),
             seed,
+            means: means_of_trials,
             cycles: measurements.iter().map(used).collect(),
             measurements,
             frequencies,
@@ -134,9 +161,9 @@ impl Resampler {
     }
 
     /// The resample with this number; the same for every model of the campaign.
-    pub fn draw(&self, number: usize) -> Resample {
+    pub fn draw(&self, number: usize) -> Vec<DrawnTrial> {
         let (mut random, mut of_gait) = (self.random("", number), self.random("gait", number));
-        let mut resample = Resample::default();
+        let mut drawn = Vec::with_capacity(self.measurements.len());
         for trials in &self.frequencies {
             for &trial in trials {
                 let (index, mut metrics) = self.trial_of(trial, trials, &mut random);
@@ -147,25 +174,17 @@ impl Resampler {
                         *metric = f64::NAN;
                     }
                 }
-                let drawn = &self.measurements[index];
-                let [d_m, v_m_s, sigma @ .., alpha1_rad] = metrics;
-                let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, ..drawn.metrics };
-                let errors_rad = drawn.gait_errors_rad.as_flattened();
-                let moves = std::array::from_fn(|number| {
-                    let moves: f64 = StandardNormal.sample(&mut of_gait);
-                    if errors_rad[number].is_finite() { moves } else { 0.0 }
+                let errors_rad = self.measurements[index].gait_errors_rad;
+                let gait_steps_rad = errors_rad.map(|of_joint| {
+                    of_joint.map(|error_rad| {
+                        let moves: f64 = StandardNormal.sample(&mut of_gait);
+                        if error_rad.is_finite() { moves * error_rad } else { 0.0 }
+                    })
                 });
-                let steps_rad = std::array::from_fn(|n| match moves[n] {
-                    0.0 => 0.0,
-                    moves => moves * errors_rad[n],
-                });
-                let drawn = drawn.with_gait_moved(steps_rad);
-                resample.measurements.push(Measurement { metrics, ..drawn });
-                resample.indices.push(index);
-                resample.gait_moves.push(moves);
+                drawn.push(DrawnTrial { index, metrics, gait_steps_rad });
             }
         }
-        resample
+        drawn
     }
 
     /// One of a frequency's trials, and its metrics with the trials' own spread.
@@ -188,7 +207,7 @@ impl Resampler {
         }
         let index = trials[random.random_range(0..count)];
         let drawn = metrics(&self.measurements[index]);
-        let means = means(&self.measurements, trials);
+        let means = &self.means[index];
         let scale = (count as f64 / (count as f64 - 1.0)).sqrt();
         let with_spread = |i: usize| means[i] + self.own[i] * scale * (drawn[i] - means[i]);
         (index, std::array::from_fn(with_spread))
@@ -196,7 +215,7 @@ impl Resampler {
 
     /// By how many standard errors a resample of a trial's cycles moves its metrics.
     fn moves(&self, index: usize, random: &mut ChaCha8Rng) -> Metrics {
-        let cycles = &self.cycles[index];
+        let Cycles { metrics: cycles, means, deviations } = &self.cycles[index];
         let count = cycles.len();
         // d and v are one measurement, and so are in general all metrics of a cycle.
         let mut normal = [0.0; TERMS];
@@ -208,11 +227,8 @@ impl Resampler {
         normal[1] = normal[0];
         let drawn: Vec<usize> = (0..count).map(|_| random.random_range(0..count.max(1))).collect();
         std::array::from_fn(|i| {
-            let centre = mean(cycles.iter().map(|cycle| cycle[i]));
-            let squares: f64 = cycles.iter().map(|cycle| (cycle[i] - centre).powi(2)).sum();
-            let deviation = squares.sqrt() / count as f64;
             let resampled = mean(drawn.iter().map(|&n| cycles[n][i]));
-            let moves = (resampled - centre) / deviation;
+            let moves = (resampled - means[i]) / deviations[i];
             // Without cycles, or with one, or with equal ones.
             if moves.is_finite() { moves } else { normal[i] }
         })
@@ -341,7 +357,7 @@ mod tests {
     }
 
     /// Standard deviation of a number over many resamples.
-    fn deviation(resampler: &Resampler, of: impl Fn(&Resample) -> f64) -> f64 {
+    fn deviation(resampler: &Resampler, of: impl Fn(&[DrawnTrial]) -> f64) -> f64 {
         let values: Vec<f64> = (0..4000).map(|number| of(&resampler.draw(number))).collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64)
@@ -355,7 +371,7 @@ mod tests {
                 let trial = trial("one", 2.0, &d_m);
                 let expected = trial.0.errors.d_m;
                 let resampler = resampler(vec![trial], with_cycles);
-                let found = deviation(&resampler, |resample| resample.measurements[0].metrics.d_m);
+                let found = deviation(&resampler, |resample| resample[0].metrics[0]);
                 assert!((found / expected - 1.0).abs() < 0.05, "{found} for {expected}");
             }
         }
@@ -366,7 +382,7 @@ mod tests {
         let single = trial("single", 3.0, &[0.5]);
         assert!(single.0.errors.d_m.is_nan());
         let resampler = resampler(vec![trial("one", 2.0, &[0.40, 0.42, 0.44]), single], true);
-        let found = deviation(&resampler, |resample| resample.measurements[1].metrics.d_m);
+        let found = deviation(&resampler, |resample| resample[1].metrics[0]);
         // A cycle's relative spread is 0.02 / 0.42.
         assert!((found / (0.5 * 0.02 / 0.42) - 1.0).abs() < 0.05, "{found}");
     }
@@ -377,8 +393,8 @@ mod tests {
         let values = [[0.400, 0.401, 0.402], [0.420, 0.421, 0.422], [0.447, 0.448, 0.449]];
         let trials = (0..).zip(values).map(|(i, d_m)| trial(&format!("r{i}"), 2.0, &d_m));
         let resampler = resampler(trials.collect(), true);
-        let mean = |resample: &Resample| {
-            resample.measurements.iter().map(|each| each.metrics.d_m).sum::<f64>() / 3.0
+        let mean = |resample: &[DrawnTrial]| {
+            resample.iter().map(|each| each.metrics[0]).sum::<f64>() / 3.0
         };
         let means = [0.401_f64, 0.421, 0.448];
         let middle = means.iter().sum::<f64>() / 3.0;
@@ -395,7 +411,7 @@ mod tests {
             .collect();
         trials.push(trial("alone", 3.0, &[0.2999, 0.3, 0.3001]));
         let resampler = resampler(trials, true);
-        let found = deviation(&resampler, |resample| resample.measurements[4].metrics.d_m);
+        let found = deviation(&resampler, |resample| resample[4].metrics[0]);
         let relative = (0.002_f64 / 3.0).sqrt() / 0.43;
         assert!((found / (0.3 * relative) - 1.0).abs() < 0.05, "{found}");
     }
@@ -404,8 +420,7 @@ mod tests {
     fn the_same_number_is_the_same_resample() {
         let trials = || vec![trial("one", 2.0, &[0.40, 0.43, 0.42])];
         let (first, second) = (resampler(trials(), true), resampler(trials(), true));
-        let d_m =
-            |resampler: &Resampler, number| resampler.draw(number).measurements[0].metrics.d_m;
+        let d_m = |resampler: &Resampler, number| resampler.draw(number)[0].metrics[0];
         assert!((0..20).all(|number| d_m(&first, number) == d_m(&second, number)));
         assert!((1..20).any(|number| d_m(&first, number) != d_m(&first, 0)));
     }

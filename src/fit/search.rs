@@ -24,8 +24,10 @@ use nalgebra::DVector;
 use super::hessian::Hessians;
 use super::input::FreeParameter;
 use super::least_absolute::Residual;
-use super::objective::{Evaluator, Linearised, PENALTY};
+use super::objective::Evaluator;
+use super::terms::{Linearised, PENALTY};
 use crate::interrupt::stop_if_asked;
+use crate::motion::REFERENCE_ACCURACY;
 use crate::store::Stopped;
 
 const MAX_ITERATIONS: u64 = 200;
@@ -63,7 +65,7 @@ pub(super) struct Iterate {
 impl Iterate {
     /// A search that begins at `values`.
     pub fn begin(evaluator: &mut Evaluator, values: Vec<f64>) -> Self {
-        let at = evaluator.linearised(&values);
+        let at = evaluator.expanded(&values);
         Self::from_linearised(values, at)
     }
 
@@ -92,10 +94,19 @@ impl Iterate {
         evaluator.accuracy = accuracy;
         let (step, _) = self.solver.best_step(&evaluator.parameters, &self.values);
         self.values = values_after(&evaluator.parameters, &self.values, &step);
-        let at = evaluator.linearised(&self.values);
-        (self.cost, self.solver.residuals) = (at.cost, at.residuals);
+        if accuracy == REFERENCE_ACCURACY {
+            evaluator.add_second_order(&self.values);
+        }
+        self = self.expand(evaluator);
         // What coarse motions could not resolve may have closed the region.
         self.solver.radius = self.solver.radius.max(NEXT_RADIUS);
+        self
+    }
+
+    /// Expands the trials' motions where the search is.
+    pub fn expand(mut self, evaluator: &mut Evaluator) -> Self {
+        let at = evaluator.expanded(&self.values);
+        (self.cost, self.solver.residuals) = (at.cost, at.residuals);
         self
     }
 
@@ -161,7 +172,7 @@ impl<'e, 'o> Solver<&'e mut Evaluator<'o>, State> for TrustRegion {
         }
         let next = values_after(&evaluator.parameters, values, &step);
         let metrics = evaluator.metrics(&next);
-        let found = evaluator.objective.cost(&metrics);
+        let found = evaluator.terms.cost(metrics.iter().copied());
         let is_inside = step.amax() < 0.9 * self.radius;
         let is_as_predicted = (found - (cost - expected)).abs() <= self.tolerance * cost;
         if self.is_last && is_inside && is_as_predicted {

@@ -24,6 +24,11 @@ pub struct Start {
 /// Accuracies of the motions before those of the last iterations, and the tolerances of the
 /// search with them.
 const APPROACH: [(f64, f64); 2] = [(1e-4, 1e-3), (FIT_ACCURACY, 1e-6)];
+/// How often the trials' motions are expanded in the last iterations: each changes a
+/// hundredth of what the one before did.
+const MOST_EXPANSIONS: usize = 4;
+/// Change of the objective by them, relative to it, that is none.
+const EXPANDED: f64 = 1e-9;
 /// Largest difference of a parameter's logarithm, and of the objective relative to itself, of
 /// iterates that are the same before the last iterations. These go much less far, and
 /// neighbouring minima are further apart.
@@ -112,8 +117,18 @@ impl<'o> Approach<'o> {
         if self.evaluator.parameters.is_empty() {
             return self.start(Stopped::NothingFree);
         }
-        let iterate = self.iterate.with_accuracy(&mut self.evaluator, REFERENCE_ACCURACY);
-        self.iterate = iterate.run(&mut self.evaluator, CONVERGED, true, &Ended::default());
+        let mut iterate = self.iterate.with_accuracy(&mut self.evaluator, REFERENCE_ACCURACY);
+        for _ in 0..MOST_EXPANSIONS {
+            iterate = iterate.run(&mut self.evaluator, CONVERGED, true, &Ended::default());
+            let cost = iterate.cost;
+            if self.evaluator.has_expansions() {
+                iterate = iterate.expand(&mut self.evaluator);
+            }
+            if (iterate.cost - cost).abs() <= EXPANDED * cost {
+                break;
+            }
+        }
+        self.iterate = iterate;
         let stopped = self.iterate.stopped;
         self.start(stopped)
     }

@@ -177,7 +177,7 @@ impl Linearisation {
         assemble(element, matrix, right, columns, |j, dy, rows| {
             let mut jacobian = [[0.0; MOST_PARAMETERS]; N];
             let (node, y) = (&element.nodes[j], &element.stages[j]);
-            let residual = model.sensitivity(node, y, dy, &mut jacobian);
+            let residual = model.sensitivity(node, y, dy, parameters, &mut jacobian);
             for i in 0..per_stage {
                 let row = &mut rows[i * columns + N..][..parameters];
                 row.iter_mut().zip(&jacobian[i]).for_each(|(entry, slope)| *entry = -slope);

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::attractor::find_attractor;
+use super::cycle::measure;
 use super::forces::contact_forces;
 use super::orbit::{Effort, PeriodicOrbit, Start};
 use super::radau::{RADAU, STAGES};
@@ -85,8 +86,15 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
-        differentiate(model, &orbit.mesh, &cycle, &mut orbit.workspace, wanted)
-            .ok_or(orbit.not_converged())
+        let PeriodicOrbit { mesh, whole, workspace, .. } = &mut **orbit;
+        let found = if wanted.is_none() && mesh.is_half {
+            mesh.unfold(model, whole);
+            let cycle = measure(model, whole, workspace);
+            differentiate(model, whole, &cycle, workspace, wanted)
+        } else {
+            differentiate(model, mesh, &cycle, workspace, wanted)
+        };
+        found.ok_or(orbit.not_converged())
     }
 
     fn work_and_loss_j(&self) -> Result<[f64; 2]> {

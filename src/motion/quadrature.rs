@@ -62,18 +62,19 @@ impl Quadrature<'_> {
         Ok((metrics, Effort { elements, ..Effort::default() }))
     }
 
-    /// Derivative of the metrics with respect to the amplitude of a joint, by Richardson's
+    /// Derivative of the metrics with respect to a number of a joint's command, by Richardson's
     /// extrapolation of central differences: the quadrature has more digits than it needs.
     ///
     /// # Errors
-    /// A gait with a slightly different amplitude has no motion: one that depends on condition (5)
-    /// being met has no derivative.
-    fn amplitude_derivative(&self, joint: usize) -> Result<GaitMetrics> {
+    /// A slightly different gait has no motion: one that depends on condition (5) being met has no
+    /// derivative.
+    fn gait_derivative(&self, joint: usize, number: usize) -> Result<GaitMetrics> {
         const STEP_RAD: f64 = 2e-3;
         let difference = |step: f64| -> Result<[f64; 7]> {
             let at = |step: f64| {
                 let mut joints = self.joints;
-                joints[joint].amplitude_rad += step;
+                let JointCommand { offset_rad, amplitude_rad, phase_rad } = &mut joints[joint];
+                *[offset_rad, amplitude_rad, phase_rad][number] += step;
                 Ok(self.metrics(joints)?.0.to_array())
             };
             let (low, high) = (at(-step)?, at(step)?);
@@ -92,8 +93,13 @@ impl Method for Quadrature<'_> {
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let mut derivatives = Derivatives::NONE;
         if wanted.is_none() {
-            for (joint, derivative) in derivatives.amplitudes.iter_mut().enumerate() {
-                *derivative = self.amplitude_derivative(joint)?;
+            let (metrics, _) = self.metrics(self.joints)?;
+            derivatives.omega.v_m_s = metrics.d_m / TAU;
+            for (joint, numbers) in derivatives.gait.iter_mut().enumerate() {
+                for (number, derivative) in numbers.iter_mut().enumerate() {
+                    let found = self.gait_derivative(joint, number);
+                    *derivative = found.unwrap_or(GaitMetrics::MISSING);
+                }
             }
         }
         Ok(derivatives)

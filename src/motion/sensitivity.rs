@@ -16,7 +16,7 @@ use super::element::{Element, Linearisation, Stages, integrate_poses, unknowns};
 use super::extreme::TurningPoint;
 use super::mesh::Mesh;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Derivatives, KinematicState, MOST_PARAMETERS, Reduced, Variable};
+use super::reduced::{AMPLITUDE, Derivatives, KinematicState, MOST_PARAMETERS, Reduced, Variable};
 use crate::metrics::GaitMetrics;
 use crate::robot::{Parameter, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
@@ -33,7 +33,8 @@ const INTEGRALS: usize = 5;
 const FIRST_PARAMETERS: usize = 3;
 
 /// Derivatives of the metrics of the solution on a mesh with respect to the parameters that are
-/// `wanted`, or to everything; others may be left zero. `None` if the linearised motion is singular: it is where two
+/// `wanted`, or to everything, for which the mesh has to cover a whole period: the mirror image
+/// of a motion has other offsets. Others may be left zero. `None` if the linearised motion is singular: it is where two
 /// solutions meet.
 pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     model: &R,
@@ -42,16 +43,17 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     workspace: &mut Linearisation,
     wanted: Option<&[Parameter]>,
 ) -> Option<Derivatives> {
-    let is_wanted = |variable| match (variable, wanted) {
-        (_, None) => true,
+    let is_wanted = |column| match (model.variable(column), wanted) {
         (Variable::Parameter(own), Some(wanted)) => wanted.iter().any(|of| own.is_part_of(*of)),
-        (Variable::Amplitude(_), Some(_)) => false,
+        _ => false,
     };
-    let mut others = (FIRST_PARAMETERS..R::PARAMETERS).map(|column| model.variable(column));
     // Numbers of columns that are known when this is compiled.
-    match others.any(is_wanted) {
-        true => first_derivatives(model, mesh, cycle, workspace, R::PARAMETERS),
-        false => first_derivatives(model, mesh, cycle, workspace, FIRST_PARAMETERS),
+    if wanted.is_none() {
+        first_derivatives(model, mesh, cycle, workspace, R::PARAMETERS)
+    } else if (FIRST_PARAMETERS..R::OF_ROBOT).any(is_wanted) {
+        first_derivatives(model, mesh, cycle, workspace, R::OF_ROBOT)
+    } else {
+        first_derivatives(model, mesh, cycle, workspace, FIRST_PARAMETERS)
     }
 }
 
@@ -92,10 +94,12 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
             }
             let mut own = [0.0; MOST_COLUMNS];
             for j in 0..STAGES {
-                let slopes = model.amplitude_gradient(&nodes[j], &stages[j], &gradient[j]);
-                for column in 0..parameters {
-                    if let Variable::Amplitude(joint) = model.variable(column) {
-                        own[N + column] += slopes[joint];
+                if parameters > R::OF_ROBOT {
+                    let slopes = model.gait_gradient(&nodes[j], &stages[j], &gradient[j]);
+                    for column in R::OF_ROBOT..parameters {
+                        if let Variable::Gait(joint, number) = model.variable(column) {
+                            own[N + column] += slopes[joint][number];
+                        }
                     }
                 }
             }
@@ -145,12 +149,13 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
         let [d_m, dtheta_rad, sigma @ ..] =
             integrals.each_ref().map(|integral| total(integral, column));
         let commanded = match (variable, problem.gait.joints[0]) {
-            (Variable::Amplitude(0), Some(command)) => command.amplitude_rad.signum(),
+            (Variable::Gait(0, AMPLITUDE), Some(command)) => command.amplitude_rad.signum(),
             _ => 0.0,
         };
+        let faster = if variable == Variable::Frequency { cycle.metrics.d_m / TAU } else { 0.0 };
         let derivative = GaitMetrics {
             d_m,
-            v_m_s: d_m * problem.omega_rad_s / TAU,
+            v_m_s: d_m * problem.omega_rad_s / TAU + faster,
             sigma,
             alpha1_rad: alpha1[column] + commanded,
             dtheta_rad,

@@ -16,7 +16,7 @@ pub(super) use skid::Skid;
 
 use super::Problem;
 use crate::metrics::GaitMetrics;
-use crate::robot::{ByParameter, Parameter, Shape, Trig, Velocity, dot};
+use crate::robot::{Balance, ByParameter, Parameter, Shape, Trig, Velocity, dot};
 
 /// The equations of motion and their derivatives at one time.
 #[derive(Debug, Clone, Copy)]
@@ -39,43 +39,57 @@ pub(super) struct KinematicState {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Variable {
     Parameter(Parameter),
-    /// Amplitude of a commanded joint (0 or 1), rad.
-    Amplitude(usize),
+    /// omega, rad/s.
+    Frequency,
+    /// A number of a commanded joint (0 or 1), rad: its offset, amplitude or phase (0, 1, 2).
+    Gait(usize, usize),
 }
+
+/// Numbers of a joint's command: offset, amplitude, phase.
+pub(super) const AMPLITUDE: usize = 1;
+pub(super) const NUMBERS: usize = 3;
 
 /// Derivatives of the metrics; zero for what the motion does not depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Derivatives {
     /// Per unit of each parameter.
     pub parameters: ByParameter<GaitMetrics>,
-    /// Per radian of each commanded joint's amplitude.
-    pub amplitudes: [GaitMetrics; 2],
+    /// Per rad/s of omega.
+    pub omega: GaitMetrics,
+    /// Per radian of offset, amplitude and phase of each commanded joint; NaN where the motion
+    /// exists for this gait alone.
+    pub gait: [[GaitMetrics; NUMBERS]; 2],
 }
 
 impl Derivatives {
     pub(super) const NONE: Self = Self {
         parameters: ByParameter::splat(GaitMetrics::NONE),
-        amplitudes: [GaitMetrics::NONE; 2],
+        omega: GaitMetrics::NONE,
+        gait: [[GaitMetrics::NONE; NUMBERS]; 2],
     };
 
     pub(super) fn set(&mut self, variable: Variable, derivative: GaitMetrics) {
         match variable {
             Variable::Parameter(parameter) => self.parameters[parameter] = derivative,
-            Variable::Amplitude(joint) => self.amplitudes[joint] = derivative,
+            Variable::Frequency => self.omega = derivative,
+            Variable::Gait(joint, number) => self.gait[joint][number] = derivative,
         }
     }
 }
 
 /// Most parameters that a motion of one kind can depend on.
-pub(super) const MOST_PARAMETERS: usize = 9;
+pub(super) const MOST_PARAMETERS: usize = 13;
 
 /// Derivatives of each equation with respect to the variables of [`Reduced::variable`].
 pub(super) type ParameterJacobian<const N: usize> = [[f64; MOST_PARAMETERS]; N];
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize> {
-    /// Parameters that the motion can depend on.
+    /// Variables that the motion can depend on: the robot's, omega, the commanded joints'.
     const PARAMETERS: usize;
+
+    /// Those of the robot among them.
+    const OF_ROBOT: usize;
 
     /// Whether the wheels can skid.
     const SKIDS: bool;
@@ -102,12 +116,14 @@ pub(super) trait Reduced<const N: usize> {
     /// The variable of a column, counted from 0 to [`Reduced::PARAMETERS`].
     fn variable(&self, column: usize) -> Variable;
 
-    /// The equations and their derivatives with respect to the parameters.
+    /// The equations and their derivatives with respect to the first `parameters`; with respect to
+    /// omega where velocities stay in proportion to it.
     fn sensitivity(
         &self,
         node: &Self::Node,
         y: &[f64; N],
         dy: &[f64; N],
+        parameters: usize,
         jacobian: &mut ParameterJacobian<N>,
     ) -> Residual<N>;
 
@@ -125,13 +141,13 @@ pub(super) trait Reduced<const N: usize> {
         gradient: &KinematicState,
     ) -> [f64; N];
 
-    /// The same with respect to the joints' amplitudes when the states stay.
-    fn amplitude_gradient(
+    /// The same with respect to the numbers of the joints' commands when the states stay.
+    fn gait_gradient(
         &self,
         node: &Self::Node,
         y: &[f64; N],
         gradient: &KinematicState,
-    ) -> [f64; 2];
+    ) -> [[f64; NUMBERS]; 2];
 
     /// Signs of the states half a period later, if the commands have changed theirs.
     fn half_period_signs(&self) -> Option<[f64; N]>;
@@ -146,7 +162,8 @@ impl Problem {
     pub(super) fn knows(&self, variable: Variable) -> bool {
         match variable {
             Variable::Parameter(parameter) => self.model.knows(parameter, &self.gait),
-            Variable::Amplitude(joint) => self.gait.passive_joint() != Some(joint),
+            Variable::Frequency => true,
+            Variable::Gait(joint, _) => self.gait.passive_joint() != Some(joint),
         }
     }
 
@@ -163,6 +180,22 @@ fn dforce_dcoefficients(rows: &[[f64; 5]; 3], velocity: &Velocity) -> [[f64; 5];
     rows.map(|row| {
         let along = dot(&row, velocity);
         row.map(|entry| entry * along)
+    })
+}
+
+/// Derivatives of forces with respect to omega, where velocities are in proportion to it and
+/// accelerations to its square.
+#[inline(always)]
+fn dforce_domega(
+    balance: &Balance,
+    mass: &[[f64; 5]; 5],
+    velocity: &Velocity,
+    acceleration: &[f64; 5],
+    omega_rad_s: f64,
+) -> [f64; 5] {
+    std::array::from_fn(|i| {
+        let by_velocity = dot(&balance.dforce_dvelocity[i], velocity);
+        (by_velocity + 2.0 * dot(&mass[i], acceleration)) / omega_rad_s
     })
 }
 
@@ -189,12 +222,21 @@ impl CommandNode {
         [s[joint], c[joint], rate_rad_s[joint], acceleration_rad_s2[joint]]
     }
 
-    /// Gradient with respect to the amplitudes, as far as they act on the joints' own angles and
+    /// Derivatives of a joint's angle, rate and acceleration with respect to each number of its
+    /// command.
+    fn slopes(&self, joint: usize, omega_rad_s: f64) -> [[f64; 3]; NUMBERS] {
+        let [_, _, rate, acceleration] = self.joint(joint);
+        let by_phase = [rate / omega_rad_s, acceleration / omega_rad_s, -omega_rad_s * rate];
+        [[1.0, 0.0, 0.0], self.waves[joint], by_phase]
+    }
+
+    /// Gradient with respect to these numbers, as far as they act on the joints' own angles and
     /// rates alone.
-    fn amplitude_gradient(&self, gradient: &KinematicState) -> [f64; 2] {
-        std::array::from_fn(|a| {
-            let [phi, rate, _] = self.waves[a];
-            gradient.phi_rad[a] * phi + gradient.velocity[3 + a] * rate
+    fn gait_gradient(&self, gradient: &KinematicState, omega_rad_s: f64) -> [[f64; NUMBERS]; 2] {
+        std::array::from_fn(|joint| {
+            self.slopes(joint, omega_rad_s).map(|[phi, rate, _]| {
+                gradient.phi_rad[joint] * phi + gradient.velocity[3 + joint] * rate
+            })
         })
     }
 }

@@ -3,8 +3,8 @@
 use nalgebra::{Complex, ComplexField};
 
 use super::{
-    CommandNode, KinematicState, MOST_PARAMETERS, ParameterJacobian, Reduced, Residual, Variable,
-    dforce_dcoefficients,
+    CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
+    dforce_dcoefficients, dforce_domega,
 };
 use crate::motion::Problem;
 use crate::robot::{Balance, Parameter, Trig, dot, force_balance, mass_matrix, roll_rows};
@@ -196,11 +196,12 @@ impl PassiveNoSkid {
         }
     }
 
-    /// Derivative of the frame with respect to the commanded joint's amplitude, by a complex step.
+    /// Derivative of the frame when the commanded joint's angle, rate and acceleration change, by
+    /// a complex step.
     #[inline(always)]
-    fn dframe_damplitude(&self, ConstrainedNode { command, .. }: &ConstrainedNode) -> Frame {
+    fn dframe(&self, ConstrainedNode { command, .. }: &ConstrainedNode, slopes: [f64; 3]) -> Frame {
         const STEP: f64 = 1e-30;
-        let [dphi, drate, dacceleration] = command.waves[1 - self.passive];
+        let [dphi, drate, dacceleration] = slopes;
         let values = command.joint(1 - self.passive);
         let slopes = [values[1] * dphi, -values[0] * dphi, drate, dacceleration];
         let frame = self.frame([0, 1, 2, 3].map(|i| Complex::new(values[i], STEP * slopes[i])));
@@ -215,7 +216,8 @@ impl PassiveNoSkid {
 }
 
 impl Reduced<2> for PassiveNoSkid {
-    const PARAMETERS: usize = 6;
+    const PARAMETERS: usize = 9;
+    const OF_ROBOT: usize = 5;
     const SKIDS: bool = false;
     const INTEGRATED: bool = false;
     const HAS_ANGLE: bool = true;
@@ -242,7 +244,8 @@ impl Reduced<2> for PassiveNoSkid {
             0..3 => Variable::Parameter(Parameter::ROLL[column]),
             3 => Variable::Parameter(Parameter::Stiffness),
             4 => Variable::Parameter(Parameter::Damping),
-            _ => Variable::Amplitude(1 - self.passive),
+            5 => Variable::Frequency,
+            _ => Variable::Gait(1 - self.passive, column - 6),
         }
     }
 
@@ -252,6 +255,7 @@ impl Reduced<2> for PassiveNoSkid {
         node: &ConstrainedNode,
         y: &[f64; 2],
         dy: &[f64; 2],
+        parameters: usize,
         jacobian: &mut ParameterJacobian<2>,
     ) -> Residual<2> {
         let (p, a, robot) = (self.passive, 1 - self.passive, &self.problem.robot);
@@ -267,31 +271,38 @@ impl Reduced<2> for PassiveNoSkid {
         }
         jacobian[0][3] = null[2] * (y[1] - robot.rest_angle_rad);
         jacobian[0][4] = null[2] * state.velocity[3 + p];
+        if parameters <= Self::OF_ROBOT {
+            return residual;
+        }
+        let omega_rad_s = self.problem.omega_rad_s;
+        let acceleration = self.acceleration(node, y, dy);
+        let domega = dforce_domega(&balance, &mass, &state.velocity, &acceleration, omega_rad_s);
+        jacobian[0][5] = along(&domega);
 
         // The frame of the constraints turns with the commanded joint.
-        let frame = self.dframe_damplitude(node);
-        let (dvelocities, daccelerations) =
-            (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
-        let (w, dw) = (wheel.rate(velocities), wheel.rate(dvelocities));
-        let drate_dphi = wheel.drate_dphi(velocities);
-        let [phi, rate, acceleration] = node.command.waves[a];
-        let mut velocity = [dvelocities[0], 0.0, dvelocities[1], 0.0, 0.0];
-        let mut rates = [daccelerations[0], 0.0, daccelerations[1], 0.0, 0.0];
-        (velocity[3 + p], velocity[3 + a]) = (dw, rate);
-        rates[3 + p] =
-            wheel.drate_dphi(dvelocities) * w + drate_dphi * dw + wheel.rate(daccelerations);
-        rates[3 + a] = acceleration;
-        let dnull = [frame.null[0], frame.null[1], wheel.rate(frame.null)];
-        let mut sum = 0.0;
-        for ((n, dn), &row) in null.iter().zip(&dnull).zip(&rows) {
-            let force = dot(&balance.dforce_dvelocity[row], &velocity)
-                + dot(&mass[row], &rates)
-                + balance.dforce_dphi[a][row] * phi;
-            sum += n * force + dn * balance.force[row];
+        let (w, drate_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
+        for (number, slopes) in node.command.slopes(a, omega_rad_s).into_iter().enumerate() {
+            let frame = self.dframe(node, slopes);
+            let (dvelocities, daccelerations) =
+                (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
+            let dw = wheel.rate(dvelocities);
+            let [phi, rate, acceleration] = slopes;
+            let mut velocity = [dvelocities[0], 0.0, dvelocities[1], 0.0, 0.0];
+            let mut rates = [daccelerations[0], 0.0, daccelerations[1], 0.0, 0.0];
+            (velocity[3 + p], velocity[3 + a]) = (dw, rate);
+            rates[3 + p] =
+                wheel.drate_dphi(dvelocities) * w + drate_dphi * dw + wheel.rate(daccelerations);
+            rates[3 + a] = acceleration;
+            let dnull = [frame.null[0], frame.null[1], wheel.rate(frame.null)];
+            let mut sum = 0.0;
+            for ((n, dn), &row) in null.iter().zip(&dnull).zip(&rows) {
+                let force = dot(&balance.dforce_dvelocity[row], &velocity)
+                    + dot(&mass[row], &rates)
+                    + balance.dforce_dphi[a][row] * phi;
+                sum += n * force + dn * balance.force[row];
+            }
+            (jacobian[0][6 + number], jacobian[1][6 + number]) = (sum, -dw);
         }
-        jacobian[0][5] = sum;
-        jacobian[1] = [0.0; MOST_PARAMETERS];
-        jacobian[1][5] = -dw;
         residual
     }
 
@@ -323,20 +334,24 @@ impl Reduced<2> for PassiveNoSkid {
     }
 
     #[inline(always)]
-    fn amplitude_gradient(
+    fn gait_gradient(
         &self,
         node: &ConstrainedNode,
         y: &[f64; 2],
         gradient: &KinematicState,
-    ) -> [f64; 2] {
+    ) -> [[f64; NUMBERS]; 2] {
         let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(y[1]));
-        let velocities = self.dframe_damplitude(node).velocities(y[0]);
+        let omega_rad_s = self.problem.omega_rad_s;
         let [u, _, r, ..] = gradient.velocity;
-        let mut slopes = node.command.amplitude_gradient(gradient);
-        slopes[a] += u * velocities[0]
-            + r * velocities[1]
-            + gradient.velocity[3 + p] * wheel.rate(velocities);
-        slopes
+        let mut gradients = node.command.gait_gradient(gradient, omega_rad_s);
+        let both = gradients[a].iter_mut().zip(node.command.slopes(a, omega_rad_s));
+        for (gradient_of_number, slopes) in both {
+            let velocities = self.dframe(node, slopes).velocities(y[0]);
+            *gradient_of_number += u * velocities[0]
+                + r * velocities[1]
+                + gradient.velocity[3 + p] * wheel.rate(velocities);
+        }
+        gradients
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
 //! Wheels that skid.
 
 use super::{
-    CommandNode, KinematicState, ParameterJacobian, Reduced, Residual, Variable,
-    dforce_dcoefficients,
+    CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
+    dforce_dcoefficients, dforce_domega,
 };
 use crate::motion::Problem;
 use crate::robot::{Balance, Parameter, Trig, force_balance, mass_matrix, roll_rows, skid_rows};
@@ -75,7 +75,8 @@ impl<const N: usize> Skid<N> {
 }
 
 impl<const N: usize> Reduced<N> for Skid<N> {
-    const PARAMETERS: usize = if Self::IS_PASSIVE { 9 } else { 8 };
+    const PARAMETERS: usize = if Self::IS_PASSIVE { 12 } else { 13 };
+    const OF_ROBOT: usize = if Self::IS_PASSIVE { 8 } else { 6 };
     const SKIDS: bool = true;
     const INTEGRATED: bool = Self::IS_PASSIVE;
     const HAS_ANGLE: bool = Self::IS_PASSIVE;
@@ -101,8 +102,9 @@ impl<const N: usize> Reduced<N> for Skid<N> {
             (3..6, _) => Variable::Parameter(Parameter::ROLL[column - 3]),
             (6, Some(_)) => Variable::Parameter(Parameter::Stiffness),
             (7, Some(_)) => Variable::Parameter(Parameter::Damping),
-            (_, Some(p)) => Variable::Amplitude(1 - p),
-            (_, None) => Variable::Amplitude(column - 6),
+            (column, _) if column == Self::OF_ROBOT => Variable::Frequency,
+            (column, Some(p)) => Variable::Gait(1 - p, column - 9),
+            (column, None) => Variable::Gait((column - 7) / NUMBERS, (column - 7) % NUMBERS),
         }
     }
 
@@ -112,6 +114,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         node: &CommandNode,
         y: &[f64; N],
         dy: &[f64; N],
+        parameters: usize,
         jacobian: &mut ParameterJacobian<N>,
     ) -> Residual<N> {
         let robot = &self.problem.robot;
@@ -126,12 +129,26 @@ impl<const N: usize> Reduced<N> for Skid<N> {
                 entries[wheel] = dskid[wheel][row];
                 entries[3 + wheel] = droll[wheel][row];
             }
-            for joint in (0..2).filter(|joint| self.passive() != Some(*joint)) {
-                let [phi, rate, acceleration] = node.waves[joint];
-                entries[if Self::IS_PASSIVE { 8 } else { 6 + joint }] =
-                    balance.dforce_dphi[joint][row] * phi
-                        + balance.dforce_dvelocity[row][3 + joint] * rate
-                        + mass[row][3 + joint] * acceleration;
+        }
+        if parameters > Self::OF_ROBOT {
+            let omega_rad_s = self.problem.omega_rad_s;
+            let acceleration = self.acceleration(node, y, dy);
+            let domega = dforce_domega(&balance, &mass, &velocity, &acceleration, omega_rad_s);
+            let slopes = [0, 1].map(|joint| node.slopes(joint, omega_rad_s));
+            for (i, entries) in jacobian.iter_mut().enumerate().take(Self::ROWS) {
+                let row = self.row(i);
+                for (column, entry) in entries.iter_mut().enumerate().skip(Self::OF_ROBOT) {
+                    *entry = match self.variable(column) {
+                        Variable::Gait(joint, number) if column < Self::PARAMETERS => {
+                            let [phi, rate, acceleration] = slopes[joint][number];
+                            balance.dforce_dphi[joint][row] * phi
+                                + balance.dforce_dvelocity[row][3 + joint] * rate
+                                + mass[row][3 + joint] * acceleration
+                        }
+                        Variable::Frequency => domega[row],
+                        _ => 0.0,
+                    };
+                }
             }
         }
         if Self::IS_PASSIVE {
@@ -174,13 +191,13 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     }
 
     #[inline(always)]
-    fn amplitude_gradient(
+    fn gait_gradient(
         &self,
         node: &CommandNode,
         _y: &[f64; N],
         gradient: &KinematicState,
-    ) -> [f64; 2] {
-        node.amplitude_gradient(gradient)
+    ) -> [[f64; NUMBERS]; 2] {
+        node.gait_gradient(gradient, self.problem.omega_rad_s)
     }
 
     fn half_period_signs(&self) -> Option<[f64; N]> {

@@ -1,0 +1,106 @@
+//! The terms of eq. 22 as functions of the conditions' metrics.
+
+use std::sync::Arc;
+
+use super::deviations::Deviations;
+use super::least_absolute::Residual;
+use crate::metrics::GaitMetrics;
+
+/// What a trial without a steady motion contributes to the objective: far more than any motion
+/// does, so that the search turns back.
+pub(super) const PENALTY: f64 = 1e3;
+
+/// Terms of eq. 22 for one trial: of d, v, the wheels' sigma and alpha_1.
+pub(super) const TERMS: usize = 6;
+
+/// A condition's simulated metrics, and for every free parameter their derivatives with respect to its logarithm.
+#[derive(Debug, Clone)]
+pub(super) struct Response {
+    pub metrics: GaitMetrics,
+    pub d_metrics_d_logarithm: Vec<[f64; 7]>,
+}
+
+/// The objective at a point, linearised.
+#[derive(Debug, Clone)]
+pub(super) struct Linearised {
+    pub cost: f64,
+    /// The metrics with a term as affine functions of the logarithms of the free parameters, and
+    /// what they deviate from. A condition without a motion has none.
+    pub residuals: Vec<Residual>,
+}
+
+/// A value that a condition's metric deviates from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Target {
+    pub condition: usize,
+    pub metric: usize,
+    pub value: f64,
+    pub weight: f64,
+}
+
+/// Eq. 22 as a function of the conditions' metrics. What repeats add is one convex function of
+/// each, so that it costs no more with more of them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Terms {
+    /// Trials of each condition, as a part of all.
+    shares: Vec<f64>,
+    /// Of each condition's metrics.
+    deviations: Vec<[Option<Arc<Deviations>>; TERMS]>,
+}
+
+impl Terms {
+    /// Of conditions with these parts of all trials.
+    pub fn new(shares: Vec<f64>, targets: impl Iterator<Item = Target>) -> Self {
+        let mut collected: Vec<[Vec<(f64, f64)>; TERMS]> = vec![Default::default(); shares.len()];
+        for Target { condition, metric, value, weight } in targets {
+            collected[condition][metric].push((value, weight));
+        }
+        let some = |of: Vec<(f64, f64)>| (!of.is_empty()).then(|| Arc::new(Deviations::new(of)));
+        Self { shares, deviations: collected.into_iter().map(|of| of.map(some)).collect() }
+    }
+
+    /// Whether a condition's motion does not matter.
+    pub fn is_idle(&self, condition: usize) -> bool {
+        self.shares[condition] == 0.0
+    }
+
+    /// The objective from the metrics that were simulated for each condition; a trial without a
+    /// motion counts with a penalty.
+    pub fn cost(&self, simulated: impl Iterator<Item = Option<GaitMetrics>>) -> f64 {
+        let all = simulated.zip(&self.deviations).zip(&self.shares);
+        all.map(|((metrics, deviations), share)| {
+            let most = share * PENALTY;
+            metrics.map_or(most, |metrics| {
+                let both = deviations.iter().zip(metrics.to_array());
+                let of_metric = |(of, metric): (&Option<Arc<Deviations>>, f64)| {
+                    of.as_ref().map_or(0.0, |of| of.value(metric))
+                };
+                both.map(of_metric).sum::<f64>().min(most)
+            })
+        })
+        .sum()
+    }
+
+    /// The same, linearised, from metrics and their derivatives.
+    pub fn linearised(&self, responses: &[Option<Response>]) -> Linearised {
+        let cost = self.cost(responses.iter().map(|of| of.as_ref().map(|of| of.metrics)));
+        let mut residuals = Vec::new();
+        for (response, deviations) in responses.iter().zip(&self.deviations) {
+            let Some(response) = response else { continue };
+            residuals.extend(deviations.iter().enumerate().filter_map(|(metric, of)| {
+                let deviations = Arc::clone(of.as_ref()?);
+                let (value, slope) = response.affine(metric);
+                Some(Residual { value, slope, deviations })
+            }));
+        }
+        Linearised { cost, residuals }
+    }
+}
+
+impl Response {
+    /// A metric, and its derivatives.
+    pub fn affine(&self, metric: usize) -> (f64, Vec<f64>) {
+        let slope = self.d_metrics_d_logarithm.iter().map(|each| each[metric]).collect();
+        (self.metrics.to_array()[metric], slope)
+    }
+}
