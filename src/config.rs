@@ -5,9 +5,10 @@
 mod check;
 mod compare;
 mod error;
+mod paths;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
@@ -18,6 +19,7 @@ pub(crate) use check::one_of;
 pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
 pub(crate) use error::{did_you_mean, nearest, parse_toml};
+pub use paths::{Paths, is_pattern};
 
 use crate::named::named;
 use crate::robot::{Gait, JointCommand, Model, Parameter, Robot};
@@ -36,18 +38,6 @@ pub struct Config {
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
     pub compare: Compare,
-}
-
-/// Where things are; relative paths start at the configuration file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Paths {
-    /// Trial folder.
-    pub raw: PathBuf,
-    /// Parquet tables.
-    pub derived: PathBuf,
-    /// Figures, page and fits.
-    pub reports: PathBuf,
 }
 
 /// What is known of the cameras.
@@ -348,10 +338,7 @@ impl Config {
         let mut config =
             Self::parse(&text).map_err(|error| ConfigError::toml(path, &text, &error))?;
         config.check(path)?;
-        let home = path.parent().unwrap_or(Path::new(""));
-        for place in [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports] {
-            *place = home.join(&*place);
-        }
+        config.paths.start_at(path.parent().unwrap_or(Path::new("")));
         Ok(config)
     }
 

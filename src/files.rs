@@ -2,7 +2,7 @@
 
 use std::fs::{File, Metadata};
 use std::io::{self, ErrorKind, Read};
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 /// Most bytes of a configuration, list, record or page.
 pub const TEXT_BYTES: u64 = 1 << 28;
@@ -33,6 +33,30 @@ pub fn read(path: &Path, most: u64) -> io::Result<(Vec<u8>, Metadata)> {
 pub fn read_text(path: &Path) -> io::Result<String> {
     let (bytes, _) = read(path, TEXT_BYTES)?;
     String::from_utf8(bytes).map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
+}
+
+/// `to` as seen from the folder `from`; as it is where one of them is absolute and the other
+/// not, or where `from` climbs.
+pub fn relative(from: &Path, to: &Path) -> String {
+    let plain = |path: &Path| -> PathBuf {
+        path.components().filter(|part| *part != Component::CurDir).collect()
+    };
+    let (from, to) = (plain(from), plain(to));
+    let common = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
+    let rest: Vec<_> = from.components().skip(common).collect();
+    let climbs = rest.iter().any(|part| !matches!(part, Component::Normal(_)));
+    let path = if climbs || from.is_absolute() != to.is_absolute() {
+        to
+    } else {
+        rest.iter().map(|_| Component::ParentDir).chain(to.components().skip(common)).collect()
+    };
+    path.to_string_lossy().replace('\\', "/")
+}
+
+/// A path from the root, where the empty one is the current folder; as it is where that is gone.
+pub fn absolute(path: &Path) -> PathBuf {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
 fn check(metadata: &Metadata, most: u64) -> io::Result<()> {
@@ -71,5 +95,14 @@ mod tests {
         File::create(&path).unwrap().set_len(5 << 30).unwrap();
         assert!(refused(&path, DATA_BYTES).starts_with("found 5368709120 bytes or more"));
         assert_eq!(read(&folder.path().join("b"), 4).unwrap_err().kind(), ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn a_path_is_as_seen_from_a_folder() {
+        let from_to = |from, to| relative(Path::new(from), Path::new(to));
+        assert_eq!(from_to("reports", "derived"), "../derived");
+        assert_eq!(from_to("./a/reports", "a/raw/demo"), "../raw/demo");
+        assert_eq!(from_to("/data/x/reports", "/data/x/derived"), "../derived");
+        assert_eq!(from_to("../reports", "derived"), "derived");
     }
 }

@@ -1,4 +1,6 @@
-//! `trials.toml`: which recordings a trial folder holds.
+//! `trials.toml`: which recordings trial folders hold.
+
+mod folders;
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -9,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, ConfigError, one_of, parse_toml};
 use crate::named::named;
+pub use folders::{ListedTrial, TrialFolder, TrialFolders, find_folders};
 
 /// Name of the list inside a trial folder.
 pub const TRIALS_FILE: &str = "trials.toml";
@@ -117,11 +120,20 @@ fn single_brackets(path: &Path, text: &str, error: ConfigError) -> ConfigError {
     }
 }
 
-/// Whether an id can name a trial and its tables.
+/// Most characters of an id, and of a name that has a folder's in front.
+const MOST_ID: usize = 64;
+const MOST_NAME: usize = 2 * MOST_ID + 1;
+
+/// Whether a text can be the id of a trial.
 pub fn is_valid_id(id: &str) -> bool {
-    (1..=64).contains(&id.len())
-        && !id.starts_with('.')
-        && id.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
+    id.len() <= MOST_ID && is_valid_name(id)
+}
+
+/// Whether a text can name a trial and its tables.
+pub fn is_valid_name(name: &str) -> bool {
+    (1..=MOST_NAME).contains(&name.len())
+        && !name.starts_with('.')
+        && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
 }
 
 /// What is wrong with one entry of `trials.toml`.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use common::{files, succeed, text, trilink};
-use serde_json::Value;
+use serde_json::{Value, json as value};
 use tempfile::TempDir;
 use trilink::config::{Config, GaitInput};
 use trilink::motion::Model;
@@ -286,7 +286,7 @@ fn the_tables_have_the_documented_columns() {
         (format!("cycles/{trial}.parquet"), format!("trial cycle start_s {metrics} used")),
         (
             "trials.parquet".to_owned(),
-            "trial campaign kind omega_commanded_rad_s omega_rad_s omega_rad_s_se cycles d_m \
+            "trial folder id campaign kind omega_commanded_rad_s omega_rad_s omega_rad_s_se cycles d_m \
              d_m_se v_m_s v_m_s_se sigma0 sigma0_se sigma1 sigma1_se sigma2 sigma2_se \
              sigma0_debiased sigma0_debiased_se sigma1_debiased sigma1_debiased_se \
              sigma2_debiased sigma2_debiased_se alpha1_rad alpha1_rad_se dtheta_rad \
@@ -487,7 +487,7 @@ fn a_folder_named_on_the_command_line_is_run_instead_of_the_configured_one() {
     let stdout = succeed(folder.path(), &["run", "elsewhere"]);
     assert!(stdout.contains("7 trials: "), "{stdout}");
     let record = json(&folder.path().join("reports/run.json"));
-    assert_eq!(record["folder"], "elsewhere");
+    assert_eq!(record["folders"], value!(["elsewhere"]));
 }
 
 #[test]
@@ -569,7 +569,7 @@ fn check_says_what_a_marker_file_holds_and_what_would_stop_it() {
     );
     let output = trilink(folder.path(), &["check", "raw", &name]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("needed one folder or marker files"));
+    assert!(text(&output.stderr).contains("needed trial folders or marker files"));
 }
 
 #[test]
@@ -694,10 +694,7 @@ fn every_subcommand_explains_itself() {
 fn the_repository_s_pipeline_toml_says_what_the_program_assumes() {
     let home = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut expected = Config::default();
-    for place in [&mut expected.paths.raw, &mut expected.paths.derived, &mut expected.paths.reports]
-    {
-        *place = home.join(&*place);
-    }
+    expected.paths.start_at(home);
     let loaded = Config::load(&home.join("pipeline.toml")).expect("the file is well-formed");
     assert_eq!(loaded, expected);
 }

@@ -43,7 +43,7 @@ fn base() -> Small {
     // All keys stand in the file.
     let mut config = Config::load(&folder.place("pipeline.toml")).unwrap();
     let paths = &mut config.paths;
-    for path in [&mut paths.raw, &mut paths.derived, &mut paths.reports] {
+    for path in paths.raw.iter_mut().chain([&mut paths.derived, &mut paths.reports]) {
         *path = path.strip_prefix(folder.path()).unwrap().to_owned();
     }
     folder.write("pipeline.toml", toml::to_string(&config).unwrap());

@@ -338,7 +338,7 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a file that the list lacks",
         |night| night.write("raw/forgotten.csv", night.read(&entry(SYMMETRIC[0]))),
-        &["folder: 1 marker file is not in trials.toml: `forgotten.csv`"],
+        &["folder raw: 1 marker file is not in trials.toml: `forgotten.csv`"],
     ),
     mistake(
         "[trial] for [[trial]]",

@@ -123,13 +123,9 @@ impl Project {
             let mut config = Config::default();
             config.campaign.retain(|name, _| name == CAMPAIGN);
             (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 2, false);
-            for path in
-                [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports]
-            {
-                *path = folder.join(&*path);
-            }
+            config.paths.start_at(&folder);
             let recipe = Recipe { omegas_rad_s: vec![4.0, 5.0], ..Recipe::new(1) };
-            synthesise(&config, &config.paths.raw, &recipe, &|_| {}).expect("trials");
+            synthesise(&config, &config.paths.raw[0], &recipe, &|_| {}).expect("trials");
             run(&config, RerunOptions::default(), false, &()).expect("a run");
             let mut files = BTreeMap::new();
             for folder in [&config.paths.derived, &config.paths.reports] {

@@ -12,37 +12,49 @@ use super::plan::{PlannedTarget, Stage, StagePlan, Touched, Wanted, Work, hash_o
 use super::record::{Inputs, Made, Record, StageState, name_in};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
-use crate::config::{Config, Paths};
+use crate::config::Config;
 use crate::ingest::{
     Entry, FolderInput, IngestInput, Ingested, MarkerStamp, ingest_trials, outdated, undiagnosed,
 };
 use crate::interrupt::stop_if_asked;
 use crate::store::{Provenance, Reader, StoreError, TrialRow, TrialStatus};
-use crate::trial::{Trial, TrialError, TrialList};
+use crate::trial::{ListedTrial, TrialError, TrialFolder, TrialFolders};
 
 const ENTRY: &str = "the entry in trials.toml";
+const FOLDER: &str = "the folder";
 const MARKER_FILE: &str = "the marker file";
-/// Part of trials that failed: their messages name the file.
-const PLACE: &str = "the place of the marker file";
 
 pub struct IngestStage {
-    paths: Paths,
-    trials: Vec<(Trial, Result<IngestInput, TrialError>)>,
-    folder: FolderInput,
+    derived: PathBuf,
+    folders: Vec<TrialFolder>,
+    trials: Vec<(ListedTrial, Result<IngestInput, TrialError>)>,
+    /// Ids that several folders have, in words.
+    told_apart: Vec<String>,
+    together: FolderInput,
 }
 
 impl IngestStage {
     /// # Errors
-    /// The list of trials cannot be used.
+    /// A list of trials cannot be used.
     pub fn new(config: &Config) -> Result<Self, RunError> {
-        let list = TrialList::load(&config.paths.raw)?;
-        let folder = FolderInput::new(config, &config.paths.raw, &list);
-        let with_input = |trial: Trial| {
-            let input = IngestInput::new(config, &trial);
-            (trial, input)
+        let all = TrialFolders::load(&config.paths)?;
+        let (told_apart, together) = (all.told_apart(), FolderInput::new(config, &all.folders));
+        let TrialFolders { folders, trials } = all;
+        let with_input = |listed: ListedTrial| {
+            let input = IngestInput::new(config, &listed.trial);
+            (listed, input)
         };
-        let trials = list.trial.into_iter().map(with_input).collect();
-        Ok(Self { paths: config.paths.clone(), trials, folder })
+        let trials = trials.into_iter().map(with_input).collect();
+        Ok(Self { derived: config.paths.derived.clone(), folders, trials, told_apart, together })
+    }
+
+    fn entry(&self, index: usize) -> Entry<'_> {
+        let (listed, input) = &self.trials[index];
+        Entry { folder: &self.folders[listed.folder], listed, input }
+    }
+
+    fn entries(&self) -> impl Iterator<Item = Entry<'_>> {
+        (0..self.trials.len()).map(|index| self.entry(index))
     }
 
     /// What later stages may find changed by what is planned.
@@ -50,26 +62,26 @@ impl IngestStage {
         let mut touched = Touched::default();
         let redone = plan.targets.iter().map(|PlannedTarget { target, .. }| target);
         touched.trials.extend(redone.chain(&plan.removed).map(Target::name));
-        for (trial, _) in self.trials.iter().filter(|(trial, _)| touched.trials.contains(&trial.id))
-        {
+        let trials = self.trials.iter().map(|(listed, _)| &listed.trial);
+        for trial in trials.filter(|trial| touched.trials.contains(&trial.id)) {
             touched.campaigns.extend(trial.campaign.clone());
             touched.robots.extend(trial.robot.clone());
         }
         touched
     }
 
-    fn marker_file(&self, trial: &Trial) -> PathBuf {
-        self.paths.raw.join(&trial.file)
-    }
-
     fn table_paths<'m>(&self, made: impl IntoIterator<Item = &'m Made>) -> Vec<PathBuf> {
         let names = made.into_iter().flat_map(|made| made.outputs.keys());
-        names.map(|name| self.paths.derived.join(name)).collect()
+        names.map(|name| self.derived.join(name)).collect()
     }
 
     /// What a trial is made of but for its marker file.
-    fn entry((trial, input): Entry) -> Wanted {
-        let parts = Fingerprint::from([(ENTRY.to_owned(), hash_of(trial))]);
+    fn without_file(Entry { folder, listed, input }: Entry) -> Wanted {
+        let trial = &listed.trial;
+        let parts = Fingerprint::from([
+            (ENTRY.to_owned(), hash_of(trial)),
+            (FOLDER.to_owned(), folder.name.clone()),
+        ]);
         let target = Target::Trial(trial.id.clone());
         match input {
             Ok(input) => Wanted::new(target, input, parts),
@@ -78,9 +90,9 @@ impl IngestStage {
         }
     }
 
-    /// [`Self::entry`] with the marker file.
+    /// [`Self::without_file`] with the marker file.
     fn trial(entry: Entry, file: Option<&MarkerStamp>) -> Wanted {
-        let mut wanted = Self::entry(entry);
+        let mut wanted = Self::without_file(entry);
         wanted.parts.insert(MARKER_FILE.to_owned(), of_file(file));
         wanted
     }
@@ -111,11 +123,11 @@ impl Stage for IngestStage {
     }
 
     fn home(&self) -> &Path {
-        &self.paths.derived
+        &self.derived
     }
 
     fn whole(&self) -> serde_json::Value {
-        json!(self.folder)
+        json!(self.together)
     }
 
     fn read(&self, _inputs: &mut Inputs) -> Result<(), RunError> {
@@ -123,30 +135,27 @@ impl Stage for IngestStage {
     }
 
     fn wanted(&self, _sources: &()) -> Vec<Wanted> {
-        self.trials.iter().map(|(trial, input)| Self::entry((trial, input))).collect()
+        self.entries().map(Self::without_file).collect()
     }
 
     fn complete(
         &self,
         index: usize,
         wanted: &mut Wanted,
-        made: &Made,
+        _made: &Made,
         inputs: &mut Inputs,
     ) -> Option<String> {
-        let (trial, input) = &self.trials[index];
-        let path = self.marker_file(trial);
-        let stamp = input.is_ok().then(|| inputs.stamp(&path, false).map_err(|e| e.kind()));
+        let entry = self.entry(index);
+        let stamp = || inputs.stamp(&entry.marker_file(), false).map_err(|e| e.kind());
+        let stamp = entry.input.is_ok().then(stamp);
         wanted.parts.insert(MARKER_FILE.to_owned(), of_file(stamp.as_ref()));
-        if made.parts.contains_key(PLACE) {
-            wanted.parts.insert(PLACE.to_owned(), path.display().to_string());
-        }
         // A file that is not there is known; what cannot be read may be there the next time.
         let is_unreadable = |stamp| matches!(stamp, Some(Err(kind)) if kind != ErrorKind::NotFound);
         is_unreadable(stamp).then(|| format!("{MARKER_FILE} cannot be read"))
     }
 
     fn earlier(&self, _known: &StageState, written: &Reader) -> Result<Ingested, String> {
-        Ingested::read(&self.paths.derived, written).map_err(|error| error.to_string())
+        Ingested::read(&self.derived, written).map_err(|error| error.to_string())
     }
 
     fn kept(&self, _known: &StageState, earlier: Ingested) -> BTreeMap<Target, Ingested> {
@@ -157,7 +166,7 @@ impl Stage for IngestStage {
     /// What a run left that was killed before it recorded them.
     fn leftovers(&self, known: &StageState) -> Result<Vec<String>, RunError> {
         let recorded = self.table_paths(&known.targets).into_iter().collect();
-        let outdated = outdated(&self.paths.derived, &recorded)?;
+        let outdated = outdated(&self.derived, &recorded)?;
         Ok(outdated.iter().map(|path| format!("{} is of no trial", path.display())).collect())
     }
 
@@ -166,10 +175,11 @@ impl Stage for IngestStage {
         mut work: Work<Self>,
         watch: &dyn Watch,
     ) -> Result<(Ingested, StageState), RunError> {
-        let Paths { raw, derived, .. } = &self.paths;
-        let entries = self.trials.iter().map(|(trial, input)| (trial, input));
-        let is_kept = |(trial, _): &Entry| work.kept.contains_key(&Target::Trial(trial.id.clone()));
-        let redone: Vec<Entry> = entries.filter(|entry| !is_kept(entry)).collect();
+        self.told_apart.iter().for_each(|sentence| watch.note(sentence));
+        let derived = &self.derived;
+        let target = |entry: &Entry| Target::Trial(entry.listed.trial.id.clone());
+        let is_kept = |entry: &Entry| work.kept.contains_key(&target(entry));
+        let redone: Vec<Entry> = self.entries().filter(|entry| !is_kept(entry)).collect();
         let (begin, done, total) = (Instant::now(), AtomicUsize::new(0), redone.len());
         let on_trial = |TrialRow { trial, status, message, .. }: &TrialRow| {
             watch.step(&format!("{trial} {status}"));
@@ -185,22 +195,17 @@ impl Stage for IngestStage {
         let provenance = |entry: Entry, file: Option<&MarkerStamp>| Provenance {
             input: hash_of(&Self::trial(entry, file).parts),
         };
-        let mut ingested =
-            ingest_trials(raw, derived, &redone, &provenance, &on_trial)?.into_iter();
+        let mut ingested = ingest_trials(derived, &redone, &provenance, &on_trial)?.into_iter();
         let (mut output, mut targets, mut inputs) =
             (Ingested::default(), Vec::new(), BTreeMap::new());
-        for (trial, input) in &self.trials {
-            if let Some((made, rows)) = work.kept.remove(&Target::Trial(trial.id.clone())) {
+        for entry in self.entries() {
+            if let Some((made, rows)) = work.kept.remove(&target(&entry)) {
                 output.extend(rows);
                 targets.push(made);
             } else if let Some(new) = ingested.next() {
-                let mut wanted = Self::trial((trial, input), new.marker_file.as_ref());
-                let path = self.marker_file(trial);
-                if new.written.is_empty() {
-                    wanted.parts.insert(PLACE.to_owned(), path.display().to_string());
-                }
+                let wanted = Self::trial(entry, new.marker_file.as_ref());
                 if let Some(Ok(stamp)) = new.marker_file {
-                    inputs.insert(name_in(derived, &path), stamp);
+                    inputs.insert(name_in(derived, &entry.marker_file()), stamp);
                 }
                 output.extend(new.rows);
                 let names = new.written.into_iter().filter_map(|(path, stamp)| {
@@ -215,13 +220,13 @@ impl Stage for IngestStage {
             let content = made.parts.get(MARKER_FILE).filter(|content| !content.contains(' '))?;
             Some((made.target.name(), content.clone()))
         });
-        self.folder.diagnose(&mut output, &contents.collect());
+        self.together.diagnose(&mut output, &contents.collect());
         for path in outdated(derived, &self.table_paths(&targets).into_iter().collect())? {
             std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
         }
         let parts: Vec<&Fingerprint> = targets.iter().map(|made| &made.parts).collect();
         let outputs =
-            output.write(derived, &Provenance { input: hash_of(&(parts, &self.folder)) })?;
+            output.write(derived, &Provenance { input: hash_of(&(parts, &self.together)) })?;
         Ok((output, StageState { inputs, targets, outputs, ..StageState::default() }))
     }
 }

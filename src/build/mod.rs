@@ -1,4 +1,4 @@
-//! From a trial folder to the page, as far as something changed: what is up to date, what is
+//! From trial folders to the page, as far as something changed: what is up to date, what is
 //! redone and why, in which order, and a record of how it went.
 
 mod fit;
@@ -11,16 +11,18 @@ mod report;
 mod summary;
 mod target;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::clock::utc_now;
 use crate::config::{Config, ConfigError};
 use crate::fit::{Fitted, input_paths};
-use crate::ingest::Ingested;
+use crate::ingest::{FolderInput, Ingested};
 use crate::interrupt::{Interrupted, abandonable};
 use crate::report::{ReportError, Reported};
 use crate::store::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
+use crate::trial::{TRIALS_FILE, find_folders};
 
 use fit::FitStage;
 use ingest::IngestStage;
@@ -65,6 +67,13 @@ pub enum RunError {
     /// There is something to do, and nothing may be written.
     #[error("something has changed")]
     Outdated,
+    #[error(
+        "{}: found no trials.toml, needed the folder because {} has tables of its trials; --only \
+         removes those of folders that are not named",
+        folder.display(),
+        derived.display()
+    )]
+    FolderGone { folder: PathBuf, derived: PathBuf },
     #[error("{0}; --wait waits for it")]
     Held(StoreError),
     #[error("{}: {problem}; needed the results of a run that came to its end: `trilink run`", path.display())]
@@ -111,9 +120,9 @@ pub struct Finished {
     pub history_problem: Option<String>,
 }
 
-/// Ingests, fits and reports what has changed of the folder that `config` names, and writes
-/// `run.json`. The results are those of a run from scratch, to the last byte. Where nothing has
-/// changed, nothing is written. If another run is busy with the folder, `wait` waits for it.
+/// Ingests, fits and reports what has changed of the trial folders that `config` names and of those
+/// of which there are results, and writes `run.json`. The results are those of a run of all of them
+/// from scratch, to the last byte. Where nothing has changed, nothing is written. If another run is busy with the folder, `wait` waits for it.
 ///
 /// ```
 /// use trilink::build::{RerunOptions, run};
@@ -124,11 +133,9 @@ pub struct Finished {
 /// let mut config = Config::default();
 /// config.campaign.retain(|name, _| name == "kinematic-skewed");
 /// (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
-/// for path in [&mut config.paths.raw, &mut config.paths.derived, &mut config.paths.reports] {
-///     *path = folder.path().join(&*path);
-/// }
+/// config.paths.start_at(folder.path());
 /// let recipe = Recipe { omegas_rad_s: vec![3.0, 4.0], ..Recipe::new(1) };
-/// synthesise(&config, &config.paths.raw, &recipe, &|_| {})?;
+/// synthesise(&config, &config.paths.raw[0], &recipe, &|_| {})?;
 ///
 /// let finished = run(&config, RerunOptions::default(), false, &())?;
 /// assert!(finished.reported.page.is_file() && !finished.was_up_to_date);
@@ -191,9 +198,9 @@ pub fn run(
     finished
 }
 
-/// The stages, one after the other, of a folder with its record.
+/// The stages, one after the other, of a folder of results with its record.
 struct Sequence<'s> {
-    config: &'s Config,
+    config: Config,
     options: RerunOptions,
     watch: &'s dyn Watch,
     record: Record,
@@ -210,17 +217,58 @@ struct Sequence<'s> {
 
 impl<'s> Sequence<'s> {
     /// A sequence that may write, and why the folder's record cannot be used.
-    fn new(
-        config: &'s Config,
-        options: RerunOptions,
-        watch: &'s dyn Watch,
-    ) -> (Self, Option<String>) {
+    fn new(config: &Config, options: RerunOptions, watch: &'s dyn Watch) -> (Self, Option<String>) {
         let (record, problem) = Record::load(&config.paths.derived);
+        let config = config.clone();
         let (may_write, stages, began_at, began) = (true, Vec::new(), utc_now(), Instant::now());
         let is_run = false;
         let sequence =
             Self { config, options, watch, record, may_write, is_run, stages, began_at, began };
         (sequence, problem)
+    }
+
+    /// Names of the trial folders of which there are tables.
+    fn known_folders(&self) -> Vec<String> {
+        let known = FolderInput::folders(&self.record.ingest.whole);
+        if !known.is_empty() {
+            return known;
+        }
+        // Without a record, the tables themselves tell.
+        let table = Reader::default().table(&self.config.paths.derived.join("trials.parquet"));
+        let folders = table.and_then(|table| table.values::<String>("folder")).unwrap_or_default();
+        folders
+            .into_iter()
+            .filter(|folder| !folder.is_empty())
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect()
+    }
+
+    /// Takes for the trial folders those of which there are tables, if there are any.
+    fn take_known_folders(&mut self) {
+        let known = self.known_folders();
+        let paths = &mut self.config.paths;
+        if !known.is_empty() {
+            paths.raw = known.iter().map(|name| paths.base.join(name)).collect();
+        }
+    }
+
+    /// Finds the trial folders that are named, and unless these are to be the only ones adds those
+    /// of which there are tables.
+    fn find_folders(&mut self) -> Result<(), RunError> {
+        let known = if self.options.only { Vec::new() } else { self.known_folders() };
+        let paths = &mut self.config.paths;
+        paths.raw = find_folders(paths)?;
+        let named: BTreeSet<String> = paths.raw.iter().map(|path| paths.name_of(path)).collect();
+        for name in known.iter().filter(|name| !named.contains(*name)) {
+            let folder = paths.base.join(name);
+            if !folder.join(TRIALS_FILE).exists() {
+                return Err(RunError::FolderGone { folder, derived: paths.derived.clone() });
+            }
+            paths.raw.push(folder);
+        }
+        paths.raw = find_folders(paths)?;
+        Ok(())
     }
 
     /// Does what a stage has to do, and records it.
@@ -260,8 +308,9 @@ impl<'s> Sequence<'s> {
 
     /// All stages and the record of how they went.
     fn all(&mut self) -> Result<Finished, RunError> {
-        let config = self.config;
         self.is_run = true;
+        self.find_folders()?;
+        let config = &self.config.clone();
         let ingested = self.advance(&IngestStage::new(config)?)?;
         let fitted = self.advance(&FitStage::new(config))?;
         let reported = self.advance(&ReportStage::new(config))?;
@@ -296,7 +345,7 @@ impl<'s> Sequence<'s> {
 
     /// Whether `run.json` is as it was written.
     fn is_recorded(&self) -> bool {
-        let path = record_path(self.config);
+        let path = record_path(&self.config);
         let run = self.record.run.as_ref();
         run.is_some_and(|stamp| stamp.is_intact(&path, self.options.verify))
     }
@@ -308,6 +357,7 @@ impl<'s> Sequence<'s> {
         error: Option<String>,
         finished: Option<&Finished>,
     ) -> Result<Stamp, StoreError> {
+        let paths = &self.config.paths;
         let record = RunRecord {
             program: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
@@ -316,13 +366,13 @@ impl<'s> Sequence<'s> {
             started: &self.began_at,
             ended: (status != RunStatus::Running).then(utc_now),
             seconds: self.began.elapsed().as_secs_f64(),
-            folder: &self.config.paths.raw,
+            folders: paths.raw.iter().map(|folder| paths.name_of(folder)).collect(),
             threads: rayon::current_num_threads(),
             stages: &self.stages,
             results: finished.map(RunResults::new),
         };
         let json = serde_json::to_string_pretty(&record).expect("a record is plain data");
-        write_bytes(&record_path(self.config), (json + "\n").as_bytes())
+        write_bytes(&record_path(&self.config), (json + "\n").as_bytes())
     }
 }
 
@@ -343,7 +393,9 @@ pub struct DryRun {
 /// # Errors
 /// The list of trials or a table cannot be used.
 pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunError> {
-    let (sequence, problem) = Sequence::new(config, options, &());
+    let (mut sequence, problem) = Sequence::new(config, options, &());
+    sequence.find_folders()?;
+    let config = &sequence.config;
     let (known, derived) = (&sequence.record, &config.paths.derived);
     let (trials, models) = (IngestStage::new(config)?, FitStage::new(config));
     let figures = ReportStage::new(config);
@@ -374,12 +426,22 @@ pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunErro
     Ok(DryRun { stages: [ingest, fit, report], uncertain_from, others, problem })
 }
 
-/// The first stage, of all trials: marker files to tables.
+/// The first stage, of all trials: marker files to tables. Those of other folders than the
+/// configured ones are done again, too, unless these are to be the `only` ones.
 ///
 /// # Errors
-/// The list of trials cannot be read, a table not written, or another run is busy.
-pub fn ingest(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Ingested, RunError> {
-    alone(config, wait, watch, IngestStage::new)
+/// A list of trials cannot be read, a table not written, or another run is busy.
+pub fn ingest(
+    config: &Config,
+    only: bool,
+    wait: bool,
+    watch: &dyn Watch,
+) -> Result<Ingested, RunError> {
+    let options = RerunOptions { only, ..RerunOptions::FORCE };
+    alone(config, options, wait, watch, |sequence| {
+        sequence.find_folders()?;
+        IngestStage::new(&sequence.config)
+    })
 }
 
 /// The second stage, of all models: tables to fitted models.
@@ -388,7 +450,7 @@ pub fn ingest(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Ingested
 /// The table of trials cannot be read, a table not written, or another run is busy.
 pub fn fit(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Fitted, RunError> {
     input_paths(&config.paths.derived)?;
-    alone(config, wait, watch, |config| Ok(FitStage::new(config)))
+    alone(config, RerunOptions::FORCE, wait, watch, |sequence| Ok(FitStage::new(&sequence.config)))
 }
 
 /// What the first stage left of the trials and their checks, as far as it is there.
@@ -408,20 +470,25 @@ pub fn ingested(config: &Config) -> Result<Ingested, RunError> {
 /// A table cannot be read, a file not written, or another run is busy.
 pub fn report(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Reported, RunError> {
     input_paths(&config.paths.derived)?;
-    alone(config, wait, watch, |config| Ok(ReportStage::new(config)))
+    alone(config, RerunOptions::FORCE, wait, watch, |sequence| {
+        sequence.take_known_folders();
+        Ok(ReportStage::new(&sequence.config))
+    })
 }
 
 /// One stage, of all targets.
 fn alone<S: Stage>(
     config: &Config,
+    options: RerunOptions,
     wait: bool,
     watch: &dyn Watch,
-    stage: fn(&Config) -> Result<S, RunError>,
+    stage: fn(&mut Sequence) -> Result<S, RunError>,
 ) -> Result<S::Output, RunError> {
     // Where there is nothing to read, no folder is left behind.
-    let stage = stage(config)?;
+    stage(&mut Sequence::new(config, options, watch).0)?;
     let _lock = take_over(config, wait, watch)?;
-    let mut sequence = Sequence::new(config, RerunOptions::FORCE, watch).0;
+    let mut sequence = Sequence::new(config, options, watch).0;
+    let stage = stage(&mut sequence)?;
     if S::NAME != ReportStage::NAME {
         // The tables will be younger than the last run.
         sequence.record.run = None;

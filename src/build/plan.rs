@@ -18,11 +18,13 @@ pub struct RerunOptions {
     pub force: bool,
     /// Read files again whose size and time have not changed.
     pub verify: bool,
+    /// Remove the trials of folders that are not named.
+    pub only: bool,
 }
 
 impl RerunOptions {
     /// Redo all, as who asks for a single stage means it.
-    pub const FORCE: Self = Self { force: true, verify: false };
+    pub const FORCE: Self = Self { force: true, verify: false, only: false };
 }
 
 /// What a stage has to do again.
@@ -220,7 +222,7 @@ pub fn plan<'k, S: Stage>(
     record: &'k Record,
     options: RerunOptions,
 ) -> Result<Planned<'k, S>, RunError> {
-    let RerunOptions { force, verify } = options;
+    let RerunOptions { force, verify, .. } = options;
     let (home, known) = (stage.home(), S::state(record));
     let mut inputs = Inputs::new(derived, record, known, verify);
     let changed = |outputs: &Outputs| changed_outputs(home, outputs, verify);

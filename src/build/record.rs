@@ -13,7 +13,6 @@ use serde_json::Value;
 
 use super::target::{Fingerprint, Target};
 use crate::files;
-use crate::report::relative;
 use crate::store::{Reader, Stamp, StoreError, write_bytes};
 
 /// Name of the record inside `derived/`.
@@ -204,8 +203,7 @@ impl<'k> Inputs<'k> {
 
 /// A path as seen from a folder, so that it means the same in a copy of both.
 pub fn name_in(folder: &Path, path: &Path) -> String {
-    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    relative(&absolute(folder), &absolute(path))
+    files::relative(&files::absolute(folder), &files::absolute(path))
 }
 
 /// What is wrong with files that were written into `folder`.

@@ -21,8 +21,8 @@ pub(super) struct RunRecord<'r> {
     pub started: &'r str,
     pub ended: Option<String>,
     pub seconds: f64,
-    /// Trial folder.
-    pub folder: &'r Path,
+    /// Trial folders, as seen from the configuration.
+    pub folders: Vec<String>,
     pub threads: usize,
     /// Those that were done.
     pub stages: &'r [StageRecord],

@@ -1,17 +1,28 @@
 //! `trilink ingest --calibrate`: the marker layouts that a trial shows, as TOML.
 
-use std::path::Path;
-
 use serde_json::json;
 
 use super::output::say;
 use super::{Context, Failure, Outcome};
 use crate::ingest::{Calibration, MarkerPosition, calibrate};
 use crate::report::fill;
+use crate::trial::{TrialFolder, TrialFolders};
 
 /// Estimates the layouts from one trial and prints them.
-pub(super) fn run(context: &Context, folder: &Path, trial: &str) -> Result<Outcome, Failure> {
-    let found = calibrate(&context.config, folder, trial)?;
+pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
+    let TrialFolders { folders, trials } = TrialFolders::load(&context.config.paths)?;
+    let listed = trials.iter().find(|listed| listed.trial.id == trial);
+    let (folder, id) = match (listed, &folders[..]) {
+        (Some(listed), _) => (&folders[listed.folder], listed.id.as_str()),
+        // What is like it is said, too.
+        (None, [folder]) => (folder, trial),
+        (None, folders) => {
+            let folders = folders.iter().map(|TrialFolder { name, .. }| name.as_str());
+            let folders = folders.collect::<Vec<_>>().join(", ");
+            return Err(format!("{folders}: found no trial `{trial}`, needed one of these").into());
+        }
+    };
+    let found = calibrate(&context.config, &folder.path, id)?;
     let Calibration { h_mm, h_configured_mm, l_mm: [front, rear], l_configured_mm, .. } = found;
     let lines = |markers: &Vec<MarkerPosition>| markers.iter().map(line).collect::<Vec<_>>();
     let h_m = [h_mm.value, h_mm.se, h_configured_mm].map(|mm| mm / 1e3);

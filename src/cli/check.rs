@@ -1,21 +1,23 @@
 //! `trilink check`.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::output::{say, write_data};
 use super::{Context, Failure, Outcome};
+use crate::config::is_pattern;
 use crate::ingest::{self, FileSurvey, FolderInput, IngestSettings, Ingested, Recording, survey};
 use crate::store::{CheckRow, Severity, TrialRow, TrialStatus, hash};
-use crate::trial::{Trial, TrialList};
+use crate::trial::{ListedTrial, TrialFolders};
 use crate::vicon;
 
 #[derive(clap::Args)]
 pub(super) struct Check {
-    /// Trial folder, or marker files [default: `paths.raw` of the configuration].
+    /// Trial folders or patterns of them, or marker files [default: `paths.raw` of the
+    /// configuration].
     #[arg(value_name = "FOLDER | FILE")]
     paths: Vec<PathBuf>,
     /// Print one JSON array: an object per trial, or per file.
@@ -44,27 +46,31 @@ struct CheckLine {
 }
 
 impl Check {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        match &self.paths[..] {
-            [] => check_folder(&context, &context.config.paths.raw, self.json),
-            [folder] if folder.is_dir() => check_folder(&context, folder, self.json),
-            files if files.iter().any(|file| file.is_dir()) => {
-                Err("found a folder among several paths, needed one folder or marker files".into())
+    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+        let is_folder = |path: &PathBuf| path.is_dir() || is_pattern(path) && !path.exists();
+        let folders = self.paths.iter().filter(|path| is_folder(path)).count();
+        match self.paths.len() {
+            0 => {}
+            all if all == folders => context.config.paths.raw = self.paths,
+            _ if folders == 0 => return check_files(&context, &self.paths, self.json),
+            _ => {
+                return Err(
+                    "found folders among files, needed trial folders or marker files".into()
+                );
             }
-            files => check_files(&context, files, self.json),
         }
+        check_folders(&context, self.json)
     }
 }
 
-fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome, Failure> {
-    let list = TrialList::load(folder)?;
-    let stage = context.progress.stage("check", list.trial.len());
-    let found: Vec<(TrialRow, Vec<CheckRow>)> = list
-        .trial
+fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
+    let TrialFolders { folders, trials: listed } = TrialFolders::load(&context.config.paths)?;
+    let stage = context.progress.stage("check", listed.len());
+    let found: Vec<(TrialRow, Vec<CheckRow>)> = listed
         .par_iter()
         .with_max_len(1)
-        .map(|trial| {
-            let found = ingest::check_trial(folder, trial, &context.config);
+        .map(|ListedTrial { folder, trial, .. }| {
+            let found = ingest::check_trial(&folders[*folder].path, trial, &context.config);
             stage.step(&trial.id);
             stage.stop_if_asked("trials");
             found
@@ -74,13 +80,13 @@ fn check_folder(context: &Context, folder: &Path, json: bool) -> Result<Outcome,
     let (trials, checks): (Vec<_>, Vec<_>) = found.into_iter().unzip();
     let mut rows = Ingested { trials, checks: checks.concat(), ..Ingested::default() };
     // The file's name might point out of the folder.
-    let content = |trial: &Trial| {
+    let content = |ListedTrial { folder, trial, .. }: &ListedTrial| {
         trial.check(&context.config).ok()?;
-        let bytes = vicon::read_file(&folder.join(&trial.file)).ok()?.0;
+        let bytes = vicon::read_file(&folders[*folder].path.join(&trial.file)).ok()?.0;
         Some((trial.id.clone(), hash(&bytes)))
     };
-    let contents = list.trial.iter().filter_map(content).collect();
-    FolderInput::new(&context.config, folder, &list).diagnose(&mut rows, &contents);
+    let contents = listed.iter().filter_map(content).collect();
+    FolderInput::new(&context.config, &folders).diagnose(&mut rows, &contents);
     let of_trial = |row: &TrialRow| CheckedTrial::new(row, &rows.checks);
     let checked: Vec<CheckedTrial> = rows.trials.iter().map(of_trial).collect();
     let failed = checked.iter().filter(|trial| trial.status == TrialStatus::Failed).count();

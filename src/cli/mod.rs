@@ -23,7 +23,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::config::Config;
+use crate::config::{Config, Paths};
 use crate::interrupt::{self, Interrupted};
 use output::note;
 use progress::Progress;
@@ -62,7 +62,7 @@ enum Command {
     /// Make the demo's trials if they are not there, then run them.
     #[command(after_help = include_str!("examples/demo.txt").trim_end())]
     Demo(pipeline::Demo),
-    /// Ingest, fit and report a trial folder.
+    /// Ingest, fit and report trial folders.
     #[command(after_help = include_str!("examples/run.txt").trim_end())]
     Run(pipeline::Run),
     /// Marker files to tables of poses, wheel velocities, cycles and trials.
@@ -74,7 +74,7 @@ enum Command {
     /// Draw the figures and write the page.
     #[command(after_help = include_str!("examples/report.txt").trim_end())]
     Report(Exclusive),
-    /// Read a trial folder or marker files, write nothing, say what is there and what is wrong.
+    /// Read trial folders or marker files, write nothing, say what is there and what is wrong.
     #[command(after_help = include_str!("examples/check.txt").trim_end())]
     Check(check::Check),
     /// Compare the tables with those of an earlier run: what differs by more than noise.
@@ -103,6 +103,25 @@ struct Exclusive {
     /// Wait for another run on the same folder of results, instead of giving up.
     #[arg(long)]
     wait: bool,
+}
+
+/// Trial folders instead of the configured ones.
+#[derive(clap::Args)]
+struct Folders {
+    /// Trial folders, or patterns of them in quotes [default: `paths.raw` of the configuration].
+    #[arg(value_name = "FOLDER")]
+    folders: Vec<PathBuf>,
+    /// Remove the trials of all other folders, which otherwise stay.
+    #[arg(long)]
+    only: bool,
+}
+
+impl Folders {
+    fn configure(self, paths: &mut Paths) {
+        if !self.folders.is_empty() {
+            paths.raw = self.folders;
+        }
+    }
 }
 
 /// How a command ended, as its exit status.

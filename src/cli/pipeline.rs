@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::output::{note, say};
 use super::synth::write_trials;
-use super::{Context, Exclusive, Failure, Outcome};
+use super::{Context, Exclusive, Failure, Folders, Outcome};
 use crate::build::{
     DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, count, dry_run, run,
 };
@@ -31,8 +31,8 @@ pub(super) struct Demo {
 
 #[derive(clap::Args)]
 pub(super) struct Run {
-    /// Trial folder [default: `paths.raw` of the configuration].
-    folder: Option<PathBuf>,
+    #[command(flatten)]
+    folders: Folders,
     #[command(flatten)]
     update: Update,
 }
@@ -58,7 +58,9 @@ pub(super) struct Update {
 
 impl Demo {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let raw = &context.config.paths.raw;
+        let [raw] = &context.config.paths.raw[..] else {
+            return Err("key `paths.raw`: found several folders, needed one for the demo".into());
+        };
         let list = raw.join(TRIALS_FILE);
         let is_there =
             |path: PathBuf| path.try_exists().map_err(|source| StoreError::Read { path, source });
@@ -75,22 +77,21 @@ impl Demo {
             context.progress.say(&format!("the demo's trials, synthetic, in {}", raw.display()));
             write_trials(&context, raw, &Recipe::new(DEMO_SEED))?;
         }
-        self.update.run(&context)
+        self.update.run(&context, false)
     }
 }
 
 impl Run {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
-        if let Some(folder) = self.folder {
-            context.config.paths.raw = folder;
-        }
-        self.update.run(&context)
+        let only = self.folders.only;
+        self.folders.configure(&mut context.config.paths);
+        self.update.run(&context, only)
     }
 }
 
 impl Update {
-    fn run(&self, context: &Context) -> Result<Outcome, Failure> {
-        let options = RerunOptions { force: self.force, verify: self.verify };
+    fn run(&self, context: &Context, only: bool) -> Result<Outcome, Failure> {
+        let options = RerunOptions { force: self.force, verify: self.verify, only };
         if self.dry_run {
             return self.list(&dry_run(&context.config, options)?);
         }
@@ -143,7 +144,7 @@ impl Update {
     }
 }
 
-/// What is wrong with a campaign or the folder as a whole.
+/// What is wrong with a campaign or a folder as a whole.
 pub(super) fn note_together(ingested: &Ingested) {
     ingested.together().for_each(|found| note!("{}: {}", found.trial, found.message));
 }

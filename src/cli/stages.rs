@@ -1,16 +1,14 @@
 //! `trilink ingest`, `fit` and `report`: one stage alone.
 
-use std::path::PathBuf;
-
 use super::output::{note, say};
-use super::{Context, Exclusive, Failure, Outcome, calibrate, pipeline};
+use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, pipeline};
 use crate::build;
 use crate::ingest::Ingested;
 
 #[derive(clap::Args)]
 pub(super) struct Ingest {
-    /// Trial folder [default: `paths.raw` of the configuration].
-    folder: Option<PathBuf>,
+    #[command(flatten)]
+    folders: Folders,
     #[command(flatten)]
     exclusive: Exclusive,
     #[arg(
@@ -24,14 +22,14 @@ pub(super) struct Ingest {
 
 impl Ingest {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
-        if let Some(folder) = self.folder {
-            context.config.paths.raw = folder;
-        }
+        let only = self.folders.only;
+        self.folders.configure(&mut context.config.paths);
         if let Some(trial) = self.calibrate {
-            return calibrate::run(&context, &context.config.paths.raw, &trial);
+            return calibrate::run(&context, &trial);
         }
-        let ingested =
-            build::ingest(&context.config, self.exclusive.wait, &context.progress.watch(false))?;
+        let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
+        let ingested = build::ingest(&context.config, only, wait, &watch)?;
+        drop(watch);
         pipeline::print_parameters(&ingested.parameters);
         let counts = build::count(&ingested.trials);
         let derived = context.config.paths.derived.display();

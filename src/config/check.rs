@@ -62,6 +62,8 @@ impl Config {
         let check = Checker { path };
         let values = Value::try_from(self).expect("a configuration is plain data");
         check.numbers("", &values)?;
+        let raw = &self.paths.raw;
+        check.that(!raw.is_empty(), "paths.raw", raw, "at least one folder")?;
         let families = [
             ("robot", self.robot.keys().collect::<Vec<_>>()),
             ("gait", self.gait.keys().collect()),

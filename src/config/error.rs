@@ -14,6 +14,8 @@ pub enum ConfigError {
     Syntax { path: PathBuf, line: usize, message: String, suggestion: Option<String> },
     #[error("{}: key `{key}`: found {found}, needed {needed}", path.display())]
     Value { path: PathBuf, key: String, found: String, needed: String },
+    #[error("{}: found {found}, needed {needed}", pattern.display())]
+    Pattern { pattern: PathBuf, found: String, needed: &'static str },
 }
 
 fn hint(suggestion: &Option<String>) -> String {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::{FitData, Fitted};
 use crate::robot::Model;
 use crate::store::{Reader, StoreError, TrialRow, cycles_path, is_there, table_set, tables_in};
-use crate::trial::is_valid_id;
+use crate::trial::is_valid_name;
 
 table_set! {
     Fitted by (String, Model): row => (row.campaign.clone(), row.model);
@@ -48,7 +48,7 @@ impl FitData {
     pub fn read(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
         let trials: Vec<TrialRow> = reader.rows(&derived.join(TRIALS))?;
         let mut cycles = BTreeMap::new();
-        for trial in trials.iter().filter(|trial| is_valid_id(&trial.trial)) {
+        for trial in trials.iter().filter(|trial| is_valid_name(&trial.trial)) {
             let rows = reader.rows_if_there(&cycles_path(derived, &trial.trial))?;
             cycles.extend(rows.map(|rows| (trial.trial.clone(), rows)));
         }

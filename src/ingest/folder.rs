@@ -1,4 +1,4 @@
-//! A folder's trials, side by side, and their tables.
+//! The trials of folders, side by side, and their tables.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
@@ -13,8 +13,8 @@ use crate::store::{
     Columns as _, CycleRow, PendingFile, Provenance, Stamp, StoreError, Table, TrialRow,
     cycles_path, is_own_table, poses_path, table_set, tables_in, wheels_path,
 };
-use crate::trial::{Trial, TrialError, TrialKind};
-use crate::vicon;
+use crate::trial::{ListedTrial, TrialError, TrialFolder, TrialKind};
+use crate::vicon::{self, ViconError};
 
 table_set! {
     Ingested by String: row => row.trial.clone();
@@ -29,8 +29,20 @@ pub const FOLDERS: [&str; 3] = ["poses", "wheels", "cycles"];
 /// Files that may wait for the disk.
 const MOST_PENDING: usize = 32;
 
-/// A trial with what it is processed with, if its entry can be used.
-pub type Entry<'t> = (&'t Trial, &'t Result<IngestInput, TrialError>);
+/// A trial of a folder.
+#[derive(Clone, Copy)]
+pub struct Entry<'t> {
+    pub folder: &'t TrialFolder,
+    pub listed: &'t ListedTrial,
+    /// What it is processed with, if its entry can be used.
+    pub input: &'t Result<IngestInput, TrialError>,
+}
+
+impl Entry<'_> {
+    pub fn marker_file(&self) -> PathBuf {
+        self.folder.path.join(&self.listed.trial.file)
+    }
+}
 
 /// The stamp of a marker file as it was read; or why it could not be.
 pub type MarkerStamp = Result<Stamp, ErrorKind>;
@@ -46,13 +58,12 @@ pub struct IngestedTrial {
     pub written: BTreeMap<PathBuf, Stamp>,
 }
 
-/// Ingests trials of a folder, in parallel, and writes the tables of each. `provenance` is asked
+/// Ingests trials, in parallel, and writes the tables of each. `provenance` is asked
 /// once a marker file is read; `on_trial` is called on any thread and in any order.
 ///
 /// # Errors
 /// A table cannot be written. What is wrong with one trial is in its row instead.
 pub fn ingest_trials(
-    folder: &Path,
     derived: &Path,
     trials: &[Entry],
     provenance: &(dyn Fn(Entry, Option<&MarkerStamp>) -> Provenance + Sync),
@@ -67,7 +78,7 @@ pub fn ingest_trials(
             .par_iter()
             .with_max_len(1)
             .map_with(to_disk, |to_disk, entry| {
-                let ingested = ingest_trial(folder, derived, *entry, provenance, to_disk)?;
+                let ingested = ingest_trial(derived, *entry, provenance, to_disk)?;
                 on_trial(&ingested.0.rows.trials[0]);
                 Ok(ingested)
             })
@@ -86,19 +97,21 @@ pub fn ingest_trials(
 
 /// Ingests one trial; gives the tables that are on their way to the disk, too.
 fn ingest_trial(
-    folder: &Path,
     derived: &Path,
     entry: Entry,
     provenance: &(dyn Fn(Entry, Option<&MarkerStamp>) -> Provenance + Sync),
     to_disk: &SyncSender<PendingFile>,
 ) -> Result<(IngestedTrial, Vec<PathBuf>), StoreError> {
-    let (trial, input) = entry;
-    let path = folder.join(&trial.file);
+    let Entry { folder, listed: ListedTrial { id, trial, .. }, input } = entry;
     let (mut known, mut marker_file, mut paths) = (Known::new(trial), None, Vec::new());
+    (known.row.folder, known.row.id) = (folder.name.clone(), id.clone());
+    // What is said of a file is the same in a copy of the project.
+    let path = Path::new(&folder.name).join(&trial.file);
     // The entry is checked first: its file name might point out of the folder.
     let input = input.as_ref().map_err(|error| TrialFailure::from(error.clone()));
     let processed = input.and_then(|input| {
-        let file = vicon::read_file(&path);
+        let file = vicon::read_file(&entry.marker_file());
+        let file = file.map_err(|error| ViconError { path: path.clone(), ..error });
         // What is read may be newer than its time, never older.
         marker_file = Some(match &file {
             Ok((file, metadata)) => Ok(Stamp::of_input(metadata, file)),

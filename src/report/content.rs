@@ -34,7 +34,8 @@ pub struct Content {
 pub fn input_paths(paths: &Paths) -> Result<Vec<(PathBuf, bool)>, StoreError> {
     let tables = table_paths(&paths.derived).into_iter().map(|path| (path, true));
     let mut there = Vec::new();
-    for (path, own) in tables.chain([(paths.raw.join(TRUTH_FILE), false)]) {
+    let truths = paths.raw.iter().map(|folder| (folder.join(TRUTH_FILE), false));
+    for (path, own) in tables.chain(truths) {
         if is_there(&path)? {
             there.push((path, own));
         }
@@ -54,10 +55,7 @@ impl Content {
     pub fn read(input: &ReportInput, reader: Reader) -> Result<Self, ReportError> {
         let tables = Arc::new(Tables::read(&input.paths.derived, &reader)?);
         let mut missing = tables.missing.clone();
-        let truth = Truth::read(&input.paths.raw, &reader)?.unwrap_or_else(|problem| {
-            missing.push(problem);
-            None
-        });
+        let truth = Truth::read(&input.paths, &tables.trials, &reader, &mut missing)?;
         let found = figures::figures((&*tables, &reader), input, truth.as_ref())?;
         missing.extend(found.missing);
         let damaged = trials::damaged(input, &tables, &reader)?;

@@ -31,7 +31,6 @@ use crate::store::{Stamp, StoreError, write_if_changed};
 pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
 pub use input::ReportInput;
-pub(crate) use input::relative;
 pub(crate) use looks::colours;
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{fill, image};

@@ -1,7 +1,6 @@
-//! Planted truth against what was recovered, where a `truth.json` lies in the trial folder.
+//! Planted truth against what was recovered, where a `truth.json` lies in a trial folder.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
@@ -10,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::numbers::fixed;
 use super::parameters::FittedParameter;
 use super::tables::Tables;
+use crate::config::Paths;
 use crate::metrics::GaitMetrics;
 use crate::motion::Model;
 use crate::robot::{Parameter, Robot};
@@ -31,7 +31,7 @@ pub struct Truth {
 }
 
 /// Parameters of a campaign's robot.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct PlantedCampaign {
     pub skid_kg_s: Option<[f64; 3]>,
@@ -79,21 +79,68 @@ impl PlantedTrial {
 }
 
 impl Truth {
-    /// Reads the truth of a trial folder; `None` if there is none.
+    /// Reads what was planted in the trials of all folders; `None` if nothing is known. What is
+    /// wrong with a file, and what folders disagree on, is added to what is `missing`: the report
+    /// goes on without it.
     ///
     /// # Errors
-    /// The file cannot be read, or a sentence on what is wrong with its content: the report goes
-    /// on without it.
+    /// A file is there and cannot be read.
     pub fn read(
-        folder: &Path,
+        paths: &Paths,
+        rows: &[TrialRow],
         reader: &Reader,
-    ) -> Result<Result<Option<Self>, String>, StoreError> {
-        let bytes = match reader.bytes(&folder.join(TRUTH_FILE)) {
-            Err(error) if error.is_not_there() => return Ok(Ok(None)),
-            bytes => bytes?,
-        };
-        let truth = serde_json::from_slice(&bytes).map(Some);
-        Ok(truth.map_err(|problem| format!("{TRUTH_FILE} is passed over: {problem}.")))
+        missing: &mut Vec<String>,
+    ) -> Result<Option<Self>, StoreError> {
+        let mut truths = BTreeMap::new();
+        for folder in &paths.raw {
+            let bytes = match reader.bytes(&folder.join(TRUTH_FILE)) {
+                Err(error) if error.is_not_there() => continue,
+                bytes => bytes?,
+            };
+            let (name, several) = (paths.name_of(folder), paths.raw.len() > 1);
+            match serde_json::from_slice::<Self>(&bytes) {
+                Ok(truth) => drop(truths.insert(name, truth)),
+                Err(problem) => {
+                    let of = if several { format!(" of {name}") } else { String::new() };
+                    missing.push(format!("{TRUTH_FILE}{of} is passed over: {problem}."));
+                }
+            }
+        }
+        let mut all: Option<Self> = None;
+        for (folder, mut truth) in truths {
+            let mut planted = std::mem::take(&mut truth.trials);
+            // Tables that were made elsewhere may not say where their trials are.
+            let is_here = |row: &&TrialRow| row.folder.is_empty() || row.folder == folder;
+            let here = rows.iter().filter(is_here).filter_map(|row| {
+                let id = if row.id.is_empty() { &row.trial } else { &row.id };
+                Some((row.trial.clone(), planted.remove(id)?))
+            });
+            truth.trials = here.collect();
+            match &mut all {
+                None => all = Some(truth),
+                Some(all) => all.extend(truth, &folder, missing),
+            }
+        }
+        Ok(all)
+    }
+
+    /// Adds what was planted in another folder.
+    fn extend(&mut self, other: Self, folder: &str, missing: &mut Vec<String>) {
+        self.synthetic |= other.synthetic;
+        self.seed = self.seed.filter(|seed| other.seed == Some(*seed));
+        self.trials.extend(other.trials);
+        for (campaign, planted) in other.campaigns {
+            let known = self.campaigns.entry(campaign.clone());
+            let known = known.or_insert(planted);
+            if *known != planted {
+                // Nothing is known of a campaign in which not all is alike.
+                *known = PlantedCampaign::default();
+                missing.push(format!(
+                    "{TRUTH_FILE} of {folder} plants other coefficients of {campaign} than \
+                     another folder's: they are not compared."
+                ));
+            }
+        }
     }
 }
 

@@ -44,7 +44,11 @@ rows! {
     /// One trial: `trials.parquet`. Standard errors end in `_se`.
     #[derive(Serialize)]
     pub struct TrialRow {
+        /// Its id, with its folder's name in front where another folder has the same.
         pub trial: String,
+        /// Where it is: its folder as seen from the configuration, and its id in the folder's list.
+        pub folder: String,
+        pub id: String,
         /// Empty for trials that are not of kind `gait`.
         pub campaign: String,
         pub kind: TrialKind,

@@ -24,6 +24,7 @@ use crate::trial::Trial;
 pub fn blank_row(trial: &Trial) -> TrialRow {
     TrialRow {
         trial: trial.id.clone(),
+        id: trial.id.clone(),
         campaign: trial.campaign.clone().unwrap_or_default(),
         kind: trial.kind,
         omega_commanded_rad_s: trial.omega_rad_s.unwrap_or(f64::NAN),

@@ -1,10 +1,10 @@
-//! What the trials of a folder show together: files that stand in the list twice or not at all, and
+//! What the trials show together: files that stand in the list twice or not at all, and
 //! the one reason for which most trials of a campaign need a person.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use serde::Serialize;
+use serde_json::Value;
 
 use super::campaigns::{fail, find_common_offsets, find_other_campaigns};
 use crate::config::{Campaign, Config};
@@ -13,40 +13,36 @@ use crate::ingest::checks::{Check, Finding};
 use crate::pattern::matches_label;
 use crate::robot::Gait;
 use crate::store::{CheckRow, Severity, TrialRow, TrialStatus};
-use crate::trial::TrialList;
+use crate::trial::TrialFolder;
 
 /// Names of marker files end like this, packed or not.
 const MARKER_FILES: [&str; 2] = [".csv", ".c3d"];
 
-/// What the trials of a folder are judged by together.
+/// What the trials of all folders are judged by together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FolderInput {
     /// Of every campaign.
     gaits: BTreeMap<String, Gait>,
-    /// Marker files that are not in the list.
-    unlisted: Vec<String>,
+    /// Marker files that are not in the list, of every folder by its name.
+    unlisted: BTreeMap<String, Vec<String>>,
 }
 
 impl FolderInput {
-    pub fn new(config: &Config, folder: &Path, list: &TrialList) -> Self {
+    pub fn new(config: &Config, folders: &[TrialFolder]) -> Self {
         let gait = |(name, campaign): (&String, &Campaign)| {
             Some((name.clone(), config.gait.get(&campaign.gait)?.to_gait()))
         };
-        let is_listed = |name: &str| {
-            list.trial.iter().any(|trial| trial.file == name)
-                || list.ignore.iter().any(|pattern| matches_label(pattern, name))
-        };
-        let is_marker_file = |name: &String| {
-            let plain = name.to_ascii_lowercase();
-            let plain = plain.strip_suffix(".gz").unwrap_or(&plain);
-            MARKER_FILES.iter().any(|end| plain.ends_with(end)) && !name.starts_with('.')
-        };
-        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-        let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-        let mut unlisted: Vec<String> =
-            names.filter(|name| is_marker_file(name) && !is_listed(name)).collect();
-        unlisted.sort();
-        Self { gaits: config.campaign.iter().filter_map(gait).collect(), unlisted }
+        let unlisted = |folder: &TrialFolder| (folder.name.clone(), unlisted(folder));
+        Self {
+            gaits: config.campaign.iter().filter_map(gait).collect(),
+            unlisted: folders.iter().map(unlisted).collect(),
+        }
+    }
+
+    /// Names of the folders in one that was serialised; none if it is another value.
+    pub fn folders(serialised: &Value) -> Vec<String> {
+        let unlisted = serialised.get("unlisted").and_then(Value::as_object);
+        unlisted.into_iter().flat_map(|folders| folders.keys().cloned()).collect()
     }
 
     /// Adds what the trials show together; `contents` has the hash of each trial's marker file, as
@@ -56,17 +52,36 @@ impl FolderInput {
         find_same_files(rows, contents);
         find_common_offsets(rows, &self.gaits);
         find_common_reasons(rows);
-        if !self.unlisted.is_empty() {
-            let (count, names) = (self.unlisted.len(), self.unlisted.join("`, `"));
+        for (folder, unlisted) in self.unlisted.iter().filter(|(_, names)| !names.is_empty()) {
+            let (count, names) = (unlisted.len(), unlisted.join("`, `"));
             let message = format!(
                 "{count} marker file{} not in trials.toml: `{names}`; list, remove or name under \
                  ignore = [..] of trials.toml",
                 if count == 1 { " is" } else { "s are" }
             );
             let finding = Finding::at_most(Check::Unlisted, count as f64, 0.0, message);
-            rows.checks.push(finding.failing().row("folder"));
+            rows.checks.push(finding.failing().row(&format!("folder {folder}")));
         }
     }
+}
+
+/// Marker files of a folder that are not in its list, in order.
+fn unlisted(TrialFolder { path, list, .. }: &TrialFolder) -> Vec<String> {
+    let is_listed = |name: &str| {
+        list.trial.iter().any(|trial| trial.file == name)
+            || list.ignore.iter().any(|pattern| matches_label(pattern, name))
+    };
+    let is_marker_file = |name: &String| {
+        let plain = name.to_ascii_lowercase();
+        let plain = plain.strip_suffix(".gz").unwrap_or(&plain);
+        MARKER_FILES.iter().any(|end| plain.ends_with(end)) && !name.starts_with('.')
+    };
+    let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut unlisted: Vec<String> =
+        names.filter(|name| is_marker_file(name) && !is_listed(name)).collect();
+    unlisted.sort();
+    unlisted
 }
 
 /// Fails trials whose marker files have the same content.
@@ -145,7 +160,7 @@ fn without_numbers(text: &str) -> String {
 }
 
 impl Ingested {
-    /// What the trials show together: the checks of a campaign or of the folder.
+    /// What the trials show together: the checks of a campaign or of a folder.
     pub fn together(&self) -> impl Iterator<Item = &CheckRow> {
         let names = [Check::CommonReason, Check::Unlisted].map(|check| check.to_string());
         self.checks.iter().filter(move |row| names.contains(&row.check))

@@ -486,10 +486,11 @@ fn ingest(folder: &Path, derived: &Path, threads: usize) -> Ingested {
 
 fn ingest_folder(folder: &Path, derived: &Path) -> Result<Ingested, crate::build::RunError> {
     let mut config = Config::default();
-    config.paths.raw = folder.to_owned();
+    config.paths.raw = vec![folder.to_owned()];
+    config.paths.base = folder.parent().unwrap().to_owned();
     config.paths.derived = derived.to_owned();
     config.paths.reports = derived.join("reports");
-    crate::build::ingest(&config, false, &())
+    crate::build::ingest(&config, false, false, &())
 }
 
 /// Relative names and contents of all files below a folder.
@@ -531,7 +532,9 @@ fn bad_trials_fail_by_themselves() {
         ]
     );
     let message = |i: usize| ingested.trials[i].message.as_str();
-    let path = |name: &str| folder.path().join(name).display().to_string();
+    // As seen from the configuration.
+    let home = Path::new(folder.path().file_name().unwrap());
+    let path = |name: &str| home.join(name).display().to_string();
     assert_eq!(message(1), path("absent.csv") + ": no such file");
     let found = ": found an empty file, needed a `Trajectories` section";
     assert_eq!(message(2), path("empty.csv") + found);

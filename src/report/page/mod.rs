@@ -15,11 +15,11 @@ pub use image::{image, image_of_svg};
 pub use trial::html as trial_html;
 
 use super::drawing::Figure;
-use super::input::relative;
 use super::scorecard::JudgedClaim;
 use super::tables::Tables;
 use super::truth::{self, Truth};
 use super::{ReportError, ReportInput, figures};
+use crate::files::relative;
 use crate::store::Severity;
 
 /// Trials' names, and the files of their pages in `trials/`.
@@ -51,6 +51,7 @@ pub fn html(
     }
     // What was fitted instead of what is missing, by campaign.
     let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
+    let raw = input.paths.raw.iter().map(|raw| relative(&input.paths.reports, raw));
     let page = context! {
         version => env!("CARGO_PKG_VERSION"),
         synthetic => truth.is_some_and(|truth| truth.synthetic),
@@ -71,7 +72,7 @@ pub fn html(
         trials => Serde(&tables.trials),
         truth => truth.map(|truth| truth::compare(truth, tables)),
         scorecard => Serde(scores),
-        raw => relative(&input.paths.reports, &input.paths.raw),
+        raw => Serde(raw.collect::<Vec<_>>()),
         derived => relative(&input.paths.reports, &input.paths.derived),
         input => &tables.input,
         configuration => input.configuration(),

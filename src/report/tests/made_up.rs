@@ -304,6 +304,8 @@ pub fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> TrialRo
     let offset_rad = if campaign == SKEWED { 0.78 } else { 0.0 };
     TrialRow {
         trial: format!("{campaign}-{omega:.2}-r1"),
+        folder: "raw".to_owned(),
+        id: format!("{campaign}-{omega:.2}-r1"),
         campaign: campaign.to_owned(),
         kind: TrialKind::Gait,
         omega_commanded_rad_s: omega,

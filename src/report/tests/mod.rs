@@ -24,9 +24,8 @@ fn report(config: &Config) -> Result<Reported, ReportError> {
 
 fn config(folder: &Path) -> Config {
     let mut config = Config::default();
-    config.paths.raw = folder.join("raw");
-    config.paths.derived = folder.join("derived");
-    config.paths.reports = folder.join("reports");
+    config.paths.raw = vec!["raw".into()];
+    config.paths.start_at(folder);
     config
 }
 
