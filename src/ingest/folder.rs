@@ -117,7 +117,7 @@ fn ingest_trial(
             Ok((file, metadata)) => Ok(Stamp::of_input(metadata, file)),
             Err(error) => Err(error.system().unwrap_or(ErrorKind::Other)),
         });
-        process(&path, &file?.0, trial, input, &mut known)
+        process(&path, file?.0, trial, input, &mut known)
     });
     let (row, checks, parameters) = match processed {
         Err(failure) => {

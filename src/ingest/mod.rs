@@ -170,7 +170,7 @@ fn process_file(
 ) -> Result<ProcessedTrial, TrialFailure> {
     let input = IngestInput::new(config, trial)?;
     let path = folder.join(&trial.file);
-    process(&path, &vicon::read_file(&path)?.0, trial, &input, known)
+    process(&path, vicon::read_file(&path)?.0, trial, &input, known)
 }
 
 /// The stage itself, from a marker file's bytes to a trial's tables. What is found on the way is
@@ -178,13 +178,15 @@ fn process_file(
 /// failure before anything that follows from it.
 fn process(
     path: &Path,
-    bytes: &[u8],
+    bytes: impl AsRef<[u8]>,
     trial: &Trial,
     input: &IngestInput,
     known: &mut Known,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let ignore = &input.settings.vicon.ignore;
-    let file = vicon::parse_markers(path, bytes)?.without(ignore);
+    let file = vicon::parse_markers(path, bytes.as_ref())?.without(ignore);
+    // Of a long recording that is a gigabyte.
+    drop(bytes);
     let processed = process_recording(&file, trial, input, known);
     stop_beyond_limits(&known.findings).and(processed).map_err(|problem| problem.of(path))
 }
