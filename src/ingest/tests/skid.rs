@@ -61,10 +61,11 @@ fn moved(robot: &Robot, gait: &Gait, omega_rad_s: f64, factors: &[f64]) -> Motio
             *square += dot(&row, &velocity).powi(2);
         }
         *count += 1.0;
-        let middle_rad = pose.theta_rad + 0.5 * h * body[2];
-        let [dx, dy] = rotated(middle_rad, [h * body[0], h * body[1]]);
+        let mean = 0.5 * (before + body);
+        let middle_rad = pose.theta_rad + 0.5 * h * mean[2];
+        let [dx, dy] = rotated(middle_rad, [h * mean[0], h * mean[1]]);
         (pose.x_m, pose.y_m) = (pose.x_m + dx, pose.y_m + dy);
-        pose.theta_rad += h * body[2];
+        pose.theta_rad += h * mean[2];
     }
     let mean = |(squares, count): ([f64; 3], f64)| squares.map(|square| square / count);
     Motion { coordinates, skid_square: sums.into_iter().map(mean).collect() }
@@ -107,22 +108,22 @@ fn judged(campaign: &str, omega_rad_s: f64, differs: f64, seeds: Range<u64>) -> 
 }
 
 #[test]
-fn skid_that_differs_by_15_percent_between_cycles_is_found_to_five_percent() {
+fn skid_that_differs_by_15_percent_between_cycles_is_found_to_two_percent() {
     let (mean, within) = judged("kinematic-skewed", 3.9, 0.15, 0..5);
     println!("{mean:.4?}, {within:.3} within 1.96");
-    assert!(mean.iter().all(|mean| (mean - 1.0).abs() < 0.05), "{mean:?}");
+    assert!(mean.iter().all(|mean| (mean - 1.0).abs() < 0.02), "{mean:?}");
     assert!(within >= 0.8, "{within}");
 }
 
 #[test]
 #[ignore = "120 recordings"]
 fn skid_of_friction_that_differs_is_found_at_every_frequency() {
-    for campaign in ["kinematic-skewed", "kinematic-symmetric"] {
-        for omega_rad_s in [0.5, 2.0, 3.9, 6.0] {
+    for omega_rad_s in [6.0, 3.9, 2.0, 0.5] {
+        for campaign in ["kinematic-skewed", "kinematic-symmetric"] {
             for differs in [0.0, 0.15] {
                 let (mean, within) = judged(campaign, omega_rad_s, differs, 0..10);
                 println!("{campaign} {omega_rad_s} {differs}: {mean:.4?}, {within:.3} within 1.96");
-                assert!(mean.iter().all(|mean| (mean - 1.0).abs() < 0.05), "{mean:?}");
+                assert!(mean.iter().all(|mean| (mean - 1.0).abs() < 0.02), "{mean:?}");
             }
         }
     }
