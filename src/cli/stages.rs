@@ -46,8 +46,8 @@ fn judge(context: &Context, ingested: &Ingested) -> Outcome {
 }
 
 pub(super) fn fit(context: &Context, wait: bool) -> Result<Outcome, Failure> {
-    let ingested = build::ingested(&context.config)?;
     let fitted = build::fit(&context.config, wait, &context.progress.watch(false))?;
+    let ingested = build::ingested(&context.config)?;
     pipeline::print_fits(&fitted.fits);
     pipeline::print_comparison(&fitted.comparison);
     Ok(judge(context, &ingested))
