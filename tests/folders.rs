@@ -141,9 +141,9 @@ fn trials_of_one_id_are_kept_apart_by_their_folders_names_in_every_table_and_pag
     let together = nights(true);
     let told = said(together.path(), &["run"], 0);
     let expected = format!(
-        "several folders have a trial `{SKEWED}`: `{}` is that of raw/first, `{}` is that of \
-         raw/second\n",
-        names[0], names[1]
+        "several folders have a trial `{SKEWED}`: each of these 2 trials has its folder's name in \
+         front, as `{}` of raw/first\n",
+        names[0]
     );
     assert!(told.contains(&expected), "{told}");
     for row in rows(&together) {

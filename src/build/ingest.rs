@@ -29,7 +29,7 @@ pub struct IngestStage {
     folders: Vec<TrialFolder>,
     trials: Vec<(ListedTrial, Result<IngestInput, TrialError>)>,
     /// Ids that several folders have, in words.
-    told_apart: Vec<String>,
+    told_apart: Option<String>,
     together: FolderInput,
 }
 

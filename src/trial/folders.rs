@@ -139,19 +139,20 @@ impl TrialFolders {
         Ok(())
     }
 
-    /// A sentence on every id that several folders have.
-    pub fn told_apart(&self) -> Vec<String> {
-        let mut by_id: BTreeMap<String, Vec<String>> = BTreeMap::new();
-        for ListedTrial { folder, id, trial } in &self.trials {
-            if *id != trial.id {
-                let of_folder = format!("`{}` is that of {}", trial.id, self.folders[*folder].name);
-                by_id.entry(id.to_ascii_lowercase()).or_default().push(of_folder);
-            }
-        }
-        let sentence = |(id, of_folders): (String, Vec<String>)| {
-            format!("several folders have a trial `{id}`: {}", of_folders.join(", "))
+    /// A sentence on the ids that several folders have.
+    pub fn told_apart(&self) -> Option<String> {
+        let apart = || self.trials.iter().filter(|listed| listed.id != listed.trial.id);
+        let ListedTrial { folder, id, trial } = apart().next()?;
+        let ids: BTreeSet<String> = apart().map(|listed| listed.id.to_ascii_lowercase()).collect();
+        let more = match ids.len() - 1 {
+            0 => String::new(),
+            others => format!(" (and {others} other ids)"),
         };
-        by_id.into_iter().map(sentence).collect()
+        let (count, name, folder) = (apart().count(), &trial.id, &self.folders[*folder].name);
+        Some(format!(
+            "several folders have a trial `{id}`{more}: each of these {count} trials has its folder's \
+             name in front, as `{name}` of {folder}"
+        ))
     }
 }
 
