@@ -2,6 +2,6 @@
 
 #![no_main]
 
-use trilink_fuzz::{Project, table};
+use trilink_fuzz::{Project, begin, table};
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| table(&Project::of_trial("poses"), data));
+libfuzzer_sys::fuzz_target!(init: begin(), |data: &[u8]| table(&Project::of_trial("poses"), data));

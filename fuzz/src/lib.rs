@@ -65,6 +65,11 @@ pub fn settings(text: &[u8]) {
     }
 }
 
+/// Makes the small project, which takes longer than an input may.
+pub fn begin() {
+    Project::get();
+}
+
 /// A derived table, by its path inside of `derived/`: what reads it ends with its results or with
 /// an error.
 pub fn table(name: &str, data: &[u8]) {
