@@ -2,4 +2,6 @@
 
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(init: trilink_fuzz::begin(), |data: &[u8]| trilink_fuzz::table("trials.parquet", data));
+use trilink_fuzz::{begin, table};
+
+libfuzzer_sys::fuzz_target!(init: begin(), |data: &[u8]| table("trials.parquet", data));
