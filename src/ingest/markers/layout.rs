@@ -99,9 +99,10 @@ fn proposals(label: &str, labels: &[String]) -> String {
         let names = strsim::jaro_winkler(marker_name(label), marker_name(candidate));
         names.max(strsim::jaro_winkler(label, candidate))
     };
-    let mut ranked: Vec<&String> = labels.iter().collect();
-    ranked.sort_by(|a, b| likeness(b).total_cmp(&likeness(a)));
-    let nearest: Vec<&str> = ranked.iter().take(PROPOSALS).map(|label| label.as_str()).collect();
+    let mut ranked: Vec<(f64, &str)> =
+        labels.iter().map(|label| (likeness(label), label.as_str())).collect();
+    ranked.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let nearest: Vec<&str> = ranked.iter().take(PROPOSALS).map(|(_, label)| *label).collect();
     format!("the nearest of its {} labels are `{}`", labels.len(), nearest.join("`, `"))
 }
 
