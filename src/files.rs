@@ -53,6 +53,11 @@ pub fn relative(from: &Path, to: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
 }
 
+/// A path as seen from a folder, so that it means the same in a copy of both.
+pub fn name_in(folder: &Path, path: &Path) -> String {
+    relative(&absolute(folder), &absolute(path))
+}
+
 /// A path from the root, where the empty one is the current folder; as it is where that is gone.
 pub fn absolute(path: &Path) -> PathBuf {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };

@@ -9,10 +9,11 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::plan::{PlannedTarget, Stage, StagePlan, Touched, Wanted, Work, hash_of};
-use super::record::{Inputs, Made, Record, StageState, name_in};
+use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
 use crate::config::Config;
+use crate::files::name_in;
 use crate::ingest::{
     Entry, FolderInput, IngestInput, Ingested, MarkerStamp, ingest_trials, outdated, undiagnosed,
 };

@@ -9,7 +9,7 @@ use super::lock::Lock;
 use super::record::{RECORD_FILE, Record, changed_outputs};
 use super::{RunError, Watch, record_path, take_over};
 use crate::config::Config;
-use crate::store::{Reader, RunStatus, StoreError};
+use crate::store::{Reader, RunStatus, StoreError, is_there};
 
 /// What `run.json` says of the last run.
 #[derive(Debug, Deserialize)]
@@ -34,10 +34,8 @@ impl LastRun {
 /// Another process is busy with the folder, or it cannot be written to.
 pub fn hold(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
     let path = config.paths.derived.join("trials.parquet");
-    match path.try_exists() {
-        Ok(true) => {}
-        Ok(false) => return Err(StoreError::NotIngested { path }.into()),
-        Err(source) => return Err(StoreError::Read { path, source }.into()),
+    if !is_there(&path)? {
+        return Err(StoreError::NotIngested { path }.into());
     }
     take_over(config, wait, watch)
 }

@@ -122,7 +122,8 @@ pub struct Finished {
 
 /// Ingests, fits and reports what has changed of the trial folders that `config` names and of those
 /// of which there are results, and writes `run.json`. The results are those of a run of all of them
-/// from scratch, to the last byte. Where nothing has changed, nothing is written. If another run is busy with the folder, `wait` waits for it.
+/// from scratch, to the last byte. Where nothing has changed, nothing is written. If another run is
+/// busy with the results, `wait` waits for it.
 ///
 /// ```
 /// use trilink::build::{RerunOptions, run};

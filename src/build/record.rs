@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::target::{Fingerprint, Target};
-use crate::files;
+use crate::files::{self, name_in};
 use crate::store::{Reader, Stamp, StoreError, write_bytes};
 
 /// Name of the record inside `derived/`.
@@ -199,11 +199,6 @@ impl<'k> Inputs<'k> {
         });
         all_current && count == self.known.inputs.len()
     }
-}
-
-/// A path as seen from a folder, so that it means the same in a copy of both.
-pub fn name_in(folder: &Path, path: &Path) -> String {
-    files::relative(&files::absolute(folder), &files::absolute(path))
 }
 
 /// What is wrong with files that were written into `folder`.

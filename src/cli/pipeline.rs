@@ -1,7 +1,6 @@
 //! `trilink demo` and `trilink run`.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
 use super::output::{note, say};
 use super::synth::write_trials;
@@ -13,7 +12,7 @@ use crate::ingest::Ingested;
 use crate::metrics::Estimate;
 use crate::robot::Parameter;
 use crate::store::{
-    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, StoreError, TrialRow, TrialStatus,
+    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialRow, TrialStatus, is_there,
 };
 use crate::synth::Recipe;
 use crate::trial::{TRIALS_FILE, TRUTH_FILE};
@@ -62,10 +61,8 @@ impl Demo {
             return Err("key `paths.raw`: found several folders, needed one for the demo".into());
         };
         let list = raw.join(TRIALS_FILE);
-        let is_there =
-            |path: PathBuf| path.try_exists().map_err(|source| StoreError::Read { path, source });
-        let has_list = is_there(list.clone())?;
-        if has_list && !is_there(raw.join(TRUTH_FILE))? {
+        let has_list = is_there(&list)?;
+        if has_list && !is_there(&raw.join(TRUTH_FILE))? {
             let others = "trials that are not the demo's; `trilink run` runs them";
             return Err(format!("{}: found {others}", list.display()).into());
         }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::files::{absolute, relative};
+use crate::files::name_in;
 
 /// Where things are; relative paths start at the configuration file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,7 +36,7 @@ impl Paths {
 
     /// A path as seen from the configuration file, so that it means the same in a copy of both.
     pub fn name_of(&self, path: &Path) -> String {
-        let name = relative(&absolute(&self.base), &absolute(path));
+        let name = name_in(&self.base, path);
         if name.is_empty() { ".".to_owned() } else { name }
     }
 }

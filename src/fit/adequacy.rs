@@ -81,7 +81,8 @@ impl Adequacy {
 
     /// Tests a fit all motions of which exist.
     pub fn new(point: &FittedPoint, resampler: &Resampler) -> Self {
-        let terms = terms(point, resampler);
+        let noises = resampler.noises();
+        let terms = terms(point, &noises);
         if terms.iter().all(|term| term.deviation == 0.0) {
             return Self::UNKNOWN;
         }
@@ -90,7 +91,7 @@ impl Adequacy {
         let drawn: Vec<Statistics> = (0..DRAWS)
             .into_par_iter()
             .map(|number| {
-                let noise = noise(point, resampler, &terms, number);
+                let noise = noise(point, resampler, &noises, &terms, number);
                 let left = left_by_fit(point, &terms, &noise, &bounds);
                 let mut left = left.into_iter();
                 Statistics::new(&terms, |_| left.next().unwrap_or(f64::NAN))
@@ -162,9 +163,8 @@ struct Term {
 }
 
 /// The terms of all measurements, by frequency.
-fn terms(point: &FittedPoint, resampler: &Resampler) -> Vec<Term> {
+fn terms(point: &FittedPoint, noises: &[[f64; TERMS]]) -> Vec<Term> {
     let objective = point.evaluator.objective;
-    let noises = resampler.noises();
     let share = 1.0 / objective.measurements.len() as f64;
     let mut terms = Vec::new();
     for (measurement, each) in objective.measurements.iter().enumerate() {
@@ -195,9 +195,14 @@ fn terms(point: &FittedPoint, resampler: &Resampler) -> Vec<Term> {
 }
 
 /// Residuals of noise alone, where the fit is the truth.
-fn noise(point: &FittedPoint, resampler: &Resampler, terms: &[Term], number: usize) -> Vec<f64> {
+fn noise(
+    point: &FittedPoint,
+    resampler: &Resampler,
+    noises: &[[f64; TERMS]],
+    terms: &[Term],
+    number: usize,
+) -> Vec<f64> {
     let mut random = resampler.random("noise", number);
-    let noises = resampler.noises();
     let errors: Vec<[f64; TERMS]> = (0..noises.len())
         .map(|measurement| {
             let freedom = resampler.freedom(measurement);
@@ -241,7 +246,7 @@ fn left_by_fit(
     };
     let shares = vec![1.0; point.responses.len()];
     let changes = Terms::new(shares, terms.iter().zip(residuals).map(target));
-    let mut changes = changes.linearised(&point.responses).residuals;
+    let mut changes = changes.residuals(&point.responses);
     changes.iter_mut().for_each(|change| change.value = 0.0);
     let step = minimise(&changes, bounds, None);
     let change = |term: &Term| -> f64 {

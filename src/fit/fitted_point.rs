@@ -114,7 +114,7 @@ impl<'o> FittedPoint<'o> {
     /// The residuals of resampled measurements, linearised here.
     pub fn resampled_residuals(&self, resample: &[DrawnTrial]) -> Vec<Residual> {
         let terms = self.evaluator.terms_of(&self.observations(resample));
-        terms.linearised(&self.responses).residuals
+        terms.residuals(&self.responses)
     }
 
     /// What noise of these standard deviations contributes to the objective before a fit.

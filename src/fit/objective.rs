@@ -107,6 +107,19 @@ impl Objective {
         is_known.then_some(gait)
     }
 
+    /// The model's motion in a condition.
+    ///
+    /// # Errors
+    /// The gait that drives it was not measured.
+    pub(super) fn problem_of(
+        &self,
+        robot: &Robot,
+        condition: &Condition,
+    ) -> Result<Problem, MotionError> {
+        let gait = condition.gait.ok_or(MotionError::GaitUnknown)?;
+        Ok(self.problem(robot, gait, condition.omega_rad_s))
+    }
+
     /// Eq. 22 for one trial.
     pub fn contribution(&self, measurement: &Measurement, simulated: &GaitMetrics) -> f64 {
         self.parts(measurement, simulated).iter().sum()
@@ -311,8 +324,8 @@ impl Evaluator<'_> {
         let robot = self.objective.robot_with(&self.parameters, values);
         let Conditions { all, of_trials } = &self.objective.conditions;
         for (i, condition) in all.iter().enumerate() {
-            let (true, Some(gait)) = (self.is_spread(i), condition.gait) else { continue };
-            let problem = self.objective.problem(&robot, gait, condition.omega_rad_s);
+            let problem = self.objective.problem_of(&robot, condition);
+            let (true, Ok(problem)) = (self.is_spread(i), problem) else { continue };
             let differences: Vec<Differences> =
                 condition.trials.iter().map(|trial| of_trials[*trial].1).collect();
             let mut solver = self.solvers[i].clone();
@@ -353,9 +366,7 @@ impl Evaluator<'_> {
 
     fn solve(&mut self, i: usize, robot: &Robot) -> Result<GaitMetrics, MotionError> {
         self.solves += 1;
-        let Condition { omega_rad_s, gait, .. } = &self.objective.conditions.all[i];
-        let gait = gait.ok_or(MotionError::GaitUnknown)?;
-        let problem = self.objective.problem(robot, gait, *omega_rad_s);
+        let problem = self.objective.problem_of(robot, &self.objective.conditions.all[i])?;
         self.solvers[i].solve(&problem, self.accuracy)
     }
 }

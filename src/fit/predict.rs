@@ -37,8 +37,7 @@ pub(super) fn predictions(
         PredictionRow { campaign, model, omega_rad_s, source, metrics, j, status, from_rest }
     };
     let of_condition = |solver: &mut Solver, condition: &Condition| {
-        let gait = condition.gait.ok_or(MotionError::GaitUnknown);
-        let problem = gait.map(|gait| objective.problem(robot, gait, condition.omega_rad_s));
+        let problem = objective.problem_of(robot, condition);
         let solved = problem.clone().and_then(|it| solve(solver, &it, REFERENCE_ACCURACY));
         let from_rest = problem.ok().zip(solved.as_ref().ok()).map(|(problem, (metrics, _))| {
             Attractor::from_rest(&solver.attractor(&problem, Ok(*metrics), REFERENCE_ACCURACY))

@@ -83,7 +83,12 @@ impl Terms {
 
     /// The same, linearised, from metrics and their derivatives.
     pub fn linearised(&self, responses: &[Option<Response>]) -> Linearised {
-        let cost = self.cost(responses.iter().map(|of| of.as_ref().map(|of| of.metrics)));
+        let metrics = responses.iter().map(|of| of.as_ref().map(|of| of.metrics));
+        Linearised { cost: self.cost(metrics), residuals: self.residuals(responses) }
+    }
+
+    /// The functions alone.
+    pub fn residuals(&self, responses: &[Option<Response>]) -> Vec<Residual> {
         let mut residuals = Vec::new();
         for (response, deviations) in responses.iter().zip(&self.deviations) {
             let Some(response) = response else { continue };
@@ -93,7 +98,7 @@ impl Terms {
                 Some(Residual { value, slope, deviations })
             }));
         }
-        Linearised { cost, residuals }
+        residuals
     }
 }
 
