@@ -31,7 +31,8 @@ pub struct IngestStage {
     trials: Vec<(ListedTrial, Result<IngestInput, TrialError>)>,
     /// Ids that several folders have, in words.
     told_apart: Option<String>,
-    together: FolderInput,
+    /// Missing for some of the trials, of which nothing is said together.
+    together: Option<FolderInput>,
 }
 
 impl IngestStage {
@@ -39,7 +40,8 @@ impl IngestStage {
     /// A list of trials cannot be used.
     pub fn new(config: &Config) -> Result<Self, RunError> {
         let all = TrialFolders::load(&config.paths)?;
-        let (told_apart, together) = (all.told_apart(), FolderInput::new(config, &all.folders));
+        let together = Some(FolderInput::new(config, &all.folders));
+        let told_apart = all.told_apart();
         let TrialFolders { folders, trials } = all;
         let with_input = |listed: ListedTrial| {
             let input = IngestInput::new(config, &listed.trial);
@@ -47,6 +49,27 @@ impl IngestStage {
         };
         let trials = trials.into_iter().map(with_input).collect();
         Ok(Self { derived: config.paths.derived.clone(), folders, trials, told_apart, together })
+    }
+
+    /// The stage of some of the trials, with tables elsewhere.
+    pub fn of_some(mut self, keep: impl Fn(&str) -> bool, derived: &Path) -> Self {
+        self.retain(keep);
+        Self { derived: derived.to_owned(), together: None, ..self }
+    }
+
+    /// Leaves out trials.
+    pub fn retain(&mut self, keep: impl Fn(&str) -> bool) {
+        self.trials.retain(|(listed, _)| keep(&listed.trial.id));
+    }
+
+    /// Names of the trials, in order.
+    pub fn trials(&self) -> impl Iterator<Item = &str> {
+        self.trials.iter().map(|(listed, _)| listed.trial.id.as_str())
+    }
+
+    /// Names of the folders, in order.
+    pub fn folders(&self) -> impl Iterator<Item = &String> {
+        self.folders.iter().map(|folder| &folder.name)
     }
 
     fn entry(&self, index: usize) -> Entry<'_> {
@@ -221,7 +244,9 @@ impl Stage for IngestStage {
             let content = made.parts.get(MARKER_FILE).filter(|content| !content.contains(' '))?;
             Some((made.target.name(), content.clone()))
         });
-        self.together.diagnose(&mut output, &contents.collect());
+        if let Some(together) = &self.together {
+            together.diagnose(&mut output, &contents.collect());
+        }
         for path in outdated(derived, &self.table_paths(&targets).into_iter().collect())? {
             std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
         }

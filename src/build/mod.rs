@@ -5,14 +5,16 @@ mod fit;
 mod ingest;
 mod last_run;
 mod lock;
+mod merge;
 mod plan;
 mod record;
 mod report;
+mod shard;
 mod summary;
 mod target;
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::clock::utc_now;
@@ -30,10 +32,12 @@ use last_run::{LastRun, confirm};
 pub use last_run::{check_finished, hold};
 use lock::{LOCK_FILE, check_places};
 pub use lock::{Lock, share, sweep};
+pub use merge::{PartStatus, ShardsStatus, merge, shards_status};
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, plan, plan_after};
 use record::{RECORD_FILE, Record};
 use report::ReportStage;
+pub use shard::{Part, ingest_shard};
 use summary::{RunRecord, RunResults};
 pub use summary::{StageRecord, TrialCounts, count};
 pub use target::Target;
@@ -74,6 +78,20 @@ pub enum RunError {
         derived.display()
     )]
     FolderGone { folder: PathBuf, derived: PathBuf },
+    #[error(
+        "{0}: found no parts, needed those that `trilink ingest --shard 3/8 --into {0}` leaves",
+        shards.display()
+    )]
+    NoShards { shards: PathBuf },
+    #[error("nothing is merged because of{problems}{}", again(array))]
+    Shards { problems: String, array: String },
+    #[error(
+        "{}: found tables of trials of {folder}, needed only those of the folders that the parts \
+         are of: {}; make parts of all folders, or remove the tables",
+        derived.display(),
+        of.join(", ")
+    )]
+    OtherFolder { derived: PathBuf, folder: String, of: Vec<String> },
     #[error("{0}; --wait waits for it")]
     Held(StoreError),
     #[error("{}: {problem}; needed the results of a run that came to its end: `trilink run`", path.display())]
@@ -94,6 +112,10 @@ impl RunError {
         let (Self::Store(error) | Self::Report(Store(error))) = self else { return false };
         matches!(error, StoreError::Changed { .. })
     }
+}
+
+fn again(array: &str) -> String {
+    if array.is_empty() { String::new() } else { format!("\nto do again: --array={array}") }
 }
 
 fn after(done: &str) -> String {
@@ -279,8 +301,6 @@ impl<'s> Sequence<'s> {
         let planned = || plan(stage, derived, &self.record, self.options);
         let (output, plan) = if self.may_write {
             tracing::info!(stage = stage_name, "stage begins");
-            let interrupted =
-                |Interrupted { done }| Err(RunError::Interrupted { stage: stage_name, done });
             let work = || {
                 let planned = planned()?;
                 let is_first = !self.stages.iter().any(|stage| stage.did_something);
@@ -289,7 +309,7 @@ impl<'s> Sequence<'s> {
                 }
                 planned.carry_out(stage, self.watch)
             };
-            let (output, plan, state) = abandonable(work).unwrap_or_else(interrupted)?;
+            let (output, plan, state) = interruptible(stage_name, work)?;
             *self.record.state_mut(S::NAME) = state;
             if !plan.is_empty() {
                 self.record.save(derived)?;
@@ -497,34 +517,58 @@ fn alone<S: Stage>(
     sequence.advance(&stage)
 }
 
+/// Does work of a stage that a signal may end.
+fn interruptible<T>(
+    stage: &'static str,
+    work: impl FnOnce() -> Result<T, RunError>,
+) -> Result<T, RunError> {
+    let interrupted = |Interrupted { done }| Err(RunError::Interrupted { stage, done });
+    abandonable(work).unwrap_or_else(interrupted)
+}
+
 /// Takes the lock of the folder of results, and makes sure that there is where to write to.
 fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
     let (derived, reports) = (&config.paths.derived, &config.paths.reports);
     let folders = folders(config);
-    let names = [LOCK_FILE, RECORD_FILE].into_iter();
-    let names = names.chain(crate::ingest::TABLES).chain(crate::fit::TABLES);
+    let names = [RECORD_FILE].into_iter().chain(crate::ingest::TABLES);
+    let names = names.chain(crate::fit::TABLES);
     let mut files: Vec<PathBuf> = names.map(|name| derived.join(name)).collect();
     files.extend(crate::report::FILES.map(|name| reports.join(name)));
     files.push(record_path(config));
-    check_places(&folders[..1], &files[..1])?;
+    hold_places(&folders, &files, wait, watch)
+}
+
+/// Takes the lock in the first of `folders`, and makes sure that all files can be written.
+fn hold_places(
+    folders: &[PathBuf],
+    files: &[PathBuf],
+    wait: bool,
+    watch: &dyn Watch,
+) -> Result<Lock, RunError> {
+    check_places(&folders[..1], &[folders[0].join(LOCK_FILE)])?;
     let waiting = |held: &str| watch.note(&format!("{held}; waiting"));
     let on_wait: Option<&dyn Fn(&str)> = if wait { Some(&waiting) } else { None };
-    let lock = Lock::take(derived, on_wait).map_err(|error| match error {
+    let lock = Lock::take(&folders[0], on_wait).map_err(|error| match error {
         StoreError::Held { .. } => RunError::Held(error),
         other => RunError::Store(other),
     })?;
-    check_places(&folders, &files)?;
-    sweep(&lock, &folders)?;
+    check_places(folders, files)?;
+    sweep(&lock, folders)?;
     Ok(lock)
 }
 
 /// Folders that are written to, `derived/` first.
 fn folders(config: &Config) -> Vec<PathBuf> {
-    let (derived, reports) = (&config.paths.derived, &config.paths.reports);
-    let mut folders =
-        vec![derived.clone(), reports.clone(), reports.join("figures"), reports.join("trials")];
-    folders.extend(crate::ingest::FOLDERS.map(|folder| derived.join(folder)));
+    let reports = &config.paths.reports;
+    let mut folders = table_folders(&config.paths.derived);
+    folders.extend([reports.clone(), reports.join("figures"), reports.join("trials")]);
     folders
+}
+
+/// A folder of results and those inside of it that tables are written to.
+fn table_folders(derived: &Path) -> Vec<PathBuf> {
+    let inner = crate::ingest::FOLDERS.map(|folder| derived.join(folder));
+    std::iter::once(derived.to_owned()).chain(inner).collect()
 }
 
 fn record_path(config: &Config) -> PathBuf {

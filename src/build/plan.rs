@@ -297,13 +297,31 @@ pub fn plan<'k, S: Stage>(
         let state = StageState { inputs, ..known.clone() };
         return Ok(Planned { plan, next: Ok(earlier), state, known });
     }
+    let state = StageState { inputs, ..ahead::<S>(whole, &wanted) };
+    let next = Err(Work { sources, wanted, kept });
+    Ok(Planned { plan, next, state, known })
+}
+
+/// Plans to join targets that were all made elsewhere.
+pub fn join<'k, S: Stage<Sources = ()>>(
+    stage: &S,
+    record: &'k Record,
+    kept: BTreeMap<Target, (Made, S::Kept)>,
+) -> Planned<'k, S> {
+    let (known, wanted) = (S::state(record), stage.wanted(&()));
+    let removed = removed(known, &wanted);
+    let plan = StagePlan { up_to_date: kept.len(), removed, ..StagePlan::default() };
+    let state = ahead::<S>(stage.whole(), &wanted);
+    Planned { plan, next: Err(Work { sources: (), wanted, kept }), state, known }
+}
+
+/// The record of a stage as far as it is known before the stage is done.
+fn ahead<S: Stage>(whole: Value, wanted: &[Wanted]) -> StageState {
     let of_target = |wanted: &Wanted| {
         wanted.parts.get(SETTINGS).map(|hash| (hash.clone(), wanted.settings.clone()))
     };
     let (source, settings) = (S::SOURCE.to_owned(), wanted.iter().filter_map(of_target).collect());
-    let state = StageState { source, whole, settings, inputs, ..StageState::default() };
-    let next = Err(Work { sources, wanted, kept });
-    Ok(Planned { plan, next, state, known })
+    StageState { source, whole, settings, ..StageState::default() }
 }
 
 /// What a stage will have to do once those before it are done that have `touched` something: more

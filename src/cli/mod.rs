@@ -6,6 +6,7 @@ mod check;
 mod compare;
 mod inspect;
 mod log;
+mod merge;
 mod omegas;
 mod output;
 mod pipeline;
@@ -68,6 +69,9 @@ enum Command {
     /// Marker files to tables of poses, wheel velocities, cycles and trials.
     #[command(after_help = include_str!("examples/ingest.txt").trim_end())]
     Ingest(stages::Ingest),
+    /// Join the parts of an ingest into the tables that an undivided one leaves.
+    #[command(after_help = include_str!("examples/merge.txt").trim_end())]
+    Merge(merge::Merge),
     /// Fit every model of every campaign to the trials.
     #[command(after_help = include_str!("examples/fit.txt").trim_end())]
     Fit(Exclusive),
@@ -192,6 +196,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Demo(command) => command.run(context()?),
         Command::Run(command) => command.run(context()?),
         Command::Ingest(command) => command.run(context()?),
+        Command::Merge(command) => command.run(context()?),
         Command::Fit(exclusive) => stages::fit(&context()?, exclusive.wait),
         Command::Report(exclusive) => stages::report(&context()?, exclusive.wait),
         Command::Check(command) => command.run(context()?),

@@ -1,8 +1,10 @@
 //! `trilink ingest`, `fit` and `report`: one stage alone.
 
+use std::path::PathBuf;
+
 use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, pipeline};
-use crate::build;
+use crate::build::{self, Part};
 use crate::ingest::Ingested;
 
 #[derive(clap::Args)]
@@ -18,6 +20,12 @@ pub(super) struct Ingest {
                 joints move"
     )]
     calibrate: Option<String>,
+    /// Ingest one part of the trials: 3/8 is the third of eight.
+    #[arg(long, value_name = "PART", requires = "into", conflicts_with_all = ["calibrate", "only"])]
+    shard: Option<Part>,
+    /// Folder for the tables of a part, 3-of-8 inside of it; `merge` joins them.
+    #[arg(long, value_name = "FOLDER", requires = "shard")]
+    into: Option<PathBuf>,
 }
 
 impl Ingest {
@@ -28,6 +36,14 @@ impl Ingest {
             return calibrate::run(&context, &trial);
         }
         let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
+        if let Some((part, shards)) = self.shard.zip(self.into) {
+            let (ingested, home) =
+                build::ingest_shard(&context.config, part, &shards, wait, &watch)?;
+            drop(watch);
+            let counts = build::count(&ingested.trials);
+            say!("{}; part {part} in {}", pipeline::in_words(&counts), home.display());
+            return Ok(judge(&context, &ingested));
+        }
         let ingested = build::ingest(&context.config, only, wait, &watch)?;
         drop(watch);
         pipeline::print_parameters(&ingested.parameters);
@@ -39,7 +55,7 @@ impl Ingest {
 }
 
 /// Says which trials need a person, and whether any does.
-fn judge(context: &Context, ingested: &Ingested) -> Outcome {
+pub(super) fn judge(context: &Context, ingested: &Ingested) -> Outcome {
     pipeline::note_together(ingested);
     pipeline::say_attention(context, &ingested.trials, None);
     if ingested.needs_a_person() { Outcome::NeedsAttention } else { Outcome::Well }
