@@ -29,7 +29,7 @@ use super::least_absolute::{dot, minimise};
 use super::objective::METRICS;
 use super::resample::Resampler;
 use super::search::limits;
-use super::terms::{TERMS, Target, Terms};
+use super::terms::{Response, TERMS, Target, Terms};
 use crate::stats::{mean, quantiles_low, student};
 
 /// Draws of noise.
@@ -249,11 +249,18 @@ fn left_by_fit(
     let mut changes = changes.residuals(&point.responses);
     changes.iter_mut().for_each(|change| change.value = 0.0);
     let step = minimise(&changes, bounds, None);
-    let change = |term: &Term| -> f64 {
-        let response = point.responses[term.condition].as_ref();
-        response.map_or(0.0, |of| dot(&of.affine(term.metric).1, step.as_slice()))
+    let changes: Vec<[f64; TERMS]> = point
+        .responses
+        .iter()
+        .map(|response| {
+            let change = |of: &Response, metric| dot(&of.affine(metric).1, step.as_slice());
+            std::array::from_fn(|metric| response.as_ref().map_or(0.0, |of| change(of, metric)))
+        })
+        .collect();
+    let left = |(term, residual): (&Term, &f64)| {
+        residual + term.gain * changes[term.condition][term.metric]
     };
-    terms.iter().zip(residuals).map(|(term, left)| left + term.gain * change(term)).collect()
+    terms.iter().zip(residuals).map(left).collect()
 }
 
 /// What is tested of residuals.

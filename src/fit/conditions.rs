@@ -40,6 +40,8 @@ pub(super) struct Conditions {
     pub all: Vec<Condition>,
     /// Of each trial: its condition, and its differences from it.
     pub of_trials: Vec<(usize, Differences)>,
+    /// Of each condition: its motion as far as it was expanded, with the robot as configured.
+    pub expansions: Vec<Option<Expansion>>,
 }
 
 /// The metrics of a condition's motions.
@@ -60,8 +62,8 @@ impl Conditions {
         problem: impl Fn(Gait, f64) -> Problem,
     ) -> Self {
         let gaits: Vec<Option<Gait>> = measurements.iter().map(gait_of).collect();
-        let mut conditions =
-            Self { all: Vec::new(), of_trials: vec![(0, [0.0; INPUTS]); measurements.len()] };
+        let of_trials = vec![(0, [0.0; INPUTS]); measurements.len()];
+        let mut conditions = Self { of_trials, ..Self::default() };
         for trials in Measurement::frequencies(measurements) {
             let (known, unknown): (Vec<usize>, Vec<usize>) =
                 trials.into_iter().partition(|&trial| gaits[trial].is_some());
@@ -84,6 +86,7 @@ impl Conditions {
             let omega_rad_s = measurement.omega_rad_s;
             conditions.of_trials.push((trial, [0.0; INPUTS]));
             conditions.all.push(Condition { omega_rad_s, gait, trials: vec![trial] });
+            conditions.expansions.push(None);
         }
         conditions
     }
@@ -97,10 +100,14 @@ impl Conditions {
         problem: &impl Fn(Gait, f64) -> Problem,
     ) {
         let mut joined = Condition::of(trials, measurements, gaits);
-        let far = joined.far_trials(measurements, gaits, problem).unwrap_or_default();
+        let (far, expansion) = match joined.expand(measurements, gaits, problem) {
+            Some((far, expansion)) => (far, Some(expansion)),
+            None => (Vec::new(), None),
+        };
         joined.trials.retain(|trial| !far.contains(trial));
-        let alone = far.into_iter().map(|trial| Condition::of(vec![trial], measurements, gaits));
-        for condition in [joined].into_iter().chain(alone) {
+        let alone = |trial| (Condition::of(vec![trial], measurements, gaits), None);
+        let alone = far.into_iter().map(alone);
+        for (condition, expansion) in [(joined, expansion)].into_iter().chain(alone) {
             for &trial in &condition.trials {
                 let omega_rad_s = measurements[trial].omega_rad_s;
                 let differences = condition.differences(omega_rad_s, gaits[trial].as_ref());
@@ -108,6 +115,7 @@ impl Conditions {
             }
             if !condition.trials.is_empty() {
                 self.all.push(condition);
+                self.expansions.push(expansion);
             }
         }
     }
@@ -136,13 +144,14 @@ impl Condition {
         Self { omega_rad_s: middle(&|k| measurements[k].omega_rad_s), gait, trials }
     }
 
-    /// The trials that the condition's expansion misses by too much; `None` if it has none.
-    fn far_trials(
+    /// The condition's expansion and the trials that it misses by too much; `None` if all are the
+    /// condition or if there is none.
+    fn expand(
         &self,
         measurements: &[Measurement],
         gaits: &[Option<Gait>],
         problem: &impl Fn(Gait, f64) -> Problem,
-    ) -> Option<Vec<usize>> {
+    ) -> Option<(Vec<usize>, Expansion)> {
         let differences = |&trial: &usize| {
             let omega_rad_s = measurements[trial].omega_rad_s;
             (trial, self.differences(omega_rad_s, gaits[trial].as_ref()))
@@ -165,7 +174,7 @@ impl Condition {
         let size = |of: &(usize, Differences)| expansion.second_order(&of.1);
         others.sort_by(|a, b| size(b).total_cmp(&size(a)).then(a.0.cmp(&b.0)));
         let far = others.iter().take_while(|trial| is_far(trial));
-        Some(far.map(|(trial, _)| *trial).collect())
+        Some((far.map(|(trial, _)| *trial).collect(), expansion))
     }
 
     fn differences(&self, omega_rad_s: f64, gait: Option<&Gait>) -> Differences {

@@ -17,7 +17,13 @@ impl Deviations {
     /// Of breakpoints and their weights.
     pub fn new(mut of: Vec<(f64, f64)>) -> Self {
         of.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let mut all = Self::default();
+        let count = of.len();
+        let mut all = Self {
+            breakpoints: Vec::with_capacity(count),
+            weights: Vec::with_capacity(count),
+            weights_before: Vec::with_capacity(count + 1),
+            moments_before: Vec::with_capacity(count + 1),
+        };
         for (breakpoint, weight) in of {
             match (all.breakpoints.last(), all.weights.last_mut()) {
                 (Some(last), Some(sum)) if *last == breakpoint => *sum += weight,

@@ -170,7 +170,7 @@ impl Objective {
             parameters,
             solvers: vec![Solver::default(); count],
             observations: self.observations(),
-            expansions: vec![None; count],
+            expansions: self.conditions.expansions.clone(),
             terms: Terms::default(),
             accuracy: FIT_ACCURACY,
             solves: 0,
@@ -319,10 +319,13 @@ impl Evaluator<'_> {
         }
     }
 
-    /// Adds the second order where trials differ.
+    /// Adds the second order where trials differ. It is known where nothing is free.
     pub(super) fn add_second_order(&mut self, values: &[f64]) {
+        if values.is_empty() {
+            return;
+        }
         let robot = self.objective.robot_with(&self.parameters, values);
-        let Conditions { all, of_trials } = &self.objective.conditions;
+        let Conditions { all, of_trials, .. } = &self.objective.conditions;
         for (i, condition) in all.iter().enumerate() {
             let problem = self.objective.problem_of(&robot, condition);
             let (true, Ok(problem)) = (self.is_spread(i), problem) else { continue };

@@ -121,31 +121,51 @@ impl Linkage {
     /// markers give; a link without one stays without. Residuals are the markers' RMS
     /// distances from the new poses.
     pub fn close(&self, own: [Option<LinkPose>; 3]) -> [Option<LinkPose>; 3] {
-        // Without the middle link, or with it alone, no joint is known from both sides.
-        let Some(middle) = own[0] else { return own };
-        if own[1].is_none() && own[2].is_none() {
-            return own;
+        let Some(closed) = self.closed(&own) else { return own };
+        let posed = |link: usize| Some(self.posed(link, &own[link]?, &closed));
+        [0, 1, 2].map(posed)
+    }
+
+    /// By how much the links of a frame would be elsewhere with the joints of other linkages: link
+    /// 0's axle, mm, and the headings of links 0, 1, 2, rad. To first order, as far as joints
+    /// differ from trial to trial.
+    pub fn shifts<const N: usize>(
+        &self,
+        own: &[Option<LinkPose>; 3],
+        others: &[Self; N],
+    ) -> Option<[Vector5<f64>; N]> {
+        let closed = self.closed(own)?;
+        let here = self.step(own, &closed)?;
+        let mut shifts = [here; N];
+        for (shift, other) in shifts.iter_mut().zip(others) {
+            *shift -= other.step(own, &closed)?;
         }
+        Some(shifts)
+    }
+
+    fn closed(&self, own: &[Option<LinkPose>; 3]) -> Option<Closed> {
+        // Without the middle link, or with it alone, no joint is known from both sides.
+        let middle = own[0].filter(|_| own[1].is_some() || own[2].is_some())?;
         let [x, y] = middle.origin_mm;
         let [front, rear] = [own[1], own[2]].map(|pose| pose.map_or(0.0, |pose| pose.theta_rad));
-        let mut q = Vector5::new(x, y, middle.theta_rad, front, rear);
-        let mut turns = turns(&q);
+        let q = Vector5::new(x, y, middle.theta_rad, front, rear);
+        let turns = turns(&q);
         let seen_mm = [0, 1, 2].map(|link| {
             own[link].map_or(Vector2::zeros(), |LinkPose { origin_mm, moments, .. }| {
                 Vector2::from(origin_mm) + turns[link] * Vector2::from(moments.centre_mm)
             })
         });
+        let mut closed = Closed { seen_mm, q, turns };
         for _ in 0..STEPS {
             // Markers that give every link a heading give a positive definite matrix.
-            let Some(step) = self.step(&own, &seen_mm, &q, &turns) else { return own };
-            q -= step;
-            turns = self::turns(&q);
+            let step = self.step(own, &closed)?;
+            closed.q -= step;
+            closed.turns = self::turns(&closed.q);
             if step.fixed_rows::<3>(2).amax() < SMALL_RAD {
                 break;
             }
         }
-        let posed = |link: usize| Some(self.posed(link, &own[link]?, seen_mm[link], &q, &turns));
-        [0, 1, 2].map(posed)
+        Some(closed)
     }
 
     /// From link 0's axle to the joint of a link, in link 0's frame, and from there to the
@@ -157,15 +177,10 @@ impl Linkage {
         }
     }
 
-    /// The Gauss-Newton step at `q`: link 0's axle and the headings of links 0, 1, 2. A side
-    /// link's heading acts on its own markers only, and is eliminated first.
-    fn step(
-        &self,
-        own: &[Option<LinkPose>; 3],
-        seen_mm: &[Vector2<f64>; 3],
-        q: &Vector5<f64>,
-        turns: &Turns,
-    ) -> Option<Vector5<f64>> {
+    /// The Gauss-Newton step, to be subtracted: link 0's axle and the headings of links 0, 1, 2.
+    /// A side link's heading acts on its own markers only, and is eliminated first.
+    fn step(&self, own: &[Option<LinkPose>; 3], at: &Closed) -> Option<Vector5<f64>> {
+        let Closed { seen_mm, q, turns } = at;
         let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
         let mut sides = [(Vector3::zeros(), 0.0); 3];
         for (link, pose) in own.iter().enumerate() {
@@ -204,19 +219,13 @@ impl Linkage {
         Some(Vector5::new(step[0], step[1], step[2], heading(1), heading(2)))
     }
 
-    /// A link's pose in the linkage, given its own and where that has its markers' centroid.
-    fn posed(
-        &self,
-        link: usize,
-        own: &LinkPose,
-        seen_mm: Vector2<f64>,
-        q: &Vector5<f64>,
-        turns: &Turns,
-    ) -> LinkPose {
+    /// A link's pose in the linkage, given its own.
+    fn posed(&self, link: usize, own: &LinkPose, closed: &Closed) -> LinkPose {
+        let Closed { seen_mm, q, turns } = closed;
         let (to_joint, to_axle) = self.arms(link);
         let origin_mm = q.xy() + turns[0] * to_joint + turns[link] * to_axle;
         let moments = &own.moments;
-        let off = origin_mm + turns[link] * Vector2::from(moments.centre_mm) - seen_mm;
+        let off = origin_mm + turns[link] * Vector2::from(moments.centre_mm) - seen_mm[link];
         let half_turn = (0.5 * (q[2 + link] - own.theta_rad)).sin();
         let turning = 4.0 * moments.turning_mm2 * half_turn * half_turn;
         let squares = own.residual_mm.powi(2) + off.x * off.x + off.y * off.y;
@@ -226,10 +235,17 @@ impl Linkage {
     }
 }
 
-/// By the headings of links 0, 1, 2.
-type Turns = [UnitComplex<f64>; 3];
+/// The links of a frame with their joints closed.
+struct Closed {
+    /// Where each link's own pose has its markers' centroid.
+    seen_mm: [Vector2<f64>; 3],
+    /// Link 0's axle, mm, and the headings of links 0, 1, 2, rad.
+    q: Vector5<f64>,
+    turns: [UnitComplex<f64>; 3],
+}
 
-fn turns(q: &Vector5<f64>) -> Turns {
+/// By the headings of links 0, 1, 2.
+fn turns(q: &Vector5<f64>) -> [UnitComplex<f64>; 3] {
     [2, 3, 4].map(|heading| UnitComplex::new(q[heading]))
 }
 
@@ -241,6 +257,11 @@ mod tests {
     use crate::ingest::markers::rigid;
 
     type Pairs = Vec<([f64; 2], [f64; 2])>;
+
+    /// Links at `q` whose markers' residuals do not matter.
+    fn closed(q: &Vector5<f64>) -> Closed {
+        Closed { seen_mm: [Vector2::zeros(); 3], q: *q, turns: turns(q) }
+    }
 
     /// Places and noisy positions of the default layout's markers in one frame.
     fn pairs(q: &Vector5<f64>, noise_mm: f64) -> [Pairs; 3] {
@@ -254,7 +275,7 @@ mod tests {
                 residual_mm: 0.0,
                 moments: rigid::MarkerMoments { markers: 1.0, ..Default::default() },
             };
-            let pose = linkage.posed(link, &own, Vector2::zeros(), q, &turns(q));
+            let pose = linkage.posed(link, &own, &closed(q));
             let place = |p: &[f64; 3]| {
                 k += 1.0;
                 let [x, y] = pose.at([p[0], p[1]]);
@@ -274,7 +295,7 @@ mod tests {
         let linkage = Linkage::of(&Robot::kinematic());
         let own = own(pairs);
         let of_link = |link: usize| -> f64 {
-            let pose = linkage.posed(link, &own[link].unwrap(), Vector2::zeros(), q, &turns(q));
+            let pose = linkage.posed(link, &own[link].unwrap(), &closed(q));
             let square = |(place, seen): &([f64; 2], [f64; 2])| {
                 let at = pose.at(*place);
                 (at[0] - seen[0]).powi(2) + (at[1] - seen[1]).powi(2)
@@ -354,6 +375,23 @@ mod tests {
         let (a, b) = (middle.at(positions.in_middle), front.at(positions.in_outer));
         assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.1);
         assert!(refined.distance_mm(&wrong) < 2.0);
+    }
+
+    #[test]
+    fn shifts_are_what_closing_other_joints_makes_of_the_poses() {
+        let own = own(&pairs(&Vector5::from(Q), 0.2));
+        let here = Linkage::of(&Robot::kinematic());
+        let mut there = here;
+        there.joints[0] = there.joints[0].moved(&Vector4::new(0.1, -0.2, 0.05, 0.1));
+        let [shift] = here.shifts(&own, &[there]).unwrap();
+        let poses = [here, there].map(|linkage| linkage.close(own).map(Option::unwrap));
+        let [a, b] = poses.map(|[middle, front, rear]| {
+            let ([x, y], theta) = (middle.origin_mm, [middle, front, rear].map(|of| of.theta_rad));
+            Vector5::new(x, y, theta[0], theta[1], theta[2])
+        });
+        let error = (b - a - shift).abs();
+        assert!(shift.norm() > 0.05 && error.amax() < 1e-3 * shift.norm(), "{shift} {error}");
+        assert_eq!(here.shifts(&[None, own[1], own[2]], &[there]), None);
     }
 
     #[test]

@@ -7,7 +7,6 @@ use crate::config::Poses;
 use crate::ingest::error::Problem;
 use crate::ingest::markers::labels::{LinkFit, Outlier, correct_labels};
 use crate::ingest::markers::layout::Layout;
-use crate::ingest::markers::rigid::LinkPose;
 use crate::ingest::signals;
 use crate::named::named;
 use crate::robot::rotated;
@@ -118,8 +117,8 @@ pub fn track(
     let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
     let mut markers_seen = 0;
     let (fits, tilt) = upright_fits(file, layout, rate_hz);
-    let (refined, without) = linkage.map(|linkage| linkage.refined(&fits)).unzip();
-    let joint_offset_mm = linkage.zip(refined).map(|(robot, found)| robot.distance_mm(&found));
+    let refined = linkage.map(|linkage| linkage.refined(&fits));
+    let joint_offset_mm = linkage.zip(refined).map(|(robot, (found, _))| robot.distance_mm(&found));
     let mut joint_shifts = Vec::new();
     let stride = (file.frames.len() / SHIFTS).max(1);
     let is_closed = poses == Poses::Chain;
@@ -127,12 +126,19 @@ pub fn track(
         let i = (frame - first_frame) as usize;
         let own = fits.each_ref().map(|fits| fits[row].pose);
         let poses = match &refined {
-            Some(linkage) if is_closed => linkage.close(own),
+            Some((joints, _)) if is_closed => joints.close(own),
             _ => own,
         };
-        if let Some(without) = without.filter(|_| is_closed && row % stride == 0) {
-            let shift = without.map(|linkage| shift(&poses, &linkage.close(own)));
-            joint_shifts.extend(all(shift).map(|without| JointShift { frame: i, without }));
+        if let (true, Some((joints, without))) = (is_closed && row % stride == 0, &refined)
+            && let [Some(middle), Some(_), Some(_)] = own
+            && let Some(shifts) = joints.shifts(&own, without)
+        {
+            // Link 0 along and across itself.
+            let without = shifts.map(|shift| {
+                let [along_mm, across_mm] = rotated(-middle.theta_rad, [shift[0], shift[1]]);
+                [along_mm / 1000.0, across_mm / 1000.0, shift[2], shift[3], shift[4]]
+            });
+            joint_shifts.push(JointShift { frame: i, without });
         }
         for (link, pose) in poses.into_iter().enumerate() {
             let fit = &fits[link][row];
@@ -178,22 +184,6 @@ pub fn track(
         joint_shifts,
         coverage: markers_seen as f64 / (markers * frames) as f64,
     })
-}
-
-/// From one set of poses to another: link 0 along and across itself, m, and the links' turns, rad.
-fn shift(from: &[Option<LinkPose>; 3], to: &[Option<LinkPose>; 3]) -> Option<[f64; 5]> {
-    let pairs = all([0, 1, 2].map(|link| from[link].zip(to[link])))?;
-    let (from, to) = pairs[0];
-    let moved_m = [0, 1].map(|axis| (to.origin_mm[axis] - from.origin_mm[axis]) / 1000.0);
-    let [along, across] = rotated(-from.theta_rad, moved_m);
-    let [middle, front, rear] = pairs.map(|(from, to)| wrap(to.theta_rad - from.theta_rad));
-    Some([along, across, middle, front, rear])
-}
-
-/// The values, if there are all of them.
-fn all<T: Copy, const N: usize>(values: [Option<T>; N]) -> Option<[T; N]> {
-    let known: Vec<T> = values.into_iter().flatten().collect();
-    known.try_into().ok()
 }
 
 /// Poses of links 0, 1, 2 in every row of the file, as on a level floor with upright links, and
