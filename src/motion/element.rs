@@ -6,49 +6,49 @@
 use super::lu;
 use super::radau::{RADAU, Radau, STAGES};
 use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Residual};
-use crate::robot::{Pose, rotated};
+use crate::robot::{Number, Pose, rotated};
 
 /// States at the stages of one element.
-pub(super) type Stages<const N: usize> = [[f64; N]; STAGES];
+pub(super) type Stages<const N: usize, T = f64> = [[T; N]; STAGES];
 
-/// An element of a motion.
-pub(super) struct Element<'a, const N: usize, R: Reduced<N>> {
+/// An element of a motion, or one in each lane, all of one duration.
+pub(super) struct Element<'a, const N: usize, R: Reduced<N>, T: Number = f64> {
     /// The command at the stages.
-    pub nodes: &'a [R::Node],
-    pub start: &'a [f64; N],
-    pub stages: &'a Stages<N>,
+    pub nodes: &'a [R::Node<T>],
+    pub start: &'a [T; N],
+    pub stages: &'a Stages<N, T>,
     pub duration_s: f64,
 }
 
-impl<const N: usize, R: Reduced<N>> Element<'_, N, R> {
+impl<const N: usize, R: Reduced<N>, T: Number> Element<'_, N, R, T> {
     /// Time derivatives of the states at stage `j`.
     #[inline(always)]
-    pub fn rate(&self, j: usize) -> [f64; N] {
+    pub fn rate(&self, j: usize) -> [T; N] {
         rate(&RADAU, self.start, self.stages, j, 1.0 / self.duration_s)
     }
 
     /// Angles and velocities of the robot at the stages.
     #[inline(always)]
-    pub fn kinematics(&self, model: &R) -> [KinematicState; STAGES] {
+    pub fn kinematics(&self, model: &R) -> [KinematicState<T>; STAGES] {
         std::array::from_fn(|j| model.kinematics(&self.nodes[j], &self.stages[j]))
     }
 }
 
 /// Time derivatives at stage `j` of the polynomial through `start` and `stages`.
 #[inline(always)]
-pub(super) fn rate<const N: usize>(
+pub(super) fn rate<const N: usize, T: Number>(
     rule: &Radau,
-    start: &[f64; N],
-    stages: &Stages<N>,
+    start: &[T; N],
+    stages: &Stages<N, T>,
     j: usize,
     per_s: f64,
-) -> [f64; N] {
+) -> [T; N] {
     std::array::from_fn(|i| {
-        let mut sum = rule.differentiate_start[j] * start[i];
+        let mut sum = T::of(rule.differentiate_start[j]) * start[i];
         for l in 0..STAGES {
-            sum += rule.differentiate[j][l] * stages[l][i];
+            sum += T::of(rule.differentiate[j][l]) * stages[l][i];
         }
-        sum * per_s
+        sum * T::of(per_s)
     })
 }
 
@@ -57,17 +57,17 @@ pub(super) const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
     if R::INTEGRATED { N - 1 } else { N }
 }
 
-/// Writes the linear system of one element: its `matrix` and, in the first `N` of each row's
+/// Writes the linear system of one element: its `matrix` of blocks (see [`lu::factor`]) and, in the first `N` of each row's
 /// `columns`, the derivative of the right-hand side with respect to the element's start.
 /// `equations` gives the residual of a stage from its time derivatives and may fill the other
 /// columns of the stage's rows.
 #[inline(always)]
-fn assemble<const N: usize, R: Reduced<N>>(
-    element: &Element<N, R>,
-    matrix: &mut [f64],
-    right: &mut [f64],
+fn assemble<const N: usize, R: Reduced<N>, T: Number>(
+    element: &Element<N, R, T>,
+    matrix: &mut [T],
+    right: &mut [T],
     columns: usize,
-    mut equations: impl FnMut(usize, &[f64; N], &mut [f64]) -> Residual<N>,
+    mut equations: impl FnMut(usize, &[T; N], &mut [T]) -> Residual<N, T>,
 ) {
     let rule = &*RADAU;
     let per_stage = unknowns::<N, R>();
@@ -77,24 +77,28 @@ fn assemble<const N: usize, R: Reduced<N>>(
         let rows = &mut right[j * per_stage * columns..][..per_stage * columns];
         let dy = rate(rule, element.start, element.stages, j, per_s);
         let residual = equations(j, &dy, rows);
+        let blocks = &mut matrix[j * per_stage * size..][..per_stage * size];
         for i in 0..per_stage {
             let (state_jacobian, rate_jacobian) =
                 (&residual.state_jacobian[i], &residual.rate_jacobian[i]);
-            let row = &mut matrix[(j * per_stage + i) * size..][..size];
-            for l in 0..STAGES {
-                let weight = rule.differentiate[j][l] * per_s;
+            for (l, block) in blocks.chunks_exact_mut(per_stage * per_stage).enumerate() {
+                let row = &mut block[i * per_stage..][..per_stage];
+                let weight = T::of(rule.differentiate[j][l] * per_s);
                 for m in 0..per_stage {
-                    row[l * per_stage + m] = rate_jacobian[m] * weight;
+                    row[m] = rate_jacobian[m] * weight;
                 }
                 if R::INTEGRATED {
-                    row[l * per_stage + N - 2] +=
-                        state_jacobian[N - 1] * rule.integrate[j][l] * element.duration_s;
+                    row[N - 2] +=
+                        state_jacobian[N - 1] * T::of(rule.integrate[j][l] * element.duration_s);
+                }
+                if l == j {
+                    (0..per_stage).for_each(|m| row[m] += state_jacobian[m]);
                 }
             }
             let start_jacobian = &mut rows[i * columns..][..N];
+            let weight = T::of(-rule.differentiate_start[j] * per_s);
             for m in 0..per_stage {
-                row[j * per_stage + m] += state_jacobian[m];
-                start_jacobian[m] = -rate_jacobian[m] * rule.differentiate_start[j] * per_s;
+                start_jacobian[m] = rate_jacobian[m] * weight;
             }
             if R::INTEGRATED {
                 start_jacobian[N - 1] = -state_jacobian[N - 1];
@@ -103,46 +107,51 @@ fn assemble<const N: usize, R: Reduced<N>>(
     }
 }
 
-/// The linearised elements of a motion; grows once and is used again.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Linearisation {
-    factors: Vec<f64>,
-    pivots: Vec<usize>,
+/// The linearised elements of a motion, one beside the other in the lanes of `T`; grows once and is
+/// used again.
+#[derive(Debug, Clone)]
+pub(super) struct Linearisation<T = f64> {
+    factors: Vec<T>,
     /// Per element: derivatives of its unknowns with respect to its start (`N` columns).
-    transfer: Vec<f64>,
+    transfer: Vec<T>,
     /// Per element: the step of its unknowns when its start stays.
-    step: Vec<f64>,
+    step: Vec<T>,
     /// Of one element, see [`Linearisation::solve_sensitivity`].
-    sensitivity: Vec<f64>,
+    sensitivity: Vec<T>,
 }
 
-impl Linearisation {
+impl<T> Default for Linearisation<T> {
+    fn default() -> Self {
+        let (factors, transfer, step, sensitivity) = Default::default();
+        Self { factors, transfer, step, sensitivity }
+    }
+}
+
+impl<T: Number> Linearisation<T> {
     /// Makes room for `count` elements.
     pub fn resize<const N: usize, R: Reduced<N>>(&mut self, count: usize) {
-        let size = unknowns::<N, R>() * STAGES;
-        self.factors.resize(count * size * size, 0.0);
-        self.pivots.resize(count * size, 0);
-        self.transfer.resize(count * size * N, 0.0);
-        self.step.resize(count * size, 0.0);
+        let (size, packs) = (unknowns::<N, R>() * STAGES, count.div_ceil(T::COUNT));
+        self.factors.resize(packs * size * size, T::of(0.0));
+        self.transfer.resize(packs * size * N, T::of(0.0));
+        self.step.resize(packs * size, T::of(0.0));
     }
 
-    /// Linearises element `k` at its stages and factors it; its step is left unsolved until
-    /// [`Linearisation::solve_step`], the transfer too where the start stays (not `with_transfer`).
-    /// `None` if the system is singular.
+    /// Linearises the elements of `pack` at their stages and factors them; their step is left
+    /// unsolved until [`Linearisation::solve_step`], the transfer too where the start stays (not
+    /// `with_transfer`). What comes of a singular system is not finite.
     #[inline(always)]
     pub fn linearise<const N: usize, R: Reduced<N>>(
         &mut self,
-        k: usize,
+        pack: usize,
         model: &R,
-        element: &Element<N, R>,
+        element: &Element<N, R, T>,
         with_transfer: bool,
-    ) -> Option<()> {
+    ) {
         let per_stage = unknowns::<N, R>();
         let size = per_stage * STAGES;
-        let matrix = &mut self.factors[k * size * size..][..size * size];
-        let pivots = &mut self.pivots[k * size..][..size];
-        let transfer = &mut self.transfer[k * size * N..][..size * N];
-        let step = &mut self.step[k * size..][..size];
+        let matrix = &mut self.factors[pack * size * size..][..size * size];
+        let transfer = &mut self.transfer[pack * size * N..][..size * N];
+        let step = &mut self.step[pack * size..][..size];
         assemble(element, matrix, transfer, N, |j, dy, _| {
             let residual = model.residual(&element.nodes[j], &element.stages[j], dy);
             for i in 0..per_stage {
@@ -150,59 +159,24 @@ impl Linearisation {
             }
             residual
         });
-        let is_regular = lu::factor(size, matrix, pivots);
-        if is_regular && with_transfer {
-            lu::solve(size, N, matrix, pivots, transfer);
+        lu::factor(per_stage, matrix);
+        if with_transfer {
+            lu::solve(per_stage, N, matrix, transfer);
         }
-        is_regular.then_some(())
     }
 
-    /// Solves one element for the derivatives of its unknowns with respect to its start and the
-    /// first `parameters` of the model's: per unknown `N` columns of the start, then those of the
-    /// parameters. Overwrites element 0. `None` if the system is singular.
-    #[inline(always)]
-    pub fn solve_sensitivity<const N: usize, R: Reduced<N>>(
-        &mut self,
-        model: &R,
-        element: &Element<N, R>,
-        parameters: usize,
-    ) -> Option<&[f64]> {
-        let per_stage = unknowns::<N, R>();
-        let (size, columns) = (per_stage * STAGES, N + parameters);
-        self.resize::<N, R>(1);
-        self.sensitivity.resize(size * columns, 0.0);
-        let matrix = &mut self.factors[..size * size];
-        let pivots = &mut self.pivots[..size];
-        let right = &mut self.sensitivity[..size * columns];
-        assemble(element, matrix, right, columns, |j, dy, rows| {
-            let mut jacobian = [[0.0; MOST_PARAMETERS]; N];
-            let (node, y) = (&element.nodes[j], &element.stages[j]);
-            let residual = model.sensitivity(node, y, dy, parameters, &mut jacobian);
-            for i in 0..per_stage {
-                let row = &mut rows[i * columns + N..][..parameters];
-                row.iter_mut().zip(&jacobian[i]).for_each(|(entry, slope)| *entry = -slope);
-            }
-            residual
-        });
-        if !lu::factor(size, matrix, pivots) {
-            return None;
-        }
-        lu::solve(size, columns, matrix, pivots, right);
-        Some(right)
-    }
-
-    /// Evaluates the residuals of element `k` alone; the factors stay those of the last
+    /// Evaluates the residuals of the elements of `pack` alone; the factors stay those of the last
     /// [`Linearisation::linearise`].
     #[inline(always)]
     pub fn evaluate<const N: usize, R: Reduced<N>>(
         &mut self,
-        k: usize,
+        pack: usize,
         model: &R,
-        element: &Element<N, R>,
+        element: &Element<N, R, T>,
     ) {
         let (rule, per_s) = (&*RADAU, 1.0 / element.duration_s);
         let per_stage = unknowns::<N, R>();
-        let step = &mut self.step[k * per_stage * STAGES..][..per_stage * STAGES];
+        let step = &mut self.step[pack * per_stage * STAGES..][..per_stage * STAGES];
         for j in 0..STAGES {
             let dy = rate(rule, element.start, element.stages, j, per_s);
             let value = model.residual(&element.nodes[j], &element.stages[j], &dy).value;
@@ -212,37 +186,41 @@ impl Linearisation {
         }
     }
 
-    /// Solves for element `k`'s step with the factors at hand.
+    /// Solves for the step of the elements of `pack` with the factors at hand.
     #[inline(always)]
-    pub fn solve_step<const N: usize, R: Reduced<N>>(&mut self, k: usize) {
-        let size = unknowns::<N, R>() * STAGES;
-        let factors = &self.factors[k * size * size..][..size * size];
-        let pivots = &self.pivots[k * size..][..size];
-        lu::solve(size, 1, factors, pivots, &mut self.step[k * size..][..size]);
+    pub fn solve_step<const N: usize, R: Reduced<N>>(&mut self, pack: usize) {
+        let per_stage = unknowns::<N, R>();
+        let size = per_stage * STAGES;
+        let factors = &self.factors[pack * size * size..][..size * size];
+        lu::solve(per_stage, 1, factors, &mut self.step[pack * size..][..size]);
     }
 
-    /// Derivatives of the unknowns of element `k` with respect to its start, and their step.
+    /// Derivatives of the unknowns of the elements of `pack` with respect to their start, and their
+    /// step.
     #[inline(always)]
-    fn answers<const N: usize, R: Reduced<N>>(&self, k: usize) -> (&[f64], &[f64]) {
+    fn answers<const N: usize, R: Reduced<N>>(&self, pack: usize) -> (&[T], &[T]) {
         let size = unknowns::<N, R>() * STAGES;
-        (&self.transfer[k * size * N..][..size * N], &self.step[k * size..][..size])
+        (&self.transfer[pack * size * N..][..size * N], &self.step[pack * size..][..size])
     }
 
-    /// Changes of element `k`'s stages by its step when its start changes by `start`.
+    /// Changes of the stages of the elements of `pack` by their step when their start changes by
+    /// `start`.
     #[inline(always)]
     pub fn changes<const N: usize, R: Reduced<N>>(
         &self,
-        k: usize,
-        start: &[f64; N],
+        pack: usize,
+        start: &[T; N],
         duration_s: f64,
-    ) -> Stages<N> {
+    ) -> Stages<N, T> {
         let per_stage = unknowns::<N, R>();
-        let (transfer, step) = self.answers::<N, R>(k);
-        let mut changes = [[0.0; N]; STAGES];
+        let (transfer, step) = self.answers::<N, R>(pack);
+        let mut changes = [[T::of(0.0); N]; STAGES];
         for j in 0..STAGES {
             for i in 0..per_stage {
                 let row = j * per_stage + i;
-                changes[j][i] = change(&transfer[row * N..][..N], start, step[row]);
+                let entries = transfer[row * N..][..N].iter().zip(start);
+                changes[j][i] =
+                    entries.fold(step[row], |sum, (entry, start)| sum + *entry * *start);
             }
         }
         if R::INTEGRATED {
@@ -261,9 +239,12 @@ impl Linearisation {
         with_step: bool,
     ) -> [f64; N] {
         let per_stage = unknowns::<N, R>();
-        let (transfer, step) = self.answers::<N, R>(k);
+        let (transfer, step) = self.answers::<N, R>(k / T::COUNT);
+        let lane = k % T::COUNT;
         let change = |row: usize| {
-            change(&transfer[row * N..][..N], start, if with_step { step[row] } else { 0.0 })
+            let step = if with_step { step[row].lane(lane) } else { 0.0 };
+            let entries = transfer[row * N..][..N].iter().zip(start);
+            entries.fold(step, |sum, (entry, start)| sum + entry.lane(lane) * start)
         };
         let mut end = [0.0; N];
         for i in 0..per_stage {
@@ -278,22 +259,53 @@ impl Linearisation {
     }
 }
 
-/// Change of an unknown by its step and by that of the element's start.
-#[inline(always)]
-fn change<const N: usize>(transfer: &[f64], start: &[f64; N], step: f64) -> f64 {
-    transfer.iter().zip(start).fold(step, |sum, (entry, start)| sum + entry * start)
+impl Linearisation {
+    /// Solves one element for the derivatives of its unknowns with respect to its start and the
+    /// first `parameters` of the model's: per unknown `N` columns of the start, then those of the
+    /// parameters. Overwrites element 0. What comes of a singular system is not finite.
+    #[inline(always)]
+    pub fn solve_sensitivity<const N: usize, R: Reduced<N>>(
+        &mut self,
+        model: &R,
+        element: &Element<N, R>,
+        parameters: usize,
+    ) -> &[f64] {
+        let per_stage = unknowns::<N, R>();
+        let (size, columns) = (per_stage * STAGES, N + parameters);
+        self.resize::<N, R>(1);
+        self.sensitivity.resize(size * columns, 0.0);
+        let matrix = &mut self.factors[..size * size];
+        let right = &mut self.sensitivity[..size * columns];
+        assemble(element, matrix, right, columns, |j, dy, rows| {
+            let mut jacobian = [[0.0; MOST_PARAMETERS]; N];
+            let (node, y) = (&element.nodes[j], &element.stages[j]);
+            let residual = model.sensitivity(node, y, dy, parameters, &mut jacobian);
+            for i in 0..per_stage {
+                let row = &mut rows[i * columns + N..][..parameters];
+                row.iter_mut().zip(&jacobian[i]).for_each(|(entry, slope)| *entry = -slope);
+            }
+            residual
+        });
+        lu::factor(per_stage, matrix);
+        lu::solve(per_stage, columns, matrix, right);
+        right
+    }
 }
 
 /// Sets the last state of every stage to its start plus the integral of the state before it.
 #[inline(always)]
-pub(super) fn integrate_last<const N: usize>(stages: &mut Stages<N>, start: f64, duration_s: f64) {
+pub(super) fn integrate_last<const N: usize, T: Number>(
+    stages: &mut Stages<N, T>,
+    start: T,
+    duration_s: f64,
+) {
     let rule = &*RADAU;
     for j in 0..STAGES {
-        let mut sum = 0.0;
+        let mut sum = T::of(0.0);
         for l in 0..STAGES {
-            sum += rule.integrate[j][l] * stages[l][N - 2];
+            sum += T::of(rule.integrate[j][l]) * stages[l][N - 2];
         }
-        stages[j][N - 1] = start + duration_s * sum;
+        stages[j][N - 1] = start + T::of(duration_s) * sum;
     }
 }
 
@@ -319,7 +331,7 @@ pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
     for _ in 0..MOST_STEPS {
         let element = Element { nodes, start, stages: &stages, duration_s };
         match is_fresh {
-            true => workspace.linearise(0, model, &element, false)?,
+            true => workspace.linearise(0, model, &element, false),
             false => workspace.evaluate(0, model, &element),
         }
         workspace.solve_step::<N, R>(0);
@@ -328,11 +340,12 @@ pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
         for (y, change) in stages.iter_mut().zip(&changes) {
             for i in 0..N {
                 y[i] += change[i];
-                step = step.max(change[i].abs());
+                // Not `max`, which passes over NaN.
+                step = if change[i].abs() <= step { step } else { change[i].abs() };
                 size = size.max(y[i].abs());
             }
         }
-        if !size.is_finite() {
+        if !step.is_finite() {
             return None;
         }
         let step = step / size.max(f64::MIN_POSITIVE);

@@ -90,7 +90,7 @@ impl TurningPoint {
         model: &R,
         mesh: &Mesh<N, R>,
         workspace: &mut Linearisation,
-    ) -> Option<([R::Node; STAGES], Stages<N>)> {
+    ) -> Option<([R::Node<f64>; STAGES], Stages<N>)> {
         let whole = mesh.element(self.element);
         let nodes = RADAU.nodes.map(|c| mesh.node_at(model, self.element, self.fraction * c));
         let stages = RADAU.nodes.map(|c| interpolate(whole.start, whole.stages, self.fraction * c));

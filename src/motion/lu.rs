@@ -1,100 +1,188 @@
-//! Dense elimination for the small systems of one element, in place and without allocation.
+//! Elimination for the small systems of one element, in place and without allocation.
 //!
-//! The sizes are known when the callers are compiled and small (8 to 20), which lets these
-//! loops beat a general library; matrices are row-major slices.
+//! A system has a block of equations for each stage and a few unknowns in each, the number of
+//! which is known when the callers are compiled: a general library is slower. Neither rows nor
+//! blocks are exchanged: the rule is coercive, masses and friction are positive, and so are the
+//! pivots of elements that are short enough to tell anything. Where a pivot vanishes the results
+//! are not finite.
+//!
+//! Reference: E. Hairer and G. Wanner, *Solving Ordinary Differential Equations II*, 2nd ed.,
+//! Springer 1996, section IV.14.
 
-/// Factors the `n x n` `matrix` with row pivoting; `pivots[k]` is the row exchanged with row
-/// `k`. Returns `false` if the matrix is singular.
+use super::radau::STAGES;
+use crate::robot::Number;
+
+/// What the unknowns of one stage have to do with the equations of another; row-major.
+type Block<const P: usize, T> = [[T; P]; P];
+
+/// Factors a row-major matrix of blocks of `per_stage` equations, each row-major; the blocks of its
+/// diagonal become the inverses of the pivots.
 #[inline(always)]
-pub(super) fn factor(n: usize, matrix: &mut [f64], pivots: &mut [usize]) -> bool {
-    for k in 0..n {
-        let mut pivot = k;
-        let mut largest = matrix[k * n + k].abs();
-        for i in k + 1..n {
-            let size = matrix[i * n + k].abs();
-            if size > largest {
-                (pivot, largest) = (i, size);
-            }
-        }
-        if largest == 0.0 || !largest.is_finite() {
-            return false;
-        }
-        pivots[k] = pivot;
-        if pivot != k {
-            swap_rows(matrix, n, k, pivot);
-        }
-        let inverse = 1.0 / matrix[k * n + k];
-        let (upper, lower) = matrix.split_at_mut((k + 1) * n);
-        let pivot_row = &upper[k * n + k + 1..];
-        for row in lower.chunks_exact_mut(n) {
-            let factor = row[k] * inverse;
-            row[k] = factor;
-            for (entry, above) in row[k + 1..].iter_mut().zip(pivot_row) {
-                *entry -= factor * above;
-            }
-        }
+pub(super) fn factor<T: Number>(per_stage: usize, blocks: &mut [T]) {
+    match per_stage {
+        2 => factor_blocks::<2, T>(blocks),
+        3 => factor_blocks::<3, T>(blocks),
+        4 => factor_blocks::<4, T>(blocks),
+        _ => unreachable!("no model has as many unknowns"),
     }
-    true
 }
 
 /// Solves for `columns` right-hand sides in place.
 #[inline(always)]
-pub(super) fn solve(n: usize, columns: usize, factors: &[f64], pivots: &[usize], rhs: &mut [f64]) {
-    for k in 0..n {
-        if pivots[k] != k {
-            swap_rows(rhs, columns, k, pivots[k]);
-        }
+pub(super) fn solve<T: Number>(per_stage: usize, columns: usize, factors: &[T], rhs: &mut [T]) {
+    match per_stage {
+        2 => solve_blocks::<2, T>(columns, factors, rhs),
+        3 => solve_blocks::<3, T>(columns, factors, rhs),
+        4 => solve_blocks::<4, T>(columns, factors, rhs),
+        _ => unreachable!("no model has as many unknowns"),
     }
-    for k in 1..n {
-        let (solved, rest) = rhs.split_at_mut(k * columns);
-        let right = &mut rest[..columns];
-        for (factor, above) in factors[k * n..k * n + k].iter().zip(solved.chunks_exact(columns)) {
-            for (entry, x) in right.iter_mut().zip(above) {
-                *entry -= factor * x;
+}
+
+#[inline(always)]
+fn factor_blocks<const P: usize, T: Number>(blocks: &mut [T]) {
+    let blocks = blocks.as_chunks_mut::<P>().0.as_chunks_mut::<P>().0;
+    for k in 0..STAGES {
+        let inverse = inverse(blocks[k * STAGES + k]);
+        blocks[k * STAGES + k] = inverse;
+        for j in k + 1..STAGES {
+            let mut factor = [[T::of(0.0); P]; P];
+            add_product(&mut factor, &blocks[j * STAGES + k], &inverse);
+            blocks[j * STAGES + k] = factor;
+            let factor = factor.map(|row| row.map(|entry| -entry));
+            for l in k + 1..STAGES {
+                let above = blocks[k * STAGES + l];
+                add_product(&mut blocks[j * STAGES + l], &factor, &above);
             }
-        }
-    }
-    for k in (0..n).rev() {
-        let (rest, solved) = rhs.split_at_mut((k + 1) * columns);
-        let right = &mut rest[k * columns..];
-        let row = &factors[k * n..(k + 1) * n];
-        for (factor, below) in row[k + 1..].iter().zip(solved.chunks_exact(columns)) {
-            for (entry, x) in right.iter_mut().zip(below) {
-                *entry -= factor * x;
-            }
-        }
-        let inverse = 1.0 / row[k];
-        for entry in right.iter_mut() {
-            *entry *= inverse;
         }
     }
 }
 
 #[inline(always)]
-fn swap_rows(matrix: &mut [f64], width: usize, i: usize, j: usize) {
-    let (upper, lower) = matrix.split_at_mut(j * width);
-    upper[i * width..(i + 1) * width].swap_with_slice(&mut lower[..width]);
+fn solve_blocks<const P: usize, T: Number>(columns: usize, factors: &[T], rhs: &mut [T]) {
+    let factors = factors.as_chunks::<P>().0.as_chunks::<P>().0;
+    let width = P * columns;
+    for k in 1..STAGES {
+        let (solved, rest) = rhs.split_at_mut(k * width);
+        for (l, above) in solved.chunks_exact(width).enumerate() {
+            subtract(columns, &factors[k * STAGES + l], above, &mut rest[..width]);
+        }
+    }
+    for k in (0..STAGES).rev() {
+        let (rest, solved) = rhs.split_at_mut((k + 1) * width);
+        let right = &mut rest[k * width..];
+        for (l, below) in (k + 1..STAGES).zip(solved.chunks_exact(width)) {
+            subtract(columns, &factors[k * STAGES + l], below, right);
+        }
+        let inverse = &factors[k * STAGES + k];
+        for column in 0..columns {
+            let entries: [T; P] = std::array::from_fn(|i| right[i * columns + column]);
+            for i in 0..P {
+                right[i * columns + column] = dot(&inverse[i], &entries);
+            }
+        }
+    }
+}
+
+/// `sum += left right`.
+#[inline(always)]
+fn add_product<const P: usize, T: Number>(
+    sum: &mut Block<P, T>,
+    left: &Block<P, T>,
+    right: &Block<P, T>,
+) {
+    for i in 0..P {
+        for k in 0..P {
+            for m in 0..P {
+                sum[i][m] += left[i][k] * right[k][m];
+            }
+        }
+    }
+}
+
+/// `right -= factor x` in every column.
+#[inline(always)]
+fn subtract<const P: usize, T: Number>(
+    columns: usize,
+    factor: &Block<P, T>,
+    x: &[T],
+    right: &mut [T],
+) {
+    for i in 0..P {
+        for column in 0..columns {
+            let entries = std::array::from_fn(|k| x[k * columns + column]);
+            right[i * columns + column] -= dot(&factor[i], &entries);
+        }
+    }
+}
+
+#[inline(always)]
+fn dot<const P: usize, T: Number>(row: &[T; P], column: &[T; P]) -> T {
+    (1..P).fold(row[0] * column[0], |sum, k| sum + row[k] * column[k])
+}
+
+/// By Gauss and Jordan.
+#[inline(always)]
+fn inverse<const P: usize, T: Number>(mut block: Block<P, T>) -> Block<P, T> {
+    for k in 0..P {
+        let pivot = T::of(1.0) / block[k][k];
+        block[k][k] = T::of(1.0);
+        for m in 0..P {
+            block[k][m] = block[k][m] * pivot;
+        }
+        let pivot_row = block[k];
+        for i in (0..P).filter(|i| *i != k) {
+            let factor = block[i][k];
+            block[i][k] = T::of(0.0);
+            for m in 0..P {
+                block[i][m] -= factor * pivot_row[m];
+            }
+        }
+    }
+    block
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{factor, solve};
+    use super::{STAGES, factor, solve};
+
+    /// A matrix of two equations in each stage, and how many there are.
+    fn matrix(of: impl Fn(usize, usize) -> f64) -> (Vec<f64>, usize) {
+        let n = 2 * STAGES;
+        let mut blocks = vec![0.0; n * n];
+        for row in 0..n {
+            for column in 0..n {
+                let block = row / 2 * STAGES + column / 2;
+                blocks[4 * block + 2 * (row % 2) + column % 2] = of(row, column);
+            }
+        }
+        (blocks, n)
+    }
 
     #[test]
-    fn a_system_that_needs_pivoting_is_solved() {
-        let mut matrix = [0.0, 2.0, 1.0, 1.0, 0.0, 3.0, 4.0, 1.0, 0.0];
-        let mut pivots = [0; 3];
-        assert!(factor(3, &mut matrix, &mut pivots));
-        // Two right-hand sides, with the solutions (1, 2, 3) and (-1, 0, 2).
-        let mut rhs = [7.0, 2.0, 10.0, 5.0, 6.0, -4.0];
-        solve(3, 2, &matrix, &pivots, &mut rhs);
-        for (x, known) in rhs.iter().zip([1.0, -1.0, 2.0, 0.0, 3.0, 2.0]) {
-            assert!((x - known).abs() < 1e-14, "{rhs:?}");
+    fn a_system_is_solved_for_each_of_its_right_hand_sides() {
+        let entry = |row: usize, column: usize| match row == column {
+            true => 3.0,
+            false => 1.0 / (row as f64 + 2.0 * column as f64 + 1.0),
+        };
+        let known = |row: usize, side: usize| row as f64 - 4.0 * side as f64;
+        let (mut blocks, n) = matrix(entry);
+        let right = |row: usize, side: usize| -> f64 {
+            (0..n).map(|column| entry(row, column) * known(column, side)).sum()
+        };
+        let mut rhs: Vec<f64> = (0..n).flat_map(|row| [right(row, 0), right(row, 1)]).collect();
+        factor(2, &mut blocks);
+        solve(2, 2, &blocks, &mut rhs);
+        for (i, x) in rhs.iter().enumerate() {
+            assert!((x - known(i / 2, i % 2)).abs() < 1e-13, "{rhs:?}");
         }
     }
 
     #[test]
-    fn a_singular_system_is_refused() {
-        assert!(!factor(2, &mut [1.0, 2.0, 2.0, 4.0], &mut [0; 2]));
+    fn a_singular_system_has_no_finite_solution() {
+        let (mut blocks, n) = matrix(|_, _| 1.0);
+        let mut rhs = vec![1.0; n];
+        factor(2, &mut blocks);
+        solve(2, 1, &blocks, &mut rhs);
+        assert!(rhs.iter().all(|x| !x.is_finite()), "{rhs:?}");
     }
 }

@@ -4,7 +4,8 @@ use std::f64::consts::TAU;
 
 use super::element::{Element, Stages, integrate_last, interpolate};
 use super::radau::{RADAU, STAGES};
-use super::reduced::Reduced;
+use super::reduced::{Reduced, lanes};
+use crate::robot::{LANES, Lanes};
 
 /// The state at phase 0 and those at the elements' stages.
 #[derive(Debug, Clone)]
@@ -38,7 +39,9 @@ pub(super) struct Mesh<const N: usize, R: Reduced<N>> {
     pub element_s: f64,
     pub states: States<N>,
     /// The command at every stage.
-    pub nodes: Vec<R::Node>,
+    pub nodes: Vec<R::Node<f64>>,
+    /// The same in packs, see [`Mesh::pack`].
+    packed: Vec<R::Node<Lanes>>,
 }
 
 impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
@@ -49,6 +52,7 @@ impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
             element_s: 0.0,
             states: States::default(),
             nodes: Vec::new(),
+            packed: Vec::new(),
         }
     }
 }
@@ -80,8 +84,41 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         (0..self.len()).map(|k| self.element(k))
     }
 
+    /// Number of packs.
+    pub fn packs(&self) -> usize {
+        self.len().div_ceil(LANES)
+    }
+
+    /// Which element is in a lane of a pack; where there are too few, the last is there again.
+    fn in_lane(&self, pack: usize, lane: usize) -> usize {
+        (pack * LANES + lane).min(self.len() - 1)
+    }
+
+    /// States at the start and the stages of the elements of a pack, one in each lane.
+    #[inline(always)]
+    pub fn packed_states(&self, pack: usize) -> ([Lanes; N], Stages<N, Lanes>) {
+        let elements: [usize; LANES] = std::array::from_fn(|lane| self.in_lane(pack, lane));
+        let stages = elements.map(|k| &self.states.elements[k]);
+        let mut packed = [[Lanes::default(); N]; STAGES];
+        for j in 0..STAGES {
+            packed[j] = lanes(stages.map(|stages| &stages[j]));
+        }
+        (lanes(elements.map(|k| self.states.start_of(k))), packed)
+    }
+
+    /// The elements of a pack, one in each lane, in these states.
+    #[inline(always)]
+    pub fn pack<'a>(
+        &'a self,
+        pack: usize,
+        (start, stages): &'a ([Lanes; N], Stages<N, Lanes>),
+    ) -> Element<'a, N, R, Lanes> {
+        let nodes = &self.packed[pack * STAGES..][..STAGES];
+        Element { nodes, start, stages, duration_s: self.element_s }
+    }
+
     /// The command at a fraction of element `k`.
-    pub fn node_at(&self, model: &R, k: usize, fraction: f64) -> R::Node {
+    pub fn node_at(&self, model: &R, k: usize, fraction: f64) -> R::Node<f64> {
         model.node(model.problem().omega_rad_s * self.element_s * (k as f64 + fraction))
     }
 
@@ -93,6 +130,13 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         for k in 0..count {
             for node in RADAU.nodes {
                 self.nodes.push(model.node(span * (k as f64 + node) / count as f64));
+            }
+        }
+        self.packed.clear();
+        for pack in 0..count.div_ceil(LANES) {
+            for j in 0..STAGES {
+                let of = |lane: usize| (pack * LANES + lane).min(count - 1) * STAGES + j;
+                self.packed.push(R::pack(std::array::from_fn(|lane| &self.nodes[of(lane)])));
             }
         }
     }

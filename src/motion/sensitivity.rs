@@ -81,7 +81,7 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
                 *state_at_extreme = state;
             }
         }
-        let right = workspace.solve_sensitivity(model, &element, parameters)?;
+        let right = workspace.solve_sensitivity(model, &element, parameters);
 
         let (nodes, stages, duration_s) = (element.nodes, element.stages, element.duration_s);
         let states = element.kinematics(model);
@@ -122,7 +122,7 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
         let unit = if i == m { 1.0 } else { 0.0 };
         unit - signs[i] * state[i][m]
     });
-    let closure = open.try_inverse()?;
+    let closure = open.try_inverse().filter(|entries| entries.iter().all(|x| x.is_finite()))?;
     let mut starts = [[0.0; N]; MOST_PARAMETERS];
     for (column, start) in starts.iter_mut().enumerate().take(parameters) {
         let right = SVector::<f64, N>::from_fn(|i, _| signs[i] * state[i][N + column]);
@@ -253,7 +253,7 @@ fn angle_at<const N: usize, R: Reduced<N>>(
     let whole = mesh.element(extreme.element);
     let duration_s = extreme.fraction * whole.duration_s;
     let element = Element { nodes: &nodes, start: whole.start, stages: &stages, duration_s };
-    let right = workspace.solve_sensitivity(model, &element, parameters)?;
+    let right = workspace.solve_sensitivity(model, &element, parameters);
     let end = element_end::<N, R>(N - 1, duration_s, right, columns);
     let mut angle = [0.0; MOST_COLUMNS];
     compose::<N>(&end, before, columns, &mut angle);

@@ -175,7 +175,11 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
 }
 
 /// Time derivatives of the states by the equations of motion, which are linear in them.
-fn rates<const N: usize, R: Reduced<N>>(model: &R, node: &R::Node, state: &[f64; N]) -> [f64; N] {
+fn rates<const N: usize, R: Reduced<N>>(
+    model: &R,
+    node: &R::Node<f64>,
+    state: &[f64; N],
+) -> [f64; N] {
     let residual = model.residual(node, state, &[0.0; N]);
     let mut matrix = SMatrix::<f64, N, N>::from_fn(|i, j| residual.rate_jacobian[i][j]);
     let mut right = SVector::<f64, N>::from_fn(|i, _| -residual.value[i]);

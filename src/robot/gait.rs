@@ -31,10 +31,10 @@ pub struct Gait {
 /// Angles, rates and accelerations of both joints at one time; the entries of a
 /// passive joint are zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shape {
-    pub phi_rad: [f64; 2],
-    pub rate_rad_s: [f64; 2],
-    pub acceleration_rad_s2: [f64; 2],
+pub struct Shape<T = f64> {
+    pub phi_rad: [T; 2],
+    pub rate_rad_s: [T; 2],
+    pub acceleration_rad_s2: [T; 2],
 }
 
 impl Gait {

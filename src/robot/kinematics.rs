@@ -6,13 +6,13 @@
 
 use std::ops::Mul;
 
-use super::Robot;
+use super::{Number, Robot};
 
 /// Velocities in link 0's frame: `(u, v, theta', phi1', phi2')` with `u` along the
 /// link (m/s), `v` across it to the left (m/s), and angular rates in rad/s.
 ///
 /// `u = x' cos(theta) + y' sin(theta)`, `v = -x' sin(theta) + y' cos(theta)`.
-pub type Velocity = [f64; 5];
+pub type Velocity<T = f64> = [T; 5];
 
 /// Origin (the wheel's axle) and heading of a link in the plane.
 ///
@@ -80,54 +80,57 @@ impl Robot {
 
 /// Sines and cosines of the joint angles.
 #[derive(Debug, Clone, Copy)]
-pub struct Trig {
-    pub s: [f64; 2],
-    pub c: [f64; 2],
+pub struct Trig<T = f64> {
+    pub s: [T; 2],
+    pub c: [T; 2],
 }
 
-impl Trig {
-    pub fn new(phi_rad: [f64; 2]) -> Self {
-        let [(s1, c1), (s2, c2)] = phi_rad.map(f64::sin_cos);
+impl<T: Number> Trig<T> {
+    #[inline(always)]
+    pub fn new(phi_rad: [T; 2]) -> Self {
+        let [(s1, c1), (s2, c2)] = phi_rad.map(T::sin_cos);
         Self { s: [s1, s2], c: [c1, c2] }
     }
 }
 
 /// Rows that give the wheels' skid velocities `v_perp` from [`Velocity`] (eq. 1), m/s.
 #[inline(always)]
-pub fn skid_rows(robot: &Robot, trig: &Trig) -> [[f64; 5]; 3] {
-    let (h, l) = (robot.h_m, robot.l_m);
+pub fn skid_rows<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 3] {
+    let (h, l, zero) = (T::of(robot.h_m), T::of(robot.l_m), T::of(0.0));
     let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    [[0.0, 1.0, 0.0, 0.0, 0.0], [s1, c1, l + h * c1, -l, 0.0], [-s2, c2, -l - h * c2, 0.0, -l]]
+    let middle = [zero, T::of(1.0), zero, zero, zero];
+    [middle, [s1, c1, l + h * c1, -l, zero], [-s2, c2, -l - h * c2, zero, -l]]
 }
 
 /// Derivatives of the skid rows of wheels 1 and 2 with respect to their own joints' angles.
 #[inline(always)]
-pub fn dskid_rows_dphi(robot: &Robot, trig: &Trig) -> [[f64; 5]; 2] {
-    let h = robot.h_m;
+pub fn dskid_rows_dphi<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 2] {
+    let (h, zero) = (T::of(robot.h_m), T::of(0.0));
     let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    [[c1, -s1, -h * s1, 0.0, 0.0], [-c2, -s2, h * s2, 0.0, 0.0]]
+    [[c1, -s1, -h * s1, zero, zero], [-c2, -s2, h * s2, zero, zero]]
 }
 
 /// Rows that give the wheels' roll velocities `v_par` from [`Velocity`], m/s.
 #[inline(always)]
-pub fn roll_rows(robot: &Robot, trig: &Trig) -> [[f64; 5]; 3] {
-    let h = robot.h_m;
+pub fn roll_rows<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 3] {
+    let (h, zero) = (T::of(robot.h_m), T::of(0.0));
     let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    [[1.0, 0.0, 0.0, 0.0, 0.0], [c1, -s1, -h * s1, 0.0, 0.0], [c2, s2, -h * s2, 0.0, 0.0]]
+    let middle = [T::of(1.0), zero, zero, zero, zero];
+    [middle, [c1, -s1, -h * s1, zero, zero], [c2, s2, -h * s2, zero, zero]]
 }
 
 /// Derivatives of the roll rows of wheels 1 and 2 with respect to their own joints' angles.
 #[inline(always)]
-pub fn droll_rows_dphi(robot: &Robot, trig: &Trig) -> [[f64; 5]; 2] {
-    let h = robot.h_m;
+pub fn droll_rows_dphi<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 2] {
+    let (h, zero) = (T::of(robot.h_m), T::of(0.0));
     let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    [[-s1, -c1, -h * c1, 0.0, 0.0], [-s2, c2, -h * c2, 0.0, 0.0]]
+    [[-s1, -c1, -h * c1, zero, zero], [-s2, c2, -h * c2, zero, zero]]
 }
 
 /// Product of a row with a velocity.
 #[inline(always)]
-pub fn dot(row: &[f64; 5], velocity: &Velocity) -> f64 {
-    row.iter().zip(velocity).map(|(a, b)| a * b).sum()
+pub fn dot<T: Number>(row: &[T; 5], velocity: &Velocity<T>) -> T {
+    row.iter().zip(velocity).fold(T::of(0.0), |sum, (a, b)| sum + *a * *b)
 }
 
 /// `det W_b`, m.

@@ -7,6 +7,7 @@ mod balance;
 mod gait;
 mod kinematics;
 mod model;
+mod number;
 mod parameter;
 
 pub use balance::{Balance, ContactForces, force_balance, mass_matrix};
@@ -15,6 +16,7 @@ pub use kinematics::{
     Pose, Trig, Velocity, det_wb, dot, dskid_rows_dphi, in_world, roll_rows, rotated, skid_rows,
 };
 pub use model::Model;
+pub use number::{LANES, Lanes, Number};
 pub use parameter::{ByParameter, Family, Parameter};
 
 /// Parameters of a robot (Tables I and II).

@@ -20,6 +20,7 @@ use super::mesh::{Mesh, States};
 use super::radau::STAGES;
 use super::reduced::Reduced;
 use super::{MotionError, Result};
+use crate::robot::Lanes;
 
 /// What solutions took.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -46,7 +47,7 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     pub effort: Effort,
     /// Newton's contraction: the step after a fresh one over that one's square, when last seen.
     contraction: f64,
-    linearisation: Linearisation,
+    linearisation: Linearisation<Lanes>,
     /// `(I - M)^-1`, which closes the chain.
     monodromy_closure: SMatrix<f64, N, N>,
     /// The last step by the factors at hand, and the one before.
@@ -215,11 +216,12 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let Mesh { nodes, states, element_s: duration_s, .. } = &mut self.mesh;
         states.start = state;
         states.elements.clear();
+        self.workspace.resize::<N, R>(1);
         for (k, nodes) in nodes.chunks_exact(STAGES).enumerate() {
             let start = *states.start_of(k);
             let guess =
                 Element { nodes, start: &start, stages: &[start; STAGES], duration_s: *duration_s };
-            let stages = solve_element(model, &guess, 1e-4, &mut self.linearisation)
+            let stages = solve_element(model, &guess, 1e-4, &mut self.workspace)
                 .ok_or(MotionError::Stuck { time_s: k as f64 * *duration_s })?;
             states.elements.push(stages);
         }

@@ -4,9 +4,9 @@ use nalgebra::{Matrix5, SMatrix, SVector};
 
 use super::PeriodicOrbit;
 use crate::motion::mesh::Mesh;
-use crate::motion::radau::STAGES;
-use crate::motion::reduced::Reduced;
+use crate::motion::reduced::{Reduced, lanes};
 use crate::motion::{MotionError, Result};
+use crate::robot::{LANES, Number};
 
 const MOST_STEPS: usize = 60;
 /// Newton gives up when steps do not shrink along this part of one.
@@ -26,9 +26,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// Linearises the elements at the present states and prepares the chain's closure.
     fn linearise(&mut self, model: &R) -> Result<()> {
         self.effort.factorisations += 1;
-        for k in 0..self.mesh.len() {
-            let linearised = self.linearisation.linearise(k, model, &self.mesh.element(k), true);
-            linearised.ok_or(self.not_converged())?;
+        for pack in 0..self.mesh.packs() {
+            let states = self.mesh.packed_states(pack);
+            self.linearisation.linearise(pack, model, &self.mesh.pack(pack, &states), true);
         }
         let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
         self.monodromy_closure = open.try_inverse().ok_or(self.not_converged())?;
@@ -37,8 +37,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Evaluates the residuals at the present states; the factors are kept.
     fn evaluate(&mut self, model: &R) {
-        for (k, element) in self.mesh.elements().enumerate() {
-            self.linearisation.evaluate(k, model, &element);
+        for pack in 0..self.mesh.packs() {
+            let states = self.mesh.packed_states(pack);
+            self.linearisation.evaluate(pack, model, &self.mesh.pack(pack, &states));
         }
     }
 
@@ -58,9 +59,11 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.effort.linear_solves += 1;
         let Mesh { states, signs, element_s, .. } = &self.mesh;
         let count = self.mesh.len();
+        for pack in 0..self.mesh.packs() {
+            self.linearisation.solve_step::<N, R>(pack);
+        }
         let mut offset = [0.0; N];
         for k in 0..count {
-            self.linearisation.solve_step::<N, R>(k);
             offset = self.linearisation.end_change::<N, R>(k, &offset, *element_s, true);
         }
         let end = states.start_of(count);
@@ -69,10 +72,20 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.step.start = first.into();
         let mut start = self.step.start;
         self.step.elements.clear();
-        for k in 0..count {
-            let changes = self.linearisation.changes::<N, R>(k, &start, *element_s);
-            start = changes[STAGES - 1];
-            self.step.elements.push(changes);
+        for pack in 0..self.mesh.packs() {
+            let elements = pack * LANES..count.min((pack + 1) * LANES);
+            let mut starts = [start; LANES];
+            for (lane, k) in elements.clone().enumerate() {
+                starts[lane] = start;
+                start = self.linearisation.end_change::<N, R>(k, &start, *element_s, true);
+            }
+            let changes =
+                self.linearisation.changes::<N, R>(pack, &lanes(starts.each_ref()), *element_s);
+            for lane in 0..elements.len() {
+                let change = |i: usize, j: usize| changes[j][i].lane(lane);
+                let stages = std::array::from_fn(|j| std::array::from_fn(|i| change(i, j)));
+                self.step.elements.push(stages);
+            }
         }
     }
 

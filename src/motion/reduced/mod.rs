@@ -16,23 +16,25 @@ pub(super) use skid::Skid;
 
 use super::Problem;
 use crate::metrics::GaitMetrics;
-use crate::robot::{Balance, ByParameter, Parameter, Shape, Trig, Velocity, dot};
+use crate::robot::{
+    Balance, ByParameter, LANES, Lanes, Number, Parameter, Shape, Trig, Velocity, dot,
+};
 
 /// The equations of motion and their derivatives at one time.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Residual<const N: usize> {
-    pub value: [f64; N],
+pub(super) struct Residual<const N: usize, T = f64> {
+    pub value: [T; N],
     /// `state_jacobian[i][j]`: derivative of equation i with respect to state j.
-    pub state_jacobian: [[f64; N]; N],
+    pub state_jacobian: [[T; N]; N],
     /// The same with respect to the time derivative of state j.
-    pub rate_jacobian: [[f64; N]; N],
+    pub rate_jacobian: [[T; N]; N],
 }
 
 /// Joint angles and velocities of the whole robot at one time, or a gradient with respect to them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct KinematicState {
-    pub phi_rad: [f64; 2],
-    pub velocity: Velocity,
+pub(super) struct KinematicState<T = f64> {
+    pub phi_rad: [T; 2],
+    pub velocity: Velocity<T>,
 }
 
 /// What a motion can be differentiated by.
@@ -102,16 +104,19 @@ pub(super) trait Reduced<const N: usize> {
     const HAS_ANGLE: bool;
 
     /// What the command prescribes at one time, computed once per solution.
-    type Node: Copy + std::fmt::Debug;
+    type Node<T: Number>: Copy + std::fmt::Debug;
 
     /// What the equations are of.
     fn problem(&self) -> &Problem;
 
     /// The command at phase `omega t`.
-    fn node(&self, phase_rad: f64) -> Self::Node;
+    fn node(&self, phase_rad: f64) -> Self::Node<f64>;
+
+    /// Commands at several times, one in each lane.
+    fn pack(nodes: [&Self::Node<f64>; LANES]) -> Self::Node<Lanes>;
 
     /// The equations at state `y` with time derivative `dy`.
-    fn residual(&self, node: &Self::Node, y: &[f64; N], dy: &[f64; N]) -> Residual<N>;
+    fn residual<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> Residual<N, T>;
 
     /// The variable of a column, counted from 0 to [`Reduced::PARAMETERS`].
     fn variable(&self, column: usize) -> Variable;
@@ -120,7 +125,7 @@ pub(super) trait Reduced<const N: usize> {
     /// omega where velocities stay in proportion to it.
     fn sensitivity(
         &self,
-        node: &Self::Node,
+        node: &Self::Node<f64>,
         y: &[f64; N],
         dy: &[f64; N],
         parameters: usize,
@@ -128,15 +133,15 @@ pub(super) trait Reduced<const N: usize> {
     ) -> Residual<N>;
 
     /// Angles and velocities of the whole robot in state `y`.
-    fn kinematics(&self, node: &Self::Node, y: &[f64; N]) -> KinematicState;
+    fn kinematics<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> KinematicState<T>;
 
     /// Time derivatives of the robot's velocities.
-    fn acceleration(&self, node: &Self::Node, y: &[f64; N], dy: &[f64; N]) -> [f64; 5];
+    fn acceleration<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> [T; 5];
 
     /// Gradient with respect to the states, from that with respect to angles and velocities.
     fn state_gradient(
         &self,
-        node: &Self::Node,
+        node: &Self::Node<f64>,
         y: &[f64; N],
         gradient: &KinematicState,
     ) -> [f64; N];
@@ -144,7 +149,7 @@ pub(super) trait Reduced<const N: usize> {
     /// The same with respect to the numbers of the joints' commands when the states stay.
     fn gait_gradient(
         &self,
-        node: &Self::Node,
+        node: &Self::Node<f64>,
         y: &[f64; N],
         gradient: &KinematicState,
     ) -> [[f64; NUMBERS]; 2];
@@ -188,24 +193,29 @@ fn dforce_dcoefficients(rows: &[[f64; 5]; 3], velocity: &Velocity) -> [[f64; 5];
 #[inline(always)]
 fn dforce_domega(
     balance: &Balance,
-    mass: &[[f64; 5]; 5],
     velocity: &Velocity,
     acceleration: &[f64; 5],
     omega_rad_s: f64,
 ) -> [f64; 5] {
     std::array::from_fn(|i| {
         let by_velocity = dot(&balance.dforce_dvelocity[i], velocity);
-        (by_velocity + 2.0 * dot(&mass[i], acceleration)) / omega_rad_s
+        (by_velocity + 2.0 * dot(&balance.mass[i], acceleration)) / omega_rad_s
     })
+}
+
+/// Arrays side by side, one in each lane.
+#[inline(always)]
+pub(super) fn lanes<const K: usize>(arrays: [&[f64; K]; LANES]) -> [Lanes; K] {
+    std::array::from_fn(|i| Lanes::new(arrays.map(|array| array[i])))
 }
 
 /// What the command prescribes at one time; the entries of a passive joint are zero.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct CommandNode {
+pub(super) struct CommandNode<T = f64> {
     /// See [`Gait::waves`](crate::robot::Gait::waves).
-    waves: [[f64; 3]; 2],
-    shape: Shape,
-    trig: Trig,
+    waves: [[T; 3]; 2],
+    shape: Shape<T>,
+    trig: Trig<T>,
 }
 
 impl CommandNode {
@@ -213,6 +223,20 @@ impl CommandNode {
         let waves = problem.gait.waves(phase_rad, problem.omega_rad_s);
         let shape = problem.gait.shape(&waves);
         Self { waves, shape, trig: Trig::new(shape.phi_rad) }
+    }
+
+    #[inline(always)]
+    fn pack(nodes: [&Self; LANES]) -> CommandNode<Lanes> {
+        let pair = |of: fn(&Self) -> &[f64; 2]| lanes(nodes.map(of));
+        CommandNode {
+            waves: [0, 1].map(|joint| lanes(nodes.map(|node| &node.waves[joint]))),
+            shape: Shape {
+                phi_rad: pair(|node| &node.shape.phi_rad),
+                rate_rad_s: pair(|node| &node.shape.rate_rad_s),
+                acceleration_rad_s2: pair(|node| &node.shape.acceleration_rad_s2),
+            },
+            trig: Trig { s: pair(|node| &node.trig.s), c: pair(|node| &node.trig.c) },
+        }
     }
 
     /// Sine and cosine of a commanded joint's angle, its rate and acceleration.

@@ -4,10 +4,10 @@ use nalgebra::{Complex, ComplexField};
 
 use super::{
     CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
-    dforce_dcoefficients, dforce_domega,
+    dforce_dcoefficients, dforce_domega, lanes,
 };
 use crate::motion::Problem;
-use crate::robot::{Balance, Parameter, Trig, dot, force_balance, mass_matrix, roll_rows};
+use crate::robot::{Balance, LANES, Lanes, Number, Parameter, Trig, dot, force_balance, roll_rows};
 
 /// Joint `passive` (0 or 1) on its spring, wheels that cannot skid. States `s, phi_p`.
 ///
@@ -31,9 +31,9 @@ pub struct PassiveNoSkid {
 
 /// What the command prescribes: the null direction and the particular solution.
 #[derive(Debug, Clone, Copy)]
-pub struct ConstrainedNode {
-    command: CommandNode,
-    frame: Frame,
+pub struct ConstrainedNode<T = f64> {
+    command: CommandNode<T>,
+    frame: Frame<T>,
 }
 
 /// `(u, theta')` along the null direction and of the particular solution, and their time
@@ -46,12 +46,14 @@ struct Frame<T = f64> {
     particular_rate: [T; 2],
 }
 
-impl Frame {
-    fn velocities(&self, s: f64) -> [f64; 2] {
+impl<T: Number> Frame<T> {
+    #[inline(always)]
+    fn velocities(&self, s: T) -> [T; 2] {
         std::array::from_fn(|i| s * self.null[i] + self.particular[i])
     }
 
-    fn accelerations(&self, s: f64, ds: f64) -> [f64; 2] {
+    #[inline(always)]
+    fn accelerations(&self, s: T, ds: T) -> [T; 2] {
         std::array::from_fn(|i| ds * self.null[i] + s * self.null_rate[i] + self.particular_rate[i])
     }
 }
@@ -62,44 +64,46 @@ fn joint_sign(joint: usize) -> f64 {
 }
 
 /// The wheel of the passive link, which gives `phi_p'` from `(u, theta')`.
-struct PassiveWheel {
-    sin: f64,
-    cos: f64,
-    arm_m: f64,
-    h_m: f64,
+struct PassiveWheel<T> {
+    sin: T,
+    cos: T,
+    arm_m: T,
+    h_m: T,
     /// `sigma_p / l`.
-    per_m: f64,
+    per_m: T,
 }
 
-impl PassiveWheel {
+impl<T: Number> PassiveWheel<T> {
     /// `phi_p'`.
-    fn rate(&self, [u, r]: [f64; 2]) -> f64 {
+    #[inline(always)]
+    fn rate(&self, [u, r]: [T; 2]) -> T {
         self.per_m * (self.sin * u + self.arm_m * r)
     }
 
     /// Derivative of `phi_p'` with respect to `phi_p`.
-    fn drate_dphi(&self, [u, r]: [f64; 2]) -> f64 {
+    #[inline(always)]
+    fn drate_dphi(&self, [u, r]: [T; 2]) -> T {
         self.per_m * (self.cos * u - self.h_m * self.sin * r)
     }
 
     /// The second derivative.
-    fn d2rate_dphi2(&self, [u, r]: [f64; 2]) -> f64 {
-        self.per_m * (-self.sin * u - self.h_m * self.cos * r)
+    #[inline(always)]
+    fn d2rate_dphi2(&self, [u, r]: [T; 2]) -> T {
+        -(self.per_m * (self.sin * u + self.h_m * self.cos * r))
     }
 }
 
 /// The projected equations of one state and what they are made of.
-struct Projected {
-    residual: Residual<2>,
-    balance: Balance,
-    mass: [[f64; 5]; 5],
-    trig: Trig,
-    state: KinematicState,
-    wheel: PassiveWheel,
+struct Projected<T> {
+    residual: Residual<2, T>,
+    balance: Balance<T>,
+    trig: Trig<T>,
+    state: KinematicState<T>,
+    wheel: PassiveWheel<T>,
     /// `(u, theta')`.
-    velocities: [f64; 2],
+    velocities: [T; 2],
     /// The null direction along `u`, `theta'` and `phi_p'`.
-    null: [f64; 3],
+    null: [T; 3],
 }
 
 impl PassiveNoSkid {
@@ -108,20 +112,21 @@ impl PassiveNoSkid {
         [0, 2, 3 + self.passive]
     }
 
-    fn wheel(&self, phi: f64) -> PassiveWheel {
-        let (h_m, l_m) = (self.problem.robot.h_m, self.problem.robot.l_m);
+    #[inline(always)]
+    fn wheel<T: Number>(&self, phi: T) -> PassiveWheel<T> {
+        let (h_m, l_m) = (T::of(self.problem.robot.h_m), self.problem.robot.l_m);
         let (sin, cos) = phi.sin_cos();
-        PassiveWheel {
-            sin,
-            cos,
-            arm_m: l_m + h_m * cos,
-            h_m,
-            per_m: joint_sign(self.passive) / l_m,
-        }
+        let (arm_m, per_m) = (T::of(l_m) + h_m * cos, T::of(joint_sign(self.passive) / l_m));
+        PassiveWheel { sin, cos, arm_m, h_m, per_m }
     }
 
     #[inline(always)]
-    fn equations(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Projected {
+    fn equations<T: Number>(
+        &self,
+        node: &ConstrainedNode<T>,
+        y: &[T; 2],
+        dy: &[T; 2],
+    ) -> Projected<T> {
         let (p, robot, frame) = (self.passive, &self.problem.robot, &node.frame);
         let wheel = self.wheel(y[1]);
         let mut trig = node.command.trig;
@@ -139,35 +144,32 @@ impl PassiveNoSkid {
         let acceleration = self.acceleration(node, y, dy);
         let KinematicState { phi_rad, velocity } = state;
         let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
-        let mass = mass_matrix(robot, &trig);
 
         let rows = self.rows();
         let null = [frame.null[0], frame.null[1], n_p];
+        let (zero, one) = (T::of(0.0), T::of(1.0));
+        let projected =
+            |of: &dyn Fn(usize) -> T| (0..3).fold(zero, |sum, k| sum + null[k] * of(rows[k]));
         // Derivative of the projected balance when velocities and accelerations change.
-        let project = |velocity: [f64; 3], rate: [f64; 3]| -> f64 {
-            let mut sum = 0.0;
-            for (n, &row) in null.iter().zip(&rows) {
-                for (k, &column) in rows.iter().enumerate() {
-                    sum += n
-                        * (balance.dforce_dvelocity[row][column] * velocity[k]
-                            + mass[row][column] * rate[k]);
-                }
-            }
-            sum
+        let along = |velocity: [T; 3], rate: [T; 3]| -> T {
+            projected(&|row| {
+                (0..3).fold(zero, |sum, k| {
+                    let (by_velocity, mass) = (&balance.dforce_dvelocity[row], &balance.mass[row]);
+                    sum + by_velocity[rows[k]] * velocity[k] + mass[rows[k]] * rate[k]
+                })
+            })
         };
-        let value = null.iter().zip(&rows).map(|(n, &row)| n * balance.force[row]).sum();
-        let dvalue_ds = project(null, [frame.null_rate[0], frame.null_rate[1], dw_rate_ds]);
-        let turned: f64 =
-            null.iter().zip(&rows).map(|(n, &row)| n * balance.dforce_dphi[p][row]).sum();
-        let dvalue_dphi = project([0.0, 0.0, dw_dphi], [0.0, 0.0, dw_rate_dphi])
-            + turned
+        let value = projected(&|row| balance.force[row]);
+        let dvalue_ds = along(null, [frame.null_rate[0], frame.null_rate[1], dw_rate_ds]);
+        let dvalue_dphi = along([zero, zero, dw_dphi], [zero, zero, dw_rate_dphi])
+            + projected(&|row| balance.dforce_dphi[p][row])
             + dn_p_dphi * balance.force[3 + p];
         let residual = Residual {
             value: [value, dy[1] - w],
             state_jacobian: [[dvalue_ds, dvalue_dphi], [-n_p, -dw_dphi]],
-            rate_jacobian: [[project([0.0; 3], null), 0.0], [0.0, 1.0]],
+            rate_jacobian: [[along([zero; 3], null), zero], [zero, one]],
         };
-        Projected { residual, balance, mass, trig, state, wheel, velocities, null }
+        Projected { residual, balance, trig, state, wheel, velocities, null }
     }
 
     /// The frame, from the commanded joint's sine, cosine, rate and acceleration.
@@ -222,7 +224,7 @@ impl Reduced<2> for PassiveNoSkid {
     const INTEGRATED: bool = false;
     const HAS_ANGLE: bool = true;
 
-    type Node = ConstrainedNode;
+    type Node<T: Number> = ConstrainedNode<T>;
 
     fn problem(&self) -> &Problem {
         &self.problem
@@ -235,7 +237,24 @@ impl Reduced<2> for PassiveNoSkid {
     }
 
     #[inline(always)]
-    fn residual(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> Residual<2> {
+    fn pack(nodes: [&ConstrainedNode; LANES]) -> ConstrainedNode<Lanes> {
+        let pair = |of: fn(&Frame) -> &[f64; 2]| lanes(nodes.map(|node| of(&node.frame)));
+        let frame = Frame {
+            null: pair(|frame| &frame.null),
+            null_rate: pair(|frame| &frame.null_rate),
+            particular: pair(|frame| &frame.particular),
+            particular_rate: pair(|frame| &frame.particular_rate),
+        };
+        ConstrainedNode { command: CommandNode::pack(nodes.map(|node| &node.command)), frame }
+    }
+
+    #[inline(always)]
+    fn residual<T: Number>(
+        &self,
+        node: &ConstrainedNode<T>,
+        y: &[T; 2],
+        dy: &[T; 2],
+    ) -> Residual<2, T> {
         self.equations(node, y, dy).residual
     }
 
@@ -259,7 +278,7 @@ impl Reduced<2> for PassiveNoSkid {
         jacobian: &mut ParameterJacobian<2>,
     ) -> Residual<2> {
         let (p, a, robot) = (self.passive, 1 - self.passive, &self.problem.robot);
-        let Projected { residual, balance, mass, trig, state, wheel, velocities, null } =
+        let Projected { residual, balance, trig, state, wheel, velocities, null } =
             self.equations(node, y, dy);
         let rows = self.rows();
         let along = |force: &[f64; 5]| -> f64 {
@@ -276,7 +295,7 @@ impl Reduced<2> for PassiveNoSkid {
         }
         let omega_rad_s = self.problem.omega_rad_s;
         let acceleration = self.acceleration(node, y, dy);
-        let domega = dforce_domega(&balance, &mass, &state.velocity, &acceleration, omega_rad_s);
+        let domega = dforce_domega(&balance, &state.velocity, &acceleration, omega_rad_s);
         jacobian[0][5] = along(&domega);
 
         // The frame of the constraints turns with the commanded joint.
@@ -297,7 +316,7 @@ impl Reduced<2> for PassiveNoSkid {
             let mut sum = 0.0;
             for ((n, dn), &row) in null.iter().zip(&dnull).zip(&rows) {
                 let force = dot(&balance.dforce_dvelocity[row], &velocity)
-                    + dot(&mass[row], &rates)
+                    + dot(&balance.mass[row], &rates)
                     + balance.dforce_dphi[a][row] * phi;
                 sum += n * force + dn * balance.force[row];
             }
@@ -307,11 +326,17 @@ impl Reduced<2> for PassiveNoSkid {
     }
 
     #[inline(always)]
-    fn acceleration(&self, node: &ConstrainedNode, y: &[f64; 2], dy: &[f64; 2]) -> [f64; 5] {
+    fn acceleration<T: Number>(
+        &self,
+        node: &ConstrainedNode<T>,
+        y: &[T; 2],
+        dy: &[T; 2],
+    ) -> [T; 5] {
         let (p, wheel) = (self.passive, self.wheel(y[1]));
         let velocities = node.frame.velocities(y[0]);
         let [du, dr] = node.frame.accelerations(y[0], dy[0]);
-        let mut acceleration = [du, 0.0, dr, 0.0, 0.0];
+        let zero = T::of(0.0);
+        let mut acceleration = [du, zero, dr, zero, zero];
         acceleration[3 + p] =
             wheel.drate_dphi(velocities) * wheel.rate(velocities) + wheel.rate([du, dr]);
         acceleration[4 - p] = node.command.shape.acceleration_rad_s2[1 - p];
@@ -355,12 +380,13 @@ impl Reduced<2> for PassiveNoSkid {
     }
 
     #[inline(always)]
-    fn kinematics(&self, node: &ConstrainedNode, y: &[f64; 2]) -> KinematicState {
+    fn kinematics<T: Number>(&self, node: &ConstrainedNode<T>, y: &[T; 2]) -> KinematicState<T> {
         let p = self.passive;
         let [u, r] = node.frame.velocities(y[0]);
         let mut phi_rad = node.command.shape.phi_rad;
         phi_rad[p] = y[1];
-        let mut velocity = [u, 0.0, r, 0.0, 0.0];
+        let zero = T::of(0.0);
+        let mut velocity = [u, zero, r, zero, zero];
         velocity[3 + p] = self.wheel(y[1]).rate([u, r]);
         velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
         KinematicState { phi_rad, velocity }

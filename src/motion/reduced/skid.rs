@@ -5,7 +5,9 @@ use super::{
     dforce_dcoefficients, dforce_domega,
 };
 use crate::motion::Problem;
-use crate::robot::{Balance, Parameter, Trig, force_balance, mass_matrix, roll_rows, skid_rows};
+use crate::robot::{
+    Balance, LANES, Lanes, Number, Parameter, Trig, force_balance, roll_rows, skid_rows,
+};
 
 /// Wheels that skid. With both joints commanded (`N` = 3) the states are `u, v, theta'`; with
 /// joint `passive` (0 or 1) on its spring (`N` = 5) `phi_p', phi_p` follow them.
@@ -32,7 +34,8 @@ impl<const N: usize> Skid<N> {
         if i < 3 { i } else { 3 + self.passive }
     }
 
-    fn trig(&self, node: &CommandNode, y: &[f64; N]) -> Trig {
+    #[inline(always)]
+    fn trig<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> Trig<T> {
         let mut trig = node.trig;
         if let Some(p) = self.passive() {
             (trig.s[p], trig.c[p]) = y[4].sin_cos();
@@ -41,22 +44,22 @@ impl<const N: usize> Skid<N> {
     }
 
     #[inline(always)]
-    fn equations(
+    fn equations<T: Number>(
         &self,
-        node: &CommandNode,
-        trig: &Trig,
-        y: &[f64; N],
-        dy: &[f64; N],
-    ) -> (Residual<N>, Balance, [[f64; 5]; 5]) {
+        node: &CommandNode<T>,
+        trig: &Trig<T>,
+        y: &[T; N],
+        dy: &[T; N],
+    ) -> (Residual<N, T>, Balance<T>) {
         let (robot, passive) = (&self.problem.robot, self.passive());
         let KinematicState { phi_rad, velocity } = self.kinematics(node, y);
         let acceleration = self.acceleration(node, y, dy);
         let balance = force_balance(robot, passive, phi_rad, trig, &velocity, &acceleration);
-        let mass = mass_matrix(robot, trig);
+        let zero = T::of(0.0);
         let mut residual = Residual {
-            value: [0.0; N],
-            state_jacobian: [[0.0; N]; N],
-            rate_jacobian: [[0.0; N]; N],
+            value: [zero; N],
+            state_jacobian: [[zero; N]; N],
+            rate_jacobian: [[zero; N]; N],
         };
         for i in 0..Self::ROWS {
             let row = self.row(i);
@@ -64,13 +67,13 @@ impl<const N: usize> Skid<N> {
             for j in 0..Self::ROWS {
                 let column = self.row(j);
                 residual.state_jacobian[i][j] = balance.dforce_dvelocity[row][column];
-                residual.rate_jacobian[i][j] = mass[row][column];
+                residual.rate_jacobian[i][j] = balance.mass[row][column];
             }
             if let Some(p) = self.passive() {
                 residual.state_jacobian[i][4] = balance.dforce_dphi[p][row];
             }
         }
-        (residual, balance, mass)
+        (residual, balance)
     }
 }
 
@@ -81,7 +84,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     const INTEGRATED: bool = Self::IS_PASSIVE;
     const HAS_ANGLE: bool = Self::IS_PASSIVE;
 
-    type Node = CommandNode;
+    type Node<T: Number> = CommandNode<T>;
 
     fn problem(&self) -> &Problem {
         &self.problem
@@ -92,7 +95,17 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     }
 
     #[inline(always)]
-    fn residual(&self, node: &CommandNode, y: &[f64; N], dy: &[f64; N]) -> Residual<N> {
+    fn pack(nodes: [&CommandNode; LANES]) -> CommandNode<Lanes> {
+        CommandNode::pack(nodes)
+    }
+
+    #[inline(always)]
+    fn residual<T: Number>(
+        &self,
+        node: &CommandNode<T>,
+        y: &[T; N],
+        dy: &[T; N],
+    ) -> Residual<N, T> {
         self.equations(node, &self.trig(node, y), y, dy).0
     }
 
@@ -119,7 +132,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     ) -> Residual<N> {
         let robot = &self.problem.robot;
         let trig = self.trig(node, y);
-        let (residual, balance, mass) = self.equations(node, &trig, y, dy);
+        let (residual, balance) = self.equations(node, &trig, y, dy);
         let velocity = self.kinematics(node, y).velocity;
         let dskid = dforce_dcoefficients(&skid_rows(robot, &trig), &velocity);
         let droll = dforce_dcoefficients(&roll_rows(robot, &trig), &velocity);
@@ -133,7 +146,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         if parameters > Self::OF_ROBOT {
             let omega_rad_s = self.problem.omega_rad_s;
             let acceleration = self.acceleration(node, y, dy);
-            let domega = dforce_domega(&balance, &mass, &velocity, &acceleration, omega_rad_s);
+            let domega = dforce_domega(&balance, &velocity, &acceleration, omega_rad_s);
             let slopes = [0, 1].map(|joint| node.slopes(joint, omega_rad_s));
             for (i, entries) in jacobian.iter_mut().enumerate().take(Self::ROWS) {
                 let row = self.row(i);
@@ -143,7 +156,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
                             let [phi, rate, acceleration] = slopes[joint][number];
                             balance.dforce_dphi[joint][row] * phi
                                 + balance.dforce_dvelocity[row][3 + joint] * rate
-                                + mass[row][3 + joint] * acceleration
+                                + balance.mass[row][3 + joint] * acceleration
                         }
                         Variable::Frequency => domega[row],
                         _ => 0.0,
@@ -158,7 +171,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     }
 
     #[inline(always)]
-    fn kinematics(&self, node: &CommandNode, y: &[f64; N]) -> KinematicState {
+    fn kinematics<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> KinematicState<T> {
         let (mut phi_rad, [w1, w2]) = (node.shape.phi_rad, node.shape.rate_rad_s);
         let mut velocity = [y[0], y[1], y[2], w1, w2];
         if let Some(p) = self.passive() {
@@ -168,7 +181,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     }
 
     #[inline(always)]
-    fn acceleration(&self, node: &CommandNode, _y: &[f64; N], dy: &[f64; N]) -> [f64; 5] {
+    fn acceleration<T: Number>(&self, node: &CommandNode<T>, _y: &[T; N], dy: &[T; N]) -> [T; 5] {
         let [a1, a2] = node.shape.acceleration_rad_s2;
         let mut acceleration = [dy[0], dy[1], dy[2], a1, a2];
         if let Some(p) = self.passive() {
