@@ -9,9 +9,9 @@ use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, SETTINGS, Target};
 use super::{RunError, Watch};
 use crate::config::{Config, ParameterSource};
-use crate::fit::{FitData, FitEvent, FitInput, Fitted, fit_except, input_paths};
+use crate::fit::{FitData, FitEvent, FitInput, Fitted, Replicates, fit_except, input_paths};
 use crate::interrupt::stop_if_asked;
-use crate::store::{FitRow, Provenance, Reader, StoreError};
+use crate::store::{BootstrapRow, FitRow, Provenance, Reader, StoreError};
 
 /// Part of every fit whose robot has measured parameters.
 const ROBOTS: &str = "robot_parameters.parquet";
@@ -19,11 +19,13 @@ const ROBOTS: &str = "robot_parameters.parquet";
 pub struct FitStage {
     derived: PathBuf,
     inputs: Vec<FitInput>,
+    replicates: Replicates,
 }
 
 impl FitStage {
     pub fn new(config: &Config) -> Self {
-        Self { derived: config.paths.derived.clone(), inputs: FitInput::all(config) }
+        let (derived, inputs) = (config.paths.derived.clone(), FitInput::all(config));
+        Self { derived, inputs, replicates: Replicates::default() }
     }
 }
 
@@ -107,7 +109,9 @@ impl Stage for FitStage {
                 }
                 fits.fetch_add(1, Ordering::Relaxed);
             }
-            FitEvent::Replicate { campaign, model, done, total } => {
+            FitEvent::Replicate {
+                row: BootstrapRow { campaign, model, .. }, done, total, ..
+            } => {
                 stop_if_asked(|| format!("{} of {models} fits", fits.load(Ordering::Relaxed)));
                 watch.part(&format!("{campaign} {model} replicate"), done, total);
             }
@@ -116,7 +120,8 @@ impl Stage for FitStage {
             Target::Fit { campaign, model } => Some(((campaign, model), rows)),
             _ => None,
         });
-        let output = fit_except(&self.inputs, &sources, kept.collect(), &on_event);
+        let output =
+            fit_except(&self.inputs, &sources, kept.collect(), &self.replicates, &on_event);
         let parts: Vec<&Fingerprint> = wanted.iter().map(|wanted| &wanted.parts).collect();
         let outputs = output.write(&self.derived, &Provenance { input: hash_of(&parts) })?;
         let targets = wanted.into_iter().map(|wanted| wanted.made(BTreeMap::new())).collect();

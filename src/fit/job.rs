@@ -15,7 +15,7 @@ use super::profile::{Class, Profile, profile, profile_limits};
 use super::resample::Resampler;
 use super::search::Ended;
 use super::starts::{Start, search_all, search_from};
-use super::{FitData, FitEvent, FitInput, Fitted, OnEvent};
+use super::{FitData, FitEvent, FitInput, Fitted, OnEvent, Replicates};
 use crate::config::GaitInput;
 use crate::motion::REFERENCE_ACCURACY;
 use crate::robot::{ByParameter, Model, Parameter, Robot};
@@ -40,10 +40,16 @@ pub(super) struct Job<'j> {
     /// The robot with one of its uncertain parameters off by its standard deviation.
     others: Vec<Robot>,
     resampler: &'j Resampler,
+    replicates: &'j Replicates,
 }
 
 impl<'j> Job<'j> {
-    pub fn new(input: &'j FitInput, data: &FitData, resampler: &'j Resampler) -> Self {
+    pub fn new(
+        input: &'j FitInput,
+        data: &FitData,
+        resampler: &'j Resampler,
+        replicates: &'j Replicates,
+    ) -> Self {
         let (robot, measured) = input.measured_robot(data);
         let others = input.uncertain_robots(&robot, data);
         let objective = Objective::new(
@@ -54,7 +60,7 @@ impl<'j> Job<'j> {
             input.fit.gait_input,
             resampler.measurements.clone(),
         );
-        Self { input, objective, measured, others, resampler }
+        Self { input, objective, measured, others, resampler, replicates }
     }
 
     /// The model's rows, without what needs the campaign's other models.
@@ -105,7 +111,7 @@ impl<'j> Job<'j> {
             objective: self.objective.driven_as(gait_input),
             measured: self.measured.clone(),
             others: self.others.clone(),
-            resampler: self.resampler,
+            ..*self
         })
     }
 
@@ -162,17 +168,28 @@ impl<'j> Job<'j> {
     fn bootstrap(&self, fit: &mut Fit, on_event: OnEvent) {
         // Replicates without noise would all be the same.
         let total = if self.resampler.is_silent() { 0 } else { self.input.fit.bootstrap };
-        let (point, ended) = (&fit.point, Ended::default());
-        let (campaign, model) = (self.input.campaign.name.as_str(), self.input.model);
-        fit.replicates = (0..total)
-            .into_par_iter()
-            .map(|number| {
-                let refit = point.refit(&self.resampler.draw(number), &ended);
-                let done = ended.load(Ordering::Relaxed);
-                on_event(FitEvent::Replicate { campaign, model, done, total });
-                refit
-            })
-            .collect();
+        let Replicates { numbers, given } = self.replicates;
+        let numbers = numbers.start.min(total)..numbers.end.min(total);
+        let (point, ended, total) = (&fit.point, Ended::default(), numbers.len());
+        let (parameters, driven_by) = (&point.evaluator.parameters, self.objective.driven_by());
+        let (campaign, model) = (&self.input.campaign.name, self.input.model);
+        let is_own = |row: &&BootstrapRow| row.campaign == *campaign && row.model == model;
+        let known = |row: &BootstrapRow| Start {
+            began: point.values.clone(),
+            ended: parameters.iter().map(|free| row.parameters[free.parameter]).collect(),
+            cost: row.j,
+            solves: row.solves as usize,
+            stopped: row.stopped,
+        };
+        let given = given.get(&driven_by).into_iter().flatten();
+        fit.replicates = given.filter(is_own).map(known).collect();
+        fit.replicates.par_extend(numbers.into_par_iter().map(|number| {
+            let refit = point.refit(&self.resampler.draw(number), &ended);
+            let done = ended.load(Ordering::Relaxed);
+            let row = &self.replicate_row(parameters, number, &refit);
+            on_event(FitEvent::Replicate { driven_by, row, done, total });
+            refit
+        }));
         fit.solves += fit.replicates.iter().map(|refit| refit.solves).sum::<usize>();
     }
 
@@ -287,15 +304,8 @@ impl<'j> Job<'j> {
         let profile_points = profiles.iter().enumerate().flat_map(|(index, profile)| {
             profile.points.iter().map(move |point| (index, profile.limit, point))
         });
-        let replicate_row = |(number, refit): (usize, &Start)| BootstrapRow {
-            campaign: campaign.clone(),
-            model,
-            replicate: number as i64,
-            parameters: spread(parameters, &refit.ended),
-            j: refit.cost,
-            solves: refit.solves as i64,
-            stopped: refit.stopped,
-        };
+        let replicate_row =
+            |(number, refit): (usize, &Start)| self.replicate_row(parameters, number, refit);
         Fitted {
             predictions: predictions(campaign, point, &robot),
             starts: starts.iter().enumerate().map(start_row).collect(),
@@ -304,6 +314,23 @@ impl<'j> Job<'j> {
             comparison: vec![comparison],
             fits: vec![row],
             alternatives: alternative.into_iter().collect(),
+        }
+    }
+
+    fn replicate_row(
+        &self,
+        parameters: &[FreeParameter],
+        number: usize,
+        refit: &Start,
+    ) -> BootstrapRow {
+        BootstrapRow {
+            campaign: self.input.campaign.name.clone(),
+            model: self.input.model,
+            replicate: number as i64,
+            parameters: spread(parameters, &refit.ended),
+            j: refit.cost,
+            solves: refit.solves as i64,
+            stopped: refit.stopped,
         }
     }
 
@@ -467,7 +494,8 @@ mod tests {
         let config = config();
         let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
         let resampler = Resampler::new(CAMPAIGN, 1, measurements(), &BTreeMap::new());
-        let job = Job::new(&input, &FitData::default(), &resampler);
+        let replicates = Replicates::default();
+        let job = Job::new(&input, &FitData::default(), &resampler, &replicates);
         // Away from the best, which is at 100.7, 33.9, 43.6 kg/s.
         let evaluator = job.objective.evaluator(input.free());
         let point = FittedPoint::new(evaluator, vec![95.0, 34.0, 44.0]);
@@ -487,7 +515,8 @@ mod tests {
         config.fit.bootstrap = 2;
         let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
         let resampler = Resampler::new(CAMPAIGN, 1, measurements(), &BTreeMap::new());
-        let job = Job::new(&input, &FitData::default(), &resampler);
+        let replicates = Replicates::default();
+        let job = Job::new(&input, &FitData::default(), &resampler, &replicates);
         let Fitted { fits, bootstrap, comparison, predictions, .. } = job.run(&|_| {});
         let (fit, first) = (&fits[0], Parameter::Skid0);
         let found = Parameter::SKID.map(|skid| fit.parameters[skid]).into_iter();

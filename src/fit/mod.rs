@@ -31,10 +31,11 @@ mod starts;
 mod terms;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::config::Config;
+use crate::config::{Config, GaitInput};
 use crate::robot::Model;
 use crate::store::{
     BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
@@ -78,11 +79,27 @@ pub struct Fitted {
     pub predictions: Vec<PredictionRow>,
 }
 
+/// Which replicates there are, of those that the settings ask for.
+#[derive(Debug, Clone)]
+pub struct Replicates {
+    /// Numbers of those that are fitted.
+    pub numbers: Range<usize>,
+    /// Those that come before and were fitted elsewhere, by what drives their models.
+    pub given: BTreeMap<GaitInput, Vec<BootstrapRow>>,
+}
+
+impl Default for Replicates {
+    /// All of them are fitted.
+    fn default() -> Self {
+        Self { numbers: 0..usize::MAX, given: BTreeMap::new() }
+    }
+}
+
 /// Something that has happened; on any thread.
 #[derive(Debug, Clone, Copy)]
 pub enum FitEvent<'f> {
-    /// Another replicate is fitted: `done` of `total` are.
-    Replicate { campaign: &'f str, model: Model, done: usize, total: usize },
+    /// Another replicate of a model that is driven so is fitted: `done` of `total` are.
+    Replicate { driven_by: GaitInput, row: &'f BootstrapRow, done: usize, total: usize },
     /// A model is done.
     Fitted(&'f FitRow),
 }
@@ -121,15 +138,17 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// assert!((skid0_kg_s / 104.0 - 1.0).abs() < 1e-4);
 /// ```
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
-    fit_except(&FitInput::all(config), data, BTreeMap::new(), on_event)
+    let (inputs, replicates) = (FitInput::all(config), Replicates::default());
+    fit_except(&inputs, data, BTreeMap::new(), &replicates, on_event)
 }
 
-/// [`fit`] of those models only that are not `cached`. The tables are those that a fit of all would
-/// have given.
+/// [`fit`] of those models only that are not `cached`, with these replicates. The tables are those
+/// that a fit of all would have given.
 pub fn fit_except(
     inputs: &[FitInput],
     data: &FitData,
     mut cached: BTreeMap<(String, Model), Fitted>,
+    replicates: &Replicates,
     on_event: OnEvent,
 ) -> Fitted {
     let key = |input: &FitInput| (input.campaign.name.clone(), input.model);
@@ -155,7 +174,7 @@ pub fn fit_except(
         .par_iter()
         .with_max_len(1)
         .map(|(input, resampler)| {
-            let fitted = Job::new(input, data, resampler).run(on_event);
+            let fitted = Job::new(input, data, resampler, replicates).run(on_event);
             fitted.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
             (key(input), fitted)
         })
