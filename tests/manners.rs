@@ -11,10 +11,11 @@ use std::process::{Command, Stdio};
 use common::{Small, files, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "demo",
     "run",
     "ingest",
+    "merge",
     "fit",
     "report",
     "check",

@@ -1,5 +1,5 @@
-//! An ingest in parts: joined they are the bytes of an undivided one, and what cannot be joined is
-//! named.
+//! An ingest and a bootstrap in parts: joined they are the bytes of undivided ones, and what cannot
+//! be joined is named.
 
 #![allow(clippy::unwrap_used)]
 
@@ -175,11 +175,11 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
         (&lose, ".parquet is gone", false),
         (&cut, "manifest.json: damaged: EOF", false),
         (&escape, "manifest.json: found file ../poses/", false),
-        (&configure, "made with another configuration or other lists", false),
-        (&list_less, "made with another configuration or other lists", false),
+        (&configure, "made with another configuration, or of other trials", false),
+        (&list_less, "made with another configuration, or of other trials", false),
         (&of_program, "made by another program (version ", false),
-        (&double, "part 2/3 is there 2 times", false),
-        (&divide, "part 2/4, where the others are of 3", false),
+        (&double, "part 2/3 is there twice: remove one", false),
+        (&divide, "part 2/4 of another division than most parts", false),
     ];
     for (fault, problem, may_be_left_out) in faults {
         let folder = whole.copy();
@@ -276,4 +276,101 @@ fn there_are_no_parts_beside_the_division_and_no_tables_of_other_folders() {
     assert_same(&folder.results(), &before, "another folder");
     fs::remove_dir_all(folder.place("derived")).unwrap();
     said(&folder, &["merge", "shards"], 1);
+}
+
+/// Two campaigns with seven replicates, ingested.
+fn ingested() -> Small {
+    static MADE: OnceLock<Small> = OnceLock::new();
+    let made = MADE.get_or_init(|| {
+        let folder = Small::raw();
+        folder.replace("pipeline.toml", "starts = 2\nbootstrap = 3", "starts = 1\nbootstrap = 7");
+        succeed(folder.path(), &["-q", "ingest"]);
+        folder
+    });
+    made.copy()
+}
+
+fn fit_part(folder: &Small, numbers: &str, threads: &str) -> String {
+    let arguments = ["--threads", threads, "fit", "--replicates", numbers, "--into", "shards"];
+    said(folder, &arguments, 0)
+}
+
+#[test]
+fn replicates_of_any_parts_joined_are_the_bytes_of_one_bootstrap() {
+    let one = ingested();
+    succeed(one.path(), &["-q", "fit"]);
+    let expected = one.results();
+    let folder = ingested();
+    // Three models, driven either way; the symmetric measured gaits have no motion without skid.
+    for (numbers, threads, count) in [("0..1", "1", 5), ("1..5", "2", 20), ("5..7", "3", 10)] {
+        let copy = ingested();
+        let before = copy.results();
+        let told = fit_part(&copy, numbers, threads);
+        let expected = format!(
+            "{count} replicates of all models; replicates {numbers} in shards/replicates-{}\n",
+            numbers.replace("..", "-")
+        );
+        assert!(told.contains(&expected), "{told}");
+        assert!(told.contains(&format!("skid-roll, replicates {numbers}\n")), "{told}");
+        assert_same(&copy.results(), &before, "a part writes nothing of the project's");
+        copy_folder(&copy.place("shards"), &folder.place("shards"));
+    }
+    let status = said(&folder, &["merge", "shards", "--status"], 0);
+    assert_eq!(status.lines().count(), 3, "{status}");
+    assert!(status.contains("shards/replicates-1-5: replicates 1..5\n"), "{status}");
+    let merged = said(&folder, &["merge", "shards"], 0);
+    assert!(merged.contains("kinematic-skewed: "), "{merged}");
+    assert_same(&folder.results(), &expected, "merged");
+    let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
+    assert!(!ahead.contains("fit kinematic") && !ahead.contains("trial "), "{ahead}");
+}
+
+#[test]
+fn replicates_that_cannot_be_joined_are_named() {
+    let folder = ingested();
+    for (numbers, needed) in [
+        ("3..3", "found `3..3`, needed replicates such as 0..500"),
+        ("0-3", "found `0-3`, needed replicates such as 0..500"),
+        ("0..8", "replicates 0..8: found `fit.bootstrap` = 7, needed 8 at least"),
+    ] {
+        let arguments = ["fit", "--replicates", numbers, "--into", "shards"];
+        let refused = said(&folder, &arguments, 2);
+        assert!(refused.contains(needed), "{refused}");
+    }
+    let raw = Small::raw();
+    let refused = said(&raw, &["fit", "--replicates", "0..3", "--into", "shards"], 2);
+    assert!(refused.contains("trials.parquet: not there; `trilink ingest` makes it"), "{refused}");
+    assert!(!raw.place("shards").exists() && !folder.place("shards").exists());
+
+    fit_part(&folder, "2..4", "2");
+    let before = folder.results();
+    let status = said(&folder, &["merge", "shards", "--status"], 1);
+    assert!(status.contains("shards/replicates-0-2: missing\n"), "{status}");
+    assert!(status.ends_with("--replicates 0..2,4..7\n"), "{status}");
+    // Fewer replicates are no bootstrap of seven.
+    for arguments in [&["merge", "shards"][..], &["merge", "shards", "--allow-missing"]] {
+        let refused = said(&folder, arguments, 2);
+        assert!(refused.contains("shards/replicates-4-7: missing\n"), "{refused}");
+        assert!(refused.ends_with("to do again: --replicates 0..2,4..7\n"), "{refused}");
+    }
+    fit_part(&folder, "0..3", "2");
+    let refused = said(&folder, &["merge", "shards"], 2);
+    assert!(refused.contains("replicates 2..4 is there twice: remove one"), "{refused}");
+    fs::remove_dir_all(folder.place("shards/replicates-0-3")).unwrap();
+    fit_part(&folder, "0..2", "2");
+    folder.replace("pipeline.toml", "bootstrap = 7", "bootstrap = 3");
+    let refused = said(&folder, &["merge", "shards"], 2);
+    assert!(refused.contains("replicates 2..4, needed those of 0 to 3"), "{refused}");
+    folder.replace("pipeline.toml", "bootstrap = 3", "bootstrap = 4");
+    let status = said(&folder, &["merge", "shards", "--status"], 0);
+    assert_eq!(status.lines().count(), 2, "{status}");
+    folder.replace("pipeline.toml", "starts = 1", "starts = 2");
+    let refused = said(&folder, &["merge", "shards"], 2);
+    assert_eq!(refused.matches("made with another configuration, or of other").count(), 2);
+    folder.replace("pipeline.toml", "starts = 2", "starts = 1");
+    assert_same(&folder.results(), &before, "refused");
+    folder.replace("raw/trials.toml", "id = \"kinematic-skewed-6.00-r1\"", "id = \"another\"");
+    succeed(folder.path(), &["-q", "ingest"]);
+    let refused = said(&folder, &["merge", "shards"], 2);
+    assert_eq!(refused.matches("made with another configuration, or of other").count(), 2);
 }

@@ -8,9 +8,10 @@ use super::plan::{Stage, Touched, Wanted, Work, hash_of};
 use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, SETTINGS, Target};
 use super::{RunError, Watch};
-use crate::config::{Config, ParameterSource};
+use crate::config::{Config, GaitInput, ParameterSource};
 use crate::fit::{FitData, FitEvent, FitInput, Fitted, Replicates, fit_except, input_paths};
 use crate::interrupt::stop_if_asked;
+use crate::robot::Model;
 use crate::store::{BootstrapRow, FitRow, Provenance, Reader, StoreError};
 
 /// Part of every fit whose robot has measured parameters.
@@ -19,13 +20,42 @@ const ROBOTS: &str = "robot_parameters.parquet";
 pub struct FitStage {
     derived: PathBuf,
     inputs: Vec<FitInput>,
-    replicates: Replicates,
+    pub replicates: Replicates,
 }
 
 impl FitStage {
     pub fn new(config: &Config) -> Self {
         let (derived, inputs) = (config.paths.derived.clone(), FitInput::all(config));
         Self { derived, inputs, replicates: Replicates::default() }
+    }
+
+    /// Fits the models that are not kept.
+    pub fn fit(
+        &self,
+        data: &FitData,
+        kept: BTreeMap<(String, Model), Fitted>,
+        replicates: &Replicates,
+        watch: &dyn Watch,
+        on_replicate: &(dyn Fn(GaitInput, &BootstrapRow) + Sync),
+    ) -> Fitted {
+        let (fits, models) = (AtomicUsize::new(0), self.inputs.len() - kept.len());
+        let on_event = |event: FitEvent| match event {
+            FitEvent::Fitted(FitRow { campaign, model, status, j, notes, .. }) => {
+                watch.step(&format!("{campaign} {model}"));
+                let status = status.to_string();
+                tracing::debug!(campaign, model = model.name(), j, status, "fit");
+                if !notes.is_empty() {
+                    tracing::warn!(campaign, model = model.name(), notes, "fit");
+                }
+                fits.fetch_add(1, Ordering::Relaxed);
+            }
+            FitEvent::Replicate { driven_by, row, done, total } => {
+                stop_if_asked(|| format!("{} of {models} fits", fits.load(Ordering::Relaxed)));
+                watch.part(&format!("{} {} replicate", row.campaign, row.model), done, total);
+                on_replicate(driven_by, row);
+            }
+        };
+        fit_except(&self.inputs, data, kept, replicates, &on_event)
     }
 }
 
@@ -98,30 +128,11 @@ impl Stage for FitStage {
 
     fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<(Fitted, StageState), RunError> {
         let Work { sources, wanted, kept } = work;
-        let (fits, models) = (AtomicUsize::new(0), wanted.len() - kept.len());
-        let on_event = |event: FitEvent| match event {
-            FitEvent::Fitted(FitRow { campaign, model, status, j, notes, .. }) => {
-                watch.step(&format!("{campaign} {model}"));
-                let status = status.to_string();
-                tracing::debug!(campaign, model = model.name(), j, status, "fit");
-                if !notes.is_empty() {
-                    tracing::warn!(campaign, model = model.name(), notes, "fit");
-                }
-                fits.fetch_add(1, Ordering::Relaxed);
-            }
-            FitEvent::Replicate {
-                row: BootstrapRow { campaign, model, .. }, done, total, ..
-            } => {
-                stop_if_asked(|| format!("{} of {models} fits", fits.load(Ordering::Relaxed)));
-                watch.part(&format!("{campaign} {model} replicate"), done, total);
-            }
-        };
         let kept = kept.into_iter().filter_map(|(target, (_, rows))| match target {
             Target::Fit { campaign, model } => Some(((campaign, model), rows)),
             _ => None,
         });
-        let output =
-            fit_except(&self.inputs, &sources, kept.collect(), &self.replicates, &on_event);
+        let output = self.fit(&sources, kept.collect(), &self.replicates, watch, &|_, _| {});
         let parts: Vec<&Fingerprint> = wanted.iter().map(|wanted| &wanted.parts).collect();
         let outputs = output.write(&self.derived, &Provenance { input: hash_of(&parts) })?;
         let targets = wanted.into_iter().map(|wanted| wanted.made(BTreeMap::new())).collect();

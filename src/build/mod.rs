@@ -2,10 +2,12 @@
 //! redone and why, in which order, and a record of how it went.
 
 mod fit;
+mod found;
 mod ingest;
 mod last_run;
 mod lock;
 mod merge;
+mod part;
 mod plan;
 mod record;
 mod report;
@@ -27,17 +29,19 @@ use crate::store::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes
 use crate::trial::{TRIALS_FILE, find_folders};
 
 use fit::FitStage;
+pub use found::{PartStatus, ShardsStatus, shards_status};
 use ingest::IngestStage;
 use last_run::{LastRun, confirm};
 pub use last_run::{check_finished, hold};
 use lock::{LOCK_FILE, check_places};
 pub use lock::{Lock, share, sweep};
-pub use merge::{PartStatus, ShardsStatus, merge, shards_status};
+pub use merge::{Merged, merge};
+pub use part::Part;
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, plan, plan_after};
 use record::{RECORD_FILE, Record};
 use report::ReportStage;
-pub use shard::{Part, ingest_shard};
+pub use shard::{fit_shard, ingest_shard};
 use summary::{RunRecord, RunResults};
 pub use summary::{StageRecord, TrialCounts, count};
 pub use target::Target;
@@ -79,12 +83,15 @@ pub enum RunError {
     )]
     FolderGone { folder: PathBuf, derived: PathBuf },
     #[error(
-        "{0}: found no parts, needed those that `trilink ingest --shard 3/8 --into {0}` leaves",
+        "{0}: found no parts, needed those that `trilink ingest --shard 3/8 --into {0}` or `trilink \
+         fit --replicates 0..500 --into {0}` leaves",
         shards.display()
     )]
     NoShards { shards: PathBuf },
-    #[error("nothing is merged because of{problems}{}", again(array))]
-    Shards { problems: String, array: String },
+    #[error("nothing is merged because of{problems}{}", to_do(again))]
+    Shards { problems: String, again: String },
+    #[error("{part}: found `fit.bootstrap` = {bootstrap}, needed {} at least", part.to)]
+    Replicates { part: Part, bootstrap: usize },
     #[error(
         "{}: found tables of trials of {folder}, needed only those of the folders that the parts \
          are of: {}; make parts of all folders, or remove the tables",
@@ -106,6 +113,14 @@ pub enum RunError {
 }
 
 impl RunError {
+    /// Of a lock that was not taken.
+    fn of_lock(error: StoreError) -> Self {
+        match error {
+            StoreError::Held { .. } => Self::Held(error),
+            other => Self::Store(other),
+        }
+    }
+
     /// Whether a table is not as it was written, although its size and time are.
     fn is_of_changed_table(&self) -> bool {
         use ReportError::Store;
@@ -114,8 +129,8 @@ impl RunError {
     }
 }
 
-fn again(array: &str) -> String {
-    if array.is_empty() { String::new() } else { format!("\nto do again: --array={array}") }
+fn to_do(again: &str) -> String {
+    if again.is_empty() { String::new() } else { format!("\nto do again: {again}") }
 }
 
 fn after(done: &str) -> String {
@@ -548,10 +563,7 @@ fn hold_places(
     check_places(&folders[..1], &[folders[0].join(LOCK_FILE)])?;
     let waiting = |held: &str| watch.note(&format!("{held}; waiting"));
     let on_wait: Option<&dyn Fn(&str)> = if wait { Some(&waiting) } else { None };
-    let lock = Lock::take(&folders[0], on_wait).map_err(|error| match error {
-        StoreError::Held { .. } => RunError::Held(error),
-        other => RunError::Store(other),
-    })?;
+    let lock = Lock::take(&folders[0], on_wait).map_err(RunError::of_lock)?;
     check_places(folders, files)?;
     sweep(&lock, folders)?;
     Ok(lock)

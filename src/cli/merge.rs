@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Outcome, pipeline, stages};
-use crate::build::{self, ShardsStatus};
+use crate::build::{self, Merged, ShardsStatus};
 
 #[derive(clap::Args)]
 pub(super) struct Merge {
@@ -28,22 +28,27 @@ impl Merge {
             return Ok(say_status(&build::shards_status(&context.config, &shards)?));
         }
         let watch = context.progress.watch(false);
-        let (ingested, status) =
+        let (merged, status) =
             build::merge(&context.config, &shards, allow_missing, exclusive.wait, &watch)?;
         drop(watch);
-        let counts = build::count(&ingested.trials);
-        let derived = context.config.paths.derived.display();
-        say!("{}; tables in {derived}", pipeline::in_words(&counts));
-        let outcome = stages::judge(&context, &ingested);
+        let outcome = match merged {
+            Merged::Trials(ingested) => {
+                let counts = build::count(&ingested.trials);
+                let derived = context.config.paths.derived.display();
+                say!("{}; tables in {derived}", pipeline::in_words(&counts));
+                stages::judge(&context, &ingested)
+            }
+            Merged::Fits(fitted) => stages::say_fitted(&context, &fitted)?,
+        };
         if status.is_whole() {
             return Ok(outcome);
         }
-        note!("parts are missing, to do again: --array={}", status.array());
+        note!("parts are missing, to do again: {}", status.again());
         Ok(Outcome::NeedsAttention)
     }
 }
 
-/// Every part, a line each, and the array of jobs to submit again.
+/// Every part, a line each, and what to submit again.
 fn say_status(status: &ShardsStatus) -> Outcome {
     for (folder, _, part) in &status.parts {
         say!("{}: {part}", folder.display());
@@ -51,6 +56,6 @@ fn say_status(status: &ShardsStatus) -> Outcome {
     if status.is_whole() {
         return Outcome::Well;
     }
-    say!("--array={}", status.array());
+    say!("{}", status.again());
     Outcome::NeedsAttention
 }

@@ -69,12 +69,12 @@ enum Command {
     /// Marker files to tables of poses, wheel velocities, cycles and trials.
     #[command(after_help = include_str!("examples/ingest.txt").trim_end())]
     Ingest(stages::Ingest),
-    /// Join the parts of an ingest into the tables that an undivided one leaves.
+    /// Join the parts of an ingest or bootstrap into the tables that an undivided one leaves.
     #[command(after_help = include_str!("examples/merge.txt").trim_end())]
     Merge(merge::Merge),
     /// Fit every model of every campaign to the trials.
     #[command(after_help = include_str!("examples/fit.txt").trim_end())]
-    Fit(Exclusive),
+    Fit(stages::Fit),
     /// Draw the figures and write the page.
     #[command(after_help = include_str!("examples/report.txt").trim_end())]
     Report(Exclusive),
@@ -197,7 +197,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Run(command) => command.run(context()?),
         Command::Ingest(command) => command.run(context()?),
         Command::Merge(command) => command.run(context()?),
-        Command::Fit(exclusive) => stages::fit(&context()?, exclusive.wait),
+        Command::Fit(command) => command.run(&context()?),
         Command::Report(exclusive) => stages::report(&context()?, exclusive.wait),
         Command::Check(command) => command.run(context()?),
         Command::Compare(command) => command.run(context()?),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, pipeline};
 use crate::build::{self, Part};
+use crate::fit::Fitted;
 use crate::ingest::Ingested;
 
 #[derive(clap::Args)]
@@ -21,7 +22,8 @@ pub(super) struct Ingest {
     )]
     calibrate: Option<String>,
     /// Ingest one part of the trials: 3/8 is the third of eight.
-    #[arg(long, value_name = "PART", requires = "into", conflicts_with_all = ["calibrate", "only"])]
+    #[arg(long, value_name = "PART", value_parser = Part::of_trials)]
+    #[arg(requires = "into", conflicts_with_all = ["calibrate", "only"])]
     shard: Option<Part>,
     /// Folder for the tables of a part, 3-of-8 inside of it; `merge` joins them.
     #[arg(long, value_name = "FOLDER", requires = "shard")]
@@ -41,7 +43,7 @@ impl Ingest {
                 build::ingest_shard(&context.config, part, &shards, wait, &watch)?;
             drop(watch);
             let counts = build::count(&ingested.trials);
-            say!("{}; part {part} in {}", pipeline::in_words(&counts), home.display());
+            say!("{}; {part} in {}", pipeline::in_words(&counts), home.display());
             return Ok(judge(&context, &ingested));
         }
         let ingested = build::ingest(&context.config, only, wait, &watch)?;
@@ -61,8 +63,34 @@ pub(super) fn judge(context: &Context, ingested: &Ingested) -> Outcome {
     if ingested.needs_a_person() { Outcome::NeedsAttention } else { Outcome::Well }
 }
 
-pub(super) fn fit(context: &Context, wait: bool) -> Result<Outcome, Failure> {
-    let fitted = build::fit(&context.config, wait, &context.progress.watch(false))?;
+#[derive(clap::Args)]
+pub(super) struct Fit {
+    #[command(flatten)]
+    exclusive: Exclusive,
+    /// Fit only some replicates of the bootstrap: 0..500 are the first 500.
+    #[arg(long, value_name = "FROM..TO", value_parser = Part::of_replicates, requires = "into")]
+    replicates: Option<Part>,
+    /// Folder for the tables of these, replicates-0-500 inside of it; `merge` joins them.
+    #[arg(long, value_name = "FOLDER", requires = "replicates")]
+    into: Option<PathBuf>,
+}
+
+impl Fit {
+    pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
+        let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
+        if let Some((part, shards)) = self.replicates.zip(self.into) {
+            let (count, home) = build::fit_shard(&context.config, part, &shards, wait, &watch)?;
+            say!("{count} replicates of all models; {part} in {}", home.display());
+            return Ok(Outcome::Well);
+        }
+        let fitted = build::fit(&context.config, wait, &watch)?;
+        drop(watch);
+        say_fitted(context, &fitted)
+    }
+}
+
+/// Says what was fitted.
+pub(super) fn say_fitted(context: &Context, fitted: &Fitted) -> Result<Outcome, Failure> {
     let ingested = build::ingested(&context.config)?;
     pipeline::print_fits(&fitted.fits);
     pipeline::print_comparison(&fitted.comparison);
