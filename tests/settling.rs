@@ -32,18 +32,18 @@ fn with_two_stable_motions() -> Problem {
             inertia_kg_m2: [78e-4, 3e-4, 6.6e-4],
             roll_kg_s: [0.0; 3],
             skid_kg_s: [0.0; 3],
-            stiffness_nm_rad: 0.2462,
-            damping_nm_s_rad: 0.0343,
+            stiffness_nm_rad: 0.359,
+            damping_nm_s_rad: 0.032,
             rest_angle_rad: -0.039,
         },
         gait: Gait {
             joints: [
-                Some(JointCommand { offset_rad: 0.8443, amplitude_rad: 0.4797, phase_rad: -2.086 }),
+                Some(JointCommand { offset_rad: 0.771, amplitude_rad: 0.394, phase_rad: -2.086 }),
                 None,
             ],
         },
         model: Model::NoSkid,
-        omega_rad_s: 5.378,
+        omega_rad_s: 4.801,
     }
 }
 

@@ -150,6 +150,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             states.elements.clear();
             states.elements.resize(coarse, [states.start; STAGES]);
             self.mesh.integrate();
+            if let Some(damped) = model.damped() {
+                self.newton(&damped, COARSE_STEP)?;
+            }
             return self.newton(model, COARSE_STEP);
         };
         let mut tried = Ok(());

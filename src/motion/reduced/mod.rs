@@ -109,6 +109,15 @@ pub(super) trait Reduced<const N: usize> {
     /// What the equations are of.
     fn problem(&self) -> &Problem;
 
+    /// The same robot under the same command with losses that lead Newton's method from rest to its
+    /// motion, where it has next to none.
+    fn damped(&self) -> Option<Self>
+    where
+        Self: Sized,
+    {
+        None
+    }
+
     /// The command at phase `omega t`.
     fn node(&self, phase_rad: f64) -> Self::Node<f64>;
 

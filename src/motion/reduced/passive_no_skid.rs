@@ -230,6 +230,19 @@ impl Reduced<2> for PassiveNoSkid {
         &self.problem
     }
 
+    fn damped(&self) -> Option<Self> {
+        /// Roll resistance over the robot's mass and omega.
+        const ENOUGH: f64 = 0.15;
+        let robot = &self.problem.robot;
+        let wheel_kg_s =
+            ENOUGH * robot.mass_kg.iter().sum::<f64>() * self.problem.omega_rad_s / 3.0;
+        (robot.roll_kg_s.iter().sum::<f64>() < 3.0 * wheel_kg_s).then(|| {
+            let mut damped = self.clone();
+            damped.problem.robot.roll_kg_s = [wheel_kg_s; 3];
+            damped
+        })
+    }
+
     fn node(&self, phase_rad: f64) -> ConstrainedNode {
         let command = CommandNode::new(&self.problem, phase_rad);
         let frame = self.frame(command.joint(1 - self.passive));
