@@ -37,6 +37,7 @@ pub struct Config {
     pub gait: BTreeMap<String, GaitConfig>,
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
+    pub report: Report,
     pub compare: Compare,
 }
 
@@ -112,6 +113,14 @@ pub struct Fit {
     pub gait_input: GaitInput,
     /// Where k_tau, c_tau and the roll coefficients that are not fitted come from.
     pub robot_parameters: ParameterSource,
+}
+
+/// What is written beside the page.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Report {
+    /// Most trials of which all get a page.
+    pub trial_pages: usize,
 }
 
 /// Where the robots' own parameters come from.

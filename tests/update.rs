@@ -367,3 +367,35 @@ fn two_runs_on_a_folder_exclude_each_other() {
     assert!(text(&waiting.stderr).contains("process 4711"), "{}", text(&waiting.stderr));
     assert_same(&folder.results(), &Small::done().results(), "after waiting");
 }
+
+#[test]
+fn pages_beyond_the_limit_are_made_when_asked_for_and_then_kept_up_to_date() {
+    let folder = Small::done();
+    let before = folder.results();
+    folder.replace("pipeline.toml", "[fit]", "[report]\ntrial_pages = 1\n[fit]");
+    let pages = |folder: &Small| -> Vec<String> {
+        let results = folder.results().into_keys().map(|path| path.display().to_string());
+        let pages =
+            results.filter_map(|path| Some(path.strip_prefix("reports/trials/")?.to_owned()));
+        pages.collect()
+    };
+    let said = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
+    assert!(said.contains(&format!("remove page trials/{SYMMETRIC}.html: is no more\n")), "{said}");
+    folder.run();
+    let [first] = &pages(&folder)[..] else { panic!("{:?}", pages(&folder)) };
+    assert_ne!(*first, format!("{SYMMETRIC}.html"));
+
+    let meant = trilink(folder.path(), &["report", "--trial", &SYMMETRIC.replace("-r", "-x")]);
+    assert_eq!(meant.status.code(), Some(2));
+    let message = text(&meant.stderr);
+    assert!(message.contains("in trials.parquet") && message.contains("did you mean"), "{message}");
+
+    succeed(folder.path(), &["report", "--trial", SYMMETRIC]);
+    let page = PathBuf::from(format!("reports/trials/{SYMMETRIC}.html"));
+    assert_eq!(folder.results()[&page], before[&page]);
+    succeed(folder.path(), &["run"]);
+    change_marker_file(&folder, SYMMETRIC_FILE);
+    folder.run();
+    assert!(redone(&folder)[2].contains(&format!("trials/{SYMMETRIC}.html")));
+    assert_eq!(pages(&folder).len(), 2);
+}

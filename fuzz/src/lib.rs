@@ -54,7 +54,7 @@ pub fn settings(text: &[u8]) {
         let _ = trial.check(&config);
         let _ = IngestInput::new(&config, trial);
     }
-    let report = ReportInput::new(&config);
+    let report = ReportInput::new(&config, Default::default());
     let _ = report.configuration();
     for (name, campaign) in &config.campaign {
         let Some((robot, gait)) = config.campaign_setup(name) else { continue };
@@ -79,7 +79,7 @@ pub fn table(name: &str, data: &[u8]) {
     if ["trials.parquet", "robot_parameters.parquet"].contains(&name) {
         let _ = build::fit(&project.config, false, &());
     }
-    let _ = build::report(&project.config, false, &());
+    let _ = build::report(&project.config, &[], false, &());
 }
 
 /// `history.parquet`.

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::clock::utc_now;
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, did_you_mean};
 use crate::fit::{Fitted, input_paths};
 use crate::ingest::{FolderInput, Ingested};
 use crate::interrupt::{Interrupted, abandonable};
@@ -101,6 +101,8 @@ pub enum RunError {
     OtherFolder { derived: PathBuf, folder: String, of: Vec<String> },
     #[error("{0}; --wait waits for it")]
     Held(StoreError),
+    #[error("found no trial {trial} in trials.parquet, needed one of its{meant}")]
+    NoTrial { trial: String, meant: String },
     #[error("{}: {problem}; needed the results of a run that came to its end: `trilink run`", path.display())]
     Unfinished { path: PathBuf, problem: String },
     #[error(
@@ -349,7 +351,7 @@ impl<'s> Sequence<'s> {
         let config = &self.config.clone();
         let ingested = self.advance(&IngestStage::new(config)?)?;
         let fitted = self.advance(&FitStage::new(config))?;
-        let reported = self.advance(&ReportStage::new(config))?;
+        let reported = self.advance(&ReportStage::new(config, &self.record.report, &[]))?;
         let did_something = self.stages.iter().any(|stage| stage.did_something);
         let was_up_to_date = !did_something
             && self.is_recorded()
@@ -434,7 +436,7 @@ pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunErro
     let config = &sequence.config;
     let (known, derived) = (&sequence.record, &config.paths.derived);
     let (trials, models) = (IngestStage::new(config)?, FitStage::new(config));
-    let figures = ReportStage::new(config);
+    let figures = ReportStage::new(config, &known.report, &[]);
     let ingest = plan(&trials, derived, known, options)?.plan;
     let mut touched = trials.touched(&ingest);
     let (fit, mut uncertain_from) = match ingest.is_empty() {
@@ -500,15 +502,29 @@ pub fn ingested(config: &Config) -> Result<Ingested, RunError> {
     Ok(Ingested { trials, checks, ..Ingested::default() })
 }
 
-/// The third stage, of all figures: figures and the page.
+/// The third stage, of all figures: figures and the page, and now and later the pages of the
+/// trials that are `asked` for.
 ///
 /// # Errors
-/// A table cannot be read, a file not written, or another run is busy.
-pub fn report(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Reported, RunError> {
+/// There is no such trial, a table cannot be read, a file not written, or another run is busy.
+pub fn report(
+    config: &Config,
+    asked: &[String],
+    wait: bool,
+    watch: &dyn Watch,
+) -> Result<Reported, RunError> {
     input_paths(&config.paths.derived)?;
+    if !asked.is_empty() {
+        let trials = ingested(config)?.trials;
+        let known: BTreeSet<&str> = trials.iter().map(|row| row.trial.as_str()).collect();
+        if let Some(trial) = asked.iter().find(|trial| !known.contains(trial.as_str())) {
+            let meant = did_you_mean(trial, known);
+            return Err(RunError::NoTrial { trial: trial.clone(), meant });
+        }
+    }
     alone(config, RerunOptions::FORCE, wait, watch, |sequence| {
         sequence.take_known_folders();
-        Ok(ReportStage::new(&sequence.config))
+        Ok(ReportStage::new(&sequence.config, &sequence.record.report, asked))
     })
 }
 
@@ -518,7 +534,7 @@ fn alone<S: Stage>(
     options: RerunOptions,
     wait: bool,
     watch: &dyn Watch,
-    stage: fn(&mut Sequence) -> Result<S, RunError>,
+    stage: impl Fn(&mut Sequence) -> Result<S, RunError>,
 ) -> Result<S::Output, RunError> {
     // Where there is nothing to read, no folder is left behind.
     stage(&mut Sequence::new(config, options, watch).0)?;

@@ -16,8 +16,11 @@ use crate::store::{Reader, StoreError};
 pub struct ReportStage(ReportInput);
 
 impl ReportStage {
-    pub fn new(config: &Config) -> Self {
-        Self(ReportInput::new(config))
+    /// With the pages of the trials that are `asked` for now or were before.
+    pub fn new(config: &Config, known: &StageState, asked: &[String]) -> Self {
+        let before = known.whole.get("asked_pages").and_then(Value::as_array);
+        let before = before.into_iter().flatten().filter_map(Value::as_str).map(str::to_owned);
+        Self(ReportInput::new(config, before.chain(asked.iter().cloned()).collect()))
     }
 }
 
@@ -154,7 +157,7 @@ mod tests {
 
     #[test]
     fn a_figure_of_a_robot_may_change_with_the_robot_s_trials() {
-        let stage = ReportStage::new(&Config::default());
+        let stage = ReportStage::new(&Config::default(), &StageState::default(), &[]);
         let target = Target::Figure("fig08".to_owned());
         let made = Wanted::new(target, &(), Fingerprint::new()).made(Outputs::new());
         let mut touched = Touched::default();

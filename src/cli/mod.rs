@@ -77,7 +77,7 @@ enum Command {
     Fit(stages::Fit),
     /// Draw the figures and write the page.
     #[command(after_help = include_str!("examples/report.txt").trim_end())]
-    Report(Exclusive),
+    Report(stages::Report),
     /// Read trial folders or marker files, write nothing, say what is there and what is wrong.
     #[command(after_help = include_str!("examples/check.txt").trim_end())]
     Check(check::Check),
@@ -198,7 +198,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Ingest(command) => command.run(context()?),
         Command::Merge(command) => command.run(context()?),
         Command::Fit(command) => command.run(&context()?),
-        Command::Report(exclusive) => stages::report(&context()?, exclusive.wait),
+        Command::Report(command) => command.run(&context()?),
         Command::Check(command) => command.run(context()?),
         Command::Compare(command) => command.run(context()?),
         Command::Inspect(command) => command.run(context()?),

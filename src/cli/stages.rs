@@ -97,11 +97,29 @@ pub(super) fn say_fitted(context: &Context, fitted: &Fitted) -> Result<Outcome, 
     Ok(judge(context, &ingested))
 }
 
-pub(super) fn report(context: &Context, wait: bool) -> Result<Outcome, Failure> {
-    let reported = build::report(&context.config, wait, &context.progress.watch(false))?;
-    pipeline::say_missing(context, &reported.missing);
-    reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
-    say!("page: {}", reported.page.display());
-    let is_whole = reported.damaged.is_empty();
-    Ok(if is_whole { Outcome::Well } else { Outcome::NeedsAttention })
+#[derive(clap::Args)]
+pub(super) struct Report {
+    #[arg(
+        long,
+        value_name = "NAME",
+        num_args = 1..,
+        help = "Make the pages of these trials, too, where there are more than `trial_pages` of \
+                the configuration; later runs keep them up to date"
+    )]
+    trial: Vec<String>,
+    #[command(flatten)]
+    exclusive: Exclusive,
+}
+
+impl Report {
+    pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
+        let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
+        let reported = build::report(&context.config, &self.trial, wait, &watch)?;
+        drop(watch);
+        pipeline::say_missing(context, &reported.missing);
+        reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
+        say!("page: {}", reported.page.display());
+        let is_whole = reported.damaged.is_empty();
+        Ok(if is_whole { Outcome::Well } else { Outcome::NeedsAttention })
+    }
 }

@@ -13,7 +13,7 @@ use crate::robot::{Family, Gait, Parameter};
 
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
-const RANGES: [(&str, f64, f64); 26] = [
+const RANGES: [(&str, f64, f64); 27] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -23,6 +23,7 @@ const RANGES: [(&str, f64, f64); 26] = [
     ("fit.starts", 1.0, 1e4),
     ("fit.bootstrap", 0.0, 1e5),
     ("fit.seed", 0.0, 9e18),
+    ("report.trial_pages", 0.0, 2e4),
     ("compare.run_time_ratio", 1.0, 1e6),
     ("compare.*", 0.0, 1e9),
     ("robot.*.standard_deviation.*", 0.0, 1e6),

@@ -59,7 +59,7 @@ impl Content {
         let found = figures::figures((&*tables, &reader), input, truth.as_ref())?;
         missing.extend(found.missing);
         let damaged = trials::damaged(input, &tables, &reader)?;
-        let pages = trials::pages(&tables);
+        let pages = trials::pages(input, &tables);
         let hash_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
         let page_parts = trials::parts(input, &tables, &pages, hash_of);
         let figures = found.figures;

@@ -1,6 +1,6 @@
 //! What the report reads of the configuration.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
@@ -16,23 +16,30 @@ pub struct ReportInput {
     pub paths: Paths,
     #[serde(skip)]
     pub sigma: SigmaKind,
+    /// Trials of which a page was asked for.
+    pub asked_pages: BTreeSet<String>,
     /// With paths as seen from the page.
     #[serde(flatten)]
     shown: Config,
 }
 
 impl ReportInput {
-    pub fn new(config: &Config) -> Self {
+    pub fn new(config: &Config, asked_pages: BTreeSet<String>) -> Self {
         let mut shown = config.clone();
         let Paths { raw, derived, reports, .. } = &mut shown.paths;
         for path in raw.iter_mut().chain([derived, reports]) {
             *path = relative(&config.paths.reports, path).into();
         }
-        Self { paths: config.paths.clone(), sigma: config.fit.sigma, shown }
+        Self { paths: config.paths.clone(), sigma: config.fit.sigma, asked_pages, shown }
     }
 
     pub fn campaigns(&self) -> &BTreeMap<String, Campaign> {
         &self.shown.campaign
+    }
+
+    /// Most trials of which all get a page.
+    pub fn trial_pages(&self) -> usize {
+        self.shown.report.trial_pages
     }
 
     /// The robot and gait of a campaign, in SI units; `None` where an entry is missing.

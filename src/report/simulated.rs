@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn a_motion_goes_on_where_its_last_cycle_ended() {
-        let config = ReportInput::new(&Config::default());
+        let config = ReportInput::new(&Config::default(), Default::default());
         let problem = configured(&config, "kinematic-skewed", Model::SkidRoll, 3.9);
         let problem = problem.expect("a campaign of the paper");
         let start = Pose { x_m: 1.0, y_m: -2.0, theta_rad: 0.7 };

@@ -23,14 +23,33 @@ pub fn page_of(trial: &str) -> String {
     format!("{FOLDER}/{}.html", figures::file_name(trial, &mut BTreeSet::new()))
 }
 
-/// Files of all trials' pages.
-pub fn pages(tables: &Tables) -> TrialPages {
-    let mut taken = BTreeSet::new();
-    let file = |trial: &TrialRow| {
-        let name = figures::file_name(&trial.trial, &mut taken);
-        (trial.trial.clone(), format!("{name}.html"))
-    };
-    first_of_each(tables).map(file).collect()
+/// Files of the trials' pages: of all trials, or where these are more than the configuration
+/// allows of so many that failed, are flagged, or are the first of their campaign and frequency,
+/// and of those that were asked for.
+pub fn pages(input: &ReportInput, tables: &Tables) -> TrialPages {
+    let (mut taken, mut conditions) = (BTreeSet::new(), BTreeSet::new());
+    let mut trials: Vec<_> = first_of_each(tables)
+        .map(|trial| {
+            let omega = trial.omega_commanded_rad_s.to_bits();
+            let is_first = conditions.insert((&trial.campaign, trial.kind, omega));
+            let rank = match trial.status {
+                TrialStatus::Failed => 0,
+                TrialStatus::Flagged => 1,
+                TrialStatus::Ok => 3 - usize::from(is_first),
+            };
+            (rank, trial, figures::file_name(&trial.trial, &mut taken))
+        })
+        .collect();
+    let most = input.trial_pages();
+    if trials.len() > most {
+        trials.sort_by_key(|(rank, ..)| *rank);
+        let shown = trials.iter().take(most).filter(|(rank, ..)| *rank < 3).count();
+        let is_asked = |trial: &TrialRow| input.asked_pages.contains(&trial.trial);
+        let asked = trials.split_off(shown).into_iter().filter(|(_, trial, _)| is_asked(trial));
+        trials.extend(asked.collect::<Vec<_>>());
+    }
+    let file = |(_, trial, name): (_, &TrialRow, _)| (trial.trial.clone(), format!("{name}.html"));
+    trials.into_iter().map(file).collect()
 }
 
 /// The first row of every name.

@@ -20,7 +20,7 @@ use super::tables::Tables;
 use super::truth::{self, Truth};
 use super::{ReportError, ReportInput, figures};
 use crate::files::relative;
-use crate::store::Severity;
+use crate::store::{CheckRow, Severity};
 
 /// Trials' names, and the files of their pages in `trials/`.
 pub type TrialPages = BTreeMap<String, String>;
@@ -49,6 +49,10 @@ pub fn html(
         let message = Some(check.message.as_str()).filter(|message| !message.is_empty());
         messages.entry(&check.trial).or_default().extend(message);
     }
+    // Checks of campaigns and folders.
+    let trials: BTreeSet<&str> = tables.trials.iter().map(|row| row.trial.as_str()).collect();
+    let is_common = |check: &&CheckRow| !trials.contains(check.trial.as_str());
+    let troubling = tables.checks.iter().filter(|check| check.severity >= Severity::Warning);
     // What was fitted instead of what is missing, by campaign.
     let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
     let raw = input.paths.raw.iter().map(|raw| relative(&input.paths.reports, raw));
@@ -61,6 +65,8 @@ pub fn html(
         messages => Serde(messages),
         fit_notes => Serde(notes.filter(|(_, note)| !note.is_empty()).collect::<BTreeSet<_>>()),
         checks => Serde(&tables.checks),
+        common => Serde(troubling.filter(is_common).collect::<Vec<_>>()),
+        names => trials.len(),
         missing => Serde(missing),
         campaigns => campaigns::sections(input, tables, drawn),
         comparisons => images(drawn, |figure| {

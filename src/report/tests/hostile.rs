@@ -168,7 +168,7 @@ proptest! {
         let trial = &tables.trials[0].trial;
         save(&Table::new(columns), &wheels_path(&derived, trial));
 
-        let input = ReportInput::new(&config_of_one(folder.path()));
+        let input = ReportInput::new(&config_of_one(folder.path()), BTreeSet::new());
         let start = Instant::now();
         let content = Content::read(&input, Reader::default()).expect("reads");
         for figure in &content.figures {

@@ -9,14 +9,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::OnceLock;
 
+use super::tables::Tables;
 use super::*;
 use crate::config::Config;
 use crate::motion::{FromRest, Model};
-use crate::store::{CheckRow, Columns as _, FitStatus, Reader, Severity, TrialStatus};
+use crate::store::{CheckRow, Columns as _, FitStatus, Reader, Severity, TrialRow, TrialStatus};
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
 
 fn report(config: &Config) -> Result<Reported, ReportError> {
-    let input = ReportInput::new(config);
+    let input = ReportInput::new(config, BTreeSet::new());
     let content = Content::read(&input, Reader::default())?;
     let written = content.write(&input, BTreeMap::new(), &BTreeSet::new())?;
     Ok(written.reported)
@@ -270,6 +271,53 @@ fn every_trial_has_a_page_and_a_failed_one_has_no_motion() {
 }
 
 #[test]
+fn of_many_trials_only_those_to_look_at_the_first_of_each_frequency_and_those_asked_for_have_a_page()
+ {
+    let folder = temporary();
+    let mut tables = MadeUp::of_the_paper();
+    tables.trials.retain(|row| row.campaign == SKEWED);
+    for nth in 2..4 {
+        let repeat =
+            |row: &TrialRow| TrialRow { trial: format!("{}{nth}", row.trial), ..row.clone() };
+        let repeats: Vec<TrialRow> = tables.trials[..12].iter().map(repeat).collect();
+        tables.trials.extend(repeats);
+    }
+    tables.trials[20].status = TrialStatus::Failed;
+    tables.trials[30].status = TrialStatus::Flagged;
+    tables.write(&folder.path().join("derived"));
+    let read_tables =
+        Tables::read(&folder.path().join("derived"), &Reader::default()).expect("reads");
+    let pages = |most: usize, asked: &str| -> BTreeSet<String> {
+        let mut config = config(folder.path());
+        config.report.trial_pages = most;
+        let input = ReportInput::new(&config, [asked.to_owned()].into());
+        let pages = trials::pages(&input, &read_tables);
+        pages.into_values().map(|name| name.replace(".html", "")).collect()
+    };
+    let names =
+        |rows: &[&TrialRow]| rows.iter().map(|row| row.trial.clone()).collect::<BTreeSet<_>>();
+    let all: Vec<&TrialRow> = tables.trials.iter().collect();
+    assert_eq!(pages(36, ""), names(&all));
+    // Those of the first repeat, the one that failed, the one that is flagged.
+    let mut some = all[..12].to_vec();
+    some.extend([all[20], all[30]]);
+    assert_eq!(pages(35, ""), names(&some));
+    assert_eq!(pages(2, ""), names(&[all[20], all[30]]));
+    assert_eq!(pages(1, &all[33].trial), names(&[all[20], all[33]]));
+    assert_eq!(pages(0, "no-such-trial"), BTreeSet::new());
+
+    let mut config = config(folder.path());
+    config.report.trial_pages = 2;
+    config.campaign.remove(SEMI_PASSIVE);
+    let page = read(&report(&config).expect("reports").page);
+    assert!(page.contains("2 of 36 trials have a page") && page.contains("report --trial NAME"));
+    assert_eq!(page.matches("href=\"trials/").count(), 4, "in the warnings and in the table");
+    assert!(page.contains(&format!("<th scope=\"row\">{}</th>", all[0].trial)));
+    let written = std::fs::read_dir(folder.path().join("reports/trials")).expect("a folder");
+    assert_eq!(written.count(), 2);
+}
+
+#[test]
 fn a_trial_without_its_tables_is_said_to_be_missing_from_its_figure() {
     let folder = temporary();
     let derived = folder.path().join("derived");
@@ -477,7 +525,7 @@ fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
     }
     let folder = temporary();
     tables.write(&folder.path().join("derived"));
-    let input = ReportInput::new(&config(folder.path()));
+    let input = ReportInput::new(&config(folder.path()), BTreeSet::new());
     let content = Content::read(&input, Reader::default()).expect("reads");
     let figure = |stem: &str| {
         let mut figures = content.figures.iter().filter(|figure| figure.stem == stem);
