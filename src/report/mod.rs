@@ -10,10 +10,12 @@ mod numbers;
 mod page;
 mod parameters;
 mod plotted;
+mod polyline;
 mod recording;
 mod scorecard;
 mod series;
 mod simulated;
+mod svg;
 mod tables;
 #[cfg(test)]
 mod tests;

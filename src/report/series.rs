@@ -147,9 +147,14 @@ impl<'t> Source<'t> {
             let x = if omega.is_finite() { omega } else { trial.omega_commanded_rad_s };
             (x, value, BAR_STANDARD_ERRORS * se)
         };
-        let points = self.measured_trials(campaign).map(point);
-        let points = points.filter(|(x, y, _)| x.is_finite() && y.is_finite());
-        series(campaign, None, points, looks::measured(nth))
+        let mut trials: Vec<_> =
+            self.measured_trials(campaign).map(|trial| (point(trial), &trial.trial)).collect();
+        trials.retain(|((x, y, _), _)| x.is_finite() && y.is_finite());
+        trials.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0));
+        let points = trials.iter().map(|(point, _)| *point);
+        let mut series = series(campaign, None, points, looks::measured(nth))?;
+        series.layer.trials = trials.into_iter().map(|(_, trial)| trial.clone()).collect();
+        Some(series)
     }
 
     /// What a model predicts: its curve, broken where no stable motion was found, or where the

@@ -62,7 +62,7 @@ const SMALLEST: f64 = 1e-100;
 /// An axis. Its coordinates are values, of a logarithmic one their decimal logarithms.
 #[derive(Debug, Clone)]
 pub struct Axis {
-    is_logarithmic: bool,
+    pub is_logarithmic: bool,
     pub range: Range,
     pub ticks: Vec<f64>,
 }

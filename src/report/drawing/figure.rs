@@ -17,6 +17,8 @@ pub struct Layer {
     pub name: String,
     pub points: Vec<Point>,
     pub look: Look,
+    /// Trials that the points are of, if they are of trials.
+    pub trials: Vec<String>,
 }
 
 /// One panel with its axes.
@@ -80,7 +82,7 @@ impl Layer {
         look: Look,
     ) -> Self {
         let points = points.into_iter().map(|(x, y, error)| Point { x, y, error });
-        Self { name: name.to_owned(), points: points.collect(), look }
+        Self { name: name.to_owned(), points: points.collect(), look, trials: Vec::new() }
     }
 
     /// What a legend has of the layer, px from its middle: measurements have error bars there, too.

@@ -32,12 +32,15 @@ pub struct Cell<'f> {
     pub bottom: f64,
     pub x: Axis,
     pub y: Axis,
+    /// Whether it is as wide as the figure, where others are not.
+    pub is_whole: bool,
     /// The panel's own.
     pub legend: Vec<legend::Entry>,
 }
 
 /// A figure's parts and its size, px.
 pub struct Grid<'f> {
+    pub columns: usize,
     pub width: f64,
     pub height: f64,
     /// That of all panels, unless they have their own.
@@ -100,10 +103,23 @@ impl<'f> Grid<'f> {
             let from = right - legend::row_width(&samples);
             let legend = legend::lay_out(samples, from, right);
             let left = column as f64 * width;
-            cells.push(Cell { panel, title, left, top, width, inner_height, bottom, x, y, legend });
+            let is_whole = is_wide && columns > 1;
+            cells.push(Cell {
+                panel,
+                title,
+                left,
+                top,
+                width,
+                inner_height,
+                bottom,
+                x,
+                y,
+                is_whole,
+                legend,
+            });
         }
         let height = (top + cells.last().map_or(0.0, height) + 6.0).round();
-        Self { width: whole_width, height, legend, cells }
+        Self { columns, width: whole_width, height, legend, cells }
     }
 }
 

@@ -11,6 +11,8 @@ pub const ROW: f64 = 19.0;
 /// A sample and its position: the left end, px, and the row.
 pub struct Entry {
     pub sample: Layer,
+    /// As the layers have it; the sample's may be shorter.
+    pub name: String,
     pub x: f64,
     pub row: usize,
 }
@@ -27,6 +29,7 @@ pub fn row_width(samples: &[Layer]) -> f64 {
 /// Layers in columns between `left` and `right`: as few rows as that allows.
 pub fn lay_out(mut samples: Vec<Layer>, left: f64, right: f64) -> Vec<Entry> {
     let room = right - left;
+    let names: Vec<String> = samples.iter().map(|sample| sample.name.clone()).collect();
     for sample in &mut samples {
         sample.name = shorten(&sample.name, room - SAMPLE - SAMPLE_GAP);
     }
@@ -37,11 +40,11 @@ pub fn lay_out(mut samples: Vec<Layer>, left: f64, right: f64) -> Vec<Entry> {
     let fits = |rows: &usize| widths(*rows).iter().sum::<f64>() - GAP <= room + 1e-6;
     let rows = (1..samples.len()).find(fits).unwrap_or(samples.len()).max(1);
     let widths = widths(rows);
-    let entry = |(nth, sample)| {
+    let entry = |(nth, (sample, name))| {
         let x = left + widths[..nth / rows].iter().sum::<f64>();
-        Entry { sample, x, row: nth % rows }
+        Entry { sample, name, x, row: nth % rows }
     };
-    samples.into_iter().enumerate().map(entry).collect()
+    samples.into_iter().zip(names).enumerate().map(entry).collect()
 }
 
 /// The text, or as much of it as fits.

@@ -11,6 +11,5 @@ pub mod style;
 
 pub use axis::{Range, Scale};
 pub use figure::{Figure, Layer, Layout, Panel, Point};
-pub use frame::envelope;
-pub use render::{png, size, svg};
+pub use render::{parts, png, size, svg};
 pub use style::Look;

@@ -4,7 +4,7 @@ use std::sync::{Arc, LazyLock};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use plotters::prelude::{IntoDrawingArea, SVGBackend};
+use plotters::prelude::IntoDrawingArea;
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
 
@@ -12,17 +12,31 @@ use super::draw;
 use super::figure::Figure;
 use super::grid::Grid;
 use super::style::{self, units};
+use crate::report::svg::Svg;
 
 /// Pixels of the PNG per px of the figure: 1380 across, 394 dots per inch in a column.
 const PNG_SCALE: f32 = 3.0;
 /// Figures of very many panels are coarser.
 const MOST_PIXELS: f32 = 2e7;
 const COLUMN_WIDTH_M: f64 = 0.0889;
+/// Around the legend and the panels.
+const BODY: &str = "<g fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\">\n";
+const END: &str = "</g>\n</svg>\n";
 
-/// Width and height of a figure, px.
-pub fn size(figure: &Figure) -> (f64, f64) {
+/// Columns and width of a figure, px.
+pub fn size(figure: &Figure) -> (usize, f64) {
     let grid = Grid::new(figure);
-    (grid.width, grid.height)
+    (grid.columns, grid.width)
+}
+
+/// The legend and the panels of an SVG of a figure, for pages.
+pub fn parts(svg: &str) -> [&str; 2] {
+    let from = svg.find(BODY).map_or(svg.len(), |from| from + BODY.len());
+    let body = svg[from..].trim_end_matches(END);
+    let panels =
+        ["<svg class=\"panel\"", "<svg class=\"whole panel\""].map(|panel| body.find(panel));
+    let legend = panels.into_iter().flatten().min().unwrap_or(body.len());
+    [&body[..legend], &body[legend..]]
 }
 
 /// A figure as SVG with its font inside.
@@ -32,20 +46,18 @@ pub fn size(figure: &Figure) -> (f64, f64) {
 pub fn svg(figure: &Figure) -> Result<String, String> {
     let grid = Grid::new(figure);
     let (width, height) = (grid.width, grid.height);
-    let (fine_width, fine_height) = (units(width), units(height));
     let mut drawing = String::new();
-    let backend = SVGBackend::with_string(&mut drawing, (fine_width as u32, fine_height as u32));
+    let backend = Svg::new(&mut drawing, (units(width) as u32, units(height) as u32));
     draw::draw(grid, &backend.into_drawing_area()).map_err(|error| error.to_string())?;
-    let body = drawing.split_once('\n').map_or("", |(_, body)| body);
     // Names can have characters that XML cannot.
     let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
-    let body = body.replace(|c| !is_text(c), "\u{fffd}");
+    let body = drawing.replace(|c| !is_text(c), "\u{fffd}");
     let font = BASE64.encode(style::ROBOTO);
     Ok(format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {fine_width} {fine_height}\">\n\
+         viewBox=\"0 0 {width} {height}\">\n\
          <style>@font-face{{font-family:Roboto;src:url(data:font/ttf;base64,{font}) format(\"truetype\")}}</style>\n\
-         {body}"
+         <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{body}{END}"
     ))
 }
 
@@ -178,7 +190,7 @@ mod tests {
         let panel = Panel::new("a\u{1}\u{ffff}b<&", "\r\n\t", "", layers);
         let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
         let svg = svg(&figure).expect("is drawn");
-        assert!(svg.contains("a\u{fffd}\u{fffd}b&lt;&amp;"));
+        assert!(svg.contains("a\\u{1}\u{fffd}b&lt;&amp;"));
         assert!(png(&svg).expect("is well formed").starts_with(b"\x89PNG"));
     }
 }

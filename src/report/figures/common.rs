@@ -1,8 +1,9 @@
 //! What several figures have alike: the robot on a map, lines of one quantity each, units.
 
 use crate::motion::{Pose, Sample};
-use crate::report::drawing::{Layer, Look, Panel, Scale, envelope, style};
+use crate::report::drawing::{Layer, Look, Panel, Scale, style};
 use crate::report::looks;
+use crate::report::polyline::envelope;
 use crate::robot::Robot;
 
 /// The axis that frequencies are on.

@@ -62,10 +62,11 @@ fn missed(truth: &Truth, source: Source<'_>, quantity: &Quantity) -> Panel {
             let half = 100.0 * BAR_STANDARD_ERRORS * se / planted;
             let difference = 100.0 * (value / planted - 1.0);
             let is_known = planted > 0.0 && value.is_finite();
-            is_known.then_some((trial.omega_rad_s, difference, half))
+            is_known.then(|| ((trial.omega_rad_s, difference, half), trial.trial.clone()))
         };
         let points = source.measured_trials(campaign).filter_map(point);
-        Layer::with_errors(campaign, points, looks::campaign(nth))
+        let (points, trials): (Vec<_>, _) = points.unzip();
+        Layer { trials, ..Layer::with_errors(campaign, points, looks::campaign(nth)) }
     };
     let mut layers = vec![Layer::new("planted", [(f64::NAN, 0.0)], Look::Guides)];
     layers.extend(super::campaigns_of(source).into_iter().enumerate().map(layer));

@@ -58,12 +58,14 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
         [(model, ..)] => format!("{model}: to {most} %"),
         several => format!("{} models: to {most} %", several.len()),
     };
-    let errors = trials.iter().filter_map(|trial| {
+    let error = |trial: &&&TrialRow| {
         let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
-        let half = 100.0 * BAR_STANDARD_ERRORS * se / value;
-        half.is_finite().then_some((trial.omega_rad_s, 0.0, half))
-    });
+        100.0 * BAR_STANDARD_ERRORS * se / value
+    };
+    let known: Vec<&&TrialRow> = trials.iter().filter(|trial| error(trial).is_finite()).collect();
+    let errors = known.iter().map(|trial| (trial.omega_rad_s, 0.0, error(trial)));
     let mut layers = vec![Layer::with_errors("measured", errors, looks::measured(0))];
+    layers[0].trials = known.iter().map(|trial| trial.trial.clone()).collect();
     layers.extend(
         residuals
             .into_iter()

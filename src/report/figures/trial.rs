@@ -7,8 +7,9 @@ use super::common::{DEG, dense, lines, links, links_at_start, map, time_course, 
 use super::texts::texts;
 use crate::motion::Pose;
 use crate::report::ReportInput;
-use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, envelope};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
 use crate::report::looks;
+use crate::report::polyline::envelope;
 use crate::report::recording::Recording;
 use crate::store::{CycleRow, TrialRow};
 use crate::trial::TrialKind;

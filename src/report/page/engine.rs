@@ -1,19 +1,23 @@
 //! How templates are filled in, and what they share.
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::{Serde, Value};
 use minijinja::{Environment, UndefinedBehavior, escape_formatter};
 use serde::Serialize;
 
+use crate::report::drawing::style::ROBOTO;
 use crate::report::numbers::{
     as_configured, fixed, interval, percent, share, short, significant, with_error,
 };
 use crate::text::harmless;
 
 /// Templates that others include or extend.
-const SHARED: [(&str, &str); 4] = [
+const SHARED: [(&str, &str); 5] = [
     ("base.html", include_str!("base.html")),
     ("figure.html", include_str!("figure.html")),
+    ("sheet.html", include_str!("sheet.html")),
     ("scorecard.html", include_str!("scorecard.html")),
     ("style.css", include_str!("style.css")),
 ];
@@ -50,6 +54,7 @@ pub fn fill(
     });
     environment.add_filter("degrees", f64::to_degrees);
     environment.add_test("finite", f64::is_finite);
+    environment.add_global("font_base64", STANDARD.encode(ROBOTO));
     for (name, text) in SHARED {
         environment.add_template(name, text)?;
     }

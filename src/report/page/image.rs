@@ -1,6 +1,5 @@
 //! Drawings inside of pages.
 
-use base64::Engine;
 use minijinja::context;
 use minijinja::value::Value;
 
@@ -19,16 +18,18 @@ pub fn image(figure: &Figure) -> Result<Value, ReportError> {
 
 /// A figure that was drawn, for a page.
 pub fn image_of_svg(figure: &Figure, svg: &str) -> Value {
-    let (width, height) = drawing::size(figure);
+    let (columns, width) = drawing::size(figure);
+    let [legend, panels] = drawing::parts(svg);
     context! {
         stem => &figure.stem,
         number => figures::number(&figure.stem),
         title => &figure.title,
         caption => &figure.caption,
         alternative => plotted::text_alternative(figure),
-        image_base64 => base64::engine::general_purpose::STANDARD.encode(svg),
+        legend,
+        panels,
+        columns,
         width => width.round() as u32,
-        height => height.round() as u32,
         wide => width > drawing::style::WIDTH,
     }
 }

@@ -36,7 +36,9 @@ const use = () => {
     filter.dispatchEvent(new Event("input"));
     return visible().map(row => row.cells[0].textContent);
   };
-  const images = [...document.images];
+  const sheets = [...document.querySelectorAll(".sheet")];
+  const curves = sheet => [...sheet.querySelectorAll(".panel path")]
+    .filter(path => path.getBBox().width > 0 && path.getBoundingClientRect().width > 0);
   return {
     all,
     before,
@@ -47,9 +49,10 @@ const use = () => {
     nothing: type("no such trial"),
     hostile: type("<img"),
     cleared: type("").length,
-    images: images.length,
-    drawn: images.filter(image => image.complete && image.naturalWidth > 0).length,
-    described: images.filter(image => image.alt.length > 20).length,
+    sheets: sheets.length,
+    drawn: sheets.filter(sheet => curves(sheet).length > 2).length,
+    described: sheets.filter(sheet => sheet.ariaLabel.length > 20).length,
+    family: getComputedStyle(document.querySelector(".panel text")).fontFamily,
     requests: performance.getEntriesByType("resource")
       .map(entry => entry.name)
       .filter(name => !name.startsWith("data:")),

@@ -70,9 +70,10 @@ fn the_page_works_in_a_browser_without_a_network() {
             assert_eq!(seen[what], true, "{size}: {what}");
         }
         assert_eq!(seen["before"], false, "sorting has something to do");
-        let images = seen["images"].as_u64().expect("a number");
-        assert!(images > 20, "{images} figures");
-        assert_eq!((&seen["drawn"], &seen["described"]), (&seen["images"], &seen["images"]));
+        let sheets = seen["sheets"].as_u64().expect("a number");
+        assert!(sheets > 20, "{sheets} figures");
+        assert_eq!((&seen["drawn"], &seen["described"]), (&seen["sheets"], &seen["sheets"]));
+        assert_eq!(seen["family"], "Roboto, sans-serif");
         assert_eq!(seen["all"], tables.trials.len());
         assert_eq!(seen["cleared"], seen["all"]);
         assert_eq!(seen["filtered"], serde_json::json!(["kinematic-skewed-3.90-r1"]));
