@@ -140,20 +140,24 @@ node_up
 
 cd ../array
 SECONDS=0
-workflow/slurm.sh --array=1-8%2
+sed 's/^bootstrap = 200/bootstrap = 20/' ../undivided/pipeline.toml >pipeline.toml
+workflow/slurm.sh ingest --array=1-8%2
 wait_until cancel_one
 wait_until kill_one
 wait_until no_job_is_left
 array=$(missing_array)
 grep -e "$array" logs/merge-*.txt
-workflow/slurm.sh "$array"
+workflow/slurm.sh ingest "$array"
+wait_until no_job_is_left
+cp ../undivided/pipeline.toml .
+REPLICATES=200 PARTS=4 workflow/slurm.sh fit
 wait_until no_job_is_left
 same_as_undivided "workflow/slurm.sh"
 
 cd ../snakemake
 SECONDS=0
-on_slurm=(snakemake --profile workflow/profiles/slurm --slurm-status-command squeue
-    --slurm-init-seconds-before-status-checks 5)
+on_slurm=(snakemake --profile workflow/profiles/slurm --config fit_parts=4
+    --slurm-status-command squeue --slurm-init-seconds-before-status-checks 5)
 "${on_slurm[@]}" &>first.txt &
 snakemake=$!
 wait_until cancel_one
