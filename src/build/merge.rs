@@ -18,6 +18,9 @@ use crate::ingest::Ingested;
 use crate::interrupt::stop_if_asked;
 use crate::store::{StoreError, write_if_changed};
 
+/// Files that are copied at a time: most of that is waiting for the disk.
+const COPIES: usize = 16;
+
 /// What parts were joined into.
 #[derive(Debug)]
 pub enum Merged {
@@ -81,13 +84,19 @@ fn merge_trials(
     let mut record = Sequence::new(config, RerunOptions::FORCE, watch).0.record;
     let (ingested, _, state) = interruptible(IngestStage::NAME, || {
         watch.begin("merge", shards.len());
-        let mut kept = BTreeMap::new();
-        for shard in shards {
+        let joined = |shard: Shard<Ingested>| {
             let part = shard.manifest.part;
-            kept.extend(copy(&stage, shard, derived)?);
+            let copied = copy(&stage, shard, derived)?;
             watch.step(&part.to_string());
             tracing::info!(%part, "merged");
-        }
+            Ok(copied)
+        };
+        let join_all = || shards.into_iter().map(joined).collect::<Result<Vec<_>, StoreError>>();
+        let kept = match rayon::ThreadPoolBuilder::new().num_threads(COPIES).build() {
+            Ok(pool) => pool.install(join_all),
+            Err(_) => join_all(),
+        };
+        let kept: BTreeMap<Target, _> = kept?.into_iter().flatten().collect();
         stage.retain(|trial| kept.contains_key(&Target::Trial(trial.to_owned())));
         join(&stage, &record, kept).carry_out(&stage, watch)
     })?;
