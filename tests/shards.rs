@@ -158,6 +158,9 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
         let other = format!("{}0000{}", &manifest[..at], &manifest[at + 4..]);
         folder.write(&format!("{name}/manifest.json"), other);
     };
+    let of_format = |folder: &Small| {
+        folder.write(&format!("{name}/manifest.json"), "{ \"format\": 7, \"new\": [] }");
+    };
     let escape = |folder: &Small| {
         let manifest = format!("{name}/manifest.json");
         folder.replace(&manifest, "\"poses/", "\"../poses/");
@@ -168,12 +171,13 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
         remove(folder);
     };
     type Fault<'f> = (&'f dyn Fn(&Small), &'f str, bool);
-    let faults: [Fault; 11] = [
+    let faults: [Fault; 12] = [
         (&remove, "missing", true),
         (&kill, "unfinished: no manifest.json", true),
         (&rot, ".parquet is not as it was written", false),
         (&lose, ".parquet is gone", false),
         (&cut, "manifest.json: damaged: EOF", false),
+        (&of_format, "manifest.json: found format 7, needed 1", false),
         (&escape, "manifest.json: found file ../poses/", false),
         (&configure, "made with another configuration, or of other trials", false),
         (&list_less, "made with another configuration, or of other trials", false),
@@ -311,7 +315,7 @@ fn replicates_of_any_parts_joined_are_the_bytes_of_one_bootstrap() {
             numbers.replace("..", "-")
         );
         assert!(told.contains(&expected), "{told}");
-        assert!(told.contains(&format!("skid-roll, replicates {numbers}\n")), "{told}");
+        assert!(told.contains(&format!("skid-roll, replicates {numbers}")), "{told}");
         assert_same(&copy.results(), &before, "a part writes nothing of the project's");
         copy_folder(&copy.place("shards"), &folder.place("shards"));
     }

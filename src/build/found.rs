@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::path::{Component::Normal, Path, PathBuf};
 
 use rayon::prelude::*;
+use serde::Deserialize;
 
 use super::fit::FitStage;
 use super::ingest::IngestStage;
@@ -257,11 +258,15 @@ fn read_manifest(folder: &Path) -> Result<Manifest, PartStatus> {
         }
         Err(problem) => return Err(refused(format!("cannot be read: {problem}"))),
     };
-    match serde_json::from_slice::<Manifest>(&json) {
-        Ok(Manifest { format, .. }) if format != FORMAT => {
+    #[derive(Deserialize)]
+    struct Format {
+        format: u32,
+    }
+    match serde_json::from_slice(&json) {
+        Ok(Format { format }) if format != FORMAT => {
             Err(refused(format!("found format {format}, needed {FORMAT}")))
         }
-        manifest => manifest.map_err(|problem| refused(format!("damaged: {problem}"))),
+        _ => serde_json::from_slice(&json).map_err(|e| refused(format!("damaged: {e}"))),
     }
 }
 
