@@ -11,8 +11,8 @@ use super::element::integrate_poses;
 use super::forces::contact_forces;
 use super::method::Method;
 use super::orbit::Effort;
-use super::radau::{RADAU, STAGES, bisect};
-use super::reduced::{Derivatives, KinematicState};
+use super::radau::{RADAU, STAGES};
+use super::reduced::{AMPLITUDE, Derivatives, KinematicState, NUMBERS};
 use super::trajectory::Sample;
 use super::{MotionError, Problem, Result};
 use crate::metrics::GaitMetrics;
@@ -22,84 +22,78 @@ use crate::robot::{JointCommand, Parameter, Pose, Robot, Trig};
 /// the simple fractions of a period at which gaits tend to cross `det W_b = 0`.
 const ELEMENTS: usize = 9;
 const MOST_ELEMENTS: usize = 4000;
-/// Relative change of a cycle on doubling the elements that is accepted.
+/// Relative change of a cycle on doubling the elements that is accepted at least and at most. That
+/// of twice the elements is 2^9 times as accurate as this says.
 const ACCURACY: f64 = 1e-11;
-/// Samples of a cycle in which crossings are looked for.
-const SAMPLES: usize = 720;
+const LEAST_ACCURACY: f64 = 1e-7;
+/// Samples of a cycle that tell how large numerators and determinant are.
+const SAMPLES: usize = 16;
+/// Distance of crossings that are told apart.
+const RESOLUTION_RAD: f64 = TAU / 720.0;
 /// Part of a typical numerator that may be left at a crossing that meets condition (5).
 const CROSSING: f64 = 1e-9;
 /// Part of a typical determinant below which the quotient is taken from its neighbourhood.
 const NEAR: f64 = 1e-4;
 
 /// For motions that eq. 3 gives.
-pub(super) struct Quadrature<'p> {
-    pub problem: &'p Problem,
+pub(super) struct Quadrature<'a> {
+    pub problem: &'a Problem,
     pub joints: [JointCommand; 2],
+    /// Of the last solution.
+    pub elements: &'a mut usize,
 }
 
-impl Quadrature<'_> {
-    /// Metrics of one cycle. They do not depend on the frequency, but for the speed.
-    fn metrics(&self, joints: [JointCommand; 2]) -> Result<(GaitMetrics, Effort)> {
-        let robot = &self.problem.robot;
-        let eq3 = Eq3::new(robot, joints)?;
+impl Method for Quadrature<'_> {
+    fn solve(&mut self, _is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
+        let Problem { robot, omega_rad_s, .. } = self.problem;
+        let eq3 = Eq3::new(robot, self.joints)?;
         let change = |before: &Pose, after: &Pose| {
             let d_m = after.x_m.hypot(after.y_m);
             let moved = (after.x_m - before.x_m).hypot(after.y_m - before.y_m) / d_m.max(robot.l_m);
             moved.max((after.theta_rad - before.theta_rad).abs())
         };
-        let (end, error, elements) = refined(ELEMENTS, |count| eq3.cycle(count), change);
-        if error > ACCURACY {
+        let accuracy = accuracy.clamp(ACCURACY, LEAST_ACCURACY);
+        let (end, error, elements) = refined(ELEMENTS, accuracy, |count| eq3.cycle(count), change);
+        if error > accuracy {
             return Err(MotionError::Unresolved { error });
         }
+        *self.elements = elements;
         let d_m = end.x_m.hypot(end.y_m);
         let metrics = GaitMetrics {
             d_m,
-            v_m_s: d_m * self.problem.omega_rad_s / TAU,
+            v_m_s: d_m * omega_rad_s / TAU,
             sigma: [0.0; 3],
-            alpha1_rad: joints[0].amplitude_rad.abs(),
+            alpha1_rad: self.joints[0].amplitude_rad.abs(),
             dtheta_rad: end.theta_rad,
         };
         Ok((metrics, Effort { elements, ..Effort::default() }))
     }
 
-    /// Derivative of the metrics with respect to a number of a joint's command, by Richardson's
-    /// extrapolation of central differences: the quadrature has more digits than it needs.
-    ///
-    /// # Errors
-    /// A slightly different gait has no motion: one that depends on condition (5) being met has no
-    /// derivative.
-    fn gait_derivative(&self, joint: usize, number: usize) -> Result<GaitMetrics> {
-        const STEP_RAD: f64 = 2e-3;
-        let difference = |step: f64| -> Result<[f64; 7]> {
-            let at = |step: f64| {
-                let mut joints = self.joints;
-                let JointCommand { offset_rad, amplitude_rad, phase_rad } = &mut joints[joint];
-                *[offset_rad, amplitude_rad, phase_rad][number] += step;
-                Ok(self.metrics(joints)?.0.to_array())
-            };
-            let (low, high) = (at(-step)?, at(step)?);
-            Ok(std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step)))
-        };
-        let (coarse, fine) = (difference(STEP_RAD)?, difference(0.5 * STEP_RAD)?);
-        Ok(GaitMetrics::from_array(std::array::from_fn(|i| (4.0 * fine[i] - coarse[i]) / 3.0)))
-    }
-}
-
-impl Method for Quadrature<'_> {
-    fn solve(&mut self, _is_warm: bool, _accuracy: f64) -> Result<(GaitMetrics, Effort)> {
-        self.metrics(self.joints)
-    }
-
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let mut derivatives = Derivatives::NONE;
         if wanted.is_none() {
-            let (metrics, _) = self.metrics(self.joints)?;
-            derivatives.omega.v_m_s = metrics.d_m / TAU;
-            for (joint, numbers) in derivatives.gait.iter_mut().enumerate() {
-                for (number, derivative) in numbers.iter_mut().enumerate() {
-                    let found = self.gait_derivative(joint, number);
-                    *derivative = found.unwrap_or(GaitMetrics::MISSING);
-                }
+            let eq3 = Eq3::new(&self.problem.robot, self.joints)?;
+            let (end, slopes) = eq3.cycle_slopes(*self.elements);
+            let d_m = end.x_m.hypot(end.y_m);
+            derivatives.omega.v_m_s = d_m / TAU;
+            for (i, [x, y, dtheta_rad]) in slopes.into_iter().enumerate() {
+                let (joint, number) = (i / NUMBERS, i % NUMBERS);
+                // A distance of nothing has no gradient.
+                let slope_m = if d_m > 0.0 { (end.x_m * x + end.y_m * y) / d_m } else { 0.0 };
+                let amplitude_rad = match (joint, number) {
+                    (0, AMPLITUDE) => self.joints[0].amplitude_rad.signum(),
+                    _ => 0.0,
+                };
+                derivatives.gait[joint][number] = match eq3.lasts[i] {
+                    true => GaitMetrics {
+                        d_m: slope_m,
+                        v_m_s: slope_m * self.problem.omega_rad_s / TAU,
+                        alpha1_rad: amplitude_rad,
+                        dtheta_rad,
+                        ..GaitMetrics::NONE
+                    },
+                    false => GaitMetrics::MISSING,
+                };
             }
         }
         Ok(derivatives)
@@ -127,7 +121,7 @@ impl Method for Quadrature<'_> {
         let change = |before: &[f64; 3], after: &[f64; 3]| {
             (0..2).map(|i| (after[i] - before[i]).abs()).fold(0.0, f64::max) / after[2]
         };
-        let ([work_j, loss_j, _], ..) = refined(2 * ELEMENTS + 1, sums, change);
+        let ([work_j, loss_j, _], ..) = refined(2 * ELEMENTS + 1, ACCURACY, sums, change);
         Ok([work_j, loss_j])
     }
 
@@ -158,10 +152,12 @@ impl Method for Quadrature<'_> {
     }
 }
 
-/// A quadrature with ever more elements than `count` until its relative `change` is below [`ACCURACY`], and the
-/// last change, which is larger only where [`MOST_ELEMENTS`] are too few; and how many there are.
+/// A quadrature with ever more elements than `count` until its relative `change` is below the
+/// `accuracy`, and the last change, which is larger only where [`MOST_ELEMENTS`] are too few; and
+/// how many there are.
 fn refined<T>(
     mut count: usize,
+    accuracy: f64,
     quadrature: impl Fn(usize) -> T,
     change: impl Fn(&T, &T) -> f64,
 ) -> (T, f64, usize) {
@@ -170,12 +166,18 @@ fn refined<T>(
         count = 2 * count + 1;
         let after = quadrature(count);
         let change = change(&before, &after);
-        if change <= ACCURACY || count >= MOST_ELEMENTS {
+        if change <= accuracy || count >= MOST_ELEMENTS {
             return (after, change, count);
         }
         before = after;
     }
 }
+
+/// The numbers of both joints' commands, one after the other.
+const GAIT: usize = 2 * NUMBERS;
+
+/// A value, its derivative with respect to the phase, and those with respect to [`GAIT`].
+const ALL: usize = 2 + GAIT;
 
 /// Eq. 3 with time measured as phase.
 struct Eq3<'a> {
@@ -183,67 +185,130 @@ struct Eq3<'a> {
     joints: [JointCommand; 2],
     /// Largest `det W_b` of the cycle, m.
     det_scale_m: f64,
+    /// Whether gaits that differ in a number of a command have a motion, too.
+    lasts: [bool; GAIT],
 }
 
 impl<'a> Eq3<'a> {
     /// # Errors
     /// The gait crosses `det W_b = 0` without meeting condition (5).
     fn new(robot: &'a Robot, joints: [JointCommand; 2]) -> Result<Self> {
-        let mut eq3 = Self { robot, joints, det_scale_m: 0.0 };
-        let phase = |i: usize| TAU * i as f64 / SAMPLES as f64;
+        let mut eq3 = Self { robot, joints, det_scale_m: 0.0, lasts: [true; GAIT] };
         let mut scale = 0.0_f64;
         for i in 0..SAMPLES {
-            let [(numerators, det), _] = eq3.parts(phase(i));
-            scale = scale.max(eq3.size(numerators));
-            eq3.det_scale_m = eq3.det_scale_m.max(det.abs());
+            let [parts] = eq3.parts(TAU * i as f64 / SAMPLES as f64);
+            scale = scale.max(eq3.size(&parts));
+            eq3.det_scale_m = eq3.det_scale_m.max(parts[2].abs());
         }
         if eq3.det_scale_m <= 1e-12 * (robot.h_m + robot.l_m) {
             return Err(MotionError::Singular { phase_rad: 0.0 });
         }
-        let det = |phase: f64| eq3.parts(phase)[0].1;
-        for i in 0..SAMPLES {
-            let (low, high) = (phase(i), phase(i + 1));
-            if det(low) == 0.0 || det(low) * det(high) < 0.0 {
-                let crossing = if det(low) == 0.0 { low } else { bisect(det, low, high, 60) };
-                if eq3.size(eq3.parts(crossing)[0].0) > CROSSING * scale {
+        // No farther than this can it change its sign.
+        let fastest_m = (robot.h_m + robot.l_m)
+            * joints.iter().map(|joint| joint.amplitude_rad.abs()).sum::<f64>();
+        let det = |phase: f64| eq3.parts::<1>(phase)[0][2];
+        let (mut phase, mut before) = (0.0, det(0.0));
+        let mut lasts = eq3.lasts;
+        while phase < TAU {
+            let next = phase + (before.abs() / fastest_m).max(RESOLUTION_RAD);
+            let after = det(next);
+            if before == 0.0 || before * after < 0.0 {
+                let crossing = eq3.crossing(phase, next, after > 0.0);
+                let [parts, slopes, gait @ ..] = eq3.parts::<ALL>(crossing);
+                if eq3.size(&parts) > CROSSING * scale {
                     return Err(MotionError::Singular { phase_rad: crossing });
                 }
+                // The crossing moves with the gait; the numerators have to stay zero there.
+                for (lasts, by_number) in lasts.iter_mut().zip(gait) {
+                    let moved = by_number[2] / slopes[2];
+                    let left = std::array::from_fn(|i| by_number[i] - moved * slopes[i]);
+                    *lasts &= eq3.size(&left) <= CROSSING * scale;
+                }
             }
+            (phase, before) = (next, after);
         }
-        Ok(eq3)
+        Ok(Self { lasts, ..eq3 })
     }
 
-    /// Numerators of `u` (m^2) and `theta'` (m) and their denominator `det W_b` (m), and their
-    /// derivatives with respect to the phase; `v = 0`.
+    /// Where `det W_b` is zero between two phases, at the second of which it is positive or not:
+    /// Newton's method, halved where it leaves them.
+    fn crossing(&self, mut low: f64, mut high: f64, rises: bool) -> f64 {
+        const MOST_STEPS: usize = 60;
+        let mut phase = low;
+        for _ in 0..MOST_STEPS {
+            let [[.., det], [.., slope]] = self.parts(phase);
+            if det == 0.0 {
+                break;
+            }
+            if (det > 0.0) == rises {
+                high = phase;
+            } else {
+                low = phase;
+            }
+            let next = phase - det / slope;
+            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
+            if (next - phase).abs() <= f64::EPSILON * high {
+                break;
+            }
+            phase = next;
+        }
+        phase
+    }
+
+    /// Numerators of `u` (m^2) and `theta'` (m) and their denominator `det W_b` (m), the first `K`
+    /// of [`ALL`]; `v = 0`.
     ///
     /// From eq. 1, with `a_i = l + h cos phi_i`: `s1 u + a1 r = l phi1'` and
     /// `-s2 u - a2 r = l phi2'`.
-    fn parts(&self, phase: f64) -> [([f64; 2], f64); 2] {
-        let [[phi1, w1, dw1], [phi2, w2, dw2]] = self.joints.map(|joint| joint.at(phase));
+    #[inline(always)]
+    fn parts<const K: usize>(&self, phase: f64) -> [[f64; 3]; K] {
+        let waves = self.joints.map(|joint| (phase + joint.phase_rad).sin_cos());
+        // Derivatives of each joint's angle and rate with respect to the numbers of its command.
+        let changes: [[[f64; 2]; NUMBERS]; 2] = std::array::from_fn(|joint| {
+            let ((sin, cos), amplitude_rad) = (waves[joint], self.joints[joint].amplitude_rad);
+            [[1.0, 0.0], [cos, -sin], [-amplitude_rad * sin, -amplitude_rad * cos]]
+        });
+        let [phi1, phi2] =
+            [0, 1].map(|i| self.joints[i].offset_rad + self.joints[i].amplitude_rad * waves[i].1);
+        let [[w1, _], [w2, _]] = changes.map(|[.., by_phase]| by_phase);
         let Trig { s: [s1, s2], c: [c1, c2] } = Trig::new([phi1, phi2]);
         let (h, l) = (self.robot.h_m, self.robot.l_m);
         let (a1, a2) = (l + h * c1, l + h * c2);
-        let (da1, da2) = (-h * s1 * w1, -h * s2 * w2);
-        let du = -l * (da2 * w1 + a2 * dw1 + da1 * w2 + a1 * dw2);
-        let dr = l * (c2 * w2 * w1 + s2 * dw1 + c1 * w1 * w2 + s1 * dw2);
-        let ddet = c2 * w2 * a1 + s2 * da1 - c1 * w1 * a2 - s1 * da2;
-        let numerators = [-l * (a2 * w1 + a1 * w2), l * (s2 * w1 + s1 * w2)];
-        [(numerators, s2 * a1 - s1 * a2), ([du, dr], ddet)]
+        let value = [-l * (a2 * w1 + a1 * w2), l * (s2 * w1 + s1 * w2), s2 * a1 - s1 * a2];
+        let by_angle = [
+            [l * h * s1 * w2, l * c1 * w2, -h * s1 * s2 - c1 * a2],
+            [l * h * s2 * w1, l * c2 * w1, h * s1 * s2 + c2 * a1],
+        ];
+        let by_rate = [[-l * a2, l * s2, 0.0], [-l * a1, l * s1, 0.0]];
+        let along = |joint: usize, [angle, rate]: [f64; 2]| -> [f64; 3] {
+            std::array::from_fn(|i| by_angle[joint][i] * angle + by_rate[joint][i] * rate)
+        };
+        std::array::from_fn(|k| match k {
+            0 => value,
+            1 => {
+                let [front, rear] = [0, 1].map(|joint| along(joint, changes[joint][NUMBERS - 1]));
+                std::array::from_fn(|i| front[i] + rear[i])
+            }
+            _ => along((k - 2) / NUMBERS, changes[(k - 2) / NUMBERS][(k - 2) % NUMBERS]),
+        })
     }
 
-    fn size(&self, numerators: [f64; 2]) -> f64 {
+    fn size(&self, numerators: &[f64; 3]) -> f64 {
         numerators[0].abs().max(numerators[1].abs() * self.robot.l_m)
     }
 
-    /// `u` and `theta'` per radian of phase, and their derivatives with respect to the phase. Near
-    /// `det W_b = 0` the quotients, which are smooth, are taken from both sides, to fourth order.
-    fn velocities(&self, phase: f64) -> [[f64; 2]; 2] {
+    /// `u` and `theta'` per radian of phase, the first `K` of [`ALL`]. Near `det W_b = 0` the
+    /// quotients, which are smooth, are taken from both sides, to fourth order.
+    #[inline(always)]
+    fn velocities<const K: usize>(&self, phase: f64) -> [[f64; 2]; K] {
         const ASIDE: f64 = 2e-3;
-        let quotients = |phase: f64| {
-            let [(numerators, det), (slopes, det_slope)] = self.parts(phase);
-            let quotients = numerators.map(|numerator| numerator / det);
-            let slope = |i: usize| (slopes[i] - quotients[i] * det_slope) / det;
-            ([quotients, [0, 1].map(slope)], det)
+        let quotients = |phase: f64| -> ([[f64; 2]; K], f64) {
+            let parts = self.parts::<K>(phase);
+            let det = parts[0][2];
+            let value: [f64; 2] = std::array::from_fn(|i| parts[0][i] / det);
+            let derivative =
+                |part: [f64; 3]| std::array::from_fn(|i| (part[i] - value[i] * part[2]) / det);
+            (std::array::from_fn(|k| if k == 0 { value } else { derivative(parts[k]) }), det)
         };
         let (value, det) = quotients(phase);
         if det.abs() > NEAR * self.det_scale_m {
@@ -251,7 +316,7 @@ impl<'a> Eq3<'a> {
         }
         let [far_left, left, right, far_right] =
             [-2.0, -1.0, 1.0, 2.0].map(|steps| quotients(phase + steps * ASIDE).0);
-        [0, 1].map(|k| {
+        std::array::from_fn(|k| {
             [0, 1].map(|i| {
                 (4.0 * (left[k][i] + right[k][i]) - far_left[k][i] - far_right[k][i]) / 6.0
             })
@@ -278,11 +343,44 @@ impl<'a> Eq3<'a> {
 
     /// The pose after an element that starts at a phase.
     fn advance(&self, pose: Pose, phase: f64, length: f64) -> Pose {
-        let states = RADAU.nodes.map(|node| {
-            let [[u, r], _] = self.velocities(phase + length * node);
-            KinematicState { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] }
-        });
-        let [.., end] = integrate_poses(pose, &states, length);
+        let velocities = RADAU.nodes.map(|node| self.velocities::<1>(phase + length * node)[0]);
+        let [.., end] = poses(pose, &velocities, length);
         end
     }
+
+    /// The pose after one cycle and its derivatives (x, y, theta) with respect to [`GAIT`].
+    fn cycle_slopes(&self, count: usize) -> (Pose, [[f64; 3]; GAIT]) {
+        let (length, integrate) = (TAU / count as f64, &RADAU.integrate);
+        let (mut pose, mut slopes) = (Pose::default(), [[0.0; 3]; GAIT]);
+        for k in 0..count {
+            let velocities =
+                RADAU.nodes.map(|node| self.velocities::<ALL>(length * (k as f64 + node)));
+            let values = velocities.map(|of| of[0]);
+            let poses = poses(pose, &values, length);
+            pose = poses[STAGES - 1];
+            let directions = poses.map(|pose| pose.theta_rad.sin_cos());
+            for (i, [x, y, theta]) in slopes.iter_mut().enumerate() {
+                let turned: [f64; STAGES] = std::array::from_fn(|j| {
+                    let sum = (0..STAGES).map(|l| integrate[j][l] * velocities[l][2 + i][1]);
+                    *theta + length * sum.sum::<f64>()
+                });
+                for j in 0..STAGES {
+                    let weight = length * integrate[STAGES - 1][j];
+                    let (along, across) = (velocities[j][2 + i][0], values[j][0] * turned[j]);
+                    let (sin, cos) = directions[j];
+                    *x += weight * (cos * along - sin * across);
+                    *y += weight * (sin * along + cos * across);
+                }
+                *theta = turned[STAGES - 1];
+            }
+        }
+        (pose, slopes)
+    }
+}
+
+/// Poses at the stages of an element with these velocities `(u, theta')` there.
+fn poses(from: Pose, velocities: &[[f64; 2]; STAGES], length: f64) -> [Pose; STAGES] {
+    let state =
+        |[u, r]: [f64; 2]| KinematicState { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] };
+    integrate_poses(from, &velocities.map(state), length)
 }

@@ -16,8 +16,10 @@ use crate::robot::Parameter;
 #[derive(Debug, Clone, Default)]
 pub struct Solver {
     last: Option<Problem>,
-    /// The last problem whose motion eq. 3 gives, and its metrics.
-    last_quadrature: Option<(Problem, GaitMetrics)>,
+    /// The last problem whose motion eq. 3 gives, its metrics, and how accurate they are.
+    last_quadrature: Option<(Problem, GaitMetrics, f64)>,
+    /// Elements of its quadrature.
+    quadrature_elements: usize,
     kinematic_skid: PeriodicOrbit<3, Skid<3>>,
     passive_skid: PeriodicOrbit<5, Skid<5>>,
     passive_no_skid: PeriodicOrbit<2, PassiveNoSkid>,
@@ -55,12 +57,12 @@ impl Solver {
         let is_warm = self.last.take().is_some_and(|last| is_alike(&last, problem));
         self.effort = Effort::default();
         let metrics;
-        (metrics, self.effort) = match self.known_by_eq_3(problem) {
+        (metrics, self.effort) = match self.known_by_eq_3(problem, accuracy) {
             Some(known) => (known, Effort::default()),
             None => self.with(problem, |method| method.solve(is_warm, accuracy))?,
         };
-        if problem.is_determined() {
-            self.last_quadrature = Some((problem.clone(), metrics));
+        if problem.is_determined() && self.effort.elements > 0 {
+            self.last_quadrature = Some((problem.clone(), metrics, accuracy));
         }
         self.last = Some(problem.clone());
         Ok(metrics)
@@ -68,10 +70,11 @@ impl Solver {
 
     /// The metrics of a motion that eq. 3 gives, from another of the same robot and gait: the
     /// frequency changes nothing but the speed.
-    fn known_by_eq_3(&self, problem: &Problem) -> Option<GaitMetrics> {
-        let (known, metrics) = self.last_quadrature.as_ref()?;
+    fn known_by_eq_3(&self, problem: &Problem, accuracy: f64) -> Option<GaitMetrics> {
+        let (known, metrics, known_accuracy) = self.last_quadrature.as_ref()?;
         let Problem { robot, gait, model, omega_rad_s } = problem;
         let is_same = known.robot == *robot && known.gait == *gait && known.model == *model;
+        let is_same = is_same && *known_accuracy <= accuracy;
         is_same.then(|| GaitMetrics { v_m_s: metrics.d_m * omega_rad_s / TAU, ..*metrics })
     }
 
@@ -190,7 +193,8 @@ impl Solver {
         match (problem.gait.joints, problem.model.skids()) {
             ([None, None], _) => Err(MotionError::NotDriven),
             ([Some(joint1), Some(joint2)], false) => {
-                task(&mut Quadrature { problem: &problem, joints: [joint1, joint2] })
+                let elements = &mut self.quadrature_elements;
+                task(&mut Quadrature { problem: &problem, joints: [joint1, joint2], elements })
             }
             ([Some(_), Some(_)], true) => {
                 let orbit = &mut self.kinematic_skid;

@@ -12,15 +12,6 @@ pub struct JointCommand {
     pub phase_rad: f64,
 }
 
-impl JointCommand {
-    /// Angle (rad) and its first two derivatives with respect to the phase `omega t`.
-    pub fn at(&self, phase_rad: f64) -> [f64; 3] {
-        let (sin, cos) = (phase_rad + self.phase_rad).sin_cos();
-        let wave = self.amplitude_rad * cos;
-        [self.offset_rad + wave, -self.amplitude_rad * sin, -wave]
-    }
-}
-
 /// The commands of both joints. A joint without a command is passive: its spring and
 /// damper (eq. 11) govern it. At most one joint may be passive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
