@@ -8,7 +8,7 @@ use crate::stats::{MAD_TO_DEVIATION, median, median_absolute_deviation};
 /// Cycles that are kept however much the first of them still differs from the others.
 const LEAST_KEPT: usize = 3;
 /// Changes below these are no drift: part of d, and rad.
-const D_TOLERANCE: f64 = 5e-4;
+const D_TOLERANCE: f64 = 1e-4;
 const DTHETA_TOLERANCE_RAD: f64 = 0.005;
 /// Robust standard deviations by which the first cycle may differ.
 const DEVIATIONS: f64 = 3.0;
@@ -35,7 +35,8 @@ impl Steady {
 }
 
 /// Skips at least `skip` cycles, more while the first one left still differs from the rest in
-/// d or Delta theta, but never more than two thirds of what is there.
+/// d or Delta theta, and then one in which the decay goes on below what noise shows; but never more
+/// than two thirds of what is there.
 pub fn steady(cycles: &[Cycle], skip: usize) -> Steady {
     let usable = |i: &usize| cycles[*i].is_whole() && cycles[*i].is_gait;
     let begin = skip.min(cycles.len());
@@ -45,6 +46,7 @@ pub fn steady(cycles: &[Cycle], skip: usize) -> Steady {
     while used.len() > least + drifting && drifts(cycles, &used[drifting..]) {
         drifting += 1;
     }
+    drifting += usize::from(drifting > 0 && used.len() > least + drifting);
     used.drain(..drifting);
     let later = &cycles[begin..];
     Steady {
@@ -94,8 +96,8 @@ mod tests {
     fn cycles_are_skipped_while_d_drifts() {
         let decay = |i: i32| 0.4 * (1.0 + 0.2 * (-f64::from(i)).exp());
         let d_m: Vec<f64> = (0..16).map(decay).collect();
-        // 0.2 exp(-i) falls below 0.05 % between cycles 5 and 6.
-        assert_eq!(steady(&cycles(&d_m), 1).used, (6..16).collect::<Vec<_>>());
+        // 0.2 exp(-i) falls below 0.01 % between cycles 7 and 8.
+        assert_eq!(steady(&cycles(&d_m), 1).used, (9..16).collect::<Vec<_>>());
         let lasting: Vec<f64> = (0..9).map(|i| 0.4 + 0.1 * f64::from(i)).collect();
         assert!(steady(&cycles(&lasting), 0).used.len() >= LEAST_KEPT);
     }
