@@ -161,6 +161,9 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
     let of_format = |folder: &Small| {
         folder.write(&format!("{name}/manifest.json"), "{ \"format\": 7, \"new\": [] }");
     };
+    let of_none = |folder: &Small| {
+        folder.replace(&format!("{name}/manifest.json"), "\"2-of-3\"", "\"1-of-0\"");
+    };
     let escape = |folder: &Small| {
         let manifest = format!("{name}/manifest.json");
         folder.replace(&manifest, "\"poses/", "\"../poses/");
@@ -171,13 +174,14 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
         remove(folder);
     };
     type Fault<'f> = (&'f dyn Fn(&Small), &'f str, bool);
-    let faults: [Fault; 12] = [
+    let faults: [Fault; 13] = [
         (&remove, "missing", true),
         (&kill, "unfinished: no manifest.json", true),
         (&rot, ".parquet is not as it was written", false),
         (&lose, ".parquet is gone", false),
         (&cut, "manifest.json: damaged: EOF", false),
         (&of_format, "manifest.json: found format 7, needed 1", false),
+        (&of_none, "manifest.json: damaged: found part `1-of-0`, needed one such as", false),
         (&escape, "manifest.json: found file ../poses/", false),
         (&configure, "made with another configuration, or of other trials", false),
         (&list_less, "made with another configuration, or of other trials", false),

@@ -9,8 +9,7 @@ use serde::{Deserialize, Serialize};
 const MOST_PARTS: usize = 100_000;
 
 /// What parts are parts of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Division {
     /// All trials, in so many parts.
     Trials { of: usize },
@@ -20,7 +19,7 @@ pub enum Division {
 
 /// A part of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "String", into = "String")]
 pub struct Part {
     pub division: Division,
     /// The number of a part of the trials, from 1 on; of the first replicate, from 0 on.
@@ -103,6 +102,22 @@ impl Part {
     /// Whether they have something in common.
     pub fn meets(&self, other: &Self) -> bool {
         self.division == other.division && self.from < other.to && other.from < self.to
+    }
+}
+
+impl TryFrom<String> for Part {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        let needed =
+            || format!("found part `{name}`, needed one such as 3-of-8 or replicates-0-500");
+        Self::of_folder(&name).ok_or_else(needed)
+    }
+}
+
+impl From<Part> for String {
+    fn from(part: Part) -> Self {
+        part.folder()
     }
 }
 
