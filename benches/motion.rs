@@ -32,17 +32,23 @@ fn semi_passive() -> Robot {
     }
 }
 
-/// The paper's three campaigns with its fitted coefficients, and the semi-passive robot on
-/// wheels that cannot skid.
-fn campaigns() -> [(&'static str, Vec<Problem>); 4] {
+/// The paper's three campaigns with its fitted coefficients, and their robots on wheels that cannot
+/// skid.
+fn campaigns() -> [(&'static str, Vec<Problem>); 7] {
     let symmetric = Robot { skid_kg_s: [104.0, 34.0, 45.0], ..Robot::kinematic() };
     let skewed = Robot { skid_kg_s: [74.5, 91.0, 95.0], ..Robot::kinematic() };
     let passive = Gait::passive_symmetric();
     [
-        ("kinematic-symmetric, skid-roll", sweep(symmetric, Gait::symmetric(), Model::SkidRoll)),
-        ("kinematic-skewed, skid-roll", sweep(skewed, Gait::skewed(), Model::SkidRoll)),
+        (
+            "kinematic-symmetric, skid-roll",
+            sweep(symmetric.clone(), Gait::symmetric(), Model::SkidRoll),
+        ),
+        ("kinematic-symmetric, no-skid", sweep(symmetric, Gait::symmetric(), Model::NoSkid)),
+        ("kinematic-skewed, skid-roll", sweep(skewed.clone(), Gait::skewed(), Model::SkidRoll)),
+        ("kinematic-skewed, no-skid", sweep(skewed, Gait::skewed(), Model::NoSkid)),
         ("semi-passive-symmetric, skid-roll", sweep(semi_passive(), passive, Model::SkidRoll)),
         ("semi-passive-symmetric, no-skid-roll", sweep(semi_passive(), passive, Model::NoSkidRoll)),
+        ("semi-passive-symmetric, no-skid", sweep(semi_passive(), passive, Model::NoSkid)),
     ]
 }
 

@@ -141,18 +141,6 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         }
     }
 
-    /// Writes the elements of the whole period to `whole`, where these are those of half of it.
-    pub fn unfold(&self, model: &R, whole: &mut Self) {
-        (whole.signs, whole.is_half) = ([1.0; N], false);
-        let (halves, mirrored) = (&self.states.elements, &mut whole.states.elements);
-        mirrored.clear();
-        mirrored.extend_from_slice(halves);
-        let image = |y: &[f64; N]| std::array::from_fn(|i| self.signs[i] * y[i]);
-        mirrored.extend(halves.iter().map(|stages| stages.each_ref().map(image)));
-        whole.states.start = self.states.start;
-        whole.lay_out(model, 2 * self.len());
-    }
-
     /// Replaces the elements by `wanted` others with the same polynomials. The old states are
     /// left in `before`.
     pub fn resample(&mut self, wanted: usize, before: &mut States<N>) {

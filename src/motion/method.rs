@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 
 use super::attractor::find_attractor;
-use super::cycle::measure;
 use super::forces::contact_forces;
 use super::orbit::{Effort, PeriodicOrbit, Start};
 use super::radau::{RADAU, STAGES};
@@ -86,14 +85,8 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
-        let PeriodicOrbit { mesh, whole, workspace, .. } = &mut **orbit;
-        let found = if wanted.is_none() && mesh.is_half {
-            mesh.unfold(model, whole);
-            let cycle = measure(model, whole, workspace);
-            differentiate(model, whole, &cycle, workspace, wanted)
-        } else {
-            differentiate(model, mesh, &cycle, workspace, wanted)
-        };
+        let PeriodicOrbit { mesh, workspace, .. } = &mut **orbit;
+        let found = differentiate(model, mesh, &cycle, workspace, wanted);
         found.ok_or(orbit.not_converged())
     }
 

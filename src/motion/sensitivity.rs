@@ -16,7 +16,9 @@ use super::element::{Element, Linearisation, Stages, integrate_poses, unknowns};
 use super::extreme::TurningPoint;
 use super::mesh::Mesh;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{AMPLITUDE, Derivatives, KinematicState, MOST_PARAMETERS, Reduced, Variable};
+use super::reduced::{
+    AMPLITUDE, Derivatives, KinematicState, MOST_PARAMETERS, OFFSET, Reduced, Variable,
+};
 use crate::metrics::GaitMetrics;
 use crate::robot::{Parameter, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
@@ -26,16 +28,16 @@ const MOST_COLUMNS: usize = 5 + MOST_PARAMETERS;
 /// Derivatives with respect to the orbit's start (first `N` entries) and to the parameters.
 type Affine = [f64; MOST_COLUMNS];
 
-/// The metrics that are integrals over the cycle: d, Delta theta, and sigma of the wheels.
-const INTEGRALS: usize = 5;
+/// The metrics that are integrals over the cycle: d, Delta theta, sigma of the wheels, and d where
+/// the second half of the period changes by the opposite of the first half's mirror image.
+const INTEGRALS: usize = 6;
 
 /// The model's first parameters: the skid coefficients, where its wheels skid.
 const FIRST_PARAMETERS: usize = 3;
 
 /// Derivatives of the metrics of the solution on a mesh with respect to the parameters that are
-/// `wanted`, or to everything, for which the mesh has to cover a whole period: the mirror image
-/// of a motion has other offsets. Others may be left zero. `None` if the linearised motion is singular: it is where two
-/// solutions meet.
+/// `wanted`, or to everything. Others may be left zero. `None` if the linearised motion is
+/// singular: it is where two solutions meet.
 pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
@@ -68,7 +70,11 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
 ) -> Option<Derivatives> {
     let problem = model.problem();
     let columns = N + parameters;
-    let gradient = MetricGradient::new(model, mesh, cycle);
+    let gradient = MetricGradient::new(model, mesh, cycle, parameters > R::OF_ROBOT);
+    // The mirror image of a motion is that of the opposite offsets: what changes by them half a
+    // period later is the opposite of the mirror image of what changes now.
+    let is_odd =
+        |column| mesh.is_half && matches!(model.variable(column), Variable::Gait(_, OFFSET));
     let mut integrals = [[0.0; MOST_COLUMNS]; INTEGRALS];
     let mut state = [[0.0; MOST_COLUMNS]; N];
     (0..N).for_each(|i| state[i][i] = 1.0);
@@ -116,16 +122,21 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
         state = next;
     }
 
-    // The chain closes: x = S (A x + B).
+    // The chain closes: x = S (A x + B), with the opposite of S for what is odd.
     let signs = &mesh.signs;
-    let open = SMatrix::<f64, N, N>::from_fn(|i, m| {
-        let unit = if i == m { 1.0 } else { 0.0 };
-        unit - signs[i] * state[i][m]
-    });
-    let closure = open.try_inverse().filter(|entries| entries.iter().all(|x| x.is_finite()))?;
+    let closure = |sign: f64| {
+        let open = SMatrix::<f64, N, N>::from_fn(|i, m| {
+            let unit = if i == m { 1.0 } else { 0.0 };
+            unit - sign * signs[i] * state[i][m]
+        });
+        open.try_inverse().filter(|entries| entries.iter().all(|x| x.is_finite()))
+    };
+    let even = closure(1.0)?;
+    let odd = if mesh.is_half && parameters > R::OF_ROBOT { closure(-1.0)? } else { even };
     let mut starts = [[0.0; N]; MOST_PARAMETERS];
     for (column, start) in starts.iter_mut().enumerate().take(parameters) {
-        let right = SVector::<f64, N>::from_fn(|i, _| signs[i] * state[i][N + column]);
+        let (closure, sign) = if is_odd(column) { (odd, -1.0) } else { (even, 1.0) };
+        let right = SVector::<f64, N>::from_fn(|i, _| sign * signs[i] * state[i][N + column]);
         *start = (closure * right).into();
     }
     let total = |affine: &Affine, column: usize| -> f64 {
@@ -146,8 +157,10 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
         if !problem.knows(variable) {
             continue;
         }
-        let [d_m, dtheta_rad, sigma @ ..] =
+        let [even_d_m, dtheta_rad, sigma @ .., odd_d_m] =
             integrals.each_ref().map(|integral| total(integral, column));
+        let is_odd = is_odd(column);
+        let d_m = if is_odd { odd_d_m } else { even_d_m };
         let commanded = match (variable, problem.gait.joints[0]) {
             (Variable::Gait(0, AMPLITUDE), Some(command)) => command.amplitude_rad.signum(),
             _ => 0.0,
@@ -156,9 +169,9 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
         let derivative = GaitMetrics {
             d_m,
             v_m_s: d_m * problem.omega_rad_s / TAU + faster,
-            sigma,
-            alpha1_rad: alpha1[column] + commanded,
-            dtheta_rad,
+            sigma: if is_odd { [0.0; 3] } else { sigma },
+            alpha1_rad: if is_odd { 0.0 } else { alpha1[column] + commanded },
+            dtheta_rad: if is_odd || !mesh.is_half { dtheta_rad } else { 0.0 },
         };
         derivatives.set(variable, derivative);
     }
@@ -264,8 +277,11 @@ fn angle_at<const N: usize, R: Reduced<N>>(
 struct MetricGradient {
     /// Of d with respect to the pose at the end of the elements' span: x, y, theta.
     dd_dend: [f64; 3],
+    /// The same of what is odd; `None` where nothing is or nobody asks.
+    odd_dd_dend: Option<[f64; 3]>,
     end: Pose,
-    is_half: bool,
+    /// How many times the span turns the robot over a period.
+    turns: f64,
     duration_s: f64,
     /// Of sigma_i with respect to the integral of its wheel's skid velocity squared, doubled;
     /// zero where the wheel does not skid.
@@ -273,20 +289,27 @@ struct MetricGradient {
 }
 
 impl MetricGradient {
-    fn new<const N: usize, R: Reduced<N>>(model: &R, mesh: &Mesh<N, R>, cycle: &Cycle) -> Self {
+    fn new<const N: usize, R: Reduced<N>>(
+        model: &R,
+        mesh: &Mesh<N, R>,
+        cycle: &Cycle,
+        with_gait: bool,
+    ) -> Self {
         let Pose { x_m: x, y_m: y, theta_rad } = cycle.end;
-        let dd_dend = if mesh.is_half {
-            // Of the half period and its mirror image.
-            let (sin, cos) = theta_rad.sin_cos();
-            let whole = cycle.end * cycle.end.mirrored();
+        // Of the half period and its mirror image.
+        let whole = cycle.end * cycle.end.mirrored();
+        let (sin, cos) = theta_rad.sin_cos();
+        let turned = whole.x_m * (cos * y - sin * x) + whole.y_m * (cos * x + sin * y);
+        let halves = |sign: f64| {
+            let (sin, cos) = (sign * sin, sign * cos);
             [
                 whole.x_m * (1.0 + cos) + whole.y_m * sin,
                 whole.x_m * sin + whole.y_m * (1.0 - cos),
-                whole.x_m * (cos * y - sin * x) + whole.y_m * (cos * x + sin * y),
+                turned,
             ]
-        } else {
-            [x, y, 0.0]
         };
+        let dd_dend = if mesh.is_half { halves(1.0) } else { [x, y, 0.0] };
+        let odd_dd_dend = (mesh.is_half && with_gait).then(|| halves(-1.0));
         let scale = skid_scale(model.problem()).powi(2) * mesh.len() as f64;
         let dsigma_dskid = cycle.metrics.sigma.map(|sigma| match sigma {
             0.0 => 0.0,
@@ -294,9 +317,17 @@ impl MetricGradient {
         });
         // A distance of nothing has no gradient.
         let d_m = cycle.metrics.d_m;
-        let dd_dend = if d_m > 0.0 { dd_dend.map(|slope| slope / d_m) } else { [0.0; 3] };
-        let (end, is_half, duration_s) = (cycle.end, mesh.is_half, mesh.element_s);
-        Self { dd_dend, end, is_half, duration_s, dsigma_dskid }
+        let scaled = |dd_dend: [f64; 3]| {
+            if d_m > 0.0 { dd_dend.map(|slope| slope / d_m) } else { [0.0; 3] }
+        };
+        let (dd_dend, odd_dd_dend) = (scaled(dd_dend), odd_dd_dend.map(scaled));
+        let turns = match (mesh.is_half, with_gait) {
+            (false, _) => 1.0,
+            (true, true) => 2.0,
+            (true, false) => 0.0,
+        };
+        let (end, duration_s) = (cycle.end, mesh.element_s);
+        Self { dd_dend, odd_dd_dend, end, turns, duration_s, dsigma_dskid }
     }
 
     /// Gradients of the integrals with respect to the robot's angles and velocities at the stages
@@ -309,26 +340,13 @@ impl MetricGradient {
         poses: &[Pose; STAGES],
     ) -> [[KinematicState; STAGES]; INTEGRALS] {
         let mut gradients = [[KinematicState::default(); STAGES]; INTEGRALS];
-        let [dd_dx, dd_dy, dd_dtheta] = self.dd_dend;
         let weights = RADAU.integrate[STAGES - 1];
-        let end = &poses[STAGES - 1];
-        // Turning the rest of the path.
-        let later = dd_dtheta + dd_dy * (self.end.x_m - end.x_m) - dd_dx * (self.end.y_m - end.y_m);
+        gradients[0] = self.path(self.dd_dend, states, poses);
+        if let Some(odd_dd_dend) = self.odd_dd_dend {
+            gradients[INTEGRALS - 1] = self.path(odd_dd_dend, states, poses);
+        }
         for j in 0..STAGES {
-            let weight = self.duration_s * weights[j];
-            let (sin, cos) = poses[j].theta_rad.sin_cos();
-            let [u, v, ..] = states[j].velocity;
-            let d = &mut gradients[0];
-            d[j].velocity[0] = weight * (dd_dx * cos + dd_dy * sin);
-            d[j].velocity[1] = weight * (dd_dy * cos - dd_dx * sin);
-            d[j].velocity[2] += weight * later;
-            let turned = dd_dy * (u * cos - v * sin) - dd_dx * (u * sin + v * cos);
-            for l in 0..STAGES {
-                d[l].velocity[2] += weight * turned * self.duration_s * RADAU.integrate[j][l];
-            }
-            if !self.is_half {
-                gradients[1][j].velocity[2] = weight;
-            }
+            gradients[1][j].velocity[2] = self.turns * self.duration_s * weights[j];
         }
         if R::SKIDS {
             let robot = &model.problem().robot;
@@ -346,5 +364,33 @@ impl MetricGradient {
             }
         }
         gradients
+    }
+
+    /// Gradients of d, given that with respect to the end.
+    #[inline(always)]
+    fn path(
+        &self,
+        [dd_dx, dd_dy, dd_dtheta]: [f64; 3],
+        states: &[KinematicState; STAGES],
+        poses: &[Pose; STAGES],
+    ) -> [KinematicState; STAGES] {
+        let mut d = [KinematicState::default(); STAGES];
+        let weights = RADAU.integrate[STAGES - 1];
+        let end = &poses[STAGES - 1];
+        // Turning the rest of the path.
+        let later = dd_dtheta + dd_dy * (self.end.x_m - end.x_m) - dd_dx * (self.end.y_m - end.y_m);
+        for j in 0..STAGES {
+            let weight = self.duration_s * weights[j];
+            let (sin, cos) = poses[j].theta_rad.sin_cos();
+            let [u, v, ..] = states[j].velocity;
+            d[j].velocity[0] = weight * (dd_dx * cos + dd_dy * sin);
+            d[j].velocity[1] = weight * (dd_dy * cos - dd_dx * sin);
+            d[j].velocity[2] += weight * later;
+            let turned = dd_dy * (u * cos - v * sin) - dd_dx * (u * sin + v * cos);
+            for l in 0..STAGES {
+                d[l].velocity[2] += weight * turned * self.duration_s * RADAU.integrate[j][l];
+            }
+        }
+        d
     }
 }

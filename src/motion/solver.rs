@@ -80,7 +80,7 @@ impl Solver {
 
     /// Makes the next solution start from rest; the workspace stays.
     pub fn forget(&mut self) {
-        self.last = None;
+        (self.last, self.last_quadrature) = (None, None);
     }
 
     /// Modulus of the largest Floquet multiplier of the last solution; `None` where the motion

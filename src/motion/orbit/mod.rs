@@ -39,8 +39,6 @@ pub struct Effort {
 #[derive(Debug, Clone)]
 pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     pub mesh: Mesh<N, R>,
-    /// Room for the whole period of a motion that is solved for over half of it.
-    pub whole: Mesh<N, R>,
     /// Newton steps of the last solution.
     steps: usize,
     /// Of all solutions since it was last cleared.
@@ -92,7 +90,6 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
     fn default() -> Self {
         Self {
             mesh: Mesh::default(),
-            whole: Mesh::default(),
             steps: 0,
             effort: Effort::default(),
             contraction: 1.0,

@@ -48,6 +48,7 @@ pub(super) enum Variable {
 }
 
 /// Numbers of a joint's command: offset, amplitude, phase.
+pub(super) const OFFSET: usize = 0;
 pub(super) const AMPLITUDE: usize = 1;
 pub(super) const NUMBERS: usize = 3;
 

@@ -233,10 +233,9 @@ impl Reduced<2> for PassiveNoSkid {
     fn damped(&self) -> Option<Self> {
         /// Roll resistance over the robot's mass and omega.
         const ENOUGH: f64 = 0.15;
-        let robot = &self.problem.robot;
-        let wheel_kg_s =
-            ENOUGH * robot.mass_kg.iter().sum::<f64>() * self.problem.omega_rad_s / 3.0;
-        (robot.roll_kg_s.iter().sum::<f64>() < 3.0 * wheel_kg_s).then(|| {
+        let Problem { robot, omega_rad_s, .. } = &self.problem;
+        let wheel_kg_s = ENOUGH * robot.mass_kg.iter().sum::<f64>() * omega_rad_s / 3.0;
+        (robot.roll_kg_s.iter().sum::<f64>() < wheel_kg_s).then(|| {
             let mut damped = self.clone();
             damped.problem.robot.roll_kg_s = [wheel_kg_s; 3];
             damped
