@@ -171,6 +171,7 @@ fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
         "index.html",
         "fits.json",
         "scorecard.json",
+        "scorecard.html",
         "run.json",
         "history.parquet",
         "history.html",

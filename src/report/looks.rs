@@ -46,6 +46,12 @@ pub fn measured(nth: usize) -> Look {
     Look::Marker { colour: INK, shape, filled }
 }
 
+/// Those of them that were flagged.
+pub fn flagged(nth: usize) -> Look {
+    let (shape, filled) = [(Shape::Circle, true), (Shape::Square, false)][nth % 2];
+    Look::Marker { colour: okabe_ito::ORANGE, shape, filled }
+}
+
 /// What was recorded or is shown alone, as a line.
 pub const RECORDED: Look = line(INK, SOLID);
 /// What was commanded.
@@ -84,7 +90,7 @@ pub fn gap(nth: usize) -> Look {
 const fn of_model(model: Model) -> (RGBColor, Dash) {
     match model {
         Model::NoSkid => (okabe_ito::BLUE, DASHES),
-        Model::NoSkidMeasured => (okabe_ito::BLUE, DOTS),
+        Model::NoSkidMeasured => (okabe_ito::SKY, DOTS),
         Model::NoSkidDamped => (okabe_ito::PURPLE, LONG_DASHES),
         Model::NoSkidRoll => (okabe_ito::ORANGE, SHORT_DASHES),
         Model::Skid => (okabe_ito::GREEN, LONG_DASHES),

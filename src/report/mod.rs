@@ -138,6 +138,7 @@ impl Content {
         let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
         let scores = scorecard::scorecard(tables.clone(), input.sigma, is_synthetic)?;
         write(SCORECARD, &json(&scores)?)?;
+        write(SCORECARD_PAGE, page::scorecard_html(&scores, is_synthetic)?.as_bytes())?;
         let said = [missing.as_slice(), damaged].concat();
         let html = page::html(input, tables, &drawn, pages, &scores, &said, truth.as_ref())?;
         write(PAGE, html.as_bytes())?;
@@ -150,10 +151,11 @@ impl Content {
 const PAGE: &str = "index.html";
 const FITS: &str = "fits.json";
 const SCORECARD: &str = "scorecard.json";
+const SCORECARD_PAGE: &str = "scorecard.html";
 const EXTENSIONS: [&str; 3] = ["svg", "png", "csv"];
 
 /// Files that a report writes, but for the figures and the trials' pages.
-pub const FILES: [&str; 3] = [PAGE, FITS, SCORECARD];
+pub const FILES: [&str; 4] = [PAGE, FITS, SCORECARD, SCORECARD_PAGE];
 
 /// Of a figure, inside of `reports/`.
 fn file_name(stem: &str, extension: &str) -> String {

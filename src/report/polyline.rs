@@ -71,4 +71,20 @@ mod tests {
         let parts = visible(&line, RANGE, (0.5, 0.5));
         assert_eq!(parts, [[(0.0, 1.0), (5.0, 1.0)], [(6.0, 1.0), (6.1, 1.0)]]);
     }
+
+    #[test]
+    fn of_many_points_the_extremes_and_the_gaps_are_left() {
+        let value = |i: usize| match i {
+            4321 => 7.0,
+            5000..6000 => f64::NAN,
+            _ => (i as f64 / 50.0).sin(),
+        };
+        let points: Vec<(f64, f64)> = (0..10_000).map(|i| (i as f64, value(i))).collect();
+        let points = envelope(&points, 400).concat();
+        assert!(points.len() <= 800);
+        assert!(points.contains(&(4321.0, 7.0)));
+        assert!(points.iter().any(|(_, y)| y.is_nan()));
+        let known = points.iter().filter(|(x, _)| x.is_finite());
+        assert!(known.map(|(x, _)| x).is_sorted());
+    }
 }

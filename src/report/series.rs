@@ -82,6 +82,7 @@ pub struct Series {
     pub campaign: String,
     /// None for measurements.
     pub model: Option<Model>,
+    pub flagged: bool,
     /// By rising frequency; gaps are points that are not numbers.
     pub layer: Layer,
 }
@@ -89,7 +90,7 @@ pub struct Series {
 impl Series {
     /// What it is of, whatever the layer's name.
     pub fn name(&self) -> &'static str {
-        self.model.map_or("measured", Model::name)
+        self.model.map_or(if self.flagged { "flagged" } else { "measured" }, Model::name)
     }
 
     /// The points without the gaps.
@@ -139,20 +140,36 @@ impl<'t> Source<'t> {
         rows.filter(move |row| row.model == model && row.source == source)
     }
 
-    /// Measurements with error bars, by rising frequency. Without any there is no series.
-    pub fn measured(self, campaign: &str, quantity: &Quantity, nth: usize) -> Option<Series> {
+    /// Measurements with error bars, by rising frequency, and apart from them those of flagged
+    /// trials. Without any there is no series.
+    pub fn measured(self, campaign: &str, quantity: &Quantity, nth: usize) -> Vec<Series> {
+        let looks = [(false, looks::measured(nth)), (true, looks::flagged(nth))];
+        let series = |(flagged, look)| self.measured_as(campaign, quantity, flagged, look);
+        looks.into_iter().filter_map(series).collect()
+    }
+
+    fn measured_as(
+        self,
+        campaign: &str,
+        quantity: &Quantity,
+        flagged: bool,
+        look: Look,
+    ) -> Option<Series> {
         let point = |trial: &TrialRow| {
             let Estimate { value, se } = quantity.of_trial(trial, self.sigma);
             let omega = trial.omega_rad_s;
             let x = if omega.is_finite() { omega } else { trial.omega_commanded_rad_s };
             (x, value, BAR_STANDARD_ERRORS * se)
         };
-        let mut trials: Vec<_> =
-            self.measured_trials(campaign).map(|trial| (point(trial), &trial.trial)).collect();
+        let trials = self.measured_trials(campaign);
+        let trials = trials.filter(|trial| flagged == (trial.status == TrialStatus::Flagged));
+        let mut trials: Vec<_> = trials.map(|trial| (point(trial), &trial.trial)).collect();
         trials.retain(|((x, y, _), _)| x.is_finite() && y.is_finite());
         trials.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0));
         let points = trials.iter().map(|(point, _)| *point);
-        let mut series = series(campaign, None, points, looks::measured(nth))?;
+        let mut series = series(campaign, None, points, look)?;
+        series.flagged = flagged;
+        series.layer.name = series.name().to_owned();
         series.layer.trials = trials.into_iter().map(|(_, trial)| trial.clone()).collect();
         Some(series)
     }
@@ -217,7 +234,7 @@ fn series(
         gap.x = f64::NAN;
     }
     let is_empty = layer.points.iter().all(|point| point.y.is_nan());
-    let mut series = Series { campaign: campaign.to_owned(), model, layer };
+    let mut series = Series { campaign: campaign.to_owned(), model, flagged: false, layer };
     series.layer.name = series.name().to_owned();
     (!is_empty).then_some(series)
 }

@@ -39,6 +39,8 @@ pub enum Scale {
     Linear,
     /// Linear from zero, unless there are values below.
     FromZero,
+    /// Linear, with ticks at whole numbers.
+    Whole,
     /// Linear, and a unit is as long as on the other axis.
     Equal,
     /// Logarithmic where positive values go over decades.
@@ -63,6 +65,7 @@ const SMALLEST: f64 = 1e-100;
 #[derive(Debug, Clone)]
 pub struct Axis {
     pub is_logarithmic: bool,
+    is_whole: bool,
     pub range: Range,
     pub ticks: Vec<f64>,
 }
@@ -70,7 +73,7 @@ pub struct Axis {
 impl Axis {
     /// An axis without ticks.
     pub fn linear(range: Range) -> Self {
-        Self { is_logarithmic: false, range, ticks: Vec::new() }
+        Self { is_logarithmic: false, is_whole: false, range, ticks: Vec::new() }
     }
 
     /// An axis with room for all finite values, or for those within `shown`.
@@ -91,7 +94,8 @@ impl Axis {
         let span = if span < SMALLEST { 1.0 } else { span };
         let margin = MARGIN * span + 0.5 * (span - (high - low));
         let low = if from_zero { 0.0 } else { low - margin };
-        Self { is_logarithmic, ..Self::linear(Range { low, high: high + margin }) }
+        let is_whole = scale == Scale::Whole;
+        Self { is_logarithmic, is_whole, ..Self::linear(Range { low, high: high + margin }) }
     }
 
     /// Makes units of two axes of `width` and `height` px equally long, by giving one axis more
@@ -105,12 +109,17 @@ impl Axis {
         }
     }
 
-    /// Sets at most so many ticks, fewer if these do not satisfy `have_room`.
+    /// Sets at most so many ticks, fewer if these do not satisfy `have_room`, but two if there are.
     pub fn set_ticks(&mut self, most: usize, have_room: impl Fn(&Self) -> bool) {
         let ticks = if self.is_logarithmic { Self::logarithmic_ticks } else { Self::linear_ticks };
         for most in (1..=most).rev() {
-            self.ticks = ticks(self, most);
-            if have_room(self) {
+            let found = ticks(self, most);
+            let is_last = found.len() < 2 && self.ticks.len() > 1;
+            if !is_last {
+                self.ticks = found;
+            }
+            let are_right = !self.is_whole || self.ticks.iter().all(|tick| tick.fract() == 0.0);
+            if is_last || are_right && have_room(self) {
                 break;
             }
         }
@@ -171,7 +180,10 @@ impl ValueFormatter<f64> for Axis {
         let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
         let [low, high] = extremes(self.ticks.iter().copied());
         let largest = if self.is_logarithmic { rounded } else { high.max(-low) };
-        if largest > 0.0 && !(1e-6..1e7).contains(&largest) {
+        if largest > 0.0 && !(1e-3..1e7).contains(&largest) {
+            if rounded == 0.0 {
+                return "0".to_owned();
+            }
             return format!("{rounded:e}").replace('-', "\u{2212}");
         }
         if self.is_logarithmic {
@@ -207,6 +219,20 @@ mod tests {
         axis.set_ticks(5, |_| true);
         let labels: Vec<String> = axis.ticks.iter().map(|tick| axis.format_ext(tick)).collect();
         assert_eq!(labels, ["20", "50", "100"]);
+    }
+
+    #[test]
+    fn ticks_of_counted_things_are_whole_numbers() {
+        for last in 2..40 {
+            let mut axis = Axis::new(&[1.0, f64::from(last)], None, Scale::Whole);
+            axis.set_ticks(5, |_| true);
+            assert!(axis.ticks.iter().all(|tick| tick.fract() == 0.0), "{:?}", axis.ticks);
+            assert!(axis.ticks.len() > 1, "{last}: {:?}", axis.ticks);
+        }
+        assert_eq!(
+            labels(0.0, 0.00021),
+            ["0", "5e\u{2212}5", "1e\u{2212}4", "1.5e\u{2212}4", "2e\u{2212}4"]
+        );
     }
 
     #[test]

@@ -1,9 +1,8 @@
 //! What several figures have alike: the robot on a map, lines of one quantity each, units.
 
 use crate::motion::{Pose, Sample};
-use crate::report::drawing::{Layer, Look, Panel, Scale, style};
+use crate::report::drawing::{Layer, Look, Panel, Scale};
 use crate::report::looks;
-use crate::report::polyline::envelope;
 use crate::robot::Robot;
 
 /// The axis that frequencies are on.
@@ -37,19 +36,6 @@ pub fn scaled(scale: Scale, panel: Panel) -> Panel {
 pub fn lines(names: &[&str], points: impl Fn(usize) -> Vec<(f64, f64)>) -> Vec<Layer> {
     let line = |(nth, name): (usize, &&str)| Layer::new(name, points(nth), looks::component(nth));
     names.iter().enumerate().map(line).collect()
-}
-
-/// Such lines where there are more points than a panel is wide: the least and the greatest of each
-/// part of a line, without dashes, which would not be seen.
-pub fn dense(names: &[&str], points: impl Fn(usize) -> Vec<(f64, f64)>) -> Vec<Layer> {
-    const PARTS: usize = 400;
-    let mut layers = lines(names, |nth| envelope(&points(nth), PARTS).concat());
-    for layer in &mut layers {
-        if let Look::Line { dash, .. } = &mut layer.look {
-            *dash = style::SOLID;
-        }
-    }
-    layers
 }
 
 /// Time and a quantity of a cycle that is repeated.
@@ -113,22 +99,6 @@ mod tests {
         // Both side links turned to the left: link 1 by -phi1, link 2 by phi2 of its own axis.
         let bent = super::links(&robot, Pose::default(), [-0.5, 0.0]);
         assert!(bent[0].1 > 0.0 && bent[3].1 == 0.0);
-    }
-
-    #[test]
-    fn of_many_points_the_extremes_and_the_gaps_are_left() {
-        let value = |i: usize| match i {
-            4321 => 7.0,
-            5000..6000 => f64::NAN,
-            _ => (i as f64 / 50.0).sin(),
-        };
-        let points: Vec<(f64, f64)> = (0..10_000).map(|i| (i as f64, value(i))).collect();
-        let points = envelope(&points, 400).concat();
-        assert!(points.len() <= 800);
-        assert!(points.contains(&(4321.0, 7.0)));
-        assert!(points.iter().any(|(_, y)| y.is_nan()));
-        let known = points.iter().filter(|(x, _)| x.is_finite());
-        assert!(known.map(|(x, _)| x).is_sorted());
     }
 
     #[test]

@@ -35,11 +35,13 @@ fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Panel> {
     let ends = tables.starts.iter().filter(of_fit).map(|row| row.j);
     let mut ends: Vec<f64> = ends.filter(|j| j.is_finite()).collect();
     ends.sort_by(f64::total_cmp);
-    let points = (1..).map(f64::from).zip(ends.iter().copied());
+    let lowest = *ends.first().filter(|lowest| **lowest > 0.0)?;
+    let points = (1..).map(f64::from).zip(ends.iter().map(|j| j / lowest));
     let layer = Layer::new("starts", points, looks::model_dots(fit.model, true));
     (ends.len() > 1).then(|| Panel {
+        x_scale: Scale::Whole,
         y_scale: Scale::Decades,
-        ..Panel::new(fit.model.name(), "Start, by rank", "J", vec![layer])
+        ..Panel::new(fit.model.name(), "Start, by rank", "J over the lowest", vec![layer])
     })
 }
 
@@ -48,7 +50,7 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
     let rows: Vec<&ProfileRow> = tables.profiles.iter().filter(of_fit).collect();
     let panel = |held: &Parameter| {
         let of_parameter = rows.iter().filter(|row| row.parameter == *held);
-        let points = of_parameter.clone().map(|row| (row.value, row.j));
+        let points = of_parameter.clone().map(|row| (row.value, row.j - fit.j));
         let limit_j = of_parameter.clone().next()?.limit_j;
         let parameter = FittedParameter::of(fit, *held);
         let rise = limit_j - fit.j;
@@ -66,12 +68,13 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         }
         layers.extend([
             Layer::new("profile", points, looks::model_dots(fit.model, true)),
-            Layer::new("limit", [(f64::NAN, limit_j)], Look::Guides),
-            Layer::new("fit", [(value, fit.j)], Look::Rings),
+            Layer::new("limit", [(f64::NAN, rise)], Look::Guides),
+            Layer::new("fit", [(value, 0.0)], Look::Rings),
         ]);
         Some(Panel {
-            shown: Some(Range { low: f64::NEG_INFINITY, high: fit.j + 2.5 * rise }),
-            ..scaled(Scale::Decades, Panel::new(fit.model.name(), &label(*held), "J", layers))
+            shown: Some(Range { low: f64::NEG_INFINITY, high: 2.5 * rise }),
+            x_scale: Scale::Decades,
+            ..Panel::new(fit.model.name(), &label(*held), "Rise of J", layers)
         })
     };
     fit.free.iter().filter_map(panel).collect()

@@ -12,8 +12,9 @@ use crate::report::drawing::{Figure, Layout, Panel, Range, Scale};
 use crate::report::series::{DISPLACEMENT, Quantity, SKID, SPEED, Series, Source};
 use crate::report::{numbers, plotted};
 
-const BARS: &str = "Markers: means over the cycles of each trial, flagged trials included; bars: \
-                    95 % (1.96 standard errors), where longer than the marker.";
+const BARS: &str = "Markers: means over the cycles of each trial, of flagged ones in orange, of many \
+                    those that do not cover each other; bars: 95 % (1.96 standard errors), where \
+                    longer than the marker.";
 /// A model further above the measurements than this would flatten them.
 const FARTHEST_MODEL: f64 = 1.5;
 /// The model of the figures of two campaigns.
@@ -26,8 +27,16 @@ type Plot = (Quantity, Vec<Series>);
 pub fn measured(stem: &str, campaign: &str, quantity: &Quantity, source: Source<'_>) -> Figure {
     let name = format!("{} {}", quantity.title, quantity.symbol);
     let texts = texts("measured", context! { quantity => name, campaign, bars => BARS });
-    let series = source.measured(campaign, quantity, 0).into_iter().collect();
+    let series = source.measured(campaign, quantity, 0);
     figure(stem, texts, &[campaign], &[(*quantity, series)])
+}
+
+/// Displacement alone, measured and by one model, for the first screen.
+pub fn overview(campaign: &str, model: Option<Model>, source: Source<'_>) -> Figure {
+    let model = model.and_then(|model| source.model(campaign, model, &DISPLACEMENT, 0));
+    let series = source.measured(campaign, &DISPLACEMENT, 0).into_iter().chain(model).collect();
+    let title = format!("Displacement d of campaign {campaign}");
+    figure("overview", [title, String::new()], &[campaign], &[(DISPLACEMENT, series)])
 }
 
 /// Figs. 16, 17 and 18: displacement and speed, measured and by all models of the campaign.
@@ -52,11 +61,10 @@ pub fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
 pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
     let plots = SKID.map(|quantity| -> Plot {
         let of_campaign = |(nth, campaign): (usize, &&str)| {
-            let measured = source.measured(campaign, &quantity, nth);
-            [measured, source.model(campaign, SHARED_MODEL, &quantity, nth)]
+            let measured = source.measured(campaign, &quantity, nth).into_iter();
+            measured.chain(source.model(campaign, SHARED_MODEL, &quantity, nth))
         };
-        let mut series: Vec<Series> =
-            campaigns.iter().enumerate().flat_map(of_campaign).flatten().collect();
+        let mut series: Vec<Series> = campaigns.iter().enumerate().flat_map(of_campaign).collect();
         for Series { campaign, layer, .. } in &mut series {
             layer.name = format!("{campaign}, {}", layer.name);
         }

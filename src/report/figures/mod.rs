@@ -2,7 +2,7 @@
 
 mod common;
 mod fits;
-mod frequency;
+pub mod frequency;
 mod recovered;
 mod release;
 mod residuals;
@@ -29,6 +29,11 @@ pub const SYMMETRIC: &str = "kinematic-symmetric";
 pub const SEMI_PASSIVE: &str = "semi-passive-symmetric";
 /// The campaigns of the paper, in its order.
 pub const PAPER_CAMPAIGNS: [&str; 3] = [SKEWED, SYMMETRIC, SEMI_PASSIVE];
+
+/// Whether any of the campaigns is the paper's.
+pub fn are_of_the_paper(campaigns: &BTreeSet<&str>) -> bool {
+    PAPER_CAMPAIGNS.iter().any(|campaign| campaigns.contains(campaign))
+}
 
 /// Names that the files of the paper's figures can have.
 pub const PAPER_STEMS: [&str; 17] = [
@@ -80,7 +85,7 @@ pub fn figures<'r>(
     let (source, configured) = (tables.source(config), &tables.campaigns(config));
     let (figures, missing) = (Vec::new(), Vec::new());
     let mut found = Figures { figures, missing, tables, source, reader, config };
-    if PAPER_CAMPAIGNS.iter().any(|campaign| configured.contains(campaign)) {
+    if are_of_the_paper(configured) {
         found.missing = missing_of_the_paper(source, configured);
         found.of_the_paper()?;
     }

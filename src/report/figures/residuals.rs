@@ -42,17 +42,20 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
         let stable = rows.filter(|row| row.status == MotionStatus::Stable);
         let mut points: Vec<(f64, f64)> = stable.filter_map(point).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let farthest = points.iter().fold(0.0, |most: f64, (_, residual)| most.max(residual.abs()));
-        (!points.is_empty()).then_some((model, points, farthest))
+        let residuals = points.iter().map(|(_, residual)| *residual);
+        let farthest = residuals.max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+        Some((model, points, farthest))
     };
     // Models without skid say nothing of it.
     let says = |model: &Model| !quantity.is_skid() || model.skids();
     let models = source.models(campaign).into_iter().filter(says);
     let residuals: Vec<_> = models.filter_map(missed).collect();
-    let farthest = Range::of(residuals.iter().map(|(_, _, farthest)| *farthest))?;
-    let limit = (FARTHEST * farthest.low).max(LEAST);
-    let beyond: Vec<_> = residuals.iter().filter(|(_, _, farthest)| *farthest > limit).collect();
-    let most = fixed(farthest.high, 0);
+    let nearest_model = Range::of(residuals.iter().map(|(_, _, farthest)| farthest.abs()))?.low;
+    let limit = (FARTHEST * nearest_model).max(LEAST);
+    let mut beyond = residuals.clone();
+    beyond.retain(|(_, _, farthest)| farthest.abs() > limit);
+    beyond.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
+    let most = beyond.first().map_or(String::new(), |(_, _, farthest)| fixed(*farthest, 0));
     let beyond = match beyond.as_slice() {
         [] => String::new(),
         [(model, ..)] => format!("{model}: to {most} %"),

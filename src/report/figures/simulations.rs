@@ -26,7 +26,7 @@ const PATH_CYCLES: usize = 3;
 /// Most cycles that are shown from rest.
 const MOST_FROM_REST: usize = 40;
 /// Frequencies of the sweep, rad/s.
-const SWEEP: (f64, f64, usize) = (0.5, 8.0, 61);
+const SWEEP: (f64, f64, i32) = (0.5, 8.0, 91);
 const NO_SKID: Look = looks::model_line(Model::NoSkid);
 
 /// Figs. 3, 4 and 5, or a sentence on why there are none.
@@ -150,8 +150,9 @@ fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionErr
 
 fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
     let (low, high, count) = SWEEP;
-    let solve = |i: usize| {
-        let omega_rad_s = low + (high - low) * i as f64 / (count - 1) as f64;
+    let solve = |i: i32| {
+        // Nearer to each other where the motion changes fastest.
+        let omega_rad_s = low * (high / low).powf(f64::from(i) / f64::from(count - 1));
         let settled = of(omega_rad_s)
             .and_then(|problem| Solver::default().settle(&problem, REFERENCE_ACCURACY).ok());
         (omega_rad_s, settled.map_or(GaitMetrics::MISSING, |settled| settled.motion.metrics))
@@ -161,12 +162,10 @@ fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
         let Quantity { title, axis_label, unit, of, .. } = quantity;
         let points: Vec<(f64, f64)> =
             points.iter().map(|(omega_rad_s, metrics)| (*omega_rad_s, of(metrics))).collect();
-        let largest = largest(&points);
-        let said = largest.map(|(x, y)| format!(", largest {y:.1}{unit} at {x:.2} rad/s"));
-        let layers = vec![
-            Layer::new("no-skid", points, NO_SKID),
-            Layer::new("largest", largest, Look::Rings),
-        ];
+        let peak = peak(&points);
+        let said = peak.map(|(x, y)| format!(", peak {y:.1}{unit} at {x:.2} rad/s"));
+        let layers =
+            vec![Layer::new("no-skid", points, NO_SKID), Layer::new("peak", peak, Look::Rings)];
         Panel::new(title.to_owned() + &said.unwrap_or_default(), FREQUENCY, axis_label, layers)
     };
     let texts = texts("fig05", context! { campaign => SEMI_PASSIVE });
@@ -174,9 +173,8 @@ fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
     Figure::new("fig05", texts, &[SEMI_PASSIVE], Layout::Stack, panels)
 }
 
-/// The largest value of a line that has values on both sides of it, by a parabola through the
-/// three points there.
-fn largest(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+/// The highest peak of a line, by a parabola through the three points there; an end may be higher.
+fn peak(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let inside =
         points.windows(3).filter(|three| three[1].1 >= three[0].1 && three[1].1 >= three[2].1);
     let three = inside.max_by(|a, b| a[1].1.total_cmp(&b[1].1))?;
@@ -191,11 +189,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_largest_value_is_found_between_the_points_and_not_at_an_end() {
+    fn the_highest_peak_is_found_between_the_points_and_not_at_an_end() {
         let parabola = |x: f64| (x, 3.0 - (x - 1.3).powi(2));
-        let (x, y) = largest(&[0.0, 1.0, 2.0, 3.0].map(parabola)).expect("there is one");
+        let (x, y) = peak(&[0.0, 1.0, 2.0, 3.0].map(parabola)).expect("there is one");
         assert!((x - 1.3).abs() < 1e-12 && (y - 3.0).abs() < 1e-12);
-        assert_eq!(largest(&[(0.0, 3.0), (1.0, 2.0), (2.0, 1.0)]), None);
+        assert_eq!(peak(&[(0.0, 3.0), (1.0, 2.0), (2.0, 1.0)]), None);
     }
 
     #[test]

@@ -3,20 +3,21 @@
 use minijinja::context;
 use minijinja::value::Value;
 
-use super::common::{DEG, dense, lines, links, links_at_start, map, time_course, travel};
+use super::common::{DEG, lines, links, links_at_start, map, time_course, travel};
 use super::texts::texts;
 use crate::motion::Pose;
 use crate::report::ReportInput;
-use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Scale};
 use crate::report::looks;
 use crate::report::polyline::envelope;
 use crate::report::recording::Recording;
 use crate::store::{CycleRow, TrialRow};
 use crate::trial::TrialKind;
 
-const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
 /// Parts of a trial of which the greatest residuals are shown.
 const PARTS: usize = 100;
+/// Parts of a curve of which the least and the greatest value are shown.
+const DENSE_PARTS: usize = 400;
 
 /// The figures of a trial; those without anything to show are left out.
 pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Vec<Figure> {
@@ -28,31 +29,41 @@ pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) ->
         let values = values.iter().map(|value| factor * value);
         recording.time_s.iter().copied().zip(values).collect()
     };
-    let angles = dense(&["φ₁", "φ₂"], |i| over_time(&recording.phi_rad[i], DEG));
-    let roll = dense(&WHEELS, |i| over_time(&recording.roll_m_s[i], 1e3));
-    let skid = dense(&WHEELS, |i| over_time(&recording.skid_m_s[i], 1e3));
+    // A panel for each: lines over each other hide one another.
+    let course = |title: String, y_label: &str, values: &[f64], factor: f64| {
+        let points = envelope(&over_time(values, factor), DENSE_PARTS).concat();
+        panel(&title, y_label, vec![Layer::new("measured", points, looks::RECORDED)])
+    };
+    let angle = |(phi_rad, joint): (&Vec<f64>, &str)| {
+        course(format!("Joint angle {joint}"), &format!("{joint} (deg)"), phi_rad, DEG)
+    };
+    let angles = recording.phi_rad.iter().zip(["φ₁", "φ₂"]).map(angle).collect();
+    let wheels = [("Roll", &recording.roll_m_s), ("Skid", &recording.skid_m_s)].into_iter();
+    let wheels = wheels.flat_map(|(kind, all_m_s)| {
+        let titles = (0..).map(move |wheel| format!("{kind} velocity of wheel {wheel}"));
+        let y_label = format!("{kind} (mm/s)");
+        titles
+            .zip(all_m_s)
+            .map(|(title, m_s)| course(title, &y_label, m_s, 1e3))
+            .collect::<Vec<_>>()
+    });
     let residuals = lines(&["link 0", "link 1", "link 2"], |link| {
         let ends = envelope(&over_time(&recording.residual_mm[link], 1.0), PARTS);
         ends.into_iter().map(|[a, b]| if b.1 >= a.1 { b } else { a }).collect()
     });
-    let figure = |stem: &str, values: Value, panels: Vec<Panel>| {
-        Figure::new(stem, texts(stem, values), &[], Layout::Stack, panels)
+    let figure = |stem: &str, values: Value, layout: Layout, panels: Vec<Panel>| {
+        Figure::new(stem, texts(stem, values), &[], layout, panels)
     };
     let smoothing_window = trial.smoothing_window;
-    let motion = figure(
-        "motion",
-        context! { smoothing_window, unused => !unused.is_empty() },
-        vec![
-            panel("Joint angles", "Angle (deg)", angles),
-            panel("Roll velocities", "Roll (mm/s)", roll),
-            panel("Skid velocities", "Skid (mm/s)", skid),
-        ],
-    );
+    let values = context! { smoothing_window, unused => !unused.is_empty() };
+    let angles = figure("angles", values.clone(), Layout::Pairs, angles);
+    let velocities = figure("velocities", values, Layout::Grid, wheels.collect());
     let residuals = panel("Residuals", "Residual (mm)", residuals);
     let gaps = time_course("Gaps", "Link", gaps(recording));
+    let gaps = Panel { y_scale: Scale::Whole, ..gaps };
     let reconstruction =
-        figure("reconstruction", context! { parts => PARTS }, vec![residuals, gaps]);
-    let all = [path(trial, recording, config), motion, reconstruction];
+        figure("reconstruction", context! { parts => PARTS }, Layout::Stack, vec![residuals, gaps]);
+    let all = [path(trial, recording, config), angles, velocities, reconstruction];
     all.into_iter().filter(|figure| !figure.is_empty()).collect()
 }
 

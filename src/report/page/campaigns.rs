@@ -5,17 +5,23 @@ use std::collections::BTreeMap;
 use minijinja::context;
 use minijinja::value::{Serde, Value};
 
-use super::{Drawn, images};
+use super::{Drawn, image, images};
 use crate::motion::{FromRest, MotionStatus};
 use crate::report::drawing::Figure;
+use crate::report::figures::frequency;
 use crate::report::parameters::FittedParameter;
+use crate::report::series::Source;
 use crate::report::tables::Tables;
-use crate::report::{ReportInput, figures};
+use crate::report::{ReportError, ReportInput, figures};
 use crate::robot::Parameter;
 use crate::store::{FitRow, PredictionSource};
 
 /// Sections in the paper's order, then by name; without those that have nothing to say.
-pub fn sections(input: &ReportInput, tables: &Tables, drawn: &[Drawn<'_>]) -> Vec<Value> {
+pub fn sections(
+    input: &ReportInput,
+    tables: &Tables,
+    drawn: &[Drawn<'_>],
+) -> Result<Vec<Value>, ReportError> {
     let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
     let section = |name: &str| {
@@ -30,8 +36,10 @@ pub fn sections(input: &ReportInput, tables: &Tables, drawn: &[Drawn<'_>]) -> Ve
         let trials = tables.trials.iter().filter(|row| row.campaign == name).count();
         let own = |figure: &Figure| figure.campaigns == [name] && figure.stem != figures::TRUTH;
         let (own_figures, own_fits) = (images(drawn, own), fits(&tables.fits));
-        (trials > 0 || !own_fits.is_empty() || !own_figures.is_empty()).then(|| {
-            context! {
+        if trials == 0 && own_fits.is_empty() && own_figures.is_empty() {
+            return Ok(None);
+        }
+        Ok(Some(context! {
                 name => name,
                 robot => setup.map(|campaign| &campaign.robot),
                 gait => setup.map(|campaign| &campaign.gait),
@@ -45,10 +53,43 @@ pub fn sections(input: &ReportInput, tables: &Tables, drawn: &[Drawn<'_>]) -> Ve
                 // Its first sentence says which model the measurements prefer.
                 comparison => Serde(comparison.collect::<Vec<_>>()),
                 notes => remarks(tables, name),
-            }
-        })
+                answer => answer(name, tables, tables.source(input))?,
+        }))
     };
-    names.into_iter().filter_map(section).collect()
+    names.into_iter().filter_map(|name| section(name).transpose()).collect()
+}
+
+/// What the first screen says of a campaign: what the measurements say, and of the model that they
+/// prefer the coefficients and the curve.
+fn answer(name: &str, tables: &Tables, source: Source<'_>) -> Result<Value, ReportError> {
+    let fit = preferred(name, tables);
+    let mut compared = tables.comparison.iter().filter(|row| row.campaign == name);
+    // Whether it fits stands beside it; the whole sentence is with the campaign.
+    let says_more =
+        |part: &&str| ["it ", "J is", "whether"].iter().any(|how| part.starts_with(how));
+    let said = |sentence: &str| {
+        sentence.split("; ").take_while(|part| !says_more(part)).collect::<Vec<_>>().join("; ")
+    };
+    let coefficient = |parameter: &Parameter| {
+        let of_fit = fit.map(|fit| FittedParameter::of(fit, *parameter));
+        context! { label => parameter.label(), unit => parameter.unit(), of_fit => Serde(of_fit) }
+    };
+    let free = fit.map_or(&[][..], |fit| &fit.free);
+    let curve = frequency::overview(name, fit.map(|fit| fit.model), source);
+    let curve = (!curve.is_empty()).then(|| image(&curve)).transpose()?;
+    Ok(context! {
+        fit => Serde(fit),
+        sentence => compared.next().map(|row| said(&row.sentence)),
+        coefficients => free.iter().map(coefficient).collect::<Vec<_>>(),
+        curve,
+    })
+}
+
+/// The fit that the measurements prefer: the nearest of those that describe them, else the nearest.
+fn preferred<'t>(campaign: &str, tables: &'t Tables) -> Option<&'t FitRow> {
+    let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign && fit.j.is_finite());
+    let misfits = |fit: &FitRow| fit.adequate != Some(true);
+    fits.min_by(|a, b| misfits(a).cmp(&misfits(b)).then(a.j.total_cmp(&b.j)))
 }
 
 /// All but the sum of the roll coefficients.

@@ -14,11 +14,12 @@ use crate::report::numbers::{
 use crate::text::harmless;
 
 /// Templates that others include or extend.
-const SHARED: [(&str, &str); 5] = [
+const SHARED: [(&str, &str); 6] = [
     ("base.html", include_str!("base.html")),
     ("figure.html", include_str!("figure.html")),
     ("sheet.html", include_str!("sheet.html")),
     ("scorecard.html", include_str!("scorecard.html")),
+    ("script.js", include_str!("script.js")),
     ("style.css", include_str!("style.css")),
 ];
 

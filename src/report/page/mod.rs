@@ -19,6 +19,7 @@ use super::scorecard::JudgedClaim;
 use super::tables::Tables;
 use super::truth::{self, Truth};
 use super::{ReportError, ReportInput, figures};
+use crate::config::SigmaKind;
 use crate::files::relative;
 use crate::store::{CheckRow, Severity};
 
@@ -51,8 +52,13 @@ pub fn html(
     }
     // Checks of campaigns and folders.
     let trials: BTreeSet<&str> = tables.trials.iter().map(|row| row.trial.as_str()).collect();
-    let is_common = |check: &&CheckRow| !trials.contains(check.trial.as_str());
+    let is_common = |check: &CheckRow| !trials.contains(check.trial.as_str());
     let troubling = tables.checks.iter().filter(|check| check.severity >= Severity::Warning);
+    // How many trials each of them says something of.
+    let own =
+        tables.checks.iter().filter(|row| row.severity >= Severity::Warning && !is_common(row));
+    let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
+    own.for_each(|row| *reasons.entry(&row.check).or_default() += 1);
     // What was fitted instead of what is missing, by campaign.
     let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
     let raw = input.paths.raw.iter().map(|raw| relative(&input.paths.reports, raw));
@@ -65,10 +71,10 @@ pub fn html(
         messages => Serde(messages),
         fit_notes => Serde(notes.filter(|(_, note)| !note.is_empty()).collect::<BTreeSet<_>>()),
         checks => Serde(&tables.checks),
-        common => Serde(troubling.filter(is_common).collect::<Vec<_>>()),
+        common => Serde(troubling.filter(|check| is_common(check)).collect::<Vec<_>>()),
         names => trials.len(),
         missing => Serde(missing),
-        campaigns => campaigns::sections(input, tables, drawn),
+        campaigns => campaigns::sections(input, tables, drawn)?,
         comparisons => images(drawn, |figure| {
             figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
         }),
@@ -76,14 +82,33 @@ pub fn html(
         recovered => images(drawn, |figure| figure.stem == figures::TRUTH),
         robots => Serde(robots.collect::<Vec<_>>()),
         trials => Serde(&tables.trials),
+        // As the fits use them.
+        sigmas => Serde(tables.trials.iter().map(|row| row.sigma(input.sigma)).collect::<Vec<_>>()),
+        debiased => input.sigma == SigmaKind::Debiased,
         truth => truth.map(|truth| truth::compare(truth, tables)),
         scorecard => Serde(scores),
+        of_the_paper => figures::are_of_the_paper(&tables.campaigns(input)),
+        reasons => Serde(reasons.into_iter().collect::<Vec<_>>()),
         raw => Serde(raw.collect::<Vec<_>>()),
         derived => relative(&input.paths.reports, &input.paths.derived),
         input => &tables.input,
         configuration => input.configuration(),
     };
     fill("index.html", include_str!("index.html"), &page).map_err(ReportError::Page)
+}
+
+/// The page of the scorecard as HTML.
+///
+/// # Errors
+/// The template cannot be filled in.
+pub fn scorecard_html(scores: &[JudgedClaim], is_synthetic: bool) -> Result<String, ReportError> {
+    let page = context! {
+        version => env!("CARGO_PKG_VERSION"),
+        synthetic => is_synthetic,
+        scorecard => Serde(scores),
+    };
+    let page = fill("scorecard-page.html", include_str!("scorecard-page.html"), &page);
+    page.map_err(ReportError::Page)
 }
 
 fn images(drawn: &[Drawn<'_>], is_wanted: impl Fn(&Figure) -> bool) -> Vec<Value> {

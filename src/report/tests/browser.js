@@ -39,7 +39,34 @@ const use = () => {
   const sheets = [...document.querySelectorAll(".sheet")];
   const curves = sheet => [...sheet.querySelectorAll(".panel path")]
     .filter(path => path.getBBox().width > 0 && path.getBoundingClientRect().width > 0);
+  // Figures: a point under the pointer, one by the keyboard, a series that goes and comes back.
+  const panel = [...document.querySelectorAll(".panel")].find(panel =>
+    panel.querySelector('g[data-name="measured"][data-points]') && panel.getAttribute("tabindex"));
+  const tip = document.querySelector(".tip");
+  panel.focus();
+  panel.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
+  const told = tip.hidden ? "" : tip.textContent;
+  const dots = [...panel.querySelectorAll('g[data-name="measured"] path')].pop();
+  const [, x, y] = /m(\d+) ?(\d+)/.exec(dots.getAttribute("d"));
+  const at = new DOMPoint(x, y).matrixTransform(panel.getScreenCTM());
+  panel.dispatchEvent(new PointerEvent("pointermove", { clientX: at.x + 2, clientY: at.y + 2 }));
+  const pointed = { text: tip.hidden ? "" : tip.textContent, opens: panel.style.cursor === "pointer" };
+  panel.dispatchEvent(new PointerEvent("pointerleave"));
+  const key = panel.closest(".sheet").querySelector('.key[data-name="measured"]');
+  const group = panel.querySelector('g[data-name="measured"]');
+  key.dispatchEvent(new MouseEvent("click"));
+  const gone = getComputedStyle(group).display === "none" && key.getAttribute("aria-pressed") === "false";
+  key.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }));
+  const back = getComputedStyle(group).display !== "none";
+  const rows = [...document.querySelectorAll(".answers tr")];
+
   return {
+    told,
+    pointed,
+    left: tip.hidden,
+    legend: gone && back,
+    coefficients: rows.length,
+    answered: Math.max(...rows.map(row => row.getBoundingClientRect().bottom + scrollY)),
     all,
     before,
     focused,

@@ -60,7 +60,7 @@ fn the_page_works_in_a_browser_without_a_network() {
     let html = html.replacen("<head>", &format!("<head><script>{script}</script>"), 1);
     std::fs::write(&page, html).expect("writes");
 
-    for size in ["1200,900", "360,780"] {
+    for (size, screens_px) in [("1400,900", 900.0), ("400,800", 1600.0)] {
         let seen = seen(&browser, &page, &folder.path().join("profile"), size);
         assert_eq!(seen["problems"], serde_json::json!([]), "{size}");
         assert_eq!(seen["requests"], serde_json::json!([]), "{size}");
@@ -73,6 +73,20 @@ fn the_page_works_in_a_browser_without_a_network() {
         let sheets = seen["sheets"].as_u64().expect("a number");
         assert!(sheets > 20, "{sheets} figures");
         assert_eq!((&seen["drawn"], &seen["described"]), (&seen["sheets"], &seen["sheets"]));
+        // Every campaign's coefficients are seen without scrolling, in a narrow window on two
+        // screens.
+        assert!(seen["coefficients"].as_u64().expect("a number") >= 6, "{}", seen["coefficients"]);
+        let answered = seen["answered"].as_f64().expect("a number");
+        assert!(answered < screens_px, "{size}: the last coefficient stands at {answered} px");
+        for text in [&seen["told"], &seen["pointed"]["text"]] {
+            let text = text.as_str().expect("a text");
+            assert!(
+                text.starts_with("measured, ") && text.contains("Displacement d (mm) "),
+                "{text}"
+            );
+        }
+        assert_eq!(seen["pointed"]["opens"], true);
+        assert_eq!((&seen["left"], &seen["legend"]), (&true.into(), &true.into()));
         assert_eq!(seen["family"], "Roboto, sans-serif");
         assert_eq!(seen["all"], tables.trials.len());
         assert_eq!(seen["cleared"], seen["all"]);

@@ -260,10 +260,12 @@ fn every_trial_has_a_page_and_a_failed_one_has_no_motion() {
     reported_in_short(&tables, folder.path());
     let place = folder.path().join("reports/trials");
     let page = read(&place.join("kinematic-symmetric-3.90-r1.html"));
-    for text in ["Joint angles", "Skid velocities", "Gaps", "451.0 ± 5.0", "Longest missing"] {
+    for text in
+        ["Joint angle φ₂", "Skid velocity of wheel 1", "Gaps", "451.0 ± 5.0", "Longest missing"]
+    {
         assert!(page.contains(text), "{text}");
     }
-    assert_eq!(page.matches(SHEET).count(), 3);
+    assert_eq!(page.matches(SHEET).count(), 4);
     // 40 frames of link 1.
     assert!(page.contains("<td class=\"n\">0.333</td>"));
     assert_eq!(std::fs::read_dir(&place).expect("a folder").count(), 36);
@@ -552,6 +554,46 @@ fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
 }
 
 #[test]
+fn flagged_trials_have_another_look_and_what_a_model_misses_below_has_its_sign() {
+    let mut tables = MadeUp::of_the_paper();
+    let is_skewed = |row: &&mut TrialRow| row.campaign == SKEWED;
+    let trial = tables.trials.iter_mut().find(is_skewed).expect("a trial");
+    trial.status = TrialStatus::Flagged;
+    trial.sigma_debiased[1] = crate::metrics::Estimate::new(0.0123, 0.0011);
+    let (flagged, omega_rad_s) = (trial.trial.clone(), trial.omega_rad_s);
+    let of_trial = |row: &&mut crate::store::PredictionRow| {
+        (row.campaign.as_str(), row.model) == (SKEWED, Model::Skid)
+            && (row.omega_rad_s - omega_rad_s).abs() < 0.01
+    };
+    tables.predictions.iter_mut().filter(of_trial).for_each(|row| row.metrics.d_m *= -3.0);
+    let folder = temporary();
+    tables.write(&folder.path().join("derived"));
+    let mut config = config(folder.path());
+    config.campaign.remove(SEMI_PASSIVE);
+    let input = ReportInput::new(&config, BTreeSet::new());
+    let content = Content::read(&input, Reader::default()).expect("reads");
+    let figure = |stem: &str| {
+        let mut figures = content.figures.iter().filter(|figure| figure.stem == stem);
+        figures.next().unwrap_or_else(|| panic!("{stem}"))
+    };
+    let layer = |name: &str| {
+        let mut layers = figure("fig16").panels[0].layers.iter();
+        layers.find(|layer| layer.name == name).unwrap_or_else(|| panic!("{name}"))
+    };
+    assert_eq!(layer("flagged").trials, [flagged]);
+    assert_eq!(layer("measured").trials.len(), 11);
+    assert!(layer("flagged").look != layer("measured").look);
+    let csv = plotted::csv(figure("fig16"));
+    assert!(csv.contains("\na,d_mm,kinematic-skewed,flagged,measured,0.5"), "{csv}");
+    let residuals = figure(&format!("{SKEWED}-residuals"));
+    let d = residuals.panels.iter().find(|panel| panel.title == "d").expect("a panel");
+    assert!(d.beyond.contains("to \u{2212}"), "{}", d.beyond);
+    let page = read(&report(&config).expect("reports").page);
+    assert!(page.contains("<td class=\"n\">0.0123 ± 0.0011</td>"));
+    assert!(page.contains("without what the markers' noise makes of it"));
+}
+
+#[test]
 fn known_numbers_are_drawn_as_ever() {
     let folder = temporary();
     reported_in_short(&MadeUp::of_the_paper(), folder.path());
@@ -559,6 +601,6 @@ fn known_numbers_are_drawn_as_ever() {
     let hash = |name: &str| crate::store::hash(&files[name])[..8].to_owned();
     let found = ["fig13", "kinematic-symmetric-profiles"]
         .map(|stem| [hash(&format!("{stem}.csv")), hash(&format!("{stem}.svg"))].join(" "));
-    const KNOWN: &str = "d17014dc 15799f4c 3242fb21 9ad56048";
+    const KNOWN: &str = "d17014dc 15799f4c f81b3f2d d1c737a2";
     assert_eq!(found.join(" "), KNOWN);
 }
