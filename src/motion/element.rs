@@ -401,6 +401,15 @@ pub(super) fn integrate_poses(
     states: &[KinematicState; STAGES],
     duration_s: f64,
 ) -> [Pose; STAGES] {
+    integrate_path(from, states, duration_s).0
+}
+
+/// The same and the velocities of link 0 at the stages along the world's axes, m/s: x, y.
+pub(super) fn integrate_path(
+    from: Pose,
+    states: &[KinematicState; STAGES],
+    duration_s: f64,
+) -> ([Pose; STAGES], [[f64; STAGES]; 2]) {
     let integrate = &RADAU.integrate;
     let sum = |j: usize, rates: &[f64; STAGES]| -> f64 {
         duration_s * integrate[j].iter().zip(rates).map(|(w, rate)| w * rate).sum::<f64>()
@@ -412,9 +421,10 @@ pub(super) fn integrate_poses(
         let [u, v, ..] = states[j].velocity;
         [x_rates[j], y_rates[j]] = rotated(headings[j], [u, v]);
     }
-    std::array::from_fn(|j| Pose {
+    let pose = |j: usize| Pose {
         x_m: from.x_m + sum(j, &x_rates),
         y_m: from.y_m + sum(j, &y_rates),
         theta_rad: headings[j],
-    })
+    };
+    (std::array::from_fn(pose), [x_rates, y_rates])
 }

@@ -67,7 +67,6 @@ impl Number for Lanes {
 
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        let [(s0, c0), (s1, c1)] = self.to_array().map(f64::sin_cos);
-        (Self::new([s0, s1]), Self::new([c0, c1]))
+        self.sin_cos()
     }
 }

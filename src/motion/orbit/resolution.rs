@@ -2,10 +2,10 @@
 
 use super::PeriodicOrbit;
 use super::newton::largest_ratio;
-use crate::motion::element::{Stages, integrate_poses, spectrum};
+use crate::motion::element::{Stages, integrate_path, spectrum};
 use crate::motion::radau::{RADAU, STAGES};
 use crate::motion::reduced::{KinematicState, Reduced};
-use crate::robot::{Pose, rotated};
+use crate::robot::Pose;
 
 /// Part of the accuracy that the discretisation error may take.
 const SHARE: f64 = 0.5;
@@ -22,13 +22,14 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let mut sizes = [0.0_f64; 7];
         let [lowest, _, highest] = &RADAU.spectrum;
         let state = model.kinematics(&model.node(0.0), &self.mesh.states.start);
-        let (mut start, mut pose) = (world_values(&state, 0.0), Pose::default());
+        let [u, v, ..] = state.velocity;
+        let (mut start, mut pose) = (world_values(&state, [u, v]), Pose::default());
         for element in self.mesh.elements() {
             let states = element.kinematics(model);
-            let poses = integrate_poses(pose, &states, element.duration_s);
+            let (poses, [x_rates, y_rates]) = integrate_path(pose, &states, element.duration_s);
             pose = poses[STAGES - 1];
             let values: Stages<7> =
-                std::array::from_fn(|j| world_values(&states[j], poses[j].theta_rad));
+                std::array::from_fn(|j| world_values(&states[j], [x_rates[j], y_rates[j]]));
             let found = spectrum(highest, &start, &values);
             let found_lower = spectrum(lowest, &start, &values);
             for i in 0..7 {
@@ -56,10 +57,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 }
 
-/// Angles and velocities of a robot with this heading, the velocity along the world's axes.
-fn world_values(state: &KinematicState, theta_rad: f64) -> [f64; 7] {
+/// Angles and velocities of a robot that moves as fast along the world's axes.
+fn world_values(state: &KinematicState, [x_rate, y_rate]: [f64; 2]) -> [f64; 7] {
     let [phi1, phi2] = state.phi_rad;
-    let [u, v, r, w1, w2] = state.velocity;
-    let [x_rate, y_rate] = rotated(theta_rad, [u, v]);
+    let [_, _, r, w1, w2] = state.velocity;
     [phi1, phi2, x_rate, y_rate, r, w1, w2]
 }

@@ -232,7 +232,9 @@ impl CommandNode {
     fn new(problem: &Problem, phase_rad: f64) -> Self {
         let waves = problem.gait.waves(phase_rad, problem.omega_rad_s);
         let shape = problem.gait.shape(&waves);
-        Self { waves, shape, trig: Trig::new(shape.phi_rad) }
+        // Both joints side by side.
+        let (s, c) = Number::sin_cos(Lanes::new(shape.phi_rad));
+        Self { waves, shape, trig: Trig { s: s.to_array(), c: c.to_array() } }
     }
 
     #[inline(always)]
