@@ -112,11 +112,15 @@ fn find_common_reasons(rows: &mut Ingested) {
     for row in rows.trials.iter().filter(|row| !row.campaign.is_empty()) {
         campaigns.entry(&row.campaign).or_default().push(row);
     }
+    let mut by_trial: BTreeMap<&str, Vec<&CheckRow>> = BTreeMap::new();
+    for check in &rows.checks {
+        by_trial.entry(&check.trial).or_default().push(check);
+    }
     let mut found = Vec::new();
     for (campaign, trials) in campaigns {
         let mut reasons: BTreeMap<(&str, String), Vec<&CheckRow>> = BTreeMap::new();
         for row in &trials {
-            let of_trial = rows.checks.iter().filter(|check| check.trial == row.trial);
+            let of_trial = by_trial.get(row.trial.as_str()).into_iter().flatten().copied();
             let worst = of_trial.clone().map(|check| check.severity).max();
             let is_reason = |check: &&CheckRow| {
                 Some(check.severity) == worst && check.severity > Severity::Info
