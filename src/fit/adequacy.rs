@@ -13,15 +13,15 @@
 //! The model is adequate if none of the three is outside of what noise alone gives in 95 of 100
 //! draws (Bonferroni); a pattern counts where the objective is more than noise alone leaves on
 //! average. What a metric is off by without anything that tells its noise does not
-//! count. Errors are drawn without what the standard errors are wider because few cycles tell them:
-//! that holds for one trial, and a fit is to many. Assumed is that trials err independently of each
-//! other; what they share counts as misfit.
+//! count. Errors are drawn from Student's distribution of as many degrees of freedom as their
+//! trial's cycles leave. Assumed is that trials err independently of each other; what they share
+//! counts as misfit.
 //!
 //! Reference: N. R. Draper and H. Smith, *Applied Regression Analysis*, 3rd ed., Wiley 1998,
 //! sections 2.1 (lack of fit and pure error) and 7.3 (runs); for the draws Davison and Hinkley
 //! 1997, section 4.2.
 
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Distribution, StandardNormal, StudentT};
 use rayon::prelude::*;
 
 use super::fitted_point::FittedPoint;
@@ -205,17 +205,18 @@ fn noise(
     let mut random = resampler.random("noise", number);
     let errors: Vec<[f64; TERMS]> = (0..noises.len())
         .map(|measurement| {
-            let wider = resampler.freedom(measurement).map_or(1.0, student);
-            let mut deviate = || -> f64 {
-                let deviate: f64 = StandardNormal.sample(&mut random);
-                deviate / wider
-            };
-            let mut deviates: [f64; TERMS] = std::array::from_fn(|_| deviate());
+            let freedom = resampler.freedom(measurement);
+            let of_student = freedom.and_then(|n| Some((StudentT::new(n).ok()?, student(n))));
+            let mut deviates: [f64; TERMS] = std::array::from_fn(|_| match &of_student {
+                // A standard error of a few cycles is as wide as that distribution already.
+                Some((distribution, wider)) => distribution.sample(&mut random) / wider,
+                None => StandardNormal.sample(&mut random),
+            });
             deviates[V] = deviates[D];
             let mut errors: [f64; TERMS] =
                 std::array::from_fn(|i| deviates[i] * noises[measurement][i]);
             for effect in &point.gait_effects[measurement] {
-                let deviate = deviate();
+                let deviate: f64 = StandardNormal.sample(&mut random);
                 errors
                     .iter_mut()
                     .zip(effect)
