@@ -206,24 +206,31 @@ fn add_intervals(fits: &mut Records) {
 /// Predictions at the trials' frequencies, named by the commanded ones: measured ones differ from
 /// run to run.
 fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
-    let mut found = Records::new();
+    let mut commanded: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for trial in trials.values() {
+        let of_campaign = commanded.entry(text(trial, "campaign")).or_default();
+        of_campaign.extend(number(trial, "omega_commanded_rad_s"));
+    }
+    for of_campaign in commanded.values_mut() {
+        of_campaign.sort_by(f64::total_cmp);
+        of_campaign.dedup();
+    }
+    let (mut found, mut counts) = (Records::new(), BTreeMap::<String, usize>::new());
     for row in rows.into_iter().filter(|row| text(row, "source") == PredictionSource::Trial.name())
     {
         let (campaign, model) = (text(&row, "campaign"), text(&row, "model"));
         let omega = number(&row, "omega_rad_s").unwrap_or(f64::NAN);
-        let commanded = trials
-            .values()
-            .filter(|trial| text(trial, "campaign") == campaign)
-            .filter_map(|trial| number(trial, "omega_commanded_rad_s"))
-            .min_by(|a, b| (a - omega).abs().total_cmp(&(b - omega).abs()))
-            .filter(|near| (near - omega).abs() <= NEAR * omega);
-        let name = format!("{campaign} {model} {:.2} rad/s", commanded.unwrap_or(omega));
+        let nearest = commanded
+            .get(campaign)
+            .into_iter()
+            .flatten()
+            .min_by(|a, b| (*a - omega).abs().total_cmp(&(*b - omega).abs()))
+            .filter(|near| (*near - omega).abs() <= NEAR * omega);
+        let name = format!("{campaign} {model} {:.2} rad/s", nearest.unwrap_or(&omega));
         // Repeated trials may have a row each.
-        let numbered = (2..).map(|i| format!("{name} ({i})"));
-        let mut names = std::iter::once(name.clone()).chain(numbered);
-        if let Some(free) = names.find(|name| !found.contains_key(name)) {
-            found.insert(free, row);
-        }
+        let count = counts.entry(name.clone()).or_default();
+        *count += 1;
+        found.insert(if *count > 1 { format!("{name} ({count})") } else { name }, row);
     }
     found
 }
