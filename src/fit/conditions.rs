@@ -100,10 +100,8 @@ impl Conditions {
         problem: &impl Fn(Gait, f64) -> Problem,
     ) {
         let mut joined = Condition::of(trials, measurements, gaits);
-        let (far, expansion) = match joined.expand(measurements, gaits, problem) {
-            Some((far, expansion)) => (far, Some(expansion)),
-            None => (Vec::new(), None),
-        };
+        let (far, expansion) = joined.expand(measurements, gaits, problem).unzip();
+        let far = far.unwrap_or_default();
         joined.trials.retain(|trial| !far.contains(trial));
         let alone = |trial| (Condition::of(vec![trial], measurements, gaits), None);
         let alone = far.into_iter().map(alone);

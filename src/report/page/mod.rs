@@ -55,8 +55,7 @@ pub fn html(
     let is_common = |check: &CheckRow| !trials.contains(check.trial.as_str());
     let troubling = tables.checks.iter().filter(|check| check.severity >= Severity::Warning);
     // How many trials each of them says something of.
-    let own =
-        tables.checks.iter().filter(|row| row.severity >= Severity::Warning && !is_common(row));
+    let own = troubling.clone().filter(|check| !is_common(check));
     let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
     own.for_each(|row| *reasons.entry(&row.check).or_default() += 1);
     // What was fitted instead of what is missing, by campaign.
