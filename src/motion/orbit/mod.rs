@@ -73,11 +73,13 @@ pub(super) enum Start<const N: usize> {
     State([f64; N]),
 }
 
-/// Elements per period at first, and in the end at least and at most.
+/// Elements at first, per half period or per period.
+const COARSE_OF_HALF: usize = 2;
 const COARSE: usize = 6;
+/// Elements per period in the end at least and at most.
 const FEWEST: usize = 8;
 const MOST_ELEMENTS: usize = 512;
-/// By how much finer the first elements are when a motion from a state fails with coarse ones.
+/// By how much finer the first elements are when Newton's method fails with coarse ones.
 const FINER: [usize; 3] = [1, 4, 16];
 /// Relative step at which the coarse elements' solution is good enough to be refined.
 const COARSE_STEP: f64 = 0.02;
@@ -139,28 +141,32 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Finds an approximate solution with few elements.
     fn start_cold(&mut self, model: &R, start: Start<N>) -> Result<()> {
-        let coarse = COARSE / self.mesh.spans();
-        let Start::State(state) = start else {
-            self.lay_out(model, coarse);
-            let states = &mut self.mesh.states;
-            states.start = model.at_rest();
-            states.elements.clear();
-            states.elements.resize(coarse, [states.start; STAGES]);
-            self.mesh.integrate();
-            if let Some(damped) = model.damped() {
-                self.newton(&damped, COARSE_STEP)?;
-            }
-            return self.newton(model, COARSE_STEP);
-        };
+        let coarse = if self.mesh.is_half { COARSE_OF_HALF } else { COARSE };
         let mut tried = Ok(());
         for finer in FINER {
             self.lay_out(model, finer * coarse);
-            tried = self.march(model, state).and_then(|()| self.newton(model, COARSE_STEP));
+            self.steps = 0;
+            tried = match start {
+                Start::State(state) => self.march(model, state),
+                _ => self.rest(model),
+            };
+            tried = tried.and_then(|()| self.newton(model, COARSE_STEP));
             if tried.is_ok() {
                 break;
             }
         }
         tried
+    }
+
+    /// Fills the elements with the robot at rest, or near the motion that more losses lead to.
+    fn rest(&mut self, model: &R) -> Result<()> {
+        let count = self.mesh.nodes.len() / STAGES;
+        let states = &mut self.mesh.states;
+        states.start = model.at_rest();
+        states.elements.clear();
+        states.elements.resize(count, [states.start; STAGES]);
+        self.mesh.integrate();
+        model.damped().map_or(Ok(()), |damped| self.newton(&damped, COARSE_STEP))
     }
 
     /// Makes the last solution, which had this error ratio, the start for another frequency.
