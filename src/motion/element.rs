@@ -116,7 +116,7 @@ pub(super) struct Linearisation<T = f64> {
     transfer: Vec<T>,
     /// Per element: the step of its unknowns when its start stays.
     step: Vec<T>,
-    /// Of one element, see [`Linearisation::solve_sensitivity`].
+    /// Of one pack, see [`Linearisation::solve_sensitivity`]: the matrix, then the right-hand sides.
     sensitivity: Vec<T>,
 }
 
@@ -257,32 +257,28 @@ impl<T: Number> Linearisation<T> {
         }
         end
     }
-}
 
-impl Linearisation {
-    /// Solves one element for the derivatives of its unknowns with respect to its start and the
-    /// first `parameters` of the model's: per unknown `N` columns of the start, then those of the
-    /// parameters. Overwrites element 0. What comes of a singular system is not finite.
+    /// Solves an element, or one in each lane, for the derivatives of its unknowns with respect to
+    /// its start and the first `parameters` of the model's: per unknown `N` columns of the start,
+    /// then those of the parameters. What comes of a singular system is not finite.
     #[inline(always)]
     pub fn solve_sensitivity<const N: usize, R: Reduced<N>>(
         &mut self,
         model: &R,
-        element: &Element<N, R>,
+        element: &Element<N, R, T>,
         parameters: usize,
-    ) -> &[f64] {
+    ) -> &[T] {
         let per_stage = unknowns::<N, R>();
         let (size, columns) = (per_stage * STAGES, N + parameters);
-        self.resize::<N, R>(1);
-        self.sensitivity.resize(size * columns, 0.0);
-        let matrix = &mut self.factors[..size * size];
-        let right = &mut self.sensitivity[..size * columns];
+        self.sensitivity.resize(size * (size + columns), T::of(0.0));
+        let (matrix, right) = self.sensitivity.split_at_mut(size * size);
         assemble(element, matrix, right, columns, |j, dy, rows| {
-            let mut jacobian = [[0.0; MOST_PARAMETERS]; N];
+            let mut jacobian = [[T::of(0.0); MOST_PARAMETERS]; N];
             let (node, y) = (&element.nodes[j], &element.stages[j]);
             let residual = model.sensitivity(node, y, dy, parameters, &mut jacobian);
             for i in 0..per_stage {
                 let row = &mut rows[i * columns + N..][..parameters];
-                row.iter_mut().zip(&jacobian[i]).for_each(|(entry, slope)| *entry = -slope);
+                row.iter_mut().zip(&jacobian[i]).for_each(|(entry, slope)| *entry = -*slope);
             }
             residual
         });

@@ -85,8 +85,8 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
-        let PeriodicOrbit { mesh, workspace, .. } = &mut **orbit;
-        let found = differentiate(model, mesh, &cycle, workspace, wanted);
+        let PeriodicOrbit { mesh, linearisation, workspace, .. } = &mut **orbit;
+        let found = differentiate(model, mesh, &cycle, (linearisation, workspace), wanted);
         found.ok_or(orbit.not_converged())
     }
 

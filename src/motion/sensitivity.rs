@@ -2,7 +2,7 @@
 //! elements.
 //!
 //! Each element is linearised at the solution, the columns of the parameters beside those of
-//! its start. Its end then is an affine function of its start, and so are the metrics'
+//! its start, and one element beside the other in lanes. Its end then is an affine function of its start, and so are the metrics'
 //! integrals over it; composing these along the chain leaves an `N x N` system for the
 //! derivatives of the orbit's start. Nothing is kept of an element once it is passed, except
 //! where joint 1 turns round.
@@ -11,22 +11,26 @@ use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
 
+use super::Problem;
 use super::cycle::{Cycle, skid_scale};
 use super::element::{Element, Linearisation, Stages, integrate_poses, unknowns};
-use super::extreme::TurningPoint;
+use super::extreme::{Extremes, TurningPoint};
 use super::mesh::Mesh;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{
     AMPLITUDE, Derivatives, KinematicState, MOST_PARAMETERS, OFFSET, Reduced, Variable,
 };
 use crate::metrics::GaitMetrics;
-use crate::robot::{Parameter, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
+use crate::robot::{LANES, Lanes, Number, Parameter, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
 /// Most columns: states at the start, then parameters.
 const MOST_COLUMNS: usize = 5 + MOST_PARAMETERS;
 
 /// Derivatives with respect to the orbit's start (first `N` entries) and to the parameters.
-type Affine = [f64; MOST_COLUMNS];
+type Affine<T = f64> = [T; MOST_COLUMNS];
+
+/// Room for elements side by side, and for one.
+type Workspaces<'a> = (&'a mut Linearisation<Lanes>, &'a mut Linearisation);
 
 /// The metrics that are integrals over the cycle: d, Delta theta, sigma of the wheels, and d where
 /// the second half of the period changes by the opposite of the first half's mirror image.
@@ -42,7 +46,7 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     cycle: &Cycle,
-    workspace: &mut Linearisation,
+    workspaces: Workspaces,
     wanted: Option<&[Parameter]>,
 ) -> Option<Derivatives> {
     let is_wanted = |column| match (model.variable(column), wanted) {
@@ -51,11 +55,11 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     };
     // Numbers of columns that are known when this is compiled.
     if wanted.is_none() {
-        first_derivatives(model, mesh, cycle, workspace, R::PARAMETERS)
+        first_derivatives(model, mesh, cycle, workspaces, R::PARAMETERS)
     } else if (FIRST_PARAMETERS..R::OF_ROBOT).any(is_wanted) {
-        first_derivatives(model, mesh, cycle, workspace, R::OF_ROBOT)
+        first_derivatives(model, mesh, cycle, workspaces, R::OF_ROBOT)
     } else {
-        first_derivatives(model, mesh, cycle, workspace, FIRST_PARAMETERS)
+        first_derivatives(model, mesh, cycle, workspaces, FIRST_PARAMETERS)
     }
 }
 
@@ -65,7 +69,7 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     cycle: &Cycle,
-    workspace: &mut Linearisation,
+    (linearisation, workspace): Workspaces,
     parameters: usize,
 ) -> Option<Derivatives> {
     let problem = model.problem();
@@ -75,33 +79,40 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
     // period later is the opposite of the mirror image of what changes now.
     let is_odd =
         |column| mesh.is_half && matches!(model.variable(column), Variable::Gait(_, OFFSET));
+    let known = gradient.known();
     let mut integrals = [[0.0; MOST_COLUMNS]; INTEGRALS];
     let mut state = [[0.0; MOST_COLUMNS]; N];
     (0..N).for_each(|i| state[i][i] = 1.0);
-    let extremes = cycle.extremes.map(|extremes| [extremes.highest, extremes.lowest]);
+    // Half a period later comes the opposite extreme.
+    let extremes = cycle.extremes.map(|Extremes { highest, lowest }| match mesh.is_half {
+        true => [Some((highest, 1.0)), None],
+        false => [Some((highest, 0.5)), Some((lowest, -0.5))],
+    });
+    let extremes = extremes.unwrap_or_default();
     let mut state_at_extremes = [state; 2];
     let mut pose = Pose::default();
-    for (k, element) in mesh.elements().enumerate() {
-        for (extreme, state_at_extreme) in extremes.iter().flatten().zip(&mut state_at_extremes) {
-            if extreme.element == k {
-                *state_at_extreme = state;
-            }
-        }
-        let right = workspace.solve_sensitivity(model, &element, parameters);
+    for pack in 0..mesh.packs() {
+        let packed = mesh.packed_states(pack);
+        let element = mesh.pack(pack, &packed);
+        let right = linearisation.solve_sensitivity(model, &element, parameters);
 
-        let (nodes, stages, duration_s) = (element.nodes, element.stages, element.duration_s);
+        let elements = pack * LANES..mesh.len().min((pack + 1) * LANES);
+        let mut poses = [[Pose::default(); STAGES]; LANES];
+        for (k, poses) in elements.clone().zip(&mut poses) {
+            let states = mesh.element(k).kinematics(model);
+            *poses = integrate_poses(pose, &states, mesh.element_s);
+            pose = poses[STAGES - 1];
+        }
         let states = element.kinematics(model);
-        let poses = integrate_poses(pose, &states, duration_s);
-        pose = poses[STAGES - 1];
         let gradients = gradient.at_stages::<R, N>(model, &states, &poses);
-        for (integral, gradient) in integrals.iter_mut().zip(&gradients) {
-            if gradient.iter().all(|gradient| *gradient == KinematicState::default()) {
-                continue;
-            }
-            let mut own = [0.0; MOST_COLUMNS];
-            for j in 0..STAGES {
+        let mut own = [[Lanes::default(); MOST_COLUMNS]; INTEGRALS];
+        for ((own, gradients), _) in own.iter_mut().zip(&gradients).zip(known).filter(|of| of.1) {
+            let mut state_gradients = [[Lanes::default(); N]; STAGES];
+            for (j, gradient) in gradients.iter().enumerate() {
+                let (node, y) = (&element.nodes[j], &element.stages[j]);
+                state_gradients[j] = model.state_gradient(node, y, gradient);
                 if parameters > R::OF_ROBOT {
-                    let slopes = model.gait_gradient(&nodes[j], &stages[j], &gradient[j]);
+                    let slopes = model.gait_gradient(node, y, gradient);
                     for column in R::OF_ROBOT..parameters {
                         if let Variable::Gait(joint, number) = model.variable(column) {
                             own[N + column] += slopes[joint][number];
@@ -109,17 +120,26 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
                     }
                 }
             }
-            let gradient: Stages<N> =
-                std::array::from_fn(|j| model.state_gradient(&nodes[j], &stages[j], &gradient[j]));
-            contract::<N, R>(&gradient, duration_s, right, columns, &mut own);
-            compose::<N>(&own, &state, columns, integral);
+            contract::<N, R, _>(&state_gradients, mesh.element_s, right, columns, own);
         }
-        let mut next = [[0.0; MOST_COLUMNS]; N];
-        for (i, next) in next.iter_mut().enumerate() {
-            let end = element_end::<N, R>(i, duration_s, right, columns);
-            compose::<N>(&end, &state, columns, next);
+        let ends: [Affine<Lanes>; N] =
+            std::array::from_fn(|i| element_end::<N, R, _>(i, mesh.element_s, right, columns));
+        for (lane, k) in elements.enumerate() {
+            for ((extreme, _), before) in extremes.iter().flatten().zip(&mut state_at_extremes) {
+                if extreme.element == k {
+                    *before = state;
+                }
+            }
+            for ((integral, own), _) in integrals.iter_mut().zip(&own).zip(known).filter(|of| of.1)
+            {
+                compose::<N, _>(own, lane, &state, columns, integral);
+            }
+            let mut next = [[0.0; MOST_COLUMNS]; N];
+            for (end, next) in ends.iter().zip(&mut next) {
+                compose::<N, _>(end, lane, &state, columns, next);
+            }
+            state = next;
         }
-        state = next;
     }
 
     // The chain closes: x = S (A x + B), with the opposite of S for what is odd.
@@ -144,11 +164,10 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
     };
 
     let mut alpha1 = [0.0; MOST_PARAMETERS];
-    let extremes = extremes.iter().flatten().zip(&state_at_extremes);
-    for ((extreme, before), half) in extremes.zip([0.5, -0.5]) {
+    for ((extreme, part), before) in extremes.iter().flatten().zip(&state_at_extremes) {
         let angle = angle_at(model, mesh, extreme, before, workspace, parameters)?;
         for (column, alpha1) in alpha1.iter_mut().enumerate().take(parameters) {
-            *alpha1 += half * extreme.sign * total(&angle, column);
+            *alpha1 += part * extreme.sign * total(&angle, column);
         }
     }
     let mut derivatives = Derivatives::NONE;
@@ -165,15 +184,17 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
             (Variable::Gait(0, AMPLITUDE), Some(command)) => command.amplitude_rad.signum(),
             _ => 0.0,
         };
-        let faster = if variable == Variable::Frequency { cycle.metrics.d_m / TAU } else { 0.0 };
         let derivative = GaitMetrics {
             d_m,
-            v_m_s: d_m * problem.omega_rad_s / TAU + faster,
+            v_m_s: d_m * problem.omega_rad_s / TAU,
             sigma: if is_odd { [0.0; 3] } else { sigma },
             alpha1_rad: if is_odd { 0.0 } else { alpha1[column] + commanded },
             dtheta_rad: if is_odd || !mesh.is_half { dtheta_rad } else { 0.0 },
         };
         derivatives.set(variable, derivative);
+    }
+    if parameters > R::OF_ROBOT {
+        derivatives.omega = domega(problem, cycle, &derivatives);
     }
     // The proportions of the roll resistances stay when their sum changes.
     let shares = problem.robot.roll_shares();
@@ -185,21 +206,36 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
     Some(derivatives)
 }
 
-/// Adds `of (state)` to `sum`: the entries of `of` beside the states, and those of the states
-/// times the states' own.
+/// Derivatives with respect to omega, from those with respect to the robot's parameters: per
+/// radian of phase the motion depends on dissipation over omega and on stiffness over its square.
+fn domega(problem: &Problem, cycle: &Cycle, derivatives: &Derivatives) -> GaitMetrics {
+    let mut sum = GaitMetrics { v_m_s: cycle.metrics.d_m / TAU, ..GaitMetrics::NONE }.to_array();
+    for (parameter, derivative) in derivatives.parameters.iter() {
+        let power = if parameter == Parameter::Stiffness { 2.0 } else { 1.0 };
+        let part = power * parameter.of(&problem.robot) / problem.omega_rad_s;
+        for (sum, derivative) in sum.iter_mut().zip(derivative.to_array()) {
+            *sum -= part * derivative;
+        }
+    }
+    GaitMetrics::from_array(sum)
+}
+
+/// Adds `of (state)` to `sum`: the entries in a lane of `of` beside the states, and those of the
+/// states times the states' own.
 #[inline(always)]
-fn compose<const N: usize>(
-    of: &Affine,
+fn compose<const N: usize, T: Number>(
+    of: &Affine<T>,
+    lane: usize,
     state: &[[f64; MOST_COLUMNS]; N],
     columns: usize,
     sum: &mut Affine,
 ) {
     for column in N..columns {
-        sum[column] += of[column];
+        sum[column] += of[column].lane(lane);
     }
     for (weight, state) in of.iter().zip(state) {
         for column in 0..columns {
-            sum[column] += weight * state[column];
+            sum[column] += weight.lane(lane) * state[column];
         }
     }
 }
@@ -207,12 +243,12 @@ fn compose<const N: usize>(
 /// Adds to `own` the derivatives of a quantity with this gradient at the stages of an element,
 /// with respect to the element's start and the parameters.
 #[inline(always)]
-fn contract<const N: usize, R: Reduced<N>>(
-    gradient: &Stages<N>,
+fn contract<const N: usize, R: Reduced<N>, T: Number>(
+    gradient: &Stages<N, T>,
     duration_s: f64,
-    right: &[f64],
+    right: &[T],
     columns: usize,
-    own: &mut Affine,
+    own: &mut Affine<T>,
 ) {
     let per_stage = unknowns::<N, R>();
     let mut unknown_gradient = *gradient;
@@ -222,15 +258,15 @@ fn contract<const N: usize, R: Reduced<N>>(
             own[N - 1] += gradient[j][N - 1];
             for l in 0..STAGES {
                 unknown_gradient[l][N - 2] +=
-                    duration_s * RADAU.integrate[j][l] * gradient[j][N - 1];
+                    T::of(duration_s * RADAU.integrate[j][l]) * gradient[j][N - 1];
             }
         }
     }
     for j in 0..STAGES {
-        for i in (0..per_stage).filter(|i| unknown_gradient[j][*i] != 0.0) {
+        for i in 0..per_stage {
             let row = &right[(j * per_stage + i) * columns..][..columns];
             for (own, entry) in own.iter_mut().zip(row) {
-                *own += unknown_gradient[j][i] * entry;
+                *own += unknown_gradient[j][i] * *entry;
             }
         }
     }
@@ -238,15 +274,27 @@ fn contract<const N: usize, R: Reduced<N>>(
 
 /// Derivatives of state `i` at an element's end with respect to its start and the parameters.
 #[inline(always)]
-fn element_end<const N: usize, R: Reduced<N>>(
+fn element_end<const N: usize, R: Reduced<N>, T: Number>(
     i: usize,
     duration_s: f64,
-    right: &[f64],
+    right: &[T],
     columns: usize,
-) -> Affine {
-    let (mut gradient, mut end) = ([[0.0; N]; STAGES], [0.0; MOST_COLUMNS]);
-    gradient[STAGES - 1][i] = 1.0;
-    contract::<N, R>(&gradient, duration_s, right, columns, &mut end);
+) -> Affine<T> {
+    let per_stage = unknowns::<N, R>();
+    let mut end = [T::of(0.0); MOST_COLUMNS];
+    let mut add = |weight: T, row: usize| {
+        let row = &right[row * columns..][..columns];
+        end.iter_mut().zip(row).for_each(|(end, entry)| *end += weight * *entry);
+    };
+    if i < per_stage {
+        add(T::of(1.0), (STAGES - 1) * per_stage + i);
+    } else {
+        // The last state is its start plus the integral of the one before it.
+        for (l, weight) in RADAU.integrate[STAGES - 1].iter().enumerate() {
+            add(T::of(duration_s * weight), l * per_stage + i - 1);
+        }
+        end[i] += T::of(1.0);
+    }
     end
 }
 
@@ -267,9 +315,9 @@ fn angle_at<const N: usize, R: Reduced<N>>(
     let duration_s = extreme.fraction * whole.duration_s;
     let element = Element { nodes: &nodes, start: whole.start, stages: &stages, duration_s };
     let right = workspace.solve_sensitivity(model, &element, parameters);
-    let end = element_end::<N, R>(N - 1, duration_s, right, columns);
+    let end = element_end::<N, R, _>(N - 1, duration_s, right, columns);
     let mut angle = [0.0; MOST_COLUMNS];
-    compose::<N>(&end, before, columns, &mut angle);
+    compose::<N, _>(&end, 0, before, columns, &mut angle);
     Some(angle)
 }
 
@@ -330,23 +378,33 @@ impl MetricGradient {
         Self { dd_dend, odd_dd_dend, end, turns, duration_s, dsigma_dskid }
     }
 
+    /// Which of the integrals have a gradient.
+    fn known(&self) -> [bool; INTEGRALS] {
+        let [sigma0, sigma1, sigma2] = self.dsigma_dskid.map(|slope| slope != 0.0);
+        [true, self.turns != 0.0, sigma0, sigma1, sigma2, self.odd_dd_dend.is_some()]
+    }
+
     /// Gradients of the integrals with respect to the robot's angles and velocities at the stages
-    /// of an element.
+    /// of elements in lanes, each on its own path.
     #[inline(always)]
     fn at_stages<R: Reduced<N>, const N: usize>(
         &self,
         model: &R,
-        states: &[KinematicState; STAGES],
-        poses: &[Pose; STAGES],
-    ) -> [[KinematicState; STAGES]; INTEGRALS] {
+        states: &[KinematicState<Lanes>; STAGES],
+        poses: &[[Pose; STAGES]; LANES],
+    ) -> [[KinematicState<Lanes>; STAGES]; INTEGRALS] {
         let mut gradients = [[KinematicState::default(); STAGES]; INTEGRALS];
         let weights = RADAU.integrate[STAGES - 1];
-        gradients[0] = self.path(self.dd_dend, states, poses);
+        let directions =
+            std::array::from_fn(|j| Number::sin_cos(in_lanes(poses, |of| of[j].theta_rad)));
+        let end =
+            [in_lanes(poses, |of| of[STAGES - 1].x_m), in_lanes(poses, |of| of[STAGES - 1].y_m)];
+        gradients[0] = self.path(self.dd_dend, states, &directions, end);
         if let Some(odd_dd_dend) = self.odd_dd_dend {
-            gradients[INTEGRALS - 1] = self.path(odd_dd_dend, states, poses);
+            gradients[INTEGRALS - 1] = self.path(odd_dd_dend, states, &directions, end);
         }
         for j in 0..STAGES {
-            gradients[1][j].velocity[2] = self.turns * self.duration_s * weights[j];
+            gradients[1][j].velocity[2] = Lanes::splat(self.turns * self.duration_s * weights[j]);
         }
         if R::SKIDS {
             let robot = &model.problem().robot;
@@ -355,7 +413,8 @@ impl MetricGradient {
                 let (rows, slopes) = (skid_rows(robot, &trig), dskid_rows_dphi(robot, &trig));
                 for (wheel, row) in rows.iter().enumerate() {
                     let gradient = &mut gradients[2 + wheel][j];
-                    let factor = weights[j] * self.dsigma_dskid[wheel] * dot(row, velocity);
+                    let factor = Lanes::splat(weights[j] * self.dsigma_dskid[wheel]);
+                    let factor = factor * dot(row, velocity);
                     gradient.velocity = row.map(|entry| factor * entry);
                     if wheel > 0 {
                         gradient.phi_rad[wheel - 1] = factor * dot(&slopes[wheel - 1], velocity);
@@ -366,31 +425,39 @@ impl MetricGradient {
         gradients
     }
 
-    /// Gradients of d, given that with respect to the end.
+    /// Gradients of d, given that with respect to the end: at stages where the robot points in
+    /// these directions (sine, cosine), of elements that end at these places (x, y), m.
     #[inline(always)]
     fn path(
         &self,
-        [dd_dx, dd_dy, dd_dtheta]: [f64; 3],
-        states: &[KinematicState; STAGES],
-        poses: &[Pose; STAGES],
-    ) -> [KinematicState; STAGES] {
+        dd_dend: [f64; 3],
+        states: &[KinematicState<Lanes>; STAGES],
+        directions: &[(Lanes, Lanes); STAGES],
+        [end_x, end_y]: [Lanes; 2],
+    ) -> [KinematicState<Lanes>; STAGES] {
         let mut d = [KinematicState::default(); STAGES];
-        let weights = RADAU.integrate[STAGES - 1];
-        let end = &poses[STAGES - 1];
+        let [dd_dx, dd_dy, dd_dtheta] = dd_dend.map(Lanes::splat);
         // Turning the rest of the path.
-        let later = dd_dtheta + dd_dy * (self.end.x_m - end.x_m) - dd_dx * (self.end.y_m - end.y_m);
+        let [whole_x, whole_y] = [self.end.x_m, self.end.y_m].map(Lanes::splat);
+        let later = dd_dtheta + dd_dy * (whole_x - end_x) - dd_dx * (whole_y - end_y);
         for j in 0..STAGES {
-            let weight = self.duration_s * weights[j];
-            let (sin, cos) = poses[j].theta_rad.sin_cos();
+            let weight = Lanes::splat(self.duration_s * RADAU.integrate[STAGES - 1][j]);
+            let (sin, cos) = directions[j];
             let [u, v, ..] = states[j].velocity;
-            d[j].velocity[0] = weight * (dd_dx * cos + dd_dy * sin);
-            d[j].velocity[1] = weight * (dd_dy * cos - dd_dx * sin);
+            let (along, across) = (dd_dx * cos + dd_dy * sin, dd_dy * cos - dd_dx * sin);
+            d[j].velocity[0] = weight * along;
+            d[j].velocity[1] = weight * across;
             d[j].velocity[2] += weight * later;
-            let turned = dd_dy * (u * cos - v * sin) - dd_dx * (u * sin + v * cos);
+            let turned = weight * (u * across - v * along);
             for l in 0..STAGES {
-                d[l].velocity[2] += weight * turned * self.duration_s * RADAU.integrate[j][l];
+                d[l].velocity[2] += turned * Lanes::splat(self.duration_s * RADAU.integrate[j][l]);
             }
         }
         d
     }
+}
+
+/// A number of each element's poses, one in each lane.
+fn in_lanes(poses: &[[Pose; STAGES]; LANES], of: impl Fn(&[Pose; STAGES]) -> f64) -> Lanes {
+    Lanes::new(poses.each_ref().map(of))
 }

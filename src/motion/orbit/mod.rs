@@ -45,7 +45,7 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     pub effort: Effort,
     /// Newton's contraction: the step after a fresh one over that one's square, when last seen.
     contraction: f64,
-    linearisation: Linearisation<Lanes>,
+    pub linearisation: Linearisation<Lanes>,
     /// `(I - M)^-1`, which closes the chain.
     monodromy_closure: SMatrix<f64, N, N>,
     /// The last step by the factors at hand, and the one before.

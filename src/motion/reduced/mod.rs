@@ -16,9 +16,7 @@ pub(super) use skid::Skid;
 
 use super::Problem;
 use crate::metrics::GaitMetrics;
-use crate::robot::{
-    Balance, ByParameter, LANES, Lanes, Number, Parameter, Shape, Trig, Velocity, dot,
-};
+use crate::robot::{ByParameter, LANES, Lanes, Number, Parameter, Shape, Trig, Velocity, dot};
 
 /// The equations of motion and their derivatives at one time.
 #[derive(Debug, Clone, Copy)]
@@ -41,8 +39,6 @@ pub(super) struct KinematicState<T = f64> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Variable {
     Parameter(Parameter),
-    /// omega, rad/s.
-    Frequency,
     /// A number of a commanded joint (0 or 1), rad: its offset, amplitude or phase (0, 1, 2).
     Gait(usize, usize),
 }
@@ -74,21 +70,20 @@ impl Derivatives {
     pub(super) fn set(&mut self, variable: Variable, derivative: GaitMetrics) {
         match variable {
             Variable::Parameter(parameter) => self.parameters[parameter] = derivative,
-            Variable::Frequency => self.omega = derivative,
             Variable::Gait(joint, number) => self.gait[joint][number] = derivative,
         }
     }
 }
 
 /// Most parameters that a motion of one kind can depend on.
-pub(super) const MOST_PARAMETERS: usize = 13;
+pub(super) const MOST_PARAMETERS: usize = 12;
 
 /// Derivatives of each equation with respect to the variables of [`Reduced::variable`].
-pub(super) type ParameterJacobian<const N: usize> = [[f64; MOST_PARAMETERS]; N];
+pub(super) type ParameterJacobian<const N: usize, T> = [[T; MOST_PARAMETERS]; N];
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize> {
-    /// Variables that the motion can depend on: the robot's, omega, the commanded joints'.
+    /// Variables that the motion can depend on: the robot's, the commanded joints'.
     const PARAMETERS: usize;
 
     /// Those of the robot among them.
@@ -131,16 +126,15 @@ pub(super) trait Reduced<const N: usize> {
     /// The variable of a column, counted from 0 to [`Reduced::PARAMETERS`].
     fn variable(&self, column: usize) -> Variable;
 
-    /// The equations and their derivatives with respect to the first `parameters`; with respect to
-    /// omega where velocities stay in proportion to it.
-    fn sensitivity(
+    /// The equations and their derivatives with respect to the first `parameters`.
+    fn sensitivity<T: Number>(
         &self,
-        node: &Self::Node<f64>,
-        y: &[f64; N],
-        dy: &[f64; N],
+        node: &Self::Node<T>,
+        y: &[T; N],
+        dy: &[T; N],
         parameters: usize,
-        jacobian: &mut ParameterJacobian<N>,
-    ) -> Residual<N>;
+        jacobian: &mut ParameterJacobian<N, T>,
+    ) -> Residual<N, T>;
 
     /// Angles and velocities of the whole robot in state `y`.
     fn kinematics<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> KinematicState<T>;
@@ -149,20 +143,20 @@ pub(super) trait Reduced<const N: usize> {
     fn acceleration<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> [T; 5];
 
     /// Gradient with respect to the states, from that with respect to angles and velocities.
-    fn state_gradient(
+    fn state_gradient<T: Number>(
         &self,
-        node: &Self::Node<f64>,
-        y: &[f64; N],
-        gradient: &KinematicState,
-    ) -> [f64; N];
+        node: &Self::Node<T>,
+        y: &[T; N],
+        gradient: &KinematicState<T>,
+    ) -> [T; N];
 
     /// The same with respect to the numbers of the joints' commands when the states stay.
-    fn gait_gradient(
+    fn gait_gradient<T: Number>(
         &self,
-        node: &Self::Node<f64>,
-        y: &[f64; N],
-        gradient: &KinematicState,
-    ) -> [[f64; NUMBERS]; 2];
+        node: &Self::Node<T>,
+        y: &[T; N],
+        gradient: &KinematicState<T>,
+    ) -> [[T; NUMBERS]; 2];
 
     /// Signs of the states half a period later, if the commands have changed theirs.
     fn half_period_signs(&self) -> Option<[f64; N]>;
@@ -177,7 +171,6 @@ impl Problem {
     pub(super) fn knows(&self, variable: Variable) -> bool {
         match variable {
             Variable::Parameter(parameter) => self.model.knows(parameter, &self.gait),
-            Variable::Frequency => true,
             Variable::Gait(joint, _) => self.gait.passive_joint() != Some(joint),
         }
     }
@@ -191,25 +184,10 @@ impl Problem {
 
 /// Derivatives of eq. 7's left-hand side with respect to the coefficients along `rows`.
 #[inline(always)]
-fn dforce_dcoefficients(rows: &[[f64; 5]; 3], velocity: &Velocity) -> [[f64; 5]; 3] {
+fn dforce_dcoefficients<T: Number>(rows: &[[T; 5]; 3], velocity: &Velocity<T>) -> [[T; 5]; 3] {
     rows.map(|row| {
         let along = dot(&row, velocity);
         row.map(|entry| entry * along)
-    })
-}
-
-/// Derivatives of forces with respect to omega, where velocities are in proportion to it and
-/// accelerations to its square.
-#[inline(always)]
-fn dforce_domega(
-    balance: &Balance,
-    velocity: &Velocity,
-    acceleration: &[f64; 5],
-    omega_rad_s: f64,
-) -> [f64; 5] {
-    std::array::from_fn(|i| {
-        let by_velocity = dot(&balance.dforce_dvelocity[i], velocity);
-        (by_velocity + 2.0 * dot(&balance.mass[i], acceleration)) / omega_rad_s
     })
 }
 
@@ -250,25 +228,24 @@ impl CommandNode {
             trig: Trig { s: pair(|node| &node.trig.s), c: pair(|node| &node.trig.c) },
         }
     }
+}
 
-    /// Sine and cosine of a commanded joint's angle, its rate and acceleration.
-    fn joint(&self, joint: usize) -> [f64; 4] {
-        let Shape { rate_rad_s, acceleration_rad_s2, .. } = &self.shape;
-        let Trig { s, c } = &self.trig;
-        [s[joint], c[joint], rate_rad_s[joint], acceleration_rad_s2[joint]]
-    }
-
+impl<T: Number> CommandNode<T> {
     /// Derivatives of a joint's angle, rate and acceleration with respect to each number of its
     /// command.
-    fn slopes(&self, joint: usize, omega_rad_s: f64) -> [[f64; 3]; NUMBERS] {
-        let [_, _, rate, acceleration] = self.joint(joint);
-        let by_phase = [rate / omega_rad_s, acceleration / omega_rad_s, -omega_rad_s * rate];
-        [[1.0, 0.0, 0.0], self.waves[joint], by_phase]
+    #[inline(always)]
+    fn slopes(&self, joint: usize, omega_rad_s: f64) -> [[T; 3]; NUMBERS] {
+        let Shape { rate_rad_s, acceleration_rad_s2, .. } = &self.shape;
+        let (rate, acceleration) = (rate_rad_s[joint], acceleration_rad_s2[joint]);
+        let (omega, period) = (T::of(omega_rad_s), T::of(1.0 / omega_rad_s));
+        let by_phase = [rate * period, acceleration * period, -(omega * rate)];
+        [[T::of(1.0), T::of(0.0), T::of(0.0)], self.waves[joint], by_phase]
     }
 
     /// Gradient with respect to these numbers, as far as they act on the joints' own angles and
     /// rates alone.
-    fn gait_gradient(&self, gradient: &KinematicState, omega_rad_s: f64) -> [[f64; NUMBERS]; 2] {
+    #[inline(always)]
+    fn gait_gradient(&self, gradient: &KinematicState<T>, omega_rad_s: f64) -> [[T; NUMBERS]; 2] {
         std::array::from_fn(|joint| {
             self.slopes(joint, omega_rad_s).map(|[phi, rate, _]| {
                 gradient.phi_rad[joint] * phi + gradient.velocity[3 + joint] * rate

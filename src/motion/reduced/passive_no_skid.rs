@@ -1,10 +1,8 @@
 //! One joint on its spring, wheels that cannot skid.
 
-use nalgebra::{Complex, ComplexField};
-
 use super::{
     CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
-    dforce_dcoefficients, dforce_domega, lanes,
+    dforce_dcoefficients, lanes,
 };
 use crate::motion::Problem;
 use crate::robot::{Balance, LANES, Lanes, Number, Parameter, Trig, dot, force_balance, roll_rows};
@@ -55,6 +53,48 @@ impl<T: Number> Frame<T> {
     #[inline(always)]
     fn accelerations(&self, s: T, ds: T) -> [T; 2] {
         std::array::from_fn(|i| ds * self.null[i] + s * self.null_rate[i] + self.particular_rate[i])
+    }
+}
+
+/// What the wheel of the commanded link leaves, as functions of that joint's angle with their first
+/// two derivatives.
+struct Constraint<T> {
+    /// `(u, theta')` along the null direction.
+    null: [[T; 2]; 3],
+    /// Of the particular solution, per unit of the commanded rate.
+    particular: [[T; 2]; 3],
+    /// The commanded rate and acceleration.
+    rate: T,
+    acceleration: T,
+}
+
+impl<T: Number> Constraint<T> {
+    #[inline(always)]
+    fn frame(&self) -> Frame<T> {
+        let Self { null, particular: [e, de, _], rate, acceleration } = self;
+        Frame {
+            null: null[0],
+            null_rate: null[1].map(|entry| entry * *rate),
+            particular: e.map(|entry| entry * *rate),
+            particular_rate: [0, 1].map(|i| de[i] * *rate * *rate + e[i] * *acceleration),
+        }
+    }
+
+    /// Change of the frame with the commanded joint's angle, rate and acceleration.
+    #[inline(always)]
+    fn frame_change(&self, [dphi, drate, dacceleration]: [T; 3]) -> Frame<T> {
+        let Self { null, particular: [e, de, d2e], rate, acceleration } = self;
+        let turned = *rate * dphi;
+        Frame {
+            null: null[1].map(|entry| entry * dphi),
+            null_rate: [0, 1].map(|i| null[2][i] * turned + null[1][i] * drate),
+            particular: [0, 1].map(|i| de[i] * turned + e[i] * drate),
+            particular_rate: [0, 1].map(|i| {
+                d2e[i] * *rate * turned
+                    + de[i] * (*acceleration * dphi + T::of(2.0) * *rate * drate)
+                    + e[i] * dacceleration
+            }),
+        }
     }
 }
 
@@ -172,53 +212,39 @@ impl PassiveNoSkid {
         Projected { residual, balance, trig, state, wheel, velocities, null }
     }
 
-    /// The frame, from the commanded joint's sine, cosine, rate and acceleration.
+    /// What the wheel of the commanded link leaves.
     #[inline(always)]
-    fn frame<T>(&self, [sin, cos, rate, acceleration]: [T; 4]) -> Frame<T>
-    where
-        T: ComplexField<RealField = f64> + Copy,
-    {
-        let (h, l) = (self.problem.robot.h_m, self.problem.robot.l_m);
-        let arm_m = joint_sign(1 - self.passive) * l;
-        let (arm, arm_rate, sin_rate) =
-            (cos.scale(h) + T::from_real(l), sin.scale(-h) * rate, cos * rate);
+    fn constraint<T: Number>(&self, command: &CommandNode<T>) -> Constraint<T> {
+        let a = 1 - self.passive;
+        let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
+        let (h, l, two) =
+            (T::of(self.problem.robot.h_m), T::of(self.problem.robot.l_m), T::of(2.0));
+        let arm = l + h * cos;
         // The shortest particular solution, rotation counted as speed at the distance l.
-        let norm = (sin * sin).scale(l).scale(l) + arm * arm;
-        let norm_rate = ((sin * sin_rate).scale(l).scale(l) + arm * arm_rate).scale(2.0);
-        let q = rate.scale(arm_m) / norm;
-        let q_rate = acceleration.scale(arm_m) / norm - q * norm_rate / norm;
-        Frame {
-            null: [arm, -sin],
-            null_rate: [arm_rate, -sin_rate],
-            particular: [sin.scale(l * l) * q, arm * q],
-            particular_rate: [
-                (sin_rate * q + sin * q_rate).scale(l * l),
-                arm_rate * q + arm * q_rate,
-            ],
-        }
-    }
-
-    /// Derivative of the frame when the commanded joint's angle, rate and acceleration change, by
-    /// a complex step.
-    #[inline(always)]
-    fn dframe(&self, ConstrainedNode { command, .. }: &ConstrainedNode, slopes: [f64; 3]) -> Frame {
-        const STEP: f64 = 1e-30;
-        let [dphi, drate, dacceleration] = slopes;
-        let values = command.joint(1 - self.passive);
-        let slopes = [values[1] * dphi, -values[0] * dphi, drate, dacceleration];
-        let frame = self.frame([0, 1, 2, 3].map(|i| Complex::new(values[i], STEP * slopes[i])));
-        let slopes = |of: [Complex<f64>; 2]| of.map(|value| value.im / STEP);
-        Frame {
-            null: slopes(frame.null),
-            null_rate: slopes(frame.null_rate),
-            particular: slopes(frame.particular),
-            particular_rate: slopes(frame.particular_rate),
+        let norm = l * l * sin * sin + arm * arm;
+        let turn = l * l * cos - h * arm;
+        let (dnorm, d2norm) = (two * sin * turn, two * (cos * turn + (h * h - l * l) * sin * sin));
+        let (lever, per_norm) = (T::of(joint_sign(a)) * l, T::of(1.0) / norm);
+        let direction =
+            [[l * l * sin, arm], [l * l * cos, -(h * sin)], [-(l * l * sin), -(h * cos)]];
+        let [value, slope, curve] = direction.map(|of| of.map(|entry| lever * entry));
+        let particular: [T; 2] = std::array::from_fn(|i| value[i] * per_norm);
+        let dparticular: [T; 2] =
+            std::array::from_fn(|i| (slope[i] - particular[i] * dnorm) * per_norm);
+        let d2particular = std::array::from_fn(|i| {
+            (curve[i] - two * dparticular[i] * dnorm - particular[i] * d2norm) * per_norm
+        });
+        Constraint {
+            null: [[arm, -sin], [-(h * sin), -cos], [-(h * cos), sin]],
+            particular: [particular, dparticular, d2particular],
+            rate: command.shape.rate_rad_s[a],
+            acceleration: command.shape.acceleration_rad_s2[a],
         }
     }
 }
 
 impl Reduced<2> for PassiveNoSkid {
-    const PARAMETERS: usize = 9;
+    const PARAMETERS: usize = 8;
     const OF_ROBOT: usize = 5;
     const SKIDS: bool = false;
     const INTEGRATED: bool = false;
@@ -244,7 +270,7 @@ impl Reduced<2> for PassiveNoSkid {
 
     fn node(&self, phase_rad: f64) -> ConstrainedNode {
         let command = CommandNode::new(&self.problem, phase_rad);
-        let frame = self.frame(command.joint(1 - self.passive));
+        let frame = self.constraint(&command).frame();
         ConstrainedNode { command, frame }
     }
 
@@ -275,64 +301,61 @@ impl Reduced<2> for PassiveNoSkid {
             0..3 => Variable::Parameter(Parameter::ROLL[column]),
             3 => Variable::Parameter(Parameter::Stiffness),
             4 => Variable::Parameter(Parameter::Damping),
-            5 => Variable::Frequency,
-            _ => Variable::Gait(1 - self.passive, column - 6),
+            _ => Variable::Gait(1 - self.passive, column - 5),
         }
     }
 
     #[inline(always)]
-    fn sensitivity(
+    fn sensitivity<T: Number>(
         &self,
-        node: &ConstrainedNode,
-        y: &[f64; 2],
-        dy: &[f64; 2],
+        node: &ConstrainedNode<T>,
+        y: &[T; 2],
+        dy: &[T; 2],
         parameters: usize,
-        jacobian: &mut ParameterJacobian<2>,
-    ) -> Residual<2> {
+        jacobian: &mut ParameterJacobian<2, T>,
+    ) -> Residual<2, T> {
         let (p, a, robot) = (self.passive, 1 - self.passive, &self.problem.robot);
         let Projected { residual, balance, trig, state, wheel, velocities, null } =
             self.equations(node, y, dy);
         let rows = self.rows();
-        let along = |force: &[f64; 5]| -> f64 {
-            null.iter().zip(&rows).map(|(n, &row)| n * force[row]).sum()
+        let zero = T::of(0.0);
+        let along = |force: &[T; 5]| -> T {
+            null.iter().zip(&rows).fold(zero, |sum, (n, &row)| sum + *n * force[row])
         };
         let droll = dforce_dcoefficients(&roll_rows(robot, &trig), &state.velocity);
         for wheel in 0..3 {
             jacobian[0][wheel] = along(&droll[wheel]);
         }
-        jacobian[0][3] = null[2] * (y[1] - robot.rest_angle_rad);
+        jacobian[0][3] = null[2] * (y[1] - T::of(robot.rest_angle_rad));
         jacobian[0][4] = null[2] * state.velocity[3 + p];
         if parameters <= Self::OF_ROBOT {
             return residual;
         }
         let omega_rad_s = self.problem.omega_rad_s;
-        let acceleration = self.acceleration(node, y, dy);
-        let domega = dforce_domega(&balance, &state.velocity, &acceleration, omega_rad_s);
-        jacobian[0][5] = along(&domega);
-
         // The frame of the constraints turns with the commanded joint.
         let (w, drate_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
+        let constraint = self.constraint(&node.command);
         for (number, slopes) in node.command.slopes(a, omega_rad_s).into_iter().enumerate() {
-            let frame = self.dframe(node, slopes);
+            let frame = constraint.frame_change(slopes);
             let (dvelocities, daccelerations) =
                 (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
             let dw = wheel.rate(dvelocities);
             let [phi, rate, acceleration] = slopes;
-            let mut velocity = [dvelocities[0], 0.0, dvelocities[1], 0.0, 0.0];
-            let mut rates = [daccelerations[0], 0.0, daccelerations[1], 0.0, 0.0];
+            let mut velocity = [dvelocities[0], zero, dvelocities[1], zero, zero];
+            let mut rates = [daccelerations[0], zero, daccelerations[1], zero, zero];
             (velocity[3 + p], velocity[3 + a]) = (dw, rate);
             rates[3 + p] =
                 wheel.drate_dphi(dvelocities) * w + drate_dphi * dw + wheel.rate(daccelerations);
             rates[3 + a] = acceleration;
             let dnull = [frame.null[0], frame.null[1], wheel.rate(frame.null)];
-            let mut sum = 0.0;
+            let mut sum = zero;
             for ((n, dn), &row) in null.iter().zip(&dnull).zip(&rows) {
                 let force = dot(&balance.dforce_dvelocity[row], &velocity)
                     + dot(&balance.mass[row], &rates)
                     + balance.dforce_dphi[a][row] * phi;
-                sum += n * force + dn * balance.force[row];
+                sum += *n * force + *dn * balance.force[row];
             }
-            (jacobian[0][6 + number], jacobian[1][6 + number]) = (sum, -dw);
+            (jacobian[0][5 + number], jacobian[1][5 + number]) = (sum, -dw);
         }
         residual
     }
@@ -356,12 +379,12 @@ impl Reduced<2> for PassiveNoSkid {
     }
 
     #[inline(always)]
-    fn state_gradient(
+    fn state_gradient<T: Number>(
         &self,
-        node: &ConstrainedNode,
-        y: &[f64; 2],
-        gradient: &KinematicState,
-    ) -> [f64; 2] {
+        node: &ConstrainedNode<T>,
+        y: &[T; 2],
+        gradient: &KinematicState<T>,
+    ) -> [T; 2] {
         let (p, wheel, frame) = (self.passive, self.wheel(y[1]), &node.frame);
         let [u, _, r, ..] = gradient.velocity;
         let dw = gradient.velocity[3 + p];
@@ -371,19 +394,20 @@ impl Reduced<2> for PassiveNoSkid {
     }
 
     #[inline(always)]
-    fn gait_gradient(
+    fn gait_gradient<T: Number>(
         &self,
-        node: &ConstrainedNode,
-        y: &[f64; 2],
-        gradient: &KinematicState,
-    ) -> [[f64; NUMBERS]; 2] {
+        node: &ConstrainedNode<T>,
+        y: &[T; 2],
+        gradient: &KinematicState<T>,
+    ) -> [[T; NUMBERS]; 2] {
         let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(y[1]));
         let omega_rad_s = self.problem.omega_rad_s;
         let [u, _, r, ..] = gradient.velocity;
         let mut gradients = node.command.gait_gradient(gradient, omega_rad_s);
+        let constraint = self.constraint(&node.command);
         let both = gradients[a].iter_mut().zip(node.command.slopes(a, omega_rad_s));
         for (gradient_of_number, slopes) in both {
-            let velocities = self.dframe(node, slopes).velocities(y[0]);
+            let velocities = constraint.frame_change(slopes).velocities(y[0]);
             *gradient_of_number += u * velocities[0]
                 + r * velocities[1]
                 + gradient.velocity[3 + p] * wheel.rate(velocities);

@@ -2,7 +2,7 @@
 
 use super::{
     CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
-    dforce_dcoefficients, dforce_domega,
+    dforce_dcoefficients,
 };
 use crate::motion::Problem;
 use crate::robot::{
@@ -78,7 +78,7 @@ impl<const N: usize> Skid<N> {
 }
 
 impl<const N: usize> Reduced<N> for Skid<N> {
-    const PARAMETERS: usize = if Self::IS_PASSIVE { 12 } else { 13 };
+    const PARAMETERS: usize = if Self::IS_PASSIVE { 11 } else { 12 };
     const OF_ROBOT: usize = if Self::IS_PASSIVE { 8 } else { 6 };
     const SKIDS: bool = true;
     const INTEGRATED: bool = Self::IS_PASSIVE;
@@ -115,21 +115,20 @@ impl<const N: usize> Reduced<N> for Skid<N> {
             (3..6, _) => Variable::Parameter(Parameter::ROLL[column - 3]),
             (6, Some(_)) => Variable::Parameter(Parameter::Stiffness),
             (7, Some(_)) => Variable::Parameter(Parameter::Damping),
-            (column, _) if column == Self::OF_ROBOT => Variable::Frequency,
-            (column, Some(p)) => Variable::Gait(1 - p, column - 9),
-            (column, None) => Variable::Gait((column - 7) / NUMBERS, (column - 7) % NUMBERS),
+            (column, Some(p)) => Variable::Gait(1 - p, column - 8),
+            (column, None) => Variable::Gait((column - 6) / NUMBERS, (column - 6) % NUMBERS),
         }
     }
 
     #[inline(always)]
-    fn sensitivity(
+    fn sensitivity<T: Number>(
         &self,
-        node: &CommandNode,
-        y: &[f64; N],
-        dy: &[f64; N],
+        node: &CommandNode<T>,
+        y: &[T; N],
+        dy: &[T; N],
         parameters: usize,
-        jacobian: &mut ParameterJacobian<N>,
-    ) -> Residual<N> {
+        jacobian: &mut ParameterJacobian<N, T>,
+    ) -> Residual<N, T> {
         let robot = &self.problem.robot;
         let trig = self.trig(node, y);
         let (residual, balance) = self.equations(node, &trig, y, dy);
@@ -145,8 +144,6 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         }
         if parameters > Self::OF_ROBOT {
             let omega_rad_s = self.problem.omega_rad_s;
-            let acceleration = self.acceleration(node, y, dy);
-            let domega = dforce_domega(&balance, &velocity, &acceleration, omega_rad_s);
             let slopes = [0, 1].map(|joint| node.slopes(joint, omega_rad_s));
             for (i, entries) in jacobian.iter_mut().enumerate().take(Self::ROWS) {
                 let row = self.row(i);
@@ -158,14 +155,13 @@ impl<const N: usize> Reduced<N> for Skid<N> {
                                 + balance.dforce_dvelocity[row][3 + joint] * rate
                                 + balance.mass[row][3 + joint] * acceleration
                         }
-                        Variable::Frequency => domega[row],
-                        _ => 0.0,
+                        _ => T::of(0.0),
                     };
                 }
             }
         }
         if Self::IS_PASSIVE {
-            (jacobian[3][6], jacobian[3][7]) = (y[4] - robot.rest_angle_rad, y[3]);
+            (jacobian[3][6], jacobian[3][7]) = (y[4] - T::of(robot.rest_angle_rad), y[3]);
         }
         residual
     }
@@ -191,12 +187,12 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     }
 
     #[inline(always)]
-    fn state_gradient(
+    fn state_gradient<T: Number>(
         &self,
-        _node: &CommandNode,
-        _y: &[f64; N],
-        gradient: &KinematicState,
-    ) -> [f64; N] {
+        _node: &CommandNode<T>,
+        _y: &[T; N],
+        gradient: &KinematicState<T>,
+    ) -> [T; N] {
         std::array::from_fn(|i| match i {
             4 => gradient.phi_rad[self.passive],
             _ => gradient.velocity[self.row(i)],
@@ -204,12 +200,12 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     }
 
     #[inline(always)]
-    fn gait_gradient(
+    fn gait_gradient<T: Number>(
         &self,
-        node: &CommandNode,
-        _y: &[f64; N],
-        gradient: &KinematicState,
-    ) -> [[f64; NUMBERS]; 2] {
+        node: &CommandNode<T>,
+        _y: &[T; N],
+        gradient: &KinematicState<T>,
+    ) -> [[T; NUMBERS]; 2] {
         node.gait_gradient(gradient, self.problem.omega_rad_s)
     }
 
