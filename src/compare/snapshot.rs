@@ -11,7 +11,6 @@ use serde_json::Value as Json;
 
 use super::CompareError;
 use crate::named::Named as _;
-use crate::robot::Parameter;
 use crate::store::{PredictionSource, RunStatus, StoreError, Table, write_bytes};
 
 /// Tables whose rows are compared, and the columns that name a row.
@@ -97,7 +96,7 @@ impl Snapshot {
             let named = rows.into_iter().map(|row| (name(&row), row));
             tables.insert(table.to_owned(), named.collect());
         }
-        tables.get_mut("fits").into_iter().for_each(add_intervals);
+        tables.get_mut("fits").into_iter().flat_map(Records::values_mut).for_each(add_widths);
         let path = derived.join("predictions.parquet");
         match rows(&path, &["campaign", "model", "source"]) {
             Err(error) if error.is_not_there() => {}
@@ -191,20 +190,19 @@ fn rows(path: &Path, needed: &[&str]) -> Result<Vec<Record>, StoreError> {
     Ok(rows)
 }
 
-/// Adds the widths of the fitted parameters' intervals.
-fn add_intervals(fits: &mut Records) {
-    for fit in fits.values_mut() {
-        for parameter in Parameter::ALL.map(Parameter::name) {
-            let limit = |end: &str| number(fit, &format!("{parameter}_{end}"));
-            if let Some((low, high)) = limit("lo").zip(limit("hi")) {
-                fit.insert(format!("interval_{parameter}"), (high - low).into());
-            }
-        }
-    }
+/// Adds the widths of a record's 95 % intervals.
+fn add_widths(record: &mut Record) {
+    let lower = record.keys().filter_map(|column| column.strip_suffix("_lo"));
+    let width = |of: &str| {
+        let [low, high] = ["lo", "hi"].map(|end| number(record, &format!("{of}_{end}")));
+        Some((format!("interval_{of}"), (high? - low?).into()))
+    };
+    let widths: Vec<(String, Json)> = lower.filter_map(width).collect();
+    record.extend(widths);
 }
 
 /// Predictions at the trials' frequencies, named by the commanded ones: measured ones differ from
-/// run to run.
+/// run to run. Of their limits the widths are kept, and not why there are none: the fits have it.
 fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
     let mut commanded: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for trial in trials.values() {
@@ -216,8 +214,13 @@ fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
         of_campaign.dedup();
     }
     let (mut found, mut counts) = (Records::new(), BTreeMap::<String, usize>::new());
-    for row in rows.into_iter().filter(|row| text(row, "source") == PredictionSource::Trial.name())
-    {
+    let is_of_limits = |column: &str| {
+        column.ends_with("_lo") || column.ends_with("_hi") || column == "no_interval"
+    };
+    let at_trials = |row: &Record| text(row, "source") == PredictionSource::Trial.name();
+    for mut row in rows.into_iter().filter(at_trials) {
+        add_widths(&mut row);
+        row.retain(|column, _| !is_of_limits(column));
         let (campaign, model) = (text(&row, "campaign"), text(&row, "model"));
         let omega = number(&row, "omega_rad_s").unwrap_or(f64::NAN);
         let nearest = commanded
@@ -270,4 +273,29 @@ fn stages(run: &Json) -> BTreeMap<String, f64> {
         Some((stage.get("stage")?.as_str()?.to_owned(), stage.get("seconds")?.as_f64()?))
     };
     stages.filter_map(stage).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_the_limits_of_predictions_their_widths_are_compared() {
+        let row = |d_m_hi: Json| -> Record {
+            let texts = [("campaign", "ours"), ("model", "skid"), ("source", "trial")];
+            let numbers = [("omega_rad_s", 2.0), ("d_m", 0.4), ("d_m_lo", 0.39)];
+            let texts = texts.map(|(column, value)| (column.to_owned(), value.into()));
+            let numbers = numbers.map(|(column, value)| (column.to_owned(), value.into()));
+            let others = [("d_m_hi", d_m_hi), ("no_interval", "".into())];
+            let others = others.map(|(column, value)| (column.to_owned(), value));
+            texts.into_iter().chain(numbers).chain(others).collect()
+        };
+        let found = predictions(vec![row(0.42.into()), row(Json::Null)], &Records::new());
+        let [known, unknown] = ["ours skid 2.00 rad/s", "ours skid 2.00 rad/s (2)"]
+            .map(|name| found[name].keys().map(String::as_str).collect::<Vec<_>>());
+        assert_eq!(known, ["campaign", "d_m", "interval_d_m", "model", "omega_rad_s", "source"]);
+        assert_eq!(unknown, ["campaign", "d_m", "model", "omega_rad_s", "source"]);
+        let width = number(&found["ours skid 2.00 rad/s"], "interval_d_m").expect("a width");
+        assert!((width - 0.03).abs() < 1e-12);
+    }
 }

@@ -37,7 +37,7 @@ use crate::robot::Robot;
 use crate::stats::{mean, quantiles};
 
 /// Parts of the replicates outside of a 95 % interval, on either side.
-const OUTSIDE: f64 = 0.025;
+pub(super) const OUTSIDE: f64 = 0.025;
 /// Half the width of a 95 % interval of a normal distribution, in its standard deviations.
 const HALF_WIDTH: f64 = 1.96;
 /// Blocks of frequencies of the jackknife.
@@ -95,21 +95,46 @@ impl Systematic {
             |refits: &[Start]| refits.iter().map(|refit| point.shift_to(&refit.ended)).collect();
         (Self { blocks: shifts(&without), assumed: shifts(&assumed), gait: None }, solves)
     }
+}
 
-    /// Standard deviation of a parameter's logarithm, given that of its scatter.
-    fn deviation(&self, index: usize, scatter: f64) -> f64 {
-        let assumed: f64 = self.assumed.iter().map(|shifts| shifts[index].powi(2)).sum();
-        if self.blocks.is_empty() {
-            return assumed.sqrt();
+/// How far a quantity may be off to either side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Widths {
+    /// By what all trials share alone.
+    pub shared: [f64; 2],
+    /// By that and by scatter.
+    pub total: [f64; 2],
+}
+
+impl Widths {
+    /// From its widths by scatter, and its shifts as in [`Systematic`].
+    pub fn new(scatter: [f64; 2], blocks: &[f64], assumed: &[f64], gait: f64) -> Self {
+        let [below, above] = scatter;
+        let deviation = match (below + above) / 2.0 {
+            half if half.is_finite() => half / HALF_WIDTH,
+            _ => below.max(above) / HALF_WIDTH,
+        };
+        let common = HALF_WIDTH * deviation_by_shifts(blocks, assumed, deviation.max(0.0));
+        let gait = [(-gait).max(0.0), gait.max(0.0)];
+        Self {
+            shared: gait.map(|gait| common + gait),
+            total: [below.hypot(common) + gait[0], above.hypot(common) + gait[1]],
         }
-        let count = self.blocks.len() as f64;
-        let of_blocks = || self.blocks.iter().map(|shifts| shifts[index]);
-        let mean = mean(of_blocks());
-        let squares: f64 = of_blocks().map(|shift| (shift - mean).powi(2)).sum();
-        let jackknife = (count - 1.0) / count * squares;
-        let chance = BY_CHANCE * scatter.powi(2);
-        ((jackknife - chance).max(0.0) + assumed).sqrt()
     }
+}
+
+/// Standard deviation by shifts that all trials share, given that by scatter.
+fn deviation_by_shifts(blocks: &[f64], assumed: &[f64], scatter: f64) -> f64 {
+    let assumed: f64 = assumed.iter().map(|shift| shift.powi(2)).sum();
+    if blocks.is_empty() {
+        return assumed.sqrt();
+    }
+    let count = blocks.len() as f64;
+    let mean = mean(blocks.iter().copied());
+    let squares: f64 = blocks.iter().map(|shift| (shift - mean).powi(2)).sum();
+    let jackknife = (count - 1.0) / count * squares;
+    let chance = BY_CHANCE * scatter.powi(2);
+    ((jackknife - chance).max(0.0) + assumed).sqrt()
 }
 
 impl Intervals {
@@ -161,19 +186,14 @@ impl Intervals {
                 let correction = if replicates.is_empty() { 1.0 } else { correction };
                 correction * (limit / fitted).ln()
             });
-            let [below, above] = scatter.map(f64::abs);
-            let deviation = match (below + above) / 2.0 {
-                half if half.is_finite() => half / HALF_WIDTH,
-                _ => below.max(above) / HALF_WIDTH,
-            };
-            let common = HALF_WIDTH * systematic.deviation(index, deviation.max(0.0));
+            let scatter = scatter.map(f64::abs);
+            let of = |all: &[Vec<f64>]| all.iter().map(|shifts| shifts[index]).collect::<Vec<_>>();
             let shift = systematic.gait.as_ref().map_or(0.0, |shifts| shifts[index]);
-            let shared = [common + (-shift).max(0.0), common + shift.max(0.0)];
-            let total = [below.hypot(common), above.hypot(common)];
-            let total = [total[0] + (-shift).max(0.0), total[1] + shift.max(0.0)];
+            let Widths { shared, total } =
+                Widths::new(scatter, &of(&systematic.blocks), &of(&systematic.assumed), shift);
             let half_width =
                 |[below, above]: [f64; 2]| 0.5 * fitted * (above.exp() - (-below).exp());
-            all.scatter[index] = half_width([below, above]);
+            all.scatter[index] = half_width(scatter);
             all.systematic[index] = half_width(shared);
             for (side, signed) in [-total[0], total[1]].into_iter().enumerate() {
                 let limit = fitted * signed.exp();
@@ -218,13 +238,11 @@ mod tests {
 
     #[test]
     fn blocks_count_by_what_they_differ_by_more_than_chance() {
-        let blocks = [-0.03, 0.02, -0.01, 0.03, -0.02, 0.01].map(|shift| vec![shift]);
-        let shifts = Systematic { blocks: blocks.into(), ..Systematic::default() };
+        let blocks = [-0.03, 0.02, -0.01, 0.03, -0.02, 0.01];
         let jackknife = (5.0_f64 / 6.0 * 28e-4).sqrt();
-        assert!((shifts.deviation(0, 0.0) - jackknife).abs() < 1e-12);
-        assert_eq!(shifts.deviation(0, jackknife / 1.9), 0.0);
-        let assumed = Systematic { assumed: vec![vec![0.03], vec![-0.04]], ..shifts };
-        assert!((assumed.deviation(0, jackknife) - 0.05).abs() < 1e-12);
-        assert_eq!(Systematic::default().deviation(0, 0.1), 0.0);
+        assert!((deviation_by_shifts(&blocks, &[], 0.0) - jackknife).abs() < 1e-12);
+        assert_eq!(deviation_by_shifts(&blocks, &[], jackknife / 1.9), 0.0);
+        assert!((deviation_by_shifts(&blocks, &[0.03, -0.04], jackknife) - 0.05).abs() < 1e-12);
+        assert_eq!(deviation_by_shifts(&[], &[], 0.1), 0.0);
     }
 }

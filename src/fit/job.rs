@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use rayon::prelude::*;
 
 use super::adequacy::Adequacy;
+use super::bands::Bands;
 use super::compare::bic;
 use super::fitted_point::{FittedPoint, HeldPoint};
 use super::input::FreeParameter;
@@ -278,7 +279,11 @@ impl<'j> Job<'j> {
             false => self.comparison_row(status.clone()),
         };
         let row = self.row(&fit, starts, status);
-        let Fit { point, profiles, replicates, .. } = &fit;
+        let Fit { point, profiles, replicates, systematic, .. } = &fit;
+        let bands = match why_no_bands(&row, replicates) {
+            "" => Ok(Bands::new(point, replicates, self.resampler, systematic, &self.others)),
+            why => Err(why.to_owned()),
+        };
         let parameters = &point.evaluator.parameters;
         let robot = self.objective.robot_with(parameters, &point.values);
         let (campaign, model) = (&self.input.campaign.name, self.input.model);
@@ -307,7 +312,7 @@ impl<'j> Job<'j> {
         let replicate_row =
             |(number, refit): (usize, &Start)| self.replicate_row(parameters, number, refit);
         Fitted {
-            predictions: predictions(campaign, point, &robot),
+            predictions: predictions(campaign, point, &robot, &bands),
             starts: starts.iter().enumerate().map(start_row).collect(),
             profiles: profile_points.map(profile_row).collect(),
             bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),
@@ -441,6 +446,18 @@ impl<'o> Fit<'o> {
     }
 }
 
+/// Why the predictions of a fit have no intervals; empty where they have.
+fn why_no_bands<'f>(fit: &'f FitRow, replicates: &[Start]) -> &'f str {
+    match fit {
+        _ if !fit.status.is_ok() => "the fit has failed",
+        _ if !fit.no_interval.is_empty() => &fit.no_interval,
+        _ if fit.adequate == Some(false) => "the model does not fit",
+        _ if fit.free.is_empty() => "no coefficient is fitted",
+        _ if replicates.is_empty() => "no replicates were asked for",
+        _ => "",
+    }
+}
+
 /// Values of the free parameters among all parameters; the others are missing.
 fn spread(parameters: &[FreeParameter], values: &[f64]) -> ByParameter<f64> {
     let mut all = ByParameter::MISSING;
@@ -522,6 +539,8 @@ mod tests {
         let found = Parameter::SKID.map(|skid| fit.parameters[skid]).into_iter();
         // Nothing tells their noise.
         assert!(fit.upper[first].is_nan() && bootstrap.is_empty());
+        let reasons = predictions.iter().all(|row| row.no_interval == fit.no_interval);
+        assert!(!fit.no_interval.is_empty() && reasons);
         let found = found.chain([fit.j]);
         let predicted = predictions[20].metrics;
         let others = [comparison[0].j_left_out, predicted.d_m, predicted.sigma[0]];

@@ -10,6 +10,7 @@
 //! the Bayesian information criterion.
 
 mod adequacy;
+mod bands;
 mod compare;
 mod conditions;
 mod deviations;

@@ -286,16 +286,7 @@ impl Evaluator<'_> {
         let robot = self.objective.robot_with(&self.parameters, values);
         let wanted: Vec<Parameter> = self.parameters.iter().map(|free| free.parameter).collect();
         let response = |(metrics, solver): (&Option<GaitMetrics>, &mut Solver)| {
-            let metrics = (*metrics)?;
-            if wanted.is_empty() {
-                return Some(Response { metrics, d_metrics_d_logarithm: Vec::new() });
-            }
-            let derivatives = solver.derivatives_of(&wanted).ok()?.parameters;
-            let d_metrics_d_logarithm = wanted.iter().map(|parameter| {
-                let value = parameter.of(&robot);
-                derivatives[*parameter].to_array().map(|derivative| derivative * value)
-            });
-            Some(Response { metrics, d_metrics_d_logarithm: d_metrics_d_logarithm.collect() })
+            Response::of_last(solver, (*metrics)?, &robot, &wanted).ok()
         };
         metrics.iter().zip(&mut self.solvers).map(response).collect()
     }

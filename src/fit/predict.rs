@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::bands::Bands;
 use super::conditions::Condition;
 use super::fitted_point::FittedPoint;
 use super::measurement::Measurement;
@@ -20,42 +21,114 @@ const CURVE_POINTS: usize = 112;
 /// Relative accuracy of a curve.
 const CURVE_ACCURACY: f64 = 1e-8;
 
+/// A motion, and how far its metrics may be off.
+#[derive(Clone)]
+struct Predicted {
+    solved: Result<(GaitMetrics, MotionStatus), MotionError>,
+    /// Limits of the metrics, or why there are none.
+    limits: Result<[GaitMetrics; 2], String>,
+}
+
+impl Predicted {
+    /// Finds the motion from rest whatever was solved for before.
+    fn solve(
+        solver: &mut Solver,
+        problem: Result<&Problem, MotionError>,
+        accuracy: f64,
+        bands: &Result<Bands, String>,
+    ) -> Self {
+        let solve = |problem: &Problem| {
+            solver.forget();
+            let metrics = solver.solve(problem, accuracy)?;
+            let status = MotionStatus::of_floquet(solver.floquet()?);
+            let limits = bands.as_ref().map_err(Clone::clone).and_then(|bands| {
+                // Others go on from this motion.
+                bands.limits(solver.clone(), problem, metrics).map_err(|error| {
+                    format!("the fit to a resample has no motion at this frequency: {error}")
+                })
+            });
+            Ok((metrics, status, limits))
+        };
+        match problem.and_then(solve) {
+            Ok((metrics, status, limits)) => Self { solved: Ok((metrics, status)), limits },
+            Err(error) => Self { limits: Err("there is no motion".to_owned()), solved: Err(error) },
+        }
+    }
+
+    /// The same for a trial, of which the metrics differ a little.
+    fn moved(&self, metrics_of: impl Fn(&GaitMetrics) -> GaitMetrics) -> Self {
+        let Ok((metrics, status)) = &self.solved else { return self.clone() };
+        let moved = metrics_of(metrics);
+        let (from, to) = (metrics.to_array(), moved.to_array());
+        let beside = |limit: GaitMetrics| {
+            let limit = limit.to_array();
+            GaitMetrics::from_array(std::array::from_fn(|i| limit[i] + (to[i] - from[i])))
+        };
+        let limits = self.limits.clone().map(|limits| limits.map(beside));
+        Self { solved: Ok((moved, *status)), limits }
+    }
+}
+
 /// Rows of `predictions.parquet` for one model of one campaign.
 pub(super) fn predictions(
     campaign: &str,
     point: &FittedPoint,
     robot: &Robot,
+    bands: &Result<Bands, String>,
 ) -> Vec<PredictionRow> {
     let objective = point.evaluator.objective;
     let (model, conditions) = (objective.model, &objective.conditions);
-    let row = |omega_rad_s, source, j, solved: &Result<_, MotionError>, from_rest| {
-        let (metrics, status) = match solved {
+    let row = |omega_rad_s, source, j, predicted: Predicted, from_rest| {
+        let (metrics, status) = match &predicted.solved {
             Ok(solved) => *solved,
             Err(error) => (GaitMetrics::MISSING, error.status()),
         };
+        let none = [GaitMetrics::MISSING; 2];
+        let ([lower, upper], no_interval) = match predicted.limits {
+            Ok(limits) => (limits, String::new()),
+            Err(why) => (none, why),
+        };
         let campaign = campaign.to_owned();
-        PredictionRow { campaign, model, omega_rad_s, source, metrics, j, status, from_rest }
+        PredictionRow {
+            campaign,
+            model,
+            omega_rad_s,
+            source,
+            metrics,
+            lower,
+            upper,
+            no_interval,
+            j,
+            status,
+            from_rest,
+        }
     };
     let of_condition = |solver: &mut Solver, condition: &Condition| {
         let problem = objective.problem_of(robot, condition);
-        let solved = problem.clone().and_then(|it| solve(solver, &it, REFERENCE_ACCURACY));
-        let from_rest = problem.ok().zip(solved.as_ref().ok()).map(|(problem, (metrics, _))| {
-            Attractor::from_rest(&solver.attractor(&problem, Ok(*metrics), REFERENCE_ACCURACY))
-        });
-        (solved, from_rest)
+        let predicted = Predicted::solve(
+            solver,
+            problem.as_ref().map_err(Clone::clone),
+            REFERENCE_ACCURACY,
+            bands,
+        );
+        let from_rest =
+            problem.ok().zip(predicted.solved.as_ref().ok()).map(|(problem, (metrics, _))| {
+                Attractor::from_rest(&solver.attractor(&problem, Ok(*metrics), REFERENCE_ACCURACY))
+            });
+        (predicted, from_rest)
     };
     let all = conditions.all.par_iter();
-    let solved: Vec<_> = all.map_init(Solver::default, of_condition).collect();
+    let predicted: Vec<_> = all.map_init(Solver::default, of_condition).collect();
     let at_trial = |(measurement, (condition, differences)): (&Measurement, &(usize, _))| {
-        let (solved, from_rest) = &solved[*condition];
-        let solved = solved.clone().map(|(metrics, status)| {
-            let expansion = point.evaluator.expansions[*condition].as_ref();
-            (expansion.map_or(metrics, |of| of.metrics_at(&metrics, differences)), status)
-        });
-        let j = solved
+        let (predicted, from_rest) = &predicted[*condition];
+        let expansion = point.evaluator.expansions[*condition].as_ref();
+        let predicted = predicted
+            .moved(|metrics| expansion.map_or(*metrics, |of| of.metrics_at(metrics, differences)));
+        let j = predicted
+            .solved
             .as_ref()
             .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
-        row(measurement.omega_rad_s, PredictionSource::Trial, j, &solved, *from_rest)
+        row(measurement.omega_rad_s, PredictionSource::Trial, j, predicted, *from_rest)
     };
     let trials = objective.measurements.iter().zip(&conditions.of_trials);
     let mut rows: Vec<PredictionRow> = trials.map(at_trial).collect();
@@ -68,8 +141,9 @@ pub(super) fn predictions(
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
             let gait = gaits.at(omega_rad_s).ok_or(MotionError::GaitUnknown);
             let problem = gait.map(|gait| objective.problem(robot, gait, omega_rad_s));
-            let solved = problem.and_then(|problem| solve(solver, &problem, CURVE_ACCURACY));
-            row(omega_rad_s, PredictionSource::Curve, f64::NAN, &solved, None)
+            let problem = problem.as_ref().map_err(Clone::clone);
+            let predicted = Predicted::solve(solver, problem, CURVE_ACCURACY, bands);
+            row(omega_rad_s, PredictionSource::Curve, f64::NAN, predicted, None)
         };
         let points = (0..CURVE_POINTS).into_par_iter();
         rows.par_extend(points.map_init(Solver::default, on_curve));
@@ -78,14 +152,14 @@ pub(super) fn predictions(
 }
 
 /// The gait that drives a model, at any frequency: the command, or what was measured of it.
-struct GaitOverFrequency {
+pub(super) struct GaitOverFrequency {
     command: Gait,
     /// The mean of the gaits measured at each frequency, ascending; one where the command drives.
     known: Vec<(f64, Gait)>,
 }
 
 impl GaitOverFrequency {
-    fn new(objective: &Objective) -> Self {
+    pub fn new(objective: &Objective) -> Self {
         let command = objective.gait;
         if objective.driven_by() == GaitInput::Commanded {
             return Self { command, known: vec![(0.0, command)] };
@@ -107,7 +181,7 @@ impl GaitOverFrequency {
 
     /// In proportion between two frequencies that are known, as at the nearest beyond them; `None`
     /// where no gait was measured.
-    fn at(&self, omega_rad_s: f64) -> Option<Gait> {
+    pub fn at(&self, omega_rad_s: f64) -> Option<Gait> {
         let after = self.known.partition_point(|(known, _)| *known <= omega_rad_s);
         let (low, below) = self.known.get(after.saturating_sub(1))?;
         let (high, above) = self.known.get(after).or(self.known.last())?;
@@ -132,18 +206,6 @@ fn combined<'g>(command: &Gait, gaits: impl Iterator<Item = (f64, &'g Gait)> + C
         })
     };
     Gait { joints: [0, 1].map(|i| command.joints[i].map(|command| joint(i, command))) }
-}
-
-/// The metrics of a motion, found from rest whatever was solved for before, and whether it is
-/// stable.
-fn solve(
-    solver: &mut Solver,
-    problem: &Problem,
-    accuracy: f64,
-) -> Result<(GaitMetrics, MotionStatus), MotionError> {
-    solver.forget();
-    let metrics = solver.solve(problem, accuracy)?;
-    Ok((metrics, MotionStatus::of_floquet(solver.floquet()?)))
 }
 
 #[cfg(test)]

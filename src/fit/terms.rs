@@ -5,6 +5,8 @@ use std::sync::Arc;
 use super::deviations::Deviations;
 use super::least_absolute::Residual;
 use crate::metrics::GaitMetrics;
+use crate::motion::{MotionError, Solver};
+use crate::robot::{Parameter, Robot};
 
 /// What a trial without a steady motion contributes to the objective: far more than any motion
 /// does, so that the search turns back.
@@ -103,6 +105,36 @@ impl Terms {
 }
 
 impl Response {
+    /// Of the motion of a robot that was solved for last.
+    ///
+    /// # Errors
+    /// It has no derivatives.
+    pub fn of_last(
+        solver: &mut Solver,
+        metrics: GaitMetrics,
+        robot: &Robot,
+        free: &[Parameter],
+    ) -> Result<Self, MotionError> {
+        if free.is_empty() {
+            return Ok(Self { metrics, d_metrics_d_logarithm: Vec::new() });
+        }
+        let derivatives = solver.derivatives_of(free)?.parameters;
+        let d_metrics_d_logarithm = free.iter().map(|parameter| {
+            let value = parameter.of(robot);
+            derivatives[*parameter].to_array().map(|derivative| derivative * value)
+        });
+        Ok(Self { metrics, d_metrics_d_logarithm: d_metrics_d_logarithm.collect() })
+    }
+
+    /// What shifts of the logarithms of the free parameters make of the metrics.
+    pub fn change(&self, shifts: &[f64]) -> [f64; 7] {
+        let mut change = [0.0; 7];
+        for (shift, derivatives) in shifts.iter().zip(&self.d_metrics_d_logarithm) {
+            change.iter_mut().zip(derivatives).for_each(|(sum, slope)| *sum += shift * slope);
+        }
+        change
+    }
+
     /// A metric, and its derivatives.
     pub fn affine(&self, metric: usize) -> (f64, Vec<f64>) {
         let slope = self.d_metrics_d_logarithm.iter().map(|each| each[metric]).collect();

@@ -95,7 +95,14 @@ impl Series {
 
     /// The points without the gaps.
     pub fn points(&self) -> impl Iterator<Item = &Point> {
-        self.layer.points.iter().filter(|point| point.y.is_finite())
+        self.points_with_limits().map(|(point, _)| point)
+    }
+
+    /// The same with the limits of their intervals; NaN where there is none.
+    pub fn points_with_limits(&self) -> impl Iterator<Item = (&Point, [f64; 2])> {
+        let limits = |i: usize| self.layer.band.get(i).copied().unwrap_or([f64::NAN; 2]);
+        let all = self.layer.points.iter().enumerate().map(move |(i, point)| (point, limits(i)));
+        all.filter(|(point, _)| point.y.is_finite())
     }
 }
 
@@ -174,8 +181,8 @@ impl<'t> Source<'t> {
         Some(series)
     }
 
-    /// What a model predicts: its curve, broken where no stable motion was found, or where the
-    /// model is shown by markers, its values at the trials' frequencies.
+    /// What a model predicts: its curve with its band, broken where no stable motion was found, or
+    /// where the model is shown by markers, its values at the trials' frequencies.
     pub fn model(
         self,
         campaign: &str,
@@ -188,13 +195,20 @@ impl<'t> Source<'t> {
             Look::Marker { .. } => PredictionSource::Trial,
             _ => PredictionSource::Curve,
         };
-        let point = |row: &PredictionRow| {
+        let mut rows: Vec<&PredictionRow> = self.predicted(campaign, model, source).collect();
+        rows.sort_by(|a, b| a.omega_rad_s.total_cmp(&b.omega_rad_s));
+        let shown = |row: &PredictionRow, metrics: &GaitMetrics| {
             let is_stable = row.status == MotionStatus::Stable;
-            let y = if is_stable { (quantity.of)(&row.metrics) } else { f64::NAN };
-            (row.omega_rad_s, y, f64::NAN)
+            if is_stable { (quantity.of)(metrics) } else { f64::NAN }
         };
-        let points = self.predicted(campaign, model, source).map(point);
+        let limits = |row: &&PredictionRow| [&row.lower, &row.upper].map(|of| shown(row, of));
+        let mut band: Vec<[f64; 2]> = rows.iter().map(limits).collect();
+        if band.as_flattened().iter().all(|limit| limit.is_nan()) {
+            band.clear();
+        }
+        let points = rows.iter().map(|row| (row.omega_rad_s, shown(row, &row.metrics), f64::NAN));
         let mut series = series(campaign, Some(model), points, look)?;
+        series.layer.band = band;
         let mut fits = self.fits_of(campaign).filter(|fit| fit.model == model);
         if fits.any(|fit| fit.adequate == Some(false)) {
             series.layer.name.push_str(" (does not fit)");
@@ -220,7 +234,7 @@ impl<'t> Source<'t> {
     }
 }
 
-/// A series by rising frequency, if it has a point.
+/// A series of points by rising frequency, if it has one.
 fn series(
     campaign: &str,
     model: Option<Model>,
@@ -228,7 +242,6 @@ fn series(
     look: Look,
 ) -> Option<Series> {
     let mut layer = Layer::with_errors("", points, look);
-    layer.points.sort_by(|a, b| a.x.total_cmp(&b.x));
     // Axes do not go to where there is a gap.
     for gap in layer.points.iter_mut().filter(|point| !point.y.is_finite()) {
         gap.x = f64::NAN;

@@ -126,6 +126,20 @@ impl DrawingBackend for Svg<'_> {
         Ok(())
     }
 
+    fn fill_polygon<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(
+        &mut self,
+        corners: I,
+        style: &S,
+    ) -> Drawn {
+        let corners: Vec<BackendCoord> = corners.into_iter().collect();
+        let Some(first) = corners.first().copied() else { return Ok(()) };
+        let (fill, opacity) = (colour(style.color()), style.color().alpha);
+        self.line(corners, format!("fill=\"{fill}\" fill-opacity=\"{opacity}\""), "z");
+        // Where a path goes on that was closed.
+        self.at = first;
+        Ok(())
+    }
+
     /// As the round end of a line without length.
     fn draw_circle<S: BackendStyle>(
         &mut self,

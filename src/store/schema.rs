@@ -384,6 +384,10 @@ rows! {
         pub omega_rad_s: f64,
         pub source: PredictionSource,
         pub metrics: GaitMetrics,
+        /// 95 % confidence limits of the metrics; missing for the reason in `no_interval`.
+        pub lower: GaitMetrics as "{}_lo" after "{}",
+        pub upper: GaitMetrics as "{}_hi" after "{}_lo",
+        pub no_interval: String,
         /// Contribution of this frequency to the objective; only for `trial`.
         pub j: f64,
         pub status: MotionStatus,

@@ -90,6 +90,7 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     let (bands, others): (Vec<&Layer>, Vec<_>) =
         panel.layers.iter().partition(|layer| matches!(layer.look, Look::Band(_)));
     bands.into_iter().try_for_each(|layer| frame.draw_group(layer))?;
+    others.iter().try_for_each(|layer| frame.draw_band(layer))?;
     let ink = stroke(style::INK, style::FRAME_WIDTH);
     chart
         .configure_mesh()

@@ -19,6 +19,8 @@ pub struct Layer {
     pub look: Look,
     /// Trials that the points are of, if they are of trials.
     pub trials: Vec<String>,
+    /// Limits of a line's interval at each of its points, if it has any.
+    pub band: Vec<[f64; 2]>,
 }
 
 /// One panel with its axes.
@@ -82,7 +84,8 @@ impl Layer {
         look: Look,
     ) -> Self {
         let points = points.into_iter().map(|(x, y, error)| Point { x, y, error });
-        Self { name: name.to_owned(), points: points.collect(), look, trials: Vec::new() }
+        let (name, points) = (name.to_owned(), points.collect());
+        Self { name, points, look, trials: Vec::new(), band: Vec::new() }
     }
 
     /// What a legend has of the layer, px from its middle: measurements have error bars there, too.
@@ -127,11 +130,12 @@ impl Panel {
         self.points().map(|point| point.x).collect()
     }
 
-    /// All values that the vertical axis has to show, ends of error bars included.
+    /// All values that the vertical axis has to show, ends of error bars and bands included.
     pub fn ys(&self) -> Vec<f64> {
         let half = |point: &Point| if point.error.is_finite() { point.error } else { 0.0 };
         let ends = |point: &Point| [point.y - half(point), point.y + half(point)];
-        self.points().flat_map(ends).collect()
+        let bands = self.layers.iter().flat_map(|layer| layer.band.as_flattened());
+        self.points().flat_map(ends).chain(bands.copied()).collect()
     }
 
     /// What the legend has of the panel's layers.

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind};
-use plotters::element::{Circle, DashedPathElement, EmptyElement, PathElement, Rectangle};
+use plotters::element::{Circle, DashedPathElement, EmptyElement, PathElement, Polygon, Rectangle};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::axis::{Axis, Range};
@@ -31,6 +31,10 @@ const MOST: usize = 4000;
 const MOST_POINTS: usize = 200;
 /// What very many points are kept apart, px.
 const APART_AMONG_MANY: f64 = 2.5;
+/// What a line's band covers of what is behind it.
+const BAND_OPACITY: f64 = 0.2;
+/// Places along a line at which a page knows its band.
+const BAND_PLACES: usize = 40;
 /// Points of a curve nearer to each other than this cannot be told apart, px.
 const APART: f64 = 0.3;
 
@@ -66,19 +70,50 @@ impl<'b> Frame<'b> {
         (axes.x_spec().scaled(point.x), axes.y_spec().scaled(point.y))
     }
 
-    /// Draws a layer as a group of its name, with the numbers of its markers.
+    /// Draws a line's band, as a group of its name.
+    pub fn draw_band(&self, layer: &Layer) -> Drawn {
+        let Look::Line { colour, .. } = layer.look else { return Ok(()) };
+        if layer.band.is_empty() {
+            return Ok(());
+        }
+        let limit = |point: &Point, y: f64| match self.at(&Point { y, ..*point }) {
+            (x, y) if y < self.y.low => (x, self.y.low),
+            (x, y) if y > self.y.high => (x, self.y.high),
+            at => at,
+        };
+        let both = layer.points.iter().zip(&layer.band);
+        let sides: Vec<[(f64, f64); 2]> =
+            both.map(|(point, band)| band.map(|y| limit(point, y))).collect();
+        self.area.draw(&Markup(format!("<g data-name=\"{}\">\n", escaped(&layer.name))))?;
+        let is_known = |sides: &[(f64, f64); 2]| sides.iter().all(|(x, y)| (x + y).is_finite());
+        for part in sides.split(|sides| !is_known(sides)).filter(|part| part.len() > 1) {
+            let (below, above) = (part.iter().map(|of| of[0]), part.iter().rev().map(|of| of[1]));
+            let around: Vec<(f64, f64)> = below.chain(above).collect();
+            self.area.draw(&Polygon::new(around, colour.mix(BAND_OPACITY).filled()))?;
+        }
+        self.area.draw(&Markup("</g>\n".to_owned()))
+    }
+
+    /// Draws a layer as a group of its name, with the numbers of its markers or of its band.
     pub fn draw_group(&self, layer: &Layer) -> Drawn {
         let (name, mut numbers) = (escaped(&layer.name), String::new());
+        let short = |value: f64| format!("{value:.4e}").parse::<f64>().unwrap_or(value);
         if matches!(layer.look, Look::Marker { .. }) {
             let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
             let line = |i: usize| {
                 let (Point { x, y, error }, trial) = (layer.points[i], layer.trials.get(i));
-                let [x, y, error] = [x, y, error]
-                    .map(|value| format!("{value:.4e}").parse::<f64>().unwrap_or(value));
+                let [x, y, error] = [x, y, error].map(short);
                 format!("{x} {y} {error} {}\n", trial.map_or(String::new(), |trial| escaped(trial)))
             };
             let lines = self.shown(&points).into_iter().map(line);
             numbers = format!(" data-points=\"{}\"", lines.collect::<String>());
+        }
+        if !layer.band.is_empty() {
+            let all = layer.points.iter().zip(&layer.band).filter(|(at, _)| at.x.is_finite());
+            let all: Vec<_> = all.map(|(at, [low, high])| [at.x, *low, *high].map(short)).collect();
+            let places = all.iter().step_by(all.len().div_ceil(BAND_PLACES).max(1));
+            let line = |[x, low, high]: &[f64; 3]| format!("{x} {low} {high}\n");
+            numbers = format!(" data-band=\"{}\"", places.map(line).collect::<String>());
         }
         self.area.draw(&Markup(format!("<g data-name=\"{name}\"{numbers}>\n")))?;
         self.draw(layer)?;

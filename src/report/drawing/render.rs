@@ -97,7 +97,7 @@ fn with_resolution(png: &[u8], per_metre: u32) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::drawing::{Layer, Layout, Look, Panel, Scale};
+    use crate::report::drawing::{Layer, Layout, Look, Panel, Range, Scale};
 
     #[test]
     fn the_font_has_the_signs_of_the_figures() {
@@ -132,7 +132,9 @@ mod tests {
     const SCALES: [Scale; 4] = [Scale::Linear, Scale::FromZero, Scale::Equal, Scale::Decades];
 
     fn drawn(points: &[(f64, f64, f64)], look: Look, scale: Scale) -> String {
-        let layers = vec![Layer::with_errors("a", points.iter().copied(), look)];
+        let band = points.iter().map(|(_, y, error)| [y - error, y + error]).collect();
+        let layer = Layer { band, ..Layer::with_errors("a", points.iter().copied(), look) };
+        let layers = vec![layer];
         let panel = Panel { x_scale: scale, y_scale: scale, ..Panel::new("", "x", "y", layers) };
         let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
         svg(&figure).expect("is drawn")
@@ -182,6 +184,41 @@ mod tests {
             let most = if matches!(look, Look::Guides | Look::Spans(_)) { 40 } else { 4 };
             assert!(size < empty + most * 1_000_000, "{look:?}: {size} bytes");
         }
+    }
+
+    #[test]
+    fn a_band_lies_behind_its_line_is_broken_with_it_and_ends_at_the_panel() {
+        let (nan, look) = (f64::NAN, LOOKS[1]);
+        let xs = [0.0, 1.0, 2.0, nan, 4.0, 5.0];
+        let line = Layer::new("a", xs.map(|x| (x, 1.0)), look);
+        let band = vec![[0.9, 1.1], [0.5, 9.0], [0.9, 1.1], [nan; 2], [0.8, 1.2], [0.8, 1.2]];
+        let drawn = |band: Vec<[f64; 2]>| {
+            let layers = vec![Layer { band, ..line.clone() }];
+            let shown = Some(Range { low: 0.0, high: 2.0 });
+            let panel = Panel { shown, ..Panel::new("", "x", "y", layers) };
+            svg(&Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]))
+                .expect("is drawn")
+        };
+        let svg = drawn(band);
+        let (areas, curve) = svg.split_once("<g data-name=\"a\" data-band=").expect("the curve");
+        let (_, areas) = areas.rsplit_once("<g data-name=\"a\">").expect("the band");
+        assert!(areas.contains("fill-opacity=\"0.2\""));
+        // Two areas in one path, of three places and of two: there and back.
+        let path = areas.split("d=\"").nth(1).and_then(|rest| rest.split('"').next());
+        let numbers: Vec<Vec<i32>> = path
+            .expect("a path")
+            .split_terminator('z')
+            .map(|area| {
+                let spaced = area.replace('m', " ").replace('-', " -");
+                spaced.split_whitespace().map(|n| n.parse().expect("a number")).collect()
+            })
+            .collect();
+        assert_eq!([numbers[0].len(), numbers[1].len()], [2 * 6, 2 * 4]);
+        assert_eq!(numbers.len(), 2);
+        // The second begins where the first did, and is level with itself.
+        assert!(numbers[1][0] > 0 && numbers[1][3] == 0, "{numbers:?}");
+        assert!(curve.starts_with("\"0 0.9 1.1\n1 0.5 9\n2 0.9 1.1\n4 0.8 1.2\n5 0.8 1.2\n\""));
+        assert!(!drawn(Vec::new()).contains("data-band"));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::texts::texts;
 use crate::config::SigmaKind;
 use crate::csv::field as csv_field;
 use crate::motion::Model;
-use crate::report::drawing::{Figure, Layout, Panel, Range, Scale};
+use crate::report::drawing::{Figure, Layout, Panel, Point, Range, Scale};
 use crate::report::series::{DISPLACEMENT, Quantity, SKID, SPEED, Series, Source};
 use crate::report::{numbers, plotted};
 
@@ -81,7 +81,9 @@ pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
 }
 
 fn figure(stem: &str, texts: [String; 2], campaigns: &[&str], plots: &[Plot]) -> Figure {
-    let mut csv = "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95\n".to_owned();
+    let mut csv =
+        "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95,value_lo,value_hi\n"
+            .to_owned();
     let mut alternative = format!("{}, plotted against the actuation frequency.", texts[0]);
     for ((quantity, all), letter) in plots.iter().zip('a'..) {
         let mut extents = Vec::new();
@@ -145,10 +147,10 @@ fn extent(quantity: &Quantity, series: &Series) -> String {
 fn write_csv(csv: &mut String, letter: char, quantity: &Quantity, series: &Series) {
     let kind = if series.model.is_some() { "model" } else { "measured" };
     let (campaign, name) = (csv_field(&series.campaign), series.name());
-    for point in series.points() {
-        let [x, y, error] = [point.x, point.y, point.error].map(plotted::number);
+    for (Point { x, y, error }, [low, high]) in series.points_with_limits() {
+        let numbers = [*x, *y, *error, low, high].map(plotted::number).join(",");
         csv.push_str(&format!(
-            "{letter},{},{campaign},{name},{kind},{x},{y},{error}\n",
+            "{letter},{},{campaign},{name},{kind},{numbers}\n",
             quantity.csv_name
         ));
     }

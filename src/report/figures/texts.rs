@@ -39,7 +39,8 @@ mod tests {
         assert_eq!(
             caption,
             "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω, the markers' noise \
-             included. Bars. Lines: the fitted model skid-roll under the commanded gait."
+             included. Bars. Lines: the fitted model skid-roll under the commanded gait, shaded its \
+             95 % interval where it has one."
         );
         assert!(all.values().flatten().all(|text| !text.contains("  ") && !text.contains('\n')));
     }

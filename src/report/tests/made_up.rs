@@ -277,19 +277,21 @@ fn prediction(
     predicted: Option<[f64; 4]>,
 ) -> PredictionRow {
     let is_trial = source == PredictionSource::Trial;
-    let [d_m, sigma0, sigma1, sigma2] = predicted.unwrap_or([f64::NAN; 4]);
+    let metrics = |factor: f64| {
+        let [d_m, sigma @ ..] = predicted.unwrap_or([f64::NAN; 4]).map(|of| factor * of);
+        let v_m_s = d_m * omega_rad_s / std::f64::consts::TAU;
+        GaitMetrics { d_m, v_m_s, sigma, alpha1_rad: 0.5, dtheta_rad: 0.0 }
+    };
+    let is_known = model == Model::SkidRoll;
     PredictionRow {
         campaign: campaign.to_owned(),
         model,
         omega_rad_s,
         source,
-        metrics: GaitMetrics {
-            d_m,
-            v_m_s: d_m * omega_rad_s / std::f64::consts::TAU,
-            sigma: [sigma0, sigma1, sigma2],
-            alpha1_rad: 0.5,
-            dtheta_rad: 0.0,
-        },
+        metrics: metrics(1.0),
+        lower: metrics(if is_known { 0.98 } else { f64::NAN }),
+        upper: metrics(if is_known { 1.03 } else { f64::NAN }),
+        no_interval: if is_known { "" } else { "the model does not fit" }.to_owned(),
         j: if is_trial { 1.0 } else { f64::NAN },
         status: match predicted {
             Some(_) => MotionStatus::Stable,

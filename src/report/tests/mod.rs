@@ -388,10 +388,15 @@ fn a_figures_csv_has_the_plotted_numbers() {
     let (folder, _) = standard();
     let csv = read(&folder.path().join("reports/figures/fig16.csv"));
     let mut lines = csv.lines();
-    let header = "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95";
+    let header = "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95,value_lo,value_hi";
     assert_eq!(lines.next(), Some(header));
-    assert!(csv.contains("\na,d_mm,kinematic-skewed,measured,measured,0.5002,105.8,2.281048\n"));
-    assert!(csv.contains("\na,d_mm,kinematic-skewed,no-skid,model,6,122.405,\n"));
+    assert!(csv.contains("\na,d_mm,kinematic-skewed,measured,measured,0.5002,105.8,2.281048,,\n"));
+    assert!(csv.contains("\na,d_mm,kinematic-skewed,no-skid,model,6,122.405,,,\n"));
+    let of_curve = |line: &&str| line.starts_with("a,d_mm,kinematic-skewed,skid-roll,model,6,");
+    let numbers = csv.lines().find(of_curve).expect("its end").split(',').skip(6);
+    let [value, _, low, high] = numbers.collect::<Vec<_>>()[..] else { panic!("four numbers") };
+    let [value, low, high] = [value, low, high].map(|number| number.parse::<f64>().expect("one"));
+    assert!((low / value - 0.98).abs() < 1e-8 && (high / value - 1.03).abs() < 1e-8);
     let of = |series: &str| csv.lines().filter(|line| line.contains(series)).count();
     assert_eq!(of(",measured,measured,"), 2 * 12);
     assert_eq!(of(",skid-roll,model,"), 2 * 56);
