@@ -7,11 +7,12 @@ use std::collections::btree_map::{BTreeMap, Entry};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// The stages' rooms, and in which environment variables the program finds their hashes.
+/// The stages' rooms, and in which environment variables the program finds their hashes. The page
+/// shows what `compare` finds, which draws by the report.
 const STAGES: [(&str, &str); 3] = [
     ("ingest", "TRILINK_INGEST_SOURCE"),
     ("fit", "TRILINK_FIT_SOURCE"),
-    ("report", "TRILINK_REPORT_SOURCE"),
+    ("compare", "TRILINK_REPORT_SOURCE"),
 ];
 
 fn main() {

@@ -156,7 +156,7 @@ fn trials_that_vanish_are_named_and_missing_baselines_are_errors() {
     assert!(said.contains("vanished: trials: kinematic-symmetric-5.00-r1"), "{said}");
     let none = trilink(folder.path(), &["compare", "nowhere.json"]);
     assert_eq!(none.status.code(), Some(2));
-    assert!(text(&none.stderr).contains("is not there; `trilink compare --save FILE` makes one"));
+    assert!(text(&none.stderr).contains("is not there; `trilink compare --accept WHY` makes it"));
     assert_eq!(trilink(folder.path(), &["compare"]).status.code(), Some(2));
 }
 
@@ -187,6 +187,71 @@ fn every_run_that_changed_something_is_in_the_history() {
     assert!(second.iter().any(|row| row.run == 2));
     let page = std::fs::read_to_string(folder.path().join("reports/history.html")).unwrap();
     assert!(page.contains("2 runs, ") && page.contains("skid-roll: skid0_kg_s"));
+}
+
+#[test]
+fn the_first_screen_says_what_changed_since_the_baseline_that_was_accepted() {
+    let folder = Small::done();
+    let first_screen = || {
+        let page = text(&folder.read("reports/index.html"));
+        let (_, from) = page.split_once("id=\"answer\"").unwrap();
+        let (changes, _) = from.split_once("<div class=\"answers\">").unwrap();
+        changes.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let before = first_screen();
+    assert!(before.contains("No baseline is accepted yet"), "{before}");
+    assert_eq!(trilink(folder.path(), &["compare"]).status.code(), Some(2));
+    // The first one needs no other.
+    succeed(folder.path(), &["compare", "--accept", "the robot <as it is>"]);
+    let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
+    assert!(ahead.contains("baseline.json"), "{ahead}");
+    folder.run();
+    let accepted = first_screen();
+    let rows = history(&folder);
+    let date = &rows.last().unwrap().time[..10];
+    for said in [
+        &format!("accepted on {date} (“the robot &lt;as it is&gt;”)"),
+        "nothing out of tolerance",
+        " 0 different within it",
+    ] {
+        assert!(accepted.contains(said), "{said}: {accepted}");
+    }
+    assert!(folder.run().contains("page: ") && first_screen() == accepted);
+    let page = Path::new("reports/index.html");
+    assert!(folder.results()[page] == folder.scratch()[page], "from scratch it is another page");
+
+    // Other trials: more noise than the tolerances take, one that came, one that is gone.
+    let synth = ["synth", "raw", "--omega", "5,6,7", "--seed", "1", "--skid-factors", "1.5,1,1"];
+    std::fs::remove_dir_all(folder.place("raw")).unwrap();
+    succeed(folder.path(), &synth);
+    let list = text(&folder.read("raw/trials.toml"));
+    let (gone, came) = ("id = \"kinematic-skewed-5.00-r1\"", "id = \"kinematic-skewed-again\"");
+    folder.write("raw/trials.toml", list.replace(gone, came));
+    assert!(trilink(folder.path(), &["run"]).status.code() < Some(2));
+    let changed = first_screen();
+    let compared = trilink(folder.path(), &["compare", "--json"]);
+    assert_eq!(compared.status.code(), Some(1));
+    let json: Value = serde_json::from_slice(&compared.stdout).unwrap();
+    let out: Vec<&Value> = json["differences"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|difference| difference["verdict"] == "out" && difference["table"] != "scorecard")
+        .collect();
+    assert!(out.len() > 3, "{json}");
+    assert!(changed.contains(&format!("{} out of tolerance", out.len())), "{changed}");
+    for (nth, difference) in out.iter().enumerate().take(5) {
+        let named = format!("{}: {} ", difference["of"], difference["column"]).replace('"', "");
+        assert_eq!(changed.contains(&named), nth < 3, "{named}: {changed}");
+    }
+    assert!(changed.contains(&format!("{} more: ", out.len() - 3)), "{changed}");
+    assert!(changed.contains("Gone: trials: kinematic-skewed-5.00-r1."), "{changed}");
+    assert!(changed.contains("New: trials: kinematic-s"), "{changed}");
+
+    folder.write("baseline.json", "{}");
+    trilink(folder.path(), &["run"]);
+    let broken = first_screen();
+    assert!(broken.contains("baseline.json is no baseline: missing field"), "{broken}");
 }
 
 /// Compares a folder with its own baseline: exit status and what was said.

@@ -31,6 +31,10 @@ fn a_stage_s_source_is_its_room_and_the_rooms_that_it_uses() {
     for room in ["ingest", "report", "build", "cli"] {
         assert!(!has("fit", room), "{:?}", rooms("fit"));
     }
+    assert!(has("compare", "report"), "{:?}", rooms("compare"));
+    for room in ["build", "cli", "fit", "ingest"] {
+        assert!(!has("compare", room), "{:?}", rooms("compare"));
+    }
     for room in ["build", "cli", "compare"] {
         assert!(!has("report", room), "{:?}", rooms("report"));
     }

@@ -9,6 +9,7 @@ use super::plan::{Stage, Touched, Wanted, Work};
 use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
+use crate::compare::changes;
 use crate::config::Config;
 use crate::report::{Content, ReportInput, Reported, input_paths, page_of};
 use crate::store::{Reader, StoreError};
@@ -65,7 +66,9 @@ impl Stage for ReportStage {
         for (path, own) in input_paths(&self.0.paths)? {
             inputs.stamp(&path, own).map_err(|source| StoreError::Read { path, source })?;
         }
-        Ok(Content::read(&self.0, inputs.reader())?)
+        let reader = inputs.reader();
+        let changes = changes(self.0.tolerances(), &self.0.paths, &reader)?;
+        Ok(Content::read(&self.0, reader)?.with_changes(changes))
     }
 
     fn wanted(&self, content: &Content) -> Vec<Wanted> {

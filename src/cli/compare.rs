@@ -15,15 +15,15 @@ use crate::compare::{
     page, remember, tables_folder, to_json,
 };
 use crate::config::{Config, Paths, Tolerances};
-use crate::store::write_bytes;
+use crate::store::{is_there, write_bytes};
 
 /// More differences than this are on the page.
 const MOST_ROWS: usize = 40;
 
 #[derive(clap::Args)]
 pub(super) struct Compare {
-    /// A file that `--save` wrote, or a folder of tables.
-    #[arg(required_unless_present = "save")]
+    /// A file that `--accept` or `--save` wrote, or a folder of tables [default: `paths.baseline` of
+    /// the configuration].
     baseline: Option<PathBuf>,
     /// Tables to compare with it [default: `paths.derived` of the configuration].
     #[arg(long, value_name = "FOLDER")]
@@ -35,8 +35,8 @@ pub(super) struct Compare {
     /// Write what the tables come to into one file, for later comparisons.
     #[arg(long, value_name = "FILE")]
     save: Option<PathBuf>,
-    /// Make the tables the new baseline and keep the reason.
-    #[arg(long, value_name = "WHY", requires = "baseline", value_parser = NonEmptyStringValueParser::new())]
+    /// Make the tables the new baseline, or the first one, and keep the reason.
+    #[arg(long, value_name = "WHY", value_parser = NonEmptyStringValueParser::new())]
     accept: Option<String>,
     /// Refuse tables that no run has made or found up to date for longer, such as 20h, 90min, 2d.
     #[arg(long, value_name = "TIME", value_parser = parse_age, conflicts_with = "against")]
@@ -73,12 +73,20 @@ impl Compare {
             save(&candidate, file, lock.as_ref())?;
             context.progress.say(&format!("saved {}", file.display()));
         }
-        let Some(path) = &self.baseline else { return Ok(outcome) };
+        let path = match &self.baseline {
+            Some(path) => path,
+            None if self.save.is_some() && self.accept.is_none() => return Ok(outcome),
+            None => &paths.baseline,
+        };
         if self.accept.is_some() && tables_folder(path)?.is_some() {
             let found = "is a folder, needed a file that `--save` wrote";
             return Err(format!("--accept: {} {found}", path.display()).into());
         }
-        let baseline = load(paths, path)?;
+        // The first baseline is compared with itself.
+        let baseline = match self.accept.is_some() && !is_there(path)? {
+            true => candidate.clone(),
+            false => load(paths, path)?,
+        };
         let compared = compare(&config.compare, &baseline, &candidate);
 
         let reports = &paths.reports;
@@ -98,7 +106,7 @@ impl Compare {
             accepted.push(Acceptance { time: utc_now(), reason, differences });
             let candidate = Snapshot { accepted: accepted.clone(), ..candidate };
             save(&candidate, path, lock.as_ref())?;
-            context.progress.say(&format!("{} is the new baseline", path.display()));
+            context.progress.say(&format!("{} is the new baseline, and on the page after the next run", path.display()));
         } else if !compared.is_well() {
             outcome = Outcome::NeedsAttention;
         }

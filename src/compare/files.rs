@@ -5,8 +5,11 @@ use std::collections::BTreeMap;
 use serde_json::{Value as Json, json};
 
 use super::figures::figures;
+use super::snapshot::SCORECARD;
 use super::{CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
+use crate::config::{Compare, Paths};
 use crate::report::{fill, image, percent, significant};
+use crate::store::{Reader, StoreError};
 
 /// `compare.html`.
 ///
@@ -74,6 +77,54 @@ fn run_time(time: &RunTime) -> [String; 4] {
     let RunTime { stage, baseline_s, candidate_s, is_longer } = time;
     let remark = if *is_longer { "longer" } else { "" };
     [stage.clone(), format!("{baseline_s:.2}"), format!("{candidate_s:.2}"), remark.to_owned()]
+}
+
+/// Differences that the report's first screen names.
+const NAMED: usize = 3;
+
+/// What the report says on its first screen of the tables that it is made of against the baseline;
+/// `None` if there is none. What the report makes itself, the scorecard and its run time, is
+/// compared by `trilink compare` alone.
+///
+/// # Errors
+/// A table cannot be read.
+pub fn changes(
+    config: &Compare,
+    paths: &Paths,
+    reader: &Reader,
+) -> Result<Option<Json>, StoreError> {
+    let path = &paths.baseline;
+    if !reader.0.contains_key(path) {
+        return Ok(None);
+    }
+    let mut baseline = match Snapshot::parse(&reader.bytes(path)?) {
+        Ok(baseline) => baseline,
+        Err(problem) => {
+            let problem = format!("{} {problem}", paths.name_of(path));
+            return Ok(Some(json!({ "problem": problem })));
+        }
+    };
+    baseline.tables.remove(SCORECARD);
+    let candidate = Snapshot::of_tables(&paths.derived, reader)?;
+    let compared = super::compare(config, &baseline, &candidate);
+    // Other tables follow from these.
+    let names = |lone: &[Lone]| -> Vec<String> {
+        let of_table = lone.iter().filter(|lone| ["trials", "fits"].contains(&lone.table));
+        of_table.map(Lone::name).collect()
+    };
+    let [out, within, not_judged] =
+        [Verdict::Out, Verdict::Within, Verdict::NotJudged].map(|verdict| compared.count(verdict));
+    Ok(Some(json!({
+        "problem": null,
+        "accepted": baseline.accepted.last(),
+        "out": out,
+        "within": within,
+        "not_judged": not_judged,
+        "same": compared.cells - out - within - not_judged,
+        "largest": compared.out().take(NAMED).map(row).collect::<Vec<_>>(),
+        "vanished": names(&compared.vanished),
+        "appeared": names(&compared.appeared),
+    })))
 }
 
 /// JUnit's XML, by which servers that build software show what failed: a suite for each table, a

@@ -14,7 +14,7 @@ mod trend;
 
 use std::path::PathBuf;
 
-pub use files::{junit, page, to_json};
+pub use files::{changes, junit, page, to_json};
 pub use history::{history_path, is_drawn, note_acceptances, remember, remember_failure};
 pub use judge::{Judged, Verdict};
 pub use snapshot::{Acceptance, Record, Records, Snapshot, tables_folder};

@@ -5,13 +5,12 @@ use std::io::ErrorKind::{NotADirectory, NotFound};
 use std::path::{Path, PathBuf};
 
 use polars::prelude::{AnyValue, DataType};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
 use super::CompareError;
 use crate::named::Named as _;
-use crate::store::{PredictionSource, RunStatus, StoreError, Table, write_bytes};
+use crate::store::{PredictionSource, Reader, RunStatus, StoreError, write_bytes};
 
 /// Tables whose rows are compared, and the columns that name a row.
 const TABLES: [(&str, &[&str]); 3] =
@@ -19,6 +18,8 @@ const TABLES: [(&str, &[&str]); 3] =
 /// A trial's frequency is the commanded one to this part of it.
 const NEAR: f64 = 0.05;
 const FORMAT: u32 = 1;
+/// A table that the report makes.
+pub const SCORECARD: &str = "scorecard";
 
 /// Values by column: numbers, texts, and null for what is missing.
 pub type Record = BTreeMap<String, Json>;
@@ -72,10 +73,24 @@ impl Snapshot {
             return Self::of_run(&derived, &reports);
         }
         let error = |message: String| CompareError::Baseline { path: path.to_owned(), message };
-        match read_json::<Self>(path, "baseline")? {
-            Some(found) if found.format == FORMAT => Ok(found),
-            Some(other) => Err(error(format!("has format {}, needed {FORMAT}", other.format))),
-            None => Err(error("is not there; `trilink compare --save FILE` makes one".to_owned())),
+        match crate::files::read_text(path) {
+            Err(source) if source.kind() == NotFound => {
+                Err(error("is not there; `trilink compare --accept WHY` makes it".to_owned()))
+            }
+            Err(source) => Err(error(format!("cannot be read: {source}"))),
+            Ok(text) => Self::parse(text.as_bytes()).map_err(error),
+        }
+    }
+
+    /// A baseline from the bytes of its file.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn parse(json: &[u8]) -> Result<Self, String> {
+        match serde_json::from_slice::<Self>(json) {
+            Ok(found) if found.format == FORMAT => Ok(found),
+            Ok(other) => Err(format!("has format {}, needed {FORMAT}", other.format)),
+            Err(problem) => Err(format!("is no baseline: {problem}")),
         }
     }
 
@@ -84,9 +99,24 @@ impl Snapshot {
     /// # Errors
     /// `trials.parquet` is not there, or a table cannot be read.
     pub fn of_run(derived: &Path, reports: &Path) -> Result<Self, CompareError> {
+        let mut run = Self::of_tables(derived, &Reader::default())?;
+        if let Some(scorecard) = read_json(&reports.join("scorecard.json"))? {
+            run.tables.insert(SCORECARD.to_owned(), score(&scorecard));
+        }
+        let record: Json = read_json(&reports.join("run.json"))?.unwrap_or_default();
+        run.status = record["status"].as_str().and_then(RunStatus::of_name);
+        run.stages = stages(&record);
+        Ok(run)
+    }
+
+    /// Reads the tables of a run alone.
+    ///
+    /// # Errors
+    /// As [`Snapshot::of_run`].
+    pub fn of_tables(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
         let mut tables = BTreeMap::new();
         for (table, key) in TABLES {
-            let rows = match rows(&derived.join(format!("{table}.parquet")), key) {
+            let rows = match rows(&derived.join(format!("{table}.parquet")), key, reader) {
                 Err(error) if error.is_not_there() && table != "trials" => continue,
                 rows => rows?,
             };
@@ -98,20 +128,16 @@ impl Snapshot {
         }
         tables.get_mut("fits").into_iter().flat_map(Records::values_mut).for_each(add_widths);
         let path = derived.join("predictions.parquet");
-        match rows(&path, &["campaign", "model", "source"]) {
+        match rows(&path, &["campaign", "model", "source"], reader) {
             Err(error) if error.is_not_there() => {}
             rows => {
                 let rows = predictions(rows?, &tables["trials"]);
                 tables.insert("predictions".to_owned(), rows);
             }
         }
-        if let Some(scorecard) = read_json(&reports.join("scorecard.json"), "JSON")? {
-            tables.insert("scorecard".to_owned(), score(&scorecard));
-        }
-        let run: Json = read_json(&reports.join("run.json"), "JSON")?.unwrap_or_default();
-        let (status, stages) = (run["status"].as_str().and_then(RunStatus::of_name), stages(&run));
         let version = env!("CARGO_PKG_VERSION").to_owned();
-        Ok(Self { format: FORMAT, version, accepted: Vec::new(), stages, status, tables })
+        let (accepted, stages) = (Vec::new(), BTreeMap::new());
+        Ok(Self { format: FORMAT, version, accepted, stages, status: None, tables })
     }
 
     /// Writes it whole or not at all; a record a line, so that versions of it can be compared.
@@ -168,8 +194,8 @@ fn line(value: &impl Serialize) -> String {
 }
 
 /// The rows of a table that has some columns.
-fn rows(path: &Path, needed: &[&str]) -> Result<Vec<Record>, StoreError> {
-    let frame = Table::read(path)?.frame;
+fn rows(path: &Path, needed: &[&str], reader: &Reader) -> Result<Vec<Record>, StoreError> {
+    let frame = reader.table(path)?.frame;
     if let Some(missing) = needed.iter().find(|name| frame.column(name).is_err()) {
         let (path, column) = (path.to_owned(), (*missing).to_owned());
         let found = "no such column".to_owned();
@@ -239,14 +265,14 @@ fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
 }
 
 /// Reads a file of JSON; `None` if there is none.
-fn read_json<T: DeserializeOwned>(path: &Path, what: &str) -> Result<Option<T>, CompareError> {
+fn read_json(path: &Path) -> Result<Option<Json>, CompareError> {
     let error = |message| CompareError::Baseline { path: path.to_owned(), message };
     match crate::files::read_text(path) {
         Err(source) if source.kind() == NotFound => Ok(None),
         Err(source) => Err(error(format!("cannot be read: {source}"))),
         Ok(text) => serde_json::from_str(&text)
             .map(Some)
-            .map_err(|problem| error(format!("is no {what}: {problem}"))),
+            .map_err(|problem| error(format!("is no JSON: {problem}"))),
     }
 }
 

@@ -149,7 +149,7 @@ fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
     let message = Snapshot::load(&path).unwrap_err().to_string();
     assert!(message.ends_with("has format 9, needed 1"), "{message}");
     let message = Snapshot::load(std::path::Path::new("nowhere.json")).unwrap_err().to_string();
-    assert!(message.contains("is not there; `trilink compare --save FILE` makes one"));
+    assert!(message.contains("is not there; `trilink compare --accept WHY` makes it"));
 }
 
 #[test]

@@ -17,6 +17,8 @@ pub struct Paths {
     pub derived: PathBuf,
     /// Figures, page and fits.
     pub reports: PathBuf,
+    /// Results that later ones are compared with, as a file.
+    pub baseline: PathBuf,
     /// Where the configuration file lies.
     #[serde(skip)]
     pub base: PathBuf,
@@ -25,7 +27,8 @@ pub struct Paths {
 impl Paths {
     /// Makes the paths start at the folder where the configuration file lies.
     pub fn start_at(&mut self, base: &Path) {
-        for place in self.raw.iter_mut().chain([&mut self.derived, &mut self.reports]) {
+        let places = [&mut self.derived, &mut self.reports, &mut self.baseline];
+        for place in self.raw.iter_mut().chain(places) {
             // What is no pattern in the folder's own name must not become one.
             let is_pattern = is_pattern(place) && !base.join(&*place).exists();
             let base = if is_pattern { escaped(base) } else { base.to_owned() };

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde_json::Value as Json;
+
 use super::drawing::Figure;
 use super::page::TrialPages;
 use super::tables::{Tables, table_paths};
@@ -23,6 +25,8 @@ pub struct Content {
     pub(super) truth: Option<Truth>,
     /// Files of the trials' pages.
     pub(super) pages: TrialPages,
+    /// What [`Content::with_changes`] has.
+    pub(super) changes: Option<Json>,
     page_parts: BTreeMap<String, BTreeMap<String, String>>,
     pub(super) reader: Reader,
 }
@@ -35,7 +39,8 @@ pub fn input_paths(paths: &Paths) -> Result<Vec<(PathBuf, bool)>, StoreError> {
     let tables = table_paths(&paths.derived).into_iter().map(|path| (path, true));
     let mut there = Vec::new();
     let truths = paths.raw.iter().map(|folder| (folder.join(TRUTH_FILE), false));
-    for (path, own) in tables.chain(truths) {
+    let baseline = std::iter::once((paths.baseline.clone(), false));
+    for (path, own) in tables.chain(truths).chain(baseline) {
         if is_there(&path)? {
             there.push((path, own));
         }
@@ -63,7 +68,13 @@ impl Content {
         let hash_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
         let page_parts = trials::parts(input, &tables, &pages, hash_of);
         let figures = found.figures;
-        Ok(Self { tables, figures, missing, damaged, truth, pages, page_parts, reader })
+        let changes = None;
+        Ok(Self { tables, figures, missing, damaged, truth, pages, changes, page_parts, reader })
+    }
+
+    /// With what changed since the baseline, as `changes.html` shows it; `None` without a baseline.
+    pub fn with_changes(self, changes: Option<Json>) -> Self {
+        Self { changes, ..self }
     }
 
     /// Stem, campaigns and hash of every figure. Numbers are printed such that they can be told

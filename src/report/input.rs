@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use crate::config::{Campaign, Config, Paths, SigmaKind};
+use crate::config::{Campaign, Compare, Config, Paths, SigmaKind};
 use crate::files::relative;
 use crate::robot::{Gait, Robot};
 
@@ -26,8 +26,8 @@ pub struct ReportInput {
 impl ReportInput {
     pub fn new(config: &Config, asked_pages: BTreeSet<String>) -> Self {
         let mut shown = config.clone();
-        let Paths { raw, derived, reports, .. } = &mut shown.paths;
-        for path in raw.iter_mut().chain([derived, reports]) {
+        let Paths { raw, derived, reports, baseline, .. } = &mut shown.paths;
+        for path in raw.iter_mut().chain([derived, reports, baseline]) {
             *path = relative(&config.paths.reports, path).into();
         }
         Self { paths: config.paths.clone(), sigma: config.fit.sigma, asked_pages, shown }
@@ -35,6 +35,11 @@ impl ReportInput {
 
     pub fn campaigns(&self) -> &BTreeMap<String, Campaign> {
         &self.shown.campaign
+    }
+
+    /// Which differences from the baseline are to be expected.
+    pub fn tolerances(&self) -> &Compare {
+        &self.shown.compare
     }
 
     /// Most trials of which all get a page.

@@ -107,7 +107,7 @@ impl Content {
         kept_pages: &BTreeSet<String>,
     ) -> Result<Written, ReportError> {
         let reports = &input.paths.reports;
-        let Self { tables, figures, missing, damaged, truth, pages, reader, .. } = self;
+        let Self { tables, figures, missing, damaged, truth, pages, changes, reader, .. } = self;
         let with_svg: Vec<_> =
             figures.iter().map(|figure| (figure, kept.remove(&figure.stem))).collect();
         let drawn = with_svg
@@ -140,7 +140,9 @@ impl Content {
         write(SCORECARD, &json(&scores)?)?;
         write(SCORECARD_PAGE, page::scorecard_html(&scores, is_synthetic)?.as_bytes())?;
         let said = [missing.as_slice(), damaged].concat();
-        let html = page::html(input, tables, &drawn, pages, &scores, &said, truth.as_ref())?;
+        let (truth, changes) = (truth.as_ref(), changes.as_ref());
+        let remarks = page::Remarks { missing: &said, truth, changes };
+        let html = page::html(input, tables, &drawn, pages, &scores, remarks)?;
         write(PAGE, html.as_bytes())?;
         let figures = figures.iter().map(|figure| figure.stem.clone()).collect();
         let reported = Reported::new(input, figures, missing.clone(), damaged.clone());

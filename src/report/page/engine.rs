@@ -14,8 +14,9 @@ use crate::report::numbers::{
 use crate::text::harmless;
 
 /// Templates that others include or extend.
-const SHARED: [(&str, &str); 6] = [
+const SHARED: [(&str, &str); 7] = [
     ("base.html", include_str!("base.html")),
+    ("changes.html", include_str!("changes.html")),
     ("figure.html", include_str!("figure.html")),
     ("sheet.html", include_str!("sheet.html")),
     ("scorecard.html", include_str!("scorecard.html")),

@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
+use serde_json::Value as Json;
 
 pub use engine::fill;
 pub use image::{image, image_of_svg};
@@ -29,6 +30,15 @@ pub type TrialPages = BTreeMap<String, String>;
 /// A figure, and what the page shows of it.
 pub type Drawn<'f> = (&'f Figure, Value);
 
+/// What the page says that is not in the tables.
+pub struct Remarks<'r> {
+    /// Sentences on what is not in the report.
+    pub missing: &'r [String],
+    pub truth: Option<&'r Truth>,
+    /// What changed since the baseline.
+    pub changes: Option<&'r Json>,
+}
+
 /// The page as HTML.
 ///
 /// # Errors
@@ -39,8 +49,7 @@ pub fn html(
     drawn: &[Drawn<'_>],
     pages: &TrialPages,
     scores: &[JudgedClaim],
-    missing: &[String],
-    truth: Option<&Truth>,
+    Remarks { missing, truth, changes }: Remarks<'_>,
 ) -> Result<String, ReportError> {
     let robots = tables.robots.iter();
     let robots = robots.flat_map(|row| row.quantities().map(move |quantity| (row, quantity)));
@@ -73,6 +82,7 @@ pub fn html(
         common => Serde(troubling.filter(|check| is_common(check)).collect::<Vec<_>>()),
         names => trials.len(),
         missing => Serde(missing),
+        changes => Serde(changes),
         campaigns => campaigns::sections(input, tables, drawn)?,
         comparisons => images(drawn, |figure| {
             figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
