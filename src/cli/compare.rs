@@ -106,7 +106,10 @@ impl Compare {
             accepted.push(Acceptance { time: utc_now(), reason, differences });
             let candidate = Snapshot { accepted: accepted.clone(), ..candidate };
             save(&candidate, path, lock.as_ref())?;
-            context.progress.say(&format!("{} is the new baseline, and on the page after the next run", path.display()));
+            context.progress.say(&format!(
+                "{} is the new baseline, and on the page after the next run",
+                path.display()
+            ));
         } else if !compared.is_well() {
             outcome = Outcome::NeedsAttention;
         }
