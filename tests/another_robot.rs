@@ -15,59 +15,7 @@ use trilink::store::{Columns as _, FitRow, FitStatus, Table, TrialRow};
 use trilink::trial::TrialKind;
 
 /// Bigger and heavier than the paper's robots, with the rear joint passive.
-const PIPELINE: &str = r#"
-[vicon]
-rate_hz = 200.0
-
-[fit]
-starts = 2
-
-[robot.trolley]
-h_m = 0.18
-l_m = 0.13
-b_m = 0.075
-mass_kg = [1.6, 0.42, 0.38]
-inertia_kg_m2 = [0.016, 0.0011, 0.0010]
-roll_kg_s = [0.8, 0.4, 0.4]
-skid_kg_s = [300.0, 140.0, 110.0]
-stiffness_nm_rad = 0.35
-damping_nm_s_rad = 0.015
-rest_angle_deg = 2.0
-
-[gait.front]
-joint1 = { offset_deg = 6.0, amplitude_deg = 24.0, phase_deg = 20.0 }
-
-[gait.both]
-joint1 = { offset_deg = 38.0, amplitude_deg = 22.0, phase_deg = 10.0 }
-joint2 = { offset_deg = -31.0, amplitude_deg = 27.0, phase_deg = -65.0 }
-
-[campaign.pulled]
-robot = "trolley"
-gait = "front"
-models = ["no-skid-roll", "skid-roll"]
-weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 1.0 }
-
-[campaign.wriggling]
-robot = "trolley"
-gait = "both"
-models = ["no-skid", "skid-roll"]
-weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
-
-[markers.link0]
-A1 = [130.0, 0.0, 70.0]
-A2 = [-20.0, 52.0, 70.0]
-A3 = [-125.0, -30.0, 85.0]
-
-[markers.link1]
-B1 = [60.0, 0.0, 50.0]
-B2 = [-40.0, 33.0, 50.0]
-B3 = [-35.0, -28.0, 64.0]
-
-[markers.link2]
-C1 = [-66.0, 5.0, 50.0]
-C2 = [20.0, 36.0, 50.0]
-C3 = [45.0, -31.0, 64.0]
-"#;
+const PIPELINE: &str = include_str!("fixtures/trolley.toml");
 
 const CAMPAIGNS: [&str; 2] = ["pulled", "wriggling"];
 

@@ -1,6 +1,5 @@
 //! The whole report from made-up tables.
 
-mod browser;
 mod hostile;
 pub(super) mod made_up;
 mod recording;

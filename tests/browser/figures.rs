@@ -1,0 +1,130 @@
+//! Figures on pages: what they say under the pointer and by the keyboard, and their legends.
+
+use super::*;
+
+/// The first panel of a campaign that has measured points and a model's curve.
+const PANEL: &str = r#"const panel = [...document.querySelectorAll("figure .panel")].find(panel =>
+  panel.querySelector('g[data-name="measured"][data-points]') && panel.dataset.x);"#;
+
+/// With [`PANEL`], where its first measured point is in the window.
+const POINT: &str = r#"panel.scrollIntoView({ block: "center", behavior: "instant" });
+  const dots = [...panel.querySelectorAll('g[data-name="measured"] path')].pop();
+  const [, x, y] = /m(-?\d+) ?(-?\d+)/.exec(dots.getAttribute("d"));
+  const at = new DOMPoint(x, y).matrixTransform(panel.getScreenCTM());
+  return [at.x + 1, at.y + 1];"#;
+
+const TOLD: &str = r#"(() => {
+  const tip = document.querySelector(".tip");
+  return tip.hidden ? "" : tip.textContent;
+})()"#;
+
+fn within(panel: &str) -> String {
+    format!("(() => {{ {PANEL} {panel} }})()")
+}
+
+#[track_caller]
+fn told(browser: &mut Browser) -> String {
+    browser.evaluate(TOLD).as_str().unwrap().to_owned()
+}
+
+#[track_caller]
+fn assert_says_trial_omega_and_value(told: &str) {
+    for part in ["measured, ", "-r1", "rad/s) ", "(mm", " ± "] {
+        assert!(told.contains(part), "no {part:?} in {told:?}");
+    }
+}
+
+#[test]
+fn the_nearest_point_is_told_under_the_pointer_and_by_the_keyboard_and_opens_its_trial() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    browser.open(&demo().join("index.html"));
+    let point = browser.place(&within(POINT));
+    browser.point(point);
+    let pointed = told(&mut browser);
+    assert_says_trial_omega_and_value(&pointed);
+    browser.point([2.0, 2.0]);
+    assert_eq!(told(&mut browser), "");
+
+    browser.evaluate(&within("panel.focus();"));
+    browser.key("ArrowRight");
+    let first = told(&mut browser);
+    assert_says_trial_omega_and_value(&first);
+    browser.key("ArrowRight");
+    let second = told(&mut browser);
+    assert_says_trial_omega_and_value(&second);
+    assert_ne!(first, second);
+    browser.key("ArrowLeft");
+    assert_eq!(told(&mut browser), first);
+
+    browser.key("Enter");
+    browser.wait_for("Page.loadEventFired");
+    let heading = browser.evaluate("document.querySelector(\"h1\").textContent");
+    assert!(first.contains(heading.as_str().unwrap()), "{heading} {first}");
+    browser.open(&demo().join("index.html"));
+    let point = browser.place(&within(POINT));
+    browser.click(point);
+    browser.wait_for("Page.loadEventFired");
+    let heading = browser.evaluate("document.querySelector(\"h1\").textContent");
+    assert!(pointed.contains(heading.as_str().unwrap()), "{heading} {pointed}");
+    assert_no_problems(&browser);
+}
+
+#[test]
+fn a_legend_switches_its_series_off_and_on_by_pointer_and_keyboard() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    browser.open(&demo().join("index.html"));
+    let key = within(
+        r#"const key = panel.closest(".sheet").querySelector('.key[data-name="measured"]');
+        key.scrollIntoView({ block: "center", behavior: "instant" });
+        const box = key.getBoundingClientRect();
+        return [box.x + box.width / 2, box.y + box.height / 2];"#,
+    );
+    let shown = within(
+        r#"const group = panel.querySelector('g[data-name="measured"]');
+        const key = panel.closest(".sheet").querySelector('.key[data-name="measured"]');
+        return [getComputedStyle(group).display !== "none", key.ariaPressed === "true"];"#,
+    );
+    let both = |is_on: bool| json!([is_on, is_on]);
+    assert_eq!(browser.evaluate(&shown), both(true));
+    let place = browser.place(&key);
+    browser.click(place);
+    assert_eq!(browser.evaluate(&shown), both(false));
+    // What is switched off is not told.
+    let point = browser.place(&within(POINT));
+    browser.point(point);
+    assert!(!told(&mut browser).contains("measured"));
+    browser.evaluate(&within(
+        r#"panel.closest(".sheet").querySelector('.key[data-name="measured"]').focus();"#,
+    ));
+    for (key, is_on) in [("Enter", true), (" ", false), ("Enter", true)] {
+        browser.key(key);
+        assert_eq!(browser.evaluate(&shown), both(is_on), "{key:?}");
+    }
+    assert_no_problems(&browser);
+}
+
+#[test]
+fn every_figure_is_drawn_and_described() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    for reports in [demo(), own()] {
+        browser.open(&reports.join("index.html"));
+        let sheets = browser.evaluate(
+            r#"[...document.querySelectorAll(".sheet")].map(sheet => [
+              sheet.ariaLabel,
+              [...sheet.querySelectorAll(".panel path")].filter(path =>
+                path.getBBox().width > 0 && path.getBoundingClientRect().width > 0).length,
+              getComputedStyle(sheet.querySelector(".panel text")).fontFamily,
+            ])"#,
+        );
+        let sheets = sheets.as_array().unwrap();
+        assert!(sheets.len() > 10, "{} figures", sheets.len());
+        for sheet in sheets {
+            assert!(sheet[0].as_str().unwrap().len() > 20, "{sheet}");
+            assert!(sheet[1].as_u64() > Some(2), "{sheet}");
+            assert_eq!(sheet[2], "Roboto, sans-serif", "{sheet}");
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! The report's first page: its answer, its navigation, its table of trials.
+
+use super::*;
+
+/// Places of what answers, from the top of the page.
+const ANSWERS: &str = r#"[...document.querySelectorAll(".answers article")].map(article => {
+  const bottom = element => element ? element.getBoundingClientRect().bottom + scrollY : Infinity;
+  const rows = [...article.querySelectorAll("tr")];
+  return {
+    name: article.querySelector("h3").textContent,
+    model: bottom(article.querySelector("h3")),
+    coefficients: rows.map(row => row.textContent),
+    answered: Math.max(...rows.map(bottom)),
+    curve: article.querySelectorAll(".panel g[data-points]").length,
+    curveBottom: bottom(article.querySelector(".panel")),
+  };
+})"#;
+
+#[test]
+fn every_campaigns_model_and_coefficients_are_on_the_first_screen() {
+    let Some(mut browser) = Browser::start() else { return };
+    for reports in [demo(), own()] {
+        for (width, height) in SIZES {
+            browser.window(width, height);
+            browser.open(&reports.join("index.html"));
+            // In a narrow window on two screens.
+            let screens = if width < 500 { 2.0 } else { 1.0 };
+            let end_px = screens * f64::from(height);
+            let answers = browser.evaluate(ANSWERS);
+            let answers = answers.as_array().unwrap();
+            assert!(answers.len() >= 2, "{answers:?}");
+            for answer in answers {
+                let name = answer["name"].as_str().unwrap();
+                assert!(name.contains("fits") || name.contains("does not fit"), "{name}");
+                let coefficients = answer["coefficients"].as_array().unwrap();
+                assert!(coefficients.len() >= 3, "{name}: {coefficients:?}");
+                let bottoms = [&answer["model"], &answer["answered"]];
+                for bottom_px in bottoms.map(|px| px.as_f64().expect("a place")) {
+                    assert!(bottom_px <= end_px, "{name}: ends at {bottom_px} of {end_px} px");
+                }
+                assert_ne!(answer["curve"], 0, "{name} has no curve with measurements");
+                if width > 500 {
+                    assert!(answer["curveBottom"].as_f64().unwrap() <= end_px, "{answer}");
+                }
+            }
+            let counted = browser.evaluate("document.querySelector(\"header\").innerText");
+            let counted = counted.as_str().unwrap();
+            for text in [" trials", " ok", " flagged", " failed"] {
+                assert!(counted.contains(text), "{counted}");
+            }
+        }
+    }
+    assert_no_problems(&browser);
+}
+
+/// The names of the trials that the table shows.
+const SHOWN: &str = r##"[...document.querySelectorAll("#trials-table tbody tr")]
+  .filter(row => row.checkVisibility() && row.cells.length > 2)
+  .map(row => row.cells[0].textContent)"##;
+
+/// Whether every campaign's d rise (1) or fall (-1), what is missing being last.
+fn is_sorted(browser: &mut Browser, direction: i32) -> bool {
+    let sorted = browser.evaluate(&format!(
+        r##"[...document.querySelectorAll("#trials-table tbody")].every(body => {{
+          const values = [...body.rows].slice(1)
+            .map(row => Number.parseFloat(row.cells[4].textContent.replace("\u2212", "-")));
+          return values.every((value, i) => i === 0 || Number.isNaN(value)
+            || {direction} * (value - values[i - 1]) >= 0);
+        }})"##
+    ));
+    sorted == true
+}
+
+#[test]
+fn the_table_of_trials_is_sorted_by_pointer_or_keyboard_and_filtered_by_words() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    browser.open(&demo().join("index.html"));
+    let all = browser.evaluate(SHOWN);
+    assert!(all.as_array().unwrap().len() > 5, "{all}");
+    let heading = browser.middle_of("#trials-table thead th:nth-child(5) button");
+    browser.click(heading);
+    assert!(is_sorted(&mut browser, 1) && !is_sorted(&mut browser, -1));
+    // The button has the focus.
+    browser.key("Enter");
+    assert!(is_sorted(&mut browser, -1) && !is_sorted(&mut browser, 1));
+    let sorted = browser
+        .evaluate("document.querySelector(\"#trials-table thead th:nth-child(5)\").ariaSort");
+    assert_eq!(sorted, "descending");
+
+    let filter = browser.middle_of("#trials-filter");
+    browser.click(filter);
+    browser.text("skewed 3.90");
+    assert_eq!(browser.evaluate(SHOWN), json!(["kinematic-skewed-3.90-r1"]));
+    let said = "document.getElementById(\"trials-shown\").textContent";
+    assert!(browser.evaluate(said).as_str().unwrap().starts_with("1 of "));
+    browser.text(" no such trial");
+    assert_eq!(browser.evaluate(SHOWN), json!([]));
+    browser.evaluate("document.getElementById(\"trials-filter\").select()");
+    browser.text(" ");
+    let again = browser.evaluate(SHOWN);
+    assert_eq!(again.as_array().unwrap().len(), all.as_array().unwrap().len());
+    assert_no_problems(&browser);
+}
