@@ -15,12 +15,14 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use serde_json::Value;
 use trilink::config::{Config, GaitInput, SigmaKind};
-use trilink::fit::{FitData, fit};
+use trilink::fit::{FitData, Fitted, fit};
 use trilink::ingest::process_trial;
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Model, Problem};
 use trilink::robot::Parameter;
-use trilink::store::{Columns as _, CycleRow, FitRow, FitStatus, TrialRow};
+use trilink::store::{
+    Columns as _, CycleRow, FitRow, FitStatus, PredictionRow, PredictionSource, TrialRow,
+};
 use trilink::synth::{Recipe, synthesise};
 use trilink::trial::TRUTH_FILE;
 
@@ -37,6 +39,15 @@ struct Truth {
     motions: Vec<GaitMetrics>,
 }
 
+impl Truth {
+    fn motion(&self, omega_rad_s: f64) -> GaitMetrics {
+        let (mut robot, gait) = self.config.campaign_setup(self.campaign).unwrap();
+        robot.skid_kg_s = self.skid_kg_s;
+        let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s };
+        problem.solve(FIT_ACCURACY).unwrap().metrics
+    }
+}
+
 fn truth(campaign: &'static str, skid_kg_s: [f64; 3]) -> Truth {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == campaign);
@@ -44,15 +55,9 @@ fn truth(campaign: &'static str, skid_kg_s: [f64; 3]) -> Truth {
     config.fit.starts = 1;
     config.fit.sigma = SigmaKind::Raw;
     config.fit.gait_input = GaitInput::Commanded;
-    let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
-    robot.skid_kg_s = skid_kg_s;
-    let motion = |omega_rad_s: &f64| {
-        let (robot, omega_rad_s) = (robot.clone(), *omega_rad_s);
-        let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s };
-        problem.solve(FIT_ACCURACY).unwrap().metrics
-    };
-    let motions = OMEGAS_RAD_S.iter().map(motion).collect();
-    Truth { config, campaign, skid_kg_s, motions }
+    let truth = Truth { config, campaign, skid_kg_s, motions: Vec::new() };
+    let motions = OMEGAS_RAD_S.iter().map(|omega_rad_s| truth.motion(*omega_rad_s)).collect();
+    Truth { motions, ..truth }
 }
 
 /// A campaign with `repeats` trials at every frequency.
@@ -127,19 +132,26 @@ struct Coverage {
     widest: f64,
 }
 
-/// Fits so many campaigns; gives the coverage of each skid coefficient.
-fn coverage(truth: &Truth, campaigns: u64, repeats: usize, with_cycles: bool) -> [Coverage; 3] {
-    let fits: Vec<FitRow> = (0..campaigns)
+/// Fits so many campaigns.
+fn fitted(truth: &Truth, campaigns: u64, repeats: usize, with_cycles: bool) -> Vec<Fitted> {
+    let fitted: Vec<Fitted> = (0..campaigns)
         .into_par_iter()
         .map(|seed| {
             let mut data = measure(truth, repeats, seed);
             if !with_cycles {
                 data.cycles = BTreeMap::new();
             }
-            fit(&truth.config, &data, &|_| {}).fits.remove(0)
+            fit(&truth.config, &data, &|_| {})
         })
         .collect();
-    assert!(fits.iter().all(|fit| fit.status == FitStatus::Ok));
+    assert!(fitted.iter().all(|fitted| fitted.fits[0].status == FitStatus::Ok));
+    fitted
+}
+
+/// The coverage of each skid coefficient.
+fn coverage(truth: &Truth, fitted: &[Fitted]) -> [Coverage; 3] {
+    let campaigns = fitted.len();
+    let fits: Vec<&FitRow> = fitted.iter().map(|fitted| &fitted.fits[0]).collect();
     std::array::from_fn(|wheel| {
         let known = truth.skid_kg_s[wheel];
         let mut coverage = Coverage::default();
@@ -161,6 +173,38 @@ fn coverage(truth: &Truth, campaigns: u64, repeats: usize, with_cycles: bool) ->
     })
 }
 
+/// Of the curves of d, v and the skid ratios at each `every`-th frequency: the part of the
+/// intervals that hold the truth, and how wide they are over what the curves are off.
+fn coverage_of_curves(truth: &Truth, fitted: &[Fitted], every: usize) -> (f64, f64) {
+    let (mut held, mut intervals, mut claimed, mut error) = (0.0, 0.0, 0.0, 0.0);
+    let curve = |fitted: &Fitted| -> Vec<PredictionRow> {
+        let rows = fitted.predictions.iter().filter(|row| row.source == PredictionSource::Curve);
+        rows.step_by(every).cloned().collect()
+    };
+    let motion = |row: &PredictionRow| truth.motion(row.omega_rad_s);
+    let truths: Vec<GaitMetrics> = curve(&fitted[0]).par_iter().map(motion).collect();
+    for one in fitted {
+        for (row, known) in curve(one).iter().zip(&truths) {
+            assert_eq!(row.no_interval, one.fits[0].no_interval);
+            if !row.no_interval.is_empty() {
+                continue;
+            }
+            let [found, low, high, known] =
+                [row.metrics, row.lower, row.upper, *known].map(GaitMetrics::to_array);
+            for i in 0..5 {
+                assert!(low[i] < found[i] && found[i] < high[i], "{row:?}");
+                held += f64::from(u8::from(low[i] <= known[i] && known[i] <= high[i]));
+                intervals += 1.0;
+                claimed += (0.5 * (high[i] - low[i]) / 1.96 / known[i]).powi(2);
+                error += (found[i] / known[i] - 1.0).powi(2);
+            }
+        }
+    }
+    let (share, ratio) = (held / intervals, f64::sqrt(claimed / error));
+    eprintln!("{}: {share:.3} of the curves held, bands {ratio:.2} times as wide", truth.campaign);
+    (share, ratio)
+}
+
 /// The part of the intervals that hold the truth.
 fn held(found: &[Coverage; 3]) -> f64 {
     let sum = |of: fn(&Coverage) -> usize| found.iter().map(of).sum::<usize>() as f64;
@@ -176,7 +220,11 @@ fn intervals_are_about_as_wide_as_the_estimates_are_off() {
     let (campaign, skid_kg_s) = SKEWED;
     let mut truth = truth(campaign, skid_kg_s);
     (truth.config.fit.bootstrap, truth.config.fit.profiles) = (60, false);
-    let found = coverage(&truth, 16, 1, true);
+    let fitted = fitted(&truth, 16, 1, true);
+    let (of_curves, ratio) = coverage_of_curves(&truth, &fitted, 16);
+    assert!((0.86..=1.0).contains(&of_curves), "{of_curves} of the curves");
+    assert!((0.65..1.6).contains(&ratio), "bands are {ratio} as wide as curves are off");
+    let found = coverage(&truth, &fitted);
     assert!((0.86..=1.0).contains(&held(&found)), "{found:?}");
     for coverage in found {
         let ratio = coverage.claimed / coverage.error;
@@ -199,10 +247,15 @@ fn ninety_five_percent_intervals_hold_the_truth_in_88_to_99_of_100_campaigns() {
         ] {
             let mut truth = truth(campaign, skid_kg_s);
             (truth.config.fit.bootstrap, truth.config.fit.profiles) = (bootstrap, profiles);
-            let found = coverage(&truth, 100, repeats, with_cycles);
+            let fitted = fitted(&truth, 100, repeats, with_cycles);
+            let found = coverage(&truth, &fitted);
             let kind = if profiles { "profiles" } else { "bootstrap" };
             eprintln!("{campaign}, {kind}, {repeats} a frequency, cycles {with_cycles}: {found:?}");
             assert!((0.88..=0.99).contains(&held(&found)), "{found:?}");
+            if bootstrap > 0 {
+                let (of_curves, _) = coverage_of_curves(&truth, &fitted, 4);
+                assert!((0.88..=0.99).contains(&of_curves), "{of_curves} of the curves");
+            }
             assert!(found.iter().all(|of| (90..=99).contains(&of.intervals)), "{found:?}");
             assert!(found.iter().all(|of| of.widest < 5.0), "{found:?}");
         }

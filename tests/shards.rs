@@ -12,6 +12,7 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use common::{Small, assert_same, succeed, text, trilink};
+use trilink::store::Table;
 
 /// Nine trials; of one the marker file is empty.
 fn project() -> Small {
@@ -308,6 +309,9 @@ fn replicates_of_any_parts_joined_are_the_bytes_of_one_bootstrap() {
     let one = ingested();
     succeed(one.path(), &["-q", "fit"]);
     let expected = one.results();
+    let predictions = Table::read(&one.place("derived/predictions.parquet")).unwrap();
+    let limits = predictions.values::<f64>("d_m_hi").unwrap();
+    assert!(limits.iter().any(|limit| limit.is_finite()), "the replicates give intervals");
     let folder = ingested();
     // Three models, driven either way; the symmetric measured gaits have no motion without skid.
     for (numbers, threads, count) in [("0..1", "1", 5), ("1..5", "2", 20), ("5..7", "3", 10)] {

@@ -15,7 +15,7 @@ pub const RIGHT: f64 = 10.0;
 pub const TOP: f64 = 30.0;
 pub const BOTTOM: f64 = 42.0;
 /// The same below panels that share the horizontal axis of the last one.
-const SHARED_BOTTOM: f64 = 4.0;
+const SHARED_BOTTOM: f64 = 7.0;
 /// Around the figure's legend, px.
 pub const MARGIN: f64 = 10.0;
 
@@ -148,6 +148,10 @@ fn axes(panel: &Panel, xs: &[f64], width: f64, height: f64) -> (Axis, Axis) {
         apart > widest(x) + 0.6 * style::EM
     };
     x.set_ticks(((width / 45.0) as usize).max(3) + 1, have_room);
+    // A label reaches as far as the panel's edge.
+    let (half, per_px) = (0.5 * widest(&x), x.range.span() / width);
+    let last = x.range.high - (half - RIGHT).max(0.0) * per_px;
+    x.ticks.retain(|tick| *tick <= last);
     y.set_ticks((height / 28.0) as usize + 1, |y| y.ticks.len() <= 2 || widest(y) <= TICK_LABELS);
     (x, y)
 }

@@ -50,10 +50,11 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
     let rows: Vec<&ProfileRow> = tables.profiles.iter().filter(of_fit).collect();
     let panel = |held: &Parameter| {
         let of_parameter = rows.iter().filter(|row| row.parameter == *held);
-        let points = of_parameter.clone().map(|row| (row.value, row.j - fit.j));
+        let percent = |j: f64| 100.0 * (j - fit.j) / fit.j;
+        let points = of_parameter.clone().map(|row| (row.value, percent(row.j)));
         let limit_j = of_parameter.clone().next()?.limit_j;
         let parameter = FittedParameter::of(fit, *held);
-        let rise = limit_j - fit.j;
+        let rise = percent(limit_j);
         let band = |name, [from, to]: [f64; 2], colour| {
             Layer::new(name, [(from, f64::NAN), (to, f64::NAN)], Look::Band(colour))
         };
@@ -74,7 +75,7 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         Some(Panel {
             shown: Some(Range { low: f64::NEG_INFINITY, high: 2.5 * rise }),
             x_scale: Scale::Decades,
-            ..Panel::new(fit.model.name(), &label(*held), "Rise of J", layers)
+            ..Panel::new(fit.model.name(), &label(*held), "ΔJ (% of J)", layers)
         })
     };
     fit.free.iter().filter_map(panel).collect()
