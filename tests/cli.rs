@@ -276,7 +276,8 @@ fn the_tables_have_the_documented_columns() {
         (
             format!("poses/{trial}.parquet"),
             "trial frame time_s x_m y_m theta_rad phi1_rad phi2_rad residual0_mm residual1_mm \
-             residual2_mm fill0 fill1 fill2 outlier0 outlier1 outlier2"
+             residual2_mm fill0 fill1 fill2 outlier0 outlier1 outlier2 unseen0 unseen1 unseen2 \
+             corrected0 corrected1 corrected2"
                 .to_owned(),
         ),
         (

@@ -240,6 +240,11 @@ fn trials_with_misplaced_markers_keep_their_displacement_and_every_such_frame_is
             assert_ne!(outlier, "none", "{trial}: {planted}");
             let right = if planted["swapped"] == true { "swapped" } else { "jumped" };
             assert!([right, "ambiguous"].contains(&outlier.as_str()), "{trial}: {planted}");
+            let corrected =
+                &poses.values::<String>(&format!("corrected{}", planted["link"])).unwrap()[row];
+            let labels = corrected.split(", ").filter(|label| !label.is_empty()).count();
+            let named = ["ambiguous", "jumped", "swapped"].iter().position(|how| how == outlier);
+            assert_eq!(Some(labels), named, "{trial}: {corrected}");
         }
     }
 }

@@ -1,11 +1,21 @@
 //! Tables of one trial.
 
+use std::collections::BTreeMap;
+
 use super::cycles::WheelVelocities;
+use super::markers::labels::bit;
 use super::poses::{Coordinates, Tracked};
-use crate::store::{Column, Table, numbers, repeated, texts};
+use crate::config::Markers;
+use crate::store::{Column, LABELS_APART, Table, numbers, repeated, texts};
 
 /// `poses/<trial>.parquet`.
-pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz: f64) -> Table {
+pub(super) fn poses(
+    trial: &str,
+    tracked: &Tracked,
+    smooth: Coordinates,
+    markers: &Markers,
+    rate_hz: f64,
+) -> Table {
     let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = smooth;
     let mut columns = frames(trial, tracked.first_frame, x_m.len(), rate_hz);
     columns.extend([
@@ -15,13 +25,40 @@ pub(super) fn poses(trial: &str, tracked: &Tracked, smooth: Coordinates, rate_hz
         numbers("phi1_rad", phi1_rad),
         numbers("phi2_rad", phi2_rad),
     ]);
-    let Tracked { residual_mm, fill, outlier, .. } = tracked;
+    let Tracked { residual_mm, fill, outlier, unseen, .. } = tracked;
     let residual = |i: usize| numbers(&format!("residual{i}_mm"), residual_mm[i].clone());
     let fill = |i: usize| texts(&format!("fill{i}"), fill[i].iter().map(|fill| fill.name()));
     let outlier =
         |i: usize| texts(&format!("outlier{i}"), outlier[i].iter().map(|found| found.name()));
     columns.extend((0..3).map(residual).chain((0..3).map(fill)).chain((0..3).map(outlier)));
+    let links = || markers.links().into_iter().enumerate();
+    columns.extend(
+        links().map(|(i, layout)| labels(&format!("unseen{i}"), layout, unseen[i].iter().copied())),
+    );
+    columns.extend(links().map(|(i, layout)| {
+        let corrected = tracked.outlier[i].iter().map(|found| found.markers());
+        labels(&format!("corrected{i}"), layout, corrected)
+    }));
     Table::new(columns)
+}
+
+/// Labels of a link's markers, each a bit by its index in the layout.
+fn labels(
+    name: &str,
+    layout: &BTreeMap<String, [f64; 3]>,
+    markers: impl Iterator<Item = u64>,
+) -> Column {
+    let named = |bits: u64| {
+        let labels = layout.keys().enumerate();
+        let named = labels.filter(|(index, _)| bits & bit(*index) != 0);
+        named.map(|(_, label)| label.as_str()).collect::<Vec<_>>().join(LABELS_APART)
+    };
+    let mut known = BTreeMap::new();
+    let markers: Vec<u64> = markers.collect();
+    markers.iter().for_each(|bits| {
+        known.entry(*bits).or_insert_with(|| named(*bits));
+    });
+    texts(name, markers.iter().map(|bits| known[bits].as_str()))
 }
 
 /// `wheels/<trial>.parquet`.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use crate::config::{Campaign, Compare, Config, Paths, SigmaKind};
+use crate::config::{Campaign, Compare, Config, Markers, Paths, RobotConfig, SigmaKind};
 use crate::files::relative;
 use crate::robot::{Gait, Robot};
 
@@ -50,6 +50,16 @@ impl ReportInput {
     /// The robot and gait of a campaign, in SI units; `None` where an entry is missing.
     pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
         self.shown.campaign_setup(campaign)
+    }
+
+    /// A robot in SI units.
+    pub fn robot(&self, name: &str) -> Option<Robot> {
+        self.shown.robot.get(name).map(RobotConfig::to_robot)
+    }
+
+    /// The layout of the markers.
+    pub fn markers(&self) -> &Markers {
+        &self.shown.markers
     }
 
     /// The configuration as TOML, defaults too.

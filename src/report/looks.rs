@@ -98,6 +98,11 @@ const fn of_model(model: Model) -> (RGBColor, Dash) {
     }
 }
 
+/// The colour of a model.
+pub const fn model_colour(model: Model) -> RGBColor {
+    of_model(model).0
+}
+
 /// Points of a model.
 pub fn model_dots(model: Model, joined: bool) -> Look {
     Look::Dots { colour: of_model(model).0, joined }

@@ -12,6 +12,7 @@ mod parameters;
 mod plotted;
 mod polyline;
 mod recording;
+mod replay;
 mod scorecard;
 mod series;
 mod simulated;

@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use crate::motion::Pose;
-use crate::store::{CycleRow, Reader, StoreError, Table, cycles_path, poses_path, wheels_path};
+use crate::store::{
+    CycleRow, LABELS_APART, Reader, StoreError, Table, cycles_path, poses_path, wheels_path,
+};
 
 /// Links, wheels: 0, 1, 2 = middle, front, rear. What is missing is NaN.
 #[derive(Debug, Clone, Default)]
@@ -16,12 +18,26 @@ pub struct Recording {
     pub residual_mm: [Vec<f64>; 3],
     /// `measured`, `rigid`, `interpolated` or `missing`.
     pub fill: [Vec<String>; 3],
+    /// Labels of the markers that the cameras did not see, and of those that were corrected; empty
+    /// where the table does not tell.
+    pub unseen: [Vec<String>; 3],
+    pub corrected: [Vec<String>; 3],
     pub roll_m_s: [Vec<f64>; 3],
     pub skid_m_s: [Vec<f64>; 3],
     /// Empty for trials that are not of kind `gait`.
     pub cycles: Vec<CycleRow>,
     /// Where the tables have other frames than each other.
     pub problem: Option<String>,
+}
+
+/// What is known of a marker in a frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MarkerState {
+    #[default]
+    Seen,
+    Missing,
+    /// Left out, because it had jumped, or its label was swapped back.
+    Corrected,
 }
 
 /// Some used cycles in a row.
@@ -71,6 +87,8 @@ impl Recording {
             phi_rad: [numbers(&poses, "phi1_rad")?, numbers(&poses, "phi2_rad")?],
             residual_mm: three(|link| numbers(&poses, &format!("residual{link}_mm")))?,
             fill: three(|link| poses.values(&format!("fill{link}")))?,
+            unseen: three(|link| texts_if_there(&poses, &format!("unseen{link}")))?,
+            corrected: three(|link| texts_if_there(&poses, &format!("corrected{link}")))?,
             roll_m_s: three(|wheel_number| wheel(format!("roll{wheel_number}_m_s")))?,
             skid_m_s: three(|wheel_number| wheel(format!("skid{wheel_number}_m_s")))?,
             cycles: reader.rows_if_there(&cycles_path(derived, trial))?.unwrap_or_default(),
@@ -112,6 +130,32 @@ impl Recording {
         first..last.max(first)
     }
 
+    /// The pose of link 0 and the joint angles in a frame, if they are known.
+    pub fn pose(&self, i: usize) -> Option<(Pose, [f64; 2])> {
+        let pose = Pose { x_m: self.x_m[i], y_m: self.y_m[i], theta_rad: self.theta_rad[i] };
+        let phi_rad = self.phi_rad.each_ref().map(|phi_rad| phi_rad[i]);
+        let sum = pose.x_m + pose.y_m + pose.theta_rad + phi_rad[0] + phi_rad[1];
+        sum.is_finite().then_some((pose, phi_rad))
+    }
+
+    /// What is known of a link's marker in a frame; of a table that does not tell the markers, those
+    /// of a link without a pose of its own are missing.
+    pub fn marker(&self, link: usize, label: &str, i: usize) -> MarkerState {
+        let names = |all: &[Vec<String>; 3]| {
+            let labels = all[link].get(i).filter(|labels| !labels.is_empty());
+            labels.is_some_and(|labels| labels.split(LABELS_APART).any(|name| name == label))
+        };
+        let is_missing = match self.unseen[link].is_empty() {
+            true => matches!(self.fill[link][i].as_str(), "interpolated" | "missing"),
+            false => names(&self.unseen),
+        };
+        match (names(&self.corrected), is_missing) {
+            (true, _) => MarkerState::Corrected,
+            (false, true) => MarkerState::Missing,
+            (false, false) => MarkerState::Seen,
+        }
+    }
+
     /// The pose of link 0 at a time, between the frames around it; `None` where there is none.
     pub fn pose_at(&self, time_s: f64) -> Option<Pose> {
         let after = self.time_s.partition_point(|frame_s| *frame_s < time_s);
@@ -133,6 +177,13 @@ fn fall(table: &Table) -> Result<Option<String>, StoreError> {
         let [before, after] = [i - 1, i].map(|i| format!("{} at {} s", frames[i], time_s[i]));
         format!("found `frame` {after} after {before}, needed frames that rise")
     }))
+}
+
+fn texts_if_there(table: &Table, name: &str) -> Result<Vec<String>, StoreError> {
+    match table.frame.column(name) {
+        Ok(_) => table.values(name),
+        Err(_) => Ok(Vec::new()),
+    }
 }
 
 fn three<T>(of: impl Fn(usize) -> Result<T, StoreError>) -> Result<[T; 3], StoreError> {

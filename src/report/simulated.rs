@@ -1,5 +1,6 @@
 //! Motions that no table holds, for the figures that show them.
 
+use crate::config::GaitInput;
 use crate::metrics::GaitMetrics;
 use crate::motion::{
     FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample,
@@ -7,7 +8,7 @@ use crate::motion::{
 };
 use crate::report::ReportInput;
 use crate::robot::Parameter;
-use crate::store::FitRow;
+use crate::store::{FitRow, TrialRow};
 
 /// Frequencies at which figures show simulated motions.
 pub const OMEGAS_RAD_S: std::ops::RangeInclusive<f64> = 0.01..=100.0;
@@ -36,6 +37,21 @@ pub fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Pro
         }
     }
     fit.status.is_ok().then_some(problem)
+}
+
+/// The motion of a fitted model at a trial's frequency, under the gait that drove the fit.
+pub fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<Problem> {
+    let problem = fitted(input, fit, trial.omega_rad_s)?;
+    let is_measured = fit.gait_input == GaitInput::Measured || fit.model == Model::NoSkidMeasured;
+    Some(if is_measured { under_gait_of(trial, problem) } else { problem })
+}
+
+/// The same under the ellipse that is nearest to a trial's gait; a passive joint stays so.
+pub fn under_gait_of(trial: &TrialRow, mut problem: Problem) -> Problem {
+    for (command, measured) in problem.gait.joints.iter_mut().zip(&trial.gait) {
+        *command = command.map(|_| measured.command());
+    }
+    problem
 }
 
 /// A steady motion.

@@ -102,6 +102,14 @@ impl Tables {
         Source { trials: &self.trials, predictions: &self.predictions, fits: &self.fits, sigma }
     }
 
+    /// The fit that the measurements prefer: the nearest of those that describe them, else the
+    /// nearest.
+    pub fn preferred(&self, campaign: &str) -> Option<&FitRow> {
+        let fits = self.fits.iter().filter(|fit| fit.campaign == campaign && fit.j.is_finite());
+        let misfits = |fit: &FitRow| fit.adequate != Some(true);
+        fits.min_by(|a, b| misfits(a).cmp(&misfits(b)).then(a.j.total_cmp(&b.j)))
+    }
+
     /// Campaigns of the configuration and of the tables.
     pub fn campaigns<'a>(&'a self, config: &'a ReportInput) -> BTreeSet<&'a str> {
         let configured = config.campaigns().keys().map(String::as_str);

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 use super::page::{self, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
-use super::{ReportError, ReportInput, figures};
+use super::{ReportError, ReportInput, figures, replay};
+use crate::robot::Robot;
 use crate::store::{
     Reader, Stamp, StoreError, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path,
     write_if_changed,
@@ -52,6 +53,13 @@ pub fn pages(input: &ReportInput, tables: &Tables) -> TrialPages {
     trials.into_iter().map(file).collect()
 }
 
+/// The robot of a trial: its campaign's, or the one that it was to tell about.
+fn robot_of(trial: &TrialRow, input: &ReportInput, tables: &Tables) -> Option<Robot> {
+    let of_campaign = input.campaign_setup(&trial.campaign).map(|(robot, _)| robot);
+    let named = || tables.robots.iter().find(|row| row.trial == trial.trial);
+    of_campaign.or_else(|| input.robot(&named()?.robot))
+}
+
 /// The first row of every name.
 fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
     let mut seen = BTreeSet::new();
@@ -71,17 +79,25 @@ pub fn parts(
         (BTreeMap::<&str, Vec<_>>::new(), BTreeMap::<&str, Vec<_>>::new());
     tables.checks.iter().for_each(|row| checks.entry(&row.trial).or_default().push(row));
     tables.robots.iter().for_each(|row| robots.entry(&row.trial).or_default().push(row));
+    let markers = format!("{:?}", input.markers());
+    let fit = |campaign| (campaign, hash(format!("{:?}", tables.preferred(campaign)).as_bytes()));
+    let fits: BTreeMap<&str, String> = tables.campaigns(input).into_iter().map(fit).collect();
     let of_trial = |trial: &TrialRow| {
         let name = trial.trial.as_str();
         let checks = checks.get(name).map_or(&[][..], Vec::as_slice);
         let robots = robots.get(name).map_or(&[][..], Vec::as_slice);
-        let robot = input.campaign_setup(&trial.campaign);
-        let rows = format!("{trial:?} {checks:?} {robots:?} {robot:?}");
+        let setup = input.campaign_setup(&trial.campaign);
+        let robot = robots.first().and_then(|row| input.robot(&row.robot));
+        let rows = format!("{trial:?} {checks:?} {robots:?} {setup:?} {robot:?} {markers}");
         let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
         let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
         let parts = BTreeMap::from([
             ("its row or checks".to_owned(), hash(rows.as_bytes())),
             ("its tables".to_owned(), recorded),
+            (
+                "the preferred fit".to_owned(),
+                fits.get(&*trial.campaign).cloned().unwrap_or_default(),
+            ),
         ]);
         Some((format!("{FOLDER}/{}", pages.get(name)?), parts))
     };
@@ -130,7 +146,13 @@ pub fn write(
             let of_trial = |recording| figures::trial::figures(trial, recording, input);
             let figures = recording.as_ref().map_or(Vec::new(), of_trial);
             let images = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;
-            let html = page::trial_html(trial, tables, recording.as_ref(), &images)?;
+            let replay = recording.as_ref().zip(robot_of(trial, input, tables));
+            let replay = replay.and_then(|(recording, robot)| {
+                let fit = tables.preferred(&trial.campaign);
+                replay::of_trial(trial, recording, robot, input, fit)
+            });
+            let html =
+                page::trial_html(trial, tables, recording.as_ref(), replay.as_ref(), &images)?;
             Ok((name.clone(), write_if_changed(&folder.join(file), html.as_bytes())?))
         };
         (!kept.contains(&name)).then(write)

@@ -15,9 +15,9 @@ pub(crate) use columns::rows;
 pub use columns::{Columns, numbers, repeated, texts};
 pub use polars::prelude::Column;
 pub use schema::{
-    BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, JointGait, PredictionRow, ProfileRow,
-    RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
-    wheels_path,
+    BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, JointGait, LABELS_APART,
+    PredictionRow, ProfileRow, RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow,
+    cycles_path, poses_path, wheels_path,
 };
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Stopped, TrialStatus};

@@ -26,6 +26,9 @@ pub fn cycles_path(derived: &Path, trial: &str) -> PathBuf {
     derived.join("cycles").join(format!("{trial}.parquet"))
 }
 
+/// Between the labels of markers in a text.
+pub const LABELS_APART: &str = ", ";
+
 rows! {
     /// One cycle of a trial: `cycles/<trial>.parquet`.
     #[derive(Serialize)]

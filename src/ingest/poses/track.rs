@@ -5,8 +5,8 @@ use super::suspension::{self, LinkRecording};
 use super::tilt::Tilt;
 use crate::config::Poses;
 use crate::ingest::error::Problem;
-use crate::ingest::markers::labels::{LinkFit, Outlier, correct_labels};
-use crate::ingest::markers::layout::Layout;
+use crate::ingest::markers::labels::{LinkFit, Outlier, bit, correct_labels};
+use crate::ingest::markers::layout::{Layout, LinkMarker};
 use crate::ingest::signals;
 use crate::named::named;
 use crate::robot::rotated;
@@ -89,6 +89,9 @@ pub struct Tracked {
     pub fill: [Vec<Fill>; 3],
     /// What was wrong with the markers of links 0, 1, 2.
     pub outlier: [Vec<Outlier>; 3],
+    /// Which markers of links 0, 1, 2 were not seen: a bit for each by its index in the link's
+    /// layout.
+    pub unseen: [Vec<u64>; 3],
     /// What of the heights was found tilted, before it was corrected.
     pub tilt: Tilt,
     /// How far a joint is from where the robot's h and l put it, mm; unknown without a robot.
@@ -115,6 +118,8 @@ pub fn track(
     let (mut theta, mut residual_mm) = ([0; 3].map(|_| missing()), [0; 3].map(|_| missing()));
     let mut fill = [0; 3].map(|_| vec![Fill::Missing; frames]);
     let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
+    let mut unseen =
+        layout.each_ref().map(|markers| vec![(0..markers.len()).map(bit).sum::<u64>(); frames]);
     let mut markers_seen = 0;
     let (fits, tilt) = upright_fits(file, layout, rate_hz);
     let refined = linkage.map(|linkage| linkage.refined(&fits));
@@ -143,6 +148,9 @@ pub fn track(
         for (link, pose) in poses.into_iter().enumerate() {
             let fit = &fits[link][row];
             markers_seen += fit.seen;
+            let is_unseen = |marker: &LinkMarker| file.row_mm(row)[marker.column][0].is_nan();
+            let markers = layout[link].iter().enumerate();
+            unseen[link][i] = markers.filter(|(_, of)| is_unseen(of)).map(|(k, _)| bit(k)).sum();
             outlier[link][i] = fit.outlier;
             let Some(pose) = pose else { continue };
             theta[link][i] = pose.theta_rad;
@@ -179,6 +187,7 @@ pub fn track(
         residual_mm,
         fill,
         outlier,
+        unseen,
         tilt,
         joint_offset_mm,
         joint_shifts,

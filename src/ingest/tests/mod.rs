@@ -160,7 +160,8 @@ fn poses_are_those_of_the_robot_and_missing_frames_are_null() {
     assert_eq!(
         column_names(poses),
         "trial frame time_s x_m y_m theta_rad phi1_rad phi2_rad \
-         residual0_mm residual1_mm residual2_mm fill0 fill1 fill2 outlier0 outlier1 outlier2"
+         residual0_mm residual1_mm residual2_mm fill0 fill1 fill2 outlier0 outlier1 outlier2 \
+         unseen0 unseen1 unseen2 corrected0 corrected1 corrected2"
     );
     assert_eq!(
         column_names(&processed.wheels),
@@ -200,6 +201,9 @@ fn short_gaps_are_filled_and_long_ones_left_out() {
     assert_eq!((used(&short), short.row.status), (all.clone(), TrialStatus::Ok));
     let fill = names(&short.poses, "fill1");
     assert_eq!((fill[899].as_str(), fill[905].as_str()), ("measured", "interpolated"));
+    let unseen = names(&short.poses, "unseen1");
+    assert_eq!((unseen[899].as_str(), unseen[905].as_str()), ("", "F1, F2, F3"));
+    assert!(names(&short.poses, "corrected1").iter().all(String::is_empty));
 
     let long = process_text(&without_link1(&text, 900..1020), &trial).unwrap();
     // A second of 1.61 s cycles: frames 900 to 1020 lie in cycles 4 (773 to 967) and 5.

@@ -62,7 +62,7 @@ pub fn sections(
 /// What the first screen says of a campaign: what the measurements say, and of the model that they
 /// prefer the coefficients and the curve.
 fn answer(name: &str, tables: &Tables, source: Source<'_>) -> Result<Value, ReportError> {
-    let fit = preferred(name, tables);
+    let fit = tables.preferred(name);
     let mut compared = tables.comparison.iter().filter(|row| row.campaign == name);
     // Whether it fits stands beside it; the whole sentence is with the campaign.
     let says_more =
@@ -83,13 +83,6 @@ fn answer(name: &str, tables: &Tables, source: Source<'_>) -> Result<Value, Repo
         coefficients => free.iter().map(coefficient).collect::<Vec<_>>(),
         curve,
     })
-}
-
-/// The fit that the measurements prefer: the nearest of those that describe them, else the nearest.
-fn preferred<'t>(campaign: &str, tables: &'t Tables) -> Option<&'t FitRow> {
-    let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign && fit.j.is_finite());
-    let misfits = |fit: &FitRow| fit.adequate != Some(true);
-    fits.min_by(|a, b| misfits(a).cmp(&misfits(b)).then(a.j.total_cmp(&b.j)))
 }
 
 /// All but the sum of the roll coefficients.

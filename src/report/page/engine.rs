@@ -14,11 +14,14 @@ use crate::report::numbers::{
 use crate::text::harmless;
 
 /// Templates that others include or extend.
-const SHARED: [(&str, &str); 7] = [
+const SHARED: [(&str, &str); 10] = [
     ("base.html", include_str!("base.html")),
     ("changes.html", include_str!("changes.html")),
     ("figure.html", include_str!("figure.html")),
     ("sheet.html", include_str!("sheet.html")),
+    ("replay.html", include_str!("replay.html")),
+    ("replay.css", include_str!("replay.css")),
+    ("replay.js", include_str!("replay.js")),
     ("scorecard.html", include_str!("scorecard.html")),
     ("script.js", include_str!("script.js")),
     ("style.css", include_str!("style.css")),

@@ -6,6 +6,7 @@ use minijinja::value::{Serde, Value};
 use super::fill;
 use crate::report::ReportError;
 use crate::report::recording::Recording;
+use crate::report::replay::Replay;
 use crate::report::tables::Tables;
 use crate::store::{CheckRow, RobotParameterRow, RobotQuantity, TrialRow};
 
@@ -17,6 +18,7 @@ pub fn html(
     trial: &TrialRow,
     tables: &Tables,
     recording: Option<&Recording>,
+    replay: Option<&Replay>,
     figures: &[Value],
 ) -> Result<String, ReportError> {
     let robots = tables.robots.iter().filter(|row| row.trial == trial.trial);
@@ -27,6 +29,7 @@ pub fn html(
         trial => Serde(trial),
         quantities => Serde(quantities),
         figures => figures,
+        replay => replay.map(|replay| replay.value(&format!("Motion of trial {}", trial.trial))),
         gaps => Serde(recording.map(gaps)),
         cycles => Serde(recording.map(|recording| &recording.cycles)),
         checks => Serde(checks.collect::<Vec<&CheckRow>>()),

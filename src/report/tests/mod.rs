@@ -3,6 +3,7 @@
 mod hostile;
 pub(super) mod made_up;
 mod recording;
+mod replay;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

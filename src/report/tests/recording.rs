@@ -27,6 +27,11 @@ pub fn write(derived: &Path, trial: &TrialRow) {
         };
         texts(&format!("fill{link}"), (0..frames).map(of))
     };
+    let during = |name: String, labels: &'static str, some: std::ops::Range<usize>| {
+        texts(&name, (0..frames).map(|i| if some.contains(&i) { labels } else { "" }))
+    };
+    let unseen = |link: usize, labels| during(format!("unseen{link}"), labels, 300..340);
+    let corrected = |link: usize, labels| during(format!("corrected{link}"), labels, 600..660);
     let numbers =
         |name: &str, of: &dyn Fn(usize) -> f64| numbers(name, (0..frames).map(of).collect());
     let poses = Table::new(vec![
@@ -43,6 +48,12 @@ pub fn write(derived: &Path, trial: &TrialRow) {
         fill(0),
         fill(1),
         fill(2),
+        unseen(0, ""),
+        unseen(1, "F1, F2, F3"),
+        unseen(2, "R2"),
+        corrected(0, ""),
+        corrected(1, ""),
+        corrected(2, "R1, R3"),
     ]);
     save(&poses, &poses_path(derived, name));
     save(&wheels(frames, &|i| 0.03 * phase(i).sin()), &wheels_path(derived, name));

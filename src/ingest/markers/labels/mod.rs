@@ -53,6 +53,20 @@ impl Outlier {
             Self::Ambiguous => "ambiguous",
         }
     }
+
+    /// The markers that are left out or swapped back: a bit for each by its index in the layout.
+    pub fn markers(self) -> u64 {
+        match self {
+            Self::None | Self::Ambiguous => 0,
+            Self::Jumped(index) => bit(index),
+            Self::Swapped(one, other) => bit(one) | bit(other),
+        }
+    }
+}
+
+/// A marker in a set of them: a bit, by its index in the link's layout.
+pub fn bit(index: usize) -> u64 {
+    1_u64.checked_shl(index as u32).unwrap_or_default()
 }
 
 /// One link in one row of the file.
