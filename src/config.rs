@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -121,6 +121,19 @@ pub struct Fit {
 pub struct Report {
     /// Most trials of which all get a page.
     pub trial_pages: usize,
+    /// Width of every figure in print.
+    pub width_mm: FigureWidth,
+    /// Size of the text of figures in print, points.
+    pub font_pt: f64,
+}
+
+/// How wide figures are in print.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FigureWidth {
+    /// As wide as a figure's panels need.
+    Auto,
+    /// mm.
+    Mm(f64),
 }
 
 /// Where the robots' own parameters come from.
@@ -429,23 +442,66 @@ impl<'de> Deserialize<'de> for Free {
     }
 }
 
+/// A key that is a number or `"auto"`: how it stands in a file.
+fn auto_or<T: Serialize, S: Serializer>(
+    value: Option<T>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    match value {
+        None => serializer.serialize_str(AUTO),
+        Some(value) => value.serialize(serializer),
+    }
+}
+
+const AUTO: &str = "auto";
+
 impl Serialize for Smoothing {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Auto => serializer.serialize_str("auto"),
-            Self::Window(samples) => serializer.serialize_u64(*samples as u64),
-        }
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let samples = match self {
+            Self::Auto => None,
+            Self::Window(samples) => Some(samples),
+        };
+        auto_or(samples, serializer)
     }
 }
 
 impl<'de> Deserialize<'de> for Smoothing {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match toml::Value::deserialize(deserializer)? {
-            toml::Value::String(word) if word == "auto" => Ok(Self::Auto),
+            toml::Value::String(word) if word == AUTO => Ok(Self::Auto),
             toml::Value::Integer(samples @ 5..=30) => Ok(Self::Window(samples as usize)),
             other => Err(serde::de::Error::custom(format!(
                 "invalid value: {other}, expected \"auto\" or a whole number of samples from 5 to 30"
             ))),
+        }
+    }
+}
+
+impl Serialize for FigureWidth {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        auto_or(self.mm(), serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for FigureWidth {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match toml::Value::deserialize(deserializer)? {
+            toml::Value::String(word) if word == AUTO => Ok(Self::Auto),
+            toml::Value::Integer(mm) => Ok(Self::Mm(mm as f64)),
+            toml::Value::Float(mm) => Ok(Self::Mm(mm)),
+            other => Err(serde::de::Error::custom(format!(
+                "invalid value: {other}, expected \"auto\" or a number of millimetres"
+            ))),
+        }
+    }
+}
+
+impl FigureWidth {
+    /// The width if it is a number, mm.
+    pub fn mm(self) -> Option<f64> {
+        match self {
+            Self::Auto => None,
+            Self::Mm(mm) => Some(mm),
         }
     }
 }

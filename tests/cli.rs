@@ -160,7 +160,7 @@ fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
         }
     }
     for figure in FIGURES {
-        for extension in ["svg", "png", "csv"] {
+        for extension in ["svg", "png", "pdf", "csv"] {
             expected.insert(format!("reports/figures/{figure}.{extension}"));
         }
     }
@@ -170,6 +170,8 @@ fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
     let reports = [
         "index.html",
         "fits.json",
+        "coefficients.tex",
+        "cite.bib",
         "scorecard.json",
         "scorecard.html",
         "run.json",

@@ -15,10 +15,11 @@ use trilink::build::{Finished, RerunOptions, run};
 use trilink::config::Config;
 
 /// Values of keys whose next best value would not be valid.
-const OTHERS: [(&str, &str); 11] = [
+const OTHERS: [(&str, &str); 12] = [
     ("vicon.ignore", "[\"V_*\"]"),
     ("ingest.poses", "\"links\""),
     ("ingest.smoothing_window", "9"),
+    ("report.width_mm", "90"),
     ("fit.sigma", "\"raw\""),
     ("fit.gait_input", "\"commanded\""),
     ("fit.robot_parameters", "\"measured\""),

@@ -13,7 +13,7 @@ use crate::robot::{Family, Gait, Parameter};
 
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
-const RANGES: [(&str, f64, f64); 27] = [
+const RANGES: [(&str, f64, f64); 29] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -24,6 +24,8 @@ const RANGES: [(&str, f64, f64); 27] = [
     ("fit.bootstrap", 0.0, 1e5),
     ("fit.seed", 0.0, 9e18),
     ("report.trial_pages", 0.0, 2e4),
+    ("report.width_mm", 20.0, 1000.0),
+    ("report.font_pt", 3.0, 72.0),
     ("compare.run_time_ratio", 1.0, 1e6),
     ("compare.*", 0.0, 1e9),
     ("robot.*.standard_deviation.*", 0.0, 1e6),
@@ -56,6 +58,9 @@ const UNITS: [(&str, &str, &str, f64); 6] = [
 const NAME: &str = "1 to 64 characters, none of them `/`, `\\` or one that cannot be seen";
 /// Least distance between two markers of a link, mm: nearer ones give no heading.
 const LEAST_SPREAD_MM: f64 = 5.0;
+/// Least width of a figure for each point of its text's size, mm: narrower ones have no room for
+/// their labels.
+const WIDTH_MM_PER_PT: f64 = 7.0;
 
 impl Config {
     /// Checks every value; `path` is the file that errors name.
@@ -83,6 +88,13 @@ impl Config {
         ] {
             check.that(bounds[0] < bounds[1], key, &bounds, "a lower bound below the upper one")?;
         }
+        let font_pt = self.report.font_pt;
+        let (found, least_mm) = (self.report.width_mm.mm(), WIDTH_MM_PER_PT * font_pt);
+        let needed = format!(
+            "at least {least_mm} mm, {WIDTH_MM_PER_PT} for each of font_pt's {font_pt} points"
+        );
+        let has_room = found.is_none_or(|mm| mm >= least_mm);
+        check.that(has_room, "report.width_mm", &found.unwrap_or_default(), &needed)?;
         for (name, gait) in &self.gait {
             let is_driven = gait.joint1.is_some() || gait.joint2.is_some();
             let needed = "joint1, joint2 or both";
@@ -329,6 +341,32 @@ mod tests {
         for (key, least, most) in RANGES {
             let row = format!("| `{key}` | {least} | {most} |");
             assert!(text.contains(&row), "docs/settings.md lacks {row}");
+        }
+    }
+
+    #[test]
+    fn the_width_of_figures_is_a_number_with_room_for_their_text_or_auto() {
+        let message = |report: &str| {
+            let config = Config::parse(&format!("[report]\n{report}")).map_err(|e| e.to_string());
+            let checked = |config: Config| config.check(Path::new("p.toml"));
+            config.and_then(|config| checked(config).map_err(|error| error.to_string()))
+        };
+        assert_eq!(message("width_mm = 88.9\nfont_pt = 8"), Ok(()));
+        assert_eq!(message("width_mm = \"auto\"\nfont_pt = 72"), Ok(()));
+        for (report, parts) in [
+            (
+                "width_mm = 60",
+                ["report.width_mm", "60.0", "at least 63 mm, 7 for each of font_pt's 9 points"],
+            ),
+            ("width_mm = 1001", ["report.width_mm", "1001.0", "20 to 1000"]),
+            (
+                "width_mm = \"wide\"",
+                ["width_mm", "\"wide\"", "\"auto\" or a number of millimetres"],
+            ),
+            ("font_pt = 2", ["report.font_pt", "2.0", "3 to 72"]),
+        ] {
+            let message = message(report).unwrap_err();
+            assert!(parts.iter().all(|part| message.contains(part)), "{report}: {message}");
         }
     }
 

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
-use crate::config::{Campaign, Compare, Config, Markers, Paths, RobotConfig, SigmaKind};
+use super::drawing::Print;
+use crate::config::{Campaign, Compare, Config, Markers, Paths, Report, RobotConfig, SigmaKind};
 use crate::files::relative;
 use crate::robot::{Gait, Robot};
 
@@ -45,6 +46,12 @@ impl ReportInput {
     /// Most trials of which all get a page.
     pub fn trial_pages(&self) -> usize {
         self.shown.report.trial_pages
+    }
+
+    /// The size of figures.
+    pub fn print(&self) -> Print {
+        let Report { width_mm, font_pt, .. } = self.shown.report;
+        Print { width_mm: width_mm.mm(), font_pt }
     }
 
     /// The robot and gait of a campaign, in SI units; `None` where an entry is missing.

@@ -5,12 +5,15 @@ mod drawing;
 mod figures;
 mod fits_json;
 mod input;
+mod latex;
 mod looks;
 mod numbers;
 mod page;
 mod parameters;
+mod pdf;
 mod plotted;
 mod polyline;
+mod raster;
 mod recording;
 mod replay;
 mod scorecard;
@@ -136,6 +139,8 @@ impl Content {
             Ok(())
         };
         write(FITS, &json(&fits_json::fits(tables))?)?;
+        write(COEFFICIENTS, latex::coefficients(input, tables).as_bytes())?;
+        write(CITATIONS, latex::citations().as_bytes())?;
         let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
         let scores = scorecard::scorecard(tables.clone(), input.sigma, is_synthetic)?;
         write(SCORECARD, &json(&scores)?)?;
@@ -153,12 +158,14 @@ impl Content {
 
 const PAGE: &str = "index.html";
 const FITS: &str = "fits.json";
+const COEFFICIENTS: &str = "coefficients.tex";
+const CITATIONS: &str = "cite.bib";
 const SCORECARD: &str = "scorecard.json";
 const SCORECARD_PAGE: &str = "scorecard.html";
-const EXTENSIONS: [&str; 3] = ["svg", "png", "csv"];
+const EXTENSIONS: [&str; 4] = ["svg", "png", "pdf", "csv"];
 
 /// Files that a report writes, but for the figures and the trials' pages.
-pub const FILES: [&str; 4] = [PAGE, FITS, SCORECARD, SCORECARD_PAGE];
+pub const FILES: [&str; 6] = [PAGE, FITS, COEFFICIENTS, CITATIONS, SCORECARD, SCORECARD_PAGE];
 
 /// Of a figure, inside of `reports/`.
 fn file_name(stem: &str, extension: &str) -> String {
@@ -175,9 +182,12 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
 fn draw(reports: &Path, figure: &Figure) -> Result<(String, BTreeMap<String, Stamp>), ReportError> {
     let error = |message| ReportError::Draw { figure: figure.stem.clone(), message };
     let svg = drawing::svg(figure).map_err(error)?;
-    let (png, csv) = (drawing::png(&svg).map_err(error)?, plotted::csv(figure));
+    let tree = raster::parsed(&svg).map_err(error)?;
+    let png = raster::png(&tree, figure.print.dots_per_inch()).map_err(error)?;
+    let pdf = pdf::pdf(&tree, &figure.title).map_err(|why| error(why.to_string()))?;
+    let csv = plotted::csv(figure);
     let mut outputs = BTreeMap::new();
-    let files = EXTENSIONS.into_iter().zip([svg.as_bytes(), &png, csv.as_bytes()]);
+    let files = EXTENSIONS.into_iter().zip([svg.as_bytes(), &png, &pdf, csv.as_bytes()]);
     for (extension, bytes) in files {
         let name = file_name(&figure.stem, extension);
         let stamp = write_if_changed(&reports.join(&name), bytes)?;

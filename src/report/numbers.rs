@@ -86,7 +86,8 @@ fn in_percent(text: String) -> String {
     if text == NONE { text } else { format!("{text} %") }
 }
 
-fn decimals(value: f64, digits: i32) -> usize {
+/// Digits after the point of a number with `digits` significant ones.
+pub fn decimals(value: f64, digits: i32) -> usize {
     if value == 0.0 || !value.is_finite() {
         return 0;
     }

@@ -95,14 +95,17 @@ impl Series {
 
     /// The points without the gaps.
     pub fn points(&self) -> impl Iterator<Item = &Point> {
-        self.points_with_limits().map(|(point, _)| point)
+        self.points_with_limits().map(|(point, ..)| point)
     }
 
-    /// The same with the limits of their intervals; NaN where there is none.
-    pub fn points_with_limits(&self) -> impl Iterator<Item = (&Point, [f64; 2])> {
+    /// The same with the trials that they are of, if any, and the limits of their intervals; NaN
+    /// where there is none.
+    pub fn points_with_limits(&self) -> impl Iterator<Item = (&Point, &str, [f64; 2])> {
         let limits = |i: usize| self.layer.band.get(i).copied().unwrap_or([f64::NAN; 2]);
-        let all = self.layer.points.iter().enumerate().map(move |(i, point)| (point, limits(i)));
-        all.filter(|(point, _)| point.y.is_finite())
+        let trial = |i: usize| self.layer.trials.get(i).map_or("", String::as_str);
+        let all = self.layer.points.iter().enumerate();
+        let all = all.map(move |(i, point)| (point, trial(i), limits(i)));
+        all.filter(|(point, ..)| point.y.is_finite())
     }
 }
 

@@ -1,7 +1,12 @@
 //! A figure before it is drawn.
 
 use super::axis::{Range, Scale};
-use super::style::{Look, SAMPLE, Shape};
+use super::style::{EM, Look, SAMPLE, Shape};
+
+/// Of a pixel in print, as SVG and pages have it.
+const PT_PER_PX: f64 = 0.75;
+const PX_PER_INCH: f64 = 96.0;
+const MM_PER_INCH: f64 = 25.4;
 
 /// A point of a layer with the half-width of its error bar. What is not a number is not known.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +57,37 @@ pub enum Layout {
     Stack,
 }
 
+/// The size of a figure in print.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Print {
+    /// As wide as the panels need if there is none.
+    pub width_mm: Option<f64>,
+    pub font_pt: f64,
+}
+
+impl Default for Print {
+    fn default() -> Self {
+        Self { width_mm: None, font_pt: PT_PER_PX * EM }
+    }
+}
+
+impl Print {
+    /// How much larger than drawn it is printed.
+    pub fn scale(self) -> f64 {
+        self.font_pt / (PT_PER_PX * EM)
+    }
+
+    /// Of its pixels: more where it is to be printed.
+    pub fn dots_per_inch(self) -> f32 {
+        if self.width_mm.is_some() { 600.0 } else { 288.0 }
+    }
+
+    /// The width to draw it with, px.
+    pub fn width(self) -> Option<f64> {
+        self.width_mm.map(|mm| mm / MM_PER_INCH * PX_PER_INCH / self.scale())
+    }
+}
+
 /// A grid of panels.
 #[derive(Debug, Clone, Default)]
 pub struct Figure {
@@ -65,6 +101,7 @@ pub struct Figure {
     pub campaigns: Vec<String>,
     pub panels: Vec<Panel>,
     pub layout: Layout,
+    pub print: Print,
     /// The plotted numbers as CSV and what they show as text, where these have more to them than
     /// the panels.
     pub csv: Option<String>,

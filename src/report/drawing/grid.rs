@@ -16,6 +16,8 @@ pub const TOP: f64 = 30.0;
 pub const BOTTOM: f64 = 42.0;
 /// The same below panels that share the horizontal axis of the last one.
 const SHARED_BOTTOM: f64 = 7.0;
+/// Of a panel that has others beside it, px.
+const LEAST_WIDTH: f64 = 200.0;
 /// Around the figure's legend, px.
 pub const MARGIN: f64 = 10.0;
 
@@ -51,7 +53,7 @@ pub struct Grid<'f> {
 impl<'f> Grid<'f> {
     pub fn new(figure: &'f Figure) -> Self {
         let (panels, is_stack) = (&figure.panels, figure.layout == Layout::Stack);
-        let (columns, whole_width, inner_height) = match (figure.layout, panels.len()) {
+        let (columns, width, inner_height) = match (figure.layout, panels.len()) {
             (Layout::Stack, 0..=1) => (1, WIDTH, 230.0),
             (Layout::Stack, 2) => (1, WIDTH, 180.0),
             (Layout::Stack, _) => (1, WIDTH, 140.0),
@@ -60,13 +62,15 @@ impl<'f> Grid<'f> {
             (Layout::Grid, 2 | 4) => (2, WIDTH, 143.0),
             (Layout::Grid, _) => (3, WIDE, 143.0),
         };
+        let whole_width = figure.print.width().unwrap_or(width);
+        let columns = columns.min((whole_width / LEAST_WIDTH) as usize).max(1);
         let is_same =
             |of: fn(&Panel, &Panel) -> bool| panels.windows(2).all(|two| of(&two[0], &two[1]));
         // Panels above one another have their own legends if they show different things and their
         // titles leave room.
         let has_room = |panel: &Panel| {
             let texts = style::text_width(&panel.title) + legend::row_width(&panel.samples());
-            panel.beyond.is_empty() && texts + 30.0 < WIDTH - LEFT - RIGHT
+            panel.beyond.is_empty() && texts + 30.0 < whole_width - LEFT - RIGHT
         };
         let is_alike = is_same(|a, b| a.samples() == b.samples());
         let has_own_legends = is_stack && !is_alike && panels.iter().all(has_room);

@@ -1,4 +1,4 @@
-//! Figures: a grid of panels, drawn once as SVG, of which the PNG is made.
+//! Figures: a grid of panels, drawn once as SVG, of which PNG and PDF are made.
 
 mod axis;
 mod draw;
@@ -10,6 +10,6 @@ mod render;
 pub mod style;
 
 pub use axis::{Range, Scale};
-pub use figure::{Figure, Layer, Layout, Panel, Point};
-pub use render::{parts, png, size, svg};
+pub use figure::{Figure, Layer, Layout, Panel, Point, Print};
+pub use render::{parts, size, svg};
 pub use style::Look;

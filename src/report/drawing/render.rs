@@ -1,12 +1,8 @@
-//! A figure as SVG with its font inside, and that as PNG.
-
-use std::sync::{Arc, LazyLock};
+//! A figure as SVG with its font inside.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use plotters::prelude::IntoDrawingArea;
-use resvg::tiny_skia::{Pixmap, Transform};
-use resvg::usvg;
 
 use super::draw;
 use super::figure::Figure;
@@ -14,11 +10,6 @@ use super::grid::Grid;
 use super::style::{self, units};
 use crate::report::svg::Svg;
 
-/// Pixels of the PNG per px of the figure: 1380 across, 394 dots per inch in a column.
-const PNG_SCALE: f32 = 3.0;
-/// Figures of very many panels are coarser.
-const MOST_PIXELS: f32 = 2e7;
-const COLUMN_WIDTH_M: f64 = 0.0889;
 /// Around the legend and the panels.
 const BODY: &str = "<g fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\">\n";
 const END: &str = "</g>\n</svg>\n";
@@ -53,69 +44,22 @@ pub fn svg(figure: &Figure) -> Result<String, String> {
     let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
     let body = drawing.replace(|c| !is_text(c), "\u{fffd}");
     let font = BASE64.encode(style::ROBOTO);
+    let rounded = |px: f64| (1e3 * px).round() / 1e3;
+    let [across, down] = [width, height].map(|px| rounded(figure.print.scale() * px));
+    let width = rounded(width);
     Ok(format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{across}\" height=\"{down}\" \
          viewBox=\"0 0 {width} {height}\">\n\
          <style>@font-face{{font-family:Roboto;src:url(data:font/ttf;base64,{font}) format(\"truetype\")}}</style>\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{body}{END}"
     ))
 }
 
-/// The PNG of an SVG of a figure. It knows its size in print.
-///
-/// # Errors
-/// A sentence on why it cannot be parsed or encoded.
-pub fn png(svg: &str) -> Result<Vec<u8>, String> {
-    /// The font of the figures and no other, so that the machine's do not matter.
-    static FONTS: LazyLock<Arc<usvg::fontdb::Database>> = LazyLock::new(|| {
-        let mut fonts = usvg::fontdb::Database::new();
-        fonts.load_font_source(usvg::fontdb::Source::Binary(Arc::new(style::ROBOTO)));
-        Arc::new(fonts)
-    });
-    let options = usvg::Options { fontdb: Arc::clone(&FONTS), ..usvg::Options::default() };
-    let tree = usvg::Tree::from_str(svg, &options).map_err(|error| error.to_string())?;
-    let area = tree.size().width() * tree.size().height();
-    let scale = PNG_SCALE.min((MOST_PIXELS / area).sqrt());
-    let [width, height] =
-        [tree.size().width(), tree.size().height()].map(|length| (length * scale).round() as u32);
-    let mut pixels = Pixmap::new(width, height).ok_or("it has no size")?;
-    resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
-    let png = pixels.encode_png().map_err(|error| error.to_string())?;
-    Ok(with_resolution(&png, (f64::from(width) / COLUMN_WIDTH_M).round() as u32))
-}
-
-/// A PNG with its resolution, which the encoder does not write, after the first chunk.
-fn with_resolution(png: &[u8], per_metre: u32) -> Vec<u8> {
-    let resolution = per_metre.to_be_bytes();
-    let content = [b"pHYs", &resolution[..], &resolution, &[1]].concat();
-    let mut sum = flate2::Crc::new();
-    sum.update(&content);
-    let (header, rest) = png.split_at(8 + 25);
-    [header, &9_u32.to_be_bytes(), &content, &sum.sum().to_be_bytes(), rest].concat()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::report::drawing::{Layer, Layout, Look, Panel, Range, Scale};
-
-    #[test]
-    fn the_font_has_the_signs_of_the_figures() {
-        let drawn = |sign: char| {
-            let text = format!(
-                "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"20\">\
-                 <text y=\"15\" font-family=\"{}\">{sign}</text></svg>",
-                style::FAMILY
-            );
-            png(&text).expect("draws")
-        };
-        let (nothing, missing) = (drawn(' '), drawn('\u{6f22}'));
-        for sign in "0123456789.,;:()/-+±×–…·²³°₀₁₂σωφθλαΔéü\u{2212}".chars()
-        {
-            let sign_png = drawn(sign);
-            assert!(sign_png != nothing && sign_png != missing, "{sign}");
-        }
-    }
+    use crate::report::raster;
 
     const LOOKS: [Look; 10] = [
         Look::Line { colour: style::INK, dash: style::DASHES },
@@ -228,6 +172,6 @@ mod tests {
         let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
         let svg = svg(&figure).expect("is drawn");
         assert!(svg.contains("a\\u{1}\u{fffd}b&lt;&amp;"));
-        assert!(png(&svg).expect("is well formed").starts_with(b"\x89PNG"));
+        raster::parsed(&svg).expect("is well formed");
     }
 }

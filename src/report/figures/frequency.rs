@@ -81,14 +81,18 @@ pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
 }
 
 fn figure(stem: &str, texts: [String; 2], campaigns: &[&str], plots: &[Plot]) -> Figure {
-    let mut csv =
-        "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95,value_lo,value_hi\n"
-            .to_owned();
+    let columns = plots.iter().map(|(of, _)| {
+        ["", "_error_95", "_lo", "_hi"].map(|end| format!(",{}{end}", of.csv_name)).concat()
+    });
+    let columns: String = columns.collect();
+    let mut csv = format!("panel,campaign,series,kind,trial,omega_rad_s{columns}\n");
     let mut alternative = format!("{}, plotted against the actuation frequency.", texts[0]);
-    for ((quantity, all), letter) in plots.iter().zip('a'..) {
+    for (nth, ((quantity, all), letter)) in plots.iter().zip('a'..).enumerate() {
         let mut extents = Vec::new();
         for series in all {
-            write_csv(&mut csv, letter, quantity, series);
+            let before = ",".repeat(4 * nth);
+            let after = ",".repeat(4 * (plots.len() - 1 - nth));
+            write_csv(&mut csv, letter, series, [&before, &after]);
             extents.push(extent(quantity, series));
         }
         alternative.push_str(&format!(" ({letter}) {}: {}.", quantity.title, extents.join("; ")));
@@ -144,14 +148,16 @@ fn extent(quantity: &Quantity, series: &Series) -> String {
     format!("{name}{trials} from {low:.digits$} to {high:.digits$}{unit}")
 }
 
-fn write_csv(csv: &mut String, letter: char, quantity: &Quantity, series: &Series) {
+/// Rows of a series; other quantities have their columns before and after its own.
+fn write_csv(csv: &mut String, letter: char, series: &Series, [before, after]: [&str; 2]) {
     let kind = if series.model.is_some() { "model" } else { "measured" };
     let (campaign, name) = (csv_field(&series.campaign), series.name());
-    for (Point { x, y, error }, [low, high]) in series.points_with_limits() {
-        let numbers = [*x, *y, *error, low, high].map(plotted::number).join(",");
+    for (point, trial, limits) in series.points_with_limits() {
+        let Point { x, y, error } = *point;
+        let [low, high] = limits;
+        let [x, y, error, low, high] = [x, y, error, low, high].map(plotted::number);
         csv.push_str(&format!(
-            "{letter},{},{campaign},{name},{kind},{numbers}\n",
-            quantity.csv_name
+            "{letter},{campaign},{name},{kind},{trial},{x},{before}{y},{error},{low},{high}{after}\n"
         ));
     }
 }

@@ -114,6 +114,7 @@ pub fn figures<'r>(
     found.figures.push(work::figure(WORK, tables, config));
     found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, source)));
     let Figures { figures, missing, .. } = &mut found;
+    figures.iter_mut().for_each(|figure| figure.print = config.print());
     figures.retain(|figure| !figure.is_empty());
     figures.retain(|Figure { stem, panels, .. }| {
         let is_drawn = panels.len() <= MOST_PANELS;

@@ -51,7 +51,10 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
         });
         layers.push(Layer::with_errors(campaign, points, looks::campaign(nth)));
     }
-    scaled(Scale::Decades, Panel::new("Coefficients", "Planted", "Recovered", layers))
+    scaled(
+        Scale::Decades,
+        Panel::new("Coefficients", "Planted (SI units)", "Recovered (SI units)", layers),
+    )
 }
 
 fn missed(truth: &Truth, source: Source<'_>, quantity: &Quantity) -> Panel {

@@ -2,6 +2,7 @@
 
 mod hostile;
 pub(super) mod made_up;
+mod print;
 mod recording;
 mod replay;
 
@@ -11,7 +12,7 @@ use std::sync::OnceLock;
 
 use super::tables::Tables;
 use super::*;
-use crate::config::Config;
+use crate::config::{Config, FigureWidth};
 use crate::motion::{FromRest, Model};
 use crate::store::{CheckRow, Columns as _, FitStatus, Reader, Severity, TrialRow, TrialStatus};
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
@@ -94,6 +95,13 @@ fn the_papers_campaigns_give_all_its_figures_and_those_of_each_campaign_s_models
         assert!(files[&format!("{stem}.png")].starts_with(b"\x89PNG"));
         assert!(files[&format!("{stem}.csv")].len() > 100);
         assert!(files[&format!("{stem}.svg")].ends_with(b"</svg>\n"));
+        assert!(files[&format!("{stem}.pdf")].starts_with(b"%PDF-"));
+    }
+    let page = std::str::from_utf8(&files["index.html"]).expect("a page");
+    for stem in &reported.figures {
+        for extension in ["svg", "png", "pdf", "csv"] {
+            assert!(page.contains(&format!("href=\"figures/{stem}.{extension}\"")), "{stem}");
+        }
     }
     for name in ["fits.json", "scorecard.json", "index.html"] {
         assert!(files.contains_key(name), "{name}");
@@ -388,12 +396,21 @@ fn a_figures_csv_has_the_plotted_numbers() {
     let (folder, _) = standard();
     let csv = read(&folder.path().join("reports/figures/fig16.csv"));
     let mut lines = csv.lines();
-    let header = "panel,quantity,campaign,series,kind,omega_rad_s,value,error_95,value_lo,value_hi";
+    let header = "panel,campaign,series,kind,trial,omega_rad_s,d_mm,d_mm_error_95,d_mm_lo,d_mm_hi,\
+                  v_mm_s,v_mm_s_error_95,v_mm_s_lo,v_mm_s_hi";
     assert_eq!(lines.next(), Some(header));
-    assert!(csv.contains("\na,d_mm,kinematic-skewed,measured,measured,0.5002,105.8,2.281048,,\n"));
-    assert!(csv.contains("\na,d_mm,kinematic-skewed,no-skid,model,6,122.405,,,\n"));
-    let of_curve = |line: &&str| line.starts_with("a,d_mm,kinematic-skewed,skid-roll,model,6,");
-    let numbers = csv.lines().find(of_curve).expect("its end").split(',').skip(6);
+    let measured = "kinematic-skewed,measured,measured,kinematic-skewed-0.50-r1";
+    assert!(csv.contains(&format!("\na,{measured},0.5002,105.8,2.281048,,,,,,\n")), "{csv}");
+    assert!(csv.contains(&format!("\nb,{measured},0.5002,,,,,")), "{csv}");
+    assert!(csv.contains("\na,kinematic-skewed,no-skid,model,,6,122.405,,,,,,,\n"));
+    let profiles = read(&folder.path().join("reports/figures/kinematic-skewed-profiles.csv"));
+    let header = "panel,title,layer,skid0_kg_s,delta_j_percent_of_j,skid1_kg_s,skid2_kg_s";
+    assert_eq!(profiles.lines().next(), Some(header));
+    let residuals = read(&folder.path().join("reports/figures/kinematic-skewed-residuals.csv"));
+    let header = "panel,title,trial,layer,omega_rad_s,residual_percent,residual_percent_error_95";
+    assert_eq!(residuals.lines().next(), Some(header));
+    let of_curve = |line: &&str| line.starts_with("a,kinematic-skewed,skid-roll,model,,6,");
+    let numbers = csv.lines().find(of_curve).expect("its end").split(',').skip(6).take(4);
     let [value, _, low, high] = numbers.collect::<Vec<_>>()[..] else { panic!("four numbers") };
     let [value, low, high] = [value, low, high].map(|number| number.parse::<f64>().expect("one"));
     assert!((low / value - 0.98).abs() < 1e-8 && (high / value - 1.03).abs() < 1e-8);
@@ -590,7 +607,7 @@ fn flagged_trials_have_another_look_and_what_a_model_misses_below_has_its_sign()
     assert_eq!(layer("measured").trials.len(), 11);
     assert!(layer("flagged").look != layer("measured").look);
     let csv = plotted::csv(figure("fig16"));
-    assert!(csv.contains("\na,d_mm,kinematic-skewed,flagged,measured,0.5"), "{csv}");
+    assert!(csv.contains("\na,kinematic-skewed,flagged,measured,kinematic-skewed-"), "{csv}");
     let residuals = figure(&format!("{SKEWED}-residuals"));
     let d = residuals.panels.iter().find(|panel| panel.title == "d").expect("a panel");
     assert!(d.beyond.contains("to \u{2212}"), "{}", d.beyond);
@@ -607,6 +624,6 @@ fn known_numbers_are_drawn_as_ever() {
     let hash = |name: &str| crate::store::hash(&files[name])[..8].to_owned();
     let found = ["fig13", "kinematic-symmetric-profiles"]
         .map(|stem| [hash(&format!("{stem}.csv")), hash(&format!("{stem}.svg"))].join(" "));
-    const KNOWN: &str = "32b98e4a 15799f4c 433345cf 1e466d22";
+    const KNOWN: &str = "bf33d1a9 15799f4c 7cd92963 1e466d22";
     assert_eq!(found.join(" "), KNOWN);
 }

@@ -1,0 +1,203 @@
+//! The PDF of a figure: what its SVG has as paths and text, in the same font.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::sync::LazyLock;
+
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use pdf_writer::types::{
+    CidFontType, FontFlags, LineCapStyle, LineJoinStyle, SystemInfo, UnicodeCmap,
+};
+use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
+use resvg::tiny_skia::PathSegment;
+use resvg::usvg::{Color, Group, LineCap, LineJoin, Node, Paint, Path, Text, Transform, Tree};
+
+use super::drawing::style::{EM, ROBOTO, text_width};
+
+const PT_PER_PX: f32 = 0.75;
+/// Units of the font per em, and what a PDF has instead.
+const FONT_UNITS: f32 = 2048.0;
+const PDF_UNITS: f64 = 1000.0;
+/// Of Roboto, in PDF units.
+const ASCENT: f32 = 928.0;
+const DESCENT: f32 = -244.0;
+const CAP_HEIGHT: f32 = 711.0;
+const BOX: Rect = Rect { x1: -737.0, y1: -271.0, x2: 1148.0, y2: 1056.0 };
+const STEM: f32 = 88.0;
+
+const FONT: Name<'static> = Name(b"F");
+const FONT_NAME: Name<'static> = Name(b"TRLINK+Roboto-Regular");
+
+/// The PDF of a figure's SVG: a page of its size, without a date.
+///
+/// # Errors
+/// It cannot be packed.
+pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
+    static FONT_FILE: LazyLock<io::Result<Vec<u8>>> = LazyLock::new(|| packed(ROBOTO));
+    let font_file = FONT_FILE.as_ref().map_err(|error| io::Error::from(error.kind()))?;
+    let [width, height] = [svg.size().width(), svg.size().height()].map(|px| PT_PER_PX * px);
+    let mut drawn = Page { content: Content::new(), glyphs: BTreeMap::new() };
+    drawn.content.transform([PT_PER_PX, 0.0, 0.0, -PT_PER_PX, 0.0, height]);
+    drawn.group(svg.root());
+    let Page { content, glyphs } = drawn;
+
+    let ids: [Ref; 10] = std::array::from_fn(|nth| Ref::new(1 + nth as i32));
+    let [catalog, pages, page, contents, font, cid_font, descriptor, file, to_unicode, info] = ids;
+    let mut pdf = Pdf::new();
+    pdf.catalog(catalog).pages(pages);
+    pdf.document_info(info).title(TextStr(title));
+    pdf.pages(pages).kids([page]).count(1);
+    let mut of_page = pdf.page(page);
+    of_page.media_box(Rect::new(0.0, 0.0, width, height)).parent(pages).contents(contents);
+    of_page.resources().fonts().pair(FONT, font);
+    of_page.finish();
+    pdf.stream(contents, &packed(content.finish().as_slice())?).filter(Filter::FlateDecode);
+
+    pdf.type0_font(font)
+        .base_font(FONT_NAME)
+        .encoding_predefined(Name(b"Identity-H"))
+        .descendant_font(cid_font)
+        .to_unicode(to_unicode);
+    let adobe = |ordering| SystemInfo { registry: Str(b"Adobe"), ordering, supplement: 0 };
+    let mut of_glyphs = pdf.cid_font(cid_font);
+    of_glyphs
+        .subtype(CidFontType::Type2)
+        .base_font(FONT_NAME)
+        .system_info(adobe(Str(b"Identity")))
+        .font_descriptor(descriptor)
+        .cid_to_gid_map_predefined(Name(b"Identity"));
+    let mut widths = of_glyphs.widths();
+    let mut cmap = UnicodeCmap::new(Name(b"Unicode"), adobe(Str(b"UCS")));
+    for (glyph, text) in &glyphs {
+        widths.consecutive(*glyph, [(text_width(text) / EM * PDF_UNITS) as f32]);
+        cmap.pair_with_multiple(*glyph, text.chars());
+    }
+    widths.finish();
+    of_glyphs.finish();
+    pdf.font_descriptor(descriptor)
+        .name(FONT_NAME)
+        .flags(FontFlags::NON_SYMBOLIC)
+        .bbox(BOX)
+        .italic_angle(0.0)
+        .ascent(ASCENT)
+        .descent(DESCENT)
+        .cap_height(CAP_HEIGHT)
+        .stem_v(STEM)
+        .font_file2(file);
+    pdf.stream(file, font_file)
+        .filter(Filter::FlateDecode)
+        .pair(Name(b"Length1"), ROBOTO.len() as i32);
+    pdf.stream(to_unicode, &packed(cmap.finish().as_slice())?).filter(Filter::FlateDecode);
+    Ok(pdf.finish())
+}
+
+fn packed(bytes: &[u8]) -> io::Result<Vec<u8>> {
+    let mut packed = ZlibEncoder::new(Vec::new(), Compression::default());
+    packed.write_all(bytes)?;
+    packed.finish()
+}
+
+/// Thousandths of a pixel are more than can be seen.
+fn rounded(px: f32) -> f32 {
+    (1000.0 * px).round() / 1000.0
+}
+
+/// What is drawn on a page, in px, and the text that each glyph stands for.
+struct Page {
+    content: Content,
+    glyphs: BTreeMap<u16, String>,
+}
+
+impl Page {
+    fn group(&mut self, group: &Group) {
+        if let Some(clip) = group.clip_path() {
+            self.content.save_state();
+            let within = group.abs_transform().pre_concat(clip.transform());
+            if let Some(part) = clip.root().bounding_box().transform(within) {
+                let [x, y, width, height] =
+                    [part.x(), part.y(), part.width(), part.height()].map(rounded);
+                self.content.rect(x, y, width, height).clip_nonzero().end_path();
+            }
+        }
+        for node in group.children() {
+            match node {
+                Node::Group(group) => self.group(group),
+                Node::Path(path) => self.path(path),
+                Node::Text(text) => self.text(text),
+                Node::Image(_) => {}
+            }
+        }
+        if group.clip_path().is_some() {
+            self.content.restore_state();
+        }
+    }
+
+    fn path(&mut self, path: &Path) {
+        let transform = path.abs_transform();
+        let Some(data) = path.data().clone().transform(transform) else { return };
+        let fill = path.fill().and_then(|fill| colour(fill.paint()));
+        if let Some([red, green, blue]) = fill {
+            self.content.set_fill_rgb(red, green, blue);
+        }
+        let stroke = path.stroke().and_then(|stroke| Some((stroke, colour(stroke.paint())?)));
+        if let Some((stroke, [red, green, blue])) = stroke {
+            let (scale, _) = transform.get_scale();
+            self.content
+                .set_stroke_rgb(red, green, blue)
+                .set_line_width(rounded(stroke.width().get() * scale))
+                .set_line_cap(match stroke.linecap() {
+                    LineCap::Butt => LineCapStyle::ButtCap,
+                    LineCap::Round => LineCapStyle::RoundCap,
+                    LineCap::Square => LineCapStyle::ProjectingSquareCap,
+                })
+                .set_line_join(match stroke.linejoin() {
+                    LineJoin::Round => LineJoinStyle::RoundJoin,
+                    LineJoin::Bevel => LineJoinStyle::BevelJoin,
+                    LineJoin::Miter | LineJoin::MiterClip => LineJoinStyle::MiterJoin,
+                });
+        }
+        for segment in data.segments() {
+            match segment {
+                PathSegment::MoveTo(to) => self.content.move_to(rounded(to.x), rounded(to.y)),
+                PathSegment::LineTo(to) => self.content.line_to(rounded(to.x), rounded(to.y)),
+                PathSegment::QuadTo(by, to) => self.content.cubic_to_final(by.x, by.y, to.x, to.y),
+                PathSegment::CubicTo(from, by, to) => {
+                    self.content.cubic_to(from.x, from.y, by.x, by.y, to.x, to.y)
+                }
+                PathSegment::Close => self.content.close_path(),
+            };
+        }
+        match (fill.is_some(), stroke.is_some()) {
+            (true, true) => self.content.fill_nonzero_and_stroke(),
+            (true, false) => self.content.fill_nonzero(),
+            (false, true) => self.content.stroke(),
+            (false, false) => self.content.end_path(),
+        };
+    }
+
+    /// Each glyph where the SVG has it.
+    fn text(&mut self, text: &Text) {
+        for span in text.layouted() {
+            let colour = span.fill.as_ref().and_then(|fill| colour(fill.paint()));
+            let Some([red, green, blue]) = colour else { continue };
+            self.content.set_fill_rgb(red, green, blue).begin_text().set_font(FONT, 1.0);
+            for glyph in &span.positioned_glyphs {
+                let at = glyph.outline_transform().pre_scale(FONT_UNITS, FONT_UNITS);
+                let Transform { sx, ky, kx, sy, tx, ty } = text.abs_transform().pre_concat(at);
+                let matrix = [sx, ky, kx, sy, tx, ty].map(rounded);
+                // A TrueType font has at most 65,536 glyphs.
+                let id = glyph.id.0 as u16;
+                self.content.set_text_matrix(matrix).show(Str(&id.to_be_bytes()));
+                self.glyphs.entry(id).or_insert_with(|| glyph.text.clone());
+            }
+            self.content.end_text();
+        }
+    }
+}
+
+/// Red, green and blue; figures have no other paint.
+fn colour(paint: &Paint) -> Option<[f32; 3]> {
+    let Paint::Color(Color { red, green, blue }) = paint else { return None };
+    Some([*red, *green, *blue].map(|part| f32::from(part) / 255.0))
+}
