@@ -21,56 +21,27 @@ fn followed_d_m(problem: &Problem, cycles: usize) -> f64 {
     (to[0] - from[0]).hypot(to[1] - from[1])
 }
 
-/// A rear spring under an offset gait with two stable motions.
-fn with_two_stable_motions() -> Problem {
+/// A front spring with little damping under a gait of large offset and amplitude.
+fn on_bent_joints(
+    [stiffness_nm_rad, damping_nm_s_rad]: [f64; 2],
+    [offset_rad, amplitude_rad]: [f64; 2],
+    omega_rad_s: f64,
+) -> Problem {
+    let command = JointCommand { offset_rad, amplitude_rad, phase_rad: 0.0 };
     Problem {
-        robot: Robot {
-            h_m: 0.1865,
-            l_m: 0.1184,
-            b_m: 0.0848,
-            mass_kg: [1.254, 0.2014, 0.2372],
-            inertia_kg_m2: [78e-4, 3e-4, 6.6e-4],
-            roll_kg_s: [0.0; 3],
-            skid_kg_s: [0.0; 3],
-            stiffness_nm_rad: 0.359,
-            damping_nm_s_rad: 0.032,
-            rest_angle_rad: -0.039,
-        },
-        gait: Gait {
-            joints: [
-                Some(JointCommand { offset_rad: 0.771, amplitude_rad: 0.394, phase_rad: -2.086 }),
-                None,
-            ],
-        },
+        robot: Robot { stiffness_nm_rad, damping_nm_s_rad, ..Robot::semi_passive() },
+        gait: Gait { joints: [None, Some(command)] },
         model: Model::NoSkid,
-        omega_rad_s: 4.801,
+        omega_rad_s,
     }
 }
 
-/// A soft front spring with hardly any damping.
+fn with_two_stable_motions() -> Problem {
+    on_bent_joints([0.509, 0.0068], [1.171, 0.498], 4.41)
+}
+
 fn with_an_unstable_motion() -> Problem {
-    Problem {
-        robot: Robot {
-            h_m: 0.29635,
-            l_m: 0.2079,
-            b_m: 0.15235,
-            mass_kg: [2.9334, 0.3918, 0.21675],
-            inertia_kg_m2: [0.04947, 0.00499, 0.00291],
-            roll_kg_s: [0.0; 3],
-            skid_kg_s: [0.0; 3],
-            stiffness_nm_rad: 0.50875,
-            damping_nm_s_rad: 5.2167e-4,
-            rest_angle_rad: 0.0,
-        },
-        gait: Gait {
-            joints: [
-                None,
-                Some(JointCommand { offset_rad: 0.973, amplitude_rad: 0.22046, phase_rad: 1.2738 }),
-            ],
-        },
-        model: Model::NoSkid,
-        omega_rad_s: 2.98866,
-    }
+    on_bent_joints([0.629, 0.0018], [1.089, 0.823], 5.231)
 }
 
 #[test]

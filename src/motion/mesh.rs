@@ -158,6 +158,18 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         }
     }
 
+    /// Fills the elements that are laid out with the model's guess.
+    pub fn guess(&mut self, model: &R) {
+        let (guess, states) = (model.guess(), &mut self.states);
+        let count = self.nodes.len() / STAGES;
+        let span = TAU / if self.is_half { 2.0 } else { 1.0 };
+        let at = |k: usize, node: f64| guess(span * (k as f64 + node) / count as f64);
+        states.start = guess(0.0);
+        states.elements.clear();
+        states.elements.extend((0..count).map(|k| RADAU.nodes.map(|node| at(k, node))));
+        self.integrate();
+    }
+
     /// Makes an integrated state the integral that it is.
     pub fn integrate(&mut self) {
         if R::INTEGRATED {

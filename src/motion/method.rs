@@ -68,7 +68,7 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         let Self { model, orbit } = self;
         orbit.effort = Effort::default();
         let is_solved = is_warm && orbit.solve(model, Start::Last, accuracy).is_ok();
-        if !is_solved && let Err(error) = orbit.solve(model, Start::Rest, accuracy) {
+        if !is_solved && let Err(error) = orbit.solve(model, Start::Guess, accuracy) {
             let mut transient = Integrator::new(model, TRANSIENT_TOLERANCE);
             let duration_s = TRANSIENT_CYCLES * TAU / model.problem().omega_rad_s;
             let integrated = transient.advance_to(duration_s, &mut orbit.workspace, |_| {});

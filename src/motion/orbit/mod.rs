@@ -65,8 +65,8 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
 /// Where Newton's method starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Start<const N: usize> {
-    /// The robot at rest all the time.
-    Rest,
+    /// The model's own guess.
+    Guess,
     /// The last solution of this orbit, if there is one.
     Last,
     /// The motion that follows from a state at phase 0.
@@ -146,9 +146,10 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         for finer in FINER {
             self.lay_out(model, finer * coarse);
             self.steps = 0;
+            self.mesh.guess(model);
             tried = match start {
                 Start::State(state) => self.march(model, state),
-                _ => self.rest(model),
+                _ => Ok(()),
             };
             tried = tried.and_then(|()| self.newton(model, COARSE_STEP));
             if tried.is_ok() {
@@ -156,17 +157,6 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             }
         }
         tried
-    }
-
-    /// Fills the elements with the robot at rest, or near the motion that more losses lead to.
-    fn rest(&mut self, model: &R) -> Result<()> {
-        let count = self.mesh.nodes.len() / STAGES;
-        let states = &mut self.mesh.states;
-        states.start = model.at_rest();
-        states.elements.clear();
-        states.elements.resize(count, [states.start; STAGES]);
-        self.mesh.integrate();
-        model.damped().map_or(Ok(()), |damped| self.newton(&damped, COARSE_STEP))
     }
 
     /// Makes the last solution, which had this error ratio, the start for another frequency.

@@ -13,6 +13,9 @@ const MOST_STEPS: usize = 60;
 const LEAST_PART: f64 = 1.0 / 512.0;
 /// Factors are kept while a step is at most this part of the one before.
 const FAST: f64 = 0.15;
+/// By how much less a step by kept factors may shrink than the one before: the first one shrinks
+/// twice as much as those that follow.
+const SLOWER: f64 = 3.0;
 /// Steps below this size are rounding: whether they shrink cannot be judged.
 const ROUNDING: f64 = 1e-9;
 /// By how much the error may be larger than the contraction seen so far lets expect.
@@ -134,7 +137,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
                 let shrinks = next_size / size;
                 size = next_size;
                 self.move_by(1.0);
-                if shrinks * size <= enough {
+                if SLOWER * shrinks * size <= enough {
                     return Ok(());
                 }
                 next_size = self.next_step(model, &sizes);

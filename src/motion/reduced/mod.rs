@@ -8,6 +8,7 @@
 //! | both joints commanded | `u, v, theta'` | none: eq. 3 gives the motion |
 //! | one joint passive | `u, v, theta', phi_p', phi_p` | `s, phi_p` |
 
+mod harmonic;
 mod passive_no_skid;
 mod skid;
 
@@ -105,13 +106,11 @@ pub(super) trait Reduced<const N: usize> {
     /// What the equations are of.
     fn problem(&self) -> &Problem;
 
-    /// The same robot under the same command with losses that lead Newton's method from rest to its
-    /// motion, where it has next to none.
-    fn damped(&self) -> Option<Self>
-    where
-        Self: Sized,
-    {
-        None
+    /// States near the steady motion's by phase, from which Newton's method starts; at rest where
+    /// nothing better is known.
+    fn guess(&self) -> impl Fn(f64) -> [f64; N] {
+        let rest = self.at_rest();
+        move |_| rest
     }
 
     /// The command at phase `omega t`.

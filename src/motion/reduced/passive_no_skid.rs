@@ -1,5 +1,6 @@
 //! One joint on its spring, wheels that cannot skid.
 
+use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{
     CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
     dforce_dcoefficients, lanes,
@@ -96,11 +97,6 @@ impl<T: Number> Constraint<T> {
             }),
         }
     }
-}
-
-/// Sign with which a side link's wheel feels its joint.
-fn joint_sign(joint: usize) -> f64 {
-    if joint == 0 { 1.0 } else { -1.0 }
 }
 
 /// The wheel of the passive link, which gives `phi_p'` from `(u, theta')`.
@@ -256,16 +252,16 @@ impl Reduced<2> for PassiveNoSkid {
         &self.problem
     }
 
-    fn damped(&self) -> Option<Self> {
-        /// Roll resistance over the robot's mass and omega.
-        const ENOUGH: f64 = 0.15;
-        let Problem { robot, omega_rad_s, .. } = &self.problem;
-        let wheel_kg_s = ENOUGH * robot.mass_kg.iter().sum::<f64>() * omega_rad_s / 3.0;
-        (robot.roll_kg_s.iter().sum::<f64>() < wheel_kg_s).then(|| {
-            let mut damped = self.clone();
-            damped.problem.robot.roll_kg_s = [wheel_kg_s; 3];
-            damped
-        })
+    fn guess(&self) -> impl Fn(f64) -> [f64; 2] {
+        let Problem { robot, .. } = &self.problem;
+        let (rest, arm_m) = (self.at_rest(), robot.h_m + robot.l_m);
+        let motion = HarmonicMotion::find(&self.problem, self.passive);
+        move |phase_rad| {
+            motion.as_ref().map_or(rest, |motion| {
+                let [phi_rad, ..] = motion.at(phase_rad);
+                [motion.speed_m_s / arm_m, rest[1] + phi_rad]
+            })
+        }
     }
 
     fn node(&self, phase_rad: f64) -> ConstrainedNode {

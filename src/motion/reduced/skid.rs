@@ -1,5 +1,6 @@
 //! Wheels that skid.
 
+use super::harmonic::HarmonicMotion;
 use super::{
     CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
     dforce_dcoefficients,
@@ -88,6 +89,18 @@ impl<const N: usize> Reduced<N> for Skid<N> {
 
     fn problem(&self) -> &Problem {
         &self.problem
+    }
+
+    fn guess(&self) -> impl Fn(f64) -> [f64; N] {
+        let rest = self.at_rest();
+        let motion = self.passive().and_then(|p| HarmonicMotion::find(&self.problem, p));
+        move |phase_rad| {
+            motion.as_ref().map_or(rest, |motion| {
+                let [phi_rad, rate_rad_s, turning_rad_s] = motion.at(phase_rad);
+                let state = [motion.speed_m_s, 0.0, turning_rad_s, rate_rad_s, phi_rad];
+                std::array::from_fn(|i| rest[i] + state[i])
+            })
+        }
     }
 
     fn node(&self, phase_rad: f64) -> CommandNode {
