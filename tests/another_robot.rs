@@ -85,7 +85,10 @@ fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
 
     let reports = files(&folder.path().join("reports"));
     for campaign in CAMPAIGNS {
-        for figure in ["d-v", "sigma"] {
+        let kinds = ["simulated", "gait", "wheels", "d-v", "models", "sigma", "residuals"];
+        let of_passive_joint =
+            ["from-rest", "sweep", "alpha"].iter().filter(|_| campaign == "pulled");
+        for figure in kinds.iter().chain(of_passive_joint) {
             for extension in ["svg", "png", "csv"] {
                 let name = format!("figures/{campaign}-{figure}.{extension}");
                 assert!(reports.contains_key(Path::new(&name)), "{name}");

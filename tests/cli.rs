@@ -23,7 +23,7 @@ const TRIALS: [&str; 4] = [
     "semi-passive-symmetric-0.50-r1",
     "semi-passive-symmetric-3.90-r1",
 ];
-const FIGURES: [&str; 24] = [
+const FIGURES: [&str; 27] = [
     "fig03",
     "fig04",
     "fig05",
@@ -36,12 +36,15 @@ const FIGURES: [&str; 24] = [
     "fig15",
     "fig17",
     "fig18",
-    "fig19",
     "fig20",
+    "kinematic-symmetric-sigma",
     "kinematic-symmetric-residuals",
     "kinematic-symmetric-starts",
     "kinematic-symmetric-profiles",
     "kinematic-symmetric-replicates",
+    "semi-passive-symmetric-wheels",
+    "semi-passive-symmetric-sigma",
+    "semi-passive-symmetric-alpha",
     "semi-passive-symmetric-residuals",
     "semi-passive-symmetric-starts",
     "semi-passive-symmetric-profiles",

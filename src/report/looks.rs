@@ -40,22 +40,30 @@ const fn line(colour: RGBColor, dash: Dash) -> Look {
     Look::Line { colour, dash }
 }
 
+const MARKERS: [(Shape, bool); 4] =
+    [(Shape::Circle, true), (Shape::Square, false), (Shape::Circle, false), (Shape::Square, true)];
+
 /// Measurements of the `nth` campaign in a panel.
 pub fn measured(nth: usize) -> Look {
-    let (shape, filled) = [(Shape::Circle, true), (Shape::Square, false)][nth % 2];
-    Look::Marker { colour: INK, shape, filled }
+    marker(INK, nth)
 }
 
 /// Those of them that were flagged.
 pub fn flagged(nth: usize) -> Look {
-    let (shape, filled) = [(Shape::Circle, true), (Shape::Square, false)][nth % 2];
-    Look::Marker { colour: okabe_ito::ORANGE, shape, filled }
+    marker(okabe_ito::ORANGE, nth)
+}
+
+fn marker(colour: RGBColor, nth: usize) -> Look {
+    let (shape, filled) = MARKERS[nth % MARKERS.len()];
+    Look::Marker { colour, shape, filled }
 }
 
 /// What was recorded or is shown alone, as a line.
 pub const RECORDED: Look = line(INK, SOLID);
 /// What was commanded.
 pub const COMMANDED: Look = line(OTHER, DASHES);
+/// A robot that hardly can skid.
+pub const STIFF: Look = line(okabe_ito::PURPLE, SHORT_DASHES);
 /// The transient into a steady motion.
 pub const TRANSIENT: Look = line(OTHER, SOLID);
 /// What was fitted to a recording.
@@ -76,9 +84,7 @@ pub fn component_colour(nth: usize) -> RGBColor {
 
 /// Markers of the `nth` campaign where each has a colour.
 pub fn campaign(nth: usize) -> Look {
-    let shapes = [(Shape::Circle, true), (Shape::Square, false), (Shape::Circle, false)];
-    let (shape, filled) = shapes[nth % shapes.len()];
-    Look::Marker { colour: component_colour(nth), shape, filled }
+    marker(component_colour(nth), nth)
 }
 
 /// Frames that are not measured: the `nth` of the reasons.
@@ -120,7 +126,7 @@ pub fn model_of_campaign(model: Model, nth: usize) -> Look {
     let (colour, dash) = of_model(model);
     match model {
         Model::NoSkidMeasured => Look::Marker { colour, shape: Shape::Circle, filled: false },
-        _ if nth > 0 => line(colour, DASHES),
+        _ if nth > 0 => line(colour, [SHORT_DASHES, DASHES, LONG_DASHES, DOTS][nth % 4]),
         _ => line(colour, dash),
     }
 }

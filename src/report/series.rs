@@ -47,11 +47,18 @@ pub const SKID: [Quantity; 3] = [
         metrics.sigma[2]
     }),
 ];
-/// Of the swing of joint 1.
-pub const AMPLITUDE: Quantity = quantity(
-    ["α₁", "Amplitude α₁ (deg)", "Amplitude of joint 1", "alpha1_deg", " deg"],
-    |metrics| metrics.alpha1_rad.to_degrees(),
-);
+/// Of the swing of joint 1, and of joint 2 as if it were the first.
+pub const AMPLITUDES: [Quantity; 2] = [
+    quantity(
+        ["α₁", "Amplitude α₁ (deg)", "Amplitude of joint 1", "alpha1_deg", " deg"],
+        |metrics| metrics.alpha1_rad.to_degrees(),
+    ),
+    quantity(
+        ["α₂", "Amplitude α₂ (deg)", "Amplitude of joint 2", "alpha2_deg", " deg"],
+        |metrics| metrics.alpha1_rad.to_degrees(),
+    ),
+];
+pub const AMPLITUDE: Quantity = AMPLITUDES[0];
 /// Every quantity that a model is judged by.
 pub const QUANTITIES: [Quantity; 6] = [DISPLACEMENT, SPEED, SKID[0], SKID[1], SKID[2], AMPLITUDE];
 

@@ -1,5 +1,7 @@
 //! Motions that no table holds, for the figures that show them.
 
+use rayon::prelude::*;
+
 use crate::config::GaitInput;
 use crate::metrics::GaitMetrics;
 use crate::motion::{
@@ -7,8 +9,10 @@ use crate::motion::{
     Solver,
 };
 use crate::report::ReportInput;
+use crate::report::tables::Tables;
 use crate::robot::Parameter;
-use crate::store::{FitRow, TrialRow};
+use crate::stats::extremes;
+use crate::store::{FitRow, PredictionSource, TrialRow};
 
 /// Frequencies at which figures show simulated motions.
 pub const OMEGAS_RAD_S: std::ops::RangeInclusive<f64> = 0.01..=100.0;
@@ -54,6 +58,30 @@ pub fn under_gait_of(trial: &TrialRow, mut problem: Problem) -> Problem {
     problem
 }
 
+/// A quantity of a fitted model over the frequencies of its curve, of which every so many are enough;
+/// broken where there is no stable motion that has it.
+pub fn curve(
+    tables: &Tables,
+    input: &ReportInput,
+    fit: &FitRow,
+    of: impl Fn(&mut Solver, &Problem) -> Option<f64> + Sync,
+) -> Vec<(f64, f64)> {
+    /// Every so many of the curves' frequencies, and of very many so many.
+    const STRIDE: usize = 2;
+    const MOST: usize = 100;
+    let curve = tables.source(input).predicted(&fit.campaign, fit.model, PredictionSource::Curve);
+    let omegas = curve.map(|row| row.omega_rad_s);
+    let mut omegas: Vec<f64> = omegas.filter(|omega| OMEGAS_RAD_S.contains(omega)).collect();
+    omegas.sort_by(f64::total_cmp);
+    let point = |omega_rad_s: f64| {
+        let problem = fitted(input, fit, omega_rad_s);
+        let value = problem.and_then(|problem| of(&mut Solver::default(), &problem));
+        (omega_rad_s, value.unwrap_or(f64::NAN))
+    };
+    let stride = STRIDE.max(omegas.len().div_ceil(MOST));
+    omegas.into_par_iter().step_by(stride).map(point).collect()
+}
+
 /// A steady motion.
 pub struct Steady {
     pub metrics: GaitMetrics,
@@ -83,10 +111,23 @@ pub fn steady(problem: &Problem) -> Result<Steady, MotionError> {
 /// Work of the actuators per metre of d, J/m; `None` where there is no stable motion that goes
 /// anywhere.
 pub fn work_j_m(solver: &mut Solver, problem: &Problem) -> Option<f64> {
-    let metrics = solver.solve(problem, FIT_ACCURACY).ok()?;
+    let metrics = stable(solver, problem)?;
     let [work_j, _] = solver.work_and_loss_j().ok()?;
+    (metrics.d_m > 0.0).then(|| work_j / metrics.d_m)
+}
+
+/// Half of what a joint moves from peak to peak, rad; `None` where there is no stable motion.
+pub fn amplitude_rad(solver: &mut Solver, problem: &Problem, joint: usize) -> Option<f64> {
+    stable(solver, problem)?;
+    let cycle = solver.cycle(SAMPLES).ok()?;
+    let [low, high] = extremes(cycle.iter().map(|sample| sample.phi_rad[joint]));
+    Some(0.5 * (high - low))
+}
+
+fn stable(solver: &mut Solver, problem: &Problem) -> Option<GaitMetrics> {
+    let metrics = solver.solve(problem, FIT_ACCURACY).ok()?;
     let is_stable = solver.floquet().ok()?.is_none_or(|modulus| modulus < 1.0);
-    (is_stable && metrics.d_m > 0.0).then(|| work_j / metrics.d_m)
+    is_stable.then_some(metrics)
 }
 
 /// Time (s) and pose of a motion that repeats a cycle, which starts at the origin, so often from

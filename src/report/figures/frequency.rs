@@ -1,5 +1,7 @@
 //! Figs. 10, 13 and 15 to 20: measurements and models against the frequency.
 
+use std::collections::BTreeSet;
+
 use minijinja::context;
 use minijinja::value::Serde;
 
@@ -12,7 +14,7 @@ use crate::report::drawing::{Figure, Layout, Panel, Point, Range, Scale};
 use crate::report::series::{DISPLACEMENT, Quantity, SKID, SPEED, Series, Source};
 use crate::report::{numbers, plotted};
 
-const BARS: &str = "Markers: means over the cycles of each trial, of flagged ones in orange, of many \
+pub const BARS: &str = "Markers: means over the cycles of each trial, of flagged ones in orange, of many \
                     those that do not cover each other; bars: 95 % (1.96 standard errors), where \
                     longer than the marker.";
 /// A model further above the measurements than this would flatten them.
@@ -21,14 +23,14 @@ const FARTHEST_MODEL: f64 = 1.5;
 const SHARED_MODEL: Model = Model::SkidRoll;
 
 /// One quantity against the frequency.
-type Plot = (Quantity, Vec<Series>);
+pub type Plot = (Quantity, Vec<Series>);
 
-/// Figs. 10, 13 and 15: what was measured of one quantity.
-pub fn measured(stem: &str, campaign: &str, quantity: &Quantity, source: Source<'_>) -> Figure {
-    let name = format!("{} {}", quantity.title, quantity.symbol);
-    let texts = texts("measured", context! { quantity => name, campaign, bars => BARS });
-    let series = source.measured(campaign, quantity, 0);
-    figure(stem, texts, &[campaign], &[(*quantity, series)])
+/// Figs. 10, 13 and 15: what was measured of displacement and speed.
+pub fn measured(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
+    let texts = texts("measured", context! { campaign, bars => BARS });
+    let plots = [DISPLACEMENT, SPEED]
+        .map(|quantity| -> Plot { (quantity, source.measured(campaign, &quantity, 0)) });
+    figure(stem, texts, &[campaign], &plots)
 }
 
 /// Displacement alone, measured and by one model, for the first screen.
@@ -57,15 +59,23 @@ pub fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     figure(stem, texts("models", values), &[campaign], &plots)
 }
 
-/// Figs. 19 and 20: the wheels' skid ratios of campaigns, measured and by `skid-roll`.
+/// Figs. 19 and 20: the wheels' skid ratios of campaigns, measured and by one model, or of a single
+/// campaign by all its models that skid.
 pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
+    let models = campaigns.iter().flat_map(|campaign| source.models(campaign));
+    let mut models: BTreeSet<Model> = models.filter(|model| model.skids()).collect();
+    let has_several = campaigns.len() > 1;
+    if has_several && models.contains(&SHARED_MODEL) {
+        models = [SHARED_MODEL].into();
+    }
     let plots = SKID.map(|quantity| -> Plot {
         let of_campaign = |(nth, campaign): (usize, &&str)| {
             let measured = source.measured(campaign, &quantity, nth).into_iter();
-            measured.chain(source.model(campaign, SHARED_MODEL, &quantity, nth))
+            let model = |model: &Model| source.model(campaign, *model, &quantity, nth);
+            measured.chain(models.iter().filter_map(model)).collect::<Vec<_>>()
         };
         let mut series: Vec<Series> = campaigns.iter().enumerate().flat_map(of_campaign).collect();
-        for Series { campaign, layer, .. } in &mut series {
+        for Series { campaign, layer, .. } in series.iter_mut().filter(|_| has_several) {
             layer.name = format!("{campaign}, {}", layer.name);
         }
         (quantity, series)
@@ -73,14 +83,15 @@ pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
     let values = context! {
         campaigns => Serde(campaigns),
         bars => BARS,
-        model => SHARED_MODEL.name(),
+        models => models.iter().map(|model| model.name()).collect::<Vec<_>>(),
         debiased => source.sigma == SigmaKind::Debiased,
         input => source.gait_input(campaigns),
     };
     figure(stem, texts("skid", values), campaigns, &plots)
 }
 
-fn figure(stem: &str, texts: [String; 2], campaigns: &[&str], plots: &[Plot]) -> Figure {
+/// A panel for each quantity.
+pub fn figure(stem: &str, texts: [String; 2], campaigns: &[&str], plots: &[Plot]) -> Figure {
     let columns = plots.iter().map(|(of, _)| {
         ["", "_error_95", "_lo", "_hi"].map(|end| format!(",{}{end}", of.csv_name)).concat()
     });

@@ -1,5 +1,6 @@
 //! The figures: which there are, and which of them the tables at hand allow.
 
+mod amplitude;
 mod common;
 mod fits;
 pub mod frequency;
@@ -14,13 +15,16 @@ mod work;
 
 use std::collections::BTreeSet;
 
+use rayon::prelude::*;
+
 use super::drawing::Figure;
 use super::recording::Recording;
 use super::tables::Tables;
 use super::truth::Truth;
 use crate::report::ReportInput;
-use crate::report::series::{DISPLACEMENT, SPEED, Source};
+use crate::report::series::Source;
 use crate::report::simulated;
+use crate::robot::{Gait, JointCommand};
 use crate::store::{Reader, StoreError, TrialRow};
 use crate::trial::TrialKind;
 
@@ -35,85 +39,126 @@ pub fn are_of_the_paper(campaigns: &BTreeSet<&str>) -> bool {
     PAPER_CAMPAIGNS.iter().any(|campaign| campaigns.contains(campaign))
 }
 
-/// Names that the files of the paper's figures can have.
-pub const PAPER_STEMS: [&str; 17] = [
-    "fig03", "fig04", "fig05", "fig06", "fig08", "fig09", "fig10", "fig11", "fig12", "fig13",
-    "fig14", "fig15", "fig16", "fig17", "fig18", "fig19", "fig20",
+/// The figures that the paper printed: its name, what it shows, and of which campaigns (of a robot,
+/// all of that robot's).
+const PRINTED: [(&str, &str, &[&str]); 17] = [
+    ("fig03", SIMULATED, &[SEMI_PASSIVE]),
+    ("fig04", FROM_REST, &[SEMI_PASSIVE]),
+    ("fig05", SWEEP, &[SEMI_PASSIVE]),
+    ("fig06", SIMULATED, &[SYMMETRIC]),
+    ("fig08", RELEASE, &[SEMI_PASSIVE]),
+    ("fig09", GAIT, &[SKEWED]),
+    ("fig10", MEASURED, &[SKEWED]),
+    ("fig11", GAIT, &[SYMMETRIC]),
+    ("fig12", WHEELS, &[SYMMETRIC]),
+    ("fig13", MEASURED, &[SYMMETRIC]),
+    ("fig14", GAIT, &[SEMI_PASSIVE]),
+    ("fig15", MEASURED, &[SEMI_PASSIVE]),
+    ("fig16", MODELS, &[SKEWED]),
+    ("fig17", MODELS, &[SYMMETRIC]),
+    ("fig18", MODELS, &[SEMI_PASSIVE]),
+    ("fig19", BY_GAIT, &[SYMMETRIC, SKEWED]),
+    ("fig20", BY_ROBOT, &[SYMMETRIC, SEMI_PASSIVE]),
 ];
+
+// What a figure shows: the end of its files' name.
+const SIMULATED: &str = "simulated";
+const FROM_REST: &str = "from-rest";
+const SWEEP: &str = "sweep";
+const GAIT: &str = "gait";
+const WHEELS: &str = "wheels";
+const MEASURED: &str = "d-v";
+const MODELS: &str = "models";
+const SKID: &str = "sigma";
+const AMPLITUDE: &str = "alpha";
+const RESIDUALS: &str = "residuals";
+const RELEASE: &str = "release";
+const BY_GAIT: &str = "by-gait";
+const BY_ROBOT: &str = "by-robot";
 /// The figure of planted truth, and that of the actuators' work.
 pub const TRUTH: &str = "truth";
 const WORK: &str = "work";
 
 /// A figure of more panels would not fit into a picture.
 const MOST_PANELS: usize = 100;
+/// Most campaigns that are told apart in one figure.
+const MOST_TOGETHER: usize = 4;
 
 /// Frequency of the trials that the paper shows moment by moment, rad/s.
 const SHOWN_RAD_S: f64 = 3.9;
 
-/// Names that the files of all figures of the paper's campaigns can have.
-#[cfg(test)]
-pub fn known_stems() -> Vec<String> {
-    let own = PAPER_CAMPAIGNS.iter().flat_map(|campaign| {
-        let kinds = fits::KINDS.into_iter().chain(["residuals"]);
-        kinds.map(move |kind| format!("{campaign}-{kind}"))
-    });
-    let paper = PAPER_STEMS.into_iter().chain([TRUTH, WORK]);
-    paper.map(str::to_owned).chain(own).collect()
+/// Name of a figure's files: the paper's if it printed the figure, else by what it is of.
+fn stem(name: &str, kind: &str, campaigns: &[&str]) -> String {
+    let is_printed = |printed: &&(_, &str, &[&str])| (printed.1, printed.2) == (kind, campaigns);
+    let printed = PRINTED.iter().find(is_printed);
+    printed.map_or_else(|| format!("{name}-{kind}"), |(stem, ..)| (*stem).to_owned())
 }
 
-/// Figures to draw, sentences on what is missing, and what they are made from.
-pub struct Figures<'r> {
+/// `Fig. 16` for `fig16`, nothing for figures that the paper does not have.
+pub fn number(stem: &str) -> String {
+    let digits = stem.strip_prefix("fig");
+    let digits = digits.filter(|_| PRINTED.iter().any(|(printed, ..)| *printed == stem));
+    digits.map_or(String::new(), |digits| format!("Fig. {}", digits.trim_start_matches('0')))
+}
+
+/// A figure in a sentence.
+fn called(stem: &str) -> String {
+    Some(number(stem)).filter(|number| !number.is_empty()).unwrap_or(format!("Figure {stem}"))
+}
+
+/// Figures to draw, and sentences on what is missing.
+#[derive(Default)]
+pub struct Figures {
     pub figures: Vec<Figure>,
     pub missing: Vec<String>,
+}
+
+impl Figures {
+    fn add(&mut self, found: Result<impl IntoIterator<Item = Figure>, String>) {
+        match found {
+            Ok(figures) => self.figures.extend(figures),
+            Err(sentence) => self.missing.push(sentence),
+        }
+    }
+}
+
+/// What figures are made from.
+#[derive(Clone, Copy)]
+struct Inputs<'r> {
     tables: &'r Tables,
     source: Source<'r>,
     reader: &'r Reader,
     config: &'r ReportInput,
 }
 
-/// The paper's figures for its campaigns, and for every other campaign one with what the
-/// models predict and one with the wheels' skid; then of every campaign what its models miss and
-/// how its fits came about.
+/// The same figures of every campaign: its motion simulated and tracked, its measurements and models
+/// against the frequency, what its models miss and how its fits came about. Then the campaigns of
+/// one robot and those of one gait beside each other, and what is of a robot or of all.
 ///
 /// # Errors
 /// A table of a trial that is drawn cannot be read.
-pub fn figures<'r>(
-    (tables, reader): (&'r Tables, &'r Reader),
-    config: &'r ReportInput,
+pub fn figures(
+    (tables, reader): (&Tables, &Reader),
+    config: &ReportInput,
     truth: Option<&Truth>,
-) -> Result<Figures<'r>, StoreError> {
-    let (source, configured) = (tables.source(config), &tables.campaigns(config));
-    let (figures, missing) = (Vec::new(), Vec::new());
-    let mut found = Figures { figures, missing, tables, source, reader, config };
-    if are_of_the_paper(configured) {
-        found.missing = missing_of_the_paper(source, configured);
-        found.of_the_paper()?;
+) -> Result<Figures, StoreError> {
+    let inputs = Inputs { tables, source: tables.source(config), reader, config };
+    let mut campaigns: Vec<&str> = tables.campaigns(config).into_iter().collect();
+    campaigns.sort_by_key(|campaign| rank(campaign));
+    let mut taken = BTreeSet::new();
+    let named = campaigns.iter().map(|campaign| (*campaign, file_name(campaign, &mut taken)));
+    let of_campaigns = named.collect::<Vec<_>>().into_par_iter();
+    let of_campaigns = of_campaigns.map(|(campaign, name)| inputs.of_campaign(campaign, &name));
+    let mut found = Figures::default();
+    for of_campaign in of_campaigns.collect::<Result<Vec<_>, _>>()? {
+        found.figures.extend(of_campaign.figures);
+        found.missing.extend(of_campaign.missing);
     }
-    let mut stems = BTreeSet::new();
-    let is_of_the_paper = |campaign: &&str| PAPER_CAMPAIGNS.contains(campaign);
-    let mut campaigns: Vec<&str> = configured.iter().copied().collect();
-    campaigns.sort_by_key(is_of_the_paper);
-    for campaign in campaigns {
-        let name = match is_of_the_paper(&campaign) {
-            true => campaign.to_owned(),
-            false => file_name(campaign, &mut stems),
-        };
-        if !is_of_the_paper(&campaign) {
-            let own = [
-                frequency::models(&format!("{name}-d-v"), campaign, source),
-                frequency::skid(&format!("{name}-sigma"), &[campaign], source),
-            ];
-            if own.iter().all(Figure::is_empty) {
-                found.missing.push(format!("Campaign {campaign}: nothing to draw, {NOTHING}"));
-            }
-            found.figures.extend(own);
-        }
-        found.figures.push(residuals::figure(&name, campaign, source));
-        found.figures.extend(fits::figures(&name, campaign, tables));
-    }
+    found.figures.extend(inputs.together(&campaigns));
+    inputs.releases(&campaigns, &mut found)?;
     found.figures.push(work::figure(WORK, tables, config));
-    found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, source)));
-    let Figures { figures, missing, .. } = &mut found;
+    found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, inputs.source)));
+    let Figures { figures, missing } = &mut found;
     figures.iter_mut().for_each(|figure| figure.print = config.print());
     figures.retain(|figure| !figure.is_empty());
     figures.retain(|Figure { stem, panels, .. }| {
@@ -125,63 +170,51 @@ pub fn figures<'r>(
     Ok(found)
 }
 
-impl Figures<'_> {
-    fn add(&mut self, figures: Result<impl IntoIterator<Item = Figure>, String>) {
-        match figures {
-            Ok(figures) => self.figures.extend(figures),
-            Err(sentence) => self.missing.push(sentence),
-        }
-    }
-
-    /// The paper's figures, in its order.
-    fn of_the_paper(&mut self) -> Result<(), StoreError> {
-        let source = self.source;
-        self.add(simulations::steady_passive(self.config));
-        self.add(simulations::skidding(self.config).map(Some));
-        self.release()?;
-        self.tracked("fig09", SKEWED)?;
-        self.figures.push(frequency::measured("fig10", SKEWED, &SPEED, source));
-        self.tracked("fig11", SYMMETRIC)?;
-        self.figures.push(frequency::measured("fig13", SYMMETRIC, &DISPLACEMENT, source));
-        self.tracked("fig14", SEMI_PASSIVE)?;
-        self.figures.extend([
-            frequency::measured("fig15", SEMI_PASSIVE, &SPEED, source),
-            frequency::models("fig16", SKEWED, source),
-            frequency::models("fig17", SYMMETRIC, source),
-            frequency::models("fig18", SEMI_PASSIVE, source),
-            frequency::skid("fig19", &[SYMMETRIC, SKEWED], source),
-            frequency::skid("fig20", &[SYMMETRIC, SEMI_PASSIVE], source),
-        ]);
-        Ok(())
-    }
-
-    fn recording(&self, trial: &str) -> Result<Result<Recording, String>, StoreError> {
-        let recording = Recording::read(&self.config.paths.derived, trial, self.reader)?;
-        Ok(recording
-            .ok_or_else(|| format!("poses/{trial}.parquet or wheels/{trial}.parquet is not there")))
-    }
-
-    /// Fig. 8: the first release of the semi-passive robot that follows its law.
-    fn release(&mut self) -> Result<(), StoreError> {
-        let releases = self.tables.robots.iter();
-        let releases = releases.filter(|row| row.kind == TrialKind::JointRelease);
-        let figure = match releases.min_by_key(|row| !row.status.is_ok()) {
-            None => Err("no trial of kind joint-release has results".to_owned()),
-            Some(row) if !row.status.is_ok() => {
-                Err(format!("of trial {}, {}", row.trial, row.status))
-            }
-            Some(row) => self.recording(&row.trial)?.and_then(|recording| {
-                let no_swing = || format!("the tables of trial {} show no swing", row.trial);
-                release::figure(row, &recording).ok_or_else(no_swing)
-            }),
+impl Inputs<'_> {
+    fn of_campaign(self, campaign: &str, name: &str) -> Result<Figures, StoreError> {
+        let Self { tables, source, config, .. } = self;
+        let stem = |kind: &str| stem(name, kind, &[campaign]);
+        let mut found = Figures::default();
+        let has_measurements = source.has_measurements(campaign);
+        let without = match (has_measurements, source.models(campaign).is_empty()) {
+            (true, false) => None,
+            (true, true) => Some("no model is drawn, because nothing was fitted"),
+            (false, false) => Some("no measurement is drawn, because no trial has results"),
+            (false, true) => Some(
+                "nothing is drawn of it, because it has no trial with results and no prediction",
+            ),
         };
-        self.add(figure.map(Some).map_err(|why| not_drawn("fig08", &why)));
-        Ok(())
+        found.missing.extend(without.map(|without| format!("Campaign {campaign}: {without}.")));
+        if let Some((_, gait)) = config.campaign_setup(campaign) {
+            found.add(match gait.passive_joint() {
+                Some(_) => {
+                    simulations::passive([SIMULATED, FROM_REST, SWEEP].map(stem), campaign, config)
+                }
+                None => {
+                    simulations::skidding(&stem(SIMULATED), campaign, config).map(|of| vec![of])
+                }
+            });
+        }
+        self.tracked([GAIT, WHEELS].map(stem), campaign, &mut found)?;
+        found.figures.extend([
+            frequency::measured(&stem(MEASURED), campaign, source),
+            frequency::models(&stem(MODELS), campaign, source),
+            frequency::skid(&stem(SKID), &[campaign], source),
+        ]);
+        found.figures.extend(amplitude::figure(&stem(AMPLITUDE), campaign, tables, config));
+        found.figures.push(residuals::figure(&stem(RESIDUALS), campaign, source));
+        found.figures.extend(fits::figures(name, campaign, tables));
+        Ok(found)
     }
 
-    /// The figure of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked; of the
-    /// symmetric campaign its wheels too. Without a trial there is none.
-    fn tracked(&mut self, stem: &str, campaign: &str) -> Result<(), StoreError> {
+    /// The figures of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked, and of its
+    /// wheels. Without a trial there are none.
+    fn tracked(
+        self,
+        [gait, wheels]: [String; 2],
+        campaign: &str,
+        found: &mut Figures,
+    ) -> Result<(), StoreError> {
         let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
         let measured = self.source.measured_trials(campaign);
         let nearest = measured
@@ -189,61 +222,120 @@ impl Figures<'_> {
             .min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.trial.cmp(&b.trial)));
         let Some(trial) = nearest else { return Ok(()) };
         let recording = self.recording(&trial.trial)?;
-        let (config, missing) = (self.config, &mut self.missing);
-        let draw = || {
-            let setup = config.campaign_setup(campaign);
+        let draw = |missing: &mut Vec<String>| {
+            let setup = self.config.campaign_setup(campaign);
             setup.ok_or_else(|| format!("campaign {campaign} is not configured"))?;
             let recording = recording?;
-            let figure = tracking::figure(stem, trial, &recording, config, missing)
-                .ok_or_else(|| format!("trial {} has no used cycle", trial.trial))?;
-            let wheels = (campaign == SYMMETRIC)
-                .then(|| tracking::wheels("fig12", trial, &recording))
-                .flatten();
-            Ok::<_, String>([figure].into_iter().chain(wheels))
+            let no_cycle = || format!("trial {} has no used cycle", trial.trial);
+            let inputs = (self.tables, self.config);
+            let motion = tracking::figure(&gait, trial, &recording, inputs, missing);
+            let wheels = tracking::wheels(&wheels, trial, &recording);
+            Ok::<_, String>([motion.ok_or_else(no_cycle)?].into_iter().chain(wheels))
         };
-        let figures = draw().map_err(|why| not_drawn(stem, &why));
-        self.add(figures);
+        let figures = draw(&mut found.missing);
+        found.add(figures.map_err(|why| not_drawn(&gait, &why)));
+        Ok(())
+    }
+
+    fn recording(self, trial: &str) -> Result<Result<Recording, String>, StoreError> {
+        let recording = Recording::read(&self.config.paths.derived, trial, self.reader)?;
+        Ok(recording
+            .ok_or_else(|| format!("poses/{trial}.parquet or wheels/{trial}.parquet is not there")))
+    }
+
+    /// The skid ratios of the campaigns of one robot, and of those of one gait, whether all joints
+    /// have its commands or one is passive.
+    fn together(self, campaigns: &[&str]) -> Vec<Figure> {
+        let setup = |campaign: &str| self.config.campaigns().get(campaign);
+        let is_drawn = |campaign: &&str| {
+            self.source.has_measurements(campaign) || !self.source.models(campaign).is_empty()
+        };
+        let mut members: Vec<(Gait, &str)> = campaigns
+            .iter()
+            .filter(|campaign| is_drawn(campaign))
+            .filter_map(|campaign| Some((self.config.campaign_setup(campaign)?.1, *campaign)))
+            .collect();
+        // Whatever their names: first what is least offset and wholly commanded.
+        let offsets = |gait: &Gait| -> f64 {
+            gait.joints.iter().flatten().map(|joint| joint.offset_rad.abs()).sum()
+        };
+        members.sort_by(|(a, _), (b, _)| {
+            let is_passive = |gait: &Gait| gait.passive_joint().is_some();
+            offsets(a).total_cmp(&offsets(b)).then(is_passive(a).cmp(&is_passive(b)))
+        });
+        let mut groups: Vec<(&str, &str, Vec<&str>)> = Vec::new();
+        for (nth, (gait, campaign)) in members.iter().enumerate() {
+            let Some(of) = setup(campaign) else { continue };
+            let has_robot = |(_, other): &(Gait, &str)| {
+                setup(other).is_some_and(|other| other.robot == of.robot)
+            };
+            let has_gait = |(other, _): &(Gait, &str)| is_alike(gait, other);
+            let names = |is_of: &dyn Fn(&(Gait, &str)) -> bool| -> Vec<&str> {
+                members.iter().filter(|other| is_of(other)).map(|(_, other)| *other).collect()
+            };
+            if !members[..nth].iter().any(has_robot) {
+                groups.push((&of.robot, BY_GAIT, names(&has_robot)));
+            }
+            let of_gait = names(&has_gait);
+            let is_new = !groups.iter().any(|(_, _, known)| *known == of_gait);
+            if is_new && !members[..nth].iter().any(has_gait) {
+                groups.push((&of.gait, BY_ROBOT, of_gait));
+            }
+        }
+        let mut taken = [BTreeSet::new(), BTreeSet::new()];
+        let mut figures = Vec::new();
+        for (of, kind, campaigns) in groups {
+            let most = campaigns.len().div_ceil(campaigns.len().div_ceil(MOST_TOGETHER));
+            for campaigns in campaigns.chunks(most).filter(|campaigns| campaigns.len() > 1) {
+                let name = file_name(of, &mut taken[usize::from(kind == BY_ROBOT)]);
+                let stem = stem(&name, kind, campaigns);
+                figures.push(frequency::skid(&stem, campaigns, self.source));
+            }
+        }
+        figures
+    }
+
+    /// Fig. 8: of every robot the first release that follows its law.
+    fn releases(self, campaigns: &[&str], found: &mut Figures) -> Result<(), StoreError> {
+        let releases = self.tables.robots.iter().filter(|row| row.kind == TrialKind::JointRelease);
+        let robots: BTreeSet<&str> = releases.clone().map(|row| row.robot.as_str()).collect();
+        let mut taken = BTreeSet::new();
+        for robot in robots {
+            let setup = self.config.campaigns();
+            let is_of = |of: &&&str| setup.get(**of).is_some_and(|of| of.robot == robot);
+            let campaigns: Vec<&str> = campaigns.iter().filter(is_of).copied().collect();
+            let stem = stem(&file_name(robot, &mut taken), RELEASE, &campaigns);
+            let rows = releases.clone().filter(|row| row.robot == robot);
+            let Some(row) = rows.min_by_key(|row| !row.status.is_ok()) else { continue };
+            let figure = match row.status.is_ok() {
+                false => Err(format!("of trial {}, {}", row.trial, row.status)),
+                true => self.recording(&row.trial)?.and_then(|recording| {
+                    let no_swing = || format!("the tables of trial {} show no swing", row.trial);
+                    release::figure(&stem, row, &recording).ok_or_else(no_swing)
+                }),
+            };
+            found.add(figure.map(Some).map_err(|why| not_drawn(&stem, &why)));
+        }
         Ok(())
     }
 }
 
-fn not_drawn(stem: &str, why: &str) -> String {
-    format!("{} is not drawn, because {why}.", number(stem))
+/// Whether two gaits are one. Where a joint is passive that is decided by the other joint, of which
+/// the phase is only where time begins.
+fn is_alike(one: &Gait, other: &Gait) -> bool {
+    let is_whole = [one, other].iter().all(|gait| gait.passive_joint().is_none());
+    let mut joints = one.joints.iter().zip(&other.joints);
+    joints.all(|joints| match joints {
+        (Some(one), Some(other)) => {
+            let phase_rad = if is_whole { other.phase_rad } else { one.phase_rad };
+            *one == JointCommand { phase_rad, ..*other }
+        }
+        _ => !is_whole,
+    })
 }
 
-const NOTHING: &str = "because it has no trial with results and no prediction.";
-
-/// The paper's figures of a campaign: moment by moment, against the frequency, and together with
-/// another campaign.
-const OF_CAMPAIGNS: [(&str, &str, &str, &str); 3] = [
-    (SKEWED, "Fig. 9", "10, 16", "19"),
-    (SYMMETRIC, "Figs. 11 and 12", "13, 17", "19, 20"),
-    (SEMI_PASSIVE, "Fig. 14", "15, 18", "20"),
-];
-
-fn missing_of_the_paper(source: Source<'_>, configured: &BTreeSet<&str>) -> Vec<String> {
-    let of_campaign = |(campaign, tracked, own, shared)| {
-        let without = match (source.has_measurements(campaign), source.models(campaign).len()) {
-            (false, 0) => {
-                let why = match configured.contains(campaign) {
-                    true => NOTHING,
-                    false => "because the configuration does not have it.",
-                };
-                format!(
-                    "{tracked} and Figs. {own} are not drawn and Fig. {shared} does not show it, {why}"
-                )
-            }
-            (false, _) => format!(
-                "{tracked} not drawn and no measurements in Figs. {own}, because no trial has results."
-            ),
-            (true, 0) => {
-                format!("no model in Figs. {own} and {shared}, because nothing was fitted.")
-            }
-            (true, _) => return None,
-        };
-        Some(format!("Campaign {campaign}: {without}"))
-    };
-    OF_CAMPAIGNS.into_iter().filter_map(of_campaign).collect()
+fn not_drawn(stem: &str, why: &str) -> String {
+    format!("{} is not drawn, because {why}.", called(stem))
 }
 
 /// Place of a campaign: those of the paper in its order, then the others by name.
@@ -268,10 +360,4 @@ pub fn file_name(name: &str, taken: &mut BTreeSet<String>) -> String {
     let numbered = (2..).map(|number| format!("{base}-{number}"));
     let mut names = [base.clone()].into_iter().chain(numbered);
     names.find(|name| taken.insert(name.to_lowercase())).unwrap_or(base)
-}
-
-/// `Fig. 16` for `fig16`, nothing for figures that the paper does not have.
-pub fn number(stem: &str) -> String {
-    let digits = stem.strip_prefix("fig").filter(|_| PAPER_STEMS.contains(&stem));
-    digits.map_or(String::new(), |digits| format!("Fig. {}", digits.trim_start_matches('0')))
 }

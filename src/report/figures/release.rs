@@ -18,7 +18,7 @@ const BEFORE_S: f64 = 0.2;
 const POINTS: usize = 400;
 
 /// The figure of one release; `None` where the tables show no swing.
-pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> {
+pub fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording) -> Option<Figure> {
     let joint = usize::try_from(row.joint - 1).ok().filter(|joint| *joint < 2)?;
     let phi = &recording.phi_rad[joint];
     let released_s = row.released_s;
@@ -58,7 +58,7 @@ pub fn figure(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> 
         stiffness => of(row.stiffness_nm_rad),
         damping => of(row.damping_nm_s_rad),
     };
-    Some(Figure::new("fig08", texts("fig08", values), &[], Layout::Stack, vec![panel]))
+    Some(Figure::new(stem, texts("release", values), &[], Layout::Stack, vec![panel]))
 }
 
 #[cfg(test)]
@@ -81,7 +81,7 @@ mod tests {
         let time_s: Vec<f64> = (0..480).map(|i| f64::from(i) / 120.0).collect();
         let phi: Vec<f64> = time_s.iter().map(|t| row.decay_rad((t - 1.0).max(0.0))).collect();
         let recording = Recording { time_s, phi_rad: [phi, Vec::new()], ..Recording::default() };
-        let figure = figure(&row, &recording).expect("it swings");
+        let figure = figure("release", &row, &recording).expect("it swings");
         let [seen, fitted, ..] = figure.panels[0].layers.as_slice() else {
             panic!("two curves are drawn");
         };
@@ -95,6 +95,6 @@ mod tests {
             assert!((point.y - DEG * swing(point.x)).abs() < 1e-9, "{point:?}");
         }
         let unknown = RobotParameterRow { released_s: f64::NAN, ..row };
-        assert!(super::figure(&unknown, &recording).is_none());
+        assert!(super::figure("release", &unknown, &recording).is_none());
     }
 }

@@ -20,8 +20,8 @@ const LEAST: f64 = 60.0;
 /// Residuals of a campaign's models in per cent of what was measured.
 pub fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let panels = QUANTITIES.iter().filter_map(|quantity| panel(quantity, campaign, source));
-    let (stem, texts) = (format!("{stem}-residuals"), texts("residuals", context! { campaign }));
-    Figure::new(&stem, texts, &[campaign], Layout::Grid, panels.collect())
+    let texts = texts("residuals", context! { campaign });
+    Figure::new(stem, texts, &[campaign], Layout::Grid, panels.collect())
 }
 
 fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Panel> {

@@ -1,4 +1,4 @@
-//! Figs. 3 to 6: the semi-passive robot without skid and the kinematic one that skids, simulated.
+//! Figs. 3 to 6: a robot with a passive joint without skid and one without that skids, simulated.
 
 use minijinja::context;
 use rayon::prelude::*;
@@ -7,7 +7,7 @@ use super::common::{
     DEG, FREQUENCY, gait, lines, links, links_at_start, map, over_time, shape, time_course, travel,
 };
 use super::texts::texts;
-use super::{SEMI_PASSIVE, SYMMETRIC};
+use super::{SEMI_PASSIVE, not_drawn};
 use crate::config::Config;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
@@ -29,32 +29,39 @@ const MOST_FROM_REST: usize = 40;
 const SWEEP: (f64, f64, i32) = (0.5, 8.0, 91);
 const NO_SKID: Look = looks::model_line(Model::NoSkid);
 
-/// Figs. 3, 4 and 5, or a sentence on why there are none.
-pub fn steady_passive(config: &ReportInput) -> Result<Vec<Figure>, String> {
+/// Figs. 3, 4 and 5: a robot with a passive joint, or a sentence on why there are none.
+pub fn passive(
+    [courses, from_rest, sweep]: [String; 3],
+    campaign: &str,
+    config: &ReportInput,
+) -> Result<Vec<Figure>, String> {
     // The paper's own robot with the joint of its simulations, any other as it is.
     let joint_of = |setup: Config| Some(setup.campaign_setup(SEMI_PASSIVE)?.0);
     let [default, simulated] = [Config::default(), Config::of_simulations()].map(joint_of);
     let of = |omega_rad_s| {
-        let mut problem = simulated::configured(config, SEMI_PASSIVE, Model::NoSkid, omega_rad_s)?;
+        let mut problem = simulated::configured(config, campaign, Model::NoSkid, omega_rad_s)?;
         if default.as_ref() == Some(&problem.robot) {
             problem.robot = simulated.clone()?;
         }
         Some(problem)
     };
-    let problem = of(OMEGA_RAD_S).ok_or_else(|| {
-        format!("Figs. 3 to 5 are not drawn, because campaign {SEMI_PASSIVE} is not configured.")
-    })?;
-    let no_motion = |error: MotionError| {
-        format!(
-            "Figs. 3 and 4 are not drawn, because there is no motion at {OMEGA_RAD_S} rad/s: {error}."
-        )
+    let problem = of(OMEGA_RAD_S).ok_or_else(|| format!("campaign {campaign} is not configured"));
+    let with_motion = || -> Result<[Figure; 2], String> {
+        let problem = problem?;
+        let no_motion = |error: MotionError| no_motion(&error);
+        let steady = simulated::steady(&problem).map_err(no_motion)?;
+        let from_rest = gait_and_path(&from_rest, campaign, &problem, &steady);
+        Ok([
+            time_courses(&courses, campaign, &problem, &steady.cycle),
+            from_rest.map_err(no_motion)?,
+        ])
     };
-    let steady = simulated::steady(&problem).map_err(no_motion)?;
-    Ok(vec![
-        time_courses(&problem, &steady.cycle),
-        gait_and_path(&problem, &steady).map_err(no_motion)?,
-        sweep(of),
-    ])
+    let figures = with_motion().map_err(|why| not_drawn(&courses, &why))?;
+    Ok(figures.into_iter().chain([self::sweep(&sweep, campaign, of)]).collect())
+}
+
+fn no_motion(error: &MotionError) -> String {
+    format!("there is no motion at {OMEGA_RAD_S} rad/s: {error}")
 }
 
 /// A panel of one quantity of several joints, wheels or directions over a cycle that is repeated.
@@ -70,7 +77,7 @@ fn course(
 
 const JOINTS: (&str, &str) = ("Joint angles", "Angle (deg)");
 
-fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
+fn time_courses(stem: &str, campaign: &str, problem: &Problem, cycle: &[Sample]) -> Figure {
     let shown = (cycle, CYCLES);
     let joints = course(JOINTS, &["φ₁", "φ₂"], shown, |s, i| DEG * s.phi_rad[i]);
     let rates = ["dx/dt", "dy/dt", "h dθ/dt"];
@@ -83,19 +90,17 @@ fn time_courses(problem: &Problem, cycle: &[Sample]) -> Figure {
     let difference = over_time(cycle, CYCLES, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
     let crossings = crossings(&difference).into_iter().map(|time_s| (time_s, f64::NAN));
     forces.layers.push(Layer::new("φ₁ = φ₂", crossings, Look::Guides));
-    let texts =
-        texts("fig03", context! { campaign => SEMI_PASSIVE, omega => OMEGA_RAD_S.to_string() });
+    let texts = texts("passive", context! { campaign, omega => OMEGA_RAD_S.to_string() });
     let panels = vec![joints, velocities, forces];
-    Figure::new("fig03", texts, &[SEMI_PASSIVE], Layout::Stack, panels)
+    Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
 
-/// Fig. 6: the kinematic robot that skids, or a sentence on why there is none.
-pub fn skidding(config: &ReportInput) -> Result<Figure, String> {
-    let none = |why: String| format!("Fig. 6 is not drawn, because {why}.");
-    let problem = simulated::configured(config, SYMMETRIC, SKIDDING, OMEGA_RAD_S)
-        .ok_or_else(|| none(format!("campaign {SYMMETRIC} is not configured")))?;
-    let Steady { metrics, cycle, .. } = simulated::steady(&problem)
-        .map_err(|error| none(format!("there is no motion at {OMEGA_RAD_S} rad/s: {error}")))?;
+/// Fig. 6: a robot without passive joint that skids, or a sentence on why there is none.
+pub fn skidding(stem: &str, campaign: &str, config: &ReportInput) -> Result<Figure, String> {
+    let problem = simulated::configured(config, campaign, SKIDDING, OMEGA_RAD_S);
+    let problem = problem.ok_or_else(|| format!("campaign {campaign} is not configured"));
+    let steady = problem.and_then(|of| simulated::steady(&of).map_err(|error| no_motion(&error)));
+    let Steady { metrics, cycle, .. } = steady.map_err(|why| not_drawn(stem, &why))?;
     let (shown, wheels) = ((cycle.as_slice(), 1), ["wheel 0", "wheel 1", "wheel 2"]);
     let (forces, skid) = (("Ground forces", "Force (N)"), ("Skid speeds", "Skid speed (mm/s)"));
     let roll_n = cycle.iter().flat_map(|sample| sample.forces.roll_n);
@@ -106,13 +111,13 @@ pub fn skidding(config: &ReportInput) -> Result<Figure, String> {
     ];
     let most_n = roll_n.fold(0.0, |most: f64, force| most.max(force.abs()));
     let values = context! {
-        campaign => SYMMETRIC,
+        campaign,
         model => SKIDDING.name(),
         omega => OMEGA_RAD_S.to_string(),
         v_mm_s => format!("{:.1}", 1e3 * metrics.v_m_s),
         roll_n => format!("{most_n:.2}"),
     };
-    Ok(Figure::new("fig06", texts("fig06", values), &[SYMMETRIC], Layout::Stack, panels))
+    Ok(Figure::new(stem, texts("skidding", values), &[campaign], Layout::Stack, panels))
 }
 
 /// Where a line crosses zero.
@@ -126,7 +131,12 @@ fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
         .collect()
 }
 
-fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionError> {
+fn gait_and_path(
+    stem: &str,
+    campaign: &str,
+    problem: &Problem,
+    steady: &Steady,
+) -> Result<Figure, MotionError> {
     let (cycle, d_m) = (steady.cycle.as_slice(), steady.metrics.d_m);
     let cycles = steady.cycles_to_settle.unwrap_or(MOST_FROM_REST).clamp(1, MOST_FROM_REST);
     let from_rest = problem.cycles_from_rest(cycles, SAMPLES)?;
@@ -139,16 +149,16 @@ fn gait_and_path(problem: &Problem, steady: &Steady) -> Result<Figure, MotionErr
     let start = links_at_start(links(&problem.robot, cycle[0].pose, cycle[0].phi_rad));
     let title = format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m);
     let values = context! {
-        campaign => SEMI_PASSIVE,
+        campaign,
         omega => OMEGA_RAD_S.to_string(),
         cycles => cycles,
         path_cycles => PATH_CYCLES,
     };
     let panels = vec![gait, map(title, vec![steady(path), start, arrow])];
-    Ok(Figure::new("fig04", texts("fig04", values), &[SEMI_PASSIVE], Layout::Pairs, panels))
+    Ok(Figure::new(stem, texts("from-rest", values), &[campaign], Layout::Pairs, panels))
 }
 
-fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
+fn sweep(stem: &str, campaign: &str, of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
     let (low, high, count) = SWEEP;
     let solve = |i: i32| {
         // Nearer to each other where the motion changes fastest.
@@ -168,9 +178,9 @@ fn sweep(of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
             vec![Layer::new("no-skid", points, NO_SKID), Layer::new("peak", peak, Look::Rings)];
         Panel::new(title.to_owned() + &said.unwrap_or_default(), FREQUENCY, axis_label, layers)
     };
-    let texts = texts("fig05", context! { campaign => SEMI_PASSIVE });
+    let texts = texts("sweep", context! { campaign });
     let panels = [DISPLACEMENT, SPEED].map(panel).into();
-    Figure::new("fig05", texts, &[SEMI_PASSIVE], Layout::Stack, panels)
+    Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
 
 /// The highest peak of a line, by a parabola through the three points there; an end may be higher.

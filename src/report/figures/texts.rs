@@ -31,7 +31,7 @@ mod tests {
             campaigns => vec!["a", "b"],
             debiased => false,
             bars => "Bars.",
-            model => "skid-roll",
+            models => ["skid-roll"],
             input => "commanded gait",
         };
         let [title, caption] = texts("skid", values);
@@ -39,8 +39,8 @@ mod tests {
         assert_eq!(
             caption,
             "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω, the markers' noise \
-             included. Bars. Lines: the fitted model skid-roll under the commanded gait, shaded its \
-             95 % interval where it has one."
+             included. Bars. Lines: the fitted model skid-roll under the commanded gait, shaded the \
+             95 % interval where there is one."
         );
         assert!(all.values().flatten().all(|text| !text.contains("  ") && !text.contains('\n')));
     }

@@ -4,14 +4,14 @@ use minijinja::context;
 
 use super::common::{self, DEG, links, links_at_start, map, shape, time_course, travel};
 use super::texts::texts;
-use super::{SEMI_PASSIVE, SKEWED, SYMMETRIC};
-use crate::motion::{Model, Problem};
+use crate::motion::{Model, MotionError, Problem, Sample};
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look};
 use crate::report::looks;
 use crate::report::numbers::with_error;
 use crate::report::recording::{Recording, Shown};
 use crate::report::simulated;
+use crate::report::tables::Tables;
 use crate::robot::{Gait, rotated};
 use crate::store::TrialRow;
 
@@ -21,13 +21,13 @@ const CYCLES: usize = 4;
 /// there would be no motion.
 const STIFF: f64 = 100.0;
 
-/// The figure of a trial of one of the paper's campaigns; `None` without a used cycle. Adds
+/// The gait, heading and path of a trial; `None` without a used cycle. Adds
 /// sentences on models that have no motion.
 pub fn figure(
     stem: &str,
     trial: &TrialRow,
     recording: &Recording,
-    config: &ReportInput,
+    (tables, config): (&Tables, &ReportInput),
     missing: &mut Vec<String>,
 ) -> Option<Figure> {
     let (robot, commanded_gait) = config.campaign_setup(&trial.campaign)?;
@@ -60,17 +60,10 @@ pub fn figure(
     // What is wholly commanded is shown as such.
     let is_whole = commanded_gait.passive_joint().is_none();
     gait.extend(is_whole.then(|| commanded(&commanded_gait)));
-    for (name, problem, look) in overlays(trial, config) {
+    let overlays = overlays(stem, trial, (tables, config), missing);
+    for Overlay { name, problem, look, cycle } in overlays {
         let is_commanded = is_whole && problem.gait == commanded_gait;
-        let cycle = match simulated::steady(&problem) {
-            Ok(steady) => steady.cycle,
-            Err(error) => {
-                let (figure, trial) = (super::number(stem), &trial.trial);
-                missing.push(format!("{figure}: {name} is not drawn over trial {trial}: {error}."));
-                continue;
-            }
-        };
-        let curve = |points: Vec<(f64, f64)>| Layer::new(name, points, look);
+        let curve = |points: Vec<(f64, f64)>| Layer::new(&name, points, look);
         if !is_commanded {
             gait.push(curve(shape(&cycle)));
         }
@@ -121,29 +114,66 @@ fn commanded(gait: &Gait) -> Layer {
     Layer::new("commanded", points, looks::COMMANDED)
 }
 
-/// What the paper draws over its campaigns' trials.
-fn overlays(trial: &TrialRow, config: &ReportInput) -> Vec<(&'static str, Problem, Look)> {
+/// A simulated motion that is drawn over a measured one.
+struct Overlay {
+    name: String,
+    problem: Problem,
+    look: Look,
+    cycle: Vec<Sample>,
+}
+
+/// What the paper draws over its trials, as configured: the motion without skid, and where a joint
+/// is passive that with roll resistance, else the one under the measured ellipse; then that of the
+/// fitted model which the measurements prefer. Adds sentences on those that there are not.
+fn overlays(
+    stem: &str,
+    trial: &TrialRow,
+    (tables, config): (&Tables, &ReportInput),
+    missing: &mut Vec<String>,
+) -> Vec<Overlay> {
     use Model::{NoSkid, NoSkidMeasured, NoSkidRoll, SkidRoll};
+    let solve = |name: &str, look: Look, problem: Problem| {
+        let steady = simulated::steady(&problem);
+        steady.map(|steady| Overlay { name: name.to_owned(), problem, look, cycle: steady.cycle })
+    };
+    let mut found = Vec::new();
+    let mut add = |name: &str, solved: Result<Overlay, MotionError>| match solved {
+        Ok(overlay) => found.push(overlay),
+        Err(error) => {
+            let (figure, trial) = (super::called(stem), &trial.trial);
+            missing.push(format!("{figure}: {name} is not drawn over trial {trial}: {error}."));
+        }
+    };
     let configured =
         |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
-    // With the ellipse that fits the measured gait best.
-    let measured = |model| {
-        let mut problem = configured(model)?;
-        problem.gait.joints = trial.gait.map(|joint| Some(joint.command()));
-        Some(problem)
+    let Some(no_skid) = configured(NoSkid) else { return found };
+    let is_passive = no_skid.gait.passive_joint().is_some();
+    let ellipse = |problem| simulated::under_gait_of(trial, problem);
+    let of_ellipse = ellipse(no_skid.clone());
+    add("no-skid", solve("no-skid", looks::model_line(NoSkid), no_skid));
+    let (name, solved) = if is_passive {
+        let name = NoSkidRoll.name();
+        (name, configured(NoSkidRoll).map(|of| solve(name, looks::model_line(NoSkidRoll), of)))
+    } else {
+        let name = "no-skid, measured ellipse";
+        match solve(name, looks::model_line(NoSkidMeasured), of_ellipse) {
+            Err(MotionError::Singular { .. }) => {
+                let name = "skid-roll, measured ellipse, 100 times the skid coefficients";
+                let stiff = |mut problem: Problem| {
+                    problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
+                    solve(name, looks::STIFF, ellipse(problem))
+                };
+                (name, configured(SkidRoll).map(stiff))
+            }
+            solved => (name, Some(solved)),
+        }
     };
-    let stiff = |mut problem: Problem| {
-        problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
-        problem
-    };
-    let stiff_name = "skid-roll, measured ellipse, 100 times the skid coefficients";
-    let other = match trial.campaign.as_str() {
-        SKEWED => ("no-skid, measured ellipse", NoSkidMeasured, measured(NoSkid)),
-        SYMMETRIC => (stiff_name, SkidRoll, measured(SkidRoll).map(stiff)),
-        SEMI_PASSIVE => ("no-skid-roll", NoSkidRoll, configured(NoSkidRoll)),
-        _ => return Vec::new(),
-    };
-    let all = [("no-skid", NoSkid, configured(NoSkid)), other].into_iter();
-    all.filter_map(|(name, model, problem)| Some((name, problem?, looks::model_line(model))))
-        .collect()
+    solved.into_iter().for_each(|solved| add(name, solved));
+    let preferred = tables.preferred(&trial.campaign).and_then(|fit| {
+        let name = format!("{}, fitted", fit.model.name());
+        let problem = simulated::fitted_to(config, fit, trial)?;
+        Some((solve(&name, looks::model_line(fit.model), problem), name))
+    });
+    preferred.into_iter().for_each(|(solved, name)| add(&name, solved));
+    found
 }

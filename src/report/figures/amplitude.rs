@@ -1,0 +1,47 @@
+//! How far the passive joint of a campaign swings.
+
+use minijinja::context;
+
+use super::common::DEG;
+use super::frequency::{self, BARS};
+use super::texts::texts;
+use crate::report::ReportInput;
+use crate::report::drawing::{Figure, Layer};
+use crate::report::looks;
+use crate::report::series::{AMPLITUDES, Series, Source};
+use crate::report::simulated;
+use crate::report::tables::Tables;
+use crate::store::TrialRow;
+
+/// Measurements and models of a campaign of which a joint is passive.
+pub fn figure(stem: &str, campaign: &str, tables: &Tables, config: &ReportInput) -> Option<Figure> {
+    let joint = config.campaign_setup(campaign)?.1.passive_joint()?;
+    let (quantity, source) = (AMPLITUDES[joint], tables.source(config));
+    let (series, input) = if joint == 0 {
+        let models = source.models(campaign);
+        let models = models.iter().filter_map(|of| source.model(campaign, *of, &quantity, 0));
+        let measured = source.measured(campaign, &quantity, 0);
+        (measured.into_iter().chain(models).collect(), source.gait_input(&[campaign]))
+    } else {
+        // Of this joint the tables have the first harmonic alone, and nothing of models.
+        let with_its_own = |trial: &TrialRow| {
+            let mut trial = trial.clone();
+            trial.metrics.alpha1_rad = trial.gait[joint].amplitude_rad;
+            trial.metrics_se.alpha1_rad = trial.gait[joint].amplitude_rad_se;
+            trial
+        };
+        let trials: Vec<TrialRow> = source.measured_trials(campaign).map(with_its_own).collect();
+        let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign);
+        let models = fits.map(|fit| {
+            let curve = simulated::curve(tables, config, fit, |solver, problem| {
+                simulated::amplitude_rad(solver, problem, joint).map(|rad| DEG * rad)
+            });
+            let layer = Layer::new(fit.model.name(), curve, looks::model_line(fit.model));
+            Series { campaign: campaign.to_owned(), model: Some(fit.model), flagged: false, layer }
+        });
+        let measured = Source { trials: &trials, ..source }.measured(campaign, &quantity, 0);
+        (measured.into_iter().chain(models).collect(), "commanded gait")
+    };
+    let texts = texts("alpha", context! { campaign, bars => BARS, input });
+    Some(frequency::figure(stem, texts, &[campaign], &[(quantity, series)]))
+}
