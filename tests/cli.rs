@@ -290,10 +290,10 @@ fn the_tables_have_the_documented_columns() {
             "trial frame time_s roll0_m_s roll1_m_s roll2_m_s skid0_m_s skid1_m_s skid2_m_s"
                 .to_owned(),
         ),
-        (format!("cycles/{trial}.parquet"), format!("trial cycle start_s {metrics} used")),
+        (format!("cycles/{trial}.parquet"), format!("trial cycle start_s {metrics} used reason")),
         (
             "trials.parquet".to_owned(),
-            "trial folder id campaign kind omega_commanded_rad_s omega_rad_s omega_rad_s_se cycles d_m \
+            "trial folder id file campaign kind omega_commanded_rad_s omega_rad_s omega_rad_s_se cycles d_m \
              d_m_se v_m_s v_m_s_se sigma0 sigma0_se sigma1 sigma1_se sigma2 sigma2_se \
              sigma0_debiased sigma0_debiased_se sigma1_debiased sigma1_debiased_se \
              sigma2_debiased sigma2_debiased_se alpha1_rad alpha1_rad_se dtheta_rad \

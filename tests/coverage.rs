@@ -100,9 +100,9 @@ fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
             let row = |(number, cycle): (usize, &[f64; 6])| CycleRow {
                 trial: trial.clone(),
                 cycle: number as i64,
-                start_s: 0.0,
                 metrics: metrics(*cycle, 0.0),
                 used: true,
+                ..CycleRow::blank()
             };
             data.cycles.insert(trial.clone(), cycles.iter().enumerate().map(row).collect());
         }

@@ -77,10 +77,11 @@ impl Stage for ReportStage {
             let target = Target::Figure(stem.to_owned());
             Wanted { campaigns: campaigns.to_vec(), ..Wanted::new(target, &(), parts) }
         });
-        let pages = content
-            .page_parts()
-            .iter()
-            .map(|(name, parts)| Wanted::new(Target::Page(name.clone()), &(), parts.clone()));
+        let pages = content.page_parts().iter().map(|(name, (campaign, parts))| {
+            let campaigns = Some(campaign.clone()).filter(|campaign| !campaign.is_empty());
+            let page = Wanted::new(Target::Page(name.clone()), &(), parts.clone());
+            Wanted { campaigns: campaigns.into_iter().collect(), ..page }
+        });
         figures.chain(pages).collect()
     }
 
@@ -145,11 +146,11 @@ impl Stage for ReportStage {
         let shows = made.campaigns.iter().any(|campaign| touched.campaigns.contains(campaign))
             || is_of_robot && !touched.robots.is_empty();
         let is_own = |trial: &String| made.target == Target::Page(page_of(trial));
-        match shows {
-            true => vec!["if what it shows changes".to_owned()],
-            false if touched.trials.iter().any(is_own) => vec!["if its trial changes".to_owned()],
-            false => Vec::new(),
-        }
+        let why = match touched.trials.iter().any(is_own) {
+            true => Some("if its trial changes"),
+            false => shows.then_some("if what it shows changes"),
+        };
+        why.map(str::to_owned).into_iter().collect()
     }
 }
 

@@ -1,6 +1,5 @@
 //! What a report is made of, and what each of its figures and pages.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,8 +8,9 @@ use serde_json::Value as Json;
 use super::drawing::Figure;
 use super::page::TrialPages;
 use super::tables::{Tables, table_paths};
+use super::trials::{self, PageParts};
 use super::truth::Truth;
-use super::{ReportError, ReportInput, figures, trials};
+use super::{ReportError, ReportInput, figures};
 use crate::config::Paths;
 use crate::store::{Reader, StoreError, hash, is_there, tables_in};
 use crate::trial::TRUTH_FILE;
@@ -27,7 +27,7 @@ pub struct Content {
     pub(super) pages: TrialPages,
     /// What [`Content::with_changes`] has.
     pub(super) changes: Option<Json>,
-    page_parts: BTreeMap<String, BTreeMap<String, String>>,
+    page_parts: PageParts,
     pub(super) reader: Reader,
 }
 
@@ -86,8 +86,9 @@ impl Content {
         })
     }
 
-    /// What the page of every trial is made of, by its path inside of `reports/`.
-    pub fn page_parts(&self) -> &BTreeMap<String, BTreeMap<String, String>> {
+    /// The campaign of every trial's page and what the page is made of, by its path inside of
+    /// `reports/`.
+    pub fn page_parts(&self) -> &PageParts {
         &self.page_parts
     }
 }

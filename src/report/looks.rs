@@ -53,6 +53,9 @@ pub fn flagged(nth: usize) -> Look {
     marker(okabe_ito::ORANGE, nth)
 }
 
+/// Cycles that do not count.
+pub const UNUSED: Look = Look::Marker { colour: OTHER, shape: Shape::Circle, filled: false };
+
 fn marker(colour: RGBColor, nth: usize) -> Look {
     let (shape, filled) = MARKERS[nth % MARKERS.len()];
     Look::Marker { colour, shape, filled }
@@ -118,6 +121,11 @@ pub fn model_dots(model: Model, joined: bool) -> Look {
 pub const fn model_line(model: Model) -> Look {
     let (colour, dash) = of_model(model);
     line(colour, dash)
+}
+
+/// A fitted model over what was recorded, which it may cover.
+pub const fn fitted_over(model: Model) -> Look {
+    line(of_model(model).0, LONG_DASHES)
 }
 
 /// A model for the `nth` campaign in a panel: its colour, another dash. One that is driven by each

@@ -104,6 +104,12 @@ impl Recording {
         }))
     }
 
+    /// Frames in a second: frames that are left out make steps longer.
+    pub fn rate_hz(&self) -> Option<f64> {
+        let steps = self.time_s.windows(2).map(|pair| pair[1] - pair[0]);
+        steps.min_by(f64::total_cmp).map(|step_s| 1.0 / step_s)
+    }
+
     /// The first of the longest runs of used cycles, at most so many of them: when it starts
     /// (s) and how many they are.
     fn used_cycles(&self, most: usize) -> Option<(f64, usize)> {

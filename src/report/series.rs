@@ -13,6 +13,9 @@ use crate::trial::TrialKind;
 /// Half-width of a 95 % interval in standard errors (normal distribution).
 pub const BAR_STANDARD_ERRORS: f64 = 1.96;
 
+/// Of a frequency: what is nearer to each other is of one trial.
+pub const SAME_FREQUENCY: f64 = 2e-3;
+
 /// A quantity that is plotted against the frequency, and what figures call it.
 #[derive(Debug, Clone, Copy)]
 pub struct Quantity {
@@ -224,6 +227,14 @@ impl<'t> Source<'t> {
             series.layer.name.push_str(" (does not fit)");
         }
         Some(series)
+    }
+
+    /// What a model predicts of a trial: at its frequency.
+    pub fn of_trial(self, trial: &TrialRow, model: Model) -> Option<&'t PredictionRow> {
+        let rows = self.predicted(&trial.campaign, model, PredictionSource::Trial);
+        let distance = |row: &&PredictionRow| (row.omega_rad_s - trial.omega_rad_s).abs();
+        let nearest = rows.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        (distance(&nearest) < SAME_FREQUENCY * trial.omega_rad_s).then_some(nearest)
     }
 
     fn fits_of(self, campaign: &str) -> impl Iterator<Item = &'t FitRow> {

@@ -108,6 +108,16 @@ pub fn steady(problem: &Problem) -> Result<Steady, MotionError> {
     Ok(Steady { metrics, cycle: solver.cycle(SAMPLES)?, cycles_to_settle })
 }
 
+/// A cycle of a stable steady motion, of the one reached from rest where another is not stable.
+///
+/// # Errors
+/// There is no steady motion.
+pub fn stable_cycle(problem: &Problem) -> Result<Vec<Sample>, MotionError> {
+    let mut solver = Solver::default();
+    let cycle = stable(&mut solver, problem).and_then(|_| solver.cycle(SAMPLES).ok());
+    cycle.map_or_else(|| steady(problem).map(|steady| steady.cycle), Ok)
+}
+
 /// Work of the actuators per metre of d, J/m; `None` where there is no stable motion that goes
 /// anywhere.
 pub fn work_j_m(solver: &mut Solver, problem: &Problem) -> Option<f64> {

@@ -15,6 +15,9 @@ use crate::store::{
     write_if_changed,
 };
 
+/// Campaigns of pages and what these are made of, by path inside of `reports/`.
+pub type PageParts = BTreeMap<String, (String, BTreeMap<String, String>)>;
+
 /// Folder of the pages inside of `reports/`.
 const FOLDER: &str = "trials";
 
@@ -66,14 +69,14 @@ fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
     tables.trials.iter().filter(move |trial| seen.insert(trial.trial.as_str()))
 }
 
-/// What the page of each trial is made of, by its path inside of `reports/`. `stamp` gives the
-/// hash of a file.
+/// The campaign of each trial's page and what the page is made of, by its path inside of `reports/`.
+/// `stamp` gives the hash of a file.
 pub fn parts(
     input: &ReportInput,
     tables: &Tables,
     pages: &TrialPages,
     stamp: impl Fn(&Path) -> Option<String>,
-) -> BTreeMap<String, BTreeMap<String, String>> {
+) -> PageParts {
     let derived = &input.paths.derived;
     let (mut checks, mut robots) =
         (BTreeMap::<&str, Vec<_>>::new(), BTreeMap::<&str, Vec<_>>::new());
@@ -84,22 +87,26 @@ pub fn parts(
     let fits: BTreeMap<&str, String> = tables.campaigns(input).into_iter().map(fit).collect();
     let of_trial = |trial: &TrialRow| {
         let name = trial.trial.as_str();
+        let page = pages.get(name)?;
         let checks = checks.get(name).map_or(&[][..], Vec::as_slice);
         let robots = robots.get(name).map_or(&[][..], Vec::as_slice);
         let setup = input.campaign_setup(&trial.campaign);
         let robot = robots.first().and_then(|row| input.robot(&row.robot));
-        let rows = format!("{trial:?} {checks:?} {robots:?} {setup:?} {robot:?} {markers}");
+        let beside = page::neighbours(trial, tables, pages);
+        let rows =
+            format!("{trial:?} {checks:?} {robots:?} {setup:?} {robot:?} {markers} {beside:?}");
         let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
         let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
+        let source = tables.source(input);
+        let models = source.models(&trial.campaign).into_iter();
+        let predicted: Vec<_> = models.filter_map(|model| source.of_trial(trial, model)).collect();
+        let models = format!("{predicted:?} {:?}", fits.get(&*trial.campaign));
         let parts = BTreeMap::from([
             ("its row or checks".to_owned(), hash(rows.as_bytes())),
+            ("its campaign's models".to_owned(), hash(models.as_bytes())),
             ("its tables".to_owned(), recorded),
-            (
-                "the preferred fit".to_owned(),
-                fits.get(&*trial.campaign).cloned().unwrap_or_default(),
-            ),
         ]);
-        Some((format!("{FOLDER}/{}", pages.get(name)?), parts))
+        Some((format!("{FOLDER}/{page}"), (trial.campaign.clone(), parts)))
     };
     first_of_each(tables).filter_map(of_trial).collect()
 }
@@ -135,6 +142,7 @@ pub fn write(
 ) -> Result<BTreeMap<String, Stamp>, ReportError> {
     let folder = input.paths.reports.join(FOLDER);
     let trials: Vec<&TrialRow> = first_of_each(tables).collect();
+    let inputs = (tables, input);
     let written = trials.into_par_iter().filter_map(|trial| {
         let file = pages.get(&trial.trial)?;
         let name = format!("{FOLDER}/{file}");
@@ -143,7 +151,7 @@ pub fn write(
                 TrialStatus::Failed => None,
                 _ => Recording::read(&input.paths.derived, &trial.trial, reader)?,
             };
-            let of_trial = |recording| figures::trial::figures(trial, recording, input);
+            let of_trial = |recording| figures::trial::figures(trial, recording, inputs);
             let figures = recording.as_ref().map_or(Vec::new(), of_trial);
             let images = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;
             let replay = recording.as_ref().zip(robot_of(trial, input, tables));
@@ -151,8 +159,14 @@ pub fn write(
                 let fit = tables.preferred(&trial.campaign);
                 replay::of_trial(trial, recording, robot, input, fit)
             });
-            let html =
-                page::trial_html(trial, tables, recording.as_ref(), replay.as_ref(), &images)?;
+            let html = page::trial_html(
+                trial,
+                inputs,
+                pages,
+                recording.as_ref(),
+                replay.as_ref(),
+                &images,
+            )?;
             Ok((name.clone(), write_if_changed(&folder.join(file), html.as_bytes())?))
         };
         (!kept.contains(&name)).then(write)

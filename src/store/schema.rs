@@ -38,8 +38,9 @@ rows! {
         /// When the cycle starts, after the first frame, s.
         pub start_s: f64,
         pub metrics: GaitMetrics,
-        /// Whether the cycle counts towards the trial's means.
+        /// Whether the cycle counts towards the trial's means, and where it does not, why.
         pub used: bool,
+        pub reason: String,
     }
 }
 
@@ -49,9 +50,11 @@ rows! {
     pub struct TrialRow {
         /// Its id, with its folder's name in front where another folder has the same.
         pub trial: String,
-        /// Where it is: its folder as seen from the configuration, and its id in the folder's list.
+        /// Where it is: its folder as seen from the configuration, and its id and its marker file in
+        /// the folder's list.
         pub folder: String,
         pub id: String,
+        pub file: String,
         /// Empty for trials that are not of kind `gait`.
         pub campaign: String,
         pub kind: TrialKind,

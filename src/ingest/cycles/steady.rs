@@ -18,6 +18,8 @@ const DEVIATIONS: f64 = 3.0;
 pub struct Steady {
     /// Indices of the cycles that count, increasing.
     pub used: Vec<usize>,
+    /// Leading cycles that are skipped whatever they show.
+    pub skip: usize,
     /// Leading cycles taken for transient.
     pub skipped: usize,
     /// Later cycles left out because of gaps.
@@ -27,6 +29,22 @@ pub struct Steady {
 }
 
 impl Steady {
+    /// Why a cycle does not count; empty where it does.
+    pub fn reason(&self, nth: usize, cycle: &Cycle) -> String {
+        let reason = if self.used.binary_search(&nth).is_ok() {
+            ""
+        } else if nth < self.skip {
+            return format!("one of the first {}, taken for transient", self.skip);
+        } else if !cycle.is_whole() {
+            "part of it was not seen"
+        } else if !cycle.is_gait {
+            "the joints are off their gait"
+        } else {
+            "d or the rotation still changes from cycle to cycle"
+        };
+        reason.to_owned()
+    }
+
     /// The frames from the first cycle that counts to the last one.
     pub fn frames(&self, cycles: &[Cycle]) -> Option<Range<usize>> {
         let (first, last) = (&cycles[*self.used.first()?], &cycles[*self.used.last()?]);
@@ -50,6 +68,7 @@ pub fn steady(cycles: &[Cycle], skip: usize) -> Steady {
     used.drain(..drifting);
     let later = &cycles[begin..];
     Steady {
+        skip: begin,
         skipped: if drifting > 0 { used[0] } else { begin },
         gapped: later.iter().filter(|cycle| !cycle.is_whole()).count(),
         off_gait: later.iter().filter(|cycle| cycle.is_whole() && !cycle.is_gait).count(),
@@ -97,7 +116,9 @@ mod tests {
         let decay = |i: i32| 0.4 * (1.0 + 0.2 * (-f64::from(i)).exp());
         let d_m: Vec<f64> = (0..16).map(decay).collect();
         // 0.2 exp(-i) falls below 0.01 % between cycles 7 and 8.
-        assert_eq!(steady(&cycles(&d_m), 1).used, (9..16).collect::<Vec<_>>());
+        let (list, found) = (cycles(&d_m), steady(&cycles(&d_m), 1));
+        assert_eq!(found.used, (9..16).collect::<Vec<_>>());
+        assert!(found.reason(5, &list[5]).contains("still changes"));
         let lasting: Vec<f64> = (0..9).map(|i| 0.4 + 0.1 * f64::from(i)).collect();
         assert!(steady(&cycles(&lasting), 0).used.len() >= LEAST_KEPT);
     }
@@ -106,7 +127,13 @@ mod tests {
     fn gaps_and_pauses_are_left_out_and_counted() {
         let mut list = cycles(&[0.4, 0.4, 0.4, f64::NAN, 0.4, 0.4, 0.4, 0.4]);
         list[5].is_gait = false;
-        let expected = Steady { used: vec![2, 4, 6, 7], skipped: 2, gapped: 1, off_gait: 1 };
-        assert_eq!(steady(&list, 2), expected);
+        let expected =
+            Steady { used: vec![2, 4, 6, 7], skip: 2, skipped: 2, gapped: 1, off_gait: 1 };
+        let found = steady(&list, 2);
+        assert_eq!(found, expected);
+        let reasons = list.iter().enumerate().map(|(nth, cycle)| found.reason(nth, cycle));
+        let transient = "one of the first 2, taken for transient";
+        let (unseen, off) = ("part of it was not seen", "the joints are off their gait");
+        assert!(reasons.eq([transient, transient, "", unseen, "", off, "", ""]));
     }
 }

@@ -25,6 +25,7 @@ pub fn blank_row(trial: &Trial) -> TrialRow {
     TrialRow {
         trial: trial.id.clone(),
         id: trial.id.clone(),
+        file: trial.file.clone(),
         campaign: trial.campaign.clone().unwrap_or_default(),
         kind: trial.kind,
         omega_commanded_rad_s: trial.omega_rad_s.unwrap_or(f64::NAN),
@@ -127,6 +128,7 @@ pub fn cycle_rows(trial: &Trial, cycles: &[Cycle], steady: &Steady, rate_hz: f64
         start_s: cycle.start / rate_hz,
         metrics: cycle.metrics,
         used: steady.used.binary_search(&i).is_ok(),
+        reason: steady.reason(i, cycle),
     };
     cycles.iter().enumerate().map(row).collect()
 }

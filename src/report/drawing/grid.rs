@@ -76,7 +76,11 @@ impl<'f> Grid<'f> {
         let has_own_legends = is_stack && !is_alike && panels.iter().all(has_room);
         let legend = match has_own_legends {
             true => Vec::new(),
-            false => legend::lay_out(figure.samples(), MARGIN, whole_width - MARGIN),
+            // What is alone needs no name.
+            false => match figure.samples() {
+                samples if samples.len() < 2 => Vec::new(),
+                samples => legend::lay_out(samples, MARGIN, whole_width - MARGIN),
+            },
         };
         let rows = legend.iter().map(|entry| entry.row + 1).max();
         let mut top = rows.map_or(0.0, |rows| MARGIN + rows as f64 * legend::ROW);

@@ -6,11 +6,11 @@ use super::common::OMEGA;
 use super::texts::texts;
 use crate::metrics::Estimate;
 use crate::motion::{Model, MotionStatus};
-use crate::report::drawing::{Figure, Layer, Layout, Panel, Range};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range};
 use crate::report::looks;
 use crate::report::numbers::fixed;
-use crate::report::series::{BAR_STANDARD_ERRORS, QUANTITIES, Quantity, Source};
-use crate::store::{PredictionRow, PredictionSource, TrialRow};
+use crate::report::series::{BAR_STANDARD_ERRORS, QUANTITIES, Quantity, SAME_FREQUENCY, Source};
+use crate::store::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
 
 /// A model that misses more than this many times what the nearest one does is not shown whole.
 const FARTHEST: f64 = 6.0;
@@ -61,14 +61,23 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
         [(model, ..)] => format!("{model}: to {most} %"),
         several => format!("{} models: to {most} %", several.len()),
     };
-    let error = |trial: &&&TrialRow| {
+    let error = |trial: &TrialRow| {
         let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
         100.0 * BAR_STANDARD_ERRORS * se / value
     };
-    let known: Vec<&&TrialRow> = trials.iter().filter(|trial| error(trial).is_finite()).collect();
-    let errors = known.iter().map(|trial| (trial.omega_rad_s, 0.0, error(trial)));
-    let mut layers = vec![Layer::with_errors("measured", errors, looks::measured(0))];
-    layers[0].trials = known.iter().map(|trial| trial.trial.clone()).collect();
+    let bars = |(name, look, flagged): (&str, Look, bool)| {
+        let is_one = |trial: &&&TrialRow| {
+            error(trial).is_finite() && flagged == (trial.status == TrialStatus::Flagged)
+        };
+        let known: Vec<&&TrialRow> = trials.iter().filter(is_one).collect();
+        let errors = known.iter().map(|trial| (trial.omega_rad_s, 0.0, error(trial)));
+        let mut layer = Layer::with_errors(name, errors, look);
+        layer.trials = known.iter().map(|trial| trial.trial.clone()).collect();
+        (!flagged || !layer.points.is_empty()).then_some(layer)
+    };
+    let bars_of =
+        [("measured", looks::measured(0), false), ("flagged", looks::flagged(0), true)].map(bars);
+    let mut layers: Vec<Layer> = bars_of.into_iter().flatten().collect();
     layers.extend(
         residuals
             .into_iter()
@@ -84,13 +93,11 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
 /// The trial that a prediction is of: of those by rising frequency the first of the nearest to its
 /// frequency, which is that of a trial.
 fn nearest<'t>(trials: &[&'t TrialRow], row: &PredictionRow) -> Option<&'t TrialRow> {
-    /// Parts of the frequency.
-    const SAME: f64 = 2e-3;
     let distance = |trial: &TrialRow| (trial.omega_rad_s - row.omega_rad_s).abs();
     let above = trials.partition_point(|trial| trial.omega_rad_s < row.omega_rad_s);
     let below = trials[..above].last().map_or(0.0, |trial| trial.omega_rad_s);
     let below = trials[..above].partition_point(|trial| trial.omega_rad_s < below);
     let around = [trials.get(below), trials.get(above)].into_iter().flatten().copied();
     let nearest = around.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-    (distance(nearest) < SAME * row.omega_rad_s).then_some(nearest)
+    (distance(nearest) < SAME_FREQUENCY * row.omega_rad_s).then_some(nearest)
 }

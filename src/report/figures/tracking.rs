@@ -6,7 +6,7 @@ use super::common::{self, DEG, links, links_at_start, map, shape, time_course, t
 use super::texts::texts;
 use crate::motion::{Model, MotionError, Problem, Sample};
 use crate::report::ReportInput;
-use crate::report::drawing::{Figure, Layer, Layout, Look};
+use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
 use crate::report::looks;
 use crate::report::numbers::with_error;
 use crate::report::recording::{Recording, Shown};
@@ -77,7 +77,7 @@ pub fn figure(
     let omega = format!("{omega_rad_s:.1}");
     let panels = vec![
         common::gait("Gait", gait),
-        time_course("Heading θ", "θ (deg)", heading),
+        Panel::new("Heading θ", "Time in these cycles (s)", "θ (deg)", heading),
         map(format!("Path of the middle link, d = {d} mm"), path),
     ];
     let texts = texts("tracking", context! { campaign, omega, cycles, trial });
@@ -133,8 +133,8 @@ fn overlays(
 ) -> Vec<Overlay> {
     use Model::{NoSkid, NoSkidMeasured, NoSkidRoll, SkidRoll};
     let solve = |name: &str, look: Look, problem: Problem| {
-        let steady = simulated::steady(&problem);
-        steady.map(|steady| Overlay { name: name.to_owned(), problem, look, cycle: steady.cycle })
+        let cycle = simulated::stable_cycle(&problem);
+        cycle.map(|cycle| Overlay { name: name.to_owned(), problem, look, cycle })
     };
     let mut found = Vec::new();
     let mut add = |name: &str, solved: Result<Overlay, MotionError>| match solved {
@@ -172,7 +172,7 @@ fn overlays(
     let preferred = tables.preferred(&trial.campaign).and_then(|fit| {
         let name = format!("{}, fitted", fit.model.name());
         let problem = simulated::fitted_to(config, fit, trial)?;
-        Some((solve(&name, looks::model_line(fit.model), problem), name))
+        Some((solve(&name, looks::fitted_over(fit.model), problem), name))
     });
     preferred.into_iter().for_each(|(solved, name)| add(&name, solved));
     found

@@ -5,12 +5,15 @@ use minijinja::value::Value;
 
 use super::common::{DEG, lines, links, links_at_start, map, time_course, travel};
 use super::texts::texts;
+use super::tracking;
 use crate::motion::Pose;
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Scale};
 use crate::report::looks;
 use crate::report::polyline::envelope;
 use crate::report::recording::Recording;
+use crate::report::series::{QUANTITIES, Quantity};
+use crate::report::tables::Tables;
 use crate::store::{CycleRow, TrialRow};
 use crate::trial::TrialKind;
 
@@ -20,7 +23,11 @@ const PARTS: usize = 100;
 const DENSE_PARTS: usize = 400;
 
 /// The figures of a trial; those without anything to show are left out.
-pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Vec<Figure> {
+pub fn figures(
+    trial: &TrialRow,
+    recording: &Recording,
+    (tables, config): (&Tables, &ReportInput),
+) -> Vec<Figure> {
     let unused = unused_cycles(trial, recording);
     let panel = |title: &str, y_label: &str, layers: Vec<Layer>| {
         time_course(title, y_label, unused.iter().cloned().chain(layers).collect())
@@ -63,8 +70,11 @@ pub fn figures(trial: &TrialRow, recording: &Recording, config: &ReportInput) ->
     let gaps = Panel { y_scale: Scale::Whole, ..gaps };
     let reconstruction =
         figure("reconstruction", context! { parts => PARTS }, Layout::Stack, vec![residuals, gaps]);
-    let all = [path(trial, recording, config), angles, velocities, reconstruction];
-    all.into_iter().filter(|figure| !figure.is_empty()).collect()
+    // That of a trial of which the models have no motion says so by its legend.
+    let motion = tracking::figure("gait", trial, recording, (tables, config), &mut Vec::new());
+    let own = [path(trial, recording, config), angles, velocities, cycles(trial, recording)];
+    let all = motion.into_iter().chain(own).chain([reconstruction]);
+    all.filter(|figure| !figure.is_empty()).collect()
 }
 
 fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure {
@@ -89,6 +99,26 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
     let texts = texts("path", context! { gait => trial.kind == TrialKind::Gait });
     let panels = vec![map("Path of the middle link", layers)];
     Figure::new("path", texts, &[], Layout::Stack, panels)
+}
+
+/// What was measured of each cycle, and of those in use the mean.
+fn cycles(trial: &TrialRow, recording: &Recording) -> Figure {
+    let panel = |quantity: &Quantity| {
+        let layer = |(name, look, used): (&str, Look, bool)| {
+            let cycles = recording.cycles.iter().filter(|cycle| cycle.used == used);
+            let points = cycles.map(|cycle| (cycle.cycle as f64, (quantity.of)(&cycle.metrics)));
+            Layer::new(name, points, look)
+        };
+        let kinds = [("not in use", looks::UNUSED, false), ("in use", looks::measured(0), true)];
+        let mean = Layer::new("mean", [(f64::NAN, (quantity.of)(&trial.metrics))], Look::Guides);
+        let layers = [mean].into_iter().chain(kinds.map(layer)).collect();
+        Panel {
+            x_scale: Scale::Whole,
+            ..Panel::new(quantity.title, "Cycle", quantity.axis_label, layers)
+        }
+    };
+    let panels = QUANTITIES.iter().map(panel).collect();
+    Figure::new("cycles", texts("cycles", context! {}), &[], Layout::Grid, panels)
 }
 
 /// Time outside of the cycles in use; nothing for trials without cycles.

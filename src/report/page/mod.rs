@@ -13,7 +13,7 @@ use serde_json::Value as Json;
 
 pub use engine::fill;
 pub use image::{image, image_of_svg};
-pub use trial::html as trial_html;
+pub use trial::{html as trial_html, neighbours};
 
 use super::drawing::Figure;
 use super::scorecard::JudgedClaim;

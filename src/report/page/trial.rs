@@ -2,12 +2,16 @@
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
+use serde::Serialize;
 
-use super::fill;
-use crate::report::ReportError;
+use super::{TrialPages, fill};
+use crate::metrics::Estimate;
+use crate::motion::{Model, MotionStatus};
 use crate::report::recording::Recording;
 use crate::report::replay::Replay;
+use crate::report::series::{AMPLITUDE, QUANTITIES};
 use crate::report::tables::Tables;
+use crate::report::{ReportError, ReportInput};
 use crate::store::{CheckRow, RobotParameterRow, RobotQuantity, TrialRow};
 
 /// The page as HTML; without a recording it shows the trial's row and checks.
@@ -16,7 +20,8 @@ use crate::store::{CheckRow, RobotParameterRow, RobotQuantity, TrialRow};
 /// The template cannot be filled in.
 pub fn html(
     trial: &TrialRow,
-    tables: &Tables,
+    (tables, input): (&Tables, &ReportInput),
+    pages: &TrialPages,
     recording: Option<&Recording>,
     replay: Option<&Replay>,
     figures: &[Value],
@@ -24,10 +29,15 @@ pub fn html(
     let robots = tables.robots.iter().filter(|row| row.trial == trial.trial);
     let quantities: Vec<RobotQuantity> = robots.flat_map(RobotParameterRow::quantities).collect();
     let checks = tables.checks.iter().filter(|check| check.trial == trial.trial);
+    let (models, predicted) = predicted(trial, tables, input);
     let page = context! {
         version => env!("CARGO_PKG_VERSION"),
         trial => Serde(trial),
+        rate_hz => recording.and_then(Recording::rate_hz),
+        beside => Serde(neighbours(trial, tables, pages)),
         quantities => Serde(quantities),
+        models => models.iter().map(|model| model.name()).collect::<Vec<_>>(),
+        predicted => Serde(predicted),
         figures => figures,
         replay => replay.map(|replay| replay.value(&format!("Motion of trial {}", trial.trial))),
         gaps => Serde(recording.map(gaps)),
@@ -35,6 +45,68 @@ pub fn html(
         checks => Serde(checks.collect::<Vec<&CheckRow>>()),
     };
     fill("trial.html", include_str!("trial.html"), &page).map_err(ReportError::Page)
+}
+
+/// The trials before and after one among those of its campaign by frequency, and their pages.
+pub fn neighbours<'t>(
+    trial: &TrialRow,
+    tables: &'t Tables,
+    pages: &'t TrialPages,
+) -> [Option<(&'t str, &'t str)>; 2] {
+    let with_page = tables.trials.iter().filter_map(|other| {
+        let is_of = (&other.campaign, other.kind) == (&trial.campaign, trial.kind);
+        let (name, page) = pages.get_key_value(&other.trial).filter(|_| is_of)?;
+        Some((name.as_str(), page.as_str()))
+    });
+    let all: Vec<(&str, &str)> = with_page.collect();
+    let Some(own) = all.iter().position(|(name, _)| *name == trial.trial) else { return [None; 2] };
+    [own.checked_sub(1), Some(own + 1)].map(|nth| all.get(nth?).copied())
+}
+
+/// A quantity of a trial beside what every model says of it.
+#[derive(Debug, Serialize)]
+struct Predicted {
+    symbol: &'static str,
+    unit: &'static str,
+    measured: Estimate,
+    of_models: Vec<Option<OfModel>>,
+}
+
+#[derive(Debug, Serialize)]
+struct OfModel {
+    value: f64,
+    /// Less what was measured, in standard errors.
+    in_errors: f64,
+    /// Why there is no value.
+    status: Option<&'static str>,
+}
+
+/// The models that predict something of a trial, and what they say of each quantity. Models without
+/// skid say nothing of skid ratios, and the amplitude is a result only where the joint is passive.
+fn predicted(
+    trial: &TrialRow,
+    tables: &Tables,
+    input: &ReportInput,
+) -> (Vec<Model>, Vec<Predicted>) {
+    let source = tables.source(input);
+    let models = source.models(&trial.campaign).into_iter();
+    let rows = models.filter_map(|model| source.of_trial(trial, model)).collect::<Vec<_>>();
+    let passive = input.campaign_setup(&trial.campaign).and_then(|(_, gait)| gait.passive_joint());
+    let shown = QUANTITIES.iter().filter(|of| of.symbol != AMPLITUDE.symbol || passive == Some(0));
+    let of_quantity = shown.map(|quantity| {
+        let measured = quantity.of_trial(trial, source.sigma);
+        let of_model = rows.iter().map(|row| {
+            let is_stable = row.status == MotionStatus::Stable;
+            let value = if is_stable { (quantity.of)(&row.metrics) } else { f64::NAN };
+            let in_errors = (value - measured.value) / measured.se;
+            let status = (!is_stable).then(|| row.status.name());
+            let says = !quantity.is_skid() || row.model.skids();
+            says.then_some(OfModel { value, in_errors, status })
+        });
+        let (symbol, unit) = (quantity.symbol, quantity.unit.trim());
+        Predicted { symbol, unit, measured, of_models: of_model.collect() }
+    });
+    (rows.iter().map(|row| row.model).collect(), of_quantity.collect())
 }
 
 /// Of every link, the parts of its frames that are measured, from other markers, interpolated and

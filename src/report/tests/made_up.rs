@@ -308,6 +308,7 @@ pub fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> TrialRo
         trial: format!("{campaign}-{omega:.2}-r1"),
         folder: "raw".to_owned(),
         id: format!("{campaign}-{omega:.2}-r1"),
+        file: format!("{campaign}-{omega:.2}-r1.csv"),
         campaign: campaign.to_owned(),
         kind: TrialKind::Gait,
         omega_commanded_rad_s: omega,

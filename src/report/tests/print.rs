@@ -52,7 +52,7 @@ fn size_of_svg(svg: &str) -> [f64; 2] {
 #[test]
 fn figures_come_out_at_the_width_with_text_of_the_size_that_are_asked_for() {
     for (stem, width_mm, font_pt) in
-        [("fig16", 88.9, 8.0), ("fig09", 88.9, 8.0), ("fig19", 180.0, 7.0)]
+        [("fig16", 88.9, 8.0), ("fig09", 88.9, 8.0), ("kinematic-skewed-sigma", 180.0, 7.0)]
     {
         let [svg, png, pdf] = printed(FigureWidth::Mm(width_mm), font_pt, stem);
         let found = size_of_svg(std::str::from_utf8(&svg).expect("text"));

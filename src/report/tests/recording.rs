@@ -63,6 +63,7 @@ pub fn write(derived: &Path, trial: &TrialRow) {
         start_s: i as f64 * period_s,
         metrics: trial.metrics,
         used: i >= 2,
+        reason: if i < 2 { "one of the first 2, taken for transient" } else { "" }.to_owned(),
     };
     let cycles: Vec<CycleRow> = (0..CYCLES).map(cycle).collect();
     save(&CycleRow::to_table(&cycles), &cycles_path(derived, name));
