@@ -88,7 +88,7 @@ pub fn history(data: &[u8]) {
     project.restore();
     let path = trilink::compare::history_path(&project.config.paths.reports);
     project.damage(&path, data);
-    let _ = trilink::compare::remember(&project.config.paths);
+    let _ = trilink::compare::remember(&project.config);
 }
 
 /// `up-to-date.json`: what it says was done is done or found not to be.

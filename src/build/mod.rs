@@ -38,7 +38,7 @@ pub use lock::{Lock, share, sweep};
 pub use merge::{Merged, merge};
 pub use part::Part;
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
-use plan::{Stage, plan, plan_after};
+use plan::{Stage, hash_of, plan, plan_after};
 use record::{RECORD_FILE, Record};
 use report::ReportStage;
 pub use shard::{fit_shard, ingest_shard};
@@ -211,7 +211,7 @@ pub fn run(
     let (mut sequence, _) = Sequence::new(config, options, watch);
     let remember_failure = |started: &str, status, why: &str| {
         // Why a run ended is to be said, not why that could not be recorded.
-        let problem = crate::compare::remember_failure(&config.paths, started, status, why);
+        let problem = crate::compare::remember_failure(config, started, status, why);
         problem.ok().flatten().iter().for_each(|problem| watch.note(problem));
     };
     if let Some(LastRun { status: RunStatus::Running, started, .. }) = LastRun::load(config) {
@@ -370,7 +370,7 @@ impl<'s> Sequence<'s> {
                 false => RunStatus::Ok,
             };
             self.record.run = Some(self.write_record(status, None, Some(&finished))?);
-            let remembered = crate::compare::remember(&config.paths);
+            let remembered = crate::compare::remember(config);
             let problem = |error| Some(format!("not in the history: {error}"));
             finished.history_problem = remembered.unwrap_or_else(problem);
         }
@@ -399,6 +399,8 @@ impl<'s> Sequence<'s> {
         let record = RunRecord {
             program: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
+            source: source(),
+            configuration: results_configuration(&self.config),
             status,
             error,
             started: &self.began_at,
@@ -412,6 +414,20 @@ impl<'s> Sequence<'s> {
         let json = serde_json::to_string_pretty(&record).expect("a record is plain data");
         write_bytes(&record_path(&self.config), (json + "\n").as_bytes())
     }
+}
+
+/// Hash of the source that makes the tables.
+fn source() -> String {
+    hash_of(&[IngestStage::SOURCE, FitStage::SOURCE])
+}
+
+/// Hash of the settings that results depend on, not places and looks.
+fn results_configuration(config: &Config) -> String {
+    let mut settings = serde_json::to_value(config).expect("a configuration is plain data");
+    if let Some(tables) = settings.as_object_mut() {
+        tables.retain(|name, _| !["paths", "report", "compare"].contains(&name.as_str()));
+    }
+    hash_of(&settings)
 }
 
 /// What a run would do: certainly if the stages before have nothing to do, else perhaps.

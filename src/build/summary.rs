@@ -13,6 +13,9 @@ use crate::store::{CheckRow, FitStatus, RunStatus, TrialRow, TrialStatus};
 pub(super) struct RunRecord<'r> {
     pub program: &'static str,
     pub version: &'static str,
+    /// Of the tables: hashes of the program's source and of the settings.
+    pub source: String,
+    pub configuration: String,
     pub status: RunStatus,
     /// Why it did not come to its end.
     #[serde(skip_serializing_if = "Option::is_none")]

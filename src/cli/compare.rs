@@ -50,6 +50,8 @@ pub(super) struct Compare {
 
 impl Compare {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+        // Tolerances for once are not those of the history.
+        let configured = context.config.clone();
         for line in &self.tolerance {
             set_tolerance(&mut context.config, line)?;
         }
@@ -62,7 +64,7 @@ impl Compare {
             None => {
                 let lock = hold(config, self.exclusive.wait, &watch)?;
                 check_finished(&lock, config, self.max_age)?;
-                if let Some(problem) = remember(paths)? {
+                if let Some(problem) = remember(&configured)? {
                     note!("{problem}");
                     outcome = Outcome::NeedsAttention;
                 }
@@ -115,7 +117,7 @@ impl Compare {
         }
         // Also those of a comparison that was killed before it came here.
         if lock.is_some() {
-            note_acceptances(paths, &accepted)?;
+            note_acceptances(&configured, &accepted)?;
         }
         Ok(outcome)
     }

@@ -1,17 +1,70 @@
 //! Figures of merit of every run, one below the other, so that a slow drift shows.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::means::campaigns;
-use super::snapshot::{Snapshot, number, text};
-use super::trend::{self, ACCEPTED, HistoryRow};
+use polars::prelude::Column;
+
+use super::judge::{HALF_WIDTH_95, StandardError};
+use super::means::{campaigns, mean};
+use super::snapshot::{MadeOf, Snapshot, number, text};
+use super::trend;
 use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
-use crate::config::Paths;
+use crate::config::Config;
 use crate::robot::Parameter;
-use crate::store::{
-    Columns as _, Provenance, Reader, RunStatus, StoreError, TrialStatus, repeated,
-};
+use crate::store::{Columns as _, Provenance, Reader, RunStatus, StoreError, TrialStatus, rows};
+
+rows! {
+    /// One figure of merit of one run, or something that happened: `history.parquet`.
+    pub struct HistoryRow {
+        /// When the run ended, UTC.
+        pub time: String,
+        /// Counts the runs.
+        pub run: i64,
+        /// How it ended; missing in histories from before this was kept.
+        pub status: Option<RunStatus>,
+        pub version: String,
+        /// What it was made with: hashes of the program's source, of the settings and of the
+        /// trials. Empty where that was not kept.
+        pub program: String,
+        pub configuration: String,
+        pub input: String,
+        /// Empty for what is of the whole run, as is the model.
+        pub campaign: String,
+        pub model: String,
+        pub quantity: String,
+        pub value: f64,
+        /// The 95 % interval.
+        pub lower: f64 as "lo",
+        pub upper: f64 as "hi",
+        /// Of the value, from run to run.
+        pub value_se: f64,
+        /// Why a run became the new baseline or did not come to its end, or a trial that came or is
+        /// gone; then nothing was measured.
+        pub note: String,
+    }
+}
+
+/// Columns that histories from before they were kept do not have.
+const ADDED: [&str; 7] = ["status", "program", "configuration", "input", "lo", "hi", "value_se"];
+
+impl HistoryRow {
+    /// Whether it has a figure of merit.
+    pub fn is_measured(&self) -> bool {
+        self.note.is_empty()
+    }
+}
+
+/// The quantity of a row that tells of a new baseline.
+pub const ACCEPTED: &str = "accepted";
+/// The same of a trial of the first run that knows its trials, and of one that came or is gone since.
+const TRIAL: &str = "trial";
+pub const CAME: &str = "trial came";
+pub const GONE: &str = "trial gone";
+/// The quantity of a trial's mean begins with this, and that of how many ended how.
+pub const MEAN: &str = "mean ";
+pub const TRIALS: &str = "trials ";
 
 const MEANS: [&str; 7] = [
     "d_m",
@@ -23,8 +76,7 @@ const MEANS: [&str; 7] = [
     "residual_mm",
 ];
 /// What is not the same when nothing has changed.
-const SECONDS: &str = "_s of run";
-const STATUS: &str = "status";
+pub const SECONDS: &str = "_s of run";
 
 /// Where the history lies.
 pub fn history_path(reports: &Path) -> PathBuf {
@@ -38,23 +90,26 @@ pub fn is_drawn(reports: &Path) -> bool {
     modified(history_path(reports)).is_some_and(|history| page.is_some_and(|page| page >= history))
 }
 
-/// Adds a run to the history, unless its figures are those of the run before, and draws the trends
-/// where that is not done. Gives what a person should know of the history that was there.
+/// Adds a run to the history, unless its figures are those of the run before, and draws the trends.
+/// Gives what a person should know of the history that was there.
 ///
 /// # Errors
 /// A table cannot be read, or a file not written.
-pub fn remember(paths: &Paths) -> Result<Option<String>, CompareError> {
+pub fn remember(config: &Config) -> Result<Option<String>, CompareError> {
+    let paths = &config.paths;
     let candidate = Snapshot::of_run(&paths.derived, &paths.reports)?;
     let History { mut rows, problem } = History::load(&paths.reports)?;
-    let last = rows.iter().rfind(|row| row.note.is_empty()).map_or(0, |row| row.run);
-    let new = figures_of_merit(&candidate, next_run(&rows));
-    let known = rows.iter().filter(|row| row.run == last && row.note.is_empty());
-    if !known.filter_map(merit).eq(new.iter().filter_map(merit)) {
-        rows.extend(new);
-        write(paths, &rows)?;
-    } else if !is_drawn(&paths.reports) {
-        trend::write(&paths.reports, &rows)?;
+    let whole = whole_run(&candidate, next_run(&rows));
+    let new = figures_of_merit(&candidate, &whole);
+    let last = last_run(&rows);
+    let known = rows.iter().filter(|row| row.run == last && row.is_measured());
+    if known.filter_map(merit).eq(new.iter().filter_map(merit)) {
+        trend::write(config, &rows)?;
+        return Ok(problem);
     }
+    let trials = changed_trials(&rows, &candidate, &whole);
+    rows.extend(new.into_iter().chain(trials));
+    write(config, &rows)?;
     Ok(problem)
 }
 
@@ -63,12 +118,12 @@ pub fn remember(paths: &Paths) -> Result<Option<String>, CompareError> {
 /// # Errors
 /// As [`remember`].
 pub fn remember_failure(
-    paths: &Paths,
+    config: &Config,
     started: &str,
     status: RunStatus,
     why: &str,
 ) -> Result<Option<String>, CompareError> {
-    let History { mut rows, problem } = History::load(&paths.reports)?;
+    let History { mut rows, problem } = History::load(&config.paths.reports)?;
     rows.push(HistoryRow {
         time: started.to_owned(),
         run: next_run(&rows),
@@ -77,7 +132,7 @@ pub fn remember_failure(
         note: why.to_owned(),
         ..HistoryRow::blank()
     });
-    write(paths, &rows)?;
+    write(config, &rows)?;
     Ok(problem)
 }
 
@@ -86,9 +141,9 @@ pub fn remember_failure(
 ///
 /// # Errors
 /// As [`remember`].
-pub fn note_acceptances(paths: &Paths, accepted: &[Acceptance]) -> Result<(), CompareError> {
-    let mut rows = History::load(&paths.reports)?.rows;
-    let (known, run) = (rows.clone(), rows.last().map_or(1, |row| row.run));
+pub fn note_acceptances(config: &Config, accepted: &[Acceptance]) -> Result<(), CompareError> {
+    let mut rows = History::load(&config.paths.reports)?.rows;
+    let (known, run) = (rows.clone(), last_run(&rows));
     let is_new = |acceptance: &&Acceptance| {
         let Acceptance { time, reason, .. } = acceptance;
         known.first().is_none_or(|first| first.time <= *time)
@@ -103,11 +158,16 @@ pub fn note_acceptances(paths: &Paths, accepted: &[Acceptance]) -> Result<(), Co
         note: acceptance.reason.clone(),
         ..HistoryRow::blank()
     }));
-    if rows.len() > known.len() { write(paths, &rows) } else { Ok(()) }
+    if rows.len() > known.len() { write(config, &rows) } else { Ok(()) }
 }
 
 fn next_run(rows: &[HistoryRow]) -> i64 {
     rows.iter().map(|row| row.run).max().unwrap_or(0) + 1
+}
+
+/// The last run that came to figures of merit; 0 if there is none.
+fn last_run(rows: &[HistoryRow]) -> i64 {
+    rows.iter().rfind(|row| row.is_measured()).map_or(0, |row| row.run)
 }
 
 /// The history as it is found.
@@ -122,12 +182,16 @@ impl History {
     fn load(reports: &Path) -> Result<Self, CompareError> {
         let path = history_path(reports);
         let rows = Reader::default().table(&path).and_then(|mut table| {
-            // A history from before there was this column.
-            if table.frame.column(STATUS).is_err() {
-                let rows = table.frame.height();
-                table.frame.with_column(repeated(STATUS, "", rows)).map_err(|error| {
-                    StoreError::Table { path: path.clone(), message: error.to_string() }
-                })?;
+            let sound = HistoryRow::to_table(&[]).frame;
+            for column in sound.columns() {
+                let (name, rows) = (column.name(), table.frame.height());
+                if ADDED.contains(&name.as_str()) && table.frame.column(name).is_err() {
+                    let missing = Column::full_null(name.clone(), rows, column.dtype());
+                    table.frame.with_column(missing).map_err(|error| StoreError::Table {
+                        path: path.clone(),
+                        message: error.to_string(),
+                    })?;
+                }
             }
             HistoryRow::from_table(&table)
         });
@@ -151,10 +215,11 @@ impl History {
     }
 }
 
-fn write(paths: &Paths, rows: &[HistoryRow]) -> Result<(), CompareError> {
+fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareError> {
     let provenance = Provenance { input: "runs".to_owned() };
-    HistoryRow::to_table(rows).write(&history_path(&paths.reports), &provenance)?;
-    trend::write(&paths.reports, rows)
+    let path = history_path(&config.paths.reports);
+    HistoryRow::to_table(rows).write(&path, &provenance)?;
+    trend::write(config, rows)
 }
 
 /// What is the same when nothing has changed.
@@ -164,27 +229,52 @@ fn merit(row: &HistoryRow) -> Option<([&str; 4], u64)> {
     (!quantity.ends_with(SECONDS)).then_some((of, value.to_bits()))
 }
 
-fn figures_of_merit(candidate: &Snapshot, run: i64) -> Vec<HistoryRow> {
-    let whole = HistoryRow {
-        time: utc_now(),
+/// What is the same of all rows of a run.
+fn whole_run(candidate: &Snapshot, run: i64) -> HistoryRow {
+    let MadeOf { ended, program, configuration, input } = candidate.made_of.clone();
+    HistoryRow {
+        time: if ended.is_empty() { utc_now() } else { ended },
         run,
         status: candidate.status,
         version: candidate.version.clone(),
+        program,
+        configuration,
+        input,
         ..HistoryRow::blank()
-    };
+    }
+}
+
+fn figures_of_merit(candidate: &Snapshot, whole: &HistoryRow) -> Vec<HistoryRow> {
     let mut rows = Vec::new();
-    let mut add = |campaign: &str, model: &str, quantity: &str, value: f64| {
-        let [campaign, model, quantity] = [campaign, model, quantity].map(str::to_owned);
-        let row = HistoryRow { campaign, model, quantity, value, ..whole.clone() };
+    let mut add = |of: [&str; 3], value: f64, [lower, upper]: [f64; 2], value_se: f64| {
+        let [campaign, model, quantity] = of.map(str::to_owned);
+        let row = HistoryRow {
+            campaign,
+            model,
+            quantity,
+            value,
+            lower,
+            upper,
+            value_se,
+            ..whole.clone()
+        };
         rows.extend(value.is_finite().then_some(row));
     };
+    const UNKNOWN: [f64; 2] = [f64::NAN; 2];
     let trials = candidate.records("trials");
     for campaign in campaigns(trials) {
         let of_campaign = trials.values().filter(|trial| text(trial, "campaign") == campaign);
         for quantity in MEANS {
-            let values = of_campaign.clone().filter_map(|trial| number(trial, quantity));
-            let (sum, count) = values.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
-            add(campaign, "", &format!("mean {quantity}"), sum / count);
+            let value = |trial| {
+                let unknown = StandardError { error: f64::NAN, freedom: f64::INFINITY };
+                let error = StandardError::of(quantity, trial).unwrap_or(unknown);
+                Some((number(trial, quantity)?, error))
+            };
+            let values: Vec<_> = of_campaign.clone().filter_map(value).collect();
+            let Some((value, of_mean)) = mean(values.into_iter()) else { continue };
+            let half = HALF_WIDTH_95 * of_mean.error;
+            let name = format!("{MEAN}{quantity}");
+            add([campaign, "", &name], value, [value - half, value + half], of_mean.error);
         }
     }
     for fit in candidate.records("fits").values() {
@@ -193,15 +283,44 @@ fn figures_of_merit(candidate: &Snapshot, run: i64) -> Vec<HistoryRow> {
         let fitted = Parameter::ALL.map(Parameter::name);
         let fitted = fitted.into_iter().filter(|parameter| free.contains(parameter));
         for quantity in std::iter::once("j").chain(fitted) {
-            add(campaign, model, quantity, number(fit, quantity).unwrap_or(f64::NAN));
+            let of = |name: &str| number(fit, name).unwrap_or(f64::NAN);
+            let limits = ["lo", "hi"].map(|end| of(&format!("{quantity}_{end}")));
+            let error = StandardError::of(quantity, fit).map_or(f64::NAN, |of| of.error);
+            add([campaign, model, quantity], of(quantity), limits, error);
         }
     }
     for status in TrialStatus::ALL.map(TrialStatus::name) {
         let count = trials.values().filter(|trial| text(trial, "status") == status).count();
-        add("", "", &format!("trials {status}"), count as f64);
+        add(["", "", &format!("{TRIALS}{status}")], count as f64, UNKNOWN, f64::NAN);
     }
     for (stage, seconds) in &candidate.stages {
-        add("", "", &format!("{stage}{SECONDS}"), *seconds);
+        add(["", "", &format!("{stage}{SECONDS}")], *seconds, UNKNOWN, f64::NAN);
     }
     rows
+}
+
+/// Rows of trials that came or are gone since the runs before; of all trials, if these do not know
+/// theirs.
+fn changed_trials(
+    rows: &[HistoryRow],
+    candidate: &Snapshot,
+    whole: &HistoryRow,
+) -> Vec<HistoryRow> {
+    let mut known = BTreeSet::new();
+    for HistoryRow { quantity, note, .. } in rows {
+        match quantity.as_str() {
+            TRIAL | CAME => drop(known.insert(note)),
+            GONE => drop(known.remove(note)),
+            _ => {}
+        }
+    }
+    let trials = candidate.records("trials");
+    let came = trials.keys().filter(|trial| !known.contains(trial));
+    let gone = known.iter().filter(|trial| !trials.contains_key(**trial));
+    let row = |quantity: &str, trial: &String| {
+        let (quantity, note) = (quantity.to_owned(), trial.clone());
+        HistoryRow { quantity, note, ..whole.clone() }
+    };
+    let new = if known.is_empty() { TRIAL } else { CAME };
+    came.map(|trial| row(new, trial)).chain(gone.map(|trial| row(GONE, trial))).collect()
 }

@@ -4,7 +4,7 @@ use super::snapshot::{Record, number};
 use crate::config::Tolerance;
 
 /// Half the width of a 95 % interval in standard errors.
-const HALF_WIDTH_95: f64 = 1.96;
+pub const HALF_WIDTH_95: f64 = 1.96;
 
 /// The outcome of a comparison of two values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -50,6 +50,17 @@ pub fn judge(
         (_, _, false) => Verdict::NotJudged,
     };
     Judged { verdict, limit: Some(limit).filter(|limit| limit.is_finite()), errors }
+}
+
+/// The largest difference from a baseline that is within a tolerance, where the difference has this
+/// standard error; `None` if it takes an error that is not known.
+pub fn limit(tolerance: Tolerance, baseline: f64, error: f64) -> Option<f64> {
+    let by_errors = tolerance.standard_errors.map(|most| most * error);
+    if by_errors.is_some_and(f64::is_nan) {
+        return None;
+    }
+    let relative = tolerance.relative.map(|part| part * baseline.abs());
+    [tolerance.absolute, relative, by_errors].into_iter().flatten().reduce(f64::max)
 }
 
 /// The standard error of a difference.
@@ -157,5 +168,16 @@ mod tests {
             );
         }
         assert_eq!(judge(absolute, [1.0, 1.6], None).limit, Some(0.5));
+        for (tolerance, error, expected) in [
+            (absolute, f64::NAN, Some(0.5)),
+            (relative, f64::NAN, Some(0.4)),
+            (errors, 0.1, Some(0.3)),
+            (errors, f64::NAN, None),
+            (both, 0.1, Some(0.4)),
+            (none, 0.1, None),
+        ] {
+            let found = limit(tolerance, -4.0, error);
+            assert!(found == expected || (found.unwrap() - expected.unwrap()).abs() < 1e-12);
+        }
     }
 }

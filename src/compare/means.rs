@@ -55,7 +55,7 @@ pub fn campaigns(trials: &Records) -> BTreeSet<&str> {
 }
 
 /// A mean and its standard error.
-fn mean(
+pub fn mean(
     values: impl ExactSizeIterator<Item = (f64, StandardError)>,
 ) -> Option<(f64, StandardError)> {
     let count = values.len() as f64;

@@ -9,16 +9,19 @@ mod files;
 mod history;
 mod judge;
 mod means;
+mod runs;
 mod snapshot;
+mod steps;
 mod trend;
 
 use std::path::PathBuf;
 
 pub use files::{changes, junit, page, to_json};
-pub use history::{history_path, is_drawn, note_acceptances, remember, remember_failure};
+pub use history::{
+    HistoryRow, history_path, is_drawn, note_acceptances, remember, remember_failure,
+};
 pub use judge::{Judged, Verdict};
 pub use snapshot::{Acceptance, Record, Records, Snapshot, tables_folder};
-pub use trend::HistoryRow;
 
 use serde::Serialize;
 use serde_json::Value as Json;

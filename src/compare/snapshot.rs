@@ -10,7 +10,7 @@ use serde_json::Value as Json;
 
 use super::CompareError;
 use crate::named::Named as _;
-use crate::store::{PredictionSource, Reader, RunStatus, StoreError, write_bytes};
+use crate::store::{PredictionSource, Reader, RunStatus, StoreError, Table, write_bytes};
 
 /// Tables whose rows are compared, and the columns that name a row.
 const TABLES: [(&str, &[&str]); 3] =
@@ -46,6 +46,16 @@ pub struct Acceptance {
     pub differences: usize,
 }
 
+/// When a run ended and what it was made with: hashes of the program's source, of the settings and
+/// of the trials. What is not known is empty.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct MadeOf {
+    pub ended: String,
+    pub program: String,
+    pub configuration: String,
+    pub input: String,
+}
+
 /// The results of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
@@ -59,6 +69,8 @@ pub struct Snapshot {
     /// How the run ended, if that is known.
     #[serde(skip)]
     pub status: Option<RunStatus>,
+    #[serde(skip)]
+    pub made_of: MadeOf,
     pub tables: BTreeMap<String, Records>,
 }
 
@@ -106,6 +118,10 @@ impl Snapshot {
         let record: Json = read_json(&reports.join("run.json"))?.unwrap_or_default();
         run.status = record["status"].as_str().and_then(RunStatus::of_name);
         run.stages = stages(&record);
+        let text = |key: &str| record[key].as_str().unwrap_or_default().to_owned();
+        run.made_of.ended = text("ended");
+        run.made_of.program = text("source");
+        run.made_of.configuration = text("configuration");
         Ok(run)
     }
 
@@ -114,30 +130,35 @@ impl Snapshot {
     /// # Errors
     /// As [`Snapshot::of_run`].
     pub fn of_tables(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
-        let mut tables = BTreeMap::new();
+        let (mut tables, mut input) = (BTreeMap::new(), String::new());
         for (table, key) in TABLES {
-            let rows = match rows(&derived.join(format!("{table}.parquet")), key, reader) {
-                Err(error) if error.is_not_there() && table != "trials" => continue,
-                rows => rows?,
-            };
+            let (rows, of_table) =
+                match rows(&derived.join(format!("{table}.parquet")), key, reader) {
+                    Err(error) if error.is_not_there() && table != "trials" => continue,
+                    rows => rows?,
+                };
             let name = |row: &Record| {
                 key.iter().map(|column| text(row, column)).collect::<Vec<_>>().join(" ")
             };
             let named = rows.into_iter().map(|row| (name(&row), row));
             tables.insert(table.to_owned(), named.collect());
+            if table == "trials" {
+                input = of_table;
+            }
         }
         tables.get_mut("fits").into_iter().flat_map(Records::values_mut).for_each(add_widths);
         let path = derived.join("predictions.parquet");
         match rows(&path, &["campaign", "model", "source"], reader) {
             Err(error) if error.is_not_there() => {}
             rows => {
-                let rows = predictions(rows?, &tables["trials"]);
+                let rows = predictions(rows?.0, &tables["trials"]);
                 tables.insert("predictions".to_owned(), rows);
             }
         }
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let (accepted, stages) = (Vec::new(), BTreeMap::new());
-        Ok(Self { format: FORMAT, version, accepted, stages, status: None, tables })
+        let made_of = MadeOf { input, ..MadeOf::default() };
+        Ok(Self { format: FORMAT, version, accepted, stages, status: None, made_of, tables })
     }
 
     /// Writes it whole or not at all; a record a line, so that versions of it can be compared.
@@ -193,9 +214,13 @@ fn line(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// The rows of a table that has some columns.
-fn rows(path: &Path, needed: &[&str], reader: &Reader) -> Result<Vec<Record>, StoreError> {
-    let frame = reader.table(path)?.frame;
+/// The rows of a table that has some columns, and the fingerprint of what it was made of.
+fn rows(
+    path: &Path,
+    needed: &[&str],
+    reader: &Reader,
+) -> Result<(Vec<Record>, String), StoreError> {
+    let Table { frame, input, .. } = reader.table(path)?;
     if let Some(missing) = needed.iter().find(|name| frame.column(name).is_err()) {
         let (path, column) = (path.to_owned(), (*missing).to_owned());
         let found = "no such column".to_owned();
@@ -213,7 +238,7 @@ fn rows(path: &Path, needed: &[&str], reader: &Reader) -> Result<Vec<Record>, St
             row.insert(column.name().to_string(), value);
         }
     }
-    Ok(rows)
+    Ok((rows, input.unwrap_or_default()))
 }
 
 /// Adds the widths of a record's 95 % intervals.

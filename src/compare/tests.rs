@@ -1,5 +1,7 @@
 //! Comparisons of made-up runs.
 
+mod history;
+
 use crate::config::Config;
 
 use super::*;
@@ -35,6 +37,7 @@ fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
         accepted: Vec::new(),
         stages: [("fit".to_owned(), 10.0)].into(),
         status: None,
+        made_of: Default::default(),
         tables: [
             ("trials".to_owned(), trials),
             ("fits".to_owned(), [("symmetric skid-roll".to_owned(), fit)].into()),

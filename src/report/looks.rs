@@ -25,6 +25,15 @@ pub mod colours {
     pub const TREND: RGBColor = super::okabe_ito::BLUE;
 }
 
+/// The baseline of a trend, the trend of very many runs, and a run.
+pub mod trends {
+    use super::{DASHES, Look, SOLID, Shape, colours, line};
+    pub const BASELINE: Look = line(colours::BASELINE, DASHES);
+    pub const TREND: Look = line(colours::TREND, SOLID);
+    pub const RUN: Look =
+        Look::Marker { colour: colours::TREND, shape: Shape::Circle, filled: true };
+}
+
 /// An interval behind a line, and a part of it.
 pub const BAND: RGBColor = RGBColor(232, 240, 246);
 pub const INNER_BAND: RGBColor = RGBColor(206, 223, 236);

@@ -37,7 +37,7 @@ use crate::store::{Stamp, StoreError, write_if_changed};
 pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
 pub use input::ReportInput;
-pub(crate) use looks::colours;
+pub(crate) use looks::{colours, trends};
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{fill, image};
 pub use trials::page_of;

@@ -68,12 +68,15 @@ pub struct Axis {
     is_whole: bool,
     pub range: Range,
     pub ticks: Vec<f64>,
+    /// What ticks are called, if not by their numbers.
+    names: Vec<(f64, String)>,
 }
 
 impl Axis {
     /// An axis without ticks.
     pub fn linear(range: Range) -> Self {
-        Self { is_logarithmic: false, is_whole: false, range, ticks: Vec::new() }
+        let (ticks, names) = (Vec::new(), Vec::new());
+        Self { is_logarithmic: false, is_whole: false, range, ticks, names }
     }
 
     /// An axis with room for all finite values, or for those within `shown`.
@@ -98,6 +101,16 @@ impl Axis {
         Self { is_logarithmic, is_whole, ..Self::linear(Range { low, high: high + margin }) }
     }
 
+    /// It with names of ticks, in order; there are no others, if there are any.
+    pub fn named(self, names: &[(f64, String)]) -> Self {
+        Self { names: names.to_vec(), ..self }
+    }
+
+    fn name(&self, tick: f64) -> Option<&str> {
+        let index = self.names.binary_search_by(|(known, _)| known.total_cmp(&tick)).ok()?;
+        Some(&self.names[index].1)
+    }
+
     /// Makes units of two axes of `width` and `height` px equally long, by giving one axis more
     /// room.
     pub fn equalise(x: &mut Self, y: &mut Self, width: f64, height: f64) {
@@ -111,7 +124,11 @@ impl Axis {
 
     /// Sets at most so many ticks, fewer if these do not satisfy `have_room`, but two if there are.
     pub fn set_ticks(&mut self, most: usize, have_room: impl Fn(&Self) -> bool) {
-        let ticks = if self.is_logarithmic { Self::logarithmic_ticks } else { Self::linear_ticks };
+        let ticks = match (self.names.is_empty(), self.is_logarithmic) {
+            (false, _) => Self::named_ticks,
+            (true, true) => Self::logarithmic_ticks,
+            (true, false) => Self::linear_ticks,
+        };
         for most in (1..=most).rev() {
             let found = ticks(self, most);
             let is_last = found.len() < 2 && self.ticks.len() > 1;
@@ -123,6 +140,11 @@ impl Axis {
                 break;
             }
         }
+    }
+
+    fn named_ticks(&self, most: usize) -> Vec<f64> {
+        let every = self.names.len().div_ceil(most);
+        self.names.iter().step_by(every).map(|(tick, _)| *tick).collect()
     }
 
     fn linear_ticks(&self, most: usize) -> Vec<f64> {
@@ -176,6 +198,12 @@ impl Ranged for Axis {
 impl ValueFormatter<f64> for Axis {
     /// With as many decimals as any of the ticks needs.
     fn format_ext(&self, tick: &f64) -> String {
+        if let Some(name) = self.name(*tick) {
+            // Neighbours of one name have it once.
+            let before = self.ticks.iter().rev().find(|before| *before < tick);
+            let is_new = before.is_none_or(|before| self.name(*before) != Some(name));
+            return if is_new { name.to_owned() } else { String::new() };
+        }
         let value = if self.is_logarithmic { 10_f64.powf(*tick) } else { *tick };
         let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
         let [low, high] = extremes(self.ticks.iter().copied());
@@ -219,6 +247,20 @@ mod tests {
         axis.set_ticks(5, |_| true);
         let labels: Vec<String> = axis.ticks.iter().map(|tick| axis.format_ext(tick)).collect();
         assert_eq!(labels, ["20", "50", "100"]);
+    }
+
+    #[test]
+    fn ticks_that_have_names_stand_where_these_are() {
+        let names = ["1 Nov", "1 Nov", "2 Nov", "3 Nov"];
+        let names: Vec<(f64, String)> =
+            (1..).map(f64::from).zip(names.map(str::to_owned)).collect();
+        for (last, expected) in [(1, &["1 Nov"][..]), (4, &["1 Nov", "", "2 Nov", "3 Nov"])] {
+            let values: Vec<f64> = (1..=last).map(f64::from).collect();
+            let mut axis = Axis::new(&values, None, Scale::Whole).named(&names[..last as usize]);
+            axis.set_ticks(6, |_| true);
+            let labels: Vec<String> = axis.ticks.iter().map(|tick| axis.format_ext(tick)).collect();
+            assert_eq!(labels, expected);
+        }
     }
 
     #[test]

@@ -37,6 +37,8 @@ pub struct Panel {
     pub layers: Vec<Layer>,
     pub x_scale: Scale,
     pub y_scale: Scale,
+    /// What ticks at these whole numbers are called, in order; there are no others.
+    pub x_names: Vec<(f64, String)>,
     /// What the vertical axis has to show, if not all values.
     pub shown: Option<Range>,
     /// Lines of text in the panel's upper right corner.

@@ -94,11 +94,12 @@ impl<'b> Frame<'b> {
         self.area.draw(&Markup("</g>\n".to_owned()))
     }
 
-    /// Draws a layer as a group of its name, with the numbers of its markers or of its band.
+    /// Draws a layer as a group of its name, with the numbers of its markers, of points that have
+    /// names or of its band.
     pub fn draw_group(&self, layer: &Layer) -> Drawn {
         let (name, mut numbers) = (escaped(&layer.name), String::new());
         let short = |value: f64| format!("{value:.4e}").parse::<f64>().unwrap_or(value);
-        if matches!(layer.look, Look::Marker { .. }) {
+        if matches!(layer.look, Look::Marker { .. }) || !layer.trials.is_empty() {
             let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
             let line = |i: usize| {
                 let (Point { x, y, error }, trial) = (layer.points[i], layer.trials.get(i));

@@ -1,6 +1,6 @@
 "use strict";
 // Figures: legends switch series on and off; pointer, and in a panel that has the focus the arrow
-// keys, find values; a click or Enter on a measured point goes to its trial. Nothing here is
+// keys, find values; a click or Enter on a measured point goes to its trial or run. Nothing here is
 // needed to read a page.
 (() => {
   const tip = document.createElement("div");
@@ -8,7 +8,7 @@
   tip.setAttribute("role", "status");
   tip.hidden = true;
   document.body.append(tip);
-  const pages = new Map([...document.querySelectorAll('a[href^="trials/"]')]
+  const pages = new Map([...document.querySelectorAll('a[href^="trials/"], a[href^="#run-"]')]
     .map(link => [link.textContent, link.href]));
 
   const button = (element, label, act) => {

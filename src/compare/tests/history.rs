@@ -1,0 +1,239 @@
+//! Histories of made-up runs.
+
+use std::path::Path;
+
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Normal};
+
+use crate::compare::history::{ACCEPTED, CAME, GONE, HistoryRow, history_path, remember};
+use crate::compare::trend;
+use crate::config::Config;
+use crate::metrics::GaitMetrics;
+use crate::robot::{ByParameter, Parameter};
+use crate::store::{
+    Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, numbers, texts,
+};
+
+fn config(folder: &Path) -> Config {
+    let mut config = Config::default();
+    config.paths.start_at(folder);
+    std::fs::create_dir_all(&config.paths.reports).unwrap();
+    config
+}
+
+/// A run of 12 November 2026 and the nights after it.
+fn run(number: i64) -> HistoryRow {
+    let start = chrono::NaiveDate::from_ymd_opt(2026, 11, 11).unwrap();
+    let day = start + chrono::Days::new(number as u64);
+    HistoryRow {
+        time: format!("{day}T02:31:07Z"),
+        run: number,
+        status: Some(RunStatus::Ok),
+        version: "0.1.0".to_owned(),
+        program: "0123456789abcdef".to_owned(),
+        configuration: "fedcba9876543210".to_owned(),
+        ..HistoryRow::blank()
+    }
+}
+
+/// Runs of a coefficient of 100 with a standard error of 0.5, and of one that has another level
+/// from a run on.
+fn runs(count: i64, seed: u64, step: Option<(i64, f64)>) -> Vec<HistoryRow> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let normal = Normal::new(100.0, 0.5).unwrap();
+    let mut rows = Vec::new();
+    for number in 1..=count {
+        let shift = step.filter(|(from, _)| number >= *from).map_or(0.0, |(_, shift)| shift);
+        for (quantity, shift) in [("skid0_kg_s", 0.0), ("skid1_kg_s", shift)] {
+            let value = normal.sample(&mut random) + shift;
+            rows.push(HistoryRow {
+                campaign: "skewed".to_owned(),
+                model: "skid-roll".to_owned(),
+                quantity: quantity.to_owned(),
+                value,
+                lower: value - 2.0,
+                upper: value + 2.0,
+                value_se: 0.5,
+                ..run(number)
+            });
+        }
+        for (quantity, value) in
+            [("trials ok", 12.0), ("trials failed", 0.0), ("fit_s of run", 3.5)]
+        {
+            rows.push(HistoryRow { quantity: quantity.to_owned(), value, ..run(number) });
+        }
+    }
+    rows
+}
+
+fn event(number: i64, quantity: &str, note: &str) -> HistoryRow {
+    HistoryRow { quantity: quantity.to_owned(), note: note.to_owned(), value: 3.0, ..run(number) }
+}
+
+/// The page of a history, with single spaces.
+fn page(rows: &[HistoryRow]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let config = config(folder.path());
+    trend::write(&config, rows).unwrap();
+    let page = std::fs::read_to_string(config.paths.reports.join(trend::PAGE)).unwrap();
+    page.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+const NO_STEP: &str = "No figure of merit has gone to another level";
+
+#[test]
+fn a_planted_step_is_named_with_its_run_and_what_changed_with_it() {
+    let mut rows = runs(40, 1, Some((21, 10.0)));
+    let step = |rows: &[HistoryRow]| {
+        let page = page(rows);
+        let (_, steps) = page.split_once("<h2 id=\"steps\">").unwrap();
+        steps.split_once("</section>").unwrap().0.to_owned()
+    };
+    let unchanged = step(&rows);
+    for said in [
+        "<strong>skid-roll: skid1_kg_s</strong> of skewed rose by ",
+        "On 2026-12-02 in <a href=\"#run-21\">run 21</a> (neither the program, the configuration nor the trials changed)",
+    ] {
+        assert!(unchanged.contains(said), "{unchanged}");
+    }
+    assert_eq!(unchanged.matches("<li>").count(), 1, "{unchanged}");
+    let from = rows.iter().position(|row| row.run == 21).unwrap();
+    let mut change = |to: fn(&mut HistoryRow), said: &str| {
+        rows[from..].iter_mut().for_each(to);
+        let found = step(&rows);
+        assert!(found.contains(said), "{said}: {found}");
+    };
+    change(|row| row.input = "other files".to_owned(), "(neither the program");
+    change(|row| row.program = "another".to_owned(), "run 21</a> (the program changed)");
+    let both = "(the program changed; the configuration changed)";
+    change(|row| row.configuration = "another".to_owned(), both);
+    let newer = "(trilink 0.2.0 in place of 0.1.0; the configuration changed)";
+    change(|row| row.version = "0.2.0".to_owned(), newer);
+    change(
+        |row| {
+            (row.program, row.configuration, row.version) =
+                (String::new(), String::new(), "0.1.0".to_owned())
+        },
+        "(what changed was not kept)",
+    );
+
+    // Files alone, and trials.
+    let mut rows = runs(40, 1, Some((21, 10.0)));
+    rows.iter_mut().for_each(|row| row.input = if row.run < 21 { "one" } else { "two" }.to_owned());
+    assert!(step(&rows).contains("(files of the trials changed)"));
+    rows.extend(["a", "b", "<c>", "d"].map(|trial| event(21, CAME, trial)));
+    rows.push(event(21, GONE, "e"));
+    let named = "(4 trials came: a, b, &lt;c&gt;, ...; 1 trial went: e)";
+    assert!(step(&rows).contains(named), "{}", step(&rows));
+}
+
+#[test]
+fn noise_alone_names_no_step() {
+    let wrong = (0..200).filter(|seed| !page(&runs(30, *seed, None)).contains(NO_STEP)).count();
+    println!("{wrong} of 200 histories of 30 runs name a step that is none");
+    assert_eq!(wrong, 0);
+}
+
+#[test]
+fn the_page_marks_baselines_their_tolerance_and_every_run() {
+    let mut rows = runs(30, 2, Some((25, 10.0)));
+    let bare = page(&rows);
+    const BASELINE: &str = "data-name=\"accepted baseline and tolerance\"";
+    assert!(!bare.contains(BASELINE) && !bare.contains("Accepted as new baselines"));
+    rows.push(event(10, ACCEPTED, "new tyres"));
+    rows.push(HistoryRow {
+        note: "trials.toml: gone".to_owned(),
+        status: Some(RunStatus::Failed),
+        ..run(31)
+    });
+    let page = page(&rows);
+    assert!(page.contains(&format!("<g {BASELINE} data-band=")), "the band");
+    assert!(page.contains("run 10</a>: new tyres <span class=\"soft\">(3 differences"));
+    for number in 1..=31 {
+        let day = run(number).time[..10].to_owned();
+        let row = format!(
+            "<tr id=\"run-{number}\" tabindex=\"-1\"><th scope=\"row\"><a href=\"#run-{number}\">run {number}, {day} 02:31</a>"
+        );
+        assert!(page.contains(&row), "{row}");
+        // The same name stands at the point, for the script.
+        assert!(number == 31 || page.contains(&format!(" run {number}, {day} 02:31 ")), "{number}");
+    }
+    assert!(page.contains(">12 ok</td>") && page.contains("trials.toml: gone"));
+    assert!(page.contains("out of tolerance</span> since <a href=\"#run-25\">run 25</a>"));
+    // Days stand on the axis, and no parts of runs.
+    assert!(page.contains(" Dec</text>") && !page.contains(">0.5</text>"));
+    let one = self::page(&runs(1, 1, None));
+    assert!(one.contains(">12 Nov</text>") && !one.contains(">0.9995<") && one.contains(NO_STEP));
+    let none = self::page(&[]);
+    assert!(none.contains("0 runs") && none.contains(NO_STEP));
+}
+
+#[test]
+fn a_thousand_runs_are_one_page_of_bounded_size() {
+    let rows = runs(1000, 3, Some((700, 10.0)));
+    let start = std::time::Instant::now();
+    let page = page(&rows);
+    println!("{} bytes in {:?}", page.len(), start.elapsed());
+    assert!(page.len() < 1_500_000, "{}", page.len());
+    assert!(page.contains("<a href=\"#run-700\">run 700</a>") && page.contains("id=\"run-1\""));
+    assert!(page.contains("<g data-name=\"run, 95 % interval\" data-band="), "intervals as a band");
+}
+
+#[test]
+fn a_history_of_former_columns_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = config(folder.path());
+    let rows = runs(3, 1, None);
+    let text = |name: &str, of: fn(&HistoryRow) -> &str| texts(name, rows.iter().map(of));
+    let former = Table::new(vec![
+        text("time", |row| &row.time),
+        Column::new("run".into(), rows.iter().map(|row| row.run).collect::<Vec<_>>()),
+        text("version", |row| &row.version),
+        text("campaign", |row| &row.campaign),
+        text("model", |row| &row.model),
+        text("quantity", |row| &row.quantity),
+        numbers("value", rows.iter().map(|row| row.value).collect()),
+        text("note", |row| &row.note),
+    ]);
+    let path = history_path(&config.paths.reports);
+    former.write(&path, &Provenance { input: "runs".to_owned() }).unwrap();
+    let trial = TrialRow {
+        trial: "a".to_owned(),
+        campaign: "skewed".to_owned(),
+        metrics: GaitMetrics { d_m: 0.4, ..GaitMetrics::blank() },
+        metrics_se: GaitMetrics { d_m: 0.001, ..GaitMetrics::blank() },
+        ..TrialRow::blank()
+    };
+    let of_skid0 = |value: f64| {
+        ByParameter::from_fn(|of| if of == Parameter::Skid0 { value } else { f64::NAN })
+    };
+    let fit = FitRow {
+        campaign: "skewed".to_owned(),
+        free: vec![Parameter::Skid0],
+        parameters: of_skid0(101.0),
+        lower: of_skid0(99.0),
+        upper: of_skid0(103.0),
+        ..FitRow::blank()
+    };
+    let derived = &config.paths.derived;
+    let made = Provenance { input: "made up".to_owned() };
+    TrialRow::to_table(&[trial]).write(&derived.join("trials.parquet"), &made).unwrap();
+    FitRow::to_table(&[fit]).write(&derived.join("fits.parquet"), &made).unwrap();
+    assert_eq!(remember(&config).unwrap(), None, "it is not damaged");
+    let all = HistoryRow::from_table(&Table::read(&path).unwrap()).unwrap();
+    assert_eq!(all.iter().map(|row| row.run).max(), Some(4));
+    for (known, row) in rows.iter().zip(&all) {
+        let HistoryRow { time, run, version, quantity, value, .. } = known;
+        assert_eq!(
+            (time, run, version, quantity, value),
+            (&row.time, &row.run, &row.version, &row.quantity, &row.value)
+        );
+        assert!(row.status.is_none() && row.lower.is_nan() && row.program.is_empty());
+    }
+    let fourth: Vec<&HistoryRow> = all.iter().filter(|row| row.run == 4).collect();
+    assert!(fourth.iter().any(|row| row.quantity == "trial"), "the trials that there are");
+    assert!(!fourth.iter().any(|row| row.quantity == CAME), "no trial came");
+    let fitted = fourth.iter().find(|row| row.quantity == "skid0_kg_s").unwrap();
+    assert!(fitted.lower < fitted.value && fitted.upper > fitted.value && fitted.value_se > 0.0);
+}
