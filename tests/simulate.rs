@@ -147,9 +147,11 @@ fn a_singular_gait_has_no_numbers_but_a_reason() {
     }
     assert_eq!(answer["sigma"], serde_json::json!([null, null, null]));
 
-    let output = trilink(folder.path(), &simulate);
+    let output = trilink(folder.path(), &[&simulate[..], &["--page", "motion.html"]].concat());
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stdout).contains("singular: "));
+    assert!(text(&output.stderr).contains("motion.html: not written: "));
+    assert!(!folder.path().join("motion.html").exists());
 }
 
 #[test]
@@ -343,5 +345,97 @@ fn a_trajectory_that_cannot_be_written_is_an_error_and_leaves_nothing() {
     for samples in ["0", "7", "x"] {
         let output = trilink(folder.path(), &[&arguments[..], &["--samples", samples]].concat());
         assert_eq!(output.status.code(), Some(2));
+    }
+}
+
+/// What the script of a page that `--page` wrote is given.
+fn replay_of(page: &str) -> Value {
+    let start = "<script type=\"application/json\">";
+    let from = page.find(start).expect("a replay") + start.len();
+    serde_json::from_str(&page[from..][..page[from..].find("</script>").unwrap()]).expect("JSON")
+}
+
+/// Whole numbers from their differences, in SI units.
+fn sums(differences: &Value) -> Vec<f64> {
+    let mut sum = 0;
+    let mut add = |step: &Value| {
+        sum += step.as_i64().expect("a whole number");
+        1e-4 * sum as f64
+    };
+    differences.as_array().expect("an array").iter().map(&mut add).collect()
+}
+
+#[test]
+fn a_page_plays_the_way_from_rest_with_its_forces_and_needs_nothing_else() {
+    let folder = empty_folder();
+    let motion = ["kinematic-skewed", "--model", "skid-roll", "--omega", "3.9"];
+    let arguments = [&["simulate"], &motion[..], &["--json", "--page", "motion.html"]].concat();
+    let answers: Value = serde_json::from_str(&succeed(folder.path(), &arguments)).unwrap();
+    let page = std::fs::read_to_string(folder.path().join("motion.html")).unwrap();
+    for outside in ["http:", "https:", "<script src", "<link"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    assert!(page.contains("role=\"img\" aria-label=\"Motion of kinematic-skewed, skid-roll, 3.9"));
+    let replay = replay_of(&page);
+    let time_s = sums(&replay["time"]);
+    let settled = answers[0]["cycles_to_settle"].as_u64().expect("it settles") as usize;
+    let frames = 299 / (settled + 2);
+    assert_eq!(time_s.len(), frames * (settled + 2) + 1);
+    assert!(page.contains(&format!("shown are {} cycles, {frames} frames each.", settled + 2)));
+
+    let stride = 240_usize.div_ceil(frames);
+    let samples = (frames * stride).to_string();
+    let rest = [&motion[..], &["--from-rest", "--samples", samples.as_str()]].concat();
+    let (rows, _) = trajectory(folder.path(), &rest);
+    assert_eq!(rows.len(), (settled + 1) * frames * stride + 1);
+    let of = |name: &str| {
+        let quantities = replay["quantities"].as_array().unwrap();
+        let found = quantities.iter().find(|quantity| quantity["name"] == name);
+        found.unwrap_or_else(|| panic!("{name}")).clone()
+    };
+    let column = |of: &Value, nth: usize| sums(&of["values"][nth]);
+    let measured = &replay["motions"][0];
+    type Of = fn(&TrajectoryRow) -> f64;
+    let known: [(Vec<f64>, Of); 9] = [
+        (time_s, |row| row.time_s),
+        (sums(&measured["x"]), |row| row.x_m),
+        (sums(&measured["theta"]), |row| row.theta_rad),
+        (sums(&measured["phi"][1]), |row| row.phi_rad[1]),
+        (column(&of("Skid velocity"), 2), |row| row.skid_m_s[2]),
+        (column(&of("Skid friction"), 1), |row| row.forces.lateral_n[1]),
+        (column(&of("Roll friction"), 0), |row| row.forces.roll_n[0]),
+        (column(&of("Torque of joints 1, 2"), 1), |row| row.forces.torque_nm[1]),
+        (column(&of("Power of the actuators"), 0), |row| row.forces.power_w),
+    ];
+    for (nth, (shown, of)) in known.iter().enumerate() {
+        for (row, shown) in rows.iter().step_by(stride).zip(shown) {
+            assert!((of(row) - shown).abs() < 0.50001e-4, "{nth}: {shown} and {}", of(row));
+        }
+    }
+    let work_j = column(&of("Work of the actuators"), 0)[(settled + 1) * frames];
+    assert!(near(work_j, integral(&rows, |row| row.forces.power_w), 1e-3), "{work_j}");
+    // Forces of both kinds are drawn to one scale.
+    let [across, along] = ["Skid friction", "Roll friction"].map(of);
+    assert!(across["arrow"].as_f64() > Some(0.0) && across["arrow"] == along["arrow"]);
+    assert_eq!((&across["across"], &along["across"]), (&true.into(), &false.into()));
+
+    succeed(folder.path(), &arguments);
+    assert_eq!(std::fs::read_to_string(folder.path().join("motion.html")).unwrap(), page);
+}
+
+#[test]
+fn a_page_is_of_one_motion_that_there_is() {
+    let folder = empty_folder();
+    let several = ["simulate", "kinematic-skewed", "--model", "skid", "--omega", "3.9,4"];
+    let output = trilink(folder.path(), &[&several[..], &["--page", "motion.html"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("--page: found 2 frequencies, needed one"));
+    assert!(!folder.path().join("motion.html").exists());
+    for (model, name) in [("no-skid", "Constraint force"), ("no-skid-roll", "Roll friction")] {
+        let arguments = ["simulate", "semi-passive-symmetric", "--model", model, "--omega", "4"];
+        succeed(folder.path(), &[&arguments[..], &["--page", "motion.html"]].concat());
+        let page = std::fs::read_to_string(folder.path().join("motion.html")).unwrap();
+        assert!(replay_of(&page)["time"].as_array().unwrap().len() <= 300);
+        assert!(page.contains(&format!("</span>{name} of ")), "{model}");
     }
 }

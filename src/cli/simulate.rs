@@ -12,6 +12,8 @@ use super::output::write_data;
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, ConfigError, did_you_mean};
 use crate::motion::{Model, Problem};
+use crate::report::{SimulationError, simulation_page};
+use crate::store::write_if_changed;
 use answer::Answer;
 
 #[derive(clap::Args)]
@@ -36,6 +38,9 @@ pub(super) struct Simulate {
     /// Moments of a cycle that `--trajectory` writes.
     #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     samples: u32,
+    /// Write a page that plays the motion from rest, with the forces at the wheels, at one frequency.
+    #[arg(long, value_name = "FILE")]
+    page: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -55,6 +60,9 @@ impl Simulate {
             serde_json::to_value(&config.robot[&config.campaign[&self.campaign].robot])?;
         let parameters = parameters.as_object().ok_or("no parameters")?;
         let omegas: Vec<f64> = self.omega.concat();
+        if self.page.is_some() && omegas.len() != 1 {
+            return Err(format!("--page: found {} frequencies, needed one", omegas.len()).into());
+        }
         let problem =
             |omega_rad_s| Problem { robot: robot.clone(), gait, model: self.model, omega_rad_s };
         let stage = context.progress.stage("simulate", omegas.len());
@@ -73,6 +81,20 @@ impl Simulate {
             let problems = answers.iter().map(|answer| (problem(answer.omega_rad_s), answer));
             let samples = self.samples as usize;
             let message = trajectory::write(path, problems, self.from_rest, samples)?;
+            context.progress.say(&message);
+        }
+        if let (Some(path), [answer]) = (&self.page, &answers[..]) {
+            let problem = problem(answer.omega_rad_s);
+            let page = simulation_page(&self.campaign, &problem, answer.cycles_to_settle, answer);
+            let message = match page {
+                Ok(page) => {
+                    write_if_changed(path, page.as_bytes()).map(|_| path.display().to_string())?
+                }
+                Err(SimulationError::Motion(error)) => {
+                    format!("{}: not written: {error}", path.display())
+                }
+                Err(error) => return Err(error.into()),
+            };
             context.progress.say(&message);
         }
         if self.json {

@@ -40,6 +40,7 @@ pub use input::ReportInput;
 pub(crate) use looks::{colours, trends};
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{fill, image};
+pub use replay::{SimulationError, simulation_page};
 pub use trials::page_of;
 
 /// Why there is no report.

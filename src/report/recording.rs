@@ -233,4 +233,22 @@ mod tests {
         assert_eq!((pose.x_m, pose.y_m), (0.25, -0.5));
         assert!(recording.pose_at(1.5).is_none() && recording.pose_at(7.0).is_none());
     }
+
+    #[test]
+    fn a_marker_is_what_the_table_says_and_without_that_as_its_link() {
+        let texts = |all: [&str; 3]| all.map(str::to_owned).to_vec();
+        let fill = texts(["measured", "interpolated", "rigid"]);
+        let untold = Recording { fill: [fill.clone(), fill, Vec::new()], ..Recording::default() };
+        let told = Recording {
+            unseen: [texts(["", "R1, R2", ""]), Vec::new(), Vec::new()],
+            corrected: [texts(["", "", "R10"]), Vec::new(), Vec::new()],
+            ..untold.clone()
+        };
+        use MarkerState::{Corrected, Missing, Seen};
+        let states = |of: &Recording, label| [0, 1, 2].map(|i| of.marker(0, label, i));
+        assert_eq!(states(&told, "R2"), [Seen, Missing, Seen]);
+        assert_eq!(states(&told, "R3"), [Seen; 3]);
+        assert_eq!(states(&told, "R10"), [Seen, Seen, Corrected]);
+        assert_eq!(states(&untold, "R3"), [Seen, Missing, Seen]);
+    }
 }

@@ -9,6 +9,7 @@ mod driver;
 mod figures;
 mod index;
 mod pages;
+mod replay;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

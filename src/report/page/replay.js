@@ -1,7 +1,9 @@
 "use strict";
 // The replay: moves a robot over the drawing, which is complete without it, and a cursor through
 // the page's charts of time. Whole numbers are differences to the last one that is known.
-for (const replay of document.querySelectorAll(".replay")) {
+// The charts stand below.
+addEventListener("DOMContentLoaded", () => {
+  const replay = document.querySelector(".replay");
   const data = JSON.parse(replay.querySelector("script").textContent);
   const svg = replay.querySelector("figure > svg");
   const floor = svg.querySelector(".floor");
@@ -21,7 +23,7 @@ for (const replay of document.querySelectorAll(".replay")) {
   const last = seconds.length - 1;
 
   const make = (name, attributes, parent) => {
-    const element = document.createElementNS("http://www.w3.org/2000/svg", name);
+    const element = document.createElementNS(svg.namespaceURI, name);
     for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
     parent.append(element);
     return element;
@@ -284,4 +286,4 @@ for (const replay of document.querySelectorAll(".replay")) {
   reduce();
   following(whole[2] > 1.2 * near);
   go(0);
-}
+});

@@ -66,10 +66,15 @@ impl Replay {
         let view_mm = width / PER_MM;
         let [grid_mm, bar_mm] = [SQUARES, BARS].map(|count| nice(view_mm / count));
         let longest_mm = 1e3 * LONGEST_ARROW * (self.robot.h_m + self.robot.l_m);
-        // What a millimetre of an arrow stands for, in the quantity's unit.
+        // What a millimetre of an arrow stands for, in the quantities' unit: the same for all that
+        // have one.
         let per_mm = |quantity: &Quantity| {
-            let usual = quantity.units * usual(quantity);
-            (quantity.arrow.is_some() && usual > 0.0).then(|| nice(usual / longest_mm))
+            let alike = self.quantities.iter().filter(|other| other.unit == quantity.unit);
+            let alike = alike.filter(|other| other.arrow.is_some());
+            let usual = alike.map(|other| other.units * usual(other)).fold(0.0, f64::max);
+            let is_drawn = quantity.arrow.is_some()
+                && quantity.values.iter().flatten().any(|of| of.abs() > 0.0);
+            (is_drawn && usual > 0.0).then(|| nice(usual / longest_mm))
         };
         let per_mm: Vec<Option<f64>> = self.quantities.iter().map(per_mm).collect();
         let drawn = || self.quantities.iter().zip(&per_mm);

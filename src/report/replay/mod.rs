@@ -5,6 +5,7 @@
 
 mod drawing;
 mod numbers;
+mod simulation;
 mod trial;
 
 use plotters::style::RGBColor;
@@ -12,15 +13,13 @@ use plotters::style::RGBColor;
 use crate::motion::Pose;
 use crate::robot::Robot;
 
+pub use simulation::{SimulationError, page as simulation_page};
 pub use trial::of_trial;
 #[cfg(test)]
 pub use trial::repeated;
 
 /// Frames of a replay at most.
 const MOST_FRAMES: usize = 300;
-/// Frames of a cycle at least; of a longer recording only a part is shown.
-const LEAST_FRAMES_OF_CYCLE: usize = 16;
-
 /// A motion to look at. Vectors of frames are as long as `time_s`; what is not known is NaN or none.
 #[derive(Debug, Clone)]
 pub struct Replay {
@@ -66,7 +65,6 @@ pub struct Quantity {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// Ahead, as the wheel rolls.
-    #[allow(dead_code)]
     Along,
     /// To the left, as the wheel skids.
     Across,

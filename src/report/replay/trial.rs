@@ -4,10 +4,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::{
-    Coordinates, Cycles, Direction, LEAST_FRAMES_OF_CYCLE, MOST_FRAMES, Mark, Marker, Motion,
-    Quantity, Replay,
-};
+use super::{Coordinates, Cycles, Direction, MOST_FRAMES, Mark, Marker, Motion, Quantity, Replay};
 use crate::motion::{FIT_ACCURACY, Pose, Problem, Sample, Solver};
 use crate::report::looks;
 use crate::report::numbers::{as_configured, fixed};
@@ -15,6 +12,9 @@ use crate::report::recording::{MarkerState, Recording};
 use crate::report::{ReportInput, simulated};
 use crate::robot::{JointCommand, Robot};
 use crate::store::{FitRow, TrialRow};
+
+/// Frames of a cycle at least; of a longer recording only a part is shown.
+const LEAST_FRAMES_OF_CYCLE: usize = 16;
 
 /// The replay of a trial; `None` if no pose is known. `fit` is that of the preferred model.
 pub fn of_trial(
@@ -206,4 +206,34 @@ fn marks(
     }
     marks.sort_by_key(|mark| mark.frames);
     (markers, marks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Columns as _, CycleRow};
+
+    #[test]
+    fn of_a_long_recording_so_many_cycles_in_use_are_shown_that_each_has_enough_frames() {
+        let cycle = |i: usize| CycleRow {
+            cycle: i as i64,
+            start_s: i as f64,
+            used: i >= 3,
+            ..CycleRow::blank()
+        };
+        let recording = |seconds: usize| Recording {
+            time_s: (0..100 * seconds).map(|i| i as f64 / 100.0).collect(),
+            cycles: (0..seconds).map(cycle).collect(),
+            ..Recording::default()
+        };
+        let trial = TrialRow { omega_rad_s: TAU, ..TrialRow::blank() };
+        assert_eq!(window(&trial, &recording(18)), 0..1800);
+        let long = recording(600);
+        let shown = window(&trial, &long);
+        assert_eq!((shown.start, shown.len()), (300, 1801));
+        let said = super::shown(&long, &shown, 7, &[3.0, 21.0]);
+        assert!(said.starts_with("Shown is one of 7 frames from 3.0 to 21.0 s"), "{said}");
+        let unknown = TrialRow { omega_rad_s: f64::NAN, ..trial };
+        assert_eq!(window(&unknown, &long), 0..60_000);
+    }
 }
