@@ -58,6 +58,8 @@ pub enum StoreError {
 impl StoreError {
     /// Whether there is no such file.
     pub fn is_not_there(&self) -> bool {
-        matches!(self, Self::Read { source, .. } if source.kind() == ErrorKind::NotFound)
+        // No file has a name that no file can have.
+        let absent = [ErrorKind::NotFound, ErrorKind::InvalidInput, ErrorKind::InvalidFilename];
+        matches!(self, Self::Read { source, .. } if absent.contains(&source.kind()))
     }
 }

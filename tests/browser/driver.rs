@@ -15,13 +15,15 @@ const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chro
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// The keys that tests press: name, code, number, text.
-const KEYS: [(&str, &str, u32, &str); 8] = [
+const KEYS: [(&str, &str, u32, &str); 10] = [
     ("Enter", "Enter", 13, "\r"),
     (" ", "Space", 32, " "),
     ("Tab", "Tab", 9, ""),
     ("Escape", "Escape", 27, ""),
     ("ArrowLeft", "ArrowLeft", 37, ""),
     ("ArrowRight", "ArrowRight", 39, ""),
+    ("ArrowUp", "ArrowUp", 38, ""),
+    ("ArrowDown", "ArrowDown", 40, ""),
     ("Home", "Home", 36, ""),
     ("End", "End", 35, ""),
 ];

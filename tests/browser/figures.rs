@@ -4,7 +4,8 @@ use super::*;
 
 /// The first panel of a campaign that has measured points and a model's curve.
 const PANEL: &str = r#"const panel = [...document.querySelectorAll("figure .panel")].find(panel =>
-  panel.querySelector('g[data-name="measured"][data-points]') && panel.dataset.x);"#;
+  panel.querySelector('g[data-name="measured"][data-points]')
+  && panel.querySelector('g[data-name="skid-roll"][data-band]') && panel.dataset.x);"#;
 
 /// With [`PANEL`], where its first measured point is in the window.
 const POINT: &str = r#"panel.scrollIntoView({ block: "center", behavior: "instant" });
@@ -67,6 +68,51 @@ fn the_nearest_point_is_told_under_the_pointer_and_by_the_keyboard_and_opens_its
     browser.wait_for("Page.loadEventFired");
     let heading = browser.evaluate("document.querySelector(\"h1\").textContent");
     assert!(pointed.contains(heading.as_str().unwrap()), "{heading} {pointed}");
+    assert_no_problems(&browser);
+}
+
+#[test]
+fn the_nearest_curve_is_told_with_its_interval_under_the_pointer_and_by_the_keyboard() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    browser.open(&demo().join("index.html"));
+    // Measured points come first: they are switched off.
+    let curve = browser.place(&within(
+        r#"panel.closest(".sheet").querySelector('.key[data-name="measured"]')
+          .dispatchEvent(new MouseEvent("click"));
+        panel.scrollIntoView({ block: "center", behavior: "instant" });
+        const path = panel.querySelector('g[data-name="skid-roll"][data-band] path');
+        const middle = path.getPointAtLength(path.getTotalLength() / 2);
+        const at = new DOMPoint(middle.x, middle.y).matrixTransform(panel.getScreenCTM());
+        return [at.x, at.y];"#,
+    ));
+    browser.point(curve);
+    let pointed = told(&mut browser);
+    browser.evaluate(&within("panel.focus();"));
+    for key in ["ArrowRight", "ArrowDown", "ArrowUp", "ArrowRight"] {
+        browser.key(key);
+    }
+    let mut by_keys = told(&mut browser);
+    for _ in 0..3 {
+        if by_keys.starts_with("skid-roll") {
+            break;
+        }
+        browser.key("ArrowDown");
+        by_keys = told(&mut browser);
+    }
+    for told in [pointed, by_keys] {
+        let interval = told.split_once("(95 %: ").expect(&told).1;
+        let limits: Vec<f64> = interval
+            .trim_end_matches(')')
+            .split(" to ")
+            .map(|limit| limit.parse().expect("a number"))
+            .collect();
+        let value = told.split("(mm) ").nth(1).or(told.split("(mm/s) ").nth(1)).expect(&told);
+        let value: f64 = value.split(' ').next().unwrap().parse().expect("a number");
+        assert!(told.starts_with("skid-roll: ") && limits[0] <= limits[1], "{told}");
+        // The curve's place is known to a tenth of a pixel.
+        assert!((value / limits[0] - 1.0).abs() < 0.2, "{told}");
+    }
     assert_no_problems(&browser);
 }
 

@@ -102,3 +102,50 @@ fn the_table_of_trials_is_sorted_by_pointer_or_keyboard_and_filtered_by_words() 
     assert_eq!(again.as_array().unwrap().len(), all.as_array().unwrap().len());
     assert_no_problems(&browser);
 }
+
+#[test]
+fn the_navigation_stays_in_reach_and_has_what_each_campaign_has() {
+    let Some(mut browser) = Browser::start() else { return };
+    for (width, height) in SIZES {
+        browser.window(width, height);
+        browser.open(&demo().join("index.html"));
+        browser.evaluate("scrollTo(0, document.body.scrollHeight)");
+        let summary = browser.place(
+            r#"(() => {
+              const box = document.querySelector("nav.bar summary").getBoundingClientRect();
+              return [box.x + box.width / 2, box.y + box.height / 2];
+            })()"#,
+        );
+        assert!(summary[1] > 0.0 && summary[1] < 60.0, "{summary:?}");
+        browser.click(summary);
+        let links = browser.evaluate(
+            r#"[...document.querySelectorAll("nav.bar details ul ul a")]
+              .filter(link => link.checkVisibility()).map(link => link.textContent)"#,
+        );
+        let links = links.as_array().unwrap();
+        for text in ["Figures", "Fitted models", "How well they fit", "Models compared"] {
+            let found = links.iter().filter(|link| **link == text).count();
+            assert!(found >= 3, "{width} px: {text} {found} times");
+        }
+        let models = browser.place(
+            r#"(() => {
+              const links = [...document.querySelectorAll("nav.bar details ul ul a")];
+              const box = links.find(link => link.textContent === "Fitted models").getBoundingClientRect();
+              return [box.x + 9, box.y + 9];
+            })()"#,
+        );
+        browser.click(models);
+        let seen = browser.evaluate(
+            r##"(() => {
+              const box = document.querySelector("#campaign-1-models").getBoundingClientRect();
+              const bar = document.querySelector("nav.bar").getBoundingClientRect();
+              return [box.top >= bar.bottom - 1 && box.top < 200, document.querySelector("nav.bar details").open];
+            })()"##,
+        );
+        assert_eq!(seen, json!([true, false]), "{width} px");
+        browser.click(summary);
+        browser.key("Escape");
+        assert_eq!(browser.evaluate("document.querySelector(\"nav.bar details\").open"), false);
+    }
+    assert_no_problems(&browser);
+}

@@ -7,6 +7,7 @@
 mod common;
 mod driver;
 mod figures;
+mod hostile;
 mod index;
 mod pages;
 mod replay;

@@ -83,4 +83,112 @@ fn the_page_is_printed_on_few_sheets() {
     let pdf = browser.pdf();
     let sheets = String::from_utf8_lossy(&pdf).matches("/Type /Page\n").count();
     assert!((3..=20).contains(&sheets), "{sheets} sheets");
+
+    // How far down each sheet is printed, in hundredths.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("page.pdf"), pdf).unwrap();
+    let drawn = std::process::Command::new("pdftoppm")
+        .args(["-r", "20", "-gray", "page.pdf", "sheet"])
+        .current_dir(folder.path())
+        .status();
+    if drawn.is_err() {
+        eprintln!("skipped: how full the sheets are, because there is no pdftoppm (poppler-utils)");
+        return;
+    }
+    let mut names: Vec<PathBuf> = files(folder.path()).into_keys().collect();
+    names.retain(|name| name.extension().is_some_and(|extension| extension == "pgm"));
+    let filled = |name: &PathBuf| {
+        let pixels = std::fs::read(folder.path().join(name)).unwrap();
+        let last = pixels.iter().rposition(|grey| *grey < 200).unwrap_or(0);
+        100 * last / pixels.len()
+    };
+    let filled: Vec<usize> = names.iter().map(filled).collect();
+    assert_eq!(filled.len(), sheets);
+    // The last sheet ends where the page does.
+    let half_empty = filled[..sheets - 1].iter().filter(|part| **part < 55).count();
+    assert!(half_empty <= sheets / 8, "{half_empty} of {sheets} sheets are half empty: {filled:?}");
+}
+
+#[test]
+fn axe_has_nothing_to_object_to() {
+    let Some(axe) = std::env::var_os("TRILINK_AXE") else {
+        eprintln!("skipped: TRILINK_AXE names no axe.min.js (npm install axe-core)");
+        return;
+    };
+    let Some(mut browser) = Browser::start() else { return };
+    let axe = std::fs::read_to_string(axe).expect("axe.min.js");
+    for page in [demo(), own()].into_iter().flat_map(all_pages) {
+        for (width, height) in SIZES {
+            browser.window(width, height);
+            for is_dark in [false, true] {
+                browser.dark(is_dark);
+                browser.open(&page);
+                browser.evaluate(&format!("{axe}\n;0"));
+                let violations = browser.evaluate(
+                    r#"axe.run().then(result => result.violations.map(violation =>
+                      [violation.id, violation.help, violation.nodes.map(node => node.html.slice(0, 200))]))"#,
+                );
+                let what = format!("{} at {width} px, dark: {is_dark}", page.display());
+                assert_eq!(violations, json!([]), "{what}");
+            }
+        }
+    }
+}
+
+/// The least contrast of text in figures, and of what they draw, with what is behind them.
+const CONTRAST: &str = r##"(() => {
+  const canvas = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  const luminance = colour => {
+    canvas.fillStyle = colour;
+    canvas.fillRect(0, 0, 1, 1);
+    const [red, green, blue] = [...canvas.getImageData(0, 0, 1, 1).data]
+      .map(part => part / 255)
+      .map(part => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+  };
+  const page = luminance(getComputedStyle(document.body).backgroundColor);
+  const contrast = colour => {
+    const [low, high] = [page, luminance(colour)].sort((a, b) => a - b);
+    return (high + 0.05) / (low + 0.05);
+  };
+  const least = (selector, property) => [...document.querySelectorAll(selector)]
+    .map(element => getComputedStyle(element)[property])
+    .filter((colour, i, all) => all.indexOf(colour) === i)
+    .map(colour => [contrast(colour), colour])
+    .sort((a, b) => a[0] - b[0])[0];
+  return [least(".sheet text", "fill"),
+    least(".sheet g[data-name] path[stroke]:not([stroke='#ffffff'])", "stroke")];
+})()"##;
+
+#[test]
+fn figures_can_be_read_on_dark_pages() {
+    let Some(mut browser) = Browser::start() else { return };
+    for page in all_pages(demo()) {
+        browser.dark(true);
+        browser.open(&page);
+        let contrast = browser.evaluate(CONTRAST);
+        for (nth, least) in [(0, 4.5), (1, 3.0)] {
+            let found = &contrast[nth];
+            let found_ratio = found[0].as_f64();
+            assert!(found.is_null() || found_ratio >= Some(least), "{}: {found}", page.display());
+        }
+    }
+}
+
+#[test]
+fn the_report_is_small_and_of_use_within_a_second() {
+    let Some(mut browser) = Browser::start() else { return };
+    let page = demo().join("index.html");
+    let bytes = std::fs::metadata(&page).unwrap().len();
+    assert!(bytes < 1_500_000, "{bytes} bytes");
+    // Of five times the least: other programs use the processor, too.
+    let opened_ms = (0..5).map(|_| {
+        browser.open(&page);
+        let end = "performance.getEntriesByType(\"navigation\")[0].loadEventEnd";
+        // The event's end is written after it.
+        browser.evaluate("new Promise(done => requestAnimationFrame(() => setTimeout(done)))");
+        browser.evaluate(end).as_f64().unwrap()
+    });
+    let least_ms = opened_ms.fold(f64::INFINITY, f64::min);
+    assert!(least_ms > 0.0 && least_ms < 1000.0, "{least_ms} ms");
 }

@@ -1,7 +1,7 @@
 "use strict";
 // Figures: legends switch series on and off; pointer, and in a panel that has the focus the arrow
-// keys, find values; a click or Enter on a measured point goes to its trial or run. Nothing here is
-// needed to read a page.
+// keys, find values (left and right along a series, up and down between them); a click or Enter on
+// a measured point goes to its trial or run. Nothing here is needed to read a page.
 (() => {
   const tip = document.createElement("div");
   tip.className = "tip";
@@ -72,15 +72,27 @@
         }
         continue;
       }
+      const band = (group.dataset.band || "").split("\n").filter(line => line)
+        .map(line => line.split(" ").map(Number));
+      const interval = at => {
+        const i = band.findIndex(([across]) => across >= at);
+        if (i < 0 || at < band[0][0]) return "";
+        const [[x0, ...from], [x1, ...to]] = [band[Math.max(i - 1, 0)], band[i]];
+        const part = x1 > x0 ? (at - x0) / (x1 - x0) : 0;
+        const [low, high] = from.map((limit, j) => short(limit + part * (to[j] - limit)));
+        return Number.isFinite(low + high) ? ` (95 %: ${low} to ${high})` : "";
+      };
       for (const path of group.querySelectorAll("path[stroke-width='16']")) {
         let place = [0, 0];
         for (const [, across, up] of path.getAttribute("d").matchAll(/(-?\d+) ?(-?\d+)/g)) {
           place = [place[0] + +across, place[1] + +up];
           points.push({ group, curve: true, x: place[0], y: place[1],
-            text: say("", x.value(place[0]), y.value(place[1])) });
+            text: say("", x.value(place[0]), y.value(place[1])) + interval(x.value(place[0])) });
         }
       }
     }
+    // A name with an end of line breaks its point in two.
+    points.splice(0, points.length, ...points.filter(point => Number.isFinite(point.x + point.y)));
     if (!points.length) return;
     const shown = point => point.group.style.display !== "none";
     let near = null;
@@ -105,19 +117,32 @@
     });
     panel.addEventListener("pointerleave", () => show(null));
     panel.addEventListener("click", open);
-    const stops = () => points.filter(point => shown(point) && !point.curve).sort((a, b) => a.x - b.x);
-    if (!stops().length) return;
     panel.setAttribute("tabindex", "0");
     panel.setAttribute("role", "group");
-    panel.setAttribute("aria-label", `${y.label} against ${x.label}; arrow keys go from point to point`);
+    panel.setAttribute("aria-label", `${y.label} against ${x.label}; arrow keys go from point to point and from series to series`);
     panel.addEventListener("blur", () => show(null));
     panel.addEventListener("keydown", event => {
-      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      const along = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      const across = { ArrowDown: 1, ArrowUp: -1 }[event.key];
       if (event.key === "Enter") open();
-      if (!step) return;
+      if (!along && !across) return;
       event.preventDefault();
-      const all = stops();
-      show(all[(all.indexOf(near) + step + all.length) % all.length]);
+      // Measured series first; of a curve some forty points.
+      const all = points.filter(shown).sort((a, b) => !!a.curve - !!b.curve);
+      const groups = [...new Set(all.map(point => point.group))];
+      if (!groups.length) return;
+      const next = (list, from, step) => list[(from + step + list.length) % list.length];
+      const group = next(groups, Math.max(groups.indexOf(near?.group), 0), across && near ? across : 0);
+      const own = all.filter(point => point.group === group).sort((a, b) => a.x - b.x);
+      const at = near ? own.reduce((best, point, i) =>
+        Math.abs(point.x - near.x) < Math.abs(own[best].x - near.x) ? i : best, 0) : -1;
+      const from = near?.group === group ? own.indexOf(near) : at;
+      show(next(own, from, along && near ? along * Math.ceil(own.length / 40) : near ? 0 : 1));
     });
+  }
+  for (const menu of document.querySelectorAll("nav details")) {
+    const close = event => { if (event.type === "click" || event.key === "Escape") menu.open = false; };
+    menu.querySelectorAll("a").forEach(link => link.addEventListener("click", close));
+    menu.addEventListener("keydown", close);
   }
 })();
