@@ -1,5 +1,7 @@
 //! The weighted sum of absolute deviations from many values, as one function.
 
+use std::ops::Range;
+
 /// The convex, piecewise linear function `sum of weight |x - breakpoint|`. Its value and slope
 /// take a binary search, however many breakpoints there are.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -57,6 +59,10 @@ impl Deviations {
 
     pub fn breakpoint(&self, index: usize) -> f64 {
         self.breakpoints[index]
+    }
+
+    pub fn breakpoints(&self, of: Range<usize>) -> &[f64] {
+        &self.breakpoints[of]
     }
 
     pub fn weight(&self, index: usize) -> f64 {

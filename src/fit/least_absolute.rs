@@ -143,6 +143,8 @@ struct Crossing<'r> {
     /// Breakpoints below those that may end the fall, and below those that do not.
     low: usize,
     high: usize,
+    /// Of those that it is above at the length in question.
+    count: usize,
 }
 
 impl<'r> Crossing<'r> {
@@ -168,7 +170,7 @@ impl<'r> Crossing<'r> {
                 true => [deviations.count_up_to(value), deviations.len()],
                 false => [0, deviations.count_below(value)],
             };
-            let crossing = Self { residual, deviations, value, along, low, high };
+            let crossing = Self { residual, deviations, value, along, low, high, count: low };
             (!is_tight && along != 0.0).then_some(crossing)
         };
         all.iter().enumerate().filter_map(crossing).collect()
@@ -181,15 +183,10 @@ impl<'r> Crossing<'r> {
     /// How many breakpoints the residual is above after a length: all up to it where it rises,
     /// the rest where it falls.
     fn count_after(&self, length: f64) -> usize {
-        let (mut low, mut high) = (self.low, self.high);
-        while low < high {
-            let middle = low.midpoint(high);
-            match (self.distance(middle) <= length) == (self.along > 0.0) {
-                true => low = middle + 1,
-                false => high = middle,
-            }
-        }
-        low
+        let value = self.value + self.along * length;
+        let open = self.deviations.breakpoints(self.low..self.high);
+        let is_below = |of: &f64| if self.along > 0.0 { *of <= value } else { *of < value };
+        self.low + open.partition_point(is_below)
     }
 
     /// Slope along the direction above so many breakpoints.
@@ -214,14 +211,22 @@ fn lowest(mut crossings: Vec<Crossing>) -> Option<(Tight, f64)> {
         let Some(widest) = widest else { return found };
         let breakpoint = widest.low.midpoint(widest.high);
         let (residual, length) = (widest.residual, widest.distance(breakpoint));
-        let after = |crossing: &Crossing| crossing.slope(crossing.count_after(length));
-        let rises = settled + crossings.iter().map(after).sum::<f64>() >= 0.0;
+        let mut slope = settled;
+        for crossing in &mut crossings {
+            // The end itself is passed, whatever its distance is rounded to.
+            crossing.count = match crossing.residual == residual {
+                true => breakpoint + usize::from(crossing.along > 0.0),
+                false => crossing.count_after(length),
+            };
+            slope += crossing.slope(crossing.count);
+        }
+        let rises = slope >= 0.0;
         if rises {
             found = Some((Tight { residual, breakpoint }, length));
         }
         for crossing in &mut crossings {
-            let mut count = crossing.count_after(length);
             let is_upward = crossing.along > 0.0;
+            let mut count = crossing.count;
             if rises && crossing.residual == residual {
                 // This one is found; what is before it may be, too.
                 count = if is_upward { breakpoint } else { breakpoint + 1 };
