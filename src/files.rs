@@ -55,7 +55,13 @@ pub fn relative(from: &Path, to: &Path) -> String {
 
 /// A path as seen from a folder, so that it means the same in a copy of both.
 pub fn name_in(folder: &Path, path: &Path) -> String {
-    relative(&absolute(folder), &absolute(path))
+    let is_below_here = |path: &Path| {
+        path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+    };
+    match is_below_here(folder) && is_below_here(path) {
+        true => relative(folder, path),
+        false => relative(&absolute(folder), &absolute(path)),
+    }
 }
 
 /// A path from the root, where the empty one is the current folder; as it is where that is gone.

@@ -4,7 +4,7 @@
 //! written after these files: whatever is killed before leaves files that the record does not
 //! describe, and these are made again.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
@@ -95,12 +95,16 @@ impl Record {
             Err(problem) if problem.kind() == ErrorKind::NotFound => return Default::default(),
             Err(problem) => return unusable(format!("cannot be read: {problem}")),
         };
-        match (serde_json::from_slice::<Format>(&json), serde_json::from_slice(&json)) {
-            (Ok(Format { format }), _) if format != FORMAT => {
+        let problem = match serde_json::from_slice::<Self>(&json) {
+            Ok(record) if record.format == FORMAT => return (record, None),
+            Ok(_) => String::new(),
+            Err(problem) => problem.to_string(),
+        };
+        match serde_json::from_slice(&json) {
+            Ok(Format { format }) if format != FORMAT => {
                 unusable(format!("found a record of format {format}, needed format {FORMAT}"))
             }
-            (_, Ok(record)) => (record, None),
-            (_, Err(problem)) => unusable(format!("not a record of trilink: {problem}")),
+            _ => unusable(format!("not a record of trilink: {problem}")),
         }
     }
 
@@ -149,7 +153,7 @@ pub struct Inputs<'k> {
     /// The files in `derived/` as they were written.
     written: Reader,
     /// Those that were looked at.
-    pub seen: BTreeMap<PathBuf, Stamp>,
+    pub seen: HashMap<PathBuf, Stamp>,
 }
 
 impl<'k> Inputs<'k> {
@@ -158,7 +162,7 @@ impl<'k> Inputs<'k> {
         let written = record.ingest.written().chain(record.fit.written());
         let written = written.map(|(name, stamp)| (derived.join(name), stamp.clone()));
         let written = Reader(written.collect());
-        Self { derived, known, verify, written, seen: BTreeMap::new() }
+        Self { derived, known, verify, written, seen: HashMap::new() }
     }
 
     /// Reads tables that must be as they were written.

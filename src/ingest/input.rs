@@ -28,8 +28,8 @@ pub struct IngestInput {
 
 impl IngestSettings {
     pub fn new(config: &Config) -> Self {
-        let Config { vicon, ingest, markers, .. } = config.clone();
-        Self { vicon, ingest, markers }
+        let Config { vicon, ingest, markers, .. } = config;
+        Self { vicon: vicon.clone(), ingest: ingest.clone(), markers: markers.clone() }
     }
 
     /// The file's frame rate, Hz, if it may be the one. If the file has none, the configured one,
