@@ -1,7 +1,8 @@
 //! Trials of one campaign and commanded frequency are one condition: their motions are one
 //! solution, at the medians of their frequencies and, where these drive the model, of their
 //! measured gaits, and what its derivatives to second order make of each trial's own. A trial
-//! for which that misses more of a metric than [`MISSED`] is a condition of its own.
+//! for which that misses more of a metric than [`MISSED`] is of another condition, with those
+//! that are near it.
 
 use super::measurement::Measurement;
 use super::objective::GAIT_NUMBERS;
@@ -18,6 +19,8 @@ pub(super) const INPUTS: usize = 1 + GAIT_NUMBERS;
 pub(super) type Differences = [f64; INPUTS];
 /// Part of a metric that a trial's expansion may miss.
 const MISSED: f64 = 1e-6;
+/// Part of second order above which an expansion surely misses too much.
+const NEAR: f64 = 1e-4;
 /// Of a trial's metric over its condition's, at most.
 const MOST_RATIO: f64 = 10.0;
 const METRICS: usize = 7;
@@ -91,7 +94,8 @@ impl Conditions {
         conditions
     }
 
-    /// Adds the condition of these trials, and one for each of them that is too far from it.
+    /// Adds the condition of these trials, and those of the ones that are too far from it: around
+    /// the farthest, then around the farthest of what that leaves.
     fn join(
         &mut self,
         trials: Vec<usize>,
@@ -99,22 +103,32 @@ impl Conditions {
         gaits: &[Option<Gait>],
         problem: &impl Fn(Gait, f64) -> Problem,
     ) {
-        let mut joined = Condition::of(trials, measurements, gaits);
-        let (far, expansion) = joined.expand(measurements, gaits, problem).unzip();
-        let far = far.unwrap_or_default();
-        joined.trials.retain(|trial| !far.contains(trial));
-        let alone = |trial| (Condition::of(vec![trial], measurements, gaits), None);
-        let alone = far.into_iter().map(alone);
-        for (condition, expansion) in [(joined, expansion)].into_iter().chain(alone) {
+        let from = |condition: &Condition, trial: usize| {
+            condition.differences(measurements[trial].omega_rad_s, gaits[trial].as_ref())
+        };
+        let mut add = |condition: Condition, expansion| {
             for &trial in &condition.trials {
-                let omega_rad_s = measurements[trial].omega_rad_s;
-                let differences = condition.differences(omega_rad_s, gaits[trial].as_ref());
-                self.of_trials[trial] = (self.all.len(), differences);
+                self.of_trials[trial] = (self.all.len(), from(&condition, trial));
             }
             if !condition.trials.is_empty() {
                 self.all.push(condition);
                 self.expansions.push(expansion);
             }
+        };
+        let mut joined = Condition::of(trials, measurements, gaits);
+        let (far, expansion) = joined.expand(measurements, gaits, problem).unzip();
+        let mut far = far.unwrap_or_default();
+        joined.trials.retain(|trial| !far.contains(trial));
+        add(joined, expansion.clone());
+        while let (Some(&farthest), Some(expansion)) = (far.first(), &expansion) {
+            let mut around = Condition::of(vec![farthest], measurements, gaits);
+            let is_near = |trial: &usize| expansion.second_order(&from(&around, *trial)) < NEAR;
+            around.trials = far.iter().copied().filter(is_near).collect();
+            let (missed, own) = around.expand(measurements, gaits, problem).unzip();
+            let missed = missed.unwrap_or_default();
+            around.trials.retain(|trial| !missed.contains(trial));
+            far.retain(|trial| !around.trials.contains(trial));
+            add(around, own);
         }
     }
 }
@@ -439,6 +453,20 @@ mod tests {
         let (own, differences) = conditions.of_trials[4];
         assert_eq!((&conditions.all[own].trials[..], differences), (&[4][..], [0.0; INPUTS]));
         // The command has not changed.
-        assert_eq!(objective(measurements, GaitInput::Commanded).conditions.all.len(), 4);
+        assert_eq!(objective(measurements.clone(), GaitInput::Commanded).conditions.all.len(), 4);
+        // With others near it, it is one with them.
+        let mut others = measurements.clone();
+        others.splice(
+            4..5,
+            [0.0, 0.0, 1e-4].map(|off_rad| {
+                let mut other = measurements[4].clone();
+                other.gait[0].amplitude_rad += off_rad;
+                other
+            }),
+        );
+        let conditions = objective(others, GaitInput::Measured).conditions;
+        assert_eq!(conditions.all.len(), 5);
+        let with_others = conditions.all.iter().find(|condition| condition.trials.contains(&4));
+        assert_eq!(with_others.map(|condition| &condition.trials[..]), Some(&[4, 5, 6][..]));
     }
 }
