@@ -103,7 +103,8 @@ impl Axis {
 
     /// It with names of ticks, in order; there are no others, if there are any.
     pub fn named(self, names: &[(f64, String)]) -> Self {
-        Self { names: names.to_vec(), ..self }
+        let within = names.iter().filter(|(tick, _)| self.range.contains(*tick));
+        Self { names: within.cloned().collect(), ..self }
     }
 
     fn name(&self, tick: f64) -> Option<&str> {
@@ -261,6 +262,9 @@ mod tests {
             let labels: Vec<String> = axis.ticks.iter().map(|tick| axis.format_ext(tick)).collect();
             assert_eq!(labels, expected);
         }
+        let mut axis = Axis::new(&[3.0, 4.0], None, Scale::Whole).named(&names);
+        axis.set_ticks(6, |_| true);
+        assert_eq!(axis.ticks, [3.0, 4.0], "the others are not on the axis");
     }
 
     #[test]
