@@ -363,6 +363,41 @@ fn of_many_trials_only_those_to_look_at_the_first_of_each_frequency_and_those_as
 }
 
 #[test]
+fn a_thousand_trials_more_are_less_than_what_a_page_may_grow() {
+    let bytes = |repeats: usize| {
+        let folder = temporary();
+        let mut tables = MadeUp::of_the_paper();
+        tables.trials.retain(|row| row.campaign == SKEWED);
+        let (first, messages) = (tables.trials.clone(), ["", "1 cycle with gaps is left out"]);
+        for nth in 2..=repeats {
+            tables.trials.extend(first.iter().enumerate().map(|(i, row)| TrialRow {
+                trial: format!("{}-{nth}", row.trial),
+                status: [TrialStatus::Ok, TrialStatus::Flagged][i % 2],
+                message: messages[i % 2].to_owned(),
+                ..row.clone()
+            }));
+        }
+        TrialRow::to_table(&tables.trials)
+            .write(
+                &folder.path().join("derived/trials.parquet"),
+                &crate::store::Provenance { input: "made up".to_owned() },
+            )
+            .expect("writes");
+        let mut config = config(folder.path());
+        config.campaign.retain(|name, _| name == SKEWED);
+        config.report.trial_pages = 1000;
+        let input = ReportInput::new(&config, BTreeSet::new());
+        let content = Content::read(&input, Reader::default()).expect("reads");
+        let written = content.write(&input, BTreeMap::new(), &BTreeSet::new()).expect("writes");
+        (read(&written.reported.page).len(), tables.trials.len())
+    };
+    let [(few, before), (many, after)] = [1, 20].map(bytes);
+    let per_trial = (many - few) / (after - before);
+    // From the 1.5 MB of a demo to the 4 MB of a thousand trials.
+    assert!((100..2500).contains(&per_trial), "{per_trial} bytes");
+}
+
+#[test]
 fn a_trial_without_its_tables_is_said_to_be_missing_from_its_figure() {
     let folder = temporary();
     let derived = folder.path().join("derived");
