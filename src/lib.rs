@@ -38,6 +38,8 @@ pub mod build;
 
 /// A run against a baseline.
 pub mod compare;
+/// A trial for other viewers.
+pub mod export;
 /// A look into any table.
 pub mod inspect;
 

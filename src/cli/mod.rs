@@ -4,6 +4,7 @@
 mod calibrate;
 mod check;
 mod compare;
+mod export;
 mod inspect;
 mod log;
 mod merge;
@@ -87,6 +88,9 @@ enum Command {
     /// Look into a table of `derived`, or into any Parquet file.
     #[command(after_help = include_str!("examples/inspect.txt").trim_end())]
     Inspect(inspect::Inspect),
+    /// Write a trial's markers and poses for OpenSim, for Foxglove or Rerun, or as a table.
+    #[command(after_help = include_str!("examples/export.txt").trim_end())]
+    Export(export::Export),
     /// Solve for a model's steady motion.
     #[command(after_help = include_str!("examples/simulate.txt").trim_end())]
     Simulate(simulate::Simulate),
@@ -202,6 +206,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Check(command) => command.run(context()?),
         Command::Compare(command) => command.run(context()?),
         Command::Inspect(command) => command.run(context()?),
+        Command::Export(command) => command.run(&context()?),
         Command::Simulate(command) => command.run(context()?),
         Command::Synth(command) => command.run(context()?),
         // These need no configuration.
