@@ -24,31 +24,31 @@ const TRIALS: [&str; 4] = [
     "semi-passive-symmetric-3.90-r1",
 ];
 const FIGURES: [&str; 27] = [
-    "fig03",
-    "fig04",
-    "fig05",
     "fig06",
-    "fig08",
     "fig11",
     "fig12",
     "fig13",
-    "fig14",
-    "fig15",
     "fig17",
-    "fig18",
-    "fig20",
     "kinematic-symmetric-sigma",
     "kinematic-symmetric-residuals",
     "kinematic-symmetric-starts",
     "kinematic-symmetric-profiles",
     "kinematic-symmetric-replicates",
+    "fig03",
+    "fig04",
+    "fig05",
+    "fig14",
     "semi-passive-symmetric-wheels",
+    "fig15",
+    "fig18",
     "semi-passive-symmetric-sigma",
     "semi-passive-symmetric-alpha",
     "semi-passive-symmetric-residuals",
     "semi-passive-symmetric-starts",
     "semi-passive-symmetric-profiles",
     "semi-passive-symmetric-replicates",
+    "fig20",
+    "fig08",
     "work",
     "truth",
 ];
@@ -342,7 +342,10 @@ fn the_tables_have_the_documented_columns() {
         ),
         (
             "predictions.parquet".to_owned(),
-            format!("campaign model omega_rad_s source {metrics} j status from_rest"),
+            format!(
+                "campaign model omega_rad_s source {} no_interval j status from_rest",
+                metrics.split(' ').map(|of| format!("{of} {of}_lo {of}_hi")).collect::<Vec<_>>().join(" ")
+            ),
         ),
     ] {
         let table = derived(&name);
