@@ -270,6 +270,7 @@ struct Night {
     truth: Value,
     trials: Vec<TrialRow>,
     fits: Vec<FitRow>,
+    predictions: Vec<PredictionRow>,
 }
 
 fn night(noise_seed: u64) -> Night {
@@ -286,8 +287,8 @@ fn night(noise_seed: u64) -> Night {
     }
     let truth = std::fs::read_to_string(folder.path().join(TRUTH_FILE)).unwrap();
     let truth = serde_json::from_str(&truth).unwrap();
-    let fits = fit(&config, &data, &|_| {}).fits;
-    Night { truth, trials: data.trials, fits }
+    let Fitted { fits, predictions, .. } = fit(&config, &data, &|_| {});
+    Night { truth, trials: data.trials, fits, predictions }
 }
 
 /// How often something is so; what is out of its bounds is noted.
@@ -373,6 +374,36 @@ fn judge_trials(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
     }
 }
 
+/// How often the interval of what the true model predicts at a trial's frequency holds the truth.
+fn judge_predictions(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
+    let mut metrics: BTreeMap<&str, Vec<bool>> = BTreeMap::new();
+    for night in nights {
+        let is_true =
+            |row: &&PredictionRow| row.campaign == campaign && row.model == Model::SkidRoll;
+        for row in night.predictions.iter().filter(is_true).filter(|row| row.no_interval.is_empty())
+        {
+            let is_same =
+                |of: &&TrialRow| of.campaign == campaign && of.omega_rad_s == row.omega_rad_s;
+            let Some(trial) = night.trials.iter().find(is_same) else { continue };
+            let truth = &night.truth["trials"][&trial.trial];
+            let mut add = |name, low: f64, high: f64, truth: &Value| {
+                let truth = truth.as_f64().unwrap();
+                metrics.entry(name).or_default().push(low <= truth && truth <= high);
+            };
+            let (low, high) = (row.lower, row.upper);
+            add("d", low.d_m, high.d_m, &truth["d_m"]);
+            add("v", low.v_m_s, high.v_m_s, &truth["v_m_s"]);
+            for wheel in 0..3 {
+                add("sigma", low.sigma[wheel], high.sigma[wheel], &truth["sigma"][wheel]);
+            }
+        }
+    }
+    for (name, are_held) in metrics {
+        let of = format!("{campaign} predicted {name} holds the truth");
+        Share::new(of, are_held.into_iter()).check(0.88..=0.99, failures);
+    }
+}
+
 #[test]
 #[ignore = "minutes: cargo test --release --test coverage nights -- --ignored --nocapture"]
 fn intervals_and_errors_of_sixty_nights_hold_the_planted_truth() {
@@ -381,6 +412,7 @@ fn intervals_and_errors_of_sixty_nights_hold_the_planted_truth() {
     for campaign in Config::default().campaign.keys() {
         judge_fits(campaign, &nights, &mut failures);
         judge_trials(campaign, &nights, &mut failures);
+        judge_predictions(campaign, &nights, &mut failures);
     }
     assert!(failures.is_empty(), "{failures:#?}");
 }

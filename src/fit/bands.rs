@@ -8,11 +8,12 @@
 //!   parameter of the robot off by its standard deviation, and where the command drives the model
 //!   the fit to the measured gait.
 //!
-//! They are intervals of the model's own motion with the gait that drives it: what a single cycle
-//! or trial is off by, and the errors of the measured gait at a frequency, are not in them.
+//! Where the measured gait drives the model its errors at the frequency are part of the scatter,
+//! too. They are intervals of the model's motion: what a single cycle or trial is off by is not
+//! in them.
 
 use super::fitted_point::FittedPoint;
-use super::intervals::{OUTSIDE, Systematic, Widths};
+use super::intervals::{HALF_WIDTH, OUTSIDE, Systematic, Widths};
 use super::noise_correction::NoiseCorrection;
 use super::objective::Objective;
 use super::predict::GaitOverFrequency;
@@ -30,8 +31,38 @@ const MISSED: f64 = 0.05;
 /// Part of a metric that counts as none.
 const NOTHING: f64 = 10.0 * FIT_ACCURACY;
 
+/// Standard errors of offset, amplitude and phase of either joint.
+pub(super) type GaitErrors = [[f64; 3]; 2];
 /// Changes of the metrics, in the order of [`GaitMetrics::to_array`].
 type Changes = [f64; 7];
+
+/// How far a motion's metrics may be off.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Band {
+    /// To either side, by the coefficients.
+    widths: [[f64; 2]; 7],
+    /// Per radian of each number of the gait; none where the command drives the model.
+    d_gait: Vec<Changes>,
+}
+
+impl Band {
+    /// Limits of these metrics of the motion, or of one nearby, given the standard errors of the
+    /// gait that drives it. Those that are not known are not in the limits.
+    pub fn limits(&self, metrics: &GaitMetrics, gait_errors_rad: &GaitErrors) -> [GaitMetrics; 2] {
+        let errors_rad = gait_errors_rad.as_flattened();
+        let mut limits = [[0.0; 7]; 2];
+        for (metric, value) in metrics.to_array().into_iter().enumerate() {
+            let of_gait = self.d_gait.iter().zip(errors_rad).map(|(of, error)| of[metric] * error);
+            let squares: f64 = of_gait.filter(|of| of.is_finite()).map(|of| of * of).sum();
+            let [below, above] =
+                self.widths[metric].map(|width| width.hypot(HALF_WIDTH * squares.sqrt()));
+            // What has a term is a size.
+            let floor = if metric < TERMS { 0.0 } else { f64::NEG_INFINITY };
+            (limits[0][metric], limits[1][metric]) = ((value - below).max(floor), value + above);
+        }
+        limits.map(GaitMetrics::from_array)
+    }
+}
 
 /// How far each prediction of a fit may be off.
 pub(super) struct Bands<'f> {
@@ -76,16 +107,22 @@ impl<'f> Bands<'f> {
         }
     }
 
-    /// Limits of the metrics of the motion that was solved for last.
+    /// Of the motion that was solved for last.
     ///
     /// # Errors
     /// A replicate has no motion.
-    pub fn limits(
+    pub fn band(
         &self,
         mut solver: Solver,
         problem: &Problem,
         metrics: GaitMetrics,
-    ) -> Result<[GaitMetrics; 2], MotionError> {
+    ) -> Result<Band, MotionError> {
+        let d_gait = match self.point.evaluator.objective.is_driven_as_measured() {
+            true => {
+                solver.derivatives()?.gait.as_flattened().iter().map(|of| of.to_array()).collect()
+            }
+            false => Vec::new(),
+        };
         let response = Response::of_last(&mut solver, metrics, &problem.robot, &self.free)?;
         let mut solved = |problem: &Problem, shifts: &[f64]| {
             self.change(&mut solver, &response.metrics, problem, shifts)
@@ -114,23 +151,18 @@ impl<'f> Bands<'f> {
         let by_gait = match self.measured_gaits.as_ref().zip(self.systematic.gait.as_ref()) {
             None => [0.0; 7],
             Some((gaits, shifts)) => {
-                let gait = gaits.at(problem.omega_rad_s).ok_or(MotionError::GaitUnknown)?;
+                let (gait, _) = gaits.at(problem.omega_rad_s).ok_or(MotionError::GaitUnknown)?;
                 solved(&Problem { gait, ..problem.clone() }, shifts)?
             }
         };
-        let mut limits = [[0.0; 7]; 2];
-        for (metric, value) in metrics.to_array().into_iter().enumerate() {
+        let widths = std::array::from_fn(|metric| {
             let of_all = |all: &[Changes]| all.iter().map(|changes| changes[metric]).collect();
             let [low, high] = quantiles(of_all(&replicates), [OUTSIDE, 1.0 - OUTSIDE]);
             // The curve is in its band.
             let scatter = [-low, high].map(|width| width.max(0.0));
-            let widths = Widths::new(scatter, &of_all(&blocks), &of_all(&assumed), by_gait[metric]);
-            let [below, above] = widths.total;
-            // What has a term is a size.
-            let floor = if metric < TERMS { 0.0 } else { f64::NEG_INFINITY };
-            (limits[0][metric], limits[1][metric]) = ((value - below).max(floor), value + above);
-        }
-        Ok(limits.map(GaitMetrics::from_array))
+            Widths::new(scatter, &of_all(&blocks), &of_all(&assumed), by_gait[metric]).total
+        });
+        Ok(Band { widths, d_gait })
     }
 
     /// What the metrics of a problem's motion with other coefficients have more than those of the
@@ -217,7 +249,8 @@ mod tests {
             let problem = objective.problem(&robot, objective.gait, omega_rad_s);
             let mut solver = Solver::default();
             let metrics = solver.solve(&problem, REFERENCE_ACCURACY).expect("a motion");
-            let limits = bands.limits(solver.clone(), &problem, metrics).expect("limits");
+            let band = bands.band(solver.clone(), &problem, metrics).expect("a band");
+            let limits = band.limits(&metrics, &[[0.01; 3]; 2]);
             let all: Vec<Changes> = (bands.replicates.iter())
                 .map(|shifts| bands.change(&mut solver, &metrics, &problem, shifts).expect("one"))
                 .collect();
@@ -236,6 +269,22 @@ mod tests {
             by_derivatives += usize::from(!is_exact);
         }
         (worst, by_derivatives)
+    }
+
+    #[test]
+    fn the_errors_of_the_measured_gait_are_in_the_limits() {
+        let metrics = GaitMetrics::from_array([4.0, 1.0, 0.1, 0.2, 0.3, 0.5, -0.1]);
+        let widths = [[0.03, 0.06]; 7];
+        let mut d_gait = vec![[0.0; 7]; 6];
+        (d_gait[1][0], d_gait[4][0], d_gait[2]) = (3.0, 4.0, [f64::NAN; 7]);
+        let band = Band { widths, d_gait };
+        let [lower, upper] = band.limits(&metrics, &[[0.01; 3]; 2]);
+        let by_gait: f64 = 1.96 * 0.05;
+        assert!((4.0 - lower.d_m - by_gait.hypot(0.03)).abs() < 1e-12);
+        assert!((upper.d_m - 4.0 - by_gait.hypot(0.06)).abs() < 1e-12);
+        assert!((upper.v_m_s - 1.06).abs() < 1e-12);
+        let [unknown, _] = band.limits(&metrics, &[[f64::NAN; 3]; 2]);
+        assert!((unknown.d_m - 3.97).abs() < 1e-12);
     }
 
     #[test]

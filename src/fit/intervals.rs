@@ -39,7 +39,7 @@ use crate::stats::{mean, quantiles};
 /// Parts of the replicates outside of a 95 % interval, on either side.
 pub(super) const OUTSIDE: f64 = 0.025;
 /// Half the width of a 95 % interval of a normal distribution, in its standard deviations.
-const HALF_WIDTH: f64 = 1.96;
+pub(super) const HALF_WIDTH: f64 = 1.96;
 /// Blocks of frequencies of the jackknife.
 const BLOCKS: usize = 6;
 /// What a jackknife's variance over that of the scatter is at most in 95 of 100 fits of a model that

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::bands::Bands;
+use super::bands::{Band, Bands, GaitErrors};
 use super::conditions::Condition;
 use super::fitted_point::FittedPoint;
 use super::measurement::Measurement;
@@ -22,11 +22,10 @@ const CURVE_POINTS: usize = 112;
 const CURVE_ACCURACY: f64 = 1e-8;
 
 /// A motion, and how far its metrics may be off.
-#[derive(Clone)]
 struct Predicted {
     solved: Result<(GaitMetrics, MotionStatus), MotionError>,
-    /// Limits of the metrics, or why there are none.
-    limits: Result<[GaitMetrics; 2], String>,
+    /// How far its metrics may be off, or why that is not known.
+    band: Result<Band, String>,
 }
 
 impl Predicted {
@@ -41,31 +40,18 @@ impl Predicted {
             solver.forget();
             let metrics = solver.solve(problem, accuracy)?;
             let status = MotionStatus::of_floquet(solver.floquet()?);
-            let limits = bands.as_ref().map_err(Clone::clone).and_then(|bands| {
+            let band = bands.as_ref().map_err(Clone::clone).and_then(|bands| {
                 // Others go on from this motion.
-                bands.limits(solver.clone(), problem, metrics).map_err(|error| {
+                bands.band(solver.clone(), problem, metrics).map_err(|error| {
                     format!("the fit to a resample has no motion at this frequency: {error}")
                 })
             });
-            Ok((metrics, status, limits))
+            Ok((metrics, status, band))
         };
         match problem.and_then(solve) {
-            Ok((metrics, status, limits)) => Self { solved: Ok((metrics, status)), limits },
-            Err(error) => Self { limits: Err("there is no motion".to_owned()), solved: Err(error) },
+            Ok((metrics, status, band)) => Self { solved: Ok((metrics, status)), band },
+            Err(error) => Self { band: Err("there is no motion".to_owned()), solved: Err(error) },
         }
-    }
-
-    /// The same for a trial, of which the metrics differ a little.
-    fn moved(&self, metrics_of: impl Fn(&GaitMetrics) -> GaitMetrics) -> Self {
-        let Ok((metrics, status)) = &self.solved else { return self.clone() };
-        let moved = metrics_of(metrics);
-        let (from, to) = (metrics.to_array(), moved.to_array());
-        let beside = |limit: GaitMetrics| {
-            let limit = limit.to_array();
-            GaitMetrics::from_array(std::array::from_fn(|i| limit[i] + (to[i] - from[i])))
-        };
-        let limits = self.limits.clone().map(|limits| limits.map(beside));
-        Self { solved: Ok((moved, *status)), limits }
     }
 }
 
@@ -78,15 +64,21 @@ pub(super) fn predictions(
 ) -> Vec<PredictionRow> {
     let objective = point.evaluator.objective;
     let (model, conditions) = (objective.model, &objective.conditions);
-    let row = |omega_rad_s, source, j, predicted: Predicted, from_rest| {
+    // Of a motion, or of one nearby with these metrics.
+    let row = |omega_rad_s,
+               source,
+               j,
+               predicted: &Predicted,
+               own: Option<GaitMetrics>,
+               errors_rad: GaitErrors,
+               from_rest| {
         let (metrics, status) = match &predicted.solved {
-            Ok(solved) => *solved,
+            Ok((metrics, status)) => (own.unwrap_or(*metrics), *status),
             Err(error) => (GaitMetrics::MISSING, error.status()),
         };
-        let none = [GaitMetrics::MISSING; 2];
-        let ([lower, upper], no_interval) = match predicted.limits {
-            Ok(limits) => (limits, String::new()),
-            Err(why) => (none, why),
+        let ([lower, upper], no_interval) = match &predicted.band {
+            Ok(band) => (band.limits(&metrics, &errors_rad), String::new()),
+            Err(why) => ([GaitMetrics::MISSING; 2], why.clone()),
         };
         let campaign = campaign.to_owned();
         PredictionRow {
@@ -122,13 +114,12 @@ pub(super) fn predictions(
     let at_trial = |(measurement, (condition, differences)): (&Measurement, &(usize, _))| {
         let (predicted, from_rest) = &predicted[*condition];
         let expansion = point.evaluator.expansions[*condition].as_ref();
-        let predicted = predicted
-            .moved(|metrics| expansion.map_or(*metrics, |of| of.metrics_at(metrics, differences)));
-        let j = predicted
-            .solved
-            .as_ref()
-            .map_or(f64::NAN, |(metrics, _)| objective.contribution(measurement, metrics));
-        row(measurement.omega_rad_s, PredictionSource::Trial, j, predicted, *from_rest)
+        let own = predicted.solved.as_ref().ok().map(|(metrics, _)| {
+            expansion.map_or(*metrics, |of| of.metrics_at(metrics, differences))
+        });
+        let j = own.map_or(f64::NAN, |metrics| objective.contribution(measurement, &metrics));
+        let (omega_rad_s, errors_rad) = (measurement.omega_rad_s, measurement.gait_errors_rad);
+        row(omega_rad_s, PredictionSource::Trial, j, predicted, own, errors_rad, *from_rest)
     };
     let trials = objective.measurements.iter().zip(&conditions.of_trials);
     let mut rows: Vec<PredictionRow> = trials.map(at_trial).collect();
@@ -139,11 +130,14 @@ pub(super) fn predictions(
         let gaits = GaitOverFrequency::new(objective);
         let on_curve = |solver: &mut Solver, i: usize| {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
-            let gait = gaits.at(omega_rad_s).ok_or(MotionError::GaitUnknown);
-            let problem = gait.map(|gait| objective.problem(robot, gait, omega_rad_s));
+            let found = gaits.at(omega_rad_s).ok_or(MotionError::GaitUnknown);
+            let problem =
+                found.clone().map(|(gait, _)| objective.problem(robot, gait, omega_rad_s));
             let problem = problem.as_ref().map_err(Clone::clone);
             let predicted = Predicted::solve(solver, problem, CURVE_ACCURACY, bands);
-            row(omega_rad_s, PredictionSource::Curve, f64::NAN, predicted, None)
+            let errors_rad = found.map_or([[f64::NAN; 3]; 2], |(_, errors_rad)| errors_rad);
+            let (source, j) = (PredictionSource::Curve, f64::NAN);
+            row(omega_rad_s, source, j, &predicted, None, errors_rad, None)
         };
         let points = (0..CURVE_POINTS).into_par_iter();
         rows.par_extend(points.map_init(Solver::default, on_curve));
@@ -154,44 +148,56 @@ pub(super) fn predictions(
 /// The gait that drives a model, at any frequency: the command, or what was measured of it.
 pub(super) struct GaitOverFrequency {
     command: Gait,
-    /// The mean of the gaits measured at each frequency, ascending; one where the command drives.
-    known: Vec<(f64, Gait)>,
+    /// The mean of the gaits measured at each frequency, ascending, and its standard errors; one
+    /// where the command drives.
+    known: Vec<(f64, Gait, GaitErrors)>,
 }
 
 impl GaitOverFrequency {
     pub fn new(objective: &Objective) -> Self {
         let command = objective.gait;
         if objective.driven_by() == GaitInput::Commanded {
-            return Self { command, known: vec![(0.0, command)] };
+            return Self { command, known: vec![(0.0, command, [[0.0; 3]; 2])] };
         }
         let frequencies = Measurement::frequencies(&objective.measurements);
         let at_frequency = |trials: &Vec<usize>| {
             let trials = trials.iter().map(|&trial| &objective.measurements[trial]);
-            let known = trials.filter_map(|trial| Some((trial, objective.gait_of(trial)?)));
-            let (omegas_rad_s, gaits): (Vec<f64>, Vec<Gait>) =
-                known.map(|(trial, gait)| (trial.omega_rad_s, gait)).unzip();
-            let weight = 1.0 / gaits.len() as f64;
-            let weighted = gaits.iter().map(|gait| (weight, gait));
-            (!gaits.is_empty()).then(|| (mean(omegas_rad_s), combined(&command, weighted)))
+            let known: Vec<(&Measurement, Gait)> =
+                trials.filter_map(|trial| Some((trial, objective.gait_of(trial)?))).collect();
+            let weight = 1.0 / known.len() as f64;
+            let weighted = known.iter().map(|(_, gait)| (weight, gait));
+            let errors = known.iter().map(|(trial, _)| (weight, &trial.gait_errors_rad));
+            let omega_rad_s = mean(known.iter().map(|(trial, _)| trial.omega_rad_s));
+            let all = || (omega_rad_s, combined(&command, weighted), combined_errors(errors));
+            (!known.is_empty()).then(all)
         };
-        let mut known: Vec<(f64, Gait)> = frequencies.iter().filter_map(at_frequency).collect();
-        known.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let mut known: Vec<_> = frequencies.iter().filter_map(at_frequency).collect();
+        known.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
         Self { command, known }
     }
 
-    /// In proportion between two frequencies that are known, as at the nearest beyond them; `None`
-    /// where no gait was measured.
-    pub fn at(&self, omega_rad_s: f64) -> Option<Gait> {
-        let after = self.known.partition_point(|(known, _)| *known <= omega_rad_s);
-        let (low, below) = self.known.get(after.saturating_sub(1))?;
-        let (high, above) = self.known.get(after).or(self.known.last())?;
+    /// In proportion between two frequencies that are known, as at the nearest beyond them, with
+    /// standard errors; `None` where no gait was measured.
+    pub fn at(&self, omega_rad_s: f64) -> Option<(Gait, GaitErrors)> {
+        let after = self.known.partition_point(|(known, ..)| *known <= omega_rad_s);
+        let (low, below, errors_below) = self.known.get(after.saturating_sub(1))?;
+        let (high, above, errors_above) = self.known.get(after).or(self.known.last())?;
         if high <= low || omega_rad_s <= *low {
-            return Some(*below);
+            return Some((*below, *errors_below));
         }
         let part = (omega_rad_s - low) / (high - low);
         let weighted = [(1.0 - part, below), (part, above)];
-        Some(combined(&self.command, weighted.into_iter()))
+        let errors = [(1.0 - part, errors_below), (part, errors_above)];
+        Some((combined(&self.command, weighted.into_iter()), combined_errors(errors.into_iter())))
     }
+}
+
+/// Standard errors of a weighted mean of independent gaits.
+fn combined_errors<'e>(errors: impl Iterator<Item = (f64, &'e GaitErrors)> + Clone) -> GaitErrors {
+    let squares = |joint: usize, number: usize| -> f64 {
+        errors.clone().map(|(weight, errors)| (weight * errors[joint][number]).powi(2)).sum()
+    };
+    std::array::from_fn(|joint| std::array::from_fn(|number| squares(joint, number).sqrt()))
 }
 
 /// Weighted mean of gaits that follow one command; phases by the shorter way around.
@@ -218,15 +224,19 @@ mod tests {
         let gait = |offset_rad: f64| Gait {
             joints: command.joints.map(|joint| joint.map(|of| JointCommand { offset_rad, ..of })),
         };
-        let known = vec![(2.0, gait(0.1)), (4.0, gait(0.3))];
+        let known = vec![(2.0, gait(0.1), [[0.3; 3]; 2]), (4.0, gait(0.3), [[0.4; 3]; 2])];
         let gaits = GaitOverFrequency { command, known };
         let offset_rad = |omega_rad_s: f64| {
-            let gait = gaits.at(omega_rad_s).expect("known");
+            let (gait, _) = gaits.at(omega_rad_s).expect("known");
             gait.joints[0].expect("commanded").offset_rad
         };
         // Repeats that are a little slower than their mean.
         assert_eq!([1.9, 2.0, 4.0, 4.1].map(offset_rad), [0.1, 0.1, 0.3, 0.3]);
         assert!((offset_rad(3.0) - 0.2).abs() < 1e-12);
+        // Errors of two that are independent.
+        let errors_rad =
+            [2.0, 3.0].map(|omega_rad_s| gaits.at(omega_rad_s).expect("known").1[1][2]);
+        assert!((errors_rad[0] - 0.3).abs() < 1e-12 && (errors_rad[1] - 0.25).abs() < 1e-12);
         assert_eq!(GaitOverFrequency { known: Vec::new(), ..gaits }.at(3.0), None);
     }
 }
