@@ -80,6 +80,9 @@ fn without_scripts_a_page_has_every_figure_table_and_description() {
 fn the_page_is_printed_on_few_sheets() {
     let Some(mut browser) = Browser::start() else { return };
     browser.open(&demo().join("index.html"));
+    browser.call("Emulation.setEmulatedMedia", json!({ "media": "print" }));
+    let shown = "[...document.querySelectorAll(\"nav, .filter\")].some(of => of.checkVisibility())";
+    assert_eq!(browser.evaluate(shown), false, "what is of no use on paper");
     let pdf = browser.pdf();
     let sheets = String::from_utf8_lossy(&pdf).matches("/Type /Page\n").count();
     assert!((3..=24).contains(&sheets), "{sheets} sheets");
