@@ -197,6 +197,16 @@ fn every_run_that_changed_something_is_in_the_history() {
     let mean = of("mean d_m");
     assert!(mean.lower < mean.value && mean.value < mean.upper);
     assert!(mean.value_se > 0.0 && of("skid0_kg_s").value_se > 0.0);
+    // Times are timestamps, which conditions compare by their text.
+    let look = |condition: &str| {
+        let arguments = ["inspect", "reports/history.parquet", "--csv", "--columns", "time,run"];
+        let more = ["--head", "1", "--sort", "time", "--where", condition];
+        succeed(folder.path(), &[&arguments[..], &more].concat())
+    };
+    let time = &*first[0].time;
+    assert!(time.len() == 20 && time.ends_with('Z'), "{time}");
+    assert_eq!(look("time > '2026'"), format!("time,run\n{time},1\n"));
+    assert_eq!(look("time < '2026'"), "time,run\n");
 }
 
 #[test]

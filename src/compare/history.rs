@@ -13,13 +13,15 @@ use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
 use crate::config::Config;
 use crate::robot::Parameter;
-use crate::store::{Columns as _, Provenance, Reader, RunStatus, StoreError, TrialStatus, rows};
+use crate::store::{
+    Columns as _, Provenance, Reader, RunStatus, StoreError, TrialStatus, UtcTime, rows,
+};
 
 rows! {
     /// One figure of merit of one run, or something that happened: `history.parquet`.
     pub struct HistoryRow {
-        /// When the run ended, UTC.
-        pub time: String,
+        /// When the run ended.
+        pub time: UtcTime,
         /// Counts the runs.
         pub run: i64,
         /// How it ended; missing in histories from before this was kept.
@@ -125,7 +127,7 @@ pub fn remember_failure(
 ) -> Result<Option<String>, CompareError> {
     let History { mut rows, problem } = History::load(&config.paths.reports)?;
     rows.push(HistoryRow {
-        time: started.to_owned(),
+        time: UtcTime::parse(started).unwrap_or_default(),
         run: next_run(&rows),
         status: Some(status),
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -146,11 +148,12 @@ pub fn note_acceptances(config: &Config, accepted: &[Acceptance]) -> Result<(), 
     let (known, run) = (rows.clone(), last_run(&rows));
     let is_new = |acceptance: &&Acceptance| {
         let Acceptance { time, reason, .. } = acceptance;
-        known.first().is_none_or(|first| first.time <= *time)
-            && !known.iter().any(|row| row.time == *time && row.note == *reason)
+        let time = UtcTime::parse(time).unwrap_or_default();
+        known.first().is_none_or(|first| first.time <= time)
+            && !known.iter().any(|row| row.time == time && row.note == *reason)
     };
     rows.extend(accepted.iter().filter(is_new).map(|acceptance| HistoryRow {
-        time: acceptance.time.clone(),
+        time: UtcTime::parse(&acceptance.time).unwrap_or_default(),
         run,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         quantity: ACCEPTED.to_owned(),
@@ -233,7 +236,7 @@ fn merit(row: &HistoryRow) -> Option<([&str; 4], u64)> {
 fn whole_run(candidate: &Snapshot, run: i64) -> HistoryRow {
     let MadeOf { ended, program, configuration, input } = candidate.made_of.clone();
     HistoryRow {
-        time: if ended.is_empty() { utc_now() } else { ended },
+        time: UtcTime::parse(&ended).or_else(|| UtcTime::parse(&utc_now())).unwrap_or_default(),
         run,
         status: candidate.status,
         version: candidate.version.clone(),

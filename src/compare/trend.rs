@@ -64,7 +64,7 @@ pub fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareError> {
     let groups = groups.iter().map(|((_, campaign), series)| group(campaign, series, &runs));
     let accepted = rows.iter().filter(|row| row.quantity == ACCEPTED).rev();
     let accepted = accepted.map(|row| {
-        json!({ "run": row.run, "time": row.time, "why": row.note, "out": row.value.to_string() })
+        json!({ "run": row.run, "time": &*row.time, "why": row.note, "out": row.value.to_string() })
     });
     let page = json!({
         "version": env!("CARGO_PKG_VERSION"),
@@ -194,7 +194,7 @@ impl<'r> Series<'r> {
         layers.push(Layer::new("accepted", accepted, Look::Guides));
         let rings = self.steps.iter().map(|step| self.rows[step.index]);
         layers.push(Layer::new("step", rings.map(|row| (x(row), row.value)), Look::Rings));
-        let panel = Panel::new(self.name(), "run", "", layers);
+        let panel = Panel::new(self.name(), "run", &*self.rows[0].quantity, layers);
         let x_names = runs.labels().to_vec();
         Panel { x_scale: Scale::Whole, y_scale: Scale::Decades, x_names, ..panel }
     }

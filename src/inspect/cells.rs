@@ -5,6 +5,7 @@ use polars::prelude::{NamedFrom, StringChunked};
 use serde_json::Value as Json;
 
 use super::View;
+use crate::store::time_text;
 
 /// CSV with a line of names; what is missing is empty. Text that a spreadsheet would compute as a
 /// formula has an apostrophe before it.
@@ -43,6 +44,7 @@ pub fn text(cell: &AnyValue) -> String {
     match cell {
         AnyValue::Boolean(boolean) => boolean.to_string(),
         AnyValue::List(list) => list.iter().map(|cell| text(&cell)).collect::<Vec<_>>().join(", "),
+        AnyValue::Datetime(..) => time_text(cell).unwrap_or_default(),
         cell => match (cell.get_str(), cell.extract::<i128>()) {
             (Some(text), _) => text.to_owned(),
             (None, whole) => whole.map_or(String::new(), |whole| whole.to_string()),
@@ -55,6 +57,7 @@ fn to_json(cell: &AnyValue) -> Json {
         AnyValue::Boolean(boolean) => (*boolean).into(),
         AnyValue::List(list) => list.iter().map(|cell| to_json(&cell)).collect(),
         AnyValue::UInt64(whole) => (*whole).into(),
+        AnyValue::Datetime(..) => time_text(cell).into(),
         cell if cell.is_integer() => cell.extract::<i64>().into(),
         cell => cell.get_str().map_or_else(|| float(cell).into(), Json::from),
     }
@@ -69,11 +72,14 @@ pub fn float(cell: &AnyValue) -> Option<f64> {
     }
 }
 
-/// A column by which rows are chosen and sorted: lists and categories by their text.
+/// A column by which rows are chosen and sorted: lists, categories and times by their text.
 pub(super) fn comparable(series: &Series) -> PolarsResult<Series> {
     let name = series.name().clone();
     Ok(match series.dtype() {
-        DataType::List(_) | DataType::Categorical(..) | DataType::Enum(..) => {
+        DataType::List(_)
+        | DataType::Categorical(..)
+        | DataType::Enum(..)
+        | DataType::Datetime(..) => {
             let cells = series.iter().map(|cell| (!cell.is_null()).then(|| text(&cell)));
             StringChunked::new(name, cells.collect::<Vec<_>>()).into_series()
         }

@@ -76,7 +76,7 @@ fn read<T>(
         .map_err(|problem| error(problem.to_string()))
 }
 
-/// Lists and categories are chosen by their text.
+/// Lists, categories and times are chosen by their text.
 fn shown_as(dtype: &ArrowDataType) -> Option<DataType> {
     use ArrowDataType as Arrow;
     match dtype {
@@ -84,6 +84,7 @@ fn shown_as(dtype: &ArrowDataType) -> Option<DataType> {
         Arrow::Int32 | Arrow::Int64 | Arrow::UInt32 | Arrow::UInt64 => Some(DataType::Float64),
         Arrow::Float32 | Arrow::Float64 | Arrow::Null => Some(DataType::Float64),
         Arrow::Utf8 | Arrow::LargeUtf8 | Arrow::Utf8View => Some(DataType::String),
+        Arrow::Timestamp(..) => Some(DataType::String),
         Arrow::Dictionary(_, inner, _) => shown_as(inner).filter(DataType::is_string),
         Arrow::List(inner) | Arrow::LargeList(inner) => {
             shown_as(&inner.dtype).map(|_| DataType::String)

@@ -7,6 +7,7 @@ mod stamp;
 mod status;
 mod table;
 mod tables;
+mod time;
 
 pub use atomic::{
     PendingFile, WRITING, remove_unfinished, unfinished, write_bytes, write_if_changed,
@@ -24,6 +25,7 @@ pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Stopped, Tria
 pub(crate) use table::guarded;
 pub use table::{Provenance, Table, is_own_table, is_reading};
 pub(crate) use tables::table_set;
+pub use time::{UtcTime, time_text};
 
 use std::io::ErrorKind;
 use std::path::PathBuf;

@@ -12,7 +12,7 @@ use crate::config::Config;
 use crate::metrics::GaitMetrics;
 use crate::robot::{ByParameter, Parameter};
 use crate::store::{
-    Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, numbers, texts,
+    Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, UtcTime, numbers, texts,
 };
 
 fn config(folder: &Path) -> Config {
@@ -27,7 +27,7 @@ fn run(number: i64) -> HistoryRow {
     let start = chrono::NaiveDate::from_ymd_opt(2026, 11, 11).unwrap();
     let day = start + chrono::Days::new(number as u64);
     HistoryRow {
-        time: format!("{day}T02:31:07Z"),
+        time: UtcTime::parse(&format!("{day}T02:31:07Z")).unwrap(),
         run: number,
         status: Some(RunStatus::Ok),
         version: "0.1.0".to_owned(),
@@ -198,8 +198,8 @@ fn a_history_of_former_columns_goes_on() {
     ]);
     let path = history_path(&config.paths.reports);
     former.write(&path, &Provenance { input: "runs".to_owned() }).unwrap();
-    let trial = TrialRow {
-        trial: "a".to_owned(),
+    let trial = |name: usize| TrialRow {
+        trial: name.to_string(),
         campaign: "skewed".to_owned(),
         metrics: GaitMetrics { d_m: 0.4, ..GaitMetrics::blank() },
         metrics_se: GaitMetrics { d_m: 0.001, ..GaitMetrics::blank() },
@@ -218,10 +218,17 @@ fn a_history_of_former_columns_goes_on() {
     };
     let derived = &config.paths.derived;
     let made = Provenance { input: "made up".to_owned() };
-    TrialRow::to_table(&[trial]).write(&derived.join("trials.parquet"), &made).unwrap();
+    let trials: Vec<TrialRow> = (0..10_000).map(trial).collect();
+    TrialRow::to_table(&trials).write(&derived.join("trials.parquet"), &made).unwrap();
     FitRow::to_table(&[fit]).write(&derived.join("fits.parquet"), &made).unwrap();
+    let start = std::time::Instant::now();
     assert_eq!(remember(&config).unwrap(), None, "it is not damaged");
-    let all = HistoryRow::from_table(&Table::read(&path).unwrap()).unwrap();
+    println!("ten thousand trials are remembered in {:?}", start.elapsed());
+    assert!(start.elapsed().as_secs() < 10);
+    let table = Table::read(&path).unwrap();
+    let dtype = table.frame.column("time").unwrap().dtype().to_string();
+    assert_eq!(dtype, "datetime[ms, UTC]");
+    let all = HistoryRow::from_table(&table).unwrap();
     assert_eq!(all.iter().map(|row| row.run).max(), Some(4));
     for (known, row) in rows.iter().zip(&all) {
         let HistoryRow { time, run, version, quantity, value, .. } = known;
@@ -232,7 +239,8 @@ fn a_history_of_former_columns_goes_on() {
         assert!(row.status.is_none() && row.lower.is_nan() && row.program.is_empty());
     }
     let fourth: Vec<&HistoryRow> = all.iter().filter(|row| row.run == 4).collect();
-    assert!(fourth.iter().any(|row| row.quantity == "trial"), "the trials that there are");
+    let trials = fourth.iter().filter(|row| row.quantity == "trial").count();
+    assert_eq!(trials, 10_000, "the trials that there are");
     assert!(!fourth.iter().any(|row| row.quantity == CAME), "no trial came");
     let fitted = fourth.iter().find(|row| row.quantity == "skid0_kg_s").unwrap();
     assert!(fitted.lower < fitted.value && fitted.upper > fitted.value && fitted.value_se > 0.0);
