@@ -109,9 +109,8 @@ fn the_nearest_curve_is_told_with_its_interval_under_the_pointer_and_by_the_keyb
             .collect();
         let value = told.split("(mm) ").nth(1).or(told.split("(mm/s) ").nth(1)).expect(&told);
         let value: f64 = value.split(' ').next().unwrap().parse().expect("a number");
-        assert!(told.starts_with("skid-roll: ") && limits[0] <= limits[1], "{told}");
-        // The curve's place is known to a tenth of a pixel.
-        assert!((value / limits[0] - 1.0).abs() < 0.2, "{told}");
+        assert!(told.starts_with("skid-roll: "), "{told}");
+        assert!((limits[0]..=limits[1]).contains(&value), "{told}");
     }
     assert_no_problems(&browser);
 }

@@ -34,7 +34,7 @@ const APART_AMONG_MANY: f64 = 2.5;
 /// What a line's band covers of what is behind it.
 const BAND_OPACITY: f64 = 0.2;
 /// Places along a line at which a page knows its band.
-const BAND_PLACES: usize = 40;
+const BAND_PLACES: usize = 60;
 /// Points of a curve nearer to each other than this cannot be told apart, px.
 const APART: f64 = 0.3;
 
@@ -110,10 +110,13 @@ impl<'b> Frame<'b> {
             numbers = format!(" data-points=\"{}\"", lines.collect::<String>());
         }
         if !layer.band.is_empty() {
-            let all = layer.points.iter().zip(&layer.band).filter(|(at, _)| at.x.is_finite());
-            let all: Vec<_> = all.map(|(at, [low, high])| [at.x, *low, *high].map(short)).collect();
+            let all = layer.points.iter().zip(&layer.band);
+            let all: Vec<_> = all.filter(|(point, _)| self.shows(self.at(point))).collect();
             let places = all.iter().step_by(all.len().div_ceil(BAND_PLACES).max(1));
-            let line = |[x, low, high]: &[f64; 3]| format!("{x} {low} {high}\n");
+            let line = |(point, [low, high]): &(&Point, &[f64; 2])| {
+                let [x, y, low, high] = [point.x, point.y, *low, *high].map(short);
+                format!("{x} {y} {low} {high}\n")
+            };
             numbers = format!(" data-band=\"{}\"", places.map(line).collect::<String>());
         }
         self.area.draw(&Markup(format!("<g data-name=\"{name}\"{numbers}>\n")))?;

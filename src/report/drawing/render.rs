@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(numbers.len(), 2);
         // The second begins where the first did, and is level with itself.
         assert!(numbers[1][0] > 0 && numbers[1][3] == 0, "{numbers:?}");
-        assert!(curve.starts_with("\"0 0.9 1.1\n1 0.5 9\n2 0.9 1.1\n4 0.8 1.2\n5 0.8 1.2\n\""));
+        assert!(curve.starts_with("\"0 1 0.9 1.1\n1 1 0.5 9\n2 1 0.9 1.1\n4 1 0.8 1.2\n5 1 "));
         assert!(!drawn(Vec::new()).contains("data-band"));
     }
 

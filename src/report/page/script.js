@@ -59,35 +59,34 @@
     const points = [];
     for (const group of panel.querySelectorAll("g[data-name]:not(.key)")) {
       const { name } = group.dataset;
-      const say = (trial, across, up, error) => {
-        const bar = Number.isFinite(error) && error > 0 ? ` ± ${short(error)}` : "";
+      const say = (trial, across, up, interval = "") => {
         const of = [name, trial].filter(part => part).join(", ");
-        return `${of}: ${x.label} ${short(across)}, ${y.label} ${short(up)}${bar}`;
+        return `${of}: ${x.label} ${short(across)}, ${y.label} ${short(up)}${interval}`;
       };
+      const lines = text => text.split("\n").filter(line => line).map(line => line.split(" "));
       if (group.dataset.points !== undefined) {
-        for (const line of group.dataset.points.split("\n").filter(line => line)) {
-          const [across, up, error, ...trial] = line.split(" ");
+        for (const [across, up, error, ...trial] of lines(group.dataset.points)) {
+          const bar = error > 0 ? ` ± ${short(error)}` : "";
           points.push({ group, trial: trial.join(" "), x: x.place(across), y: y.place(up),
-            text: say(trial.join(" "), across, up, +error) });
+            text: say(trial.join(" "), across, up, bar) });
         }
         continue;
       }
-      const band = (group.dataset.band || "").split("\n").filter(line => line)
-        .map(line => line.split(" ").map(Number));
-      const interval = at => {
-        const i = band.findIndex(([across]) => across >= at);
-        if (i < 0 || at < band[0][0]) return "";
-        const [[x0, ...from], [x1, ...to]] = [band[Math.max(i - 1, 0)], band[i]];
-        const part = x1 > x0 ? (at - x0) / (x1 - x0) : 0;
-        const [low, high] = from.map((limit, j) => short(limit + part * (to[j] - limit)));
-        return Number.isFinite(low + high) ? ` (95 %: ${low} to ${high})` : "";
-      };
+      // A curve of which the interval is known.
+      if (group.dataset.band !== undefined) {
+        for (const [across, up, low, high] of lines(group.dataset.band)) {
+          const limits = +low <= +high ? ` (95 %: ${short(low)} to ${short(high)})` : "";
+          points.push({ group, curve: true, x: x.place(across), y: y.place(up),
+            text: say("", across, up, limits) });
+        }
+        continue;
+      }
       for (const path of group.querySelectorAll("path[stroke-width='16']")) {
         let place = [0, 0];
         for (const [, across, up] of path.getAttribute("d").matchAll(/(-?\d+) ?(-?\d+)/g)) {
           place = [place[0] + +across, place[1] + +up];
           points.push({ group, curve: true, x: place[0], y: place[1],
-            text: say("", x.value(place[0]), y.value(place[1])) + interval(x.value(place[0])) });
+            text: say("", x.value(place[0]), y.value(place[1])) });
         }
       }
     }
