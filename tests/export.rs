@@ -197,9 +197,9 @@ fn a_trial_of_two_folders_is_named_by_its_folder() {
     };
     let (status, said) = export(TRIAL);
     assert_eq!(status, Some(2));
-    assert!(said.contains("several folders") && said.contains(&format!("raw-{TRIAL}")), "{said}");
+    assert!(said.contains("several folders") && said.contains(&format!("raw_{TRIAL}")), "{said}");
     // Nothing is ingested.
-    for name in [format!("other/{TRIAL}"), format!("other-{TRIAL}")] {
+    for name in [format!("other/{TRIAL}"), format!("other_{TRIAL}")] {
         let (status, said) = export(&name);
         assert_eq!(status, Some(1), "{said}");
         assert!(said.contains("without poses") && said.contains("not ingested"), "{said}");
