@@ -183,6 +183,11 @@ fn without_scripts_a_replay_is_a_drawing_of_the_robot_along_its_trail() {
          .filter(element => element.checkVisibility() && element.getBoundingClientRect().width > 5).length",
     );
     assert!(seen.as_u64() >= Some(5), "{seen}");
+    // A line of two of the drawing's own units, 0.1 mm, could not be seen.
+    for marker in ["missing", "corrected"] {
+        let style = format!("getComputedStyle(document.querySelector(\"#replay-{marker}\"))");
+        assert_eq!(browser.evaluate(&format!("{style}.vectorEffect")), "non-scaling-stroke");
+    }
     let controls =
         browser.evaluate("document.querySelector(\".replay .controls\").checkVisibility()");
     assert_eq!(controls, false);
