@@ -76,7 +76,7 @@ fn check(metadata: &Metadata, most: u64) -> io::Result<()> {
         kind if kind.is_dir() => "a folder",
         _ => "a device or pipe",
     };
-    Err(io::Error::new(ErrorKind::InvalidInput, format!("found {found}, needed a file")))
+    Err(io::Error::new(ErrorKind::Unsupported, format!("found {found}, needed a file")))
 }
 
 fn check_size(bytes: u64, most: u64) -> io::Result<()> {
