@@ -395,7 +395,12 @@ fn pages_beyond_the_limit_are_made_when_asked_for_and_then_kept_up_to_date() {
 
     succeed(folder.path(), &["report", "--trial", SYMMETRIC]);
     let page = PathBuf::from(format!("reports/trials/{SYMMETRIC}.html"));
-    assert_eq!(folder.results()[&page], before[&page]);
+    // But for links to pages that are not there.
+    let content = |results: &BTreeMap<PathBuf, Vec<u8>>| {
+        let page = text(&results[&page]);
+        page.lines().filter(|line| !line.contains("All trials")).collect::<Vec<_>>().join("\n")
+    };
+    assert_eq!(content(&folder.results()), content(&before));
     succeed(folder.path(), &["run"]);
     change_marker_file(&folder, SYMMETRIC_FILE);
     folder.run();
