@@ -126,8 +126,9 @@
       if (event.key === "Enter") open();
       if (!along && !across) return;
       event.preventDefault();
-      // Measured series first; of a curve some forty points.
-      const all = points.filter(shown).sort((a, b) => !!a.curve - !!b.curve);
+      // Trials first, then what models say of them; of a curve some forty points.
+      const rank = point => (point.curve ? 2 : point.trial ? 0 : 1);
+      const all = points.filter(shown).sort((a, b) => rank(a) - rank(b));
       const groups = [...new Set(all.map(point => point.group))];
       if (!groups.length) return;
       const next = (list, from, step) => list[(from + step + list.length) % list.length];
