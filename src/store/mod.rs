@@ -60,8 +60,31 @@ pub enum StoreError {
 impl StoreError {
     /// Whether there is no such file.
     pub fn is_not_there(&self) -> bool {
-        // No file has a name that no file can have.
-        let absent = [ErrorKind::NotFound, ErrorKind::InvalidInput, ErrorKind::InvalidFilename];
-        matches!(self, Self::Read { source, .. } if absent.contains(&source.kind()))
+        let Self::Read { source, .. } = self else { return false };
+        match source.kind() {
+            // No file has a name that no file can have.
+            ErrorKind::NotFound | ErrorKind::InvalidFilename => true,
+            // The system was not asked for a name with NUL; what it finds invalid may be there.
+            ErrorKind::InvalidInput => source.raw_os_error().is_none(),
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_system_finds_invalid_is_not_taken_for_absent() {
+        let is_not_there = |source| StoreError::Read { path: "a".into(), source }.is_not_there();
+        let of_a_name_with_nul = std::fs::metadata("a\0b").expect_err("no file has that name");
+        assert!(is_not_there(of_a_name_with_nul));
+        assert!(is_not_there(ErrorKind::NotFound.into()));
+        #[cfg(unix)]
+        for number in [5, 13, 22] {
+            let source = std::io::Error::from_raw_os_error(number);
+            assert!(!is_not_there(source), "{number}");
+        }
     }
 }
