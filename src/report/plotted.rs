@@ -29,7 +29,7 @@ pub fn csv(figure: &Figure) -> String {
             let name = field(&layer.name);
             for (nth, Point { x, y, error }) in layer.points.iter().enumerate() {
                 let trial = layer.trials.get(nth).map_or("", String::as_str);
-                let trial = if have_trials { format!("{trial},") } else { String::new() };
+                let trial = if have_trials { field(trial) + "," } else { String::new() };
                 let mut values = vec![String::new(); all.len()];
                 for (place, value) in places.iter().zip([x, y, error]) {
                     if let Some(place) = place {

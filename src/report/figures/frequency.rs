@@ -163,9 +163,8 @@ fn extent(quantity: &Quantity, series: &Series) -> String {
 fn write_csv(csv: &mut String, letter: char, series: &Series, [before, after]: [&str; 2]) {
     let kind = if series.model.is_some() { "model" } else { "measured" };
     let (campaign, name) = (csv_field(&series.campaign), series.name());
-    for (point, trial, limits) in series.points_with_limits() {
-        let Point { x, y, error } = *point;
-        let [low, high] = limits;
+    for (point, trial, [low, high]) in series.points_with_limits() {
+        let (Point { x, y, error }, trial) = (*point, csv_field(trial));
         let [x, y, error, low, high] = [x, y, error, low, high].map(plotted::number);
         csv.push_str(&format!(
             "{letter},{campaign},{name},{kind},{trial},{x},{before}{y},{error},{low},{high}{after}\n"
