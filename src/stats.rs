@@ -10,6 +10,9 @@ use nalgebra::{SMatrix, SVector};
 /// Median absolute deviation of normal deviates of unit deviation, the other way round.
 pub const MAD_TO_DEVIATION: f64 = 1.4826;
 
+/// Half the width of a 95 % interval of normal deviates, in their standard deviations.
+pub const HALF_WIDTH_95: f64 = 1.96;
+
 /// Arithmetic mean; NaN of nothing.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (count, sum) = values.into_iter().fold((0.0, -0.0), |(n, sum), x| (n + 1.0, sum + x));

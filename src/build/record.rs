@@ -95,16 +95,17 @@ impl Record {
             Err(problem) if problem.kind() == ErrorKind::NotFound => return Default::default(),
             Err(problem) => return unusable(format!("cannot be read: {problem}")),
         };
-        let problem = match serde_json::from_slice::<Self>(&json) {
-            Ok(record) if record.format == FORMAT => return (record, None),
-            Ok(_) => String::new(),
-            Err(problem) => problem.to_string(),
+        let found = serde_json::from_slice::<Self>(&json);
+        let format = match &found {
+            Ok(record) => Some(record.format),
+            Err(_) => serde_json::from_slice(&json).ok().map(|Format { format }| format),
         };
-        match serde_json::from_slice(&json) {
-            Ok(Format { format }) if format != FORMAT => {
+        match (found, format) {
+            (_, Some(format)) if format != FORMAT => {
                 unusable(format!("found a record of format {format}, needed format {FORMAT}"))
             }
-            _ => unusable(format!("not a record of trilink: {problem}")),
+            (Ok(record), _) => (record, None),
+            (Err(problem), _) => unusable(format!("not a record of trilink: {problem}")),
         }
     }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use polars::prelude::Column;
 
-use super::judge::{HALF_WIDTH_95, StandardError};
+use super::judge::StandardError;
 use super::means::{campaigns, mean};
 use super::snapshot::{MadeOf, Snapshot, number, text};
 use super::trend;
@@ -13,6 +13,7 @@ use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
 use crate::config::Config;
 use crate::robot::Parameter;
+use crate::stats::HALF_WIDTH_95;
 use crate::store::{
     Columns as _, Provenance, Reader, RunStatus, StoreError, TrialStatus, UtcTime, rows,
 };

@@ -2,9 +2,7 @@
 
 use super::snapshot::{Record, number};
 use crate::config::Tolerance;
-
-/// Half the width of a 95 % interval in standard errors.
-pub const HALF_WIDTH_95: f64 = 1.96;
+use crate::stats::HALF_WIDTH_95;
 
 /// The outcome of a comparison of two values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]

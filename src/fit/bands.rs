@@ -13,7 +13,7 @@
 //! in them.
 
 use super::fitted_point::FittedPoint;
-use super::intervals::{HALF_WIDTH, OUTSIDE, Systematic, Widths};
+use super::intervals::{OUTSIDE, Systematic, Widths};
 use super::noise_correction::NoiseCorrection;
 use super::objective::Objective;
 use super::predict::GaitOverFrequency;
@@ -24,7 +24,7 @@ use crate::config::GaitInput;
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, MotionError, Problem, Solver};
 use crate::robot::{Parameter, Robot};
-use crate::stats::quantiles;
+use crate::stats::{HALF_WIDTH_95, quantiles};
 
 /// Part of the replicates' largest change of a metric that the derivatives may miss.
 const MISSED: f64 = 0.05;
@@ -55,7 +55,7 @@ impl Band {
             let of_gait = self.d_gait.iter().zip(errors_rad).map(|(of, error)| of[metric] * error);
             let squares: f64 = of_gait.filter(|of| of.is_finite()).map(|of| of * of).sum();
             let [below, above] =
-                self.widths[metric].map(|width| width.hypot(HALF_WIDTH * squares.sqrt()));
+                self.widths[metric].map(|width| width.hypot(HALF_WIDTH_95 * squares.sqrt()));
             // What has a term is a size.
             let floor = if metric < TERMS { 0.0 } else { f64::NEG_INFINITY };
             (limits[0][metric], limits[1][metric]) = ((value - below).max(floor), value + above);

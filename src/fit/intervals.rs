@@ -34,12 +34,10 @@ use super::profile::Profile;
 use super::resample::Resampler;
 use super::starts::{Start, search_from};
 use crate::robot::Robot;
-use crate::stats::{mean, quantiles};
+use crate::stats::{HALF_WIDTH_95, mean, quantiles};
 
 /// Parts of the replicates outside of a 95 % interval, on either side.
 pub(super) const OUTSIDE: f64 = 0.025;
-/// Half the width of a 95 % interval of a normal distribution, in its standard deviations.
-pub(super) const HALF_WIDTH: f64 = 1.96;
 /// Blocks of frequencies of the jackknife.
 const BLOCKS: usize = 6;
 /// What a jackknife's variance over that of the scatter is at most in 95 of 100 fits of a model that
@@ -111,10 +109,10 @@ impl Widths {
     pub fn new(scatter: [f64; 2], blocks: &[f64], assumed: &[f64], gait: f64) -> Self {
         let [below, above] = scatter;
         let deviation = match (below + above) / 2.0 {
-            half if half.is_finite() => half / HALF_WIDTH,
-            _ => below.max(above) / HALF_WIDTH,
+            half if half.is_finite() => half / HALF_WIDTH_95,
+            _ => below.max(above) / HALF_WIDTH_95,
         };
-        let common = HALF_WIDTH * deviation_by_shifts(blocks, assumed, deviation.max(0.0));
+        let common = HALF_WIDTH_95 * deviation_by_shifts(blocks, assumed, deviation.max(0.0));
         let gait = [(-gait).max(0.0), gait.max(0.0)];
         Self {
             shared: gait.map(|gait| common + gait),

@@ -2,10 +2,10 @@
 //! elements.
 //!
 //! Each element is linearised at the solution, the columns of the parameters beside those of
-//! its start, and one element beside the other in lanes. Its end then is an affine function of its start, and so are the metrics'
-//! integrals over it; composing these along the chain leaves an `N x N` system for the
-//! derivatives of the orbit's start. Nothing is kept of an element once it is passed, except
-//! where joint 1 turns round.
+//! its start, and one element beside the other in lanes. Its end then is an affine function of its
+//! start, and so are the metrics' integrals over it; composing these along the chain leaves an
+//! `N x N` system for the derivatives of the orbit's start. Nothing is kept of an element once it
+//! is passed, except where joint 1 turns round.
 
 use std::f64::consts::TAU;
 

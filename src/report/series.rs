@@ -7,11 +7,9 @@ use crate::metrics::{Estimate, GaitMetrics};
 use crate::motion::{Model, MotionStatus};
 use crate::report::drawing::{Layer, Look, Point};
 use crate::report::looks;
+use crate::stats::HALF_WIDTH_95;
 use crate::store::{FitRow, PredictionRow, PredictionSource, TrialRow, TrialStatus};
 use crate::trial::TrialKind;
-
-/// Half-width of a 95 % interval in standard errors (normal distribution).
-pub const BAR_STANDARD_ERRORS: f64 = 1.96;
 
 /// Of a frequency: what is nearer to each other is of one trial.
 pub const SAME_FREQUENCY: f64 = 2e-3;
@@ -179,7 +177,7 @@ impl<'t> Source<'t> {
             let Estimate { value, se } = quantity.of_trial(trial, self.sigma);
             let omega = trial.omega_rad_s;
             let x = if omega.is_finite() { omega } else { trial.omega_commanded_rad_s };
-            (x, value, BAR_STANDARD_ERRORS * se)
+            (x, value, HALF_WIDTH_95 * se)
         };
         let trials = self.measured_trials(campaign);
         let trials = trials.filter(|trial| flagged == (trial.status == TrialStatus::Flagged));

@@ -7,9 +7,10 @@ use super::texts::texts;
 use crate::metrics::Estimate;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use crate::report::looks;
-use crate::report::series::{AMPLITUDE, BAR_STANDARD_ERRORS, DISPLACEMENT, Quantity, SKID, Source};
+use crate::report::series::{AMPLITUDE, DISPLACEMENT, Quantity, SKID, Source};
 use crate::report::tables::Tables;
 use crate::report::truth::{self, Known, Truth};
+use crate::stats::HALF_WIDTH_95;
 use crate::store::TrialRow;
 
 /// The figure; empty without trials and coefficients of which the truth is known.
@@ -62,7 +63,7 @@ fn missed(truth: &Truth, source: Source<'_>, quantity: &Quantity) -> Panel {
         let point = |trial: &TrialRow| {
             let planted = (quantity.of)(&truth.trials.get(&trial.trial)?.metrics());
             let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
-            let half = 100.0 * BAR_STANDARD_ERRORS * se / planted;
+            let half = 100.0 * HALF_WIDTH_95 * se / planted;
             let difference = 100.0 * (value / planted - 1.0);
             let is_known = planted > 0.0 && value.is_finite();
             is_known.then(|| ((trial.omega_rad_s, difference, half), trial.trial.clone()))

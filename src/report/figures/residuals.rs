@@ -9,7 +9,8 @@ use crate::motion::{Model, MotionStatus};
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range};
 use crate::report::looks;
 use crate::report::numbers::fixed;
-use crate::report::series::{BAR_STANDARD_ERRORS, QUANTITIES, Quantity, SAME_FREQUENCY, Source};
+use crate::report::series::{QUANTITIES, Quantity, SAME_FREQUENCY, Source};
+use crate::stats::HALF_WIDTH_95;
 use crate::store::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
 
 /// A model that misses more than this many times what the nearest one does is not shown whole.
@@ -63,7 +64,7 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
     };
     let error = |trial: &TrialRow| {
         let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
-        100.0 * BAR_STANDARD_ERRORS * se / value
+        100.0 * HALF_WIDTH_95 * se / value
     };
     let bars = |(name, look, flagged): (&str, Look, bool)| {
         let is_one = |trial: &&&TrialRow| {

@@ -12,10 +12,9 @@ use crate::config::{Config, GaitInput, SigmaKind};
 use crate::metrics::GaitMetrics;
 use crate::motion::MotionStatus;
 use crate::named::Named as _;
-use crate::report::series::BAR_STANDARD_ERRORS;
 use crate::report::tables::Tables;
 use crate::robot::{Model, Parameter};
-use crate::stats::{self, wrap};
+use crate::stats::{self, HALF_WIDTH_95, wrap};
 use crate::store::{FitRow, PredictionSource, TrialRow, TrialStatus};
 
 /// Part of the printed frequency that a trial may be off.
@@ -103,7 +102,7 @@ impl Trials {
         let trials = self.near(campaign, omega_rad_s);
         let value = 1e3 * stats::mean(trials.iter().map(|row| row.metrics.d_m));
         let variances = trials.iter().map(|row| row.metrics_se.d_m.powi(2));
-        let half = 1e3 * BAR_STANDARD_ERRORS * variances.sum::<f64>().sqrt() / trials.len() as f64;
+        let half = 1e3 * HALF_WIDTH_95 * variances.sum::<f64>().sqrt() / trials.len() as f64;
         let limits = half.is_finite().then_some([value - half, value + half]);
         Ok(Value::from_object(Found { limits, ..Found::new(finite(value, NO_TRIALS)?) }))
     }
