@@ -1,6 +1,6 @@
 //! The PDF of a figure: what its SVG has as paths and text, in the same font.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 use std::sync::LazyLock;
 
@@ -9,13 +9,14 @@ use flate2::write::ZlibEncoder;
 use pdf_writer::types::{
     CidFontType, FontFlags, LineCapStyle, LineJoinStyle, SystemInfo, UnicodeCmap,
 };
+use pdf_writer::writers::ExtGraphicsState;
 use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
 use resvg::tiny_skia::PathSegment;
 use resvg::usvg::{Color, Group, LineCap, LineJoin, Node, Paint, Path, Text, Transform, Tree};
 
+use super::drawing::PT_PER_PX;
 use super::drawing::style::{EM, ROBOTO, text_width};
 
-const PT_PER_PX: f32 = 0.75;
 /// Units of the font per em, and what a PDF has instead.
 const FONT_UNITS: f32 = 2048.0;
 const PDF_UNITS: f64 = 1000.0;
@@ -25,6 +26,9 @@ const DESCENT: f32 = -244.0;
 const CAP_HEIGHT: f32 = 711.0;
 const BOX: Rect = Rect { x1: -737.0, y1: -271.0, x2: 1148.0, y2: 1056.0 };
 const STEM: f32 = 88.0;
+
+/// Of an opaque area.
+const PERCENT: u8 = 100;
 
 const FONT: Name<'static> = Name(b"F");
 const FONT_NAME: Name<'static> = Name(b"TRLINK+Roboto-Regular");
@@ -37,10 +41,11 @@ pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
     static FONT_FILE: LazyLock<io::Result<Vec<u8>>> = LazyLock::new(|| packed(ROBOTO));
     let font_file = FONT_FILE.as_ref().map_err(|error| io::Error::from(error.kind()))?;
     let [width, height] = [svg.size().width(), svg.size().height()].map(|px| PT_PER_PX * px);
-    let mut drawn = Page { content: Content::new(), glyphs: BTreeMap::new() };
+    let mut drawn =
+        Page { content: Content::new(), glyphs: BTreeMap::new(), opacities: BTreeSet::new() };
     drawn.content.transform([PT_PER_PX, 0.0, 0.0, -PT_PER_PX, 0.0, height]);
     drawn.group(svg.root());
-    let Page { content, glyphs } = drawn;
+    let Page { content, glyphs, opacities } = drawn;
 
     let ids: [Ref; 10] = std::array::from_fn(|nth| Ref::new(1 + nth as i32));
     let [catalog, pages, page, contents, font, cid_font, descriptor, file, to_unicode, info] = ids;
@@ -50,7 +55,16 @@ pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
     pdf.pages(pages).kids([page]).count(1);
     let mut of_page = pdf.page(page);
     of_page.media_box(Rect::new(0.0, 0.0, width, height)).parent(pages).contents(contents);
-    of_page.resources().fonts().pair(FONT, font);
+    let mut resources = of_page.resources();
+    resources.fonts().pair(FONT, font);
+    let mut states = resources.ext_g_states();
+    for part in opacities {
+        let name = opacity_name(part);
+        let mut state = states.insert(Name(name.as_bytes())).start::<ExtGraphicsState>();
+        state.non_stroking_alpha(f32::from(part) / f32::from(PERCENT));
+    }
+    states.finish();
+    resources.finish();
     of_page.finish();
     pdf.stream(contents, &packed(content.finish().as_slice())?).filter(Filter::FlateDecode);
 
@@ -92,6 +106,11 @@ pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
     Ok(pdf.finish())
 }
 
+/// Of a graphics state with an opacity.
+fn opacity_name(percent: u8) -> String {
+    format!("O{percent}")
+}
+
 fn packed(bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut packed = ZlibEncoder::new(Vec::new(), Compression::default());
     packed.write_all(bytes)?;
@@ -107,19 +126,12 @@ fn rounded(px: f32) -> f32 {
 struct Page {
     content: Content,
     glyphs: BTreeMap<u16, String>,
+    /// Of areas that let shine through what is behind them, per cent.
+    opacities: BTreeSet<u8>,
 }
 
 impl Page {
     fn group(&mut self, group: &Group) {
-        if let Some(clip) = group.clip_path() {
-            self.content.save_state();
-            let within = group.abs_transform().pre_concat(clip.transform());
-            if let Some(part) = clip.root().bounding_box().transform(within) {
-                let [x, y, width, height] =
-                    [part.x(), part.y(), part.width(), part.height()].map(rounded);
-                self.content.rect(x, y, width, height).clip_nonzero().end_path();
-            }
-        }
         for node in group.children() {
             match node {
                 Node::Group(group) => self.group(group),
@@ -128,16 +140,19 @@ impl Page {
                 Node::Image(_) => {}
             }
         }
-        if group.clip_path().is_some() {
-            self.content.restore_state();
-        }
     }
 
     fn path(&mut self, path: &Path) {
         let transform = path.abs_transform();
         let Some(data) = path.data().clone().transform(transform) else { return };
-        let fill = path.fill().and_then(|fill| colour(fill.paint()));
-        if let Some([red, green, blue]) = fill {
+        let fill = path.fill().and_then(|fill| Some((fill.opacity(), colour(fill.paint())?)));
+        let part =
+            fill.map_or(PERCENT, |(opacity, _)| (opacity.get() * f32::from(PERCENT)).round() as u8);
+        if part < PERCENT {
+            self.opacities.insert(part);
+            self.content.save_state().set_parameters(Name(opacity_name(part).as_bytes()));
+        }
+        if let Some((_, [red, green, blue])) = fill {
             self.content.set_fill_rgb(red, green, blue);
         }
         let stroke = path.stroke().and_then(|stroke| Some((stroke, colour(stroke.paint())?)));
@@ -174,6 +189,9 @@ impl Page {
             (false, true) => self.content.stroke(),
             (false, false) => self.content.end_path(),
         };
+        if part < PERCENT {
+            self.content.restore_state();
+        }
     }
 
     /// Each glyph where the SVG has it.

@@ -8,11 +8,10 @@ use png::{
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 
-use super::drawing::style;
+use super::drawing::{PX_PER_INCH, style};
 
 /// Figures of very many panels are coarser.
 const MOST_PIXELS: f32 = 2e7;
-const PX_PER_INCH: f32 = 96.0;
 const INCHES_PER_METRE: f32 = 1.0 / 0.0254;
 
 /// An SVG of a figure as a tree.

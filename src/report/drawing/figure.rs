@@ -4,8 +4,8 @@ use super::axis::{Range, Scale};
 use super::style::{EM, Look, SAMPLE, Shape};
 
 /// Of a pixel in print, as SVG and pages have it.
-const PT_PER_PX: f64 = 0.75;
-const PX_PER_INCH: f64 = 96.0;
+pub const PT_PER_PX: f32 = 0.75;
+pub const PX_PER_INCH: f32 = 96.0;
 const MM_PER_INCH: f64 = 25.4;
 
 /// A point of a layer with the half-width of its error bar. What is not a number is not known.
@@ -69,14 +69,14 @@ pub struct Print {
 
 impl Default for Print {
     fn default() -> Self {
-        Self { width_mm: None, font_pt: PT_PER_PX * EM }
+        Self { width_mm: None, font_pt: f64::from(PT_PER_PX) * EM }
     }
 }
 
 impl Print {
     /// How much larger than drawn it is printed.
     pub fn scale(self) -> f64 {
-        self.font_pt / (PT_PER_PX * EM)
+        self.font_pt / Self::default().font_pt
     }
 
     /// Of its pixels: more where it is to be printed.
@@ -86,7 +86,7 @@ impl Print {
 
     /// The width to draw it with, px.
     pub fn width(self) -> Option<f64> {
-        self.width_mm.map(|mm| mm / MM_PER_INCH * PX_PER_INCH / self.scale())
+        self.width_mm.map(|mm| mm / MM_PER_INCH * f64::from(PX_PER_INCH) / self.scale())
     }
 }
 

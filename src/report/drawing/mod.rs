@@ -10,6 +10,6 @@ mod render;
 pub mod style;
 
 pub use axis::{Range, Scale};
-pub use figure::{Figure, Layer, Layout, Panel, Point, Print};
+pub use figure::{Figure, Layer, Layout, PT_PER_PX, PX_PER_INCH, Panel, Point, Print};
 pub use render::{parts, size, svg};
 pub use style::Look;
