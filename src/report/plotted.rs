@@ -108,6 +108,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn names_of_trials_are_in_quotes_where_they_have_to_be() {
+        use crate::report::drawing::{Layer, Layout};
+        let layer = Layer::new("a", [(1.0, 2.0)], crate::report::looks::measured(0));
+        let layer = Layer { trials: vec!["one, \"two\"".to_owned()], ..layer };
+        let panels = vec![Panel::new("", "Time (s)", "d (m)", vec![layer])];
+        let csv = csv(&Figure::new("any", Default::default(), &[], Layout::Grid, panels));
+        assert!(csv.ends_with("a,,\"one, \"\"two\"\"\",a,1,2\n"), "{csv}");
+    }
+
+    #[test]
     fn columns_are_named_by_the_quantity_and_its_unit() {
         for (label, name) in [
             ("Actuation frequency ω (rad/s)", "omega_rad_s"),
