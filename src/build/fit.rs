@@ -12,7 +12,7 @@ use crate::config::{Config, GaitInput, ParameterSource};
 use crate::fit::{FitData, FitEvent, FitInput, Fitted, Replicates, fit_except, input_paths};
 use crate::interrupt::stop_if_asked;
 use crate::robot::Model;
-use crate::store::{BootstrapRow, FitRow, Provenance, Reader, StoreError};
+use crate::store::{BootstrapRow, FitRow, Provenance, Reader};
 
 /// Part of every fit whose robot has measured parameters.
 const ROBOTS: &str = "robot_parameters.parquet";
@@ -93,13 +93,11 @@ impl Stage for FitStage {
         let known_settings =
             known.targets.iter().map(|made| (&made.target, made.parts.get(SETTINGS)));
         let paths = input_paths(&self.derived)?;
-        Ok(settings.eq(known_settings) && inputs.are_read(paths.iter().map(PathBuf::as_path)))
+        Ok(settings.eq(known_settings) && inputs.are_read(&paths))
     }
 
-    fn read(&self, inputs: &mut Inputs) -> Result<FitData, RunError> {
-        for path in input_paths(&self.derived)? {
-            inputs.stamp(&path, true).map_err(|source| StoreError::Read { path, source })?;
-        }
+    fn read(&self, inputs: &Inputs) -> Result<FitData, RunError> {
+        inputs.stamp_all(&input_paths(&self.derived)?)?;
         Ok(FitData::read(&self.derived, &inputs.reader())?)
     }
 

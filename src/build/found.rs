@@ -227,8 +227,7 @@ fn check_files<R>(
     if let Some(changed) = changed {
         return Err(format!("damaged: {changed}"));
     }
-    let stamps = state.written().map(|(name, stamp)| (folder.join(name), stamp.clone()));
-    let reader = Reader(stamps.collect());
+    let reader = Reader::of(folder, state.written());
     let (rows, text) = read(folder, &manifest, &reader)?;
     Ok((Shard { folder: folder.to_owned(), manifest, rows, reader }, text))
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use rayon::prelude::*;
 use serde_json::json;
 
 use super::plan::{PlannedTarget, Stage, StagePlan, Touched, Wanted, Work, hash_of};
@@ -47,7 +48,7 @@ impl IngestStage {
             let input = IngestInput::new(config, &listed.trial);
             (listed, input)
         };
-        let trials = trials.into_iter().map(with_input).collect();
+        let trials = trials.into_par_iter().map(with_input).collect();
         Ok(Self { derived: config.paths.derived.clone(), folders, trials, told_apart, together })
     }
 
@@ -94,9 +95,10 @@ impl IngestStage {
         touched
     }
 
-    fn table_paths<'m>(&self, made: impl IntoIterator<Item = &'m Made>) -> Vec<PathBuf> {
-        let names = made.into_iter().flat_map(|made| made.outputs.keys());
-        names.map(|name| self.derived.join(name)).collect()
+    /// Tables of trials that are of none of the targets.
+    fn outdated(&self, targets: &[Made]) -> Result<Vec<PathBuf>, StoreError> {
+        let current = targets.iter().flat_map(|made| made.outputs.keys().map(String::as_str));
+        outdated(&self.derived, &current.collect())
     }
 
     /// What a trial is made of but for its marker file.
@@ -154,12 +156,13 @@ impl Stage for IngestStage {
         json!(self.together)
     }
 
-    fn read(&self, _inputs: &mut Inputs) -> Result<(), RunError> {
+    fn read(&self, _inputs: &Inputs) -> Result<(), RunError> {
         Ok(())
     }
 
     fn wanted(&self, _sources: &()) -> Vec<Wanted> {
-        self.entries().map(Self::without_file).collect()
+        let wanted = |index| Self::without_file(self.entry(index));
+        (0..self.trials.len()).into_par_iter().map(wanted).collect()
     }
 
     fn complete(
@@ -167,7 +170,7 @@ impl Stage for IngestStage {
         index: usize,
         wanted: &mut Wanted,
         _made: &Made,
-        inputs: &mut Inputs,
+        inputs: &Inputs,
     ) -> Option<String> {
         let entry = self.entry(index);
         let stamp = || inputs.stamp(&entry.marker_file(), false).map_err(|e| e.kind());
@@ -189,8 +192,7 @@ impl Stage for IngestStage {
 
     /// What a run left that was killed before it recorded them.
     fn leftovers(&self, known: &StageState) -> Result<Vec<String>, RunError> {
-        let recorded = self.table_paths(&known.targets).into_iter().collect();
-        let outdated = outdated(&self.derived, &recorded)?;
+        let outdated = self.outdated(&known.targets)?;
         Ok(outdated.iter().map(|path| format!("{} is of no trial", path.display())).collect())
     }
 
@@ -247,7 +249,7 @@ impl Stage for IngestStage {
         if let Some(together) = &self.together {
             together.diagnose(&mut output, &contents.collect());
         }
-        for path in outdated(derived, &self.table_paths(&targets).into_iter().collect())? {
+        for path in self.outdated(&targets)? {
             std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
         }
         let parts: Vec<&Fingerprint> = targets.iter().map(|made| &made.parts).collect();

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -94,11 +95,11 @@ pub fn hash_of(value: &impl Serialize) -> String {
 
 /// A stage as the engine sees it. It reads files, makes targets of them, each with files of its
 /// own, and files of the stage as a whole.
-pub trait Stage {
+pub trait Stage: Sync {
     /// What the targets are made of, read.
     type Sources;
     /// What stays of a target that is not made again.
-    type Kept;
+    type Kept: Sync;
     type Output: Clone;
 
     const NAME: &'static str;
@@ -130,7 +131,7 @@ pub trait Stage {
     }
 
     /// Reads what the targets are made of.
-    fn read(&self, inputs: &mut Inputs) -> Result<Self::Sources, RunError>;
+    fn read(&self, inputs: &Inputs) -> Result<Self::Sources, RunError>;
 
     /// All targets in order.
     fn wanted(&self, sources: &Self::Sources) -> Vec<Wanted>;
@@ -142,7 +143,7 @@ pub trait Stage {
         _index: usize,
         _wanted: &mut Wanted,
         _made: &Made,
-        _inputs: &mut Inputs,
+        _inputs: &Inputs,
     ) -> Option<String> {
         None
     }
@@ -205,11 +206,16 @@ pub struct Touched {
 /// A plan with what it takes to carry it out.
 pub struct Planned<'k, S: Stage> {
     pub plan: StagePlan,
-    /// What there is already, if everything is up to date; or what there is to do.
-    next: Result<S::Output, Work<S>>,
-    /// The record's part, as far as it is known: with files' times as they are now.
-    state: StageState,
+    next: Next<S>,
     known: &'k StageState,
+}
+
+enum Next<S: Stage> {
+    /// All is up to date: what there is, and the stamps of the files as they are now, where they
+    /// were looked at one by one.
+    Nothing(S::Output, Option<BTreeMap<String, Stamp>>),
+    /// What there is to do, and the record's part as far as it is known.
+    Make(Box<(Work<S>, StageState)>),
 }
 
 /// Compares what a stage would make now with what the record has of it.
@@ -224,12 +230,12 @@ pub fn plan<'k, S: Stage>(
 ) -> Result<Planned<'k, S>, RunError> {
     let RerunOptions { force, verify, .. } = options;
     let (home, known) = (stage.home(), S::state(record));
-    let mut inputs = Inputs::new(derived, record, known, verify);
+    let inputs = Inputs::new(derived, record, known, verify);
     let changed = |outputs: &Outputs| changed_outputs(home, outputs, verify);
     let mut damaged = if force { Vec::new() } else { changed(&known.outputs) };
     let mut earlier = None;
     if !force && !known.source.is_empty() && (damaged.is_empty() || !S::ROWS_OF_TARGETS) {
-        let found = stage.earlier(known, inputs.of_written());
+        let found = stage.earlier(known, &Reader::of(home, &known.outputs));
         earlier = found.map_err(|why| damaged.push(why)).ok();
     }
     let (is_same_source, whole) = (known.source == S::SOURCE, stage.whole());
@@ -239,40 +245,37 @@ pub fn plan<'k, S: Stage>(
         && is_same_source
         && known.whole == whole
         && stage.reads_the_same(known, &inputs)?
-        && known.targets.iter().all(|made| changed(&made.outputs).is_empty())
+        && known.targets.par_iter().all(|made| changed(&made.outputs).is_empty())
     {
         plan.up_to_date = known.targets.len();
-        return Ok(Planned { plan, next: Ok(output.clone()), state: known.clone(), known });
+        return Ok(Planned { plan, next: Next::Nothing(output.clone(), None), known });
     }
-    let sources = stage.read(&mut inputs)?;
+    let sources = stage.read(&inputs)?;
     let mut rows = earlier.clone().map(|earlier| stage.kept(known, earlier)).unwrap_or_default();
     let made: BTreeMap<&Target, &Made> =
         known.targets.iter().map(|made| (&made.target, made)).collect();
     let mut wanted = stage.wanted(&sources);
-    let mut kept = BTreeMap::new();
-    for (index, wanted) in wanted.iter_mut().enumerate() {
-        let mut why = Vec::new();
-        match made.get(&wanted.target) {
-            _ if force => why.push("--force".to_owned()),
-            None => why.push("new".to_owned()),
-            Some(made) => {
-                why.extend(stage.complete(index, wanted, made, &mut inputs));
-                why.extend(source_reason::<S>(known));
-                if S::ROWS_OF_TARGETS {
-                    why.extend(damaged.iter().cloned());
-                }
-                why.extend(known.reasons(&made.parts, wanted));
-                why.extend(changed(&made.outputs));
-                if why.is_empty() {
-                    match rows.remove(&wanted.target) {
-                        Some(stays) => {
-                            kept.insert(wanted.target.clone(), ((*made).clone(), stays));
-                        }
-                        None => why.push(S::NOT_KEPT.to_owned()),
-                    }
-                }
-            }
+    let reasons = |(index, wanted): (usize, &mut Wanted)| {
+        let made = match made.get(&wanted.target) {
+            _ if force => return vec!["--force".to_owned()],
+            None => return vec!["new".to_owned()],
+            Some(made) => made,
+        };
+        let mut why: Vec<String> =
+            stage.complete(index, wanted, made, &inputs).into_iter().collect();
+        why.extend(source_reason::<S>(known));
+        if S::ROWS_OF_TARGETS {
+            why.extend(damaged.iter().cloned());
         }
+        why.extend(known.reasons(&made.parts, wanted));
+        why.extend(changed(&made.outputs));
+        if why.is_empty() && !rows.contains_key(&wanted.target) {
+            why.push(S::NOT_KEPT.to_owned());
+        }
+        why
+    };
+    let why: Vec<Vec<String>> = wanted.par_iter_mut().enumerate().map(reasons).collect();
+    for (wanted, why) in wanted.iter().zip(why) {
         plan.add(wanted.target.clone(), why);
     }
     plan.removed = removed(known, &wanted);
@@ -294,12 +297,20 @@ pub fn plan<'k, S: Stage>(
     if let Some(earlier) = earlier
         && plan.is_empty()
     {
-        let state = StageState { inputs, ..known.clone() };
-        return Ok(Planned { plan, next: Ok(earlier), state, known });
+        return Ok(Planned { plan, next: Next::Nothing(earlier, Some(inputs)), known });
+    }
+    let mut kept = BTreeMap::new();
+    let redone: BTreeSet<&Target> = plan.targets.iter().map(|planned| &planned.target).collect();
+    for target in
+        wanted.iter().map(|wanted| &wanted.target).filter(|target| !redone.contains(target))
+    {
+        if let (Some(made), Some(stays)) = (made.get(target), rows.remove(target)) {
+            kept.insert(target.clone(), ((*made).clone(), stays));
+        }
     }
     let state = StageState { inputs, ..ahead::<S>(whole, &wanted) };
-    let next = Err(Work { sources, wanted, kept });
-    Ok(Planned { plan, next, state, known })
+    let next = Next::Make(Box::new((Work { sources, wanted, kept }, state)));
+    Ok(Planned { plan, next, known })
 }
 
 /// Plans to join targets that were all made elsewhere.
@@ -312,7 +323,7 @@ pub fn join<'k, S: Stage<Sources = ()>>(
     let removed = removed(known, &wanted);
     let plan = StagePlan { up_to_date: kept.len(), removed, ..StagePlan::default() };
     let state = ahead::<S>(stage.whole(), &wanted);
-    Planned { plan, next: Err(Work { sources: (), wanted, kept }), state, known }
+    Planned { plan, next: Next::Make(Box::new((Work { sources: (), wanted, kept }, state))), known }
 }
 
 /// The record of a stage as far as it is known before the stage is done.
@@ -402,8 +413,9 @@ fn changed_files(old: &BTreeMap<String, Stamp>, new: &BTreeMap<String, Stamp>) -
 impl<S: Stage> Planned<'_, S> {
     /// What there is already, if there is nothing to do and nothing worth to be recorded.
     pub fn up_to_date(self) -> Option<(S::Output, StagePlan)> {
-        let output = self.next.ok()?;
-        self.state.confirms(self.known).then_some((output, self.plan))
+        let Next::Nothing(output, inputs) = self.next else { return None };
+        let is_confirmed = inputs.is_none_or(|inputs| self.known.are_confirmed_by(&inputs));
+        is_confirmed.then_some((output, self.plan))
     }
 
     /// Does what is planned; gives what to record, too.
@@ -415,11 +427,15 @@ impl<S: Stage> Planned<'_, S> {
         stage: &S,
         watch: &dyn Watch,
     ) -> Result<(S::Output, StagePlan, StageState), RunError> {
-        let Self { plan, next, mut state, known } = self;
+        let Self { plan, next, known } = self;
         watch.planned(&plan);
-        let work = match next {
-            Ok(output) => return Ok((output, plan, state)),
-            Err(work) => work,
+        let (work, mut state) = match next {
+            Next::Nothing(output, inputs) => {
+                let mut state = known.clone();
+                state.inputs = inputs.unwrap_or(state.inputs);
+                return Ok((output, plan, state));
+            }
+            Next::Make(work) => *work,
         };
         watch.begin(S::NAME, stage.steps(plan.targets.len()));
         let (output, made) = stage.make(work, watch)?;

@@ -7,7 +7,9 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -131,12 +133,11 @@ impl Record {
 }
 
 impl StageState {
-    /// Whether nothing has changed since that is worth to be recorded.
-    pub fn confirms(&self, earlier: &Self) -> bool {
-        let mut inputs = earlier.inputs.iter().zip(&self.inputs);
-        self.inputs.len() == earlier.inputs.len()
-            && inputs.all(|((old_path, old), (path, new))| old_path == path && new.confirms(old))
-            && Self { inputs: earlier.inputs.clone(), ..self.clone() } == *earlier
+    /// Whether nothing is found out about the files that is worth to be recorded.
+    pub fn are_confirmed_by(&self, inputs: &BTreeMap<String, Stamp>) -> bool {
+        let mut both = self.inputs.iter().zip(inputs);
+        self.inputs.len() == inputs.len()
+            && both.all(|((old_path, old), (path, new))| old_path == path && new.confirms(old))
     }
 
     /// Files that the stage wrote, by their path in its folder.
@@ -152,57 +153,63 @@ pub struct Inputs<'k> {
     known: &'k StageState,
     verify: bool,
     /// The files in `derived/` as they were written.
-    written: Reader,
+    written: HashMap<&'k str, &'k Stamp>,
     /// Those that were looked at.
-    pub seen: HashMap<PathBuf, Stamp>,
+    seen: Mutex<HashMap<PathBuf, Stamp>>,
 }
 
 impl<'k> Inputs<'k> {
     /// The inputs of a stage of which the record knows so much.
     pub fn new(derived: &'k Path, record: &'k Record, known: &'k StageState, verify: bool) -> Self {
         let written = record.ingest.written().chain(record.fit.written());
-        let written = written.map(|(name, stamp)| (derived.join(name), stamp.clone()));
-        let written = Reader(written.collect());
-        Self { derived, known, verify, written, seen: HashMap::new() }
-    }
-
-    /// Reads tables that must be as they were written.
-    pub fn of_written(&self) -> &Reader {
-        &self.written
+        let written = written.map(|(name, stamp)| (name.as_str(), stamp)).collect();
+        Self { derived, known, verify, written, seen: Mutex::default() }
     }
 
     /// The stamp of a file; of one of its `own` that only who holds the lock writes.
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn stamp(&mut self, path: &Path, own: bool) -> io::Result<Stamp> {
-        let written = self.written.0.get(path);
-        let known = written.or_else(|| self.known.inputs.get(&name_in(self.derived, path)));
+    pub fn stamp(&self, path: &Path, own: bool) -> io::Result<Stamp> {
+        let name = name_in(self.derived, path);
+        let written = self.written.get(name.as_str()).copied();
+        let known = written.or_else(|| self.known.inputs.get(&name));
         let stamp = Stamp::renew(path, known, own, self.verify)?;
-        self.seen.insert(path.to_owned(), stamp.clone());
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        seen.insert(path.to_owned(), stamp.clone());
         Ok(stamp)
+    }
+
+    /// [`Self::stamp`] of many.
+    ///
+    /// # Errors
+    /// One of them cannot be read.
+    pub fn stamp_all(&self, paths: &[(PathBuf, bool)]) -> Result<(), StoreError> {
+        paths.par_iter().try_for_each(|(path, own)| {
+            let error = |source| StoreError::Read { path: path.clone(), source };
+            self.stamp(path, *own).map(drop).map_err(error)
+        })
     }
 
     /// Reads files that were looked at.
     pub fn reader(&self) -> Reader {
-        Reader(self.seen.clone())
+        Reader(self.seen.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
     /// What was looked at, by its path from `derived/`.
     pub fn named(self) -> BTreeMap<String, Stamp> {
         let named = |(path, stamp): (PathBuf, Stamp)| (name_in(self.derived, &path), stamp);
-        self.seen.into_iter().map(named).collect()
+        let seen = self.seen.into_inner().unwrap_or_else(PoisonError::into_inner);
+        seen.into_iter().map(named).collect()
     }
 
     /// Whether these are the files that the stage read, unchanged.
-    pub fn are_read<'p>(&self, mut paths: impl Iterator<Item = &'p Path>) -> bool {
-        let mut count = 0;
-        let all_current = paths.all(|path| {
-            count += 1;
+    pub fn are_read(&self, paths: &[(PathBuf, bool)]) -> bool {
+        let is_read = |(path, _): &(PathBuf, bool)| {
             let known = self.known.inputs.get(&name_in(self.derived, path));
             known.is_some_and(|stamp| stamp.is_intact(path, self.verify))
-        });
-        all_current && count == self.known.inputs.len()
+        };
+        paths.len() == self.known.inputs.len() && paths.par_iter().all(is_read)
     }
 }
 

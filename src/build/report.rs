@@ -12,7 +12,7 @@ use super::{RunError, Watch};
 use crate::compare::changes;
 use crate::config::Config;
 use crate::report::{Content, ReportInput, Reported, input_paths, page_of};
-use crate::store::{Reader, StoreError};
+use crate::store::Reader;
 
 pub struct ReportStage(ReportInput);
 
@@ -59,13 +59,11 @@ impl Stage for ReportStage {
 
     fn reads_the_same(&self, _known: &StageState, inputs: &Inputs) -> Result<bool, RunError> {
         let paths = input_paths(&self.0.paths)?;
-        Ok(inputs.are_read(paths.iter().map(|(path, _)| path.as_path())))
+        Ok(inputs.are_read(&paths))
     }
 
-    fn read(&self, inputs: &mut Inputs) -> Result<Content, RunError> {
-        for (path, own) in input_paths(&self.0.paths)? {
-            inputs.stamp(&path, own).map_err(|source| StoreError::Read { path, source })?;
-        }
+    fn read(&self, inputs: &Inputs) -> Result<Content, RunError> {
+        inputs.stamp_all(&input_paths(&self.0.paths)?)?;
         let reader = inputs.reader();
         let changes = changes(self.0.tolerances(), &self.0.paths, &reader)?;
         Ok(Content::read(&self.0, reader)?.with_changes(changes))

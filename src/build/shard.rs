@@ -64,7 +64,7 @@ pub fn fit_of_any_number(config: &Config) -> Result<(FitStage, FitData, String),
     let mut any = config.clone();
     any.fit.bootstrap = 0;
     let (any, record, derived) = (FitStage::new(&any), Record::default(), &config.paths.derived);
-    let data = any.read(&mut Inputs::new(derived, &record, &record.fit, false))?;
+    let data = any.read(&Inputs::new(derived, &record, &record.fit, false))?;
     let project = project(&any, &data);
     Ok((FitStage::new(config), data, project))
 }

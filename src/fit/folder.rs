@@ -22,11 +22,11 @@ table_set! {
 const TRIALS: &str = "trials.parquet";
 const ROBOTS: &str = "robot_parameters.parquet";
 
-/// Files that a fit reads.
+/// Files that a fit reads, all of them the program's own.
 ///
 /// # Errors
 /// There is no table of trials, or a folder cannot be read.
-pub fn input_paths(derived: &Path) -> Result<Vec<PathBuf>, StoreError> {
+pub fn input_paths(derived: &Path) -> Result<Vec<(PathBuf, bool)>, StoreError> {
     let trials = derived.join(TRIALS);
     if !is_there(&trials)? {
         return Err(StoreError::NotIngested { path: trials });
@@ -36,7 +36,7 @@ pub fn input_paths(derived: &Path) -> Result<Vec<PathBuf>, StoreError> {
         paths.push(robots);
     }
     paths.extend(tables_in(&derived.join("cycles"))?);
-    Ok(paths)
+    Ok(paths.into_iter().map(|path| (path, true)).collect())
 }
 
 impl FitData {

@@ -1,6 +1,6 @@
 //! The trials of folders, side by side, and their tables.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, HashSet};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, SyncSender};
@@ -145,15 +145,20 @@ fn ingest_trial(
 }
 
 /// Tables of trials that are not in the list or have failed, so that nobody should take them for
-/// results: those that are not `current` and that this program wrote.
+/// results: those that are not `current`, by their paths in `derived`, and that this program
+/// wrote.
 ///
 /// # Errors
 /// A folder cannot be read.
-pub fn outdated(derived: &Path, current: &BTreeSet<PathBuf>) -> Result<Vec<PathBuf>, StoreError> {
+pub fn outdated(derived: &Path, current: &HashSet<&str>) -> Result<Vec<PathBuf>, StoreError> {
     let mut paths = Vec::new();
-    for folder in FOLDERS.map(|folder| derived.join(folder)) {
-        paths.extend(tables_in(&folder)?);
+    for folder in FOLDERS {
+        let is_current = |path: &PathBuf| {
+            let name = path.file_name().and_then(|name| name.to_str());
+            name.is_some_and(|name| current.contains(format!("{folder}/{name}").as_str()))
+        };
+        let tables = tables_in(&derived.join(folder))?;
+        paths.extend(tables.into_iter().filter(|path| !is_current(path) && is_own_table(path)));
     }
-    paths.retain(|path| !current.contains(path) && is_own_table(path));
     Ok(paths)
 }

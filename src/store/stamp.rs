@@ -99,6 +99,11 @@ pub fn is_there(path: &Path) -> Result<bool, StoreError> {
 pub struct Reader(pub HashMap<PathBuf, Stamp>);
 
 impl Reader {
+    /// Of files in a folder as they were written.
+    pub fn of<'s>(folder: &Path, files: impl IntoIterator<Item = (&'s String, &'s Stamp)>) -> Self {
+        Self(files.into_iter().map(|(name, stamp)| (folder.join(name), stamp.clone())).collect())
+    }
+
     /// The bytes of a file.
     ///
     /// # Errors
