@@ -166,9 +166,25 @@ pub fn student(freedom: f64) -> f64 {
     1.0 + x * (1.2104 + x * (1.4400 + x * 1.3040))
 }
 
+/// How much smaller than the standard deviation that of a sample is on average, of normally
+/// distributed values: c4 of control charts, for so many degrees of freedom (Johnson, Kotz and
+/// Balakrishnan, *Continuous Univariate Distributions* 1, 2nd ed., Wiley 1994, section 13.8.2).
+pub fn mean_deviation(freedom: f64) -> f64 {
+    let x = 1.0 / freedom;
+    1.0 - x * (0.25 - x * (0.03125 + x * (0.0390625 - x * 0.01025390625)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sample_s_deviation_is_too_small_on_average() {
+        for (freedom, c4) in [(2.0, 0.886227), (4.0, 0.939986), (9.0, 0.972659)] {
+            let found = mean_deviation(freedom);
+            assert!((found - c4).abs() < 2e-3, "{found} for {c4}");
+        }
+    }
 
     #[test]
     fn student_s_quantiles_over_the_normal_one() {

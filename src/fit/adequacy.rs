@@ -13,15 +13,15 @@
 //! The model is adequate if none of the three is outside of what noise alone gives in 95 of 100
 //! draws (Bonferroni); a pattern counts where the objective is more than noise alone leaves on
 //! average. What a metric is off by without anything that tells its noise does not
-//! count. Errors are drawn from Student's distribution of as many degrees of freedom as their
-//! trial's cycles leave. Assumed is that trials err independently of each other; what they share
+//! count. Errors are normally distributed with the standard deviations that their trial's cycles
+//! tell, without bias. Assumed is that trials err independently of each other; what they share
 //! counts as misfit.
 //!
 //! Reference: N. R. Draper and H. Smith, *Applied Regression Analysis*, 3rd ed., Wiley 1998,
 //! sections 2.1 (lack of fit and pure error) and 7.3 (runs); for the draws Davison and Hinkley
 //! 1997, section 4.2.
 
-use rand_distr::{Distribution, StandardNormal, StudentT};
+use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use super::fitted_point::FittedPoint;
@@ -30,7 +30,7 @@ use super::objective::METRICS;
 use super::resample::Resampler;
 use super::search::limits;
 use super::terms::{Response, TERMS, Target, Terms};
-use crate::stats::{mean, quantiles_low, student};
+use crate::stats::{mean, mean_deviation, quantiles_low, student};
 
 /// Draws of noise.
 const DRAWS: usize = 400;
@@ -205,13 +205,12 @@ fn noise(
     let mut random = resampler.random("noise", number);
     let errors: Vec<[f64; TERMS]> = (0..noises.len())
         .map(|measurement| {
+            // A standard error of a few cycles is as wide as Student's distribution. What counts
+            // here is a sum over many trials: their standard deviations without bias.
             let freedom = resampler.freedom(measurement);
-            let of_student = freedom.and_then(|n| Some((StudentT::new(n).ok()?, student(n))));
-            let mut deviates: [f64; TERMS] = std::array::from_fn(|_| match &of_student {
-                // A standard error of a few cycles is as wide as that distribution already.
-                Some((distribution, wider)) => distribution.sample(&mut random) / wider,
-                None => StandardNormal.sample(&mut random),
-            });
+            let unbiased = freedom.map_or(1.0, |n| 1.0 / (student(n) * mean_deviation(n)));
+            let normal: [f64; TERMS] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
+            let mut deviates = normal.map(|z| unbiased * z);
             deviates[V] = deviates[D];
             let mut errors: [f64; TERMS] =
                 std::array::from_fn(|i| deviates[i] * noises[measurement][i]);
