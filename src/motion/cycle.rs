@@ -1,13 +1,14 @@
 //! The metrics of one steady cycle (eq. 17 and 20).
 
 use super::Problem;
-use super::element::{Linearisation, integrate_poses};
+use super::element::Linearisation;
 use super::extreme::Extremes;
 use super::mesh::Mesh;
+use super::path::Path;
 use super::radau::{RADAU, STAGES};
 use super::reduced::Reduced;
 use crate::metrics::GaitMetrics;
-use crate::robot::{Pose, Trig, dot, skid_rows};
+use crate::robot::{Lanes, Number, Pose, dot, skid_rows};
 
 /// A steady cycle measured by the elements' own quadrature.
 #[derive(Debug, Clone, Copy)]
@@ -23,33 +24,34 @@ pub(super) struct Cycle {
 pub(super) fn measure<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
+    path: &Path,
     workspace: &mut Linearisation,
 ) -> Cycle {
     let problem = model.problem();
     let weights = RADAU.integrate[STAGES - 1];
-    let mut end = Pose::default();
+    let end = path.end;
     let mut skid_squared = [0.0; 3];
-    for element in mesh.elements() {
-        let states = element.kinematics(model);
-        [.., end] = integrate_poses(end, &states, element.duration_s);
-        if R::SKIDS {
-            for (state, weight) in states.iter().zip(weights) {
-                let rows = skid_rows(&problem.robot, &Trig::new(state.phi_rad));
-                for (sum, row) in skid_squared.iter_mut().zip(&rows) {
-                    *sum += weight * dot(row, &state.velocity).powi(2);
-                }
+    for (pack, leg) in path.legs.iter().enumerate().filter(|_| R::SKIDS) {
+        let mut sums = [Lanes::default(); 3];
+        for j in 0..STAGES {
+            for (sum, row) in sums.iter_mut().zip(&skid_rows(&problem.robot, &leg.trig[j])) {
+                let skid_m_s = dot(row, &leg.states[j].velocity);
+                *sum += Lanes::splat(weights[j]) * skid_m_s * skid_m_s;
             }
+        }
+        for lane in 0..mesh.elements_of(pack).len() {
+            skid_squared.iter_mut().zip(&sums).for_each(|(sum, of)| *sum += of.lane(lane));
         }
     }
     let pose = if mesh.is_half { end * end.mirrored() } else { end };
     let (alpha1_rad, extremes) = match problem.gait.joints[0] {
         Some(command) => (command.amplitude_rad.abs(), None),
         None => {
-            let extremes = Extremes::find(model, mesh, workspace);
+            let extremes = Extremes::find(model, mesh, path, workspace);
             (extremes.half_range(), Some(extremes))
         }
     };
-    let count = mesh.len() as f64;
+    let count = mesh.count as f64;
     let d_m = pose.x_m.hypot(pose.y_m);
     let metrics = GaitMetrics {
         d_m,

@@ -229,33 +229,30 @@ impl<T: Number> Linearisation<T> {
         changes
     }
 
-    /// Change of element `k`'s end alone, with its step or without.
+    /// Derivatives of the ends of the elements of `pack` with respect to their start.
     #[inline(always)]
-    pub fn end_change<const N: usize, R: Reduced<N>>(
+    pub fn end_transfer<const N: usize, R: Reduced<N>>(
         &self,
-        k: usize,
-        start: &[f64; N],
+        pack: usize,
         duration_s: f64,
-        with_step: bool,
-    ) -> [f64; N] {
-        let per_stage = unknowns::<N, R>();
-        let (transfer, step) = self.answers::<N, R>(k / T::COUNT);
-        let lane = k % T::COUNT;
-        let change = |row: usize| {
-            let step = if with_step { step[row].lane(lane) } else { 0.0 };
-            let entries = transfer[row * N..][..N].iter().zip(start);
-            entries.fold(step, |sum, (entry, start)| sum + entry.lane(lane) * start)
-        };
-        let mut end = [0.0; N];
-        for i in 0..per_stage {
-            end[i] = change((STAGES - 1) * per_stage + i);
+    ) -> [[T; N]; N] {
+        let (transfer, _) = self.answers::<N, R>(pack);
+        let mut ends = [[T::of(0.0); N]; N];
+        for m in 0..N {
+            let end = end_change::<N, R, T>(duration_s, |row| transfer[row * N + m]);
+            (0..N).for_each(|i| ends[i][m] = end[i]);
         }
         if R::INTEGRATED {
-            let weights = &RADAU.integrate[STAGES - 1];
-            let sum: f64 = (0..STAGES).map(|l| weights[l] * change(l * per_stage + N - 2)).sum();
-            end[N - 1] = start[N - 1] + duration_s * sum;
+            ends[N - 1][N - 1] += T::of(1.0);
         }
-        end
+        ends
+    }
+
+    /// Changes of the ends of the elements of `pack` by their step when their start stays.
+    #[inline(always)]
+    pub fn end_step<const N: usize, R: Reduced<N>>(&self, pack: usize, duration_s: f64) -> [T; N] {
+        let (_, step) = self.answers::<N, R>(pack);
+        end_change::<N, R, T>(duration_s, |row| step[row])
     }
 
     /// Solves an element, or one in each lane, for the derivatives of its unknowns with respect to
@@ -288,6 +285,24 @@ impl<T: Number> Linearisation<T> {
     }
 }
 
+/// Change of an element's end by those of its unknowns.
+#[inline(always)]
+fn end_change<const N: usize, R: Reduced<N>, T: Number>(
+    duration_s: f64,
+    unknown: impl Fn(usize) -> T,
+) -> [T; N] {
+    let per_stage = unknowns::<N, R>();
+    std::array::from_fn(|i| {
+        if i < per_stage {
+            return unknown((STAGES - 1) * per_stage + i);
+        }
+        let weights = RADAU.integrate[STAGES - 1];
+        (0..STAGES).fold(T::of(0.0), |sum, l| {
+            sum + T::of(duration_s * weights[l]) * unknown(l * per_stage + i - 1)
+        })
+    })
+}
+
 /// Sets the last state of every stage to its start plus the integral of the state before it.
 #[inline(always)]
 pub(super) fn integrate_last<const N: usize, T: Number>(
@@ -295,14 +310,24 @@ pub(super) fn integrate_last<const N: usize, T: Number>(
     start: T,
     duration_s: f64,
 ) {
-    let rule = &*RADAU;
+    let integrals = integrals(&stages.map(|y| y[N - 2]), duration_s);
     for j in 0..STAGES {
-        let mut sum = T::of(0.0);
-        for l in 0..STAGES {
-            sum += T::of(rule.integrate[j][l]) * stages[l][N - 2];
-        }
-        stages[j][N - 1] = start + T::of(duration_s) * sum;
+        stages[j][N - 1] = start + integrals[j];
     }
+}
+
+/// Integrals from an element's start to its stages.
+#[inline(always)]
+pub(super) fn integrals<T: Number>(rates: &[T; STAGES], duration_s: f64) -> [T; STAGES] {
+    let rule = &*RADAU;
+    let mut integrals = [T::of(0.0); STAGES];
+    for j in 0..STAGES {
+        for l in 0..STAGES {
+            integrals[j] += T::of(rule.integrate[j][l]) * rates[l];
+        }
+        integrals[j] = T::of(duration_s) * integrals[j];
+    }
+    integrals
 }
 
 /// The stages of an element from its start, by Newton's method from the stages that it has, or
@@ -361,14 +386,18 @@ pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
     None
 }
 
-/// Size of a Legendre coefficient of each state's polynomial in the element: of the one with these
-/// weights, see [`Radau::spectrum`].
-pub(super) fn spectrum<const N: usize>(
+/// A Legendre coefficient of each state's polynomial in the element, or the state at a place of it:
+/// what comes of these weights, see [`Radau::spectrum`] and [`Radau::weights`].
+#[inline(always)]
+pub(super) fn weighted<const N: usize, T: Number>(
     weights: &[f64; STAGES + 1],
-    start: &[f64; N],
-    stages: &Stages<N>,
-) -> [f64; N] {
-    weighted(weights, start, stages).map(f64::abs)
+    start: &[T; N],
+    stages: &Stages<N, T>,
+) -> [T; N] {
+    std::array::from_fn(|i| {
+        let first = T::of(weights[0]) * start[i];
+        (0..STAGES).fold(first, |sum, j| sum + T::of(weights[j + 1]) * stages[j][i])
+    })
 }
 
 /// State at a fraction of an element, or of its polynomial beyond.
@@ -380,47 +409,22 @@ pub(super) fn interpolate<const N: usize>(
     weighted(&RADAU.weights(fraction), start, stages)
 }
 
-fn weighted<const N: usize>(
-    weights: &[f64; STAGES + 1],
-    start: &[f64; N],
-    stages: &Stages<N>,
-) -> [f64; N] {
-    std::array::from_fn(|i| {
-        let from_stages: f64 = (0..STAGES).map(|j| weights[j + 1] * stages[j][i]).sum();
-        weights[0] * start[i] + from_stages
-    })
-}
-
 /// Where the robot goes: poses at the stages of an element that starts at `from`; the last is its end.
 pub(super) fn integrate_poses(
     from: Pose,
     states: &[KinematicState; STAGES],
     duration_s: f64,
 ) -> [Pose; STAGES] {
-    integrate_path(from, states, duration_s).0
-}
-
-/// The same and the velocities of link 0 at the stages along the world's axes, m/s: x, y.
-pub(super) fn integrate_path(
-    from: Pose,
-    states: &[KinematicState; STAGES],
-    duration_s: f64,
-) -> ([Pose; STAGES], [[f64; STAGES]; 2]) {
-    let integrate = &RADAU.integrate;
-    let sum = |j: usize, rates: &[f64; STAGES]| -> f64 {
-        duration_s * integrate[j].iter().zip(rates).map(|(w, rate)| w * rate).sum::<f64>()
-    };
-    let turning = states.map(|state| state.velocity[2]);
-    let headings: [f64; STAGES] = std::array::from_fn(|j| from.theta_rad + sum(j, &turning));
-    let (mut x_rates, mut y_rates) = ([0.0; STAGES], [0.0; STAGES]);
-    for j in 0..STAGES {
+    let headings_rad = integrals(&states.map(|state| state.velocity[2]), duration_s)
+        .map(|turned| from.theta_rad + turned);
+    let rates: [[f64; 2]; STAGES] = std::array::from_fn(|j| {
         let [u, v, ..] = states[j].velocity;
-        [x_rates[j], y_rates[j]] = rotated(headings[j], [u, v]);
-    }
-    let pose = |j: usize| Pose {
-        x_m: from.x_m + sum(j, &x_rates),
-        y_m: from.y_m + sum(j, &y_rates),
-        theta_rad: headings[j],
-    };
-    (std::array::from_fn(pose), [x_rates, y_rates])
+        rotated(headings_rad[j], [u, v])
+    });
+    let [x, y] = [0, 1].map(|i| integrals(&rates.map(|rate| rate[i]), duration_s));
+    std::array::from_fn(|j| Pose {
+        x_m: from.x_m + x[j],
+        y_m: from.y_m + y[j],
+        theta_rad: headings_rad[j],
+    })
 }

@@ -5,8 +5,10 @@
 
 use super::element::{Element, Linearisation, Stages, interpolate, rate, solve_element};
 use super::mesh::Mesh;
+use super::path::Path;
 use super::radau::{RADAU, STAGES, bisect};
 use super::reduced::{KinematicState, Reduced};
+use crate::robot::{LANES, Number};
 
 /// Highest and lowest angle of joint 1 over a whole period.
 #[derive(Debug, Clone, Copy)]
@@ -35,18 +37,22 @@ impl Extremes {
     pub fn find<const N: usize, R: Reduced<N>>(
         model: &R,
         mesh: &Mesh<N, R>,
+        path: &Path,
         workspace: &mut Linearisation,
     ) -> Self {
         let mut found: Option<Self> = None;
         let signs: &[f64] = if mesh.is_half { &[1.0, -1.0] } else { &[1.0] };
-        for (k, element) in mesh.elements().enumerate() {
-            let start = model.kinematics(&mesh.node_at(model, k, 0.0), element.start);
-            let stages = element.kinematics(model);
-            let values = |of: fn(&KinematicState) -> f64| -> [f64; STAGES + 1] {
-                std::array::from_fn(|l| of(if l == 0 { &start } else { &stages[l - 1] }))
-            };
-            let (angles, rates) =
-                (values(|state| state.phi_rad[0]), values(|state| state.velocity[3]));
+        let start = model.kinematics(&mesh.node_at(model, 0, 0.0), &mesh.states.start);
+        let (mut angles, mut rates) =
+            ([start.phi_rad[0]; STAGES + 1], [start.velocity[3]; STAGES + 1]);
+        for k in 0..mesh.count {
+            (angles[0], rates[0]) = (angles[STAGES], rates[STAGES]);
+            for (j, KinematicState { phi_rad, velocity }) in
+                path.legs[k / LANES].states.iter().enumerate()
+            {
+                let lane = k % LANES;
+                (angles[j + 1], rates[j + 1]) = (phi_rad[0].lane(lane), velocity[3].lane(lane));
+            }
             for l in 0..STAGES {
                 let from = if l == 0 { 0.0 } else { RADAU.nodes[l - 1] };
                 let fraction = match rates[l] * rates[l + 1] < 0.0 {
@@ -91,12 +97,13 @@ impl TurningPoint {
         mesh: &Mesh<N, R>,
         workspace: &mut Linearisation,
     ) -> Option<([R::Node<f64>; STAGES], Stages<N>)> {
-        let whole = mesh.element(self.element);
+        let (start, whole) =
+            (mesh.states.start_of(self.element), mesh.states.stages_of(self.element));
         let nodes = RADAU.nodes.map(|c| mesh.node_at(model, self.element, self.fraction * c));
-        let stages = RADAU.nodes.map(|c| interpolate(whole.start, whole.stages, self.fraction * c));
+        let stages = RADAU.nodes.map(|c| interpolate(&start, &whole, self.fraction * c));
         workspace.resize::<N, R>(1);
-        let duration_s = self.fraction * whole.duration_s;
-        let guess = Element { nodes: &nodes, start: whole.start, stages: &stages, duration_s };
+        let duration_s = self.fraction * mesh.element_s;
+        let guess = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
         let stages = solve_element(model, &guess, 1e-12, workspace)?;
         Some((nodes, stages))
     }
@@ -108,9 +115,9 @@ impl TurningPoint {
         mesh: &Mesh<N, R>,
         workspace: &mut Linearisation,
     ) {
-        let Element { start, duration_s, .. } = mesh.element(self.element);
+        let (start, duration_s) = (mesh.states.start_of(self.element), mesh.element_s);
         let start_rate =
-            model.kinematics(&mesh.node_at(model, self.element, 0.0), start).velocity[3];
+            model.kinematics(&mesh.node_at(model, self.element, 0.0), &start).velocity[3];
         for _ in 0..MOST_CORRECTIONS {
             let Some((nodes, stages)) = self.shorter_element(model, mesh, workspace) else {
                 return;

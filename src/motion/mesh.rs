@@ -1,29 +1,57 @@
 //! The collocation mesh of a periodic motion: its elements and the states on them.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use super::element::{Element, Stages, integrate_last, interpolate};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Reduced, lanes};
-use crate::robot::{LANES, Lanes};
+use crate::robot::{LANES, Lanes, Number};
 
 /// The state at phase 0 and those at the elements' stages.
 #[derive(Debug, Clone)]
 pub(super) struct States<const N: usize> {
     pub start: [f64; N],
-    pub elements: Vec<Stages<N>>,
+    /// Packs of elements that follow each other, one in each lane; where there are too few for the
+    /// last pack, its last is there again.
+    pub packs: Vec<Stages<N, Lanes>>,
 }
 
 impl<const N: usize> Default for States<N> {
     fn default() -> Self {
-        Self { start: [0.0; N], elements: Vec::new() }
+        Self { start: [0.0; N], packs: Vec::new() }
     }
 }
 
 impl<const N: usize> States<N> {
     /// State where element `k` starts.
-    pub fn start_of(&self, k: usize) -> &[f64; N] {
-        if k == 0 { &self.start } else { &self.elements[k - 1][STAGES - 1] }
+    pub fn start_of(&self, k: usize) -> [f64; N] {
+        match k.checked_sub(1) {
+            None => self.start,
+            Some(before) => {
+                let stages = &self.packs[before / LANES];
+                stages[STAGES - 1].map(|y| y.lane(before % LANES))
+            }
+        }
+    }
+
+    /// States at the stages of element `k`.
+    pub fn stages_of(&self, k: usize) -> Stages<N> {
+        self.packs[k / LANES].map(|stage| stage.map(|y| y.lane(k % LANES)))
+    }
+
+    /// Fills the packs with `count` elements.
+    pub fn fill(&mut self, count: usize, mut stages_of: impl FnMut(usize) -> Stages<N>) {
+        self.packs.clear();
+        for pack in 0..count.div_ceil(LANES) {
+            let mut elements = [[[0.0; N]; STAGES]; LANES];
+            for lane in 0..LANES {
+                let k = pack * LANES + lane;
+                elements[lane] = if k < count { stages_of(k) } else { elements[lane - 1] };
+            }
+            let stage = |j: usize| lanes(elements.each_ref().map(|stages| &stages[j]));
+            self.packs.push(std::array::from_fn(stage));
+        }
     }
 }
 
@@ -37,11 +65,11 @@ pub(super) struct Mesh<const N: usize, R: Reduced<N>> {
     pub is_half: bool,
     /// Duration of one element.
     pub element_s: f64,
+    /// Number of elements.
+    pub count: usize,
     pub states: States<N>,
-    /// The command at every stage.
-    pub nodes: Vec<R::Node<f64>>,
-    /// The same in packs, see [`Mesh::pack`].
-    packed: Vec<R::Node<Lanes>>,
+    /// The command at every stage of every pack.
+    nodes: Vec<R::Node<Lanes>>,
 }
 
 impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
@@ -50,70 +78,48 @@ impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
             signs: [1.0; N],
             is_half: false,
             element_s: 0.0,
+            count: 0,
             states: States::default(),
             nodes: Vec::new(),
-            packed: Vec::new(),
         }
     }
 }
 
 impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
-    /// Number of elements.
-    pub fn len(&self) -> usize {
-        self.states.elements.len()
-    }
-
     /// How many times the elements' span makes a period.
     pub fn spans(&self) -> usize {
         if self.is_half { 2 } else { 1 }
     }
 
-    /// Element `k`.
-    #[inline(always)]
-    pub fn element(&self, k: usize) -> Element<'_, N, R> {
-        Element {
-            nodes: &self.nodes[k * STAGES..][..STAGES],
-            start: self.states.start_of(k),
-            stages: &self.states.elements[k],
-            duration_s: self.element_s,
-        }
-    }
-
-    /// The elements in their order.
-    pub fn elements(&self) -> impl Iterator<Item = Element<'_, N, R>> {
-        (0..self.len()).map(|k| self.element(k))
-    }
-
     /// Number of packs.
     pub fn packs(&self) -> usize {
-        self.len().div_ceil(LANES)
+        self.count.div_ceil(LANES)
     }
 
-    /// Which element is in a lane of a pack; where there are too few, the last is there again.
-    fn in_lane(&self, pack: usize, lane: usize) -> usize {
-        (pack * LANES + lane).min(self.len() - 1)
+    /// The elements of a pack, the first in its first lane.
+    pub fn elements_of(&self, pack: usize) -> Range<usize> {
+        pack * LANES..self.count.min((pack + 1) * LANES)
     }
 
-    /// States at the start and the stages of the elements of a pack, one in each lane.
+    /// The command at the stages of the elements of a pack, one in each lane.
     #[inline(always)]
-    pub fn packed_states(&self, pack: usize) -> ([Lanes; N], Stages<N, Lanes>) {
-        let elements: [usize; LANES] = std::array::from_fn(|lane| self.in_lane(pack, lane));
-        let stages = elements.map(|k| &self.states.elements[k]);
-        let mut packed = [[Lanes::default(); N]; STAGES];
-        for j in 0..STAGES {
-            packed[j] = lanes(stages.map(|stages| &stages[j]));
-        }
-        (lanes(elements.map(|k| self.states.start_of(k))), packed)
+    pub fn nodes(&self, pack: usize) -> &[R::Node<Lanes>] {
+        &self.nodes[pack * STAGES..][..STAGES]
     }
 
-    /// The elements of a pack, one in each lane, in these states.
+    /// States where the elements of a pack start.
     #[inline(always)]
-    pub fn pack<'a>(
-        &'a self,
-        pack: usize,
-        (start, stages): &'a ([Lanes; N], Stages<N, Lanes>),
-    ) -> Element<'a, N, R, Lanes> {
-        let nodes = &self.packed[pack * STAGES..][..STAGES];
+    pub fn starts(&self, pack: usize) -> [Lanes; N] {
+        let last = self.elements_of(pack).end - 1;
+        let starts: [[f64; N]; LANES] =
+            std::array::from_fn(|lane| self.states.start_of((pack * LANES + lane).min(last)));
+        lanes(starts.each_ref())
+    }
+
+    /// The elements of a pack, one in each lane, which start in these states.
+    #[inline(always)]
+    pub fn pack<'a>(&'a self, pack: usize, start: &'a [Lanes; N]) -> Element<'a, N, R, Lanes> {
+        let (nodes, stages) = (self.nodes(pack), &self.states.packs[pack]);
         Element { nodes, start, stages, duration_s: self.element_s }
     }
 
@@ -122,51 +128,50 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         model.node(model.problem().omega_rad_s * self.element_s * (k as f64 + fraction))
     }
 
+    /// The command at the stages of element `k`.
+    pub fn nodes_of(&self, model: &R, k: usize) -> [R::Node<f64>; STAGES] {
+        RADAU.nodes.map(|node| self.node_at(model, k, node))
+    }
+
     /// Lays out the commands of `count` elements; their states are left to the caller.
     pub fn lay_out(&mut self, model: &R, count: usize) {
+        self.count = count;
         let span = TAU / self.spans() as f64;
         self.element_s = span / model.problem().omega_rad_s / count as f64;
         self.nodes.clear();
-        for k in 0..count {
+        for pack in 0..self.packs() {
+            let first = (pack * LANES) as f64;
             for node in RADAU.nodes {
-                self.nodes.push(model.node(span * (k as f64 + node) / count as f64));
-            }
-        }
-        self.packed.clear();
-        for pack in 0..count.div_ceil(LANES) {
-            for j in 0..STAGES {
-                let of = |lane: usize| (pack * LANES + lane).min(count - 1) * STAGES + j;
-                self.packed.push(R::pack(std::array::from_fn(|lane| &self.nodes[of(lane)])));
+                let position = |lane: usize| (first + lane as f64).min(count as f64 - 1.0) + node;
+                let phases_rad = |lane| span * position(lane) / count as f64;
+                self.nodes.push(model.node(Lanes::new(std::array::from_fn(phases_rad))));
             }
         }
     }
 
     /// Replaces the elements by `wanted` others with the same polynomials. The old states are
     /// left in `before`.
-    pub fn resample(&mut self, wanted: usize, before: &mut States<N>) {
+    pub fn resample(&mut self, model: &R, wanted: usize, before: &mut States<N>) {
         std::mem::swap(before, &mut self.states);
-        let count = before.elements.len();
+        let count = self.count;
         self.states.start = before.start;
-        self.states.elements.clear();
-        for k in 0..wanted {
-            let at = |j: usize| {
-                let position = (k as f64 + RADAU.nodes[j]) / wanted as f64 * count as f64;
-                let k = (position as usize).min(count - 1);
-                interpolate(before.start_of(k), &before.elements[k], position - k as f64)
-            };
-            self.states.elements.push(std::array::from_fn(at));
-        }
+        let at = |k: usize, node: f64| {
+            let position = (k as f64 + node) / wanted as f64 * count as f64;
+            let k = (position as usize).min(count - 1);
+            interpolate(&before.start_of(k), &before.stages_of(k), position - k as f64)
+        };
+        self.states.fill(wanted, |k| RADAU.nodes.map(|node| at(k, node)));
+        self.lay_out(model, wanted);
+        self.integrate();
     }
 
     /// Fills the elements that are laid out with the model's guess.
     pub fn guess(&mut self, model: &R) {
-        let (guess, states) = (model.guess(), &mut self.states);
-        let count = self.nodes.len() / STAGES;
-        let span = TAU / if self.is_half { 2.0 } else { 1.0 };
+        let (guess, count) = (model.guess(), self.count);
+        let span = TAU / self.spans() as f64;
         let at = |k: usize, node: f64| guess(span * (k as f64 + node) / count as f64);
-        states.start = guess(0.0);
-        states.elements.clear();
-        states.elements.extend((0..count).map(|k| RADAU.nodes.map(|node| at(k, node))));
+        self.states.start = guess(0.0);
+        self.states.fill(count, |k| RADAU.nodes.map(|node| at(k, node)));
         self.integrate();
     }
 
@@ -174,10 +179,26 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
     pub fn integrate(&mut self) {
         if R::INTEGRATED {
             let mut start = self.states.start[N - 1];
-            for stages in &mut self.states.elements {
-                integrate_last(stages, start, self.element_s);
-                start = stages[STAGES - 1][N - 1];
+            for pack in 0..self.packs() {
+                let count = self.elements_of(pack).len();
+                let stages = &mut self.states.packs[pack];
+                integrate_last(stages, Lanes::splat(0.0), self.element_s);
+                let added = stages[STAGES - 1][N - 1];
+                let starts = in_turn(&mut start, count, |at, lane| at + added.lane(lane));
+                stages.iter_mut().for_each(|y| y[N - 1] += starts);
             }
         }
     }
+}
+
+/// Where each of the first `count` lanes starts, each where the one before it ends, which is `next`;
+/// the others repeat the last of them. Leaves its end in `start`.
+#[inline(always)]
+pub(super) fn in_turn(start: &mut f64, count: usize, next: impl Fn(f64, usize) -> f64) -> Lanes {
+    let mut starts = [*start; LANES];
+    for lane in 0..count {
+        starts[lane..].fill(*start);
+        *start = next(*start, lane);
+    }
+    Lanes::new(starts)
 }

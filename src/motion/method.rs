@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::attractor::find_attractor;
+use super::element::Element;
 use super::forces::contact_forces;
 use super::orbit::{Effort, PeriodicOrbit, Start};
 use super::radau::{RADAU, STAGES};
@@ -85,8 +86,8 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
-        let PeriodicOrbit { mesh, linearisation, workspace, .. } = &mut **orbit;
-        let found = differentiate(model, mesh, &cycle, (linearisation, workspace), wanted);
+        let PeriodicOrbit { mesh, path, linearisation, workspace, .. } = &mut **orbit;
+        let found = differentiate(model, mesh, (path, &cycle), (linearisation, workspace), wanted);
         found.ok_or(orbit.not_converged())
     }
 
@@ -94,13 +95,17 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         let (model, mesh) = (&self.model, &self.orbit.mesh);
         let weights = RADAU.integrate[STAGES - 1];
         let (mut work, mut loss) = (0.0, 0.0);
-        for element in mesh.elements() {
+        let duration_s = mesh.element_s;
+        for k in 0..mesh.count {
+            let (nodes, start) = (mesh.nodes_of(model, k), mesh.states.start_of(k));
+            let stages = mesh.states.stages_of(k);
+            let element = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
             let states = element.kinematics(model);
             for j in 0..STAGES {
-                let (node, y) = (&element.nodes[j], &element.stages[j]);
+                let (node, y) = (&nodes[j], &stages[j]);
                 let acceleration = model.acceleration(node, y, &element.rate(j));
                 let forces = contact_forces(model.problem(), &states[j], &acceleration);
-                let weight = mesh.spans() as f64 * element.duration_s * weights[j];
+                let weight = mesh.spans() as f64 * duration_s * weights[j];
                 work += weight * forces.power_w;
                 loss += weight * forces.loss_w;
             }

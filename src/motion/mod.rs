@@ -13,6 +13,7 @@ mod lu;
 mod mesh;
 mod method;
 mod orbit;
+mod path;
 mod quadrature;
 mod radau;
 mod reduced;

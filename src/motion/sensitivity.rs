@@ -13,15 +13,16 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Problem;
 use super::cycle::{Cycle, skid_scale};
-use super::element::{Element, Linearisation, Stages, integrate_poses, unknowns};
+use super::element::{Element, Linearisation, Stages, unknowns};
 use super::extreme::{Extremes, TurningPoint};
 use super::mesh::Mesh;
+use super::path::{Leg, Path};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{
     AMPLITUDE, Derivatives, KinematicState, MOST_PARAMETERS, OFFSET, Reduced, Variable,
 };
 use crate::metrics::GaitMetrics;
-use crate::robot::{LANES, Lanes, Number, Parameter, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
+use crate::robot::{Lanes, Number, Parameter, Pose, dot, dskid_rows_dphi, skid_rows};
 
 /// Most columns: states at the start, then parameters.
 const MOST_COLUMNS: usize = 5 + MOST_PARAMETERS;
@@ -45,7 +46,7 @@ const FIRST_PARAMETERS: usize = 3;
 pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
-    cycle: &Cycle,
+    (path, cycle): (&Path, &Cycle),
     workspaces: Workspaces,
     wanted: Option<&[Parameter]>,
 ) -> Option<Derivatives> {
@@ -55,11 +56,11 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     };
     // Numbers of columns that are known when this is compiled.
     if wanted.is_none() {
-        first_derivatives(model, mesh, cycle, workspaces, R::PARAMETERS)
+        first_derivatives(model, mesh, (path, cycle), workspaces, R::PARAMETERS)
     } else if (FIRST_PARAMETERS..R::OF_ROBOT).any(is_wanted) {
-        first_derivatives(model, mesh, cycle, workspaces, R::OF_ROBOT)
+        first_derivatives(model, mesh, (path, cycle), workspaces, R::OF_ROBOT)
     } else {
-        first_derivatives(model, mesh, cycle, workspaces, FIRST_PARAMETERS)
+        first_derivatives(model, mesh, (path, cycle), workspaces, FIRST_PARAMETERS)
     }
 }
 
@@ -68,7 +69,7 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
 fn first_derivatives<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
-    cycle: &Cycle,
+    (path, cycle): (&Path, &Cycle),
     (linearisation, workspace): Workspaces,
     parameters: usize,
 ) -> Option<Derivatives> {
@@ -90,21 +91,11 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
     });
     let extremes = extremes.unwrap_or_default();
     let mut state_at_extremes = [state; 2];
-    let mut pose = Pose::default();
-    for pack in 0..mesh.packs() {
-        let packed = mesh.packed_states(pack);
-        let element = mesh.pack(pack, &packed);
+    for (pack, leg) in path.legs.iter().enumerate() {
+        let starts = mesh.starts(pack);
+        let element = mesh.pack(pack, &starts);
         let right = linearisation.solve_sensitivity(model, &element, parameters);
-
-        let elements = pack * LANES..mesh.len().min((pack + 1) * LANES);
-        let mut poses = [[Pose::default(); STAGES]; LANES];
-        for (k, poses) in elements.clone().zip(&mut poses) {
-            let states = mesh.element(k).kinematics(model);
-            *poses = integrate_poses(pose, &states, mesh.element_s);
-            pose = poses[STAGES - 1];
-        }
-        let states = element.kinematics(model);
-        let gradients = gradient.at_stages::<R, N>(model, &states, &poses);
+        let gradients = gradient.at_stages::<R, N>(model, leg);
         let mut own = [[Lanes::default(); MOST_COLUMNS]; INTEGRALS];
         for ((own, gradients), _) in own.iter_mut().zip(&gradients).zip(known).filter(|of| of.1) {
             let mut state_gradients = [[Lanes::default(); N]; STAGES];
@@ -124,7 +115,7 @@ fn first_derivatives<const N: usize, R: Reduced<N>>(
         }
         let ends: [Affine<Lanes>; N] =
             std::array::from_fn(|i| element_end::<N, R, _>(i, mesh.element_s, right, columns));
-        for (lane, k) in elements.enumerate() {
+        for (lane, k) in mesh.elements_of(pack).enumerate() {
             for ((extreme, _), before) in extremes.iter().flatten().zip(&mut state_at_extremes) {
                 if extreme.element == k {
                     *before = state;
@@ -311,9 +302,9 @@ fn angle_at<const N: usize, R: Reduced<N>>(
 ) -> Option<Affine> {
     let columns = N + parameters;
     let (nodes, stages) = extreme.shorter_element(model, mesh, workspace)?;
-    let whole = mesh.element(extreme.element);
-    let duration_s = extreme.fraction * whole.duration_s;
-    let element = Element { nodes: &nodes, start: whole.start, stages: &stages, duration_s };
+    let (start, duration_s) =
+        (mesh.states.start_of(extreme.element), extreme.fraction * mesh.element_s);
+    let element = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
     let right = workspace.solve_sensitivity(model, &element, parameters);
     let end = element_end::<N, R, _>(N - 1, duration_s, right, columns);
     let mut angle = [0.0; MOST_COLUMNS];
@@ -358,7 +349,7 @@ impl MetricGradient {
         };
         let dd_dend = if mesh.is_half { halves(1.0) } else { [x, y, 0.0] };
         let odd_dd_dend = (mesh.is_half && with_gait).then(|| halves(-1.0));
-        let scale = skid_scale(model.problem()).powi(2) * mesh.len() as f64;
+        let scale = skid_scale(model.problem()).powi(2) * mesh.count as f64;
         let dsigma_dskid = cycle.metrics.sigma.map(|sigma| match sigma {
             0.0 => 0.0,
             sigma => 1.0 / (scale * sigma),
@@ -390,27 +381,22 @@ impl MetricGradient {
     fn at_stages<R: Reduced<N>, const N: usize>(
         &self,
         model: &R,
-        states: &[KinematicState<Lanes>; STAGES],
-        poses: &[[Pose; STAGES]; LANES],
+        leg: &Leg,
     ) -> [[KinematicState<Lanes>; STAGES]; INTEGRALS] {
         let mut gradients = [[KinematicState::default(); STAGES]; INTEGRALS];
         let weights = RADAU.integrate[STAGES - 1];
-        let directions =
-            std::array::from_fn(|j| Number::sin_cos(in_lanes(poses, |of| of[j].theta_rad)));
-        let end =
-            [in_lanes(poses, |of| of[STAGES - 1].x_m), in_lanes(poses, |of| of[STAGES - 1].y_m)];
-        gradients[0] = self.path(self.dd_dend, states, &directions, end);
+        gradients[0] = self.path(self.dd_dend, leg);
         if let Some(odd_dd_dend) = self.odd_dd_dend {
-            gradients[INTEGRALS - 1] = self.path(odd_dd_dend, states, &directions, end);
+            gradients[INTEGRALS - 1] = self.path(odd_dd_dend, leg);
         }
         for j in 0..STAGES {
             gradients[1][j].velocity[2] = Lanes::splat(self.turns * self.duration_s * weights[j]);
         }
         if R::SKIDS {
             let robot = &model.problem().robot;
-            for (j, KinematicState { phi_rad, velocity }) in states.iter().enumerate() {
-                let trig = Trig::new(*phi_rad);
-                let (rows, slopes) = (skid_rows(robot, &trig), dskid_rows_dphi(robot, &trig));
+            for (j, KinematicState { velocity, .. }) in leg.states.iter().enumerate() {
+                let trig = &leg.trig[j];
+                let (rows, slopes) = (skid_rows(robot, trig), dskid_rows_dphi(robot, trig));
                 for (wheel, row) in rows.iter().enumerate() {
                     let gradient = &mut gradients[2 + wheel][j];
                     let factor = Lanes::splat(weights[j] * self.dsigma_dskid[wheel]);
@@ -425,21 +411,18 @@ impl MetricGradient {
         gradients
     }
 
-    /// Gradients of d, given that with respect to the end: at stages where the robot points in
-    /// these directions (sine, cosine), of elements that end at these places (x, y), m.
+    /// Gradients of d, given that with respect to the end.
     #[inline(always)]
     fn path(
         &self,
         dd_dend: [f64; 3],
-        states: &[KinematicState<Lanes>; STAGES],
-        directions: &[(Lanes, Lanes); STAGES],
-        [end_x, end_y]: [Lanes; 2],
+        Leg { states, directions, ends: [end_x, end_y], .. }: &Leg,
     ) -> [KinematicState<Lanes>; STAGES] {
         let mut d = [KinematicState::default(); STAGES];
         let [dd_dx, dd_dy, dd_dtheta] = dd_dend.map(Lanes::splat);
         // Turning the rest of the path.
         let [whole_x, whole_y] = [self.end.x_m, self.end.y_m].map(Lanes::splat);
-        let later = dd_dtheta + dd_dy * (whole_x - end_x) - dd_dx * (whole_y - end_y);
+        let later = dd_dtheta + dd_dy * (whole_x - *end_x) - dd_dx * (whole_y - *end_y);
         for j in 0..STAGES {
             let weight = Lanes::splat(self.duration_s * RADAU.integrate[STAGES - 1][j]);
             let (sin, cos) = directions[j];
@@ -455,9 +438,4 @@ impl MetricGradient {
         }
         d
     }
-}
-
-/// A number of each element's poses, one in each lane.
-fn in_lanes(poses: &[[Pose; STAGES]; LANES], of: impl Fn(&[Pose; STAGES]) -> f64) -> Lanes {
-    Lanes::new(poses.each_ref().map(of))
 }

@@ -71,8 +71,10 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
     let mut sampler = Sampler::new(model, count);
     let mut pose = Pose::default();
     let spans = [[1.0; N], mesh.signs].into_iter().take(mesh.spans());
-    let elements = spans.flat_map(|signs| mesh.elements().map(move |element| (signs, element)));
-    for (k, (signs, Element { start, duration_s, .. })) in elements.enumerate() {
+    let elements = spans.flat_map(|signs| (0..mesh.count).map(move |element| (signs, element)));
+    let duration_s = mesh.element_s;
+    for (k, (signs, element)) in elements.enumerate() {
+        let start = mesh.states.start_of(element);
         let start = std::array::from_fn(|i| signs[i] * start[i]);
         pose = sampler.element(duration_s * k as f64, duration_s, &start, pose)?;
     }

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use std::iter;
 
 use super::element::{
-    Element, Linearisation, Stages, integrate_poses, interpolate, solve_element, spectrum,
+    Element, Linearisation, Stages, integrate_poses, interpolate, solve_element, weighted,
 };
 use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, Reduced};
@@ -109,7 +109,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
             };
             let sizes = grown(&self.sizes, &stages);
             let largest = sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
-            let tails = spectrum(&RADAU.spectrum[2], &self.state, &stages);
+            let tails = weighted(&RADAU.spectrum[2], &self.state, &stages).map(f64::abs);
             let error = (0..N)
                 .map(|i| tails[i] / sizes[i].max(SMALL * largest).max(f64::MIN_POSITIVE))
                 .fold(0.0, f64::max);

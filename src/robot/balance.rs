@@ -36,7 +36,8 @@ pub struct ContactForces {
     pub loss_w: f64,
 }
 
-/// The left-hand side of eq. 7, `M q'' + B + G - F_d`, and its derivatives.
+/// The left-hand side of eq. 7, `M q'' + B + G - F_d`, and its derivatives; for those with respect
+/// to the joint angles see [`dforce_dphi`].
 #[derive(Debug, Clone, Copy)]
 pub struct Balance<T = f64> {
     /// Generalised forces (N, N, N m, N m, N m) along [`Velocity`].
@@ -45,8 +46,6 @@ pub struct Balance<T = f64> {
     pub mass: [[T; 5]; 5],
     /// `dforce_dvelocity[i][j]`: derivative of force i with respect to velocity j.
     pub dforce_dvelocity: [[T; 5]; 5],
-    /// `dforce_dphi[j][i]`: derivative of force i with respect to joint angle j.
-    pub dforce_dphi: [[T; 5]; 2],
 }
 
 /// `M` of eq. 7 in link 0's frame: kg, kg m and kg m^2, rows and columns as [`Velocity`].
@@ -75,18 +74,84 @@ pub fn mass_matrix<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 5] {
     ]
 }
 
-/// Projects a force on the centre of mass of the side link at `joint` on the five velocities.
-#[inline(always)]
-fn project<T: Number>(robot: &Robot, trig: &Trig<T>, joint: usize, [fx, fy]: [T; 2]) -> [T; 5] {
-    let (h, b, zero) = (T::of(robot.h_m), T::of(robot.b_m), T::of(0.0));
-    let (s, c) = (trig.s[joint], trig.c[joint]);
-    if joint == 0 {
-        let torque = b * (s * fx + c * fy);
-        [fx, fy, h * fy + torque, -torque, zero]
-    } else {
-        let torque = b * (s * fx - c * fy);
-        [fx, fy, torque - h * fy, zero, torque]
+/// A side link: it points ahead (`sign` 1, joint 0) or back (-1, joint 1).
+struct SideLink<'a, T> {
+    robot: &'a Robot,
+    joint: usize,
+    sign: T,
+    sin: T,
+    cos: T,
+    /// Its turning rate and what that changes by.
+    turning: T,
+    dturning: T,
+}
+
+impl<'a, T: Number> SideLink<'a, T> {
+    #[inline(always)]
+    fn new(
+        robot: &'a Robot,
+        joint: usize,
+        trig: &Trig<T>,
+        velocity: &Velocity<T>,
+        acceleration: &[T; 5],
+    ) -> Self {
+        let sign = T::of(if joint == 0 { 1.0 } else { -1.0 });
+        let turning = velocity[2] - sign * velocity[3 + joint];
+        let dturning = acceleration[2] - sign * acceleration[3 + joint];
+        let (sin, cos) = (trig.s[joint], trig.c[joint]);
+        Self { robot, joint, sign, sin, cos, turning, dturning }
     }
+
+    #[inline(always)]
+    fn mass(&self) -> T {
+        T::of(self.robot.mass_kg[1 + self.joint])
+    }
+
+    /// The accelerations of its centre of mass by its own turning: towards the joint, and across.
+    #[inline(always)]
+    fn swing(&self) -> [T; 2] {
+        let b = T::of(self.robot.b_m);
+        [b * self.turning * self.turning, b * self.dturning]
+    }
+
+    /// The acceleration of its centre of mass, given that of link 0's.
+    #[inline(always)]
+    fn acceleration(&self, [ax, ay]: [T; 2], turning: T, dturning: T) -> [T; 2] {
+        let (h, [inward, across]) = (T::of(self.robot.h_m), self.swing());
+        [
+            ax - self.sign * (h * turning * turning + inward * self.cos) + across * self.sin,
+            ay + self.sign * (h * dturning + across * self.cos) + inward * self.sin,
+        ]
+    }
+
+    /// Projects a force on its centre of mass on the five velocities.
+    #[inline(always)]
+    fn project(&self, [fx, fy]: [T; 2]) -> [T; 5] {
+        let (h, b) = (T::of(self.robot.h_m), T::of(self.robot.b_m));
+        let torque = b * (self.sin * fx + self.sign * self.cos * fy);
+        self.on_joint([fx, fy, self.sign * h * fy + torque], -(self.sign * torque))
+    }
+
+    /// Forces on the body and on its own joint.
+    #[inline(always)]
+    fn on_joint(&self, [fx, fy, torque]: [T; 3], own: T) -> [T; 5] {
+        let zero = T::of(0.0);
+        if self.joint == 0 { [fx, fy, torque, own, zero] } else { [fx, fy, torque, zero, own] }
+    }
+
+    /// The part of the centre of mass's force, per turning rate, that its own turning makes.
+    #[inline(always)]
+    fn gyration(&self) -> [T; 2] {
+        let twice = T::of(2.0) * self.mass() * T::of(self.robot.b_m) * self.turning;
+        [twice * self.cos, -(self.sign * twice * self.sin)]
+    }
+}
+
+/// The acceleration of link 0's centre along its own axes, m/s^2.
+#[inline(always)]
+fn acceleration_of_middle<T: Number>(velocity: &Velocity<T>, acceleration: &[T; 5]) -> [T; 2] {
+    let [u, v, r, ..] = *velocity;
+    [acceleration[0] - r * v, acceleration[1] + r * u]
 }
 
 /// Evaluates eq. 7 at angles `phi_rad` (with their `trig`), `velocity` and `acceleration`
@@ -101,69 +166,50 @@ pub fn force_balance<T: Number>(
     acceleration: &[T; 5],
 ) -> Balance<T> {
     let mass = mass_matrix(robot, trig);
-    let (h, b) = (T::of(robot.h_m), T::of(robot.b_m));
-    let [m0, m1, m2] = robot.mass_kg.map(T::of);
+    let [m0, ..] = robot.mass_kg.map(T::of);
     let [i0, i1, i2] = robot.inertia_kg_m2.map(T::of);
-    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    let [u, v, r, w1, w2] = *velocity;
-    let [du, dv, dr, dw1, dw2] = *acceleration;
-    let (r1, r2, dr1, dr2) = (r - w1, r + w2, dr - dw1, dr + dw2);
-    let project = |joint: usize, force: [T; 2]| project(robot, trig, joint, force);
-
-    let (ax, ay) = (du - r * v, dv + r * u);
-    let (turn1, turn2, swing1, swing2) = (b * r1 * r1, b * r2 * r2, b * dr1, b * dr2);
-    let a1 = [ax - h * r * r + swing1 * s1 - turn1 * c1, ay + h * dr + swing1 * c1 + turn1 * s1];
-    let a2 = [ax + h * r * r + swing2 * s2 + turn2 * c2, ay - h * dr - swing2 * c2 + turn2 * s2];
-    let front = project(0, a1.map(|a| m1 * a));
-    let rear = project(1, a2.map(|a| m2 * a));
-    let (spin1, spin2) = (i1 * dr1, i2 * dr2);
+    let ([u, v, r, ..], dr) = (*velocity, acceleration[2]);
+    let middle = acceleration_of_middle(velocity, acceleration);
+    let link = |joint| SideLink::new(robot, joint, trig, velocity, acceleration);
+    let (front, rear) = (link(0), link(1));
+    let moved = |link: &SideLink<T>| {
+        let [ax, ay] = link.acceleration(middle, r, dr);
+        link.project([link.mass() * ax, link.mass() * ay])
+    };
+    let (by_front, by_rear) = (moved(&front), moved(&rear));
+    let (spin1, spin2) = (i1 * front.dturning, i2 * rear.dturning);
     let mut force = [
-        front[0] + rear[0] + m0 * ax,
-        front[1] + rear[1] + m0 * ay,
-        front[2] + rear[2] + i0 * dr + spin1 + spin2,
-        front[3] - spin1,
-        rear[4] + spin2,
+        by_front[0] + by_rear[0] + m0 * middle[0],
+        by_front[1] + by_rear[1] + m0 * middle[1],
+        by_front[2] + by_rear[2] + i0 * dr + spin1 + spin2,
+        by_front[3] - spin1,
+        by_rear[4] + spin2,
     ];
 
     // The frame's turning accelerates every mass alike; the side links' own turning adds to that.
-    let (g1, g2) = (T::of(2.0) * m1 * b * r1, T::of(2.0) * m2 * b * r2);
-    let (g1, g2) = ([g1 * c1, -(g1 * s1)], [g2 * c2, g2 * s2]);
-    let (centre1, centre2) = (T::of(2.0) * m1 * h * r, T::of(2.0) * m2 * h * r);
-    let front = project(0, [-centre1 - g1[0], -g1[1]]);
-    let rear = project(1, [centre2 + g2[0], g2[1]]);
-    let (front_joint, rear_joint) = (project(0, g1), project(1, g2));
-    let mut dforce_dvelocity = std::array::from_fn(|i| {
+    let turned = |link: &SideLink<T>| {
+        let [gx, gy] = link.gyration();
+        let centre = T::of(2.0) * link.mass() * T::of(robot.h_m) * r;
+        link.project([-(link.sign * (centre + gx)), -(link.sign * gy)])
+    };
+    let (by_front, by_rear) = (turned(&front), turned(&rear));
+    let (by_joint1, by_joint2) = (front.project(front.gyration()), rear.project(rear.gyration()));
+    let mut dforce_dvelocity = [[T::of(0.0); 5]; 5];
+    for i in 0..5 {
         let [by_ax, by_ay, ..] = mass[i];
-        let turning = by_ay * u - by_ax * v + front[i] + rear[i];
-        [by_ay * r, -(by_ax * r), turning, front_joint[i], rear_joint[i]]
-    });
-
-    // The side links' accelerations turn with their joints, and so do the arms b.
-    let f1 = [m1 * (turn1 * s1 + swing1 * c1), m1 * (turn1 * c1 - swing1 * s1)];
-    let f2 = [m2 * (swing2 * c2 - turn2 * s2), m2 * (turn2 * c2 + swing2 * s2)];
-    let mut dforce_dphi = [project(0, f1), project(1, f2)];
-    let arm1 = m1 * b * (c1 * a1[0] - s1 * a1[1]);
-    let arm2 = m2 * b * (c2 * a2[0] + s2 * a2[1]);
-    dforce_dphi[0][2] += arm1;
-    dforce_dphi[0][3] -= arm1;
-    dforce_dphi[1][2] += arm2;
-    dforce_dphi[1][4] += arm2;
+        let turning = by_ay * u - by_ax * v + by_front[i] + by_rear[i];
+        dforce_dvelocity[i] = [by_ay * r, -(by_ax * r), turning, by_joint1[i], by_joint2[i]];
+    }
 
     let (skid, roll) = (skid_rows(robot, trig), roll_rows(robot, trig));
     let (c_skid, c_roll) = (robot.skid_kg_s.map(T::of), robot.roll_kg_s.map(T::of));
     let mut add = (&mut force, &mut dforce_dvelocity);
     add_friction(&mut add, c_skid[0], &skid[0], [1], velocity);
     add_friction(&mut add, c_roll[0], &roll[0], [0], velocity);
-    // Only the rows of the side wheels turn, each with its own joint.
-    let (dskid, droll) = (dskid_rows_dphi(robot, trig), droll_rows_dphi(robot, trig));
-    for j in 0..2 {
-        let (c_skid, c_roll) = (c_skid[j + 1], c_roll[j + 1]);
-        add_friction(&mut add, c_skid, &skid[j + 1], [0, 1, 2, 3 + j], velocity);
-        add_friction(&mut add, c_roll, &roll[j + 1], [0, 1, 2], velocity);
-        let turned = &mut dforce_dphi[j];
-        turn_friction(turned, c_skid, [&skid[j + 1], &dskid[j]], [0, 1, 2, 3 + j], velocity);
-        turn_friction(turned, c_roll, [&roll[j + 1], &droll[j]], [0, 1, 2], velocity);
-    }
+    add_friction(&mut add, c_skid[1], &skid[1], [0, 1, 2, 3], velocity);
+    add_friction(&mut add, c_skid[2], &skid[2], [0, 1, 2, 4], velocity);
+    add_friction(&mut add, c_roll[1], &roll[1], [0, 1, 2], velocity);
+    add_friction(&mut add, c_roll[2], &roll[2], [0, 1, 2], velocity);
 
     if let Some(joint) = passive {
         let row = 3 + joint;
@@ -171,9 +217,43 @@ pub fn force_balance<T: Number>(
             [robot.stiffness_nm_rad, robot.damping_nm_s_rad, robot.rest_angle_rad].map(T::of);
         force[row] += stiffness * (phi_rad[joint] - rest) + damping * velocity[row];
         dforce_dvelocity[row][row] += damping;
-        dforce_dphi[joint][row] += stiffness;
     }
-    Balance { force, mass, dforce_dvelocity, dforce_dphi }
+    Balance { force, mass, dforce_dvelocity }
+}
+
+/// Derivative of eq. 7's left-hand side, see [`force_balance`], with respect to a joint's angle.
+#[inline(always)]
+pub fn dforce_dphi<T: Number>(
+    robot: &Robot,
+    passive: Option<usize>,
+    joint: usize,
+    trig: &Trig<T>,
+    velocity: &Velocity<T>,
+    acceleration: &[T; 5],
+) -> [T; 5] {
+    let link = SideLink::new(robot, joint, trig, velocity, acceleration);
+    let SideLink { sign, sin, cos, .. } = link;
+    // The side link's acceleration turns with its joint, and so does the arm b.
+    let [inward, across] = link.swing();
+    let mass = link.mass();
+    let along = mass * (across * cos + sign * inward * sin);
+    let aside = mass * (inward * cos - sign * across * sin);
+    let middle = acceleration_of_middle(velocity, acceleration);
+    let [ax, ay] = link.acceleration(middle, velocity[2], acceleration[2]);
+    let arm = mass * T::of(robot.b_m) * (cos * ax - sign * sin * ay);
+    let mut turned = link.project([along, aside]);
+    turned[2] += arm;
+    turned[3 + joint] -= sign * arm;
+    // Only the rows of its own wheel turn.
+    let (c_skid, c_roll) = (T::of(robot.skid_kg_s[joint + 1]), T::of(robot.roll_kg_s[joint + 1]));
+    let (skid, dskid) = (skid_rows(robot, trig)[joint + 1], dskid_rows_dphi(robot, trig)[joint]);
+    let (roll, droll) = (roll_rows(robot, trig)[joint + 1], droll_rows_dphi(robot, trig)[joint]);
+    turn_friction(&mut turned, c_skid, [&skid, &dskid], [0, 1, 2, 3 + joint], velocity);
+    turn_friction(&mut turned, c_roll, [&roll, &droll], [0, 1, 2], velocity);
+    if passive == Some(joint) {
+        turned[3 + joint] += T::of(robot.stiffness_nm_rad);
+    }
+    turned
 }
 
 /// Adds `c row (row . velocity)` and its derivative with respect to the velocity, where the row has

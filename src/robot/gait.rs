@@ -4,6 +4,8 @@ use std::f64::consts::PI;
 
 use serde::Serialize;
 
+use super::Number;
+
 /// `phi(t) = offset + amplitude cos(omega t + phase)`, all in radians.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct JointCommand {
@@ -66,12 +68,18 @@ impl Gait {
 
     /// Angle (relative to the offset), rate and acceleration of each joint per radian of its
     /// amplitude at phase `omega t`; zero for a passive joint.
-    pub fn waves(&self, phase_rad: f64, omega_rad_s: f64) -> [[f64; 3]; 2] {
-        self.joints.map(|joint| {
-            joint.map_or([0.0; 3], |joint| {
-                let (sin, cos) = (phase_rad + joint.phase_rad).sin_cos();
-                [cos, -omega_rad_s * sin, -omega_rad_s * omega_rad_s * cos]
-            })
+    #[inline(always)]
+    pub fn waves<T: Number>(&self, phase_rad: T, omega_rad_s: f64) -> [[T; 3]; 2] {
+        let phases_rad =
+            self.joints.map(|joint| phase_rad + T::of(joint.map_or(0.0, |joint| joint.phase_rad)));
+        let turned = T::both_sin_cos(phases_rad);
+        let omega = T::of(omega_rad_s);
+        std::array::from_fn(|i| {
+            let (sin, cos) = turned[i];
+            match self.joints[i] {
+                Some(_) => [cos, -(omega * sin), -(omega * omega * cos)],
+                None => [T::of(0.0); 3],
+            }
         })
     }
 
@@ -81,13 +89,14 @@ impl Gait {
     }
 
     /// The commanded shape of these waves.
-    pub fn shape(&self, waves: &[[f64; 3]; 2]) -> Shape {
-        let scaled = |k: usize| -> [f64; 2] {
+    #[inline(always)]
+    pub fn shape<T: Number>(&self, waves: &[[T; 3]; 2]) -> Shape<T> {
+        let scaled = |k: usize| -> [T; 2] {
             std::array::from_fn(|i| {
-                self.joints[i].map_or(0.0, |joint| joint.amplitude_rad * waves[i][k])
+                T::of(self.joints[i].map_or(0.0, |joint| joint.amplitude_rad)) * waves[i][k]
             })
         };
-        let offsets = self.joints.map(|joint| joint.map_or(0.0, |joint| joint.offset_rad));
+        let offsets = self.joints.map(|joint| T::of(joint.map_or(0.0, |joint| joint.offset_rad)));
         let [phi1, phi2] = scaled(0);
         Shape {
             phi_rad: [offsets[0] + phi1, offsets[1] + phi2],

@@ -88,7 +88,7 @@ pub struct Trig<T = f64> {
 impl<T: Number> Trig<T> {
     #[inline(always)]
     pub fn new(phi_rad: [T; 2]) -> Self {
-        let [(s1, c1), (s2, c2)] = phi_rad.map(T::sin_cos);
+        let [(s1, c1), (s2, c2)] = T::both_sin_cos(phi_rad);
         Self { s: [s1, s2], c: [c1, c2] }
     }
 }

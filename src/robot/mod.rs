@@ -10,7 +10,7 @@ mod model;
 mod number;
 mod parameter;
 
-pub use balance::{Balance, ContactForces, force_balance, mass_matrix};
+pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
 pub use gait::{Gait, JointCommand, Shape};
 pub use kinematics::{
     Pose, Trig, Velocity, det_wb, dot, dskid_rows_dphi, in_world, roll_rows, rotated, skid_rows,

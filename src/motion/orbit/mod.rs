@@ -17,6 +17,7 @@ use nalgebra::SMatrix;
 use super::cycle::{Cycle, measure};
 use super::element::{Element, Linearisation, solve_element};
 use super::mesh::{Mesh, States};
+use super::path::Path;
 use super::radau::STAGES;
 use super::reduced::Reduced;
 use super::{MotionError, Result};
@@ -46,6 +47,10 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     /// Newton's contraction: the step after a fresh one over that one's square, when last seen.
     contraction: f64,
     pub linearisation: Linearisation<Lanes>,
+    /// Derivatives of each element's end with respect to its start, and its change by the last step
+    /// when its start stays.
+    transfers: Vec<[[f64; N]; N]>,
+    offsets: Vec<[f64; N]>,
     /// `(I - M)^-1`, which closes the chain.
     monodromy_closure: SMatrix<f64, N, N>,
     /// The last step by the factors at hand, and the one before.
@@ -57,7 +62,8 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     pub workspace: Linearisation,
     /// The last solution's discretisation error over the accepted one; infinite if there is none.
     error_ratio: f64,
-    /// What was found out about the solution: its metrics, its largest Floquet multiplier.
+    /// What was found out about the solution: its path, its metrics, its largest Floquet multiplier.
+    pub path: Path,
     cycle: Option<Cycle>,
     floquet: Option<f64>,
 }
@@ -96,12 +102,15 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
             effort: Effort::default(),
             contraction: 1.0,
             linearisation: Linearisation::default(),
+            transfers: Vec::new(),
+            offsets: Vec::new(),
             monodromy_closure: SMatrix::zeros(),
             step: States::default(),
             last_step: States::default(),
             before: States::default(),
             workspace: Linearisation::default(),
             error_ratio: f64::INFINITY,
+            path: Path::default(),
             cycle: None,
             floquet: None,
         }
@@ -132,7 +141,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             let error_ratio = self.error_ratio(model, accuracy);
             if error_ratio <= 1.0 {
                 self.error_ratio = error_ratio;
-                self.effort.elements = self.mesh.len();
+                self.effort.elements = self.mesh.count;
                 return Ok(());
             }
             self.refine(model, error_ratio)?;
@@ -161,18 +170,19 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Makes the last solution, which had this error ratio, the start for another frequency.
     fn start_warm(&mut self, model: &R, error_ratio: f64) {
-        let before_s = self.mesh.element_s * self.mesh.len() as f64;
+        let before_s = self.mesh.element_s * self.mesh.count as f64;
         let enough = self.enough_elements(error_ratio);
-        if (enough as f64) < FEWER * self.mesh.len() as f64 {
-            self.mesh.resample(enough, &mut self.before);
+        if (enough as f64) < FEWER * self.mesh.count as f64 {
+            self.mesh.resample(model, enough, &mut self.before);
         }
-        self.lay_out(model, self.mesh.len());
+        self.lay_out(model, self.mesh.count);
         // Velocities go with the frequency, the passive joint's angle does not.
-        let faster = before_s / (self.mesh.element_s * self.mesh.len() as f64);
+        let faster = before_s / (self.mesh.element_s * self.mesh.count as f64);
         let rates = if R::HAS_ANGLE { N - 1 } else { N };
-        let States { start, elements } = &mut self.mesh.states;
-        let states = elements.iter_mut().flatten().chain([start]);
-        states.for_each(|y| y[..rates].iter_mut().for_each(|rate| *rate *= faster));
+        let States { start, packs } = &mut self.mesh.states;
+        start[..rates].iter_mut().for_each(|rate| *rate *= faster);
+        let states = packs.iter_mut().flatten();
+        states.for_each(|y| y[..rates].iter_mut().for_each(|rate| *rate *= Lanes::splat(faster)));
         self.mesh.integrate();
     }
 
@@ -181,13 +191,13 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let fewest = FEWEST / self.mesh.spans();
         // By the rule's order.
         let growth = (error_ratio / MARGIN).powf(1.0 / (2.0 * STAGES as f64 - 1.0)).min(4.0);
-        ((self.mesh.len() as f64 * growth).ceil() as usize).max(fewest)
+        ((self.mesh.count as f64 * growth).ceil() as usize).max(fewest)
     }
 
     /// Replaces the elements by as many as are needed, if those at hand are too few.
     fn refine(&mut self, model: &R, error_ratio: f64) -> Result<()> {
         let (fewest, most) = (FEWEST / self.mesh.spans(), MOST_ELEMENTS / self.mesh.spans());
-        let count = self.mesh.len();
+        let count = self.mesh.count;
         if error_ratio <= 1.0 && count >= fewest {
             return Ok(());
         }
@@ -195,9 +205,8 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             return Err(MotionError::Unresolved { error: self.discretisation_error(model) });
         }
         let finer = self.enough_elements(error_ratio).clamp(count + 1, most);
-        self.mesh.resample(finer, &mut self.before);
-        self.lay_out(model, finer);
-        self.mesh.integrate();
+        self.mesh.resample(model, finer, &mut self.before);
+        self.linearisation.resize::<N, R>(finer);
         Ok(())
     }
 
@@ -209,24 +218,29 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Fills the elements with the motion that follows from a state.
     fn march(&mut self, model: &R, state: [f64; N]) -> Result<()> {
-        let Mesh { nodes, states, element_s: duration_s, .. } = &mut self.mesh;
-        states.start = state;
-        states.elements.clear();
-        self.workspace.resize::<N, R>(1);
-        for (k, nodes) in nodes.chunks_exact(STAGES).enumerate() {
-            let start = *states.start_of(k);
-            let guess =
-                Element { nodes, start: &start, stages: &[start; STAGES], duration_s: *duration_s };
-            let stages = solve_element(model, &guess, 1e-4, &mut self.workspace)
-                .ok_or(MotionError::Stuck { time_s: k as f64 * *duration_s })?;
-            states.elements.push(stages);
-        }
-        Ok(())
+        let Self { mesh, workspace, .. } = self;
+        workspace.resize::<N, R>(1);
+        let (duration_s, mut start, mut result) = (mesh.element_s, state, Ok(()));
+        let mut marched = std::mem::take(&mut mesh.states);
+        marched.start = state;
+        marched.fill(mesh.count, |k| {
+            let (nodes, mut stages) = (mesh.nodes_of(model, k), [start; STAGES]);
+            if result.is_ok() {
+                let guess = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
+                match solve_element(model, &guess, 1e-4, workspace) {
+                    Some(solved) => (stages, start) = (solved, solved[STAGES - 1]),
+                    None => result = Err(MotionError::Stuck { time_s: k as f64 * duration_s }),
+                }
+            }
+            stages
+        });
+        mesh.states = marched;
+        result
     }
 
     /// What a cycle of the solution amounts to.
     pub fn measure(&mut self, model: &R) -> Cycle {
-        let Self { mesh, workspace, cycle, .. } = self;
-        *cycle.get_or_insert_with(|| measure(model, mesh, workspace))
+        let Self { mesh, path, workspace, cycle, .. } = self;
+        *cycle.get_or_insert_with(|| measure(model, mesh, path, workspace))
     }
 }

@@ -6,7 +6,7 @@ use super::PeriodicOrbit;
 use crate::motion::mesh::Mesh;
 use crate::motion::reduced::{Reduced, lanes};
 use crate::motion::{MotionError, Result};
-use crate::robot::{LANES, Number};
+use crate::robot::{LANES, Lanes, Number};
 
 const MOST_STEPS: usize = 60;
 /// Newton gives up when steps do not shrink along this part of one.
@@ -29,9 +29,15 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// Linearises the elements at the present states and prepares the chain's closure.
     fn linearise(&mut self, model: &R) -> Result<()> {
         self.effort.factorisations += 1;
-        for pack in 0..self.mesh.packs() {
-            let states = self.mesh.packed_states(pack);
-            self.linearisation.linearise(pack, model, &self.mesh.pack(pack, &states), true);
+        let Self { mesh, linearisation, transfers, .. } = self;
+        transfers.clear();
+        for pack in 0..mesh.packs() {
+            let starts = mesh.starts(pack);
+            linearisation.linearise(pack, model, &mesh.pack(pack, &starts), true);
+            let ends = linearisation.end_transfer::<N, R>(pack, mesh.element_s);
+            for lane in 0..mesh.elements_of(pack).len() {
+                transfers.push(ends.map(|row| row.map(|entry| entry.lane(lane))));
+            }
         }
         let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
         self.monodromy_closure = open.try_inverse().ok_or(self.not_converged())?;
@@ -41,54 +47,50 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// Evaluates the residuals at the present states; the factors are kept.
     fn evaluate(&mut self, model: &R) {
         for pack in 0..self.mesh.packs() {
-            let states = self.mesh.packed_states(pack);
-            self.linearisation.evaluate(pack, model, &self.mesh.pack(pack, &states));
+            let starts = self.mesh.starts(pack);
+            self.linearisation.evaluate(pack, model, &self.mesh.pack(pack, &starts));
         }
     }
 
     /// Derivative of the states at the end of the elements' span with respect to the start's.
     fn monodromy(&self) -> SMatrix<f64, N, N> {
         SMatrix::from_columns(&std::array::from_fn::<_, N, _>(|m| {
-            let mut x: [f64; N] = std::array::from_fn(|i| if i == m { 1.0 } else { 0.0 });
-            for k in 0..self.mesh.len() {
-                x = self.linearisation.end_change::<N, R>(k, &x, self.mesh.element_s, false);
-            }
-            SVector::from_fn(|i, _| self.mesh.signs[i] * x[i])
+            let unit = std::array::from_fn(|i| if i == m { 1.0 } else { 0.0 });
+            let end = self.transfers.iter().fold(unit, |x, transfer| product(transfer, &x));
+            SVector::from_fn(|i, _| self.mesh.signs[i] * end[i])
         }))
     }
 
     /// Solves the closed chain for the residuals at hand, into `step`.
     fn close(&mut self) {
         self.effort.linear_solves += 1;
-        let Mesh { states, signs, element_s, .. } = &self.mesh;
-        let count = self.mesh.len();
-        for pack in 0..self.mesh.packs() {
-            self.linearisation.solve_step::<N, R>(pack);
+        let Self { mesh, linearisation, transfers, offsets, step, .. } = self;
+        let Mesh { states, signs, element_s, .. } = &*mesh;
+        offsets.clear();
+        let mut end = [0.0; N];
+        for pack in 0..mesh.packs() {
+            linearisation.solve_step::<N, R>(pack);
+            let steps = linearisation.end_step::<N, R>(pack, *element_s);
+            for (lane, k) in mesh.elements_of(pack).enumerate() {
+                let offset = steps.map(|step| step.lane(lane));
+                end = sum(&product(&transfers[k], &end), &offset);
+                offsets.push(offset);
+            }
         }
-        let mut offset = [0.0; N];
-        for k in 0..count {
-            offset = self.linearisation.end_change::<N, R>(k, &offset, *element_s, true);
-        }
-        let end = states.start_of(count);
-        let mismatch = |i: usize| signs[i] * (offset[i] + end[i]) - states.start[i];
+        let ends = states.start_of(mesh.count);
+        let mismatch = |i: usize| signs[i] * (end[i] + ends[i]) - states.start[i];
         let first = self.monodromy_closure * SVector::<f64, N>::from_fn(|i, _| mismatch(i));
-        self.step.start = first.into();
-        let mut start = self.step.start;
-        self.step.elements.clear();
-        for pack in 0..self.mesh.packs() {
-            let elements = pack * LANES..count.min((pack + 1) * LANES);
+        step.start = first.into();
+        let mut start = step.start;
+        step.packs.clear();
+        for pack in 0..mesh.packs() {
             let mut starts = [start; LANES];
-            for (lane, k) in elements.clone().enumerate() {
-                starts[lane] = start;
-                start = self.linearisation.end_change::<N, R>(k, &start, *element_s, true);
+            for (lane, k) in mesh.elements_of(pack).enumerate() {
+                starts[lane..].fill(start);
+                start = sum(&product(&transfers[k], &start), &offsets[k]);
             }
-            let changes =
-                self.linearisation.changes::<N, R>(pack, &lanes(starts.each_ref()), *element_s);
-            for lane in 0..elements.len() {
-                let change = |i: usize, j: usize| changes[j][i].lane(lane);
-                let stages = std::array::from_fn(|j| std::array::from_fn(|i| change(i, j)));
-                self.step.elements.push(stages);
-            }
+            let starts = lanes(starts.each_ref());
+            step.packs.push(linearisation.changes::<N, R>(pack, &starts, *element_s));
         }
     }
 
@@ -162,34 +164,33 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         std::mem::swap(&mut self.before, &mut self.mesh.states);
         let (now, before, step) = (&mut self.mesh.states, &self.before, &self.step);
         now.start = std::array::from_fn(|i| before.start[i] + part * step.start[i]);
-        now.elements.clear();
-        now.elements.extend(before.elements.iter().zip(&step.elements).map(|(before, step)| {
+        let part = Lanes::splat(part);
+        now.packs.clear();
+        now.packs.extend(before.packs.iter().zip(&step.packs).map(|(before, step)| {
             std::array::from_fn(|j| std::array::from_fn(|i| before[j][i] + part * step[j][i]))
         }));
     }
 
     /// Largest value of each state before or after a step.
     pub(super) fn sizes(&self) -> [f64; N] {
-        let mut sizes = [0.0_f64; N];
-        let states = self.mesh.states.elements.iter().flatten();
-        for (y, step) in states.zip(self.step.elements.iter().flatten()) {
-            for i in 0..N {
-                sizes[i] = sizes[i].max(y[i].abs()).max((y[i] + step[i]).abs());
-            }
+        let mut sizes = [Lanes::default(); N];
+        let states = self.mesh.states.packs.iter().flatten();
+        for (y, step) in states.zip(self.step.packs.iter().flatten()) {
+            keep_largest(&mut sizes, y);
+            keep_largest(&mut sizes, &std::array::from_fn(|i| y[i] + step[i]));
         }
-        sizes
+        sizes.map(largest_lane)
     }
 
-    /// Largest step of any state over that state's size.
+    /// Largest step of any state over that state's size; infinite where a step is not finite.
     fn step_size(&self, sizes: &[f64; N]) -> f64 {
-        let mut steps = [0.0_f64; N];
-        for step in self.step.elements.iter().flatten() {
-            for i in 0..N {
-                // Not `max`, which passes over NaN.
-                steps[i] = if step[i].abs() <= steps[i] { steps[i] } else { step[i].abs() };
-            }
+        let (mut steps, mut all) = ([Lanes::default(); N], Lanes::default());
+        for step in self.step.packs.iter().flatten() {
+            keep_largest(&mut steps, step);
+            step.iter().for_each(|step| all += *step);
         }
-        largest_ratio(&steps, sizes)
+        let is_finite = (0..LANES).all(|lane| all.lane(lane).is_finite());
+        if is_finite { largest_ratio(&steps.map(largest_lane), sizes) } else { f64::INFINITY }
     }
 
     /// Modulus of the largest Floquet multiplier of a whole period, from a fresh
@@ -223,9 +224,33 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.close();
         let size = self.step_size(&self.sizes());
         self.move_by(1.0);
+        self.path.follow(model, &self.mesh);
         (self.cycle, self.floquet) = (None, None);
         Ok(size)
     }
+}
+
+/// `matrix x`.
+#[inline(always)]
+fn product<const N: usize>(matrix: &[[f64; N]; N], x: &[f64; N]) -> [f64; N] {
+    matrix.map(|row| row.iter().zip(x).map(|(entry, x)| entry * x).sum())
+}
+
+#[inline(always)]
+fn sum<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
+    std::array::from_fn(|i| a[i] + b[i])
+}
+
+/// Replaces each of `largest` by the size of a value that is larger.
+#[inline(always)]
+pub(super) fn keep_largest<const K: usize>(largest: &mut [Lanes; K], values: &[Lanes; K]) {
+    for (largest, value) in largest.iter_mut().zip(values) {
+        *largest = largest.fast_max(value.abs());
+    }
+}
+
+pub(super) fn largest_lane(lanes: Lanes) -> f64 {
+    lanes.to_array().into_iter().fold(0.0, f64::max)
 }
 
 /// Largest of `parts[i] / sizes[i]`. A state that is nothing beside the others, such as the

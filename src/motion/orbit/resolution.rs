@@ -1,44 +1,43 @@
 //! The discretisation error of the elements.
 
 use super::PeriodicOrbit;
-use super::newton::largest_ratio;
-use crate::motion::element::{Stages, integrate_path, spectrum};
+use super::newton::{keep_largest, largest_lane, largest_ratio};
+use crate::motion::element::{Stages, weighted};
+use crate::motion::mesh::in_turn;
 use crate::motion::radau::{RADAU, STAGES};
 use crate::motion::reduced::{KinematicState, Reduced};
-use crate::robot::Pose;
+use crate::robot::{Lanes, Number};
 
 /// Part of the accuracy that the discretisation error may take.
 const SHARE: f64 = 0.5;
 
 impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
-    /// Relative error at the elements' ends, in the order of magnitude, of the velocities, in the
+    /// Relative error at the elements' ends on the path at hand, in the order of magnitude, of the velocities, in the
     /// world's frame, and angles.
     ///
     /// The elements' polynomials miss about as much as their highest coefficient, the ends, where
     /// the rule is of nearly twice the order, only what comes four degrees later; the fall of the
     /// spectrum over the last two degrees tells how little that is.
     pub(super) fn discretisation_error(&self, model: &R) -> f64 {
-        let (mut tails, mut lower) = ([0.0_f64; 7], [0.0_f64; 7]);
-        let mut sizes = [0.0_f64; 7];
+        let mut largest = [[Lanes::default(); 7]; 3];
         let [lowest, _, highest] = &RADAU.spectrum;
         let state = model.kinematics(&model.node(0.0), &self.mesh.states.start);
         let [u, v, ..] = state.velocity;
-        let (mut start, mut pose) = (world_values(&state, [u, v]), Pose::default());
-        for element in self.mesh.elements() {
-            let states = element.kinematics(model);
-            let (poses, [x_rates, y_rates]) = integrate_path(pose, &states, element.duration_s);
-            pose = poses[STAGES - 1];
-            let values: Stages<7> =
-                std::array::from_fn(|j| world_values(&states[j], [x_rates[j], y_rates[j]]));
-            let found = spectrum(highest, &start, &values);
-            let found_lower = spectrum(lowest, &start, &values);
-            for i in 0..7 {
-                tails[i] = tails[i].max(found[i]);
-                lower[i] = lower[i].max(found_lower[i]);
-                sizes[i] = values.iter().fold(sizes[i], |size, value| size.max(value[i].abs()));
-            }
-            start = values[STAGES - 1];
+        let mut start = world_values(&state, [u, v]);
+        for (pack, leg) in self.path.legs.iter().enumerate() {
+            let [x_rates, y_rates] = leg.rates;
+            let values: Stages<7, Lanes> =
+                std::array::from_fn(|j| world_values(&leg.states[j], [x_rates[j], y_rates[j]]));
+            let (count, ends) = (self.mesh.elements_of(pack).len(), &values[STAGES - 1]);
+            let starts = std::array::from_fn(|i| {
+                in_turn(&mut start[i], count, |_, lane| ends[i].lane(lane))
+            });
+            let [tails, lower, sizes] = &mut largest;
+            keep_largest(tails, &weighted(highest, &starts, &values));
+            keep_largest(lower, &weighted(lowest, &starts, &values));
+            values.iter().for_each(|values| keep_largest(sizes, values));
         }
+        let [tails, lower, sizes] = largest.map(|largest| largest.map(largest_lane));
         let errors: [f64; 7] = std::array::from_fn(|i| {
             let fall = if tails[i] < lower[i] { tails[i] / lower[i] } else { 1.0 };
             tails[i] * fall * fall
@@ -48,7 +47,8 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// The error over that at which the metrics are right to `accuracy`. Where a disturbance dies
     /// out slowly, the elements' errors add up.
-    pub(super) fn error_ratio(&self, model: &R, accuracy: f64) -> f64 {
+    pub(super) fn error_ratio(&mut self, model: &R, accuracy: f64) -> f64 {
+        self.path.follow(model, &self.mesh);
         let sizes = self.sizes();
         let row =
             |i: usize| (0..N).map(|m| self.monodromy_closure[(i, m)].abs() * sizes[m]).sum::<f64>();
@@ -58,7 +58,8 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 }
 
 /// Angles and velocities of a robot that moves as fast along the world's axes.
-fn world_values(state: &KinematicState, [x_rate, y_rate]: [f64; 2]) -> [f64; 7] {
+#[inline(always)]
+fn world_values<T: Number>(state: &KinematicState<T>, [x_rate, y_rate]: [T; 2]) -> [T; 7] {
     let [phi1, phi2] = state.phi_rad;
     let [_, _, r, w1, w2] = state.velocity;
     [phi1, phi2, x_rate, y_rate, r, w1, w2]

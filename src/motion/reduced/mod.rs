@@ -114,10 +114,7 @@ pub(super) trait Reduced<const N: usize> {
     }
 
     /// The command at phase `omega t`.
-    fn node(&self, phase_rad: f64) -> Self::Node<f64>;
-
-    /// Commands at several times, one in each lane.
-    fn pack(nodes: [&Self::Node<f64>; LANES]) -> Self::Node<Lanes>;
+    fn node<T: Number>(&self, phase_rad: T) -> Self::Node<T>;
 
     /// The equations at state `y` with time derivative `dy`.
     fn residual<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> Residual<N, T>;
@@ -137,6 +134,9 @@ pub(super) trait Reduced<const N: usize> {
 
     /// Angles and velocities of the whole robot in state `y`.
     fn kinematics<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> KinematicState<T>;
+
+    /// Sines and cosines of the joint angles.
+    fn trig<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> Trig<T>;
 
     /// Time derivatives of the robot's velocities.
     fn acceleration<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> [T; 5];
@@ -205,31 +205,14 @@ pub(super) struct CommandNode<T = f64> {
     trig: Trig<T>,
 }
 
-impl CommandNode {
-    fn new(problem: &Problem, phase_rad: f64) -> Self {
+impl<T: Number> CommandNode<T> {
+    #[inline(always)]
+    fn new(problem: &Problem, phase_rad: T) -> Self {
         let waves = problem.gait.waves(phase_rad, problem.omega_rad_s);
         let shape = problem.gait.shape(&waves);
-        // Both joints side by side.
-        let (s, c) = Number::sin_cos(Lanes::new(shape.phi_rad));
-        Self { waves, shape, trig: Trig { s: s.to_array(), c: c.to_array() } }
+        Self { waves, shape, trig: Trig::new(shape.phi_rad) }
     }
 
-    #[inline(always)]
-    fn pack(nodes: [&Self; LANES]) -> CommandNode<Lanes> {
-        let pair = |of: fn(&Self) -> &[f64; 2]| lanes(nodes.map(of));
-        CommandNode {
-            waves: [0, 1].map(|joint| lanes(nodes.map(|node| &node.waves[joint]))),
-            shape: Shape {
-                phi_rad: pair(|node| &node.shape.phi_rad),
-                rate_rad_s: pair(|node| &node.shape.rate_rad_s),
-                acceleration_rad_s2: pair(|node| &node.shape.acceleration_rad_s2),
-            },
-            trig: Trig { s: pair(|node| &node.trig.s), c: pair(|node| &node.trig.c) },
-        }
-    }
-}
-
-impl<T: Number> CommandNode<T> {
     /// Derivatives of a joint's angle, rate and acceleration with respect to each number of its
     /// command.
     #[inline(always)]

@@ -3,10 +3,10 @@
 use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{
     CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
-    dforce_dcoefficients, lanes,
+    dforce_dcoefficients,
 };
 use crate::motion::Problem;
-use crate::robot::{Balance, LANES, Lanes, Number, Parameter, Trig, dot, force_balance, roll_rows};
+use crate::robot::{Balance, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows};
 
 /// Joint `passive` (0 or 1) on its spring, wheels that cannot skid. States `s, phi_p`.
 ///
@@ -165,8 +165,7 @@ impl PassiveNoSkid {
     ) -> Projected<T> {
         let (p, robot, frame) = (self.passive, &self.problem.robot, &node.frame);
         let wheel = self.wheel(y[1]);
-        let mut trig = node.command.trig;
-        (trig.s[p], trig.c[p]) = (wheel.sin, wheel.cos);
+        let trig = self.trig(node, y);
         let velocities = frame.velocities(y[0]);
         let accelerations = frame.accelerations(y[0], dy[0]);
         let (n_p, dn_p_dphi) = (wheel.rate(frame.null), wheel.drate_dphi(frame.null));
@@ -180,6 +179,7 @@ impl PassiveNoSkid {
         let acceleration = self.acceleration(node, y, dy);
         let KinematicState { phi_rad, velocity } = state;
         let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
+        let turned = dforce_dphi(robot, Some(p), p, &trig, &velocity, &acceleration);
 
         let rows = self.rows();
         let null = [frame.null[0], frame.null[1], n_p];
@@ -198,7 +198,7 @@ impl PassiveNoSkid {
         let value = projected(&|row| balance.force[row]);
         let dvalue_ds = along(null, [frame.null_rate[0], frame.null_rate[1], dw_rate_ds]);
         let dvalue_dphi = along([zero, zero, dw_dphi], [zero, zero, dw_rate_dphi])
-            + projected(&|row| balance.dforce_dphi[p][row])
+            + projected(&|row| turned[row])
             + dn_p_dphi * balance.force[3 + p];
         let residual = Residual {
             value: [value, dy[1] - w],
@@ -264,22 +264,11 @@ impl Reduced<2> for PassiveNoSkid {
         }
     }
 
-    fn node(&self, phase_rad: f64) -> ConstrainedNode {
+    #[inline(always)]
+    fn node<T: Number>(&self, phase_rad: T) -> ConstrainedNode<T> {
         let command = CommandNode::new(&self.problem, phase_rad);
         let frame = self.constraint(&command).frame();
         ConstrainedNode { command, frame }
-    }
-
-    #[inline(always)]
-    fn pack(nodes: [&ConstrainedNode; LANES]) -> ConstrainedNode<Lanes> {
-        let pair = |of: fn(&Frame) -> &[f64; 2]| lanes(nodes.map(|node| of(&node.frame)));
-        let frame = Frame {
-            null: pair(|frame| &frame.null),
-            null_rate: pair(|frame| &frame.null_rate),
-            particular: pair(|frame| &frame.particular),
-            particular_rate: pair(|frame| &frame.particular_rate),
-        };
-        ConstrainedNode { command: CommandNode::pack(nodes.map(|node| &node.command)), frame }
     }
 
     #[inline(always)]
@@ -331,6 +320,8 @@ impl Reduced<2> for PassiveNoSkid {
         // The frame of the constraints turns with the commanded joint.
         let (w, drate_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
         let constraint = self.constraint(&node.command);
+        let acceleration = self.acceleration(node, y, dy);
+        let turned = dforce_dphi(robot, Some(p), a, &trig, &state.velocity, &acceleration);
         for (number, slopes) in node.command.slopes(a, omega_rad_s).into_iter().enumerate() {
             let frame = constraint.frame_change(slopes);
             let (dvelocities, daccelerations) =
@@ -348,12 +339,19 @@ impl Reduced<2> for PassiveNoSkid {
             for ((n, dn), &row) in null.iter().zip(&dnull).zip(&rows) {
                 let force = dot(&balance.dforce_dvelocity[row], &velocity)
                     + dot(&balance.mass[row], &rates)
-                    + balance.dforce_dphi[a][row] * phi;
+                    + turned[row] * phi;
                 sum += *n * force + *dn * balance.force[row];
             }
             (jacobian[0][5 + number], jacobian[1][5 + number]) = (sum, -dw);
         }
         residual
+    }
+
+    #[inline(always)]
+    fn trig<T: Number>(&self, node: &ConstrainedNode<T>, y: &[T; 2]) -> Trig<T> {
+        let (p, mut trig) = (self.passive, node.command.trig);
+        (trig.s[p], trig.c[p]) = y[1].sin_cos();
+        trig
     }
 
     #[inline(always)]

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::motion::Problem;
 use crate::robot::{
-    Balance, LANES, Lanes, Number, Parameter, Trig, force_balance, roll_rows, skid_rows,
+    Balance, Number, Parameter, Trig, dforce_dphi, force_balance, roll_rows, skid_rows,
 };
 
 /// Wheels that skid. With both joints commanded (`N` = 3) the states are `u, v, theta'`; with
@@ -36,15 +36,6 @@ impl<const N: usize> Skid<N> {
     }
 
     #[inline(always)]
-    fn trig<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> Trig<T> {
-        let mut trig = node.trig;
-        if let Some(p) = self.passive() {
-            (trig.s[p], trig.c[p]) = y[4].sin_cos();
-        }
-        trig
-    }
-
-    #[inline(always)]
     fn equations<T: Number>(
         &self,
         node: &CommandNode<T>,
@@ -70,8 +61,11 @@ impl<const N: usize> Skid<N> {
                 residual.state_jacobian[i][j] = balance.dforce_dvelocity[row][column];
                 residual.rate_jacobian[i][j] = balance.mass[row][column];
             }
-            if let Some(p) = self.passive() {
-                residual.state_jacobian[i][4] = balance.dforce_dphi[p][row];
+        }
+        if let Some(p) = passive {
+            let turned = dforce_dphi(robot, passive, p, trig, &velocity, &acceleration);
+            for i in 0..Self::ROWS {
+                residual.state_jacobian[i][4] = turned[self.row(i)];
             }
         }
         (residual, balance)
@@ -103,13 +97,9 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         }
     }
 
-    fn node(&self, phase_rad: f64) -> CommandNode {
-        CommandNode::new(&self.problem, phase_rad)
-    }
-
     #[inline(always)]
-    fn pack(nodes: [&CommandNode; LANES]) -> CommandNode<Lanes> {
-        CommandNode::pack(nodes)
+    fn node<T: Number>(&self, phase_rad: T) -> CommandNode<T> {
+        CommandNode::new(&self.problem, phase_rad)
     }
 
     #[inline(always)]
@@ -145,7 +135,8 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         let robot = &self.problem.robot;
         let trig = self.trig(node, y);
         let (residual, balance) = self.equations(node, &trig, y, dy);
-        let velocity = self.kinematics(node, y).velocity;
+        let (velocity, acceleration) =
+            (self.kinematics(node, y).velocity, self.acceleration(node, y, dy));
         let dskid = dforce_dcoefficients(&skid_rows(robot, &trig), &velocity);
         let droll = dforce_dcoefficients(&roll_rows(robot, &trig), &velocity);
         for (i, entries) in jacobian.iter_mut().enumerate().take(Self::ROWS) {
@@ -158,13 +149,16 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         if parameters > Self::OF_ROBOT {
             let omega_rad_s = self.problem.omega_rad_s;
             let slopes = [0, 1].map(|joint| node.slopes(joint, omega_rad_s));
+            let turned = [0, 1].map(|joint| {
+                dforce_dphi(robot, self.passive(), joint, &trig, &velocity, &acceleration)
+            });
             for (i, entries) in jacobian.iter_mut().enumerate().take(Self::ROWS) {
                 let row = self.row(i);
                 for (column, entry) in entries.iter_mut().enumerate().skip(Self::OF_ROBOT) {
                     *entry = match self.variable(column) {
                         Variable::Gait(joint, number) if column < Self::PARAMETERS => {
                             let [phi, rate, acceleration] = slopes[joint][number];
-                            balance.dforce_dphi[joint][row] * phi
+                            turned[joint][row] * phi
                                 + balance.dforce_dvelocity[row][3 + joint] * rate
                                 + balance.mass[row][3 + joint] * acceleration
                         }
@@ -187,6 +181,15 @@ impl<const N: usize> Reduced<N> for Skid<N> {
             (velocity[3 + p], phi_rad[p]) = (y[3], y[4]);
         }
         KinematicState { phi_rad, velocity }
+    }
+
+    #[inline(always)]
+    fn trig<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> Trig<T> {
+        let mut trig = node.trig;
+        if let Some(p) = self.passive() {
+            (trig.s[p], trig.c[p]) = y[4].sin_cos();
+        }
+        trig
     }
 
     #[inline(always)]

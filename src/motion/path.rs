@@ -1,0 +1,60 @@
+//! Where a solution goes: the robot's velocities and its way over the plane.
+
+use super::element::integrals;
+use super::mesh::{Mesh, in_turn};
+use super::radau::STAGES;
+use super::reduced::{KinematicState, Reduced};
+use crate::robot::{Lanes, Number, Pose, Trig};
+
+/// The way of the elements of a mesh from the origin.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Path {
+    /// One for each pack.
+    pub legs: Vec<Leg>,
+    /// After the last element.
+    pub end: Pose,
+}
+
+/// The way of the elements of a pack, one in each lane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leg {
+    /// At the stages.
+    pub states: [KinematicState<Lanes>; STAGES],
+    pub trig: [Trig<Lanes>; STAGES],
+    /// Sine and cosine of the heading at the stages.
+    pub directions: [(Lanes, Lanes); STAGES],
+    /// Velocities of link 0 along the world's axes at the stages, m/s.
+    pub rates: [[Lanes; STAGES]; 2],
+    /// Where the elements end, m.
+    pub ends: [Lanes; 2],
+}
+
+impl Path {
+    /// Follows the solution on a mesh.
+    pub fn follow<const N: usize, R: Reduced<N>>(&mut self, model: &R, mesh: &Mesh<N, R>) {
+        let Self { legs, end } = self;
+        (*end, _) = (Pose::default(), legs.clear());
+        for pack in 0..mesh.packs() {
+            let count = mesh.elements_of(pack).len();
+            let (nodes, stages) = (mesh.nodes(pack), &mesh.states.packs[pack]);
+            let states: [KinematicState<Lanes>; STAGES] =
+                std::array::from_fn(|j| model.kinematics(&nodes[j], &stages[j]));
+            let turned = integrals(&states.map(|state| state.velocity[2]), mesh.element_s);
+            let added = turned[STAGES - 1];
+            let start = in_turn(&mut end.theta_rad, count, |at, lane| at + added.lane(lane));
+            let directions = turned.map(|turned| Number::sin_cos(start + turned));
+            let mut rates = [[Lanes::default(); STAGES]; 2];
+            for j in 0..STAGES {
+                let ((sin, cos), [u, v, ..]) = (directions[j], states[j].velocity);
+                (rates[0][j], rates[1][j]) = (cos * u - sin * v, sin * u + cos * v);
+            }
+            let mut ends = [&mut end.x_m, &mut end.y_m];
+            let ends = std::array::from_fn(|i| {
+                let added = integrals(&rates[i], mesh.element_s)[STAGES - 1];
+                added + in_turn(ends[i], count, |at, lane| at + added.lane(lane))
+            });
+            let trig = std::array::from_fn(|j| model.trig(&nodes[j], &stages[j]));
+            legs.push(Leg { states, trig, directions, rates, ends });
+        }
+    }
+}
