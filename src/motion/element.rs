@@ -3,6 +3,8 @@
 //! A state that is merely the integral of the one before it ([`Reduced::INTEGRATED`]) is no
 //! unknown of the element: at every stage it is its start plus the rule's integral.
 
+mod adjoint;
+
 use super::lu;
 use super::radau::{RADAU, Radau, STAGES};
 use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Residual};
@@ -57,26 +59,24 @@ pub(super) const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
     if R::INTEGRATED { N - 1 } else { N }
 }
 
-/// Writes the linear system of one element: its `matrix` of blocks (see [`lu::factor`]) and, in the first `N` of each row's
-/// `columns`, the derivative of the right-hand side with respect to the element's start.
-/// `equations` gives the residual of a stage from its time derivatives and may fill the other
-/// columns of the stage's rows.
+/// Writes the linear system of one element: its `matrix` of blocks (see [`lu::factor`]) and the
+/// derivatives of the right-hand side with respect to the element's start, `N` in each row.
+/// `equations` gives the residual of a stage from its time derivatives.
 #[inline(always)]
 fn assemble<const N: usize, R: Reduced<N>, T: Number>(
     element: &Element<N, R, T>,
     matrix: &mut [T],
     right: &mut [T],
-    columns: usize,
-    mut equations: impl FnMut(usize, &[T; N], &mut [T]) -> Residual<N, T>,
+    mut equations: impl FnMut(usize, &[T; N]) -> Residual<N, T>,
 ) {
     let rule = &*RADAU;
     let per_stage = unknowns::<N, R>();
     let size = per_stage * STAGES;
     let per_s = 1.0 / element.duration_s;
     for j in 0..STAGES {
-        let rows = &mut right[j * per_stage * columns..][..per_stage * columns];
+        let rows = &mut right[j * per_stage * N..][..per_stage * N];
         let dy = rate(rule, element.start, element.stages, j, per_s);
-        let residual = equations(j, &dy, rows);
+        let residual = equations(j, &dy);
         let blocks = &mut matrix[j * per_stage * size..][..per_stage * size];
         for i in 0..per_stage {
             let (state_jacobian, rate_jacobian) =
@@ -95,7 +95,7 @@ fn assemble<const N: usize, R: Reduced<N>, T: Number>(
                     (0..per_stage).for_each(|m| row[m] += state_jacobian[m]);
                 }
             }
-            let start_jacobian = &mut rows[i * columns..][..N];
+            let start_jacobian = &mut rows[i * N..][..N];
             let weight = T::of(-rule.differentiate_start[j] * per_s);
             for m in 0..per_stage {
                 start_jacobian[m] = rate_jacobian[m] * weight;
@@ -116,14 +116,14 @@ pub(super) struct Linearisation<T = f64> {
     transfer: Vec<T>,
     /// Per element: the step of its unknowns when its start stays.
     step: Vec<T>,
-    /// Of one pack, see [`Linearisation::solve_sensitivity`]: the matrix, then the right-hand sides.
-    sensitivity: Vec<T>,
+    /// Per element: derivatives of its residuals with respect to the parameters.
+    slopes: Vec<[T; MOST_PARAMETERS]>,
 }
 
 impl<T> Default for Linearisation<T> {
     fn default() -> Self {
-        let (factors, transfer, step, sensitivity) = Default::default();
-        Self { factors, transfer, step, sensitivity }
+        let (factors, transfer, step, slopes) = Default::default();
+        Self { factors, transfer, step, slopes }
     }
 }
 
@@ -152,7 +152,7 @@ impl<T: Number> Linearisation<T> {
         let matrix = &mut self.factors[pack * size * size..][..size * size];
         let transfer = &mut self.transfer[pack * size * N..][..size * N];
         let step = &mut self.step[pack * size..][..size];
-        assemble(element, matrix, transfer, N, |j, dy, _| {
+        assemble(element, matrix, transfer, |j, dy| {
             let residual = model.residual(&element.nodes[j], &element.stages[j], dy);
             for i in 0..per_stage {
                 step[j * per_stage + i] = -residual.value[i];
@@ -253,35 +253,6 @@ impl<T: Number> Linearisation<T> {
     pub fn end_step<const N: usize, R: Reduced<N>>(&self, pack: usize, duration_s: f64) -> [T; N] {
         let (_, step) = self.answers::<N, R>(pack);
         end_change::<N, R, T>(duration_s, |row| step[row])
-    }
-
-    /// Solves an element, or one in each lane, for the derivatives of its unknowns with respect to
-    /// its start and the first `parameters` of the model's: per unknown `N` columns of the start,
-    /// then those of the parameters. What comes of a singular system is not finite.
-    #[inline(always)]
-    pub fn solve_sensitivity<const N: usize, R: Reduced<N>>(
-        &mut self,
-        model: &R,
-        element: &Element<N, R, T>,
-        parameters: usize,
-    ) -> &[T] {
-        let per_stage = unknowns::<N, R>();
-        let (size, columns) = (per_stage * STAGES, N + parameters);
-        self.sensitivity.resize(size * (size + columns), T::of(0.0));
-        let (matrix, right) = self.sensitivity.split_at_mut(size * size);
-        assemble(element, matrix, right, columns, |j, dy, rows| {
-            let mut jacobian = [[T::of(0.0); MOST_PARAMETERS]; N];
-            let (node, y) = (&element.nodes[j], &element.stages[j]);
-            let residual = model.sensitivity(node, y, dy, parameters, &mut jacobian);
-            for i in 0..per_stage {
-                let row = &mut rows[i * columns + N..][..parameters];
-                row.iter_mut().zip(&jacobian[i]).for_each(|(entry, slope)| *entry = -*slope);
-            }
-            residual
-        });
-        lu::factor(per_stage, matrix);
-        lu::solve(per_stage, columns, matrix, right);
-        right
     }
 }
 

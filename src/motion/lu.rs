@@ -38,6 +38,23 @@ pub(super) fn solve<T: Number>(per_stage: usize, columns: usize, factors: &[T], 
     }
 }
 
+/// Solves the transposed system in place for `C` right-hand sides, which are zero before a `first`
+/// stage.
+#[inline(always)]
+pub(super) fn solve_transposed<T: Number, const C: usize>(
+    per_stage: usize,
+    first: usize,
+    factors: &[T],
+    rhs: &mut [[T; C]],
+) {
+    match per_stage {
+        2 => solve_transposed_blocks::<2, C, T>(first, factors, rhs),
+        3 => solve_transposed_blocks::<3, C, T>(first, factors, rhs),
+        4 => solve_transposed_blocks::<4, C, T>(first, factors, rhs),
+        _ => unreachable!("no model has as many unknowns"),
+    }
+}
+
 #[inline(always)]
 fn factor_blocks<const P: usize, T: Number>(blocks: &mut [T]) {
     let blocks = blocks.as_chunks_mut::<P>().0.as_chunks_mut::<P>().0;
@@ -78,6 +95,52 @@ fn solve_blocks<const P: usize, T: Number>(columns: usize, factors: &[T], rhs: &
             let entries: [T; P] = std::array::from_fn(|i| right[i * columns + column]);
             for i in 0..P {
                 right[i * columns + column] = dot(&inverse[i], &entries);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn solve_transposed_blocks<const P: usize, const C: usize, T: Number>(
+    first: usize,
+    factors: &[T],
+    rhs: &mut [[T; C]],
+) {
+    let factors = factors.as_chunks::<P>().0.as_chunks::<P>().0;
+    let rhs = rhs.as_chunks_mut::<P>().0;
+    for k in first..STAGES {
+        let (solved, rest) = rhs.split_at_mut(k);
+        for l in first..k {
+            subtract_transposed(&factors[l * STAGES + k], &solved[l], &mut rest[0]);
+        }
+        let (inverse, entries) = (&factors[k * STAGES + k], rest[0]);
+        for i in 0..P {
+            for column in 0..C {
+                let first = inverse[0][i] * entries[0][column];
+                rest[0][i][column] =
+                    (1..P).fold(first, |sum, m| sum + inverse[m][i] * entries[m][column]);
+            }
+        }
+    }
+    for k in (0..STAGES - 1).rev() {
+        let (rest, solved) = rhs.split_at_mut(k + 1);
+        for (j, below) in (k + 1..STAGES).zip(solved) {
+            subtract_transposed(&factors[j * STAGES + k], below, &mut rest[k]);
+        }
+    }
+}
+
+/// `right -= factor^T x` in every column.
+#[inline(always)]
+fn subtract_transposed<const P: usize, const C: usize, T: Number>(
+    factor: &Block<P, T>,
+    x: &[[T; C]; P],
+    right: &mut [[T; C]; P],
+) {
+    for i in 0..P {
+        for column in 0..C {
+            for m in 0..P {
+                right[i][column] -= factor[m][i] * x[m][column];
             }
         }
     }
@@ -143,7 +206,7 @@ fn inverse<const P: usize, T: Number>(mut block: Block<P, T>) -> Block<P, T> {
 
 #[cfg(test)]
 mod tests {
-    use super::{STAGES, factor, solve};
+    use super::{STAGES, factor, solve, solve_transposed};
 
     /// A matrix of two equations in each stage, and how many there are.
     fn matrix(of: impl Fn(usize, usize) -> f64) -> (Vec<f64>, usize) {
@@ -174,6 +237,28 @@ mod tests {
         solve(2, 2, &blocks, &mut rhs);
         for (i, x) in rhs.iter().enumerate() {
             assert!((x - known(i / 2, i % 2)).abs() < 1e-13, "{rhs:?}");
+        }
+    }
+
+    #[test]
+    fn a_transposed_system_is_solved_from_the_first_stage_that_is_not_zero() {
+        let entry = |row: usize, column: usize| match row == column {
+            true => 3.0,
+            false => 1.0 / (row as f64 + 2.0 * column as f64 + 1.0),
+        };
+        let (mut blocks, n) = matrix(entry);
+        factor(2, &mut blocks);
+        for first in 0..STAGES {
+            let right =
+                |row: usize, side: usize| if row < 2 * first { 0.0 } else { (row + side) as f64 };
+            let mut rhs: Vec<[f64; 2]> = (0..n).map(|row| [right(row, 0), right(row, 1)]).collect();
+            solve_transposed(2, first, &blocks, &mut rhs);
+            for column in 0..n {
+                for side in 0..2 {
+                    let sum: f64 = (0..n).map(|row| entry(row, column) * rhs[row][side]).sum();
+                    assert!((sum - right(column, side)).abs() < 1e-12, "{first}: {rhs:?}");
+                }
+            }
         }
     }
 

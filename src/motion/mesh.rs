@@ -101,6 +101,12 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         pack * LANES..self.count.min((pack + 1) * LANES)
     }
 
+    /// 1 in the lanes of a pack that have an element of their own, else 0.
+    pub fn used(&self, pack: usize) -> Lanes {
+        let used = self.elements_of(pack).len();
+        Lanes::new(std::array::from_fn(|lane| if lane < used { 1.0 } else { 0.0 }))
+    }
+
     /// The command at the stages of the elements of a pack, one in each lane.
     #[inline(always)]
     pub fn nodes(&self, pack: usize) -> &[R::Node<Lanes>] {

@@ -8,7 +8,7 @@ use super::forces::contact_forces;
 use super::orbit::{Effort, PeriodicOrbit, Start};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced};
-use super::sensitivity::differentiate;
+use super::sensitivity::{Room, differentiate};
 use super::trajectory::{self, Sample};
 use super::transient::{self, Integrator};
 use super::{MotionError, Result};
@@ -86,8 +86,9 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
-        let PeriodicOrbit { mesh, path, linearisation, workspace, .. } = &mut **orbit;
-        let found = differentiate(model, mesh, (path, &cycle), (linearisation, workspace), wanted);
+        let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;
+        let room = Room { linearisation, workspace, adjoints };
+        let found = differentiate(model, mesh, (path, &cycle), room, wanted);
         found.ok_or(orbit.not_converged())
     }
 

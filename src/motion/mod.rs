@@ -9,6 +9,7 @@ mod cycle;
 mod element;
 mod extreme;
 mod forces;
+mod gradient;
 mod lu;
 mod mesh;
 mod method;

@@ -20,6 +20,7 @@ use super::mesh::{Mesh, States};
 use super::path::Path;
 use super::radau::STAGES;
 use super::reduced::Reduced;
+use super::sensitivity::Adjoints;
 use super::{MotionError, Result};
 use crate::robot::Lanes;
 
@@ -60,6 +61,8 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     before: States<N>,
     /// For single elements.
     pub workspace: Linearisation,
+    /// For derivatives.
+    pub adjoints: Adjoints,
     /// The last solution's discretisation error over the accepted one; infinite if there is none.
     error_ratio: f64,
     /// What was found out about the solution: its path, its metrics, its largest Floquet multiplier.
@@ -109,6 +112,7 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
             last_step: States::default(),
             before: States::default(),
             workspace: Linearisation::default(),
+            adjoints: Adjoints::default(),
             error_ratio: f64::INFINITY,
             path: Path::default(),
             cycle: None,

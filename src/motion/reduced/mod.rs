@@ -17,7 +17,7 @@ pub(super) use skid::Skid;
 
 use super::Problem;
 use crate::metrics::GaitMetrics;
-use crate::robot::{ByParameter, LANES, Lanes, Number, Parameter, Shape, Trig, Velocity, dot};
+use crate::robot::{ByParameter, LANES, Lanes, Number, Parameter, Shape, Trig, Velocity};
 
 /// The equations of motion and their derivatives at one time.
 #[derive(Debug, Clone, Copy)]
@@ -79,9 +79,6 @@ impl Derivatives {
 /// Most parameters that a motion of one kind can depend on.
 pub(super) const MOST_PARAMETERS: usize = 12;
 
-/// Derivatives of each equation with respect to the variables of [`Reduced::variable`].
-pub(super) type ParameterJacobian<const N: usize, T> = [[T; MOST_PARAMETERS]; N];
-
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize> {
     /// Variables that the motion can depend on: the robot's, the commanded joints'.
@@ -122,14 +119,15 @@ pub(super) trait Reduced<const N: usize> {
     /// The variable of a column, counted from 0 to [`Reduced::PARAMETERS`].
     fn variable(&self, column: usize) -> Variable;
 
-    /// The equations and their derivatives with respect to the first `parameters`.
+    /// The equations and the derivatives of each with respect to the first `parameters` of the
+    /// variables of [`Reduced::variable`].
     fn sensitivity<T: Number>(
         &self,
         node: &Self::Node<T>,
         y: &[T; N],
         dy: &[T; N],
         parameters: usize,
-        jacobian: &mut ParameterJacobian<N, T>,
+        jacobian: &mut [[T; MOST_PARAMETERS]],
     ) -> Residual<N, T>;
 
     /// Angles and velocities of the whole robot in state `y`.
@@ -146,6 +144,7 @@ pub(super) trait Reduced<const N: usize> {
         &self,
         node: &Self::Node<T>,
         y: &[T; N],
+        trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [T; N];
 
@@ -154,6 +153,7 @@ pub(super) trait Reduced<const N: usize> {
         &self,
         node: &Self::Node<T>,
         y: &[T; N],
+        trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [[T; NUMBERS]; 2];
 
@@ -179,15 +179,6 @@ impl Problem {
         let rests_straight = self.robot.rest_angle_rad == 0.0;
         self.gait.is_symmetric() && (self.gait.passive_joint().is_none() || rests_straight)
     }
-}
-
-/// Derivatives of eq. 7's left-hand side with respect to the coefficients along `rows`.
-#[inline(always)]
-fn dforce_dcoefficients<T: Number>(rows: &[[T; 5]; 3], velocity: &Velocity<T>) -> [[T; 5]; 3] {
-    rows.map(|row| {
-        let along = dot(&row, velocity);
-        row.map(|entry| entry * along)
-    })
 }
 
 /// Arrays side by side, one in each lane.

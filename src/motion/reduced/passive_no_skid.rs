@@ -1,10 +1,7 @@
 //! One joint on its spring, wheels that cannot skid.
 
 use super::harmonic::{HarmonicMotion, joint_sign};
-use super::{
-    CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
-    dforce_dcoefficients,
-};
+use super::{CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable};
 use crate::motion::Problem;
 use crate::robot::{Balance, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows};
 
@@ -149,9 +146,9 @@ impl PassiveNoSkid {
     }
 
     #[inline(always)]
-    fn wheel<T: Number>(&self, phi: T) -> PassiveWheel<T> {
+    fn wheel<T: Number>(&self, trig: &Trig<T>) -> PassiveWheel<T> {
         let (h_m, l_m) = (T::of(self.problem.robot.h_m), self.problem.robot.l_m);
-        let (sin, cos) = phi.sin_cos();
+        let (sin, cos) = (trig.s[self.passive], trig.c[self.passive]);
         let (arm_m, per_m) = (T::of(l_m) + h_m * cos, T::of(joint_sign(self.passive) / l_m));
         PassiveWheel { sin, cos, arm_m, h_m, per_m }
     }
@@ -164,8 +161,8 @@ impl PassiveNoSkid {
         dy: &[T; 2],
     ) -> Projected<T> {
         let (p, robot, frame) = (self.passive, &self.problem.robot, &node.frame);
-        let wheel = self.wheel(y[1]);
         let trig = self.trig(node, y);
+        let wheel = self.wheel(&trig);
         let velocities = frame.velocities(y[0]);
         let accelerations = frame.accelerations(y[0], dy[0]);
         let (n_p, dn_p_dphi) = (wheel.rate(frame.null), wheel.drate_dphi(frame.null));
@@ -297,7 +294,7 @@ impl Reduced<2> for PassiveNoSkid {
         y: &[T; 2],
         dy: &[T; 2],
         parameters: usize,
-        jacobian: &mut ParameterJacobian<2, T>,
+        jacobian: &mut [[T; MOST_PARAMETERS]],
     ) -> Residual<2, T> {
         let (p, a, robot) = (self.passive, 1 - self.passive, &self.problem.robot);
         let Projected { residual, balance, trig, state, wheel, velocities, null } =
@@ -307,9 +304,8 @@ impl Reduced<2> for PassiveNoSkid {
         let along = |force: &[T; 5]| -> T {
             null.iter().zip(&rows).fold(zero, |sum, (n, &row)| sum + *n * force[row])
         };
-        let droll = dforce_dcoefficients(&roll_rows(robot, &trig), &state.velocity);
-        for wheel in 0..3 {
-            jacobian[0][wheel] = along(&droll[wheel]);
+        for (wheel, row) in roll_rows(robot, &trig).iter().enumerate() {
+            jacobian[0][wheel] = along(row) * dot(row, &state.velocity);
         }
         jacobian[0][3] = null[2] * (y[1] - T::of(robot.rest_angle_rad));
         jacobian[0][4] = null[2] * state.velocity[3 + p];
@@ -361,7 +357,7 @@ impl Reduced<2> for PassiveNoSkid {
         y: &[T; 2],
         dy: &[T; 2],
     ) -> [T; 5] {
-        let (p, wheel) = (self.passive, self.wheel(y[1]));
+        let (p, wheel) = (self.passive, self.wheel(&self.trig(node, y)));
         let velocities = node.frame.velocities(y[0]);
         let [du, dr] = node.frame.accelerations(y[0], dy[0]);
         let zero = T::of(0.0);
@@ -377,9 +373,10 @@ impl Reduced<2> for PassiveNoSkid {
         &self,
         node: &ConstrainedNode<T>,
         y: &[T; 2],
+        trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [T; 2] {
-        let (p, wheel, frame) = (self.passive, self.wheel(y[1]), &node.frame);
+        let (p, wheel, frame) = (self.passive, self.wheel(trig), &node.frame);
         let [u, _, r, ..] = gradient.velocity;
         let dw = gradient.velocity[3 + p];
         let ds = u * frame.null[0] + r * frame.null[1] + dw * wheel.rate(frame.null);
@@ -392,9 +389,10 @@ impl Reduced<2> for PassiveNoSkid {
         &self,
         node: &ConstrainedNode<T>,
         y: &[T; 2],
+        trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [[T; NUMBERS]; 2] {
-        let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(y[1]));
+        let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(trig));
         let omega_rad_s = self.problem.omega_rad_s;
         let [u, _, r, ..] = gradient.velocity;
         let mut gradients = node.command.gait_gradient(gradient, omega_rad_s);
@@ -417,7 +415,7 @@ impl Reduced<2> for PassiveNoSkid {
         phi_rad[p] = y[1];
         let zero = T::of(0.0);
         let mut velocity = [u, zero, r, zero, zero];
-        velocity[3 + p] = self.wheel(y[1]).rate([u, r]);
+        velocity[3 + p] = self.wheel(&self.trig(node, y)).rate([u, r]);
         velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
         KinematicState { phi_rad, velocity }
     }

@@ -1,13 +1,10 @@
 //! Wheels that skid.
 
 use super::harmonic::HarmonicMotion;
-use super::{
-    CommandNode, KinematicState, NUMBERS, ParameterJacobian, Reduced, Residual, Variable,
-    dforce_dcoefficients,
-};
+use super::{CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable};
 use crate::motion::Problem;
 use crate::robot::{
-    Balance, Number, Parameter, Trig, dforce_dphi, force_balance, roll_rows, skid_rows,
+    Balance, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows, skid_rows,
 };
 
 /// Wheels that skid. With both joints commanded (`N` = 3) the states are `u, v, theta'`; with
@@ -130,40 +127,31 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         y: &[T; N],
         dy: &[T; N],
         parameters: usize,
-        jacobian: &mut ParameterJacobian<N, T>,
+        jacobian: &mut [[T; MOST_PARAMETERS]],
     ) -> Residual<N, T> {
         let robot = &self.problem.robot;
         let trig = self.trig(node, y);
         let (residual, balance) = self.equations(node, &trig, y, dy);
         let (velocity, acceleration) =
             (self.kinematics(node, y).velocity, self.acceleration(node, y, dy));
-        let dskid = dforce_dcoefficients(&skid_rows(robot, &trig), &velocity);
-        let droll = dforce_dcoefficients(&roll_rows(robot, &trig), &velocity);
-        for (i, entries) in jacobian.iter_mut().enumerate().take(Self::ROWS) {
-            let row = self.row(i);
-            for wheel in 0..3 {
-                entries[wheel] = dskid[wheel][row];
-                entries[3 + wheel] = droll[wheel][row];
+        let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
+        for wheel in 0..3 {
+            let (across, along) = (dot(&skid[wheel], &velocity), dot(&roll[wheel], &velocity));
+            for i in 0..Self::ROWS {
+                jacobian[i][wheel] = skid[wheel][self.row(i)] * across;
+                jacobian[i][3 + wheel] = roll[wheel][self.row(i)] * along;
             }
         }
-        if parameters > Self::OF_ROBOT {
-            let omega_rad_s = self.problem.omega_rad_s;
-            let slopes = [0, 1].map(|joint| node.slopes(joint, omega_rad_s));
-            let turned = [0, 1].map(|joint| {
-                dforce_dphi(robot, self.passive(), joint, &trig, &velocity, &acceleration)
-            });
-            for (i, entries) in jacobian.iter_mut().enumerate().take(Self::ROWS) {
-                let row = self.row(i);
-                for (column, entry) in entries.iter_mut().enumerate().skip(Self::OF_ROBOT) {
-                    *entry = match self.variable(column) {
-                        Variable::Gait(joint, number) if column < Self::PARAMETERS => {
-                            let [phi, rate, acceleration] = slopes[joint][number];
-                            turned[joint][row] * phi
-                                + balance.dforce_dvelocity[row][3 + joint] * rate
-                                + balance.mass[row][3 + joint] * acceleration
-                        }
-                        _ => T::of(0.0),
-                    };
+        let mut columns = Self::OF_ROBOT..parameters;
+        for joint in (0..2).filter(|joint| self.passive() != Some(*joint)) {
+            let turned = dforce_dphi(robot, None, joint, &trig, &velocity, &acceleration);
+            let slopes = node.slopes(joint, self.problem.omega_rad_s);
+            for ([phi, rate, acceleration], column) in slopes.into_iter().zip(columns.by_ref()) {
+                for i in 0..Self::ROWS {
+                    let row = self.row(i);
+                    jacobian[i][column] = turned[row] * phi
+                        + balance.dforce_dvelocity[row][3 + joint] * rate
+                        + balance.mass[row][3 + joint] * acceleration;
                 }
             }
         }
@@ -207,6 +195,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         &self,
         _node: &CommandNode<T>,
         _y: &[T; N],
+        _trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [T; N] {
         std::array::from_fn(|i| match i {
@@ -220,6 +209,7 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         &self,
         node: &CommandNode<T>,
         _y: &[T; N],
+        _trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [[T; NUMBERS]; 2] {
         node.gait_gradient(gradient, self.problem.omega_rad_s)

@@ -1,0 +1,129 @@
+//! Gradients of the metrics that are integrals over a cycle with respect to the motion.
+
+use super::cycle::{Cycle, skid_scale};
+use super::mesh::Mesh;
+use super::path::Leg;
+use super::radau::{RADAU, STAGES};
+use super::reduced::{KinematicState, Reduced};
+use crate::robot::{Lanes, Pose, dot, dskid_rows_dphi, skid_rows};
+
+/// What is integrated over the elements: sigma of the wheels, where they skid, then d, then, as far
+/// as they are asked for, Delta theta, and d where the second half of the period changes by the
+/// opposite of the first half's mirror image.
+pub(super) struct MetricGradient {
+    /// Of d with respect to the pose at the end of the elements' span: x, y, theta.
+    dd_dend: [f64; 3],
+    /// The same of what is odd.
+    odd_dd_dend: [f64; 3],
+    end: Pose,
+    /// How many times the span turns the robot over a period.
+    turns: f64,
+    duration_s: f64,
+    /// Of sigma_i with respect to the integral of its wheel's skid velocity squared, doubled;
+    /// zero where the wheel does not skid.
+    dsigma_dskid: [f64; 3],
+}
+
+impl MetricGradient {
+    pub fn new<const N: usize, R: Reduced<N>>(model: &R, mesh: &Mesh<N, R>, cycle: &Cycle) -> Self {
+        let Pose { x_m: x, y_m: y, theta_rad } = cycle.end;
+        // Of the half period and its mirror image.
+        let whole = cycle.end * cycle.end.mirrored();
+        let (sin, cos) = theta_rad.sin_cos();
+        let turned = whole.x_m * (cos * y - sin * x) + whole.y_m * (cos * x + sin * y);
+        let halves = |sign: f64| {
+            let (sin, cos) = (sign * sin, sign * cos);
+            [
+                whole.x_m * (1.0 + cos) + whole.y_m * sin,
+                whole.x_m * sin + whole.y_m * (1.0 - cos),
+                turned,
+            ]
+        };
+        let dd_dend = if mesh.is_half { halves(1.0) } else { [x, y, 0.0] };
+        let odd_dd_dend = halves(-1.0);
+        let scale = skid_scale(model.problem()).powi(2) * mesh.count as f64;
+        let dsigma_dskid = cycle.metrics.sigma.map(|sigma| match sigma {
+            0.0 => 0.0,
+            sigma => 1.0 / (scale * sigma),
+        });
+        // A distance of nothing has no gradient.
+        let d_m = cycle.metrics.d_m;
+        let scaled = |dd_dend: [f64; 3]| {
+            if d_m > 0.0 { dd_dend.map(|slope| slope / d_m) } else { [0.0; 3] }
+        };
+        let (dd_dend, odd_dd_dend) = (scaled(dd_dend), scaled(odd_dd_dend));
+        let turns = mesh.spans() as f64;
+        let (end, duration_s) = (cycle.end, mesh.element_s);
+        Self { dd_dend, odd_dd_dend, end, turns, duration_s, dsigma_dskid }
+    }
+
+    /// Gradients of a quantity with respect to the robot's angles and velocities at the stages of a
+    /// leg, of the lanes that are `used` (1, else 0).
+    #[inline(always)]
+    pub fn at_stages<const N: usize, R: Reduced<N>>(
+        &self,
+        model: &R,
+        quantity: usize,
+        leg: &Leg,
+        used: Lanes,
+    ) -> [KinematicState<Lanes>; STAGES] {
+        let mut gradients = [KinematicState::default(); STAGES];
+        let weights = RADAU.integrate[STAGES - 1];
+        let robot = &model.problem().robot;
+        match if R::SKIDS { quantity } else { quantity + 3 } {
+            wheel @ 0..3 => {
+                for j in 0..STAGES {
+                    let (trig, velocity) = (&leg.trig[j], &leg.states[j].velocity);
+                    let row = skid_rows(robot, trig)[wheel];
+                    let factor = Lanes::splat(weights[j] * self.dsigma_dskid[wheel]) * used;
+                    let factor = factor * dot(&row, velocity);
+                    for i in 0..5 {
+                        gradients[j].velocity[i] = factor * row[i];
+                    }
+                    if let Some(joint) = wheel.checked_sub(1) {
+                        let slope = &dskid_rows_dphi(robot, trig)[joint];
+                        gradients[j].phi_rad[joint] = factor * dot(slope, velocity);
+                    }
+                }
+            }
+            3 => self.path(self.dd_dend, leg, used, &mut gradients),
+            4 => {
+                for j in 0..STAGES {
+                    let weight = self.turns * self.duration_s * weights[j];
+                    gradients[j].velocity[2] = Lanes::splat(weight) * used;
+                }
+            }
+            _ => self.path(self.odd_dd_dend, leg, used, &mut gradients),
+        }
+        gradients
+    }
+
+    /// Gradients of d, given that with respect to the end.
+    #[inline(always)]
+    fn path(
+        &self,
+        dd_dend: [f64; 3],
+        leg: &Leg,
+        used: Lanes,
+        d: &mut [KinematicState<Lanes>; STAGES],
+    ) {
+        let [dd_dx, dd_dy, dd_dtheta] = dd_dend.map(Lanes::splat);
+        // Turning the rest of the path.
+        let [whole_x, whole_y] = [self.end.x_m, self.end.y_m].map(Lanes::splat);
+        let [end_x, end_y] = leg.ends;
+        let later = dd_dtheta + dd_dy * (whole_x - end_x) - dd_dx * (whole_y - end_y);
+        for j in 0..STAGES {
+            let weight = Lanes::splat(self.duration_s * RADAU.integrate[STAGES - 1][j]) * used;
+            let (sin, cos) = leg.directions[j];
+            let [u, v, ..] = leg.states[j].velocity;
+            let (along, across) = (dd_dx * cos + dd_dy * sin, dd_dy * cos - dd_dx * sin);
+            d[j].velocity[0] = weight * along;
+            d[j].velocity[1] = weight * across;
+            d[j].velocity[2] += weight * later;
+            let turned = weight * (u * across - v * along);
+            for l in 0..STAGES {
+                d[l].velocity[2] += turned * Lanes::splat(self.duration_s * RADAU.integrate[j][l]);
+            }
+        }
+    }
+}
