@@ -56,6 +56,8 @@ const UNITS: [(&str, &str, &str, f64); 6] = [
 ];
 /// What names of robots, gaits and campaigns are: they name files, and stand in messages.
 const NAME: &str = "1 to 64 characters, none of them `/`, `\\` or one that cannot be seen";
+/// Markers of a link, at most: a set of them is the bits of a number.
+const MOST_MARKERS: usize = u64::BITS as usize;
 /// Least distance between two markers of a link, mm: nearer ones give no heading.
 const LEAST_SPREAD_MM: f64 = 5.0;
 /// Least width of a figure for each point of its text's size, mm: narrower ones have no room for
@@ -137,7 +139,8 @@ impl Config {
         let mut owners = BTreeMap::new();
         for (i, layout) in self.markers.links().into_iter().enumerate() {
             let key = format!("markers.link{i}");
-            check.that(layout.len() >= 2, &key, &layout.len(), "at least two markers")?;
+            let is_enough = (2..=MOST_MARKERS).contains(&layout.len());
+            check.that(is_enough, &key, &layout.len(), "2 to 64 markers")?;
             for label in layout.keys() {
                 let ignored = self.vicon.ignore.iter().find(|name| matches_label(name, label));
                 let needed = format!("patterns that do not name `{label}` of {key}");
@@ -333,6 +336,21 @@ mod tests {
             }
         }
         assert!(refused > 4 * all.len(), "{refused} of {}", 6 * all.len());
+    }
+
+    #[test]
+    fn a_link_has_two_to_64_markers() {
+        for (count, holds) in [(1, false), (2, true), (64, true), (65, false)] {
+            let mut config = Config::default();
+            let marker = |i: i32| (format!("X{i}"), [10.0 * f64::from(i), 0.0, 0.0]);
+            config.markers.link2 = (0..count).map(marker).collect();
+            let found = config.check(Path::new("p.toml")).map_err(|error| error.to_string());
+            let needed = format!("`markers.link2` = {count}, needed 2 to 64 markers");
+            assert!(
+                found.as_ref().map_or_else(|e| !holds && e.contains(&needed), |()| holds),
+                "{found:?}"
+            );
+        }
     }
 
     #[test]

@@ -10,16 +10,18 @@
 //! - the lag-1 autocorrelation of the residuals over frequency, and
 //! - the runs of residuals of one sign (Wald and Wolfowitz).
 //!
-//! The model is adequate if none of the three is outside of what noise alone gives in 95 of 100
-//! draws (Bonferroni); a pattern counts where the objective is more than noise alone leaves on
-//! average. What a metric is off by without anything that tells its noise does not
+//! The model is adequate if none of the three is outside of limits that 95 of 100 draws are all
+//! within, and that each of the three is as often outside of (Westfall and Young's step of the
+//! least p-value); a pattern counts where the objective is more than noise alone leaves on average.
+//! What a metric is off by without anything that tells its noise does not
 //! count. Errors are normally distributed with the standard deviations that their trial's cycles
 //! tell, without bias. Assumed is that trials err independently of each other; what they share
 //! counts as misfit.
 //!
 //! Reference: N. R. Draper and H. Smith, *Applied Regression Analysis*, 3rd ed., Wiley 1998,
 //! sections 2.1 (lack of fit and pure error) and 7.3 (runs); for the draws Davison and Hinkley
-//! 1997, section 4.2.
+//! 1997, section 4.2; P. H. Westfall and S. S. Young, *Resampling-Based Multiple Testing*, Wiley
+//! 1993, section 2.3.
 
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
@@ -36,7 +38,6 @@ use crate::stats::{mean, mean_deviation, quantiles_low, student};
 const DRAWS: usize = 400;
 /// Part of them that an adequate model is within, by all three tests.
 const LEVEL: f64 = 0.95;
-const TESTS: f64 = 3.0;
 /// Linearised residuals are good within about this factor's logarithm.
 const RADIUS: f64 = 1.0;
 /// Fewer residuals have no pattern.
@@ -97,19 +98,18 @@ impl Adequacy {
                 Statistics::new(&terms, |_| left.next().unwrap_or(f64::NAN))
             })
             .collect();
-        let part = 1.0 - (1.0 - LEVEL) / TESTS;
+        let alone = |of: &dyn Fn(&Statistics) -> f64| mean(drawn.iter().map(of));
+        let explained = alone(&Statistics::cost);
+        let part = 1.0 - rarity(&drawn, explained);
         let highest = |of: &dyn Fn(&Statistics) -> f64| {
             quantiles_low(drawn.iter().map(of).collect(), [part])[0]
         };
-        let alone = |of: &dyn Fn(&Statistics) -> f64| mean(drawn.iter().map(of));
-        let whole: &dyn Fn(&Statistics) -> f64 = &|all| all.costs.iter().sum();
-        let [explained, most] = [alone(whole), highest(whole)];
-        let lack_of_fit = [whole(&observed) / explained, most / explained];
+        let lack_of_fit = [observed.cost(), highest(&Statistics::cost)].map(|j| j / explained);
         let by_metric = GROUPS.map(|group| {
             let of_group = |all: &Statistics| group.iter().map(|&i| all.costs[i]).sum::<f64>();
             of_group(&observed) / alone(&of_group)
         });
-        let autocorrelation = [observed.autocorrelation(), highest(&|all| all.autocorrelation())];
+        let autocorrelation = [observed.autocorrelation(), highest(&Statistics::autocorrelation)];
         let runs = [observed.runs(), -highest(&|all| -all.runs())];
         let is_patterned = |i: usize| {
             observed.autocorrelations[i] > autocorrelation[1] || observed.runs[i] < runs[1]
@@ -286,6 +286,10 @@ impl Statistics {
         Self { costs, autocorrelations, runs: series.each_ref().map(|series| runs(series)) }
     }
 
+    fn cost(&self) -> f64 {
+        self.costs.iter().sum()
+    }
+
     fn autocorrelation(&self) -> f64 {
         self.autocorrelations.into_iter().fold(f64::NAN, f64::max)
     }
@@ -293,6 +297,25 @@ impl Statistics {
     fn runs(&self) -> f64 {
         self.runs.into_iter().fold(f64::NAN, f64::min)
     }
+}
+
+/// How rare each test may find an adequate model, so that [`LEVEL`] of the draws are adequate, of
+/// which the objective is so large on average.
+fn rarity(drawn: &[Statistics], explained: f64) -> f64 {
+    let tests: [&dyn Fn(&Statistics) -> f64; 3] =
+        [&Statistics::cost, &Statistics::autocorrelation, &|all| -all.runs()];
+    let [of_cost, of_autocorrelation, of_runs] = tests.map(|test| {
+        let mut sorted: Vec<f64> = drawn.iter().map(test).collect();
+        sorted.sort_by(f64::total_cmp);
+        let below = |value: f64| sorted.partition_point(|other| other.total_cmp(&value).is_lt());
+        let part = |all| 1.0 - below(test(all)) as f64 / drawn.len() as f64;
+        drawn.iter().map(part).collect::<Vec<f64>>()
+    });
+    let rarest = |(i, all): (usize, &Statistics)| match all.cost() > explained {
+        true => of_cost[i].min(of_autocorrelation[i]).min(of_runs[i]),
+        false => of_cost[i],
+    };
+    quantiles_low(drawn.iter().enumerate().map(rarest).collect(), [1.0 - LEVEL])[0]
 }
 
 /// Lag-1 autocorrelation of residuals around zero; NaN of a few.
@@ -365,6 +388,45 @@ mod tests {
         // Residuals that the fit has made zero have no sign.
         assert_eq!(runs(&[1.0, 1.0, 1e-9, -1e-9, 1.0, 1.0, 1.0]), 1.0 / 3.0);
         assert!(runs(&smooth[..4]).is_nan() && autocorrelation(&smooth[..4]).is_nan());
+    }
+
+    #[test]
+    fn so_many_draws_of_noise_alone_are_adequate_by_all_tests_at_once() {
+        // Permutations that do not go with one another.
+        let draw = |i: usize| {
+            let part = |of: usize| (i * of % 401) as f64 / 401.0;
+            let [mut costs, mut autocorrelations, mut runs] = [[f64::NAN; TERMS]; 3];
+            costs = costs.map(|_| 0.5 + part(37));
+            (autocorrelations[D], runs[D]) = (part(101), part(211));
+            Statistics { costs, autocorrelations, runs }
+        };
+        let drawn: Vec<Statistics> = (1..=DRAWS).map(draw).collect();
+        let explained = mean(drawn.iter().map(Statistics::cost));
+        let rarity = rarity(&drawn, explained);
+        // Between that of one test and Bonferroni's, as a pattern counts in every other draw.
+        assert!(rarity > 0.05 / 3.0 && rarity < 0.05, "{rarity}");
+        let highest = |of: &dyn Fn(&Statistics) -> f64| {
+            quantiles_low(drawn.iter().map(of).collect(), [1.0 - rarity])[0]
+        };
+        let limits = [
+            highest(&Statistics::cost),
+            highest(&Statistics::autocorrelation),
+            highest(&|all| -all.runs()),
+        ];
+        let is_adequate = |all: &&Statistics| {
+            let has_pattern = all.autocorrelation() > limits[1] || -all.runs() > limits[2];
+            all.cost() <= limits[0] && !(has_pattern && all.cost() > explained)
+        };
+        let adequate = drawn.iter().filter(is_adequate).count();
+        assert!(adequate.abs_diff(380) <= 3, "{adequate}");
+        // What has no pattern is judged by its objective alone.
+        let no_pattern = |i| Statistics {
+            autocorrelations: [f64::NAN; TERMS],
+            runs: [f64::NAN; TERMS],
+            ..draw(i)
+        };
+        let drawn: Vec<Statistics> = (1..=DRAWS).map(no_pattern).collect();
+        assert!((self::rarity(&drawn, explained) - 0.05).abs() < 0.003);
     }
 
     #[test]

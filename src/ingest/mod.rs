@@ -187,7 +187,7 @@ fn process(
     let file = vicon::parse_markers(path, bytes.as_ref())?.without(ignore);
     // Of a long recording that is a gigabyte.
     drop(bytes);
-    let processed = process_recording(&file, trial, input, known);
+    let processed = process_recording(file, trial, input, known);
     stop_beyond_limits(&known.findings).and(processed).map_err(|problem| problem.of(path))
 }
 
@@ -203,23 +203,26 @@ fn stop_beyond_limits(findings: &[Finding]) -> Result<(), Problem> {
 
 /// [`process`] of the markers of a trial.
 fn process_recording(
-    file: &MarkerFile,
+    file: MarkerFile,
     trial: &Trial,
     input: &IngestInput,
     Known { row, findings }: &mut Known,
 ) -> Result<ProcessedTrial, Problem> {
     let (robot, gait, settings) = (&input.robot(), input.command(trial), &input.settings);
     let IngestSettings { ingest, markers, .. } = settings;
-    let rate_hz = settings.frame_rate(file)?;
-    let layout = layout::locate(markers, file)?;
-    diagnosis::check_layout(file, &layout)?;
+    let rate_hz = settings.frame_rate(&file)?;
+    let layout = layout::locate(markers, &file)?;
+    diagnosis::check_layout(&file, &layout)?;
     let linkage = Linkage::of(robot);
     let max_gap = settings.max_gap_frames(rate_hz);
-    let tracked = poses::track(file, &layout, Some(linkage), ingest.poses, rate_hz, max_gap)?;
+    let mut tracked = poses::track(&file, &layout, Some(linkage), ingest.poses, rate_hz, max_gap)?;
     poses::describe_tracking(row, &tracked);
-    findings.extend(poses::tracking_checks(row, &tracked, file, &layout, settings));
+    findings.extend(poses::tracking_checks(row, &tracked, &file, &layout, settings));
     findings.extend(diagnosis::check_linkage(&linkage, &tracked));
     stop_beyond_limits(findings)?;
+    // Of a long recording they are a gigabyte each.
+    drop(file);
+    tracked.fits = Default::default();
 
     let skip_cycles = ingest.skip_cycles;
     let measure = |(gait, omega_rad_s): &(Gait, f64)| {

@@ -49,7 +49,7 @@ fn labels(
     markers: impl Iterator<Item = u64>,
 ) -> Column {
     let named = |bits: u64| {
-        let labels = layout.keys().enumerate();
+        let labels = (0..).zip(layout.keys());
         let named = labels.filter(|(index, _)| bits & bit(*index) != 0);
         named.map(|(_, label)| label.as_str()).collect::<Vec<_>>().join(LABELS_APART)
     };

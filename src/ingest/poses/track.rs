@@ -118,8 +118,9 @@ pub fn track(
     let (mut theta, mut residual_mm) = ([0; 3].map(|_| missing()), [0; 3].map(|_| missing()));
     let mut fill = [0; 3].map(|_| vec![Fill::Missing; frames]);
     let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
-    let mut unseen =
-        layout.each_ref().map(|markers| vec![(0..markers.len()).map(bit).sum::<u64>(); frames]);
+    let mut unseen = layout
+        .each_ref()
+        .map(|markers| vec![(0..markers.len() as u8).map(bit).sum::<u64>(); frames]);
     let mut markers_seen = 0;
     let (fits, tilt) = upright_fits(file, layout, rate_hz);
     let refined = linkage.map(|linkage| linkage.refined(&fits));
@@ -147,16 +148,16 @@ pub fn track(
         }
         for (link, pose) in poses.into_iter().enumerate() {
             let fit = &fits[link][row];
-            markers_seen += fit.seen;
+            markers_seen += u64::from(fit.seen);
             let is_unseen = |marker: &LinkMarker| file.row_mm(row)[marker.column][0].is_nan();
-            let markers = layout[link].iter().enumerate();
+            let markers = (0..).zip(&layout[link]);
             unseen[link][i] = markers.filter(|(_, of)| is_unseen(of)).map(|(k, _)| bit(k)).sum();
             outlier[link][i] = fit.outlier;
             let Some(pose) = pose else { continue };
             theta[link][i] = pose.theta_rad;
             residual_mm[link][i] = pose.residual_mm;
-            let is_whole =
-                fit.seen == layout[link].len() && !matches!(fit.outlier, Outlier::Jumped(_));
+            let is_whole = usize::from(fit.seen) == layout[link].len()
+                && !matches!(fit.outlier, Outlier::Jumped(_));
             fill[link][i] = if is_whole { Fill::Measured } else { Fill::Rigid };
             if link == 0 {
                 [x_m[i], y_m[i]] = pose.origin_mm.map(|mm| mm / 1000.0);
