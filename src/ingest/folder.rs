@@ -3,15 +3,13 @@
 use std::collections::{BTreeMap, HashSet};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{self, SyncSender};
-use std::thread;
 
 use rayon::prelude::*;
 
 use super::{IngestInput, Ingested, Known, ProcessedTrial, TrialFailure, process};
 use crate::store::{
-    Columns as _, CycleRow, PendingFile, Provenance, Stamp, StoreError, Table, TrialRow,
-    cycles_path, is_own_table, poses_path, table_set, tables_in, wheels_path,
+    Columns as _, CycleRow, Provenance, Stamp, StoreError, Table, ToDisk, TrialRow, cycles_path,
+    is_own_table, poses_path, table_set, tables_in, wheels_path,
 };
 use crate::trial::{ListedTrial, TrialError, TrialFolder, TrialKind};
 use crate::vicon::{self, ViconError};
@@ -25,9 +23,6 @@ table_set! {
 
 /// Folders inside `derived/` with a file for each trial.
 pub const FOLDERS: [&str; 3] = ["poses", "wheels", "cycles"];
-
-/// Files that may wait for the disk.
-const MOST_PENDING: usize = 32;
 
 /// A trial of a folder.
 #[derive(Clone, Copy)]
@@ -69,23 +64,13 @@ pub fn ingest_trials(
     provenance: &(dyn Fn(Entry, Option<&MarkerStamp>) -> Provenance + Sync),
     on_trial: &(dyn Fn(&TrialRow) + Sync),
 ) -> Result<Vec<IngestedTrial>, StoreError> {
-    let (to_disk, pending) = mpsc::sync_channel::<PendingFile>(MOST_PENDING);
-    let (ingested, stamps) = thread::scope(|scope| {
-        // The disk is waited for while the next trials are computed.
-        let settle = |file: PendingFile| Ok((file.path().to_owned(), file.settle()?));
-        let settling = scope.spawn(move || pending.into_iter().map(settle).collect());
-        let ingested: Result<Vec<_>, StoreError> = trials
-            .par_iter()
-            .with_max_len(1)
-            .map_with(to_disk, |to_disk, entry| {
-                let ingested = ingest_trial(derived, *entry, provenance, to_disk)?;
-                on_trial(&ingested.0.rows.trials[0]);
-                Ok(ingested)
-            })
-            .collect();
-        let stamps: Result<BTreeMap<PathBuf, Stamp>, StoreError> =
-            settling.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        (ingested, stamps)
+    let (ingested, stamps) = ToDisk::during(|to_disk| {
+        let ingested = trials.par_iter().with_max_len(1).map(|entry| {
+            let ingested = ingest_trial(derived, *entry, provenance, to_disk)?;
+            on_trial(&ingested.0.rows.trials[0]);
+            Ok(ingested)
+        });
+        ingested.collect::<Result<Vec<_>, StoreError>>()
     });
     let mut stamps = stamps?;
     let with_stamps = |(mut trial, paths): (IngestedTrial, Vec<PathBuf>)| {
@@ -100,7 +85,7 @@ fn ingest_trial(
     derived: &Path,
     entry: Entry,
     provenance: &(dyn Fn(Entry, Option<&MarkerStamp>) -> Provenance + Sync),
-    to_disk: &SyncSender<PendingFile>,
+    to_disk: &ToDisk,
 ) -> Result<(IngestedTrial, Vec<PathBuf>), StoreError> {
     let Entry { folder, listed: ListedTrial { id, trial, .. }, input } = entry;
     let (mut known, mut marker_file, mut paths) = (Known::new(trial), None, Vec::new());
@@ -127,8 +112,7 @@ fn ingest_trial(
         Ok(ProcessedTrial { row, checks, parameters, cycles, poses, wheels }) => {
             let provenance = provenance(entry, marker_file.as_ref());
             let mut write = |table: &Table, path: PathBuf| -> Result<(), StoreError> {
-                // If nobody takes it any more, whoever did has the reason.
-                let _ = to_disk.send(table.write_beside(&path, &provenance)?);
+                to_disk.send(table.write_beside(&path, &provenance)?);
                 paths.push(path);
                 Ok(())
             };

@@ -21,7 +21,6 @@ pub struct Content {
     pub(super) tables: Arc<Tables>,
     pub(super) figures: Vec<Figure>,
     pub(super) missing: Vec<String>,
-    pub(super) damaged: Vec<String>,
     pub(super) truth: Option<Truth>,
     /// Files of the trials' pages.
     pub(super) pages: TrialPages,
@@ -63,13 +62,12 @@ impl Content {
         let truth = Truth::read(&input.paths, &tables.trials, &reader, &mut missing)?;
         let found = figures::figures((&*tables, &reader), input, truth.as_ref())?;
         missing.extend(found.missing);
-        let damaged = trials::damaged(input, &tables, &reader)?;
         let pages = trials::pages(input, &tables);
         let hash_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
         let page_parts = trials::parts(input, &tables, &pages, hash_of);
         let figures = found.figures;
         let changes = None;
-        Ok(Self { tables, figures, missing, damaged, truth, pages, changes, page_parts, reader })
+        Ok(Self { tables, figures, missing, truth, pages, changes, page_parts, reader })
     }
 
     /// With what changed since the baseline, as `changes.html` shows it; `None` without a baseline.

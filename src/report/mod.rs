@@ -27,12 +27,15 @@ mod trials;
 mod truth;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use minijinja::value::Value;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::store::{Stamp, StoreError, write_if_changed};
+use drawing::Drawing;
+
+use crate::store::{Stamp, StoreError, ToDisk};
 
 pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
@@ -41,6 +44,7 @@ pub(crate) use looks::{colours, trends};
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{fill, image};
 pub use replay::{SimulationError, simulation_page};
+use trials::PagesWritten;
 pub use trials::page_of;
 
 /// Why there is no report.
@@ -108,52 +112,64 @@ impl Content {
     pub fn write(
         &self,
         input: &ReportInput,
-        mut kept: BTreeMap<String, String>,
+        kept: BTreeMap<String, String>,
         kept_pages: &BTreeSet<String>,
     ) -> Result<Written, ReportError> {
-        let reports = &input.paths.reports;
-        let Self { tables, figures, missing, damaged, truth, pages, changes, reader, .. } = self;
+        let stems = self.figures.iter().map(|figure| figure.stem.clone());
+        let drawn_now: Vec<String> =
+            stems.clone().filter(|stem| !kept.contains_key(stem)).collect();
+        let (of_trials, stamps) =
+            ToDisk::during(|to_disk| self.write_all(input, kept, kept_pages, to_disk));
+        let (mut stamps, PagesWritten { pages, damaged }) = (stamps?, of_trials?);
+        let mut stamps_of = |names: Vec<String>| -> BTreeMap<String, Stamp> {
+            let of = |name: String| Some((stamps.remove(&input.paths.reports.join(&name))?, name));
+            names.into_iter().filter_map(of).map(|(stamp, name)| (name, stamp)).collect()
+        };
+        let figures = drawn_now.into_iter().map(|stem| (file_names(&stem).into(), stem));
+        let pages = pages.into_iter().map(|name| (vec![name.clone()], name));
+        let targets = figures.chain(pages).map(|(names, target)| (target, stamps_of(names)));
+        let targets = targets.collect();
+        let outputs = stamps_of(FILES.map(str::to_owned).into());
+        let reported = Reported::new(input, stems.collect(), self.missing.clone(), damaged);
+        Ok(Written { reported, targets, outputs })
+    }
+
+    /// As [`Content::write`]. Gives what became of the trials' pages.
+    fn write_all(
+        &self,
+        input: &ReportInput,
+        mut kept: BTreeMap<String, String>,
+        kept_pages: &BTreeSet<String>,
+        to_disk: &ToDisk,
+    ) -> Result<PagesWritten, ReportError> {
+        let Self { tables, figures, missing, truth, pages, changes, reader, .. } = self;
+        let write = |name: &str, bytes: &[u8]| {
+            to_disk.write_if_changed(&input.paths.reports.join(name), bytes)
+        };
         let with_svg: Vec<_> =
             figures.iter().map(|figure| (figure, kept.remove(&figure.stem))).collect();
-        let drawn = with_svg
-            .into_par_iter()
-            .map(|(figure, svg)| {
-                crate::interrupt::stop_if_asked(String::new);
-                let (svg, outputs) = match svg {
-                    Some(svg) => (svg, None),
-                    None => draw(reports, figure).map(|(svg, outputs)| (svg, Some(outputs)))?,
-                };
-                Ok(((figure, page::image_of_svg(figure, &svg)), outputs))
-            })
-            .collect::<Result<Vec<_>, ReportError>>()?;
-        let (drawn, outputs): (Vec<page::Drawn>, Vec<_>) = drawn.into_iter().unzip();
-        let drawn_now = figures.iter().zip(outputs);
-        let mut targets: BTreeMap<String, BTreeMap<String, Stamp>> = drawn_now
-            .filter_map(|(figure, outputs)| Some((figure.stem.clone(), outputs?)))
-            .collect();
-        let pages_now = trials::write(input, (&**tables, reader), pages, kept_pages)?.into_iter();
-        targets.extend(pages_now.map(|(name, stamp)| (name.clone(), [(name, stamp)].into())));
-
-        let mut outputs = BTreeMap::new();
-        let mut write = |name: &str, bytes: &[u8]| -> Result<(), StoreError> {
-            outputs.insert(name.to_owned(), write_if_changed(&reports.join(name), bytes)?);
-            Ok(())
+        let draw = |(figure, svg)| {
+            crate::interrupt::stop_if_asked(String::new);
+            draw(figure, svg, &write).map(|image| (figure, image))
         };
+        let draw_all =
+            || with_svg.into_par_iter().with_max_len(1).map(draw).collect::<Result<Vec<_>, _>>();
+        let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
+        let judge = || scorecard::scorecard(tables.clone(), input.sigma, is_synthetic);
+        let of_trials = || trials::write(input, (&**tables, reader), pages, kept_pages, to_disk);
+        let (drawn, (scores, of_trials)) = rayon::join(draw_all, || rayon::join(judge, of_trials));
+        let (drawn, scores, of_trials) = (drawn?, scores?, of_trials?);
         write(FITS, &json(&fits_json::fits(tables))?)?;
         write(COEFFICIENTS, latex::coefficients(input, tables).as_bytes())?;
         write(CITATIONS, latex::citations().as_bytes())?;
-        let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
-        let scores = scorecard::scorecard(tables.clone(), input.sigma, is_synthetic)?;
         write(SCORECARD, &json(&scores)?)?;
         write(SCORECARD_PAGE, page::scorecard_html(&scores, is_synthetic)?.as_bytes())?;
-        let said = [missing.as_slice(), damaged].concat();
+        let said = [missing.as_slice(), &of_trials.damaged].concat();
         let (truth, changes) = (truth.as_ref(), changes.as_ref());
         let remarks = page::Remarks { missing: &said, truth, changes };
         let html = page::html(input, tables, &drawn, pages, &scores, remarks)?;
         write(PAGE, html.as_bytes())?;
-        let figures = figures.iter().map(|figure| figure.stem.clone()).collect();
-        let reported = Reported::new(input, figures, missing.clone(), damaged.clone());
-        Ok(Written { reported, targets, outputs })
+        Ok(of_trials)
     }
 }
 
@@ -169,8 +185,8 @@ const EXTENSIONS: [&str; 4] = ["svg", "png", "pdf", "csv"];
 pub const FILES: [&str; 6] = [PAGE, FITS, COEFFICIENTS, CITATIONS, SCORECARD, SCORECARD_PAGE];
 
 /// Of a figure, inside of `reports/`.
-fn file_name(stem: &str, extension: &str) -> String {
-    format!("figures/{stem}.{extension}")
+fn file_names(stem: &str) -> [String; 4] {
+    EXTENSIONS.map(|extension| format!("figures/{stem}.{extension}"))
 }
 
 fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
@@ -179,20 +195,25 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
     Ok(json)
 }
 
-/// Draws a figure and writes its files; gives the SVG and the files' stamps.
-fn draw(reports: &Path, figure: &Figure) -> Result<(String, BTreeMap<String, Stamp>), ReportError> {
+/// Draws a figure and writes its files, unless its SVG is `kept`; gives it as a page shows it.
+fn draw(
+    figure: &Figure,
+    kept: Option<String>,
+    write: &impl Fn(&str, &[u8]) -> Result<(), StoreError>,
+) -> Result<Value, ReportError> {
+    if let Some(svg) = kept {
+        return Ok(page::image_of_drawing(figure, &Drawing::of_svg(figure, &svg)));
+    }
     let error = |message| ReportError::Draw { figure: figure.stem.clone(), message };
-    let svg = drawing::svg(figure).map_err(error)?;
+    let drawing = Drawing::of(figure).map_err(error)?;
+    let svg = drawing.svg();
     let tree = raster::parsed(&svg).map_err(error)?;
     let png = raster::png(&tree, figure.print.dots_per_inch()).map_err(error)?;
     let pdf = pdf::pdf(&tree, &figure.title).map_err(|why| error(why.to_string()))?;
     let csv = plotted::csv(figure);
-    let mut outputs = BTreeMap::new();
-    let files = EXTENSIONS.into_iter().zip([svg.as_bytes(), &png, &pdf, csv.as_bytes()]);
-    for (extension, bytes) in files {
-        let name = file_name(&figure.stem, extension);
-        let stamp = write_if_changed(&reports.join(&name), bytes)?;
-        outputs.insert(name, stamp);
+    let files = [svg.as_bytes(), &png, &pdf, csv.as_bytes()];
+    for (name, bytes) in file_names(&figure.stem).iter().zip(files) {
+        write(name, bytes)?;
     }
-    Ok((svg, outputs))
+    Ok(page::image_of_drawing(figure, &drawing))
 }

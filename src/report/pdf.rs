@@ -38,7 +38,8 @@ const FONT_NAME: Name<'static> = Name(b"TRLINK+Roboto-Regular");
 /// # Errors
 /// It cannot be packed.
 pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
-    static FONT_FILE: LazyLock<io::Result<Vec<u8>>> = LazyLock::new(|| packed(ROBOTO));
+    static FONT_FILE: LazyLock<io::Result<Vec<u8>>> =
+        LazyLock::new(|| packed(ROBOTO, Compression::default()));
     let font_file = FONT_FILE.as_ref().map_err(|error| io::Error::from(error.kind()))?;
     let [width, height] = [svg.size().width(), svg.size().height()].map(|px| PT_PER_PX * px);
     let mut drawn =
@@ -66,7 +67,8 @@ pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
     states.finish();
     resources.finish();
     of_page.finish();
-    pdf.stream(contents, &packed(content.finish().as_slice())?).filter(Filter::FlateDecode);
+    pdf.stream(contents, &packed(content.finish().as_slice(), Compression::default())?)
+        .filter(Filter::FlateDecode);
 
     pdf.type0_font(font)
         .base_font(FONT_NAME)
@@ -102,7 +104,8 @@ pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
     pdf.stream(file, font_file)
         .filter(Filter::FlateDecode)
         .pair(Name(b"Length1"), ROBOTO.len() as i32);
-    pdf.stream(to_unicode, &packed(cmap.finish().as_slice())?).filter(Filter::FlateDecode);
+    pdf.stream(to_unicode, &packed(cmap.finish().as_slice(), Compression::default())?)
+        .filter(Filter::FlateDecode);
     Ok(pdf.finish())
 }
 
@@ -111,8 +114,9 @@ fn opacity_name(percent: u8) -> String {
     format!("O{percent}")
 }
 
-fn packed(bytes: &[u8]) -> io::Result<Vec<u8>> {
-    let mut packed = ZlibEncoder::new(Vec::new(), Compression::default());
+/// As the parts of a PDF and the pixels of a PNG are packed.
+pub fn packed(bytes: &[u8], effort: Compression) -> io::Result<Vec<u8>> {
+    let mut packed = ZlibEncoder::new(Vec::new(), effort);
     packed.write_all(bytes)?;
     packed.finish()
 }

@@ -2,13 +2,13 @@
 
 use std::sync::{Arc, LazyLock};
 
-use png::{
-    BitDepth, ColorType, DeflateCompression, Encoder, EncodingError, Filter, PixelDimensions, Unit,
-};
+use flate2::Compression;
+use png::{BitDepth, ColorType, Encoder, EncodingError, PixelDimensions, Unit, chunk};
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 
 use super::drawing::{PX_PER_INCH, style};
+use super::pdf::packed;
 
 /// Figures of very many panels are coarser.
 const MOST_PIXELS: f32 = 2e7;
@@ -46,7 +46,8 @@ pub fn png(svg: &Tree, dots_per_inch: f32) -> Result<Vec<u8>, String> {
         .map_err(|error| error.to_string())
 }
 
-/// Opaque pixels as PNG: lines on white are packed well with little effort.
+/// Opaque pixels as PNG: lines on white, each row as its difference to the one above, are packed well
+/// with little effort.
 fn encoded(pixels: &Pixmap, per_metre: u32) -> Result<Vec<u8>, EncodingError> {
     let mut png = Vec::new();
     let mut encoder = Encoder::new(&mut png, pixels.width(), pixels.height());
@@ -57,12 +58,21 @@ fn encoded(pixels: &Pixmap, per_metre: u32) -> Result<Vec<u8>, EncodingError> {
         yppu: per_metre,
         unit: Unit::Meter,
     }));
-    encoder.set_filter(Filter::Up);
-    encoder.set_deflate_compression(DeflateCompression::Level(1));
-    let opaque = pixels.data().as_chunks::<4>().0.iter();
-    let colours: Vec<u8> = opaque.flat_map(|[red, green, blue, _]| [*red, *green, *blue]).collect();
+    const UP: u8 = 2;
+    let width = pixels.width() as usize;
+    let rows = pixels.data().as_chunks::<4>().0.chunks_exact(width);
+    let first = vec![[0; 4]; width];
+    let above = std::iter::once(first.as_slice()).chain(rows.clone());
+    let mut filtered = vec![UP; rows.len() * (1 + 3 * width)];
+    for (into, (row, above)) in filtered.chunks_exact_mut(1 + 3 * width).zip(rows.zip(above)) {
+        for (into, (pixel, above)) in
+            into[1..].as_chunks_mut().0.iter_mut().zip(row.iter().zip(above))
+        {
+            *into = [0, 1, 2].map(|colour| pixel[colour].wrapping_sub(above[colour]));
+        }
+    }
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&colours)?;
+    writer.write_chunk(chunk::IDAT, &packed(&filtered, Compression::fast())?)?;
     writer.finish()?;
     Ok(png)
 }

@@ -11,8 +11,7 @@ use super::tables::Tables;
 use super::{ReportError, ReportInput, figures, replay};
 use crate::robot::Robot;
 use crate::store::{
-    Reader, Stamp, StoreError, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path,
-    write_if_changed,
+    Reader, ToDisk, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path,
 };
 
 /// Campaigns of pages and what these are made of, by path inside of `reports/`.
@@ -111,46 +110,37 @@ pub fn parts(
     first_of_each(tables).filter_map(of_trial).collect()
 }
 
-/// Sentences on tables of single trials that do not belong together.
-///
-/// # Errors
-/// A table is there and cannot be read.
-pub fn damaged(
-    input: &ReportInput,
-    tables: &Tables,
-    reader: &Reader,
-) -> Result<Vec<String>, StoreError> {
-    let trials = first_of_each(tables).filter(|trial| trial.status != TrialStatus::Failed);
-    let trials: Vec<&TrialRow> = trials.collect();
-    let of_trial = |trial: &TrialRow| {
-        let recording = Recording::read(&input.paths.derived, &trial.trial, reader)?;
-        Ok(recording.and_then(|recording| recording.problem))
-    };
-    trials.into_par_iter().filter_map(|trial| of_trial(trial).transpose()).collect()
+/// What [`write`] found and did.
+#[derive(Debug, Default)]
+pub struct PagesWritten {
+    /// Paths inside of `reports/`.
+    pub pages: Vec<String>,
+    /// Sentences on tables of single trials that do not belong together.
+    pub damaged: Vec<String>,
 }
 
-/// Writes the pages but for those in `kept`. Gives what was written, by its path inside of
-/// `reports/`.
+/// Looks at the tables of every trial and writes the pages but for those in `kept`.
 ///
 /// # Errors
-/// A table of a trial cannot be read, or a page not be filled in or written.
+/// A table of a trial is there and cannot be read, or a page not be filled in or written.
 pub fn write(
     input: &ReportInput,
     (tables, reader): (&Tables, &Reader),
     pages: &TrialPages,
     kept: &BTreeSet<String>,
-) -> Result<BTreeMap<String, Stamp>, ReportError> {
-    let folder = input.paths.reports.join(FOLDER);
+    to_disk: &ToDisk,
+) -> Result<PagesWritten, ReportError> {
     let trials: Vec<&TrialRow> = first_of_each(tables).collect();
     let inputs = (tables, input);
-    let written = trials.into_par_iter().filter_map(|trial| {
-        let file = pages.get(&trial.trial)?;
-        let name = format!("{FOLDER}/{file}");
-        let write = || {
-            let recording = match trial.status {
-                TrialStatus::Failed => None,
-                _ => Recording::read(&input.paths.derived, &trial.trial, reader)?,
-            };
+    let written = trials.into_par_iter().with_max_len(1).map(|trial| {
+        let recording = match trial.status {
+            TrialStatus::Failed => None,
+            _ => Recording::read(&input.paths.derived, &trial.trial, reader)?,
+        };
+        let problem = recording.as_ref().and_then(|recording| recording.problem.clone());
+        let page = pages.get(&trial.trial).map(|file| format!("{FOLDER}/{file}"));
+        let page = page.filter(|page| !kept.contains(page));
+        if let Some(page) = &page {
             let of_trial = |recording| figures::trial::figures(trial, recording, inputs);
             let figures = recording.as_ref().map_or(Vec::new(), of_trial);
             let images = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;
@@ -159,17 +149,14 @@ pub fn write(
                 let fit = tables.preferred(&trial.campaign);
                 replay::of_trial(trial, recording, robot, input, fit)
             });
-            let html = page::trial_html(
-                trial,
-                inputs,
-                pages,
-                recording.as_ref(),
-                replay.as_ref(),
-                &images,
-            )?;
-            Ok((name.clone(), write_if_changed(&folder.join(file), html.as_bytes())?))
-        };
-        (!kept.contains(&name)).then(write)
+            let (recording, replay) = (recording.as_ref(), replay.as_ref());
+            let html = page::trial_html(trial, inputs, pages, recording, replay, &images)?;
+            to_disk.write_if_changed(&input.paths.reports.join(page), html.as_bytes())?;
+        }
+        Ok((page, problem))
     });
-    written.collect()
+    let written = written.collect::<Result<Vec<_>, ReportError>>()?;
+    let (pages, damaged): (Vec<_>, Vec<_>) = written.into_iter().unzip();
+    let [pages, damaged] = [pages, damaged].map(|all| all.into_iter().flatten().collect());
+    Ok(PagesWritten { pages, damaged })
 }

@@ -1,14 +1,23 @@
 //! Files that are there whole or not at all.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, SyncSender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
 
 use super::{Stamp, StoreError, hash};
 use crate::files;
 
 /// How the names of files begin that are being written.
 pub const WRITING: &str = ".writing-";
+
+/// Files that may wait for the disk, and threads that wait for it: what is flushed at the same time
+/// takes hardly longer than one file.
+const MOST_PENDING: usize = 32;
+const FLUSHING: usize = 4;
 
 /// A file that is written beside its place and not yet there.
 #[derive(Debug)]
@@ -76,10 +85,80 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
 /// # Errors
 /// The file cannot be written.
 pub fn write_if_changed(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
-    match files::read(path, bytes.len() as u64) {
-        Ok((found, metadata)) if found == bytes => Ok(Stamp::of_output(&metadata, hash(bytes))),
-        _ => write_bytes(path, bytes),
+    unchanged(path, bytes).map_or_else(|| write_bytes(path, bytes), Ok)
+}
+
+/// The stamp of a file that has these bytes.
+fn unchanged(path: &Path, bytes: &[u8]) -> Option<Stamp> {
+    let (found, metadata) = files::read(path, bytes.len() as u64).ok()?;
+    (found == bytes).then(|| Stamp::of_output(&metadata, hash(bytes)))
+}
+
+/// Files on their way to the disk, which is waited for while the next ones are computed.
+#[derive(Debug)]
+pub struct ToDisk {
+    pending: SyncSender<PendingFile>,
+    unchanged: Mutex<BTreeMap<PathBuf, Stamp>>,
+}
+
+impl ToDisk {
+    /// Does `work`, which may give files to be written from any thread, and waits until all of
+    /// them are in their places. Gives the files' stamps, too.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn during<T>(
+        work: impl FnOnce(&Self) -> T,
+    ) -> (T, Result<BTreeMap<PathBuf, Stamp>, StoreError>) {
+        thread::scope(|scope| {
+            let (pending, files) = mpsc::sync_channel(MOST_PENDING);
+            let files = Arc::new(Mutex::new(files));
+            let flushing = [(); FLUSHING].map(|()| {
+                let files = Arc::clone(&files);
+                scope.spawn(move || settle_all(&files))
+            });
+            // Who works has to learn if nobody takes files any more.
+            drop(files);
+            let to_disk = Self { pending, unchanged: Mutex::default() };
+            let done = work(&to_disk);
+            let Self { pending, unchanged } = to_disk;
+            drop(pending);
+            let mut stamps = Ok(unchanged.into_inner().unwrap_or_else(PoisonError::into_inner));
+            for settled in flushing {
+                let settled = settled.join();
+                let settled = settled.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+                stamps = stamps.and_then(|stamps| Ok(stamps.into_iter().chain(settled?).collect()));
+            }
+            (done, stamps)
+        })
     }
+
+    /// A file that is written beside its place.
+    pub fn send(&self, file: PendingFile) {
+        // If nobody takes it any more, whoever did has the reason.
+        let _ = self.pending.send(file);
+    }
+
+    /// Bytes at hand, unless the file has them already: then it is left alone.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_if_changed(&self, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+        match unchanged(path, bytes) {
+            Some(stamp) => {
+                let mut unchanged = self.unchanged.lock().unwrap_or_else(PoisonError::into_inner);
+                unchanged.insert(path.to_owned(), stamp);
+            }
+            None => self.send(PendingFile::write(path, bytes)?),
+        }
+        Ok(())
+    }
+}
+
+fn settle_all(files: &Mutex<Receiver<PendingFile>>) -> Result<Vec<(PathBuf, Stamp)>, StoreError> {
+    let next = || files.lock().unwrap_or_else(PoisonError::into_inner).recv().ok();
+    let settle = |file: PendingFile| Ok((file.path().to_owned(), file.settle()?));
+    std::iter::from_fn(next).map(settle).collect()
 }
 
 /// What writers that were killed left in these folders, or are writing just now.
@@ -101,4 +180,39 @@ pub fn remove_unfinished(folders: &[PathBuf]) -> Result<(), StoreError> {
         fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_files_are_in_their_places_when_the_work_is_over_and_same_ones_are_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths: Vec<PathBuf> =
+            (0..100).map(|i| folder.path().join(format!("{i}/file"))).collect();
+        let write_all = || {
+            let (written, stamps) = ToDisk::during(|to_disk| -> Result<(), StoreError> {
+                paths.iter().try_for_each(|path| to_disk.write_if_changed(path, b"content"))
+            });
+            written.unwrap();
+            stamps.unwrap()
+        };
+        let stamps = write_all();
+        assert!(paths.iter().all(|path| stamps[path].content_of(path).is_some()));
+        assert_eq!((stamps.len(), write_all()), (paths.len(), stamps));
+    }
+
+    #[test]
+    fn files_that_cannot_be_put_in_their_places_are_an_error_and_nobody_waits_for_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("taken");
+        fs::create_dir(&path).unwrap();
+        let (sent, stamps) = ToDisk::during(|to_disk| {
+            let all = 0..3 * MOST_PENDING;
+            all.map(|_| to_disk.send(PendingFile::write(&path, b"content").unwrap())).count()
+        });
+        assert!(sent == 3 * MOST_PENDING && matches!(stamps, Err(StoreError::Write { .. })));
+        assert!(unfinished(&[folder.path().to_owned()]).is_empty());
+    }
 }

@@ -10,7 +10,7 @@ mod tables;
 mod time;
 
 pub use atomic::{
-    PendingFile, WRITING, remove_unfinished, unfinished, write_bytes, write_if_changed,
+    PendingFile, ToDisk, WRITING, remove_unfinished, unfinished, write_bytes, write_if_changed,
 };
 pub(crate) use columns::rows;
 pub use columns::{Columns, numbers, repeated, texts};

@@ -11,5 +11,5 @@ pub mod style;
 
 pub use axis::{Range, Scale};
 pub use figure::{Figure, Layer, Layout, PT_PER_PX, PX_PER_INCH, Panel, Point, Print};
-pub use render::{parts, size, svg};
+pub use render::Drawing;
 pub use style::Look;

@@ -1,5 +1,7 @@
 //! A figure as SVG with its font inside.
 
+use std::sync::LazyLock;
+
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use plotters::prelude::IntoDrawingArea;
@@ -14,45 +16,64 @@ use crate::report::svg::Svg;
 const BODY: &str = "<g fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\">\n";
 const END: &str = "</g>\n</svg>\n";
 
-/// Columns and width of a figure, px.
-pub fn size(figure: &Figure) -> (usize, f64) {
-    let grid = Grid::new(figure);
-    (grid.columns, grid.width)
+/// A figure that was drawn.
+pub struct Drawing {
+    pub columns: usize,
+    /// Both px.
+    pub width: f64,
+    height: f64,
+    scale: f64,
+    /// Its legend and its panels as SVG.
+    body: String,
 }
 
-/// The legend and the panels of an SVG of a figure, for pages.
-pub fn parts(svg: &str) -> [&str; 2] {
-    let from = svg.find(BODY).map_or(svg.len(), |from| from + BODY.len());
-    let body = svg[from..].trim_end_matches(END);
-    let panels =
-        ["<svg class=\"panel\"", "<svg class=\"whole panel\""].map(|panel| body.find(panel));
-    let legend = panels.into_iter().flatten().min().unwrap_or(body.len());
-    [&body[..legend], &body[legend..]]
-}
+impl Drawing {
+    /// # Errors
+    /// A sentence on why the backend fails.
+    pub fn of(figure: &Figure) -> Result<Self, String> {
+        let grid = Grid::new(figure);
+        let Grid { columns, width, height, .. } = grid;
+        let mut body = String::new();
+        let backend = Svg::new(&mut body, (units(width) as u32, units(height) as u32));
+        draw::draw(grid, &backend.into_drawing_area()).map_err(|error| error.to_string())?;
+        // Names can have characters that XML cannot.
+        let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
+        if !body.chars().all(is_text) {
+            body = body.replace(|c| !is_text(c), "\u{fffd}");
+        }
+        Ok(Self { columns, width, height, scale: figure.print.scale(), body })
+    }
 
-/// A figure as SVG with its font inside.
-///
-/// # Errors
-/// A sentence on why the backend fails.
-pub fn svg(figure: &Figure) -> Result<String, String> {
-    let grid = Grid::new(figure);
-    let (width, height) = (grid.width, grid.height);
-    let mut drawing = String::new();
-    let backend = Svg::new(&mut drawing, (units(width) as u32, units(height) as u32));
-    draw::draw(grid, &backend.into_drawing_area()).map_err(|error| error.to_string())?;
-    // Names can have characters that XML cannot.
-    let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
-    let body = drawing.replace(|c| !is_text(c), "\u{fffd}");
-    let font = BASE64.encode(style::ROBOTO);
-    let rounded = |px: f64| (1e3 * px).round() / 1e3;
-    let [across, down] = [width, height].map(|px| rounded(figure.print.scale() * px));
-    let width = rounded(width);
-    Ok(format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{across}\" height=\"{down}\" \
-         viewBox=\"0 0 {width} {height}\">\n\
-         <style>@font-face{{font-family:Roboto;src:url(data:font/ttf;base64,{font}) format(\"truetype\")}}</style>\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{body}{END}"
-    ))
+    /// That of a figure of which the `svg` is kept.
+    pub fn of_svg(figure: &Figure, svg: &str) -> Self {
+        let Grid { columns, width, height, .. } = Grid::new(figure);
+        let from = svg.find(BODY).map_or(svg.len(), |from| from + BODY.len());
+        let body = svg[from..].strip_suffix(END).unwrap_or_default().to_owned();
+        Self { columns, width, height, scale: figure.print.scale(), body }
+    }
+
+    /// The figure with its font inside.
+    pub fn svg(&self) -> String {
+        static FONT: LazyLock<String> = LazyLock::new(|| BASE64.encode(style::ROBOTO));
+        let Self { width, height, scale, body, .. } = self;
+        let rounded = |px: f64| (1e3 * px).round() / 1e3;
+        let [across, down] = [width, height].map(|px| rounded(scale * px));
+        let (width, font) = (rounded(*width), &*FONT);
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{across}\" height=\"{down}\" \
+             viewBox=\"0 0 {width} {height}\">\n\
+             <style>@font-face{{font-family:Roboto;src:url(data:font/ttf;base64,{font}) format(\"truetype\")}}</style>\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{body}{END}"
+        )
+    }
+
+    /// The legend and the panels, for pages.
+    pub fn parts(&self) -> [&str; 2] {
+        let panels = ["<svg class=\"panel\"", "<svg class=\"whole panel\""];
+        let panels = panels.map(|panel| self.body.find(panel));
+        let legend = panels.into_iter().flatten().min().unwrap_or(self.body.len());
+        self.body.split_at(legend).into()
+    }
 }
 
 #[cfg(test)]
@@ -81,7 +102,7 @@ mod tests {
         let layers = vec![layer];
         let panel = Panel { x_scale: scale, y_scale: scale, ..Panel::new("", "x", "y", layers) };
         let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
-        svg(&figure).expect("is drawn")
+        Drawing::of(&figure).expect("is drawn").svg()
     }
 
     #[test]
@@ -140,8 +161,8 @@ mod tests {
             let layers = vec![Layer { band, ..line.clone() }];
             let shown = Some(Range { low: 0.0, high: 2.0 });
             let panel = Panel { shown, ..Panel::new("", "x", "y", layers) };
-            svg(&Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]))
-                .expect("is drawn")
+            let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
+            Drawing::of(&figure).expect("is drawn").svg()
         };
         let svg = drawn(band);
         let (areas, curve) = svg.split_once("<g data-name=\"a\" data-band=").expect("the curve");
@@ -166,11 +187,28 @@ mod tests {
     }
 
     #[test]
+    fn a_figure_that_is_kept_is_shown_as_it_was_drawn_and_every_group_is_closed() {
+        let layers = ["a", "b"].map(|name| Layer::new(name, [(0.0, 1.0), (1.0, 2.0)], LOOKS[0]));
+        let panel = Panel::new("", "x", "y", layers.into());
+        let panels = vec![panel.clone(), panel];
+        let figure = Figure::new("any", Default::default(), &[], Layout::Stack, panels);
+        let drawing = Drawing::of(&figure).expect("is drawn");
+        let kept = Drawing::of_svg(&figure, &drawing.svg());
+        assert_eq!(kept.parts(), drawing.parts());
+        assert_eq!((kept.columns, kept.width), (drawing.columns, drawing.width));
+        for part in drawing.parts() {
+            let count = |tag: &str| part.matches(tag).count();
+            assert!(count("<g ") > 0 || count("<svg ") > 0);
+            assert_eq!([count("<g "), count("<svg ")], [count("</g>"), count("</svg>")]);
+        }
+    }
+
+    #[test]
     fn names_that_xml_cannot_have_are_still_drawn() {
         let layers = vec![Layer::new("\u{1b}[31m\u{0}", [(1.0, 2.0)], LOOKS[0])];
         let panel = Panel::new("a\u{1}\u{ffff}b<&", "\r\n\t", "", layers);
         let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
-        let svg = svg(&figure).expect("is drawn");
+        let svg = Drawing::of(&figure).expect("is drawn").svg();
         assert!(svg.contains("a\\u{1}\u{fffd}b&lt;&amp;"));
         raster::parsed(&svg).expect("is well formed");
     }

@@ -4,7 +4,7 @@ use minijinja::context;
 use minijinja::value::Value;
 
 use crate::report::ReportError;
-use crate::report::drawing::{self, Figure};
+use crate::report::drawing::{Drawing, Figure, style};
 use crate::report::{figures, plotted};
 
 /// Draws a figure for a page.
@@ -13,13 +13,13 @@ use crate::report::{figures, plotted};
 /// It cannot be drawn.
 pub fn image(figure: &Figure) -> Result<Value, ReportError> {
     let error = |message| ReportError::Draw { figure: figure.stem.clone(), message };
-    Ok(image_of_svg(figure, &drawing::svg(figure).map_err(error)?))
+    Ok(image_of_drawing(figure, &Drawing::of(figure).map_err(error)?))
 }
 
 /// A figure that was drawn, for a page.
-pub fn image_of_svg(figure: &Figure, svg: &str) -> Value {
-    let (columns, width) = drawing::size(figure);
-    let [legend, panels] = drawing::parts(svg);
+pub fn image_of_drawing(figure: &Figure, drawing: &Drawing) -> Value {
+    let [legend, panels] = drawing.parts();
+    let Drawing { columns, width, .. } = *drawing;
     context! {
         stem => &figure.stem,
         number => figures::number(&figure.stem),
@@ -30,6 +30,6 @@ pub fn image_of_svg(figure: &Figure, svg: &str) -> Value {
         panels,
         columns,
         width => width.round() as u32,
-        wide => width > drawing::style::WIDTH,
+        wide => width > style::WIDTH,
     }
 }

@@ -12,7 +12,7 @@ use minijinja::value::{Serde, Value};
 use serde_json::Value as Json;
 
 pub use engine::fill;
-pub use image::{image, image_of_svg};
+pub use image::{image, image_of_drawing};
 pub use trial::{html as trial_html, neighbours};
 
 use super::drawing::Figure;

@@ -172,11 +172,15 @@ proptest! {
         let start = Instant::now();
         let content = Content::read(&input, Reader::default()).expect("reads");
         for figure in &content.figures {
-            let svg = drawing::svg(figure).expect("is drawn");
+            let svg = drawing::Drawing::of(figure).expect("is drawn").svg();
             prop_assert!(svg.len() < 4_000_000, "{}: {} bytes", figure.stem, svg.len());
             prop_assert!(plotted::csv(figure).len() < 4_000_000);
         }
-        trials::write(&input, (&content.tables, &content.reader), &content.pages, &BTreeSet::new()).expect("pages");
+        let tables = (&*content.tables, &content.reader);
+        let write = |to_disk: &ToDisk| {
+            trials::write(&input, tables, &content.pages, &BTreeSet::new(), to_disk)
+        };
+        ToDisk::during(write).0.expect("pages");
         prop_assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
     }
 }

@@ -16,7 +16,10 @@ fn printed(width_mm: FigureWidth, font_pt: f64, stem: &str) -> [Vec<u8>; 3] {
     let input = ReportInput::new(&config, BTreeSet::new());
     let content = Content::read(&input, Reader::default()).expect("reads");
     let figure = content.figures.iter().find(|figure| figure.stem == stem).expect("a figure");
-    draw(&input.paths.reports, figure).expect("draws");
+    let write = |name: &str, bytes: &[u8]| {
+        crate::store::write_bytes(&input.paths.reports.join(name), bytes).map(drop)
+    };
+    draw(figure, None, &write).expect("draws");
     let figures = input.paths.reports.join("figures");
     ["svg", "png", "pdf"]
         .map(|kind| std::fs::read(figures.join(format!("{stem}.{kind}"))).expect("a file"))
