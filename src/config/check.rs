@@ -345,7 +345,7 @@ mod tests {
             let marker = |i: i32| (format!("X{i}"), [10.0 * f64::from(i), 0.0, 0.0]);
             config.markers.link2 = (0..count).map(marker).collect();
             let found = config.check(Path::new("p.toml")).map_err(|error| error.to_string());
-            let needed = format!("`markers.link2` = {count}, needed 2 to 64 markers");
+            let needed = format!("`markers.link2`: found {count}, needed 2 to 64 markers");
             assert!(
                 found.as_ref().map_or_else(|e| !holds && e.contains(&needed), |()| holds),
                 "{found:?}"
