@@ -8,7 +8,7 @@ mod adjoint;
 use super::lu;
 use super::radau::{RADAU, Radau, STAGES};
 use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Residual};
-use crate::robot::{Number, Pose, rotated};
+use crate::robot::{Number, Pose};
 
 /// States at the stages of one element.
 pub(super) type Stages<const N: usize, T = f64> = [[T; N]; STAGES];
@@ -45,13 +45,15 @@ pub(super) fn rate<const N: usize, T: Number>(
     j: usize,
     per_s: f64,
 ) -> [T; N] {
-    std::array::from_fn(|i| {
+    let mut rates = [T::of(0.0); N];
+    for i in 0..N {
         let mut sum = T::of(rule.differentiate_start[j]) * start[i];
         for l in 0..STAGES {
             sum += T::of(rule.differentiate[j][l]) * stages[l][i];
         }
-        sum * T::of(per_s)
-    })
+        rates[i] = sum * T::of(per_s);
+    }
+    rates
 }
 
 /// Unknowns per stage.
@@ -365,10 +367,14 @@ pub(super) fn weighted<const N: usize, T: Number>(
     start: &[T; N],
     stages: &Stages<N, T>,
 ) -> [T; N] {
-    std::array::from_fn(|i| {
-        let first = T::of(weights[0]) * start[i];
-        (0..STAGES).fold(first, |sum, j| sum + T::of(weights[j + 1]) * stages[j][i])
-    })
+    let mut sums = [T::of(0.0); N];
+    for i in 0..N {
+        sums[i] = T::of(weights[0]) * start[i];
+        for j in 0..STAGES {
+            sums[i] += T::of(weights[j + 1]) * stages[j][i];
+        }
+    }
+    sums
 }
 
 /// State at a fraction of an element, or of its polynomial beyond.
@@ -386,16 +392,30 @@ pub(super) fn integrate_poses(
     states: &[KinematicState; STAGES],
     duration_s: f64,
 ) -> [Pose; STAGES] {
-    let headings_rad = integrals(&states.map(|state| state.velocity[2]), duration_s)
-        .map(|turned| from.theta_rad + turned);
-    let rates: [[f64; 2]; STAGES] = std::array::from_fn(|j| {
-        let [u, v, ..] = states[j].velocity;
-        rotated(headings_rad[j], [u, v])
-    });
-    let [x, y] = [0, 1].map(|i| integrals(&rates.map(|rate| rate[i]), duration_s));
-    std::array::from_fn(|j| Pose {
-        x_m: from.x_m + x[j],
-        y_m: from.y_m + y[j],
-        theta_rad: headings_rad[j],
-    })
+    integrate_path(from, states, duration_s).0
+}
+
+/// The same with sine and cosine of the headings.
+pub(super) fn integrate_path(
+    from: Pose,
+    states: &[KinematicState; STAGES],
+    duration_s: f64,
+) -> ([Pose; STAGES], [(f64, f64); STAGES]) {
+    let turned = integrals(&states.map(|state| state.velocity[2]), duration_s);
+    let headings_rad = turned.map(|turned| from.theta_rad + turned);
+    let mut directions = [(0.0, 1.0); STAGES];
+    for j in (0..STAGES).step_by(2) {
+        let next = (j + 1).min(STAGES - 1);
+        [directions[j], directions[next]] =
+            Number::both_sin_cos([headings_rad[j], headings_rad[next]]);
+    }
+    let mut rates = [[0.0; STAGES]; 2];
+    for j in 0..STAGES {
+        let ((sin, cos), [u, v, ..]) = (directions[j], states[j].velocity);
+        (rates[0][j], rates[1][j]) = (cos * u - sin * v, sin * u + cos * v);
+    }
+    let [x, y] = rates.map(|rates| integrals(&rates, duration_s));
+    let pose =
+        |j: usize| Pose { x_m: from.x_m + x[j], y_m: from.y_m + y[j], theta_rad: headings_rad[j] };
+    (std::array::from_fn(pose), directions)
 }

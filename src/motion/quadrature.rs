@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use super::element::integrate_poses;
+use super::element::integrate_path;
 use super::forces::contact_forces;
 use super::method::Method;
 use super::orbit::Effort;
@@ -16,7 +16,7 @@ use super::reduced::{AMPLITUDE, Derivatives, KinematicState, NUMBERS};
 use super::trajectory::Sample;
 use super::{MotionError, Problem, Result};
 use crate::metrics::GaitMetrics;
-use crate::robot::{JointCommand, Parameter, Pose, Robot, Trig};
+use crate::robot::{JointCommand, Number, Parameter, Pose, Robot, Trig};
 
 /// Elements of the quadrature at first and at most. Odd numbers keep the elements' ends off
 /// the simple fractions of a period at which gaits tend to cross `det W_b = 0`.
@@ -40,7 +40,18 @@ pub(super) struct Quadrature<'a> {
     pub problem: &'a Problem,
     pub joints: [JointCommand; 2],
     /// Of the last solution.
-    pub elements: &'a mut usize,
+    pub known: &'a mut Known,
+}
+
+/// What is known of a gait once its motion has been found.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Known {
+    /// Elements of the quadrature.
+    elements: usize,
+    /// Largest `det W_b` of the cycle, m.
+    det_scale_m: f64,
+    /// Whether gaits that differ in a number of a command have a motion, too.
+    lasts: [bool; GAIT],
 }
 
 impl Method for Quadrature<'_> {
@@ -57,7 +68,7 @@ impl Method for Quadrature<'_> {
         if error > accuracy {
             return Err(MotionError::Unresolved { error });
         }
-        *self.elements = elements;
+        *self.known = Known { elements, ..eq3.known };
         let d_m = end.x_m.hypot(end.y_m);
         let metrics = GaitMetrics {
             d_m,
@@ -72,8 +83,9 @@ impl Method for Quadrature<'_> {
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
         let mut derivatives = Derivatives::NONE;
         if wanted.is_none() {
-            let eq3 = Eq3::new(&self.problem.robot, self.joints)?;
-            let (end, slopes) = eq3.cycle_slopes(*self.elements);
+            let (robot, joints, known) = (&self.problem.robot, self.joints, *self.known);
+            let eq3 = Eq3 { robot, joints, known };
+            let (end, slopes) = eq3.cycle_slopes(known.elements);
             let d_m = end.x_m.hypot(end.y_m);
             derivatives.omega.v_m_s = d_m / TAU;
             for (i, [x, y, dtheta_rad]) in slopes.into_iter().enumerate() {
@@ -84,7 +96,7 @@ impl Method for Quadrature<'_> {
                     (0, AMPLITUDE) => self.joints[0].amplitude_rad.signum(),
                     _ => 0.0,
                 };
-                derivatives.gait[joint][number] = match eq3.lasts[i] {
+                derivatives.gait[joint][number] = match known.lasts[i] {
                     true => GaitMetrics {
                         d_m: slope_m,
                         v_m_s: slope_m * self.problem.omega_rad_s / TAU,
@@ -183,24 +195,22 @@ const ALL: usize = 2 + GAIT;
 struct Eq3<'a> {
     robot: &'a Robot,
     joints: [JointCommand; 2],
-    /// Largest `det W_b` of the cycle, m.
-    det_scale_m: f64,
-    /// Whether gaits that differ in a number of a command have a motion, too.
-    lasts: [bool; GAIT],
+    known: Known,
 }
 
 impl<'a> Eq3<'a> {
     /// # Errors
     /// The gait crosses `det W_b = 0` without meeting condition (5).
     fn new(robot: &'a Robot, joints: [JointCommand; 2]) -> Result<Self> {
-        let mut eq3 = Self { robot, joints, det_scale_m: 0.0, lasts: [true; GAIT] };
+        let known = Known { lasts: [true; GAIT], ..Known::default() };
+        let mut eq3 = Self { robot, joints, known };
         let mut scale = 0.0_f64;
         for i in 0..SAMPLES {
             let [parts] = eq3.parts(TAU * i as f64 / SAMPLES as f64);
             scale = scale.max(eq3.size(&parts));
-            eq3.det_scale_m = eq3.det_scale_m.max(parts[2].abs());
+            eq3.known.det_scale_m = eq3.known.det_scale_m.max(parts[2].abs());
         }
-        if eq3.det_scale_m <= 1e-12 * (robot.h_m + robot.l_m) {
+        if eq3.known.det_scale_m <= 1e-12 * (robot.h_m + robot.l_m) {
             return Err(MotionError::Singular { phase_rad: 0.0 });
         }
         // No farther than this can it change its sign.
@@ -208,7 +218,7 @@ impl<'a> Eq3<'a> {
             * joints.iter().map(|joint| joint.amplitude_rad.abs()).sum::<f64>();
         let det = |phase: f64| eq3.parts::<1>(phase)[0][2];
         let (mut phase, mut before) = (0.0, det(0.0));
-        let mut lasts = eq3.lasts;
+        let mut lasts = eq3.known.lasts;
         while phase < TAU {
             let next = phase + (before.abs() / fastest_m).max(RESOLUTION_RAD);
             let after = det(next);
@@ -227,7 +237,7 @@ impl<'a> Eq3<'a> {
             }
             (phase, before) = (next, after);
         }
-        Ok(Self { lasts, ..eq3 })
+        Ok(Self { known: Known { lasts, ..eq3.known }, ..eq3 })
     }
 
     /// Where `det W_b` is zero between two phases, at the second of which it is positive or not:
@@ -262,7 +272,7 @@ impl<'a> Eq3<'a> {
     /// `-s2 u - a2 r = l phi2'`.
     #[inline(always)]
     fn parts<const K: usize>(&self, phase: f64) -> [[f64; 3]; K] {
-        let waves = self.joints.map(|joint| (phase + joint.phase_rad).sin_cos());
+        let waves = f64::both_sin_cos(self.joints.map(|joint| phase + joint.phase_rad));
         // Derivatives of each joint's angle and rate with respect to the numbers of its command.
         let changes: [[[f64; 2]; NUMBERS]; 2] = std::array::from_fn(|joint| {
             let ((sin, cos), amplitude_rad) = (waves[joint], self.joints[joint].amplitude_rad);
@@ -311,7 +321,7 @@ impl<'a> Eq3<'a> {
             (std::array::from_fn(|k| if k == 0 { value } else { derivative(parts[k]) }), det)
         };
         let (value, det) = quotients(phase);
-        if det.abs() > NEAR * self.det_scale_m {
+        if det.abs() > NEAR * self.known.det_scale_m {
             return value;
         }
         let [far_left, left, right, far_right] =
@@ -344,7 +354,7 @@ impl<'a> Eq3<'a> {
     /// The pose after an element that starts at a phase.
     fn advance(&self, pose: Pose, phase: f64, length: f64) -> Pose {
         let velocities = RADAU.nodes.map(|node| self.velocities::<1>(phase + length * node)[0]);
-        let [.., end] = poses(pose, &velocities, length);
+        let ([.., end], _) = path(pose, &velocities, length);
         end
     }
 
@@ -356,9 +366,8 @@ impl<'a> Eq3<'a> {
             let velocities =
                 RADAU.nodes.map(|node| self.velocities::<ALL>(length * (k as f64 + node)));
             let values = velocities.map(|of| of[0]);
-            let poses = poses(pose, &values, length);
+            let (poses, directions) = path(pose, &values, length);
             pose = poses[STAGES - 1];
-            let directions = poses.map(|pose| pose.theta_rad.sin_cos());
             for (i, [x, y, theta]) in slopes.iter_mut().enumerate() {
                 let turned: [f64; STAGES] = std::array::from_fn(|j| {
                     let sum = (0..STAGES).map(|l| integrate[j][l] * velocities[l][2 + i][1]);
@@ -378,9 +387,14 @@ impl<'a> Eq3<'a> {
     }
 }
 
-/// Poses at the stages of an element with these velocities `(u, theta')` there.
-fn poses(from: Pose, velocities: &[[f64; 2]; STAGES], length: f64) -> [Pose; STAGES] {
+/// Poses at the stages of an element with these velocities `(u, theta')` there, and sine and cosine
+/// of their headings.
+fn path(
+    from: Pose,
+    velocities: &[[f64; 2]; STAGES],
+    length: f64,
+) -> ([Pose; STAGES], [(f64, f64); STAGES]) {
     let state =
         |[u, r]: [f64; 2]| KinematicState { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] };
-    integrate_poses(from, &velocities.map(state), length)
+    integrate_path(from, &velocities.map(state), length)
 }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::method::{Collocation, Method};
 use super::orbit::{Effort, PeriodicOrbit};
-use super::quadrature::Quadrature;
+use super::quadrature::{Known, Quadrature};
 use super::reduced::{Derivatives, PassiveNoSkid, Skid};
 use super::trajectory::Sample;
 use super::{FromRest, MotionError, Problem, Result, SteadyMotion};
@@ -18,8 +18,8 @@ pub struct Solver {
     last: Option<Problem>,
     /// The last problem whose motion eq. 3 gives, its metrics, and how accurate they are.
     last_quadrature: Option<(Problem, GaitMetrics, f64)>,
-    /// Elements of its quadrature.
-    quadrature_elements: usize,
+    /// What its quadrature has found out.
+    known_of_quadrature: Known,
     kinematic_skid: PeriodicOrbit<3, Skid<3>>,
     passive_skid: PeriodicOrbit<5, Skid<5>>,
     passive_no_skid: PeriodicOrbit<2, PassiveNoSkid>,
@@ -193,8 +193,8 @@ impl Solver {
         match (problem.gait.joints, problem.model.skids()) {
             ([None, None], _) => Err(MotionError::NotDriven),
             ([Some(joint1), Some(joint2)], false) => {
-                let elements = &mut self.quadrature_elements;
-                task(&mut Quadrature { problem: &problem, joints: [joint1, joint2], elements })
+                let known = &mut self.known_of_quadrature;
+                task(&mut Quadrature { problem: &problem, joints: [joint1, joint2], known })
             }
             ([Some(_), Some(_)], true) => {
                 let orbit = &mut self.kinematic_skid;
