@@ -1,11 +1,13 @@
 //! The models' motion: one evaluation of the equations, one Newton step, steady motions cold,
-//! warm from the neighbouring frequency and with derivatives, the way from rest, and a sweep.
+//! warm from the neighbouring frequency and with derivatives, what derivatives add to a solution, the
+//! way from rest, and a sweep.
 //!
 //! Times wander with the machine; counts of instructions do not:
 //! `valgrind --tool=callgrind --toggle-collect='*Solver*solve*' BENCH --test NAME`, where `BENCH`
 //! is the executable that `cargo bench --no-run` names.
 
 use std::hint::black_box;
+use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rayon::prelude::*;
@@ -98,6 +100,32 @@ fn steady_motions(criterion: &mut Criterion) {
     }
 }
 
+/// Solutions without and with all derivatives by turns, the smallest time of many sweeps of each:
+/// what a busy machine delays, it delays alike.
+fn derivatives_beside_solutions(_: &mut Criterion) {
+    const SWEEPS: usize = 300;
+    for (name, problems) in &campaigns() {
+        let mut solver = Solver::default();
+        let mut sweep = |with_derivatives: bool| {
+            let start = Instant::now();
+            for problem in problems {
+                solver.forget();
+                black_box(solver.solve(problem, FIT_ACCURACY).expect("the motion exists"));
+                if with_derivatives {
+                    black_box(solver.derivatives().expect("and has derivatives"));
+                }
+            }
+            start.elapsed().as_secs_f64() * 1e6 / problems.len() as f64
+        };
+        let mut best = [f64::INFINITY; 2];
+        for _ in 0..SWEEPS {
+            best = [best[0].min(sweep(false)), best[1].min(sweep(true))];
+        }
+        let [cold, whole] = best;
+        println!("{name}: {cold:.1} us, with derivatives {whole:.1} us ({:.2})", whole / cold);
+    }
+}
+
 fn parts_of_a_solution(criterion: &mut Criterion) {
     criterion.bench_function("equations of motion with their Jacobian", |bencher| {
         let robot = semi_passive();
@@ -148,5 +176,11 @@ fn sweeps(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, parts_of_a_solution, steady_motions, sweeps);
+criterion_group!(
+    benches,
+    derivatives_beside_solutions,
+    parts_of_a_solution,
+    steady_motions,
+    sweeps
+);
 criterion_main!(benches);

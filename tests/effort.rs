@@ -3,6 +3,8 @@
 //! writes the new numbers.
 
 use std::fmt::Write as _;
+use std::hint::black_box;
+use std::time::Instant;
 
 use trilink::motion::{Effort, FIT_ACCURACY, Model, MotionError, Problem, Solver};
 use trilink::robot::{Gait, Robot};
@@ -62,4 +64,49 @@ fn every_model_takes_the_steps_that_it_took() {
         }
     }
     insta::assert_snapshot!(text);
+}
+
+/// Mean over the paper's frequencies of a solution from nothing and of one with all derivatives, us:
+/// the smallest of many sweeps.
+fn times_us(robot: &Robot, gait: Gait, model: Model) -> [f64; 2] {
+    let mut solver = Solver::default();
+    let mut sweep = |with_derivatives: bool| {
+        let start = Instant::now();
+        for omega_rad_s in OMEGAS_RAD_S {
+            solver.forget();
+            let problem = Problem { robot: robot.clone(), gait, model, omega_rad_s };
+            solver.solve(&problem, FIT_ACCURACY).expect("the motion exists");
+            if with_derivatives {
+                black_box(solver.derivatives().expect("and has derivatives"));
+            }
+        }
+        start.elapsed().as_secs_f64() * 1e6 / OMEGAS_RAD_S.len() as f64
+    };
+    (0..300)
+        .fold([f64::INFINITY; 2], |best, _| [best[0].min(sweep(false)), best[1].min(sweep(true))])
+}
+
+#[test]
+#[ignore = "a timing; alone and with --release: cargo test --release --test effort -- --ignored"]
+fn a_solution_takes_no_longer_than_its_bound_and_derivatives_little_more() {
+    let skewed = Robot { skid_kg_s: [74.5, 91.0, 95.0], ..Robot::kinematic() };
+    let passive = Robot { stiffness_nm_rad: 0.137, ..Robot::semi_passive() };
+    let cases = [
+        (Robot::kinematic(), Gait::symmetric(), Model::SkidRoll, 18.0),
+        (skewed, Gait::skewed(), Model::SkidRoll, 20.0),
+        (passive.clone(), Gait::passive_symmetric(), Model::SkidRoll, 90.0),
+        (passive.clone(), Gait::passive_symmetric(), Model::NoSkidRoll, 30.0),
+        (passive, Gait::passive_symmetric(), Model::NoSkid, 30.0),
+        (Robot::kinematic(), Gait::symmetric(), Model::NoSkid, 30.0),
+    ];
+    for (robot, gait, model, bound_us) in cases {
+        let [cold_us, whole_us] = times_us(&robot, gait, model);
+        println!("{model}: {cold_us:.1} us, with derivatives {whole_us:.1} us");
+        assert!(cold_us < bound_us, "{model}: {cold_us:.1} us instead of {bound_us}");
+        let most_us = 1.6 * bound_us;
+        assert!(
+            whole_us < most_us,
+            "{model} with derivatives: {whole_us:.1} us instead of {most_us}"
+        );
+    }
 }

@@ -12,12 +12,12 @@ use crate::robot::{Lanes, Number, Pose, dot, skid_rows};
 
 /// A steady cycle measured by the elements' own quadrature.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cycle {
+pub(super) struct Cycle<const N: usize> {
     pub metrics: GaitMetrics,
     /// Pose after the elements' span.
     pub end: Pose,
     /// Of joint 1, where it is passive.
-    pub extremes: Option<Extremes>,
+    pub extremes: Option<Extremes<N>>,
 }
 
 /// Measures a periodic solution.
@@ -26,7 +26,7 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     mesh: &Mesh<N, R>,
     path: &Path,
     workspace: &mut Linearisation,
-) -> Cycle {
+) -> Cycle<N> {
     let problem = model.problem();
     let weights = RADAU.integrate[STAGES - 1];
     let end = path.end;

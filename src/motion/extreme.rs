@@ -12,29 +12,33 @@ use crate::robot::{LANES, Number};
 
 /// Highest and lowest angle of joint 1 over a whole period.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Extremes {
-    pub highest: TurningPoint,
-    pub lowest: TurningPoint,
+pub(super) struct Extremes<const N: usize> {
+    pub highest: TurningPoint<N>,
+    pub lowest: TurningPoint<N>,
 }
 
 /// Where joint 1 turns round.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TurningPoint {
+pub(super) struct TurningPoint<const N: usize> {
     phi_rad: f64,
     pub element: usize,
     /// Fraction of the element.
     pub fraction: f64,
     /// -1 in the mirror image that follows half a period later.
     pub sign: f64,
+    /// The stages of the shorter element that ends there, where they are known.
+    stages: Option<Stages<N>>,
 }
 
 /// Error, as a fraction of an element, of a turning point; the angle's is its third power.
 const TOLERANCE: f64 = 1e-5;
+/// The same of one that need not be corrected once more.
+const THERE: f64 = 1e-8;
 const MOST_CORRECTIONS: usize = 4;
 
-impl Extremes {
+impl<const N: usize> Extremes<N> {
     /// Finds the extremes of a periodic solution.
-    pub fn find<const N: usize, R: Reduced<N>>(
+    pub fn find<R: Reduced<N>>(
         model: &R,
         mesh: &Mesh<N, R>,
         path: &Path,
@@ -61,7 +65,7 @@ impl Extremes {
                 };
                 for &sign in signs {
                     let phi_rad = sign * RADAU.interpolate(&angles, fraction);
-                    let point = TurningPoint { phi_rad, element: k, fraction, sign };
+                    let point = TurningPoint { phi_rad, element: k, fraction, sign, stages: None };
                     let extremes = found.get_or_insert(Self { highest: point, lowest: point });
                     if point.phi_rad > extremes.highest.phi_rad {
                         extremes.highest = point;
@@ -89,17 +93,20 @@ impl Extremes {
     }
 }
 
-impl TurningPoint {
+impl<const N: usize> TurningPoint<N> {
     /// The shorter element that ends at the turning point: its nodes and stages.
-    pub fn shorter_element<const N: usize, R: Reduced<N>>(
+    pub fn shorter_element<R: Reduced<N>>(
         &self,
         model: &R,
         mesh: &Mesh<N, R>,
         workspace: &mut Linearisation,
     ) -> Option<([R::Node<f64>; STAGES], Stages<N>)> {
+        let nodes = RADAU.nodes.map(|c| mesh.node_at(model, self.element, self.fraction * c));
+        if let Some(stages) = self.stages {
+            return Some((nodes, stages));
+        }
         let (start, whole) =
             (mesh.states.start_of(self.element), mesh.states.stages_of(self.element));
-        let nodes = RADAU.nodes.map(|c| mesh.node_at(model, self.element, self.fraction * c));
         let stages = RADAU.nodes.map(|c| interpolate(&start, &whole, self.fraction * c));
         workspace.resize::<N, R>(1);
         let duration_s = self.fraction * mesh.element_s;
@@ -109,7 +116,7 @@ impl TurningPoint {
     }
 
     /// Moves the turning point to where the rate is zero.
-    fn correct<const N: usize, R: Reduced<N>>(
+    fn correct<R: Reduced<N>>(
         &mut self,
         model: &R,
         mesh: &Mesh<N, R>,
@@ -135,6 +142,10 @@ impl TurningPoint {
             }
             // The parabola's vertex: the error of the angle is of third order.
             self.phi_rad = self.sign * (phi - 0.5 * w * w / acceleration);
+            if correction.abs() < THERE {
+                self.stages = Some(stages);
+                return;
+            }
             self.fraction += correction;
             if correction.abs() < TOLERANCE || self.fraction <= 0.0 {
                 return;

@@ -1,11 +1,12 @@
 //! Gradients of the metrics that are integrals over a cycle with respect to the motion.
 
 use super::cycle::{Cycle, skid_scale};
+use super::element::{Element, Stages};
 use super::mesh::Mesh;
 use super::path::Leg;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{KinematicState, Reduced};
-use crate::robot::{Lanes, Pose, dot, dskid_rows_dphi, skid_rows};
+use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Variable};
+use crate::robot::{Lanes, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
 /// What is integrated over the elements: sigma of the wheels, where they skid, then d, then, as far
 /// as they are asked for, Delta theta, and d where the second half of the period changes by the
@@ -25,7 +26,11 @@ pub(super) struct MetricGradient {
 }
 
 impl MetricGradient {
-    pub fn new<const N: usize, R: Reduced<N>>(model: &R, mesh: &Mesh<N, R>, cycle: &Cycle) -> Self {
+    pub fn new<const N: usize, R: Reduced<N>>(
+        model: &R,
+        mesh: &Mesh<N, R>,
+        cycle: &Cycle<N>,
+    ) -> Self {
         let Pose { x_m: x, y_m: y, theta_rad } = cycle.end;
         // Of the half period and its mirror image.
         let whole = cycle.end * cycle.end.mirrored();
@@ -123,6 +128,53 @@ impl MetricGradient {
             let turned = weight * (u * across - v * along);
             for l in 0..STAGES {
                 d[l].velocity[2] += turned * Lanes::splat(self.duration_s * RADAU.integrate[j][l]);
+            }
+        }
+    }
+}
+
+/// Weights that the unknowns of an element have in a quantity with these gradients at the stages, and
+/// its derivative with respect to the start of an integrated state.
+#[inline(always)]
+pub(super) fn weights_of_unknowns<const N: usize, R: Reduced<N>>(
+    model: &R,
+    element: &Element<N, R, Lanes>,
+    trig: &[Trig<Lanes>; STAGES],
+    gradients: &[KinematicState<Lanes>; STAGES],
+) -> (Stages<N, Lanes>, Lanes) {
+    let (mut weights, mut by_last) = ([[Lanes::default(); N]; STAGES], Lanes::default());
+    for j in 0..STAGES {
+        let (node, y) = (&element.nodes[j], &element.stages[j]);
+        weights[j] = model.state_gradient(node, y, &trig[j], &gradients[j]);
+    }
+    if R::INTEGRATED {
+        // The last state is its start plus the integral of the one before it.
+        for j in 0..STAGES {
+            by_last += weights[j][N - 1];
+            for l in 0..STAGES {
+                let weight = Lanes::splat(element.duration_s * RADAU.integrate[j][l]);
+                weights[l][N - 2] += weight * weights[j][N - 1];
+            }
+        }
+    }
+    (weights, by_last)
+}
+
+/// Adds what the numbers of the gait change of such a quantity when the states stay.
+#[inline(always)]
+pub(super) fn add_by_gait<const N: usize, R: Reduced<N>>(
+    model: &R,
+    element: &Element<N, R, Lanes>,
+    trig: &[Trig<Lanes>; STAGES],
+    gradients: &[KinematicState<Lanes>; STAGES],
+    sum: &mut [Lanes; MOST_PARAMETERS],
+) {
+    for j in 0..STAGES {
+        let (node, y) = (&element.nodes[j], &element.stages[j]);
+        let slopes = model.gait_gradient(node, y, &trig[j], &gradients[j]);
+        for column in R::OF_ROBOT..R::PARAMETERS {
+            if let Variable::Gait(joint, number) = model.variable(column) {
+                sum[column] += slopes[joint][number];
             }
         }
     }

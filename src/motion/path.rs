@@ -37,23 +37,30 @@ impl Path {
         for pack in 0..mesh.packs() {
             let count = mesh.elements_of(pack).len();
             let (nodes, stages) = (mesh.nodes(pack), &mesh.states.packs[pack]);
-            let states: [KinematicState<Lanes>; STAGES] =
-                std::array::from_fn(|j| model.kinematics(&nodes[j], &stages[j]));
-            let turned = integrals(&states.map(|state| state.velocity[2]), mesh.element_s);
+            let zero = Lanes::default();
+            let mut states = [KinematicState::default(); STAGES];
+            let mut trig = [Trig { s: [zero; 2], c: [zero; 2] }; STAGES];
+            let mut turning = [zero; STAGES];
+            for j in 0..STAGES {
+                states[j] = model.kinematics(&nodes[j], &stages[j]);
+                trig[j] = model.trig(&nodes[j], &stages[j]);
+                turning[j] = states[j].velocity[2];
+            }
+            let turned = integrals(&turning, mesh.element_s);
             let added = turned[STAGES - 1];
             let start = in_turn(&mut end.theta_rad, count, |at, lane| at + added.lane(lane));
-            let directions = turned.map(|turned| Number::sin_cos(start + turned));
-            let mut rates = [[Lanes::default(); STAGES]; 2];
+            let (mut directions, mut rates) = ([(zero, zero); STAGES], [[zero; STAGES]; 2]);
             for j in 0..STAGES {
-                let ((sin, cos), [u, v, ..]) = (directions[j], states[j].velocity);
+                let (sin, cos) = Number::sin_cos(start + turned[j]);
+                let [u, v, ..] = states[j].velocity;
                 (rates[0][j], rates[1][j]) = (cos * u - sin * v, sin * u + cos * v);
+                directions[j] = (sin, cos);
             }
             let mut ends = [&mut end.x_m, &mut end.y_m];
             let ends = std::array::from_fn(|i| {
                 let added = integrals(&rates[i], mesh.element_s)[STAGES - 1];
                 added + in_turn(ends[i], count, |at, lane| at + added.lane(lane))
             });
-            let trig = std::array::from_fn(|j| model.trig(&nodes[j], &stages[j]));
             legs.push(Leg { states, trig, directions, rates, ends });
         }
     }

@@ -13,17 +13,15 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Problem;
 use super::cycle::Cycle;
-use super::element::{Element, Linearisation, Stages, unknowns};
+use super::element::{Element, Linearisation, unknowns};
 use super::extreme::{Extremes, TurningPoint};
-use super::gradient::MetricGradient;
+use super::gradient::{MetricGradient, add_by_gait, weights_of_unknowns};
 use super::mesh::Mesh;
 use super::path::Path;
-use super::radau::{RADAU, STAGES};
-use super::reduced::{
-    AMPLITUDE, Derivatives, KinematicState, MOST_PARAMETERS, OFFSET, Reduced, Variable,
-};
+use super::radau::STAGES;
+use super::reduced::{AMPLITUDE, Derivatives, MOST_PARAMETERS, OFFSET, Reduced, Variable};
 use crate::metrics::GaitMetrics;
-use crate::robot::{LANES, Lanes, Number, Parameter, Trig};
+use crate::robot::{LANES, Lanes, Number, Parameter};
 
 /// Derivatives with respect to the parameters.
 type ByParameters<T = f64> = [T; MOST_PARAMETERS];
@@ -41,6 +39,8 @@ pub(super) struct Adjoints {
     /// Solutions of the transposed systems for the quantities and for the states at the ends.
     quantities: Vec<Lanes>,
     ends: Vec<Lanes>,
+    /// The same of alpha1 for one pack.
+    alpha1: Vec<Lanes>,
     /// Derivatives of the quantities' parts and of the ends with respect to the elements' starts.
     by_start: Vec<Lanes>,
     /// Derivatives of the whole quantities, then of alpha1 where joint 1 can be passive, with respect
@@ -54,6 +54,7 @@ impl Adjoints {
         let zero = Lanes::default();
         self.quantities.resize(packs * size * quantities, zero);
         self.ends.resize(packs * size * states, zero);
+        self.alpha1.resize(size, zero);
         self.by_start.resize(packs * (quantities + states) * states, zero);
         // Nothing in lanes without an element of their own.
         self.by_end.clear();
@@ -77,7 +78,7 @@ fn rows_of_mut<const K: usize>(of: &mut [Lanes], pack: usize, count: usize) -> &
 pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
-    solution: (&Path, &Cycle),
+    solution: (&Path, &Cycle<N>),
     room: Room,
     wanted: Option<&[Parameter]>,
 ) -> Option<Derivatives> {
@@ -101,7 +102,7 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
 fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
     model: &R,
     mesh: &Mesh<N, R>,
-    (path, cycle): (&Path, &Cycle),
+    (path, cycle): (&Path, &Cycle<N>),
     room: Room,
     parameters: usize,
 ) -> Option<Derivatives> {
@@ -128,7 +129,8 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
                     rows[j * per_stage + i][q] = weights[j][i];
                 }
             }
-            if parameters > R::OF_ROBOT {
+            // Where the wheels skid, d and Delta theta depend on the states alone.
+            if parameters > R::OF_ROBOT && (q < 3 || !R::SKIDS) {
                 add_by_gait(model, &element, &leg.trig, &gradients, &mut sums[q]);
             }
         }
@@ -159,31 +161,30 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
     }
     back_along_chain::<N, R, C>(mesh, adjoints, &turns)?;
 
-    let mut alpha1_sums = [Lanes::default(); MOST_PARAMETERS];
+    let mut alpha1_sums = [[Lanes::default(); MOST_PARAMETERS]];
     for pack in 0..mesh.packs() {
-        let quantities = rows_of::<C>(&adjoints.quantities, pack, size);
+        let quantities = rows_of_mut::<C>(&mut adjoints.quantities, pack, size);
         let ends = rows_of::<N>(&adjoints.ends, pack, size);
         let by_end = rows_of::<N>(&adjoints.by_end, pack, whole);
-        let from_end = |q: usize, row: usize| {
-            let mut sum = by_end[q][0] * ends[row][0];
-            for i in 1..N {
-                sum += by_end[q][i] * ends[row][i];
-            }
-            sum
+        let from_end = |q: usize, row: &[Lanes; N]| {
+            (1..N).fold(by_end[q][0] * row[0], |sum, i| sum + by_end[q][i] * row[i])
         };
-        for q in 0..C {
-            let adjoint = |row: usize| quantities[row][q] + from_end(q, row);
-            linearisation.add_by_parameters::<N, R>(pack, parameters, adjoint, &mut sums[q]);
+        for (quantities, end) in quantities.iter_mut().zip(ends) {
+            for q in 0..C {
+                quantities[q] += from_end(q, end);
+            }
         }
+        linearisation.add_by_parameters::<N, R, C>(pack, parameters, quantities, &mut sums);
         if cycle.extremes.is_some() {
-            let adjoint = |row: usize| from_end(C, row);
-            linearisation.add_by_parameters::<N, R>(pack, parameters, adjoint, &mut alpha1_sums);
+            let rows = &mut rows_of_mut::<1>(&mut adjoints.alpha1, 0, size);
+            rows.iter_mut().zip(ends).for_each(|(row, end)| *row = [from_end(C, end)]);
+            linearisation.add_by_parameters::<N, R, 1>(pack, parameters, rows, &mut alpha1_sums);
         }
     }
     let total = |sums: &ByParameters<Lanes>, column: usize| -> f64 {
         (0..LANES).map(|lane| sums[column].lane(lane)).sum()
     };
-    alpha1.iter_mut().enumerate().for_each(|(p, sum)| *sum += total(&alpha1_sums, p));
+    alpha1.iter_mut().enumerate().for_each(|(p, sum)| *sum += total(&alpha1_sums[0], p));
     Some(derivatives_of(model, mesh, cycle, parameters, |column| {
         let mut quantities = [0.0; 6];
         let first = if R::SKIDS { 0 } else { 3 };
@@ -192,53 +193,6 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
         }
         (quantities, alpha1[column])
     }))
-}
-
-/// Weights that the unknowns of an element have in a quantity with these gradients at the stages, and
-/// its derivative with respect to the start of an integrated state.
-#[inline(always)]
-fn weights_of_unknowns<const N: usize, R: Reduced<N>>(
-    model: &R,
-    element: &Element<N, R, Lanes>,
-    trig: &[Trig<Lanes>; STAGES],
-    gradients: &[KinematicState<Lanes>; STAGES],
-) -> (Stages<N, Lanes>, Lanes) {
-    let (mut weights, mut by_last) = ([[Lanes::default(); N]; STAGES], Lanes::default());
-    for j in 0..STAGES {
-        let (node, y) = (&element.nodes[j], &element.stages[j]);
-        weights[j] = model.state_gradient(node, y, &trig[j], &gradients[j]);
-    }
-    if R::INTEGRATED {
-        // The last state is its start plus the integral of the one before it.
-        for j in 0..STAGES {
-            by_last += weights[j][N - 1];
-            for l in 0..STAGES {
-                let weight = Lanes::splat(element.duration_s * RADAU.integrate[j][l]);
-                weights[l][N - 2] += weight * weights[j][N - 1];
-            }
-        }
-    }
-    (weights, by_last)
-}
-
-/// Adds what the numbers of the gait change of such a quantity when the states stay.
-#[inline(always)]
-fn add_by_gait<const N: usize, R: Reduced<N>>(
-    model: &R,
-    element: &Element<N, R, Lanes>,
-    trig: &[Trig<Lanes>; STAGES],
-    gradients: &[KinematicState<Lanes>; STAGES],
-    sum: &mut ByParameters<Lanes>,
-) {
-    for j in 0..STAGES {
-        let (node, y) = (&element.nodes[j], &element.stages[j]);
-        let slopes = model.gait_gradient(node, y, &trig[j], &gradients[j]);
-        for column in R::OF_ROBOT..R::PARAMETERS {
-            if let Variable::Gait(joint, number) = model.variable(column) {
-                sum[column] += slopes[joint][number];
-            }
-        }
-    }
 }
 
 /// Where an alpha1 comes from: the element and its derivatives with respect to that element's start.
@@ -317,24 +271,19 @@ fn back_along_chain<const N: usize, R: Reduced<N>, const C: usize>(
 fn angle_at<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
-    extreme: &TurningPoint,
+    extreme: &TurningPoint<N>,
     workspace: &mut Linearisation,
     parameters: usize,
 ) -> Option<([f64; N], ByParameters)> {
-    /// Unknowns of an element.
-    const MOST_UNKNOWNS: usize = 4 * STAGES;
     let (nodes, stages) = extreme.shorter_element(model, mesh, workspace)?;
     let (start, duration_s) =
         (mesh.states.start_of(extreme.element), extreme.fraction * mesh.element_s);
     let element = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
     workspace.linearise_all(0, model, &element, parameters);
-    let mut ends = [[0.0; N]; MOST_UNKNOWNS];
-    let ends = &mut ends[..unknowns::<N, R>() * STAGES];
-    let by_start = workspace.solve_adjoint_of_end::<N, R>(0, duration_s, ends);
-    let mut by_parameters = [0.0; MOST_PARAMETERS];
-    let adjoint = |row: usize| ends[row][N - 1];
-    workspace.add_by_parameters::<N, R>(0, parameters, adjoint, &mut by_parameters);
-    Some((by_start[N - 1], by_parameters))
+    let (adjoint, by_start) = workspace.solve_adjoint_of_last::<N, R>(0, duration_s);
+    let mut by_parameters = [[0.0; MOST_PARAMETERS]];
+    workspace.add_by_parameters::<N, R, 1>(0, parameters, &adjoint, &mut by_parameters);
+    Some((by_start, by_parameters[0]))
 }
 
 /// The derivatives of the metrics from those of the quantities, of all that there are, and of
@@ -342,7 +291,7 @@ fn angle_at<const N: usize, R: Reduced<N>>(
 fn derivatives_of<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
-    cycle: &Cycle,
+    cycle: &Cycle<N>,
     parameters: usize,
     of: impl Fn(usize) -> ([f64; 6], f64),
 ) -> Derivatives {
@@ -372,7 +321,7 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
         derivatives.set(variable, derivative);
     }
     if parameters > R::OF_ROBOT {
-        derivatives.omega = domega(problem, cycle, &derivatives);
+        derivatives.omega = domega(problem, cycle.metrics.d_m, &derivatives);
     }
     // The proportions of the roll resistances stay when their sum changes.
     let shares = problem.robot.roll_shares();
@@ -386,8 +335,8 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
 
 /// Derivatives with respect to omega, from those with respect to the robot's parameters: per
 /// radian of phase the motion depends on dissipation over omega and on stiffness over its square.
-fn domega(problem: &Problem, cycle: &Cycle, derivatives: &Derivatives) -> GaitMetrics {
-    let mut sum = GaitMetrics { v_m_s: cycle.metrics.d_m / TAU, ..GaitMetrics::NONE }.to_array();
+fn domega(problem: &Problem, d_m: f64, derivatives: &Derivatives) -> GaitMetrics {
+    let mut sum = GaitMetrics { v_m_s: d_m / TAU, ..GaitMetrics::NONE }.to_array();
     for (parameter, derivative) in derivatives.parameters.iter() {
         let power = if parameter == Parameter::Stiffness { 2.0 } else { 1.0 };
         let part = power * parameter.of(&problem.robot) / problem.omega_rad_s;

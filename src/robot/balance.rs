@@ -56,8 +56,8 @@ pub fn mass_matrix<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 5] {
     let [i0, i1, i2] = robot.inertia_kg_m2;
     let (j1, j2) = (m1 * b * b + i1, m2 * b * b + i2);
     let middle = T::of(i0 + (m1 + m2) * h * h + j1 + j2);
-    let (total, h, [mb1, mb2]) = (T::of(m0 + m1 + m2), T::of(h), [m1 * b, m2 * b].map(T::of));
-    let ([j1, j2], uneven, zero) = ([j1, j2].map(T::of), h * T::of(m1 - m2), T::of(0.0));
+    let (total, h, mb1, mb2) = (T::of(m0 + m1 + m2), T::of(h), T::of(m1 * b), T::of(m2 * b));
+    let (j1, j2, uneven, zero) = (T::of(j1), T::of(j2), h * T::of(m1 - m2), T::of(0.0));
     let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
     let (u_1, v_1) = (-(mb1 * s1), -(mb1 * c1));
     let (u_2, v_2) = (mb2 * s2, -(mb2 * c2));
@@ -166,8 +166,7 @@ pub fn force_balance<T: Number>(
     acceleration: &[T; 5],
 ) -> Balance<T> {
     let mass = mass_matrix(robot, trig);
-    let [m0, ..] = robot.mass_kg.map(T::of);
-    let [i0, i1, i2] = robot.inertia_kg_m2.map(T::of);
+    let (m0, inertia) = (T::of(robot.mass_kg[0]), |link: usize| T::of(robot.inertia_kg_m2[link]));
     let ([u, v, r, ..], dr) = (*velocity, acceleration[2]);
     let middle = acceleration_of_middle(velocity, acceleration);
     let link = |joint| SideLink::new(robot, joint, trig, velocity, acceleration);
@@ -177,11 +176,11 @@ pub fn force_balance<T: Number>(
         link.project([link.mass() * ax, link.mass() * ay])
     };
     let (by_front, by_rear) = (moved(&front), moved(&rear));
-    let (spin1, spin2) = (i1 * front.dturning, i2 * rear.dturning);
+    let (spin1, spin2) = (inertia(1) * front.dturning, inertia(2) * rear.dturning);
     let mut force = [
         by_front[0] + by_rear[0] + m0 * middle[0],
         by_front[1] + by_rear[1] + m0 * middle[1],
-        by_front[2] + by_rear[2] + i0 * dr + spin1 + spin2,
+        by_front[2] + by_rear[2] + inertia(0) * dr + spin1 + spin2,
         by_front[3] - spin1,
         by_rear[4] + spin2,
     ];
@@ -202,7 +201,7 @@ pub fn force_balance<T: Number>(
     }
 
     let (skid, roll) = (skid_rows(robot, trig), roll_rows(robot, trig));
-    let (c_skid, c_roll) = (robot.skid_kg_s.map(T::of), robot.roll_kg_s.map(T::of));
+    let (c_skid, c_roll) = (&robot.skid_kg_s, &robot.roll_kg_s);
     let mut add = (&mut force, &mut dforce_dvelocity);
     add_friction(&mut add, c_skid[0], &skid[0], [1], velocity);
     add_friction(&mut add, c_roll[0], &roll[0], [0], velocity);
@@ -261,14 +260,14 @@ pub fn dforce_dphi<T: Number>(
 #[inline(always)]
 fn add_friction<T: Number, const K: usize>(
     (force, dforce_dvelocity): &mut (&mut [T; 5], &mut [[T; 5]; 5]),
-    c_kg_s: T,
+    c_kg_s: f64,
     row: &[T; 5],
     entries: [usize; K],
     velocity: &Velocity<T>,
 ) {
     let speed = speed(row, entries, velocity);
     for i in entries {
-        let resistance = c_kg_s * row[i];
+        let resistance = T::of(c_kg_s) * row[i];
         force[i] += resistance * speed;
         for j in entries {
             dforce_dvelocity[i][j] += resistance * row[j];

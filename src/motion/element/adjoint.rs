@@ -10,6 +10,9 @@ use crate::motion::radau::{RADAU, STAGES};
 use crate::motion::reduced::{MOST_PARAMETERS, Reduced};
 use crate::robot::Number;
 
+/// Most unknowns of an element.
+const MOST_UNKNOWNS: usize = 4 * STAGES;
+
 impl<T: Number> Linearisation<T> {
     /// Linearises the elements of `pack` with respect to their start and the first `parameters` of
     /// the model's, too, and factors them. What comes of a singular system is not finite.
@@ -62,7 +65,7 @@ impl<T: Number> Linearisation<T> {
         by_start
     }
 
-    /// The same for the states at the elements' end, the weights of which are written to `rows`.
+    /// The same for the states at the elements' end; their adjoint solutions are left in `rows`.
     #[inline(always)]
     pub fn solve_adjoint_of_end<const N: usize, R: Reduced<N>>(
         &self,
@@ -75,33 +78,60 @@ impl<T: Number> Linearisation<T> {
         for i in 0..per_stage {
             rows[(STAGES - 1) * per_stage + i][i] = T::of(1.0);
         }
-        if !R::INTEGRATED {
-            return self.solve_adjoint::<N, R, N>(pack, STAGES - 1, rows);
+        let mut by_start = self.solve_adjoint::<N, R, N>(pack, STAGES - 1, rows);
+        if R::INTEGRATED {
+            let last;
+            (last, by_start[N - 1]) = self.solve_adjoint_of_last::<N, R>(pack, duration_s);
+            rows.iter_mut().zip(last).for_each(|(row, [last])| row[N - 1] = last);
         }
-        // The last state is its start plus the integral of the one before it.
-        for (l, weight) in RADAU.integrate[STAGES - 1].iter().enumerate() {
-            rows[l * per_stage + N - 2][N - 1] = T::of(duration_s * weight);
-        }
-        let mut by_start = self.solve_adjoint::<N, R, N>(pack, 0, rows);
-        by_start[N - 1][N - 1] += T::of(1.0);
         by_start
     }
 
-    /// Subtracts from `sum` the derivatives of the residuals of `pack` with respect to the first
-    /// `parameters`, each residual times its entry of an adjoint solution.
+    /// The same for the last state at the elements' end alone.
     #[inline(always)]
-    pub fn add_by_parameters<const N: usize, R: Reduced<N>>(
+    pub fn solve_adjoint_of_last<const N: usize, R: Reduced<N>>(
+        &self,
+        pack: usize,
+        duration_s: f64,
+    ) -> ([[T; 1]; MOST_UNKNOWNS], [T; N]) {
+        let per_stage = unknowns::<N, R>();
+        let mut rows = [[T::of(0.0)]; MOST_UNKNOWNS];
+        let own = &mut rows[..per_stage * STAGES];
+        if !R::INTEGRATED {
+            own[STAGES * per_stage - 1] = [T::of(1.0)];
+            let [by_start] = self.solve_adjoint::<N, R, 1>(pack, STAGES - 1, own);
+            return (rows, by_start);
+        }
+        // It is its start plus the integral of the one before it.
+        for (l, weight) in RADAU.integrate[STAGES - 1].iter().enumerate() {
+            own[l * per_stage + N - 2] = [T::of(duration_s * weight)];
+        }
+        let [mut by_start] = self.solve_adjoint::<N, R, 1>(pack, 0, own);
+        by_start[N - 1] += T::of(1.0);
+        (rows, by_start)
+    }
+
+    /// Subtracts from `sums` the derivatives of the residuals of `pack` with respect to the first
+    /// `parameters`, each residual times its entry of the adjoint solutions of `C` quantities.
+    #[inline(always)]
+    pub fn add_by_parameters<const N: usize, R: Reduced<N>, const C: usize>(
         &self,
         pack: usize,
         parameters: usize,
-        adjoint: impl Fn(usize) -> T,
-        sum: &mut [T; MOST_PARAMETERS],
+        adjoint: &[[T; C]],
+        sums: &mut [[T; MOST_PARAMETERS]; C],
     ) {
         let size = unknowns::<N, R>() * STAGES;
-        for (row, slopes) in self.slopes[pack * size..][..size].iter().enumerate() {
-            let weight = adjoint(row);
-            for column in 0..parameters {
-                sum[column] -= weight * slopes[column];
+        let slopes = &self.slopes[pack * size..][..size];
+        for column in 0..parameters {
+            let mut sum = [T::of(0.0); C];
+            for (slopes, adjoint) in slopes.iter().zip(adjoint) {
+                for q in 0..C {
+                    sum[q] += adjoint[q] * slopes[column];
+                }
+            }
+            for q in 0..C {
+                sums[q][column] -= sum[q];
             }
         }
     }

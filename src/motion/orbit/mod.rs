@@ -67,7 +67,7 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     error_ratio: f64,
     /// What was found out about the solution: its path, its metrics, its largest Floquet multiplier.
     pub path: Path,
-    cycle: Option<Cycle>,
+    cycle: Option<Cycle<N>>,
     floquet: Option<f64>,
 }
 
@@ -243,7 +243,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// What a cycle of the solution amounts to.
-    pub fn measure(&mut self, model: &R) -> Cycle {
+    pub fn measure(&mut self, model: &R) -> Cycle<N> {
         let Self { mesh, path, workspace, cycle, .. } = self;
         *cycle.get_or_insert_with(|| measure(model, mesh, path, workspace))
     }

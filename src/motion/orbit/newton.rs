@@ -36,7 +36,11 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             linearisation.linearise(pack, model, &mesh.pack(pack, &starts), true);
             let ends = linearisation.end_transfer::<N, R>(pack, mesh.element_s);
             for lane in 0..mesh.elements_of(pack).len() {
-                transfers.push(ends.map(|row| row.map(|entry| entry.lane(lane))));
+                let mut transfer = [[0.0; N]; N];
+                for i in 0..N {
+                    (0..N).for_each(|m| transfer[i][m] = ends[i][m].lane(lane));
+                }
+                transfers.push(transfer);
             }
         }
         let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
@@ -166,9 +170,10 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         now.start = std::array::from_fn(|i| before.start[i] + part * step.start[i]);
         let part = Lanes::splat(part);
         now.packs.clear();
-        now.packs.extend(before.packs.iter().zip(&step.packs).map(|(before, step)| {
-            std::array::from_fn(|j| std::array::from_fn(|i| before[j][i] + part * step[j][i]))
-        }));
+        now.packs.extend_from_slice(&before.packs);
+        for (now, step) in now.packs.iter_mut().flatten().zip(step.packs.iter().flatten()) {
+            (0..N).for_each(|i| now[i] += part * step[i]);
+        }
     }
 
     /// Largest value of each state before or after a step.
@@ -176,8 +181,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let mut sizes = [Lanes::default(); N];
         let states = self.mesh.states.packs.iter().flatten();
         for (y, step) in states.zip(self.step.packs.iter().flatten()) {
-            keep_largest(&mut sizes, y);
-            keep_largest(&mut sizes, &std::array::from_fn(|i| y[i] + step[i]));
+            for i in 0..N {
+                sizes[i] = sizes[i].fast_max(y[i].abs()).fast_max((y[i] + step[i]).abs());
+            }
         }
         sizes.map(largest_lane)
     }
@@ -233,7 +239,11 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 /// `matrix x`.
 #[inline(always)]
 fn product<const N: usize>(matrix: &[[f64; N]; N], x: &[f64; N]) -> [f64; N] {
-    matrix.map(|row| row.iter().zip(x).map(|(entry, x)| entry * x).sum())
+    let mut product = [0.0; N];
+    for i in 0..N {
+        (0..N).for_each(|m| product[i] += matrix[i][m] * x[m]);
+    }
+    product
 }
 
 #[inline(always)]

@@ -184,7 +184,11 @@ impl Problem {
 /// Arrays side by side, one in each lane.
 #[inline(always)]
 pub(super) fn lanes<const K: usize>(arrays: [&[f64; K]; LANES]) -> [Lanes; K] {
-    std::array::from_fn(|i| Lanes::new(arrays.map(|array| array[i])))
+    let mut packed = [Lanes::default(); K];
+    for i in 0..K {
+        packed[i] = Lanes::new(arrays.map(|array| array[i]));
+    }
+    packed
 }
 
 /// What the command prescribes at one time; the entries of a passive joint are zero.
@@ -219,10 +223,15 @@ impl<T: Number> CommandNode<T> {
     /// rates alone.
     #[inline(always)]
     fn gait_gradient(&self, gradient: &KinematicState<T>, omega_rad_s: f64) -> [[T; NUMBERS]; 2] {
-        std::array::from_fn(|joint| {
-            self.slopes(joint, omega_rad_s).map(|[phi, rate, _]| {
-                gradient.phi_rad[joint] * phi + gradient.velocity[3 + joint] * rate
-            })
-        })
+        let mut by_number = [[T::of(0.0); NUMBERS]; 2];
+        for joint in 0..2 {
+            let slopes = self.slopes(joint, omega_rad_s);
+            for number in 0..NUMBERS {
+                let [phi, rate, _] = slopes[number];
+                by_number[joint][number] =
+                    gradient.phi_rad[joint] * phi + gradient.velocity[3 + joint] * rate;
+            }
+        }
+        by_number
     }
 }

@@ -29,6 +29,7 @@ pub struct PassiveNoSkid {
 #[derive(Debug, Clone, Copy)]
 pub struct ConstrainedNode<T = f64> {
     command: CommandNode<T>,
+    constraint: Constraint<T>,
     frame: Frame<T>,
 }
 
@@ -56,6 +57,7 @@ impl<T: Number> Frame<T> {
 
 /// What the wheel of the commanded link leaves, as functions of that joint's angle with their first
 /// two derivatives.
+#[derive(Debug, Clone, Copy)]
 struct Constraint<T> {
     /// `(u, theta')` along the null direction.
     null: [[T; 2]; 3],
@@ -264,8 +266,8 @@ impl Reduced<2> for PassiveNoSkid {
     #[inline(always)]
     fn node<T: Number>(&self, phase_rad: T) -> ConstrainedNode<T> {
         let command = CommandNode::new(&self.problem, phase_rad);
-        let frame = self.constraint(&command).frame();
-        ConstrainedNode { command, frame }
+        let constraint = self.constraint(&command);
+        ConstrainedNode { command, constraint, frame: constraint.frame() }
     }
 
     #[inline(always)]
@@ -315,11 +317,10 @@ impl Reduced<2> for PassiveNoSkid {
         let omega_rad_s = self.problem.omega_rad_s;
         // The frame of the constraints turns with the commanded joint.
         let (w, drate_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
-        let constraint = self.constraint(&node.command);
         let acceleration = self.acceleration(node, y, dy);
         let turned = dforce_dphi(robot, Some(p), a, &trig, &state.velocity, &acceleration);
         for (number, slopes) in node.command.slopes(a, omega_rad_s).into_iter().enumerate() {
-            let frame = constraint.frame_change(slopes);
+            let frame = node.constraint.frame_change(slopes);
             let (dvelocities, daccelerations) =
                 (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
             let dw = wheel.rate(dvelocities);
@@ -396,10 +397,9 @@ impl Reduced<2> for PassiveNoSkid {
         let omega_rad_s = self.problem.omega_rad_s;
         let [u, _, r, ..] = gradient.velocity;
         let mut gradients = node.command.gait_gradient(gradient, omega_rad_s);
-        let constraint = self.constraint(&node.command);
         let both = gradients[a].iter_mut().zip(node.command.slopes(a, omega_rad_s));
         for (gradient_of_number, slopes) in both {
-            let velocities = constraint.frame_change(slopes).velocities(y[0]);
+            let velocities = node.constraint.frame_change(slopes).velocities(y[0]);
             *gradient_of_number += u * velocities[0]
                 + r * velocities[1]
                 + gradient.velocity[3 + p] * wheel.rate(velocities);

@@ -198,10 +198,14 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         _trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [T; N] {
-        std::array::from_fn(|i| match i {
-            4 => gradient.phi_rad[self.passive],
-            _ => gradient.velocity[self.row(i)],
-        })
+        let mut by_state = [T::of(0.0); N];
+        for i in 0..Self::ROWS {
+            by_state[i] = gradient.velocity[self.row(i)];
+        }
+        if let Some(p) = self.passive() {
+            by_state[4] = gradient.phi_rad[p];
+        }
+        by_state
     }
 
     #[inline(always)]
