@@ -5,11 +5,13 @@
 
 mod common;
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use common::{files, succeed, text, trilink};
 use serde_json::Value;
 use tempfile::TempDir;
+use trilink::config::Config;
 use trilink::motion::Model;
 use trilink::store::{Columns as _, FitRow, FitStatus, Table, TrialRow};
 use trilink::trial::TrialKind;
@@ -149,4 +151,80 @@ fn labels_in_the_layout_may_name_the_subject() {
         assert_eq!(by_subject.metrics.d_m.to_bits(), by_marker.metrics.d_m.to_bits());
         assert_eq!(by_subject.residual_mm, by_marker.residual_mm);
     }
+}
+
+/// Names of the demo and others, those of campaigns first, because they have the others' in them.
+const RENAMED: [(&str, &str); 8] = [
+    ("kinematic-skewed", "zigzag"),
+    ("kinematic-symmetric", "meander"),
+    ("semi-passive-symmetric", "amble"),
+    ("semi-passive", "steel"),
+    ("kinematic", "walnut"),
+    ("passive-symmetric", "trailing"),
+    ("symmetric", "level"),
+    ("skewed", "slanted"),
+];
+
+/// The reports of the demo at a few frequencies, after its settings and its trials' names, files and
+/// lists were changed so.
+fn demo_of(renamed: impl Fn(String) -> String) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut config = Config::default();
+    (config.fit.starts, config.fit.bootstrap) = (2, 3);
+    let settings = toml::to_string(&config).expect("a configuration is TOML");
+    let (written, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    write(written.path(), "pipeline.toml", &settings);
+    succeed(written.path(), &["-q", "synth", "raw/demo", "--omega", "2,3.9", "--seed", "1"]);
+    for (name, bytes) in files(written.path()) {
+        let place = folder.path().join(renamed(name.display().to_string()));
+        std::fs::create_dir_all(place.parent().unwrap()).unwrap();
+        std::fs::write(place, renamed(text(&bytes))).unwrap();
+    }
+    succeed(folder.path(), &["-q", "run"]);
+    files(&folder.path().join("reports"))
+}
+
+#[test]
+fn the_demo_under_other_names_has_the_same_figures_panel_for_panel_and_value_for_value() {
+    let known = demo_of(|text| text);
+    let found =
+        demo_of(|text| RENAMED.iter().fold(text, |text, (old, new)| text.replace(old, new)));
+    let by_old_names =
+        |bytes: &[u8]| RENAMED.iter().fold(text(bytes), |text, (old, new)| text.replace(new, old));
+    // In these panels and layers follow each other by the campaigns' names.
+    let is_by_name = |name: &Path| name.ends_with("truth.csv") || name.ends_with("work.csv");
+    let values = |(name, bytes): (&PathBuf, &Vec<u8>)| {
+        let csv = by_old_names(bytes);
+        let mut lines: Vec<&str> = csv.lines().collect();
+        if is_by_name(name) {
+            lines = lines.into_iter().map(|line| line.split_once(',').unwrap().1).collect();
+            lines.sort_unstable();
+        }
+        (lines.join("\n"), name.display().to_string())
+    };
+    let tables = |files: &BTreeMap<PathBuf, Vec<u8>>| -> BTreeMap<String, String> {
+        let is_table = |name: &Path| name.extension().is_some_and(|extension| extension == "csv");
+        files.iter().filter(|(name, _)| is_table(name)).map(values).collect()
+    };
+    let [known_tables, found_tables] = [&known, &found].map(tables);
+    assert_eq!([known_tables.len(), found_tables.len()], [38; 2]);
+    for (values, name) in &known_tables {
+        assert!(found_tables.contains_key(values), "no figure has what {name} has");
+    }
+    // Panels, keys of legends, series, points with trials and bands, on every page but the
+    // scorecard's, which is the paper's.
+    let pages = |files: &BTreeMap<PathBuf, Vec<u8>>| -> BTreeMap<String, [usize; 5]> {
+        let is_page = |name: &Path| name.starts_with("trials") || name == Path::new("index.html");
+        let count = |(name, page): (&PathBuf, &Vec<u8>)| {
+            let page = text(page);
+            let parts = ["class=\"panel", "class=\"key", "data-name", "data-points", "data-band"];
+            (
+                by_old_names(name.display().to_string().as_bytes()),
+                parts.map(|part| page.matches(part).count()),
+            )
+        };
+        files.iter().filter(|(name, _)| is_page(name)).map(count).collect()
+    };
+    assert!(pages(&known)["index.html"].iter().all(|count| *count > 0));
+    assert_eq!(pages(&known).len(), 10);
+    assert_eq!(pages(&known), pages(&found));
 }

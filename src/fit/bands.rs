@@ -240,7 +240,7 @@ mod tests {
         };
         let replicates: Vec<Start> = (0..200).map(&mut replicate).collect();
         let measurements = objective.measurements.clone();
-        let resampler = Resampler::new(campaign, 1, measurements, &BTreeMap::new());
+        let resampler = Resampler::new(1, measurements, &BTreeMap::new());
         let systematic = Systematic::default();
         let bands = Bands::new(&point, &replicates, &resampler, &systematic, &[]);
         let (mut worst, mut by_derivatives) = (0.0_f64, 0);

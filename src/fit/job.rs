@@ -510,7 +510,7 @@ mod tests {
     fn a_profile_that_finds_a_lower_objective_resumes_the_fit() {
         let config = config();
         let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
-        let resampler = Resampler::new(CAMPAIGN, 1, measurements(), &BTreeMap::new());
+        let resampler = Resampler::new(1, measurements(), &BTreeMap::new());
         let replicates = Replicates::default();
         let job = Job::new(&input, &FitData::default(), &resampler, &replicates);
         // Away from the best, which is at 100.7, 33.9, 43.6 kg/s.
@@ -531,7 +531,7 @@ mod tests {
         config.fit.starts = 1;
         config.fit.bootstrap = 2;
         let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
-        let resampler = Resampler::new(CAMPAIGN, 1, measurements(), &BTreeMap::new());
+        let resampler = Resampler::new(1, measurements(), &BTreeMap::new());
         let replicates = Replicates::default();
         let job = Job::new(&input, &FitData::default(), &resampler, &replicates);
         let Fitted { fits, bootstrap, comparison, predictions, .. } = job.run(&|_| {});

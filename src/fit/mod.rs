@@ -160,9 +160,8 @@ pub fn fit_except(
         .iter()
         .filter(|inputs| inputs.iter().any(|input| is_new(&input)))
         .map(|inputs| {
-            let FitInput { campaign, fit, .. } = &inputs[0];
             let measurements = inputs[0].measurements(data);
-            (*inputs, Resampler::new(&campaign.name, fit.seed, measurements, &data.cycles))
+            (*inputs, Resampler::new(inputs[0].fit.seed, measurements, &data.cycles))
         })
         .collect();
     let new: Vec<(&FitInput, &Resampler)> = sampled

@@ -34,7 +34,6 @@ type Metrics = [f64; TERMS];
 
 /// Draws measurements of a campaign.
 pub(super) struct Resampler {
-    campaign: String,
     seed: u64,
     pub measurements: Vec<Measurement>,
     /// Indices of each frequency's trials.
@@ -83,7 +82,6 @@ impl Cycles {
 impl Resampler {
     /// Of sorted measurements; `cycles` are those that count, by trial.
     pub fn new(
-        campaign: &str,
         seed: u64,
         measurements: Vec<Measurement>,
         cycles: &BTreeMap<String, Vec<CycleRow>>,
@@ -101,7 +99,6 @@ impl Resampler {
             trials.iter().for_each(|trial| means_of_trials[*trial] = means);
         }
         Self {
-            campaign: campaign.to_owned(),
             seed,
             means: means_of_trials,
             cycles: measurements.iter().map(used).collect(),
@@ -114,12 +111,11 @@ impl Resampler {
         }
     }
 
-    /// Random numbers of some purpose, the same for every model of the campaign.
+    /// Random numbers of some purpose, the same for every model of the campaign, whatever its name.
     pub fn random(&self, purpose: &str, number: usize) -> ChaCha8Rng {
         let mut hash = blake3::Hasher::new();
         hash.update(&self.seed.to_le_bytes());
         hash.update(&(number as u64).to_le_bytes());
-        hash.update(self.campaign.as_bytes());
         hash.update(purpose.as_bytes());
         ChaCha8Rng::from_seed(*hash.finalize().as_bytes())
     }
@@ -353,7 +349,7 @@ mod tests {
             .map(|(measurement, cycles)| (measurement.trial.clone(), cycles.clone()))
             .collect();
         let measurements: Vec<Measurement> = trials.into_iter().map(|(each, _)| each).collect();
-        Resampler::new("campaign", 1, measurements, &cycles)
+        Resampler::new(1, measurements, &cycles)
     }
 
     /// Standard deviation of a number over many resamples.
