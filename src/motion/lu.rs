@@ -137,11 +137,11 @@ fn subtract_transposed<const P: usize, const C: usize, T: Number>(
     x: &[[T; C]; P],
     right: &mut [[T; C]; P],
 ) {
-    for i in 0..P {
-        for column in 0..C {
-            for m in 0..P {
-                right[i][column] -= factor[m][i] * x[m][column];
-            }
+    for column in 0..C {
+        let entries: [T; P] = std::array::from_fn(|m| x[m][column]);
+        for i in 0..P {
+            let first = factor[0][i] * entries[0];
+            right[i][column] -= (1..P).fold(first, |sum, m| sum + factor[m][i] * entries[m]);
         }
     }
 }

@@ -45,7 +45,7 @@ pub(super) struct Adjoints {
     by_start: Vec<Lanes>,
     /// Derivatives of the whole quantities, then of alpha1 where joint 1 can be passive, with respect
     /// to the elements' ends.
-    by_end: Vec<Lanes>,
+    by_end: Vec<[f64; LANES]>,
 }
 
 impl Adjoints {
@@ -58,17 +58,17 @@ impl Adjoints {
         self.by_start.resize(packs * (quantities + states) * states, zero);
         // Nothing in lanes without an element of their own.
         self.by_end.clear();
-        self.by_end.resize(packs * rows * states, zero);
+        self.by_end.resize(packs * rows * states, [0.0; LANES]);
     }
 }
 
 /// The rows of `K` of a pack that has `count` of them.
-fn rows_of<const K: usize>(of: &[Lanes], pack: usize, count: usize) -> &[[Lanes; K]] {
+fn rows_of<const K: usize, T>(of: &[T], pack: usize, count: usize) -> &[[T; K]] {
     of[pack * count * K..][..count * K].as_chunks::<K>().0
 }
 
 /// The same to write to.
-fn rows_of_mut<const K: usize>(of: &mut [Lanes], pack: usize, count: usize) -> &mut [[Lanes; K]] {
+fn rows_of_mut<const K: usize, T>(of: &mut [T], pack: usize, count: usize) -> &mut [[T; K]] {
     of[pack * count * K..][..count * K].as_chunks_mut::<K>().0
 }
 
@@ -117,7 +117,7 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
         let starts = mesh.starts(pack);
         let element = mesh.pack(pack, &starts);
         linearisation.linearise_all(pack, model, &element, parameters);
-        let rows = rows_of_mut::<C>(&mut adjoints.quantities, pack, size);
+        let rows = rows_of_mut::<C, _>(&mut adjoints.quantities, pack, size);
         let used = mesh.used(pack);
         let mut by_last = [Lanes::default(); C];
         for q in 0..C {
@@ -138,9 +138,9 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
         for q in 0..C {
             by_start[q][N - 1] += by_last[q];
         }
-        let rows = rows_of_mut::<N>(&mut adjoints.ends, pack, size);
+        let rows = rows_of_mut::<N, _>(&mut adjoints.ends, pack, size);
         let ends = linearisation.solve_adjoint_of_end::<N, R>(pack, mesh.element_s, rows);
-        let kept = rows_of_mut::<N>(&mut adjoints.by_start, pack, C + N);
+        let kept = rows_of_mut::<N, _>(&mut adjoints.by_start, pack, C + N);
         kept[..C].copy_from_slice(&by_start);
         kept[C..].copy_from_slice(&ends);
     }
@@ -163,11 +163,11 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
 
     let mut alpha1_sums = [[Lanes::default(); MOST_PARAMETERS]];
     for pack in 0..mesh.packs() {
-        let quantities = rows_of_mut::<C>(&mut adjoints.quantities, pack, size);
-        let ends = rows_of::<N>(&adjoints.ends, pack, size);
-        let by_end = rows_of::<N>(&adjoints.by_end, pack, whole);
+        let quantities = rows_of_mut::<C, _>(&mut adjoints.quantities, pack, size);
+        let ends = rows_of::<N, _>(&adjoints.ends, pack, size);
+        let by_end = rows_of::<N, _>(&adjoints.by_end, pack, whole);
         let from_end = |q: usize, row: &[Lanes; N]| {
-            (1..N).fold(by_end[q][0] * row[0], |sum, i| sum + by_end[q][i] * row[i])
+            (0..N).fold(Lanes::default(), |sum, i| sum + Lanes::new(by_end[q][i]) * row[i])
         };
         for (quantities, end) in quantities.iter_mut().zip(ends) {
             for q in 0..C {
@@ -176,7 +176,7 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
         }
         linearisation.add_by_parameters::<N, R, C>(pack, parameters, quantities, &mut sums);
         if cycle.extremes.is_some() {
-            let rows = &mut rows_of_mut::<1>(&mut adjoints.alpha1, 0, size);
+            let rows = &mut rows_of_mut::<1, _>(&mut adjoints.alpha1, 0, size);
             rows.iter_mut().zip(ends).for_each(|(row, end)| *row = [from_end(C, end)]);
             linearisation.add_by_parameters::<N, R, 1>(pack, parameters, rows, &mut alpha1_sums);
         }
@@ -210,7 +210,7 @@ fn back_along_chain<const N: usize, R: Reduced<N>, const C: usize>(
     let Adjoints { by_start, by_end, .. } = adjoints;
     let whole = C + usize::from(R::HAS_ANGLE);
     let back = |rows: &mut [[f64; N]], k: usize| {
-        let (own, ends) = rows_of::<N>(by_start, k / LANES, C + N).split_at(C);
+        let (own, ends) = rows_of::<N, _>(by_start, k / LANES, C + N).split_at(C);
         let lane = k % LANES;
         let mut transfer = [[0.0; N]; N];
         for i in 0..N {
@@ -252,13 +252,9 @@ fn back_along_chain<const N: usize, R: Reduced<N>, const C: usize>(
     }
     let rows = &mut rows[..whole];
     for k in (0..mesh.count).rev() {
-        let kept = rows_of_mut::<N>(by_end, k / LANES, whole);
+        let kept = rows_of_mut::<N, _>(by_end, k / LANES, whole);
         for (kept, row) in kept.iter_mut().zip(&*rows) {
-            for i in 0..N {
-                let mut lanes = kept[i].to_array();
-                lanes[k % LANES] = row[i];
-                kept[i] = Lanes::new(lanes);
-            }
+            (0..N).for_each(|i| kept[i][k % LANES] = row[i]);
         }
         back(rows, k);
     }
