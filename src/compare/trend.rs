@@ -186,9 +186,8 @@ impl<'r> Series<'r> {
             layers.push(Layer::new("", points(), dots));
             let half = |row: &HistoryRow| 0.5 * (row.upper - row.lower);
             let with_bars = self.rows.iter().map(|row| (x(row), row.value, half(row)));
-            let name = if has_bars { INTERVAL } else { RUN };
             let look = trends::RUN;
-            layers.push(Layer { trials, ..Layer::with_errors(name, with_bars, look) });
+            layers.push(Layer { trials, ..Layer::with_errors(RUN, with_bars, look) });
         }
         let accepted = runs.accepted.iter().map(|run| (*run as f64, f64::NAN));
         layers.push(Layer::new("accepted", accepted, Look::Guides));
@@ -202,7 +201,7 @@ impl<'r> Series<'r> {
 
 /// What the legend calls the layers.
 const BASELINE: &str = "accepted baseline and tolerance";
-const INTERVAL: &str = "run, 95 % interval";
+const INTERVAL: &str = "95 % interval";
 const RUN: &str = "run";
 
 /// The figure and the table of a campaign, or of what is of whole runs.

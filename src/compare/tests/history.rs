@@ -177,7 +177,18 @@ fn a_thousand_runs_are_one_page_of_bounded_size() {
     println!("{} bytes in {:?}", page.len(), start.elapsed());
     assert!(page.len() < 1_500_000, "{}", page.len());
     assert!(page.contains("<a href=\"#run-700\">run 700</a>") && page.contains("id=\"run-1\""));
-    assert!(page.contains("<g data-name=\"run, 95 % interval\" data-band="), "intervals as a band");
+    assert!(page.contains("<g data-name=\"95 % interval\" data-band="), "intervals as a band");
+}
+
+#[test]
+fn runs_with_and_without_intervals_have_one_name_in_the_legend() {
+    let mut rows = runs(5, 3, None);
+    for row in rows.iter_mut().filter(|row| row.quantity == "skid0_kg_s") {
+        (row.lower, row.upper) = (f64::NAN, f64::NAN);
+    }
+    let page = page(&rows);
+    // In the figure of the campaign and in that of whole runs.
+    assert_eq!(page.matches("class=\"key\" data-name=\"run").count(), 2);
 }
 
 #[test]
