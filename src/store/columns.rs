@@ -69,6 +69,9 @@ fn all_problems<T: Columns>(table: &Table) -> Option<StoreError> {
             problems.insert(0, format!("columns `{all}`: found none of them, needed all"));
         }
     }
+    if !missing.is_empty() {
+        problems.push("`trilink run` makes the tables of an older version anew".to_owned());
+    }
     let (path, problems) = (table.path.clone(), problems.join("; "));
     (!problems.is_empty()).then_some(StoreError::Columns { path, problems })
 }

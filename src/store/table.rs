@@ -277,6 +277,7 @@ mod tests {
         let message = Row::from_table(&table).unwrap_err().to_string();
         let missing = "columns `count`, `some`, `used`, `free`: found none of them";
         assert!(message.contains(missing), "{message}");
+        assert!(message.ends_with("`trilink run` makes the tables of an older version anew"));
     }
 
     #[test]
@@ -293,7 +294,8 @@ mod tests {
             message,
             ": column `some`: found no such column; column `number`: found text, needed numbers; \
              column `count`: found booleans, needed whole numbers; column `name`: found numbers, \
-             needed text; column `free`: found whole numbers, needed lists of text"
+             needed text; column `free`: found whole numbers, needed lists of text; \
+             `trilink run` makes the tables of an older version anew"
         );
     }
 
