@@ -1,5 +1,6 @@
 //! Names and messages that would act on a page if they were not shown as text.
 
+use trilink::compare::HistoryRow;
 use trilink::store::TrialStatus;
 use trilink::store::{CheckRow, FitRow, Provenance, Severity, Table, TrialRow};
 
@@ -43,7 +44,7 @@ fn change<R: trilink::store::Columns>(
     name: &str,
     change: impl FnOnce(&mut Vec<R>),
 ) {
-    let path = project.place(&format!("derived/{name}.parquet"));
+    let path = project.place(&format!("{name}.parquet"));
     let mut rows = R::from_table(&Table::read(&path).unwrap()).unwrap();
     change(&mut rows);
     R::to_table(&rows).write(&path, &Provenance { input: "hostile".to_owned() }).unwrap();
@@ -61,7 +62,7 @@ const MADE: &str = r#"[
 fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
     let Some(mut browser) = Browser::start() else { return };
     let (project, names) = (Small::done(), names());
-    change::<TrialRow>(&project, "trials", |rows| {
+    change::<TrialRow>(&project, "derived/trials", |rows| {
         let like = rows[0].clone();
         rows.extend(names.iter().enumerate().map(|(nth, name)| TrialRow {
             trial: name.clone(),
@@ -72,7 +73,7 @@ fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
             ..like.clone()
         }));
     });
-    change::<CheckRow>(&project, "checks", |rows| {
+    change::<CheckRow>(&project, "derived/checks", |rows| {
         rows.extend(names.iter().map(|name| CheckRow {
             trial: name.clone(),
             check: name.clone(),
@@ -82,7 +83,7 @@ fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
             message: name.clone(),
         }));
     });
-    change::<FitRow>(&project, "fits", |rows| {
+    change::<FitRow>(&project, "derived/fits", |rows| {
         let like = rows[0].clone();
         rows.extend(names.iter().step_by(16).map(|name| FitRow {
             campaign: name.clone(),
@@ -104,7 +105,23 @@ fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
         let is_turned = name.contains(['\u{202a}', '\u{202b}', '\u{202c}', '\u{202d}']);
         assert!(is_turned || shown.contains(&name.as_str().into()), "{name} is not in the table");
     }
-    // Every figure under the pointer and by the keyboard, every legend, what unfolds.
+    use_everything(&mut browser);
+    let pages = browser.evaluate(
+        r##"[...document.querySelectorAll("#trials-table a[href^='trials/']")]
+          .map(link => decodeURIComponent(new URL(link.href).pathname))"##,
+    );
+    let pages = pages.as_array().unwrap();
+    assert!(pages.len() > 64, "{} pages of trials", pages.len());
+    for page in pages.iter().step_by(7) {
+        browser.open(Path::new(page.as_str().unwrap()));
+        assert_eq!(browser.evaluate(MADE), json!([[], [], 0]), "{page}");
+    }
+    assert_no_problems(&browser);
+}
+
+/// Every figure under the pointer and by the keyboard, every legend, what unfolds.
+#[track_caller]
+fn use_everything(browser: &mut Browser) {
     browser.evaluate(
         r#"(async () => {
           document.querySelectorAll("details").forEach(details => { details.open = true; });
@@ -118,15 +135,56 @@ fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
         })()"#,
     );
     assert_eq!(browser.evaluate(MADE), json!([[], [], 0]));
-    let pages = browser.evaluate(
-        r##"[...document.querySelectorAll("#trials-table a[href^='trials/']")]
-          .map(link => decodeURIComponent(new URL(link.href).pathname))"##,
+}
+
+#[test]
+fn hostile_names_are_text_on_the_pages_of_history_comparison_scorecard_and_motion() {
+    let Some(mut browser) = Browser::start() else { return };
+    let (project, names) = (Small::done(), names());
+    change::<HistoryRow>(&project, "reports/history", |rows| {
+        let like = rows[0].clone();
+        rows.extend(names.iter().enumerate().map(|(nth, name)| HistoryRow {
+            campaign: if nth % 8 == 0 { name.clone() } else { String::new() },
+            model: name.clone(),
+            quantity: name.clone(),
+            note: if nth % 2 == 0 { name.clone() } else { String::new() },
+            ..like.clone()
+        }));
+    });
+    project.run();
+    for (folder, d_m) in [("old", 0.1), ("new", 0.2)] {
+        for (path, bytes) in files(&project.place("derived")) {
+            project.write(&format!("{folder}/{}", path.display()), bytes);
+        }
+        change::<TrialRow>(&project, &format!("{folder}/trials"), |rows| {
+            let like = rows[0].clone();
+            rows.extend(names.iter().enumerate().map(|(nth, name)| TrialRow {
+                trial: name.clone(),
+                campaign: names[nth / 16 * 16].clone(),
+                metrics: trilink::metrics::GaitMetrics { d_m, ..like.metrics },
+                ..like.clone()
+            }));
+        });
+    }
+    let compared = trilink(project.path(), &["-q", "compare", "old", "--against", "new"]);
+    assert_eq!(compared.status.code(), Some(1));
+    let settings = common::text(&project.read("pipeline.toml")).replace(
+        "[campaign.kinematic-skewed]",
+        "[campaign.'<img src=x onerror=alert(1)>\" id=\"made']",
     );
-    let pages = pages.as_array().unwrap();
-    assert!(pages.len() > 64, "{} pages of trials", pages.len());
-    for page in pages.iter().step_by(7) {
-        browser.open(Path::new(page.as_str().unwrap()));
+    project.write("motion.toml", settings);
+    let motion = ["<img src=x onerror=alert(1)>\" id=\"made", "--model", "skid", "--omega", "5"];
+    let to = ["--config", "motion.toml", "--page", "reports/motion.html"];
+    succeed(project.path(), &[&["simulate"][..], &motion, &to].concat());
+
+    browser.window(1400, 900);
+    for (page, least) in [("history", 64), ("compare", 64), ("scorecard", 0), ("motion", 1)] {
+        browser.open(&project.place(&format!("reports/{page}.html")));
         assert_eq!(browser.evaluate(MADE), json!([[], [], 0]), "{page}");
+        use_everything(&mut browser);
+        let shown =
+            browser.evaluate("document.body.textContent.match(/alert\\(1\\)/g)?.length ?? 0");
+        assert!(shown.as_u64() >= Some(least), "{page} has {shown} of the names");
     }
     assert_no_problems(&browser);
 }

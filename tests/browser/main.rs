@@ -15,7 +15,7 @@ mod replay;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use common::{files, succeed};
+use common::{files, succeed, trilink};
 use driver::Browser;
 use serde_json::json;
 use tempfile::TempDir;
