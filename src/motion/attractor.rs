@@ -27,7 +27,7 @@ const MOST_CYCLES: usize = 500;
 const MOST_ELEMENTS: usize = 100_000;
 /// Most cycles after which a motion that does not settle may repeat itself.
 const MOST_PERIODS: usize = 8;
-const TOLERANCE: f64 = 1e-6;
+const TOLERANCE: f64 = 1e-5;
 
 /// Integrates the transient from rest until it is certain in which solution it ends, which the
 /// orbit is then; the orbit's own solution, where `is_solved`, is tried first. Gives the cycles

@@ -10,7 +10,7 @@ use super::texts::texts;
 use super::{SEMI_PASSIVE, not_drawn};
 use crate::config::Config;
 use crate::metrics::GaitMetrics;
-use crate::motion::{Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample, Solver};
+use crate::motion::{FIT_ACCURACY, Model, MotionError, Pose, Problem, Sample, Solver};
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
 use crate::report::looks;
@@ -164,7 +164,7 @@ fn sweep(stem: &str, campaign: &str, of: impl Fn(f64) -> Option<Problem> + Sync)
         // Nearer to each other where the motion changes fastest.
         let omega_rad_s = low * (high / low).powf(f64::from(i) / f64::from(count - 1));
         let settled = of(omega_rad_s)
-            .and_then(|problem| Solver::default().settle(&problem, REFERENCE_ACCURACY).ok());
+            .and_then(|problem| Solver::default().settle(&problem, FIT_ACCURACY).ok());
         (omega_rad_s, settled.map_or(GaitMetrics::MISSING, |settled| settled.motion.metrics))
     };
     let points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
