@@ -5,6 +5,7 @@ use plotters::coord::ranged1d::{
 };
 use plotters::coord::types::RangedCoordf64;
 
+use super::style::text_width;
 use crate::report::numbers;
 use crate::stats::extremes;
 
@@ -141,6 +142,12 @@ impl Axis {
                 break;
             }
         }
+    }
+
+    /// Width of the widest label of a tick, px.
+    pub fn label_width(&self) -> f64 {
+        let widths = self.ticks.iter().map(|tick| text_width(&self.format_ext(tick)));
+        widths.fold(0.0, f64::max)
     }
 
     fn named_ticks(&self, most: usize) -> Vec<f64> {

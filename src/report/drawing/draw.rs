@@ -7,7 +7,7 @@ use plotters::style::text_anchor::HPos;
 use super::axis::{Axis, Range};
 use super::figure::Layer;
 use super::frame::{Area, Drawn, Frame};
-use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, RIGHT, TOP};
+use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, RIGHT, TICK_LABELS, TOP};
 use super::legend::{Entry, ROW, SAMPLE_GAP};
 use super::style::{self, Look, SAMPLE, stroke, units};
 use crate::report::svg::{Markup, escaped};
@@ -77,6 +77,8 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     let (across, up) = (cell.x.range.span(), cell.y.range.span());
     let pixel = (across / (right - LEFT), up / cell.inner_height);
     let labels = if cell.bottom == BOTTOM { BOTTOM - 5.0 } else { 0.0 };
+    // Values that hardly differ have too many digits for both.
+    let y_label = if cell.y.label_width() <= TICK_LABELS { &panel.y_label } else { "" };
     let mut chart = ChartBuilder::on(&area)
         .margin_top(units(TOP))
         .margin_right(units(RIGHT))
@@ -102,7 +104,7 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
         .y_label_offset(units(0.1 * style::EM))
         .set_all_tick_mark_size(units(TICK))
         .x_desc(&panel.x_label)
-        .y_desc(&panel.y_label)
+        .y_desc(y_label)
         .draw()?;
     // All four sides, where plotters draws two: from the middle of one and back to it, so that
     // every corner is joined.

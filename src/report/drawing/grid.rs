@@ -1,7 +1,5 @@
 //! Where the panels of a figure are and how large.
 
-use plotters::coord::ranged1d::ValueFormatter;
-
 use super::axis::{Axis, Range, Scale};
 use super::figure::{Figure, Layout, Panel};
 use super::legend;
@@ -10,7 +8,7 @@ use super::style::{self, WIDE, WIDTH};
 /// Room around a panel's frame for its title, ticks and labels, px.
 pub const LEFT: f64 = 66.0;
 /// Of `LEFT`, for the labels of ticks.
-const TICK_LABELS: f64 = 46.0;
+pub const TICK_LABELS: f64 = 46.0;
 pub const RIGHT: f64 = 10.0;
 pub const TOP: f64 = 30.0;
 pub const BOTTOM: f64 = 42.0;
@@ -147,19 +145,18 @@ fn axes(panel: &Panel, xs: &[f64], width: f64, height: f64) -> (Axis, Axis) {
     if panel.x_scale == Scale::Equal {
         Axis::equalise(&mut x, &mut y, width, height);
     }
-    let widest = |axis: &Axis| {
-        axis.ticks.iter().map(|tick| style::text_width(&axis.format_ext(tick))).fold(0.0, f64::max)
-    };
     let have_room = |x: &Axis| {
         let apart = x.ticks.windows(2).map(|pair| pair[1] - pair[0]);
         let apart = apart.fold(f64::INFINITY, f64::min) / x.range.span() * width;
-        apart > widest(x) + 0.6 * style::EM
+        apart > x.label_width() + 0.6 * style::EM
     };
     x.set_ticks(((width / 45.0) as usize).max(3) + 1, have_room);
     // A label reaches as far as the panel's edge.
-    let (half, per_px) = (0.5 * widest(&x), x.range.span() / width);
+    let (half, per_px) = (0.5 * x.label_width(), x.range.span() / width);
     let last = x.range.high - (half - RIGHT).max(0.0) * per_px;
     x.ticks.retain(|tick| *tick <= last);
-    y.set_ticks((height / 28.0) as usize + 1, |y| y.ticks.len() <= 2 || widest(y) <= TICK_LABELS);
+    y.set_ticks((height / 28.0) as usize + 1, |y| {
+        y.ticks.len() <= 2 || y.label_width() <= TICK_LABELS
+    });
     (x, y)
 }

@@ -204,6 +204,19 @@ mod tests {
     }
 
     #[test]
+    fn the_label_of_an_axis_gives_way_to_values_that_hardly_differ() {
+        for (apart, has_label) in [(1e-3, true), (1e-8, false)] {
+            let layer = Layer::new("a", [(0.0, 0.00983), (1.0, 0.00983 + apart)], LOOKS[0]);
+            let panel = Panel::new("", "x", "mean of J", vec![layer]);
+            let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
+            let svg = Drawing::of(&figure).expect("is drawn").svg();
+            assert_eq!(svg.contains(">mean of J<"), has_label, "{apart}");
+            // The page's script still has it.
+            assert!(svg.contains("0 mean of J\""), "{apart}");
+        }
+    }
+
+    #[test]
     fn names_that_xml_cannot_have_are_still_drawn() {
         let layers = vec![Layer::new("\u{1b}[31m\u{0}", [(1.0, 2.0)], LOOKS[0])];
         let panel = Panel::new("a\u{1}\u{ffff}b<&", "\r\n\t", "", layers);
