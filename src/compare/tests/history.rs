@@ -181,14 +181,13 @@ fn a_thousand_runs_are_one_page_of_bounded_size() {
 }
 
 #[test]
-fn runs_with_and_without_intervals_have_one_name_in_the_legend() {
+fn runs_with_and_without_intervals_are_not_told_apart_by_a_legend() {
     let mut rows = runs(5, 3, None);
     for row in rows.iter_mut().filter(|row| row.quantity == "skid0_kg_s") {
         (row.lower, row.upper) = (f64::NAN, f64::NAN);
     }
     let page = page(&rows);
-    // In the figure of the campaign and in that of whole runs.
-    assert_eq!(page.matches("class=\"key\" data-name=\"run").count(), 2);
+    assert!(!page.contains("class=\"key\" data-name=\"run"));
 }
 
 #[test]

@@ -200,12 +200,16 @@ impl Figure {
         self.panels.iter().all(Panel::is_empty)
     }
 
-    /// What the legend has of all panels, each look of a name once, measurements first.
+    /// What the legend has of all panels, each look of a name once and with error bars if a panel
+    /// has them, measurements first.
     pub fn samples(&self) -> Vec<Layer> {
         let mut samples: Vec<Layer> = Vec::new();
         for sample in self.panels.iter().flat_map(Panel::samples) {
-            if !samples.contains(&sample) {
-                samples.push(sample);
+            let is_same = |of: &&mut Layer| (&of.name, of.look) == (&sample.name, sample.look);
+            match samples.iter_mut().find(is_same) {
+                Some(known) if known.points[0].error >= sample.points[0].error => {}
+                Some(known) => *known = sample,
+                None => samples.push(sample),
             }
         }
         samples.sort_by_key(|sample| sample.points[0].error == 0.0);
