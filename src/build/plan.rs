@@ -275,7 +275,11 @@ pub fn plan<'k, S: Stage>(
         why
     };
     let why: Vec<Vec<String>> = wanted.par_iter_mut().enumerate().map(reasons).collect();
+    let mut kept = Vec::new();
     for (wanted, why) in wanted.iter().zip(why) {
+        if why.is_empty() {
+            kept.extend(made.get(&wanted.target).zip(rows.remove(&wanted.target)));
+        }
         plan.add(wanted.target.clone(), why);
     }
     plan.removed = removed(known, &wanted);
@@ -299,15 +303,9 @@ pub fn plan<'k, S: Stage>(
     {
         return Ok(Planned { plan, next: Next::Nothing(earlier, Some(inputs)), known });
     }
-    let mut kept = BTreeMap::new();
-    let redone: BTreeSet<&Target> = plan.targets.iter().map(|planned| &planned.target).collect();
-    for target in
-        wanted.iter().map(|wanted| &wanted.target).filter(|target| !redone.contains(target))
-    {
-        if let (Some(made), Some(stays)) = (made.get(target), rows.remove(target)) {
-            kept.insert(target.clone(), ((*made).clone(), stays));
-        }
-    }
+    let with_record =
+        |(made, stays): (&&Made, _)| (made.target.clone(), (Made::clone(made), stays));
+    let kept = kept.into_iter().map(with_record).collect();
     let state = StageState { inputs, ..ahead::<S>(whole, &wanted) };
     let next = Next::Make(Box::new((Work { sources, wanted, kept }, state)));
     Ok(Planned { plan, next, known })

@@ -173,11 +173,10 @@ impl<'r> Series<'r> {
             let levels = levels.into_iter().map(|[x, y]| (x, y));
             layers.push(Layer { band, ..Layer::new(BASELINE, levels, trends::BASELINE) });
         }
-        let has_bars = self.rows.iter().any(|row| row.upper > row.lower);
         let is_many = runs.count() > MOST_MARKERS;
         let dots = Look::Dots { colour: colours::TREND, joined: !is_many };
         if is_many {
-            if has_bars {
+            if self.rows.iter().any(|row| row.upper > row.lower) {
                 let band = self.rows.iter().map(|row| [row.lower, row.upper]).collect();
                 layers.push(Layer { band, ..Layer::new(INTERVAL, points(), trends::TREND) });
             }

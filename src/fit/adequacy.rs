@@ -104,13 +104,12 @@ impl Adequacy {
         let highest = |of: &dyn Fn(&Statistics) -> f64| {
             quantiles_low(drawn.iter().map(of).collect(), [part])[0]
         };
-        let lack_of_fit = [observed.cost(), highest(&Statistics::cost)].map(|j| j / explained);
+        let [cost, autocorrelation, runs] = TESTS.map(|test| [test(&observed), highest(&test)]);
+        let (lack_of_fit, runs) = (cost.map(|j| j / explained), runs.map(|runs| -runs));
         let by_metric = GROUPS.map(|group| {
             let of_group = |all: &Statistics| group.iter().map(|&i| all.costs[i]).sum::<f64>();
             of_group(&observed) / alone(&of_group)
         });
-        let autocorrelation = [observed.autocorrelation(), highest(&Statistics::autocorrelation)];
-        let runs = [observed.runs(), -highest(&|all| -all.runs())];
         let is_patterned = |i: usize| {
             observed.autocorrelations[i] > autocorrelation[1] || observed.runs[i] < runs[1]
         };
@@ -299,12 +298,14 @@ impl Statistics {
     }
 }
 
+/// What is tested, the more of it the worse.
+const TESTS: [fn(&Statistics) -> f64; 3] =
+    [Statistics::cost, Statistics::autocorrelation, |all| -all.runs()];
+
 /// How rare each test may find an adequate model, so that [`LEVEL`] of the draws are adequate, of
 /// which the objective is so large on average.
 fn rarity(drawn: &[Statistics], explained: f64) -> f64 {
-    let tests: [&dyn Fn(&Statistics) -> f64; 3] =
-        [&Statistics::cost, &Statistics::autocorrelation, &|all| -all.runs()];
-    let [of_cost, of_autocorrelation, of_runs] = tests.map(|test| {
+    let [of_cost, of_autocorrelation, of_runs] = TESTS.map(|test| {
         let mut sorted: Vec<f64> = drawn.iter().map(test).collect();
         sorted.sort_by(f64::total_cmp);
         let below = |value: f64| sorted.partition_point(|other| other.total_cmp(&value).is_lt());
@@ -408,11 +409,7 @@ mod tests {
         let highest = |of: &dyn Fn(&Statistics) -> f64| {
             quantiles_low(drawn.iter().map(of).collect(), [1.0 - rarity])[0]
         };
-        let limits = [
-            highest(&Statistics::cost),
-            highest(&Statistics::autocorrelation),
-            highest(&|all| -all.runs()),
-        ];
+        let limits = TESTS.map(|test| highest(&test));
         let is_adequate = |all: &&Statistics| {
             let has_pattern = all.autocorrelation() > limits[1] || -all.runs() > limits[2];
             all.cost() <= limits[0] && !(has_pattern && all.cost() > explained)

@@ -221,12 +221,16 @@ mod tests {
         (blocks, n)
     }
 
-    #[test]
-    fn a_system_is_solved_for_each_of_its_right_hand_sides() {
-        let entry = |row: usize, column: usize| match row == column {
+    /// Of a matrix that is no singular one.
+    fn entry(row: usize, column: usize) -> f64 {
+        match row == column {
             true => 3.0,
             false => 1.0 / (row as f64 + 2.0 * column as f64 + 1.0),
-        };
+        }
+    }
+
+    #[test]
+    fn a_system_is_solved_for_each_of_its_right_hand_sides() {
         let known = |row: usize, side: usize| row as f64 - 4.0 * side as f64;
         let (mut blocks, n) = matrix(entry);
         let right = |row: usize, side: usize| -> f64 {
@@ -242,10 +246,6 @@ mod tests {
 
     #[test]
     fn a_transposed_system_is_solved_from_the_first_stage_that_is_not_zero() {
-        let entry = |row: usize, column: usize| match row == column {
-            true => 3.0,
-            false => 1.0 / (row as f64 + 2.0 * column as f64 + 1.0),
-        };
         let (mut blocks, n) = matrix(entry);
         factor(2, &mut blocks);
         for first in 0..STAGES {

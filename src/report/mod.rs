@@ -122,8 +122,11 @@ impl Content {
             ToDisk::during(|to_disk| self.write_all(input, kept, kept_pages, to_disk));
         let (mut stamps, PagesWritten { pages, damaged }) = (stamps?, of_trials?);
         let mut stamps_of = |names: Vec<String>| -> BTreeMap<String, Stamp> {
-            let of = |name: String| Some((stamps.remove(&input.paths.reports.join(&name))?, name));
-            names.into_iter().filter_map(of).map(|(stamp, name)| (name, stamp)).collect()
+            let of = |name: String| {
+                let stamp = stamps.remove(&input.paths.reports.join(&name))?;
+                Some((name, stamp))
+            };
+            names.into_iter().filter_map(of).collect()
         };
         let figures = drawn_now.into_iter().map(|stem| (file_names(&stem).into(), stem));
         let pages = pages.into_iter().map(|name| (vec![name.clone()], name));

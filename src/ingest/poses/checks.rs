@@ -87,7 +87,7 @@ fn tilt_check(tilt: &Tilt) -> Finding {
 /// How many frames had a wrong marker, and which markers they were.
 fn label_checks(tracked: &Tracked, file: &MarkerFile, layout: &Layout) -> [Finding; 3] {
     let label =
-        |link: usize, marker: u8| file.labels[layout[link][marker as usize].column].as_str();
+        |link: usize, marker: u16| file.labels[layout[link][marker as usize].column].as_str();
     let named = |link: usize, outlier: Outlier| match outlier {
         Outlier::None => None,
         Outlier::Jumped(marker) => Some((Check::JumpedMarker, label(link, marker).to_owned())),

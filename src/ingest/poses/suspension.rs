@@ -118,7 +118,7 @@ impl LinkRecording<'_> {
         let (mut heights, mut turning) = (0.0, 0.0);
         for (i, marker) in self.markers.iter().enumerate() {
             let [x, _, _] = self.file.position_mm(row, marker.column);
-            if x.is_nan() || fit.outlier == Outlier::Jumped(i as u8) {
+            if x.is_nan() || fit.outlier == Outlier::Jumped(i as u16) {
                 continue;
             }
             let from_centre = [0, 1].map(|axis| marker.local_position_mm[axis] - centre[axis]);

@@ -120,7 +120,7 @@ pub fn track(
     let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
     let mut unseen = layout
         .each_ref()
-        .map(|markers| vec![(0..markers.len() as u8).map(bit).sum::<u64>(); frames]);
+        .map(|markers| vec![(0..markers.len() as u16).map(bit).sum::<u64>(); frames]);
     let mut markers_seen = 0;
     let (fits, tilt) = upright_fits(file, layout, rate_hz);
     let refined = linkage.map(|linkage| linkage.refined(&fits));

@@ -65,14 +65,14 @@ impl LinkMarkers<'_> {
                 let mut swapped = pairs.clone();
                 (swapped[a].1, swapped[b].1) = (pairs[b].1, pairs[a].1);
                 let pose = rigid::fit(swapped.iter().copied());
-                offer(Outlier::Swapped(indices[a] as u8, indices[b] as u8), n, pose);
+                offer(Outlier::Swapped(indices[a] as u16, indices[b] as u16), n, pose);
             }
         }
         if n >= 3 {
             for (left_out, marker) in indices.iter().enumerate() {
                 let rest = all.clone().enumerate().filter(|(i, _)| *i != left_out);
                 let pose = rigid::fit(rest.map(|(_, pair)| pair));
-                offer(Outlier::Jumped(*marker as u8), n - 1, pose);
+                offer(Outlier::Jumped(*marker as u16), n - 1, pose);
             }
         }
         found.sort_by(|a, b| {

@@ -36,9 +36,9 @@ const USUAL_MEDIANS: f64 = 2.0;
 pub enum Outlier {
     None,
     /// One marker is left out, by its index in the link's layout.
-    Jumped(u8),
+    Jumped(u16),
     /// Two labels are swapped back, by their indices in the link's layout.
-    Swapped(u8, u8),
+    Swapped(u16, u16),
     /// The markers contradict each other or the link's motion, and it is not clear which is wrong.
     Ambiguous,
 }
@@ -65,7 +65,7 @@ impl Outlier {
 }
 
 /// A marker in a set of them: a bit, by its index in the link's layout.
-pub fn bit(index: u8) -> u64 {
+pub fn bit(index: u16) -> u64 {
     1_u64.checked_shl(index.into()).unwrap_or_default()
 }
 
@@ -75,7 +75,7 @@ pub struct LinkFit {
     /// Missing if the markers that were seen give none.
     pub pose: Option<LinkPose>,
     /// Markers seen.
-    pub seen: u8,
+    pub seen: u16,
     pub outlier: Outlier,
 }
 
@@ -89,7 +89,7 @@ impl LinkFit {
     pub fn of(positions_mm: &[[f64; 3]], markers: &[LinkMarker]) -> Self {
         let seen = seen(positions_mm, markers);
         let pose = rigid::fit(seen.clone().map(|(_, pair)| pair));
-        Self { seen: seen.count() as u8, pose, outlier: Outlier::None }
+        Self { seen: seen.count() as u16, pose, outlier: Outlier::None }
     }
 }
 

@@ -94,7 +94,7 @@ fn a_marker_that_jumps_in_any_direction_is_left_out() {
         });
         let found = outliers(&fits);
         let expected: Vec<_> =
-            (1..FRAMES).step_by(3).map(|row| (row, Outlier::Jumped(marker as u8))).collect();
+            (1..FRAMES).step_by(3).map(|row| (row, Outlier::Jumped(marker as u16))).collect();
         assert_eq!(found, expected);
     }
 }
@@ -110,7 +110,7 @@ fn any_two_labels_that_are_swapped_are_swapped_back_also_in_every_frame() {
             });
             let expected: Vec<_> = (0..FRAMES)
                 .step_by(every)
-                .map(|row| (row, Outlier::Swapped(a as u8, b as u8)))
+                .map(|row| (row, Outlier::Swapped(a as u16, b as u16)))
                 .collect();
             assert_eq!(outliers(&fits), expected);
         }
