@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rayon::prelude::*;
-use trilink::motion::{FIT_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Solver};
+use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem, REFERENCE_ACCURACY, Solver};
 use trilink::robot::{Gait, Robot, Trig, force_balance};
 
 /// The paper's frequencies, rad/s.
@@ -20,7 +20,7 @@ const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.
 /// A sweep of one model over the paper's frequencies.
 fn sweep(robot: Robot, gait: Gait, model: Model) -> Vec<Problem> {
     OMEGAS_RAD_S
-        .map(|omega_rad_s| Problem { robot: robot.clone(), gait, model, omega_rad_s })
+        .map(|omega_rad_s| Problem { robot: robot.clone(), gait, laws: model.laws(), omega_rad_s })
         .into()
 }
 
@@ -153,7 +153,7 @@ fn sweeps(criterion: &mut Criterion) {
         .map(|i| Problem {
             robot: semi_passive(),
             gait: Gait::passive_symmetric(),
-            model: Model::SkidRoll,
+            laws: Laws::SKID_ROLL,
             omega_rad_s: 0.5 + 5.5 * f64::from(i) / 199.0,
         })
         .collect();

@@ -5,11 +5,11 @@
 //! ```
 //! use trilink::config::Config;
 //! use trilink::motion::{Problem, REFERENCE_ACCURACY, Solver};
-//! use trilink::robot::Model;
+//! use trilink::robot::Laws;
 //!
 //! let (mut robot, gait) = Config::default().campaign_setup("kinematic-symmetric").unwrap();
 //! robot.skid_kg_s = [104.0, 34.0, 45.0];
-//! let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s: 3.9 };
+//! let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
 //! let metrics = Solver::default().solve(&problem, REFERENCE_ACCURACY).unwrap();
 //! assert!((metrics.d_m - 0.478359748170948).abs() < 1e-10);
 //! ```

@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use trilink::config::{Config, RobotDeviation, SigmaKind};
 use trilink::fit::{FitData, Fitted, fit};
 use trilink::metrics::{Estimate, GaitMetrics};
-use trilink::motion::{FIT_ACCURACY, Model, Problem};
+use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink::robot::Parameter;
 use trilink::store::{Columns as _, TrialRow};
 
@@ -76,7 +76,7 @@ fn viscous(campaign: &str) -> Vec<(f64, GaitMetrics)> {
     let (mut robot, gait) = Config::default().campaign_setup(campaign).unwrap();
     robot.skid_kg_s = [104.0, 34.0, 45.0];
     let motion = |omega_rad_s: f64| {
-        let problem = Problem { robot: robot.clone(), gait, model: Model::SkidRoll, omega_rad_s };
+        let problem = Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
         (omega_rad_s, problem.solve(FIT_ACCURACY).unwrap().metrics)
     };
     (1..=12).map(|i| motion(0.5 * f64::from(i))).collect()

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use trilink::config::Config;
 use trilink::fit::{FreeParameter, Measurement, Objective, search};
 use trilink::metrics::GaitMetrics;
-use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
+use trilink::motion::{Laws, Model, Problem, REFERENCE_ACCURACY};
 use trilink::robot::Robot;
 
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
@@ -44,7 +44,7 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
     let measurements = OMEGAS_RAD_S
         .iter()
         .map(|&omega_rad_s| {
-            let truth = Problem { robot: truth.clone(), gait, model: Model::SkidRoll, omega_rad_s };
+            let truth = Problem { robot: truth.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
             let exact = truth.solve(REFERENCE_ACCURACY).unwrap().metrics.to_array();
             let mut noisy = |value: f64| -> f64 {
                 let normal: f64 = StandardNormal.sample(&mut random);

@@ -18,7 +18,7 @@ use trilink::config::{Config, GaitInput, SigmaKind};
 use trilink::fit::{FitData, Fitted, fit};
 use trilink::ingest::process_trial;
 use trilink::metrics::GaitMetrics;
-use trilink::motion::{FIT_ACCURACY, Model, Problem};
+use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink::robot::Parameter;
 use trilink::store::{
     Columns as _, CycleRow, FitRow, FitStatus, PredictionRow, PredictionSource, TrialRow,
@@ -46,7 +46,7 @@ impl Truth {
     fn motion(&self, omega_rad_s: f64) -> GaitMetrics {
         let (mut robot, gait) = self.config.campaign_setup(self.campaign).unwrap();
         robot.skid_kg_s = self.skid_kg_s;
-        let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s };
+        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
         problem.solve(FIT_ACCURACY).unwrap().metrics
     }
 }

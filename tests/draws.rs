@@ -67,7 +67,7 @@ impl Draw {
         Problem {
             robot,
             gait: Gait { joints },
-            model: Model::ALL[self.below(Model::ALL.len())],
+            laws: Model::ALL[self.below(Model::ALL.len())].laws(),
             omega_rad_s: self.between(0.3, 10.0),
         }
     }

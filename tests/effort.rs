@@ -53,7 +53,7 @@ fn every_model_takes_the_steps_that_it_took() {
                 for (start, is_warm) in [("cold", false), ("warm", true)] {
                     let problem = |omega_rad_s| {
                         let (robot, gait) = (robot.clone(), gait);
-                        Problem { robot, gait, model, omega_rad_s }
+                        Problem { robot, gait, laws: model.laws(), omega_rad_s }
                     };
                     let efforts =
                         efforts(problem, is_warm).unwrap_or_else(|error| format!(" {error}"));
@@ -74,7 +74,7 @@ fn times_us(robot: &Robot, gait: Gait, model: Model) -> [f64; 2] {
         let start = Instant::now();
         for omega_rad_s in OMEGAS_RAD_S {
             solver.forget();
-            let problem = Problem { robot: robot.clone(), gait, model, omega_rad_s };
+            let problem = Problem { robot: robot.clone(), gait, laws: model.laws(), omega_rad_s };
             solver.solve(&problem, FIT_ACCURACY).expect("the motion exists");
             if with_derivatives {
                 black_box(solver.derivatives().expect("and has derivatives"));

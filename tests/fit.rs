@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use trilink::config::{Campaign, Config, Free, GaitInput, ParameterSource, SigmaKind, Weights};
 use trilink::fit::{FitData, Fitted, FreeParameter, Objective, fit};
 use trilink::metrics::{Estimate, GaitMetrics, MotionStatus};
-use trilink::motion::{Model, Problem, REFERENCE_ACCURACY};
+use trilink::motion::{Laws, Model, Problem, REFERENCE_ACCURACY};
 use trilink::robot::{JointCommand, Parameter};
 use trilink::store::{
     Columns as _, FitRow, FitStatus, JointGait, PredictionSource, RobotParameterRow, TrialRow,
@@ -140,7 +140,7 @@ fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
     let mut rows = trials(reference);
     for row in &mut rows {
         let (robot, omega_rad_s) = (robot.clone(), row.omega_rad_s);
-        let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s };
+        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         row.metrics = GaitMetrics { dtheta_rad: row.metrics.dtheta_rad, ..metrics };
         row.gait[1] = JointGait { offset_rad, amplitude_rad, phase_rad: 0.0, ..row.gait[1] };
@@ -228,7 +228,7 @@ fn a_curve_goes_through_what_is_predicted_for_the_trials_own_gaits() {
             joint.phase_rad += 0.01 * turned;
         }
         let (robot, model) = (robot.clone(), Model::SkidRoll);
-        let problem = Problem { robot, gait, model, omega_rad_s };
+        let problem = Problem { robot, gait, laws: model.laws(), omega_rad_s };
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let mut row = TrialRow { omega_rad_s, metrics, ..named(reference).remove(0) };
         (row.trial, row.omega_commanded_rad_s) = (format!("at-{omega_rad_s}"), omega_rad_s);
@@ -459,7 +459,7 @@ fn noise_free_trials_give_back_whatever_is_free() {
         let mut rows = named(reference);
         for row in &mut rows {
             let omega_rad_s = row.omega_rad_s;
-            let problem = Problem { robot: truth.clone(), gait, model, omega_rad_s };
+            let problem = Problem { robot: truth.clone(), gait, laws: model.laws(), omega_rad_s };
             let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
             row.metrics = GaitMetrics { dtheta_rad: row.metrics.dtheta_rad, ..metrics };
         }

@@ -4,7 +4,8 @@
 
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{
-    FIT_ACCURACY, FORCES_ACCURACY, Model, MotionStatus, Problem, REFERENCE_ACCURACY, Sample, Solver,
+    FIT_ACCURACY, FORCES_ACCURACY, Laws, Model, MotionStatus, Problem, REFERENCE_ACCURACY, Sample,
+    Solver,
 };
 use trilink::robot::{Gait, JointCommand, Parameter, Robot};
 
@@ -55,7 +56,7 @@ fn row(line: &str) -> Row {
         _ => number(9).to_radians(),
     };
     Row {
-        problem: Problem { robot, gait, model, omega_rad_s: number(3) },
+        problem: Problem { robot, gait, laws: model.laws(), omega_rad_s: number(3) },
         metrics: GaitMetrics {
             d_m: number(4),
             v_m_s: number(5),
@@ -111,7 +112,7 @@ fn the_kinematic_robot_that_cannot_skid_goes_the_same_way_at_every_frequency() {
     for (gait, d_m) in [(Gait::symmetric(), 0.663466), (Gait::skewed(), 0.122405)] {
         for omega_rad_s in [0.5, 1.0, 2.0, 3.9, 6.0] {
             let problem =
-                Problem { robot: Robot::kinematic(), gait, model: Model::NoSkid, omega_rad_s };
+                Problem { robot: Robot::kinematic(), gait, laws: Laws::NO_SKID, omega_rad_s };
             let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
             // The known values have six digits.
             assert!((found.d_m - d_m).abs() < 0.5e-6 + 1e-6 * d_m, "{}", found.d_m);
@@ -126,14 +127,14 @@ fn a_gait_that_meets_a_singular_shape_off_the_limit_has_no_motion() {
     let mut gait = Gait::symmetric();
     gait.joints[0].as_mut().unwrap().amplitude_rad *= 1.05;
     let problem =
-        Problem { robot: Robot::kinematic(), gait, model: Model::NoSkid, omega_rad_s: 3.9 };
+        Problem { robot: Robot::kinematic(), gait, laws: Laws::NO_SKID, omega_rad_s: 3.9 };
     let error = problem.solve(REFERENCE_ACCURACY).unwrap_err();
     assert_eq!(error.status(), MotionStatus::Singular, "{error}");
 }
 
 #[test]
 fn from_rest_the_robot_settles_into_the_steady_motion() {
-    for row in rows().into_iter().filter(|row| row.problem.model.skids()) {
+    for row in rows().into_iter().filter(|row| row.problem.laws.skids()) {
         let steady = row.problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let period_s = std::f64::consts::TAU / row.problem.omega_rad_s;
         let path = row.problem.transient(31.5 * period_s, 1.0 / period_s, 1e-9).unwrap();
@@ -153,12 +154,12 @@ fn wheels_that_hardly_skid_go_the_way_of_wheels_that_cannot() {
         (Robot::semi_passive(), Gait::passive_symmetric(), Model::SkidRoll, Model::NoSkidRoll),
     ];
     for (robot, gait, skids, cannot) in setups {
-        let problem = Problem { robot, gait, model: cannot, omega_rad_s: 3.9 };
+        let problem = Problem { robot, gait, laws: cannot.laws(), omega_rad_s: 3.9 };
         let limit = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let mut last: Option<(f64, [f64; 3])> = None;
         for skid_kg_s in [1e2, 1e3, 1e4, 1e5, 1e6] {
             let robot = Robot { skid_kg_s: [skid_kg_s; 3], ..problem.robot.clone() };
-            let problem = Problem { robot, model: skids, ..problem.clone() };
+            let problem = Problem { robot, laws: skids.laws(), ..problem.clone() };
             let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
             let off = (found.d_m - limit.d_m).abs() / limit.d_m;
             if let Some((last_off, last_sigma)) = last {
@@ -181,14 +182,14 @@ fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
     let front = Problem {
         robot: Robot::semi_passive(),
         gait: Gait::passive_symmetric(),
-        model: Model::SkidRoll,
+        laws: Laws::SKID_ROLL,
         omega_rad_s: 3.0,
     };
     let mut rear = front.clone();
     rear.gait.joints.swap(0, 1);
     for model in [Model::SkidRoll, Model::Skid, Model::NoSkidRoll] {
         let [front, rear] = [&front, &rear].map(|problem| {
-            let problem = Problem { model, ..problem.clone() };
+            let problem = Problem { laws: model.laws(), ..problem.clone() };
             problem.solve(REFERENCE_ACCURACY).unwrap().metrics
         });
         assert!((front.d_m - rear.d_m).abs() < 1e-9 * front.d_m, "{model}: {front:?} {rear:?}");
@@ -226,10 +227,15 @@ fn derivatives_are_those_of_central_differences() {
     for model in Model::ALL {
         // Whole periods, with the front and with the rear joint on its spring.
         for gait in [offset(0), offset(1)] {
-            problems.push(Problem { robot: robot.clone(), gait, model, omega_rad_s: 3.0 });
+            problems.push(Problem {
+                robot: robot.clone(),
+                gait,
+                laws: model.laws(),
+                omega_rad_s: 3.0,
+            });
         }
         let (robot, gait) = (Robot::kinematic(), Gait::skewed());
-        problems.push(Problem { robot, gait, model, omega_rad_s: 3.0 });
+        problems.push(Problem { robot, gait, laws: model.laws(), omega_rad_s: 3.0 });
     }
     for problem in problems {
         let mut solver = Solver::default();
@@ -264,8 +270,8 @@ fn derivatives_are_those_of_central_differences() {
                 let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
                 assert!(
                     (found - known).abs() <= 1e-6 * size + 1e-11,
-                    "{} {variable:?} metric {i} at {}: {found} against {known}",
-                    problem.model,
+                    "{:?} {variable:?} metric {i} at {}: {found} against {known}",
+                    problem.laws,
                     problem.omega_rad_s,
                 );
             }
@@ -279,7 +285,9 @@ fn derivatives_are_those_of_central_differences() {
 fn growth(model: Model, values: impl Fn(&Sample) -> [f64; 3]) -> f64 {
     let (robot, gait) = (Robot::kinematic(), Gait::symmetric());
     let mut solver = Solver::default();
-    solver.solve(&Problem { robot, gait, model, omega_rad_s: 4.0 }, FORCES_ACCURACY).unwrap();
+    solver
+        .solve(&Problem { robot, gait, laws: model.laws(), omega_rad_s: 4.0 }, FORCES_ACCURACY)
+        .unwrap();
     let samples = solver.cycle(1100).unwrap();
     let largest = |step: usize| {
         let sizes = samples.iter().step_by(step).flat_map(|sample| values(sample).map(f64::abs));
@@ -308,7 +316,7 @@ fn where_the_kinematic_robot_crosses_equal_angles_its_forces_are_unbounded_with_
 #[test]
 fn six_coefficients_dissipate_in_the_kinematic_robot_and_seven_in_the_semi_passive_one() {
     let count = |robot: Robot, gait: Gait| {
-        let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s: 3.9 };
+        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
         let mut solver = Solver::default();
         solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
         let derivatives = solver.derivatives().unwrap().parameters;

@@ -6,7 +6,8 @@ use std::f64::consts::PI;
 
 use proptest::prelude::*;
 use trilink::motion::{
-    Attractor, FORCES_ACCURACY, Model, Problem, REFERENCE_ACCURACY, Sample, Solver, SteadyMotion,
+    Attractor, FORCES_ACCURACY, Laws, Model, Problem, REFERENCE_ACCURACY, Sample, Solver,
+    SteadyMotion,
 };
 use trilink::robot::{Gait, JointCommand, Robot};
 
@@ -44,8 +45,14 @@ fn problems() -> impl Strategy<Value = Problem> {
     let gaits = (joints(), joints(), 0..3_usize).prop_map(|(joint1, joint2, passive)| Gait {
         joints: [(passive != 1).then_some(joint1), (passive != 2).then_some(joint2)],
     });
-    (robots(), gaits, prop::sample::select(&MODELS[..]), 0.5..6.0)
-        .prop_map(|(robot, gait, model, omega_rad_s)| Problem { robot, gait, model, omega_rad_s })
+    (robots(), gaits, prop::sample::select(&MODELS[..]), 0.5..6.0).prop_map(
+        |(robot, gait, model, omega_rad_s)| Problem {
+            robot,
+            gait,
+            laws: model.laws(),
+            omega_rad_s,
+        },
+    )
 }
 
 /// Whether the motion has states of its own and forgets where it began.
@@ -167,7 +174,7 @@ proptest! {
         if solver.solve(&problem, REFERENCE_ACCURACY).is_ok() {
             let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
             // Without resistance the actuators take back what they gave.
-            let is_free = problem.model == Model::NoSkid && problem.gait.passive_joint().is_none();
+            let is_free = problem.laws == Laws::NO_SKID && problem.gait.passive_joint().is_none();
             prop_assert!((loss_j > 0.0) != is_free, "{loss_j}");
             let moved_j = problem.robot.mass_kg[0]
                 * (problem.robot.l_m * problem.omega_rad_s).powi(2);

@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use trilink::motion::{
-    Attractor, Model, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
+    Attractor, Laws, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
 };
 use trilink::robot::{Gait, JointCommand, Robot};
 
@@ -31,7 +31,7 @@ fn on_bent_joints(
     Problem {
         robot: Robot { stiffness_nm_rad, damping_nm_s_rad, ..Robot::semi_passive() },
         gait: Gait { joints: [None, Some(command)] },
-        model: Model::NoSkid,
+        laws: Laws::NO_SKID,
         omega_rad_s,
     }
 }
@@ -51,7 +51,7 @@ fn the_papers_robots_reach_the_solution_that_is_found_first() {
     for (robot, gait) in robots {
         for omega_rad_s in [0.5, 3.9, 6.0] {
             let problem =
-                Problem { robot: robot.clone(), gait, model: Model::SkidRoll, omega_rad_s };
+                Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
             let settled = settle(&problem).unwrap();
             assert!(settled.is_found_first && (1..=5).contains(&settled.cycles), "{settled:?}");
             let d_m = settled.motion.metrics.d_m;
@@ -66,7 +66,7 @@ fn without_roll_resistance_the_semi_passive_robot_takes_many_cycles() {
     let problem = Problem {
         robot: Robot::semi_passive(),
         gait: Gait::passive_symmetric(),
-        model: Model::NoSkid,
+        laws: Laws::NO_SKID,
         omega_rad_s: 4.0,
     };
     let settled = settle(&problem).unwrap();
@@ -112,7 +112,7 @@ fn a_motion_that_does_not_settle_is_said_not_to() {
     let problem = Problem {
         robot: Robot { damping_nm_s_rad: 0.001, ..Robot::semi_passive() },
         gait: Gait::passive_symmetric(),
-        model: Model::NoSkid,
+        laws: Laws::NO_SKID,
         omega_rad_s: 0.4,
     };
     let error = settle(&problem).unwrap_err();
@@ -148,7 +148,7 @@ fn a_motion_that_comes_back_every_second_cycle_only_is_said_to() {
             rest_angle_rad: -0.1661,
         },
         gait: Gait { joints: [Some(offset), None] },
-        model: Model::NoSkid,
+        laws: Laws::NO_SKID,
         omega_rad_s: 3.5473,
     };
     // The motion that repeats itself every cycle is unstable.

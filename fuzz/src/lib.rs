@@ -60,7 +60,8 @@ pub fn settings(text: &[u8]) {
         let Some((robot, gait)) = config.campaign_setup(name) else { continue };
         for model in &campaign.models {
             let robot = robot.clone();
-            let _ = Problem { robot, gait, model: *model, omega_rad_s: 3.9 }.solve(FIT_ACCURACY);
+            let _ =
+                Problem { robot, gait, laws: model.laws(), omega_rad_s: 3.9 }.solve(FIT_ACCURACY);
         }
     }
 }

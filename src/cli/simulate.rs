@@ -63,8 +63,12 @@ impl Simulate {
         if self.page.is_some() && omegas.len() != 1 {
             return Err(format!("--page: found {} frequencies, needed one", omegas.len()).into());
         }
-        let problem =
-            |omega_rad_s| Problem { robot: robot.clone(), gait, model: self.model, omega_rad_s };
+        let problem = |omega_rad_s| Problem {
+            robot: robot.clone(),
+            gait,
+            laws: self.model.laws(),
+            omega_rad_s,
+        };
         let stage = context.progress.stage("simulate", omegas.len());
         let answers: Vec<Answer> = omegas
             .par_iter()
@@ -85,7 +89,8 @@ impl Simulate {
         }
         if let (Some(path), [answer]) = (&self.page, &answers[..]) {
             let problem = problem(answer.omega_rad_s);
-            let page = simulation_page(&self.campaign, &problem, answer.cycles_to_settle, answer);
+            let names = (self.campaign.as_str(), self.model.name());
+            let page = simulation_page(names, &problem, answer.cycles_to_settle, answer);
             let message = match page {
                 Ok(page) => {
                     write_if_changed(path, page.as_bytes()).map(|_| path.display().to_string())?

@@ -214,7 +214,7 @@ mod tests {
         let (weights, model) = (config.campaign[campaign].weights, Model::SkidRoll);
         let measured = |omega_rad_s: f64| {
             let robot = Robot { skid_kg_s: SKID_KG_S, ..robot.clone() };
-            let problem = Problem { robot, gait, model, omega_rad_s };
+            let problem = Problem { robot, gait, laws: model.laws(), omega_rad_s };
             let metrics = problem.solve(REFERENCE_ACCURACY).expect("a motion").metrics;
             let row = TrialRow { omega_rad_s, metrics, ..TrialRow::blank() };
             Measurement::new(&row, SigmaKind::Raw).expect("a measurement")

@@ -382,7 +382,8 @@ mod tests {
             let commanded_rad_s = [1.0, 2.5, 4.0, 5.5][number / repeats];
             let omega_rad_s = commanded_rad_s * (1.0 + 0.1 * spread_rad * scattered(number));
             let model = Model::SkidRoll;
-            let problem = Problem { robot: robot.clone(), gait: own, model, omega_rad_s };
+            let problem =
+                Problem { robot: robot.clone(), gait: own, laws: model.laws(), omega_rad_s };
             let exact = problem.solve(REFERENCE_ACCURACY).expect("a motion").metrics.to_array();
             let noise = |metric: usize| 1.0 + 0.01 * scattered(5 * number + metric);
             let row = TrialRow {

@@ -115,7 +115,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// use trilink::config::{Config, GaitInput, SigmaKind};
 /// use trilink::fit::{FitData, fit};
 /// use trilink::motion::{FIT_ACCURACY, Problem, Solver};
-/// use trilink::robot::{Model, Parameter};
+/// use trilink::robot::{Laws, Model, Parameter};
 /// use trilink::store::{Columns, TrialRow};
 ///
 /// let campaign = "kinematic-symmetric";
@@ -128,7 +128,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
 /// robot.skid_kg_s = [104.0, 34.0, 45.0];
 /// let trial = |omega_rad_s: f64| {
-///     let problem = Problem { robot: robot.clone(), gait, model: Model::SkidRoll, omega_rad_s };
+///     let problem = Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
 ///     let metrics = Solver::default().solve(&problem, FIT_ACCURACY).unwrap();
 ///     let (trial, campaign) = (format!("at {omega_rad_s} rad/s"), campaign.to_owned());
 ///     TrialRow { trial, campaign, omega_rad_s, metrics, ..TrialRow::blank() }

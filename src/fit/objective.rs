@@ -74,7 +74,7 @@ impl Objective {
 
     /// The model's motion with a gait at any frequency.
     pub fn problem(&self, robot: &Robot, gait: Gait, omega_rad_s: f64) -> Problem {
-        Problem { robot: robot.clone(), gait, model: self.model, omega_rad_s }
+        Problem { robot: robot.clone(), gait, laws: self.model.laws(), omega_rad_s }
     }
 
     /// What drives the model: `no-skid-measured` is always driven by the measured gait.

@@ -29,7 +29,7 @@ pub(super) fn contact_forces(
     let (skid_m_s, roll_m_s) =
         (skid.map(|row| dot(&row, velocity)), roll.map(|row| dot(&row, velocity)));
 
-    let lateral_n = if problem.model.skids() {
+    let lateral_n = if problem.laws.skids() {
         std::array::from_fn(|i| -robot.skid_kg_s[i] * skid_m_s[i])
     } else {
         constraint_forces(passive, &skid, &supplied).unwrap_or([f64::NAN; 3])
@@ -40,7 +40,7 @@ pub(super) fn contact_forces(
             let stretched = phi_rad[joint] - robot.rest_angle_rad;
             return -robot.stiffness_nm_rad * stretched - robot.damping_nm_s_rad * velocity[row];
         }
-        if problem.model.skids() {
+        if problem.laws.skids() {
             return supplied[row];
         }
         supplied[row] - (0..3).map(|i| skid[i][row] * lateral_n[i]).sum::<f64>()

@@ -28,7 +28,7 @@ use crate::robot::{Gait, Robot};
 
 pub use crate::metrics::{FromRest, MotionStatus};
 pub use crate::robot::ContactForces;
-pub use crate::robot::{Model, Pose};
+pub use crate::robot::{Laws, Model, Pose};
 pub use orbit::Effort;
 pub use reduced::Derivatives;
 pub use solver::{Attractor, Solver};
@@ -84,12 +84,12 @@ impl MotionError {
     }
 }
 
-/// A model of a robot under a gait at one frequency.
+/// A robot under laws of friction and a gait at one frequency.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
     pub robot: Robot,
     pub gait: Gait,
-    pub model: Model,
+    pub laws: Laws,
     pub omega_rad_s: f64,
 }
 
@@ -137,16 +137,16 @@ impl Problem {
 
     /// Whether eq. 3 gives the motion: both joints are commanded and the wheels cannot skid.
     fn is_determined(&self) -> bool {
-        !self.model.skids() && self.gait.passive_joint().is_none()
+        !self.laws.skids() && self.gait.passive_joint().is_none()
     }
 
-    /// The same without the resistances that the model does not know.
+    /// The same without the resistances that the laws do not know.
     fn effective(&self) -> Self {
         let mut problem = self.clone();
-        if !self.model.has_roll_resistance() {
+        if !self.laws.roll.is_viscous() {
             problem.robot.roll_kg_s = [0.0; 3];
         }
-        if !self.model.skids() {
+        if !self.laws.skid.is_viscous() {
             problem.robot.skid_kg_s = [0.0; 3];
         }
         problem

@@ -72,8 +72,8 @@ impl Solver {
     /// frequency changes nothing but the speed.
     fn known_by_eq_3(&self, problem: &Problem, accuracy: f64) -> Option<GaitMetrics> {
         let (known, metrics, known_accuracy) = self.last_quadrature.as_ref()?;
-        let Problem { robot, gait, model, omega_rad_s } = problem;
-        let is_same = known.robot == *robot && known.gait == *gait && known.model == *model;
+        let Problem { robot, gait, laws, omega_rad_s } = problem;
+        let is_same = known.robot == *robot && known.gait == *gait && known.laws == *laws;
         let is_same = is_same && *known_accuracy <= accuracy;
         is_same.then(|| GaitMetrics { v_m_s: metrics.d_m * omega_rad_s / TAU, ..*metrics })
     }
@@ -190,7 +190,7 @@ impl Solver {
     ) -> Result<T> {
         let problem = problem.effective();
         let passive = problem.gait.passive_joint().unwrap_or_default();
-        match (problem.gait.joints, problem.model.skids()) {
+        match (problem.gait.joints, problem.laws.skids()) {
             ([None, None], _) => Err(MotionError::NotDriven),
             ([Some(joint1), Some(joint2)], false) => {
                 let known = &mut self.known_of_quadrature;
@@ -214,6 +214,5 @@ impl Solver {
 
 /// Whether a solution of one problem is a start for the other.
 fn is_alike(last: &Problem, next: &Problem) -> bool {
-    last.gait.passive_joint() == next.gait.passive_joint()
-        && last.model.skids() == next.model.skids()
+    last.gait.passive_joint() == next.gait.passive_joint() && last.laws.skids() == next.laws.skids()
 }

@@ -27,7 +27,7 @@ pub fn configured(
     omega_rad_s: f64,
 ) -> Option<Problem> {
     let (robot, gait) = input.campaign_setup(campaign)?;
-    Some(Problem { robot, gait, model, omega_rad_s })
+    Some(Problem { robot, gait, laws: model.laws(), omega_rad_s })
 }
 
 /// The motion of a fitted model under the commanded gait; `None` where there is no fit, or its

@@ -6,6 +6,7 @@
 mod balance;
 mod gait;
 mod kinematics;
+mod law;
 mod model;
 mod number;
 mod parameter;
@@ -15,6 +16,7 @@ pub use gait::{Gait, JointCommand, Shape};
 pub use kinematics::{
     Pose, Trig, Velocity, det_wb, dot, dskid_rows_dphi, in_world, roll_rows, rotated, skid_rows,
 };
+pub use law::{Laws, RollLaw, SkidLaw};
 pub use model::Model;
 pub use number::{LANES, Lanes, Number};
 pub use parameter::{ByParameter, Family, Parameter};

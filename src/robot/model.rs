@@ -1,6 +1,6 @@
 //! Which forces resist the wheels.
 
-use super::{Family, Gait, Parameter};
+use super::{Gait, Laws, Parameter};
 use crate::named::named;
 
 named! {
@@ -22,22 +22,23 @@ named! {
 }
 
 impl Model {
-    /// Whether the wheels can skid.
-    pub fn skids(self) -> bool {
-        matches!(self, Self::Skid | Self::SkidRoll)
+    /// The laws of its wheels.
+    pub fn laws(self) -> Laws {
+        match self {
+            Self::NoSkid | Self::NoSkidMeasured | Self::NoSkidDamped => Laws::NO_SKID,
+            Self::NoSkidRoll => Laws::NO_SKID_ROLL,
+            Self::Skid => Laws::SKID,
+            Self::SkidRoll => Laws::SKID_ROLL,
+        }
     }
 
-    /// Whether the wheels resist rolling.
-    pub fn has_roll_resistance(self) -> bool {
-        matches!(self, Self::NoSkidRoll | Self::SkidRoll)
+    /// Whether the wheels can skid.
+    pub fn skids(self) -> bool {
+        self.laws().skids()
     }
 
     /// Whether the motion of a robot with this gait can depend on a parameter.
     pub fn knows(self, parameter: Parameter, gait: &Gait) -> bool {
-        match parameter.family() {
-            Family::Skid => self.skids(),
-            Family::Roll => self.has_roll_resistance(),
-            Family::Joint => gait.passive_joint().is_some(),
-        }
+        self.laws().know(parameter, gait)
     }
 }

@@ -294,7 +294,12 @@ fn plan_gaits(config: &Config, recipe: &Recipe) -> (Vec<Plan>, BTreeMap<String, 
             let trial = format.trial(id, TrialKind::Gait);
             let trial = Trial { campaign, omega_rad_s: omega, ..trial };
             let (robot, model) = (robot.clone(), Model::SkidRoll);
-            let source = Source::Gait(Problem { robot: robot.clone(), gait, model, omega_rad_s });
+            let source = Source::Gait(Problem {
+                robot: robot.clone(),
+                gait,
+                laws: model.laws(),
+                omega_rad_s,
+            });
             plans.push(Plan { trial, robot, source, seed: stream(i + 1) });
         }
     }

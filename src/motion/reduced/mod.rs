@@ -169,7 +169,7 @@ impl Problem {
     /// Whether the motion can depend on a variable.
     pub(super) fn knows(&self, variable: Variable) -> bool {
         match variable {
-            Variable::Parameter(parameter) => self.model.knows(parameter, &self.gait),
+            Variable::Parameter(parameter) => self.laws.know(parameter, &self.gait),
             Variable::Gait(joint, _) => self.gait.passive_joint() != Some(joint),
         }
     }

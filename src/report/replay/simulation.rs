@@ -30,7 +30,7 @@ pub enum SimulationError {
 /// # Errors
 /// There is no such motion, or the page cannot be filled in.
 pub fn page(
-    campaign: &str,
+    (campaign, model): (&str, &str),
     problem: &Problem,
     cycles_to_settle: Option<usize>,
     answer: &impl Serialize,
@@ -40,8 +40,7 @@ pub fn page(
     let frames = (MOST_FRAMES - 1) / cycles;
     let stride = SAMPLES_OF_CYCLE.div_ceil(frames);
     let samples = problem.cycles_from_rest(cycles, frames * stride)?;
-    let Problem { model, omega_rad_s, .. } = problem;
-    let title = format!("{campaign}, {model}, {} rad/s", as_configured(*omega_rad_s));
+    let title = format!("{campaign}, {model}, {} rad/s", as_configured(problem.omega_rad_s));
     let settles = match cycles_to_settle {
         Some(0) => "it is in its steady motion at once".to_owned(),
         Some(1) => "after 1 cycle it is within 1 % of its steady motion".to_owned(),
@@ -54,7 +53,7 @@ pub fn page(
         ),
         "Positions to 0.1 mm, angles to 0.1 mrad, forces to 0.1 mN.".to_owned(),
     ];
-    let replay = replay(problem, &samples, stride, notes);
+    let replay = replay(model, problem, &samples, stride, notes);
     let figures = figures(&samples);
     let figures = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;
     let replay = replay.value(&format!("Motion of {title}"));
@@ -70,7 +69,13 @@ pub fn page(
 }
 
 /// Every so many of the samples of a motion.
-fn replay(problem: &Problem, samples: &[Sample], stride: usize, notes: Vec<String>) -> Replay {
+fn replay(
+    model: &str,
+    problem: &Problem,
+    samples: &[Sample],
+    stride: usize,
+    notes: Vec<String>,
+) -> Replay {
     let shown = || samples.iter().step_by(stride);
     let three = |of: fn(&Sample) -> [f64; 3]| {
         [0, 1, 2].map(|wheel| shown().map(|sample| of(sample)[wheel]).collect()).to_vec()
@@ -85,7 +90,7 @@ fn replay(problem: &Problem, samples: &[Sample], stride: usize, notes: Vec<Strin
         values,
         arrow: None,
     };
-    let across = match problem.model.skids() {
+    let across = match problem.laws.skids() {
         true => "Skid friction",
         false => "Constraint force",
     };
@@ -105,7 +110,7 @@ fn replay(problem: &Problem, samples: &[Sample], stride: usize, notes: Vec<Strin
         quantity("Lost to friction", "J", 1.0, 3, vec![lost_j]),
     ];
     let motion = Motion {
-        name: problem.model.to_string(),
+        name: model.to_owned(),
         colour: None,
         poses: shown().map(|sample| Some((sample.pose, sample.phi_rad))).collect(),
     };

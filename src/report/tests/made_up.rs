@@ -353,7 +353,7 @@ pub fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> TrialRo
 
 pub fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
     use Parameter::{Damping, Skid0, Skid1, Skid2};
-    let (skids, rolls) = (model.skids(), model.has_roll_resistance());
+    let (skids, rolls) = (model.skids(), model.laws().roll.is_viscous());
     let passive = campaign == SEMI_PASSIVE;
     let when = |has: bool, value: f64| if has { value } else { f64::NAN };
     let free: Vec<Parameter> = match model {

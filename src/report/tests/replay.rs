@@ -163,9 +163,9 @@ fn markers_that_were_missing_or_corrected_are_marked_in_their_frames() {
 
 #[test]
 fn a_repeated_cycle_goes_on_from_its_start_and_is_not_known_before() {
-    use crate::motion::{FIT_ACCURACY, Model, Problem, Solver};
+    use crate::motion::{FIT_ACCURACY, Laws, Problem, Solver};
     let (robot, gait) = (crate::robot::Robot::kinematic(), crate::robot::Gait::skewed());
-    let problem = Problem { robot, gait, model: Model::SkidRoll, omega_rad_s: 3.9 };
+    let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
     let mut solver = Solver::default();
     solver.solve(&problem, FIT_ACCURACY).expect("a motion");
     let samples = solver.cycle(240).expect("samples");
