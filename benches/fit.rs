@@ -5,9 +5,9 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use trilink::config::Config;
-use trilink::fit::{FreeParameter, Measurement, Objective, search};
+use trilink::fit::{FitInput, Measurement, Objective, search};
 use trilink::metrics::GaitMetrics;
-use trilink::motion::Model;
+use trilink::robot::{Laws, Model};
 
 const DATA: [(&str, &str); 3] = [
     (
@@ -67,10 +67,11 @@ fn one_start(criterion: &mut Criterion) {
         let (weights, gait_input) = (config.campaign[campaign].weights, config.fit.gait_input);
         let objective = |measurements: Vec<Measurement>| {
             let robot = robot.clone();
-            Objective::new(Model::SkidRoll, robot, gait, weights, gait_input, measurements)
+            Objective::new(Laws::SKID_ROLL, robot, gait, weights, gait_input, measurements)
         };
         let (once, often) = (measurements(data), repeated(&measurements(data)));
-        let parameters = FreeParameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
+        let parameters =
+            FitInput::new(&config, campaign, Model::SKID_ROLL).expect("a campaign").free();
         for (name, measurements) in [("one start", once), ("one start, many repeats", often)] {
             let objective = objective(measurements);
             criterion.bench_function(&format!("{name}, {campaign}"), |bencher| {

@@ -11,17 +11,15 @@ use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rayon::prelude::*;
-use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem, REFERENCE_ACCURACY, Solver};
+use trilink::motion::{FIT_ACCURACY, Laws, Problem, REFERENCE_ACCURACY, Solver};
 use trilink::robot::{Gait, Robot, Trig, force_balance};
 
 /// The paper's frequencies, rad/s.
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.0, 5.5, 6.0];
 
 /// A sweep of one model over the paper's frequencies.
-fn sweep(robot: Robot, gait: Gait, model: Model) -> Vec<Problem> {
-    OMEGAS_RAD_S
-        .map(|omega_rad_s| Problem { robot: robot.clone(), gait, laws: model.laws(), omega_rad_s })
-        .into()
+fn sweep(robot: Robot, gait: Gait, laws: Laws) -> Vec<Problem> {
+    OMEGAS_RAD_S.map(|omega_rad_s| Problem { robot: robot.clone(), gait, laws, omega_rad_s }).into()
 }
 
 /// Table II with the paper's fitted coefficients.
@@ -43,14 +41,17 @@ fn campaigns() -> [(&'static str, Vec<Problem>); 7] {
     [
         (
             "kinematic-symmetric, skid-roll",
-            sweep(symmetric.clone(), Gait::symmetric(), Model::SkidRoll),
+            sweep(symmetric.clone(), Gait::symmetric(), Laws::SKID_ROLL),
         ),
-        ("kinematic-symmetric, no-skid", sweep(symmetric, Gait::symmetric(), Model::NoSkid)),
-        ("kinematic-skewed, skid-roll", sweep(skewed.clone(), Gait::skewed(), Model::SkidRoll)),
-        ("kinematic-skewed, no-skid", sweep(skewed, Gait::skewed(), Model::NoSkid)),
-        ("semi-passive-symmetric, skid-roll", sweep(semi_passive(), passive, Model::SkidRoll)),
-        ("semi-passive-symmetric, no-skid-roll", sweep(semi_passive(), passive, Model::NoSkidRoll)),
-        ("semi-passive-symmetric, no-skid", sweep(semi_passive(), passive, Model::NoSkid)),
+        ("kinematic-symmetric, no-skid", sweep(symmetric, Gait::symmetric(), Laws::NO_SKID)),
+        ("kinematic-skewed, skid-roll", sweep(skewed.clone(), Gait::skewed(), Laws::SKID_ROLL)),
+        ("kinematic-skewed, no-skid", sweep(skewed, Gait::skewed(), Laws::NO_SKID)),
+        ("semi-passive-symmetric, skid-roll", sweep(semi_passive(), passive, Laws::SKID_ROLL)),
+        (
+            "semi-passive-symmetric, no-skid-roll",
+            sweep(semi_passive(), passive, Laws::NO_SKID_ROLL),
+        ),
+        ("semi-passive-symmetric, no-skid", sweep(semi_passive(), passive, Laws::NO_SKID)),
     ]
 }
 

@@ -5,6 +5,7 @@
 mod check;
 mod compare;
 mod error;
+mod model;
 mod paths;
 
 use std::collections::BTreeMap;
@@ -19,13 +20,14 @@ pub(crate) use check::one_of;
 pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
 pub(crate) use error::{did_you_mean, nearest, parse_toml};
+pub use model::{Free, GaitInput, ModelConfig, Models};
 pub use paths::{Paths, is_pattern};
 
-use crate::named::named;
-use crate::robot::{Gait, JointCommand, Model, Parameter, Robot};
+use crate::robot::{Gait, JointCommand, Model, Robot};
 
 /// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
-/// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family.
+/// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family; models stand
+/// beside the default ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
@@ -35,6 +37,7 @@ pub struct Config {
     pub fit: Fit,
     pub robot: BTreeMap<String, RobotConfig>,
     pub gait: BTreeMap<String, GaitConfig>,
+    pub model: Models,
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
     pub report: Report,
@@ -147,32 +150,6 @@ pub enum ParameterSource {
     Measured,
 }
 
-/// What a model leaves free in its fit: a list of the parameters' names, where `skid` is short for
-/// the skid coefficients of all three wheels.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Free(pub Vec<Parameter>);
-
-named! {
-    /// The gait that drives a model.
-    pub enum GaitInput {
-        /// The campaign's command, as in the paper.
-        Commanded = "commanded",
-        /// Mean and first harmonic of each trial's measured joint angles: servos do not quite
-        /// follow their commands.
-        Measured = "measured",
-    }
-}
-
-impl GaitInput {
-    /// The other one.
-    pub fn other(self) -> Self {
-        match self {
-            Self::Commanded => Self::Measured,
-            Self::Measured => Self::Commanded,
-        }
-    }
-}
-
 /// Measured skid ratios.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -249,12 +226,11 @@ pub struct Campaign {
     pub robot: String,
     /// Name of a `[gait.*]`.
     pub gait: String,
-    /// Models that compete.
+    /// Names of `[model.*]` that compete.
     pub models: Vec<Model>,
     /// Weights of the objective (Table III).
     pub weights: Weights,
-    /// What models leave free; those that are not named have the paper's: `skid` where the
-    /// wheels skid, `damping` for `no-skid-damped`, else nothing.
+    /// What models leave free, if not what they say themselves.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub free: BTreeMap<Model, Free>,
 }
@@ -288,20 +264,20 @@ impl Markers {
 
 /// One entry of a family of the configuration, such as `[robot.kinematic]`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct NamedEntry<T> {
-    pub name: String,
+pub struct NamedEntry<T, N = String> {
+    pub name: N,
     pub value: T,
 }
 
-impl<T: Clone> NamedEntry<T> {
+impl<T: Clone, N: Ord + Clone> NamedEntry<T, N> {
     /// The entry of a family that has this name.
-    pub fn of(family: &BTreeMap<String, T>, name: &str) -> Option<Self> {
-        family.get(name).map(|value| Self { name: name.to_owned(), value: value.clone() })
+    pub fn of(family: &BTreeMap<N, T>, name: &N) -> Option<Self> {
+        family.get(name).map(|value| Self { name: name.clone(), value: value.clone() })
     }
 }
 
 /// As the configuration has it: a table with the name as its key.
-impl<T: Serialize> Serialize for NamedEntry<T> {
+impl<T: Serialize, N: Serialize> Serialize for NamedEntry<T, N> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map([(&self.name, &self.value)])
     }
@@ -413,32 +389,6 @@ impl GaitConfig {
             })
         };
         Gait { joints: [command(&self.joint1), command(&self.joint2)] }
-    }
-}
-
-impl Serialize for Free {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.0.iter().map(|parameter| parameter.key()))
-    }
-}
-
-impl<'de> Deserialize<'de> for Free {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        const ALL_SKID: &str = "skid";
-        let mut parameters = Vec::new();
-        for name in Vec::<String>::deserialize(deserializer)? {
-            match Parameter::ALL.into_iter().find(|parameter| parameter.key() == name) {
-                Some(parameter) => parameters.push(parameter),
-                None if name == ALL_SKID => parameters.extend(Parameter::SKID),
-                None => {
-                    let known = Parameter::ALL.map(Parameter::key).join("`, `");
-                    return Err(serde::de::Error::custom(format!(
-                        "unknown variant `{name}`, expected one of `{ALL_SKID}`, `{known}`"
-                    )));
-                }
-            }
-        }
-        Ok(Self(parameters))
     }
 }
 

@@ -94,7 +94,7 @@ fn fitted(config: &Config, trials: Vec<TrialRow>) -> Fitted {
 #[test]
 fn no_viscous_model_fits_a_robot_with_dry_friction_and_it_says_where() {
     for campaign in ["kinematic-skewed", CAMPAIGN] {
-        let config = config(campaign, &[Model::Skid, Model::SkidRoll]);
+        let config = config(campaign, &[Model::SKID, Model::SKID_ROLL]);
         let trials = trials(campaign, &dry(campaign), 1);
         let Fitted { fits, comparison, .. } = fitted(&config, trials);
         for fit in &fits {
@@ -113,7 +113,7 @@ fn no_viscous_model_fits_a_robot_with_dry_friction_and_it_says_where() {
 
 #[test]
 fn the_true_model_fits_and_a_wrong_one_does_not() {
-    let mut config = config(CAMPAIGN, &[Model::Skid, Model::SkidRoll]);
+    let mut config = config(CAMPAIGN, &[Model::SKID, Model::SKID_ROLL]);
     config.fit.bootstrap = 0;
     let motions = viscous(CAMPAIGN);
     let adequate = |seed| {
@@ -132,7 +132,7 @@ fn the_true_model_fits_and_a_wrong_one_does_not() {
 #[test]
 fn without_repeats_cycles_or_errors_there_is_no_interval() {
     let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
-    let config = config(CAMPAIGN, &[Model::SkidRoll]);
+    let config = config(CAMPAIGN, &[Model::SKID_ROLL]);
     // Of one metric alone the noise is not known, then of none.
     trials.iter_mut().for_each(|trial| trial.metrics_se.sigma[1] = f64::NAN);
     let one = fitted(&config, trials.clone());
@@ -155,7 +155,7 @@ fn without_repeats_cycles_or_errors_there_is_no_interval() {
 #[test]
 fn raw_skid_ratios_stand_for_debiased_ones_that_are_not_known_and_that_is_said() {
     let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
-    let mut config = config(CAMPAIGN, &[Model::SkidRoll]);
+    let mut config = config(CAMPAIGN, &[Model::SKID_ROLL]);
     let raw = fitted(&config, trials.clone());
     assert_eq!(raw.fits[0].notes, "");
     config.fit.sigma = SigmaKind::Debiased;
@@ -178,7 +178,7 @@ fn raw_skid_ratios_stand_for_debiased_ones_that_are_not_known_and_that_is_said()
 #[test]
 fn what_is_assumed_of_the_robot_is_a_part_of_the_interval() {
     let trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
-    let mut config = config(CAMPAIGN, &[Model::SkidRoll]);
+    let mut config = config(CAMPAIGN, &[Model::SKID_ROLL]);
     let exact = fitted(&config, trials.clone()).fits.remove(0);
     let robot = config.robot.get_mut("kinematic").unwrap();
     robot.standard_deviation =

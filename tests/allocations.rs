@@ -3,20 +3,18 @@
 #![allow(clippy::unwrap_used)]
 
 use allocation_counter::measure;
-use trilink::motion::{FIT_ACCURACY, Model, Problem, Solver};
+use trilink::motion::{FIT_ACCURACY, Laws, Problem, Solver};
 use trilink::robot::{Gait, Robot};
 
 fn problems(omega_rad_s: f64) -> Vec<Problem> {
     let kinds = [
-        (Robot::kinematic(), Gait::symmetric(), Model::SkidRoll),
-        (Robot::kinematic(), Gait::skewed(), Model::Skid),
-        (Robot::kinematic(), Gait::skewed(), Model::NoSkid),
-        (Robot::semi_passive(), Gait::passive_symmetric(), Model::SkidRoll),
-        (Robot::semi_passive(), Gait::passive_symmetric(), Model::NoSkidRoll),
+        (Robot::kinematic(), Gait::symmetric(), Laws::SKID_ROLL),
+        (Robot::kinematic(), Gait::skewed(), Laws::SKID),
+        (Robot::kinematic(), Gait::skewed(), Laws::NO_SKID),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::NO_SKID_ROLL),
     ];
-    kinds
-        .map(|(robot, gait, model)| Problem { robot, gait, laws: model.laws(), omega_rad_s })
-        .into()
+    kinds.map(|(robot, gait, laws)| Problem { robot, gait, laws, omega_rad_s }).into()
 }
 
 #[test]

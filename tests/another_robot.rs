@@ -80,7 +80,7 @@ fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
             ("wriggling", "skid-roll"),
         ]
     );
-    for fit in fits.iter().filter(|fit| fit.model == Model::SkidRoll) {
+    for fit in fits.iter().filter(|fit| fit.model == Model::SKID_ROLL) {
         assert_eq!(fit.status, FitStatus::Ok);
         assert!(fit.j.is_finite());
     }

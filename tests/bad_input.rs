@@ -278,17 +278,61 @@ fn a_wrong_configuration_ends_everything_with_line_or_key_named() {
 }
 
 #[test]
+fn a_model_that_is_not_configured_or_wrongly_so_is_named() {
+    let line = "models = [\"no-skid\", \"skid-roll\"]";
+    let cases: [(&str, &str, &[&str]); 5] = [
+        (
+            line,
+            "models = [\"skid-rol\"]",
+            &[
+                "pipeline.toml: key `campaign.kinematic-symmetric.models`: found `skid-rol`",
+                "needed one of `no-skid`, ",
+                "did you mean `skid-roll`?",
+            ],
+        ),
+        ("[fit]", "[model.mine]\nskid = \"viscous\"\n[fit]", &["line 3", "missing field `roll`"]),
+        ("[fit]", "[model.skid]\nskid = \"viscos\"\n[fit]", &["line 4", "did you mean `viscous`?"]),
+        ("[fit]", "[model.skid]\nskids = \"none\"\n[fit]", &["line 4", "did you mean `skid`?"]),
+        (
+            "[fit]",
+            "[model.\"../skid\"]\nskid = \"none\"\nroll = \"none\"\nfree = []\n[fit]",
+            &["key `model`: found \"../skid\"", "needed 1 to 64 characters"],
+        ),
+    ];
+    for (old, new, named) in cases {
+        let change = |folder: &Folder| folder.replace("pipeline.toml", old, new);
+        assert_nothing_done(change, "run", named);
+    }
+}
+
+#[test]
 fn what_a_model_cannot_leave_free_is_named() {
     let cases: [(&str, &[&str]); 7] = [
         ("skid-roll = [\"skd\"]", &["pipeline.toml, line 11", "`skd`", "did you mean `skid`?"]),
-        ("skid-rol = [\"skid\"]", &["pipeline.toml, line 11", "`skid-rol`", "`skid-roll`?"]),
+        (
+            "skid-rol = [\"skid\"]",
+            &["free.skid-rol`", "found \"skid-rol\"", "did you mean `skid-roll`?"],
+        ),
         (
             "skid = [\"skid\"]",
             &["free.skid", "one of the campaign's models `no-skid`, `skid-roll`"],
         ),
-        ("no-skid = [\"skid0\"]", &["free.no-skid", "found Skid0", "wheels that skid"]),
-        ("no-skid = [\"roll\"]", &["free.no-skid", "found Roll", "wheels that resist rolling"]),
-        ("skid-roll = [\"stiffness\"]", &["free.skid-roll", "found Stiffness", "passive joint"]),
+        (
+            "no-skid = [\"skid0\"]",
+            &[
+                "free.no-skid",
+                "found \"skid0\"",
+                "`no-skid` (skid = \"constrained\", roll = \"none\")",
+            ],
+        ),
+        (
+            "no-skid = [\"roll\"]",
+            &["free.no-skid", "found \"roll\"", "roll = \"none\"", "knows: nothing"],
+        ),
+        (
+            "skid-roll = [\"stiffness\"]",
+            &["free.skid-roll", "found \"stiffness\"", "no passive joint knows: skid0, "],
+        ),
         ("skid-roll = [\"skid\", \"skid1\"]", &["free.skid-roll", "each coefficient once"]),
     ];
     for (line, named) in cases {
@@ -296,6 +340,12 @@ fn what_a_model_cannot_leave_free_is_named() {
         let add = |folder: &Folder| folder.replace("pipeline.toml", "alpha = 0.0 }", &free);
         assert_nothing_done(add, "run", named);
     }
+    let own =
+        "[model.mine]\nskid = \"none\"\nroll = \"viscous\"\nfree = [\"roll\", \"skid2\"]\n[fit]";
+    let add = |folder: &Folder| folder.replace("pipeline.toml", "[fit]", own);
+    let named =
+        ["`model.mine.free`", "found \"skid2\"", "`mine` (skid = \"none\"", "knows: roll0, "];
+    assert_nothing_done(add, "run", &named);
     let weigh = |folder: &Folder| {
         let nothing = "d = 0.0, v = 0.0, sigma = 0.0, alpha = 0.0";
         let weights = "d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0";

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink::config::Config;
-use trilink::fit::{FreeParameter, Measurement, Objective, search};
+use trilink::fit::{FitInput, FreeParameter, Measurement, Objective, search};
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{Laws, Model, Problem, REFERENCE_ACCURACY};
 use trilink::robot::Robot;
@@ -21,12 +21,12 @@ const NOISE: f64 = 0.04;
 type Known = (&'static str, Model, [f64; 3]);
 
 const KNOWN: [Known; 6] = [
-    ("kinematic-skewed", Model::Skid, [1.410366642, 1.657114384, 1.499385728]),
-    ("kinematic-skewed", Model::SkidRoll, [0.3856194583, 0.4753052855, 0.4274892636]),
-    ("kinematic-symmetric", Model::Skid, [2.998846994, 3.166651315, 3.003688191]),
-    ("kinematic-symmetric", Model::SkidRoll, [0.3044025805, 0.4035559794, 0.3564296176]),
-    ("semi-passive-symmetric", Model::NoSkidDamped, [12.79719615, 12.81122202, 12.40493667]),
-    ("semi-passive-symmetric", Model::SkidRoll, [1.778931577, 2.722902841, 2.043762884]),
+    ("kinematic-skewed", Model::SKID, [1.410366642, 1.657114384, 1.499385728]),
+    ("kinematic-skewed", Model::SKID_ROLL, [0.3856194583, 0.4753052855, 0.4274892636]),
+    ("kinematic-symmetric", Model::SKID, [2.998846994, 3.166651315, 3.003688191]),
+    ("kinematic-symmetric", Model::SKID_ROLL, [0.3044025805, 0.4035559794, 0.3564296176]),
+    ("semi-passive-symmetric", Model::NO_SKID_DAMPED, [12.79719615, 12.81122202, 12.40493667]),
+    ("semi-passive-symmetric", Model::SKID_ROLL, [1.778931577, 2.722902841, 2.043762884]),
 ];
 
 /// The objective of a campaign that `skid-roll` moved, with noise, and what the model frees.
@@ -65,8 +65,10 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
         })
         .collect();
     let (weights, gait_input) = (config.campaign[campaign].weights, config.fit.gait_input);
-    let parameters = FreeParameter::free_in(model, &gait, &config.fit, None);
-    (Objective::new(model, robot, gait, weights, gait_input, measurements), parameters)
+    let input = FitInput::new(&config, campaign, model).unwrap();
+    let parameters = input.free();
+    let laws = input.model.value.laws();
+    (Objective::new(laws, robot, gait, weights, gait_input, measurements), parameters)
 }
 
 /// The lowest objective after so many generations in the logarithms of the parameters.

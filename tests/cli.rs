@@ -88,7 +88,7 @@ fn settings() -> Config {
     let mut config = Config::default();
     config.campaign.retain(|name, _| CAMPAIGNS.contains(&name.as_str()));
     for campaign in config.campaign.values_mut() {
-        campaign.models = vec![Model::NoSkid, Model::SkidRoll];
+        campaign.models = vec![Model::NO_SKID, Model::SKID_ROLL];
     }
     // The symmetric gait as measured crosses a singular shape without skid.
     config.fit.gait_input = GaitInput::Commanded;
@@ -395,7 +395,7 @@ fn fitted_skid_coefficients_are_the_planted_ones_to_20_percent_or_marked() {
     let (fits, truth) = (derived("fits.parquet"), truth());
     let fits = FitRow::from_table(&fits).expect("fits");
     assert_eq!(fits.len(), 4);
-    for fit in fits.iter().filter(|fit| fit.model == Model::SkidRoll) {
+    for fit in fits.iter().filter(|fit| fit.model == Model::SKID_ROLL) {
         let planted = &truth["campaigns"][&fit.campaign]["skid_kg_s"];
         for (i, skid) in Parameter::SKID.into_iter().enumerate() {
             assert!(fit.free.contains(&skid));
@@ -431,7 +431,7 @@ fn a_sentence_says_which_model_the_data_of_a_campaign_prefer() {
             "None fits; skid-roll is the best of those: J = ",
         ];
         assert!(known.iter().any(|known| sentence.starts_with(known)), "{sentence}");
-        let of_campaign = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SkidRoll;
+        let of_campaign = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SKID_ROLL;
         let fit = fits.iter().find(of_campaign).expect("a fit");
         let ratio = format!("J is {:.2} times what noise alone leaves", fit.lack_of_fit);
         let fits = match (fit.adequate, sentence.starts_with("Only")) {

@@ -54,7 +54,7 @@ impl Truth {
 fn truth(campaign: &'static str, skid_kg_s: [f64; 3]) -> Truth {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == campaign);
-    config.campaign.values_mut().for_each(|campaign| campaign.models = vec![Model::SkidRoll]);
+    config.campaign.values_mut().for_each(|campaign| campaign.models = vec![Model::SKID_ROLL]);
     config.fit.starts = 1;
     config.fit.sigma = SigmaKind::Raw;
     config.fit.gait_input = GaitInput::Commanded;
@@ -321,7 +321,7 @@ impl Share {
 
 /// Coverage of the coefficients of the model that was planted, and its adequacy.
 fn judge_fits(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
-    let is_true = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SkidRoll;
+    let is_true = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SKID_ROLL;
     let fits = || nights.iter().map(|night| (night, night.fits.iter().find(is_true).unwrap()));
     for (wheel, skid) in Parameter::SKID.into_iter().enumerate() {
         let told = || {
@@ -383,7 +383,7 @@ fn judge_predictions(campaign: &str, nights: &[Night], failures: &mut Vec<String
     let mut metrics: BTreeMap<&str, Vec<bool>> = BTreeMap::new();
     for night in nights {
         let is_true =
-            |row: &&PredictionRow| row.campaign == campaign && row.model == Model::SkidRoll;
+            |row: &&PredictionRow| row.campaign == campaign && row.model == Model::SKID_ROLL;
         for row in night.predictions.iter().filter(is_true).filter(|row| row.no_interval.is_empty())
         {
             let is_same =

@@ -9,6 +9,7 @@ use std::f64::consts::{PI, TAU};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
+use trilink::config::Config;
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{
     Attractor, FIT_ACCURACY, Model, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
@@ -67,7 +68,7 @@ impl Draw {
         Problem {
             robot,
             gait: Gait { joints },
-            laws: Model::ALL[self.below(Model::ALL.len())].laws(),
+            laws: Config::default().model[&Model::PAPER[self.below(Model::PAPER.len())]].laws(),
             omega_rad_s: self.between(0.3, 10.0),
         }
     }

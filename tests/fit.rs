@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use trilink::config::{Campaign, Config, Free, GaitInput, ParameterSource, SigmaKind, Weights};
-use trilink::fit::{FitData, Fitted, FreeParameter, Objective, fit};
+use trilink::fit::{FitData, FitInput, Fitted, Objective, fit};
 use trilink::metrics::{Estimate, GaitMetrics, MotionStatus};
 use trilink::motion::{Laws, Model, Problem, REFERENCE_ACCURACY};
 use trilink::robot::{JointCommand, Parameter};
@@ -74,7 +74,7 @@ fn config(reference: &Reference) -> Config {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == reference.campaign);
     config.campaign.values_mut().for_each(|campaign: &mut Campaign| {
-        campaign.models = vec![Model::SkidRoll];
+        campaign.models = vec![Model::SKID_ROLL];
     });
     config.fit.starts = 32;
     // The reference's trials are those of the command.
@@ -96,8 +96,9 @@ fn the_reference_s_best_coefficients_have_its_objective() {
             .collect();
         let (weights, gait_input) = (campaign.weights, GaitInput::Commanded);
         let objective =
-            Objective::new(Model::SkidRoll, robot, gait, weights, gait_input, measurements);
-        let parameters = FreeParameter::free_in(Model::SkidRoll, &gait, &config.fit, None);
+            Objective::new(Laws::SKID_ROLL, robot, gait, weights, gait_input, measurements);
+        let input = FitInput::new(&config, reference.campaign, Model::SKID_ROLL).unwrap();
+        let parameters = input.free();
         let j = objective.evaluator(parameters).cost(&reference.best_skid_kg_s);
         // The coefficients are known to six digits, and the objective has a kink there.
         let difference = (j - reference.best_j).abs() / reference.best_j;
@@ -160,12 +161,44 @@ fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
 }
 
 #[test]
+fn a_model_of_one_s_own_is_fitted_as_a_shipped_one_with_its_laws() {
+    let reference = &REFERENCES[0];
+    let mut config = quick(reference);
+    let own = Model::new("ours");
+    config.model.insert(own, config.model[&Model::SKID_ROLL].clone());
+    let campaign = config.campaign.get_mut(reference.campaign).unwrap();
+    campaign.models = vec![Model::SKID_ROLL, own];
+    let Fitted { fits, predictions, .. } = fit(&config, &named(reference).into(), &|_| {});
+    let [shipped, ours] = fits.as_slice() else { panic!("{fits:?}") };
+    assert_eq!((shipped.model, ours.model), (Model::SKID_ROLL, own));
+    assert_eq!((ours.j, &ours.free), (shipped.j, &shipped.free));
+    assert_eq!(
+        Parameter::SKID.map(|skid| ours.parameters[skid]),
+        Parameter::SKID.map(|skid| shipped.parameters[skid])
+    );
+    let of = |model: Model| {
+        predictions
+            .iter()
+            .filter(move |row| row.model == model)
+            .map(|row| row.metrics.d_m.to_bits())
+    };
+    assert!(of(own).eq(of(Model::SKID_ROLL)) && of(own).count() > 100);
+    // With a gait of its own it does not depend on that of the other fits.
+    config.model.get_mut(&own).unwrap().input = Some(GaitInput::Commanded);
+    config.fit.gait_input = GaitInput::Measured;
+    let Fitted { fits, alternatives, .. } = fit(&config, &named(reference).into(), &|_| {});
+    let ours = fits.iter().find(|row| row.model == own).unwrap();
+    assert_eq!((ours.gait_input, ours.j), (GaitInput::Commanded, shipped.j));
+    assert!(alternatives.iter().all(|row| row.model != own));
+}
+
+#[test]
 fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
     let reference = &REFERENCES[1];
     let mut config = quick(reference);
     let (_, gait) = config.campaign_setup(reference.campaign).unwrap();
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
-    campaign.models = vec![Model::NoSkidMeasured, Model::SkidRoll];
+    campaign.models = vec![Model::NO_SKID_MEASURED, Model::SKID_ROLL];
     let mut rows = named(reference);
     for row in &mut rows {
         row.gait = gait.joints.map(|joint| {
@@ -187,7 +220,7 @@ fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
         );
         // A model that is always driven by the measured gait has no alternative.
         let [alternative] = alternatives.as_slice() else { panic!("{alternatives:?}") };
-        assert_eq!((alternative.model, alternative.gait_input), (Model::SkidRoll, input.other()));
+        assert_eq!((alternative.model, alternative.gait_input), (Model::SKID_ROLL, input.other()));
         let known = by_input.iter().find(|(other, _)| *other == input.other());
         let known = &known.unwrap().1.fits[1];
         assert!((alternative.j / known.j - 1.0).abs() < 1e-9, "{} {}", alternative.j, known.j);
@@ -227,8 +260,8 @@ fn a_curve_goes_through_what_is_predicted_for_the_trials_own_gaits() {
             joint.offset_rad += 0.02 * (part - 1.0);
             joint.phase_rad += 0.01 * turned;
         }
-        let (robot, model) = (robot.clone(), Model::SkidRoll);
-        let problem = Problem { robot, gait, laws: model.laws(), omega_rad_s };
+        let robot = robot.clone();
+        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let mut row = TrialRow { omega_rad_s, metrics, ..named(reference).remove(0) };
         (row.trial, row.omega_commanded_rad_s) = (format!("at-{omega_rad_s}"), omega_rad_s);
@@ -367,7 +400,7 @@ fn a_model_without_a_motion_says_so_and_the_others_are_fitted() {
     let reference = &REFERENCES[0];
     let mut config = quick(reference);
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
-    campaign.models = vec![Model::NoSkidMeasured, Model::NoSkid, Model::SkidRoll];
+    campaign.models = vec![Model::NO_SKID_MEASURED, Model::NO_SKID, Model::SKID_ROLL];
     let mut rows = named(reference);
     // A gait that is a little off crosses the singular shape without meeting condition (5).
     for row in &mut rows {
@@ -392,14 +425,14 @@ fn trials_without_a_measured_gait_leave_the_models_that_need_it_without_a_fit() 
     let reference = &REFERENCES[1];
     let mut config = quick(reference);
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
-    campaign.models = vec![Model::NoSkidMeasured, Model::SkidRoll];
+    campaign.models = vec![Model::NO_SKID_MEASURED, Model::SKID_ROLL];
     let fitted = fit(&config, &named(reference).into(), &|_| {});
     let status = fitted.fits[0].status.to_string();
     let expected = "failed: at 0.500 rad/s the offset, amplitude and phase of the commanded joints";
     assert!(status.starts_with(expected), "{status}");
     assert_eq!(fitted.fits[1].status, FitStatus::Ok);
     assert_eq!(fitted.alternatives[0].status.to_string(), status);
-    let of_first = fitted.predictions.iter().filter(|row| row.model == Model::NoSkidMeasured);
+    let of_first = fitted.predictions.iter().filter(|row| row.model == Model::NO_SKID_MEASURED);
     assert!(of_first.clone().count() > 0);
     assert!(of_first.into_iter().all(|row| row.status == MotionStatus::Failed));
 }
@@ -411,7 +444,7 @@ fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
     let mut config = quick(reference);
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
     campaign.free =
-        [(Model::SkidRoll, Free(vec![Parameter::Stiffness, Parameter::Damping]))].into();
+        [(Model::SKID_ROLL, Free(vec![Parameter::Stiffness, Parameter::Damping]))].into();
     campaign.weights = Weights { d: 0.0, v: 0.0, sigma: 0.0, alpha: 1.0 };
     let mut rows = named(reference);
     rows.drain(4..);
@@ -443,7 +476,7 @@ fn noise_free_trials_give_back_whatever_is_free() {
     let mut config = quick(reference);
     config.fit.starts = 4;
     let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
-    let model = Model::SkidRoll;
+    let model = Model::SKID_ROLL;
     for (free, planted) in [
         ([&Parameter::SKID[..], &[Parameter::RollSum]].concat(), vec![Parameter::RollSum]),
         (vec![Parameter::Roll0, Parameter::Skid2], vec![Parameter::Roll0, Parameter::Skid2]),
@@ -459,7 +492,8 @@ fn noise_free_trials_give_back_whatever_is_free() {
         let mut rows = named(reference);
         for row in &mut rows {
             let omega_rad_s = row.omega_rad_s;
-            let problem = Problem { robot: truth.clone(), gait, laws: model.laws(), omega_rad_s };
+            let problem =
+                Problem { robot: truth.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
             let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
             row.metrics = GaitMetrics { dtheta_rad: row.metrics.dtheta_rad, ..metrics };
         }

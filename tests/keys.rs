@@ -70,6 +70,9 @@ fn changed(key: &str, value: &Value) -> Value {
     if let Some((_, text)) = OTHERS.iter().find(|(name, _)| *name == key) {
         return format!("value = {text}").parse::<Table>().unwrap()["value"].clone();
     }
+    if key.starts_with("model.") {
+        return of_model(value);
+    }
     match value {
         Value::Boolean(value) => (!value).into(),
         Value::Integer(value) => (value + 1).into(),
@@ -80,6 +83,21 @@ fn changed(key: &str, value: &Value) -> Value {
             values.into()
         }
         other => panic!("{key}: no other value is known for {other}"),
+    }
+}
+
+/// Another value of a model's key, with which what it leaves free stays known.
+fn of_model(value: &Value) -> Value {
+    match value {
+        Value::Array(free) if free.len() > 1 => vec!["skid1"].into(),
+        Value::Array(_) => vec!["stiffness"].into(),
+        law => match law.as_str().unwrap() {
+            "constrained" => "viscous",
+            "viscous" => "coulomb-viscous",
+            "none" => "viscous",
+            _ => "commanded",
+        }
+        .into(),
     }
 }
 

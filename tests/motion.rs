@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used)]
 
+use trilink::config::Config;
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{
-    FIT_ACCURACY, FORCES_ACCURACY, Laws, Model, MotionStatus, Problem, REFERENCE_ACCURACY, Sample,
-    Solver,
+    FIT_ACCURACY, FORCES_ACCURACY, Laws, MotionStatus, Problem, REFERENCE_ACCURACY, Sample, Solver,
 };
-use trilink::robot::{Gait, JointCommand, Parameter, Robot};
+use trilink::robot::{Gait, JointCommand, Model, Parameter, Robot};
 
 /// A row of `periodic.csv`.
 struct Row {
@@ -50,13 +50,13 @@ fn row(line: &str) -> Row {
             other => panic!("unknown key {other}"),
         }
     }
-    let model = *Model::ALL.iter().find(|model| model.name() == fields[1]).unwrap();
+    let laws = Config::default().model[&Model::new(&fields[1])].laws();
     let alpha1_rad = match fields[9].as_str() {
         "" => gait.joints[0].unwrap().amplitude_rad,
         _ => number(9).to_radians(),
     };
     Row {
-        problem: Problem { robot, gait, laws: model.laws(), omega_rad_s: number(3) },
+        problem: Problem { robot, gait, laws, omega_rad_s: number(3) },
         metrics: GaitMetrics {
             d_m: number(4),
             v_m_s: number(5),
@@ -148,31 +148,34 @@ fn from_rest_the_robot_settles_into_the_steady_motion() {
 #[test]
 fn wheels_that_hardly_skid_go_the_way_of_wheels_that_cannot() {
     let setups = [
-        (Robot::kinematic(), Gait::symmetric(), Model::Skid, Model::NoSkid),
-        (Robot::kinematic(), Gait::skewed(), Model::Skid, Model::NoSkid),
-        (Robot::kinematic(), Gait::skewed(), Model::SkidRoll, Model::NoSkidRoll),
-        (Robot::semi_passive(), Gait::passive_symmetric(), Model::SkidRoll, Model::NoSkidRoll),
+        (Robot::kinematic(), Gait::symmetric(), Laws::SKID, Laws::NO_SKID),
+        (Robot::kinematic(), Gait::skewed(), Laws::SKID, Laws::NO_SKID),
+        (Robot::kinematic(), Gait::skewed(), Laws::SKID_ROLL, Laws::NO_SKID_ROLL),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL, Laws::NO_SKID_ROLL),
     ];
     for (robot, gait, skids, cannot) in setups {
-        let problem = Problem { robot, gait, laws: cannot.laws(), omega_rad_s: 3.9 };
+        let problem = Problem { robot, gait, laws: cannot, omega_rad_s: 3.9 };
         let limit = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let mut last: Option<(f64, [f64; 3])> = None;
         for skid_kg_s in [1e2, 1e3, 1e4, 1e5, 1e6] {
             let robot = Robot { skid_kg_s: [skid_kg_s; 3], ..problem.robot.clone() };
-            let problem = Problem { robot, laws: skids.laws(), ..problem.clone() };
+            let problem = Problem { robot, laws: skids, ..problem.clone() };
             let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
             let off = (found.d_m - limit.d_m).abs() / limit.d_m;
             if let Some((last_off, last_sigma)) = last {
                 // Forces approach those of the constraints, so skidding goes with 1 / c.
-                assert!(off < 0.3 * last_off, "{skids} {skid_kg_s}: {off} after {last_off}");
+                assert!(off < 0.3 * last_off, "{skids:?} {skid_kg_s}: {off} after {last_off}");
                 for (sigma, last) in found.sigma.iter().zip(last_sigma) {
-                    assert!(*sigma < 0.2 * last, "{skids} {skid_kg_s}: {sigma} after {last}");
+                    assert!(*sigma < 0.2 * last, "{skids:?} {skid_kg_s}: {sigma} after {last}");
                 }
             }
             last = Some((off, found.sigma));
         }
         let (off, sigma) = last.unwrap();
-        assert!(off < 1e-4 && sigma.iter().all(|sigma| *sigma < 1e-4), "{skids}: {off} {sigma:?}");
+        assert!(
+            off < 1e-4 && sigma.iter().all(|sigma| *sigma < 1e-4),
+            "{skids:?}: {off} {sigma:?}"
+        );
     }
 }
 
@@ -187,13 +190,13 @@ fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
     };
     let mut rear = front.clone();
     rear.gait.joints.swap(0, 1);
-    for model in [Model::SkidRoll, Model::Skid, Model::NoSkidRoll] {
+    for laws in [Laws::SKID_ROLL, Laws::SKID, Laws::NO_SKID_ROLL] {
         let [front, rear] = [&front, &rear].map(|problem| {
-            let problem = Problem { laws: model.laws(), ..problem.clone() };
+            let problem = Problem { laws, ..problem.clone() };
             problem.solve(REFERENCE_ACCURACY).unwrap().metrics
         });
-        assert!((front.d_m - rear.d_m).abs() < 1e-9 * front.d_m, "{model}: {front:?} {rear:?}");
-        assert!((front.sigma[1] - rear.sigma[2]).abs() < 1e-9, "{model}");
+        assert!((front.d_m - rear.d_m).abs() < 1e-9 * front.d_m, "{laws:?}: {front:?} {rear:?}");
+        assert!((front.sigma[1] - rear.sigma[2]).abs() < 1e-9, "{laws:?}");
     }
 }
 
@@ -224,18 +227,13 @@ fn derivatives_are_those_of_central_differences() {
         Gait { joints: [0, 1].map(|j| (j == joint).then_some(command)) }
     };
     let robot = Robot { rest_angle_rad: -0.1, ..Robot::semi_passive() };
-    for model in Model::ALL {
+    for laws in [Laws::NO_SKID, Laws::NO_SKID_ROLL, Laws::SKID, Laws::SKID_ROLL] {
         // Whole periods, with the front and with the rear joint on its spring.
         for gait in [offset(0), offset(1)] {
-            problems.push(Problem {
-                robot: robot.clone(),
-                gait,
-                laws: model.laws(),
-                omega_rad_s: 3.0,
-            });
+            problems.push(Problem { robot: robot.clone(), gait, laws, omega_rad_s: 3.0 });
         }
         let (robot, gait) = (Robot::kinematic(), Gait::skewed());
-        problems.push(Problem { robot, gait, laws: model.laws(), omega_rad_s: 3.0 });
+        problems.push(Problem { robot, gait, laws, omega_rad_s: 3.0 });
     }
     for problem in problems {
         let mut solver = Solver::default();
@@ -282,12 +280,10 @@ fn derivatives_are_those_of_central_differences() {
 /// The largest of these values in a cycle over the largest in every eleventh sample of it: 1 for
 /// what is bounded and resolved, 11 for what has a pole. No sample meets a crossing of
 /// `phi1 = phi2`: both densities miss those of the symmetric gait by half a step.
-fn growth(model: Model, values: impl Fn(&Sample) -> [f64; 3]) -> f64 {
+fn growth(laws: Laws, values: impl Fn(&Sample) -> [f64; 3]) -> f64 {
     let (robot, gait) = (Robot::kinematic(), Gait::symmetric());
     let mut solver = Solver::default();
-    solver
-        .solve(&Problem { robot, gait, laws: model.laws(), omega_rad_s: 4.0 }, FORCES_ACCURACY)
-        .unwrap();
+    solver.solve(&Problem { robot, gait, laws, omega_rad_s: 4.0 }, FORCES_ACCURACY).unwrap();
     let samples = solver.cycle(1100).unwrap();
     let largest = |step: usize| {
         let sizes = samples.iter().step_by(step).flat_map(|sample| values(sample).map(f64::abs));
@@ -306,9 +302,9 @@ fn where_the_kinematic_robot_crosses_equal_angles_its_forces_are_unbounded_with_
         [x, y, Robot::kinematic().h_m * turning]
     };
     let forces = |sample: &Sample| sample.forces.lateral_n;
-    assert!(growth(Model::NoSkid, velocities) < 1.05);
-    assert!(growth(Model::NoSkid, forces) < 1.05);
-    let with_roll = growth(Model::NoSkidRoll, forces);
+    assert!(growth(Laws::NO_SKID, velocities) < 1.05);
+    assert!(growth(Laws::NO_SKID, forces) < 1.05);
+    let with_roll = growth(Laws::NO_SKID_ROLL, forces);
     assert!((with_roll - 11.0).abs() < 0.1, "{with_roll}");
 }
 

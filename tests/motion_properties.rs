@@ -6,14 +6,13 @@ use std::f64::consts::PI;
 
 use proptest::prelude::*;
 use trilink::motion::{
-    Attractor, FORCES_ACCURACY, Laws, Model, Problem, REFERENCE_ACCURACY, Sample, Solver,
-    SteadyMotion,
+    Attractor, FORCES_ACCURACY, Laws, Problem, REFERENCE_ACCURACY, Sample, Solver, SteadyMotion,
 };
 use trilink::robot::{Gait, JointCommand, Robot};
 
 /// Every model that is an equation of motion of its own; the others are these under another
 /// gait or with other damping.
-const MODELS: [Model; 4] = [Model::Skid, Model::SkidRoll, Model::NoSkid, Model::NoSkidRoll];
+const ALL_LAWS: [Laws; 4] = [Laws::SKID, Laws::SKID_ROLL, Laws::NO_SKID, Laws::NO_SKID_ROLL];
 
 fn robots() -> impl Strategy<Value = Robot> {
     let sizes = (0.05..0.3, 0.05..0.3, 0.2..0.9, 0.3..3.0, 0.05..0.5, 0.05..0.5);
@@ -45,14 +44,8 @@ fn problems() -> impl Strategy<Value = Problem> {
     let gaits = (joints(), joints(), 0..3_usize).prop_map(|(joint1, joint2, passive)| Gait {
         joints: [(passive != 1).then_some(joint1), (passive != 2).then_some(joint2)],
     });
-    (robots(), gaits, prop::sample::select(&MODELS[..]), 0.5..6.0).prop_map(
-        |(robot, gait, model, omega_rad_s)| Problem {
-            robot,
-            gait,
-            laws: model.laws(),
-            omega_rad_s,
-        },
-    )
+    (robots(), gaits, prop::sample::select(&ALL_LAWS[..]), 0.5..6.0)
+        .prop_map(|(robot, gait, laws, omega_rad_s)| Problem { robot, gait, laws, omega_rad_s })
 }
 
 /// Whether the motion has states of its own and forgets where it began.

@@ -181,6 +181,21 @@ fn whoever_reads_the_results_may_stop_before_their_end() {
 }
 
 #[test]
+fn a_model_of_one_s_own_moves_by_its_laws() {
+    let folder = empty_folder();
+    let own = "[model.ours]\nskid = \"viscous\"\nroll = \"none\"\nfree = [\"skid1\"]\n";
+    std::fs::write(folder.path().join("pipeline.toml"), own).unwrap();
+    let answer = |model: &str| {
+        let motion = ["simulate", "kinematic-skewed", "--omega", "3.9", "--json", "--model", model];
+        let output = trilink(folder.path(), &motion);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    assert_eq!(answer("ours"), answer("skid"));
+    assert_ne!(answer("ours"), answer("skid-roll"));
+}
+
+#[test]
 fn unknown_names_are_answered_with_the_nearest_known_one() {
     let folder = empty_folder();
     for (campaign, model, near) in [

@@ -130,7 +130,10 @@ fn a_changed_key_redoes_what_reads_it() {
     let window = format!("id = \"{SYMMETRIC}\"\nsmoothing_window = 9");
     let gap = "[ingest]\nmax_gap_s = 0.05\n[fit]";
     let models = "models = [\"no-skid\", \"skid\", \"skid-roll\"]";
-    let cases: [(&str, &str, &str, usize, &[&str]); 9] = [
+    let free_by_default = "[model.skid-roll]\nfree = [\"skid1\"]\n[fit]";
+    let input = "[model.no-skid]\ninput = \"commanded\"\n[fit]";
+    let unused = "[model.other]\nskid = \"viscous\"\nroll = \"none\"\nfree = []\n[fit]";
+    let cases: [(&str, &str, &str, usize, &[&str]); 12] = [
         ("pipeline.toml", "starts = 2", "starts = 3", 0, &with_search),
         ("pipeline.toml", "bootstrap = 3", "bootstrap = 4", 0, &everything),
         ("pipeline.toml", skewed, &skewed.replace("10.0", "9.0"), 0, &SKEWED_FITS),
@@ -144,6 +147,9 @@ fn a_changed_key_redoes_what_reads_it() {
             &["kinematic-symmetric skid"],
         ),
         ("pipeline.toml", "[fit]", "[fit]\nroll_bounds_kg_s = [0.02, 5.0]", 0, &[]),
+        ("pipeline.toml", "[fit]", free_by_default, 0, &SYMMETRIC_FITS[1..]),
+        ("pipeline.toml", "[fit]", input, 0, &SYMMETRIC_FITS[..1]),
+        ("pipeline.toml", "[fit]", unused, 0, &[]),
         ("pipeline.toml", "[fit]", gap, TRIALS, &[]),
         ("raw/trials.toml", &format!("id = \"{SYMMETRIC}\""), &window, 1, &[]),
     ];

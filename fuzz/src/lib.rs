@@ -59,9 +59,9 @@ pub fn settings(text: &[u8]) {
     for (name, campaign) in &config.campaign {
         let Some((robot, gait)) = config.campaign_setup(name) else { continue };
         for model in &campaign.models {
+            let laws = config.model[model].laws();
             let robot = robot.clone();
-            let _ =
-                Problem { robot, gait, laws: model.laws(), omega_rad_s: 3.9 }.solve(FIT_ACCURACY);
+            let _ = Problem { robot, gait, laws, omega_rad_s: 3.9 }.solve(FIT_ACCURACY);
         }
     }
 }

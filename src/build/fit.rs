@@ -60,7 +60,7 @@ impl FitStage {
 }
 
 fn target(input: &FitInput) -> Target {
-    Target::Fit { campaign: input.campaign.name.clone(), model: input.model }
+    Target::Fit { campaign: input.campaign.name.clone(), model: input.model.name }
 }
 
 fn part_of_trial(trial: &str) -> String {

@@ -10,9 +10,10 @@ use rayon::prelude::*;
 use super::omegas::{Omegas, parse_omegas};
 use super::output::write_data;
 use super::{Context, Failure, Outcome};
-use crate::config::{Config, ConfigError, did_you_mean};
-use crate::motion::{Model, Problem};
+use crate::config::{Config, ConfigError, did_you_mean, one_of};
+use crate::motion::Problem;
 use crate::report::{SimulationError, simulation_page};
+use crate::robot::Model;
 use crate::store::write_if_changed;
 use answer::Answer;
 
@@ -20,9 +21,9 @@ use answer::Answer;
 pub(super) struct Simulate {
     /// Name of a `[campaign.*]`.
     campaign: String,
-    /// no-skid, no-skid-damped, no-skid-roll, skid or skid-roll.
-    #[arg(long, value_parser = parse_model)]
-    model: Model,
+    /// Name of a `[model.*]`: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll or your own.
+    #[arg(long)]
+    model: String,
     /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. May be given again.
     #[arg(long, required = true, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
@@ -50,11 +51,21 @@ impl Simulate {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let config = with_settings(context.config, &self.campaign, &self.set)?;
         let (robot, gait) = config.campaign_setup(&self.campaign).ok_or("no such campaign")?;
-        if self.model == Model::NoSkidMeasured {
-            return Err("--model: no-skid-measured is driven by the measured gaits of trials; \
-                        fit it with `trilink fit`"
+        let model = Model::new(&self.model);
+        let laws = match config.model.get(&model) {
+            Some(found) if found.is_of_trials() => {
+                return Err(format!(
+                    "--model: {model} is driven by the measured gaits of trials; fit it with \
+                     `trilink fit`"
+                )
                 .into());
-        }
+            }
+            Some(found) => found.laws(),
+            None => {
+                let needed = one_of(&self.model, &config.model, "");
+                return Err(format!("--model: found `{model}`, needed {needed}").into());
+            }
+        };
         // As the answers show them.
         let parameters =
             serde_json::to_value(&config.robot[&config.campaign[&self.campaign].robot])?;
@@ -63,12 +74,7 @@ impl Simulate {
         if self.page.is_some() && omegas.len() != 1 {
             return Err(format!("--page: found {} frequencies, needed one", omegas.len()).into());
         }
-        let problem = |omega_rad_s| Problem {
-            robot: robot.clone(),
-            gait,
-            laws: self.model.laws(),
-            omega_rad_s,
-        };
+        let problem = |omega_rad_s| Problem { robot: robot.clone(), gait, laws, omega_rad_s };
         let stage = context.progress.stage("simulate", omegas.len());
         let answers: Vec<Answer> = omegas
             .par_iter()
@@ -89,7 +95,7 @@ impl Simulate {
         }
         if let (Some(path), [answer]) = (&self.page, &answers[..]) {
             let problem = problem(answer.omega_rad_s);
-            let names = (self.campaign.as_str(), self.model.name());
+            let names = (self.campaign.as_str(), &*self.model);
             let page = simulation_page(names, &problem, answer.cycles_to_settle, answer);
             let message = match page {
                 Ok(page) => {
@@ -110,14 +116,6 @@ impl Simulate {
         let all_exist = answers.iter().all(|answer| answer.metrics.d_m.is_finite());
         Ok(if all_exist { Outcome::Well } else { Outcome::NeedsAttention })
     }
-}
-
-fn parse_model(text: &str) -> Result<Model, String> {
-    let names = || Model::ALL.into_iter().map(Model::name);
-    Model::ALL.into_iter().find(|model| model.name() == text).ok_or_else(|| {
-        let hint = did_you_mean(text, names());
-        format!("needed one of {}{hint}", names().collect::<Vec<_>>().join(", "))
-    })
 }
 
 /// The configuration with `key=value` settings in the campaign's robot.

@@ -1,15 +1,15 @@
 //! What a configuration must satisfy beyond being well-formed.
 
 use std::collections::BTreeMap;
-use std::fmt::Debug;
+use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
 use toml::Value;
 
-use super::{Campaign, Config, ConfigError, nearest};
+use super::{Campaign, Config, ConfigError, Free, ModelConfig, did_you_mean, nearest};
 use crate::pattern::{matches, matches_label};
-use crate::robot::{Family, Gait, Parameter};
+use crate::robot::{Gait, Model, Parameter};
 
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
@@ -54,7 +54,7 @@ const UNITS: [(&str, &str, &str, f64); 6] = [
     ("_hz", "Hz", "kHz", 1e3),
     ("gap_s", "seconds", "milliseconds", 1e-3),
 ];
-/// What names of robots, gaits and campaigns are: they name files, and stand in messages.
+/// What names of robots, gaits, models and campaigns are: they name files, and stand in messages.
 const NAME: &str = "1 to 64 characters, none of them `/`, `\\` or one that cannot be seen";
 /// Markers of a link, at most: a set of them is the bits of a number.
 const MOST_MARKERS: usize = u64::BITS as usize;
@@ -72,15 +72,22 @@ impl Config {
         check.numbers("", &values)?;
         let raw = &self.paths.raw;
         check.that(!raw.is_empty(), "paths.raw", raw, "at least one folder")?;
+        let models: Vec<String> = self.model.keys().map(Model::to_string).collect();
         let families = [
             ("robot", self.robot.keys().collect::<Vec<_>>()),
             ("gait", self.gait.keys().collect()),
+            ("model", models.iter().collect()),
             ("campaign", self.campaign.keys().collect()),
         ];
         for (family, name) in
             families.iter().flat_map(|(f, names)| names.iter().map(move |n| (f, n)))
         {
             check.that(is_valid_name(name), family, name, NAME)?;
+        }
+        for (name, model) in &self.model {
+            // Whether a joint is passive is the campaigns' to say.
+            let key = format!("model.{name}.free");
+            check.free(&key, *name, model, &model.free, &Gait::passive_symmetric())?;
         }
         for (key, bounds) in [
             ("fit.skid_bounds_kg_s", self.fit.skid_bounds_kg_s),
@@ -132,7 +139,18 @@ impl Config {
         check.that(repeated.is_none(), &key("models"), &repeated, "each model once")?;
         let weighs = [weights.d, weights.v, weights.sigma, weights.alpha].iter().any(|w| *w > 0.0);
         check.that(weighs, &key("weights"), weights, "at least one above 0")?;
-        check.free(name, campaign, &commanded)
+        for model in models {
+            check.entry(&self.model, model, &key("models"))?;
+        }
+        for (model, free) in &campaign.free {
+            let key = key(&format!("free.{model}"));
+            let known: Vec<&str> = models.iter().map(|model| model.name()).collect();
+            let hint = did_you_mean(model.name(), known.iter().copied());
+            let needed = format!("one of the campaign's models `{}`{hint}", known.join("`, `"));
+            check.that(models.contains(model), &key, &model.name(), &needed)?;
+            check.free(&key, *model, &self.model[model], free, &commanded)?;
+        }
+        Ok(())
     }
 
     fn check_markers(&self, check: &Checker) -> Result<(), ConfigError> {
@@ -209,37 +227,42 @@ impl Checker<'_> {
     }
 
     /// The entry of a family that another entry names.
-    fn entry<'t, T>(
+    fn entry<'t, N: Ord + Display, T>(
         &self,
-        family: &'t BTreeMap<String, T>,
-        name: &str,
+        family: &'t BTreeMap<N, T>,
+        name: &N,
         key: &str,
     ) -> Result<&'t T, ConfigError> {
         family.get(name).ok_or_else(|| {
             let (path, key, found) = (self.path.to_owned(), key.to_owned(), format!("`{name}`"));
-            ConfigError::Value { path, key, found, needed: one_of(name, family, "") }
+            ConfigError::Value { path, key, found, needed: one_of(&name.to_string(), family, "") }
         })
     }
 
-    /// What the models of a campaign leave free.
-    fn free(&self, name: &str, campaign: &Campaign, gait: &Gait) -> Result<(), ConfigError> {
-        for (model, free) in &campaign.free {
-            let key = format!("campaign.{name}.free.{model}");
-            let models: Vec<&str> = campaign.models.iter().map(|model| model.name()).collect();
-            let needed = format!("one of the campaign's models `{}`", models.join("`, `"));
-            self.that(campaign.models.contains(model), &key, &model.name(), &needed)?;
-            for (i, one) in free.0.iter().enumerate() {
-                let why = match one.family() {
-                    Family::Skid => "wheels that skid",
-                    Family::Roll => "wheels that resist rolling",
-                    Family::Joint => "a passive joint",
-                };
-                let known = model.knows(*one, gait);
-                self.that(known, &key, one, &format!("a model with {why}"))?;
-                let overlaps = |other: &Parameter| one.is_part_of(*other) || other.is_part_of(*one);
-                let repeated = free.0[..i].iter().any(overlaps);
-                self.that(!repeated, &key, &free.0, "each coefficient once")?;
-            }
+    /// What a model leaves free under a gait.
+    fn free(
+        &self,
+        key: &str,
+        name: Model,
+        model: &ModelConfig,
+        free: &Free,
+        gait: &Gait,
+    ) -> Result<(), ConfigError> {
+        let ModelConfig { skid, roll, .. } = model;
+        let known = |one: &Parameter| model.laws().know(*one, gait);
+        let joint = if gait.passive_joint().is_some() { "a" } else { "no" };
+        for (i, one) in free.0.iter().enumerate() {
+            let keys: Vec<&str> =
+                Parameter::ALL.into_iter().filter(known).map(Parameter::key).collect();
+            let keys = if keys.is_empty() { "nothing".to_owned() } else { keys.join(", ") };
+            let needed = format!(
+                "what model `{name}` (skid = \"{skid}\", roll = \"{roll}\") with {joint} passive joint \
+                 knows: {keys}"
+            );
+            self.that(known(one), key, &one.key(), &needed)?;
+            let overlaps = |other: &Parameter| one.is_part_of(*other) || other.is_part_of(*one);
+            let repeated = free.0[..i].iter().any(overlaps);
+            self.that(!repeated, key, &free.0, "each coefficient once")?;
         }
         Ok(())
     }
@@ -269,9 +292,9 @@ fn is_valid_name(name: &str) -> bool {
 }
 
 /// The names of a family of entries of a `file`, and the one that was perhaps meant.
-pub(crate) fn one_of<T>(name: &str, family: &BTreeMap<String, T>, file: &str) -> String {
-    let known: Vec<&str> = family.keys().map(String::as_str).collect();
-    let hint = nearest(name, known.iter().copied());
+pub(crate) fn one_of<N: Display, T>(name: &str, family: &BTreeMap<N, T>, file: &str) -> String {
+    let known: Vec<String> = family.keys().map(N::to_string).collect();
+    let hint = nearest(name, known.iter().map(String::as_str));
     let hint = hint.map_or(String::new(), |near| format!(" (did you mean `{near}`?)"));
     format!("one of `{}`{file}{hint}", known.join("`, `"))
 }

@@ -202,8 +202,8 @@ mod tests {
 
     use super::*;
     use crate::config::{Config, SigmaKind};
-    use crate::fit::{FreeParameter, Measurement};
-    use crate::motion::{Model, REFERENCE_ACCURACY};
+    use crate::fit::{FitInput, Measurement};
+    use crate::motion::{Laws, Model, REFERENCE_ACCURACY};
     use crate::store::{Columns as _, Stopped, TrialRow};
 
     const SKID_KG_S: [f64; 3] = [104.0, 34.0, 45.0];
@@ -211,16 +211,16 @@ mod tests {
     fn objective(campaign: &str) -> Objective {
         let config = Config::default();
         let (robot, gait) = config.campaign_setup(campaign).expect("the paper's");
-        let (weights, model) = (config.campaign[campaign].weights, Model::SkidRoll);
+        let (weights, laws) = (config.campaign[campaign].weights, Laws::SKID_ROLL);
         let measured = |omega_rad_s: f64| {
             let robot = Robot { skid_kg_s: SKID_KG_S, ..robot.clone() };
-            let problem = Problem { robot, gait, laws: model.laws(), omega_rad_s };
+            let problem = Problem { robot, gait, laws, omega_rad_s };
             let metrics = problem.solve(REFERENCE_ACCURACY).expect("a motion").metrics;
             let row = TrialRow { omega_rad_s, metrics, ..TrialRow::blank() };
             Measurement::new(&row, SigmaKind::Raw).expect("a measurement")
         };
         let measurements = [1.0, 2.5, 4.0, 5.5].map(measured).into();
-        Objective::new(model, robot, gait, weights, GaitInput::Commanded, measurements)
+        Objective::new(laws, robot, gait, weights, GaitInput::Commanded, measurements)
     }
 
     /// Of replicates of which the logarithms have this standard deviation: largest error of a
@@ -228,8 +228,8 @@ mod tests {
     /// derivatives alone do.
     fn error(campaign: &str, deviation: f64) -> (f64, usize) {
         let objective = objective(campaign);
-        let fit = Config::default().fit;
-        let parameters = FreeParameter::free_in(Model::SkidRoll, &objective.gait, &fit, None);
+        let input = FitInput::new(&Config::default(), campaign, Model::SKID_ROLL);
+        let parameters = input.expect("the paper's").free();
         let point = FittedPoint::new(objective.evaluator(parameters), SKID_KG_S.into());
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
         let mut replicate = |_| {

@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_clear_winner_that_fits_is_preferred() {
-        let rows = [row(Model::Skid, 0.4, 0.5, 0.02), row(Model::SkidRoll, 0.3, 0.35, 0.98)];
+        let rows = [row(Model::SKID, 0.4, 0.5, 0.02), row(Model::SKID_ROLL, 0.3, 0.35, 0.98)];
         assert_eq!(
             of(&rows, &[Some(false), Some(true)]),
             "The data prefer skid-roll: J = 0.3000, 25.0 % below that of skid (0.4000), the \
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_winner_that_does_not_fit_is_not_preferred() {
-        let rows = [row(Model::Skid, 0.4, 0.5, 0.02), row(Model::SkidRoll, 0.3, 0.35, 0.98)];
+        let rows = [row(Model::SKID, 0.4, 0.5, 0.02), row(Model::SKID_ROLL, 0.3, 0.35, 0.98)];
         let none = of(&rows, &[Some(false), Some(false)]);
         assert!(
             none.starts_with("None fits; skid-roll is the best of those: J = 0.3000"),
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn two_models_that_share_the_replicates_are_not_told_apart() {
-        let rows = [row(Model::Skid, 0.31, 0.33, 0.4), row(Model::SkidRoll, 0.30, 0.35, 0.6)];
+        let rows = [row(Model::SKID, 0.31, 0.33, 0.4), row(Model::SKID_ROLL, 0.30, 0.35, 0.6)];
         let text = of(&rows, &[Some(true), Some(true)]);
         assert!(text.starts_with("The data do not clearly prefer one model; skid-roll is nearest"));
         assert!(text.contains("predicted better by skid (0.3300 against 0.3500)"), "{text}");
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn a_model_without_a_fit_does_not_compete() {
         let rows =
-            [row(Model::NoSkid, f64::NAN, f64::NAN, f64::NAN), row(Model::Skid, 0.3, 0.4, 1.0)];
+            [row(Model::NO_SKID, f64::NAN, f64::NAN, f64::NAN), row(Model::SKID, 0.3, 0.4, 1.0)];
         assert_eq!(
             of(&rows, &[None, None]),
             "Only skid has a fit: J = 0.3000; whether it fits is not known, since nothing tells \

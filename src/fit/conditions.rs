@@ -353,10 +353,10 @@ impl Expansion {
 mod tests {
     use super::*;
     use crate::config::{Config, GaitInput, SigmaKind};
-    use crate::fit::input::FreeParameter;
+    use crate::fit::FitInput;
     use crate::fit::objective::Objective;
     use crate::fit::starts::{Start, search_from};
-    use crate::robot::{Model, Robot};
+    use crate::robot::{Laws, Model, Robot};
     use crate::store::{Columns as _, TrialRow};
 
     const SKID_KG_S: [f64; 3] = [80.0, 40.0, 45.0];
@@ -381,9 +381,8 @@ mod tests {
             }
             let commanded_rad_s = [1.0, 2.5, 4.0, 5.5][number / repeats];
             let omega_rad_s = commanded_rad_s * (1.0 + 0.1 * spread_rad * scattered(number));
-            let model = Model::SkidRoll;
             let problem =
-                Problem { robot: robot.clone(), gait: own, laws: model.laws(), omega_rad_s };
+                Problem { robot: robot.clone(), gait: own, laws: Laws::SKID_ROLL, omega_rad_s };
             let exact = problem.solve(REFERENCE_ACCURACY).expect("a motion").metrics.to_array();
             let noise = |metric: usize| 1.0 + 0.01 * scattered(5 * number + metric);
             let row = TrialRow {
@@ -404,12 +403,12 @@ mod tests {
         let config = Config::default();
         let (robot, gait) = config.campaign_setup("kinematic-skewed").expect("the paper's");
         let weights = config.campaign["kinematic-skewed"].weights;
-        Objective::new(Model::SkidRoll, robot, gait, weights, gait_input, measurements)
+        Objective::new(Laws::SKID_ROLL, robot, gait, weights, gait_input, measurements)
     }
 
     fn fitted(objective: &Objective) -> Start {
-        let fit = Config::default().fit;
-        let parameters = FreeParameter::free_in(Model::SkidRoll, &objective.gait, &fit, None);
+        let input = FitInput::new(&Config::default(), "kinematic-skewed", Model::SKID_ROLL);
+        let parameters = input.expect("the paper's").free();
         search_from(objective.evaluator(parameters), vec![90.0, 45.0, 50.0])
     }
 

@@ -6,9 +6,10 @@ use serde::Serialize;
 
 use super::{FitData, Measurement};
 use crate::config::{
-    Config, Fit, Free, GaitConfig, NamedEntry, ParameterSource, RobotConfig, Weights,
+    Config, Fit, Free, GaitConfig, GaitInput, ModelConfig, NamedEntry, ParameterSource,
+    RobotConfig, Weights,
 };
-use crate::robot::{Family, Gait, Model, Parameter, Robot};
+use crate::robot::{Family, Model, Parameter, Robot};
 use crate::stats::{Estimate, mean};
 use crate::store::{CycleRow, RobotParameterRow, hash};
 
@@ -16,7 +17,8 @@ use crate::store::{CycleRow, RobotParameterRow, hash};
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FitInput {
     pub campaign: NamedEntry<FitCampaign>,
-    pub model: Model,
+    /// Without its list of what is free where the campaign has one.
+    pub model: NamedEntry<ModelConfig, Model>,
     pub robot: NamedEntry<RobotConfig>,
     pub gait: NamedEntry<GaitConfig>,
     /// What the fit does not read, such as bounds of what is not free, has its default.
@@ -55,14 +57,20 @@ impl FitInput {
         let value = FitCampaign { weights: of.weights, free: of.free.get(&model).cloned() };
         let mut input = Self {
             campaign: NamedEntry { name: campaign.to_owned(), value },
-            model,
+            model: NamedEntry::of(&config.model, &model)?,
             robot: NamedEntry::of(&config.robot, &of.robot)?,
             gait: NamedEntry::of(&config.gait, &of.gait)?,
             fit: config.fit.clone(),
         };
+        if input.campaign.value.free.is_some() {
+            input.model.value.free = Free(Vec::new());
+        }
         let free = input.free();
         let frees = |is: fn(Parameter) -> bool| free.iter().any(|one| is(one.parameter));
         let (fit, unread) = (&mut input.fit, Config::default().fit);
+        if input.model.value.input.is_some() {
+            fit.gait_input = unread.gait_input;
+        }
         if free.is_empty() {
             (fit.starts, fit.profiles) = (1, false);
         }
@@ -172,10 +180,21 @@ impl FitInput {
         robots
     }
 
-    /// The parameters that the fit frees, with their bounds.
+    /// What drives the model.
+    pub fn gait_input(&self) -> GaitInput {
+        self.model.value.input.unwrap_or(self.fit.gait_input)
+    }
+
+    /// The parameters that the fit frees, with their bounds: those of the campaign's list, else the
+    /// model's. What the motion does not depend on is left out.
     pub fn free(&self) -> Vec<FreeParameter> {
-        let list = self.campaign.value.free.as_ref();
-        FreeParameter::free_in(self.model, &self.gait.value.to_gait(), &self.fit, list)
+        let (model, gait) = (&self.model.value, self.gait.value.to_gait());
+        let Free(listed) = self.campaign.value.free.as_ref().unwrap_or(&model.free);
+        let known = listed.iter().filter(|parameter| model.laws().know(**parameter, &gait));
+        let fit = &self.fit;
+        known
+            .map(|&parameter| FreeParameter { parameter, bounds: bounds(parameter, fit) })
+            .collect()
     }
 }
 
@@ -190,19 +209,6 @@ pub struct FreeParameter {
 }
 
 impl FreeParameter {
-    /// The parameters that a fit of `model` frees: those of its list, else the paper's. What the
-    /// model does not have is left out.
-    pub fn free_in(model: Model, gait: &Gait, fit: &Fit, list: Option<&Free>) -> Vec<Self> {
-        let by_default: &[Parameter] = match model {
-            Model::Skid | Model::SkidRoll => &Parameter::SKID,
-            Model::NoSkidDamped => &[Parameter::Damping],
-            _ => &[],
-        };
-        let listed = list.map_or(by_default, |Free(parameters)| parameters);
-        let known = listed.iter().filter(|parameter| model.knows(**parameter, gait));
-        known.map(|&parameter| Self { parameter, bounds: bounds(parameter, fit) }).collect()
-    }
-
     /// At which of its bounds a value is: lower, upper.
     pub(super) fn is_at_bound(&self, value: f64) -> [bool; 2] {
         let [low, high] = self.bounds;
@@ -225,6 +231,37 @@ mod tests {
     use crate::store::{Columns as _, FitStatus};
 
     #[test]
+    fn a_fit_reads_the_keys_of_its_own_model_and_of_no_other() {
+        let campaign = "kinematic-symmetric";
+        let of = |config: &Config| {
+            let input = FitInput::new(config, campaign, Model::SKID).expect("the paper's");
+            toml::to_string(&input).expect("plain data")
+        };
+        let mut config = Config::default();
+        let before = of(&config);
+        let model = |config: &mut Config, name, change: fn(&mut ModelConfig)| {
+            change(config.model.get_mut(&name).expect("a default"));
+        };
+        model(&mut config, Model::SKID_ROLL, |other| other.free = Free(Vec::new()));
+        assert_eq!(of(&config), before);
+        model(&mut config, Model::SKID, |own| own.free = Free(vec![Parameter::Skid1]));
+        let with_free = of(&config);
+        assert_ne!(with_free, before);
+        model(&mut config, Model::SKID, |own| own.input = Some(GaitInput::Commanded));
+        let with_input = of(&config);
+        assert_ne!(with_input, with_free);
+        config.fit.gait_input = GaitInput::Commanded;
+        assert_eq!(of(&config), with_input);
+        // The campaign's list goes first.
+        let listed = Free(vec![Parameter::Skid0]);
+        let free = &mut config.campaign.get_mut(campaign).expect("the paper's").free;
+        free.insert(Model::SKID, listed);
+        let with_list = of(&config);
+        model(&mut config, Model::SKID, |own| own.free = Free(vec![Parameter::Skid2]));
+        assert_eq!(of(&config), with_list);
+    }
+
+    #[test]
     fn what_the_trials_do_not_tell_stays_as_configured() {
         let row = |robot: &str| RobotParameterRow {
             robot: robot.to_owned(),
@@ -243,7 +280,7 @@ mod tests {
         let data = FitData { robots: rows.into(), ..FitData::default() };
         let campaign = "semi-passive-symmetric";
         let mut input =
-            FitInput::new(&Config::default(), campaign, Model::SkidRoll).expect("the paper's");
+            FitInput::new(&Config::default(), campaign, Model::SKID_ROLL).expect("the paper's");
         let configured = input.robot.value.to_robot();
         assert_eq!(input.measured_robot(&data), (configured.clone(), Vec::new()));
         input.robot.name = "ours".to_owned();

@@ -19,7 +19,7 @@ use super::starts::{Start, search_all, search_from};
 use super::{FitData, FitEvent, FitInput, Fitted, OnEvent, Replicates};
 use crate::config::GaitInput;
 use crate::motion::REFERENCE_ACCURACY;
-use crate::robot::{ByParameter, Model, Parameter, Robot};
+use crate::robot::{ByParameter, Parameter, Robot};
 use crate::store::{
     BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
 };
@@ -54,11 +54,11 @@ impl<'j> Job<'j> {
         let (robot, measured) = input.measured_robot(data);
         let others = input.uncertain_robots(&robot, data);
         let objective = Objective::new(
-            input.model,
+            input.model.value.laws(),
             robot,
             input.gait.value.to_gait(),
             input.campaign.value.weights,
-            input.fit.gait_input,
+            input.gait_input(),
             resampler.measurements.clone(),
         );
         Self { input, objective, measured, others, resampler, replicates }
@@ -103,11 +103,10 @@ impl<'j> Job<'j> {
         (Fit { solves, ..Fit::new(point, best.cost) }, status)
     }
 
-    /// The same fit driven by the other gait; `None` where the model knows only one.
+    /// The same fit driven by the other gait; `None` where the model has one of its own.
     fn driven_otherwise(&self) -> Option<Self> {
-        let gait_input = self.objective.driven_by().other();
-        let knows_it = self.objective.model != Model::NoSkidMeasured;
-        knows_it.then(|| Self {
+        let gait_input = self.objective.gait_input.other();
+        self.input.model.value.input.is_none().then(|| Self {
             input: self.input,
             objective: self.objective.driven_as(gait_input),
             measured: self.measured.clone(),
@@ -172,8 +171,8 @@ impl<'j> Job<'j> {
         let Replicates { numbers, given } = self.replicates;
         let numbers = numbers.start.min(total)..numbers.end.min(total);
         let (point, ended, total) = (&fit.point, Ended::default(), numbers.len());
-        let (parameters, driven_by) = (&point.evaluator.parameters, self.objective.driven_by());
-        let (campaign, model) = (&self.input.campaign.name, self.input.model);
+        let (parameters, driven_by) = (&point.evaluator.parameters, self.objective.gait_input);
+        let (campaign, model) = (&self.input.campaign.name, self.input.model.name);
         let is_own = |row: &&BootstrapRow| row.campaign == *campaign && row.model == model;
         let known = |row: &BootstrapRow| Start {
             began: point.values.clone(),
@@ -207,7 +206,7 @@ impl<'j> Job<'j> {
     /// Takes the coefficients with the measured gait for a known shift where the command drives
     /// the model.
     fn note_shift(&self, fit: &mut Fit, values: &[f64]) {
-        if self.objective.driven_by() == GaitInput::Commanded {
+        if self.objective.gait_input == GaitInput::Commanded {
             fit.systematic.gait = Some(fit.point.shift_to(values));
         }
     }
@@ -286,7 +285,7 @@ impl<'j> Job<'j> {
         };
         let parameters = &point.evaluator.parameters;
         let robot = self.objective.robot_with(parameters, &point.values);
-        let (campaign, model) = (&self.input.campaign.name, self.input.model);
+        let (campaign, model) = (&self.input.campaign.name, self.input.model.name);
         let start_row = |(number, start): (usize, &Start)| StartRow {
             campaign: campaign.clone(),
             model,
@@ -312,7 +311,7 @@ impl<'j> Job<'j> {
         let replicate_row =
             |(number, refit): (usize, &Start)| self.replicate_row(parameters, number, refit);
         Fitted {
-            predictions: predictions(campaign, point, &robot, &bands),
+            predictions: predictions(self.input, point, &robot, &bands),
             starts: starts.iter().enumerate().map(start_row).collect(),
             profiles: profile_points.map(profile_row).collect(),
             bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),
@@ -330,7 +329,7 @@ impl<'j> Job<'j> {
     ) -> BootstrapRow {
         BootstrapRow {
             campaign: self.input.campaign.name.clone(),
-            model: self.input.model,
+            model: self.input.model.name,
             replicate: number as i64,
             parameters: spread(parameters, &refit.ended),
             j: refit.cost,
@@ -390,15 +389,15 @@ impl<'j> Job<'j> {
     }
 
     fn comparison_row(&self, status: FitStatus) -> ComparisonRow {
-        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model);
+        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model.name);
         ComparisonRow { campaign, model, status, ..ComparisonRow::blank() }
     }
 
     /// A row with the parameters that the model knows; all else is missing.
     fn fit_row(&self, robot: &Robot, status: FitStatus) -> FitRow {
-        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model);
+        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model.name);
         let parameters = self.parameters_of(robot);
-        let gait_input = self.objective.driven_by();
+        let gait_input = self.objective.gait_input;
         FitRow { campaign, model, gait_input, parameters, status, ..FitRow::blank() }
     }
 
@@ -408,7 +407,7 @@ impl<'j> Job<'j> {
     }
 
     fn knows(&self, parameter: Parameter) -> bool {
-        self.input.model.knows(parameter, &self.objective.gait)
+        self.objective.laws.know(parameter, &self.objective.gait)
     }
 }
 
@@ -509,7 +508,7 @@ mod tests {
     #[test]
     fn a_profile_that_finds_a_lower_objective_resumes_the_fit() {
         let config = config();
-        let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
+        let input = FitInput::new(&config, CAMPAIGN, Model::SKID_ROLL).expect("the paper's");
         let resampler = Resampler::new(1, measurements(), &BTreeMap::new());
         let replicates = Replicates::default();
         let job = Job::new(&input, &FitData::default(), &resampler, &replicates);
@@ -530,7 +529,7 @@ mod tests {
         let mut config = config();
         config.fit.starts = 1;
         config.fit.bootstrap = 2;
-        let input = FitInput::new(&config, CAMPAIGN, Model::SkidRoll).expect("the paper's");
+        let input = FitInput::new(&config, CAMPAIGN, Model::SKID_ROLL).expect("the paper's");
         let resampler = Resampler::new(1, measurements(), &BTreeMap::new());
         let replicates = Replicates::default();
         let job = Job::new(&input, &FitData::default(), &resampler, &replicates);

@@ -121,7 +121,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// let campaign = "kinematic-symmetric";
 /// let mut config = Config::default();
 /// config.campaign.retain(|name, _| name == campaign);
-/// config.campaign.get_mut(campaign).unwrap().models = vec![Model::SkidRoll];
+/// config.campaign.get_mut(campaign).unwrap().models = vec![Model::SKID_ROLL];
 /// (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
 /// (config.fit.sigma, config.fit.gait_input) = (SigmaKind::Raw, GaitInput::Commanded);
 ///
@@ -152,7 +152,7 @@ pub fn fit_except(
     replicates: &Replicates,
     on_event: OnEvent,
 ) -> Fitted {
-    let key = |input: &FitInput| (input.campaign.name.clone(), input.model);
+    let key = |input: &FitInput| (input.campaign.name.clone(), input.model.name);
     let campaigns: Vec<&[FitInput]> =
         inputs.chunk_by(|a, b| a.campaign.name == b.campaign.name).collect();
     let is_new = |input: &&FitInput| !cached.contains_key(&key(input));

@@ -6,7 +6,7 @@ use super::measurement::Measurement;
 use super::terms::{Linearised, Response, TERMS, Target, Terms};
 use crate::config::{GaitInput, Weights};
 use crate::metrics::GaitMetrics;
-use crate::motion::{FIT_ACCURACY, Model, MotionError, Problem, Solver};
+use crate::motion::{FIT_ACCURACY, Laws, MotionError, Problem, Solver};
 use crate::robot::{Gait, JointCommand, Parameter, Robot};
 use crate::store::FitStatus;
 
@@ -19,11 +19,12 @@ pub(super) const GAIT_NUMBERS: usize = 6;
 /// Eq. 22 for one model, averaged over a campaign's trials.
 #[derive(Debug, Clone)]
 pub struct Objective {
-    pub model: Model,
+    pub laws: Laws,
     /// The campaign's robot as configured.
     pub robot: Robot,
     pub gait: Gait,
     pub weights: Weights,
+    /// What drives the model.
     pub gait_input: GaitInput,
     pub measurements: Vec<Measurement>,
     pub(super) conditions: Conditions,
@@ -40,7 +41,7 @@ pub(super) struct Observation {
 impl Objective {
     /// Of sorted measurements.
     pub fn new(
-        model: Model,
+        laws: Laws,
         robot: Robot,
         gait: Gait,
         weights: Weights,
@@ -48,7 +49,7 @@ impl Objective {
         measurements: Vec<Measurement>,
     ) -> Self {
         let conditions = Conditions::default();
-        let mut all = Self { model, robot, gait, weights, gait_input, measurements, conditions };
+        let mut all = Self { laws, robot, gait, weights, gait_input, measurements, conditions };
         all.conditions = Conditions::new(
             &all.measurements,
             |measurement| all.gait_of(measurement),
@@ -59,8 +60,8 @@ impl Objective {
 
     /// The same driven by another gait.
     pub fn driven_as(&self, gait_input: GaitInput) -> Self {
-        let Self { model, ref robot, gait, weights, ref measurements, .. } = *self;
-        Self::new(model, robot.clone(), gait, weights, gait_input, measurements.clone())
+        let Self { laws, ref robot, gait, weights, ref measurements, .. } = *self;
+        Self::new(laws, robot.clone(), gait, weights, gait_input, measurements.clone())
     }
 
     /// The robot with `values` for the free `parameters`.
@@ -74,20 +75,12 @@ impl Objective {
 
     /// The model's motion with a gait at any frequency.
     pub fn problem(&self, robot: &Robot, gait: Gait, omega_rad_s: f64) -> Problem {
-        Problem { robot: robot.clone(), gait, laws: self.model.laws(), omega_rad_s }
-    }
-
-    /// What drives the model: `no-skid-measured` is always driven by the measured gait.
-    pub fn driven_by(&self) -> GaitInput {
-        match self.model {
-            Model::NoSkidMeasured => GaitInput::Measured,
-            _ => self.gait_input,
-        }
+        Problem { robot: robot.clone(), gait, laws: self.laws, omega_rad_s }
     }
 
     /// Whether the measured gait of each trial drives the model, not the command.
     pub fn is_driven_as_measured(&self) -> bool {
-        self.driven_by() == GaitInput::Measured
+        self.gait_input == GaitInput::Measured
     }
 
     /// The gait that drives the model in one trial; `None` if it was to be measured and was not.

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::FitInput;
 use super::bands::{Band, Bands, GaitErrors};
 use super::conditions::Condition;
 use super::fitted_point::FittedPoint;
@@ -9,9 +10,7 @@ use super::measurement::Measurement;
 use super::objective::Objective;
 use crate::config::GaitInput;
 use crate::metrics::GaitMetrics;
-use crate::motion::{
-    Attractor, Model, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
-};
+use crate::motion::{Attractor, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
 use crate::robot::{Gait, JointCommand, Robot};
 use crate::stats::{mean, wrap};
 use crate::store::{PredictionRow, PredictionSource};
@@ -57,13 +56,13 @@ impl Predicted {
 
 /// Rows of `predictions.parquet` for one model of one campaign.
 pub(super) fn predictions(
-    campaign: &str,
+    input: &FitInput,
     point: &FittedPoint,
     robot: &Robot,
     bands: &Result<Bands, String>,
 ) -> Vec<PredictionRow> {
     let objective = point.evaluator.objective;
-    let (model, conditions) = (objective.model, &objective.conditions);
+    let (campaign, model, conditions) = (&input.campaign.name, &input.model, &objective.conditions);
     // Of a motion, or of one nearby with these metrics.
     let row = |omega_rad_s,
                source,
@@ -80,10 +79,9 @@ pub(super) fn predictions(
             Ok(band) => (band.limits(&metrics, &errors_rad), String::new()),
             Err(why) => ([GaitMetrics::MISSING; 2], why.clone()),
         };
-        let campaign = campaign.to_owned();
         PredictionRow {
-            campaign,
-            model,
+            campaign: campaign.clone(),
+            model: model.name,
             omega_rad_s,
             source,
             metrics,
@@ -123,7 +121,7 @@ pub(super) fn predictions(
     };
     let trials = objective.measurements.iter().zip(&conditions.of_trials);
     let mut rows: Vec<PredictionRow> = trials.map(at_trial).collect();
-    if model != Model::NoSkidMeasured {
+    if !model.value.is_of_trials() {
         let omegas = objective.measurements.iter().map(|measurement| measurement.omega_rad_s);
         let low = omegas.clone().fold(f64::INFINITY, f64::min);
         let high = omegas.fold(0.0, f64::max);
@@ -156,7 +154,7 @@ pub(super) struct GaitOverFrequency {
 impl GaitOverFrequency {
     pub fn new(objective: &Objective) -> Self {
         let command = objective.gait;
-        if objective.driven_by() == GaitInput::Commanded {
+        if objective.gait_input == GaitInput::Commanded {
             return Self { command, known: vec![(0.0, command, [[0.0; 3]; 2])] };
         }
         let frequencies = Measurement::frequencies(&objective.measurements);

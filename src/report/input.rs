@@ -5,9 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 
 use super::drawing::Print;
-use crate::config::{Campaign, Compare, Config, Markers, Paths, Report, RobotConfig, SigmaKind};
+use super::looks::ModelLook;
+use crate::config::{
+    Campaign, Compare, Config, Markers, Models, Paths, Report, RobotConfig, SigmaKind,
+};
 use crate::files::relative;
-use crate::robot::{Gait, Robot};
+use crate::robot::{Gait, Model, Robot};
 
 /// What a report is made with. Serialised it is the configuration that the page prints, which
 /// decides all else.
@@ -36,6 +39,15 @@ impl ReportInput {
 
     pub fn campaigns(&self) -> &BTreeMap<String, Campaign> {
         &self.shown.campaign
+    }
+
+    pub fn models(&self) -> &Models {
+        &self.shown.model
+    }
+
+    /// How a model is shown.
+    pub fn look(&self, model: Model) -> ModelLook {
+        ModelLook::new(model, self.models())
     }
 
     /// Which differences from the baseline are to be expected.

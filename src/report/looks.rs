@@ -3,7 +3,8 @@
 use plotters::style::RGBColor;
 
 use super::drawing::style::{DASHES, Dash, INK, Look, SOLID, Shape};
-use crate::motion::Model;
+use crate::config::{ModelConfig, Models};
+use crate::robot::Model;
 
 /// Okabe and Ito's palette, which colour-blind readers can tell apart.
 /// <https://jfly.uni-koeln.de/color/>
@@ -104,46 +105,100 @@ pub fn gap(nth: usize) -> Look {
     Look::Spans([okabe_ito::SKY, okabe_ito::ORANGE, okabe_ito::VERMILLION][nth % 3])
 }
 
-/// The colour of a model, the same in every figure, and its dashes.
-const fn of_model(model: Model) -> (RGBColor, Dash) {
-    match model {
-        Model::NoSkid => (okabe_ito::BLUE, DASHES),
-        Model::NoSkidMeasured => (okabe_ito::SKY, DOTS),
-        Model::NoSkidDamped => (okabe_ito::PURPLE, LONG_DASHES),
-        Model::NoSkidRoll => (okabe_ito::ORANGE, SHORT_DASHES),
-        Model::Skid => (okabe_ito::GREEN, LONG_DASHES),
-        Model::SkidRoll => (okabe_ito::VERMILLION, SOLID),
+/// The paper's models: colours and dashes, the same in every figure.
+const PAPER: [(Model, RGBColor, Dash); 6] = [
+    (Model::NO_SKID, okabe_ito::BLUE, DASHES),
+    (Model::NO_SKID_MEASURED, okabe_ito::SKY, DOTS),
+    (Model::NO_SKID_DAMPED, okabe_ito::PURPLE, LONG_DASHES),
+    (Model::NO_SKID_ROLL, okabe_ito::ORANGE, SHORT_DASHES),
+    (Model::SKID, okabe_ito::GREEN, LONG_DASHES),
+    (Model::SKID_ROLL, okabe_ito::VERMILLION, SOLID),
+];
+
+/// Of other models, by their order in the configuration, from Tol's muted colours.
+/// <https://sronpersonalpages.nl/~pault/>
+const OTHERS: [(RGBColor, Dash); 6] = [
+    (RGBColor(51, 34, 136), SOLID),
+    (RGBColor(136, 34, 85), DASHES),
+    (RGBColor(153, 153, 51), LONG_DASHES),
+    (RGBColor(51, 34, 136), SHORT_DASHES),
+    (RGBColor(136, 34, 85), DOTS),
+    (RGBColor(153, 153, 51), SOLID),
+];
+
+/// What a model is shown by.
+#[derive(Debug, Clone, Copy)]
+pub struct ModelLook {
+    pub colour: RGBColor,
+    dash: Dash,
+    is_of_trials: bool,
+}
+
+impl ModelLook {
+    /// Of a model among those that are configured.
+    pub fn new(model: Model, models: &Models) -> Self {
+        let of_paper = |model: Model| PAPER.into_iter().find(|(name, ..)| *name == model);
+        let (colour, dash) = of_paper(model).map_or_else(
+            || {
+                let before = models.range(..model).filter(|(name, _)| of_paper(**name).is_none());
+                OTHERS[before.count() % OTHERS.len()]
+            },
+            |(_, colour, dash)| (colour, dash),
+        );
+        let is_of_trials = models.get(&model).is_some_and(ModelConfig::is_of_trials);
+        Self { colour, dash, is_of_trials }
+    }
+
+    /// As points.
+    pub fn dots(self, joined: bool) -> Look {
+        Look::Dots { colour: self.colour, joined }
+    }
+
+    /// As a line, also where it is driven by a measured gait.
+    pub fn line(self) -> Look {
+        line(self.colour, self.dash)
+    }
+
+    /// As fitted, over what was recorded, which it may cover.
+    pub fn over_recorded(self) -> Look {
+        line(self.colour, LONG_DASHES)
+    }
+
+    /// For the `nth` campaign in a panel: its colour, another dash. One that is driven by each
+    /// trial's own gait has no curve and is shown as open markers, as in the paper.
+    pub fn of_campaign(self, nth: usize) -> Look {
+        let Self { colour, dash, is_of_trials } = self;
+        match nth {
+            _ if is_of_trials => Look::Marker { colour, shape: Shape::Circle, filled: false },
+            0 => line(colour, dash),
+            _ => line(colour, [SHORT_DASHES, DASHES, LONG_DASHES, DOTS][nth % 4]),
+        }
     }
 }
 
-/// The colour of a model.
-pub const fn model_colour(model: Model) -> RGBColor {
-    of_model(model).0
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
 
-/// Points of a model.
-pub fn model_dots(model: Model, joined: bool) -> Look {
-    Look::Dots { colour: of_model(model).0, joined }
-}
-
-/// A model as a line, also where it is driven by a measured gait.
-pub const fn model_line(model: Model) -> Look {
-    let (colour, dash) = of_model(model);
-    line(colour, dash)
-}
-
-/// A fitted model over what was recorded, which it may cover.
-pub const fn fitted_over(model: Model) -> Look {
-    line(of_model(model).0, LONG_DASHES)
-}
-
-/// A model for the `nth` campaign in a panel: its colour, another dash. One that is driven by each
-/// trial's own gait has no curve and is shown as open markers, as in the paper.
-pub fn model_of_campaign(model: Model, nth: usize) -> Look {
-    let (colour, dash) = of_model(model);
-    match model {
-        Model::NoSkidMeasured => Look::Marker { colour, shape: Shape::Circle, filled: false },
-        _ if nth > 0 => line(colour, [SHORT_DASHES, DASHES, LONG_DASHES, DOTS][nth % 4]),
-        _ => line(colour, dash),
+    #[test]
+    fn models_of_one_s_own_have_the_next_colours_and_take_none_of_another() {
+        let mut models = Config::default().model;
+        let looks = |models: &Models| -> Vec<Look> {
+            models.keys().map(|name| ModelLook::new(*name, models).line()).collect()
+        };
+        let before: Vec<Look> = Model::PAPER.map(|of| ModelLook::new(of, &models).line()).into();
+        for name in ["ours", "a", "theirs"] {
+            models.insert(Model::new(name), models[&Model::SKID].clone());
+        }
+        let all = looks(&models);
+        for (nth, look) in all.iter().enumerate() {
+            assert!(!all[..nth].contains(look), "{look:?}");
+        }
+        assert_eq!(Model::PAPER.map(|of| ModelLook::new(of, &models).line()).to_vec(), before);
+        // Another one after it does not change it.
+        let ours = ModelLook::new(Model::new("ours"), &models).line();
+        models.remove(&Model::new("theirs"));
+        assert_eq!(ModelLook::new(Model::new("ours"), &models).line(), ours);
     }
 }

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use crate::config::{GaitInput, SigmaKind};
+use crate::config::{GaitInput, ModelConfig, Models, SigmaKind};
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::motion::{Model, MotionStatus};
 use crate::report::drawing::{Layer, Look, Point};
-use crate::report::looks;
+use crate::report::looks::{self, ModelLook};
 use crate::stats::HALF_WIDTH_95;
 use crate::store::{FitRow, PredictionRow, PredictionSource, TrialRow, TrialStatus};
 use crate::trial::TrialKind;
@@ -125,9 +125,25 @@ pub struct Source<'t> {
     pub fits: &'t [FitRow],
     /// The measured skid ratios that the fits compare with.
     pub sigma: SigmaKind,
+    pub models: &'t Models,
 }
 
 impl<'t> Source<'t> {
+    /// How a model is shown.
+    pub fn look(self, model: Model) -> ModelLook {
+        ModelLook::new(model, self.models)
+    }
+
+    /// Whether a model says something of skid ratios.
+    pub fn skids(self, model: Model) -> bool {
+        self.models.get(&model).is_none_or(|model| model.laws().skids())
+    }
+
+    /// Whether a model is driven by each trial's own gait and no other.
+    pub fn is_of_trials(self, model: Model) -> bool {
+        self.models.get(&model).is_some_and(ModelConfig::is_of_trials)
+    }
+
     /// Trials of a campaign that have metrics.
     pub fn measured_trials(self, campaign: &str) -> impl Iterator<Item = &'t TrialRow> {
         self.trials
@@ -201,7 +217,7 @@ impl<'t> Source<'t> {
         quantity: &Quantity,
         nth: usize,
     ) -> Option<Series> {
-        let look = looks::model_of_campaign(model, nth);
+        let look = self.look(model).of_campaign(nth);
         let source = match look {
             Look::Marker { .. } => PredictionSource::Trial,
             _ => PredictionSource::Curve,
@@ -243,7 +259,7 @@ impl<'t> Source<'t> {
     /// measured gait whatever the fits' input is not counted.
     pub fn gait_input(self, campaigns: &[&str]) -> &'static str {
         let fits = campaigns.iter().flat_map(|campaign| self.fits_of(campaign));
-        let fits = fits.filter(|fit| fit.model != Model::NoSkidMeasured);
+        let fits = fits.filter(|fit| !self.is_of_trials(fit.model));
         let inputs: BTreeSet<&str> = fits.map(|fit| fit.gait_input.name()).collect();
         match inputs.into_iter().collect::<Vec<_>>().as_slice() {
             [only] if *only == GaitInput::Measured.name() => "measured gait",

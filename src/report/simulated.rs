@@ -19,7 +19,7 @@ pub const OMEGAS_RAD_S: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Samples of a cycle that a figure shows.
 pub const SAMPLES: usize = 240;
 
-/// The motion of a model of a campaign's robot as configured; `None` without that campaign.
+/// The motion of a model of a campaign's robot as configured; `None` if one of them is not.
 pub fn configured(
     input: &ReportInput,
     campaign: &str,
@@ -27,7 +27,8 @@ pub fn configured(
     omega_rad_s: f64,
 ) -> Option<Problem> {
     let (robot, gait) = input.campaign_setup(campaign)?;
-    Some(Problem { robot, gait, laws: model.laws(), omega_rad_s })
+    let laws = input.models().get(&model)?.laws();
+    Some(Problem { robot, gait, laws, omega_rad_s })
 }
 
 /// The motion of a fitted model under the commanded gait; `None` where there is no fit, or its
@@ -46,7 +47,7 @@ pub fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Pro
 /// The motion of a fitted model at a trial's frequency, under the gait that drove the fit.
 pub fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<Problem> {
     let problem = fitted(input, fit, trial.omega_rad_s)?;
-    let is_measured = fit.gait_input == GaitInput::Measured || fit.model == Model::NoSkidMeasured;
+    let is_measured = fit.gait_input == GaitInput::Measured;
     Some(if is_measured { under_gait_of(trial, problem) } else { problem })
 }
 
@@ -166,7 +167,7 @@ mod tests {
     #[test]
     fn a_motion_goes_on_where_its_last_cycle_ended() {
         let config = ReportInput::new(&Config::default(), Default::default());
-        let problem = configured(&config, "kinematic-skewed", Model::SkidRoll, 3.9);
+        let problem = configured(&config, "kinematic-skewed", Model::SKID_ROLL, 3.9);
         let problem = problem.expect("a campaign of the paper");
         let start = Pose { x_m: 1.0, y_m: -2.0, theta_rad: 0.7 };
         let Steady { metrics, cycle, .. } = steady(&problem).expect("there is a motion");

@@ -97,9 +97,10 @@ impl Tables {
         Ok(tables)
     }
 
-    pub fn source(&self, config: &ReportInput) -> Source<'_> {
-        let sigma = config.sigma;
-        Source { trials: &self.trials, predictions: &self.predictions, fits: &self.fits, sigma }
+    pub fn source<'t>(&'t self, config: &'t ReportInput) -> Source<'t> {
+        let (sigma, models) = (config.sigma, config.models());
+        let Self { trials, predictions, fits, .. } = self;
+        Source { trials, predictions, fits, sigma, models }
     }
 
     /// The fit that the measurements prefer: the nearest of those that describe them, else the

@@ -17,7 +17,7 @@ use crate::store::{Reader, StoreError, TrialRow};
 use crate::trial::TRUTH_FILE;
 
 /// The model that the trials were made with.
-const PLANTED_MODEL: Model = Model::SkidRoll;
+const PLANTED_MODEL: Model = Model::SKID_ROLL;
 
 /// What the trials were made from. Unknown entries are passed over, missing ones are unknown.
 #[derive(Debug, Default, Deserialize)]

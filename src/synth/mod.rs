@@ -22,7 +22,7 @@ use rayon::prelude::*;
 
 use crate::config::Config;
 use crate::files;
-use crate::motion::{Model, MotionError, Problem};
+use crate::motion::{Laws, MotionError, Problem};
 use crate::robot::Robot;
 use crate::store::{StoreError, remove_unfinished, write_bytes};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
@@ -293,11 +293,11 @@ fn plan_gaits(config: &Config, recipe: &Recipe) -> (Vec<Plan>, BTreeMap<String, 
             let (campaign, omega) = (Some(name.clone()), Some(omega_rad_s));
             let trial = format.trial(id, TrialKind::Gait);
             let trial = Trial { campaign, omega_rad_s: omega, ..trial };
-            let (robot, model) = (robot.clone(), Model::SkidRoll);
+            let robot = robot.clone();
             let source = Source::Gait(Problem {
                 robot: robot.clone(),
                 gait,
-                laws: model.laws(),
+                laws: Laws::SKID_ROLL,
                 omega_rad_s,
             });
             plans.push(Plan { trial, robot, source, seed: stream(i + 1) });

@@ -48,8 +48,8 @@ fn demo() -> &'static Path {
         (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (2, 3, false);
         for (name, campaign) in &mut config.campaign {
             let passive = name.starts_with("semi-passive");
-            let model = if passive { Model::NoSkidRoll } else { Model::NoSkid };
-            campaign.models = vec![model, Model::SkidRoll];
+            let model = if passive { Model::NO_SKID_ROLL } else { Model::NO_SKID };
+            campaign.models = vec![model, Model::SKID_ROLL];
         }
         let settings = toml::to_string(&config).expect("a configuration is TOML");
         let (folder, reports) = reports(&settings, "2,3.9");

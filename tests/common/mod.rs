@@ -196,7 +196,7 @@ pub fn small_settings() -> Config {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == "kinematic-symmetric");
     for campaign in config.campaign.values_mut() {
-        campaign.models = vec![Model::NoSkid, Model::SkidRoll];
+        campaign.models = vec![Model::NO_SKID, Model::SKID_ROLL];
     }
     config.fit.starts = 2;
     config.fit.bootstrap = 40;

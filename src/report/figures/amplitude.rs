@@ -7,7 +7,6 @@ use super::frequency::{self, BARS};
 use super::texts::texts;
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer};
-use crate::report::looks;
 use crate::report::series::{AMPLITUDES, Series, Source};
 use crate::report::simulated;
 use crate::report::tables::Tables;
@@ -36,7 +35,7 @@ pub fn figure(stem: &str, campaign: &str, tables: &Tables, config: &ReportInput)
             let curve = simulated::curve(tables, config, fit, |solver, problem| {
                 simulated::amplitude_rad(solver, problem, joint).map(|rad| DEG * rad)
             });
-            let layer = Layer::new(fit.model.name(), curve, looks::model_line(fit.model));
+            let layer = Layer::new(fit.model.name(), curve, source.look(fit.model).line());
             Series { campaign: campaign.to_owned(), model: Some(fit.model), flagged: false, layer }
         });
         let measured = Source { trials: &trials, ..source }.measured(campaign, &quantity, 0);

@@ -6,8 +6,9 @@ use minijinja::context;
 use super::common::scaled;
 use super::texts::texts;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range, Scale};
-use crate::report::looks;
+use crate::report::looks::{self, ModelLook};
 use crate::report::parameters::FittedParameter;
+use crate::report::series::Source;
 use crate::report::tables::Tables;
 use crate::robot::{ByParameter, Parameter};
 use crate::store::{BootstrapRow, FitRow, ProfileRow, StartRow};
@@ -16,7 +17,7 @@ use crate::store::{BootstrapRow, FitRow, ProfileRow, StartRow};
 pub const KINDS: [&str; 3] = ["starts", "profiles", "replicates"];
 
 /// The figures of a campaign's fits.
-pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> [Figure; 3] {
+pub fn figures(stem: &str, campaign: &str, tables: &Tables, source: Source) -> [Figure; 3] {
     let fits: Vec<&FitRow> =
         tables.fits.iter().filter(|fit| fit.campaign == campaign && !fit.free.is_empty()).collect();
     let figure = |kind: &str, panels: Vec<Panel>| {
@@ -24,20 +25,29 @@ pub fn figures(stem: &str, campaign: &str, tables: &Tables) -> [Figure; 3] {
         Figure::new(&stem, texts, &[campaign], Layout::Grid, panels)
     };
     [
-        figure(KINDS[0], fits.iter().filter_map(|fit| waterfall(fit, tables)).collect()),
-        figure(KINDS[1], fits.iter().flat_map(|fit| profiles(fit, tables)).collect()),
-        figure(KINDS[2], fits.iter().flat_map(|fit| replicates(fit, tables)).collect()),
+        figure(
+            KINDS[0],
+            fits.iter().filter_map(|fit| waterfall(fit, tables, source.look(fit.model))).collect(),
+        ),
+        figure(
+            KINDS[1],
+            fits.iter().flat_map(|fit| profiles(fit, tables, source.look(fit.model))).collect(),
+        ),
+        figure(
+            KINDS[2],
+            fits.iter().flat_map(|fit| replicates(fit, tables, source.look(fit.model))).collect(),
+        ),
     ]
 }
 
-fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Panel> {
+fn waterfall(fit: &FitRow, tables: &Tables, look: ModelLook) -> Option<Panel> {
     let of_fit = |row: &&StartRow| row.campaign == fit.campaign && row.model == fit.model;
     let ends = tables.starts.iter().filter(of_fit).map(|row| row.j);
     let mut ends: Vec<f64> = ends.filter(|j| j.is_finite()).collect();
     ends.sort_by(f64::total_cmp);
     let lowest = *ends.first().filter(|lowest| **lowest > 0.0)?;
     let points = (1..).map(f64::from).zip(ends.iter().map(|j| j / lowest));
-    let layer = Layer::new("starts", points, looks::model_dots(fit.model, true));
+    let layer = Layer::new("starts", points, look.dots(true));
     (ends.len() > 1).then(|| Panel {
         x_scale: Scale::Whole,
         y_scale: Scale::Decades,
@@ -45,7 +55,7 @@ fn waterfall(fit: &FitRow, tables: &Tables) -> Option<Panel> {
     })
 }
 
-fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
+fn profiles(fit: &FitRow, tables: &Tables, look: ModelLook) -> Vec<Panel> {
     let of_fit = |row: &&ProfileRow| row.campaign == fit.campaign && row.model == fit.model;
     let rows: Vec<&ProfileRow> = tables.profiles.iter().filter(of_fit).collect();
     let panel = |held: &Parameter| {
@@ -68,7 +78,7 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
             layers.push(band("scatter", part, looks::INNER_BAND));
         }
         layers.extend([
-            Layer::new("profile", points, looks::model_dots(fit.model, true)),
+            Layer::new("profile", points, look.dots(true)),
             Layer::new("limit", [(f64::NAN, rise)], Look::Guides),
             Layer::new("fit", [(value, 0.0)], Look::Rings),
         ]);
@@ -81,7 +91,7 @@ fn profiles(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
     fit.free.iter().filter_map(panel).collect()
 }
 
-fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
+fn replicates(fit: &FitRow, tables: &Tables, look: ModelLook) -> Vec<Panel> {
     let of_fit = |row: &&BootstrapRow| row.campaign == fit.campaign && row.model == fit.model;
     let rows: Vec<&BootstrapRow> = tables.bootstrap.iter().filter(of_fit).collect();
     let mut free = fit.free.clone();
@@ -90,7 +100,7 @@ fn replicates(fit: &FitRow, tables: &Tables) -> Vec<Panel> {
         let point = |of: &ByParameter<f64>| (of[x], of[y]);
         let points = rows.iter().map(|row| point(&row.parameters));
         let layers = vec![
-            Layer::new("replicates", points, looks::model_dots(fit.model, false)),
+            Layer::new("replicates", points, look.dots(false)),
             Layer::new("fit", [point(&fit.parameters)], Look::Rings),
         ];
         scaled(Scale::Decades, Panel::new(fit.model.name(), &label(x), label(y), layers))

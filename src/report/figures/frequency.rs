@@ -20,7 +20,7 @@ pub const BARS: &str = "Markers: means over the cycles of each trial, of flagged
 /// A model further above the measurements than this would flatten them.
 const FARTHEST_MODEL: f64 = 1.5;
 /// The model of the figures of two campaigns.
-const SHARED_MODEL: Model = Model::SkidRoll;
+const SHARED_MODEL: Model = Model::SKID_ROLL;
 
 /// One quantity against the frequency.
 pub type Plot = (Quantity, Vec<Series>);
@@ -54,7 +54,7 @@ pub fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
         campaign,
         bars => BARS,
         input => source.gait_input(&[campaign]),
-        by_measured => shown.any(|series| series.model == Some(Model::NoSkidMeasured)),
+        by_measured => shown.any(|of| of.model.is_some_and(|model| source.is_of_trials(model))),
     };
     figure(stem, texts("models", values), &[campaign], &plots)
 }
@@ -63,7 +63,7 @@ pub fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
 /// campaign by all its models that skid.
 pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
     let models = campaigns.iter().flat_map(|campaign| source.models(campaign));
-    let mut models: BTreeSet<Model> = models.filter(|model| model.skids()).collect();
+    let mut models: BTreeSet<Model> = models.filter(|model| source.skids(*model)).collect();
     let has_several = campaigns.len() > 1;
     if has_several && models.contains(&SHARED_MODEL) {
         models = [SHARED_MODEL].into();

@@ -203,7 +203,7 @@ impl Inputs<'_> {
         ]);
         found.figures.extend(amplitude::figure(&stem(AMPLITUDE), campaign, tables, config));
         found.figures.push(residuals::figure(&stem(RESIDUALS), campaign, source));
-        found.figures.extend(fits::figures(name, campaign, tables));
+        found.figures.extend(fits::figures(name, campaign, tables, source));
         Ok(found)
     }
 

@@ -48,7 +48,7 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
         Some((model, points, farthest))
     };
     // Models without skid say nothing of it.
-    let says = |model: &Model| !quantity.is_skid() || model.skids();
+    let says = |model: &Model| !quantity.is_skid() || source.skids(*model);
     let models = source.models(campaign).into_iter().filter(says);
     let residuals: Vec<_> = models.filter_map(missed).collect();
     let nearest_model = Range::of(residuals.iter().map(|(_, _, farthest)| farthest.abs()))?.low;
@@ -82,7 +82,7 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
     layers.extend(
         residuals
             .into_iter()
-            .map(|(model, points, _)| Layer::new(model.name(), points, looks::model_line(model))),
+            .map(|(model, points, _)| Layer::new(model.name(), points, source.look(model).line())),
     );
     Some(Panel {
         shown: Some(Range { low: -limit, high: limit }),

@@ -8,18 +8,18 @@ use super::common::{
 };
 use super::texts::texts;
 use super::{SEMI_PASSIVE, not_drawn};
-use crate::config::Config;
+use crate::config::{Config, Models};
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, Model, MotionError, Pose, Problem, Sample, Solver};
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
-use crate::report::looks;
+use crate::report::looks::{self, ModelLook};
 use crate::report::series::{DISPLACEMENT, Quantity, SPEED};
 use crate::report::simulated::{self, SAMPLES, Steady};
 
 const OMEGA_RAD_S: f64 = 4.0;
 /// The model of the robot that skids.
-const SKIDDING: Model = Model::SkidRoll;
+const SKIDDING: Model = Model::SKID_ROLL;
 /// Cycles that are shown of the steady motion.
 const CYCLES: usize = 2;
 const PATH_CYCLES: usize = 3;
@@ -27,7 +27,10 @@ const PATH_CYCLES: usize = 3;
 const MOST_FROM_REST: usize = 40;
 /// Frequencies of the sweep, rad/s.
 const SWEEP: (f64, f64, i32) = (0.5, 8.0, 91);
-const NO_SKID: Look = looks::model_line(Model::NoSkid);
+
+fn no_skid() -> Look {
+    ModelLook::new(Model::NO_SKID, &Models::new()).line()
+}
 
 /// Figs. 3, 4 and 5: a robot with a passive joint, or a sentence on why there are none.
 pub fn passive(
@@ -39,7 +42,7 @@ pub fn passive(
     let joint_of = |setup: Config| Some(setup.campaign_setup(SEMI_PASSIVE)?.0);
     let [default, simulated] = [Config::default(), Config::of_simulations()].map(joint_of);
     let of = |omega_rad_s| {
-        let mut problem = simulated::configured(config, campaign, Model::NoSkid, omega_rad_s)?;
+        let mut problem = simulated::configured(config, campaign, Model::NO_SKID, omega_rad_s)?;
         if default.as_ref() == Some(&problem.robot) {
             problem.robot = simulated.clone()?;
         }
@@ -140,7 +143,7 @@ fn gait_and_path(
     let (cycle, d_m) = (steady.cycle.as_slice(), steady.metrics.d_m);
     let cycles = steady.cycles_to_settle.unwrap_or(MOST_FROM_REST).clamp(1, MOST_FROM_REST);
     let from_rest = problem.cycles_from_rest(cycles, SAMPLES)?;
-    let steady = |points| Layer::new("no-skid, steady", points, NO_SKID);
+    let steady = |points| Layer::new("no-skid, steady", points, no_skid());
     let from_rest = Layer::new("from rest", shape(&from_rest), looks::TRANSIENT);
     let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
     let path = simulated::repeat(cycle, PATH_CYCLES, Pose::default());
@@ -175,7 +178,7 @@ fn sweep(stem: &str, campaign: &str, of: impl Fn(f64) -> Option<Problem> + Sync)
         let peak = peak(&points);
         let said = peak.map(|(x, y)| format!(", peak {y:.1}{unit} at {x:.2} rad/s"));
         let layers =
-            vec![Layer::new("no-skid", points, NO_SKID), Layer::new("peak", peak, Look::Rings)];
+            vec![Layer::new("no-skid", points, no_skid()), Layer::new("peak", peak, Look::Rings)];
         Panel::new(title.to_owned() + &said.unwrap_or_default(), FREQUENCY, axis_label, layers)
     };
     let texts = texts("sweep", context! { campaign });

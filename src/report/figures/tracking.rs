@@ -131,7 +131,7 @@ fn overlays(
     (tables, config): (&Tables, &ReportInput),
     missing: &mut Vec<String>,
 ) -> Vec<Overlay> {
-    use Model::{NoSkid, NoSkidMeasured, NoSkidRoll, SkidRoll};
+    let line = |model| config.look(model).line();
     let solve = |name: &str, look: Look, problem: Problem| {
         let cycle = simulated::stable_cycle(&problem);
         cycle.map(|cycle| Overlay { name: name.to_owned(), problem, look, cycle })
@@ -146,24 +146,24 @@ fn overlays(
     };
     let configured =
         |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
-    let Some(no_skid) = configured(NoSkid) else { return found };
+    let Some(no_skid) = configured(Model::NO_SKID) else { return found };
     let is_passive = no_skid.gait.passive_joint().is_some();
     let ellipse = |problem| simulated::under_gait_of(trial, problem);
     let of_ellipse = ellipse(no_skid.clone());
-    add("no-skid", solve("no-skid", looks::model_line(NoSkid), no_skid));
+    add("no-skid", solve("no-skid", line(Model::NO_SKID), no_skid));
     let (name, solved) = if is_passive {
-        let name = NoSkidRoll.name();
-        (name, configured(NoSkidRoll).map(|of| solve(name, looks::model_line(NoSkidRoll), of)))
+        let (model, name) = (Model::NO_SKID_ROLL, Model::NO_SKID_ROLL.name());
+        (name, configured(model).map(|of| solve(name, line(model), of)))
     } else {
         let name = "no-skid, measured ellipse";
-        match solve(name, looks::model_line(NoSkidMeasured), of_ellipse) {
+        match solve(name, line(Model::NO_SKID_MEASURED), of_ellipse) {
             Err(MotionError::Singular { .. }) => {
                 let name = "skid-roll, measured ellipse, 100 times the skid coefficients";
                 let stiff = |mut problem: Problem| {
                     problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
                     solve(name, looks::STIFF, ellipse(problem))
                 };
-                (name, configured(SkidRoll).map(stiff))
+                (name, configured(Model::SKID_ROLL).map(stiff))
             }
             solved => (name, Some(solved)),
         }
@@ -172,7 +172,7 @@ fn overlays(
     let preferred = tables.preferred(&trial.campaign).and_then(|fit| {
         let name = format!("{}, fitted", fit.model.name());
         let problem = simulated::fitted_to(config, fit, trial)?;
-        Some((solve(&name, looks::fitted_over(fit.model), problem), name))
+        Some((solve(&name, config.look(fit.model).over_recorded(), problem), name))
     });
     preferred.into_iter().for_each(|(solved, name)| add(&name, solved));
     found

@@ -6,22 +6,21 @@ use minijinja::context;
 
 use super::common::FREQUENCY;
 use super::texts::texts;
-use crate::motion::Model;
 use crate::report::ReportInput;
 use crate::report::drawing::{Figure, Layer, Layout, Panel};
-use crate::report::looks;
 use crate::report::simulated;
 use crate::report::tables::Tables;
 
 /// One panel for each campaign that has a fitted model.
 pub fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
+    let source = tables.source(config);
     let campaigns: BTreeSet<&str> = tables.fits.iter().map(|fit| fit.campaign.as_str()).collect();
     let panel = |campaign: &&str| {
         let fits = tables.fits.iter().filter(|fit| fit.campaign == *campaign);
         // Each trial's own gait has no curve.
-        let fits = fits.filter(|fit| fit.model != Model::NoSkidMeasured);
+        let fits = fits.filter(|fit| !source.is_of_trials(fit.model));
         let layers = fits.map(|fit| {
-            let look = looks::model_line(fit.model);
+            let look = source.look(fit.model).line();
             let curve = simulated::curve(tables, config, fit, simulated::work_j_m);
             Layer::new(fit.model.name(), curve, look)
         });

@@ -100,7 +100,7 @@ fn predicted(
             let value = if is_stable { (quantity.of)(&row.metrics) } else { f64::NAN };
             let in_errors = (value - measured.value) / measured.se;
             let status = (!is_stable).then(|| row.status.name());
-            let says = !quantity.is_skid() || row.model.skids();
+            let says = !quantity.is_skid() || source.skids(row.model);
             says.then_some(OfModel { value, in_errors, status })
         });
         let (symbol, unit) = (quantity.symbol, quantity.unit.trim());

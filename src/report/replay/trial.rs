@@ -6,7 +6,6 @@ use std::ops::Range;
 
 use super::{Coordinates, Cycles, Direction, MOST_FRAMES, Mark, Marker, Motion, Quantity, Replay};
 use crate::motion::{FIT_ACCURACY, Pose, Problem, Sample, Solver};
-use crate::report::looks;
 use crate::report::numbers::{as_configured, fixed};
 use crate::report::recording::{MarkerState, Recording};
 use crate::report::{ReportInput, simulated};
@@ -118,7 +117,7 @@ fn predicted(
     let poses = time_s.iter().map(|time_s| time_s - cycle.start_s);
     let motion = Motion {
         name: fit.model.to_string(),
-        colour: Some(looks::model_colour(fit.model)),
+        colour: Some(input.look(fit.model).colour),
         poses: repeated(&samples, start, poses),
     };
     let how = format!(

@@ -265,7 +265,7 @@ fn no_claim_is_that_a_model_is_better_than_one_that_it_contains() {
     let mut tables = MadeUp::of_the_paper();
     let damping = |tables: &MadeUp| find(&with_tables(tables, false), "fig18-damped").verdict;
     assert_eq!(damping(&tables), Verdict::Reproduced);
-    for fit in tables.fits.iter_mut().filter(|fit| fit.model == Model::NoSkidDamped) {
+    for fit in tables.fits.iter_mut().filter(|fit| fit.model == Model::NO_SKID_DAMPED) {
         fit.parameters[Parameter::Damping] = 0.005;
     }
     assert_eq!(damping(&tables), Verdict::Differs);

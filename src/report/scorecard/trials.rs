@@ -20,7 +20,7 @@ use crate::store::{FitRow, PredictionSource, TrialRow, TrialStatus};
 /// Part of the printed frequency that a trial may be off.
 const NEAR: f64 = 0.02;
 /// Model whose coefficients the paper prints.
-const FITTED_MODEL: Model = Model::SkidRoll;
+const FITTED_MODEL: Model = Model::SKID_ROLL;
 
 const NO_FIT: &str = "The folder has no such fit.";
 
@@ -147,7 +147,7 @@ impl Trials {
     fn fit_of(&self, campaign: &str, model: &str) -> Result<&FitRow, Error> {
         let Tables { fits, alternative_fits, .. } = &*self.tables;
         let mut fits = fits.iter().chain(alternative_fits).filter(|fit| {
-            fit.gait_input == GaitInput::Commanded || fit.model == Model::NoSkidMeasured
+            fit.gait_input == GaitInput::Commanded || fit.model == Model::NO_SKID_MEASURED
         });
         let fit = fits.find(|fit| fit.campaign == campaign && fit.model.name() == model);
         fit.filter(|fit| fit.status.is_ok()).ok_or_else(|| missing(NO_FIT))

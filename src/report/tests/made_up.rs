@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::recording;
-use crate::config::GaitInput;
+use crate::config::{Config, GaitInput};
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::motion::{FromRest, Model, MotionStatus};
 use crate::robot::{ByParameter, Parameter};
@@ -82,9 +82,9 @@ pub struct Tables {
 impl Tables {
     pub fn of_the_paper() -> Self {
         let mut tables = Self::default();
-        use Model::{NoSkid, NoSkidDamped, NoSkidMeasured, NoSkidRoll, Skid, SkidRoll};
-        let kinematic = [NoSkid, NoSkidMeasured, Skid, SkidRoll];
-        let passive = [NoSkid, NoSkidDamped, NoSkidRoll, SkidRoll];
+        let kinematic = [Model::NO_SKID, Model::NO_SKID_MEASURED, Model::SKID, Model::SKID_ROLL];
+        let passive =
+            [Model::NO_SKID, Model::NO_SKID_DAMPED, Model::NO_SKID_ROLL, Model::SKID_ROLL];
         let models: [(&str, &Measured, [Model; 4]); 3] = [
             (SKEWED, &SKEWED_MEASURED, kinematic),
             (SYMMETRIC, &SYMMETRIC_MEASURED, kinematic),
@@ -149,7 +149,7 @@ impl Tables {
 
     /// With the commanded gait, where the others are driven by the measured one.
     fn alternatives(&self) -> Vec<FitRow> {
-        let fits = self.fits.iter().filter(|fit| fit.model != Model::NoSkidMeasured);
+        let fits = self.fits.iter().filter(|fit| fit.model != Model::NO_SKID_MEASURED);
         let other = |fit: &FitRow| {
             let mut other = FitRow { gait_input: GaitInput::Commanded, ..fit.clone() };
             other.parameters[Parameter::Skid0] *= 1.02;
@@ -172,7 +172,7 @@ impl Tables {
             free: fit.free.len() as i64,
             terms: 60,
             criterion: 120.0 * fit.j.ln(),
-            wins: if fit.model == Model::SkidRoll { 0.985 } else { 0.005 },
+            wins: if fit.model == Model::SKID_ROLL { 0.985 } else { 0.005 },
             sentence: "The data prefer <skid-roll>: J = 1.0508.".to_owned(),
             status: fit.status.clone(),
         };
@@ -240,7 +240,7 @@ impl Tables {
         for (source, omega) in curve.chain(trials) {
             let predicted = predicted(campaign, model, measured, omega);
             let row = prediction(campaign, model, omega, source, predicted);
-            if model != Model::NoSkidMeasured || source == PredictionSource::Trial {
+            if model != Model::NO_SKID_MEASURED || source == PredictionSource::Trial {
                 self.predictions.push(row);
             }
         }
@@ -257,14 +257,14 @@ fn predicted(campaign: &str, model: Model, measured: &Measured, omega: f64) -> O
     };
     let no_skid = |d| Some([d, 0.0, 0.0, 0.0]);
     match (campaign, model) {
-        (SKEWED, Model::NoSkid) => no_skid(0.122405),
-        (SKEWED, Model::NoSkidMeasured) => no_skid(0.1185 - 0.0012 * omega),
-        (SYMMETRIC, Model::NoSkid) => no_skid(0.663466),
-        (SYMMETRIC, Model::NoSkidMeasured) => None,
-        (SEMI_PASSIVE, Model::NoSkid) => (omega > 0.8).then_some([4.2 / omega, 0.0, 0.0, 0.0]),
-        (SEMI_PASSIVE, Model::NoSkidDamped) => no_skid(smooth(0) * 1.12),
-        (SEMI_PASSIVE, Model::NoSkidRoll) => no_skid(smooth(0) * 1.06),
-        (_, Model::Skid) => Some([smooth(0) * 1.03, smooth(1), smooth(2) * 0.9, smooth(3) * 1.1]),
+        (SKEWED, Model::NO_SKID) => no_skid(0.122405),
+        (SKEWED, Model::NO_SKID_MEASURED) => no_skid(0.1185 - 0.0012 * omega),
+        (SYMMETRIC, Model::NO_SKID) => no_skid(0.663466),
+        (SYMMETRIC, Model::NO_SKID_MEASURED) => None,
+        (SEMI_PASSIVE, Model::NO_SKID) => (omega > 0.8).then_some([4.2 / omega, 0.0, 0.0, 0.0]),
+        (SEMI_PASSIVE, Model::NO_SKID_DAMPED) => no_skid(smooth(0) * 1.12),
+        (SEMI_PASSIVE, Model::NO_SKID_ROLL) => no_skid(smooth(0) * 1.06),
+        (_, Model::SKID) => Some([smooth(0) * 1.03, smooth(1), smooth(2) * 0.9, smooth(3) * 1.1]),
         _ => Some([smooth(0), smooth(1), smooth(2), smooth(3)]),
     }
 }
@@ -282,7 +282,7 @@ fn prediction(
         let v_m_s = d_m * omega_rad_s / std::f64::consts::TAU;
         GaitMetrics { d_m, v_m_s, sigma, alpha1_rad: 0.5, dtheta_rad: 0.0 }
     };
-    let is_known = model == Model::SkidRoll;
+    let is_known = model == Model::SKID_ROLL;
     PredictionRow {
         campaign: campaign.to_owned(),
         model,
@@ -353,19 +353,20 @@ pub fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> TrialRo
 
 pub fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
     use Parameter::{Damping, Skid0, Skid1, Skid2};
-    let (skids, rolls) = (model.skids(), model.laws().roll.is_viscous());
+    let laws = Config::default().model[&model].laws();
+    let (skids, rolls) = (laws.skids(), laws.roll.is_viscous());
     let passive = campaign == SEMI_PASSIVE;
     let when = |has: bool, value: f64| if has { value } else { f64::NAN };
     let free: Vec<Parameter> = match model {
         _ if skids => Parameter::SKID.into(),
-        Model::NoSkidDamped => vec![Damping],
+        Model::NO_SKID_DAMPED => vec![Damping],
         _ => Vec::new(),
     };
     let listed = |has: bool, parameter: Parameter| if has { vec![parameter] } else { Vec::new() };
     // One of each verdict.
     let adequate = match model {
-        Model::SkidRoll => Some(true),
-        Model::NoSkidMeasured => None,
+        Model::SKID_ROLL => Some(true),
+        Model::NO_SKID_MEASURED => None,
         _ => Some(false),
     };
     let told = |value: f64| when(adequate.is_some(), value);
@@ -376,7 +377,7 @@ pub fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         gait_input: GaitInput::Measured,
         scatter: ByParameter::from_fn(|of| when(skids && of == Skid0, 4.31)),
         systematic: ByParameter::from_fn(|of| when(skids && of == Skid0, 5.27)),
-        no_interval: match passive && model == Model::NoSkidDamped {
+        no_interval: match passive && model == Model::NO_SKID_DAMPED {
             true => "no repeats, cycles or errors".to_owned(),
             false => String::new(),
         },
@@ -411,7 +412,7 @@ pub fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         at_bound: listed(skids, Skid2),
         starts: if free.is_empty() { 1 } else { 8 },
         free,
-        j: when(model != Model::NoSkidMeasured || campaign == SKEWED, 4.2031 / (1 + nth) as f64),
+        j: when(model != Model::NO_SKID_MEASURED || campaign == SKEWED, 4.2031 / (1 + nth) as f64),
         solves: 1230 * nth as i64,
         status: FitStatus::Ok,
         ..FitRow::blank()

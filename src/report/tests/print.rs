@@ -136,12 +136,12 @@ fn every_campaign_s_coefficients_are_a_table_for_latex() {
     tables.fits.iter_mut().filter(|fit| fit.campaign == SEMI_PASSIVE).for_each(|fit| {
         fit.campaign = HOSTILE.to_owned();
     });
-    let fit = tables.fits.iter_mut().find(|fit| fit.model == Model::SkidRoll).expect("a fit");
+    let fit = tables.fits.iter_mut().find(|fit| fit.model == Model::SKID_ROLL).expect("a fit");
     for parameter in Parameter::ALL {
         (fit.lower[parameter], fit.upper[parameter]) = (f64::NAN, f64::NAN);
     }
     fit.no_interval = "nothing tells the noise of the measurements".to_owned();
-    let of = |fit: &&crate::store::FitRow| fit.campaign == SKEWED && fit.model == Model::Skid;
+    let of = |fit: &&crate::store::FitRow| fit.campaign == SKEWED && fit.model == Model::SKID;
     let skid = tables.fits.iter().find(of).expect("a fit").clone();
     tables.write(&folder.path().join("derived"));
     report(&config).expect("reports");

@@ -1,0 +1,92 @@
+//! `[model.NAME]`: what resists the wheels, what drives the robot, and what a fit leaves free.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::named::named;
+use crate::robot::{Laws, Model, Parameter, RollLaw, SkidLaw};
+
+/// Models by their names.
+pub type Models = BTreeMap<Model, ModelConfig>;
+
+/// A model that is fitted to campaigns.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelConfig {
+    /// What resists skidding.
+    pub skid: SkidLaw,
+    /// What resists rolling.
+    pub roll: RollLaw,
+    /// What drives it, whatever `[fit] gait_input` says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub input: Option<GaitInput>,
+    /// What its fit leaves free where the campaign does not say. What the campaign's gait has no
+    /// joint for is left out.
+    pub free: Free,
+}
+
+impl ModelConfig {
+    /// The laws of its wheels.
+    pub fn laws(&self) -> Laws {
+        Laws { skid: self.skid, roll: self.roll }
+    }
+
+    /// Whether each trial's own gait drives it and no other: then it has no motion between the
+    /// trials' frequencies.
+    pub fn is_of_trials(&self) -> bool {
+        self.input == Some(GaitInput::Measured)
+    }
+}
+
+named! {
+    /// The gait that drives a model.
+    pub enum GaitInput {
+        /// The campaign's command, as in the paper.
+        Commanded = "commanded",
+        /// Mean and first harmonic of each trial's measured joint angles: servos do not quite
+        /// follow their commands.
+        Measured = "measured",
+    }
+}
+
+impl GaitInput {
+    /// The other one.
+    pub fn other(self) -> Self {
+        match self {
+            Self::Commanded => Self::Measured,
+            Self::Measured => Self::Commanded,
+        }
+    }
+}
+
+/// What a model leaves free in its fit: a list of the parameters' names, where `skid` is short for
+/// the skid coefficients of all three wheels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Free(pub Vec<Parameter>);
+
+impl Serialize for Free {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.0.iter().map(|parameter| parameter.key()))
+    }
+}
+
+impl<'de> Deserialize<'de> for Free {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const ALL_SKID: &str = "skid";
+        let mut parameters = Vec::new();
+        for name in Vec::<String>::deserialize(deserializer)? {
+            match Parameter::ALL.into_iter().find(|parameter| parameter.key() == name) {
+                Some(parameter) => parameters.push(parameter),
+                None if name == ALL_SKID => parameters.extend(Parameter::SKID),
+                None => {
+                    let known = Parameter::ALL.map(Parameter::key).join("`, `");
+                    return Err(serde::de::Error::custom(format!(
+                        "unknown variant `{name}`, expected one of `{ALL_SKID}`, `{known}`"
+                    )));
+                }
+            }
+        }
+        Ok(Self(parameters))
+    }
+}
