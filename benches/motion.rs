@@ -12,7 +12,7 @@ use std::time::Instant;
 use criterion::{Criterion, criterion_group, criterion_main};
 use rayon::prelude::*;
 use trilink::motion::{FIT_ACCURACY, Laws, Problem, REFERENCE_ACCURACY, Solver};
-use trilink::robot::{Gait, Robot, Trig, force_balance};
+use trilink::robot::{Gait, Robot, Trig, Viscous, force_balance};
 
 /// The paper's frequencies, rad/s.
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.0, 5.5, 6.0];
@@ -135,7 +135,14 @@ fn parts_of_a_solution(criterion: &mut Criterion) {
         bencher.iter(|| {
             let phi_rad = black_box(phi_rad);
             let trig = Trig::new(phi_rad);
-            force_balance(&robot, Some(0), phi_rad, &trig, black_box(&velocity), &acceleration)
+            force_balance::<_, Viscous>(
+                &robot,
+                Some(0),
+                phi_rad,
+                &trig,
+                black_box(&velocity),
+                &acceleration,
+            )
         });
     });
     for (name, problems) in &campaigns() {

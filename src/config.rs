@@ -374,6 +374,7 @@ impl RobotConfig {
             stiffness_nm_rad: self.stiffness_nm_rad.unwrap_or(0.0),
             damping_nm_s_rad: self.damping_nm_s_rad.unwrap_or(0.0),
             rest_angle_rad: self.rest_angle_deg.unwrap_or(0.0).to_radians(),
+            ..Robot::kinematic()
         }
     }
 }

@@ -56,6 +56,11 @@ impl Draw {
             roll_kg_s: [0; 3].map(|_| self.between(0.01, 3.0)),
             // The configured bounds of a fit.
             skid_kg_s: [0; 3].map(|_| self.between(1.0, 1000.0)),
+            skid_dry_n: [0; 3].map(|_| self.between(0.1, 10.0)),
+            skid_static_n: [0; 3].map(|_| self.between(0.1, 10.0)),
+            stribeck_m_s: self.between(0.002, 0.2),
+            roll_dry_n: [0; 3].map(|_| self.between(0.001, 0.3)),
+            transition_m_s: self.between(0.001, 0.05),
             stiffness_nm_rad: self.between(0.02, 1.0),
             damping_nm_s_rad: self.between(1e-4, 0.1),
             rest_angle_rad: if self.below(2) == 0 { 0.0 } else { self.within(-0.4, 0.4) },

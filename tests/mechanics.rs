@@ -6,8 +6,8 @@
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 use serde_json::Value;
 use trilink::robot::{
-    Gait, Robot, Trig, Velocity, det_wb, dforce_dphi, dot, force_balance, mass_matrix, roll_rows,
-    rotated, skid_rows,
+    Gait, Robot, Trig, Velocity, Viscous, det_wb, dforce_dphi, dot, force_balance, mass_matrix,
+    roll_rows, rotated, skid_rows,
 };
 
 struct State {
@@ -51,7 +51,7 @@ fn to_body(theta: f64, row: [f64; 5]) -> Velocity {
 /// `B` of eq. 7: what is left of the balance without friction, springs and accelerations.
 fn velocity_terms(robot: &Robot, phi: [f64; 2], velocity: &Velocity) -> [f64; 5] {
     let robot = Robot { skid_kg_s: [0.0; 3], roll_kg_s: [0.0; 3], ..robot.clone() };
-    force_balance(&robot, None, phi, &Trig::new(phi), velocity, &[0.0; 5]).force
+    force_balance::<_, Viscous>(&robot, None, phi, &Trig::new(phi), velocity, &[0.0; 5]).force
 }
 
 #[track_caller]
@@ -124,7 +124,7 @@ fn the_balance_is_its_parts_and_its_jacobian_their_derivative() {
         let velocity = to_body(state.theta, state.qdot);
         let value = |phi: [f64; 2], velocity: Velocity| {
             let trig = Trig::new(phi);
-            force_balance(&robot, Some(0), phi, &trig, &velocity, &acceleration)
+            force_balance::<_, Viscous>(&robot, Some(0), phi, &trig, &velocity, &acceleration)
         };
         let trig = Trig::new(state.phi);
         let balance = value(state.phi, velocity);
@@ -157,7 +157,8 @@ fn the_balance_is_its_parts_and_its_jacobian_their_derivative() {
             }
         }
         for j in 0..2 {
-            let turned = dforce_dphi(&robot, Some(0), j, &trig, &velocity, &acceleration);
+            let turned =
+                dforce_dphi::<_, Viscous>(&robot, Some(0), j, &trig, &velocity, &acceleration);
             let [low, high] = [-STEP, STEP].map(|step| {
                 let mut moved = state.phi;
                 moved[j] += step;

@@ -28,7 +28,7 @@ fn robots() -> impl Strategy<Value = Robot> {
         skid_kg_s: skid,
         stiffness_nm_rad: k,
         damping_nm_s_rad: c,
-        rest_angle_rad: 0.0,
+        ..Robot::kinematic()
     })
 }
 

@@ -146,6 +146,7 @@ fn a_motion_that_comes_back_every_second_cycle_only_is_said_to() {
             stiffness_nm_rad: 0.4998,
             damping_nm_s_rad: 0.0643,
             rest_angle_rad: -0.1661,
+            ..Robot::semi_passive()
         },
         gait: Gait { joints: [Some(offset), None] },
         laws: Laws::NO_SKID,

@@ -216,9 +216,18 @@ impl FreeParameter {
     }
 }
 
+/// Of dry friction.
+const DRY_BOUNDS_N: [f64; 2] = [0.01, 100.0];
+/// Of the speeds at which it changes.
+const SPEED_BOUNDS_M_S: [f64; 2] = [1e-4, 1.0];
+
 fn bounds(parameter: Parameter, fit: &Fit) -> [f64; 2] {
     match (parameter.family(), parameter) {
         (Family::Skid, _) => fit.skid_bounds_kg_s,
+        (Family::SkidDry | Family::RollDry, _) => DRY_BOUNDS_N,
+        (Family::Stribeck, Parameter::Stribeck) => SPEED_BOUNDS_M_S,
+        (Family::Stribeck, _) => DRY_BOUNDS_N,
+        (Family::Transition, _) => SPEED_BOUNDS_M_S,
         (Family::Roll, _) => fit.roll_bounds_kg_s,
         (Family::Joint, Parameter::Stiffness) => fit.stiffness_bounds_nm_rad,
         (Family::Joint, _) => fit.damping_bounds_nm_s_rad,

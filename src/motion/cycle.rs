@@ -36,7 +36,7 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
         for j in 0..STAGES {
             for (sum, row) in sums.iter_mut().zip(&skid_rows(&problem.robot, &leg.trig[j])) {
                 let skid_m_s = dot(row, &leg.states[j].velocity);
-                *sum += Lanes::splat(weights[j]) * skid_m_s * skid_m_s;
+                *sum += mesh.parts[pack] * Lanes::splat(weights[j]) * skid_m_s * skid_m_s;
             }
         }
         for lane in 0..mesh.elements_of(pack).len() {
@@ -51,12 +51,11 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
             (extremes.half_range(), Some(extremes))
         }
     };
-    let count = mesh.count as f64;
     let d_m = pose.x_m.hypot(pose.y_m);
     let metrics = GaitMetrics {
         d_m,
         v_m_s: d_m * problem.omega_rad_s / std::f64::consts::TAU,
-        sigma: skid_squared.map(|sum| (sum / count).sqrt() / skid_scale(problem)),
+        sigma: skid_squared.map(|sum| sum.sqrt() / skid_scale(problem)),
         alpha1_rad,
         dtheta_rad: pose.theta_rad,
     };

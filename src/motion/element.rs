@@ -13,20 +13,20 @@ use crate::robot::{Number, Pose};
 /// States at the stages of one element.
 pub(super) type Stages<const N: usize, T = f64> = [[T; N]; STAGES];
 
-/// An element of a motion, or one in each lane, all of one duration.
+/// An element of a motion, or one in each lane.
 pub(super) struct Element<'a, const N: usize, R: Reduced<N>, T: Number = f64> {
     /// The command at the stages.
     pub nodes: &'a [R::Node<T>],
     pub start: &'a [T; N],
     pub stages: &'a Stages<N, T>,
-    pub duration_s: f64,
+    pub duration_s: T,
 }
 
 impl<const N: usize, R: Reduced<N>, T: Number> Element<'_, N, R, T> {
     /// Time derivatives of the states at stage `j`.
     #[inline(always)]
     pub fn rate(&self, j: usize) -> [T; N] {
-        rate(&RADAU, self.start, self.stages, j, 1.0 / self.duration_s)
+        rate(&RADAU, self.start, self.stages, j, T::of(1.0) / self.duration_s)
     }
 
     /// Angles and velocities of the robot at the stages.
@@ -43,7 +43,7 @@ pub(super) fn rate<const N: usize, T: Number>(
     start: &[T; N],
     stages: &Stages<N, T>,
     j: usize,
-    per_s: f64,
+    per_s: T,
 ) -> [T; N] {
     let mut rates = [T::of(0.0); N];
     for i in 0..N {
@@ -51,7 +51,7 @@ pub(super) fn rate<const N: usize, T: Number>(
         for l in 0..STAGES {
             sum += T::of(rule.differentiate[j][l]) * stages[l][i];
         }
-        rates[i] = sum * T::of(per_s);
+        rates[i] = sum * per_s;
     }
     rates
 }
@@ -74,7 +74,7 @@ fn assemble<const N: usize, R: Reduced<N>, T: Number>(
     let rule = &*RADAU;
     let per_stage = unknowns::<N, R>();
     let size = per_stage * STAGES;
-    let per_s = 1.0 / element.duration_s;
+    let per_s = T::of(1.0) / element.duration_s;
     for j in 0..STAGES {
         let rows = &mut right[j * per_stage * N..][..per_stage * N];
         let dy = rate(rule, element.start, element.stages, j, per_s);
@@ -85,20 +85,20 @@ fn assemble<const N: usize, R: Reduced<N>, T: Number>(
                 (&residual.state_jacobian[i], &residual.rate_jacobian[i]);
             for (l, block) in blocks.chunks_exact_mut(per_stage * per_stage).enumerate() {
                 let row = &mut block[i * per_stage..][..per_stage];
-                let weight = T::of(rule.differentiate[j][l] * per_s);
+                let weight = T::of(rule.differentiate[j][l]) * per_s;
                 for m in 0..per_stage {
                     row[m] = rate_jacobian[m] * weight;
                 }
                 if R::INTEGRATED {
                     row[N - 2] +=
-                        state_jacobian[N - 1] * T::of(rule.integrate[j][l] * element.duration_s);
+                        state_jacobian[N - 1] * (T::of(rule.integrate[j][l]) * element.duration_s);
                 }
                 if l == j {
                     (0..per_stage).for_each(|m| row[m] += state_jacobian[m]);
                 }
             }
             let start_jacobian = &mut rows[i * N..][..N];
-            let weight = T::of(-rule.differentiate_start[j] * per_s);
+            let weight = T::of(-rule.differentiate_start[j]) * per_s;
             for m in 0..per_stage {
                 start_jacobian[m] = rate_jacobian[m] * weight;
             }
@@ -176,7 +176,7 @@ impl<T: Number> Linearisation<T> {
         model: &R,
         element: &Element<N, R, T>,
     ) {
-        let (rule, per_s) = (&*RADAU, 1.0 / element.duration_s);
+        let (rule, per_s) = (&*RADAU, T::of(1.0) / element.duration_s);
         let per_stage = unknowns::<N, R>();
         let step = &mut self.step[pack * per_stage * STAGES..][..per_stage * STAGES];
         for j in 0..STAGES {
@@ -212,7 +212,7 @@ impl<T: Number> Linearisation<T> {
         &self,
         pack: usize,
         start: &[T; N],
-        duration_s: f64,
+        duration_s: T,
     ) -> Stages<N, T> {
         let per_stage = unknowns::<N, R>();
         let (transfer, step) = self.answers::<N, R>(pack);
@@ -236,7 +236,7 @@ impl<T: Number> Linearisation<T> {
     pub fn end_transfer<const N: usize, R: Reduced<N>>(
         &self,
         pack: usize,
-        duration_s: f64,
+        duration_s: T,
     ) -> [[T; N]; N] {
         let (transfer, _) = self.answers::<N, R>(pack);
         let mut ends = [[T::of(0.0); N]; N];
@@ -252,7 +252,7 @@ impl<T: Number> Linearisation<T> {
 
     /// Changes of the ends of the elements of `pack` by their step when their start stays.
     #[inline(always)]
-    pub fn end_step<const N: usize, R: Reduced<N>>(&self, pack: usize, duration_s: f64) -> [T; N] {
+    pub fn end_step<const N: usize, R: Reduced<N>>(&self, pack: usize, duration_s: T) -> [T; N] {
         let (_, step) = self.answers::<N, R>(pack);
         end_change::<N, R, T>(duration_s, |row| step[row])
     }
@@ -261,7 +261,7 @@ impl<T: Number> Linearisation<T> {
 /// Change of an element's end by those of its unknowns.
 #[inline(always)]
 fn end_change<const N: usize, R: Reduced<N>, T: Number>(
-    duration_s: f64,
+    duration_s: T,
     unknown: impl Fn(usize) -> T,
 ) -> [T; N] {
     let per_stage = unknowns::<N, R>();
@@ -271,7 +271,7 @@ fn end_change<const N: usize, R: Reduced<N>, T: Number>(
         }
         let weights = RADAU.integrate[STAGES - 1];
         (0..STAGES).fold(T::of(0.0), |sum, l| {
-            sum + T::of(duration_s * weights[l]) * unknown(l * per_stage + i - 1)
+            sum + duration_s * T::of(weights[l]) * unknown(l * per_stage + i - 1)
         })
     })
 }
@@ -281,7 +281,7 @@ fn end_change<const N: usize, R: Reduced<N>, T: Number>(
 pub(super) fn integrate_last<const N: usize, T: Number>(
     stages: &mut Stages<N, T>,
     start: T,
-    duration_s: f64,
+    duration_s: T,
 ) {
     let integrals = integrals(&stages.map(|y| y[N - 2]), duration_s);
     for j in 0..STAGES {
@@ -291,14 +291,14 @@ pub(super) fn integrate_last<const N: usize, T: Number>(
 
 /// Integrals from an element's start to its stages.
 #[inline(always)]
-pub(super) fn integrals<T: Number>(rates: &[T; STAGES], duration_s: f64) -> [T; STAGES] {
+pub(super) fn integrals<T: Number>(rates: &[T; STAGES], duration_s: T) -> [T; STAGES] {
     let rule = &*RADAU;
     let mut integrals = [T::of(0.0); STAGES];
     for j in 0..STAGES {
         for l in 0..STAGES {
             integrals[j] += T::of(rule.integrate[j][l]) * rates[l];
         }
-        integrals[j] = T::of(duration_s) * integrals[j];
+        integrals[j] = duration_s * integrals[j];
     }
     integrals
 }

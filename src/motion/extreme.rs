@@ -109,7 +109,7 @@ impl<const N: usize> TurningPoint<N> {
             (mesh.states.start_of(self.element), mesh.states.stages_of(self.element));
         let stages = RADAU.nodes.map(|c| interpolate(&start, &whole, self.fraction * c));
         workspace.resize::<N, R>(1);
-        let duration_s = self.fraction * mesh.element_s;
+        let duration_s = self.fraction * mesh.duration_s(self.element);
         let guess = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
         let stages = solve_element(model, &guess, 1e-12, workspace)?;
         Some((nodes, stages))
@@ -122,7 +122,8 @@ impl<const N: usize> TurningPoint<N> {
         mesh: &Mesh<N, R>,
         workspace: &mut Linearisation,
     ) {
-        let (start, duration_s) = (mesh.states.start_of(self.element), mesh.element_s);
+        let (start, duration_s) =
+            (mesh.states.start_of(self.element), mesh.duration_s(self.element));
         let start_rate =
             model.kinematics(&mesh.node_at(model, self.element, 0.0), &start).velocity[3];
         for _ in 0..MOST_CORRECTIONS {

@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Problem;
 use super::reduced::KinematicState;
-use crate::robot::{ContactForces, Trig, dot, force_balance, roll_rows, skid_rows};
+use crate::robot::{ContactForces, Dry, Friction, Trig, dot, force_balance, roll_rows, skid_rows};
 
 /// Ratio of singular values at which the constraints are not independent any more.
 const SINGULAR: f64 = 1e-6;
@@ -24,13 +24,16 @@ pub(super) fn contact_forces(
     let passive = problem.gait.passive_joint();
     let KinematicState { phi_rad, velocity } = state;
     let trig = Trig::new(*phi_rad);
-    let supplied = force_balance(robot, passive, *phi_rad, &trig, velocity, acceleration).force;
+    let supplied =
+        force_balance::<f64, Dry>(robot, passive, *phi_rad, &trig, velocity, acceleration).force;
     let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
     let (skid_m_s, roll_m_s) =
         (skid.map(|row| dot(&row, velocity)), roll.map(|row| dot(&row, velocity)));
 
+    let skid_n: [f64; 3] = std::array::from_fn(|i| Dry::skid(robot, i, skid_m_s[i])[0]);
+    let roll_n: [f64; 3] = std::array::from_fn(|i| Dry::roll(robot, i, roll_m_s[i])[0]);
     let lateral_n = if problem.laws.skids() {
-        std::array::from_fn(|i| -robot.skid_kg_s[i] * skid_m_s[i])
+        skid_n.map(|force| -force)
     } else {
         constraint_forces(passive, &skid, &supplied).unwrap_or([f64::NAN; 3])
     };
@@ -52,15 +55,11 @@ pub(super) fn contact_forces(
         let actuated = (0..2).filter(|joint| passive != Some(*joint));
         actuated.map(|joint| torque_nm[joint] * velocity[3 + joint]).sum()
     };
-    let wheels: f64 = (0..3)
-        .map(|i| {
-            robot.skid_kg_s[i] * skid_m_s[i].powi(2) + robot.roll_kg_s[i] * roll_m_s[i].powi(2)
-        })
-        .sum();
+    let wheels: f64 = (0..3).map(|i| skid_n[i] * skid_m_s[i] + roll_n[i] * roll_m_s[i]).sum();
     let joint = passive.map_or(0.0, |p| robot.damping_nm_s_rad * velocity[3 + p].powi(2));
     ContactForces {
         lateral_n,
-        roll_n: std::array::from_fn(|i| -robot.roll_kg_s[i] * roll_m_s[i]),
+        roll_n: roll_n.map(|force| -force),
         torque_nm,
         power_w,
         loss_w: wheels + joint,

@@ -19,7 +19,6 @@ pub(super) struct MetricGradient {
     end: Pose,
     /// How many times the span turns the robot over a period.
     turns: f64,
-    duration_s: f64,
     /// Of sigma_i with respect to the integral of its wheel's skid velocity squared, doubled;
     /// zero where the wheel does not skid.
     dsigma_dskid: [f64; 3],
@@ -46,7 +45,7 @@ impl MetricGradient {
         };
         let dd_dend = if mesh.is_half { halves(1.0) } else { [x, y, 0.0] };
         let odd_dd_dend = halves(-1.0);
-        let scale = skid_scale(model.problem()).powi(2) * mesh.count as f64;
+        let scale = skid_scale(model.problem()).powi(2);
         let dsigma_dskid = cycle.metrics.sigma.map(|sigma| match sigma {
             0.0 => 0.0,
             sigma => 1.0 / (scale * sigma),
@@ -58,19 +57,18 @@ impl MetricGradient {
         };
         let (dd_dend, odd_dd_dend) = (scaled(dd_dend), scaled(odd_dd_dend));
         let turns = mesh.spans() as f64;
-        let (end, duration_s) = (cycle.end, mesh.element_s);
-        Self { dd_dend, odd_dd_dend, end, turns, duration_s, dsigma_dskid }
+        Self { dd_dend, odd_dd_dend, end: cycle.end, turns, dsigma_dskid }
     }
 
     /// Gradients of a quantity with respect to the robot's angles and velocities at the stages of a
-    /// leg, of the lanes that are `used` (1, else 0).
+    /// leg; see [`Mesh::weights`].
     #[inline(always)]
     pub fn at_stages<const N: usize, R: Reduced<N>>(
         &self,
         model: &R,
         quantity: usize,
         leg: &Leg,
-        used: Lanes,
+        [part, duration_s]: [Lanes; 2],
     ) -> [KinematicState<Lanes>; STAGES] {
         let mut gradients = [KinematicState::default(); STAGES];
         let weights = RADAU.integrate[STAGES - 1];
@@ -80,7 +78,7 @@ impl MetricGradient {
                 for j in 0..STAGES {
                     let (trig, velocity) = (&leg.trig[j], &leg.states[j].velocity);
                     let row = skid_rows(robot, trig)[wheel];
-                    let factor = Lanes::splat(weights[j] * self.dsigma_dskid[wheel]) * used;
+                    let factor = Lanes::splat(weights[j] * self.dsigma_dskid[wheel]) * part;
                     let factor = factor * dot(&row, velocity);
                     for i in 0..5 {
                         gradients[j].velocity[i] = factor * row[i];
@@ -91,14 +89,13 @@ impl MetricGradient {
                     }
                 }
             }
-            3 => self.path(self.dd_dend, leg, used, &mut gradients),
+            3 => self.path(self.dd_dend, leg, duration_s, &mut gradients),
             4 => {
                 for j in 0..STAGES {
-                    let weight = self.turns * self.duration_s * weights[j];
-                    gradients[j].velocity[2] = Lanes::splat(weight) * used;
+                    gradients[j].velocity[2] = Lanes::splat(self.turns * weights[j]) * duration_s;
                 }
             }
-            _ => self.path(self.odd_dd_dend, leg, used, &mut gradients),
+            _ => self.path(self.odd_dd_dend, leg, duration_s, &mut gradients),
         }
         gradients
     }
@@ -109,7 +106,7 @@ impl MetricGradient {
         &self,
         dd_dend: [f64; 3],
         leg: &Leg,
-        used: Lanes,
+        duration_s: Lanes,
         d: &mut [KinematicState<Lanes>; STAGES],
     ) {
         let [dd_dx, dd_dy, dd_dtheta] = dd_dend.map(Lanes::splat);
@@ -118,7 +115,7 @@ impl MetricGradient {
         let [end_x, end_y] = leg.ends;
         let later = dd_dtheta + dd_dy * (whole_x - end_x) - dd_dx * (whole_y - end_y);
         for j in 0..STAGES {
-            let weight = Lanes::splat(self.duration_s * RADAU.integrate[STAGES - 1][j]) * used;
+            let weight = Lanes::splat(RADAU.integrate[STAGES - 1][j]) * duration_s;
             let (sin, cos) = leg.directions[j];
             let [u, v, ..] = leg.states[j].velocity;
             let (along, across) = (dd_dx * cos + dd_dy * sin, dd_dy * cos - dd_dx * sin);
@@ -127,7 +124,7 @@ impl MetricGradient {
             d[j].velocity[2] += weight * later;
             let turned = weight * (u * across - v * along);
             for l in 0..STAGES {
-                d[l].velocity[2] += turned * Lanes::splat(self.duration_s * RADAU.integrate[j][l]);
+                d[l].velocity[2] += turned * Lanes::splat(RADAU.integrate[j][l]) * duration_s;
             }
         }
     }
@@ -152,7 +149,7 @@ pub(super) fn weights_of_unknowns<const N: usize, R: Reduced<N>>(
         for j in 0..STAGES {
             by_last += weights[j][N - 1];
             for l in 0..STAGES {
-                let weight = Lanes::splat(element.duration_s * RADAU.integrate[j][l]);
+                let weight = Lanes::splat(RADAU.integrate[j][l]) * element.duration_s;
                 weights[l][N - 2] += weight * weights[j][N - 1];
             }
         }

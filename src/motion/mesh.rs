@@ -55,16 +55,20 @@ impl<const N: usize> States<N> {
     }
 }
 
-/// Elements of equal length over a period, or over half of it where the mirror image of the
-/// motion follows.
+/// Elements over a period, or over half of it where the mirror image of the motion follows.
 #[derive(Debug, Clone)]
 pub(super) struct Mesh<const N: usize, R: Reduced<N>> {
     /// Signs of the states at the end relative to the start; all 1 for a whole period.
     pub signs: [f64; N],
     /// Whether the elements cover half a period.
     pub is_half: bool,
-    /// Duration of one element.
-    pub element_s: f64,
+    /// Duration of that.
+    pub span_s: f64,
+    /// Parts of it after which the elements start, and 1.
+    pub bounds: Vec<f64>,
+    /// The elements' parts of it, and their durations.
+    pub parts: Vec<Lanes>,
+    pub durations_s: Vec<Lanes>,
     /// Number of elements.
     pub count: usize,
     pub states: States<N>,
@@ -77,7 +81,10 @@ impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
         Self {
             signs: [1.0; N],
             is_half: false,
-            element_s: 0.0,
+            span_s: 0.0,
+            bounds: Vec::new(),
+            parts: Vec::new(),
+            durations_s: Vec::new(),
             count: 0,
             states: States::default(),
             nodes: Vec::new(),
@@ -101,10 +108,12 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         pack * LANES..self.count.min((pack + 1) * LANES)
     }
 
-    /// 1 in the lanes of a pack that have an element of their own, else 0.
-    pub fn used(&self, pack: usize) -> Lanes {
+    /// Parts of the span and durations of the elements of a pack; zero in the lanes without an
+    /// element of their own.
+    pub fn weights(&self, pack: usize) -> [Lanes; 2] {
         let used = self.elements_of(pack).len();
-        Lanes::new(std::array::from_fn(|lane| if lane < used { 1.0 } else { 0.0 }))
+        let own = Lanes::new(std::array::from_fn(|lane| if lane < used { 1.0 } else { 0.0 }));
+        [self.parts[pack] * own, self.durations_s[pack] * own]
     }
 
     /// The command at the stages of the elements of a pack, one in each lane.
@@ -126,12 +135,28 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
     #[inline(always)]
     pub fn pack<'a>(&'a self, pack: usize, start: &'a [Lanes; N]) -> Element<'a, N, R, Lanes> {
         let (nodes, stages) = (self.nodes(pack), &self.states.packs[pack]);
-        Element { nodes, start, stages, duration_s: self.element_s }
+        Element { nodes, start, stages, duration_s: self.durations_s[pack] }
+    }
+
+    /// Duration of element `k`.
+    pub fn duration_s(&self, k: usize) -> f64 {
+        self.durations_s[k / LANES].lane(k % LANES)
+    }
+
+    /// The part of the span after which a fraction of element `k` is over.
+    fn part_at(&self, k: usize, fraction: f64) -> f64 {
+        let [start, end] = [self.bounds[k], self.bounds[k + 1]];
+        start + (end - start) * fraction
     }
 
     /// The command at a fraction of element `k`.
     pub fn node_at(&self, model: &R, k: usize, fraction: f64) -> R::Node<f64> {
-        model.node(model.problem().omega_rad_s * self.element_s * (k as f64 + fraction))
+        model.node(self.span_rad() * self.part_at(k, fraction))
+    }
+
+    /// The phase that the elements cover.
+    fn span_rad(&self) -> f64 {
+        TAU / self.spans() as f64
     }
 
     /// The command at the stages of element `k`.
@@ -139,45 +164,61 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         RADAU.nodes.map(|node| self.node_at(model, k, node))
     }
 
-    /// Lays out the commands of `count` elements; their states are left to the caller.
-    pub fn lay_out(&mut self, model: &R, count: usize) {
-        self.count = count;
-        let span = TAU / self.spans() as f64;
-        self.element_s = span / model.problem().omega_rad_s / count as f64;
+    /// Makes the elements equally long.
+    pub fn divide(&mut self, count: usize) {
+        self.bounds.clear();
+        self.bounds.extend((0..=count).map(|k| k as f64 / count as f64));
+    }
+
+    /// Lays out the commands of the elements between the bounds; their states are left to the caller.
+    pub fn lay_out(&mut self, model: &R) {
+        let span_rad = self.span_rad();
+        self.count = self.bounds.len() - 1;
+        self.span_s = span_rad / model.problem().omega_rad_s;
         self.nodes.clear();
+        self.parts.clear();
+        self.durations_s.clear();
         for pack in 0..self.packs() {
-            let first = (pack * LANES) as f64;
-            for node in RADAU.nodes {
-                let position = |lane: usize| (first + lane as f64).min(count as f64 - 1.0) + node;
-                let phases_rad = |lane| span * position(lane) / count as f64;
-                self.nodes.push(model.node(Lanes::new(std::array::from_fn(phases_rad))));
-            }
+            let of = |lane: usize| (pack * LANES + lane).min(self.count - 1);
+            let at = |fraction: f64| {
+                Lanes::new(std::array::from_fn(|lane| self.part_at(of(lane), fraction)))
+            };
+            let part = at(1.0) - at(0.0);
+            let nodes = RADAU.nodes.map(|node| model.node(Lanes::splat(span_rad) * at(node)));
+            self.parts.push(part);
+            self.durations_s.push(part * Lanes::splat(self.span_s));
+            self.nodes.extend(nodes);
         }
     }
 
-    /// Replaces the elements by `wanted` others with the same polynomials. The old states are
-    /// left in `before`.
-    pub fn resample(&mut self, model: &R, wanted: usize, before: &mut States<N>) {
-        std::mem::swap(before, &mut self.states);
-        let count = self.count;
-        self.states.start = before.start;
-        let at = |k: usize, node: f64| {
-            let position = (k as f64 + node) / wanted as f64 * count as f64;
-            let k = (position as usize).min(count - 1);
-            interpolate(&before.start_of(k), &before.stages_of(k), position - k as f64)
-        };
-        self.states.fill(wanted, |k| RADAU.nodes.map(|node| at(k, node)));
-        self.lay_out(model, wanted);
+    /// Replaces the elements, which were between the bounds `before`, by those between the present
+    /// ones with the same polynomials. The old states are left in `states`.
+    pub fn resample(&mut self, model: &R, before: &[f64], states: &mut States<N>) {
+        std::mem::swap(states, &mut self.states);
+        self.states.start = states.start;
+        let (bounds, mut old) = (&self.bounds, 0);
+        self.states.fill(bounds.len() - 1, |k| {
+            RADAU.nodes.map(|node| {
+                let part = bounds[k] + (bounds[k + 1] - bounds[k]) * node;
+                while old + 2 < before.len() && before[old + 1] <= part {
+                    old += 1;
+                }
+                let fraction = (part - before[old]) / (before[old + 1] - before[old]);
+                interpolate(&states.start_of(old), &states.stages_of(old), fraction)
+            })
+        });
+        self.lay_out(model);
         self.integrate();
     }
 
     /// Fills the elements that are laid out with the model's guess.
     pub fn guess(&mut self, model: &R) {
-        let (guess, count) = (model.guess(), self.count);
-        let span = TAU / self.spans() as f64;
-        let at = |k: usize, node: f64| guess(span * (k as f64 + node) / count as f64);
+        let (guess, span_rad, bounds) = (model.guess(), self.span_rad(), &self.bounds);
+        let at = |k: usize, node: f64| {
+            guess(span_rad * (bounds[k] + (bounds[k + 1] - bounds[k]) * node))
+        };
         self.states.start = guess(0.0);
-        self.states.fill(count, |k| RADAU.nodes.map(|node| at(k, node)));
+        self.states.fill(self.count, |k| RADAU.nodes.map(|node| at(k, node)));
         self.integrate();
     }
 
@@ -188,7 +229,7 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
             for pack in 0..self.packs() {
                 let count = self.elements_of(pack).len();
                 let stages = &mut self.states.packs[pack];
-                integrate_last(stages, Lanes::splat(0.0), self.element_s);
+                integrate_last(stages, Lanes::splat(0.0), self.durations_s[pack]);
                 let added = stages[STAGES - 1][N - 1];
                 let starts = in_turn(&mut start, count, |at, lane| at + added.lane(lane));
                 stages.iter_mut().for_each(|y| y[N - 1] += starts);

@@ -96,10 +96,10 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         let (model, mesh) = (&self.model, &self.orbit.mesh);
         let weights = RADAU.integrate[STAGES - 1];
         let (mut work, mut loss) = (0.0, 0.0);
-        let duration_s = mesh.element_s;
         for k in 0..mesh.count {
             let (nodes, start) = (mesh.nodes_of(model, k), mesh.states.start_of(k));
             let stages = mesh.states.stages_of(k);
+            let duration_s = mesh.duration_s(k);
             let element = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
             let states = element.kinematics(model);
             for j in 0..STAGES {

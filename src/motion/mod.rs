@@ -140,6 +140,13 @@ impl Problem {
         !self.laws.skids() && self.gait.passive_joint().is_none()
     }
 
+    /// The same with a transition of dry friction that is `factor` times as wide.
+    fn softened(&self, factor: f64) -> Self {
+        let mut problem = self.clone();
+        problem.robot.transition_m_s *= factor;
+        problem
+    }
+
     /// The same without the resistances that the laws do not know.
     fn effective(&self) -> Self {
         let mut problem = self.clone();
@@ -148,6 +155,15 @@ impl Problem {
         }
         if !self.laws.skid.is_viscous() {
             problem.robot.skid_kg_s = [0.0; 3];
+        }
+        if !self.laws.skid.is_dry() {
+            problem.robot.skid_dry_n = [0.0; 3];
+        }
+        if !self.laws.skid.has_static() {
+            problem.robot.stribeck_m_s = 0.0;
+        }
+        if !self.laws.roll.is_dry() {
+            problem.robot.roll_dry_n = [0.0; 3];
         }
         problem
     }

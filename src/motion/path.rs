@@ -46,7 +46,7 @@ impl Path {
                 trig[j] = model.trig(&nodes[j], &stages[j]);
                 turning[j] = states[j].velocity[2];
             }
-            let turned = integrals(&turning, mesh.element_s);
+            let turned = integrals(&turning, mesh.durations_s[pack]);
             let added = turned[STAGES - 1];
             let start = in_turn(&mut end.theta_rad, count, |at, lane| at + added.lane(lane));
             let (mut directions, mut rates) = ([(zero, zero); STAGES], [[zero; STAGES]; 2]);
@@ -58,7 +58,7 @@ impl Path {
             }
             let mut ends = [&mut end.x_m, &mut end.y_m];
             let ends = std::array::from_fn(|i| {
-                let added = integrals(&rates[i], mesh.element_s)[STAGES - 1];
+                let added = integrals(&rates[i], mesh.durations_s[pack])[STAGES - 1];
                 added + in_turn(ends[i], count, |at, lane| at + added.lane(lane))
             });
             legs.push(Leg { states, trig, directions, rates, ends });

@@ -118,15 +118,15 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
         let element = mesh.pack(pack, &starts);
         linearisation.linearise_all(pack, model, &element, parameters);
         let rows = rows_of_mut::<C, _>(&mut adjoints.quantities, pack, size);
-        let used = mesh.used(pack);
+        let weights = mesh.weights(pack);
         let mut by_last = [Lanes::default(); C];
         for q in 0..C {
-            let gradients = gradient.at_stages(model, q, leg, used);
-            let weights;
-            (weights, by_last[q]) = weights_of_unknowns(model, &element, &leg.trig, &gradients);
+            let gradients = gradient.at_stages(model, q, leg, weights);
+            let by_unknown;
+            (by_unknown, by_last[q]) = weights_of_unknowns(model, &element, &leg.trig, &gradients);
             for j in 0..STAGES {
                 for i in 0..per_stage {
-                    rows[j * per_stage + i][q] = weights[j][i];
+                    rows[j * per_stage + i][q] = by_unknown[j][i];
                 }
             }
             // Where the wheels skid, d and Delta theta depend on the states alone.
@@ -139,7 +139,7 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
             by_start[q][N - 1] += by_last[q];
         }
         let rows = rows_of_mut::<N, _>(&mut adjoints.ends, pack, size);
-        let ends = linearisation.solve_adjoint_of_end::<N, R>(pack, mesh.element_s, rows);
+        let ends = linearisation.solve_adjoint_of_end::<N, R>(pack, element.duration_s, rows);
         let kept = rows_of_mut::<N, _>(&mut adjoints.by_start, pack, C + N);
         kept[..C].copy_from_slice(&by_start);
         kept[C..].copy_from_slice(&ends);
@@ -272,8 +272,10 @@ fn angle_at<const N: usize, R: Reduced<N>>(
     parameters: usize,
 ) -> Option<([f64; N], ByParameters)> {
     let (nodes, stages) = extreme.shorter_element(model, mesh, workspace)?;
-    let (start, duration_s) =
-        (mesh.states.start_of(extreme.element), extreme.fraction * mesh.element_s);
+    let (start, duration_s) = (
+        mesh.states.start_of(extreme.element),
+        extreme.fraction * mesh.duration_s(extreme.element),
+    );
     let element = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
     workspace.linearise_all(0, model, &element, parameters);
     let (adjoint, by_start) = workspace.solve_adjoint_of_last::<N, R>(0, duration_s);
@@ -320,21 +322,27 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
         derivatives.omega = domega(problem, cycle.metrics.d_m, &derivatives);
     }
     // The proportions of the roll resistances stay when their sum changes.
-    let shares = problem.robot.roll_shares();
-    let rolls = Parameter::ROLL.map(|roll| derivatives.parameters[roll].to_array());
-    derivatives.parameters[Parameter::RollSum] =
-        GaitMetrics::from_array(std::array::from_fn(|metric| {
+    let robot = &problem.robot;
+    let sums = [
+        (Parameter::RollSum, robot.roll_shares(), Parameter::ROLL),
+        (Parameter::RollDrySum, robot.roll_dry_shares(), Parameter::ROLL_DRY),
+    ];
+    for (sum, shares, rolls) in sums {
+        let rolls = rolls.map(|roll| derivatives.parameters[roll].to_array());
+        derivatives.parameters[sum] = GaitMetrics::from_array(std::array::from_fn(|metric| {
             (0..3).map(|wheel| shares[wheel] * rolls[wheel][metric]).sum()
         }));
+    }
     derivatives
 }
 
 /// Derivatives with respect to omega, from those with respect to the robot's parameters: per
-/// radian of phase the motion depends on dissipation over omega and on stiffness over its square.
+/// radian of phase the motion depends on viscous coefficients and the speeds of dry friction over
+/// omega and on stiffness and dry friction over its square.
 fn domega(problem: &Problem, d_m: f64, derivatives: &Derivatives) -> GaitMetrics {
     let mut sum = GaitMetrics { v_m_s: d_m / TAU, ..GaitMetrics::NONE }.to_array();
     for (parameter, derivative) in derivatives.parameters.iter() {
-        let power = if parameter == Parameter::Stiffness { 2.0 } else { 1.0 };
+        let power = parameter.power_of_omega();
         let part = power * parameter.of(&problem.robot) / problem.omega_rad_s;
         for (sum, derivative) in sum.iter_mut().zip(derivative.to_array()) {
             *sum -= part * derivative;

@@ -9,10 +9,10 @@ use super::reduced::{Derivatives, PassiveNoSkid, Skid};
 use super::trajectory::Sample;
 use super::{FromRest, MotionError, Problem, Result, SteadyMotion};
 use crate::metrics::GaitMetrics;
-use crate::robot::Parameter;
+use crate::robot::{Dry, Friction, Parameter, Viscous};
 
 /// Solves for steady motions. A solution starts from the last one if that was of the same
-/// kind of motion (the same passive joint, skidding or not), else from rest.
+/// kind of motion (the same passive joint, skidding or not, dry or not), else from rest.
 #[derive(Debug, Clone, Default)]
 pub struct Solver {
     last: Option<Problem>,
@@ -20,10 +20,51 @@ pub struct Solver {
     last_quadrature: Option<(Problem, GaitMetrics, f64)>,
     /// What its quadrature has found out.
     known_of_quadrature: Known,
-    kinematic_skid: PeriodicOrbit<3, Skid<3>>,
-    passive_skid: PeriodicOrbit<5, Skid<5>>,
-    passive_no_skid: PeriodicOrbit<2, PassiveNoSkid>,
+    viscous: Orbits<Viscous>,
+    dry: Orbits<Dry>,
     effort: Effort,
+}
+
+/// The last steady motion of each kind that is a solution of differential equations.
+#[derive(Debug, Clone)]
+struct Orbits<F: Friction> {
+    kinematic_skid: PeriodicOrbit<3, Skid<3, F>>,
+    passive_skid: PeriodicOrbit<5, Skid<5, F>>,
+    passive_no_skid: PeriodicOrbit<2, PassiveNoSkid<F>>,
+}
+
+impl<F: Friction> Default for Orbits<F> {
+    fn default() -> Self {
+        let (kinematic_skid, passive_skid, passive_no_skid) = Default::default();
+        Self { kinematic_skid, passive_skid, passive_no_skid }
+    }
+}
+
+impl<F: Friction> Orbits<F> {
+    /// Does `task` with the method for the kind of motion of a problem, joint `passive` of which
+    /// may be on its spring.
+    fn with<T>(
+        &mut self,
+        problem: Problem,
+        passive: Option<usize>,
+        task: impl FnOnce(&mut dyn Method) -> Result<T>,
+    ) -> Result<T> {
+        let Self { kinematic_skid, passive_skid, passive_no_skid } = self;
+        match (passive, problem.laws.skids()) {
+            (None, _) => {
+                let model = Skid::new(problem, 0);
+                task(&mut Collocation { model, orbit: kinematic_skid })
+            }
+            (Some(passive), true) => {
+                let model = Skid::new(problem, passive);
+                task(&mut Collocation { model, orbit: passive_skid })
+            }
+            (Some(passive), false) => {
+                let model = PassiveNoSkid::new(problem, passive);
+                task(&mut Collocation { model, orbit: passive_no_skid })
+            }
+        }
+    }
 }
 
 /// The steady motion in which the robot from rest ends.
@@ -189,30 +230,22 @@ impl Solver {
         task: impl FnOnce(&mut dyn Method) -> Result<T>,
     ) -> Result<T> {
         let problem = problem.effective();
-        let passive = problem.gait.passive_joint().unwrap_or_default();
-        match (problem.gait.joints, problem.laws.skids()) {
+        let passive = problem.gait.passive_joint();
+        match (problem.gait.joints, problem.laws) {
             ([None, None], _) => Err(MotionError::NotDriven),
-            ([Some(joint1), Some(joint2)], false) => {
+            ([Some(joint1), Some(joint2)], laws) if !laws.skids() => {
                 let known = &mut self.known_of_quadrature;
                 task(&mut Quadrature { problem: &problem, joints: [joint1, joint2], known })
             }
-            ([Some(_), Some(_)], true) => {
-                let orbit = &mut self.kinematic_skid;
-                task(&mut Collocation { model: Skid { problem, passive }, orbit })
-            }
-            (_, true) => {
-                let orbit = &mut self.passive_skid;
-                task(&mut Collocation { model: Skid { problem, passive }, orbit })
-            }
-            (_, false) => {
-                let orbit = &mut self.passive_no_skid;
-                task(&mut Collocation { model: PassiveNoSkid { problem, passive }, orbit })
-            }
+            (_, laws) if laws.are_dry() => self.dry.with(problem, passive, task),
+            _ => self.viscous.with(problem, passive, task),
         }
     }
 }
 
 /// Whether a solution of one problem is a start for the other.
 fn is_alike(last: &Problem, next: &Problem) -> bool {
-    last.gait.passive_joint() == next.gait.passive_joint() && last.laws.skids() == next.laws.skids()
+    last.gait.passive_joint() == next.gait.passive_joint()
+        && last.laws.skids() == next.laws.skids()
+        && last.laws.are_dry() == next.laws.are_dry()
 }

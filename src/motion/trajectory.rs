@@ -71,12 +71,13 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
     let mut sampler = Sampler::new(model, count);
     let mut pose = Pose::default();
     let spans = [[1.0; N], mesh.signs].into_iter().take(mesh.spans());
-    let elements = spans.flat_map(|signs| (0..mesh.count).map(move |element| (signs, element)));
-    let duration_s = mesh.element_s;
-    for (k, (signs, element)) in elements.enumerate() {
-        let start = mesh.states.start_of(element);
-        let start = std::array::from_fn(|i| signs[i] * start[i]);
-        pose = sampler.element(duration_s * k as f64, duration_s, &start, pose)?;
+    for (span, signs) in spans.enumerate() {
+        for k in 0..mesh.count {
+            let start = mesh.states.start_of(k);
+            let start = std::array::from_fn(|i| signs[i] * start[i]);
+            let time_s = mesh.span_s * (span as f64 + mesh.bounds[k]);
+            pose = sampler.element(time_s, mesh.duration_s(k), &start, pose)?;
+        }
     }
     sampler.push(TAU / model.problem().omega_rad_s, &mesh.states.start, pose);
     Ok(sampler.samples)

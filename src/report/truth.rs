@@ -48,6 +48,11 @@ impl PlantedCampaign {
             roll_kg_s: self.roll_kg_s.unwrap_or([f64::NAN; 3]),
             stiffness_nm_rad: self.stiffness_nm_rad.unwrap_or(f64::NAN),
             damping_nm_s_rad: self.damping_nm_s_rad.unwrap_or(f64::NAN),
+            skid_dry_n: [f64::NAN; 3],
+            skid_static_n: [f64::NAN; 3],
+            stribeck_m_s: f64::NAN,
+            roll_dry_n: [f64::NAN; 3],
+            transition_m_s: f64::NAN,
             ..Robot::kinematic()
         };
         Some(parameter.of(&robot)).filter(|value| !value.is_nan())

@@ -11,21 +11,21 @@
 //! ```
 //!
 //! d'Alembert's principle projects `m_i a_i` and `I_i r_i'` on the five velocities `(u, v, r,
-//! phi1', phi2')`; the wheels add `c^S v_perp` along each skid row and `c^R v_par` along each
-//! roll row (eq. 14 and 15), the passive joint its spring and damper (eq. 11). The rows sum
-//! to the generalised force that actuators and constraints must supply: zero for `u, v, r`
+//! phi1', phi2')`; the wheels add their [`Friction`] along each skid and each roll
+//! row (eq. 14 and 15 where it is viscous), the passive joint its spring and damper (eq. 11). The
+//! rows sum to the generalised force that actuators and constraints must supply: zero for `u, v, r`
 //! of a skidding robot and for its passive joint. Nothing depends on position or heading.
 
 use super::kinematics::{Trig, Velocity, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows};
-use super::{Number, Robot};
+use super::{Friction, Number, Robot};
 
 /// Forces of the ground, torques and power at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactForces {
     /// Force of the ground on each wheel across it, N: the constraint force Lambda (eq. 8) where
-    /// the wheels cannot skid, else skid resistance (eq. 15). NaN where Lambda is unbounded.
+    /// the wheels cannot skid, else friction (eq. 15). NaN where Lambda is unbounded.
     pub lateral_n: [f64; 3],
-    /// Roll resistance at each wheel (eq. 14), N.
+    /// Friction along each wheel (eq. 14), N.
     pub roll_n: [f64; 3],
     /// Torque of the actuators, or of spring and damper at the passive joint (eq. 11), N m. NaN
     /// where Lambda is unbounded.
@@ -157,7 +157,7 @@ fn acceleration_of_middle<T: Number>(velocity: &Velocity<T>, acceleration: &[T; 
 /// Evaluates eq. 7 at angles `phi_rad` (with their `trig`), `velocity` and `acceleration`
 /// (time derivatives of the five velocities); `passive` is the index of the joint on a spring.
 #[inline(always)]
-pub fn force_balance<T: Number>(
+pub fn force_balance<T: Number, F: Friction>(
     robot: &Robot,
     passive: Option<usize>,
     phi_rad: [T; 2],
@@ -201,14 +201,15 @@ pub fn force_balance<T: Number>(
     }
 
     let (skid, roll) = (skid_rows(robot, trig), roll_rows(robot, trig));
-    let (c_skid, c_roll) = (&robot.skid_kg_s, &robot.roll_kg_s);
+    let across = |wheel| move |speed| F::skid(robot, wheel, speed);
+    let along = |wheel| move |speed| F::roll(robot, wheel, speed);
     let mut add = (&mut force, &mut dforce_dvelocity);
-    add_friction(&mut add, c_skid[0], &skid[0], [1], velocity);
-    add_friction(&mut add, c_roll[0], &roll[0], [0], velocity);
-    add_friction(&mut add, c_skid[1], &skid[1], [0, 1, 2, 3], velocity);
-    add_friction(&mut add, c_skid[2], &skid[2], [0, 1, 2, 4], velocity);
-    add_friction(&mut add, c_roll[1], &roll[1], [0, 1, 2], velocity);
-    add_friction(&mut add, c_roll[2], &roll[2], [0, 1, 2], velocity);
+    add_friction(&mut add, across(0), &skid[0], [1], velocity);
+    add_friction(&mut add, along(0), &roll[0], [0], velocity);
+    add_friction(&mut add, across(1), &skid[1], [0, 1, 2, 3], velocity);
+    add_friction(&mut add, across(2), &skid[2], [0, 1, 2, 4], velocity);
+    add_friction(&mut add, along(1), &roll[1], [0, 1, 2], velocity);
+    add_friction(&mut add, along(2), &roll[2], [0, 1, 2], velocity);
 
     if let Some(joint) = passive {
         let row = 3 + joint;
@@ -222,7 +223,7 @@ pub fn force_balance<T: Number>(
 
 /// Derivative of eq. 7's left-hand side, see [`force_balance`], with respect to a joint's angle.
 #[inline(always)]
-pub fn dforce_dphi<T: Number>(
+pub fn dforce_dphi<T: Number, F: Friction>(
     robot: &Robot,
     passive: Option<usize>,
     joint: usize,
@@ -244,50 +245,51 @@ pub fn dforce_dphi<T: Number>(
     turned[2] += arm;
     turned[3 + joint] -= sign * arm;
     // Only the rows of its own wheel turn.
-    let (c_skid, c_roll) = (T::of(robot.skid_kg_s[joint + 1]), T::of(robot.roll_kg_s[joint + 1]));
+    let across = |speed| F::skid(robot, joint + 1, speed);
+    let along = |speed| F::roll(robot, joint + 1, speed);
     let (skid, dskid) = (skid_rows(robot, trig)[joint + 1], dskid_rows_dphi(robot, trig)[joint]);
     let (roll, droll) = (roll_rows(robot, trig)[joint + 1], droll_rows_dphi(robot, trig)[joint]);
-    turn_friction(&mut turned, c_skid, [&skid, &dskid], [0, 1, 2, 3 + joint], velocity);
-    turn_friction(&mut turned, c_roll, [&roll, &droll], [0, 1, 2], velocity);
+    turn_friction(&mut turned, across, [&skid, &dskid], [0, 1, 2, 3 + joint], velocity);
+    turn_friction(&mut turned, along, [&roll, &droll], [0, 1, 2], velocity);
     if passive == Some(joint) {
         turned[3 + joint] += T::of(robot.stiffness_nm_rad);
     }
     turned
 }
 
-/// Adds `c row (row . velocity)` and its derivative with respect to the velocity, where the row has
-/// these `entries` alone.
+/// Adds `row resistance(row . velocity)` and its derivative with respect to the velocity, where the
+/// row has these `entries` alone.
 #[inline(always)]
 fn add_friction<T: Number, const K: usize>(
     (force, dforce_dvelocity): &mut (&mut [T; 5], &mut [[T; 5]; 5]),
-    c_kg_s: f64,
+    resistance: impl Fn(T) -> [T; 2],
     row: &[T; 5],
     entries: [usize; K],
     velocity: &Velocity<T>,
 ) {
-    let speed = speed(row, entries, velocity);
+    let [resistance, slope] = resistance(speed(row, entries, velocity));
     for i in entries {
-        let resistance = T::of(c_kg_s) * row[i];
-        force[i] += resistance * speed;
+        force[i] += row[i] * resistance;
+        let slope = slope * row[i];
         for j in entries {
-            dforce_dvelocity[i][j] += resistance * row[j];
+            dforce_dvelocity[i][j] += slope * row[j];
         }
     }
 }
 
-/// Adds the derivative of `c row (row . velocity)` when `row` changes by `turn`.
+/// Adds the derivative of `row resistance(row . velocity)` when `row` changes by `turn`.
 #[inline(always)]
 fn turn_friction<T: Number, const K: usize>(
     dforce_dphi: &mut [T; 5],
-    c_kg_s: T,
+    resistance: impl Fn(T) -> [T; 2],
     [row, turn]: [&[T; 5]; 2],
     entries: [usize; K],
     velocity: &Velocity<T>,
 ) {
-    let (along, across) =
-        (c_kg_s * speed(row, entries, velocity), c_kg_s * speed(turn, entries, velocity));
+    let [resistance, slope] = resistance(speed(row, entries, velocity));
+    let turned = slope * speed(turn, entries, velocity);
     for i in entries {
-        dforce_dphi[i] += along * turn[i] + across * row[i];
+        dforce_dphi[i] += resistance * turn[i] + turned * row[i];
     }
 }
 

@@ -101,7 +101,11 @@ impl Laws {
     pub fn know(self, parameter: Parameter, gait: &Gait) -> bool {
         match parameter.family() {
             Family::Skid => self.skid.is_viscous(),
+            Family::SkidDry => self.skid.is_dry(),
+            Family::Stribeck => self.skid.has_static(),
             Family::Roll => self.roll.is_viscous(),
+            Family::RollDry => self.roll.is_dry(),
+            Family::Transition => self.are_dry(),
             Family::Joint => gait.passive_joint().is_some(),
         }
     }

@@ -4,6 +4,7 @@
 //! Index order is always 0, 1, 2 = middle, front, rear link.
 
 mod balance;
+mod friction;
 mod gait;
 mod kinematics;
 mod law;
@@ -12,6 +13,7 @@ mod number;
 mod parameter;
 
 pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
+pub use friction::{Dry, Friction, Viscous};
 pub use gait::{Gait, JointCommand, Shape};
 pub use kinematics::{
     Pose, Trig, Velocity, det_wb, dot, dskid_rows_dphi, in_world, roll_rows, rotated, skid_rows,
@@ -38,6 +40,16 @@ pub struct Robot {
     pub roll_kg_s: [f64; 3],
     /// Skid resistance of wheels 0, 1, 2 (eq. 15), kg/s.
     pub skid_kg_s: [f64; 3],
+    /// Dry friction of wheels 0, 1, 2 across them, see [`Friction`], N.
+    pub skid_dry_n: [f64; 3],
+    /// The same at low speeds, N.
+    pub skid_static_n: [f64; 3],
+    /// Speed from which it is dry friction alone, m/s.
+    pub stribeck_m_s: f64,
+    /// Dry friction of wheels 0, 1, 2 along them, N.
+    pub roll_dry_n: [f64; 3],
+    /// Speed within which dry friction changes its sign, m/s.
+    pub transition_m_s: f64,
     /// Stiffness of the passive joint (eq. 11), N m/rad.
     pub stiffness_nm_rad: f64,
     /// Damping of the passive joint (eq. 11), N m s/rad.
@@ -49,11 +61,16 @@ pub struct Robot {
 impl Robot {
     /// Each wheel's part of the sum of the roll resistances; equal parts where there is none.
     pub fn roll_shares(&self) -> [f64; 3] {
-        let sum: f64 = self.roll_kg_s.iter().sum();
-        if sum > 0.0 { self.roll_kg_s.map(|roll| roll / sum) } else { [1.0 / 3.0; 3] }
+        shares(self.roll_kg_s)
     }
 
-    /// Table I with the skid coefficients used in the paper's simulations.
+    /// Each wheel's part of the sum of the dry roll resistances; equal parts where there is none.
+    pub fn roll_dry_shares(&self) -> [f64; 3] {
+        shares(self.roll_dry_n)
+    }
+
+    /// Table I with the skid coefficients used in the paper's simulations, and dry friction of a
+    /// quarter of the load, which the middle wheel has half of.
     pub fn kinematic() -> Self {
         Self {
             h_m: 0.144,
@@ -63,22 +80,36 @@ impl Robot {
             inertia_kg_m2: [86e-4, 5e-4, 5e-4],
             roll_kg_s: [0.6, 0.3, 0.3],
             skid_kg_s: [100.0, 50.0, 50.0],
+            skid_dry_n: [1.8, 0.9, 0.9],
+            skid_static_n: [1.8, 0.9, 0.9],
+            stribeck_m_s: 0.02,
+            roll_dry_n: [0.0; 3],
+            transition_m_s: 0.005,
             stiffness_nm_rad: 0.0,
             damping_nm_s_rad: 0.0,
             rest_angle_rad: 0.0,
         }
     }
 
-    /// Table II with the values used in the paper's simulations.
+    /// Table II with the values used in the paper's simulations, and dry friction as in
+    /// [`Robot::kinematic`].
     pub fn semi_passive() -> Self {
         Self {
             b_m: 0.058,
             mass_kg: [1.04, 0.34, 0.34],
             inertia_kg_m2: [86e-4, 5.9e-4, 5.9e-4],
             skid_kg_s: [400.0, 200.0, 200.0],
+            skid_dry_n: [2.0, 1.0, 1.0],
+            skid_static_n: [2.0, 1.0, 1.0],
             stiffness_nm_rad: 0.188,
             damping_nm_s_rad: 0.007,
             ..Self::kinematic()
         }
     }
+}
+
+/// Each one's part of their sum; equal parts where there is none.
+fn shares(of: [f64; 3]) -> [f64; 3] {
+    let sum: f64 = of.iter().sum();
+    if sum > 0.0 { of.map(|one| one / sum) } else { [1.0 / 3.0; 3] }
 }

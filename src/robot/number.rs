@@ -33,6 +33,10 @@ pub trait Number:
 
     fn sin_cos(self) -> (Self, Self);
 
+    fn tanh(self) -> Self;
+
+    fn exp(self) -> Self;
+
     /// Of two angles at once.
     fn both_sin_cos(angles_rad: [Self; 2]) -> [(Self, Self); 2];
 }
@@ -53,6 +57,16 @@ impl Number for f64 {
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         f64::sin_cos(self)
+    }
+
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        Self::tanh(self)
+    }
+
+    #[inline(always)]
+    fn exp(self) -> Self {
+        Self::exp(self)
     }
 
     #[inline(always)]
@@ -92,6 +106,16 @@ impl Number for Lanes {
         let size = left.abs();
         let (sin_left, cos_left) = (left * (Self::splat(2.0) - size), Self::splat(1.0) - size);
         (sin * cos_left + cos * sin_left, cos * cos_left - sin * sin_left)
+    }
+
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        Self::tanh(self)
+    }
+
+    #[inline(always)]
+    fn exp(self) -> Self {
+        Self::exp(self)
     }
 
     #[inline(always)]
@@ -146,7 +170,7 @@ mod tests {
     use super::{LANES, Lanes, Number};
 
     #[test]
-    fn sine_and_cosine_are_those_of_the_standard_library() {
+    fn functions_are_those_of_the_standard_library() {
         for i in -40_000..40_000 {
             let angles_rad = [f64::from(i) * 1.3e-3, f64::from(i) * 0.37];
             let (sin, cos) = Number::sin_cos(Lanes::new(angles_rad));
@@ -155,6 +179,13 @@ mod tests {
                 let missed = (sin.lane(lane) - known.0).abs().max((cos.lane(lane) - known.1).abs());
                 assert!(missed <= f64::EPSILON, "{}: {missed:e}", angles_rad[lane]);
             }
+        }
+        for i in (-4000..4000).filter(|i| *i != 0) {
+            let value = f64::from(i) * 7.3e-3;
+            let missed = |found: f64, known: f64| (found / known - 1.0).abs();
+            let (tanh, exp) = (Number::tanh(Lanes::splat(value)), Number::exp(Lanes::splat(value)));
+            assert!(missed(tanh.lane(0), value.tanh()) <= 4.0 * f64::EPSILON, "tanh {value}");
+            assert!(missed(exp.lane(1), value.exp()) <= 4.0 * f64::EPSILON, "exp {value}");
         }
         for angle_rad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let (sin, cos) = Number::sin_cos(Lanes::splat(angle_rad));

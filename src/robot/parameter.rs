@@ -10,10 +10,18 @@ use crate::named::named;
 /// What a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
-    /// Resistance of the wheels to skidding.
+    /// Viscous resistance of the wheels to skidding.
     Skid,
-    /// Resistance of the wheels to rolling.
+    /// Dry friction of the wheels across them.
+    SkidDry,
+    /// What dry friction across the wheels is at low speeds, and from which speed it is not.
+    Stribeck,
+    /// Viscous resistance of the wheels to rolling.
     Roll,
+    /// Dry friction of the wheels along them.
+    RollDry,
+    /// The speed within which dry friction changes its sign.
+    Transition,
     /// The passive joint.
     Joint,
 }
@@ -33,6 +41,24 @@ named! {
         /// Sum of the wheels' roll resistances; their proportions stay. Distances and speeds
         /// hardly tell more of them.
         RollSum = "roll_sum_kg_s",
+        /// Dry friction of wheel 0 across it.
+        SkidDry0 = "skid_dry0_n",
+        SkidDry1 = "skid_dry1_n",
+        SkidDry2 = "skid_dry2_n",
+        /// The same at low speeds.
+        SkidStatic0 = "skid_static0_n",
+        SkidStatic1 = "skid_static1_n",
+        SkidStatic2 = "skid_static2_n",
+        /// Speed from which that is dry friction alone.
+        Stribeck = "stribeck_m_s",
+        /// Dry friction of wheel 0 along it.
+        RollDry0 = "roll_dry0_n",
+        RollDry1 = "roll_dry1_n",
+        RollDry2 = "roll_dry2_n",
+        /// Their sum; their proportions stay.
+        RollDrySum = "roll_dry_sum_n",
+        /// Speed within which dry friction changes its sign.
+        Transition = "transition_m_s",
         /// Stiffness of the passive joint (eq. 11).
         Stiffness = "stiffness_nm_rad",
         /// Damping of the passive joint (eq. 11).
@@ -45,6 +71,10 @@ impl Parameter {
     pub const SKID: [Self; 3] = [Self::Skid0, Self::Skid1, Self::Skid2];
     /// Roll resistances of wheels 0, 1, 2.
     pub const ROLL: [Self; 3] = [Self::Roll0, Self::Roll1, Self::Roll2];
+    /// Dry friction of wheels 0, 1, 2 across them.
+    pub const SKID_DRY: [Self; 3] = [Self::SkidDry0, Self::SkidDry1, Self::SkidDry2];
+    /// Dry friction of wheels 0, 1, 2 along them.
+    pub const ROLL_DRY: [Self; 3] = [Self::RollDry0, Self::RollDry1, Self::RollDry2];
 
     /// What it belongs to, its name in the configuration and on a figure's axis, and its unit.
     const fn about(self) -> (Family, [&'static str; 3]) {
@@ -56,6 +86,18 @@ impl Parameter {
             Self::Roll1 => (Family::Roll, ["roll1", "Roll 1", "kg/s"]),
             Self::Roll2 => (Family::Roll, ["roll2", "Roll 2", "kg/s"]),
             Self::RollSum => (Family::Roll, ["roll", "Sum of roll", "kg/s"]),
+            Self::SkidDry0 => (Family::SkidDry, ["skid_dry0", "Dry skid 0", "N"]),
+            Self::SkidDry1 => (Family::SkidDry, ["skid_dry1", "Dry skid 1", "N"]),
+            Self::SkidDry2 => (Family::SkidDry, ["skid_dry2", "Dry skid 2", "N"]),
+            Self::SkidStatic0 => (Family::Stribeck, ["skid_static0", "Static skid 0", "N"]),
+            Self::SkidStatic1 => (Family::Stribeck, ["skid_static1", "Static skid 1", "N"]),
+            Self::SkidStatic2 => (Family::Stribeck, ["skid_static2", "Static skid 2", "N"]),
+            Self::Stribeck => (Family::Stribeck, ["stribeck", "Stribeck speed", "m/s"]),
+            Self::RollDry0 => (Family::RollDry, ["roll_dry0", "Dry roll 0", "N"]),
+            Self::RollDry1 => (Family::RollDry, ["roll_dry1", "Dry roll 1", "N"]),
+            Self::RollDry2 => (Family::RollDry, ["roll_dry2", "Dry roll 2", "N"]),
+            Self::RollDrySum => (Family::RollDry, ["roll_dry", "Sum of dry roll", "N"]),
+            Self::Transition => (Family::Transition, ["transition", "Transition speed", "m/s"]),
             Self::Stiffness => (Family::Joint, ["stiffness", "Stiffness", "N m/rad"]),
             Self::Damping => (Family::Joint, ["damping", "Damping", "N m s/rad"]),
         }
@@ -81,9 +123,20 @@ impl Parameter {
         self.about().1[2]
     }
 
+    /// The power of omega that goes with it: a motion is the same per radian of phase at another
+    /// frequency where every parameter has grown by its power of that.
+    pub fn power_of_omega(self) -> f64 {
+        match self.unit() {
+            "N" | "N m/rad" => 2.0,
+            _ => 1.0,
+        }
+    }
+
     /// Whether a value of it is one of `other` too: the same, or the sum that it is part of.
     pub fn is_part_of(self, other: Self) -> bool {
-        self == other || other == Self::RollSum && Self::ROLL.contains(&self)
+        self == other
+            || other == Self::RollSum && Self::ROLL.contains(&self)
+            || other == Self::RollDrySum && Self::ROLL_DRY.contains(&self)
     }
 
     /// Its value in a robot.
@@ -96,6 +149,18 @@ impl Parameter {
             Self::Roll1 => robot.roll_kg_s[1],
             Self::Roll2 => robot.roll_kg_s[2],
             Self::RollSum => robot.roll_kg_s.iter().sum(),
+            Self::SkidDry0 => robot.skid_dry_n[0],
+            Self::SkidDry1 => robot.skid_dry_n[1],
+            Self::SkidDry2 => robot.skid_dry_n[2],
+            Self::SkidStatic0 => robot.skid_static_n[0],
+            Self::SkidStatic1 => robot.skid_static_n[1],
+            Self::SkidStatic2 => robot.skid_static_n[2],
+            Self::Stribeck => robot.stribeck_m_s,
+            Self::RollDry0 => robot.roll_dry_n[0],
+            Self::RollDry1 => robot.roll_dry_n[1],
+            Self::RollDry2 => robot.roll_dry_n[2],
+            Self::RollDrySum => robot.roll_dry_n.iter().sum(),
+            Self::Transition => robot.transition_m_s,
             Self::Stiffness => robot.stiffness_nm_rad,
             Self::Damping => robot.damping_nm_s_rad,
         }
@@ -112,6 +177,20 @@ impl Parameter {
             Self::Roll1 => robot.roll_kg_s[1] = value,
             Self::Roll2 => robot.roll_kg_s[2] = value,
             Self::RollSum => robot.roll_kg_s = robot.roll_shares().map(|share| share * value),
+            Self::SkidDry0 => robot.skid_dry_n[0] = value,
+            Self::SkidDry1 => robot.skid_dry_n[1] = value,
+            Self::SkidDry2 => robot.skid_dry_n[2] = value,
+            Self::SkidStatic0 => robot.skid_static_n[0] = value,
+            Self::SkidStatic1 => robot.skid_static_n[1] = value,
+            Self::SkidStatic2 => robot.skid_static_n[2] = value,
+            Self::Stribeck => robot.stribeck_m_s = value,
+            Self::RollDry0 => robot.roll_dry_n[0] = value,
+            Self::RollDry1 => robot.roll_dry_n[1] = value,
+            Self::RollDry2 => robot.roll_dry_n[2] = value,
+            Self::RollDrySum => {
+                robot.roll_dry_n = robot.roll_dry_shares().map(|share| share * value);
+            }
+            Self::Transition => robot.transition_m_s = value,
             Self::Stiffness => robot.stiffness_nm_rad = value,
             Self::Damping => robot.damping_nm_s_rad = value,
         }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::*;
 use crate::robot::{
-    Pose, Shape, Trig, Velocity, dot, force_balance, mass_matrix, rotated, skid_rows,
+    Pose, Shape, Trig, Velocity, Viscous, dot, force_balance, mass_matrix, rotated, skid_rows,
 };
 
 const RATE_HZ: f64 = 120.0;
@@ -58,7 +58,8 @@ fn moved(robot: &Robot, gait: &Gait, omega_rad_s: f64, factors: &[f64]) -> Motio
             });
             trig = Trig::new(phi_rad);
             let at: Velocity = velocity.into();
-            let balance = force_balance(&robot, passive, phi_rad, &trig, &at, &acceleration);
+            let balance =
+                force_balance::<_, Viscous>(&robot, passive, phi_rad, &trig, &at, &acceleration);
             let mass = mass_matrix(&robot, &trig);
             let jacobian = SMatrix::<f64, 5, 5>::from_fn(|i, j| match is_free(i) {
                 true if i == j && i >= 3 => {

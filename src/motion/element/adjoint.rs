@@ -70,7 +70,7 @@ impl<T: Number> Linearisation<T> {
     pub fn solve_adjoint_of_end<const N: usize, R: Reduced<N>>(
         &self,
         pack: usize,
-        duration_s: f64,
+        duration_s: T,
         rows: &mut [[T; N]],
     ) -> [[T; N]; N] {
         let per_stage = unknowns::<N, R>();
@@ -92,7 +92,7 @@ impl<T: Number> Linearisation<T> {
     pub fn solve_adjoint_of_last<const N: usize, R: Reduced<N>>(
         &self,
         pack: usize,
-        duration_s: f64,
+        duration_s: T,
     ) -> ([[T; 1]; MOST_UNKNOWNS], [T; N]) {
         let per_stage = unknowns::<N, R>();
         let mut rows = [[T::of(0.0)]; MOST_UNKNOWNS];
@@ -104,7 +104,7 @@ impl<T: Number> Linearisation<T> {
         }
         // It is its start plus the integral of the one before it.
         for (l, weight) in RADAU.integrate[STAGES - 1].iter().enumerate() {
-            own[l * per_stage + N - 2] = [T::of(duration_s * weight)];
+            own[l * per_stage + N - 2] = [duration_s * T::of(*weight)];
         }
         let [mut by_start] = self.solve_adjoint::<N, R, 1>(pack, 0, own);
         by_start[N - 1] += T::of(1.0);

@@ -57,8 +57,14 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     /// The last step by the factors at hand, and the one before.
     step: States<N>,
     last_step: States<N>,
-    /// The states before a step, or coarser ones.
+    /// The states before a step, or coarser ones, and the bounds of their elements.
     before: States<N>,
+    bounds_before: Vec<f64>,
+    /// Those of a motion under softer friction.
+    softer: States<N>,
+    /// How much each element's polynomials miss, where the elements are not equally long.
+    roughness: Vec<f64>,
+    tails: Vec<[Lanes; 7]>,
     /// For single elements.
     pub workspace: Linearisation,
     /// For derivatives.
@@ -90,6 +96,15 @@ const FEWEST: usize = 8;
 const MOST_ELEMENTS: usize = 512;
 /// By how much finer the first elements are when Newton's method fails with coarse ones.
 const FINER: [usize; 3] = [1, 4, 16];
+/// How much larger the speed within which dry friction changes its sign is at first on the way to a
+/// motion under it, and at most.
+const SOFTEST: f64 = 16.0;
+const MOST_SOFT: f64 = 1024.0;
+/// By how much it falls from one motion on that way to the next, and at least.
+const HARDER: f64 = 4.0;
+const LEAST_HARDER: f64 = 1.1;
+/// Relative accuracy of the motions on that way.
+const SOFT_ACCURACY: f64 = 0.01;
 /// Relative step at which the coarse elements' solution is good enough to be refined.
 const COARSE_STEP: f64 = 0.02;
 /// Error ratio that elements are laid out for.
@@ -111,6 +126,10 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
             step: States::default(),
             last_step: States::default(),
             before: States::default(),
+            bounds_before: Vec::new(),
+            softer: States::default(),
+            roughness: Vec::new(),
+            tails: Vec::new(),
             workspace: Linearisation::default(),
             adjoints: Adjoints::default(),
             error_ratio: f64::INFINITY,
@@ -157,14 +176,16 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let coarse = if self.mesh.is_half { COARSE_OF_HALF } else { COARSE };
         let mut tried = Ok(());
         for finer in FINER {
-            self.lay_out(model, finer * coarse);
+            self.mesh.divide(finer * coarse);
+            self.lay_out(model);
             self.steps = 0;
             self.mesh.guess(model);
             tried = match start {
-                Start::State(state) => self.march(model, state),
-                _ => Ok(()),
+                Start::State(state) => {
+                    self.march(model, state).and_then(|()| self.newton(model, COARSE_STEP))
+                }
+                _ => self.soften(model),
             };
-            tried = tried.and_then(|()| self.newton(model, COARSE_STEP));
             if tried.is_ok() {
                 break;
             }
@@ -172,16 +193,42 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         tried
     }
 
+    /// Finds an approximate solution from the states at hand: under dry friction through those under
+    /// friction that changes its sign less suddenly.
+    fn soften(&mut self, model: &R) -> Result<()> {
+        let (mut reached, mut aim) = (f64::INFINITY, SOFTEST);
+        while let Some(softened) = model.softened(aim) {
+            self.steps = 0;
+            self.softer.clone_from(&self.mesh.states);
+            match self.newton(&softened, COARSE_STEP) {
+                Ok(()) if aim == 1.0 => return Ok(()),
+                Ok(()) => {
+                    let error_ratio = self.error_ratio(&softened, SOFT_ACCURACY);
+                    self.refine(&softened, error_ratio)?;
+                    (reached, aim) = (aim, f64::max(1.0, aim / HARDER));
+                }
+                Err(error) => {
+                    std::mem::swap(&mut self.mesh.states, &mut self.softer);
+                    aim = if reached.is_finite() { (reached * aim).sqrt() } else { HARDER * aim };
+                    if reached / aim < LEAST_HARDER || aim > MOST_SOFT {
+                        return Err(error);
+                    }
+                }
+            }
+        }
+        self.newton(model, COARSE_STEP)
+    }
+
     /// Makes the last solution, which had this error ratio, the start for another frequency.
     fn start_warm(&mut self, model: &R, error_ratio: f64) {
-        let before_s = self.mesh.element_s * self.mesh.count as f64;
+        let before_s = self.mesh.span_s;
         let enough = self.enough_elements(error_ratio);
         if (enough as f64) < FEWER * self.mesh.count as f64 {
-            self.mesh.resample(model, enough, &mut self.before);
+            self.resample(model, enough);
         }
-        self.lay_out(model, self.mesh.count);
+        self.lay_out(model);
         // Velocities go with the frequency, the passive joint's angle does not.
-        let faster = before_s / (self.mesh.element_s * self.mesh.count as f64);
+        let faster = before_s / self.mesh.span_s;
         let rates = if R::HAS_ANGLE { N - 1 } else { N };
         let States { start, packs } = &mut self.mesh.states;
         start[..rates].iter_mut().for_each(|rate| *rate *= faster);
@@ -209,31 +256,45 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             return Err(MotionError::Unresolved { error: self.discretisation_error(model) });
         }
         let finer = self.enough_elements(error_ratio).clamp(count + 1, most);
-        self.mesh.resample(model, finer, &mut self.before);
+        self.resample(model, finer);
         self.linearisation.resize::<N, R>(finer);
         Ok(())
     }
 
-    /// Lays out the commands of `count` elements and the workspace for them.
-    fn lay_out(&mut self, model: &R, count: usize) {
-        self.mesh.lay_out(model, count);
-        self.linearisation.resize::<N, R>(count);
+    /// Replaces the elements by `count` others, shorter ones where the polynomials miss more.
+    fn resample(&mut self, model: &R, count: usize) {
+        self.bounds_before.clone_from(&self.mesh.bounds);
+        if R::IS_LINEAR {
+            self.mesh.divide(count);
+        } else {
+            self.equidistribute(count);
+        }
+        self.mesh.resample(model, &self.bounds_before, &mut self.before);
+    }
+
+    /// Lays out the commands of the elements and the workspace for them.
+    fn lay_out(&mut self, model: &R) {
+        self.mesh.lay_out(model);
+        self.linearisation.resize::<N, R>(self.mesh.count);
     }
 
     /// Fills the elements with the motion that follows from a state.
     fn march(&mut self, model: &R, state: [f64; N]) -> Result<()> {
         let Self { mesh, workspace, .. } = self;
         workspace.resize::<N, R>(1);
-        let (duration_s, mut start, mut result) = (mesh.element_s, state, Ok(()));
+        let (mut start, mut result) = (state, Ok(()));
         let mut marched = std::mem::take(&mut mesh.states);
         marched.start = state;
         marched.fill(mesh.count, |k| {
             let (nodes, mut stages) = (mesh.nodes_of(model, k), [start; STAGES]);
             if result.is_ok() {
+                let duration_s = mesh.duration_s(k);
                 let guess = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
                 match solve_element(model, &guess, 1e-4, workspace) {
                     Some(solved) => (stages, start) = (solved, solved[STAGES - 1]),
-                    None => result = Err(MotionError::Stuck { time_s: k as f64 * duration_s }),
+                    None => {
+                        result = Err(MotionError::Stuck { time_s: mesh.bounds[k] * mesh.span_s })
+                    }
                 }
             }
             stages

@@ -34,7 +34,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         for pack in 0..mesh.packs() {
             let starts = mesh.starts(pack);
             linearisation.linearise(pack, model, &mesh.pack(pack, &starts), true);
-            let ends = linearisation.end_transfer::<N, R>(pack, mesh.element_s);
+            let ends = linearisation.end_transfer::<N, R>(pack, mesh.durations_s[pack]);
             for lane in 0..mesh.elements_of(pack).len() {
                 let mut transfer = [[0.0; N]; N];
                 for i in 0..N {
@@ -69,12 +69,12 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     fn close(&mut self) {
         self.effort.linear_solves += 1;
         let Self { mesh, linearisation, transfers, offsets, step, .. } = self;
-        let Mesh { states, signs, element_s, .. } = &*mesh;
+        let Mesh { states, signs, durations_s, .. } = &*mesh;
         offsets.clear();
         let mut end = [0.0; N];
         for pack in 0..mesh.packs() {
             linearisation.solve_step::<N, R>(pack);
-            let steps = linearisation.end_step::<N, R>(pack, *element_s);
+            let steps = linearisation.end_step::<N, R>(pack, durations_s[pack]);
             for (lane, k) in mesh.elements_of(pack).enumerate() {
                 let offset = steps.map(|step| step.lane(lane));
                 end = sum(&product(&transfers[k], &end), &offset);
@@ -94,7 +94,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
                 start = sum(&product(&transfers[k], &start), &offsets[k]);
             }
             let starts = lanes(starts.each_ref());
-            step.packs.push(linearisation.changes::<N, R>(pack, &starts, *element_s));
+            step.packs.push(linearisation.changes::<N, R>(pack, &starts, durations_s[pack]));
         }
     }
 

@@ -77,7 +77,7 @@ impl Derivatives {
 }
 
 /// Most parameters that a motion of one kind can depend on.
-pub(super) const MOST_PARAMETERS: usize = 12;
+pub(super) const MOST_PARAMETERS: usize = 23;
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize> {
@@ -90,6 +90,9 @@ pub(super) trait Reduced<const N: usize> {
     /// Whether the wheels can skid.
     const SKIDS: bool;
 
+    /// Whether friction is in proportion to velocities.
+    const IS_LINEAR: bool;
+
     /// Whether the last state is the integral of the one before it; its own equation is then
     /// not among the residuals.
     const INTEGRATED: bool;
@@ -99,6 +102,11 @@ pub(super) trait Reduced<const N: usize> {
 
     /// What the command prescribes at one time, computed once per solution.
     type Node<T: Number>: Copy + std::fmt::Debug;
+
+    /// The same with a transition of dry friction that is so much wider; `None` where there is none.
+    fn softened(&self, factor: f64) -> Option<Self>
+    where
+        Self: Sized;
 
     /// What the equations are of.
     fn problem(&self) -> &Problem;

@@ -1,9 +1,13 @@
 //! One joint on its spring, wheels that cannot skid.
 
+use std::marker::PhantomData;
+
 use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable};
 use crate::motion::Problem;
-use crate::robot::{Balance, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows};
+use crate::robot::{
+    Balance, Friction, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows,
+};
 
 /// Joint `passive` (0 or 1) on its spring, wheels that cannot skid. States `s, phi_p`.
 ///
@@ -20,9 +24,10 @@ use crate::robot::{Balance, Number, Parameter, Trig, dforce_dphi, dot, force_bal
 /// the second gives `phi_p'`. Neither needs `det W_b`, so nothing happens where it is zero.
 /// Eq. 7 projected on the null direction `(n_u, 0, n_r, n_p)` is free of constraint forces.
 #[derive(Debug, Clone)]
-pub struct PassiveNoSkid {
-    pub problem: Problem,
-    pub passive: usize,
+pub struct PassiveNoSkid<F> {
+    problem: Problem,
+    passive: usize,
+    friction: PhantomData<F>,
 }
 
 /// What the command prescribes: the null direction and the particular solution.
@@ -141,7 +146,11 @@ struct Projected<T> {
     null: [T; 3],
 }
 
-impl PassiveNoSkid {
+impl<F: Friction> PassiveNoSkid<F> {
+    pub fn new(problem: Problem, passive: usize) -> Self {
+        Self { problem, passive, friction: PhantomData }
+    }
+
     /// Rows of eq. 7 that the null direction has parts along.
     fn rows(&self) -> [usize; 3] {
         [0, 2, 3 + self.passive]
@@ -177,8 +186,9 @@ impl PassiveNoSkid {
         let state = self.kinematics(node, y);
         let acceleration = self.acceleration(node, y, dy);
         let KinematicState { phi_rad, velocity } = state;
-        let balance = force_balance(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
-        let turned = dforce_dphi(robot, Some(p), p, &trig, &velocity, &acceleration);
+        let balance =
+            force_balance::<T, F>(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
+        let turned = dforce_dphi::<T, F>(robot, Some(p), p, &trig, &velocity, &acceleration);
 
         let rows = self.rows();
         let null = [frame.null[0], frame.null[1], n_p];
@@ -238,14 +248,19 @@ impl PassiveNoSkid {
     }
 }
 
-impl Reduced<2> for PassiveNoSkid {
-    const PARAMETERS: usize = 8;
-    const OF_ROBOT: usize = 5;
+impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
+    const PARAMETERS: usize = Self::OF_ROBOT + NUMBERS;
+    const OF_ROBOT: usize = F::ROLL.len() + 2;
     const SKIDS: bool = false;
+    const IS_LINEAR: bool = F::IS_LINEAR;
     const INTEGRATED: bool = false;
     const HAS_ANGLE: bool = true;
 
     type Node<T: Number> = ConstrainedNode<T>;
+
+    fn softened(&self, factor: f64) -> Option<Self> {
+        (!F::IS_LINEAR).then(|| Self::new(self.problem.softened(factor), self.passive))
+    }
 
     fn problem(&self) -> &Problem {
         &self.problem
@@ -282,10 +297,10 @@ impl Reduced<2> for PassiveNoSkid {
 
     fn variable(&self, column: usize) -> Variable {
         match column {
-            0..3 => Variable::Parameter(Parameter::ROLL[column]),
-            3 => Variable::Parameter(Parameter::Stiffness),
-            4 => Variable::Parameter(Parameter::Damping),
-            _ => Variable::Gait(1 - self.passive, column - 5),
+            column if column < F::ROLL.len() => Variable::Parameter(F::ROLL[column]),
+            column if column == F::ROLL.len() => Variable::Parameter(Parameter::Stiffness),
+            column if column == F::ROLL.len() + 1 => Variable::Parameter(Parameter::Damping),
+            _ => Variable::Gait(1 - self.passive, column - Self::OF_ROBOT),
         }
     }
 
@@ -307,10 +322,13 @@ impl Reduced<2> for PassiveNoSkid {
             null.iter().zip(&rows).fold(zero, |sum, (n, &row)| sum + *n * force[row])
         };
         for (wheel, row) in roll_rows(robot, &trig).iter().enumerate() {
-            jacobian[0][wheel] = along(row) * dot(row, &state.velocity);
+            F::roll_slopes(robot, wheel, dot(row, &state.velocity), |column, slope| {
+                jacobian[0][column] += along(row) * slope;
+            });
         }
-        jacobian[0][3] = null[2] * (y[1] - T::of(robot.rest_angle_rad));
-        jacobian[0][4] = null[2] * state.velocity[3 + p];
+        let [stiffness, damping] = [F::ROLL.len(), F::ROLL.len() + 1];
+        jacobian[0][stiffness] = null[2] * (y[1] - T::of(robot.rest_angle_rad));
+        jacobian[0][damping] = null[2] * state.velocity[3 + p];
         if parameters <= Self::OF_ROBOT {
             return residual;
         }
@@ -318,7 +336,7 @@ impl Reduced<2> for PassiveNoSkid {
         // The frame of the constraints turns with the commanded joint.
         let (w, drate_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
         let acceleration = self.acceleration(node, y, dy);
-        let turned = dforce_dphi(robot, Some(p), a, &trig, &state.velocity, &acceleration);
+        let turned = dforce_dphi::<T, F>(robot, Some(p), a, &trig, &state.velocity, &acceleration);
         for (number, slopes) in node.command.slopes(a, omega_rad_s).into_iter().enumerate() {
             let frame = node.constraint.frame_change(slopes);
             let (dvelocities, daccelerations) =
@@ -339,7 +357,8 @@ impl Reduced<2> for PassiveNoSkid {
                     + turned[row] * phi;
                 sum += *n * force + *dn * balance.force[row];
             }
-            (jacobian[0][5 + number], jacobian[1][5 + number]) = (sum, -dw);
+            let column = Self::OF_ROBOT + number;
+            (jacobian[0][column], jacobian[1][column]) = (sum, -dw);
         }
         residual
     }

@@ -1,23 +1,33 @@
 //! Wheels that skid.
 
+use std::marker::PhantomData;
+
 use super::harmonic::HarmonicMotion;
 use super::{CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable};
 use crate::motion::Problem;
 use crate::robot::{
-    Balance, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows, skid_rows,
+    Balance, Friction, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows,
+    skid_rows,
 };
 
 /// Wheels that skid. With both joints commanded (`N` = 3) the states are `u, v, theta'`; with
 /// joint `passive` (0 or 1) on its spring (`N` = 5) `phi_p', phi_p` follow them.
 #[derive(Debug, Clone)]
-pub struct Skid<const N: usize> {
-    pub problem: Problem,
+pub struct Skid<const N: usize, F> {
+    problem: Problem,
     /// Of no meaning where both joints are commanded.
-    pub passive: usize,
+    passive: usize,
+    friction: PhantomData<F>,
 }
 
-impl<const N: usize> Skid<N> {
+impl<const N: usize, F: Friction> Skid<N, F> {
+    pub fn new(problem: Problem, passive: usize) -> Self {
+        Self { problem, passive, friction: PhantomData }
+    }
+
     const IS_PASSIVE: bool = N == 5;
+    /// Parameters of the wheels.
+    const OF_WHEELS: usize = F::SKID.len() + F::ROLL.len();
     /// Rows of eq. 7 among the equations.
     const ROWS: usize = if Self::IS_PASSIVE { 4 } else { 3 };
 
@@ -43,7 +53,8 @@ impl<const N: usize> Skid<N> {
         let (robot, passive) = (&self.problem.robot, self.passive());
         let KinematicState { phi_rad, velocity } = self.kinematics(node, y);
         let acceleration = self.acceleration(node, y, dy);
-        let balance = force_balance(robot, passive, phi_rad, trig, &velocity, &acceleration);
+        let balance =
+            force_balance::<T, F>(robot, passive, phi_rad, trig, &velocity, &acceleration);
         let zero = T::of(0.0);
         let mut residual = Residual {
             value: [zero; N],
@@ -60,7 +71,7 @@ impl<const N: usize> Skid<N> {
             }
         }
         if let Some(p) = passive {
-            let turned = dforce_dphi(robot, passive, p, trig, &velocity, &acceleration);
+            let turned = dforce_dphi::<T, F>(robot, passive, p, trig, &velocity, &acceleration);
             for i in 0..Self::ROWS {
                 residual.state_jacobian[i][4] = turned[self.row(i)];
             }
@@ -69,14 +80,19 @@ impl<const N: usize> Skid<N> {
     }
 }
 
-impl<const N: usize> Reduced<N> for Skid<N> {
-    const PARAMETERS: usize = if Self::IS_PASSIVE { 11 } else { 12 };
-    const OF_ROBOT: usize = if Self::IS_PASSIVE { 8 } else { 6 };
+impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
+    const PARAMETERS: usize = Self::OF_ROBOT + if Self::IS_PASSIVE { NUMBERS } else { 2 * NUMBERS };
+    const OF_ROBOT: usize = Self::OF_WHEELS + if Self::IS_PASSIVE { 2 } else { 0 };
     const SKIDS: bool = true;
+    const IS_LINEAR: bool = F::IS_LINEAR;
     const INTEGRATED: bool = Self::IS_PASSIVE;
     const HAS_ANGLE: bool = Self::IS_PASSIVE;
 
     type Node<T: Number> = CommandNode<T>;
+
+    fn softened(&self, factor: f64) -> Option<Self> {
+        (!F::IS_LINEAR).then(|| Self::new(self.problem.softened(factor), self.passive))
+    }
 
     fn problem(&self) -> &Problem {
         &self.problem
@@ -110,13 +126,15 @@ impl<const N: usize> Reduced<N> for Skid<N> {
     }
 
     fn variable(&self, column: usize) -> Variable {
-        match (column, self.passive()) {
-            (0..3, _) => Variable::Parameter(Parameter::SKID[column]),
-            (3..6, _) => Variable::Parameter(Parameter::ROLL[column - 3]),
-            (6, Some(_)) => Variable::Parameter(Parameter::Stiffness),
-            (7, Some(_)) => Variable::Parameter(Parameter::Damping),
-            (column, Some(p)) => Variable::Gait(1 - p, column - 8),
-            (column, None) => Variable::Gait((column - 6) / NUMBERS, (column - 6) % NUMBERS),
+        const JOINT: [Parameter; 2] = [Parameter::Stiffness, Parameter::Damping];
+        let of_wheels = F::SKID.iter().chain(F::ROLL);
+        if let Some(parameter) = of_wheels.chain(&JOINT).take(Self::OF_ROBOT).nth(column) {
+            return Variable::Parameter(*parameter);
+        }
+        let number = column - Self::OF_ROBOT;
+        match self.passive() {
+            Some(p) => Variable::Gait(1 - p, number),
+            None => Variable::Gait(number / NUMBERS, number % NUMBERS),
         }
     }
 
@@ -137,14 +155,20 @@ impl<const N: usize> Reduced<N> for Skid<N> {
         let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
         for wheel in 0..3 {
             let (across, along) = (dot(&skid[wheel], &velocity), dot(&roll[wheel], &velocity));
-            for i in 0..Self::ROWS {
-                jacobian[i][wheel] = skid[wheel][self.row(i)] * across;
-                jacobian[i][3 + wheel] = roll[wheel][self.row(i)] * along;
-            }
+            F::skid_slopes(robot, wheel, across, |column, slope| {
+                for i in 0..Self::ROWS {
+                    jacobian[i][column] += skid[wheel][self.row(i)] * slope;
+                }
+            });
+            F::roll_slopes(robot, wheel, along, |column, slope| {
+                for i in 0..Self::ROWS {
+                    jacobian[i][F::SKID.len() + column] += roll[wheel][self.row(i)] * slope;
+                }
+            });
         }
         let mut columns = Self::OF_ROBOT..parameters;
         for joint in (0..2).filter(|joint| self.passive() != Some(*joint)) {
-            let turned = dforce_dphi(robot, None, joint, &trig, &velocity, &acceleration);
+            let turned = dforce_dphi::<T, F>(robot, None, joint, &trig, &velocity, &acceleration);
             let slopes = node.slopes(joint, self.problem.omega_rad_s);
             for ([phi, rate, acceleration], column) in slopes.into_iter().zip(columns.by_ref()) {
                 for i in 0..Self::ROWS {
@@ -156,7 +180,9 @@ impl<const N: usize> Reduced<N> for Skid<N> {
             }
         }
         if Self::IS_PASSIVE {
-            (jacobian[3][6], jacobian[3][7]) = (y[4] - T::of(robot.rest_angle_rad), y[3]);
+            let [stiffness, damping] = [Self::OF_WHEELS, Self::OF_WHEELS + 1];
+            jacobian[3][stiffness] = y[4] - T::of(robot.rest_angle_rad);
+            jacobian[3][damping] = y[3];
         }
         residual
     }

@@ -399,6 +399,7 @@ pub fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
             Parameter::RollSum => when(rolls, 1.2),
             Parameter::Stiffness => when(passive, 0.188),
             Damping => when(passive, 0.00712),
+            _ => f64::NAN,
         }),
         lower: ByParameter::from_fn(|of| match of {
             Skid0 => when(skids, 98.4),
