@@ -27,12 +27,13 @@ pub(crate) struct Minimum<const N: usize> {
 
 /// Minimises the sum of squared residuals over the samples; `model` gives a sample's residual
 /// and minus its derivatives by the parameters. The search ends with a step of at most
-/// `tolerance` standard errors of the parameters. `None` if it finds no minimum or there are no
+/// `tolerance` standard errors of the parameters, of residuals that are `least` or more. `None` if it finds no minimum or there are no
 /// more samples than parameters.
 pub(crate) fn minimise<S, M, const N: usize>(
     samples: &[S],
     begin: SVector<f64, N>,
     tolerance: f64,
+    least: f64,
     model: M,
 ) -> Option<Minimum<N>>
 where
@@ -42,7 +43,7 @@ where
         return None;
     }
     let normal = SMatrix::zeros();
-    let solver = LevenbergMarquardt { damping: FIRST_DAMPING, tolerance, normal };
+    let solver = LevenbergMarquardt { damping: FIRST_DAMPING, tolerance, least, normal };
     let result = Executor::new(Residuals { samples, model }, solver)
         .configure(|state| state.param(begin).max_iters(MAX_ITERATIONS))
         .timer(false)
@@ -62,6 +63,7 @@ struct Residuals<'s, S, M> {
 struct LevenbergMarquardt<const N: usize> {
     damping: f64,
     tolerance: f64,
+    least: f64,
     normal: SMatrix<f64, N, N>,
 }
 
@@ -113,7 +115,7 @@ where
             self.damping *= 10.0;
         }
         let variance = state.cost / (samples.len() - N) as f64;
-        let is_small = gain.abs() <= self.tolerance.powi(2) * variance.max(f64::MIN_POSITIVE);
+        let is_small = gain.abs() <= self.tolerance.powi(2) * variance.max(self.least.powi(2));
         // Where no step lowers the sum any more is the minimum, to rounding.
         if is_small || self.damping > MAX_DAMPING {
             state = state.terminate_with(TerminationReason::SolverConverged);
@@ -149,10 +151,10 @@ mod tests {
             let decay = (-p[1] * x).exp();
             (y - p[0] * (1.0 - decay), SVector::from([1.0 - decay, p[0] * x * decay]))
         };
-        let found = minimise(&SAMPLES, SVector::from([250.0, 5e-4]), 1e-6, model).unwrap();
+        let found = minimise(&SAMPLES, SVector::from([250.0, 5e-4]), 1e-6, 0.0, model).unwrap();
         assert!((found.parameters[0] / 238.94212918 - 1.0).abs() < 1e-9, "{found:?}");
         assert!((found.parameters[1] / 5.5015643181e-4 - 1.0).abs() < 1e-9);
         assert!((found.squares / 0.12455138894 - 1.0).abs() < 1e-9);
-        assert!(minimise(&SAMPLES[..2], SVector::from([250.0, 5e-4]), 1e-6, model).is_none());
+        assert!(minimise(&SAMPLES[..2], SVector::from([250.0, 5e-4]), 1e-6, 0.0, model).is_none());
     }
 }

@@ -166,6 +166,19 @@ pub fn student(freedom: f64) -> f64 {
     1.0 + x * (1.2104 + x * (1.4400 + x * 1.3040))
 }
 
+/// Quantile of the ratio of two variances of normal deviates, of so many degrees of freedom each: that
+/// of Fisher's F at as many standard deviations as `normal` says (Paulson 1942; Abramowitz and Stegun,
+/// 26.6.15). Of few degrees below it is infinite.
+pub fn fisher(normal: f64, [above, below]: [f64; 2]) -> f64 {
+    let [a, b] = [above, below].map(|freedom| 2.0 / (9.0 * freedom));
+    let scale = (1.0 - b).powi(2) - normal * normal * b;
+    let spread = (1.0 - a).powi(2) * b + a * scale;
+    match scale > 0.0 {
+        true => (((1.0 - a) * (1.0 - b) + normal * spread.sqrt()) / scale).powi(3),
+        false => f64::INFINITY,
+    }
+}
+
 /// How much smaller than the standard deviation that of a sample is on average, of normally
 /// distributed values: c4 of control charts, for so many degrees of freedom (Johnson, Kotz and
 /// Balakrishnan, *Continuous Univariate Distributions* 1, 2nd ed., Wiley 1994, section 13.8.2).
@@ -191,6 +204,20 @@ mod tests {
         for (freedom, quantile) in [(3.0, 3.182446), (8.0, 2.306004), (30.0, 2.042272)] {
             assert!((student(freedom) * 1.959964 / quantile - 1.0).abs() < 0.01);
         }
+    }
+
+    #[test]
+    fn quantiles_of_the_ratio_of_variances() {
+        // scipy.stats.f.ppf at 0.975 and 0.995.
+        for (normal, freedom, quantile) in [
+            (1.959964, [10.0, 20.0], 2.773671),
+            (1.959964, [40.0, 15.0], 2.585239),
+            (2.575829, [20.0, 10.0], 5.274016),
+        ] {
+            let found = fisher(normal, freedom);
+            assert!((found / quantile - 1.0).abs() < 0.03, "{found} {quantile}");
+        }
+        assert_eq!(fisher(3.0, [10.0, 1.0]), f64::INFINITY);
     }
 
     #[test]

@@ -270,6 +270,14 @@ fn the_tables_have_the_documented_columns() {
     };
     let limits = |name: &str| format!("{name}_lo {name}_hi {name}_scatter {name}_systematic");
     let limits = parameters.split_whitespace().map(limits).collect::<Vec<_>>().join(" ");
+    let of_law = |law: &str| {
+        let values = "roll_sum_kg_s roll_dry_sum_n stiffness_nm_rad damping_nm_s_rad joint_dry_nm";
+        let values = values.split(' ').map(|name| format!("{law}_{name} {law}_{name}_se"));
+        let fit = "misfit_m misfit_rad misfit_over_noise f adequate";
+        let fit = fit.split(' ').map(|name| format!("{law}_{name}"));
+        fit.chain(values).collect::<Vec<_>>().join(" ")
+    };
+    let laws = ["viscous", "coulomb", "coulomb_viscous"].map(of_law).join(" ");
     let fits = format!(
         "campaign model gait_input {parameters} {limits} no_interval free measured identifiable \
          practically_not structurally_not at_bound j lack_of_fit lack_of_fit_limit \
@@ -306,14 +314,16 @@ fn the_tables_have_the_documented_columns() {
         ),
         (
             "robot_parameters.parquet".to_owned(),
-            "trial kind robot joint inertia_kg_m2 natural_rad_s natural_rad_s_se damping_ratio \
+            format!(
+                "trial kind robot law joint inertia_kg_m2 natural_rad_s natural_rad_s_se damping_ratio \
              damping_ratio_se damping_ratio_decrement damping_ratio_decrement_se rest_angle_rad \
              rest_angle_rad_se rest_angle_configured_rad released_s decay_cosine_rad \
              decay_sine_rad stiffness_nm_rad stiffness_nm_rad_se stiffness_configured_nm_rad damping_nm_s_rad damping_nm_s_rad_se \
-             damping_configured_nm_s_rad mass_kg decay_1_s decay_1_s_se roll_sum_kg_s \
-             roll_sum_kg_s_se roll_sum_configured_kg_s roll0_kg_s roll0_kg_s_se roll1_kg_s \
-             roll1_kg_s_se roll2_kg_s roll2_kg_s_se status"
-                .to_owned(),
+             damping_configured_nm_s_rad joint_dry_nm joint_dry_nm_se mass_kg decay_1_s decay_1_s_se \
+             roll_sum_kg_s roll_sum_kg_s_se roll_sum_configured_kg_s roll0_kg_s roll0_kg_s_se roll1_kg_s \
+             roll1_kg_s_se roll2_kg_s roll2_kg_s_se roll_dry_sum_n roll_dry_sum_n_se {laws} \
+             misfit_over_noise_limit f_limit status"
+            ),
         ),
         ("checks.parquet".to_owned(), "trial check severity value limit message".to_owned()),
         ("fits.parquet".to_owned(), fits.clone()),

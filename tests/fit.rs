@@ -8,6 +8,7 @@ use trilink::config::{Campaign, Config, Free, GaitInput, ParameterSource, SigmaK
 use trilink::fit::{FitData, FitInput, Fitted, Objective, fit};
 use trilink::metrics::{Estimate, GaitMetrics, MotionStatus};
 use trilink::motion::{Laws, Model, Problem, REFERENCE_ACCURACY};
+use trilink::robot::decay::DecayLaw;
 use trilink::robot::{JointCommand, Parameter};
 use trilink::store::{
     Columns as _, FitRow, FitStatus, JointGait, PredictionSource, RobotParameterRow, TrialRow,
@@ -522,6 +523,7 @@ fn measured_parameters_of_the_robot_take_the_place_of_configured_ones() {
         robot: "semi-passive".to_owned(),
         stiffness_nm_rad: Estimate::new(0.15, f64::NAN),
         damping_nm_s_rad: Estimate::new(0.0065, f64::NAN),
+        law: Some(DecayLaw::Viscous),
         status: FitStatus::Ok,
         ..RobotParameterRow::blank()
     };

@@ -11,6 +11,7 @@ use crate::build::{
 use crate::ingest::Ingested;
 use crate::metrics::Estimate;
 use crate::robot::Parameter;
+use crate::robot::decay::DecayLaw;
 use crate::store::{
     ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialRow, TrialStatus, is_there,
 };
@@ -181,7 +182,8 @@ pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
     if rows.is_empty() {
         return;
     }
-    say!("{:<32} {:<15} {:>10} {:>9} {:>10}", "trial", "parameter", "measured", "+-", "configured");
+    let head = format!("{:<32} {:<15} {:<15}", "trial", "law", "parameter");
+    say!("{head} {:>10} {:>9} {:>10}", "measured", "+-", "configured");
     for row in rows {
         for RobotQuantity { name, unit, measured, configured } in row.quantities() {
             let Estimate { value, se } = measured;
@@ -190,7 +192,9 @@ pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
                 true => "-".to_owned(),
                 false => format!("{configured:.5}"),
             };
-            say!("{:<32} {name:<15} {value:>10.5} {se:>9.5} {configured:>10}", row.trial);
+            let law = row.law.map_or("", DecayLaw::name);
+            let head = format!("{:<32} {law:<15} {name:<15}", row.trial);
+            say!("{head} {value:>10.5} {se:>9.5} {configured:>10}");
         }
     }
 }

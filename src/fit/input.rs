@@ -9,6 +9,7 @@ use crate::config::{
     Config, Fit, Free, GaitConfig, GaitInput, ModelConfig, NamedEntry, ParameterSource,
     RobotConfig, Weights,
 };
+use crate::robot::decay::DecayLaw;
 use crate::robot::{Family, Model, Parameter, Robot};
 use crate::stats::{Estimate, mean};
 use crate::store::{CycleRow, RobotParameterRow, hash};
@@ -109,9 +110,11 @@ impl FitInput {
         self.measurements(data).into_iter().map(of_trial).collect()
     }
 
-    /// What trials of other kinds that follow their laws say of the robot.
+    /// What trials of other kinds say of the robot whose laws are the models': without dry friction
+    /// in the joint and against rolling.
     fn robot_rows<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
-        data.robots.iter().filter(|row| row.robot == self.robot.name && row.status.is_ok())
+        let is_viscous = |row: &&RobotParameterRow| row.law == Some(DecayLaw::Viscous);
+        data.robots.iter().filter(|row| row.robot == self.robot.name).filter(is_viscous)
     }
 
     /// Hash of it.
@@ -237,7 +240,7 @@ fn bounds(parameter: Parameter, fit: &Fit) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Columns as _, FitStatus};
+    use crate::store::Columns as _;
 
     #[test]
     fn a_fit_reads_the_keys_of_its_own_model_and_of_no_other() {
@@ -274,15 +277,16 @@ mod tests {
     fn what_the_trials_do_not_tell_stays_as_configured() {
         let row = |robot: &str| RobotParameterRow {
             robot: robot.to_owned(),
-            status: FitStatus::Ok,
+            law: Some(DecayLaw::Viscous),
             ..RobotParameterRow::blank()
         };
-        let refused = FitStatus::Failed("it is dry".to_owned());
+        let dry = Some(DecayLaw::CoulombViscous);
         let found = |value: f64| Estimate { value, ..Estimate::MISSING };
         let rows = [
             RobotParameterRow { roll_sum_kg_s: found(0.9), ..row("ours") },
             RobotParameterRow { roll_sum_kg_s: found(1.5), ..row("ours") },
-            RobotParameterRow { roll_sum_kg_s: found(9.0), status: refused, ..row("ours") },
+            RobotParameterRow { roll_sum_kg_s: found(9.0), law: None, ..row("ours") },
+            RobotParameterRow { roll_sum_kg_s: found(9.0), law: dry, ..row("ours") },
             RobotParameterRow { stiffness_nm_rad: found(9.0), ..row("another") },
             RobotParameterRow { damping_nm_s_rad: found(0.01), ..row("ours") },
         ];

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::named::named;
-use crate::store::{CheckRow, FitStatus, Severity};
+use crate::store::{CheckRow, Severity};
 
 /// Part of all markers' frames that should be seen.
 pub(super) const LEAST_COVERAGE: f64 = 0.9;
@@ -75,6 +75,9 @@ named! {
         GaitClipping = "W019 gait-clipping",
         /// No row has more cells than the header has columns.
         LongRows = "W020 long-rows",
+        /// The recording tells that a swing or a speed dies away as linear damping makes it, and not
+        /// by dry friction.
+        DecayLaw = "W021 decay-law",
         /// The joints do what no other campaign commands.
         OtherCampaign = "E002 other-campaign",
         /// No other trial has the same marker file.
@@ -178,14 +181,6 @@ impl Finding {
 
     pub fn holds(&self) -> bool {
         matches!(self.severity, Severity::Ok | Severity::Info)
-    }
-
-    /// Of what holds only if this does.
-    pub fn status(&self) -> FitStatus {
-        match self.holds() {
-            true => FitStatus::Ok,
-            false => FitStatus::Failed(self.message.clone()),
-        }
     }
 
     pub fn row(&self, trial: &str) -> CheckRow {

@@ -16,10 +16,11 @@ static KNOWN: LazyLock<Meanings> =
 
 /// A column's name without one of the `parts`, and the meaning of that part.
 fn without_part(name: &str) -> Option<(&str, &'static str)> {
-    KNOWN.parts.iter().find_map(|(part, what)| {
+    let found = KNOWN.parts.iter().filter_map(|(part, what)| {
         let rest = name.strip_suffix(part.as_str()).or_else(|| name.strip_prefix(part.as_str()))?;
         Some((rest, what.as_str()))
-    })
+    });
+    found.min_by_key(|(rest, _)| rest.len())
 }
 
 /// A column's name without its unit, and the unit. A unit follows a word: `j_d` is a part of the objective.
@@ -97,6 +98,11 @@ mod tests {
             ("sigma1_se", "standard error: skid ratio of the wheel (eq. 20), 1"),
             ("skid2_kg_s", "skid resistance c^S of the wheel (eq. 15), 2"),
             ("skid2_m_s", "speed at which the wheel skids sideways, 2"),
+            (
+                "coulomb_viscous_joint_dry_nm",
+                "of viscous resistance or damping and dry friction: torque of dry friction in the \
+                 passive joint",
+            ),
             (
                 "began_stiffness_nm_rad",
                 "where the search began: spring k_tau of the passive joint (eq. 11)",

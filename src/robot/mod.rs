@@ -4,6 +4,7 @@
 //! Index order is always 0, 1, 2 = middle, front, rear link.
 
 mod balance;
+pub mod decay;
 mod friction;
 mod gait;
 mod kinematics;

@@ -16,7 +16,7 @@ pub(crate) use columns::rows;
 pub use columns::{Columns, numbers, repeated, texts};
 pub use polars::prelude::Column;
 pub use schema::{
-    BootstrapRow, CheckRow, ComparisonRow, CycleRow, FitRow, JointGait, LABELS_APART,
+    BootstrapRow, CheckRow, ComparisonRow, CycleRow, DecayFit, FitRow, JointGait, LABELS_APART,
     PredictionRow, ProfileRow, RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow,
     cycles_path, poses_path, wheels_path,
 };

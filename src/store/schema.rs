@@ -8,6 +8,7 @@ use super::columns::{columns, rows};
 use super::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
 use crate::config::{GaitInput, SigmaKind};
 use crate::metrics::{Estimate, FromRest, GaitMetrics, MotionStatus};
+use crate::robot::decay::{DecayLaw, Swing};
 use crate::robot::{ByParameter, ContactForces, JointCommand, Model, Parameter};
 use crate::trial::TrialKind;
 
@@ -147,6 +148,8 @@ rows! {
         pub trial: String,
         pub kind: TrialKind,
         pub robot: String,
+        /// The law that the recording follows; what stands under no law's name follows from it.
+        pub law: Option<DecayLaw>,
         /// The joint that was let go, 1 or 2; 0 for a coast-down.
         pub joint: i64,
         /// Moment of inertia of its link about it, from the configuration.
@@ -158,7 +161,8 @@ rows! {
         pub rest_angle_rad: Estimate,
         pub rest_angle_configured_rad: f64,
         /// The decay that was fitted: at `t` after `released_s`, which is after the first frame,
-        /// `rest_angle + exp(-zeta omega_n t) (cosine cos(omega_d t) + sine sin(omega_d t))`.
+        /// `rest_angle + exp(-zeta omega_n t) (cosine cos(omega_d t) + sine sin(omega_d t))`, with
+        /// dry friction until the first turn and about an angle off the rest ([`Swing`]).
         pub released_s: f64,
         pub decay_cosine_rad: f64,
         pub decay_sine_rad: f64,
@@ -167,6 +171,8 @@ rows! {
         pub stiffness_configured_nm_rad: f64,
         pub damping_nm_s_rad: Estimate,
         pub damping_configured_nm_s_rad: f64,
+        /// Torque of dry friction in the joint.
+        pub joint_dry_nm: Estimate,
         /// Of the whole robot, from the configuration.
         pub mass_kg: f64,
         /// Rate at which the speed decays.
@@ -175,9 +181,39 @@ rows! {
         pub roll_sum_kg_s: Estimate,
         pub roll_sum_configured_kg_s: f64,
         pub roll_kg_s: [Estimate; 3] as "roll{}_kg_s{}",
-        /// Why the recording does not follow the law whose parameters these are; then what was
-        /// measured is missing.
+        /// Dry friction of the wheels together.
+        pub roll_dry_sum_n: Estimate,
+        /// What each law gives, whether or not the recording follows it.
+        pub viscous: DecayFit as "viscous_{}",
+        pub coulomb: DecayFit as "coulomb_{}",
+        pub coulomb_viscous: DecayFit as "coulomb_viscous_{}",
+        /// Above these a law is refused.
+        pub misfit_over_noise_limit: f64,
+        pub f_limit: f64,
+        /// Why there is no law that the recording follows, or none that it tells from the others;
+        /// then what was measured is missing.
         pub status: FitStatus,
+    }
+}
+
+rows! {
+    /// A law by which a motion dies away, fitted to a recording.
+    #[derive(Copy, Serialize)]
+    pub struct DecayFit {
+        /// RMS residual of the path of a coast-down, and of the angle of a joint.
+        pub misfit_m: f64,
+        pub misfit_rad: f64,
+        /// What is slow in the residuals over what noise makes of it.
+        pub misfit_over_noise: f64,
+        /// F of the law against the one with both parts.
+        pub f: f64,
+        /// Whether it is not refused.
+        pub adequate: Option<bool>,
+        pub roll_sum_kg_s: Estimate,
+        pub roll_dry_sum_n: Estimate,
+        pub stiffness_nm_rad: Estimate,
+        pub damping_nm_s_rad: Estimate,
+        pub joint_dry_nm: Estimate,
     }
 }
 
@@ -195,10 +231,24 @@ pub struct RobotQuantity {
 impl RobotParameterRow {
     /// The fitted decay of a joint that was let go, rad, at a time after its release.
     pub fn decay_rad(&self, after_s: f64) -> f64 {
-        let [ratio, natural_rad_s] = [self.damping_ratio.value, self.natural_rad_s.value];
-        let (sin, cos) = (natural_rad_s * (1.0 - ratio.powi(2)).sqrt() * after_s).sin_cos();
-        let swing_rad = self.decay_cosine_rad * cos + self.decay_sine_rad * sin;
-        self.rest_angle_rad.value + (-ratio * natural_rad_s * after_s).exp() * swing_rad
+        // Of a law without one of its parts that is missing.
+        let part = |of: f64| if of.is_nan() { 0.0 } else { of };
+        let [ratio, natural_rad_s] = [part(self.damping_ratio.value), self.natural_rad_s.value];
+        let swing = Swing {
+            rest_rad: self.rest_angle_rad.value,
+            cosine_rad: self.decay_cosine_rad,
+            sine_rad: self.decay_sine_rad,
+            viscous_1_s: ratio * natural_rad_s,
+            damped_rad_s: natural_rad_s * (1.0 - ratio.powi(2)).sqrt(),
+            dry_rad: part(self.joint_dry_nm.value / self.stiffness_nm_rad.value),
+        };
+        swing.angle_rad(after_s).0
+    }
+
+    /// What each law gives, with what the configuration has of it.
+    pub fn laws(&self) -> [(DecayLaw, &DecayFit); 3] {
+        let [viscous, coulomb, both] = DecayLaw::ALL;
+        [(viscous, &self.viscous), (coulomb, &self.coulomb), (both, &self.coulomb_viscous)]
     }
 
     /// What the trial tells, in the order in which it is to be read.
@@ -211,7 +261,9 @@ impl RobotParameterRow {
             ("zeta", "", (self.damping_ratio, f64::NAN)),
             ("k_tau", Parameter::Stiffness.unit(), stiffness),
             ("c_tau", Parameter::Damping.unit(), damping),
+            ("T_tau", "N m", (self.joint_dry_nm, f64::NAN)),
             ("sum c_R", Parameter::RollSum.unit(), roll),
+            ("sum F_R", "N", (self.roll_dry_sum_n, f64::NAN)),
         ]
         .into_iter()
         .map(|(name, unit, (measured, configured))| RobotQuantity {

@@ -82,6 +82,16 @@ impl FitStatus {
     }
 }
 
+impl FitStatus {
+    /// What there is, or nothing and why.
+    pub fn split<T>(found: Result<T, String>) -> (Option<T>, Self) {
+        match found {
+            Ok(found) => (Some(found), Self::Ok),
+            Err(reason) => (None, Self::Failed(reason)),
+        }
+    }
+}
+
 impl Named for FitStatus {
     fn first() -> Self {
         Self::Failed(String::new())

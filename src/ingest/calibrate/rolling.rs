@@ -60,7 +60,7 @@ pub(super) fn direction(velocities: &[Velocity], lever_mm: f64, guess_rad: f64) 
         let (skid, [slope, _]) = skid(velocity, direction_rad.x, lever_mm);
         (skid, Vector1::new(slope))
     };
-    let minimum = minimise(velocities, Vector1::new(guess_rad), SMALL_STEP, skid)?;
+    let minimum = minimise(velocities, Vector1::new(guess_rad), SMALL_STEP, 0.0, skid)?;
     Some(wrap(minimum.parameters.x))
 }
 
@@ -72,7 +72,7 @@ pub(super) fn lever_mm(velocities: &[Velocity], direction_rad: f64, lever_mm: f6
         (skid, slopes.into())
     };
     let guess = Vector2::new(direction_rad, lever_mm);
-    Some(minimise(velocities, guess, SMALL_STEP, skid)?.parameters.y)
+    Some(minimise(velocities, guess, SMALL_STEP, 0.0, skid)?.parameters.y)
 }
 
 /// Skid velocity of the axle, and by how much it falls with direction and lever.

@@ -1,7 +1,8 @@
 //! The robot's parameters by trials without a gait, each a least-squares fit of a curve with a few
-//! parameters.
+//! parameters, by each of the laws that may be what resists the motion.
 
 pub mod coast;
+mod laws;
 pub mod release;
 
 use nalgebra::{Cholesky, SMatrix, SVector};
@@ -9,64 +10,114 @@ use nalgebra::{Cholesky, SMatrix, SVector};
 use super::checks::{Check, Finding};
 use super::signals::{THIRD_GAIN, third_differences};
 use crate::least_squares::{Minimum, minimise};
+use crate::stats::fisher;
 
 /// A step of this part of the parameters' standard errors ends the search.
 const SMALL_STEP: f64 = 1e-6;
 /// Residuals are averaged over at most this time, s: by then those of filtered markers have
 /// forgotten each other.
 const BATCH_S: f64 = 0.1;
-/// How many times the noise the slow part of the residuals may be. Over 120 recordings whose law
+/// How many times the noise the slow part of the residuals may be, or what that ratio of two errors is
+/// at three standard deviations if there are few batches. Over 120 recordings whose law
 /// holds it is 0.8 to 1.4, and to 1.7 if their markers went through a filter of 6 Hz; a
 /// coast-down of which a fiftieth is dry comes to 9.
 const MISFIT_TOLERANCE: f64 = 2.0;
-/// A recording has at least the noise of its digits, m or rad.
-const LEAST_NOISE: f64 = 1e-6;
+/// Standard deviations beyond which a law is refused.
+const REFUSED_BEYOND: f64 = 3.0;
+/// Third differences of independent values are as certain as so many times fewer independent ones.
+const THIRD_DEPENDENCE: f64 = 2.31;
+
+/// A law of motion.
+#[derive(Clone, Copy)]
+struct Law<V, B> {
+    /// The value at a time and its derivatives by the parameters.
+    pub value: V,
+    /// How long the residuals' batches are, s, by the parameters.
+    pub batch_s: B,
+    /// A recording has at least this noise, in the unit of the value.
+    pub least_noise: f64,
+}
 
 /// A law with its parameters, as fitted to a recording.
 #[derive(Debug, Clone, Copy)]
 struct Curve<const N: usize> {
     pub parameters: SVector<f64, N>,
+    /// 0 of what was not free.
     pub covariance: SMatrix<f64, N, N>,
+    /// Sum of squared residuals, and the variance of independent ones that have the errors' size.
+    pub squares: f64,
+    pub variance: f64,
     /// RMS residual.
     pub misfit: f64,
-    /// What is slow in the residuals, over what noise makes of it.
+    /// What is slow in the residuals, over what noise makes of it; and what that is at most where
+    /// the law holds.
     pub times_noise: f64,
+    pub limit: f64,
+    /// Batches of residuals beyond the number of free parameters.
+    pub freedom: f64,
 }
 
 impl<const N: usize> Curve<N> {
-    /// Fits `law`, which gives the value and its derivatives at a time, to samples of time
-    /// and value; `None` if there is no minimum or there are no more samples than parameters.
+    /// Fits the free ones of a law's parameters to samples of time and value; `None` if there is no
+    /// minimum or there are no more samples than parameters.
     ///
     /// Noise that is correlated averages out more slowly, and a law that does not hold leaves what
     /// is slow: both are seen in the residuals' means over batches (Schmeiser 1982) of `batch_s` at
     /// most. The errors follow from the batches' variance where it is larger than that of
     /// independent residuals. Noise is what differs between neighbouring batches (von Neumann
     /// 1941), here by third differences, in which the slow rest leaves nothing.
-    pub fn fit(
+    pub fn fit<const FREE: usize>(
         samples: &[(f64, f64)],
         start: SVector<f64, N>,
-        law: impl Fn(&SVector<f64, N>, f64) -> (f64, SVector<f64, N>),
-        batch_s: impl Fn(&SVector<f64, N>) -> f64,
+        free: [usize; FREE],
+        Law { value, batch_s, least_noise }: Law<
+            impl Fn(&SVector<f64, N>, f64) -> (f64, SVector<f64, N>),
+            impl Fn(&SVector<f64, N>) -> f64,
+        >,
     ) -> Option<Self> {
-        let residual = |parameters: &SVector<f64, N>, (t, y): &(f64, f64)| {
-            let (value, slopes) = law(parameters, *t);
-            (y - value, slopes)
+        let whole = |some: &SVector<f64, FREE>| {
+            let mut all = start;
+            free.iter().zip(some).for_each(|(i, value)| all[*i] = *value);
+            all
         };
+        let residual = |some: &SVector<f64, FREE>, (t, y): &(f64, f64)| {
+            let (value, slopes) = value(&whole(some), *t);
+            (y - value, SVector::from(free.map(|i| slopes[i])))
+        };
+        let begin = SVector::from(free.map(|i| start[i]));
         let Minimum { parameters, squares, normal } =
-            minimise(samples, start, SMALL_STEP, residual)?;
+            minimise(samples, begin, SMALL_STEP, least_noise, residual)?;
         let residuals = samples.iter().map(|each| (each.0, residual(&parameters, each).0));
-        let batches = batches(residuals, batch_s(&parameters).min(BATCH_S));
+        let batches = batches(residuals, batch_s(&whole(&parameters)).min(BATCH_S));
         let squares_of = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
         let differences: Vec<f64> = third_differences(&batches).collect();
         let noise = squares_of(&differences) / (THIRD_GAIN * differences.len().max(1) as f64);
-        let slow = squares_of(&batches) / batches.len().saturating_sub(N).max(1) as f64;
-        let variance = squares / (samples.len() - N) as f64;
+        let freedom = batches.len().saturating_sub(FREE).max(1) as f64;
+        let slow = squares_of(&batches) / freedom;
+        let certain = differences.len() as f64 / THIRD_DEPENDENCE;
+        let limit = fisher(REFUSED_BEYOND, [freedom, certain]).sqrt().max(MISFIT_TOLERANCE);
+        let variance = (squares / (samples.len() - FREE) as f64).max(slow);
+        let of_free = Cholesky::new(normal)?.inverse() * variance;
+        let mut covariance = SMatrix::zeros();
+        for (row, i) in free.into_iter().enumerate() {
+            free.iter().enumerate().for_each(|(k, j)| covariance[(i, *j)] = of_free[(row, k)]);
+        }
         Some(Self {
-            parameters,
-            covariance: Cholesky::new(normal)?.inverse() * variance.max(slow),
+            parameters: whole(&parameters),
+            covariance,
+            squares,
+            variance,
             misfit: (squares / samples.len() as f64).sqrt(),
-            times_noise: slow.sqrt() / noise.sqrt().max(LEAST_NOISE),
+            times_noise: slow.sqrt() / noise.sqrt().max(least_noise),
+            limit,
+            freedom,
         })
+    }
+
+    /// The one that is least off.
+    pub fn smallest(found: impl IntoIterator<Item = Option<Self>>) -> Option<Self> {
+        let found = found.into_iter().flatten();
+        found.min_by(|one, other| one.squares.total_cmp(&other.squares))
     }
 
     /// Standard error of a function of the parameters, given its derivatives.
@@ -76,13 +127,12 @@ impl<const N: usize> Curve<N> {
 
     /// Whether the law holds, by its name and how far the recording is off it.
     pub fn check(&self, law: &str, off: &str) -> Finding {
-        let (found, needed) = (self.times_noise, MISFIT_TOLERANCE);
+        let (found, needed) = (self.times_noise, self.limit);
         let message = match found <= needed {
             true => format!("the recording is {off} (RMS) off {law}"),
             false => format!(
-                "the recording does not follow {law}, whose parameters are given no value: it is \
-                 {off} (RMS) off, and what is slow in that is {found:.1} times the noise, needed \
-                 at most {needed}"
+                "the recording does not follow {law}: it is {off} (RMS) off, and what is slow in \
+                 that is {found:.1} times the noise, needed at most {needed:.1}"
             ),
         };
         Finding::at_most(Check::Decay, found, needed, message)
@@ -116,7 +166,8 @@ mod tests {
         let noise = |i: usize| 0.01 * ((i * i * 7919) as f64).sin();
         let sample = |i: usize| (0.02 * i as f64, 2.0 * (-0.5 * 0.02 * i as f64).exp() + noise(i));
         let samples: Vec<(f64, f64)> = (0..200).map(sample).collect();
-        let fit = |samples| Curve::fit(samples, SVector::from([1.0, 1.0]), model, |_| 0.2);
+        let law = Law { value: model, batch_s: |_: &_| 0.2, least_noise: 0.0 };
+        let fit = |samples| Curve::fit(samples, SVector::from([1.0, 1.0]), [0, 1], law);
         let curve = fit(&samples).unwrap();
         let se = curve.se(SVector::from([0.0, 1.0]));
         assert!((curve.parameters[1] - 0.5).abs() < 3.0 * se, "{}", curve.parameters);

@@ -1,24 +1,26 @@
-//! The passive joint let go from rest (Fig. 8b): its stiffness and damping (eq. 11).
+//! The passive joint let go from rest (Fig. 8b): its stiffness and damping (eq. 11), its dry friction.
 //!
 //! The robot is lifted so that no wheel touches the floor, its middle link and its actuated
 //! joint are held, and the passive joint is turned from its rest and let go. Its link then
-//! swings about the joint alone: `J phi'' + c_tau phi' + k_tau (phi - gamma) = 0` with the
-//! link's moment of inertia about the joint, `J = I + m b^2`. (On its wheel the link would not
-//! swing: the wheel would have to skid.) The errors are those of the recording; J is taken as
-//! configured.
+//! swings about the joint alone: `J phi'' + c_tau phi' + T sign(phi') + k_tau (phi - gamma) = 0` with
+//! the link's moment of inertia about the joint, `J = I + m b^2`, and damping, dry friction, or both
+//! ([`Swing`]). (On its wheel the link would not swing: the wheel would have to skid.) The errors are
+//! those of the recording; J is taken as configured.
 
 use std::f64::consts::PI;
 
 use nalgebra::SVector;
 
-use super::Curve;
+use super::laws::{Laws, Words};
+use super::{Curve, Law};
 use crate::ingest::checks::{Check, Finding};
 use crate::ingest::error::Problem;
 use crate::ingest::poses::Coordinates;
 use crate::ingest::signals::{moving_average, noise};
 use crate::robot::Robot;
+use crate::robot::decay::{DecayLaw, Swing};
 use crate::stats::{Estimate, extremes, mean, median_high, seen};
-use crate::store::{Columns as _, RobotParameterRow};
+use crate::store::{Columns as _, DecayFit, FitStatus, RobotParameterRow};
 
 /// A joint that moves less than this was not let go, rad.
 const LEAST_SWING_RAD: f64 = 0.05;
@@ -36,8 +38,23 @@ const LEAST_SWINGS: usize = 3;
 const PEAK_WINDOW: usize = 5;
 /// The recording is judged in so many parts of a period.
 const BATCHES: f64 = 8.0;
+/// Of a swing's parameters, those of its viscous and of its dry part.
+const VISCOUS: usize = 3;
+const DRY: usize = 5;
+const WORDS: Words = Words {
+    laws: [
+        "a linear spring and damper",
+        "a linear spring with dry friction",
+        "a linear spring and damper with dry friction",
+    ],
+    motion: "a swing",
+    off: |misfit_rad| format!("{:.2} degrees", misfit_rad.to_degrees()),
+};
 /// How much the held links may move, as a part of the first swing.
 const HELD_TOLERANCE: f64 = 0.02;
+
+/// No cameras see an angle better than this, rad.
+const LEAST_NOISE_RAD: f64 = 1e-4;
 
 /// The robot's parameters by a trial of kind `joint-release`, and its checks.
 pub fn measure(
@@ -59,7 +76,7 @@ pub fn measure(
         return Err(Problem::NotReleased { found_deg, needed_deg });
     }
     let noise_rad = noise(phi);
-    let (start, end) = free_frames(&swing, largest, noise_rad);
+    let (start, mut end) = free_frames(&swing, largest, noise_rad);
     let smooth = moving_average(&swing, PEAK_WINDOW);
     let few = |found| Problem::FewSwings { found, needed: LEAST_SWINGS };
     let swings = swings(&smooth[start..end], noise_rad);
@@ -69,15 +86,22 @@ pub fn measure(
     let heights = swings.iter().map(|(_, height)| *height);
     let first_guess = decrement((0..).map(f64::from).zip(heights), noise_rad);
     let half_s = (swings[swings.len() - 1].0 - swings[0].0) / (swings.len() - 1) as f64 / rate_hz;
-    let samples: Vec<(f64, f64)> = (start..end)
-        .filter(|&i| !swing[i].is_nan())
-        .map(|i| ((i - start) as f64 / rate_hz, swing[i]))
-        .collect();
-    let guess = [0.0, FREE * largest, 0.0, first_guess.value / half_s, PI / half_s];
-    let batch_s = |p: &SVector<f64, 5>| 2.0 * PI / p[4].abs() / BATCHES;
-    let curve =
-        Curve::fit(&samples, SVector::from(guess), decaying, batch_s).ok_or_else(|| few(0))?;
-    let [offset, cosine_rad, sine_rad, decay_1_s, damped_rad_s] = curve.parameters.into();
+    let seen_in = |end: usize| -> Vec<(f64, f64)> {
+        let seen = (start..end).filter(|&i| !swing[i].is_nan());
+        seen.map(|i| ((i - start) as f64 / rate_hz, swing[i])).collect()
+    };
+    let guess = [0.0, FREE * largest, 0.0, first_guess.value / half_s, PI / half_s, 0.0];
+    let mut laws = fit(&seen_in(end), guess);
+    // Where friction is about to hold the joint, it creeps to its rest below the transition speed.
+    let held_s = laws.curve(DecayLaw::CoulombViscous).map(|both| swing_of(both).stops_s());
+    let is_dry = laws.f(DecayLaw::Viscous) > laws.f_limit();
+    if let Some(held_s) = held_s.filter(|_| is_dry) {
+        let left_out_s = if held_s > LEAST_SWINGS as f64 * 2.0 * half_s { half_s } else { 0.0 };
+        end = end.min(start + ((held_s - left_out_s) * rate_hz) as usize + 1);
+        laws = fit(&seen_in(end), guess);
+    }
+    let viscous = laws.curve(DecayLaw::Viscous).ok_or_else(|| few(0))?;
+    let [offset, cosine_rad, sine_rad, decay_1_s, damped_rad_s, _] = viscous.parameters.into();
     if decay_1_s <= 0.0 || damped_rad_s <= 0.0 {
         return Err(few(0));
     }
@@ -91,48 +115,77 @@ pub fn measure(
         smooth[start..end].get(frame.round() as usize).map(|x| (k, (x - offset).abs()))
     };
     let heights = (0..swings.len()).filter_map(|k| height(k as f64));
-    let fitted = |i: usize| decaying(&curve.parameters, (i - start) as f64 / rate_hz).0;
+    let fitted = |i: usize| swing_of(viscous).angle_rad((i - start) as f64 / rate_hz).0;
     let residuals: Vec<f64> = (start..end).map(|i| swing[i] - fitted(i)).collect();
     let noise_of_height = deviation(&moving_average(&residuals, PEAK_WINDOW));
     let logarithmic = decrement(heights.filter(|(_, height)| *height > 0.0), noise_of_height);
-
-    let natural_rad_s = damped_rad_s.hypot(decay_1_s);
-    let (decay, damped) = (decay_1_s / natural_rad_s, damped_rad_s / natural_rad_s);
-    let slopes = |to_decay, to_damped| SVector::from([0.0, 0.0, 0.0, to_decay, to_damped]);
     let ratio = |decrement: f64| decrement / decrement.hypot(PI);
+    let ratio_by_decrement = Estimate::new(
+        ratio(logarithmic.value),
+        ratio(logarithmic.value + logarithmic.se) - ratio(logarithmic.value),
+    );
+
     let link = joint + 1;
-    let inertia = robot.inertia_kg_m2[link] + robot.mass_kg[link] * robot.b_m.powi(2);
-    let off = format!("{:.2} degrees", curve.misfit.to_degrees());
-    let law = curve.check("a linear spring and damper", &off);
-    let lawful = |value: f64, slopes| match law.holds() {
-        true => Estimate::new(value, curve.se(slopes)),
-        false => Estimate::MISSING,
+    let inertia_kg_m2 = robot.inertia_kg_m2[link] + robot.mass_kg[link] * robot.b_m.powi(2);
+    let fits =
+        DecayLaw::ALL.map(|law| laws.fit(law, |curve| given(&laws, law, curve, inertia_kg_m2)));
+    let preferred = laws.preferred(&WORDS);
+    let checks = laws.checks(&WORDS, &preferred);
+    let (law, status) = FitStatus::split(preferred);
+    let told = law.map_or_else(DecayFit::blank, |law| fits[law as usize]);
+    let curve = law.and_then(|law| laws.curve(law));
+    let of_curve = |value: &dyn Fn(&Swing) -> (f64, [f64; 6])| {
+        curve.map_or(Estimate::MISSING, |curve| {
+            let (value, slopes) = value(&swing_of(curve));
+            laws.estimate(curve, value, slopes.into())
+        })
     };
+    // Of the angles' rates that of the swing, and the part of it that the viscous one is.
+    let rates = |swing: &Swing| {
+        let natural_rad_s = swing.damped_rad_s.hypot(swing.viscous_1_s);
+        (natural_rad_s, swing.viscous_1_s / natural_rad_s, swing.damped_rad_s / natural_rad_s)
+    };
+    let is_damped = law.is_some_and(|law| law != DecayLaw::Coulomb);
+    let drawn = swing_of(curve.unwrap_or(viscous));
+    let [viscous, coulomb, coulomb_viscous] = fits;
     let row = RobotParameterRow {
+        law,
         joint: link as i64,
-        inertia_kg_m2: inertia,
-        natural_rad_s: lawful(natural_rad_s, slopes(decay, damped)),
-        damping_ratio: lawful(decay, slopes(damped * damped, -decay * damped) / natural_rad_s),
-        damping_ratio_decrement: match law.holds() {
-            true => Estimate::new(
-                ratio(logarithmic.value),
-                ratio(logarithmic.value + logarithmic.se) - ratio(logarithmic.value),
-            ),
+        inertia_kg_m2,
+        natural_rad_s: of_curve(&|swing| {
+            let (natural_rad_s, decay, damped) = rates(swing);
+            (natural_rad_s, [0.0, 0.0, 0.0, decay, damped, 0.0])
+        }),
+        damping_ratio: match is_damped {
+            true => of_curve(&|swing| {
+                let (natural_rad_s, decay, damped) = rates(swing);
+                let by_decay = damped * damped / natural_rad_s;
+                (decay, [0.0, 0.0, 0.0, by_decay, -decay * damped / natural_rad_s, 0.0])
+            }),
             false => Estimate::MISSING,
         },
-        rest_angle_rad: lawful(rest_rad + offset, SVector::from([1.0, 0.0, 0.0, 0.0, 0.0])),
+        damping_ratio_decrement: match law {
+            Some(DecayLaw::Viscous) => ratio_by_decrement,
+            _ => Estimate::MISSING,
+        },
+        rest_angle_rad: of_curve(&|swing| {
+            (rest_rad + swing.rest_rad, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        }),
         rest_angle_configured_rad: robot.rest_angle_rad,
         released_s: start as f64 / rate_hz,
-        decay_cosine_rad: cosine_rad,
-        decay_sine_rad: sine_rad,
-        stiffness_nm_rad: lawful(
-            inertia * natural_rad_s.powi(2),
-            2.0 * inertia * slopes(decay_1_s, damped_rad_s),
-        ),
+        decay_cosine_rad: drawn.cosine_rad,
+        decay_sine_rad: drawn.sine_rad,
+        stiffness_nm_rad: told.stiffness_nm_rad,
         stiffness_configured_nm_rad: robot.stiffness_nm_rad,
-        damping_nm_s_rad: lawful(2.0 * inertia * decay_1_s, 2.0 * inertia * slopes(1.0, 0.0)),
+        damping_nm_s_rad: told.damping_nm_s_rad,
         damping_configured_nm_s_rad: robot.damping_nm_s_rad,
-        status: law.status(),
+        joint_dry_nm: told.joint_dry_nm,
+        viscous,
+        coulomb,
+        coulomb_viscous,
+        misfit_over_noise_limit: laws.misfit_limit(),
+        f_limit: laws.f_limit(),
+        status,
         ..RobotParameterRow::blank()
     };
     let held = [&coordinates.theta_rad, &coordinates.phi_rad[1 - joint]];
@@ -141,15 +194,57 @@ pub fn measure(
     let moved_part = moved / largest;
     let moved = format!("the held links move by {:.2} degrees (RMS)", moved.to_degrees());
     let held = Finding::at_most(Check::HeldLinks, moved_part, HELD_TOLERANCE, moved);
-    Ok((row, vec![held, law]))
+    Ok((row, std::iter::once(held).chain(checks).collect()))
 }
 
-/// `p0 + exp(-p3 t) (p1 cos(p4 t) + p2 sin(p4 t))` with its derivatives.
-fn decaying(p: &SVector<f64, 5>, t: f64) -> (f64, SVector<f64, 5>) {
-    let (envelope, (sin, cos)) = ((-p[3] * t).exp(), (p[4] * t).sin_cos());
-    let wave = envelope * (p[1] * cos + p[2] * sin);
-    let turned = envelope * (p[2] * cos - p[1] * sin);
-    (p[0] + wave, SVector::from([1.0, envelope * cos, envelope * sin, -t * wave, t * turned]))
+fn swing_of(curve: &Curve<6>) -> Swing {
+    Swing::from(<[f64; 6]>::from(curve.parameters))
+}
+
+/// Fits each law to samples of time and angle.
+fn fit(samples: &[(f64, f64)], guess: [f64; 6]) -> Laws<6> {
+    let angle = |p: &SVector<f64, 6>, t: f64| Swing::from(<[f64; 6]>::from(*p)).angle_rad(t);
+    let batch_s = |p: &SVector<f64, 6>| 2.0 * PI / p[4].abs() / BATCHES;
+    let law = Law { value: angle, batch_s, least_noise: LEAST_NOISE_RAD };
+    let viscous = Curve::fit(samples, guess.into(), [0, 1, 2, VISCOUS, 4], law);
+    let begin = viscous.map_or(guess.into(), |curve| curve.parameters);
+    // As much of the first swings as damping takes.
+    let swing = Swing::from(<[f64; 6]>::from(begin));
+    let lost_rad = swing.cosine_rad.hypot(swing.sine_rad) * (1.0 - swing.ratio());
+    let dry = Curve::smallest([0.5, 0.25, 0.1].map(|part| {
+        let mut begin = begin;
+        (begin[VISCOUS], begin[DRY]) = (0.0, part * lost_rad);
+        Curve::fit(samples, begin, [0, 1, 2, 4, DRY], law)
+    }));
+    let both = [viscous, dry]
+        .map(|begin| Curve::fit(samples, begin?.parameters, [0, 1, 2, VISCOUS, 4, DRY], law));
+    let curves = [viscous, dry, Curve::smallest(both)];
+    Laws { curves, parts: [VISCOUS, DRY], widened: 1.0, least_noise: LEAST_NOISE_RAD }
+}
+
+/// What a law gives of the joint.
+fn given(laws: &Laws<6>, law: DecayLaw, curve: &Curve<6>, inertia_kg_m2: f64) -> DecayFit {
+    let Swing { viscous_1_s: decay, damped_rad_s: damped, dry_rad, .. } = swing_of(curve);
+    let stiffness = inertia_kg_m2 * (decay * decay + damped * damped);
+    let [by_decay, by_damped] = [decay, damped].map(|rate| 2.0 * inertia_kg_m2 * rate);
+    let of = |has: bool, value, [by_decay, by_damped, by_dry]: [f64; 3]| match has {
+        true => {
+            let slopes = SVector::from([0.0, 0.0, 0.0, by_decay, by_damped, by_dry]);
+            laws.estimate(curve, value, slopes)
+        }
+        false => Estimate::MISSING,
+    };
+    DecayFit {
+        misfit_rad: curve.misfit,
+        stiffness_nm_rad: of(true, stiffness, [by_decay, by_damped, 0.0]),
+        damping_nm_s_rad: of(law != DecayLaw::Coulomb, by_decay, [2.0 * inertia_kg_m2, 0.0, 0.0]),
+        joint_dry_nm: of(
+            law != DecayLaw::Viscous,
+            stiffness * dry_rad,
+            [by_decay * dry_rad, by_damped * dry_rad, stiffness],
+        ),
+        ..DecayFit::blank()
+    }
 }
 
 /// From where the joint is free to where it is at rest.

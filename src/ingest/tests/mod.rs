@@ -14,6 +14,7 @@ use crate::store::{Columns as _, Severity};
 use crate::synth::{Recipe, Tilt, synthesise};
 
 mod coverage;
+mod decays;
 mod laws;
 mod skid;
 mod synthetic;

@@ -90,6 +90,7 @@ pub fn html(
         releases => images(drawn, |figure| figure.campaigns.is_empty()),
         recovered => images(drawn, |figure| figure.stem == figures::TRUTH),
         robots => Serde(robots.collect::<Vec<_>>()),
+        decays => Serde(tables.robots.iter().map(|row| (row, row.laws())).collect::<Vec<_>>()),
         trials => Serde(&tables.trials),
         // As the fits use them.
         sigmas => Serde(tables.trials.iter().map(|row| row.sigma(input.sigma)).collect::<Vec<_>>()),

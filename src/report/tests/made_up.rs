@@ -6,11 +6,12 @@ use super::recording;
 use crate::config::{Config, GaitInput};
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::motion::{FromRest, Model, MotionStatus};
+use crate::robot::decay::DecayLaw;
 use crate::robot::{ByParameter, Parameter};
 use crate::store::{
-    BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, FitStatus, JointGait, PredictionRow,
-    PredictionSource, ProfileRow, Provenance, RobotParameterRow, Severity, StartRow, TrialRow,
-    TrialStatus,
+    BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitRow, FitStatus, JointGait,
+    PredictionRow, PredictionSource, ProfileRow, Provenance, RobotParameterRow, Severity, StartRow,
+    TrialRow, TrialStatus,
 };
 use crate::trial::TrialKind;
 
@@ -141,6 +142,27 @@ impl Tables {
             stiffness_nm_rad: Estimate::new(0.1875, 0.0012),
             stiffness_configured_nm_rad: 0.188,
             damping_nm_s_rad: Estimate::new(0.00685, 0.00004),
+            law: Some(DecayLaw::Viscous),
+            viscous: DecayFit {
+                misfit_rad: 0.002,
+                misfit_over_noise: 1.04,
+                f: 0.7,
+                adequate: Some(true),
+                stiffness_nm_rad: Estimate::new(0.1875, 0.0012),
+                damping_nm_s_rad: Estimate::new(0.00685, 0.00004),
+                ..DecayFit::blank()
+            },
+            coulomb: DecayFit {
+                misfit_rad: 0.021,
+                misfit_over_noise: 16.2,
+                f: 1840.0,
+                adequate: Some(false),
+                stiffness_nm_rad: Estimate::new(0.1902, 0.0031),
+                joint_dry_nm: Estimate::new(0.0046, 0.0002),
+                ..DecayFit::blank()
+            },
+            misfit_over_noise_limit: 2.0,
+            f_limit: 9.8,
             status: FitStatus::Ok,
             ..RobotParameterRow::blank()
         };
