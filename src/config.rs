@@ -98,6 +98,12 @@ pub struct Fit {
     pub skid_bounds_kg_s: [f64; 2],
     /// Bounds of every free roll coefficient, or of their sum, kg/s.
     pub roll_bounds_kg_s: [f64; 2],
+    /// Bounds of every free coefficient of dry friction, N.
+    pub dry_bounds_n: [f64; 2],
+    /// Bounds of the transition speed where it is free, m/s.
+    pub transition_bounds_m_s: [f64; 2],
+    /// Bounds of the Stribeck speed where it is free, m/s.
+    pub stribeck_bounds_m_s: [f64; 2],
     /// Bounds of the passive joint's stiffness where it is free, N m/rad.
     pub stiffness_bounds_nm_rad: [f64; 2],
     /// Bounds of the passive joint's damping where it is free, N m s/rad.
@@ -171,6 +177,25 @@ pub struct RobotConfig {
     pub inertia_kg_m2: [f64; 3],
     pub roll_kg_s: [f64; 3],
     pub skid_kg_s: [f64; 3],
+    /// Dry friction across the wheels: N, or of `load_n`. Needed where a model knows it, as what
+    /// follows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skid_dry_n: Option<[f64; 3]>,
+    /// The same at low speeds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skid_static_n: Option<[f64; 3]>,
+    /// The speed that is low.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stribeck_m_s: Option<f64>,
+    /// Dry friction along the wheels: N, or of `load_n`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roll_dry_n: Option<[f64; 3]>,
+    /// Speed within which dry friction changes its sign.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transition_m_s: Option<f64>,
+    /// What the wheels bear: then dry friction is in coefficients.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub load_n: Option<[f64; 3]>,
     /// Needed where a gait leaves a joint passive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_nm_rad: Option<f64>,
@@ -283,6 +308,8 @@ impl<T: Serialize, N: Serialize> Serialize for NamedEntry<T, N> {
     }
 }
 
+/// Within which dry friction changes its sign, of robots that do not say, m/s.
+const TRANSITION_M_S: f64 = 0.005;
 /// The default of every key.
 const DEFAULTS: &str = include_str!("config/defaults.toml");
 /// Families of which naming one entry replaces all.
@@ -361,8 +388,12 @@ impl Config {
 }
 
 impl RobotConfig {
-    /// The robot in SI units; a robot without a spring has none.
+    /// The robot in SI units; a robot without a spring has none, nor one without dry friction any.
     pub fn to_robot(&self) -> Robot {
+        let load_n = self.load_n.unwrap_or([1.0; 3]);
+        let dry_n = |of: Option<[f64; 3]>| {
+            of.map_or([0.0; 3], |of| std::array::from_fn(|wheel| of[wheel] * load_n[wheel]))
+        };
         Robot {
             h_m: self.h_m,
             l_m: self.l_m,
@@ -374,7 +405,11 @@ impl RobotConfig {
             stiffness_nm_rad: self.stiffness_nm_rad.unwrap_or(0.0),
             damping_nm_s_rad: self.damping_nm_s_rad.unwrap_or(0.0),
             rest_angle_rad: self.rest_angle_deg.unwrap_or(0.0).to_radians(),
-            ..Robot::kinematic()
+            skid_dry_n: dry_n(self.skid_dry_n),
+            skid_static_n: dry_n(self.skid_static_n),
+            stribeck_m_s: self.stribeck_m_s.unwrap_or(0.0),
+            roll_dry_n: dry_n(self.roll_dry_n),
+            transition_m_s: self.transition_m_s.unwrap_or(TRANSITION_M_S),
         }
     }
 }

@@ -286,7 +286,7 @@ fn a_model_that_is_not_configured_or_wrongly_so_is_named() {
             "models = [\"skid-rol\"]",
             &[
                 "pipeline.toml: key `campaign.kinematic-symmetric.models`: found `skid-rol`",
-                "needed one of `no-skid`, ",
+                "needed one of `coulomb`, ",
                 "did you mean `skid-roll`?",
             ],
         ),
@@ -303,6 +303,15 @@ fn a_model_that_is_not_configured_or_wrongly_so_is_named() {
         let change = |folder: &Folder| folder.replace("pipeline.toml", old, new);
         assert_nothing_done(change, "run", named);
     }
+    // What a campaign's models need of its robot.
+    let own = "models = [\"ours\"]";
+    let model = "[model.ours]\nskid = \"coulomb\"\nroll = \"coulomb\"\n[fit]";
+    let change = |folder: &Folder| {
+        folder.replace("pipeline.toml", line, own);
+        folder.replace("pipeline.toml", "[fit]", model);
+    };
+    let named = ["`robot.kinematic.roll_dry_n`: found \"nothing\"", "`ours` (skid = \"coulomb\""];
+    assert_nothing_done(change, "run", &named);
 }
 
 #[test]

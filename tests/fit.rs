@@ -9,7 +9,7 @@ use trilink::fit::{FitData, FitInput, Fitted, Objective, fit};
 use trilink::metrics::{Estimate, GaitMetrics, MotionStatus};
 use trilink::motion::{Laws, Model, Problem, REFERENCE_ACCURACY};
 use trilink::robot::decay::DecayLaw;
-use trilink::robot::{JointCommand, Parameter};
+use trilink::robot::{JointCommand, Parameter, Robot};
 use trilink::store::{
     Columns as _, FitRow, FitStatus, JointGait, PredictionSource, RobotParameterRow, TrialRow,
     TrialStatus,
@@ -191,6 +191,37 @@ fn a_model_of_one_s_own_is_fitted_as_a_shipped_one_with_its_laws() {
     let ours = fits.iter().find(|row| row.model == own).unwrap();
     assert_eq!((ours.gait_input, ours.j), (GaitInput::Commanded, shipped.j));
     assert!(alternatives.iter().all(|row| row.model != own));
+}
+
+#[test]
+fn data_of_dry_friction_give_back_its_coefficients() {
+    let reference = &REFERENCES[1];
+    let mut config = quick(reference);
+    config.fit.starts = 2;
+    let model = Model::new("coulomb");
+    config.campaign.get_mut(reference.campaign).unwrap().models = vec![model, Model::SKID_ROLL];
+    let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
+    let planted = [2.2, 0.7, 1.0];
+    let truth = Robot { skid_dry_n: planted, ..robot };
+    let mut rows = named(reference);
+    for row in &mut rows {
+        let (robot, laws, omega_rad_s) = (truth.clone(), Laws::COULOMB, row.omega_rad_s);
+        let problem = Problem { robot, gait, laws, omega_rad_s };
+        row.metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+    }
+    let Fitted { fits, predictions, .. } = fit(&config, &rows.into(), &|_| {});
+    let of = |model| fits.iter().find(|row| row.model == model).unwrap();
+    let (dry, viscous) = (of(model), of(Model::SKID_ROLL));
+    assert_eq!(dry.free, Parameter::SKID_DRY);
+    for (parameter, planted) in Parameter::SKID_DRY.into_iter().zip(planted) {
+        let found = dry.parameters[parameter];
+        assert!((found / planted - 1.0).abs() < 1e-3, "{parameter}: {found}");
+    }
+    assert_eq!(dry.parameters[Parameter::Transition], 0.005);
+    assert!(dry.parameters[Parameter::Skid0].is_nan());
+    assert!(viscous.parameters[Parameter::SkidDry0].is_nan());
+    assert!(dry.j < 1e-3 * viscous.j, "{} {}", dry.j, viscous.j);
+    assert!(predictions.iter().any(|row| row.model == model && row.metrics.d_m > 0.0));
 }
 
 #[test]

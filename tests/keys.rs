@@ -89,11 +89,12 @@ fn changed(key: &str, value: &Value) -> Value {
 /// Another value of a model's key, with which what it leaves free stays known.
 fn of_model(value: &Value) -> Value {
     match value {
-        Value::Array(free) if free.len() > 1 => vec!["skid1"].into(),
+        Value::Array(free) if free.len() > 1 => vec![free[1].clone()].into(),
         Value::Array(_) => vec!["stiffness"].into(),
         law => match law.as_str().unwrap() {
             "constrained" => "viscous",
-            "viscous" => "coulomb-viscous",
+            "viscous" | "coulomb" => "coulomb-viscous",
+            "coulomb-viscous" => "stribeck-viscous",
             "none" => "viscous",
             _ => "commanded",
         }

@@ -196,6 +196,38 @@ fn a_model_of_one_s_own_moves_by_its_laws() {
 }
 
 #[test]
+fn dry_friction_is_in_newtons_or_a_part_of_the_load() {
+    let d_m = |settings: &[&str]| {
+        let answers = simulate("kinematic-symmetric", "coulomb", "3.9", settings);
+        answers[0]["d_m"].as_f64().unwrap()
+    };
+    // As an independent program has it with these coefficients.
+    let known = d_m(&[]);
+    assert!(near(known, 0.4477698751, 1e-6), "{known}");
+    assert_eq!(d_m(&["skid_dry_n=1.8,0.9,0.9", "transition_m_s=0.005"]), known);
+    assert_eq!(d_m(&["load_n=7.2,3.6,3.6", "skid_dry_n=0.25,0.25,0.25"]), known);
+    let other = d_m(&["skid_dry0=2.4", "skid_dry2_n=0.7"]);
+    assert_eq!(d_m(&["skid_dry_n=2.4,0.9,0.7"]), other);
+    assert!((other / known - 1.0).abs() > 1e-3, "{other}");
+}
+
+#[test]
+fn what_a_robot_does_not_say_and_a_law_needs_is_named() {
+    let folder = empty_folder();
+    let own = "[model.ours]\nskid = \"stribeck\"\nroll = \"none\"\n";
+    std::fs::write(folder.path().join("pipeline.toml"), own).unwrap();
+    let motion = ["simulate", "kinematic-skewed", "--model", "ours", "--omega", "1"];
+    let output = trilink(folder.path(), &motion);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    for named in
+        ["`robot.kinematic.skid_static_n`", "`ours` (skid = \"stribeck\", roll = \"none\")"]
+    {
+        assert!(stderr.contains(named), "{stderr}");
+    }
+}
+
+#[test]
 fn unknown_names_are_answered_with_the_nearest_known_one() {
     let folder = empty_folder();
     for (campaign, model, near) in [

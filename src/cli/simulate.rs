@@ -13,7 +13,7 @@ use super::{Context, Failure, Outcome};
 use crate::config::{Config, ConfigError, did_you_mean, one_of};
 use crate::motion::Problem;
 use crate::report::{SimulationError, simulation_page};
-use crate::robot::Model;
+use crate::robot::{Model, Parameter};
 use crate::store::write_if_changed;
 use answer::Answer;
 
@@ -21,13 +21,13 @@ use answer::Answer;
 pub(super) struct Simulate {
     /// Name of a `[campaign.*]`.
     campaign: String,
-    /// Name of a `[model.*]`: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll or your own.
+    /// Name of a `[model.*]`: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll, coulomb, coulomb-viscous or your own.
     #[arg(long)]
     model: String,
     /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. May be given again.
     #[arg(long, required = true, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
-    /// Parameters of the robot: `skid_kg_s=104,34,45`, one or several.
+    /// Parameters of the robot: `skid_kg_s=104,34,45`, or of a wheel `skid_dry0=1.8`, one or several.
     #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Answer with the motion in which the robot ends that starts from rest.
@@ -60,7 +60,11 @@ impl Simulate {
                 )
                 .into());
             }
-            Some(found) => found.laws(),
+            Some(found) => {
+                let robot = &config.campaign[&self.campaign].robot;
+                config.check_laws(std::path::Path::new("--model"), robot, model)?;
+                found.laws()
+            }
             None => {
                 let needed = one_of(&self.model, &config.model, "");
                 return Err(format!("--model: found `{model}`, needed {needed}").into());
@@ -136,7 +140,9 @@ fn with_settings(
         let (key, value) = setting
             .split_once('=')
             .ok_or_else(|| format!("--set: found `{setting}`, needed KEY=VALUE"))?;
-        let value = if value.contains(',') { format!("[{value}]") } else { value.to_owned() };
+        let (key, value) =
+            of_wheel(key, value, &lines).unwrap_or_else(|| (key.to_owned(), value.to_owned()));
+        let value = if value.contains(',') { format!("[{value}]") } else { value };
         let kept = lines.lines().filter(|line| !line.starts_with(&format!("{key} ")));
         lines = kept.map(|line| format!("{line}\n")).collect();
         lines += &format!("{key} = {value}\n");
@@ -145,6 +151,21 @@ fn with_settings(
     }
     config.check(std::path::Path::new("--set"))?;
     Ok(config)
+}
+
+/// The robot's key that has a parameter, and its value: `skid_dry0=2` is the first of `skid_dry_n`
+/// among these lines.
+fn of_wheel(name: &str, value: &str, lines: &str) -> Option<(String, String)> {
+    let known = Parameter::ALL.into_iter().find(|of| [of.key(), of.name()].contains(&name))?;
+    let Some((before, after)) = known.name().split_once(|c: char| c.is_ascii_digit()) else {
+        return Some((known.name().to_owned(), value.to_owned()));
+    };
+    let wheel: usize = known.name()[before.len()..].chars().next()?.to_digit(10)? as usize;
+    let (key, robot) = (format!("{before}{after}"), lines.parse::<toml::Table>().ok()?);
+    let mut values: Vec<String> =
+        robot.get(&key)?.as_array()?.iter().map(toml::Value::to_string).collect();
+    *values.get_mut(wheel)? = value.to_owned();
+    Some((key, values.join(",")))
 }
 
 /// What is wrong with a setting, which has no lines.

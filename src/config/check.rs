@@ -7,13 +7,13 @@ use std::path::Path;
 
 use toml::Value;
 
-use super::{Campaign, Config, ConfigError, Free, ModelConfig, did_you_mean, nearest};
+use super::{Campaign, Config, ConfigError, ModelConfig, did_you_mean, nearest};
 use crate::pattern::{matches, matches_label};
 use crate::robot::{Gait, Model, Parameter};
 
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
-const RANGES: [(&str, f64, f64); 29] = [
+const RANGES: [(&str, f64, f64); 35] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -36,6 +36,12 @@ const RANGES: [(&str, f64, f64); 29] = [
     ("robot.*.inertia_kg_m2", 1e-9, 1e6),
     ("robot.*.roll_kg_s", 0.0, 1e6),
     ("robot.*.skid_kg_s", 0.0, 1e6),
+    ("robot.*.skid_dry_n", 0.0, 1e6),
+    ("robot.*.skid_static_n", 0.0, 1e6),
+    ("robot.*.roll_dry_n", 0.0, 1e6),
+    ("robot.*.load_n", 1e-6, 1e6),
+    ("robot.*.transition_m_s", 1e-6, 100.0),
+    ("robot.*.stribeck_m_s", 1e-6, 100.0),
     ("robot.*.stiffness_nm_rad", 0.0, 1e6),
     ("robot.*.damping_nm_s_rad", 0.0, 1e6),
     ("robot.*.rest_angle_deg", -180.0, 180.0),
@@ -87,11 +93,14 @@ impl Config {
         for (name, model) in &self.model {
             // Whether a joint is passive is the campaigns' to say.
             let key = format!("model.{name}.free");
-            check.free(&key, *name, model, &model.free, &Gait::passive_symmetric())?;
+            check.free(&key, *name, model, &model.free(), &Gait::passive_symmetric())?;
         }
         for (key, bounds) in [
             ("fit.skid_bounds_kg_s", self.fit.skid_bounds_kg_s),
             ("fit.roll_bounds_kg_s", self.fit.roll_bounds_kg_s),
+            ("fit.dry_bounds_n", self.fit.dry_bounds_n),
+            ("fit.transition_bounds_m_s", self.fit.transition_bounds_m_s),
+            ("fit.stribeck_bounds_m_s", self.fit.stribeck_bounds_m_s),
             ("fit.stiffness_bounds_nm_rad", self.fit.stiffness_bounds_nm_rad),
             ("fit.damping_bounds_nm_s_rad", self.fit.damping_bounds_nm_s_rad),
         ] {
@@ -141,6 +150,7 @@ impl Config {
         check.that(weighs, &key("weights"), weights, "at least one above 0")?;
         for model in models {
             check.entry(&self.model, model, &key("models"))?;
+            self.check_laws(check.path, robot, *model)?;
         }
         for (model, free) in &campaign.free {
             let key = key(&format!("free.{model}"));
@@ -148,7 +158,30 @@ impl Config {
             let hint = did_you_mean(model.name(), known.iter().copied());
             let needed = format!("one of the campaign's models `{}`{hint}", known.join("`, `"));
             check.that(models.contains(model), &key, &model.name(), &needed)?;
-            check.free(&key, *model, &self.model[model], free, &commanded)?;
+            check.free(&key, *model, &self.model[model], &free.0, &commanded)?;
+        }
+        Ok(())
+    }
+
+    /// Checks that a robot says what the laws of a model need; both are there.
+    pub(crate) fn check_laws(
+        &self,
+        path: &Path,
+        robot: &str,
+        model: Model,
+    ) -> Result<(), ConfigError> {
+        let (has, ModelConfig { skid, roll, .. }) = (&self.robot[robot], &self.model[&model]);
+        for (is_needed, is_there, key) in [
+            (skid.is_dry(), has.skid_dry_n.is_some(), "skid_dry_n"),
+            (skid.has_static(), has.skid_static_n.is_some(), "skid_static_n"),
+            (skid.has_static(), has.stribeck_m_s.is_some(), "stribeck_m_s"),
+            (roll.is_dry(), has.roll_dry_n.is_some(), "roll_dry_n"),
+        ] {
+            let needed = format!(
+                "{key}, which model `{model}` (skid = \"{skid}\", roll = \"{roll}\") has to know"
+            );
+            let key = format!("robot.{robot}.{key}");
+            (Checker { path }).that(!is_needed || is_there, &key, &"nothing", &needed)?;
         }
         Ok(())
     }
@@ -245,13 +278,13 @@ impl Checker<'_> {
         key: &str,
         name: Model,
         model: &ModelConfig,
-        free: &Free,
+        free: &[Parameter],
         gait: &Gait,
     ) -> Result<(), ConfigError> {
         let ModelConfig { skid, roll, .. } = model;
         let known = |one: &Parameter| model.laws().know(*one, gait);
         let joint = if gait.passive_joint().is_some() { "a" } else { "no" };
-        for (i, one) in free.0.iter().enumerate() {
+        for (i, one) in free.iter().enumerate() {
             let keys: Vec<&str> =
                 Parameter::ALL.into_iter().filter(known).map(Parameter::key).collect();
             let keys = if keys.is_empty() { "nothing".to_owned() } else { keys.join(", ") };
@@ -261,8 +294,8 @@ impl Checker<'_> {
             );
             self.that(known(one), key, &one.key(), &needed)?;
             let overlaps = |other: &Parameter| one.is_part_of(*other) || other.is_part_of(*one);
-            let repeated = free.0[..i].iter().any(overlaps);
-            self.that(!repeated, key, &free.0, "each coefficient once")?;
+            let repeated = free[..i].iter().any(overlaps);
+            self.that(!repeated, key, &free, "each coefficient once")?;
         }
         Ok(())
     }

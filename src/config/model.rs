@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::named::named;
-use crate::robot::{Laws, Model, Parameter, RollLaw, SkidLaw};
+use crate::robot::{Family, Laws, Model, Parameter, RollLaw, SkidLaw};
 
 /// Models by their names.
 pub type Models = BTreeMap<Model, ModelConfig>;
@@ -21,15 +21,27 @@ pub struct ModelConfig {
     /// What drives it, whatever `[fit] gait_input` says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub input: Option<GaitInput>,
-    /// What its fit leaves free where the campaign does not say. What the campaign's gait has no
-    /// joint for is left out.
-    pub free: Free,
+    /// What its fit leaves free where the campaign does not say; without it the coefficients of
+    /// skidding. What the campaign's gait has no joint for is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub free: Option<Free>,
 }
 
 impl ModelConfig {
     /// The laws of its wheels.
     pub fn laws(&self) -> Laws {
         Laws { skid: self.skid, roll: self.roll }
+    }
+
+    /// What its fit leaves free where the campaign does not say.
+    pub fn free(&self) -> Vec<Parameter> {
+        let of_skidding = |of: &Parameter| match of.family() {
+            Family::Skid => self.skid.is_viscous(),
+            Family::SkidDry => self.skid.is_dry(),
+            _ => false,
+        };
+        let by_default = || Parameter::ALL.into_iter().filter(of_skidding).collect();
+        self.free.as_ref().map_or_else(by_default, |Free(listed)| listed.clone())
     }
 
     /// Whether each trial's own gait drives it and no other: then it has no motion between the
@@ -60,8 +72,8 @@ impl GaitInput {
     }
 }
 
-/// What a model leaves free in its fit: a list of the parameters' names, where `skid` is short for
-/// the skid coefficients of all three wheels.
+/// What a model leaves free in its fit: a list of the parameters' names, where `skid`, `skid_dry` and
+/// `skid_static` are short for the coefficients of all three wheels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Free(pub Vec<Parameter>);
 
@@ -73,16 +85,19 @@ impl Serialize for Free {
 
 impl<'de> Deserialize<'de> for Free {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        const ALL_SKID: &str = "skid";
         let mut parameters = Vec::new();
         for name in Vec::<String>::deserialize(deserializer)? {
+            let of_wheel = |of: &Parameter| of.key().trim_end_matches(char::is_numeric) == name;
             match Parameter::ALL.into_iter().find(|parameter| parameter.key() == name) {
                 Some(parameter) => parameters.push(parameter),
-                None if name == ALL_SKID => parameters.extend(Parameter::SKID),
+                None if Parameter::ALL.iter().any(of_wheel) => {
+                    parameters.extend(Parameter::ALL.into_iter().filter(of_wheel));
+                }
                 None => {
                     let known = Parameter::ALL.map(Parameter::key).join("`, `");
                     return Err(serde::de::Error::custom(format!(
-                        "unknown variant `{name}`, expected one of `{ALL_SKID}`, `{known}`"
+                        "unknown variant `{name}`, expected one of `skid`, `skid_dry`, \
+                         `skid_static`, `{known}`"
                     )));
                 }
             }

@@ -64,28 +64,20 @@ impl FitInput {
             fit: config.fit.clone(),
         };
         if input.campaign.value.free.is_some() {
-            input.model.value.free = Free(Vec::new());
+            input.model.value.free = None;
         }
         let free = input.free();
-        let frees = |is: fn(Parameter) -> bool| free.iter().any(|one| is(one.parameter));
-        let (fit, unread) = (&mut input.fit, Config::default().fit);
-        if input.model.value.input.is_some() {
-            fit.gait_input = unread.gait_input;
+        let mut read = Config::default().fit;
+        for one in &free {
+            *bounds(one.parameter, &mut read) = one.bounds;
         }
+        let fit = &mut input.fit;
+        Parameter::ALL.into_iter().for_each(|of| *bounds(of, fit) = *bounds(of, &mut read));
         if free.is_empty() {
             (fit.starts, fit.profiles) = (1, false);
         }
-        if !frees(|one| one.family() == Family::Skid) {
-            fit.skid_bounds_kg_s = unread.skid_bounds_kg_s;
-        }
-        if !frees(|one| one.family() == Family::Roll) {
-            fit.roll_bounds_kg_s = unread.roll_bounds_kg_s;
-        }
-        if !frees(|one| one == Parameter::Stiffness) {
-            fit.stiffness_bounds_nm_rad = unread.stiffness_bounds_nm_rad;
-        }
-        if !frees(|one| one == Parameter::Damping) {
-            fit.damping_bounds_nm_s_rad = unread.damping_bounds_nm_s_rad;
+        if input.model.value.input.is_some() {
+            fit.gait_input = read.gait_input;
         }
         Some(input)
     }
@@ -192,12 +184,12 @@ impl FitInput {
     /// model's. What the motion does not depend on is left out.
     pub fn free(&self) -> Vec<FreeParameter> {
         let (model, gait) = (&self.model.value, self.gait.value.to_gait());
-        let Free(listed) = self.campaign.value.free.as_ref().unwrap_or(&model.free);
-        let known = listed.iter().filter(|parameter| model.laws().know(**parameter, &gait));
-        let fit = &self.fit;
-        known
-            .map(|&parameter| FreeParameter { parameter, bounds: bounds(parameter, fit) })
-            .collect()
+        let listed = self.campaign.value.free.clone();
+        let listed = listed.map_or_else(|| model.free(), |Free(listed)| listed).into_iter();
+        let known = listed.filter(|parameter| model.laws().know(*parameter, &gait));
+        let mut fit = self.fit.clone();
+        let free = |parameter| FreeParameter { parameter, bounds: *bounds(parameter, &mut fit) };
+        known.map(free).collect()
     }
 }
 
@@ -219,21 +211,16 @@ impl FreeParameter {
     }
 }
 
-/// Of dry friction.
-const DRY_BOUNDS_N: [f64; 2] = [0.01, 100.0];
-/// Of the speeds at which it changes.
-const SPEED_BOUNDS_M_S: [f64; 2] = [1e-4, 1.0];
-
-fn bounds(parameter: Parameter, fit: &Fit) -> [f64; 2] {
+/// The bounds of a parameter, which others may share.
+fn bounds(parameter: Parameter, fit: &mut Fit) -> &mut [f64; 2] {
     match (parameter.family(), parameter) {
-        (Family::Skid, _) => fit.skid_bounds_kg_s,
-        (Family::SkidDry | Family::RollDry, _) => DRY_BOUNDS_N,
-        (Family::Stribeck, Parameter::Stribeck) => SPEED_BOUNDS_M_S,
-        (Family::Stribeck, _) => DRY_BOUNDS_N,
-        (Family::Transition, _) => SPEED_BOUNDS_M_S,
-        (Family::Roll, _) => fit.roll_bounds_kg_s,
-        (Family::Joint, Parameter::Stiffness) => fit.stiffness_bounds_nm_rad,
-        (Family::Joint, _) => fit.damping_bounds_nm_s_rad,
+        (Family::Skid, _) => &mut fit.skid_bounds_kg_s,
+        (Family::Roll, _) => &mut fit.roll_bounds_kg_s,
+        (_, Parameter::Stribeck) => &mut fit.stribeck_bounds_m_s,
+        (Family::SkidDry | Family::Stribeck | Family::RollDry, _) => &mut fit.dry_bounds_n,
+        (Family::Transition, _) => &mut fit.transition_bounds_m_s,
+        (Family::Joint, Parameter::Stiffness) => &mut fit.stiffness_bounds_nm_rad,
+        (Family::Joint, _) => &mut fit.damping_bounds_nm_s_rad,
     }
 }
 
@@ -254,9 +241,9 @@ mod tests {
         let model = |config: &mut Config, name, change: fn(&mut ModelConfig)| {
             change(config.model.get_mut(&name).expect("a default"));
         };
-        model(&mut config, Model::SKID_ROLL, |other| other.free = Free(Vec::new()));
+        model(&mut config, Model::SKID_ROLL, |other| other.free = None);
         assert_eq!(of(&config), before);
-        model(&mut config, Model::SKID, |own| own.free = Free(vec![Parameter::Skid1]));
+        model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Parameter::Skid1])));
         let with_free = of(&config);
         assert_ne!(with_free, before);
         model(&mut config, Model::SKID, |own| own.input = Some(GaitInput::Commanded));
@@ -269,7 +256,7 @@ mod tests {
         let free = &mut config.campaign.get_mut(campaign).expect("the paper's").free;
         free.insert(Model::SKID, listed);
         let with_list = of(&config);
-        model(&mut config, Model::SKID, |own| own.free = Free(vec![Parameter::Skid2]));
+        model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Parameter::Skid2])));
         assert_eq!(of(&config), with_list);
     }
 

@@ -64,7 +64,7 @@ fn table(nth: usize, campaign: &str, input: &ReportInput, fits: &[&FitRow]) -> S
     let mut notes = Notes::default();
     let is_row = |of: &Parameter| {
         let in_a_model = fits.iter().any(|fit| fit.parameters[*of].is_finite());
-        in_a_model && (*of != Parameter::RollSum || fits.iter().any(|fit| fit.free.contains(of)))
+        in_a_model && (!of.is_sum() || fits.iter().any(|fit| fit.free.contains(of)))
     };
     let mut rows = Vec::new();
     for parameter in Parameter::ALL.into_iter().filter(is_row) {

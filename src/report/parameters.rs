@@ -26,13 +26,11 @@ pub struct FittedParameter {
 impl FittedParameter {
     /// What a fit says of a parameter.
     pub fn of(fit: &FitRow, parameter: Parameter) -> Self {
-        let sum = Parameter::RollSum;
-        // The three roll coefficients are as free as their sum.
-        let is_part = parameter != sum && parameter.is_part_of(sum);
-        let by_sum = is_part && !fit.free.contains(&parameter) && fit.free.contains(&sum);
-        let fitted = if by_sum { sum } else { parameter };
+        // The coefficients of three wheels are as free as their sum.
+        let sum = parameter.sum().filter(|sum| fit.free.contains(sum));
+        let fitted = sum.filter(|_| !fit.free.contains(&parameter)).unwrap_or(parameter);
         let value = fit.parameters[parameter];
-        let share = if by_sum { value / fit.parameters[sum] } else { 1.0 };
+        let share = if fitted == parameter { 1.0 } else { value / fit.parameters[fitted] };
         let free = fit.free.contains(&fitted);
         let is_measured = fit.measured.iter().any(|measured| parameter.is_part_of(*measured));
         let held = if is_measured { "measured" } else { "held" };

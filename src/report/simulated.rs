@@ -10,7 +10,6 @@ use crate::motion::{
 };
 use crate::report::ReportInput;
 use crate::report::tables::Tables;
-use crate::robot::Parameter;
 use crate::stats::extremes;
 use crate::store::{FitRow, PredictionSource, TrialRow};
 
@@ -37,7 +36,7 @@ pub fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Pro
     let mut problem = configured(input, &fit.campaign, fit.model, omega_rad_s)?;
     for (parameter, value) in fit.parameters.iter().filter(|(_, value)| value.is_finite()) {
         // The single coefficients are known wherever their sum is.
-        if parameter != Parameter::RollSum {
+        if !parameter.is_sum() {
             parameter.set(&mut problem.robot, *value);
         }
     }

@@ -184,7 +184,7 @@ pub fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
     for fit in tables.fits.iter().filter(|fit| fit.model == PLANTED_MODEL) {
         let Some(planted) = truth.campaigns.get(&fit.campaign) else { continue };
         known.extend(Parameter::ALL.into_iter().filter_map(|parameter| {
-            let is_told = parameter != Parameter::RollSum || fit.free.contains(&parameter);
+            let is_told = !parameter.is_sum() || fit.free.contains(&parameter);
             let planted = planted.of(parameter).filter(|_| is_told)?;
             let scatter = fit.scatter[parameter];
             let parameter = FittedParameter::of(fit, parameter);

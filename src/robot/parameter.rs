@@ -139,6 +139,16 @@ impl Parameter {
             || other == Self::RollDrySum && Self::ROLL_DRY.contains(&self)
     }
 
+    /// The sum that it is a part of.
+    pub fn sum(self) -> Option<Self> {
+        Self::ALL.into_iter().find(|other| *other != self && self.is_part_of(*other))
+    }
+
+    /// Whether it is the sum of others.
+    pub fn is_sum(self) -> bool {
+        Self::ALL.into_iter().any(|other| other.sum() == Some(self))
+    }
+
     /// Its value in a robot.
     pub fn of(self, robot: &Robot) -> f64 {
         match self {

@@ -25,12 +25,23 @@ pub fn sections(
     let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
     let section = |name: &str| {
+        let both = || tables.fits.iter().chain(&tables.alternative_fits);
+        let in_a_model = |parameter: &Parameter| {
+            both().any(|fit| fit.campaign == name && fit.parameters[*parameter].is_finite())
+        };
+        // A sum says nothing that its parts do not.
+        let shown = Parameter::ALL.into_iter().filter(|of| !of.is_sum() && in_a_model(of));
+        let shown: Vec<Parameter> = shown.collect();
         let fits = |fits: &[FitRow]| -> Vec<Value> {
             let fits = fits.iter().filter(|fit| fit.campaign == name);
-            fits.map(|fit| context! { fit => Serde(fit), parameters => Serde(parameters(fit)) })
-                .collect()
+            fits.map(|fit| {
+                let parameters = shown.iter().map(|of| FittedParameter::of(fit, *of));
+                let parameters: Vec<FittedParameter> = parameters.collect();
+                context! { fit => Serde(fit), parameters => Serde(parameters) }
+            })
+            .collect()
         };
-        let has_damping = |fit: &FitRow| fit.parameters[Parameter::Damping].is_finite();
+        let heads = shown.iter().map(|of| context! { label => of.label(), unit => of.unit() });
         let setup = input.campaigns().get(name);
         let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
         let trials = tables.trials.iter().filter(|row| row.campaign == name).count();
@@ -45,8 +56,7 @@ pub fn sections(
                 gait => setup.map(|campaign| &campaign.gait),
                 trials => trials,
                 figures => own_figures,
-                // Whether a model of it has a passive joint.
-                passive => tables.fits.iter().any(|fit| fit.campaign == name && has_damping(fit)),
+                parameters => heads.collect::<Vec<_>>(),
                 fits => own_fits,
                 // With the other gait than the configured one.
                 alternatives => fits(&tables.alternative_fits),
@@ -83,12 +93,6 @@ fn answer(name: &str, tables: &Tables, source: Source<'_>) -> Result<Value, Repo
         coefficients => free.iter().map(coefficient).collect::<Vec<_>>(),
         curve,
     })
-}
-
-/// All but the sum of the roll coefficients.
-fn parameters(fit: &FitRow) -> Vec<FittedParameter> {
-    let shown = Parameter::ALL.into_iter().filter(|parameter| *parameter != Parameter::RollSum);
-    shown.map(|parameter| FittedParameter::of(fit, parameter)).collect()
 }
 
 /// How often each key stands there.
