@@ -197,7 +197,7 @@ fn a_model_of_one_s_own_is_fitted_as_a_shipped_one_with_its_laws() {
 fn data_of_dry_friction_give_back_its_coefficients() {
     let reference = &REFERENCES[1];
     let mut config = quick(reference);
-    config.fit.starts = 2;
+    config.fit.starts = 1;
     let model = Model::new("coulomb");
     config.campaign.get_mut(reference.campaign).unwrap().models = vec![model, Model::SKID_ROLL];
     let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
