@@ -263,7 +263,10 @@ fn the_tables_have_the_documented_columns() {
     let metrics = "d_m v_m_s sigma0 sigma1 sigma2 alpha1_rad dtheta_rad";
     let trial = TRIALS[0];
     let parameters = "skid0_kg_s skid1_kg_s skid2_kg_s roll0_kg_s roll1_kg_s roll2_kg_s \
-                      roll_sum_kg_s stiffness_nm_rad damping_nm_s_rad";
+                      roll_sum_kg_s skid_dry0_n skid_dry1_n skid_dry2_n skid_static0_n \
+                      skid_static1_n skid_static2_n stribeck_m_s roll_dry0_n roll_dry1_n \
+                      roll_dry2_n roll_dry_sum_n transition_m_s stiffness_nm_rad \
+                      damping_nm_s_rad";
     let prefixed = |prefix: &str| {
         let names = parameters.split_whitespace().map(|name| format!("{prefix}{name}"));
         names.collect::<Vec<_>>().join(" ")
