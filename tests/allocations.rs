@@ -14,13 +14,30 @@ fn problems(omega_rad_s: f64) -> Vec<Problem> {
         (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL),
         (Robot::semi_passive(), Gait::passive_symmetric(), Laws::NO_SKID_ROLL),
     ];
-    kinds.map(|(robot, gait, laws)| Problem { robot, gait, laws, omega_rad_s }).into()
+    of(&kinds, omega_rad_s)
+}
+
+/// Under dry friction.
+fn dry_problems(omega_rad_s: f64) -> Vec<Problem> {
+    let kinds = [
+        (Robot::kinematic(), Gait::symmetric(), Laws::COULOMB),
+        (Robot::kinematic(), Gait::skewed(), Laws::COULOMB_VISCOUS),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::COULOMB),
+    ];
+    of(&kinds, omega_rad_s)
+}
+
+fn of(kinds: &[(Robot, Gait, Laws)], omega_rad_s: f64) -> Vec<Problem> {
+    let kinds = kinds.iter().cloned();
+    kinds.map(|(robot, gait, laws)| Problem { robot, gait, laws, omega_rad_s }).collect()
 }
 
 #[test]
 fn a_solution_after_the_first_allocates_nothing() {
-    // The slowest needs the most elements.
-    for (first, next) in problems(0.5).into_iter().zip(problems(3.9)) {
+    // The slowest needs the most elements, under dry friction none for sure.
+    let viscous = problems(0.5).into_iter().zip(problems(3.9));
+    let dry = dry_problems(3.9).into_iter().zip(dry_problems(3.9));
+    for (first, next) in viscous.chain(dry) {
         let mut solver = Solver::default();
         let mut solve = |problem: &Problem| {
             let counted = measure(|| {

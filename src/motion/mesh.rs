@@ -8,6 +8,9 @@ use super::radau::{RADAU, STAGES};
 use super::reduced::{Reduced, lanes};
 use crate::robot::{LANES, Lanes, Number};
 
+/// Most elements of a period.
+pub(super) const MOST_ELEMENTS: usize = 512;
+
 /// The state at phase 0 and those at the elements' stages.
 #[derive(Debug, Clone)]
 pub(super) struct States<const N: usize> {
@@ -167,6 +170,7 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
     /// Makes the elements equally long.
     pub fn divide(&mut self, count: usize) {
         self.bounds.clear();
+        self.bounds.reserve(MOST_ELEMENTS + 1);
         self.bounds.extend((0..=count).map(|k| k as f64 / count as f64));
     }
 
@@ -180,14 +184,15 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         self.durations_s.clear();
         for pack in 0..self.packs() {
             let of = |lane: usize| (pack * LANES + lane).min(self.count - 1);
-            let at = |fraction: f64| {
-                Lanes::new(std::array::from_fn(|lane| self.part_at(of(lane), fraction)))
-            };
-            let part = at(1.0) - at(0.0);
-            let nodes = RADAU.nodes.map(|node| model.node(Lanes::splat(span_rad) * at(node)));
+            let [start, end] = [0, 1]
+                .map(|after| Lanes::new(std::array::from_fn(|lane| self.bounds[of(lane) + after])));
+            let part = end - start;
             self.parts.push(part);
             self.durations_s.push(part * Lanes::splat(self.span_s));
-            self.nodes.extend(nodes);
+            for node in RADAU.nodes {
+                let part = start + part * Lanes::splat(node);
+                self.nodes.push(model.node(Lanes::splat(span_rad) * part));
+            }
         }
     }
 

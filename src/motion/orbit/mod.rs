@@ -16,7 +16,7 @@ use nalgebra::SMatrix;
 
 use super::cycle::{Cycle, measure};
 use super::element::{Element, Linearisation, solve_element};
-use super::mesh::{Mesh, States};
+use super::mesh::{MOST_ELEMENTS, Mesh, States};
 use super::path::Path;
 use super::radau::STAGES;
 use super::reduced::Reduced;
@@ -91,9 +91,8 @@ pub(super) enum Start<const N: usize> {
 /// Elements at first, per half period or per period.
 const COARSE_OF_HALF: usize = 2;
 const COARSE: usize = 6;
-/// Elements per period in the end at least and at most.
+/// Elements per period in the end at least.
 const FEWEST: usize = 8;
-const MOST_ELEMENTS: usize = 512;
 /// By how much finer the first elements are when Newton's method fails with coarse ones.
 const FINER: [usize; 3] = [1, 4, 16];
 /// How much larger the speed within which dry friction changes its sign is at first on the way to a
@@ -199,7 +198,8 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let (mut reached, mut aim) = (f64::INFINITY, SOFTEST);
         while let Some(softened) = model.softened(aim) {
             self.steps = 0;
-            self.softer.clone_from(&self.mesh.states);
+            self.softer.start = self.mesh.states.start;
+            self.softer.packs.clone_from(&self.mesh.states.packs);
             match self.newton(&softened, COARSE_STEP) {
                 Ok(()) if aim == 1.0 => return Ok(()),
                 Ok(()) => {
@@ -263,7 +263,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Replaces the elements by `count` others, shorter ones where the polynomials miss more.
     fn resample(&mut self, model: &R, count: usize) {
-        self.bounds_before.clone_from(&self.mesh.bounds);
+        self.bounds_before.clear();
+        self.bounds_before.reserve(MOST_ELEMENTS + 1);
+        self.bounds_before.extend_from_slice(&self.mesh.bounds);
         if R::IS_LINEAR {
             self.mesh.divide(count);
         } else {

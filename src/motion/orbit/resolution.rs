@@ -3,7 +3,7 @@
 use super::PeriodicOrbit;
 use super::newton::{keep_largest, largest_lane, largest_ratio};
 use crate::motion::element::{Stages, weighted};
-use crate::motion::mesh::in_turn;
+use crate::motion::mesh::{MOST_ELEMENTS, in_turn};
 use crate::motion::radau::{RADAU, STAGES};
 use crate::motion::reduced::{KinematicState, Reduced};
 use crate::robot::{LANES, Lanes, Number};
@@ -88,6 +88,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let weight = |k: usize| length(k) * (near(k) + LEAST * mean);
         let sum: f64 = (0..roughness.len()).map(weight).sum();
         mesh.bounds.clear();
+        mesh.bounds.reserve(MOST_ELEMENTS + 1);
         mesh.bounds.push(0.0);
         let mut passed = 0.0;
         for k in 0..roughness.len() {
