@@ -324,7 +324,7 @@ fn the_tables_have_the_documented_columns() {
              decay_sine_rad stiffness_nm_rad stiffness_nm_rad_se stiffness_configured_nm_rad damping_nm_s_rad damping_nm_s_rad_se \
              damping_configured_nm_s_rad joint_dry_nm joint_dry_nm_se mass_kg decay_1_s decay_1_s_se \
              roll_sum_kg_s roll_sum_kg_s_se roll_sum_configured_kg_s roll0_kg_s roll0_kg_s_se roll1_kg_s \
-             roll1_kg_s_se roll2_kg_s roll2_kg_s_se roll_dry_sum_n roll_dry_sum_n_se {laws} \
+             roll1_kg_s_se roll2_kg_s roll2_kg_s_se roll_dry_sum_n roll_dry_sum_n_se roll_dry_sum_configured_n {laws} \
              misfit_over_noise_limit f_limit status"
             ),
         ),

@@ -10,9 +10,10 @@ use crate::config::{
     RobotConfig, Weights,
 };
 use crate::robot::decay::DecayLaw;
-use crate::robot::{Family, Model, Parameter, Robot};
+use crate::robot::{Family, Model, Parameter, Robot, RollLaw};
 use crate::stats::{Estimate, mean};
 use crate::store::{CycleRow, RobotParameterRow, hash};
+use crate::trial::TrialKind;
 
 /// What one model of one campaign is fitted with.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -38,10 +39,11 @@ pub struct FitCampaign {
 type Measured = (Parameter, fn(&RobotParameterRow) -> Estimate);
 
 /// The parameters that joint-release and coast-down trials measure.
-const MEASURED: [Measured; 3] = [
+const MEASURED: [Measured; 4] = [
     (Parameter::Stiffness, |row| row.stiffness_nm_rad),
     (Parameter::Damping, |row| row.damping_nm_s_rad),
     (Parameter::RollSum, |row| row.roll_sum_kg_s),
+    (Parameter::RollDrySum, |row| row.roll_dry_sum_n),
 ];
 
 impl FitInput {
@@ -102,17 +104,24 @@ impl FitInput {
         self.measurements(data).into_iter().map(of_trial).collect()
     }
 
-    /// What trials of other kinds say of the robot whose laws are the models': without dry friction
-    /// in the joint and against rolling.
+    /// What trials of other kinds say of the robot that follow the model's laws: of rolling its own,
+    /// in the joint no dry friction.
     fn robot_rows<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
-        let is_viscous = |row: &&RobotParameterRow| row.law == Some(DecayLaw::Viscous);
-        data.robots.iter().filter(|row| row.robot == self.robot.name).filter(is_viscous)
+        let of_roll = match self.model.value.roll {
+            RollLaw::None | RollLaw::Viscous => DecayLaw::Viscous,
+            RollLaw::Coulomb => DecayLaw::Coulomb,
+            RollLaw::CoulombViscous => DecayLaw::CoulombViscous,
+        };
+        data.robots.iter().filter(|row| row.robot == self.robot.name).filter(move |row| {
+            let is_coast = row.kind == TrialKind::CoastDown;
+            row.law == Some(if is_coast { of_roll } else { DecayLaw::Viscous })
+        })
     }
 
     /// Hash of it.
     pub fn robots(&self, data: &FitData) -> String {
         let values = |row: &RobotParameterRow| MEASURED.map(|(_, of)| of(row).value);
-        let rows: Vec<[f64; 3]> = self.robot_rows(data).map(values).collect();
+        let rows: Vec<[f64; 4]> = self.robot_rows(data).map(values).collect();
         hash(format!("{rows:?}").as_bytes())
     }
 
@@ -267,13 +276,18 @@ mod tests {
             law: Some(DecayLaw::Viscous),
             ..RobotParameterRow::blank()
         };
-        let dry = Some(DecayLaw::CoulombViscous);
+        let coast = RobotParameterRow { kind: TrialKind::CoastDown, ..row("ours") };
         let found = |value: f64| Estimate { value, ..Estimate::MISSING };
         let rows = [
-            RobotParameterRow { roll_sum_kg_s: found(0.9), ..row("ours") },
-            RobotParameterRow { roll_sum_kg_s: found(1.5), ..row("ours") },
-            RobotParameterRow { roll_sum_kg_s: found(9.0), law: None, ..row("ours") },
-            RobotParameterRow { roll_sum_kg_s: found(9.0), law: dry, ..row("ours") },
+            RobotParameterRow { roll_sum_kg_s: found(0.9), ..coast.clone() },
+            RobotParameterRow { roll_sum_kg_s: found(1.5), ..coast.clone() },
+            RobotParameterRow { roll_sum_kg_s: found(9.0), law: None, ..coast.clone() },
+            RobotParameterRow {
+                roll_sum_kg_s: found(0.8),
+                roll_dry_sum_n: found(0.3),
+                law: Some(DecayLaw::CoulombViscous),
+                ..coast
+            },
             RobotParameterRow { stiffness_nm_rad: found(9.0), ..row("another") },
             RobotParameterRow { damping_nm_s_rad: found(0.01), ..row("ours") },
         ];
@@ -292,5 +306,11 @@ mod tests {
         for (found, expected) in robot.roll_kg_s.iter().zip([0.6, 0.3, 0.3]) {
             assert!((found - expected).abs() < 1e-12);
         }
+        // A model with dry rolling is told by trials that follow its law.
+        input.model.value.roll = RollLaw::CoulombViscous;
+        let (robot, measured) = input.measured_robot(&data);
+        let [roll, roll_dry] = [robot.roll_kg_s, robot.roll_dry_n].map(|of| of.iter().sum::<f64>());
+        assert!(measured.contains(&Parameter::RollDrySum), "{measured:?}");
+        assert!((roll - 0.8).abs() < 1e-12 && (roll_dry - 0.3).abs() < 1e-12, "{roll} {roll_dry}");
     }
 }

@@ -183,6 +183,7 @@ rows! {
         pub roll_kg_s: [Estimate; 3] as "roll{}_kg_s{}",
         /// Dry friction of the wheels together.
         pub roll_dry_sum_n: Estimate,
+        pub roll_dry_sum_configured_n: f64,
         /// What each law gives, whether or not the recording follows it.
         pub viscous: DecayFit as "viscous_{}",
         pub coulomb: DecayFit as "coulomb_{}",
@@ -229,20 +230,24 @@ pub struct RobotQuantity {
 }
 
 impl RobotParameterRow {
-    /// The fitted decay of a joint that was let go, rad, at a time after its release.
-    pub fn decay_rad(&self, after_s: f64) -> f64 {
+    /// The fitted decay of a joint that was let go, from its release on.
+    pub fn swing(&self) -> Swing {
         // Of a law without one of its parts that is missing.
         let part = |of: f64| if of.is_nan() { 0.0 } else { of };
         let [ratio, natural_rad_s] = [part(self.damping_ratio.value), self.natural_rad_s.value];
-        let swing = Swing {
+        Swing {
             rest_rad: self.rest_angle_rad.value,
             cosine_rad: self.decay_cosine_rad,
             sine_rad: self.decay_sine_rad,
             viscous_1_s: ratio * natural_rad_s,
             damped_rad_s: natural_rad_s * (1.0 - ratio.powi(2)).sqrt(),
             dry_rad: part(self.joint_dry_nm.value / self.stiffness_nm_rad.value),
-        };
-        swing.angle_rad(after_s).0
+        }
+    }
+
+    /// Its angle at a time after the release, rad.
+    pub fn decay_rad(&self, after_s: f64) -> f64 {
+        self.swing().angle_rad(after_s).0
     }
 
     /// What each law gives, with what the configuration has of it.
@@ -256,6 +261,7 @@ impl RobotParameterRow {
         let stiffness = (self.stiffness_nm_rad, self.stiffness_configured_nm_rad);
         let damping = (self.damping_nm_s_rad, self.damping_configured_nm_s_rad);
         let roll = (self.roll_sum_kg_s, self.roll_sum_configured_kg_s);
+        let roll_dry = (self.roll_dry_sum_n, self.roll_dry_sum_configured_n);
         [
             ("omega_n", "rad/s", (self.natural_rad_s, f64::NAN)),
             ("zeta", "", (self.damping_ratio, f64::NAN)),
@@ -263,7 +269,7 @@ impl RobotParameterRow {
             ("c_tau", Parameter::Damping.unit(), damping),
             ("T_tau", "N m", (self.joint_dry_nm, f64::NAN)),
             ("sum c_R", Parameter::RollSum.unit(), roll),
-            ("sum F_R", "N", (self.roll_dry_sum_n, f64::NAN)),
+            ("sum F_R", Parameter::RollDrySum.unit(), roll_dry),
         ]
         .into_iter()
         .map(|(name, unit, (measured, configured))| RobotQuantity {

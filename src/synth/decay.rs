@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use crate::robot::Robot;
+use crate::robot::decay::Coast;
 
 /// How far the passive joint is turned from its rest, rad, and how long it is held, s.
 const RELEASED_RAD: std::ops::Range<f64> = 0.45..0.55;
@@ -31,6 +32,8 @@ pub struct DecayTruth {
     pub damping_ratio: Option<f64>,
     pub roll_kg_s: Option<[f64; 3]>,
     pub roll_sum_kg_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roll_dry_sum_n: Option<f64>,
 }
 
 /// A motion as `(x, y, theta, phi1, phi2)` of every frame, m and rad, and what it follows from.
@@ -81,7 +84,8 @@ pub(super) fn released(
     })
 }
 
-/// The straight robot at rest, pushed, and coasting; `None` if nothing resists it.
+/// The straight robot at rest, pushed, and coasting against viscous and dry resistance; `None` if
+/// nothing resists it.
 pub(super) fn coasting(
     name: &str,
     robot: &Robot,
@@ -89,19 +93,21 @@ pub(super) fn coasting(
     random: &mut ChaCha8Rng,
 ) -> Option<Decay> {
     let roll_sum_kg_s: f64 = robot.roll_kg_s.iter().sum();
-    let decay = roll_sum_kg_s / robot.mass_kg.iter().sum::<f64>();
-    if decay <= 0.0 {
+    let roll_dry_sum_n: f64 = robot.roll_dry_n.iter().sum();
+    let mass_kg: f64 = robot.mass_kg.iter().sum();
+    let speed = random.random_range(PUSHED_M_S);
+    let coast = Coast::from([0.0, speed, roll_sum_kg_s / mass_kg, roll_dry_sum_n / mass_kg]);
+    let stops_s = (-SPEED_LEFT.ln() / coast.viscous_1_s).min(coast.stops_s() + REST_S);
+    if !(stops_s > 0.0 && stops_s.is_finite()) {
         return None;
     }
-    let speed = random.random_range(PUSHED_M_S);
     let begin_s = REST_S + PUSH_S;
-    let duration_s = (begin_s - SPEED_LEFT.ln() / decay).min(LONGEST_S);
+    let duration_s = (begin_s + stops_s).min(LONGEST_S);
     let at = |frame: usize| {
         let t = frame as f64 / rate_hz;
         let pushed = (t - REST_S).clamp(0.0, PUSH_S);
         let coasted = (t - begin_s).max(0.0);
-        let path_m = 0.5 * speed / PUSH_S * pushed * pushed
-            + speed / decay * (1.0 - (-decay * coasted).exp());
+        let path_m = 0.5 * speed / PUSH_S * pushed * pushed + coast.path_m(coasted).0;
         [path_m, 0.0, 0.0, 0.0, 0.0]
     };
     Some(Decay {
@@ -110,7 +116,34 @@ pub(super) fn coasting(
             robot: name.to_owned(),
             roll_kg_s: Some(robot.roll_kg_s),
             roll_sum_kg_s: Some(roll_sum_kg_s),
+            roll_dry_sum_n: Some(roll_dry_sum_n).filter(|dry| *dry > 0.0),
             ..DecayTruth::default()
         },
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+
+    #[test]
+    fn a_robot_with_dry_wheels_coasts_until_it_stops() {
+        let of = |roll_kg_s, roll_dry_n| {
+            let robot = Robot { roll_kg_s, roll_dry_n, ..Robot::kinematic() };
+            coasting("ours", &robot, 120.0, &mut ChaCha8Rng::seed_from_u64(1))
+        };
+        let decay = of([0.0; 3], [0.4, 0.2, 0.2]).expect("it is resisted");
+        let path_m: Vec<f64> = decay.coordinates.iter().map(|state| state[0]).collect();
+        // Pushed over 0.5 s to a speed, which friction takes over twice its way.
+        let pushed_m = path_m[108];
+        let speed_m_s = 2.0 * pushed_m / PUSH_S;
+        let way_m = 0.5 * speed_m_s.powi(2) * 1.44 / 0.8;
+        let [.., before, last] = path_m[..] else { panic!("it has frames") };
+        assert_eq!(before, last);
+        assert!((last - pushed_m - way_m).abs() < 1e-9, "{last} {pushed_m} {way_m}");
+        assert_eq!(decay.truth.roll_dry_sum_n, Some(0.8));
+        assert!(of([0.0; 3], [0.0; 3]).is_none());
+    }
 }

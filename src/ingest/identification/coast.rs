@@ -117,6 +117,7 @@ pub fn measure(
         roll_sum_configured_kg_s: configured,
         roll_kg_s: robot.roll_kg_s.map(roll),
         roll_dry_sum_n: told(DRY, mass_kg),
+        roll_dry_sum_configured_n: robot.roll_dry_n.iter().sum(),
         viscous,
         coulomb,
         coulomb_viscous,

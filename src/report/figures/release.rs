@@ -22,7 +22,9 @@ pub fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording) -> Opt
     let joint = usize::try_from(row.joint - 1).ok().filter(|joint| *joint < 2)?;
     let phi = &recording.phi_rad[joint];
     let released_s = row.released_s;
-    let end_s = released_s - REST.ln() / (row.damping_ratio.value * row.natural_rad_s.value);
+    let swing = row.swing();
+    let decays_s = (-REST.ln() / swing.viscous_1_s).min(swing.stops_s() + BEFORE_S);
+    let end_s = released_s + decays_s;
     if !(row.decay_rad(0.0) + end_s).is_finite() || end_s <= released_s {
         return None;
     }
@@ -33,13 +35,19 @@ pub fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording) -> Opt
         (after_s, DEG * row.decay_rad(after_s))
     });
     let of = |estimate: Estimate| with_error(estimate.value, estimate.se);
-    let [natural, ratio] = [of(row.natural_rad_s), of(row.damping_ratio)];
+    let known = |estimate: Estimate| estimate.value.is_finite().then(|| of(estimate));
+    let damping = [
+        known(row.damping_ratio).map(|of| format!("damping ratio {of}")),
+        known(row.damping_ratio_decrement).map(|of| format!("by logarithmic decrement {of}")),
+    ];
+    let damping = damping.into_iter().flatten();
+    let dry = known(row.joint_dry_nm).map(|of| format!("dry friction {of} N m"));
     let panel = Panel {
-        notes: vec![
-            format!("natural frequency {natural} rad/s"),
-            format!("damping ratio {ratio}"),
-            format!("by logarithmic decrement {}", of(row.damping_ratio_decrement)),
-        ],
+        notes: vec![format!("natural frequency {} rad/s", of(row.natural_rad_s))]
+            .into_iter()
+            .chain(damping)
+            .chain(dry)
+            .collect(),
         ..Panel::new(
             format!("Joint {} of robot {}", row.joint, row.robot),
             "Time after release (s)",
@@ -56,7 +64,8 @@ pub fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording) -> Opt
         trial => &row.trial,
         inertia => significant(row.inertia_kg_m2, 4),
         stiffness => of(row.stiffness_nm_rad),
-        damping => of(row.damping_nm_s_rad),
+        damping => known(row.damping_nm_s_rad),
+        dry => known(row.joint_dry_nm),
     };
     Some(Figure::new(stem, texts("release", values), &[], Layout::Stack, vec![panel]))
 }
@@ -94,6 +103,19 @@ mod tests {
         for point in fitted.points.iter().chain(free) {
             assert!((point.y - DEG * swing(point.x)).abs() < 1e-9, "{point:?}");
         }
+        // By dry friction alone, until that holds it.
+        let dry = RobotParameterRow {
+            damping_ratio: Estimate::MISSING,
+            stiffness_nm_rad: Estimate::new(0.1, f64::NAN),
+            joint_dry_nm: Estimate::new(0.003, f64::NAN),
+            ..row.clone()
+        };
+        let figure = super::figure("release", &dry, &recording).expect("it swings, too");
+        let notes = figure.panels[0].notes.concat();
+        assert!(notes.contains("dry friction 0.003") && !notes.contains("damping"), "{notes}");
+        let end = figure.panels[0].layers[1].points.last().expect("points");
+        assert!((end.x - dry.swing().stops_s() - 0.2).abs() < 1e-9, "{end:?}");
+        assert!((end.y - DEG * dry.decay_rad(9.0)).abs() < 1e-9, "{end:?}");
         let unknown = RobotParameterRow { released_s: f64::NAN, ..row };
         assert!(super::figure("release", &unknown, &recording).is_none());
     }
