@@ -105,3 +105,23 @@ impl<'de> Deserialize<'de> for Free {
         Ok(Self(parameters))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_that_does_not_say_what_is_free_frees_how_it_skids() {
+        let free = |text: &str| toml::from_str::<ModelConfig>(text).map(|model| model.free());
+        assert_eq!(free("skid = \"viscous\"\nroll = \"none\""), Ok(Parameter::SKID.into()));
+        assert_eq!(free("skid = \"stribeck\"\nroll = \"coulomb\""), Ok(Parameter::SKID_DRY.into()));
+        let both = [Parameter::SKID, Parameter::SKID_DRY].concat();
+        assert_eq!(free("skid = \"coulomb-viscous\"\nroll = \"none\""), Ok(both));
+        assert_eq!(free("skid = \"constrained\"\nroll = \"viscous\""), Ok(Vec::new()));
+        // Lists name all wheels at once, or one, or sums.
+        let listed =
+            "skid = \"stribeck\"\nroll = \"coulomb\"\nfree = [\"skid_static\", \"roll_dry\"]";
+        let names: Vec<&str> = free(listed).iter().flatten().map(|of| of.key()).collect();
+        assert_eq!(names, ["skid_static0", "skid_static1", "skid_static2", "roll_dry"]);
+    }
+}
