@@ -52,6 +52,9 @@ named! {
     /// What there is of a steady motion.
     pub enum MotionStatus {
         Stable = "stable",
+        /// Stable, and one of two that are each other's mirror image half a period later: the one that
+        /// is its own, as the commands are, is unstable.
+        SymmetryBroken = "symmetry-broken",
         Unstable = "unstable",
         /// None: the gait crosses det W_b = 0 without meeting condition (5).
         Singular = "singular",
@@ -63,9 +66,18 @@ named! {
 }
 
 impl MotionStatus {
-    /// Of the modulus of the largest Floquet multiplier, if there is one.
-    pub fn of_floquet(modulus: Option<f64>) -> Self {
-        if modulus.is_some_and(|modulus| modulus >= 1.0) { Self::Unstable } else { Self::Stable }
+    /// By the modulus of the largest Floquet multiplier, if there is one.
+    pub fn new(modulus: Option<f64>, is_symmetry_broken: bool) -> Self {
+        match (modulus.is_some_and(|modulus| modulus >= 1.0), is_symmetry_broken) {
+            (true, _) => Self::Unstable,
+            (false, true) => Self::SymmetryBroken,
+            (false, false) => Self::Stable,
+        }
+    }
+
+    /// Whether a robot that is nearby gets into it.
+    pub fn is_stable(self) -> bool {
+        matches!(self, Self::Stable | Self::SymmetryBroken)
     }
 }
 
@@ -77,5 +89,40 @@ named! {
         Another = "another",
         /// Into none.
         Unsettled = "unsettled",
+    }
+}
+
+named! {
+    /// What the motions of a branch have alike.
+    pub enum BranchKind {
+        /// Each is its own mirror image half a period later.
+        Symmetric = "symmetric",
+        /// Each repeats itself after a period, under commands that are not their own mirror image.
+        Periodic = "periodic",
+        /// One of two that are each other's mirror image half a period later.
+        SymmetryBroken = "symmetry-broken",
+        /// Each repeats itself after two periods.
+        PeriodDoubled = "period-doubled",
+    }
+}
+
+named! {
+    /// What happens at a point of a branch.
+    pub enum Bifurcation {
+        /// The parameter turns round.
+        Fold = "fold",
+        /// Two branches begin, or end, the motions of which are each other's mirror image.
+        SymmetryBreaking = "symmetry-breaking",
+        /// A branch of twice the period begins, or ends.
+        PeriodDoubling = "period-doubling",
+        /// A pair of complex multipliers leaves the unit circle, or enters it (Neimark and Sacker).
+        Torus = "torus",
+    }
+}
+
+impl BranchKind {
+    /// Periods of the command after which each motion repeats itself.
+    pub fn periods(self) -> i64 {
+        if self == Self::PeriodDoubled { 2 } else { 1 }
     }
 }

@@ -704,7 +704,9 @@ fn calibrated_markers_can_be_pasted_into_the_configuration() {
 fn every_subcommand_explains_itself() {
     let folder = empty_folder();
     let help = succeed(folder.path(), &["--help"]);
-    for command in ["demo", "run", "ingest", "fit", "report", "check", "simulate", "synth"] {
+    for command in
+        ["demo", "run", "ingest", "fit", "report", "check", "simulate", "branches", "synth"]
+    {
         assert!(help.contains(&format!("\n  {command} ")), "{command}: {help}");
         let help = succeed(folder.path(), &[command, "--help"]);
         assert!(help.contains(&format!("Usage: trilink {command}")), "{help}");

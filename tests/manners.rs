@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use common::{Small, files, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 
-const COMMANDS: [&str; 14] = [
+const COMMANDS: [&str; 15] = [
     "demo",
     "run",
     "ingest",
@@ -22,6 +22,7 @@ const COMMANDS: [&str; 14] = [
     "compare",
     "inspect",
     "simulate",
+    "branches",
     "export",
     "synth",
     "completions",

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use trilink::motion::{
     Attractor, Laws, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
 };
-use trilink::robot::{Gait, JointCommand, Robot};
+use trilink::robot::{Gait, JointCommand, Parameter, Robot};
 
 fn settle(problem: &Problem) -> Result<Attractor, MotionError> {
     Solver::default().settle(problem, REFERENCE_ACCURACY)
@@ -118,6 +118,90 @@ fn a_motion_that_does_not_settle_is_said_not_to() {
     let error = settle(&problem).unwrap_err();
     assert!(matches!(error, MotionError::Unsettled { cycles: 500, .. }), "{error}");
     assert_eq!(error.status(), MotionStatus::Diverged);
+}
+
+/// The paper's simulated semi-passive robot with next to no damping, beyond the frequency at which the
+/// motion that is its own mirror image loses its stability.
+fn with_broken_symmetry() -> Problem {
+    Problem {
+        robot: Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
+        gait: Gait::passive_symmetric(),
+        laws: Laws::SKID_ROLL,
+        omega_rad_s: 11.5,
+    }
+}
+
+#[test]
+fn a_motion_that_has_lost_its_symmetry_is_found_over_the_whole_period() {
+    let problem = with_broken_symmetry();
+    let mut solver = Solver::default();
+    let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+    assert_eq!(solver.status(), Ok(MotionStatus::SymmetryBroken));
+    // From an independent integration from rest.
+    assert!((metrics.d_m - 17.32122e-3).abs() < 1e-8, "{metrics:?}");
+    assert!((metrics.dtheta_rad.abs() - 0.00206734).abs() < 1e-8, "{metrics:?}");
+    let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
+    assert!((work_j - loss_j).abs() < 1e-8 * work_j, "{work_j} {loss_j}");
+    // A cycle of it ends as it says.
+    let cycle = solver.cycle(48).unwrap();
+    let end = cycle.last().unwrap().pose;
+    assert!((end.x_m.hypot(end.y_m) - metrics.d_m).abs() < 1e-9, "{end:?}");
+    assert!((end.theta_rad - metrics.dtheta_rad).abs() < 1e-9, "{end:?}");
+    let settled = settle(&problem).unwrap();
+    assert!(settled.is_found_first && (10..30).contains(&settled.cycles), "{settled:?}");
+    assert_eq!(settled.motion.metrics.d_m, metrics.d_m);
+    let followed_m = followed_d_m(&problem, 800);
+    assert!((followed_m - metrics.d_m).abs() < 1e-7, "{followed_m} {metrics:?}");
+}
+
+#[test]
+fn the_opposite_phase_gives_the_mirror_image_of_a_motion_without_symmetry() {
+    let problem = with_broken_symmetry();
+    let mut opposite = problem.clone();
+    opposite.gait.joints[1].as_mut().unwrap().phase_rad += std::f64::consts::PI;
+    let [one, other] =
+        [problem, opposite].map(|problem| problem.solve(REFERENCE_ACCURACY).unwrap().metrics);
+    assert!((one.d_m - other.d_m).abs() < 1e-10, "{one:?} {other:?}");
+    assert!((one.dtheta_rad + other.dtheta_rad).abs() < 1e-10, "{one:?} {other:?}");
+}
+
+#[test]
+fn the_derivatives_of_a_motion_without_symmetry_are_those_of_its_differences() {
+    let mut problem = with_broken_symmetry();
+    let mut solver = Solver::default();
+    solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+    let derivatives = solver.derivatives().unwrap();
+    let mut differences = |set: &dyn Fn(&mut Problem, f64), step: f64| {
+        let mut at = |by: f64| {
+            let mut problem = problem.clone();
+            set(&mut problem, by);
+            // Warm: on the same one of the two.
+            let metrics = solver.solve(&problem, 1e-12).unwrap();
+            assert_eq!(solver.status(), Ok(MotionStatus::SymmetryBroken));
+            metrics.to_array()
+        };
+        let (above, below) = (at(step), at(-step));
+        std::array::from_fn::<f64, 7, _>(|i| (above[i] - below[i]) / (2.0 * step))
+    };
+    let same = |name: &str, known: [f64; 7], found: [f64; 7]| {
+        for i in 0..7 {
+            let size = found[i].abs().max(1e-3 * found.iter().fold(0.0_f64, |m, x| m.max(x.abs())));
+            assert!((known[i] - found[i]).abs() < 1e-4 * size, "{name} {i}: {known:?} {found:?}");
+        }
+    };
+    let omega = differences(&|problem, by| problem.omega_rad_s += by, 1e-4);
+    same("omega", derivatives.omega.to_array(), omega);
+    for parameter in [Parameter::Damping, Parameter::Stiffness, Parameter::Skid1, Parameter::Roll0]
+    {
+        let value = parameter.of(&problem.robot);
+        let set = |problem: &mut Problem, by: f64| parameter.set(&mut problem.robot, value + by);
+        let found = differences(&set, 1e-5 * value);
+        same(parameter.name(), derivatives.parameters[parameter].to_array(), found);
+    }
+    problem.omega_rad_s = 9.0;
+    // Where the symmetric motion is stable again, a warm solver comes back to it.
+    let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+    assert_eq!((solver.status(), metrics.dtheta_rad), (Ok(MotionStatus::Stable), 0.0));
 }
 
 #[test]

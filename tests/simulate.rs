@@ -128,6 +128,25 @@ fn a_robot_that_cannot_skid_goes_as_far_at_every_frequency() {
 }
 
 #[test]
+fn a_motion_that_has_lost_its_symmetry_says_so_and_where_it_goes_from_rest() {
+    let settings = ["stiffness_nm_rad=0.188", "damping_nm_s_rad=0.0005"];
+    let answers = simulate("semi-passive-symmetric", "skid-roll", "11.5", &settings);
+    let [answer] = &answers[..] else { panic!("{} answers", answers.len()) };
+    assert_eq!(answer["status"], "symmetry-broken");
+    assert_eq!(answer["from_rest"], "reached");
+    let number = |key: &str| answer[key].as_f64().expect("a number");
+    assert!(near(number("d_m"), 17.32122e-3, 1e-6), "{answer}");
+    assert!(near(number("dtheta_rad").abs(), 0.00206734, 2e-6), "{answer}");
+    assert!(number("floquet") < 1.0 && (10.0..30.0).contains(&number("cycles_to_settle")));
+    let arguments =
+        ["simulate", "semi-passive-symmetric", "--model", "skid-roll", "--omega", "11.5"];
+    let arguments = [&arguments[..], &["--set", settings[0], settings[1]]].concat();
+    let table = succeed(empty_folder().path(), &arguments);
+    let says = "symmetry-broken: one of two that are each other's mirror image, from rest after";
+    assert!(table.contains(says), "{table}");
+}
+
+#[test]
 fn a_singular_gait_has_no_numbers_but_a_reason() {
     let folder = empty_folder();
     let mut config = Config::default();

@@ -1,6 +1,7 @@
 //! The command line, one file per subcommand. Results go to standard output, progress and
 //! messages to standard error.
 
+mod branches;
 mod calibrate;
 mod check;
 mod compare;
@@ -94,6 +95,9 @@ enum Command {
     /// Solve for a model's steady motion.
     #[command(after_help = include_str!("examples/simulate.txt").trim_end())]
     Simulate(simulate::Simulate),
+    /// Follow a model's steady motions over a parameter: folds, lost symmetry, doubled periods.
+    #[command(after_help = include_str!("examples/branches.txt").trim_end())]
+    Branches(branches::Branches),
     /// Write trials with a known truth, as the camera system would.
     #[command(after_help = include_str!("examples/synth.txt").trim_end())]
     Synth(synth::Synth),
@@ -208,6 +212,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Inspect(command) => command.run(context()?),
         Command::Export(command) => command.run(&context()?),
         Command::Simulate(command) => command.run(context()?),
+        Command::Branches(command) => command.run(context()?),
         Command::Synth(command) => command.run(context()?),
         // These need no configuration.
         Command::Completions(command) => command.run(),

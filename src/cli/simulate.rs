@@ -13,7 +13,7 @@ use super::{Context, Failure, Outcome};
 use crate::config::{Config, ConfigError, did_you_mean, one_of};
 use crate::motion::Problem;
 use crate::report::{SimulationError, simulation_page};
-use crate::robot::{Model, Parameter};
+use crate::robot::{Laws, Model, Parameter};
 use crate::store::write_if_changed;
 use answer::Answer;
 
@@ -51,25 +51,7 @@ impl Simulate {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let config = with_settings(context.config, &self.campaign, &self.set)?;
         let (robot, gait) = config.campaign_setup(&self.campaign).ok_or("no such campaign")?;
-        let model = Model::new(&self.model);
-        let laws = match config.model.get(&model) {
-            Some(found) if found.is_of_trials() => {
-                return Err(format!(
-                    "--model: {model} is driven by the measured gaits of trials; fit it with \
-                     `trilink fit`"
-                )
-                .into());
-            }
-            Some(found) => {
-                let robot = &config.campaign[&self.campaign].robot;
-                config.check_laws(std::path::Path::new("--model"), robot, model)?;
-                found.laws()
-            }
-            None => {
-                let needed = one_of(&self.model, &config.model, "");
-                return Err(format!("--model: found `{model}`, needed {needed}").into());
-            }
-        };
+        let laws = laws_of(&config, &self.campaign, &self.model)?;
         // As the answers show them.
         let parameters =
             serde_json::to_value(&config.robot[&config.campaign[&self.campaign].robot])?;
@@ -122,8 +104,28 @@ impl Simulate {
     }
 }
 
+/// The laws of a model that does not need trials, of which a campaign's robot has what they need.
+pub(super) fn laws_of(config: &Config, campaign: &str, name: &str) -> Result<Laws, Failure> {
+    let model = Model::new(name);
+    match config.model.get(&model) {
+        Some(found) if found.is_of_trials() => Err(format!(
+            "--model: {name} is driven by the measured gaits of trials; fit it with `trilink fit`"
+        )
+        .into()),
+        Some(found) => {
+            let robot = &config.campaign[campaign].robot;
+            config.check_laws(std::path::Path::new("--model"), robot, model)?;
+            Ok(found.laws())
+        }
+        None => {
+            let needed = one_of(name, &config.model, "");
+            Err(format!("--model: found `{name}`, needed {needed}").into())
+        }
+    }
+}
+
 /// The configuration with `key=value` settings in the campaign's robot.
-fn with_settings(
+pub(super) fn with_settings(
     mut config: Config,
     campaign: &str,
     settings: &[String],

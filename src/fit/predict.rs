@@ -38,7 +38,7 @@ impl Predicted {
         let solve = |problem: &Problem| {
             solver.forget();
             let metrics = solver.solve(problem, accuracy)?;
-            let status = MotionStatus::of_floquet(solver.floquet()?);
+            let status = solver.status()?;
             let band = bands.as_ref().map_err(Clone::clone).and_then(|bands| {
                 // Others go on from this motion.
                 bands.band(solver.clone(), problem, metrics).map_err(|error| {

@@ -20,7 +20,7 @@ use polars::prelude::{
 };
 
 use crate::config::did_you_mean;
-use crate::store::StoreError;
+use crate::store::{StoreError, Table};
 
 /// Why a table cannot be looked into.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +57,18 @@ pub struct View {
 }
 
 impl View {
+    /// All of a table.
+    pub fn of(table: Table) -> Self {
+        let column = |column: &Column| ColumnInfo {
+            name: column.name().to_string(),
+            type_name: column.dtype().to_string(),
+            dtype: Some(column.dtype().clone()),
+        };
+        let columns = table.frame.columns().iter().map(column).collect();
+        let total = table.frame.height();
+        Self { columns, frame: table.frame, total, left_out: Vec::new() }
+    }
+
     /// What is made of each row's cells, in the order of the columns.
     pub fn cells<T>(&self, show: impl Fn(&AnyValue) -> T) -> Vec<Vec<T>> {
         let columns = self.columns.iter().filter_map(|column| self.frame.column(&column.name).ok());

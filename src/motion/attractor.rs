@@ -39,55 +39,79 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     accuracy: f64,
 ) -> Result<(usize, bool)> {
     let period_s = TAU / model.problem().omega_rad_s;
-    let known = is_solved.then_some(orbit.mesh.states.start);
+    let known = is_solved.then(|| orbit.here());
+    let known_state = known.and_then(|known| known.state());
     let mut candidate = known.filter(|_| orbit.is_stable(model));
     let mut transient = Integrator::new(model, TOLERANCE);
     let mut seen = [transient.state; MOST_PERIODS + 1];
-    let (mut settled, mut before) = (None, f64::INFINITY);
+    let (mut settled, mut before, mut approaches) = (None, f64::INFINITY, false);
     let mut held = known;
-    for cycle in 1..=MOST_CYCLES {
-        transient.advance_to(cycle as f64 * period_s, &mut orbit.workspace, |_| {})?;
-        seen.rotate_right(1);
-        seen[0] = transient.state;
-        let to_candidate = |state| {
-            candidate.map_or(f64::INFINITY, |candidate| transient.distance(&candidate, state))
-        };
-        let mut distance = to_candidate(&transient.state);
-        let approaches = distance < NEARBY && distance < before;
-        if distance > SETTLED && !approaches && transient.distance(&seen[0], &seen[1]) < SLOW {
-            let start = Start::State(transient.state);
-            let solved = orbit.solve(model, start, accuracy);
-            held = solved.ok().map(|()| orbit.mesh.states.start);
-            if let Some(found) = held
-                && transient.distance(&found, &transient.state) < NEARBY
-                && orbit.is_stable(model)
-            {
-                let is_other = to_candidate(&found) > THERE;
-                candidate = Some(found);
-                distance = transient.distance(&found, &transient.state);
-                if is_other {
-                    (settled, before) = (None, f64::INFINITY);
+    let (start, cycles) = 'found: {
+        for cycle in 1..=MOST_CYCLES {
+            transient.advance_to(cycle as f64 * period_s, &mut orbit.workspace, |_| {})?;
+            seen.rotate_right(1);
+            seen[0] = transient.state;
+            let far = |candidate: Option<[f64; N]>, state: &[f64; N]| {
+                candidate.map_or(f64::INFINITY, |candidate| transient.distance(&candidate, state))
+            };
+            let candidate_state = candidate.and_then(|candidate| candidate.state());
+            let mut distance = far(candidate_state, &transient.state);
+            let is_followed = distance < NEARBY && distance < before;
+            if distance > SETTLED && !is_followed && transient.distance(&seen[0], &seen[1]) < SLOW {
+                let starts = [Start::State(transient.state), Start::WholePeriod(transient.state)];
+                let kinds = if model.half_period_signs().is_some() { 2 } else { 1 };
+                let mut near = starts.into_iter().take(kinds);
+                let found =
+                    near.find_map(|start| stable_near(model, orbit, &transient, start, accuracy));
+                held = found.map(|_| orbit.here());
+                if let Some((state, now)) = found {
+                    let is_other = far(candidate_state, &state) > THERE;
+                    (candidate, distance) = (held, now);
+                    if is_other {
+                        (settled, before) = (None, f64::INFINITY);
+                    }
                 }
             }
-        }
-        settled = if distance > SETTLED { None } else { settled.or(Some(cycle)) };
-        if let (Some(state), Some(cycles)) = (candidate, settled)
-            && (distance < THERE || (distance < CERTAIN && distance < before))
-        {
-            let is_known = known.is_some_and(|known| transient.distance(&known, &state) < THERE);
-            if held != candidate {
-                orbit.solve(model, Start::State(state), accuracy)?;
+            settled = if distance > SETTLED { None } else { settled.or(Some(cycle)) };
+            if let (Some(start), Some(cycles)) = (candidate, settled)
+                && (distance < THERE || (distance < CERTAIN && distance < before))
+            {
+                break 'found (start, cycles);
             }
-            return Ok((cycles, is_known));
+            (approaches, before) = (distance < before, distance);
+            if transient.elements > MOST_ELEMENTS {
+                return Err(MotionError::Unsettled { cycles: cycle, repeats_after: None });
+            }
         }
-        before = distance;
-        if transient.elements > MOST_ELEMENTS {
-            return Err(MotionError::Unsettled { cycles: cycle, repeats_after: None });
+        // Slowly, but it gets there.
+        if let (Some(start), Some(cycles), true) = (candidate, settled, approaches) {
+            break 'found (start, cycles);
         }
+        // Not where it only creeps.
+        let same = CERTAIN.min(0.05 * transient.distance(&seen[0], &seen[1]));
+        let repeats_after =
+            (2..=MOST_PERIODS).find(|&cycles| transient.distance(&seen[0], &seen[cycles]) < same);
+        return Err(MotionError::Unsettled { cycles: MOST_CYCLES, repeats_after });
+    };
+    if held != Some(start) {
+        orbit.solve(model, start, accuracy)?;
     }
-    // Not where it only creeps.
-    let same = CERTAIN.min(0.05 * transient.distance(&seen[0], &seen[1]));
-    let repeats_after =
-        (2..=MOST_PERIODS).find(|&cycles| transient.distance(&seen[0], &seen[cycles]) < same);
-    Err(MotionError::Unsettled { cycles: MOST_CYCLES, repeats_after })
+    let state = orbit.mesh.states.start;
+    let is_known = known_state.is_some_and(|known| transient.distance(&known, &state) < THERE);
+    Ok((cycles, is_known))
+}
+
+/// The state at phase 0 of the stable solution near a start from where the transient is, and how far
+/// from there it is.
+fn stable_near<const N: usize, R: Reduced<N>>(
+    model: &R,
+    orbit: &mut PeriodicOrbit<N, R>,
+    transient: &Integrator<N, R>,
+    start: Start<N>,
+    accuracy: f64,
+) -> Option<([f64; N], f64)> {
+    orbit.solve(model, start, accuracy).ok()?;
+    let state = orbit.mesh.states.start;
+    let distance = transient.distance(&state, &transient.state);
+    (distance < NEARBY && orbit.is_stable(model)).then_some((state, distance))
 }

@@ -44,6 +44,7 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
         }
     }
     let pose = if mesh.is_half { end * end.mirrored() } else { end };
+    let periods = mesh.periods as f64;
     let (alpha1_rad, extremes) = match problem.gait.joints[0] {
         Some(command) => (command.amplitude_rad.abs(), None),
         None => {
@@ -51,13 +52,13 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
             (extremes.half_range(), Some(extremes))
         }
     };
-    let d_m = pose.x_m.hypot(pose.y_m);
+    let d_m = pose.x_m.hypot(pose.y_m) / periods;
     let metrics = GaitMetrics {
         d_m,
         v_m_s: d_m * problem.omega_rad_s / std::f64::consts::TAU,
         sigma: skid_squared.map(|sum| sum.sqrt() / skid_scale(problem)),
         alpha1_rad,
-        dtheta_rad: pose.theta_rad,
+        dtheta_rad: pose.theta_rad / periods,
     };
     Cycle { metrics, end, extremes }
 }

@@ -65,6 +65,8 @@ pub(super) struct Mesh<const N: usize, R: Reduced<N>> {
     pub signs: [f64; N],
     /// Whether the elements cover half a period.
     pub is_half: bool,
+    /// Periods that the elements cover where they do not cover half of one.
+    pub periods: usize,
     /// Duration of that.
     pub span_s: f64,
     /// Parts of it after which the elements start, and 1.
@@ -84,6 +86,7 @@ impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
         Self {
             signs: [1.0; N],
             is_half: false,
+            periods: 1,
             span_s: 0.0,
             bounds: Vec::new(),
             parts: Vec::new(),
@@ -96,9 +99,14 @@ impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
 }
 
 impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
-    /// How many times the elements' span makes a period.
+    /// How many times the elements' span makes a period, or more of them.
     pub fn spans(&self) -> usize {
         if self.is_half { 2 } else { 1 }
+    }
+
+    /// Phase of the command that the elements cover.
+    fn span_rad(&self) -> f64 {
+        TAU * self.periods as f64 / self.spans() as f64
     }
 
     /// Number of packs.
@@ -157,11 +165,6 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         model.node(self.span_rad() * self.part_at(k, fraction))
     }
 
-    /// The phase that the elements cover.
-    fn span_rad(&self) -> f64 {
-        TAU / self.spans() as f64
-    }
-
     /// The command at the stages of element `k`.
     pub fn nodes_of(&self, model: &R, k: usize) -> [R::Node<f64>; STAGES] {
         RADAU.nodes.map(|node| self.node_at(model, k, node))
@@ -214,6 +217,38 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         });
         self.lay_out(model);
         self.integrate();
+    }
+
+    /// Covers twice as much, of which the second half follows from the first; gives the number of
+    /// elements. The old states are left in `before`.
+    pub fn unfold(&mut self, model: &R, before: &mut States<N>) -> usize {
+        std::mem::swap(before, &mut self.states);
+        let (count, signs) = (self.count, self.signs);
+        let later = |y: [f64; N]| std::array::from_fn(|i| signs[i] * y[i]);
+        self.states.start = before.start;
+        self.states.fill(2 * count, |k| {
+            let stages = before.stages_of(k % count);
+            if k < count { stages } else { stages.map(later) }
+        });
+        self.periods *= if self.is_half { 1 } else { 2 };
+        (self.is_half, self.signs) = (false, [1.0; N]);
+        let doubled = self.bounds.iter().chain(self.bounds[1..].iter());
+        let doubled: Vec<f64> = doubled
+            .enumerate()
+            .map(|(k, bound)| 0.5 * (bound + if k > count { 1.0 } else { 0.0 }))
+            .collect();
+        self.bounds = doubled;
+        self.lay_out(model);
+        self.integrate();
+        2 * count
+    }
+
+    /// The state half way through the elements' span.
+    pub fn middle(&self) -> [f64; N] {
+        let k = self.bounds.partition_point(|bound| *bound < 0.5).clamp(1, self.count) - 1;
+        let [from, to] = [self.bounds[k], self.bounds[k + 1]];
+        let fraction = (0.5 - from) / (to - from);
+        interpolate(&self.states.start_of(k), &self.states.stages_of(k), fraction)
     }
 
     /// Fills the elements that are laid out with the model's guess.

@@ -30,6 +30,11 @@ pub(super) trait Method {
         Ok(None)
     }
 
+    /// Whether the solution is one of two that are each other's mirror image half a period later.
+    fn is_symmetry_broken(&self) -> bool {
+        false
+    }
+
     /// With respect to the parameters that are `wanted`, or to everything.
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives>;
 
@@ -68,19 +73,37 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         let Self { model, orbit } = self;
         orbit.effort = Effort::default();
-        let is_solved = is_warm && orbit.solve(model, Start::Last, accuracy).is_ok();
+        let was_broken = is_warm && orbit.is_symmetry_broken;
+        let mut is_solved = is_warm && orbit.solve(model, Start::Last, accuracy).is_ok();
+        // It may have become its own mirror image.
+        is_solved &= !was_broken || (orbit.is_symmetry_broken && orbit.is_stable(model));
         if !is_solved && let Err(error) = orbit.solve(model, Start::Guess, accuracy) {
             let mut transient = Integrator::new(model, TRANSIENT_TOLERANCE);
             let duration_s = TRANSIENT_CYCLES * TAU / model.problem().omega_rad_s;
             let integrated = transient.advance_to(duration_s, &mut orbit.workspace, |_| {});
             integrated.map_err(|_| error)?;
-            orbit.solve(model, Start::State(transient.state), accuracy)?;
+            match orbit.solve(model, Start::State(transient.state), accuracy) {
+                Err(_) if model.half_period_signs().is_some() => {
+                    orbit.solve(model, Start::WholePeriod(transient.state), accuracy)
+                }
+                solved => solved,
+            }?;
+        }
+        if orbit.breaks_symmetry() {
+            let mirrored = orbit.clone();
+            if find_attractor(model, orbit, true, accuracy).is_err() {
+                **orbit = mirrored;
+            }
         }
         Ok((orbit.measure(model).metrics, orbit.effort))
     }
 
     fn floquet(&mut self) -> Result<Option<f64>> {
         self.orbit.floquet(&self.model).map(Some)
+    }
+
+    fn is_symmetry_broken(&self) -> bool {
+        self.orbit.is_symmetry_broken
     }
 
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {

@@ -5,6 +5,7 @@
 //! solved for all elements at once.
 
 mod attractor;
+mod branch;
 mod cycle;
 mod element;
 mod extreme;
@@ -29,6 +30,7 @@ use crate::robot::{Gait, Robot};
 pub use crate::metrics::{FromRest, MotionStatus};
 pub use crate::robot::ContactForces;
 pub use crate::robot::{Laws, Model, Pose};
+pub use branch::{Branch, BranchPoint, branches};
 pub use orbit::Effort;
 pub use reduced::Derivatives;
 pub use solver::{Attractor, Solver};
@@ -178,11 +180,14 @@ pub struct SteadyMotion {
     pub floquet: Option<f64>,
     /// Work of the actuators over a cycle, J.
     pub work_j: f64,
+    /// Whether it is one of two motions that are each other's mirror image half a period later, though
+    /// the commands are their own.
+    pub is_symmetry_broken: bool,
 }
 
 impl SteadyMotion {
-    /// Stable or unstable.
+    /// Whether it is stable, and one of two that are each other's mirror image.
     pub fn status(&self) -> MotionStatus {
-        MotionStatus::of_floquet(self.floquet)
+        MotionStatus::new(self.floquet, self.is_symmetry_broken)
     }
 }

@@ -7,7 +7,7 @@ use super::orbit::{Effort, PeriodicOrbit};
 use super::quadrature::{Known, Quadrature};
 use super::reduced::{Derivatives, PassiveNoSkid, Skid};
 use super::trajectory::Sample;
-use super::{FromRest, MotionError, Problem, Result, SteadyMotion};
+use super::{FromRest, MotionError, MotionStatus, Problem, Result, SteadyMotion};
 use crate::metrics::GaitMetrics;
 use crate::robot::{Dry, Friction, Parameter, Viscous};
 
@@ -90,7 +90,9 @@ impl Attractor {
 }
 
 impl Solver {
-    /// Solves for the steady periodic motion to a relative `accuracy` of its metrics.
+    /// Solves for the steady periodic motion to a relative `accuracy` of its metrics. Under commands
+    /// that are their own mirror image half a period later the motion is, too; where that has become
+    /// unstable to a pair of motions that are each other's, it is the one that is reached from rest.
     ///
     /// # Errors
     /// There is no such motion, or it could not be found or resolved.
@@ -131,6 +133,23 @@ impl Solver {
     /// There is no last solution, or its linearisation is singular.
     pub fn floquet(&mut self) -> Result<Option<f64>> {
         self.with_last(|method| method.floquet())
+    }
+
+    /// Whether the last solution is one of two that are each other's mirror image half a period later,
+    /// though the commands are their own.
+    ///
+    /// # Errors
+    /// There is no last solution.
+    pub fn is_symmetry_broken(&mut self) -> Result<bool> {
+        self.with_last(|method| Ok(method.is_symmetry_broken()))
+    }
+
+    /// Whether the last solution is stable, and one of two that are each other's mirror image.
+    ///
+    /// # Errors
+    /// As [`Solver::floquet`].
+    pub fn status(&mut self) -> Result<MotionStatus> {
+        Ok(MotionStatus::new(self.floquet()?, self.is_symmetry_broken()?))
     }
 
     /// Derivatives of the last solution's metrics.
@@ -209,7 +228,8 @@ impl Solver {
     pub fn steady_motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion> {
         let floquet = self.floquet()?;
         let [work_j, _] = self.work_and_loss_j()?;
-        Ok(SteadyMotion { metrics, floquet, work_j })
+        let is_symmetry_broken = self.is_symmetry_broken()?;
+        Ok(SteadyMotion { metrics, floquet, work_j, is_symmetry_broken })
     }
 
     /// What the last [`Solver::solve`] took.

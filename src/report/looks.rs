@@ -4,6 +4,7 @@ use plotters::style::RGBColor;
 
 use super::drawing::style::{DASHES, Dash, INK, Look, SOLID, Shape};
 use crate::config::{ModelConfig, Models};
+use crate::metrics::{Bifurcation, BranchKind};
 use crate::robot::Model;
 
 /// Okabe and Ito's palette, which colour-blind readers can tell apart.
@@ -84,6 +85,27 @@ pub const FITTED: Look = line(okabe_ito::VERMILLION, DASHES);
 
 const COMPONENTS: [(RGBColor, Dash); 3] =
     [(INK, SOLID), (okabe_ito::SKY, LONG_DASHES), (okabe_ito::VERMILLION, SHORT_DASHES)];
+
+/// The stable motions of a branch, or those that are not.
+pub const fn branch(kind: BranchKind, is_stable: bool) -> Look {
+    let colour = match kind {
+        BranchKind::Symmetric | BranchKind::Periodic => INK,
+        BranchKind::SymmetryBroken => okabe_ito::VERMILLION,
+        BranchKind::PeriodDoubled => okabe_ito::BLUE,
+    };
+    line(colour, if is_stable { SOLID } else { SHORT_DASHES })
+}
+
+/// What happens on a branch.
+pub const fn bifurcation(bifurcation: Bifurcation) -> Look {
+    let (colour, shape, filled) = match bifurcation {
+        Bifurcation::Fold => (INK, Shape::Circle, false),
+        Bifurcation::SymmetryBreaking => (okabe_ito::VERMILLION, Shape::Square, true),
+        Bifurcation::PeriodDoubling => (okabe_ito::BLUE, Shape::Circle, true),
+        Bifurcation::Torus => (okabe_ito::PURPLE, Shape::Square, false),
+    };
+    Look::Marker { colour, shape, filled }
+}
 
 /// The `nth` of the same quantity of several links, wheels, joints or directions.
 pub fn component(nth: usize) -> Look {

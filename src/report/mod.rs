@@ -1,5 +1,6 @@
 //! The report: tables of `derived/` to figures, `fits.json`, `scorecard.json` and a page.
 
+mod branches;
 mod content;
 mod drawing;
 mod figures;
@@ -37,6 +38,7 @@ use drawing::Drawing;
 
 use crate::store::{Stamp, StoreError, ToDisk};
 
+pub use branches::branches_drawing;
 pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
 pub use input::ReportInput;

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::config::{GaitInput, ModelConfig, Models, SigmaKind};
 use crate::metrics::{Estimate, GaitMetrics};
-use crate::motion::{Model, MotionStatus};
+use crate::motion::Model;
 use crate::report::drawing::{Layer, Look, Point};
 use crate::report::looks::{self, ModelLook};
 use crate::stats::HALF_WIDTH_95;
@@ -36,6 +36,10 @@ pub const SPEED: Quantity =
     quantity(["v", "Mean speed v (mm/s)", "Mean speed", "v_mm_s", " mm/s"], |metrics| {
         1e3 * metrics.v_m_s
     });
+pub const TURNING: Quantity = quantity(
+    ["Δθ", "Net rotation Δθ (deg)", "Rotation per cycle", "dtheta_deg", " deg"],
+    |metrics| metrics.dtheta_rad.to_degrees(),
+);
 /// Of wheels 0, 1 and 2.
 pub const SKID: [Quantity; 3] = [
     quantity(["σ₀", "Skid ratio σ₀", "Wheel 0 (middle)", "sigma0", ""], |metrics| {
@@ -225,7 +229,7 @@ impl<'t> Source<'t> {
         let mut rows: Vec<&PredictionRow> = self.predicted(campaign, model, source).collect();
         rows.sort_by(|a, b| a.omega_rad_s.total_cmp(&b.omega_rad_s));
         let shown = |row: &PredictionRow, metrics: &GaitMetrics| {
-            let is_stable = row.status == MotionStatus::Stable;
+            let is_stable = row.status.is_stable();
             if is_stable { (quantity.of)(metrics) } else { f64::NAN }
         };
         let limits = |row: &&PredictionRow| [&row.lower, &row.upper].map(|of| shown(row, of));

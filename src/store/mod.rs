@@ -16,9 +16,9 @@ pub(crate) use columns::rows;
 pub use columns::{Columns, numbers, repeated, texts};
 pub use polars::prelude::Column;
 pub use schema::{
-    BootstrapRow, CheckRow, ComparisonRow, CycleRow, DecayFit, FitRow, JointGait, LABELS_APART,
-    PredictionRow, ProfileRow, RobotParameterRow, RobotQuantity, StartRow, TrajectoryRow, TrialRow,
-    cycles_path, poses_path, wheels_path,
+    BootstrapRow, BranchRow, CheckRow, ComparisonRow, CycleRow, DecayFit, FitRow, JointGait,
+    LABELS_APART, PredictionRow, ProfileRow, RobotParameterRow, RobotQuantity, StartRow,
+    TrajectoryRow, TrialRow, cycles_path, poses_path, wheels_path,
 };
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Stopped, TrialStatus};

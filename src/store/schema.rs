@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::columns::{columns, rows};
 use super::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
 use crate::config::{GaitInput, SigmaKind};
-use crate::metrics::{Estimate, FromRest, GaitMetrics, MotionStatus};
+use crate::metrics::{Bifurcation, BranchKind, Estimate, FromRest, GaitMetrics, MotionStatus};
 use crate::robot::decay::{DecayLaw, Swing};
 use crate::robot::{ByParameter, ContactForces, JointCommand, Model, Parameter};
 use crate::trial::TrialKind;
@@ -454,6 +454,8 @@ rows! {
         pub no_interval: String,
         /// Contribution of this frequency to the objective; only for `trial`.
         pub j: f64,
+        /// `stable`, `symmetry-broken` (stable, and one of two that are each other's mirror image),
+        /// `unstable`, `singular` or `diverged`; `failed` where the gait was not measured.
         pub status: MotionStatus,
         /// Where the robot goes from rest. Only for `trial`, and where there is a motion.
         pub from_rest: Option<FromRest>,
@@ -467,6 +469,28 @@ columns! {
         torque_nm: [f64; 2] as "torque{}_nm",
         power_w: f64,
         loss_w: f64,
+    }
+}
+
+rows! {
+    /// One motion of a branch: what `branches --table` writes. Branches are numbered from 1.
+    pub struct BranchRow {
+        pub branch: i64,
+        pub kind: BranchKind,
+        /// The branch that it begins on.
+        pub parent: Option<i64>,
+        /// Periods of the command after which the motion repeats itself.
+        pub periods: i64,
+        /// What the branch is followed over, and its value there.
+        pub parameter: String,
+        pub value: f64,
+        /// Per period of the command.
+        pub metrics: GaitMetrics,
+        /// Modulus of the largest Floquet multiplier of the motion's own period.
+        pub floquet: f64,
+        pub status: MotionStatus,
+        /// What happens there, if anything.
+        pub bifurcation: Option<Bifurcation>,
     }
 }
 

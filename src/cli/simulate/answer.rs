@@ -112,7 +112,11 @@ fn fixed(value: f64, digits: usize) -> String {
 
 impl Answer<'_> {
     fn reach_in_words(&self) -> String {
-        match (self.from_rest, self.cycles_to_settle) {
+        let of_two = match self.status {
+            MotionStatus::SymmetryBroken => ": one of two that are each other's mirror image",
+            _ => "",
+        };
+        let reach = match (self.from_rest, self.cycles_to_settle) {
             (Some(FromRest::Reached), Some(0)) => String::new(),
             (Some(FromRest::Reached), Some(1)) => ", from rest after 1 cycle".to_owned(),
             (Some(FromRest::Reached), Some(cycles)) => format!(", from rest after {cycles} cycles"),
@@ -123,6 +127,7 @@ impl Answer<'_> {
                 ", but from rest the robot does not settle".to_owned()
             }
             _ => String::new(),
-        }
+        };
+        of_two.to_owned() + &reach
     }
 }

@@ -9,10 +9,13 @@
 //! A few coarse elements bring Newton's method near; the end of their polynomials' spectra tells
 //! how many elements the accuracy asks for.
 
+mod bordered;
 mod newton;
 mod resolution;
 
 use nalgebra::SMatrix;
+
+pub(super) use bordered::{Direction, Plane, Slopes};
 
 use super::cycle::{Cycle, measure};
 use super::element::{Element, Linearisation, solve_element};
@@ -71,6 +74,8 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     pub adjoints: Adjoints,
     /// The last solution's discretisation error over the accepted one; infinite if there is none.
     error_ratio: f64,
+    /// Whether the last solution is not its own mirror image, though its commands are.
+    pub is_symmetry_broken: bool,
     /// What was found out about the solution: its path, its metrics, its largest Floquet multiplier.
     pub path: Path,
     cycle: Option<Cycle<N>>,
@@ -86,6 +91,18 @@ pub(super) enum Start<const N: usize> {
     Last,
     /// The motion that follows from a state at phase 0.
     State([f64; N]),
+    /// The same over a whole period, whether its mirror image follows half a period later or not.
+    WholePeriod([f64; N]),
+}
+
+impl<const N: usize> Start<N> {
+    /// The state at phase 0, if it is known.
+    pub fn state(&self) -> Option<[f64; N]> {
+        match self {
+            Self::State(state) | Self::WholePeriod(state) => Some(*state),
+            Self::Guess | Self::Last => None,
+        }
+    }
 }
 
 /// Elements at first, per half period or per period.
@@ -132,6 +149,7 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
             workspace: Linearisation::default(),
             adjoints: Adjoints::default(),
             error_ratio: f64::INFINITY,
+            is_symmetry_broken: false,
             path: Path::default(),
             cycle: None,
             floquet: None,
@@ -145,16 +163,29 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     pub fn solve(&mut self, model: &R, start: Start<N>, accuracy: f64) -> Result<()> {
         let error_ratio = std::mem::replace(&mut self.error_ratio, f64::INFINITY);
         (self.cycle, self.floquet) = (None, None);
-        let signs = model.half_period_signs();
+        let is_whole = match start {
+            Start::WholePeriod(_) => true,
+            Start::Last => self.is_symmetry_broken,
+            _ => false,
+        };
+        let mirror = model.half_period_signs();
+        let signs = mirror.filter(|_| !is_whole);
         let is_warm =
             start == Start::Last && error_ratio.is_finite() && self.mesh.is_half == signs.is_some();
-        self.mesh.is_half = signs.is_some();
+        // Two motions that are nearly their own mirror image are one to coarse elements.
+        let coarse = match (signs.is_some(), is_whole && error_ratio.is_finite()) {
+            (true, _) => COARSE_OF_HALF,
+            (false, false) => COARSE,
+            (false, true) => COARSE.max(self.mesh.count * self.mesh.spans()),
+        };
+        (self.mesh.is_half, self.mesh.periods) = (signs.is_some(), 1);
         self.mesh.signs = signs.unwrap_or([1.0; N]);
+        self.is_symmetry_broken = false;
         (self.steps, self.contraction) = (0, 1.0);
         if is_warm {
             self.start_warm(model, error_ratio);
         } else {
-            self.start_cold(model, start)?;
+            self.start_cold(model, start, coarse)?;
             let error_ratio = self.error_ratio(model, accuracy);
             self.refine(model, error_ratio)?;
         }
@@ -164,6 +195,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             if error_ratio <= 1.0 {
                 self.error_ratio = error_ratio;
                 self.effort.elements = self.mesh.count;
+                self.is_symmetry_broken = is_whole && mirror.is_some() && self.turns(accuracy);
                 return Ok(());
             }
             self.refine(model, error_ratio)?;
@@ -171,8 +203,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Finds an approximate solution with few elements.
-    fn start_cold(&mut self, model: &R, start: Start<N>) -> Result<()> {
-        let coarse = if self.mesh.is_half { COARSE_OF_HALF } else { COARSE };
+    fn start_cold(&mut self, model: &R, start: Start<N>, coarse: usize) -> Result<()> {
         let mut tried = Ok(());
         for finer in FINER {
             self.mesh.divide(finer * coarse);
@@ -180,11 +211,15 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             self.steps = 0;
             self.mesh.guess(model);
             tried = match start {
-                Start::State(state) => {
-                    self.march(model, state).and_then(|()| self.newton(model, COARSE_STEP))
-                }
-                _ => self.soften(model),
-            };
+                Start::State(state) => self.march(model, state, 1e-4),
+                // Nearly singular equations magnify what is missed here.
+                Start::WholePeriod(state) => self.march(model, state, 1e-9),
+                Start::Guess | Start::Last => Ok(()),
+            }
+            .and_then(|()| match start.state() {
+                Some(_) => self.newton(model, COARSE_STEP),
+                None => self.soften(model),
+            });
             if tried.is_ok() {
                 break;
             }
@@ -281,7 +316,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Fills the elements with the motion that follows from a state.
-    fn march(&mut self, model: &R, state: [f64; N]) -> Result<()> {
+    fn march(&mut self, model: &R, state: [f64; N], tolerance: f64) -> Result<()> {
         let Self { mesh, workspace, .. } = self;
         workspace.resize::<N, R>(1);
         let (mut start, mut result) = (state, Ok(()));
@@ -292,7 +327,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             if result.is_ok() {
                 let duration_s = mesh.duration_s(k);
                 let guess = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
-                match solve_element(model, &guess, 1e-4, workspace) {
+                match solve_element(model, &guess, tolerance, workspace) {
                     Some(solved) => (stages, start) = (solved, solved[STAGES - 1]),
                     None => {
                         result = Err(MotionError::Stuck { time_s: mesh.bounds[k] * mesh.span_s })
@@ -303,6 +338,23 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         });
         mesh.states = marched;
         result
+    }
+
+    /// Where the last solution is and how to get back to it.
+    pub fn here(&self) -> Start<N> {
+        let state = self.mesh.states.start;
+        if self.is_symmetry_broken { Start::WholePeriod(state) } else { Start::State(state) }
+    }
+
+    /// Whether the robot has turned after a whole period, by more than a motion that was solved to
+    /// this accuracy may miss; what is its own mirror image has not.
+    fn turns(&self, accuracy: f64) -> bool {
+        const LEAST: f64 = 1e-7;
+        let rates = self.path.legs.iter().flat_map(|leg| &leg.states);
+        let largest = rates
+            .fold(Lanes::default(), |largest, state| largest.fast_max(state.velocity[2].abs()));
+        let most = LEAST.max(30.0 * accuracy) * newton::largest_lane(largest) * self.mesh.span_s;
+        self.path.end.theta_rad.abs() > most
     }
 
     /// What a cycle of the solution amounts to.

@@ -1,6 +1,6 @@
 //! Newton's method for the orbit, and its stability.
 
-use nalgebra::{Matrix5, SMatrix, SVector};
+use nalgebra::{Complex, Matrix5, SMatrix, SVector};
 
 use super::PeriodicOrbit;
 use crate::motion::mesh::Mesh;
@@ -28,6 +28,14 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Linearises the elements at the present states and prepares the chain's closure.
     fn linearise(&mut self, model: &R) -> Result<()> {
+        self.linearise_elements(model);
+        let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
+        self.monodromy_closure = open.try_inverse().ok_or(self.not_converged())?;
+        Ok(())
+    }
+
+    /// Linearises the elements at the present states.
+    pub(super) fn linearise_elements(&mut self, model: &R) {
         self.effort.factorisations += 1;
         let Self { mesh, linearisation, transfers, .. } = self;
         transfers.clear();
@@ -43,13 +51,10 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
                 transfers.push(transfer);
             }
         }
-        let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
-        self.monodromy_closure = open.try_inverse().ok_or(self.not_converged())?;
-        Ok(())
     }
 
     /// Evaluates the residuals at the present states; the factors are kept.
-    fn evaluate(&mut self, model: &R) {
+    pub(super) fn evaluate(&mut self, model: &R) {
         for pack in 0..self.mesh.packs() {
             let starts = self.mesh.starts(pack);
             self.linearisation.evaluate(pack, model, &self.mesh.pack(pack, &starts));
@@ -57,7 +62,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Derivative of the states at the end of the elements' span with respect to the start's.
-    fn monodromy(&self) -> SMatrix<f64, N, N> {
+    pub(super) fn monodromy(&self) -> SMatrix<f64, N, N> {
         SMatrix::from_columns(&std::array::from_fn::<_, N, _>(|m| {
             let unit = std::array::from_fn(|i| if i == m { 1.0 } else { 0.0 });
             let end = self.transfers.iter().fold(unit, |x, transfer| product(transfer, &x));
@@ -162,7 +167,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Goes a part of `step`; where it comes from is left in `before`.
-    fn move_by(&mut self, part: f64) {
+    pub(super) fn move_by(&mut self, part: f64) {
         self.steps += 1;
         self.effort.newton_steps += 1;
         std::mem::swap(&mut self.before, &mut self.mesh.states);
@@ -177,7 +182,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Largest value of each state before or after a step.
-    pub(super) fn sizes(&self) -> [f64; N] {
+    pub fn sizes(&self) -> [f64; N] {
         let mut sizes = [Lanes::default(); N];
         let states = self.mesh.states.packs.iter().flatten();
         for (y, step) in states.zip(self.step.packs.iter().flatten()) {
@@ -189,7 +194,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Largest step of any state over that state's size; infinite where a step is not finite.
-    fn step_size(&self, sizes: &[f64; N]) -> f64 {
+    pub(super) fn step_size(&self, sizes: &[f64; N]) -> f64 {
         let (mut steps, mut all) = ([Lanes::default(); N], Lanes::default());
         for step in self.step.packs.iter().flatten() {
             keep_largest(&mut steps, step);
@@ -202,21 +207,30 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// Modulus of the largest Floquet multiplier of a whole period, from a fresh
     /// linearisation.
     pub fn floquet(&mut self, model: &R) -> Result<f64> {
-        const MOST_SWEEPS: usize = 1000;
         if let Some(floquet) = self.floquet {
             return Ok(floquet);
         }
         self.linearise(model)?;
-        let product = self.monodromy();
-        // The eigenvalues of the smaller matrix and zeros: of one size for all orbits.
-        let padded = Matrix5::from_fn(|i, j| if i < N && j < N { product[(i, j)] } else { 0.0 });
+        let values = self.multipliers()?;
+        let largest = values.iter().map(|value| value.norm()).fold(0.0, f64::max);
+        Ok(*self.floquet.insert(if self.mesh.is_half { largest * largest } else { largest }))
+    }
+
+    /// Multipliers of the elements' span, some of them zero. By the factors at hand.
+    pub fn multipliers(&self) -> Result<SVector<Complex<f64>, 5>> {
+        const MOST_SWEEPS: usize = 1000;
+        let padded = padded(&self.monodromy());
         if padded.iter().any(|entry| !entry.is_finite()) {
             return Err(self.not_converged());
         }
         let schur = padded.try_schur(f64::EPSILON, MOST_SWEEPS).ok_or(self.not_converged())?;
-        let values = schur.complex_eigenvalues();
-        let largest = values.iter().map(|value| value.norm()).fold(0.0, f64::max);
-        Ok(*self.floquet.insert(if self.mesh.is_half { largest * largest } else { largest }))
+        Ok(schur.complex_eigenvalues())
+    }
+
+    /// Whether a motion that is its own mirror image has lost its stability to a pair of motions that
+    /// are each other's: a multiplier of the half period is below -1. By the factors at hand.
+    pub fn breaks_symmetry(&self) -> bool {
+        self.mesh.is_half && (Matrix5::identity() + padded(&self.monodromy())).determinant() < 0.0
     }
 
     /// Whether the last solution is known to be stable.
@@ -236,9 +250,14 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 }
 
+/// The matrix and zeros, which adds to the eigenvalues nothing but zeros: of one size for all orbits.
+pub(super) fn padded<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Matrix5<f64> {
+    Matrix5::from_fn(|i, j| if i < N && j < N { matrix[(i, j)] } else { 0.0 })
+}
+
 /// `matrix x`.
 #[inline(always)]
-fn product<const N: usize>(matrix: &[[f64; N]; N], x: &[f64; N]) -> [f64; N] {
+pub(super) fn product<const N: usize>(matrix: &[[f64; N]; N], x: &[f64; N]) -> [f64; N] {
     let mut product = [0.0; N];
     for i in 0..N {
         (0..N).for_each(|m| product[i] += matrix[i][m] * x[m]);
@@ -247,7 +266,7 @@ fn product<const N: usize>(matrix: &[[f64; N]; N], x: &[f64; N]) -> [f64; N] {
 }
 
 #[inline(always)]
-fn sum<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
+pub(super) fn sum<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
     std::array::from_fn(|i| a[i] + b[i])
 }
 

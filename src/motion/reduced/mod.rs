@@ -80,7 +80,7 @@ impl Derivatives {
 pub(super) const MOST_PARAMETERS: usize = 23;
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
-pub(super) trait Reduced<const N: usize> {
+pub(super) trait Reduced<const N: usize>: Clone {
     /// Variables that the motion can depend on: the robot's, the commanded joints'.
     const PARAMETERS: usize;
 

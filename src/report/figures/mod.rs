@@ -17,6 +17,8 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
+pub use common::FREQUENCY;
+
 use super::drawing::Figure;
 use super::recording::Recording;
 use super::tables::Tables;

@@ -5,7 +5,7 @@ use minijinja::context;
 use super::common::OMEGA;
 use super::texts::texts;
 use crate::metrics::Estimate;
-use crate::motion::{Model, MotionStatus};
+use crate::motion::Model;
 use crate::report::drawing::{Figure, Layer, Layout, Look, Panel, Range};
 use crate::report::looks;
 use crate::report::numbers::fixed;
@@ -40,7 +40,7 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
             let residual = (quantity.of)(&row.metrics) / measured - 1.0;
             Some((row.omega_rad_s, 100.0 * residual))
         };
-        let stable = rows.filter(|row| row.status == MotionStatus::Stable);
+        let stable = rows.filter(|row| row.status.is_stable());
         let mut points: Vec<(f64, f64)> = stable.filter_map(point).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let residuals = points.iter().map(|(_, residual)| *residual);

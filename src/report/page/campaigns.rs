@@ -102,21 +102,28 @@ fn counted<K: Ord>(keys: impl Iterator<Item = K>) -> BTreeMap<K, usize> {
     counts
 }
 
-/// What is to be said of a campaign's predictions: those that the figures leave out, and those
-/// that the robot does not get into from rest.
+/// What is to be said of a campaign's predictions: those that the figures leave out, those that have
+/// lost their symmetry, and those that the robot does not get into from rest.
 fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
     let rows = || tables.predictions.iter().filter(|row| row.campaign == campaign);
     let of_source = counted(rows().map(|row| (row.model, row.source)));
     let of_status = counted(rows().map(|row| (row.model, row.source, row.status)));
     let from_rest = counted(rows().filter_map(|row| Some((row.model, row.from_rest?))));
-    let not_drawn = of_status.iter().filter(|((.., status), _)| *status != MotionStatus::Stable);
-    let not_drawn = not_drawn.map(|((model, source, status), count)| {
+    let worth_telling =
+        of_status.iter().filter(|((.., status), _)| *status != MotionStatus::Stable);
+    let of_status = worth_telling.map(|((model, source, status), count)| {
         let total = of_source[&(*model, *source)];
         let at = match source {
             PredictionSource::Trial => "the trials' frequencies",
             PredictionSource::Curve => "the curve",
         };
-        format!("{model}: {count} of {total} points of {at} are not drawn, status {status}.")
+        let are = match status {
+            MotionStatus::SymmetryBroken => {
+                "of one of two motions that are each other's mirror image"
+            }
+            _ => "not drawn",
+        };
+        format!("{model}: {count} of {total} points of {at} are {are}, status {status}.")
     });
     let from_rest = from_rest.iter().filter_map(|((model, from_rest), count)| {
         let goes = match from_rest {
@@ -129,5 +136,5 @@ fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
             "{model}: at {count} {at} of the trials the robot that starts from rest {goes}."
         ))
     });
-    not_drawn.chain(from_rest).collect()
+    of_status.chain(from_rest).collect()
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{TrialPages, fill};
 use crate::metrics::Estimate;
-use crate::motion::{Model, MotionStatus};
+use crate::motion::Model;
 use crate::report::recording::Recording;
 use crate::report::replay::Replay;
 use crate::report::series::{AMPLITUDE, QUANTITIES};
@@ -96,7 +96,7 @@ fn predicted(
     let of_quantity = shown.map(|quantity| {
         let measured = quantity.of_trial(trial, source.sigma);
         let of_model = rows.iter().map(|row| {
-            let is_stable = row.status == MotionStatus::Stable;
+            let is_stable = row.status.is_stable();
             let value = if is_stable { (quantity.of)(&row.metrics) } else { f64::NAN };
             let in_errors = (value - measured.value) / measured.se;
             let status = (!is_stable).then(|| row.status.name());

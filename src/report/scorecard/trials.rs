@@ -175,7 +175,7 @@ impl Trials {
         let rows = self.tables.predictions.iter();
         let rows = rows.filter(|row| row.source == PredictionSource::Trial);
         let rows = rows.filter(|row| row.campaign == campaign && row.model.name() == model);
-        let exists = |status| matches!(status, MotionStatus::Stable | MotionStatus::Unstable);
+        let exists = |status: MotionStatus| status.is_stable() || status == MotionStatus::Unstable;
         finite(stats::mean(rows.map(|row| f64::from(u8::from(exists(row.status))))), NO_FIT)
     }
 }

@@ -14,7 +14,7 @@ use std::sync::OnceLock;
 use super::tables::Tables;
 use super::*;
 use crate::config::{Config, FigureWidth};
-use crate::motion::{FromRest, Model};
+use crate::motion::{FromRest, Model, MotionStatus};
 use crate::store::{CheckRow, Columns as _, FitStatus, Reader, Severity, TrialRow, TrialStatus};
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
 
@@ -427,11 +427,13 @@ fn the_page_says_where_the_robot_from_rest_does_not_get_into_the_motion_shown() 
     for (row, goes) in rows.zip([FromRest::Another, FromRest::Another, FromRest::Unsettled]) {
         (row.campaign, row.model) = (SKEWED.to_owned(), Model::NO_SKID);
         row.from_rest = Some(goes);
+        row.status = MotionStatus::SymmetryBroken;
     }
     let page = read(&reported_in_short(&tables, folder.path()).page);
     for remark in [
         "no-skid: at 2 frequencies of the trials the robot that starts from rest gets into another",
         "no-skid: at 1 frequency of the trials the robot that starts from rest does not settle.",
+        "are of one of two motions that are each other&#x27;s mirror image, status symmetry-broken.",
     ] {
         assert!(page.contains(remark), "{remark}");
     }
