@@ -51,7 +51,10 @@ fn figure([campaign, model, parameter]: [&str; 3], rows: &[BranchRow]) -> Figure
         let marks: BTreeSet<Bifurcation> = rows.iter().filter_map(|row| row.bifurcation).collect();
         let marks = marks.into_iter().map(|bifurcation| {
             let met = rows.iter().filter(|row| row.bifurcation == Some(bifurcation));
-            let points = met.map(|row| (row.value, (quantity.of)(&row.metrics)));
+            let points = met.flat_map(|row| {
+                let images = sides(row.kind).iter().map(|side| image(row, *side));
+                images.map(|metrics| (row.value, (quantity.of)(&metrics)))
+            });
             Layer::new(bifurcation.name(), points, looks::bifurcation(bifurcation))
         });
         let layers = lines.filter(|line| !line.points.is_empty()).chain(marks).collect();
@@ -62,12 +65,20 @@ fn figure([campaign, model, parameter]: [&str; 3], rows: &[BranchRow]) -> Figure
     Figure::new("branches", [title, String::new()], &[campaign], Layout::Stack, panels)
 }
 
+/// The motions that a row stands for turn to this side, or to the other.
+fn sides(kind: BranchKind) -> &'static [f64] {
+    if kind == BranchKind::SymmetryBroken { &[1.0, -1.0] } else { &[1.0] }
+}
+
+fn image(row: &BranchRow, side: f64) -> GaitMetrics {
+    GaitMetrics { dtheta_rad: side * row.metrics.dtheta_rad, ..row.metrics }
+}
+
 /// A quantity of all stable or all unstable motions of a kind, with what is between them in both, and
 /// with their mirror images.
 fn line(rows: &[BranchRow], quantity: &Quantity, kind: BranchKind, is_stable: bool) -> Layer {
     let mut points = Vec::new();
-    let signs: &[f64] = if kind == BranchKind::SymmetryBroken { &[1.0, -1.0] } else { &[1.0] };
-    for sign in signs {
+    for side in sides(kind) {
         for (nth, row) in rows.iter().enumerate().filter(|(_, row)| row.kind == kind) {
             let before = nth.checked_sub(1).and_then(|nth| rows.get(nth));
             let beside = [before, rows.get(nth + 1)].into_iter().flatten();
@@ -76,8 +87,7 @@ fn line(rows: &[BranchRow], quantity: &Quantity, kind: BranchKind, is_stable: bo
                 row.bifurcation.is_some() || before.is_none_or(|of| of.branch != row.branch);
             let is_one = |of: &BranchRow| of.status.is_stable() == is_stable;
             if is_one(row) || (is_between && beside.any(is_one)) {
-                let dtheta_rad = sign * row.metrics.dtheta_rad;
-                points.push((row.value, (quantity.of)(&GaitMetrics { dtheta_rad, ..row.metrics })));
+                points.push((row.value, (quantity.of)(&image(row, *side))));
             }
             let is_last = rows.get(nth + 1).is_none_or(|of| of.branch != row.branch);
             if is_last || !is_one(row) {

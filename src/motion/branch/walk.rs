@@ -5,7 +5,7 @@ use nalgebra::Complex;
 use super::{ACCURACY, Branch, BranchPoint};
 use crate::metrics::{Bifurcation, BranchKind, MotionStatus};
 use crate::motion::mesh::Mesh;
-use crate::motion::orbit::{Direction, PeriodicOrbit, Plane, Slopes};
+use crate::motion::orbit::{Direction, PeriodicOrbit, Plane, Slopes, largest_lane};
 use crate::motion::reduced::Reduced;
 use crate::motion::{MotionError, Result};
 
@@ -14,8 +14,12 @@ const FIRST: f64 = 2e-3;
 const LONGEST: f64 = 0.04;
 const SHORTEST: f64 = 1e-7;
 const MOST_POINTS: usize = 2000;
+/// Of a disturbance in a period, where rounding is one that matters.
+const MOST_GROWTH: f64 = 1e9;
 /// Cosine of the largest angle between the directions at two points.
 const STRAIGHT: f64 = 0.95;
+/// How far a point may be from where it was aimed, as a part of the step.
+const NEAR: f64 = 0.3;
 /// Relative step that is the last.
 const SOLVED: f64 = 1e-9;
 /// Steps of Newton's method at most.
@@ -47,6 +51,7 @@ struct Place<const N: usize, R: Reduced<N>> {
     tangent: Direction<N>,
     tests: [f64; TESTS.len()],
     difference: [f64; N],
+    weights: [f64; N],
 }
 
 /// What changes its sign where something happens.
@@ -72,6 +77,7 @@ pub struct Walk<'a, const N: usize, R: Reduced<N>> {
     slopes: Slopes<N>,
     value: f64,
     tangent: Direction<N>,
+    weights: [f64; N],
     /// How the motion differs from that of the branch that it began on.
     difference: [f64; N],
     reference: [f64; N],
@@ -117,6 +123,7 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
             slopes: Slopes::default(),
             value,
             tangent: Direction::default(),
+            weights: [0.0; N],
             difference: [0.0; N],
             reference: [0.0; N],
             tests: [0.0; TESTS.len()],
@@ -124,6 +131,7 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
             joins_at: None,
         };
         walk.make_room();
+        walk.weigh();
         walk.linearise();
         match change {
             None => {
@@ -156,16 +164,21 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
         self.orbit.linearise_along(&models, step, &mut self.slopes);
     }
 
-    /// Weights of the squares of the states at phase 0 in the length of a direction.
-    fn weights(&self) -> [f64; N] {
-        let sizes = self.orbit.sizes();
+    /// Weighs the squares of the states at phase 0 in the length of a direction.
+    fn weigh(&mut self) {
+        let mut sizes = self.orbit.mesh.states.start.map(f64::abs);
+        for (i, y) in
+            self.orbit.mesh.states.packs.iter().flatten().flat_map(|y| y.iter().enumerate())
+        {
+            sizes[i] = sizes[i].max(largest_lane(y.abs()));
+        }
         let floor = 1e-6 * sizes.iter().fold(f64::MIN_POSITIVE, |most, size| most.max(*size));
-        sizes.map(|size| size.max(floor).powi(-2))
+        self.weights = sizes.map(|size| size.max(floor).powi(-2));
     }
 
     /// The cosine of the angle between two directions of length 1.
     fn cosine(&self, a: &Direction<N>, b: &Direction<N>) -> f64 {
-        let weights = self.weights();
+        let weights = &self.weights;
         let states: f64 = (0..N).map(|i| weights[i] * a.states.start[i] * b.states.start[i]).sum();
         states + a.parameter * b.parameter / self.scale().powi(2)
     }
@@ -177,7 +190,7 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
 
     /// The plane across a direction.
     fn across(&self, direction: &Direction<N>, distance: f64) -> Plane<N> {
-        let weights = self.weights();
+        let weights = &self.weights;
         Plane {
             start: std::array::from_fn(|i| weights[i] * direction.states.start[i]),
             parameter: direction.parameter / self.scale().powi(2),
@@ -223,6 +236,7 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
             }
             self.correct(plane)?;
         }
+        self.weigh();
         self.linearise();
         let onward = self.across(&self.tangent, 1.0);
         self.turn_to(&onward)?;
@@ -238,7 +252,18 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
         self.orbit.go_along(&tangent, length);
         let plane = self.across(&tangent, 0.0);
         self.tangent = tangent;
-        self.arrive(&plane)
+        let (aimed, value) = (self.orbit.mesh.states.start, self.value);
+        self.arrive(&plane)?;
+        let states = &self.orbit.mesh.states;
+        let missed: f64 = (self.weights.iter().zip(states.start.iter().zip(aimed)))
+            .map(|(weight, (start, aimed))| weight * (start - aimed).powi(2))
+            .sum();
+        let missed = missed + ((self.value - value) / self.scale()).powi(2);
+        // What is further away may be on another branch, or on this one where it comes back.
+        if missed.sqrt() > NEAR * length.max(SHORTEST) {
+            return Err(MotionError::NotConverged { steps: MOST_STEPS });
+        }
+        Ok(())
     }
 
     /// Goes to where the parameter has a value, about so far along the branch.
@@ -250,8 +275,8 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
 
     fn place(&self) -> Place<N, R> {
         let (mesh, tangent) = (self.orbit.mesh.clone(), self.tangent.clone());
-        let Self { value, tests, difference, .. } = *self;
-        Place { mesh, value, tangent, tests, difference }
+        let Self { value, tests, difference, weights, .. } = *self;
+        Place { mesh, value, tangent, tests, difference, weights }
     }
 
     fn back_to(&mut self, place: &Place<N, R>) {
@@ -259,6 +284,7 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
         self.make_room();
         (self.value, self.tangent) = (place.value, place.tangent.clone());
         (self.tests, self.difference) = (place.tests, place.difference);
+        self.weights = place.weights;
     }
 
     /// Half of the span later the motion is another one than it would be on the branch that it began on.
@@ -394,6 +420,13 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
                 if let Err(error) = self.advance_to(bound, gone) {
                     return format!("cannot be followed beyond {:.6}: {error}", from.value);
                 }
+            }
+            let growth = self.largest_multiplier();
+            if growth > MOST_GROWTH {
+                return format!(
+                    "cannot be followed beyond {:.6}: disturbances grow by {growth:.0e} in a period",
+                    from.value
+                );
             }
             let here = self.place();
             let (before, after) = (from.tests, here.tests);

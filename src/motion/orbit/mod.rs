@@ -16,6 +16,7 @@ mod resolution;
 use nalgebra::SMatrix;
 
 pub(super) use bordered::{Direction, Plane, Slopes};
+pub(super) use newton::largest_lane;
 
 use super::cycle::{Cycle, measure};
 use super::element::{Element, Linearisation, solve_element};

@@ -182,7 +182,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Largest value of each state before or after a step.
-    pub fn sizes(&self) -> [f64; N] {
+    pub(super) fn sizes(&self) -> [f64; N] {
         let mut sizes = [Lanes::default(); N];
         let states = self.mesh.states.packs.iter().flatten();
         for (y, step) in states.zip(self.step.packs.iter().flatten()) {
@@ -278,7 +278,7 @@ pub(super) fn keep_largest<const K: usize>(largest: &mut [Lanes; K], values: &[L
     }
 }
 
-pub(super) fn largest_lane(lanes: Lanes) -> f64 {
+pub fn largest_lane(lanes: Lanes) -> f64 {
     lanes.to_array().into_iter().fold(0.0, f64::max)
 }
 
