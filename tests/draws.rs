@@ -166,9 +166,9 @@ fn end(problem: &Problem, is_thorough: bool) -> Result<&'static str, String> {
         (Ok(_), Err(MotionError::Unsettled { cycles, .. })) if is_thorough => {
             does_not_settle(problem, *cycles).map(|()| "unsettled")?
         }
+        (Ok(_), Err(MotionError::Unsettled { .. })) => "unsettled",
         (Ok(_), Err(error)) => return Err(error.to_string()),
         (Err(_), Ok(_)) => "found from rest only",
-        (Ok(_), Err(MotionError::Unsettled { .. })) => "unsettled",
         (Err(_), Err(MotionError::Unsettled { cycles, .. })) if is_thorough => {
             does_not_settle(problem, *cycles).map(|()| "diverged")?
         }
