@@ -204,6 +204,22 @@ fn derivatives_are_those_of_central_differences() {
 }
 
 #[test]
+fn the_limit_of_a_sharp_transition_holds_a_much_sharper_one() {
+    for problem in campaigns() {
+        let limit = problem.sharp_limit(REFERENCE_ACCURACY).unwrap().unwrap();
+        let at = |transition_m_s: f64| {
+            let robot = Robot { transition_m_s, ..problem.robot.clone() };
+            Problem { robot, ..problem.clone() }.solve(1e-8).unwrap().metrics.d_m
+        };
+        let (present, sharper, limit_m) = (at(0.005), at(0.001), limit.metrics.d_m);
+        let to_go = (limit_m - present).abs();
+        assert!((sharper - limit_m).abs() < 0.35 * to_go, "{present} {sharper} {limit:?}");
+        assert!(limit.uncertainty.d_m < 0.2 * to_go, "{present} {limit:?}");
+        assert_eq!(Problem { laws: Laws::SKID, ..problem }.sharp_limit(1e-8), Ok(None));
+    }
+}
+
+#[test]
 fn actuators_supply_what_dry_friction_takes() {
     for problem in campaigns() {
         let robot = Robot {

@@ -220,6 +220,9 @@ fn dry_friction_is_in_newtons_or_a_part_of_the_load() {
         let answers = simulate("kinematic-symmetric", "coulomb", "3.9", settings);
         answers[0]["d_m"].as_f64().unwrap()
     };
+    let limit = &simulate("kinematic-symmetric", "coulomb", "3.9", &[])[0]["sharp_limit"];
+    let limit = &["metrics", "uncertainty"].map(|of| limit[of]["d_m"].as_f64().unwrap());
+    assert!((0.4518 - limit[0]).abs() < limit[1] && limit[1] < 1e-3, "{limit:?}");
     // As an independent program has it with these coefficients.
     let known = d_m(&[]);
     assert!(near(known, 0.4477698751, 1e-6), "{known}");

@@ -20,6 +20,7 @@ mod quadrature;
 mod radau;
 mod reduced;
 mod sensitivity;
+mod sharp;
 mod solver;
 mod trajectory;
 mod transient;
@@ -33,6 +34,7 @@ pub use crate::robot::{Laws, Model, Pose};
 pub use branch::{Branch, BranchPoint, branches};
 pub use orbit::Effort;
 pub use reduced::Derivatives;
+pub use sharp::SharpLimit;
 pub use solver::{Attractor, Solver};
 pub use trajectory::Sample;
 

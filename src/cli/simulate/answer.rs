@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 use crate::cli::output::say;
 use crate::metrics::GaitMetrics;
 use crate::motion::{
-    Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
+    Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, SharpLimit, Solver,
 };
 
 /// A motion that does not exist has a reason and no numbers: NaN, null in JSON.
@@ -25,6 +25,9 @@ pub(super) struct Answer<'a> {
     from_rest: Option<FromRest>,
     /// Cycles after which the robot from rest is, and stays, within 1 % of its steady motion.
     pub cycles_to_settle: Option<usize>,
+    /// The metrics where the transition speed of dry friction is zero.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sharp_limit: Option<SharpLimit>,
     parameters: &'a Map<String, Value>,
 }
 
@@ -49,6 +52,8 @@ impl<'a> Answer<'a> {
             Err(error) => (error.status(), Some(error.to_string())),
         };
         let motion = motion.ok();
+        let sharp_limit =
+            motion.and_then(|_| problem.sharp_limit(REFERENCE_ACCURACY).ok().flatten());
         let metrics = motion.map_or(GaitMetrics::MISSING, |motion| motion.metrics);
         let work_j = motion.map_or(f64::NAN, |motion| motion.work_j);
         Self {
@@ -61,6 +66,7 @@ impl<'a> Answer<'a> {
             floquet: motion.and_then(|motion| motion.floquet),
             from_rest: reach,
             cycles_to_settle,
+            sharp_limit,
             parameters,
         }
     }
@@ -100,6 +106,15 @@ pub(super) fn print_table(answers: &[Answer]) {
             answer.status,
             answer.reach_in_words(),
         );
+        if let Some(SharpLimit { metrics, uncertainty }) = &answer.sharp_limit {
+            let percent = |value: f64| 100.0 * value / d_m;
+            say!(
+                "{:>11} d is {:+.2} % (\u{b1}{:.2}) where transition_m_s goes to zero",
+                "",
+                percent(metrics.d_m - d_m),
+                percent(uncertainty.d_m),
+            );
+        }
     }
 }
 

@@ -18,14 +18,14 @@ use nalgebra::SMatrix;
 pub(super) use bordered::{Direction, Plane, Slopes};
 pub(super) use newton::largest_lane;
 
-use super::cycle::{Cycle, measure};
+use super::cycle::{Cycle, measure, skid_scale};
 use super::element::{Element, Linearisation, solve_element};
 use super::mesh::{MOST_ELEMENTS, Mesh, States};
 use super::path::Path;
 use super::radau::STAGES;
 use super::reduced::Reduced;
 use super::sensitivity::Adjoints;
-use super::{MotionError, Result};
+use super::{MotionError, Problem, Result};
 use crate::robot::Lanes;
 
 /// What solutions took.
@@ -113,10 +113,10 @@ const COARSE: usize = 6;
 const FEWEST: usize = 8;
 /// By how much finer the first elements are when Newton's method fails with coarse ones.
 const FINER: [usize; 3] = [1, 4, 16];
-/// How much larger the speed within which dry friction changes its sign is at first on the way to a
-/// motion under it, and at most.
-const SOFTEST: f64 = 16.0;
-const MOST_SOFT: f64 = 1024.0;
+/// The speed within which dry friction changes its sign at first on the way to a motion under it, over
+/// the characteristic speed of eq. 20, and how much larger than that it may be.
+const SOFTEST: f64 = 0.1;
+const MOST_SOFT: f64 = 64.0;
 /// By how much it falls from one motion on that way to the next, and at least.
 const HARDER: f64 = 4.0;
 const LEAST_HARDER: f64 = 1.1;
@@ -231,7 +231,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// Finds an approximate solution from the states at hand: under dry friction through those under
     /// friction that changes its sign less suddenly.
     fn soften(&mut self, model: &R) -> Result<()> {
-        let (mut reached, mut aim) = (f64::INFINITY, SOFTEST);
+        let Problem { robot, .. } = model.problem();
+        let softest = SOFTEST * skid_scale(model.problem()) / robot.transition_m_s;
+        let (mut reached, mut aim) = (f64::INFINITY, softest.max(1.0));
         while let Some(softened) = model.softened(aim) {
             self.steps = 0;
             self.softer.start = self.mesh.states.start;
@@ -246,7 +248,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
                 Err(error) => {
                     std::mem::swap(&mut self.mesh.states, &mut self.softer);
                     aim = if reached.is_finite() { (reached * aim).sqrt() } else { HARDER * aim };
-                    if reached / aim < LEAST_HARDER || aim > MOST_SOFT {
+                    if reached / aim < LEAST_HARDER || aim > MOST_SOFT * softest.max(1.0) {
                         return Err(error);
                     }
                 }
