@@ -113,7 +113,7 @@ fn a_motion_that_does_not_settle_is_said_not_to() {
         robot: Robot { damping_nm_s_rad: 0.001, ..Robot::semi_passive() },
         gait: Gait::passive_symmetric(),
         laws: Laws::NO_SKID,
-        omega_rad_s: 0.4,
+        omega_rad_s: 0.2,
     };
     let error = settle(&problem).unwrap_err();
     assert!(matches!(error, MotionError::Unsettled { cycles: 500, .. }), "{error}");

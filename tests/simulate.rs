@@ -374,7 +374,7 @@ fn from_rest_the_answer_says_after_how_many_cycles_and_the_trajectory_is_the_way
 #[test]
 fn a_motion_that_the_robot_does_not_reach_is_said_to_be_one() {
     let folder = empty_folder();
-    let lightly = ["semi-passive-symmetric", "--model", "no-skid", "--omega", "0.4"];
+    let lightly = ["semi-passive-symmetric", "--model", "no-skid", "--omega", "0.2"];
     let damping = ["--set", "stiffness_nm_rad=0.188", "--set", "damping_nm_s_rad=0.001"];
     let arguments = [&["simulate"], &lightly[..], &damping[..]].concat();
     let table = succeed(folder.path(), &arguments);
