@@ -259,7 +259,11 @@ fn a_wrong_configuration_ends_everything_with_line_or_key_named() {
         ("[fit]", "[vicon]\nrate_hz = nan\n[fit]", &["vicon.rate_hz", "found NaN"]),
         ("[fit]", "[vicon]\nrate_hz = inf\n[fit]", &["vicon.rate_hz", "found inf", "1 to 10000"]),
         ("\"kinematic\"", "\"kinemtic\"", &["robot", "`kinemtic`", "`kinematic`?"]),
-        ("skid-roll", "skid-rol", &["pipeline.toml, line 8", "`skid-rol`", "`skid-roll`?"]),
+        (
+            "skid-roll",
+            "skid-rol",
+            &["campaign.kinematic-symmetric.models", "`skid-rol`", "`skid-roll`?"],
+        ),
     ];
     for (old, new, named) in cases {
         assert_nothing_done(|folder| folder.replace("pipeline.toml", old, new), "run", named);

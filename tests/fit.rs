@@ -535,7 +535,8 @@ fn noise_free_trials_give_back_whatever_is_free() {
         let found = &fitted.fits[0];
         assert!(found.j < 1e-6, "{free:?}: {}", found.j);
         assert_eq!(found.identifiable, found.free, "{free:?}");
-        for coefficient in Parameter::ALL {
+        let known = |of: &Parameter| Laws::SKID_ROLL.know(*of, &gait);
+        for coefficient in Parameter::ALL.into_iter().filter(known) {
             let (found, known) = (found.parameters[coefficient], coefficient.of(&truth));
             assert!(
                 (found / known - 1.0).abs() < 1e-3,
