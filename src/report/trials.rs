@@ -9,7 +9,7 @@ use super::page::{self, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
 use super::{ReportError, ReportInput, figures, replay};
-use crate::robot::{Model, Robot};
+use crate::robot::Robot;
 use crate::store::{
     Reader, ToDisk, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path,
 };
@@ -82,6 +82,8 @@ pub fn parts(
     tables.checks.iter().for_each(|row| checks.entry(&row.trial).or_default().push(row));
     tables.robots.iter().for_each(|row| robots.entry(&row.trial).or_default().push(row));
     let markers = format!("{:?}", input.markers());
+    // A page shows motions of models that its campaign does not fit, too.
+    let laws = format!("{:?}", input.models());
     let fit = |campaign| (campaign, hash(format!("{:?}", tables.preferred(campaign)).as_bytes()));
     let fits: BTreeMap<&str, String> = tables.campaigns(input).into_iter().map(fit).collect();
     let of_trial = |trial: &TrialRow| {
@@ -97,11 +99,9 @@ pub fn parts(
         let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
         let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
         let source = tables.source(input);
-        let of_model = |model: Model| {
-            (source.of_trial(trial, model), input.models().get(&model), input.look(model))
-        };
-        let models: Vec<_> = source.models(&trial.campaign).into_iter().map(of_model).collect();
-        let models = format!("{models:?} {:?}", fits.get(&*trial.campaign));
+        let models = source.models(&trial.campaign).into_iter();
+        let predicted: Vec<_> = models.filter_map(|model| source.of_trial(trial, model)).collect();
+        let models = format!("{predicted:?} {:?} {laws}", fits.get(&*trial.campaign));
         let parts = BTreeMap::from([
             ("its row or checks".to_owned(), hash(rows.as_bytes())),
             ("its campaign's models".to_owned(), hash(models.as_bytes())),
