@@ -13,10 +13,10 @@
 //! in them.
 
 use super::fitted_point::FittedPoint;
+use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
 use super::intervals::{OUTSIDE, Systematic, Widths};
 use super::noise_correction::NoiseCorrection;
 use super::objective::Objective;
-use super::predict::GaitOverFrequency;
 use super::resample::Resampler;
 use super::starts::Start;
 use super::terms::{Response, TERMS};
@@ -31,8 +31,6 @@ const MISSED: f64 = 0.05;
 /// Part of a metric that counts as none.
 const NOTHING: f64 = 10.0 * FIT_ACCURACY;
 
-/// Standard errors of offset, amplitude and phase of either joint.
-pub(super) type GaitErrors = [[f64; 3]; 2];
 /// Changes of the metrics, in the order of [`GaitMetrics::to_array`].
 type Changes = [f64; 7];
 

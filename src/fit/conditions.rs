@@ -5,13 +5,14 @@
 //! that are near it.
 
 use super::measurement::Measurement;
-use super::objective::GAIT_NUMBERS;
 use super::terms::TERMS;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use crate::robot::{Gait, JointCommand};
 use crate::stats::{median, wrap};
 
+/// Numbers of a measured gait: offset, amplitude and phase of either joint.
+pub(super) const GAIT_NUMBERS: usize = 6;
 /// What the motions of a condition differ by: omega, rad/s, and offset, amplitude and phase of either
 /// joint, rad.
 pub(super) const INPUTS: usize = 1 + GAIT_NUMBERS;

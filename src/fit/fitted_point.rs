@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
+use super::conditions::GAIT_NUMBERS;
 use super::least_absolute::Residual;
 use super::measurement::Measurement;
-use super::objective::{Evaluator, GAIT_NUMBERS, Observation};
+use super::objective::{Evaluator, Observation};
 use super::resample::DrawnTrial;
 use super::search::{Ended, Iterate};
 use super::starts::Start;

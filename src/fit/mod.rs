@@ -16,6 +16,7 @@ mod conditions;
 mod deviations;
 mod fitted_point;
 mod folder;
+mod gait_over_frequency;
 mod hessian;
 mod input;
 mod intervals;

@@ -13,9 +13,6 @@ use crate::store::FitStatus;
 /// Their metrics.
 pub(super) const METRICS: [&str; TERMS] = ["d", "v", "sigma0", "sigma1", "sigma2", "alpha1"];
 
-/// Numbers of a measured gait: offset, amplitude and phase of either joint.
-pub(super) const GAIT_NUMBERS: usize = 6;
-
 /// Eq. 22 for one model, averaged over a campaign's trials.
 #[derive(Debug, Clone)]
 pub struct Objective {

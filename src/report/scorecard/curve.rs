@@ -3,7 +3,7 @@
 use minijinja::Error;
 use minijinja::value::{Object, Value};
 
-use super::formula::{NO_TRIALS, missing, unknown};
+use super::missing::{NO_TRIALS, missing, unknown};
 use super::verdict::Found;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Problem, REFERENCE_ACCURACY, Solver};

@@ -2,7 +2,7 @@
 
 use minijinja::Error;
 
-use super::formula::{NO_MOTION, missing, unknown};
+use super::missing::{NO_MOTION, missing, unknown};
 use crate::motion::{FORCES_ACCURACY, Problem, Sample, Solver};
 use crate::stats::wrap;
 

@@ -10,28 +10,16 @@
 //! - `apart_deg(a, b)`: size of the difference of two phases.
 
 use minijinja::value::{Object, Value};
-use minijinja::{Environment, Error, ErrorKind, context};
+use minijinja::{Environment, Error, context};
 
 use super::curve::Curve;
+use super::missing::missing;
 use super::paper::Paper;
 use super::trials::Trials;
 use super::verdict::Found;
 use crate::stats::wrap;
 
-pub const NO_MOTION: &str = "There is no such motion.";
-pub const NO_TRIALS: &str = "The folder has no such trials.";
-
 impl Object for Found {}
-
-/// A number that there is not, and why.
-pub fn missing(reason: &'static str) -> Error {
-    Error::new(ErrorKind::UndefinedError, reason)
-}
-
-/// A name in a formula that stands for nothing.
-pub fn unknown(name: &str) -> Error {
-    Error::new(ErrorKind::UnknownMethod, format!("nothing is called {name}"))
-}
 
 /// What formulas are evaluated with.
 pub struct Formulas {

@@ -22,6 +22,7 @@ mod claims;
 mod curve;
 mod cycle;
 mod formula;
+mod missing;
 mod paper;
 #[cfg(test)]
 mod tests;
@@ -39,7 +40,8 @@ use super::numbers::{interval, significant};
 use super::tables::Tables;
 use crate::config::SigmaKind;
 use claims::{Claim, Claims, Judged};
-use formula::{Formulas, NO_MOTION};
+use formula::Formulas;
+use missing::NO_MOTION;
 use paper::Paper;
 use trials::Trials;
 use verdict::{Found, Verdict};

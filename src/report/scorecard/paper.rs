@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::curve::{Curve, Point};
 use super::cycle;
-use super::formula::{NO_MOTION, missing, unknown};
+use super::missing::{NO_MOTION, missing, unknown};
 use crate::config::Config;
 use crate::motion::{Model, Problem, Solver};
 use crate::named::Named as _;

@@ -6,7 +6,7 @@ use minijinja::Error;
 use minijinja::value::{Object, Serde, Value, ValueKind};
 
 use super::curve::{Curve, Point};
-use super::formula::{NO_TRIALS, missing, unknown};
+use super::missing::{NO_TRIALS, missing, unknown};
 use super::verdict::Found;
 use crate::config::{Config, GaitInput, SigmaKind};
 use crate::metrics::GaitMetrics;
