@@ -154,15 +154,9 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         self.durations_s[k / LANES].lane(k % LANES)
     }
 
-    /// The part of the span after which a fraction of element `k` is over.
-    fn part_at(&self, k: usize, fraction: f64) -> f64 {
-        let [start, end] = [self.bounds[k], self.bounds[k + 1]];
-        start + (end - start) * fraction
-    }
-
     /// The command at a fraction of element `k`.
     pub fn node_at(&self, model: &R, k: usize, fraction: f64) -> R::Node<f64> {
-        model.node(self.span_rad() * self.part_at(k, fraction))
+        model.node(self.span_rad() * part_at(&self.bounds, k, fraction))
     }
 
     /// The command at the stages of element `k`.
@@ -207,7 +201,7 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         let (bounds, mut old) = (&self.bounds, 0);
         self.states.fill(bounds.len() - 1, |k| {
             RADAU.nodes.map(|node| {
-                let part = bounds[k] + (bounds[k + 1] - bounds[k]) * node;
+                let part = part_at(bounds, k, node);
                 while old + 2 < before.len() && before[old + 1] <= part {
                     old += 1;
                 }
@@ -254,9 +248,7 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
     /// Fills the elements that are laid out with the model's guess.
     pub fn guess(&mut self, model: &R) {
         let (guess, span_rad, bounds) = (model.guess(), self.span_rad(), &self.bounds);
-        let at = |k: usize, node: f64| {
-            guess(span_rad * (bounds[k] + (bounds[k + 1] - bounds[k]) * node))
-        };
+        let at = |k: usize, node: f64| guess(span_rad * part_at(bounds, k, node));
         self.states.start = guess(0.0);
         self.states.fill(self.count, |k| RADAU.nodes.map(|node| at(k, node)));
         self.integrate();
@@ -276,6 +268,11 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
             }
         }
     }
+}
+
+/// The part of the span after which a fraction of element `k` between these bounds is over.
+fn part_at(bounds: &[f64], k: usize, fraction: f64) -> f64 {
+    bounds[k] + (bounds[k + 1] - bounds[k]) * fraction
 }
 
 /// Where each of the first `count` lanes starts, each where the one before it ends, which is `next`;
