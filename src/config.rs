@@ -23,7 +23,7 @@ pub(crate) use error::{did_you_mean, nearest, parse_toml};
 pub use model::{Free, GaitInput, ModelConfig, Models};
 pub use paths::{Paths, is_pattern};
 
-use crate::robot::{Gait, JointCommand, Model, Robot};
+use crate::robot::{Gait, JointCommand, Model, Parameter, Robot};
 
 /// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
 /// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family; models stand
@@ -218,6 +218,12 @@ pub struct RobotDeviation {
     pub mass_kg: [f64; 3],
     pub inertia_kg_m2: [f64; 3],
     pub roll_kg_s: [f64; 3],
+    /// Of dry friction: N, or of `load_n`.
+    pub skid_dry_n: [f64; 3],
+    pub skid_static_n: [f64; 3],
+    pub stribeck_m_s: f64,
+    pub roll_dry_n: [f64; 3],
+    pub transition_m_s: f64,
     pub stiffness_nm_rad: f64,
     pub damping_nm_s_rad: f64,
 }
@@ -388,12 +394,33 @@ impl Config {
 }
 
 impl RobotConfig {
+    /// Dry friction of the wheels, N.
+    fn dry_n(&self, of: [f64; 3]) -> [f64; 3] {
+        let load_n = self.load_n.unwrap_or([1.0; 3]);
+        std::array::from_fn(|wheel| of[wheel] * load_n[wheel])
+    }
+
+    /// Standard deviations of the wheels' and the joint's parameters.
+    pub fn deviations(&self) -> impl Iterator<Item = (Parameter, f64)> {
+        let of = self.standard_deviation.unwrap_or_default();
+        let of_wheels = [
+            (Parameter::ROLL, of.roll_kg_s),
+            (Parameter::SKID_DRY, self.dry_n(of.skid_dry_n)),
+            (Parameter::SKID_STATIC, self.dry_n(of.skid_static_n)),
+            (Parameter::ROLL_DRY, self.dry_n(of.roll_dry_n)),
+        ];
+        let others = [
+            (Parameter::Stribeck, of.stribeck_m_s),
+            (Parameter::Transition, of.transition_m_s),
+            (Parameter::Stiffness, of.stiffness_nm_rad),
+            (Parameter::Damping, of.damping_nm_s_rad),
+        ];
+        of_wheels.into_iter().flat_map(|(of, by)| of.into_iter().zip(by)).chain(others)
+    }
+
     /// The robot in SI units; a robot without a spring has none, nor one without dry friction any.
     pub fn to_robot(&self) -> Robot {
-        let load_n = self.load_n.unwrap_or([1.0; 3]);
-        let dry_n = |of: Option<[f64; 3]>| {
-            of.map_or([0.0; 3], |of| std::array::from_fn(|wheel| of[wheel] * load_n[wheel]))
-        };
+        let dry_n = |of: Option<[f64; 3]>| self.dry_n(of.unwrap_or_default());
         Robot {
             h_m: self.h_m,
             l_m: self.l_m,

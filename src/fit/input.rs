@@ -166,12 +166,13 @@ impl FitInput {
             add(deviation.mass_kg[i], &|other| other.mass_kg[i] += deviation.mass_kg[i]);
             let inertia_kg_m2 = deviation.inertia_kg_m2[i];
             add(inertia_kg_m2, &|other| other.inertia_kg_m2[i] += inertia_kg_m2);
-            add(deviation.roll_kg_s[i], &|other| other.roll_kg_s[i] += deviation.roll_kg_s[i]);
         }
-        let stiffness_nm_rad = deviation.stiffness_nm_rad;
-        add(stiffness_nm_rad, &|other| other.stiffness_nm_rad += stiffness_nm_rad);
-        let damping_nm_s_rad = deviation.damping_nm_s_rad;
-        add(damping_nm_s_rad, &|other| other.damping_nm_s_rad += damping_nm_s_rad);
+        let (laws, gait) = (self.model.value.laws(), self.gait.value.to_gait());
+        for (parameter, deviation) in self.robot.value.deviations() {
+            if laws.know(parameter, &gait) {
+                add(deviation, &|other| parameter.set(other, parameter.of(other) + deviation));
+            }
+        }
         if self.fit.robot_parameters == ParameterSource::Measured {
             for (parameter, of) in MEASURED {
                 let found = self.robot_rows(data).map(of);
@@ -236,6 +237,7 @@ fn bounds(parameter: Parameter, fit: &mut Fit) -> &mut [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::RobotDeviation;
     use crate::store::Columns as _;
 
     #[test]
@@ -267,6 +269,35 @@ mod tests {
         let with_list = of(&config);
         model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Parameter::Skid2])));
         assert_eq!(of(&config), with_list);
+    }
+
+    #[test]
+    fn only_what_a_model_knows_of_the_robot_is_uncertain() {
+        let campaign = "kinematic-symmetric";
+        let mut config = Config::default();
+        let robot = config.robot.get_mut("kinematic").expect("the paper's");
+        robot.load_n = Some([8.0, 4.0, 4.0]);
+        robot.standard_deviation = Some(RobotDeviation {
+            transition_m_s: 0.002,
+            skid_dry_n: [0.0, 0.05, 0.0],
+            damping_nm_s_rad: 0.001,
+            ..RobotDeviation::default()
+        });
+        let robots = |name| {
+            let input = FitInput::new(&config, campaign, Model::new(name)).expect("the paper's");
+            let robot = input.robot.value.to_robot();
+            (input.uncertain_robots(&robot, &FitData::default()), robot)
+        };
+        let (others, robot) = robots("coulomb");
+        let off = |other: &Robot| {
+            let transition_m_s = other.transition_m_s - robot.transition_m_s;
+            [other.skid_dry_n[1] - robot.skid_dry_n[1], transition_m_s]
+        };
+        let off: Vec<[f64; 2]> = others.iter().map(off).collect();
+        assert_eq!(off.len(), 2);
+        assert!((off[0][0] - 0.2).abs() < 1e-12 && off[0][1] == 0.0, "{off:?}");
+        assert!((off[1][1] - 0.002).abs() < 1e-12 && off[1][0] == 0.0, "{off:?}");
+        assert!(robots("skid-roll").0.is_empty());
     }
 
     #[test]

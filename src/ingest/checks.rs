@@ -75,8 +75,8 @@ named! {
         GaitClipping = "W019 gait-clipping",
         /// No row has more cells than the header has columns.
         LongRows = "W020 long-rows",
-        /// The recording tells that a swing or a speed dies away as linear damping makes it, and not
-        /// by dry friction.
+        /// The recording tells that a swing or a speed dies away by the law that the robot is
+        /// configured with, and by no other.
         DecayLaw = "W021 decay-law",
         /// The joints do what no other campaign commands.
         OtherCampaign = "E002 other-campaign",

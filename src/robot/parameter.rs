@@ -73,6 +73,8 @@ impl Parameter {
     pub const ROLL: [Self; 3] = [Self::Roll0, Self::Roll1, Self::Roll2];
     /// Dry friction of wheels 0, 1, 2 across them.
     pub const SKID_DRY: [Self; 3] = [Self::SkidDry0, Self::SkidDry1, Self::SkidDry2];
+    /// The same at low speeds.
+    pub const SKID_STATIC: [Self; 3] = [Self::SkidStatic0, Self::SkidStatic1, Self::SkidStatic2];
     /// Dry friction of wheels 0, 1, 2 along them.
     pub const ROLL_DRY: [Self; 3] = [Self::RollDry0, Self::RollDry1, Self::RollDry2];
 

@@ -101,7 +101,7 @@ pub fn measure(
     };
     let [viscous, coulomb, coulomb_viscous] = DecayLaw::ALL.map(fit);
     let preferred = laws.preferred(&WORDS);
-    let checks = laws.checks(&WORDS, &preferred);
+    let checks = laws.checks(&WORDS, &preferred, configured_law(robot));
     let (law, status) = FitStatus::split(preferred);
     let told = |part, times| law.map_or(Estimate::MISSING, |law| of_part(law, part, times));
     let configured: f64 = robot.roll_kg_s.iter().sum();
@@ -138,6 +138,17 @@ pub fn measure(
     let bent = format!("the robot is bent by {bent_deg:.1} degrees{asked}");
     let straight = Finding::at_most(Check::Straight, bent_deg, STRAIGHT_DEG, bent);
     Ok((row, std::iter::once(straight).chain(checks).collect()))
+}
+
+/// The law of rolling that the robot is configured with.
+fn configured_law(robot: &Robot) -> DecayLaw {
+    let [is_viscous, is_dry] =
+        [robot.roll_kg_s, robot.roll_dry_n].map(|of| of.iter().any(|of_wheel| *of_wheel > 0.0));
+    match (is_viscous, is_dry) {
+        (true, true) => DecayLaw::CoulombViscous,
+        (false, true) => DecayLaw::Coulomb,
+        (_, false) => DecayLaw::Viscous,
+    }
 }
 
 /// Fits each law to samples of time and path, from a speed that falls to [`LEAST_FALL`] in a time.

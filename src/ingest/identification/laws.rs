@@ -128,29 +128,69 @@ impl<const N: usize> Laws<N> {
         Estimate::new(value, self.widened * curve.se(slopes))
     }
 
-    /// Whether the viscous law holds, and whether the recording tells it from the others.
-    pub fn checks(&self, words: &Words, preferred: &Result<DecayLaw, String>) -> Vec<Finding> {
-        let [viscous, ..] = words.laws;
+    /// Whether the law that the robot is configured with holds, and whether the recording tells it
+    /// from the others.
+    pub fn checks(
+        &self,
+        words: &Words,
+        preferred: &Result<DecayLaw, String>,
+        configured: DecayLaw,
+    ) -> Vec<Finding> {
+        let named = |law: DecayLaw| words.laws[law as usize];
+        // Of a law with one part.
+        let lacking = |law: DecayLaw| match law {
+            DecayLaw::Viscous => "dry friction",
+            _ => "viscous resistance",
+        };
         let decay = self
-            .curve(DecayLaw::Viscous)
-            .map(|curve| curve.check(viscous, &(words.off)(curve.misfit)));
-        let (of_viscous, limit) = (self.f(DecayLaw::Viscous), self.f_limit());
+            .curve(configured)
+            .map(|curve| curve.check(named(configured), &(words.off)(curve.misfit)));
+        let [f, of_viscous, of_dry] =
+            [configured, DecayLaw::Viscous, DecayLaw::Coulomb].map(|law| self.f(law));
+        let limit = self.f_limit();
         let (value, message) = match preferred {
-            Err(reason) => (self.f(DecayLaw::Coulomb).max(of_viscous), reason.clone()),
-            Ok(DecayLaw::Viscous) => (
-                of_viscous,
-                format!("dry friction adds nothing to {viscous}: F is {of_viscous:.1}"),
+            Err(reason) => (of_dry.max(of_viscous), reason.clone()),
+            Ok(DecayLaw::CoulombViscous) if configured == DecayLaw::CoulombViscous => (
+                of_dry.min(of_viscous),
+                format!(
+                    "the recording follows {}: F is {of_viscous:.1} against {} alone, and \
+                     {of_dry:.1} against {} alone",
+                    named(configured),
+                    named(DecayLaw::Viscous),
+                    named(DecayLaw::Coulomb)
+                ),
+            ),
+            Ok(law) if *law == configured => (
+                f,
+                format!(
+                    "{} adds nothing to {}: F is {f:.1}",
+                    lacking(configured),
+                    named(configured)
+                ),
+            ),
+            Ok(law) if configured == DecayLaw::CoulombViscous => (
+                self.f(*law),
+                format!(
+                    "the recording follows {}: {} adds nothing to it (F is {:.1}, needed more than \
+                     {limit:.1}), and the robot is configured with {}",
+                    named(*law),
+                    lacking(*law),
+                    self.f(*law),
+                    named(configured)
+                ),
             ),
             Ok(law) => (
-                of_viscous,
+                f,
                 format!(
-                    "the recording refuses {viscous}: F is {of_viscous:.1} against the law with dry \
-                     friction, too, needed at most {limit:.1}; it follows {}",
-                    words.laws[*law as usize]
+                    "the recording refuses {}: F is {f:.1} against the law with {}, too, needed at \
+                     most {limit:.1}; it follows {}",
+                    named(configured),
+                    lacking(configured),
+                    named(*law)
                 ),
             ),
         };
-        let holds = *preferred == Ok(DecayLaw::Viscous);
+        let holds = *preferred == Ok(configured);
         decay
             .into_iter()
             .chain([Finding::new(Check::DecayLaw, holds, value, limit, message)])

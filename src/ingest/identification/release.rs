@@ -130,7 +130,7 @@ pub fn measure(
     let fits =
         DecayLaw::ALL.map(|law| laws.fit(law, |curve| given(&laws, law, curve, inertia_kg_m2)));
     let preferred = laws.preferred(&WORDS);
-    let checks = laws.checks(&WORDS, &preferred);
+    let checks = laws.checks(&WORDS, &preferred, DecayLaw::Viscous);
     let (law, status) = FitStatus::split(preferred);
     let told = law.map_or_else(DecayFit::blank, |law| fits[law as usize]);
     let curve = law.and_then(|law| laws.curve(law));

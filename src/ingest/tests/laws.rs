@@ -67,9 +67,17 @@ fn measured(
     coordinates: &[[f64; 5]],
     seed: u64,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    let config = Config::default();
+    measured_with(&Config::default(), kind, coordinates, seed)
+}
+
+fn measured_with(
+    config: &Config,
+    kind: TrialKind,
+    coordinates: &[[f64; 5]],
+    seed: u64,
+) -> Result<ProcessedTrial, TrialFailure> {
     let robot = "semi-passive";
-    let bytes = crate::synth::export(&config, &config.robot[robot].to_robot(), coordinates, seed);
+    let bytes = crate::synth::export(config, &config.robot[robot].to_robot(), coordinates, seed);
     let trial = Trial {
         kind,
         campaign: None,
@@ -77,7 +85,7 @@ fn measured(
         robot: Some(robot.to_owned()),
         ..gait_trial("a", "", 1.0)
     };
-    let input = IngestInput::new(&config, &trial)?;
+    let input = IngestInput::new(config, &trial)?;
     process(Path::new("a.csv"), &bytes, &trial, &input, &mut Known::new(&trial))
 }
 
@@ -122,6 +130,45 @@ fn dry_rolling_is_refused_however_small_its_part() {
             assert!(part < 0.02 || times > 5.0, "{part} {times}");
             assert_eq!(row.roll_sum_kg_s.value.is_nan(), part == 1.0);
         }
+    }
+}
+
+#[test]
+fn rolling_is_judged_by_the_law_that_the_robot_is_configured_with() {
+    let law_check = |roll_kg_s: [f64; 3], roll_dry_n: [f64; 3], coasting: &[[f64; 5]]| {
+        let mut config = Config::default();
+        let robot = config.robot.get_mut("semi-passive").expect("the paper's");
+        (robot.roll_kg_s, robot.roll_dry_n) = (roll_kg_s, Some(roll_dry_n));
+        let ProcessedTrial { row, checks, .. } =
+            measured_with(&config, TrialKind::CoastDown, coasting, 1).expect("it can be measured");
+        let check = checks.into_iter().find(|check| check.check == "W021 decay-law");
+        (row.status, check.expect("it is checked").message)
+    };
+    let (roll_kg_s, roll_dry_n) = ([0.3, 0.15, 0.15], [0.12, 0.06, 0.06]);
+    let (viscous, both) = (coasting(ROLL_KG_S, 0.0), coasting(0.6, 0.24));
+    let dry = coasting(0.0, 0.48);
+    for (roll_kg_s, roll_dry_n, coasting, expected) in [
+        (roll_kg_s, roll_dry_n, &both, "the recording follows rolling with"),
+        ([0.0; 3], roll_dry_n, &dry, "viscous resistance adds nothing to dry rolling"),
+        (roll_kg_s, [0.0; 3], &viscous, "dry friction adds nothing to viscous rolling"),
+    ] {
+        let (status, message) = law_check(roll_kg_s, roll_dry_n, coasting);
+        assert!(status == TrialStatus::Ok && message.starts_with(expected), "{status} {message}");
+    }
+    for (roll_kg_s, roll_dry_n, coasting, expected) in [
+        (
+            roll_kg_s,
+            roll_dry_n,
+            &viscous,
+            "the recording follows viscous rolling: dry friction adds",
+        ),
+        ([0.0; 3], roll_dry_n, &viscous, "the recording refuses dry rolling"),
+        ([0.0; 3], roll_dry_n, &both, "the recording refuses dry rolling"),
+        (roll_kg_s, [0.0; 3], &dry, "the recording refuses viscous rolling"),
+    ] {
+        let (status, message) = law_check(roll_kg_s, roll_dry_n, coasting);
+        assert_eq!(status, TrialStatus::Flagged, "{message}");
+        assert!(message.starts_with(expected), "{message}");
     }
 }
 
