@@ -7,6 +7,7 @@ mod compare;
 mod error;
 mod model;
 mod paths;
+mod settings;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,6 +23,7 @@ pub use error::ConfigError;
 pub(crate) use error::{did_you_mean, nearest, parse_toml};
 pub use model::{Free, GaitInput, ModelConfig, Models};
 pub use paths::{Paths, is_pattern};
+pub use settings::Setting;
 
 use crate::robot::{Gait, JointCommand, Model, Parameter, Robot};
 
@@ -349,13 +351,17 @@ fn complete<'t>(table: &mut DeTable<'t>, defaults: DeTable<'t>, depth: usize) {
     }
 }
 
+/// A configuration; keys that it leaves out have their defaults. In `compare`, names of columns
+/// stand beside the default ones.
+fn with_defaults(text: &str) -> Result<Spanned<DeTable<'_>>, toml::de::Error> {
+    let mut table = DeTable::parse(text)?;
+    complete(table.get_mut(), DeTable::parse(DEFAULTS)?.into_inner(), 2);
+    Ok(table)
+}
+
 impl Config {
-    /// Parses a configuration; keys that it leaves out have their defaults. In `compare`, names
-    /// of columns stand beside the default ones.
     fn parse(text: &str) -> Result<Self, toml::de::Error> {
-        let mut table = DeTable::parse(text)?;
-        complete(table.get_mut(), DeTable::parse(DEFAULTS)?.into_inner(), 2);
-        Self::deserialize(toml::Deserializer::from(table))
+        Self::deserialize(toml::Deserializer::from(with_defaults(text)?))
     }
 
     /// Reads and checks a configuration file and makes its paths relative to where it lies.

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use common::{Small, files, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 
-const COMMANDS: [&str; 15] = [
+const COMMANDS: [&str; 17] = [
     "demo",
     "run",
     "ingest",
@@ -19,6 +19,8 @@ const COMMANDS: [&str; 15] = [
     "fit",
     "report",
     "check",
+    "config",
+    "explain",
     "compare",
     "inspect",
     "simulate",
@@ -281,4 +283,62 @@ fn messages_say_what_is_meant() {
     std::fs::remove_file(folder.place("raw/kinematic-symmetric-5.00-r1.csv")).unwrap();
     let said = text(&trilink(folder.path(), &["check"]).stdout);
     assert!(said.contains("  E001 failed: raw/kinematic-symmetric-5.00-r1.csv: "), "{said}");
+}
+
+#[test]
+fn a_check_is_explained_by_its_code_or_its_name() {
+    let all = succeed(here(), &["explain"]);
+    assert!(all.lines().any(|line| line == "W018 joint-places"), "{all}");
+    assert_eq!(all.lines().count(), 27);
+    let one = succeed(here(), &["explain", "W018"]);
+    for part in ["W018 joint-places\n  What: ", "\n  Why it matters: ", "\n  What to do: "] {
+        assert!(one.contains(part), "{one}");
+    }
+    assert!(one.lines().all(|line| line.chars().count() <= 80), "{one}");
+    assert_eq!(succeed(here(), &["explain", "joint-places"]), one);
+    let json: Vec<serde_json::Value> =
+        serde_json::from_str(&succeed(here(), &["explain", "w018", "E001", "--json"])).unwrap();
+    assert_eq!((json.len(), &json[1]["check"]), (2, &"E001 failed".into()));
+    let unknown = trilink(here(), &["explain", "W18", "nothing", "W001"]);
+    let error = text(&unknown.stderr);
+    assert_eq!(unknown.status.code(), Some(2), "{error}");
+    assert!(error.contains("`W18`; did you mean `W018`?, found `nothing`"), "{error}");
+}
+
+#[test]
+fn the_configuration_says_what_counts_and_where_it_comes_from() {
+    let folder = folder();
+    let show =
+        |arguments: &[&str]| succeed(folder.path(), &[&["config", "show"], arguments].concat());
+    let all = show(&[]);
+    assert!(
+        all.lines()
+            .any(|line| line.starts_with("ingest.skip_cycles = 2 ") && line.ends_with("# default"))
+    );
+    let own = show(&["fit", "--own"]);
+    assert!(own.lines().all(|line| line.contains("  # pipeline.toml, line ")), "{own}");
+    assert!(own.contains("fit.starts = ") && !own.contains("ingest"), "{own}");
+    // What is printed is a configuration that amounts to the same.
+    std::fs::write(folder.path().join("whole.toml"), &all).unwrap();
+    let whole = succeed(folder.path(), &["--config", "whole.toml", "config", "show", "--json"]);
+    let values = |json: &str| -> Vec<[serde_json::Value; 2]> {
+        let rows: Vec<serde_json::Value> = serde_json::from_str(json).unwrap();
+        rows.into_iter().map(|row| [row["key"].clone(), row["value"].clone()]).collect()
+    };
+    assert_eq!(values(&whole), values(&show(&["--json"])));
+    let unknown = trilink(folder.path(), &["config", "show", "fit.start"]);
+    assert!(text(&unknown.stderr).contains("did you mean `fit.starts`?"));
+
+    let check = succeed(folder.path(), &["config", "check"]);
+    assert!(
+        check.contains(" that cannot be processed") && check.contains(", 0 that cannot"),
+        "{check}"
+    );
+    let list = folder.path().join("raw/demo/trials.toml");
+    let broken =
+        std::fs::read_to_string(&list).unwrap().replacen("campaign = \"", "campaign = \"un", 1);
+    std::fs::write(&list, broken).unwrap();
+    let check = trilink(folder.path(), &["config", "check"]);
+    assert_eq!(check.status.code(), Some(1));
+    assert!(text(&check.stdout).contains("key `campaign`"), "{}", text(&check.stdout));
 }

@@ -5,6 +5,8 @@ mod branches;
 mod calibrate;
 mod check;
 mod compare;
+mod config;
+mod explain;
 mod export;
 mod inspect;
 mod log;
@@ -83,6 +85,12 @@ enum Command {
     /// Read trial folders or marker files, write nothing, say what is there and what is wrong.
     #[command(after_help = include_str!("examples/check.txt").trim_end())]
     Check(check::Check),
+    /// Look into the configuration: its values and where they come from, and what is wrong.
+    #[command(after_help = include_str!("examples/config.txt").trim_end())]
+    Config(config::ConfigCommand),
+    /// Say what a check looks at, why that matters and what to do.
+    #[command(after_help = include_str!("examples/explain.txt").trim_end())]
+    Explain(explain::Explain),
     /// Compare the tables with those of an earlier run: what differs by more than noise.
     #[command(after_help = include_str!("examples/compare.txt").trim_end())]
     Compare(compare::Compare),
@@ -208,6 +216,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Fit(command) => command.run(&context()?),
         Command::Report(command) => command.run(&context()?),
         Command::Check(command) => command.run(context()?),
+        Command::Config(command) => command.run(&context()?, config.as_deref()),
         Command::Compare(command) => command.run(context()?),
         Command::Inspect(command) => command.run(context()?),
         Command::Export(command) => command.run(&context()?),
@@ -215,6 +224,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
         Command::Branches(command) => command.run(context()?),
         Command::Synth(command) => command.run(context()?),
         // These need no configuration.
+        Command::Explain(command) => command.run(),
         Command::Completions(command) => command.run(),
         Command::Man(command) => command.run(),
     }

@@ -7,6 +7,7 @@ use minijinja::value::{Serde, Value};
 use minijinja::{Environment, UndefinedBehavior, escape_formatter};
 use serde::Serialize;
 
+use crate::ingest::Explanation;
 use crate::report::drawing::style::ROBOTO;
 use crate::report::numbers::{
     as_configured, fixed, interval, percent, share, short, significant, with_error,
@@ -14,8 +15,9 @@ use crate::report::numbers::{
 use crate::text::harmless;
 
 /// Templates that others include or extend.
-const SHARED: [(&str, &str); 10] = [
+const SHARED: [(&str, &str); 11] = [
     ("base.html", include_str!("base.html")),
+    ("check.html", include_str!("check.html")),
     ("changes.html", include_str!("changes.html")),
     ("figure.html", include_str!("figure.html")),
     ("sheet.html", include_str!("sheet.html")),
@@ -57,6 +59,7 @@ pub fn fill(
     environment.add_filter("interval", |limits: Vec<f64>, digits| {
         limits.try_into().map_or_else(|_| String::new(), |limits| interval(limits, digits))
     });
+    environment.add_filter("explained", |check: String| Serde(Explanation::of(&check)));
     environment.add_filter("degrees", f64::to_degrees);
     environment.add_test("finite", f64::is_finite);
     environment.add_global("font_base64", STANDARD.encode(ROBOTO));

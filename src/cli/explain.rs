@@ -1,0 +1,69 @@
+//! `trilink explain`.
+
+use super::output::{say, write_data};
+use super::{Failure, Outcome};
+use crate::config::did_you_mean;
+use crate::ingest::Explanation;
+
+/// Lines are no longer, so that they can be read in any terminal.
+const MOST_CHARACTERS: usize = 80;
+
+#[derive(clap::Args)]
+pub(super) struct Explain {
+    /// Codes or names of checks, such as W018 or joint-places [default: a list of all].
+    #[arg(value_name = "CHECK")]
+    checks: Vec<String>,
+    /// Print one JSON array: an object per check.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Explain {
+    pub fn run(self) -> Result<Outcome, Failure> {
+        let mut found = Vec::new();
+        let mut unknown = Vec::new();
+        for name in &self.checks {
+            match Explanation::of(name) {
+                Some(explanation) => found.push(explanation),
+                None => unknown.push(name.as_str()),
+            }
+        }
+        if !unknown.is_empty() {
+            let known: Vec<&str> = Explanation::all().map(|of| of.check).collect();
+            let names = known.iter().flat_map(|check| check.split(' '));
+            let one = |name: &&str| {
+                format!("found `{name}`{}", did_you_mean(&name.to_uppercase(), names.clone()))
+            };
+            let each: Vec<String> = unknown.iter().map(one).collect();
+            return Err(format!(
+                "{}; needed codes or names of checks, as `trilink explain` lists them",
+                each.join(", ")
+            )
+            .into());
+        }
+        if self.checks.is_empty() {
+            found = Explanation::all().collect();
+        }
+        match (self.json, self.checks.is_empty()) {
+            (true, _) => write_data(&serde_json::to_string_pretty(&found)?),
+            (false, true) => found.iter().for_each(|of| say!("{}", of.check)),
+            (false, false) => found.iter().for_each(say_one),
+        }
+        Ok(Outcome::Well)
+    }
+}
+
+fn say_one(Explanation { check, parts }: &Explanation) {
+    say!("{check}");
+    for (heading, text) in parts {
+        let mut line = format!("  {heading}:");
+        for word in text.split(' ') {
+            if line.chars().count() + 1 + word.chars().count() > MOST_CHARACTERS {
+                say!("{line}");
+                line = "   ".to_owned();
+            }
+            line = line + " " + word;
+        }
+        say!("{line}");
+    }
+}
