@@ -240,3 +240,22 @@ fn actuators_supply_what_dry_friction_takes() {
         }
     }
 }
+
+#[test]
+fn cycles_and_ways_from_rest_are_sampled_where_wheels_change_their_direction() {
+    let mut solver = Solver::default();
+    for (problem, omega_rad_s) in
+        campaigns().iter().flat_map(|problem| [1.0, 2.0, 3.9].map(|omega| (problem, omega)))
+    {
+        let problem = Problem { omega_rad_s, ..problem.clone() };
+        let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+        let what = format!("{:?} {omega_rad_s}", problem.gait);
+        for samples in [solver.cycle(50).unwrap(), problem.cycles_from_rest(1, 50).unwrap()] {
+            assert_eq!(samples.len(), 51, "{what}");
+        }
+        let cycle = solver.cycle(50).unwrap();
+        let [first, .., last] = &cycle[..] else { panic!("{what}") };
+        assert_near(last.pose.x_m.hypot(last.pose.y_m), metrics.d_m, 1e-8, 0.0, &what);
+        assert_near(last.skid_m_s[1], first.skid_m_s[1], 1e-7, 1e-10, &what);
+    }
+}

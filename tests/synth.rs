@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use common::{files, succeed, text, trilink};
+use serde_json::Value;
+use trilink::config::Config;
+use trilink::motion::{Laws, Problem, REFERENCE_ACCURACY};
 use trilink::store::Table;
 
 const RATE_HZ: f64 = 120.0;
@@ -167,13 +170,21 @@ fn gaps_are_whole_markers_and_as_frequent_and_long_as_in_real_exports() {
     assert!(short as f64 >= 0.9 * gaps.len() as f64, "{short} of {} are short", gaps.len());
 }
 
+/// A folder with one campaign of the kinematic robot.
+fn kinematic(gait: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let config = format!(
+        "paths = {{ raw = \"trials\" }}\n[campaign.kinematic-{gait}]\nrobot = \"kinematic\"\ngait = \
+         \"{gait}\"\nmodels = [\"skid-roll\"]\nweights = {{ d = 10.0, v = 1.0, sigma = 0.2, alpha = \
+         0.0 }}\n"
+    );
+    std::fs::write(folder.path().join("pipeline.toml"), config).unwrap();
+    folder
+}
+
 /// The poses of a kinematic trial that was synthesised and ingested in a format.
 fn poses(format: &str) -> Vec<Vec<f64>> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let config = "paths = { raw = \"trials\" }\n[campaign.kinematic-symmetric]\nrobot = \
-                  \"kinematic\"\ngait = \"symmetric\"\nmodels = [\"skid-roll\"]\nweights = { d = \
-                  10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }\n";
-    std::fs::write(folder.path().join("pipeline.toml"), config).unwrap();
+    let folder = kinematic("symmetric");
     succeed(folder.path(), &["synth", "trials", "--omega", "3.9", "--format", format]);
     assert!(folder.path().join(format!("trials/kinematic-symmetric-3.90-r1.{format}")).is_file());
     succeed(folder.path(), &["ingest"]);
@@ -247,6 +258,175 @@ fn trials_with_misplaced_markers_keep_their_displacement_and_every_such_frame_is
             assert_eq!(Some(labels), named, "{trial}: {corrected}");
         }
     }
+}
+
+/// `truth.json` of a folder with `trials`.
+fn truth_in(folder: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(folder.join("trials/truth.json")).unwrap()).unwrap()
+}
+
+fn three(of: &Value) -> [f64; 3] {
+    serde_json::from_value(of.clone()).unwrap()
+}
+
+#[test]
+fn trials_of_a_law_have_the_motion_of_its_model_and_a_robot_has_one_floor() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("pipeline.toml"), "paths = { raw = \"trials\" }").unwrap();
+    succeed(folder.path(), &["synth", "trials", "--law", "coulomb", "--omega", "2,3.9"]);
+    succeed(folder.path(), &["ingest"]);
+    let (truth, config) = (truth_in(folder.path()), Config::default());
+    let campaigns = &truth["campaigns"];
+    assert_eq!(campaigns["kinematic-skewed"], campaigns["kinematic-symmetric"]);
+    let trials = Table::read(&folder.path().join("derived/trials.parquet")).unwrap();
+    let column = |name: &str| trials.values::<f64>(name).unwrap().to_vec();
+    let (d_m, v_m_s) = (column("d_m"), column("v_m_s"));
+    let sigma = [0, 1, 2].map(|wheel| column(&format!("sigma{wheel}_debiased")));
+    let mut compared = 0;
+    for (i, name) in trials.values::<String>("trial").unwrap().iter().enumerate() {
+        let planted = &truth["trials"][name];
+        let Some((campaign, _)) = config.campaign.iter().find(|(key, _)| name.starts_with(*key))
+        else {
+            continue;
+        };
+        let of_campaign = &campaigns[campaign];
+        assert_eq!(of_campaign["law"]["model"], "coulomb");
+        assert!(of_campaign["skid_kg_s"].is_null());
+        let (mut robot, mut gait) = config.campaign_setup(campaign).unwrap();
+        let usual_n = robot.skid_dry_n;
+        robot.skid_dry_n = three(&of_campaign["skid_dry_n"]);
+        for (planted_n, usual_n) in robot.skid_dry_n.iter().zip(usual_n) {
+            assert!((planted_n / usual_n - 1.0).abs() <= 0.1, "{planted_n} {usual_n}");
+        }
+        for (joint, reached) in gait.joints.iter_mut().zip(planted["gait"].as_array().unwrap()) {
+            if let Some(joint) = joint {
+                joint.offset_rad = reached["offset_rad"].as_f64().unwrap();
+                joint.amplitude_rad = reached["amplitude_rad"].as_f64().unwrap();
+            }
+        }
+        let omega_rad_s = planted["omega_rad_s"].as_f64().unwrap();
+        let solved = Problem { robot, gait, laws: Laws::COULOMB, omega_rad_s };
+        let solved = solved.solve(REFERENCE_ACCURACY).unwrap().metrics;
+        for (of, measured, known) in
+            [("d_m", d_m[i], solved.d_m), ("v_m_s", v_m_s[i], solved.v_m_s)]
+        {
+            let planted = planted[of].as_f64().unwrap();
+            assert!((planted / known - 1.0).abs() < 1e-8, "{name}: {of} {planted} {known}");
+            assert!((measured / planted - 1.0).abs() < 1e-3, "{name}: {of} {measured} {planted}");
+        }
+        for (wheel, planted) in three(&planted["sigma"]).into_iter().enumerate() {
+            let measured = sigma[wheel][i];
+            let near = (measured - planted).abs() < 0.03 * planted;
+            assert!(near, "{name}: sigma{wheel} {measured} {planted}");
+        }
+        compared += 1;
+    }
+    assert_eq!(compared, 6);
+}
+
+#[test]
+fn a_laboratory_repeats_frequencies_on_several_days_with_servos_that_lag_and_friction_that_varies()
+{
+    let folder = kinematic("symmetric");
+    let synth = ["synth", "trials", "--omega", "2,3.9", "--law", "kinematic=coulomb"];
+    succeed(folder.path(), &synth);
+    let plain = files(&folder.path().join("trials"));
+    let once = &truth_in(folder.path())["trials"]["kinematic-symmetric-3.90-r1"]["gait"][0];
+    let repeats = ["--repeats", "3", "--repeat-omega", "3.9"];
+    succeed(folder.path(), &[&synth[..], &repeats].concat());
+    let repeated = files(&folder.path().join("trials"));
+    for (path, bytes) in &plain {
+        let same = path.extension().is_some_and(|extension| extension == "csv");
+        assert!(!same || *bytes == repeated[path], "{}", path.display());
+    }
+    let varied = ["--days", "2", "--servo-lag", "0.02", "--servo-compliance", "0.05"];
+    let varied = [&varied[..], &["--friction-variation", "0.05"]].concat();
+    succeed(folder.path(), &[&synth[..], &repeats, &varied].concat());
+    succeed(folder.path(), &["ingest"]);
+
+    let truth = truth_in(folder.path());
+    let day = |id: &str| truth["trials"][format!("kinematic-symmetric-{id}")]["day"].as_u64();
+    let days = ["2.00-r1", "3.90-r1", "3.90-r2", "3.90-r3", "2.00-r2"].map(day);
+    assert_eq!(days, [Some(1), Some(2), Some(1), Some(2), None]);
+    let floors = [&truth["days"]["1"], &truth["days"]["2"]].map(|floor| floor.as_f64().unwrap());
+    assert!((floors[0] + floors[1] - 2.0).abs() < 1e-12 && floors[0] != floors[1], "{floors:?}");
+
+    let trials = Table::read(&folder.path().join("derived/trials.parquet")).unwrap();
+    let column = |name: &str| trials.values::<f64>(name).unwrap().to_vec();
+    let (d_m, se_m) = (column("d_m"), column("d_m_se"));
+    let (amplitude_rad, phase) = (column("phi1_amplitude_rad"), column("omega_rad_s"));
+    let mut found = 0;
+    for (i, name) in trials.values::<String>("trial").unwrap().iter().enumerate() {
+        let planted = &truth["trials"][name];
+        if planted.is_null() {
+            continue;
+        }
+        let joint = &planted["gait"][0];
+        let [reached, lag] = ["amplitude_rad", "phase_rad"].map(|of| joint[of].as_f64().unwrap());
+        // Behind the command by the lag, and less than the lag alone leaves by the load.
+        let command = once["amplitude_rad"].as_f64().unwrap();
+        let part = (1.0 + (0.02 * phase[i]).powi(2)).sqrt();
+        assert!((lag + (0.02 * phase[i]).atan()).abs() < 0.03 && lag < 0.0, "{name}: {lag}");
+        assert!((reached * part / command - 1.0).abs() < 0.06, "{name}: {reached} {command}");
+        assert!(reached * part != command, "{name}");
+        assert!(
+            (amplitude_rad[i] - reached).abs() < 5e-4,
+            "{name}: {} {reached}",
+            amplitude_rad[i]
+        );
+        let d = planted["d_m"].as_f64().unwrap();
+        // Each cycle has friction of its own, which the truth has not.
+        assert!((d_m[i] / d - 1.0).abs() < 0.02, "{name}: {} +- {} {d}", d_m[i], se_m[i]);
+        assert!(se_m[i] > 3e-4 * d, "{name}: cycles differ by {}", se_m[i]);
+        found += 1;
+    }
+    assert_eq!(found, 4);
+}
+
+#[test]
+fn a_motion_without_friction_is_recorded_too() {
+    let folder = kinematic("skewed");
+    succeed(folder.path(), &["synth", "trials", "--omega", "3", "--law", "no-skid"]);
+    succeed(folder.path(), &["ingest"]);
+    let planted = &truth_in(folder.path())["trials"]["kinematic-skewed-3.00-r1"];
+    assert_eq!(three(&planted["sigma"]), [0.0; 3]);
+    let trials = Table::read(&folder.path().join("derived/trials.parquet")).unwrap();
+    let names = trials.values::<String>("trial").unwrap();
+    let row = names.iter().position(|name| name == "kinematic-skewed-3.00-r1").unwrap();
+    let d_m = trials.values::<f64>("d_m").unwrap()[row];
+    assert!((d_m / planted["d_m"].as_f64().unwrap() - 1.0).abs() < 1e-3, "{d_m} {planted}");
+}
+
+#[test]
+fn what_no_trial_can_be_made_of_is_named() {
+    let folder = kinematic("symmetric");
+    for (options, named) in [
+        (&["--law", "coulom"][..], "found model `coulom`, needed one of `coulomb`, "),
+        (&["--law", "coulom"], "did you mean `coulomb`?"),
+        (&["--law", "kinematics=coulomb"], "found robot `kinematics`, needed one of `kinematic`"),
+        (&["--law", "no-skid-measured"], "is driven by the measured gaits of trials"),
+        (&["--law", "no-skid"], "kinematic-symmetric-2.00-r1`: at phase"),
+        (&["--repeat-omega", "3"], "found 3 rad/s, needed frequencies of the trials: 2"),
+        (&["--repeats", "0"], "0 is not in 1..=99"),
+        (&["--days", "100"], "100 is not in 1..=99"),
+        (&["--servo-lag", "20"], "found `20`, needed a number from 0 to 1 s"),
+        (&["--servo-compliance", "x"], "found `x`, needed a number from 0 to 1 rad/(N m)"),
+        (&["--friction-variation", "1.5"], "found `1.5`, needed a number from 0 to 1"),
+    ] {
+        let synth = ["synth", "trials", "--omega", "2"];
+        let output = trilink(folder.path(), &[&synth[..], options].concat());
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{options:?}: {stderr}");
+        assert!(stderr.contains(named), "{options:?}: {stderr}");
+    }
+    let other = "\n[model.ours]\nskid = \"stribeck\"\nroll = \"none\"\n";
+    let path = folder.path().join("pipeline.toml");
+    let config = std::fs::read_to_string(&path).unwrap() + other;
+    std::fs::write(&path, config).unwrap();
+    let output = trilink(folder.path(), &["synth", "trials", "--omega", "2", "--law", "ours"]);
+    let stderr = text(&output.stderr);
+    assert!(stderr.contains("robot.kinematic.skid_static_n"), "{stderr}");
+    assert!(stderr.contains("which model `ours`"), "{stderr}");
 }
 
 #[test]

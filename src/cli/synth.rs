@@ -1,11 +1,13 @@
 //! `trilink synth`.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::synth::{Format, OMEGAS_RAD_S, Recipe, synthesise};
+use crate::robot::Model;
+use crate::synth::{Format, OMEGAS_RAD_S, Recipe, Servo, synthesise};
 
 #[derive(clap::Args)]
 pub(super) struct Synth {
@@ -14,9 +16,14 @@ pub(super) struct Synth {
     /// Seed of everything random; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Seed of what the cameras add, for another night of the same laboratory [default: --seed].
+    /// Seed of what the cameras add and cycles differ by, for another night of the same laboratory
+    /// [default: --seed].
     #[arg(long, value_name = "SEED")]
     noise_seed: Option<u64>,
+    /// Model whose laws make the motion, of [model.*] in pipeline.toml, for all robots or for one; may
+    /// be given again [default: skid-roll].
+    #[arg(long, value_name = "[ROBOT=]MODEL")]
+    law: Vec<String>,
     /// Multiply the planted skid coefficients of wheels 0, 1, 2, to see whether `compare` tells.
     #[arg(long, value_name = "F0,F1,F2", value_parser = parse_factors)]
     skid_factors: Option<[f64; 3]>,
@@ -24,6 +31,26 @@ pub(super) struct Synth {
     /// [default: 0.5 to 6 in steps of 0.5, and 3.9].
     #[arg(long, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
+    /// Trials of each frequency, 1 to 99.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=99))]
+    repeats: u8,
+    /// Only these frequencies have repeats, rad/s; may be given again.
+    #[arg(long, value_name = "OMEGA", allow_hyphen_values = true, value_parser = parse_omegas)]
+    repeat_omega: Vec<Omegas>,
+    /// Days over which the trials are dealt in turn, 1 to 99: all friction of a day's floor is
+    /// some 3 % more or less.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=99))]
+    days: u8,
+    /// Time constant of the servos, which lag behind their commands in the first order, s; 0.02 is
+    /// that of a hobby servo.
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_lag)]
+    servo_lag: f64,
+    /// By how much the servos give way to the joints' torque, rad/(N m), such as 0.05.
+    #[arg(long, value_name = "RAD_PER_NM", default_value_t = 0.0, value_parser = parse_compliance)]
+    servo_compliance: f64,
+    /// Relative standard deviation of all friction from cycle to cycle, 0 to 1.
+    #[arg(long, value_name = "PART", default_value_t = 0.0, value_parser = parse_part)]
+    friction_variation: f64,
     /// How the marker files are written.
     #[arg(long, value_enum, default_value_t = Format::Csv)]
     format: Format,
@@ -35,14 +62,27 @@ pub(super) struct Synth {
 
 impl Synth {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let Self { folder, seed, noise_seed, skid_factors, omega, format, misplaced } = self;
-        let omegas_rad_s = if omega.is_empty() { OMEGAS_RAD_S.into() } else { omega.concat() };
+        let Self { folder, seed, omega, .. } = self;
+        let robots = context.config.campaign.values().map(|campaign| &campaign.robot);
+        let mut laws = BTreeMap::new();
+        for law in &self.law {
+            match law.split_once('=') {
+                Some((robot, model)) => drop(laws.insert(robot.to_owned(), Model::new(model))),
+                None => laws.extend(robots.clone().map(|of| (of.clone(), Model::new(law)))),
+            }
+        }
         let recipe = Recipe {
-            noise_seed,
-            skid_factors: skid_factors.unwrap_or([1.0; 3]),
-            omegas_rad_s,
-            format,
-            misplaced,
+            noise_seed: self.noise_seed,
+            laws,
+            skid_factors: self.skid_factors.unwrap_or([1.0; 3]),
+            omegas_rad_s: if omega.is_empty() { OMEGAS_RAD_S.into() } else { omega.concat() },
+            repeats: self.repeats.into(),
+            repeated_rad_s: self.repeat_omega.concat(),
+            days: self.days.into(),
+            servo: Servo { lag_s: self.servo_lag, compliance_rad_nm: self.servo_compliance },
+            friction_variation: self.friction_variation,
+            format: self.format,
+            misplaced: self.misplaced,
             ..Recipe::new(seed)
         };
         let trials = write_trials(&context, &folder, &recipe)?;
@@ -74,6 +114,18 @@ fn parse_factors(text: &str) -> Result<[f64; 3], String> {
 }
 
 fn parse_part(text: &str) -> Result<f64, String> {
-    let needed = || format!("found `{text}`, needed a number from 0 to 1");
-    text.parse().ok().filter(|part| (0.0..=1.0).contains(part)).ok_or_else(needed)
+    parse_up_to(text, 1.0, "")
+}
+
+fn parse_lag(text: &str) -> Result<f64, String> {
+    parse_up_to(text, 1.0, " s")
+}
+
+fn parse_compliance(text: &str) -> Result<f64, String> {
+    parse_up_to(text, 1.0, " rad/(N m)")
+}
+
+fn parse_up_to(text: &str, most: f64, unit: &str) -> Result<f64, String> {
+    let needed = || format!("found `{text}`, needed a number from 0 to {most}{unit}");
+    text.parse().ok().filter(|part| (0.0..=most).contains(part)).ok_or_else(needed)
 }

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use super::Result;
 use super::attractor::find_attractor;
 use super::element::Element;
 use super::forces::contact_forces;
@@ -10,8 +11,7 @@ use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced};
 use super::sensitivity::{Room, differentiate};
 use super::trajectory::{self, Sample};
-use super::transient::{self, Integrator};
-use super::{MotionError, Result};
+use super::transient::{self, Frames, Integrator};
 use crate::metrics::GaitMetrics;
 use crate::robot::Parameter;
 
@@ -58,9 +58,7 @@ pub(super) trait Method {
 
     fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>>;
 
-    fn transient(&self, _duration_s: f64, _rate_hz: f64, _: f64) -> Result<Vec<[f64; 5]>> {
-        Err(MotionError::Determined)
-    }
+    fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<[f64; 5]>>;
 }
 
 /// For motions that are solutions of differential equations.
@@ -159,7 +157,7 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         trajectory::from_rest(&self.model, cycles, samples)
     }
 
-    fn transient(&self, duration_s: f64, rate_hz: f64, tolerance: f64) -> Result<Vec<[f64; 5]>> {
-        transient::from_rest(&self.model, duration_s, rate_hz, tolerance)
+    fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<[f64; 5]>> {
+        transient::from_rest(&self.model, frames, tolerance)
     }
 }

@@ -121,14 +121,30 @@ impl Problem {
     /// at phase 0, with a relative error of every element near `tolerance`.
     ///
     /// # Errors
-    /// The integrator cannot pass some time, or the model has no states of its own.
+    /// The integrator cannot pass some time, or there is no motion.
     pub fn transient(
         &self,
         duration_s: f64,
         rate_hz: f64,
         tolerance: f64,
     ) -> Result<Vec<[f64; 5]>> {
-        Solver::default().with(self, |method| method.transient(duration_s, rate_hz, tolerance))
+        self.varied_transient(&[], duration_s, rate_hz, tolerance)
+    }
+
+    /// The same where all friction of the wheels in cycle i is `friction[i]` times the robot's, in
+    /// cycles that have none the robot's.
+    ///
+    /// # Errors
+    /// As [`Problem::transient`].
+    pub fn varied_transient(
+        &self,
+        friction: &[f64],
+        duration_s: f64,
+        rate_hz: f64,
+        tolerance: f64,
+    ) -> Result<Vec<[f64; 5]>> {
+        let time = transient::Frames { friction, duration_s, rate_hz };
+        Solver::default().with(self, |method| method.transient(&time, tolerance))
     }
 
     /// The first `cycles` cycles from rest at phase 0, `samples` a cycle and one at the end.
@@ -151,25 +167,14 @@ impl Problem {
         problem
     }
 
+    /// The same with all friction of the wheels times a factor.
+    fn resisted(&self, factor: f64) -> Self {
+        Self { robot: self.robot.resisted(factor), ..self.clone() }
+    }
+
     /// The same without the resistances that the laws do not know.
     fn effective(&self) -> Self {
-        let mut problem = self.clone();
-        if !self.laws.roll.is_viscous() {
-            problem.robot.roll_kg_s = [0.0; 3];
-        }
-        if !self.laws.skid.is_viscous() {
-            problem.robot.skid_kg_s = [0.0; 3];
-        }
-        if !self.laws.skid.is_dry() {
-            problem.robot.skid_dry_n = [0.0; 3];
-        }
-        if !self.laws.skid.has_static() {
-            problem.robot.stribeck_m_s = 0.0;
-        }
-        if !self.laws.roll.is_dry() {
-            problem.robot.roll_dry_n = [0.0; 3];
-        }
-        problem
+        Self { robot: self.laws.effective(&self.robot), ..self.clone() }
     }
 }
 

@@ -14,6 +14,7 @@ use super::orbit::Effort;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{AMPLITUDE, Derivatives, KinematicState, NUMBERS};
 use super::trajectory::Sample;
+use super::transient::Frames;
 use super::{MotionError, Problem, Result};
 use crate::metrics::GaitMetrics;
 use crate::robot::{JointCommand, Number, Parameter, Pose, Robot, Trig};
@@ -142,11 +143,26 @@ impl Method for Quadrature<'_> {
     }
 
     fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
+        self.samples(TAU / samples as f64, 1 + cycles * samples)
+    }
+
+    /// Such a motion knows no friction.
+    fn transient(&self, frames: &Frames, _: f64) -> Result<Vec<[f64; 5]>> {
+        let samples = self.samples(self.problem.omega_rad_s / frames.rate_hz, frames.count())?;
+        let coordinates = |Sample { pose, phi_rad: [phi1, phi2], .. }: &Sample| {
+            [pose.x_m, pose.y_m, pose.theta_rad, *phi1, *phi2]
+        };
+        Ok(samples.iter().map(coordinates).collect())
+    }
+}
+
+impl Quadrature<'_> {
+    /// So many samples at this interval of phase, the first at phase 0.
+    fn samples(&self, interval: f64, count: usize) -> Result<Vec<Sample>> {
         /// Elements of the quadrature between samples reach at most this far.
         const LONGEST_RAD: f64 = TAU / 90.0;
         let problem = self.problem;
         let eq3 = Eq3::new(&problem.robot, self.joints)?;
-        let interval = TAU / samples as f64;
         let elements = (interval / LONGEST_RAD).ceil();
         let length = interval / elements;
         let mut pose = Pose::default();
@@ -160,7 +176,7 @@ impl Method for Quadrature<'_> {
             }
             sample
         };
-        Ok((0..=cycles * samples).map(sample).collect())
+        Ok((0..count).map(sample).collect())
     }
 }
 

@@ -7,12 +7,12 @@ use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::element::{Element, Linearisation, integrate_poses, solve_element};
+use super::element::{Element, Linearisation, Stages, integrate_poses, interpolate, solve_element};
 use super::forces::contact_forces;
 use super::mesh::Mesh;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, Reduced};
-use super::transient::Integrator;
+use super::transient::{Integrator, Step};
 use super::{MotionError, Problem, Result};
 use crate::robot::{ContactForces, Pose, Trig, dot, roll_rows, rotated, skid_rows};
 
@@ -73,10 +73,13 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
     let spans = [[1.0; N], mesh.signs].into_iter().take(mesh.spans());
     for (span, signs) in spans.enumerate() {
         for k in 0..mesh.count {
-            let start = mesh.states.start_of(k);
-            let start = std::array::from_fn(|i| signs[i] * start[i]);
+            let signed = |state: [f64; N]| std::array::from_fn(|i| signs[i] * state[i]);
+            let start = signed(mesh.states.start_of(k));
+            let stages = mesh.states.stages_of(k).map(signed);
             let time_s = mesh.span_s * (span as f64 + mesh.bounds[k]);
-            pose = sampler.element(time_s, mesh.duration_s(k), &start, pose)?;
+            let known =
+                Known { time_s, duration_s: mesh.duration_s(k), start: &start, stages: &stages };
+            pose = sampler.element(&known, pose)?;
         }
     }
     sampler.push(TAU / model.problem().omega_rad_s, &mesh.states.start, pose);
@@ -95,13 +98,23 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     let mut result = Ok(());
     transient.advance_to(end_s, &mut Linearisation::default(), |step| {
         if result.is_ok() {
-            let element = sampler.element(step.time_s, step.duration_s, step.start, step.pose);
-            result = element.map(|_| ());
+            let Step { time_s, duration_s, start, stages, .. } = *step;
+            let known = Known { time_s, duration_s, start, stages };
+            result = sampler.element(&known, step.pose).map(|_| ());
         }
     })?;
     result?;
     sampler.push(end_s, &transient.state, transient.pose);
     Ok(sampler.samples)
+}
+
+/// An element that has been solved for.
+#[derive(Clone, Copy)]
+struct Known<'a, const N: usize> {
+    time_s: f64,
+    duration_s: f64,
+    start: &'a [f64; N],
+    stages: &'a Stages<N>,
 }
 
 /// Collects samples at regular times.
@@ -123,43 +136,32 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
     }
 
     /// Samples an element; gives the pose at its end.
-    fn element(
-        &mut self,
-        time_s: f64,
-        duration_s: f64,
-        start: &[f64; N],
-        pose: Pose,
-    ) -> Result<Pose> {
+    fn element(&mut self, known: &Known<N>, pose: Pose) -> Result<Pose> {
         // A sample at the very end belongs to the next element.
         let just_before = 1.0 - 1e-9;
         loop {
             let sample_s = self.interval_s * self.samples.len() as f64;
-            let fraction = (sample_s - time_s) / duration_s;
+            let fraction = (sample_s - known.time_s) / known.duration_s;
             if fraction >= just_before {
-                return Ok(self.at(time_s, duration_s, start, pose)?.1);
+                return Ok(self.at(known, 1.0, pose)?.1);
             }
-            let (state, sample_pose) = if fraction <= 0.0 {
-                (*start, pose)
-            } else {
-                self.at(time_s, fraction * duration_s, start, pose)?
+            let (state, sample_pose) = match fraction {
+                ..=0.0 => (*known.start, pose),
+                _ => self.at(known, fraction, pose)?,
             };
             self.push(sample_s, &state, sample_pose);
         }
     }
 
-    /// State and pose after `duration_s`, by one element.
-    fn at(
-        &mut self,
-        time_s: f64,
-        duration_s: f64,
-        start: &[f64; N],
-        pose: Pose,
-    ) -> Result<([f64; N], Pose)> {
-        let model = self.model;
+    /// State and pose after a part of an element, by an element of that length.
+    fn at(&mut self, known: &Known<N>, part: f64, pose: Pose) -> Result<([f64; N], Pose)> {
+        let (model, Known { time_s, start, .. }) = (self.model, *known);
+        let duration_s = part * known.duration_s;
         let phase_rad = |part: f64| self.omega_rad_s * (time_s + part * duration_s);
         let nodes = RADAU.nodes.map(|part| model.node(phase_rad(part)));
         self.workspace.resize::<N, R>(1);
-        let guess = Element { nodes: &nodes, start, stages: &[*start; STAGES], duration_s };
+        let stages = RADAU.nodes.map(|node| interpolate(start, known.stages, part * node));
+        let guess = Element { nodes: &nodes, start, stages: &stages, duration_s };
         let stages = solve_element(model, &guess, 1e-12, &mut self.workspace)
             .ok_or(MotionError::Stuck { time_s })?;
         let element = Element { stages: &stages, ..guess };

@@ -41,6 +41,7 @@ pub(super) struct Step<'a, const N: usize> {
     pub end_s: f64,
     /// State and pose where the element starts.
     pub start: &'a [f64; N],
+    pub stages: &'a Stages<N>,
     pub pose: Pose,
     pub states: &'a [KinematicState; STAGES],
     pub poses: &'a [Pose; STAGES],
@@ -126,6 +127,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
                 duration_s,
                 end_s,
                 start: &self.state,
+                stages: &stages,
                 pose: self.pose,
                 states: &states,
                 poses: &poses,
@@ -166,18 +168,32 @@ fn grown<const N: usize>(sizes: &[f64; N], stages: &Stages<N>) -> [f64; N] {
     std::array::from_fn(|i| stages.iter().fold(sizes[i], |size, y| size.max(y[i].abs())))
 }
 
-/// Coordinates `(x, y, theta, phi1, phi2)`, m and rad, of the transient at `rate_hz`.
+/// At which times a transient is asked for, and under which friction.
+pub(super) struct Frames<'a> {
+    /// Of all wheels in each cycle, as a part of the robot's; 1 in cycles that have none.
+    pub friction: &'a [f64],
+    pub duration_s: f64,
+    pub rate_hz: f64,
+}
+
+impl Frames<'_> {
+    pub fn count(&self) -> usize {
+        (self.duration_s * self.rate_hz) as usize
+    }
+}
+
+/// Coordinates `(x, y, theta, phi1, phi2)`, m and rad, of the transient.
 pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
-    duration_s: f64,
-    rate_hz: f64,
+    frames: &Frames,
     tolerance: f64,
 ) -> Result<Vec<[f64; 5]>> {
-    let frames = (duration_s * rate_hz) as usize;
-    let mut path = Vec::with_capacity(frames);
+    let Frames { friction, duration_s, rate_hz } = *frames;
+    let count = frames.count();
+    let mut path = Vec::with_capacity(count);
     let mut integrator = Integrator::new(model, tolerance);
     let omega_rad_s = integrator.omega_rad_s;
-    integrator.advance_to(duration_s, &mut Linearisation::default(), |step| {
+    let mut visit = |step: &Step<N>| {
         let start = model.kinematics(&model.node(omega_rad_s * step.time_s), step.start);
         let mut coordinates = [[0.0; STAGES + 1]; 5];
         let points = iter::once((&step.pose, &start)).chain(step.poses.iter().zip(step.states));
@@ -185,11 +201,20 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
             let values = [pose.x_m, pose.y_m, pose.theta_rad, *phi1, *phi2];
             (0..5).for_each(|i| coordinates[i][l] = values[i]);
         }
-        let times = (path.len()..frames).map(|frame| frame as f64 / rate_hz);
+        let times = (path.len()..count).map(|frame| frame as f64 / rate_hz);
         path.extend(times.take_while(|time_s| *time_s < step.end_s).map(|time_s| {
             let part = ((time_s - step.time_s) / step.duration_s).min(1.0);
             coordinates.each_ref().map(|values| RADAU.interpolate(values, part))
         }));
-    })?;
+    };
+    let mut workspace = Linearisation::default();
+    let varied: Vec<R> = friction.iter().map(|factor| model.resisted(*factor)).collect();
+    for (cycle, varied) in (1..).zip(&varied) {
+        integrator.model = varied;
+        let end_s = (f64::from(cycle) * TAU / omega_rad_s).min(duration_s);
+        integrator.advance_to(end_s, &mut workspace, &mut visit)?;
+    }
+    integrator.model = model;
+    integrator.advance_to(duration_s, &mut workspace, &mut visit)?;
     Ok(path)
 }

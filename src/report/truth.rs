@@ -11,13 +11,9 @@ use super::parameters::FittedParameter;
 use super::tables::Tables;
 use crate::config::Paths;
 use crate::metrics::GaitMetrics;
-use crate::motion::Model;
-use crate::robot::{Parameter, Robot};
+use crate::robot::{Model, Parameter, Robot};
 use crate::store::{Reader, StoreError, TrialRow};
 use crate::trial::TRUTH_FILE;
-
-/// The model that the trials were made with.
-const PLANTED_MODEL: Model = Model::SKID_ROLL;
 
 /// What the trials were made from. Unknown entries are passed over, missing ones are unknown.
 #[derive(Debug, Default, Deserialize)]
@@ -26,33 +22,66 @@ pub struct Truth {
     /// The trials were computed, not recorded.
     pub synthetic: bool,
     pub seed: Option<u64>,
+    /// Relative standard deviation of friction from cycle to cycle.
+    pub friction_variation: f64,
+    /// Friction of each day's floor as a part of the planted one.
+    pub days: BTreeMap<String, f64>,
+    pub servo: Option<PlantedServo>,
     pub campaigns: BTreeMap<String, PlantedCampaign>,
     pub trials: BTreeMap<String, PlantedTrial>,
+}
+
+/// How servos followed their commands.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct PlantedServo {
+    pub lag_s: f64,
+    pub compliance_rad_nm: f64,
+}
+
+/// The model that trials were made with.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub struct PlantedLaw {
+    pub model: Model,
 }
 
 /// Parameters of a campaign's robot.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub struct PlantedCampaign {
+    /// `skid-roll` if it is not said.
+    pub law: Option<PlantedLaw>,
     pub skid_kg_s: Option<[f64; 3]>,
     pub roll_kg_s: Option<[f64; 3]>,
+    pub skid_dry_n: Option<[f64; 3]>,
+    pub skid_static_n: Option<[f64; 3]>,
+    pub stribeck_m_s: Option<f64>,
+    pub roll_dry_n: Option<[f64; 3]>,
+    pub transition_m_s: Option<f64>,
     pub stiffness_nm_rad: Option<f64>,
     pub damping_nm_s_rad: Option<f64>,
 }
 
 impl PlantedCampaign {
+    /// The model whose laws made the trials.
+    fn model(&self) -> Model {
+        self.law.map_or(Model::SKID_ROLL, |law| law.model)
+    }
+
     fn of(&self, parameter: Parameter) -> Option<f64> {
         // What is not known is missing, and so is what follows from it.
+        let wheels = |of: Option<[f64; 3]>| of.unwrap_or([f64::NAN; 3]);
+        let known = |of: Option<f64>| of.unwrap_or(f64::NAN);
         let robot = Robot {
-            skid_kg_s: self.skid_kg_s.unwrap_or([f64::NAN; 3]),
-            roll_kg_s: self.roll_kg_s.unwrap_or([f64::NAN; 3]),
-            stiffness_nm_rad: self.stiffness_nm_rad.unwrap_or(f64::NAN),
-            damping_nm_s_rad: self.damping_nm_s_rad.unwrap_or(f64::NAN),
-            skid_dry_n: [f64::NAN; 3],
-            skid_static_n: [f64::NAN; 3],
-            stribeck_m_s: f64::NAN,
-            roll_dry_n: [f64::NAN; 3],
-            transition_m_s: f64::NAN,
+            skid_kg_s: wheels(self.skid_kg_s),
+            roll_kg_s: wheels(self.roll_kg_s),
+            stiffness_nm_rad: known(self.stiffness_nm_rad),
+            damping_nm_s_rad: known(self.damping_nm_s_rad),
+            skid_dry_n: wheels(self.skid_dry_n),
+            skid_static_n: wheels(self.skid_static_n),
+            stribeck_m_s: known(self.stribeck_m_s),
+            roll_dry_n: wheels(self.roll_dry_n),
+            transition_m_s: known(self.transition_m_s),
             ..Robot::kinematic()
         };
         Some(parameter.of(&robot)).filter(|value| !value.is_nan())
@@ -133,6 +162,10 @@ impl Truth {
     fn extend(&mut self, other: Self, folder: &str, missing: &mut Vec<String>) {
         self.synthetic |= other.synthetic;
         self.seed = self.seed.filter(|seed| other.seed == Some(*seed));
+        self.friction_variation = self.friction_variation.max(other.friction_variation);
+        self.servo = self.servo.or(other.servo);
+        let days = other.days.into_iter();
+        self.days.extend(days.map(|(day, floor)| (format!("{folder}/{day}"), floor)));
         self.trials.extend(other.trials);
         for (campaign, planted) in other.campaigns {
             let known = self.campaigns.entry(campaign.clone());
@@ -155,22 +188,80 @@ pub fn compare(truth: &Truth, tables: &Tables) -> Value {
     let trials: Vec<(&TrialRow, GaitMetrics)> = trials
         .filter_map(|trial| Some((trial, truth.trials.get(&trial.trial)?.metrics())))
         .collect();
-    let summary = [
+    let within = [
         sentence("d", &trials, |metrics| metrics.d_m),
         sentence("v", &trials, |metrics| metrics.v_m_s),
     ];
+    let known = planted(truth, tables);
+    let summary = made_with(truth, tables).into_iter().chain(varied(truth));
+    let summary: Vec<String> = summary.chain(within.into_iter().flatten()).collect();
     context! {
         seed => truth.seed,
-        summary => Serde(summary.iter().flatten().collect::<Vec<_>>()),
-        coefficients => Serde(planted(truth, tables)),
+        summary => Serde(summary),
+        coefficients => Serde(known),
         trials => Serde(trials),
     }
+}
+
+/// Which models made the trials, and what that leaves unknown.
+fn made_with(truth: &Truth, tables: &Tables) -> Vec<String> {
+    let mut campaigns: BTreeMap<Model, Vec<&str>> = BTreeMap::new();
+    for (campaign, planted) in &truth.campaigns {
+        campaigns.entry(planted.model()).or_default().push(campaign);
+    }
+    let of_model = |(model, campaigns): (&Model, &Vec<&str>)| {
+        let is_fitted = |name: &&&str| {
+            tables.fits.iter().any(|fit| fit.model == *model && fit.campaign == **name)
+        };
+        let without: Vec<&str> =
+            campaigns.iter().filter(|name| !is_fitted(name)).copied().collect();
+        let without = match &without[..] {
+            [] => String::new(),
+            names => format!("; it is not fitted to {}", names.join(", ")),
+        };
+        format!(
+            "{} {} made with {model}{without}.",
+            campaigns.join(", "),
+            if campaigns.len() > 1 { "were" } else { "was" }
+        )
+    };
+    let mut sentences: Vec<String> = campaigns.iter().map(of_model).collect();
+    if !sentences.is_empty() {
+        let other = "The coefficients of other models have no truth to be compared with.";
+        sentences.push(other.to_owned());
+    }
+    sentences
+}
+
+/// What no model knows of how the trials were made.
+fn varied(truth: &Truth) -> Option<String> {
+    let percent = |part: f64| fixed(100.0 * part, 1);
+    let cycles = (truth.friction_variation > 0.0).then(|| {
+        let percent = percent(truth.friction_variation);
+        format!("friction varied from cycle to cycle with a standard deviation of {percent} %")
+    });
+    let farthest = truth.days.values().map(|floor| (floor - 1.0).abs()).fold(0.0, f64::max);
+    let days = (farthest > 0.0).then(|| {
+        let percent = percent(farthest);
+        format!("the floors of {} days had up to {percent} % more or less of it", truth.days.len())
+    });
+    let servo = truth.servo.map(|PlantedServo { lag_s, compliance_rad_nm }| {
+        format!(
+            "servos lagged by {} ms and gave way by {} rad/(N m)",
+            fixed(1e3 * lag_s, 1),
+            fixed(compliance_rad_nm, 3)
+        )
+    });
+    let parts: Vec<String> = [cycles, days, servo].into_iter().flatten().collect();
+    let first = parts.first()?.chars().next()?.to_uppercase();
+    Some(format!("{first}{}: no model has that to the letter.", &parts.join(", ")[1..]))
 }
 
 /// A coefficient of the fitted model that the trials were made with, and what was planted.
 #[derive(Debug, Serialize)]
 pub struct Known<'t> {
     pub campaign: &'t str,
+    pub model: Model,
     pub parameter: FittedParameter,
     pub planted: f64,
     /// Half the width of the interval that scatter alone gives; NaN where it is not known.
@@ -181,14 +272,17 @@ pub struct Known<'t> {
 /// All coefficients of which the truth is known, by campaign.
 pub fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
     let mut known = Vec::new();
-    for fit in tables.fits.iter().filter(|fit| fit.model == PLANTED_MODEL) {
-        let Some(planted) = truth.campaigns.get(&fit.campaign) else { continue };
+    for fit in &tables.fits {
+        let planted = truth.campaigns.get(&fit.campaign);
+        let Some(planted) = planted.filter(|planted| planted.model() == fit.model) else {
+            continue;
+        };
         known.extend(Parameter::ALL.into_iter().filter_map(|parameter| {
             let is_told = !parameter.is_sum() || fit.free.contains(&parameter);
             let planted = planted.of(parameter).filter(|_| is_told)?;
             let scatter = fit.scatter[parameter];
             let parameter = FittedParameter::of(fit, parameter);
-            Some(Known { campaign: &fit.campaign, parameter, planted, scatter })
+            Some(Known { campaign: &fit.campaign, model: fit.model, parameter, planted, scatter })
         }));
     }
     known
@@ -212,4 +306,66 @@ fn sentence(
         known.len(),
         fixed(100.0 * most, 2)
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::tests::made_up;
+
+    #[test]
+    fn only_the_model_that_made_the_trials_has_a_truth() {
+        let truth: Truth = serde_json::from_value(serde_json::json!({
+            "friction_variation": 0.05,
+            "days": {"1": 1.021, "2": 0.979},
+            "servo": {"lag_s": 0.02, "compliance_rad_nm": 0.05},
+            "campaigns": {
+                "dry": {"law": {"model": "coulomb", "skid": "coulomb", "roll": "viscous"},
+                    "skid_kg_s": null, "skid_dry_n": [2.0, 1.0, 1.1], "transition_m_s": 0.005},
+                "dry-too": {"law": {"model": "coulomb"}, "skid_dry_n": [2.0, 1.0, 1.1]},
+                "wet": {"skid_kg_s": [100.0, 50.0, 60.0]},
+            },
+        }))
+        .expect("a truth");
+        let coulomb = Model::new("coulomb");
+        let fits = [("dry", coulomb), ("dry", Model::SKID_ROLL), ("dry-too", Model::SKID_ROLL)];
+        let fits = fits.into_iter().chain([("wet", Model::SKID_ROLL), ("wet", coulomb)]);
+        let fits = fits.map(|(campaign, model)| made_up::fit(campaign, model, 0)).collect();
+        let tables = Tables { fits, ..Tables::default() };
+        let known: Vec<_> = planted(&truth, &tables)
+            .iter()
+            .map(|known| (known.campaign, known.model, known.parameter.parameter, known.planted))
+            .collect();
+        let dry = |parameter, planted| ("dry", coulomb, parameter, planted);
+        let wet = |parameter, planted| ("wet", Model::SKID_ROLL, parameter, planted);
+        assert_eq!(
+            known,
+            [
+                dry(Parameter::SkidDry0, 2.0),
+                dry(Parameter::SkidDry1, 1.0),
+                dry(Parameter::SkidDry2, 1.1),
+                dry(Parameter::Transition, 0.005),
+                wet(Parameter::Skid0, 100.0),
+                wet(Parameter::Skid1, 50.0),
+                wet(Parameter::Skid2, 60.0),
+            ]
+        );
+        assert_eq!(
+            made_with(&truth, &tables),
+            [
+                "dry, dry-too were made with coulomb; it is not fitted to dry-too.",
+                "wet was made with skid-roll.",
+                "The coefficients of other models have no truth to be compared with.",
+            ]
+        );
+        assert_eq!(
+            varied(&truth).as_deref(),
+            Some(
+                "Friction varied from cycle to cycle with a standard deviation of 5.0 %, the floors \
+                 of 2 days had up to 2.1 % more or less of it, servos lagged by 20.0 ms and gave way \
+                 by 0.050 rad/(N m): no model has that to the letter."
+            )
+        );
+        assert_eq!(varied(&Truth::default()), None);
+    }
 }

@@ -1,6 +1,6 @@
 //! The laws by which the wheels resist skidding and rolling.
 
-use super::{Family, Gait, Parameter};
+use super::{Family, Gait, Parameter, Robot};
 use crate::named::named;
 
 named! {
@@ -95,6 +95,27 @@ impl Laws {
     /// Whether any friction is dry.
     pub fn are_dry(self) -> bool {
         self.skid.is_dry() || self.roll.is_dry()
+    }
+
+    /// A robot without the resistances that the laws do not know.
+    pub fn effective(self, robot: &Robot) -> Robot {
+        let mut robot = robot.clone();
+        if !self.roll.is_viscous() {
+            robot.roll_kg_s = [0.0; 3];
+        }
+        if !self.skid.is_viscous() {
+            robot.skid_kg_s = [0.0; 3];
+        }
+        if !self.skid.is_dry() {
+            robot.skid_dry_n = [0.0; 3];
+        }
+        if !self.skid.has_static() {
+            robot.stribeck_m_s = 0.0;
+        }
+        if !self.roll.is_dry() {
+            robot.roll_dry_n = [0.0; 3];
+        }
+        robot
     }
 
     /// Whether the motion of a robot with this gait can depend on a parameter.

@@ -70,6 +70,19 @@ impl Robot {
         shares(self.roll_dry_n)
     }
 
+    /// The same with all friction of the wheels times a factor.
+    pub fn resisted(&self, factor: f64) -> Self {
+        let times = |of: [f64; 3]| of.map(|one| factor * one);
+        Self {
+            roll_kg_s: times(self.roll_kg_s),
+            skid_kg_s: times(self.skid_kg_s),
+            skid_dry_n: times(self.skid_dry_n),
+            skid_static_n: times(self.skid_static_n),
+            roll_dry_n: times(self.roll_dry_n),
+            ..self.clone()
+        }
+    }
+
     /// Table I with the skid coefficients used in the paper's simulations, and dry friction of a
     /// quarter of the load, which the middle wheel has half of.
     pub fn kinematic() -> Self {

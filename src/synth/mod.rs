@@ -1,7 +1,7 @@
 //! Trials with a known truth, written as the camera system writes them.
 //!
-//! The motion is that of `skid-roll` with planted coefficients, from rest, under a servo that
-//! does not quite reach its command. Of each robot there is a coast-down too, and a
+//! The motion is that of a model, `skid-roll` if no other is named, with planted coefficients, from
+//! rest, under a servo that does not quite reach its command. Of each robot there is a coast-down too, and a
 //! joint-release if one of its joints is passive. The cameras add noise, vibration, tilt and
 //! dropouts. The truth goes to `truth.json`, which nothing but the report's comparison reads.
 
@@ -9,29 +9,30 @@ mod c3d;
 mod cameras;
 mod csv;
 mod decay;
+mod plan;
 mod planted;
+mod servo;
 mod truth;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::config::Config;
+use crate::config::{Config, ConfigError};
 use crate::files;
-use crate::motion::{Laws, MotionError, Problem};
-use crate::robot::Robot;
+use crate::motion::{MotionError, Problem};
+use crate::robot::Model;
 use crate::store::{StoreError, remove_unfinished, write_bytes};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 
 use cameras::{Film, Scene};
 pub use cameras::{LabelError, Tilt};
-use decay::Decay;
 pub use decay::DecayTruth;
-pub use truth::{CampaignTruth, TrialTruth, Truth};
+use plan::{Plan, Source};
+pub use servo::Servo;
+pub use truth::{CampaignTruth, Law, TrialTruth, Truth};
 
 /// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.
 pub const OMEGAS_RAD_S: [f64; 13] =
@@ -75,9 +76,6 @@ impl Format {
 /// More frames, two hours at 120 Hz, may not fit into memory.
 const MOST_FRAMES: f64 = 864_000.0;
 
-/// Random numbers of the trials that belong to no campaign.
-const DECAY_STREAMS: u64 = 1 << 32;
-
 /// Why trials could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SynthError {
@@ -93,10 +91,22 @@ pub enum SynthError {
         "trial `{trial}`: found more than {MOST_FRAMES} frames, needed a higher frequency or a lower vicon.rate_hz"
     )]
     TooLong { trial: String },
+    #[error("--law: {0}")]
+    Law(String),
+    #[error(
+        "--repeat-omega: found {omega_rad_s} rad/s, needed frequencies of the trials: {}", listed(.known)
+    )]
+    Repeat { omega_rad_s: f64, known: Vec<f64> },
+    #[error(transparent)]
+    Coefficients(#[from] ConfigError),
     #[error("trial `{trial}`: {source}")]
     Motion { trial: String, source: MotionError },
     #[error(transparent)]
     Store(#[from] StoreError),
+}
+
+fn listed(omegas_rad_s: &[f64]) -> String {
+    omegas_rad_s.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// What is to be made.
@@ -104,12 +114,23 @@ pub enum SynthError {
 pub struct Recipe {
     /// Of everything random; the same seed gives the same bytes.
     pub seed: u64,
-    /// Of what the cameras add, if it is not the same: another recording of the same motion.
+    /// Of what the cameras add and cycles differ by, if it is not the same: another recording.
     pub noise_seed: Option<u64>,
+    /// The model whose laws make a robot's motion, `skid-roll` of robots that are not named.
+    pub laws: BTreeMap<String, Model>,
     /// What the planted skid coefficients of wheels 0, 1, 2 are multiplied by.
     pub skid_factors: [f64; 3],
     /// Frequencies of every campaign, rad/s.
     pub omegas_rad_s: Vec<f64>,
+    /// Trials of each frequency.
+    pub repeats: usize,
+    /// The frequencies that have repeats; all, if it is empty.
+    pub repeated_rad_s: Vec<f64>,
+    /// Days over which the trials of a campaign are dealt, each with a floor of its own.
+    pub days: usize,
+    pub servo: Servo,
+    /// Relative standard deviation of the wheels' friction from cycle to cycle.
+    pub friction_variation: f64,
     pub format: Format,
     /// Part of the frames in which a marker of one link is swapped with another of it, or
     /// jumps by 20 mm.
@@ -123,8 +144,14 @@ impl Recipe {
         Self {
             seed,
             noise_seed: None,
+            laws: BTreeMap::new(),
             skid_factors: [1.0; 3],
             omegas_rad_s: OMEGAS_RAD_S.into(),
+            repeats: 1,
+            repeated_rad_s: Vec::new(),
+            days: 1,
+            servo: Servo::default(),
+            friction_variation: 0.0,
             format: Format::Csv,
             misplaced: 0.0,
             tilt: Tilt::default(),
@@ -133,23 +160,15 @@ impl Recipe {
 
     /// How many trials it makes of a configuration.
     pub fn trials(&self, config: &Config) -> usize {
-        config.campaign.len() * self.omegas_rad_s.len() + plan_decays(config, self).len()
+        let gaits: usize = self.omegas_rad_s.iter().map(|omega| self.repeats_of(*omega)).sum();
+        config.campaign.len() * gaits + plan::decays(config, self).len()
     }
-}
 
-/// One trial to be made.
-struct Plan {
-    trial: Trial,
-    robot: Robot,
-    source: Source,
-    seed: ChaCha8Rng,
-}
-
-enum Source {
-    /// The planted robot under the gait that its servo reaches.
-    Gait(Problem),
-    /// A motion that gives the robot's own parameters.
-    Decay(Decay),
+    /// How many trials a frequency has in each campaign.
+    fn repeats_of(&self, omega_rad_s: f64) -> usize {
+        let Self { repeated_rad_s: of, .. } = self;
+        if of.is_empty() || of.contains(&omega_rad_s) { self.repeats } else { 1 }
+    }
 }
 
 /// Writes a trial folder: every campaign of the configuration at every frequency, a coast-down
@@ -157,23 +176,24 @@ enum Source {
 /// seed gives the same bytes, and the same motion and noise in every format.
 ///
 /// # Errors
-/// The folder holds trials that are not synthetic, a planted motion does not exist, or a file
-/// cannot be written.
+/// A law is not known or needs what its robot does not say, the folder holds trials that are not
+/// synthetic, a planted motion does not exist, or a file cannot be written.
 pub fn synthesise(
     config: &Config,
     folder: &Path,
     recipe: &Recipe,
     on_trial: &(dyn Fn(&str) + Sync),
 ) -> Result<Vec<Trial>, SynthError> {
-    let (mut plans, campaigns) = plan_gaits(config, recipe);
-    plans.extend(plan_decays(config, recipe));
+    plan::check(config, recipe)?;
+    let (mut plans, campaigns, days) = plan::gaits(config, recipe);
+    plans.extend(plan::decays(config, recipe));
     let mut ids = BTreeSet::new();
     for Plan { trial: Trial { id, .. }, source, .. } in &plans {
         if !is_valid_id(id) {
             return Err(SynthError::Name { trial: id.clone() });
         }
-        if let Source::Gait(Problem { omega_rad_s, .. }) = source
-            && planted::least_frames(*omega_rad_s, config.vicon.rate_hz) > MOST_FRAMES
+        if let Source::Gait(drive) = source
+            && planted::least_frames(drive.problem.omega_rad_s, config.vicon.rate_hz) > MOST_FRAMES
         {
             return Err(SynthError::TooLong { trial: id.clone() });
         }
@@ -183,27 +203,31 @@ pub fn synthesise(
     }
     take_over(folder, plans.iter().map(|plan| plan.trial.file.as_str()))?;
     remove_unfinished(&[folder.to_owned()])?;
-    let Recipe { seed, format, misplaced, tilt, .. } = *recipe;
+    let Recipe { seed, format, misplaced, tilt, servo, friction_variation, .. } = *recipe;
     let (rate_hz, layout) = (config.vicon.rate_hz, &config.markers);
     let make = |Plan { trial, robot, source, seed }: &Plan| {
         let scene = Scene { robot, layout, rate_hz, misplaced, tilt };
         let film = |coordinates: &[[f64; 5]]| cameras::film(&scene, coordinates, seed.clone());
         let (film, steady) = match source {
-            Source::Gait(problem) => {
+            Source::Gait(drive) => {
                 let failed = |source| SynthError::Motion { trial: trial.id.clone(), source };
-                let (path, steady) = planted::from_rest(problem, rate_hz).map_err(failed)?;
-                (film(&path), Some((problem, steady)))
+                let problem = servo.reached(&drive.problem).map_err(failed)?;
+                let made = planted::from_rest(&problem, friction_variation, &drive.cycles, rate_hz);
+                let (path, steady) = made.map_err(failed)?;
+                (film(&path), Some((problem, drive.day, steady)))
             }
             Source::Decay(decay) => (film(&decay.coordinates), None),
         };
         write_bytes(&folder.join(&trial.file), &format.bytes(&film))?;
         on_trial(&trial.id);
-        let truth = |(Problem { gait, omega_rad_s, .. }, metrics): (&Problem, _)| TrialTruth {
-            omega_rad_s: *omega_rad_s,
-            metrics,
-            gait: gait.joints,
-            misplaced: film.label_errors,
-        };
+        let truth =
+            |(Problem { gait, omega_rad_s, .. }, day, metrics): (Problem, _, _)| TrialTruth {
+                omega_rad_s,
+                metrics,
+                gait: gait.joints,
+                day,
+                misplaced: film.label_errors,
+            };
         Ok(steady.map(|steady| (trial.id.clone(), truth(steady))))
     };
     let made: Vec<_> = plans.par_iter().map(make).collect::<Result<_, SynthError>>()?;
@@ -212,7 +236,10 @@ pub fn synthesise(
         Source::Gait(_) => None,
         Source::Decay(decay) => Some((plan.trial.id.clone(), decay.truth.clone())),
     });
-    let truth = Truth { synthetic: true, seed, campaigns, trials, robots: robots.collect() };
+    let robots = robots.collect();
+    let (servo, synthetic) = (servo.if_any(), true);
+    let truth =
+        Truth { synthetic, seed, servo, friction_variation, days, campaigns, trials, robots };
     write_bytes(&folder.join(TRUTH_FILE), truth.to_json().as_bytes())?;
     // The list comes last: a folder with a list is complete.
     let trial = plans.into_iter().map(|plan| plan.trial).collect();
@@ -227,13 +254,13 @@ pub fn synthesise(
 #[cfg(test)]
 pub(crate) fn export(
     config: &Config,
-    robot: &Robot,
+    robot: &crate::robot::Robot,
     coordinates: &[[f64; 5]],
     seed: u64,
 ) -> Vec<u8> {
     let (layout, rate_hz) = (&config.markers, config.vicon.rate_hz);
     let scene = Scene { robot, layout, rate_hz, misplaced: 0.0, tilt: Tilt::default() };
-    Format::Csv.bytes(&cameras::film(&scene, coordinates, ChaCha8Rng::seed_from_u64(seed)))
+    Format::Csv.bytes(&cameras::film(&scene, coordinates, plan::random(seed, 0)))
 }
 
 /// Makes sure that no file of others is overwritten, and that nobody takes the folder for a
@@ -270,75 +297,4 @@ fn take_over<'p>(
         }
         _ => Ok(()),
     }
-}
-
-/// Draws what is planted and lists the trials.
-fn plan_gaits(config: &Config, recipe: &Recipe) -> (Vec<Plan>, BTreeMap<String, CampaignTruth>) {
-    let Recipe { seed, ref omegas_rad_s, format, .. } = *recipe;
-    let (mut plans, mut campaigns) = (Vec::new(), BTreeMap::new());
-    for (number, name) in config.campaign.keys().enumerate() {
-        let Some((robot, gait)) = config.campaign_setup(name) else { continue };
-        // One stream of random numbers for the campaign and one for each of its trials.
-        let stream = |trial: usize| {
-            let noise_seed = recipe.noise_seed.filter(|_| trial > 0);
-            let mut random = ChaCha8Rng::seed_from_u64(noise_seed.unwrap_or(seed));
-            random.set_stream((number * (omegas_rad_s.len() + 1) + trial) as u64);
-            random
-        };
-        let (mut robot, gait) = planted::planted(name, robot, gait, &mut stream(0));
-        robot.skid_kg_s = [0, 1, 2].map(|i| robot.skid_kg_s[i] * recipe.skid_factors[i]);
-        campaigns.insert(name.clone(), CampaignTruth::new(&robot, &gait));
-        for (i, omega_rad_s) in omegas_rad_s.iter().copied().enumerate() {
-            let id = format!("{name}-{omega_rad_s:.2}-r1");
-            let (campaign, omega) = (Some(name.clone()), Some(omega_rad_s));
-            let trial = format.trial(id, TrialKind::Gait);
-            let trial = Trial { campaign, omega_rad_s: omega, ..trial };
-            let robot = robot.clone();
-            let source = Source::Gait(Problem {
-                robot: robot.clone(),
-                gait,
-                laws: Laws::SKID_ROLL,
-                omega_rad_s,
-            });
-            plans.push(Plan { trial, robot, source, seed: stream(i + 1) });
-        }
-    }
-    (plans, campaigns)
-}
-
-/// A coast-down of every robot that a campaign names, and a release of its passive joint.
-fn plan_decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
-    // The passive joint of each robot: the first campaign that has one says which.
-    let mut robots: BTreeMap<&str, Option<usize>> = BTreeMap::new();
-    for (name, campaign) in &config.campaign {
-        let passive = config.campaign_setup(name).and_then(|(_, gait)| gait.passive_joint());
-        let known = robots.entry(&campaign.robot).or_default();
-        *known = known.or(passive);
-    }
-    let mut plans = Vec::new();
-    for (i, (name, passive)) in (0..).zip(robots) {
-        let Some(robot) = config.robot.get(name).map(|robot| robot.to_robot()) else { continue };
-        let rate_hz = config.vicon.rate_hz;
-        for (kind, stream) in [(TrialKind::JointRelease, 0), (TrialKind::CoastDown, 1)] {
-            let mut seed = ChaCha8Rng::seed_from_u64(recipe.seed);
-            seed.set_stream(DECAY_STREAMS + 2 * i + stream);
-            let decay = match (kind, passive) {
-                (TrialKind::CoastDown, _) => decay::coasting(name, &robot, rate_hz, &mut seed),
-                (_, Some(joint)) => decay::released(name, &robot, joint, rate_hz, &mut seed),
-                _ => None,
-            };
-            let id = format!("{name}-{}-r1", kind.name());
-            let trial = Trial { robot: Some(name.to_owned()), ..recipe.format.trial(id, kind) };
-            if let Some(noise_seed) = recipe.noise_seed {
-                let (stream, position) = (seed.get_stream(), seed.get_word_pos());
-                seed = ChaCha8Rng::seed_from_u64(noise_seed);
-                seed.set_stream(stream);
-                seed.set_word_pos(position);
-            }
-            let robot = robot.clone();
-            let source = decay.map(Source::Decay);
-            plans.extend(source.map(|source| Plan { trial, robot, source, seed }));
-        }
-    }
-    plans
 }

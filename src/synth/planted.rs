@@ -2,6 +2,7 @@
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, LogNormal};
 
 use crate::metrics::GaitMetrics;
 use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
@@ -30,20 +31,36 @@ const LEAST_TRANSIENT_CYCLES: usize = 2;
 /// The robot with planted skid coefficients and the gait that its servos reach.
 pub(super) fn planted(
     campaign: &str,
-    mut robot: Robot,
+    robot: &Robot,
     mut gait: Gait,
     random: &mut ChaCha8Rng,
 ) -> (Robot, Gait) {
     let fitted = FITTED_SKID_KG_S.iter().find(|(name, _)| *name == campaign);
     let expected = fitted.map_or(robot.skid_kg_s, |(_, skid_kg_s)| *skid_kg_s);
-    robot.skid_kg_s = expected.map(|c| c * random.random_range(1.0 - SPREAD..1.0 + SPREAD));
+    let skid_kg_s = expected.map(|c| c * part(random));
     let mut sign = if random.random::<bool>() { 1.0 } else { -1.0 };
     for joint in gait.joints.iter_mut().flatten() {
         joint.amplitude_rad *= 1.0 + sign * random.random_range(AMPLITUDE_ERROR);
         joint.offset_rad += random.random_range(-OFFSET_ERROR_RAD..OFFSET_ERROR_RAD);
         sign = -sign;
     }
-    (robot, gait)
+    (Robot { skid_kg_s, ..robot.clone() }, gait)
+}
+
+/// The robot with coefficients of its own: what resists skidding, dry and viscous.
+pub(super) fn floor(mut robot: Robot, random: &mut ChaCha8Rng) -> Robot {
+    for wheel in 0..3 {
+        let [viscous, dry] = [(); 2].map(|()| part(random));
+        robot.skid_kg_s[wheel] *= viscous;
+        robot.skid_dry_n[wheel] *= dry;
+        robot.skid_static_n[wheel] *= dry;
+    }
+    robot
+}
+
+/// By how much a planted coefficient differs from the expected one.
+fn part(random: &mut ChaCha8Rng) -> f64 {
+    random.random_range(1.0 - SPREAD..1.0 + SPREAD)
 }
 
 /// The least number of frames of a trial.
@@ -54,8 +71,12 @@ pub(super) fn least_frames(omega_rad_s: f64, rate_hz: f64) -> f64 {
 
 /// The motion from rest until [`STEADY_CYCLES`] are over: `(x, y, theta, phi1, phi2)` of every
 /// frame, m and rad, and the metrics of the steady motion that is reached; there may be others.
+/// Friction varies from cycle to cycle by a relative standard deviation; the metrics are those of its
+/// mean.
 pub(super) fn from_rest(
     problem: &Problem,
+    variation: f64,
+    random: &ChaCha8Rng,
     rate_hz: f64,
 ) -> Result<(Vec<[f64; 5]>, GaitMetrics), MotionError> {
     let steady = Solver::default().settle(problem, REFERENCE_ACCURACY)?.motion;
@@ -64,6 +85,18 @@ pub(super) fn from_rest(
     // Half a cycle more: the recording does not end with a cycle.
     let cycles = (transient.max(LEAST_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5;
     let duration_s = cycles * std::f64::consts::TAU / problem.omega_rad_s;
-    let coordinates = problem.transient(duration_s, rate_hz, 1e-8)?;
+    let mut random = random.clone();
+    let friction = friction(variation, cycles.ceil() as usize, &mut random);
+    let coordinates = problem.varied_transient(&friction, duration_s, rate_hz, 1e-8)?;
     Ok((coordinates, steady.metrics))
+}
+
+/// Friction of each cycle as a part of its mean; of none where it does not vary.
+fn friction(variation: f64, cycles: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
+    // Of the logarithm: factors of mean 1 that are above 0.
+    let spread = variation.mul_add(variation, 1.0).ln().sqrt();
+    match LogNormal::new(-0.5 * spread * spread, spread) {
+        Ok(factors) if spread > 0.0 => (0..cycles).map(|_| factors.sample(random)).collect(),
+        _ => Vec::new(),
+    }
 }

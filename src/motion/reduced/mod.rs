@@ -108,6 +108,9 @@ pub(super) trait Reduced<const N: usize>: Clone {
     where
         Self: Sized;
 
+    /// The same with all friction of the wheels times a factor.
+    fn resisted(&self, factor: f64) -> Self;
+
     /// What the equations are of.
     fn problem(&self) -> &Problem;
 

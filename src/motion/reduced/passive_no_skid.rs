@@ -262,6 +262,10 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         (!F::IS_LINEAR).then(|| Self::new(self.problem.softened(factor), self.passive))
     }
 
+    fn resisted(&self, factor: f64) -> Self {
+        Self::new(self.problem.resisted(factor), self.passive)
+    }
+
     fn problem(&self) -> &Problem {
         &self.problem
     }

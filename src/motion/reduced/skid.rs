@@ -94,6 +94,10 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         (!F::IS_LINEAR).then(|| Self::new(self.problem.softened(factor), self.passive))
     }
 
+    fn resisted(&self, factor: f64) -> Self {
+        Self::new(self.problem.resisted(factor), self.passive)
+    }
+
     fn problem(&self) -> &Problem {
         &self.problem
     }

@@ -1,0 +1,92 @@
+//! Servos that lag and give way.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Complex;
+use serde::Serialize;
+
+use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use crate::robot::JointCommand;
+
+/// How servos follow their commands, each joint's angle being
+///
+/// ```text
+/// phi = command / (1 + i omega lag) - compliance torque
+/// ```
+///
+/// for its first harmonic, and `command - compliance torque` for its mean. Both 0 is a servo that
+/// follows.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Servo {
+    /// Time constant of the first-order lag, s.
+    pub lag_s: f64,
+    /// Deflection by the joint's torque in the steady motion, rad/(N m).
+    pub compliance_rad_nm: f64,
+}
+
+/// Samples of a cycle that tell a torque's mean and first harmonic, and how often the torque is
+/// computed under the gait that it leaves: each time leaves a few hundredths of the error.
+const SAMPLES: usize = 240;
+const TIMES: usize = 8;
+
+impl Servo {
+    /// The servo, unless it follows its command.
+    pub fn if_any(self) -> Option<Self> {
+        Some(self).filter(|servo| *servo != Self::default())
+    }
+
+    /// A problem with the gait that the servos reach in its steady motion.
+    ///
+    /// # Errors
+    /// The robot has no such motion, or the torque in it is not bounded.
+    pub(super) fn reached(&self, problem: &Problem) -> Result<Problem, MotionError> {
+        let mut reached = problem.clone();
+        if self.if_any().is_none() {
+            return Ok(reached);
+        }
+        let (omega_rad_s, mut solver) = (problem.omega_rad_s, Solver::default());
+        let lag = Complex::new(1.0, omega_rad_s * self.lag_s);
+        let bent = |command: JointCommand, (mean, first): Torque| {
+            let harmonic = Complex::from_polar(command.amplitude_rad, command.phase_rad) / lag
+                - self.compliance_rad_nm * first;
+            JointCommand {
+                offset_rad: command.offset_rad - self.compliance_rad_nm * mean,
+                amplitude_rad: harmonic.norm(),
+                phase_rad: harmonic.arg(),
+            }
+        };
+        let times = if self.compliance_rad_nm > 0.0 { TIMES } else { 0 };
+        let mut torques = [Torque::default(); 2];
+        for time in 0..=times {
+            if time > 0 {
+                solver.solve(&reached, REFERENCE_ACCURACY)?;
+                torques = harmonics(&mut solver)?;
+            }
+            for (joint, torque) in torques.into_iter().enumerate() {
+                let command = problem.gait.joints[joint];
+                reached.gait.joints[joint] = command.map(|command| bent(command, torque));
+            }
+        }
+        Ok(reached)
+    }
+}
+
+/// Mean and first harmonic of a torque, N m.
+type Torque = (f64, Complex<f64>);
+
+/// Those of both joints in the last solution.
+fn harmonics(solver: &mut Solver) -> Result<[Torque; 2], MotionError> {
+    let cycle = solver.cycle(SAMPLES)?;
+    let mut torques = [Torque::default(); 2];
+    for (i, sample) in cycle.iter().take(SAMPLES).enumerate() {
+        let turn = Complex::cis(-TAU * i as f64 / SAMPLES as f64);
+        for ((mean, first), torque_nm) in torques.iter_mut().zip(sample.forces.torque_nm) {
+            *mean += torque_nm / SAMPLES as f64;
+            *first += turn * (2.0 * torque_nm / SAMPLES as f64);
+        }
+    }
+    match torques.iter().all(|(mean, first)| mean.is_finite() && first.is_finite()) {
+        true => Ok(torques),
+        false => Err(MotionError::Unresolved { error: f64::INFINITY }),
+    }
+}
