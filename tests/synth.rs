@@ -4,7 +4,7 @@
 
 mod common;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -12,7 +12,9 @@ use common::{files, succeed, text, trilink};
 use serde_json::Value;
 use trilink::config::Config;
 use trilink::motion::{Laws, Problem, REFERENCE_ACCURACY};
+use trilink::robot::Model;
 use trilink::store::Table;
+use trilink::synth::Recipe;
 
 const RATE_HZ: f64 = 120.0;
 /// Frame and sub-frame, then three coordinates of each of ten markers.
@@ -381,6 +383,31 @@ fn a_laboratory_repeats_frequencies_on_several_days_with_servos_that_lag_and_fri
         found += 1;
     }
     assert_eq!(found, 4);
+}
+
+#[test]
+fn the_demo_has_a_dry_robot_in_an_untidy_laboratory_and_a_tidy_viscous_one() {
+    let mut config = Config::default();
+    let recipe = Recipe::demo(&config, 1);
+    assert_eq!(recipe.laws, BTreeMap::from([("kinematic".to_owned(), Model::new("coulomb"))]));
+    assert_eq!(recipe.tidy, BTreeSet::from(["semi-passive".to_owned()]));
+    // 13 frequencies, three of them with three trials in two of the campaigns, and three decays.
+    assert_eq!(recipe.trials(&config), 3 * 13 + 2 * 6 + 3);
+    for robot in config.robot.values_mut() {
+        robot.skid_dry_n = None;
+    }
+    let plain = Recipe::demo(&config, 1);
+    assert!(plain.laws.is_empty() && plain.days == 1 && plain.trials(&config) == 3 * 13 + 3);
+}
+
+#[test]
+fn what_made_the_demos_trials_competes() {
+    let folder = kinematic("symmetric");
+    succeed(folder.path(), &["synth", "trials", "--omega", "3.9", "--law", "coulomb"]);
+    succeed(folder.path(), &["ingest"]);
+    let planned = |command: &str| succeed(folder.path(), &[command, "--dry-run"]);
+    assert!(planned("demo").contains("kinematic-symmetric coulomb"), "{}", planned("demo"));
+    assert!(!planned("run").contains("coulomb"));
 }
 
 #[test]

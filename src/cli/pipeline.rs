@@ -8,6 +8,7 @@ use super::{Context, Exclusive, Failure, Folders, Outcome};
 use crate::build::{
     DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, count, dry_run, run,
 };
+use crate::config::Campaign;
 use crate::ingest::Ingested;
 use crate::metrics::Estimate;
 use crate::robot::Parameter;
@@ -15,7 +16,7 @@ use crate::robot::decay::DecayLaw;
 use crate::store::{
     ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialRow, TrialStatus, is_there,
 };
-use crate::synth::Recipe;
+use crate::synth::{Recipe, planted_models};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE};
 
 /// More trials than this are on the page.
@@ -57,7 +58,7 @@ pub(super) struct Update {
 }
 
 impl Demo {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         let [raw] = &context.config.paths.raw[..] else {
             return Err("key `paths.raw`: found several folders, needed one for the demo".into());
         };
@@ -73,7 +74,17 @@ impl Demo {
                 return Ok(Outcome::Well);
             }
             context.progress.say(&format!("the demo's trials, synthetic, in {}", raw.display()));
-            write_trials(&context, raw, &Recipe::new(DEMO_SEED))?;
+            write_trials(&context, raw, &Recipe::demo(&context.config, DEMO_SEED))?;
+        }
+        // What made the trials competes, whatever the campaigns list.
+        for (name, model) in planted_models(raw) {
+            let is_known = context.config.model.contains_key(&model);
+            let campaign = context.config.campaign.get_mut(&name).filter(|_| is_known);
+            if let Some(Campaign { models, .. }) = campaign
+                && !models.contains(&model)
+            {
+                models.push(model);
+            }
         }
         self.update.run(&context, false)
     }

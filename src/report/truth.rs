@@ -27,6 +27,8 @@ pub struct Truth {
     /// Friction of each day's floor as a part of the planted one.
     pub days: BTreeMap<String, f64>,
     pub servo: Option<PlantedServo>,
+    /// Campaigns that know none of these.
+    pub tidy: Vec<String>,
     pub campaigns: BTreeMap<String, PlantedCampaign>,
     pub trials: BTreeMap<String, PlantedTrial>,
 }
@@ -164,6 +166,7 @@ impl Truth {
         self.seed = self.seed.filter(|seed| other.seed == Some(*seed));
         self.friction_variation = self.friction_variation.max(other.friction_variation);
         self.servo = self.servo.or(other.servo);
+        self.tidy.extend(other.tidy);
         let days = other.days.into_iter();
         self.days.extend(days.map(|(day, floor)| (format!("{folder}/{day}"), floor)));
         self.trials.extend(other.trials);
@@ -253,8 +256,13 @@ fn varied(truth: &Truth) -> Option<String> {
         )
     });
     let parts: Vec<String> = [cycles, days, servo].into_iter().flatten().collect();
-    let first = parts.first()?.chars().next()?.to_uppercase();
-    Some(format!("{first}{}: no model has that to the letter.", &parts.join(", ")[1..]))
+    let sentence = match &truth.tidy[..] {
+        _ if parts.is_empty() => return None,
+        [] => parts.join(", "),
+        tidy => format!("but for {}, {}", tidy.join(", "), parts.join(", ")),
+    };
+    let first = sentence[..1].to_uppercase();
+    Some(format!("{first}{}: no model has that to the letter.", &sentence[1..]))
 }
 
 /// A coefficient of the fitted model that the trials were made with, and what was planted.
@@ -364,6 +372,15 @@ mod tests {
                 "Friction varied from cycle to cycle with a standard deviation of 5.0 %, the floors \
                  of 2 days had up to 2.1 % more or less of it, servos lagged by 20.0 ms and gave way \
                  by 0.050 rad/(N m): no model has that to the letter."
+            )
+        );
+        let truth =
+            Truth { days: BTreeMap::new(), servo: None, tidy: vec!["wet".to_owned()], ..truth };
+        assert_eq!(
+            varied(&truth).as_deref(),
+            Some(
+                "But for wet, friction varied from cycle to cycle with a standard deviation of 5.0 %: \
+                 no model has that to the letter."
             )
         );
         assert_eq!(varied(&Truth::default()), None);

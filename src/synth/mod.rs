@@ -32,7 +32,7 @@ pub use cameras::{LabelError, Tilt};
 pub use decay::DecayTruth;
 use plan::{Plan, Source};
 pub use servo::Servo;
-pub use truth::{CampaignTruth, Law, TrialTruth, Truth};
+pub use truth::{CampaignTruth, Law, TrialTruth, Truth, planted_models};
 
 /// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.
 pub const OMEGAS_RAD_S: [f64; 13] =
@@ -122,6 +122,8 @@ pub struct Recipe {
     pub skid_factors: [f64; 3],
     /// Frequencies of every campaign, rad/s.
     pub omegas_rad_s: Vec<f64>,
+    /// Robots whose trials have no repeats, days, servos or varying friction.
+    pub tidy: BTreeSet<String>,
     /// Trials of each frequency.
     pub repeats: usize,
     /// The frequencies that have repeats; all, if it is empty.
@@ -147,6 +149,7 @@ impl Recipe {
             laws: BTreeMap::new(),
             skid_factors: [1.0; 3],
             omegas_rad_s: OMEGAS_RAD_S.into(),
+            tidy: BTreeSet::new(),
             repeats: 1,
             repeated_rad_s: Vec::new(),
             days: 1,
@@ -158,16 +161,50 @@ impl Recipe {
         }
     }
 
-    /// How many trials it makes of a configuration.
-    pub fn trials(&self, config: &Config) -> usize {
-        let gaits: usize = self.omegas_rad_s.iter().map(|omega| self.repeats_of(*omega)).sum();
-        config.campaign.len() * gaits + plan::decays(config, self).len()
+    /// The demo's. Robots that have no passive joint and say their dry friction are made with `coulomb`:
+    /// three trials of some frequencies, days whose floors differ, servos that lag and give way, friction
+    /// that varies from cycle to cycle. Others are tidy and made with `skid-roll`.
+    pub fn demo(config: &Config, seed: u64) -> Self {
+        let model = Model::new("coulomb");
+        let is_passive = |robot: &str| {
+            let mut campaigns = config.campaign.iter().filter(|(_, one)| one.robot == robot);
+            campaigns.any(|(name, _)| {
+                config.campaign_setup(name).is_none_or(|(_, gait)| gait.passive_joint().is_some())
+            })
+        };
+        let is_dry = |robot: &&String| {
+            let knows = config.check_laws(Path::new("demo"), robot, model).is_ok();
+            knows && !is_passive(robot)
+        };
+        let robots = config.campaign.values().map(|campaign| campaign.robot.clone());
+        let (dry, tidy): (BTreeSet<_>, _) = robots.partition(|robot| is_dry(&robot));
+        if dry.is_empty() {
+            return Self::new(seed);
+        }
+        Self {
+            laws: dry.into_iter().map(|robot| (robot, model)).collect(),
+            tidy,
+            repeats: 3,
+            repeated_rad_s: vec![2.5, 3.9, 5.0],
+            days: 4,
+            servo: Servo { lag_s: 0.02, compliance_rad_nm: 0.05 },
+            friction_variation: 0.05,
+            ..Self::new(seed)
+        }
     }
 
-    /// How many trials a frequency has in each campaign.
-    fn repeats_of(&self, omega_rad_s: f64) -> usize {
+    /// How many trials it makes of a configuration.
+    pub fn trials(&self, config: &Config) -> usize {
+        let of = |robot| self.omegas_rad_s.iter().map(move |omega| self.repeats_of(robot, *omega));
+        let gaits: usize = config.campaign.values().flat_map(|campaign| of(&campaign.robot)).sum();
+        gaits + plan::decays(config, self).len()
+    }
+
+    /// How many trials a frequency has in each of a robot's campaigns.
+    fn repeats_of(&self, robot: &str, omega_rad_s: f64) -> usize {
         let Self { repeated_rad_s: of, .. } = self;
-        if of.is_empty() || of.contains(&omega_rad_s) { self.repeats } else { 1 }
+        let is_repeated = of.is_empty() || of.contains(&omega_rad_s);
+        if is_repeated && !self.tidy.contains(robot) { self.repeats } else { 1 }
     }
 }
 
@@ -211,8 +248,8 @@ pub fn synthesise(
         let (film, steady) = match source {
             Source::Gait(drive) => {
                 let failed = |source| SynthError::Motion { trial: trial.id.clone(), source };
-                let problem = servo.reached(&drive.problem).map_err(failed)?;
-                let made = planted::from_rest(&problem, friction_variation, &drive.cycles, rate_hz);
+                let problem = drive.servo.reached(&drive.problem).map_err(failed)?;
+                let made = planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz);
                 let (path, steady) = made.map_err(failed)?;
                 (film(&path), Some((problem, drive.day, steady)))
             }
@@ -237,9 +274,11 @@ pub fn synthesise(
         Source::Decay(decay) => Some((plan.trial.id.clone(), decay.truth.clone())),
     });
     let robots = robots.collect();
+    let is_tidy = |name: &&String| recipe.tidy.contains(&config.campaign[*name].robot);
+    let tidy = config.campaign.keys().filter(is_tidy).cloned().collect();
     let (servo, synthetic) = (servo.if_any(), true);
     let truth =
-        Truth { synthetic, seed, servo, friction_variation, days, campaigns, trials, robots };
+        Truth { synthetic, seed, servo, friction_variation, days, tidy, campaigns, trials, robots };
     write_bytes(&folder.join(TRUTH_FILE), truth.to_json().as_bytes())?;
     // The list comes last: a folder with a list is complete.
     let trial = plans.into_iter().map(|plan| plan.trial).collect();

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal};
 
 use super::decay::{self, Decay};
-use super::{CampaignTruth, Law, Recipe, SynthError, planted};
+use super::{CampaignTruth, Law, Recipe, Servo, SynthError, planted};
 use crate::config::{Config, one_of};
 use crate::motion::{Laws, Problem};
 use crate::robot::{Model, Robot};
@@ -46,6 +46,9 @@ pub(super) struct Drive {
     pub problem: Problem,
     /// The day from 1 on, where there are several.
     pub day: Option<usize>,
+    pub servo: Servo,
+    /// Relative standard deviation of friction from cycle to cycle.
+    pub variation: f64,
     /// Of what cycles differ by.
     pub cycles: ChaCha8Rng,
 }
@@ -134,9 +137,15 @@ pub(super) fn gaits(
             law.filter(|(model, laws)| (*model, *laws) != (Model::SKID_ROLL, Laws::SKID_ROLL));
         let law = law.map(|(model, Laws { skid, roll })| Law { model, skid, roll });
         campaigns.insert(name.clone(), CampaignTruth::new(law, laws, &robot, &gait));
+        let (of, is_tidy) = (&*campaign.robot, recipe.tidy.contains(&campaign.robot));
+        let (servo, variation) = match is_tidy {
+            true => Default::default(),
+            false => (recipe.servo, recipe.friction_variation),
+        };
         let frequencies = omegas_rad_s.iter().copied().enumerate();
-        let trials = frequencies
-            .flat_map(|(i, omega)| (0..recipe.repeats_of(omega)).map(move |nth| (i, omega, nth)));
+        let trials = frequencies.flat_map(|(i, omega)| {
+            (0..recipe.repeats_of(of, omega)).map(move |nth| (i, omega, nth))
+        });
         for (place, (i, omega_rad_s, nth)) in trials.enumerate() {
             let id = format!("{name}-{omega_rad_s:.2}-r{}", nth + 1);
             let (campaign, omega) = (Some(name.clone()), Some(omega_rad_s));
@@ -145,11 +154,13 @@ pub(super) fn gaits(
             let stream = first + 1 + i as u64 + REPEAT_STREAMS * nth as u64;
             let noise_seed = recipe.noise_seed.unwrap_or(seed);
             let day = 1 + place % recipe.days.max(1);
-            let floor = days.get(&day);
+            let floor = days.get(&day).filter(|_| !is_tidy);
             let robot = floor.map_or_else(|| robot.clone(), |floor| robot.resisted(*floor));
             let source = Source::Gait(Box::new(Drive {
                 problem: Problem { robot: robot.clone(), gait, laws, omega_rad_s },
                 day: floor.map(|_| day),
+                servo,
+                variation,
                 cycles: random(noise_seed, CYCLE_STREAMS + stream),
             }));
             plans.push(Plan { trial, robot, source, seed: random(noise_seed, stream) });

@@ -1,14 +1,38 @@
 //! `truth.json`: what was planted.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::cameras::LabelError;
 use super::decay::DecayTruth;
 use super::servo::Servo;
+use crate::files;
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, JointCommand, Laws, Model, Robot, RollLaw, SkidLaw};
+use crate::trial::TRUTH_FILE;
+
+/// The models that made the campaigns of a folder, other than `skid-roll`; none where its truth cannot be
+/// read.
+pub fn planted_models(folder: &Path) -> BTreeMap<String, Model> {
+    #[derive(Default, Deserialize)]
+    struct Known {
+        campaigns: BTreeMap<String, Planted>,
+    }
+    #[derive(Deserialize)]
+    struct Planted {
+        law: Option<Made>,
+    }
+    #[derive(Deserialize)]
+    struct Made {
+        model: Model,
+    }
+    let text = files::read(&folder.join(TRUTH_FILE), files::TEXT_BYTES);
+    let known = text.ok().and_then(|(json, _)| serde_json::from_slice::<Known>(&json).ok());
+    let campaigns = known.unwrap_or_default().campaigns.into_iter();
+    campaigns.filter_map(|(campaign, planted)| Some((campaign, planted.law?.model))).collect()
+}
 
 /// What was planted in a folder.
 #[derive(Debug, Serialize)]
@@ -23,6 +47,9 @@ pub struct Truth {
     /// Friction of each day's floor as a part of the planted one, where there are several.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub days: BTreeMap<usize, f64>,
+    /// Campaigns that know none of these.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tidy: Vec<String>,
     pub campaigns: BTreeMap<String, CampaignTruth>,
     pub trials: BTreeMap<String, TrialTruth>,
     /// By the trial that shows them.
