@@ -262,7 +262,11 @@ fn varied(truth: &Truth) -> Option<String> {
         tidy => format!("but for {}, {}", tidy.join(", "), parts.join(", ")),
     };
     let first = sentence[..1].to_uppercase();
-    Some(format!("{first}{}: no model has that to the letter.", &sentence[1..]))
+    let mean = match truth.friction_variation > 0.0 {
+        true => " Planted motions are those of the mean friction of a trial's day.",
+        false => "",
+    };
+    Some(format!("{first}{}: no model has that to the letter.{mean}", &sentence[1..]))
 }
 
 /// A coefficient of the fitted model that the trials were made with, and what was planted.
@@ -371,7 +375,8 @@ mod tests {
             Some(
                 "Friction varied from cycle to cycle with a standard deviation of 5.0 %, the floors \
                  of 2 days had up to 2.1 % more or less of it, servos lagged by 20.0 ms and gave way \
-                 by 0.050 rad/(N m): no model has that to the letter."
+                 by 0.050 rad/(N m): no model has that to the letter. Planted motions are those of the \
+                 mean friction of a trial's day."
             )
         );
         let truth =
@@ -380,7 +385,8 @@ mod tests {
             varied(&truth).as_deref(),
             Some(
                 "But for wet, friction varied from cycle to cycle with a standard deviation of 5.0 %: \
-                 no model has that to the letter."
+                 no model has that to the letter. Planted motions are those of the mean friction of a \
+                 trial's day."
             )
         );
         assert_eq!(varied(&Truth::default()), None);
