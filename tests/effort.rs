@@ -100,6 +100,9 @@ fn a_solution_takes_no_longer_than_its_bound_and_derivatives_little_more() {
         (passive.clone(), Gait::passive_symmetric(), Laws::NO_SKID_ROLL, 30.0),
         (passive, Gait::passive_symmetric(), Laws::NO_SKID, 30.0),
         (Robot::kinematic(), Gait::symmetric(), Laws::NO_SKID, 30.0),
+        (Robot::kinematic(), Gait::symmetric(), Laws::COULOMB, 500.0),
+        (Robot::kinematic(), Gait::skewed(), Laws::COULOMB, 500.0),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::COULOMB, 1500.0),
     ];
     for (robot, gait, laws, bound_us) in cases {
         let [cold_us, whole_us] = times_us(&robot, gait, laws);
