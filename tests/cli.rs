@@ -345,12 +345,13 @@ fn the_tables_have_the_documented_columns() {
         ),
         (
             "bootstrap.parquet".to_owned(),
-            format!("campaign model replicate {parameters} j solves stopped"),
+            format!("campaign model replicate {parameters} j criterion_resampled solves stopped"),
         ),
         (
             "comparison.parquet".to_owned(),
-            "campaign model j j_d j_v j_sigma j_alpha j_left_out free terms criterion wins status \
-             sentence"
+            "campaign model j j_d j_v j_sigma j_alpha j_left_out j_extrapolated \
+             extrapolated_above_rad_s free terms criterion wins preferred tell_omega_rad_s tell_metric \
+             tell_standard_errors status sentence"
                 .to_owned(),
         ),
         (

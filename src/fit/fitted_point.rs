@@ -9,7 +9,7 @@ use super::objective::{Evaluator, Observation};
 use super::resample::DrawnTrial;
 use super::search::{Ended, Iterate};
 use super::starts::Start;
-use super::terms::{PENALTY, Response, TERMS};
+use super::terms::{PENALTY, Response, TERMS, Terms};
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 use crate::store::FitStatus;
@@ -112,10 +112,14 @@ impl<'o> FittedPoint<'o> {
         resample.iter().map(observation).collect()
     }
 
-    /// The residuals of resampled measurements, linearised here.
+    /// The objective of resampled measurements.
+    pub fn resampled_terms(&self, resample: &[DrawnTrial]) -> Terms {
+        self.evaluator.terms_of(&self.observations(resample))
+    }
+
+    /// Their residuals, linearised here.
     pub fn resampled_residuals(&self, resample: &[DrawnTrial]) -> Vec<Residual> {
-        let terms = self.evaluator.terms_of(&self.observations(resample));
-        terms.residuals(&self.responses)
+        self.resampled_terms(resample).residuals(&self.responses)
     }
 
     /// What noise of these standard deviations contributes to the objective before a fit.
@@ -171,22 +175,43 @@ impl<'o> FittedPoint<'o> {
         if frequencies.len() < 2 {
             return (f64::NAN, 0);
         }
-        let at = |trial: &usize| self.evaluator.objective.observation(*trial);
         let without = |left_out: &Vec<usize>| -> (f64, usize) {
-            let (values, mut solves) = if self.evaluator.parameters.is_empty() {
-                (Vec::new(), 0)
-            } else {
-                let refit = self.refit_without(left_out);
-                (refit.ended, refit.solves)
-            };
-            let mut evaluator = self.evaluator.of_others(left_out.iter().map(at).collect());
-            let cost = evaluator.cost(&values).min(PENALTY);
-            solves += evaluator.solves;
+            let (cost, solves) = self.predicted(left_out);
             (cost * left_out.len() as f64, solves)
         };
         let each: Vec<(f64, usize)> = frequencies.par_iter().map(without).collect();
         let cost: f64 = each.iter().map(|(cost, _)| cost).sum();
         (cost / measurements.len() as f64, each.iter().map(|(_, solves)| solves).sum())
+    }
+
+    /// The upper third of the frequencies predicted by the fit to the others: its objective, the
+    /// highest frequency that was fitted, and the motions that were solved for. Missing where
+    /// fewer than two are predicted, or no more are fitted than parameters are free.
+    pub fn extrapolated(&self) -> ([f64; 2], usize) {
+        let measurements = &self.evaluator.objective.measurements;
+        let frequencies = Measurement::frequencies(measurements);
+        let (below, above) = frequencies.split_at(frequencies.len() - frequencies.len() / 3);
+        match below.last().and_then(|trials| trials.last()) {
+            Some(&last) if above.len() >= 2 && below.len() > self.values.len() => {
+                let (cost, solves) = self.predicted(&above.concat());
+                ([cost, measurements[last].frequency_rad_s], solves)
+            }
+            _ => ([f64::NAN; 2], 0),
+        }
+    }
+
+    /// The objective of some measurements by the fit to the others, and the motions that were
+    /// solved for.
+    fn predicted(&self, left_out: &[usize]) -> (f64, usize) {
+        let (values, solves) = if self.evaluator.parameters.is_empty() {
+            (Vec::new(), 0)
+        } else {
+            let refit = self.refit_without(left_out);
+            (refit.ended, refit.solves)
+        };
+        let at = |trial: &usize| self.evaluator.objective.observation(*trial);
+        let mut evaluator = self.evaluator.of_others(left_out.iter().map(at).collect());
+        (evaluator.cost(&values).min(PENALTY), solves + evaluator.solves)
     }
 }
 

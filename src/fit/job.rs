@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::adequacy::Adequacy;
 use super::bands::Bands;
-use super::compare::bic;
+use super::criterion::{self, criterion};
 use super::fitted_point::{FittedPoint, HeldPoint};
 use super::input::FreeParameter;
 use super::intervals::{Intervals, Systematic};
@@ -174,22 +174,27 @@ impl<'j> Job<'j> {
         let (parameters, driven_by) = (&point.evaluator.parameters, self.objective.gait_input);
         let (campaign, model) = (&self.input.campaign.name, self.input.model.name);
         let is_own = |row: &&BootstrapRow| row.campaign == *campaign && row.model == model;
-        let known = |row: &BootstrapRow| Start {
-            began: point.values.clone(),
-            ended: parameters.iter().map(|free| row.parameters[free.parameter]).collect(),
-            cost: row.j,
-            solves: row.solves as usize,
-            stopped: row.stopped,
+        let known = |row: &BootstrapRow| {
+            let refit = Start {
+                began: point.values.clone(),
+                ended: parameters.iter().map(|free| row.parameters[free.parameter]).collect(),
+                cost: row.j,
+                solves: row.solves as usize,
+                stopped: row.stopped,
+            };
+            (refit, row.criterion_resampled)
         };
         let given = given.get(&driven_by).into_iter().flatten();
-        fit.replicates = given.filter(is_own).map(known).collect();
-        fit.replicates.par_extend(numbers.into_par_iter().map(|number| {
+        let mut replicates: Vec<(Start, f64)> = given.filter(is_own).map(known).collect();
+        replicates.par_extend(numbers.into_par_iter().map(|number| {
             let refit = point.refit(&self.resampler.draw(number), &ended);
+            let criterion = criterion::resampled(point, self.resampler, number);
             let done = ended.load(Ordering::Relaxed);
-            let row = &self.replicate_row(parameters, number, &refit);
+            let row = &self.replicate_row(parameters, number, &refit, criterion);
             on_event(FitEvent::Replicate { driven_by, row, done, total });
-            refit
+            (refit, criterion)
         }));
+        (fit.replicates, fit.criteria) = replicates.into_iter().unzip();
         fit.solves += fit.replicates.iter().map(|refit| refit.solves).sum::<usize>();
     }
 
@@ -308,13 +313,19 @@ impl<'j> Job<'j> {
         let profile_points = profiles.iter().enumerate().flat_map(|(index, profile)| {
             profile.points.iter().map(move |point| (index, profile.limit, point))
         });
-        let replicate_row =
-            |(number, refit): (usize, &Start)| self.replicate_row(parameters, number, refit);
+        let replicate_row = |(number, (refit, criterion)): (usize, (&Start, &f64))| {
+            self.replicate_row(parameters, number, refit, *criterion)
+        };
         Fitted {
             predictions: predictions(self.input, point, &robot, &bands),
             starts: starts.iter().enumerate().map(start_row).collect(),
             profiles: profile_points.map(profile_row).collect(),
-            bootstrap: replicates.iter().enumerate().map(replicate_row).collect(),
+            bootstrap: replicates
+                .iter()
+                .zip(&fit.criteria)
+                .enumerate()
+                .map(replicate_row)
+                .collect(),
             comparison: vec![comparison],
             fits: vec![row],
             alternatives: alternative.into_iter().collect(),
@@ -326,6 +337,7 @@ impl<'j> Job<'j> {
         parameters: &[FreeParameter],
         number: usize,
         refit: &Start,
+        criterion_resampled: f64,
     ) -> BootstrapRow {
         BootstrapRow {
             campaign: self.input.campaign.name.clone(),
@@ -333,6 +345,7 @@ impl<'j> Job<'j> {
             replicate: number as i64,
             parameters: spread(parameters, &refit.ended),
             j: refit.cost,
+            criterion_resampled,
             solves: refit.solves as i64,
             stopped: refit.stopped,
         }
@@ -369,10 +382,11 @@ impl<'j> Job<'j> {
     fn comparison(&self, fit: &mut Fit) -> ComparisonRow {
         let point = &fit.point;
         let [j_d, j_v, j_sigma @ .., j_alpha] = point.parts();
-        let measurements = &self.objective.measurements;
-        let terms: usize = measurements.iter().map(|each| self.objective.terms(each).count()).sum();
-        let parameters = &point.evaluator.parameters;
+        let (criterion, terms) = criterion(point);
+        let free = point.values.len() as i64;
         let (j_left_out, solves) = point.leave_one_frequency_out();
+        fit.solves += solves;
+        let ([j_extrapolated, extrapolated_above_rad_s], solves) = fit.point.extrapolated();
         fit.solves += solves;
         ComparisonRow {
             j: fit.cost,
@@ -381,9 +395,11 @@ impl<'j> Job<'j> {
             j_sigma: j_sigma.iter().sum(),
             j_alpha,
             j_left_out,
-            free: parameters.len() as i64,
+            j_extrapolated,
+            extrapolated_above_rad_s,
+            free,
             terms: terms as i64,
-            criterion: bic(fit.cost, terms, parameters.len()),
+            criterion,
             ..self.comparison_row(FitStatus::Ok)
         }
     }
@@ -421,6 +437,8 @@ struct Fit<'o> {
     /// One per free parameter, or none.
     profiles: Vec<Profile>,
     replicates: Vec<Start>,
+    /// Criteria of the replicates with frequencies resampled, too.
+    criteria: Vec<f64>,
     adequacy: Adequacy,
     systematic: Systematic,
 }
@@ -434,6 +452,7 @@ impl<'o> Fit<'o> {
             solves: 0,
             profiles: Vec::new(),
             replicates: Vec::new(),
+            criteria: Vec::new(),
             adequacy: Adequacy::UNKNOWN,
             systematic: Systematic::default(),
         }

@@ -5,14 +5,16 @@
 //! trials. An error that all trials share, such as a servo that does not follow its command
 //! or a wrong mass, is not in them.
 //!
-//! Models are compared by their objective, by leave-one-frequency-out cross-validation, by how
-//! often they are nearest to resampled measurements (selection frequency of the bootstrap), and by
-//! the Bayesian information criterion.
+//! Of the models that fit, the one with the lowest Bayesian information criterion is preferred. Beside
+//! that stand how often it is so in resampled measurements (selection frequency of the bootstrap),
+//! what each model predicts of a frequency that is left out and of those above the fitted ones, and
+//! which one more trial would tell it from the preferred one.
 
 mod adequacy;
 mod bands;
 mod compare;
 mod conditions;
+mod criterion;
 mod deviations;
 mod fitted_point;
 mod folder;
@@ -30,6 +32,7 @@ mod profile;
 mod resample;
 mod search;
 mod starts;
+mod tell_apart;
 mod terms;
 
 use std::collections::BTreeMap;
@@ -158,11 +161,10 @@ pub fn fit_except(
         inputs.chunk_by(|a, b| a.campaign.name == b.campaign.name).collect();
     let is_new = |input: &&FitInput| !cached.contains_key(&key(input));
     let sampled: Vec<(&[FitInput], Resampler)> = campaigns
-        .iter()
-        .filter(|inputs| inputs.iter().any(|input| is_new(&input)))
+        .into_iter()
         .map(|inputs| {
             let measurements = inputs[0].measurements(data);
-            (*inputs, Resampler::new(inputs[0].fit.seed, measurements, &data.cycles))
+            (inputs, Resampler::new(inputs[0].fit.seed, measurements, &data.cycles))
         })
         .collect();
     let new: Vec<(&FitInput, &Resampler)> = sampled
@@ -182,10 +184,10 @@ pub fn fit_except(
         .collect();
     cached.extend(fitted);
     let mut all = Fitted::default();
-    for inputs in campaigns {
+    for (inputs, resampler) in sampled {
         let models = inputs.iter().filter_map(|input| cached.remove(&key(input)));
         let mut models: Vec<Fitted> = models.collect();
-        compare::complete(&mut models, inputs[0].fit.bootstrap);
+        compare::complete(&mut models, &resampler, inputs[0].fit.bootstrap);
         models.into_iter().for_each(|fitted| all.extend(fitted));
     }
     all

@@ -158,29 +158,50 @@ impl Resampler {
 
     /// The resample with this number; the same for every model of the campaign.
     pub fn draw(&self, number: usize) -> Vec<DrawnTrial> {
-        let (mut random, mut of_gait) = (self.random("", number), self.random("gait", number));
+        let mut random = ["", "gait"].map(|purpose| self.random(purpose, number));
         let mut drawn = Vec::with_capacity(self.measurements.len());
-        for trials in &self.frequencies {
-            for &trial in trials {
-                let (index, mut metrics) = self.trial_of(trial, trials, &mut random);
-                let moves = self.moves(index, &mut random);
-                for (i, metric) in metrics.iter_mut().enumerate() {
-                    *metric += self.errors[index][i] * moves[i];
-                    if *metric <= 0.0 {
-                        *metric = f64::NAN;
-                    }
-                }
-                let errors_rad = self.measurements[index].gait_errors_rad;
-                let gait_steps_rad = errors_rad.map(|of_joint| {
-                    of_joint.map(|error_rad| {
-                        let moves: f64 = StandardNormal.sample(&mut of_gait);
-                        if error_rad.is_finite() { moves * error_rad } else { 0.0 }
-                    })
-                });
-                drawn.push(DrawnTrial { index, metrics, gait_steps_rad });
-            }
+        self.frequencies.iter().for_each(|trials| self.draw_of(trials, &mut random, &mut drawn));
+        drawn
+    }
+
+    /// The same with frequencies drawn, too, by random numbers of its own.
+    pub fn draw_frequencies(&self, number: usize) -> Vec<DrawnTrial> {
+        let purposes = ["frequencies", "trials of frequencies", "gait of frequencies"];
+        let [mut which, random @ ..] = purposes.map(|purpose| self.random(purpose, number));
+        let (mut random, mut drawn) = (random, Vec::with_capacity(self.measurements.len()));
+        let count = self.frequencies.len();
+        for _ in 0..count {
+            let trials = &self.frequencies[which.random_range(0..count)];
+            self.draw_of(trials, &mut random, &mut drawn);
         }
         drawn
+    }
+
+    /// Adds a resample of a frequency's trials, by random numbers for them and for their gaits.
+    fn draw_of(
+        &self,
+        trials: &[usize],
+        [random, of_gait]: &mut [ChaCha8Rng; 2],
+        drawn: &mut Vec<DrawnTrial>,
+    ) {
+        for &trial in trials {
+            let (index, mut metrics) = self.trial_of(trial, trials, random);
+            let moves = self.moves(index, random);
+            for (i, metric) in metrics.iter_mut().enumerate() {
+                *metric += self.errors[index][i] * moves[i];
+                if *metric <= 0.0 {
+                    *metric = f64::NAN;
+                }
+            }
+            let errors_rad = self.measurements[index].gait_errors_rad;
+            let gait_steps_rad = errors_rad.map(|of_joint| {
+                of_joint.map(|error_rad| {
+                    let moves: f64 = StandardNormal.sample(of_gait);
+                    if error_rad.is_finite() { moves * error_rad } else { 0.0 }
+                })
+            });
+            drawn.push(DrawnTrial { index, metrics, gait_steps_rad });
+        }
     }
 
     /// One of a frequency's trials, and its metrics with the trials' own spread.

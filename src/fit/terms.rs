@@ -83,7 +83,23 @@ impl Terms {
         .sum()
     }
 
-    /// The same, linearised, from metrics and their derivatives.
+    /// What each metric adds to it where the logarithms of the free parameters are off those of
+    /// the responses by these steps.
+    pub fn parts(&self, responses: &[Option<Response>], steps: &[f64]) -> [f64; TERMS] {
+        let mut parts = [0.0; TERMS];
+        for (response, deviations) in responses.iter().zip(&self.deviations) {
+            let Some(response) = response else { continue };
+            let change = response.change(steps);
+            let metrics = response.metrics.to_array();
+            for (metric, of) in deviations.iter().enumerate() {
+                let value = metrics[metric] + change[metric];
+                parts[metric] += of.as_ref().map_or(0.0, |of| of.value(value));
+            }
+        }
+        parts
+    }
+
+    /// The objective, linearised, from metrics and their derivatives.
     pub fn linearised(&self, responses: &[Option<Response>]) -> Linearised {
         let metrics = responses.iter().map(|of| of.as_ref().map(|of| of.metrics));
         Linearised { cost: self.cost(metrics), residuals: self.residuals(responses) }

@@ -103,12 +103,11 @@ impl Tables {
         Source { trials, predictions, fits, sigma, models }
     }
 
-    /// The fit that the measurements prefer: the nearest of those that describe them, else the
-    /// nearest.
+    /// The fit of the campaign's preferred model.
     pub fn preferred(&self, campaign: &str) -> Option<&FitRow> {
-        let fits = self.fits.iter().filter(|fit| fit.campaign == campaign && fit.j.is_finite());
-        let misfits = |fit: &FitRow| fit.adequate != Some(true);
-        fits.min_by(|a, b| misfits(a).cmp(&misfits(b)).then(a.j.total_cmp(&b.j)))
+        let mut compared = self.comparison.iter();
+        let row = compared.find(|row| row.campaign == campaign && row.preferred)?;
+        self.fits.iter().find(|fit| fit.campaign == campaign && fit.model == row.model)
     }
 
     /// Campaigns of the configuration and of the tables.

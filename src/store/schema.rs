@@ -407,6 +407,9 @@ rows! {
         /// The free parameters; those that are not free are missing.
         pub parameters: ByParameter<f64>,
         pub j: f64,
+        /// Information criterion with the frequencies resampled, too, by the model linearised at
+        /// its fit.
+        pub criterion_resampled: f64,
         pub solves: i64,
         pub stopped: Stopped,
     }
@@ -426,14 +429,27 @@ rows! {
         pub j_alpha: f64,
         /// The objective with every frequency's trials predicted by a fit to the others.
         pub j_left_out: f64,
-        /// Number of free parameters, and of terms in the objective.
+        /// The objective of the trials above a frequency, predicted by a fit to those up to it;
+        /// missing where there are too few of either.
+        pub j_extrapolated: f64,
+        pub extrapolated_above_rad_s: f64,
+        /// Number of free parameters, and of measurements in the objective: d and v of a trial
+        /// are one.
         pub free: i64,
         pub terms: i64,
         /// Information criterion, see [`crate::fit`]; differences count, lower is better.
         pub criterion: f64,
         /// Part of the bootstrap's replicates in which the model has the campaign's lowest
-        /// objective.
+        /// criterion, with the frequencies resampled, too.
         pub wins: f64,
+        /// Whether it is the campaign's preferred model: of those that fit the one with the lowest
+        /// criterion, of all where none fits.
+        pub preferred: bool,
+        /// The frequency and the metric of one more trial that would best tell the model from the
+        /// preferred one, and how far both are apart there, in standard errors of a trial.
+        pub tell_omega_rad_s: f64,
+        pub tell_metric: String,
+        pub tell_standard_errors: f64,
         pub status: FitStatus,
         /// What the campaign's measurements say of its models, in a sentence.
         pub sentence: String,
