@@ -283,7 +283,7 @@ fn the_tables_have_the_documented_columns() {
     let laws = ["viscous", "coulomb", "coulomb_viscous"].map(of_law).join(" ");
     let fits = format!(
         "campaign model gait_input {parameters} {limits} no_interval free measured identifiable \
-         practically_not structurally_not at_bound j lack_of_fit lack_of_fit_limit \
+         practically_not structurally_not law_is_like at_bound j lack_of_fit lack_of_fit_limit \
          lack_of_fit_d lack_of_fit_v lack_of_fit_sigma lack_of_fit_alpha \
          autocorrelation autocorrelation_limit runs runs_limit adequate misfit notes \
          trials starts starts_reached starts_failed resumed solves status"

@@ -127,32 +127,20 @@ fn compete(campaign: &str, truth: &Truth, seed: u64, motions: &[(f64, GaitMetric
     (config.fit.sigma, config.fit.gait_input) = (SigmaKind::Raw, GaitInput::Commanded);
     let data = FitData::from(trials(campaign, motions, seed));
     let Fitted { fits, comparison, .. } = fit(&config, &data, &|_| {});
-    if std::env::var_os("SHOW").is_some() {
-        for (row, fit) in comparison.iter().zip(&fits) {
-            println!(
-                "{campaign} {} {seed} {}: j {:.5} {:.5} crit {:.2} adequate {:?} lof {:.2}/{:.2} ac {:.2}/{:.2} wins {:.2} lo {:.4} ex {:.4} like '{}' tell {:.2} {} {:.1} {:?}",
-                truth.model,
-                row.model,
-                row.j,
-                row.j_sigma,
-                row.criterion,
-                fit.adequate,
-                fit.lack_of_fit,
-                fit.lack_of_fit_limit,
-                fit.autocorrelation,
-                fit.autocorrelation_limit,
-                row.wins,
-                row.j_left_out,
-                row.j_extrapolated,
-                "",
-                row.tell_omega_rad_s,
-                row.tell_metric,
-                row.tell_standard_errors,
-                fit.at_bound
-            );
-        }
-        println!("   {}", comparison[0].sentence);
+    for (row, fit) in comparison.iter().zip(&fits) {
+        let (j, criterion, adequate) = (row.j, row.criterion, fit.adequate);
+        let [lack, limit] = [fit.lack_of_fit, fit.lack_of_fit_limit];
+        println!(
+            "{campaign} {} {seed}: {} J {j:.4} criterion {criterion:.1} {adequate:?} {lack:.2}/{limit:.2} wins {:.2} tells {} {:.1} at {:.2}",
+            truth.model,
+            row.model,
+            row.wins,
+            row.tell_metric,
+            row.tell_standard_errors,
+            row.tell_omega_rad_s
+        );
     }
+    println!("{}", comparison[0].sentence);
     let of = |model: &str| fits.iter().find(|fit| fit.model.name() == model).unwrap();
     let preferred = comparison.iter().find(|row| row.preferred).unwrap();
     let is_right = preferred.model.name() == truth.model && of(truth.model).adequate == Some(true);

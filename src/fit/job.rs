@@ -10,6 +10,7 @@ use super::criterion::{self, criterion};
 use super::fitted_point::{FittedPoint, HeldPoint};
 use super::input::FreeParameter;
 use super::intervals::{Intervals, Systematic};
+use super::law_class::law_is_like;
 use super::objective::{METRICS, Objective};
 use super::predict::predictions;
 use super::profile::{Class, Profile, profile, profile_limits};
@@ -201,6 +202,9 @@ impl<'j> Job<'j> {
     /// Whether the model fits, and what all trials share.
     fn assess(&self, fit: &mut Fit) {
         fit.adequacy = Adequacy::new(&fit.point, self.resampler);
+        if self.objective.laws.skid.is_dry() {
+            fit.law_is_like = law_is_like(&fit.point, self.resampler);
+        }
         let has_intervals = self.input.fit.bootstrap > 0 || self.input.fit.profiles;
         if has_intervals && !fit.point.values.is_empty() {
             let (systematic, solves) = Systematic::new(&fit.point, &self.others);
@@ -258,6 +262,7 @@ impl<'j> Job<'j> {
             identifiable: classed(Class::Identifiable),
             practically_not: classed(Class::PracticallyNot),
             structurally_not: classed(Class::StructurallyNot),
+            law_is_like: fit.law_is_like.clone(),
             at_bound: at_bound.map(|(free, _)| free.parameter).collect(),
             j: if status.is_ok() { *cost } else { f64::NAN },
             trials: self.objective.measurements.len() as i64,
@@ -440,6 +445,8 @@ struct Fit<'o> {
     /// Criteria of the replicates with frequencies resampled, too.
     criteria: Vec<f64>,
     adequacy: Adequacy,
+    /// The law that its own is not told from.
+    law_is_like: String,
     systematic: Systematic,
 }
 
@@ -454,6 +461,7 @@ impl<'o> Fit<'o> {
             replicates: Vec::new(),
             criteria: Vec::new(),
             adequacy: Adequacy::UNKNOWN,
+            law_is_like: String::new(),
             systematic: Systematic::default(),
         }
     }

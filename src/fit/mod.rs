@@ -23,6 +23,7 @@ mod hessian;
 mod input;
 mod intervals;
 mod job;
+mod law_class;
 mod least_absolute;
 mod measurement;
 mod noise_correction;

@@ -325,6 +325,9 @@ rows! {
         pub identifiable: Vec<Parameter>,
         pub practically_not: Vec<Parameter>,
         pub structurally_not: Vec<Parameter>,
+        /// The law that a law with dry friction is not told from at any of the trials' motions,
+        /// and why.
+        pub law_is_like: String,
         /// Fitted parameters that ended at a bound.
         pub at_bound: Vec<Parameter>,
         /// Value of the objective (eq. 22), averaged over the trials.

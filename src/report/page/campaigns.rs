@@ -103,7 +103,8 @@ fn counted<K: Ord>(keys: impl Iterator<Item = K>) -> BTreeMap<K, usize> {
 }
 
 /// What is to be said of a campaign's predictions: those that the figures leave out, those that have
-/// lost their symmetry, and those that the robot does not get into from rest.
+/// lost their symmetry, those that the robot does not get into from rest, and laws that are not told
+/// from others.
 fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
     let rows = || tables.predictions.iter().filter(|row| row.campaign == campaign);
     let of_source = counted(rows().map(|row| (row.model, row.source)));
@@ -136,5 +137,8 @@ fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
             "{model}: at {count} {at} of the trials the robot that starts from rest {goes}."
         ))
     });
-    of_status.chain(from_rest).collect()
+    let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign);
+    let alike = fits.filter(|fit| !fit.law_is_like.is_empty());
+    let alike = alike.map(|fit| format!("{} is like {}.", fit.model, fit.law_is_like));
+    of_status.chain(from_rest).chain(alike).collect()
 }
