@@ -34,6 +34,7 @@ fn measurements(data: &str) -> Vec<Measurement> {
         };
         let gait = Config::default().campaign_setup("kinematic-symmetric").expect("the paper's").1;
         Measurement {
+            campaign: 0,
             trial: String::new(),
             frequency_rad_s: fields[0],
             omega_rad_s: fields[0],

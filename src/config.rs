@@ -124,6 +124,35 @@ pub struct Fit {
     pub gait_input: GaitInput,
     /// Where k_tau, c_tau and the roll coefficients that are not fitted come from.
     pub robot_parameters: ParameterSource,
+    /// What campaigns have in common.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shared: Option<SharedFits>,
+}
+
+/// Fits of one set of coefficients to several campaigns.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SharedFits {
+    /// The robots of which all campaigns are fitted together.
+    pub robot: Robots,
+}
+
+/// Names of robots: a list, or one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Robots(pub Vec<String>);
+
+impl<'de> Deserialize<'de> for Robots {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match toml::Value::deserialize(deserializer)? {
+            toml::Value::String(name) => Ok(Self(vec![name])),
+            list @ toml::Value::Array(_) => {
+                list.try_into().map(Self).map_err(serde::de::Error::custom)
+            }
+            other => Err(serde::de::Error::custom(format!(
+                "invalid value: {other}, expected the name of a robot or a list of names"
+            ))),
+        }
+    }
 }
 
 /// What is written beside the page.
@@ -388,6 +417,25 @@ impl Config {
             robot.damping_nm_s_rad = Some(simulated.damping_nm_s_rad);
         }
         config
+    }
+
+    /// The campaigns of a robot, and the models that all of them list and that have something free in
+    /// one of them.
+    pub(crate) fn common(&self, robot: &str) -> (Vec<&String>, Vec<Model>) {
+        let campaigns = self.campaign.iter().filter(|(_, campaign)| campaign.robot == robot);
+        let (names, campaigns): (Vec<&String>, Vec<&Campaign>) = campaigns.unzip();
+        let has_free = |campaign: &Campaign, model: &Model| {
+            let (own, gait) = (&self.model[model], self.gait[&campaign.gait].to_gait());
+            let free = campaign.free.get(model).map_or_else(|| own.free(), |Free(of)| of.clone());
+            free.iter().any(|parameter| own.laws().know(*parameter, &gait))
+        };
+        let is_common = |model: &&Model| {
+            campaigns.iter().all(|campaign| campaign.models.contains(model))
+                && campaigns.iter().any(|campaign| has_free(campaign, model))
+        };
+        let first = campaigns.first().map_or(&[][..], |campaign| &campaign.models);
+        let models = first.iter().filter(is_common).copied().collect();
+        (names, models)
     }
 
     /// The robot and gait of a campaign, in SI units. `None` if there is no such campaign.

@@ -52,6 +52,7 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
             };
             let metrics = GaitMetrics::from_array(exact.map(&mut noisy));
             Measurement {
+                campaign: 0,
                 trial: String::new(),
                 frequency_rad_s: omega_rad_s,
                 omega_rad_s,

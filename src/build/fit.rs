@@ -9,36 +9,63 @@ use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, SETTINGS, Target};
 use super::{RunError, Watch};
 use crate::config::{Config, GaitInput, ParameterSource};
-use crate::fit::{FitData, FitEvent, FitInput, Fitted, Replicates, fit_except, input_paths};
+use crate::fit::{
+    FitData, FitEvent, FitInput, FitInputs, FitKey, Fitted, Replicates, SharedInput, fit_except,
+    input_paths,
+};
 use crate::interrupt::stop_if_asked;
-use crate::robot::Model;
-use crate::store::{BootstrapRow, FitRow, Provenance, Reader};
+use crate::store::{BootstrapRow, FitRow, Provenance, Reader, SharedFitRow};
 
 /// Part of every fit whose robot has measured parameters.
 const ROBOTS: &str = "robot_parameters.parquet";
 
 pub struct FitStage {
     derived: PathBuf,
-    inputs: Vec<FitInput>,
+    inputs: FitInputs,
     pub replicates: Replicates,
 }
 
 impl FitStage {
     pub fn new(config: &Config) -> Self {
-        let (derived, inputs) = (config.paths.derived.clone(), FitInput::all(config));
+        let (derived, inputs) = (config.paths.derived.clone(), FitInputs::new(config));
         Self { derived, inputs, replicates: Replicates::default() }
+    }
+
+    /// The same without what campaigns share.
+    pub fn without_shared(mut self) -> Self {
+        self.inputs.shared.clear();
+        self
+    }
+
+    /// All targets with their settings and these other parts.
+    fn all_wanted(
+        &self,
+        own: impl Fn(&FitInput) -> Fingerprint,
+        shared: impl Fn(&SharedInput) -> Fingerprint,
+    ) -> Vec<Wanted> {
+        let FitInputs { own: own_inputs, shared: shared_inputs } = &self.inputs;
+        let of_own = own_inputs.iter().map(|of| Wanted::new(of.key().into(), of, own(of)));
+        let of_shared =
+            shared_inputs.iter().map(|of| Wanted::new(of.key().into(), &of.settings(), shared(of)));
+        of_own.chain(of_shared).collect()
+    }
+
+    /// What a target is that campaigns share.
+    fn shared(&self, target: &Target) -> Option<&SharedInput> {
+        self.inputs.shared.iter().find(|input| Target::from(input.key()) == *target)
     }
 
     /// Fits the models that are not kept.
     pub fn fit(
         &self,
         data: &FitData,
-        kept: BTreeMap<(String, Model), Fitted>,
+        kept: BTreeMap<FitKey, Fitted>,
         replicates: &Replicates,
         watch: &dyn Watch,
         on_replicate: &(dyn Fn(GaitInput, &BootstrapRow) + Sync),
     ) -> Fitted {
-        let (fits, models) = (AtomicUsize::new(0), self.inputs.len() - kept.len());
+        let FitInputs { own, shared } = &self.inputs;
+        let (fits, models) = (AtomicUsize::new(0), own.len() + shared.len() - kept.len());
         let on_event = |event: FitEvent| match event {
             FitEvent::Fitted(FitRow { campaign, model, status, j, notes, .. }) => {
                 watch.step(&format!("{campaign} {model}"));
@@ -47,6 +74,12 @@ impl FitStage {
                 if !notes.is_empty() {
                     tracing::warn!(campaign, model = model.name(), notes, "fit");
                 }
+                fits.fetch_add(1, Ordering::Relaxed);
+            }
+            FitEvent::Shared(SharedFitRow { robot, fit, .. }) => {
+                watch.step(&format!("{robot} {}", fit.model));
+                let (model, status) = (fit.model.name(), fit.status.to_string());
+                tracing::debug!(robot, model, j = fit.j, status, "shared fit");
                 fits.fetch_add(1, Ordering::Relaxed);
             }
             FitEvent::Replicate { driven_by, row, done, total } => {
@@ -59,8 +92,15 @@ impl FitStage {
     }
 }
 
-fn target(input: &FitInput) -> Target {
-    Target::Fit { campaign: input.campaign.name.clone(), model: input.model.name }
+/// What a fit is made of beside its settings: trials, and what was measured of the robot if it reads
+/// that.
+fn parts_of(trials: BTreeMap<String, String>, of_robot: &FitInput, data: &FitData) -> Fingerprint {
+    let mut parts: Fingerprint =
+        trials.into_iter().map(|(trial, hash)| (part_of_trial(&trial), hash)).collect();
+    if of_robot.fit.robot_parameters == ParameterSource::Measured {
+        parts.insert(ROBOTS.to_owned(), of_robot.robots(data));
+    }
+    parts
 }
 
 fn part_of_trial(trial: &str) -> String {
@@ -102,16 +142,9 @@ impl Stage for FitStage {
     }
 
     fn wanted(&self, data: &FitData) -> Vec<Wanted> {
-        let of_model = |input: &FitInput| {
-            let trials = input.trials(data).into_iter();
-            let mut parts: Fingerprint =
-                trials.map(|(trial, hash)| (part_of_trial(&trial), hash)).collect();
-            if input.fit.robot_parameters == ParameterSource::Measured {
-                parts.insert(ROBOTS.to_owned(), input.robots(data));
-            }
-            Wanted::new(target(input), input, parts)
-        };
-        self.inputs.iter().map(of_model).collect()
+        let own = |input: &FitInput| parts_of(input.trials(data), input, data);
+        let shared = |input: &SharedInput| parts_of(input.trials(data), &input.campaigns[0], data);
+        self.all_wanted(own, shared)
     }
 
     fn earlier(&self, _known: &StageState, written: &Reader) -> Result<Fitted, String> {
@@ -119,15 +152,19 @@ impl Stage for FitStage {
     }
 
     fn kept(&self, _known: &StageState, earlier: Fitted) -> BTreeMap<Target, Fitted> {
-        let is_whole = |rows: &Fitted| rows.fits.len() == 1 && rows.comparison.len() == 1;
-        let whole = earlier.by_target().into_iter().filter(|(_, rows)| is_whole(rows));
-        whole.map(|((campaign, model), rows)| (Target::Fit { campaign, model }, rows)).collect()
+        let is_whole = |key: &FitKey, rows: &Fitted| match key {
+            FitKey::Own { .. } => rows.fits.len() == 1 && rows.comparison.len() == 1,
+            FitKey::Shared { .. } => rows.shared.len() == 1,
+        };
+        let whole = earlier.by_target().into_iter().filter(|(key, rows)| is_whole(key, rows));
+        whole.map(|(key, rows)| (key.into(), rows)).collect()
     }
 
     fn make(&self, work: Work<Self>, watch: &dyn Watch) -> Result<(Fitted, StageState), RunError> {
         let Work { sources, wanted, kept } = work;
         let kept = kept.into_iter().filter_map(|(target, (_, rows))| match target {
-            Target::Fit { campaign, model } => Some(((campaign, model), rows)),
+            Target::Fit { campaign, model } => Some((FitKey::Own { campaign, model }, rows)),
+            Target::SharedFit { robot, model } => Some((FitKey::Shared { robot, model }, rows)),
             _ => None,
         });
         let output = self.fit(&sources, kept.collect(), &self.replicates, watch, &|_, _| {});
@@ -138,23 +175,26 @@ impl Stage for FitStage {
     }
 
     fn foreseen(&self, _known: &StageState) -> Vec<Wanted> {
-        let of_model = |input| Wanted::new(target(input), input, Fingerprint::new());
-        self.inputs.iter().map(of_model).collect()
+        self.all_wanted(|_| Fingerprint::new(), |_| Fingerprint::new())
     }
 
     fn perhaps(&self, made: &Made, touched: &Touched) -> Vec<String> {
         let parts = touched.trials.iter().map(|trial| part_of_trial(trial));
         let parts = parts.filter(|part| made.parts.contains_key(part));
         let mut why: Vec<String> = parts.map(|part| format!("if {part} changes")).collect();
-        let input = self.inputs.iter().find(|input| target(input) == made.target);
-        let robot = input.map(|input| &input.robot.name);
+        let shared = self.shared(&made.target);
+        let own = self.inputs.own.iter().find(|input| Target::from(input.key()) == made.target);
+        let robot = own.map(|input| &input.robot.name).or(shared.map(|input| &input.robot));
         if made.parts.contains_key(ROBOTS)
             && robot.is_some_and(|name| touched.robots.contains(name))
         {
             why.push(format!("if {ROBOTS} changes"));
         }
+        let shares = |campaign: &String| {
+            shared.is_some_and(|of| of.campaigns.iter().any(|of| of.campaign.name == *campaign))
+        };
         let is_of =
-            |campaign| matches!(&made.target, Target::Fit { campaign: c, .. } if c == campaign);
+            |campaign: &String| made.target.campaign() == Some(campaign) || shares(campaign);
         if why.is_empty() && touched.campaigns.iter().any(is_of) {
             why.push("if its trials change".to_owned());
         }

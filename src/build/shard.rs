@@ -63,7 +63,8 @@ pub fn project<S: Stage>(stage: &S, sources: &S::Sources) -> String {
 pub fn fit_of_any_number(config: &Config) -> Result<(FitStage, FitData, String), RunError> {
     let mut any = config.clone();
     any.fit.bootstrap = 0;
-    let (any, record, derived) = (FitStage::new(&any), Record::default(), &config.paths.derived);
+    let any = FitStage::new(&any).without_shared();
+    let (record, derived) = (Record::default(), &config.paths.derived);
     let data = any.read(&Inputs::new(derived, &record, &record.fit, false))?;
     let project = project(&any, &data);
     Ok((FitStage::new(config), data, project))
@@ -151,7 +152,7 @@ pub fn ingest_shard(
     })
 }
 
-/// Fits some replicates of all models into a folder of their own inside of `shards`; gives how many
+/// Fits some replicates of all models, without what campaigns share, into a folder of their own inside of `shards`; gives how many
 /// there are of all models, and that folder. The fits themselves are made, too, and not kept.
 ///
 /// # Errors
@@ -169,6 +170,7 @@ pub fn fit_shard(
     }
     let reading = share(&config.paths.derived).map_err(RunError::of_lock)?;
     let (stage, data, project) = fit_of_any_number(config)?;
+    let stage = stage.without_shared();
     drop(reading);
     let provenance = Provenance { input: project.clone() };
     make::<FitStage, _>((part, shards), (project, Vec::new()), (wait, watch), |home, watch| {

@@ -6,6 +6,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::fit::FitKey;
 use crate::robot::Model;
 
 /// Something that a stage makes and that can be made again alone.
@@ -16,6 +17,8 @@ pub enum Target {
     Trial(String),
     /// A model of a campaign.
     Fit { campaign: String, model: Model },
+    /// A model of all campaigns of a robot.
+    SharedFit { robot: String, model: Model },
     /// By the name of its files without extension.
     Figure(String),
     /// The page of a trial, by its path inside of `reports/`.
@@ -28,6 +31,7 @@ impl Target {
         match self {
             Self::Trial(_) => "trial",
             Self::Fit { .. } => "fit",
+            Self::SharedFit { .. } => "shared fit",
             Self::Figure(_) => "figure",
             Self::Page(_) => "page",
         }
@@ -38,6 +42,16 @@ impl Target {
         match self {
             Self::Trial(name) | Self::Figure(name) | Self::Page(name) => name.clone(),
             Self::Fit { campaign, model } => format!("{campaign} {model}"),
+            Self::SharedFit { robot, model } => format!("{robot} {model}"),
+        }
+    }
+}
+
+impl From<FitKey> for Target {
+    fn from(key: FitKey) -> Self {
+        match key {
+            FitKey::Own { campaign, model } => Self::Fit { campaign, model },
+            FitKey::Shared { robot, model } => Self::SharedFit { robot, model },
         }
     }
 }

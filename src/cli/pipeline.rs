@@ -14,7 +14,8 @@ use crate::metrics::Estimate;
 use crate::robot::Parameter;
 use crate::robot::decay::DecayLaw;
 use crate::store::{
-    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, TrialRow, TrialStatus, is_there,
+    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus,
+    is_there,
 };
 use crate::synth::{Recipe, planted_models};
 use crate::trial::{TRIALS_FILE, TRUTH_FILE};
@@ -110,6 +111,7 @@ impl Update {
         let Finished { ingested, fitted, reported, .. } = &finished;
         print_fits(&fitted.fits);
         print_comparison(&fitted.comparison);
+        print_shared(&fitted.shared);
         print_parameters(&ingested.parameters);
         let trials = count(&ingested.trials);
         say!("{}", in_words(&trials));
@@ -245,6 +247,15 @@ pub(super) fn print_fits(fits: &[FitRow]) {
 pub(super) fn print_comparison(rows: &[ComparisonRow]) {
     for models in rows.chunk_by(|a, b| a.campaign == b.campaign) {
         say!("{}: {}", models[0].campaign, models[0].sentence);
+    }
+}
+
+/// Whether one set of coefficients describes all campaigns of each robot.
+pub(super) fn print_shared(rows: &[SharedFitRow]) {
+    for row in rows {
+        let SharedFitRow { robot, fit, .. } = row;
+        let values = fit.free.iter().map(|of| format!(" {} {}", of.name(), cell(fit, *of)));
+        say!("{robot} {}: {}{}", fit.model, row.sentence(), values.collect::<Vec<_>>().join(","));
     }
 }
 

@@ -94,6 +94,7 @@ pub(super) fn say_fitted(context: &Context, fitted: &Fitted) -> Result<Outcome, 
     let ingested = build::ingested(&context.config)?;
     pipeline::print_fits(&fitted.fits);
     pipeline::print_comparison(&fitted.comparison);
+    pipeline::print_shared(&fitted.shared);
     Ok(judge(context, &ingested))
 }
 

@@ -129,7 +129,7 @@ impl Compared {
 const OF_ERRORS: [&str; 5] = ["_se", "_lo", "_hi", "_scatter", "_systematic"];
 
 /// Columns of text, and whether another text is out of tolerance or only named.
-const TEXTS: [(&str, bool); 8] = [
+const TEXTS: [(&str, bool); 9] = [
     ("status", true),
     ("free", true),
     ("verdict", true),
@@ -138,6 +138,7 @@ const TEXTS: [(&str, bool); 8] = [
     ("practically_not", false),
     ("at_bound", false),
     ("adequate", false),
+    ("sharing", false),
 ];
 
 /// Compares two runs.

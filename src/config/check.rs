@@ -7,7 +7,9 @@ use std::path::Path;
 
 use toml::Value;
 
-use super::{Campaign, Config, ConfigError, ModelConfig, did_you_mean, nearest};
+use super::{
+    Campaign, Config, ConfigError, ModelConfig, Robots, SharedFits, did_you_mean, nearest,
+};
 use crate::pattern::{matches, matches_label};
 use crate::robot::{Gait, Model, Parameter};
 
@@ -121,6 +123,9 @@ impl Config {
         for (name, campaign) in &self.campaign {
             self.check_campaign(&check, name, campaign)?;
         }
+        if let Some(SharedFits { robot: Robots(robots) }) = &self.fit.shared {
+            self.check_shared(&check, robots)?;
+        }
         self.check_markers(&check)
     }
 
@@ -159,6 +164,25 @@ impl Config {
             let needed = format!("one of the campaign's models `{}`{hint}", known.join("`, `"));
             check.that(models.contains(model), &key, &model.name(), &needed)?;
             check.free(&key, *model, &self.model[model], &free.0, &commanded)?;
+        }
+        Ok(())
+    }
+
+    /// Checks that the campaigns of these robots have something to share; the campaigns are sound.
+    fn check_shared(&self, check: &Checker, robots: &[String]) -> Result<(), ConfigError> {
+        let key = "fit.shared.robot";
+        check.that(!robots.is_empty(), key, &"an empty list", "at least one robot")?;
+        for (i, robot) in robots.iter().enumerate() {
+            check.entry(&self.robot, robot, key)?;
+            check.that(!robots[..i].contains(robot), key, &robots, "each robot once")?;
+            let (campaigns, models) = self.common(robot);
+            let found = match &campaigns[..] {
+                [] => format!("{robot}, which no campaign has"),
+                all => format!("{robot} of the campaigns {all:?}"),
+            };
+            check.that(campaigns.len() > 1, key, &found, "a robot of at least two campaigns")?;
+            let needed = "a robot of which all campaigns list a model that has something free";
+            check.that(!models.is_empty(), key, &found, needed)?;
         }
         Ok(())
     }

@@ -29,7 +29,7 @@ use rayon::prelude::*;
 use super::fitted_point::FittedPoint;
 use super::least_absolute::{dot, minimise};
 use super::objective::METRICS;
-use super::resample::Resampler;
+use super::resampler::Resampler;
 use super::search::limits;
 use super::terms::{Response, TERMS, Target, Terms};
 use crate::stats::{mean, mean_deviation, quantiles_low, student};
@@ -145,7 +145,9 @@ impl Adequacy {
 }
 
 /// A term of the objective at the fit.
-struct Term {
+struct Term<'o> {
+    /// The campaign, where it is not alone.
+    campaign: &'o str,
     measurement: usize,
     condition: usize,
     /// Index of its metric.
@@ -162,13 +164,14 @@ struct Term {
 }
 
 /// The terms of all measurements, by frequency.
-fn terms(point: &FittedPoint, noises: &[[f64; TERMS]]) -> Vec<Term> {
+fn terms<'o>(point: &FittedPoint<'o>, noises: &[[f64; TERMS]]) -> Vec<Term<'o>> {
     let objective = point.evaluator.objective;
-    let share = 1.0 / objective.measurements.len() as f64;
+    let sizes = objective.campaign_sizes();
     let mut terms = Vec::new();
     for (measurement, each) in objective.measurements.iter().enumerate() {
         let Some((predicted, ratios)) = point.metrics_of(measurement) else { continue };
         let condition = objective.conditions.of_trials[measurement].0;
+        let (share, campaign) = (1.0 / sizes[measurement], &*objective.protocol(each).name);
         for (metric, weight, measured) in objective.terms(each) {
             let value = predicted.to_array()[metric] / measured - 1.0;
             let (weight, gain) = (share * weight, ratios[metric] / measured);
@@ -178,6 +181,7 @@ fn terms(point: &FittedPoint, noises: &[[f64; TERMS]]) -> Vec<Term> {
             let deviation = if own > 0.0 { variance.sqrt() / measured } else { 0.0 };
             let omega_rad_s = each.frequency_rad_s;
             terms.push(Term {
+                campaign,
                 measurement,
                 condition,
                 metric,
@@ -346,11 +350,12 @@ fn where_off(terms: &[Term], metric: usize) -> Option<String> {
     let known: Vec<&Term> = known.collect();
     let size = |term: &&Term| (term.value / term.deviation).abs();
     let sign = |term: &&Term| term.value > 0.0;
-    let furthest =
-        known.chunk_by(|a, b| sign(a) == sign(b) || size(b) <= ZERO).max_by(|a, b| {
-            let sum = |run: &[&Term]| run.iter().map(size).sum::<f64>();
-            sum(a).total_cmp(&sum(b))
-        })?;
+    let goes_on =
+        |a: &&Term, b: &&Term| a.campaign == b.campaign && (sign(a) == sign(b) || size(b) <= ZERO);
+    let furthest = known.chunk_by(goes_on).max_by(|a, b| {
+        let sum = |run: &[&Term]| run.iter().map(size).sum::<f64>();
+        sum(a).total_cmp(&sum(b))
+    })?;
     // Predicted over measured, less 1, as measured over predicted.
     let percent = |term: &&Term| 100.0 * (1.0 / (1.0 + term.value) - 1.0).abs();
     let off = furthest.iter().filter(|term| size(term) > 1.0);
@@ -360,14 +365,18 @@ fn where_off(terms: &[Term], metric: usize) -> Option<String> {
     let side = if first.value > 0.0 { "below" } else { "above" };
     let [from, to] = [first.omega_rad_s, last.omega_rad_s];
     let at = if from == to { format!("{to} rad/s") } else { format!("{from} to {to} rad/s") };
+    let of = match first.campaign {
+        "" => String::new(),
+        campaign => format!("{campaign}: "),
+    };
     if low.is_infinite() {
-        return Some(format!("the model has no {} at {at}", METRICS[metric]));
+        return Some(format!("{of}the model has no {} at {at}", METRICS[metric]));
     }
     // It has none at some of the frequencies.
     let high = if high.is_finite() { high } else { low };
     let [low, high] = [low, high].map(two_digits);
     let by = if low == high { high } else { format!("{low} to {high}") };
-    Some(format!("{} is measured {by} % {side} the model at {at}", METRICS[metric]))
+    Some(format!("{of}{} is measured {by} % {side} the model at {at}", METRICS[metric]))
 }
 
 /// A positive number with two digits, or all of those before the point.
@@ -429,6 +438,7 @@ mod tests {
     #[test]
     fn the_furthest_run_is_named_with_its_side_and_frequencies() {
         let term = |(omega_rad_s, value): (f64, f64)| Term {
+            campaign: "",
             measurement: 0,
             condition: 0,
             metric: 2,

@@ -17,7 +17,7 @@ use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
 use super::intervals::{OUTSIDE, Systematic, Widths};
 use super::noise_correction::NoiseCorrection;
 use super::objective::Objective;
-use super::resample::Resampler;
+use super::resampler::Resampler;
 use super::starts::Start;
 use super::terms::{Response, TERMS};
 use crate::config::GaitInput;
@@ -244,7 +244,7 @@ mod tests {
         let (mut worst, mut by_derivatives) = (0.0_f64, 0);
         for omega_rad_s in [2.5, 5.5] {
             let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
-            let problem = objective.problem(&robot, objective.gait, omega_rad_s);
+            let problem = objective.problem(&robot, objective.protocols[0].gait, omega_rad_s);
             let mut solver = Solver::default();
             let metrics = solver.solve(&problem, REFERENCE_ACCURACY).expect("a motion");
             let band = bands.band(solver.clone(), &problem, metrics).expect("a band");

@@ -1,7 +1,7 @@
 //! Which of a campaign's models the measurements prefer, and by how much.
 
 use super::Fitted;
-use super::resample::Resampler;
+use super::resampler::Resampler;
 use super::tell_apart::{Noise, Tell};
 use crate::store::{ComparisonRow, FitRow};
 

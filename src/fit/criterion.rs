@@ -20,7 +20,7 @@
 
 use super::fitted_point::FittedPoint;
 use super::least_absolute::minimise;
-use super::resample::Resampler;
+use super::resampler::Resampler;
 use super::search::limits;
 use super::terms::TERMS;
 use crate::motion::REFERENCE_ACCURACY;
@@ -70,7 +70,7 @@ impl Counts {
 pub(super) fn criterion(point: &FittedPoint) -> (f64, usize) {
     let objective = point.evaluator.objective;
     let trials = objective.observations().into_iter().map(|of| of.metrics);
-    let counts = Counts::new(&objective.term_weights(), trials);
+    let counts = Counts::new(&objective.protocols[0].term_weights(), trials);
     let trials = objective.measurements.len() as f64;
     let sums = point.parts().map(|part| trials * part);
     (counts.criterion(&sums, point.values.len()), counts.total())
@@ -79,7 +79,7 @@ pub(super) fn criterion(point: &FittedPoint) -> (f64, usize) {
 /// The criterion of the resample with this number, frequencies resampled, too: of the fit to it by
 /// the model linearised at its fit.
 pub(super) fn resampled(point: &FittedPoint, resampler: &Resampler, number: usize) -> f64 {
-    let weights = point.evaluator.objective.term_weights();
+    let weights = point.evaluator.objective.protocols[0].term_weights();
     let drawn = resampler.draw_frequencies(number);
     let counts = Counts::new(&weights, drawn.iter().map(|of| of.metrics));
     let terms = point.resampled_terms(&drawn);

@@ -124,20 +124,20 @@ impl<'o> FittedPoint<'o> {
 
     /// What noise of these standard deviations contributes to the objective before a fit.
     pub fn noise_cost(&self, noises: &[[f64; TERMS]]) -> f64 {
-        let measurements = &self.evaluator.objective.measurements;
-        let both = measurements.iter().zip(noises).zip(&self.gait_effects);
-        let sum: f64 = both
-            .flat_map(|((measurement, noises), effects)| {
-                let terms = self.evaluator.objective.terms(measurement);
-                terms.map(|(i, weight, measured)| {
-                    let by_gait = effects.iter().map(|effect| effect[i].powi(2)).sum::<f64>();
-                    weight * (noises[i].powi(2) + by_gait).sqrt() / measured
-                })
-            })
-            .sum();
+        let objective = self.evaluator.objective;
+        let mut sums = vec![0.0; objective.protocols.len()];
+        for ((of, noises), effects) in
+            objective.measurements.iter().zip(noises).zip(&self.gait_effects)
+        {
+            for (i, weight, measured) in objective.terms(of) {
+                let by_gait = effects.iter().map(|effect| effect[i].powi(2)).sum::<f64>();
+                sums[of.campaign] += weight * (noises[i].powi(2) + by_gait).sqrt() / measured;
+            }
+        }
         // Mean absolute value of a normal deviate.
         let mean = (2.0 / std::f64::consts::PI).sqrt();
-        mean * sum / measurements.len() as f64
+        let counts = objective.trials_by_campaign(0..objective.measurements.len());
+        sums.iter().zip(counts).map(|(sum, count)| mean * sum / count).sum()
     }
 
     /// How far the logarithms of other values are from these.
@@ -155,12 +155,13 @@ impl<'o> FittedPoint<'o> {
     /// The parts of the objective: of d, v, the wheels' sigma and alpha_1.
     pub fn parts(&self) -> [f64; TERMS] {
         let measurements = &self.evaluator.objective.measurements;
+        let sizes = self.evaluator.objective.campaign_sizes();
         let mut sums = [0.0; TERMS];
         for (trial, measurement) in measurements.iter().enumerate() {
             let Some((metrics, _)) = self.metrics_of(trial) else { continue };
             let parts = self.evaluator.objective.parts(measurement, &metrics);
             for (sum, part) in sums.iter_mut().zip(parts) {
-                *sum += part / measurements.len() as f64;
+                *sum += part / sizes[trial];
             }
         }
         sums

@@ -5,11 +5,46 @@ use std::path::{Path, PathBuf};
 
 use super::{FitData, Fitted};
 use crate::robot::Model;
-use crate::store::{Reader, StoreError, TrialRow, cycles_path, is_there, table_set, tables_in};
+use crate::store::{
+    BootstrapRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader, SharedFitRow, StartRow,
+    StoreError, TrialRow, cycles_path, is_there, table_set, tables_in,
+};
 use crate::trial::is_valid_name;
 
+/// What is fitted by itself, and can be fitted again alone.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FitKey {
+    /// A model to a campaign.
+    Own { campaign: String, model: Model },
+    /// A model to all campaigns of a robot.
+    Shared { robot: String, model: Model },
+}
+
+/// A row that is of a fit.
+trait OfFit {
+    fn key(&self) -> FitKey;
+}
+
+macro_rules! of_campaigns {
+    ($($row:ty),*) => {$(
+        impl OfFit for $row {
+            fn key(&self) -> FitKey {
+                FitKey::Own { campaign: self.campaign.clone(), model: self.model }
+            }
+        }
+    )*};
+}
+
+of_campaigns!(FitRow, StartRow, ProfileRow, BootstrapRow, ComparisonRow, PredictionRow);
+
+impl OfFit for SharedFitRow {
+    fn key(&self) -> FitKey {
+        FitKey::Shared { robot: self.robot.clone(), model: self.fit.model }
+    }
+}
+
 table_set! {
-    Fitted by (String, Model): row => (row.campaign.clone(), row.model);
+    Fitted by FitKey: row => row.key();
     fits: "fits.parquet",
     alternatives: "alternative_fits.parquet",
     starts: "starts.parquet",
@@ -17,6 +52,7 @@ table_set! {
     bootstrap: "bootstrap.parquet",
     comparison: "comparison.parquet",
     predictions: "predictions.parquet",
+    shared: "shared_fits.parquet",
 }
 
 const TRIALS: &str = "trials.parquet";

@@ -18,8 +18,9 @@ pub(super) struct GaitOverFrequency {
 }
 
 impl GaitOverFrequency {
+    /// Of an objective of one campaign.
     pub fn new(objective: &Objective) -> Self {
-        let command = objective.gait;
+        let command = objective.protocols[0].gait;
         if objective.gait_input == GaitInput::Commanded {
             return Self { command, known: vec![(0.0, command, [[0.0; 3]; 2])] };
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{FitData, Measurement};
+use super::{FitData, FitKey, Measurement, Protocol};
 use crate::config::{
     Config, Fit, Free, GaitConfig, GaitInput, ModelConfig, NamedEntry, ParameterSource,
     RobotConfig, Weights,
@@ -63,7 +63,7 @@ impl FitInput {
             model: NamedEntry::of(&config.model, &model)?,
             robot: NamedEntry::of(&config.robot, &of.robot)?,
             gait: NamedEntry::of(&config.gait, &of.gait)?,
-            fit: config.fit.clone(),
+            fit: Fit { shared: None, ..config.fit.clone() },
         };
         if input.campaign.value.free.is_some() {
             input.model.value.free = None;
@@ -82,6 +82,10 @@ impl FitInput {
             fit.gait_input = read.gait_input;
         }
         Some(input)
+    }
+
+    pub fn key(&self) -> FitKey {
+        FitKey::Own { campaign: self.campaign.name.clone(), model: self.model.name }
     }
 
     /// What the campaign's trials measured, in order.
@@ -183,6 +187,12 @@ impl FitInput {
             }
         }
         robots
+    }
+
+    /// What the campaign's trials have in common.
+    pub(super) fn protocol(&self) -> Protocol {
+        let (name, gait) = (self.campaign.name.clone(), self.gait.value.to_gait());
+        Protocol { name, gait, weights: self.campaign.value.weights }
     }
 
     /// What drives the model.

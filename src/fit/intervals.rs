@@ -31,14 +31,14 @@ use super::measurement::Measurement;
 use super::noise_correction::NoiseCorrection;
 use super::objective::Objective;
 use super::profile::Profile;
-use super::resample::Resampler;
+use super::resampler::Resampler;
 use super::starts::{Start, search_from};
 use crate::robot::Robot;
 use crate::stats::{HALF_WIDTH_95, mean, quantiles};
 
 /// Parts of the replicates outside of a 95 % interval, on either side.
 pub(super) const OUTSIDE: f64 = 0.025;
-/// Blocks of frequencies of the jackknife.
+/// Blocks of frequencies of a campaign.
 const BLOCKS: usize = 6;
 /// What a jackknife's variance over that of the scatter is at most in 95 of 100 fits of a model that
 /// is true, of 1,080 that were tried: more than of least squares (2.2), because least absolute
@@ -73,15 +73,10 @@ impl Systematic {
     /// Refits without blocks of frequencies and with the other `robots`; and the motions solved.
     pub fn new(point: &FittedPoint, robots: &[Robot]) -> (Self, usize) {
         let objective = point.evaluator.objective;
-        let frequencies = Measurement::frequencies(&objective.measurements);
-        let count = BLOCKS.min(frequencies.len());
-        let block = |number: usize| -> Vec<usize> {
-            let [from, to] = [number, number + 1].map(|edge| edge * frequencies.len() / count);
-            frequencies[from..to].concat()
-        };
-        let numbers = if count < LEAST_BLOCKS { 0..0 } else { 0..count };
+        let mut blocks = blocks(&objective.measurements);
+        blocks.retain(|of_campaign| of_campaign.len() >= LEAST_BLOCKS);
         let without: Vec<Start> =
-            numbers.into_par_iter().map(|number| point.refit_without(&block(number))).collect();
+            blocks.concat().par_iter().map(|block| point.refit_without(block)).collect();
         let with = |robot: &Robot| {
             let other = Objective { robot: robot.clone(), ..objective.clone() };
             let evaluator = other.evaluator(point.evaluator.parameters.clone());
@@ -93,6 +88,21 @@ impl Systematic {
             |refits: &[Start]| refits.iter().map(|refit| point.shift_to(&refit.ended)).collect();
         (Self { blocks: shifts(&without), assumed: shifts(&assumed), gait: None }, solves)
     }
+}
+
+/// Indices of the measurements of blocks of neighbouring frequencies, of each campaign.
+pub(super) fn blocks(sorted: &[Measurement]) -> Vec<Vec<Vec<usize>>> {
+    let frequencies = Measurement::frequencies(sorted);
+    let campaign = |trials: &Vec<usize>| sorted[trials[0]].campaign;
+    let of_campaign = |frequencies: &[Vec<usize>]| {
+        let count = BLOCKS.min(frequencies.len());
+        let block = |number: usize| -> Vec<usize> {
+            let [from, to] = [number, number + 1].map(|edge| edge * frequencies.len() / count);
+            frequencies[from..to].concat()
+        };
+        (0..count).map(block).collect()
+    };
+    frequencies.chunk_by(|a, b| campaign(a) == campaign(b)).map(of_campaign).collect()
 }
 
 /// How far a quantity may be off to either side.

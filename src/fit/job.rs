@@ -5,28 +5,23 @@ use std::sync::atomic::Ordering;
 use rayon::prelude::*;
 
 use super::adequacy::Adequacy;
-use super::bands::Bands;
-use super::criterion::{self, criterion};
-use super::fitted_point::{FittedPoint, HeldPoint};
+use super::criterion;
+use super::fitted_point::FittedPoint;
 use super::input::FreeParameter;
 use super::intervals::{Intervals, Systematic};
 use super::law_class::law_is_like;
-use super::objective::{METRICS, Objective};
-use super::predict::predictions;
-use super::profile::{Class, Profile, profile, profile_limits};
-use super::resample::Resampler;
+use super::objective::{Objective, Protocol};
+use super::profile::{Profile, profile, profile_limits};
+use super::resampler::Resampler;
 use super::search::Ended;
 use super::starts::{Start, search_all, search_from};
+use super::terms::PENALTY;
 use super::{FitData, FitEvent, FitInput, Fitted, OnEvent, Replicates};
 use crate::config::GaitInput;
 use crate::motion::REFERENCE_ACCURACY;
-use crate::robot::{ByParameter, Parameter, Robot};
-use crate::store::{
-    BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
-};
+use crate::robot::{Parameter, Robot};
+use crate::store::{BootstrapRow, FitRow, FitStatus};
 
-/// Starts within this part of the best objective have reached it.
-const REACHED: f64 = 1e-6;
 /// Fall of the objective, relative to it, for which a fit is resumed.
 const LOWER: f64 = 1e-9;
 const MOST_RESUMES: usize = 10;
@@ -36,12 +31,13 @@ const USUAL_STARTS: usize = 2;
 /// One model of one campaign.
 pub(super) struct Job<'j> {
     pub input: &'j FitInput,
-    objective: Objective,
+    pub free: Vec<FreeParameter>,
+    pub objective: Objective,
     /// Coefficients that trials of other kinds gave.
-    measured: Vec<Parameter>,
+    pub measured: Vec<Parameter>,
     /// The robot with one of its uncertain parameters off by its standard deviation.
-    others: Vec<Robot>,
-    resampler: &'j Resampler,
+    pub others: Vec<Robot>,
+    pub resampler: &'j Resampler,
     replicates: &'j Replicates,
 }
 
@@ -52,17 +48,36 @@ impl<'j> Job<'j> {
         resampler: &'j Resampler,
         replicates: &'j Replicates,
     ) -> Self {
+        let alone = Protocol { name: String::new(), ..input.protocol() };
+        Self::of_protocols(vec![alone], input, input.free(), data, resampler, replicates)
+    }
+
+    /// Of several campaigns of one robot, with one set of what is `free`.
+    pub fn pooled(
+        inputs: &'j [FitInput],
+        free: Vec<FreeParameter>,
+        data: &FitData,
+        resampler: &'j Resampler,
+        replicates: &'j Replicates,
+    ) -> Self {
+        let protocols = inputs.iter().map(FitInput::protocol).collect();
+        Self::of_protocols(protocols, &inputs[0], free, data, resampler, replicates)
+    }
+
+    fn of_protocols(
+        protocols: Vec<Protocol>,
+        input: &'j FitInput,
+        free: Vec<FreeParameter>,
+        data: &FitData,
+        resampler: &'j Resampler,
+        replicates: &'j Replicates,
+    ) -> Self {
         let (robot, measured) = input.measured_robot(data);
         let others = input.uncertain_robots(&robot, data);
-        let objective = Objective::new(
-            input.model.value.laws(),
-            robot,
-            input.gait.value.to_gait(),
-            input.campaign.value.weights,
-            input.gait_input(),
-            resampler.measurements.clone(),
-        );
-        Self { input, objective, measured, others, resampler, replicates }
+        let (laws, gait_input) = (input.model.value.laws(), input.gait_input());
+        let measurements = resampler.measurements.clone();
+        let objective = Objective::pooled(laws, robot, protocols, gait_input, measurements);
+        Self { input, free, objective, measured, others, resampler, replicates }
     }
 
     /// The model's rows, without what needs the campaign's other models.
@@ -74,7 +89,7 @@ impl<'j> Job<'j> {
             let alternatives = self.driven_otherwise().iter().map(row).collect();
             return Fitted { fits: vec![row(self)], alternatives, comparison, ..Fitted::default() };
         }
-        let starts = search_all(&self.objective, &self.input.free(), self.input.fit.starts);
+        let starts = search_all(&self.objective, &self.free, self.input.fit.starts);
         let (mut fit, status) = self.best_of(&starts);
         if status.is_ok() {
             self.follow_profiles(&mut fit);
@@ -90,13 +105,39 @@ impl<'j> Job<'j> {
         self.rows(fit, &starts, status, alternative)
     }
 
+    /// The fit and its row, where no other model is compared with it; searches go out from the usual
+    /// starts and from `near` values.
+    pub fn run_alone(&self, near: &[Vec<f64>]) -> (Fit<'_>, FitRow) {
+        let mut starts = search_all(&self.objective, &self.free, self.input.fit.starts);
+        let from = |values: &Vec<f64>| {
+            search_from(self.objective.evaluator(self.free.clone()), values.clone())
+        };
+        starts.par_extend(near.par_iter().map(from));
+        let (mut fit, status) = self.best_of(&starts);
+        if status.is_ok() {
+            self.follow_profiles(&mut fit);
+            self.bootstrap(&mut fit, &|_| {});
+            self.assess(&mut fit);
+            if let Some(other) = self.driven_otherwise() {
+                let evaluator = other.objective.evaluator(self.free.clone());
+                let near = search_from(evaluator, fit.point.values.clone());
+                fit.solves += near.solves;
+                if near.cost < PENALTY {
+                    self.note_shift(&mut fit, &near.ended);
+                }
+            }
+        }
+        let row = self.row(&fit, &starts, status);
+        (fit, row)
+    }
+
     /// The fit of the start that ended lowest, and whether its motions exist.
     fn best_of<'f>(&'f self, starts: &[Start]) -> (Fit<'f>, FitStatus) {
         // What is less than the motions' own inaccuracy is nothing: the first of these is best.
         let floor = |start: &Start| start.cost.max(REFERENCE_ACCURACY);
         let best = starts.iter().min_by(|a, b| floor(a).total_cmp(&floor(b)));
         let best = best.expect("there is at least one start").clone();
-        let evaluator = self.objective.evaluator(self.input.free());
+        let evaluator = self.objective.evaluator(self.free.clone());
         let point = FittedPoint::new(evaluator, best.ended);
         let status = point.status();
         let solves =
@@ -109,6 +150,7 @@ impl<'j> Job<'j> {
         let gait_input = self.objective.gait_input.other();
         self.input.model.value.input.is_none().then(|| Self {
             input: self.input,
+            free: self.free.clone(),
             objective: self.objective.driven_as(gait_input),
             measured: self.measured.clone(),
             others: self.others.clone(),
@@ -119,7 +161,7 @@ impl<'j> Job<'j> {
     /// The fit's row, without profiles if there are replicates, where a fit nearby has these values: searches go out from
     /// there and from the first of the usual starts.
     fn nearby(&self, values: &[f64], on_event: OnEvent) -> FitRow {
-        let parameters = self.input.free();
+        let parameters = self.free.clone();
         let near = search_from(self.objective.evaluator(parameters.clone()), values.to_vec());
         let mut starts = vec![near];
         if !parameters.is_empty() {
@@ -219,235 +261,24 @@ impl<'j> Job<'j> {
             fit.systematic.gait = Some(fit.point.shift_to(values));
         }
     }
-
-    fn row(&self, fit: &Fit, starts: &[Start], status: FitStatus) -> FitRow {
-        let Fit { point, cost, resumed, solves, profiles, .. } = fit;
-        let parameters = &point.evaluator.parameters;
-        let robot = self.objective.robot_with(parameters, &point.values);
-        let free: Vec<Parameter> = parameters.iter().map(|free| free.parameter).collect();
-        let classed = |class: Class| {
-            let both = free.iter().zip(profiles);
-            both.filter(|(_, profile)| profile.class == class).map(|(of, _)| *of).collect()
-        };
-        let held = |parameter: &Parameter| self.knows(*parameter) && !free.contains(parameter);
-        let both = parameters.iter().zip(&point.values);
-        let at_bound = both.filter(|(free, value)| free.is_at_bound(**value).contains(&true));
-        let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
-        let intervals = match status.is_ok() {
-            true => fit.intervals(self.resampler),
-            false => Intervals::NONE,
-        };
-        let Adequacy { lack_of_fit, by_metric, autocorrelation, runs, .. } = fit.adequacy;
-        let [lower, upper] = intervals.limits.map(|limits| spread(parameters, &limits));
-        FitRow {
-            lower,
-            upper,
-            scatter: spread(parameters, &intervals.scatter),
-            systematic: spread(parameters, &intervals.systematic),
-            no_interval: intervals.why_none,
-            lack_of_fit: lack_of_fit[0],
-            lack_of_fit_limit: lack_of_fit[1],
-            lack_of_fit_d: by_metric[0],
-            lack_of_fit_v: by_metric[1],
-            lack_of_fit_sigma: by_metric[2],
-            lack_of_fit_alpha: by_metric[3],
-            autocorrelation: autocorrelation[0],
-            autocorrelation_limit: autocorrelation[1],
-            runs: runs[0],
-            runs_limit: runs[1],
-            adequate: fit.adequacy.is_adequate,
-            misfit: fit.adequacy.misfit.clone(),
-            notes: self.notes(),
-            measured: self.measured.iter().copied().filter(held).collect(),
-            identifiable: classed(Class::Identifiable),
-            practically_not: classed(Class::PracticallyNot),
-            structurally_not: classed(Class::StructurallyNot),
-            law_is_like: fit.law_is_like.clone(),
-            at_bound: at_bound.map(|(free, _)| free.parameter).collect(),
-            j: if status.is_ok() { *cost } else { f64::NAN },
-            trials: self.objective.measurements.len() as i64,
-            starts: starts.len() as i64,
-            starts_reached: count(&|start| start.cost <= cost * (1.0 + REACHED)),
-            starts_failed: count(&|start| start.stopped.is_failure()),
-            resumed: *resumed as i64,
-            solves: *solves as i64,
-            free,
-            ..self.fit_row(&robot, status)
-        }
-    }
-
-    fn rows(
-        &self,
-        mut fit: Fit,
-        starts: &[Start],
-        status: FitStatus,
-        alternative: Option<FitRow>,
-    ) -> Fitted {
-        let comparison = match status.is_ok() {
-            true => self.comparison(&mut fit),
-            false => self.comparison_row(status.clone()),
-        };
-        let row = self.row(&fit, starts, status);
-        let Fit { point, profiles, replicates, systematic, .. } = &fit;
-        let bands = match why_no_bands(&row, replicates) {
-            "" => Ok(Bands::new(point, replicates, self.resampler, systematic, &self.others)),
-            why => Err(why.to_owned()),
-        };
-        let parameters = &point.evaluator.parameters;
-        let robot = self.objective.robot_with(parameters, &point.values);
-        let (campaign, model) = (&self.input.campaign.name, self.input.model.name);
-        let start_row = |(number, start): (usize, &Start)| StartRow {
-            campaign: campaign.clone(),
-            model,
-            start: number as i64,
-            began: spread(parameters, &start.began),
-            ended: spread(parameters, &start.ended),
-            j: start.cost,
-            solves: start.solves as i64,
-            stopped: start.stopped,
-        };
-        let profile_row = |(index, limit_j, point): (usize, f64, &HeldPoint)| ProfileRow {
-            campaign: campaign.clone(),
-            model,
-            parameter: parameters[index].parameter,
-            value: point.values[index],
-            parameters: spread(parameters, &point.values),
-            j: point.cost,
-            limit_j,
-        };
-        let profile_points = profiles.iter().enumerate().flat_map(|(index, profile)| {
-            profile.points.iter().map(move |point| (index, profile.limit, point))
-        });
-        let replicate_row = |(number, (refit, criterion)): (usize, (&Start, &f64))| {
-            self.replicate_row(parameters, number, refit, *criterion)
-        };
-        Fitted {
-            predictions: predictions(self.input, point, &robot, &bands),
-            starts: starts.iter().enumerate().map(start_row).collect(),
-            profiles: profile_points.map(profile_row).collect(),
-            bootstrap: replicates
-                .iter()
-                .zip(&fit.criteria)
-                .enumerate()
-                .map(replicate_row)
-                .collect(),
-            comparison: vec![comparison],
-            fits: vec![row],
-            alternatives: alternative.into_iter().collect(),
-        }
-    }
-
-    fn replicate_row(
-        &self,
-        parameters: &[FreeParameter],
-        number: usize,
-        refit: &Start,
-        criterion_resampled: f64,
-    ) -> BootstrapRow {
-        BootstrapRow {
-            campaign: self.input.campaign.name.clone(),
-            model: self.input.model.name,
-            replicate: number as i64,
-            parameters: spread(parameters, &refit.ended),
-            j: refit.cost,
-            criterion_resampled,
-            solves: refit.solves as i64,
-            stopped: refit.stopped,
-        }
-    }
-
-    /// What was fitted instead of what is missing, and what the objective lacks.
-    fn notes(&self) -> String {
-        let measurements = &self.objective.measurements;
-        let raw: Vec<&str> = measurements
-            .iter()
-            .filter(|measurement| measurement.lacks_debiased)
-            .map(|measurement| measurement.trial.as_str())
-            .collect();
-        let mut notes = Vec::new();
-        if !raw.is_empty() {
-            notes.push(format!(
-                "raw skid ratios are fitted, since debiased ones are not known: trial {}",
-                raw.join(", ")
-            ));
-        }
-        let weights = self.objective.term_weights();
-        let lacks = |i: &usize| {
-            let mut measured = measurements.iter().map(|of| of.metrics.to_array()[*i]);
-            weights[*i] > 0.0 && measured.all(f64::is_nan)
-        };
-        let lacking: Vec<&str> = (0..METRICS.len()).filter(lacks).map(|i| METRICS[i]).collect();
-        if !lacking.is_empty() {
-            notes.push(format!("the objective lacks {}: no trial has it", lacking.join(", ")));
-        }
-        notes.join("; ")
-    }
-
-    /// The model's row of the comparison, without what needs the other models.
-    fn comparison(&self, fit: &mut Fit) -> ComparisonRow {
-        let point = &fit.point;
-        let [j_d, j_v, j_sigma @ .., j_alpha] = point.parts();
-        let (criterion, terms) = criterion(point);
-        let free = point.values.len() as i64;
-        let (j_left_out, solves) = point.leave_one_frequency_out();
-        fit.solves += solves;
-        let ([j_extrapolated, extrapolated_above_rad_s], solves) = fit.point.extrapolated();
-        fit.solves += solves;
-        ComparisonRow {
-            j: fit.cost,
-            j_d,
-            j_v,
-            j_sigma: j_sigma.iter().sum(),
-            j_alpha,
-            j_left_out,
-            j_extrapolated,
-            extrapolated_above_rad_s,
-            free,
-            terms: terms as i64,
-            criterion,
-            ..self.comparison_row(FitStatus::Ok)
-        }
-    }
-
-    fn comparison_row(&self, status: FitStatus) -> ComparisonRow {
-        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model.name);
-        ComparisonRow { campaign, model, status, ..ComparisonRow::blank() }
-    }
-
-    /// A row with the parameters that the model knows; all else is missing.
-    fn fit_row(&self, robot: &Robot, status: FitStatus) -> FitRow {
-        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model.name);
-        let parameters = self.parameters_of(robot);
-        let gait_input = self.objective.gait_input;
-        FitRow { campaign, model, gait_input, parameters, status, ..FitRow::blank() }
-    }
-
-    fn parameters_of(&self, robot: &Robot) -> ByParameter<f64> {
-        let value = |of| if self.knows(of) { of.of(robot) } else { f64::NAN };
-        ByParameter::from_fn(value)
-    }
-
-    fn knows(&self, parameter: Parameter) -> bool {
-        self.objective.laws.know(parameter, &self.objective.gait)
-    }
 }
 
 /// A fit that is not complete yet.
-struct Fit<'o> {
-    point: FittedPoint<'o>,
-    cost: f64,
-    resumed: usize,
+pub(super) struct Fit<'o> {
+    pub point: FittedPoint<'o>,
+    pub cost: f64,
+    pub resumed: usize,
     /// Motions solved for so far.
-    solves: usize,
+    pub solves: usize,
     /// One per free parameter, or none.
-    profiles: Vec<Profile>,
-    replicates: Vec<Start>,
+    pub profiles: Vec<Profile>,
+    pub replicates: Vec<Start>,
     /// Criteria of the replicates with frequencies resampled, too.
-    criteria: Vec<f64>,
-    adequacy: Adequacy,
+    pub criteria: Vec<f64>,
+    pub adequacy: Adequacy,
     /// The law that its own is not told from.
-    law_is_like: String,
-    systematic: Systematic,
+    pub law_is_like: String,
+    pub systematic: Systematic,
 }
 
 impl<'o> Fit<'o> {
@@ -466,31 +297,10 @@ impl<'o> Fit<'o> {
         }
     }
 
-    fn intervals(&self, resampler: &Resampler) -> Intervals {
+    pub fn intervals(&self, resampler: &Resampler) -> Intervals {
         let Self { point, profiles, replicates, adequacy, systematic, .. } = self;
         Intervals::new(point, profiles, replicates, resampler, adequacy, systematic)
     }
-}
-
-/// Why the predictions of a fit have no intervals; empty where they have.
-fn why_no_bands<'f>(fit: &'f FitRow, replicates: &[Start]) -> &'f str {
-    match fit {
-        _ if !fit.status.is_ok() => "the fit has failed",
-        _ if !fit.no_interval.is_empty() => &fit.no_interval,
-        _ if fit.adequate == Some(false) => "the model does not fit",
-        _ if fit.free.is_empty() => "no coefficient is fitted",
-        _ if replicates.is_empty() => "no replicates were asked for",
-        _ => "",
-    }
-}
-
-/// Values of the free parameters among all parameters; the others are missing.
-fn spread(parameters: &[FreeParameter], values: &[f64]) -> ByParameter<f64> {
-    let mut all = ByParameter::MISSING;
-    for (free, value) in parameters.iter().zip(values) {
-        all[free.parameter] = *value;
-    }
-    all
 }
 
 #[cfg(test)]
@@ -502,7 +312,7 @@ mod tests {
     use crate::fit::Measurement;
     use crate::metrics::GaitMetrics;
     use crate::robot::Model;
-    use crate::store::TrialRow;
+    use crate::store::{Columns as _, TrialRow};
 
     const CAMPAIGN: &str = "kinematic-symmetric";
 

@@ -5,7 +5,7 @@
 //! that a factor e of it moves no metric by a trial's noise, the wheels are as good as constrained.
 
 use super::fitted_point::FittedPoint;
-use super::resample::Resampler;
+use super::resampler::Resampler;
 use crate::motion::{FIT_ACCURACY, MotionError, Solver};
 
 /// Part of v_t up to which tanh is within 5 % of its argument.

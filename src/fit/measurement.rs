@@ -11,6 +11,8 @@ use crate::store::{TrialRow, TrialStatus};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurement {
     pub trial: String,
+    /// Which one of the campaigns that are fitted together; 0 of one that is fitted by itself.
+    pub campaign: usize,
     /// Commanded if that is known: repeats of a frequency have it in common.
     pub frequency_rad_s: f64,
     pub omega_rad_s: f64,
@@ -50,6 +52,7 @@ impl Measurement {
         let commanded = trial.omega_commanded_rad_s;
         usable.then(|| Self {
             trial: trial.trial.clone(),
+            campaign: 0,
             frequency_rad_s: if commanded > 0.0 { commanded } else { trial.omega_rad_s },
             omega_rad_s: trial.omega_rad_s,
             metrics,
@@ -61,30 +64,31 @@ impl Measurement {
         })
     }
 
-    /// By frequency, then by name, then by what was measured: an order that does not depend on
+    /// By campaign, then by frequency, then by name, then by what was measured: an order that does not depend on
     /// that of the trials.
     pub fn order(&self, other: &Self) -> Ordering {
         let numbers = |of: &Self| {
             let all = of.metrics.to_array().into_iter().chain(of.errors.to_array());
             [of.omega_rad_s].into_iter().chain(all).map(f64::to_bits)
         };
-        self.frequency_rad_s
-            .total_cmp(&other.frequency_rad_s)
+        self.campaign
+            .cmp(&other.campaign)
+            .then_with(|| self.frequency_rad_s.total_cmp(&other.frequency_rad_s))
             .then_with(|| self.trial.cmp(&other.trial))
             .then_with(|| numbers(self).cmp(numbers(other)))
     }
 
-    /// Indices of the measurements of each frequency; the measurements are in their order.
+    /// Indices of the measurements of each frequency of each campaign; the measurements are in their
+    /// order.
     pub(super) fn frequencies(sorted: &[Self]) -> Vec<Vec<usize>> {
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for (i, measurement) in sorted.iter().enumerate() {
-            let frequency = measurement.frequency_rad_s;
+            let is_same = |other: &Self| {
+                measurement.campaign == other.campaign
+                    && measurement.frequency_rad_s <= other.frequency_rad_s * (1.0 + SAME_FREQUENCY)
+            };
             match groups.last_mut() {
-                Some(group)
-                    if frequency <= sorted[group[0]].frequency_rad_s * (1.0 + SAME_FREQUENCY) =>
-                {
-                    group.push(i);
-                }
+                Some(group) if is_same(&sorted[group[0]]) => group.push(i),
                 _ => groups.push(vec![i]),
             }
         }

@@ -31,7 +31,11 @@ mod objective;
 mod predict;
 mod profile;
 mod resample;
+mod resampler;
+mod rows;
 mod search;
+mod shared;
+mod sharing;
 mod starts;
 mod tell_apart;
 mod terms;
@@ -42,18 +46,18 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::config::{Config, GaitInput};
-use crate::robot::Model;
 use crate::store::{
     BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
-    StartRow, TrialRow,
+    SharedFitRow, StartRow, TrialRow,
 };
 use job::Job;
-use resample::Resampler;
+use resampler::Resampler;
 
-pub use folder::{TABLES, input_paths};
+pub use folder::{FitKey, TABLES, input_paths};
 pub use input::{FitCampaign, FitInput, FreeParameter};
 pub use measurement::Measurement;
-pub use objective::{Evaluator, Objective};
+pub use objective::{Evaluator, Objective, Protocol};
+pub use shared::SharedInput;
 pub use starts::{Start, search};
 
 /// What is fitted.
@@ -83,6 +87,8 @@ pub struct Fitted {
     pub bootstrap: Vec<BootstrapRow>,
     pub comparison: Vec<ComparisonRow>,
     pub predictions: Vec<PredictionRow>,
+    /// Of what is fitted to all campaigns of a robot together.
+    pub shared: Vec<SharedFitRow>,
 }
 
 /// Which replicates there are, of those that the settings ask for.
@@ -108,6 +114,8 @@ pub enum FitEvent<'f> {
     Replicate { driven_by: GaitInput, row: &'f BootstrapRow, done: usize, total: usize },
     /// A model is done.
     Fitted(&'f FitRow),
+    /// One that all campaigns of a robot share.
+    Shared(&'f SharedFitRow),
 }
 
 /// Is notified of it.
@@ -144,22 +152,36 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// assert!((skid0_kg_s / 104.0 - 1.0).abs() < 1e-4);
 /// ```
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
-    let (inputs, replicates) = (FitInput::all(config), Replicates::default());
-    fit_except(&inputs, data, BTreeMap::new(), &replicates, on_event)
+    fit_except(&FitInputs::new(config), data, BTreeMap::new(), &Replicates::default(), on_event)
 }
 
-/// [`fit`] of those models only that are not `cached`, with these replicates. The tables are those
-/// that a fit of all would have given.
+/// All that is fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitInputs {
+    /// Each model of each campaign, in the configuration's order.
+    pub own: Vec<FitInput>,
+    /// What the campaigns of a robot share.
+    pub shared: Vec<SharedInput>,
+}
+
+impl FitInputs {
+    pub fn new(config: &Config) -> Self {
+        Self { own: FitInput::all(config), shared: SharedInput::all(config) }
+    }
+}
+
+/// [`fit`] of those models only that are not `cached`, with these replicates; what is shared has all of
+/// its own. The tables are those that a fit of all would have given.
 pub fn fit_except(
-    inputs: &[FitInput],
+    inputs: &FitInputs,
     data: &FitData,
-    mut cached: BTreeMap<(String, Model), Fitted>,
+    mut cached: BTreeMap<FitKey, Fitted>,
     replicates: &Replicates,
     on_event: OnEvent,
 ) -> Fitted {
-    let key = |input: &FitInput| (input.campaign.name.clone(), input.model.name);
+    let key = FitInput::key;
     let campaigns: Vec<&[FitInput]> =
-        inputs.chunk_by(|a, b| a.campaign.name == b.campaign.name).collect();
+        inputs.own.chunk_by(|a, b| a.campaign.name == b.campaign.name).collect();
     let is_new = |input: &&FitInput| !cached.contains_key(&key(input));
     let sampled: Vec<(&[FitInput], Resampler)> = campaigns
         .into_iter()
@@ -174,7 +196,7 @@ pub fn fit_except(
             inputs.iter().filter(is_new).map(move |input| (input, resampler))
         })
         .collect();
-    let fitted: Vec<((String, Model), Fitted)> = new
+    let fitted: Vec<(FitKey, Fitted)> = new
         .par_iter()
         .with_max_len(1)
         .map(|(input, resampler)| {
@@ -184,12 +206,37 @@ pub fn fit_except(
         })
         .collect();
     cached.extend(fitted);
-    let mut all = Fitted::default();
+    let mut all =
+        Fitted { shared: fit_shared(inputs, data, &cached, on_event), ..Fitted::default() };
     for (inputs, resampler) in sampled {
         let models = inputs.iter().filter_map(|input| cached.remove(&key(input)));
         let mut models: Vec<Fitted> = models.collect();
         compare::complete(&mut models, &resampler, inputs[0].fit.bootstrap);
         models.into_iter().for_each(|fitted| all.extend(fitted));
     }
+    for fit in &mut all.fits {
+        let is_of = |row: &&SharedFitRow| {
+            row.fit.model == fit.model && row.campaigns.contains(&fit.campaign)
+        };
+        fit.sharing = all.shared.iter().find(is_of).and_then(|row| row.fit.sharing);
+    }
     all
+}
+
+/// What campaigns share, beside the `known` fits to each of them; as they are where they are known.
+fn fit_shared(
+    inputs: &FitInputs,
+    data: &FitData,
+    known: &BTreeMap<FitKey, Fitted>,
+    on_event: OnEvent,
+) -> Vec<SharedFitRow> {
+    let of_model = |shared: &SharedInput| {
+        if let Some(Fitted { shared, .. }) = known.get(&shared.key()) {
+            return shared.clone();
+        }
+        let row = shared.fit(data, known);
+        on_event(FitEvent::Shared(&row));
+        vec![row]
+    };
+    inputs.shared.par_iter().with_max_len(1).flat_map_iter(of_model).collect()
 }

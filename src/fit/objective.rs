@@ -13,18 +13,37 @@ use crate::store::FitStatus;
 /// Their metrics.
 pub(super) const METRICS: [&str; TERMS] = ["d", "v", "sigma0", "sigma1", "sigma2", "alpha1"];
 
-/// Eq. 22 for one model, averaged over a campaign's trials.
+/// Eq. 22 for one model, averaged over a campaign's trials; of several campaigns of one robot the
+/// sum of these.
 #[derive(Debug, Clone)]
 pub struct Objective {
     pub laws: Laws,
-    /// The campaign's robot as configured.
+    /// The robot as configured.
     pub robot: Robot,
-    pub gait: Gait,
-    pub weights: Weights,
+    /// The campaigns, as [`Measurement::campaign`] counts them.
+    pub protocols: Vec<Protocol>,
     /// What drives the model.
     pub gait_input: GaitInput,
     pub measurements: Vec<Measurement>,
     pub(super) conditions: Conditions,
+}
+
+/// What the trials of a campaign have in common.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Protocol {
+    /// The campaign, where it is not alone.
+    pub name: String,
+    /// The command.
+    pub gait: Gait,
+    pub weights: Weights,
+}
+
+impl Protocol {
+    /// Weights of d, v, the wheels' sigma and alpha_1; Delta theta has none.
+    pub(super) fn term_weights(&self) -> [f64; TERMS] {
+        let Weights { d, v, sigma, alpha } = self.weights;
+        [d, v, sigma, sigma, sigma, alpha]
+    }
 }
 
 /// One trial as it was measured or drawn.
@@ -36,7 +55,7 @@ pub(super) struct Observation {
 }
 
 impl Objective {
-    /// Of sorted measurements.
+    /// Of one campaign's sorted measurements.
     pub fn new(
         laws: Laws,
         robot: Robot,
@@ -45,8 +64,20 @@ impl Objective {
         gait_input: GaitInput,
         measurements: Vec<Measurement>,
     ) -> Self {
+        let alone = Protocol { name: String::new(), gait, weights };
+        Self::pooled(laws, robot, vec![alone], gait_input, measurements)
+    }
+
+    /// Of the sorted measurements of one campaign after the other.
+    pub fn pooled(
+        laws: Laws,
+        robot: Robot,
+        protocols: Vec<Protocol>,
+        gait_input: GaitInput,
+        measurements: Vec<Measurement>,
+    ) -> Self {
         let conditions = Conditions::default();
-        let mut all = Self { laws, robot, gait, weights, gait_input, measurements, conditions };
+        let mut all = Self { laws, robot, protocols, gait_input, measurements, conditions };
         all.conditions = Conditions::new(
             &all.measurements,
             |measurement| all.gait_of(measurement),
@@ -57,8 +88,26 @@ impl Objective {
 
     /// The same driven by another gait.
     pub fn driven_as(&self, gait_input: GaitInput) -> Self {
-        let Self { laws, ref robot, gait, weights, ref measurements, .. } = *self;
-        Self::new(laws, robot.clone(), gait, weights, gait_input, measurements.clone())
+        let Self { laws, ref robot, ref protocols, ref measurements, .. } = *self;
+        Self::pooled(laws, robot.clone(), protocols.clone(), gait_input, measurements.clone())
+    }
+
+    /// The gait and the weights of a measurement's campaign.
+    pub(super) fn protocol(&self, measurement: &Measurement) -> &Protocol {
+        &self.protocols[measurement.campaign]
+    }
+
+    /// How many of these trials each campaign has.
+    pub(super) fn trials_by_campaign(&self, trials: impl Iterator<Item = usize>) -> Vec<f64> {
+        let mut counts = vec![0.0; self.protocols.len()];
+        trials.for_each(|trial| counts[self.measurements[trial].campaign] += 1.0);
+        counts
+    }
+
+    /// How many trials the campaign of each measurement has.
+    pub(super) fn campaign_sizes(&self) -> Vec<f64> {
+        let counts = self.trials_by_campaign(0..self.measurements.len());
+        self.measurements.iter().map(|of| counts[of.campaign]).collect()
     }
 
     /// The robot with `values` for the free `parameters`.
@@ -82,7 +131,7 @@ impl Objective {
 
     /// The gait that drives the model in one trial; `None` if it was to be measured and was not.
     pub fn gait_of(&self, measurement: &Measurement) -> Option<Gait> {
-        let mut gait = self.gait;
+        let mut gait = self.protocol(measurement).gait;
         if self.is_driven_as_measured() {
             for (joint, measured) in gait.joints.iter_mut().zip(measurement.gait) {
                 if joint.is_some() {
@@ -131,15 +180,10 @@ impl Objective {
         &self,
         measurement: &Measurement,
     ) -> impl Iterator<Item = (usize, f64, f64)> {
-        let weights = self.term_weights().into_iter().zip(measurement.metrics.to_array());
+        let weights = self.protocol(measurement).term_weights();
+        let weights = weights.into_iter().zip(measurement.metrics.to_array());
         let terms = weights.enumerate().map(|(i, (weight, measured))| (i, weight, measured));
         terms.filter(|(_, weight, measured)| *weight > 0.0 && measured.is_finite())
-    }
-
-    /// Weights of d, v, the wheels' sigma and alpha_1; Delta theta has none.
-    pub(super) fn term_weights(&self) -> [f64; TERMS] {
-        let Weights { d, v, sigma, alpha } = self.weights;
-        [d, v, sigma, sigma, sigma, alpha]
     }
 
     /// The measurements as they are.
@@ -210,15 +254,19 @@ impl Evaluator<'_> {
     /// Eq. 22 of observations: a trial's metric is its condition's in the ratio that the
     /// expansion has at the point where it was made.
     pub(super) fn terms_of(&self, observations: &[Observation]) -> Terms {
-        let share = 1.0 / observations.len() as f64;
-        let weights = self.objective.term_weights();
+        let objective = self.objective;
+        let counts = objective.trials_by_campaign(observations.iter().map(|of| of.trial));
+        let share = |trial: usize| 1.0 / counts[objective.measurements[trial].campaign];
         let mut shares = vec![0.0; self.solvers.len()];
-        for observation in observations {
-            shares[self.condition_of(observation.trial)] += share;
+        for &Observation { trial, .. } in observations {
+            shares[self.condition_of(trial)] += share(trial);
         }
         let targets = observations.iter().flat_map(|observation| {
             let condition = self.condition_of(observation.trial);
             let ratios = self.ratios(condition, &observation.differences);
+            let weights =
+                objective.protocol(&objective.measurements[observation.trial]).term_weights();
+            let share = share(observation.trial);
             let known = (0..TERMS).filter(move |&metric| {
                 weights[metric] > 0.0 && observation.metrics[metric].is_finite()
             });

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::fitted_point::{FittedPoint, HeldPoint};
 use super::least_absolute::{minimise, sum};
 use super::noise_correction::NoiseCorrection;
-use super::resample::Resampler;
+use super::resampler::Resampler;
 use super::search::limits;
 use crate::motion::REFERENCE_ACCURACY;
 use crate::stats::quantiles_low;

@@ -18,23 +18,21 @@
 
 use std::collections::BTreeMap;
 
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::measurement::Measurement;
-use super::objective::{METRICS, Objective};
 use super::terms::TERMS;
 use crate::metrics::GaitMetrics;
 use crate::stats::{mean, median_high};
 use crate::store::CycleRow;
 
 /// One number for every metric that has a term in the objective.
-type Metrics = [f64; TERMS];
+pub(super) type Metrics = [f64; TERMS];
 
 /// Draws measurements of a campaign.
-pub(super) struct Resampler {
-    seed: u64,
+pub(super) struct CampaignResampler {
     pub measurements: Vec<Measurement>,
     /// Indices of each frequency's trials.
     frequencies: Vec<Vec<usize>>,
@@ -79,13 +77,9 @@ impl Cycles {
     }
 }
 
-impl Resampler {
+impl CampaignResampler {
     /// Of sorted measurements; `cycles` are those that count, by trial.
-    pub fn new(
-        seed: u64,
-        measurements: Vec<Measurement>,
-        cycles: &BTreeMap<String, Vec<CycleRow>>,
-    ) -> Self {
+    pub fn new(measurements: Vec<Measurement>, cycles: &BTreeMap<String, Vec<CycleRow>>) -> Self {
         let used = |measurement: &Measurement| {
             let rows = cycles.get(&measurement.trial).into_iter().flatten();
             Cycles::new(rows.filter(|row| row.used).map(|row| terms(&row.metrics)).collect())
@@ -99,7 +93,6 @@ impl Resampler {
             trials.iter().for_each(|trial| means_of_trials[*trial] = means);
         }
         Self {
-            seed,
             means: means_of_trials,
             cycles: measurements.iter().map(used).collect(),
             measurements,
@@ -111,42 +104,6 @@ impl Resampler {
         }
     }
 
-    /// Random numbers of some purpose, the same for every model of the campaign, whatever its name.
-    pub fn random(&self, purpose: &str, number: usize) -> ChaCha8Rng {
-        let mut hash = blake3::Hasher::new();
-        hash.update(&self.seed.to_le_bytes());
-        hash.update(&(number as u64).to_le_bytes());
-        hash.update(purpose.as_bytes());
-        ChaCha8Rng::from_seed(*hash.finalize().as_bytes())
-    }
-
-    /// Whether nothing differs between resamples.
-    pub fn is_silent(&self) -> bool {
-        let gait = |of: &Measurement| of.gait_errors_rad.as_flattened().iter().any(|e| *e > 0.0);
-        self.noises().as_flattened().iter().all(|noise| *noise == 0.0 || noise.is_nan())
-            && !self.measurements.iter().any(gait)
-    }
-
-    /// Metrics with terms in an objective of which nothing tells the noise.
-    pub fn without_noise(&self, objective: &Objective) -> Vec<&'static str> {
-        let noises = self.noises();
-        let is_silent = |i: usize| {
-            let all = self.measurements.iter().zip(&noises);
-            let mut with_term = all
-                .filter(|(of, _)| objective.terms(of).any(|(metric, ..)| metric == i))
-                .peekable();
-            with_term.peek().is_some() && with_term.all(|(_, noises)| noises[i] == 0.0)
-        };
-        (0..TERMS).filter(|i| is_silent(*i)).map(|i| METRICS[i]).collect()
-    }
-
-    /// Degrees of freedom of a measurement's standard errors; `None` of those that are of a
-    /// single cycle, taken from all trials, or of an unknown number.
-    pub fn freedom(&self, measurement: usize) -> Option<f64> {
-        let cycles = self.measurements[measurement].cycles;
-        (cycles > 1).then_some(cycles as f64 - 1.0)
-    }
-
     /// Standard deviations of what every measurement is off by: of its cycles and its own.
     pub fn noises(&self) -> Vec<Metrics> {
         let both = self.measurements.iter().map(metrics).zip(&self.errors);
@@ -156,18 +113,15 @@ impl Resampler {
         both.map(noise).collect()
     }
 
-    /// The resample with this number; the same for every model of the campaign.
-    pub fn draw(&self, number: usize) -> Vec<DrawnTrial> {
-        let mut random = ["", "gait"].map(|purpose| self.random(purpose, number));
+    /// A resample, by random numbers for the metrics and for the gaits.
+    pub fn draw(&self, mut random: [ChaCha8Rng; 2]) -> Vec<DrawnTrial> {
         let mut drawn = Vec::with_capacity(self.measurements.len());
         self.frequencies.iter().for_each(|trials| self.draw_of(trials, &mut random, &mut drawn));
         drawn
     }
 
     /// The same with frequencies drawn, too, by random numbers of its own.
-    pub fn draw_frequencies(&self, number: usize) -> Vec<DrawnTrial> {
-        let purposes = ["frequencies", "trials of frequencies", "gait of frequencies"];
-        let [mut which, random @ ..] = purposes.map(|purpose| self.random(purpose, number));
+    pub fn draw_frequencies(&self, [mut which, random @ ..]: [ChaCha8Rng; 3]) -> Vec<DrawnTrial> {
         let (mut random, mut drawn) = (random, Vec::with_capacity(self.measurements.len()));
         let count = self.frequencies.len();
         for _ in 0..count {
@@ -331,6 +285,7 @@ fn own_spread(
 mod tests {
     use super::*;
     use crate::config::SigmaKind;
+    use crate::fit::resampler::Resampler;
     use crate::store::{Columns as _, TrialRow};
 
     /// A trial with d of these cycles; everything else does not vary.

@@ -9,7 +9,7 @@
 //! Technometrics 7 (1965).
 
 use super::objective::METRICS;
-use super::resample::Resampler;
+use super::resampler::Resampler;
 use super::terms::TERMS;
 use crate::motion::MotionStatus;
 use crate::stats::median_high;

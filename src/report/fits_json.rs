@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::tables::Tables;
 use crate::robot::{Model, Parameter};
-use crate::store::{ComparisonRow, FitRow};
+use crate::store::{ComparisonRow, FitRow, SharedFitRow};
 
 #[derive(Serialize)]
 pub struct Fit<'f> {
@@ -18,13 +18,15 @@ pub struct Fit<'f> {
     comparison: Option<&'f ComparisonRow>,
     /// The same model driven by the other gait than the configured one.
     other_gait: Option<Box<Fit<'f>>>,
+    /// The same model fitted to all campaigns of the robot together.
+    shared: Option<&'f SharedFitRow>,
 }
 
 impl<'f> Fit<'f> {
     fn new(fit: &'f FitRow) -> Self {
         let interval = |of: &Parameter| (of.name(), [fit.lower[*of], fit.upper[*of]]);
         let intervals = fit.free.iter().map(interval).collect();
-        Self { fit, intervals, comparison: None, other_gait: None }
+        Self { fit, intervals, comparison: None, other_gait: None, shared: None }
     }
 }
 
@@ -34,11 +36,13 @@ pub fn fits(tables: &Tables) -> Vec<Fit<'_>> {
         let is_same = |campaign: &str, model: Model| campaign == fit.campaign && model == fit.model;
         let mut compared = tables.comparison.iter();
         let mut others = tables.alternative_fits.iter();
+        let mut shared = tables.shared_fits.iter();
         Fit {
             comparison: compared.find(|row| is_same(&row.campaign, row.model)),
             other_gait: others
                 .find(|other| is_same(&other.campaign, other.model))
                 .map(|other| Fit::new(other).into()),
+            shared: shared.find(|row| row.campaigns.iter().any(|of| is_same(of, row.fit.model))),
             ..Fit::new(fit)
         }
     });

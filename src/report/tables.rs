@@ -8,16 +8,17 @@ use super::series::Source;
 use crate::report::ReportInput;
 use crate::store::{
     BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader,
-    RobotParameterRow, StartRow, StoreError, Table, TrialRow, is_there,
+    RobotParameterRow, SharedFitRow, StartRow, StoreError, Table, TrialRow, is_there,
 };
 
 /// Tables that are read, the most rows that one may have, and what the report lacks without it;
 /// it cannot be without the first.
-const TABLES: [(&str, usize, &str); 10] = [
+const TABLES: [(&str, usize, &str); 11] = [
     ("trials", 20_000, "no trial is listed"),
     ("checks", 1_000_000, "no check is listed"),
     ("fits", 1_000, "no model is fitted"),
     ("alternative_fits", 1_000, "what the other gait input gives is not listed"),
+    ("shared_fits", 1_000, "what campaigns share is not listed"),
     ("predictions", 50_000, "no model is drawn"),
     ("comparison", 1_000, "no model is compared"),
     ("starts", 100_000, "no search is drawn"),
@@ -41,6 +42,8 @@ pub struct Tables {
     pub fits: Vec<FitRow>,
     /// Driven by the other gait than the configured one.
     pub alternative_fits: Vec<FitRow>,
+    /// Of all campaigns of a robot together.
+    pub shared_fits: Vec<SharedFitRow>,
     pub predictions: Vec<PredictionRow>,
     pub comparison: Vec<ComparisonRow>,
     pub starts: Vec<StartRow>,
@@ -75,6 +78,7 @@ impl Tables {
             checks: optional(derived, reader, "checks")?,
             fits: optional(derived, reader, "fits")?,
             alternative_fits: optional(derived, reader, "alternative_fits")?,
+            shared_fits: optional(derived, reader, "shared_fits")?,
             predictions: optional(derived, reader, "predictions")?,
             comparison: optional(derived, reader, "comparison")?,
             starts: optional(derived, reader, "starts")?,

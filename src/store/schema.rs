@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::columns::{columns, rows};
-use super::{FitStatus, PredictionSource, Severity, Stopped, TrialStatus};
+use super::{FitStatus, PredictionSource, Severity, Sharing, Stopped, TrialStatus};
 use crate::config::{GaitInput, SigmaKind};
 use crate::metrics::{Bifurcation, BranchKind, Estimate, FromRest, GaitMetrics, MotionStatus};
 use crate::robot::decay::{DecayLaw, Swing};
@@ -353,6 +353,9 @@ rows! {
         pub adequate: Option<bool>,
         /// Where and to which side the measurements are off an inadequate model.
         pub misfit: String,
+        /// Whether the same coefficients describe the robot's other campaigns; missing where that
+        /// was not asked for or could not be tested.
+        pub sharing: Option<Sharing>,
         /// What was fitted instead of what is missing, and what the objective lacks.
         pub notes: String,
         /// Trials that it is averaged over.
@@ -366,6 +369,53 @@ rows! {
         /// Steady motions solved for.
         pub solves: i64,
         pub status: FitStatus,
+    }
+}
+
+rows! {
+    /// One model fitted with one set of coefficients to all campaigns of a robot:
+    /// `shared_fits.parquet`. Its `campaign` names all of them, and its objective is the sum of theirs.
+    #[derive(Serialize)]
+    pub struct SharedFitRow {
+        pub robot: String,
+        pub campaigns: Vec<String>,
+        #[serde(flatten)]
+        pub fit: FitRow as "{}",
+        /// Sum of the objectives of the campaigns' own fits.
+        pub j_separate: f64,
+        /// What sharing adds to it, and the limit of what it adds by chance.
+        pub rise: f64,
+        pub rise_limit: f64,
+        /// Part of worlds with the same coefficients in which sharing adds as much.
+        pub p_value: f64,
+        /// Why sharing is neither kept nor refused.
+        pub not_tested: String,
+    }
+}
+
+impl SharedFitRow {
+    /// What came out, in a sentence.
+    pub fn sentence(&self) -> String {
+        let Self { fit, j_separate, rise, rise_limit, p_value, not_tested, .. } = self;
+        if !fit.status.is_ok() {
+            return format!(
+                "one set of coefficients for all campaigns has no fit ({}).",
+                fit.status
+            );
+        }
+        let verdict = match fit.sharing {
+            Some(Sharing::Kept) => "one set of coefficients describes all campaigns as well",
+            Some(Sharing::Refused) => "one set of coefficients for all campaigns is refused",
+            None => "whether all campaigns have the same coefficients is not known",
+        };
+        let j = format!("J = {:.4} against {j_separate:.4} of separate fits", fit.j);
+        match fit.sharing {
+            Some(_) => format!(
+                "{verdict}: {j}, {rise:.4} more, of which up to {rise_limit:.4} would be chance \
+                 (p = {p_value:.3})."
+            ),
+            None => format!("{verdict}, since {not_tested}: {j}."),
+        }
     }
 }
 

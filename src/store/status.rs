@@ -39,6 +39,16 @@ named! {
 }
 
 named! {
+    /// Whether one set of coefficients describes all campaigns of a robot.
+    pub enum Sharing {
+        /// Nothing speaks against it.
+        Kept = "kept",
+        /// The campaigns' own coefficients are nearer by more than chance.
+        Refused = "refused",
+    }
+}
+
+named! {
     /// Where a model predicts.
     pub enum PredictionSource {
         /// At the trials' frequencies.

@@ -3,6 +3,7 @@
 mod campaigns;
 mod engine;
 mod image;
+mod shared;
 mod trial;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -84,6 +85,7 @@ pub fn html(
         missing => Serde(missing),
         changes => Serde(changes),
         campaigns => campaigns::sections(input, tables, drawn)?,
+        shared => shared::sections(tables),
         comparisons => images(drawn, |figure| {
             figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
         }),

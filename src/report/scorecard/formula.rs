@@ -4,7 +4,7 @@
 //! - Of a motion of the `paper` ([`Paper`]): `at`, `exists`, `cycle`, `curve`.
 //! - Of a campaign of the `trials` and the fits to them ([`Trials`]): `mean_at`, `means`,
 //!   `travelled_mm`, `mean_lag_deg`, `off_command_deg`, `robot`, `coefficient`, `fitted`,
-//!   `existing_share`.
+//!   `existing_share`; of two campaigns `coefficient_ratio`, of all of a robot `is_refused`.
 //! - Of a curve, which `curve` and `means` give ([`Curve`]): `optimum`, `optima_apart`,
 //!   `spread_percent`, `largest`; of two, `mean_ratio`, `least_ratio`, `effect_high_over_low`.
 //! - `apart_deg(a, b)`: size of the difference of two phases.
@@ -41,6 +41,8 @@ impl Formulas {
         environment.add_function("robot", Trials::robot);
         environment.add_function("travelled_mm", Trials::travelled_mm);
         environment.add_function("coefficient", Trials::coefficient);
+        environment.add_function("coefficient_ratio", Trials::coefficient_ratio);
+        environment.add_function("is_refused", Trials::is_refused);
         environment.add_function("fitted", Trials::fitted);
         environment.add_function("existing_share", Trials::existing_share);
         environment.add_function("optimum", Curve::optimum);

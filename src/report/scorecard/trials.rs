@@ -15,7 +15,7 @@ use crate::named::Named as _;
 use crate::report::tables::Tables;
 use crate::robot::{Model, Parameter};
 use crate::stats::{self, HALF_WIDTH_95, wrap};
-use crate::store::{FitRow, PredictionSource, TrialRow, TrialStatus};
+use crate::store::{FitRow, PredictionSource, Sharing, TrialRow, TrialStatus};
 
 /// Part of the printed frequency that a trial may be off.
 const NEAR: f64 = 0.02;
@@ -155,6 +155,37 @@ impl Trials {
 
     /// Coefficient that the fit of a campaign left free, and its interval.
     pub fn coefficient(&self, campaign: &str, parameter: &str) -> Result<Value, Error> {
+        self.free_coefficient(campaign, parameter).map(Value::from_object)
+    }
+
+    /// Such a coefficient of one campaign over that of another one, whose errors are independent.
+    pub fn coefficient_ratio(
+        &self,
+        campaign: &str,
+        over: &str,
+        parameter: &str,
+    ) -> Result<Value, Error> {
+        let [of, over] = [campaign, over].map(|name| self.free_coefficient(name, parameter));
+        let (of, over) = (of?, over?);
+        let value = of.value / over.value;
+        let limits = of.limits.zip(over.limits).map(|([low, high], [over_low, over_high])| {
+            let side =
+                |own: f64, other: f64| (own / of.value).ln().hypot((other / over.value).ln()).exp();
+            [value / side(low, over_high), value * side(high, over_low)]
+        });
+        Ok(Value::from_object(Found { limits, ..Found::new(value) }))
+    }
+
+    /// 1 where one set of coefficients for all campaigns of a robot is refused, 0 where it is kept.
+    pub fn is_refused(&self, robot: &str, model: &str) -> Result<f64, Error> {
+        let mut rows = self.tables.shared_fits.iter();
+        let row = rows.find(|row| row.robot == robot && row.fit.model.name() == model);
+        let row = row.filter(|row| row.fit.gait_input == GaitInput::Commanded);
+        let sharing = row.and_then(|row| row.fit.sharing).ok_or_else(|| missing(NO_FIT))?;
+        Ok(f64::from(u8::from(sharing == Sharing::Refused)))
+    }
+
+    fn free_coefficient(&self, campaign: &str, parameter: &str) -> Result<Found, Error> {
         let parameter = Parameter::of_name(parameter).ok_or_else(|| unknown(parameter))?;
         let fit = self.fit_of(campaign, FITTED_MODEL.name())?;
         if !fit.free.contains(&parameter) {
@@ -162,7 +193,7 @@ impl Trials {
         }
         let limits = [fit.lower[parameter], fit.upper[parameter]];
         let limits = limits.iter().any(|limit| limit.is_finite()).then_some(limits);
-        Ok(Value::from_object(Found { limits, ..Found::new(fit.parameters[parameter]) }))
+        Ok(Found { limits, ..Found::new(fit.parameters[parameter]) })
     }
 
     /// What a column of the fit of a model has.

@@ -10,8 +10,8 @@ use crate::robot::decay::DecayLaw;
 use crate::robot::{ByParameter, Parameter};
 use crate::store::{
     BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitRow, FitStatus, JointGait,
-    PredictionRow, PredictionSource, ProfileRow, Provenance, RobotParameterRow, Severity, StartRow,
-    TrialRow, TrialStatus,
+    PredictionRow, PredictionSource, ProfileRow, Provenance, RobotParameterRow, Severity,
+    SharedFitRow, Sharing, StartRow, TrialRow, TrialStatus,
 };
 use crate::trial::TrialKind;
 
@@ -113,6 +113,7 @@ impl Tables {
         write("checks", CheckRow::to_table(&self.checks));
         write("fits", FitRow::to_table(&self.fits));
         write("alternative_fits", FitRow::to_table(&self.alternatives()));
+        write("shared_fits", SharedFitRow::to_table(&self.shared()));
         write("predictions", PredictionRow::to_table(&self.predictions));
         write("comparison", ComparisonRow::to_table(&self.comparison()));
         write("starts", StartRow::to_table(&self.starts()));
@@ -123,6 +124,31 @@ impl Tables {
             recording::write(derived, trial);
         }
         recording::write_release(derived, RELEASE);
+    }
+
+    /// Of the two gaits of one robot.
+    fn shared(&self) -> Vec<SharedFitRow> {
+        let robot = "kinematic";
+        let of_robot = |fit: &&FitRow| fit.campaign.starts_with(robot) && !fit.free.is_empty();
+        let fits: Vec<&FitRow> = self.fits.iter().filter(of_robot).collect();
+        let Some(first) = fits.first() else { return Vec::new() };
+        let of_model = fits.iter().filter(|fit| fit.model == first.model);
+        let campaigns: Vec<String> = of_model.map(|fit| fit.campaign.clone()).collect();
+        vec![SharedFitRow {
+            robot: robot.to_owned(),
+            fit: FitRow {
+                campaign: campaigns.join(" and "),
+                j: 2.5 * first.j,
+                sharing: Some(Sharing::Refused),
+                ..(*first).clone()
+            },
+            j_separate: 2.0 * first.j,
+            campaigns,
+            rise: 0.25,
+            rise_limit: 0.05,
+            p_value: 0.001,
+            not_tested: String::new(),
+        }]
     }
 
     fn robots(&self) -> Vec<RobotParameterRow> {

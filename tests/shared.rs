@@ -1,0 +1,324 @@
+//! One set of coefficients for all campaigns of a robot, and whether that is refused.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{Small, assert_same, succeed, text, trilink};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use trilink::config::{Config, Free, GaitInput, Robots, SharedFits, SigmaKind};
+use trilink::fit::{FitData, Fitted, fit};
+use trilink::metrics::GaitMetrics;
+use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem};
+use trilink::robot::{Parameter, Robot};
+use trilink::store::{Columns as _, FitRow, SharedFitRow, Sharing, TrialRow};
+
+/// Relative noise of d and v, and of the skid ratios.
+const NOISE: [f64; 2] = [0.01, 0.02];
+const CAMPAIGNS: [&str; 2] = ["kinematic-skewed", "kinematic-symmetric"];
+const COULOMB: &str = "coulomb";
+
+/// A campaign's motions.
+type Motions = Vec<(f64, GaitMetrics)>;
+
+/// The kinematic robot's campaigns with these models, fitted together, too.
+fn config(models: &[Model]) -> Config {
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| CAMPAIGNS.contains(&name.as_str()));
+    config.campaign.values_mut().for_each(|campaign| campaign.models = models.to_vec());
+    (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
+    // The trials have no measured gait.
+    (config.fit.sigma, config.fit.gait_input) = (SigmaKind::Raw, GaitInput::Commanded);
+    config.fit.shared = Some(SharedFits { robot: Robots(vec!["kinematic".to_owned()]) });
+    config
+}
+
+/// Motions of a campaign under some laws, with these changes of its robot.
+fn motions(campaign: &str, laws: Laws, change: impl Fn(&mut Robot)) -> Motions {
+    let (mut robot, gait) = Config::default().campaign_setup(campaign).unwrap();
+    change(&mut robot);
+    let motion = |omega_rad_s: f64| {
+        let problem = Problem { robot: robot.clone(), gait, laws, omega_rad_s };
+        (omega_rad_s, problem.solve(FIT_ACCURACY).unwrap().metrics)
+    };
+    (0..13).map(|i| motion(0.5 + 0.45 * f64::from(i))).collect()
+}
+
+/// Under dry friction.
+fn dry() -> [Motions; 2] {
+    CAMPAIGNS.map(|campaign| {
+        motions(campaign, Laws::COULOMB, |robot| {
+            (robot.skid_dry_n, robot.transition_m_s) = ([1.8, 0.9, 0.9], 0.005);
+        })
+    })
+}
+
+/// Under viscous resistance with these coefficients in each campaign.
+fn viscous(skid_kg_s: [[f64; 3]; 2]) -> [Motions; 2] {
+    let of = |i: usize| motions(CAMPAIGNS[i], Laws::SKID_ROLL, |to| to.skid_kg_s = skid_kg_s[i]);
+    [of(0), of(1)]
+}
+
+/// Trials of both campaigns with noise times `part` of [`NOISE`], and its standard errors.
+fn trials(motions: &[Motions; 2], part: f64, seed: u64) -> FitData {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut trial = |campaign: &str, (omega_rad_s, motion): &(f64, GaitMetrics)| {
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let [of_d, of_sigma] = NOISE.map(|noise| part * noise);
+        let by = 1.0 + of_d * normal();
+        let metrics = GaitMetrics {
+            d_m: motion.d_m * by,
+            v_m_s: motion.v_m_s * by,
+            sigma: motion.sigma.map(|sigma| sigma * (1.0 + of_sigma * normal())),
+            ..*motion
+        };
+        let metrics_se = GaitMetrics {
+            d_m: motion.d_m * of_d,
+            v_m_s: motion.v_m_s * of_d,
+            sigma: motion.sigma.map(|sigma| sigma * of_sigma),
+            ..GaitMetrics::MISSING
+        };
+        TrialRow {
+            trial: format!("{campaign}-{omega_rad_s}"),
+            campaign: campaign.to_owned(),
+            omega_commanded_rad_s: *omega_rad_s,
+            omega_rad_s: *omega_rad_s,
+            metrics,
+            metrics_se,
+            ..TrialRow::blank()
+        }
+    };
+    let both = CAMPAIGNS.iter().zip(motions);
+    let rows = both.flat_map(|(of, all)| all.iter().map(|one| trial(of, one)).collect::<Vec<_>>());
+    FitData::from(rows.collect::<Vec<_>>())
+}
+
+fn fitted(models: &[Model], data: &FitData) -> Fitted {
+    fit(&config(models), data, &|_| {})
+}
+
+fn report(what: &str, models: &[Model], motions: &[Motions; 2], seeds: u64) {
+    let all: Vec<Vec<SharedFitRow>> = (0..seeds)
+        .into_par_iter()
+        .map(|seed| fitted(models, &trials(motions, 1.0, seed)).shared)
+        .collect();
+    for (i, model) in models.iter().enumerate() {
+        let of: Vec<&SharedFitRow> = all.iter().map(|rows| &rows[i]).collect();
+        let count = |sharing| of.iter().filter(|row| row.fit.sharing == Some(sharing)).count();
+        let first = &of[0];
+        println!(
+            "{what}: {model}: kept {}, refused {}, of {seeds}; J {:.4} against {:.4}, rise {:.4} limit \
+             {:.4} p {:.3} {} free {:?}",
+            count(Sharing::Kept),
+            count(Sharing::Refused),
+            first.fit.j,
+            first.j_separate,
+            first.rise,
+            first.rise_limit,
+            first.p_value,
+            first.not_tested,
+            first.fit.free.iter().map(|of| first.fit.parameters[*of]).collect::<Vec<_>>(),
+        );
+        let mut p: Vec<f64> = of.iter().map(|row| row.p_value).collect();
+        p.sort_by(f64::total_cmp);
+        println!("  p {p:.3?}");
+    }
+}
+
+#[test]
+#[ignore = "minutes: how often sharing is judged right"]
+fn how_often() {
+    let models = [Model::SKID_ROLL, Model::new(COULOMB)];
+    report("dry", &models, &dry(), 24);
+    report("one set", &models[..1], &viscous([[100.0, 40.0, 50.0]; 2]), 60);
+    let sets = [[100.0, 90.0, 95.0], [100.0, 34.0, 45.0]];
+    report("two sets", &models[..1], &viscous(sets), 24);
+    let sets = [[100.0, 45.0, 50.0], [100.0, 40.0, 50.0]];
+    report("two near sets", &models[..1], &viscous(sets), 24);
+}
+
+/// What is shared of a model.
+fn shared(models: &[Model], motions: &[Motions; 2], part: f64, seed: u64) -> Vec<SharedFitRow> {
+    fitted(models, &trials(motions, part, seed)).shared
+}
+
+#[test]
+fn noise_free_data_of_one_set_of_coefficients_give_it_back() {
+    let planted = [100.0, 40.0, 50.0];
+    let rows = shared(&[Model::SKID_ROLL], &viscous([planted; 2]), 0.0, 0);
+    let [row] = rows.as_slice() else { panic!("{rows:?}") };
+    assert_eq!(
+        (row.robot.as_str(), &row.campaigns[..]),
+        ("kinematic", &CAMPAIGNS.map(String::from)[..])
+    );
+    for (parameter, planted) in Parameter::SKID.into_iter().zip(planted) {
+        let found = row.fit.parameters[parameter];
+        assert!((found / planted - 1.0).abs() < 1e-3, "{parameter}: {found}");
+    }
+    assert!(row.fit.j < 1e-5, "{}", row.fit.j);
+    assert_eq!((row.fit.sharing, row.fit.trials), (None, 26));
+    assert!(row.not_tested.contains("tell the noise"), "{}", row.not_tested);
+}
+
+#[test]
+fn sharing_is_kept_where_the_coefficients_are_the_same_and_refused_where_not() {
+    for (sets, expected) in [
+        ([[100.0, 40.0, 50.0]; 2], Sharing::Kept),
+        ([[75.0, 91.0, 95.0], [104.0, 34.0, 45.0]], Sharing::Refused),
+    ] {
+        let Fitted { fits, shared, .. } =
+            fitted(&[Model::SKID_ROLL], &trials(&viscous(sets), 1.0, 1));
+        let row = &shared[0];
+        assert_eq!(row.fit.sharing, Some(expected), "{row:?}");
+        assert!(fits.iter().all(|fit| fit.sharing == Some(expected)));
+        let separate: f64 = fits.iter().map(|fit| fit.j).sum();
+        assert_eq!(row.j_separate, separate);
+        assert!((row.fit.j - separate - row.rise).abs() < 1e-9 && row.rise >= 0.0);
+        let is_rare = expected == Sharing::Refused;
+        assert_eq!((row.rise > row.rise_limit, row.p_value < 0.05), (is_rare, is_rare), "{row:?}");
+        assert_eq!(row.fit.adequate, Some(!is_rare), "{}", row.fit.misfit);
+        let names_a_campaign = CAMPAIGNS.iter().any(|name| row.fit.misfit.contains(name));
+        assert_eq!(names_a_campaign, is_rare, "{}", row.fit.misfit);
+    }
+}
+
+#[test]
+fn one_robot_with_dry_friction_is_refused_one_set_of_viscous_coefficients_and_has_one_of_dry_ones()
+{
+    let models = [Model::SKID_ROLL, Model::new(COULOMB)];
+    let Fitted { fits, shared, .. } = fitted(&models, &trials(&dry(), 1.0, 1));
+    let [viscous, dry] = shared.as_slice() else { panic!("{shared:?}") };
+    assert_eq!(viscous.fit.sharing, Some(Sharing::Refused), "{viscous:?}");
+    assert_eq!(dry.fit.sharing, Some(Sharing::Kept), "{dry:?}");
+    for (parameter, planted) in Parameter::SKID_DRY.into_iter().zip([1.8, 0.9, 0.9]) {
+        let found = dry.fit.parameters[parameter];
+        assert!((found / planted - 1.0).abs() < 0.03, "{parameter}: {found}");
+    }
+    // Each campaign's viscous coefficients are others.
+    let of = |campaign: &str| {
+        let is_of = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SKID_ROLL;
+        let fit = fits.iter().find(is_of).unwrap();
+        Parameter::SKID.map(|skid| fit.parameters[skid])
+    };
+    let [skewed, symmetric] = CAMPAIGNS.map(of);
+    let apart = (0..3).map(|i| (skewed[i] / symmetric[i]).ln().abs()).fold(0.0, f64::max);
+    assert!(apart > 0.3, "{skewed:?} {symmetric:?}");
+}
+
+#[test]
+fn what_is_shared_has_intervals_and_the_campaigns_own_fits_stay_as_they_are() {
+    let mut config = config(&[Model::SKID_ROLL]);
+    (config.fit.bootstrap, config.fit.profiles) = (20, true);
+    let data = trials(&viscous([[100.0, 40.0, 50.0]; 2]), 1.0, 2);
+    let with = fit(&config, &data, &|_| {});
+    let row = &with.shared[0].fit;
+    for (parameter, planted) in Parameter::SKID.into_iter().zip([100.0, 40.0, 50.0]) {
+        let limits = row.lower[parameter]..row.upper[parameter];
+        // Of 20 replicates.
+        let widened = 0.9 * limits.start..1.1 * limits.end;
+        assert!(widened.contains(&planted) && limits.contains(&row.parameters[parameter]));
+        let own = with.fits.iter().map(|fit| fit.scatter[parameter]).fold(f64::INFINITY, f64::min);
+        assert!(row.scatter[parameter] < 1.5 * own, "{} {own}", row.scatter[parameter]);
+    }
+    assert_eq!(row.identifiable, Parameter::SKID);
+    config.fit.shared = None;
+    let mut without = fit(&config, &data, &|_| {});
+    assert!(without.shared.is_empty());
+    without.fits.iter_mut().for_each(|fit| fit.sharing = Some(Sharing::Kept));
+    assert_eq!(format!("{:?}", without.fits), format!("{:?}", with.fits));
+}
+
+#[test]
+fn campaigns_that_leave_other_coefficients_free_are_fitted_together_and_not_tested() {
+    let mut config = config(&[Model::SKID_ROLL]);
+    let campaign = config.campaign.get_mut(CAMPAIGNS[0]).unwrap();
+    campaign.free.insert(Model::SKID_ROLL, Free(vec![Parameter::Skid1]));
+    let data = trials(&viscous([[100.0, 40.0, 50.0]; 2]), 1.0, 3);
+    let row = &fit(&config, &data, &|_| {}).shared[0];
+    assert_eq!((row.fit.free.len(), row.fit.sharing), (3, None));
+    assert!(row.not_tested.contains(CAMPAIGNS[0]), "{}", row.not_tested);
+}
+
+/// Two campaigns of one robot, with one model in common.
+fn project() -> Small {
+    let folder = Small::raw();
+    folder.replace("pipeline.toml", "models = [\"skid\"]", "models = [\"skid-roll\"]");
+    folder
+}
+
+const ASK: &str = "[fit.shared]\nrobot = \"kinematic\"\n";
+const BEFORE: &str = "[campaign.kinematic-symmetric]";
+
+fn ask(folder: &Small) {
+    folder.replace("pipeline.toml", BEFORE, &format!("{ASK}{BEFORE}"));
+}
+
+#[test]
+fn what_campaigns_share_is_made_kept_and_redone() {
+    let folder = project();
+    folder.run();
+    let before = folder.results();
+    ask(&folder);
+    let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
+    assert!(ahead.contains("shared fit kinematic skid-roll: new\n"), "{ahead}");
+    assert!(!ahead.lines().any(|line| line.starts_with("fit ")), "{ahead}");
+    let said = folder.run();
+    let line = said.lines().find(|line| line.starts_with("kinematic skid-roll: "));
+    assert!(
+        line.is_some_and(|line| line.contains("is not known") && line.contains("blocks")),
+        "{said}"
+    );
+    assert_same(&folder.results(), &folder.scratch(), "asked for");
+    assert!(text(&folder.read("reports/index.html")).contains("One robot, one floor, one law?"));
+    assert_eq!(succeed(folder.path(), &["run", "--dry-run", "--explain"]), "");
+    folder.replace("pipeline.toml", "weights = { d = 10.0", "weights = { d = 9.0");
+    let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
+    let why = "kinematic-symmetric skid-roll.campaign.kinematic-symmetric.weights.d: 10.0 -> 9.0";
+    assert!(ahead.contains("shared fit kinematic skid-roll: "), "{ahead}");
+    assert!(ahead.contains(why), "{ahead}");
+    folder.run();
+    assert_same(&folder.results(), &folder.scratch(), "redone");
+    folder.replace("pipeline.toml", "weights = { d = 9.0", "weights = { d = 10.0");
+    folder.replace("pipeline.toml", ASK, "");
+    folder.run();
+    assert_same(&folder.results(), &before, "not asked for any more");
+}
+
+#[test]
+fn replicates_in_parts_joined_are_the_bytes_of_one_fit_with_what_is_shared() {
+    let folder = project();
+    ask(&folder);
+    succeed(folder.path(), &["-q", "ingest"]);
+    let one = folder.copy();
+    succeed(one.path(), &["-q", "--threads", "1", "fit"]);
+    for numbers in ["0..2", "2..3"] {
+        succeed(folder.path(), &["fit", "--replicates", numbers, "--into", "shards"]);
+    }
+    succeed(folder.path(), &["merge", "shards"]);
+    assert_same(&folder.results(), &one.results(), "merged");
+}
+
+#[test]
+fn a_robot_that_has_nothing_to_share_is_an_error() {
+    for (robot, needed) in [
+        ("\"kinematik\"", "did you mean `kinematic`?"),
+        ("[]", "at least one robot"),
+        ("[\"kinematic\", \"kinematic\"]", "each robot once"),
+        ("\"semi-passive\"", "a robot of at least two campaigns"),
+        ("\"kinematic\"", "all campaigns list a model that has something free"),
+        ("3", "the name of a robot or a list of names"),
+    ] {
+        // Its campaigns have no model in common.
+        let folder = Small::raw();
+        ask(&folder);
+        folder.replace("pipeline.toml", "robot = \"kinematic\"", &format!("robot = {robot}"));
+        let output = trilink(folder.path(), &["run", "--dry-run"]);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(needed), "{said}");
+        assert!(robot == "3" || said.contains("`fit.shared.robot`"), "{said}");
+    }
+}
