@@ -172,9 +172,10 @@ impl Config {
     fn check_shared(&self, check: &Checker, robots: &[String]) -> Result<(), ConfigError> {
         let key = "fit.shared.robot";
         check.that(!robots.is_empty(), key, &"an empty list", "at least one robot")?;
-        for (i, robot) in robots.iter().enumerate() {
+        let repeated = (0..robots.len()).any(|i| robots[..i].contains(&robots[i]));
+        check.that(!repeated, key, &robots, "each robot once")?;
+        for robot in robots {
             check.entry(&self.robot, robot, key)?;
-            check.that(!robots[..i].contains(robot), key, &robots, "each robot once")?;
             let (campaigns, models) = self.common(robot);
             let found = match &campaigns[..] {
                 [] => format!("{robot}, which no campaign has"),
