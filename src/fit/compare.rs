@@ -232,6 +232,7 @@ mod tests {
         };
         let richer =
             ComparisonRow { free: 6, criterion: -190.0, j_extrapolated: 0.3, ..poorer.clone() };
+        let richer = ComparisonRow { wins: 0.03, ..richer };
         let richer = ComparisonRow { model: Model::new("coulomb-viscous"), j: 0.29, ..richer };
         let text = of(&[richer, poorer], &[Some(true), Some(true)]);
         let start = "The data prefer skid-roll: J = 0.3100 with 3 free, criterion -200.0 against \
