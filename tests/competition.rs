@@ -13,12 +13,12 @@ use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink::robot::Robot;
 use trilink::store::{Columns as _, TrialRow};
+use trilink::synth::OMEGAS_RAD_S;
 
 const KINEMATIC: [&str; 2] = ["kinematic-skewed", "kinematic-symmetric"];
 const SEMI_PASSIVE: &str = "semi-passive-symmetric";
 /// Relative standard errors of a trial's metrics.
 const NOISE: f64 = 0.01;
-const OMEGAS_RAD_S: [f64; 13] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.0, 5.5, 6.0, 6.5];
 
 /// A law of the wheels' skidding as a model, and with what coefficients it is true.
 struct Truth {

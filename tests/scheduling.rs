@@ -177,6 +177,6 @@ fn the_workflow_names_files_that_are_there() {
         assert!(!workflow.contains(swallows), "{swallows}");
     }
     let baseline = trilink::compare::Snapshot::load(Path::new("docs/demo-baseline.json")).unwrap();
-    assert_eq!(baseline.records("trials").len(), 42);
-    assert_eq!(baseline.records("fits").len(), 12);
+    assert_eq!(baseline.records("trials").len(), 54);
+    assert_eq!(baseline.records("fits").len(), 14);
 }
