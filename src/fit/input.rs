@@ -71,7 +71,7 @@ impl FitInput {
         let free = input.free();
         let mut read = Config::default().fit;
         for one in &free {
-            *bounds(one.parameter, &mut read) = one.bounds;
+            *bounds(one.parameter, &mut read) = *bounds(one.parameter, &mut input.fit);
         }
         let fit = &mut input.fit;
         Parameter::ALL.into_iter().for_each(|of| *bounds(of, fit) = *bounds(of, &mut read));
@@ -208,11 +208,19 @@ impl FitInput {
         let listed = listed.map_or_else(|| model.free(), |Free(listed)| listed).into_iter();
         let known = listed.filter(|parameter| model.laws().know(*parameter, &gait));
         let mut fit = self.fit.clone();
-        let free = |parameter| FreeParameter { parameter, bounds: *bounds(parameter, &mut fit) };
+        let free = |parameter: Parameter| {
+            let [low, high] = *bounds(parameter, &mut fit);
+            let is_beside_dry = parameter.family() == Family::Skid && model.laws().skid.is_dry();
+            let low = if is_beside_dry { BESIDE_DRY * low } else { low };
+            FreeParameter { parameter, bounds: [low, high] }
+        };
         known.map(free).collect()
     }
 }
 
+/// Part of its lower bound from which viscous skid resistance goes out beside dry friction: there it
+/// may be as good as none, and the law that of dry friction alone.
+const BESIDE_DRY: f64 = 0.01;
 /// Relative distance from a bound that counts as at it.
 const AT_BOUND: f64 = 1e-3;
 
@@ -279,6 +287,19 @@ mod tests {
         let with_list = of(&config);
         model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Parameter::Skid2])));
         assert_eq!(of(&config), with_list);
+    }
+
+    #[test]
+    fn beside_dry_friction_viscous_resistance_may_be_as_good_as_none() {
+        let bounds = |name| {
+            let config = Config::default();
+            let input = FitInput::new(&config, "kinematic-skewed", Model::new(name));
+            let free = input.expect("the paper's").free();
+            let of = free.iter().find(|free| free.parameter == Parameter::Skid1);
+            of.expect("is free").bounds
+        };
+        assert_eq!(bounds("skid-roll"), [1.0, 1000.0]);
+        assert_eq!(bounds("coulomb-viscous"), [0.01, 1000.0]);
     }
 
     #[test]
