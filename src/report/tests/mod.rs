@@ -243,8 +243,10 @@ fn the_page_lists_every_check_and_what_releases_say_of_the_robots() {
     tables.checks.extend([info, ok]);
     let page = read(&reported_in_short(&tables, folder.path()).page);
     let counts = ["1", "1", "", ""].map(|count| format!("<td class=\"n\">{count}</td>")).concat();
-    let row = format!("<th scope=\"row\">W007 long-gaps</th>{counts}");
-    assert!(page.contains(&row), "{row}");
+    let (_, explained) = page.split_once("<summary>W007 long-gaps</summary>").expect("the check");
+    let (what, row) = explained.split_once("</details>").expect("what it looks at");
+    assert!(what.contains("<strong>What to do.</strong>"), "{what}");
+    assert!(row.trim_start().starts_with(&format!("</th>{counts}")), "{row}");
     assert!(page.contains("<td class=\"n\">0.1875 ± 0.0012</td><td class=\"n\">0.188</td>"));
 }
 
