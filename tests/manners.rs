@@ -308,15 +308,18 @@ fn a_check_is_explained_by_its_code_or_its_name() {
 #[test]
 fn the_configuration_says_what_counts_and_where_it_comes_from() {
     let folder = folder();
-    let show =
-        |arguments: &[&str]| succeed(folder.path(), &[&["config", "show"], arguments].concat());
+    std::fs::write(folder.path().join("own.toml"), "[fit]\nstarts = 3\n").unwrap();
+    let show = |arguments: &[&str]| {
+        let command = ["--config", "own.toml", "config", "show"];
+        succeed(folder.path(), &[&command, arguments].concat())
+    };
     let all = show(&[]);
     assert!(
         all.lines()
             .any(|line| line.starts_with("ingest.skip_cycles = 2 ") && line.ends_with("# default"))
     );
     let own = show(&["fit", "--own"]);
-    assert!(own.lines().all(|line| line.contains("  # pipeline.toml, line ")), "{own}");
+    assert!(own.lines().all(|line| line.contains("  # own.toml, line 2")), "{own}");
     assert!(own.contains("fit.starts = ") && !own.contains("ingest"), "{own}");
     // What is printed is a configuration that amounts to the same.
     std::fs::write(folder.path().join("whole.toml"), &all).unwrap();
