@@ -39,6 +39,7 @@ pub mod build;
 /// A run against a baseline.
 pub mod compare;
 /// A trial for other viewers.
+pub mod explanations;
 pub mod export;
 /// A look into any table.
 pub mod inspect;

@@ -3,7 +3,7 @@
 use super::output::{say, write_data};
 use super::{Failure, Outcome};
 use crate::config::did_you_mean;
-use crate::ingest::Explanation;
+use crate::explanations::Explanation;
 
 /// Lines are no longer, so that they can be read in any terminal.
 const MOST_CHARACTERS: usize = 80;

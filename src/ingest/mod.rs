@@ -31,7 +31,6 @@ mod calibrate;
 // What they share, and what goes around them.
 mod checks;
 mod error;
-mod explanations;
 mod folder;
 mod input;
 mod signals;
@@ -47,7 +46,6 @@ pub use calibrate::{Calibration, CalibrationError, MarkerPosition, calibrate};
 pub use checks::Check;
 pub use diagnosis::{FolderInput, undiagnosed};
 pub use error::{Problem, TrialFailure};
-pub use explanations::Explanation;
 pub use folder::{Entry, FOLDERS, IngestedTrial, MarkerStamp, TABLES, ingest_trials, outdated};
 pub use input::{IngestInput, IngestSettings};
 pub use survey::{FileSurvey, Gaps, MarkerCoverage, Recording, survey};

@@ -7,7 +7,7 @@ use minijinja::value::{Serde, Value};
 use minijinja::{Environment, UndefinedBehavior, escape_formatter};
 use serde::Serialize;
 
-use crate::ingest::Explanation;
+use crate::explanations::Explanation;
 use crate::report::drawing::style::ROBOTO;
 use crate::report::numbers::{
     as_configured, fixed, interval, percent, share, short, significant, with_error,

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-const TEXT: &str = include_str!("../../docs/checks.md");
+const TEXT: &str = include_str!("../docs/checks.md");
 
 /// The explanation of one check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
