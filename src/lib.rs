@@ -38,8 +38,9 @@ pub mod build;
 
 /// A run against a baseline.
 pub mod compare;
-/// A trial for other viewers.
+/// What checks look at, why that matters and what to do.
 pub mod explanations;
+/// A trial for other viewers.
 pub mod export;
 /// A look into any table.
 pub mod inspect;
