@@ -2,15 +2,17 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
+use common::noisy_trial;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use trilink::config::{Config, RobotDeviation, SigmaKind};
 use trilink::fit::{FitData, Fitted, fit};
 use trilink::metrics::{Estimate, GaitMetrics};
 use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink::robot::Parameter;
-use trilink::store::{Columns as _, TrialRow};
+use trilink::store::TrialRow;
 
 /// Relative noise of d and v, and of the skid ratios.
 const NOISE: [f64; 2] = [0.01, 0.03];
@@ -28,32 +30,7 @@ fn config(campaign: &str, models: &[Model]) -> Config {
 /// Trials with noise of these metrics, and its standard errors.
 fn trials(campaign: &str, motions: &[(f64, GaitMetrics)], seed: u64) -> Vec<TrialRow> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let trial = |(omega_rad_s, motion): &(f64, GaitMetrics)| {
-        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        let of_d = 1.0 + NOISE[0] * normal();
-        let metrics = GaitMetrics {
-            d_m: motion.d_m * of_d,
-            v_m_s: motion.v_m_s * of_d,
-            sigma: motion.sigma.map(|sigma| sigma * (1.0 + NOISE[1] * normal())),
-            ..*motion
-        };
-        let metrics_se = GaitMetrics {
-            d_m: motion.d_m * NOISE[0],
-            v_m_s: motion.v_m_s * NOISE[0],
-            sigma: motion.sigma.map(|sigma| sigma * NOISE[1]),
-            ..GaitMetrics::MISSING
-        };
-        TrialRow {
-            trial: format!("at-{omega_rad_s}"),
-            campaign: campaign.to_owned(),
-            omega_commanded_rad_s: *omega_rad_s,
-            omega_rad_s: *omega_rad_s,
-            metrics,
-            metrics_se,
-            ..TrialRow::blank()
-        }
-    };
-    motions.iter().map(trial).collect()
+    motions.iter().map(|motion| noisy_trial(campaign, motion, NOISE, &mut random)).collect()
 }
 
 /// Motions under dry friction, which no viscous model describes.

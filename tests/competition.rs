@@ -3,6 +3,9 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
+use common::noisy_trial;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -12,7 +15,7 @@ use trilink::fit::{FitData, Fitted, fit};
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink::robot::Robot;
-use trilink::store::{Columns as _, TrialRow};
+use trilink::store::TrialRow;
 use trilink::synth::OMEGAS_RAD_S;
 
 const KINEMATIC: [&str; 2] = ["kinematic-skewed", "kinematic-symmetric"];
@@ -64,26 +67,11 @@ impl Truth {
 fn trials(campaign: &str, motions: &[(f64, GaitMetrics)], seed: u64) -> Vec<TrialRow> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let trial = |(omega_rad_s, motion): &(f64, GaitMetrics)| {
-        let mut off =
-            || -> f64 { 1.0 + NOISE * Distribution::<f64>::sample(&StandardNormal, &mut random) };
-        let of_d = off();
-        let metrics = GaitMetrics {
-            d_m: motion.d_m * of_d,
-            v_m_s: motion.v_m_s * of_d,
-            sigma: motion.sigma.map(|sigma| sigma * off()),
-            alpha1_rad: motion.alpha1_rad * off(),
-            ..*motion
-        };
-        let metrics_se = GaitMetrics::from_array(motion.to_array().map(|value| value * NOISE));
-        TrialRow {
-            trial: format!("at-{omega_rad_s}"),
-            campaign: campaign.to_owned(),
-            omega_commanded_rad_s: *omega_rad_s,
-            omega_rad_s: *omega_rad_s,
-            metrics,
-            metrics_se,
-            ..TrialRow::blank()
-        }
+        let mut trial = noisy_trial(campaign, &(*omega_rad_s, *motion), [NOISE; 2], &mut random);
+        let normal: f64 = StandardNormal.sample(&mut random);
+        trial.metrics.alpha1_rad = motion.alpha1_rad * (1.0 + NOISE * normal);
+        trial.metrics_se.alpha1_rad = motion.alpha1_rad * NOISE;
+        trial
     };
     motions.iter().map(trial).collect()
 }

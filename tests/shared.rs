@@ -4,17 +4,16 @@
 
 mod common;
 
-use common::{Small, assert_same, succeed, text, trilink};
+use common::{Small, assert_same, noisy_trial, succeed, text, trilink};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink::config::{Config, Free, GaitInput, Robots, SharedFits, SigmaKind};
 use trilink::fit::{FitData, Fitted, fit};
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink::robot::{Parameter, Robot};
-use trilink::store::{Columns as _, FitRow, SharedFitRow, Sharing, TrialRow};
+use trilink::store::{FitRow, SharedFitRow, Sharing, TrialRow};
 
 /// Relative noise of d and v, and of the skid ratios.
 const NOISE: [f64; 2] = [0.01, 0.02];
@@ -65,34 +64,13 @@ fn viscous(skid_kg_s: [[f64; 3]; 2]) -> [Motions; 2] {
 /// Trials of both campaigns with noise times `part` of [`NOISE`], and its standard errors.
 fn trials(motions: &[Motions; 2], part: f64, seed: u64) -> FitData {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut trial = |campaign: &str, (omega_rad_s, motion): &(f64, GaitMetrics)| {
-        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        let [of_d, of_sigma] = NOISE.map(|noise| part * noise);
-        let by = 1.0 + of_d * normal();
-        let metrics = GaitMetrics {
-            d_m: motion.d_m * by,
-            v_m_s: motion.v_m_s * by,
-            sigma: motion.sigma.map(|sigma| sigma * (1.0 + of_sigma * normal())),
-            ..*motion
-        };
-        let metrics_se = GaitMetrics {
-            d_m: motion.d_m * of_d,
-            v_m_s: motion.v_m_s * of_d,
-            sigma: motion.sigma.map(|sigma| sigma * of_sigma),
-            ..GaitMetrics::MISSING
-        };
-        TrialRow {
-            trial: format!("{campaign}-{omega_rad_s}"),
-            campaign: campaign.to_owned(),
-            omega_commanded_rad_s: *omega_rad_s,
-            omega_rad_s: *omega_rad_s,
-            metrics,
-            metrics_se,
-            ..TrialRow::blank()
-        }
-    };
+    let noise = NOISE.map(|noise| part * noise);
     let both = CAMPAIGNS.iter().zip(motions);
-    let rows = both.flat_map(|(of, all)| all.iter().map(|one| trial(of, one)).collect::<Vec<_>>());
+    let of_campaigns = both.flat_map(|(of, all)| all.iter().map(move |one| (*of, one)));
+    let rows = of_campaigns.map(|(of, one)| TrialRow {
+        trial: format!("{of}-{}", one.0),
+        ..noisy_trial(of, one, noise, &mut random)
+    });
     FitData::from(rows.collect::<Vec<_>>())
 }
 

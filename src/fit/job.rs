@@ -231,7 +231,11 @@ impl<'j> Job<'j> {
         let mut replicates: Vec<(Start, f64)> = given.filter(is_own).map(known).collect();
         replicates.par_extend(numbers.into_par_iter().map(|number| {
             let refit = point.refit(&self.resampler.draw(number), &ended);
-            let criterion = criterion::resampled(point, self.resampler, number);
+            // Models are compared of one campaign.
+            let criterion = match self.objective.protocols.len() {
+                1 => criterion::resampled(point, self.resampler, number),
+                _ => f64::NAN,
+            };
             let done = ended.load(Ordering::Relaxed);
             let row = &self.replicate_row(parameters, number, &refit, criterion);
             on_event(FitEvent::Replicate { driven_by, row, done, total });

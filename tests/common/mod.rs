@@ -8,8 +8,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use trilink::config::{Config, GaitInput};
+use trilink::metrics::GaitMetrics;
 use trilink::motion::Model;
+use trilink::store::{Columns as _, TrialRow};
 
 /// Runs the program in `folder`.
 pub fn trilink(folder: &Path, arguments: &[&str]) -> Output {
@@ -214,4 +218,37 @@ pub fn small_run(config: &Config, seed: &str) -> tempfile::TempDir {
     succeed(folder.path(), &synth);
     succeed(folder.path(), &["run", "--quiet"]);
     folder
+}
+
+/// A trial at a commanded frequency, with normal noise of a motion's metrics and its standard errors:
+/// relative ones of d and v, and of the skid ratios.
+pub fn noisy_trial(
+    campaign: &str,
+    (omega_rad_s, motion): &(f64, GaitMetrics),
+    [of_d, of_sigma]: [f64; 2],
+    random: &mut ChaCha8Rng,
+) -> TrialRow {
+    let mut normal = || -> f64 { StandardNormal.sample(random) };
+    let by = 1.0 + of_d * normal();
+    let metrics = GaitMetrics {
+        d_m: motion.d_m * by,
+        v_m_s: motion.v_m_s * by,
+        sigma: motion.sigma.map(|sigma| sigma * (1.0 + of_sigma * normal())),
+        ..*motion
+    };
+    let metrics_se = GaitMetrics {
+        d_m: motion.d_m * of_d,
+        v_m_s: motion.v_m_s * of_d,
+        sigma: motion.sigma.map(|sigma| sigma * of_sigma),
+        ..GaitMetrics::MISSING
+    };
+    TrialRow {
+        trial: format!("at-{omega_rad_s}"),
+        campaign: campaign.to_owned(),
+        omega_commanded_rad_s: *omega_rad_s,
+        omega_rad_s: *omega_rad_s,
+        metrics,
+        metrics_se,
+        ..TrialRow::blank()
+    }
 }
