@@ -223,4 +223,30 @@ mod tests {
         models.remove(&Model::new("theirs"));
         assert_eq!(ModelLook::new(Model::new("ours"), &models).line(), ours);
     }
+
+    /// Relative luminance.
+    /// <https://www.w3.org/TR/WCAG21/#dfn-relative-luminance>
+    fn luminance(colour: &str) -> f64 {
+        let part = |nth: usize| {
+            let part = u8::from_str_radix(&colour[1 + 2 * nth..][..2], 16).unwrap();
+            let part = f64::from(part) / 255.0;
+            if part <= 0.04045 { part / 12.92 } else { ((part + 0.055) / 1.055).powf(2.4) }
+        };
+        0.2126 * part(0) + 0.7152 * part(1) + 0.0722 * part(2)
+    }
+
+    #[test]
+    fn every_model_s_line_can_be_seen_on_dark_pages() {
+        let style = include_str!("page/style.css");
+        let pages: Vec<&str> = style.split("--page: ").skip(1).map(|rest| &rest[..7]).collect();
+        let dark = luminance(pages[1]);
+        let colours = PAPER.iter().map(|(_, colour, _)| *colour);
+        for RGBColor(red, green, blue) in colours.chain(OTHERS.iter().map(|(colour, _)| *colour)) {
+            let colour = format!("#{red:02x}{green:02x}{blue:02x}");
+            let rule = format!(".sheet [stroke=\"{colour}\"] {{ stroke: ");
+            let on_dark = style.split_once(&rule).map_or(&colour[..], |(_, rest)| &rest[..7]);
+            let contrast = (luminance(on_dark) + 0.05) / (dark + 0.05);
+            assert!(contrast >= 3.0, "{colour} as {on_dark}: {contrast}");
+        }
+    }
 }

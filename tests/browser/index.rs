@@ -90,7 +90,7 @@ fn the_table_of_trials_is_sorted_by_pointer_or_keyboard_and_filtered_by_words() 
 
     let filter = browser.middle_of("#trials-filter");
     browser.click(filter);
-    browser.text("skewed 3.90");
+    browser.text("skewed 3.90-r1");
     assert_eq!(browser.evaluate(SHOWN), json!(["kinematic-skewed-3.90-r1"]));
     let said = "document.getElementById(\"trials-shown\").textContent";
     assert!(browser.evaluate(said).as_str().unwrap().starts_with("1 of "));
