@@ -64,8 +64,16 @@ const CASES: [Case; 5] = [
 ];
 
 /// The fit of a case's law to what it makes at the paper's frequencies; `starts` searches.
-fn fitted(campaign: &str, Case { laws, planted }: &Case, starts: usize) -> FitRow {
-    let mut config = Config::default();
+fn fitted(campaign: &str, case: &Case, starts: usize) -> FitRow {
+    fitted_with(campaign, case, starts, Config::default())
+}
+
+fn fitted_with(
+    campaign: &str,
+    Case { laws, planted }: &Case,
+    starts: usize,
+    mut config: Config,
+) -> FitRow {
     let model = Model::new("planted");
     let free = Free(planted.iter().map(|(parameter, _)| *parameter).collect());
     let of_model = ModelConfig { skid: laws.skid, roll: laws.roll, input: None, free: Some(free) };
@@ -102,6 +110,27 @@ fn dry_friction_and_the_speed_of_its_transition_are_given_back() {
     let fit = fitted(CAMPAIGNS[0], &CASES[0], 1);
     assert!(off(&fit, CASES[0].planted) < 1e-3, "{:?}", fit.parameters);
     assert!(fit.free.iter().any(|parameter| parameter.family() == Family::Transition));
+}
+
+#[test]
+fn a_law_that_is_viscous_at_all_of_its_motions_is_said_to_be() {
+    let case = Case {
+        laws: Laws::COULOMB,
+        planted: &[
+            (Parameter::SkidDry0, 83.2),
+            (Parameter::SkidDry1, 27.2),
+            (Parameter::SkidDry2, 36.0),
+        ],
+    };
+    let mut config = Config::default();
+    config.robot.get_mut("kinematic").unwrap().transition_m_s = Some(0.8);
+    let fit = fitted_with(CAMPAIGNS[0], &case, 1, config);
+    assert!(off(&fit, case.planted) < 1e-3, "{:?}", fit.parameters);
+    let said = "viscous with F / v_t = 104.0000, 34.0000, 45.0000 kg/s: no wheel skids faster than \
+                0.4 times the transition speed";
+    assert_eq!(fit.law_is_like, said);
+    // At the speed that the wheels have it is not.
+    assert_eq!(fitted(CAMPAIGNS[0], &CASES[0], 1).law_is_like, "");
 }
 
 #[test]

@@ -8,6 +8,9 @@ use crate::store::{ComparisonRow, FitRow};
 /// Part of the replicates from which on a model is clearly preferred.
 const CLEARLY: f64 = 0.95;
 
+/// Predictions whose objectives differ by less than this part are as good as each other.
+const ALIKE: f64 = 0.05;
+
 /// Completes the rows of a campaign's comparison by what needs all of its models.
 pub(super) fn complete(models: &mut [Fitted], resampler: &Resampler, replicates: usize) {
     let criteria =
@@ -92,8 +95,11 @@ fn sentence(ranked: &[Candidate], replicates: usize) -> String {
     let mut text = match (rank(fit), nearer) {
         _ if ranked.len() == 1 => format!("Only {model} has a fit"),
         (2, _) => format!("None fits; {model} is the best of those"),
-        (_, Some(nearer)) => {
+        (0, Some(nearer)) => {
             format!("The data fit {model}; {} is nearer and does not fit", nearer.model)
+        }
+        (_, Some(nearer)) => {
+            format!("{model} is nearest of those that may fit; {} does not fit", nearer.model)
         }
         _ if is_clear => format!("The data prefer {model}"),
         _ => format!("The data do not clearly prefer one model; {model} is nearest"),
@@ -128,16 +134,25 @@ fn sentence(ranked: &[Candidate], replicates: usize) -> String {
     if ranked.len() == 1 {
         return text + ".";
     }
+    let is_alike = |ours: f64, best: f64| ours <= (1.0 + ALIKE) * best;
     if let Some(best) = lowest(|row| row.j_left_out) {
-        text += &match best.model == model {
-            true => format!("; it predicts left-out frequencies best ({:.4})", best.j_left_out),
-            false => format!(
-                "; left-out frequencies are predicted better by {} ({:.4} against {:.4})",
-                best.model, best.j_left_out, first.j_left_out
+        let [ours, least] = [first, best].map(|row| row.j_left_out);
+        text += &match best.model {
+            _ if best.model == model => {
+                format!("; it predicts left-out frequencies best ({least:.4})")
+            }
+            other if is_alike(ours, least) => format!(
+                "; it predicts left-out frequencies as well as {other} ({ours:.4} and {least:.4})"
+            ),
+            other => format!(
+                "; left-out frequencies are predicted better by {other} ({least:.4} against \
+                 {ours:.4})"
             ),
         };
     }
-    if let Some(best) = lowest(|row| row.j_extrapolated).filter(|best| best.model != model) {
+    if let Some(best) = lowest(|row| row.j_extrapolated)
+        .filter(|best| !is_alike(first.j_extrapolated, best.j_extrapolated))
+    {
         text += &format!(
             "; fitted up to {} rad/s, what is above is predicted better by {} ({:.4} against {:.4})",
             best.extrapolated_above_rad_s, best.model, best.j_extrapolated, first.j_extrapolated
@@ -200,6 +215,9 @@ mod tests {
         let other = of(&rows, &[Some(true), Some(false)]);
         assert!(other.starts_with("The data fit skid; skid-roll is nearer and does not fit"));
         assert_eq!(other.matches("not fit").count(), 1, "{other}");
+        let other = of(&rows, &[None, Some(false)]);
+        let start = "skid is nearest of those that may fit; skid-roll does not fit: J";
+        assert!(other.starts_with(start) && other.contains("is not known"), "{other}");
     }
 
     #[test]
@@ -214,6 +232,10 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("predicted better by skid (0.3300 against 0.3500)"), "{text}");
+        let alike = [row(Model::SKID, 0.31, 0.34, 0.4), rows[1].clone()];
+        let text = of(&alike, &[Some(true), Some(true)]);
+        let said = "it predicts left-out frequencies as well as skid (0.3500 and 0.3400)";
+        assert!(text.contains(said), "{text}");
         // Of a model that does not fit it is told apart.
         let text = of(&rows, &[Some(false), Some(true)]);
         assert!(text.starts_with("The data prefer skid-roll: J"), "{text}");
@@ -234,13 +256,16 @@ mod tests {
             ComparisonRow { free: 6, criterion: -190.0, j_extrapolated: 0.3, ..poorer.clone() };
         let richer = ComparisonRow { wins: 0.03, ..richer };
         let richer = ComparisonRow { model: Model::new("coulomb-viscous"), j: 0.29, ..richer };
-        let text = of(&[richer, poorer], &[Some(true), Some(true)]);
+        let text = of(&[richer.clone(), poorer.clone()], &[Some(true), Some(true)]);
         let start = "The data prefer skid-roll: J = 0.3100 with 3 free, criterion -200.0 against \
                      -190.0 of coulomb-viscous (J = 0.2900 with 6)";
         assert!(text.starts_with(start), "{text}");
         let extrapolated = "; fitted up to 4.5 rad/s, what is above is predicted better by \
                             coulomb-viscous (0.3000 against 0.4000)";
         assert!(text.contains(extrapolated), "{text}");
+        let trivially = ComparisonRow { j_extrapolated: 0.39, ..richer };
+        let text = of(&[trivially, poorer], &[Some(true), Some(true)]);
+        assert!(!text.contains("fitted up to"), "{text}");
     }
 
     #[test]
