@@ -5,8 +5,11 @@
 #![cfg(unix)]
 
 use std::collections::BTreeMap;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
+
+use sqlparser::dialect::DuckDbDialect;
 
 /// The README and the pages of `docs/` with their texts, by their paths.
 fn documents() -> BTreeMap<PathBuf, String> {
@@ -65,12 +68,108 @@ fn the_book_has_every_page() {
     }
 }
 
+/// Blocks of a language in a document.
+fn blocks<'t>(text: &'t str, language: &str) -> Vec<&'t str> {
+    let fence = format!("```{language}\n");
+    let starts = text.match_indices(&fence).map(|(start, _)| start + fence.len());
+    starts.filter_map(|start| text[start..].split_once("```")).map(|(block, _)| block).collect()
+}
+
 /// Lines of shell in the documents that begin with the program's name, continued ones in one.
 fn commands(text: &str) -> Vec<String> {
-    let blocks = text.split("```sh\n").skip(1).filter_map(|rest| rest.split_once("```"));
-    let joined = blocks.map(|(block, _)| block.replace("\\\n", " ")).collect::<String>();
+    let joined: String =
+        blocks(text, "sh").iter().map(|block| block.replace("\\\n", " ")).collect();
     let lines = joined.lines().map(str::trim).filter(|line| line.starts_with("trilink "));
     lines.map(str::to_owned).collect()
+}
+
+/// What a program says to this input, and whether it ends well.
+fn answer(command: &mut Command, input: &str) -> (bool, String) {
+    let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = piped.spawn().unwrap();
+    child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn blocks_of_shell_python_and_sql_are_of_their_language() {
+    let python = std::env::var("TRILINK_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let has_python = Command::new(&python).arg("--version").output().is_ok();
+    let mut counts = [0; 3];
+    for (path, text) in documents() {
+        let page = path.display();
+        for block in blocks(&text, "sh") {
+            let (is_shell, error) = answer(Command::new("sh").arg("-n"), block);
+            assert!(is_shell, "{page}: {error}\n{block}");
+            counts[0] += 1;
+        }
+        for block in blocks(&text, "python") {
+            let parse = "import ast, sys; ast.parse(sys.stdin.read())";
+            if has_python {
+                let (is_python, error) = answer(Command::new(&python).args(["-c", parse]), block);
+                assert!(is_python, "{page}: {error}\n{block}");
+            }
+            counts[1] += 1;
+        }
+        for block in blocks(&text, "sql") {
+            let parsed = sqlparser::parser::Parser::parse_sql(&DuckDbDialect {}, block);
+            assert!(parsed.is_ok_and(|of| !of.is_empty()), "{page}: {block}");
+            counts[2] += 1;
+        }
+    }
+    assert!(counts[0] > 20 && counts[1..].iter().all(|count| *count > 0), "{counts:?}");
+}
+
+/// Puts what `with` has into a table.
+fn merge(into: &mut toml::Table, with: toml::Table) {
+    for (key, value) in with {
+        match (into.get_mut(&key), value) {
+            (Some(toml::Value::Table(into)), toml::Value::Table(with)) => merge(into, with),
+            (_, value) => {
+                into.insert(key, value);
+            }
+        }
+    }
+}
+
+#[test]
+fn blocks_of_settings_are_valid_alone_or_in_the_file_of_this_repository() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let whole: toml::Table =
+        std::fs::read_to_string(root.join("pipeline.toml")).unwrap().parse().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let is_valid = |text: &str| {
+        std::fs::write(folder.path().join("pipeline.toml"), text).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_trilink"))
+            .args(["config", "check"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).contains("pipeline.toml: valid");
+        (said, String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let mut count = 0;
+    for (path, text) in documents() {
+        for block in blocks(&text, "toml") {
+            let settings: toml::Table = block.parse().unwrap();
+            if settings.contains_key("trial") {
+                continue;
+            }
+            let (alone, error) = is_valid(block);
+            let mut merged = whole.clone();
+            merge(&mut merged, settings);
+            let is_whole = block.contains("[robot.") && block.contains("[markers.");
+            let (inside, inside_error) = is_valid(&merged.to_string());
+            assert!(
+                alone || inside && !is_whole,
+                "{}: {error}{inside_error}\n{block}",
+                path.display()
+            );
+            count += 1;
+        }
+    }
+    assert!(count >= 5, "{count}");
 }
 
 #[test]
