@@ -148,7 +148,7 @@ fn sharing_is_kept_where_the_coefficients_are_the_same_and_refused_where_not() {
         ([[75.0, 91.0, 95.0], [104.0, 34.0, 45.0]], Sharing::Refused),
     ] {
         let Fitted { fits, shared, .. } =
-            fitted(&[Model::SKID_ROLL], &trials(&viscous(sets), 1.0, 2));
+            fitted(&[Model::SKID_ROLL], &trials(&viscous(sets), 1.0, 4));
         let row = &shared[0];
         assert_eq!(row.fit.sharing, Some(expected), "{row:?}");
         assert!(fits.iter().all(|fit| fit.sharing == Some(expected)));

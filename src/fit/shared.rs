@@ -6,10 +6,9 @@ use super::input::FreeParameter;
 use super::job::Job;
 use super::measurement::Measurement;
 use super::resampler::Resampler;
-use super::sharing::SharingTest;
+use super::sharing::{Nearest, SharingTest};
 use super::{FitData, FitInput, FitKey, Fitted, Replicates};
 use crate::config::Config;
-use crate::metrics::GaitMetrics;
 use crate::robot::Model;
 use crate::stats::mean;
 use crate::store::{Columns as _, FitRow, FitStatus, PredictionSource, SharedFitRow};
@@ -167,13 +166,13 @@ fn near(job: &Job, separate: &[&FitRow]) -> Vec<Vec<f64>> {
     own.into_iter().chain([middle]).collect()
 }
 
-/// Of each campaign the model that is nearest to its measurements: its objective, and the metrics of its
-/// motions at the trials. `None` where a campaign has none with all motions.
+/// Of each campaign the model that is nearest to its measurements; `None` where a campaign has none
+/// with all motions.
 fn nearest(
     shared: &SharedInput,
     measurements: &[Measurement],
     known: &BTreeMap<FitKey, Fitted>,
-) -> Option<Vec<(f64, Vec<GaitMetrics>)>> {
+) -> Option<Vec<Nearest>> {
     let of_campaign = |own: &[Measurement]| {
         let name = &shared.campaigns[own[0].campaign].campaign.name;
         let inputs = shared.models.iter().filter(|input| input.campaign.name == *name);
@@ -181,11 +180,11 @@ fn nearest(
             let fit = fitted.fits.first().filter(|fit| fit.status.is_ok())?;
             let rows = fitted.predictions.iter();
             let rows = rows.filter(|row| row.source == PredictionSource::Trial);
-            let metrics: Vec<GaitMetrics> = rows.map(|row| row.metrics).collect();
+            let metrics: Vec<_> = rows.map(|row| row.metrics).collect();
             let is_whole = metrics.len() == own.len();
-            is_whole.then_some((fit.j, metrics))
+            is_whole.then_some(Nearest { j: fit.j, metrics, fits: fit.adequate == Some(true) })
         });
-        fits.min_by(|(a, _), (b, _)| a.total_cmp(b))
+        fits.min_by(|a, b| a.j.total_cmp(&b.j))
     };
     measurements.chunk_by(|a, b| a.campaign == b.campaign).map(of_campaign).collect()
 }
