@@ -21,6 +21,9 @@ pub mod config;
 /// `trials.toml`.
 pub mod trial;
 
+/// Marker files alone -> a first `pipeline.toml` and `trials.toml`.
+pub mod init;
+
 /// Marker files -> markers over time.
 pub mod vicon;
 

@@ -6,6 +6,7 @@ use super::output::say;
 use super::{Context, Failure, Outcome};
 use crate::ingest::{Calibration, MarkerPosition, calibrate};
 use crate::report::fill;
+use crate::text::toml_key;
 use crate::trial::{TrialFolder, TrialFolders};
 
 /// Estimates the layouts from one trial and prints them.
@@ -54,14 +55,5 @@ fn line(marker: &MarkerPosition) -> String {
         None => String::new(),
     };
     let errors = all(marker.position_mm.map(|estimate| estimate.se));
-    format!("{} = [{}]  # +- {errors}{off}", key(&marker.label), all(position))
-}
-
-/// A label as a key of TOML.
-fn key(label: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    match !label.is_empty() && label.chars().all(is_plain) {
-        true => label.to_owned(),
-        false => toml::Value::String(label.to_owned()).to_string(),
-    }
+    format!("{} = [{}]  # +- {errors}{off}", toml_key(&marker.label), all(position))
 }

@@ -8,6 +8,7 @@ mod compare;
 mod config;
 mod explain;
 mod export;
+mod init;
 mod inspect;
 mod log;
 mod merge;
@@ -67,6 +68,9 @@ enum Command {
     /// Make the demo's trials if they are not there, then run them.
     #[command(after_help = include_str!("examples/demo.txt").trim_end())]
     Demo(pipeline::Demo),
+    /// Write a first pipeline.toml and trials.toml from marker files alone.
+    #[command(after_help = include_str!("examples/init.txt").trim_end())]
+    Init(init::Init),
     /// Ingest, fit and report trial folders.
     #[command(after_help = include_str!("examples/run.txt").trim_end())]
     Run(pipeline::Run),
@@ -210,6 +214,10 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
     let context = || begin(config.as_deref(), quiet, threads, log.as_deref(), verbose);
     match command {
         Command::Demo(command) => command.run(context()?),
+        // What it writes is the configuration.
+        Command::Init(command) => {
+            command.run(listen(None, quiet, threads, log.as_deref(), verbose)?)
+        }
         Command::Run(command) => command.run(context()?),
         Command::Ingest(command) => command.run(context()?),
         Command::Merge(command) => command.run(context()?),
@@ -230,7 +238,7 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
     }
 }
 
-/// Listens to signals, opens the log, starts the threads and reads the configuration.
+/// [`listen`], and reads the configuration.
 fn begin(
     path: Option<&Path>,
     quiet: bool,
@@ -238,6 +246,25 @@ fn begin(
     log: Option<&Path>,
     verbose: u8,
 ) -> Result<Context, Failure> {
+    let progress = listen(path, quiet, threads, log, verbose)?;
+    let own = Path::new(CONFIG_FILE);
+    // Only without a file the defaults count: not where it cannot be read.
+    let is_absent = |error: std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
+    let config = match path {
+        None if own.symlink_metadata().is_err_and(is_absent) => Config::default(),
+        path => Config::load(path.unwrap_or(own))?,
+    };
+    Ok(Context { config, progress })
+}
+
+/// Listens to signals, opens the log and starts the threads.
+fn listen(
+    path: Option<&Path>,
+    quiet: bool,
+    threads: Option<usize>,
+    log: Option<&Path>,
+    verbose: u8,
+) -> Result<Progress, Failure> {
     interrupt::listen()?;
     log::begin(log, verbose)?;
     if let Some(threads) = threads {
@@ -253,12 +280,5 @@ fn begin(
         config = %path.unwrap_or(Path::new(CONFIG_FILE)).display(),
         "begin"
     );
-    let own = Path::new(CONFIG_FILE);
-    // Only without a file the defaults count: not where it cannot be read.
-    let is_absent = |error: std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
-    let config = match path {
-        None if own.symlink_metadata().is_err_and(is_absent) => Config::default(),
-        path => Config::load(path.unwrap_or(own))?,
-    };
-    Ok(Context { config, progress: Progress::new(quiet, verbose > 0) })
+    Ok(Progress::new(quiet, verbose > 0))
 }

@@ -26,7 +26,7 @@ mod identification;
 mod diagnosis;
 
 /// A trial of unknown layout -> the layout.
-mod calibrate;
+pub(crate) mod calibrate;
 
 // What they share, and what goes around them.
 mod checks;
@@ -60,7 +60,10 @@ use checks::Finding;
 use cycles::{CycleData, steady, summary, wheel_velocities};
 use identification::{coast, release};
 use markers::layout;
-use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics};
+pub(crate) use markers::layout::{LinkMarker, marker_name};
+pub(crate) use markers::rigid::fit as fit_rigid;
+pub(crate) use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics, strongest_line};
+pub(crate) use poses::frame_grid;
 use poses::{Linkage, Tracked};
 use signals::JointSignal;
 

@@ -51,6 +51,20 @@ impl MarkerFile {
         }
     }
 
+    /// Every so manieth frame, numbered anew, at so much less a rate.
+    pub(crate) fn thinned(&self, stride: usize) -> Self {
+        let stride = stride.max(1) as i64;
+        let kept: Vec<usize> =
+            (0..self.frames.len()).filter(|&row| self.frames[row] % stride == 0).collect();
+        Self {
+            rate_hz: self.rate_hz.map(|rate_hz| rate_hz / stride as f64),
+            frames: kept.iter().map(|&row| self.frames[row] / stride).collect(),
+            labels: self.labels.clone(),
+            positions_mm: kept.iter().flat_map(|&row| self.row_mm(row)).copied().collect(),
+            ..*self
+        }
+    }
+
     /// Where a marker was in a row of the file, mm; three NaN where the cameras did not see it.
     ///
     /// # Panics

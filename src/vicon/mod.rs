@@ -21,6 +21,26 @@ pub use error::{Problem, ViconError};
 pub use markers::MarkerFile;
 pub use sections::Section;
 
+/// Names of marker files end like this, packed or not.
+const ENDINGS: [&str; 2] = [".csv", ".c3d"];
+
+/// Names of the marker files of a folder, in order.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn marker_files(folder: &Path) -> std::io::Result<Vec<String>> {
+    let is_marker_file = |name: &String| {
+        let plain = name.to_ascii_lowercase();
+        let plain = plain.strip_suffix(".gz").unwrap_or(&plain);
+        ENDINGS.iter().any(|end| plain.ends_with(end)) && !name.starts_with('.')
+    };
+    let entries = std::fs::read_dir(folder)?.flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(is_marker_file).collect();
+    names.sort();
+    Ok(names)
+}
+
 /// Reads the markers of an exported file, CSV or C3D, as it is or packed by gzip.
 ///
 /// # Errors

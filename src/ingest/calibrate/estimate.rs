@@ -11,7 +11,7 @@ use crate::vicon::MarkerFile;
 /// The axis about which two rigid bodies turn, in the frames of both, and the RMS distance of the
 /// two positions over the rows, mm; `None` if they do not turn against each other. Symmetrical
 /// centre of rotation estimation (SCoRE, Ehrig and others 2006), in the plane.
-pub(super) fn between(
+pub(crate) fn between(
     first: &Body,
     second: &Body,
     is_used: &dyn Fn(usize) -> bool,

@@ -30,7 +30,7 @@ const WIDTH: f64 = 2.563;
 /// Groups of the columns of a file, each of two at least and rigid, by their first column; other
 /// columns are in no group. Two groups join if all distances between them are constant, the most
 /// constant first (complete linkage).
-pub(super) fn rigid_groups(file: &MarkerFile) -> Vec<Vec<usize>> {
+pub(crate) fn rigid_groups(file: &MarkerFile) -> Vec<Vec<usize>> {
     let columns = 0..file.labels.len();
     let spread = |a: usize| columns.clone().map(move |b| spread_mm(file, a, b)).collect();
     let spreads: Vec<Vec<f64>> = columns.clone().map(spread).collect();
@@ -79,7 +79,7 @@ fn spread_mm(file: &MarkerFile, a: usize, b: usize) -> f64 {
 
 /// The bodies with the middle link first, and then the one in front, as far as there is a commanded
 /// gait.
-pub(super) fn in_order(
+pub(crate) fn in_order(
     file: &MarkerFile,
     mut bodies: [Body; 3],
     command: Option<CommandedGait>,

@@ -34,7 +34,9 @@ use crate::stats::{Estimate, quantiles_low, wrap};
 use crate::trial::TrialList;
 use crate::vicon::{self, MarkerFile};
 use estimate::LayoutEstimate;
-use shape::Body;
+pub(crate) use estimate::between;
+pub(crate) use links::{in_order, rigid_groups};
+pub(crate) use shape::Body;
 
 /// Parts of the trial whose differences give the standard errors, at most and at least.
 const PARTS: usize = 10;
@@ -97,6 +99,8 @@ pub struct Calibration {
     /// By how much their wheels skid to one side, by the configured skid coefficients, degrees; the
     /// directions are without it.
     pub skid_deg: f64,
+    /// How far the links are bent on average, half the difference of the joints' mean angles, degrees.
+    pub bent_deg: f64,
     /// Frames that were used.
     pub frames: usize,
 }
@@ -126,6 +130,7 @@ pub fn calibrate(
     let calibration = settings
         .frame_rate(&file)
         .and_then(|rate_hz| of_file(&file, markers, &robot, gait.as_ref(), rate_hz))
+        .and_then(Calibration::about_straight_links)
         .map_err(|problem| problem.of(&path))?;
     Ok(Calibration { trial: trial.id.clone(), ..calibration })
 }
@@ -156,8 +161,22 @@ impl Parts {
     }
 }
 
-/// [`calibrate`] of markers at hand.
-fn of_file(
+impl Calibration {
+    /// Refuses a gait about bent links.
+    fn about_straight_links(self) -> Result<Self, Problem> {
+        let (found_deg, needed_deg) = (self.bent_deg, MOST_BENT_DEG);
+        match found_deg > needed_deg {
+            true => Err(Problem::BentGait { found_deg, needed_deg }),
+            false => Ok(self),
+        }
+    }
+}
+
+/// [`calibrate`] of markers at hand, whatever the gait is about; without the trial's id.
+///
+/// # Errors
+/// The markers do not form three rigid groups, or a joint hardly turns.
+pub(crate) fn of_file(
     file: &MarkerFile,
     markers: &Markers,
     robot: &Robot,
@@ -206,11 +225,8 @@ fn of_file(
         let [first, second] = gait.joints.map(|joint| joint.map_or(0.0, |joint| joint.offset_rad));
         0.5 * (first - second)
     });
-    let bent_deg =
-        [commanded_rad, whole.aslant_rad + whole.skid_rad].map(|bent| bent.abs().to_degrees());
-    if let Some(found_deg) = bent_deg.into_iter().find(|deg| *deg > MOST_BENT_DEG) {
-        return Err(Problem::BentGait { found_deg, needed_deg: MOST_BENT_DEG });
-    }
+    let bent_rad = whole.aslant_rad + whole.skid_rad;
+    let bent_deg = commanded_rad.abs().max(bent_rad.abs()).to_degrees();
     let measured = |value: &dyn Fn(&LayoutEstimate) -> f64| {
         let all = value(&whole);
         let squares: f64 = partial.iter().map(|part| (value(part) - all).powi(2)).sum();
@@ -262,6 +278,7 @@ fn of_file(
         joint_residual_mm: whole.joint_residual_mm,
         direction_se_deg: [0, 1].map(direction),
         skid_deg: whole.skid_rad.to_degrees(),
+        bent_deg,
         frames: (0..file.frames.len()).filter(|row| parts.of_row(file, *row).is_some()).count(),
     })
 }

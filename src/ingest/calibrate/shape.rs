@@ -14,7 +14,7 @@ const MEANS: usize = 4;
 
 /// A group's markers in a frame of its own, with its pose in every row.
 #[derive(Debug, Clone)]
-pub(super) struct Body {
+pub(crate) struct Body {
     pub markers: Vec<LinkMarker>,
     pub fits: Vec<LinkFit>,
 }

@@ -14,9 +14,7 @@ use crate::pattern::matches_label;
 use crate::robot::Gait;
 use crate::store::{CheckRow, Severity, TrialRow, TrialStatus};
 use crate::trial::TrialFolder;
-
-/// Names of marker files end like this, packed or not.
-const MARKER_FILES: [&str; 2] = [".csv", ".c3d"];
+use crate::vicon;
 
 /// What the trials of all folders are judged by together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -71,17 +69,8 @@ fn unlisted(TrialFolder { path, list, .. }: &TrialFolder) -> Vec<String> {
         list.trial.iter().any(|trial| trial.file == name)
             || list.ignore.iter().any(|pattern| matches_label(pattern, name))
     };
-    let is_marker_file = |name: &String| {
-        let plain = name.to_ascii_lowercase();
-        let plain = plain.strip_suffix(".gz").unwrap_or(&plain);
-        MARKER_FILES.iter().any(|end| plain.ends_with(end)) && !name.starts_with('.')
-    };
-    let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
-    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    let mut unlisted: Vec<String> =
-        names.filter(|name| is_marker_file(name) && !is_listed(name)).collect();
-    unlisted.sort();
-    unlisted
+    let names = vicon::marker_files(path).unwrap_or_default();
+    names.into_iter().filter(|name| !is_listed(name)).collect()
 }
 
 /// Fails trials whose marker files have the same content.

@@ -183,18 +183,30 @@ fn measured_step(joints: &[Joint], range: &Range<usize>, commanded: f64) -> Opti
 
 /// The step per frame, near the commanded one, at which the joints' spectrum is largest.
 fn spectral_peak(joints: &[Joint], range: &Range<usize>, commanded: f64) -> f64 {
+    let phi = joints.iter().map(|(_, _, phi)| *phi);
+    strongest_line(phi, range, commanded, SEARCH * commanded)
+        .clamp((1.0 - SEARCH) * commanded, (1.0 + SEARCH) * commanded)
+}
+
+/// The step per frame within `reach` of the middle one at which the spectrum of the series together
+/// is largest; the middle one if nothing was seen.
+pub(crate) fn strongest_line<'s>(
+    series: impl Iterator<Item = &'s [f64]> + Clone,
+    range: &Range<usize>,
+    middle: f64,
+    reach: f64,
+) -> f64 {
     let power = |step_rad: f64| -> f64 {
         let phase = LinearPhase::centred(range, step_rad);
-        let line = |(_, _, phi): &Joint| Harmonics::fit(phi, range.clone(), &phase, 1);
-        joints.iter().filter_map(line).map(|line| line.amplitude(1).powi(2)).sum()
+        let line = |series: &[f64]| Harmonics::fit(series, range.clone(), &phase, 1);
+        series.clone().filter_map(line).map(|line| line.amplitude(1).powi(2)).sum()
     };
     // A quarter of the width of a spectral line is fine enough for the refinement.
     let spacing = 0.5 * PI / range.len() as f64;
-    let count = (SEARCH * commanded / spacing).ceil() as i64;
-    let steps = (-count..=count).map(|i| commanded + spacing * i as f64);
+    let count = (reach / spacing).ceil() as i64;
+    let steps = (-count..=count).map(|i| middle + spacing * i as f64);
     let best = steps.map(|step| (step, power(step))).max_by(|a, b| a.1.total_cmp(&b.1));
-    best.map_or(commanded, |(step, _)| step)
-        .clamp((1.0 - SEARCH) * commanded, (1.0 + SEARCH) * commanded)
+    best.map_or(middle, |(step, _)| step)
 }
 
 /// Least-squares step per frame with its variance, by Gauss-Newton on the step with the

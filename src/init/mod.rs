@@ -1,0 +1,287 @@
+//! A first `pipeline.toml` and `trials.toml` from marker files alone.
+//!
+//! Each file by itself shows groups of markers that move rigidly together (`clusters`); what most files
+//! show are the robot's links. Their motion (`motion`) says what was recorded at which frequency
+//! (`frequency`), the file that shows it best where the markers sit (`layout`), all gaits together which
+//! of them are one campaign (`campaigns`). What is not known is written as such (`write`).
+
+mod campaigns;
+mod clusters;
+mod frequency;
+mod layout;
+mod motion;
+mod survey;
+mod write;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+pub use campaigns::JointSwing;
+use campaigns::Performed;
+use clusters::Links;
+use frequency::{Recorded, Swing};
+use layout::{Candidate, Layout};
+use motion::Motion;
+use survey::Survey;
+
+use crate::config::ConfigError;
+use crate::store::StoreError;
+use crate::trial::TrialKind;
+
+/// What to look at, and where to write.
+#[derive(Debug, Clone)]
+pub struct Request {
+    pub folders: Vec<PathBuf>,
+    /// Folder of `pipeline.toml`.
+    pub out: PathBuf,
+    /// From joint to wheel of a side link, m.
+    pub l_m: Option<f64>,
+    /// A marker of the front link.
+    pub front: Option<String>,
+    /// Replace files that are there.
+    pub force: bool,
+}
+
+/// Why nothing is written.
+#[derive(Debug, thiserror::Error)]
+pub enum InitError {
+    #[error("{}: found a file, needed a new one, or --force to replace it", .0.display())]
+    Exists(PathBuf),
+    #[error("{}: cannot be read: {source}", path.display())]
+    Folder { path: PathBuf, source: std::io::Error },
+    #[error("{0}: found no marker file, needed .csv, .csv.gz or .c3d files")]
+    NoFiles(String),
+    #[error(
+        "found no file that shows three links in a chain, needed one in which both joints move:\n{0}"
+    )]
+    NoChain(String),
+    #[error(
+        "found no gait that shows where the markers sit, needed a file in which both joints turn by 20 degrees or more:\n{0}"
+    )]
+    NoLayout(String),
+    #[error("--front: found `{found}`, needed a marker of a side link: {known}")]
+    Front { found: String, known: String },
+    #[error(transparent)]
+    List(#[from] ConfigError),
+    #[error(transparent)]
+    Write(#[from] StoreError),
+    #[error("the configuration cannot be written: {0}")]
+    Template(#[from] minijinja::Error),
+}
+
+/// What is known of a file.
+#[derive(Debug, Clone, Serialize)]
+pub struct FoundFile {
+    /// As it was named, and the file in it.
+    pub folder: PathBuf,
+    pub file: String,
+    pub subjects: Vec<String>,
+    pub labels: usize,
+    /// Hz, if the file says one.
+    pub rate_hz: Option<f64>,
+    pub frames: i64,
+    /// Part of the robot's markers and frames that was seen.
+    pub kind: Option<TrialKind>,
+    /// Measured, of a gait.
+    pub omega_rad_s: Option<f64>,
+    /// phi1 and phi2 of a gait.
+    pub joints: Option<[JointSwing; 2]>,
+    pub campaign: Option<String>,
+    /// Why it is left out.
+    pub problem: Option<String>,
+}
+
+/// A gait that files have in common.
+#[derive(Debug, Clone, Serialize)]
+pub struct FoundCampaign {
+    pub name: String,
+    pub files: usize,
+    pub joints: [JointSwing; 2],
+    /// The passive joint, 1 or 2.
+    pub passive_joint: Option<usize>,
+}
+
+/// A line that a person has to look at.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Mark {
+    pub file: PathBuf,
+    /// From 1.
+    pub line: usize,
+    /// What stands before and after the mark.
+    pub of: String,
+    pub text: String,
+}
+
+/// All that was found and written.
+#[derive(Debug, Clone, Serialize)]
+pub struct Findings {
+    pub files: Vec<FoundFile>,
+    /// Folders without a trial.
+    pub empty: Vec<PathBuf>,
+    /// As `pipeline.toml` calls it.
+    pub robot: String,
+    /// Markers of the middle, front and rear link.
+    pub links: [Vec<String>; 3],
+    /// Labels of markers on none of them.
+    pub elsewhere: Vec<String>,
+    pub campaigns: Vec<FoundCampaign>,
+    pub written: Vec<PathBuf>,
+    /// Lists of trials that were there, and stay.
+    pub kept: Vec<PathBuf>,
+    pub marks: Vec<Mark>,
+}
+
+impl Findings {
+    /// Whether a file or folder gives no trial.
+    pub fn is_lacking(&self) -> bool {
+        !self.empty.is_empty() || self.files.iter().any(|file| file.problem.is_some())
+    }
+}
+
+/// What a file turned out to be.
+struct Described {
+    motion: Motion,
+    recorded: Recorded,
+}
+
+/// Looks at folders of marker files and writes what they show. `on_file` hears of each file that was
+/// read, from any thread.
+///
+/// # Errors
+/// A file would be overwritten, a folder cannot be read, no file shows the robot's three links, or
+/// nothing can be written. Files that cannot be used are findings.
+pub fn init(request: &Request, on_file: &(dyn Fn(&str) + Sync)) -> Result<Findings, InitError> {
+    let folders = survey::folders(request)?;
+    let surveys = survey::read_all(&folders, on_file);
+    let links = clusters::shown_by_most(surveys.iter().filter_map(|of| of.links.as_ref().ok()));
+    let links = links.ok_or_else(|| InitError::NoChain(survey::reasons(&surveys)))?;
+    let rate_hz = survey::usual_rate_hz(&surveys);
+    let mut described = survey::describe_all(&surveys, &links, rate_hz);
+    let (links, ahead) = put_front_first(links, &mut described, request.front.as_deref())?;
+    let layout = find_layout(&links, &surveys, &described, rate_hz, request.l_m)?;
+
+    let gaits: Vec<(usize, Performed)> = described
+        .iter()
+        .enumerate()
+        .filter_map(|(i, of)| Some((i, performed(&surveys[i], of.as_ref().ok()?, &layout)?)))
+        .collect();
+    let performed: Vec<Performed> = gaits.iter().map(|(_, gait)| gait.clone()).collect();
+    let mut groups = campaigns::groups(&performed);
+    for group in &mut groups {
+        group.files.iter_mut().for_each(|file| *file = gaits[*file].0);
+    }
+    write::write(write::Written {
+        request,
+        folders,
+        surveys,
+        described,
+        gaits,
+        groups,
+        links,
+        layout,
+        ahead,
+        rate_hz,
+    })
+}
+
+/// In how many files the robot moves to where the front link is, of how many; `None` if somebody says
+/// which it is.
+type Ahead = Option<(usize, usize)>;
+
+/// Puts the front link before the rear one: as a person says, or to where the robot moves.
+fn put_front_first(
+    mut links: Links,
+    described: &mut [Result<Described, String>],
+    front: Option<&str>,
+) -> Result<(Links, Ahead), InitError> {
+    let ahead = |of: &Result<Described, String>| {
+        let of = of.as_ref().ok().filter(|of| of.recorded.kind() == TrialKind::Gait)?;
+        Some(of.motion.ahead_m)
+    };
+    let ways_m: Vec<f64> = described.iter().filter_map(ahead).collect();
+    let is_exchanged = match front {
+        None => ways_m.iter().sum::<f64>() < 0.0,
+        Some(label) => {
+            let is_of = |names: &[String]| names.iter().any(|name| name == label);
+            if !is_of(&links[1]) && !is_of(&links[2]) {
+                let known = format!("{} or {}", links[1].join(", "), links[2].join(", "));
+                return Err(InitError::Front { found: label.to_owned(), known });
+            }
+            is_of(&links[2])
+        }
+    };
+    if is_exchanged {
+        links.swap(1, 2);
+        described.iter_mut().filter_map(|of| of.as_mut().ok()).for_each(Described::exchange);
+    }
+    let sign = if is_exchanged { -1.0 } else { 1.0 };
+    let there = ways_m.iter().filter(|way_m| sign * **way_m > 0.0).count();
+    Ok((links, front.is_none().then_some((there, ways_m.len()))))
+}
+
+impl Described {
+    /// Calls the rear link the front link: then phi1 is minus what phi2 was, and the other way round.
+    fn exchange(&mut self) {
+        self.motion.exchange();
+        match &mut self.recorded {
+            Recorded::Gait { swings, .. } => {
+                swings.swap(0, 1);
+                *swings = swings.map(Swing::reversed);
+            }
+            Recorded::Release { joint } => *joint = 1 - *joint,
+            Recorded::CoastDown => {}
+        }
+    }
+}
+
+fn find_layout(
+    links: &Links,
+    surveys: &[Survey],
+    described: &[Result<Described, String>],
+    rate_hz: f64,
+    l_m: Option<f64>,
+) -> Result<Layout, InitError> {
+    let known =
+        || surveys.iter().zip(described).filter_map(|(of, found)| Some((of, found.as_ref().ok()?)));
+    let candidates =
+        known().filter_map(|(survey, Described { motion, recorded })| match recorded {
+            Recorded::Gait { omega_rad_s, .. } => Some(Candidate {
+                path: survey.path.clone(),
+                rate_hz: survey.rate_hz.unwrap_or(rate_hz),
+                omega_rad_s: *omega_rad_s,
+                motion,
+            }),
+            _ => None,
+        });
+    let coasts: Vec<&Motion> = known()
+        .filter(|(_, of)| of.recorded == Recorded::CoastDown)
+        .map(|(_, of)| &of.motion)
+        .collect();
+    Layout::find(links, candidates.collect(), &coasts, l_m)
+        .map_err(|reasons| InitError::NoLayout(reasons.join("\n")))
+}
+
+/// What the joints do in a gait's file.
+fn performed(survey: &Survey, of: &Described, layout: &Layout) -> Option<Performed> {
+    let Recorded::Gait { omega_rad_s, swings } = of.recorded else { return None };
+    let offsets_rad = layout.offsets_rad(&of.motion)?;
+    let first_rad = swings[0].phase_rad;
+    let joint = |i: usize| {
+        let Swing { offset_rad, amplitude_rad, phase_rad } = swings[i];
+        let [offset, phase] =
+            [offset_rad + offsets_rad[i], phase_rad - first_rad].map(crate::stats::wrap);
+        JointSwing {
+            offset_deg: offset.to_degrees(),
+            amplitude_deg: amplitude_rad.to_degrees(),
+            phase_deg: phase.to_degrees(),
+        }
+    };
+    let listed = survey.listed.as_ref().and_then(|trial| trial.campaign.clone());
+    Some(Performed {
+        omega_rad_s,
+        joints: [joint(0), joint(1)],
+        is_listed: listed.is_some(),
+        name: listed.unwrap_or_else(|| campaigns::words(&survey.stem())),
+    })
+}

@@ -1,0 +1,309 @@
+//! The first hour: from marker files alone, by `init`, to a fitted coefficient.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::path::Path;
+
+use common::{succeed, text, trilink};
+use serde_json::Value;
+use tempfile::TempDir;
+use trilink::config::Config;
+use trilink::store::{Columns as _, FitRow, FitStatus, Table};
+use trilink::trial::{TrialKind, TrialList};
+
+/// Another robot with other labels and dimensions; both joints are commanded.
+const CART: &str = r#"
+[vicon]
+rate_hz = 100.0
+[robot.cart]
+h_m = 0.2
+l_m = 0.13
+b_m = 0.075
+mass_kg = [1.6, 0.42, 0.38]
+inertia_kg_m2 = [0.016, 0.0011, 0.0010]
+roll_kg_s = [0.8, 0.4, 0.4]
+skid_kg_s = [150.0, 70.0, 60.0]
+[gait.level]
+joint1 = { offset_deg = 0.0, amplitude_deg = 26.0, phase_deg = 0.0 }
+joint2 = { offset_deg = 0.0, amplitude_deg = 31.0, phase_deg = -80.0 }
+[gait.bent]
+joint1 = { offset_deg = 35.0, amplitude_deg = 28.0, phase_deg = 0.0 }
+joint2 = { offset_deg = -35.0, amplitude_deg = 28.0, phase_deg = -90.0 }
+[campaign.weave]
+robot = "cart"
+gait = "level"
+models = ["skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+[campaign.hook]
+robot = "cart"
+gait = "bent"
+models = ["skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+[markers.link0]
+Body-L = [60.0, 52.0, 70.0]
+Body-R = [-20.0, -52.0, 70.0]
+Body-T = [-125.0, 30.0, 85.0]
+[markers.link1]
+N1 = [60.0, 0.0, 50.0]
+N2 = [-40.0, 33.0, 50.0]
+N3 = [-35.0, -28.0, 64.0]
+[markers.link2]
+T1 = [-66.0, 5.0, 50.0]
+T2 = [20.0, 36.0, 50.0]
+T3 = [45.0, -31.0, 64.0]
+"#;
+
+/// What a person adds to the test's runs so that they are quick. It changes no coefficient.
+const QUICK: &str = "starts = 2\nbootstrap = 2\nprofiles = false\n";
+
+/// A folder with the marker files of some trials in `raw/`, and nothing else but `truth.json` beside.
+fn recorded(settings: &str, omegas: &str, kept: impl Fn(&str) -> bool) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    std::fs::write(path.join("pipeline.toml"), settings).unwrap();
+    succeed(path, &["-q", "synth", "raw", "--omega", omegas, "--seed", "3"]);
+    std::fs::rename(path.join("raw/truth.json"), path.join("truth.json")).unwrap();
+    std::fs::remove_file(path.join("pipeline.toml")).unwrap();
+    for name in names(&path.join("raw")) {
+        if !name.ends_with(".csv") || !kept(&name) {
+            std::fs::remove_file(path.join("raw").join(name)).unwrap();
+        }
+    }
+    folder
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    std::fs::read_to_string(folder.join(name)).unwrap()
+}
+
+/// Replaces whole lines, each of which begins with a key, by others.
+fn edit(folder: &Path, name: &str, lines: &[&str]) {
+    let mut content: Vec<String> = read(folder, name).lines().map(str::to_owned).collect();
+    for line in lines {
+        let key = line.split(" = ").next().unwrap();
+        let is_of = |of: &&mut String| of.split(" = ").next() == Some(key);
+        *content.iter_mut().find(is_of).unwrap_or_else(|| panic!("no {key}")) = line.to_string();
+    }
+    std::fs::write(folder.join(name), content.join("\n") + "\n").unwrap();
+}
+
+/// Makes the fits of a configuration quick.
+fn quick(folder: &Path) {
+    let content = read(folder, "pipeline.toml");
+    let content = match content.split_once("[fit]\n") {
+        Some((before, after)) => format!("{before}[fit]\n{QUICK}{after}"),
+        None => content.replacen("\n[vicon]\n", &format!("\n[fit]\n{QUICK}\n[vicon]\n"), 1),
+    };
+    std::fs::write(folder.join("pipeline.toml"), content).unwrap();
+}
+
+fn found(folder: &Path, arguments: &[&str], status: i32) -> Value {
+    let output = trilink(folder, &[&["-q", "init", "--json"], arguments].concat());
+    assert_eq!(output.status.code(), Some(status), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = trilink(folder, &[&["-q"], arguments].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stdout));
+    text(&output.stderr)
+}
+
+#[test]
+fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
+    let folder = recorded(CART, "2,3,4.5", |name| name.starts_with("weave"));
+    let path = folder.path();
+    // Names that say nothing.
+    for (i, name) in names(&path.join("raw")).iter().enumerate() {
+        let new = format!("raw/Take {:02}.csv", i + 1);
+        std::fs::rename(path.join("raw").join(name), path.join(new)).unwrap();
+    }
+    let told = succeed(path, &["-q", "init", "raw", "--l-m", "0.13"]);
+    assert!(told.contains("middle link: Body-L, Body-R, Body-T"), "{told}");
+    assert!(told.contains("then: trilink check"), "{told}");
+
+    // What a person does: the length on the command line above, and these lines.
+    const GIVEN: [&str; 1] = ["--l-m 0.13"];
+    const EDITED: [&str; 3] =
+        ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.0011, 0.0010]"];
+    assert!(GIVEN.len() + EDITED.len() <= 5);
+    // Before that nothing is computed with numbers that nobody knows.
+    let unknown = refused(path, &["check"]);
+    assert!(unknown.contains("b_m") && unknown.contains("NaN"), "{unknown}");
+    edit(path, "pipeline.toml", &EDITED);
+    quick(path);
+    succeed(path, &["-q", "check"]);
+    succeed(path, &["-q", "run"]);
+
+    let fits = Table::read(&path.join("derived/fits.parquet")).unwrap();
+    let fits = FitRow::from_table(&fits).unwrap();
+    let fit = fits.iter().find(|fit| fit.model.name() == "skid-roll").unwrap();
+    assert_eq!(fit.status, FitStatus::Ok);
+    let truth: Value = serde_json::from_str(&read(path, "truth.json")).unwrap();
+    let planted = &truth["campaigns"]["weave"]["skid_kg_s"];
+    for (wheel, parameter) in trilink::robot::Parameter::SKID.into_iter().enumerate() {
+        let (found, planted) = (fit.parameters[parameter], planted[wheel].as_f64().unwrap());
+        assert!((found / planted - 1.0).abs() < 0.15, "{parameter:?}: {found} for {planted}");
+    }
+    let config = Config::load(&path.join("pipeline.toml")).unwrap();
+    let (robot, gait) = config.campaign_setup("take").unwrap();
+    assert!((robot.h_m - 0.2).abs() < 3e-4, "{}", robot.h_m);
+    let [first, second] = gait.joints.map(Option::unwrap);
+    for (found, expected_deg) in [
+        (first.amplitude_rad, 26.0),
+        (second.amplitude_rad, 31.0),
+        (first.offset_rad, 0.0),
+        (second.offset_rad, 0.0),
+        (second.phase_rad, -80.0),
+    ] {
+        let found_deg = found.to_degrees();
+        assert!((found_deg - expected_deg).abs() < 1.0, "{found_deg} for {expected_deg}");
+    }
+}
+
+#[test]
+fn two_campaigns_in_two_folders_beside_what_is_no_trial() {
+    let folder =
+        recorded(CART, "2.5,4", |name| name.starts_with("weave") || name.contains("coast"));
+    let path = folder.path();
+    let hook = recorded(CART, "2.5,4", |name| name.starts_with("hook"));
+    for name in ["first", "second", "nothing"] {
+        std::fs::create_dir(path.join(name)).unwrap();
+    }
+    for name in names(&path.join("raw")) {
+        let to = format!("first/{name}");
+        std::fs::rename(path.join("raw").join(&name), path.join(to)).unwrap();
+    }
+    for name in names(&hook.path().join("raw")) {
+        let mut content = read(hook.path(), &format!("raw/{name}"));
+        if name.contains("2.50") {
+            // A subject of another name, and two markers that stand beside the floor.
+            content = content.replace("Snake:", "Schlange:");
+            let beside = |(i, line): (usize, &str)| match i {
+                0 | 1 => format!("{line}\r\n"),
+                2 => format!("{line}Wand:W1,,,Wand:W2,,,\r\n"),
+                3 => format!("{line},X,Y,Z,X,Y,Z\r\n"),
+                4 => format!("{line},mm,mm,mm,mm,mm,mm\r\n"),
+                _ => format!("{line},1500.0,20.0,10.0,1600.0,{}.0,10.0\r\n", 40 + i % 2),
+            };
+            content = content.lines().enumerate().map(beside).collect();
+        }
+        std::fs::write(path.join("second").join(&name), content).unwrap();
+    }
+    let whole = std::fs::read(path.join("second/hook-4.00-r1.csv")).unwrap();
+    let damaged = [&whole[..whole.len() / 3], b"\n1,0,what,is,this\n"].concat();
+    std::fs::write(path.join("second/hook-9.00-r1.csv"), damaged).unwrap();
+
+    let arguments = ["first", "second", "nothing", "--l-m", "0.13"];
+    let found = found(path, &arguments, 1);
+    let campaigns = found["campaigns"].as_array().unwrap();
+    let named: Vec<_> = campaigns.iter().map(|of| of["name"].as_str().unwrap()).collect();
+    assert_eq!(named, ["hook", "weave"]);
+    for (of, offset_deg) in campaigns.iter().zip([35.0, 0.0]) {
+        assert_eq!((of["files"].as_u64(), &of["passive_joint"]), (Some(2), &Value::Null));
+        for (joint, sign) in [(0, 1.0), (1, -1.0)] {
+            let offset = of["joints"][joint]["offset_deg"].as_f64().unwrap();
+            assert!((offset - sign * offset_deg).abs() < 1.0, "{offset} for {offset_deg}");
+        }
+    }
+    assert_eq!(found["elsewhere"], serde_json::json!(["W1", "W2"]));
+    assert_eq!(found["empty"], serde_json::json!(["nothing"]));
+    assert_eq!(found["robot"], "snake");
+    let problem = |of: &&Value| of["problem"].is_string();
+    let left_out: Vec<_> = found["files"].as_array().unwrap().iter().filter(problem).collect();
+    assert_eq!(left_out.len(), 1, "{left_out:?}");
+    assert_eq!(left_out[0]["file"], "hook-9.00-r1.csv");
+
+    let [first, second] = ["first", "second"].map(|of| TrialList::load(&path.join(of)).unwrap());
+    assert_eq!(second.ignore, ["hook-9.00-r1.csv"]);
+    assert!(read(path, "second/trials.toml").contains("# CHECK: line"), "the reason is there");
+    let omegas: Vec<_> = second.trial.iter().map(|trial| trial.omega_rad_s).collect();
+    assert_eq!(omegas, [Some(2.5), Some(4.0)]);
+    let kinds: Vec<_> = first.trial.iter().map(|trial| trial.kind).collect();
+    assert_eq!(kinds, [TrialKind::CoastDown, TrialKind::Gait, TrialKind::Gait]);
+    assert!(!path.join("nothing/trials.toml").exists());
+
+    let robot =
+        ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.001, 0.001]"];
+    edit(path, "pipeline.toml", &robot);
+    succeed(path, &["-q", "check"]);
+    let checked = succeed(path, &["-q", "config", "check"]);
+    assert!(checked.contains("campaign hook: robot snake, gait hook, 2 trials"), "{checked}");
+}
+
+#[test]
+fn nothing_is_overwritten_and_what_cannot_be_done_is_said() {
+    let folder = recorded(CART, "3", |name| name.starts_with("weave"));
+    let path = folder.path();
+    std::fs::create_dir(path.join("empty")).unwrap();
+    let empty = refused(path, &["init", "empty"]);
+    assert!(empty.contains("empty: found no marker file"), "{empty}");
+    let absent = refused(path, &["init", "absent"]);
+    assert!(absent.contains("absent: cannot be read"), "{absent}");
+    let millimetres = refused(path, &["init", "raw", "--l-m", "130"]);
+    assert!(millimetres.contains("found `130`"), "{millimetres}");
+    let no_link = refused(path, &["init", "raw", "--front", "Nose"]);
+    assert!(no_link.contains("found `Nose`") && no_link.contains("N1, N2, N3"), "{no_link}");
+    assert!(!path.join("pipeline.toml").exists() && !path.join("raw/trials.toml").exists());
+
+    std::fs::write(path.join("pipeline.toml"), "# mine\n").unwrap();
+    let there = refused(path, &["init", "raw"]);
+    assert!(there.contains("pipeline.toml: found a file") && there.contains("--force"), "{there}");
+    assert_eq!(read(path, "pipeline.toml"), "# mine\n");
+    // A list that is there stays, and is read.
+    let list = "[[trial]]\nid = \"a\"\nfile = \"weave-3.00-r1.csv\"\nkind = \"gait\"\ncampaign = \"mine\"\nomega_rad_s = 3.0\n";
+    std::fs::write(path.join("raw/trials.toml"), list).unwrap();
+    let elsewhere = found(path, &["raw", "--out", "config", "--front", "T1"], 0);
+    assert_eq!(elsewhere["kept"], serde_json::json!(["raw/trials.toml"]));
+    assert_eq!(elsewhere["campaigns"][0]["name"], "mine");
+    assert_eq!(elsewhere["links"][1], serde_json::json!(["T1", "T2", "T3"]));
+    assert_eq!(read(path, "raw/trials.toml"), list);
+    let written = read(path, "config/pipeline.toml");
+    assert!(written.contains("raw = \"../raw\""), "{written}");
+    // Of one frequency nobody knows whether a joint is passive, and l is as far as the wheels show it.
+    let marks = elsewhere["marks"].as_array().unwrap();
+    let marked =
+        |of: &str| marks.iter().filter(|mark| mark["text"].as_str().unwrap().contains(of)).count();
+    assert_eq!((marked("--l-m"), marked("one frequency"), marked("front link")), (1, 1, 0));
+
+    succeed(path, &["-q", "init", "raw", "--force"]);
+    assert!(read(path, "pipeline.toml").starts_with("# Begun by"));
+    assert!(read(path, "raw/trials.toml").contains("campaign = \"mine\""));
+}
+
+#[test]
+fn a_passive_joint_is_found_and_its_parameters_are_measured() {
+    let settings = include_str!("fixtures/trolley.toml");
+    let folder = recorded(settings, "2,3,4.2", |_| true);
+    let path = folder.path();
+    let found = found(path, &["raw", "--l-m", "0.13"], 0);
+    let campaigns = found["campaigns"].as_array().unwrap();
+    let passive: Vec<_> =
+        campaigns.iter().map(|of| (of["name"].as_str().unwrap(), &of["passive_joint"])).collect();
+    assert_eq!(passive, [("pulled", &serde_json::json!(2)), ("wriggling", &Value::Null)]);
+    let kind = |kind: &str| {
+        found["files"].as_array().unwrap().iter().filter(|of| of["kind"] == kind).count()
+    };
+    assert_eq!([kind("gait"), kind("joint-release"), kind("coast-down")], [6, 1, 1]);
+    // All gaits are bent: the coast-down says where the side links point.
+    for (campaign, offsets_deg) in campaigns.iter().zip([[6.0, 4.5], [38.0, -31.0]]) {
+        for (joint, offset_deg) in offsets_deg.iter().enumerate() {
+            let found = campaign["joints"][joint]["offset_deg"].as_f64().unwrap();
+            assert!((found - offset_deg).abs() < 1.0, "{found} for {offset_deg}");
+        }
+    }
+    let robot =
+        ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.0011, 0.0010]"];
+    edit(path, "pipeline.toml", &robot);
+    succeed(path, &["-q", "check"]);
+}
