@@ -27,6 +27,9 @@ pub use settings::Setting;
 
 use crate::robot::{Gait, JointCommand, Model, Parameter, Robot};
 
+/// The configuration file that is used when none is named.
+pub const CONFIG_FILE: &str = "pipeline.toml";
+
 /// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
 /// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family; models stand
 /// beside the default ones.
@@ -406,6 +409,21 @@ impl Config {
         config.check(path)?;
         config.paths.start_at(path.parent().unwrap_or(Path::new("")));
         Ok(config)
+    }
+
+    /// Loads a configuration file; without a `path` [`CONFIG_FILE`] of the current folder, or the
+    /// defaults if there is none.
+    ///
+    /// # Errors
+    /// As [`Config::load`].
+    pub fn load_or_default(path: Option<&Path>) -> Result<Self, ConfigError> {
+        let own = Path::new(CONFIG_FILE);
+        // Only without a file the defaults count: not where it cannot be read.
+        let is_absent = |error: std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
+        match path {
+            None if own.symlink_metadata().is_err_and(is_absent) => Ok(Self::default()),
+            path => Self::load(path.unwrap_or(own)),
+        }
     }
 
     /// The defaults, but with the passive joint of the paper's simulations (Figs. 3 to 5), which is

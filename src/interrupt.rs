@@ -28,7 +28,7 @@ pub struct Interrupted {
 ///
 /// # Errors
 /// The system does not allow it.
-pub fn listen() -> std::io::Result<()> {
+pub(crate) fn listen() -> std::io::Result<()> {
     let asked = ASKED.get_or_init(Arc::default);
     // A limit on the size of files is an error of who writes, not the end.
     #[cfg(unix)]
@@ -43,13 +43,23 @@ pub fn listen() -> std::io::Result<()> {
     Ok(())
 }
 
+/// Asks all work of this program to stop, as the first Ctrl-C does.
+pub fn ask() {
+    ASKED.get_or_init(Arc::default).store(SIGINT as usize, Ordering::Relaxed);
+}
+
+/// Takes back that work was asked to stop: what is begun from now on goes on.
+pub fn forget() {
+    ASKED.get_or_init(Arc::default).store(0, Ordering::Relaxed);
+}
+
 /// The exit status of a program that was asked to stop.
-pub fn exit_status() -> Option<u8> {
+pub(crate) fn exit_status() -> Option<u8> {
     let signal = ASKED.get().map_or(0, |asked| asked.load(Ordering::Relaxed));
     (signal != 0).then(|| u8::try_from(STATUS as usize + signal).unwrap_or(u8::MAX))
 }
 
-/// Abandons the work if that was asked for; `done` says how far it is.
+/// Abandons the work if that was asked for, by unwinding to [`abandonable`]; `done` says how far it is.
 pub fn stop_if_asked(done: impl FnOnce() -> String) {
     if exit_status().is_some() {
         resume_unwind(Box::new(Interrupted { done: done() }));

@@ -47,16 +47,19 @@ pub mod explanations;
 pub mod export;
 /// A look into any table.
 pub mod inspect;
+/// A model's motion by names, without trials.
+pub mod simulate;
 
 /// The command line.
 pub mod cli;
+/// Ctrl-C.
+pub mod interrupt;
 
 /// What the stages share: the mechanics, the models' motion, metrics and tables; and trials
 /// with a known truth.
 pub(crate) mod clock;
 pub(crate) mod csv;
 pub(crate) mod files;
-pub(crate) mod interrupt;
 pub(crate) mod least_squares;
 pub mod metrics;
 pub mod motion;

@@ -42,8 +42,8 @@ use plan::{Stage, hash_of, plan, plan_after};
 use record::{RECORD_FILE, Record};
 use report::ReportStage;
 pub use shard::{fit_shard, ingest_shard};
-use summary::{RunRecord, RunResults};
-pub use summary::{StageRecord, TrialCounts, count};
+use summary::RunRecord;
+pub use summary::{RunResults, StageRecord, TrialCounts, count};
 pub use target::Target;
 
 /// Somebody who watches a run.

@@ -33,9 +33,9 @@ pub(super) struct RunRecord<'r> {
     pub results: Option<RunResults<'r>>,
 }
 
-/// What came of a run that came to its end.
+/// What came of a run that came to its end, as `run.json` has it.
 #[derive(Serialize)]
-pub(super) struct RunResults<'r> {
+pub struct RunResults<'r> {
     trials: TrialCounts,
     attention: Vec<Attention<'r>>,
     fits: Vec<FitRecord<'r>>,

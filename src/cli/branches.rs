@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::output::{say, write_data};
-use super::simulate::{laws_of, with_settings};
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, RobotConfig, did_you_mean};
@@ -13,6 +12,7 @@ use crate::inspect::{View, csv, json};
 use crate::motion::{Branch, Problem, branches};
 use crate::report::branches_drawing;
 use crate::robot::{Gait, Laws};
+use crate::simulate::{laws_of, with_settings};
 use crate::store::{BranchRow, Columns, Provenance, write_if_changed};
 
 /// The name of the frequency among what branches can be followed over.

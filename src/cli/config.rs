@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::output::{say, write_data};
-use super::{CONFIG_FILE, Context, Failure, Outcome};
-use crate::config::Config;
+use super::{Context, Failure, Outcome};
+use crate::config::{CONFIG_FILE, Config};
 use crate::trial::{ListedTrial, TrialFolders};
 
 /// Keys and values of at most so many characters stand beside where they come from in one column.

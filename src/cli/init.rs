@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use super::output::{say, write_data};
-use super::{CONFIG_FILE, Failure, Outcome, table};
+use super::{Failure, Outcome, table};
+use crate::config::CONFIG_FILE;
 use crate::init::{Findings, FoundFile, JointSwing, Request, init};
 
 /// Lengths that may be a robot's, m.

@@ -24,18 +24,17 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::config::{Config, Paths};
+use crate::config::{CONFIG_FILE, Config, Paths};
 use crate::interrupt::{self, Interrupted};
 use output::note;
 use progress::Progress;
 
-/// The configuration file that is used when none is named.
-const CONFIG_FILE: &str = "pipeline.toml";
 /// More threads than this take longer to start than they could save.
 const MOST_THREADS: usize = 1024;
 
@@ -168,21 +167,19 @@ struct Context {
 
 /// Runs the program and gives its exit status.
 pub fn main() -> ExitCode {
-    let not_utf8 = std::env::args_os().find(|argument| argument.to_str().is_none());
-    if let Some(argument) = not_utf8 {
+    main_with(std::env::args_os().collect()).into()
+}
+
+/// Runs the program with a command line, the first of which is its name, and gives its exit status.
+pub fn main_with(line: Vec<OsString>) -> u8 {
+    if let Some(argument) = line.iter().find(|argument| argument.to_str().is_none()) {
         let needed = "needed UTF-8, as tables and pages have it";
         note!("error: argument `{}`: found bytes that are no UTF-8, {needed}", argument.display());
-        return ExitCode::from(2);
+        return 2;
     }
-    let arguments = Arguments::parse();
-    let default_hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        // A damaged table is reported as an error of its file.
-        if !crate::store::is_reading() {
-            default_hook(panic);
-        }
-    }));
-    let status = match interrupt::abandonable(|| run(arguments)) {
+    let arguments = Arguments::try_parse_from(&line).unwrap_or_else(|error| error.exit());
+    crate::store::hush_damaged_tables();
+    let status = match interrupt::abandonable(|| run(arguments, &line)) {
         Ok(Ok(Outcome::Well)) => 0,
         Ok(Ok(Outcome::NeedsAttention)) => 1,
         Ok(Err(failure)) => {
@@ -202,21 +199,21 @@ pub fn main() -> ExitCode {
         }
     };
     tracing::info!(status, "end");
-    ExitCode::from(status)
+    status
 }
 
 fn is_interrupted(failure: &Failure) -> bool {
     matches!(failure.downcast_ref(), Some(crate::build::RunError::Interrupted { .. }))
 }
 
-fn run(arguments: Arguments) -> Result<Outcome, Failure> {
+fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {
     let Arguments { config, quiet, threads, log, verbose, command } = arguments;
-    let context = || begin(config.as_deref(), quiet, threads, log.as_deref(), verbose);
+    let context = || begin(line, config.as_deref(), quiet, threads, log.as_deref(), verbose);
     match command {
         Command::Demo(command) => command.run(context()?),
         // What it writes is the configuration.
         Command::Init(command) => {
-            command.run(listen(None, quiet, threads, log.as_deref(), verbose)?)
+            command.run(listen(line, None, quiet, threads, log.as_deref(), verbose)?)
         }
         Command::Run(command) => command.run(context()?),
         Command::Ingest(command) => command.run(context()?),
@@ -240,25 +237,21 @@ fn run(arguments: Arguments) -> Result<Outcome, Failure> {
 
 /// [`listen`], and reads the configuration.
 fn begin(
+    line: &[OsString],
     path: Option<&Path>,
     quiet: bool,
     threads: Option<usize>,
     log: Option<&Path>,
     verbose: u8,
 ) -> Result<Context, Failure> {
-    let progress = listen(path, quiet, threads, log, verbose)?;
-    let own = Path::new(CONFIG_FILE);
-    // Only without a file the defaults count: not where it cannot be read.
-    let is_absent = |error: std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
-    let config = match path {
-        None if own.symlink_metadata().is_err_and(is_absent) => Config::default(),
-        path => Config::load(path.unwrap_or(own))?,
-    };
+    let progress = listen(line, path, quiet, threads, log, verbose)?;
+    let config = Config::load_or_default(path)?;
     Ok(Context { config, progress })
 }
 
 /// Listens to signals, opens the log and starts the threads.
 fn listen(
+    line: &[OsString],
     path: Option<&Path>,
     quiet: bool,
     threads: Option<usize>,
@@ -273,7 +266,7 @@ fn listen(
         }
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
-    let line: Vec<String> = std::env::args().skip(1).collect();
+    let line: Vec<&str> = line.iter().skip(1).filter_map(|argument| argument.to_str()).collect();
     tracing::info!(
         version = env!("CARGO_PKG_VERSION"),
         arguments = line.join(" "),

@@ -23,7 +23,7 @@ pub use schema::{
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Sharing, Stopped, TrialStatus};
 pub(crate) use table::guarded;
-pub use table::{Provenance, Table, is_own_table, is_reading};
+pub use table::{Provenance, Table, hush_damaged_tables, is_own_table};
 pub(crate) use tables::table_set;
 pub use time::{UtcTime, time_text};
 

@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::Once;
 
 use polars::polars_utils::compression::ZstdLevel;
 use polars::prelude::{
@@ -29,8 +30,21 @@ thread_local! {
 
 /// Whether this thread is reading a table: a panic then is an error of the file, and a panic
 /// hook need not speak of it.
-pub fn is_reading() -> bool {
+fn is_reading() -> bool {
     READING.with(Cell::get)
+}
+
+/// From now on a panic over a damaged table is only the error of its file, and prints nothing.
+pub fn hush_damaged_tables() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let before = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| {
+            if !is_reading() {
+                before(panic);
+            }
+        }));
+    });
 }
 
 /// Reads with polars; `None` if the file is damaged such that the reader panics instead of giving

@@ -1,0 +1,78 @@
+//! The table that `simulate` prints.
+
+use crate::cli::output::say;
+use crate::metrics::GaitMetrics;
+use crate::motion::{FromRest, MotionStatus, SharpLimit};
+use crate::simulate::Answer;
+
+pub(super) fn print(answers: &[Answer]) {
+    say!(
+        "{:>11} {:>13} {:>13} {:>12} {:>12} {:>12} {:>12} {:>13} {:>10}  status",
+        "omega rad/s",
+        "d mm",
+        "v mm/s",
+        "sigma0",
+        "sigma1",
+        "sigma2",
+        "alpha1 deg",
+        "dtheta deg",
+        "work J/m"
+    );
+    for answer in answers {
+        if let Some(reason) = &answer.reason {
+            say!("{:>11} {}: {reason}", answer.omega_rad_s, answer.status);
+            continue;
+        }
+        let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = answer.metrics;
+        let sigma = sigma.map(|sigma| format!("{sigma:>12.9}")).join(" ");
+        let work = match answer.work_j_m.is_nan() {
+            true => String::new(),
+            false => fixed(answer.work_j_m, 6),
+        };
+        say!(
+            "{:>11} {:>13.7} {:>13.7} {sigma} {:>12.8} {:>13} {work:>10}  {}{}",
+            answer.omega_rad_s,
+            1e3 * d_m,
+            1e3 * v_m_s,
+            alpha1_rad.to_degrees(),
+            fixed(dtheta_rad.to_degrees(), 8),
+            answer.status,
+            reach_in_words(answer),
+        );
+        if let Some(SharpLimit { metrics, uncertainty }) = &answer.sharp_limit {
+            let percent = |value: f64| 100.0 * value / d_m;
+            say!(
+                "{:>11} d is {:+.2} % (\u{b1}{:.2}) where transition_m_s goes to zero",
+                "",
+                percent(metrics.d_m - d_m),
+                percent(uncertainty.d_m),
+            );
+        }
+    }
+}
+
+/// A number with `digits` after the point, without a minus before nothing.
+fn fixed(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let is_nothing = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
+    if is_nothing { text.trim_start_matches('-').to_owned() } else { text }
+}
+
+/// What is to be known of a motion beside its numbers.
+fn reach_in_words(answer: &Answer) -> String {
+    let of_two = match answer.status {
+        MotionStatus::SymmetryBroken => ": one of two that are each other's mirror image",
+        _ => "",
+    };
+    let reach = match (answer.from_rest, answer.cycles_to_settle) {
+        (Some(FromRest::Reached), Some(0)) => String::new(),
+        (Some(FromRest::Reached), Some(1)) => ", from rest after 1 cycle".to_owned(),
+        (Some(FromRest::Reached), Some(cycles)) => format!(", from rest after {cycles} cycles"),
+        (Some(FromRest::Another), _) => {
+            ", but from rest the robot gets into another motion (--from-rest)".to_owned()
+        }
+        (Some(FromRest::Unsettled), _) => ", but from rest the robot does not settle".to_owned(),
+        _ => String::new(),
+    };
+    of_two.to_owned() + &reach
+}
