@@ -30,11 +30,13 @@ fn anchor(heading: &str) -> String {
 #[test]
 fn links_between_documents_lead_somewhere() {
     let documents = documents();
+    // A packed crate has no other crates.
+    let is_packed = !Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz").exists();
     let mut checked = 0;
     for (path, text) in &documents {
         for target in text.split("](").skip(1).filter_map(|rest| rest.split_once(')')) {
             let (file, section) = target.0.split_once('#').unwrap_or((target.0, ""));
-            if file.starts_with("http") {
+            if file.starts_with("http") || is_packed && file.starts_with("../fuzz/") {
                 continue;
             }
             let page = match file.is_empty() {

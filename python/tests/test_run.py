@@ -1,0 +1,143 @@
+"""`run` does what the program does, can be stopped, and lets other threads work."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+import trilink
+
+
+def test_a_run_gives_what_came_of_it(project):
+    folder, summary = project
+    assert summary["was_up_to_date"] is False and summary["needs_a_person"] is False
+    results = summary["results"]
+    assert results["trials"]["total"] == 3
+    assert [fit["model"] for fit in results["fits"]] == ["no-skid", "skid-roll"]
+    assert os.path.isfile(results["page"]) and summary["derived"] == str(folder / "derived")
+    assert {stage["stage"] for stage in summary["stages"]} == {"ingest", "fit", "report"}
+    again = trilink.run(folder / "pipeline.toml")
+    assert again["was_up_to_date"] and again["results"]["fits"] == results["fits"]
+
+
+def test_the_script_is_the_program(project, program):
+    def run(*arguments):
+        return subprocess.run(
+            [program, *arguments], cwd=project[0], capture_output=True, text=True
+        )
+
+    assert run("--version").stdout == f"trilink {trilink.__version__}\n"
+    assert run("run", "--quiet").returncode == 0
+    assert run("frobnicate").returncode == 2
+    failed = run("inspect", "none")
+    assert failed.returncode == 2 and failed.stderr.startswith("error: no table and no file `none`")
+    missing = run("simulate", "kinematic-symmetric", "--model=skid", "--omega=3")
+    assert missing.returncode == 2 and "needed one of `small`" in missing.stderr
+    as_module = subprocess.run([sys.executable, "-m", "trilink", "--version"], capture_output=True)
+    assert as_module.stdout.decode() == run("--version").stdout
+
+
+def test_errors_say_which_key_and_what_was_needed(project, tmp_path):
+    config = tmp_path / "pipeline.toml"
+    config.write_text("[fit]\nstarts = 0\n")
+    with pytest.raises(trilink.ConfigError, match="key `fit.starts`: found 0, needed"):
+        trilink.run(config)
+    with pytest.raises(trilink.ConfigError, match="did you mean"):
+        config.write_text("[fit]\nstart = 3\n")
+        trilink.run(config)
+    with pytest.raises(trilink.Error, match="trials.toml"):
+        config.write_text("")
+        trilink.run(config)
+
+
+@pytest.fixture
+def long(empty, tmp_path):
+    """A project whose fits take minutes."""
+    folder = tmp_path / "long"
+    shutil.copytree(empty, folder)
+    config = folder / "pipeline.toml"
+    config.write_text(config.read_text().replace("bootstrap = 20", "bootstrap = 100000"))
+    return config
+
+
+STOPPED = """
+import sys, trilink
+try:
+    trilink.run(sys.argv[1])
+except KeyboardInterrupt as stopped:
+    print(stopped)
+    # What is asked of it later goes on.
+    print(trilink.simulate("small", model="skid-roll", omega_rad_s=[2, 3], config=sys.argv[1])[1]["status"])
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="processes are sent no Ctrl-C")
+def test_ctrl_c_stops_a_run_and_says_how_far_it_was(long):
+    started = subprocess.Popen(
+        [sys.executable, "-c", STOPPED, long], stdout=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 60
+    while not (long.parent / "derived" / "trials.parquet").exists():
+        assert time.monotonic() < deadline and started.poll() is None
+        time.sleep(0.05)
+    time.sleep(0.5)
+    started.send_signal(signal.SIGINT)
+    stopped_at = time.monotonic()
+    said, _ = started.communicate(timeout=60)
+    assert time.monotonic() - stopped_at < 10
+    assert said.startswith("interrupted during fit") and said.endswith("\nok\n"), said
+    assert started.returncode == 0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="processes are sent no Ctrl-C")
+def test_ctrl_c_stops_the_script_with_the_signal_s_status(long, program):
+    started = subprocess.Popen(
+        [program, "run"], cwd=long.parent, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + 60
+    while not (long.parent / "derived" / "trials.parquet").exists():
+        assert time.monotonic() < deadline and started.poll() is None
+        time.sleep(0.05)
+    started.send_signal(signal.SIGINT)
+    _, said = started.communicate(timeout=60)
+    assert started.returncode == 130 and b"Traceback" not in said, said
+
+
+def test_other_threads_work_during_a_run(empty, tmp_path):
+    folder = tmp_path / "other"
+    shutil.copytree(empty, folder)
+    counted, done = 0, threading.Event()
+
+    def count():
+        nonlocal counted
+        while not done.is_set():
+            counted += 1
+            time.sleep(0.001)
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    start = time.monotonic()
+    trilink.run(folder / "pipeline.toml")
+    took_s = time.monotonic() - start
+    done.set()
+    counter.join()
+    assert counted > 50 * took_s, f"{counted} in {took_s} s"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="processes are sent no Ctrl-C")
+def test_another_run_is_named(long):
+    started = subprocess.Popen([sys.executable, "-c", STOPPED, long], stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while not (long.parent / "derived" / "trials.parquet").exists():
+        assert time.monotonic() < deadline and started.poll() is None
+        time.sleep(0.05)
+    try:
+        with pytest.raises(trilink.BusyError, match="--wait waits for it"):
+            trilink.run(long, force=True)
+    finally:
+        started.send_signal(signal.SIGINT)
+        started.wait(60)

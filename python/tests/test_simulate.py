@@ -1,0 +1,157 @@
+"""`simulate` answers as `trilink simulate --json` does, and takes hardly longer than the solver."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy
+import polars
+import pytest
+import trilink
+
+SKID = (104.0, 34.0, 45.0)
+
+
+def by_program(program, *arguments, folder):
+    command = [program, "simulate", *arguments, "--json", "--quiet"]
+    said = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert said.stderr == ""
+    return json.loads(said.stdout)
+
+
+def test_answers_are_those_of_the_program(program, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    known = by_program(
+        program,
+        "kinematic-symmetric",
+        "--model=skid-roll",
+        "--omega=2,3.9",
+        "--set=skid_kg_s=104,34,45",
+        folder=tmp_path,
+    )
+    found = trilink.simulate(
+        "kinematic-symmetric", model="skid-roll", omega_rad_s=[2, 3.9], skid_kg_s=SKID
+    )
+    assert found == known
+    for frequency in (3.9, numpy.float64(3.9)):
+        one = trilink.simulate(
+            "kinematic-symmetric",
+            model="skid-roll",
+            omega_rad_s=frequency,
+            skid_kg_s=numpy.array(SKID),
+        )
+        assert one == known[1]
+    assert abs(one["d_m"] - 0.478359748170948) < 1e-10
+
+
+def test_a_robot_and_a_gait_need_no_campaign(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    of_campaign = trilink.simulate("kinematic-symmetric", model="skid-roll", omega_rad_s=3.0)
+    model = {"model": "skid-roll", "omega_rad_s": 3.0}
+    assert trilink.simulate(robot="kinematic", gait="symmetric", **model) == of_campaign
+    assert trilink.simulate("kinematic-skewed", gait="symmetric", **model) == of_campaign
+    robot = {
+        key: value
+        for key, value in of_campaign["parameters"].items()
+        if key in ("h_m", "l_m", "b_m", "mass_kg", "inertia_kg_m2", "roll_kg_s", "skid_kg_s")
+    }
+    joint = {"amplitude_deg": 30, "offset_deg": 5}
+    gait = {"joint1": joint, "joint2": {**joint, "phase_deg": 90}}
+    given = trilink.simulate(robot=robot, gait=gait, skid1_kg_s=40, **model)
+    assert given["status"] == "ok" and given["d_m"] != of_campaign["d_m"]
+    assert given["parameters"]["skid_kg_s"][1] == 40
+
+
+def test_trajectories_are_arrays_of_the_program_s_table(program, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = [program, "simulate", "kinematic-symmetric", "--model=skid-roll", "--omega=3.9"]
+    command += ["--trajectory=cycle.parquet", "--samples=120", "--quiet"]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    known = polars.read_parquet("cycle.parquet")
+    answer = trilink.simulate(
+        "kinematic-symmetric", model="skid-roll", omega_rad_s=3.9, samples=120
+    )
+    found = answer["trajectory"]
+    assert list(found) == known.columns
+    for name, values in found.items():
+        assert values.dtype == numpy.float64 and values.shape == (121,)
+        numpy.testing.assert_array_equal(values, known[name].to_numpy(), err_msg=name)
+    assert found["x_m"][-1] ** 2 + found["y_m"][-1] ** 2 == pytest.approx(answer["d_m"] ** 2)
+    found["x_m"][0] = 1.0  # They are the caller's own.
+    several = trilink.simulate(
+        "kinematic-symmetric", model="skid-roll", omega_rad_s=(2.0, 3.0), samples=8, from_rest=True
+    )
+    assert all(len(of["trajectory"]["time_s"]) > 9 for of in several)
+
+
+def test_a_motion_that_does_not_exist_says_why(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    gait = {"joint1": {"amplitude_deg": 80}, "joint2": {"amplitude_deg": 80, "phase_deg": 40}}
+    answer = trilink.simulate(
+        robot="kinematic", gait=gait, model="no-skid", omega_rad_s=3.0, samples=8
+    )
+    assert answer["d_m"] is None and answer["trajectory"] is None
+    assert answer["status"] == "singular" and "det W_b = 0" in answer["reason"]
+
+
+def test_errors_have_the_words_of_the_program(program, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for campaign, model, settings in [
+        ("kinematic", "skid", {}),
+        ("kinematic-skewed", "skids", {}),
+        ("kinematic-skewed", "no-skid-measured", {}),
+        ("kinematic-skewed", "coulomb", {}),
+        ("kinematic-skewed", "skid", {"skid_kgs": 3}),
+        ("kinematic-skewed", "skid", {"h_m": -1}),
+    ]:
+        command = [program, "simulate", campaign, f"--model={model}", "--omega=3"]
+        command += [f"--set={key}={float(value)}" for key, value in settings.items()]
+        said = subprocess.run(command, capture_output=True, text=True)
+        with pytest.raises(trilink.ConfigError) as caught:
+            trilink.simulate(campaign, model=model, omega_rad_s=3.0, **settings)
+        assert said.returncode == 2 and said.stderr == f"error: {caught.value}\n"
+    model = {"model": "skid", "omega_rad_s": 3.0}
+    for arguments, words in [
+        ({}, "needed one, or a robot and a gait"),
+        ({"robot": "kinematic"}, "found a robot alone"),
+        ({"gait": {"joint3": {}}, "robot": "kinematic"}, "unknown field `joint3`"),
+        ({"gait": "symmetrical", "robot": "kinematic"}, "needed one of `"),
+        ({"campaign": "kinematic-skewed", "samples": 3}, "samples: found 3"),
+        ({"campaign": "kinematic-skewed", "config": "none.toml"}, "none.toml: cannot be read"),
+    ]:
+        with pytest.raises(trilink.ConfigError, match=words.replace("(", "\\(")):
+            trilink.simulate(**{**model, **arguments})
+    assert issubclass(trilink.ConfigError, trilink.Error)
+
+
+TIMES = """
+import sys, time, trilink
+case = dict(model="skid-roll", skid_kg_s=[104, 34, 45])
+omegas = [2 + i / 100 for i in range(200)]
+def best(work):
+    times = []
+    for _ in range(5):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
+def one_by_one():
+    for omega_rad_s in omegas:
+        trilink.simulate("kinematic-symmetric", omega_rad_s=omega_rad_s, **case)
+together = best(lambda: trilink.simulate("kinematic-symmetric", omega_rad_s=omegas, **case))
+alone = best(one_by_one)
+print(1e3 * alone / len(omegas), 1e3 * together / len(omegas))
+"""
+
+
+def test_a_call_takes_little_longer_than_the_solver(tmp_path):
+    """Many frequencies in one call, on one thread, against a call for each."""
+    command = [sys.executable, "-c", TIMES]
+    environment = {**os.environ, "RAYON_NUM_THREADS": "1"}
+    said = subprocess.run(
+        command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
+    )
+    alone_ms, together_ms = map(float, said.stdout.split())
+    print(f"{alone_ms:.3f} ms a call, {together_ms:.3f} ms of them the solver's")
+    assert alone_ms - together_ms < 0.3

@@ -1,0 +1,112 @@
+"""Tables go to polars, pandas, DuckDB and pyarrow with the same values, and without a copy."""
+
+import gc
+import subprocess
+
+import duckdb
+import pandas
+import polars
+import polars.testing
+import pyarrow
+import pytest
+import trilink
+
+
+def names(folder):
+    tables = sorted(folder.rglob("*.parquet"))
+    return [table.relative_to(folder).with_suffix("").as_posix() for table in tables]
+
+
+def test_every_table_is_what_its_file_has_in_every_library(project):
+    derived = project[0] / "derived"
+    assert {"trials", "fits", "checks", "starts", "predictions"} <= set(names(derived))
+    for name in names(derived):
+        table = trilink.read(name, folder=derived)
+        known = polars.read_parquet(derived / f"{name}.parquet")
+        polars.testing.assert_frame_equal(polars.DataFrame(table), known)
+        assert (len(table), table.columns) == known.shape[:1] + (known.columns,)
+        arrow = pyarrow.table(table)
+        polars.testing.assert_frame_equal(polars.DataFrame(arrow), known)
+        frame = pandas.DataFrame.from_arrow(table)
+        assert (frame.shape, list(frame.columns)) == (known.shape, known.columns), name
+        assert len(frame.dropna()) == len(pandas.read_parquet(derived / f"{name}.parquet").dropna())
+        relation = duckdb.sql("select * from table")
+        assert relation.columns == known.columns
+        assert relation.fetchall() == known.rows(), name
+
+
+def test_a_table_is_read_in_part(project):
+    derived = project[0] / "derived"
+    part = trilink.read("trials", folder=derived, columns=["trial", "d_m"], where="omega_rad_s > 2.5")
+    assert part.columns == ["trial", "d_m"]
+    assert len(part) == 2 == len(polars.DataFrame(part))
+    assert part.units["d_m"] == "m"
+    assert "displacement" in part.meanings["d_m"].lower()
+    assert len(trilink.read("trials", config=project[0] / "pipeline.toml", where="d_m > 100")) == 0
+
+
+@pytest.fixture(scope="module")
+def large(tmp_path_factory):
+    """A table of a million rows, as this program writes them: in one part."""
+    path = tmp_path_factory.mktemp("large") / "large.parquet"
+    index = polars.int_range(1_000_000, eager=True)
+    columns = {"frame": index, "x_m": index / 7, "y_m": (index * 3).cast(polars.Float64).sqrt()}
+    polars.DataFrame(columns).write_parquet(path, row_group_size=1_000_000)
+    return trilink.read(path)
+
+
+def addresses(table):
+    """Where the values of each column are."""
+    return [column.chunk(0).buffers()[1].address for column in table.columns]
+
+
+def test_a_million_rows_are_taken_without_a_copy(large):
+    assert len(large) == 1_000_000
+    taken = pyarrow.table(large)
+    assert [column.num_chunks for column in taken.columns] == [1, 1, 1]
+    own = addresses(taken)
+    frame = polars.DataFrame(large)
+    in_numpy = [column.to_numpy(allow_copy=False) for column in frame.get_columns()]
+    assert [values.ctypes.data for values in in_numpy] == own
+    in_pandas = pandas.DataFrame.from_arrow(large)
+    allocated = pyarrow.total_allocated_bytes()
+    again = pyarrow.table(large)
+    assert pyarrow.total_allocated_bytes() == allocated and addresses(again) == own
+    assert in_pandas["x_m"].sum() == pytest.approx(frame["x_m"].sum())
+    streamed = duckdb.sql("select sum(x_m), count(*) from large").fetchone()
+    assert streamed == (pytest.approx(frame["x_m"].sum()), 1_000_000)
+
+
+def test_memory_stays_while_anybody_has_the_table(project):
+    table = trilink.read("trials", folder=project[0] / "derived")
+    known = polars.DataFrame(table).to_dicts()
+    frame, capsule = polars.DataFrame(table), table.__arrow_c_stream__()
+    del table
+    gc.collect()
+    assert frame.to_dicts() == known
+    # A capsule that nobody opened frees its stream.
+    del capsule, frame
+    gc.collect()
+
+
+def test_errors_have_the_words_of_the_program(project, program, tmp_path):
+    derived = project[0] / "derived"
+    damaged = tmp_path / "damaged.parquet"
+    whole = (derived / "trials.parquet").read_bytes()
+    damaged.write_bytes(whole[:500] + bytes(len(whole) - 1000) + whole[-500:])
+    (tmp_path / "text.parquet").write_text("no table")
+    for table, arguments, options in [
+        ("trails", {}, []),
+        ("trials", {"where": "d_mm > 3"}, ["--where", "d_mm > 3"]),
+        ("trials", {"where": "d_m >"}, ["--where", "d_m >"]),
+        ("trials", {"columns": ["d_mm"]}, ["--columns", "d_mm"]),
+        (str(tmp_path / "text.parquet"), {}, []),
+        (str(damaged), {}, []),
+    ]:
+        command = [program, "inspect", table, *options]
+        said = subprocess.run(command, cwd=project[0], capture_output=True, text=True)
+        with pytest.raises(trilink.TableError) as caught:
+            trilink.read(table, config=project[0] / "pipeline.toml", **arguments)
+        # Python names folders from where it is.
+        found = str(caught.value).replace(f"{project[0]}/", "")
+        assert said.returncode == 2 and said.stderr == f"error: {found}\n"
