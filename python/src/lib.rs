@@ -2,6 +2,7 @@
 //! JSON, capsules; `trilink/__init__.py` makes of them what a person calls.
 
 mod arrow;
+mod config;
 mod error;
 mod interrupt;
 mod module;
@@ -15,7 +16,6 @@ use pyo3::prelude::*;
 use pyo3::types::PyCFunction;
 use serde_json::json;
 use trilink::build::{RerunOptions, RunError, RunResults, run as run_pipeline};
-use trilink::config::Config;
 use trilink::inspect::{Query, find, meaning, query, unit};
 
 use error::Failure;
@@ -41,7 +41,7 @@ struct RunRequest {
 fn run(py: Python<'_>, request: &str) -> PyResult<String> {
     let RunRequest { config, folders, only, force, verify, wait } =
         serde_json::from_str(request).map_err(Failure::from)?;
-    let mut config = Config::load_or_default(config.as_deref()).map_err(Failure::from)?;
+    let mut config = config::load(config.as_deref())?;
     if let Some(folders) = folders {
         config.paths.raw = folders;
     }
@@ -69,7 +69,7 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
 fn path_of(table: &str, folder: Option<&Path>, config: Option<&Path>) -> Result<PathBuf, Failure> {
     match folder {
         Some(folder) => Ok(find(folder, table)?),
-        None => Ok(find(&Config::load_or_default(config)?.paths.derived, table)?),
+        None => Ok(find(&config::load(config)?.paths.derived, table)?),
     }
 }
 

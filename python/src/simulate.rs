@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use trilink::config::{Campaign, Config};
+use trilink::config::Campaign;
 use trilink::interrupt;
 use trilink::simulate::{Answer, Setup};
 use trilink::store::{Columns, TrajectoryRow};
@@ -70,7 +70,7 @@ pub fn simulate<'py>(py: Python<'py>, request: &str) -> PyResult<(String, Vec<Tr
 /// What a request is about.
 fn setup(request: &Request) -> Result<Setup, Failure> {
     let Request { config, campaign, robot, gait, model, settings, .. } = request;
-    let mut config = Config::load_or_default(config.as_deref())?;
+    let mut config = crate::config::load(config.as_deref())?;
     let mut name = campaign.clone().unwrap_or_default();
     if robot.is_some() || gait.is_some() {
         let known = config.campaign.get(&name).or(config.campaign.values().next());

@@ -108,10 +108,11 @@ def read(
 class Table:
     """A table in memory, which polars, pandas, DuckDB and pyarrow take as it is, without a copy.
 
-    polars.DataFrame(table)
-    pandas.DataFrame.from_arrow(table)
-    duckdb.sql("select * from table")
-    pyarrow.table(table)
+    trials = trilink.read("trials")
+    polars.DataFrame(trials)
+    pandas.DataFrame.from_arrow(trials)
+    duckdb.sql("from trials")
+    pyarrow.table(trials)
     """
 
     def __init__(self, path: str, columns: str, rows: int, stream: Any) -> None:

@@ -8,7 +8,8 @@ use std::path::Path;
 use toml::Value;
 
 use super::{
-    Campaign, Config, ConfigError, ModelConfig, Robots, SharedFits, did_you_mean, nearest,
+    Campaign, Config, ConfigError, GaitConfig, ModelConfig, Robots, SharedFits, did_you_mean,
+    nearest,
 };
 use crate::pattern::{matches, matches_label};
 use crate::robot::{Gait, Model, Parameter};
@@ -115,11 +116,7 @@ impl Config {
         );
         let has_room = found.is_none_or(|mm| mm >= least_mm);
         check.that(has_room, "report.width_mm", &found.unwrap_or_default(), &needed)?;
-        for (name, gait) in &self.gait {
-            let is_driven = gait.joint1.is_some() || gait.joint2.is_some();
-            let needed = "joint1, joint2 or both";
-            check.that(is_driven, &format!("gait.{name}"), &"no joint", needed)?;
-        }
+        self.gait.iter().try_for_each(|(name, gait)| check.is_driven(name, gait))?;
         for (name, campaign) in &self.campaign {
             self.check_campaign(&check, name, campaign)?;
         }
@@ -129,14 +126,27 @@ impl Config {
         self.check_markers(&check)
     }
 
-    fn check_campaign(
+    /// Checks only the robot and the gait of a campaign, of a configuration that is sound without them.
+    pub(crate) fn check_setup(&self, path: &Path, campaign: &str) -> Result<(), ConfigError> {
+        let check = Checker { path };
+        let found = check.entry(&self.campaign, &campaign.to_owned(), "campaign")?;
+        self.check_joints(&check, campaign, found)?;
+        let (robot, gait) = (&self.robot[&found.robot], &self.gait[&found.gait]);
+        let plain = "a configuration is plain data";
+        let values = Value::try_from(robot).expect(plain);
+        check.numbers(&format!("robot.{}", found.robot), &values)?;
+        check.numbers(&format!("gait.{}", found.gait), &Value::try_from(gait).expect(plain))?;
+        check.is_driven(&found.gait, gait)
+    }
+
+    /// Checks that a campaign's robot has what its gait needs, which is the result.
+    fn check_joints(
         &self,
         check: &Checker,
         name: &str,
-        campaign: &Campaign,
-    ) -> Result<(), ConfigError> {
+        Campaign { robot, gait, .. }: &Campaign,
+    ) -> Result<Gait, ConfigError> {
         let key = |field: &str| format!("campaign.{name}.{field}");
-        let Campaign { robot, gait, models, weights, .. } = campaign;
         let spring = check.entry(&self.robot, robot, &key("robot"))?;
         let commanded = check.entry(&self.gait, gait, &key("gait"))?.to_gait();
         if commanded.passive_joint().is_some() {
@@ -147,6 +157,18 @@ impl Config {
             let key = format!("robot.{robot}.stiffness_nm_rad");
             check.that(is_there, &key, &"no passive joint", &needed)?;
         }
+        Ok(commanded)
+    }
+
+    fn check_campaign(
+        &self,
+        check: &Checker,
+        name: &str,
+        campaign: &Campaign,
+    ) -> Result<(), ConfigError> {
+        let key = |field: &str| format!("campaign.{name}.{field}");
+        let Campaign { robot, models, weights, .. } = campaign;
+        let commanded = self.check_joints(check, name, campaign)?;
         check.that(!models.is_empty(), &key("models"), &"an empty list", "at least one model")?;
         let repeated = (0..models.len()).find(|&i| models[..i].contains(&models[i]));
         let repeated = repeated.map(|i| models[i].name());
@@ -260,6 +282,11 @@ impl Checker<'_> {
         }
         let (path, key, needed) = (self.path.to_owned(), key.to_owned(), needed.to_owned());
         Err(ConfigError::Value { path, key, found: format!("{found:?}"), needed })
+    }
+
+    fn is_driven(&self, name: &str, gait: &GaitConfig) -> Result<(), ConfigError> {
+        let is_driven = gait.joint1.is_some() || gait.joint2.is_some();
+        self.that(is_driven, &format!("gait.{name}"), &"no joint", "joint1, joint2 or both")
     }
 
     /// Checks the numbers of a table or list, or a number.

@@ -135,7 +135,7 @@ pub(crate) fn with_settings(
         *robot =
             parse_toml(Path::new("--set"), &lines).map_err(|error| of_setting(setting, error))?;
     }
-    config.check(Path::new("--set"))?;
+    config.check_setup(Path::new("--set"), campaign)?;
     Ok(config)
 }
 
