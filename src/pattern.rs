@@ -8,28 +8,29 @@ pub(crate) fn matches_label(pattern: &str, label: &str) -> bool {
 
 /// Whether a text matches a pattern, in which `any` stands for any characters and `one` for one.
 pub(crate) fn matches(pattern: &str, text: &str, [any, one]: [char; 2]) -> bool {
-    let (pattern, text): (Vec<char>, Vec<char>) =
-        (pattern.chars().collect(), text.chars().collect());
-    let (mut p, mut t) = (0, 0);
-    // The last star, and how far what it stands for reaches.
-    let mut star: Option<(usize, usize)> = None;
-    while t < text.len() {
-        match pattern.get(p) {
-            Some(c) if *c == any => {
-                star = Some((p, t));
-                p += 1;
+    let (mut pattern, mut text) = (pattern.chars(), text.chars());
+    // What follows the last star, and the text after what it stands for.
+    let mut star = None;
+    while let Some(c) = text.clone().next() {
+        match pattern.clone().next() {
+            Some(of) if of == any => {
+                pattern.next();
+                star = Some((pattern.clone(), text.clone()));
             }
-            Some(c) if *c == one || *c == text[t] => (p, t) = (p + 1, t + 1),
+            Some(of) if of == one || of == c => {
+                pattern.next();
+                text.next();
+            }
             _ => match &mut star {
-                Some((at, reach)) => {
-                    *reach += 1;
-                    (p, t) = (*at + 1, *reach);
+                Some((follows, rest)) => {
+                    rest.next();
+                    (pattern, text) = (follows.clone(), rest.clone());
                 }
                 None => return false,
             },
         }
     }
-    pattern[p..].iter().all(|c| *c == any)
+    pattern.all(|of| of == any)
 }
 
 #[cfg(test)]
