@@ -30,6 +30,9 @@ pub mod vicon;
 /// Markers -> link poses -> wheel velocities -> cycles -> one row per trial.
 pub mod ingest;
 
+/// Trials of a table that was made elsewhere.
+pub mod own_table;
+
 /// Models fitted to the trials.
 pub mod fit;
 

@@ -37,6 +37,17 @@ impl FitStage {
         self
     }
 
+    /// How many models are fitted.
+    pub fn models(&self) -> usize {
+        self.inputs.own.len() + self.inputs.shared.len()
+    }
+
+    /// Hashes of what each is fitted with, but for measurements.
+    pub fn settings(&self) -> Vec<Fingerprint> {
+        let of = self.all_wanted(|_| Fingerprint::new(), |_| Fingerprint::new());
+        of.into_iter().map(|wanted| wanted.parts).collect()
+    }
+
     /// All targets with their settings and these other parts.
     fn all_wanted(
         &self,

@@ -7,6 +7,7 @@ mod ingest;
 mod last_run;
 mod lock;
 mod merge;
+mod own_table;
 mod part;
 mod plan;
 mod record;
@@ -24,6 +25,7 @@ use crate::config::{Config, ConfigError, did_you_mean};
 use crate::fit::{Fitted, input_paths};
 use crate::ingest::{FolderInput, Ingested};
 use crate::interrupt::{Interrupted, abandonable};
+use crate::own_table::OwnTableError;
 use crate::report::{ReportError, Reported};
 use crate::store::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
 use crate::trial::{TRIALS_FILE, find_folders};
@@ -36,6 +38,7 @@ pub use last_run::{check_finished, hold};
 use lock::{LOCK_FILE, check_places};
 pub use lock::{Lock, share, sweep};
 pub use merge::{Merged, merge};
+pub use own_table::fit_own_table;
 pub use part::Part;
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, hash_of, plan, plan_after};
@@ -72,6 +75,14 @@ pub enum RunError {
     Store(#[from] StoreError),
     #[error(transparent)]
     Report(#[from] ReportError),
+    #[error(transparent)]
+    OwnTable(#[from] OwnTableError),
+    #[error(
+        "{}: found the place of ingested trials, whose fits would be replaced; needed another folder \
+         for a table that was made elsewhere",
+        home.display()
+    )]
+    OwnTablePlace { home: PathBuf },
     /// There is something to do, and nothing may be written.
     #[error("something has changed")]
     Outdated,

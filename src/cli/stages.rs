@@ -1,12 +1,13 @@
 //! `trilink ingest`, `fit` and `report`: one stage alone.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, pipeline};
 use crate::build::{self, Part};
 use crate::fit::Fitted;
 use crate::ingest::Ingested;
+use crate::store::FitRow;
 
 #[derive(clap::Args)]
 pub(super) struct Ingest {
@@ -69,15 +70,27 @@ pub(super) struct Fit {
     exclusive: Exclusive,
     /// Fit only some replicates of the bootstrap: 0..500 are the first 500.
     #[arg(long, value_name = "FROM..TO", value_parser = Part::of_replicates, requires = "into")]
+    #[arg(group = "elsewhere")]
     replicates: Option<Part>,
-    /// Folder for the tables of these, replicates-0-500 inside of it; `merge` joins them.
-    #[arg(long, value_name = "FOLDER", requires = "replicates")]
+    /// Fit the trials of a table that was made elsewhere, CSV or Parquet, instead of the ingested
+    /// ones: it needs campaign, omega_rad_s and d_m or v_m_s, and may have any other column of
+    /// trials.parquet.
+    #[arg(long, value_name = "TABLE", requires = "into", group = "elsewhere")]
+    trials: Option<PathBuf>,
+    /// Folder for the tables: of a table made elsewhere, any but the one of ingested trials; of
+    /// replicates, replicates-0-500 inside of it, which `merge` joins.
+    #[arg(long, value_name = "FOLDER", requires = "elsewhere")]
     into: Option<PathBuf>,
 }
 
 impl Fit {
     pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
         let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
+        if let Some((table, home)) = self.trials.zip(self.into.as_ref()) {
+            let (_, fitted) = build::fit_own_table(&context.config, &table, home, wait, &watch)?;
+            drop(watch);
+            return Ok(say_fitted_own(&fitted, home));
+        }
         if let Some((part, shards)) = self.replicates.zip(self.into) {
             let (count, home) = build::fit_shard(&context.config, part, &shards, wait, &watch)?;
             say!("{count} replicates of all models; {part} in {}", home.display());
@@ -87,6 +100,20 @@ impl Fit {
         drop(watch);
         say_fitted(context, &fitted)
     }
+}
+
+/// Says what was fitted to a table that was made elsewhere, and where there are no intervals.
+fn say_fitted_own(fitted: &Fitted, home: &Path) -> Outcome {
+    pipeline::print_fits(&fitted.fits);
+    pipeline::print_comparison(&fitted.comparison);
+    pipeline::print_shared(&fitted.shared);
+    let without = fitted.fits.iter().filter(|fit| !fit.no_interval.is_empty());
+    for FitRow { campaign, model, no_interval, .. } in without {
+        note!("{campaign} {model}: no confidence limits, because {no_interval}");
+    }
+    say!("tables in {}", home.display());
+    let all_ok = fitted.fits.iter().all(|fit| fit.status.is_ok());
+    if all_ok { Outcome::Well } else { Outcome::NeedsAttention }
 }
 
 /// Says what was fitted.

@@ -1,0 +1,49 @@
+//! A fit of trials that were not ingested.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::fit::FitStage;
+use super::plan::{Stage as _, hash_of};
+use super::record::RECORD_FILE;
+use super::{RunError, Watch, hold_places, interruptible};
+use crate::config::Config;
+use crate::fit::{FitData, Fitted, Replicates, TABLES};
+use crate::own_table::OwnTable;
+use crate::store::{Columns as _, Provenance, TrialRow};
+
+const TRIALS: &str = "trials.parquet";
+
+/// Fits every model of the campaigns of a table that was made elsewhere, and writes the tables of
+/// the fit and of its trials to `home`; what an ingest leaves stays as it is.
+///
+/// # Errors
+/// The table cannot be fitted, `home` has tables of an ingest, a table cannot be written, or another
+/// fit is busy with `home`.
+pub fn fit_own_table(
+    config: &Config,
+    table: &Path,
+    home: &Path,
+    wait: bool,
+    watch: &dyn Watch,
+) -> Result<(OwnTable, Fitted), RunError> {
+    // Every ingest leaves both.
+    let is_of_ingest = [RECORD_FILE, "checks.parquet"].iter().any(|name| home.join(name).exists());
+    if is_of_ingest || home == config.paths.derived {
+        return Err(RunError::OwnTablePlace { home: home.to_owned() });
+    }
+    let mut own = OwnTable::read(table, config)?;
+    let stage = FitStage::new(&own.configure(config));
+    own.notes.iter().for_each(|note| watch.note(note));
+    let files: Vec<_> = TABLES.iter().chain([&TRIALS]).map(|name| home.join(name)).collect();
+    let _lock = hold_places(&[home.to_owned()], &files, wait, watch)?;
+    let data = FitData::from(own.trials.clone());
+    let fitted = interruptible(FitStage::NAME, || {
+        watch.begin(FitStage::NAME, stage.models());
+        Ok(stage.fit(&data, BTreeMap::new(), &Replicates::default(), watch, &|_, _| {}))
+    })?;
+    let provenance = Provenance { input: hash_of(&(&own.hash, stage.settings())) };
+    fitted.write(home, &provenance)?;
+    TrialRow::to_table(&own.trials).write_if_changed(&home.join(TRIALS), &provenance)?;
+    Ok((own, fitted))
+}

@@ -1,0 +1,123 @@
+//! Fits of tables that were made elsewhere.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use common::{files, small_run, small_settings, succeed, text, trilink};
+use tempfile::TempDir;
+use trilink::robot::Parameter;
+use trilink::store::{Columns, FitRow, PredictionRow, Table};
+
+/// A folder with tables of ingested trials, which no test changes but by adding tables beside them.
+fn folder() -> &'static Path {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    FOLDER.get_or_init(|| small_run(&small_settings(), "1")).path()
+}
+
+fn rows<T: Columns>(path: &str) -> Vec<T> {
+    T::from_table(&Table::read(&folder().join(path)).unwrap()).unwrap()
+}
+
+/// What a fit of this CSV says on standard error; its tables are in `name`.
+fn fit(name: &str, csv: &str) -> (Option<i32>, String) {
+    let table = format!("{name}.csv");
+    std::fs::write(folder().join(&table), csv).unwrap();
+    let output = trilink(folder(), &["fit", "--trials", &table, "--into", name]);
+    (output.status.code(), text(&output.stderr))
+}
+
+#[test]
+fn a_table_with_all_that_was_measured_has_the_fit_of_the_ingested_trials() {
+    let before = files(&folder().join("derived"));
+    let csv = succeed(folder(), &["inspect", "trials", "--csv"]);
+    let (status, said) = fit("all", &csv);
+    assert_eq!(status, Some(0), "{said}");
+    let parquet = ["fit", "--trials", "derived/trials.parquet", "--into", "parquet", "-q"];
+    succeed(folder(), &parquet);
+    let expected: Vec<FitRow> = rows("derived/fits.parquet");
+    for home in ["all", "parquet"] {
+        let found: Vec<FitRow> = rows(&format!("{home}/fits.parquet"));
+        assert_eq!(found.len(), 2);
+        for (found, expected) in found.iter().zip(&expected) {
+            assert_eq!(found.j, expected.j);
+            assert_eq!((found.model, found.trials), (expected.model, expected.trials));
+            for parameter in &expected.free {
+                assert_eq!(found.parameters[*parameter], expected.parameters[*parameter]);
+            }
+        }
+    }
+    assert!(before == files(&folder().join("derived")));
+}
+
+#[test]
+fn with_d_and_v_alone_the_fit_says_what_is_missing_and_has_no_intervals() {
+    let csv = "campaign;omega_rad_s;d_m;v_m_s;colour\n\
+               kinematic-symmetric;2;0,40;0,12;red\n\
+               kinematic-symmetric;3,9;0,48;0,29;red\n";
+    let (status, said) = fit("two", csv);
+    assert_eq!(status, Some(0), "{said}");
+    for part in [
+        "column `colour` is not read",
+        "the objective lacks sigma0, sigma1, sigma2: no trial has it",
+        "no confidence limits, because no cycles, repeats or standard errors tell the noise of d, v",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    let fits: Vec<FitRow> = rows("two/fits.parquet");
+    let skid = fits.iter().find(|fit| !fit.free.is_empty()).unwrap();
+    assert!(skid.status.is_ok() && skid.j.is_finite() && skid.adequate.is_none());
+    for parameter in Parameter::SKID {
+        assert!(skid.lower[parameter].is_nan() && skid.upper[parameter].is_nan());
+    }
+    let predictions: Vec<PredictionRow> = rows("two/predictions.parquet");
+    assert!(predictions.iter().all(|row| !row.no_interval.is_empty()));
+}
+
+#[test]
+fn all_mistakes_of_a_table_are_named_at_once() {
+    let csv = "campaign,trial,omega,d_m,sigm0,cycles\n\
+               kinematic-symetric,a,2,0.4,1,3\n\
+               kinematic-symmetric,b,3,much,1,3\n\
+               kinematic-symmetric,b,3,0.4,1,3.5\n\
+               kinematic-symmetric,d,3,,1,3\n\
+               kinematic-symmetric,e,3,0.4,1,3,9\n";
+    let (status, said) = fit("wrong", csv);
+    assert_eq!(status, Some(2));
+    for part in [
+        "column `omega_rad_s`: found no such column, needed the trial's frequency; is it `omega`?",
+        "line 2, column `campaign`: found `kinematic-symetric`, needed one of kinematic-symmetric; \
+         did you mean `kinematic-symmetric`?",
+        "line 3, column `d_m`: found `much`, needed a number that is not below 0",
+        "line 4, column `cycles`: found `3.5`, needed a whole number",
+        "line 4, column `trial`: found `b`, the name of line 3, too, needed another one",
+        "line 5, columns `d_m`, `v_m_s`: found nothing above 0, needed one of them",
+        "line 6: found 7 fields, needed 6",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    assert!(!folder().join("wrong").exists());
+}
+
+#[test]
+fn the_tables_of_ingested_trials_are_not_replaced() {
+    let output =
+        trilink(folder(), &["fit", "--trials", "derived/trials.parquet", "--into", "derived"]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = text(&output.stderr);
+    assert!(said.contains("derived: found the place of ingested trials"), "{said}");
+}
+
+#[test]
+fn the_table_of_the_documents_can_be_fitted() {
+    let csv = include_str!("../docs/own-table.csv");
+    let (status, said) = fit("figure", csv);
+    assert_eq!(status, Some(0), "{said}");
+    let fits: Vec<FitRow> = rows("figure/fits.parquet");
+    let skid = fits.iter().find(|fit| !fit.free.is_empty()).unwrap();
+    assert_eq!(skid.trials, 6);
+    assert!(skid.j < 0.05, "{}", skid.j);
+}
