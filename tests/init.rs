@@ -58,6 +58,10 @@ T3 = [45.0, -31.0, 64.0]
 /// What a person adds to the test's runs so that they are quick. It changes no coefficient.
 const QUICK: &str = "starts = 2\nbootstrap = 2\nprofiles = false\n";
 
+/// What a person writes into the configuration: what no camera sees of the robot.
+const EDITED: [&str; 3] =
+    ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.0011, 0.0010]"];
+
 /// A folder with the marker files of some trials in `raw/`, and nothing else but `truth.json` beside.
 fn recorded(settings: &str, omegas: &str, kept: impl Fn(&str) -> bool) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -132,10 +136,8 @@ fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
     assert!(told.contains("middle link: Body-L, Body-R, Body-T"), "{told}");
     assert!(told.contains("then: trilink check"), "{told}");
 
-    // What a person does: the length on the command line above, and these lines.
+    // What a person does: the length on the command line above, and the edited lines.
     const GIVEN: [&str; 1] = ["--l-m 0.13"];
-    const EDITED: [&str; 3] =
-        ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.0011, 0.0010]"];
     assert!(GIVEN.len() + EDITED.len() <= 5);
     // Before that nothing is computed with numbers that nobody knows.
     let unknown = refused(path, &["check"]);
@@ -233,9 +235,7 @@ fn two_campaigns_in_two_folders_beside_what_is_no_trial() {
     assert_eq!(kinds, [TrialKind::CoastDown, TrialKind::Gait, TrialKind::Gait]);
     assert!(!path.join("nothing/trials.toml").exists());
 
-    let robot =
-        ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.001, 0.001]"];
-    edit(path, "pipeline.toml", &robot);
+    edit(path, "pipeline.toml", &EDITED);
     succeed(path, &["-q", "check"]);
     let checked = succeed(path, &["-q", "config", "check"]);
     assert!(checked.contains("campaign hook: robot snake, gait hook, 2 trials"), "{checked}");
@@ -284,26 +284,34 @@ fn nothing_is_overwritten_and_what_cannot_be_done_is_said() {
 #[test]
 fn a_passive_joint_is_found_and_its_parameters_are_measured() {
     let settings = include_str!("fixtures/trolley.toml");
-    let folder = recorded(settings, "2,3,4.2", |_| true);
+    let folder = recorded(settings, "2.5,4.2", |name| !name.starts_with("wriggling"));
     let path = folder.path();
     let found = found(path, &["raw", "--l-m", "0.13"], 0);
-    let campaigns = found["campaigns"].as_array().unwrap();
-    let passive: Vec<_> =
-        campaigns.iter().map(|of| (of["name"].as_str().unwrap(), &of["passive_joint"])).collect();
-    assert_eq!(passive, [("pulled", &serde_json::json!(2)), ("wriggling", &Value::Null)]);
+    assert_eq!(found["campaigns"][0]["passive_joint"], 2);
     let kind = |kind: &str| {
         found["files"].as_array().unwrap().iter().filter(|of| of["kind"] == kind).count()
     };
-    assert_eq!([kind("gait"), kind("joint-release"), kind("coast-down")], [6, 1, 1]);
-    // All gaits are bent: the coast-down says where the side links point.
-    for (campaign, offsets_deg) in campaigns.iter().zip([[6.0, 4.5], [38.0, -31.0]]) {
-        for (joint, offset_deg) in offsets_deg.iter().enumerate() {
-            let found = campaign["joints"][joint]["offset_deg"].as_f64().unwrap();
-            assert!((found - offset_deg).abs() < 1.0, "{found} for {offset_deg}");
-        }
-    }
-    let robot =
-        ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.0011, 0.0010]"];
-    edit(path, "pipeline.toml", &robot);
+    assert_eq!([kind("gait"), kind("joint-release"), kind("coast-down")], [2, 1, 1]);
+    let doubts = read(path, "pipeline.toml");
+    assert!(doubts.contains("# CHECK: joint 2 is taken for passive"), "{doubts}");
+    edit(path, "pipeline.toml", &EDITED);
     succeed(path, &["-q", "check"]);
+}
+
+#[test]
+fn a_coast_down_says_where_the_links_point_that_every_gait_bends() {
+    let kept = |name: &str| name.starts_with("hook") || name.contains("coast");
+    let folder = recorded(CART, "3", kept);
+    let path = folder.path();
+    let marked = "all gaits bend the robot";
+    let straight = found(path, &["raw", "--l-m", "0.13", "--front", "N1"], 0);
+    for (joint, offset_deg) in [(0, 35.0), (1, -35.0)] {
+        let found = straight["campaigns"][0]["joints"][joint]["offset_deg"].as_f64().unwrap();
+        assert!((found - offset_deg).abs() < 1.0, "{found} for {offset_deg}");
+    }
+    assert!(!read(path, "pipeline.toml").contains(marked));
+
+    std::fs::remove_file(path.join("raw/cart-coast-down-r1.csv")).unwrap();
+    found(path, &["raw", "--l-m", "0.13", "--front", "N1", "--force"], 0);
+    assert!(read(path, "pipeline.toml").contains(marked));
 }

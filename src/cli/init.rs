@@ -22,7 +22,7 @@ pub(super) struct Init {
     /// far as the wheels show it].
     #[arg(long, value_name = "M", value_parser = parse_length)]
     l_m: Option<f64>,
-    /// A marker of the front link [default: the front is where the robot moves].
+    /// A marker of the front link [default: by their names, or where the robot moves].
     #[arg(long, value_name = "LABEL")]
     front: Option<String>,
     /// Replace files that are there.

@@ -73,6 +73,16 @@ pub(super) fn links(file: &MarkerFile) -> Result<Links, String> {
     Ok([middle, first, second])
 }
 
+/// Whether two side links' markers are called as the front one's and the rear one's: `F1` or `front-left`,
+/// `R1` or `back-1`.
+pub(super) fn are_named(front: &[String], rear: &[String]) -> bool {
+    let begin = |names: &[String], letters: &[char]| {
+        let first = |name: &String| marker_name(name).to_ascii_lowercase().starts_with(letters);
+        names.iter().all(first)
+    };
+    begin(front, &['f']) && begin(rear, &['r', 'b'])
+}
+
 /// The links that most files show.
 pub(super) fn shown_by_most<'l>(found: impl Iterator<Item = &'l Links>) -> Option<Links> {
     let mut counts: BTreeMap<&Links, usize> = BTreeMap::new();
@@ -98,5 +108,33 @@ pub(super) fn columns(links: &Links, labels: &[String]) -> Result<[Vec<usize>; 3
             links.iter().flatten().count(),
             missing.join(", ")
         )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn owned<const N: usize>(names: [&str; N]) -> Vec<String> {
+        names.map(str::to_owned).to_vec()
+    }
+
+    #[test]
+    fn names_are_without_the_subject_where_only_one_marker_is_called_so() {
+        let labels = owned(["Snake:F1", "Snake:R1", "Idle:R1"]);
+        assert_eq!(names(&labels), ["F1", "Snake:R1", "Idle:R1"]);
+        let links = [owned(["F1"]), owned(["Idle:R1"]), owned(["R2"])];
+        let lacks = columns(&links, &labels).unwrap_err();
+        assert_eq!(lacks, "lacks 1 of the robot's 3 markers: R2");
+        assert!(are_named(&owned(["F1", "front-2"]), &owned(["Snake:R1", "back"])));
+        assert!(!are_named(&owned(["F1", "N2"]), &owned(["R1", "R2"])));
+    }
+
+    #[test]
+    fn the_links_are_those_of_most_files() {
+        let links = |last: &str| [owned(["M"]), owned(["F"]), owned([last])];
+        let found = [links("R"), links("W"), links("R")];
+        assert_eq!(shown_by_most(found.iter()), Some(links("R")));
+        assert_eq!(shown_by_most([].into_iter()), None);
     }
 }

@@ -158,7 +158,7 @@ pub fn init(request: &Request, on_file: &(dyn Fn(&str) + Sync)) -> Result<Findin
     let links = links.ok_or_else(|| InitError::NoChain(survey::reasons(&surveys)))?;
     let rate_hz = survey::usual_rate_hz(&surveys);
     let mut described = survey::describe_all(&surveys, &links, rate_hz);
-    let (links, ahead) = put_front_first(links, &mut described, request.front.as_deref())?;
+    let (links, front_doubt) = put_front_first(links, &mut described, request.front.as_deref())?;
     let layout = find_layout(&links, &surveys, &described, rate_hz, request.l_m)?;
 
     let gaits: Vec<(usize, Performed)> = described
@@ -180,29 +180,27 @@ pub fn init(request: &Request, on_file: &(dyn Fn(&str) + Sync)) -> Result<Findin
         groups,
         links,
         layout,
-        ahead,
+        front_doubt,
         rate_hz,
     })
 }
 
-/// In how many files the robot moves to where the front link is, of how many; `None` if somebody says
-/// which it is.
-type Ahead = Option<(usize, usize)>;
-
-/// Puts the front link before the rear one: as a person says, or to where the robot moves.
+/// Puts the front link before the rear one: as a person says, as the markers are called, or to where
+/// the robot moves. Gives what leaves that in doubt, too.
 fn put_front_first(
     mut links: Links,
     described: &mut [Result<Described, String>],
     front: Option<&str>,
-) -> Result<(Links, Ahead), InitError> {
+) -> Result<(Links, Option<String>), InitError> {
     let ahead = |of: &Result<Described, String>| {
         let of = of.as_ref().ok().filter(|of| of.recorded.kind() == TrialKind::Gait)?;
         Some(of.motion.ahead_m)
     };
     let ways_m: Vec<f64> = described.iter().filter_map(ahead).collect();
-    let is_exchanged = match front {
-        None => ways_m.iter().sum::<f64>() < 0.0,
-        Some(label) => {
+    let named =
+        [1, 2].into_iter().find(|&link| clusters::are_named(&links[link], &links[3 - link]));
+    let is_exchanged = match (front, named) {
+        (Some(label), _) => {
             let is_of = |names: &[String]| names.iter().any(|name| name == label);
             if !is_of(&links[1]) && !is_of(&links[2]) {
                 let known = format!("{} or {}", links[1].join(", "), links[2].join(", "));
@@ -210,14 +208,23 @@ fn put_front_first(
             }
             is_of(&links[2])
         }
+        (None, Some(link)) => link == 2,
+        (None, None) => ways_m.iter().sum::<f64>() < 0.0,
     };
     if is_exchanged {
         links.swap(1, 2);
         described.iter_mut().filter_map(|of| of.as_mut().ok()).for_each(Described::exchange);
     }
     let sign = if is_exchanged { -1.0 } else { 1.0 };
-    let there = ways_m.iter().filter(|way_m| sign * **way_m > 0.0).count();
-    Ok((links, front.is_none().then_some((there, ways_m.len()))))
+    let (there, all) = (ways_m.iter().filter(|way_m| sign * **way_m > 0.0).count(), ways_m.len());
+    let doubt = match (front, named) {
+        (Some(_), _) => None,
+        (None, Some(_)) => Some("Its markers are called so".to_owned()),
+        (None, None) => Some(format!(
+            "The robot moves that way in {there} of {all} gaits, but some gaits drive it backwards"
+        )),
+    };
+    Ok((links, doubt))
 }
 
 impl Described {

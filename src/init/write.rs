@@ -10,7 +10,7 @@ use super::clusters::{Links, names};
 use super::frequency::Recorded;
 use super::layout::Layout;
 use super::survey::{Folder, Survey};
-use super::{Ahead, Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request};
+use super::{Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request};
 use crate::files::name_in;
 use crate::ingest::MarkerPosition;
 use crate::report::fill;
@@ -48,7 +48,8 @@ pub(super) struct Written<'r> {
     /// Middle, front, rear.
     pub links: Links,
     pub layout: Layout,
-    pub ahead: Ahead,
+    /// What leaves in doubt which link is in front.
+    pub front_doubt: Option<String>,
     pub rate_hz: f64,
 }
 
@@ -251,7 +252,7 @@ impl Written<'_> {
                 se => format!("in which their wheels roll, +- {} degrees", fixed(se, 2)),
             },
             "is_direction_doubtful": layout.direction_se_deg > WELL_DEG,
-            "ahead": self.ahead,
+            "front_doubt": self.front_doubt,
             "campaigns": campaigns.collect::<Vec<Value>>(),
             "links": calibration.links.each_ref().map(|markers| markers.iter().map(line).collect::<Vec<_>>()),
         });
