@@ -95,6 +95,38 @@ fn the_schema_has_types_units_meanings_and_where_the_table_comes_from() {
 }
 
 #[test]
+fn every_column_of_every_table_and_trajectory_has_a_meaning() {
+    let outside = tempfile::tempdir().unwrap();
+    let motions =
+        ["steady", "from-rest"].map(|name| outside.path().join(name).with_extension("parquet"));
+    let arguments =
+        ["simulate", "kinematic-symmetric", "--model", "skid-roll", "--omega", "3", "--trajectory"];
+    for (path, option) in motions.iter().zip([None, Some("--from-rest")]) {
+        let arguments = arguments.into_iter().chain([path.to_str().unwrap()]).chain(option);
+        succeed(folder(), &arguments.collect::<Vec<_>>());
+    }
+    let list = inspect(&[]);
+    let named = list.lines().skip(1).filter_map(|line| line.split_whitespace().next());
+    let named = named.map(|name| name.trim_end_matches("/<trial>"));
+    let mut tables: Vec<&str> = named.collect();
+    assert!(tables.contains(&"fits") && tables.contains(&"poses"), "{list}");
+    tables.extend(motions.iter().map(|path| path.to_str().unwrap()));
+    let mut unknown = Vec::new();
+    for table in tables {
+        let schema: Vec<Value> =
+            serde_json::from_str(&inspect(&[table, "--schema", "--json"])).unwrap();
+        assert!(schema.len() > 3, "{table}");
+        unknown.extend(
+            schema
+                .into_iter()
+                .filter(|of| !of["meaning"].is_string())
+                .map(|of| format!("{table} {}", of["name"])),
+        );
+    }
+    assert!(unknown.is_empty(), "{unknown:#?}");
+}
+
+#[test]
 fn without_a_name_all_tables_are_listed() {
     let list = inspect(&[]);
     let line = |name: &str| {

@@ -7,8 +7,8 @@ use polars::prelude::{AnyValue, DataType};
 use super::output::{note, say, write_data};
 use super::{Context, Failure, Outcome, table};
 use crate::inspect::{
-    ColumnInfo, Listed, Query, View, csv, describe, find, float, json, list, meaning, query, text,
-    unit,
+    ColumnInfo, Listed, Query, View, csv, describe, describe_all, find, float, json, list, meaning,
+    query, text, unit,
 };
 
 /// Others write whole schemas into a file's metadata.
@@ -16,10 +16,10 @@ const LONGEST_METADATA: usize = 100;
 
 #[derive(clap::Args)]
 pub(super) struct Inspect {
-    /// A table of `derived`, such as `trials`, `fits` or `poses/TRIAL`, or any Parquet file; all
-    /// of `derived` are listed if none is named.
+    /// A table of `derived`, such as `trials`, `fits`, `poses/TRIAL` or `poses` of all trials, or
+    /// any Parquet file; all of `derived` are listed if none is named.
     table: Option<String>,
-    /// Columns to show, in this order.
+    /// Columns to show, in this order; * is any characters, ? is one.
     #[arg(long, value_delimiter = ',', value_name = "COLUMN,..")]
     columns: Vec<String>,
     /// Rows to show, by a condition as SQL has it: "campaign = 'x' and omega_rad_s > 3".
@@ -28,16 +28,19 @@ pub(super) struct Inspect {
     /// Columns to sort by; downwards with a minus sign or ` desc`.
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "COLUMN,..")]
     sort: Vec<String>,
-    /// Rows at most.
-    #[arg(long, value_name = "N")]
+    /// Rows at most, the first ones.
+    #[arg(long, value_name = "N", conflicts_with = "tail")]
     head: Option<usize>,
+    /// Rows at most, the last ones.
+    #[arg(long, value_name = "N")]
+    tail: Option<usize>,
     /// Show the columns with their types, units and meanings instead of rows.
-    #[arg(long, conflicts_with_all = ["columns", "condition", "sort", "head", "csv", "json"])]
+    #[arg(long, conflicts_with_all = ["columns", "condition", "sort", "head", "tail", "csv"])]
     schema: bool,
     /// Print CSV with every digit.
     #[arg(long, conflicts_with = "json")]
     csv: bool,
-    /// Print a JSON array of objects with every digit.
+    /// Print a JSON array of objects with every digit, or with `--schema` of the columns.
     #[arg(long)]
     json: bool,
 }
@@ -50,11 +53,12 @@ impl Inspect {
         };
         let path = find(derived, name)?;
         if self.schema {
-            return show_schema(&path);
+            return show_schema(&path, self.json);
         }
         let sort = self.sort.iter().map(|key| sort_key(key)).collect::<Result<_, _>>()?;
         let columns = self.columns.iter().map(|column| column.trim().to_owned()).collect();
-        let asked = Query { columns, condition: self.condition.clone(), sort, head: self.head };
+        let Self { head, tail, .. } = self;
+        let asked = Query { columns, condition: self.condition.clone(), sort, head, tail };
         let view = query(&path, &asked)?;
         if !view.left_out.is_empty() {
             let columns = view.left_out.iter();
@@ -112,8 +116,22 @@ fn sort_key(text: &str) -> Result<(String, bool), String> {
     Ok((name.to_owned(), descending))
 }
 
-fn show_schema(path: &std::path::Path) -> Result<Outcome, Failure> {
-    let info = describe(path)?;
+fn show_schema(path: &std::path::Path, as_json: bool) -> Result<Outcome, Failure> {
+    let info = describe_all(path)?;
+    if as_json {
+        let column = |of: &ColumnInfo| {
+            serde_json::json!({
+                "name": of.name,
+                "type": of.type_name,
+                "unit": unit(&of.name),
+                "meaning": meaning(&of.name),
+            })
+            .to_string()
+        };
+        let columns: Vec<String> = info.columns.iter().map(column).collect();
+        write_data(&format!("[{}]", columns.join(",\n ")));
+        return Ok(Outcome::Well);
+    }
     let row = |column: &ColumnInfo| {
         vec![
             column.name.clone(),

@@ -5,11 +5,16 @@ use std::path::Path;
 
 use polars::datatypes::ArrowDataType;
 use polars::prelude::{
-    DataFrame, DataType, ParallelStrategy, ParquetReader, PolarsResult, SerReader,
+    ChunkFull, DataFrame, DataType, IntoColumn, ParallelStrategy, ParquetReader, PolarsResult,
+    SerReader, StringChunked,
 };
 
+use super::find::tables_of;
 use crate::files;
 use crate::store::{StoreError, guarded};
+
+/// The name of each table of a folder, as a column.
+const TRIAL: &str = "trial";
 
 /// A column as its file describes it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -53,14 +58,50 @@ pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
     })
 }
 
-/// Reads the named columns and no others, `rows` rows at most.
+/// The same of the tables of a folder: those of the first one and before them [`TRIAL`], and all
+/// rows.
+///
+/// # Errors
+/// A file cannot be read or is not Parquet.
+pub fn describe_all(path: &Path) -> Result<FileInfo, StoreError> {
+    let mut of_folder: Option<FileInfo> = None;
+    for (trial, path) in tables_of(path) {
+        let own = describe(&path)?;
+        match (&mut of_folder, trial) {
+            (_, None) => return Ok(own),
+            (Some(info), _) => info.rows += own.rows,
+            (info, Some(_)) => {
+                let name = ColumnInfo {
+                    name: TRIAL.to_owned(),
+                    type_name: "text".to_owned(),
+                    dtype: Some(DataType::String),
+                };
+                let columns = std::iter::once(name).chain(own.columns).collect();
+                *info = Some(FileInfo { columns, ..own });
+            }
+        }
+    }
+    of_folder.map_or_else(|| describe(path), Ok)
+}
+
+/// Reads the named columns and no others, `rows` rows at most; [`TRIAL`] is the name that is given.
 pub(super) fn read_columns(
     path: &Path,
-    names: Vec<String>,
+    names: &[String],
+    trial: Option<&str>,
     rows: Option<usize>,
 ) -> Result<DataFrame, StoreError> {
     let slice = rows.map(|rows| (0, rows));
-    read(path, |reader| reader.with_columns(Some(names)).with_slice(slice).finish())
+    let own = names.iter().filter(|name| trial.is_none() || *name != TRIAL).cloned().collect();
+    read(path, |reader| {
+        let columns = Some(own).filter(|own: &Vec<String>| !own.is_empty());
+        let mut frame = reader.with_columns(columns).with_slice(slice).finish()?;
+        if let Some(trial) = trial {
+            let trials = StringChunked::full(TRIAL.into(), trial, frame.height());
+            frame.with_column(trials.into_column())?;
+        }
+        frame.select(names)
+    })
 }
 
 fn read<T>(

@@ -2,10 +2,13 @@
 //! missing is neither true nor false.
 
 use polars::prelude::{
-    BooleanChunked, ChunkCompareEq, ChunkCompareIneq, ChunkFillNullValue, ChunkSet, DataFrame,
-    DataType, IntoSeries, NamedFrom, PlSmallStr, PolarsResult, Series, polars_bail,
+    BooleanChunked, ChunkApply, ChunkCompareEq, ChunkCompareIneq, ChunkFillNullValue, ChunkSet,
+    DataFrame, DataType, IntoSeries, NamedFrom, PlSmallStr, PolarsResult, Series, polars_bail,
 };
-use sqlparser::ast::{BinaryOperator as Op, Expr, UnaryOperator, Value as Literal, ValueWithSpan};
+use sqlparser::ast::{
+    BinaryOperator as Op, Expr, FunctionArg, FunctionArgExpr, FunctionArguments, UnaryOperator,
+    Value as Literal, ValueWithSpan,
+};
 use sqlparser::dialect::GenericDialect;
 use sqlparser::parser::{Parser, ParserError};
 use sqlparser::tokenizer::{Token, Tokenizer};
@@ -19,7 +22,8 @@ const LONGEST: usize = 8000;
 /// Terms that lie within one another, as those of `a or b or c` do; thousands would not fit on
 /// the stack.
 const DEEPEST: usize = 400;
-const KNOWN: &str = "and, or, not, comparisons, + - * /, is null, in (..), between, like";
+const KNOWN: &str =
+    "and, or, not, comparisons, + - * / %, abs(..), is null, in (..), between, like";
 
 /// A condition, and the words in it: some are columns.
 pub(super) type Parsed = (Expr, Vec<String>);
@@ -94,6 +98,7 @@ impl Evaluator<'_> {
         let truth = match op {
             Op::And => self.truth(left)? & self.truth(right)?,
             Op::Or => self.truth(left)? | self.truth(right)?,
+            Op::Modulo => return remainder(&self.number(left)?, &self.number(right)?),
             Op::Plus | Op::Minus | Op::Multiply | Op::Divide => {
                 return arithmetic(&self.number(left)?, op, &self.number(right)?);
             }
@@ -113,6 +118,15 @@ impl Evaluator<'_> {
                 return arithmetic(&zero, &Op::Minus, &self.number(expr)?);
             }
             Expr::UnaryOp { op: UnaryOperator::Not, expr } => !self.truth(expr)?,
+            Expr::Function(function) if function.name.to_string().eq_ignore_ascii_case("abs") => {
+                let FunctionArguments::List(list) = &function.args else {
+                    polars_bail!(ComputeError: "found `{function}`, needed abs of a number");
+                };
+                let [FunctionArg::Unnamed(FunctionArgExpr::Expr(of))] = &list.args[..] else {
+                    polars_bail!(ComputeError: "found `{function}`, needed abs of a number");
+                };
+                return absolute(&self.number(of)?);
+            }
             Expr::IsNull(of) => self.series(of)?.is_null(),
             Expr::IsNotNull(of) => self.series(of)?.is_not_null(),
             Expr::IsTrue(of) => self.truth(of)?.fill_null_with_values(false)?,
@@ -276,6 +290,26 @@ fn arithmetic(one: &Series, op: &Op, other: &Series) -> PolarsResult<Series> {
     let rounded = calculate([&float, &divisor])?;
     let range = [rounded.min::<f64>()?, rounded.max::<f64>()?].map(Option::unwrap_or_default);
     whole([one, other], range).map_or(Ok(rounded), |[one, other]| calculate([&one, &other]))
+}
+
+/// What is left of a division, with the sign of the dividend as in SQL.
+fn remainder(one: &Series, other: &Series) -> PolarsResult<Series> {
+    let quotient = arithmetic(one, &Op::Divide, other)?.f64()?.apply_values(f64::trunc);
+    let quotient = quotient.into_series();
+    let is_whole = [one, other].iter().all(|series| series.dtype().is_integer());
+    let quotient = if is_whole { quotient.cast(&DataType::Int64)? } else { quotient };
+    arithmetic(one, &Op::Minus, &arithmetic(other, &Op::Multiply, &quotient)?)
+}
+
+fn absolute(of: &Series) -> PolarsResult<Series> {
+    if let Some([whole, _]) = whole([of, of], [0.0; 2]) {
+        let is_signed = *whole.dtype() == DataType::Int64;
+        return Ok(match is_signed {
+            true => whole.i64()?.apply_values(i64::saturating_abs).into_series(),
+            false => whole,
+        });
+    }
+    Ok(of.cast(&DataType::Float64)?.f64()?.apply_values(f64::abs).into_series())
 }
 
 /// Two columns of whole numbers as a type that holds them and a range; the range is rounded.

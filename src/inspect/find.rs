@@ -17,7 +17,8 @@ pub struct Listed {
     pub tables: Option<usize>,
 }
 
-/// The file of a table: one of `derived` by its name, or any by its path.
+/// The file of a table: one of `derived` by its name, or any by its path; or a folder of tables of
+/// `derived`, such as `poses`.
 ///
 /// # Errors
 /// There is none; the message names those that there are and the nearest one.
@@ -27,6 +28,10 @@ pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
         if path.is_file() {
             return Ok(path);
         }
+    }
+    let folder = derived.join(table.trim_end_matches('/'));
+    if !table.is_empty() && tables(&folder).next().is_some() {
+        return Ok(folder);
     }
     let known: Vec<String> = list(derived).into_iter().map(|listed| listed.name).collect();
     let mut near = known.clone();
@@ -56,6 +61,14 @@ pub fn list(derived: &Path) -> Vec<Listed> {
         Some(Listed { name, path, tables: Some(tables(&folder).count()) })
     });
     single.chain(folders).collect()
+}
+
+/// The tables of a folder with their names, or the one file without.
+pub(super) fn tables_of(path: &Path) -> Vec<(Option<String>, PathBuf)> {
+    match path.is_dir() {
+        true => tables(path).map(|(name, path)| (Some(name), path)).collect(),
+        false => vec![(None, path.to_owned())],
+    }
 }
 
 /// Names and files of a folder's tables; none if it cannot be read.

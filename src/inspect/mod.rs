@@ -11,7 +11,8 @@ mod tests;
 use std::path::Path;
 
 pub use cells::{csv, float, json, text};
-pub use columns::{ColumnInfo, FileInfo, describe};
+pub use columns::{ColumnInfo, FileInfo, describe, describe_all};
+use find::tables_of;
 pub use find::{Listed, find, list};
 pub use meaning::{meaning, unit};
 
@@ -20,6 +21,7 @@ use polars::prelude::{
 };
 
 use crate::config::did_you_mean;
+use crate::pattern::matches;
 use crate::store::{StoreError, Table};
 
 /// Why a table cannot be looked into.
@@ -40,8 +42,10 @@ pub struct Query {
     pub condition: Option<String>,
     /// Columns to sort by, and whether downwards.
     pub sort: Vec<(String, bool)>,
-    /// Rows at most, after all else.
+    /// Rows at most, after all else: the first ones.
     pub head: Option<usize>,
+    /// The last ones.
+    pub tail: Option<usize>,
 }
 
 /// What a query gives.
@@ -80,13 +84,14 @@ impl View {
     }
 }
 
-/// Looks into the table of a Parquet file. Only the columns that are needed are read.
+/// Looks into the table of a Parquet file, or of all those in a folder, of which each row has its
+/// file's name as `trial`. Only the columns that are needed are read.
 ///
 /// # Errors
-/// The file cannot be read, has no such column, or the condition is none for its columns.
+/// A file cannot be read, has no such column, or the condition is none for its columns.
 pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
-    let Query { condition, sort, head, .. } = query;
-    let FileInfo { rows: total, columns: known, .. } = describe(path)?;
+    let Query { condition, sort, head, tail, .. } = query;
+    let FileInfo { rows: total, columns: known, .. } = describe_all(path)?;
     let (columns, left_out) = chosen(path, query, &known)?;
     for (column, _) in sort {
         shown(path, column, &known)?;
@@ -107,15 +112,28 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
     needed.sort();
     needed.dedup();
     let is_plain = parsed.is_none() && sort.is_empty();
-    let mut frame = columns::read_columns(path, needed, head.filter(|_| is_plain))?;
-    if let Some((condition, _)) = parsed {
-        let chosen = condition::mask(&condition, &known, &frame);
-        frame = chosen
+    let most = head.filter(|_| is_plain);
+    let filtered = |frame: DataFrame| match &parsed {
+        Some((condition, _)) => condition::mask(condition, &known, &frame)
             .and_then(|mask| frame.filter(&mask))
-            .map_err(|error| in_condition(error.to_string()))?;
+            .map_err(|error| in_condition(error.to_string())),
+        None => Ok(frame),
+    };
+    let mut frame = DataFrame::empty();
+    for (trial, path) in tables_of(path) {
+        if most.is_some_and(|most| !frame.columns().is_empty() && frame.height() >= most) {
+            break;
+        }
+        let rows = filtered(columns::read_columns(&path, &needed, trial.as_deref(), most)?)?;
+        let joined = match frame.columns().is_empty() {
+            true => Ok(rows),
+            false => frame.vstack(&rows),
+        };
+        frame = joined.map_err(|error| column_error(&path, error.to_string()))?;
     }
     let frame = sorted(frame, sort).map_err(|error| column_error(path, error.to_string()))?;
-    let frame = frame.slice(0, head.unwrap_or(total));
+    let frame = frame.head(Some(head.unwrap_or(total)));
+    let frame = frame.tail(Some(tail.unwrap_or(total)));
     Ok(View { columns, frame, total, left_out })
 }
 
@@ -145,8 +163,25 @@ fn chosen(
     known: &[ColumnInfo],
 ) -> Result<(Vec<ColumnInfo>, Vec<ColumnInfo>), InspectError> {
     if !query.columns.is_empty() {
-        let named = query.columns.iter().map(|name| shown(path, name, known).cloned());
-        return Ok((named.collect::<Result<_, _>>()?, Vec::new()));
+        let mut columns: Vec<ColumnInfo> = Vec::new();
+        for name in &query.columns {
+            if !name.contains(['*', '?']) {
+                columns.push(shown(path, name, known)?.clone());
+                continue;
+            }
+            let is_meant = |column: &&ColumnInfo| {
+                column.dtype.is_some() && matches(name, &column.name, ['*', '?'])
+            };
+            let mut meant = known.iter().filter(is_meant).peekable();
+            if meant.peek().is_none() {
+                let there = names(known).join(", ");
+                let message = format!("no column is like `{name}`. There are {there}");
+                return Err(column_error(path, message));
+            }
+            let others: Vec<_> = meant.filter(|column| !columns.contains(column)).collect();
+            columns.extend(others.into_iter().cloned());
+        }
+        return Ok((columns, Vec::new()));
     }
     let (columns, left_out): (Vec<_>, Vec<_>) =
         known.iter().cloned().partition(|column| column.dtype.is_some());
@@ -183,7 +218,11 @@ fn column_error(path: &Path, message: String) -> InspectError {
 
 /// That there is no such column, the nearest name and all of them.
 fn no_column(name: &str, known: &[ColumnInfo]) -> String {
-    let known: Vec<&str> = known.iter().map(|column| column.name.as_str()).collect();
+    let known = names(known);
     let hint = sentence_end(did_you_mean(name, known.iter().copied()));
     format!("no column `{name}`{hint} There are {}", known.join(", "))
+}
+
+fn names(known: &[ColumnInfo]) -> Vec<&str> {
+    known.iter().map(|column| column.name.as_str()).collect()
 }

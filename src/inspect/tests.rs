@@ -87,6 +87,12 @@ fn conditions_name_the_rows_for_which_they_are_true() {
         ("cycles * 2 - 1 + 0 = 23", &[0]),
         ("-cycles < -10", &[0]),
         ("+cycles >= 7", &[0, 1, 2]),
+        ("abs(omega_rad_s - 3.9) < 0.2", &[0, 1]),
+        ("ABS(cycles - 10) = 3", &[1, 2]),
+        ("cycles % 2 = 1", &[1, 2]),
+        ("-cycles % 2 = -1", &[1, 2]),
+        ("omega_rad_s % 1 > 0.8", &[0]),
+        ("(7 % cycles) is null", &[3]),
         ("1 / cycles > 0", &[0, 1, 2]),
         ("cycles = 7.0", &[1, 2]),
         ("omega_rad_s > -1e-3", &[0, 1, 2]),
@@ -115,8 +121,11 @@ fn what_is_no_condition_says_what_is_wrong() {
         ("omega_rad_s in (1, 'x')", "needed two of a kind"),
         ("campaign like omega_rad_s", "`omega_rad_s` is a number, needed text"),
         ("campaign like campaign", "needed a pattern such as"),
-        ("abs(omega_rad_s) > 1", "`abs(omega_rad_s)` is not supported: and, or, not"),
-        ("omega_rad_s % 2 = 0", "`%` is not supported"),
+        ("sqrt(omega_rad_s) > 1", "`sqrt(omega_rad_s)` is not supported: and, or, not"),
+        ("abs(campaign) > 1", "`campaign` is text, needed a number"),
+        ("abs(cycles, 2) > 1", "found `abs(cycles, 2)`, needed abs of a number"),
+        ("abs() > 1", "needed abs of a number"),
+        ("omega_rad_s ^ 2 = 0", "`^` is not supported"),
         ("cycles = (select 1)", "is not supported"),
         ("omega_rad_s >", "Expected: an expression, found: EOF"),
         ("omega_rad_s > 3 4", "found `4` after `omega_rad_s > 3`, needed and, or"),
@@ -163,12 +172,64 @@ fn rows_are_sorted_and_cut_after_the_condition() {
         condition: Some("cycles < 10".to_owned()),
         sort: vec![key("cycles", true), key("omega_rad_s", true)],
         head: Some(2),
+        tail: None,
     };
     let view = super::query(&folder.path().join("trials.parquet"), &query).unwrap();
     let names: Vec<&str> = view.columns.iter().map(|column| column.name.as_str()).collect();
     assert_eq!(names, ["omega_rad_s", "campaign"]);
     assert_eq!(csv(&view), "omega_rad_s,campaign\n4,kinematic-skewed\n0.5,\n");
     assert_eq!(view.total, 4);
+    let last = Query { head: None, tail: Some(1), ..query };
+    let view = super::query(&folder.path().join("trials.parquet"), &last).unwrap();
+    assert_eq!(csv(&view), "omega_rad_s,campaign\n,it's\n");
+    let more = Query { columns: Vec::new(), condition: None, tail: Some(9), ..last };
+    let view = super::query(&folder.path().join("trials.parquet"), &more).unwrap();
+    assert_eq!(view.frame.height(), 4);
+}
+
+#[test]
+fn patterns_stand_for_columns() {
+    let folder = folder();
+    let path = folder.path().join("trials.parquet");
+    let names = |columns: &[&str]| {
+        let columns = columns.iter().map(|name| (*name).to_owned()).collect();
+        let view = super::query(&path, &Query { columns, ..Query::default() })?;
+        Ok::<_, InspectError>(view.columns.iter().map(|of| of.name.clone()).collect::<Vec<_>>())
+    };
+    assert_eq!(names(&["used", "c*"]).unwrap(), ["used", "campaign", "cycles"]);
+    assert_eq!(names(&["?ycles", "*"]).unwrap()[..2], ["cycles", "campaign"]);
+    assert_eq!(names(&["*"]).unwrap().len(), 5);
+    let message = names(&["sigma*"]).unwrap_err().to_string();
+    assert!(message.contains("no column is like `sigma*`. There are campaign,"), "{message}");
+}
+
+#[test]
+fn tables_of_a_folder_are_one_with_the_name_of_each() {
+    let folder = folder();
+    let of = folder.path().join("poses");
+    std::fs::create_dir(&of).unwrap();
+    for trial in ["b", "a"] {
+        let table = folder.path().join("trials.parquet");
+        std::fs::copy(table, of.join(format!("{trial}.parquet"))).unwrap();
+    }
+    let path = find(folder.path(), "poses").unwrap();
+    let all = super::query(&path, &Query::default()).unwrap();
+    assert_eq!((all.total, all.frame.height(), &all.columns[0].name[..]), (8, 8, "trial"));
+    let trials = |query: Query| -> Vec<String> {
+        let columns = ["trial", "cycles"].map(String::from).into();
+        let view = super::query(&path, &Query { columns, ..query }).unwrap();
+        view.cells(text).into_iter().map(|row| row.concat()).collect()
+    };
+    let condition = |of: &str| Query { condition: Some(of.to_owned()), ..Query::default() };
+    assert_eq!(trials(condition("cycles = 12")), ["a12", "b12"]);
+    assert_eq!(trials(condition("trial = 'b' and cycles > 0")), ["b12", "b7", "b7"]);
+    assert_eq!(trials(Query { head: Some(5), ..Query::default() }).len(), 5);
+    let sort = vec![("cycles".to_owned(), true), ("trial".to_owned(), true)];
+    assert_eq!(trials(Query { sort, head: Some(2), ..Query::default() }), ["b12", "a12"]);
+    assert_eq!(describe_all(&path).unwrap().rows, 8);
+    std::fs::write(of.join("c.parquet"), "no table").unwrap();
+    let message = super::query(&path, &Query::default()).unwrap_err().to_string();
+    assert!(message.contains("c.parquet"), "{message}");
 }
 
 #[test]
