@@ -13,8 +13,38 @@ pub(crate) fn field(text: &str) -> String {
     text.to_owned()
 }
 
+/// The fields of a line, which may have a blank before each; none of an empty one.
+pub(crate) fn fields(line: &str) -> Vec<String> {
+    let (mut fields, mut is_quoted) = (Vec::new(), false);
+    let mut characters = line.chars().peekable();
+    while characters.peek().is_some() {
+        let mut field = String::new();
+        while characters.next_if_eq(&' ').is_some() {}
+        while let Some(character) = characters.next() {
+            match character {
+                '"' if is_quoted && characters.next_if_eq(&'"').is_some() => field.push('"'),
+                '"' => is_quoted = !is_quoted,
+                ',' if !is_quoted => break,
+                other => field.push(other),
+            }
+        }
+        fields.push(field);
+    }
+    fields
+}
+
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn fields_of_a_line_are_read_back() {
+        for fields in [&["a"][..], &["a, b", "c"], &["5\" disc", "x y", "\"q\", r"], &[]] {
+            let quoted: Vec<String> = fields.iter().map(|text| super::field(text)).collect();
+            for separator in [",", ", "] {
+                assert_eq!(super::fields(&quoted.join(separator)), fields);
+            }
+        }
+    }
+
     #[test]
     fn only_fields_that_would_be_misread_are_in_quotes() {
         for (text, field) in [

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::ErrorKind::{NotADirectory, NotFound};
 use std::path::{Path, PathBuf};
 
-use polars::prelude::{AnyValue, DataType};
+use polars::prelude::AnyValue;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
@@ -228,7 +228,7 @@ fn rows(
     }
     let mut rows = vec![Record::new(); frame.height()];
     for column in frame.columns() {
-        let is_text = matches!(column.dtype(), DataType::String | DataType::List(_));
+        let is_text = column.dtype().is_string();
         for (row, cell) in rows.iter_mut().zip(column.as_materialized_series().iter()) {
             let value = match cell {
                 AnyValue::Null if !is_text => Json::Null,
@@ -271,7 +271,7 @@ fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
     let at_trials = |row: &Record| text(row, "source") == PredictionSource::Trial.name();
     for mut row in rows.into_iter().filter(at_trials) {
         add_widths(&mut row);
-        row.retain(|column, _| !is_of_limits(column));
+        row.retain(|column, _| !is_of_limits(column) && column != "trial");
         let (campaign, model) = (text(&row, "campaign"), text(&row, "model"));
         let omega = number(&row, "omega_rad_s").unwrap_or(f64::NAN);
         let nearest = commanded

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use super::{FitData, Fitted};
 use crate::robot::Model;
 use crate::store::{
-    BootstrapRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader, SharedFitRow, StartRow,
-    StoreError, TrialRow, cycles_path, is_there, table_set, tables_in,
+    BootstrapRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader, ResidualRow,
+    SharedFitRow, StartRow, StoreError, TrialRow, cycles_path, is_there, table_set, tables_in,
 };
 use crate::trial::is_valid_name;
 
@@ -35,7 +35,15 @@ macro_rules! of_campaigns {
     )*};
 }
 
-of_campaigns!(FitRow, StartRow, ProfileRow, BootstrapRow, ComparisonRow, PredictionRow);
+of_campaigns!(
+    FitRow,
+    StartRow,
+    ProfileRow,
+    BootstrapRow,
+    ComparisonRow,
+    PredictionRow,
+    ResidualRow
+);
 
 impl OfFit for SharedFitRow {
     fn key(&self) -> FitKey {
@@ -52,6 +60,7 @@ table_set! {
     bootstrap: "bootstrap.parquet",
     comparison: "comparison.parquet",
     predictions: "predictions.parquet",
+    residuals: "residuals.parquet",
     shared: "shared_fits.parquet",
 }
 

@@ -309,14 +309,14 @@ impl<'o> Fit<'o> {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
+    use std::collections::{BTreeMap, BTreeSet};
 
     use super::*;
     use crate::config::{Config, SigmaKind};
     use crate::fit::Measurement;
     use crate::metrics::GaitMetrics;
     use crate::robot::Model;
-    use crate::store::{Columns as _, TrialRow};
+    use crate::store::{Columns as _, ResidualRow, TrialRow};
 
     const CAMPAIGN: &str = "kinematic-symmetric";
 
@@ -374,7 +374,7 @@ mod tests {
         let resampler = Resampler::new(1, measurements(), &BTreeMap::new());
         let replicates = Replicates::default();
         let job = Job::new(&input, &FitData::default(), &resampler, &replicates);
-        let Fitted { fits, bootstrap, comparison, predictions, .. } = job.run(&|_| {});
+        let Fitted { fits, bootstrap, comparison, predictions, residuals, .. } = job.run(&|_| {});
         let (fit, first) = (&fits[0], Parameter::Skid0);
         let found = Parameter::SKID.map(|skid| fit.parameters[skid]).into_iter();
         // Nothing tells their noise.
@@ -388,5 +388,21 @@ mod tests {
         let found = found.collect::<Vec<_>>().join(" ");
         const KNOWN: &str = "1.0069e2 3.3889e1 4.3584e1 2.6141e-1 2.6762e-1 4.3931e-1 3.0847e-2";
         assert_eq!(found, KNOWN);
+        // The objective is made of the residuals.
+        let weights = &config.campaign[CAMPAIGN].weights;
+        let term = |row: &ResidualRow| {
+            let weight = match &*row.metric {
+                "d_m" => weights.d,
+                "v_m_s" => weights.v,
+                "alpha1_rad" => weights.alpha,
+                _ => weights.sigma,
+            };
+            assert_eq!(row.residual, row.measured - row.predicted);
+            weight * (row.residual / row.measured).abs()
+        };
+        let sum: f64 = residuals.iter().map(term).sum();
+        assert!((sum / measurements().len() as f64 / fit.j - 1.0).abs() < 1e-6, "{sum} {}", fit.j);
+        let names = measurements().into_iter().map(|of| of.trial).collect::<BTreeSet<_>>();
+        assert_eq!(residuals.iter().map(|row| row.trial.clone()).collect::<BTreeSet<_>>(), names);
     }
 }

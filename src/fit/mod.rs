@@ -47,8 +47,8 @@ use rayon::prelude::*;
 
 use crate::config::{Config, GaitInput};
 use crate::store::{
-    BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, RobotParameterRow,
-    SharedFitRow, StartRow, TrialRow,
+    BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, ResidualRow,
+    RobotParameterRow, SharedFitRow, StartRow, TrialRow,
 };
 use job::Job;
 use resampler::Resampler;
@@ -87,6 +87,7 @@ pub struct Fitted {
     pub bootstrap: Vec<BootstrapRow>,
     pub comparison: Vec<ComparisonRow>,
     pub predictions: Vec<PredictionRow>,
+    pub residuals: Vec<ResidualRow>,
     /// Of what is fitted to all campaigns of a robot together.
     pub shared: Vec<SharedFitRow>,
 }

@@ -8,11 +8,14 @@ use super::conditions::Condition;
 use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
 use super::measurement::Measurement;
+use super::terms::TERMS;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Attractor, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
 use crate::robot::Robot;
-use crate::store::{PredictionRow, PredictionSource};
+use crate::store::{PredictionRow, PredictionSource, ResidualRow};
 
+/// The metrics of the objective's terms, as columns.
+const COLUMNS: [&str; TERMS] = ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "alpha1_rad"];
 /// Frequencies of a curve.
 const CURVE_POINTS: usize = 112;
 /// Relative accuracy of a curve.
@@ -62,7 +65,8 @@ pub(super) fn predictions(
     let objective = point.evaluator.objective;
     let (campaign, model, conditions) = (&input.campaign.name, &input.model, &objective.conditions);
     // Of a motion, or of one nearby with these metrics.
-    let row = |omega_rad_s,
+    let row = |trial: &str,
+               omega_rad_s,
                source,
                j,
                predicted: &Predicted,
@@ -80,6 +84,7 @@ pub(super) fn predictions(
         PredictionRow {
             campaign: campaign.clone(),
             model: model.name,
+            trial: trial.to_owned(),
             omega_rad_s,
             source,
             metrics,
@@ -115,7 +120,8 @@ pub(super) fn predictions(
         });
         let j = own.map_or(f64::NAN, |metrics| objective.contribution(measurement, &metrics));
         let (omega_rad_s, errors_rad) = (measurement.omega_rad_s, measurement.gait_errors_rad);
-        row(omega_rad_s, PredictionSource::Trial, j, predicted, own, errors_rad, *from_rest)
+        let (trial, source) = (&measurement.trial, PredictionSource::Trial);
+        row(trial, omega_rad_s, source, j, predicted, own, errors_rad, *from_rest)
     };
     let trials = objective.measurements.iter().zip(&conditions.of_trials);
     let mut rows: Vec<PredictionRow> = trials.map(at_trial).collect();
@@ -133,10 +139,43 @@ pub(super) fn predictions(
             let predicted = Predicted::solve(solver, problem, CURVE_ACCURACY, bands);
             let errors_rad = found.map_or([[f64::NAN; 3]; 2], |(_, errors_rad)| errors_rad);
             let (source, j) = (PredictionSource::Curve, f64::NAN);
-            row(omega_rad_s, source, j, &predicted, None, errors_rad, None)
+            row("", omega_rad_s, source, j, &predicted, None, errors_rad, None)
         };
         let points = (0..CURVE_POINTS).into_par_iter();
         rows.par_extend(points.map_init(Solver::default, on_curve));
     }
     rows
+}
+
+/// Rows of `residuals.parquet` of some measurements, which the first predictions are of in their order:
+/// of every metric that was measured.
+pub(super) fn residuals(
+    measurements: &[Measurement],
+    predictions: &[PredictionRow],
+) -> Vec<ResidualRow> {
+    let of_trial = |(measurement, row): (&Measurement, &PredictionRow)| {
+        let measured = measurement.metrics.to_array();
+        let [errors, predicted] = [measurement.errors, row.metrics].map(GaitMetrics::to_array);
+        let row = row.clone();
+        (0..TERMS).filter(move |metric| measured[*metric].is_finite()).map(move |metric| {
+            let residual = measured[metric] - predicted[metric];
+            ResidualRow {
+                campaign: row.campaign.clone(),
+                model: row.model,
+                trial: row.trial.clone(),
+                omega_rad_s: row.omega_rad_s,
+                metric: COLUMNS[metric].to_owned(),
+                measured: measured[metric],
+                predicted: predicted[metric],
+                residual,
+                standard_error: errors[metric],
+                residual_standard_errors: if errors[metric] > 0.0 {
+                    residual / errors[metric]
+                } else {
+                    f64::NAN
+                },
+            }
+        })
+    };
+    measurements.iter().zip(predictions).flat_map(of_trial).collect()
 }

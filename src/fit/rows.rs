@@ -9,7 +9,7 @@ use super::input::FreeParameter;
 use super::intervals::Intervals;
 use super::job::{Fit, Job};
 use super::objective::METRICS;
-use super::predict::predictions;
+use super::predict::{predictions, residuals};
 use super::profile::Class;
 use super::starts::Start;
 use crate::robot::{ByParameter, Parameter, Robot};
@@ -122,8 +122,10 @@ impl Job<'_> {
         let replicate_row = |(number, (refit, criterion)): (usize, (&Start, &f64))| {
             self.replicate_row(parameters, number, refit, *criterion)
         };
+        let predictions = predictions(self.input, point, &robot, &bands);
         Fitted {
-            predictions: predictions(self.input, point, &robot, &bands),
+            residuals: residuals(&point.evaluator.objective.measurements, &predictions),
+            predictions,
             starts: starts.iter().enumerate().map(start_row).collect(),
             profiles: profile_points.map(profile_row).collect(),
             bootstrap: replicates

@@ -1,11 +1,12 @@
 //! What a value is in a table: one column, or several of which each has a part of it.
 
 use polars::prelude::{
-    ChunkFull, ChunkSet, Column, DataType, Float64Chunked, IntoColumn, ListBuilderTrait,
-    ListStringChunkedBuilder, NewChunkedArray, PolarsResult, Series, StringChunked,
+    ChunkFull, ChunkSet, Column, DataType, Float64Chunked, IntoColumn, NewChunkedArray,
+    PolarsResult, Series, StringChunked,
 };
 
 use super::{StoreError, Table};
+use crate::csv;
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::named::Named;
 use crate::robot::{ByParameter, Parameter};
@@ -351,27 +352,25 @@ impl<T: Named> Columns for Option<T> {
     }
 }
 
+/// Names in one text, as a line of CSV with a blank after each comma: many readers know no lists.
 impl<T: Named> Columns for Vec<T> {
     fn blank() -> Self {
         Self::new()
     }
 
     fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        let total = values.iter().map(|list| list.len()).sum();
-        let mut lists = ListStringChunkedBuilder::new(name.into(), values.len(), total);
-        values.iter().for_each(|list| lists.append_values_iter(list.iter().map(T::as_name)));
-        columns.push(lists.finish().into_column());
+        let text = |list: &&Self| {
+            let names = list.iter().map(|value| csv::field(value.as_name()));
+            names.collect::<Vec<_>>().join(", ")
+        };
+        let joined: Vec<String> = values.iter().map(text).collect();
+        columns.push(texts(name, joined.iter().map(String::as_str)));
     }
 
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-        let texts = DataType::List(Box::new(DataType::String));
-        let column = table.column(name, ("lists of text", DataType::is_list), &texts)?;
-        let lists = column.list().map_err(|error| table.error(&error))?;
-        let list = |list: Option<Series>| match list {
-            Some(list) => named(table, name, list.str(), T::of_name),
-            None => Ok(Self::new()),
-        };
-        lists.series_iter().map(list).collect()
+        let column = table.column(name, ("text", DataType::is_string), &DataType::String)?;
+        let values = |text: &str| csv::fields(text).iter().map(|name| T::of_name(name)).collect();
+        named(table, name, column.str(), values)
     }
 }
 

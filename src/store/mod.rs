@@ -17,8 +17,8 @@ pub use columns::{Columns, numbers, repeated, texts};
 pub use polars::prelude::Column;
 pub use schema::{
     BootstrapRow, BranchRow, CheckRow, ComparisonRow, CycleRow, DecayFit, FitRow, JointGait,
-    LABELS_APART, PredictionRow, ProfileRow, RobotParameterRow, RobotQuantity, SharedFitRow,
-    StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path, wheels_path,
+    LABELS_APART, PredictionRow, ProfileRow, ResidualRow, RobotParameterRow, RobotQuantity,
+    SharedFitRow, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path, wheels_path,
 };
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Sharing, Stopped, TrialStatus};

@@ -514,6 +514,8 @@ rows! {
     pub struct PredictionRow {
         pub campaign: String,
         pub model: Model,
+        /// Empty on a curve.
+        pub trial: String,
         pub omega_rad_s: f64,
         pub source: PredictionSource,
         pub metrics: GaitMetrics,
@@ -528,6 +530,26 @@ rows! {
         pub status: MotionStatus,
         /// Where the robot goes from rest. Only for `trial`, and where there is a motion.
         pub from_rest: Option<FromRest>,
+    }
+}
+
+rows! {
+    /// What a fitted model leaves of a trial's metric: `residuals.parquet`.
+    pub struct ResidualRow {
+        pub campaign: String,
+        pub model: Model,
+        pub trial: String,
+        pub omega_rad_s: f64,
+        /// A column of `predictions.parquet`.
+        pub metric: String,
+        /// What was fitted, and what the model makes of it; in the unit of the metric.
+        pub measured: f64,
+        pub predicted: f64,
+        /// Measured less predicted.
+        pub residual: f64,
+        pub standard_error: f64,
+        /// The residual over the standard error.
+        pub residual_standard_errors: f64,
     }
 }
 

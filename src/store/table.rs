@@ -212,7 +212,6 @@ fn kind(dtype: &DataType) -> String {
         dtype if dtype.is_integer() => "whole numbers".to_owned(),
         DataType::Boolean => "booleans".to_owned(),
         DataType::String => "text".to_owned(),
-        DataType::List(_) => "lists of text".to_owned(),
         other => other.to_string(),
     }
 }
@@ -308,7 +307,7 @@ mod tests {
             message,
             ": column `some`: found no such column; column `number`: found text, needed numbers; \
              column `count`: found booleans, needed whole numbers; column `name`: found numbers, \
-             needed text; column `free`: found whole numbers, needed lists of text; \
+             needed text; column `free`: found whole numbers, needed text; \
              `trilink run` makes the tables of an older version anew"
         );
     }

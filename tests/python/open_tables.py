@@ -35,15 +35,19 @@ TRIALS = (
 CHECKS = "trial:text check:text severity:text value limit message:text"
 FITS = (
     "campaign:text model:text skid0_kg_s skid1_kg_s skid2_kg_s roll0_kg_s roll1_kg_s roll2_kg_s"
-    " stiffness_nm_rad damping_nm_s_rad skid0_kg_s_lo skid0_kg_s_hi free:list at_bound:list j"
+    " stiffness_nm_rad damping_nm_s_rad skid0_kg_s_lo skid0_kg_s_hi free:text at_bound:text j"
     " starts:whole solves:whole status:text"
 )
 STARTS = "campaign:text model:text start:whole j solves:whole stopped:text"
 PROFILES = "campaign:text model:text parameter:text value j"
 BOOTSTRAP = "campaign:text model:text replicate:whole j solves:whole stopped:text"
 PREDICTIONS = (
-    "campaign:text model:text omega_rad_s source:text d_m v_m_s sigma0 sigma1 sigma2 alpha1_rad"
+    "campaign:text model:text trial:text omega_rad_s source:text d_m v_m_s sigma0 sigma1 sigma2 alpha1_rad"
     " dtheta_rad j status:text"
+)
+RESIDUALS = (
+    "campaign:text model:text trial:text omega_rad_s metric:text measured predicted residual"
+    " standard_error residual_standard_errors"
 )
 
 PROMISED = {
@@ -57,6 +61,7 @@ PROMISED = {
     "profiles": PROFILES,
     "bootstrap": BOOTSTRAP,
     "predictions": PREDICTIONS,
+    "residuals": RESIDUALS,
 }
 
 
@@ -68,7 +73,6 @@ def with_polars(polars, path):
         polars.Float64: "number",
         polars.Int64: "whole",
         polars.Boolean: "boolean",
-        polars.List(polars.String): "list",
     }
     return {name: kinds[dtype] for name, dtype in table.schema.items()}, table.to_dicts()
 
@@ -80,15 +84,9 @@ def with_pandas(pandas, path):
         name = str(column.dtype)
         if name.startswith(("int", "float", "bool")):
             return {"int64": "whole", "float64": "number", "bool": "boolean"}[name]
-        filled = column.dropna()
-        is_list = len(filled) > 0 and not isinstance(filled.iloc[0], str)
-        return "list" if is_list else "text"
+        return "text"
 
-    def plain(value):
-        return list(value) if hasattr(value, "tolist") and hasattr(value, "__len__") else value
-
-    rows = [{name: plain(value) for name, value in row.items()} for row in table.to_dict("records")]
-    return {name: kind(table[name]) for name in table.columns}, rows
+    return {name: kind(table[name]) for name in table.columns}, table.to_dict("records")
 
 
 def with_duckdb(duckdb, path):
@@ -98,7 +96,6 @@ def with_duckdb(duckdb, path):
         "DOUBLE": "number",
         "BIGINT": "whole",
         "BOOLEAN": "boolean",
-        "VARCHAR[]": "list",
     }
     names = relation.columns
     rows = [dict(zip(names, row)) for row in relation.fetchall()]

@@ -338,6 +338,7 @@ fn prediction(
     };
     let is_known = model == Model::SKID_ROLL;
     PredictionRow {
+        trial: String::new(),
         campaign: campaign.to_owned(),
         model,
         omega_rad_s,
