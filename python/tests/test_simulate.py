@@ -101,7 +101,6 @@ def test_errors_have_the_words_of_the_program(program, tmp_path, monkeypatch):
         ("kinematic", "skid", {}),
         ("kinematic-skewed", "skids", {}),
         ("kinematic-skewed", "no-skid-measured", {}),
-        ("semi-passive-symmetric", "coulomb", {}),
         ("kinematic-skewed", "skid", {"skid_kgs": 3}),
         ("kinematic-skewed", "skid", {"h_m": -1}),
     ]:
