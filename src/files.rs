@@ -70,6 +70,19 @@ pub fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
+/// Whether Windows takes a file of this name for a device, whatever follows its first dot.
+pub fn is_device_name(name: &str) -> bool {
+    let name = name.split('.').next().unwrap_or_default().trim_end().to_ascii_lowercase();
+    let digits = "0123456789\u{b9}\u{b2}\u{b3}";
+    let numbered = |port| {
+        name.strip_prefix(port).is_some_and(|number| {
+            number.chars().count() == 1 && number.chars().all(|digit| digits.contains(digit))
+        })
+    };
+    ["con", "prn", "aux", "nul"].contains(&name.as_str())
+        || ["com", "lpt"].into_iter().any(numbered)
+}
+
 fn check(metadata: &Metadata, most: u64) -> io::Result<()> {
     let found = match metadata.file_type() {
         kind if kind.is_file() => return check_size(metadata.len(), most),
@@ -115,5 +128,17 @@ mod tests {
         assert_eq!(from_to("./a/reports", "a/raw/demo"), "../raw/demo");
         assert_eq!(from_to("/data/x/reports", "/data/x/derived"), "../derived");
         assert_eq!(from_to("../reports", "derived"), "derived");
+    }
+
+    #[test]
+    fn names_of_devices_are_known() {
+        for name in
+            ["CON", "nul", "Aux.csv", "con.1.parquet", "prn ", "COM1", "lpt9.c3d", "com\u{b2}"]
+        {
+            assert!(is_device_name(name), "{name}");
+        }
+        for name in ["", "console", "con_1", "com", "com10", "lptx", "a.con", ".con", "g-nul"] {
+            assert!(!is_device_name(name), "{name}");
+        }
     }
 }

@@ -10,6 +10,7 @@ use std::path::{Component, Path};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, ConfigError, one_of, parse_toml};
+use crate::files;
 use crate::named::named;
 pub use folders::{ListedTrial, TrialFolder, TrialFolders, find_folders};
 
@@ -93,6 +94,13 @@ impl TrialList {
         let mut ids = BTreeSet::new();
         for (i, Trial { id, .. }) in list.trial.iter().enumerate() {
             let (key, found) = (format!("trial[{i}].id"), format!("{id:?}"));
+            if files::is_device_name(id) {
+                return error(
+                    &key,
+                    found,
+                    "another id, because Windows takes this one for a device",
+                );
+            }
             if !is_valid_id(id) {
                 let characters = "A-Z a-z 0-9 . _ -, not starting with a dot";
                 return error(&key, found, &format!("1 to 64 of the characters {characters}"));
@@ -126,7 +134,7 @@ const MOST_NAME: usize = 2 * MOST_ID + 1;
 
 /// Whether a text can be the id of a trial.
 pub fn is_valid_id(id: &str) -> bool {
-    id.len() <= MOST_ID && is_valid_name(id)
+    id.len() <= MOST_ID && is_valid_name(id) && !files::is_device_name(id)
 }
 
 /// Whether a text can name a trial and its tables.

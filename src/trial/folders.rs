@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::{TRIALS_FILE, Trial, TrialList};
 use crate::config::{ConfigError, Paths, is_pattern};
-use crate::files::absolute;
+use crate::files::{absolute, is_device_name};
 
 /// Most characters that a trial's name has of its folder's.
 const MOST_FRONT: usize = 64;
@@ -192,7 +192,8 @@ fn plain(name: &str) -> String {
         true => c,
         false => '_',
     };
-    name.chars().enumerate().map(plain).collect()
+    let name: String = name.chars().enumerate().map(plain).collect();
+    if is_device_name(&name) { format!("_{name}") } else { name }
 }
 
 #[cfg(test)]
@@ -228,12 +229,22 @@ mod tests {
         assert_eq!(names(&same), ["a-d_x", "d_y", "b-d_x", "c_y"]);
         // Their characters are those of ids, and two of such names may be the same.
         assert_eq!(names(&[("first night", &["x"]), (".2", &["x"])]), ["_2_x", "first_night_x"]);
+        assert_eq!(names(&[("con.d", &["x"]), ("n", &["x"])]), ["_con.d_x", "n_x"]);
         let [one, other] = &names(&[("a b", &["x"]), ("a_b", &["x"])])[..] else { panic!() };
         assert!(one.starts_with("a_b-") && other.starts_with("a_b-") && one != other, "{one}");
         assert!(one.ends_with("_x") && one.len() == "a_b-_x".len() + HASH_CHARACTERS);
         let long = "n".repeat(200);
         let found = names(&[(&long, &["x"]), ("m", &["x"])]);
         assert!(found.iter().all(|name| super::super::is_valid_name(name)), "{found:?}");
+    }
+
+    #[test]
+    fn an_id_that_windows_takes_for_a_device_is_an_error_everywhere() {
+        let (_home, paths) = folders(&[("a", &["x", "Nul.1"])]);
+        let message = TrialFolders::load(&paths).unwrap_err().to_string();
+        let expected =
+            "found \"Nul.1\", needed another id, because Windows takes this one for a device";
+        assert!(message.ends_with(expected), "{message}");
     }
 
     #[test]
