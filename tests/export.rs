@@ -243,3 +243,77 @@ fn the_viewers_own_libraries_open_the_files() {
         status => assert_eq!(status, Some(0), "{said}"),
     }
 }
+
+/// Rows of a table of tabs, by column.
+fn tab_separated(path: &Path) -> Vec<BTreeMap<String, String>> {
+    let table = std::fs::read_to_string(path).unwrap();
+    let mut lines = table.lines().map(|line| line.split('\t').map(str::to_owned));
+    let names: Vec<String> = lines.next().unwrap().collect();
+    let row = |cells: Vec<String>| {
+        assert_eq!(cells.len(), names.len(), "{}", path.display());
+        names.iter().cloned().zip(cells).collect()
+    };
+    lines.map(|cells| row(cells.collect())).collect()
+}
+
+#[test]
+fn fits_are_problems_of_petab_whose_likelihood_is_the_objective() {
+    let folder = Small::done();
+    let said = succeed(folder.path(), &["export", "--petab", "petab"]);
+    assert_eq!(said.lines().count(), 3, "{said}");
+    let home = folder.place("petab/kinematic-skewed/skid");
+    let problem = std::fs::read_to_string(home.join("problem.yaml")).unwrap();
+    let [parameters, conditions, observables, measurements] =
+        ["parameters", "conditions", "observables", "measurements"].map(|name| {
+            assert!(problem.contains(&format!("{name}.tsv")), "{problem}");
+            tab_separated(&home.join(format!("{name}.tsv")))
+        });
+    let number = |row: &BTreeMap<String, String>, name: &str| row[name].parse::<f64>().unwrap();
+    let estimated = parameters.iter().filter(|row| row["estimate"] == "1");
+    let estimated: Vec<&str> = estimated.map(|row| row["parameterId"].as_str()).collect();
+    assert_eq!(estimated, ["skid0_kg_s", "skid1_kg_s", "skid2_kg_s"]);
+    for row in &parameters {
+        let [low, value, high] =
+            ["lowerBound", "nominalValue", "upperBound"].map(|name| number(row, name));
+        assert!(low <= value && value <= high, "{row:?}");
+    }
+    let derived = folder.place("derived");
+    let fits = trilink::store::Table::read(&derived.join("fits.parquet")).unwrap();
+    let fits = <trilink::store::FitRow as trilink::store::Columns>::from_table(&fits).unwrap();
+    let fit = fits.iter().find(|fit| fit.campaign == "kinematic-skewed").unwrap();
+    let predictions = trilink::store::Table::read(&derived.join("predictions.parquet")).unwrap();
+    let [omegas, d_m, v_m_s, sigma0, sigma1, sigma2] =
+        ["omega_rad_s", "d_m", "v_m_s", "sigma0", "sigma1", "sigma2"]
+            .map(|name| predictions.values::<f64>(name).unwrap());
+    let columns = BTreeMap::from([
+        ("obs_d_m", d_m),
+        ("obs_v_m_s", v_m_s),
+        ("obs_sigma0", sigma0),
+        ("obs_sigma1", sigma1),
+        ("obs_sigma2", sigma2),
+    ]);
+    assert_eq!(observables.len(), columns.len());
+    assert_eq!((conditions.len(), measurements.len()), (2, 10));
+    let sources = predictions.values::<String>("source").unwrap();
+    let campaigns = predictions.values::<String>("campaign").unwrap();
+    let mut j = 0.0;
+    for row in &measurements {
+        let observable = &row["observableId"];
+        assert!(observables.iter().any(|of| of["observableId"] == *observable));
+        let is_of =
+            |of: &&BTreeMap<String, String>| of["conditionId"] == row["simulationConditionId"];
+        let condition = conditions.iter().find(is_of).unwrap();
+        assert_eq!(condition["conditionName"], row["datasetId"]);
+        let omega = number(condition, "omega_rad_s");
+        let at_trial = |i: &usize| {
+            omegas[*i] == omega && sources[*i] == "trial" && campaigns[*i] == "kinematic-skewed"
+        };
+        let at = (0..omegas.len()).find(at_trial).unwrap();
+        let off = number(row, "measurement") - columns[observable.as_str()][at];
+        j += off.abs() / number(row, "noiseParameters");
+    }
+    assert!((j / fit.j - 1.0).abs() < 1e-6, "{j} {}", fit.j);
+    let again = trilink(folder.path(), &["export", "--petab", "petab"]);
+    assert_eq!(again.status.code(), Some(2));
+    succeed(folder.path(), &["export", "--petab", "petab", "--force"]);
+}

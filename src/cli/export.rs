@@ -1,33 +1,44 @@
 //! `trilink export`.
 
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::output::{note, say};
 use super::{Context, Failure, Outcome};
-use crate::export::{ExportFormat, Motion};
+use crate::export::{ExportFormat, Motion, write_petab};
 use crate::store::write_bytes;
 
 #[derive(clap::Args)]
 pub(super) struct Export {
     /// Its name, or `FOLDER/ID`.
-    trial: String,
+    #[arg(required_unless_present = "petab", requires = "format")]
+    trial: Option<String>,
     /// For OpenSim, for Foxglove or Rerun, or a table.
-    #[arg(long, value_enum)]
-    format: ExportFormat,
+    #[arg(long, value_enum, requires = "trial")]
+    format: Option<ExportFormat>,
+    /// Write the fits instead, as PEtab problems in a new folder: parameters, conditions,
+    /// observables and measurements; the model is in no language that PEtab knows.
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["trial", "format", "output"])]
+    petab: Option<PathBuf>,
     /// File to write, `-` for standard output [default: TRIAL.FORMAT here].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Replace a file that is there.
+    /// Replace files that are there.
     #[arg(long)]
     force: bool,
 }
 
 impl Export {
     pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
-        let motion = Motion::read(&context.config, &self.trial)?;
+        if let Some(folder) = &self.petab {
+            return self.write_petab(context, folder);
+        }
+        let (Some(trial), Some(format)) = (self.trial, self.format) else {
+            return Err("found no trial and no --format, needed both, or --petab".into());
+        };
+        let motion = Motion::read(&context.config, &trial)?;
         let to_stdout = self.output.as_deref().is_some_and(|path| path.as_os_str() == "-");
-        let extension = match self.format {
+        let extension = match format {
             ExportFormat::Trc => "trc",
             ExportFormat::Mcap => "mcap",
             ExportFormat::Csv => "csv",
@@ -37,7 +48,7 @@ impl Export {
             let needed = "needed a new file, or --force to replace it";
             return Err(format!("{}: found a file, {needed}", path.display()).into());
         }
-        let bytes = motion.write(self.format);
+        let bytes = motion.write(format);
         match to_stdout {
             true => {
                 let mut to = std::io::stdout().lock();
@@ -59,5 +70,21 @@ impl Export {
                 Outcome::NeedsAttention
             }
         })
+    }
+
+    fn write_petab(&self, context: &Context, folder: &Path) -> Result<Outcome, Failure> {
+        let is_used = std::fs::read_dir(folder).is_ok_and(|mut inside| inside.next().is_some());
+        if is_used && !self.force {
+            let needed = "needed a new folder, or --force to replace files";
+            return Err(format!("{}: found a folder with files, {needed}", folder.display()).into());
+        }
+        let written = write_petab(&context.config, folder)?;
+        if written.is_empty() {
+            let fits = context.config.paths.derived.join("fits.parquet");
+            return Err(format!("{}: found no fit to trials, needed one", fits.display()).into());
+        }
+        written.iter().for_each(|home| say!("{}", home.join("problem.yaml").display()));
+        note!("the problems name no model: theirs is in no language that PEtab knows");
+        Ok(Outcome::Well)
     }
 }

@@ -100,7 +100,8 @@ enum Command {
     /// Look into a table of `derived`, or into any Parquet file.
     #[command(after_help = include_str!("examples/inspect.txt").trim_end())]
     Inspect(inspect::Inspect),
-    /// Write a trial's markers and poses for OpenSim, for Foxglove or Rerun, or as a table.
+    /// Write a trial's markers and poses for OpenSim, for Foxglove or Rerun, or as a table; or the fits as
+    /// PEtab.
     #[command(after_help = include_str!("examples/export.txt").trim_end())]
     Export(export::Export),
     /// Solve for a model's steady motion.

@@ -3,6 +3,7 @@
 
 mod foxglove;
 mod mcap;
+mod petab;
 mod protobuf;
 mod table;
 mod trc;
@@ -14,6 +15,8 @@ use crate::robot::{Pose, Robot};
 use crate::store::{Reader, StoreError, TrialRow, TrialStatus, poses_path};
 use crate::trial::{ListedTrial, TrialFolders};
 use crate::vicon::{MarkerFile, ViconError, read_markers};
+
+pub use petab::write_petab;
 
 /// How a trial is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

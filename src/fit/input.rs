@@ -89,7 +89,7 @@ impl FitInput {
     }
 
     /// What the campaign's trials measured, in order.
-    pub(super) fn measurements(&self, data: &FitData) -> Vec<Measurement> {
+    pub fn measurements(&self, data: &FitData) -> Vec<Measurement> {
         let trials = data.trials.iter().filter(|trial| trial.campaign == self.campaign.name);
         let mut measurements: Vec<Measurement> =
             trials.filter_map(|trial| Measurement::new(trial, self.fit.sigma)).collect();
@@ -190,7 +190,7 @@ impl FitInput {
     }
 
     /// What the campaign's trials have in common.
-    pub(super) fn protocol(&self) -> Protocol {
+    pub fn protocol(&self) -> Protocol {
         let (name, gait) = (self.campaign.name.clone(), self.gait.value.to_gait());
         Protocol { name, gait, weights: self.campaign.value.weights }
     }

@@ -40,7 +40,7 @@ pub struct Protocol {
 
 impl Protocol {
     /// Weights of d, v, the wheels' sigma and alpha_1; Delta theta has none.
-    pub(super) fn term_weights(&self) -> [f64; TERMS] {
+    pub fn term_weights(&self) -> [f64; TERMS] {
         let Weights { d, v, sigma, alpha } = self.weights;
         [d, v, sigma, sigma, sigma, alpha]
     }
