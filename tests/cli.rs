@@ -140,7 +140,7 @@ fn near(found: f64, known: f64, relative: f64) -> bool {
 #[test]
 fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
     let mut expected = BTreeSet::new();
-    const OF_FITS: [&str; 8] = [
+    const OF_FITS: [&str; 9] = [
         "fits",
         "alternative_fits",
         "starts",
@@ -148,6 +148,7 @@ fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
         "bootstrap",
         "comparison",
         "predictions",
+        "residuals",
         "shared_fits",
     ];
     for table in ["trials", "checks", "robot_parameters"].into_iter().chain(OF_FITS) {
@@ -363,9 +364,15 @@ fn the_tables_have_the_documented_columns() {
         (
             "predictions.parquet".to_owned(),
             format!(
-                "campaign model omega_rad_s source {} no_interval j status from_rest",
+                "campaign model trial omega_rad_s source {} no_interval j status from_rest",
                 metrics.split(' ').map(|of| format!("{of} {of}_lo {of}_hi")).collect::<Vec<_>>().join(" ")
             ),
+        ),
+        (
+            "residuals.parquet".to_owned(),
+            "campaign model trial omega_rad_s metric measured predicted residual standard_error \
+             residual_standard_errors"
+                .to_owned(),
         ),
     ] {
         let table = derived(&name);
