@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use common::{Small, files, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 
-const COMMANDS: [&str; 17] = [
+const COMMANDS: [&str; 18] = [
     "demo",
     "run",
     "ingest",
@@ -21,6 +21,7 @@ const COMMANDS: [&str; 17] = [
     "check",
     "config",
     "explain",
+    "init",
     "compare",
     "inspect",
     "simulate",
