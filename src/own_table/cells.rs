@@ -5,6 +5,7 @@ use std::path::Path;
 use polars::prelude::AnyValue;
 
 use super::OwnTableError;
+use crate::csv;
 use crate::files;
 use crate::store::{Table, hash};
 
@@ -43,7 +44,7 @@ impl Cells {
             read.map_err(|source| OwnTableError::Read { path: path.to_owned(), source })?;
         let hash = hash(&bytes);
         if bytes.starts_with(b"PAR1") {
-            return Ok(Self { hash, ..Self::of_frame(&Table::read(path)?) });
+            return Ok(Self { hash, ..Self::of_frame(&Table::parse(path, bytes)?) });
         }
         let text = std::str::from_utf8(&bytes);
         let cells = text.map_err(|_| "found neither Parquet nor UTF-8, needed one of them".into());
@@ -69,7 +70,7 @@ impl Cells {
             names.ok_or("found an empty file, needed a line of names and a row at least")?;
         let count = |of: &char| names.matches(*of).count();
         let separator = [',', ';', '\t'].into_iter().rev().max_by_key(count).unwrap_or(',');
-        let mut records = records(text, separator)?.into_iter();
+        let mut records = csv::records(text, separator)?.into_iter();
         let (_, names) = records.next().unwrap_or_default();
         let (mut places, mut problems) = (Vec::new(), Vec::new());
         let mut columns: Vec<Vec<Cell>> = vec![Vec::new(); names.len()];
@@ -81,7 +82,7 @@ impl Cells {
             }
             places.push(format!("line {line}"));
             for (column, field) in columns.iter_mut().zip(fields) {
-                column.push(Cell::of_field(field, separator != ','));
+                column.push(Cell::of_field(&field, separator != ','));
             }
         }
         Ok(Self { names, columns, places, problems, hash: String::new() })
@@ -93,9 +94,9 @@ impl Cell {
         match value {
             AnyValue::Null => Self::Missing,
             // A number of 32 bits is as short as it was written.
-            AnyValue::Float32(number) => Self::of_field(number.to_string(), false),
+            AnyValue::Float32(number) => Self::of_field(&number.to_string(), false),
             value => match (value.get_str(), value.extract::<f64>()) {
-                (Some(text), _) => Self::of_field(text.to_owned(), false),
+                (Some(text), _) => Self::of_field(text, false),
                 (None, Some(number)) if value.is_primitive_numeric() => match number.is_nan() {
                     true => Self::Missing,
                     false => Self::Number(number, number.to_string()),
@@ -106,7 +107,8 @@ impl Cell {
     }
 
     /// Of a field in which a comma may be the decimal one.
-    fn of_field(field: String, has_decimal_comma: bool) -> Self {
+    fn of_field(field: &str, has_decimal_comma: bool) -> Self {
+        let field = field.trim();
         if MISSING.contains(&field.to_lowercase().as_str()) {
             return Self::Missing;
         }
@@ -115,63 +117,15 @@ impl Cell {
             false => field.parse(),
         };
         match number {
-            Ok(number) => Self::Number(number, field),
-            Err(_) => Self::Text(field),
+            Ok(number) => Self::Number(number, field.to_owned()),
+            Err(_) => Self::Text(field.to_owned()),
         }
     }
-}
-
-/// The records of CSV with the lines that they begin at; fields without surrounding blanks. Blank lines and those that begin
-/// with `#` are none.
-fn records(text: &str, separator: char) -> Result<Vec<(usize, Vec<String>)>, String> {
-    let (mut records, mut fields, mut field) = (Vec::new(), Vec::new(), String::new());
-    let (mut line, mut begin, mut quote) = (1, 1, None);
-    let mut chars = text.chars().peekable();
-    while let Some(mut c) = chars.next() {
-        if c == '#' && fields.is_empty() && field.is_empty() && quote.is_none() {
-            c = chars.find(|c| *c == '\n').unwrap_or('\n');
-        }
-        match c {
-            '"' if quote.is_some() => match chars.next_if_eq(&'"') {
-                Some(both) => field.push(both),
-                None => quote = None,
-            },
-            '"' if field.trim().is_empty() => quote = Some(line),
-            c if quote.is_none() && (c == separator || c == '\n') => {
-                fields.push(std::mem::take(&mut field).trim().to_owned());
-                if c == '\n' {
-                    let fields = std::mem::take(&mut fields);
-                    records.push((begin, fields));
-                    begin = line + 1;
-                }
-            }
-            c => field.push(c),
-        }
-        line += usize::from(c == '\n');
-    }
-    if let Some(line) = quote {
-        return Err(format!("line {line}: found a quote that does not end, needed its other end"));
-    }
-    fields.push(field.trim().to_owned());
-    records.push((begin, fields));
-    records.retain(|(_, fields)| fields.iter().any(|field| !field.is_empty()));
-    Ok(records)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn csv_is_read_as_spreadsheets_write_it() {
-        let records = |text| records(text, ',');
-        let found = records("# a, \"b\na,b\r\n\r\n1,\"x, \"\"y\"\"\n2\"\n,,\n3, 4 ").unwrap();
-        let lines: Vec<usize> = found.iter().map(|(line, _)| *line).collect();
-        assert_eq!(lines, [2, 4, 7]);
-        assert_eq!(found[1].1, ["1", "x, \"y\"\n2"]);
-        assert_eq!(found[2].1, ["3", "4"]);
-        assert!(records("a,b\n1,\"2\n").is_err_and(|error| error.starts_with("line 2: found")));
-    }
 
     #[test]
     fn where_semicolons_separate_a_comma_is_the_decimal_one() {

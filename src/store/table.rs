@@ -146,7 +146,7 @@ impl Table {
     }
 
     /// [`Table::read`] of bytes at hand.
-    pub(super) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, StoreError> {
+    pub(crate) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, StoreError> {
         let table_error = |message: String| StoreError::Table { path: path.to_owned(), message };
         let bytes = Cursor::new(bytes);
         let mut reader = ParquetReader::new(bytes).read_parallel(ParallelStrategy::None);
