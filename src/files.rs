@@ -14,16 +14,25 @@ pub const DATA_BYTES: u64 = 1 << 31;
 /// # Errors
 /// It is a folder, a device or a pipe, has more than `most` bytes, or cannot be read.
 pub fn read(path: &Path, most: u64) -> io::Result<(Vec<u8>, Metadata)> {
-    // Whoever opens a pipe waits for its other end.
-    check(&std::fs::metadata(path)?, most)?;
-    let file = File::open(path)?;
-    let metadata = file.metadata()?;
-    check(&metadata, most)?;
+    let (file, metadata) = open(path, most)?;
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(metadata.len() as usize + 1)?;
     file.take(most + 1).read_to_end(&mut bytes)?;
     check_size(bytes.len() as u64, most)?;
     Ok((bytes, metadata))
+}
+
+/// Opens a file of which a part is to be read.
+///
+/// # Errors
+/// As [`read`].
+pub fn open(path: &Path, most: u64) -> io::Result<(File, Metadata)> {
+    // Whoever opens a pipe waits for its other end.
+    check(&std::fs::metadata(path)?, most)?;
+    let file = File::open(path)?;
+    let metadata = file.metadata()?;
+    check(&metadata, most)?;
+    Ok((file, metadata))
 }
 
 /// [`read`] of text.
@@ -50,7 +59,9 @@ pub fn relative(from: &Path, to: &Path) -> String {
     } else {
         rest.iter().map(|_| Component::ParentDir).chain(to.components().skip(common)).collect()
     };
-    path.to_string_lossy().replace('\\', "/")
+    let path = path.to_string_lossy();
+    // Elsewhere a name may have a backslash in it.
+    if cfg!(windows) { path.replace('\\', "/") } else { path.into_owned() }
 }
 
 /// A path as seen from a folder, so that it means the same in a copy of both.
@@ -128,6 +139,8 @@ mod tests {
         assert_eq!(from_to("./a/reports", "a/raw/demo"), "../raw/demo");
         assert_eq!(from_to("/data/x/reports", "/data/x/derived"), "../derived");
         assert_eq!(from_to("../reports", "derived"), "derived");
+        let with_backslash = if cfg!(windows) { "../a/b" } else { r"../a\b" };
+        assert_eq!(from_to("reports", r"a\b"), with_backslash);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Columns of any Parquet file, whoever wrote it.
 
-use std::io::Cursor;
+use std::io::{self, Cursor};
 use std::path::Path;
 
 use polars::datatypes::ArrowDataType;
@@ -41,7 +41,10 @@ pub struct FileInfo {
 /// # Errors
 /// The file cannot be read or is not Parquet.
 pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
-    read(path, |mut reader| {
+    // Its end alone is read.
+    let (file, _) = files::open(path, files::DATA_BYTES).map_err(cannot_read(path))?;
+    parsed(path, || {
+        let mut reader = ParquetReader::new(file);
         let schema = reader.schema()?;
         let columns = schema.iter().map(|(name, field)| ColumnInfo {
             name: name.to_string(),
@@ -93,7 +96,9 @@ pub(super) fn read_columns(
 ) -> Result<DataFrame, StoreError> {
     let slice = rows.map(|rows| (0, rows));
     let own = names.iter().filter(|name| trial.is_none() || *name != TRIAL).cloned().collect();
-    read(path, |reader| {
+    let (bytes, _) = files::read(path, files::DATA_BYTES).map_err(cannot_read(path))?;
+    parsed(path, || {
+        let reader = ParquetReader::new(Cursor::new(bytes)).read_parallel(ParallelStrategy::None);
         let columns = Some(own).filter(|own: &Vec<String>| !own.is_empty());
         let mut frame = reader.with_columns(columns).with_slice(slice).finish()?;
         if let Some(trial) = trial {
@@ -104,15 +109,13 @@ pub(super) fn read_columns(
     })
 }
 
-fn read<T>(
-    path: &Path,
-    work: impl FnOnce(ParquetReader<Cursor<Vec<u8>>>) -> PolarsResult<T>,
-) -> Result<T, StoreError> {
-    let (bytes, _) = files::read(path, files::DATA_BYTES)
-        .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
+fn cannot_read(path: &Path) -> impl FnOnce(io::Error) -> StoreError {
+    move |source| StoreError::Read { path: path.to_owned(), source }
+}
+
+fn parsed<T>(path: &Path, parse: impl FnOnce() -> PolarsResult<T>) -> Result<T, StoreError> {
     let error = |message: String| StoreError::Parquet { path: path.to_owned(), message };
-    let reader = ParquetReader::new(Cursor::new(bytes)).read_parallel(ParallelStrategy::None);
-    guarded(|| work(reader))
+    guarded(parse)
         .ok_or_else(|| error("it is damaged".to_owned()))?
         .map_err(|problem| error(problem.to_string()))
 }

@@ -111,8 +111,9 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
         .collect();
     needed.sort();
     needed.dedup();
-    let is_plain = parsed.is_none() && sort.is_empty();
-    let most = head.filter(|_| is_plain);
+    // Without an order no file is read beyond so many rows that fulfil the condition.
+    let most = head.filter(|_| sort.is_empty());
+    let slice = most.filter(|_| parsed.is_none());
     let filtered = |frame: DataFrame| match &parsed {
         Some((condition, _)) => condition::mask(condition, &known, &frame)
             .and_then(|mask| frame.filter(&mask))
@@ -124,7 +125,7 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
         if most.is_some_and(|most| !frame.columns().is_empty() && frame.height() >= most) {
             break;
         }
-        let rows = filtered(columns::read_columns(&path, &needed, trial.as_deref(), most)?)?;
+        let rows = filtered(columns::read_columns(&path, &needed, trial.as_deref(), slice)?)?;
         let joined = match frame.columns().is_empty() {
             true => Ok(rows),
             false => frame.vstack(&rows),

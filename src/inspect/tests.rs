@@ -227,6 +227,16 @@ fn tables_of_a_folder_are_one_with_the_name_of_each() {
     let sort = vec![("cycles".to_owned(), true), ("trial".to_owned(), true)];
     assert_eq!(trials(Query { sort, head: Some(2), ..Query::default() }), ["b12", "a12"]);
     assert_eq!(describe_all(&path).unwrap().rows, 8);
+    // Rows that nobody asked for are not read, only counted.
+    let whole = std::fs::read(of.join("b.parquet")).unwrap();
+    let footer = u32::from_le_bytes(*whole[..whole.len() - 4].last_chunk().unwrap()) as usize;
+    let mut damaged = whole.clone();
+    damaged[4..whole.len() - 8 - footer].fill(0);
+    std::fs::write(of.join("b.parquet"), damaged).unwrap();
+    assert_eq!(describe_all(&path).unwrap().rows, 8);
+    assert_eq!(trials(Query { head: Some(3), ..condition("cycles >= 0") }), ["a12", "a7", "a7"]);
+    assert!(super::query(&path, &condition("cycles = 12")).is_err());
+    std::fs::write(of.join("b.parquet"), whole).unwrap();
     std::fs::write(of.join("c.parquet"), "no table").unwrap();
     let message = super::query(&path, &Query::default()).unwrap_err().to_string();
     assert!(message.contains("c.parquet"), "{message}");
