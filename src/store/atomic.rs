@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
+use std::time::Duration;
 
 use super::{Stamp, StoreError, hash};
 use crate::files;
@@ -18,6 +19,8 @@ pub const WRITING: &str = ".writing-";
 /// takes hardly longer than one file.
 const MOST_PENDING: usize = 32;
 const FLUSHING: usize = 4;
+/// Waits for a file that another program has open, two seconds in all.
+const WAITS_MS: [u64; 8] = [8, 16, 32, 64, 128, 256, 512, 1024];
 
 /// A file that is written beside its place and not yet there.
 #[derive(Debug)]
@@ -59,16 +62,43 @@ impl PendingFile {
     /// Either fails; then what was there before stays.
     pub fn settle(self) -> Result<Stamp, StoreError> {
         let Self { path, file, blake3 } = self;
+        let persist = |file: tempfile::NamedTempFile| {
+            file.persist(&path).map_err(|tempfile::PersistError { error, file }| (error, file))
+        };
         let settled = file
             .as_file()
             .sync_all()
-            .and_then(|()| file.persist(&path).map_err(|error| error.error))
+            .and_then(|()| while_held(file, persist, is_held, &WAITS_MS))
             .and_then(|file| file.metadata());
         match settled {
             Ok(metadata) => Ok(Stamp::of_output(&metadata, blake3)),
             Err(source) => Err(StoreError::Write { path, source }),
         }
     }
+}
+
+/// Whether this is what Windows says of a file that another program, such as a virus scanner, has
+/// open: ERROR_ACCESS_DENIED or ERROR_SHARING_VIOLATION.
+fn is_held(error: &io::Error) -> bool {
+    cfg!(windows) && matches!(error.raw_os_error(), Some(5 | 32))
+}
+
+/// Tries with what the last try gave back, after each of the waits, while an error says that a file
+/// is held.
+fn while_held<F, T>(
+    mut file: F,
+    attempt: impl Fn(F) -> Result<T, (io::Error, F)>,
+    is_held: impl Fn(&io::Error) -> bool,
+    waits_ms: &[u64],
+) -> io::Result<T> {
+    for wait_ms in waits_ms {
+        match attempt(file) {
+            Err((error, back)) if is_held(&error) => file = back,
+            done => return done.map_err(|(error, _)| error),
+        }
+        thread::sleep(Duration::from_millis(*wait_ms));
+    }
+    attempt(file).map_err(|(error, _)| error)
 }
 
 /// Writes bytes at hand beside their place, flushes them to the disk and renames them into place;
@@ -201,6 +231,27 @@ mod tests {
         let stamps = write_all();
         assert!(paths.iter().all(|path| stamps[path].content_of(path).is_some()));
         assert_eq!((stamps.len(), write_all()), (paths.len(), stamps));
+    }
+
+    #[test]
+    fn a_file_that_is_held_is_tried_again_for_a_while_and_others_once() {
+        let held = |error: &io::Error| error.kind() == io::ErrorKind::ResourceBusy;
+        let tried = |attempts: usize, kind: io::ErrorKind| {
+            let count = std::cell::Cell::new(0);
+            let attempt = |file| {
+                count.set(count.get() + 1);
+                if count.get() < attempts { Err((kind.into(), file)) } else { Ok(file) }
+            };
+            let result = while_held("file", attempt, held, &[0; 3]);
+            (result.map_err(|error| error.kind()), count.get())
+        };
+        let (busy, full) = (io::ErrorKind::ResourceBusy, io::ErrorKind::StorageFull);
+        assert_eq!(tried(1, busy), (Ok("file"), 1));
+        assert_eq!(tried(4, busy), (Ok("file"), 4));
+        assert_eq!(tried(5, busy), (Err(busy), 4));
+        assert_eq!(tried(2, full), (Err(full), 1));
+        assert!(!is_held(&full.into()));
+        assert_eq!(is_held(&io::Error::from_raw_os_error(32)), cfg!(windows));
     }
 
     #[test]
