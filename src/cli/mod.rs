@@ -43,6 +43,15 @@ const MOST_THREADS: usize = 1024;
 #[command(name = "trilink", version, propagate_version = true, max_term_width = 100)]
 #[command(after_help = include_str!("examples/trilink.txt").trim_end())]
 struct Arguments {
+    #[command(flatten)]
+    options: Options,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What every command takes.
+#[derive(clap::Args)]
+struct Options {
     /// Configuration file [default: pipeline.toml here, else the paper's values].
     #[arg(short, long, global = true, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -58,8 +67,6 @@ struct Arguments {
     /// Say what happens: stages with their times; -vv also every trial and fit.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
-    #[command(subcommand)]
-    command: Command,
 }
 
 #[derive(Subcommand)]
@@ -208,21 +215,19 @@ fn is_interrupted(failure: &Failure) -> bool {
 }
 
 fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {
-    let Arguments { config, quiet, threads, log, verbose, command } = arguments;
-    let context = || begin(line, config.as_deref(), quiet, threads, log.as_deref(), verbose);
+    let Arguments { options, command } = arguments;
+    let context = || options.begin(line);
     match command {
         Command::Demo(command) => command.run(context()?),
         // What it writes is the configuration.
-        Command::Init(command) => {
-            command.run(listen(line, None, quiet, threads, log.as_deref(), verbose)?)
-        }
+        Command::Init(command) => command.run(options.listen(line)?),
         Command::Run(command) => command.run(context()?),
         Command::Ingest(command) => command.run(context()?),
         Command::Merge(command) => command.run(context()?),
         Command::Fit(command) => command.run(&context()?),
         Command::Report(command) => command.run(&context()?),
         Command::Check(command) => command.run(context()?),
-        Command::Config(command) => command.run(&context()?, config.as_deref()),
+        Command::Config(command) => command.run(&context()?, options.config.as_deref()),
         Command::Compare(command) => command.run(context()?),
         Command::Inspect(command) => command.run(context()?),
         Command::Export(command) => command.run(&context()?),
@@ -236,43 +241,33 @@ fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {
     }
 }
 
-/// [`listen`], and reads the configuration.
-fn begin(
-    line: &[OsString],
-    path: Option<&Path>,
-    quiet: bool,
-    threads: Option<usize>,
-    log: Option<&Path>,
-    verbose: u8,
-) -> Result<Context, Failure> {
-    let progress = listen(line, path, quiet, threads, log, verbose)?;
-    let config = Config::load_or_default(path)?;
-    Ok(Context { config, progress })
-}
-
-/// Listens to signals, opens the log and starts the threads.
-fn listen(
-    line: &[OsString],
-    path: Option<&Path>,
-    quiet: bool,
-    threads: Option<usize>,
-    log: Option<&Path>,
-    verbose: u8,
-) -> Result<Progress, Failure> {
-    interrupt::listen()?;
-    log::begin(log, verbose)?;
-    if let Some(threads) = threads {
-        if !(1..=MOST_THREADS).contains(&threads) {
-            return Err(format!("--threads: found {threads}, needed 1 to {MOST_THREADS}").into());
-        }
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+impl Options {
+    /// [`Options::listen`], and reads the configuration.
+    fn begin(&self, line: &[OsString]) -> Result<Context, Failure> {
+        let progress = self.listen(line)?;
+        let config = Config::load_or_default(self.config.as_deref())?;
+        Ok(Context { config, progress })
     }
-    let line: Vec<&str> = line.iter().skip(1).filter_map(|argument| argument.to_str()).collect();
-    tracing::info!(
-        version = env!("CARGO_PKG_VERSION"),
-        arguments = line.join(" "),
-        config = %path.unwrap_or(Path::new(CONFIG_FILE)).display(),
-        "begin"
-    );
-    Ok(Progress::new(quiet, verbose > 0))
+
+    /// Listens to signals, opens the log and starts the threads.
+    fn listen(&self, line: &[OsString]) -> Result<Progress, Failure> {
+        interrupt::listen()?;
+        log::begin(self.log.as_deref(), self.verbose)?;
+        if let Some(threads) = self.threads {
+            if !(1..=MOST_THREADS).contains(&threads) {
+                let needed = format!("needed 1 to {MOST_THREADS}");
+                return Err(format!("--threads: found {threads}, {needed}").into());
+            }
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+        }
+        let line: Vec<&str> =
+            line.iter().skip(1).filter_map(|argument| argument.to_str()).collect();
+        tracing::info!(
+            version = env!("CARGO_PKG_VERSION"),
+            arguments = line.join(" "),
+            config = %self.config.as_deref().unwrap_or(Path::new(CONFIG_FILE)).display(),
+            "begin"
+        );
+        Ok(Progress::new(self.quiet, self.verbose > 0))
+    }
 }
