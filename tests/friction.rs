@@ -170,29 +170,36 @@ fn derivatives_are_those_of_central_differences() {
         dry(passive, SkidLaw::Constrained, RollLaw::CoulombViscous),
     ] {
         let mut solver = Solver::default();
-        let metrics = solver.solve(&problem, 1e-12).unwrap().to_array();
-        let derivatives = solver.derivatives().unwrap();
-        let by_parameter = derivatives.parameters.iter().map(|(of, found)| (Some(of), *found));
-        for (variable, found) in by_parameter.chain([(None, derivatives.omega)]) {
+        let metrics = solver.solve(&problem, 1e-12).unwrap();
+        let metrics = solver.steady_motion(metrics).unwrap().to_array();
+        let (derivatives, work) =
+            (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+        let by_parameter = derivatives
+            .parameters
+            .iter()
+            .map(|(of, found)| (Some(of), (*found, work.parameters[of])));
+        for (variable, (found, by_work)) in
+            by_parameter.chain([(None, (derivatives.omega, work.omega))])
+        {
             let value = match variable {
                 Some(parameter) => parameter.of(&problem.robot),
                 None => problem.omega_rad_s,
             };
             // Richardson's extrapolation of central differences.
-            let difference = |step: f64| -> [f64; 7] {
+            let difference = |step: f64| -> [f64; 8] {
                 let [low, high] = [-step, step].map(|step| {
                     let mut problem = problem.clone();
                     match variable {
                         Some(parameter) => parameter.set(&mut problem.robot, value + step),
                         None => problem.omega_rad_s += step,
                     }
-                    problem.solve(1e-13).unwrap().metrics.to_array()
+                    problem.solve(1e-13).unwrap().to_array()
                 });
                 std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
             };
             let step = 4e-4 * if value == 0.0 { 0.1 } else { value };
             let (coarse, fine) = (difference(step), difference(0.5 * step));
-            for (i, found) in found.to_array().into_iter().enumerate() {
+            for (i, found) in found.to_array().into_iter().chain([by_work]).enumerate() {
                 let known = (4.0 * fine[i] - coarse[i]) / 3.0;
                 // Relative to the derivative, or to what a change by the whole value would do.
                 let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));

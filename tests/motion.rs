@@ -219,7 +219,7 @@ fn derivatives_are_those_of_central_differences() {
                 *[offset_rad, amplitude_rad, phase_rad][number] += step;
             }
         }
-        problem.solve(1e-13).unwrap().metrics.to_array()
+        problem.solve(1e-13).unwrap().to_array()
     };
     let mut problems: Vec<Problem> = rows().into_iter().map(|row| row.problem).collect();
     let offset = |joint: usize| {
@@ -237,13 +237,19 @@ fn derivatives_are_those_of_central_differences() {
     }
     for problem in problems {
         let mut solver = Solver::default();
-        let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap().to_array();
-        let derivatives = solver.derivatives().unwrap();
-        let by_parameter = derivatives.parameters.iter().map(|(of, found)| (Ok(of), *found));
+        let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+        let metrics = solver.steady_motion(metrics).unwrap().to_array();
+        let (derivatives, work) =
+            (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+        let by_parameter = derivatives
+            .parameters
+            .iter()
+            .map(|(of, &found)| (Ok(of), (found, work.parameters[of])));
         let numbers = (0..2).flat_map(|joint| (0..3).map(move |number| (joint, number)));
-        let by_gait = numbers.map(|at| (Err(Some(at)), derivatives.gait[at.0][at.1]));
-        let by_omega = [(Err(None), derivatives.omega)];
-        for (variable, derivative) in by_parameter.chain(by_omega).chain(by_gait) {
+        let by_gait =
+            numbers.map(|(j, n)| (Err(Some((j, n))), (derivatives.gait[j][n], work.gait[j][n])));
+        let by_omega = [(Err(None), (derivatives.omega, work.omega))];
+        for (variable, (derivative, by_work)) in by_parameter.chain(by_omega).chain(by_gait) {
             let value = match variable {
                 Ok(parameter) => parameter.of(&problem.robot),
                 Err(None) => problem.omega_rad_s,
@@ -255,14 +261,15 @@ fn derivatives_are_those_of_central_differences() {
                 },
             };
             // Richardson's extrapolation of central differences.
-            let difference = |step: f64| -> [f64; 7] {
+            let difference = |step: f64| -> [f64; 8] {
                 let (low, high) =
                     (changed(&problem, variable, -step), changed(&problem, variable, step));
                 std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
             };
             let step = 2e-3 * if value == 0.0 { 0.1 } else { value };
             let (coarse, fine) = (difference(step), difference(0.5 * step));
-            for (i, found) in derivative.to_array().into_iter().enumerate() {
+            let found = derivative.to_array().into_iter().chain([by_work]);
+            for (i, found) in found.enumerate() {
                 let known = (4.0 * fine[i] - coarse[i]) / 3.0;
                 // Relative to the derivative, or to what a change by the whole value would do.
                 let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));

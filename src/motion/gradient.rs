@@ -1,5 +1,7 @@
 //! Gradients of the metrics that are integrals over a cycle with respect to the motion.
 
+use std::ops::Range;
+
 use super::cycle::{Cycle, skid_scale};
 use super::element::{Element, Stages};
 use super::mesh::Mesh;
@@ -8,9 +10,14 @@ use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Variable};
 use crate::robot::{Lanes, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
-/// What is integrated over the elements: sigma of the wheels, where they skid, then d, then, as far
-/// as they are asked for, Delta theta, and d where the second half of the period changes by the
-/// opposite of the first half's mirror image.
+/// Numbers of the quantities that change their sign with the mirror image.
+pub(super) const ODD: Range<usize> = 4..6;
+/// Number of the work of friction over the period.
+pub(super) const WORK: usize = 6;
+
+/// What is integrated over the elements, by number: 0 to 2 sigma of the wheels, where they skid, 3 d,
+/// 4 Delta theta, 5 d where the second half of the period changes by the opposite of the first half's
+/// mirror image, 6 the work of friction.
 pub(super) struct MetricGradient {
     /// Of d with respect to the pose at the end of the elements' span: x, y, theta.
     dd_dend: [f64; 3],
@@ -73,7 +80,7 @@ impl MetricGradient {
         let mut gradients = [KinematicState::default(); STAGES];
         let weights = RADAU.integrate[STAGES - 1];
         let robot = &model.problem().robot;
-        match if R::SKIDS { quantity } else { quantity + 3 } {
+        match quantity {
             wheel @ 0..3 => {
                 for j in 0..STAGES {
                     let (trig, velocity) = (&leg.trig[j], &leg.states[j].velocity);
@@ -95,9 +102,32 @@ impl MetricGradient {
                     gradients[j].velocity[2] = Lanes::splat(self.turns * weights[j]) * duration_s;
                 }
             }
+            WORK => {
+                for j in 0..STAGES {
+                    let power = model.friction_power_gradient(&leg.states[j], &leg.trig[j]);
+                    let weight = Lanes::splat(self.turns * weights[j]) * duration_s;
+                    gradients[j].velocity = power.velocity.map(|by| weight * by);
+                    gradients[j].phi_rad = power.phi_rad.map(|by| weight * by);
+                }
+            }
             _ => self.path(self.odd_dd_dend, leg, duration_s, &mut gradients),
         }
         gradients
+    }
+
+    /// Adds what the robot's variables change of the work of friction when the states stay.
+    #[inline(always)]
+    pub fn add_work_slopes<const N: usize, R: Reduced<N>>(
+        &self,
+        model: &R,
+        leg: &Leg,
+        [_, duration_s]: [Lanes; 2],
+        sum: &mut [Lanes; MOST_PARAMETERS],
+    ) {
+        for j in 0..STAGES {
+            let weight = Lanes::splat(self.turns * RADAU.integrate[STAGES - 1][j]) * duration_s;
+            model.add_friction_power_slopes(&leg.states[j], &leg.trig[j], weight, sum);
+        }
     }
 
     /// Gradients of d, given that with respect to the end.

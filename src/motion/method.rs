@@ -9,7 +9,7 @@ use super::forces::contact_forces;
 use super::orbit::{Effort, PeriodicOrbit, Start};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced};
-use super::sensitivity::{Room, differentiate};
+use super::sensitivity::{Room, differentiate, differentiate_work};
 use super::trajectory::{self, Sample};
 use super::transient::{self, Frames, Integrator};
 use crate::metrics::GaitMetrics;
@@ -39,6 +39,8 @@ pub(super) trait Method {
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives>;
 
     fn work_and_loss_j(&self) -> Result<[f64; 2]>;
+
+    fn work_derivatives(&mut self) -> Result<Derivatives<f64>>;
 
     fn polish(&mut self) -> Result<f64> {
         Ok(0.0)
@@ -133,6 +135,16 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
             }
         }
         Ok([work, loss])
+    }
+
+    fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
+        let [_, loss_j] = self.work_and_loss_j()?;
+        let Self { model, orbit } = self;
+        let cycle = orbit.measure(model);
+        let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;
+        let room = Room { linearisation, workspace, adjoints };
+        let found = differentiate_work(model, mesh, (path, &cycle), room, loss_j);
+        found.ok_or(orbit.not_converged())
     }
 
     fn polish(&mut self) -> Result<f64> {

@@ -193,6 +193,12 @@ pub struct SteadyMotion {
 }
 
 impl SteadyMotion {
+    /// The metrics in the order of their fields, then the work.
+    pub fn to_array(&self) -> [f64; 8] {
+        let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad] = self.metrics.to_array();
+        [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad, self.work_j]
+    }
+
     /// Whether it is stable, and one of two that are each other's mirror image.
     pub fn status(&self) -> MotionStatus {
         MotionStatus::new(self.floquet, self.is_symmetry_broken)

@@ -12,12 +12,16 @@ use super::forces::contact_forces;
 use super::method::Method;
 use super::orbit::Effort;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{AMPLITUDE, Derivatives, KinematicState, NUMBERS};
+use super::reduced::{
+    AMPLITUDE, CommandNode, Derivatives, KinematicState, NUMBERS, friction_power_gradient,
+};
 use super::trajectory::Sample;
 use super::transient::Frames;
 use super::{MotionError, Problem, Result};
 use crate::metrics::GaitMetrics;
-use crate::robot::{JointCommand, Number, Parameter, Pose, Robot, Trig};
+use crate::robot::{
+    Dry, Friction, JointCommand, Number, Parameter, Pose, Robot, Trig, dot, roll_rows,
+};
 
 /// Elements of the quadrature at first and at most. Odd numbers keep the elements' ends off
 /// the simple fractions of a period at which gaits tend to cross `det W_b = 0`.
@@ -82,7 +86,7 @@ impl Method for Quadrature<'_> {
     }
 
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
-        let mut derivatives = Derivatives::NONE;
+        let mut derivatives = Derivatives::splat(GaitMetrics::NONE);
         if wanted.is_none() {
             let (robot, joints, known) = (&self.problem.robot, self.joints, *self.known);
             let eq3 = Eq3 { robot, joints, known };
@@ -136,6 +140,45 @@ impl Method for Quadrature<'_> {
         };
         let ([work_j, loss_j, _], ..) = refined(2 * ELEMENTS + 1, ACCURACY, sums, change);
         Ok([work_j, loss_j])
+    }
+
+    fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
+        let (problem, joints, known) = (self.problem, self.joints, *self.known);
+        let Problem { robot, gait, omega_rad_s, .. } = problem;
+        let eq3 = Eq3 { robot, joints, known };
+        let mut derivatives = Derivatives::splat(0.0);
+        let length = TAU / known.elements as f64;
+        for k in 0..known.elements {
+            for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
+                let (phase, weight) = (length * (k as f64 + node), weight * length / omega_rad_s);
+                let (state, _) = eq3.state(problem, phase);
+                let trig = Trig::new(state.phi_rad);
+                let power = friction_power_gradient::<f64, Dry>(robot, None, &state, &trig);
+                let by_command =
+                    CommandNode::new(problem, phase).gait_gradient(&power, *omega_rad_s);
+                let [_, _, by_number @ ..] = eq3.velocities::<ALL>(phase);
+                for (i, [u, turning]) in by_number.into_iter().enumerate() {
+                    let (joint, number) = (i / NUMBERS, i % NUMBERS);
+                    let by_body = power.velocity[0] * u + power.velocity[2] * turning;
+                    derivatives.gait[joint][number] +=
+                        weight * (omega_rad_s * by_body + by_command[joint][number]);
+                }
+                for (wheel, row) in roll_rows(robot, &trig).iter().enumerate() {
+                    let along = dot(row, &state.velocity);
+                    Dry::roll_slopes(robot, wheel, along, |column, slope| {
+                        let parameter = Dry::ROLL[column];
+                        if problem.laws.know(parameter, gait) {
+                            derivatives.parameters[parameter] += weight * along * slope;
+                        }
+                    });
+                }
+            }
+        }
+        for i in (0..GAIT).filter(|&i| !known.lasts[i]) {
+            derivatives.gait[i / NUMBERS][i % NUMBERS] = f64::NAN;
+        }
+        let [_, loss_j] = self.work_and_loss_j()?;
+        Ok(derivatives.of_work(problem, loss_j))
     }
 
     fn cycle(&self, samples: usize) -> Result<Vec<Sample>> {

@@ -15,7 +15,7 @@ use super::Problem;
 use super::cycle::Cycle;
 use super::element::{Element, Linearisation, unknowns};
 use super::extreme::{Extremes, TurningPoint};
-use super::gradient::{MetricGradient, add_by_gait, weights_of_unknowns};
+use super::gradient::{MetricGradient, ODD, WORK, add_by_gait, weights_of_unknowns};
 use super::mesh::Mesh;
 use super::path::Path;
 use super::radau::STAGES;
@@ -85,27 +85,78 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     // Numbers of quantities and columns that are known when this is compiled.
     let (all, robot) = (R::PARAMETERS, R::OF_ROBOT);
     match (R::SKIDS, wanted.is_none(), mesh.is_half) {
-        (true, true, true) => by_adjoints::<N, R, 6>(model, mesh, solution, room, all),
-        (true, true, false) => by_adjoints::<N, R, 5>(model, mesh, solution, room, all),
-        (true, false, true) => by_adjoints::<N, R, 4>(model, mesh, solution, room, robot),
-        (true, false, false) => by_adjoints::<N, R, 5>(model, mesh, solution, room, robot),
-        (false, true, true) => by_adjoints::<N, R, 3>(model, mesh, solution, room, all),
-        (false, true, false) => by_adjoints::<N, R, 2>(model, mesh, solution, room, all),
-        (false, false, true) => by_adjoints::<N, R, 1>(model, mesh, solution, room, robot),
-        (false, false, false) => by_adjoints::<N, R, 2>(model, mesh, solution, room, robot),
+        (true, true, true) => of_metrics::<N, R, 0, 6>(model, mesh, solution, room, all),
+        (true, true, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, all),
+        (true, false, true) => of_metrics::<N, R, 0, 4>(model, mesh, solution, room, robot),
+        (true, false, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, robot),
+        (false, true, true) => of_metrics::<N, R, 3, 3>(model, mesh, solution, room, all),
+        (false, true, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, all),
+        (false, false, true) => of_metrics::<N, R, 3, 1>(model, mesh, solution, room, robot),
+        (false, false, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, robot),
     }
 }
 
-/// Derivatives of `C` quantities, see [`MetricGradient`], and of alpha1 with respect to the first
-/// `parameters` of the model.
+/// Derivatives of the work that friction takes, and so the actuators do, over a period of the solution,
+/// J; `None` as for [`differentiate`].
+pub(super) fn differentiate_work<const N: usize, R: Reduced<N>>(
+    model: &R,
+    mesh: &Mesh<N, R>,
+    solution: (&Path, &Cycle<N>),
+    room: Room,
+    work_j: f64,
+) -> Option<Derivatives<f64>> {
+    let problem = model.problem();
+    let ([by_column], _) =
+        by_adjoints::<N, R, WORK, 1>(model, mesh, solution, room, R::PARAMETERS, None)?;
+    let mut derivatives = Derivatives::splat(0.0);
+    for (column, by_column) in by_column.into_iter().enumerate().take(R::PARAMETERS) {
+        let variable = model.variable(column);
+        // What the opposite offset changes half a period later is the opposite.
+        let is_odd = mesh.is_half && matches!(variable, Variable::Gait(_, OFFSET));
+        if problem.knows(variable) && !is_odd {
+            derivatives.set(variable, by_column / mesh.periods as f64);
+        }
+    }
+    Some(derivatives.of_work(problem, work_j))
+}
+
+/// Derivatives of the metrics by those of `C` quantities from number `FIRST` on, see
+/// [`MetricGradient`], and of alpha1 with respect to the first `parameters` of the model.
 #[inline(always)]
-fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
+fn of_metrics<const N: usize, R: Reduced<N>, const FIRST: usize, const C: usize>(
+    model: &R,
+    mesh: &Mesh<N, R>,
+    solution: (&Path, &Cycle<N>),
+    room: Room,
+    parameters: usize,
+) -> Option<Derivatives> {
+    let cycle = solution.1;
+    let (sums, alpha1) = by_adjoints::<N, R, FIRST, C>(
+        model,
+        mesh,
+        solution,
+        room,
+        parameters,
+        cycle.extremes.as_ref(),
+    )?;
+    Some(derivatives_of(model, mesh, cycle, parameters, |column| {
+        let mut quantities = [0.0; 6];
+        (0..C).for_each(|q| quantities[FIRST + q] = sums[q][column]);
+        (quantities, alpha1[column])
+    }))
+}
+
+/// Derivatives of `C` quantities from number `FIRST` on, and of half the range between the `extremes`,
+/// with respect to the first `parameters` of the model.
+#[inline(always)]
+fn by_adjoints<const N: usize, R: Reduced<N>, const FIRST: usize, const C: usize>(
     model: &R,
     mesh: &Mesh<N, R>,
     (path, cycle): (&Path, &Cycle<N>),
     room: Room,
     parameters: usize,
-) -> Option<Derivatives> {
+    extremes: Option<&Extremes<N>>,
+) -> Option<([ByParameters; C], ByParameters)> {
     let Room { linearisation, workspace, adjoints } = room;
     let per_stage = unknowns::<N, R>();
     let size = per_stage * STAGES;
@@ -121,7 +172,7 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
         let weights = mesh.weights(pack);
         let mut by_last = [Lanes::default(); C];
         for q in 0..C {
-            let gradients = gradient.at_stages(model, q, leg, weights);
+            let gradients = gradient.at_stages(model, FIRST + q, leg, weights);
             let by_unknown;
             (by_unknown, by_last[q]) = weights_of_unknowns(model, &element, &leg.trig, &gradients);
             for j in 0..STAGES {
@@ -130,8 +181,11 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
                 }
             }
             // Where the wheels skid, d and Delta theta depend on the states alone.
-            if parameters > R::OF_ROBOT && (q < 3 || !R::SKIDS) {
+            if parameters > R::OF_ROBOT && (!R::SKIDS || !(3..WORK).contains(&(FIRST + q))) {
                 add_by_gait(model, &element, &leg.trig, &gradients, &mut sums[q]);
+            }
+            if FIRST + q == WORK {
+                gradient.add_work_slopes(model, leg, weights, &mut sums[q]);
             }
         }
         let mut by_start = linearisation.solve_adjoint::<N, R, C>(pack, 0, rows);
@@ -148,9 +202,9 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
     // Half a period later comes the opposite extreme.
     let mut alpha1 = [0.0; MOST_PARAMETERS];
     let mut turns = [None; 2];
-    if let Some(Extremes { highest, lowest }) = cycle.extremes {
+    if let Some(Extremes { highest, lowest }) = extremes {
         let parts = if mesh.is_half { [1.0, 0.0] } else { [0.5, -0.5] };
-        for ((extreme, part), turn) in [highest, lowest].iter().zip(parts).zip(&mut turns) {
+        for ((extreme, part), turn) in [highest, lowest].into_iter().zip(parts).zip(&mut turns) {
             if part != 0.0 {
                 let angle = angle_at(model, mesh, extreme, workspace, parameters)?;
                 let weight = part * extreme.sign;
@@ -159,7 +213,7 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
             }
         }
     }
-    back_along_chain::<N, R, C>(mesh, adjoints, &turns)?;
+    back_along_chain::<N, R, FIRST, C>(mesh, adjoints, &turns)?;
 
     let mut alpha1_sums = [[Lanes::default(); MOST_PARAMETERS]];
     for pack in 0..mesh.packs() {
@@ -175,7 +229,7 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
             }
         }
         linearisation.add_by_parameters::<N, R, C>(pack, parameters, quantities, &mut sums);
-        if cycle.extremes.is_some() {
+        if extremes.is_some() {
             let rows = &mut rows_of_mut::<1, _>(&mut adjoints.alpha1, 0, size);
             rows.iter_mut().zip(ends).for_each(|(row, end)| *row = [from_end(C, end)]);
             linearisation.add_by_parameters::<N, R, 1>(pack, parameters, rows, &mut alpha1_sums);
@@ -185,14 +239,8 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const C: usize>(
         (0..LANES).map(|lane| sums[column].lane(lane)).sum()
     };
     alpha1.iter_mut().enumerate().for_each(|(p, sum)| *sum += total(&alpha1_sums[0], p));
-    Some(derivatives_of(model, mesh, cycle, parameters, |column| {
-        let mut quantities = [0.0; 6];
-        let first = if R::SKIDS { 0 } else { 3 };
-        for q in 0..C {
-            quantities[first + q] = total(&sums[q], column);
-        }
-        (quantities, alpha1[column])
-    }))
+    let sums = sums.map(|of| std::array::from_fn(|column| total(&of, column)));
+    Some((sums, alpha1))
 }
 
 /// Where an alpha1 comes from: the element and its derivatives with respect to that element's start.
@@ -200,7 +248,7 @@ type Turn<const N: usize> = Option<(usize, [f64; N])>;
 
 /// Fills in the derivatives with respect to the elements' ends; `None` if the chain cannot be closed.
 #[inline(always)]
-fn back_along_chain<const N: usize, R: Reduced<N>, const C: usize>(
+fn back_along_chain<const N: usize, R: Reduced<N>, const FIRST: usize, const C: usize>(
     mesh: &Mesh<N, R>,
     adjoints: &mut Adjoints,
     turns: &[Turn<N>; 2],
@@ -243,10 +291,10 @@ fn back_along_chain<const N: usize, R: Reduced<N>, const C: usize>(
         open.try_inverse().filter(|entries| entries.iter().all(|x| x.is_finite()))
     };
     let even = closure(1.0)?;
-    let first_odd = if mesh.is_half { if R::SKIDS { 4 } else { 1 } } else { C };
-    let odd = if first_odd < C { closure(-1.0)? } else { even };
+    let is_odd = |q: usize| mesh.is_half && q < C && ODD.contains(&(FIRST + q));
+    let odd = if (0..C).any(is_odd) { closure(-1.0)? } else { even };
     for q in 0..whole {
-        let (closure, sign) = if (first_odd..C).contains(&q) { (odd, -1.0) } else { (even, 1.0) };
+        let (closure, sign) = if is_odd(q) { (odd, -1.0) } else { (even, 1.0) };
         let start = closure * SVector::<f64, N>::from(rows[q]);
         (0..N).for_each(|i| rows[q][i] = sign * signs[i] * start[i]);
     }
@@ -294,7 +342,7 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
     of: impl Fn(usize) -> ([f64; 6], f64),
 ) -> Derivatives {
     let problem = model.problem();
-    let mut derivatives = Derivatives::NONE;
+    let mut derivatives = Derivatives::splat(GaitMetrics::NONE);
     for column in 0..parameters {
         let variable = model.variable(column);
         if !problem.knows(variable) {
@@ -321,32 +369,21 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
     if parameters > R::OF_ROBOT {
         derivatives.omega = domega(problem, cycle.metrics.d_m, &derivatives);
     }
-    // The proportions of the roll resistances stay when their sum changes.
-    let robot = &problem.robot;
-    let sums = [
-        (Parameter::RollSum, robot.roll_shares(), Parameter::ROLL),
-        (Parameter::RollDrySum, robot.roll_dry_shares(), Parameter::ROLL_DRY),
-    ];
-    for (sum, shares, rolls) in sums {
-        let rolls = rolls.map(|roll| derivatives.parameters[roll].to_array());
-        derivatives.parameters[sum] = GaitMetrics::from_array(std::array::from_fn(|metric| {
+    derivatives.set_sums(&problem.robot, |shares, rolls| {
+        let rolls = rolls.map(GaitMetrics::to_array);
+        GaitMetrics::from_array(std::array::from_fn(|metric| {
             (0..3).map(|wheel| shares[wheel] * rolls[wheel][metric]).sum()
-        }));
-    }
+        }))
+    });
     derivatives
 }
 
-/// Derivatives with respect to omega, from those with respect to the robot's parameters: per
-/// radian of phase the motion depends on viscous coefficients and the speeds of dry friction over
-/// omega and on stiffness and dry friction over its square.
+/// Derivatives with respect to omega, from those with respect to the robot's parameters.
 fn domega(problem: &Problem, d_m: f64, derivatives: &Derivatives) -> GaitMetrics {
     let mut sum = GaitMetrics { v_m_s: d_m / TAU, ..GaitMetrics::NONE }.to_array();
-    for (parameter, derivative) in derivatives.parameters.iter() {
-        let power = parameter.power_of_omega();
-        let part = power * parameter.of(&problem.robot) / problem.omega_rad_s;
-        for (sum, derivative) in sum.iter_mut().zip(derivative.to_array()) {
-            *sum -= part * derivative;
-        }
+    for (parameter, part) in problem.parts_of_omega() {
+        let derivative = derivatives.parameters[parameter].to_array();
+        sum.iter_mut().zip(derivative).for_each(|(sum, derivative)| *sum += part * derivative);
     }
     GaitMetrics::from_array(sum)
 }

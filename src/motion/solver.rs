@@ -177,6 +177,14 @@ impl Solver {
         self.with_last(|method| method.work_and_loss_j())
     }
 
+    /// Derivatives of that work, J per unit of each variable.
+    ///
+    /// # Errors
+    /// As [`Solver::floquet`].
+    pub fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
+        self.with_last(|method| method.work_derivatives())
+    }
+
     /// Takes one more Newton step, with a fresh Jacobian, from the last solution; gives its size
     /// relative to the states, which tells what was left. 0 for a motion without states.
     ///

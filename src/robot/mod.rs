@@ -17,7 +17,8 @@ pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matri
 pub use friction::{Dry, Friction, Viscous};
 pub use gait::{Gait, JointCommand, Shape};
 pub use kinematics::{
-    Pose, Trig, Velocity, det_wb, dot, dskid_rows_dphi, in_world, roll_rows, rotated, skid_rows,
+    Pose, Trig, Velocity, det_wb, dot, droll_rows_dphi, dskid_rows_dphi, in_world, roll_rows,
+    rotated, skid_rows,
 };
 pub use law::{Laws, RollLaw, SkidLaw};
 pub use model::Model;

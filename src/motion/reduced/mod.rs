@@ -17,7 +17,10 @@ pub(super) use skid::Skid;
 
 use super::Problem;
 use crate::metrics::GaitMetrics;
-use crate::robot::{ByParameter, LANES, Lanes, Number, Parameter, Shape, Trig, Velocity};
+use crate::robot::{
+    ByParameter, Friction, LANES, Lanes, Number, Parameter, Robot, Shape, Trig, Velocity, dot,
+    droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
+};
 
 /// The equations of motion and their derivatives at one time.
 #[derive(Debug, Clone, Copy)]
@@ -49,30 +52,52 @@ pub(super) const OFFSET: usize = 0;
 pub(super) const AMPLITUDE: usize = 1;
 pub(super) const NUMBERS: usize = 3;
 
-/// Derivatives of the metrics; zero for what the motion does not depend on.
+/// Derivatives of the metrics, or of another quantity; zero for what the motion does not depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Derivatives {
+pub struct Derivatives<T = GaitMetrics> {
     /// Per unit of each parameter.
-    pub parameters: ByParameter<GaitMetrics>,
+    pub parameters: ByParameter<T>,
     /// Per rad/s of omega.
-    pub omega: GaitMetrics,
+    pub omega: T,
     /// Per radian of offset, amplitude and phase of each commanded joint; NaN where the motion
     /// exists for this gait alone.
-    pub gait: [[GaitMetrics; NUMBERS]; 2],
+    pub gait: [[T; NUMBERS]; 2],
 }
 
-impl Derivatives {
-    pub(super) const NONE: Self = Self {
-        parameters: ByParameter::splat(GaitMetrics::NONE),
-        omega: GaitMetrics::NONE,
-        gait: [[GaitMetrics::NONE; NUMBERS]; 2],
-    };
+impl<T: Copy> Derivatives<T> {
+    pub(super) const fn splat(value: T) -> Self {
+        Self { parameters: ByParameter::splat(value), omega: value, gait: [[value; NUMBERS]; 2] }
+    }
 
-    pub(super) fn set(&mut self, variable: Variable, derivative: GaitMetrics) {
+    pub(super) fn set(&mut self, variable: Variable, derivative: T) {
         match variable {
             Variable::Parameter(parameter) => self.parameters[parameter] = derivative,
             Variable::Gait(joint, number) => self.gait[joint][number] = derivative,
         }
+    }
+
+    /// Fills in the derivatives with respect to the sums of the wheels' resistances, whose
+    /// proportions stay when they change; `weighted` adds three derivatives with these weights.
+    pub(super) fn set_sums(&mut self, robot: &Robot, weighted: impl Fn([f64; 3], [T; 3]) -> T) {
+        let sums = [
+            (Parameter::RollSum, robot.roll_shares(), Parameter::ROLL),
+            (Parameter::RollDrySum, robot.roll_dry_shares(), Parameter::ROLL_DRY),
+        ];
+        for (sum, shares, of_wheels) in sums {
+            let of_wheels = of_wheels.map(|parameter| self.parameters[parameter]);
+            self.parameters[sum] = weighted(shares, of_wheels);
+        }
+    }
+}
+
+impl Derivatives<f64> {
+    /// Those of the work over a cycle, J, once the derivatives by single parameters and the gait's
+    /// numbers are there: work goes with the square of velocities.
+    pub(super) fn of_work(mut self, problem: &Problem, work_j: f64) -> Self {
+        let parts = problem.parts_of_omega().map(|(of, part)| part * self.parameters[of]);
+        self.omega = 2.0 * work_j / problem.omega_rad_s + parts.sum::<f64>();
+        self.set_sums(&problem.robot, |shares, of| (0..3).map(|i| shares[i] * of[i]).sum());
+        self
     }
 }
 
@@ -168,6 +193,23 @@ pub(super) trait Reduced<const N: usize>: Clone {
         gradient: &KinematicState<T>,
     ) -> [[T; NUMBERS]; 2];
 
+    /// See [`friction_power_gradient`].
+    fn friction_power_gradient<T: Number>(
+        &self,
+        state: &KinematicState<T>,
+        trig: &Trig<T>,
+    ) -> KinematicState<T>;
+
+    /// Adds the derivatives of the power that friction takes with respect to the robot's variables, times a `weight`, to
+    /// their columns.
+    fn add_friction_power_slopes<T: Number>(
+        &self,
+        state: &KinematicState<T>,
+        trig: &Trig<T>,
+        weight: T,
+        columns: &mut [T; MOST_PARAMETERS],
+    );
+
     /// Signs of the states half a period later, if the commands have changed theirs.
     fn half_period_signs(&self) -> Option<[f64; N]>;
 
@@ -185,11 +227,53 @@ impl Problem {
         }
     }
 
+    /// How much of its own derivative every parameter adds to that with respect to omega: per radian of
+    /// phase the motion depends on viscous coefficients and the speeds of dry friction over omega and on stiffness
+    /// and dry friction over its square.
+    pub(super) fn parts_of_omega(&self) -> impl Iterator<Item = (Parameter, f64)> {
+        let part = |of: Parameter| -of.power_of_omega() * of.of(&self.robot) / self.omega_rad_s;
+        Parameter::ALL.into_iter().filter(|of| !of.is_sum()).map(move |of| (of, part(of)))
+    }
+
     /// Whether the mirror image of the motion follows half a period later.
     fn is_mirrored(&self) -> bool {
         let rests_straight = self.robot.rest_angle_rad == 0.0;
         self.gait.is_symmetric() && (self.gait.passive_joint().is_none() || rests_straight)
     }
+}
+
+/// Gradient of the power that friction takes, at the wheels and in the `passive` joint, with respect to
+/// angles and velocities.
+#[inline(always)]
+pub(super) fn friction_power_gradient<T: Number, F: Friction>(
+    robot: &Robot,
+    passive: Option<usize>,
+    KinematicState { velocity, .. }: &KinematicState<T>,
+    trig: &Trig<T>,
+) -> KinematicState<T> {
+    let zero = T::of(0.0);
+    let mut gradient = KinematicState { phi_rad: [zero; 2], velocity: [zero; 5] };
+    let mut add = |wheel: usize, row: &[T; 5], drows_dphi: &[[T; 5]; 2], by_speed: T| {
+        for i in 0..5 {
+            gradient.velocity[i] += by_speed * row[i];
+        }
+        if let Some(joint) = wheel.checked_sub(1) {
+            gradient.phi_rad[joint] += by_speed * dot(&drows_dphi[joint], velocity);
+        }
+    };
+    let (skid, dskid) = (skid_rows(robot, trig), dskid_rows_dphi(robot, trig));
+    let (roll, droll) = (roll_rows(robot, trig), droll_rows_dphi(robot, trig));
+    for wheel in 0..3 {
+        let (across, along) = (dot(&skid[wheel], velocity), dot(&roll[wheel], velocity));
+        let [force, slope] = F::skid(robot, wheel, across);
+        add(wheel, &skid[wheel], &dskid, force + slope * across);
+        let [force, slope] = F::roll(robot, wheel, along);
+        add(wheel, &roll[wheel], &droll, force + slope * along);
+    }
+    if let Some(p) = passive {
+        gradient.velocity[3 + p] += T::of(2.0 * robot.damping_nm_s_rad) * velocity[3 + p];
+    }
+    gradient
 }
 
 /// Arrays side by side, one in each lane.
@@ -213,7 +297,7 @@ pub(super) struct CommandNode<T = f64> {
 
 impl<T: Number> CommandNode<T> {
     #[inline(always)]
-    fn new(problem: &Problem, phase_rad: T) -> Self {
+    pub fn new(problem: &Problem, phase_rad: T) -> Self {
         let waves = problem.gait.waves(phase_rad, problem.omega_rad_s);
         let shape = problem.gait.shape(&waves);
         Self { waves, shape, trig: Trig::new(shape.phi_rad) }
@@ -233,7 +317,11 @@ impl<T: Number> CommandNode<T> {
     /// Gradient with respect to these numbers, as far as they act on the joints' own angles and
     /// rates alone.
     #[inline(always)]
-    fn gait_gradient(&self, gradient: &KinematicState<T>, omega_rad_s: f64) -> [[T; NUMBERS]; 2] {
+    pub fn gait_gradient(
+        &self,
+        gradient: &KinematicState<T>,
+        omega_rad_s: f64,
+    ) -> [[T; NUMBERS]; 2] {
         let mut by_number = [[T::of(0.0); NUMBERS]; 2];
         for joint in 0..2 {
             let slopes = self.slopes(joint, omega_rad_s);

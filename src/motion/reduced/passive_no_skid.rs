@@ -3,7 +3,10 @@
 use std::marker::PhantomData;
 
 use super::harmonic::{HarmonicMotion, joint_sign};
-use super::{CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable};
+use super::{
+    CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable,
+    friction_power_gradient,
+};
 use crate::motion::Problem;
 use crate::robot::{
     Balance, Friction, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows,
@@ -441,6 +444,34 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         velocity[3 + p] = self.wheel(&self.trig(node, y)).rate([u, r]);
         velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
         KinematicState { phi_rad, velocity }
+    }
+
+    #[inline(always)]
+    fn friction_power_gradient<T: Number>(
+        &self,
+        state: &KinematicState<T>,
+        trig: &Trig<T>,
+    ) -> KinematicState<T> {
+        friction_power_gradient::<T, F>(&self.problem.robot, Some(self.passive), state, trig)
+    }
+
+    #[inline(always)]
+    fn add_friction_power_slopes<T: Number>(
+        &self,
+        state: &KinematicState<T>,
+        trig: &Trig<T>,
+        weight: T,
+        columns: &mut [T; MOST_PARAMETERS],
+    ) {
+        let (robot, velocity) = (&self.problem.robot, &state.velocity);
+        for (wheel, row) in roll_rows(robot, trig).iter().enumerate() {
+            let along = dot(row, velocity);
+            F::roll_slopes(robot, wheel, along, |column, slope| {
+                columns[column] += weight * along * slope;
+            });
+        }
+        let rate = velocity[3 + self.passive];
+        columns[F::ROLL.len() + 1] += weight * rate * rate;
     }
 
     fn half_period_signs(&self) -> Option<[f64; 2]> {

@@ -3,7 +3,10 @@
 use std::marker::PhantomData;
 
 use super::harmonic::HarmonicMotion;
-use super::{CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable};
+use super::{
+    CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable,
+    friction_power_gradient,
+};
 use crate::motion::Problem;
 use crate::robot::{
     Balance, Friction, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows,
@@ -247,6 +250,39 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         gradient: &KinematicState<T>,
     ) -> [[T; NUMBERS]; 2] {
         node.gait_gradient(gradient, self.problem.omega_rad_s)
+    }
+
+    #[inline(always)]
+    fn friction_power_gradient<T: Number>(
+        &self,
+        state: &KinematicState<T>,
+        trig: &Trig<T>,
+    ) -> KinematicState<T> {
+        friction_power_gradient::<T, F>(&self.problem.robot, self.passive(), state, trig)
+    }
+
+    #[inline(always)]
+    fn add_friction_power_slopes<T: Number>(
+        &self,
+        state: &KinematicState<T>,
+        trig: &Trig<T>,
+        weight: T,
+        columns: &mut [T; MOST_PARAMETERS],
+    ) {
+        let (robot, velocity) = (&self.problem.robot, &state.velocity);
+        let (skid, roll) = (skid_rows(robot, trig), roll_rows(robot, trig));
+        for wheel in 0..3 {
+            let (across, along) = (dot(&skid[wheel], velocity), dot(&roll[wheel], velocity));
+            F::skid_slopes(robot, wheel, across, |column, slope| {
+                columns[column] += weight * across * slope;
+            });
+            F::roll_slopes(robot, wheel, along, |column, slope| {
+                columns[F::SKID.len() + column] += weight * along * slope;
+            });
+        }
+        if let Some(p) = self.passive() {
+            columns[Self::OF_WHEELS + 1] += weight * velocity[3 + p] * velocity[3 + p];
+        }
     }
 
     fn half_period_signs(&self) -> Option<[f64; N]> {
