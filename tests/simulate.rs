@@ -90,6 +90,7 @@ fn simulate_answers_with_the_documented_keys_in_order_of_frequency() {
     assert_eq!(omegas, [3.9, 0.5, 3.25, 6.0].map(Some));
     let expected = BTreeSet::from(
         [
+            "model",
             "omega_rad_s",
             "d_m",
             "v_m_s",
@@ -103,6 +104,7 @@ fn simulate_answers_with_the_documented_keys_in_order_of_frequency() {
             "from_rest",
             "cycles_to_settle",
             "parameters",
+            "gait",
         ]
         .map(str::to_owned),
     );
@@ -174,6 +176,126 @@ fn a_singular_gait_has_no_numbers_but_a_reason() {
 }
 
 #[test]
+fn several_models_are_solved_for_at_once_and_csv_has_what_json_has() {
+    let folder = empty_folder();
+    let several = ["simulate", "kinematic-symmetric", "--omega", "2,4", "--model", "skid,coulomb"];
+    let several = [&several[..], &["--model", "no-skid", "--model", "skid"]].concat();
+    let json = succeed(folder.path(), &[&several[..], &["--json"]].concat());
+    let answers: Vec<Value> = serde_json::from_str(&json).expect("an array");
+    let models: Vec<&str> = answers.iter().filter_map(|answer| answer["model"].as_str()).collect();
+    assert_eq!(models, ["skid", "skid", "coulomb", "coulomb", "no-skid", "no-skid"]);
+    let alone = simulate("kinematic-symmetric", "coulomb", "2,4", &[]);
+    assert_eq!(answers[2..4], alone);
+
+    let csv = succeed(folder.path(), &[&several[..], &["--csv"]].concat());
+    let lines: Vec<Vec<String>> = csv.lines().map(fields).collect();
+    assert_eq!(lines.len(), 7);
+    let column = |name: &str| lines[0].iter().position(|known| known == name).expect(name);
+    for (line, answer) in lines[1..].iter().zip(&answers) {
+        let text = |name: &str| line[column(name)].as_str();
+        assert_eq!(Value::from(text("model")), answer["model"]);
+        assert_eq!(Value::from(text("status")), answer["status"]);
+        let limit = &answer["sharp_limit"]["metrics"];
+        for (name, known) in [
+            ("omega_rad_s", &answer["omega_rad_s"]),
+            ("d_m", &answer["d_m"]),
+            ("sigma1", &answer["sigma"][1]),
+            ("work_j_m", &answer["work_j_m"]),
+            ("floquet", &answer["floquet"]),
+            ("sharp_limit_d_m", &limit["d_m"]),
+        ] {
+            assert_eq!(text(name).parse::<f64>().ok(), known.as_f64(), "{name}: {answer}");
+        }
+    }
+    let table = succeed(folder.path(), &several);
+    assert!(table.lines().nth(3).is_some_and(|line| line.starts_with("coulomb ")), "{table}");
+
+    let page = trilink(folder.path(), &[&several[..], &["--page", "p.html"]].concat());
+    assert!(text(&page.stderr).contains("--page: found 3 models, needed one"));
+}
+
+#[test]
+fn the_numbers_of_a_gait_can_be_set_of_commanded_joints() {
+    let folder = empty_folder();
+    let own = "[gait.ours]\njoint1 = { offset_deg = 10.0, amplitude_deg = 25.0 }\n\
+               joint2 = { amplitude_deg = 30.0, phase_deg = -80.0 }\n\
+               [campaign.ours]\nrobot = \"kinematic\"\ngait = \"ours\"\nmodels = [\"skid\"]\n\
+               weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }\n";
+    std::fs::write(folder.path().join("pipeline.toml"), own).unwrap();
+    let motion = ["simulate", "ours", "--model", "skid", "--omega", "3", "--json"];
+    let known: Value = serde_json::from_str(&succeed(folder.path(), &motion)).unwrap();
+    let settings = ["offset1_deg=10", "amplitude1_deg=25", "phase2_deg=-80"];
+    let found = simulate("kinematic-symmetric", "skid", "3", &settings);
+    assert_eq!(known[0]["d_m"], found[0]["d_m"]);
+    assert_eq!(known[0]["gait"], found[0]["gait"]);
+    let of_file = simulate("kinematic-symmetric", "skid", "3", &[]);
+    assert_ne!(of_file[0]["d_m"], found[0]["d_m"]);
+
+    for (campaign, setting, named) in [
+        ("kinematic-symmetric", "amplitud1_deg=20", "did you mean `amplitude1_deg`?"),
+        ("kinematic-symmetric", "skid_kgs=20", "did you mean `skid_kg_s`?"),
+        ("kinematic-symmetric", "phase2_deg=x", "found `x`, needed a number of degrees"),
+        ("kinematic-symmetric", "amplitude2_deg=200", "joint2.amplitude_deg`: found 200.0"),
+        ("kinematic-symmetric", "offset3_deg=2", "or of the gait `offset1_deg`"),
+        ("semi-passive-symmetric", "offset1_deg=2", "joint 1, which is passive"),
+    ] {
+        let motion = ["simulate", campaign, "--model", "skid", "--omega", "3", "--set", setting];
+        let output = trilink(empty_folder().path(), &motion);
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains(named), "{setting}: {stderr}");
+    }
+}
+
+#[test]
+fn a_robot_with_standard_deviations_can_be_set_too() {
+    let folder = empty_folder();
+    let mut config = Config::default();
+    let robot = config.robot.get_mut("kinematic").expect("the paper's robot");
+    robot.standard_deviation =
+        Some(trilink::config::RobotDeviation { h_m: 0.001, ..Default::default() });
+    let text_of = toml::to_string(&config).expect("the configuration can be written");
+    std::fs::write(folder.path().join("pipeline.toml"), text_of).expect("the file is writable");
+    let motion = ["simulate", "kinematic-symmetric", "--model", "skid", "--omega", "3", "--json"];
+    let set = ["--set", "h_m=0.15", "skid1_kg_s=40"];
+    let found: Value =
+        serde_json::from_str(&succeed(folder.path(), &[&motion[..], &set].concat())).unwrap();
+    assert_eq!(found[0]["parameters"]["h_m"], 0.15);
+    assert_eq!(found[0]["parameters"]["standard_deviation"]["h_m"], 0.001);
+    let known = simulate("kinematic-symmetric", "skid", "3", &set[1..]);
+    assert_eq!(found[0]["d_m"], known[0]["d_m"]);
+}
+
+#[test]
+fn a_trajectory_is_written_as_its_file_s_ending_says() {
+    let folder = empty_folder();
+    let motion = ["simulate", "kinematic-skewed", "--model", "skid,no-skid", "--omega", "3"];
+    let motion = [&motion[..], &["--samples", "8", "--trajectory"]].concat();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    for name in ["t.parquet", "t.csv", "t.json"] {
+        succeed(folder.path(), &[&motion[..], &[name]].concat());
+    }
+    let table = Table::read(&folder.path().join("t.parquet")).expect("a table");
+    let rows = TrajectoryRow::from_table(&table).expect("with the documented columns");
+    let of_json: Vec<Value> = serde_json::from_str(&read("t.json")).expect("an array");
+    let csv = read("t.csv");
+    let lines: Vec<Vec<String>> = csv.lines().map(fields).collect();
+    assert_eq!((rows.len(), of_json.len(), lines.len()), (18, 18, 19));
+    let x = lines[0].iter().position(|name| name == "x_m").expect("a column");
+    for ((row, json), line) in rows.iter().zip(&of_json).zip(&lines[1..]) {
+        assert_eq!((json["x_m"].as_f64(), line[x].parse().ok()), (Some(row.x_m), Some(row.x_m)));
+        assert_eq!(
+            (json["model"].as_str(), line[0].as_str()),
+            (Some(row.model.name()), row.model.name())
+        );
+    }
+    let output = trilink(folder.path(), &[&motion[..], &["t.xlsx"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    let named = "--trajectory: found `t.xlsx`, needed a file that ends in .parquet, .csv or .json";
+    assert!(text(&output.stderr).contains(named), "{}", text(&output.stderr));
+}
+
+#[test]
 fn a_frequency_list_ends_where_its_option_does() {
     let folder = empty_folder();
     let answers = succeed(
@@ -208,7 +330,7 @@ fn a_model_of_one_s_own_moves_by_its_laws() {
         let motion = ["simulate", "kinematic-skewed", "--omega", "3.9", "--json", "--model", model];
         let output = trilink(folder.path(), &motion);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-        text(&output.stdout)
+        text(&output.stdout).replace(&format!("\"model\": \"{model}\""), "\"model\": \"\"")
     };
     assert_eq!(answer("ours"), answer("skid"));
     assert_ne!(answer("ours"), answer("skid-roll"));
@@ -404,13 +526,17 @@ fn unbounded_constraint_forces_are_missing_and_said_to_be() {
 #[test]
 fn a_trajectory_that_cannot_be_written_is_an_error_and_leaves_nothing() {
     let folder = empty_folder();
-    std::fs::create_dir(folder.path().join("taken")).expect("a folder");
+    std::fs::create_dir(folder.path().join("taken.parquet")).expect("a folder");
     let arguments = ["simulate", "kinematic-skewed", "--model", "skid", "--omega", "1"];
-    let output = trilink(folder.path(), &[&arguments[..], &["--trajectory", "taken"]].concat());
+    let output =
+        trilink(folder.path(), &[&arguments[..], &["--trajectory", "taken.parquet"]].concat());
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{stderr}");
-    assert!(stderr.contains("taken: cannot be written"), "{stderr}");
-    assert_eq!(std::fs::read_dir(folder.path().join("taken")).expect("still there").count(), 0);
+    assert!(stderr.contains("taken.parquet: cannot be written"), "{stderr}");
+    assert_eq!(
+        std::fs::read_dir(folder.path().join("taken.parquet")).expect("still there").count(),
+        0
+    );
     for samples in ["0", "7", "x"] {
         let output = trilink(folder.path(), &[&arguments[..], &["--samples", samples]].concat());
         assert_eq!(output.status.code(), Some(2));

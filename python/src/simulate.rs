@@ -123,7 +123,8 @@ fn columns<'py>(
     py: Python<'py>,
     rows: &[TrajectoryRow],
 ) -> PyResult<(Vec<String>, Bound<'py, PyByteArray>)> {
-    let frame = TrajectoryRow::to_table(rows).frame;
+    // All but the model's name are numbers.
+    let frame = TrajectoryRow::to_table(rows).frame.drop("model").map_err(Failure::from)?;
     let names = frame.get_column_names_owned().iter().map(ToString::to_string).collect();
     let numbers = frame.columns().iter().map(|column| column.f64());
     let numbers = numbers.collect::<Result<Vec<_>, _>>().map_err(Failure::from)?;

@@ -189,13 +189,14 @@ def simulate(
     from_rest: answer with the motion in which the robot ends that starts from rest.
     samples: add one steady cycle at so many moments and one more, 8 to 100000 a cycle; with
         `from_rest` the way there.
-    parameters: of the robot: skid_kg_s=[104, 34, 45], of one wheel skid1_kg_s=34.
+    parameters: of the robot: skid_kg_s=[104, 34, 45], of one wheel skid1_kg_s=34; and of the gait, of a
+        commanded joint: amplitude1_deg=25.
 
     Gives for each frequency a dictionary: `d_m` (displacement a cycle), `v_m_s`, skid ratios `sigma`,
     `alpha1_rad` (amplitude of a passive joint), `dtheta_rad` (rotation a cycle), `work_j` (of the
     actuators, a cycle), `work_j_m`, the motion's `status`, the modulus of the largest Floquet
-    multiplier `floquet`, `from_rest`, `cycles_to_settle`, of dry friction `sharp_limit`, and the
-    `parameters`. A motion that does not exist has a `reason`, and None for numbers. With `samples`
+    multiplier `floquet`, `from_rest`, `cycles_to_settle`, of dry friction `sharp_limit`, the `model`, the
+    robot's `parameters` and the `gait`. A motion that does not exist has a `reason`, and None for numbers. With `samples`
     there is `trajectory`, NumPy arrays by the names that `trilink simulate --trajectory` gives its
     columns: `time_s`, `x_m`, `phi1_rad`, `skid0_m_s`, .. (NaN where there is no value), or None.
 

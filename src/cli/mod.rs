@@ -16,6 +16,7 @@ mod omegas;
 mod output;
 mod pipeline;
 mod progress;
+mod rows_file;
 mod shell;
 mod simulate;
 mod stages;

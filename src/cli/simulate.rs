@@ -1,5 +1,6 @@
 //! `trilink simulate`.
 
+mod page;
 mod table;
 mod trajectory;
 
@@ -10,35 +11,42 @@ use rayon::prelude::*;
 use super::omegas::{Omegas, parse_omegas};
 use super::output::write_data;
 use super::{Context, Failure, Outcome};
-use crate::report::{SimulationError, simulation_page};
-use crate::simulate::{Answer, Setup};
-use crate::store::write_if_changed;
+use crate::config::Config;
+use crate::inspect::{View, csv};
+use crate::robot::Model;
+use crate::simulate::{Answer, Setup, SimulationRow};
+use crate::store::Columns;
 
 #[derive(clap::Args)]
 pub(super) struct Simulate {
     /// Name of a `[campaign.*]`.
     campaign: String,
     /// Name of a `[model.*]`: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll, coulomb, coulomb-viscous or your own.
-    #[arg(long)]
-    model: String,
+    /// May be a list, and be given again.
+    #[arg(long, required = true)]
+    model: Vec<String>,
     /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. May be given again.
     #[arg(long, required = true, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
-    /// Parameters of the robot: `skid_kg_s=104,34,45`, or of a wheel `skid_dry0=1.8`, one or several.
+    /// Parameters of the robot, one or several: `skid_kg_s=104,34,45`, or of a wheel `skid_dry0=1.8`; and of the gait, of a
+    /// commanded joint: `offset1_deg=10`, `amplitude2_deg=25`, `phase2_deg=-80`.
     #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Answer with the motion in which the robot ends that starts from rest.
     #[arg(long)]
     from_rest: bool,
-    /// Write one steady cycle, or with `--from-rest` the way there, as Parquet.
+    /// Write one steady cycle, or with `--from-rest` the way there: Parquet, CSV or JSON, by the file's ending.
     #[arg(long, value_name = "FILE")]
     trajectory: Option<PathBuf>,
     /// Moments of a cycle that `--trajectory` writes.
     #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     samples: u32,
-    /// Write a page that plays the motion from rest, with the forces at the wheels, at one frequency.
+    /// Write a page that plays the motion from rest, with the forces at the wheels, of one model at one frequency.
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
+    /// Print CSV with every digit.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -46,49 +54,64 @@ pub(super) struct Simulate {
 
 impl Simulate {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let setup = Setup::new(context.config, &self.campaign, &self.model, &self.set)?;
+        let models = models(&self.model, &context.config);
+        let setup =
+            |model: &String| Setup::new(context.config.clone(), &self.campaign, model, &self.set);
+        let setups: Vec<Setup> = models.iter().map(setup).collect::<Result<_, _>>()?;
         let omegas: Vec<f64> = self.omega.concat();
-        if self.page.is_some() && omegas.len() != 1 {
-            return Err(format!("--page: found {} frequencies, needed one", omegas.len()).into());
+        if self.page.is_some() {
+            page::check(models.len(), omegas.len())?;
         }
-        let stage = context.progress.stage("simulate", omegas.len());
-        let answers: Vec<Answer> = omegas
-            .par_iter()
+        let trajectory = self.trajectory.as_deref().map(trajectory::File::new).transpose()?;
+        let solved: Vec<(&Setup, f64)> = setups
+            .iter()
+            .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
+            .collect();
+        let stage = context.progress.stage("simulate", solved.len());
+        let solved: Vec<(&Setup, Answer)> = solved
+            .into_par_iter()
             .with_max_len(1)
-            .map(|&omega_rad_s| {
+            .map(|(setup, omega_rad_s)| {
                 let answer = setup.answer(omega_rad_s, self.from_rest);
                 stage.tick();
                 stage.stop_if_asked("frequencies");
-                answer
+                (setup, answer)
             })
             .collect();
         drop(stage);
-        if let Some(path) = &self.trajectory {
-            let samples = self.samples as usize;
-            let message = trajectory::write(path, &setup, &answers, self.from_rest, samples)?;
+        if let Some(file) = trajectory {
+            let message = file.write(&solved, self.from_rest, self.samples as usize)?;
             context.progress.say(&message);
         }
-        if let (Some(path), [answer]) = (&self.page, &answers[..]) {
-            let problem = setup.problem(answer.omega_rad_s);
-            let names = (self.campaign.as_str(), &*self.model);
-            let page = simulation_page(names, &problem, answer.cycles_to_settle, answer);
-            let message = match page {
-                Ok(page) => {
-                    write_if_changed(path, page.as_bytes()).map(|_| path.display().to_string())?
-                }
-                Err(SimulationError::Motion(error)) => {
-                    format!("{}: not written: {error}", path.display())
-                }
-                Err(error) => return Err(error.into()),
-            };
-            context.progress.say(&message);
+        if let (Some(path), [(setup, answer)]) = (&self.page, &solved[..]) {
+            context.progress.say(&page::write(path, &self.campaign, setup, answer)?);
         }
-        if self.json {
-            write_data(&serde_json::to_string_pretty(&answers)?);
-        } else {
-            table::print(&answers);
+        let answers: Vec<&Answer> = solved.iter().map(|(_, answer)| answer).collect();
+        match (self.csv, self.json) {
+            (true, _) => {
+                let rows: Vec<SimulationRow> = answers.iter().map(|of| of.row()).collect();
+                let text = csv(&View::of(SimulationRow::to_table(&rows)));
+                write_data(text.trim_end_matches('\n'));
+            }
+            (_, true) => write_data(&serde_json::to_string_pretty(&answers)?),
+            _ => table::print(&answers),
         }
         let all_exist = answers.iter().all(|answer| answer.metrics.d_m.is_finite());
         Ok(if all_exist { Outcome::Well } else { Outcome::NeedsAttention })
     }
+}
+
+/// The models that are named, each once: a name may have commas, too.
+fn models(named: &[String], config: &Config) -> Vec<String> {
+    let mut models: Vec<String> = Vec::new();
+    for text in named {
+        let is_one = config.model.contains_key(&Model::new(text));
+        let names = if is_one { vec![text.as_str()] } else { text.split(',').collect() };
+        for name in names.into_iter().map(str::trim) {
+            if models.iter().all(|known| known != name) {
+                models.push(name.to_owned());
+            }
+        }
+    }
+    models
 }

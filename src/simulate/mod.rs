@@ -1,18 +1,20 @@
 //! The motion of a model by name, without trials: what `trilink simulate` answers, and the Python module.
 
 mod answer;
+mod settings;
 mod trajectory;
 
 use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use crate::config::{Config, ConfigError, did_you_mean, one_of, parse_toml};
+use crate::config::{Config, ConfigError, one_of};
 use crate::motion::{MotionError, Problem};
-use crate::robot::{Gait, Laws, Model, Parameter, Robot};
+use crate::robot::{Gait, Laws, Model, Robot};
 use crate::store::TrajectoryRow;
 
-pub use answer::Answer;
+pub use answer::{Answer, SimulationRow};
+pub(crate) use settings::with_settings;
 
 /// Why something cannot be simulated.
 #[derive(Debug, thiserror::Error)]
@@ -36,13 +38,15 @@ pub struct Setup {
     pub robot: Robot,
     pub gait: Gait,
     pub laws: Laws,
-    /// The robot's, as the answers show them.
+    pub model: Model,
+    /// The robot's keys and the gait's, as the answers show them.
     parameters: Map<String, Value>,
+    commands: Map<String, Value>,
 }
 
 impl Setup {
-    /// Of a campaign of `config`, whose robot has what the `settings` say: each a `key=value` as
-    /// `trilink simulate --set` takes it.
+    /// Of a campaign of `config`, whose robot and gait have what the `settings` say: each a `key=value`
+    /// as `trilink simulate --set` takes it.
     ///
     /// # Errors
     /// There is no such campaign, model or parameter, or the robot lacks what the model needs.
@@ -56,11 +60,10 @@ impl Setup {
         let setup = config.campaign_setup(campaign);
         let (robot, gait) = setup.ok_or_else(|| "no such campaign".to_owned())?;
         let laws = laws_of(&config, campaign, model)?;
-        let parameters = serde_json::to_value(&config.robot[&config.campaign[campaign].robot]);
-        let Ok(Value::Object(parameters)) = parameters else {
-            return Err("no parameters".to_owned().into());
-        };
-        Ok(Self { robot, gait, laws, parameters })
+        let of = &config.campaign[campaign];
+        let parameters = keys_of(&config.robot[&of.robot])?;
+        let commands = keys_of(&config.gait[&of.gait])?;
+        Ok(Self { robot, gait, laws, model: Model::new(model), parameters, commands })
     }
 
     /// Its problem at a frequency.
@@ -70,7 +73,7 @@ impl Setup {
 
     /// Its motion at a frequency; with `from_rest` the one in which the robot from rest ends.
     pub fn answer(&self, omega_rad_s: f64, from_rest: bool) -> Answer<'_> {
-        Answer::new(&self.problem(omega_rad_s), from_rest, &self.parameters)
+        Answer::new(self, &self.problem(omega_rad_s), from_rest)
     }
 
     /// One steady cycle of an answer's motion at `samples + 1` moments, or with `from_rest` the
@@ -84,7 +87,16 @@ impl Setup {
         from_rest: bool,
         samples: usize,
     ) -> Result<Vec<TrajectoryRow>, MotionError> {
-        trajectory::of(&self.problem(answer.omega_rad_s), answer, from_rest, samples)
+        let problem = self.problem(answer.omega_rad_s);
+        trajectory::of(&problem, answer, from_rest, samples)
+    }
+}
+
+/// What a table of the configuration says.
+fn keys_of(table: &impl serde::Serialize) -> Result<Map<String, Value>, SetupError> {
+    match serde_json::to_value(table) {
+        Ok(Value::Object(keys)) => Ok(keys),
+        _ => Err("no keys".to_owned().into()),
     }
 }
 
@@ -105,62 +117,5 @@ pub(crate) fn laws_of(config: &Config, campaign: &str, name: &str) -> Result<Law
             let needed = one_of(name, &config.model, "");
             Err(format!("--model: found `{name}`, needed {needed}").into())
         }
-    }
-}
-
-/// The configuration with `key=value` settings in the campaign's robot.
-pub(crate) fn with_settings(
-    mut config: Config,
-    campaign: &str,
-    settings: &[String],
-) -> Result<Config, SetupError> {
-    let Some(found) = config.campaign.get(campaign) else {
-        let names: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
-        let hint = did_you_mean(campaign, names.iter().copied());
-        let known = names.join("`, `");
-        return Err(format!("campaign `{campaign}`: needed one of `{known}`{hint}").into());
-    };
-    let robot = config.robot.get_mut(&found.robot).ok_or_else(|| "no such robot".to_owned())?;
-    let mut lines = toml::to_string(robot).map_err(|error| error.to_string())?;
-    for setting in settings.iter().flat_map(|setting| setting.split_whitespace()) {
-        let (key, value) = setting
-            .split_once('=')
-            .ok_or_else(|| format!("--set: found `{setting}`, needed KEY=VALUE"))?;
-        let (key, value) =
-            of_wheel(key, value, &lines).unwrap_or_else(|| (key.to_owned(), value.to_owned()));
-        let value = if value.contains(',') { format!("[{value}]") } else { value };
-        let kept = lines.lines().filter(|line| !line.starts_with(&format!("{key} ")));
-        lines = kept.map(|line| format!("{line}\n")).collect();
-        lines += &format!("{key} = {value}\n");
-        *robot =
-            parse_toml(Path::new("--set"), &lines).map_err(|error| of_setting(setting, error))?;
-    }
-    config.check_setup(Path::new("--set"), campaign)?;
-    Ok(config)
-}
-
-/// The robot's key that has a parameter, and its value: `skid_dry0=2` is the first of `skid_dry_n`
-/// among these lines.
-fn of_wheel(name: &str, value: &str, lines: &str) -> Option<(String, String)> {
-    let known = Parameter::ALL.into_iter().find(|of| [of.key(), of.name()].contains(&name))?;
-    let Some((before, after)) = known.name().split_once(|c: char| c.is_ascii_digit()) else {
-        return Some((known.name().to_owned(), value.to_owned()));
-    };
-    let wheel: usize = known.name()[before.len()..].chars().next()?.to_digit(10)? as usize;
-    let (key, robot) = (format!("{before}{after}"), lines.parse::<toml::Table>().ok()?);
-    let mut values: Vec<String> =
-        robot.get(&key)?.as_array()?.iter().map(toml::Value::to_string).collect();
-    *values.get_mut(wheel)? = value.to_owned();
-    Some((key, values.join(",")))
-}
-
-/// What is wrong with a setting, which has no lines.
-fn of_setting(setting: &str, error: ConfigError) -> String {
-    match error {
-        ConfigError::Syntax { message, suggestion, .. } => {
-            let hint = suggestion.map_or(String::new(), |name| format!("; did you mean `{name}`?"));
-            format!("--set {setting}: {message}{hint}")
-        }
-        other => other.to_string(),
     }
 }

@@ -20,7 +20,7 @@ pub(super) fn of(
         }
         false => steady_cycle(problem, samples),
     };
-    Ok(found?.iter().map(|sample| row(problem.omega_rad_s, sample)).collect())
+    Ok(found?.iter().map(|sample| row(answer, sample)).collect())
 }
 
 fn steady_cycle(problem: &Problem, samples: usize) -> Result<Vec<Sample>, MotionError> {
@@ -31,10 +31,11 @@ fn steady_cycle(problem: &Problem, samples: usize) -> Result<Vec<Sample>, Motion
     solver.cycle(samples)
 }
 
-fn row(omega_rad_s: f64, sample: &Sample) -> TrajectoryRow {
+fn row(answer: &Answer, sample: &Sample) -> TrajectoryRow {
     let [x_rate_m_s, y_rate_m_s, theta_rate_rad_s, phi_rate_rad_s @ ..] = sample.rates;
     TrajectoryRow {
-        omega_rad_s,
+        model: answer.model,
+        omega_rad_s: answer.omega_rad_s,
         time_s: sample.time_s,
         x_m: sample.pose.x_m,
         y_m: sample.pose.y_m,

@@ -589,6 +589,7 @@ rows! {
     /// One moment of a simulated motion: what `simulate --trajectory` writes. Forces and torques
     /// are missing where the constraint forces are unbounded.
     pub struct TrajectoryRow {
+        pub model: Model,
         pub omega_rad_s: f64,
         /// After phase 0, s.
         pub time_s: f64,

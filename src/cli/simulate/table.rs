@@ -5,9 +5,12 @@ use crate::metrics::GaitMetrics;
 use crate::motion::{FromRest, MotionStatus, SharpLimit};
 use crate::simulate::Answer;
 
-pub(super) fn print(answers: &[Answer]) {
+pub(super) fn print(answers: &[&Answer]) {
+    let names = answers.iter().map(|answer| answer.model.name().chars().count());
+    let width = names.chain([5]).max().unwrap_or_default();
     say!(
-        "{:>11} {:>13} {:>13} {:>12} {:>12} {:>12} {:>12} {:>13} {:>10}  status",
+        "{:<width$} {:>11} {:>13} {:>13} {:>12} {:>12} {:>12} {:>12} {:>13} {:>10}  status",
+        "model",
         "omega rad/s",
         "d mm",
         "v mm/s",
@@ -19,8 +22,9 @@ pub(super) fn print(answers: &[Answer]) {
         "work J/m"
     );
     for answer in answers {
+        let model = answer.model.name();
         if let Some(reason) = &answer.reason {
-            say!("{:>11} {}: {reason}", answer.omega_rad_s, answer.status);
+            say!("{model:<width$} {:>11} {}: {reason}", answer.omega_rad_s, answer.status);
             continue;
         }
         let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = answer.metrics;
@@ -30,7 +34,7 @@ pub(super) fn print(answers: &[Answer]) {
             false => fixed(answer.work_j_m, 6),
         };
         say!(
-            "{:>11} {:>13.7} {:>13.7} {sigma} {:>12.8} {:>13} {work:>10}  {}{}",
+            "{model:<width$} {:>11} {:>13.7} {:>13.7} {sigma} {:>12.8} {:>13} {work:>10}  {}{}",
             answer.omega_rad_s,
             1e3 * d_m,
             1e3 * v_m_s,
@@ -42,7 +46,8 @@ pub(super) fn print(answers: &[Answer]) {
         if let Some(SharpLimit { metrics, uncertainty }) = &answer.sharp_limit {
             let percent = |value: f64| 100.0 * value / d_m;
             say!(
-                "{:>11} d is {:+.2} % (\u{b1}{:.2}) where transition_m_s goes to zero",
+                "{:<width$} {:>11} d is {:+.2} % (\u{b1}{:.2}) where transition_m_s goes to zero",
+                "",
                 "",
                 percent(metrics.d_m - d_m),
                 percent(uncertainty.d_m),

@@ -1,0 +1,39 @@
+//! The page that `simulate --page` writes.
+
+use std::path::Path;
+
+use crate::cli::Failure;
+use crate::report::{SimulationError, simulation_page};
+use crate::simulate::{Answer, Setup};
+use crate::store::write_if_changed;
+
+/// A page plays one motion.
+pub(super) fn check(models: usize, frequencies: usize) -> Result<(), Failure> {
+    for (what, count) in [("models", models), ("frequencies", frequencies)] {
+        if count != 1 {
+            return Err(format!("--page: found {count} {what}, needed one").into());
+        }
+    }
+    Ok(())
+}
+
+/// Writes the page of an answer, and gives its path or why it is not written.
+pub(super) fn write(
+    path: &Path,
+    campaign: &str,
+    setup: &Setup,
+    answer: &Answer,
+) -> Result<String, Failure> {
+    let problem = setup.problem(answer.omega_rad_s);
+    let names = (campaign, setup.model.name());
+    match simulation_page(names, &problem, answer.cycles_to_settle, answer) {
+        Ok(page) => {
+            write_if_changed(path, page.as_bytes())?;
+            Ok(path.display().to_string())
+        }
+        Err(SimulationError::Motion(error)) => {
+            Ok(format!("{}: not written: {error}", path.display()))
+        }
+        Err(error) => Err(error.into()),
+    }
+}
