@@ -22,6 +22,10 @@ pub struct GaitMetrics {
 }
 
 impl GaitMetrics {
+    /// The metrics' columns, in the order of the fields.
+    pub const COLUMNS: [&str; 7] =
+        ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "alpha1_rad", "dtheta_rad"];
+
     /// Every metric unknown.
     pub const MISSING: Self = Self {
         d_m: f64::NAN,
@@ -124,5 +128,17 @@ impl BranchKind {
     /// Periods of the command after which each motion repeats itself.
     pub fn periods(self) -> i64 {
         if self == Self::PeriodDoubled { 2 } else { 1 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Columns;
+
+    #[test]
+    fn columns_are_those_of_tables() {
+        let table = GaitMetrics::to_table(&[]);
+        assert_eq!(table.frame.get_column_names(), GaitMetrics::COLUMNS);
     }
 }

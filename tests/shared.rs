@@ -78,12 +78,13 @@ fn fitted(models: &[Model], data: &FitData) -> Fitted {
     fit(&config(models), data, &|_| {})
 }
 
-fn report(what: &str, models: &[Model], motions: &[Motions; 2], seeds: u64) {
+/// How often sharing is kept and refused of each model.
+fn counts(what: &str, models: &[Model], motions: &[Motions; 2], seeds: u64) -> Vec<[usize; 2]> {
     let all: Vec<Vec<SharedFitRow>> = (0..seeds)
         .into_par_iter()
         .map(|seed| fitted(models, &trials(motions, 1.0, seed)).shared)
         .collect();
-    for (i, model) in models.iter().enumerate() {
+    let of_model = |(i, model): (usize, &Model)| {
         let of: Vec<&SharedFitRow> = all.iter().map(|rows| &rows[i]).collect();
         let count = |sharing| of.iter().filter(|row| row.fit.sharing == Some(sharing)).count();
         let first = &of[0];
@@ -103,19 +104,27 @@ fn report(what: &str, models: &[Model], motions: &[Motions; 2], seeds: u64) {
         let mut p: Vec<f64> = of.iter().map(|row| row.p_value).collect();
         p.sort_by(f64::total_cmp);
         println!("  p {p:.3?}");
-    }
+        [count(Sharing::Kept), count(Sharing::Refused)]
+    };
+    models.iter().enumerate().map(of_model).collect()
 }
 
 #[test]
-#[ignore = "minutes: how often sharing is judged right"]
-fn how_often() {
+#[ignore = "minutes: cargo test --release --test shared -- --ignored --nocapture"]
+fn sharing_is_nearly_always_judged_right() {
     let models = [Model::SKID_ROLL, Model::new(COULOMB)];
-    report("dry", &models, &dry(), 24);
-    report("one set", &models[..1], &viscous([[100.0, 40.0, 50.0]; 2]), 60);
-    let sets = [[100.0, 90.0, 95.0], [100.0, 34.0, 45.0]];
-    report("two sets", &models[..1], &viscous(sets), 24);
-    let sets = [[100.0, 45.0, 50.0], [100.0, 40.0, 50.0]];
-    report("two near sets", &models[..1], &viscous(sets), 24);
+    let [[_, refused], [kept, _]] = counts("dry", &models, &dry(), 24)[..] else { panic!() };
+    assert!(refused >= 22 && kept >= 22, "{refused} {kept}");
+    let one_set = viscous([[100.0, 40.0, 50.0]; 2]);
+    let [[kept, _]] = counts("one set", &models[..1], &one_set, 60)[..] else { panic!() };
+    assert!(kept >= 54, "{kept}");
+    for (what, sets) in [
+        ("two sets", [[100.0, 90.0, 95.0], [100.0, 34.0, 45.0]]),
+        ("two near sets", [[100.0, 45.0, 50.0], [100.0, 40.0, 50.0]]),
+    ] {
+        let [[_, refused]] = counts(what, &models[..1], &viscous(sets), 24)[..] else { panic!() };
+        assert!(refused >= 20, "{what}: {refused}");
+    }
 }
 
 /// What is shared of a model.

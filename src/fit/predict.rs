@@ -14,8 +14,6 @@ use crate::motion::{Attractor, MotionError, MotionStatus, Problem, REFERENCE_ACC
 use crate::robot::Robot;
 use crate::store::{PredictionRow, PredictionSource, ResidualRow};
 
-/// The metrics of the objective's terms, as columns.
-const COLUMNS: [&str; TERMS] = ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "alpha1_rad"];
 /// Frequencies of a curve.
 const CURVE_POINTS: usize = 112;
 /// Relative accuracy of a curve.
@@ -164,7 +162,7 @@ pub(super) fn residuals(
                 model: row.model,
                 trial: row.trial.clone(),
                 omega_rad_s: row.omega_rad_s,
-                metric: COLUMNS[metric].to_owned(),
+                metric: GaitMetrics::COLUMNS[metric].to_owned(),
                 measured: measured[metric],
                 predicted: predicted[metric],
                 residual,

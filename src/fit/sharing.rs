@@ -147,7 +147,8 @@ fn draw_signs(
     }
 }
 
-/// Of each trial the logarithms of measured over predicted by its campaign's nearest model.
+/// Of each trial the logarithms of measured over predicted by its campaign's nearest model, where it
+/// goes through a measurement as large as they typically are.
 fn left_by(objective: &Objective, nearest: &[Nearest]) -> Vec<[f64; TERMS]> {
     let campaigns = objective.measurements.chunk_by(|a, b| a.campaign == b.campaign);
     let of_campaign = |(own, nearest): (&[Measurement], &Nearest)| {
@@ -161,15 +162,21 @@ fn left_by(objective: &Objective, nearest: &[Nearest]) -> Vec<[f64; TERMS]> {
             left
         };
         let mut left: Vec<_> = own.iter().zip(&nearest.metrics).map(of_trial).collect();
-        for metric in 0..TERMS {
-            let sizes = left.iter().map(|of| of[metric].abs());
-            let typical = median(sizes.filter(|size| *size > EXACT).collect());
-            let exact = left.iter_mut().filter(|of| of[metric].abs() <= EXACT);
-            exact.filter(|_| typical.is_finite()).for_each(|of| of[metric] = typical);
-        }
+        fill_exact(&mut left);
         left
     };
     campaigns.zip(nearest).flat_map(of_campaign).collect()
+}
+
+/// A least-absolute fit goes through as many measurements as it has coefficients: gives these the
+/// median size of the metric's others.
+fn fill_exact(left: &mut [[f64; TERMS]]) {
+    for metric in 0..TERMS {
+        let sizes = left.iter().map(|of| of[metric].abs());
+        let typical = median(sizes.filter(|size| *size > EXACT).collect());
+        let exact = left.iter_mut().filter(|of| of[metric].abs() <= EXACT);
+        exact.filter(|_| typical.is_finite()).for_each(|of| of[metric] = typical);
+    }
 }
 
 /// The relative rise in a world where the shared fit is the truth but for what is `left`, with these
