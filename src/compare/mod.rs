@@ -9,6 +9,7 @@ mod files;
 mod history;
 mod judge;
 mod means;
+mod remember;
 mod runs;
 mod snapshot;
 mod steps;
@@ -17,10 +18,9 @@ mod trend;
 use std::path::PathBuf;
 
 pub use files::{changes, junit, page, to_json};
-pub use history::{
-    HistoryRow, history_path, is_drawn, note_acceptances, remember, remember_failure,
-};
+pub use history::{HistoryRow, history_path};
 pub use judge::{Judged, Verdict};
+pub use remember::{is_drawn, note_acceptances, remember, remember_failure};
 pub use snapshot::{Acceptance, Record, Records, Snapshot, tables_folder};
 
 use serde::Serialize;

@@ -6,7 +6,8 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 
-use crate::compare::history::{ACCEPTED, CAME, GONE, HistoryRow, history_path, remember};
+use crate::compare::history::{ACCEPTED, CAME, GONE, HistoryRow, history_path};
+use crate::compare::remember;
 use crate::compare::trend;
 use crate::config::Config;
 use crate::metrics::GaitMetrics;
