@@ -15,7 +15,13 @@ use trilink::store::{Columns, FitRow, PredictionRow, Table};
 /// A folder with tables of ingested trials, which no test changes but by adding tables beside them.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
-    FOLDER.get_or_init(|| small_run(&small_settings(), "1")).path()
+    let run = || {
+        let mut config = small_settings();
+        config.fit.bootstrap = 2;
+        config.fit.profiles = false;
+        small_run(&config, "1")
+    };
+    FOLDER.get_or_init(run).path()
 }
 
 fn rows<T: Columns>(path: &str) -> Vec<T> {

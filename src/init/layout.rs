@@ -20,6 +20,8 @@ const TRIED_HZ: f64 = 30.0;
 /// Side links' directions that are known less well than this by a gait are taken from a coast-down,
 /// degrees.
 const WELL_DEG: f64 = 0.5;
+/// Nor do gaits show them by which a robot that coasts straight on is bent by more than this, degrees.
+const MOST_BENT_DEG: f64 = 1.5;
 /// A robot that coasts further off its middle link's direction than this is not straight, degrees.
 const STRAIGHT_DEG: f64 = 3.0;
 /// l as a part of h where the wheels do not show it: as of the paper's robots.
@@ -73,16 +75,17 @@ impl Layout {
         };
         let l_m = l_m.unwrap_or_else(by_wheels);
         let calibration = measured(links, best, l_m, None).map_err(|reason| vec![reason])?;
-        let direction_se_deg = score(&calibration);
+        let others: Vec<&Calibration> = tried.iter().flatten().collect();
+        let differ_deg = [1, 2].map(|link| differ_deg(&calibration, &others, link));
+        let direction_se_deg = score(&calibration).hypot(differ_deg[0].max(differ_deg[1]));
         let path = best.path.clone();
         let mut layout = Self { calibration, path, l_m, direction_se_deg };
-        if direction_se_deg > WELL_DEG {
-            layout.straighten(coasts);
-        }
+        layout.straighten(coasts);
         Ok(layout)
     }
 
-    /// Turns the side links so that a robot that coasts straight on has straight links.
+    /// Turns the side links so that a robot that coasts straight on has straight links, where the gaits
+    /// do not show it or contradict it: wheels that skid to one side, as on a dry floor, deceive.
     fn straighten(&mut self, coasts: &[&Motion]) {
         let bent = coasts.iter().filter_map(|motion| {
             let [middle, ..] = self.constants_rad(motion)?;
@@ -96,6 +99,10 @@ impl Layout {
         }) else {
             return;
         };
+        let bent_deg = front.abs().max(rear.abs()).to_degrees();
+        if self.direction_se_deg <= WELL_DEG && bent_deg <= MOST_BENT_DEG {
+            return;
+        }
         // Link 1 is turned by theta - phi1, link 2 by theta + phi2, about their joints.
         for (link, by_rad, joint_mm) in [(1, -front, -1e3 * self.l_m), (2, rear, 1e3 * self.l_m)] {
             for marker in &mut self.calibration.links[link] {
@@ -110,7 +117,8 @@ impl Layout {
 
     /// From the headings of a motion's frames to those of the links, rad.
     fn constants_rad(&self, motion: &Motion) -> Option<[f64; 3]> {
-        let constant = |link: usize| turned(&motion.shapes[link], &self.positions(link));
+        let constant =
+            |link: usize| turned(&motion.shapes[link], &positions(&self.calibration, link));
         Some([constant(0)?, constant(1)?, constant(2)?])
     }
 
@@ -126,16 +134,25 @@ impl Layout {
         let [front, rear] = motion.turns_rad.each_ref().map(|turns| mean(seen(turns)));
         Some([wrap(offsets[0] - front), wrap(offsets[1] + rear)])
     }
+}
 
-    /// Markers of a link by name, mm.
-    fn positions(&self, link: usize) -> Shape {
-        let of = &self.calibration.links[link];
-        let place = |marker: &crate::ingest::MarkerPosition| {
-            let [x, y, _] = marker.position_mm.map(|of| of.value);
-            (marker.label.clone(), [x, y])
-        };
-        of.iter().map(place).collect()
-    }
+/// By how much layouts, of which it is one, scatter in a side link's direction, degrees; 0 of one alone.
+fn differ_deg(of: &Calibration, all: &[&Calibration], link: usize) -> f64 {
+    let own = positions(of, link);
+    let squares =
+        all.iter().filter_map(|other| Some(turned(&own, &positions(other, link))?.powi(2)));
+    // Each difference has the errors of two.
+    let count = 2 * all.len().saturating_sub(1).max(1);
+    (squares.sum::<f64>() / count as f64).sqrt().to_degrees()
+}
+
+/// Markers of a link by name, mm.
+fn positions(of: &Calibration, link: usize) -> Shape {
+    let place = |marker: &crate::ingest::MarkerPosition| {
+        let [x, y, _] = marker.position_mm.map(|of| of.value);
+        (marker.label.clone(), [x, y])
+    };
+    of.links[link].iter().map(place).collect()
 }
 
 /// Heading of a link in the frame that a file's markers give it, from `positions` in the link's own.

@@ -25,12 +25,16 @@ const WELL_DEG: f64 = 0.5;
 /// Models that compete in a campaign, by whether a joint is passive, with what they leave free where no
 /// trial says the wheels' rolling resistance.
 const MODELS: [&[&str]; 2] = [
-    &["no-skid", "no-skid-measured", "skid", "skid-roll"],
-    &["no-skid", "no-skid-damped", "no-skid-roll", "skid-roll"],
+    &["no-skid", "no-skid-measured", "skid", "skid-roll", "coulomb"],
+    &["no-skid", "no-skid-damped", "no-skid-roll", "skid-roll", "coulomb"],
 ];
 const FREE: [&[(&str, &str)]; 2] = [
-    &[("skid-roll", r#"["skid", "roll"]"#)],
-    &[("no-skid-roll", r#"["roll"]"#), ("skid-roll", r#"["skid", "roll"]"#)],
+    &[("skid-roll", r#"["skid", "roll"]"#), ("coulomb", r#"["skid_dry", "roll"]"#)],
+    &[
+        ("no-skid-roll", r#"["roll"]"#),
+        ("skid-roll", r#"["skid", "roll"]"#),
+        ("coulomb", r#"["skid_dry", "roll"]"#),
+    ],
 ];
 /// Longest name of a robot that a subject gives it.
 const ROBOT: &str = "robot";
