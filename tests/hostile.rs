@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-#[path = "../fuzz/src/lib.rs"]
+#[path = "common/fuzz.rs"]
 mod fuzz;
 
 use std::sync::{Mutex, PoisonError};

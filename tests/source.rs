@@ -7,8 +7,10 @@
 #[path = "../build.rs"]
 mod build;
 
+use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
+use std::process::Command;
 
 use build::{closure, source_hash};
 
@@ -88,4 +90,48 @@ fn only_lines_that_are_compiled_into_a_stage_change_its_hash() {
     other("stats.rs", "pub fn mean() -> f64 {\n    2.0\n}\n");
     fs::write(home.path().join("Cargo.lock"), "version = 4\n").unwrap();
     assert_ne!(hash(), first);
+}
+
+/// What sources and tests name by a path is in the crate that `cargo package` makes.
+#[test]
+fn what_sources_and_tests_read_is_packed() {
+    let home = Path::new(env!("CARGO_MANIFEST_DIR"));
+    if home.join("Cargo.toml.orig").exists() {
+        // This is that crate.
+        return;
+    }
+    let list = ["package", "--list", "--allow-dirty", "--offline", "--quiet"];
+    let list = Command::new(env!("CARGO")).args(list).current_dir(home).output().unwrap();
+    let list = String::from_utf8(list.stdout).unwrap();
+    let packed: BTreeSet<&Path> = list.lines().map(Path::new).collect();
+    let of = |file: &&&Path| file.extension().is_some_and(|extension| extension == "rs");
+    let mut count = 0;
+    for file in packed.iter().filter(of) {
+        let text = fs::read_to_string(home.join(file)).unwrap();
+        let literals = text.lines().flat_map(|line| line.split('"').skip(1).step_by(2));
+        for named in literals.filter(|named| !named.is_empty() && !named.starts_with('/')) {
+            for folder in [Path::new(""), file.parent().unwrap()] {
+                let path = plain(&folder.join(named));
+                let is_made = ["derived", "raw", "reports", "target"].iter();
+                let is_made = is_made.map(Path::new).any(|made| path.starts_with(made));
+                if home.join(&path).is_file() && !is_made {
+                    count += 1;
+                    assert!(packed.contains(&*path), "{} of {}", path.display(), file.display());
+                }
+            }
+        }
+    }
+    assert!(count > 50, "{count}");
+}
+
+/// A path without `..`, as far as it stays below where it begins.
+fn plain(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::ParentDir if plain.pop() => {}
+            other => plain.push(other),
+        }
+    }
+    plain
 }
