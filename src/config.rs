@@ -513,6 +513,28 @@ impl RobotConfig {
     }
 }
 
+impl RobotConfig {
+    /// Takes over the coefficients of a robot, and leaves what is not said and is nothing there.
+    pub(crate) fn set_coefficients(&mut self, robot: &Robot) {
+        let load_n = self.load_n.unwrap_or([1.0; 3]);
+        let dry = |own: Option<[f64; 3]>, of_n: [f64; 3]| {
+            let is_said = own.is_some() || of_n != [0.0; 3];
+            is_said.then(|| std::array::from_fn(|wheel| of_n[wheel] / load_n[wheel]))
+        };
+        let number =
+            |own: Option<f64>, of: f64, unsaid: f64| (own.is_some() || of != unsaid).then_some(of);
+        self.roll_kg_s = robot.roll_kg_s;
+        self.skid_kg_s = robot.skid_kg_s;
+        self.skid_dry_n = dry(self.skid_dry_n, robot.skid_dry_n);
+        self.skid_static_n = dry(self.skid_static_n, robot.skid_static_n);
+        self.roll_dry_n = dry(self.roll_dry_n, robot.roll_dry_n);
+        self.stribeck_m_s = number(self.stribeck_m_s, robot.stribeck_m_s, 0.0);
+        self.transition_m_s = number(self.transition_m_s, robot.transition_m_s, TRANSITION_M_S);
+        self.stiffness_nm_rad = number(self.stiffness_nm_rad, robot.stiffness_nm_rad, 0.0);
+        self.damping_nm_s_rad = number(self.damping_nm_s_rad, robot.damping_nm_s_rad, 0.0);
+    }
+}
+
 impl GaitConfig {
     /// The gait in radians.
     pub fn to_gait(&self) -> Gait {

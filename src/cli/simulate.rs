@@ -1,5 +1,6 @@
 //! `trilink simulate`.
 
+mod fitted;
 mod page;
 mod table;
 mod trajectory;
@@ -14,7 +15,7 @@ use super::{Context, Failure, Outcome};
 use crate::config::Config;
 use crate::inspect::{View, csv};
 use crate::robot::Model;
-use crate::simulate::{Answer, Setup, SimulationRow};
+use crate::simulate::{Answer, KnownFits, Setup, SimulationRow};
 use crate::store::Columns;
 
 #[derive(clap::Args)]
@@ -32,6 +33,13 @@ pub(super) struct Simulate {
     /// commanded joint: `offset1_deg=10`, `amplitude2_deg=25`, `phase2_deg=-80`.
     #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration; the gait is
+    /// the commanded one.
+    #[arg(long)]
+    fitted: bool,
+    /// Add the 95 % intervals of the metrics by what the fitted coefficients may be off by.
+    #[arg(long, requires = "fitted")]
+    bands: bool,
     /// Answer with the motion in which the robot ends that starts from rest.
     #[arg(long)]
     from_rest: bool,
@@ -55,8 +63,14 @@ pub(super) struct Simulate {
 impl Simulate {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let models = models(&self.model, &context.config);
-        let setup =
-            |model: &String| Setup::new(context.config.clone(), &self.campaign, model, &self.set);
+        let fits = self.fitted.then(|| KnownFits::read(&context.config, self.bands)).transpose()?;
+        let setup = |model: &String| {
+            let (config, campaign) = (context.config.clone(), &self.campaign);
+            match &fits {
+                Some(fits) => Setup::fitted(config, campaign, model, &self.set, fits),
+                None => Setup::new(config, campaign, model, &self.set),
+            }
+        };
         let setups: Vec<Setup> = models.iter().map(setup).collect::<Result<_, _>>()?;
         let omegas: Vec<f64> = self.omega.concat();
         if self.page.is_some() {
@@ -68,7 +82,7 @@ impl Simulate {
             .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
             .collect();
         let stage = context.progress.stage("simulate", solved.len());
-        let solved: Vec<(&Setup, Answer)> = solved
+        let mut solved: Vec<(&Setup, Answer)> = solved
             .into_par_iter()
             .with_max_len(1)
             .map(|(setup, omega_rad_s)| {
@@ -79,6 +93,17 @@ impl Simulate {
             })
             .collect();
         drop(stage);
+        if let Some(fits) = fits.as_ref().filter(|_| self.bands) {
+            for of_setup in solved.chunk_by_mut(|(a, _), (b, _)| a.model == b.model) {
+                let setup = of_setup[0].0;
+                let mut answers: Vec<&mut Answer> =
+                    of_setup.iter_mut().map(|(_, answer)| answer).collect();
+                setup.add_bands(&mut answers, self.from_rest, fits);
+            }
+        }
+        for setup in &setups {
+            fitted::note_caution(&self.campaign, setup);
+        }
         if let Some(file) = trajectory {
             let message = file.write(&solved, self.from_rest, self.samples as usize)?;
             context.progress.say(&message);

@@ -105,6 +105,11 @@ impl<'f> Bands<'f> {
         }
     }
 
+    /// The free parameters, and what their logarithms are shifted by in each replicate.
+    pub fn replicates(&self) -> (&[Parameter], &[Vec<f64>]) {
+        (&self.free, &self.replicates)
+    }
+
     /// Of the motion that was solved for last.
     ///
     /// # Errors
@@ -149,7 +154,12 @@ impl<'f> Bands<'f> {
         let by_gait = match self.measured_gaits.as_ref().zip(self.systematic.gait.as_ref()) {
             None => [0.0; 7],
             Some((gaits, shifts)) => {
-                let (gait, _) = gaits.at(problem.omega_rad_s).ok_or(MotionError::GaitUnknown)?;
+                let command = self.point.evaluator.objective.protocols[0].gait;
+                // What servos make of another command is not known.
+                let gait = match problem.gait == command {
+                    true => gaits.at(problem.omega_rad_s).ok_or(MotionError::GaitUnknown)?.0,
+                    false => problem.gait,
+                };
                 solved(&Problem { gait, ..problem.clone() }, shifts)?
             }
         };

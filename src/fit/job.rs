@@ -131,6 +131,22 @@ impl<'j> Job<'j> {
         (fit, row)
     }
 
+    /// The fit that a row has, with the replicates that are given; `otherwise` is driven by the other
+    /// gait.
+    pub fn known(&self, row: &FitRow, otherwise: Option<&FitRow>) -> Fit<'_> {
+        let values = |row: &FitRow| -> Vec<f64> {
+            self.free.iter().map(|of| row.parameters[of.parameter]).collect()
+        };
+        let evaluator = self.objective.evaluator(self.free.clone());
+        let mut fit = Fit::new(FittedPoint::new(evaluator, values(row)), row.j);
+        self.bootstrap(&mut fit, &|_| {});
+        fit.systematic = Systematic::new(&fit.point, &self.others).0;
+        if let Some(other) = otherwise {
+            self.note_shift(&mut fit, &values(other));
+        }
+        fit
+    }
+
     /// The fit of the start that ended lowest, and whether its motions exist.
     fn best_of<'f>(&'f self, starts: &[Start]) -> (Fit<'f>, FitStatus) {
         // What is less than the motions' own inaccuracy is nothing: the first of these is best.

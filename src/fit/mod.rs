@@ -23,6 +23,7 @@ mod hessian;
 mod input;
 mod intervals;
 mod job;
+mod known;
 mod law_class;
 mod least_absolute;
 mod measurement;
@@ -55,6 +56,7 @@ use resampler::Resampler;
 
 pub use folder::{FitKey, TABLES, input_paths};
 pub use input::{FitCampaign, FitInput, FreeParameter};
+pub use known::{KnownFit, PredictionBands};
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective, Protocol};
 pub use shared::SharedInput;

@@ -90,7 +90,7 @@ impl Job<'_> {
         };
         let row = self.row(&fit, starts, status);
         let Fit { point, profiles, replicates, systematic, .. } = &fit;
-        let bands = match why_no_bands(&row, replicates) {
+        let bands = match why_no_bands(&row, replicates.len()) {
             "" => Ok(Bands::new(point, replicates, self.resampler, systematic, &self.others)),
             why => Err(why.to_owned()),
         };
@@ -237,13 +237,13 @@ impl Job<'_> {
 }
 
 /// Why the predictions of a fit have no intervals; empty where they have.
-fn why_no_bands<'f>(fit: &'f FitRow, replicates: &[Start]) -> &'f str {
+pub(super) fn why_no_bands(fit: &FitRow, replicates: usize) -> &str {
     match fit {
         _ if !fit.status.is_ok() => "the fit has failed",
         _ if !fit.no_interval.is_empty() => &fit.no_interval,
         _ if fit.adequate == Some(false) => "the model does not fit",
         _ if fit.free.is_empty() => "no coefficient is fitted",
-        _ if replicates.is_empty() => "no replicates were asked for",
+        _ if replicates == 0 => "no replicates were asked for",
         _ => "",
     }
 }

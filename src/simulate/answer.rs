@@ -3,10 +3,11 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::Setup;
+use super::{FitSummary, Setup};
 use crate::metrics::GaitMetrics;
 use crate::motion::{
-    Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, SharpLimit, Solver,
+    Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, SharpLimit,
+    Solver, SteadyMotion,
 };
 use crate::robot::Model;
 use crate::store::rows;
@@ -32,9 +33,44 @@ pub struct Answer<'a> {
     /// The metrics where the transition speed of dry friction is zero.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharp_limit: Option<SharpLimit>,
+    /// How far the metrics may be off, where that was asked for.
+    #[serde(flatten)]
+    pub interval: Option<Interval>,
+    /// What the coefficients were fitted to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fit: Option<&'a FitSummary>,
     parameters: &'a Map<String, Value>,
     /// What the joints are commanded to do.
     gait: &'a Map<String, Value>,
+}
+
+/// 95 % limits of the metrics by what the coefficients may be off by; missing for the reason in
+/// `no_interval`.
+#[derive(Debug, Clone, Serialize)]
+pub struct Interval {
+    pub lower: GaitMetrics,
+    pub upper: GaitMetrics,
+    pub no_interval: String,
+}
+
+impl Interval {
+    pub(super) fn unknown(no_interval: String) -> Self {
+        Self { lower: GaitMetrics::MISSING, upper: GaitMetrics::MISSING, no_interval }
+    }
+}
+
+/// The motion of a problem that an answer is of, which the solver has solved for last.
+pub(super) fn solved(
+    problem: &Problem,
+    from_rest: bool,
+) -> Result<(Solver, SteadyMotion), MotionError> {
+    let mut solver = Solver::default();
+    let metrics = solver.solve(problem, REFERENCE_ACCURACY);
+    let motion = match from_rest {
+        true => solver.attractor(problem, metrics, REFERENCE_ACCURACY)?.motion,
+        false => solver.steady_motion(metrics?)?,
+    };
+    Ok((solver, motion))
 }
 
 rows! {
@@ -43,6 +79,12 @@ rows! {
         pub model: Model,
         pub omega_rad_s: f64,
         pub metrics: GaitMetrics,
+        /// 95 % limits, where they were asked for, and why there are none.
+        pub lower: GaitMetrics as "{}_lo" after "{}",
+        pub upper: GaitMetrics as "{}_hi" after "{}_lo",
+        pub no_interval: String,
+        /// Whether the model fits the trials that its coefficients are from.
+        pub adequate: Option<bool>,
         pub work_j: f64,
         pub work_j_m: f64,
         pub status: MotionStatus,
@@ -92,6 +134,8 @@ impl<'a> Answer<'a> {
             from_rest: reach,
             cycles_to_settle,
             sharp_limit,
+            interval: None,
+            fit: setup.fit(),
             parameters: &setup.parameters,
             gait: &setup.commands,
         }
@@ -100,7 +144,12 @@ impl<'a> Answer<'a> {
     /// The same as a line of a table.
     pub fn row(&self) -> SimulationRow {
         let limit = self.sharp_limit.as_ref();
+        let interval = self.interval.as_ref();
         SimulationRow {
+            lower: interval.map_or(GaitMetrics::MISSING, |interval| interval.lower),
+            upper: interval.map_or(GaitMetrics::MISSING, |interval| interval.upper),
+            no_interval: interval.map_or("", |interval| &interval.no_interval).to_owned(),
+            adequate: self.fit.and_then(|fit| fit.adequate),
             model: self.model,
             omega_rad_s: self.omega_rad_s,
             metrics: self.metrics,

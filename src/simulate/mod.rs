@@ -1,19 +1,24 @@
 //! The motion of a model by name, without trials: what `trilink simulate` answers, and the Python module.
 
 mod answer;
+mod fitted;
 mod settings;
 mod trajectory;
 
 use std::path::Path;
 
+use rayon::prelude::*;
 use serde_json::{Map, Value};
 
 use crate::config::{Config, ConfigError, one_of};
+use crate::fit::PredictionBands;
 use crate::motion::{MotionError, Problem};
 use crate::robot::{Gait, Laws, Model, Robot};
 use crate::store::TrajectoryRow;
 
-pub use answer::{Answer, SimulationRow};
+pub use answer::{Answer, Interval, SimulationRow};
+use fitted::FittedSetup;
+pub use fitted::{FitSummary, KnownFits};
 pub(crate) use settings::with_settings;
 
 /// Why something cannot be simulated.
@@ -42,6 +47,8 @@ pub struct Setup {
     /// The robot's keys and the gait's, as the answers show them.
     parameters: Map<String, Value>,
     commands: Map<String, Value>,
+    /// Where its coefficients are fitted ones.
+    fitted: Option<FittedSetup>,
 }
 
 impl Setup {
@@ -56,14 +63,36 @@ impl Setup {
         model: &str,
         settings: &[String],
     ) -> Result<Self, SetupError> {
-        let config = with_settings(config, campaign, settings)?;
+        Self::of(with_settings(config, campaign, settings)?, campaign, model)
+    }
+
+    /// The same with the coefficients that were fitted; settings go first.
+    ///
+    /// # Errors
+    /// As [`Setup::new`], or there is no such fit.
+    pub fn fitted(
+        config: Config,
+        campaign: &str,
+        model: &str,
+        settings: &[String],
+        fits: &KnownFits,
+    ) -> Result<Self, SetupError> {
+        // Names that are wrong have their own errors.
+        let known = Self::of(with_settings(config.clone(), campaign, &[])?, campaign, model)?;
+        let fitted = FittedSetup::new(&config, campaign, known.model, fits)?;
+        let config = with_settings(fitted.configured(config, campaign)?, campaign, settings)?;
+        Ok(Self { fitted: Some(fitted), ..Self::of(config, campaign, model)? })
+    }
+
+    fn of(config: Config, campaign: &str, model: &str) -> Result<Self, SetupError> {
         let setup = config.campaign_setup(campaign);
         let (robot, gait) = setup.ok_or_else(|| "no such campaign".to_owned())?;
         let laws = laws_of(&config, campaign, model)?;
         let of = &config.campaign[campaign];
         let parameters = keys_of(&config.robot[&of.robot])?;
         let commands = keys_of(&config.gait[&of.gait])?;
-        Ok(Self { robot, gait, laws, model: Model::new(model), parameters, commands })
+        let model = Model::new(model);
+        Ok(Self { robot, gait, laws, model, parameters, commands, fitted: None })
     }
 
     /// Its problem at a frequency.
@@ -74,6 +103,38 @@ impl Setup {
     /// Its motion at a frequency; with `from_rest` the one in which the robot from rest ends.
     pub fn answer(&self, omega_rad_s: f64, from_rest: bool) -> Answer<'_> {
         Answer::new(self, &self.problem(omega_rad_s), from_rest)
+    }
+
+    /// What there is to say of the fit that the coefficients are from.
+    pub fn fit(&self) -> Option<&FitSummary> {
+        self.fitted.as_ref().map(|fitted| &fitted.summary)
+    }
+
+    /// Adds to its answers how far their metrics may be off by what the coefficients may be, or why
+    /// that is not known; `fits` were read with bands.
+    pub fn add_bands(&self, answers: &mut [&mut Answer], from_rest: bool, fits: &KnownFits) {
+        let Some(fitted) = &self.fitted else { return };
+        let given = fitted.with_bands(self, &fits.data, |bands| {
+            answers.par_iter_mut().for_each(|answer| {
+                let interval = self.interval(answer.omega_rad_s, from_rest, bands);
+                answer.interval = Some(interval);
+            });
+        });
+        if let Err(why) = given {
+            for answer in answers {
+                answer.interval = Some(Interval::unknown(why.clone()));
+            }
+        }
+    }
+
+    fn interval(&self, omega_rad_s: f64, from_rest: bool, bands: &PredictionBands) -> Interval {
+        let problem = self.problem(omega_rad_s);
+        let limits = answer::solved(&problem, from_rest)
+            .and_then(|(solver, motion)| bands.limits(solver, &problem, motion.metrics));
+        match limits {
+            Ok([lower, upper]) => Interval { lower, upper, no_interval: String::new() },
+            Err(error) => Interval::unknown(format!("a fit to a resample has none: {error}")),
+        }
     }
 
     /// One steady cycle of an answer's motion at `samples + 1` moments, or with `from_rest` the

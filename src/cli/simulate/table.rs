@@ -3,7 +3,7 @@
 use crate::cli::output::say;
 use crate::metrics::GaitMetrics;
 use crate::motion::{FromRest, MotionStatus, SharpLimit};
-use crate::simulate::Answer;
+use crate::simulate::{Answer, Interval};
 
 pub(super) fn print(answers: &[&Answer]) {
     let names = answers.iter().map(|answer| answer.model.name().chars().count());
@@ -43,6 +43,9 @@ pub(super) fn print(answers: &[&Answer]) {
             answer.status,
             reach_in_words(answer),
         );
+        if let Some(interval) = &answer.interval {
+            print_interval(interval, width);
+        }
         if let Some(SharpLimit { metrics, uncertainty }) = &answer.sharp_limit {
             let percent = |value: f64| 100.0 * value / d_m;
             say!(
@@ -53,6 +56,26 @@ pub(super) fn print(answers: &[&Answer]) {
                 percent(uncertainty.d_m),
             );
         }
+    }
+}
+
+/// The limits of an interval below the metrics.
+fn print_interval(interval: &Interval, width: usize) {
+    if !interval.no_interval.is_empty() {
+        say!("{:<width$} {:>11} no intervals: {}", "", "", interval.no_interval);
+        return;
+    }
+    for (what, limits) in [("95 % from", interval.lower), ("to", interval.upper)] {
+        let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = limits;
+        let sigma = sigma.map(|sigma| format!("{sigma:>12.6}")).join(" ");
+        say!(
+            "{:<width$} {what:>11} {:>13.4} {:>13.4} {sigma} {:>12.5} {:>13}",
+            "",
+            1e3 * d_m,
+            1e3 * v_m_s,
+            alpha1_rad.to_degrees(),
+            fixed(dtheta_rad.to_degrees(), 5),
+        );
     }
 }
 

@@ -1,0 +1,13 @@
+//! What `simulate --fitted` says beside its answers.
+
+use crate::cli::output::note;
+use crate::simulate::Setup;
+
+/// Says what is to be known of the fit that a setup's coefficients are from.
+pub(super) fn note_caution(campaign: &str, setup: &Setup) {
+    let Some(fit) = setup.fit() else { return };
+    let caution = fit.caution();
+    if !caution.is_empty() {
+        note!("warning: {campaign} {}: {caution}", setup.model);
+    }
+}

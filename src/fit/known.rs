@@ -1,0 +1,88 @@
+//! A fit that is in the tables, and how far what it predicts may be off, without fitting again.
+
+use std::collections::BTreeMap;
+
+use super::bands::Bands;
+use super::job::{Fit, Job};
+use super::resampler::Resampler;
+use super::rows::why_no_bands;
+use super::{FitData, FitInput, Replicates};
+use crate::metrics::GaitMetrics;
+use crate::motion::{MotionError, Problem, Solver};
+use crate::robot::Parameter;
+use crate::store::{BootstrapRow, FitRow};
+
+/// Relative difference of the objective of tables and of what they were made from that is none.
+const SAME_OBJECTIVE: f64 = 1e-3;
+
+/// A fit as the tables have it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownFit {
+    pub row: FitRow,
+    /// The same driven by the other gait, if there is one.
+    pub alternative: Option<FitRow>,
+    pub replicates: Vec<BootstrapRow>,
+}
+
+/// How far predictions of a fit may be off, see [`KnownFit::with_bands`].
+pub struct PredictionBands<'b>(Bands<'b>);
+
+impl PredictionBands<'_> {
+    /// 95 % limits of the metrics of the motion that a solver has solved for last, of this problem.
+    ///
+    /// # Errors
+    /// The motion has no derivatives, or a replicate none at all.
+    pub fn limits(
+        &self,
+        solver: Solver,
+        problem: &Problem,
+        metrics: GaitMetrics,
+    ) -> Result<[GaitMetrics; 2], MotionError> {
+        Ok(self.0.band(solver, problem, metrics)?.limits(&metrics, &[[0.0; 3]; 2]))
+    }
+
+    /// What the coefficients may be off by: shifts of the logarithms of the free parameters in each
+    /// replicate, corrected as those of the intervals are.
+    pub fn replicates(&self) -> (&[Parameter], &[Vec<f64>]) {
+        self.0.replicates()
+    }
+}
+
+impl KnownFit {
+    /// Does something with the bands that the fit's predictions have: those of `predictions.parquet`,
+    /// for any gait that is commanded, at any frequency. `data` are what was fitted.
+    ///
+    /// # Errors
+    /// A sentence on why there are none.
+    pub fn with_bands<T>(
+        &self,
+        input: &FitInput,
+        data: &FitData,
+        task: impl FnOnce(&PredictionBands) -> T,
+    ) -> Result<T, String> {
+        let why = why_no_bands(&self.row, self.replicates.len());
+        if !why.is_empty() {
+            return Err(why.to_owned());
+        }
+        let free = input.free().into_iter().map(|free| free.parameter);
+        if !free.eq(self.row.free.iter().copied()) || input.gait_input() != self.row.gait_input {
+            return Err("the settings are not those of the fit; `trilink fit` fits anew".to_owned());
+        }
+        let resampler = Resampler::new(input.fit.seed, input.measurements(data), &data.cycles);
+        let given = BTreeMap::from([(self.row.gait_input, self.replicates.clone())]);
+        let replicates = Replicates { numbers: 0..0, given };
+        let job = Job::new(input, data, &resampler, &replicates);
+        let otherwise = self.alternative.as_ref().filter(|other| other.status.is_ok());
+        let fit = job.known(&self.row, otherwise);
+        let Fit { point, replicates, systematic, .. } = &fit;
+        if (point.cost - self.row.j).abs() > SAME_OBJECTIVE * self.row.j.abs().max(1e-6) {
+            return Err(format!(
+                "the trials are not those of the fit: its objective is {:.6} and not {:.6}; \
+                 `trilink fit` fits anew",
+                point.cost, self.row.j
+            ));
+        }
+        let bands = Bands::new(point, replicates, &resampler, systematic, &job.others);
+        Ok(task(&PredictionBands(bands)))
+    }
+}

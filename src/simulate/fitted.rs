@@ -1,0 +1,197 @@
+//! Fitted coefficients instead of the configured ones.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::settings::campaign_of;
+use super::{Setup, SetupError};
+use crate::config::{Config, GaitInput};
+use crate::fit::{FitData, FitInput, KnownFit, PredictionBands};
+use crate::robot::{Model, Parameter};
+use crate::store::{BootstrapRow, FitRow, Reader, StoreError};
+
+/// Relative difference of a coefficient from a fitted one that is none.
+const SAME_VALUE: f64 = 1e-9;
+
+/// The fits that the configuration's tables have.
+#[derive(Debug, Clone)]
+pub struct KnownFits {
+    path: PathBuf,
+    fits: Vec<FitRow>,
+    alternatives: Vec<FitRow>,
+    bootstrap: Vec<BootstrapRow>,
+    /// What was fitted; only with bands.
+    pub data: FitData,
+}
+
+/// What an answer says of the fit that its coefficients are from.
+#[derive(Debug, Clone, Serialize)]
+pub struct FitSummary {
+    pub free: Vec<Parameter>,
+    /// The gait that drove the fit; the motion is that of the commanded one.
+    pub fitted_gait: GaitInput,
+    /// Whether the model fits; null where nothing tells the noise.
+    pub adequate: Option<bool>,
+    /// Where and to which side the measurements are off an inadequate model.
+    pub misfit: String,
+    /// Coefficients that ended at a bound, and that the trials do not tell.
+    pub at_bound: Vec<Parameter>,
+    pub practically_not: Vec<Parameter>,
+    pub structurally_not: Vec<Parameter>,
+}
+
+impl FitSummary {
+    pub(super) fn new(row: &FitRow) -> Self {
+        Self {
+            free: row.free.clone(),
+            fitted_gait: row.gait_input,
+            adequate: row.adequate,
+            misfit: row.misfit.clone(),
+            at_bound: row.at_bound.clone(),
+            practically_not: row.practically_not.clone(),
+            structurally_not: row.structurally_not.clone(),
+        }
+    }
+
+    /// What is to be known before one believes it, in sentences; empty where all is well.
+    pub fn caution(&self) -> String {
+        let mut said = Vec::new();
+        match self.adequate {
+            Some(true) => {}
+            Some(false) => {
+                let (colon, misfit) =
+                    (if self.misfit.is_empty() { "" } else { ": " }, &self.misfit);
+                said.push(format!("the model does not fit its trials{colon}{misfit}"));
+            }
+            None => said.push("nothing tells whether the model fits its trials".to_owned()),
+        }
+        for (of, what) in [
+            (&self.at_bound, "ended at a bound"),
+            (&self.practically_not, "hardly told by the trials"),
+            (&self.structurally_not, "not told by the trials"),
+        ] {
+            if !of.is_empty() {
+                let names: Vec<&str> = of.iter().map(|one| one.name()).collect();
+                said.push(format!("{what}: {}", names.join(", ")));
+            }
+        }
+        said.join("; ")
+    }
+}
+
+impl KnownFits {
+    /// Reads the tables, and with `bands` what tells how far predictions may be off.
+    ///
+    /// # Errors
+    /// There are none, or they cannot be read.
+    pub fn read(config: &Config, bands: bool) -> Result<Self, SetupError> {
+        let (derived, reader) = (&config.paths.derived, Reader::default());
+        let path = derived.join("fits.parquet");
+        let wrong = |error: StoreError| match error.is_not_there() {
+            true => format!(
+                "--fitted: {}: not there; `trilink run` or `trilink fit` makes it",
+                path.display()
+            ),
+            false => format!("--fitted: {error}"),
+        };
+        let fits = reader.rows(&path).map_err(wrong)?;
+        let (mut alternatives, mut bootstrap, mut data) =
+            (Vec::new(), Vec::new(), FitData::default());
+        if bands {
+            let wrong = |error: StoreError| format!("--bands: {error}");
+            alternatives = reader.rows(&derived.join("alternative_fits.parquet")).map_err(wrong)?;
+            bootstrap = reader.rows(&derived.join("bootstrap.parquet")).map_err(wrong)?;
+            data = FitData::read(derived, &reader).map_err(wrong)?;
+        }
+        Ok(Self { path, fits, alternatives, bootstrap, data })
+    }
+
+    /// The fit of a model to a campaign.
+    ///
+    /// # Errors
+    /// There is none, or it has failed.
+    pub fn of(&self, campaign: &str, model: Model) -> Result<KnownFit, SetupError> {
+        let is_own = |row: &&FitRow| row.campaign == campaign && row.model == model;
+        let found = self.fits.iter().find(is_own).cloned();
+        let path = self.path.display();
+        let row = found.ok_or_else(|| {
+            let models = self.fits.iter().filter(|row| row.campaign == campaign);
+            let models: Vec<&str> = models.map(|row| row.model.name()).collect();
+            let known = match models.is_empty() {
+                true => format!("{path} has no fit of campaign {campaign}"),
+                false => format!("{path} has of campaign {campaign} the models {}", models.join(", ")),
+            };
+            format!(
+                "--fitted: {known}; list {model} under campaign.{campaign}.models and run `trilink fit`"
+            )
+        })?;
+        if !row.status.is_ok() {
+            return Err(format!("--fitted: {path}: {campaign} {model}: {}", row.status).into());
+        }
+        let alternative = self.alternatives.iter().find(is_own).cloned();
+        let is_own = |row: &&BootstrapRow| row.campaign == campaign && row.model == model;
+        Ok(KnownFit {
+            row,
+            alternative,
+            replicates: self.bootstrap.iter().filter(is_own).cloned().collect(),
+        })
+    }
+}
+
+/// A fit that a setup's coefficients are from.
+#[derive(Debug, Clone)]
+pub(super) struct FittedSetup {
+    known: KnownFit,
+    /// What the fit reads of the configuration.
+    input: FitInput,
+    pub summary: FitSummary,
+}
+
+impl FittedSetup {
+    pub fn new(
+        config: &Config,
+        campaign: &str,
+        model: Model,
+        fits: &KnownFits,
+    ) -> Result<Self, SetupError> {
+        let known = fits.of(campaign, model)?;
+        let input = FitInput::new(config, campaign, model);
+        let input = input.ok_or_else(|| "no such campaign or model".to_owned())?;
+        Ok(Self { summary: FitSummary::new(&known.row), known, input })
+    }
+
+    /// The configuration with the coefficients that the model knows as they were fitted.
+    pub fn configured(&self, mut config: Config, campaign: &str) -> Result<Config, SetupError> {
+        let name = campaign_of(&config, campaign)?.robot;
+        let robot = config.robot.get_mut(&name).ok_or_else(|| "no such robot".to_owned())?;
+        let mut fitted = robot.to_robot();
+        for (parameter, value) in self.known.row.parameters.iter() {
+            if !parameter.is_sum() && value.is_finite() {
+                parameter.set(&mut fitted, *value);
+            }
+        }
+        robot.set_coefficients(&fitted);
+        Ok(config)
+    }
+
+    /// Does something with how far predictions of a setup with these coefficients may be off.
+    pub fn with_bands<T>(
+        &self,
+        setup: &Setup,
+        data: &FitData,
+        task: impl FnOnce(&PredictionBands) -> T,
+    ) -> Result<T, String> {
+        let row = &self.known.row;
+        let is_other = |parameter: &&Parameter| {
+            let (own, fitted) = (parameter.of(&setup.robot), row.parameters[**parameter]);
+            (own - fitted).abs() > SAME_VALUE * fitted.abs()
+        };
+        if let Some(other) = row.free.iter().find(is_other) {
+            return Err(format!(
+                "{other} is set: of what is not as it was fitted nothing is known"
+            ));
+        }
+        self.known.with_bands(&self.input, data, task)
+    }
+}

@@ -1,0 +1,91 @@
+use super::*;
+use crate::config::Config;
+
+/// Dimensions of a quantity or a metric: powers of length, mass and time.
+fn dimensions(name: &str) -> [f64; 3] {
+    let numbers: Vec<_> = name.split(|c: char| c.is_ascii_digit()).collect();
+    let name = numbers.join("");
+    match name.as_str() {
+        "h_m" | "l_m" | "b_m" | "d_m" => [1.0, 0.0, 0.0],
+        "v_m_s" | "transition_m_s" | "stribeck_m_s" => [1.0, 0.0, -1.0],
+        "mass_kg" => [0.0, 1.0, 0.0],
+        "inertia_kg_m" => [2.0, 1.0, 0.0],
+        "skid_kg_s" | "roll_kg_s" => [0.0, 1.0, -1.0],
+        "skid_dry_n" | "skid_static_n" | "roll_dry_n" => [1.0, 1.0, -2.0],
+        "stiffness_nm_rad" | "work_j" => [2.0, 1.0, -2.0],
+        "damping_nm_s_rad" => [2.0, 1.0, -1.0],
+        "omega_rad_s" => [0.0, 0.0, -1.0],
+        _ => [0.0; 3],
+    }
+}
+
+fn setup(campaign: &str, model: &str, settings: &[&str]) -> Setup {
+    let settings: Vec<String> = settings.iter().map(|of| (*of).to_owned()).collect();
+    Setup::new(Config::default(), campaign, model, &settings).expect("the paper's")
+}
+
+const CASES: [(&str, &str, &[&str]); 5] = [
+    ("kinematic-skewed", "skid-roll", &[]),
+    ("kinematic-symmetric", "coulomb-viscous", &[]),
+    ("kinematic-skewed", "no-skid", &[]),
+    ("semi-passive-symmetric", "no-skid-roll", &["rest_angle_deg=2"]),
+    ("semi-passive-symmetric", "skid-roll", &[]),
+];
+
+#[test]
+fn elasticities_add_up_to_the_dimensions_of_their_metrics() {
+    for (campaign, model, settings) in CASES {
+        let setup = setup(campaign, model, settings);
+        let rows = of(&setup, 3.9, false, &Uncertain::default()).expect("a motion");
+        for metric in METRICS {
+            let of_metric = || rows.iter().filter(|row| row.metric == metric);
+            if of_metric().any(|row| row.metric_value == 0.0) {
+                continue;
+            }
+            let known = dimensions(metric);
+            for (base, known) in known.into_iter().enumerate() {
+                // Masses, moments of inertia and coefficients of all kinds: of base 1.
+                let terms = of_metric()
+                    .map(|row| (dimensions(&row.parameter)[base], row.elasticity))
+                    .filter(|(power, _)| *power != 0.0)
+                    .map(|(power, elasticity)| power * elasticity);
+                let sum: f64 = terms.sum();
+                assert!((sum - known).abs() < 1e-6, "{campaign} {model} {metric} {base}: {sum}");
+            }
+        }
+    }
+}
+
+#[test]
+fn derivatives_are_those_of_independent_differences() {
+    for (campaign, model, settings) in CASES {
+        let setup = setup(campaign, model, settings);
+        let rows = of(&setup, 3.9, false, &Uncertain::default()).expect("a motion");
+        let problem = setup.problem(3.9);
+        let at = |quantity: Quantity, value: f64| {
+            let mut problem = problem.clone();
+            quantity.set(&mut problem, value);
+            let motion = problem.solve(1e-10).expect("a motion nearby");
+            derivative::by_metric(&motion.metrics, motion.work_j)
+        };
+        for quantity in Quantity::all(&problem) {
+            let value = quantity.of(&problem);
+            // Five points, another step than the derivatives' own, and from rest.
+            let step = 5e-3 * if value == 0.0 { 1.0 } else { value.abs() };
+            let [far, near, back, behind] =
+                [2.0, 1.0, -1.0, -2.0].map(|steps| at(quantity, value + steps * step));
+            let own = rows.iter().filter(|row| row.parameter == quantity.name());
+            for (metric, row) in own.enumerate() {
+                let known = 8.0 * (near[metric] - back[metric]) - (far[metric] - behind[metric]);
+                let known = known / (12.0 * step * quantity.scale());
+                // Relative to what the metric changes by where the parameter changes by itself.
+                let size = (row.metric_value / row.parameter_value.abs().max(1e-2)).abs();
+                let miss = (row.derivative - known).abs();
+                assert!(miss <= 1e-5 * known.abs().max(1e-2 * size), "{campaign} {model} {row:?} {known}");
+                if row.derivative_error.is_finite() {
+                    assert!(row.derivative_error <= 1e-5 * known.abs().max(size), "{row:?}");
+                }
+            }
+        }
+    }
+}
