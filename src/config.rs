@@ -5,6 +5,7 @@
 mod check;
 mod compare;
 mod error;
+mod known;
 mod model;
 mod paths;
 mod settings;
@@ -202,7 +203,7 @@ pub enum SigmaKind {
 
 /// A robot (Tables I and II). Arrays are links 0, 1, 2.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "known::RobotKeys")]
 pub struct RobotConfig {
     pub h_m: f64,
     pub l_m: f64,
@@ -237,7 +238,7 @@ pub struct RobotConfig {
     pub damping_nm_s_rad: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rest_angle_deg: Option<f64>,
-    /// How well the parameters are known.
+    /// How well the parameters are known; what `h_m = { value = .., sd = .. }` says is here, too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub standard_deviation: Option<RobotDeviation>,
 }

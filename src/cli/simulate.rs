@@ -2,12 +2,14 @@
 
 mod fitted;
 mod page;
+mod sensitivities;
 mod table;
 mod trajectory;
 
 use std::path::PathBuf;
 
 use rayon::prelude::*;
+use sensitivities::{Asked, Sensitivities};
 
 use super::omegas::{Omegas, parse_omegas};
 use super::output::write_data;
@@ -52,6 +54,8 @@ pub(super) struct Simulate {
     /// Write a page that plays the motion from rest, with the forces at the wheels, of one model at one frequency.
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
+    #[command(flatten)]
+    sensitivities: Sensitivities,
     /// Print CSV with every digit.
     #[arg(long, conflicts_with = "json")]
     csv: bool,
@@ -63,7 +67,8 @@ pub(super) struct Simulate {
 impl Simulate {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
         let models = models(&self.model, &context.config);
-        let fits = self.fitted.then(|| KnownFits::read(&context.config, self.bands)).transpose()?;
+        let with_bands = self.bands || self.sensitivities.sensitivities;
+        let fits = self.fitted.then(|| KnownFits::read(&context.config, with_bands)).transpose()?;
         let setup = |model: &String| {
             let (config, campaign) = (context.config.clone(), &self.campaign);
             match &fits {
@@ -81,6 +86,21 @@ impl Simulate {
             .iter()
             .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
             .collect();
+        for setup in &setups {
+            fitted::note_caution(&self.campaign, setup);
+        }
+        if self.sensitivities.sensitivities {
+            let asked = Asked {
+                campaign: &self.campaign,
+                setups: &setups,
+                omegas_rad_s: &omegas,
+                from_rest: self.from_rest,
+                fits: fits.as_ref(),
+                csv: self.csv,
+                json: self.json,
+            };
+            return self.sensitivities.run(&context, &asked);
+        }
         let stage = context.progress.stage("simulate", solved.len());
         let mut solved: Vec<(&Setup, Answer)> = solved
             .into_par_iter()
@@ -100,9 +120,6 @@ impl Simulate {
                     of_setup.iter_mut().map(|(_, answer)| answer).collect();
                 setup.add_bands(&mut answers, self.from_rest, fits);
             }
-        }
-        for setup in &setups {
-            fitted::note_caution(&self.campaign, setup);
         }
         if let Some(file) = trajectory {
             let message = file.write(&solved, self.from_rest, self.samples as usize)?;

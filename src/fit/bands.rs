@@ -110,6 +110,17 @@ impl<'f> Bands<'f> {
         (&self.free, &self.replicates)
     }
 
+    /// The robot as it was assumed, but for the free parameters.
+    pub fn robot(&self) -> &Robot {
+        &self.point.evaluator.objective.robot
+    }
+
+    /// The same with one of its parameters off, and what the logarithms of the free parameters are
+    /// shifted by then.
+    pub fn assumed(&self) -> impl Iterator<Item = (&Robot, &[f64])> {
+        self.others.iter().zip(self.systematic.assumed.iter().map(Vec::as_slice))
+    }
+
     /// Of the motion that was solved for last.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ use super::rows::why_no_bands;
 use super::{FitData, FitInput, Replicates};
 use crate::metrics::GaitMetrics;
 use crate::motion::{MotionError, Problem, Solver};
-use crate::robot::Parameter;
+use crate::robot::{Parameter, Robot};
 use crate::store::{BootstrapRow, FitRow};
 
 /// Relative difference of the objective of tables and of what they were made from that is none.
@@ -45,6 +45,17 @@ impl PredictionBands<'_> {
     /// replicate, corrected as those of the intervals are.
     pub fn replicates(&self) -> (&[Parameter], &[Vec<f64>]) {
         self.0.replicates()
+    }
+
+    /// The robot that the fit assumes, but for the free parameters.
+    pub fn robot(&self) -> &Robot {
+        self.0.robot()
+    }
+
+    /// The same with one of its parameters off by its standard deviation, and what shifts the logarithms
+    /// of the free parameters have in the fit with it.
+    pub fn assumed(&self) -> impl Iterator<Item = (&Robot, &[f64])> {
+        self.0.assumed()
     }
 }
 

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use super::drawing::{Drawing, Figure, Layer, Layout, Panel};
+use super::drawing::{Figure, Layer, Layout, Panel};
+use super::ending::drawn;
 use super::figures::FREQUENCY;
 use super::series::{AMPLITUDE, DISPLACEMENT, Quantity, SPEED, TURNING};
-use super::{ReportError, looks, pdf, raster};
+use super::{ReportError, looks};
 use crate::metrics::{Bifurcation, BranchKind, GaitMetrics};
 use crate::store::BranchRow;
 
@@ -19,20 +20,7 @@ pub fn branches_drawing(
     rows: &[BranchRow],
     ending: &str,
 ) -> Result<Vec<u8>, ReportError> {
-    let figure = figure(names, rows);
-    let error = |message| ReportError::Draw { figure: figure.stem.clone(), message };
-    let svg = Drawing::of(&figure).map_err(error)?.svg();
-    match ending {
-        "svg" => Ok(svg.into_bytes()),
-        "png" => raster::parsed(&svg)
-            .and_then(|tree| raster::png(&tree, figure.print.dots_per_inch()))
-            .map_err(error),
-        "pdf" => {
-            let tree = raster::parsed(&svg).map_err(error)?;
-            pdf::pdf(&tree, &figure.title).map_err(|why| error(why.to_string()))
-        }
-        _ => Err(error(format!("found the ending `{ending}`, needed svg, png or pdf"))),
-    }
+    drawn(&figure(names, rows), ending)
 }
 
 fn figure([campaign, model, parameter]: [&str; 3], rows: &[BranchRow]) -> Figure {

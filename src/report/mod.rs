@@ -3,6 +3,7 @@
 mod branches;
 mod content;
 mod drawing;
+mod ending;
 mod figures;
 mod fits_json;
 mod input;
@@ -18,6 +19,7 @@ mod raster;
 mod recording;
 mod replay;
 mod scorecard;
+mod sensitivities;
 mod series;
 mod simulated;
 mod svg;
@@ -46,6 +48,7 @@ pub(crate) use looks::{colours, trends};
 pub(crate) use numbers::{percent, significant};
 pub(crate) use page::{fill, image};
 pub use replay::{SimulationError, simulation_page};
+pub use sensitivities::sensitivities_drawing;
 use trials::PagesWritten;
 pub use trials::page_of;
 

@@ -175,6 +175,11 @@ impl FittedSetup {
         Ok(config)
     }
 
+    /// Coefficients that trials of other kinds gave.
+    pub fn measured(&self) -> &[Parameter] {
+        &self.known.row.measured
+    }
+
     /// Does something with how far predictions of a setup with these coefficients may be off.
     pub fn with_bands<T>(
         &self,

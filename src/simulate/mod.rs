@@ -2,6 +2,7 @@
 
 mod answer;
 mod fitted;
+mod sensitivity;
 mod settings;
 mod trajectory;
 
@@ -14,11 +15,12 @@ use crate::config::{Config, ConfigError, one_of};
 use crate::fit::PredictionBands;
 use crate::motion::{MotionError, Problem};
 use crate::robot::{Gait, Laws, Model, Robot};
-use crate::store::TrajectoryRow;
+use crate::store::{SensitivityRow, TrajectoryRow};
 
 pub use answer::{Answer, Interval, SimulationRow};
 use fitted::FittedSetup;
 pub use fitted::{FitSummary, KnownFits};
+use sensitivity::Uncertain;
 pub(crate) use settings::with_settings;
 
 /// Why something cannot be simulated.
@@ -37,6 +39,15 @@ impl From<String> for SetupError {
     }
 }
 
+/// Sensitivities of the motions of a [`Setup`].
+#[derive(Debug)]
+pub struct Sensitivities {
+    /// Of each frequency, or why there are none.
+    pub motions: Vec<(f64, Result<Vec<SensitivityRow>, MotionError>)>,
+    /// Why nothing is known of how far the fitted coefficients may be off.
+    pub unknown: Option<String>,
+}
+
 /// A campaign's robot and gait under the laws of a model.
 #[derive(Debug, Clone)]
 pub struct Setup {
@@ -47,6 +58,8 @@ pub struct Setup {
     /// The robot's keys and the gait's, as the answers show them.
     parameters: Map<String, Value>,
     commands: Map<String, Value>,
+    /// What the configuration says of how well the robot is known.
+    uncertain: Uncertain,
     /// Where its coefficients are fitted ones.
     fitted: Option<FittedSetup>,
 }
@@ -89,10 +102,11 @@ impl Setup {
         let (robot, gait) = setup.ok_or_else(|| "no such campaign".to_owned())?;
         let laws = laws_of(&config, campaign, model)?;
         let of = &config.campaign[campaign];
+        let uncertain = Uncertain::configured(&config.robot[&of.robot], laws, &gait);
         let parameters = keys_of(&config.robot[&of.robot])?;
         let commands = keys_of(&config.gait[&of.gait])?;
         let model = Model::new(model);
-        Ok(Self { robot, gait, laws, model, parameters, commands, fitted: None })
+        Ok(Self { robot, gait, laws, model, parameters, commands, uncertain, fitted: None })
     }
 
     /// Its problem at a frequency.
@@ -125,6 +139,34 @@ impl Setup {
                 answer.interval = Some(Interval::unknown(why.clone()));
             }
         }
+    }
+
+    /// How the metrics of its motions answer to every number that they depend on, and what the
+    /// uncertainty of each contributes; that of fitted coefficients where `fits` were read with bands.
+    pub fn sensitivities(
+        &self,
+        omegas_rad_s: &[f64],
+        from_rest: bool,
+        fits: Option<&KnownFits>,
+    ) -> Sensitivities {
+        let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
+            let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0));
+            fitted.with_bands(self, &fits.data, |bands| {
+                Uncertain::fitted(bands, &problem, fitted.measured())
+            })
+        });
+        let (uncertain, unknown) = match known {
+            Some(Ok(uncertain)) => (uncertain, None),
+            Some(Err(why)) => (self.uncertain.clone(), Some(why)),
+            None => (self.uncertain.clone(), None),
+        };
+        let of = |&omega_rad_s: &f64| {
+            let rows = sensitivity::of(self, omega_rad_s, from_rest, &uncertain);
+            crate::interrupt::stop_if_asked(String::new);
+            (omega_rad_s, rows)
+        };
+        let motions = omegas_rad_s.par_iter().with_max_len(1).map(of).collect();
+        Sensitivities { motions, unknown }
     }
 
     fn interval(&self, omega_rad_s: f64, from_rest: bool, bands: &PredictionBands) -> Interval {

@@ -3,6 +3,7 @@
 mod atomic;
 pub(crate) mod columns;
 mod schema;
+mod sensitivity;
 mod stamp;
 mod status;
 mod table;
@@ -20,6 +21,7 @@ pub use schema::{
     LABELS_APART, PredictionRow, ProfileRow, ResidualRow, RobotParameterRow, RobotQuantity,
     SharedFitRow, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path, wheels_path,
 };
+pub use sensitivity::{KnownFrom, SENSITIVE_METRICS, SensitivityRow};
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Sharing, Stopped, TrialStatus};
 pub(crate) use table::guarded;

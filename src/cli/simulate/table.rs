@@ -80,7 +80,7 @@ fn print_interval(interval: &Interval, width: usize) {
 }
 
 /// A number with `digits` after the point, without a minus before nothing.
-fn fixed(value: f64, digits: usize) -> String {
+pub(super) fn fixed(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
     let is_nothing = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
     if is_nothing { text.trim_start_matches('-').to_owned() } else { text }

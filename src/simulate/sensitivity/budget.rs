@@ -10,17 +10,8 @@ use super::quantity::{Dimension, Quantity};
 use crate::config::RobotConfig;
 use crate::fit::PredictionBands;
 use crate::motion::Problem;
-use crate::named::named;
 use crate::robot::{Gait, Laws, Parameter, Robot};
-
-named! {
-    /// Who says how well a number is known.
-    pub enum Source {
-        Configured = "configured",
-        Measured = "measured",
-        Fitted = "fitted",
-    }
-}
+use crate::store::KnownFrom;
 
 /// What is known of how far numbers are off.
 #[derive(Debug, Clone, Default)]
@@ -34,7 +25,7 @@ pub struct Uncertain {
 struct Independent {
     quantity: Quantity,
     deviation: f64,
-    source: Source,
+    source: KnownFrom,
     /// What else one standard deviation of it changes: the fitted coefficients, by their logarithms.
     refit: Vec<f64>,
 }
@@ -50,8 +41,7 @@ impl Uncertain {
     /// By the standard deviations of the configuration, of what a motion knows.
     pub(in crate::simulate) fn configured(robot: &RobotConfig, laws: Laws, gait: &Gait) -> Self {
         let of = robot.standard_deviation.unwrap_or_default();
-        let dimensions =
-            [(Dimension::H, of.h_m), (Dimension::L, of.l_m), (Dimension::B, of.b_m)];
+        let dimensions = [(Dimension::H, of.h_m), (Dimension::L, of.l_m), (Dimension::B, of.b_m)];
         let links = (0..3).flat_map(|link| {
             let mass = (Quantity::Mass(link), of.mass_kg[link]);
             [mass, (Quantity::Inertia(link), of.inertia_kg_m2[link])]
@@ -61,7 +51,7 @@ impl Uncertain {
         let all = all.into_iter().chain(links);
         let all = all.chain(known.map(|(of, deviation)| (Quantity::Coefficient(of), deviation)));
         let independent = |(quantity, deviation)| {
-            let source = Source::Configured;
+            let source = KnownFrom::Configured;
             Independent { quantity, deviation, source, refit: Vec::new() }
         };
         let independent = all.filter(|(_, deviation)| *deviation > 0.0).map(independent).collect();
@@ -78,14 +68,13 @@ impl Uncertain {
         let (coefficients, replicates) = bands.replicates();
         let covariance = covariance(replicates, coefficients.len());
         let independent = bands.assumed().filter_map(|(robot, shifts)| {
-            let quantity = changed(problem, &bands.robot(), robot)?;
+            let quantity = changed(problem, bands.robot(), robot)?;
             let is_measured = |of: &Parameter| quantity == Quantity::Coefficient(*of);
             let is_measured = measured.iter().any(is_measured);
-            let source = if is_measured { Source::Measured } else { Source::Configured };
-            let at = |robot: &Robot| {
-                quantity.of(&Problem { robot: robot.clone(), ..problem.clone() })
-            };
-            let deviation = at(robot) - at(&bands.robot());
+            let source = if is_measured { KnownFrom::Measured } else { KnownFrom::Configured };
+            let at =
+                |robot: &Robot| quantity.of(&Problem { robot: robot.clone(), ..problem.clone() });
+            let deviation = at(robot) - at(bands.robot());
             Some(Independent { quantity, deviation, source, refit: shifts.to_vec() })
         });
         Self {
@@ -127,6 +116,21 @@ fn covariance(shifts: &[Vec<f64>], columns: usize) -> Vec<Vec<f64>> {
     (0..columns).map(|a| (0..columns).map(|b| entry(a, b)).collect()).collect()
 }
 
+/// Adds a part to those of other numbers, or to what else is known of its own.
+fn add(parts: &mut Vec<(String, Part)>, name: String, part: Part) {
+    match parts.iter_mut().find(|(known, _)| *known == name) {
+        None => parts.push((name, part)),
+        Some((_, known)) => {
+            *known = Part {
+                deviation: known.deviation.hypot(part.deviation),
+                source: part.source,
+                contribution: known.contribution.hypot(part.contribution),
+                variance_part: known.variance_part + part.variance_part,
+            };
+        }
+    }
+}
+
 /// What everything that is known contributes to one metric.
 pub(super) struct Budget {
     parts: Vec<(String, Part)>,
@@ -137,7 +141,7 @@ pub(super) struct Budget {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Part {
     pub deviation: f64,
-    pub source: Source,
+    pub source: KnownFrom,
     pub contribution: f64,
     pub variance_part: f64,
 }
@@ -161,18 +165,18 @@ impl Budget {
             let (deviation, contribution) = (deviation.abs(), change.abs());
             let variance_part = change.powi(2);
             let part = Part { deviation, source: *source, contribution, variance_part };
-            parts.push((quantity.name(), part));
+            add(&mut parts, quantity.name(), part);
         }
         for (index, coefficient) in coefficients.iter().enumerate() {
             let row = together.map_or(&[][..], |of| &of.covariance[index]);
             let deviation = row[index].sqrt();
             let part = Part {
                 deviation: deviation * coefficient.of(&problem.robot),
-                source: Source::Fitted,
+                source: KnownFrom::Fitted,
                 contribution: (slopes[index] * deviation).abs(),
                 variance_part: slopes[index] * along(row),
             };
-            parts.push((coefficient.name().to_owned(), part));
+            add(&mut parts, coefficient.name().to_owned(), part);
         }
         let variance: f64 = parts.iter().map(|(_, part)| part.variance_part).sum();
         for (_, part) in &mut parts {

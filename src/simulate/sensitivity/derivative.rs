@@ -9,11 +9,9 @@
 use super::quantity::Quantity;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion};
+use crate::store::SENSITIVE_METRICS;
 
-/// What is differentiated: d, v, sigma of the wheels, alpha_1, the actuators' work a cycle.
-pub const METRICS: [&str; COUNT] =
-    ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "alpha1_rad", "work_j"];
-pub(super) const COUNT: usize = 7;
+pub(super) const COUNT: usize = SENSITIVE_METRICS.len();
 
 /// A number for each metric.
 pub(super) type ByMetric = [f64; COUNT];
@@ -24,6 +22,7 @@ const STEP: f64 = 3e-3;
 const SIXTH: [f64; 3] = [3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0];
 const FOURTH: [f64; 3] = [2.0 / 3.0, -1.0 / 12.0, 0.0];
 
+/// In the order of [`SENSITIVE_METRICS`].
 pub(super) fn by_metric(metrics: &GaitMetrics, work_j: f64) -> ByMetric {
     let [d, v, sigma0, sigma1, sigma2, alpha1, _] = metrics.to_array();
     [d, v, sigma0, sigma1, sigma2, alpha1, work_j]

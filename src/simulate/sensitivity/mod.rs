@@ -9,45 +9,11 @@ mod tests;
 
 use super::{Setup, answer};
 use crate::motion::{MotionError, Problem};
-use crate::robot::Model;
-use crate::store::rows;
+use crate::store::{SENSITIVE_METRICS, SensitivityRow};
 
-pub use budget::{Source, Uncertain};
+pub use budget::Uncertain;
 use derivative::{COUNT, Differentiated};
-pub use derivative::METRICS;
 use quantity::Quantity;
-
-rows! {
-    /// How one metric answers to one number of the robot, the gait or the frequency: what
-    /// `simulate --sensitivities` gives.
-    #[derive(serde::Serialize)]
-    pub struct SensitivityRow {
-        pub model: Model,
-        pub omega_rad_s: f64,
-        /// As `--set` has it, and its value, in the unit of its name.
-        pub parameter: String,
-        pub parameter_value: f64,
-        /// As columns have it, and its value.
-        pub metric: String,
-        pub metric_value: f64,
-        /// In the metric's unit per unit of the parameter, and how far it may be off where it is a
-        /// difference and not the solver's own.
-        pub derivative: f64,
-        pub derivative_error: f64,
-        /// Relative change of the metric per relative change of the parameter; missing where either is
-        /// zero.
-        pub elasticity: f64,
-        /// How well the parameter is known, and who says so; missing of what is taken as exact.
-        pub standard_deviation: f64,
-        pub known_from: Option<Source>,
-        /// What it makes of the metric: standard deviation in the metric's unit, and part of the variance
-        /// of all together. Parts of what varies together can be below zero.
-        pub contribution: f64,
-        pub variance_part: f64,
-        /// Standard deviation of the metric by all together.
-        pub metric_deviation: f64,
-    }
-}
 
 /// A number that is zero but for rounding, as a part of what it is made of.
 const NOTHING: f64 = 1e-12;
@@ -69,7 +35,7 @@ pub(super) fn of(
     let derivatives = quantities.iter().map(|of| Ok((*of, differentiated.by(*of)?)));
     let derivatives: Vec<_> = derivatives.collect::<Result<_, MotionError>>()?;
     let mut rows = Vec::with_capacity(COUNT * derivatives.len());
-    for (nth, metric) in METRICS.iter().enumerate() {
+    for (nth, metric) in SENSITIVE_METRICS.iter().enumerate() {
         let metric_value = differentiated.values[nth];
         let by = |quantity: Quantity| {
             let found = derivatives.iter().find(|(of, _)| *of == quantity);

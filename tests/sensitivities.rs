@@ -1,0 +1,237 @@
+//! Fitted coefficients in `trilink simulate`, its sensitivities and budgets of uncertainty.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use common::{succeed, text, trilink};
+use serde_json::Value;
+use tempfile::TempDir;
+use trilink::config::{Config, GaitInput, RobotDeviation};
+use trilink::robot::Model;
+use trilink::store::{
+    Columns, PredictionRow, PredictionSource, SENSITIVE_METRICS, SensitivityRow, Table,
+};
+
+const CAMPAIGN: &str = "kinematic-symmetric";
+const OMEGAS: &str = "1,1.8,2.6,3.4,4.2,5";
+
+/// A folder with a fit of made-up trials, which no test changes.
+fn folder() -> &'static Path {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    FOLDER.get_or_init(|| fitted(0.002)).path()
+}
+
+/// The same with trials of this relative standard error, or that say none.
+fn fitted(error: f64) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == CAMPAIGN);
+    config.campaign.get_mut(CAMPAIGN).unwrap().models = vec![Model::SKID_ROLL];
+    (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 40, false);
+    config.fit.gait_input = GaitInput::Commanded;
+    config.robot.get_mut("kinematic").unwrap().standard_deviation =
+        Some(RobotDeviation { l_m: 0.0005, mass_kg: [0.01, 0.0, 0.0], ..Default::default() });
+    let write = |config: &Config| {
+        let text = toml::to_string(config).unwrap();
+        std::fs::write(folder.path().join("pipeline.toml"), text).unwrap();
+    };
+    write(&config);
+    let simulate = ["simulate", CAMPAIGN, "--model", "skid-roll", "--omega", OMEGAS, "--json"];
+    let simulate = [&simulate[..], &["--set", "skid_kg_s=104,34,45"]].concat();
+    let answers: Vec<Value> = serde_json::from_str(&succeed(folder.path(), &simulate)).unwrap();
+    let mut csv = "campaign,omega_rad_s,d_m,v_m_s,sigma0,sigma1,sigma2".to_owned();
+    csv += if error > 0.0 { ",d_m_se,v_m_s_se,sigma0_se,sigma1_se,sigma2_se\n" } else { "\n" };
+    for (nth, answer) in answers.iter().enumerate() {
+        let number = |value: &Value| value.as_f64().unwrap();
+        let values = ["d_m", "v_m_s"].map(|name| number(&answer[name]));
+        let values = values.into_iter().chain((0..3).map(|wheel| number(&answer["sigma"][wheel])));
+        let values: Vec<f64> = values.collect();
+        csv += &format!("{CAMPAIGN},{}", answer["omega_rad_s"]);
+        // Off by a part of the error, each another way.
+        let off =
+            |metric: usize| 1.0 + 0.5 * error * (1.7 * nth as f64 + 2.9 * metric as f64).sin();
+        for (metric, value) in values.iter().enumerate() {
+            csv += &format!(",{}", value * if metric < 2 { off(0) } else { off(metric) });
+        }
+        for value in values.iter().filter(|_| error > 0.0) {
+            csv += &format!(",{}", error * value);
+        }
+        csv += "\n";
+    }
+    std::fs::write(folder.path().join("own.csv"), csv).unwrap();
+    succeed(folder.path(), &["fit", "--trials", "own.csv", "--into", "fits"]);
+    config.paths.derived = "fits".into();
+    write(&config);
+    folder
+}
+
+/// What `simulate` says of the fitted campaign, as JSON, and beside it.
+fn simulate(folder: &Path, arguments: &[&str]) -> (Vec<Value>, String) {
+    let begin = ["simulate", CAMPAIGN, "--model", "skid-roll", "--json"];
+    let output = trilink(folder, &[&begin[..], arguments].concat());
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    (serde_json::from_str(&text(&output.stdout)).unwrap(), said)
+}
+
+#[test]
+fn fitted_motions_and_their_intervals_are_those_of_the_predictions() {
+    let (answers, said) = simulate(folder(), &["--omega", OMEGAS, "--fitted", "--bands"]);
+    let table = Table::read(&folder().join("fits/predictions.parquet")).unwrap();
+    let rows: Vec<PredictionRow> = PredictionRow::from_table(&table).unwrap();
+    let rows = rows.iter().filter(|row| row.source == PredictionSource::Trial);
+    let mut compared = 0;
+    for (row, answer) in rows.zip(&answers) {
+        assert!((answer["omega_rad_s"].as_f64().unwrap() - row.omega_rad_s).abs() < 1e-12);
+        assert_eq!(answer["no_interval"], row.no_interval.as_str());
+        assert_eq!(answer["fit"]["fitted_gait"], "commanded");
+        for (found, known) in
+            [(answer, &row.metrics), (&answer["lower"], &row.lower), (&answer["upper"], &row.upper)]
+        {
+            for (name, known) in [("d_m", known.d_m), ("v_m_s", known.v_m_s)] {
+                let found = found[name].as_f64().unwrap();
+                assert!((found / known - 1.0).abs() < 1e-6, "{name}: {found} and {known}: {said}");
+            }
+            let sigma = found["sigma"][1].as_f64().unwrap();
+            assert!((sigma / known.sigma[1] - 1.0).abs() < 1e-5, "{sigma} {:?}", known.sigma);
+            compared += 1;
+        }
+    }
+    assert_eq!(compared, 18);
+    // The settings go first: of another coefficient nothing is known, of another gait all is.
+    let (other, _) =
+        simulate(folder(), &["--omega", "3", "--fitted", "--bands", "--set", "amplitude1_deg=25"]);
+    assert!(other[0]["lower"]["d_m"].as_f64() < other[0]["d_m"].as_f64(), "{other:?}");
+    let set = ["--omega", "3", "--fitted", "--bands", "--set", "skid0_kg_s=90"];
+    let (other, _) = simulate(folder(), &set);
+    assert_eq!(other[0]["parameters"]["skid_kg_s"][0], 90.0);
+    let why = other[0]["no_interval"].as_str().unwrap();
+    assert!(why.contains("skid0_kg_s is set") && other[0]["lower"]["d_m"].is_null(), "{why}");
+    let begin = ["simulate", CAMPAIGN, "--model", "skid-roll", "--omega", "3", "--fitted"];
+    let csv = succeed(folder(), &[&begin[..], &["--bands", "--csv"]].concat());
+    assert!(csv.starts_with("model,omega_rad_s,d_m,d_m_lo,d_m_hi,"), "{csv}");
+    let table = succeed(folder(), &[&begin[..], &["--bands"]].concat());
+    assert!(table.contains("95 % from"), "{table}");
+}
+
+#[test]
+fn without_a_fit_it_says_what_to_do_and_with_a_doubtful_one_what_is_in_doubt() {
+    let empty = tempfile::tempdir().unwrap();
+    let refused = |folder: &Path, model: &str| {
+        let output =
+            trilink(folder, &["simulate", CAMPAIGN, "--model", model, "--omega", "3", "--fitted"]);
+        assert_eq!(output.status.code(), Some(2));
+        text(&output.stderr)
+    };
+    let said = refused(empty.path(), "skid");
+    assert!(said.contains("fits.parquet: not there; `trilink run` or `trilink fit`"), "{said}");
+    let said = refused(folder(), "skid");
+    assert!(said.contains("has of campaign kinematic-symmetric the models skid-roll"), "{said}");
+    assert!(said.contains("list skid under campaign.kinematic-symmetric.models"), "{said}");
+    let doubtful = fitted(0.0);
+    let (answers, said) = simulate(doubtful.path(), &["--omega", "3", "--fitted", "--bands"]);
+    assert!(said.contains("nothing tells whether the model fits its trials"), "{said}");
+    assert!(answers[0]["fit"]["adequate"].is_null());
+    assert!(answers[0]["no_interval"].as_str().unwrap().contains("noise"), "{answers:?}");
+}
+
+fn rows(folder: &Path, arguments: &[&str]) -> (Vec<SensitivityRow>, String) {
+    let own = tempfile::tempdir().unwrap();
+    let path = own.path().join("s.parquet");
+    let begin = ["simulate", CAMPAIGN, "--model", "skid-roll", "--sensitivities"];
+    let table = ["--table", path.to_str().unwrap()];
+    let output = trilink(folder, &[&begin[..], &table, arguments].concat());
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    let rows = SensitivityRow::from_table(&Table::read(&path).unwrap()).unwrap();
+    (rows, text(&output.stdout))
+}
+
+#[test]
+fn the_parts_of_a_budget_of_uncertainty_add_up() {
+    let (found, printed) = rows(folder(), &["--omega", "3"]);
+    let l = found.iter().find(|row| row.parameter == "l_m" && row.metric == "d_m").unwrap();
+    assert_eq!((l.standard_deviation, l.parameter_value), (0.0005, 0.112));
+    assert!((l.contribution - (l.derivative * 0.0005).abs()).abs() < 1e-15);
+    assert!((l.elasticity - l.derivative * 0.112 / l.metric_value).abs() < 1e-12);
+    for part in ["taken as exact: ", "standard deviation", "mass0_kg", "configured"] {
+        assert!(printed.contains(part), "{part}: {printed}");
+    }
+    let (of_fit, _) = rows(folder(), &["--omega", "3", "--fitted"]);
+    for rows in [&found, &of_fit] {
+        for metric in SENSITIVE_METRICS.iter().filter(|metric| **metric != "alpha1_rad") {
+            let own = || rows.iter().filter(|row| row.metric == *metric);
+            let known = own().filter(|row| row.known_from.is_some());
+            let sum: f64 = known.clone().map(|row| row.variance_part).sum();
+            assert!((sum - 1.0).abs() < 1e-9, "{metric}: {sum}");
+            // What varies together may be more or less than its parts.
+            let alone: f64 = known.map(|row| row.contribution.powi(2)).sum();
+            let deviation = own().next().unwrap().metric_deviation;
+            assert!(deviation > 0.0 && alone > 0.0);
+            if std::ptr::eq(rows, &found) {
+                assert!((alone.sqrt() / deviation - 1.0).abs() < 1e-9, "{metric}");
+            }
+        }
+    }
+    let fitted = of_fit.iter().filter(|row| row.known_from.is_some_and(|of| of.name() == "fitted"));
+    assert_eq!(fitted.count(), 3 * SENSITIVE_METRICS.len());
+    // Where the fit follows the length, a part of what that is off by cancels; all in all it is the
+    // width of the interval, but for what neighbouring frequencies disagree on.
+    let (answers, _) = simulate(folder(), &["--omega", "3", "--fitted", "--bands"]);
+    let width = answers[0]["upper"]["sigma"][1].as_f64().unwrap()
+        - answers[0]["lower"]["sigma"][1].as_f64().unwrap();
+    let sigma1 = of_fit.iter().find(|row| row.metric == "sigma1").unwrap();
+    let ratio = width / (2.0 * 1.96 * sigma1.metric_deviation);
+    assert!((0.7..2.0).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn sensitivities_are_printed_as_csv_and_json_and_drawn() {
+    let own = tempfile::tempdir().unwrap();
+    let begin = ["simulate", CAMPAIGN, "--model", "skid,no-skid", "--omega", "3"];
+    let begin = [&begin[..], &["--sensitivities"]].concat();
+    let csv = succeed(own.path(), &[&begin[..], &["--csv"]].concat());
+    let json = succeed(own.path(), &[&begin[..], &["--json"]].concat());
+    let json: Vec<Value> = serde_json::from_str(&json).unwrap();
+    assert_eq!(csv.lines().count(), json.len() + 1);
+    // No coefficient without its law, and no sums.
+    let is_roll = |row: &&Value| row["parameter"].as_str().unwrap().starts_with("roll");
+    assert_eq!(json.iter().filter(is_roll).count(), 0);
+    let of = |model: &str, parameter: &str, metric: &str, key: &str| {
+        let mut rows = json.iter();
+        let found = rows.find(|row| {
+            row["model"] == model && row["parameter"] == parameter && row["metric"] == metric
+        });
+        found.unwrap()[key].clone()
+    };
+    assert_eq!(of("no-skid", "mass0_kg", "d_m", "derivative"), 0.0);
+    assert!(of("skid", "offset1_deg", "d_m", "elasticity").is_null());
+    assert!(of("no-skid", "h_m", "sigma0", "elasticity").is_null());
+    let v = of("no-skid", "omega_rad_s", "v_m_s", "elasticity").as_f64().unwrap();
+    assert!((v - 1.0).abs() < 1e-9, "{v}");
+
+    let figure = [&begin[..], &["--figure", "s.svg"]].concat();
+    let output = trilink(own.path(), &figure);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("--figure: found 2 motions, needed one"));
+    let one = ["simulate", CAMPAIGN, "--model", "skid", "--omega", "3", "--sensitivities"];
+    for name in ["s.svg", "s.pdf"] {
+        succeed(own.path(), &[&one[..], &["--figure", name]].concat());
+        assert!(own.path().join(name).metadata().unwrap().len() > 1000);
+    }
+    let svg = std::fs::read_to_string(own.path().join("s.svg")).unwrap();
+    for part in ["Elasticity of sigma0", ">omega<", ">l<", ">ampl2<"] {
+        assert!(svg.contains(part), "{part}");
+    }
+    let output = trilink(own.path(), &[&one[..], &["--figure", "s.bmp"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    // Both joints through the straight line: det W_b = 0 without condition (5).
+    let singular = ["simulate", CAMPAIGN, "--model", "no-skid", "--omega", "3", "--sensitivities"];
+    let output = trilink(own.path(), &[&singular[..], &["--set", "amplitude1_deg=31"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("det W_b"), "{}", text(&output.stderr));
+}
