@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyCFunction;
 use serde_json::json;
 use trilink::build::{RerunOptions, RunError, RunResults, run as run_pipeline};
+use trilink::cli::watch;
 use trilink::inspect::{Query, find, meaning, query, unit};
 
 use error::Failure;
@@ -35,11 +36,22 @@ struct RunRequest {
     force: bool,
     verify: bool,
     wait: bool,
+    progress: Option<Shown>,
+}
+
+/// How a run's progress is shown.
+#[derive(PartialEq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Shown {
+    /// On a terminal.
+    Bars,
+    /// On `sys.stderr`, whatever that is.
+    Lines,
 }
 
 /// Ingests, fits and reports; gives JSON of what came of it.
 fn run(py: Python<'_>, request: &str) -> PyResult<String> {
-    let RunRequest { config, folders, only, force, verify, wait } =
+    let RunRequest { config, folders, only, force, verify, wait, progress } =
         serde_json::from_str(request).map_err(Failure::from)?;
     let mut config = config::load(config.as_deref())?;
     if let Some(folders) = folders {
@@ -48,7 +60,12 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
     let options = RerunOptions { force, verify, only };
     // Which says how far it was.
     let is_stopped = |result: &Result<_, _>| matches!(result, Err(RunError::Interrupted { .. }));
-    let work = || run_pipeline(&config, options, wait, &());
+    let work = || match progress {
+        Some(shown) => {
+            run_pipeline(&config, options, wait, &watch(shown == Shown::Bars, write_line))
+        }
+        None => run_pipeline(&config, options, wait, &()),
+    };
     let finished = interruptible(py, work, is_stopped)?.map_err(Failure::from)?;
     let needs_a_person = finished.ingested.needs_a_person()
         || finished.history_problem.is_some()
@@ -63,6 +80,17 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
         "derived": config.paths.derived,
     });
     Ok(answer.to_string())
+}
+
+/// Writes a line to `sys.stderr`. That it cannot be written ends nothing.
+fn write_line(line: &str) {
+    Python::attach(|py| {
+        let written = py
+            .import("sys")
+            .and_then(|sys| sys.getattr("stderr"))
+            .and_then(|stderr| stderr.call_method1("write", (format!("{line}\n"),)));
+        drop(written);
+    });
 }
 
 /// Where a table is: one of a folder of tables, or of the configuration's, or any file by its path.

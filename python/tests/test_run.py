@@ -24,6 +24,39 @@ def test_a_run_gives_what_came_of_it(project):
     assert again["was_up_to_date"] and again["results"]["fits"] == results["fits"]
 
 
+def test_progress_is_shown_where_it_is_wanted(project, capsys, monkeypatch):
+    config = project[0] / "pipeline.toml"
+    trilink.run(config, force=True)
+    trilink.run(config, force=True, progress=False)
+    assert capsys.readouterr().err == ""
+    trilink.run(config, force=True, progress=True)
+    lines = capsys.readouterr().err.splitlines()
+    assert sum(line.startswith("ingest ") for line in lines) == 4
+    assert sum(line.startswith("fit ") for line in lines) == 2
+    assert any(line.startswith("report ") for line in lines)
+    monkeypatch.setattr(sys, "stderr", None)  # As of a program without a console.
+    assert trilink.run(config, progress=True)["was_up_to_date"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no pseudo-terminal")
+def test_a_terminal_shows_a_bar(project):
+    import pty
+
+    ours, theirs = pty.openpty()
+    code = "import sys, trilink; trilink.run(sys.argv[1], force=True)"
+    command = [sys.executable, "-c", code, project[0] / "pipeline.toml"]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs)
+    os.close(theirs)
+    shown = b""
+    try:
+        while part := os.read(ours, 4096):
+            shown += part
+    except OSError:  # The other end is closed.
+        pass
+    assert run.wait(60) == 0 and run.stdout.read() == b""
+    assert b"ingest" in shown and "█".encode() in shown and b"fit 1/2" not in shown
+
+
 def test_the_script_is_the_program(project, program):
     def run(*arguments):
         return subprocess.run(

@@ -48,6 +48,7 @@ def run(
     force: bool = False,
     verify: bool = False,
     wait: bool = False,
+    progress: bool | None = None,
 ) -> dict[str, Any]:
     """Ingests, fits and reports what has changed, as `trilink run` does.
 
@@ -57,6 +58,8 @@ def run(
     force: redo every trial, fit and figure, not only what changed.
     verify: read every file again, also those whose size and time have not changed.
     wait: wait for another run on the same results, instead of a `BusyError`.
+    progress: show on `sys.stderr` what is done, by a bar on a terminal and elsewhere, as in a notebook, by a
+        line for each trial, fit and figure; without a word only on a terminal.
 
     Gives `was_up_to_date`; `needs_a_person`, true where the program's exit status is 1; `results`, how
     many `trials` ended how, which need `attention`, how each of the `fits` ended, the path of the
@@ -66,6 +69,8 @@ def run(
     Raises ConfigError, TableError, BusyError or Error where nothing could be done. Ctrl-C stops it
     between two steps, as a KeyboardInterrupt that says how far it was; every file is whole.
     """
+    is_terminal = getattr(sys.stderr, "isatty", lambda: False)()
+    shown = is_terminal if progress is None else progress
     request = {
         "config": _path(config),
         "folders": None if folders is None else [_path(folder) for folder in folders],
@@ -73,6 +78,7 @@ def run(
         "force": force,
         "verify": verify,
         "wait": wait,
+        "progress": ("bars" if is_terminal else "lines") if shown else None,
     }
     return json.loads(_trilink.run(json.dumps(request)))
 

@@ -35,6 +35,7 @@ use crate::config::{CONFIG_FILE, Config, Paths};
 use crate::interrupt::{self, Interrupted};
 use output::note;
 use progress::Progress;
+pub use progress::watch;
 
 /// More threads than this take longer to start than they could save.
 const MOST_THREADS: usize = 1024;

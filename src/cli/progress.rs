@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::output::{harmless, note};
+use super::output::{harmless, note, write_note};
 use crate::build::{PlannedTarget, StagePlan, Target, Watch};
 use crate::interrupt;
 
@@ -46,24 +46,39 @@ impl Progress {
             ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta:>4} left {msg}");
         bar.set_style(style.expect("the template is well-formed"));
         bar.set_prefix(name);
-        let begin = Instant::now();
-        Stage { shown: self, name, total, begin, done: AtomicUsize::new(0), bar }
+        let (begin, done) = (Instant::now(), AtomicUsize::new(0));
+        Stage { shown: self, line: write_note, name, total, begin, done, bar }
     }
 
     /// Shows the stages of a run, one after the other, and the reasons if it is to `explain`.
     pub fn watch(self, explain: bool) -> Watcher {
-        Watcher { progress: self, explain, stage: Mutex::new(None) }
+        Watcher { progress: self, line: write_note, explain, stage: Mutex::new(None) }
     }
+}
+
+/// Shows a run as `trilink run` does: with `bars` on standard error, which must be a terminal then, else by
+/// lines that are given to `line`.
+pub fn watch(bars: bool, line: fn(&str)) -> impl Watch {
+    let progress = if bars { Progress::Bars } else { Progress::Lines };
+    Watcher { line, ..progress.watch(false) }
 }
 
 /// Shows a whole run, one stage after the other.
 pub(super) struct Watcher {
     progress: Progress,
+    /// Takes a line.
+    line: fn(&str),
     explain: bool,
     stage: Mutex<Option<Stage>>,
 }
 
 impl Watcher {
+    fn say(&self, message: &str) {
+        if self.progress != Progress::Quiet {
+            (self.line)(message);
+        }
+    }
+
     fn with_stage(&self, show: impl Fn(&Stage)) {
         if let Ok(stage) = self.stage.lock() {
             stage.iter().for_each(show);
@@ -84,19 +99,21 @@ impl Watch for Watcher {
         let trials: Vec<String> = trials.map(Target::name).collect();
         if !trials.is_empty() {
             let trials = trials.join(", ");
-            self.progress.say(&format!("not in the list of trials any more, removed: {trials}"));
+            self.say(&format!("not in the list of trials any more, removed: {trials}"));
         }
     }
 
     fn note(&self, message: &str) {
-        self.progress.say(message);
+        self.say(message);
     }
 
     fn begin(&self, stage: &'static str, total: usize) {
         if let Ok(mut current) = self.stage.lock() {
             // The old bar goes before the new one comes.
             *current = None;
-            *current = Some(self.progress.stage(stage, total));
+            let mut next = self.progress.stage(stage, total);
+            next.line = self.line;
+            *current = Some(next);
         }
     }
 
@@ -115,6 +132,7 @@ const SHORT: Duration = Duration::from_secs(5);
 /// Progress of one stage; its steps may end on any thread.
 pub(super) struct Stage {
     shown: Progress,
+    line: fn(&str),
     name: &'static str,
     total: usize,
     begin: Instant,
@@ -129,7 +147,8 @@ impl Stage {
         match self.shown {
             Progress::Quiet => {}
             Progress::Lines => {
-                note!("{} {done}/{} {message}{}", self.name, self.total, self.time_left(done));
+                let left = self.time_left(done);
+                (self.line)(&format!("{} {done}/{} {message}{left}", self.name, self.total));
             }
             Progress::Bars => {
                 self.bar.set_message(harmless(message).into_owned());
