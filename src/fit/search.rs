@@ -113,6 +113,8 @@ impl Iterate {
     /// Iterates until the objective can hardly fall, relative to itself; `is_last` if nothing
     /// goes on from the end.
     pub fn run(self, on: &mut Evaluator, tolerance: f64, is_last: bool, ended: &Ended) -> Self {
+        // Where many searches are abandoned, rayon begins thousands of them before it gives up.
+        stop_if_asked(String::new);
         let solver = TrustRegion { tolerance, is_last, ..self.solver };
         let result = Executor::new(on, solver)
             .configure(|state| state.param(self.values).cost(self.cost).max_iters(MAX_ITERATIONS))
