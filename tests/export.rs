@@ -256,11 +256,32 @@ fn tab_separated(path: &Path) -> Vec<BTreeMap<String, String>> {
     lines.map(|cells| row(cells.collect())).collect()
 }
 
+/// PEtab's own lint, where Python has it, finds nothing wrong with a problem but that there is no model.
+fn lint(problem: &Path) {
+    let python = std::env::var("TRILINK_PYTHON").unwrap_or("python3".to_owned());
+    let found = Command::new(&python).args(["-c", "import petab.petablint"]).output();
+    if !found.is_ok_and(|found| found.status.success()) {
+        eprintln!("left out: {python} has no petab");
+        return;
+    }
+    let lint = ["-W", "ignore", "-m", "petab.petablint"];
+    let linted = Command::new(&python).args(lint).arg(problem).output().unwrap();
+    let said = text(&linted.stdout) + &text(&linted.stderr);
+    eprintln!("{said}");
+    assert!(linted.status.success(), "{}: {said}", problem.display());
+    let expected = ["Skipping.", "could be checked."];
+    let is_expected = |line: &str| expected.iter().any(|end| line.ends_with(end));
+    assert!(said.lines().all(is_expected), "{}: {said}", problem.display());
+}
+
 #[test]
 fn fits_are_problems_of_petab_whose_likelihood_is_the_objective() {
     let folder = Small::done();
     let said = succeed(folder.path(), &["export", "--petab", "petab"]);
     assert_eq!(said.lines().count(), 3, "{said}");
+    said.lines()
+        .filter(|line| line.contains("problem.yaml"))
+        .for_each(|of| lint(&folder.place(of)));
     let home = folder.place("petab/kinematic-skewed/skid");
     let problem = std::fs::read_to_string(home.join("problem.yaml")).unwrap();
     let [parameters, conditions, observables, measurements] =

@@ -200,3 +200,32 @@ fn python_opens_the_tables_with_the_same_names_types_and_values() {
         status => assert_eq!(status, Some(0), "{said}{}", text(&opened.stderr)),
     }
 }
+
+#[test]
+fn r_opens_the_tables_with_the_same_names_types_and_values() {
+    let derived = folder().join("derived");
+    let values = tempfile::tempdir().unwrap();
+    for (path, _) in common::files(&derived) {
+        let name = path.with_extension("");
+        let target = values.path().join(&name);
+        std::fs::create_dir_all(target.parent().unwrap()).unwrap();
+        let name = name.to_str().unwrap();
+        std::fs::write(target.with_extension("csv"), inspect(&[name, "--csv"])).unwrap();
+        let schema: Value = serde_json::from_str(&inspect(&[name, "--schema", "--json"])).unwrap();
+        let line = |of: &Value| format!("{} {}\n", of["name"], of["type"]);
+        let types: String = schema.as_array().unwrap().iter().map(line).collect();
+        std::fs::write(target.with_extension("types"), types).unwrap();
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/r/open_tables.R");
+    let opened = Command::new("Rscript").arg(script).arg(&derived).arg(values.path()).output();
+    let Ok(opened) = opened else {
+        eprintln!("left out: Rscript does not start");
+        return;
+    };
+    let said = text(&opened.stdout) + &text(&opened.stderr);
+    eprintln!("{said}");
+    match opened.status.code() {
+        Some(77) => eprintln!("left out: neither nanoparquet nor arrow is installed"),
+        status => assert_eq!(status, Some(0), "{said}"),
+    }
+}
