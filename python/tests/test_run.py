@@ -38,25 +38,6 @@ def test_progress_is_shown_where_it_is_wanted(project, capsys, monkeypatch):
     assert trilink.run(config, progress=True)["was_up_to_date"]
 
 
-@pytest.mark.skipif(os.name == "nt", reason="there is no pseudo-terminal")
-def test_a_terminal_shows_a_bar(project):
-    import pty
-
-    ours, theirs = pty.openpty()
-    code = "import sys, trilink; trilink.run(sys.argv[1], force=True)"
-    command = [sys.executable, "-c", code, project[0] / "pipeline.toml"]
-    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs)
-    os.close(theirs)
-    shown = b""
-    try:
-        while part := os.read(ours, 4096):
-            shown += part
-    except OSError:  # The other end is closed.
-        pass
-    assert run.wait(60) == 0 and run.stdout.read() == b""
-    assert b"ingest" in shown and "█".encode() in shown and b"fit 1/2" not in shown
-
-
 def test_the_script_is_the_program(project, program):
     def run(*arguments):
         return subprocess.run(
