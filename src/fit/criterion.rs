@@ -7,9 +7,12 @@
 //! the sum `S` of the weighted deviations of the `n` measurements of a metric, twice the negative
 //! logarithm of the likelihood is, but for what all models have in common, the sum of
 //! `2 n ln(S / n)` over the metrics, and the criterion is that and `k ln N` of `k` free parameters
-//! and `N` measurements in all: Schwarz's, at the fit. A parameter that ended at a bound counts, as
-//! the model had it: with it there the likelihood is that of the model without it, and the latter
-//! is the one to prefer.
+//! and `N` measurements in all: Schwarz's. It is taken where the likelihood is largest: the fit
+//! follows the objective's weights, and where those leave a metric aside a model with more
+//! coefficients than it needs would win by bringing that metric near, too. From the fit one gets
+//! there by the model linearised at it, with the metrics weighted by their scales until these stay.
+//! A parameter that ended at a bound counts, as the model had it: with it there the likelihood is
+//! that of the model without it, and the latter is the one to prefer.
 //!
 //! Neighbouring frequencies are not quite independent, as a model's misfit is alike there: large
 //! differences count.
@@ -22,11 +25,16 @@ use super::fitted_point::FittedPoint;
 use super::least_absolute::minimise;
 use super::resampler::Resampler;
 use super::search::limits;
-use super::terms::TERMS;
+use super::terms::{TERMS, Terms};
 use crate::motion::REFERENCE_ACCURACY;
 
 /// How far a linearised model's coefficients may go: factors' logarithms.
 const RADIUS: f64 = 1.0;
+
+/// Rounds in which the metrics' weights follow their scales, at most, and the fall of the criterion
+/// that ends them.
+const MOST_ROUNDS: usize = 20;
+const ROUND: f64 = 1e-6;
 
 /// Terms that are of one distribution: d and v, the wheels' sigma, alpha_1.
 const GROUPS: [&[usize]; 3] = [&[0, 1], &[2, 3, 4], &[5]];
@@ -52,6 +60,17 @@ impl Counts {
         self.0.iter().sum()
     }
 
+    /// What weighs the metrics by their scales, of which these are the sums.
+    fn per_scale(self, sums: &[f64; TERMS]) -> [f64; TERMS] {
+        let mut factors = [0.0; TERMS];
+        for (group, count) in GROUPS.iter().zip(self.0) {
+            let sum: f64 = group.iter().map(|i| sums[*i]).sum();
+            let count = count as f64;
+            group.iter().for_each(|i| factors[*i] = count / sum.max(count * REFERENCE_ACCURACY));
+        }
+        factors
+    }
+
     /// The criterion of a model with so many free parameters, from its metrics' weighted
     /// deviations, summed over the trials.
     pub fn criterion(self, sums: &[f64; TERMS], free: usize) -> f64 {
@@ -66,14 +85,31 @@ impl Counts {
     }
 }
 
+/// The lowest criterion that the model linearised at its fit has for these terms of so many trials.
+fn lowest(point: &FittedPoint, terms: &Terms, counts: Counts, trials: usize) -> f64 {
+    let bounds = limits(&point.evaluator.parameters, &point.values, RADIUS);
+    let nearest = |terms: &Terms| minimise(&terms.residuals(&point.responses), &bounds, None);
+    let (mut step, mut lowest) = (nearest(terms), f64::INFINITY);
+    for _ in 0..MOST_ROUNDS {
+        let sums = terms.parts(&point.responses, step.as_slice()).map(|part| trials as f64 * part);
+        let criterion = counts.criterion(&sums, point.values.len());
+        if criterion > lowest - ROUND {
+            break;
+        }
+        lowest = criterion;
+        step = nearest(&terms.reweighted(&counts.per_scale(&sums)));
+    }
+    lowest
+}
+
 /// The criterion at a fit, and how many measurements are in it.
 pub(super) fn criterion(point: &FittedPoint) -> (f64, usize) {
     let objective = point.evaluator.objective;
-    let trials = objective.observations().into_iter().map(|of| of.metrics);
+    let observations = objective.observations();
+    let trials = observations.iter().map(|of| of.metrics);
     let counts = Counts::new(&objective.protocols[0].term_weights(), trials);
-    let trials = objective.measurements.len() as f64;
-    let sums = point.parts().map(|part| trials * part);
-    (counts.criterion(&sums, point.values.len()), counts.total())
+    let terms = point.evaluator.terms_of(&observations);
+    (lowest(point, &terms, counts, observations.len()), counts.total())
 }
 
 /// The criterion of the resample with this number, frequencies resampled, too: of the fit to it by
@@ -82,11 +118,7 @@ pub(super) fn resampled(point: &FittedPoint, resampler: &Resampler, number: usiz
     let weights = point.evaluator.objective.protocols[0].term_weights();
     let drawn = resampler.draw_frequencies(number);
     let counts = Counts::new(&weights, drawn.iter().map(|of| of.metrics));
-    let terms = point.resampled_terms(&drawn);
-    let bounds = limits(&point.evaluator.parameters, &point.values, RADIUS);
-    let step = minimise(&terms.residuals(&point.responses), &bounds, None);
-    let parts = terms.parts(&point.responses, step.as_slice());
-    counts.criterion(&parts.map(|part| drawn.len() as f64 * part), point.values.len())
+    lowest(point, &point.resampled_terms(&drawn), counts, drawn.len())
 }
 
 #[cfg(test)]

@@ -47,6 +47,17 @@ impl Deviations {
         all
     }
 
+    /// The same times a factor.
+    pub fn times(&self, factor: f64) -> Self {
+        let scaled = |of: &[f64]| of.iter().map(|value| factor * value).collect();
+        Self {
+            breakpoints: self.breakpoints.clone(),
+            weights: scaled(&self.weights),
+            weights_before: scaled(&self.weights_before),
+            moments_before: scaled(&self.moments_before),
+        }
+    }
+
     /// Of values that have one weight in common.
     #[cfg(test)]
     pub fn of_values(values: &[f64], weight: f64) -> Self {

@@ -61,6 +61,15 @@ impl Terms {
         Self { shares, deviations: collected.into_iter().map(|of| of.map(some)).collect() }
     }
 
+    /// The same with the weight of each metric times a factor.
+    pub fn reweighted(&self, factors: &[f64; TERMS]) -> Self {
+        let of_condition = |of: &[Option<Arc<Deviations>>; TERMS]| {
+            std::array::from_fn(|i| Some(Arc::new(of[i].as_ref()?.times(factors[i]))))
+        };
+        let deviations = self.deviations.iter().map(of_condition).collect();
+        Self { shares: self.shares.clone(), deviations }
+    }
+
     /// Whether a condition's motion does not matter.
     pub fn is_idle(&self, condition: usize) -> bool {
         self.shares[condition] == 0.0
