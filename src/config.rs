@@ -50,6 +50,29 @@ pub struct Config {
     pub markers: Markers,
     pub report: Report,
     pub compare: Compare,
+    pub optimise: Optimise,
+}
+
+/// Which gaits `optimise` searches.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Optimise {
+    /// Frequencies, rad/s.
+    pub omega_rad_s: [f64; 2],
+    /// Amplitudes of commanded joints, degrees.
+    pub amplitude_deg: [f64; 2],
+    /// Most of |offset| + amplitude, degrees.
+    pub angle_deg: f64,
+    /// Most of amplitude times omega, degrees/s.
+    pub rate_deg_s: f64,
+    /// Most of the actuators' mean power, W.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub power_w: Option<f64>,
+    /// Most of an actuator's torque, N m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub torque_nm: Option<f64>,
+    /// Places where searches begin.
+    pub starts: usize,
 }
 
 /// What is known of the cameras.

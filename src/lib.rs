@@ -50,6 +50,8 @@ pub mod explanations;
 pub mod export;
 /// A look into any table.
 pub mod inspect;
+/// The gait that is best.
+pub mod optimise;
 /// A model's motion by names, without trials.
 pub mod simulate;
 

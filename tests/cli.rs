@@ -720,7 +720,7 @@ fn every_subcommand_explains_itself() {
     let folder = empty_folder();
     let help = succeed(folder.path(), &["--help"]);
     for command in
-        ["demo", "run", "ingest", "fit", "report", "check", "simulate", "branches", "synth"]
+        ["demo", "run", "ingest", "fit", "report", "check", "simulate", "optimise", "synth"]
     {
         assert!(help.contains(&format!("\n  {command} ")), "{command}: {help}");
         let help = succeed(folder.path(), &[command, "--help"]);

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use common::{Small, files, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 
-const COMMANDS: [&str; 18] = [
+const COMMANDS: [&str; 19] = [
     "demo",
     "run",
     "ingest",
@@ -26,6 +26,7 @@ const COMMANDS: [&str; 18] = [
     "inspect",
     "simulate",
     "branches",
+    "optimise",
     "export",
     "synth",
     "completions",

@@ -13,6 +13,7 @@ mod inspect;
 mod log;
 mod merge;
 mod omegas;
+mod optimise;
 mod output;
 mod pipeline;
 mod progress;
@@ -119,6 +120,9 @@ enum Command {
     /// Follow a model's steady motions over a parameter: folds, lost symmetry, doubled periods.
     #[command(after_help = include_str!("examples/branches.txt").trim_end())]
     Branches(branches::Branches),
+    /// Search for the gait with which a model's robot goes farthest, fastest or with least work.
+    #[command(after_help = include_str!("examples/optimise.txt").trim_end())]
+    Optimise(optimise::Optimise),
     /// Write trials with a known truth, as the camera system would.
     #[command(after_help = include_str!("examples/synth.txt").trim_end())]
     Synth(synth::Synth),
@@ -235,6 +239,7 @@ fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {
         Command::Export(command) => command.run(&context()?),
         Command::Simulate(command) => command.run(context()?),
         Command::Branches(command) => command.run(context()?),
+        Command::Optimise(command) => command.run(context()?),
         Command::Synth(command) => command.run(context()?),
         // These need no configuration.
         Command::Explain(command) => command.run(),

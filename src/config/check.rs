@@ -16,7 +16,7 @@ use crate::robot::{Gait, Model, Parameter};
 
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
-const RANGES: [(&str, f64, f64); 35] = [
+const RANGES: [(&str, f64, f64); 42] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -29,6 +29,13 @@ const RANGES: [(&str, f64, f64); 35] = [
     ("report.trial_pages", 0.0, 2e4),
     ("report.width_mm", 20.0, 1000.0),
     ("report.font_pt", 3.0, 72.0),
+    ("optimise.omega_rad_s", 1e-3, 1e3),
+    ("optimise.amplitude_deg", 0.1, 179.0),
+    ("optimise.angle_deg", 0.1, 179.0),
+    ("optimise.rate_deg_s", 1.0, 1e5),
+    ("optimise.power_w", 1e-6, 1e6),
+    ("optimise.torque_nm", 1e-6, 1e6),
+    ("optimise.starts", 1.0, 1e4),
     ("compare.run_time_ratio", 1.0, 1e6),
     ("compare.*", 0.0, 1e9),
     ("robot.*.standard_deviation.*", 0.0, 1e6),
@@ -106,6 +113,8 @@ impl Config {
             ("fit.stribeck_bounds_m_s", self.fit.stribeck_bounds_m_s),
             ("fit.stiffness_bounds_nm_rad", self.fit.stiffness_bounds_nm_rad),
             ("fit.damping_bounds_nm_s_rad", self.fit.damping_bounds_nm_s_rad),
+            ("optimise.omega_rad_s", self.optimise.omega_rad_s),
+            ("optimise.amplitude_deg", self.optimise.amplitude_deg),
         ] {
             check.that(bounds[0] < bounds[1], key, &bounds, "a lower bound below the upper one")?;
         }

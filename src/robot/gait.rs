@@ -14,6 +14,18 @@ pub struct JointCommand {
     pub phase_rad: f64,
 }
 
+impl JointCommand {
+    /// Offset, amplitude and phase, rad.
+    pub fn to_array(self) -> [f64; 3] {
+        [self.offset_rad, self.amplitude_rad, self.phase_rad]
+    }
+
+    /// The same to write to.
+    pub fn numbers_mut(&mut self) -> [&mut f64; 3] {
+        [&mut self.offset_rad, &mut self.amplitude_rad, &mut self.phase_rad]
+    }
+}
+
 /// The commands of both joints. A joint without a command is passive: its spring and
 /// damper (eq. 11) govern it. At most one joint may be passive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

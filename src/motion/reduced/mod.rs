@@ -65,7 +65,8 @@ pub struct Derivatives<T = GaitMetrics> {
 }
 
 impl<T: Copy> Derivatives<T> {
-    pub(super) const fn splat(value: T) -> Self {
+    /// The same with respect to everything.
+    pub(crate) const fn splat(value: T) -> Self {
         Self { parameters: ByParameter::splat(value), omega: value, gait: [[value; NUMBERS]; 2] }
     }
 

@@ -1,0 +1,306 @@
+//! `trilink optimise`.
+
+use std::path::Path;
+
+use super::output::{note, say, write_data};
+use super::table::{self, short};
+use super::{Context, Failure, Outcome};
+use crate::config::{Config, did_you_mean};
+use crate::inspect::{View, csv, json};
+use crate::metrics::FromRest;
+use crate::optimise::{Bounds, Command, Found, Objective, Optimum, OptimumRow, Search, outside};
+use crate::robot::{Gait, JointCommand};
+use crate::simulate::Setup;
+use crate::store::Columns;
+
+#[derive(clap::Args)]
+pub(super) struct Optimise {
+    /// Name of a `[campaign.*]`, whose robot and gait are the present ones.
+    campaign: String,
+    /// Name of a `[model.*]`: skid-roll, coulomb or your own.
+    #[arg(long)]
+    model: String,
+    /// What is to be as large as possible: d, v, d-per-work or v-per-power, which have one optimum.
+    #[arg(long, value_name = "WHAT", value_parser = parse_objective, required_unless_present = "minimise")]
+    maximise: Option<Objective>,
+    /// What is to be as small as possible: work-per-metre, which is smallest where d-per-work is largest.
+    #[arg(long, value_name = "WHAT", value_parser = parse_minimised, conflicts_with = "maximise")]
+    minimise: Option<Objective>,
+    /// What may vary: omega, amplitude1, offset2, phase2, ..., amplitudes, offsets; one or several [default: all].
+    #[arg(long, num_args = 1.., value_name = "COMMAND")]
+    free: Vec<String>,
+    /// Frequencies, rad/s: `0.5..6`, or one where it does not vary [default: optimise.omega_rad_s].
+    #[arg(long, value_name = "RAD_S", value_parser = parse_range)]
+    omega: Option<[f64; 2]>,
+    /// Amplitudes of the commanded joints, degrees: `5..60` [default: optimise.amplitude_deg].
+    #[arg(long, value_name = "DEG", value_parser = parse_range)]
+    amplitude_deg: Option<[f64; 2]>,
+    /// Most of |offset| + amplitude, degrees [default: optimise.angle_deg].
+    #[arg(long, value_name = "DEG")]
+    angle_deg: Option<f64>,
+    /// Most of amplitude times omega, degrees/s [default: optimise.rate_deg_s].
+    #[arg(long, value_name = "DEG_S")]
+    rate_deg_s: Option<f64>,
+    /// Most of the actuators' mean power, W [default: optimise.power_w].
+    #[arg(long, value_name = "W")]
+    power_w: Option<f64>,
+    /// Most of every actuator's torque, N m [default: optimise.torque_nm].
+    #[arg(long, value_name = "NM")]
+    torque_nm: Option<f64>,
+    /// Places where searches begin [default: optimise.starts].
+    #[arg(long, value_name = "N")]
+    starts: Option<usize>,
+    /// Parameters of the robot and numbers of the gait, as `simulate` takes them.
+    #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Print the optimal gait as an entry of pipeline.toml.
+    #[arg(long, conflicts_with_all = ["json", "csv"])]
+    gait_toml: bool,
+    /// Print CSV with every digit.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Optimise {
+    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+        let config = self.configured(context.config)?;
+        let settings = &config.optimise;
+        let radians = |[low, high]: [f64; 2]| [low.to_radians(), high.to_radians()];
+        let (omega_rad_s, starts) = (settings.omega_rad_s, settings.starts);
+        let bounds = Bounds {
+            omega_rad_s,
+            amplitude_rad: radians(settings.amplitude_deg),
+            angle_rad: settings.angle_deg.to_radians(),
+            rate_rad_s: settings.rate_deg_s.to_radians(),
+            power_w: settings.power_w,
+            torque_nm: settings.torque_nm,
+        };
+        let objective = self.maximise.or(self.minimise).ok_or("--maximise: needed")?;
+        let setup = Setup::new(config, &self.campaign, &self.model, &self.set)?;
+        let free = match self.free.is_empty() {
+            true => Command::all(&setup.gait),
+            false => Command::parse(&self.free, &setup.gait)?,
+        };
+        let free = self.varying(free)?;
+        for message in outside(&setup.gait, &bounds) {
+            note!(
+                "the present gait is outside the bounds: {message}; the search begins at the nearest within"
+            );
+        }
+        let present_rad_s = match self.omega {
+            Some([low, high]) if low == high => low,
+            _ => 0.5 * (omega_rad_s[0] + omega_rad_s[1]),
+        };
+        let problem = setup.problem(present_rad_s);
+        let search = Search { problem, objective, free, bounds, starts };
+        let found = search.run();
+        // What the present gait comes to at its own best frequency.
+        let by_omega: Vec<Command> =
+            search.free.iter().copied().filter(|of| *of == Command::Omega).collect();
+        let is_more = search.free.len() > by_omega.len();
+        let present = is_more.then(|| Search { free: by_omega, ..search.clone() }.present());
+        self.print(objective, &found, present.flatten().as_ref())
+    }
+
+    /// The configuration with what the options say.
+    fn configured(&self, mut config: Config) -> Result<Config, Failure> {
+        let settings = &mut config.optimise;
+        match self.omega {
+            Some([low, high]) if low == high && low > 0.0 => {}
+            Some(range) => settings.omega_rad_s = range,
+            None => {}
+        }
+        settings.amplitude_deg = self.amplitude_deg.unwrap_or(settings.amplitude_deg);
+        settings.angle_deg = self.angle_deg.unwrap_or(settings.angle_deg);
+        settings.rate_deg_s = self.rate_deg_s.unwrap_or(settings.rate_deg_s);
+        settings.power_w = self.power_w.or(settings.power_w);
+        settings.torque_nm = self.torque_nm.or(settings.torque_nm);
+        settings.starts = self.starts.unwrap_or(settings.starts);
+        config.check(Path::new("the options"))?;
+        Ok(config)
+    }
+
+    /// The commands that vary where one frequency may be given.
+    fn varying(&self, mut free: Vec<Command>) -> Result<Vec<Command>, Failure> {
+        let is_fixed = self.omega.is_some_and(|[low, high]| low == high);
+        if is_fixed && self.free.is_empty() {
+            free.retain(|of| *of != Command::Omega);
+        }
+        match (free.contains(&Command::Omega), is_fixed) {
+            (true, true) => Err("--omega: found one frequency, needed LOW..HIGH: it varies".into()),
+            (false, false) => {
+                Err("--omega: needed one frequency: `omega` is not among what varies".into())
+            }
+            _ if free.is_empty() => Err("--free: nothing varies".into()),
+            _ => Ok(free),
+        }
+    }
+
+    fn print(
+        &self,
+        objective: Objective,
+        found: &Found,
+        present: Option<&Optimum>,
+    ) -> Result<Outcome, Failure> {
+        let Found { optima, failed, .. } = found;
+        let Some(first) = optima.first() else {
+            return Err(match objective.knows_work() {
+                true => "no search found a motion on which the actuators do work".into(),
+                false => "no search found a steady motion within the bounds".into(),
+            });
+        };
+        let rows: Vec<OptimumRow> =
+            optima.iter().enumerate().map(|(i, of)| of.row(i + 1, objective)).collect();
+        if self.csv {
+            write_data(csv(&View::of(OptimumRow::to_table(&rows))).trim_end_matches('\n'));
+        } else if self.json {
+            write_data(&json(&View::of(OptimumRow::to_table(&rows))));
+        } else if self.gait_toml {
+            if let Some(best) = found.best() {
+                say!("{}", gait_toml(&self.campaign, objective, best).trim_end());
+            }
+        } else {
+            print_table(objective, optima, present);
+            if *failed > 0 {
+                say!("{failed} searches found no motion within the bounds");
+            }
+        }
+        if found.best().is_none() {
+            note!("no optimum counts: {}", why_not(first));
+            return Ok(Outcome::NeedsAttention);
+        }
+        Ok(Outcome::Well)
+    }
+}
+
+/// The optima, and the present gait at its best frequency.
+fn print_table(objective: Objective, optima: &[Optimum], present: Option<&Optimum>) {
+    let (name, scale) = match objective {
+        Objective::Distance => ("d mm".to_owned(), 1e3),
+        Objective::Speed => ("v mm/s".to_owned(), 1e3),
+        other => (format!("{} {}", other.name(), other.unit()), 1.0),
+    };
+    let Some(first) = optima.first() else { return };
+    let joints: Vec<usize> =
+        (0..2).filter(|joint| first.problem.gait.joints[*joint].is_some()).collect();
+    let mut headings = vec!["".to_owned(), name, "omega rad/s".to_owned()];
+    for joint in &joints {
+        for number in ["amplitude", "offset", "phase"] {
+            headings.push(format!("{number}{} deg", joint + 1));
+        }
+    }
+    headings.extend(["d mm", "v mm/s", "work J/m", "power W"].map(str::to_owned));
+    let numbers = headings.len();
+    headings.extend(["starts", "remark"].map(str::to_owned));
+    let line = |name: String, of: &Optimum| {
+        let mut cells = vec![name, short(scale * of.value), short(of.problem.omega_rad_s)];
+        for command in joints.iter().filter_map(|joint| of.problem.gait.joints[*joint]) {
+            let JointCommand { offset_rad, amplitude_rad, phase_rad } = command;
+            let numbers = [amplitude_rad, offset_rad, phase_rad];
+            cells.extend(numbers.map(|of| format!("{:.3}", of.to_degrees() + 0.0)));
+        }
+        let metrics = of.motion.metrics;
+        cells.extend([
+            short(1e3 * metrics.d_m),
+            short(1e3 * metrics.v_m_s),
+            short(of.motion.work_j / metrics.d_m),
+            short(of.power_w()),
+            of.starts.to_string(),
+            remark(of),
+        ]);
+        cells
+    };
+    let mut lines: Vec<Vec<String>> =
+        optima.iter().enumerate().map(|(i, of)| line((i + 1).to_string(), of)).collect();
+    lines.extend(present.map(|of| line("present".to_owned(), of)));
+    let headings: Vec<(&str, bool)> = headings
+        .iter()
+        .enumerate()
+        .map(|(i, name)| (name.as_str(), i > 0 && i <= numbers))
+        .collect();
+    table::print(&headings, &lines, None);
+    if let (Some(best), Some(present)) = (optima.first().filter(|of| of.counts()), present) {
+        let percent = 100.0 * (best.value / present.value - 1.0);
+        say!("the best is {percent:+.1} % of the present gait at its best frequency");
+    }
+}
+
+/// What keeps it from being better, and why it does not count.
+fn remark(of: &Optimum) -> String {
+    let at_bound = match of.at_bound.is_empty() {
+        true => String::new(),
+        false => format!("at its bound: {}", of.at_bound.join(", ")),
+    };
+    let parts = [at_bound, why_not(of)];
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
+}
+
+/// Why an optimum does not count; empty if it does.
+fn why_not(of: &Optimum) -> String {
+    match (of.status.is_stable(), of.from_rest) {
+        (false, _) => format!("the motion is {}", of.status),
+        (_, FromRest::Another) => "from rest the robot gets into another motion".to_owned(),
+        (_, FromRest::Unsettled) => "from rest the robot does not settle".to_owned(),
+        _ => String::new(),
+    }
+}
+
+/// The gait as an entry of `pipeline.toml`.
+fn gait_toml(campaign: &str, objective: Objective, best: &Optimum) -> String {
+    let Gait { joints } = best.problem.gait;
+    let mut text = format!(
+        "# {} = {} {} at {} rad/s\n[gait.{campaign}-best-{}]\n",
+        objective.name(),
+        short(best.value),
+        objective.unit(),
+        best.problem.omega_rad_s,
+        objective.name()
+    );
+    for (joint, command) in joints.iter().enumerate() {
+        if let Some(JointCommand { offset_rad, amplitude_rad, phase_rad }) = command {
+            text += &format!(
+                "joint{} = {{ offset_deg = {:?}, amplitude_deg = {:?}, phase_deg = {:?} }}\n",
+                joint + 1,
+                offset_rad.to_degrees(),
+                amplitude_rad.to_degrees(),
+                phase_rad.to_degrees()
+            );
+        }
+    }
+    text
+}
+
+fn parse_objective(text: &str) -> Result<Objective, String> {
+    of_names(text, |of| !of.is_minimised())
+}
+
+fn parse_minimised(text: &str) -> Result<Objective, String> {
+    of_names(text, Objective::is_minimised)
+}
+
+/// The objective with a name, of those for which `is_one` holds.
+fn of_names(text: &str, is_one: impl Fn(Objective) -> bool) -> Result<Objective, String> {
+    let known: Vec<Objective> = Objective::ALL.into_iter().filter(|of| is_one(*of)).collect();
+    let found = known.iter().copied().find(|of| of.name() == text);
+    found.ok_or_else(|| {
+        let names: Vec<&str> = known.iter().map(|of| of.name()).collect();
+        let hint = did_you_mean(text, names.iter().copied());
+        format!("found `{text}`, needed `{}`{hint}", names.join("`, `"))
+    })
+}
+
+/// `LOW..HIGH`, or one number as both.
+fn parse_range(text: &str) -> Result<[f64; 2], String> {
+    let needed = || format!("found `{text}`, needed LOW..HIGH or a number");
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    match text.split_once("..") {
+        Some((low, high)) => {
+            let (low, high) = number(low).zip(number(high)).ok_or_else(needed)?;
+            if low < high { Ok([low, high]) } else { Err(needed() + ", the lower number first") }
+        }
+        None => number(text).map(|value| [value; 2]).ok_or_else(needed),
+    }
+}

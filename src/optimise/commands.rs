@@ -1,0 +1,146 @@
+//! The numbers of a gait that may vary.
+
+use std::f64::consts::PI;
+use std::fmt;
+
+use crate::config::did_you_mean;
+use crate::motion::Problem;
+use crate::robot::Gait;
+
+/// The numbers of a joint's command, as they are named.
+const NUMBERS: [&str; 3] = ["offset", "amplitude", "phase"];
+const OFFSET: usize = 0;
+const AMPLITUDE: usize = 1;
+const PHASE: usize = 2;
+
+/// Most numbers of a gait: the frequency and three of each joint.
+pub(super) const MOST_COMMANDS: usize = 7;
+
+/// A number of the gait that may vary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Command {
+    /// The frequency, rad/s.
+    Omega,
+    /// Offset, amplitude or phase (0, 1, 2) of a joint (0 or 1), rad.
+    Joint(usize, usize),
+}
+
+impl fmt::Display for Command {
+    fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Omega => to.write_str("omega"),
+            Self::Joint(joint, number) => write!(to, "{}{}", NUMBERS[*number], joint + 1),
+        }
+    }
+}
+
+impl Command {
+    /// All that a motion depends on: of two phases it is their difference, of one nothing.
+    pub fn all(gait: &Gait) -> Vec<Self> {
+        let commanded = |joint: &usize| gait.joints[*joint].is_some();
+        let of_all =
+            |number: usize| (0..2).filter(commanded).map(move |joint| Self::Joint(joint, number));
+        let phase = gait.passive_joint().is_none().then_some(Self::Joint(1, PHASE));
+        [Self::Omega]
+            .into_iter()
+            .chain(of_all(AMPLITUDE))
+            .chain(of_all(OFFSET))
+            .chain(phase)
+            .collect()
+    }
+
+    /// The commands with these names, of a gait: `omega`, `amplitude1`, or `amplitudes` for those of all commanded
+    /// joints.
+    ///
+    /// # Errors
+    /// Nothing has this name, or the motion does not depend on it.
+    pub fn parse(names: &[String], gait: &Gait) -> Result<Vec<Self>, String> {
+        let all = Self::all(gait);
+        let mut free: Vec<Self> = Vec::new();
+        for name in names.iter().flat_map(|names| names.split(',')).map(str::trim) {
+            let of_group = |command: &&Self| match command {
+                Self::Omega => false,
+                Self::Joint(_, number) => name == format!("{}s", NUMBERS[*number]),
+            };
+            let named: Vec<Self> =
+                all.iter().filter(|of| of.to_string() == name || of_group(of)).copied().collect();
+            if named.is_empty() {
+                return Err(unknown(name, gait, &all));
+            }
+            free.extend(named);
+        }
+        free.sort_by_key(|of| all.iter().position(|one| one == of));
+        free.dedup();
+        Ok(free)
+    }
+
+    pub(super) fn value(self, problem: &Problem) -> f64 {
+        match self {
+            Self::Omega => problem.omega_rad_s,
+            Self::Joint(joint, number) => {
+                problem.gait.joints[joint].map_or(0.0, |of| of.to_array()[number])
+            }
+        }
+    }
+
+    pub(super) fn set(self, problem: &mut Problem, value: f64) {
+        match self {
+            Self::Omega => problem.omega_rad_s = value,
+            Self::Joint(joint, number) => {
+                if let Some(command) = &mut problem.gait.joints[joint] {
+                    *command.numbers_mut()[number] = value;
+                }
+            }
+        }
+    }
+
+    /// Where it may be; angles are limited in sum, so that an offset alone may be as large as they.
+    pub(super) fn range(self, bounds: &Bounds) -> [f64; 2] {
+        match self {
+            Self::Omega => bounds.omega_rad_s,
+            Self::Joint(_, AMPLITUDE) => bounds.amplitude_rad,
+            // A turn to each side of where searches begin.
+            Self::Joint(_, PHASE) => [-3.0 * PI, 3.0 * PI],
+            Self::Joint(..) => [-bounds.angle_rad, bounds.angle_rad],
+        }
+    }
+
+    /// Whether a value and the same a whole turn later are one.
+    pub(super) fn is_phase(self) -> bool {
+        matches!(self, Self::Joint(_, PHASE))
+    }
+
+    pub(super) fn is_offset(self) -> bool {
+        matches!(self, Self::Joint(_, OFFSET))
+    }
+}
+
+fn unknown(name: &str, gait: &Gait, all: &[Command]) -> String {
+    let known: Vec<String> = all.iter().map(Command::to_string).collect();
+    let why = match name {
+        "phase1" | "phase2" | "phases" if gait.passive_joint().is_some() => {
+            "; the phase of the only commanded joint changes nothing".to_owned()
+        }
+        "phase1" => "; only the difference of both phases matters".to_owned(),
+        _ => did_you_mean(name, known.iter().map(String::as_str)),
+    };
+    format!(
+        "--free: found `{name}`, needed `{}`, `amplitudes` or `offsets`{why}",
+        known.join("`, `")
+    )
+}
+
+/// What gaits are searched, and what their motions may take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    pub omega_rad_s: [f64; 2],
+    pub amplitude_rad: [f64; 2],
+    /// Most of |offset| + amplitude of every commanded joint.
+    pub angle_rad: f64,
+    /// Most of amplitude times omega of every commanded joint.
+    pub rate_rad_s: f64,
+    /// Most of the actuators' mean power, W.
+    pub power_w: Option<f64>,
+    /// Most of every actuator's torque, N m.
+    pub torque_nm: Option<f64>,
+}

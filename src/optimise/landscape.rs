@@ -1,0 +1,273 @@
+//! The objective over the commands that may vary, and what limits them.
+
+use std::f64::consts::TAU;
+
+use nalgebra::SVector;
+
+use super::commands::{Bounds, Command, MOST_COMMANDS};
+use super::objective::Objective;
+use crate::motion::{Derivatives, Problem, Solver};
+
+/// Commands as parts of their ranges, 0 to 1; those that do not vary are zero.
+pub(super) type Place = SVector<f64, MOST_COMMANDS>;
+
+/// Limits that are no ranges: two sides of each joint's angle, its rate, the power, the torque.
+pub(super) const LIMITS: usize = 8;
+const RATE: usize = 4;
+const POWER: usize = 6;
+const TORQUE: usize = 7;
+/// Their names.
+const LIMIT_NAMES: [&str; LIMITS] =
+    ["angle1", "angle1", "angle2", "angle2", "rate1", "rate2", "power", "torque"];
+
+/// Relative accuracy of the motions of a search.
+const ACCURACY: f64 = 1e-9;
+/// Moments of a cycle at which torques are compared with their limit.
+const TORQUE_SAMPLES: usize = 240;
+/// Step of a command, as a part of its range, that tells what it changes of the largest torque.
+const TORQUE_STEP: f64 = 1e-5;
+
+/// The objective at one place.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Point {
+    /// Logarithm of the objective, with the sign that makes it a cost; its gradient.
+    pub cost: f64,
+    pub gradient: Place,
+    /// By how much each limit is exceeded, as a part of it, and the gradient of that; minus infinity where there is
+    /// none.
+    pub excess: [f64; LIMITS],
+    excess_gradients: [Place; LIMITS],
+}
+
+/// Evaluates the objective, each motion from the last one.
+#[derive(Debug, Clone)]
+pub(super) struct Landscape<'a> {
+    objective: Objective,
+    commands: &'a [Command],
+    bounds: &'a Bounds,
+    ranges: [[f64; 2]; MOST_COMMANDS],
+    problem: Problem,
+    solver: Solver,
+    /// Whether an unstable motion is none.
+    pub only_stable: bool,
+    /// Of the augmented Lagrangian.
+    pub multipliers: [f64; LIMITS],
+    pub stiffness: f64,
+    /// Motions solved for.
+    pub solves: usize,
+}
+
+impl<'a> Landscape<'a> {
+    pub fn new(
+        problem: Problem,
+        objective: Objective,
+        commands: &'a [Command],
+        bounds: &'a Bounds,
+    ) -> Self {
+        let mut ranges = [[0.0, 1.0]; MOST_COMMANDS];
+        commands.iter().zip(&mut ranges).for_each(|(of, range)| *range = of.range(bounds));
+        Self {
+            objective,
+            commands,
+            bounds,
+            ranges,
+            problem,
+            solver: Solver::default(),
+            only_stable: false,
+            multipliers: [0.0; LIMITS],
+            stiffness: 1.0,
+            solves: 0,
+        }
+    }
+
+    /// Makes the next motion start from rest.
+    pub fn forget(&mut self) {
+        self.solver.forget();
+    }
+
+    /// How many commands vary.
+    pub fn count(&self) -> usize {
+        self.commands.len()
+    }
+
+    /// Where a problem is, as far as it is within the ranges.
+    pub fn place_of(&self, problem: &Problem) -> Place {
+        let mut place = Place::zeros();
+        for (i, command) in self.commands.iter().enumerate() {
+            let [low, high] = self.ranges[i];
+            place[i] = ((command.value(problem) - low) / (high - low)).clamp(0.0, 1.0);
+        }
+        place
+    }
+
+    /// The problem at a place.
+    pub fn problem_at(&self, place: &Place) -> Problem {
+        let mut problem = self.problem.clone();
+        self.set(&mut problem, place);
+        problem
+    }
+
+    fn set(&self, problem: &mut Problem, place: &Place) {
+        for (i, command) in self.commands.iter().enumerate() {
+            let [low, high] = self.ranges[i];
+            command.set(problem, low + place[i] * (high - low));
+        }
+    }
+
+    /// The cost and its gradient with what exceeded limits add (augmented Lagrangian).
+    pub fn augmented(&self, point: &Point) -> (f64, Place) {
+        let (mut cost, mut gradient) = (point.cost, point.gradient);
+        for (i, excess) in point.excess.into_iter().enumerate() {
+            let force = (self.multipliers[i] + self.stiffness * excess).max(0.0);
+            cost += 0.5 * (force * force - self.multipliers[i].powi(2)) / self.stiffness;
+            gradient += force * point.excess_gradients[i];
+        }
+        (cost, gradient)
+    }
+
+    /// The objective at a place; `None` where there is no motion, or it comes to nothing.
+    pub fn evaluate(&mut self, place: &Place) -> Option<Point> {
+        let problem = self.problem_at(place);
+        let point = self.point(&problem, place);
+        point.filter(|point| {
+            let gradients = point.excess_gradients.iter().chain([&point.gradient]);
+            point.cost.is_finite() && gradients.flatten().all(|slope| slope.is_finite())
+        })
+    }
+
+    fn point(&mut self, problem: &Problem, place: &Place) -> Option<Point> {
+        self.solves += 1;
+        let metrics = self.solver.solve(problem, ACCURACY).ok()?;
+        if self.only_stable && !self.solver.status().ok()?.is_stable() {
+            return None;
+        }
+        let derivatives = self.solver.derivatives().ok()?;
+        let omega = problem.omega_rad_s;
+        let none = Derivatives::splat(0.0);
+        let (work_j, work) = match self.objective.knows_work() || self.bounds.power_w.is_some() {
+            true => (self.solver.work_and_loss_j().ok()?[1], self.solver.work_derivatives().ok()?),
+            false => (1.0, none),
+        };
+        let [of_d, of_omega, of_work] = self.objective.powers();
+        let is_nothing = metrics.d_m <= 0.0 || (self.objective.knows_work() && work_j <= 0.0);
+        if is_nothing {
+            return None;
+        }
+        let logarithm =
+            |value: f64, power: f64| if power == 0.0 { 0.0 } else { power * value.ln() };
+        let mut point = Point {
+            cost: -logarithm(metrics.d_m, of_d)
+                - logarithm(omega, of_omega)
+                - logarithm(work_j, of_work),
+            gradient: Place::zeros(),
+            excess: [f64::NEG_INFINITY; LIMITS],
+            excess_gradients: [Place::zeros(); LIMITS],
+        };
+        let Bounds { angle_rad, rate_rad_s, power_w, .. } = *self.bounds;
+        for (joint, command) in problem.gait.joints.iter().enumerate() {
+            let Some(command) = command else { continue };
+            for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
+                let largest = sign * command.offset_rad + command.amplitude_rad;
+                point.excess[2 * joint + side] = largest / angle_rad - 1.0;
+            }
+            point.excess[RATE + joint] = command.amplitude_rad * omega / rate_rad_s - 1.0;
+        }
+        if let Some(power_w) = power_w {
+            point.excess[POWER] = work_j * omega / (TAU * power_w) - 1.0;
+        }
+        for (i, command) in self.commands.iter().enumerate() {
+            let size = self.ranges[i][1] - self.ranges[i][0];
+            let (d_m, work) = match *command {
+                Command::Omega => (derivatives.omega.d_m, work.omega),
+                Command::Joint(joint, number) => {
+                    (derivatives.gait[joint][number].d_m, work.gait[joint][number])
+                }
+            };
+            let by_omega = if *command == Command::Omega { 1.0 / omega } else { 0.0 };
+            let relative = of_d * d_m / metrics.d_m + of_omega * by_omega + of_work * work / work_j;
+            point.gradient[i] = -size * relative;
+            if let Some(power_w) = power_w {
+                let by_command = (work + work_j * by_omega) * omega / (TAU * power_w);
+                point.excess_gradients[POWER][i] = size * by_command;
+            }
+            match *command {
+                Command::Omega => {
+                    for (joint, of) in problem.gait.joints.iter().enumerate() {
+                        let amplitude_rad = of.map_or(0.0, |of| of.amplitude_rad);
+                        point.excess_gradients[RATE + joint][i] = size * amplitude_rad / rate_rad_s;
+                    }
+                }
+                Command::Joint(joint, _) if command.is_offset() => {
+                    point.excess_gradients[2 * joint][i] = size / angle_rad;
+                    point.excess_gradients[2 * joint + 1][i] = -size / angle_rad;
+                }
+                Command::Joint(_, _) if command.is_phase() => {}
+                Command::Joint(joint, _) => {
+                    point.excess_gradients[2 * joint][i] = size / angle_rad;
+                    point.excess_gradients[2 * joint + 1][i] = size / angle_rad;
+                    point.excess_gradients[RATE + joint][i] = size * omega / rate_rad_s;
+                }
+            }
+        }
+        if let Some(torque_nm) = self.bounds.torque_nm {
+            self.limit_torque(&mut point, torque_nm, problem, place)?;
+        }
+        Some(point)
+    }
+
+    /// Fills in by how much the largest torque exceeds its limit. What changes that is found from
+    /// neighbouring motions.
+    fn limit_torque(
+        &mut self,
+        point: &mut Point,
+        torque_nm: f64,
+        problem: &Problem,
+        place: &Place,
+    ) -> Option<()> {
+        let largest = |solver: &mut Solver, passive: Option<usize>| -> Option<f64> {
+            let samples = solver.cycle(TORQUE_SAMPLES).ok()?;
+            let of_sample = samples.iter().flat_map(|sample| {
+                let torques = sample.forces.torque_nm.into_iter().enumerate();
+                torques.filter(|(joint, _)| Some(*joint) != passive).map(|(_, of)| of.abs())
+            });
+            // Where the shape is singular torques are not known.
+            let largest = of_sample.filter(|of| of.is_finite()).fold(0.0, f64::max);
+            (largest > 0.0).then_some(largest)
+        };
+        let passive = problem.gait.passive_joint();
+        let here = largest(&mut self.solver, passive)?;
+        point.excess[TORQUE] = here / torque_nm - 1.0;
+        let mut neighbour = problem.clone();
+        for i in 0..self.count() {
+            let step = if place[i] + TORQUE_STEP > 1.0 { -TORQUE_STEP } else { TORQUE_STEP };
+            let mut moved = *place;
+            moved[i] += step;
+            self.set(&mut neighbour, &moved);
+            self.solves += 1;
+            self.solver.solve(&neighbour, ACCURACY).ok()?;
+            let there = largest(&mut self.solver, passive)?;
+            point.excess_gradients[TORQUE][i] = (there - here) / (step * torque_nm);
+        }
+        Some(())
+    }
+
+    /// What keeps a place where it is: ends of ranges, and limits that are reached.
+    pub fn bounds_met(&self, place: &Place, point: &Point) -> Vec<String> {
+        const NEAR: f64 = 1e-6;
+        let mut met = Vec::new();
+        for (i, command) in self.commands.iter().enumerate().filter(|(_, of)| !of.is_phase()) {
+            let end = match place[i] {
+                part if part < NEAR => "least",
+                part if part > 1.0 - NEAR => "most",
+                _ => continue,
+            };
+            met.push(format!("{end} {command}"));
+        }
+        for (name, excess) in LIMIT_NAMES.iter().zip(point.excess) {
+            if excess > -NEAR && !met.iter().any(|known| known == name) {
+                met.push((*name).to_owned());
+            }
+        }
+        met
+    }
+}

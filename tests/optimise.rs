@@ -1,0 +1,277 @@
+//! Optimal gaits: none nearby or elsewhere is better, and what they are said to be they are.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{succeed, text, trilink};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde_json::Value;
+use trilink::config::Config;
+use trilink::motion::{Laws, Problem, Solver};
+use trilink::optimise::{Bounds, Command, Objective, Search};
+
+const CAMPAIGNS: [&str; 3] = ["kinematic-symmetric", "kinematic-skewed", "semi-passive-symmetric"];
+/// By how much no other gait may be better, relative.
+const BETTER: f64 = 1e-6;
+
+fn bounds() -> Bounds {
+    Bounds {
+        omega_rad_s: [0.5, 8.0],
+        amplitude_rad: [0.1, 0.8],
+        angle_rad: 1.2,
+        rate_rad_s: 5.0,
+        power_w: None,
+        torque_nm: None,
+    }
+}
+
+fn problem(campaign: &str) -> Problem {
+    let (robot, gait) = Config::default().campaign_setup(campaign).unwrap();
+    Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.0 }
+}
+
+/// What an objective comes to with these values of the commands; nothing outside the bounds and where there is no
+/// motion.
+fn value(search: &Search, solver: &mut Solver, values: &[f64]) -> Option<f64> {
+    let mut problem = search.problem.clone();
+    for (command, value) in search.free.iter().zip(values) {
+        match *command {
+            Command::Omega => problem.omega_rad_s = *value,
+            Command::Joint(joint, number) => {
+                *problem.gait.joints[joint].as_mut()?.numbers_mut()[number] = *value;
+            }
+        }
+    }
+    let is_within = problem.gait.joints.iter().flatten().all(|of| {
+        of.offset_rad.abs() + of.amplitude_rad <= search.bounds.angle_rad
+            && of.amplitude_rad * problem.omega_rad_s <= search.bounds.rate_rad_s
+    });
+    if !is_within {
+        return None;
+    }
+    let metrics = solver.solve(&problem, 1e-9).ok()?;
+    let [work_j, _] = solver.work_and_loss_j().ok()?;
+    Some(search.objective.value(metrics.d_m, metrics.v_m_s, work_j))
+}
+
+/// The better of two values of an objective.
+fn better(objective: Objective, a: f64, b: f64) -> f64 {
+    if objective.is_minimised() { a.min(b) } else { a.max(b) }
+}
+
+fn assert_not_better(search: &Search, found: f64, other: f64, what: &str) {
+    let by = if search.objective.is_minimised() { found / other } else { other / found };
+    assert!(by <= 1.0 + BETTER, "{what} {}: {found}, and {other} elsewhere", search.objective);
+}
+
+#[test]
+fn no_point_of_a_grid_is_better_for_any_objective() {
+    const POINTS: usize = 15;
+    let cases: Vec<(&str, Objective)> = CAMPAIGNS
+        .into_iter()
+        .flat_map(|of| Objective::ALL.into_iter().map(move |objective| (of, objective)))
+        .collect();
+    cases.into_par_iter().for_each(|(campaign, objective)| {
+        let problem = problem(campaign);
+        let amplitude =
+            Command::all(&problem.gait).into_iter().find(|of| *of != Command::Omega).unwrap();
+        let free = vec![Command::Omega, amplitude];
+        let search = Search { problem, objective, free, bounds: bounds(), starts: 4 };
+        let found = search.run();
+        let best = found.best().unwrap_or_else(|| panic!("{campaign} {objective}"));
+        let mut solver = Solver::default();
+        let mut known = if objective.is_minimised() { f64::INFINITY } else { 0.0 };
+        for i in 0..POINTS * POINTS {
+            let part = |i: usize, [low, high]: [f64; 2]| {
+                low + (high - low) * i as f64 / (POINTS - 1) as f64
+            };
+            let values = [
+                part(i / POINTS, search.bounds.omega_rad_s),
+                part(i % POINTS, search.bounds.amplitude_rad),
+            ];
+            if let Some(value) = value(&search, &mut solver, &values) {
+                known = better(objective, known, value);
+            }
+        }
+        assert_not_better(&search, best.value, known, campaign);
+    });
+}
+
+/// Differential evolution, `rand/1/bin`.
+///
+/// Reference: R. Storn and K. Price, *Differential evolution*, J. Global Optim. 11 (1997) 341-359.
+fn evolve(search: &Search, ranges: &[[f64; 2]], generations: usize) -> f64 {
+    const POPULATION: usize = 30;
+    const FACTOR: f64 = 0.7;
+    const CROSSOVER: f64 = 0.8;
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let mut solver = Solver::default();
+    let worst = if search.objective.is_minimised() { f64::INFINITY } else { 0.0 };
+    let mut all: Vec<(Vec<f64>, f64)> = (0..POPULATION)
+        .map(|_| {
+            let values: Vec<f64> =
+                ranges.iter().map(|[low, high]| random.random_range(*low..*high)).collect();
+            let value = value(search, &mut solver, &values).unwrap_or(worst);
+            (values, value)
+        })
+        .collect();
+    for _ in 0..generations {
+        for i in 0..POPULATION {
+            let [a, b, c] = [(); 3].map(|()| random.random_range(0..POPULATION));
+            let taken = random.random_range(0..ranges.len());
+            let tried: Vec<f64> = (0..ranges.len())
+                .map(|j| {
+                    let moved = all[a].0[j] + FACTOR * (all[b].0[j] - all[c].0[j]);
+                    let is_moved = j == taken || random.random::<f64>() < CROSSOVER;
+                    if is_moved { moved.clamp(ranges[j][0], ranges[j][1]) } else { all[i].0[j] }
+                })
+                .collect();
+            let value = value(search, &mut solver, &tried).unwrap_or(worst);
+            if better(search.objective, value, all[i].1) == value {
+                all[i] = (tried, value);
+            }
+        }
+    }
+    all.into_iter().map(|(_, value)| value).fold(worst, |a, b| better(search.objective, a, b))
+}
+
+#[test]
+fn an_evolution_over_five_commands_finds_nothing_better() {
+    for (objective, generations) in [(Objective::Speed, 25), (Objective::WorkPerMetre, 25)] {
+        let problem = problem("kinematic-skewed");
+        let mut free = Command::all(&problem.gait);
+        free.retain(|of| *of != Command::Joint(1, 2));
+        let Bounds { omega_rad_s, amplitude_rad, angle_rad, .. } = bounds();
+        let ranges: Vec<[f64; 2]> = free
+            .iter()
+            .map(|of| match of {
+                Command::Omega => omega_rad_s,
+                Command::Joint(_, 1) => amplitude_rad,
+                _ => [-angle_rad, angle_rad],
+            })
+            .collect();
+        assert_eq!(free.len(), 5);
+        let search = Search { problem, objective, free, bounds: bounds(), starts: 8 };
+        let found = search.run();
+        let ends: Vec<f64> = found.optima.iter().map(|of| of.value).collect();
+        let known = evolve(&search, &ranges, generations);
+        let nearest = ends.iter().copied().fold(ends[0], |a, b| better(objective, a, b));
+        assert_not_better(&search, nearest, known, "evolution");
+    }
+}
+
+#[test]
+fn what_changes_at_an_optimum_within_the_ranges_is_of_second_order() {
+    let problem = problem("semi-passive-symmetric");
+    let free = vec![Command::Omega];
+    let objective = Objective::Speed;
+    let search = Search { problem, objective, free, bounds: bounds(), starts: 4 };
+    let found = search.run();
+    let best = found.best().unwrap();
+    assert!(best.at_bound.is_empty(), "{:?}", best.at_bound);
+    let mut solver = Solver::default();
+    let omega = best.problem.omega_rad_s;
+    let mut at = |omega: f64| value(&search, &mut solver, &[omega]).unwrap();
+    let (less, more) = (at(omega * 0.999), at(omega * 1.001));
+    assert!(less < best.value && more < best.value, "{less} {} {more}", best.value);
+    // Sec. III: the semi-passive robot is fastest at about 4 rad/s.
+    assert!((3.5..4.5).contains(&omega), "{omega}");
+}
+
+#[test]
+fn limits_of_power_and_torque_are_kept_and_named() {
+    let problem = problem("kinematic-symmetric");
+    let free = Command::all(&problem.gait);
+    let objective = Objective::Speed;
+    let search = Search { problem, objective, free, bounds: bounds(), starts: 3 };
+    let free_power_w = search.run().best().unwrap().power_w();
+    let power_w = 0.5 * free_power_w;
+    let limited =
+        Search { bounds: Bounds { power_w: Some(power_w), ..bounds() }, ..search.clone() };
+    let found = limited.run();
+    let best = found.best().unwrap();
+    assert!(best.power_w() <= power_w * (1.0 + 1e-6), "{} {power_w}", best.power_w());
+    assert!(best.at_bound.iter().any(|of| of == "power"), "{:?}", best.at_bound);
+    let largest = |problem: &Problem| {
+        let mut solver = Solver::default();
+        solver.solve(problem, 1e-10).unwrap();
+        let samples = solver.cycle(240).unwrap();
+        samples.iter().flat_map(|of| of.forces.torque_nm).fold(0.0, |a: f64, b| a.max(b.abs()))
+    };
+    let torque_nm = 0.6 * largest(&best.problem);
+    let limited = Search {
+        bounds: Bounds { torque_nm: Some(torque_nm), ..bounds() },
+        free: vec![Command::Omega, Command::Joint(0, 1), Command::Joint(1, 1)],
+        starts: 2,
+        ..search
+    };
+    let found = limited.run();
+    let best = found.best().unwrap();
+    assert!(largest(&best.problem) <= torque_nm * (1.0 + 1e-5));
+    assert!(best.at_bound.iter().any(|of| of == "torque"), "{:?}", best.at_bound);
+}
+
+#[test]
+fn a_gait_that_is_pasted_gives_the_same_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let command = ["optimise", "semi-passive-symmetric", "--model", "skid-roll", "--maximise", "d"];
+    let rows = succeed(folder.path(), &[&command[..], &["--starts", "3", "--json"]].concat());
+    let rows: Value = serde_json::from_str(&rows).unwrap();
+    let best = &rows[0];
+    let entry = succeed(folder.path(), &[&command[..], &["--starts", "3", "--gait-toml"]].concat());
+    let all = succeed(folder.path(), &["config", "show"]);
+    assert!(!all.is_empty());
+    let name = entry.lines().find_map(|line| line.strip_prefix("[gait.")).unwrap();
+    let name = name.trim_end_matches(']');
+    let defaults = include_str!("../pipeline.toml");
+    let config = defaults
+        .replace("gait = \"passive-symmetric\"", &format!("gait = \"{name}\""))
+        .replacen("[gait.skewed]", &format!("{entry}\n[gait.skewed]"), 1);
+    std::fs::write(folder.path().join("pipeline.toml"), config).unwrap();
+    let omega = best["omega_rad_s"].to_string();
+    let simulated =
+        ["simulate", "semi-passive-symmetric", "--model", "skid-roll", "--omega", &omega, "--json"];
+    let simulated: Value = serde_json::from_str(&succeed(folder.path(), &simulated)).unwrap();
+    let (one, other) = (best["d_m"].as_f64().unwrap(), simulated[0]["d_m"].as_f64().unwrap());
+    assert!((one / other - 1.0).abs() < 1e-9, "{one} {other}");
+}
+
+#[test]
+fn what_cannot_be_searched_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |arguments: &[&str], named: &[&str]| {
+        let line = [&["optimise"], arguments].concat();
+        let output = trilink(folder.path(), &line);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line:?}: {said}");
+        for name in named {
+            assert!(said.contains(name), "{line:?}: {said:?} does not name {name:?}");
+        }
+    };
+    let of = ["kinematic-symmetric", "--model", "skid-roll"];
+    let with = |more: &[&'static str]| [&of[..], more].concat();
+    refused(&with(&["--maximise", "speed"]), &["found `speed`", "`v`"]);
+    refused(&with(&["--minimise", "d"]), &["found `d`", "`work-per-metre`"]);
+    refused(&of, &["--maximise"]);
+    refused(&with(&["--maximise", "v", "--free", "phase1"]), &["only the difference"]);
+    refused(&with(&["--maximise", "v", "--free", "omga"]), &["`omga`", "did you mean `omega`"]);
+    refused(
+        &with(&["--maximise", "v", "--free", "amplitudes"]),
+        &["--omega: needed one frequency"],
+    );
+    refused(&with(&["--maximise", "v", "--omega", "6..2"]), &["the lower number first"]);
+    refused(&with(&["--maximise", "v", "--angle-deg", "500"]), &["optimise.angle_deg", "179"]);
+    refused(&["elsewhere", "--model", "skid", "--maximise", "v"], &["elsewhere"]);
+    refused(
+        &["semi-passive-symmetric", "--model", "skid-roll", "--maximise", "v", "--free", "phase2"],
+        &["the phase of the only commanded joint changes nothing"],
+    );
+    // Without friction nothing takes work.
+    refused(
+        &["kinematic-skewed", "--model", "no-skid", "--maximise", "d-per-work", "--starts", "2"],
+        &["no search found a motion on which the actuators do work"],
+    );
+}
