@@ -179,6 +179,21 @@ fn what_changes_at_an_optimum_within_the_ranges_is_of_second_order() {
     assert!((3.5..4.5).contains(&omega), "{omega}");
 }
 
+/// The rear joint of the skewed gait goes beyond the largest angle and does not vary.
+#[test]
+fn a_limit_that_nothing_which_varies_can_keep_is_none() {
+    let problem = problem("kinematic-skewed");
+    let free = vec![Command::Omega, Command::Joint(0, 1)];
+    for objective in Objective::ALL {
+        let problem = problem.clone();
+        let search = Search { problem, objective, free: free.clone(), bounds: bounds(), starts: 2 };
+        let found = search.run();
+        let best = found.best().unwrap_or_else(|| panic!("{objective}"));
+        let [front, _] = best.problem.gait.joints.map(Option::unwrap);
+        assert!(front.offset_rad + front.amplitude_rad <= 1.2 + 1e-6, "{objective} {front:?}");
+    }
+}
+
 #[test]
 fn limits_of_power_and_torque_are_kept_and_named() {
     let problem = problem("kinematic-symmetric");
@@ -271,6 +286,6 @@ fn what_cannot_be_searched_is_refused_by_name() {
     // Without friction nothing takes work.
     refused(
         &["kinematic-skewed", "--model", "no-skid", "--maximise", "d-per-work", "--starts", "2"],
-        &["no search found a motion on which the actuators do work"],
+        &["no search found a motion within the bounds on which the actuators do work"],
     );
 }

@@ -148,7 +148,8 @@ impl Optimise {
         let Found { optima, failed, .. } = found;
         let Some(first) = optima.first() else {
             return Err(match objective.knows_work() {
-                true => "no search found a motion on which the actuators do work".into(),
+                true => "no search found a motion within the bounds on which the actuators do work"
+                    .into(),
                 false => "no search found a steady motion within the bounds".into(),
             });
         };

@@ -212,6 +212,12 @@ impl<'a> Landscape<'a> {
         if let Some(torque_nm) = self.bounds.torque_nm {
             self.limit_torque(&mut point, torque_nm, problem, place)?;
         }
+        // What nothing that varies can change is no limit.
+        for (excess, gradient) in point.excess.iter_mut().zip(&point.excess_gradients) {
+            if *excess > 0.0 && gradient.amax() == 0.0 {
+                *excess = f64::NEG_INFINITY;
+            }
+        }
         Some(point)
     }
 
