@@ -61,7 +61,7 @@ pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
     })
 }
 
-/// The same of the tables of a folder: those of the first one and before them [`TRIAL`], and all
+/// The same of the tables of a folder: those of the first one and before them `trial`, and all
 /// rows.
 ///
 /// # Errors
@@ -87,7 +87,7 @@ pub fn describe_all(path: &Path) -> Result<FileInfo, StoreError> {
     of_folder.map_or_else(|| describe(path), Ok)
 }
 
-/// Reads the named columns and no others, `rows` rows at most; [`TRIAL`] is the name that is given.
+/// Reads the named columns and no others, `rows` rows at most; `trial` is the name that is given.
 pub(super) fn read_columns(
     path: &Path,
     names: &[String],
