@@ -239,8 +239,11 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const FIRST: usize, const C: usize
         (0..LANES).map(|lane| sums[column].lane(lane)).sum()
     };
     alpha1.iter_mut().enumerate().for_each(|(p, sum)| *sum += total(&alpha1_sums[0], p));
-    let sums = sums.map(|of| std::array::from_fn(|column| total(&of, column)));
-    Some((sums, alpha1))
+    let mut totals = [[0.0; MOST_PARAMETERS]; C];
+    for (totals, sums) in totals.iter_mut().zip(&sums) {
+        (0..parameters).for_each(|column| totals[column] = total(sums, column));
+    }
+    Some((totals, alpha1))
 }
 
 /// Where an alpha1 comes from: the element and its derivatives with respect to that element's start.
