@@ -145,7 +145,7 @@ impl Optimise {
         found: &Found,
         present: Option<&Optimum>,
     ) -> Result<Outcome, Failure> {
-        let Found { optima, failed, .. } = found;
+        let Found { optima, failed } = found;
         let Some(first) = optima.first() else {
             return Err(match objective.knows_work() {
                 true => "no search found a motion within the bounds on which the actuators do work"

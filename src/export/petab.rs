@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use super::ExportError;
 use crate::config::{Config, GaitInput};
 use crate::fit::{FitData, FitInput, Measurement};
-use crate::robot::Parameter;
+use crate::robot::{JointCommand, Parameter};
 use crate::store::{FitRow, Reader, write_bytes};
 
 /// What a fit compares: the name of the observable, and its index among a measurement's metrics.
@@ -125,7 +125,7 @@ fn conditions(input: &FitInput, trials: &[Measurement]) -> String {
         cells.push(trial.omega_rad_s.to_string());
         for (command, measured) in commanded.iter().zip(trial.gait) {
             let driven = command.map(|command| if is_measured { measured } else { command });
-            let numbers = driven.map(|of| [of.offset_rad, of.amplitude_rad, of.phase_rad]);
+            let numbers = driven.map(JointCommand::to_array);
             cells.extend(numbers.into_iter().flatten().map(cell));
         }
         cells

@@ -265,11 +265,8 @@ impl Expansion {
                     0 => other.omega_rad_s += step,
                     _ => {
                         let joint = other.gait.joints[(input - 1) / 3].as_mut();
-                        let Some(JointCommand { offset_rad, amplitude_rad, phase_rad }) = joint
-                        else {
-                            return Err(MotionError::GaitUnknown);
-                        };
-                        *[offset_rad, amplitude_rad, phase_rad][(input - 1) % 3] += step;
+                        let command = joint.ok_or(MotionError::GaitUnknown)?;
+                        *command.numbers_mut()[(input - 1) % 3] += step;
                     }
                 }
                 let metrics = solver.solve(&other, REFERENCE_ACCURACY)?;

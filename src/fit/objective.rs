@@ -139,10 +139,8 @@ impl Objective {
                 }
             }
         }
-        let is_known = gait.joints.iter().flatten().all(|joint| {
-            let JointCommand { offset_rad, amplitude_rad, phase_rad } = joint;
-            [offset_rad, amplitude_rad, phase_rad].iter().all(|number| number.is_finite())
-        });
+        let mut numbers = gait.joints.into_iter().flatten().flat_map(JointCommand::to_array);
+        let is_known = numbers.all(f64::is_finite);
         is_known.then_some(gait)
     }
 

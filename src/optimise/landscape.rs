@@ -53,8 +53,6 @@ pub(super) struct Landscape<'a> {
     /// Of the augmented Lagrangian.
     pub multipliers: [f64; LIMITS],
     pub stiffness: f64,
-    /// Motions solved for.
-    pub solves: usize,
 }
 
 impl<'a> Landscape<'a> {
@@ -76,7 +74,6 @@ impl<'a> Landscape<'a> {
             only_stable: false,
             multipliers: [0.0; LIMITS],
             stiffness: 1.0,
-            solves: 0,
         }
     }
 
@@ -136,7 +133,6 @@ impl<'a> Landscape<'a> {
     }
 
     fn point(&mut self, problem: &Problem, place: &Place) -> Option<Point> {
-        self.solves += 1;
         let metrics = self.solver.solve(problem, ACCURACY).ok()?;
         if self.only_stable && !self.solver.status().ok()?.is_stable() {
             return None;
@@ -249,7 +245,6 @@ impl<'a> Landscape<'a> {
             let mut moved = *place;
             moved[i] += step;
             self.set(&mut neighbour, &moved);
-            self.solves += 1;
             self.solver.solve(&neighbour, ACCURACY).ok()?;
             let there = largest(&mut self.solver, passive)?;
             point.excess_gradients[TORQUE][i] = (there - here) / (step * torque_nm);

@@ -118,8 +118,6 @@ pub struct Found {
     pub optima: Vec<Optimum>,
     /// Searches that found no motion, or none within the limits.
     pub failed: usize,
-    /// Motions solved for.
-    pub solves: usize,
 }
 
 impl Found {
@@ -132,7 +130,7 @@ impl Found {
 impl Search {
     /// Searches from all starts.
     pub fn run(&self) -> Found {
-        let ends: Vec<(Option<End>, usize)> = (0..self.starts)
+        let ends: Vec<Option<End>> = (0..self.starts)
             .into_par_iter()
             .with_max_len(1)
             .map(|number| {
@@ -141,22 +139,19 @@ impl Search {
                     0 => landscape.place_of(&self.problem),
                     number => self.spread(number),
                 };
-                let end = search(&mut landscape, start)
+                search(&mut landscape, start)
                     .and_then(|end| self.found_again(end))
-                    .and_then(|end| self.among_stable(end, start));
-                (end, landscape.solves)
+                    .and_then(|end| self.among_stable(end, start))
             })
             .collect();
-        let solves = ends.iter().map(|(_, solves)| solves).sum();
-        let failed = ends.iter().filter(|(end, _)| end.is_none()).count();
-        let mut ends: Vec<End> = ends.into_iter().filter_map(|(end, _)| end).collect();
+        let failed = ends.iter().filter(|end| end.is_none()).count();
+        let mut ends: Vec<End> = ends.into_iter().flatten().collect();
         ends.sort_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
         let mut distinct: Vec<(End, Problem, usize)> = Vec::new();
         for end in ends {
-            let problem = self.normal(self.landscape().problem_at(&end.place));
+            let problem = normal(self.landscape().problem_at(&end.place));
             let known = distinct.iter_mut().find(|(known, of, _)| {
-                (known.point.cost - end.point.cost).abs() < SAME_VALUE
-                    && self.are_same(of, &problem)
+                (known.point.cost - end.point.cost).abs() < SAME_VALUE && are_same(of, &problem)
             });
             match known {
                 Some((.., starts)) => *starts += 1,
@@ -168,15 +163,14 @@ impl Search {
             .filter_map(|(end, problem, starts)| self.confirm(end, problem, starts))
             .collect();
         optima.sort_by_key(|of| !of.counts());
-        Found { optima, failed, solves }
+        Found { optima, failed }
     }
 
     /// The best of what searches from the present gait end in; what does not vary stays as it is, whatever the
     /// bounds say of it.
     pub fn present(&self) -> Option<Optimum> {
-        let free = self.free.clone();
         let bounds = Bounds { angle_rad: f64::INFINITY, rate_rad_s: f64::INFINITY, ..self.bounds };
-        Search { free, bounds, ..self.clone() }.run().optima.into_iter().next()
+        Search { bounds, ..self.clone() }.run().optima.into_iter().next()
     }
 
     /// Where a search ended, if a solution from rest finds the motion there: a search that goes from one motion to
@@ -245,34 +239,6 @@ impl Search {
         place
     }
 
-    /// The same gait with phases within half a turn of zero.
-    fn normal(&self, mut problem: Problem) -> Problem {
-        for command in problem.gait.joints.iter_mut().flatten() {
-            command.phase_rad -= TAU * (command.phase_rad / TAU).round();
-        }
-        problem
-    }
-
-    /// Whether two problems are one, or each other's mirror image.
-    fn are_same(&self, one: &Problem, other: &Problem) -> bool {
-        let near = |a: f64, b: f64| (a - b).abs() < SAME_PLACE * (1.0 + a.abs().max(b.abs()));
-        let turns = |a: f64, b: f64| {
-            let apart = (a - b).rem_euclid(TAU);
-            apart.min(TAU - apart) < SAME_PLACE * PI
-        };
-        let is_near = |sign: f64| {
-            one.gait.joints.iter().zip(&other.gait.joints).all(|joints| match joints {
-                (Some(a), Some(b)) => {
-                    near(a.offset_rad, sign * b.offset_rad)
-                        && near(a.amplitude_rad, b.amplitude_rad)
-                        && turns(a.phase_rad, b.phase_rad)
-                }
-                _ => true,
-            })
-        };
-        near(one.omega_rad_s, other.omega_rad_s) && (is_near(1.0) || is_near(-1.0))
-    }
-
     /// The motion of an end, as accurate as it is reported; `None` if it is not found again.
     fn confirm(&self, end: End, problem: Problem, starts: usize) -> Option<Optimum> {
         let mut solver = Solver::default();
@@ -292,7 +258,35 @@ impl Search {
     }
 }
 
-/// Why a search cannot begin: what of the present gait is not within the bounds, in words; empty if all is.
+/// The same gait with phases within half a turn of zero.
+fn normal(mut problem: Problem) -> Problem {
+    for command in problem.gait.joints.iter_mut().flatten() {
+        command.phase_rad -= TAU * (command.phase_rad / TAU).round();
+    }
+    problem
+}
+
+/// Whether two problems are one, or each other's mirror image.
+fn are_same(one: &Problem, other: &Problem) -> bool {
+    let near = |a: f64, b: f64| (a - b).abs() < SAME_PLACE * (1.0 + a.abs().max(b.abs()));
+    let turns = |a: f64, b: f64| {
+        let apart = (a - b).rem_euclid(TAU);
+        apart.min(TAU - apart) < SAME_PLACE * PI
+    };
+    let is_near = |sign: f64| {
+        one.gait.joints.iter().zip(&other.gait.joints).all(|joints| match joints {
+            (Some(a), Some(b)) => {
+                near(a.offset_rad, sign * b.offset_rad)
+                    && near(a.amplitude_rad, b.amplitude_rad)
+                    && turns(a.phase_rad, b.phase_rad)
+            }
+            _ => true,
+        })
+    };
+    near(one.omega_rad_s, other.omega_rad_s) && (is_near(1.0) || is_near(-1.0))
+}
+
+/// What of the present gait is not within the bounds, in words; empty if all is.
 pub fn outside(gait: &Gait, bounds: &Bounds) -> Vec<String> {
     let mut found = Vec::new();
     for (joint, command) in gait.joints.iter().enumerate() {
