@@ -3,8 +3,11 @@
 #![allow(clippy::unwrap_used)]
 
 mod common;
+#[path = "common/fitted.rs"]
+mod fitted;
 
 use common::{succeed, text, trilink};
+use fitted::{CAMPAIGN, folder};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -254,6 +257,29 @@ fn a_gait_that_is_pasted_gives_the_same_numbers() {
 }
 
 #[test]
+fn fitted_coefficients_are_those_of_the_preferred_model() {
+    let line =
+        ["optimise", CAMPAIGN, "--maximise", "v", "--free", "omega", "--starts", "2", "--json"];
+    let found = |more: &[&str]| {
+        let output = trilink(folder(), &[&line[..], more].concat());
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        let rows: Vec<Value> = serde_json::from_str(&text(&output.stdout)).unwrap();
+        (rows[0].clone(), said)
+    };
+    let (best, said) = found(&["--fitted"]);
+    assert!(said.contains("skid-roll, which the comparison of the fits prefers"), "{said}");
+    assert_eq!(best["model"], "skid-roll");
+    let (named, said) = found(&["--fitted", "--model", "skid-roll"]);
+    assert!(best == named && !said.contains("prefers"), "{said}");
+    // The trials were made with these.
+    let (known, _) = found(&["--model", "skid-roll", "--set", "skid_kg_s=104,34,45"]);
+    let v = |row: &Value| row["v_m_s"].as_f64().unwrap();
+    assert!((v(&best) / v(&known) - 1.0).abs() < 0.01, "{best} {known}");
+    assert!(known["adequate"].is_null() && best["adequate"] == true, "{best}");
+}
+
+#[test]
 fn what_cannot_be_searched_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |arguments: &[&str], named: &[&str]| {
@@ -270,6 +296,8 @@ fn what_cannot_be_searched_is_refused_by_name() {
     refused(&with(&["--maximise", "speed"]), &["found `speed`", "`v`"]);
     refused(&with(&["--minimise", "d"]), &["found `d`", "`work-per-metre`"]);
     refused(&of, &["--maximise"]);
+    refused(&[of[0], "--maximise", "v"], &["--model"]);
+    refused(&with(&["--maximise", "v", "--fitted"]), &["fits.parquet: not there; `trilink run`"]);
     refused(&with(&["--maximise", "v", "--free", "phase1"]), &["only the difference"]);
     refused(&with(&["--maximise", "v", "--free", "omga"]), &["`omga`", "did you mean `omega`"]);
     refused(

@@ -8,6 +8,7 @@ mod compare;
 mod config;
 mod explain;
 mod export;
+mod fitted;
 mod init;
 mod inspect;
 mod log;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::fitted::note_caution;
 use super::output::{note, say, write_data};
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
@@ -10,16 +11,19 @@ use crate::inspect::{View, csv, json};
 use crate::metrics::FromRest;
 use crate::optimise::{Bounds, Command, Found, Objective, Optimum, OptimumRow, Search, outside};
 use crate::robot::{Gait, JointCommand};
-use crate::simulate::Setup;
+use crate::simulate::{KnownFits, Setup, campaign_of};
 use crate::store::Columns;
 
 #[derive(clap::Args)]
 pub(super) struct Optimise {
     /// Name of a `[campaign.*]`, whose robot and gait are the present ones.
     campaign: String,
-    /// Name of a `[model.*]`: skid-roll, coulomb or your own.
+    /// Name of a `[model.*]`: skid-roll, coulomb or your own [default with --fitted: the one that the comparison prefers].
+    #[arg(long, required_unless_present = "fitted")]
+    model: Option<String>,
+    /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration.
     #[arg(long)]
-    model: String,
+    fitted: bool,
     /// What is to be as large as possible: d, v, d-per-work or v-per-power, which have one optimum.
     #[arg(long, value_name = "WHAT", value_parser = parse_objective, required_unless_present = "minimise")]
     maximise: Option<Objective>,
@@ -79,7 +83,8 @@ impl Optimise {
             torque_nm: settings.torque_nm,
         };
         let objective = self.maximise.or(self.minimise).ok_or("--maximise: needed")?;
-        let setup = Setup::new(config, &self.campaign, &self.model, &self.set)?;
+        let setup = self.setup(config)?;
+        note_caution(&self.campaign, &setup);
         let free = match self.free.is_empty() {
             true => Command::all(&setup.gait),
             false => Command::parse(&self.free, &setup.gait)?,
@@ -102,7 +107,24 @@ impl Optimise {
             search.free.iter().copied().filter(|of| *of == Command::Omega).collect();
         let is_more = search.free.len() > by_omega.len();
         let present = is_more.then(|| Search { free: by_omega, ..search.clone() }.present());
-        self.print(objective, &found, present.flatten().as_ref())
+        self.print(&setup, objective, &found, present.flatten().as_ref())
+    }
+
+    /// The model, with configured or fitted coefficients.
+    fn setup(&self, config: Config) -> Result<Setup, Failure> {
+        let (campaign, settings) = (&self.campaign, &self.set);
+        let fits = self.fitted.then(|| KnownFits::read(&config, false)).transpose()?;
+        Ok(match (&self.model, fits) {
+            (Some(model), None) => Setup::new(config, campaign, model, settings)?,
+            (Some(model), Some(fits)) => Setup::fitted(config, campaign, model, settings, &fits)?,
+            (None, Some(fits)) => {
+                campaign_of(&config, campaign)?;
+                let model = fits.preferred(campaign)?;
+                note!("{campaign}: {model}, which the comparison of the fits prefers");
+                Setup::fitted(config, campaign, model.name(), settings, &fits)?
+            }
+            (None, None) => return Err("--model: needed".into()),
+        })
     }
 
     /// The configuration with what the options say.
@@ -141,6 +163,7 @@ impl Optimise {
 
     fn print(
         &self,
+        setup: &Setup,
         objective: Objective,
         found: &Found,
         present: Option<&Optimum>,
@@ -154,7 +177,7 @@ impl Optimise {
             });
         };
         let rows: Vec<OptimumRow> =
-            optima.iter().enumerate().map(|(i, of)| of.row(i + 1, objective)).collect();
+            optima.iter().enumerate().map(|(i, of)| of.row(i + 1, objective, setup)).collect();
         if self.csv {
             write_data(csv(&View::of(OptimumRow::to_table(&rows))).trim_end_matches('\n'));
         } else if self.json {

@@ -1,6 +1,5 @@
 //! `trilink simulate`.
 
-mod fitted;
 mod page;
 mod sensitivities;
 mod table;
@@ -11,6 +10,7 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 use sensitivities::{Asked, Sensitivities};
 
+use super::fitted::note_caution;
 use super::omegas::{Omegas, parse_omegas};
 use super::output::write_data;
 use super::{Context, Failure, Outcome};
@@ -87,7 +87,7 @@ impl Simulate {
             .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
             .collect();
         for setup in &setups {
-            fitted::note_caution(&self.campaign, setup);
+            note_caution(&self.campaign, setup);
         }
         if self.sensitivities.sensitivities {
             let asked = Asked {

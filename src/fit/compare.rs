@@ -3,6 +3,7 @@
 use super::Fitted;
 use super::resampler::Resampler;
 use super::tell_apart::{Noise, Tell};
+use crate::robot::Model;
 use crate::store::{ComparisonRow, FitRow};
 
 /// Part of the replicates from which on a model is clearly preferred.
@@ -75,6 +76,26 @@ fn ranked(mut models: Vec<Candidate>) -> Vec<Candidate> {
     models
 }
 
+/// Models that fit as well as the preferred one, and have the lowest criterion in so many replicates
+/// that it is not clearly so; none where it is.
+fn rivals<'f>(ranked: &[Candidate<'f>]) -> Vec<&'f ComparisonRow> {
+    let Some((&(_, fit), others)) = ranked.split_first() else { return Vec::new() };
+    let rivals = others.iter().filter(|(row, other)| rank(other) == rank(fit) && row.wins > 0.0);
+    let rivals: Vec<&ComparisonRow> = rivals.map(|(row, _)| *row).collect();
+    let wins: f64 = rivals.iter().map(|row| row.wins).sum();
+    if wins <= 1.0 - CLEARLY { Vec::new() } else { rivals }
+}
+
+/// Of one campaign's rows: the preferred model and after it those that it is not told apart from; none
+/// without a fit.
+pub fn preferred(comparison: &[ComparisonRow], fits: &[FitRow]) -> Vec<Model> {
+    let fit_of = |row: &ComparisonRow| fits.iter().find(|fit| fit.model == row.model);
+    let both = comparison.iter().filter_map(|row| Some((row, fit_of(row)?)));
+    let ranked = ranked(both.collect());
+    let first = ranked.first().map(|(row, _)| *row).into_iter();
+    first.chain(rivals(&ranked)).map(|row| row.model).collect()
+}
+
 /// The outcome of a campaign's comparison, in a sentence.
 fn sentence(ranked: &[Candidate], replicates: usize) -> String {
     let Some(&(first, fit)) = ranked.first() else {
@@ -84,12 +105,8 @@ fn sentence(ranked: &[Candidate], replicates: usize) -> String {
         let known = ranked.iter().map(|(row, _)| *row).filter(|row| !value(row).is_nan());
         known.min_by(|a, b| value(a).total_cmp(&value(b)))
     };
-    // Models that fit as well, and have the lowest criterion in so many replicates that the
-    // preferred one is not clearly so.
-    let rivals =
-        ranked[1..].iter().filter(|(row, other)| rank(other) == rank(fit) && row.wins > 0.0);
-    let rivals: Vec<&ComparisonRow> = rivals.map(|(row, _)| *row).collect();
-    let is_clear = rivals.iter().map(|row| row.wins).sum::<f64>() <= 1.0 - CLEARLY;
+    let rivals = rivals(ranked);
+    let is_clear = rivals.is_empty();
     let nearer = lowest(|row| row.criterion).filter(|row| row.model != first.model);
     let model = first.model;
     let mut text = match (rank(fit), nearer) {
@@ -242,6 +259,23 @@ mod tests {
         let text = of(&rows, &[Some(false), Some(false)]);
         let none = "None fits; skid-roll is the best of those and not told apart from skid: J";
         assert!(text.starts_with(none), "{text}");
+    }
+
+    #[test]
+    fn what_is_preferred_is_named_with_what_it_is_not_told_apart_from() {
+        let rows = [row(Model::SKID, 0.31, 0.33, 0.4), row(Model::SKID_ROLL, 0.30, 0.35, 0.6)];
+        let of = |adequate: [bool; 2]| {
+            let fit = |(row, adequate): (&ComparisonRow, bool)| FitRow {
+                model: row.model,
+                adequate: Some(adequate),
+                ..FitRow::blank()
+            };
+            preferred(&rows, &rows.iter().zip(adequate).map(fit).collect::<Vec<_>>())
+        };
+        assert_eq!(of([true; 2]), [Model::SKID_ROLL, Model::SKID]);
+        assert_eq!(of([false, true]), [Model::SKID_ROLL]);
+        assert_eq!(of([true, false]), [Model::SKID]);
+        assert!(preferred(&rows, &[]).is_empty());
     }
 
     #[test]

@@ -54,6 +54,7 @@ use crate::store::{
 use job::Job;
 use resampler::Resampler;
 
+pub use compare::preferred;
 pub use folder::{FitKey, TABLES, input_paths};
 pub use input::{FitCampaign, FitInput, FreeParameter};
 pub use known::{KnownFit, PredictionBands};

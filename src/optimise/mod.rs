@@ -18,7 +18,8 @@ use crate::metrics::GaitMetrics;
 use crate::motion::{
     Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
-use crate::robot::{Gait, JointCommand};
+use crate::robot::{Gait, JointCommand, Model};
+use crate::simulate::Setup;
 use crate::store::rows;
 pub use commands::{Bounds, Command};
 use landscape::{Landscape, Place};
@@ -63,11 +64,13 @@ impl Optimum {
     }
 
     /// The same as a line of a table.
-    pub fn row(&self, rank: usize, objective: Objective) -> OptimumRow {
+    pub fn row(&self, rank: usize, objective: Objective, setup: &Setup) -> OptimumRow {
         let numbers =
             self.problem.gait.joints.map(|of| of.map_or([f64::NAN; 3], JointCommand::to_array));
         OptimumRow {
             rank: rank as i64,
+            model: setup.model,
+            adequate: setup.fit().and_then(|fit| fit.adequate),
             objective,
             value: self.value,
             omega_rad_s: self.problem.omega_rad_s,
@@ -95,6 +98,9 @@ rows! {
     pub struct OptimumRow {
         /// 1 of the best.
         pub rank: i64,
+        pub model: Model,
+        /// Whether the model fits the trials that its coefficients are from.
+        pub adequate: Option<bool>,
         pub objective: Objective,
         pub value: f64,
         pub omega_rad_s: f64,

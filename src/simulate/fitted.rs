@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::settings::campaign_of;
 use super::{Setup, SetupError};
 use crate::config::{Config, GaitInput};
-use crate::fit::{FitData, FitInput, KnownFit, PredictionBands};
+use crate::fit::{FitData, FitInput, KnownFit, PredictionBands, preferred};
 use crate::robot::{Model, Parameter};
-use crate::store::{BootstrapRow, FitRow, Reader, StoreError};
+use crate::store::{BootstrapRow, ComparisonRow, FitRow, Reader, StoreError};
 
 /// Relative difference of a coefficient from a fitted one that is none.
 const SAME_VALUE: f64 = 1e-9;
@@ -105,6 +105,37 @@ impl KnownFits {
             data = FitData::read(derived, &reader).map_err(wrong)?;
         }
         Ok(Self { path, fits, alternatives, bootstrap, data })
+    }
+
+    /// The model that the comparison of a campaign's fits prefers.
+    ///
+    /// # Errors
+    /// There is no such table, no fit in it, or the model is not told apart from others.
+    pub fn preferred(&self, campaign: &str) -> Result<Model, SetupError> {
+        let path = self.path.with_file_name("comparison.parquet");
+        let rows: Vec<ComparisonRow> =
+            Reader::default().rows(&path).map_err(|error| format!("--model: {error}"))?;
+        let rows: Vec<ComparisonRow> =
+            rows.into_iter().filter(|row| row.campaign == campaign).collect();
+        let fits: Vec<FitRow> =
+            self.fits.iter().filter(|row| row.campaign == campaign).cloned().collect();
+        match preferred(&rows, &fits)[..] {
+            [] => Err(format!(
+                "--model: needed: {} has no fit of campaign {campaign}",
+                path.display()
+            )
+            .into()),
+            [model] => Ok(model),
+            [first, ref others @ ..] => {
+                let others: Vec<&str> = others.iter().map(|model| model.name()).collect();
+                Err(format!(
+                    "--model: needed one of {first}, {}: the trials of campaign {campaign} do not tell \
+                     them apart",
+                    others.join(", ")
+                )
+                .into())
+            }
+        }
     }
 
     /// The fit of a model to a campaign.

@@ -21,7 +21,7 @@ pub use answer::{Answer, Interval, SimulationRow};
 use fitted::FittedSetup;
 pub use fitted::{FitSummary, KnownFits};
 use sensitivity::Uncertain;
-pub(crate) use settings::with_settings;
+pub(crate) use settings::{campaign_of, with_settings};
 
 /// Why something cannot be simulated.
 #[derive(Debug, thiserror::Error)]

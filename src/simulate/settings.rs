@@ -33,7 +33,7 @@ pub(crate) fn with_settings(
 }
 
 /// A campaign of a configuration.
-pub(super) fn campaign_of(
+pub(crate) fn campaign_of(
     config: &Config,
     campaign: &str,
 ) -> Result<crate::config::Campaign, SetupError> {

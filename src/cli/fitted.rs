@@ -1,6 +1,6 @@
-//! What `simulate --fitted` says beside its answers.
+//! What `--fitted` says beside its answers.
 
-use crate::cli::output::note;
+use super::output::note;
 use crate::simulate::Setup;
 
 /// Says what is to be known of the fit that a setup's coefficients are from.
