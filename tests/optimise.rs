@@ -267,11 +267,21 @@ fn fitted_coefficients_are_those_of_the_preferred_model() {
         let rows: Vec<Value> = serde_json::from_str(&text(&output.stdout)).unwrap();
         (rows[0].clone(), said)
     };
-    let (best, said) = found(&["--fitted"]);
+    let (best, said) = found(&["--fitted", "--replicates", "4"]);
     assert!(said.contains("skid-roll, which the comparison of the fits prefers"), "{said}");
     assert_eq!(best["model"], "skid-roll");
-    let (named, said) = found(&["--fitted", "--model", "skid-roll"]);
-    assert!(best == named && !said.contains("prefers"), "{said}");
+    let number = |row: &Value, name: &str| row[name].as_f64().unwrap();
+    for name in ["value", "omega_rad_s"] {
+        let [low, high] = ["lo", "hi"].map(|side| number(&best, &format!("{name}_{side}")));
+        assert!(low <= number(&best, name) && number(&best, name) <= high, "{name}: {best}");
+    }
+    assert!(number(&best, "value_lo") < number(&best, "value_hi"), "{best}");
+    assert_eq!([&best["replicates"], &best["best_in"], &best["not_reached"]], [4, 4, 0]);
+    assert!((-1e-6..1e-3).contains(&number(&best, "regret_hi")), "{best}");
+    let (named, said) = found(&["--fitted", "--model", "skid-roll", "--replicates", "0"]);
+    assert!(best["value"] == named["value"] && !said.contains("prefers"), "{said}");
+    assert_eq!(named["no_interval"], "no replicates were asked for");
+    assert!(named["value_lo"].is_null() && named["replicates"].is_null(), "{named}");
     // The trials were made with these.
     let (known, _) = found(&["--model", "skid-roll", "--set", "skid_kg_s=104,34,45"]);
     let v = |row: &Value| row["v_m_s"].as_f64().unwrap();

@@ -1,5 +1,7 @@
 //! `trilink optimise`.
 
+mod certainty;
+
 use std::path::Path;
 
 use super::fitted::note_caution;
@@ -9,7 +11,9 @@ use super::{Context, Failure, Outcome};
 use crate::config::{Config, did_you_mean};
 use crate::inspect::{View, csv, json};
 use crate::metrics::FromRest;
-use crate::optimise::{Bounds, Command, Found, Objective, Optimum, OptimumRow, Search, outside};
+use crate::optimise::{
+    Bounds, Certainty, Command, Found, Objective, Optimum, OptimumRow, Search, outside,
+};
 use crate::robot::{Gait, JointCommand};
 use crate::simulate::{KnownFits, Setup, campaign_of};
 use crate::store::Columns;
@@ -24,6 +28,10 @@ pub(super) struct Optimise {
     /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration.
     #[arg(long)]
     fitted: bool,
+    /// Replicates of the fit with which the searches are done again, for intervals of the optimum; 0 for none [default: all, up to
+    /// 200].
+    #[arg(long, value_name = "N", requires = "fitted")]
+    replicates: Option<usize>,
     /// What is to be as large as possible: d, v, d-per-work or v-per-power, which have one optimum.
     #[arg(long, value_name = "WHAT", value_parser = parse_objective, required_unless_present = "minimise")]
     maximise: Option<Objective>,
@@ -83,7 +91,9 @@ impl Optimise {
             torque_nm: settings.torque_nm,
         };
         let objective = self.maximise.or(self.minimise).ok_or("--maximise: needed")?;
-        let setup = self.setup(config)?;
+        let fits = self.fitted.then(|| KnownFits::read(&config, self.replicates != Some(0)));
+        let fits = fits.transpose()?;
+        let setup = self.setup(config, fits.as_ref())?;
         note_caution(&self.campaign, &setup);
         let free = match self.free.is_empty() {
             true => Command::all(&setup.gait),
@@ -107,21 +117,21 @@ impl Optimise {
             search.free.iter().copied().filter(|of| *of == Command::Omega).collect();
         let is_more = search.free.len() > by_omega.len();
         let present = is_more.then(|| Search { free: by_omega, ..search.clone() }.present());
-        self.print(&setup, objective, &found, present.flatten().as_ref())
+        let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found));
+        self.print(&setup, objective, &found, present.flatten().as_ref(), &certainty)
     }
 
     /// The model, with configured or fitted coefficients.
-    fn setup(&self, config: Config) -> Result<Setup, Failure> {
+    fn setup(&self, config: Config, fits: Option<&KnownFits>) -> Result<Setup, Failure> {
         let (campaign, settings) = (&self.campaign, &self.set);
-        let fits = self.fitted.then(|| KnownFits::read(&config, false)).transpose()?;
         Ok(match (&self.model, fits) {
             (Some(model), None) => Setup::new(config, campaign, model, settings)?,
-            (Some(model), Some(fits)) => Setup::fitted(config, campaign, model, settings, &fits)?,
+            (Some(model), Some(fits)) => Setup::fitted(config, campaign, model, settings, fits)?,
             (None, Some(fits)) => {
                 campaign_of(&config, campaign)?;
                 let model = fits.preferred(campaign)?;
                 note!("{campaign}: {model}, which the comparison of the fits prefers");
-                Setup::fitted(config, campaign, model.name(), settings, &fits)?
+                Setup::fitted(config, campaign, model.name(), settings, fits)?
             }
             (None, None) => return Err("--model: needed".into()),
         })
@@ -167,6 +177,7 @@ impl Optimise {
         objective: Objective,
         found: &Found,
         present: Option<&Optimum>,
+        certainty: &Result<Certainty, String>,
     ) -> Result<Outcome, Failure> {
         let Found { optima, failed } = found;
         let Some(first) = optima.first() else {
@@ -176,8 +187,9 @@ impl Optimise {
                 false => "no search found a steady motion within the bounds".into(),
             });
         };
-        let rows: Vec<OptimumRow> =
+        let mut rows: Vec<OptimumRow> =
             optima.iter().enumerate().map(|(i, of)| of.row(i + 1, objective, setup)).collect();
+        certainty::fill(&mut rows, certainty);
         if self.csv {
             write_data(csv(&View::of(OptimumRow::to_table(&rows))).trim_end_matches('\n'));
         } else if self.json {
@@ -188,6 +200,11 @@ impl Optimise {
             }
         } else {
             print_table(objective, optima, present);
+            match certainty {
+                Ok(certainty) => certainty::print(objective, certainty),
+                Err(why) if self.fitted => say!("no intervals: {why}"),
+                Err(_) => {}
+            }
             if *failed > 0 {
                 say!("{failed} searches found no motion within the bounds");
             }

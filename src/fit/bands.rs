@@ -12,9 +12,10 @@
 //! too. They are intervals of the model's motion: what a single cycle or trial is off by is not
 //! in them.
 
+use super::alternatives::Alternatives;
 use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
-use super::intervals::{OUTSIDE, Systematic, Widths};
+use super::intervals::{Systematic, Widths};
 use super::noise_correction::NoiseCorrection;
 use super::objective::Objective;
 use super::resampler::Resampler;
@@ -24,7 +25,7 @@ use crate::config::GaitInput;
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, MotionError, Problem, Solver};
 use crate::robot::{Parameter, Robot};
-use crate::stats::{HALF_WIDTH_95, quantiles};
+use crate::stats::HALF_WIDTH_95;
 
 /// Part of the replicates' largest change of a metric that the derivatives may miss.
 const MISSED: f64 = 0.05;
@@ -121,6 +122,27 @@ impl<'f> Bands<'f> {
         self.others.iter().zip(self.systematic.assumed.iter().map(Vec::as_slice))
     }
 
+    /// A robot with the coefficients of the refits, of `most` replicates at most.
+    pub fn alternatives(&self, robot: &Robot, most: usize) -> Alternatives {
+        let Systematic { blocks, gait, .. } = self.systematic;
+        let shifted = |shifts: &Vec<f64>| self.shifted(robot, shifts);
+        Alternatives {
+            replicates: self.replicates.iter().take(most).map(shifted).collect(),
+            blocks: blocks.iter().map(shifted).collect(),
+            assumed: self.assumed().map(|(robot, shifts)| self.shifted(robot, shifts)).collect(),
+            gait: gait.as_ref().map(shifted),
+        }
+    }
+
+    /// A robot with the fitted coefficients, their logarithms shifted.
+    fn shifted(&self, robot: &Robot, shifts: &[f64]) -> Robot {
+        let mut robot = robot.clone();
+        for ((parameter, fitted), shift) in self.free.iter().zip(&self.point.values).zip(shifts) {
+            parameter.set(&mut robot, fitted * shift.exp());
+        }
+        robot
+    }
+
     /// Of the motion that was solved for last.
     ///
     /// # Errors
@@ -175,11 +197,11 @@ impl<'f> Bands<'f> {
             }
         };
         let widths = std::array::from_fn(|metric| {
-            let of_all = |all: &[Changes]| all.iter().map(|changes| changes[metric]).collect();
-            let [low, high] = quantiles(of_all(&replicates), [OUTSIDE, 1.0 - OUTSIDE]);
-            // The curve is in its band.
-            let scatter = [-low, high].map(|width| width.max(0.0));
-            Widths::new(scatter, &of_all(&blocks), &of_all(&assumed), by_gait[metric]).total
+            let of_all = |all: &Vec<Changes>| -> Vec<f64> {
+                all.iter().map(|changes| changes[metric]).collect()
+            };
+            let [replicates, blocks, assumed] = [&replicates, &blocks, &assumed].map(of_all);
+            Widths::of_changes(replicates, &blocks, &assumed, by_gait[metric]).total
         });
         Ok(Band { widths, d_gait })
     }
@@ -193,10 +215,7 @@ impl<'f> Bands<'f> {
         problem: &Problem,
         shifts: &[f64],
     ) -> Result<Changes, MotionError> {
-        let mut problem = problem.clone();
-        for ((parameter, fitted), shift) in self.free.iter().zip(&self.point.values).zip(shifts) {
-            parameter.set(&mut problem.robot, fitted * shift.exp());
-        }
+        let problem = Problem { robot: self.shifted(&problem.robot, shifts), ..problem.clone() };
         let (found, fitted) = (solver.solve(&problem, FIT_ACCURACY)?.to_array(), fitted.to_array());
         Ok(std::array::from_fn(|metric| found[metric] - fitted[metric]))
     }
@@ -219,10 +238,12 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
+    use super::super::intervals::OUTSIDE;
     use super::*;
     use crate::config::{Config, SigmaKind};
     use crate::fit::{FitInput, Measurement};
     use crate::motion::{Laws, Model, REFERENCE_ACCURACY};
+    use crate::stats::quantiles;
     use crate::store::{Columns as _, Stopped, TrialRow};
 
     const SKID_KG_S: [f64; 3] = [104.0, 34.0, 45.0];

@@ -115,8 +115,15 @@ pub(super) struct Widths {
 }
 
 impl Widths {
+    /// From its changes in the replicates, and its shifts as in [`Systematic`].
+    pub fn of_changes(replicates: Vec<f64>, blocks: &[f64], assumed: &[f64], gait: f64) -> Self {
+        let [low, high] = quantiles(replicates, [OUTSIDE, 1.0 - OUTSIDE]);
+        // The fit is in its interval.
+        Self::new([-low, high].map(|width| width.max(0.0)), blocks, assumed, gait)
+    }
+
     /// From its widths by scatter, and its shifts as in [`Systematic`].
-    pub fn new(scatter: [f64; 2], blocks: &[f64], assumed: &[f64], gait: f64) -> Self {
+    fn new(scatter: [f64; 2], blocks: &[f64], assumed: &[f64], gait: f64) -> Self {
         let [below, above] = scatter;
         let deviation = match (below + above) / 2.0 {
             half if half.is_finite() => half / HALF_WIDTH_95,

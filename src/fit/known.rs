@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::alternatives::Alternatives;
 use super::bands::Bands;
 use super::job::{Fit, Job};
 use super::resampler::Resampler;
@@ -45,6 +46,11 @@ impl PredictionBands<'_> {
     /// replicate, corrected as those of the intervals are.
     pub fn replicates(&self) -> (&[Parameter], &[Vec<f64>]) {
         self.0.replicates()
+    }
+
+    /// A robot with what its coefficients may be as well, by `most` replicates at most.
+    pub fn alternatives(&self, robot: &Robot, most: usize) -> Alternatives {
+        self.0.alternatives(robot, most)
     }
 
     /// The robot that the fit assumes, but for the free parameters.

@@ -11,6 +11,7 @@
 //! which one more trial would tell it from the preferred one.
 
 mod adequacy;
+mod alternatives;
 mod bands;
 mod compare;
 mod conditions;
@@ -54,6 +55,7 @@ use crate::store::{
 use job::Job;
 use resampler::Resampler;
 
+pub use alternatives::Alternatives;
 pub use compare::preferred;
 pub use folder::{FitKey, TABLES, input_paths};
 pub use input::{FitCampaign, FitInput, FreeParameter};

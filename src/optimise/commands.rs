@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 use std::fmt;
 
+use super::GaitNumbers;
 use crate::config::did_you_mean;
 use crate::motion::Problem;
 use crate::robot::Gait;
@@ -91,6 +92,16 @@ impl Command {
                     *command.numbers_mut()[number] = value;
                 }
             }
+        }
+    }
+
+    /// The number of a gait's that it is.
+    pub(super) fn number_mut(self, of: &mut GaitNumbers) -> &mut f64 {
+        match self {
+            Self::Omega => &mut of.omega_rad_s,
+            Self::Joint(joint, OFFSET) => &mut of.offset_rad[joint],
+            Self::Joint(joint, AMPLITUDE) => &mut of.amplitude_rad[joint],
+            Self::Joint(joint, _) => &mut of.phase_rad[joint],
         }
     }
 

@@ -6,7 +6,8 @@ use nalgebra::SVector;
 
 use super::commands::{Bounds, Command, MOST_COMMANDS};
 use super::objective::Objective;
-use crate::motion::{Derivatives, Problem, Solver};
+use crate::metrics::GaitMetrics;
+use crate::motion::{Derivatives, MotionStatus, Problem, Solver};
 
 /// Commands as parts of their ranges, 0 to 1; those that do not vary are zero.
 pub(super) type Place = SVector<f64, MOST_COMMANDS>;
@@ -22,6 +23,8 @@ const LIMIT_NAMES: [&str; LIMITS] =
 
 /// Relative accuracy of the motions of a search.
 const ACCURACY: f64 = 1e-9;
+/// Largest Floquet multiplier of a motion that is stable however it was solved for.
+const CLEARLY_STABLE: f64 = 1.0 - 1e-6;
 /// Moments of a cycle at which torques are compared with their limit.
 const TORQUE_SAMPLES: usize = 240;
 /// Step of a command, as a part of its range, that tells what it changes of the largest torque.
@@ -48,7 +51,7 @@ pub(super) struct Landscape<'a> {
     ranges: [[f64; 2]; MOST_COMMANDS],
     problem: Problem,
     solver: Solver,
-    /// Whether an unstable motion is none.
+    /// Whether a motion that is not clearly stable is none.
     pub only_stable: bool,
     /// Of the augmented Lagrangian.
     pub multipliers: [f64; LIMITS],
@@ -111,6 +114,43 @@ impl<'a> Landscape<'a> {
         }
     }
 
+    /// The cost at a place alone, as accurate as [`Self::evaluate`] has it.
+    pub fn cost(&mut self, place: &Place) -> Option<f64> {
+        let problem = self.problem_at(place);
+        let (metrics, work_j) = self.solve(&problem)?;
+        Some(self.cost_of(&problem, &metrics, work_j)).filter(|cost| cost.is_finite())
+    }
+
+    /// Whether the motion that was solved for last is stable.
+    pub fn is_stable(&mut self) -> bool {
+        self.solver.status().is_ok_and(MotionStatus::is_stable)
+    }
+
+    /// The metrics of a motion, and its work where that is needed; `None` where there is no motion, or it
+    /// comes to nothing.
+    fn solve(&mut self, problem: &Problem) -> Option<(GaitMetrics, f64)> {
+        let metrics = self.solver.solve(problem, ACCURACY).ok()?;
+        if self.only_stable
+            && self.solver.floquet().ok()?.is_some_and(|modulus| modulus > CLEARLY_STABLE)
+        {
+            return None;
+        }
+        let work_j = if self.needs_work() { self.solver.work_and_loss_j().ok()?[1] } else { 1.0 };
+        let is_nothing = metrics.d_m <= 0.0 || (self.objective.knows_work() && work_j <= 0.0);
+        (!is_nothing).then_some((metrics, work_j))
+    }
+
+    fn needs_work(&self) -> bool {
+        self.objective.knows_work() || self.bounds.power_w.is_some()
+    }
+
+    fn cost_of(&self, problem: &Problem, metrics: &GaitMetrics, work_j: f64) -> f64 {
+        let values = [metrics.d_m, problem.omega_rad_s, work_j];
+        let logarithm =
+            |(value, power): (f64, f64)| if power == 0.0 { 0.0 } else { power * value.ln() };
+        -values.into_iter().zip(self.objective.powers()).map(logarithm).sum::<f64>()
+    }
+
     /// The cost and its gradient with what exceeded limits add (augmented Lagrangian).
     pub fn augmented(&self, point: &Point) -> (f64, Place) {
         let (mut cost, mut gradient) = (point.cost, point.gradient);
@@ -133,28 +173,16 @@ impl<'a> Landscape<'a> {
     }
 
     fn point(&mut self, problem: &Problem, place: &Place) -> Option<Point> {
-        let metrics = self.solver.solve(problem, ACCURACY).ok()?;
-        if self.only_stable && !self.solver.status().ok()?.is_stable() {
-            return None;
-        }
+        let (metrics, work_j) = self.solve(problem)?;
         let derivatives = self.solver.derivatives().ok()?;
         let omega = problem.omega_rad_s;
-        let none = Derivatives::splat(0.0);
-        let (work_j, work) = match self.objective.knows_work() || self.bounds.power_w.is_some() {
-            true => (self.solver.work_and_loss_j().ok()?[1], self.solver.work_derivatives().ok()?),
-            false => (1.0, none),
+        let work = match self.needs_work() {
+            true => self.solver.work_derivatives().ok()?,
+            false => Derivatives::splat(0.0),
         };
         let [of_d, of_omega, of_work] = self.objective.powers();
-        let is_nothing = metrics.d_m <= 0.0 || (self.objective.knows_work() && work_j <= 0.0);
-        if is_nothing {
-            return None;
-        }
-        let logarithm =
-            |value: f64, power: f64| if power == 0.0 { 0.0 } else { power * value.ln() };
         let mut point = Point {
-            cost: -logarithm(metrics.d_m, of_d)
-                - logarithm(omega, of_omega)
-                - logarithm(work_j, of_work),
+            cost: self.cost_of(problem, &metrics, work_j),
             gradient: Place::zeros(),
             excess: [f64::NEG_INFINITY; LIMITS],
             excess_gradients: [Place::zeros(); LIMITS],

@@ -5,6 +5,7 @@
 //! ranges and at the present gait. What they end in counts if the motion is stable and is reached
 //! from rest.
 
+mod certainty;
 mod commands;
 mod landscape;
 mod objective;
@@ -20,7 +21,8 @@ use crate::motion::{
 };
 use crate::robot::{Gait, JointCommand, Model};
 use crate::simulate::Setup;
-use crate::store::rows;
+use crate::store::{Columns, rows};
+pub use certainty::Certainty;
 pub use commands::{Bounds, Command};
 use landscape::{Landscape, Place};
 pub use objective::Objective;
@@ -58,6 +60,29 @@ pub struct Optimum {
 }
 
 impl Optimum {
+    /// With the motion of a problem, as accurate as it is reported; `None` if there is none.
+    fn new(
+        problem: Problem,
+        objective: Objective,
+        at_bound: Vec<String>,
+        starts: usize,
+    ) -> Option<Self> {
+        let mut solver = Solver::default();
+        let first = solver.solve(&problem, REFERENCE_ACCURACY);
+        let motion = solver.steady_motion(first.clone().ok()?).ok()?;
+        let attractor = solver.attractor(&problem, first, REFERENCE_ACCURACY);
+        let GaitMetrics { d_m, v_m_s, .. } = motion.metrics;
+        Some(Self {
+            value: objective.value(d_m, v_m_s, motion.work_j),
+            status: motion.status(),
+            from_rest: Attractor::from_rest(&attractor),
+            at_bound,
+            problem,
+            motion,
+            starts,
+        })
+    }
+
     /// Whether the robot gets there from rest and stays.
     pub fn counts(&self) -> bool {
         self.status.is_stable() && self.from_rest == FromRest::Reached
@@ -73,6 +98,15 @@ impl Optimum {
             adequate: setup.fit().and_then(|fit| fit.adequate),
             objective,
             value: self.value,
+            best_in: None,
+            regret_median: f64::NAN,
+            regret_hi: f64::NAN,
+            lower: Columns::blank(),
+            upper: Columns::blank(),
+            replicates: None,
+            not_reached: None,
+            over_limit: None,
+            no_interval: String::new(),
             omega_rad_s: self.problem.omega_rad_s,
             offset_rad: numbers.map(|of| of[0]),
             amplitude_rad: numbers.map(|of| of[1]),
@@ -114,6 +148,32 @@ rows! {
         pub from_rest: FromRest,
         pub at_bound: Vec<String>,
         pub starts: i64,
+        /// 95 % limits of the best by what the coefficients may be off by, and why there are none.
+        pub lower: GaitNumbers as "{}_lo" after "{}",
+        pub upper: GaitNumbers as "{}_hi" after "{}_lo",
+        pub no_interval: String,
+        /// Replicates of the fit that were searched again, and of them those in which this is the best.
+        pub replicates: Option<i64>,
+        pub best_in: Option<i64>,
+        /// Part of the objective that is lost with the best gait of the fit where a replicate is true: median and
+        /// 95 % quantile.
+        pub regret_median: f64,
+        pub regret_hi: f64,
+        /// Replicates with which the robot does not get from rest into a stable motion with the best gait of the
+        /// fit, and in which that exceeds a limit.
+        pub not_reached: Option<i64>,
+        pub over_limit: Option<i64>,
+    }
+}
+
+rows! {
+    /// What there are limits of.
+    pub struct GaitNumbers {
+        pub value: f64,
+        pub omega_rad_s: f64,
+        pub offset_rad: [f64; 2] as "phi{}_offset_rad",
+        pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
+        pub phase_rad: [f64; 2] as "phi{}_phase_rad",
     }
 }
 
@@ -145,9 +205,7 @@ impl Search {
                     0 => landscape.place_of(&self.problem),
                     number => self.spread(number),
                 };
-                search(&mut landscape, start)
-                    .and_then(|end| self.found_again(end))
-                    .and_then(|end| self.among_stable(end, start))
+                climb(&mut landscape, start)
             })
             .collect();
         let failed = ends.iter().filter(|end| end.is_none()).count();
@@ -177,33 +235,6 @@ impl Search {
     pub fn present(&self) -> Option<Optimum> {
         let bounds = Bounds { angle_rad: f64::INFINITY, rate_rad_s: f64::INFINITY, ..self.bounds };
         Search { bounds, ..self.clone() }.run().optima.into_iter().next()
-    }
-
-    /// Where a search ended, if a solution from rest finds the motion there: a search that goes from one motion to
-    /// the next may have followed another one, and goes on from the one that is found.
-    fn found_again(&self, mut end: End) -> Option<End> {
-        const MOST: usize = 4;
-        for _ in 0..MOST {
-            let mut landscape = self.landscape();
-            let found = landscape.evaluate(&end.place)?;
-            if (found.cost - end.point.cost).abs() < SAME_VALUE {
-                return Some(end);
-            }
-            end = search(&mut landscape, end.place)?;
-        }
-        None
-    }
-
-    /// The same, or where the motion is unstable there the end of a search from `start` among stable ones, if that
-    /// finds one.
-    fn among_stable(&self, end: End, start: Place) -> Option<End> {
-        let mut landscape = self.landscape();
-        landscape.only_stable = true;
-        if landscape.evaluate(&end.place).is_some() {
-            return Some(end);
-        }
-        landscape.forget();
-        Some(search(&mut landscape, start).and_then(|end| self.found_again(end)).unwrap_or(end))
     }
 
     fn landscape(&self) -> Landscape<'_> {
@@ -247,21 +278,42 @@ impl Search {
 
     /// The motion of an end, as accurate as it is reported; `None` if it is not found again.
     fn confirm(&self, end: End, problem: Problem, starts: usize) -> Option<Optimum> {
-        let mut solver = Solver::default();
-        let first = solver.solve(&problem, REFERENCE_ACCURACY);
-        let motion = solver.steady_motion(first.clone().ok()?).ok()?;
-        let attractor = solver.attractor(&problem, first, REFERENCE_ACCURACY);
-        let GaitMetrics { d_m, v_m_s, .. } = motion.metrics;
-        Some(Optimum {
-            value: self.objective.value(d_m, v_m_s, motion.work_j),
-            status: motion.status(),
-            from_rest: Attractor::from_rest(&attractor),
-            at_bound: self.landscape().bounds_met(&end.place, &end.point),
-            problem,
-            motion,
-            starts,
-        })
+        let at_bound = self.landscape().bounds_met(&end.place, &end.point);
+        Optimum::new(problem, self.objective, at_bound, starts)
     }
+}
+
+/// Where a search from a place ends: at a motion that is found from rest, too, and is stable if there is such an
+/// end.
+fn climb(landscape: &mut Landscape, start: Place) -> Option<End> {
+    landscape.forget();
+    landscape.only_stable = false;
+    let end = search(landscape, start)?;
+    let end = found_again(landscape, end)?;
+    if landscape.is_stable() {
+        return Some(end);
+    }
+    landscape.forget();
+    landscape.only_stable = true;
+    let stable = search(landscape, start).and_then(|end| found_again(landscape, end));
+    Some(stable.filter(|_| landscape.is_stable()).unwrap_or(end))
+}
+
+/// Where a search ended, if a solution from rest finds the motion there: a search that goes from one motion to
+/// the next may have followed another one, and goes on from the one that is found.
+fn found_again(landscape: &mut Landscape, mut end: End) -> Option<End> {
+    const MOST: usize = 4;
+    for _ in 0..MOST {
+        landscape.forget();
+        let only_stable = std::mem::replace(&mut landscape.only_stable, false);
+        let found = landscape.cost(&end.place)?;
+        landscape.only_stable = only_stable;
+        if (found - end.point.cost).abs() < SAME_VALUE {
+            return Some(end);
+        }
+        end = search(landscape, end.place)?;
+    }
+    None
 }
 
 /// The same gait with phases within half a turn of zero.
@@ -319,4 +371,120 @@ pub fn outside(gait: &Gait, bounds: &Bounds) -> Vec<String> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Laws, Robot};
+
+    /// A search over the frequency alone.
+    pub(super) fn of_omega(
+        problem: Problem,
+        objective: Objective,
+        omega_rad_s: [f64; 2],
+    ) -> Search {
+        let bounds = Bounds {
+            omega_rad_s,
+            amplitude_rad: [0.1, 0.8],
+            angle_rad: 1.2,
+            rate_rad_s: 10.0,
+            power_w: None,
+            torque_nm: None,
+        };
+        Search { problem, objective, free: vec![Command::Omega], bounds, starts: 2 }
+    }
+
+    /// Between 0.3523 and 0.3595 rad/s there are three motions: which one a search has followed depends on where
+    /// it comes from.
+    #[test]
+    fn an_end_on_another_branch_is_searched_from_again() {
+        let problem = Problem {
+            robot: Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
+            gait: Gait::passive_symmetric(),
+            laws: Laws::SKID,
+            omega_rad_s: 0.356,
+        };
+        let search = of_omega(problem.clone(), Objective::Distance, [0.345, 0.365]);
+        let mut landscape = search.landscape();
+        let place = landscape.place_of(&problem);
+        let cold = landscape.cost(&place).expect("a motion");
+        let ends = [0.0, 1.0].map(|from| {
+            landscape.forget();
+            let along = (0..=20).map(|i| {
+                let mut between = place;
+                between[0] = from + (place[0] - from) * f64::from(i) / 20.0;
+                landscape.evaluate(&between)
+            });
+            let point = along.last().flatten().expect("a motion");
+            End { place, point }
+        });
+        let is_other = |end: &&End| (end.point.cost - cold).abs() > SAME_VALUE;
+        assert!(ends.iter().any(|end| is_other(&end)), "{ends:?} {cold}");
+        for end in ends {
+            let found = found_again(&mut landscape, end).expect("an end");
+            let mut anew = search.landscape();
+            let cost = anew.cost(&found.place).expect("a motion");
+            assert!((cost - found.point.cost).abs() < SAME_VALUE, "{found:?} {cost}");
+            let is_same = found.place == place && found.point.cost == end.point.cost;
+            assert_eq!(is_same, !is_other(&&end), "{found:?}");
+        }
+    }
+
+    /// The robot comes back to where it was every second cycle only where the motion of one cycle is unstable.
+    #[test]
+    fn where_a_search_ends_in_an_unstable_motion_the_end_among_stable_ones_counts() {
+        const STEP_RAD_S: f64 = 0.02;
+        let offset = JointCommand { offset_rad: 0.8137, amplitude_rad: 0.2838, phase_rad: 2.662 };
+        let problem = |omega_rad_s: f64| Problem {
+            robot: Robot {
+                h_m: 0.1695,
+                l_m: 0.1551,
+                b_m: 0.02867,
+                mass_kg: [2.93, 0.196, 0.2922],
+                inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
+                roll_kg_s: [0.0; 3],
+                skid_kg_s: [0.0; 3],
+                stiffness_nm_rad: 0.4998,
+                damping_nm_s_rad: 0.0643,
+                rest_angle_rad: -0.1661,
+                ..Robot::semi_passive()
+            },
+            gait: Gait { joints: [Some(offset), None] },
+            laws: Laws::NO_SKID,
+            omega_rad_s,
+        };
+        let mut solver = Solver::default();
+        let mut at = |omega_rad_s: f64| {
+            let metrics = solver.solve(&problem(omega_rad_s), 1e-9).expect("a motion");
+            (metrics.v_m_s, solver.status().expect("it is solved for").is_stable())
+        };
+        let omegas = (0..=125).map(|i| 2.0 + STEP_RAD_S * f64::from(i));
+        let all: Vec<(f64, (f64, bool))> = omegas.map(|omega| (omega, at(omega))).collect();
+        // A neighbour that is faster and unstable.
+        let into_unstable = all.windows(2).find_map(|pair| {
+            let is_into =
+                |a: &(f64, (f64, bool)), b: &(f64, (f64, bool))| a.1.1 && !b.1.1 && b.1.0 > a.1.0;
+            let [a, b] = pair else { return None };
+            if is_into(a, b) { Some((a.0, b.0)) } else { is_into(b, a).then_some((b.0, a.0)) }
+        });
+        let (stable, unstable) = into_unstable.expect("both");
+        let away = stable + 3.0 * (stable - unstable);
+        let range = [away.min(unstable), away.max(unstable)];
+        let search = of_omega(problem(away), Objective::Speed, range);
+        let mut landscape = search.landscape();
+        let start = landscape.place_of(&problem(away));
+        let is_stable = |place: &Place| {
+            let mut anew = search.landscape();
+            anew.cost(place).expect("a motion");
+            anew.is_stable()
+        };
+        let first = super::search(&mut landscape, start).expect("an end");
+        assert!(!is_stable(&first.place), "{first:?} {stable} {unstable}");
+        let end = climb(&mut landscape, start).expect("an end");
+        assert!(is_stable(&end.place), "{end:?}");
+        let omega_rad_s = landscape.problem_at(&end.place).omega_rad_s;
+        assert!((omega_rad_s - stable).abs() < STEP_RAD_S, "{omega_rad_s} {stable} {unstable}");
+        assert!(search.run().optima.iter().all(|of| of.status.is_stable()));
+    }
 }

@@ -49,6 +49,11 @@ impl Objective {
         self.powers()[2] != 0.0
     }
 
+    /// Part of the best value that another one is short of it.
+    pub(super) fn loss(self, value: f64, best: f64) -> f64 {
+        if self.is_minimised() { value / best - 1.0 } else { 1.0 - value / best }
+    }
+
     /// Its value for a motion.
     pub fn value(self, d_m: f64, v_m_s: f64, work_j: f64) -> f64 {
         match self {

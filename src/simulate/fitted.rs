@@ -99,7 +99,7 @@ impl KnownFits {
         let (mut alternatives, mut bootstrap, mut data) =
             (Vec::new(), Vec::new(), FitData::default());
         if bands {
-            let wrong = |error: StoreError| format!("--bands: {error}");
+            let wrong = |error: StoreError| format!("--fitted: {error}");
             alternatives = reader.rows(&derived.join("alternative_fits.parquet")).map_err(wrong)?;
             bootstrap = reader.rows(&derived.join("bootstrap.parquet")).map_err(wrong)?;
             data = FitData::read(derived, &reader).map_err(wrong)?;

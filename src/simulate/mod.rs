@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value};
 
 use crate::config::{Config, ConfigError, one_of};
-use crate::fit::PredictionBands;
+use crate::fit::{Alternatives, PredictionBands};
 use crate::motion::{MotionError, Problem};
 use crate::robot::{Gait, Laws, Model, Robot};
 use crate::store::{SensitivityRow, TrajectoryRow};
@@ -139,6 +139,16 @@ impl Setup {
                 answer.interval = Some(Interval::unknown(why.clone()));
             }
         }
+    }
+
+    /// The robots that may be the true one as well, by `most` replicates at most; `fits` were read
+    /// with bands.
+    ///
+    /// # Errors
+    /// A sentence on why they are not known.
+    pub fn alternatives(&self, fits: &KnownFits, most: usize) -> Result<Alternatives, String> {
+        let fitted = self.fitted.as_ref().ok_or("the coefficients are not fitted")?;
+        fitted.with_bands(self, &fits.data, |bands| bands.alternatives(&self.robot, most))
     }
 
     /// How the metrics of its motions answer to every number that they depend on, and what the

@@ -1,0 +1,69 @@
+//! How sure the optima of a fitted model are.
+
+use crate::cli::output::say;
+use crate::cli::table::short;
+use crate::optimise::{Certainty, Command, Found, Objective, OptimumRow, Search};
+use crate::simulate::{KnownFits, Setup};
+
+/// Replicates that are searched where none are named.
+const MOST: usize = 200;
+
+/// How sure what was found is, by so many replicates of the fit at most, or why that is not known.
+pub(super) fn of(
+    setup: &Setup,
+    fits: Option<&KnownFits>,
+    most: Option<usize>,
+    (search, found): (&Search, &Found),
+) -> Result<Certainty, String> {
+    let most = most.unwrap_or(MOST);
+    let fits = fits.ok_or("the coefficients are not fitted")?;
+    if most == 0 {
+        return Err("no replicates were asked for".to_owned());
+    }
+    let alternatives = setup.alternatives(fits, most)?;
+    Certainty::new(search, &found.optima, &alternatives)
+        .ok_or_else(|| "no optimum counts".to_owned())
+}
+
+/// Fills in what the rows say of it.
+pub(super) fn fill(rows: &mut [OptimumRow], certainty: &Result<Certainty, String>) {
+    match certainty {
+        Ok(certainty) => certainty.fill(rows),
+        Err(why) => rows.iter_mut().for_each(|row| row.no_interval.clone_from(why)),
+    }
+}
+
+/// Says it in lines.
+pub(super) fn print(objective: Objective, certainty: &Certainty) {
+    let Certainty { replicates, without, value, commands, best_in, another, .. } = certainty;
+    let limits = |name: &str, [low, high]: [f64; 2], unit: &str| {
+        format!("{name} {} to {} {unit}", short(low), short(high))
+    };
+    let of_command = |(command, limits_of): &(Command, [f64; 2])| match command {
+        Command::Omega => limits("omega", *limits_of, "rad/s"),
+        Command::Joint(..) => {
+            limits(&command.to_string(), limits_of.map(f64::to_degrees), "degrees")
+        }
+    };
+    let mut parts = vec![limits(objective.name(), *value, objective.unit())];
+    parts.extend(commands.iter().map(of_command));
+    say!("95 % by {replicates} replicates of the fit: {}", parts.join(", "));
+    let counted = best_in.iter().enumerate().filter(|(_, count)| **count > 0);
+    let mut best: Vec<String> =
+        counted.map(|(nth, count)| format!("{} in {count}", nth + 1)).collect();
+    for (name, count) in [("another", another), ("none", without)] {
+        if *count > 0 {
+            best.push(format!("{name} in {count}"));
+        }
+    }
+    say!("the best is {}", best.join(", "));
+    let [median, most] = certainty.regret.map(|part| short(100.0 * part));
+    say!("gait 1 where a replicate is true: {median} % short of the best, {most} % in 95 of 100");
+    let Certainty { not_reached, over_limit, .. } = certainty;
+    if *not_reached > 0 {
+        say!("in {not_reached} it has no stable motion that is reached from rest");
+    }
+    if *over_limit > 0 {
+        say!("in {over_limit} it exceeds a limit");
+    }
+}
