@@ -1,6 +1,7 @@
 //! The objective over the commands that may vary, and what limits them.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use nalgebra::SVector;
 
@@ -40,6 +41,17 @@ pub(super) struct Point {
     /// none.
     pub excess: [f64; LIMITS],
     excess_gradients: [Place; LIMITS],
+}
+
+impl Point {
+    /// What nothing that varies can change is no limit.
+    fn drop_fixed(&mut self, limits: Range<usize>) {
+        for i in limits {
+            if self.excess[i] > 0.0 && self.excess_gradients[i].amax() == 0.0 {
+                self.excess[i] = f64::NEG_INFINITY;
+            }
+        }
+    }
 }
 
 /// Evaluates the objective, each motion from the last one.
@@ -164,41 +176,46 @@ impl<'a> Landscape<'a> {
 
     /// The objective at a place; `None` where there is no motion, or it comes to nothing.
     pub fn evaluate(&mut self, place: &Place) -> Option<Point> {
-        let problem = self.problem_at(place);
-        let point = self.point(&problem, place);
-        point.filter(|point| {
-            let gradients = point.excess_gradients.iter().chain([&point.gradient]);
-            point.cost.is_finite() && gradients.flatten().all(|slope| slope.is_finite())
-        })
+        self.evaluate_below(place, f64::INFINITY)?.ok()
     }
 
-    fn point(&mut self, problem: &Problem, place: &Place) -> Option<Point> {
+    /// The same, or the augmented cost alone, which takes no derivatives, where that is more than `most`.
+    pub fn evaluate_below(&mut self, place: &Place, most: f64) -> Option<Result<Point, f64>> {
+        let problem = self.problem_at(place);
+        let found = self.point(&problem, place, most)?;
+        let is_finite = found.as_ref().is_err()
+            || found.is_ok_and(|point| {
+                let gradients = point.excess_gradients.iter().chain([&point.gradient]);
+                point.cost.is_finite() && gradients.flatten().all(|slope| slope.is_finite())
+            });
+        is_finite.then_some(found)
+    }
+
+    fn point(&mut self, problem: &Problem, place: &Place, most: f64) -> Option<Result<Point, f64>> {
         let (metrics, work_j) = self.solve(problem)?;
-        let derivatives = self.solver.derivatives().ok()?;
         let omega = problem.omega_rad_s;
-        let work = match self.needs_work() {
-            true => self.solver.work_derivatives().ok()?,
-            false => Derivatives::splat(0.0),
-        };
-        let [of_d, of_omega, of_work] = self.objective.powers();
         let mut point = Point {
             cost: self.cost_of(problem, &metrics, work_j),
             gradient: Place::zeros(),
             excess: [f64::NEG_INFINITY; LIMITS],
             excess_gradients: [Place::zeros(); LIMITS],
         };
-        let Bounds { angle_rad, rate_rad_s, power_w, .. } = *self.bounds;
-        for (joint, command) in problem.gait.joints.iter().enumerate() {
-            let Some(command) = command else { continue };
-            for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
-                let largest = sign * command.offset_rad + command.amplitude_rad;
-                point.excess[2 * joint + side] = largest / angle_rad - 1.0;
-            }
-            point.excess[RATE + joint] = command.amplitude_rad * omega / rate_rad_s - 1.0;
-        }
-        if let Some(power_w) = power_w {
+        self.limit_commands(&mut point, problem);
+        if let Some(power_w) = self.bounds.power_w {
             point.excess[POWER] = work_j * omega / (TAU * power_w) - 1.0;
         }
+        if self.bounds.torque_nm.is_none() {
+            let (cost, _) = self.augmented(&point);
+            if cost > most {
+                return Some(Err(cost));
+            }
+        }
+        let derivatives = self.solver.derivatives().ok()?;
+        let work = match self.needs_work() {
+            true => self.solver.work_derivatives().ok()?,
+            false => Derivatives::splat(0.0),
+        };
+        let [of_d, of_omega, of_work] = self.objective.powers();
         for (i, command) in self.commands.iter().enumerate() {
             let size = self.ranges[i][1] - self.ranges[i][0];
             let (d_m, work) = match *command {
@@ -210,10 +227,32 @@ impl<'a> Landscape<'a> {
             let by_omega = if *command == Command::Omega { 1.0 / omega } else { 0.0 };
             let relative = of_d * d_m / metrics.d_m + of_omega * by_omega + of_work * work / work_j;
             point.gradient[i] = -size * relative;
-            if let Some(power_w) = power_w {
+            if let Some(power_w) = self.bounds.power_w {
                 let by_command = (work + work_j * by_omega) * omega / (TAU * power_w);
                 point.excess_gradients[POWER][i] = size * by_command;
             }
+        }
+        if let Some(torque_nm) = self.bounds.torque_nm {
+            self.limit_torque(&mut point, torque_nm, problem, place)?;
+        }
+        point.drop_fixed(POWER..LIMITS);
+        Some(Ok(point))
+    }
+
+    /// Fills in by how much the commands exceed the limits of angles and rates.
+    fn limit_commands(&self, point: &mut Point, problem: &Problem) {
+        let Bounds { angle_rad, rate_rad_s, .. } = *self.bounds;
+        let omega = problem.omega_rad_s;
+        for (joint, command) in problem.gait.joints.iter().enumerate() {
+            let Some(command) = command else { continue };
+            for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
+                let largest = sign * command.offset_rad + command.amplitude_rad;
+                point.excess[2 * joint + side] = largest / angle_rad - 1.0;
+            }
+            point.excess[RATE + joint] = command.amplitude_rad * omega / rate_rad_s - 1.0;
+        }
+        for (i, command) in self.commands.iter().enumerate() {
+            let size = self.ranges[i][1] - self.ranges[i][0];
             match *command {
                 Command::Omega => {
                     for (joint, of) in problem.gait.joints.iter().enumerate() {
@@ -233,16 +272,7 @@ impl<'a> Landscape<'a> {
                 }
             }
         }
-        if let Some(torque_nm) = self.bounds.torque_nm {
-            self.limit_torque(&mut point, torque_nm, problem, place)?;
-        }
-        // What nothing that varies can change is no limit.
-        for (excess, gradient) in point.excess.iter_mut().zip(&point.excess_gradients) {
-            if *excess > 0.0 && gradient.amax() == 0.0 {
-                *excess = f64::NEG_INFINITY;
-            }
-        }
-        Some(point)
+        point.drop_fixed(0..POWER);
     }
 
     /// Fills in by how much the largest torque exceeds its limit. What changes that is found from

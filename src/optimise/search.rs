@@ -152,19 +152,26 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for ProjectedQuasiNewton {
             let next = (place + part * direction).map(|of| of.clamp(0.0, 1.0));
             let step = next - place;
             let promised = self.gradient.dot(&step);
-            if let Some(point) = landscape.evaluate(&next) {
-                let (cost, gradient) = landscape.augmented(&point);
-                if cost <= state.cost + ENOUGH * promised {
-                    self.update(&step, &(gradient - self.gradient));
-                    (self.point, self.gradient) = (point, gradient);
-                    return Ok((state.param(next).cost(cost), None));
+            let most = state.cost + ENOUGH * promised;
+            let cost = match landscape.evaluate_below(&next, most) {
+                Some(Ok(point)) => {
+                    let (cost, gradient) = landscape.augmented(&point);
+                    if cost <= most {
+                        self.update(&step, &(gradient - self.gradient));
+                        (self.point, self.gradient) = (point, gradient);
+                        return Ok((state.param(next).cost(cost), None));
+                    }
+                    cost
                 }
-                // The parabola through both costs and the slope.
-                let parabola = -0.5 * promised / (cost - state.cost - promised);
-                part *= parabola.clamp(0.1, 0.5);
-            } else {
-                part *= 0.25;
-            }
+                Some(Err(cost)) => cost,
+                None => {
+                    part *= 0.25;
+                    continue;
+                }
+            };
+            // The parabola through both costs and the slope.
+            let parabola = -0.5 * promised / (cost - state.cost - promised);
+            part *= parabola.clamp(0.1, 0.5);
         }
         if self.is_first {
             return Ok((state.terminate_with(converged), None));

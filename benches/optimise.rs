@@ -1,0 +1,65 @@
+//! Optimal gaits: one optimum over five commands from sixteen starts on one core, and how sure it is by two
+//! hundred replicates on all.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use trilink::fit::Alternatives;
+use trilink::motion::{Laws, Problem};
+use trilink::optimise::{Bounds, Certainty, Command, Objective, Search};
+use trilink::robot::{Gait, Robot};
+
+const REPLICATES: u32 = 200;
+
+/// Frequency, amplitudes and offsets of the kinematic robot with the paper's coefficients.
+fn search(objective: Objective) -> Search {
+    let robot = Robot { skid_kg_s: [104.0, 34.0, 45.0], ..Robot::kinematic() };
+    let gait = Gait::symmetric();
+    let mut free = Command::all(&gait);
+    free.truncate(5);
+    let bounds = Bounds {
+        omega_rad_s: [0.5, 12.0],
+        amplitude_rad: [5.0, 60.0].map(f64::to_radians),
+        angle_rad: 75.0_f64.to_radians(),
+        rate_rad_s: 360.0_f64.to_radians(),
+        power_w: None,
+        torque_nm: None,
+    };
+    let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 6.0 };
+    Search { problem, objective, free, bounds, starts: 16 }
+}
+
+/// Coefficients that are off by up to 5 %, each in another way.
+fn replicates(robot: &Robot) -> Alternatives {
+    let off = |number: u32| {
+        let mut robot = robot.clone();
+        for (wheel, of) in robot.skid_kg_s.iter_mut().enumerate() {
+            *of *= 1.0 + 0.05 * (1.7 * f64::from(number) + 2.9 * wheel as f64).sin();
+        }
+        robot
+    };
+    Alternatives { replicates: (0..REPLICATES).map(off).collect(), ..Alternatives::default() }
+}
+
+fn optima(criterion: &mut Criterion) {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    for objective in [Objective::Speed, Objective::WorkPerMetre] {
+        let search = search(objective);
+        let name = format!("{objective} over five commands, 16 starts, one core");
+        criterion.bench_function(&name, |bencher| {
+            bencher.iter(|| one.install(|| black_box(search.run())));
+        });
+        let found = search.run();
+        let alternatives = replicates(&search.problem.robot);
+        criterion.bench_function(&format!("{objective}, 200 replicates"), |bencher| {
+            bencher.iter(|| black_box(Certainty::new(&search, &found.optima, &alternatives)));
+        });
+    }
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default().sample_size(10);
+    targets = optima
+}
+criterion_main!(benches);
