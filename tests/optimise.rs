@@ -290,6 +290,32 @@ fn fitted_coefficients_are_those_of_the_preferred_model() {
 }
 
 #[test]
+fn a_figure_shows_the_optimum_among_the_gaits_around_it() {
+    let problem = problem("kinematic-symmetric");
+    let free = vec![Command::Omega];
+    let objective = Objective::WorkPerMetre;
+    let search = Search { problem, objective, free, bounds: bounds(), starts: 2 };
+    let found = search.run();
+    let best = found.best().unwrap();
+    let map = search.map(best);
+    let place = map.place_of(&best.problem);
+    assert_eq!((map.commands.len(), place.len()), (1, 1));
+    let is_there = |value: &f64| (value - place[0]).abs() < 1e-9;
+    let at_best = map.values[map.along[0].iter().position(is_there).unwrap()];
+    assert!((at_best / best.value - 1.0).abs() < 1e-7, "{at_best} {}", best.value);
+    let known = map.values.iter().copied().filter(|value| value.is_finite());
+    let least = known.fold(f64::INFINITY, f64::min);
+    assert!(least >= best.value * (1.0 - BETTER), "{least} {}", best.value);
+
+    let folder = tempfile::tempdir().unwrap();
+    let command = ["optimise", "semi-passive-symmetric", "--model", "skid-roll", "--maximise", "v"];
+    let options = ["--free", "omega", "--starts", "2", "--figure", "optimum.svg"];
+    succeed(folder.path(), &[&command[..], &options].concat());
+    let svg = std::fs::read_to_string(folder.path().join("optimum.svg")).unwrap();
+    assert!(svg.contains("optimum") && svg.contains("rad/s"));
+}
+
+#[test]
 fn what_cannot_be_searched_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |arguments: &[&str], named: &[&str]| {

@@ -2,10 +2,11 @@
 
 mod certainty;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::fitted::note_caution;
 use super::output::{note, say, write_data};
+use super::rows_file::RowsFile;
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, did_you_mean};
@@ -14,9 +15,10 @@ use crate::metrics::FromRest;
 use crate::optimise::{
     Bounds, Certainty, Command, Found, Objective, Optimum, OptimumRow, Search, outside,
 };
+use crate::report::{OptimumPlaces, optimum_drawing};
 use crate::robot::{Gait, JointCommand};
 use crate::simulate::{KnownFits, Setup, campaign_of};
-use crate::store::Columns;
+use crate::store::{Columns, write_if_changed};
 
 #[derive(clap::Args)]
 pub(super) struct Optimise {
@@ -68,6 +70,13 @@ pub(super) struct Optimise {
     /// Print the optimal gait as an entry of pipeline.toml.
     #[arg(long, conflicts_with_all = ["json", "csv"])]
     gait_toml: bool,
+    /// Draw the objective about the optimum, over the two commands that it answers to most: SVG, PNG or PDF, by the
+    /// file's ending.
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+    /// Write all optima: Parquet, CSV or JSON, by the file's ending.
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
     /// Print CSV with every digit.
     #[arg(long, conflicts_with = "json")]
     csv: bool,
@@ -117,8 +126,24 @@ impl Optimise {
             search.free.iter().copied().filter(|of| *of == Command::Omega).collect();
         let is_more = search.free.len() > by_omega.len();
         let present = is_more.then(|| Search { free: by_omega, ..search.clone() }.present());
+        let present = present.flatten();
         let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found));
-        self.print(&setup, objective, &found, present.flatten().as_ref(), &certainty)
+        if let (Some(path), Some(best)) = (&self.figure, found.best()) {
+            let map = search.map(best);
+            let replicates = certainty.iter().flat_map(|of| &of.places);
+            let places = OptimumPlaces {
+                campaign: &self.campaign,
+                model: setup.model.name(),
+                map: &map,
+                best: map.place_of(&best.problem),
+                present: present.as_ref().map_or(Vec::new(), |of| map.place_of(&of.problem)),
+                replicates: replicates.map(|of| map.place_among(&search.free, of)).collect(),
+            };
+            let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+            write_if_changed(path, &optimum_drawing(&places, ending)?)?;
+            context.progress.say(&path.display().to_string());
+        }
+        self.print(&setup, &search, &found, present.as_ref(), &certainty)
     }
 
     /// The model, with configured or fitted coefficients.
@@ -174,11 +199,12 @@ impl Optimise {
     fn print(
         &self,
         setup: &Setup,
-        objective: Objective,
+        search: &Search,
         found: &Found,
         present: Option<&Optimum>,
         certainty: &Result<Certainty, String>,
     ) -> Result<Outcome, Failure> {
+        let objective = search.objective;
         let Found { optima, failed } = found;
         let Some(first) = optima.first() else {
             return Err(match objective.knows_work() {
@@ -190,6 +216,10 @@ impl Optimise {
         let mut rows: Vec<OptimumRow> =
             optima.iter().enumerate().map(|(i, of)| of.row(i + 1, objective, setup)).collect();
         certainty::fill(&mut rows, certainty);
+        if let Some(path) = &self.table {
+            let input = blake3::hash(format!("{search:?}").as_bytes());
+            RowsFile::new(path, "--table")?.write(&rows, &input)?;
+        }
         if self.csv {
             write_data(csv(&View::of(OptimumRow::to_table(&rows))).trim_end_matches('\n'));
         } else if self.json {

@@ -39,11 +39,11 @@ impl<'p> RowsFile<'p> {
     }
 
     /// Writes the rows, which are made of what has this hash.
-    pub fn write<T: Columns>(&self, rows: &[T], input: &blake3::Hasher) -> Result<(), Failure> {
+    pub fn write<T: Columns>(&self, rows: &[T], input: &blake3::Hash) -> Result<(), Failure> {
         let table = T::to_table(rows);
         match self.format {
             Format::Parquet => {
-                let provenance = Provenance { input: input.finalize().to_hex().to_string() };
+                let provenance = Provenance { input: input.to_hex().to_string() };
                 table.write(self.path, &provenance)?;
             }
             Format::Csv => {

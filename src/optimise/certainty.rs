@@ -31,6 +31,8 @@ pub struct Certainty {
     /// 95 % limits of the best: of its value, and of every command that varies.
     pub value: [f64; 2],
     pub commands: Vec<(Command, [f64; 2])>,
+    /// The commands that vary at the best of each replicate that has one.
+    pub places: Vec<Vec<f64>>,
     /// Replicates in which each of the fit's optima is the best, and in which another is.
     pub best_in: Vec<usize>,
     pub another: usize,
@@ -91,6 +93,8 @@ impl Certainty {
         let value = limits(best.value, &|best| best.value);
         let value = value.map(|limit| limit.clamp(0.0, f64::INFINITY));
         let replicates = &all[..alternatives.replicates.len()];
+        let places =
+            replicates.iter().filter_map(|again| Some(again.best.as_ref()?.commands.clone()));
         let count = |is: &dyn Fn(&Again) -> bool| replicates.iter().filter(|of| is(of)).count();
         let follows = |from: Option<usize>| {
             count(&|again| again.best.as_ref().is_some_and(|best| best.follows == from))
@@ -105,6 +109,7 @@ impl Certainty {
             without: count(&|again| again.best.is_none()),
             value,
             commands,
+            places: places.collect(),
             best_in: (0..candidates.len()).map(|nth| follows(Some(nth))).collect(),
             another: follows(None),
             regret: quantiles(regrets.collect(), [0.5, 0.95]),

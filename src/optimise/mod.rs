@@ -8,6 +8,7 @@
 mod certainty;
 mod commands;
 mod landscape;
+mod map;
 mod objective;
 mod search;
 
@@ -25,6 +26,7 @@ use crate::store::{Columns, rows};
 pub use certainty::Certainty;
 pub use commands::{Bounds, Command};
 use landscape::{Landscape, Place};
+pub use map::Map;
 pub use objective::Objective;
 use search::{End, search};
 

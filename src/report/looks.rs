@@ -107,6 +107,29 @@ pub const fn bifurcation(bifurcation: Bifurcation) -> Look {
     Look::Marker { colour, shape, filled }
 }
 
+/// Where an optimum, the present gait and the optima of replicates are, and around the gaits that count.
+pub const OPTIMUM: Look =
+    Look::Marker { colour: okabe_ito::VERMILLION, shape: Shape::Circle, filled: true };
+pub const PRESENT: Look = Look::Marker { colour: INK, shape: Shape::Square, filled: false };
+pub const REPLICATES: Look =
+    Look::Marker { colour: okabe_ito::ORANGE, shape: Shape::Circle, filled: false };
+pub const EDGE: Look = line(OTHER, SHORT_DASHES);
+
+/// ColorBrewer's blues.
+/// <https://colorbrewer2.org/#type=sequential&scheme=Blues>
+const BLUES: [RGBColor; 5] = [
+    RGBColor(8, 48, 107),
+    RGBColor(8, 81, 156),
+    RGBColor(33, 113, 181),
+    RGBColor(107, 174, 214),
+    RGBColor(158, 202, 225),
+];
+
+/// The line of a value that is the `nth` nearest to the best.
+pub fn within(nth: usize) -> Look {
+    line(BLUES[nth % BLUES.len()], SOLID)
+}
+
 /// The `nth` of the same quantity of several links, wheels, joints or directions.
 pub fn component(nth: usize) -> Look {
     let (colour, dash) = COMPONENTS[nth % COMPONENTS.len()];

@@ -2,6 +2,7 @@
 
 mod branches;
 mod content;
+mod contour;
 mod drawing;
 mod ending;
 mod figures;
@@ -10,6 +11,7 @@ mod input;
 mod latex;
 mod looks;
 mod numbers;
+mod optimum;
 mod page;
 mod parameters;
 mod pdf;
@@ -46,6 +48,7 @@ pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
 pub use input::ReportInput;
 pub(crate) use looks::{colours, trends};
 pub(crate) use numbers::{percent, significant};
+pub use optimum::{OptimumPlaces, optimum_drawing};
 pub(crate) use page::{fill, image};
 pub use replay::{SimulationError, simulation_page};
 pub use sensitivities::sensitivities_drawing;

@@ -66,7 +66,7 @@ impl Sensitivities {
         }
         let rows = all.concat();
         if let Some(file) = file {
-            file.write(&rows, &input)?;
+            file.write(&rows, &input.finalize())?;
             context.progress.say(&format!("{}: {} rows", file.path.display(), rows.len()));
         }
         if let Some(path) = self.figure.as_deref().filter(|_| !rows.is_empty()) {

@@ -36,7 +36,7 @@ impl<'p> File<'p> {
                 Err(_) => absent += 1,
             }
         }
-        self.0.write(&rows, &input)?;
+        self.0.write(&rows, &input.finalize())?;
         let mut message = format!("{}: {} moments", self.0.path.display(), rows.len());
         if absent > 0 {
             message += &format!("; {absent} frequencies have no motion and no rows");
