@@ -44,6 +44,8 @@ pub mod build;
 
 /// A run against a baseline.
 pub mod compare;
+/// The trials that would tell most.
+pub mod design;
 /// What checks look at, why that matters and what to do.
 pub mod explanations;
 /// A trial for other viewers.

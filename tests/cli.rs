@@ -719,9 +719,10 @@ fn calibrated_markers_can_be_pasted_into_the_configuration() {
 fn every_subcommand_explains_itself() {
     let folder = empty_folder();
     let help = succeed(folder.path(), &["--help"]);
-    for command in
-        ["demo", "run", "ingest", "fit", "report", "check", "simulate", "optimise", "synth"]
-    {
+    for command in [
+        "demo", "run", "ingest", "fit", "report", "check", "simulate", "optimise", "design",
+        "synth",
+    ] {
         assert!(help.contains(&format!("\n  {command} ")), "{command}: {help}");
         let help = succeed(folder.path(), &[command, "--help"]);
         assert!(help.contains(&format!("Usage: trilink {command}")), "{help}");

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use common::{Small, files, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 
-const COMMANDS: [&str; 19] = [
+const COMMANDS: [&str; 20] = [
     "demo",
     "run",
     "ingest",
@@ -27,6 +27,7 @@ const COMMANDS: [&str; 19] = [
     "simulate",
     "branches",
     "optimise",
+    "design",
     "export",
     "synth",
     "completions",

@@ -6,6 +6,7 @@ mod calibrate;
 mod check;
 mod compare;
 mod config;
+mod design;
 mod explain;
 mod export;
 mod fitted;
@@ -124,6 +125,9 @@ enum Command {
     /// Search for the gait with which a model's robot goes farthest, fastest or with least work.
     #[command(after_help = include_str!("examples/optimise.txt").trim_end())]
     Optimise(optimise::Optimise),
+    /// Advise which trials to make next: for the coefficients, for a prediction, or to tell two models apart.
+    #[command(after_help = include_str!("examples/design.txt").trim_end())]
+    Design(design::Design),
     /// Write trials with a known truth, as the camera system would.
     #[command(after_help = include_str!("examples/synth.txt").trim_end())]
     Synth(synth::Synth),
@@ -241,6 +245,7 @@ fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {
         Command::Simulate(command) => command.run(context()?),
         Command::Branches(command) => command.run(context()?),
         Command::Optimise(command) => command.run(context()?),
+        Command::Design(command) => command.run(&context()?),
         Command::Synth(command) => command.run(context()?),
         // These need no configuration.
         Command::Explain(command) => command.run(),

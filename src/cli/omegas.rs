@@ -1,13 +1,18 @@
-//! Frequencies on the command line.
+//! Frequencies on the command line, and other lists of numbers above zero.
 
 /// Frequencies of one `--omega`, rad/s.
 pub(super) type Omegas = Vec<f64>;
 
 /// Parses `3.9,4` and `0.5..6/12`, twelve from 0.5 to 6.
 pub(super) fn parse_omegas(text: &str) -> Result<Omegas, String> {
+    parse_numbers(text, "a frequency")
+}
+
+/// The same of what is called so.
+pub(super) fn parse_numbers(text: &str, what: &str) -> Result<Omegas, String> {
     let number = |text: &str| match text.trim().parse::<f64>() {
         Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        Ok(number) => Err(format!("found {number}, needed a frequency above 0")),
+        Ok(number) => Err(format!("found {number}, needed {what} above 0")),
         Err(_) => Err(format!("found `{text}`, needed a number")),
     };
     let mut omegas = Vec::new();
@@ -21,7 +26,7 @@ pub(super) fn parse_omegas(text: &str) -> Result<Omegas, String> {
         let (low, high) = (number(low)?, number(high)?);
         let count: usize = count.trim().parse().map_err(|_| needed())?;
         if !(2..=100_000).contains(&count) {
-            return Err(format!("found {count} frequencies, needed 2 to 100000"));
+            return Err(format!("found {count} numbers, needed 2 to 100000"));
         }
         let at = |i: usize| {
             let omega = low + (high - low) * i as f64 / (count - 1) as f64;
@@ -51,7 +56,7 @@ mod tests {
             ("x", "found `x`, needed a number"),
             ("-1", "found -1, needed a frequency above 0"),
             ("1..2", "found `1..2`, needed LOW..HIGH/COUNT"),
-            ("1..2/1", "found 1 frequencies, needed 2 to 100000"),
+            ("1..2/1", "found 1 numbers, needed 2 to 100000"),
         ] {
             let message = parse_omegas(text).err().unwrap();
             assert!(message.contains(named), "{message}");

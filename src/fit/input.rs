@@ -233,7 +233,7 @@ pub struct FreeParameter {
 
 impl FreeParameter {
     /// At which of its bounds a value is: lower, upper.
-    pub(super) fn is_at_bound(&self, value: f64) -> [bool; 2] {
+    pub fn is_at_bound(&self, value: f64) -> [bool; 2] {
         let [low, high] = self.bounds;
         [value < low * (1.0 + AT_BOUND), value > high * (1.0 - AT_BOUND)]
     }

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use super::alternatives::Alternatives;
 use super::bands::Bands;
+use super::fitted_point::FittedPoint;
+use super::information::FitInformation;
 use super::job::{Fit, Job};
 use super::resampler::Resampler;
 use super::rows::why_no_bands;
@@ -77,6 +79,32 @@ impl KnownFit {
         data: &FitData,
         task: impl FnOnce(&PredictionBands) -> T,
     ) -> Result<T, String> {
+        self.with_fit(input, data, |bands, _, _| task(&PredictionBands(bands)))
+    }
+
+    /// Does something with what single trials tell of the coefficients, those of `data`, which were
+    /// fitted, and others.
+    ///
+    /// # Errors
+    /// A sentence on why that is not known.
+    pub fn with_information<T>(
+        &self,
+        input: &FitInput,
+        data: &FitData,
+        task: impl FnOnce(&FitInformation) -> T,
+    ) -> Result<T, String> {
+        self.with_fit(input, data, |bands, job, point| {
+            let (_, replicates) = bands.replicates();
+            task(&FitInformation::new(point, job.resampler, replicates, &job.others))
+        })
+    }
+
+    fn with_fit<T>(
+        &self,
+        input: &FitInput,
+        data: &FitData,
+        task: impl FnOnce(Bands, &Job, &FittedPoint) -> T,
+    ) -> Result<T, String> {
         let why = why_no_bands(&self.row, self.replicates.len());
         if !why.is_empty() {
             return Err(why.to_owned());
@@ -100,6 +128,6 @@ impl KnownFit {
             ));
         }
         let bands = Bands::new(point, replicates, &resampler, systematic, &job.others);
-        Ok(task(&PredictionBands(bands)))
+        Ok(task(bands, &job, point))
     }
 }

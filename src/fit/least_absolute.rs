@@ -26,6 +26,12 @@ pub(super) struct Residual {
 }
 
 impl Residual {
+    /// A linear function that deviates from one value.
+    pub fn single(breakpoint: f64, weight: f64, slope: Vec<f64>) -> Self {
+        let deviations = Arc::new(Deviations::new(vec![(breakpoint, weight)]));
+        Self { value: 0.0, slope, deviations }
+    }
+
     pub fn at(&self, x: &DVector<f64>) -> f64 {
         self.value + self.along(x)
     }

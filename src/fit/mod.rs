@@ -21,6 +21,7 @@ mod fitted_point;
 mod folder;
 mod gait_over_frequency;
 mod hessian;
+mod information;
 mod input;
 mod intervals;
 mod job;
@@ -58,6 +59,9 @@ use resampler::Resampler;
 pub use alternatives::Alternatives;
 pub use compare::preferred;
 pub use folder::{FitKey, TABLES, input_paths};
+pub use information::{
+    ByMetric, FitInformation, MEASURED_METRICS, TrialInformation, metric_named, metric_names,
+};
 pub use input::{FitCampaign, FitInput, FreeParameter};
 pub use known::{KnownFit, PredictionBands};
 pub use measurement::Measurement;

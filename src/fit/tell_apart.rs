@@ -1,22 +1,26 @@
 //! Which one more trial would tell two fitted models of a campaign apart.
 //!
 //! The frequency and the metric at which their curves differ by most standard errors of a trial,
-//! where both have a motion that is stable. A trial's standard error is the median relative one of
-//! the trials at the nearest frequencies, with what repeats differ by. d and v are one measurement:
-//! it is d's where that is known.
+//! where both have a motion that is stable. A trial's relative standard error, with what repeats differ
+//! by, goes with a power of the frequency, by Theil and Sen's line through the logarithms of all
+//! trials'; of fewer than three frequencies it is the median. d and v are one measurement: it is d's
+//! where that is known.
 //!
-//! Reference: W. G. Hunter and A. M. Reiner, *Designs for discriminating between two rival models*,
-//! Technometrics 7 (1965).
+//! References: W. G. Hunter and A. M. Reiner, *Designs for discriminating between two rival models*,
+//! Technometrics 7 (1965); P. K. Sen, *Estimates of the regression coefficient based on Kendall's tau*, J. Amer.
+//! Statist. Assoc. 63 (1968).
 
 use super::objective::METRICS;
 use super::resampler::Resampler;
 use super::terms::TERMS;
 use crate::motion::MotionStatus;
-use crate::stats::median_high;
+use crate::stats::median;
 use crate::store::{PredictionRow, PredictionSource};
 
-/// Trials whose noise tells that of another one nearby.
-const NEIGHBOURS: usize = 3;
+/// Fewer frequencies do not tell a power.
+const LEAST_FREQUENCIES: usize = 3;
+/// Frequencies that differ by less, relative, are one.
+const SAME_FREQUENCY: f64 = 0.01;
 const D: usize = 0;
 const V: usize = 1;
 
@@ -29,11 +33,9 @@ pub(super) struct Tell {
     pub standard_errors: f64,
 }
 
-/// How well one more trial of a campaign would measure.
-pub(super) struct Noise {
-    /// Frequency and relative standard errors of each trial.
-    trials: Vec<(f64, [f64; TERMS])>,
-}
+/// How well one more trial of a campaign would measure: of each metric a power of the frequency, as
+/// logarithms of the relative standard error at 1 rad/s, and the power; NaN where nothing tells it.
+pub(super) struct Noise([[f64; 2]; TERMS]);
 
 impl Noise {
     pub fn new(resampler: &Resampler) -> Self {
@@ -42,18 +44,21 @@ impl Noise {
             let metrics = measurement.metrics.to_array();
             (measurement.omega_rad_s, std::array::from_fn(|i| noises[i] / metrics[i]))
         });
-        Self { trials: trials.collect() }
+        Self::of(&trials.collect::<Vec<_>>())
+    }
+
+    /// Of each trial's frequency and relative standard errors.
+    fn of(trials: &[(f64, [f64; TERMS])]) -> Self {
+        let logarithms = |i: usize| {
+            let known = trials.iter().filter(move |(_, noises)| noises[i] > 0.0);
+            known.map(move |(omega_rad_s, noises)| [omega_rad_s.ln(), noises[i].ln()])
+        };
+        Self(std::array::from_fn(|i| line(logarithms(i).collect())))
     }
 
     /// Relative standard errors of a trial at a frequency; NaN where nothing tells one.
-    fn at(&self, omega_rad_s: f64) -> [f64; TERMS] {
-        let mut nearest: Vec<&(f64, [f64; TERMS])> = self.trials.iter().collect();
-        let distance = |trial: &(f64, _)| (trial.0 / omega_rad_s).ln().abs();
-        nearest.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        std::array::from_fn(|i| {
-            let known = nearest.iter().map(|(_, noises)| noises[i]).filter(|noise| *noise > 0.0);
-            median_high(known.take(NEIGHBOURS).collect())
-        })
+    pub fn at(&self, omega_rad_s: f64) -> [f64; TERMS] {
+        self.0.map(|[begin, power]| (begin + power * omega_rad_s.ln()).exp())
     }
 
     /// The trial that would best tell two models apart by their predictions; `None` where they
@@ -81,6 +86,24 @@ impl Noise {
         });
         most(tells)
     }
+}
+
+/// Where Theil and Sen's line through the medians of each frequency is at 0, and its slope; that is 0
+/// where too few frequencies tell it.
+fn line(mut points: Vec<[f64; 2]>) -> [f64; 2] {
+    points.sort_by(|[a, _], [b, _]| a.total_cmp(b));
+    let of_frequency =
+        |of: &[[f64; 2]]| [0, 1].map(|i| median(of.iter().map(|point| point[i]).collect()));
+    let chunks = points.chunk_by(|[a, _], [b, _]| b - a < SAME_FREQUENCY);
+    let medians: Vec<[f64; 2]> = chunks.map(of_frequency).collect();
+    let slopes = medians.iter().enumerate().flat_map(|(i, [x, y])| {
+        medians[..i].iter().map(move |[before, below]| (y - below) / (x - before))
+    });
+    let slope = match medians.len() < LEAST_FREQUENCIES {
+        true => 0.0,
+        false => median(slopes.collect()),
+    };
+    [median(medians.iter().map(|[x, y]| y - slope * x).collect()), slope]
 }
 
 /// The first of those with most standard errors.
@@ -113,21 +136,35 @@ mod tests {
     #[test]
     fn the_metric_that_differs_by_most_standard_errors_tells_where_both_are_stable() {
         let noises = |d: f64, sigma: f64| [d, d, sigma, f64::NAN, f64::NAN, f64::NAN];
-        let trials =
-            vec![(1.0, noises(0.01, 0.02)), (1.1, noises(0.01, 0.02)), (4.0, noises(0.01, 0.1))];
-        let noise = Noise { trials };
+        // At two frequencies their medians.
+        let noise = Noise::of(&[
+            (1.0, noises(0.01, 0.02)),
+            (1.0, noises(0.01, 0.02)),
+            (4.0, noises(0.01, 0.1)),
+        ]);
         let one = curve(&[(1.0, 0.4, 0.05), (2.0, 0.4, 0.05), (4.0, 0.4, 0.05)]);
         let mut other = curve(&[(1.0, 0.41, 0.05), (2.0, 0.4, 0.04), (4.0, 0.39, 0.02)]);
         let tell = noise.tell(&one, &other).expect("they differ");
         assert_eq!((tell.omega_rad_s, tell.metric), (4.0, "sigma0"));
-        // The median of three trials' noise.
         assert!((tell.standard_errors - 0.6 / 0.02).abs() < 1e-9, "{tell:?}");
         other[2].status = MotionStatus::Unstable;
         let tell = noise.tell(&one, &other).expect("they differ");
         assert_eq!((tell.omega_rad_s, tell.metric), (2.0, "sigma0"));
         assert_eq!(noise.tell(&one, &[]), None);
         // The same trial without noise that is known.
-        let silent = Noise { trials: vec![(1.0, [0.0; TERMS])] };
+        let silent = Noise::of(&[(1.0, [0.0; TERMS])]);
         assert_eq!(silent.tell(&one, &other), None);
+    }
+    #[test]
+    fn noise_goes_with_a_power_of_the_frequency() {
+        let mut trials: Vec<(f64, [f64; TERMS])> =
+            [0.5, 1.0, 2.0, 4.0].map(|omega: f64| (omega, [0.01 * omega.powf(1.5); TERMS])).into();
+        // One that is off does not matter.
+        trials.push((6.0, [3.0; TERMS]));
+        let noise = Noise::of(&trials).at(3.0)[0];
+        assert!((noise / (0.01 * 3_f64.powf(1.5)) - 1.0).abs() < 0.25, "{noise}");
+        assert!(Noise::of(&[]).at(3.0)[0].is_nan());
+        let two = Noise::of(&[(1.0, [0.01; TERMS]), (2.0, [0.03; TERMS])]).at(9.0)[0];
+        assert!((0.01..0.03).contains(&two), "{two}");
     }
 }

@@ -42,7 +42,7 @@ pub struct FitSummary {
 }
 
 impl FitSummary {
-    pub(super) fn new(row: &FitRow) -> Self {
+    pub(crate) fn new(row: &FitRow) -> Self {
         Self {
             free: row.free.clone(),
             fitted_gait: row.gait_input,
@@ -89,17 +89,16 @@ impl KnownFits {
         let (derived, reader) = (&config.paths.derived, Reader::default());
         let path = derived.join("fits.parquet");
         let wrong = |error: StoreError| match error.is_not_there() {
-            true => format!(
-                "--fitted: {}: not there; `trilink run` or `trilink fit` makes it",
-                path.display()
-            ),
-            false => format!("--fitted: {error}"),
+            true => {
+                format!("{}: not there; `trilink run` or `trilink fit` makes it", path.display())
+            }
+            false => error.to_string(),
         };
         let fits = reader.rows(&path).map_err(wrong)?;
         let (mut alternatives, mut bootstrap, mut data) =
             (Vec::new(), Vec::new(), FitData::default());
         if bands {
-            let wrong = |error: StoreError| format!("--fitted: {error}");
+            let wrong = |error: StoreError| error.to_string();
             alternatives = reader.rows(&derived.join("alternative_fits.parquet")).map_err(wrong)?;
             bootstrap = reader.rows(&derived.join("bootstrap.parquet")).map_err(wrong)?;
             data = FitData::read(derived, &reader).map_err(wrong)?;
@@ -151,14 +150,14 @@ impl KnownFits {
             let models: Vec<&str> = models.map(|row| row.model.name()).collect();
             let known = match models.is_empty() {
                 true => format!("{path} has no fit of campaign {campaign}"),
-                false => format!("{path} has of campaign {campaign} the models {}", models.join(", ")),
+                false => {
+                    format!("{path} has of campaign {campaign} the models {}", models.join(", "))
+                }
             };
-            format!(
-                "--fitted: {known}; list {model} under campaign.{campaign}.models and run `trilink fit`"
-            )
+            format!("{known}; list {model} under campaign.{campaign}.models and run `trilink fit`")
         })?;
         if !row.status.is_ok() {
-            return Err(format!("--fitted: {path}: {campaign} {model}: {}", row.status).into());
+            return Err(format!("{path}: {campaign} {model}: {}", row.status).into());
         }
         let alternative = self.alternatives.iter().find(is_own).cloned();
         let is_own = |row: &&BootstrapRow| row.campaign == campaign && row.model == model;
