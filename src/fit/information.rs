@@ -1,7 +1,6 @@
 //! What single trials tell of a fitted model's coefficients, to first order: those that were fitted,
-//! and any other that could be made.
-//!
-//! How well another trial would measure is told by those at the nearest frequencies.
+//! and any other that could be made. How well that would measure is a power of its frequency
+//! ([`super::tell_apart`]).
 
 use rayon::prelude::*;
 
