@@ -19,6 +19,8 @@ use crate::stats::quantiles;
 
 /// Searches beside those from the optima of the fit.
 const SPREAD: usize = 3;
+/// Places without a motion after which such a search goes no farther.
+const PATIENCE: usize = 3;
 /// By how much a limit is exceeded, as a part of it, that counts.
 const EXCEEDED: f64 = 1e-6;
 
@@ -151,6 +153,7 @@ impl Search {
         let spread = (1..=SPREAD).map(|number| self.spread(number));
         let mut ends: Vec<(Option<usize>, End, Problem)> = Vec::new();
         for (nth, start) in starts.iter().copied().chain(spread).enumerate() {
+            landscape.patience = PATIENCE;
             let Some(end) = climb(&mut landscape, start) else { continue };
             let problem = normal(landscape.problem_at(&end.place));
             let is_known = ends.iter().any(|(_, known, of)| {
@@ -168,7 +171,7 @@ impl Search {
         let best = ends.find_map(|(follows, _, problem)| Some((reached(problem)?, follows)));
         let of_fit = reached(fitted(candidates[0]));
         landscape.forget();
-        landscape.only_stable = false;
+        (landscape.only_stable, landscape.patience) = (false, PATIENCE);
         let is_over_limit = landscape
             .evaluate(&starts[0])
             .is_some_and(|point| point.excess.into_iter().any(|excess| excess > EXCEEDED));

@@ -65,6 +65,9 @@ pub(super) struct Landscape<'a> {
     solver: Solver,
     /// Whether a motion that is not clearly stable is none.
     pub only_stable: bool,
+    /// Places without a motion after which others are taken for such, too: that there is none is what takes longest
+    /// to find out.
+    pub patience: usize,
     /// Of the augmented Lagrangian.
     pub multipliers: [f64; LIMITS],
     pub stiffness: f64,
@@ -87,6 +90,7 @@ impl<'a> Landscape<'a> {
             problem,
             solver: Solver::default(),
             only_stable: false,
+            patience: usize::MAX,
             multipliers: [0.0; LIMITS],
             stiffness: 1.0,
         }
@@ -141,7 +145,10 @@ impl<'a> Landscape<'a> {
     /// The metrics of a motion, and its work where that is needed; `None` where there is no motion, or it
     /// comes to nothing.
     fn solve(&mut self, problem: &Problem) -> Option<(GaitMetrics, f64)> {
-        let metrics = self.solver.solve(problem, ACCURACY).ok()?;
+        let Ok(metrics) = self.solver.solve(problem, ACCURACY) else {
+            self.patience = self.patience.saturating_sub(1);
+            return None;
+        };
         if self.only_stable
             && self.solver.floquet().ok()?.is_some_and(|modulus| modulus > CLEARLY_STABLE)
         {
@@ -192,6 +199,9 @@ impl<'a> Landscape<'a> {
     }
 
     fn point(&mut self, problem: &Problem, place: &Place, most: f64) -> Option<Result<Point, f64>> {
+        if self.patience == 0 {
+            return None;
+        }
         let (metrics, work_j) = self.solve(problem)?;
         let omega = problem.omega_rad_s;
         let mut point = Point {
