@@ -95,22 +95,28 @@ fn the_schema_has_types_units_meanings_and_where_the_table_comes_from() {
 }
 
 #[test]
-fn every_column_of_every_table_and_trajectory_has_a_meaning() {
+fn every_column_of_every_table_has_a_meaning() {
     let outside = tempfile::tempdir().unwrap();
-    let motions =
-        ["steady", "from-rest"].map(|name| outside.path().join(name).with_extension("parquet"));
-    let arguments =
-        ["simulate", "kinematic-symmetric", "--model", "skid-roll", "--omega", "3", "--trajectory"];
-    for (path, option) in motions.iter().zip([None, Some("--from-rest")]) {
-        let arguments = arguments.into_iter().chain([path.to_str().unwrap()]).chain(option);
-        succeed(folder(), &arguments.collect::<Vec<_>>());
+    const MODEL: [&str; 3] = ["kinematic-symmetric", "--model", "skid-roll"];
+    let written: [(&str, &[&str]); 5] = [
+        ("simulate", &["--omega", "3", "--trajectory"]),
+        ("simulate", &["--omega", "3", "--from-rest", "--trajectory"]),
+        ("simulate", &["--omega", "3", "--sensitivities", "--table"]),
+        ("branches", &["--over", "omega_rad_s=2..3", "--table"]),
+        ("optimise", &["--maximise", "v", "--free", "omega", "--starts", "1", "--table"]),
+    ];
+    let mut others = Vec::new();
+    for (nth, (command, options)) in written.into_iter().enumerate() {
+        let path = outside.path().join(format!("{nth}.parquet")).to_str().unwrap().to_owned();
+        succeed(folder(), &[&[command], &MODEL[..], options, &[&path]].concat());
+        others.push(path);
     }
     let list = inspect(&[]);
     let named = list.lines().skip(1).filter_map(|line| line.split_whitespace().next());
     let named = named.map(|name| name.trim_end_matches("/<trial>"));
     let mut tables: Vec<&str> = named.collect();
     assert!(tables.contains(&"fits") && tables.contains(&"poses"), "{list}");
-    tables.extend(motions.iter().map(|path| path.to_str().unwrap()));
+    tables.extend(others.iter().map(String::as_str));
     let mut unknown = Vec::new();
     for table in tables {
         let schema: Vec<Value> =
