@@ -24,6 +24,7 @@ fn search(objective: Objective) -> Search {
         rate_rad_s: 360.0_f64.to_radians(),
         power_w: None,
         torque_nm: None,
+        least: None,
     };
     let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 6.0 };
     Search { problem, objective, free, bounds, starts: 16 }

@@ -28,6 +28,7 @@ fn bounds() -> Bounds {
         rate_rad_s: 5.0,
         power_w: None,
         torque_nm: None,
+        least: None,
     }
 }
 
@@ -352,4 +353,57 @@ fn what_cannot_be_searched_is_refused_by_name() {
         &["kinematic-skewed", "--model", "no-skid", "--maximise", "d-per-work", "--starts", "2"],
         &["no search found a motion within the bounds on which the actuators do work"],
     );
+}
+
+#[test]
+fn no_gait_of_a_grid_is_better_in_both_than_a_front() {
+    let free = vec![Command::Omega, Command::Joint(0, 1)];
+    let objective = Objective::Speed;
+    let problem = problem("kinematic-symmetric");
+    let search = Search { problem, objective, free, bounds: bounds(), starts: 3 };
+    let other = Objective::WorkPerMetre;
+    let front = search.front(other);
+    assert!(front.len() > 8 && front.iter().all(|of| of.counts()), "{}", front.len());
+    let both = |v: f64, work_per_metre: f64| [v, -work_per_metre];
+    let of_front: Vec<[f64; 2]> =
+        front.iter().map(|of| both(of.value, other.value_of(of))).collect();
+    // From the fastest to the cheapest.
+    assert!(of_front.is_sorted_by(|a, b| a[0] > b[0] && a[1] < b[1]), "{of_front:?}");
+    let Bounds { omega_rad_s, amplitude_rad, rate_rad_s, .. } = bounds();
+    let at = |[low, high]: [f64; 2], part: usize| low + (high - low) * part as f64 / 14.0;
+    for place in 0..225 {
+        let mut problem = search.problem.clone();
+        problem.omega_rad_s = at(omega_rad_s, place / 15);
+        let amplitude_rad = at(amplitude_rad, place % 15);
+        problem.gait.joints[0].as_mut().unwrap().amplitude_rad = amplitude_rad;
+        if amplitude_rad * problem.omega_rad_s > rate_rad_s {
+            continue;
+        }
+        let mut solver = Solver::default();
+        let Ok(metrics) = solver.solve(&problem, 1e-9) else { continue };
+        let work_j = solver.work_and_loss_j().unwrap()[1];
+        let found = both(metrics.v_m_s, work_j / metrics.d_m);
+        // Between two of its gaits the front is no better than the better of them in each.
+        let is_covered = of_front.windows(2).any(|pair| {
+            found[0] <= pair[0][0] * (1.0 + BETTER) && found[1] <= pair[1][1] * (1.0 - BETTER)
+        });
+        assert!(is_covered, "{found:?} {of_front:?}");
+    }
+}
+
+#[test]
+fn what_must_not_be_worse_limits_a_search() {
+    let free = vec![Command::Omega];
+    let objective = Objective::WorkPerMetre;
+    let problem = problem("kinematic-symmetric");
+    let search = Search { problem, objective, free, bounds: bounds(), starts: 2 };
+    let slow = search.run();
+    let fast = Search { objective: Objective::Speed, ..search.clone() }.run();
+    let [slow, fast] = [slow, fast].map(|of| of.best().unwrap().motion.metrics.v_m_s);
+    let least = 0.5 * (slow + fast);
+    let bounds = Bounds { least: Some((Objective::Speed, least)), ..bounds() };
+    let found = Search { bounds, ..search }.run();
+    let best = found.best().unwrap();
+    assert!((best.motion.metrics.v_m_s / least - 1.0).abs() < 1e-6, "{best:?}");
+    assert_eq!(best.at_bound, ["least"]);
 }

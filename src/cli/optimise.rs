@@ -1,6 +1,7 @@
 //! `trilink optimise`.
 
 mod certainty;
+mod front;
 
 use std::path::{Path, PathBuf};
 
@@ -35,11 +36,14 @@ pub(super) struct Optimise {
     #[arg(long, value_name = "N", requires = "fitted")]
     replicates: Option<usize>,
     /// What is to be as large as possible: d, v, d-per-work or v-per-power, which have one optimum.
-    #[arg(long, value_name = "WHAT", value_parser = parse_objective, required_unless_present = "minimise")]
+    #[arg(long, value_name = "WHAT", value_parser = parse_objective, required_unless_present_any = ["minimise", "pareto"])]
     maximise: Option<Objective>,
     /// What is to be as small as possible: work-per-metre, which is smallest where d-per-work is largest.
     #[arg(long, value_name = "WHAT", value_parser = parse_minimised, conflicts_with = "maximise")]
     minimise: Option<Objective>,
+    /// What can be had of another objective for it, or of two: `--pareto v,work-per-metre`.
+    #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = parse_any, conflicts_with_all = ["gait_toml", "replicates"])]
+    pareto: Vec<Objective>,
     /// What may vary: omega, amplitude1, offset2, phase2, ..., amplitudes, offsets; one or several [default: all].
     #[arg(long, num_args = 1.., value_name = "COMMAND")]
     free: Vec<String>,
@@ -61,6 +65,9 @@ pub(super) struct Optimise {
     /// Most of every actuator's torque, N m [default: optimise.torque_nm].
     #[arg(long, value_name = "NM")]
     torque_nm: Option<f64>,
+    /// Another objective that must not be worse than a value, in its unit: `v=0.05`, `work-per-metre=2`.
+    #[arg(long, value_name = "WHAT=VALUE", value_parser = parse_least, conflicts_with = "pareto")]
+    least: Option<(Objective, f64)>,
     /// Places where searches begin [default: optimise.starts].
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
@@ -98,8 +105,9 @@ impl Optimise {
             rate_rad_s: settings.rate_deg_s.to_radians(),
             power_w: settings.power_w,
             torque_nm: settings.torque_nm,
+            least: self.least,
         };
-        let objective = self.maximise.or(self.minimise).ok_or("--maximise: needed")?;
+        let (objective, other) = self.objectives()?;
         let fits = self.fitted.then(|| KnownFits::read(&config, self.replicates != Some(0)));
         let fits = fits.transpose()?;
         let setup = self.setup(config, fits.as_ref())?;
@@ -120,6 +128,9 @@ impl Optimise {
         };
         let problem = setup.problem(present_rad_s);
         let search = Search { problem, objective, free, bounds, starts };
+        if let Some(other) = other {
+            return self.print_front(&context.progress, &setup, &search, other);
+        }
         let found = search.run();
         // What the present gait comes to at its own best frequency.
         let by_omega: Vec<Command> =
@@ -346,6 +357,21 @@ fn gait_toml(campaign: &str, objective: Objective, best: &Optimum) -> String {
 
 fn parse_objective(text: &str) -> Result<Objective, String> {
     of_names(text, |of| !of.is_minimised())
+}
+
+fn parse_any(text: &str) -> Result<Objective, String> {
+    of_names(text, |_| true)
+}
+
+/// An objective and a value of it.
+fn parse_least(text: &str) -> Result<(Objective, f64), String> {
+    let needed = || format!("found `{text}`, needed WHAT=VALUE, such as v=0.05");
+    let (what, value) = text.split_once('=').ok_or_else(needed)?;
+    let value: f64 = value.trim().parse().map_err(|_| needed())?;
+    match value > 0.0 && value.is_finite() {
+        true => Ok((parse_any(what.trim())?, value)),
+        false => Err(needed() + ", above 0"),
+    }
 }
 
 fn parse_minimised(text: &str) -> Result<Objective, String> {

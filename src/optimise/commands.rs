@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 use std::fmt;
 
 use super::GaitNumbers;
+use super::objective::Objective;
 use crate::config::did_you_mean;
 use crate::motion::Problem;
 use crate::robot::Gait;
@@ -154,4 +155,6 @@ pub struct Bounds {
     pub power_w: Option<f64>,
     /// Most of every actuator's torque, N m.
     pub torque_nm: Option<f64>,
+    /// Another objective, and a value than which it must not be worse.
+    pub least: Option<(Objective, f64)>,
 }

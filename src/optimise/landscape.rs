@@ -13,14 +13,16 @@ use crate::motion::{Derivatives, MotionStatus, Problem, Solver};
 /// Commands as parts of their ranges, 0 to 1; those that do not vary are zero.
 pub(super) type Place = SVector<f64, MOST_COMMANDS>;
 
-/// Limits that are no ranges: two sides of each joint's angle, its rate, the power, the torque.
-pub(super) const LIMITS: usize = 8;
+/// Limits that are no ranges: two sides of each joint's angle, its rate, the power, the torque, another objective.
+pub(super) const LIMITS: usize = 9;
 const RATE: usize = 4;
 const POWER: usize = 6;
 const TORQUE: usize = 7;
+const LEAST: usize = 8;
 /// Their names.
+pub(super) const LEAST_NAME: &str = "least";
 const LIMIT_NAMES: [&str; LIMITS] =
-    ["angle1", "angle1", "angle2", "angle2", "rate1", "rate2", "power", "torque"];
+    ["angle1", "angle1", "angle2", "angle2", "rate1", "rate2", "power", "torque", LEAST_NAME];
 
 /// Relative accuracy of the motions of a search.
 const ACCURACY: f64 = 1e-9;
@@ -134,7 +136,8 @@ impl<'a> Landscape<'a> {
     pub fn cost(&mut self, place: &Place) -> Option<f64> {
         let problem = self.problem_at(place);
         let (metrics, work_j) = self.solve(&problem)?;
-        Some(self.cost_of(&problem, &metrics, work_j)).filter(|cost| cost.is_finite())
+        Some(self.objective.cost([metrics.d_m, problem.omega_rad_s, work_j]))
+            .filter(|cost| cost.is_finite())
     }
 
     /// Whether the motion that was solved for last is stable.
@@ -155,19 +158,18 @@ impl<'a> Landscape<'a> {
             return None;
         }
         let work_j = if self.needs_work() { self.solver.work_and_loss_j().ok()?[1] } else { 1.0 };
-        let is_nothing = metrics.d_m <= 0.0 || (self.objective.knows_work() && work_j <= 0.0);
+        let is_nothing = metrics.d_m <= 0.0 || (self.knows_work() && work_j <= 0.0);
         (!is_nothing).then_some((metrics, work_j))
     }
 
-    fn needs_work(&self) -> bool {
-        self.objective.knows_work() || self.bounds.power_w.is_some()
+    /// Whether the objective, or the other one that is limited, is made of work.
+    fn knows_work(&self) -> bool {
+        let least = self.bounds.least.map(|(of, _)| of);
+        [self.objective].into_iter().chain(least).any(Objective::knows_work)
     }
 
-    fn cost_of(&self, problem: &Problem, metrics: &GaitMetrics, work_j: f64) -> f64 {
-        let values = [metrics.d_m, problem.omega_rad_s, work_j];
-        let logarithm =
-            |(value, power): (f64, f64)| if power == 0.0 { 0.0 } else { power * value.ln() };
-        -values.into_iter().zip(self.objective.powers()).map(logarithm).sum::<f64>()
+    fn needs_work(&self) -> bool {
+        self.knows_work() || self.bounds.power_w.is_some()
     }
 
     /// The cost and its gradient with what exceeded limits add (augmented Lagrangian).
@@ -204,8 +206,9 @@ impl<'a> Landscape<'a> {
         }
         let (metrics, work_j) = self.solve(problem)?;
         let omega = problem.omega_rad_s;
+        let values = [metrics.d_m, omega, work_j];
         let mut point = Point {
-            cost: self.cost_of(problem, &metrics, work_j),
+            cost: self.objective.cost(values),
             gradient: Place::zeros(),
             excess: [f64::NEG_INFINITY; LIMITS],
             excess_gradients: [Place::zeros(); LIMITS],
@@ -213,6 +216,9 @@ impl<'a> Landscape<'a> {
         self.limit_commands(&mut point, problem);
         if let Some(power_w) = self.bounds.power_w {
             point.excess[POWER] = work_j * omega / (TAU * power_w) - 1.0;
+        }
+        if let Some((of, value)) = self.bounds.least {
+            point.excess[LEAST] = of.cost(values) - of.cost_of_value(value);
         }
         if self.bounds.torque_nm.is_none() {
             let (cost, _) = self.augmented(&point);
@@ -225,7 +231,6 @@ impl<'a> Landscape<'a> {
             true => self.solver.work_derivatives().ok()?,
             false => Derivatives::splat(0.0),
         };
-        let [of_d, of_omega, of_work] = self.objective.powers();
         for (i, command) in self.commands.iter().enumerate() {
             let size = self.ranges[i][1] - self.ranges[i][0];
             let (d_m, work) = match *command {
@@ -235,8 +240,16 @@ impl<'a> Landscape<'a> {
                 }
             };
             let by_omega = if *command == Command::Omega { 1.0 / omega } else { 0.0 };
-            let relative = of_d * d_m / metrics.d_m + of_omega * by_omega + of_work * work / work_j;
-            point.gradient[i] = -size * relative;
+            let slope = |of: Objective| {
+                let [of_d, of_omega, of_work] = of.powers();
+                let relative =
+                    of_d * d_m / metrics.d_m + of_omega * by_omega + of_work * work / work_j;
+                -size * relative
+            };
+            point.gradient[i] = slope(self.objective);
+            if let Some((of, _)) = self.bounds.least {
+                point.excess_gradients[LEAST][i] = slope(of);
+            }
             if let Some(power_w) = self.bounds.power_w {
                 let by_command = (work + work_j * by_omega) * omega / (TAU * power_w);
                 point.excess_gradients[POWER][i] = size * by_command;

@@ -7,6 +7,7 @@
 
 mod certainty;
 mod commands;
+mod front;
 mod landscape;
 mod map;
 mod objective;
@@ -100,6 +101,8 @@ impl Optimum {
             adequate: setup.fit().and_then(|fit| fit.adequate),
             objective,
             value: self.value,
+            other_objective: None,
+            other_value: f64::NAN,
             best_in: None,
             regret_median: f64::NAN,
             regret_hi: f64::NAN,
@@ -139,6 +142,9 @@ rows! {
         pub adequate: Option<bool>,
         pub objective: Objective,
         pub value: f64,
+        /// Of a front the other objective, and its value.
+        pub other_objective: Option<Objective>,
+        pub other_value: f64,
         pub omega_rad_s: f64,
         pub offset_rad: [f64; 2] as "phi{}_offset_rad",
         pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
@@ -235,7 +241,12 @@ impl Search {
     /// The best of what searches from the present gait end in; what does not vary stays as it is, whatever the
     /// bounds say of it.
     pub fn present(&self) -> Option<Optimum> {
-        let bounds = Bounds { angle_rad: f64::INFINITY, rate_rad_s: f64::INFINITY, ..self.bounds };
+        let bounds = Bounds {
+            angle_rad: f64::INFINITY,
+            rate_rad_s: f64::INFINITY,
+            least: None,
+            ..self.bounds
+        };
         Search { bounds, ..self.clone() }.run().optima.into_iter().next()
     }
 
@@ -393,6 +404,7 @@ mod tests {
             rate_rad_s: 10.0,
             power_w: None,
             torque_nm: None,
+            least: None,
         };
         Search { problem, objective, free: vec![Command::Omega], bounds, starts: 2 }
     }

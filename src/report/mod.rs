@@ -48,7 +48,7 @@ pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
 pub use input::ReportInput;
 pub(crate) use looks::{colours, trends};
 pub(crate) use numbers::{percent, significant};
-pub use optimum::{OptimumPlaces, optimum_drawing};
+pub use optimum::{OptimumPlaces, front_drawing, optimum_drawing};
 pub(crate) use page::{fill, image};
 pub use replay::{SimulationError, simulation_page};
 pub use sensitivities::sensitivities_drawing;

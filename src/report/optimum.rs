@@ -4,7 +4,7 @@ use super::contour::contour;
 use super::drawing::{Figure, Layer, Layout, Panel};
 use super::ending::drawn;
 use super::{ReportError, looks};
-use crate::optimise::{Command, Map};
+use crate::optimise::{Command, Map, Objective};
 
 /// Parts of the best value that lines show it within.
 const WITHIN: [f64; 5] = [0.01, 0.05, 0.1, 0.25, 0.5];
@@ -28,6 +28,31 @@ pub struct OptimumPlaces<'a> {
 /// There is no such format, or nothing can be drawn.
 pub fn optimum_drawing(places: &OptimumPlaces, ending: &str) -> Result<Vec<u8>, ReportError> {
     drawn(&figure(places), ending)
+}
+
+/// The drawing of a front of two objectives of a campaign's model: a point for each gait, the other objective
+/// along the axis.
+///
+/// # Errors
+/// There is no such format, or nothing can be drawn.
+pub fn front_drawing(
+    [campaign, model]: [&str; 2],
+    [objective, other]: [Objective; 2],
+    points: &[(f64, f64)],
+    ending: &str,
+) -> Result<Vec<u8>, ReportError> {
+    let [along, up] = [other, objective].map(|of| format!("{of} ({})", of.unit()));
+    let layers = vec![
+        Layer::new("front", points.iter().copied(), looks::RECORDED),
+        Layer::new("its gaits", points.iter().copied(), looks::OPTIMUM),
+    ];
+    let title = format!(
+        "{objective} and {other} of {campaign}, {model}: gaits of which none is better in both"
+    );
+    let panel = Panel::new("", &along, &up, layers);
+    let figure =
+        Figure::new("front", [title, String::new()], &[campaign], Layout::Stack, vec![panel]);
+    drawn(&figure, ending)
 }
 
 fn figure(places: &OptimumPlaces) -> Figure {
@@ -121,7 +146,6 @@ fn label(command: Command) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optimise::Objective;
 
     #[test]
     fn lines_lie_around_the_optimum_and_an_edge_around_what_counts() {

@@ -1,0 +1,76 @@
+//! What `optimise --pareto` prints and writes.
+
+use super::{Optimise, print_table};
+use crate::cli::output::write_data;
+use crate::cli::progress::Progress;
+use crate::cli::rows_file::RowsFile;
+use crate::cli::{Failure, Outcome};
+use crate::inspect::{View, csv, json};
+use crate::optimise::{Objective, Optimum, OptimumRow, Search};
+use crate::report::front_drawing;
+use crate::simulate::Setup;
+use crate::store::{Columns, write_if_changed};
+
+impl Optimise {
+    /// The objective, and the other one of a front.
+    pub(super) fn objectives(&self) -> Result<(Objective, Option<Objective>), Failure> {
+        let both = match (self.maximise.or(self.minimise), &self.pareto[..]) {
+            (Some(objective), []) => return Ok((objective, None)),
+            (Some(objective), [other]) => (objective, *other),
+            (None, [objective, other]) => (*objective, *other),
+            (Some(_), found) => {
+                return Err(format!("--pareto: found {}, needed one other", found.len()).into());
+            }
+            (None, found) => {
+                let found = found.len();
+                return Err(format!("--pareto: found {found}, needed two: v,work-per-metre").into());
+            }
+        };
+        if both.0.is_like(both.1) {
+            let (one, other) = (both.0.name(), both.1.name());
+            return Err(format!("--pareto: {one} and {other} have the same optima").into());
+        }
+        Ok((both.0, Some(both.1)))
+    }
+
+    pub(super) fn print_front(
+        &self,
+        progress: &Progress,
+        setup: &Setup,
+        search: &Search,
+        other: Objective,
+    ) -> Result<Outcome, Failure> {
+        let front = search.front(other);
+        let objective = search.objective;
+        if front.is_empty() {
+            let (one, other) = (objective.name(), other.name());
+            return Err(format!("no front: {one} or {other} has no optimum that counts").into());
+        }
+        let row = |(nth, of): (usize, &Optimum)| OptimumRow {
+            other_objective: Some(other),
+            other_value: other.value_of(of),
+            no_interval: "a front has none".to_owned(),
+            ..of.row(nth + 1, objective, setup)
+        };
+        let rows: Vec<OptimumRow> = front.iter().enumerate().map(row).collect();
+        if let Some(path) = &self.table {
+            let input = blake3::hash(format!("{search:?} {other:?}").as_bytes());
+            RowsFile::new(path, "--table")?.write(&rows, &input)?;
+        }
+        if let Some(path) = &self.figure {
+            let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+            let points: Vec<(f64, f64)> =
+                front.iter().map(|of| (other.value_of(of), of.value)).collect();
+            let names = [&*self.campaign, setup.model.name()];
+            write_if_changed(path, &front_drawing(names, [objective, other], &points, ending)?)?;
+            progress.say(&path.display().to_string());
+        }
+        let view = || View::of(OptimumRow::to_table(&rows));
+        match (self.csv, self.json) {
+            (true, _) => write_data(csv(&view()).trim_end_matches('\n')),
+            (_, true) => write_data(&json(&view())),
+            _ => print_table(objective, &front, None),
+        }
+        Ok(Outcome::Well)
+    }
+}
