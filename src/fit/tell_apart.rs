@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn the_metric_that_differs_by_most_standard_errors_tells_where_both_are_stable() {
         let noises = |d: f64, sigma: f64| [d, d, sigma, f64::NAN, f64::NAN, f64::NAN];
-        // At two frequencies their medians.
+        // Of two frequencies the median: of logarithms.
         let noise = Noise::of(&[
             (1.0, noises(0.01, 0.02)),
             (1.0, noises(0.01, 0.02)),
@@ -146,7 +146,7 @@ mod tests {
         let mut other = curve(&[(1.0, 0.41, 0.05), (2.0, 0.4, 0.04), (4.0, 0.39, 0.02)]);
         let tell = noise.tell(&one, &other).expect("they differ");
         assert_eq!((tell.omega_rad_s, tell.metric), (4.0, "sigma0"));
-        assert!((tell.standard_errors - 0.6 / 0.02).abs() < 1e-9, "{tell:?}");
+        assert!((tell.standard_errors - 0.6 / (0.02_f64 * 0.1).sqrt()).abs() < 1e-9, "{tell:?}");
         other[2].status = MotionStatus::Unstable;
         let tell = noise.tell(&one, &other).expect("they differ");
         assert_eq!((tell.omega_rad_s, tell.metric), (2.0, "sigma0"));
@@ -155,6 +155,7 @@ mod tests {
         let silent = Noise::of(&[(1.0, [0.0; TERMS])]);
         assert_eq!(silent.tell(&one, &other), None);
     }
+
     #[test]
     fn noise_goes_with_a_power_of_the_frequency() {
         let mut trials: Vec<(f64, [f64; TERMS])> =
