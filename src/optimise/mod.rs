@@ -241,12 +241,7 @@ impl Search {
     /// The best of what searches from the present gait end in; what does not vary stays as it is, whatever the
     /// bounds say of it.
     pub fn present(&self) -> Option<Optimum> {
-        let bounds = Bounds {
-            angle_rad: f64::INFINITY,
-            rate_rad_s: f64::INFINITY,
-            least: None,
-            ..self.bounds
-        };
+        let bounds = Bounds { angle_rad: f64::INFINITY, rate_rad_s: f64::INFINITY, ..self.bounds };
         Search { bounds, ..self.clone() }.run().optima.into_iter().next()
     }
 
