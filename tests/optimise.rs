@@ -313,7 +313,7 @@ fn a_figure_shows_the_optimum_among_the_gaits_around_it() {
     let options = ["--free", "omega", "--starts", "2", "--figure", "optimum.svg"];
     succeed(folder.path(), &[&command[..], &options].concat());
     let svg = std::fs::read_to_string(folder.path().join("optimum.svg")).unwrap();
-    assert!(svg.contains("optimum") && svg.contains("rad/s"));
+    assert!(svg.contains("optimum") && svg.contains("Actuation frequency"));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `trilink optimise`.
 
 mod certainty;
+mod figure;
 mod front;
 
 use std::path::{Path, PathBuf};
@@ -16,10 +17,9 @@ use crate::metrics::FromRest;
 use crate::optimise::{
     Bounds, Certainty, Command, Found, Objective, Optimum, OptimumRow, Search, outside,
 };
-use crate::report::{OptimumPlaces, optimum_drawing};
 use crate::robot::{Gait, JointCommand};
 use crate::simulate::{KnownFits, Setup, campaign_of};
-use crate::store::{Columns, write_if_changed};
+use crate::store::Columns;
 
 #[derive(clap::Args)]
 pub(super) struct Optimise {
@@ -140,18 +140,9 @@ impl Optimise {
         let present = present.flatten();
         let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found));
         if let (Some(path), Some(best)) = (&self.figure, found.best()) {
-            let map = search.map(best);
-            let replicates = certainty.iter().flat_map(|of| &of.places);
-            let places = OptimumPlaces {
-                campaign: &self.campaign,
-                model: setup.model.name(),
-                map: &map,
-                best: map.place_of(&best.problem),
-                present: present.as_ref().map_or(Vec::new(), |of| map.place_of(&of.problem)),
-                replicates: replicates.map(|of| map.place_among(&search.free, of)).collect(),
-            };
-            let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-            write_if_changed(path, &optimum_drawing(&places, ending)?)?;
+            let names = [&*self.campaign, setup.model.name()];
+            let certainty = certainty.as_ref().ok();
+            figure::draw(path, names, (&search, best), present.as_ref(), certainty)?;
             context.progress.say(&path.display().to_string());
         }
         self.print(&setup, &search, &found, present.as_ref(), &certainty)

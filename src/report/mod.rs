@@ -45,6 +45,7 @@ use crate::store::{Stamp, StoreError, ToDisk};
 pub use branches::branches_drawing;
 pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
+pub use figures::FREQUENCY;
 pub use input::ReportInput;
 pub(crate) use looks::{colours, trends};
 pub(crate) use numbers::{percent, significant};

@@ -1,5 +1,6 @@
 //! What `optimise --pareto` prints and writes.
 
+use super::figure::draw_front;
 use super::{Optimise, print_table};
 use crate::cli::output::write_data;
 use crate::cli::progress::Progress;
@@ -7,9 +8,8 @@ use crate::cli::rows_file::RowsFile;
 use crate::cli::{Failure, Outcome};
 use crate::inspect::{View, csv, json};
 use crate::optimise::{Objective, Optimum, OptimumRow, Search};
-use crate::report::front_drawing;
 use crate::simulate::Setup;
-use crate::store::{Columns, write_if_changed};
+use crate::store::Columns;
 
 impl Optimise {
     /// The objective, and the other one of a front.
@@ -58,11 +58,8 @@ impl Optimise {
             RowsFile::new(path, "--table")?.write(&rows, &input)?;
         }
         if let Some(path) = &self.figure {
-            let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-            let points: Vec<(f64, f64)> =
-                front.iter().map(|of| (other.value_of(of), of.value)).collect();
             let names = [&*self.campaign, setup.model.name()];
-            write_if_changed(path, &front_drawing(names, [objective, other], &points, ending)?)?;
+            draw_front(path, names, [objective, other], &front)?;
             progress.say(&path.display().to_string());
         }
         let view = || View::of(OptimumRow::to_table(&rows));
