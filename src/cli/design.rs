@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use super::fitted::preferred;
 use super::omegas::{Omegas, parse_numbers, parse_omegas};
 use super::output::{note, say, write_data};
 use super::table::{self, short};
@@ -13,7 +14,7 @@ use crate::design::{
 use crate::fit::{FitInformation, FitInput, KnownFit};
 use crate::inspect::{View, csv, json as json_of};
 use crate::robot::{Gait, Model};
-use crate::simulate::{FitSummary, KnownFits, campaign_of};
+use crate::simulate::{FitSummary, KnownFits};
 use crate::store::{Columns, FitRow};
 
 /// Frequencies that are tried where none are given.
@@ -74,12 +75,7 @@ impl Design {
         };
         let model = match &self.model {
             Some(model) => model.clone(),
-            None => {
-                campaign_of(config, &self.campaign)?;
-                let model = fits.preferred(&self.campaign)?;
-                note!("{}: {model}, which the comparison of the fits prefers", self.campaign);
-                model.name().to_owned()
-            }
+            None => preferred(config, &fits, &self.campaign)?.name().to_owned(),
         };
         let (known, input) = fit(&model)?;
         let caution = FitSummary::new(&known.row).caution();

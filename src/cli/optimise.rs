@@ -6,7 +6,7 @@ mod front;
 
 use std::path::{Path, PathBuf};
 
-use super::fitted::note_caution;
+use super::fitted::{note_caution, preferred};
 use super::output::{note, say, write_data};
 use super::rows_file::RowsFile;
 use super::table::{self, short};
@@ -18,7 +18,7 @@ use crate::optimise::{
     Bounds, Certainty, Command, Found, Objective, Optimum, OptimumRow, Search, outside,
 };
 use crate::robot::{Gait, JointCommand};
-use crate::simulate::{KnownFits, Setup, campaign_of};
+use crate::simulate::{KnownFits, Setup};
 use crate::store::Columns;
 
 #[derive(clap::Args)]
@@ -155,9 +155,7 @@ impl Optimise {
             (Some(model), None) => Setup::new(config, campaign, model, settings)?,
             (Some(model), Some(fits)) => Setup::fitted(config, campaign, model, settings, fits)?,
             (None, Some(fits)) => {
-                campaign_of(&config, campaign)?;
-                let model = fits.preferred(campaign)?;
-                note!("{campaign}: {model}, which the comparison of the fits prefers");
+                let model = preferred(&config, fits, campaign)?;
                 Setup::fitted(config, campaign, model.name(), settings, fits)?
             }
             (None, None) => return Err("--model: needed".into()),
