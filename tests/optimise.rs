@@ -6,15 +6,20 @@ mod common;
 #[path = "common/fitted.rs"]
 mod fitted;
 
+use std::process::Output;
+
 use common::{succeed, text, trilink};
 use fitted::{CAMPAIGN, folder};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde_json::Value;
-use trilink::config::Config;
+use trilink::config::{Config, GaitInput};
 use trilink::motion::{Laws, Problem, Solver};
-use trilink::optimise::{Bounds, Command, Objective, Search};
+use trilink::optimise::{Bounds, Command, Objective, Search, Shown};
+use trilink::robot::Model;
+use trilink::store::MapPoint;
+use trilink::synth::{Recipe, synthesise};
 
 const CAMPAIGNS: [&str; 3] = ["kinematic-symmetric", "kinematic-skewed", "semi-passive-symmetric"];
 /// By how much no other gait may be better, relative.
@@ -298,13 +303,16 @@ fn a_figure_shows_the_optimum_among_the_gaits_around_it() {
     let search = Search { problem, objective, free, bounds: bounds(), starts: 2 };
     let found = search.run();
     let best = found.best().unwrap();
-    let map = search.map(best);
-    let place = map.place_of(&best.problem);
-    assert_eq!((map.commands.len(), place.len()), (1, 1));
-    let is_there = |value: &f64| (value - place[0]).abs() < 1e-9;
-    let at_best = map.values[map.along[0].iter().position(is_there).unwrap()];
+    let model = Model::new("skid-roll");
+    let map = search.map(("any", model), best, Shown { present: Some(best), ..Shown::default() });
+    let of = |point: MapPoint| map.iter().filter(move |row| row.point == point);
+    assert!(map.iter().all(|row| row.x_command == "omega" && row.y_command.is_empty()));
+    let place = of(MapPoint::Optimum).next().unwrap().x;
+    assert!((place - best.problem.omega_rad_s).abs() < 1e-9, "{place}");
+    assert_eq!(of(MapPoint::Present).next().unwrap().x, place);
+    let at_best = of(MapPoint::Grid).find(|row| (row.x - place).abs() < 1e-9).unwrap().value;
     assert!((at_best / best.value - 1.0).abs() < 1e-7, "{at_best} {}", best.value);
-    let known = map.values.iter().copied().filter(|value| value.is_finite());
+    let known = of(MapPoint::Grid).map(|row| row.value).filter(|value| value.is_finite());
     let least = known.fold(f64::INFINITY, f64::min);
     assert!(least >= best.value * (1.0 - BETTER), "{least} {}", best.value);
 
@@ -406,4 +414,75 @@ fn what_must_not_be_worse_limits_a_search() {
     let best = found.best().unwrap();
     assert!((best.motion.metrics.v_m_s / least - 1.0).abs() < 1e-6, "{best:?}");
     assert_eq!(best.at_bound, ["least"]);
+}
+
+#[test]
+fn what_is_kept_is_on_the_page_until_the_model_is_fitted_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let home = folder.path();
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == "semi-passive-symmetric");
+    config.campaign.get_mut("semi-passive-symmetric").unwrap().models = vec![Model::SKID_ROLL];
+    (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 8, false);
+    config.paths.start_at(home);
+    let recipe = Recipe { omegas_rad_s: vec![2.0, 3.0, 4.0, 5.0], ..Recipe::new(1) };
+    synthesise(&config, &config.paths.raw[0], &recipe, &|_| {}).unwrap();
+    let write = |config: &Config| {
+        let Config { campaign, fit, .. } = config;
+        let said = Config { campaign: campaign.clone(), fit: fit.clone(), ..Config::default() };
+        std::fs::write(home.join("pipeline.toml"), toml::to_string(&said).unwrap()).unwrap();
+    };
+    write(&config);
+    succeed(home, &["run"]);
+    let page = || std::fs::read_to_string(home.join("reports/index.html")).unwrap();
+    assert!(!page().contains("Best gaits"));
+    let line = ["optimise", "semi-passive-symmetric", "--fitted", "--model", "skid-roll", "--free"];
+    let keep = |what: &[&str]| {
+        succeed(home, &[&line[..], &["omega", "--starts", "2", "--keep"], what].concat());
+    };
+    keep(&["--maximise", "v"]);
+    keep(&["--minimise", "work-per-metre", "--replicates", "0"]);
+    keep(&["--maximise", "v", "--replicates", "4"]);
+    let rows = succeed(home, &["inspect", "optima", "--where", "rank = 1", "--json"]);
+    let rows: Vec<Value> = serde_json::from_str(&rows).unwrap();
+    let of = |name: &str| rows.iter().map(|row| row[name].clone()).collect::<Vec<_>>();
+    assert_eq!(of("objective"), ["v", "work-per-metre"]);
+    assert_eq!(of("replicates"), [Value::from(4), Value::Null]);
+    let fits: Vec<Value> =
+        serde_json::from_str(&succeed(home, &["inspect", "fits", "--json"])).unwrap();
+    for name in ["skid1_kg_s", "stiffness_nm_rad"] {
+        let [had, fitted] = [&rows[0], &fits[0]].map(|row| row[name].as_f64().unwrap());
+        assert!((had / fitted - 1.0).abs() < 1e-9, "{name}: {had} {fitted}");
+    }
+    // What was kept changes nothing but the page.
+    let figure = home.join("reports/figures/semi-passive-symmetric-optima.svg");
+    assert!(!figure.exists());
+    succeed(home, &["run"]);
+    let text = page();
+    assert!(text.contains("Best gaits") && !text.contains("fitted no more"), "{text}");
+    assert!(
+        text.contains("Best in 4 of 4 replicates") && text.contains("no replicates were asked")
+    );
+    assert!(figure.is_file());
+    let said = text_of(&trilink(home, &["run"]));
+    assert!(said.contains("everything was up to date"), "{said}");
+    // Of other coefficients.
+    config.fit.gait_input = match config.fit.gait_input {
+        GaitInput::Commanded => GaitInput::Measured,
+        GaitInput::Measured => GaitInput::Commanded,
+    };
+    write(&config);
+    succeed(home, &["run"]);
+    assert!(page().contains("fitted no more") && !figure.exists());
+    // The page is there without a table that cannot be used.
+    std::fs::copy(home.join("derived/starts.parquet"), home.join("derived/optima.parquet"))
+        .unwrap();
+    succeed(home, &["run"]);
+    let text = page();
+    assert!(!text.contains("Best gaits") && text.contains("`trilink optimise --keep`"));
+}
+
+fn text_of(output: &Output) -> String {
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    text(&output.stderr)
 }

@@ -589,7 +589,7 @@ fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, Run
     let (derived, reports) = (&config.paths.derived, &config.paths.reports);
     let folders = folders(config);
     let names = [RECORD_FILE].into_iter().chain(crate::ingest::TABLES);
-    let names = names.chain(crate::fit::TABLES);
+    let names = names.chain(crate::fit::TABLES).chain(crate::optimise::TABLES);
     let mut files: Vec<PathBuf> = names.map(|name| derived.join(name)).collect();
     files.extend(crate::report::FILES.map(|name| reports.join(name)));
     files.push(record_path(config));

@@ -10,16 +10,15 @@ use super::fitted::{note_caution, preferred};
 use super::output::{note, say, write_data};
 use super::rows_file::RowsFile;
 use super::table::{self, short};
-use super::{Context, Failure, Outcome};
+use super::{Context, Exclusive, Failure, Outcome};
+use crate::build::hold;
 use crate::config::{Config, did_you_mean};
 use crate::inspect::{View, csv, json};
 use crate::metrics::FromRest;
-use crate::optimise::{
-    Bounds, Certainty, Command, Found, Objective, Optimum, OptimumRow, Search, outside,
-};
+use crate::optimise::{Bounds, Certainty, Command, Found, Kept, Optimum, Search, Shown, outside};
 use crate::robot::{Gait, JointCommand};
 use crate::simulate::{KnownFits, Setup};
-use crate::store::Columns;
+use crate::store::{Columns, Objective, OptimumRow};
 
 #[derive(clap::Args)]
 pub(super) struct Optimise {
@@ -84,6 +83,12 @@ pub(super) struct Optimise {
     /// Write all optima: Parquet, CSV or JSON, by the file's ending.
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
+    /// Keep the optima in `derived/optima.parquet`, and the objective about the best in `optimum_maps.parquet`: the page
+    /// shows them from the next `trilink report` or `trilink run` on.
+    #[arg(long, requires = "fitted", conflicts_with_all = ["set", "pareto"])]
+    keep: bool,
+    #[command(flatten)]
+    exclusive: Exclusive,
     /// Print CSV with every digit.
     #[arg(long, conflicts_with = "json")]
     csv: bool,
@@ -94,7 +99,7 @@ pub(super) struct Optimise {
 
 impl Optimise {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let config = self.configured(context.config)?;
+        let config = self.configured(context.config.clone())?;
         let settings = &config.optimise;
         let radians = |[low, high]: [f64; 2]| [low.to_radians(), high.to_radians()];
         let (omega_rad_s, starts) = (settings.omega_rad_s, settings.starts);
@@ -139,13 +144,32 @@ impl Optimise {
         let present = is_more.then(|| Search { free: by_omega, ..search.clone() }.present());
         let present = present.flatten();
         let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found));
-        if let (Some(path), Some(best)) = (&self.figure, found.best()) {
-            let names = [&*self.campaign, setup.model.name()];
-            let certainty = certainty.as_ref().ok();
-            figure::draw(path, names, (&search, best), present.as_ref(), certainty)?;
+        let row = |(nth, of): (usize, &Optimum)| {
+            of.row(nth + 1, &self.campaign, &setup, &search, present.as_ref())
+        };
+        let mut optima: Vec<OptimumRow> = found.optima.iter().enumerate().map(row).collect();
+        certainty::fill(&mut optima, &certainty);
+        let best = found.best().filter(|_| self.figure.is_some() || self.keep);
+        let maps = best.map_or(Vec::new(), |best| {
+            let replicates = certainty.as_ref().map_or(&[][..], |of| &of.places);
+            let shown = Shown { present: present.as_ref(), replicates };
+            search.map((&self.campaign, setup.model), best, shown)
+        });
+        if let Some(path) = self.figure.as_ref().filter(|_| !maps.is_empty()) {
+            figure::draw(path, &maps)?;
             context.progress.say(&path.display().to_string());
         }
-        self.print(&setup, &search, &found, present.as_ref(), &certainty)
+        let outcome = self.print(&search, &found, present.as_ref(), &certainty, &optima)?;
+        if self.keep {
+            let kept = Kept { optima, maps };
+            let derived = &context.config.paths.derived;
+            let _lock = hold(&context.config, self.exclusive.wait, &context.progress.watch(false))?;
+            if let Some(problem) = kept.keep(derived)? {
+                note!("{problem}; the optima that were there are left out");
+            }
+            context.progress.say(&format!("kept in {}", derived.join("optima.parquet").display()));
+        }
+        Ok(outcome)
     }
 
     /// The model, with configured or fitted coefficients.
@@ -198,11 +222,11 @@ impl Optimise {
 
     fn print(
         &self,
-        setup: &Setup,
         search: &Search,
         found: &Found,
         present: Option<&Optimum>,
         certainty: &Result<Certainty, String>,
+        rows: &[OptimumRow],
     ) -> Result<Outcome, Failure> {
         let objective = search.objective;
         let Found { optima, failed } = found;
@@ -213,17 +237,14 @@ impl Optimise {
                 false => "no search found a steady motion within the bounds".into(),
             });
         };
-        let mut rows: Vec<OptimumRow> =
-            optima.iter().enumerate().map(|(i, of)| of.row(i + 1, objective, setup)).collect();
-        certainty::fill(&mut rows, certainty);
         if let Some(path) = &self.table {
             let input = blake3::hash(format!("{search:?}").as_bytes());
-            RowsFile::new(path, "--table")?.write(&rows, &input)?;
+            RowsFile::new(path, "--table")?.write(rows, &input)?;
         }
         if self.csv {
-            write_data(csv(&View::of(OptimumRow::to_table(&rows))).trim_end_matches('\n'));
+            write_data(csv(&View::of(OptimumRow::to_table(rows))).trim_end_matches('\n'));
         } else if self.json {
-            write_data(&json(&View::of(OptimumRow::to_table(&rows))));
+            write_data(&json(&View::of(OptimumRow::to_table(rows))));
         } else if self.gait_toml {
             if let Some(best) = found.best() {
                 say!("{}", gait_toml(&self.campaign, objective, best).trim_end());

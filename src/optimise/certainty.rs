@@ -10,12 +10,13 @@ use rayon::prelude::*;
 use super::commands::Command;
 use super::landscape::Place;
 use super::search::End;
-use super::{Optimum, OptimumRow, SAME_VALUE, Search, are_same, climb, normal};
+use super::{Optimum, SAME_VALUE, Search, are_same, climb, normal};
 use crate::fit::Alternatives;
 use crate::interrupt;
 use crate::motion::Problem;
 use crate::robot::Robot;
 use crate::stats::quantiles;
+use crate::store::OptimumRow;
 
 /// Searches beside those from the optima of the fit.
 const SPREAD: usize = 3;
@@ -220,10 +221,11 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
+    use super::super::Found;
     use super::super::tests::of_omega;
-    use super::super::{Found, Objective};
     use super::*;
     use crate::robot::{Gait, Laws};
+    use crate::store::Objective;
 
     fn semi_passive(skid_kg_s: [f64; 3]) -> Problem {
         let robot = Robot { skid_kg_s, ..Robot::semi_passive() };

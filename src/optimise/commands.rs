@@ -3,11 +3,10 @@
 use std::f64::consts::PI;
 use std::fmt;
 
-use super::GaitNumbers;
-use super::objective::Objective;
 use crate::config::did_you_mean;
 use crate::motion::Problem;
 use crate::robot::Gait;
+use crate::store::{GaitNumbers, Objective};
 
 /// The numbers of a joint's command, as they are named.
 const NUMBERS: [&str; 3] = ["offset", "amplitude", "phase"];
@@ -157,4 +156,35 @@ pub struct Bounds {
     pub torque_nm: Option<f64>,
     /// Another objective, and a value than which it must not be worse.
     pub least: Option<(Objective, f64)>,
+}
+
+impl fmt::Display for Bounds {
+    fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
+        let Self { omega_rad_s: [slowest, fastest], amplitude_rad, .. } = self;
+        let [least, most] = amplitude_rad.map(degrees);
+        let [angle, rate] = [self.angle_rad, self.rate_rad_s].map(degrees);
+        write!(
+            to,
+            "omega {slowest} to {fastest} rad/s, amplitudes {least} to {most} degrees, angles to {angle} degrees, \
+             rates to {rate} degrees/s"
+        )?;
+        if let Some(power_w) = self.power_w {
+            write!(to, ", mean power to {power_w} W")?;
+        }
+        if let Some(torque_nm) = self.torque_nm {
+            write!(to, ", torques to {torque_nm} N m")?;
+        }
+        match self.least {
+            Some((objective, value)) => {
+                let side = if objective.is_minimised() { "at most" } else { "at least" };
+                write!(to, ", {objective} {side} {value} {}", objective.unit())
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// As it was written in degrees.
+pub(super) fn degrees(rad: f64) -> f64 {
+    (1e6 * rad.to_degrees()).round() / 1e6
 }

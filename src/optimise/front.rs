@@ -5,7 +5,8 @@
 //! objective is searched with a limit to the other.
 
 use super::landscape::LEAST_NAME;
-use super::{Bounds, Objective, Optimum, Search};
+use super::{Bounds, Optimum, Search};
+use crate::store::Objective;
 
 /// Gaits of a front, its ends among them.
 const POINTS: usize = 15;

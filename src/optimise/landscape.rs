@@ -6,9 +6,9 @@ use std::ops::Range;
 use nalgebra::SVector;
 
 use super::commands::{Bounds, Command, MOST_COMMANDS};
-use super::objective::Objective;
 use crate::metrics::GaitMetrics;
 use crate::motion::{Derivatives, MotionStatus, Problem, Solver};
+use crate::store::Objective;
 
 /// Commands as parts of their ranges, 0 to 1; those that do not vary are zero.
 pub(super) type Place = SVector<f64, MOST_COMMANDS>;

@@ -5,59 +5,33 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::landscape::{Landscape, Place};
-use super::{Command, Objective, Optimum, Search};
-use crate::motion::Problem;
+use super::{Command, Optimum, Search};
+use crate::robot::Model;
+use crate::store::{MapPoint, OptimumMapRow};
 
 /// Values of each command.
 const SIZE: usize = 49;
 /// Part of its range by which a command is moved to see what that changes.
 const MOVED: f64 = 0.05;
 
-/// Values of the objective about an optimum.
-#[derive(Debug, Clone)]
-pub struct Map {
-    pub objective: Objective,
-    /// The one or two that the objective answers to most.
-    pub commands: Vec<Command>,
-    /// Their values, that of the optimum among them: rad/s and degrees.
-    pub along: Vec<Vec<f64>>,
-    /// The objective at each value of the first command, for one value of the second after the other; NaN
-    /// where there is no stable motion within the limits.
-    pub values: Vec<f64>,
-    /// That of the optimum.
-    pub best: f64,
-}
-
-impl Map {
-    /// What the map's commands are in a problem, in its units.
-    pub fn place_of(&self, problem: &Problem) -> Vec<f64> {
-        self.place(|command| command.value(problem))
-    }
-
-    /// The same of values of these commands, the map's among them.
-    pub fn place_among(&self, commands: &[Command], values: &[f64]) -> Vec<f64> {
-        let value = |command| commands.iter().zip(values).find(|(of, _)| **of == command);
-        self.place(|command| value(command).map_or(f64::NAN, |(_, value)| *value))
-    }
-
-    fn place(&self, value: impl Fn(Command) -> f64) -> Vec<f64> {
-        let of = |(command, along): (&Command, &Vec<f64>)| {
-            let value = shown(*command, value(*command));
-            let middle =
-                along.first().zip(along.last()).map_or(0.0, |(from, to)| 0.5 * (from + to));
-            match command.is_phase() {
-                true => value - 360.0 * ((value - middle) / 360.0).round(),
-                false => value,
-            }
-        };
-        self.commands.iter().zip(&self.along).map(of).collect()
-    }
+/// What a map shows beside the objective: gaits, as they are on its axes.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Shown<'s> {
+    /// The campaign's own gait.
+    pub present: Option<&'s Optimum>,
+    /// What varies, in the optimum of each replicate of the fit.
+    pub replicates: &'s [Vec<f64>],
 }
 
 impl Search {
-    /// The objective about an optimum of this search. The commands that it answers to most are those of
+    /// The objective about an optimum of this search, over the one or two commands that it answers to most: those of
     /// which a small part of their ranges costs most.
-    pub fn map(&self, best: &Optimum) -> Map {
+    pub fn map(
+        &self,
+        (campaign, model): (&str, Model),
+        best: &Optimum,
+        shown: Shown,
+    ) -> Vec<OptimumMapRow> {
         let mut landscape = self.landscape();
         let middle = landscape.place_of(&best.problem);
         let cost = counted(&mut landscape, &middle);
@@ -73,39 +47,77 @@ impl Search {
         telling.sort_by(|a, b| b.1.total_cmp(&a.1));
         telling.truncate(2);
         telling.sort_by_key(|(i, _)| *i);
-        let axes: Vec<(usize, Vec<f64>)> =
-            telling.iter().map(|(i, _)| (*i, self.parts(*i, middle[*i]))).collect();
-        let rows = axes.get(1).map_or(vec![None], |(_, parts)| parts.iter().map(Some).collect());
-        let row = |second: &Option<&f64>| {
-            let mut landscape = self.landscape();
-            let (mut place, mut values) = (middle, Vec::with_capacity(SIZE));
-            if let (Some(part), Some((j, _))) = (second, axes.get(1)) {
-                place[*j] = **part;
-            }
-            for (i, part) in
-                axes.iter().take(1).flat_map(|(i, parts)| parts.iter().map(move |of| (i, of)))
-            {
-                place[*i] = *part;
-                let worse = counted(&mut landscape, &place) - cost;
-                let sign = if self.objective.is_minimised() { 1.0 } else { -1.0 };
-                values.push(best.value * (sign * worse).exp());
-            }
-            values
-        };
-        let values = rows.par_iter().with_max_len(1).flat_map_iter(row).collect();
-        let value = |i: usize, part: f64| {
-            let [low, high] = self.free[i].range(&self.bounds);
-            shown(self.free[i], low + part * (high - low))
-        };
-        let along =
-            |(i, parts): &(usize, Vec<f64>)| parts.iter().map(|part| value(*i, *part)).collect();
-        Map {
+        let axes: Vec<Axis> = telling
+            .iter()
+            .map(|(i, _)| Axis {
+                nth: *i,
+                command: self.free[*i],
+                parts: self.parts(*i, middle[*i]),
+            })
+            .collect();
+        let Some((first, second)) = axes.split_first() else { return Vec::new() };
+        let second = second.first();
+        let name = |axis: Option<&Axis>| axis.map_or(String::new(), |of| of.command.to_string());
+        let [x_command, y_command] = [Some(first), second].map(name);
+        let row = |point: MapPoint, [x, y]: [f64; 2], value: f64| OptimumMapRow {
+            campaign: campaign.to_owned(),
+            model,
             objective: self.objective,
-            commands: axes.iter().map(|(i, _)| self.free[*i]).collect(),
-            along: axes.iter().map(along).collect(),
-            values,
-            best: best.value,
+            point,
+            x_command: x_command.clone(),
+            y_command: y_command.clone(),
+            x,
+            y,
+            value,
+        };
+        let at = |axis: &Axis, part: f64| {
+            let [low, high] = axis.command.range(&self.bounds);
+            in_unit(axis.command, low + part * (high - low))
+        };
+        let sign = if self.objective.is_minimised() { 1.0 } else { -1.0 };
+        let along_first = |part: Option<f64>| {
+            let mut landscape = self.landscape();
+            let (mut place, mut y) = (middle, f64::NAN);
+            if let (Some(part), Some(axis)) = (part, second) {
+                (place[axis.nth], y) = (part, at(axis, part));
+            }
+            let point = |part: &f64| {
+                place[first.nth] = *part;
+                let worse = counted(&mut landscape, &place) - cost;
+                row(MapPoint::Grid, [at(first, *part), y], best.value * (sign * worse).exp())
+            };
+            first.parts.iter().map(point).collect::<Vec<_>>()
+        };
+        let seconds: Vec<Option<f64>> =
+            second.map_or(vec![None], |axis| axis.parts.iter().copied().map(Some).collect());
+        let mut rows: Vec<OptimumMapRow> =
+            seconds.into_par_iter().with_max_len(1).flat_map_iter(along_first).collect();
+        // A phase a turn away is as near as it can be to the optimum's.
+        let place = |value: &dyn Fn(Command) -> f64| {
+            let of_axis = |axis: &Axis| {
+                let turns = match axis.command.is_phase() {
+                    true => {
+                        ((value(axis.command) - axis.command.value(&best.problem)) / TAU).round()
+                    }
+                    false => 0.0,
+                };
+                in_unit(axis.command, value(axis.command) - TAU * turns)
+            };
+            [of_axis(first), second.map_or(f64::NAN, of_axis)]
+        };
+        for values in shown.replicates {
+            let of = |command| {
+                let found = self.free.iter().zip(values).find(|(of, _)| **of == command);
+                found.map_or(f64::NAN, |(_, value)| *value)
+            };
+            rows.push(row(MapPoint::Replicate, place(&of), f64::NAN));
         }
+        rows.extend(shown.present.map(|of| {
+            row(MapPoint::Present, place(&|command| command.value(&of.problem)), of.value)
+        }));
+        let optimum = place(&|command| command.value(&best.problem));
+        rows.push(row(MapPoint::Optimum, optimum, best.value));
+        rows
     }
 
     /// Places along a command, as parts of its range: all of it, or of a phase a turn; that of the optimum
@@ -126,8 +138,15 @@ impl Search {
     }
 }
 
-/// A command's value as it is shown: rad/s, or degrees.
-fn shown(command: Command, value: f64) -> f64 {
+/// An axis of a map: which of the free commands, and where along its range there are values.
+struct Axis {
+    nth: usize,
+    command: Command,
+    parts: Vec<f64>,
+}
+
+/// A command's value as maps have it: rad/s, or degrees.
+fn in_unit(command: Command, value: f64) -> f64 {
     if command == Command::Omega { value } else { value * 360.0 / TAU }
 }
 

@@ -8,6 +8,7 @@
 mod certainty;
 mod commands;
 mod front;
+mod kept;
 mod landscape;
 mod map;
 mod objective;
@@ -21,14 +22,16 @@ use crate::metrics::GaitMetrics;
 use crate::motion::{
     Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
-use crate::robot::{Gait, JointCommand, Model};
+use crate::robot::{ByParameter, Gait, JointCommand, Parameter};
 use crate::simulate::Setup;
-use crate::store::{Columns, rows};
+pub use crate::store::Objective;
+use crate::store::{Columns, OptimumRow};
 pub use certainty::Certainty;
+use commands::degrees;
 pub use commands::{Bounds, Command};
+pub use kept::{Kept, TABLES};
 use landscape::{Landscape, Place};
-pub use map::Map;
-pub use objective::Objective;
+pub use map::Shown;
 use search::{End, search};
 
 /// Relative difference of two objectives, and of two commands, that are the same.
@@ -91,27 +94,30 @@ impl Optimum {
         self.status.is_stable() && self.from_rest == FromRest::Reached
     }
 
-    /// The same as a line of a table.
-    pub fn row(&self, rank: usize, objective: Objective, setup: &Setup) -> OptimumRow {
+    /// The same as a line of the table of a campaign's optima; `present` is the campaign's own gait at its best frequency.
+    pub fn row(
+        &self,
+        rank: usize,
+        campaign: &str,
+        setup: &Setup,
+        search: &Search,
+        present: Option<&Self>,
+    ) -> OptimumRow {
         let numbers =
             self.problem.gait.joints.map(|of| of.map_or([f64::NAN; 3], JointCommand::to_array));
+        let Problem { robot, gait, laws, .. } = &self.problem;
+        let known = |parameter: Parameter| match laws.know(parameter, gait) {
+            true => parameter.of(robot),
+            false => f64::NAN,
+        };
         OptimumRow {
+            campaign: campaign.to_owned(),
             rank: rank as i64,
             model: setup.model,
+            parameters: ByParameter::from_fn(known),
             adequate: setup.fit().and_then(|fit| fit.adequate),
-            objective,
+            objective: search.objective,
             value: self.value,
-            other_objective: None,
-            other_value: f64::NAN,
-            best_in: None,
-            regret_median: f64::NAN,
-            regret_hi: f64::NAN,
-            lower: Columns::blank(),
-            upper: Columns::blank(),
-            replicates: None,
-            not_reached: None,
-            over_limit: None,
-            no_interval: String::new(),
             omega_rad_s: self.problem.omega_rad_s,
             offset_rad: numbers.map(|of| of[0]),
             amplitude_rad: numbers.map(|of| of[1]),
@@ -123,65 +129,17 @@ impl Optimum {
             from_rest: self.from_rest,
             at_bound: self.at_bound.clone(),
             starts: self.starts as i64,
+            present_value: present.map_or(f64::NAN, |of| of.value),
+            present_omega_rad_s: present.map_or(f64::NAN, |of| of.problem.omega_rad_s),
+            free: search.free.iter().map(Command::to_string).collect(),
+            bounds: search.bounds.to_string(),
+            ..OptimumRow::blank()
         }
     }
 
     /// Mean power of the actuators, W.
     pub fn power_w(&self) -> f64 {
         self.motion.work_j * self.problem.omega_rad_s / TAU
-    }
-}
-
-rows! {
-    /// An optimum as a line of a table. Numbers of a joint that is passive are missing.
-    pub struct OptimumRow {
-        /// 1 of the best.
-        pub rank: i64,
-        pub model: Model,
-        /// Whether the model fits the trials that its coefficients are from.
-        pub adequate: Option<bool>,
-        pub objective: Objective,
-        pub value: f64,
-        /// Of a front the other objective, and its value.
-        pub other_objective: Option<Objective>,
-        pub other_value: f64,
-        pub omega_rad_s: f64,
-        pub offset_rad: [f64; 2] as "phi{}_offset_rad",
-        pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
-        pub phase_rad: [f64; 2] as "phi{}_phase_rad",
-        pub metrics: GaitMetrics,
-        pub work_j: f64,
-        pub power_w: f64,
-        pub status: MotionStatus,
-        pub from_rest: FromRest,
-        pub at_bound: Vec<String>,
-        pub starts: i64,
-        /// 95 % limits of the best by what the coefficients may be off by, and why there are none.
-        pub lower: GaitNumbers as "{}_lo" after "{}",
-        pub upper: GaitNumbers as "{}_hi" after "{}_lo",
-        pub no_interval: String,
-        /// Replicates of the fit that were searched again, and of them those in which this is the best.
-        pub replicates: Option<i64>,
-        pub best_in: Option<i64>,
-        /// Part of the objective that is lost with the best gait of the fit where a replicate is true: median and
-        /// 95 % quantile.
-        pub regret_median: f64,
-        pub regret_hi: f64,
-        /// Replicates with which the robot does not get from rest into a stable motion with the best gait of the
-        /// fit, and in which that exceeds a limit.
-        pub not_reached: Option<i64>,
-        pub over_limit: Option<i64>,
-    }
-}
-
-rows! {
-    /// What there are limits of.
-    pub struct GaitNumbers {
-        pub value: f64,
-        pub omega_rad_s: f64,
-        pub offset_rad: [f64; 2] as "phi{}_offset_rad",
-        pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
-        pub phase_rad: [f64; 2] as "phi{}_phase_rad",
     }
 }
 
@@ -359,7 +317,6 @@ pub fn outside(gait: &Gait, bounds: &Bounds) -> Vec<String> {
         let Some(JointCommand { offset_rad, amplitude_rad, .. }) = command else { continue };
         let (largest, [least, most]) =
             (offset_rad.abs() + amplitude_rad.abs(), bounds.amplitude_rad);
-        let degrees = |rad: f64| (1e6 * rad.to_degrees()).round() / 1e6;
         if largest > bounds.angle_rad * (1.0 + 1e-9) {
             found.push(format!(
                 "joint {} goes to {} degrees, at most {} are allowed",

@@ -49,7 +49,7 @@ pub use figures::FREQUENCY;
 pub use input::ReportInput;
 pub(crate) use looks::{colours, trends};
 pub(crate) use numbers::{percent, significant};
-pub use optimum::{OptimumPlaces, front_drawing, optimum_drawing};
+pub use optimum::{front_drawing, optimum_drawing, with_unit};
 pub(crate) use page::{fill, image};
 pub use replay::{SimulationError, simulation_page};
 pub use sensitivities::sensitivities_drawing;

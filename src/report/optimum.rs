@@ -1,40 +1,23 @@
-//! The figure of an optimum: the objective over the commands that it answers to most.
+//! The figure of optima: each objective over the commands that it answers to most.
+
+use minijinja::context;
 
 use super::contour::contour;
 use super::drawing::{Figure, Layer, Layout, Panel};
 use super::ending::drawn;
-use super::{ReportError, looks};
+use super::figures::texts;
+use super::{FREQUENCY, ReportError, looks};
+use crate::store::{MapPoint, Objective, OptimumMapRow};
 
 /// Parts of the best value that lines show it within.
 const WITHIN: [f64; 5] = [0.01, 0.05, 0.1, 0.25, 0.5];
 
-/// An objective about its optimum, over one or two numbers of a gait.
-#[derive(Debug, Clone)]
-pub struct OptimumPlaces<'a> {
-    pub campaign: &'a str,
-    pub model: &'a str,
-    /// What is best there, with its unit.
-    pub objective: String,
-    pub is_minimised: bool,
-    /// What the axes say, and the values along them.
-    pub axes: Vec<(String, &'a [f64])>,
-    /// The objective at each value of the first axis, for one value of the second after the other; NaN where no
-    /// gait counts.
-    pub values: &'a [f64],
-    /// That of the optimum.
-    pub best_value: f64,
-    /// Places along the axes: of the optimum, the present gait, and the optima of replicates.
-    pub best: Vec<f64>,
-    pub present: Vec<f64>,
-    pub replicates: Vec<Vec<f64>>,
-}
-
-/// Its drawing, in the format that a file with this ending has: `svg`, `png` or `pdf`.
+/// The drawing of a map of an objective, in the format that a file with this ending has: `svg`, `png` or `pdf`.
 ///
 /// # Errors
 /// There is no such format, or nothing can be drawn.
-pub fn optimum_drawing(places: &OptimumPlaces, ending: &str) -> Result<Vec<u8>, ReportError> {
-    drawn(&figure(places), ending)
+pub fn optimum_drawing(map: &[OptimumMapRow], ending: &str) -> Result<Vec<u8>, ReportError> {
+    drawn(&figure("optimum", map.first().map_or("", |row| &row.campaign), map), ending)
 }
 
 /// The drawing of a front of a campaign's model: a point for each gait, and what the axes say.
@@ -57,53 +40,87 @@ pub fn front_drawing(
     drawn(&Figure::new("front", titles, &[campaign], Layout::Stack, vec![panel]), ending)
 }
 
-fn figure(places: &OptimumPlaces) -> Figure {
-    let OptimumPlaces { campaign, model, objective, axes, .. } = places;
-    let panel = match &axes[..] {
-        [x, y] => plane(places, [x, y]),
-        [x] => curve(places, x),
-        _ => Panel::default(),
-    };
-    let title = format!("{objective} of {campaign}, {model}, about its optimum");
-    let caption = "The commands that are not shown stay as they are at the optimum.".to_owned();
-    Figure::new("optimum", [title, caption], &[campaign], Layout::Stack, vec![panel])
+/// A panel for every map of a campaign's objectives.
+pub fn figure<'r>(
+    stem: &str,
+    campaign: &str,
+    maps: impl IntoIterator<Item = &'r OptimumMapRow>,
+) -> Figure {
+    let maps: Vec<&OptimumMapRow> = maps.into_iter().collect();
+    let is_one =
+        |a: &&OptimumMapRow, b: &&OptimumMapRow| (a.model, a.objective) == (b.model, b.objective);
+    let panels: Vec<Panel> = maps.chunk_by(is_one).map(panel).collect();
+    let layout = if panels.len() > 1 { Layout::Grid } else { Layout::Stack };
+    Figure::new(stem, texts("optima", context! { campaign }), &[campaign], layout, panels)
 }
 
-/// A point of each gait, where it has as many numbers as the map.
-fn marks<const N: usize>(
-    places: &OptimumPlaces,
-    point: impl Fn([f64; N]) -> (f64, f64),
-) -> Vec<Layer> {
-    let layer = |name: &str, of: &[Vec<f64>], look| {
-        let points = of.iter().filter_map(|of| of[..].try_into().ok()).map(&point);
+fn panel(map: &[&OptimumMapRow]) -> Panel {
+    let OptimumMapRow { model, objective, x_command, y_command, .. } = map[0];
+    let title = format!("{}, {model}", with_unit(*objective));
+    let panel = match y_command.is_empty() {
+        true => curve(map, &label(x_command)),
+        false => plane(map, [x_command, y_command].map(|command| label(command))),
+    };
+    Panel { title, ..panel }
+}
+
+/// What an axis of a command says.
+fn label(command: &str) -> String {
+    let number = command.trim_end_matches(|c: char| c.is_ascii_digit());
+    let joint = &command[number.len()..];
+    match number {
+        "offset" => format!("Offset of joint {joint} (deg)"),
+        "amplitude" => format!("Amplitude of joint {joint} (deg)"),
+        "phase" => format!("Phase of joint {joint} (deg)"),
+        _ => FREQUENCY.to_owned(),
+    }
+}
+
+/// What an axis of an objective says.
+pub fn with_unit(objective: Objective) -> String {
+    format!("{objective} ({})", objective.unit())
+}
+
+/// The values of the grid, and those along its axes.
+fn grid(map: &[&OptimumMapRow]) -> [Vec<f64>; 3] {
+    let grid: Vec<&OptimumMapRow> =
+        map.iter().copied().filter(|row| row.point == MapPoint::Grid).collect();
+    let across = grid.iter().take_while(|row| row.y.total_cmp(&grid[0].y).is_eq()).count();
+    let x = grid.iter().take(across).map(|row| row.x).collect();
+    let y = grid.iter().step_by(across.max(1)).map(|row| row.y).collect();
+    [x, y, grid.iter().map(|row| row.value).collect()]
+}
+
+/// A point of each gait.
+fn marks(map: &[&OptimumMapRow], point: impl Fn(&OptimumMapRow) -> (f64, f64)) -> Vec<Layer> {
+    let layer = |(name, of, look)| {
+        let points = map.iter().filter(|row| row.point == of).map(|row| point(row));
         Layer::new(name, points, look)
     };
-    let one = std::slice::from_ref::<Vec<f64>>;
     let marks = [
-        layer("of replicates", &places.replicates, looks::REPLICATES),
-        layer("present gait", one(&places.present), looks::PRESENT),
-        layer("optimum", one(&places.best), looks::OPTIMUM),
+        ("of replicates", MapPoint::Replicate, looks::REPLICATES),
+        ("present gait", MapPoint::Present, looks::PRESENT),
+        ("optimum", MapPoint::Optimum, looks::OPTIMUM),
     ];
-    marks.into_iter().filter(|layer| !layer.points.is_empty()).collect()
+    marks.into_iter().map(layer).filter(|layer| !layer.points.is_empty()).collect()
 }
 
-/// What an axis says, and the values along it.
-type Axis<'a> = (String, &'a [f64]);
-
 /// Lines of the same value over two axes.
-fn plane(places: &OptimumPlaces, [(label_x, x), (label_y, y)]: [&Axis; 2]) -> Panel {
-    let OptimumPlaces { values, best_value, is_minimised, .. } = places;
+fn plane(map: &[&OptimumMapRow], [label_x, label_y]: [String; 2]) -> Panel {
+    let [x, y, values] = grid(map);
+    let best = map.iter().find(|row| row.point == MapPoint::Optimum);
+    let best_value = best.map_or(f64::NAN, |row| row.value);
     // A line stays within the gaits that count.
-    let worse = if *is_minimised { 1.0 } else { -1.0 };
+    let worse = if best.is_some_and(|row| row.objective.is_minimised()) { 1.0 } else { -1.0 };
     let level = |(nth, part): (usize, f64)| {
-        let points = contour(x, y, values, best_value * (1.0 + worse * part));
+        let points = contour(&x, &y, &values, best_value * (1.0 + worse * part));
         Layer::new(&format!("within {} %", 100.0 * part), points, looks::within(nth))
     };
-    let mut layers = vec![Layer::new("edge of what counts", edge(x, y, values), looks::EDGE)];
+    let mut layers = vec![Layer::new("edge of what counts", edge(&x, &y, &values), looks::EDGE)];
     layers.extend(WITHIN.into_iter().enumerate().rev().map(level));
     layers.retain(|layer| !layer.points.is_empty());
-    layers.extend(marks(places, |[x, y]| (x, y)));
-    Panel::new("", label_x, label_y.as_str(), layers)
+    layers.extend(marks(map, |row| (row.x, row.y)));
+    Panel::new("", &label_x, label_y.as_str(), layers)
 }
 
 /// Around the places with a value: half way to the next ones, and along the grid's sides.
@@ -121,42 +138,47 @@ fn edge(x: &[f64], y: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
 }
 
 /// The objective along one axis.
-fn curve(places: &OptimumPlaces, (label, along): &Axis) -> Panel {
-    let OptimumPlaces { objective, values, .. } = places;
+fn curve(map: &[&OptimumMapRow], label: &str) -> Panel {
+    let [along, _, values] = grid(map);
+    let objective = map.first().map_or(String::new(), |row| with_unit(row.objective));
     let points = along.iter().copied().zip(values.iter().copied());
-    let at = |[x]: [f64; 1]| {
-        let known = along.iter().zip(*values).filter(|(_, value)| value.is_finite());
-        let near = known.min_by(|(a, _), (b, _)| (*a - x).abs().total_cmp(&(*b - x).abs()));
-        (x, near.map_or(f64::NAN, |(_, value)| *value))
+    let at = |row: &OptimumMapRow| {
+        let known = along.iter().zip(&values).filter(|(_, value)| value.is_finite());
+        let near = known.min_by(|(a, _), (b, _)| (*a - row.x).abs().total_cmp(&(*b - row.x).abs()));
+        (row.x, near.map_or(f64::NAN, |(_, value)| *value))
     };
-    let mut layers = vec![Layer::new(objective, points, looks::RECORDED)];
-    layers.extend(marks(places, at));
+    let mut layers = vec![Layer::new(&objective, points, looks::RECORDED)];
+    layers.extend(marks(map, at));
     Panel::new("", label, objective.as_str(), layers)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::Columns;
 
     #[test]
     fn lines_lie_around_the_optimum_and_an_edge_around_what_counts() {
-        let along: Vec<f64> = (0..=20).map(|i| 0.1 * f64::from(i)).collect();
         let value = |x: f64, y: f64| if x > 1.85 { f64::NAN } else { 2.0 - (x - 1.0).powi(2) - y };
-        let values: Vec<f64> =
-            along.iter().flat_map(|y| along.iter().map(|x| value(*x, *y))).collect();
-        let places = OptimumPlaces {
-            campaign: "any",
-            model: "skid",
-            objective: "v (m/s)".to_owned(),
-            is_minimised: false,
-            axes: ["one", "another"].map(|label| (label.to_owned(), &along[..])).into(),
-            values: &values,
-            best_value: 2.0,
-            best: vec![1.0, 0.0],
-            present: vec![0.5, 1.0],
-            replicates: Vec::new(),
+        let row = |point: MapPoint, x: f64, y: f64| OptimumMapRow {
+            campaign: "any".to_owned(),
+            objective: Objective::Speed,
+            point,
+            x_command: "omega".to_owned(),
+            y_command: "amplitude2".to_owned(),
+            x,
+            y,
+            value: value(x, y),
+            ..OptimumMapRow::blank()
         };
-        let panel = plane(&places, [&places.axes[0], &places.axes[1]]);
+        let along = |i: i32| 0.1 * f64::from(i);
+        let point = |nth: i32| row(MapPoint::Grid, along(nth % 21), along(nth / 21));
+        let mut map: Vec<OptimumMapRow> = (0..21 * 21).map(point).collect();
+        map.push(row(MapPoint::Present, 0.5, 1.0));
+        map.push(row(MapPoint::Optimum, 1.0, 0.0));
+        let figure = figure("any-optima", "any", &map);
+        let [panel] = &figure.panels[..] else { panic!("{figure:?}") };
+        assert_eq!(panel.y_label, "Amplitude of joint 2 (deg)");
         let named = |name: &str| panel.layers.iter().find(|of| of.name == name).expect("a layer");
         for point in named("within 25 %").points.iter().filter(|of| of.x.is_finite()) {
             assert!((value(point.x, point.y) - 1.5).abs() < 0.01, "{point:?}");
@@ -165,8 +187,6 @@ mod tests {
         assert!((most - 1.85).abs() < 1e-9, "{most}");
         assert_eq!(named("optimum").points.len(), 1);
         assert!(panel.layers.iter().all(|of| of.name != "of replicates"));
-        assert!(
-            optimum_drawing(&places, "svg").is_ok() && optimum_drawing(&places, "gif").is_err()
-        );
+        assert!(optimum_drawing(&map, "svg").is_ok() && optimum_drawing(&map, "gif").is_err());
     }
 }

@@ -7,13 +7,14 @@ use super::ReportError;
 use super::series::Source;
 use crate::report::ReportInput;
 use crate::store::{
-    BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader,
-    RobotParameterRow, SharedFitRow, StartRow, StoreError, Table, TrialRow, is_there,
+    BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, OptimumMapRow, OptimumRow,
+    PredictionRow, ProfileRow, Reader, RobotParameterRow, SharedFitRow, StartRow, StoreError,
+    Table, TrialRow, is_there,
 };
 
-/// Tables that are read, the most rows that one may have, and what the report lacks without it;
-/// it cannot be without the first.
-const TABLES: [(&str, usize, &str); 11] = [
+/// Tables that are read, the most rows that one may have, and what the report lacks without it, empty of what is
+/// only there if it was asked for; it cannot be without the first.
+const TABLES: [(&str, usize, &str); 13] = [
     ("trials", 20_000, "no trial is listed"),
     ("checks", 1_000_000, "no check is listed"),
     ("fits", 1_000, "no model is fitted"),
@@ -25,6 +26,8 @@ const TABLES: [(&str, usize, &str); 11] = [
     ("profiles", 100_000, "no profile is drawn"),
     ("bootstrap", 1_000_000, "no replicate is drawn"),
     ("robot_parameters", 20_000, "no measured parameter of a robot is listed"),
+    ("optima", 10_000, ""),
+    ("optimum_maps", 1_000_000, ""),
 ];
 
 /// The tables that are read, where they are there.
@@ -51,6 +54,9 @@ pub struct Tables {
     pub bootstrap: Vec<BootstrapRow>,
     /// Of releases and coast-downs.
     pub robots: Vec<RobotParameterRow>,
+    /// What `trilink optimise --keep` left.
+    pub optima: Vec<OptimumRow>,
+    pub optimum_maps: Vec<OptimumMapRow>,
     /// Sentences on tables that are not there.
     pub missing: Vec<String>,
 }
@@ -67,11 +73,13 @@ impl Tables {
             return Err(StoreError::NotIngested { path }.into());
         };
         let mut missing = Vec::new();
-        for (name, _, without) in TABLES {
+        for (name, _, without) in TABLES.iter().filter(|(.., without)| !without.is_empty()) {
             if !is_there(&table_path(derived, name))? {
                 missing.push(format!("Table {name}.parquet is not there: {without}."));
             }
         }
+        let optima = if_asked(derived, reader, "optima", &mut missing)?;
+        let optimum_maps = if_asked(derived, reader, "optimum_maps", &mut missing)?;
         let mut tables = Self {
             input: trials.input.clone(),
             trials: TrialRow::from_table(&trials)?,
@@ -85,6 +93,8 @@ impl Tables {
             profiles: optional(derived, reader, "profiles")?,
             bootstrap: optional(derived, reader, "bootstrap")?,
             robots: optional(derived, reader, "robot_parameters")?,
+            optima,
+            optimum_maps,
             missing,
         };
         tables.trials.sort_by(|a, b| {
@@ -105,6 +115,26 @@ impl Tables {
         let (sigma, models) = (config.sigma, config.models());
         let Self { trials, predictions, fits, .. } = self;
         Source { trials, predictions, fits, sigma, models }
+    }
+
+    /// Whether an optimum is of coefficients that are fitted no more.
+    pub fn is_outdated(&self, optimum: &OptimumRow) -> bool {
+        /// Relative difference of numbers that have been written in another unit.
+        const SAME: f64 = 1e-9;
+        let is_its = |fit: &&FitRow| fit.campaign == optimum.campaign && fit.model == optimum.model;
+        self.fits.iter().find(is_its).is_none_or(|fit| {
+            let mut both = fit.parameters.iter().zip(optimum.parameters.iter());
+            both.any(|((_, of_fit), (_, had))| (of_fit - had).abs() > SAME * of_fit.abs())
+        })
+    }
+
+    /// The maps of a campaign's optima, without those of coefficients that are fitted no more.
+    pub fn maps_of(&self, campaign: &str) -> impl Iterator<Item = &OptimumMapRow> {
+        let best = self.optima.iter().filter(|of| of.rank == 1 && !self.is_outdated(of));
+        let known: Vec<_> = best.map(|of| (of.campaign.as_str(), of.model, of.objective)).collect();
+        let of_campaign = self.optimum_maps.iter().filter(move |row| row.campaign == campaign);
+        of_campaign
+            .filter(move |row| known.contains(&(row.campaign.as_str(), row.model, row.objective)))
     }
 
     /// The fit of the campaign's preferred model.
@@ -151,4 +181,20 @@ fn optional<R: Columns>(
 ) -> Result<Vec<R>, ReportError> {
     let table = read(derived, reader, name)?;
     Ok(table.map_or(Ok(Vec::new()), |table| R::from_table(&table))?)
+}
+
+/// The rows of a table that no run makes: of another version it is left out.
+fn if_asked<R: Columns>(
+    derived: &Path,
+    reader: &Reader,
+    name: &str,
+    missing: &mut Vec<String>,
+) -> Result<Vec<R>, ReportError> {
+    match optional(derived, reader, name) {
+        Err(ReportError::Store(error)) if error.is_of_columns() => {
+            missing.push(format!("{error}: `trilink optimise --keep` makes it anew."));
+            Ok(Vec::new())
+        }
+        found => found,
+    }
 }

@@ -2,6 +2,7 @@
 
 mod atomic;
 pub(crate) mod columns;
+mod optimum;
 mod schema;
 mod sensitivity;
 mod stamp;
@@ -15,6 +16,7 @@ pub use atomic::{
 };
 pub(crate) use columns::rows;
 pub use columns::{Columns, numbers, repeated, texts};
+pub use optimum::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
 pub use polars::prelude::Column;
 pub use schema::{
     BootstrapRow, BranchRow, CheckRow, ComparisonRow, CycleRow, DecayFit, FitRow, JointGait,
@@ -70,6 +72,11 @@ impl StoreError {
             ErrorKind::InvalidInput => source.raw_os_error().is_none(),
             _ => false,
         }
+    }
+
+    /// Whether it is a table, but of another version.
+    pub fn is_of_columns(&self) -> bool {
+        matches!(self, Self::Column { .. } | Self::Columns { .. })
     }
 }
 

@@ -2,8 +2,9 @@
 
 use crate::cli::output::say;
 use crate::cli::table::short;
-use crate::optimise::{Certainty, Command, Found, Objective, OptimumRow, Search};
+use crate::optimise::{Certainty, Command, Found, Search};
 use crate::simulate::{KnownFits, Setup};
+use crate::store::{Objective, OptimumRow};
 
 /// Replicates that are searched where none are named.
 const MOST: usize = 200;

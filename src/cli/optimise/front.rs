@@ -7,9 +7,9 @@ use crate::cli::progress::Progress;
 use crate::cli::rows_file::RowsFile;
 use crate::cli::{Failure, Outcome};
 use crate::inspect::{View, csv, json};
-use crate::optimise::{Objective, Optimum, OptimumRow, Search};
+use crate::optimise::{Optimum, Search};
 use crate::simulate::Setup;
-use crate::store::Columns;
+use crate::store::{Columns, Objective, OptimumRow};
 
 impl Optimise {
     /// The objective, and the other one of a front.
@@ -50,7 +50,7 @@ impl Optimise {
             other_objective: Some(other),
             other_value: other.value_of(of),
             no_interval: "a front has none".to_owned(),
-            ..of.row(nth + 1, objective, setup)
+            ..of.row(nth + 1, &self.campaign, setup, search, None)
         };
         let rows: Vec<OptimumRow> = front.iter().enumerate().map(row).collect();
         if let Some(path) = &self.table {

@@ -18,14 +18,15 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 pub use common::FREQUENCY;
+pub use texts::texts;
 
 use super::drawing::Figure;
 use super::recording::Recording;
 use super::tables::Tables;
 use super::truth::Truth;
-use crate::report::ReportInput;
 use crate::report::series::Source;
 use crate::report::simulated;
+use crate::report::{ReportInput, optimum};
 use crate::robot::{Gait, JointCommand};
 use crate::store::{Reader, StoreError, TrialRow};
 use crate::trial::TrialKind;
@@ -80,6 +81,7 @@ const BY_ROBOT: &str = "by-robot";
 /// The figure of planted truth, and that of the actuators' work.
 pub const TRUTH: &str = "truth";
 const WORK: &str = "work";
+const OPTIMA: &str = "optima";
 
 /// A figure of more panels would not fit into a picture.
 const MOST_PANELS: usize = 100;
@@ -206,6 +208,7 @@ impl Inputs<'_> {
         found.figures.extend(amplitude::figure(&stem(AMPLITUDE), campaign, tables, config));
         found.figures.push(residuals::figure(&stem(RESIDUALS), campaign, source));
         found.figures.extend(fits::figures(name, campaign, tables, source));
+        found.figures.push(optimum::figure(&stem(OPTIMA), campaign, tables.maps_of(campaign)));
         Ok(found)
     }
 

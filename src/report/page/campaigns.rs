@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use minijinja::context;
 use minijinja::value::{Serde, Value};
 
-use super::{Drawn, image, images};
+use super::{Drawn, image, images, optima};
 use crate::motion::{FromRest, MotionStatus};
 use crate::report::drawing::Figure;
 use crate::report::figures::frequency;
@@ -62,6 +62,7 @@ pub fn sections(
                 alternatives => fits(&tables.alternative_fits),
                 // Its first sentence says which model the measurements prefer.
                 comparison => Serde(comparison.collect::<Vec<_>>()),
+                optima => optima::section(tables, name),
                 notes => remarks(tables, name),
                 answer => answer(name, tables, tables.source(input))?,
         }))

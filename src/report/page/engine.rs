@@ -15,12 +15,13 @@ use crate::report::numbers::{
 use crate::text::harmless;
 
 /// Templates that others include or extend.
-const SHARED: [(&str, &str); 11] = [
+const SHARED: [(&str, &str); 12] = [
     ("base.html", include_str!("base.html")),
     ("check.html", include_str!("check.html")),
     ("changes.html", include_str!("changes.html")),
     ("figure.html", include_str!("figure.html")),
     ("sheet.html", include_str!("sheet.html")),
+    ("optima.html", include_str!("optima.html")),
     ("replay.html", include_str!("replay.html")),
     ("replay.css", include_str!("replay.css")),
     ("replay.js", include_str!("replay.js")),

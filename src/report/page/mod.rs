@@ -3,6 +3,7 @@
 mod campaigns;
 mod engine;
 mod image;
+mod optima;
 mod shared;
 mod trial;
 
