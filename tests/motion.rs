@@ -241,6 +241,19 @@ fn derivatives_are_those_of_central_differences() {
         let metrics = solver.steady_motion(metrics).unwrap().to_array();
         let (derivatives, work) =
             (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+        let [distance, nothing] = solver.distance_and_work_derivatives(false).unwrap();
+        let of_d = |of: &GaitMetrics| of.d_m;
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs()) || b.is_nan();
+        assert!(near(distance.omega, of_d(&derivatives.omega)), "{problem:?}");
+        for (of, found) in distance.parameters.iter() {
+            assert!(near(*found, of_d(&derivatives.parameters[of])), "{of} {problem:?}");
+        }
+        for (found, of) in distance.gait.iter().flatten().zip(derivatives.gait.iter().flatten()) {
+            assert!(near(*found, of_d(of)), "{found} {of:?} {problem:?}");
+        }
+        assert_eq!(nothing.omega, 0.0);
+        let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
+        assert!((solver.loss_j().unwrap() - loss_j).abs() <= 1e-12 * work_j.abs(), "{problem:?}");
         let by_parameter = derivatives
             .parameters
             .iter()

@@ -10,8 +10,12 @@ use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Variable};
 use crate::robot::{Lanes, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
+/// Number of the distance.
+pub(super) const DISTANCE: usize = 3;
 /// Numbers of the quantities that change their sign with the mirror image.
 pub(super) const ODD: Range<usize> = 4..6;
+/// Number of the distance where the second half of the period changes by the opposite.
+pub(super) const ODD_DISTANCE: usize = 5;
 /// Number of the work of friction over the period.
 pub(super) const WORK: usize = 6;
 

@@ -9,11 +9,11 @@ use super::forces::contact_forces;
 use super::orbit::{Effort, PeriodicOrbit, Start};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced};
-use super::sensitivity::{Room, differentiate, differentiate_work};
+use super::sensitivity::{Room, differentiate, differentiate_distance};
 use super::trajectory::{self, Sample};
 use super::transient::{self, Frames, Integrator};
 use crate::metrics::GaitMetrics;
-use crate::robot::Parameter;
+use crate::robot::{LANES, Lanes, Number, Parameter};
 
 /// Cycles after which a robot that started from rest is near its steady motion.
 const TRANSIENT_CYCLES: f64 = 40.0;
@@ -40,7 +40,11 @@ pub(super) trait Method {
 
     fn work_and_loss_j(&self) -> Result<[f64; 2]>;
 
-    fn work_derivatives(&mut self) -> Result<Derivatives<f64>>;
+    /// What friction takes over a cycle alone, J.
+    fn loss_j(&mut self) -> Result<f64>;
+
+    /// Those of d, m, and where it is to be known of the work, J.
+    fn distance_and_work_derivatives(&mut self, knows_work: bool) -> Result<[Derivatives<f64>; 2]>;
 
     fn polish(&mut self) -> Result<f64> {
         Ok(0.0)
@@ -137,13 +141,30 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         Ok([work, loss])
     }
 
-    fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
-        let [_, loss_j] = self.work_and_loss_j()?;
+    fn loss_j(&mut self) -> Result<f64> {
+        let Self { model, orbit } = self;
+        orbit.measure(model);
+        let PeriodicOrbit { mesh, path, .. } = &**orbit;
+        let weights = RADAU.integrate[STAGES - 1];
+        let mut sum = Lanes::default();
+        for (pack, leg) in path.legs.iter().enumerate() {
+            let [_, duration_s] = mesh.weights(pack);
+            for j in 0..STAGES {
+                let power = model.friction_power(&leg.states[j], &leg.trig[j]);
+                sum += Lanes::splat(weights[j]) * duration_s * power;
+            }
+        }
+        let span_j: f64 = (0..LANES).map(|lane| sum.lane(lane)).sum();
+        Ok(mesh.spans() as f64 * span_j)
+    }
+
+    fn distance_and_work_derivatives(&mut self, knows_work: bool) -> Result<[Derivatives<f64>; 2]> {
+        let loss_j = knows_work.then(|| self.loss_j()).transpose()?;
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
         let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;
         let room = Room { linearisation, workspace, adjoints };
-        let found = differentiate_work(model, mesh, (path, &cycle), room, loss_j);
+        let found = differentiate_distance(model, mesh, (path, &cycle), room, loss_j);
         found.ok_or(orbit.not_converged())
     }
 

@@ -59,6 +59,48 @@ pub(super) struct Known {
     lasts: [bool; GAIT],
 }
 
+impl Quadrature<'_> {
+    /// Derivatives of the work over a cycle, J.
+    fn work_derivatives(&self) -> Result<Derivatives<f64>> {
+        let (problem, joints, known) = (self.problem, self.joints, *self.known);
+        let Problem { robot, gait, omega_rad_s, .. } = problem;
+        let eq3 = Eq3 { robot, joints, known };
+        let mut derivatives = Derivatives::splat(0.0);
+        let length = TAU / known.elements as f64;
+        for k in 0..known.elements {
+            for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
+                let (phase, weight) = (length * (k as f64 + node), weight * length / omega_rad_s);
+                let (state, _) = eq3.state(problem, phase);
+                let trig = Trig::new(state.phi_rad);
+                let power = friction_power_gradient::<f64, Dry>(robot, None, &state, &trig);
+                let by_command =
+                    CommandNode::new(problem, phase).gait_gradient(&power, *omega_rad_s);
+                let [_, _, by_number @ ..] = eq3.velocities::<ALL>(phase);
+                for (i, [u, turning]) in by_number.into_iter().enumerate() {
+                    let (joint, number) = (i / NUMBERS, i % NUMBERS);
+                    let by_body = power.velocity[0] * u + power.velocity[2] * turning;
+                    derivatives.gait[joint][number] +=
+                        weight * (omega_rad_s * by_body + by_command[joint][number]);
+                }
+                for (wheel, row) in roll_rows(robot, &trig).iter().enumerate() {
+                    let along = dot(row, &state.velocity);
+                    Dry::roll_slopes(robot, wheel, along, |column, slope| {
+                        let parameter = Dry::ROLL[column];
+                        if problem.laws.know(parameter, gait) {
+                            derivatives.parameters[parameter] += weight * along * slope;
+                        }
+                    });
+                }
+            }
+        }
+        for i in (0..GAIT).filter(|&i| !known.lasts[i]) {
+            derivatives.gait[i / NUMBERS][i % NUMBERS] = f64::NAN;
+        }
+        let [_, loss_j] = self.work_and_loss_j()?;
+        Ok(derivatives.completed(problem, 2.0 * loss_j))
+    }
+}
+
 impl Method for Quadrature<'_> {
     fn solve(&mut self, _is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         let Problem { robot, omega_rad_s, .. } = self.problem;
@@ -142,43 +184,16 @@ impl Method for Quadrature<'_> {
         Ok([work_j, loss_j])
     }
 
-    fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
-        let (problem, joints, known) = (self.problem, self.joints, *self.known);
-        let Problem { robot, gait, omega_rad_s, .. } = problem;
-        let eq3 = Eq3 { robot, joints, known };
-        let mut derivatives = Derivatives::splat(0.0);
-        let length = TAU / known.elements as f64;
-        for k in 0..known.elements {
-            for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
-                let (phase, weight) = (length * (k as f64 + node), weight * length / omega_rad_s);
-                let (state, _) = eq3.state(problem, phase);
-                let trig = Trig::new(state.phi_rad);
-                let power = friction_power_gradient::<f64, Dry>(robot, None, &state, &trig);
-                let by_command =
-                    CommandNode::new(problem, phase).gait_gradient(&power, *omega_rad_s);
-                let [_, _, by_number @ ..] = eq3.velocities::<ALL>(phase);
-                for (i, [u, turning]) in by_number.into_iter().enumerate() {
-                    let (joint, number) = (i / NUMBERS, i % NUMBERS);
-                    let by_body = power.velocity[0] * u + power.velocity[2] * turning;
-                    derivatives.gait[joint][number] +=
-                        weight * (omega_rad_s * by_body + by_command[joint][number]);
-                }
-                for (wheel, row) in roll_rows(robot, &trig).iter().enumerate() {
-                    let along = dot(row, &state.velocity);
-                    Dry::roll_slopes(robot, wheel, along, |column, slope| {
-                        let parameter = Dry::ROLL[column];
-                        if problem.laws.know(parameter, gait) {
-                            derivatives.parameters[parameter] += weight * along * slope;
-                        }
-                    });
-                }
-            }
-        }
-        for i in (0..GAIT).filter(|&i| !known.lasts[i]) {
-            derivatives.gait[i / NUMBERS][i % NUMBERS] = f64::NAN;
-        }
-        let [_, loss_j] = self.work_and_loss_j()?;
-        Ok(derivatives.of_work(problem, loss_j))
+    fn loss_j(&mut self) -> Result<f64> {
+        Ok(self.work_and_loss_j()?[1])
+    }
+
+    fn distance_and_work_derivatives(&mut self, knows_work: bool) -> Result<[Derivatives<f64>; 2]> {
+        let of_metrics = self.derivatives(None)?;
+        let mut distance = Derivatives::splat(0.0);
+        distance.gait = of_metrics.gait.map(|of| of.map(|metrics| metrics.d_m));
+        let work = if knows_work { self.work_derivatives()? } else { Derivatives::splat(0.0) };
+        Ok([distance, work])
     }
 
     fn cycle(&self, samples: usize) -> Result<Vec<Sample>> {

@@ -15,7 +15,9 @@ use super::Problem;
 use super::cycle::Cycle;
 use super::element::{Element, Linearisation, unknowns};
 use super::extreme::{Extremes, TurningPoint};
-use super::gradient::{MetricGradient, ODD, WORK, add_by_gait, weights_of_unknowns};
+use super::gradient::{
+    DISTANCE, MetricGradient, ODD, ODD_DISTANCE, WORK, add_by_gait, weights_of_unknowns,
+};
 use super::mesh::Mesh;
 use super::path::Path;
 use super::radau::STAGES;
@@ -96,28 +98,57 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     }
 }
 
-/// Derivatives of the work that friction takes, and so the actuators do, over a period of the solution,
-/// J; `None` as for [`differentiate`].
-pub(super) fn differentiate_work<const N: usize, R: Reduced<N>>(
+/// Derivatives by everything of the distance, m, and where `loss_j` says what friction takes over a period, J, of that work,
+/// which is the actuators'; `None` as for [`differentiate`].
+pub(super) fn differentiate_distance<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     solution: (&Path, &Cycle<N>),
     room: Room,
-    work_j: f64,
-) -> Option<Derivatives<f64>> {
+    loss_j: Option<f64>,
+) -> Option<[Derivatives<f64>; 2]> {
+    match (loss_j, mesh.is_half) {
+        (Some(loss_j), _) => of_distance::<N, R, 4>(model, mesh, solution, room, loss_j),
+        (None, true) => of_distance::<N, R, 3>(model, mesh, solution, room, 0.0),
+        (None, false) => of_distance::<N, R, 1>(model, mesh, solution, room, 0.0),
+    }
+}
+
+/// The same by the first `C` quantities from that of the distance on.
+#[inline(always)]
+fn of_distance<const N: usize, R: Reduced<N>, const C: usize>(
+    model: &R,
+    mesh: &Mesh<N, R>,
+    solution: (&Path, &Cycle<N>),
+    room: Room,
+    loss_j: f64,
+) -> Option<[Derivatives<f64>; 2]> {
     let problem = model.problem();
-    let ([by_column], _) =
-        by_adjoints::<N, R, WORK, 1>(model, mesh, solution, room, R::PARAMETERS, None)?;
-    let mut derivatives = Derivatives::splat(0.0);
-    for (column, by_column) in by_column.into_iter().enumerate().take(R::PARAMETERS) {
+    let (sums, _) =
+        by_adjoints::<N, R, DISTANCE, C>(model, mesh, solution, room, R::PARAMETERS, None)?;
+    let sum = |quantity: usize, column: usize| {
+        sums.get(quantity - DISTANCE).map_or(0.0, |by_column| by_column[column])
+    };
+    let mut derivatives = [Derivatives::splat(0.0); 2];
+    let [distance, work] = &mut derivatives;
+    for column in 0..R::PARAMETERS {
         let variable = model.variable(column);
-        // What the opposite offset changes half a period later is the opposite.
-        let is_odd = mesh.is_half && matches!(variable, Variable::Gait(_, OFFSET));
-        if problem.knows(variable) && !is_odd {
-            derivatives.set(variable, by_column / mesh.periods as f64);
+        if !problem.knows(variable) {
+            continue;
+        }
+        let is_odd = is_odd(mesh, variable);
+        distance.set(variable, sum(if is_odd { ODD_DISTANCE } else { DISTANCE }, column));
+        if !is_odd {
+            work.set(variable, sum(WORK, column) / mesh.periods as f64);
         }
     }
-    Some(derivatives.of_work(problem, work_j))
+    Some([distance.completed(problem, 0.0), work.completed(problem, 2.0 * loss_j)])
+}
+
+/// Whether what a variable changes of the motion is the opposite of its mirror image half a period later: the mirror
+/// image of a motion is that of the opposite offsets.
+fn is_odd<const N: usize, R: Reduced<N>>(mesh: &Mesh<N, R>, variable: Variable) -> bool {
+    mesh.is_half && matches!(variable, Variable::Gait(_, OFFSET))
 }
 
 /// Derivatives of the metrics by those of `C` quantities from number `FIRST` on, see
@@ -351,9 +382,7 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
         if !problem.knows(variable) {
             continue;
         }
-        // The mirror image of a motion is that of the opposite offsets: what changes by them half a
-        // period later is the opposite of the mirror image of what changes now.
-        let is_odd = mesh.is_half && matches!(variable, Variable::Gait(_, OFFSET));
+        let is_odd = is_odd(mesh, variable);
         let ([sigma0, sigma1, sigma2, even_d_m, dtheta_rad, odd_d_m], alpha1_rad) = of(column);
         let d_m = if is_odd { odd_d_m } else { even_d_m };
         let commanded = match (variable, problem.gait.joints[0]) {

@@ -177,12 +177,32 @@ impl Solver {
         self.with_last(|method| method.work_and_loss_j())
     }
 
+    /// The latter alone, J.
+    ///
+    /// # Errors
+    /// There is no last solution.
+    pub fn loss_j(&mut self) -> Result<f64> {
+        self.with_last(|method| method.loss_j())
+    }
+
     /// Derivatives of that work, J per unit of each variable.
     ///
     /// # Errors
     /// As [`Solver::floquet`].
     pub fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
-        self.with_last(|method| method.work_derivatives())
+        self.distance_and_work_derivatives(true).map(|[_, work]| work)
+    }
+
+    /// Derivatives of d alone, m per unit of each variable, and where that `knows_work` of the work over a cycle, J, else
+    /// zero.
+    ///
+    /// # Errors
+    /// As [`Solver::floquet`].
+    pub fn distance_and_work_derivatives(
+        &mut self,
+        knows_work: bool,
+    ) -> Result<[Derivatives<f64>; 2]> {
+        self.with_last(|method| method.distance_and_work_derivatives(knows_work))
     }
 
     /// Takes one more Newton step, with a fresh Jacobian, from the last solution; gives its size

@@ -7,7 +7,7 @@ use nalgebra::SVector;
 
 use super::commands::{Bounds, Command, MOST_COMMANDS};
 use crate::metrics::GaitMetrics;
-use crate::motion::{Derivatives, MotionStatus, Problem, Solver};
+use crate::motion::{MotionStatus, Problem, Solver};
 use crate::store::Objective;
 
 /// Commands as parts of their ranges, 0 to 1; those that do not vary are zero.
@@ -157,7 +157,7 @@ impl<'a> Landscape<'a> {
         {
             return None;
         }
-        let work_j = if self.needs_work() { self.solver.work_and_loss_j().ok()?[1] } else { 1.0 };
+        let work_j = if self.needs_work() { self.solver.loss_j().ok()? } else { 1.0 };
         let is_nothing = metrics.d_m <= 0.0 || (self.knows_work() && work_j <= 0.0);
         (!is_nothing).then_some((metrics, work_j))
     }
@@ -226,17 +226,13 @@ impl<'a> Landscape<'a> {
                 return Some(Err(cost));
             }
         }
-        let derivatives = self.solver.derivatives().ok()?;
-        let work = match self.needs_work() {
-            true => self.solver.work_derivatives().ok()?,
-            false => Derivatives::splat(0.0),
-        };
+        let [distance, work] = self.solver.distance_and_work_derivatives(self.needs_work()).ok()?;
         for (i, command) in self.commands.iter().enumerate() {
             let size = self.ranges[i][1] - self.ranges[i][0];
             let (d_m, work) = match *command {
-                Command::Omega => (derivatives.omega.d_m, work.omega),
+                Command::Omega => (distance.omega, work.omega),
                 Command::Joint(joint, number) => {
-                    (derivatives.gait[joint][number].d_m, work.gait[joint][number])
+                    (distance.gait[joint][number], work.gait[joint][number])
                 }
             };
             let by_omega = if *command == Command::Omega { 1.0 / omega } else { 0.0 };

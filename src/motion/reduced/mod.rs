@@ -92,11 +92,11 @@ impl<T: Copy> Derivatives<T> {
 }
 
 impl Derivatives<f64> {
-    /// Those of the work over a cycle, J, once the derivatives by single parameters and the gait's
-    /// numbers are there: work goes with the square of velocities.
-    pub(super) fn of_work(mut self, problem: &Problem, work_j: f64) -> Self {
+    /// With those by omega and by the wheels' sums, once the derivatives by single parameters and the gait's numbers are there. A
+    /// quantity that goes with a power of velocities has that power times its value in `powered`, what goes with none 0.
+    pub(super) fn completed(mut self, problem: &Problem, powered: f64) -> Self {
         let parts = problem.parts_of_omega().map(|(of, part)| part * self.parameters[of]);
-        self.omega = 2.0 * work_j / problem.omega_rad_s + parts.sum::<f64>();
+        self.omega = powered / problem.omega_rad_s + parts.sum::<f64>();
         self.set_sums(&problem.robot, |shares, of| (0..3).map(|i| shares[i] * of[i]).sum());
         self
     }
@@ -194,6 +194,9 @@ pub(super) trait Reduced<const N: usize>: Clone {
         gradient: &KinematicState<T>,
     ) -> [[T; NUMBERS]; 2];
 
+    /// See [`friction_power`].
+    fn friction_power<T: Number>(&self, state: &KinematicState<T>, trig: &Trig<T>) -> T;
+
     /// See [`friction_power_gradient`].
     fn friction_power_gradient<T: Number>(
         &self,
@@ -241,6 +244,27 @@ impl Problem {
         let rests_straight = self.robot.rest_angle_rad == 0.0;
         self.gait.is_symmetric() && (self.gait.passive_joint().is_none() || rests_straight)
     }
+}
+
+/// The power that friction takes, at the wheels and in the `passive` joint.
+#[inline(always)]
+pub(super) fn friction_power<T: Number, F: Friction>(
+    robot: &Robot,
+    passive: Option<usize>,
+    KinematicState { velocity, .. }: &KinematicState<T>,
+    trig: &Trig<T>,
+) -> T {
+    let (skid, roll) = (skid_rows(robot, trig), roll_rows(robot, trig));
+    let mut power = match passive {
+        Some(p) => T::of(robot.damping_nm_s_rad) * velocity[3 + p] * velocity[3 + p],
+        None => T::of(0.0),
+    };
+    for wheel in 0..3 {
+        let (across, along) = (dot(&skid[wheel], velocity), dot(&roll[wheel], velocity));
+        power +=
+            F::skid(robot, wheel, across)[0] * across + F::roll(robot, wheel, along)[0] * along;
+    }
+    power
 }
 
 /// Gradient of the power that friction takes, at the wheels and in the `passive` joint, with respect to

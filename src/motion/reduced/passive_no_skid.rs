@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{
     CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable,
-    friction_power_gradient,
+    friction_power, friction_power_gradient,
 };
 use crate::motion::Problem;
 use crate::robot::{
@@ -444,6 +444,11 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         velocity[3 + p] = self.wheel(&self.trig(node, y)).rate([u, r]);
         velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
         KinematicState { phi_rad, velocity }
+    }
+
+    #[inline(always)]
+    fn friction_power<T: Number>(&self, state: &KinematicState<T>, trig: &Trig<T>) -> T {
+        friction_power::<T, F>(&self.problem.robot, Some(self.passive), state, trig)
     }
 
     #[inline(always)]

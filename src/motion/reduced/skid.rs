@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 use super::harmonic::HarmonicMotion;
 use super::{
     CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable,
-    friction_power_gradient,
+    friction_power, friction_power_gradient,
 };
 use crate::motion::Problem;
 use crate::robot::{
@@ -250,6 +250,11 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         gradient: &KinematicState<T>,
     ) -> [[T; NUMBERS]; 2] {
         node.gait_gradient(gradient, self.problem.omega_rad_s)
+    }
+
+    #[inline(always)]
+    fn friction_power<T: Number>(&self, state: &KinematicState<T>, trig: &Trig<T>) -> T {
+        friction_power::<T, F>(&self.problem.robot, self.passive(), state, trig)
     }
 
     #[inline(always)]
