@@ -9,6 +9,11 @@ pub const TEXT_BYTES: u64 = 1 << 28;
 /// Most bytes of a marker file or table: some twenty hours of ten markers as text.
 pub const DATA_BYTES: u64 = 1 << 31;
 
+/// The ending of a file's name, without its dot; empty where there is none.
+pub fn ending(path: &Path) -> &str {
+    path.extension().and_then(|ending| ending.to_str()).unwrap_or_default()
+}
+
 /// The bytes of a file, or of what a link points to, with what the system says of it.
 ///
 /// # Errors

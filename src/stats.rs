@@ -13,6 +13,9 @@ pub const MAD_TO_DEVIATION: f64 = 1.4826;
 /// Half the width of a 95 % interval of normal deviates, in their standard deviations.
 pub const HALF_WIDTH_95: f64 = 1.96;
 
+/// The quantiles between which 95 % are.
+pub const SIDES_95: [f64; 2] = [0.025, 0.975];
+
 /// Arithmetic mean; NaN of nothing.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (count, sum) = values.into_iter().fold((0.0, -0.0), |(n, sum), x| (n + 1.0, sum + x));

@@ -4,16 +4,17 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::output::{say, write_data};
+use super::omegas::low_high;
+use super::output::say;
+use super::rows_file::{RowsFile, print_rows, write_figure};
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, RobotConfig, did_you_mean};
-use crate::inspect::{View, csv, json};
 use crate::motion::{Branch, Problem, branches};
 use crate::report::branches_drawing;
 use crate::robot::{Gait, Laws};
 use crate::simulate::{laws_of, with_settings};
-use crate::store::{BranchRow, Columns, Provenance, write_if_changed};
+use crate::store::BranchRow;
 
 /// The name of the frequency among what branches can be followed over.
 const OMEGA: &str = "omega_rad_s";
@@ -36,7 +37,7 @@ pub(super) struct Branches {
     /// Parameters of the robot: `skid_kg_s=104,34,45`, one or several.
     #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Write all points as Parquet.
+    /// Write all points: Parquet, CSV or JSON, by the file's ending.
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
     /// Draw the branches: SVG, PNG or PDF, by the file's ending.
@@ -63,29 +64,23 @@ impl Branches {
         let (key, [low, high]) = (&self.over.key, self.over.range);
         let gait = config.campaign_setup(&self.campaign).ok_or("no such campaign")?.1;
         let vary = Vary::new(config, &self, gait)?;
+        let file = self.table.as_deref().map(|path| RowsFile::new(path, "--table")).transpose()?;
         let found = branches(&|value| vary.problem(value), [low, high])
             .map_err(|error| format!("--over: at {key}={low}: {error}"))?;
         let rows = rows(&found, key);
-        if let Some(path) = &self.table {
-            let mut input = blake3::Hasher::new();
-            let text = format!("{:?} {key} {low} {high}", vary.problem(low));
-            input.update(text.as_bytes());
-            let provenance = Provenance { input: input.finalize().to_hex().to_string() };
-            BranchRow::to_table(&rows).write(path, &provenance)?;
-            context.progress.say(&format!("{}: {} points", path.display(), rows.len()));
+        if let Some(file) = file {
+            let input =
+                blake3::hash(format!("{:?} {key} {low} {high}", vary.problem(low)).as_bytes());
+            file.write(&rows, &input)?;
+            context.progress.say(&format!("{}: {} points", file.path.display(), rows.len()));
         }
         if let Some(path) = &self.figure {
-            let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
             let names = [&self.campaign, &self.model, key].map(String::as_str);
-            write_if_changed(path, &branches_drawing(names, &rows, ending)?)?;
-            context.progress.say(&path.display().to_string());
+            let drawn = |ending: &str| branches_drawing(names, &rows, ending);
+            write_figure(path, &context.progress, drawn)?;
         }
-        match (self.csv, self.json) {
-            (true, _) => {
-                write_data(csv(&View::of(BranchRow::to_table(&rows))).trim_end_matches('\n'))
-            }
-            (_, true) => write_data(&json(&View::of(BranchRow::to_table(&rows)))),
-            _ => print(&found, &rows),
+        if !print_rows(&rows, self.csv, self.json) {
+            print(&found, &rows);
         }
         Ok(Outcome::Well)
     }
@@ -179,9 +174,7 @@ fn with_value(robot: &RobotConfig, key: &str, value: f64) -> Option<RobotConfig>
 fn parse_over(text: &str) -> Result<Over, String> {
     let needed = || format!("found `{text}`, needed KEY=LOW..HIGH, such as omega_rad_s=0.5..12");
     let (key, range) = text.split_once('=').ok_or_else(needed)?;
-    let (low, high) = range.split_once("..").ok_or_else(needed)?;
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-    let (low, high) = number(low).zip(number(high)).ok_or_else(needed)?;
+    let [low, high] = low_high(range).ok_or_else(needed)?;
     if low >= high {
         return Err(format!("found {low}..{high}, needed the lower number first"));
     }

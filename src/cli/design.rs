@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use super::fitted::preferred;
 use super::omegas::{Omegas, parse_numbers, parse_omegas};
 use super::output::{note, say, write_data};
+use super::rows_file::print_rows;
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, did_you_mean};
@@ -12,7 +13,7 @@ use crate::design::{
     Advice, Aim, Candidate, DesignRow, ExpectedRow, Optimality, Prediction, Untold, advise, tell,
 };
 use crate::fit::{FitInformation, FitInput, KnownFit};
-use crate::inspect::{View, csv, json as json_of};
+use crate::inspect::{View, json as json_of};
 use crate::robot::{Gait, Model};
 use crate::simulate::{FitSummary, KnownFits};
 use crate::store::{Columns, FitRow};
@@ -109,10 +110,7 @@ impl Design {
                 .map_err(|why| of_model(&model, why))??,
         };
         match (self.csv, self.json) {
-            (true, _) => {
-                let text = csv(&View::of(DesignRow::to_table(&advice.trials)));
-                write_data(text.trim_end_matches('\n'));
-            }
+            (true, _) => drop(print_rows(&advice.trials, true, false)),
             (_, true) => {
                 write_data(&serde_json::to_string_pretty(&self.to_json(&model, &advice)?)?)
             }

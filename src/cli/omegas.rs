@@ -3,6 +3,13 @@
 /// Frequencies of one `--omega`, rad/s.
 pub(super) type Omegas = Vec<f64>;
 
+/// Parses `LOW..HIGH`.
+pub(super) fn low_high(text: &str) -> Option<[f64; 2]> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    let (low, high) = text.split_once("..")?;
+    Some([number(low)?, number(high)?])
+}
+
 /// Parses `3.9,4` and `0.5..6/12`, twelve from 0.5 to 6.
 pub(super) fn parse_omegas(text: &str) -> Result<Omegas, String> {
     parse_numbers(text, "a frequency")

@@ -1,24 +1,24 @@
 //! `trilink optimise`.
 
 mod certainty;
-mod figure;
 mod front;
 
 use std::path::{Path, PathBuf};
 
 use super::fitted::{note_caution, preferred};
-use super::output::{note, say, write_data};
-use super::rows_file::RowsFile;
+use super::omegas::low_high;
+use super::output::{note, say};
+use super::rows_file::{RowsFile, print_rows, write_figure};
 use super::table::{self, short};
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::hold;
 use crate::config::{Config, did_you_mean};
-use crate::inspect::{View, csv, json};
 use crate::metrics::FromRest;
 use crate::optimise::{Bounds, Certainty, Command, Found, Kept, Optimum, Search, Shown, outside};
+use crate::report::optimum_drawing;
 use crate::robot::{Gait, JointCommand};
 use crate::simulate::{KnownFits, Setup};
-use crate::store::{Columns, Objective, OptimumRow};
+use crate::store::{Objective, OptimumRow};
 
 #[derive(clap::Args)]
 pub(super) struct Optimise {
@@ -156,8 +156,7 @@ impl Optimise {
             search.map((&self.campaign, setup.model), best, shown)
         });
         if let Some(path) = self.figure.as_ref().filter(|_| !maps.is_empty()) {
-            figure::draw(path, &maps)?;
-            context.progress.say(&path.display().to_string());
+            write_figure(path, &context.progress, |ending| optimum_drawing(&maps, ending))?;
         }
         let outcome = self.print(&search, &found, present.as_ref(), &certainty, &optima)?;
         if self.keep {
@@ -241,10 +240,7 @@ impl Optimise {
             let input = blake3::hash(format!("{search:?}").as_bytes());
             RowsFile::new(path, "--table")?.write(rows, &input)?;
         }
-        if self.csv {
-            write_data(csv(&View::of(OptimumRow::to_table(rows))).trim_end_matches('\n'));
-        } else if self.json {
-            write_data(&json(&View::of(OptimumRow::to_table(rows))));
+        if print_rows(rows, self.csv, self.json) {
         } else if self.gait_toml {
             if let Some(best) = found.best() {
                 say!("{}", gait_toml(&self.campaign, objective, best).trim_end());
@@ -402,12 +398,11 @@ fn of_names(text: &str, is_one: impl Fn(Objective) -> bool) -> Result<Objective,
 /// `LOW..HIGH`, or one number as both.
 fn parse_range(text: &str) -> Result<[f64; 2], String> {
     let needed = || format!("found `{text}`, needed LOW..HIGH or a number");
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-    match text.split_once("..") {
-        Some((low, high)) => {
-            let (low, high) = number(low).zip(number(high)).ok_or_else(needed)?;
-            if low < high { Ok([low, high]) } else { Err(needed() + ", the lower number first") }
-        }
-        None => number(text).map(|value| [value; 2]).ok_or_else(needed),
+    let one = || text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    let range = low_high(text).or_else(|| one().map(|value| [value; 2])).ok_or_else(needed)?;
+    let is_range = text.contains("..");
+    match !is_range || range[0] < range[1] {
+        true => Ok(range),
+        false => Err(needed() + ", the lower number first"),
     }
 }

@@ -1,9 +1,14 @@
-//! Tables that a command writes where it is told to, in the format that the file's ending names.
+//! Tables and figures that a command writes where it is told to, in the format that the file's ending names, and rows that
+//! it prints for other programs.
 
 use std::path::Path;
 
 use super::Failure;
+use super::output::write_data;
+use super::progress::Progress;
+use crate::files::ending;
 use crate::inspect::{View, csv, json};
+use crate::report::ReportError;
 use crate::store::{Columns, Provenance, write_if_changed};
 
 /// A file of rows.
@@ -22,8 +27,7 @@ enum Format {
 impl<'p> RowsFile<'p> {
     /// The file that an `option` names.
     pub fn new(path: &'p Path, option: &str) -> Result<Self, Failure> {
-        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-        let format = match ending.to_ascii_lowercase().as_str() {
+        let format = match ending(path).to_ascii_lowercase().as_str() {
             "parquet" => Format::Parquet,
             "csv" => Format::Csv,
             "json" => Format::Json,
@@ -55,4 +59,26 @@ impl<'p> RowsFile<'p> {
         }
         Ok(())
     }
+}
+
+/// Writes what `drawn` draws for the file's ending.
+pub(super) fn write_figure(
+    path: &Path,
+    progress: &Progress,
+    drawn: impl FnOnce(&str) -> Result<Vec<u8>, ReportError>,
+) -> Result<(), Failure> {
+    write_if_changed(path, &drawn(ending(path))?)?;
+    progress.say(&path.display().to_string());
+    Ok(())
+}
+
+/// Prints rows with every digit as CSV or as JSON; `false` if neither is asked for.
+pub(super) fn print_rows<T: Columns>(rows: &[T], as_csv: bool, as_json: bool) -> bool {
+    let view = || View::of(T::to_table(rows));
+    match (as_csv, as_json) {
+        (true, _) => write_data(csv(&view()).trim_end_matches('\n')),
+        (_, true) => write_data(&json(&view())),
+        _ => return false,
+    }
+    true
 }

@@ -13,12 +13,11 @@ use sensitivities::{Asked, Sensitivities};
 use super::fitted::note_caution;
 use super::omegas::{Omegas, parse_omegas};
 use super::output::write_data;
+use super::rows_file::print_rows;
 use super::{Context, Failure, Outcome};
 use crate::config::Config;
-use crate::inspect::{View, csv};
 use crate::robot::Model;
 use crate::simulate::{Answer, KnownFits, Setup, SimulationRow};
-use crate::store::Columns;
 
 #[derive(clap::Args)]
 pub(super) struct Simulate {
@@ -132,8 +131,7 @@ impl Simulate {
         match (self.csv, self.json) {
             (true, _) => {
                 let rows: Vec<SimulationRow> = answers.iter().map(|of| of.row()).collect();
-                let text = csv(&View::of(SimulationRow::to_table(&rows)));
-                write_data(text.trim_end_matches('\n'));
+                print_rows(&rows, true, false);
             }
             (_, true) => write_data(&serde_json::to_string_pretty(&answers)?),
             _ => table::print(&answers),

@@ -16,13 +16,12 @@ use crate::fit::{
     ByMetric, FitInformation, FreeParameter, MEASURED_METRICS, TrialInformation, metric_names,
 };
 use crate::robot::Parameter;
-use crate::stats::{HALF_WIDTH_95, quantiles};
+use crate::stats::{HALF_WIDTH_95, SIDES_95, quantiles};
 use crate::store::FitRow;
 
 /// Draws of the noise, and those of them with which the robot's uncertain numbers are off in turn.
 const DRAWS: u64 = 500;
 const DRAWS_ASSUMED: u64 = 50;
-const OUTSIDE: f64 = 0.025;
 
 /// Something of which the interval is told.
 pub(super) enum Quantity {
@@ -175,7 +174,7 @@ impl Spread {
         let all: Vec<(Vec<f64>, Vec<Vec<f64>>)> = (0..DRAWS).into_par_iter().map(draw).collect();
         let of_quantity = |quantity: &Quantity| {
             let changes = all.iter().map(|(shifts, _)| quantity.change(shifts)).collect();
-            let [low, high] = quantiles(changes, [OUTSIDE, 1.0 - OUTSIDE]);
+            let [low, high] = quantiles(changes, SIDES_95);
             let is_open = match quantity {
                 Quantity::Parameter(number, free) => {
                     let value = information.free().nth(*number).map_or(f64::NAN, |(_, of)| of);

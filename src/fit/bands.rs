@@ -238,12 +238,11 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
-    use super::super::intervals::OUTSIDE;
     use super::*;
     use crate::config::{Config, SigmaKind};
     use crate::fit::{FitInput, Measurement};
     use crate::motion::{Laws, Model, REFERENCE_ACCURACY};
-    use crate::stats::quantiles;
+    use crate::stats::{SIDES_95, quantiles};
     use crate::store::{Columns as _, Stopped, TrialRow};
 
     const SKID_KG_S: [f64; 3] = [104.0, 34.0, 45.0];
@@ -297,7 +296,7 @@ mod tests {
             let mut is_exact = true;
             for (metric, value) in metrics.to_array().into_iter().enumerate() {
                 let of_metric = all.iter().map(|changes| changes[metric]).collect();
-                let found = quantiles(of_metric, [OUTSIDE, 1.0 - OUTSIDE]);
+                let found = quantiles(of_metric, SIDES_95);
                 for (found, limit) in found.into_iter().zip(limits) {
                     let told = limit.to_array()[metric] - value;
                     if found.abs() > 1e-3 * deviation * value {

@@ -34,10 +34,8 @@ use super::profile::Profile;
 use super::resampler::Resampler;
 use super::starts::{Start, search_from};
 use crate::robot::Robot;
-use crate::stats::{HALF_WIDTH_95, mean, quantiles};
+use crate::stats::{HALF_WIDTH_95, SIDES_95, mean, quantiles};
 
-/// Parts of the replicates outside of a 95 % interval, on either side.
-pub(super) const OUTSIDE: f64 = 0.025;
 /// Blocks of frequencies of a campaign.
 const BLOCKS: usize = 6;
 /// What a jackknife's variance over that of the scatter is at most in 95 of 100 fits of a model that
@@ -117,7 +115,7 @@ pub(super) struct Widths {
 impl Widths {
     /// From its changes in the replicates, and its shifts as in [`Systematic`].
     pub fn of_changes(replicates: Vec<f64>, blocks: &[f64], assumed: &[f64], gait: f64) -> Self {
-        let [low, high] = quantiles(replicates, [OUTSIDE, 1.0 - OUTSIDE]);
+        let [low, high] = quantiles(replicates, SIDES_95);
         // The fit is in its interval.
         Self::new([-low, high].map(|width| width.max(0.0)), blocks, assumed, gait)
     }
@@ -241,7 +239,7 @@ fn scatter_limit(
         true => profiled.flatten().unwrap_or(f64::NAN),
         false => {
             let values = replicates.iter().map(|refit| refit.ended[index]).collect();
-            quantiles(values, [OUTSIDE, 1.0 - OUTSIDE])[side]
+            quantiles(values, SIDES_95)[side]
         }
     };
     if free.is_at_bound(limit)[side] { f64::NAN } else { limit }

@@ -1,15 +1,13 @@
 //! What `optimise --pareto` prints and writes.
 
-use super::figure::draw_front;
 use super::{Optimise, print_table};
-use crate::cli::output::write_data;
 use crate::cli::progress::Progress;
-use crate::cli::rows_file::RowsFile;
+use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
 use crate::cli::{Failure, Outcome};
-use crate::inspect::{View, csv, json};
 use crate::optimise::{Optimum, Search};
+use crate::report::{front_drawing, with_unit};
 use crate::simulate::Setup;
-use crate::store::{Columns, Objective, OptimumRow};
+use crate::store::{Objective, OptimumRow};
 
 impl Optimise {
     /// The objective, and the other one of a front.
@@ -59,14 +57,14 @@ impl Optimise {
         }
         if let Some(path) = &self.figure {
             let names = [&*self.campaign, setup.model.name()];
-            draw_front(path, names, [objective, other], &front)?;
-            progress.say(&path.display().to_string());
+            let points: Vec<(f64, f64)> =
+                front.iter().map(|of| (other.value_of(of), of.value)).collect();
+            let labels = [other, objective].map(with_unit);
+            let labels = labels.each_ref().map(String::as_str);
+            write_figure(path, progress, |ending| front_drawing(names, labels, &points, ending))?;
         }
-        let view = || View::of(OptimumRow::to_table(&rows));
-        match (self.csv, self.json) {
-            (true, _) => write_data(csv(&view()).trim_end_matches('\n')),
-            (_, true) => write_data(&json(&view())),
-            _ => print_table(objective, &front, None),
+        if !print_rows(&rows, self.csv, self.json) {
+            print_table(objective, &front, None);
         }
         Ok(Outcome::Well)
     }

@@ -3,14 +3,13 @@
 use std::path::PathBuf;
 
 use super::table::fixed;
-use crate::cli::output::{note, say, write_data};
-use crate::cli::rows_file::RowsFile;
+use crate::cli::output::{note, say};
+use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
 use crate::cli::table::{self, short};
 use crate::cli::{Context, Failure, Outcome};
-use crate::inspect::{View, csv, json};
 use crate::report::sensitivities_drawing;
 use crate::simulate::{KnownFits, Setup};
-use crate::store::{Columns, SENSITIVE_METRICS, SensitivityRow, write_if_changed};
+use crate::store::{SENSITIVE_METRICS, SensitivityRow};
 
 #[derive(clap::Args)]
 pub(super) struct Sensitivities {
@@ -70,15 +69,11 @@ impl Sensitivities {
             context.progress.say(&format!("{}: {} rows", file.path.display(), rows.len()));
         }
         if let Some(path) = self.figure.as_deref().filter(|_| !rows.is_empty()) {
-            let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-            write_if_changed(path, &sensitivities_drawing(campaign, &rows, ending)?)?;
-            context.progress.say(&path.display().to_string());
+            let drawn = |ending: &str| sensitivities_drawing(campaign, &rows, ending);
+            write_figure(path, &context.progress, drawn)?;
         }
-        let view = || View::of(SensitivityRow::to_table(&rows));
-        match (asked.csv, asked.json) {
-            (true, _) => write_data(csv(&view()).trim_end_matches('\n')),
-            (_, true) => write_data(&json(&view())),
-            _ => all.iter().for_each(|rows| print(rows)),
+        if !print_rows(&rows, asked.csv, asked.json) {
+            all.iter().for_each(|rows| print(rows));
         }
         Ok(outcome)
     }
