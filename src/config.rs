@@ -435,6 +435,7 @@ impl GaitConfig {
                 offset_rad: joint.offset_deg.to_radians(),
                 amplitude_rad: joint.amplitude_deg.to_radians(),
                 phase_rad: joint.phase_deg.to_radians(),
+                second: None,
             })
         };
         Gait { joints: [command(&self.joint1), command(&self.joint2)] }

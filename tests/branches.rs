@@ -31,7 +31,7 @@ fn without_roll_resistance(omega_rad_s: f64) -> Problem {
 
 /// A robot that comes back to where it was every second cycle only at 3.5473 rad/s.
 fn doubling(omega_rad_s: f64) -> Problem {
-    let command = JointCommand { offset_rad: 0.8137, amplitude_rad: 0.2838, phase_rad: 2.662 };
+    let command = JointCommand::new(0.8137, 0.2838, 2.662);
     Problem {
         robot: Robot {
             h_m: 0.1695,

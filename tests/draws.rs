@@ -44,6 +44,7 @@ impl Draw {
             offset_rad: if self.below(2) == 0 { 0.0 } else { self.within(-1.0, 1.0) },
             amplitude_rad: self.within(0.05, 0.9),
             phase_rad: self.within(-PI, PI),
+            second: None,
         }
     }
 

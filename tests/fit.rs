@@ -234,7 +234,7 @@ fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
     let mut rows = named(reference);
     for row in &mut rows {
         row.gait = gait.joints.map(|joint| {
-            let JointCommand { offset_rad, amplitude_rad, phase_rad } = joint.unwrap();
+            let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = joint.unwrap();
             let amplitude_rad = 0.98 * amplitude_rad;
             JointGait { offset_rad, amplitude_rad, phase_rad, ..row.gait[0] }
         });
@@ -298,7 +298,7 @@ fn a_curve_goes_through_what_is_predicted_for_the_trials_own_gaits() {
         let mut row = TrialRow { omega_rad_s, metrics, ..named(reference).remove(0) };
         (row.trial, row.omega_commanded_rad_s) = (format!("at-{omega_rad_s}"), omega_rad_s);
         for (joint, found) in gait.joints.iter().flatten().zip(&mut row.gait) {
-            let JointCommand { offset_rad, amplitude_rad, phase_rad } = *joint;
+            let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = *joint;
             // A turn more is the same phase.
             let phase_rad = phase_rad + if turned < 0.0 { TAU } else { 0.0 };
             *found = JointGait { offset_rad, amplitude_rad, phase_rad, ..*found };

@@ -2,12 +2,15 @@
 
 #![allow(clippy::unwrap_used)]
 
+use std::f64::consts::{PI, TAU};
+
 use trilink::config::Config;
 use trilink::metrics::GaitMetrics;
 use trilink::motion::{
-    FIT_ACCURACY, FORCES_ACCURACY, Laws, MotionStatus, Problem, REFERENCE_ACCURACY, Sample, Solver,
+    FIT_ACCURACY, FORCES_ACCURACY, Laws, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY,
+    Sample, Solver,
 };
-use trilink::robot::{Gait, JointCommand, Model, Parameter, Robot};
+use trilink::robot::{Gait, JointCommand, Model, Parameter, Robot, SecondHarmonic};
 
 /// A row of `periodic.csv`.
 struct Row {
@@ -200,30 +203,153 @@ fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
     }
 }
 
+/// Of every kind, with second harmonics, one of them of nothing.
+fn with_second_harmonics() -> Vec<Problem> {
+    let command = |offset_rad: f64, phase_rad: f64, [amplitude2_rad, phase2_rad]: [f64; 2]| {
+        let second = Some(SecondHarmonic::new(amplitude2_rad, phase2_rad));
+        JointCommand { second, ..JointCommand::new(offset_rad, 0.5, phase_rad) }
+    };
+    let (front, rear) = (command(0.3, 0.4, [0.15, 2.0]), command(-0.2, -1.3, [0.2, -1.0]));
+    // Both joints' angles stay apart: that the wheels cannot skid is no contradiction.
+    let apart = [command(0.9, 0.0, [0.1, 2.0]), command(-0.9, -1.6, [0.15, -1.0])];
+    let nothing = command(0.0, 0.2, [0.0, 0.0]);
+    let kinds = [
+        (Robot::kinematic(), [Some(front), Some(rear)], Laws::SKID_ROLL),
+        (Robot::kinematic(), apart.map(Some), Laws::NO_SKID_ROLL),
+        (Robot::kinematic(), [Some(nothing), Some(JointCommand::new(0.0, 0.4, -1.2))], Laws::SKID),
+        (Robot::semi_passive(), [None, Some(rear)], Laws::SKID_ROLL),
+        (Robot::semi_passive(), [Some(front), None], Laws::NO_SKID_ROLL),
+        (Robot::semi_passive(), [None, Some(nothing)], Laws::NO_SKID),
+    ];
+    let problem =
+        |(robot, joints, laws)| Problem { robot, gait: Gait { joints }, laws, omega_rad_s: 3.0 };
+    kinds.into_iter().map(problem).collect()
+}
+
+#[test]
+fn a_second_harmonic_of_nothing_changes_no_bit() {
+    let nothing = |mut problem: Problem| {
+        for command in problem.gait.joints.iter_mut().flatten() {
+            command.second = Some(SecondHarmonic::default());
+        }
+        problem
+    };
+    let gaits = [Gait::symmetric(), Gait::skewed(), Gait::passive_symmetric()];
+    for gait in gaits {
+        for laws in [Laws::SKID_ROLL, Laws::NO_SKID_ROLL] {
+            let problem = Problem { robot: Robot::semi_passive(), gait, laws, omega_rad_s: 3.0 };
+            let solved = |problem: &Problem| -> Result<_, MotionError> {
+                let mut solver = Solver::default();
+                let metrics = solver.solve(problem, FIT_ACCURACY)?;
+                let steady = solver.steady_motion(metrics)?.to_array();
+                let derivatives = solver.derivatives()?;
+                let work = solver.work_derivatives()?;
+                let first = (derivatives.parameters, derivatives.omega, derivatives.gait);
+                Ok((format!("{steady:?} {first:?} {:?}", work.gait), derivatives.second))
+            };
+            match (solved(&problem), solved(&nothing(problem.clone()))) {
+                (Ok((without, second)), Ok((with, _))) => {
+                    assert_eq!(without, with, "{laws:?} {gait:?}");
+                    assert!(second.as_flattened().iter().all(|of| *of == GaitMetrics::NONE));
+                }
+                (without, with) => {
+                    assert_eq!(without.unwrap_err().to_string(), with.unwrap_err().to_string());
+                }
+            }
+        }
+    }
+}
+
+/// The mirror image of a motion is that of the opposite angles; and where time begins changes nothing
+/// but between which poses a robot that turns is displaced.
+#[test]
+fn mirror_image_and_time_shift_of_second_harmonics_leave_the_metrics() {
+    for problem in with_second_harmonics() {
+        let known = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+        let moved = |of: &dyn Fn(JointCommand) -> JointCommand| {
+            let mut problem = problem.clone();
+            problem.gait.joints = problem.gait.joints.map(|joint| joint.map(of));
+            problem.solve(REFERENCE_ACCURACY).unwrap().metrics
+        };
+        let is_one = |one: GaitMetrics, other: GaitMetrics| {
+            let both = one.to_array().into_iter().zip(other.to_array());
+            both.into_iter().for_each(|(one, other)| {
+                assert!((one - other).abs() < 1e-8 * (other.abs() + 1e-2), "{problem:?}");
+            });
+        };
+        let later = moved(&|of| of.later(0.8));
+        is_one(GaitMetrics { d_m: known.d_m, v_m_s: known.v_m_s, ..later }, known);
+        let mirrored = moved(&|of| {
+            let second = of.second.map(|of| {
+                let (in_phase_rad, quadrature_rad) = (-of.in_phase_rad, -of.quadrature_rad);
+                SecondHarmonic { in_phase_rad, quadrature_rad }
+            });
+            let phase_rad = of.phase_rad + PI;
+            JointCommand { offset_rad: -of.offset_rad, phase_rad, second, ..of }
+        });
+        is_one(GaitMetrics { dtheta_rad: -mirrored.dtheta_rad, ..mirrored }, known);
+    }
+}
+
+#[test]
+fn steady_motions_with_second_harmonics_are_what_follows_from_rest() {
+    const CYCLES: usize = 20;
+    let mut problems = with_second_harmonics();
+    // Without resistance to rolling it takes too long.
+    problems.retain(|problem| problem.laws != Laws::NO_SKID);
+    for problem in problems.into_iter().chain([dry_with_second_harmonics()]) {
+        let GaitMetrics { d_m, dtheta_rad, .. } = problem.solve(1e-8).unwrap().metrics;
+        let period_s = TAU / problem.omega_rad_s;
+        let duration_s = (CYCLES as f64 + 1.5) * period_s;
+        let path = problem.transient(duration_s, 1.0 / period_s, 1e-8).unwrap();
+        let [from, to] = [path[CYCLES - 1], path[CYCLES]];
+        let found_m = (to[0] - from[0]).hypot(to[1] - from[1]);
+        assert!((found_m - d_m).abs() < 1e-5 * d_m, "{found_m} {d_m} {problem:?}");
+        assert!((to[2] - from[2] - dtheta_rad).abs() < 1e-5, "{problem:?}");
+    }
+}
+
+/// Under dry friction that is not too sharp for differences.
+fn dry_with_second_harmonics() -> Problem {
+    let mut problem = with_second_harmonics().remove(0);
+    (problem.laws, problem.robot.transition_m_s) = (Laws::COULOMB_VISCOUS, 0.05);
+    problem
+}
+
+#[test]
+fn derivatives_by_second_harmonics_under_dry_friction_are_those_of_differences() {
+    let problem = dry_with_second_harmonics();
+    let mut solver = Solver::default();
+    solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+    let (derivatives, work) = (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+    for (joint, part) in [(0, 0), (1, 1)] {
+        let difference = |step: f64| -> [f64; 8] {
+            let [low, high] = [-step, step].map(|step| {
+                let mut problem = problem.clone();
+                let second = problem.gait.joints[joint].as_mut().unwrap().second.as_mut().unwrap();
+                *[&mut second.in_phase_rad, &mut second.quadrature_rad][part] += step;
+                problem.solve(1e-12).unwrap().to_array()
+            });
+            std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
+        };
+        let (coarse, fine) = (difference(4e-4), difference(2e-4));
+        let found = derivatives.second[joint][part].to_array().into_iter();
+        for (i, found) in found.chain([work.second[joint][part]]).enumerate() {
+            let known = (4.0 * fine[i] - coarse[i]) / 3.0;
+            let size = known.abs().max(1e-3);
+            assert!((found - known).abs() < 1e-6 * size, "{joint} {part} {i}: {found} {known}");
+        }
+    }
+}
+
 /// A parameter of the robot, or omega, or a joint and which number of its command.
 type Variable = Result<Parameter, Option<(usize, usize)>>;
 
 #[test]
 fn derivatives_are_those_of_central_differences() {
-    let changed = |problem: &Problem, variable: Variable, step: f64| {
-        let mut problem = problem.clone();
-        match variable {
-            Ok(parameter) => {
-                let value = parameter.of(&problem.robot) + step;
-                parameter.set(&mut problem.robot, value);
-            }
-            Err(None) => problem.omega_rad_s += step,
-            Err(Some((joint, number))) => {
-                let JointCommand { offset_rad, amplitude_rad, phase_rad } =
-                    problem.gait.joints[joint].as_mut().unwrap();
-                *[offset_rad, amplitude_rad, phase_rad][number] += step;
-            }
-        }
-        problem.solve(1e-13).unwrap().to_array()
-    };
     let mut problems: Vec<Problem> = rows().into_iter().map(|row| row.problem).collect();
     let offset = |joint: usize| {
-        let command = JointCommand { offset_rad: 0.3, amplitude_rad: 0.5, phase_rad: 0.4 };
+        let command = JointCommand::new(0.3, 0.5, 0.4);
         Gait { joints: [0, 1].map(|j| (j == joint).then_some(command)) }
     };
     let robot = Robot { rest_angle_rad: -0.1, ..Robot::semi_passive() };
@@ -235,64 +361,101 @@ fn derivatives_are_those_of_central_differences() {
         let (robot, gait) = (Robot::kinematic(), Gait::skewed());
         problems.push(Problem { robot, gait, laws, omega_rad_s: 3.0 });
     }
-    for problem in problems {
-        let mut solver = Solver::default();
-        let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
-        let metrics = solver.steady_motion(metrics).unwrap().to_array();
-        let (derivatives, work) =
-            (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
-        let [distance, nothing] = solver.distance_and_work_derivatives(false).unwrap();
-        let of_d = |of: &GaitMetrics| of.d_m;
-        let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs()) || b.is_nan();
-        assert!(near(distance.omega, of_d(&derivatives.omega)), "{problem:?}");
-        for (of, found) in distance.parameters.iter() {
-            assert!(near(*found, of_d(&derivatives.parameters[of])), "{of} {problem:?}");
-        }
-        for (found, of) in distance.gait.iter().flatten().zip(derivatives.gait.iter().flatten()) {
-            assert!(near(*found, of_d(of)), "{found} {of:?} {problem:?}");
-        }
-        assert_eq!(nothing.omega, 0.0);
-        let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
-        assert!((solver.loss_j().unwrap() - loss_j).abs() <= 1e-12 * work_j.abs(), "{problem:?}");
-        let by_parameter = derivatives
-            .parameters
-            .iter()
-            .map(|(of, &found)| (Ok(of), (found, work.parameters[of])));
-        let numbers = (0..2).flat_map(|joint| (0..3).map(move |number| (joint, number)));
-        let by_gait =
-            numbers.map(|(j, n)| (Err(Some((j, n))), (derivatives.gait[j][n], work.gait[j][n])));
-        let by_omega = [(Err(None), (derivatives.omega, work.omega))];
-        for (variable, (derivative, by_work)) in by_parameter.chain(by_omega).chain(by_gait) {
-            let value = match variable {
-                Ok(parameter) => parameter.of(&problem.robot),
-                Err(None) => problem.omega_rad_s,
-                Err(Some((joint, number))) => match problem.gait.joints[joint] {
-                    // The motion without skid exists for none of its neighbours.
-                    Some(_) if derivative.d_m.is_nan() => continue,
-                    Some(of) => [of.offset_rad, of.amplitude_rad, of.phase_rad][number],
-                    None => continue,
-                },
-            };
-            // Richardson's extrapolation of central differences.
-            let difference = |step: f64| -> [f64; 8] {
-                let (low, high) =
-                    (changed(&problem, variable, -step), changed(&problem, variable, step));
-                std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
-            };
-            let step = 2e-3 * if value == 0.0 { 0.1 } else { value };
-            let (coarse, fine) = (difference(step), difference(0.5 * step));
-            let found = derivative.to_array().into_iter().chain([by_work]);
-            for (i, found) in found.enumerate() {
-                let known = (4.0 * fine[i] - coarse[i]) / 3.0;
-                // Relative to the derivative, or to what a change by the whole value would do.
-                let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
-                assert!(
-                    (found - known).abs() <= 1e-6 * size + 1e-11,
-                    "{:?} {variable:?} metric {i} at {}: {found} against {known}",
-                    problem.laws,
-                    problem.omega_rad_s,
-                );
+    problems
+        .into_iter()
+        .for_each(|problem| compare_with_differences(problem, Parameter::ALL.len()));
+}
+
+#[test]
+fn derivatives_by_second_harmonics_are_those_of_central_differences() {
+    with_second_harmonics().into_iter().for_each(|problem| compare_with_differences(problem, 0));
+}
+
+/// The derivatives with respect to so many parameters, omega and the gait.
+fn compare_with_differences(problem: Problem, parameters: usize) {
+    let changed = |problem: &Problem, variable: Variable, step: f64| {
+        let mut problem = problem.clone();
+        match variable {
+            Ok(parameter) => {
+                let value = parameter.of(&problem.robot) + step;
+                parameter.set(&mut problem.robot, value);
             }
+            Err(None) => problem.omega_rad_s += step,
+            Err(Some((joint, number))) => {
+                let command = problem.gait.joints[joint].as_mut().unwrap();
+                match (number, command.second.as_mut()) {
+                    (3, Some(second)) => second.in_phase_rad += step,
+                    (_, Some(second)) if number > 3 => second.quadrature_rad += step,
+                    _ => *command.numbers_mut()[number] += step,
+                }
+            }
+        }
+        problem.solve(1e-13).unwrap().to_array()
+    };
+    let mut solver = Solver::default();
+    let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+    let metrics = solver.steady_motion(metrics).unwrap().to_array();
+    let (derivatives, work) = (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+    let [distance, nothing] = solver.distance_and_work_derivatives(false).unwrap();
+    let of_d = |of: &GaitMetrics| of.d_m;
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs()) || b.is_nan();
+    assert!(near(distance.omega, of_d(&derivatives.omega)), "{problem:?}");
+    for (of, found) in distance.parameters.iter() {
+        assert!(near(*found, of_d(&derivatives.parameters[of])), "{of} {problem:?}");
+    }
+    for (found, of) in distance.gait.iter().flatten().zip(derivatives.gait.iter().flatten()) {
+        assert!(near(*found, of_d(of)), "{found} {of:?} {problem:?}");
+    }
+    assert_eq!(nothing.omega, 0.0);
+    let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
+    assert!((solver.loss_j().unwrap() - loss_j).abs() <= 1e-12 * work_j.abs(), "{problem:?}");
+    for (found, of) in distance.second.iter().flatten().zip(derivatives.second.iter().flatten()) {
+        assert!(near(*found, of_d(of)), "{found} {of:?} {problem:?}");
+    }
+    let by_parameter = derivatives.parameters.iter().take(parameters);
+    let by_parameter = by_parameter.map(|(of, &found)| (Ok(of), (found, work.parameters[of])));
+    let numbers = (0..2).flat_map(|joint| (0..5).map(move |number| (joint, number)));
+    let by_gait = numbers.map(|(j, n)| {
+        let both = match n {
+            0..3 => (derivatives.gait[j][n], work.gait[j][n]),
+            _ => (derivatives.second[j][n - 3], work.second[j][n - 3]),
+        };
+        (Err(Some((j, n))), both)
+    });
+    let by_omega = [(Err(None), (derivatives.omega, work.omega))];
+    for (variable, (derivative, by_work)) in by_parameter.chain(by_omega).chain(by_gait) {
+        let value = match variable {
+            Ok(parameter) => parameter.of(&problem.robot),
+            Err(None) => problem.omega_rad_s,
+            Err(Some((joint, number))) => match problem.gait.joints[joint] {
+                // The motion without skid exists for none of its neighbours.
+                Some(_) if derivative.d_m.is_nan() => continue,
+                Some(of) if number < 3 => of.to_array()[number],
+                Some(JointCommand { second: Some(second), .. }) => {
+                    [second.in_phase_rad, second.quadrature_rad][number - 3]
+                }
+                _ => continue,
+            },
+        };
+        // Richardson's extrapolation of central differences.
+        let difference = |step: f64| -> [f64; 8] {
+            let (low, high) =
+                (changed(&problem, variable, -step), changed(&problem, variable, step));
+            std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
+        };
+        let step = 2e-3 * if value == 0.0 { 0.1 } else { value };
+        let (coarse, fine) = (difference(step), difference(0.5 * step));
+        let found = derivative.to_array().into_iter().chain([by_work]);
+        for (i, found) in found.enumerate() {
+            let known = (4.0 * fine[i] - coarse[i]) / 3.0;
+            // Relative to the derivative, or to what a change by the whole value would do.
+            let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
+            assert!(
+                (found - known).abs() <= 1e-6 * size + 1e-11,
+                "{:?} {variable:?} metric {i} at {}: {found} against {known}",
+                problem.laws,
+                problem.omega_rad_s,
+            );
         }
     }
 }

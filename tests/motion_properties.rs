@@ -33,10 +33,8 @@ fn robots() -> impl Strategy<Value = Robot> {
 }
 
 fn joints() -> impl Strategy<Value = JointCommand> {
-    (-0.6..0.6, 0.1..0.6, -PI..PI).prop_map(|(offset_rad, amplitude_rad, phase_rad)| JointCommand {
-        offset_rad,
-        amplitude_rad,
-        phase_rad,
+    (-0.6..0.6, 0.1..0.6, -PI..PI).prop_map(|(offset_rad, amplitude_rad, phase_rad)| {
+        JointCommand::new(offset_rad, amplitude_rad, phase_rad)
     })
 }
 

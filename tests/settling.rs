@@ -27,7 +27,7 @@ fn on_bent_joints(
     [offset_rad, amplitude_rad]: [f64; 2],
     omega_rad_s: f64,
 ) -> Problem {
-    let command = JointCommand { offset_rad, amplitude_rad, phase_rad: 0.0 };
+    let command = JointCommand::new(offset_rad, amplitude_rad, 0.0);
     Problem {
         robot: Robot { stiffness_nm_rad, damping_nm_s_rad, ..Robot::semi_passive() },
         gait: Gait { joints: [None, Some(command)] },
@@ -217,7 +217,7 @@ fn the_solver_goes_on_from_where_the_robot_settled() {
 
 #[test]
 fn a_motion_that_comes_back_every_second_cycle_only_is_said_to() {
-    let offset = JointCommand { offset_rad: 0.8137, amplitude_rad: 0.2838, phase_rad: 2.662 };
+    let offset = JointCommand::new(0.8137, 0.2838, 2.662);
     let problem = Problem {
         robot: Robot {
             h_m: 0.1695,

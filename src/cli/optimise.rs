@@ -286,7 +286,7 @@ fn print_table(objective: Objective, optima: &[Optimum], present: Option<&Optimu
     let line = |name: String, of: &Optimum| {
         let mut cells = vec![name, short(scale * of.value), short(of.problem.omega_rad_s)];
         for command in joints.iter().filter_map(|joint| of.problem.gait.joints[*joint]) {
-            let JointCommand { offset_rad, amplitude_rad, phase_rad } = command;
+            let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = command;
             let numbers = [amplitude_rad, offset_rad, phase_rad];
             cells.extend(numbers.map(|of| format!("{:.3}", of.to_degrees() + 0.0)));
         }
@@ -348,7 +348,7 @@ fn gait_toml(campaign: &str, objective: Objective, best: &Optimum) -> String {
         objective.name()
     );
     for (joint, command) in joints.iter().enumerate() {
-        if let Some(JointCommand { offset_rad, amplitude_rad, phase_rad }) = command {
+        if let Some(JointCommand { offset_rad, amplitude_rad, phase_rad, .. }) = command {
             text += &format!(
                 "joint{} = {{ offset_deg = {:?}, amplitude_deg = {:?}, phase_deg = {:?} }}\n",
                 joint + 1,

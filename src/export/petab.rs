@@ -124,7 +124,7 @@ fn conditions(input: &FitInput, trials: &[Measurement]) -> String {
         let mut cells = vec![condition_id(number), trial.trial.clone()];
         cells.push(trial.omega_rad_s.to_string());
         for (command, measured) in commanded.iter().zip(trial.gait) {
-            let driven = command.map(|command| if is_measured { measured } else { command });
+            let driven = command.map(|of| if is_measured { of.measured(measured) } else { of });
             let numbers = driven.map(JointCommand::to_array);
             cells.extend(numbers.into_iter().flatten().map(cell));
         }

@@ -150,6 +150,7 @@ impl Condition {
                         offset_rad: middle(&|k| joint(k).offset_rad),
                         amplitude_rad: middle(&|k| joint(k).amplitude_rad),
                         phase_rad,
+                        second: first.second,
                     }
                 })
             }),

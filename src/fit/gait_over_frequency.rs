@@ -74,6 +74,7 @@ fn combined<'g>(command: &Gait, gaits: impl Iterator<Item = (f64, &'g Gait)> + C
             offset_rad: sum.offset_rad + weight * joint.offset_rad,
             amplitude_rad: sum.amplitude_rad + weight * joint.amplitude_rad,
             phase_rad: sum.phase_rad + weight * wrap(joint.phase_rad - command.phase_rad),
+            ..command
         })
     };
     Gait { joints: [0, 1].map(|i| command.joints[i].map(|command| joint(i, command))) }

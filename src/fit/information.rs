@@ -241,6 +241,7 @@ impl<'f> FitInformation<'f> {
                 offset_rad: command.offset_rad + measured.offset_rad - own.offset_rad,
                 amplitude_rad: command.amplitude_rad * measured.amplitude_rad / own.amplitude_rad,
                 phase_rad: command.phase_rad + measured.phase_rad - own.phase_rad,
+                second: command.second,
             })
         };
         Some(Gait { joints: [0, 1].map(joint) })

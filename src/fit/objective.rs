@@ -134,9 +134,7 @@ impl Objective {
         let mut gait = self.protocol(measurement).gait;
         if self.is_driven_as_measured() {
             for (joint, measured) in gait.joints.iter_mut().zip(measurement.gait) {
-                if joint.is_some() {
-                    *joint = Some(measured);
-                }
+                *joint = joint.map(|command| command.measured(measured));
             }
         }
         let mut numbers = gait.joints.into_iter().flatten().flat_map(JointCommand::to_array);

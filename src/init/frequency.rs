@@ -100,7 +100,7 @@ fn gait(motion: &Motion, ranges_deg: [f64; 2]) -> Option<Recorded> {
     let step = fundamental(&phi_rad, *rate_hz)?;
     // Any gait of this frequency: what the joints do is measured, not compared.
     let joint = |range_deg: f64| {
-        let any = JointCommand { offset_rad: 0.0, amplitude_rad: 1e-6, phase_rad: 0.0 };
+        let any = JointCommand::new(0.0, 1e-6, 0.0);
         (range_deg >= HELD_DEG).then_some(any)
     };
     let any = Gait { joints: ranges_deg.map(joint) };

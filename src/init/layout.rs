@@ -179,7 +179,7 @@ fn measured(
     let markers = Markers { link0: known(0), link1: known(1), link2: known(2) };
     // Of the robot only l counts, and in which proportion the wheels skid.
     let robot = Robot { l_m, ..Robot::kinematic() };
-    let any = JointCommand { offset_rad: 0.0, amplitude_rad: 1.0, phase_rad: 0.0 };
+    let any = JointCommand::new(0.0, 1.0, 0.0);
     let gait = (Gait { joints: [Some(any); 2] }, of.omega_rad_s);
     of_file(&file, &markers, &robot, Some(&gait), of.rate_hz / stride as f64)
         .map_err(|problem| in_file(&problem))

@@ -46,7 +46,7 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     let pose = if mesh.is_half { end * end.mirrored() } else { end };
     let periods = mesh.periods as f64;
     let (alpha1_rad, extremes) = match problem.gait.joints[0] {
-        Some(command) => (command.amplitude_rad.abs(), None),
+        Some(command) => (command.half_range_rad(), None),
         None => {
             let extremes = Extremes::find(model, mesh, path, workspace);
             (extremes.half_range(), Some(extremes))

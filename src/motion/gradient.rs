@@ -7,7 +7,7 @@ use super::element::{Element, Stages};
 use super::mesh::Mesh;
 use super::path::Leg;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Variable};
+use super::reduced::{KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Variable};
 use crate::robot::{Lanes, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
 
 /// Number of the distance.
@@ -191,21 +191,25 @@ pub(super) fn weights_of_unknowns<const N: usize, R: Reduced<N>>(
     (weights, by_last)
 }
 
-/// Adds what the numbers of the gait change of such a quantity when the states stay.
+/// Adds what the numbers of the gait, as far as the first `parameters` have them, change of such a
+/// quantity when the states stay.
 #[inline(always)]
 pub(super) fn add_by_gait<const N: usize, R: Reduced<N>>(
     model: &R,
     element: &Element<N, R, Lanes>,
     trig: &[Trig<Lanes>; STAGES],
     gradients: &[KinematicState<Lanes>; STAGES],
+    parameters: usize,
     sum: &mut [Lanes; MOST_PARAMETERS],
 ) {
     for j in 0..STAGES {
         let (node, y) = (&element.nodes[j], &element.stages[j]);
         let slopes = model.gait_gradient(node, y, &trig[j], &gradients[j]);
-        for column in R::OF_ROBOT..R::PARAMETERS {
-            if let Variable::Gait(joint, number) = model.variable(column) {
-                sum[column] += slopes[joint][number];
+        for column in R::OF_ROBOT..parameters {
+            match model.variable(column) {
+                Variable::Gait(joint, number) => sum[column] += slopes[joint][number],
+                Variable::Second(joint, part) => sum[column] += slopes[joint][NUMBERS + part],
+                Variable::Parameter(_) => {}
             }
         }
     }

@@ -13,14 +13,14 @@ use super::method::Method;
 use super::orbit::Effort;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{
-    AMPLITUDE, CommandNode, Derivatives, KinematicState, NUMBERS, friction_power_gradient,
+    CommandNode, Derivatives, KinematicState, NUMBERS, PARTS, Variable, friction_power_gradient,
 };
 use super::trajectory::Sample;
 use super::transient::Frames;
 use super::{MotionError, Problem, Result};
 use crate::metrics::GaitMetrics;
 use crate::robot::{
-    Dry, Friction, JointCommand, Number, Parameter, Pose, Robot, Trig, dot, roll_rows,
+    Dry, Friction, Gait, JointCommand, Number, Parameter, Pose, Robot, Trig, dot, roll_rows,
 };
 
 /// Elements of the quadrature at first and at most. Odd numbers keep the elements' ends off
@@ -59,48 +59,6 @@ pub(super) struct Known {
     lasts: [bool; GAIT],
 }
 
-impl Quadrature<'_> {
-    /// Derivatives of the work over a cycle, J.
-    fn work_derivatives(&self) -> Result<Derivatives<f64>> {
-        let (problem, joints, known) = (self.problem, self.joints, *self.known);
-        let Problem { robot, gait, omega_rad_s, .. } = problem;
-        let eq3 = Eq3 { robot, joints, known };
-        let mut derivatives = Derivatives::splat(0.0);
-        let length = TAU / known.elements as f64;
-        for k in 0..known.elements {
-            for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
-                let (phase, weight) = (length * (k as f64 + node), weight * length / omega_rad_s);
-                let (state, _) = eq3.state(problem, phase);
-                let trig = Trig::new(state.phi_rad);
-                let power = friction_power_gradient::<f64, Dry>(robot, None, &state, &trig);
-                let by_command =
-                    CommandNode::new(problem, phase).gait_gradient(&power, *omega_rad_s);
-                let [_, _, by_number @ ..] = eq3.velocities::<ALL>(phase);
-                for (i, [u, turning]) in by_number.into_iter().enumerate() {
-                    let (joint, number) = (i / NUMBERS, i % NUMBERS);
-                    let by_body = power.velocity[0] * u + power.velocity[2] * turning;
-                    derivatives.gait[joint][number] +=
-                        weight * (omega_rad_s * by_body + by_command[joint][number]);
-                }
-                for (wheel, row) in roll_rows(robot, &trig).iter().enumerate() {
-                    let along = dot(row, &state.velocity);
-                    Dry::roll_slopes(robot, wheel, along, |column, slope| {
-                        let parameter = Dry::ROLL[column];
-                        if problem.laws.know(parameter, gait) {
-                            derivatives.parameters[parameter] += weight * along * slope;
-                        }
-                    });
-                }
-            }
-        }
-        for i in (0..GAIT).filter(|&i| !known.lasts[i]) {
-            derivatives.gait[i / NUMBERS][i % NUMBERS] = f64::NAN;
-        }
-        let [_, loss_j] = self.work_and_loss_j()?;
-        Ok(derivatives.completed(problem, 2.0 * loss_j))
-    }
-}
-
 impl Method for Quadrature<'_> {
     fn solve(&mut self, _is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         let Problem { robot, omega_rad_s, .. } = self.problem;
@@ -121,7 +79,7 @@ impl Method for Quadrature<'_> {
             d_m,
             v_m_s: d_m * omega_rad_s / TAU,
             sigma: [0.0; 3],
-            alpha1_rad: self.joints[0].amplitude_rad.abs(),
+            alpha1_rad: self.joints[0].half_range_rad(),
             dtheta_rad: end.theta_rad,
         };
         Ok((metrics, Effort { elements, ..Effort::default() }))
@@ -132,27 +90,36 @@ impl Method for Quadrature<'_> {
         if wanted.is_none() {
             let (robot, joints, known) = (&self.problem.robot, self.joints, *self.known);
             let eq3 = Eq3 { robot, joints, known };
-            let (end, slopes) = eq3.cycle_slopes(known.elements);
+            let (end, slopes) = match eq3.has_second() {
+                true => eq3.cycle_slopes::<ALL>(known.elements),
+                false => eq3.cycle_slopes::<OF_FIRST>(known.elements),
+            };
+            let of_range = self.joints[0].half_range_slopes();
             let d_m = end.x_m.hypot(end.y_m);
             derivatives.omega.v_m_s = d_m / TAU;
             for (i, [x, y, dtheta_rad]) in slopes.into_iter().enumerate() {
-                let (joint, number) = (i / NUMBERS, i % NUMBERS);
+                let variable = variable(i);
+                if !self.problem.knows(variable) {
+                    continue;
+                }
                 // A distance of nothing has no gradient.
                 let slope_m = if d_m > 0.0 { (end.x_m * x + end.y_m * y) / d_m } else { 0.0 };
-                let amplitude_rad = match (joint, number) {
-                    (0, AMPLITUDE) => self.joints[0].amplitude_rad.signum(),
+                let alpha1_rad = match variable {
+                    Variable::Gait(0, number) => of_range[number],
+                    Variable::Second(0, part) => of_range[NUMBERS + part],
                     _ => 0.0,
                 };
-                derivatives.gait[joint][number] = match known.lasts[i] {
+                let derivative = match known.lasts[i] {
                     true => GaitMetrics {
                         d_m: slope_m,
                         v_m_s: slope_m * self.problem.omega_rad_s / TAU,
-                        alpha1_rad: amplitude_rad,
+                        alpha1_rad,
                         dtheta_rad,
                         ..GaitMetrics::NONE
                     },
                     false => GaitMetrics::MISSING,
                 };
+                derivatives.set(variable, derivative);
             }
         }
         Ok(derivatives)
@@ -192,7 +159,12 @@ impl Method for Quadrature<'_> {
         let of_metrics = self.derivatives(None)?;
         let mut distance = Derivatives::splat(0.0);
         distance.gait = of_metrics.gait.map(|of| of.map(|metrics| metrics.d_m));
-        let work = if knows_work { self.work_derivatives()? } else { Derivatives::splat(0.0) };
+        distance.second = of_metrics.second.map(|of| of.map(|metrics| metrics.d_m));
+        let work = match (knows_work, self.problem.gait.has_second()) {
+            (false, _) => Derivatives::splat(0.0),
+            (true, false) => self.work_derivatives::<OF_FIRST>()?,
+            (true, true) => self.work_derivatives::<ALL>()?,
+        };
         Ok([distance, work])
     }
 
@@ -215,6 +187,51 @@ impl Method for Quadrature<'_> {
 }
 
 impl Quadrature<'_> {
+    /// Derivatives of the work over a cycle, J, by the first `K` of [`ALL`].
+    fn work_derivatives<const K: usize>(&self) -> Result<Derivatives<f64>> {
+        let (problem, joints, known) = (self.problem, self.joints, *self.known);
+        let Problem { robot, gait, omega_rad_s, .. } = problem;
+        let eq3 = Eq3 { robot, joints, known };
+        let mut derivatives = Derivatives::splat(0.0);
+        let mut by_gait = [0.0; GAIT];
+        let length = TAU / known.elements as f64;
+        for k in 0..known.elements {
+            for (node, weight) in RADAU.nodes.iter().zip(RADAU.integrate[STAGES - 1]) {
+                let (phase, weight) = (length * (k as f64 + node), weight * length / omega_rad_s);
+                let (state, _) = eq3.state(problem, phase);
+                let trig = Trig::new(state.phi_rad);
+                let power = friction_power_gradient::<f64, Dry>(robot, None, &state, &trig);
+                let by_command = CommandNode::new(problem, phase).gait_gradient(&power, problem);
+                let velocities = eq3.velocities::<K>(phase);
+                for (i, [u, turning]) in velocities[2..].iter().enumerate() {
+                    let own = match variable(i) {
+                        Variable::Gait(joint, number) => by_command[joint][number],
+                        Variable::Second(joint, part) => by_command[joint][NUMBERS + part],
+                        Variable::Parameter(_) => 0.0,
+                    };
+                    let by_body = power.velocity[0] * u + power.velocity[2] * turning;
+                    by_gait[i] += weight * (omega_rad_s * by_body + own);
+                }
+                for (wheel, row) in roll_rows(robot, &trig).iter().enumerate() {
+                    let along = dot(row, &state.velocity);
+                    Dry::roll_slopes(robot, wheel, along, |column, slope| {
+                        let parameter = Dry::ROLL[column];
+                        if problem.laws.know(parameter, gait) {
+                            derivatives.parameters[parameter] += weight * along * slope;
+                        }
+                    });
+                }
+            }
+        }
+        for (i, by_number) in by_gait.into_iter().enumerate().take(K - 2) {
+            if problem.knows(variable(i)) {
+                derivatives.set(variable(i), if known.lasts[i] { by_number } else { f64::NAN });
+            }
+        }
+        let [_, loss_j] = self.work_and_loss_j()?;
+        Ok(derivatives.completed(problem, 2.0 * loss_j))
+    }
+
     /// So many samples at this interval of phase, the first at phase 0.
     fn samples(&self, interval: f64, count: usize) -> Result<Vec<Sample>> {
         /// Elements of the quadrature between samples reach at most this far.
@@ -259,11 +276,28 @@ fn refined<T>(
     }
 }
 
-/// The numbers of both joints' commands, one after the other.
-const GAIT: usize = 2 * NUMBERS;
+/// The numbers of both joints' commands, one after the other, then the parts of their second
+/// harmonics.
+const GAIT: usize = 2 * (NUMBERS + PARTS);
 
 /// A value, its derivative with respect to the phase, and those with respect to [`GAIT`].
 const ALL: usize = 2 + GAIT;
+
+/// Those of them that a gait without second harmonics has.
+const OF_FIRST: usize = 2 + 2 * NUMBERS;
+
+/// No command's rate per omega is more.
+fn fastest_rad(of: &JointCommand) -> f64 {
+    of.amplitude_rad.abs() + 2.0 * of.second().amplitude_rad()
+}
+
+/// What a number of [`GAIT`] is.
+fn variable(number: usize) -> Variable {
+    match number.checked_sub(2 * NUMBERS) {
+        None => Variable::Gait(number / NUMBERS, number % NUMBERS),
+        Some(part) => Variable::Second(part / PARTS, part % PARTS),
+    }
+}
 
 /// Eq. 3 with time measured as phase.
 struct Eq3<'a> {
@@ -288,8 +322,7 @@ impl<'a> Eq3<'a> {
             return Err(MotionError::Singular { phase_rad: 0.0 });
         }
         // No farther than this can it change its sign.
-        let fastest_m = (robot.h_m + robot.l_m)
-            * joints.iter().map(|joint| joint.amplitude_rad.abs()).sum::<f64>();
+        let fastest_m = (robot.h_m + robot.l_m) * joints.iter().map(fastest_rad).sum::<f64>();
         let det = |phase: f64| eq3.parts::<1>(phase)[0][2];
         let (mut phase, mut before) = (0.0, det(0.0));
         let mut lasts = eq3.known.lasts;
@@ -339,6 +372,10 @@ impl<'a> Eq3<'a> {
         phase
     }
 
+    fn has_second(&self) -> bool {
+        self.joints.iter().any(|joint| joint.second.is_some())
+    }
+
     /// Numerators of `u` (m^2) and `theta'` (m) and their denominator `det W_b` (m), the first `K`
     /// of [`ALL`]; `v = 0`.
     ///
@@ -352,9 +389,23 @@ impl<'a> Eq3<'a> {
             let ((sin, cos), amplitude_rad) = (waves[joint], self.joints[joint].amplitude_rad);
             [[1.0, 0.0], [cos, -sin], [-amplitude_rad * sin, -amplitude_rad * cos]]
         });
-        let [phi1, phi2] =
+        let [mut phi1, mut phi2] =
             [0, 1].map(|i| self.joints[i].offset_rad + self.joints[i].amplitude_rad * waves[i].1);
-        let [[w1, _], [w2, _]] = changes.map(|[.., by_phase]| by_phase);
+        // Rate and acceleration of each joint.
+        let [mut front, mut rear] = changes.map(|[.., by_phase]| by_phase);
+        let mut of_second = [[0.0; 3]; PARTS];
+        if self.has_second() {
+            let (sin, cos) = (2.0 * phase).sin_cos();
+            of_second = Gait::second_waves([sin, cos], 1.0);
+            let [[added1, rate1, turn1], [added2, rate2, turn2]] = self.joints.map(|joint| {
+                let of = joint.second();
+                let [in_phase, quadrature] = of_second;
+                [0, 1, 2].map(|k| of.in_phase_rad * in_phase[k] + of.quadrature_rad * quadrature[k])
+            });
+            (phi1, front) = (phi1 + added1, [front[0] + rate1, front[1] + turn1]);
+            (phi2, rear) = (phi2 + added2, [rear[0] + rate2, rear[1] + turn2]);
+        }
+        let (w1, w2) = (front[0], rear[0]);
         let Trig { s: [s1, s2], c: [c1, c2] } = Trig::new([phi1, phi2]);
         let (h, l) = (self.robot.h_m, self.robot.l_m);
         let (a1, a2) = (l + h * c1, l + h * c2);
@@ -370,10 +421,14 @@ impl<'a> Eq3<'a> {
         std::array::from_fn(|k| match k {
             0 => value,
             1 => {
-                let [front, rear] = [0, 1].map(|joint| along(joint, changes[joint][NUMBERS - 1]));
+                let (front, rear) = (along(0, front), along(1, rear));
                 std::array::from_fn(|i| front[i] + rear[i])
             }
-            _ => along((k - 2) / NUMBERS, changes[(k - 2) / NUMBERS][(k - 2) % NUMBERS]),
+            2..OF_FIRST => along((k - 2) / NUMBERS, changes[(k - 2) / NUMBERS][(k - 2) % NUMBERS]),
+            _ => {
+                let [angle, rate, _] = of_second[(k - OF_FIRST) % PARTS];
+                along((k - OF_FIRST) / PARTS, [angle, rate])
+            }
         })
     }
 
@@ -432,17 +487,18 @@ impl<'a> Eq3<'a> {
         end
     }
 
-    /// The pose after one cycle and its derivatives (x, y, theta) with respect to [`GAIT`].
-    fn cycle_slopes(&self, count: usize) -> (Pose, [[f64; 3]; GAIT]) {
+    /// The pose after one cycle and its derivatives (x, y, theta) with respect to the first `K - 2` of
+    /// [`GAIT`]; the others are left zero.
+    fn cycle_slopes<const K: usize>(&self, count: usize) -> (Pose, [[f64; 3]; GAIT]) {
         let (length, integrate) = (TAU / count as f64, &RADAU.integrate);
         let (mut pose, mut slopes) = (Pose::default(), [[0.0; 3]; GAIT]);
         for k in 0..count {
             let velocities =
-                RADAU.nodes.map(|node| self.velocities::<ALL>(length * (k as f64 + node)));
+                RADAU.nodes.map(|node| self.velocities::<K>(length * (k as f64 + node)));
             let values = velocities.map(|of| of[0]);
             let (poses, directions) = path(pose, &values, length);
             pose = poses[STAGES - 1];
-            for (i, [x, y, theta]) in slopes.iter_mut().enumerate() {
+            for (i, [x, y, theta]) in slopes.iter_mut().enumerate().take(K - 2) {
                 let turned: [f64; STAGES] = std::array::from_fn(|j| {
                     let sum = (0..STAGES).map(|l| integrate[j][l] * velocities[l][2 + i][1]);
                     *theta + length * sum.sum::<f64>()

@@ -21,7 +21,7 @@ use super::gradient::{
 use super::mesh::Mesh;
 use super::path::Path;
 use super::radau::STAGES;
-use super::reduced::{AMPLITUDE, Derivatives, MOST_PARAMETERS, OFFSET, Reduced, Variable};
+use super::reduced::{Derivatives, MOST_PARAMETERS, NUMBERS, Reduced, Variable};
 use crate::metrics::GaitMetrics;
 use crate::robot::{LANES, Lanes, Number, Parameter};
 
@@ -85,16 +85,25 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     wanted: Option<&[Parameter]>,
 ) -> Option<Derivatives> {
     // Numbers of quantities and columns that are known when this is compiled.
-    let (all, robot) = (R::PARAMETERS, R::OF_ROBOT);
-    match (R::SKIDS, wanted.is_none(), mesh.is_half) {
+    if wanted.is_some() {
+        let of_robot = R::OF_ROBOT;
+        return match (R::SKIDS, mesh.is_half) {
+            (true, true) => of_metrics::<N, R, 0, 4>(model, mesh, solution, room, of_robot),
+            (true, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, of_robot),
+            (false, true) => of_metrics::<N, R, 3, 1>(model, mesh, solution, room, of_robot),
+            (false, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, of_robot),
+        };
+    }
+    let (first, all) = (R::OF_FIRST, R::PARAMETERS);
+    match (R::SKIDS, mesh.is_half, model.problem().gait.has_second()) {
+        (true, true, false) => of_metrics::<N, R, 0, 6>(model, mesh, solution, room, first),
+        (true, false, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, first),
+        (false, true, false) => of_metrics::<N, R, 3, 3>(model, mesh, solution, room, first),
+        (false, false, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, first),
         (true, true, true) => of_metrics::<N, R, 0, 6>(model, mesh, solution, room, all),
-        (true, true, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, all),
-        (true, false, true) => of_metrics::<N, R, 0, 4>(model, mesh, solution, room, robot),
-        (true, false, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, robot),
+        (true, false, true) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, all),
         (false, true, true) => of_metrics::<N, R, 3, 3>(model, mesh, solution, room, all),
-        (false, true, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, all),
-        (false, false, true) => of_metrics::<N, R, 3, 1>(model, mesh, solution, room, robot),
-        (false, false, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, robot),
+        (false, false, true) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, all),
     }
 }
 
@@ -124,14 +133,15 @@ fn of_distance<const N: usize, R: Reduced<N>, const C: usize>(
     loss_j: f64,
 ) -> Option<[Derivatives<f64>; 2]> {
     let problem = model.problem();
+    let parameters = if problem.gait.has_second() { R::PARAMETERS } else { R::OF_FIRST };
     let (sums, _) =
-        by_adjoints::<N, R, DISTANCE, C>(model, mesh, solution, room, R::PARAMETERS, None)?;
+        by_adjoints::<N, R, DISTANCE, C>(model, mesh, solution, room, parameters, None)?;
     let sum = |quantity: usize, column: usize| {
         sums.get(quantity - DISTANCE).map_or(0.0, |by_column| by_column[column])
     };
     let mut derivatives = [Derivatives::splat(0.0); 2];
     let [distance, work] = &mut derivatives;
-    for column in 0..R::PARAMETERS {
+    for column in 0..parameters {
         let variable = model.variable(column);
         if !problem.knows(variable) {
             continue;
@@ -146,9 +156,9 @@ fn of_distance<const N: usize, R: Reduced<N>, const C: usize>(
 }
 
 /// Whether what a variable changes of the motion is the opposite of its mirror image half a period later: the mirror
-/// image of a motion is that of the opposite offsets.
+/// image of a motion is that of the opposite offsets and second harmonics.
 fn is_odd<const N: usize, R: Reduced<N>>(mesh: &Mesh<N, R>, variable: Variable) -> bool {
-    mesh.is_half && matches!(variable, Variable::Gait(_, OFFSET))
+    mesh.is_half && variable.is_odd()
 }
 
 /// Derivatives of the metrics by those of `C` quantities from number `FIRST` on, see
@@ -213,7 +223,8 @@ fn by_adjoints<const N: usize, R: Reduced<N>, const FIRST: usize, const C: usize
             }
             // Where the wheels skid, d and Delta theta depend on the states alone.
             if parameters > R::OF_ROBOT && (!R::SKIDS || !(3..WORK).contains(&(FIRST + q))) {
-                add_by_gait(model, &element, &leg.trig, &gradients, &mut sums[q]);
+                let sum = &mut sums[q];
+                add_by_gait(model, &element, &leg.trig, &gradients, parameters, sum);
             }
             if FIRST + q == WORK {
                 gradient.add_work_slopes(model, leg, weights, &mut sums[q]);
@@ -376,6 +387,7 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
     of: impl Fn(usize) -> ([f64; 6], f64),
 ) -> Derivatives {
     let problem = model.problem();
+    let of_range = problem.gait.joints[0].map_or([0.0; 5], |of| of.half_range_slopes());
     let mut derivatives = Derivatives::splat(GaitMetrics::NONE);
     for column in 0..parameters {
         let variable = model.variable(column);
@@ -385,8 +397,9 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
         let is_odd = is_odd(mesh, variable);
         let ([sigma0, sigma1, sigma2, even_d_m, dtheta_rad, odd_d_m], alpha1_rad) = of(column);
         let d_m = if is_odd { odd_d_m } else { even_d_m };
-        let commanded = match (variable, problem.gait.joints[0]) {
-            (Variable::Gait(0, AMPLITUDE), Some(command)) => command.amplitude_rad.signum(),
+        let commanded = match variable {
+            Variable::Gait(0, number) => of_range[number],
+            Variable::Second(0, part) => of_range[NUMBERS + part],
             _ => 0.0,
         };
         let derivative = GaitMetrics {

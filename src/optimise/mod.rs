@@ -401,7 +401,7 @@ mod tests {
     #[test]
     fn where_a_search_ends_in_an_unstable_motion_the_end_among_stable_ones_counts() {
         const STEP_RAD_S: f64 = 0.02;
-        let offset = JointCommand { offset_rad: 0.8137, amplitude_rad: 0.2838, phase_rad: 2.662 };
+        let offset = JointCommand::new(0.8137, 0.2838, 2.662);
         let problem = |omega_rad_s: f64| Problem {
             robot: Robot {
                 h_m: 0.1695,

@@ -53,7 +53,7 @@ pub fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<
 /// The same under the ellipse that is nearest to a trial's gait; a passive joint stays so.
 pub fn under_gait_of(trial: &TrialRow, mut problem: Problem) -> Problem {
     for (command, measured) in problem.gait.joints.iter_mut().zip(&trial.gait) {
-        *command = command.map(|_| measured.command());
+        *command = command.map(|command| command.measured(measured.command()));
     }
     problem
 }

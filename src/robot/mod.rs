@@ -4,6 +4,7 @@
 //! Index order is always 0, 1, 2 = middle, front, rear link.
 
 mod balance;
+mod command;
 pub mod decay;
 mod friction;
 mod gait;
@@ -14,8 +15,9 @@ mod number;
 mod parameter;
 
 pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
+pub use command::{JointCommand, MOST_TURNS, SecondHarmonic, Turns};
 pub use friction::{Dry, Friction, Viscous};
-pub use gait::{Gait, JointCommand, Shape};
+pub use gait::{Gait, Shape};
 pub use kinematics::{
     Pose, Trig, Velocity, det_wb, dot, droll_rows_dphi, dskid_rows_dphi, in_world, roll_rows,
     rotated, skid_rows,

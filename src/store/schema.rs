@@ -108,7 +108,7 @@ impl JointGait {
     /// The command that would give it, but for the harmonics.
     pub fn command(&self) -> JointCommand {
         let Self { offset_rad, amplitude_rad, phase_rad, .. } = *self;
-        JointCommand { offset_rad, amplitude_rad, phase_rad }
+        JointCommand::new(offset_rad, amplitude_rad, phase_rad)
     }
 
     /// Standard errors of offset, amplitude and phase.

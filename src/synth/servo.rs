@@ -6,7 +6,7 @@ use nalgebra::Complex;
 use serde::Serialize;
 
 use crate::motion::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
-use crate::robot::JointCommand;
+use crate::robot::{JointCommand, SecondHarmonic};
 
 /// How servos follow their commands, each joint's angle being
 ///
@@ -14,7 +14,7 @@ use crate::robot::JointCommand;
 /// phi = command / (1 + i omega lag) - compliance torque
 /// ```
 ///
-/// for its first harmonic, and `command - compliance torque` for its mean. Both 0 is a servo that
+/// for its harmonics, and `command - compliance torque` for its mean. Both 0 is a servo that
 /// follows.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Servo {
@@ -24,7 +24,7 @@ pub struct Servo {
     pub compliance_rad_nm: f64,
 }
 
-/// Samples of a cycle that tell a torque's mean and first harmonic, and how often the torque is
+/// Samples of a cycle that tell a torque's mean and harmonics, and how often the torque is
 /// computed under the gait that it leaves: each time leaves a few hundredths of the error.
 const SAMPLES: usize = 240;
 const TIMES: usize = 8;
@@ -45,14 +45,20 @@ impl Servo {
             return Ok(reached);
         }
         let (omega_rad_s, mut solver) = (problem.omega_rad_s, Solver::default());
-        let lag = Complex::new(1.0, omega_rad_s * self.lag_s);
-        let bent = |command: JointCommand, (mean, first): Torque| {
-            let harmonic = Complex::from_polar(command.amplitude_rad, command.phase_rad) / lag
+        let lag = |times: f64| Complex::new(1.0, times * omega_rad_s * self.lag_s);
+        let bent = |command: JointCommand, Torque { mean, first, second }: Torque| {
+            let harmonic = Complex::from_polar(command.amplitude_rad, command.phase_rad) / lag(1.0)
                 - self.compliance_rad_nm * first;
+            let second = command.second.map(|of| {
+                let of = Complex::new(of.in_phase_rad, of.quadrature_rad) / lag(2.0)
+                    - self.compliance_rad_nm * second;
+                SecondHarmonic { in_phase_rad: of.re, quadrature_rad: of.im }
+            });
             JointCommand {
                 offset_rad: command.offset_rad - self.compliance_rad_nm * mean,
                 amplitude_rad: harmonic.norm(),
                 phase_rad: harmonic.arg(),
+                second,
             }
         };
         let times = if self.compliance_rad_nm > 0.0 { TIMES } else { 0 };
@@ -71,8 +77,13 @@ impl Servo {
     }
 }
 
-/// Mean and first harmonic of a torque, N m.
-type Torque = (f64, Complex<f64>);
+/// Mean and harmonics of a torque, N m.
+#[derive(Debug, Clone, Copy, Default)]
+struct Torque {
+    mean: f64,
+    first: Complex<f64>,
+    second: Complex<f64>,
+}
 
 /// Those of both joints in the last solution.
 fn harmonics(solver: &mut Solver) -> Result<[Torque; 2], MotionError> {
@@ -80,12 +91,13 @@ fn harmonics(solver: &mut Solver) -> Result<[Torque; 2], MotionError> {
     let mut torques = [Torque::default(); 2];
     for (i, sample) in cycle.iter().take(SAMPLES).enumerate() {
         let turn = Complex::cis(-TAU * i as f64 / SAMPLES as f64);
-        for ((mean, first), torque_nm) in torques.iter_mut().zip(sample.forces.torque_nm) {
-            *mean += torque_nm / SAMPLES as f64;
-            *first += turn * (2.0 * torque_nm / SAMPLES as f64);
+        for (of, torque_nm) in torques.iter_mut().zip(sample.forces.torque_nm) {
+            of.mean += torque_nm / SAMPLES as f64;
+            of.first += turn * (2.0 * torque_nm / SAMPLES as f64);
+            of.second += turn * turn * (2.0 * torque_nm / SAMPLES as f64);
         }
     }
-    match torques.iter().all(|(mean, first)| mean.is_finite() && first.is_finite()) {
+    match torques.iter().all(|of| of.mean.is_finite() && of.first.is_finite()) {
         true => Ok(torques),
         false => Err(MotionError::Unresolved { error: f64::INFINITY }),
     }

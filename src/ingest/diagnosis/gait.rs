@@ -48,7 +48,7 @@ const MISTAKES: [Mistake; 8] = [
 
 /// A command as it would be without a mistake.
 fn mended(command: JointCommand, quantity: Quantity, undo: fn(f64) -> f64) -> JointCommand {
-    let JointCommand { offset_rad, amplitude_rad, phase_rad } = command;
+    let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = command;
     match quantity {
         Quantity::Offset => JointCommand { offset_rad: undo(offset_rad), ..command },
         Quantity::Amplitude => JointCommand { amplitude_rad: undo(amplitude_rad), ..command },
@@ -60,6 +60,7 @@ fn mended(command: JointCommand, quantity: Quantity, undo: fn(f64) -> f64) -> Jo
             offset_rad: undo(offset_rad),
             amplitude_rad: undo(amplitude_rad),
             phase_rad: undo(phase_rad),
+            ..command
         },
     }
 }

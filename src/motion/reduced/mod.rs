@@ -18,8 +18,8 @@ pub(super) use skid::Skid;
 use super::Problem;
 use crate::metrics::GaitMetrics;
 use crate::robot::{
-    ByParameter, Friction, LANES, Lanes, Number, Parameter, Robot, Shape, Trig, Velocity, dot,
-    droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
+    ByParameter, Friction, Gait, LANES, Lanes, Number, Parameter, Robot, Shape, Trig, Velocity,
+    dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
 };
 
 /// The equations of motion and their derivatives at one time.
@@ -45,12 +45,26 @@ pub(super) enum Variable {
     Parameter(Parameter),
     /// A number of a commanded joint (0 or 1), rad: its offset, amplitude or phase (0, 1, 2).
     Gait(usize, usize),
+    /// A part of its second harmonic, rad: in phase or in quadrature (0, 1).
+    Second(usize, usize),
+}
+
+impl Variable {
+    /// Whether half a period later a motion that is its own mirror image changes by the opposite.
+    pub fn is_odd(self) -> bool {
+        matches!(self, Self::Gait(_, OFFSET) | Self::Second(..))
+    }
 }
 
 /// Numbers of a joint's command: offset, amplitude, phase.
-pub(super) const OFFSET: usize = 0;
-pub(super) const AMPLITUDE: usize = 1;
+const OFFSET: usize = 0;
 pub(super) const NUMBERS: usize = 3;
+/// Parts of its second harmonic, in phase and in quadrature.
+pub(super) const PARTS: usize = 2;
+
+/// Derivatives with respect to the numbers of a joint's command, then to the parts of its second
+/// harmonic.
+pub(super) type BySlopes<T> = [T; NUMBERS + PARTS];
 
 /// Derivatives of the metrics, or of another quantity; zero for what the motion does not depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,18 +76,27 @@ pub struct Derivatives<T = GaitMetrics> {
     /// Per radian of offset, amplitude and phase of each commanded joint; NaN where the motion
     /// exists for this gait alone.
     pub gait: [[T; NUMBERS]; 2],
+    /// Per radian of the second harmonic's part in phase and that in quadrature, of commands that have
+    /// one; zero of others.
+    pub second: [[T; PARTS]; 2],
 }
 
 impl<T: Copy> Derivatives<T> {
     /// The same with respect to everything.
     pub(crate) const fn splat(value: T) -> Self {
-        Self { parameters: ByParameter::splat(value), omega: value, gait: [[value; NUMBERS]; 2] }
+        Self {
+            parameters: ByParameter::splat(value),
+            omega: value,
+            gait: [[value; NUMBERS]; 2],
+            second: [[value; PARTS]; 2],
+        }
     }
 
     pub(super) fn set(&mut self, variable: Variable, derivative: T) {
         match variable {
             Variable::Parameter(parameter) => self.parameters[parameter] = derivative,
             Variable::Gait(joint, number) => self.gait[joint][number] = derivative,
+            Variable::Second(joint, part) => self.second[joint][part] = derivative,
         }
     }
 
@@ -103,15 +126,22 @@ impl Derivatives<f64> {
 }
 
 /// Most parameters that a motion of one kind can depend on.
-pub(super) const MOST_PARAMETERS: usize = 23;
+pub(super) const MOST_PARAMETERS: usize = 27;
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize>: Clone {
-    /// Variables that the motion can depend on: the robot's, the commanded joints'.
-    const PARAMETERS: usize;
+    /// Variables that the motion can depend on: the robot's, the commanded joints', those of their
+    /// second harmonics.
+    const PARAMETERS: usize = Self::OF_ROBOT + (NUMBERS + PARTS) * Self::COMMANDED;
 
     /// Those of the robot among them.
     const OF_ROBOT: usize;
+
+    /// The same with those of the commanded joints but for second harmonics.
+    const OF_FIRST: usize = Self::OF_ROBOT + NUMBERS * Self::COMMANDED;
+
+    /// How many joints are commanded.
+    const COMMANDED: usize;
 
     /// Whether the wheels can skid.
     const SKIDS: bool;
@@ -153,8 +183,21 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// The equations at state `y` with time derivative `dy`.
     fn residual<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> Residual<N, T>;
 
+    /// The parameter of the robot in a column, counted from 0 to [`Reduced::OF_ROBOT`].
+    fn parameter(&self, column: usize) -> Parameter;
+
     /// The variable of a column, counted from 0 to [`Reduced::PARAMETERS`].
-    fn variable(&self, column: usize) -> Variable;
+    fn variable(&self, column: usize) -> Variable {
+        let joint = |count: usize| match self.problem().gait.passive_joint() {
+            Some(passive) => 1 - passive,
+            None => count,
+        };
+        match (column.checked_sub(Self::OF_ROBOT), column.checked_sub(Self::OF_FIRST)) {
+            (None, _) => Variable::Parameter(self.parameter(column)),
+            (Some(number), None) => Variable::Gait(joint(number / NUMBERS), number % NUMBERS),
+            (_, Some(part)) => Variable::Second(joint(part / PARTS), part % PARTS),
+        }
+    }
 
     /// The equations and the derivatives of each with respect to the first `parameters` of the
     /// variables of [`Reduced::variable`].
@@ -192,7 +235,7 @@ pub(super) trait Reduced<const N: usize>: Clone {
         y: &[T; N],
         trig: &Trig<T>,
         gradient: &KinematicState<T>,
-    ) -> [[T; NUMBERS]; 2];
+    ) -> [BySlopes<T>; 2];
 
     /// See [`friction_power`].
     fn friction_power<T: Number>(&self, state: &KinematicState<T>, trig: &Trig<T>) -> T;
@@ -228,6 +271,9 @@ impl Problem {
         match variable {
             Variable::Parameter(parameter) => self.laws.know(parameter, &self.gait),
             Variable::Gait(joint, _) => self.gait.passive_joint() != Some(joint),
+            Variable::Second(joint, _) => {
+                self.gait.joints[joint].is_some_and(|of| of.second.is_some())
+            }
         }
     }
 
@@ -316,6 +362,8 @@ pub(super) fn lanes<const K: usize>(arrays: [&[f64; K]; LANES]) -> [Lanes; K] {
 pub(super) struct CommandNode<T = f64> {
     /// See [`Gait::waves`](crate::robot::Gait::waves).
     waves: [[T; 3]; 2],
+    /// See [`Gait::double_turn`](crate::robot::Gait::double_turn).
+    double_turn: [T; 2],
     shape: Shape<T>,
     trig: Trig<T>,
 }
@@ -323,20 +371,29 @@ pub(super) struct CommandNode<T = f64> {
 impl<T: Number> CommandNode<T> {
     #[inline(always)]
     pub fn new(problem: &Problem, phase_rad: T) -> Self {
-        let waves = problem.gait.waves(phase_rad, problem.omega_rad_s);
-        let shape = problem.gait.shape(&waves);
-        Self { waves, shape, trig: Trig::new(shape.phi_rad) }
+        let Problem { gait, omega_rad_s, .. } = problem;
+        let waves = gait.waves(phase_rad, *omega_rad_s);
+        let double_turn = gait.double_turn(phase_rad);
+        let shape = gait.shape(&waves, double_turn, *omega_rad_s);
+        Self { waves, double_turn, shape, trig: Trig::new(shape.phi_rad) }
     }
 
     /// Derivatives of a joint's angle, rate and acceleration with respect to each number of its
     /// command.
     #[inline(always)]
-    fn slopes(&self, joint: usize, omega_rad_s: f64) -> [[T; 3]; NUMBERS] {
-        let Shape { rate_rad_s, acceleration_rad_s2, .. } = &self.shape;
-        let (rate, acceleration) = (rate_rad_s[joint], acceleration_rad_s2[joint]);
-        let (omega, period) = (T::of(omega_rad_s), T::of(1.0 / omega_rad_s));
+    fn slopes(&self, joint: usize, problem: &Problem) -> [[T; 3]; NUMBERS] {
+        let Problem { gait, omega_rad_s, .. } = problem;
+        let amplitude = T::of(gait.joints[joint].map_or(0.0, |joint| joint.amplitude_rad));
+        let [_, rate, acceleration] = self.waves[joint].map(|wave| amplitude * wave);
+        let (omega, period) = (T::of(*omega_rad_s), T::of(1.0 / omega_rad_s));
         let by_phase = [rate * period, acceleration * period, -(omega * rate)];
         [[T::of(1.0), T::of(0.0), T::of(0.0)], self.waves[joint], by_phase]
+    }
+
+    /// The same with respect to the parts of its second harmonic.
+    #[inline(always)]
+    fn second_slopes(&self, problem: &Problem) -> [[T; 3]; PARTS] {
+        Gait::second_waves(self.double_turn, problem.omega_rad_s)
     }
 
     /// Gradient with respect to these numbers, as far as they act on the joints' own angles and
@@ -345,15 +402,22 @@ impl<T: Number> CommandNode<T> {
     pub fn gait_gradient(
         &self,
         gradient: &KinematicState<T>,
-        omega_rad_s: f64,
-    ) -> [[T; NUMBERS]; 2] {
-        let mut by_number = [[T::of(0.0); NUMBERS]; 2];
+        problem: &Problem,
+    ) -> [BySlopes<T>; 2] {
+        let mut by_number = [[T::of(0.0); NUMBERS + PARTS]; 2];
         for joint in 0..2 {
-            let slopes = self.slopes(joint, omega_rad_s);
+            let along = |[phi, rate, _]: [T; 3]| {
+                gradient.phi_rad[joint] * phi + gradient.velocity[3 + joint] * rate
+            };
+            let slopes = self.slopes(joint, problem);
             for number in 0..NUMBERS {
-                let [phi, rate, _] = slopes[number];
-                by_number[joint][number] =
-                    gradient.phi_rad[joint] * phi + gradient.velocity[3 + joint] * rate;
+                by_number[joint][number] = along(slopes[number]);
+            }
+            if problem.gait.has_second() {
+                let slopes = self.second_slopes(problem);
+                for part in 0..PARTS {
+                    by_number[joint][NUMBERS + part] = along(slopes[part]);
+                }
             }
         }
         by_number

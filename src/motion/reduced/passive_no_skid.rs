@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{
-    CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable,
+    BySlopes, CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual,
     friction_power, friction_power_gradient,
 };
 use crate::motion::Problem;
@@ -252,8 +252,8 @@ impl<F: Friction> PassiveNoSkid<F> {
 }
 
 impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
-    const PARAMETERS: usize = Self::OF_ROBOT + NUMBERS;
     const OF_ROBOT: usize = F::ROLL.len() + 2;
+    const COMMANDED: usize = 1;
     const SKIDS: bool = false;
     const IS_LINEAR: bool = F::IS_LINEAR;
     const INTEGRATED: bool = false;
@@ -302,12 +302,11 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         self.equations(node, y, dy).residual
     }
 
-    fn variable(&self, column: usize) -> Variable {
-        match column {
-            column if column < F::ROLL.len() => Variable::Parameter(F::ROLL[column]),
-            column if column == F::ROLL.len() => Variable::Parameter(Parameter::Stiffness),
-            column if column == F::ROLL.len() + 1 => Variable::Parameter(Parameter::Damping),
-            _ => Variable::Gait(1 - self.passive, column - Self::OF_ROBOT),
+    fn parameter(&self, column: usize) -> Parameter {
+        match column.checked_sub(F::ROLL.len()) {
+            None => F::ROLL[column],
+            Some(0) => Parameter::Stiffness,
+            Some(_) => Parameter::Damping,
         }
     }
 
@@ -339,12 +338,11 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         if parameters <= Self::OF_ROBOT {
             return residual;
         }
-        let omega_rad_s = self.problem.omega_rad_s;
         // The frame of the constraints turns with the commanded joint.
         let (w, drate_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
         let acceleration = self.acceleration(node, y, dy);
         let turned = dforce_dphi::<T, F>(robot, Some(p), a, &trig, &state.velocity, &acceleration);
-        for (number, slopes) in node.command.slopes(a, omega_rad_s).into_iter().enumerate() {
+        let mut set = |slopes: [T; 3], column: usize| {
             let frame = node.constraint.frame_change(slopes);
             let (dvelocities, daccelerations) =
                 (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
@@ -364,8 +362,16 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
                     + turned[row] * phi;
                 sum += *n * force + *dn * balance.force[row];
             }
-            let column = Self::OF_ROBOT + number;
             (jacobian[0][column], jacobian[1][column]) = (sum, -dw);
+        };
+        for (number, slopes) in node.command.slopes(a, &self.problem).into_iter().enumerate() {
+            set(slopes, Self::OF_ROBOT + number);
+        }
+        if parameters > Self::OF_FIRST {
+            for (part, slopes) in node.command.second_slopes(&self.problem).into_iter().enumerate()
+            {
+                set(slopes, Self::OF_FIRST + part);
+            }
         }
         residual
     }
@@ -418,17 +424,24 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         y: &[T; 2],
         trig: &Trig<T>,
         gradient: &KinematicState<T>,
-    ) -> [[T; NUMBERS]; 2] {
+    ) -> [BySlopes<T>; 2] {
         let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(trig));
-        let omega_rad_s = self.problem.omega_rad_s;
         let [u, _, r, ..] = gradient.velocity;
-        let mut gradients = node.command.gait_gradient(gradient, omega_rad_s);
-        let both = gradients[a].iter_mut().zip(node.command.slopes(a, omega_rad_s));
-        for (gradient_of_number, slopes) in both {
+        let mut gradients = node.command.gait_gradient(gradient, &self.problem);
+        let mut add = |number: usize, slopes: [T; 3]| {
             let velocities = node.constraint.frame_change(slopes).velocities(y[0]);
-            *gradient_of_number += u * velocities[0]
+            gradients[a][number] += u * velocities[0]
                 + r * velocities[1]
                 + gradient.velocity[3 + p] * wheel.rate(velocities);
+        };
+        for (number, slopes) in node.command.slopes(a, &self.problem).into_iter().enumerate() {
+            add(number, slopes);
+        }
+        if self.problem.gait.has_second() {
+            for (part, slopes) in node.command.second_slopes(&self.problem).into_iter().enumerate()
+            {
+                add(NUMBERS + part, slopes);
+            }
         }
         gradients
     }

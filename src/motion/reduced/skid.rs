@@ -4,8 +4,8 @@ use std::marker::PhantomData;
 
 use super::harmonic::HarmonicMotion;
 use super::{
-    CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual, Variable,
-    friction_power, friction_power_gradient,
+    BySlopes, CommandNode, KinematicState, MOST_PARAMETERS, Reduced, Residual, friction_power,
+    friction_power_gradient,
 };
 use crate::motion::Problem;
 use crate::robot::{
@@ -84,8 +84,8 @@ impl<const N: usize, F: Friction> Skid<N, F> {
 }
 
 impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
-    const PARAMETERS: usize = Self::OF_ROBOT + if Self::IS_PASSIVE { NUMBERS } else { 2 * NUMBERS };
     const OF_ROBOT: usize = Self::OF_WHEELS + if Self::IS_PASSIVE { 2 } else { 0 };
+    const COMMANDED: usize = if Self::IS_PASSIVE { 1 } else { 2 };
     const SKIDS: bool = true;
     const IS_LINEAR: bool = F::IS_LINEAR;
     const INTEGRATED: bool = Self::IS_PASSIVE;
@@ -132,16 +132,11 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         self.equations(node, &self.trig(node, y), y, dy).0
     }
 
-    fn variable(&self, column: usize) -> Variable {
+    fn parameter(&self, column: usize) -> Parameter {
         const JOINT: [Parameter; 2] = [Parameter::Stiffness, Parameter::Damping];
-        let of_wheels = F::SKID.iter().chain(F::ROLL);
-        if let Some(parameter) = of_wheels.chain(&JOINT).take(Self::OF_ROBOT).nth(column) {
-            return Variable::Parameter(*parameter);
-        }
-        let number = column - Self::OF_ROBOT;
-        match self.passive() {
-            Some(p) => Variable::Gait(1 - p, number),
-            None => Variable::Gait(number / NUMBERS, number % NUMBERS),
+        match column.checked_sub(Self::OF_WHEELS) {
+            Some(number) => JOINT[number],
+            None => F::SKID.get(column).copied().unwrap_or_else(|| F::ROLL[column - F::SKID.len()]),
         }
     }
 
@@ -173,17 +168,23 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
                 }
             });
         }
-        let mut columns = Self::OF_ROBOT..parameters;
+        let mut columns = Self::OF_ROBOT..parameters.min(Self::OF_FIRST);
+        let mut of_second = Self::OF_FIRST..parameters;
         for joint in (0..2).filter(|joint| self.passive() != Some(*joint)) {
             let turned = dforce_dphi::<T, F>(robot, None, joint, &trig, &velocity, &acceleration);
-            let slopes = node.slopes(joint, self.problem.omega_rad_s);
-            for ([phi, rate, acceleration], column) in slopes.into_iter().zip(columns.by_ref()) {
+            let mut set = |[phi, rate, acceleration]: [T; 3], column: usize| {
                 for i in 0..Self::ROWS {
                     let row = self.row(i);
                     jacobian[i][column] = turned[row] * phi
                         + balance.dforce_dvelocity[row][3 + joint] * rate
                         + balance.mass[row][3 + joint] * acceleration;
                 }
+            };
+            let slopes = node.slopes(joint, &self.problem).into_iter();
+            slopes.zip(columns.by_ref()).for_each(|(slopes, column)| set(slopes, column));
+            if parameters > Self::OF_FIRST {
+                let slopes = node.second_slopes(&self.problem).into_iter();
+                slopes.zip(of_second.by_ref()).for_each(|(slopes, column)| set(slopes, column));
             }
         }
         if Self::IS_PASSIVE {
@@ -248,8 +249,8 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         _y: &[T; N],
         _trig: &Trig<T>,
         gradient: &KinematicState<T>,
-    ) -> [[T; NUMBERS]; 2] {
-        node.gait_gradient(gradient, self.problem.omega_rad_s)
+    ) -> [BySlopes<T>; 2] {
+        node.gait_gradient(gradient, &self.problem)
     }
 
     #[inline(always)]

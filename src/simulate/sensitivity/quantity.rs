@@ -114,6 +114,5 @@ impl Quantity {
 }
 
 fn number_of(command: &JointCommand, number: usize) -> f64 {
-    let JointCommand { offset_rad, amplitude_rad, phase_rad } = *command;
-    [offset_rad, amplitude_rad, phase_rad][number]
+    command.to_array()[number]
 }
