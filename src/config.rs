@@ -28,7 +28,7 @@ pub use paths::{Paths, is_pattern};
 pub use robot::{RobotConfig, RobotDeviation};
 pub use settings::Setting;
 
-use crate::robot::{Gait, JointCommand, Model, Robot};
+use crate::robot::{Gait, JointCommand, Model, Robot, SecondHarmonic};
 
 /// The configuration file that is used when none is named.
 pub const CONFIG_FILE: &str = "pipeline.toml";
@@ -236,7 +236,7 @@ pub struct GaitConfig {
     pub joint2: Option<JointConfig>,
 }
 
-/// `phi = offset + amplitude cos(omega t + phase)`.
+/// `phi = offset + amplitude cos(omega t + phase) + amplitude2 cos(2 omega t + phase2)`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointConfig {
@@ -245,6 +245,26 @@ pub struct JointConfig {
     pub amplitude_deg: f64,
     #[serde(default)]
     pub phase_deg: f64,
+    /// Of the second harmonic; without it there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub amplitude2_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase2_deg: Option<f64>,
+}
+
+impl JointConfig {
+    /// The command in radians.
+    fn to_command(&self) -> JointCommand {
+        let phase2_rad = self.phase2_deg.unwrap_or(0.0).to_radians();
+        let second =
+            |amplitude_deg: f64| SecondHarmonic::new(amplitude_deg.to_radians(), phase2_rad);
+        JointCommand {
+            offset_rad: self.offset_deg.to_radians(),
+            amplitude_rad: self.amplitude_deg.to_radians(),
+            phase_rad: self.phase_deg.to_radians(),
+            second: self.amplitude2_deg.map(second),
+        }
+    }
 }
 
 /// One robot with one gait, swept over frequency.
@@ -430,14 +450,7 @@ impl Config {
 impl GaitConfig {
     /// The gait in radians.
     pub fn to_gait(&self) -> Gait {
-        let command = |joint: &Option<JointConfig>| {
-            joint.as_ref().map(|joint| JointCommand {
-                offset_rad: joint.offset_deg.to_radians(),
-                amplitude_rad: joint.amplitude_deg.to_radians(),
-                phase_rad: joint.phase_deg.to_radians(),
-                second: None,
-            })
-        };
+        let command = |joint: &Option<JointConfig>| joint.as_ref().map(JointConfig::to_command);
         Gait { joints: [command(&self.joint1), command(&self.joint2)] }
     }
 }

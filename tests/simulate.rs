@@ -248,6 +248,35 @@ fn the_numbers_of_a_gait_can_be_set_of_commanded_joints() {
 }
 
 #[test]
+fn a_second_harmonic_is_one_in_the_file_and_in_settings_and_counts() {
+    let folder = empty_folder();
+    let own = |second: &str| {
+        format!(
+            "[gait.ours]\njoint1 = {{ amplitude_deg = 30.0{second} }}\n\
+             joint2 = {{ amplitude_deg = 30.0, phase_deg = -90.0 }}\n\
+             [campaign.ours]\nrobot = \"kinematic\"\ngait = \"ours\"\nmodels = [\"skid\"]\n\
+             weights = {{ d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }}\n"
+        )
+    };
+    let write = |text: String| std::fs::write(folder.path().join("pipeline.toml"), text).unwrap();
+    write(own(", amplitude2_deg = 8.0, phase2_deg = 100.0"));
+    let motion = ["simulate", "ours", "--model", "skid", "--omega", "3", "--json"];
+    let known: Value = serde_json::from_str(&succeed(folder.path(), &motion)).unwrap();
+    let settings = ["second_amplitude1_deg=8", "second_phase1_deg=100"];
+    let found = simulate("kinematic-symmetric", "skid", "3", &settings);
+    assert_eq!(known[0]["d_m"], found[0]["d_m"]);
+    assert_ne!(simulate("kinematic-symmetric", "skid", "3", &[])[0]["d_m"], found[0]["d_m"]);
+    let all = succeed(folder.path(), &[&motion[..6], &["--sensitivities"]].concat());
+    assert!(all.contains("second_amplitude1_deg") && !all.contains("second_phase2"), "{all}");
+
+    write(own(", phase2_deg = 100.0"));
+    let output = trilink(folder.path(), &motion);
+    let stderr = text(&output.stderr);
+    assert!(stderr.contains("gait.ours.joint1.phase2_deg"), "{stderr}");
+    assert!(stderr.contains("amplitude2_deg beside it"), "{stderr}");
+}
+
+#[test]
 fn a_robot_with_standard_deviations_can_be_set_too() {
     let folder = empty_folder();
     let mut config = Config::default();

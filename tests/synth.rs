@@ -262,6 +262,57 @@ fn trials_with_misplaced_markers_keep_their_displacement_and_every_such_frame_is
     }
 }
 
+/// A second harmonic that makes peaks flatter is no clipping, and the joints do what they are commanded.
+#[test]
+fn trials_of_a_gait_with_second_harmonics_are_ingested_as_they_were_made() {
+    let folder = kinematic("symmetric");
+    let path = folder.path().join("pipeline.toml");
+    let gait = "\n[gait.symmetric]\n\
+        joint1 = { amplitude_deg = 30.0, amplitude2_deg = 6.0, phase2_deg = 170.0 }\n\
+        joint2 = { amplitude_deg = 30.0, phase_deg = -90.0, amplitude2_deg = 5.0 }\n";
+    let without = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, without + gait).unwrap();
+    let synth = ["synth", "trials", "--omega", "2,3.9", "--law", "kinematic=skid-roll"];
+    succeed(folder.path(), &[&synth[..], &["--servo-lag", "0.01"]].concat());
+    trilink(folder.path(), &["ingest"]);
+    let truth = truth_in(folder.path());
+    let trials = Table::read(&folder.path().join("derived/trials.parquet")).unwrap();
+    let column = |name: &str| trials.values::<f64>(name).unwrap().to_vec();
+    let text = |name: &str| trials.values::<String>(name).unwrap().to_vec();
+    let (status, message) = (text("status"), text("message"));
+    let mut found = 0;
+    for (i, name) in text("trial").iter().enumerate() {
+        let planted = &truth["trials"][name];
+        if planted.is_null() {
+            continue;
+        }
+        let number = |of: &Value| of.as_f64().unwrap();
+        let joint = &planted["gait"][0];
+        // Behind the command by the lag at twice the frequency.
+        let lag = (0.02 * number(&planted["omega_rad_s"])).atan();
+        assert!(
+            (number(&joint["phase2_rad"]) - 170_f64.to_radians() + lag).abs() < 1e-9,
+            "{joint}"
+        );
+        assert_ne!(status[i], "failed", "{name}: {}", message[i]);
+        assert!(
+            !message[i].contains("harmonic") && !message[i].contains("command"),
+            "{}",
+            message[i]
+        );
+        for (of, most) in [("d_m", 2e-3), ("alpha1_rad", 2e-3), ("sigma0_debiased", 0.05)] {
+            let known = match of {
+                "sigma0_debiased" => number(&planted["sigma"][0]),
+                of => number(&planted[of]),
+            };
+            let off = column(of)[i] / known - 1.0;
+            assert!(off.abs() < most, "{name}: {of} {} {known}", column(of)[i]);
+        }
+        found += 1;
+    }
+    assert_eq!(found, 2);
+}
+
 /// `truth.json` of a folder with `trials`.
 fn truth_in(folder: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(folder.join("trials/truth.json")).unwrap()).unwrap()

@@ -174,7 +174,7 @@ impl Optimise {
     /// The model, with configured or fitted coefficients.
     fn setup(&self, config: Config, fits: Option<&KnownFits>) -> Result<Setup, Failure> {
         let (campaign, settings) = (&self.campaign, &self.set);
-        Ok(match (&self.model, fits) {
+        let setup = match (&self.model, fits) {
             (Some(model), None) => Setup::new(config, campaign, model, settings)?,
             (Some(model), Some(fits)) => Setup::fitted(config, campaign, model, settings, fits)?,
             (None, Some(fits)) => {
@@ -182,7 +182,15 @@ impl Optimise {
                 Setup::fitted(config, campaign, model.name(), settings, fits)?
             }
             (None, None) => return Err("--model: needed".into()),
-        })
+        };
+        // The search and its limits know first harmonics alone.
+        match setup.gait.has_second() {
+            true => Err(format!(
+                "campaign `{campaign}`: found a gait with a second harmonic (amplitude2_deg), needed one without"
+            )
+            .into()),
+            false => Ok(setup),
+        }
     }
 
     /// The configuration with what the options say.
@@ -348,15 +356,17 @@ fn gait_toml(campaign: &str, objective: Objective, best: &Optimum) -> String {
         objective.name()
     );
     for (joint, command) in joints.iter().enumerate() {
-        if let Some(JointCommand { offset_rad, amplitude_rad, phase_rad, .. }) = command {
-            text += &format!(
-                "joint{} = {{ offset_deg = {:?}, amplitude_deg = {:?}, phase_deg = {:?} }}\n",
-                joint + 1,
-                offset_rad.to_degrees(),
-                amplitude_rad.to_degrees(),
-                phase_rad.to_degrees()
-            );
+        let Some(command) = command else { continue };
+        let numbers = command.to_array().map(f64::to_degrees);
+        let mut keys: Vec<(&str, f64)> =
+            ["offset_deg", "amplitude_deg", "phase_deg"].into_iter().zip(numbers).collect();
+        if let Some(second) = command.second {
+            keys.push(("amplitude2_deg", second.amplitude_rad().to_degrees()));
+            keys.push(("phase2_deg", second.phase_rad().to_degrees()));
         }
+        let keys: Vec<String> =
+            keys.iter().map(|(key, value)| format!("{key} = {value:?}")).collect();
+        text += &format!("joint{} = {{ {} }}\n", joint + 1, keys.join(", "));
     }
     text
 }

@@ -8,15 +8,15 @@ use std::path::Path;
 use toml::Value;
 
 use super::{
-    Campaign, Config, ConfigError, GaitConfig, ModelConfig, Robots, SharedFits, did_you_mean,
-    nearest,
+    Campaign, Config, ConfigError, GaitConfig, JointConfig, ModelConfig, Robots, SharedFits,
+    did_you_mean, nearest,
 };
 use crate::pattern::{matches, matches_label};
 use crate::robot::{Gait, Model, Parameter};
 
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
-const RANGES: [(&str, f64, f64); 42] = [
+const RANGES: [(&str, f64, f64); 43] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -56,6 +56,7 @@ const RANGES: [(&str, f64, f64); 42] = [
     ("robot.*.damping_nm_s_rad", 0.0, 1e6),
     ("robot.*.rest_angle_deg", -180.0, 180.0),
     ("gait.*.amplitude_deg", 0.1, 179.0),
+    ("gait.*.amplitude2_deg", 0.0, 179.0),
     ("gait.*", -360.0, 360.0),
     ("campaign.*.weights.*", 0.0, 1e6),
     ("markers.*", -1e4, 1e4),
@@ -295,7 +296,16 @@ impl Checker<'_> {
 
     fn is_driven(&self, name: &str, gait: &GaitConfig) -> Result<(), ConfigError> {
         let is_driven = gait.joint1.is_some() || gait.joint2.is_some();
-        self.that(is_driven, &format!("gait.{name}"), &"no joint", "joint1, joint2 or both")
+        self.that(is_driven, &format!("gait.{name}"), &"no joint", "joint1, joint2 or both")?;
+        for (joint, command) in [(1, &gait.joint1), (2, &gait.joint2)] {
+            let Some(JointConfig { amplitude2_deg: None, phase2_deg: Some(found), .. }) = command
+            else {
+                continue;
+            };
+            let key = format!("gait.{name}.joint{joint}.phase2_deg");
+            self.that(false, &key, found, "amplitude2_deg beside it")?;
+        }
+        Ok(())
     }
 
     /// Checks the numbers of a table or list, or a number.
@@ -367,7 +377,8 @@ impl Checker<'_> {
 
 /// The unit of a number, and which one it is in if another makes sense of it.
 fn in_which_unit(key: &str, number: f64, range: &RangeInclusive<f64>) -> String {
-    if key.ends_with(".amplitude_deg") && range.contains(&-number) {
+    let is_amplitude = [".amplitude_deg", ".amplitude2_deg"].iter().any(|of| key.ends_with(of));
+    if is_amplitude && range.contains(&-number) {
         return format!(" degrees (is it {}, and the phase off by 180?)", -number);
     }
     let Some((_, unit, other, factor)) = UNITS.iter().find(|(end, ..)| key.ends_with(end)) else {

@@ -116,9 +116,11 @@ fn conditions(input: &FitInput, trials: &[Measurement]) -> String {
     let is_measured = input.gait_input() == GaitInput::Measured;
     let mut header = vec!["conditionId".to_owned(), "conditionName".to_owned()];
     header.push("omega_rad_s".to_owned());
-    for (joint, _) in commanded.iter().enumerate().filter(|(_, command)| command.is_some()) {
+    for (joint, command) in commanded.iter().enumerate() {
+        let Some(command) = command else { continue };
         let of = |what: &str| format!("phi{}_{what}_rad", joint + 1);
         header.extend(["offset", "amplitude", "phase"].map(of));
+        header.extend(command.second.iter().flat_map(|_| ["amplitude2", "phase2"].map(of)));
     }
     let row = |(number, trial): (usize, &Measurement)| {
         let mut cells = vec![condition_id(number), trial.trial.clone()];
@@ -127,6 +129,9 @@ fn conditions(input: &FitInput, trials: &[Measurement]) -> String {
             let driven = command.map(|of| if is_measured { of.measured(measured) } else { of });
             let numbers = driven.map(JointCommand::to_array);
             cells.extend(numbers.into_iter().flatten().map(cell));
+            let second = driven.and_then(|of| of.second);
+            let second = second.map(|of| [of.amplitude_rad(), of.phase_rad()]);
+            cells.extend(second.into_iter().flatten().map(cell));
         }
         cells
     };

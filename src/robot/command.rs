@@ -240,12 +240,17 @@ impl JointCommand {
         rates.fold(0.0, f64::max)
     }
 
+    /// Highest and lowest angle of a cycle, rad.
+    pub fn range_rad(&self) -> [f64; 2] {
+        self.extremes().map(|at| self.derivative(0, at))
+    }
+
     /// Half the way between the highest and the lowest angle of a cycle, rad.
     pub fn half_range_rad(&self) -> f64 {
         match self.second() == SecondHarmonic::default() {
             true => self.amplitude_rad.abs(),
             false => {
-                let [highest, lowest] = self.extremes().map(|at| self.derivative(0, at));
+                let [highest, lowest] = self.range_rad();
                 0.5 * (highest - lowest)
             }
         }

@@ -48,10 +48,12 @@ pub(crate) fn campaign_of(
 type JointNumber = (&'static str, fn(&mut JointConfig) -> &mut f64);
 
 /// The numbers of a joint's command.
-const JOINT_NUMBERS: [JointNumber; 3] = [
+const JOINT_NUMBERS: [JointNumber; 5] = [
     ("offset", |joint| &mut joint.offset_deg),
     ("amplitude", |joint| &mut joint.amplitude_deg),
     ("phase", |joint| &mut joint.phase_deg),
+    ("second_amplitude", |joint| joint.amplitude2_deg.get_or_insert(0.0)),
+    ("second_phase", |joint| joint.phase2_deg.get_or_insert(0.0)),
 ];
 
 /// Gives a joint's number, such as `offset1_deg`, its value; whether there is such a key.

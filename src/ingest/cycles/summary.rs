@@ -184,7 +184,8 @@ fn drift_of_d(cycles: &[Cycle], steady: &Steady) -> f64 {
 ///
 /// A wave that is cut off at its peaks falls short of its own first harmonic there: a wave cut at
 /// 0.9 of its amplitude has a first harmonic of 0.963 and stays 6.5 % below it. Distortions that
-/// make the peaks sharper, and a servo that reaches less than its command as a whole, do not.
+/// make the peaks sharper, and a servo that reaches less than its command as a whole, do not. A command
+/// with a second harmonic has peaks of its own, which count in place of the first harmonic's.
 fn clipping_check(
     gait: &Gait,
     phi_rad: &[Vec<f64>; 2],
@@ -193,13 +194,23 @@ fn clipping_check(
 ) -> Finding {
     let mut value = 0.0;
     let mut message = "no joint stays short of its first harmonic".to_owned();
-    for joint in (0..2).filter(|&joint| gait.joints[joint].is_some()) {
+    for (joint, command) in gait.joints.iter().enumerate() {
+        let Some(command) = command else { continue };
         let fit = Harmonics::fit(&phi_rad[joint], frames.clone(), phase, GAIT_HARMONICS);
         let Some(fit) = fit else { continue };
         let [lowest, highest] = fit.extremes().map(|extreme| (extreme - fit.offset()).abs());
-        for (peak, name) in [(highest, "largest"), (lowest, "smallest")] {
+        let [commanded_highest, commanded_lowest] = command.range_rad();
+        let sides = [
+            (highest, commanded_highest - command.offset_rad, "largest"),
+            (lowest, command.offset_rad - commanded_lowest, "smallest"),
+        ];
+        for (peak, commanded, name) in sides {
+            let of_first = match command.second {
+                Some(_) => commanded / command.amplitude_rad,
+                None => 1.0,
+            };
             // The part of its amplitude by which the first harmonic is larger.
-            let short = 1.0 - peak / fit.amplitude(1);
+            let short = of_first - peak / fit.amplitude(1);
             if short > value {
                 let (joint, percent) = (joint + 1, 100.0 * short);
                 message = format!(

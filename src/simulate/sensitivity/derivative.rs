@@ -6,7 +6,7 @@
 //! what they differ from the fourth order's, and what the motions' own inaccuracy makes of them, is their
 //! error.
 
-use super::quantity::Quantity;
+use super::quantity::{OF_FIRST, Quantity};
 use crate::metrics::GaitMetrics;
 use crate::motion::{Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion};
 use crate::store::SENSITIVE_METRICS;
@@ -60,6 +60,16 @@ impl<'p> Differentiated<'p> {
     pub fn by(&self, quantity: Quantity) -> Result<(ByMetric, ByMetric), MotionError> {
         let own = match quantity {
             Quantity::Coefficient(of) => (&self.metrics.parameters[of], self.work.parameters[of]),
+            Quantity::Gait(joint, number) if number >= OF_FIRST => {
+                let second = self.problem.gait.joints[joint].unwrap_or_default().second();
+                let parts = [0, 1].map(|part| {
+                    by_metric(&self.metrics.second[joint][part], self.work.second[joint][part])
+                });
+                let slope = |metric: usize| {
+                    second.polar_slopes(parts.map(|of| of[metric]))[number - OF_FIRST]
+                };
+                return Ok((std::array::from_fn(slope), [f64::NAN; COUNT]));
+            }
             Quantity::Gait(joint, number) => {
                 (&self.metrics.gait[joint][number], self.work.gait[joint][number])
             }

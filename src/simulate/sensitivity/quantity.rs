@@ -1,7 +1,7 @@
 //! The numbers that a motion depends on.
 
 use crate::motion::Problem;
-use crate::robot::{JointCommand, Parameter};
+use crate::robot::{JointCommand, Parameter, SecondHarmonic};
 
 /// A number of the robot, of the gait, or the frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,7 +12,7 @@ pub(super) enum Quantity {
     Inertia(usize),
     Coefficient(Parameter),
     RestAngle,
-    /// Of a commanded joint (0 or 1): offset, amplitude, phase.
+    /// Of a commanded joint (0 or 1): offset, amplitude, phase, those of its second harmonic.
     Gait(usize, usize),
     Omega,
 }
@@ -26,7 +26,10 @@ pub(super) enum Dimension {
 }
 
 /// The numbers of a joint's command.
-const JOINT_NUMBERS: [&str; 3] = ["offset", "amplitude", "phase"];
+const JOINT_NUMBERS: [&str; 5] =
+    ["offset", "amplitude", "phase", "second_amplitude", "second_phase"];
+/// Those of the mean and of the first harmonic.
+pub(super) const OF_FIRST: usize = 3;
 
 impl Quantity {
     /// All that a motion can depend on, sums of others aside.
@@ -40,8 +43,11 @@ impl Quantity {
         let known = |of: &Parameter| !of.is_sum() && problem.laws.know(*of, &problem.gait);
         all.extend(Parameter::ALL.into_iter().filter(known).map(Self::Coefficient));
         all.extend(problem.gait.passive_joint().map(|_| Self::RestAngle));
-        for joint in (0..2).filter(|joint| problem.gait.joints[*joint].is_some()) {
-            all.extend((0..3).map(|number| Self::Gait(joint, number)));
+        for (joint, command) in problem.gait.joints.iter().enumerate() {
+            let Some(command) = command else { continue };
+            let has_second = command.second.is_some();
+            let count = if has_second { JOINT_NUMBERS.len() } else { OF_FIRST };
+            all.extend((0..count).map(|number| Self::Gait(joint, number)));
         }
         all.push(Self::Omega);
         all
@@ -102,9 +108,15 @@ impl Quantity {
             Self::Gait(joint, number) => {
                 if let Some(of) = &mut problem.gait.joints[joint] {
                     match number {
-                        0 => of.offset_rad = value,
-                        1 => of.amplitude_rad = value,
-                        _ => of.phase_rad = value,
+                        0..OF_FIRST => *of.numbers_mut()[number] = value,
+                        OF_FIRST => {
+                            let phase_rad = of.second().phase_rad();
+                            of.second = Some(SecondHarmonic::new(value, phase_rad));
+                        }
+                        _ => {
+                            let amplitude_rad = of.second().amplitude_rad();
+                            of.second = Some(SecondHarmonic::new(amplitude_rad, value));
+                        }
                     }
                 }
             }
@@ -114,5 +126,9 @@ impl Quantity {
 }
 
 fn number_of(command: &JointCommand, number: usize) -> f64 {
-    command.to_array()[number]
+    match number {
+        0..OF_FIRST => command.to_array()[number],
+        OF_FIRST => command.second().amplitude_rad(),
+        _ => command.second().phase_rad(),
+    }
 }
