@@ -49,14 +49,18 @@ fn value(search: &Search, solver: &mut Solver, values: &[f64]) -> Option<f64> {
     for (command, value) in search.free.iter().zip(values) {
         match *command {
             Command::Omega => problem.omega_rad_s = *value,
+            Command::Joint(joint, number) if number > 2 => {
+                let second = problem.gait.joints[joint].as_mut()?.second.get_or_insert_default();
+                *[&mut second.in_phase_rad, &mut second.quadrature_rad][number - 3] = *value;
+            }
             Command::Joint(joint, number) => {
                 *problem.gait.joints[joint].as_mut()?.numbers_mut()[number] = *value;
             }
         }
     }
     let is_within = problem.gait.joints.iter().flatten().all(|of| {
-        of.offset_rad.abs() + of.amplitude_rad <= search.bounds.angle_rad
-            && of.amplitude_rad * problem.omega_rad_s <= search.bounds.rate_rad_s
+        of.peak_angle_rad() <= search.bounds.angle_rad
+            && of.peak_rate_rad() * problem.omega_rad_s <= search.bounds.rate_rad_s
     });
     if !is_within {
         return None;
@@ -168,6 +172,87 @@ fn an_evolution_over_five_commands_finds_nothing_better() {
         let known = evolve(&search, &ranges, generations);
         assert_not_better(&search, found.best().unwrap().value, known, "evolution");
     }
+}
+
+/// Neither is one harmonic better, nor what is about the optimum within the limits, nor an evolution.
+#[test]
+fn two_harmonics_are_at_least_as_good_as_one_and_no_gait_nearby_is_better() {
+    let cases =
+        [("kinematic-skewed", Objective::Speed), ("kinematic-symmetric", Objective::WorkPerMetre)];
+    for (campaign, objective) in cases {
+        let problem = problem(campaign);
+        let gait = problem.gait;
+        let free = Command::all(&gait);
+        let one = Search { problem, objective, free: free.clone(), bounds: bounds(), starts: 2 };
+        let two = Search { free: Command::with_seconds(free, &gait), ..one.clone() };
+        assert_eq!(two.free.len(), 10);
+        let (found, of_two) = (one.run(), two.run());
+        let best = of_two.best().unwrap();
+        assert_not_better(&two, best.value, found.best().unwrap().value, "one harmonic");
+        for command in best.problem.gait.joints.iter().flatten() {
+            assert!(command.peak_angle_rad() <= 1.2 * (1.0 + 1e-6), "{command:?}");
+            let rate_rad_s = command.peak_rate_rad() * best.problem.omega_rad_s;
+            assert!(rate_rad_s <= 5.0 * (1.0 + 1e-6), "{command:?}");
+        }
+        let of = |command: &Command| match *command {
+            Command::Omega => best.problem.omega_rad_s,
+            Command::Joint(joint, number) => {
+                let of = best.problem.gait.joints[joint].unwrap();
+                let second = of.second.unwrap();
+                let [offset, amplitude, phase] = of.to_array();
+                [offset, amplitude, phase, second.in_phase_rad, second.quadrature_rad][number]
+            }
+        };
+        let (mut random, mut solver) = (ChaCha8Rng::seed_from_u64(3), Solver::default());
+        for nth in 0..120 {
+            let size = 10_f64.powf(-1.0 - 3.0 * f64::from(nth % 30) / 30.0);
+            let mut off = |of: f64| of + size * random.random_range(-1.0..1.0);
+            let values: Vec<f64> = two.free.iter().map(|command| off(of(command))).collect();
+            let Bounds { omega_rad_s: [low, high], amplitude_rad: [least, most], .. } = bounds();
+            let is_within = two.free.iter().zip(&values).all(|(command, value)| match command {
+                Command::Omega => (low..=high).contains(value),
+                Command::Joint(_, 1) => (least..=most).contains(value),
+                _ => true,
+            });
+            if let Some(value) = value(&two, &mut solver, &values).filter(|_| is_within) {
+                assert_not_better(&two, best.value, value, "nearby");
+            }
+        }
+        let ranges: Vec<[f64; 2]> = two
+            .free
+            .iter()
+            .map(|command| match command {
+                Command::Omega => bounds().omega_rad_s,
+                Command::Joint(_, 1) => bounds().amplitude_rad,
+                Command::Joint(_, 3 | 4) => [-0.3, 0.3],
+                _ => [-1.2, 1.2],
+            })
+            .collect();
+        assert_not_better(&two, best.value, evolve(&two, &ranges, 10), "evolution");
+    }
+}
+
+#[test]
+fn a_printed_gait_with_two_harmonics_is_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let begin = ["optimise", "kinematic-symmetric", "--model", "skid", "--maximise", "d"];
+    let begin = [&begin[..], &["--free", "amplitude1", "second1", "--omega", "3"]].concat();
+    let begin = [&begin[..], &["--starts", "1"]].concat();
+    let printed = succeed(folder.path(), &[&begin[..], &["--gait-toml"]].concat());
+    assert!(printed.contains("amplitude2_deg") && printed.contains("phase2_deg"), "{printed}");
+    let rows: Value =
+        serde_json::from_str(&succeed(folder.path(), &[&begin[..], &["--json"]].concat())).unwrap();
+    let name = printed.split("[gait.").nth(1).unwrap().split(']').next().unwrap();
+    let campaign = format!(
+        "{printed}\n[campaign.best]\nrobot = \"kinematic\"\ngait = \"{name}\"\nmodels = [\"skid\"]\n\
+         weights = {{ d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }}\n"
+    );
+    std::fs::write(folder.path().join("pipeline.toml"), campaign).unwrap();
+    let simulate = ["simulate", "best", "--model", "skid", "--omega", "3", "--json"];
+    let motion: Value = serde_json::from_str(&succeed(folder.path(), &simulate)).unwrap();
+    let [d_m, known] = [&motion[0]["d_m"], &rows[0]["value"]].map(|of| of.as_f64().unwrap());
+    assert!((d_m / known - 1.0).abs() < 1e-9, "{d_m} {known} {rows}");
+    assert!(rows[0]["phi1_amplitude2_rad"].as_f64().unwrap() > 0.0, "{rows}");
 }
 
 #[test]

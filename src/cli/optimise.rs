@@ -43,9 +43,12 @@ pub(super) struct Optimise {
     /// What can be had of another objective for it, or of two: `--pareto v,work-per-metre`.
     #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = parse_any, conflicts_with_all = ["gait_toml", "replicates"])]
     pareto: Vec<Objective>,
-    /// What may vary: omega, amplitude1, offset2, phase2, ..., amplitudes, offsets; one or several [default: all].
+    /// What may vary: omega, amplitude1, offset2, phase2, ..., amplitudes, offsets, second1, seconds (second harmonics); one or several [default: all but second harmonics].
     #[arg(long, num_args = 1.., value_name = "COMMAND")]
     free: Vec<String>,
+    /// Harmonics of the commands that vary: 1, or 2 with the second ones of the joints of which something varies.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    harmonics: u8,
     /// Frequencies, rad/s: `0.5..6`, or one where it does not vary [default: optimise.omega_rad_s].
     #[arg(long, value_name = "RAD_S", value_parser = parse_range)]
     omega: Option<[f64; 2]>,
@@ -122,6 +125,10 @@ impl Optimise {
             false => Command::parse(&self.free, &setup.gait)?,
         };
         let free = self.varying(free)?;
+        let free = match self.harmonics {
+            2 => Command::with_seconds(free, &setup.gait),
+            _ => free,
+        };
         for message in outside(&setup.gait, &bounds) {
             note!(
                 "the present gait is outside the bounds: {message}; the search begins at the nearest within"
@@ -183,14 +190,7 @@ impl Optimise {
             }
             (None, None) => return Err("--model: needed".into()),
         };
-        // The search and its limits know first harmonics alone.
-        match setup.gait.has_second() {
-            true => Err(format!(
-                "campaign `{campaign}`: found a gait with a second harmonic (amplitude2_deg), needed one without"
-            )
-            .into()),
-            false => Ok(setup),
-        }
+        Ok(setup)
     }
 
     /// The configuration with what the options say.
@@ -282,10 +282,15 @@ fn print_table(objective: Objective, optima: &[Optimum], present: Option<&Optimu
     let Some(first) = optima.first() else { return };
     let joints: Vec<usize> =
         (0..2).filter(|joint| first.problem.gait.joints[*joint].is_some()).collect();
+    let has_second = optima.iter().any(|of| of.problem.gait.has_second());
     let mut headings = vec!["".to_owned(), name, "omega rad/s".to_owned()];
     for joint in &joints {
         for number in ["amplitude", "offset", "phase"] {
             headings.push(format!("{number}{} deg", joint + 1));
+        }
+        if has_second {
+            headings
+                .extend(["amplitude", "phase"].map(|of| format!("second {of}{} deg", joint + 1)));
         }
     }
     headings.extend(["d mm", "v mm/s", "work J/m", "power W"].map(str::to_owned));
@@ -297,6 +302,11 @@ fn print_table(objective: Objective, optima: &[Optimum], present: Option<&Optimu
             let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = command;
             let numbers = [amplitude_rad, offset_rad, phase_rad];
             cells.extend(numbers.map(|of| format!("{:.3}", of.to_degrees() + 0.0)));
+            if has_second {
+                let second = command.second();
+                let numbers = [second.amplitude_rad(), second.phase_rad()];
+                cells.extend(numbers.map(|of| format!("{:.3}", of.to_degrees() + 0.0)));
+            }
         }
         let metrics = of.motion.metrics;
         cells.extend([

@@ -136,7 +136,9 @@ impl Certainty {
             for (side, limits) in [&mut row.lower, &mut row.upper].into_iter().enumerate() {
                 limits.value = self.value[side];
                 for (command, of) in &self.commands {
-                    *command.number_mut(limits) = of[side];
+                    if let Some(number) = command.number_mut(limits) {
+                        *number = of[side];
+                    }
                 }
             }
         }
@@ -206,7 +208,7 @@ impl Search {
         let near = |command: &Command| {
             let (value, there) = (command.value(problem), command.value(other));
             match command {
-                _ if command.is_offset() => sign * value,
+                _ if command.is_odd() => sign * value,
                 _ if command.is_phase() => value + TAU * ((there - value) / TAU).round(),
                 _ => value,
             }

@@ -9,20 +9,23 @@ use crate::robot::Gait;
 use crate::store::{GaitNumbers, Objective};
 
 /// The numbers of a joint's command, as they are named.
-const NUMBERS: [&str; 3] = ["offset", "amplitude", "phase"];
+const NUMBERS: [&str; 5] = ["offset", "amplitude", "phase", "second_in_phase", "second_quadrature"];
 const OFFSET: usize = 0;
 const AMPLITUDE: usize = 1;
 const PHASE: usize = 2;
+const IN_PHASE: usize = 3;
+const QUADRATURE: usize = 4;
 
-/// Most numbers of a gait: the frequency and three of each joint.
-pub(super) const MOST_COMMANDS: usize = 7;
+/// Most numbers of a gait: the frequency and five of each joint.
+pub(super) const MOST_COMMANDS: usize = 11;
 
 /// A number of the gait that may vary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
     /// The frequency, rad/s.
     Omega,
-    /// Offset, amplitude or phase (0, 1, 2) of a joint (0 or 1), rad.
+    /// Offset, amplitude or phase (0, 1, 2) of a joint (0 or 1), or a part of its second harmonic, in
+    /// phase or in quadrature (3, 4), rad.
     Joint(usize, usize),
 }
 
@@ -50,23 +53,50 @@ impl Command {
             .collect()
     }
 
+    /// The parts of the second harmonics of the commanded joints that satisfy a condition.
+    pub fn seconds(gait: &Gait, of: impl Fn(usize) -> bool) -> Vec<Self> {
+        let joints = (0..2).filter(|joint| gait.joints[*joint].is_some() && of(*joint));
+        joints
+            .flat_map(|joint| [IN_PHASE, QUADRATURE].map(|part| Self::Joint(joint, part)))
+            .collect()
+    }
+
+    /// Whether it is a part of a second harmonic.
+    pub fn is_second(self) -> bool {
+        matches!(self, Self::Joint(_, IN_PHASE | QUADRATURE))
+    }
+
+    /// These commands with the second harmonics of the joints of which one is among them.
+    pub fn with_seconds(mut free: Vec<Self>, gait: &Gait) -> Vec<Self> {
+        let is_free =
+            |joint: usize| free.iter().any(|of| matches!(of, Self::Joint(own, _) if *own == joint));
+        let mut seconds = Self::seconds(gait, is_free);
+        seconds.retain(|of| !free.contains(of));
+        free.extend(seconds);
+        free
+    }
+
     /// The commands with these names, of a gait: `omega`, `amplitude1`, or `amplitudes` for those of all commanded
     /// joints.
     ///
     /// # Errors
     /// Nothing has this name, or the motion does not depend on it.
     pub fn parse(names: &[String], gait: &Gait) -> Result<Vec<Self>, String> {
-        let all = Self::all(gait);
+        let mut all = Self::all(gait);
+        all.extend(Self::seconds(gait, |_| true));
         let mut free: Vec<Self> = Vec::new();
         for name in names.iter().flat_map(|names| names.split(',')).map(str::trim) {
             let of_group = |command: &&Self| match command {
                 Self::Omega => false,
+                Self::Joint(joint, IN_PHASE | QUADRATURE) => {
+                    name == "seconds" || name == format!("second{}", joint + 1)
+                }
                 Self::Joint(_, number) => name == format!("{}s", NUMBERS[*number]),
             };
             let named: Vec<Self> =
                 all.iter().filter(|of| of.to_string() == name || of_group(of)).copied().collect();
             if named.is_empty() {
-                return Err(unknown(name, gait, &all));
+                return Err(unknown(name, gait, &Self::all(gait)));
             }
             free.extend(named);
         }
@@ -79,7 +109,11 @@ impl Command {
         match self {
             Self::Omega => problem.omega_rad_s,
             Self::Joint(joint, number) => {
-                problem.gait.joints[joint].map_or(0.0, |of| of.to_array()[number])
+                problem.gait.joints[joint].map_or(0.0, |of| match number {
+                    IN_PHASE => of.second().in_phase_rad,
+                    QUADRATURE => of.second().quadrature_rad,
+                    _ => of.to_array()[number],
+                })
             }
         }
     }
@@ -89,20 +123,25 @@ impl Command {
             Self::Omega => problem.omega_rad_s = value,
             Self::Joint(joint, number) => {
                 if let Some(command) = &mut problem.gait.joints[joint] {
-                    *command.numbers_mut()[number] = value;
+                    match number {
+                        IN_PHASE => command.second.get_or_insert_default().in_phase_rad = value,
+                        QUADRATURE => command.second.get_or_insert_default().quadrature_rad = value,
+                        _ => *command.numbers_mut()[number] = value,
+                    }
                 }
             }
         }
     }
 
-    /// The number of a gait's that it is.
-    pub(super) fn number_mut(self, of: &mut GaitNumbers) -> &mut f64 {
-        match self {
+    /// The number of a gait's that it is; `None` of a part of a second harmonic.
+    pub(super) fn number_mut(self, of: &mut GaitNumbers) -> Option<&mut f64> {
+        Some(match self {
             Self::Omega => &mut of.omega_rad_s,
             Self::Joint(joint, OFFSET) => &mut of.offset_rad[joint],
             Self::Joint(joint, AMPLITUDE) => &mut of.amplitude_rad[joint],
-            Self::Joint(joint, _) => &mut of.phase_rad[joint],
-        }
+            Self::Joint(joint, PHASE) => &mut of.phase_rad[joint],
+            Self::Joint(..) => return None,
+        })
     }
 
     /// Where it may be; angles are limited in sum, so that an offset alone may be as large as they.
@@ -112,6 +151,9 @@ impl Command {
             Self::Joint(_, AMPLITUDE) => bounds.amplitude_rad,
             // A turn to each side of where searches begin.
             Self::Joint(_, PHASE) => [-3.0 * PI, 3.0 * PI],
+            Self::Joint(_, IN_PHASE | QUADRATURE) => {
+                [-bounds.amplitude_rad[1], bounds.amplitude_rad[1]]
+            }
             Self::Joint(..) => [-bounds.angle_rad, bounds.angle_rad],
         }
     }
@@ -123,6 +165,11 @@ impl Command {
 
     pub(super) fn is_offset(self) -> bool {
         matches!(self, Self::Joint(_, OFFSET))
+    }
+
+    /// Whether the mirror image of a gait has the opposite.
+    pub(super) fn is_odd(self) -> bool {
+        self.is_offset() || self.is_second()
     }
 }
 
@@ -136,7 +183,7 @@ fn unknown(name: &str, gait: &Gait, all: &[Command]) -> String {
         _ => did_you_mean(name, known.iter().map(String::as_str)),
     };
     format!(
-        "--free: found `{name}`, needed `{}`, `amplitudes` or `offsets`{why}",
+        "--free: found `{name}`, needed `{}`, `amplitudes`, `offsets` or `seconds`{why}",
         known.join("`, `")
     )
 }
@@ -146,9 +193,9 @@ fn unknown(name: &str, gait: &Gait, all: &[Command]) -> String {
 pub struct Bounds {
     pub omega_rad_s: [f64; 2],
     pub amplitude_rad: [f64; 2],
-    /// Most of |offset| + amplitude of every commanded joint.
+    /// Most of |offset| + amplitude of every commanded joint, or with a second harmonic of its angle.
     pub angle_rad: f64,
-    /// Most of amplitude times omega of every commanded joint.
+    /// Most of amplitude times omega of every commanded joint, or with a second harmonic of its rate.
     pub rate_rad_s: f64,
     /// Most of the actuators' mean power, W.
     pub power_w: Option<f64>,

@@ -8,21 +8,27 @@ use nalgebra::SVector;
 use super::commands::{Bounds, Command, MOST_COMMANDS};
 use crate::metrics::GaitMetrics;
 use crate::motion::{MotionStatus, Problem, Solver};
+use crate::robot::JointCommand;
 use crate::store::Objective;
 
 /// Commands as parts of their ranges, 0 to 1; those that do not vary are zero.
 pub(super) type Place = SVector<f64, MOST_COMMANDS>;
 
-/// Limits that are no ranges: two sides of each joint's angle, its rate, the power, the torque, another objective.
-pub(super) const LIMITS: usize = 9;
-const RATE: usize = 4;
-const POWER: usize = 6;
-const TORQUE: usize = 7;
-const LEAST: usize = 8;
+/// Limits that are no ranges: two highest and two lowest places of each joint's angle and of its rate, of which a
+/// command without a second harmonic has one each, the power, the torque, another objective.
+pub(super) const LIMITS: usize = 4 * PEAKS + 3;
+/// Of a joint's angle, or of its rate.
+const PEAKS: usize = 4;
+const RATE: usize = 2 * PEAKS;
+const POWER: usize = 4 * PEAKS;
+const TORQUE: usize = POWER + 1;
+const LEAST: usize = POWER + 2;
 /// Their names.
 pub(super) const LEAST_NAME: &str = "least";
-const LIMIT_NAMES: [&str; LIMITS] =
-    ["angle1", "angle1", "angle2", "angle2", "rate1", "rate2", "power", "torque", LEAST_NAME];
+/// Numbers of a command without those of its second harmonic.
+const NUMBERS: usize = 3;
+const LIMIT_NAMES: [&str; 7] =
+    ["angle1", "angle2", "rate1", "rate2", "power", "torque", LEAST_NAME];
 
 /// Relative accuracy of the motions of a search.
 const ACCURACY: f64 = 1e-9;
@@ -231,6 +237,10 @@ impl<'a> Landscape<'a> {
             let size = self.ranges[i][1] - self.ranges[i][0];
             let (d_m, work) = match *command {
                 Command::Omega => (distance.omega, work.omega),
+                Command::Joint(joint, number) if number >= NUMBERS => {
+                    let part = number - NUMBERS;
+                    (distance.second[joint][part], work.second[joint][part])
+                }
                 Command::Joint(joint, number) => {
                     (distance.gait[joint][number], work.gait[joint][number])
                 }
@@ -264,30 +274,21 @@ impl<'a> Landscape<'a> {
         let omega = problem.omega_rad_s;
         for (joint, command) in problem.gait.joints.iter().enumerate() {
             let Some(command) = command else { continue };
-            for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
-                let largest = sign * command.offset_rad + command.amplitude_rad;
-                point.excess[2 * joint + side] = largest / angle_rad - 1.0;
-            }
-            point.excess[RATE + joint] = command.amplitude_rad * omega / rate_rad_s - 1.0;
-        }
-        for (i, command) in self.commands.iter().enumerate() {
-            let size = self.ranges[i][1] - self.ranges[i][0];
-            match *command {
-                Command::Omega => {
-                    for (joint, of) in problem.gait.joints.iter().enumerate() {
-                        let amplitude_rad = of.map_or(0.0, |of| of.amplitude_rad);
-                        point.excess_gradients[RATE + joint][i] = size * amplitude_rad / rate_rad_s;
+            for (order, first, most) in
+                [(0, PEAKS * joint, angle_rad), (1, RATE + PEAKS * joint, rate_rad_s / omega)]
+            {
+                for (limit, peak) in (first..).zip(peaks(command, order)) {
+                    let Some(Peak { value, slopes }) = peak else { continue };
+                    point.excess[limit] = value / most - 1.0;
+                    for (i, of) in self.commands.iter().enumerate() {
+                        let size = self.ranges[i][1] - self.ranges[i][0];
+                        let slope = match *of {
+                            Command::Omega if order == 1 => value / omega,
+                            Command::Joint(own, number) if own == joint => slopes[number],
+                            _ => 0.0,
+                        };
+                        point.excess_gradients[limit][i] = size * slope / most;
                     }
-                }
-                Command::Joint(joint, _) if command.is_offset() => {
-                    point.excess_gradients[2 * joint][i] = size / angle_rad;
-                    point.excess_gradients[2 * joint + 1][i] = -size / angle_rad;
-                }
-                Command::Joint(_, _) if command.is_phase() => {}
-                Command::Joint(joint, _) => {
-                    point.excess_gradients[2 * joint][i] = size / angle_rad;
-                    point.excess_gradients[2 * joint + 1][i] = size / angle_rad;
-                    point.excess_gradients[RATE + joint][i] = size * omega / rate_rad_s;
                 }
             }
         }
@@ -341,11 +342,62 @@ impl<'a> Landscape<'a> {
             };
             met.push(format!("{end} {command}"));
         }
-        for (name, excess) in LIMIT_NAMES.iter().zip(point.excess) {
-            if excess > -NEAR && !met.iter().any(|known| known == name) {
-                met.push((*name).to_owned());
+        let names =
+            |limit: usize| LIMIT_NAMES[(limit / PEAKS).min(4) + limit.saturating_sub(POWER)];
+        for (name, excess) in (0..LIMITS).map(names).zip(point.excess) {
+            if excess > -NEAR && !met.iter().any(|known| *known == name) {
+                met.push(name.to_owned());
             }
         }
         met
     }
+}
+
+/// How far a joint goes, or how fast, to one side, with the derivatives of that with respect to the
+/// numbers of its command.
+#[derive(Clone, Copy)]
+struct Peak {
+    value: f64,
+    slopes: [f64; 5],
+}
+
+/// The peaks of a command's angle (order 0) or of its rate per omega (1): of a first harmonic alone that to
+/// each side, of the rate one; else the two highest and the two lowest, one twice where there is no other.
+fn peaks(command: &JointCommand, order: i32) -> [Option<Peak>; PEAKS] {
+    let JointCommand { offset_rad, amplitude_rad, .. } = *command;
+    if command.second.is_none() {
+        let side = |sign: f64| {
+            let value = sign * offset_rad + amplitude_rad;
+            Some(Peak { value, slopes: [sign, 1.0, 0.0, 0.0, 0.0] })
+        };
+        return match order {
+            0 => [side(1.0), side(-1.0), None, None],
+            _ => {
+                let slopes = [0.0, 1.0, 0.0, 0.0, 0.0];
+                [Some(Peak { value: amplitude_rad, slopes }), None, None, None]
+            }
+        };
+    }
+    let turns = command.turns(order);
+    let value = |phase: f64| command.derivative(order, phase);
+    let by_value = |a: &f64, b: &f64| value(*b).total_cmp(&value(*a));
+    let phases = || turns.as_slice().iter().copied();
+    let (Some(highest), Some(lowest)) = (phases().min_by(by_value), phases().max_by(by_value))
+    else {
+        return [None; PEAKS];
+    };
+    let mut places = [highest, highest, lowest, lowest];
+    if let Ok(all) = <[f64; PEAKS]>::try_from(turns.as_slice()) {
+        places = all;
+        places.sort_by(by_value);
+    }
+    // In the order in which they come, which stays when the other one is the higher.
+    places.chunks_mut(2).for_each(|pair| pair.sort_by(f64::total_cmp));
+    let mut found = [None; PEAKS];
+    for (nth, (peak, phase)) in found.iter_mut().zip(places).enumerate() {
+        let sign = if nth < 2 { 1.0 } else { -1.0 };
+        let slopes = command.slopes(order, phase).map(|slope| sign * slope);
+        *peak = Some(Peak { value: sign * value(phase), slopes });
+    }
+    found
 }

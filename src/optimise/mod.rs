@@ -22,7 +22,7 @@ use crate::metrics::GaitMetrics;
 use crate::motion::{
     Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
-use crate::robot::{ByParameter, Gait, JointCommand, Parameter};
+use crate::robot::{ByParameter, Gait, JointCommand, Parameter, SecondHarmonic};
 use crate::simulate::Setup;
 pub use crate::store::Objective;
 use crate::store::{Columns, OptimumRow};
@@ -105,6 +105,7 @@ impl Optimum {
     ) -> OptimumRow {
         let numbers =
             self.problem.gait.joints.map(|of| of.map_or([f64::NAN; 3], JointCommand::to_array));
+        let seconds = self.problem.gait.joints.map(|of| of.and_then(|of| of.second));
         let Problem { robot, gait, laws, .. } = &self.problem;
         let known = |parameter: Parameter| match laws.know(parameter, gait) {
             true => parameter.of(robot),
@@ -122,6 +123,8 @@ impl Optimum {
             offset_rad: numbers.map(|of| of[0]),
             amplitude_rad: numbers.map(|of| of[1]),
             phase_rad: numbers.map(|of| of[2]),
+            amplitude2_rad: seconds.map(|of| of.map_or(f64::NAN, SecondHarmonic::amplitude_rad)),
+            phase2_rad: seconds.map(|of| of.map_or(f64::NAN, SecondHarmonic::phase_rad)),
             metrics: self.motion.metrics,
             work_j: self.motion.work_j,
             power_w: self.power_w(),
@@ -162,14 +165,16 @@ impl Found {
 impl Search {
     /// Searches from all starts.
     pub fn run(&self) -> Found {
-        let ends: Vec<Option<End>> = (0..self.starts)
+        let seeds = self.without_seconds();
+        let ends: Vec<Option<End>> = (0..self.starts + seeds.len())
             .into_par_iter()
             .with_max_len(1)
             .map(|number| {
                 let mut landscape = self.landscape();
-                let start = match number {
-                    0 => landscape.place_of(&self.problem),
-                    number => self.spread(number),
+                let start = match number.checked_sub(self.starts) {
+                    Some(seed) => seeds[seed],
+                    None if number == 0 => landscape.place_of(&self.problem),
+                    None => self.spread(number),
                 };
                 climb(&mut landscape, start)
             })
@@ -196,6 +201,29 @@ impl Search {
         Found { optima, failed }
     }
 
+    /// Where searches with second harmonics begin, too: the best gaits without them, so that none is better than what
+    /// is found, and the same with a little of them, since those of a gait that is its own mirror image change
+    /// nothing of first order.
+    fn without_seconds(&self) -> Vec<Place> {
+        const MOST: usize = 3;
+        const LITTLE: f64 = 0.04;
+        let mut first = self.clone();
+        first.free.retain(|of| !of.is_second());
+        if first.free.len() == self.free.len() || first.free.is_empty() {
+            return Vec::new();
+        }
+        let landscape = self.landscape();
+        let seed = |of: &Optimum| {
+            let place = landscape.place_of(&of.problem);
+            let mut moved = place;
+            for (i, command) in self.free.iter().enumerate() {
+                moved[i] += if command.is_second() { LITTLE * (1.0 + 0.3 * i as f64) } else { 0.0 };
+            }
+            [place, self.within_limits(moved)]
+        };
+        first.run().optima.iter().filter(|of| of.counts()).take(MOST).flat_map(seed).collect()
+    }
+
     /// The best of what searches from the present gait end in; what does not vary stays as it is, whatever the
     /// bounds say of it.
     pub fn present(&self) -> Option<Optimum> {
@@ -219,6 +247,9 @@ impl Search {
             let part = (0.5 + number as f64 / ratio.powi(i as i32 + 1)).fract();
             // A phase has a turn to spare on each side.
             place[i] = if command.is_phase() { (1.0 + part) / 3.0 } else { part };
+            if command.is_second() {
+                place[i] = 0.5 + 0.5 * (part - 0.5);
+            }
         }
         self.within_limits(place)
     }
@@ -232,6 +263,15 @@ impl Search {
             let mut problem = landscape.problem_at(&place);
             let omega = problem.omega_rad_s;
             for command in problem.gait.joints.iter_mut().flatten() {
+                if let Some(second) = command.second {
+                    let rate = command.peak_rate_rad() * omega / rate_rad_s;
+                    let part = 1.0 / (command.peak_angle_rad() / angle_rad).max(rate).max(1.0);
+                    command.offset_rad *= part;
+                    command.amplitude_rad *= part;
+                    let amplitude_rad = part * second.amplitude_rad();
+                    command.second = Some(SecondHarmonic::new(amplitude_rad, second.phase_rad()));
+                    continue;
+                }
                 let JointCommand { offset_rad, amplitude_rad, .. } = command;
                 let largest = (offset_rad.abs() + *amplitude_rad) / angle_rad;
                 *amplitude_rad = (*amplitude_rad / largest.max(1.0)).min(rate_rad_s / omega);
@@ -303,6 +343,8 @@ fn are_same(one: &Problem, other: &Problem) -> bool {
                 near(a.offset_rad, sign * b.offset_rad)
                     && near(a.amplitude_rad, b.amplitude_rad)
                     && turns(a.phase_rad, b.phase_rad)
+                    && near(a.second().in_phase_rad, sign * b.second().in_phase_rad)
+                    && near(a.second().quadrature_rad, sign * b.second().quadrature_rad)
             }
             _ => true,
         })
@@ -314,9 +356,13 @@ fn are_same(one: &Problem, other: &Problem) -> bool {
 pub fn outside(gait: &Gait, bounds: &Bounds) -> Vec<String> {
     let mut found = Vec::new();
     for (joint, command) in gait.joints.iter().enumerate() {
-        let Some(JointCommand { offset_rad, amplitude_rad, .. }) = command else { continue };
-        let (largest, [least, most]) =
-            (offset_rad.abs() + amplitude_rad.abs(), bounds.amplitude_rad);
+        let Some(command) = command else { continue };
+        let JointCommand { offset_rad, amplitude_rad, second, .. } = command;
+        let largest = match second {
+            Some(_) => command.peak_angle_rad(),
+            None => offset_rad.abs() + amplitude_rad.abs(),
+        };
+        let [least, most] = bounds.amplitude_rad;
         if largest > bounds.angle_rad * (1.0 + 1e-9) {
             found.push(format!(
                 "joint {} goes to {} degrees, at most {} are allowed",

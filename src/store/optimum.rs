@@ -69,6 +69,9 @@ rows! {
         pub offset_rad: [f64; 2] as "phi{}_offset_rad",
         pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
         pub phase_rad: [f64; 2] as "phi{}_phase_rad",
+        /// Of second harmonics, where commands have one.
+        pub amplitude2_rad: [f64; 2] as "phi{}_amplitude2_rad",
+        pub phase2_rad: [f64; 2] as "phi{}_phase2_rad",
         pub metrics: GaitMetrics,
         pub work_j: f64,
         pub power_w: f64,
