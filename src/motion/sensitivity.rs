@@ -116,10 +116,9 @@ pub(super) fn differentiate_distance<const N: usize, R: Reduced<N>>(
     room: Room,
     loss_j: Option<f64>,
 ) -> Option<[Derivatives<f64>; 2]> {
-    match (loss_j, mesh.is_half) {
-        (Some(loss_j), _) => of_distance::<N, R, 4>(model, mesh, solution, room, loss_j),
-        (None, true) => of_distance::<N, R, 3>(model, mesh, solution, room, 0.0),
-        (None, false) => of_distance::<N, R, 1>(model, mesh, solution, room, 0.0),
+    match loss_j {
+        Some(loss_j) => of_distance::<N, R, 4>(model, mesh, solution, room, loss_j),
+        None => of_distance::<N, R, 3>(model, mesh, solution, room, 0.0),
     }
 }
 
