@@ -44,7 +44,7 @@ pub(super) trait Method {
     fn loss_j(&mut self) -> Result<f64>;
 
     /// Those of d, m, and where it is to be known of the work, J.
-    fn distance_and_work_derivatives(&mut self, knows_work: bool) -> Result<[Derivatives<f64>; 2]>;
+    fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]>;
 
     fn polish(&mut self) -> Result<f64> {
         Ok(0.0)
@@ -158,8 +158,8 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         Ok(mesh.spans() as f64 * span_j)
     }
 
-    fn distance_and_work_derivatives(&mut self, knows_work: bool) -> Result<[Derivatives<f64>; 2]> {
-        let loss_j = knows_work.then(|| self.loss_j()).transpose()?;
+    fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]> {
+        let loss_j = self.loss_j()?;
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
         let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;

@@ -155,15 +155,14 @@ impl Method for Quadrature<'_> {
         Ok(self.work_and_loss_j()?[1])
     }
 
-    fn distance_and_work_derivatives(&mut self, knows_work: bool) -> Result<[Derivatives<f64>; 2]> {
+    fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]> {
         let of_metrics = self.derivatives(None)?;
         let mut distance = Derivatives::splat(0.0);
         distance.gait = of_metrics.gait.map(|of| of.map(|metrics| metrics.d_m));
         distance.second = of_metrics.second.map(|of| of.map(|metrics| metrics.d_m));
-        let work = match (knows_work, self.problem.gait.has_second()) {
-            (false, _) => Derivatives::splat(0.0),
-            (true, false) => self.work_derivatives::<OF_FIRST>()?,
-            (true, true) => self.work_derivatives::<ALL>()?,
+        let work = match self.problem.gait.has_second() {
+            false => self.work_derivatives::<OF_FIRST>()?,
+            true => self.work_derivatives::<ALL>()?,
         };
         Ok([distance, work])
     }

@@ -84,47 +84,27 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
     room: Room,
     wanted: Option<&[Parameter]>,
 ) -> Option<Derivatives> {
-    // Numbers of quantities and columns that are known when this is compiled.
-    if wanted.is_some() {
-        let of_robot = R::OF_ROBOT;
-        return match (R::SKIDS, mesh.is_half) {
-            (true, true) => of_metrics::<N, R, 0, 4>(model, mesh, solution, room, of_robot),
-            (true, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, of_robot),
-            (false, true) => of_metrics::<N, R, 3, 1>(model, mesh, solution, room, of_robot),
-            (false, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, of_robot),
-        };
-    }
-    let (first, all) = (R::OF_FIRST, R::PARAMETERS);
-    match (R::SKIDS, mesh.is_half, model.problem().gait.has_second()) {
-        (true, true, false) => of_metrics::<N, R, 0, 6>(model, mesh, solution, room, first),
-        (true, false, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, first),
-        (false, true, false) => of_metrics::<N, R, 3, 3>(model, mesh, solution, room, first),
-        (false, false, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, first),
-        (true, true, true) => of_metrics::<N, R, 0, 6>(model, mesh, solution, room, all),
-        (true, false, true) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, all),
-        (false, true, true) => of_metrics::<N, R, 3, 3>(model, mesh, solution, room, all),
-        (false, false, true) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, all),
+    // What fits ask for again and again has numbers of quantities and columns that are known when this is compiled.
+    let of_robot = R::OF_ROBOT;
+    let all = columns::<N, R>(model.problem());
+    match (R::SKIDS, wanted.is_some(), mesh.is_half) {
+        (true, true, true) => of_metrics::<N, R, 0, 4>(model, mesh, solution, room, of_robot),
+        (true, true, false) => of_metrics::<N, R, 0, 5>(model, mesh, solution, room, of_robot),
+        (false, true, true) => of_metrics::<N, R, 3, 1>(model, mesh, solution, room, of_robot),
+        (false, true, false) => of_metrics::<N, R, 3, 2>(model, mesh, solution, room, of_robot),
+        (true, false, _) => of_metrics::<N, R, 0, 6>(model, mesh, solution, room, all),
+        (false, false, _) => of_metrics::<N, R, 3, 3>(model, mesh, solution, room, all),
     }
 }
 
-/// Derivatives by everything of the distance, m, and where `loss_j` says what friction takes over a period, J, of that work,
-/// which is the actuators'; `None` as for [`differentiate`].
+/// Columns of the variables that a motion depends on.
+fn columns<const N: usize, R: Reduced<N>>(problem: &Problem) -> usize {
+    if problem.gait.has_second() { R::PARAMETERS } else { R::OF_FIRST }
+}
+
+/// Derivatives by everything of the distance, m, and of what friction takes over a period, `loss_j` in J, which is the work of the
+/// actuators; `None` as for [`differentiate`].
 pub(super) fn differentiate_distance<const N: usize, R: Reduced<N>>(
-    model: &R,
-    mesh: &Mesh<N, R>,
-    solution: (&Path, &Cycle<N>),
-    room: Room,
-    loss_j: Option<f64>,
-) -> Option<[Derivatives<f64>; 2]> {
-    match loss_j {
-        Some(loss_j) => of_distance::<N, R, 4>(model, mesh, solution, room, loss_j),
-        None => of_distance::<N, R, 3>(model, mesh, solution, room, 0.0),
-    }
-}
-
-/// The same by the first `C` quantities from that of the distance on.
-#[inline(always)]
-fn of_distance<const N: usize, R: Reduced<N>, const C: usize>(
     model: &R,
     mesh: &Mesh<N, R>,
     solution: (&Path, &Cycle<N>),
@@ -132,12 +112,10 @@ fn of_distance<const N: usize, R: Reduced<N>, const C: usize>(
     loss_j: f64,
 ) -> Option<[Derivatives<f64>; 2]> {
     let problem = model.problem();
-    let parameters = if problem.gait.has_second() { R::PARAMETERS } else { R::OF_FIRST };
+    let parameters = columns::<N, R>(problem);
     let (sums, _) =
-        by_adjoints::<N, R, DISTANCE, C>(model, mesh, solution, room, parameters, None)?;
-    let sum = |quantity: usize, column: usize| {
-        sums.get(quantity - DISTANCE).map_or(0.0, |by_column| by_column[column])
-    };
+        by_adjoints::<N, R, DISTANCE, 4>(model, mesh, solution, room, parameters, None)?;
+    let sum = |quantity: usize, column: usize| sums[quantity - DISTANCE][column];
     let mut derivatives = [Derivatives::splat(0.0); 2];
     let [distance, work] = &mut derivatives;
     for column in 0..parameters {

@@ -190,19 +190,15 @@ impl Solver {
     /// # Errors
     /// As [`Solver::floquet`].
     pub fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
-        self.distance_and_work_derivatives(true).map(|[_, work]| work)
+        self.distance_and_work_derivatives().map(|[_, work]| work)
     }
 
-    /// Derivatives of d alone, m per unit of each variable, and where that `knows_work` of the work over a cycle, J, else
-    /// zero.
+    /// Derivatives of d alone, m per unit of each variable, and of the work over a cycle, J.
     ///
     /// # Errors
     /// As [`Solver::floquet`].
-    pub fn distance_and_work_derivatives(
-        &mut self,
-        knows_work: bool,
-    ) -> Result<[Derivatives<f64>; 2]> {
-        self.with_last(|method| method.distance_and_work_derivatives(knows_work))
+    pub fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]> {
+        self.with_last(|method| method.distance_and_work_derivatives())
     }
 
     /// Takes one more Newton step, with a fresh Jacobian, from the last solution; gives its size

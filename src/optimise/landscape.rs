@@ -232,7 +232,7 @@ impl<'a> Landscape<'a> {
                 return Some(Err(cost));
             }
         }
-        let [distance, work] = self.solver.distance_and_work_derivatives(self.needs_work()).ok()?;
+        let [distance, work] = self.solver.distance_and_work_derivatives().ok()?;
         for (i, command) in self.commands.iter().enumerate() {
             let size = self.ranges[i][1] - self.ranges[i][0];
             let (d_m, work) = match *command {

@@ -72,6 +72,8 @@ fn label(command: &str) -> String {
         "offset" => format!("Offset of joint {joint} (deg)"),
         "amplitude" => format!("Amplitude of joint {joint} (deg)"),
         "phase" => format!("Phase of joint {joint} (deg)"),
+        "second_in_phase" => format!("Second harmonic of joint {joint}, in phase (deg)"),
+        "second_quadrature" => format!("Second harmonic of joint {joint}, in quadrature (deg)"),
         _ => FREQUENCY.to_owned(),
     }
 }

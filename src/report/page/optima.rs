@@ -18,6 +18,8 @@ struct Number {
 pub fn section(tables: &Tables, campaign: &str) -> Option<Value> {
     let best: Vec<&OptimumRow> =
         tables.optima.iter().filter(|row| row.campaign == campaign && row.rank == 1).collect();
+    let has_second = best.iter().any(|row| row.amplitude2_rad.iter().any(|of| of.is_finite()));
+    let numbers = |row: &OptimumRow| numbers(row, has_second);
     let heads: Vec<Value> = numbers(best.first()?)
         .into_iter()
         .map(|Number { head, unit, .. }| context! { head, unit })
@@ -37,8 +39,8 @@ pub fn section(tables: &Tables, campaign: &str) -> Option<Value> {
     Some(context! { heads, rows => rows.collect::<Vec<_>>() })
 }
 
-/// The frequency and the numbers of the joints that are commanded.
-fn numbers(row: &OptimumRow) -> Vec<Number> {
+/// The frequency and the numbers of the joints that are commanded, those of second harmonics without limits.
+fn numbers(row: &OptimumRow, has_second: bool) -> Vec<Number> {
     let number = |head: &str, unit, of: [f64; 3]| {
         let [value, low, high] = of;
         Number { head: head.to_owned(), unit, value, limits: [low, high] }
@@ -57,6 +59,11 @@ fn numbers(row: &OptimumRow) -> Vec<Number> {
         found.extend(of_joint.map(|(name, value, [low, high])| {
             let rad = [value[joint], low, high];
             number(&format!("{name} {}", joint + 1), "°", rad.map(f64::to_degrees))
+        }));
+        let of_second = [("2nd amplitude", row.amplitude2_rad), ("2nd phase", row.phase2_rad)];
+        found.extend(of_second.into_iter().filter(|_| has_second).map(|(name, value)| {
+            let degrees = [value[joint].to_degrees(), f64::NAN, f64::NAN];
+            number(&format!("{name} {}", joint + 1), "°", degrees)
         }));
     }
     found
