@@ -86,7 +86,10 @@ fn the_schema_has_types_units_meanings_and_where_the_table_comes_from() {
         "skid0_kg_s_lo float64 kg/s lower 95 % confidence limit: skid resistance c^S of the wheel \
          (eq. 15), 0"
     );
-    assert_eq!(line("free"), "free text parameters that were fitted");
+    assert_eq!(
+        line("free"),
+        "free text parameters that were fitted, or commands of a gait that varied"
+    );
     assert_eq!(line("trilink.version:"), format!("trilink.version: {}", env!("CARGO_PKG_VERSION")));
     assert!(line("trilink.input:").len() > 20, "{schema}");
     for table in ["trials", "checks", "poses/kinematic-symmetric-3.90-r1", "robot_parameters"] {

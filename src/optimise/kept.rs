@@ -51,14 +51,16 @@ mod tests {
 
     fn of(campaign: &str, objective: Objective, value: f64) -> Kept {
         let campaign = campaign.to_owned();
+        let model = Model::SKID_ROLL;
         let map = OptimumMapRow {
             campaign: campaign.clone(),
+            model,
             objective,
             value,
             ..OptimumMapRow::blank()
         };
-        let (maps, best) =
-            (vec![map], OptimumRow { campaign, objective, value, ..OptimumRow::blank() });
+        let best = OptimumRow { campaign, model, objective, value, ..OptimumRow::blank() };
+        let maps = vec![map];
         Kept { optima: vec![best.clone(), OptimumRow { rank: 2, ..best }], maps }
     }
 

@@ -1,5 +1,7 @@
 //! The figure of optima: each objective over the commands that it answers to most.
 
+use std::collections::BTreeSet;
+
 use minijinja::context;
 
 use super::contour::contour;
@@ -7,6 +9,7 @@ use super::drawing::{Figure, Layer, Layout, Panel};
 use super::ending::drawn;
 use super::figures::texts;
 use super::{FREQUENCY, ReportError, looks};
+use crate::robot::Model;
 use crate::store::{MapPoint, Objective, OptimumMapRow};
 
 /// Parts of the best value that lines show it within.
@@ -49,14 +52,20 @@ pub fn figure<'r>(
     let maps: Vec<&OptimumMapRow> = maps.into_iter().collect();
     let is_one =
         |a: &&OptimumMapRow, b: &&OptimumMapRow| (a.model, a.objective) == (b.model, b.objective);
-    let panels: Vec<Panel> = maps.chunk_by(is_one).map(panel).collect();
+    let models: BTreeSet<Model> = maps.iter().map(|row| row.model).collect();
+    let panels = maps.chunk_by(is_one).map(|map| panel(map, models.len() > 1));
+    let panels: Vec<Panel> = panels.collect();
+    let models: Vec<&str> = models.iter().map(|model| model.name()).collect();
+    let texts = texts("optima", context! { campaign, models });
     let layout = if panels.len() > 1 { Layout::Grid } else { Layout::Stack };
-    Figure::new(stem, texts("optima", context! { campaign }), &[campaign], layout, panels)
+    Figure::new(stem, texts, &[campaign], layout, panels)
 }
 
-fn panel(map: &[&OptimumMapRow]) -> Panel {
+/// The panel of one map, which names its model if it `has_others` beside it.
+fn panel(map: &[&OptimumMapRow], has_others: bool) -> Panel {
     let OptimumMapRow { model, objective, x_command, y_command, .. } = map[0];
-    let title = format!("{}, {model}", with_unit(*objective));
+    let model = if has_others { format!(", {model}") } else { String::new() };
+    let title = with_unit(*objective) + &model;
     let panel = match y_command.is_empty() {
         true => curve(map, &label(x_command)),
         false => plane(map, [x_command, y_command].map(|command| label(command))),

@@ -188,6 +188,10 @@ impl JointCommand {
                 turn(second, high);
             }
         }
+        // Their number is even; where the cycle closes, rounding may hide one or show it twice.
+        if turns.count % 2 == 1 {
+            turns.push(begin);
+        }
         turns
     }
 

@@ -48,15 +48,18 @@ fn numbers(row: &OptimumRow, has_second: bool) -> Vec<Number> {
     let OptimumRow { lower, upper, .. } = row;
     let mut found =
         vec![number("ω", "rad/s", [row.omega_rad_s, lower.omega_rad_s, upper.omega_rad_s])];
-    let commanded = (0..2).filter(|joint| row.amplitude_rad[*joint].is_finite());
-    for joint in commanded {
+    let commanded: Vec<usize> =
+        (0..2).filter(|joint| row.amplitude_rad[*joint].is_finite()).collect();
+    for joint in commanded.iter().copied() {
         let limits = |of: fn(&GaitNumbers) -> &[f64; 2]| [of(lower)[joint], of(upper)[joint]];
         let of_joint = [
             ("Amplitude", row.amplitude_rad, limits(|of| &of.amplitude_rad)),
             ("Offset", row.offset_rad, limits(|of| &of.offset_rad)),
             ("Phase", row.phase_rad, limits(|of| &of.phase_rad)),
         ];
-        found.extend(of_joint.map(|(name, value, [low, high])| {
+        // The phase of the only commanded joint changes nothing.
+        let shown = if commanded.len() > 1 { 3 } else { 2 };
+        found.extend(of_joint.into_iter().take(shown).map(|(name, value, [low, high])| {
             let rad = [value[joint], low, high];
             number(&format!("{name} {}", joint + 1), "°", rad.map(f64::to_degrees))
         }));
