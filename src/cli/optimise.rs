@@ -248,12 +248,11 @@ impl Optimise {
             let input = blake3::hash(format!("{search:?}").as_bytes());
             RowsFile::new(path, "--table")?.write(rows, &input)?;
         }
-        if print_rows(rows, self.csv, self.json) {
-        } else if self.gait_toml {
+        if self.gait_toml {
             if let Some(best) = found.best() {
                 say!("{}", gait_toml(&self.campaign, objective, best).trim_end());
             }
-        } else {
+        } else if !print_rows(rows, self.csv, self.json) {
             print_table(objective, optima, present);
             match certainty {
                 Ok(certainty) => certainty::print(objective, certainty),
