@@ -83,6 +83,11 @@ impl MotionStatus {
     pub fn is_stable(self) -> bool {
         matches!(self, Self::Stable | Self::SymmetryBroken)
     }
+
+    /// Whether the robot gets into it from rest and stays in it.
+    pub fn is_reached_and_stays(self, from_rest: FromRest) -> bool {
+        self.is_stable() && from_rest == FromRest::Reached
+    }
 }
 
 named! {

@@ -6,7 +6,9 @@ use super::Result;
 use super::attractor::find_attractor;
 use super::element::Element;
 use super::forces::contact_forces;
+use super::mesh::Mesh;
 use super::orbit::{Effort, PeriodicOrbit, Start};
+use super::path::Path;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced};
 use super::sensitivity::{Room, differentiate, differentiate_distance};
@@ -43,7 +45,7 @@ pub(super) trait Method {
     /// What friction takes over a cycle alone, J.
     fn loss_j(&mut self) -> Result<f64>;
 
-    /// Those of d, m, and where it is to be known of the work, J.
+    /// Those of d, m, and of the work, J.
     fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]>;
 
     fn polish(&mut self) -> Result<f64> {
@@ -144,25 +146,14 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn loss_j(&mut self) -> Result<f64> {
         let Self { model, orbit } = self;
         orbit.measure(model);
-        let PeriodicOrbit { mesh, path, .. } = &**orbit;
-        let weights = RADAU.integrate[STAGES - 1];
-        let mut sum = Lanes::default();
-        for (pack, leg) in path.legs.iter().enumerate() {
-            let [_, duration_s] = mesh.weights(pack);
-            for j in 0..STAGES {
-                let power = model.friction_power(&leg.states[j], &leg.trig[j]);
-                sum += Lanes::splat(weights[j]) * duration_s * power;
-            }
-        }
-        let span_j: f64 = (0..LANES).map(|lane| sum.lane(lane)).sum();
-        Ok(mesh.spans() as f64 * span_j)
+        Ok(loss_j(model, &orbit.mesh, &orbit.path))
     }
 
     fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]> {
-        let loss_j = self.loss_j()?;
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
         let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;
+        let loss_j = loss_j(model, mesh, path);
         let room = Room { linearisation, workspace, adjoints };
         let found = differentiate_distance(model, mesh, (path, &cycle), room, loss_j);
         found.ok_or(orbit.not_converged())
@@ -193,4 +184,19 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<[f64; 5]>> {
         transient::from_rest(&self.model, frames, tolerance)
     }
+}
+
+/// What friction takes over a cycle that goes this way, J.
+fn loss_j<const N: usize, R: Reduced<N>>(model: &R, mesh: &Mesh<N, R>, path: &Path) -> f64 {
+    let weights = RADAU.integrate[STAGES - 1];
+    let mut sum = Lanes::default();
+    for (pack, leg) in path.legs.iter().enumerate() {
+        let [_, duration_s] = mesh.weights(pack);
+        for j in 0..STAGES {
+            let power = model.friction_power(&leg.states[j], &leg.trig[j]);
+            sum += Lanes::splat(weights[j]) * duration_s * power;
+        }
+    }
+    let span_j: f64 = (0..LANES).map(|lane| sum.lane(lane)).sum();
+    mesh.spans() as f64 * span_j
 }

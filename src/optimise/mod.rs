@@ -91,7 +91,7 @@ impl Optimum {
 
     /// Whether the robot gets there from rest and stays.
     pub fn counts(&self) -> bool {
-        self.status.is_stable() && self.from_rest == FromRest::Reached
+        self.status.is_reached_and_stays(self.from_rest)
     }
 
     /// The same as a line of the table of a campaign's optima; `present` is the campaign's own gait at its best frequency.

@@ -106,7 +106,7 @@ rows! {
 impl OptimumRow {
     /// Whether the robot gets there from rest and stays.
     pub fn counts(&self) -> bool {
-        self.status.is_stable() && self.from_rest == FromRest::Reached
+        self.status.is_reached_and_stays(self.from_rest)
     }
 }
 
