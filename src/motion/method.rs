@@ -28,6 +28,11 @@ pub(super) trait Method {
     /// Solves for the steady motion, from the last solution where `is_warm`.
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)>;
 
+    /// The same from the last solution alone, which stays where that fails.
+    fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
+        self.solve(true, accuracy)
+    }
+
     fn floquet(&mut self) -> Result<Option<f64>> {
         Ok(None)
     }
@@ -75,14 +80,38 @@ pub(super) struct Collocation<'o, const N: usize, R: Reduced<N>> {
     pub orbit: &'o mut PeriodicOrbit<N, R>,
 }
 
+impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
+    /// Solves from the last solution alone.
+    fn follow(&mut self, accuracy: f64) -> Result<()> {
+        let Self { model, orbit } = self;
+        let was_broken = orbit.is_symmetry_broken;
+        orbit.solve(model, Start::Last, accuracy)?;
+        // It may have become its own mirror image.
+        if was_broken && !(orbit.is_symmetry_broken && orbit.is_stable(model)) {
+            return Err(orbit.not_converged());
+        }
+        Ok(())
+    }
+
+    /// The metrics of the solution, or of the one that is not its own mirror image where it has become unstable to
+    /// that.
+    fn measure(&mut self, accuracy: f64) -> (GaitMetrics, Effort) {
+        let Self { model, orbit } = self;
+        if orbit.breaks_symmetry() {
+            let mirrored = orbit.clone();
+            if find_attractor(model, orbit, true, accuracy).is_err() {
+                **orbit = mirrored;
+            }
+        }
+        (orbit.measure(model).metrics, orbit.effort)
+    }
+}
+
 impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
+        self.orbit.effort = Effort::default();
+        let is_solved = is_warm && self.follow(accuracy).is_ok();
         let Self { model, orbit } = self;
-        orbit.effort = Effort::default();
-        let was_broken = is_warm && orbit.is_symmetry_broken;
-        let mut is_solved = is_warm && orbit.solve(model, Start::Last, accuracy).is_ok();
-        // It may have become its own mirror image.
-        is_solved &= !was_broken || (orbit.is_symmetry_broken && orbit.is_stable(model));
         if !is_solved && let Err(error) = orbit.solve(model, Start::Guess, accuracy) {
             let mut transient = Integrator::new(model, TRANSIENT_TOLERANCE);
             let duration_s = TRANSIENT_CYCLES * TAU / model.problem().omega_rad_s;
@@ -95,13 +124,17 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
                 solved => solved,
             }?;
         }
-        if orbit.breaks_symmetry() {
-            let mirrored = orbit.clone();
-            if find_attractor(model, orbit, true, accuracy).is_err() {
-                **orbit = mirrored;
-            }
+        Ok(self.measure(accuracy))
+    }
+
+    fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
+        self.orbit.effort = Effort::default();
+        let last = self.orbit.keep();
+        if let Err(error) = self.follow(accuracy) {
+            self.orbit.restore(last);
+            return Err(error);
         }
-        Ok((orbit.measure(model).metrics, orbit.effort))
+        Ok(self.measure(accuracy))
     }
 
     fn floquet(&mut self) -> Result<Option<f64>> {

@@ -16,6 +16,9 @@ use crate::robot::{Dry, Friction, Parameter, Viscous};
 #[derive(Debug, Clone, Default)]
 pub struct Solver {
     last: Option<Problem>,
+    /// That of the solution which the next one starts from: the last one, or where that was not found nearby the one
+    /// before.
+    start: Option<Problem>,
     /// The last problem whose motion eq. 3 gives, its metrics, and how accurate they are.
     last_quadrature: Option<(Problem, GaitMetrics, f64)>,
     /// What its quadrature has found out.
@@ -97,17 +100,40 @@ impl Solver {
     /// # Errors
     /// There is no such motion, or it could not be found or resolved.
     pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
-        let is_warm = self.last.take().is_some_and(|last| is_alike(&last, problem));
-        self.effort = Effort::default();
+        let is_warm = self.start.take().is_some_and(|start| is_alike(&start, problem));
+        self.found(problem, accuracy, |method| method.solve(is_warm, accuracy))
+    }
+
+    /// The same from the last solution alone, if there is one of this kind of motion: where Newton's method does not
+    /// lead from there to the motion, it is looked for in no other way, and the next solution starts from the one
+    /// before.
+    ///
+    /// # Errors
+    /// There is no such motion, or it is too far away.
+    pub fn solve_near(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
+        if !self.start.as_ref().is_some_and(|start| is_alike(start, problem)) {
+            return self.solve(problem, accuracy);
+        }
+        self.found(problem, accuracy, |method| method.solve_near(accuracy))
+    }
+
+    /// Solves by a method, and remembers that.
+    fn found(
+        &mut self,
+        problem: &Problem,
+        accuracy: f64,
+        solve: impl FnOnce(&mut dyn Method) -> Result<(GaitMetrics, Effort)>,
+    ) -> Result<GaitMetrics> {
+        (self.last, self.effort) = (None, Effort::default());
         let metrics;
         (metrics, self.effort) = match self.known_by_eq_3(problem, accuracy) {
             Some(known) => (known, Effort::default()),
-            None => self.with(problem, |method| method.solve(is_warm, accuracy))?,
+            None => self.with(problem, solve)?,
         };
         if problem.is_determined() && self.effort.elements > 0 {
             self.last_quadrature = Some((problem.clone(), metrics, accuracy));
         }
-        self.last = Some(problem.clone());
+        self.hold(problem);
         Ok(metrics)
     }
 
@@ -121,9 +147,14 @@ impl Solver {
         is_same.then(|| GaitMetrics { v_m_s: metrics.d_m * omega_rad_s / TAU, ..*metrics })
     }
 
+    /// The solution at hand is that of this problem.
+    fn hold(&mut self, problem: &Problem) {
+        (self.last, self.start) = (Some(problem.clone()), Some(problem.clone()));
+    }
+
     /// Makes the next solution start from rest; the workspace stays.
     pub fn forget(&mut self) {
-        (self.last, self.last_quadrature) = (None, None);
+        (self.last, self.start, self.last_quadrature) = (None, None, None);
     }
 
     /// Modulus of the largest Floquet multiplier of the last solution; `None` where the motion
@@ -238,10 +269,10 @@ impl Solver {
         first: Result<GaitMetrics>,
         accuracy: f64,
     ) -> Result<Attractor> {
-        self.last = None;
+        (self.last, self.start) = (None, None);
         let (metrics, cycles, is_found_first) =
             self.with(problem, |method| method.attractor(first, accuracy))?;
-        self.last = Some(problem.clone());
+        self.hold(problem);
         Ok(Attractor { motion: self.steady_motion(metrics)?, cycles, is_found_first })
     }
 

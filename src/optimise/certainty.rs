@@ -1,16 +1,17 @@
 //! How sure an optimum is: what is best with coefficients that may be the true ones as well.
 //!
-//! With those of every refit the searches begin at the optima of the fit, so that each is followed, and at
-//! some places spread over the ranges, so that another may appear.
+//! With those of every refit the searches begin at the optima of the fit, so that each is followed, and at a place
+//! of its own, so that another may appear, which is then followed with all of them.
 
 use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
 use super::commands::Command;
-use super::landscape::Place;
+use super::landscape::{Place, ROUGH_ACCURACY};
+use super::quadratic::Curvature;
 use super::search::End;
-use super::{Optimum, SAME_VALUE, Search, are_same, climb, normal};
+use super::{Optimum, Search, are_same, climb, normal};
 use crate::fit::Alternatives;
 use crate::interrupt;
 use crate::motion::Problem;
@@ -18,10 +19,12 @@ use crate::robot::Robot;
 use crate::stats::quantiles;
 use crate::store::OptimumRow;
 
-/// Searches beside those from the optima of the fit.
-const SPREAD: usize = 3;
-/// Places without a motion after which such a search goes no farther.
-const PATIENCE: usize = 3;
+/// By how much more an optimum costs than the best one that is not followed: going to where it has moved gains a small
+/// part of that.
+const FAR: f64 = 0.1;
+/// Most other optima that are followed, and the difference of what varies, as a part of the ranges, of one and another.
+const MOST_OTHERS: usize = 3;
+const APART: f64 = 0.05;
 /// By how much a limit is exceeded, as a part of it, that counts.
 const EXCEEDED: f64 = 1e-6;
 
@@ -63,19 +66,69 @@ struct Best {
     follows: Option<usize>,
 }
 
+/// Where a search begins: at one of the optima of the fit, with the curvature there, or elsewhere.
+struct Start {
+    candidate: Option<usize>,
+    place: Place,
+    curvature: Option<Curvature>,
+}
+
+/// Where it has ended.
+struct Followed {
+    candidate: Option<usize>,
+    end: End,
+    problem: Problem,
+}
+
+/// What is the best with some coefficients, and none of what follows from the optima of the fit.
+fn others(followed: &[Vec<Followed>]) -> Vec<Start> {
+    let mut others: Vec<Start> = Vec::new();
+    let best = followed.iter().filter_map(|ends| ends.first());
+    for Followed { end: End { place, curvature, .. }, .. } in
+        best.filter(|of| of.candidate.is_none())
+    {
+        let is_apart = |of: &Start| (of.place - place).amax() > APART;
+        if others.len() < MOST_OTHERS && others.iter().all(is_apart) {
+            others.push(Start { candidate: None, place: *place, curvature: Some(*curvature) });
+        }
+    }
+    others
+}
+
 impl Certainty {
     /// Of the optima that a search has found, the best first; `None` if that does not count.
     pub fn new(search: &Search, optima: &[Optimum], alternatives: &Alternatives) -> Option<Self> {
         let candidates: Vec<&Optimum> = optima.iter().take_while(|of| of.counts()).collect();
         let best = *candidates.first()?;
-        let robots: Vec<&Robot> = alternatives.all().collect();
-        let all: Vec<Again> = robots
+        let of_robot = |robot: &Robot| {
+            let problem = Problem { robot: robot.clone(), ..search.problem.clone() };
+            Search { problem, ..search.clone() }
+        };
+        let searches: Vec<Search> = alternatives.all().map(of_robot).collect();
+        let known = candidates.iter().enumerate().map(|(nth, of)| Start {
+            candidate: Some(nth),
+            place: search.landscape(ROUGH_ACCURACY).place_of(&of.problem),
+            curvature: of.curvature,
+        });
+        let known: Vec<Start> = known.collect();
+        let mut followed: Vec<Vec<Followed>> = (&searches)
             .into_par_iter()
             .with_max_len(1)
-            .map(|robot| {
-                interrupt::stop_if_asked(String::new);
-                let problem = Problem { robot: robot.clone(), ..search.problem.clone() };
-                Search { problem, ..search.clone() }.again(&candidates)
+            .enumerate()
+            .map(|(nth, search)| {
+                let place = search.spread(1 + nth);
+                let own = Start { candidate: None, place, curvature: None };
+                let mut ends = Vec::new();
+                search.follow(known.iter().chain([&own]), &mut ends);
+                ends
+            })
+            .collect();
+        let others = others(&followed);
+        let both = (&searches, &mut followed).into_par_iter().with_max_len(1);
+        let all: Vec<Again> = both
+            .map(|(search, ends)| {
+                search.follow(others.iter(), ends);
+                search.again(&candidates, ends)
             })
             .collect();
         let limits = |fitted: f64, of: &dyn Fn(&Best) -> f64| {
@@ -146,37 +199,44 @@ impl Certainty {
 }
 
 impl Search {
-    /// What is best of what follows from the optima of another robot, and of what else there is.
-    fn again(&self, candidates: &[&Optimum]) -> Again {
-        let mut landscape = self.landscape();
-        let fitted =
-            |of: &Optimum| Problem { robot: self.problem.robot.clone(), ..of.problem.clone() };
-        let starts: Vec<Place> =
-            candidates.iter().map(|of| landscape.place_of(&of.problem)).collect();
-        let spread = (1..=SPREAD).map(|number| self.spread(number));
-        let mut ends: Vec<(Option<usize>, End, Problem)> = Vec::new();
-        for (nth, start) in starts.iter().copied().chain(spread).enumerate() {
-            landscape.patience = PATIENCE;
-            let Some(end) = climb(&mut landscape, start) else { continue };
+    /// Adds where searches end. What is far from the best so far where it begins is not searched from, if that is an
+    /// optimum of other coefficients.
+    fn follow<'s>(&self, starts: impl Iterator<Item = &'s Start>, ends: &mut Vec<Followed>) {
+        interrupt::stop_if_asked(String::new);
+        let mut landscape = self.landscape(ROUGH_ACCURACY);
+        for Start { candidate, place, curvature } in starts {
+            let best = ends.iter().map(|of| of.end.point.cost).fold(f64::INFINITY, f64::min);
+            if curvature.is_some() && best.is_finite() {
+                landscape.forget();
+                landscape.only_stable = false;
+                if landscape.cost(place).is_none_or(|cost| cost > best + FAR) {
+                    continue;
+                }
+            }
+            let Some(end) = climb(&mut landscape, *place, *curvature) else { continue };
             let problem = normal(landscape.problem_at(&end.place));
-            let is_known = ends.iter().any(|(_, known, of)| {
-                (known.point.cost - end.point.cost).abs() < SAME_VALUE && are_same(of, &problem)
-            });
+            let is_known = ends
+                .iter()
+                .any(|of| are_same(&landscape, (&of.end, &of.problem), (&end, &problem)));
             if !is_known {
-                ends.push(((nth < candidates.len()).then_some(nth), end, problem));
+                ends.push(Followed { candidate: *candidate, end, problem });
             }
         }
-        ends.sort_by(|(_, a, _), (_, b, _)| a.point.cost.total_cmp(&b.point.cost));
+        ends.sort_by(|a, b| a.end.point.cost.total_cmp(&b.end.point.cost));
+    }
+
+    /// What is best of what was followed, and what the best gait of the fit comes to.
+    fn again(&self, candidates: &[&Optimum], ends: &[Followed]) -> Again {
+        let fitted =
+            |of: &Optimum| Problem { robot: self.problem.robot.clone(), ..of.problem.clone() };
         let reached = |problem: Problem| {
             Optimum::new(problem, self.objective, Vec::new(), 0).filter(Optimum::counts)
         };
-        let mut ends = ends.into_iter();
-        let best = ends.find_map(|(follows, _, problem)| Some((reached(problem)?, follows)));
+        let best = ends.iter().find_map(|of| Some((reached(of.problem.clone())?, of.candidate)));
         let of_fit = reached(fitted(candidates[0]));
-        landscape.forget();
-        (landscape.only_stable, landscape.patience) = (false, PATIENCE);
+        let mut landscape = self.landscape(ROUGH_ACCURACY);
         let is_over_limit = landscape
-            .evaluate(&starts[0])
+            .evaluate(&landscape.place_of(&candidates[0].problem))
             .is_some_and(|point| point.excess.into_iter().any(|excess| excess > EXCEEDED));
         let is_better =
             |of: &Optimum, than: &Optimum| self.objective.loss(than.value, of.value) > 0.0;

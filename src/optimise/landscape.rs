@@ -30,8 +30,14 @@ const NUMBERS: usize = 3;
 const LIMIT_NAMES: [&str; 7] =
     ["angle1", "angle2", "rate1", "rate2", "power", "torque", LEAST_NAME];
 
-/// Relative accuracy of the motions of a search.
-const ACCURACY: f64 = 1e-9;
+/// Relative accuracy of the motions of a search, and of one that others follow.
+pub(super) const ACCURACY: f64 = 1e-9;
+pub(super) const ROUGH_ACCURACY: f64 = 1e-6;
+/// Relative difference of two objectives that are the same, over the accuracy of the motions.
+const SAME_VALUE: f64 = 100.0;
+/// Relative difference of two commands that are the same, over the root of that accuracy: at an optimum the objective is
+/// flat.
+const SAME_COMMAND: f64 = 30.0;
 /// Largest Floquet multiplier of a motion that is stable however it was solved for.
 const CLEARLY_STABLE: f64 = 1.0 - 1e-6;
 /// Moments of a cycle at which torques are compared with their limit.
@@ -48,7 +54,7 @@ pub(super) struct Point {
     /// By how much each limit is exceeded, as a part of it, and the gradient of that; minus infinity where there is
     /// none.
     pub excess: [f64; LIMITS],
-    excess_gradients: [Place; LIMITS],
+    pub excess_gradients: [Place; LIMITS],
 }
 
 impl Point {
@@ -71,14 +77,14 @@ pub(super) struct Landscape<'a> {
     ranges: [[f64; 2]; MOST_COMMANDS],
     problem: Problem,
     solver: Solver,
+    /// Relative accuracy of the motions.
+    pub accuracy: f64,
     /// Whether a motion that is not clearly stable is none.
     pub only_stable: bool,
-    /// Places without a motion after which others are taken for such, too: that there is none is what takes longest
-    /// to find out.
-    pub patience: usize,
-    /// Of the augmented Lagrangian.
-    pub multipliers: [f64; LIMITS],
-    pub stiffness: f64,
+    /// Whether motions are looked for from the last one alone: that there is none is what takes longest to find out.
+    pub only_near: bool,
+    /// What it costs to exceed a limit by all of it.
+    pub price: f64,
 }
 
 impl<'a> Landscape<'a> {
@@ -87,6 +93,7 @@ impl<'a> Landscape<'a> {
         objective: Objective,
         commands: &'a [Command],
         bounds: &'a Bounds,
+        accuracy: f64,
     ) -> Self {
         let mut ranges = [[0.0, 1.0]; MOST_COMMANDS];
         commands.iter().zip(&mut ranges).for_each(|(of, range)| *range = of.range(bounds));
@@ -97,10 +104,10 @@ impl<'a> Landscape<'a> {
             ranges,
             problem,
             solver: Solver::default(),
+            accuracy,
             only_stable: false,
-            patience: usize::MAX,
-            multipliers: [0.0; LIMITS],
-            stiffness: 1.0,
+            only_near: false,
+            price: 1.0,
         }
     }
 
@@ -146,6 +153,16 @@ impl<'a> Landscape<'a> {
             .filter(|cost| cost.is_finite())
     }
 
+    /// Whether two costs are the same, as far as motions of this accuracy tell.
+    pub fn are_same(&self, one: f64, other: f64) -> bool {
+        (one - other).abs() < SAME_VALUE * self.accuracy
+    }
+
+    /// Relative difference of two commands that are the same, as far as motions of this accuracy tell.
+    pub fn same_command(&self) -> f64 {
+        SAME_COMMAND * self.accuracy.sqrt()
+    }
+
     /// Whether the motion that was solved for last is stable.
     pub fn is_stable(&mut self) -> bool {
         self.solver.status().is_ok_and(MotionStatus::is_stable)
@@ -154,10 +171,11 @@ impl<'a> Landscape<'a> {
     /// The metrics of a motion, and its work where that is needed; `None` where there is no motion, or it
     /// comes to nothing.
     fn solve(&mut self, problem: &Problem) -> Option<(GaitMetrics, f64)> {
-        let Ok(metrics) = self.solver.solve(problem, ACCURACY) else {
-            self.patience = self.patience.saturating_sub(1);
-            return None;
+        let metrics = match self.only_near {
+            true => self.solver.solve_near(problem, self.accuracy),
+            false => self.solver.solve(problem, self.accuracy),
         };
+        let metrics = metrics.ok()?;
         if self.only_stable
             && self.solver.floquet().ok()?.is_some_and(|modulus| modulus > CLEARLY_STABLE)
         {
@@ -178,15 +196,9 @@ impl<'a> Landscape<'a> {
         self.knows_work() || self.bounds.power_w.is_some()
     }
 
-    /// The cost and its gradient with what exceeded limits add (augmented Lagrangian).
-    pub fn augmented(&self, point: &Point) -> (f64, Place) {
-        let (mut cost, mut gradient) = (point.cost, point.gradient);
-        for (i, excess) in point.excess.into_iter().enumerate() {
-            let force = (self.multipliers[i] + self.stiffness * excess).max(0.0);
-            cost += 0.5 * (force * force - self.multipliers[i].powi(2)) / self.stiffness;
-            gradient += force * point.excess_gradients[i];
-        }
-        (cost, gradient)
+    /// The cost with the price of exceeded limits.
+    pub fn merit(&self, point: &Point) -> f64 {
+        point.cost + point.excess.iter().map(|of| self.price * of.max(0.0)).sum::<f64>()
     }
 
     /// The objective at a place; `None` where there is no motion, or it comes to nothing.
@@ -194,7 +206,7 @@ impl<'a> Landscape<'a> {
         self.evaluate_below(place, f64::INFINITY)?.ok()
     }
 
-    /// The same, or the augmented cost alone, which takes no derivatives, where that is more than `most`.
+    /// The same, or the merit alone, which takes no derivatives, where that is more than `most`.
     pub fn evaluate_below(&mut self, place: &Place, most: f64) -> Option<Result<Point, f64>> {
         let problem = self.problem_at(place);
         let found = self.point(&problem, place, most)?;
@@ -207,9 +219,6 @@ impl<'a> Landscape<'a> {
     }
 
     fn point(&mut self, problem: &Problem, place: &Place, most: f64) -> Option<Result<Point, f64>> {
-        if self.patience == 0 {
-            return None;
-        }
         let (metrics, work_j) = self.solve(problem)?;
         let omega = problem.omega_rad_s;
         let values = [metrics.d_m, omega, work_j];
@@ -227,9 +236,9 @@ impl<'a> Landscape<'a> {
             point.excess[LEAST] = of.cost(values) - of.cost_of_value(value);
         }
         if self.bounds.torque_nm.is_none() {
-            let (cost, _) = self.augmented(&point);
-            if cost > most {
-                return Some(Err(cost));
+            let merit = self.merit(&point);
+            if merit > most {
+                return Some(Err(merit));
             }
         }
         let [distance, work] = self.solver.distance_and_work_derivatives().ok()?;
@@ -270,29 +279,48 @@ impl<'a> Landscape<'a> {
 
     /// Fills in by how much the commands exceed the limits of angles and rates.
     fn limit_commands(&self, point: &mut Point, problem: &Problem) {
-        let Bounds { angle_rad, rate_rad_s, .. } = *self.bounds;
         let omega = problem.omega_rad_s;
+        self.each_peak(problem, |limit, joint, order, Peak { value, slopes }, most| {
+            point.excess[limit] = value / most - 1.0;
+            for (i, of) in self.commands.iter().enumerate() {
+                let size = self.ranges[i][1] - self.ranges[i][0];
+                let slope = match *of {
+                    Command::Omega if order == 1 => value / omega,
+                    Command::Joint(own, number) if own == joint => slopes[number],
+                    _ => 0.0,
+                };
+                point.excess_gradients[limit][i] = size * slope / most;
+            }
+        });
+        point.drop_fixed(0..POWER);
+    }
+
+    /// By how much the commands at a place exceed the limits of angles and rates; minus infinity for other limits.
+    pub fn excess_of_commands(&self, place: &Place) -> [f64; LIMITS] {
+        let mut excess = [f64::NEG_INFINITY; LIMITS];
+        self.each_peak(&self.problem_at(place), |limit, _, _, peak, most| {
+            excess[limit] = peak.value / most - 1.0;
+        });
+        excess
+    }
+
+    /// Does `task` with every limit of a peak: its number, the joint, whether it is one of the angle or of the rate (0,
+    /// 1), the peak, and what it may be at most.
+    fn each_peak(&self, problem: &Problem, mut task: impl FnMut(usize, usize, i32, Peak, f64)) {
+        let Bounds { angle_rad, rate_rad_s, .. } = *self.bounds;
+        let most_per_rad = rate_rad_s / problem.omega_rad_s;
         for (joint, command) in problem.gait.joints.iter().enumerate() {
             let Some(command) = command else { continue };
             for (order, first, most) in
-                [(0, PEAKS * joint, angle_rad), (1, RATE + PEAKS * joint, rate_rad_s / omega)]
+                [(0, PEAKS * joint, angle_rad), (1, RATE + PEAKS * joint, most_per_rad)]
             {
                 for (limit, peak) in (first..).zip(peaks(command, order)) {
-                    let Some(Peak { value, slopes }) = peak else { continue };
-                    point.excess[limit] = value / most - 1.0;
-                    for (i, of) in self.commands.iter().enumerate() {
-                        let size = self.ranges[i][1] - self.ranges[i][0];
-                        let slope = match *of {
-                            Command::Omega if order == 1 => value / omega,
-                            Command::Joint(own, number) if own == joint => slopes[number],
-                            _ => 0.0,
-                        };
-                        point.excess_gradients[limit][i] = size * slope / most;
+                    if let Some(peak) = peak {
+                        task(limit, joint, order, peak, most);
                     }
                 }
             }
         }
-        point.drop_fixed(0..POWER);
     }
 
     /// Fills in by how much the largest torque exceeds its limit. What changes that is found from
@@ -323,7 +351,7 @@ impl<'a> Landscape<'a> {
             let mut moved = *place;
             moved[i] += step;
             self.set(&mut neighbour, &moved);
-            self.solver.solve(&neighbour, ACCURACY).ok()?;
+            self.solver.solve(&neighbour, self.accuracy).ok()?;
             let there = largest(&mut self.solver, passive)?;
             point.excess_gradients[TORQUE][i] = (there - here) / (step * torque_nm);
         }

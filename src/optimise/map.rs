@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 
-use super::landscape::{Landscape, Place};
+use super::landscape::{ACCURACY, Landscape, Place};
 use super::{Command, Optimum, Search};
 use crate::robot::Model;
 use crate::store::{MapPoint, OptimumMapRow};
@@ -32,14 +32,14 @@ impl Search {
         best: &Optimum,
         shown: Shown,
     ) -> Vec<OptimumMapRow> {
-        let mut landscape = self.landscape();
+        let mut landscape = self.landscape(ACCURACY);
         let middle = landscape.place_of(&best.problem);
         let cost = counted(&mut landscape, &middle);
         let loss = |i: usize| {
             let moved = [MOVED, -MOVED].map(|by| {
                 let mut place = middle;
                 place[i] = (place[i] + by).clamp(0.0, 1.0);
-                counted(&mut self.landscape(), &place) - cost
+                counted(&mut self.landscape(ACCURACY), &place) - cost
             });
             moved.into_iter().fold(0.0, f64::max)
         };
@@ -76,7 +76,7 @@ impl Search {
         };
         let sign = if self.objective.is_minimised() { 1.0 } else { -1.0 };
         let along_first = |part: Option<f64>| {
-            let mut landscape = self.landscape();
+            let mut landscape = self.landscape(ACCURACY);
             let (mut place, mut y) = (middle, f64::NAN);
             if let (Some(part), Some(axis)) = (part, second) {
                 (place[axis.nth], y) = (part, at(axis, part));

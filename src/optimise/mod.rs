@@ -12,6 +12,7 @@ mod kept;
 mod landscape;
 mod map;
 mod objective;
+mod quadratic;
 mod search;
 
 use std::f64::consts::{PI, TAU};
@@ -30,13 +31,10 @@ pub use certainty::Certainty;
 use commands::degrees;
 pub use commands::{Bounds, Command};
 pub use kept::{Kept, TABLES};
-use landscape::{Landscape, Place};
+use landscape::{ACCURACY, Landscape, Place, ROUGH_ACCURACY};
 pub use map::Shown;
+use quadratic::Curvature;
 use search::{End, search};
-
-/// Relative difference of two objectives, and of two commands, that are the same.
-const SAME_VALUE: f64 = 1e-7;
-const SAME_PLACE: f64 = 1e-3;
 
 /// What is to be found.
 #[derive(Debug, Clone)]
@@ -63,6 +61,8 @@ pub struct Optimum {
     pub at_bound: Vec<String>,
     /// Searches that ended here.
     pub starts: usize,
+    /// Of the cost over what varies, where a search has found it.
+    curvature: Option<Curvature>,
 }
 
 impl Optimum {
@@ -86,6 +86,7 @@ impl Optimum {
             problem,
             motion,
             starts,
+            curvature: None,
         })
     }
 
@@ -170,35 +171,52 @@ impl Search {
             .into_par_iter()
             .with_max_len(1)
             .map(|number| {
-                let mut landscape = self.landscape();
+                let mut landscape = self.landscape(ROUGH_ACCURACY);
                 let start = match number.checked_sub(self.starts) {
                     Some(seed) => seeds[seed],
                     None if number == 0 => landscape.place_of(&self.problem),
                     None => self.spread(number),
                 };
-                climb(&mut landscape, start)
+                climb(&mut landscape, start, None)
             })
             .collect();
-        let failed = ends.iter().filter(|end| end.is_none()).count();
-        let mut ends: Vec<End> = ends.into_iter().flatten().collect();
-        ends.sort_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
-        let mut distinct: Vec<(End, Problem, usize)> = Vec::new();
-        for end in ends {
-            let problem = normal(self.landscape().problem_at(&end.place));
-            let known = distinct.iter_mut().find(|(known, of, _)| {
-                (known.point.cost - end.point.cost).abs() < SAME_VALUE && are_same(of, &problem)
-            });
-            match known {
-                Some((.., starts)) => *starts += 1,
-                None => distinct.push((end, problem, 1)),
-            }
-        }
-        let confirmed = distinct.into_par_iter().with_max_len(1);
-        let mut optima: Vec<Optimum> = confirmed
+        let all = ends.len();
+        let rough = ends.into_iter().flatten().map(|end| (end, 1)).collect();
+        let fine: Vec<(End, usize)> = self
+            .distinct(rough, ROUGH_ACCURACY)
+            .into_par_iter()
+            .with_max_len(1)
+            .filter_map(|(end, _, starts)| {
+                let mut landscape = self.landscape(ACCURACY);
+                Some((climb(&mut landscape, end.place, Some(end.curvature))?, starts))
+            })
+            .collect();
+        let failed = all - fine.iter().map(|(_, starts)| starts).sum::<usize>();
+        let distinct = self.distinct(fine, ACCURACY).into_par_iter().with_max_len(1);
+        let mut optima: Vec<Optimum> = distinct
             .filter_map(|(end, problem, starts)| self.confirm(end, problem, starts))
             .collect();
         optima.sort_by_key(|of| !of.counts());
         Found { optima, failed }
+    }
+
+    /// Of ends with motions of an accuracy, the best first, those that are not the same as one before, and how many
+    /// searches ended in each.
+    fn distinct(&self, mut ends: Vec<(End, usize)>, accuracy: f64) -> Vec<(End, Problem, usize)> {
+        let landscape = self.landscape(accuracy);
+        ends.sort_by(|(a, _), (b, _)| a.point.cost.total_cmp(&b.point.cost));
+        let mut distinct: Vec<(End, Problem, usize)> = Vec::new();
+        for (end, count) in ends {
+            let problem = normal(landscape.problem_at(&end.place));
+            let known = distinct
+                .iter_mut()
+                .find(|(known, of, _)| are_same(&landscape, (known, of), (&end, &problem)));
+            match known {
+                Some((.., starts)) => *starts += count,
+                None => distinct.push((end, problem, count)),
+            }
+        }
+        distinct
     }
 
     /// Where searches with second harmonics begin, too: the best gaits without them, so that none is better than what
@@ -212,7 +230,7 @@ impl Search {
         if first.free.len() == self.free.len() || first.free.is_empty() {
             return Vec::new();
         }
-        let landscape = self.landscape();
+        let landscape = self.landscape(ACCURACY);
         let seed = |of: &Optimum| {
             let place = landscape.place_of(&of.problem);
             let mut moved = place;
@@ -231,8 +249,10 @@ impl Search {
         Search { bounds, ..self.clone() }.run().optima.into_iter().next()
     }
 
-    fn landscape(&self) -> Landscape<'_> {
-        Landscape::new(self.problem.clone(), self.objective, &self.free, &self.bounds)
+    /// The objective by motions of a relative accuracy.
+    fn landscape(&self, accuracy: f64) -> Landscape<'_> {
+        let problem = self.problem.clone();
+        Landscape::new(problem, self.objective, &self.free, &self.bounds, accuracy)
     }
 
     /// Where a search begins: places that fill the ranges evenly, however many there are.
@@ -258,7 +278,7 @@ impl Search {
     fn within_limits(&self, mut place: Place) -> Place {
         const MOST: usize = 8;
         let Bounds { angle_rad, rate_rad_s, .. } = self.bounds;
-        let landscape = self.landscape();
+        let landscape = self.landscape(ACCURACY);
         for _ in 0..MOST {
             let mut problem = landscape.problem_at(&place);
             let omega = problem.omega_rad_s;
@@ -284,24 +304,25 @@ impl Search {
 
     /// The motion of an end, as accurate as it is reported; `None` if it is not found again.
     fn confirm(&self, end: End, problem: Problem, starts: usize) -> Option<Optimum> {
-        let at_bound = self.landscape().bounds_met(&end.place, &end.point);
-        Optimum::new(problem, self.objective, at_bound, starts)
+        let at_bound = self.landscape(ACCURACY).bounds_met(&end.place, &end.point);
+        let optimum = Optimum::new(problem, self.objective, at_bound, starts)?;
+        Some(Optimum { curvature: Some(end.curvature), ..optimum })
     }
 }
 
 /// Where a search from a place ends: at a motion that is found from rest, too, and is stable if there is such an
 /// end.
-fn climb(landscape: &mut Landscape, start: Place) -> Option<End> {
+fn climb(landscape: &mut Landscape, start: Place, curvature: Option<Curvature>) -> Option<End> {
     landscape.forget();
     landscape.only_stable = false;
-    let end = search(landscape, start)?;
+    let end = search(landscape, start, curvature)?;
     let end = found_again(landscape, end)?;
     if landscape.is_stable() {
         return Some(end);
     }
     landscape.forget();
     landscape.only_stable = true;
-    let stable = search(landscape, start).and_then(|end| found_again(landscape, end));
+    let stable = search(landscape, start, curvature).and_then(|end| found_again(landscape, end));
     Some(stable.filter(|_| landscape.is_stable()).unwrap_or(end))
 }
 
@@ -314,10 +335,10 @@ fn found_again(landscape: &mut Landscape, mut end: End) -> Option<End> {
         let only_stable = std::mem::replace(&mut landscape.only_stable, false);
         let found = landscape.cost(&end.place)?;
         landscape.only_stable = only_stable;
-        if (found - end.point.cost).abs() < SAME_VALUE {
+        if landscape.are_same(found, end.point.cost) {
             return Some(end);
         }
-        end = search(landscape, end.place)?;
+        end = search(landscape, end.place, None)?;
     }
     None
 }
@@ -330,12 +351,20 @@ fn normal(mut problem: Problem) -> Problem {
     problem
 }
 
-/// Whether two problems are one, or each other's mirror image.
-fn are_same(one: &Problem, other: &Problem) -> bool {
-    let near = |a: f64, b: f64| (a - b).abs() < SAME_PLACE * (1.0 + a.abs().max(b.abs()));
+/// Whether two ends are one, or each other's mirror image, as far as the motions tell.
+fn are_same(
+    landscape: &Landscape,
+    (one_end, one): (&End, &Problem),
+    (other_end, other): (&End, &Problem),
+) -> bool {
+    if !landscape.are_same(one_end.point.cost, other_end.point.cost) {
+        return false;
+    }
+    let same = landscape.same_command();
+    let near = |a: f64, b: f64| (a - b).abs() < same * (1.0 + a.abs().max(b.abs()));
     let turns = |a: f64, b: f64| {
         let apart = (a - b).rem_euclid(TAU);
-        apart.min(TAU - apart) < SAME_PLACE * PI
+        apart.min(TAU - apart) < same * PI
     };
     let is_near = |sign: f64| {
         one.gait.joints.iter().zip(&other.gait.joints).all(|joints| match joints {
@@ -418,7 +447,7 @@ mod tests {
             omega_rad_s: 0.356,
         };
         let search = of_omega(problem.clone(), Objective::Distance, [0.345, 0.365]);
-        let mut landscape = search.landscape();
+        let mut landscape = search.landscape(ACCURACY);
         let place = landscape.place_of(&problem);
         let cold = landscape.cost(&place).expect("a motion");
         let ends = [0.0, 1.0].map(|from| {
@@ -429,17 +458,17 @@ mod tests {
                 landscape.evaluate(&between)
             });
             let point = along.last().flatten().expect("a motion");
-            End { place, point }
+            End { place, point, curvature: Curvature::identity() }
         });
-        let is_other = |end: &&End| (end.point.cost - cold).abs() > SAME_VALUE;
-        assert!(ends.iter().any(|end| is_other(&end)), "{ends:?} {cold}");
-        for end in ends {
+        let is_other = ends.map(|end| !landscape.are_same(end.point.cost, cold));
+        assert!(is_other.contains(&true), "{ends:?} {cold}");
+        for (end, is_other) in ends.into_iter().zip(is_other) {
             let found = found_again(&mut landscape, end).expect("an end");
-            let mut anew = search.landscape();
+            let mut anew = search.landscape(ACCURACY);
             let cost = anew.cost(&found.place).expect("a motion");
-            assert!((cost - found.point.cost).abs() < SAME_VALUE, "{found:?} {cost}");
+            assert!(anew.are_same(cost, found.point.cost), "{found:?} {cost}");
             let is_same = found.place == place && found.point.cost == end.point.cost;
-            assert_eq!(is_same, !is_other(&&end), "{found:?}");
+            assert_eq!(is_same, !is_other, "{found:?}");
         }
     }
 
@@ -484,16 +513,16 @@ mod tests {
         let away = stable + 3.0 * (stable - unstable);
         let range = [away.min(unstable), away.max(unstable)];
         let search = of_omega(problem(away), Objective::Speed, range);
-        let mut landscape = search.landscape();
+        let mut landscape = search.landscape(ACCURACY);
         let start = landscape.place_of(&problem(away));
         let is_stable = |place: &Place| {
-            let mut anew = search.landscape();
+            let mut anew = search.landscape(ACCURACY);
             anew.cost(place).expect("a motion");
             anew.is_stable()
         };
-        let first = super::search(&mut landscape, start).expect("an end");
+        let first = super::search(&mut landscape, start, None).expect("an end");
         assert!(!is_stable(&first.place), "{first:?} {stable} {unstable}");
-        let end = climb(&mut landscape, start).expect("an end");
+        let end = climb(&mut landscape, start, None).expect("an end");
         assert!(is_stable(&end.place), "{end:?}");
         let omega_rad_s = landscape.problem_at(&end.place).omega_rad_s;
         assert!((omega_rad_s - stable).abs() < STEP_RAD_S, "{omega_rad_s} {stable} {unstable}");

@@ -1,38 +1,42 @@
-//! The search for an optimum: projected quasi-Newton steps, limits by an augmented Lagrangian.
+//! The search for an optimum: sequential quadratic programming.
 //!
-//! argmin's own quasi-Newton solvers know no ranges and want linear algebra of its kind.
+//! Each step solves a quadratic program of the cost, of which the curvature is learnt from the gradients, and of
+//! the limits where they are. A merit function, in which limits may be exceeded at a price, decides what part of
+//! the step is gone. argmin's own solvers know neither ranges nor limits.
 //!
-//! Reference: J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., Springer 2006,
-//! sections 6.1 and 17.4; D. P. Bertsekas, *Projected Newton methods for optimization problems with
-//! simple constraints*, SIAM J. Control Optim. 20 (1982) 221-246.
+//! Reference: J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., Springer 2006, sections 18.1 to 18.5.
 
 use argmin::argmin_error;
 use argmin::core::{
     Error, Executor, IterState, KV, OptimizationResult, Problem, Solver, State as _,
     TerminationReason,
 };
-use nalgebra::SMatrix;
 
-use super::commands::MOST_COMMANDS;
 use super::landscape::{LIMITS, Landscape, Place, Point};
+use super::quadratic::{Curvature, QuadraticProgram};
 
 const MOST_STEPS: u64 = 120;
-/// Relative rise of the objective that is no rise any more.
-const CONVERGED: f64 = 1e-12;
+/// Relative rise of the objective that is no rise any more, over the accuracy of the motions.
+const CONVERGED: f64 = 1e-3;
+/// Slope, or multiplier of a limit, that is nothing.
+const NOTHING: f64 = 1e-12;
 /// Longest first step, and longest of all, as parts of the ranges.
 const FIRST_STEP: f64 = 0.1;
 const LONGEST_STEP: f64 = 0.5;
-/// Part of what the gradient promises that a step must give.
+/// Part of what is promised that a step must give.
 const ENOUGH: f64 = 1e-4;
-const SHORTEST: f64 = 1e-9;
-/// How often the multipliers of the limits are found anew at most; by how much limits may be exceeded, and how
-/// much stiffer they become where that falls slowly.
-const MOST_ROUNDS: usize = 25;
+const SHORTEST: f64 = 1e-5;
+/// What is promised at least of a part of a step, over the accuracy of the motions, that the merit can tell.
+const MEASURABLE: f64 = 0.1;
+/// Part of the curvature known before that is kept along a step which shows less (Powell).
+const LEAST_CURVATURE: f64 = 0.2;
+/// By how much limits may be exceeded; what that costs at first, how much dearer it becomes where they still are in the
+/// end, and at most.
 const EXCEEDED: f64 = 1e-9;
-const STIFFER: f64 = 10.0;
-const SLOW: f64 = 0.25;
+const PRICE: f64 = 10.0;
+const DEARER: f64 = 10.0;
+const DEAREST: f64 = 1e8;
 
-type Curvature = SMatrix<f64, MOST_COMMANDS, MOST_COMMANDS>;
 type State = IterState<Place, (), (), (), (), f64>;
 
 /// Where a search has ended.
@@ -40,93 +44,126 @@ type State = IterState<Place, (), (), (), (), f64>;
 pub(super) struct End {
     pub place: Place,
     pub point: Point,
+    pub curvature: Curvature,
 }
 
-/// Searches from a place; `None` if there is no motion there, or a limit cannot be kept.
-pub(super) fn search(landscape: &mut Landscape, start: Place) -> Option<End> {
-    (landscape.multipliers, landscape.stiffness) = ([0.0; LIMITS], 1.0);
-    let mut end = End { place: start, point: landscape.evaluate(&start)? };
-    let mut before = f64::INFINITY;
-    for _ in 0..MOST_ROUNDS {
-        end = descend(landscape, end)?;
-        let mut missed = 0.0_f64;
-        for (multiplier, excess) in landscape.multipliers.iter_mut().zip(end.point.excess) {
-            missed = missed.max(excess.max(-*multiplier / landscape.stiffness).abs());
-            *multiplier = (*multiplier + landscape.stiffness * excess).max(0.0);
-        }
-        if missed <= EXCEEDED {
-            return Some(end);
-        }
-        if missed > SLOW * before {
-            landscape.stiffness *= STIFFER;
-        }
-        before = missed;
-    }
-    None
-}
-
-/// Descends to where the augmented cost can hardly fall.
-fn descend(landscape: &mut Landscape, from: End) -> Option<End> {
-    let (cost, gradient) = landscape.augmented(&from.point);
-    let solver = ProjectedQuasiNewton {
-        point: from.point,
-        gradient,
-        inverse: Curvature::identity(),
-        is_first: true,
-    };
+/// Searches from a place, with the curvature there if it is known; `None` if there is no motion, or a limit cannot be
+/// kept.
+pub(super) fn search(
+    landscape: &mut Landscape,
+    start: Place,
+    curvature: Option<Curvature>,
+) -> Option<End> {
+    (landscape.price, landscape.only_near) = (PRICE, true);
+    let point = landscape.evaluate(&start)?;
+    let is_first = curvature.is_none();
+    let curvature = curvature.unwrap_or(steepest(&point));
+    let solver = SequentialQuadratic { point, curvature, is_first };
+    let cost = landscape.merit(&point);
     let result = Executor::new(landscape, solver)
-        .configure(|state| state.param(from.place).cost(cost).max_iters(MOST_STEPS))
+        .configure(|state| state.param(start).cost(cost).max_iters(MOST_STEPS))
         .timer(false)
         .ctrlc(false)
         .run();
     let OptimizationResult { solver, state, .. } = result.ok()?;
-    Some(End { place: state.param?, point: solver.point })
+    let SequentialQuadratic { point, curvature, .. } = solver;
+    let is_within = point.excess.iter().all(|excess| *excess <= EXCEEDED);
+    Some(End { place: state.param.filter(|_| is_within)?, point, curvature })
 }
 
-struct ProjectedQuasiNewton {
+/// The curvature with which the first step goes along the gradient.
+fn steepest(point: &Point) -> Curvature {
+    Curvature::identity() * (point.gradient.amax() / FIRST_STEP).max(NOTHING)
+}
+
+struct SequentialQuadratic {
     point: Point,
-    gradient: Place,
-    /// Approximation of the inverse Hessian (BFGS), in the commands that no range stops.
-    inverse: Curvature,
+    /// Of the Lagrangian (BFGS).
+    curvature: Curvature,
     is_first: bool,
 }
 
-impl ProjectedQuasiNewton {
-    /// The step that the curvature asks for in the commands that no end of a range stops.
-    fn direction(&self, place: &Place) -> Place {
-        let is_free = |i: usize| {
-            let outward = if place[i] <= 0.0 { 1.0 } else { -1.0 };
-            let is_at_end = place[i] <= 0.0 || place[i] >= 1.0;
-            !is_at_end || outward * self.gradient[i] < 0.0
-        };
-        let free = Place::from_fn(|i, _| if is_free(i) { 1.0 } else { 0.0 });
-        let slope = self.gradient.component_mul(&free);
-        let step = -(self.inverse * slope).component_mul(&free);
+impl SequentialQuadratic {
+    /// The step of least merit as far as gradients and curvature tell, where limits are exceeded by so much, and
+    /// their multipliers.
+    fn plan(
+        &self,
+        landscape: &Landscape,
+        place: &Place,
+        excess: &[f64; LIMITS],
+    ) -> (Place, [f64; LIMITS]) {
         let longest = if self.is_first { FIRST_STEP } else { LONGEST_STEP };
-        step * (longest / step.amax()).min(1.0)
+        let program = QuadraticProgram {
+            count: landscape.count(),
+            gradient: &self.point.gradient,
+            curvature: &self.curvature,
+            low: place.map(|of| (-of).max(-longest)),
+            high: place.map(|of| (1.0 - of).min(longest)),
+            excess,
+            slopes: &self.point.excess_gradients,
+            price: landscape.price,
+        };
+        program.solve()
     }
 
-    /// Takes in what a step has changed of the gradient (BFGS).
-    fn update(&mut self, step: &Place, change: &Place) {
-        // What did not move tells nothing.
-        let change = change.zip_map(step, |change, step| if step == 0.0 { 0.0 } else { change });
-        let curvature = step.dot(&change);
-        if curvature <= 1e-10 * step.norm() * change.norm() {
-            return;
+    /// What a step changes of the merit, by the gradients, and by the curvature, too.
+    fn promised(&self, landscape: &Landscape, step: &Place) -> [f64; 2] {
+        let Point { gradient, excess, excess_gradients, .. } = &self.point;
+        let mut change = gradient.dot(step);
+        for (excess, slope) in excess.iter().zip(excess_gradients) {
+            if excess.is_finite() {
+                let after = excess + slope.dot(step);
+                change += landscape.price * (after.max(0.0) - excess.max(0.0));
+            }
         }
-        if self.is_first {
-            self.inverse *= curvature / change.norm_squared();
+        [change, change + 0.5 * step.dot(&(self.curvature * step))]
+    }
+
+    /// The whole step with what the limits of commands are at its end, which no motion need be known for, if they are
+    /// not what their slopes promise (second-order correction).
+    fn corrected(
+        &self,
+        landscape: &Landscape,
+        place: &Place,
+        step: &Place,
+        multipliers: &[f64; LIMITS],
+    ) -> Option<Place> {
+        let Point { excess, excess_gradients, .. } = &self.point;
+        let there = landscape.excess_of_commands(&(place + step));
+        let mut corrected = *excess;
+        let mut is_needed = false;
+        for i in (0..LIMITS).filter(|i| there[*i].is_finite() && excess[*i].is_finite()) {
+            corrected[i] = there[i] - excess_gradients[i].dot(step);
+            is_needed |= multipliers[i] > NOTHING && (corrected[i] - excess[i]).abs() > EXCEEDED;
+        }
+        is_needed.then(|| self.plan(landscape, place, &corrected).0)
+    }
+
+    /// Takes in what a step has changed of the Lagrangian's gradient.
+    fn update(&mut self, step: &Place, change: &Place) {
+        let found = step.dot(change);
+        if self.is_first && found > 0.0 {
+            self.curvature = Curvature::identity() * (change.norm_squared() / found);
             self.is_first = false;
         }
-        let turned = Curvature::identity() - (*step * change.transpose()) / curvature;
-        self.inverse =
-            turned * self.inverse * turned.transpose() + (*step * step.transpose()) / curvature;
+        let known = self.curvature * step;
+        let expected = step.dot(&known);
+        if expected <= 0.0 {
+            return;
+        }
+        let kept = match found < LEAST_CURVATURE * expected {
+            true => (1.0 - LEAST_CURVATURE) * expected / (expected - found),
+            false => 1.0,
+        };
+        let change = kept * change + (1.0 - kept) * known;
+        self.curvature +=
+            change * change.transpose() / step.dot(&change) - known * known.transpose() / expected;
     }
 }
 
-impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for ProjectedQuasiNewton {
+impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
     fn name(&self) -> &str {
-        "projected quasi-Newton"
+        "sequential quadratic programming"
     }
 
     fn next_iter(
@@ -138,47 +175,55 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for ProjectedQuasiNewton {
             return Err(argmin_error!(NotInitialized, "no first iterate"));
         };
         let converged = TerminationReason::SolverConverged;
-        let mut direction = self.direction(&place);
-        if self.gradient.dot(&direction) >= 0.0 {
-            self.inverse = Curvature::identity();
-            self.is_first = true;
-            direction = self.direction(&place);
+        let excess = self.point.excess;
+        let (step, multipliers) = self.plan(landscape, &place, &excess);
+        let [promised, with_curvature] = self.promised(landscape, &step);
+        if -with_curvature <= CONVERGED * landscape.accuracy {
+            let is_within = excess.iter().all(|excess| *excess <= EXCEEDED);
+            if is_within || landscape.price >= DEAREST {
+                return Ok((state.terminate_with(converged), None));
+            }
+            landscape.price *= DEARER;
+            let merit = landscape.merit(&self.point);
+            return Ok((state.cost(merit), None));
         }
-        if -self.gradient.dot(&direction) <= CONVERGED {
-            return Ok((state.terminate_with(converged), None));
-        }
+        let corrected = self.corrected(landscape, &place, &step, &multipliers);
         let mut part = 1.0;
-        while part > SHORTEST {
-            let next = (place + part * direction).map(|of| of.clamp(0.0, 1.0));
-            let step = next - place;
-            let promised = self.gradient.dot(&step);
-            let most = state.cost + ENOUGH * promised;
-            let cost = match landscape.evaluate_below(&next, most) {
+        let measurable = MEASURABLE * landscape.accuracy;
+        while part == 1.0 || (part > SHORTEST && -part * promised > measurable) {
+            let way = corrected.filter(|_| part == 1.0).unwrap_or(part * step);
+            let next = (place + way).map(|of| of.clamp(0.0, 1.0));
+            let most = state.cost + ENOUGH * part * promised;
+            let merit = match landscape.evaluate_below(&next, most) {
                 Some(Ok(point)) => {
-                    let (cost, gradient) = landscape.augmented(&point);
-                    if cost <= most {
-                        self.update(&step, &(gradient - self.gradient));
-                        (self.point, self.gradient) = (point, gradient);
-                        return Ok((state.param(next).cost(cost), None));
+                    let merit = landscape.merit(&point);
+                    if merit <= most {
+                        let gradient = |of: &Point| {
+                            let limits = of.excess_gradients.iter().zip(&multipliers);
+                            limits.fold(of.gradient, |sum, (slope, force)| sum + *force * slope)
+                        };
+                        let change = gradient(&point) - gradient(&self.point);
+                        self.update(&(next - place), &change);
+                        self.point = point;
+                        return Ok((state.param(next).cost(merit), None));
                     }
-                    cost
+                    merit
                 }
-                Some(Err(cost)) => cost,
+                Some(Err(merit)) => merit,
                 None => {
                     part *= 0.25;
                     continue;
                 }
             };
-            // The parabola through both costs and the slope.
-            let parabola = -0.5 * promised / (cost - state.cost - promised);
+            // The parabola through both merits and the slope.
+            let parabola = -0.5 * part * promised / (merit - state.cost - part * promised);
             part *= parabola.clamp(0.1, 0.5);
         }
         if self.is_first {
             return Ok((state.terminate_with(converged), None));
         }
         // With the curvature at hand no step rises: once more along the gradient.
-        self.inverse = Curvature::identity();
-        self.is_first = true;
+        (self.curvature, self.is_first) = (steepest(&self.point), true);
         Ok((state, None))
     }
 }

@@ -83,6 +83,14 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     floquet: Option<f64>,
 }
 
+/// A solution that others may start from.
+pub(super) struct Kept<const N: usize, R: Reduced<N>> {
+    mesh: Mesh<N, R>,
+    roughness: Vec<f64>,
+    error_ratio: f64,
+    is_symmetry_broken: bool,
+}
+
 /// Where Newton's method starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Start<const N: usize> {
@@ -201,6 +209,23 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             }
             self.refine(model, error_ratio)?;
         }
+    }
+
+    /// What the next solution may start from.
+    pub fn keep(&self) -> Kept<N, R> {
+        Kept {
+            mesh: self.mesh.clone(),
+            roughness: self.roughness.clone(),
+            error_ratio: self.error_ratio,
+            is_symmetry_broken: self.is_symmetry_broken,
+        }
+    }
+
+    /// Makes what was kept the start of the next solution; nothing else can be asked of it.
+    pub fn restore(&mut self, kept: Kept<N, R>) {
+        let Kept { mesh, roughness, error_ratio, is_symmetry_broken } = kept;
+        (self.mesh, self.roughness) = (mesh, roughness);
+        (self.error_ratio, self.is_symmetry_broken) = (error_ratio, is_symmetry_broken);
     }
 
     /// Finds an approximate solution with few elements.
