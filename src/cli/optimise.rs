@@ -260,7 +260,7 @@ impl Optimise {
                 Err(_) => {}
             }
             if *failed > 0 {
-                say!("{failed} searches found no motion within the bounds");
+                say!("{failed} searches found no motion within the bounds that is found from rest");
             }
         }
         if found.best().is_none() {

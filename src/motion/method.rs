@@ -28,7 +28,7 @@ pub(super) trait Method {
     /// Solves for the steady motion, from the last solution where `is_warm`.
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)>;
 
-    /// The same from the last solution alone, which stays where that fails.
+    /// The same from the last solution, or at once from rest; the last solution stays where both fail.
     fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         self.solve(true, accuracy)
     }
@@ -130,7 +130,9 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         self.orbit.effort = Effort::default();
         let last = self.orbit.keep();
-        if let Err(error) = self.follow(accuracy) {
+        if self.follow(accuracy).is_err()
+            && let Err(error) = self.orbit.solve(&self.model, Start::Guess, accuracy)
+        {
             self.orbit.restore(last);
             return Err(error);
         }

@@ -104,9 +104,9 @@ impl Solver {
         self.found(problem, accuracy, |method| method.solve(is_warm, accuracy))
     }
 
-    /// The same from the last solution alone, if there is one of this kind of motion: where Newton's method does not
-    /// lead from there to the motion, it is looked for in no other way, and the next solution starts from the one
-    /// before.
+    /// The same where there is a solution of this kind of motion nearby, as on a search's way: where Newton's method
+    /// finds the motion neither from there nor at once, the transient is not integrated, and the next solution starts
+    /// from the one before.
     ///
     /// # Errors
     /// There is no such motion, or it is too far away.

@@ -1,7 +1,7 @@
 //! How sure an optimum is: what is best with coefficients that may be the true ones as well.
 //!
-//! With those of every refit the searches begin at the optima of the fit, so that each is followed, and at a place
-//! of its own, so that another may appear, which is then followed with all of them.
+//! With those of every refit the searches begin at the optima of the fit, so that each is followed, with every third at
+//! a place of its own, too, so that another may appear, which is then followed with all of them.
 
 use std::f64::consts::TAU;
 
@@ -22,6 +22,8 @@ use crate::store::OptimumRow;
 /// By how much more an optimum costs than the best one that is not followed: going to where it has moved gains a small
 /// part of that.
 const FAR: f64 = 0.1;
+/// One in so many is searched from a place of its own, too.
+const SPREAD: usize = 3;
 /// Most other optima that are followed, and the difference of what varies, as a part of the ranges, of one and another.
 const MOST_OTHERS: usize = 3;
 const APART: f64 = 0.05;
@@ -116,10 +118,12 @@ impl Certainty {
             .with_max_len(1)
             .enumerate()
             .map(|(nth, search)| {
-                let place = search.spread(1 + nth);
-                let own = Start { candidate: None, place, curvature: None };
+                let own = nth.is_multiple_of(SPREAD).then(|| {
+                    let place = search.spread(1 + nth / SPREAD);
+                    Start { candidate: None, place, curvature: None }
+                });
                 let mut ends = Vec::new();
-                search.follow(known.iter().chain([&own]), &mut ends);
+                search.follow(known.iter().chain(&own), &mut ends);
                 ends
             })
             .collect();

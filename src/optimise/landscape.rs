@@ -81,7 +81,7 @@ pub(super) struct Landscape<'a> {
     pub accuracy: f64,
     /// Whether a motion that is not clearly stable is none.
     pub only_stable: bool,
-    /// Whether motions are looked for from the last one alone: that there is none is what takes longest to find out.
+    /// Whether motions are looked for near the last one only: that there is none is what takes longest to find out.
     pub only_near: bool,
     /// What it costs to exceed a limit by all of it.
     pub price: f64,

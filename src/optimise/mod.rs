@@ -152,7 +152,7 @@ impl Optimum {
 pub struct Found {
     /// Where searches ended, the best first: those that count before those that do not.
     pub optima: Vec<Optimum>,
-    /// Searches that found no motion, or none within the limits.
+    /// Searches that found no motion within the limits that is found from rest, too.
     pub failed: usize,
 }
 

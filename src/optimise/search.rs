@@ -16,8 +16,10 @@ use super::landscape::{LIMITS, Landscape, Place, Point};
 use super::quadratic::{Curvature, QuadraticProgram};
 
 const MOST_STEPS: u64 = 120;
-/// Relative rise of the objective that is no rise any more, over the accuracy of the motions.
-const CONVERGED: f64 = 1e-3;
+/// Relative rise of the objective that is no rise any more.
+const CONVERGED: f64 = 1e-12;
+/// By how much less than a step must give the merit may seem to be, over the accuracy of the motions.
+const NOISE: f64 = 1e-3;
 /// Slope, or multiplier of a limit, that is nothing.
 const NOTHING: f64 = 1e-12;
 /// Longest first step, and longest of all, as parts of the ranges.
@@ -26,6 +28,8 @@ const LONGEST_STEP: f64 = 0.5;
 /// Part of what is promised that a step must give.
 const ENOUGH: f64 = 1e-4;
 const SHORTEST: f64 = 1e-5;
+/// Part of a step that is tried where there is no motion at its end.
+const NO_MOTION: f64 = 0.1;
 /// What is promised at least of a part of a step, over the accuracy of the motions, that the merit can tell.
 const MEASURABLE: f64 = 0.1;
 /// Part of the curvature known before that is kept along a step which shows less (Powell).
@@ -178,7 +182,7 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
         let excess = self.point.excess;
         let (step, multipliers) = self.plan(landscape, &place, &excess);
         let [promised, with_curvature] = self.promised(landscape, &step);
-        if -with_curvature <= CONVERGED * landscape.accuracy {
+        if -with_curvature <= CONVERGED {
             let is_within = excess.iter().all(|excess| *excess <= EXCEEDED);
             if is_within || landscape.price >= DEAREST {
                 return Ok((state.terminate_with(converged), None));
@@ -193,7 +197,7 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
         while part == 1.0 || (part > SHORTEST && -part * promised > measurable) {
             let way = corrected.filter(|_| part == 1.0).unwrap_or(part * step);
             let next = (place + way).map(|of| of.clamp(0.0, 1.0));
-            let most = state.cost + ENOUGH * part * promised;
+            let most = state.cost + ENOUGH * part * promised + NOISE * landscape.accuracy;
             let merit = match landscape.evaluate_below(&next, most) {
                 Some(Ok(point)) => {
                     let merit = landscape.merit(&point);
@@ -211,7 +215,7 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
                 }
                 Some(Err(merit)) => merit,
                 None => {
-                    part *= 0.25;
+                    part *= NO_MOTION;
                     continue;
                 }
             };
