@@ -551,6 +551,15 @@ fn what_is_kept_is_on_the_page_until_the_model_is_fitted_anew() {
     assert!(figure.is_file());
     let said = text_of(&trilink(home, &["run"]));
     assert!(said.contains("everything was up to date"), "{said}");
+    // Second harmonics have limits, too.
+    let more = ["--free", "omega,second2", "--starts", "2", "--replicates", "4", "--json"];
+    let rows = succeed(home, &[&line[..line.len() - 1], &["--maximise", "v"], &more].concat());
+    let rows: Vec<Value> = serde_json::from_str(&rows).unwrap();
+    for name in ["phi2_amplitude2_rad", "phi2_phase2_rad"] {
+        let [low, value, high] = [&format!("{name}_lo"), name, &format!("{name}_hi")]
+            .map(|name| rows[0][name].as_f64().unwrap());
+        assert!(low < value && value < high, "{name}: {low} {value} {high}");
+    }
     // Of other coefficients.
     config.fit.gait_input = match config.fit.gait_input {
         GaitInput::Commanded => GaitInput::Measured,

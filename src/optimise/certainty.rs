@@ -15,7 +15,7 @@ use super::{Optimum, Search, are_same, climb, normal};
 use crate::fit::Alternatives;
 use crate::interrupt;
 use crate::motion::Problem;
-use crate::robot::Robot;
+use crate::robot::{Robot, SecondHarmonic};
 use crate::stats::quantiles;
 use crate::store::OptimumRow;
 
@@ -39,6 +39,8 @@ pub struct Certainty {
     /// 95 % limits of the best: of its value, and of every command that varies.
     pub value: [f64; 2],
     pub commands: Vec<(Command, [f64; 2])>,
+    /// Of the second harmonic of each joint of which both parts vary: of its amplitude and its phase, rad.
+    pub seconds: [Option<[[f64; 2]; 2]>; 2],
     /// The commands that vary at the best of each replicate that has one.
     pub places: Vec<Vec<f64>>,
     /// Replicates in which each of the fit's optima is the best, and in which another is.
@@ -150,6 +152,23 @@ impl Certainty {
             (*command, limits.map(|limit| limit.clamp(least, most)))
         });
         let commands = commands.collect();
+        let seconds = [0, 1].map(|joint| {
+            let nth = |part: Command| search.free.iter().position(|of| *of == part);
+            let [Some(in_phase), Some(quadrature)] = Command::parts_of_second(joint).map(nth)
+            else {
+                return None;
+            };
+            let fitted = best.problem.gait.joints[joint]?.second();
+            let of = |best: &Best| SecondHarmonic {
+                in_phase_rad: best.commands[in_phase],
+                quadrature_rad: best.commands[quadrature],
+            };
+            let phase_rad = |best: &Best| {
+                of(best).phase_rad() + whole_turns(fitted.phase_rad() - of(best).phase_rad())
+            };
+            let amplitude = limits(fitted.amplitude_rad(), &|best| of(best).amplitude_rad());
+            Some([amplitude.map(|of| of.max(0.0)), limits(fitted.phase_rad(), &phase_rad)])
+        });
         let value = limits(best.value, &|best| best.value);
         let value = value.map(|limit| limit.clamp(0.0, f64::INFINITY));
         let replicates = &all[..alternatives.replicates.len()];
@@ -169,6 +188,7 @@ impl Certainty {
             without: count(&|again| again.best.is_none()),
             value,
             commands,
+            seconds,
             places: places.collect(),
             best_in: (0..candidates.len()).map(|nth| follows(Some(nth))).collect(),
             another: follows(None),
@@ -196,6 +216,11 @@ impl Certainty {
                     if let Some(number) = command.number_mut(limits) {
                         *number = of[side];
                     }
+                }
+                for (joint, second) in self.seconds.iter().enumerate() {
+                    let Some([amplitude, phase]) = second else { continue };
+                    limits.amplitude2_rad[joint] = amplitude[side];
+                    limits.phase2_rad[joint] = phase[side];
                 }
             }
         }
@@ -273,12 +298,17 @@ impl Search {
             let (value, there) = (command.value(problem), command.value(other));
             match command {
                 _ if command.is_odd() => sign * value,
-                _ if command.is_phase() => value + TAU * ((there - value) / TAU).round(),
+                _ if command.is_phase() => value + whole_turns(there - value),
                 _ => value,
             }
         };
         self.free.iter().map(near).collect()
     }
+}
+
+/// The whole turns nearest to an angle.
+fn whole_turns(angle_rad: f64) -> f64 {
+    TAU * (angle_rad / TAU).round()
 }
 
 #[cfg(test)]

@@ -56,9 +56,12 @@ impl Command {
     /// The parts of the second harmonics of the commanded joints that satisfy a condition.
     pub fn seconds(gait: &Gait, of: impl Fn(usize) -> bool) -> Vec<Self> {
         let joints = (0..2).filter(|joint| gait.joints[*joint].is_some() && of(*joint));
-        joints
-            .flat_map(|joint| [IN_PHASE, QUADRATURE].map(|part| Self::Joint(joint, part)))
-            .collect()
+        joints.flat_map(Self::parts_of_second).collect()
+    }
+
+    /// The parts of the second harmonic of a joint, in phase and in quadrature.
+    pub(super) fn parts_of_second(joint: usize) -> [Self; 2] {
+        [IN_PHASE, QUADRATURE].map(|part| Self::Joint(joint, part))
     }
 
     /// Whether it is a part of a second harmonic.

@@ -119,6 +119,8 @@ rows! {
         pub offset_rad: [f64; 2] as "phi{}_offset_rad",
         pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
         pub phase_rad: [f64; 2] as "phi{}_phase_rad",
+        pub amplitude2_rad: [f64; 2] as "phi{}_amplitude2_rad",
+        pub phase2_rad: [f64; 2] as "phi{}_phase2_rad",
     }
 }
 

@@ -39,7 +39,7 @@ pub fn section(tables: &Tables, campaign: &str) -> Option<Value> {
     Some(context! { heads, rows => rows.collect::<Vec<_>>() })
 }
 
-/// The frequency and the numbers of the joints that are commanded, those of second harmonics without limits.
+/// The frequency and the numbers of the joints that are commanded.
 fn numbers(row: &OptimumRow, has_second: bool) -> Vec<Number> {
     let number = |head: &str, unit, of: [f64; 3]| {
         let [value, low, high] = of;
@@ -52,21 +52,19 @@ fn numbers(row: &OptimumRow, has_second: bool) -> Vec<Number> {
         (0..2).filter(|joint| row.amplitude_rad[*joint].is_finite()).collect();
     for joint in commanded.iter().copied() {
         let limits = |of: fn(&GaitNumbers) -> &[f64; 2]| [of(lower)[joint], of(upper)[joint]];
-        let of_joint = [
-            ("Amplitude", row.amplitude_rad, limits(|of| &of.amplitude_rad)),
-            ("Offset", row.offset_rad, limits(|of| &of.offset_rad)),
-            ("Phase", row.phase_rad, limits(|of| &of.phase_rad)),
-        ];
         // The phase of the only commanded joint changes nothing.
-        let shown = if commanded.len() > 1 { 3 } else { 2 };
-        found.extend(of_joint.into_iter().take(shown).map(|(name, value, [low, high])| {
+        let has_phase = commanded.len() > 1;
+        let of_joint = [
+            ("Amplitude", true, row.amplitude_rad, limits(|of| &of.amplitude_rad)),
+            ("Offset", true, row.offset_rad, limits(|of| &of.offset_rad)),
+            ("Phase", has_phase, row.phase_rad, limits(|of| &of.phase_rad)),
+            ("2nd amplitude", has_second, row.amplitude2_rad, limits(|of| &of.amplitude2_rad)),
+            ("2nd phase", has_second, row.phase2_rad, limits(|of| &of.phase2_rad)),
+        ];
+        let shown = of_joint.into_iter().filter(|(_, is_shown, ..)| *is_shown);
+        found.extend(shown.map(|(name, _, value, [low, high])| {
             let rad = [value[joint], low, high];
             number(&format!("{name} {}", joint + 1), "°", rad.map(f64::to_degrees))
-        }));
-        let of_second = [("2nd amplitude", row.amplitude2_rad), ("2nd phase", row.phase2_rad)];
-        found.extend(of_second.into_iter().filter(|_| has_second).map(|(name, value)| {
-            let degrees = [value[joint].to_degrees(), f64::NAN, f64::NAN];
-            number(&format!("{name} {}", joint + 1), "°", degrees)
         }));
     }
     found
