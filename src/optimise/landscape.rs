@@ -30,7 +30,7 @@ const NUMBERS: usize = 3;
 const LIMIT_NAMES: [&str; 7] =
     ["angle1", "angle2", "rate1", "rate2", "power", "torque", LEAST_NAME];
 
-/// Relative accuracy of the motions of a search, and of one that others follow.
+/// Relative accuracy of the motions of a search, and of one after which another begins where it has ended.
 pub(super) const ACCURACY: f64 = 1e-9;
 pub(super) const ROUGH_ACCURACY: f64 = 1e-6;
 /// Relative difference of two objectives that are the same, over the accuracy of the motions.
@@ -42,8 +42,9 @@ const SAME_COMMAND: f64 = 30.0;
 const CLEARLY_STABLE: f64 = 1.0 - 1e-6;
 /// Moments of a cycle at which torques are compared with their limit.
 const TORQUE_SAMPLES: usize = 240;
-/// Step of a command, as a part of its range, that tells what it changes of the largest torque.
-const TORQUE_STEP: f64 = 1e-5;
+/// Step of a command, as a part of its range, that tells what it changes of the largest torque, over the root of the
+/// motions' accuracy.
+const TORQUE_STEP: f64 = 0.3;
 
 /// The objective at one place.
 #[derive(Debug, Clone, Copy)]
@@ -346,8 +347,9 @@ impl<'a> Landscape<'a> {
         let here = largest(&mut self.solver, passive)?;
         point.excess[TORQUE] = here / torque_nm - 1.0;
         let mut neighbour = problem.clone();
+        let size = TORQUE_STEP * self.accuracy.sqrt();
         for i in 0..self.count() {
-            let step = if place[i] + TORQUE_STEP > 1.0 { -TORQUE_STEP } else { TORQUE_STEP };
+            let step = if place[i] + size > 1.0 { -size } else { size };
             let mut moved = *place;
             moved[i] += step;
             self.set(&mut neighbour, &moved);
