@@ -111,6 +111,32 @@ fn a_neighbour_leads_to_the_same_motion_by_fewer_jacobians() {
 }
 
 #[test]
+fn where_there_is_no_motion_nearby_the_next_one_starts_from_the_one_before() {
+    let problem = Problem {
+        robot: Robot::semi_passive(),
+        gait: Gait::passive_symmetric(),
+        laws: Laws::SKID_ROLL,
+        omega_rad_s: 3.0,
+    };
+    let mut none = problem.clone();
+    none.gait.joints[1].as_mut().unwrap().amplitude_rad = f64::NAN;
+    let next = Problem { omega_rad_s: 3.02, ..problem.clone() };
+    let mut solver = Solver::default();
+    let here = solver.solve_near(&problem, 1e-9).unwrap();
+    assert_eq!(here, problem.solve(1e-9).unwrap().metrics);
+    assert!(solver.solve_near(&none, 1e-9).is_err());
+    // Nothing is said of a motion that there is not.
+    assert!(solver.floquet().is_err());
+    let there = solver.solve_near(&next, 1e-9).unwrap();
+    let steps = solver.effort().newton_steps;
+    let known = solver.solve(&next, 1e-9).unwrap();
+    assert!((there.d_m / known.d_m - 1.0).abs() < 1e-8, "{there:?} {known:?}");
+    let mut anew = Solver::default();
+    anew.solve(&next, 1e-9).unwrap();
+    assert!(steps < anew.effort().newton_steps, "{steps} {:?}", anew.effort());
+}
+
+#[test]
 fn the_kinematic_robot_that_cannot_skid_goes_the_same_way_at_every_frequency() {
     for (gait, d_m) in [(Gait::symmetric(), 0.663466), (Gait::skewed(), 0.122405)] {
         for omega_rad_s in [0.5, 1.0, 2.0, 3.9, 6.0] {
