@@ -3,15 +3,13 @@
 //! With those of every refit the searches begin at the optima of the fit, so that each is followed, with every third at
 //! a place of its own, too, so that another may appear, which is then followed with all of them.
 
-use std::f64::consts::TAU;
-
 use rayon::prelude::*;
 
 use super::commands::Command;
 use super::landscape::{Place, ROUGH_ACCURACY};
 use super::quadratic::Curvature;
 use super::search::End;
-use super::{Optimum, Search, are_same, climb, normal};
+use super::{Optimum, Search, are_same, climb, normal, whole_turns};
 use crate::fit::Alternatives;
 use crate::interrupt;
 use crate::motion::Problem;
@@ -306,13 +304,10 @@ impl Search {
     }
 }
 
-/// The whole turns nearest to an angle.
-fn whole_turns(angle_rad: f64) -> f64 {
-    TAU * (angle_rad / TAU).round()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};

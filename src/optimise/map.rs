@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 
 use super::landscape::{ACCURACY, Landscape, Place};
-use super::{Command, Optimum, Search};
+use super::{Command, Optimum, Search, whole_turns};
 use crate::robot::Model;
 use crate::store::{MapPoint, OptimumMapRow};
 
@@ -95,13 +95,12 @@ impl Search {
         // A phase a turn away is as near as it can be to the optimum's.
         let place = |value: &dyn Fn(Command) -> f64| {
             let of_axis = |axis: &Axis| {
-                let turns = match axis.command.is_phase() {
-                    true => {
-                        ((value(axis.command) - axis.command.value(&best.problem)) / TAU).round()
-                    }
+                let value = value(axis.command);
+                let turns_rad = match axis.command.is_phase() {
+                    true => whole_turns(value - axis.command.value(&best.problem)),
                     false => 0.0,
                 };
-                in_unit(axis.command, value(axis.command) - TAU * turns)
+                in_unit(axis.command, value - turns_rad)
             };
             [of_axis(first), second.map_or(f64::NAN, of_axis)]
         };

@@ -343,10 +343,15 @@ fn found_again(landscape: &mut Landscape, mut end: End) -> Option<End> {
     None
 }
 
+/// The whole turns nearest to an angle, rad.
+fn whole_turns(angle_rad: f64) -> f64 {
+    TAU * (angle_rad / TAU).round()
+}
+
 /// The same gait with phases within half a turn of zero.
 fn normal(mut problem: Problem) -> Problem {
     for command in problem.gait.joints.iter_mut().flatten() {
-        command.phase_rad -= TAU * (command.phase_rad / TAU).round();
+        command.phase_rad -= whole_turns(command.phase_rad);
     }
     problem
 }
