@@ -1,6 +1,9 @@
 //! Conditions on rows, parsed by `sqlparser` and evaluated on columns in SQL's logic: what is
 //! missing is neither true nor false.
 
+use std::panic::resume_unwind;
+use std::thread;
+
 use polars::prelude::{
     BooleanChunked, ChunkApply, ChunkCompareEq, ChunkCompareIneq, ChunkFillNullValue, ChunkSet,
     DataFrame, DataType, IntoSeries, NamedFrom, PlSmallStr, PolarsResult, Series, polars_bail,
@@ -22,6 +25,9 @@ const LONGEST: usize = 8000;
 /// Terms that lie within one another, as those of `a or b or c` do; thousands would not fit on
 /// the stack.
 const DEEPEST: usize = 400;
+/// The parser calls itself for what lies within, up to 50 times, with some ten kilobytes each: more
+/// than Windows gives a program's first thread.
+const STACK_BYTES: usize = 16 << 20;
 const KNOWN: &str =
     "and, or, not, comparisons, + - * / %, abs(..), is null, in (..), between, like";
 
@@ -36,6 +42,15 @@ pub(super) fn parse(text: &str) -> Result<Parsed, String> {
     if text.len() > LONGEST {
         return Err(format!("found {} bytes, needed {LONGEST} at most", text.len()));
     }
+    thread::scope(|scope| {
+        let roomy = thread::Builder::new().stack_size(STACK_BYTES);
+        let parsed = roomy.spawn_scoped(scope, || parse_here(text)).map_err(|e| e.to_string())?;
+        parsed.join().unwrap_or_else(|panic| resume_unwind(panic))
+    })
+}
+
+/// Parses a condition on this thread's stack.
+fn parse_here(text: &str) -> Result<Parsed, String> {
     let tokens =
         Tokenizer::new(&GenericDialect {}, text).tokenize().map_err(|error| error.to_string())?;
     let word = |token: &Token| match token {
