@@ -26,6 +26,13 @@ impl GaitMetrics {
     pub const COLUMNS: [&str; 7] =
         ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "alpha1_rad", "dtheta_rad"];
 
+    /// Columns of the skid ratios of wheels 0, 1, 2.
+    pub const SIGMA_COLUMNS: [&str; 3] = [Self::COLUMNS[2], Self::COLUMNS[3], Self::COLUMNS[4]];
+
+    /// Columns of measured skid ratios without what the markers' noise adds to them.
+    pub const SIGMA_DEBIASED_COLUMNS: [&str; 3] =
+        ["sigma0_debiased", "sigma1_debiased", "sigma2_debiased"];
+
     /// Every metric unknown.
     pub const MISSING: Self = Self {
         d_m: f64::NAN,

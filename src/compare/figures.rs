@@ -5,19 +5,12 @@ use std::collections::BTreeSet;
 use super::means::campaigns;
 use super::snapshot::{Record, Records, Snapshot, number, text};
 use super::{Compared, Difference};
+use crate::metrics::GaitMetrics;
 use crate::report::{Figure, Layer, Layout, Look, Panel, Scale, colours};
 
-const QUANTITIES: [(&str, &str); 7] = [
-    ("d_m", "d (m)"),
-    ("v_m_s", "v (m/s)"),
-    ("sigma0", "sigma 0"),
-    ("sigma1", "sigma 1"),
-    ("sigma2", "sigma 2"),
-    ("alpha1_rad", "alpha 1 (rad)"),
-    ("dtheta_rad", "rotation (rad)"),
-];
-/// Quantities that a model's prediction is drawn by if one of its parameters differs.
-const OF_MODELS: [&str; 4] = ["d_m", "sigma0", "sigma1", "sigma2"];
+/// Of the metrics, in their order.
+const LABELS: [&str; 7] =
+    ["d (m)", "v (m/s)", "sigma 0", "sigma 1", "sigma 2", "alpha 1 (rad)", "rotation (rad)"];
 
 /// Curves of both runs: of a campaign's trials, or of a model's predictions.
 struct Curves<'s> {
@@ -52,7 +45,8 @@ pub fn figures(compared: &Compared, baseline: &Snapshot, candidate: &Snapshot) -
             });
             let fit = format!("{campaign} {model}");
             if compared.out().any(|difference| difference.table == "fits" && difference.of == fit) {
-                quantities.extend(OF_MODELS);
+                quantities.insert("d_m");
+                quantities.extend(GaitMetrics::SIGMA_COLUMNS);
             }
             figures.extend(curves.figure(format!("Model {model} of {campaign}"), &quantities));
         }
@@ -86,7 +80,8 @@ impl Curves<'_> {
 
     /// A chart for each of the columns; `None` if there is nothing to draw.
     fn figure(&self, title: String, columns: &BTreeSet<&str>) -> Option<Figure> {
-        let quantities = QUANTITIES.iter().filter(|(column, _)| columns.contains(column));
+        let quantities = GaitMetrics::COLUMNS.into_iter().zip(LABELS);
+        let quantities = quantities.filter(|(column, _)| columns.contains(column));
         let panels = quantities.map(|(column, label)| {
             let [baseline, candidate] = self.runs.map(|records| self.points(records, column));
             let dots = |colour| Look::Dots { colour, joined: true };
@@ -94,7 +89,7 @@ impl Curves<'_> {
                 Layer::new("baseline", baseline, dots(colours::BASELINE)),
                 Layer::new("tonight", candidate, dots(colours::CANDIDATE)),
             ];
-            let panel = Panel::new(*label, "omega (rad/s)", *label, layers);
+            let panel = Panel::new(label, "omega (rad/s)", label, layers);
             Panel { y_scale: Scale::Decades, ..panel }
         });
         let texts = [title, "Grey: baseline. Orange: tonight.".to_owned()];

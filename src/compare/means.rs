@@ -4,20 +4,7 @@ use std::collections::BTreeSet;
 
 use super::judge::StandardError;
 use super::snapshot::{Record, Records, number, text};
-
-const COLUMNS: [&str; 11] = [
-    "omega_rad_s",
-    "d_m",
-    "v_m_s",
-    "sigma0",
-    "sigma1",
-    "sigma2",
-    "sigma0_debiased",
-    "sigma1_debiased",
-    "sigma2_debiased",
-    "alpha1_rad",
-    "dtheta_rad",
-];
+use crate::metrics::GaitMetrics;
 
 /// Each campaign's means over the trials that both runs have, with their standard errors.
 pub fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
@@ -27,7 +14,8 @@ pub fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
         let pairs: Vec<[&Record; 2]> =
             of_campaign.filter_map(|(name, trial)| Some([trial, runs[1].get(name)?])).collect();
         let mut records = [Record::new(), Record::new()];
-        for column in COLUMNS {
+        let columns = ["omega_rad_s"].into_iter().chain(GaitMetrics::COLUMNS);
+        for column in columns.chain(GaitMetrics::SIGMA_DEBIASED_COLUMNS) {
             let value = |of: &Record| Some((number(of, column)?, StandardError::of(column, of)?));
             // A trial counts if it has the value in both runs.
             let values: Vec<_> =

@@ -14,6 +14,7 @@ use super::trend;
 use super::{Acceptance, CompareError};
 use crate::clock::utc_now;
 use crate::config::Config;
+use crate::metrics::GaitMetrics;
 use crate::robot::Parameter;
 use crate::stats::HALF_WIDTH_95;
 use crate::store::{Columns as _, Provenance, RunStatus, TrialStatus, UtcTime};
@@ -22,9 +23,9 @@ use crate::store::{Columns as _, Provenance, RunStatus, TrialStatus, UtcTime};
 const MEANS: [&str; 7] = [
     "d_m",
     "v_m_s",
-    "sigma0_debiased",
-    "sigma1_debiased",
-    "sigma2_debiased",
+    GaitMetrics::SIGMA_DEBIASED_COLUMNS[0],
+    GaitMetrics::SIGMA_DEBIASED_COLUMNS[1],
+    GaitMetrics::SIGMA_DEBIASED_COLUMNS[2],
     "alpha1_rad",
     "residual_mm",
 ];

@@ -13,17 +13,18 @@ use std::path::{Path, PathBuf};
 use super::ExportError;
 use crate::config::{Config, GaitInput};
 use crate::fit::{FitData, FitInput, Measurement};
+use crate::metrics::GaitMetrics;
 use crate::robot::{JointCommand, Parameter};
 use crate::store::{FitRow, Reader, write_bytes};
 
-/// What a fit compares: the name of the observable, and its index among a measurement's metrics.
-const OBSERVABLES: [(&str, &str); 6] = [
-    ("d_m", "displacement a cycle"),
-    ("v_m_s", "speed"),
-    ("sigma0", "skid ratio of wheel 0"),
-    ("sigma1", "skid ratio of wheel 1"),
-    ("sigma2", "skid ratio of wheel 2"),
-    ("alpha1_rad", "amplitude of the passive joint"),
+/// Of what a fit compares, the first of the metrics in their order.
+const MEANINGS: [&str; 6] = [
+    "displacement a cycle",
+    "speed",
+    "skid ratio of wheel 0",
+    "skid ratio of wheel 1",
+    "skid ratio of wheel 2",
+    "amplitude of the passive joint",
 ];
 const PARAMETERS: &str = "parameters.tsv";
 const CONDITIONS: &str = "conditions.tsv";
@@ -143,11 +144,12 @@ fn observables(input: &FitInput, trials: &[Measurement]) -> String {
     let header = header.into_iter().chain(["noiseFormula", "noiseDistribution"]);
     let measured =
         |metric: usize| trials.iter().any(|of| terms(input, of).any(|(i, ..)| i == metric));
-    let rows = OBSERVABLES.iter().enumerate().filter(|(metric, _)| measured(*metric));
-    let row = |(_, (name, about)): (usize, &(&str, &str))| {
+    let rows = GaitMetrics::COLUMNS.into_iter().zip(MEANINGS).enumerate();
+    let rows = rows.filter(|(metric, _)| measured(*metric));
+    let row = |(_, (name, about)): (usize, (&str, &str))| {
         let id = observable_id(name);
         let scale = format!("noiseParameter1_{id}");
-        [id, (*about).to_owned(), (*name).to_owned(), scale, "laplace".to_owned()].into()
+        [id, about.to_owned(), name.to_owned(), scale, "laplace".to_owned()].into()
     };
     table(header.map(str::to_owned).collect(), rows.map(row))
 }
@@ -159,7 +161,7 @@ fn measurements(input: &FitInput, trials: &[Measurement]) -> String {
     let rows = trials.iter().enumerate().flat_map(|(number, trial)| {
         terms(input, trial).map(move |(metric, weight, value)| {
             let scale = value * trials.len() as f64 / weight;
-            let id = observable_id(OBSERVABLES[metric].0);
+            let id = observable_id(GaitMetrics::COLUMNS[metric]);
             let (value, scale) = (value.to_string(), scale.to_string());
             vec![id, condition_id(number), value, "inf".to_owned(), scale, trial.trial.clone()]
         })

@@ -195,8 +195,9 @@ pub struct SteadyMotion {
 impl SteadyMotion {
     /// The metrics in the order of their fields, then the work.
     pub fn to_array(&self) -> [f64; 8] {
-        let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad] = self.metrics.to_array();
-        [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad, self.work_j]
+        let mut values = [self.work_j; 8];
+        values[..7].copy_from_slice(&self.metrics.to_array());
+        values
     }
 
     /// Whether it is stable, and one of two that are each other's mirror image.

@@ -372,7 +372,7 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
             continue;
         }
         let is_odd = is_odd(mesh, variable);
-        let ([sigma0, sigma1, sigma2, even_d_m, dtheta_rad, odd_d_m], alpha1_rad) = of(column);
+        let ([sigma @ .., even_d_m, dtheta_rad, odd_d_m], alpha1_rad) = of(column);
         let d_m = if is_odd { odd_d_m } else { even_d_m };
         let commanded = match variable {
             Variable::Gait(0, number) => of_range[number],
@@ -382,7 +382,7 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
         let derivative = GaitMetrics {
             d_m,
             v_m_s: d_m * problem.omega_rad_s / TAU,
-            sigma: if is_odd { [0.0; 3] } else { [sigma0, sigma1, sigma2] },
+            sigma: if is_odd { [0.0; 3] } else { sigma },
             alpha1_rad: if is_odd { 0.0 } else { alpha1_rad + commanded },
             dtheta_rad: if is_odd || !mesh.is_half { dtheta_rad } else { 0.0 },
         };

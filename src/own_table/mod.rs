@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use polars::prelude::DataType;
 
 use crate::config::{Config, GaitInput, ParameterSource, SigmaKind, did_you_mean, nearest};
+use crate::metrics::GaitMetrics;
 use crate::named::Named;
 use crate::store::{Columns as _, StoreError, Table, TrialRow, TrialStatus, numbers, texts};
 use crate::trial::{TrialKind, is_valid_name};
@@ -212,7 +213,7 @@ fn text(column: &str, cell: &Cell, row: usize, problems: &mut Problems) -> Strin
 fn number(column: &str, is_whole: bool, cell: &Cell, row: usize, problems: &mut Problems) -> f64 {
     let is_size = column.ends_with("_se")
         || column.ends_with("_amplitude_rad")
-        || ["d_m", "v_m_s", "alpha1_rad", "sigma0", "sigma1", "sigma2"].contains(&column);
+        || (GaitMetrics::COLUMNS.contains(&column) && column != "dtheta_rad");
     let needed = match (is_whole, is_size, column) {
         (true, ..) => "a whole number",
         (_, _, "omega_rad_s") => "a number above 0",

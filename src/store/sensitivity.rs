@@ -1,13 +1,17 @@
 //! The table of sensitivities.
 
 use super::columns::rows;
+use crate::metrics::GaitMetrics;
 use crate::named::named;
 use crate::robot::Model;
 
 /// The metrics of which there are sensitivities: d, v, sigma of the wheels, alpha_1, the actuators' work a
 /// cycle.
-pub const SENSITIVE_METRICS: [&str; 7] =
-    ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "alpha1_rad", "work_j"];
+pub const SENSITIVE_METRICS: [&str; 7] = {
+    let mut metrics = GaitMetrics::COLUMNS;
+    metrics[6] = "work_j";
+    metrics
+};
 
 named! {
     /// Who says how well a number is known.

@@ -8,15 +8,13 @@ use crate::simulate::{Answer, Interval};
 pub(super) fn print(answers: &[&Answer]) {
     let names = answers.iter().map(|answer| answer.model.name().chars().count());
     let width = names.chain([5]).max().unwrap_or_default();
+    let sigma = GaitMetrics::SIGMA_COLUMNS.map(|column| format!("{column:>12}")).join(" ");
     say!(
-        "{:<width$} {:>11} {:>13} {:>13} {:>12} {:>12} {:>12} {:>12} {:>13} {:>10}  status",
+        "{:<width$} {:>11} {:>13} {:>13} {sigma} {:>12} {:>13} {:>10}  status",
         "model",
         "omega rad/s",
         "d mm",
         "v mm/s",
-        "sigma0",
-        "sigma1",
-        "sigma2",
         "alpha1 deg",
         "dtheta deg",
         "work J/m"

@@ -40,14 +40,15 @@ impl Point {
     /// There is no quantity of this name.
     pub fn get(&self, quantity: &str) -> Result<f64, Error> {
         let Self { omega_rad_s, metrics, .. } = self;
+        let is_of = |column: &&str| *column == quantity;
+        if let Some(wheel) = GaitMetrics::SIGMA_COLUMNS.iter().position(is_of) {
+            return Ok(metrics.sigma[wheel]);
+        }
         let largest_sigma = || metrics.sigma.into_iter().fold(f64::NAN, f64::max);
         Ok(match quantity {
             "d_mm" => 1e3 * metrics.d_m,
             "v_mm_s" => 1e3 * metrics.v_m_s,
             "v_over_omega_mm" => 1e3 * metrics.v_m_s / omega_rad_s,
-            "sigma0" => metrics.sigma[0],
-            "sigma1" => metrics.sigma[1],
-            "sigma2" => metrics.sigma[2],
             "sigma_sum" => metrics.sigma.iter().sum(),
             // RMS skid speed of the wheel that skids most over the mean forward speed: eq. 20
             // undone; l is that of both tables.

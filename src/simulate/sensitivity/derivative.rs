@@ -24,8 +24,9 @@ const FOURTH: [f64; 3] = [2.0 / 3.0, -1.0 / 12.0, 0.0];
 
 /// In the order of [`SENSITIVE_METRICS`].
 pub(super) fn by_metric(metrics: &GaitMetrics, work_j: f64) -> ByMetric {
-    let [d, v, sigma0, sigma1, sigma2, alpha1, _] = metrics.to_array();
-    [d, v, sigma0, sigma1, sigma2, alpha1, work_j]
+    let mut values = metrics.to_array();
+    values[COUNT - 1] = work_j;
+    values
 }
 
 /// A motion with its derivatives.
