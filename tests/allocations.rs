@@ -1,10 +1,16 @@
-//! A solver that has solved once needs no more memory.
+//! A solver that has solved once needs no more memory, and a long recording little beside itself.
 
 #![allow(clippy::unwrap_used)]
 
+use std::fs;
+
 use allocation_counter::measure;
+use trilink::config::Config;
+use trilink::ingest::process_trial;
 use trilink::motion::{FIT_ACCURACY, Laws, Problem, Solver};
 use trilink::robot::{Gait, Robot};
+use trilink::synth::{Recipe, synthesise};
+use trilink::trial::TrialList;
 
 fn problems(omega_rad_s: f64) -> Vec<Problem> {
     let kinds = [
@@ -55,4 +61,32 @@ fn a_solution_after_the_first_allocates_nothing() {
         assert!(at_first > 0 || !first.laws.skids(), "the counter does not count");
         assert_eq!(solve(&next), 0, "{:?} {:?}", next.laws, next.gait);
     }
+}
+
+#[test]
+fn ten_hours_of_a_recording_need_hardly_more_than_a_gigabyte_beside_its_values() {
+    // Ten markers of three numbers each and the frame's own number.
+    const VALUES_BYTES: u64 = 10 * 24 + 8;
+    const FRAMES_OF_TEN_HOURS: u64 = 10 * 3600 * 120;
+    // As lists grow to powers of two, these have no more room than they need.
+    const ROWS: usize = 1 << 15;
+    const HEADER: usize = 5;
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == "kinematic-symmetric");
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = Recipe { omegas_rad_s: vec![0.2], ..Recipe::new(1) };
+    synthesise(&config, folder.path(), &recipe, &|_| {}).unwrap();
+    let trial = TrialList::load(folder.path()).unwrap().trial.remove(0);
+    let place = folder.path().join(&trial.file);
+    let file = fs::read_to_string(&place).unwrap();
+    let lines: Vec<&str> = file.lines().take(HEADER + ROWS).collect();
+    assert_eq!(lines.len(), HEADER + ROWS);
+    fs::write(&place, lines.join("\n") + "\n").unwrap();
+
+    let counted = measure(|| {
+        process_trial(folder.path(), &trial, &config).unwrap();
+    });
+    let beside = counted.bytes_max / ROWS as u64 - VALUES_BYTES;
+    let of_ten_hours = beside * FRAMES_OF_TEN_HOURS;
+    assert!(of_ten_hours < (1 << 30) * 11 / 10, "{beside} bytes of each row");
 }

@@ -206,7 +206,7 @@ fn stop_beyond_limits(findings: &[Finding]) -> Result<(), Problem> {
 
 /// [`process`] of the markers of a trial.
 fn process_recording(
-    file: MarkerFile,
+    mut file: MarkerFile,
     trial: &Trial,
     input: &IngestInput,
     Known { row, findings }: &mut Known,
@@ -218,14 +218,14 @@ fn process_recording(
     diagnosis::check_layout(&file, &layout)?;
     let linkage = Linkage::of(robot);
     let max_gap = settings.max_gap_frames(rate_hz);
-    let mut tracked = poses::track(&file, &layout, Some(linkage), ingest.poses, rate_hz, max_gap)?;
+    let poses = poses::solve(&file, &layout, Some(linkage), ingest.poses, rate_hz)?;
+    // Of a long recording they are a gigabyte.
+    file.forget_positions();
+    let tracked = poses.over_time(&file.frames, &layout, max_gap)?;
     poses::describe_tracking(row, &tracked);
     findings.extend(poses::tracking_checks(row, &tracked, &file, &layout, settings));
     findings.extend(diagnosis::check_linkage(&linkage, &tracked));
     stop_beyond_limits(findings)?;
-    // Of a long recording they are a gigabyte each.
-    drop(file);
-    tracked.fits = Default::default();
 
     let skip_cycles = ingest.skip_cycles;
     let measure = |(gait, omega_rad_s): &(Gait, f64)| {

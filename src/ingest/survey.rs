@@ -101,7 +101,9 @@ impl FileSurvey {
         }
         let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
         let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
-        let tracked = poses::track(file, &layout, None, poses, rate_hz, max_gap).map_err(stop);
+        let tracked = poses::solve(file, &layout, None, poses, rate_hz)
+            .and_then(|poses| poses.over_time(&file.frames, &layout, max_gap))
+            .map_err(stop);
         let Ok(tracked) = tracked else { return };
         let mut row = TrialRow::blank();
         describe_tracking(&mut row, &tracked);

@@ -65,7 +65,7 @@ impl Motion {
             };
             bodies[link].markers.iter().zip(&links[link]).map(place).collect()
         };
-        let poses: Vec<_> = bodies[0].fits.iter().filter_map(|fit| fit.pose).collect();
+        let poses: Vec<_> = bodies[0].fits.iter().filter_map(|fit| fit.pose()).collect();
         let (sin, cos) = poses.iter().fold((0.0, 0.0), |(sin, cos), pose| {
             (sin + pose.theta_rad.sin(), cos + pose.theta_rad.cos())
         });

@@ -74,6 +74,11 @@ impl MarkerFile {
         self.row_mm(row)[marker]
     }
 
+    /// Leaves labels and frame numbers alone.
+    pub(crate) fn forget_positions(&mut self) {
+        self.positions_mm = Vec::new();
+    }
+
     /// All markers of a row, mm, in the order of [`MarkerFile::labels`].
     ///
     /// # Panics

@@ -17,7 +17,7 @@ pub(crate) fn between(
     is_used: &dyn Fn(usize) -> bool,
 ) -> Option<(JointPosition, f64)> {
     let fits = first.fits.iter().zip(&second.fits).enumerate().filter(|(row, _)| is_used(*row));
-    let poses = fits.filter_map(|(_, (a, b))| Some((a.pose?, b.pose?)));
+    let poses = fits.filter_map(|(_, (a, b))| Some((a.pose()?, b.pose()?)));
     let equations = JointPosition::default().equations(poses);
     let (moved, _) = equations.solve()?;
     // Two equations for each row.

@@ -40,7 +40,7 @@ pub(super) fn velocities(
             if frames[after] - frames[before] != 2 * half as i64 {
                 return None;
             }
-            let [earlier, now, later] = [before, row, after].map(|row| body.fits[row].pose);
+            let [earlier, now, later] = [before, row, after].map(|row| body.fits[row].pose());
             let (earlier, now, later) = (earlier?, now?, later?);
             let (from, to) = (earlier.at(point_mm), later.at(point_mm));
             let velocity_mm_s = [0, 1].map(|axis| (to[axis] - from[axis]) / span_s);

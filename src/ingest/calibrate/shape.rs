@@ -54,7 +54,7 @@ impl Body {
             reshape(file, &mut body.markers, &body.fits, is_used, &|values| mean(values));
             for (row, fit) in body.fits.iter_mut().enumerate() {
                 if fit.is_sound() {
-                    fit.pose = LinkFit::of(file.row_mm(row), &body.markers).pose;
+                    *fit = LinkFit::of(file.row_mm(row), &body.markers);
                 }
             }
         }
@@ -70,7 +70,7 @@ impl Body {
     /// Angle from another body's frame to this one's, rad, in the rows that show both.
     pub fn turns_to<'b>(&'b self, other: &'b Self) -> impl Iterator<Item = (usize, f64)> + 'b {
         self.fits.iter().zip(&other.fits).enumerate().filter_map(|(row, (own, other))| {
-            Some((row, own.pose?.theta_rad - other.pose?.theta_rad))
+            Some((row, own.pose()?.theta_rad - other.pose()?.theta_rad))
         })
     }
 }
@@ -102,7 +102,7 @@ fn reshape(
         let (mut along, mut across) = (Vec::new(), Vec::new());
         for row in good_rows(fits, is_used) {
             let [x, y, _] = file.position_mm(row, marker.column);
-            let Some(pose) = fits[row].pose.filter(|_| !x.is_nan()) else { continue };
+            let Some(pose) = fits[row].pose().filter(|_| !x.is_nan()) else { continue };
             let [u, v] = rotated(-pose.theta_rad, [x - pose.origin_mm[0], y - pose.origin_mm[1]]);
             along.push(u);
             across.push(v);

@@ -1,13 +1,10 @@
 //! Whether the links hang together as h and l say, and if not, which of them is meant.
 
 use crate::ingest::checks::{Check, Finding, JOINT_POSITION_MM};
-use crate::ingest::markers::labels::LinkFit;
 use crate::ingest::markers::rigid::LinkPose;
 use crate::ingest::poses::{JointPosition, Linkage, Tracked};
 use crate::stats::{extremes, mean, wrap};
 
-/// Rows that are looked at, spread over the trial.
-const ROWS: usize = 400;
 /// Joints that are nearer to where h and l put them are theirs, mm.
 const NEAR_MM: f64 = 5.0;
 /// Joints that turn by less show the sum of h and l only, rad.
@@ -17,7 +14,7 @@ const LEAST_TURN_RAD: f64 = 0.17;
 /// cause is known.
 pub fn check_linkage(linkage: &Linkage, tracked: &Tracked) -> Option<Finding> {
     let mm = tracked.joint_offset_mm?;
-    let cause = if mm > NEAR_MM { cause(linkage, &tracked.fits) } else { None };
+    let cause = if mm > NEAR_MM { cause(linkage, &tracked.own_poses) } else { None };
     let message = format!("a joint is {mm:.2} mm off where h_m and l_m of the robot put it");
     let finding = |message| Finding::at_most(Check::JointPositions, mm, JOINT_POSITION_MM, message);
     Some(match cause {
@@ -27,18 +24,11 @@ pub fn check_linkage(linkage: &Linkage, tracked: &Tracked) -> Option<Finding> {
 }
 
 /// Why the joints are off where h and l put them by the links' own poses.
-fn cause(linkage: &Linkage, fits: &[Vec<LinkFit>; 3]) -> Option<String> {
-    let stride = (fits[0].len() / ROWS).max(1);
-    let pose = |row: usize| Some([0, 1, 2].map(|link| fits[link][row].pose)).and_then(all);
-    let poses: Vec<[LinkPose; 3]> = (0..fits[0].len()).step_by(stride).filter_map(pose).collect();
-    if poses.is_empty() || gap_mm(linkage, &poses, [0, 1, 2], [false; 3]) <= NEAR_MM {
+fn cause(linkage: &Linkage, poses: &[[LinkPose; 3]]) -> Option<String> {
+    if poses.is_empty() || gap_mm(linkage, poses, [0, 1, 2], [false; 3]) <= NEAR_MM {
         return None;
     }
-    other_links(linkage, &poses).or_else(|| other_lengths(linkage, &poses))
-}
-
-fn all([a, b, c]: [Option<LinkPose>; 3]) -> Option<[LinkPose; 3]> {
-    Some([a?, b?, c?])
+    other_links(linkage, poses).or_else(|| other_lengths(linkage, poses))
 }
 
 /// RMS distance of the joints' two positions, mm, if links 0, 1, 2 are those of `order`, and those

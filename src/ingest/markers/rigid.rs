@@ -8,7 +8,7 @@ use crate::robot::in_world;
 const LEAST_SPREAD_MM: f64 = 5.0;
 
 /// Where a link is in the plane of the floor.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LinkPose {
     /// Wheel axle, mm.
     pub origin_mm: [f64; 2],

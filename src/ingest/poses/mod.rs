@@ -9,4 +9,4 @@ mod track;
 
 pub use checks::{describe_tracking, tracking_checks};
 pub use multibody::{JointPosition, Linkage, PARTS};
-pub use track::{Coordinates, JointShift, Tracked, frame_grid, track};
+pub use track::{Coordinates, JointShift, Tracked, frame_grid, solve};

@@ -91,7 +91,7 @@ impl Linkage {
         let alike = (ALIKE_FRAMES / stride as f64).max(1.0);
         let parts = [0, 1].map(|side| {
             let [middle, outer] = [&fits[0], &fits[1 + side]];
-            let pose = |row: usize| Some((middle[row].pose?, outer[row].pose?));
+            let pose = |row: usize| Some((middle[row].pose()?, outer[row].pose()?));
             let part = |i: usize| (i * rows / PARTS..(i + 1) * rows / PARTS).step_by(stride);
             std::array::from_fn::<_, PARTS, _>(|i| {
                 self.joints[side].equations(part(i).filter_map(pose))
@@ -351,7 +351,7 @@ mod tests {
     #[test]
     fn positions_of_joints_that_are_wrong_are_found_from_the_poses() {
         let right = Linkage::of(&Robot::kinematic());
-        let fit = |pose: LinkPose| LinkFit { pose: Some(pose), seen: 3, outlier: Outlier::None };
+        let fit = |pose: LinkPose| LinkFit::new(0b111, Some(pose), Outlier::None);
         let mut fits = [const { Vec::new() }; 3];
         for i in 0..2000 {
             let phase = 0.1 * i as f64;
@@ -370,7 +370,7 @@ mod tests {
         // From a joint that does not turn only their sum is known.
         let still = fits.map(|fits| vec![fits[0]; 200]);
         let (refined, _) = wrong.refined(&still);
-        let [middle, front] = [0, 1].map(|link| still[link][0].pose.unwrap());
+        let [middle, front] = [0, 1].map(|link| still[link][0].pose().unwrap());
         let positions = refined.joints[0];
         let (a, b) = (middle.at(positions.in_middle), front.at(positions.in_outer));
         assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.1);

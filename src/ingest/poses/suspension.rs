@@ -83,7 +83,7 @@ impl LinkRecording<'_> {
     /// Equations of the heights of the markers above where they should be, for a constant and the
     /// turns about x and y, in parts of so many rows each.
     fn parts(&self, rows: usize, fits: &[LinkFit]) -> Vec<NormalEquations<3>> {
-        let begin = fits.iter().position(|fit| fit.pose.is_some()).unwrap_or(0);
+        let begin = fits.iter().position(LinkFit::is_posed).unwrap_or(0);
         let [a, b] = self.floor.about_rad;
         let mut parts = vec![NormalEquations::new(); fits.len().div_ceil(rows)];
         for marker in self.markers {
@@ -111,14 +111,14 @@ impl LinkRecording<'_> {
 
     /// The pose that the link would have without a turn about its x and y axes.
     fn set_upright(&self, row: usize, fit: &mut LinkFit, [about_x, about_y]: [f64; 2]) {
-        let Some(pose) = &mut fit.pose else { return };
+        let Some(mut pose) = fit.pose() else { return };
         let centre = pose.moments.centre_mm;
         // The markers of the pose, by their heights: a marker at z is shifted by z times this.
         let shift = [about_y, -about_x];
         let (mut heights, mut turning) = (0.0, 0.0);
         for (i, marker) in self.markers.iter().enumerate() {
             let [x, _, _] = self.file.position_mm(row, marker.column);
-            if x.is_nan() || fit.outlier == Outlier::Jumped(i as u16) {
+            if x.is_nan() || fit.outlier() == Outlier::Jumped(i as u16) {
                 continue;
             }
             let from_centre = [0, 1].map(|axis| marker.local_position_mm[axis] - centre[axis]);
@@ -134,6 +134,7 @@ impl LinkRecording<'_> {
         for axis in 0..2 {
             pose.origin_mm[axis] += upright[axis] - from_axle[axis];
         }
+        fit.set(Some(pose), fit.outlier());
     }
 }
 
@@ -199,7 +200,7 @@ mod tests {
         let mut fits: Vec<LinkFit> =
             (0..ROWS).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
         let rms = |fits: &[LinkFit]| {
-            let poses = || fits.iter().filter_map(|fit| fit.pose);
+            let poses = || fits.iter().filter_map(LinkFit::pose);
             let away = |pose: &rigid::LinkPose| {
                 let (origin, _) = TRUE;
                 (pose.origin_mm[0] - origin[0]).powi(2) + (pose.origin_mm[1] - origin[1]).powi(2)

@@ -6,7 +6,8 @@ use super::tilt::Tilt;
 use crate::config::Poses;
 use crate::ingest::error::Problem;
 use crate::ingest::markers::labels::{LinkFit, Outlier, bit, correct_labels};
-use crate::ingest::markers::layout::{Layout, LinkMarker};
+use crate::ingest::markers::layout::Layout;
+use crate::ingest::markers::rigid::LinkPose;
 use crate::ingest::signals;
 use crate::named::named;
 use crate::robot::rotated;
@@ -21,6 +22,8 @@ const MOST_LEFT_OUT_AT_ALL: i64 = 1_000_000;
 
 /// Frames in which it is looked what other positions of the joints would do.
 const SHIFTS: usize = 500;
+/// Rows of which the links' own poses are kept.
+const OWN_POSES: usize = 400;
 
 named! {
     /// Where a link's pose in a frame comes from.
@@ -73,12 +76,26 @@ pub struct JointShift {
     pub without: [[f64; 5]; PARTS],
 }
 
+/// The links' poses in every row of a file.
+#[derive(Debug)]
+pub struct LinkPoses {
+    first_frame: i64,
+    /// With those that the file leaves out.
+    frames: usize,
+    fits: [Vec<LinkFit>; 3],
+    own_poses: Vec<[LinkPose; 3]>,
+    tilt: Tilt,
+    joint_offset_mm: Option<f64>,
+    joint_shifts: Vec<JointShift>,
+}
+
 /// What is known from the markers, frame by frame without jumps in time.
 #[derive(Debug)]
 pub struct Tracked {
     pub first_frame: i64,
-    /// Each link's own pose in the rows of the file.
-    pub fits: [Vec<LinkFit>; 3],
+    /// What the links' own markers give in some rows that show all links, spread over the trial:
+    /// their joints are not closed.
+    pub own_poses: Vec<[LinkPose; 3]>,
     /// Frames that the file leaves out.
     pub inserted_frames: usize,
     /// As seen, and with short gaps filled.
@@ -102,98 +119,128 @@ pub struct Tracked {
     pub coverage: f64,
 }
 
-/// Fits the links in every frame, each by itself or all with their joints closed by `linkage`, and
-/// fills gaps of at most `max_gap` frames.
-pub fn track(
+/// Fits the links in every row, each by itself or all with their joints closed by `linkage`.
+pub fn solve(
     file: &MarkerFile,
     layout: &Layout,
     linkage: Option<Linkage>,
     poses: Poses,
     rate_hz: f64,
-    max_gap: usize,
-) -> Result<Tracked, Problem> {
+) -> Result<LinkPoses, Problem> {
     let (first_frame, frames) = frame_grid(&file.frames)?;
-    let missing = || vec![f64::NAN; frames];
-    let (mut x_m, mut y_m) = (missing(), missing());
-    let (mut theta, mut residual_mm) = ([0; 3].map(|_| missing()), [0; 3].map(|_| missing()));
-    let mut fill = [0; 3].map(|_| vec![Fill::Missing; frames]);
-    let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
-    let mut unseen = layout
-        .each_ref()
-        .map(|markers| vec![(0..markers.len() as u16).map(bit).sum::<u64>(); frames]);
-    let mut markers_seen = 0;
-    let (fits, tilt) = upright_fits(file, layout, rate_hz);
+    let (mut fits, tilt) = upright_fits(file, layout, rate_hz);
     let refined = linkage.map(|linkage| linkage.refined(&fits));
     let joint_offset_mm = linkage.zip(refined).map(|(robot, (found, _))| robot.distance_mm(&found));
+    let rows = file.frames.len();
+    let all = |row: usize| match own_poses(&fits, row) {
+        [Some(middle), Some(front), Some(rear)] => Some([middle, front, rear]),
+        _ => None,
+    };
+    let sample = (0..rows).step_by((rows / OWN_POSES).max(1)).filter_map(all).collect();
     let mut joint_shifts = Vec::new();
-    let stride = (file.frames.len() / SHIFTS).max(1);
-    let is_closed = poses == Poses::Chain;
-    for (row, &frame) in file.frames.iter().enumerate() {
-        let i = (frame - first_frame) as usize;
-        let own = fits.each_ref().map(|fits| fits[row].pose);
-        let poses = match &refined {
-            Some((joints, _)) if is_closed => joints.close(own),
-            _ => own,
-        };
-        if let (true, Some((joints, without))) = (is_closed && row % stride == 0, &refined)
-            && let [Some(middle), Some(_), Some(_)] = own
-            && let Some(shifts) = joints.shifts(&own, without)
-        {
-            // Link 0 along and across itself.
-            let without = shifts.map(|shift| {
-                let [along_mm, across_mm] = rotated(-middle.theta_rad, [shift[0], shift[1]]);
-                [along_mm / 1000.0, across_mm / 1000.0, shift[2], shift[3], shift[4]]
-            });
-            joint_shifts.push(JointShift { frame: i, without });
-        }
-        for (link, pose) in poses.into_iter().enumerate() {
-            let fit = &fits[link][row];
-            markers_seen += u64::from(fit.seen);
-            let is_unseen = |marker: &LinkMarker| file.row_mm(row)[marker.column][0].is_nan();
-            let markers = (0..).zip(&layout[link]);
-            unseen[link][i] = markers.filter(|(_, of)| is_unseen(of)).map(|(k, _)| bit(k)).sum();
-            outlier[link][i] = fit.outlier;
-            let Some(pose) = pose else { continue };
-            theta[link][i] = pose.theta_rad;
-            residual_mm[link][i] = pose.residual_mm;
-            let is_whole = usize::from(fit.seen) == layout[link].len()
-                && !matches!(fit.outlier, Outlier::Jumped(_));
-            fill[link][i] = if is_whole { Fill::Measured } else { Fill::Rigid };
-            if link == 0 {
-                [x_m[i], y_m[i]] = pose.origin_mm.map(|mm| mm / 1000.0);
+    if let (Poses::Chain, Some((joints, without))) = (poses, refined) {
+        let stride = (rows / SHIFTS).max(1);
+        for (row, &frame) in file.frames.iter().enumerate() {
+            let own = own_poses(&fits, row);
+            if row % stride == 0
+                && let [Some(middle), Some(_), Some(_)] = own
+                && let Some(shifts) = joints.shifts(&own, &without)
+            {
+                // Link 0 along and across itself.
+                let without = shifts.map(|shift| {
+                    let [along_mm, across_mm] = rotated(-middle.theta_rad, [shift[0], shift[1]]);
+                    [along_mm / 1000.0, across_mm / 1000.0, shift[2], shift[3], shift[4]]
+                });
+                joint_shifts.push(JointShift { frame: (frame - first_frame) as usize, without });
+            }
+            for (fits, pose) in fits.iter_mut().zip(joints.close(own)) {
+                let fit = &mut fits[row];
+                fit.set(pose, fit.outlier());
             }
         }
     }
-    if let Some(link) = (0..3).find(|&link| theta[link].iter().all(|x| x.is_nan())) {
-        return Err(Problem::LinkUnseen { link });
-    }
-    theta.iter_mut().for_each(|theta| unwrap(theta));
-    // Headings are filled link by link, so that a joint angle uses whichever link was seen.
-    let fill_gaps = |series: &[f64]| signals::fill(series, max_gap);
-    let filled_theta = theta.each_ref().map(|theta| fill_gaps(theta));
-    for (fill, theta) in fill.iter_mut().flatten().zip(filled_theta.iter().flatten()) {
-        if *fill == Fill::Missing && !theta.is_nan() {
-            *fill = Fill::Interpolated;
-        }
-    }
-    let filled = coordinates(fill_gaps(&x_m), fill_gaps(&y_m), filled_theta);
-    let seen = coordinates(x_m, y_m, theta);
-    let markers: usize = layout.iter().map(Vec::len).sum();
-    Ok(Tracked {
+    Ok(LinkPoses {
         first_frame,
+        frames,
         fits,
-        inserted_frames: frames - file.frames.len(),
-        seen,
-        filled,
-        residual_mm,
-        fill,
-        outlier,
-        unseen,
+        own_poses: sample,
         tilt,
         joint_offset_mm,
         joint_shifts,
-        coverage: markers_seen as f64 / (markers * frames) as f64,
     })
+}
+
+fn own_poses(fits: &[Vec<LinkFit>; 3], row: usize) -> [Option<LinkPose>; 3] {
+    fits.each_ref().map(|fits| fits[row].pose())
+}
+
+impl LinkPoses {
+    /// The poses in time, given the frame number of each row. Gaps of at most `max_gap` frames are
+    /// filled.
+    pub fn over_time(
+        self,
+        numbers: &[i64],
+        layout: &Layout,
+        max_gap: usize,
+    ) -> Result<Tracked, Problem> {
+        let Self { first_frame, frames, fits, .. } = self;
+        let missing = || vec![f64::NAN; frames];
+        let (mut x_m, mut y_m) = (missing(), missing());
+        let (mut theta, mut residual_mm) = ([0; 3].map(|_| missing()), [0; 3].map(|_| missing()));
+        let mut fill = [0; 3].map(|_| vec![Fill::Missing; frames]);
+        let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
+        let all = layout.each_ref().map(|of| (0..of.len() as u16).map(bit).sum::<u64>());
+        let mut unseen = all.map(|markers| vec![markers; frames]);
+        let mut markers_seen = 0;
+        // Of a long recording each link's are some hundred megabytes.
+        for (link, fits) in fits.into_iter().enumerate() {
+            for (fit, frame) in fits.iter().zip(numbers) {
+                let i = (frame - first_frame) as usize;
+                markers_seen += u64::from(fit.seen.count_ones());
+                unseen[link][i] = all[link] & !fit.seen;
+                outlier[link][i] = fit.outlier();
+                let Some(pose) = fit.pose() else { continue };
+                theta[link][i] = pose.theta_rad;
+                residual_mm[link][i] = pose.residual_mm;
+                let is_whole =
+                    fit.seen == all[link] && !matches!(fit.outlier(), Outlier::Jumped(_));
+                fill[link][i] = if is_whole { Fill::Measured } else { Fill::Rigid };
+                if link == 0 {
+                    [x_m[i], y_m[i]] = pose.origin_mm.map(|mm| mm / 1000.0);
+                }
+            }
+        }
+        if let Some(link) = (0..3).find(|&link| theta[link].iter().all(|x| x.is_nan())) {
+            return Err(Problem::LinkUnseen { link });
+        }
+        theta.iter_mut().for_each(|theta| unwrap(theta));
+        // Headings are filled link by link, so that a joint angle uses whichever link was seen.
+        let fill_gaps = |series: &[f64]| signals::fill(series, max_gap);
+        let filled_theta = theta.each_ref().map(|theta| fill_gaps(theta));
+        for (fill, theta) in fill.iter_mut().flatten().zip(filled_theta.iter().flatten()) {
+            if *fill == Fill::Missing && !theta.is_nan() {
+                *fill = Fill::Interpolated;
+            }
+        }
+        let filled = coordinates(fill_gaps(&x_m), fill_gaps(&y_m), filled_theta);
+        let seen = coordinates(x_m, y_m, theta);
+        let markers: usize = layout.iter().map(Vec::len).sum();
+        Ok(Tracked {
+            first_frame,
+            own_poses: self.own_poses,
+            inserted_frames: frames - numbers.len(),
+            seen,
+            filled,
+            residual_mm,
+            fill,
+            outlier,
+            unseen,
+            tilt: self.tilt,
+            joint_offset_mm: self.joint_offset_mm,
+            joint_shifts: self.joint_shifts,
+            coverage: markers_seen as f64 / (markers * frames) as f64,
+        })
+    }
 }
 
 /// Poses of links 0, 1, 2 in every row of the file, as on a level floor with upright links, and

@@ -35,14 +35,14 @@ impl LinkMarkers<'_> {
             best.all(|other| self.distance_mm(&first.pose, &other.pose) <= SAME_MM)
         });
         if let Some(single) = single {
-            (fit.pose, fit.outlier) = (Some(single.pose), single.outlier);
+            fit.set(Some(single.pose), single.outlier);
             return most >= 3;
         }
         // A layout that fits no frame is found by the check of residuals; only what is unusual is
         // thrown out.
-        let is_usual = fit.pose.is_some_and(|pose| pose.residual_mm <= self.usual_mm);
+        let is_usual = fit.pose().is_some_and(|pose| pose.residual_mm <= self.usual_mm);
         if !is_usual {
-            (fit.pose, fit.outlier) = (None, Outlier::Ambiguous);
+            fit.set(None, Outlier::Ambiguous);
         }
         is_usual
     }

@@ -15,7 +15,7 @@ mod motion;
 mod tests;
 
 use super::layout::LinkMarker;
-use super::rigid::{self, LinkPose};
+use super::rigid::{self, LinkPose, MarkerMoments};
 use crate::stats::median_high;
 use crate::vicon::MarkerFile;
 use explain::LinkMarkers;
@@ -69,27 +69,67 @@ pub fn bit(index: u16) -> u64 {
     1_u64.checked_shl(index.into()).unwrap_or_default()
 }
 
-/// One link in one row of the file. Of a long recording there are millions.
+/// One link in one row of the file. Of a long recording there are millions, so what a
+/// [`LinkPose`] has beside its pose is kept as the set of its markers.
 #[derive(Debug, Clone, Copy)]
 pub struct LinkFit {
-    /// Missing if the markers that were seen give none.
-    pub pose: Option<LinkPose>,
-    /// Markers seen.
-    pub seen: u16,
-    pub outlier: Outlier,
+    is_posed: bool,
+    /// Without meaning where there is no pose, as what follows.
+    origin_mm: [f64; 2],
+    theta_rad: f64,
+    residual_mm: f64,
+    centre_mm: [f64; 2],
+    turning_mm2: f64,
+    /// The markers that were seen: a bit for each by its index in the link's layout.
+    pub seen: u64,
+    outlier: Outlier,
 }
 
 impl LinkFit {
-    /// Whether there is a pose and nothing was wrong.
-    pub fn is_sound(&self) -> bool {
-        self.pose.is_some() && self.outlier == Outlier::None
-    }
-
     /// The fit of all of the link's markers that were seen in a row.
     pub fn of(positions_mm: &[[f64; 3]], markers: &[LinkMarker]) -> Self {
         let seen = seen(positions_mm, markers);
         let pose = rigid::fit(seen.clone().map(|(_, pair)| pair));
-        Self { seen: seen.count() as u16, pose, outlier: Outlier::None }
+        Self::new(seen.map(|(index, _)| bit(index as u16)).sum(), pose, Outlier::None)
+    }
+
+    /// Of the markers `seen`; the pose is of those that are not left out.
+    pub fn new(seen: u64, pose: Option<LinkPose>, outlier: Outlier) -> Self {
+        let is_posed = pose.is_some();
+        let LinkPose { origin_mm, theta_rad, residual_mm, moments } = pose.unwrap_or_default();
+        let MarkerMoments { centre_mm, turning_mm2, .. } = moments;
+        Self { is_posed, origin_mm, theta_rad, residual_mm, centre_mm, turning_mm2, seen, outlier }
+    }
+
+    /// Missing if the markers that were seen give none.
+    pub fn pose(&self) -> Option<LinkPose> {
+        let left_out = match self.outlier {
+            Outlier::Jumped(index) => bit(index),
+            _ => 0,
+        };
+        let markers = f64::from((self.seen & !left_out).count_ones());
+        let Self { origin_mm, theta_rad, residual_mm, centre_mm, turning_mm2, .. } = *self;
+        let moments = MarkerMoments { markers, centre_mm, turning_mm2 };
+        self.is_posed.then_some(LinkPose { origin_mm, theta_rad, residual_mm, moments })
+    }
+
+    pub fn outlier(&self) -> Outlier {
+        self.outlier
+    }
+
+    /// Whether there is a pose.
+    pub fn is_posed(&self) -> bool {
+        self.is_posed
+    }
+
+    /// Whether there is a pose and nothing was wrong.
+    pub fn is_sound(&self) -> bool {
+        self.is_posed && self.outlier == Outlier::None
+    }
+
+    /// Gives it another pose, and what is wrong with its markers.
+    pub fn set(&mut self, pose: Option<LinkPose>, outlier: Outlier) {
+        *self = Self::new(self.seen, pose, outlier);
     }
 }
 
@@ -108,7 +148,7 @@ fn seen(
 /// Finds the rows in which a marker of the link is mislabelled, and corrects them: `fits` are those
 /// of all its markers in every row of the file.
 pub fn correct_labels(file: &MarkerFile, markers: &[LinkMarker], fits: &mut [LinkFit]) {
-    let residuals = fits.iter().filter_map(|fit| Some(fit.pose?.residual_mm));
+    let residuals = fits.iter().filter_map(|fit| Some(fit.pose()?.residual_mm));
     let median_mm = median_high(residuals.collect());
     if median_mm.is_nan() {
         return;
@@ -117,9 +157,9 @@ pub fn correct_labels(file: &MarkerFile, markers: &[LinkMarker], fits: &mut [Lin
     let link = LinkMarkers { file, markers, tolerance_mm, usual_mm: USUAL_MEDIANS * median_mm };
     let mut unsure = Vec::new();
     for (row, fit) in fits.iter_mut().enumerate() {
-        let Some(pose) = fit.pose else { continue };
+        let Some(pose) = fit.pose() else { continue };
         let is_settled = match pose.residual_mm <= tolerance_mm {
-            true => fit.seen >= 3,
+            true => fit.seen.count_ones() >= 3,
             false => link.explain(row, fit),
         };
         if !is_settled {

@@ -25,7 +25,7 @@ impl LinkMarkers<'_> {
     /// that are settled already; first by near ones, which are better known. Rows without such
     /// neighbours stay as they are.
     pub fn settle_by_motion(&self, fits: &mut [LinkFit], unsure: &[usize]) {
-        let mut is_sure: Vec<bool> = fits.iter().map(|fit| fit.pose.is_some()).collect();
+        let mut is_sure: Vec<bool> = fits.iter().map(LinkFit::is_posed).collect();
         unsure.iter().for_each(|&row| is_sure[row] = false);
         let mut is_contradicted = vec![false; unsure.len()];
         for (longest, backwards) in [
@@ -48,7 +48,7 @@ impl LinkMarkers<'_> {
             }
         }
         for (&row, _) in unsure.iter().zip(is_contradicted).filter(|(_, wrong)| *wrong) {
-            (fits[row].pose, fits[row].outlier) = (None, Outlier::Ambiguous);
+            fits[row].set(None, Outlier::Ambiguous);
         }
     }
 
@@ -75,7 +75,7 @@ impl LinkMarkers<'_> {
             .min_by(|a, b| distance(a).total_cmp(&distance(b)))
             .filter(|nearest| distance(nearest) <= reach_mm);
         if let Some(Explanation { outlier, pose, .. }) = nearest {
-            (fits[row].pose, fits[row].outlier) = (Some(pose), outlier);
+            fits[row].set(Some(pose), outlier);
             is_sure[row] = true;
         }
         Some(is_sure[row])
@@ -85,11 +85,11 @@ impl LinkMarkers<'_> {
     /// have a heading like the row's, those of them are sure that move on evenly. Swapped labels
     /// turn a link round, and a jump moves it out of line.
     fn begin_anew(&self, fits: &[LinkFit], is_sure: &mut [bool], row: usize) {
-        let Some(first) = fits[row].pose else { return };
+        let Some(first) = fits[row].pose() else { return };
         let frames = &self.file.frames;
         let next: Vec<(usize, LinkPose)> = (row..frames.len())
             .take_while(|&other| frames[other] - frames[row] <= BEGINNING_FRAMES)
-            .filter_map(|other| Some((other, fits[other].pose?)))
+            .filter_map(|other| Some((other, fits[other].pose()?)))
             .collect();
         let turn = |pose: &LinkPose| wrap(pose.theta_rad - first.theta_rad);
         let alike: Vec<(usize, LinkPose)> =
@@ -142,7 +142,7 @@ impl LinkMarkers<'_> {
         let (last, ahead) = sure(row, farthest).next()?;
         let (earlier, apart) =
             sure(last, *SPEED_FRAMES.end()).find(|(_, apart)| SPEED_FRAMES.contains(apart))?;
-        let (last, earlier) = (fits[last].pose?, fits[earlier].pose?);
+        let (last, earlier) = (fits[last].pose()?, fits[earlier].pose()?);
         let steps = ahead as f64 / apart as f64;
         let on = |a: f64, b: f64| a + steps * (a - b);
         let predicted = LinkPose {

@@ -58,17 +58,17 @@ fn mended(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> Vec<LinkFit> {
         (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
     correct_labels(&file, &markers, &mut fits);
     for (frame, fit) in fits.iter().enumerate() {
-        let Some(pose) = fit.pose else { continue };
+        let Some(pose) = fit.pose() else { continue };
         let truth = truth(frame);
         let away = wrap(pose.theta_rad - truth.theta_rad).abs();
-        assert!(away < 0.01, "{frame}: {away} {:?}", fit.outlier);
+        assert!(away < 0.01, "{frame}: {away} {:?}", fit.outlier());
         assert!((pose.origin_mm[0] - truth.origin_mm[0]).abs() < 0.5, "{frame}");
     }
     fits
 }
 
 fn outliers(fits: &[LinkFit]) -> Vec<(usize, Outlier)> {
-    let found = fits.iter().enumerate().map(|(row, fit)| (row, fit.outlier));
+    let found = fits.iter().enumerate().map(|(row, fit)| (row, fit.outlier()));
     found.filter(|(_, outlier)| *outlier != Outlier::None).collect()
 }
 
@@ -138,7 +138,7 @@ fn two_markers_are_checked_by_the_frames_about_them() {
     });
     let expected = [(24, Outlier::Swapped(0, 1)), (27, Outlier::Ambiguous)];
     assert_eq!(outliers(&fits), expected);
-    assert!(fits[27].pose.is_none() && fits[28].pose.is_some());
+    assert!(!fits[27].is_posed() && fits[28].is_posed());
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn a_layout_that_is_wrong_in_every_frame_throws_no_pose_out() {
     let mut fits: Vec<LinkFit> =
         (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
     correct_labels(&file, &markers, &mut fits);
-    assert!(fits.iter().all(|fit| fit.pose.is_some() && fit.outlier == Outlier::None));
+    assert!(fits.iter().all(|fit| fit.is_sound()));
 }
 
 #[test]
