@@ -1,5 +1,6 @@
 //! What was recorded of one trial, frame by frame, from its own tables.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::motion::Pose;
@@ -17,17 +18,57 @@ pub struct Recording {
     pub phi_rad: [Vec<f64>; 2],
     pub residual_mm: [Vec<f64>; 3],
     /// `measured`, `rigid`, `interpolated` or `missing`.
-    pub fill: [Vec<String>; 3],
+    pub fill: [FrameTexts; 3],
     /// Labels of the markers that the cameras did not see, and of those that were corrected; empty
     /// where the table does not tell.
-    pub unseen: [Vec<String>; 3],
-    pub corrected: [Vec<String>; 3],
+    pub unseen: [FrameTexts; 3],
+    pub corrected: [FrameTexts; 3],
     pub roll_m_s: [Vec<f64>; 3],
     pub skid_m_s: [Vec<f64>; 3],
     /// Empty for trials that are not of kind `gait`.
     pub cycles: Vec<CycleRow>,
     /// Where the tables have other frames than each other.
     pub problem: Option<String>,
+}
+
+/// A text for each frame, of which there are few: each is kept once, as of a long recording there
+/// are millions.
+#[derive(Debug, Clone, Default)]
+pub struct FrameTexts {
+    known: Vec<String>,
+    /// Which of them each frame has.
+    frames: Vec<u32>,
+}
+
+impl FrameTexts {
+    fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
+    fn get(&self, frame: usize) -> Option<&str> {
+        Some(&self.known[*self.frames.get(frame)? as usize])
+    }
+
+    /// In how many frames in a row stands which text.
+    pub fn runs(&self) -> impl Iterator<Item = (usize, &str)> {
+        let runs = self.frames.chunk_by(|a, b| a == b);
+        runs.map(|run| (run.len(), self.known[run[0] as usize].as_str()))
+    }
+}
+
+impl FromIterator<String> for FrameTexts {
+    fn from_iter<T: IntoIterator<Item = String>>(texts: T) -> Self {
+        let (mut known, mut numbers) = (Vec::new(), BTreeMap::new());
+        let number = |text: String| match numbers.get(&text) {
+            Some(number) => *number,
+            None => {
+                known.push(text.clone());
+                *numbers.entry(text).or_insert(known.len() as u32 - 1)
+            }
+        };
+        let frames = texts.into_iter().map(number).collect();
+        Self { known, frames }
+    }
 }
 
 /// What is known of a marker in a frame.
@@ -86,7 +127,7 @@ impl Recording {
             theta_rad: numbers(&poses, "theta_rad")?,
             phi_rad: [numbers(&poses, "phi1_rad")?, numbers(&poses, "phi2_rad")?],
             residual_mm: three(|link| numbers(&poses, &format!("residual{link}_mm")))?,
-            fill: three(|link| poses.values(&format!("fill{link}")))?,
+            fill: three(|link| texts(&poses, &format!("fill{link}")))?,
             unseen: three(|link| texts_if_there(&poses, &format!("unseen{link}")))?,
             corrected: three(|link| texts_if_there(&poses, &format!("corrected{link}")))?,
             roll_m_s: three(|wheel_number| wheel(format!("roll{wheel_number}_m_s")))?,
@@ -147,12 +188,12 @@ impl Recording {
     /// What is known of a link's marker in a frame; of a table that does not tell the markers, those
     /// of a link without a pose of its own are missing.
     pub fn marker(&self, link: usize, label: &str, i: usize) -> MarkerState {
-        let names = |all: &[Vec<String>; 3]| {
+        let names = |all: &[FrameTexts; 3]| {
             let labels = all[link].get(i).filter(|labels| !labels.is_empty());
             labels.is_some_and(|labels| labels.split(LABELS_APART).any(|name| name == label))
         };
         let is_missing = match self.unseen[link].is_empty() {
-            true => matches!(self.fill[link][i].as_str(), "interpolated" | "missing"),
+            true => matches!(self.fill[link].get(i), Some("interpolated" | "missing")),
             false => names(&self.unseen),
         };
         match (names(&self.corrected), is_missing) {
@@ -185,10 +226,14 @@ fn fall(table: &Table) -> Result<Option<String>, StoreError> {
     }))
 }
 
-fn texts_if_there(table: &Table, name: &str) -> Result<Vec<String>, StoreError> {
+fn texts(table: &Table, name: &str) -> Result<FrameTexts, StoreError> {
+    Ok(table.values::<String>(name)?.into_iter().collect())
+}
+
+fn texts_if_there(table: &Table, name: &str) -> Result<FrameTexts, StoreError> {
     match table.frame.column(name) {
-        Ok(_) => table.values(name),
-        Err(_) => Ok(Vec::new()),
+        Ok(_) => texts(table, name),
+        Err(_) => Ok(FrameTexts::default()),
     }
 }
 
@@ -236,12 +281,13 @@ mod tests {
 
     #[test]
     fn a_marker_is_what_the_table_says_and_without_that_as_its_link() {
-        let texts = |all: [&str; 3]| all.map(str::to_owned).to_vec();
+        let texts = |all: [&str; 3]| -> FrameTexts { all.map(str::to_owned).into_iter().collect() };
+        let none = FrameTexts::default;
         let fill = texts(["measured", "interpolated", "rigid"]);
-        let untold = Recording { fill: [fill.clone(), fill, Vec::new()], ..Recording::default() };
+        let untold = Recording { fill: [fill.clone(), fill, none()], ..Recording::default() };
         let told = Recording {
-            unseen: [texts(["", "R1, R2", ""]), Vec::new(), Vec::new()],
-            corrected: [texts(["", "", "R10"]), Vec::new(), Vec::new()],
+            unseen: [texts(["", "R1, R2", ""]), none(), none()],
+            corrected: [texts(["", "", "R10"]), none(), none()],
             ..untold.clone()
         };
         use MarkerState::{Corrected, Missing, Seen};

@@ -154,10 +154,10 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
         let mut bars = Vec::new();
         for (fills, link) in recording.fill.iter().zip([0.0, 1.0, 2.0]) {
             let mut i = 0;
-            for run in fills.chunk_by(|a, b| a == b) {
-                let (from_s, to_s) = (recording.time_s[i], recording.time_s[i + run.len() - 1]);
-                i += run.len();
-                bars.extend(bar(from_s, to_s, link).into_iter().filter(|_| run[0] == fill));
+            for (frames, of) in fills.runs() {
+                let (from_s, to_s) = (recording.time_s[i], recording.time_s[i + frames - 1]);
+                i += frames;
+                bars.extend(bar(from_s, to_s, link).into_iter().filter(|_| of == fill));
             }
         }
         layers.push(Layer::with_errors(name, bars, looks::gap(nth)));

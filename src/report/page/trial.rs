@@ -117,12 +117,14 @@ fn gaps(recording: &Recording) -> [([f64; 4], Option<f64>); 3] {
         _ => f64::NAN,
     };
     recording.fill.each_ref().map(|fill| {
-        let part = |name: &str| {
-            let count = fill.iter().filter(|fill| *fill == name).count();
-            count as f64 / fill.len().max(1) as f64
+        let frames = |runs: &mut dyn Iterator<Item = (usize, &str)>| -> usize {
+            runs.map(|(frames, _)| frames).sum()
         };
-        let missing = fill.chunk_by(|a, b| a == b).filter(|run| run[0] == "missing");
-        let longest_s = missing.map(|run| run.len() as f64 * step_s).max_by(f64::total_cmp);
+        let all = frames(&mut fill.runs()).max(1);
+        let part =
+            |name: &str| frames(&mut fill.runs().filter(|(_, of)| *of == name)) as f64 / all as f64;
+        let missing = fill.runs().filter(|(_, of)| *of == "missing");
+        let longest_s = missing.map(|(frames, _)| frames as f64 * step_s).max_by(f64::total_cmp);
         (["measured", "rigid", "interpolated", "missing"].map(part), longest_s)
     })
 }
