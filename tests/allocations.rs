@@ -83,9 +83,10 @@ fn ten_hours_of_a_recording_need_hardly_more_than_a_gigabyte_beside_its_values()
     assert_eq!(lines.len(), HEADER + ROWS);
     fs::write(&place, lines.join("\n") + "\n").unwrap();
 
-    let counted = measure(|| {
-        process_trial(folder.path(), &trial, &config).unwrap();
-    });
+    let process = || drop(process_trial(folder.path(), &trial, &config).unwrap());
+    // What polars has once for all columns is there after the first.
+    process();
+    let counted = measure(process);
     let beside = counted.bytes_max / ROWS as u64 - VALUES_BYTES;
     let of_ten_hours = beside * FRAMES_OF_TEN_HOURS;
     assert!(of_ten_hours < (1 << 30) * 11 / 10, "{beside} bytes of each row");

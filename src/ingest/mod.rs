@@ -299,7 +299,7 @@ fn process_recording(
         parameters,
         cycles: cycle_rows,
         wheels: tables::wheels(&trial.id, tracked.first_frame, wheels, rate_hz),
-        poses: tables::poses(&trial.id, &tracked, smooth, markers, rate_hz),
+        poses: tables::poses(&trial.id, tracked, smooth, markers, rate_hz),
     })
 }
 

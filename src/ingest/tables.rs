@@ -11,13 +11,16 @@ use crate::store::{Column, LABELS_APART, Table, numbers, repeated, texts};
 /// `poses/<trial>.parquet`.
 pub(super) fn poses(
     trial: &str,
-    tracked: &Tracked,
+    tracked: Tracked,
     smooth: Coordinates,
     markers: &Markers,
     rate_hz: f64,
 ) -> Table {
+    let Tracked { first_frame, seen, filled, residual_mm, fill, outlier, unseen, .. } = tracked;
+    // Of a long recording they are hundreds of megabytes.
+    drop((seen, filled));
     let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = smooth;
-    let mut columns = frames(trial, tracked.first_frame, x_m.len(), rate_hz);
+    let mut columns = frames(trial, first_frame, x_m.len(), rate_hz);
     columns.extend([
         numbers("x_m", x_m),
         numbers("y_m", y_m),
@@ -25,18 +28,18 @@ pub(super) fn poses(
         numbers("phi1_rad", phi1_rad),
         numbers("phi2_rad", phi2_rad),
     ]);
-    let Tracked { residual_mm, fill, outlier, unseen, .. } = tracked;
-    let residual = |i: usize| numbers(&format!("residual{i}_mm"), residual_mm[i].clone());
+    let residuals = residual_mm.into_iter().enumerate();
+    columns.extend(residuals.map(|(i, values)| numbers(&format!("residual{i}_mm"), values)));
     let fill = |i: usize| texts(&format!("fill{i}"), fill[i].iter().map(|fill| fill.name()));
-    let outlier =
+    let found =
         |i: usize| texts(&format!("outlier{i}"), outlier[i].iter().map(|found| found.name()));
-    columns.extend((0..3).map(residual).chain((0..3).map(fill)).chain((0..3).map(outlier)));
+    columns.extend((0..3).map(fill).chain((0..3).map(found)));
     let links = || markers.links().into_iter().enumerate();
     columns.extend(
         links().map(|(i, layout)| labels(&format!("unseen{i}"), layout, unseen[i].iter().copied())),
     );
     columns.extend(links().map(|(i, layout)| {
-        let corrected = tracked.outlier[i].iter().map(|found| found.markers());
+        let corrected = outlier[i].iter().map(|found| found.markers());
         labels(&format!("corrected{i}"), layout, corrected)
     }));
     Table::new(columns)
