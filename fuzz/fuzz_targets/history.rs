@@ -2,4 +2,6 @@
 
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(init: trilink_fuzz::begin(), |data: &[u8]| trilink_fuzz::history(data));
+use trilink_fuzz::{begin, history, program};
+
+libfuzzer_sys::fuzz_target!(init: begin(program), |data: &[u8]| history(program, data));

@@ -1,5 +1,5 @@
-//! What the fuzz targets share: a small project of three trials, and what is done to one of its
-//! files. `tests/hostile.rs` does the same with some hundred inputs of its own.
+//! What the fuzz targets share: a small project, what is done to one of its files, and the commands
+//! that read it. `tests/hostile.rs` does the same with some hundred inputs of its own.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,19 +7,93 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use polars::prelude::{Column, DataFrame, DataType, Series, StringChunked};
-use trilink::build::{self, RerunOptions, run};
 use trilink::config::Config;
 use trilink::ingest::IngestInput;
 use trilink::motion::{FIT_ACCURACY, Problem};
 use trilink::report::ReportInput;
 use trilink::store::{Provenance, Table};
-use trilink::synth::{Recipe, synthesise};
 use trilink::trial::TrialList;
 use trilink::vicon::{parse_markers, sections};
 
 /// Stands between `pipeline.toml` and `trials.toml`.
 const BETWEEN: &[u8] = b"\n%%\n";
-const CAMPAIGN: &str = "kinematic-skewed";
+
+const CONFIG: &str = "pipeline.toml";
+const RECORD: &str = "derived/up-to-date.json";
+/// Of the small project: two campaigns that share coefficients.
+const PIPELINE: &str = r#"[paths]
+raw = "raw"
+baseline = "baseline.json"
+[fit]
+starts = 1
+bootstrap = 4
+shared = { robot = "kinematic" }
+[campaign.kinematic-symmetric]
+robot = "kinematic"
+gait = "symmetric"
+models = ["skid", "skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+[campaign.kinematic-skewed]
+robot = "kinematic"
+gait = "skewed"
+models = ["skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+"#;
+const TRIAL: &str = "kinematic-skewed-4.00-r1";
+
+/// What makes it, in its folder `{}`.
+const MAKERS: [&str; 4] = [
+    "synth {}/raw --omega 3,4,5",
+    "run",
+    "compare --accept as-it-is",
+    "optimise kinematic-skewed --model skid-roll --fitted --keep --maximise v --starts 2 --free omega amplitudes",
+];
+
+/// Tables of which each trial has its own.
+const OF_TRIALS: [&str; 3] = ["poses", "wheels", "cycles"];
+/// Commands, and the tables that they read.
+const READERS: [(&str, &[&str]); 8] = [
+    (
+        "report",
+        &[
+            "trials",
+            "checks",
+            "fits",
+            "alternative_fits",
+            "shared_fits",
+            "predictions",
+            "comparison",
+            "starts",
+            "profiles",
+            "bootstrap",
+            "robot_parameters",
+            "optima",
+            "optimum_maps",
+            "poses",
+            "wheels",
+            "cycles",
+        ],
+    ),
+    ("compare", &["trials", "fits", "robot_parameters", "predictions"]),
+    (
+        "simulate kinematic-skewed --model skid-roll --omega 4 --fitted --bands --csv",
+        &["trials", "cycles", "robot_parameters", "fits", "alternative_fits", "bootstrap"],
+    ),
+    (
+        "design kinematic-symmetric --omega 3,5 --add 1 --csv",
+        &["trials", "cycles", "fits", "alternative_fits", "bootstrap", "comparison"],
+    ),
+    (
+        "optimise kinematic-skewed --fitted --maximise v --starts 1 --free amplitudes --replicates 2 --csv",
+        &["trials", "cycles", "fits", "alternative_fits", "bootstrap", "comparison"],
+    ),
+    ("export kinematic-skewed-4.00-r1 --format csv --output -", &["trials", "poses"]),
+    ("export --petab {}/petab", &["trials", "fits"]),
+    ("fit", &["trials", "cycles", "robot_parameters"]),
+];
+
+/// Runs the program on a configuration with a line of arguments; gives its exit status.
+pub type Program = fn(&Path, &str) -> i32;
 
 /// Whatever bytes a marker file has, reading it gives markers or an error.
 pub fn markers(name: &str, file: &[u8]) {
@@ -67,44 +141,68 @@ pub fn settings(text: &[u8]) {
 }
 
 /// Makes the small project, which takes longer than an input may.
-pub fn begin() {
-    Project::get();
+pub fn begin(program: Program) {
+    Project::get(program);
 }
 
-/// A derived table, by its path inside of `derived/`: what reads it ends with its results or with
-/// an error.
-pub fn table(name: &str, data: &[u8]) {
-    let project = Project::get();
+/// Tables that a command reads; of those that every trial has, one trial's.
+pub fn tables() -> Vec<&'static str> {
+    let mut all: Vec<&str> = READERS.iter().flat_map(|(_, tables)| *tables).copied().collect();
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// The tables that the small project has, by the same names.
+pub fn tables_there(program: Program) -> Vec<String> {
+    let project = Project::get(program);
+    let derived = project.folder.join("derived");
+    let names = project.files.keys().filter_map(|path| path.strip_prefix(&derived).ok());
+    let tables = names.filter(|name| name.extension().is_some_and(|ending| ending == "parquet"));
+    let kind = |name: &Path| match name.parent().and_then(Path::to_str) {
+        Some(folder) if !folder.is_empty() => folder.to_owned(),
+        _ => name.with_extension("").to_string_lossy().into_owned(),
+    };
+    let mut kinds: Vec<String> = tables.map(kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    kinds
+}
+
+/// A derived table is damaged: whatever reads it ends with its results or with an error.
+pub fn table(program: Program, name: &str, data: &[u8]) {
+    let project = Project::get(program);
     project.restore();
-    project.damage(&project.config.paths.derived.join(name), data);
-    if ["trials.parquet", "robot_parameters.parquet"].contains(&name) {
-        let _ = build::fit(&project.config, false, &());
+    let of_trial = format!("{name}/{TRIAL}");
+    let file = if OF_TRIALS.contains(&name) { &of_trial } else { name };
+    project.damage(&format!("derived/{file}.parquet"), data);
+    let is_read = |(_, tables): &&(&str, &[&str])| tables.contains(&name);
+    for (line, _) in READERS.iter().filter(is_read) {
+        project.does(program, line);
     }
-    let _ = build::report(&project.config, &[], false, &());
 }
 
-/// `history.parquet`.
-pub fn history(data: &[u8]) {
-    let project = Project::get();
+/// `history.parquet`, to which a run is added.
+pub fn history(program: Program, data: &[u8]) {
+    let project = Project::get(program);
     project.restore();
-    let path = trilink::compare::history_path(&project.config.paths.reports);
-    project.damage(&path, data);
-    let _ = trilink::compare::remember(&project.config);
+    project.damage("reports/history.parquet", data);
+    project.does(program, "compare");
 }
 
 /// `up-to-date.json`: what it says was done is done or found not to be.
-pub fn record(data: &[u8]) {
-    let project = Project::get();
+pub fn record(program: Program, data: &[u8]) {
+    let project = Project::get(program);
     project.restore();
-    fs::write(project.config.paths.derived.join("up-to-date.json"), data).expect("written");
-    let _ = build::dry_run(&project.config, RerunOptions::default());
-    let _ = run(&project.config, RerunOptions::default(), false, &());
+    fs::write(project.folder.join(RECORD), data).expect("written");
+    project.does(program, "run --dry-run");
+    project.does(program, "run");
 }
 
 /// The record of the small project: where the fuzzer begins.
-pub fn recorded() -> Vec<u8> {
-    let project = Project::get();
-    project.files[&project.config.paths.derived.join("up-to-date.json")].clone()
+pub fn recorded(program: Program) -> Vec<u8> {
+    let project = Project::get(program);
+    project.files[&project.folder.join(RECORD)].clone()
 }
 
 /// A folder of this process, in memory where there is such a place.
@@ -114,34 +212,39 @@ fn scratch() -> PathBuf {
     root.join(format!("trilink-fuzz-{}", std::process::id()))
 }
 
-/// Three trials of one campaign, as a run left them.
-pub struct Project {
-    config: Config,
+/// A project as its makers left it.
+struct Project {
+    folder: PathBuf,
     files: BTreeMap<PathBuf, Vec<u8>>,
 }
 
 impl Project {
-    fn get() -> &'static Self {
+    fn get(program: Program) -> &'static Self {
         static PROJECT: OnceLock<Project> = OnceLock::new();
         PROJECT.get_or_init(|| {
-            let folder = scratch();
-            let _ = fs::remove_dir_all(&folder);
-            let mut config = Config::default();
-            config.campaign.retain(|name, _| name == CAMPAIGN);
-            (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 2, false);
-            config.paths.start_at(&folder);
-            let recipe = Recipe { omegas_rad_s: vec![4.0, 5.0], ..Recipe::new(1) };
-            synthesise(&config, &config.paths.raw[0], &recipe, &|_| {}).expect("trials");
-            run(&config, RerunOptions::default(), false, &()).expect("a run");
-            let mut files = BTreeMap::new();
-            for folder in [&config.paths.derived, &config.paths.reports] {
-                collect(folder, &mut files);
+            let mut project = Self { folder: scratch(), files: BTreeMap::new() };
+            let _ = fs::remove_dir_all(&project.folder);
+            fs::create_dir_all(&project.folder).expect("a folder");
+            fs::write(project.folder.join(CONFIG), PIPELINE).expect("written");
+            for line in MAKERS {
+                assert_eq!(project.does(program, line), 0, "{line}");
             }
-            Self { config, files }
+            for folder in ["derived", "reports"] {
+                collect(&project.folder.join(folder), &mut project.files);
+            }
+            project
         })
     }
 
-    /// Everything as the run left it.
+    /// Runs a command, which ends with a status of its own whatever it finds.
+    fn does(&self, program: Program, line: &str) -> i32 {
+        let line = line.replace("{}", &self.folder.display().to_string());
+        let status = program(&self.folder.join(CONFIG), &line);
+        assert!((0..=2).contains(&status), "{line}: exit status {status}");
+        status
+    }
+
+    /// Everything as the makers left it.
     fn restore(&self) {
         for (path, bytes) in &self.files {
             if fs::read(path).ok().as_ref() != Some(bytes) {
@@ -152,21 +255,17 @@ impl Project {
     }
 
     /// Damages a table: its bytes are the data, or its cells are edited as the data says.
-    fn damage(&self, path: &Path, data: &[u8]) {
+    fn damage(&self, name: &str, data: &[u8]) {
+        let path = self.folder.join(name);
         match data.split_first() {
             Some((0xff, bytes)) => fs::write(path, bytes).expect("written"),
             _ => {
-                let mut table = Table::read(path).expect("the table of a run");
+                let mut table = Table::read(&path).expect("the table of a run");
                 let input = table.input.clone().unwrap_or_default();
                 edit(&mut table.frame, &mut Data(data));
-                table.write(path, &Provenance { input }).expect("written");
+                table.write(&path, &Provenance { input }).expect("written");
             }
         }
-    }
-
-    /// The path of a table of the first trial inside of `derived/`.
-    pub fn of_trial(folder: &str) -> String {
-        format!("{folder}/{CAMPAIGN}-4.00-r1.parquet")
     }
 }
 
