@@ -232,7 +232,7 @@ impl Evaluator<'_> {
         Self {
             objective,
             parameters: parameters.clone(),
-            solvers: solvers.clone(),
+            solvers: solvers.iter().map(Solver::successor).collect(),
             observations,
             expansions: expansions.clone(),
             terms: Terms::default(),
@@ -356,7 +356,7 @@ impl Evaluator<'_> {
             let (true, Ok(problem)) = (self.is_spread(i), problem) else { continue };
             let differences: Vec<Differences> =
                 condition.trials.iter().map(|trial| of_trials[*trial].1).collect();
-            let mut solver = self.solvers[i].clone();
+            let mut solver = self.solvers[i].successor();
             self.expansions[i] = Expansion::solve(&mut solver, &problem, &differences).ok();
         }
     }

@@ -44,6 +44,15 @@ impl<F: Friction> Default for Orbits<F> {
 }
 
 impl<F: Friction> Orbits<F> {
+    fn successor(&self) -> Self {
+        let Self { kinematic_skid, passive_skid, passive_no_skid } = self;
+        Self {
+            kinematic_skid: kinematic_skid.successor(),
+            passive_skid: passive_skid.successor(),
+            passive_no_skid: passive_no_skid.successor(),
+        }
+    }
+
     /// Does `task` with the method for the kind of motion of a problem, joint `passive` of which
     /// may be on its spring.
     fn with<T>(
@@ -150,6 +159,19 @@ impl Solver {
     /// The solution at hand is that of this problem.
     fn hold(&mut self, problem: &Problem) {
         (self.last, self.start) = (Some(problem.clone()), Some(problem.clone()));
+    }
+
+    /// Another solver whose next solution starts where this one's would; of its last solution it has nothing else.
+    pub fn successor(&self) -> Self {
+        Self {
+            last: None,
+            start: self.start.clone(),
+            last_quadrature: self.last_quadrature.clone(),
+            known_of_quadrature: self.known_of_quadrature,
+            viscous: self.viscous.successor(),
+            dry: self.dry.successor(),
+            effort: Effort::default(),
+        }
     }
 
     /// Makes the next solution start from rest; the workspace stays.

@@ -228,6 +228,13 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         (self.error_ratio, self.is_symmetry_broken) = (error_ratio, is_symmetry_broken);
     }
 
+    /// Another one whose next solution starts from this one's last.
+    pub fn successor(&self) -> Self {
+        let mut successor = Self::default();
+        successor.restore(self.keep());
+        successor
+    }
+
     /// Finds an approximate solution with few elements.
     fn start_cold(&mut self, model: &R, start: Start<N>, coarse: usize) -> Result<()> {
         let mut tried = Ok(());
