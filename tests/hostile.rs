@@ -29,6 +29,13 @@ fn bytes(seed: u64, count: usize) -> Vec<u8> {
     (0..count).map(|_| next()).collect()
 }
 
+/// All commands that read a table, after it was damaged.
+fn damage(name: &str, data: &[u8]) {
+    for reader in fuzz::readers(name) {
+        fuzz::table(apart, name, reader, data);
+    }
+}
+
 /// There is one project, and a lot to do again after some damage.
 #[track_caller]
 fn within_seconds(what: &str, work: impl FnOnce()) {
@@ -48,7 +55,7 @@ fn tables_with_absurd_content_end_so_however_often_they_are_tried() {
         for name in fuzz::tables() {
             let data = bytes(seed, 6 + seed as usize % 60);
             println!("{name}, edits {seed}");
-            within_seconds(&format!("{name}, edits {seed}"), || fuzz::table(apart, name, &data));
+            within_seconds(&format!("{name}, edits {seed}"), || damage(name, &data));
             seed += 1;
         }
     }
@@ -69,11 +76,11 @@ fn every_table_that_there_is_is_tried() {
 #[test]
 fn tables_with_absurd_content_end_in_results_or_an_error() {
     within_seconds("a run", || fuzz::begin(apart));
-    within_seconds("as it is", || fuzz::table(apart, "trials", &[]));
+    within_seconds("as it is", || fuzz::undamaged(apart));
     for name in fuzz::tables() {
         for seed in 0..4 {
             let data = bytes(seed, 40);
-            within_seconds(&format!("{name}, edits {seed}"), || fuzz::table(apart, name, &data));
+            within_seconds(&format!("{name}, edits {seed}"), || damage(name, &data));
         }
     }
     for seed in 0..4 {

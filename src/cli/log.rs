@@ -14,8 +14,12 @@ use tracing_subscriber::util::SubscriberInitExt;
 use super::Failure;
 use super::output::Lines;
 
-/// Begins to write what happens: to the end of a file, and with `-v` or `-vv` to standard error.
+/// Begins to write what happens: to the end of a file, and with `-v` or `-vv` to standard error. A process can do
+/// so once.
 pub(super) fn begin(file: Option<&Path>, verbose: u8) -> Result<(), Failure> {
+    if file.is_none() && verbose == 0 {
+        return Ok(());
+    }
     let shown = match verbose {
         0 => LevelFilter::OFF,
         1 => LevelFilter::INFO,
@@ -33,6 +37,7 @@ pub(super) fn begin(file: Option<&Path>, verbose: u8) -> Result<(), Failure> {
         .transpose()?;
     let lines = || Lines(std::io::stderr());
     let to_terminal = layer().with_ansi(false).with_target(false).with_writer(lines);
-    registry().with(to_terminal.with_filter(shown)).with(to_file).init();
-    Ok(())
+    let both = registry().with(to_terminal.with_filter(shown)).with(to_file);
+    both.try_init()
+        .map_err(|_| "--log, --verbose: an earlier command of this process writes already".into())
 }

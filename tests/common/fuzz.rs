@@ -84,11 +84,11 @@ const READERS: [(&str, &[&str]); 8] = [
         &["trials", "cycles", "fits", "alternative_fits", "bootstrap", "comparison"],
     ),
     (
-        "optimise kinematic-skewed --fitted --maximise v --starts 1 --free amplitudes --replicates 2 --csv",
+        "optimise kinematic-skewed --fitted --maximise v --starts 1 --free amplitudes --omega 4 --replicates 2 --csv",
         &["trials", "cycles", "fits", "alternative_fits", "bootstrap", "comparison"],
     ),
     ("export kinematic-skewed-4.00-r1 --format csv --output -", &["trials", "poses"]),
-    ("export --petab {}/petab", &["trials", "fits"]),
+    ("export --petab {}/petab --force", &["trials", "fits"]),
     ("fit", &["trials", "cycles", "robot_parameters"]),
 ];
 
@@ -169,17 +169,29 @@ pub fn tables_there(program: Program) -> Vec<String> {
     kinds
 }
 
-/// A derived table is damaged: whatever reads it ends with its results or with an error.
-pub fn table(program: Program, name: &str, data: &[u8]) {
+/// The commands that read a table.
+pub fn readers(table: &str) -> Vec<&'static str> {
+    let reads = |(line, tables): &(&'static str, &[&str])| tables.contains(&table).then_some(*line);
+    READERS.iter().filter_map(reads).collect()
+}
+
+/// No table is damaged: all commands do what they are for.
+pub fn undamaged(program: Program) {
+    let project = Project::get(program);
+    for (line, _) in READERS {
+        project.restore();
+        assert_eq!(project.does(program, line), 0, "{line}");
+    }
+}
+
+/// A derived table is damaged: a command that reads it ends with its results or with an error.
+pub fn table(program: Program, name: &str, reader: &str, data: &[u8]) {
     let project = Project::get(program);
     project.restore();
     let of_trial = format!("{name}/{TRIAL}");
     let file = if OF_TRIALS.contains(&name) { &of_trial } else { name };
     project.damage(&format!("derived/{file}.parquet"), data);
-    let is_read = |(_, tables): &&(&str, &[&str])| tables.contains(&name);
-    for (line, _) in READERS.iter().filter(is_read) {
-        project.does(program, line);
-    }
+    project.does(program, reader);
 }
 
 /// `history.parquet`, to which a run is added.
