@@ -68,8 +68,7 @@ fn ten_hours_of_a_recording_need_hardly_more_than_a_gigabyte_beside_its_values()
     // Ten markers of three numbers each and the frame's own number.
     const VALUES_BYTES: u64 = 10 * 24 + 8;
     const FRAMES_OF_TEN_HOURS: u64 = 10 * 3600 * 120;
-    // As lists grow to powers of two, these have no more room than they need.
-    const ROWS: usize = 1 << 15;
+    const ROWS: usize = 30_000;
     const HEADER: usize = 5;
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == "kinematic-symmetric");

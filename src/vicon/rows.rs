@@ -13,8 +13,11 @@ pub(super) fn parse(text: &[u8]) -> Result<MarkerFile, Problem> {
     let header = header::find(text)?;
     let dialect = header.dialect;
     let markers = header.labels.len();
-    let mut frames: Vec<i64> = Vec::new();
-    let mut positions_mm: Vec<[f64; 3]> = Vec::new();
+    // Up to the next section; a long recording would be copied to have more room. A full row has a byte per cell.
+    let rows = header.body.clone().take_while(|(_, cells)| !dialect.is_blank(cells)).count();
+    let rows = rows.min(text.len() / (3 * markers.max(1)));
+    let mut frames: Vec<i64> = Vec::with_capacity(rows);
+    let mut positions_mm: Vec<[f64; 3]> = Vec::with_capacity(rows * markers);
     let (mut rows_without_frame, mut rows_too_long) = (0, 0);
     let mut after_blank = false;
     let mut lines = header.body.clone();
