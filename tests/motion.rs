@@ -518,6 +518,29 @@ fn where_the_kinematic_robot_crosses_equal_angles_its_forces_are_unbounded_with_
 
 /// With the passive joint's damping and without its stiffness, which keeps energy.
 #[test]
+fn a_successor_solves_as_the_solver_would_bit_by_bit() {
+    for (robot, gait, laws) in [
+        (Robot::kinematic(), Gait::symmetric(), Laws::SKID_ROLL),
+        (Robot::kinematic(), Gait::skewed(), Laws::COULOMB),
+        (Robot::kinematic(), Gait::skewed(), Laws::NO_SKID),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::NO_SKID_ROLL),
+    ] {
+        let at = |omega_rad_s| Problem { robot: robot.clone(), gait, laws, omega_rad_s };
+        let mut solver = Solver::default();
+        solver.solve(&at(3.9), FIT_ACCURACY).unwrap();
+        let mut successor = solver.successor();
+        assert!(matches!(successor.floquet(), Err(MotionError::Unsolved)), "{laws:?}");
+        let next = |of: &mut Solver| {
+            let metrics = of.solve(&at(4.0), FIT_ACCURACY).unwrap();
+            (metrics, of.effort(), of.derivatives().unwrap())
+        };
+        let (here, there) = (next(&mut solver), next(&mut successor));
+        assert_eq!(format!("{here:?}"), format!("{there:?}"), "{laws:?}");
+    }
+}
+
+#[test]
 fn six_coefficients_dissipate_in_the_kinematic_robot_and_seven_in_the_semi_passive_one() {
     let count = |robot: Robot, gait: Gait| {
         let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
