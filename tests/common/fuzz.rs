@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use polars::prelude::{Column, DataFrame, DataType, Series, StringChunked};
+use polars::prelude::{Column, DataFrame, DataType, PolarsResult, Series, StringChunked};
 use trilink::config::Config;
 use trilink::ingest::IngestInput;
 use trilink::motion::{FIT_ACCURACY, Problem};
@@ -349,6 +349,11 @@ impl Data<'_> {
     }
 }
 
+/// Of a table, so that what it needs itself stays within bounds.
+const MOST_ROWS: usize = 100_000;
+/// Of a text that is in all rows, characters.
+const MOST_TEXT: usize = 100;
+
 /// Edits a table until the data are used up.
 fn edit(frame: &mut DataFrame, data: &mut Data) {
     while !data.0.is_empty() && frame.width() > 0 {
@@ -367,13 +372,7 @@ fn edit(frame: &mut DataFrame, data: &mut Data) {
             }
             // Rows are left out, come twice or are very many.
             6 => Ok(frame.slice(data.below(height + 1) as i64, data.below(height + 1))),
-            _ => {
-                let times = [2, 3, 1_000, 100_000][data.below(4)] / height.max(1);
-                let mut all = frame.clone();
-                (0..times.clamp(1, 20_000))
-                    .try_for_each(|_| all.vstack_mut(frame).map(drop))
-                    .map(|()| all)
-            }
+            _ => many(frame, [2 * height, 1_000, MOST_ROWS][data.below(3)].min(MOST_ROWS)),
         };
         if let Ok(edited) = edited {
             *frame = edited;
@@ -382,18 +381,30 @@ fn edit(frame: &mut DataFrame, data: &mut Data) {
     frame.rechunk_mut();
 }
 
+/// A table's rows again and again, up to so many.
+fn many(frame: &DataFrame, rows: usize) -> PolarsResult<DataFrame> {
+    let mut all = frame.clone();
+    while (1..=rows / 2).contains(&all.height()) {
+        let again = all.clone();
+        all.vstack_mut(&again)?;
+    }
+    Ok(all)
+}
+
 /// A table with another value in one row, or in all.
 fn set(
     frame: &DataFrame,
     name: &str,
     row: Option<usize>,
     data: &mut Data,
-) -> polars::prelude::PolarsResult<DataFrame> {
+) -> PolarsResult<DataFrame> {
     let column = frame.column(name)?;
     let is_here = |i: usize| row.is_none_or(|row| row == i);
     let is_missing = data.byte().is_multiple_of(8);
     let series: Series = if column.dtype() == &DataType::String {
-        let text = Some(data.text()).filter(|_| !is_missing);
+        let most = if row.is_none() { MOST_TEXT } else { usize::MAX };
+        let text = data.text().chars().take(most).collect::<String>();
+        let text = Some(text).filter(|_| !is_missing);
         let old = column.str()?.iter().enumerate();
         let new = old.map(|(i, old)| if is_here(i) { text.clone() } else { old.map(Into::into) });
         let mut texts: StringChunked = new.collect();
