@@ -9,7 +9,8 @@ libfuzzer_sys::fuzz_target!(
     init: begin(program),
     |data: &[u8]| {
         let Some((first, rest)) = data.split_first() else { return };
-        let (name, readers) = (env!("CARGO_BIN_NAME"), readers(env!("CARGO_BIN_NAME")));
+        let name = env!("CARGO_BIN_NAME");
+        let readers = readers(name);
         table(program, name, readers[usize::from(*first) % readers.len()], rest);
     }
 );
