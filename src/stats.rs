@@ -109,12 +109,8 @@ impl<const N: usize> NormalEquations<N> {
         Self { matrix: SMatrix::zeros(), right: SVector::zeros(), count: 0.0, squares: 0.0 }
     }
 
-    /// Adds the equation `row . unknowns = value`.
-    pub fn add(&mut self, row: &SVector<f64, N>, value: f64) {
-        self.add_sums(row, 1.0, value, value * value);
-    }
-
-    /// Adds `count` equations of one row, given the sums of their values and their squares.
+    /// Adds `count` equations `row . unknowns = value` of one row, given the sums of their values and their
+    /// squares.
     pub fn add_sums(&mut self, row: &SVector<f64, N>, count: f64, sum: f64, squares: f64) {
         self.matrix.ger(count, row, row, 1.0);
         self.right.axpy(sum, row, 1.0);
@@ -265,7 +261,8 @@ mod tests {
         let part = |times: std::ops::Range<i32>| {
             let mut equations = NormalEquations::new();
             for t in times.map(f64::from) {
-                equations.add(&SVector::from([1.0, t]), 2.0 - 0.5 * t);
+                let value = 2.0 - 0.5 * t;
+                equations.add_sums(&SVector::from([1.0, t]), 1.0, value, value * value);
             }
             equations
         };

@@ -18,7 +18,7 @@ pub(crate) fn between(
 ) -> Option<(JointPosition, f64)> {
     let fits = first.fits.iter().zip(&second.fits).enumerate().filter(|(row, _)| is_used(*row));
     let poses = fits.filter_map(|(_, (a, b))| Some((a.pose()?, b.pose()?)));
-    let equations = JointPosition::default().equations(poses);
+    let equations = JointPosition::default().equations(poses.map(|both| [both]));
     let (moved, _) = equations.solve()?;
     // Two equations for each row.
     let mean_square = equations.residual_squares(&moved) / (0.5 * equations.count);

@@ -86,8 +86,8 @@ fn other_lengths(linkage: &Linkage, poses: &[[LinkPose; 3]]) -> Option<String> {
     let joints = [1, 2].map(|link| {
         let turn = |poses: &[LinkPose; 3]| wrap(poses[link].theta_rad - poses[0].theta_rad);
         let [low, high] = extremes(poses.iter().map(turn));
-        let equations =
-            JointPosition::default().equations(poses.iter().map(|poses| (poses[0], poses[link])));
+        let both = poses.iter().map(|poses| [(poses[0], poses[link])]);
+        let equations = JointPosition::default().equations(both);
         let found = (high - low > LEAST_TURN_RAD).then(|| equations.solve()).flatten();
         found.map(|(moved, _)| JointPosition::default().moved(&moved))
     });
