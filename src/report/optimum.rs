@@ -92,14 +92,21 @@ pub fn with_unit(objective: Objective) -> String {
     format!("{objective} ({})", objective.unit())
 }
 
-/// The values of the grid, and those along its axes.
+/// Those along the grid's axes, and its values, as far as its rows are whole lines of one grid.
 fn grid(map: &[&OptimumMapRow]) -> [Vec<f64>; 3] {
     let grid: Vec<&OptimumMapRow> =
         map.iter().copied().filter(|row| row.point == MapPoint::Grid).collect();
     let across = grid.iter().take_while(|row| row.y.total_cmp(&grid[0].y).is_eq()).count();
+    let is_line = |line: &&[&OptimumMapRow]| {
+        let is_of = |(row, first): (&&OptimumMapRow, &&OptimumMapRow)| {
+            row.x.total_cmp(&first.x).is_eq() && row.y.total_cmp(&line[0].y).is_eq()
+        };
+        line.iter().zip(&grid).all(is_of)
+    };
+    let lines: Vec<_> = grid.chunks_exact(across.max(1)).take_while(is_line).collect();
     let x = grid.iter().take(across).map(|row| row.x).collect();
-    let y = grid.iter().step_by(across.max(1)).map(|row| row.y).collect();
-    [x, y, grid.iter().map(|row| row.value).collect()]
+    let y = lines.iter().map(|line| line[0].y).collect();
+    [x, y, lines.concat().iter().map(|row| row.value).collect()]
 }
 
 /// A point of each gait.
@@ -199,5 +206,29 @@ mod tests {
         assert_eq!(named("optimum").points.len(), 1);
         assert!(panel.layers.iter().all(|of| of.name != "of replicates"));
         assert!(optimum_drawing(&map, "svg").is_ok() && optimum_drawing(&map, "gif").is_err());
+    }
+
+    #[test]
+    fn of_rows_that_are_no_grid_the_whole_lines_are_drawn() {
+        let row = |nth: i32| OptimumMapRow {
+            x: f64::from(nth % 5),
+            y: f64::from(nth / 5),
+            value: f64::from(nth),
+            ..OptimumMapRow::blank()
+        };
+        let whole: Vec<OptimumMapRow> = (0..25).map(row).collect();
+        let lines = |map: &[OptimumMapRow]| {
+            let [x, y, values] = grid(&map.iter().collect::<Vec<_>>());
+            assert_eq!(values.len(), x.len() * y.len());
+            y.len()
+        };
+        assert_eq!(lines(&whole), 5);
+        // A row is missing, is there twice, is elsewhere; and there are none.
+        assert_eq!(lines(&whole[..24]), 4);
+        assert_eq!(lines(&[&whole[..13], &whole[12..]].concat()), 2);
+        let mut moved = whole.clone();
+        moved[17].x = f64::NAN;
+        assert_eq!(lines(&moved), 3);
+        assert_eq!(lines(&[]), 0);
     }
 }
