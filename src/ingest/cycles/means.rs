@@ -38,7 +38,8 @@ pub fn mean_change(values: &[f64], cycles: &[usize], end_variance: f64) -> Estim
     let factor = 1.0 + 2.0 * covariance / variance.max(f64::MIN_POSITIVE);
     let least = LEAST_OWN * variance * (2.0 / (n - 1.0)).sqrt();
     let own = (variance - ends).max(least) * factor.clamp(1.0, LARGEST_FACTOR);
-    let se = student(n - 1.0) * (own / n + ends * rows / (n * n)).sqrt();
+    // A few cycles tell the one, all frames the other.
+    let se = (student(n - 1.0) * (own / n).sqrt()).hypot((ends * rows).sqrt() / n);
     Estimate { value, se }
 }
 

@@ -47,21 +47,28 @@ impl SkidNoise {
         let differences = (THIRD_GAIN / squares(&third_of_derivative())).sqrt() / data.rate_hz;
         let position_m = noise(&data.raw_wheels.skid_m_s[wheel]) * differences;
         let skid: Vec<&[f64]> = cycles.iter().map(|cycle| &cycle.skid_m_s[wheel][..]).collect();
+        let end_variance = END * (position_m * data.rate_hz / frames).powi(2);
+        let neighbours = cycles.windows(2).filter(|pair| pair[0].end == pair[1].start).count();
+        // Of all components: an end is in the offset, and in each cosine by the root of 2.
+        let in_common = neighbours as f64 * (1.0 + 2.0 * count as f64) * end_variance;
         Self {
-            square: noise_square(&skid, gains * position_m * position_m),
-            end_variance: END * (position_m * data.rate_hz / frames).powi(2),
+            square: noise_square(&skid, in_common, gains * position_m * position_m),
+            end_variance,
         }
     }
 }
 
-/// Mean square that noise makes in cycles of these components, given that of white noise.
-fn noise_square(cycles: &[&[f64]], white: f64) -> f64 {
+/// Mean square that noise makes in cycles of these components, given that of white noise. Neighbours have the
+/// noise at an end in common, with opposite signs (`in_common`: the sum of these variances), so that they differ
+/// by more than noise makes in each.
+fn noise_square(cycles: &[&[f64]], in_common: f64, white: f64) -> f64 {
     let n = cycles.len() as f64;
     let differs = |i: usize| {
         let middle = mean(cycles.iter().map(|cycle| cycle[i]));
         cycles.iter().map(|cycle| (cycle[i] - middle).powi(2)).sum::<f64>() / (n - 1.0)
     };
-    (0..cycles[0].len()).map(differs).sum::<f64>().min(LARGEST_EXCESS * white)
+    let own = (0..cycles[0].len()).map(differs).sum::<f64>() - 2.0 * in_common / (n * (n - 1.0));
+    own.clamp(0.0, LARGEST_EXCESS * white)
 }
 
 fn third_of_derivative() -> [f64; WEIGHTS.len() + THIRD.len() - 1] {
@@ -95,10 +102,15 @@ mod tests {
         let cycles: Vec<&[f64]> = cycles.iter().map(Vec::as_slice).collect();
         let square = mean(cycles.iter().map(|cycle| cycle.iter().map(|v| v * v).sum::<f64>()));
         let skid = mean(cycles.iter().map(|cycle| cycle[1] * cycle[1])).sqrt();
-        let debiased = (square - noise_square(&cycles, WHITE)).sqrt();
+        let debiased = (square - noise_square(&cycles, 0.0, WHITE)).sqrt();
         assert!((debiased / skid - 1.0).abs() < 0.005, "{debiased} {skid}");
+        // Neighbours that have the noise at their common end with opposite signs differ by more than they have.
+        let apart = [[0.0, 1.0], [0.02, 1.0], [0.0, 1.0], [0.02, 1.0]];
+        let apart: Vec<&[f64]> = apart.iter().map(|cycle| &cycle[..]).collect();
+        let (own, less) = (noise_square(&apart, 0.0, WHITE), noise_square(&apart, 1e-4, WHITE));
+        assert!((own - less - 2e-4 / 12.0).abs() < 1e-15, "{own} {less}");
         // Of differences that noise explains, all are noise.
         let still = [&[0.03, 1.0][..], &[-0.03, 1.0], &[0.0, 1.0]];
-        assert!((noise_square(&still, WHITE) - 9e-4).abs() < 1e-12);
+        assert!((noise_square(&still, 0.0, WHITE) - 9e-4).abs() < 1e-12);
     }
 }
