@@ -1,6 +1,6 @@
 //! The tables of a fit, and those that it reads.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::{FitData, Fitted};
@@ -89,9 +89,16 @@ impl FitData {
     /// tables of cycles.
     ///
     /// # Errors
-    /// One of them cannot be read.
+    /// One of them cannot be read, or a trial stands there twice.
     pub fn read(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
-        let trials: Vec<TrialRow> = reader.rows(&derived.join(TRIALS))?;
+        let path = derived.join(TRIALS);
+        let trials: Vec<TrialRow> = reader.rows(&path)?;
+        let mut names = BTreeSet::new();
+        if let Some(again) = trials.iter().find(|row| !names.insert(&row.trial)) {
+            let found = format!("`{}` twice", again.trial);
+            let column = "trial".to_owned();
+            return Err(StoreError::Column { path, column, found, needed: "each trial once" });
+        }
         let mut cycles = BTreeMap::new();
         for trial in trials.iter().filter(|trial| is_valid_name(&trial.trial)) {
             let rows = reader.rows_if_there(&cycles_path(derived, &trial.trial))?;
@@ -99,5 +106,26 @@ impl FitData {
         }
         let robots = reader.rows_if_there(&derived.join(ROBOTS))?.unwrap_or_default();
         Ok(Self { trials, cycles, robots })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Columns as _, Provenance};
+
+    #[test]
+    fn a_trial_that_stands_twice_in_the_table_does_not_count_twice() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let row = |name: &str| TrialRow { trial: name.to_owned(), ..TrialRow::blank() };
+        let read = |names: &[&str]| {
+            let rows: Vec<TrialRow> = names.iter().map(|name| row(name)).collect();
+            let made = Provenance { input: String::new() };
+            TrialRow::to_table(&rows).write(&folder.path().join(TRIALS), &made).expect("written");
+            FitData::read(folder.path(), &Reader::default())
+        };
+        assert_eq!(read(&["one", "two"]).expect("trials").trials.len(), 2);
+        let message = read(&["one", "two", "one"]).expect_err("one stands twice").to_string();
+        assert!(message.ends_with("column `trial`: found `one` twice, needed each trial once"));
     }
 }
