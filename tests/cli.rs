@@ -304,7 +304,13 @@ fn the_tables_have_the_documented_columns() {
             "trial frame time_s roll0_m_s roll1_m_s roll2_m_s skid0_m_s skid1_m_s skid2_m_s"
                 .to_owned(),
         ),
-        (format!("cycles/{trial}.parquet"), format!("trial cycle start_s {metrics} used reason")),
+        (
+            format!("cycles/{trial}.parquet"),
+            format!(
+                "trial cycle start_s {metrics} phi1_offset_rad phi1_amplitude_rad phi1_phase_rad \
+                 phi2_offset_rad phi2_amplitude_rad phi2_phase_rad used reason"
+            ),
+        ),
         (
             "trials.parquet".to_owned(),
             "trial folder id file campaign kind omega_commanded_rad_s omega_rad_s omega_rad_s_se cycles d_m \

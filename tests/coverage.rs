@@ -7,7 +7,7 @@
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -266,8 +266,9 @@ fn ninety_five_percent_intervals_hold_the_truth_in_88_to_99_of_100_campaigns() {
     }
 }
 
-/// Recordings of the same motions by the demo's cameras.
-const NIGHTS: u64 = 60;
+/// Noise seeds of recordings of the same motions by the demo's cameras. Of sixty nights, what is so in 97 of 100
+/// is in all of them every sixth time.
+const NIGHTS: [Range<u64>; 3] = [1000..1060, 2000..2060, 3000..3060];
 
 /// One recording, processed and fitted with the default settings.
 struct Night {
@@ -410,8 +411,9 @@ fn judge_predictions(campaign: &str, nights: &[Night], failures: &mut Vec<String
 
 #[test]
 #[ignore = "minutes: cargo test --release --test coverage nights -- --ignored --nocapture"]
-fn intervals_and_errors_of_sixty_nights_hold_the_planted_truth() {
-    let nights: Vec<Night> = (0..NIGHTS).into_par_iter().map(|seed| night(1000 + seed)).collect();
+fn intervals_and_errors_of_a_hundred_and_eighty_nights_hold_the_planted_truth() {
+    let seeds: Vec<u64> = NIGHTS.into_iter().flatten().collect();
+    let nights: Vec<Night> = seeds.into_par_iter().map(night).collect();
     let mut failures = Vec::new();
     for campaign in Config::default().campaign.keys() {
         judge_fits(campaign, &nights, &mut failures);

@@ -10,12 +10,12 @@
 //! - the lag-1 autocorrelation of the residuals over frequency, and
 //! - the runs of residuals of one sign (Wald and Wolfowitz).
 //!
-//! The model is adequate if none of the three is outside of limits that 95 of 100 draws are all
+//! The model is adequate if none of the three is outside of limits that 90 of 100 draws are all
 //! within, and that each of the three is as often outside of (Westfall and Young's step of the
 //! least p-value); a pattern counts where the objective is more than noise alone leaves on average.
 //! What a metric is off by without anything that tells its noise does not
 //! count. Errors are normally distributed with the standard deviations that their trial's cycles
-//! tell, without bias. Assumed is that trials err independently of each other; what they share
+//! tell, without bias, and not exactly: a draw is judged by what its own cycles and repeats would tell. Assumed is that trials err independently of each other; what they share
 //! counts as misfit.
 //!
 //! Reference: N. R. Draper and H. Smith, *Applied Regression Analysis*, 3rd ed., Wiley 1998,
@@ -29,15 +29,18 @@ use rayon::prelude::*;
 use super::fitted_point::FittedPoint;
 use super::least_absolute::{dot, minimise};
 use super::objective::METRICS;
+use super::resample::Metrics;
 use super::resampler::Resampler;
 use super::search::limits;
 use super::terms::{Response, TERMS, Target, Terms};
-use crate::stats::{mean, mean_deviation, quantiles_low, student};
+use crate::stats::{mean, quantiles_low};
 
 /// Draws of noise.
 const DRAWS: usize = 400;
-/// Part of them that an adequate model is within, by all three tests.
-const LEVEL: f64 = 0.95;
+/// Part of them that an adequate model is within, by all three tests. The draws are a tenth wider than
+/// residuals are: they take what a trial's skid ratios and gait have in common by its joints' positions for
+/// independent. Of the 540 fits of 180 nights by the model that is true 526 are within (tests/coverage.rs).
+const LEVEL: f64 = 0.90;
 /// Linearised residuals are good within about this factor's logarithm.
 const RADIUS: f64 = 1.0;
 /// Fewer residuals have no pattern.
@@ -82,20 +85,20 @@ impl Adequacy {
 
     /// Tests a fit all motions of which exist.
     pub fn new(point: &FittedPoint, resampler: &Resampler) -> Self {
-        let noises = resampler.noises();
-        let terms = terms(point, &noises);
+        let terms = terms(point, resampler);
         if terms.iter().all(|term| term.deviation == 0.0) {
             return Self::UNKNOWN;
         }
-        let observed = Statistics::new(&terms, |term| term.value);
+        let exactly = vec![[1.0; TERMS]; resampler.measurements.len()];
+        let observed = Statistics::new(&terms, |term| term.value, &exactly);
         let bounds = limits(&point.evaluator.parameters, &point.values, RADIUS);
         let drawn: Vec<Statistics> = (0..DRAWS)
             .into_par_iter()
             .map(|number| {
-                let noise = noise(point, resampler, &noises, &terms, number);
+                let (noise, told) = noise(point, resampler, &terms, number);
                 let left = left_by_fit(point, &terms, &noise, &bounds);
                 let mut left = left.into_iter();
-                Statistics::new(&terms, |_| left.next().unwrap_or(f64::NAN))
+                Statistics::new(&terms, |_| left.next().unwrap_or(f64::NAN), &told)
             })
             .collect();
         let alone = |of: &dyn Fn(&Statistics) -> f64| mean(drawn.iter().map(of));
@@ -164,21 +167,19 @@ struct Term<'o> {
 }
 
 /// The terms of all measurements, by frequency.
-fn terms<'o>(point: &FittedPoint<'o>, noises: &[[f64; TERMS]]) -> Vec<Term<'o>> {
+fn terms<'o>(point: &FittedPoint<'o>, resampler: &Resampler) -> Vec<Term<'o>> {
     let objective = point.evaluator.objective;
     let sizes = objective.campaign_sizes();
     let mut terms = Vec::new();
-    for (measurement, each) in objective.measurements.iter().enumerate() {
+    let noises = resampler.noises().into_iter().zip(point.noises(resampler));
+    for ((measurement, each), (own, all)) in objective.measurements.iter().enumerate().zip(noises) {
         let Some((predicted, ratios)) = point.metrics_of(measurement) else { continue };
         let condition = objective.conditions.of_trials[measurement].0;
         let (share, campaign) = (1.0 / sizes[measurement], &*objective.protocol(each).name);
         for (metric, weight, measured) in objective.terms(each) {
             let value = predicted.to_array()[metric] / measured - 1.0;
             let (weight, gain) = (share * weight, ratios[metric] / measured);
-            let own = noises[measurement][metric];
-            let by_gait = point.gait_effects[measurement].iter().map(|of| of[metric].powi(2));
-            let variance = own.powi(2) + by_gait.sum::<f64>();
-            let deviation = if own > 0.0 { variance.sqrt() / measured } else { 0.0 };
+            let deviation = if own[metric] > 0.0 { all[metric] / measured } else { 0.0 };
             let omega_rad_s = each.frequency_rad_s;
             terms.push(Term {
                 campaign,
@@ -197,41 +198,34 @@ fn terms<'o>(point: &FittedPoint<'o>, noises: &[[f64; TERMS]]) -> Vec<Term<'o>> 
     terms
 }
 
-/// Residuals of noise alone, where the fit is the truth.
+/// Residuals of noise alone, where the fit is the truth; and how many times their noise would be told.
 fn noise(
     point: &FittedPoint,
     resampler: &Resampler,
-    noises: &[[f64; TERMS]],
     terms: &[Term],
     number: usize,
-) -> Vec<f64> {
-    let mut random = resampler.random("noise", number);
-    let errors: Vec<[f64; TERMS]> = (0..noises.len())
-        .map(|measurement| {
-            // A standard error of a few cycles is as wide as Student's distribution. What counts
-            // here is a sum over many trials: their standard deviations without bias.
-            let freedom = resampler.freedom(measurement);
-            let unbiased = freedom.map_or(1.0, |n| 1.0 / (student(n) * mean_deviation(n)));
-            let normal: [f64; TERMS] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
-            let mut deviates = normal.map(|z| unbiased * z);
-            deviates[V] = deviates[D];
-            let mut errors: [f64; TERMS] =
-                std::array::from_fn(|i| deviates[i] * noises[measurement][i]);
-            for effect in &point.gait_effects[measurement] {
-                let deviate: f64 = StandardNormal.sample(&mut random);
-                errors
-                    .iter_mut()
-                    .zip(effect)
-                    .for_each(|(error, effect)| *error += deviate * effect);
-            }
-            errors
+) -> (Vec<f64>, Vec<Metrics>) {
+    let mut random = ["noise", "gait noise"].map(|purpose| resampler.random(purpose, number));
+    let errors: Vec<[f64; TERMS]> = resampler
+        .noises_and_spreads()
+        .zip(&point.gait_effects)
+        .map(|((noise, spread), effects)| {
+            let drawn = noise.draw(&mut random);
+            let mut own: [f64; TERMS] =
+                std::array::from_fn(|_| StandardNormal.sample(&mut random[0]));
+            own[V] = own[D];
+            std::array::from_fn(|i| {
+                let by_gait = effects.iter().zip(&drawn.gait).map(|(of, gait)| of[i] * gait);
+                let measured = drawn.metrics[i] * noise.deviations()[i] + own[i] * spread[i];
+                by_gait.sum::<f64>() - measured
+            })
         })
         .collect();
     let of_term = |term: &Term| match term.deviation > 0.0 {
         true => errors[term.measurement][term.metric] / term.measured,
         false => 0.0,
     };
-    terms.iter().map(of_term).collect()
+    (terms.iter().map(of_term).collect(), resampler.told(number))
 }
 
 /// What a fit leaves of residuals.
@@ -267,23 +261,30 @@ fn left_by_fit(
 
 /// What is tested of residuals.
 struct Statistics {
-    /// Contributions of the metrics to the objective, as far as their noise is known.
+    /// Contributions of the metrics to the objective, as far as their noise is known, over how many times the
+    /// noise is told.
     costs: [f64; TERMS],
     autocorrelations: [f64; TERMS],
     runs: [f64; TERMS],
 }
 
 impl Statistics {
-    fn new(terms: &[Term], mut residual: impl FnMut(&Term) -> f64) -> Self {
+    /// Of residuals, and of how many times its noise is told of each measurement.
+    fn new(terms: &[Term], mut residual: impl FnMut(&Term) -> f64, told: &[Metrics]) -> Self {
         let mut costs = [0.0; TERMS];
+        let [mut noise, mut told_noise] = [0.0; 2];
         let mut series: [Vec<f64>; TERMS] = Default::default();
         for term in terms {
             let value = residual(term);
             if term.deviation > 0.0 {
+                let told = told[term.measurement][term.metric];
                 costs[term.metric] += term.weight * value.abs();
-                series[term.metric].push(value / term.deviation);
+                series[term.metric].push(value / (term.deviation * told));
+                noise += term.weight * term.deviation;
+                told_noise += term.weight * term.deviation * told;
             }
         }
+        costs.iter_mut().for_each(|cost| *cost *= noise / told_noise);
         series[V].clear();
         let autocorrelations = series.each_ref().map(|series| autocorrelation(series));
         Self { costs, autocorrelations, runs: series.each_ref().map(|series| runs(series)) }
@@ -414,7 +415,8 @@ mod tests {
         let explained = mean(drawn.iter().map(Statistics::cost));
         let rarity = rarity(&drawn, explained);
         // Between that of one test and Bonferroni's, as a pattern counts in every other draw.
-        assert!(rarity > 0.05 / 3.0 && rarity < 0.05, "{rarity}");
+        let beyond = 1.0 - LEVEL;
+        assert!(rarity > beyond / 3.0 && rarity < beyond, "{rarity}");
         let highest = |of: &dyn Fn(&Statistics) -> f64| {
             quantiles_low(drawn.iter().map(of).collect(), [1.0 - rarity])[0]
         };
@@ -424,7 +426,7 @@ mod tests {
             all.cost() <= limits[0] && !(has_pattern && all.cost() > explained)
         };
         let adequate = drawn.iter().filter(is_adequate).count();
-        assert!(adequate.abs_diff(380) <= 3, "{adequate}");
+        assert!((adequate as f64 / DRAWS as f64 - LEVEL).abs() < 0.008, "{adequate}");
         // What has no pattern is judged by its objective alone.
         let no_pattern = |i| Statistics {
             autocorrelations: [f64::NAN; TERMS],
@@ -432,7 +434,7 @@ mod tests {
             ..draw(i)
         };
         let drawn: Vec<Statistics> = (1..=DRAWS).map(no_pattern).collect();
-        assert!((self::rarity(&drawn, explained) - 0.05).abs() < 0.003);
+        assert!((self::rarity(&drawn, explained) - beyond).abs() < 0.003);
     }
 
     #[test]

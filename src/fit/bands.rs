@@ -86,7 +86,7 @@ impl<'f> Bands<'f> {
         systematic: &'f Systematic,
         others: &'f [Robot],
     ) -> Self {
-        let correction = NoiseCorrection::new(point.cost, point.noise_cost(&resampler.noises()));
+        let correction = NoiseCorrection::of(point, resampler);
         let shift = |refit: &Start| -> Vec<f64> {
             let shifts = point.shift_to(&refit.ended).into_iter();
             shifts.map(|shift| correction.spread * shift).collect()

@@ -7,9 +7,11 @@ use super::least_absolute::Residual;
 use super::measurement::Measurement;
 use super::objective::{Evaluator, Observation};
 use super::resample::DrawnTrial;
+use super::resampler::Resampler;
 use super::search::{Ended, Iterate};
 use super::starts::Start;
 use super::terms::{PENALTY, Response, TERMS, Terms};
+use super::trial_noise::TrialNoise;
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, REFERENCE_ACCURACY};
 use crate::store::FitStatus;
@@ -25,7 +27,7 @@ pub(super) struct FittedPoint<'o> {
     pub cost: f64,
     /// Of the conditions.
     pub responses: Vec<Option<Response>>,
-    /// What a standard error of each number of the measured gaits makes of the metrics.
+    /// What a standard deviation of each number of the measured gaits makes of the metrics.
     pub gait_effects: Vec<Vec<[f64; TERMS]>>,
     /// Its motions start from the fit's.
     pub evaluator: Evaluator<'o>,
@@ -122,16 +124,24 @@ impl<'o> FittedPoint<'o> {
         self.resampled_terms(resample).residuals(&self.responses)
     }
 
-    /// What noise of these standard deviations contributes to the objective before a fit.
-    pub fn noise_cost(&self, noises: &[[f64; TERMS]]) -> f64 {
+    /// Standard deviations of the residuals of every measurement by noise: predicted less measured.
+    pub fn noises(&self, resampler: &Resampler) -> Vec<[f64; TERMS]> {
+        let of_trial = |((noise, spread), effects): ((&TrialNoise, [f64; TERMS]), &Vec<_>)| {
+            std::array::from_fn(|i| {
+                let by_gait: Vec<f64> = effects.iter().map(|of: &[f64; TERMS]| of[i]).collect();
+                noise.deviation_of_residual(i, &by_gait).hypot(spread[i])
+            })
+        };
+        resampler.noises_and_spreads().zip(&self.gait_effects).map(of_trial).collect()
+    }
+
+    /// What noise contributes to the objective before a fit.
+    pub fn noise_cost(&self, resampler: &Resampler) -> f64 {
         let objective = self.evaluator.objective;
         let mut sums = vec![0.0; objective.protocols.len()];
-        for ((of, noises), effects) in
-            objective.measurements.iter().zip(noises).zip(&self.gait_effects)
-        {
+        for (of, noises) in objective.measurements.iter().zip(self.noises(resampler)) {
             for (i, weight, measured) in objective.terms(of) {
-                let by_gait = effects.iter().map(|effect| effect[i].powi(2)).sum::<f64>();
-                sums[of.campaign] += weight * (noises[i].powi(2) + by_gait).sqrt() / measured;
+                sums[of.campaign] += weight * noises[i] / measured;
             }
         }
         // Mean absolute value of a normal deviate.
@@ -216,17 +226,17 @@ impl<'o> FittedPoint<'o> {
     }
 }
 
-/// What one standard error of each number of a trial's measured gait makes of its metrics; nothing
+/// What one standard deviation of each number of a trial's measured gait makes of its metrics; nothing
 /// where the command drives the model.
 fn gait_effects(evaluator: &Evaluator) -> Vec<Vec<[f64; TERMS]>> {
     let objective = evaluator.objective;
     let of_trial = |trial: usize| -> Vec<[f64; TERMS]> {
-        let errors_rad = objective.measurements[trial].gait_errors_rad;
+        let deviations_rad = objective.measurements[trial].gait_deviations_rad();
         let (condition, _) = objective.conditions.of_trials[trial];
         let effect = |number: usize| match &evaluator.expansions[condition] {
             // Where the neighbouring motions do not exist nothing is known.
-            Some(expansion) if errors_rad.as_flattened()[number].is_finite() => {
-                expansion.effect(1 + number, errors_rad.as_flattened()[number])
+            Some(expansion) if deviations_rad.as_flattened()[number].is_finite() => {
+                expansion.effect(1 + number, deviations_rad.as_flattened()[number])
             }
             _ => [0.0; TERMS],
         };

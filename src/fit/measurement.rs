@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
 use crate::robot::JointCommand;
+use crate::stats::{mean_deviation, student};
 use crate::store::{TrialRow, TrialStatus};
 
 /// What one trial measured.
@@ -62,6 +63,24 @@ impl Measurement {
             gait_errors_rad: trial.gait.map(|joint| joint.errors_rad()),
             lacks_debiased: kind == SigmaKind::Debiased && trial.lacks_debiased(),
         })
+    }
+
+    /// Degrees of freedom of the errors; none where nothing tells how many cycles they are of.
+    pub(super) fn freedom(&self) -> f64 {
+        self.cycles.saturating_sub(1) as f64
+    }
+
+    /// What the errors are to be multiplied with to be standard deviations without bias. An error of a few
+    /// cycles is as wide as Student's distribution, so that one trial is within 1.96 of them; of what many
+    /// trials have in common it says too much.
+    pub(super) fn unbiased(&self) -> f64 {
+        let freedom = self.freedom();
+        if freedom > 0.0 { 1.0 / (student(freedom) * mean_deviation(freedom)) } else { 1.0 }
+    }
+
+    /// Standard deviations of the gait's numbers, without bias.
+    pub(super) fn gait_deviations_rad(&self) -> [[f64; 3]; 2] {
+        self.gait_errors_rad.map(|of_joint| of_joint.map(|error| self.unbiased() * error))
     }
 
     /// By campaign, then by frequency, then by name, then by what was measured: an order that does not depend on

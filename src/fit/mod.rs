@@ -42,6 +42,7 @@ mod sharing;
 mod starts;
 mod tell_apart;
 mod terms;
+mod trial_noise;
 
 use std::collections::BTreeMap;
 use std::ops::Range;

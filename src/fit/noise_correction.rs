@@ -13,6 +13,10 @@
 
 use std::f64::consts::PI;
 
+use super::fitted_point::FittedPoint;
+use super::resampler::Resampler;
+use crate::stats::student;
+
 /// Factors of the results of resamples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct NoiseCorrection {
@@ -23,8 +27,16 @@ pub(super) struct NoiseCorrection {
 }
 
 impl NoiseCorrection {
+    /// Of a fit. What its trials draw has the deviations of their cycles, which all of these together tell
+    /// as well as Student's distribution with their degrees of freedom says.
+    pub fn of(point: &FittedPoint, resampler: &Resampler) -> Self {
+        let Self { spread, rise } = Self::new(point.cost, point.noise_cost(resampler));
+        let widened = student(resampler.freedom());
+        Self { spread: widened * spread, rise: widened.powi(2) * rise }
+    }
+
     /// From the objective at the fit, and the part of it that noise alone would make.
-    pub fn new(cost: f64, noise: f64) -> Self {
+    fn new(cost: f64, noise: f64) -> Self {
         let ratio = (cost / noise).powi(2);
         // The fit has taken up some of the noise.
         let t = if ratio > 1.0 { ratio.min(1e6) } else { 1.0 };

@@ -72,7 +72,7 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
             (0..count).map(|index| lowest(Some(index)) - free).collect()
         })
         .collect();
-    let correction = NoiseCorrection::new(fit.cost, fit.noise_cost(&resampler.noises()));
+    let correction = NoiseCorrection::of(fit, resampler);
     let limit = |index: usize| {
         let of_one = rises.iter().map(|rises| rises[index]).collect();
         let rise = correction.rise * quantiles_low(of_one, [LEVEL])[0];

@@ -1,11 +1,11 @@
 //! Resampled measurements: cycles within trials and trials within frequencies.
 //!
-//! A resample of a trial's n cycles moves each metric by as many of its standard errors as the
-//! mean over the resampled cycles is away from the mean over all, in standard deviations of such
-//! resamples. So a few cycles do not make the spread too small (by (n - 1)/n, were it left as it
-//! is), the covariance of neighbouring cycles counts as in the standard error, metrics of the
-//! same cycles move together, and a debiased skid ratio, which is not a mean over cycles, moves
-//! with them by its own error. Where the cycles are not at hand the standard errors alone are
+//! A resample of a trial's n cycles moves each metric, and each number of the measured gait, by as many of
+//! its standard deviations as the mean over the resampled cycles is away from the mean over all, in standard
+//! deviations of such resamples ([`TrialNoise`]). So a few cycles do not make the spread too small (by
+//! (n - 1)/n, were it left as it is), the covariance of neighbouring cycles counts as in the standard error,
+//! what is of the same cycles moves together, and a debiased skid ratio, which is not a mean over cycles, moves
+//! with them by its own error. Where the cycles are not at hand the standard deviations alone are
 //! drawn from, normally distributed.
 //!
 //! Trials of the same frequency are drawn from, too. What they differ by beyond their standard
@@ -20,12 +20,13 @@ use std::collections::BTreeMap;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{ChiSquared, Distribution};
 
 use super::measurement::Measurement;
 use super::terms::TERMS;
+use super::trial_noise::TrialNoise;
 use crate::metrics::GaitMetrics;
-use crate::stats::{mean, median_high};
+use crate::stats::{mean, mean_deviation, median_high};
 use crate::store::CycleRow;
 
 /// One number for every metric that has a term in the objective.
@@ -36,15 +37,14 @@ pub(super) struct CampaignResampler {
     pub measurements: Vec<Measurement>,
     /// Indices of each frequency's trials.
     frequencies: Vec<Vec<usize>>,
-    /// Standard errors; those that are missing are taken from the others.
-    errors: Vec<Metrics>,
     /// Means over the trials of each trial's frequency.
     means: Vec<Metrics>,
-    cycles: Vec<Cycles>,
+    noises: Vec<TrialNoise>,
     /// Standard deviation of the trials' own spread as a part of that of their deviations.
     own: Metrics,
-    /// Relative standard deviation of repeats around their frequency's mean.
+    /// Relative standard deviation of repeats around their frequency's mean, and its degrees of freedom.
     spread: Metrics,
+    freedom: f64,
     /// Relative deviations of repeats from their frequency's mean, without bias.
     deviations: Vec<Metrics>,
 }
@@ -58,35 +58,18 @@ pub(super) struct DrawnTrial {
     pub gait_steps_rad: [[f64; 3]; 2],
 }
 
-/// A trial's cycles.
-struct Cycles {
-    metrics: Vec<Metrics>,
-    /// Their means, and standard deviations of resampled means.
-    means: Metrics,
-    deviations: Metrics,
-}
-
-impl Cycles {
-    fn new(metrics: Vec<Metrics>) -> Self {
-        let means: Metrics = std::array::from_fn(|i| mean(metrics.iter().map(|cycle| cycle[i])));
-        let deviations = std::array::from_fn(|i| {
-            let squares: f64 = metrics.iter().map(|cycle| (cycle[i] - means[i]).powi(2)).sum();
-            squares.sqrt() / metrics.len() as f64
-        });
-        Self { metrics, means, deviations }
-    }
-}
-
 impl CampaignResampler {
     /// Of sorted measurements; `cycles` are those that count, by trial.
     pub fn new(measurements: Vec<Measurement>, cycles: &BTreeMap<String, Vec<CycleRow>>) -> Self {
-        let used = |measurement: &Measurement| {
-            let rows = cycles.get(&measurement.trial).into_iter().flatten();
-            Cycles::new(rows.filter(|row| row.used).map(|row| terms(&row.metrics)).collect())
-        };
         let frequencies = Measurement::frequencies(&measurements);
         let errors = errors(&measurements);
         let (own, spread, deviations) = own_spread(&measurements, &frequencies, &errors);
+        let freedom = (measurements.len() - frequencies.len()) as f64;
+        let noise = |(measurement, errors): (&Measurement, &Metrics)| {
+            let rows = cycles.get(&measurement.trial).into_iter().flatten();
+            TrialNoise::new(measurement, errors, rows.filter(|row| row.used))
+        };
+        let noises = measurements.iter().zip(&errors).map(noise).collect();
         let mut means_of_trials = vec![[0.0; TERMS]; measurements.len()];
         for trials in &frequencies {
             let means = means(&measurements, trials);
@@ -94,23 +77,41 @@ impl CampaignResampler {
         }
         Self {
             means: means_of_trials,
-            cycles: measurements.iter().map(used).collect(),
+            noises,
             measurements,
             frequencies,
-            errors,
             own,
             spread,
+            freedom,
             deviations,
         }
     }
 
-    /// Standard deviations of what every measurement is off by: of its cycles and its own.
-    pub fn noises(&self) -> Vec<Metrics> {
-        let both = self.measurements.iter().map(metrics).zip(&self.errors);
-        let noise = |(metrics, errors): (Metrics, &Metrics)| {
-            std::array::from_fn(|i| errors[i].hypot(self.own[i] * self.spread[i] * metrics[i]))
+    /// What every measurement is off by: its noise, and the standard deviations of the trials' own spread.
+    pub fn noises(&self) -> impl Iterator<Item = (&TrialNoise, Metrics)> {
+        let own = |of: Metrics| std::array::from_fn(|i| self.own[i] * self.spread[i] * of[i]);
+        self.noises.iter().zip(self.measurements.iter().map(metrics).map(own))
+    }
+
+    /// How many times the standard deviation of each metric's noise so many cycles and repeats tell, at random.
+    pub fn told(&self, mut random: ChaCha8Rng) -> Vec<Metrics> {
+        // Of normally distributed values; 1 where nothing tells how many values it is of.
+        let mut told = |freedom: f64| match ChiSquared::new(freedom) {
+            Ok(squares) => (squares.sample(&mut random) / freedom).sqrt() / mean_deviation(freedom),
+            Err(_) => 1.0,
         };
-        both.map(noise).collect()
+        // d and v are one measurement.
+        let mut of_spread: Metrics = std::array::from_fn(|_| told(self.freedom));
+        of_spread[1] = of_spread[0];
+        let of_trial = |((noise, spread), of): ((&TrialNoise, Metrics), &Measurement)| {
+            let of_cycles = told(of.freedom());
+            std::array::from_fn(|i| {
+                let own = noise.deviations()[i];
+                let told = (of_cycles * own).hypot(of_spread[i] * spread[i]) / own.hypot(spread[i]);
+                if told.is_finite() { told } else { 1.0 }
+            })
+        };
+        self.noises().zip(&self.measurements).map(of_trial).collect()
     }
 
     /// A resample, by random numbers for the metrics and for the gaits.
@@ -132,28 +133,20 @@ impl CampaignResampler {
     }
 
     /// Adds a resample of a frequency's trials, by random numbers for them and for their gaits.
-    fn draw_of(
-        &self,
-        trials: &[usize],
-        [random, of_gait]: &mut [ChaCha8Rng; 2],
-        drawn: &mut Vec<DrawnTrial>,
-    ) {
+    fn draw_of(&self, trials: &[usize], random: &mut [ChaCha8Rng; 2], drawn: &mut Vec<DrawnTrial>) {
         for &trial in trials {
-            let (index, mut metrics) = self.trial_of(trial, trials, random);
-            let moves = self.moves(index, random);
+            let (index, mut metrics) = self.trial_of(trial, trials, &mut random[0]);
+            let noise = &self.noises[index];
+            let moves = noise.draw(random);
             for (i, metric) in metrics.iter_mut().enumerate() {
-                *metric += self.errors[index][i] * moves[i];
+                *metric += noise.deviations()[i] * moves.metrics[i];
                 if *metric <= 0.0 {
                     *metric = f64::NAN;
                 }
             }
-            let errors_rad = self.measurements[index].gait_errors_rad;
-            let gait_steps_rad = errors_rad.map(|of_joint| {
-                of_joint.map(|error_rad| {
-                    let moves: f64 = StandardNormal.sample(of_gait);
-                    if error_rad.is_finite() { moves * error_rad } else { 0.0 }
-                })
-            });
+            let deviations_rad = noise.gait_deviations_rad();
+            let gait_steps_rad =
+                [0, 3].map(|of| [of, of + 1, of + 2].map(|i| deviations_rad[i] * moves.gait[i]));
             drawn.push(DrawnTrial { index, metrics, gait_steps_rad });
         }
     }
@@ -183,27 +176,6 @@ impl CampaignResampler {
         let with_spread = |i: usize| means[i] + self.own[i] * scale * (drawn[i] - means[i]);
         (index, std::array::from_fn(with_spread))
     }
-
-    /// By how many standard errors a resample of a trial's cycles moves its metrics.
-    fn moves(&self, index: usize, random: &mut ChaCha8Rng) -> Metrics {
-        let Cycles { metrics: cycles, means, deviations } = &self.cycles[index];
-        let count = cycles.len();
-        // d and v are one measurement, and so are in general all metrics of a cycle.
-        let mut normal = [0.0; TERMS];
-        for (i, normal) in normal.iter_mut().enumerate() {
-            if i != 1 {
-                *normal = StandardNormal.sample(random);
-            }
-        }
-        normal[1] = normal[0];
-        let drawn: Vec<usize> = (0..count).map(|_| random.random_range(0..count.max(1))).collect();
-        std::array::from_fn(|i| {
-            let resampled = mean(drawn.iter().map(|&n| cycles[n][i]));
-            let moves = (resampled - means[i]) / deviations[i];
-            // Without cycles, or with one, or with equal ones.
-            if moves.is_finite() { moves } else { normal[i] }
-        })
-    }
 }
 
 fn metrics(measurement: &Measurement) -> Metrics {
@@ -224,18 +196,19 @@ fn means(measurements: &[Measurement], trials: &[usize]) -> Metrics {
     })
 }
 
-/// Standard errors of every trial's metrics. Where one is missing, as with a single cycle, the
+/// Standard deviations of every trial's metrics. Where one is missing, as with a single cycle, the
 /// median relative spread of the other trials' cycles replaces it; 0 if no trial has one.
 fn errors(measurements: &[Measurement]) -> Vec<Metrics> {
+    let known = |of: &Measurement| terms(&of.errors).map(|error| of.unbiased() * error);
     let root = |measurement: &Measurement| (measurement.cycles.max(1) as f64).sqrt();
     let typical: Metrics = std::array::from_fn(|i| {
-        let spread = |of: &Measurement| terms(&of.errors)[i] / metrics(of)[i] * root(of);
+        let spread = |of: &Measurement| known(of)[i] / metrics(of)[i] * root(of);
         let spreads = measurements.iter().map(spread).filter(|spread| spread.is_finite());
         let median = median_high(spreads.collect());
         if median.is_nan() { 0.0 } else { median }
     });
     let filled = |measurement: &Measurement| {
-        let (known, metrics) = (terms(&measurement.errors), metrics(measurement));
+        let (known, metrics) = (known(measurement), metrics(measurement));
         std::array::from_fn(|i| match known[i].is_finite() {
             true => known[i],
             false => typical[i] * metrics[i] / root(measurement),
@@ -341,7 +314,7 @@ mod tests {
         for with_cycles in [true, false] {
             for d_m in [vec![0.40, 0.43], vec![0.40, 0.43, 0.42], vec![0.40, 0.41, 0.43, 0.45]] {
                 let trial = trial("one", 2.0, &d_m);
-                let expected = trial.0.errors.d_m;
+                let expected = trial.0.unbiased() * trial.0.errors.d_m;
                 let resampler = resampler(vec![trial], with_cycles);
                 let found = deviation(&resampler, |resample| resample[0].metrics[0]);
                 assert!((found / expected - 1.0).abs() < 0.05, "{found} for {expected}");
@@ -353,10 +326,13 @@ mod tests {
     fn a_single_cycle_is_given_the_spread_of_the_other_trials() {
         let single = trial("single", 3.0, &[0.5]);
         assert!(single.0.errors.d_m.is_nan());
-        let resampler = resampler(vec![trial("one", 2.0, &[0.40, 0.42, 0.44]), single], true);
+        let several = trial("one", 2.0, &[0.40, 0.42, 0.44]);
+        let unbiased = several.0.unbiased();
+        let resampler = resampler(vec![several, single], true);
         let found = deviation(&resampler, |resample| resample[1].metrics[0]);
         // A cycle's relative spread is 0.02 / 0.42.
-        assert!((found / (0.5 * 0.02 / 0.42) - 1.0).abs() < 0.05, "{found}");
+        let expected = unbiased * 0.5 * 0.02 / 0.42;
+        assert!((found / expected - 1.0).abs() < 0.05, "{found} for {expected}");
     }
 
     #[test]

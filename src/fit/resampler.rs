@@ -9,6 +9,7 @@ use super::measurement::Measurement;
 use super::objective::{METRICS, Objective};
 use super::resample::{CampaignResampler, DrawnTrial, Metrics};
 use super::terms::TERMS;
+use super::trial_noise::TrialNoise;
 use crate::store::CycleRow;
 
 /// Draws measurements, of each campaign by itself ([`super::resample`]).
@@ -68,16 +69,34 @@ impl Resampler {
         (0..TERMS).filter(|i| is_silent(*i)).map(|i| METRICS[i]).collect()
     }
 
-    /// Degrees of freedom of a measurement's standard errors; `None` of those that are of a
-    /// single cycle, taken from all trials, or of an unknown number.
-    pub fn freedom(&self, measurement: usize) -> Option<f64> {
-        let cycles = self.measurements[measurement].cycles;
-        (cycles > 1).then_some(cycles as f64 - 1.0)
+    /// Degrees of freedom of all measurements' standard errors together; infinite where nothing tells how
+    /// many cycles they are of.
+    pub fn freedom(&self) -> f64 {
+        match self.measurements.iter().map(Measurement::freedom).sum() {
+            0.0 => f64::INFINITY,
+            freedom => freedom,
+        }
     }
 
-    /// Standard deviations of what every measurement is off by: of its cycles and its own.
+    /// What every measurement is off by: its noise, and the standard deviations of the trials' own spread.
+    pub fn noises_and_spreads(&self) -> impl Iterator<Item = (&TrialNoise, Metrics)> {
+        self.campaigns.iter().flat_map(CampaignResampler::noises)
+    }
+
+    /// How many times the standard deviation of each metric's noise so many cycles and repeats tell, at random.
+    pub fn told(&self, number: usize) -> Vec<Metrics> {
+        let of_campaign = |(nth, campaign): (usize, &CampaignResampler)| {
+            campaign.told(self.random_of(nth, "told noise", number))
+        };
+        self.campaigns.iter().enumerate().flat_map(of_campaign).collect()
+    }
+
+    /// Standard deviations of what the metrics of every measurement are off by, without bias.
     pub fn noises(&self) -> Vec<Metrics> {
-        self.campaigns.iter().flat_map(CampaignResampler::noises).collect()
+        let both = |(noise, spread): (&TrialNoise, Metrics)| {
+            std::array::from_fn(|i| noise.deviations()[i].hypot(spread[i]))
+        };
+        self.noises_and_spreads().map(both).collect()
     }
 
     /// The resample with this number; the same for every model of the campaign.

@@ -19,9 +19,10 @@ pub use columns::{Columns, numbers, repeated, texts};
 pub use optimum::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
 pub use polars::prelude::Column;
 pub use schema::{
-    BootstrapRow, BranchRow, CheckRow, ComparisonRow, CycleRow, DecayFit, FitRow, JointGait,
-    LABELS_APART, PredictionRow, ProfileRow, ResidualRow, RobotParameterRow, RobotQuantity,
-    SharedFitRow, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path, wheels_path,
+    BootstrapRow, BranchRow, CheckRow, ComparisonRow, CycleRow, DecayFit, FitRow, JointCycle,
+    JointGait, LABELS_APART, PredictionRow, ProfileRow, ResidualRow, RobotParameterRow,
+    RobotQuantity, SharedFitRow, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
+    wheels_path,
 };
 pub use sensitivity::{KnownFrom, SENSITIVE_METRICS, SensitivityRow};
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};

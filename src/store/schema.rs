@@ -39,6 +39,8 @@ rows! {
         /// When the cycle starts, after the first frame, s.
         pub start_s: f64,
         pub metrics: GaitMetrics,
+        /// What the joints do in it.
+        pub gait: [JointCycle; 2] as "phi{}_{}",
         /// Whether the cycle counts towards the trial's means, and where it does not, why.
         pub used: bool,
         pub reason: String,
@@ -85,6 +87,16 @@ rows! {
         pub smoothing_left3: f64,
         pub status: TrialStatus,
         pub message: String,
+    }
+}
+
+rows! {
+    /// What a joint does in a cycle: as [`JointGait`].
+    #[derive(Copy, Serialize)]
+    pub struct JointCycle {
+        pub offset_rad: f64,
+        pub amplitude_rad: f64,
+        pub phase_rad: f64,
     }
 }
 

@@ -16,7 +16,8 @@ use crate::stats::{mean, seen};
 
 /// Standard errors that a trial's cycles have in common.
 pub struct JointErrors {
-    pub alpha1_rad: f64,
+    /// Of the offset, amplitude and phase of each joint's first harmonic.
+    pub gait_rad: [[f64; 3]; 2],
     /// Of the wheels' mean squared skid velocities, m^2/s^2.
     pub skid_square: [f64; 3],
 }
@@ -26,23 +27,33 @@ pub fn joint_errors(data: &CycleData, frames: &Range<usize>) -> JointErrors {
     let shifts: Vec<&JointShift> =
         data.tracked.joint_shifts.iter().filter(|shift| frames.contains(&shift.frame)).collect();
     JointErrors {
-        alpha1_rad: jackknife(alpha1_shifts(data, frames, &shifts)),
+        gait_rad: [0, 1].map(|joint| gait_shifts(data, frames, &shifts, joint).map(jackknife)),
         skid_square: [0, 1, 2].map(|wheel| jackknife(skid_shifts(data, frames, &shifts, wheel))),
     }
 }
 
-/// By how much the first harmonic of phi1 is larger without each part.
-fn alpha1_shifts(data: &CycleData, frames: &Range<usize>, shifts: &[&JointShift]) -> [f64; PARTS] {
+/// By how much the offset, amplitude and phase of a joint's first harmonic are larger without each part.
+fn gait_shifts(
+    data: &CycleData,
+    frames: &Range<usize>,
+    shifts: &[&JointShift],
+    joint: usize,
+) -> [[f64; PARTS]; 3] {
     let phase = &data.driven.phase;
-    let phi1 = &data.tracked.seen.phi_rad[0];
-    let first = Harmonics::fit(phi1, frames.clone(), phase, GAIT_HARMONICS);
-    let begin_rad = first.map_or(0.0, |fit| fit.phase_rad());
-    std::array::from_fn(|part| {
-        let product = |JointShift { frame, without }: &&JointShift| {
-            let [_, _, middle, front, _] = without[part];
-            2.0 * (middle - front) * (phase.at(*frame as f64) + begin_rad).cos()
-        };
-        mean(shifts.iter().map(product))
+    let phi_rad = &data.tracked.seen.phi_rad[joint];
+    let first = Harmonics::fit(phi_rad, frames.clone(), phase, GAIT_HARMONICS);
+    let Some(first) = first else { return [[f64::NAN; PARTS]; 3] };
+    // Of phi1 = theta_0 - theta_1 and phi2 = theta_2 - theta_0.
+    let side = [1.0, -1.0][joint];
+    let weights: [&dyn Fn(f64) -> f64; 3] =
+        [&|_| 1.0, &|phase| 2.0 * phase.cos(), &|phase| -2.0 * phase.sin() / first.amplitude(1)];
+    weights.map(|weight| {
+        std::array::from_fn(|part| {
+            mean(shifts.iter().map(|JointShift { frame, without }| {
+                let turned_rad = side * (without[part][2] - without[part][3 + joint]);
+                turned_rad * weight(phase.at(*frame as f64) + first.phase_rad())
+            }))
+        })
     })
 }
 

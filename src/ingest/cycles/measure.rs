@@ -9,6 +9,7 @@ use crate::ingest::poses::{Coordinates, Tracked};
 use crate::metrics::GaitMetrics;
 use crate::robot::{Gait, Robot};
 use crate::stats::{mean, seen};
+use crate::store::{Columns as _, JointCycle};
 
 /// A cycle in which a commanded joint is off its gait by more than this part of the amplitude
 /// (RMS) is not the gait: a start, a stop, a pause.
@@ -26,6 +27,8 @@ pub struct Cycle {
     pub end: f64,
     /// All missing if the cycle touches a gap.
     pub metrics: GaitMetrics,
+    /// What the joints do, as seen, without smoothing.
+    pub gait: [JointCycle; 2],
     /// Components of the wheels' skid velocities, m/s: offset and harmonics, of which nothing is
     /// smoothed away, such that their squares sum to the mean square. Empty if the cycle touches
     /// a gap.
@@ -86,7 +89,12 @@ impl CycleData<'_> {
                 };
                 let skid_m_s = self.raw_wheels.skid_m_s.each_ref().map(components);
                 let metrics = metrics.unwrap_or(GaitMetrics::MISSING);
-                Cycle { start, end, metrics, skid_m_s, is_gait }
+                let gait = self.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
+                    let frames = frames_within(start, end);
+                    Harmonics::fit(phi_rad, frames, phase, GAIT_HARMONICS)
+                        .map_or_else(JointCycle::blank, |fit| first_harmonic(&fit))
+                });
+                Cycle { start, end, metrics, gait, skid_m_s, is_gait }
             })
             .collect()
     }
@@ -122,6 +130,15 @@ impl CycleData<'_> {
             dtheta_rad: change(theta_rad),
         };
         (!metrics.to_array().iter().any(|x| x.is_nan())).then_some(metrics)
+    }
+}
+
+/// What a joint does, but for higher harmonics.
+pub fn first_harmonic(fit: &Harmonics) -> JointCycle {
+    JointCycle {
+        offset_rad: fit.offset(),
+        amplitude_rad: fit.amplitude(1),
+        phase_rad: fit.phase_rad(),
     }
 }
 

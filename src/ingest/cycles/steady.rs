@@ -91,6 +91,7 @@ fn drifts(cycles: &[Cycle], used: &[usize]) -> bool {
 mod tests {
     use super::*;
     use crate::metrics::GaitMetrics;
+    use crate::store::Columns;
 
     fn cycles(d_m: &[f64]) -> Vec<Cycle> {
         d_m.iter()
@@ -98,6 +99,7 @@ mod tests {
                 start: 0.0,
                 end: 0.0,
                 metrics: GaitMetrics { d_m, dtheta_rad: 0.0, ..GaitMetrics::MISSING },
+                gait: Columns::blank(),
                 skid_m_s: [const { Vec::new() }; 3],
                 is_gait: true,
             })

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::joints::joint_errors;
 use super::means::{mean_change, mean_of, rms_without_noise};
-use super::measure::{Cycle, CycleData, frames_within};
+use super::measure::{Cycle, CycleData, first_harmonic};
 use super::noise::{SkidNoise, end_variances};
 use super::steady::Steady;
 use crate::ingest::checks::{
@@ -17,7 +17,7 @@ use crate::ingest::signals::response;
 use crate::metrics::GaitMetrics;
 use crate::robot::Gait;
 use crate::stats::{self, Estimate, wrap};
-use crate::store::{Columns as _, CycleRow, JointGait, TrialRow, TrialStatus};
+use crate::store::{Columns as _, CycleRow, JointCycle, JointGait, TrialRow, TrialStatus};
 use crate::trial::Trial;
 
 /// A row in which nothing is known but what is in the list of trials.
@@ -73,25 +73,20 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
             let Estimate { value, se } = sigma[wheel];
             se.hypot(common.skid_square[wheel] / (2.0 * value * scale * scale))
         }),
-        alpha1_rad: alpha1.se.hypot(common.alpha1_rad),
+        alpha1_rad: alpha1.se.hypot(common.gait_rad[0][1]),
         dtheta_rad: dtheta.se,
     };
-    row.gait = data.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
-        let fit = |frames| joint_gait(phi_rad, frames, &driven.phase);
-        let gait = fit(frames.clone()).unwrap_or_else(JointGait::blank);
-        let of_cycles = used.iter().filter_map(|cycle| fit(frames_within(cycle.start, cycle.end)));
-        let of_cycles: Vec<JointGait> = of_cycles.collect();
-        let error = |of: &dyn Fn(&JointGait) -> f64| match of_cycles.len() == used.len() {
-            true => mean_of(&of_cycles.iter().map(of).collect::<Vec<_>>()).se,
-            false => f64::NAN,
+    row.gait = joint_gaits(&data.tracked.seen.phi_rad, &frames, &driven.phase);
+    for (joint, gait) in row.gait.iter_mut().enumerate() {
+        let phase_rad = gait.phase_rad;
+        let error = |of: &dyn Fn(&JointCycle) -> f64| {
+            mean_of(&used.iter().map(|cycle| of(&cycle.gait[joint])).collect::<Vec<_>>()).se
         };
-        JointGait {
-            offset_rad_se: error(&|cycle| cycle.offset_rad),
-            amplitude_rad_se: error(&|cycle| cycle.amplitude_rad),
-            phase_rad_se: error(&|cycle| wrap(cycle.phase_rad - gait.phase_rad)),
-            ..gait
-        }
-    });
+        let common = common.gait_rad[joint];
+        gait.offset_rad_se = error(&|cycle| cycle.offset_rad).hypot(common[0]);
+        gait.amplitude_rad_se = error(&|cycle| cycle.amplitude_rad).hypot(common[1]);
+        gait.phase_rad_se = error(&|cycle| wrap(cycle.phase_rad - phase_rad)).hypot(common[2]);
+    }
     let left = |k: f64| response(row.smoothing_window as usize, k * driven.phase.step_rad);
     [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);
 }
@@ -111,10 +106,11 @@ pub fn joint_gaits(
 fn joint_gait(phi_rad: &[f64], frames: Range<usize>, phase: &LinearPhase) -> Option<JointGait> {
     let fit = Harmonics::fit(phi_rad, frames, phase, GAIT_HARMONICS)?;
     let squares = (2..=GAIT_HARMONICS).map(|k| 0.5 * fit.amplitude(k).powi(2)).sum::<f64>();
+    let JointCycle { offset_rad, amplitude_rad, phase_rad } = first_harmonic(&fit);
     Some(JointGait {
-        offset_rad: fit.offset(),
-        amplitude_rad: fit.amplitude(1),
-        phase_rad: fit.phase_rad(),
+        offset_rad,
+        amplitude_rad,
+        phase_rad,
         harmonics_rad: squares.sqrt(),
         ..JointGait::blank()
     })
@@ -127,6 +123,7 @@ pub fn cycle_rows(trial: &Trial, cycles: &[Cycle], steady: &Steady, rate_hz: f64
         cycle: i as i64,
         start_s: cycle.start / rate_hz,
         metrics: cycle.metrics,
+        gait: cycle.gait,
         used: steady.used.binary_search(&i).is_ok(),
         reason: steady.reason(i, cycle),
     };

@@ -64,6 +64,7 @@ pub fn write(derived: &Path, trial: &TrialRow) {
         metrics: trial.metrics,
         used: i >= 2,
         reason: if i < 2 { "one of the first 2, taken for transient" } else { "" }.to_owned(),
+        ..CycleRow::blank()
     };
     let cycles: Vec<CycleRow> = (0..CYCLES).map(cycle).collect();
     save(&CycleRow::to_table(&cycles), &cycles_path(derived, name));
