@@ -10,7 +10,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 use tempfile::TempDir;
-use trilink::store::Table;
+use trilink::store::{Columns as _, FitRow, Provenance, Reader, Table};
 
 const BAD: &str = "kinematic-symmetric-3.50-r1";
 const GOOD: &str = "kinematic-symmetric-3.90-r1";
@@ -465,4 +465,22 @@ fn packed_files_and_other_frame_rates_are_taken_where_allowed() {
     folder.replace("pipeline.toml", "[fit]", "[vicon]\nrate_from_file = true\n[fit]");
     let ended = folder.trilink(&["ingest"]);
     assert_eq!(ended.status, Some(0), "{}", ended.errors);
+}
+
+#[test]
+fn a_table_with_more_rows_than_it_may_have_is_refused_before_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fits.parquet");
+    let read = |rows: usize| {
+        let made = Provenance { input: String::new() };
+        FitRow::to_table(&vec![FitRow::blank(); rows]).write(&path, &made).unwrap();
+        Reader::default().bearable_table(&path)
+    };
+    assert_eq!(read(1_000).unwrap().len(), 1_000);
+    let message = read(1_001).unwrap_err().to_string();
+    assert!(message.ends_with("found 1001 rows, needed at most 1000"), "{message}");
+    // By a name that it is not known by it is somebody's own.
+    let own = path.with_file_name("own.parquet");
+    fs::rename(&path, &own).unwrap();
+    assert_eq!(Reader::default().bearable_table(&own).unwrap().len(), 1_001);
 }

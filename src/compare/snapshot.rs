@@ -220,7 +220,7 @@ fn rows(
     needed: &[&str],
     reader: &Reader,
 ) -> Result<(Vec<Record>, String), StoreError> {
-    let Table { frame, input, .. } = reader.table(path)?;
+    let Table { frame, input, .. } = reader.bearable_table(path)?;
     if let Some(missing) = needed.iter().find(|name| frame.column(name).is_err()) {
         let (path, column) = (path.to_owned(), (*missing).to_owned());
         let found = "no such column".to_owned();

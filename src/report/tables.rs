@@ -12,27 +12,27 @@ use crate::store::{
     Table, TrialRow, is_there,
 };
 
-/// Tables that are read, the most rows that one may have, and what the report lacks without it, empty of what is
-/// only there if it was asked for; it cannot be without the first.
-const TABLES: [(&str, usize, &str); 13] = [
-    ("trials", 20_000, "no trial is listed"),
-    ("checks", 1_000_000, "no check is listed"),
-    ("fits", 1_000, "no model is fitted"),
-    ("alternative_fits", 1_000, "what the other gait input gives is not listed"),
-    ("shared_fits", 1_000, "what campaigns share is not listed"),
-    ("predictions", 50_000, "no model is drawn"),
-    ("comparison", 1_000, "no model is compared"),
-    ("starts", 100_000, "no search is drawn"),
-    ("profiles", 100_000, "no profile is drawn"),
-    ("bootstrap", 1_000_000, "no replicate is drawn"),
-    ("robot_parameters", 20_000, "no measured parameter of a robot is listed"),
-    ("optima", 10_000, ""),
-    ("optimum_maps", 1_000_000, ""),
+/// Tables that are read, and what the report lacks without them, empty of what is only there if it was asked for;
+/// it cannot be without the first.
+const TABLES: [(&str, &str); 13] = [
+    ("trials", "no trial is listed"),
+    ("checks", "no check is listed"),
+    ("fits", "no model is fitted"),
+    ("alternative_fits", "what the other gait input gives is not listed"),
+    ("shared_fits", "what campaigns share is not listed"),
+    ("predictions", "no model is drawn"),
+    ("comparison", "no model is compared"),
+    ("starts", "no search is drawn"),
+    ("profiles", "no profile is drawn"),
+    ("bootstrap", "no replicate is drawn"),
+    ("robot_parameters", "no measured parameter of a robot is listed"),
+    ("optima", ""),
+    ("optimum_maps", ""),
 ];
 
 /// The tables that are read, where they are there.
 pub fn table_paths(derived: &Path) -> Vec<PathBuf> {
-    TABLES.map(|(name, ..)| table_path(derived, name)).into()
+    TABLES.map(|(name, _)| table_path(derived, name)).into()
 }
 
 /// Rows of `derived/`.
@@ -73,7 +73,7 @@ impl Tables {
             return Err(StoreError::NotIngested { path }.into());
         };
         let mut missing = Vec::new();
-        for (name, _, without) in TABLES.iter().filter(|(.., without)| !without.is_empty()) {
+        for (name, without) in TABLES.iter().filter(|(_, without)| !without.is_empty()) {
             if !is_there(&table_path(derived, name))? {
                 missing.push(format!("Table {name}.parquet is not there: {without}."));
             }
@@ -159,18 +159,9 @@ fn table_path(derived: &Path, name: &str) -> PathBuf {
 
 /// A table, if it is there.
 fn read(derived: &Path, reader: &Reader, name: &str) -> Result<Option<Table>, ReportError> {
-    let path = table_path(derived, name);
-    let table = match reader.table(&path) {
-        Err(error) if error.is_not_there() => return Ok(None),
-        table => table?,
-    };
-    let limit = TABLES.iter().find(|(known, ..)| *known == name).map(|(_, most, _)| *most);
-    match (table.len(), limit) {
-        (found, Some(most)) if found > most => {
-            let message = format!("found {found} rows, needed at most {most}");
-            Err(StoreError::Table { path, message }.into())
-        }
-        _ => Ok(Some(table)),
+    match reader.bearable_table(&table_path(derived, name)) {
+        Err(error) if error.is_not_there() => Ok(None),
+        table => Ok(Some(table?)),
     }
 }
 

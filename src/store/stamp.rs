@@ -8,6 +8,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
+use super::table::most_rows;
 use super::{Columns, StoreError, Table};
 use crate::files;
 
@@ -125,6 +126,14 @@ impl Reader {
     /// As [`Reader::bytes`], or it is not a table that trilink writes.
     pub fn table(&self, path: &Path) -> Result<Table, StoreError> {
         Table::parse(path, self.bytes(path)?)
+    }
+
+    /// A table that is not absurdly long.
+    ///
+    /// # Errors
+    /// As [`Reader::table`], or it has more rows than a table of its name may have.
+    pub fn bearable_table(&self, path: &Path) -> Result<Table, StoreError> {
+        Table::parse_at_most(path, self.bytes(path)?, most_rows(path))
     }
 
     /// The rows of a table.

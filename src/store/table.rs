@@ -21,6 +21,30 @@ use crate::files;
 /// time: they tell a reader which parts of a table to skip, and these tables have one part.
 const ZSTD_LEVEL: i32 = 1;
 
+/// Most rows of the tables that are read as a whole, by their names: an absurd table costs no gigabytes.
+const MOST_ROWS: [(&str, usize); 13] = [
+    ("trials", 20_000),
+    ("checks", 1_000_000),
+    ("fits", 1_000),
+    ("alternative_fits", 1_000),
+    ("shared_fits", 1_000),
+    ("predictions", 50_000),
+    ("comparison", 1_000),
+    ("starts", 100_000),
+    ("profiles", 100_000),
+    ("bootstrap", 1_000_000),
+    ("robot_parameters", 20_000),
+    ("optima", 10_000),
+    ("optimum_maps", 1_000_000),
+];
+
+/// Most rows of the table with this file.
+pub(super) fn most_rows(path: &Path) -> usize {
+    let name = path.file_stem().and_then(|name| name.to_str());
+    let known = MOST_ROWS.iter().find(|(known, _)| Some(*known) == name);
+    known.map_or(usize::MAX, |(_, most)| *most)
+}
+
 /// Key of the fingerprint in a file's metadata.
 const INPUT_KEY: &str = "trilink.input";
 
@@ -147,11 +171,25 @@ impl Table {
 
     /// [`Table::read`] of bytes at hand.
     pub(crate) fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, StoreError> {
+        Self::parse_at_most(path, bytes, usize::MAX)
+    }
+
+    /// [`Table::parse`] of a table that has so many rows at most.
+    pub(super) fn parse_at_most(
+        path: &Path,
+        bytes: Vec<u8>,
+        most: usize,
+    ) -> Result<Self, StoreError> {
         let table_error = |message: String| StoreError::Table { path: path.to_owned(), message };
         let bytes = Cursor::new(bytes);
         let mut reader = ParquetReader::new(bytes).read_parallel(ParallelStrategy::None);
         let read = || {
-            let pairs = reader.get_metadata()?.key_value_metadata().iter().flatten();
+            let metadata = reader.get_metadata()?;
+            if metadata.num_rows > most {
+                let message = format!("found {} rows, needed at most {most}", metadata.num_rows);
+                return Err(PolarsError::ComputeError(message.into()));
+            }
+            let pairs = metadata.key_value_metadata().iter().flatten();
             let mut inputs = pairs.filter(|pair| pair.key == INPUT_KEY);
             let input = inputs.next().and_then(|pair| Some(pair.value.as_ref()?.to_string()));
             PolarsResult::Ok((reader.finish()?, input))
