@@ -135,7 +135,8 @@ fn map_height(panel: &Panel, xs: &[f64], width: f64) -> f64 {
     const LEAST: f64 = 110.0;
     let span = |values: &[f64]| Range::of(values.iter().copied()).map_or(f64::NAN, Range::span);
     let needed = 1.15 * width * span(&panel.ys()) / span(xs);
-    if needed.is_finite() { needed.clamp(LEAST, 0.6 * width) } else { LEAST }
+    let most = LEAST.max(0.6 * width);
+    if needed.is_finite() { needed.clamp(LEAST, most) } else { LEAST }
 }
 
 /// A panel's axes, with as many ticks as have room for their labels.

@@ -111,6 +111,16 @@ fn a_pdf_has_its_text_as_text_in_its_own_font_and_no_date() {
     }
 }
 
+#[test]
+fn every_figure_has_room_at_the_narrowest_width_that_may_be_asked_for() {
+    let folder = temporary();
+    MadeUp::of_the_paper().write(&folder.path().join("derived"));
+    let mut config = config(folder.path());
+    config.report.width_mm = FigureWidth::Mm(7.0 * config.report.font_pt);
+    let figures = report(&config).expect("reports").figures;
+    assert!(figures.iter().any(|figure| figure == "fig10"), "{figures:?}");
+}
+
 /// What LaTeX makes of a document, where there is LaTeX.
 fn compile(tables: &str) {
     let folder = temporary();
