@@ -20,10 +20,15 @@ const BETWEEN: &[u8] = b"\n%%\n";
 
 const CONFIG: &str = "pipeline.toml";
 const RECORD: &str = "derived/up-to-date.json";
-/// Of the small project: two campaigns that share coefficients.
+/// Of the small project: two campaigns that share coefficients. Its figures are small: painting their pixels,
+/// which is not what is tried, would take more than half of the time.
 const PIPELINE: &str = r#"[paths]
 raw = "raw"
 baseline = "baseline.json"
+[report]
+width_mm = 28.0
+font_pt = 4.0
+trial_pages = 2
 [fit]
 starts = 1
 bootstrap = 4
