@@ -37,9 +37,8 @@ use crate::stats::{mean, quantiles_low};
 
 /// Draws of noise.
 const DRAWS: usize = 400;
-/// Part of them that an adequate model is within, by all three tests. Of recordings it is more, since the draws
-/// take what a trial's skid ratios and gait have in common by its joints' positions for independent: 533 of the
-/// 540 fits of 180 nights by the model that is true (tests/coverage.rs).
+/// Part of them that an adequate model is within, by all three tests. Of recordings it is about as many: 522 of
+/// the 540 fits of 180 nights by the model that is true (tests/coverage.rs).
 const LEVEL: f64 = 0.95;
 /// Linearised residuals are good within about this factor's logarithm.
 const RADIUS: f64 = 1.0;

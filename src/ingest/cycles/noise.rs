@@ -28,47 +28,60 @@ pub fn end_variances(data: &CycleData, window: usize) -> [f64; 2] {
 pub struct SkidNoise {
     /// Of the mean square, m^2/s^2.
     pub square: f64,
+    /// Whether that is all by which cycles differ.
+    pub is_all_that_differs: bool,
     /// Variance of the mean velocity by the noise of the position at one end, m^2/s^2.
     pub end_variance: f64,
+    /// Variance of the mean product of the cycles' mean wave with one cycle by white noise, but for its ends, m^4/s^4.
+    pub product_variance: f64,
 }
 
 impl SkidNoise {
+    pub const NONE: Self =
+        Self { square: 0.0, is_all_that_differs: false, end_variance: 0.0, product_variance: 0.0 };
+
     /// Of cycles with these components of the wheel's skid velocity.
     pub fn new(data: &CycleData, cycles: &[&Cycle], wheel: usize) -> Self {
         let (count, step) = (data.driven.shape_harmonics, data.driven.phase.step_rad);
         let frames = mean(cycles.iter().map(|cycle| cycle.end - cycle.start));
-        // Of differentiated white noise of unit variance, in a harmonic.
-        let gain = |k: usize| {
-            let (sin, sin2) = ((k as f64 * step).sin(), (2.0 * k as f64 * step).sin());
-            ((8.0 * sin - sin2) / 6.0 * data.rate_hz).powi(2)
-        };
-        let gains = 2.0 / frames * (1..=count).map(gain).sum::<f64>();
         // By how much third differences tell more of a series than of its derivative.
-        let differences = (THIRD_GAIN / squares(&third_of_derivative())).sqrt() / data.rate_hz;
-        let position_m = noise(&data.raw_wheels.skid_m_s[wheel]) * differences;
+        let differences = (THIRD_GAIN / squares(&third_of_derivative())).sqrt();
+        // Standard deviation of the position, times the frames per second.
+        let noise_m_s = noise(&data.raw_wheels.skid_m_s[wheel]) * differences;
         let skid: Vec<&[f64]> = cycles.iter().map(|cycle| &cycle.skid_m_s[wheel][..]).collect();
-        let end_variance = END * (position_m * data.rate_hz / frames).powi(2);
+        let end_variance = END * (noise_m_s / frames).powi(2);
         let neighbours = cycles.windows(2).filter(|pair| pair[0].end == pair[1].start).count();
         // Of all components: an end is in the offset, and in each cosine by the root of 2.
         let in_common = neighbours as f64 * (1.0 + 2.0 * count as f64) * end_variance;
-        Self {
-            square: noise_square(&skid, in_common, gains * position_m * position_m),
-            end_variance,
-        }
+        let white = |k: usize| component_variance(k, step, frames) * noise_m_s.powi(2);
+        let wave = |i: usize| mean(skid.iter().map(|cycle| cycle[i]));
+        let product = |k: usize| (wave(2 * k - 1).powi(2) + wave(2 * k).powi(2)) * white(k);
+        let product_variance = (1..=count).map(product).sum();
+        let white = 2.0 * (1..=count).map(white).sum::<f64>();
+        Self { end_variance, product_variance, ..Self::of_components(&skid, in_common, white) }
+    }
+
+    /// Of cycles of these components, given the mean square that white noise makes. Neighbours have the noise at
+    /// an end in common, with opposite signs (`in_common`: the sum of these variances), so that they differ by more
+    /// than noise makes in each.
+    pub(super) fn of_components(cycles: &[&[f64]], in_common: f64, white: f64) -> Self {
+        let n = cycles.len() as f64;
+        let differs = |i: usize| {
+            let middle = mean(cycles.iter().map(|cycle| cycle[i]));
+            cycles.iter().map(|cycle| (cycle[i] - middle).powi(2)).sum::<f64>() / (n - 1.0)
+        };
+        let differ = (0..cycles[0].len()).map(differs).sum::<f64>();
+        let own = (differ - 2.0 * in_common / (n * (n - 1.0))).max(0.0);
+        let most = LARGEST_EXCESS * white;
+        Self { square: own.min(most), is_all_that_differs: own <= most, ..Self::NONE }
     }
 }
 
-/// Mean square that noise makes in cycles of these components, given that of white noise. Neighbours have the
-/// noise at an end in common, with opposite signs (`in_common`: the sum of these variances), so that they differ
-/// by more than noise makes in each.
-fn noise_square(cycles: &[&[f64]], in_common: f64, white: f64) -> f64 {
-    let n = cycles.len() as f64;
-    let differs = |i: usize| {
-        let middle = mean(cycles.iter().map(|cycle| cycle[i]));
-        cycles.iter().map(|cycle| (cycle[i] - middle).powi(2)).sum::<f64>() / (n - 1.0)
-    };
-    let own = (0..cycles[0].len()).map(differs).sum::<f64>() - 2.0 * in_common / (n * (n - 1.0));
-    own.clamp(0.0, LARGEST_EXCESS * white)
+/// Variance of each of harmonic `k`'s two components in so many frames of the derivative of white noise, per frame, of
+/// unit variance: without what its ends make of them.
+fn component_variance(k: usize, step_rad: f64, frames: f64) -> f64 {
+    let (sin, sin2) = ((k as f64 * step_rad).sin(), (2.0 * k as f64 * step_rad).sin());
+    ((8.0 * sin - sin2) / 6.0).powi(2) / frames
 }
 
 fn third_of_derivative() -> [f64; WEIGHTS.len() + THIRD.len() - 1] {
@@ -90,6 +103,40 @@ mod tests {
     use super::*;
 
     #[test]
+    fn components_of_white_noise_s_derivative_vary_by_their_ends_and_by_what_is_between() {
+        use crate::ingest::phase::{Harmonics, LinearPhase};
+        use crate::ingest::signals::derivative;
+        use rand::SeedableRng;
+        use rand_distr::{Distribution, StandardNormal};
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(2);
+        const FRAMES: usize = 60;
+        let phase =
+            LinearPhase { step_rad: std::f64::consts::TAU / FRAMES as f64, offset_rad: 0.0 };
+        let mut squares = [0.0; 7];
+        const REPEATS: usize = 4000;
+        for _ in 0..REPEATS {
+            let positions: Vec<f64> =
+                (0..FRAMES + 9).map(|_| StandardNormal.sample(&mut random)).collect();
+            // Begins and ends between two frames, as cycles do.
+            let velocities = &derivative(&positions, 1.0)[4..];
+            let cycle = Harmonics::fit(velocities, 0..FRAMES, &phase, 3).expect("a cycle");
+            for (sum, component) in squares.iter_mut().zip(cycle.components()) {
+                *sum += component * component / REPEATS as f64;
+            }
+        }
+        for k in 1..=3 {
+            let between = component_variance(k, phase.step_rad, FRAMES as f64);
+            let ends = 4.0 * END / (FRAMES * FRAMES) as f64;
+            let [cosine, sine] = [squares[2 * k - 1], squares[2 * k]];
+            assert!((sine / between - 1.0).abs() < 0.1, "{k}: {sine} {between}");
+            assert!(
+                (cosine / (between + ends) - 1.0).abs() < 0.1,
+                "{k}: {cosine} {between} {ends}"
+            );
+        }
+    }
+
+    #[test]
     fn skid_that_differs_from_cycle_to_cycle_by_15_percent_is_skid() {
         const WHITE: f64 = 1e-3;
         let of_cycle = |i: usize| -> Vec<f64> {
@@ -102,15 +149,19 @@ mod tests {
         let cycles: Vec<&[f64]> = cycles.iter().map(Vec::as_slice).collect();
         let square = mean(cycles.iter().map(|cycle| cycle.iter().map(|v| v * v).sum::<f64>()));
         let skid = mean(cycles.iter().map(|cycle| cycle[1] * cycle[1])).sqrt();
-        let debiased = (square - noise_square(&cycles, 0.0, WHITE)).sqrt();
+        let noise = SkidNoise::of_components(&cycles, 0.0, WHITE);
+        assert!(!noise.is_all_that_differs);
+        let debiased = (square - noise.square).sqrt();
         assert!((debiased / skid - 1.0).abs() < 0.005, "{debiased} {skid}");
         // Neighbours that have the noise at their common end with opposite signs differ by more than they have.
         let apart = [[0.0, 1.0], [0.02, 1.0], [0.0, 1.0], [0.02, 1.0]];
         let apart: Vec<&[f64]> = apart.iter().map(|cycle| &cycle[..]).collect();
-        let (own, less) = (noise_square(&apart, 0.0, WHITE), noise_square(&apart, 1e-4, WHITE));
+        let noise = |in_common| SkidNoise::of_components(&apart, in_common, WHITE).square;
+        let (own, less) = (noise(0.0), noise(1e-4));
         assert!((own - less - 2e-4 / 12.0).abs() < 1e-15, "{own} {less}");
         // Of differences that noise explains, all are noise.
         let still = [&[0.03, 1.0][..], &[-0.03, 1.0], &[0.0, 1.0]];
-        assert!((noise_square(&still, 0.0, WHITE) - 9e-4).abs() < 1e-12);
+        let noise = SkidNoise::of_components(&still, 0.0, WHITE);
+        assert!((noise.square - 9e-4).abs() < 1e-12 && noise.is_all_that_differs);
     }
 }

@@ -47,9 +47,9 @@ pub fn describe_gait(row: &mut TrialRow, data: &CycleData, cycles: &[Cycle], ste
         used.iter().map(|cycle| metric(&cycle.metrics)).collect()
     };
     let [position, heading] = end_variances(data, row.smoothing_window as usize);
-    let d = mean_change(&of(&|metrics| metrics.d_m), &steady.used, position);
+    let d = mean_change(&of(&|metrics| metrics.d_m), &steady.used, position, 0.0);
     let per_turn = driven.omega_rad_s / TAU;
-    let dtheta = mean_change(&of(&|metrics| metrics.dtheta_rad), &steady.used, heading);
+    let dtheta = mean_change(&of(&|metrics| metrics.dtheta_rad), &steady.used, heading, 0.0);
     let alpha1 = mean_of(&of(&|metrics| metrics.alpha1_rad));
     let scale = data.robot.l_m * driven.omega_rad_s;
     let sigma = [0, 1, 2].map(|wheel| mean_of(&of(&|metrics| metrics.sigma[wheel])));
