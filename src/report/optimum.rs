@@ -141,12 +141,12 @@ fn plane(map: &[&OptimumMapRow], [label_x, label_y]: [String; 2]) -> Panel {
     Panel::new("", &label_x, label_y.as_str(), layers)
 }
 
-/// Around the places with a value: half way to the next ones, and along the grid's sides.
+/// Around the places with a value: half way to the next ones, and along the grid's sides. A single line has none.
 fn edge(x: &[f64], y: &[f64], values: &[f64]) -> Vec<(f64, f64)> {
-    let widened = |along: &[f64]| match along {
-        [first, .., last] => [&[*first][..], along, &[*last]].concat(),
-        _ => along.to_vec(),
-    };
+    if x.len().min(y.len()) < 2 {
+        return Vec::new();
+    }
+    let widened = |along: &[f64]| [&along[..1], along, &along[along.len() - 1..]].concat();
     let (wide_x, wide_y) = (widened(x), widened(y));
     let mut counts = vec![0.0; wide_x.len() * wide_y.len()];
     for (nth, _) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
@@ -211,6 +211,8 @@ mod tests {
     #[test]
     fn of_rows_that_are_no_grid_the_whole_lines_are_drawn() {
         let row = |nth: i32| OptimumMapRow {
+            x_command: "omega".to_owned(),
+            y_command: "amplitude2".to_owned(),
             x: f64::from(nth % 5),
             y: f64::from(nth / 5),
             value: f64::from(nth),
@@ -230,5 +232,9 @@ mod tests {
         moved[17].x = f64::NAN;
         assert_eq!(lines(&moved), 3);
         assert_eq!(lines(&[]), 0);
+        // Whatever is left of it, down to a part of one line.
+        for left in 1..whole.len() {
+            assert_eq!(figure("any-optima", "any", &whole[..left]).panels.len(), 1, "{left}");
+        }
     }
 }
