@@ -391,9 +391,9 @@ fn the_tables_have_the_documented_columns() {
 }
 
 #[test]
-fn every_table_says_which_version_made_it_of_what() {
+fn every_table_says_which_version_made_it_of_what_and_has_a_checksum() {
     for (path, bytes) in files(&demo().folder.join("derived")) {
-        for key in ["trilink.version", "trilink.input"] {
+        for key in ["trilink.version", "trilink.input", "trilink.blake3"] {
             let holds = bytes.windows(key.len()).any(|window| window == key.as_bytes());
             assert!(holds, "{}: {key}", path.display());
         }

@@ -359,3 +359,31 @@ fn a_table_that_another_program_wrote_is_read_or_named_but_never_taken_for_the_l
     assert_says(&output, 0, &["fits.parquet is not as it was written"], "a script's table");
     assert_same(&folder.results(), &before, "a script's table");
 }
+
+#[test]
+fn a_table_of_which_a_bit_was_changed_is_refused_wherever_it_is_read() {
+    let folder = Small::done();
+    let simulate = "simulate kinematic-symmetric --model skid --omega 5 --fitted --csv";
+    let cases = [
+        ("derived/fits.parquet", "inspect fits"),
+        ("derived/fits.parquet", "inspect fits --schema"),
+        ("derived/fits.parquet", "report"),
+        ("derived/fits.parquet", simulate),
+        ("derived/trials.parquet", "fit"),
+        ("derived/trials.parquet", "export --petab petab"),
+    ];
+    for (name, command) in cases {
+        let whole = folder.read(name);
+        // Of rows, of a page's header, of the description of the columns, and of the metadata.
+        for place in [4, 5, 700, whole.len() / 2, whole.len() - 100, whole.len() - 6] {
+            let mut damaged = whole.clone();
+            damaged[place] ^= 1;
+            folder.write(name, damaged);
+            let line: Vec<&str> = command.split(' ').collect();
+            let output = trilink(folder.path(), &line);
+            let file = Path::new(name).file_name().and_then(|file| file.to_str()).unwrap();
+            assert_says(&output, 2, &[file, "damaged"], &format!("{command}, {place}"));
+        }
+        folder.write(name, whole);
+    }
+}

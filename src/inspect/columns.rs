@@ -1,6 +1,6 @@
 //! Columns of any Parquet file, whoever wrote it.
 
-use std::io::{self, Cursor};
+use std::io::Cursor;
 use std::path::Path;
 
 use polars::datatypes::ArrowDataType;
@@ -11,7 +11,7 @@ use polars::prelude::{
 
 use super::find::tables_of;
 use crate::files;
-use crate::store::{StoreError, guarded};
+use crate::store::{StoreError, checksum, guarded};
 
 /// The name of each table of a folder, as a column.
 const TRIAL: &str = "trial";
@@ -36,15 +36,13 @@ pub struct FileInfo {
     pub metadata: Vec<(String, String)>,
 }
 
-/// Reads the description of a Parquet file and none of its rows.
+/// The description of a Parquet file.
 ///
 /// # Errors
-/// The file cannot be read or is not Parquet.
+/// The file cannot be read, is damaged or is not Parquet.
 pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
-    // Its end alone is read.
-    let (file, _) = files::open(path, files::DATA_BYTES).map_err(cannot_read(path))?;
-    parsed(path, || {
-        let mut reader = ParquetReader::new(file);
+    parsed(path, |bytes| {
+        let mut reader = ParquetReader::new(bytes);
         let schema = reader.schema()?;
         let columns = schema.iter().map(|(name, field)| ColumnInfo {
             name: name.to_string(),
@@ -65,7 +63,7 @@ pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
 /// rows.
 ///
 /// # Errors
-/// A file cannot be read or is not Parquet.
+/// A file cannot be read, is damaged or is not Parquet.
 pub fn describe_all(path: &Path) -> Result<FileInfo, StoreError> {
     let mut of_folder: Option<FileInfo> = None;
     for (trial, path) in tables_of(path) {
@@ -96,9 +94,8 @@ pub(super) fn read_columns(
 ) -> Result<DataFrame, StoreError> {
     let slice = rows.map(|rows| (0, rows));
     let own = names.iter().filter(|name| trial.is_none() || *name != TRIAL).cloned().collect();
-    let (bytes, _) = files::read(path, files::DATA_BYTES).map_err(cannot_read(path))?;
-    parsed(path, || {
-        let reader = ParquetReader::new(Cursor::new(bytes)).read_parallel(ParallelStrategy::None);
+    parsed(path, |bytes| {
+        let reader = ParquetReader::new(bytes).read_parallel(ParallelStrategy::None);
         let columns = Some(own).filter(|own: &Vec<String>| !own.is_empty());
         let mut frame = reader.with_columns(columns).with_slice(slice).finish()?;
         if let Some(trial) = trial {
@@ -109,13 +106,16 @@ pub(super) fn read_columns(
     })
 }
 
-fn cannot_read(path: &Path) -> impl FnOnce(io::Error) -> StoreError {
-    move |source| StoreError::Read { path: path.to_owned(), source }
-}
-
-fn parsed<T>(path: &Path, parse: impl FnOnce() -> PolarsResult<T>) -> Result<T, StoreError> {
+/// What is parsed of a file that is as it was written.
+fn parsed<T>(
+    path: &Path,
+    parse: impl FnOnce(Cursor<Vec<u8>>) -> PolarsResult<T>,
+) -> Result<T, StoreError> {
+    let (bytes, _) = files::read(path, files::DATA_BYTES)
+        .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
+    checksum::check(path, &bytes)?;
     let error = |message: String| StoreError::Parquet { path: path.to_owned(), message };
-    guarded(parse)
+    guarded(|| parse(Cursor::new(bytes)))
         .ok_or_else(|| error("it is damaged".to_owned()))?
         .map_err(|problem| error(problem.to_string()))
 }

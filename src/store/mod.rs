@@ -1,6 +1,7 @@
 //! The tables of `derived/`, written whole or not at all.
 
 mod atomic;
+pub(crate) mod checksum;
 pub(crate) mod columns;
 mod optimum;
 mod schema;
@@ -44,6 +45,8 @@ pub enum StoreError {
     Read { path: PathBuf, source: std::io::Error },
     #[error("{}: is not as it was when it was written or looked at", path.display())]
     Changed { path: PathBuf },
+    #[error("{}: damaged: its bytes are not those that trilink wrote", path.display())]
+    Damaged { path: PathBuf },
     #[error("{}: not a Parquet table: {message}", path.display())]
     Parquet { path: PathBuf, message: String },
     #[error("{}: not a Parquet table of trilink: {message}", path.display())]

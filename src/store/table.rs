@@ -14,7 +14,7 @@ use polars::prelude::{
 };
 use polars_parquet::write::{KeyValue, schema_to_metadata_key};
 
-use super::{Columns, PendingFile, Reader, Stamp, StoreError, write_if_changed};
+use super::{Columns, PendingFile, Reader, Stamp, StoreError, checksum, write_if_changed};
 use crate::files;
 
 /// Numbers with noise in them hardly shrink, however long that takes. Statistics, too, would take
@@ -145,6 +145,7 @@ impl Table {
             (types.key, types.value.unwrap_or_default()),
             ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             (INPUT_KEY.to_owned(), provenance.input.clone()),
+            (checksum::KEY.to_owned(), checksum::NONE.to_owned()),
         ]);
         let mut bytes = Vec::new();
         let write = |level| {
@@ -158,13 +159,14 @@ impl Table {
         ZstdLevel::try_new(ZSTD_LEVEL)
             .and_then(write)
             .map_err(|error| table_error(path, &error))?;
+        assert!(checksum::put(&mut bytes), "the metadata has a place for it");
         Ok(bytes)
     }
 
     /// Reads a Parquet file.
     ///
     /// # Errors
-    /// The file cannot be read or is not Parquet, or holds types that trilink does not write.
+    /// The file cannot be read, is damaged or is not Parquet, or holds types that trilink does not write.
     pub fn read(path: &Path) -> Result<Self, StoreError> {
         Reader::default().table(path)
     }
@@ -181,8 +183,9 @@ impl Table {
         most: usize,
     ) -> Result<Self, StoreError> {
         let table_error = |message: String| StoreError::Table { path: path.to_owned(), message };
-        let bytes = Cursor::new(bytes);
-        let mut reader = ParquetReader::new(bytes).read_parallel(ParallelStrategy::None);
+        checksum::check(path, &bytes)?;
+        let mut reader =
+            ParquetReader::new(Cursor::new(bytes)).read_parallel(ParallelStrategy::None);
         let read = || {
             let metadata = reader.get_metadata()?;
             if metadata.num_rows > most {
@@ -391,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn no_damage_to_a_table_is_a_panic() {
+    fn a_damaged_table_is_refused_and_what_another_program_wrote_is_no_panic() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
         let table = Table::new(vec![
@@ -400,14 +403,29 @@ mod tests {
         ]);
         table.write(&path, &provenance()).unwrap();
         let whole = std::fs::read(&path).unwrap();
-        let mut refused = 0;
-        for place in 0..whole.len() {
-            let mut damaged = whole.clone();
-            damaged[place] ^= 0x5a;
+        let read = |bytes: &[u8], place: usize, bits: u8| {
+            let mut damaged = bytes.to_vec();
+            damaged[place] ^= bits;
             std::fs::write(&path, &damaged).unwrap();
-            refused += usize::from(Table::read(&path).is_err());
+            Table::read(&path)
+        };
+        let key =
+            whole.windows(checksum::KEY.len()).rposition(|part| part == checksum::KEY.as_bytes());
+        let key = key.expect("a checksum");
+        for place in 0..whole.len() {
+            // Without its name there is no checksum, but nothing else is damaged.
+            let is_of_name = (key..key + checksum::KEY.len() + 2).contains(&place);
+            match read(&whole, place, 1 << (place % 8)) {
+                Ok(found) => assert!(is_of_name && found.frame == table.frame, "{place}"),
+                Err(StoreError::Damaged { .. }) => {}
+                Err(error) => assert!(is_of_name, "{place}: {error}"),
+            }
         }
-        assert!(refused > whole.len() / 4, "{refused} of {}", whole.len());
+        let mut foreign = whole;
+        foreign[key] = b'T';
+        let refused =
+            (0..foreign.len()).filter(|&place| read(&foreign, place, 0x5a).is_err()).count();
+        assert!(refused > foreign.len() / 4, "{refused} of {}", foreign.len());
     }
 
     #[test]
