@@ -23,8 +23,10 @@ const SLOW: f64 = 3e-3;
 /// Distance within which that solution is the one which is approached.
 const NEARBY: f64 = 0.1;
 const MOST_CYCLES: usize = 500;
+/// Most cycles until a solution is looked for again after nothing new was found: twice as many each time.
+const LONGEST_PAUSE: usize = 32;
 /// Elements after which a motion is too rough to be integrated any further.
-const MOST_ELEMENTS: usize = 100_000;
+const MOST_ELEMENTS: usize = 30_000;
 /// Most cycles after which a motion that does not settle may repeat itself.
 const MOST_PERIODS: usize = 8;
 const TOLERANCE: f64 = 1e-5;
@@ -43,34 +45,39 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     let known_state = known.and_then(|known| known.state());
     let mut candidate = known.filter(|_| orbit.is_stable(model));
     let mut transient = Integrator::new(model, TOLERANCE);
-    let mut seen = [transient.state; MOST_PERIODS + 1];
+    // At the end of every cycle.
+    let mut states = [transient.state; MOST_CYCLES + 1];
     let (mut settled, mut before, mut approaches) = (None, f64::INFINITY, false);
-    let mut held = known;
+    let (mut held, mut next_look, mut pause) = (known, 1, 1);
     let (start, cycles) = 'found: {
         for cycle in 1..=MOST_CYCLES {
             transient.advance_to(cycle as f64 * period_s, &mut orbit.workspace, |_| {})?;
-            seen.rotate_right(1);
-            seen[0] = transient.state;
+            states[cycle] = transient.state;
             let far = |candidate: Option<[f64; N]>, state: &[f64; N]| {
                 candidate.map_or(f64::INFINITY, |candidate| transient.distance(&candidate, state))
             };
             let candidate_state = candidate.and_then(|candidate| candidate.state());
             let mut distance = far(candidate_state, &transient.state);
             let is_followed = distance < NEARBY && distance < before;
-            if distance > SETTLED && !is_followed && transient.distance(&seen[0], &seen[1]) < SLOW {
+            let is_slow = transient.distance(&states[cycle], &states[cycle - 1]) < SLOW;
+            if cycle >= next_look && distance > SETTLED && !is_followed && is_slow {
                 let starts = [Start::State(transient.state), Start::WholePeriod(transient.state)];
                 let kinds = if model.half_period_signs().is_some() { 2 } else { 1 };
                 let mut near = starts.into_iter().take(kinds);
                 let found =
                     near.find_map(|start| stable_near(model, orbit, &transient, start, accuracy));
                 held = found.map(|_| orbit.here());
+                pause = LONGEST_PAUSE.min(2 * pause);
                 if let Some((state, now)) = found {
                     let is_other = far(candidate_state, &state) > THERE;
                     (candidate, distance) = (held, now);
                     if is_other {
-                        (settled, before) = (None, f64::INFINITY);
+                        let there = |&cycle: &usize| far(Some(state), &states[cycle]) <= SETTLED;
+                        settled = (1..=cycle).rev().take_while(there).last();
+                        (before, pause) = (f64::INFINITY, 1);
                     }
                 }
+                next_look = cycle + pause;
             }
             settled = if distance > SETTLED { None } else { settled.or(Some(cycle)) };
             if let (Some(start), Some(cycles)) = (candidate, settled)
@@ -88,9 +95,11 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
             break 'found (start, cycles);
         }
         // Not where it only creeps.
-        let same = CERTAIN.min(0.05 * transient.distance(&seen[0], &seen[1]));
-        let repeats_after =
-            (2..=MOST_PERIODS).find(|&cycles| transient.distance(&seen[0], &seen[cycles]) < same);
+        let last = &states[MOST_CYCLES - MOST_PERIODS..];
+        let ago =
+            |cycles: usize| transient.distance(&last[MOST_PERIODS], &last[MOST_PERIODS - cycles]);
+        let same = CERTAIN.min(0.05 * ago(1));
+        let repeats_after = (2..=MOST_PERIODS).find(|&cycles| ago(cycles) < same);
         return Err(MotionError::Unsettled { cycles: MOST_CYCLES, repeats_after });
     };
     if held != Some(start) {
