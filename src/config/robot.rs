@@ -94,6 +94,29 @@ impl RobotConfig {
         of_wheels.into_iter().flat_map(|(of, by)| of.into_iter().zip(by)).chain(others)
     }
 
+    /// Keys of the numbers that are taken as exact, and which parameters they are if a fit can free them.
+    pub fn exact(&self) -> Vec<(&'static str, &'static [Parameter])> {
+        let of = self.standard_deviation.unwrap_or_default();
+        let all: [(_, &[f64], &[Parameter]); 13] = [
+            ("h_m", &[of.h_m], &[]),
+            ("l_m", &[of.l_m], &[]),
+            ("b_m", &[of.b_m], &[]),
+            ("mass_kg", &of.mass_kg, &[]),
+            ("inertia_kg_m2", &of.inertia_kg_m2, &[]),
+            ("roll_kg_s", &of.roll_kg_s, &Parameter::ROLL),
+            ("skid_dry_n", &of.skid_dry_n, &Parameter::SKID_DRY),
+            ("skid_static_n", &of.skid_static_n, &Parameter::SKID_STATIC),
+            ("stribeck_m_s", &[of.stribeck_m_s], &[Parameter::Stribeck]),
+            ("roll_dry_n", &of.roll_dry_n, &Parameter::ROLL_DRY),
+            ("transition_m_s", &[of.transition_m_s], &[Parameter::Transition]),
+            ("stiffness_nm_rad", &[of.stiffness_nm_rad], &[Parameter::Stiffness]),
+            ("damping_nm_s_rad", &[of.damping_nm_s_rad], &[Parameter::Damping]),
+        ];
+        let exact =
+            all.into_iter().filter(|(_, deviations, _)| deviations.iter().all(|of| *of == 0.0));
+        exact.map(|(key, _, parameters)| (key, parameters)).collect()
+    }
+
     /// The robot in SI units; a robot without a spring has none, nor one without dry friction any.
     pub fn to_robot(&self) -> Robot {
         let dry_n = |of: Option<[f64; 3]>| self.dry_n(of.unwrap_or_default());

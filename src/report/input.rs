@@ -76,6 +76,11 @@ impl ReportInput {
         self.shown.robot.get(name).map(RobotConfig::to_robot)
     }
 
+    /// The robot of a campaign as configured.
+    pub fn configured_robot(&self, campaign: &str) -> Option<&RobotConfig> {
+        self.shown.robot.get(&self.shown.campaign.get(campaign)?.robot)
+    }
+
     /// The layout of the markers.
     pub fn markers(&self) -> &Markers {
         &self.shown.markers

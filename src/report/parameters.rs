@@ -5,6 +5,9 @@ use serde::Serialize;
 use crate::robot::Parameter;
 use crate::store::FitRow;
 
+/// The mark of a parameter that is neither fitted nor measured.
+pub const HELD: &str = "held";
+
 /// One parameter of one fit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FittedParameter {
@@ -33,7 +36,7 @@ impl FittedParameter {
         let share = if fitted == parameter { 1.0 } else { value / fit.parameters[fitted] };
         let free = fit.free.contains(&fitted);
         let is_measured = fit.measured.iter().any(|measured| parameter.is_part_of(*measured));
-        let held = if is_measured { "measured" } else { "held" };
+        let held = if is_measured { "measured" } else { HELD };
         let unidentifiable = if fit.structurally_not.contains(&fitted) {
             Some("not identifiable")
         } else {

@@ -6,10 +6,11 @@ use minijinja::context;
 use minijinja::value::{Serde, Value};
 
 use super::{Drawn, image, images, optima};
+use crate::config::RobotConfig;
 use crate::motion::{FromRest, MotionStatus};
 use crate::report::drawing::Figure;
 use crate::report::figures::frequency;
-use crate::report::parameters::FittedParameter;
+use crate::report::parameters::{FittedParameter, HELD};
 use crate::report::series::Source;
 use crate::report::tables::Tables;
 use crate::report::{ReportError, ReportInput, figures};
@@ -58,6 +59,7 @@ pub fn sections(
                 figures => own_figures,
                 parameters => heads.collect::<Vec<_>>(),
                 fits => own_fits,
+                exact => taken_as_exact(input, tables, name),
                 // With the other gait than the configured one.
                 alternatives => fits(&tables.alternative_fits),
                 // Its first sentence says which model the measurements prefer.
@@ -68,6 +70,22 @@ pub fn sections(
         }))
     };
     names.into_iter().filter_map(|name| section(name).transpose()).collect()
+}
+
+/// Keys of the robot's numbers that intervals take as exact: those of all robots, and those that a model with
+/// intervals knows and does not fit.
+fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'static str> {
+    let has_intervals =
+        |fit: &&FitRow| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_empty();
+    let fits: Vec<&FitRow> = tables.fits.iter().filter(has_intervals).collect();
+    let is_held = |parameter: &Parameter| {
+        let mut of_fits = fits.iter().map(|fit| FittedParameter::of(fit, *parameter));
+        of_fits.any(|of| of.marks[0] == Some(HELD))
+    };
+    let robot = input.configured_robot(name).filter(|_| !fits.is_empty());
+    let exact = robot.map(RobotConfig::exact).unwrap_or_default().into_iter();
+    let told = exact.filter(|(_, of)| of.is_empty() || of.iter().any(is_held));
+    told.map(|(key, _)| key).collect()
 }
 
 /// What the first screen says of a campaign: what the measurements say, and of the model that they

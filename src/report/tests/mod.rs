@@ -515,6 +515,8 @@ fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
         "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad&#x2f;s",
         "No intervals: no-skid-damped (no repeats, cycles or errors).",
         "<strong>kinematic-symmetric</strong>: raw skid ratios are fitted: trial one",
+        "Taken as exact, so that no interval contains what they are off by: h_m, l_m, b_m, mass_kg, inertia_kg_m2, \
+         roll_kg_s of robot kinematic.",
         "98.4 to 112",
         "21.3 to ∞",
         "practically not identifiable",
