@@ -19,16 +19,25 @@ pub fn ending(path: &Path) -> &str {
 /// # Errors
 /// It is a folder, a device or a pipe, has more than `most` bytes, or cannot be read.
 pub fn read(path: &Path, most: u64) -> io::Result<(Vec<u8>, Metadata)> {
-    // Whoever opens a pipe waits for its other end.
-    check(&std::fs::metadata(path)?, most)?;
-    let file = File::open(path)?;
-    let metadata = file.metadata()?;
-    check(&metadata, most)?;
+    let (file, metadata) = open(path, most)?;
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(metadata.len() as usize + 1)?;
     file.take(most + 1).read_to_end(&mut bytes)?;
     check_size(bytes.len() as u64, most)?;
     Ok((bytes, metadata))
+}
+
+/// Opens a file of which a part is to be read.
+///
+/// # Errors
+/// As [`read`].
+pub fn open(path: &Path, most: u64) -> io::Result<(File, Metadata)> {
+    // Whoever opens a pipe waits for its other end.
+    check(&std::fs::metadata(path)?, most)?;
+    let file = File::open(path)?;
+    let metadata = file.metadata()?;
+    check(&metadata, most)?;
+    Ok((file, metadata))
 }
 
 /// [`read`] of text.

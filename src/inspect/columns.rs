@@ -1,9 +1,10 @@
 //! Columns of any Parquet file, whoever wrote it.
 
-use std::io::Cursor;
+use std::io::{self, Cursor};
 use std::path::Path;
 
 use polars::datatypes::ArrowDataType;
+use polars::io::mmap::MmapBytesReader;
 use polars::prelude::{
     ChunkFull, DataFrame, DataType, IntoColumn, ParallelStrategy, ParquetReader, PolarsResult,
     SerReader, StringChunked,
@@ -41,22 +42,29 @@ pub struct FileInfo {
 /// # Errors
 /// The file cannot be read, is damaged or is not Parquet.
 pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
-    parsed(path, |bytes| {
-        let mut reader = ParquetReader::new(bytes);
-        let schema = reader.schema()?;
-        let columns = schema.iter().map(|(name, field)| ColumnInfo {
-            name: name.to_string(),
-            type_name: type_name(&field.dtype),
-            dtype: shown_as(&field.dtype),
-        });
-        let metadata = reader.get_metadata()?;
-        let pairs = metadata.key_value_metadata().iter().flatten();
-        let pairs = pairs.filter(|pair| pair.key != "ARROW:schema").map(|pair| {
-            (pair.key.to_string(), pair.value.as_deref().unwrap_or_default().to_owned())
-        });
-        let (columns, pairs) = (columns.collect(), pairs.collect());
-        Ok(FileInfo { rows: metadata.num_rows, columns, metadata: pairs })
-    })
+    parsed(path, |bytes| description(ParquetReader::new(bytes)))
+}
+
+/// The same of a file of which the end alone is read, so that whether it is as it was written is not known.
+fn describe_end(path: &Path) -> Result<FileInfo, StoreError> {
+    let (file, _) = files::open(path, files::DATA_BYTES).map_err(cannot_read(path))?;
+    sound(path, || description(ParquetReader::new(file)))
+}
+
+fn description<R: MmapBytesReader>(mut reader: ParquetReader<R>) -> PolarsResult<FileInfo> {
+    let schema = reader.schema()?;
+    let columns = schema.iter().map(|(name, field)| ColumnInfo {
+        name: name.to_string(),
+        type_name: type_name(&field.dtype),
+        dtype: shown_as(&field.dtype),
+    });
+    let metadata = reader.get_metadata()?;
+    let pairs = metadata.key_value_metadata().iter().flatten();
+    let pairs = pairs
+        .filter(|pair| pair.key != "ARROW:schema")
+        .map(|pair| (pair.key.to_string(), pair.value.as_deref().unwrap_or_default().to_owned()));
+    let (columns, pairs) = (columns.collect(), pairs.collect());
+    Ok(FileInfo { rows: metadata.num_rows, columns, metadata: pairs })
 }
 
 /// The same of the tables of a folder: those of the first one and before them `trial`, and all
@@ -67,11 +75,14 @@ pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
 pub fn describe_all(path: &Path) -> Result<FileInfo, StoreError> {
     let mut of_folder: Option<FileInfo> = None;
     for (trial, path) in tables_of(path) {
-        let own = describe(&path)?;
-        match (&mut of_folder, trial) {
-            (_, None) => return Ok(own),
-            (Some(info), _) => info.rows += own.rows,
-            (info, Some(_)) => {
+        if trial.is_none() {
+            return describe(&path);
+        }
+        // Rows that nobody asks for are only counted.
+        let own = describe_end(&path)?;
+        match &mut of_folder {
+            Some(info) => info.rows += own.rows,
+            info => {
                 let name = ColumnInfo {
                     name: TRIAL.to_owned(),
                     type_name: "text".to_owned(),
@@ -106,16 +117,23 @@ pub(super) fn read_columns(
     })
 }
 
+fn cannot_read(path: &Path) -> impl FnOnce(io::Error) -> StoreError {
+    move |source| StoreError::Read { path: path.to_owned(), source }
+}
+
 /// What is parsed of a file that is as it was written.
 fn parsed<T>(
     path: &Path,
     parse: impl FnOnce(Cursor<Vec<u8>>) -> PolarsResult<T>,
 ) -> Result<T, StoreError> {
-    let (bytes, _) = files::read(path, files::DATA_BYTES)
-        .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
+    let (bytes, _) = files::read(path, files::DATA_BYTES).map_err(cannot_read(path))?;
     checksum::check(path, &bytes)?;
+    sound(path, || parse(Cursor::new(bytes)))
+}
+
+fn sound<T>(path: &Path, parse: impl FnOnce() -> PolarsResult<T>) -> Result<T, StoreError> {
     let error = |message: String| StoreError::Parquet { path: path.to_owned(), message };
-    guarded(|| parse(Cursor::new(bytes)))
+    guarded(parse)
         .ok_or_else(|| error("it is damaged".to_owned()))?
         .map_err(|problem| error(problem.to_string()))
 }
