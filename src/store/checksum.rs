@@ -16,7 +16,10 @@ pub const NONE: &str = "00000000000000000000000000000000000000000000000000000000
 
 /// Between key and value: in Thrift's compact protocol, the next field is a string, of 64 bytes.
 const NEXT: &[u8] = &[0x18, NONE.len() as u8];
-/// The metadata's pairs are followed by what takes a few bytes of each column.
+/// After the value: the end of the pairs, and a string of 6 bytes that names the writer. Other libraries keep the
+/// pairs of what they read and write it anew.
+const WRITER: &[u8] = b"\0\x18\x06Polars";
+/// The writer's name is followed by a few bytes of each column.
 const END: usize = 1 << 16;
 
 /// Puts the checksum of a file that has [`NONE`] into it; says whether there was a place for it.
@@ -28,7 +31,8 @@ pub fn put(bytes: &mut [u8]) -> bool {
     true
 }
 
-/// Checks that a file's bytes are those that were written. What another program wrote has no checksum.
+/// Checks that a file's bytes are those that were written. What another program wrote has no checksum, or
+/// that of what it read.
 ///
 /// # Errors
 /// They are not.
@@ -43,7 +47,8 @@ fn place(bytes: &[u8]) -> Option<Range<usize>> {
     let before = [KEY.as_bytes(), NEXT].concat();
     let found = end.windows(before.len()).rposition(|part| part == before)?;
     let start = bytes.len() - end.len() + found + before.len();
-    (start + NONE.len() <= bytes.len()).then_some(start..start + NONE.len())
+    let value = start..start + NONE.len();
+    bytes.get(value.end..)?.starts_with(WRITER).then_some(value)
 }
 
 fn of(bytes: &[u8], value: &Range<usize>) -> String {
