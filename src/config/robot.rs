@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::robot::{Parameter, Robot};
+use crate::robot::{Gait, Laws, Parameter, Property, Robot};
 
 /// Within which dry friction changes its sign, of robots that do not say, m/s.
 const TRANSITION_M_S: f64 = 0.005;
@@ -69,6 +69,31 @@ pub struct RobotDeviation {
     pub damping_nm_s_rad: f64,
 }
 
+impl RobotDeviation {
+    /// Keys, their values, and what these are of.
+    fn by_key(&self) -> [(&'static str, &[f64], fn(usize) -> Property); 13] {
+        use Property::{B, Coefficient, H, Inertia, L, Mass};
+        let one = std::slice::from_ref;
+        [
+            ("h_m", one(&self.h_m), |_| H),
+            ("l_m", one(&self.l_m), |_| L),
+            ("b_m", one(&self.b_m), |_| B),
+            ("mass_kg", &self.mass_kg, Mass),
+            ("inertia_kg_m2", &self.inertia_kg_m2, Inertia),
+            ("roll_kg_s", &self.roll_kg_s, |i| Coefficient(Parameter::ROLL[i])),
+            ("skid_dry_n", &self.skid_dry_n, |i| Coefficient(Parameter::SKID_DRY[i])),
+            ("skid_static_n", &self.skid_static_n, |i| Coefficient(Parameter::SKID_STATIC[i])),
+            ("stribeck_m_s", one(&self.stribeck_m_s), |_| Coefficient(Parameter::Stribeck)),
+            ("roll_dry_n", &self.roll_dry_n, |i| Coefficient(Parameter::ROLL_DRY[i])),
+            ("transition_m_s", one(&self.transition_m_s), |_| Coefficient(Parameter::Transition)),
+            ("stiffness_nm_rad", one(&self.stiffness_nm_rad), |_| {
+                Coefficient(Parameter::Stiffness)
+            }),
+            ("damping_nm_s_rad", one(&self.damping_nm_s_rad), |_| Coefficient(Parameter::Damping)),
+        ]
+    }
+}
+
 impl RobotConfig {
     /// Dry friction of the wheels, N.
     fn dry_n(&self, of: [f64; 3]) -> [f64; 3] {
@@ -76,45 +101,31 @@ impl RobotConfig {
         std::array::from_fn(|wheel| of[wheel] * load_n[wheel])
     }
 
-    /// Standard deviations of the wheels' and the joint's parameters.
-    pub fn deviations(&self) -> impl Iterator<Item = (Parameter, f64)> {
+    /// Standard deviations of what a motion depends on and is not exact, in SI units.
+    pub fn deviations(&self, laws: Laws, gait: &Gait) -> Vec<(Property, f64)> {
         let of = self.standard_deviation.unwrap_or_default();
-        let of_wheels = [
-            (Parameter::ROLL, of.roll_kg_s),
-            (Parameter::SKID_DRY, self.dry_n(of.skid_dry_n)),
-            (Parameter::SKID_STATIC, self.dry_n(of.skid_static_n)),
-            (Parameter::ROLL_DRY, self.dry_n(of.roll_dry_n)),
-        ];
-        let others = [
-            (Parameter::Stribeck, of.stribeck_m_s),
-            (Parameter::Transition, of.transition_m_s),
-            (Parameter::Stiffness, of.stiffness_nm_rad),
-            (Parameter::Damping, of.damping_nm_s_rad),
-        ];
-        of_wheels.into_iter().flat_map(|(of, by)| of.into_iter().zip(by)).chain(others)
+        let in_newtons = RobotDeviation {
+            skid_dry_n: self.dry_n(of.skid_dry_n),
+            skid_static_n: self.dry_n(of.skid_static_n),
+            roll_dry_n: self.dry_n(of.roll_dry_n),
+            ..of
+        };
+        let all = in_newtons.by_key().into_iter().flat_map(|(_, values, property)| {
+            values.iter().enumerate().map(move |(i, value)| (property(i), *value))
+        });
+        let is_known = |property: &Property| match property {
+            Property::Coefficient(parameter) => laws.know(*parameter, gait),
+            _ => true,
+        };
+        all.filter(|(property, value)| *value > 0.0 && is_known(property)).collect()
     }
 
-    /// Keys of the numbers that are taken as exact, and which parameters they are if a fit can free them.
-    pub fn exact(&self) -> Vec<(&'static str, &'static [Parameter])> {
+    /// Keys of the numbers that are taken as exact, and what these are.
+    pub fn exact(&self) -> Vec<(&'static str, Vec<Property>)> {
         let of = self.standard_deviation.unwrap_or_default();
-        let all: [(_, &[f64], &[Parameter]); 13] = [
-            ("h_m", &[of.h_m], &[]),
-            ("l_m", &[of.l_m], &[]),
-            ("b_m", &[of.b_m], &[]),
-            ("mass_kg", &of.mass_kg, &[]),
-            ("inertia_kg_m2", &of.inertia_kg_m2, &[]),
-            ("roll_kg_s", &of.roll_kg_s, &Parameter::ROLL),
-            ("skid_dry_n", &of.skid_dry_n, &Parameter::SKID_DRY),
-            ("skid_static_n", &of.skid_static_n, &Parameter::SKID_STATIC),
-            ("stribeck_m_s", &[of.stribeck_m_s], &[Parameter::Stribeck]),
-            ("roll_dry_n", &of.roll_dry_n, &Parameter::ROLL_DRY),
-            ("transition_m_s", &[of.transition_m_s], &[Parameter::Transition]),
-            ("stiffness_nm_rad", &[of.stiffness_nm_rad], &[Parameter::Stiffness]),
-            ("damping_nm_s_rad", &[of.damping_nm_s_rad], &[Parameter::Damping]),
-        ];
-        let exact =
-            all.into_iter().filter(|(_, deviations, _)| deviations.iter().all(|of| *of == 0.0));
-        exact.map(|(key, _, parameters)| (key, parameters)).collect()
+        let by_key = of.by_key().into_iter();
+        let exact = by_key.filter(|(_, values, _)| values.iter().all(|value| *value == 0.0));
+        exact.map(|(key, values, of)| (key, (0..values.len()).map(of).collect())).collect()
     }
 
     /// The robot in SI units; a robot without a spring has none, nor one without dry friction any.

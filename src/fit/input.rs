@@ -10,7 +10,7 @@ use crate::config::{
     RobotConfig, Weights,
 };
 use crate::robot::decay::DecayLaw;
-use crate::robot::{Family, Model, Parameter, Robot, RollLaw};
+use crate::robot::{Family, Model, Parameter, Property, Robot, RollLaw};
 use crate::stats::{Estimate, mean};
 use crate::store::{CycleRow, RobotParameterRow, hash};
 use crate::trial::TrialKind;
@@ -154,36 +154,23 @@ impl FitInput {
     /// The robot with each of its parameters in turn off by the standard deviation that the
     /// configuration gives, or the trials that measured it have.
     pub(super) fn uncertain_robots(&self, robot: &Robot, data: &FitData) -> Vec<Robot> {
-        let deviation = self.robot.value.standard_deviation.unwrap_or_default();
-        let mut robots = Vec::new();
-        let mut add = |deviation: f64, set: &dyn Fn(&mut Robot)| {
-            if deviation > 0.0 {
-                let mut other = robot.clone();
-                set(&mut other);
-                robots.push(other);
-            }
+        let off = |property: Property, deviation: f64| {
+            let mut other = robot.clone();
+            property.set(&mut other, property.of(robot) + deviation);
+            other
         };
-        add(deviation.h_m, &|other| other.h_m += deviation.h_m);
-        add(deviation.l_m, &|other| other.l_m += deviation.l_m);
-        add(deviation.b_m, &|other| other.b_m += deviation.b_m);
-        for i in 0..3 {
-            add(deviation.mass_kg[i], &|other| other.mass_kg[i] += deviation.mass_kg[i]);
-            let inertia_kg_m2 = deviation.inertia_kg_m2[i];
-            add(inertia_kg_m2, &|other| other.inertia_kg_m2[i] += inertia_kg_m2);
-        }
         let (laws, gait) = (self.model.value.laws(), self.gait.value.to_gait());
-        for (parameter, deviation) in self.robot.value.deviations() {
-            if laws.know(parameter, &gait) {
-                add(deviation, &|other| parameter.set(other, parameter.of(other) + deviation));
-            }
-        }
+        let configured = self.robot.value.deviations(laws, &gait).into_iter();
+        let mut robots: Vec<Robot> = configured.map(|(of, deviation)| off(of, deviation)).collect();
         if self.fit.robot_parameters == ParameterSource::Measured {
             for (parameter, of) in MEASURED {
                 let found = self.robot_rows(data).map(of);
                 let found = found.filter(|found| found.value > 0.0 && found.se > 0.0);
                 let squares: Vec<f64> = found.map(|found| found.se.powi(2)).collect();
                 let error = squares.iter().sum::<f64>().sqrt() / squares.len() as f64;
-                add(error, &|other| parameter.set(other, parameter.of(other) + error));
+                if error > 0.0 {
+                    robots.push(off(Property::Coefficient(parameter), error));
+                }
             }
         }
         robots

@@ -13,6 +13,7 @@ mod law;
 mod model;
 mod number;
 mod parameter;
+mod property;
 
 pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
 pub use command::{JointCommand, MOST_TURNS, SecondHarmonic, Turns};
@@ -26,6 +27,7 @@ pub use law::{Laws, RollLaw, SkidLaw};
 pub use model::Model;
 pub use number::{LANES, Lanes, Number};
 pub use parameter::{ByParameter, Family, Parameter};
+pub use property::Property;
 
 /// Parameters of a robot (Tables I and II).
 #[derive(Debug, Clone, PartialEq)]

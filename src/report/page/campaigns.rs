@@ -14,7 +14,7 @@ use crate::report::parameters::{FittedParameter, HELD};
 use crate::report::series::Source;
 use crate::report::tables::Tables;
 use crate::report::{ReportError, ReportInput, figures};
-use crate::robot::Parameter;
+use crate::robot::{Parameter, Property};
 use crate::store::{FitRow, PredictionSource};
 
 /// Sections in the paper's order, then by name; without those that have nothing to say.
@@ -78,13 +78,14 @@ fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'sta
     let has_intervals =
         |fit: &&FitRow| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_empty();
     let fits: Vec<&FitRow> = tables.fits.iter().filter(has_intervals).collect();
-    let is_held = |parameter: &Parameter| {
+    let is_held = |property: &Property| {
+        let Property::Coefficient(parameter) = property else { return true };
         let mut of_fits = fits.iter().map(|fit| FittedParameter::of(fit, *parameter));
         of_fits.any(|of| of.marks[0] == Some(HELD))
     };
     let robot = input.configured_robot(name).filter(|_| !fits.is_empty());
     let exact = robot.map(RobotConfig::exact).unwrap_or_default().into_iter();
-    let told = exact.filter(|(_, of)| of.is_empty() || of.iter().any(is_held));
+    let told = exact.filter(|(_, of)| of.iter().any(is_held));
     told.map(|(key, _)| key).collect()
 }
 

@@ -6,11 +6,11 @@
 //!
 //! Reference: JCGM 100:2008, *Guide to the expression of uncertainty in measurement*, section 5.
 
-use super::quantity::{Dimension, Quantity};
+use super::quantity::Quantity;
 use crate::config::RobotConfig;
 use crate::fit::PredictionBands;
 use crate::motion::Problem;
-use crate::robot::{Gait, Laws, Parameter, Robot};
+use crate::robot::{Gait, Laws, Parameter, Property, Robot};
 use crate::store::KnownFrom;
 
 /// What is known of how far numbers are off.
@@ -40,21 +40,11 @@ struct Together {
 impl Uncertain {
     /// By the standard deviations of the configuration, of what a motion knows.
     pub(in crate::simulate) fn configured(robot: &RobotConfig, laws: Laws, gait: &Gait) -> Self {
-        let of = robot.standard_deviation.unwrap_or_default();
-        let dimensions = [(Dimension::H, of.h_m), (Dimension::L, of.l_m), (Dimension::B, of.b_m)];
-        let links = (0..3).flat_map(|link| {
-            let mass = (Quantity::Mass(link), of.mass_kg[link]);
-            [mass, (Quantity::Inertia(link), of.inertia_kg_m2[link])]
-        });
-        let known = robot.deviations().filter(|(parameter, _)| laws.know(*parameter, gait));
-        let all = dimensions.map(|(of, deviation)| (Quantity::Dimension(of), deviation));
-        let all = all.into_iter().chain(links);
-        let all = all.chain(known.map(|(of, deviation)| (Quantity::Coefficient(of), deviation)));
-        let independent = |(quantity, deviation)| {
-            let source = KnownFrom::Configured;
+        let independent = |(property, deviation)| {
+            let (quantity, source) = (Quantity::Robot(property), KnownFrom::Configured);
             Independent { quantity, deviation, source, refit: Vec::new() }
         };
-        let independent = all.filter(|(_, deviation)| *deviation > 0.0).map(independent).collect();
+        let independent = robot.deviations(laws, gait).into_iter().map(independent).collect();
         Self { independent, fitted: None }
     }
 
@@ -69,7 +59,7 @@ impl Uncertain {
         let covariance = covariance(replicates, coefficients.len());
         let independent = bands.assumed().filter_map(|(robot, shifts)| {
             let quantity = changed(problem, bands.robot(), robot)?;
-            let is_measured = |of: &Parameter| quantity == Quantity::Coefficient(*of);
+            let is_measured = |of: &Parameter| quantity == Quantity::coefficient(*of);
             let is_measured = measured.iter().any(is_measured);
             let source = if is_measured { KnownFrom::Measured } else { KnownFrom::Configured };
             let at =
@@ -87,7 +77,7 @@ impl Uncertain {
     pub(super) fn quantities(&self) -> impl Iterator<Item = Quantity> {
         let own = self.independent.iter().map(|of| of.quantity);
         let fitted = self.fitted.iter().flat_map(|of| of.coefficients.iter().copied());
-        own.chain(fitted.map(Quantity::Coefficient))
+        own.chain(fitted.map(Quantity::coefficient))
     }
 }
 
@@ -99,7 +89,9 @@ fn changed(problem: &Problem, robot: &Robot, other: &Robot) -> Option<Quantity> 
     let all: Vec<Quantity> = all.collect();
     match all[..] {
         [one] => Some(one),
-        [Quantity::Coefficient(first), ..] => first.sum().map(Quantity::Coefficient),
+        [Quantity::Robot(Property::Coefficient(first)), ..] => {
+            first.sum().map(Quantity::coefficient)
+        }
         _ => None,
     }
 }
@@ -154,7 +146,7 @@ impl Budget {
         // Per logarithm of each.
         let slopes: Vec<f64> = coefficients
             .iter()
-            .map(|of| by(Quantity::Coefficient(*of)) * of.of(&problem.robot))
+            .map(|of| by(Quantity::coefficient(*of)) * of.of(&problem.robot))
             .collect();
         let along = |shifts: &[f64]| -> f64 {
             slopes.iter().zip(shifts).map(|(slope, shift)| slope * shift).sum()

@@ -9,6 +9,7 @@
 use super::quantity::{OF_FIRST, Quantity};
 use crate::metrics::GaitMetrics;
 use crate::motion::{Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion};
+use crate::robot::Property;
 use crate::store::SENSITIVE_METRICS;
 
 pub(super) const COUNT: usize = SENSITIVE_METRICS.len();
@@ -60,7 +61,9 @@ impl<'p> Differentiated<'p> {
     /// A motion nearby does not exist.
     pub fn by(&self, quantity: Quantity) -> Result<(ByMetric, ByMetric), MotionError> {
         let own = match quantity {
-            Quantity::Coefficient(of) => (&self.metrics.parameters[of], self.work.parameters[of]),
+            Quantity::Robot(Property::Coefficient(of)) => {
+                (&self.metrics.parameters[of], self.work.parameters[of])
+            }
             Quantity::Gait(joint, number) if number >= OF_FIRST => {
                 let second = self.problem.gait.joints[joint].unwrap_or_default().second();
                 let parts = [0, 1].map(|part| {
@@ -75,7 +78,7 @@ impl<'p> Differentiated<'p> {
                 (&self.metrics.gait[joint][number], self.work.gait[joint][number])
             }
             Quantity::Omega => (&self.metrics.omega, self.work.omega),
-            _ => return self.differences(quantity),
+            Quantity::Robot(_) => return self.differences(quantity),
         };
         Ok((by_metric(own.0, own.1), [f64::NAN; COUNT]))
     }

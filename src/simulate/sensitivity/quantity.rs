@@ -1,28 +1,15 @@
 //! The numbers that a motion depends on.
 
 use crate::motion::Problem;
-use crate::robot::{JointCommand, Parameter, SecondHarmonic};
+use crate::robot::{JointCommand, Parameter, Property, SecondHarmonic};
 
 /// A number of the robot, of the gait, or the frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Quantity {
-    Dimension(Dimension),
-    /// Of a link.
-    Mass(usize),
-    Inertia(usize),
-    Coefficient(Parameter),
-    RestAngle,
+    Robot(Property),
     /// Of a commanded joint (0 or 1): offset, amplitude, phase, those of its second harmonic.
     Gait(usize, usize),
     Omega,
-}
-
-/// A length of the robot.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Dimension {
-    H,
-    L,
-    B,
 }
 
 /// The numbers of a joint's command.
@@ -32,17 +19,20 @@ const JOINT_NUMBERS: [&str; 5] =
 pub(super) const OF_FIRST: usize = 3;
 
 impl Quantity {
+    pub fn coefficient(of: Parameter) -> Self {
+        Self::Robot(Property::Coefficient(of))
+    }
+
     /// All that a motion can depend on, sums of others aside.
     pub fn all(problem: &Problem) -> Vec<Self> {
-        let mut all: Vec<Self> = [Dimension::H, Dimension::L, Dimension::B]
-            .map(Self::Dimension)
-            .into_iter()
-            .chain((0..3).map(Self::Mass))
-            .chain((0..3).map(Self::Inertia))
-            .collect();
+        let links = (0..3).map(Property::Mass).chain((0..3).map(Property::Inertia));
         let known = |of: &Parameter| !of.is_sum() && problem.laws.know(*of, &problem.gait);
-        all.extend(Parameter::ALL.into_iter().filter(known).map(Self::Coefficient));
-        all.extend(problem.gait.passive_joint().map(|_| Self::RestAngle));
+        let coefficients = Parameter::ALL.into_iter().filter(known).map(Property::Coefficient);
+        let properties = [Property::H, Property::L, Property::B].into_iter().chain(links);
+        let properties = properties
+            .chain(coefficients)
+            .chain(problem.gait.passive_joint().map(|_| Property::RestAngle));
+        let mut all: Vec<Self> = properties.map(Self::Robot).collect();
         for (joint, command) in problem.gait.joints.iter().enumerate() {
             let Some(command) = command else { continue };
             let has_second = command.second.is_some();
@@ -56,13 +46,13 @@ impl Quantity {
     /// Its name, with its unit, as `--set` has it.
     pub fn name(self) -> String {
         match self {
-            Self::Dimension(Dimension::H) => "h_m".to_owned(),
-            Self::Dimension(Dimension::L) => "l_m".to_owned(),
-            Self::Dimension(Dimension::B) => "b_m".to_owned(),
-            Self::Mass(link) => format!("mass{link}_kg"),
-            Self::Inertia(link) => format!("inertia{link}_kg_m2"),
-            Self::Coefficient(parameter) => parameter.name().to_owned(),
-            Self::RestAngle => "rest_angle_deg".to_owned(),
+            Self::Robot(Property::H) => "h_m".to_owned(),
+            Self::Robot(Property::L) => "l_m".to_owned(),
+            Self::Robot(Property::B) => "b_m".to_owned(),
+            Self::Robot(Property::Mass(link)) => format!("mass{link}_kg"),
+            Self::Robot(Property::Inertia(link)) => format!("inertia{link}_kg_m2"),
+            Self::Robot(Property::Coefficient(parameter)) => parameter.name().to_owned(),
+            Self::Robot(Property::RestAngle) => "rest_angle_deg".to_owned(),
             Self::Gait(joint, number) => format!("{}{}_deg", JOINT_NUMBERS[number], joint + 1),
             Self::Omega => "omega_rad_s".to_owned(),
         }
@@ -71,22 +61,15 @@ impl Quantity {
     /// How many of its unit one of the problem's is: angles are degrees.
     pub fn scale(self) -> f64 {
         match self {
-            Self::RestAngle | Self::Gait(..) => 1_f64.to_degrees(),
+            Self::Robot(Property::RestAngle) | Self::Gait(..) => 1_f64.to_degrees(),
             _ => 1.0,
         }
     }
 
     /// Its value in a problem, in SI units.
     pub fn of(self, problem: &Problem) -> f64 {
-        let robot = &problem.robot;
         match self {
-            Self::Dimension(Dimension::H) => robot.h_m,
-            Self::Dimension(Dimension::L) => robot.l_m,
-            Self::Dimension(Dimension::B) => robot.b_m,
-            Self::Mass(link) => robot.mass_kg[link],
-            Self::Inertia(link) => robot.inertia_kg_m2[link],
-            Self::Coefficient(parameter) => parameter.of(robot),
-            Self::RestAngle => robot.rest_angle_rad,
+            Self::Robot(property) => property.of(&problem.robot),
             Self::Gait(joint, number) => {
                 problem.gait.joints[joint].as_ref().map_or(f64::NAN, |of| number_of(of, number))
             }
@@ -96,15 +79,8 @@ impl Quantity {
 
     /// Gives it a value in a problem, in SI units.
     pub fn set(self, problem: &mut Problem, value: f64) {
-        let robot = &mut problem.robot;
         match self {
-            Self::Dimension(Dimension::H) => robot.h_m = value,
-            Self::Dimension(Dimension::L) => robot.l_m = value,
-            Self::Dimension(Dimension::B) => robot.b_m = value,
-            Self::Mass(link) => robot.mass_kg[link] = value,
-            Self::Inertia(link) => robot.inertia_kg_m2[link] = value,
-            Self::Coefficient(parameter) => parameter.set(robot, value),
-            Self::RestAngle => robot.rest_angle_rad = value,
+            Self::Robot(property) => property.set(&mut problem.robot, value),
             Self::Gait(joint, number) => {
                 if let Some(of) = &mut problem.gait.joints[joint] {
                     match number {
