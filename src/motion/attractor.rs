@@ -48,7 +48,7 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     // At the end of every cycle.
     let mut states = [transient.state; MOST_CYCLES + 1];
     let (mut settled, mut before, mut approaches) = (None, f64::INFINITY, false);
-    let (mut held, mut next_look, mut pause) = (known, 1, 1);
+    let (mut held, mut next_look, mut pause, mut last) = (known, 1, 1, 0);
     let (start, cycles) = 'found: {
         for cycle in 1..=MOST_CYCLES {
             transient.advance_to(cycle as f64 * period_s, &mut orbit.workspace, |_| {})?;
@@ -86,21 +86,23 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
                 break 'found (start, cycles);
             }
             (approaches, before) = (distance < before, distance);
+            last = cycle;
             if transient.elements > MOST_ELEMENTS {
-                return Err(MotionError::Unsettled { cycles: cycle, repeats_after: None });
+                break;
             }
         }
         // Slowly, but it gets there.
         if let (Some(start), Some(cycles), true) = (candidate, settled, approaches) {
             break 'found (start, cycles);
         }
+        let ago = |cycles: usize| transient.distance(&states[last], &states[last - cycles]);
+        if ago(1) < THERE {
+            return Err(orbit.not_converged());
+        }
         // Not where it only creeps.
-        let last = &states[MOST_CYCLES - MOST_PERIODS..];
-        let ago =
-            |cycles: usize| transient.distance(&last[MOST_PERIODS], &last[MOST_PERIODS - cycles]);
         let same = CERTAIN.min(0.05 * ago(1));
-        let repeats_after = (2..=MOST_PERIODS).find(|&cycles| ago(cycles) < same);
-        return Err(MotionError::Unsettled { cycles: MOST_CYCLES, repeats_after });
+        let repeats_after = (2..=MOST_PERIODS.min(last)).find(|&cycles| ago(cycles) < same);
+        return Err(MotionError::Unsettled { cycles: last, repeats_after });
     };
     if held != Some(start) {
         orbit.solve(model, start, accuracy)?;

@@ -193,18 +193,22 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         (self.steps, self.contraction) = (0, 1.0);
         if is_warm {
             self.start_warm(model, error_ratio);
+            self.resolve(model, accuracy)?;
         } else {
-            self.start_cold(model, start, coarse)?;
-            let error_ratio = self.error_ratio(model, accuracy);
-            self.refine(model, error_ratio)?;
+            self.solve_cold(model, start, coarse, accuracy)?;
         }
+        self.is_symmetry_broken = is_whole && mirror.is_some() && self.turns(accuracy);
+        Ok(())
+    }
+
+    /// Finds the solution near the states at hand with as many elements as the accuracy takes.
+    fn resolve(&mut self, model: &R, accuracy: f64) -> Result<()> {
         loop {
             self.newton(model, accuracy)?;
             let error_ratio = self.error_ratio(model, accuracy);
             if error_ratio <= 1.0 {
                 self.error_ratio = error_ratio;
                 self.effort.elements = self.mesh.count;
-                self.is_symmetry_broken = is_whole && mirror.is_some() && self.turns(accuracy);
                 return Ok(());
             }
             self.refine(model, error_ratio)?;
@@ -235,29 +239,43 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         successor
     }
 
-    /// Finds an approximate solution with few elements.
-    fn start_cold(&mut self, model: &R, start: Start<N>, coarse: usize) -> Result<()> {
-        let mut tried = Ok(());
+    /// Finds the solution from an approximate one with few elements, or with more where that one or what it leads
+    /// to is none.
+    fn solve_cold(
+        &mut self,
+        model: &R,
+        start: Start<N>,
+        coarse: usize,
+        accuracy: f64,
+    ) -> Result<()> {
+        let mut tried = Err(self.not_converged());
         for finer in FINER {
-            self.mesh.divide(finer * coarse);
-            self.lay_out(model);
-            self.steps = 0;
-            self.mesh.guess(model);
-            tried = match start {
-                Start::State(state) => self.march(model, state, 1e-4),
-                // Nearly singular equations magnify what is missed here.
-                Start::WholePeriod(state) => self.march(model, state, 1e-9),
-                Start::Guess | Start::Last => Ok(()),
-            }
-            .and_then(|()| match start.state() {
-                Some(_) => self.newton(model, COARSE_STEP),
-                None => self.soften(model),
-            });
+            tried = self.start_cold(model, start, finer * coarse);
             if tried.is_ok() {
-                break;
+                let error_ratio = self.error_ratio(model, accuracy);
+                tried =
+                    self.refine(model, error_ratio).and_then(|()| self.resolve(model, accuracy));
+                if !matches!(tried, Err(MotionError::NotConverged { .. })) {
+                    break;
+                }
             }
         }
         tried
+    }
+
+    /// Finds an approximate solution with so many elements.
+    fn start_cold(&mut self, model: &R, start: Start<N>, count: usize) -> Result<()> {
+        self.mesh.divide(count);
+        self.lay_out(model);
+        self.mesh.guess(model);
+        self.steps = 0;
+        match start {
+            Start::State(state) => self.march(model, state, 1e-4)?,
+            // Nearly singular equations magnify what is missed here.
+            Start::WholePeriod(state) => self.march(model, state, 1e-9)?,
+            Start::Guess | Start::Last => return self.soften(model),
+        }
+        self.newton(model, COARSE_STEP)
     }
 
     /// Finds an approximate solution from the states at hand: under dry friction through those under
