@@ -502,7 +502,24 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a length in centimetres",
         |night| configure(night, "l_m = 0.112", "l_m = 11.2"),
-        &["l_m of the robot: measured 11", "(is it in centimetres?)", "set l_m = 0.112"],
+        &["needed a radius of gyration of 0.05 to 3 times l_m (is l_m in centimetres?)"],
+    ),
+    mistake(
+        "masses in grams",
+        |night| configure(night, "mass_kg = [1.04, 0.2, 0.2]", "mass_kg = [1040, 200, 200]"),
+        &[
+            "robot.kinematic.inertia_kg_m2",
+            "found 0.0086 beside a mass_kg of 1040 of link 0, 0.0200 times h_m",
+            "needed a radius of gyration of 0.05 to 3 times h_m (is mass_kg in grams?)",
+        ],
+    ),
+    mistake(
+        "moments of inertia in kg cm^2",
+        |night| {
+            let centimetres = "inertia_kg_m2 = [86.0, 5.0, 5.0]";
+            configure(night, "inertia_kg_m2 = [86e-4, 5e-4, 5e-4]", centimetres);
+        },
+        &["(is it in kg cm^2? then 0.0086", "robot.kinematic.inertia_kg_m2"],
     ),
     // The recording.
     mistake(

@@ -8,8 +8,8 @@ use std::path::Path;
 use toml::Value;
 
 use super::{
-    Campaign, Config, ConfigError, GaitConfig, JointConfig, ModelConfig, Robots, SharedFits,
-    did_you_mean, nearest,
+    Campaign, Config, ConfigError, GaitConfig, JointConfig, ModelConfig, RobotConfig, Robots,
+    SharedFits, did_you_mean, nearest,
 };
 use crate::pattern::{matches, matches_label};
 use crate::robot::{Gait, Model, Parameter};
@@ -71,6 +71,13 @@ const UNITS: [(&str, &str, &str, f64); 6] = [
     ("_hz", "Hz", "kHz", 1e3),
     ("gap_s", "seconds", "milliseconds", 1e-3),
 ];
+/// The least and the most that a link's radius of gyration may be, in its lengths (h or l).
+const GYRATION: RangeInclusive<f64> = 0.05..=3.0;
+/// What it mostly is.
+const USUAL_GYRATION: f64 = 0.5;
+/// Units that moments of inertia are written in by mistake, and how many kg m^2 one of them is.
+const INERTIA_UNITS: [(&str, f64); 5] =
+    [("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6), ("g cm^2", 1e-7), ("g mm^2", 1e-9)];
 /// What names of robots, gaits, models and campaigns are: they name files, and stand in messages.
 const NAME: &str = "1 to 64 characters, none of them `/`, `\\` or one that cannot be seen";
 /// Markers of a link, at most: a set of them is the bits of a number.
@@ -127,6 +134,7 @@ impl Config {
         let has_room = found.is_none_or(|mm| mm >= least_mm);
         check.that(has_room, "report.width_mm", &found.unwrap_or_default(), &needed)?;
         self.gait.iter().try_for_each(|(name, gait)| check.is_driven(name, gait))?;
+        self.robot.iter().try_for_each(|(name, robot)| check.gyration(name, robot))?;
         for (name, campaign) in &self.campaign {
             self.check_campaign(&check, name, campaign)?;
         }
@@ -304,6 +312,39 @@ impl Checker<'_> {
             };
             let key = format!("gait.{name}.joint{joint}.phase2_deg");
             self.that(false, &key, found, "amplitude2_deg beside it")?;
+        }
+        Ok(())
+    }
+
+    /// Checks that masses and moments of inertia are of links as long as they are.
+    fn gyration(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {
+        for link in 0..3 {
+            let (length, length_m) =
+                if link == 0 { ("h_m", robot.h_m) } else { ("l_m", robot.l_m) };
+            let (mass_kg, inertia_kg_m2) = (robot.mass_kg[link], robot.inertia_kg_m2[link]);
+            let lengths = (inertia_kg_m2 / mass_kg).sqrt() / length_m;
+            // What may be in another unit, and how many times the lengths are then right.
+            let inertia = |(unit, factor): (&str, f64)| {
+                let right = factor * inertia_kg_m2;
+                (format!("is it in {unit}? then {right:.6} is right"), factor.sqrt())
+            };
+            let in_grams = ("is mass_kg in grams?".to_owned(), 1e3_f64.sqrt());
+            let in_centimetres = (format!("is {length} in centimetres?"), 1e2);
+            let hints = INERTIA_UNITS.map(inertia).into_iter().chain([in_grams, in_centimetres]);
+            let off = |factor: f64| (factor * lengths / USUAL_GYRATION).ln().abs();
+            let nearest = hints.min_by(|a, b| off(a.1).total_cmp(&off(b.1)));
+            let hint = nearest.filter(|hint| off(hint.1) < 3_f64.ln());
+            let needed = format!(
+                "a radius of gyration of {} to {} times {length}{}",
+                GYRATION.start(),
+                GYRATION.end(),
+                hint.map_or(String::new(), |(hint, _)| format!(" ({hint})"))
+            );
+            let found = format_args!(
+                "{inertia_kg_m2} beside a mass_kg of {mass_kg} of link {link}, {lengths:.4} times {length}"
+            );
+            let key = format!("robot.{name}.inertia_kg_m2");
+            self.that(GYRATION.contains(&lengths), &key, &found, &needed)?;
         }
         Ok(())
     }
