@@ -1,7 +1,7 @@
 //! Confidence intervals in two parts.
 //!
 //! - *Scatter*: what cycles and repeats differ by. The quantiles of the bootstrap, corrected for
-//!   noise that counts twice ([`super::noise_correction`]), or without replicates the profiles'
+//!   noise that counts twice ([`super::noise_correction`]), or where none moves the profiles'
 //!   limits.
 //! - *Systematic*: what all trials share, and no repeat shows.
 //!   - What the fit takes the model for: a jackknife over blocks of neighbouring frequencies
@@ -234,12 +234,12 @@ fn scatter_limit(
     if profiled == Some(None) {
         return f64::NAN;
     }
-    let limit = match replicates.is_empty() {
-        true => profiled.flatten().unwrap_or(f64::NAN),
-        false => {
-            let values = replicates.iter().map(|refit| refit.ended[index]).collect();
-            quantiles(values, SIDES_95)[side]
-        }
+    let ends = replicates.iter().map(|refit| refit.ended[index]).collect();
+    let resampled = quantiles(ends, SIDES_95);
+    // Where the replicates stay at an edge of the objective they tell no width.
+    let limit = match resampled[0] < resampled[1] {
+        true => resampled[side],
+        false => profiled.flatten().unwrap_or(f64::NAN),
     };
     if free.is_at_bound(limit)[side] { f64::NAN } else { limit }
 }
@@ -247,6 +247,39 @@ fn scatter_limit(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::profile::Class;
+    use crate::robot::Parameter;
+    use crate::store::Stopped;
+
+    #[test]
+    fn replicates_that_do_not_move_give_no_width_of_zero() {
+        let free = FreeParameter { parameter: Parameter::Damping, bounds: [1e-4, 1.0] };
+        let replicate = |value: f64| Start {
+            began: Vec::new(),
+            ended: vec![value],
+            cost: 1.0,
+            solves: 0,
+            stopped: Stopped::Converged,
+        };
+        let still = [0.5; 40].map(replicate);
+        let mut moved = still.clone();
+        moved.iter_mut().step_by(2).for_each(|refit| refit.ended = vec![0.52]);
+        let profile = Profile {
+            points: Vec::new(),
+            limit: 1.0,
+            interval: [Some(0.49), Some(0.53)],
+            class: Class::Identifiable,
+            solves: 0,
+        };
+        let limits = |profiles: &[Profile], replicates: &[Start]| {
+            [0, 1].map(|side| scatter_limit(profiles, replicates, 0, &free, side))
+        };
+        let profiles = [profile];
+        assert_eq!(limits(&profiles, &moved), [0.5, 0.52]);
+        assert_eq!(limits(&profiles, &still), [0.49, 0.53]);
+        assert_eq!(limits(&profiles, &[]), [0.49, 0.53]);
+        assert!(limits(&[], &still).iter().all(|limit| limit.is_nan()));
+    }
 
     #[test]
     fn blocks_count_by_what_they_differ_by_more_than_chance() {

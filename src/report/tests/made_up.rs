@@ -430,8 +430,12 @@ pub fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         campaign: campaign.to_owned(),
         model,
         gait_input: GaitInput::Measured,
-        scatter: ByParameter::from_fn(|of| when(skids && of == Skid0, 4.31)),
-        systematic: ByParameter::from_fn(|of| when(skids && of == Skid0, 5.27)),
+        scatter: ByParameter::from_fn(|of| when(skids && [Skid0, Skid1].contains(&of), 4.31)),
+        systematic: ByParameter::from_fn(|of| match of {
+            Skid0 => when(skids, 5.27),
+            Skid1 => when(skids, 0.0),
+            _ => f64::NAN,
+        }),
         no_interval: match passive && model == Model::NO_SKID_DAMPED {
             true => "no repeats, cycles or errors".to_owned(),
             false => String::new(),
