@@ -69,9 +69,11 @@ pub struct RobotDeviation {
     pub damping_nm_s_rad: f64,
 }
 
+/// A key, its values, and what each of these is of.
+type OfKey<'d> = (&'static str, &'d [f64], fn(usize) -> Property);
+
 impl RobotDeviation {
-    /// Keys, their values, and what these are of.
-    fn by_key(&self) -> [(&'static str, &[f64], fn(usize) -> Property); 13] {
+    fn by_key(&self) -> [OfKey<'_>; 13] {
         use Property::{B, Coefficient, H, Inertia, L, Mass};
         let one = std::slice::from_ref;
         [
