@@ -55,6 +55,8 @@ const LOGARITHMIC: f64 = 5.0;
 const NEAR_ZERO: f64 = 0.5;
 /// Part of the values' extent that is left free on either side of them.
 const MARGIN: f64 = 0.05;
+/// How many ticks more than there should be an axis may have so that it has two.
+const SOME_MORE: usize = 3;
 /// Of the greatest value: smaller differences are not spread over the axis.
 const LEAST_SPAN: f64 = 1e-3;
 /// Farther from zero nothing is drawn, and with less between them values are one: beyond, spans
@@ -124,13 +126,16 @@ impl Axis {
         }
     }
 
-    /// Sets at most so many ticks, fewer if these do not satisfy `have_room`, but two if there are.
+    /// Sets at most so many ticks, or some more where these would be fewer than two; fewer if these do not
+    /// satisfy `have_room`, but two if there are.
     pub fn set_ticks(&mut self, most: usize, have_room: impl Fn(&Self) -> bool) {
         let ticks = match (self.names.is_empty(), self.is_logarithmic) {
             (false, _) => Self::named_ticks,
             (true, true) => Self::logarithmic_ticks,
             (true, false) => Self::linear_ticks,
         };
+        let tells = |most: &usize| ticks(self, *most).len() > 1;
+        let most = (most..most + SOME_MORE).find(tells).unwrap_or(most);
         for most in (1..=most).rev() {
             let found = ticks(self, most);
             let is_last = found.len() < 2 && self.ticks.len() > 1;

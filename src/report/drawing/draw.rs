@@ -114,7 +114,7 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     let ys = [middle, y.low, y.low, y.high, y.high, middle];
     frame.path(xs.into_iter().zip(ys).collect(), style::SOLID, ink)?;
     others.into_iter().try_for_each(|layer| frame.draw_group(layer))?;
-    for (note, row) in panel.notes.iter().zip(1..) {
+    for (note, row) in cell.notes.iter().zip(1..) {
         let baseline = TOP + f64::from(row) * 1.3 * style::EM + 2.0;
         write(&area, note, HPos::Right, (right - 7.0, baseline))?;
     }

@@ -1,5 +1,7 @@
 //! Where the panels of a figure are and how large.
 
+use std::iter;
+
 use super::axis::{Axis, Range, Scale};
 use super::figure::{Figure, Layout, Panel};
 use super::legend;
@@ -22,8 +24,10 @@ pub const MARGIN: f64 = 10.0;
 /// A panel and its part of the figure, px.
 pub struct Cell<'f> {
     pub panel: &'f Panel,
-    /// The panel's, with its letter where there are several.
+    /// The panel's, with its letter where there are several, as far as there is room.
     pub title: String,
+    /// What there is no room for in the title, and the panel's own.
+    pub notes: Vec<String>,
     pub left: f64,
     pub top: f64,
     pub width: f64,
@@ -104,7 +108,7 @@ impl<'f> Grid<'f> {
             let has_x_labels = !is_shared || nth + 1 == panels.len();
             let bottom = if has_x_labels { BOTTOM } else { SHARED_BOTTOM };
             let letter = if panels.len() > 1 { format!("({letter}) ") } else { String::new() };
-            let title = letter + &panel.title;
+            let (title, notes) = titled(letter + &panel.title, &panel.notes, right - LEFT);
             let samples = if has_own_legends { panel.samples() } else { Vec::new() };
             let from = right - legend::row_width(&samples);
             let legend = legend::lay_out(samples, from, right);
@@ -113,6 +117,7 @@ impl<'f> Grid<'f> {
             cells.push(Cell {
                 panel,
                 title,
+                notes,
                 left,
                 top,
                 width,
@@ -126,6 +131,17 @@ impl<'f> Grid<'f> {
         }
         let height = (top + cells.last().map_or(0.0, height) + 6.0).round();
         Self { columns, width: whole_width, height, legend, cells }
+    }
+}
+
+/// A title and the notes of a panel: what is too long for its line goes on below it from its comma.
+fn titled(title: String, notes: &[String], room: f64) -> (String, Vec<String>) {
+    match title.split_once(", ") {
+        Some((short, rest)) if style::text_width(&title) > room => {
+            let notes = iter::once(rest.to_owned()).chain(notes.iter().cloned());
+            (short.to_owned(), notes.collect())
+        }
+        _ => (title, notes.to_vec()),
     }
 }
 
@@ -160,4 +176,28 @@ fn axes(panel: &Panel, xs: &[f64], width: f64, height: f64) -> (Axis, Axis) {
         y.ticks.len() <= 2 || y.label_width() <= TICK_LABELS
     });
     (x, y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_title_that_is_too_long_goes_on_in_the_panel() {
+        let title = "Path of the middle link, d = 472.3 \u{b1} 1.1 mm";
+        let width = style::text_width(title);
+        let notes = ["a note".to_owned()];
+        let of = |room: f64| titled(title.to_owned(), &notes, room);
+        assert_eq!(of(width), (title.to_owned(), notes.to_vec()));
+        let (short, below) = of(0.7 * width);
+        assert_eq!(short, "Path of the middle link");
+        assert_eq!(below, ["d = 472.3 \u{b1} 1.1 mm", "a note"]);
+    }
+
+    #[test]
+    fn a_narrow_axis_has_more_than_one_number() {
+        let panel = Panel { x_scale: Scale::Equal, ..Panel::default() };
+        let (x, _) = axes(&panel, &[-30.0, 30.0], 172.0, 110.0);
+        assert!(x.ticks.len() > 1, "{x:?}");
+    }
 }
