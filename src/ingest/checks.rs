@@ -78,6 +78,8 @@ named! {
         /// The recording tells that a swing or a speed dies away by the law that the robot is
         /// configured with, and by no other.
         DecayLaw = "W021 decay-law",
+        /// What a trial tells of the robot's parameters is about what is configured.
+        RobotParameters = "W022 robot-parameters",
         /// The joints do what no other campaign commands.
         OtherCampaign = "E002 other-campaign",
         /// No other trial has the same marker file.

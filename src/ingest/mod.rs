@@ -58,7 +58,7 @@ use crate::trial::{Trial, TrialKind};
 use crate::vicon::{self, MarkerFile};
 use checks::Finding;
 use cycles::{CycleData, steady, summary, wheel_velocities};
-use identification::{coast, release};
+use identification::{against_configured, coast, release};
 use markers::layout;
 pub(crate) use markers::layout::{LinkMarker, marker_name};
 pub(crate) use markers::rigid::fit as fit_rigid;
@@ -282,6 +282,7 @@ fn process_recording(
     };
     let parameters = measured.map(|(parameters, found)| {
         findings.extend(found);
+        findings.push(against_configured(&parameters));
         RobotParameterRow {
             trial: trial.id.clone(),
             kind: trial.kind,

@@ -11,6 +11,7 @@ use super::checks::{Check, Finding};
 use super::signals::{THIRD_GAIN, third_differences};
 use crate::least_squares::{Minimum, minimise};
 use crate::stats::fisher;
+use crate::store::{RobotParameterRow, RobotQuantity};
 
 /// A step of this part of the parameters' standard errors ends the search.
 const SMALL_STEP: f64 = 1e-6;
@@ -26,6 +27,32 @@ const MISFIT_TOLERANCE: f64 = 2.0;
 const REFUSED_BEYOND: f64 = 3.0;
 /// Third differences of independent values are as certain as so many times fewer independent ones.
 const THIRD_DEPENDENCE: f64 = 2.31;
+
+/// How many times as large as configured a measured parameter may be, or as small.
+const MOST_TIMES: f64 = 3.0;
+
+/// Whether what a trial tells of its robot is about what is configured.
+pub fn against_configured(row: &RobotParameterRow) -> Finding {
+    let ratio = |of: &RobotQuantity| of.measured.value / of.configured;
+    let times = |of: &RobotQuantity| ratio(of).max(1.0 / ratio(of));
+    let is_known = |of: &RobotQuantity| ratio(of) > 0.0 && ratio(of).is_finite();
+    let known = row.quantities().filter(is_known);
+    let farthest = known.max_by(|a, b| times(a).total_cmp(&times(b)));
+    let (value, message) = farthest.map_or((1.0, "none is configured".to_owned()), |of| {
+        let RobotQuantity { name, unit, measured, configured } = of;
+        let factor = ratio(&of);
+        let hint = match factor {
+            500.0..2000.0 => " (is mass_kg in grams?)",
+            _ => "",
+        };
+        let measured = measured.value;
+        let message = format!(
+            "{name} is measured {measured:.3e} {unit}, configured {configured:.3e}: {factor:.3} times as much{hint}"
+        );
+        (times(&of), message)
+    });
+    Finding::at_most(Check::RobotParameters, value, MOST_TIMES, message)
+}
 
 /// A law of motion.
 #[derive(Clone, Copy)]

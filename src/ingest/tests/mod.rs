@@ -691,6 +691,29 @@ fn a_few_jumped_markers_are_said_and_need_nobody_and_many_are_flagged() {
     }
 }
 
+#[test]
+fn masses_and_moments_of_inertia_in_grams_are_told_by_what_a_trial_measures() {
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = Recipe { omegas_rad_s: Vec::new(), ..Recipe::new(4) };
+    let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| ()).unwrap();
+    let mut in_grams = Config::default();
+    for robot in in_grams.robot.values_mut() {
+        robot.mass_kg = robot.mass_kg.map(|mass| 1e3 * mass);
+        robot.inertia_kg_m2 = robot.inertia_kg_m2.map(|inertia| 1e3 * inertia);
+    }
+    assert!(!trials.is_empty());
+    for trial in trials {
+        let processed = process_trial(folder.path(), &trial, &in_grams).unwrap();
+        let check = check_of(&processed, "W022");
+        assert_eq!(check.severity, Severity::Warning);
+        assert!((check.value - 1000.0).abs() < 100.0 && check.limit == 3.0, "{check:?}");
+        assert!(check.message.ends_with("(is mass_kg in grams?)"), "{}", check.message);
+        assert_eq!(processed.row.status, TrialStatus::Flagged);
+        let right = process_trial(folder.path(), &trial, &Config::default()).unwrap();
+        assert_eq!(check_of(&right, "W022").severity, Severity::Ok);
+    }
+}
+
 /// Releases and coast-downs of synthetic trials of several seeds, with their true robot, read
 /// with a configuration whose values of what they measure are others.
 fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParameterRow)> {
@@ -703,9 +726,9 @@ fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParamet
         let trials = synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
         let mut configured = Config::default();
         for robot in configured.robot.values_mut() {
-            robot.roll_kg_s = [1.0, 2.0, 3.0];
-            robot.stiffness_nm_rad = Some(1.0);
-            robot.damping_nm_s_rad = Some(0.5);
+            robot.roll_kg_s = [0.5, 1.0, 1.5];
+            robot.stiffness_nm_rad = Some(0.25);
+            robot.damping_nm_s_rad = Some(0.01);
         }
         for trial in trials {
             let processed = process_trial(folder.path(), &trial, &configured).unwrap();
@@ -736,13 +759,13 @@ fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() 
         if row.kind == TrialKind::CoastDown {
             let sum = truth.roll_kg_s.iter().sum();
             check(0, row.roll_sum_kg_s, sum);
-            assert_eq!((row.joint, row.roll_sum_configured_kg_s), (0, 6.0));
+            assert_eq!((row.joint, row.roll_sum_configured_kg_s), (0, 3.0));
             assert!((row.roll_kg_s[2].value - 0.5 * row.roll_sum_kg_s.value).abs() < 1e-12);
             assert!((row.roll_kg_s[0].se - row.roll_sum_kg_s.se / 6.0).abs() < 1e-12);
             assert!(row.stiffness_nm_rad.value.is_nan());
             continue;
         }
-        assert_eq!((row.joint, row.stiffness_configured_nm_rad), (1, 1.0));
+        assert_eq!((row.joint, row.stiffness_configured_nm_rad), (1, 0.25));
         check(1, row.stiffness_nm_rad, truth.stiffness_nm_rad);
         check(2, row.damping_nm_s_rad, truth.damping_nm_s_rad);
         let ratio =
