@@ -207,7 +207,11 @@ pub fn unfinished(folders: &[PathBuf]) -> Vec<PathBuf> {
 /// A file cannot be removed.
 pub fn remove_unfinished(folders: &[PathBuf]) -> Result<(), StoreError> {
     for path in unfinished(folders) {
-        fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
+        match fs::remove_file(&path) {
+            // Who waits for the results has looked whether a file can be made here.
+            Err(source) if source.kind() == io::ErrorKind::NotFound => {}
+            removed => removed.map_err(|source| StoreError::Remove { path, source })?,
+        }
     }
     Ok(())
 }
@@ -231,6 +235,18 @@ mod tests {
         let stamps = write_all();
         assert!(paths.iter().all(|path| stamps[path].content_of(path).is_some()));
         assert_eq!((stamps.len(), write_all()), (paths.len(), stamps));
+    }
+
+    #[test]
+    fn a_file_that_its_writer_removes_meanwhile_is_no_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let make = || drop(tempfile::Builder::new().prefix(WRITING).tempfile_in(folder.path()));
+        thread::scope(|scope| {
+            let makers = [(); 4].map(|()| scope.spawn(|| (0..500).for_each(|_| make())));
+            while !makers.iter().all(thread::ScopedJoinHandle::is_finished) {
+                remove_unfinished(&[folder.path().to_owned()]).expect("what is gone is removed");
+            }
+        });
     }
 
     #[test]
