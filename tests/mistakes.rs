@@ -502,7 +502,7 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a length in centimetres",
         |night| configure(night, "l_m = 0.112", "l_m = 11.2"),
-        &["needed a radius of gyration of 0.05 to 3 times l_m (is l_m in centimetres?)"],
+        &["l_m of the robot: measured 11", "(is it in centimetres?)", "set l_m = 0.112"],
     ),
     mistake(
         "masses in grams",
