@@ -514,6 +514,18 @@ const MISTAKES: &[Mistake] = &[
         ],
     ),
     mistake(
+        "masses and moments of inertia in grams",
+        |night| {
+            configure(night, "mass_kg = [1.04, 0.2, 0.2]", "mass_kg = [1040, 200, 200]");
+            let grams = "inertia_kg_m2 = [8.6, 0.5, 0.5]";
+            configure(night, "inertia_kg_m2 = [86e-4, 5e-4, 5e-4]", grams);
+        },
+        &[
+            "kinematic-coast-down-r1.csv: W022 robot-parameters: sum c_R is measured ",
+            "times as much: probably mass_kg is in grams",
+        ],
+    ),
+    mistake(
         "moments of inertia in kg cm^2",
         |night| {
             let centimetres = "inertia_kg_m2 = [86.0, 5.0, 5.0]";
@@ -663,7 +675,7 @@ fn every_mistake_is_named_by_its_cause_and_none_ends_well() {
 }
 
 #[test]
-fn a_trial_of_another_campaign_is_found_where_a_joint_is_passive_in_one_of_them() {
+fn mistakes_about_a_passive_joint_are_named() {
     let night = all_campaigns();
     common::succeed(night.path(), &["-q", "ingest"]);
     fn put(night: &Small, from: &str, to: &str) {
@@ -686,6 +698,22 @@ fn a_trial_of_another_campaign_is_found_where_a_joint_is_passive_in_one_of_them(
                 "semi-passive-symmetric-5.00-r1: ",
                 "do what campaign `semi-passive-symmetric` commands, not `kinematic-symmetric`",
             ],
+        ),
+        mistake(
+            "a spring and a damper in N mm",
+            |night| {
+                configure(night, "stiffness_nm_rad = 0.137", "stiffness_nm_rad = 137.0");
+                configure(night, "damping_nm_s_rad = 0.006", "damping_nm_s_rad = 6.0");
+            },
+            &["semi-passive-joint-release-r1", "0.001", ": probably it is configured in N mm"],
+        ),
+        mistake(
+            "a spring and a damper per degree",
+            |night| {
+                configure(night, "stiffness_nm_rad = 0.137", "stiffness_nm_rad = 2.39e-3");
+                configure(night, "damping_nm_s_rad = 0.006", "damping_nm_s_rad = 1.05e-4");
+            },
+            &["semi-passive-joint-release-r1", ": probably it is configured per degree"],
         ),
     ];
     assert_all_are_named(&night, &mistakes);

@@ -22,7 +22,7 @@ const THERE: f64 = 1e-5;
 const SLOW: f64 = 3e-3;
 /// Distance within which that solution is the one which is approached.
 const NEARBY: f64 = 0.1;
-const MOST_CYCLES: usize = 500;
+pub(super) const MOST_CYCLES: usize = 500;
 /// Most cycles until a solution is looked for again after nothing new was found: twice as many each time.
 const LONGEST_PAUSE: usize = 32;
 /// Elements after which a motion is too rough to be integrated any further.
@@ -31,14 +31,16 @@ const MOST_ELEMENTS: usize = 30_000;
 const MOST_PERIODS: usize = 8;
 const TOLERANCE: f64 = 1e-5;
 
-/// Integrates the transient from rest until it is certain in which solution it ends, which the
-/// orbit is then; the orbit's own solution, where `is_solved`, is tried first. Gives the cycles
-/// after which the motion stays within 1 % of it, and whether it is the one that the orbit had.
+/// Integrates the transient from rest, for at most `most_cycles` of [`MOST_CYCLES`], until it is
+/// certain in which solution it ends, which the orbit is then; the orbit's own solution, where
+/// `is_solved`, is tried first. Gives the cycles after which the motion stays within 1 % of it, and
+/// whether it is the one that the orbit had.
 pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     model: &R,
     orbit: &mut PeriodicOrbit<N, R>,
     is_solved: bool,
     accuracy: f64,
+    most_cycles: usize,
 ) -> Result<(usize, bool)> {
     let period_s = TAU / model.problem().omega_rad_s;
     let known = is_solved.then(|| orbit.here());
@@ -50,7 +52,7 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     let (mut settled, mut before, mut approaches) = (None, f64::INFINITY, false);
     let (mut held, mut next_look, mut pause, mut last) = (known, 1, 1, 0);
     let (start, cycles) = 'found: {
-        for cycle in 1..=MOST_CYCLES {
+        for cycle in 1..=most_cycles {
             transient.advance_to(cycle as f64 * period_s, &mut orbit.workspace, |_| {})?;
             states[cycle] = transient.state;
             let far = |candidate: Option<[f64; N]>, state: &[f64; N]| {

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::Result;
-use super::attractor::find_attractor;
+use super::attractor::{MOST_CYCLES, find_attractor};
 use super::element::Element;
 use super::forces::contact_forces;
 use super::mesh::Mesh;
@@ -20,6 +20,9 @@ use crate::robot::{LANES, Lanes, Number, Parameter};
 /// Cycles after which a robot that started from rest is near its steady motion.
 const TRANSIENT_CYCLES: f64 = 40.0;
 const TRANSIENT_TOLERANCE: f64 = 1e-4;
+/// Most cycles in which a motion that has lost its symmetry is looked for at every solve of a search; more,
+/// and a robot of tonnes, which does not settle, costs minutes.
+const SEARCHED_CYCLES: usize = 100;
 
 /// Finds the steady motion of one problem; what is asked of it later is of that solution, and what
 /// [`Solver`](super::Solver)'s and [`Problem`](super::Problem)'s functions of these names give. A
@@ -99,7 +102,7 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
         let Self { model, orbit } = self;
         if orbit.breaks_symmetry() {
             let mirrored = orbit.clone();
-            if find_attractor(model, orbit, true, accuracy).is_err() {
+            if find_attractor(model, orbit, true, accuracy, SEARCHED_CYCLES).is_err() {
                 **orbit = mirrored;
             }
         }
@@ -204,7 +207,8 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         accuracy: f64,
     ) -> Result<(GaitMetrics, usize, bool)> {
         let Self { model, orbit } = self;
-        let (cycles, is_first) = find_attractor(model, orbit, first.is_ok(), accuracy)?;
+        let (cycles, is_first) =
+            find_attractor(model, orbit, first.is_ok(), accuracy, MOST_CYCLES)?;
         Ok((orbit.measure(model).metrics, cycles, is_first))
     }
 

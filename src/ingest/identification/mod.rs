@@ -31,27 +31,38 @@ const THIRD_DEPENDENCE: f64 = 2.31;
 /// How many times as large as configured a measured parameter may be, or as small.
 const MOST_TIMES: f64 = 3.0;
 
-/// Whether what a trial tells of its robot is about what is configured.
+/// The mistake of units that makes one measured parameter so many times as large as configured.
+fn mistaken_unit(of: &RobotQuantity) -> Option<&'static str> {
+    let of_joint = of.unit.starts_with("N m");
+    match of.measured.value / of.configured {
+        5e2..2e3 => Some("mass_kg is in grams"),
+        5e-4..2e-3 if of_joint => Some("it is configured in N mm"),
+        40.0..80.0 if of_joint => Some("it is configured per degree"),
+        _ => None,
+    }
+}
+
+/// Whether what a trial tells of its robot is about what is configured. A mistake of units that
+/// explains all of it fails the trial; else whoever measures a parameter may have configured a guess.
 pub fn against_configured(row: &RobotParameterRow) -> Finding {
     let ratio = |of: &RobotQuantity| of.measured.value / of.configured;
     let times = |of: &RobotQuantity| ratio(of).max(1.0 / ratio(of));
     let is_known = |of: &RobotQuantity| ratio(of) > 0.0 && ratio(of).is_finite();
-    let known = row.quantities().filter(is_known);
-    let farthest = known.max_by(|a, b| times(a).total_cmp(&times(b)));
-    let (value, message) = farthest.map_or((1.0, "none is configured".to_owned()), |of| {
-        let RobotQuantity { name, unit, measured, configured } = of;
-        let factor = ratio(&of);
-        let hint = match factor {
-            500.0..2000.0 => " (is mass_kg in grams?)",
-            _ => "",
-        };
-        let measured = measured.value;
-        let message = format!(
-            "{name} is measured {measured:.3e} {unit}, configured {configured:.3e}: {factor:.3} times as much{hint}"
-        );
-        (times(&of), message)
-    });
-    Finding::at_most(Check::RobotParameters, value, MOST_TIMES, message)
+    let known = || row.quantities().filter(is_known);
+    let Some(of) = known().max_by(|a, b| times(a).total_cmp(&times(b))) else {
+        let none = "none is configured".to_owned();
+        return Finding::at_most(Check::RobotParameters, 1.0, MOST_TIMES, none);
+    };
+    let mistake =
+        mistaken_unit(&of).filter(|of| known().all(|one| mistaken_unit(&one) == Some(of)));
+    let RobotQuantity { name, unit, measured, configured } = of;
+    let (measured, factor) = (measured.value, ratio(&of));
+    let hint = mistake.map_or(String::new(), |mistake| format!(": probably {mistake}"));
+    let message = format!(
+        "{name} is measured {measured:.3e} {unit}, configured {configured:.3e}: {factor:.4} times as much{hint}"
+    );
+    let finding = Finding::at_most(Check::RobotParameters, times(&of), MOST_TIMES, message);
+    if mistake.is_some() { finding.failing() } else { finding }
 }
 
 /// A law of motion.
