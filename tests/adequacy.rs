@@ -130,6 +130,15 @@ fn without_repeats_cycles_or_errors_there_is_no_interval() {
 }
 
 #[test]
+fn absurd_errors_leave_open_whether_a_model_fits() {
+    let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
+    trials[0].metrics_se.d_m = 1e308;
+    let Fitted { fits, comparison, .. } = fitted(&config(CAMPAIGN, &[Model::SKID_ROLL]), trials);
+    assert_eq!((fits[0].adequate, fits[0].misfit.as_str()), (None, ""), "{:?}", fits[0]);
+    assert!(comparison[0].sentence.contains("whether it fits is not known"), "{comparison:?}");
+}
+
+#[test]
 fn raw_skid_ratios_stand_for_debiased_ones_that_are_not_known_and_that_is_said() {
     let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
     let mut config = config(CAMPAIGN, &[Model::SKID_ROLL]);

@@ -108,6 +108,10 @@ impl Adequacy {
         };
         let [cost, autocorrelation, runs] = TESTS.map(|test| [test(&observed), highest(&test)]);
         let (lack_of_fit, runs) = (cost.map(|j| j / explained), runs.map(|runs| -runs));
+        // Absurd errors tell nothing.
+        if lack_of_fit.iter().any(|ratio| !ratio.is_finite()) {
+            return Self::UNKNOWN;
+        }
         let by_metric = GROUPS.map(|group| {
             let of_group = |all: &Statistics| group.iter().map(|&i| all.costs[i]).sum::<f64>();
             of_group(&observed) / alone(&of_group)

@@ -53,7 +53,9 @@ impl TrialNoise {
             let unit = |value: f64| if differs { (value - middle) / squares.sqrt() } else { 0.0 };
             cycles.iter_mut().for_each(|cycle| cycle[i] = unit(cycle[i]));
             let by_cycles = (squares / freedom / (freedom + 1.0)).sqrt() / mean_deviation(freedom);
-            if differs { (by_cycles / deviations[i]).min(1.0) } else { 0.0 }
+            // Of an error of 0, with either sign, there is no part.
+            let is_shared = differs && deviations[i] > 0.0;
+            if is_shared { (by_cycles / deviations[i]).min(1.0) } else { 0.0 }
         });
         Self { deviations, shares, cycles }
     }
@@ -175,6 +177,22 @@ mod tests {
         let product = |a: usize, b: usize| mean(drawn.iter().map(|each| each[a] * each[b]));
         assert!((product(0, 0) - 1.0).abs() < 0.06 && (product(1, 1) - 1.0).abs() < 0.06);
         assert!((product(0, 1) + 0.5_f64.sqrt()).abs() < 0.05, "{}", product(0, 1));
+    }
+
+    #[test]
+    fn what_has_an_error_of_zero_is_never_off() {
+        let mut row = TrialRow { omega_rad_s: 2.0, cycles: 5, ..TrialRow::blank() };
+        row.metrics = GaitMetrics { d_m: 0.42, v_m_s: 0.1, ..GaitMetrics::MISSING };
+        row.gait[0].phase_rad_se = -0.0;
+        let measurement = Measurement::new(&row, SigmaKind::Raw).expect("a measurement");
+        let mut cycles = [CycleRow::blank(), CycleRow::blank()];
+        for (cycle, phase_rad) in cycles.iter_mut().zip([-0.1, 0.1]) {
+            cycle.gait[0].phase_rad = phase_rad;
+        }
+        let noise = TrialNoise::new(&measurement, &[0.0; TERMS], cycles.iter());
+        let drawn = noise.draw(&mut [3, 4].map(ChaCha8Rng::seed_from_u64));
+        let off = noise.gait_deviations_rad()[2] * drawn.gait[2];
+        assert_eq!(off, 0.0, "{off}");
     }
 
     #[test]

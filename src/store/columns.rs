@@ -269,13 +269,31 @@ where
     Column::new(name.into(), values)
 }
 
-column!(f64, f64::NAN, "numbers", is_primitive_numeric, Float64, f64, numbers, |value: Option<
-    f64,
->| {
-    Some(value.unwrap_or(f64::NAN))
-});
 column!(bool, false, "booleans", is_bool, Boolean, bool, plain, |value| value);
 column!(Option<bool>, None, "booleans", is_bool, Boolean, bool, plain, Some);
+
+impl Columns for f64 {
+    fn blank() -> Self {
+        Self::NAN
+    }
+
+    fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
+        columns.push(numbers(name, values.iter().map(|value| **value).collect()));
+    }
+
+    fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
+        let is_number = DataType::is_primitive_numeric;
+        let column = table.column(name, ("numbers", is_number), &DataType::Float64)?;
+        let values = column.f64().map_err(|error| table.error(&error))?.iter();
+        let values: Vec<Self> = values.map(|value| value.unwrap_or(Self::NAN)).collect();
+        match values.iter().find(|value| **value < 0.0) {
+            Some(value) if name.ends_with("_se") => {
+                Err(table.wrong(name, &format!("{value:?}"), "standard errors, 0 or above"))
+            }
+            _ => Ok(values),
+        }
+    }
+}
 
 /// Other programs turn whole numbers into floating-point ones where some are missing.
 impl Columns for Option<i64> {

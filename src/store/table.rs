@@ -278,6 +278,7 @@ fn arrow_schema(frame: &DataFrame) -> KeyValue {
 mod tests {
     use super::super::columns::{numbers, repeated};
     use super::*;
+    use crate::metrics::Estimate;
     use crate::robot::Parameter;
     use crate::store::Columns;
 
@@ -323,6 +324,15 @@ mod tests {
         }
         let broken = Row::from_table(&table(numbers("", vec![12.5, 1.0]))).unwrap_err();
         assert!(broken.to_string().ends_with("column `count`: found 12.5, needed whole numbers"));
+    }
+
+    #[test]
+    fn a_negative_standard_error_is_refused() {
+        let of =
+            |se: f64| Estimate::from_table(&Estimate::to_table(&[Estimate { value: -1.0, se }]));
+        let message = of(-0.5).unwrap_err().to_string();
+        assert_eq!(message, ": column `_se`: found -0.5, needed standard errors, 0 or above");
+        assert!([0.5, 0.0, -0.0, f64::NAN].into_iter().all(|se| of(se).is_ok()));
     }
 
     #[test]
