@@ -1,6 +1,7 @@
 //! What one trial measured.
 
 use std::cmp::Ordering;
+use std::ops::RangeInclusive;
 
 use crate::config::SigmaKind;
 use crate::metrics::GaitMetrics;
@@ -33,15 +34,17 @@ pub struct Measurement {
 
 /// Frequencies that differ by less than this part are the same.
 const SAME_FREQUENCY: f64 = 0.005;
+/// What a metric of a trial can be, in its unit; any other is missing.
+const MEASURABLE: RangeInclusive<f64> = 1e-9..=1e9;
 
 impl Measurement {
     /// The measurement of a trial; `None` if the trial has failed or has no metrics. A single
-    /// metric is missing where it is not above zero, as a skid ratio of which nothing is left
-    /// above the noise: eq. 21 divides by it.
+    /// metric is missing where it is not above zero (1e-9), as a skid ratio of which nothing is
+    /// left above the noise: eq. 21 divides by it.
     pub fn new(trial: &TrialRow, kind: SigmaKind) -> Option<Self> {
         let sigma = trial.sigma(kind);
         let raw = GaitMetrics { sigma: sigma.map(|sigma| sigma.value), ..trial.metrics };
-        let known = |value: f64| if value > 0.0 && value.is_finite() { value } else { f64::NAN };
+        let known = |value: f64| if MEASURABLE.contains(&value) { value } else { f64::NAN };
         let metrics = GaitMetrics {
             dtheta_rad: raw.dtheta_rad,
             ..GaitMetrics::from_array(raw.to_array().map(known))
@@ -112,5 +115,23 @@ impl Measurement {
             }
         }
         groups
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Columns as _;
+
+    #[test]
+    fn a_metric_that_no_trial_can_have_is_missing() {
+        let mut row = TrialRow { omega_rad_s: 2.0, ..TrialRow::blank() };
+        for absurd in [0.0, -0.4, 5e-324, 1e308, f64::INFINITY] {
+            row.metrics = GaitMetrics { d_m: absurd, v_m_s: 0.1, ..GaitMetrics::MISSING };
+            let measurement = Measurement::new(&row, SigmaKind::Raw).expect("a speed");
+            assert!(measurement.metrics.d_m.is_nan() && measurement.metrics.v_m_s == 0.1);
+            row.metrics.v_m_s = absurd;
+            assert_eq!(Measurement::new(&row, SigmaKind::Raw), None, "{absurd}");
+        }
     }
 }

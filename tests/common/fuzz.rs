@@ -357,6 +357,7 @@ impl Data<'_> {
 
 /// Of a table, so that what it needs itself stays within bounds.
 const MOST_ROWS: usize = 100_000;
+const MOST_CELLS: usize = 5_000_000;
 /// Of a text that is in all rows, characters.
 const MOST_TEXT: usize = 100;
 
@@ -378,7 +379,10 @@ fn edit(frame: &mut DataFrame, data: &mut Data) {
             }
             // Rows are left out, come twice or are very many.
             6 => Ok(frame.slice(data.below(height + 1) as i64, data.below(height + 1))),
-            _ => many(frame, [2 * height, 1_000, MOST_ROWS][data.below(3)].min(MOST_ROWS)),
+            _ => {
+                let most = MOST_ROWS.min(MOST_CELLS / frame.width());
+                many(frame, [2 * height, 1_000, MOST_ROWS][data.below(3)].min(most))
+            }
         };
         if let Ok(edited) = edited {
             *frame = edited;

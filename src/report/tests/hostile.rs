@@ -153,6 +153,10 @@ proptest! {
                 *numbers[at] = *value;
             }
         }
+        // Negative ones are refused.
+        for TrialRow { metrics_se: se, .. } in &mut tables.trials {
+            (se.d_m, se.sigma) = (se.d_m.abs(), se.sigma.map(f64::abs));
+        }
         let derived = folder.path().join("derived");
         tables.write(&derived);
         let column = |name: &str, of: &dyn Fn(&(i64, f64)) -> f64| {
