@@ -14,6 +14,8 @@ use crate::store::{FitRow, TrialRow};
 
 /// Frames of a cycle at least; of a longer recording only a part is shown.
 const LEAST_FRAMES_OF_CYCLE: usize = 16;
+/// Of which a motion is repeated at most: of a recording of days there are fewer.
+const MOST_CYCLES: f64 = 1e6;
 
 /// The replay of a trial; `None` if no pose is known. `fit` is that of the preferred model.
 pub fn of_trial(
@@ -132,7 +134,7 @@ fn predicted(
 }
 
 /// Poses and joint angles at rising times after the start of a motion that repeats a cycle; none
-/// before.
+/// before, or after a million cycles.
 pub fn repeated(
     samples: &[Sample],
     mut start: Pose,
@@ -142,7 +144,7 @@ pub fn repeated(
     let (period_s, intervals) = (last.time_s, samples.len() - 1);
     let mut cycles = 0.0;
     let at = |time_s: f64| {
-        if !(time_s >= 0.0 && period_s > 0.0) {
+        if !(time_s >= 0.0 && period_s > 0.0 && time_s <= MOST_CYCLES * period_s) {
             return None;
         }
         while time_s >= (cycles + 1.0) * period_s {
@@ -210,7 +212,22 @@ fn marks(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Config;
+    use crate::motion::Laws;
     use crate::store::{Columns as _, CycleRow};
+
+    #[test]
+    fn at_a_time_that_no_recording_has_there_is_no_pose() {
+        let (robot, gait) = Config::default().campaign_setup("kinematic-symmetric").unwrap();
+        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
+        let mut solver = Solver::default();
+        solver.solve(&problem, FIT_ACCURACY).unwrap();
+        let times_s = [-1.0, 5.0, 1e300, f64::INFINITY].into_iter();
+        let start = Pose { x_m: 0.0, y_m: 0.0, theta_rad: 0.0 };
+        let poses = repeated(&solver.cycle(8).unwrap(), start, times_s);
+        let there: Vec<bool> = poses.iter().map(Option::is_some).collect();
+        assert_eq!(there, [false, true, false, false]);
+    }
 
     #[test]
     fn of_a_long_recording_so_many_cycles_in_use_are_shown_that_each_has_enough_frames() {
