@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::{FitData, Fitted};
 use crate::robot::Model;
 use crate::store::{
-    BootstrapRow, ComparisonRow, FitRow, PredictionRow, ProfileRow, Reader, ResidualRow,
+    BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, Reader, ResidualRow,
     SharedFitRow, StartRow, StoreError, TrialRow, cycles_path, is_there, table_set, tables_in,
 };
 use crate::trial::is_valid_name;
@@ -89,7 +89,7 @@ impl FitData {
     /// tables of cycles.
     ///
     /// # Errors
-    /// One of them cannot be read, or a trial stands there twice.
+    /// One of them cannot be read, or a trial or a cycle stands there twice.
     pub fn read(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
         let path = derived.join(TRIALS);
         let trials: Vec<TrialRow> = reader.rows(&path)?;
@@ -101,8 +101,14 @@ impl FitData {
         }
         let mut cycles = BTreeMap::new();
         for trial in trials.iter().filter(|trial| is_valid_name(&trial.trial)) {
-            let rows = reader.rows_if_there(&cycles_path(derived, &trial.trial))?;
-            cycles.extend(rows.map(|rows| (trial.trial.clone(), rows)));
+            let path = cycles_path(derived, &trial.trial);
+            let Some(rows) = reader.rows_if_there::<CycleRow>(&path)? else { continue };
+            if let Some(pair) = rows.windows(2).find(|pair| pair[0].cycle >= pair[1].cycle) {
+                let found = format!("{} after {}", pair[1].cycle, pair[0].cycle);
+                let column = "cycle".to_owned();
+                return Err(StoreError::Column { path, column, found, needed: "cycles that rise" });
+            }
+            cycles.insert(trial.trial.clone(), rows);
         }
         let robots = reader.rows_if_there(&derived.join(ROBOTS))?.unwrap_or_default();
         Ok(Self { trials, cycles, robots })
@@ -127,5 +133,23 @@ mod tests {
         assert_eq!(read(&["one", "two"]).expect("trials").trials.len(), 2);
         let message = read(&["one", "two", "one"]).expect_err("one stands twice").to_string();
         assert!(message.ends_with("column `trial`: found `one` twice, needed each trial once"));
+    }
+
+    #[test]
+    fn a_cycle_that_stands_twice_in_the_table_does_not_count_twice() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let made = Provenance { input: String::new() };
+        let trial = TrialRow { trial: "one".to_owned(), ..TrialRow::blank() };
+        TrialRow::to_table(&[trial]).write(&folder.path().join(TRIALS), &made).expect("written");
+        let read = |numbers: &[i64]| {
+            let row = |cycle: &i64| CycleRow { cycle: *cycle, ..CycleRow::blank() };
+            let rows: Vec<CycleRow> = numbers.iter().map(row).collect();
+            let path = cycles_path(folder.path(), "one");
+            CycleRow::to_table(&rows).write(&path, &made).expect("written");
+            FitData::read(folder.path(), &Reader::default())
+        };
+        assert_eq!(read(&[0, 1, 4]).expect("cycles").cycles["one"].len(), 3);
+        let message = read(&[0, 1, 1]).expect_err("1 stands twice").to_string();
+        assert!(message.ends_with("column `cycle`: found 1 after 1, needed cycles that rise"));
     }
 }
