@@ -237,10 +237,10 @@ fn read_parts<T: Columns, const N: usize>(
     Ok((0..table.len()).map(row).collect())
 }
 
-/// Implements [`Columns`] for what is one column: what nothing is, what the type is called and
-/// how polars calls it, and how values are written and read; `None` if some are missing.
-macro_rules! column {
-    ($type:ty, $blank:expr, $kind:literal, $is:ident, $dtype:ident, $of:ident, $write:expr, $read:expr) => {
+/// Implements [`Columns`] for a column of booleans: what nothing is, and how values are read; `None` if some
+/// are missing.
+macro_rules! booleans {
+    ($type:ty, $blank:expr, $read:expr) => {
         impl Columns for $type {
             fn blank() -> Self {
                 $blank
@@ -248,15 +248,15 @@ macro_rules! column {
 
             fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
                 let values: Vec<Self> = values.iter().map(|value| **value).collect();
-                columns.push($write(name, values));
+                columns.push(plain(name, values));
             }
 
             fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
-                let column = table.column(name, ($kind, DataType::$is), &DataType::$dtype)?;
-                let values = column.$of().map_err(|error| table.error(&error))?.iter();
-                let read: fn(_) -> Option<Self> = $read;
-                let values: Option<Vec<Self>> = values.map(read).collect();
-                values.ok_or_else(|| table.wrong(name, "missing values", $kind))
+                const NEEDED: &str = "booleans";
+                let column = table.column(name, (NEEDED, DataType::is_bool), &DataType::Boolean)?;
+                let values = column.bool().map_err(|error| table.error(&error))?.iter();
+                let values: Option<Vec<Self>> = values.map($read).collect();
+                values.ok_or_else(|| table.wrong(name, "missing values", NEEDED))
             }
         }
     };
@@ -269,8 +269,8 @@ where
     Column::new(name.into(), values)
 }
 
-column!(bool, false, "booleans", is_bool, Boolean, bool, plain, |value| value);
-column!(Option<bool>, None, "booleans", is_bool, Boolean, bool, plain, Some);
+booleans!(bool, false, |value| value);
+booleans!(Option<bool>, None, Some);
 
 impl Columns for f64 {
     fn blank() -> Self {

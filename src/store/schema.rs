@@ -241,6 +241,13 @@ pub struct RobotQuantity {
     pub configured: f64,
 }
 
+impl RobotQuantity {
+    /// How many times as large as configured it is measured.
+    pub fn times_configured(&self) -> f64 {
+        self.measured.value / self.configured
+    }
+}
+
 impl RobotParameterRow {
     /// The fitted decay of a joint that was let go, from its release on.
     pub fn swing(&self) -> Swing {

@@ -348,8 +348,7 @@ impl Data<'_> {
         ];
         match self.below(ODD.len() + 2) {
             i if i < ODD.len() => ODD[i].to_owned(),
-            // In each of the most rows, a fifth of a gigabyte.
-            i if i == ODD.len() => "long".repeat(500),
+            i if i == ODD.len() => "long".repeat(5_000),
             _ => String::from_utf8_lossy(&[self.byte(), self.byte(), self.byte()]).into_owned(),
         }
     }
@@ -357,7 +356,7 @@ impl Data<'_> {
 
 /// Of a table, so that what it needs itself stays within bounds.
 const MOST_ROWS: usize = 100_000;
-const MOST_CELLS: usize = 5_000_000;
+const MOST_BYTES: usize = 100_000_000;
 /// Of a text that is in all rows, characters.
 const MOST_TEXT: usize = 100;
 
@@ -380,7 +379,7 @@ fn edit(frame: &mut DataFrame, data: &mut Data) {
             // Rows are left out, come twice or are very many.
             6 => Ok(frame.slice(data.below(height + 1) as i64, data.below(height + 1))),
             _ => {
-                let most = MOST_ROWS.min(MOST_CELLS / frame.width());
+                let most = MOST_ROWS.min(MOST_BYTES * height / frame.estimated_size().max(1));
                 many(frame, [2 * height, 1_000, MOST_ROWS][data.below(3)].min(most))
             }
         };

@@ -34,7 +34,7 @@ const MOST_TIMES: f64 = 3.0;
 /// The mistake of units that makes one measured parameter so many times as large as configured.
 fn mistaken_unit(of: &RobotQuantity) -> Option<&'static str> {
     let of_joint = of.unit.starts_with("N m");
-    match of.measured.value / of.configured {
+    match of.times_configured() {
         5e2..2e3 => Some("mass_kg is in grams"),
         5e-4..2e-3 if of_joint => Some("it is configured in N mm"),
         40.0..80.0 if of_joint => Some("it is configured per degree"),
@@ -45,7 +45,7 @@ fn mistaken_unit(of: &RobotQuantity) -> Option<&'static str> {
 /// Whether what a trial tells of its robot is about what is configured. A mistake of units that
 /// explains all of it fails the trial; else whoever measures a parameter may have configured a guess.
 pub fn against_configured(row: &RobotParameterRow) -> Finding {
-    let ratio = |of: &RobotQuantity| of.measured.value / of.configured;
+    let ratio = RobotQuantity::times_configured;
     let times = |of: &RobotQuantity| ratio(of).max(1.0 / ratio(of));
     let is_known = |of: &RobotQuantity| ratio(of) > 0.0 && ratio(of).is_finite();
     let known = || row.quantities().filter(is_known);
