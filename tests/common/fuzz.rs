@@ -356,7 +356,7 @@ impl Data<'_> {
 
 /// Of a table, so that what it needs itself stays within bounds.
 const MOST_ROWS: usize = 100_000;
-const MOST_BYTES: usize = 100_000_000;
+const MOST_BYTES: usize = 30_000_000;
 /// Of a text that is in all rows, characters.
 const MOST_TEXT: usize = 100;
 
