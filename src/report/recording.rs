@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::motion::Pose;
-use crate::store::{
-    CycleRow, LABELS_APART, Reader, StoreError, Table, cycles_path, poses_path, wheels_path,
-};
+use crate::store::{CycleRow, LABELS_APART, Reader, StoreError, Table, poses_path, wheels_path};
 
 /// Links, wheels: 0, 1, 2 = middle, front, rear. What is missing is NaN.
 #[derive(Debug, Clone, Default)]
@@ -132,7 +130,7 @@ impl Recording {
             corrected: three(|link| texts_if_there(&poses, &format!("corrected{link}")))?,
             roll_m_s: three(|wheel_number| wheel(format!("roll{wheel_number}_m_s")))?,
             skid_m_s: three(|wheel_number| wheel(format!("skid{wheel_number}_m_s")))?,
-            cycles: reader.rows_if_there(&cycles_path(derived, trial))?.unwrap_or_default(),
+            cycles: reader.cycles_if_there(derived, trial)?.unwrap_or_default(),
             problem: (!is_whole).then(|| {
                 format!(
                     "{}: found {} frames, {shared} of the {} of {}, needed the same ones",

@@ -9,7 +9,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 
 use super::table::most_rows;
-use super::{Columns, StoreError, Table};
+use super::{Columns, CycleRow, StoreError, Table, cycles_path};
 use crate::files;
 
 /// Clocks of file systems tick this coarsely at most; those that count whole seconds are told by
@@ -153,6 +153,25 @@ impl Reader {
             Err(error) if error.is_not_there() => Ok(None),
             rows => rows.map(Some),
         }
+    }
+
+    /// The cycles of a trial in their order; none if there is no table of them.
+    ///
+    /// # Errors
+    /// As [`Reader::rows`], but for a table that is not there, or a cycle does not follow the one before.
+    pub fn cycles_if_there(
+        &self,
+        derived: &Path,
+        trial: &str,
+    ) -> Result<Option<Vec<CycleRow>>, StoreError> {
+        let path = cycles_path(derived, trial);
+        let Some(rows) = self.rows_if_there::<CycleRow>(&path)? else { return Ok(None) };
+        let Some(pair) = rows.windows(2).find(|pair| pair[0].cycle >= pair[1].cycle) else {
+            return Ok(Some(rows));
+        };
+        let found = format!("{} after {}", pair[1].cycle, pair[0].cycle);
+        let column = "cycle".to_owned();
+        Err(StoreError::Column { path, column, found, needed: "cycles that rise" })
     }
 }
 
