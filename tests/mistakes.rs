@@ -492,6 +492,25 @@ const MISTAKES: &[Mistake] = &[
         &["l_m of the robot: measured 11", "configured 132.0 mm", "set l_m = 0.11"],
     ),
     mistake(
+        "a length 3 mm off",
+        |night| configure(night, "l_m = 0.112", "l_m = 0.115"),
+        &["of link 1, configured at -115.0, 0.0", "set l_m = 0.112"],
+    ),
+    mistake(
+        "a layout turned by two degrees",
+        |night| {
+            layout(night, |link, _, [x, y, z]| {
+                let (sin, cos) = 2_f64.to_radians().sin_cos();
+                if link == 1 { [cos * x - sin * y, sin * x + cos * y, z] } else { [x, y, z] }
+            });
+        },
+        &[
+            "joint 1 is at -11",
+            "of link 1, configured at -112.0, 0.0",
+            "turn the positions by -1.9",
+        ],
+    ),
+    mistake(
         "a length in millimetres",
         |night| configure(night, "h_m = 0.144", "h_m = 144"),
         &[

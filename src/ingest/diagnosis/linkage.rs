@@ -13,14 +13,38 @@ const LEAST_TURN_RAD: f64 = 0.17;
 /// Finds whether the joints are where h and l of the robot put them. What is found is an error if a
 /// cause is known.
 pub fn check_linkage(linkage: &Linkage, tracked: &Tracked) -> Option<Finding> {
-    let mm = tracked.joint_offset_mm?;
+    let found = tracked.joints?;
+    let mm = linkage.distance_mm(&found);
     let cause = if mm > NEAR_MM { cause(linkage, &tracked.own_poses) } else { None };
     let message = format!("a joint is {mm:.2} mm off where h_m and l_m of the robot put it");
     let finding = |message| Finding::at_most(Check::JointPositions, mm, JOINT_POSITION_MM, message);
     Some(match cause {
         Some(cause) => finding(format!("{message}: {cause}")).failing(),
-        None => finding(message),
+        None => finding(format!("{message}: {}", farthest(linkage, &found))),
     })
+}
+
+/// The joint that is farthest from where h and l put it, and what would put it there.
+fn farthest(linkage: &Linkage, found: &Linkage) -> String {
+    let (configured, found) = (linkage.ends(), found.ends());
+    let off = |end: usize| [0, 1].map(|axis| found[end][axis] - configured[end][axis]);
+    let off_mm = |end: &usize| off(*end)[0].hypot(off(*end)[1]);
+    let end = (0..4).max_by(|a, b| off_mm(a).total_cmp(&off_mm(b))).unwrap_or(0);
+    let (joint, link, length) = [(1, 0, "h_m"), (1, 1, "l_m"), (2, 0, "h_m"), (2, 2, "l_m")][end];
+    let ([x, y], [along, aside]) = (found[end], off(end));
+    let change = if along.abs() > aside.abs() {
+        format!("set {length} = {:.4} or add {:.1} mm to the x", 1e-3 * x.abs(), -along)
+    } else {
+        let turn_deg = -(y / x).atan().to_degrees();
+        format!("turn the positions by {turn_deg:.1} degrees or add {:.1} mm to the y", -aside)
+    };
+    let at = |[x, y]: [f64; 2]| format!("{x:.1}, {y:.1}");
+    format!(
+        "joint {joint} is at {} mm of link {link}, configured at {}: {change} of markers.link{link}, whichever is \
+         true of the robot",
+        at(found[end]),
+        at(configured[end])
+    )
 }
 
 /// Why the joints are off where h and l put them by the links' own poses.

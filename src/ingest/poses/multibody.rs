@@ -134,10 +134,15 @@ impl Linkage {
         (without(None), std::array::from_fn(|i| without(Some(i))))
     }
 
+    /// Where joint 1 is in links 0 and 1, and joint 2 in links 0 and 2, mm.
+    pub fn ends(&self) -> [[f64; 2]; 4] {
+        let [front, rear] = self.joints;
+        [front.in_middle, front.in_outer, rear.in_middle, rear.in_outer]
+    }
+
     /// How far a joint of a link is from where another linkage has it, at most, mm.
     pub fn distance_mm(&self, other: &Self) -> f64 {
-        let points = |linkage: &Self| linkage.joints.map(|joint| [joint.in_middle, joint.in_outer]);
-        let pairs = points(self).into_iter().flatten().zip(points(other).into_iter().flatten());
+        let pairs = self.ends().into_iter().zip(other.ends());
         pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
     }
 

@@ -85,7 +85,7 @@ pub struct LinkPoses {
     fits: [Vec<LinkFit>; 3],
     own_poses: Vec<[LinkPose; 3]>,
     tilt: Tilt,
-    joint_offset_mm: Option<f64>,
+    joints: Option<Linkage>,
     joint_shifts: Vec<JointShift>,
 }
 
@@ -111,8 +111,8 @@ pub struct Tracked {
     pub unseen: [Vec<u64>; 3],
     /// What of the heights was found tilted, before it was corrected.
     pub tilt: Tilt,
-    /// How far a joint is from where the robot's h and l put it, mm; unknown without a robot.
-    pub joint_offset_mm: Option<f64>,
+    /// Where the trial has its joints; unknown without a robot.
+    pub joints: Option<Linkage>,
     /// In some frames, spread over the trial; none without closed joints.
     pub joint_shifts: Vec<JointShift>,
     /// Part of all markers' frames that the cameras saw.
@@ -130,7 +130,6 @@ pub fn solve(
     let (first_frame, frames) = frame_grid(&file.frames)?;
     let (mut fits, tilt) = upright_fits(file, layout, rate_hz);
     let refined = linkage.map(|linkage| linkage.refined(&fits));
-    let joint_offset_mm = linkage.zip(refined).map(|(robot, (found, _))| robot.distance_mm(&found));
     let rows = file.frames.len();
     let all = |row: usize| match own_poses(&fits, row) {
         [Some(middle), Some(front), Some(rear)] => Some([middle, front, rear]),
@@ -165,7 +164,7 @@ pub fn solve(
         fits,
         own_poses: sample,
         tilt,
-        joint_offset_mm,
+        joints: refined.map(|(found, _)| found),
         joint_shifts,
     })
 }
@@ -236,7 +235,7 @@ impl LinkPoses {
             outlier,
             unseen,
             tilt: self.tilt,
-            joint_offset_mm: self.joint_offset_mm,
+            joints: self.joints,
             joint_shifts: self.joint_shifts,
             coverage: markers_seen as f64 / (markers * frames) as f64,
         })
