@@ -16,6 +16,9 @@ pub(super) const LEAST_CYCLES: f64 = 5.0;
 pub(super) const MOST_GAPPED: f64 = 0.3;
 /// How much d may change from the first half of the used cycles to the second.
 pub(super) const D_DRIFT: f64 = 0.01;
+/// How far d, alpha1 or a skid ratio of a cycle may be from the others', as a part of theirs, if it is not by
+/// chance.
+pub(super) const OUTLYING: f64 = 0.05;
 /// Part of the frames that may have a marker that jumped, or two swapped labels, before
 /// somebody should look. Half of all frames were seen to recover; the cameras' labelling that
 /// fails in one frame of fifty is a reason to look all the same.
@@ -80,6 +83,8 @@ named! {
         DecayLaw = "W021 decay-law",
         /// What a trial tells of the robot's parameters is about what is configured.
         RobotParameters = "W022 robot-parameters",
+        /// No cycle that counts is unlike the others.
+        OutlyingCycle = "W023 outlying-cycle",
         /// The joints do what no other campaign commands.
         OtherCampaign = "E002 other-campaign",
         /// No other trial has the same marker file.

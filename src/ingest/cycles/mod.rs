@@ -5,6 +5,7 @@ mod joints;
 mod means;
 mod measure;
 mod noise;
+mod outlying;
 pub mod steady;
 pub mod summary;
 

@@ -7,6 +7,7 @@ use super::joints::joint_errors;
 use super::means::{mean_change, mean_of, rms_without_noise};
 use super::measure::{Cycle, CycleData, first_harmonic};
 use super::noise::{SkidNoise, end_variances};
+use super::outlying::outlying_cycle;
 use super::steady::Steady;
 use crate::ingest::checks::{
     CLIPPING, Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, LEAST_CYCLES, MOST_GAPPED,
@@ -161,6 +162,7 @@ pub fn gait_checks(
             .notable(steady.gapped > 0),
         check_gait(row.gait.map(|joint| joint.command()), data.gait),
         Finding::at_most(Check::Drift, drift, D_DRIFT, drifted),
+        outlying_cycle(cycles, steady, data.rate_hz),
     ];
     let (phi_rad, phase) = (&data.tracked.seen.phi_rad, &data.driven.phase);
     let clipping = |frames| clipping_check(data.gait, phi_rad, &frames, phase);
