@@ -162,11 +162,11 @@ pub fn gait_checks(
             .notable(steady.gapped > 0),
         check_gait(row.gait.map(|joint| joint.command()), data.gait),
         Finding::at_most(Check::Drift, drift, D_DRIFT, drifted),
-        outlying_cycle(cycles, steady, data.rate_hz),
     ];
     let (phi_rad, phase) = (&data.tracked.seen.phi_rad, &data.driven.phase);
     let clipping = |frames| clipping_check(data.gait, phi_rad, &frames, phase);
     findings.extend(steady.frames(cycles).map(clipping));
+    findings.push(outlying_cycle(cycles, steady, data.rate_hz));
     findings
 }
 

@@ -594,7 +594,7 @@ fn bad_trials_fail_by_themselves() {
         .collect();
     let codes = [
         "W001", "W002", "W003", "W004", "W008", "W011", "W012", "W013", "W017", "W018", "W005",
-        "W006", "W007", "W009", "W010", "W019",
+        "W006", "W007", "W009", "W010", "W019", "W023",
     ];
     assert_eq!(good, codes);
 }
