@@ -12,8 +12,14 @@ const CLEARLY: f64 = 0.95;
 /// Predictions whose objectives differ by less than this part are as good as each other.
 const ALIKE: f64 = 0.05;
 
-/// Completes the rows of a campaign's comparison by what needs all of its models.
-pub(super) fn complete(models: &mut [Fitted], resampler: &Resampler, replicates: usize) {
+/// Completes the rows of a campaign's comparison by what needs all of its models. Where none fits, what
+/// `contradicts` the configuration by the nearest one is said.
+pub(super) fn complete(
+    models: &mut [Fitted],
+    resampler: &Resampler,
+    replicates: usize,
+    contradicts: impl Fn(Model) -> Option<String>,
+) {
     let criteria =
         |model: &Fitted| model.bootstrap.iter().map(|row| row.criterion_resampled).collect();
     let frequencies = selection_frequencies(&models.iter().map(criteria).collect::<Vec<_>>());
@@ -23,7 +29,7 @@ pub(super) fn complete(models: &mut [Fitted], resampler: &Resampler, replicates:
     let both = models.iter().flat_map(|model| model.comparison.iter().zip(&model.fits));
     let ranked = ranked(both.collect());
     let preferred = ranked.first().map(|(row, _)| row.model);
-    let sentence = sentence(&ranked, replicates);
+    let sentence = sentence(&ranked, replicates, contradicts);
     let is_preferred = |model: &&Fitted| model.fits.iter().any(|fit| Some(fit.model) == preferred);
     let best = models.iter().find(is_preferred).map_or(&[][..], |best| &best.predictions);
     let noise = Noise::new(resampler);
@@ -97,7 +103,11 @@ pub fn preferred(comparison: &[ComparisonRow], fits: &[FitRow]) -> Vec<Model> {
 }
 
 /// The outcome of a campaign's comparison, in a sentence.
-fn sentence(ranked: &[Candidate], replicates: usize) -> String {
+fn sentence(
+    ranked: &[Candidate],
+    replicates: usize,
+    contradicts: impl Fn(Model) -> Option<String>,
+) -> String {
     let Some(&(first, fit)) = ranked.first() else {
         return "No model of this campaign has a fit.".to_owned();
     };
@@ -148,6 +158,8 @@ fn sentence(ranked: &[Candidate], replicates: usize) -> String {
         Some(false) => format!("; {ratio}; {misfit}"),
         None => "; whether it fits is not known, since nothing tells the noise".to_owned(),
     };
+    let cause = contradicts(model).filter(|_| fit.adequate == Some(false));
+    text += &cause.map_or(String::new(), |cause| format!("; {cause}"));
     if ranked.len() == 1 {
         return text + ".";
     }
@@ -184,6 +196,8 @@ mod tests {
     use crate::motion::Model;
     use crate::store::Columns as _;
 
+    const CAUSE: &str = "push measures twice what is configured";
+
     fn row(model: Model, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
         let criterion = 100.0 * j.ln();
         ComparisonRow { model, j, j_left_out, wins, criterion, free: 3, ..ComparisonRow::blank() }
@@ -198,7 +212,7 @@ mod tests {
             ..FitRow::blank()
         };
         let fits: Vec<FitRow> = adequate.iter().map(fit).collect();
-        sentence(&ranked(rows.iter().zip(&fits).collect()), 200)
+        sentence(&ranked(rows.iter().zip(&fits).collect()), 200, |_| Some(CAUSE.to_owned()))
     }
 
     #[test]
@@ -224,7 +238,8 @@ mod tests {
         assert!(
             none.contains(
                 "; J is 12.00 times what noise alone leaves, of which up to 1.50 would be noise; d \
-                 is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s"
+                 is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s; push measures twice \
+                 what is configured; it predicts"
             ),
             "{none}"
         );

@@ -12,8 +12,13 @@ use crate::config::{
 use crate::robot::decay::DecayLaw;
 use crate::robot::{Family, Model, Parameter, Property, Robot, RollLaw};
 use crate::stats::{Estimate, mean};
-use crate::store::{CycleRow, RobotParameterRow, hash};
+use crate::store::{CycleRow, RobotParameterRow, RobotQuantity, hash};
 use crate::trial::TrialKind;
+
+/// What is measured of a robot and is not what is configured differs from it by more than so many
+/// standard errors, and by more than this part.
+const MOST_ERRORS: f64 = 5.0;
+const MOST_PART: f64 = 0.05;
 
 /// What one model of one campaign is fitted with.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -149,6 +154,28 @@ impl FitInput {
             }
         }
         (robot, measured)
+    }
+
+    /// What a trial tells of the robot that is not what is configured, and by most: beyond [`MOST_ERRORS`]
+    /// standard errors and [`MOST_PART`] of it. Nothing where what is measured is used.
+    pub(super) fn contradiction(&self, data: &FitData) -> Option<String> {
+        if self.fit.robot_parameters == ParameterSource::Measured {
+            return None;
+        }
+        let off = |of: &RobotQuantity| of.times_configured().ln().abs();
+        let is_off = |of: &RobotQuantity| {
+            let errors = (of.measured.value - of.configured).abs() / of.measured.se;
+            errors > MOST_ERRORS && off(of) > MOST_PART && off(of).is_finite()
+        };
+        let told = self.robot_rows(data).flat_map(|row| row.quantities().map(move |of| (row, of)));
+        let told = told.filter(|(_, of)| is_off(of));
+        let (row, of) = told.max_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)))?;
+        let RobotQuantity { name, unit, measured, configured } = of;
+        Some(format!(
+            "{} measures {name} {:.4} {unit} where {configured:.4} is configured: that, the masses or the \
+             moments of inertia of robot.{} may be wrong",
+            row.trial, measured.value, self.robot.name
+        ))
     }
 
     /// The robot with each of its parameters in turn off by the standard deviation that the
@@ -335,7 +362,7 @@ mod tests {
                 roll_sum_kg_s: found(0.8),
                 roll_dry_sum_n: found(0.3),
                 law: Some(DecayLaw::CoulombViscous),
-                ..coast
+                ..coast.clone()
             },
             RobotParameterRow { stiffness_nm_rad: found(9.0), ..row("another") },
             RobotParameterRow { damping_nm_s_rad: found(0.01), ..row("ours") },
@@ -355,6 +382,28 @@ mod tests {
         for (found, expected) in robot.roll_kg_s.iter().zip([0.6, 0.3, 0.3]) {
             assert!((found - expected).abs() < 1e-12);
         }
+        // What is used is not said to be wrong.
+        assert_eq!(input.contradiction(&data), None);
+        input.fit.robot_parameters = ParameterSource::Configured;
+        let told = |value: f64, se: f64, configured: f64| {
+            let row = RobotParameterRow {
+                trial: "push".to_owned(),
+                roll_sum_kg_s: Estimate { value, se },
+                roll_sum_configured_kg_s: configured,
+                ..coast.clone()
+            };
+            input.contradiction(&FitData { robots: vec![row], ..FitData::default() })
+        };
+        let says = "push measures sum c_R 1.3750 kg/s where 1.2000 is configured: that, the masses or the \
+                    moments of inertia of robot.ours may be wrong";
+        assert_eq!(told(1.375, 0.01, 1.2).as_deref(), Some(says));
+        // Within the errors, within a few per cent, without an error, not configured.
+        for (value, se, configured) in
+            [(1.375, 0.1, 1.2), (1.23, 0.001, 1.2), (1.375, f64::NAN, 1.2), (1.375, 0.01, f64::NAN)]
+        {
+            assert_eq!(told(value, se, configured), None);
+        }
+        input.fit.robot_parameters = ParameterSource::Measured;
         // A model with dry rolling is told by trials that follow its law.
         input.model.value.roll = RollLaw::CoulombViscous;
         let (robot, measured) = input.measured_robot(&data);

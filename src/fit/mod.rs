@@ -222,7 +222,9 @@ pub fn fit_except(
     for (inputs, resampler) in sampled {
         let models = inputs.iter().filter_map(|input| cached.remove(&key(input)));
         let mut models: Vec<Fitted> = models.collect();
-        compare::complete(&mut models, &resampler, inputs[0].fit.bootstrap);
+        let contradicts =
+            |model| inputs.iter().find(|of| of.model.name == model)?.contradiction(data);
+        compare::complete(&mut models, &resampler, inputs[0].fit.bootstrap, contradicts);
         models.into_iter().for_each(|fitted| all.extend(fitted));
     }
     for fit in &mut all.fits {
