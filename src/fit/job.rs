@@ -238,7 +238,7 @@ impl<'j> Job<'j> {
                 began: point.values.clone(),
                 ended: parameters.iter().map(|free| row.parameters[free.parameter]).collect(),
                 cost: row.j,
-                solves: row.solves as usize,
+                solves: usize::try_from(row.solves).unwrap_or_default(),
                 stopped: row.stopped,
             };
             (refit, row.criterion_resampled)

@@ -295,6 +295,9 @@ impl Columns for f64 {
     }
 }
 
+/// No whole number of a table is larger, so that the sum of a column can be taken.
+const LARGEST_WHOLE: u64 = 1_000_000_000_000;
+
 /// Other programs turn whole numbers into floating-point ones where some are missing.
 impl Columns for Option<i64> {
     fn blank() -> Self {
@@ -307,16 +310,22 @@ impl Columns for Option<i64> {
 
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
         const NEEDED: &str = "whole numbers";
-        if !table.frame.column(name).is_ok_and(|column| column.dtype().is_float()) {
-            let whole = table.column(name, (NEEDED, DataType::is_integer), &DataType::Int64)?;
-            return Ok(whole.i64().map_err(|error| table.error(&error))?.iter().collect());
+        let values: Vec<Self> =
+            if table.frame.column(name).is_ok_and(|column| column.dtype().is_float()) {
+                let whole = |number: f64| match number.fract() {
+                    0.0 => Ok(Some(number as i64)),
+                    _ if number.is_nan() => Ok(None),
+                    _ => Err(table.wrong(name, &number.to_string(), NEEDED)),
+                };
+                f64::read(table, name)?.into_iter().map(whole).collect::<Result<_, _>>()?
+            } else {
+                let whole = table.column(name, (NEEDED, DataType::is_integer), &DataType::Int64)?;
+                whole.i64().map_err(|error| table.error(&error))?.iter().collect()
+            };
+        match values.iter().flatten().find(|value| value.unsigned_abs() > LARGEST_WHOLE) {
+            Some(value) => Err(table.wrong(name, &value.to_string(), "whole numbers up to 1e12")),
+            None => Ok(values),
         }
-        let whole = |number: f64| match number.fract() {
-            0.0 => Ok(Some(number as i64)),
-            _ if number.is_nan() => Ok(None),
-            _ => Err(table.wrong(name, &number.to_string(), NEEDED)),
-        };
-        f64::read(table, name)?.into_iter().map(whole).collect()
     }
 }
 

@@ -231,7 +231,9 @@ impl Table {
         let column = self.frame.column(name);
         let column = column.map_err(|_| self.wrong(name, "no such column", needed))?;
         match column.dtype() {
-            found if is_needed(found) => column.cast(dtype).map_err(|error| self.error(&error)),
+            found if is_needed(found) => {
+                column.strict_cast(dtype).map_err(|error| self.error(&error))
+            }
             found => Err(self.wrong(name, &kind(found), needed)),
         }
     }
@@ -324,6 +326,27 @@ mod tests {
         }
         let broken = Row::from_table(&table(numbers("", vec![12.5, 1.0]))).unwrap_err();
         assert!(broken.to_string().ends_with("column `count`: found 12.5, needed whole numbers"));
+    }
+
+    #[test]
+    fn whole_numbers_of_which_a_sum_would_be_none_are_refused() {
+        let read = |counts: Column| {
+            let mut table = Row::to_table(&[row("a"), row("b")]);
+            table.frame.with_column(counts.with_name("count".into())).expect("two rows");
+            Row::from_table(&table).map(|rows| rows[0].count)
+        };
+        let most = 1_000_000_000_000;
+        assert_eq!(read(Column::new("".into(), [most, -most])).unwrap(), most);
+        for counts in [
+            Column::new("".into(), [0, most + 1]),
+            Column::new("".into(), [0, i64::MIN]),
+            numbers("", vec![0.0, -1e13]),
+        ] {
+            let message = read(counts).unwrap_err().to_string();
+            assert!(message.ends_with("needed whole numbers up to 1e12"), "{message}");
+        }
+        // Not null, which would count 0.
+        assert!(read(Column::new("".into(), [0, u64::MAX])).is_err());
     }
 
     #[test]
