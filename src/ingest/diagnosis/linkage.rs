@@ -20,7 +20,10 @@ pub fn check_linkage(linkage: &Linkage, tracked: &Tracked) -> Option<Finding> {
     let finding = |message| Finding::at_most(Check::JointPositions, mm, JOINT_POSITION_MM, message);
     Some(match cause {
         Some(cause) => finding(format!("{message}: {cause}")).failing(),
-        None => finding(format!("{message}: {}", farthest(linkage, &found))),
+        None if mm > JOINT_POSITION_MM => {
+            finding(format!("{message}: {}", farthest(linkage, &found)))
+        }
+        None => finding(message),
     })
 }
 
