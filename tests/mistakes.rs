@@ -4,6 +4,7 @@
 mod common;
 
 use rayon::prelude::*;
+use trilink::robot::rotated;
 
 use common::{Small, text, trilink};
 
@@ -500,8 +501,8 @@ const MISTAKES: &[Mistake] = &[
         "a layout turned by two degrees",
         |night| {
             layout(night, |link, _, [x, y, z]| {
-                let (sin, cos) = 2_f64.to_radians().sin_cos();
-                if link == 1 { [cos * x - sin * y, sin * x + cos * y, z] } else { [x, y, z] }
+                let [x, y] = rotated(if link == 1 { 2_f64.to_radians() } else { 0.0 }, [x, y]);
+                [x, y, z]
             });
         },
         &[

@@ -30,7 +30,8 @@ pub fn outlying_cycle(cycles: &[Cycle], steady: &Steady, rate_hz: f64) -> Findin
             let near = i.saturating_sub(1)..used.len().min(i + 2);
             let near: Vec<f64> =
                 near.filter(|&j| used[j].abs_diff(cycle) <= 1).map(|j| off[j]).collect();
-            let [count, sum, squares] = std::array::from_fn(|k| all[k] - sums(&near)[k]);
+            let near = sums(&near);
+            let [count, sum, squares] = std::array::from_fn(|k| all[k] - near[k]);
             let usual = sum / count;
             let variance = ((squares - sum * usual) / (count - 1.0)).max(0.0);
             // Student's t, whose square is F, of a value against the mean of others.
