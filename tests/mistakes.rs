@@ -91,6 +91,21 @@ fn record(night: &Small, trial: &str, change: impl Fn(usize, &str) -> String) {
     night.write(&entry(trial), lines.collect::<String>());
 }
 
+/// Changes the rows of a marker file, given without their frame numbers, which are then anew one after the
+/// other.
+fn rows(night: &Small, trial: &str, change: fn(Vec<&str>) -> Vec<&str>) {
+    let content = text(&night.read(&entry(trial)));
+    let is_row =
+        |line: &&str| line.split(',').next().is_some_and(|cell| cell.parse::<u64>().is_ok());
+    let (rows, header): (Vec<&str>, Vec<&str>) =
+        content.lines().partition(|line| is_row(line) && line.contains(",0,"));
+    let rows = rows.iter().filter_map(|row| Some(row.split_once(',')?.1)).collect();
+    let numbered =
+        change(rows).into_iter().enumerate().map(|(i, row)| format!("{},{row}\n", i + 1));
+    let header: String = header.iter().map(|line| format!("{line}\n")).collect();
+    night.write(&entry(trial), header + &numbered.collect::<String>());
+}
+
 /// Changes all positions of a marker file.
 fn positions(night: &Small, trial: &str, change: fn([f64; 3]) -> [f64; 3]) {
     record(night, trial, |_, line| {
@@ -573,6 +588,42 @@ const MISTAKES: &[Mistake] = &[
         "z down",
         |night| every().for_each(|trial| positions(night, trial, |[x, y, z]| [x, -y, -z])),
         &["z axis points down", "export with z up"],
+    ),
+    mistake(
+        "rows that were deleted, and the others numbered anew",
+        |night| {
+            for trial in SYMMETRIC {
+                rows(night, trial, |mut rows| {
+                    rows.drain(400..406);
+                    rows
+                });
+            }
+        },
+        &["3 of 3 trials: the robot jumps by ", "frames were missing there: were rows deleted?"],
+    ),
+    mistake(
+        "a camera that was knocked",
+        |night| {
+            for trial in SYMMETRIC {
+                record(night, trial, |i, line| {
+                    let moved = |(k, cell): (usize, &str)| match cell.parse::<f64>() {
+                        Ok(x_mm) if i > 400 && k % 3 == 2 => format!("{:.3}", x_mm + 5.0),
+                        _ => cell.to_owned(),
+                    };
+                    line.split(',').enumerate().map(moved).collect::<Vec<_>>().join(",")
+                });
+            }
+        },
+        &["3 of 3 trials: the robot jumps by ", "was the robot or a camera knocked?"],
+    ),
+    mistake(
+        "a recording of half the rate, resampled to the whole",
+        |night| {
+            for trial in SYMMETRIC {
+                rows(night, trial, |rows| (0..rows.len()).map(|i| rows[i - i % 2]).collect());
+            }
+        },
+        &["3 of 3 trials: 50.0 % of the rows repeat the one before to the last digit"],
     ),
     mistake(
         "an export that is cut off",

@@ -25,6 +25,8 @@ pub(super) const OUTLYING: f64 = 0.05;
 pub(super) const MOST_MISPLACED: f64 = 0.02;
 /// The same of frames in which it is not clear what is wrong, and which are thrown out.
 pub(super) const MOST_AMBIGUOUS: f64 = 0.01;
+/// Part of the rows that may repeat the one before: a frame that was held now and then.
+pub(super) const MOST_REPEATED: f64 = 0.01;
 /// How far a joint may be from where h and l put it, mm.
 pub(super) const JOINT_POSITION_MM: f64 = 0.8;
 /// How much a joint may stay behind the peak of its first harmonic, as a part of it. A servo
@@ -85,6 +87,10 @@ named! {
         RobotParameters = "W022 robot-parameters",
         /// No cycle that counts is unlike the others.
         OutlyingCycle = "W023 outlying-cycle",
+        /// No rows repeat the one before although the robot moves.
+        RepeatedRows = "W024 repeated-rows",
+        /// The robot goes on smoothly from frame to frame.
+        Jump = "W025 jump",
         /// The joints do what no other campaign commands.
         OtherCampaign = "E002 other-campaign",
         /// No other trial has the same marker file.

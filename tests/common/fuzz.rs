@@ -373,7 +373,13 @@ fn edit(frame: &mut DataFrame, data: &mut Data) {
             4 => frame.drop(name),
             5 => {
                 let types = [DataType::Float64, DataType::Int64, DataType::String];
-                let column = frame.column(name).and_then(|c| c.cast(&types[data.below(3)]));
+                let to = &types[data.below(3)];
+                // Text of a time that no calendar has is a panic of polars'.
+                let number = |of: &Column| match of.dtype().is_temporal() {
+                    true => of.cast(&DataType::Int64),
+                    false => Ok(of.clone()),
+                };
+                let column = frame.column(name).and_then(number).and_then(|of| of.cast(to));
                 column.map(|column| with(frame, column))
             }
             // Rows are left out, come twice or are very many.

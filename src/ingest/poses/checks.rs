@@ -2,9 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use super::continuity::{Jump, jumps};
 use super::tilt::{MOST_DEG, Tilt, Turn};
 use super::track::Tracked;
-use crate::ingest::checks::{Check, Finding, LEAST_COVERAGE, MOST_AMBIGUOUS, MOST_MISPLACED};
+use crate::ingest::checks::{
+    Check, Finding, LEAST_COVERAGE, MOST_AMBIGUOUS, MOST_MISPLACED, MOST_REPEATED,
+};
 use crate::ingest::input::IngestSettings;
 use crate::ingest::markers::labels::Outlier;
 use crate::ingest::markers::layout::Layout;
@@ -58,7 +61,52 @@ pub fn tracking_checks(
     }
     findings.extend(label_checks(tracked, file, layout));
     findings.push(tilt_check(&tracked.tilt));
+    findings.push(repeats_check(tracked, file));
+    findings.push(jumps_check(tracked, file.rate_hz.unwrap_or(assumed_hz)));
     findings
+}
+
+/// Frames that were held or doubled.
+fn repeats_check(tracked: &Tracked, file: &MarkerFile) -> Finding {
+    let repeated = tracked.repeated_rows;
+    let part = repeated as f64 / file.frames.len() as f64;
+    let message = match repeated {
+        0 => "no row repeats the one before".to_owned(),
+        _ => format!(
+            "{:.1} % of the rows repeat the one before to the last digit although the robot moves: was the \
+             recording resampled, or did the stream of frames halt?",
+            100.0 * part
+        ),
+    };
+    Finding::at_most(Check::RepeatedRows, part, MOST_REPEATED, message).notable(repeated > 0)
+}
+
+/// How often the robot jumps, and what the farthest jump may be.
+fn jumps_check(tracked: &Tracked, rate_hz: f64) -> Finding {
+    let jumps = jumps(&tracked.seen);
+    let message = match jumps.first() {
+        None => "the robot goes on smoothly from frame to frame".to_owned(),
+        Some(&Jump { frame, displacement_m, turn_rad, missing_frames }) => {
+            let times = match jumps.len() {
+                1 => String::new(),
+                count => format!("{count} times, farthest "),
+            };
+            let cause = match missing_frames {
+                Some(frames) => {
+                    format!("as if some {frames:.0} frames were missing there: were rows deleted?")
+                }
+                None => "was the robot or a camera knocked?".to_owned(),
+            };
+            format!(
+                "the robot jumps {times}by {:.1} mm and {:.1} degrees in one frame, {} ({:.1} s): {cause}",
+                1000.0 * displacement_m,
+                turn_rad.to_degrees(),
+                tracked.first_frame + frame as i64,
+                frame as f64 / rate_hz
+            )
+        }
+    };
+    Finding::at_most(Check::Jump, jumps.len() as f64, 0.0, message)
 }
 
 /// What is tilted most, and what was done about all that is.

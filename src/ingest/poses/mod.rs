@@ -2,6 +2,7 @@
 //! the links and of their suspension is undone, the joints are closed, short gaps are filled.
 
 mod checks;
+mod continuity;
 mod multibody;
 mod suspension;
 mod tilt;

@@ -1,5 +1,6 @@
 //! Every link's pose in every frame, and from them the robot's coordinates (eq. 1).
 
+use super::continuity::repeated_rows;
 use super::multibody::{Linkage, PARTS};
 use super::suspension::{self, LinkRecording};
 use super::tilt::Tilt;
@@ -82,6 +83,7 @@ pub struct LinkPoses {
     first_frame: i64,
     /// With those that the file leaves out.
     frames: usize,
+    repeated_rows: usize,
     fits: [Vec<LinkFit>; 3],
     own_poses: Vec<[LinkPose; 3]>,
     tilt: Tilt,
@@ -98,6 +100,9 @@ pub struct Tracked {
     pub own_poses: Vec<[LinkPose; 3]>,
     /// Frames that the file leaves out.
     pub inserted_frames: usize,
+    /// Rows of the file in which every marker is exactly where it was in the row before, although the
+    /// robot moves.
+    pub repeated_rows: usize,
     /// As seen, and with short gaps filled.
     pub seen: Coordinates,
     pub filled: Coordinates,
@@ -161,6 +166,7 @@ pub fn solve(
     Ok(LinkPoses {
         first_frame,
         frames,
+        repeated_rows: repeated_rows(file),
         fits,
         own_poses: sample,
         tilt,
@@ -228,6 +234,7 @@ impl LinkPoses {
             first_frame,
             own_poses: self.own_poses,
             inserted_frames: frames - numbers.len(),
+            repeated_rows: self.repeated_rows,
             seen,
             filled,
             residual_mm,
