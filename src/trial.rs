@@ -18,7 +18,7 @@ pub use folders::{ListedTrial, TrialFolder, TrialFolders, find_folders};
 pub const TRIALS_FILE: &str = "trials.toml";
 
 /// Frequencies that a gait may be commanded with.
-const OMEGA_RAD_S: RangeInclusive<f64> = 0.01..=1000.0;
+pub(crate) const OMEGA_RAD_S: RangeInclusive<f64> = 0.01..=1000.0;
 
 /// Where campaigns and robots are.
 const PIPELINE: &str = " of pipeline.toml";

@@ -4,6 +4,7 @@
 
 mod common;
 
+use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -106,6 +107,82 @@ fn all_mistakes_of_a_table_are_named_at_once() {
         assert!(said.contains(part), "{part}: {said}");
     }
     assert!(!folder().join("wrong").exists());
+}
+
+/// What is read off a figure, changed by a mistake.
+fn figure(columns: &str, change: fn([f64; 3]) -> Vec<f64>) -> String {
+    let rows = [[1.5, 0.458, 0.109], [2.5, 0.471, 0.188], [3.9, 0.478, 0.297], [5.2, 0.481, 0.398]];
+    let row = |of: [f64; 3]| {
+        let cells: Vec<String> = change(of).iter().map(|cell| format!("{cell:.4}")).collect();
+        format!("kinematic-symmetric,{}\n", cells.join(","))
+    };
+    format!("campaign,{columns}\n{}", rows.map(row).concat())
+}
+
+#[test]
+fn numbers_in_other_units_are_named_by_the_mistake() {
+    const ALL: &str = "omega_rad_s,d_m,v_m_s";
+    type Mistake = (&'static str, fn([f64; 3]) -> Vec<f64>, &'static str);
+    let mistakes: [Mistake; 15] = [
+        (ALL, |[omega, d, v]| vec![omega / TAU, d, v], "found a v of 6.2"),
+        (ALL, |[omega, d, v]| vec![omega / TAU, d, v], "needed 1: is omega_rad_s in Hz?"),
+        (
+            ALL,
+            |[omega, d, v]| vec![omega * 9.5493, d, v],
+            "is omega_rad_s in revolutions per minute?",
+        ),
+        (ALL, |[omega, d, v]| vec![omega, d, 100.0 * v], "is v_m_s in cm/s?"),
+        (ALL, |[omega, d, v]| vec![omega, 100.0 * d, v], "is d_m in centimetres?"),
+        (
+            ALL,
+            |[omega, d, v]| vec![omega, 1000.0 * d, 1000.0 * v],
+            "line 2, column `d_m`: found `458`, needed 2.5600 at most: is it in centimetres or millimetres? (4 rows)",
+        ),
+        (ALL, |[omega, d, v]| vec![omega, v, d], "are these columns exchanged?"),
+        (ALL, |[omega, d, v]| vec![omega, d, 1.2 * v], "leave v_m_s out if it is another speed"),
+        (
+            ALL,
+            |[omega, d, v]| vec![omega, d, if omega > 5.0 { 0.938 } else { v }],
+            "line 5, columns `d_m`, `v_m_s`: found `0.481` and `0.938` at 5.2 rad/s, needed a v that is d over the \
+             period, 0.398",
+        ),
+        (
+            "omega_rad_s,v_m_s",
+            |[omega, _, v]| vec![omega / TAU, v],
+            "column `v_m_s`: found `0.109`, needed 0.0973 at most: is it in cm/s or mm/s, or omega_rad_s in Hz?",
+        ),
+        (
+            "omega_rad_s,d_m,sigma1",
+            |[omega, d, _]| vec![omega, d, 12.5],
+            "column `sigma1`: found `12.5`, needed 3.0000 at most: is it in percent? (4 rows)",
+        ),
+        (
+            "omega_rad_s,d_m,sigma1_se",
+            |[omega, d, _]| vec![omega, d, 2.5],
+            "column `sigma1_se`: found `2.5`, needed 1.0000 at most: is it in percent? (4 rows)",
+        ),
+        (
+            "omega_rad_s,d_m,d_m_se",
+            |[omega, d, _]| vec![omega, d, 2.0],
+            "found 4.2152 times `d_m`, the median of 4 rows, needed 1 at most: is it in millimetres or percent?",
+        ),
+        (
+            "omega_rad_s,d_m,phi1_amplitude_rad",
+            |[omega, d, _]| vec![omega, d, 28.6],
+            "column `phi1_amplitude_rad`: found `28.6`, needed 3.1416 at most: is it in degrees? (4 rows)",
+        ),
+        (
+            "omega_rad_s,d_m",
+            |[omega, d, _]| vec![2000.0 * omega, d],
+            "column `omega_rad_s`: found `3000.0000`, needed a frequency from 0.01 to 1000 rad/s",
+        ),
+    ];
+    for (columns, change, part) in mistakes {
+        let (status, said) = fit("units", &figure(columns, change));
+        assert_eq!(status, Some(2), "{said}");
+        assert!(said.contains(part), "{part}: {said}");
+        assert!(!folder().join("units").exists());
+    }
 }
 
 #[test]

@@ -68,7 +68,8 @@ pub(super) struct Adequacy {
     /// The fewest, over the number of independent residuals', and its limit.
     pub runs: [f64; 2],
     pub is_adequate: Option<bool>,
-    /// Where and to which side the measurements are off; empty for an adequate model.
+    /// Where and to which side the measurements are off, or by how much where nothing tells the noise; empty
+    /// for an adequate model.
     pub misfit: String,
 }
 
@@ -85,8 +86,9 @@ impl Adequacy {
     /// Tests a fit all motions of which exist.
     pub fn new(point: &FittedPoint, resampler: &Resampler) -> Self {
         let terms = terms(point, resampler);
+        let unknown = || Self { misfit: how_far_off(&terms), ..Self::UNKNOWN };
         if terms.iter().all(|term| term.deviation == 0.0) {
-            return Self::UNKNOWN;
+            return unknown();
         }
         let exactly = vec![[1.0; TERMS]; resampler.measurements.len()];
         let observed = Statistics::new(&terms, |term| term.value, &exactly);
@@ -110,7 +112,7 @@ impl Adequacy {
         let (lack_of_fit, runs) = (cost.map(|j| j / explained), runs.map(|runs| -runs));
         // Absurd errors tell nothing.
         if lack_of_fit.iter().any(|ratio| !ratio.is_finite()) {
-            return Self::UNKNOWN;
+            return unknown();
         }
         let by_metric = GROUPS.map(|group| {
             let of_group = |all: &Statistics| group.iter().map(|&i| all.costs[i]).sum::<f64>();
@@ -383,6 +385,22 @@ fn where_off(terms: &[Term], metric: usize) -> Option<String> {
     Some(format!("{of}{} is measured {by} % {side} the model at {at}", METRICS[metric]))
 }
 
+/// By how much each metric is off, where there is no noise to compare that with.
+fn how_far_off(terms: &[Term]) -> String {
+    let of_metric = |(metric, name): (usize, &&str)| {
+        let squares =
+            terms.iter().filter(|term| term.metric == metric).map(|term| term.value.powi(2));
+        let percent = 100.0 * mean(squares).sqrt();
+        percent.is_finite().then(|| format!("{} % in {name}", two_digits(percent)))
+    };
+    let off: Vec<String> = METRICS.iter().enumerate().filter_map(of_metric).collect();
+    if off.is_empty() {
+        String::new()
+    } else {
+        format!("the model is off by {} (RMS)", off.join(", "))
+    }
+}
+
 /// A positive number with two digits, or all of those before the point.
 fn two_digits(value: f64) -> String {
     let decimals = (1.0 - value.abs().max(1e-9).log10().floor()).max(0.0) as usize;
@@ -465,6 +483,8 @@ mod tests {
             Some("sigma0 is measured 3.1 % above the model at 0.5 rad/s")
         );
         assert_eq!(where_off(&terms, 0), None);
+        assert_eq!(how_far_off(&terms[3..]), "the model is off by 29 % in sigma0 (RMS)");
+        assert_eq!(how_far_off(&[]), "");
         // A model without skid.
         let none = [(0.5, -1.0), (1.0, -1.0)].map(term);
         assert_eq!(

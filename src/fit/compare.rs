@@ -156,7 +156,10 @@ fn sentence(
         Some(false) if ranked.len() == 1 => format!("; it does not fit ({ratio}; {misfit})"),
         // Said at the beginning.
         Some(false) => format!("; {ratio}; {misfit}"),
-        None => "; whether it fits is not known, since nothing tells the noise".to_owned(),
+        None => {
+            let colon = if misfit.is_empty() { "" } else { ": " };
+            format!("; whether it fits is not known, since nothing tells the noise{colon}{misfit}")
+        }
     };
     let cause = contradicts(model).filter(|_| fit.adequate == Some(false));
     text += &cause.map_or(String::new(), |cause| format!("; {cause}"));
@@ -208,7 +211,12 @@ mod tests {
             adequate: *adequate,
             lack_of_fit: if *adequate == Some(true) { 1.1 } else { 12.0 },
             lack_of_fit_limit: 1.5,
-            misfit: "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s".to_owned(),
+            misfit: match adequate {
+                Some(_) => {
+                    "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s".to_owned()
+                }
+                None => "the model is off by 12 % in d (RMS)".to_owned(),
+            },
             ..FitRow::blank()
         };
         let fits: Vec<FitRow> = adequate.iter().map(fit).collect();
@@ -324,7 +332,7 @@ mod tests {
         assert_eq!(
             of(&rows, &[None, None]),
             "Only skid has a fit: J = 0.3000; whether it fits is not known, since nothing tells \
-             the noise."
+             the noise: the model is off by 12 % in d (RMS)."
         );
         assert!(of(&rows, &[None, Some(false)]).contains("it does not fit"));
         assert_eq!(of(&rows[..1], &[None]), "No model of this campaign has a fit.");

@@ -4,6 +4,7 @@
 //! and one of `d_m` and `v_m_s`; what else is not there was not measured.
 
 mod cells;
+mod units;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use crate::config::{Config, GaitInput, ParameterSource, SigmaKind, did_you_mean,
 use crate::metrics::GaitMetrics;
 use crate::named::Named;
 use crate::store::{Columns as _, StoreError, Table, TrialRow, TrialStatus, numbers, texts};
-use crate::trial::{TrialKind, is_valid_name};
+use crate::trial::{OMEGA_RAD_S, TrialKind, is_valid_name};
 use cells::{Cell, Cells};
 
 /// What a fit cannot do without.
@@ -74,7 +75,9 @@ impl OwnTable {
         let is_fitted =
             |row: &TrialRow| row.kind == TrialKind::Gait && row.status != TrialStatus::Failed;
         let fitted = rows.iter().enumerate().filter(|(_, row)| is_fitted(row));
-        check(&fitted.collect::<Vec<_>>(), &cells, config, &mut problems);
+        let fitted: Vec<_> = fitted.collect();
+        check(&fitted, &cells, config, &mut problems);
+        problems.extend(units::mistakes(&fitted, config));
         if !problems.is_empty() {
             problems.sort_by_key(|(row, _)| *row);
             let problems = problems.into_iter().map(|(row, problem)| match row {
@@ -216,7 +219,7 @@ fn number(column: &str, is_whole: bool, cell: &Cell, row: usize, problems: &mut 
         || (GaitMetrics::COLUMNS.contains(&column) && column != "dtheta_rad");
     let needed = match (is_whole, is_size, column) {
         (true, ..) => "a whole number",
-        (_, _, "omega_rad_s") => "a number above 0",
+        (_, _, "omega_rad_s") => "a frequency from 0.01 to 1000 rad/s",
         (_, true, _) => "a number that is not below 0",
         _ => "a number",
     };
@@ -224,7 +227,7 @@ fn number(column: &str, is_whole: bool, cell: &Cell, row: usize, problems: &mut 
         number.is_finite()
             && !(is_whole && (number.fract() != 0.0 || number < 0.0))
             && !(is_size && number < 0.0)
-            && !(column == "omega_rad_s" && number <= 0.0)
+            && (column != "omega_rad_s" || OMEGA_RAD_S.contains(&number))
     };
     let found = match cell {
         Cell::Missing => return f64::NAN,
@@ -264,7 +267,7 @@ fn check(fitted: &[(usize, &TrialRow)], cells: &Cells, config: &Config, problems
             continue;
         }
         if is_there("omega_rad_s") && omega_rad_s.is_nan() {
-            add("column `omega_rad_s`: found nothing, needed a number above 0".to_owned());
+            add("column `omega_rad_s`: found nothing, needed a frequency".to_owned());
         }
         let has_metric = metrics.d_m > 0.0 || metrics.v_m_s > 0.0;
         if (is_there("d_m") || is_there("v_m_s")) && !has_metric {

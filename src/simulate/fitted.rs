@@ -57,14 +57,13 @@ impl FitSummary {
     /// What is to be known before one believes it, in sentences; empty where all is well.
     pub fn caution(&self) -> String {
         let mut said = Vec::new();
+        let (colon, misfit) = (if self.misfit.is_empty() { "" } else { ": " }, &self.misfit);
         match self.adequate {
             Some(true) => {}
-            Some(false) => {
-                let (colon, misfit) =
-                    (if self.misfit.is_empty() { "" } else { ": " }, &self.misfit);
-                said.push(format!("the model does not fit its trials{colon}{misfit}"));
+            Some(false) => said.push(format!("the model does not fit its trials{colon}{misfit}")),
+            None => {
+                said.push(format!("nothing tells whether the model fits its trials{colon}{misfit}"))
             }
-            None => said.push("nothing tells whether the model fits its trials".to_owned()),
         }
         for (of, what) in [
             (&self.at_bound, "ended at a bound"),

@@ -370,7 +370,8 @@ rows! {
         pub runs_limit: f64,
         /// Whether the model is within the three limits; missing where nothing tells the noise.
         pub adequate: Option<bool>,
-        /// Where and to which side the measurements are off an inadequate model.
+        /// Where and to which side the measurements are off an inadequate model, or by how much where
+        /// nothing tells the noise.
         pub misfit: String,
         /// Whether the same coefficients describe the robot's other campaigns; missing where that
         /// was not asked for or could not be tested.
