@@ -568,6 +568,18 @@ const MISTAKES: &[Mistake] = &[
         },
         &["(is it in kg cm^2? then 0.0086", "robot.kinematic.inertia_kg_m2"],
     ),
+    mistake(
+        "a standard deviation in millimetres",
+        |night| {
+            let content = text(&night.read("pipeline.toml"));
+            let deviation = "\n[robot.kinematic.standard_deviation]\nl_m = 0.5\n";
+            night.write("pipeline.toml", content + deviation);
+        },
+        &[
+            "robot.kinematic.standard_deviation.l_m",
+            "found 4.4643 times l_m, needed at most l_m itself, in its unit",
+        ],
+    ),
     // The recording.
     mistake(
         "a mirrored recording",

@@ -135,6 +135,7 @@ impl Config {
         check.that(has_room, "report.width_mm", &found.unwrap_or_default(), &needed)?;
         self.gait.iter().try_for_each(|(name, gait)| check.is_driven(name, gait))?;
         self.robot.iter().try_for_each(|(name, robot)| check.gyration(name, robot))?;
+        self.robot.iter().try_for_each(|(name, robot)| check.deviations(name, robot))?;
         for (name, campaign) in &self.campaign {
             self.check_campaign(&check, name, campaign)?;
         }
@@ -353,6 +354,15 @@ impl Checker<'_> {
             self.that(false, &key, &found, &needed)?;
         }
         Ok(())
+    }
+
+    /// Checks that standard deviations are not larger than what they are of.
+    fn deviations(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {
+        robot.large_deviations().try_for_each(|(of, times)| {
+            let key = format!("robot.{name}.standard_deviation.{of}");
+            let needed = format!("at most {of} itself, in its unit");
+            self.that(false, &key, &format_args!("{times:.4} times {of}"), &needed)
+        })
     }
 
     /// Checks the numbers of a table or list, or a number.

@@ -103,8 +103,8 @@ impl RobotConfig {
         std::array::from_fn(|wheel| of[wheel] * load_n[wheel])
     }
 
-    /// Standard deviations of what a motion depends on and is not exact, in SI units.
-    pub fn deviations(&self, laws: Laws, gait: &Gait) -> Vec<(Property, f64)> {
+    /// Every standard deviation with its key, in SI units; 0 of what is exact.
+    fn all_deviations(&self) -> Vec<(&'static str, Property, f64)> {
         let of = self.standard_deviation.unwrap_or_default();
         let in_newtons = RobotDeviation {
             skid_dry_n: self.dry_n(of.skid_dry_n),
@@ -112,9 +112,25 @@ impl RobotConfig {
             roll_dry_n: self.dry_n(of.roll_dry_n),
             ..of
         };
-        let all = in_newtons.by_key().into_iter().flat_map(|(_, values, property)| {
-            values.iter().enumerate().map(move |(i, value)| (property(i), *value))
-        });
+        let of_key = |(key, values, property): OfKey| {
+            let numbered = values.iter().copied().enumerate();
+            numbered.map(|(i, value)| (key, property(i), value)).collect::<Vec<_>>()
+        };
+        in_newtons.by_key().into_iter().flat_map(of_key).collect()
+    }
+
+    /// Keys of standard deviations that are larger than what they are of, and how many times as large.
+    pub(super) fn large_deviations(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let robot = self.to_robot();
+        let all = self.all_deviations().into_iter();
+        let times =
+            all.map(move |(key, property, deviation)| (key, deviation / property.of(&robot)));
+        times.filter(|(_, times)| *times > 1.0 && times.is_finite())
+    }
+
+    /// Standard deviations of what a motion depends on and is not exact, in SI units.
+    pub fn deviations(&self, laws: Laws, gait: &Gait) -> Vec<(Property, f64)> {
+        let all = self.all_deviations().into_iter().map(|(_, property, value)| (property, value));
         let is_known = |property: &Property| match property {
             Property::Coefficient(parameter) => laws.know(*parameter, gait),
             _ => true,

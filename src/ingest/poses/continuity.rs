@@ -94,23 +94,30 @@ fn missing_frames<const N: usize>(jump: [f64; N], moved: [f64; N]) -> Option<f64
 /// How many rows have every marker exactly where the row before has it, although the robot moves before
 /// or after.
 pub fn repeated_rows(file: &MarkerFile) -> usize {
-    let rows: Vec<usize> = (0..file.frames.len()).collect();
+    let rows = file.frames.len();
     let bits = |row: usize| file.row_mm(row).iter().flatten().map(|mm| mm.to_bits());
-    let is_same =
-        |&a: &usize, &b: &usize| file.frames[b] == file.frames[a] + 1 && bits(a).eq(bits(b));
+    let is_same = |a: usize, b: usize| file.frames[b] == file.frames[a] + 1 && bits(a).eq(bits(b));
     let moved_mm = |a: usize, b: usize| {
         let positions = file.row_mm(a).iter().zip(file.row_mm(b));
         let moved = positions.map(|(a, b)| (b[0] - a[0]).hypot(b[1] - a[1]).hypot(b[2] - a[2]));
         moved.fold(0.0, f64::max)
     };
-    let held = rows.chunk_by(is_same).filter(|held| held.len() > 1);
-    let is_moving = |held: &&[usize]| {
-        let (first, last) = (held[0], held[held.len() - 1]);
-        let before = first.checked_sub(1).map_or(0.0, |before| moved_mm(before, first));
-        let after = if last + 1 < rows.len() { moved_mm(last, last + 1) } else { 0.0 };
-        before.max(after) > LEAST_MOVED_MM
-    };
-    held.filter(is_moving).map(|held| held.len() - 1).sum()
+    let (mut repeated, mut first) = (0, 0);
+    for next in 1..=rows {
+        let last = next - 1;
+        if next < rows && is_same(last, next) {
+            continue;
+        }
+        if last > first {
+            let before = if first > 0 { moved_mm(first - 1, first) } else { 0.0 };
+            let after = if next < rows { moved_mm(last, next) } else { 0.0 };
+            if before.max(after) > LEAST_MOVED_MM {
+                repeated += last - first;
+            }
+        }
+        first = next;
+    }
+    repeated
 }
 
 #[cfg(test)]
