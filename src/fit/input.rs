@@ -113,24 +113,28 @@ impl FitInput {
         self.measurements(data).into_iter().map(of_trial).collect()
     }
 
-    /// What trials of other kinds say of the robot that follow the model's laws: of rolling its own,
-    /// in the joint no dry friction.
+    /// What trials of other kinds say of the robot.
+    fn of_robot<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
+        data.robots.iter().filter(|row| row.robot == self.robot.name)
+    }
+
+    /// Those that follow the model's laws: of rolling its own, in the joint no dry friction.
     fn robot_rows<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
         let of_roll = match self.model.value.roll {
             RollLaw::None | RollLaw::Viscous => DecayLaw::Viscous,
             RollLaw::Coulomb => DecayLaw::Coulomb,
             RollLaw::CoulombViscous => DecayLaw::CoulombViscous,
         };
-        data.robots.iter().filter(|row| row.robot == self.robot.name).filter(move |row| {
+        self.of_robot(data).filter(move |row| {
             let is_coast = row.kind == TrialKind::CoastDown;
             row.law == Some(if is_coast { of_roll } else { DecayLaw::Viscous })
         })
     }
 
-    /// Hash of it.
+    /// Hash of all of it.
     pub fn robots(&self, data: &FitData) -> String {
-        let values = |row: &RobotParameterRow| MEASURED.map(|(_, of)| of(row).value);
-        let rows: Vec<[f64; 4]> = self.robot_rows(data).map(values).collect();
+        let values = |row: &RobotParameterRow| (row.law, MEASURED.map(|(_, of)| of(row).value));
+        let rows: Vec<(Option<DecayLaw>, [f64; 4])> = self.of_robot(data).map(values).collect();
         hash(format!("{rows:?}").as_bytes())
     }
 
@@ -156,9 +160,37 @@ impl FitInput {
         (robot, measured)
     }
 
-    /// What a trial tells of the robot that is not what is configured, and by most: beyond [`MOST_ERRORS`]
-    /// standard errors and [`MOST_PART`] of it. Nothing where what is measured is used.
+    /// What a trial tells of the robot that the model has not, or that is not what is configured.
     pub(super) fn contradiction(&self, data: &FitData) -> Option<String> {
+        self.missing_law(data).or_else(|| self.wrong_number(data))
+    }
+
+    /// What resists the motion of a trial, where nothing does so in the model.
+    fn missing_law(&self, data: &FitData) -> Option<String> {
+        let roll = self.model.value.roll;
+        self.of_robot(data).find_map(|row| {
+            let law = row.law?;
+            let (viscous, dry, known) = match row.kind {
+                TrialKind::CoastDown => (
+                    "viscous roll resistance",
+                    "dry friction of rolling",
+                    [roll.is_viscous(), roll.is_dry()],
+                ),
+                _ => ("viscous damping of the joint", "dry friction of the joint", [true, false]),
+            };
+            let parts = [(law.is_viscous(), viscous), (law.is_dry(), dry)].into_iter().zip(known);
+            let missing = parts.filter(|((is_told, _), is_known)| *is_told && !is_known);
+            let missing: Vec<&str> = missing.map(|((_, part), _)| part).collect();
+            let model = self.model.name;
+            (!missing.is_empty()).then(|| {
+                format!("{} shows {}, and {model} has none", row.trial, missing.join(" and "))
+            })
+        })
+    }
+
+    /// A number that is not what is configured, the one by most: beyond [`MOST_ERRORS`] standard errors and
+    /// [`MOST_PART`] of it. Nothing where what is measured is used.
+    fn wrong_number(&self, data: &FitData) -> Option<String> {
         if self.fit.robot_parameters == ParameterSource::Measured {
             return None;
         }
@@ -382,8 +414,12 @@ mod tests {
         for (found, expected) in robot.roll_kg_s.iter().zip([0.6, 0.3, 0.3]) {
             assert!((found - expected).abs() < 1e-12);
         }
-        // What is used is not said to be wrong.
-        assert_eq!(input.contradiction(&data), None);
+        // What is used is not said to be wrong, what the model does not know is.
+        let alike = data.robots.iter().filter(|row| row.law == Some(DecayLaw::Viscous));
+        let alike = FitData { robots: alike.cloned().collect(), ..FitData::default() };
+        assert_eq!(input.contradiction(&alike), None);
+        let dry = input.contradiction(&data).expect("a law that is missing");
+        assert_eq!(dry, " shows dry friction of rolling, and skid-roll has none");
         input.fit.robot_parameters = ParameterSource::Configured;
         let told = |value: f64, se: f64, configured: f64| {
             let row = RobotParameterRow {

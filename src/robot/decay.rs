@@ -24,6 +24,18 @@ named! {
     }
 }
 
+impl DecayLaw {
+    /// Whether there is a part in proportion to the velocity.
+    pub fn is_viscous(self) -> bool {
+        self != Self::Coulomb
+    }
+
+    /// Whether there is dry friction.
+    pub fn is_dry(self) -> bool {
+        self != Self::Viscous
+    }
+}
+
 /// Path of what coasts: `v' = -lambda v - g` until it stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coast {
