@@ -17,8 +17,9 @@ pub use folders::{ListedTrial, TrialFolder, TrialFolders, find_folders};
 /// Name of the list inside a trial folder.
 pub const TRIALS_FILE: &str = "trials.toml";
 
-/// Frequencies that a gait may be commanded with.
+/// Frequencies that a gait may be commanded with, and how an error says it.
 pub(crate) const OMEGA_RAD_S: RangeInclusive<f64> = 0.01..=1000.0;
+pub(crate) const NEEDED_OMEGA: &str = "a frequency from 0.01 to 1000 rad/s";
 
 /// Where campaigns and robots are.
 const PIPELINE: &str = " of pipeline.toml";
@@ -191,7 +192,6 @@ impl Trial {
             let found = if name.is_empty() { "nothing".into() } else { format!("`{name}`") };
             return error(key, found, &known);
         }
-        let needed_omega = "a frequency from 0.01 to 1000 rad/s";
         match self.omega_rad_s {
             Some(omega) if !OMEGA_RAD_S.contains(&omega) => {
                 let units = [("Hz", omega * TAU), ("degrees per second", omega.to_radians())];
@@ -199,9 +199,9 @@ impl Trial {
                 let unit = unit.map_or(String::new(), |(unit, right)| {
                     format!(" (is it in {unit}? then {right:.4} is right)")
                 });
-                error("omega_rad_s", omega.to_string(), &format!("{needed_omega}{unit}"))
+                error("omega_rad_s", omega.to_string(), &format!("{NEEDED_OMEGA}{unit}"))
             }
-            None if is_gait => error("omega_rad_s", "nothing".into(), needed_omega),
+            None if is_gait => error("omega_rad_s", "nothing".into(), NEEDED_OMEGA),
             _ => Ok(()),
         }
     }

@@ -170,21 +170,18 @@ impl FitInput {
         let roll = self.model.value.roll;
         self.of_robot(data).find_map(|row| {
             let law = row.law?;
-            let (viscous, dry, known) = match row.kind {
-                TrialKind::CoastDown => (
-                    "viscous roll resistance",
-                    "dry friction of rolling",
-                    [roll.is_viscous(), roll.is_dry()],
-                ),
-                _ => ("viscous damping of the joint", "dry friction of the joint", [true, false]),
-            };
-            let parts = [(law.is_viscous(), viscous), (law.is_dry(), dry)].into_iter().zip(known);
-            let missing = parts.filter(|((is_told, _), is_known)| *is_told && !is_known);
-            let missing: Vec<&str> = missing.map(|((_, part), _)| part).collect();
-            let model = self.model.name;
-            (!missing.is_empty()).then(|| {
-                format!("{} shows {}, and {model} has none", row.trial, missing.join(" and "))
-            })
+            let is_coast = row.kind == TrialKind::CoastDown;
+            let parts = [
+                ("viscous roll resistance", is_coast && law.is_viscous() && !roll.is_viscous()),
+                ("dry friction of rolling", is_coast && law.is_dry() && !roll.is_dry()),
+                ("dry friction of the joint", !is_coast && law.is_dry()),
+            ];
+            let missing =
+                parts.into_iter().filter_map(|(part, is_missing)| is_missing.then_some(part));
+            let missing: Vec<&str> = missing.collect();
+            let (trial, model) = (&row.trial, self.model.name);
+            (!missing.is_empty())
+                .then(|| format!("{trial} shows {}, and {model} has none", missing.join(" and ")))
         })
     }
 

@@ -15,7 +15,7 @@ use crate::config::{Config, GaitInput, ParameterSource, SigmaKind, did_you_mean,
 use crate::metrics::GaitMetrics;
 use crate::named::Named;
 use crate::store::{Columns as _, StoreError, Table, TrialRow, TrialStatus, numbers, texts};
-use crate::trial::{OMEGA_RAD_S, TrialKind, is_valid_name};
+use crate::trial::{NEEDED_OMEGA, OMEGA_RAD_S, TrialKind, is_valid_name};
 use cells::{Cell, Cells};
 
 /// What a fit cannot do without.
@@ -219,7 +219,7 @@ fn number(column: &str, is_whole: bool, cell: &Cell, row: usize, problems: &mut 
         || (GaitMetrics::COLUMNS.contains(&column) && column != "dtheta_rad");
     let needed = match (is_whole, is_size, column) {
         (true, ..) => "a whole number",
-        (_, _, "omega_rad_s") => "a frequency from 0.01 to 1000 rad/s",
+        (_, _, "omega_rad_s") => NEEDED_OMEGA,
         (_, true, _) => "a number that is not below 0",
         _ => "a number",
     };

@@ -43,8 +43,8 @@ fn too_large(fitted: &[(usize, &TrialRow)], config: &Config) -> Problems {
         let too_large =
             limits(trial, config).into_iter().filter(|(_, value, most, _)| value.abs() > *most);
         for (column, value, most, mistake) in too_large {
-            let problem = format!("found `{value}`, needed {most:.4} at most: {mistake}");
-            found.entry(column).or_insert((row, problem, 0)).2 += 1;
+            let problem = || format!("found `{value}`, needed {most:.4} at most: {mistake}");
+            found.entry(column).or_insert_with(|| (row, problem(), 0)).2 += 1;
         }
     }
     let problem = |(column, (row, problem, count)): (String, (usize, String, usize))| {

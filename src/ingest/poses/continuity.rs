@@ -34,7 +34,7 @@ pub struct Jump {
 
 /// The jumps of a recording, the farthest first. One at whose place frames are missing is not seen.
 pub fn jumps(seen: &Coordinates) -> Vec<Jump> {
-    let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = seen;
+    let Coordinates { x_m, y_m, theta_rad, .. } = seen;
     let least = [(x_m, LEAST_JUMP_M), (y_m, LEAST_JUMP_M), (theta_rad, LEAST_JUMP_RAD)]
         .map(|(of, least)| (of, least.max(DEVIATIONS * STEP_GAIN.sqrt() * signals::noise(of))));
     // Over what is no jump yet; 0 where nothing was seen.
@@ -49,37 +49,36 @@ pub fn jumps(seen: &Coordinates) -> Vec<Jump> {
         let mut after = frame + 1..frames.end.min(frame + 3);
         before.all(|other| size(other) < here) && after.all(|other| size(other) <= here)
     };
-    let mut found: Vec<(f64, Jump)> = frames
-        .clone()
-        .map(|frame| (frame, size(frame)))
-        .filter(|&(frame, size)| size > 1.0 && is_peak(frame, size))
-        .map(|(frame, size)| {
-            let coordinates = [
-                (x_m, 1.0),
-                (y_m, 1.0),
-                (theta_rad, M_PER_RAD),
-                (phi1_rad, M_PER_RAD),
-                (phi2_rad, M_PER_RAD),
-            ];
-            let jump_m = coordinates.map(|(of, unit)| unit * signals::step(of, frame));
-            let moved_m = coordinates.map(|(of, unit)| {
-                let (first, last) =
-                    (frame.saturating_sub(1 + NEAR), of.len().min(frame + 1 + NEAR) - 1);
-                let before = (of[frame - 1] - of[first]) / (frame - 1 - first) as f64;
-                let after = (of[last] - of[frame]) / (last - frame) as f64;
-                0.5 * unit * (before + after)
-            });
-            let jump = Jump {
-                frame,
-                displacement_m: jump_m[0].hypot(jump_m[1]),
-                turn_rad: jump_m[2] / M_PER_RAD,
-                missing_frames: missing_frames(jump_m, moved_m),
-            };
-            (size, jump)
-        })
-        .collect();
-    found.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-    found.into_iter().map(|(_, jump)| jump).collect()
+    let sized = frames.clone().map(|frame| (frame, size(frame)));
+    let mut found: Vec<_> =
+        sized.filter(|&(frame, size)| size > 1.0 && is_peak(frame, size)).collect();
+    found.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    found.into_iter().map(|(frame, _)| jump(seen, frame)).collect()
+}
+
+/// What the robot does beside its motion between a frame and the one before.
+fn jump(seen: &Coordinates, frame: usize) -> Jump {
+    let [phi1_rad, phi2_rad] = &seen.phi_rad;
+    let coordinates = [
+        (&seen.x_m, 1.0),
+        (&seen.y_m, 1.0),
+        (&seen.theta_rad, M_PER_RAD),
+        (phi1_rad, M_PER_RAD),
+        (phi2_rad, M_PER_RAD),
+    ];
+    let (first, last) = (frame.saturating_sub(1 + NEAR), seen.len().min(frame + 1 + NEAR) - 1);
+    let jump_m = coordinates.map(|(of, unit)| unit * signals::step(of, frame));
+    let moved_m = coordinates.map(|(of, unit)| {
+        let before = (of[frame - 1] - of[first]) / (frame - 1 - first) as f64;
+        let after = (of[last] - of[frame]) / (last - frame) as f64;
+        0.5 * unit * (before + after)
+    });
+    Jump {
+        frame,
+        displacement_m: jump_m[0].hypot(jump_m[1]),
+        turn_rad: jump_m[2] / M_PER_RAD,
+        missing_frames: missing_frames(jump_m, moved_m),
+    }
 }
 
 /// How many frames of the motion make the jump, if they do.
