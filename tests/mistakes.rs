@@ -611,7 +611,10 @@ const MISTAKES: &[Mistake] = &[
                 });
             }
         },
-        &["3 of 3 trials: the robot jumps by ", "frames were missing there: were rows deleted?"],
+        &[
+            "3 of 3 trials: the robot jumps by ",
+            "frames were missing there: were rows deleted, and the others numbered anew?",
+        ],
     ),
     mistake(
         "a camera that was knocked",
@@ -626,7 +629,10 @@ const MISTAKES: &[Mistake] = &[
                 });
             }
         },
-        &["3 of 3 trials: the robot jumps by ", "was the robot or a camera knocked?"],
+        &[
+            "3 of 3 trials: the robot jumps by ",
+            "was the robot or a camera knocked? Cycles in which it jumps do not count",
+        ],
     ),
     mistake(
         "a recording of half the rate, resampled to the whole",

@@ -25,7 +25,7 @@ pub struct Cycle {
     /// Start and end, in frames after the first.
     pub start: f64,
     pub end: f64,
-    /// All missing if the cycle touches a gap.
+    /// All missing if the cycle touches a gap or a jump.
     pub metrics: GaitMetrics,
     /// What the joints do, as seen, without smoothing.
     pub gait: [JointCycle; 2],

@@ -22,7 +22,7 @@ pub struct Steady {
     pub skip: usize,
     /// Leading cycles taken for transient.
     pub skipped: usize,
-    /// Later cycles left out because of gaps.
+    /// Later cycles left out because of gaps or jumps.
     pub gapped: usize,
     /// Later cycles left out because the joints were off their gait.
     pub off_gait: usize,
@@ -36,7 +36,7 @@ impl Steady {
         } else if nth < self.skip {
             return format!("one of the first {}, taken for transient", self.skip);
         } else if !cycle.is_whole() {
-            "part of it was not seen"
+            "part of it was not seen, or the robot jumps in it"
         } else if !cycle.is_gait {
             "the joints are off their gait"
         } else {
@@ -135,7 +135,8 @@ mod tests {
         assert_eq!(found, expected);
         let reasons = list.iter().enumerate().map(|(nth, cycle)| found.reason(nth, cycle));
         let transient = "one of the first 2, taken for transient";
-        let (unseen, off) = ("part of it was not seen", "the joints are off their gait");
+        let (unseen, off) =
+            ("part of it was not seen, or the robot jumps in it", "the joints are off their gait");
         assert!(reasons.eq([transient, transient, "", unseen, "", off, "", ""]));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::continuity::{Jump, jumps};
+use super::continuity::Jump;
 use super::tilt::{MOST_DEG, Tilt, Turn};
 use super::track::Tracked;
 use crate::ingest::checks::{
@@ -81,32 +81,45 @@ fn repeats_check(tracked: &Tracked, file: &MarkerFile) -> Finding {
     Finding::at_most(Check::RepeatedRows, part, MOST_REPEATED, message).notable(repeated > 0)
 }
 
-/// How often the robot jumps, and what the farthest jump may be.
+/// How often the robot jumps, and what the farthest jump may be. Where one may be of frames that are
+/// missing, nobody knows the time of what follows, and the trial fails.
 fn jumps_check(tracked: &Tracked, rate_hz: f64) -> Finding {
-    let jumps = jumps(&tracked.seen);
-    let message = match jumps.first() {
-        None => "the robot goes on smoothly from frame to frame".to_owned(),
-        Some(&Jump { frame, displacement_m, turn_rad, missing_frames }) => {
-            let times = match jumps.len() {
-                1 => String::new(),
-                count => format!("{count} times, farthest "),
+    let jumps = &tracked.jumps;
+    let of_frames = jumps.iter().find(|jump| jump.missing_frames.is_some());
+    let Some(&worst) = of_frames.or(jumps.first()) else {
+        let message = "the robot goes on smoothly from frame to frame".to_owned();
+        return Finding::at_most(Check::Jump, 0.0, 0.0, message);
+    };
+    let Jump { after, displacement_m, turn_rad, missing_frames, .. } = worst;
+    let times = match jumps.len() {
+        1 => String::new(),
+        count => format!("{count} times, here "),
+    };
+    let cause = match missing_frames {
+        Some(frames) => {
+            let (are, rows) = match frames > 0.0 {
+                true => ("missing there", "deleted"),
+                false => ("there twice", "doubled"),
             };
-            let cause = match missing_frames {
-                Some(frames) => {
-                    format!("as if some {frames:.0} frames were missing there: were rows deleted?")
-                }
-                None => "was the robot or a camera knocked?".to_owned(),
+            let count = match frames.abs().round() {
+                ..2.0 => "a frame was".to_owned(),
+                count => format!("some {count} frames were"),
             };
-            format!(
-                "the robot jumps {times}by {:.1} mm and {:.1} degrees in one frame, {} ({:.1} s): {cause}",
-                1000.0 * displacement_m,
-                turn_rad.to_degrees(),
-                tracked.first_frame + frame as i64,
-                frame as f64 / rate_hz
-            )
+            format!("as if {count} {are}: were rows {rows}, and the others numbered anew?")
+        }
+        None => {
+            "was the robot or a camera knocked? Cycles in which it jumps do not count".to_owned()
         }
     };
-    Finding::at_most(Check::Jump, jumps.len() as f64, 0.0, message)
+    let message = format!(
+        "the robot jumps {times}by {:.1} mm and {:.1} degrees in one frame, {} ({:.1} s): {cause}",
+        1000.0 * displacement_m,
+        turn_rad.to_degrees(),
+        tracked.first_frame + after as i64,
+        after as f64 / rate_hz
+    );
+    let found = Finding::at_most(Check::Jump, jumps.len() as f64, 0.0, message);
+    if missing_frames.is_some() { found.failing() } else { found }
 }
 
 /// What is tilted most, and what was done about all that is.

@@ -2,15 +2,17 @@
 //! were held break that, also where the frame numbers do not tell.
 
 use super::track::Coordinates;
-use crate::ingest::signals::{self, STEP_GAIN};
+use crate::ingest::signals;
 use crate::vicon::MarkerFile;
 
-/// Smallest displacement of link 0, m, and smallest turn, rad, that are taken for a jump: a pose that rests
-/// on fewer markers than the one before is off by less.
+/// Smallest displacement of link 0, m, and smallest turn, rad, that are taken for a jump in four frames in a
+/// row: a pose that rests on fewer markers than the one before is off by less.
 const LEAST_JUMP_M: f64 = 2e-3;
 const LEAST_JUMP_RAD: f64 = 0.02;
 /// The same in standard deviations of what the recording's noise makes of it.
 const DEVIATIONS: f64 = 8.0;
+/// Frames that may be hidden at and beside a jump; over more of them the robot may have done anything.
+const MOST_HIDDEN: usize = 5;
 /// What a radian counts where a jump is compared with the motion, m: the length of a link.
 const M_PER_RAD: f64 = 0.1;
 /// Frames on each side that tell the motion.
@@ -23,71 +25,121 @@ const LEAST_MOVED_MM: f64 = 0.1;
 /// A place where the robot is further from one frame to the next than it moves before and after.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jump {
-    /// The first frame after it, from the recording's first one on.
-    pub frame: usize,
+    /// The last frame before it that shows link 0, and the first after it, from the recording's first one
+    /// on.
+    pub before: usize,
+    pub after: usize,
     /// By how much link 0 jumps, beside its motion.
     pub displacement_m: f64,
     pub turn_rad: f64,
-    /// How many frames of the motion before and after it are as far, if the joints jump with the links.
+    /// How many frames of the motion before and after it are as far, if the joints jump with the links;
+    /// negative where the robot is back where it was.
     pub missing_frames: Option<f64>,
 }
 
-/// The jumps of a recording, the farthest first. One at whose place frames are missing is not seen.
+/// The jumps of a recording, the farthest first. One beside which more than [`MOST_HIDDEN`] frames are
+/// missing is not seen.
 pub fn jumps(seen: &Coordinates) -> Vec<Jump> {
     let Coordinates { x_m, y_m, theta_rad, .. } = seen;
-    let least = [(x_m, LEAST_JUMP_M), (y_m, LEAST_JUMP_M), (theta_rad, LEAST_JUMP_RAD)]
-        .map(|(of, least)| (of, least.max(DEVIATIONS * STEP_GAIN.sqrt() * signals::noise(of))));
-    // Over what is no jump yet; 0 where nothing was seen.
-    let size = |frame: usize| {
-        let over = least.iter().map(|(of, least)| signals::step(of, frame).abs() / least);
-        over.fold(0.0, f64::max)
+    let gain = Step([0, 1, 2, 3]).noise_gain();
+    let link0 = [(x_m, LEAST_JUMP_M), (y_m, LEAST_JUMP_M), (theta_rad, LEAST_JUMP_RAD)]
+        .map(|(of, least)| (of, (least / gain).max(DEVIATIONS * signals::noise(of))));
+    // Over what is no jump yet.
+    let size = |step: &Step| {
+        let over = link0.iter().map(|(of, least)| step.of(of).abs() / least);
+        over.fold(0.0, f64::max) / step.noise_gain()
     };
-    let frames = 2..seen.len().saturating_sub(1);
-    // What a jump leaves beside it is half as large.
-    let is_peak = |frame: usize, here: f64| {
-        let mut before = frames.start.max(frame.saturating_sub(2))..frame;
-        let mut after = frame + 1..frames.end.min(frame + 3);
-        before.all(|other| size(other) < here) && after.all(|other| size(other) <= here)
+    let from = |nth: usize| (0..seen.len()).filter(|&frame| !x_m[frame].is_nan()).skip(nth);
+    let steps = from(0).zip(from(1)).zip(from(2)).zip(from(3));
+    let steps = steps.map(|(((first, before), after), last)| Step([first, before, after, last]));
+    let sized = steps.enumerate().map(|(nth, step)| (nth, size(&step), step));
+    let large: Vec<_> =
+        sized.filter(|(_, size, step)| *size > 1.0 && step.hidden() <= MOST_HIDDEN).collect();
+    // What a jump leaves beside it is smaller.
+    let is_beside = |a: usize, b: usize| large[b].0 - large[a].0 <= 2;
+    let is_peak = |i: &usize| {
+        let mut before = (i.saturating_sub(2)..*i).filter(|&other| is_beside(other, *i));
+        let mut after = (i + 1..large.len().min(i + 3)).filter(|&other| is_beside(*i, other));
+        before.all(|other| large[other].1 < large[*i].1)
+            && after.all(|other| large[other].1 <= large[*i].1)
     };
-    let sized = frames.clone().map(|frame| (frame, size(frame)));
-    let mut found: Vec<_> =
-        sized.filter(|&(frame, size)| size > 1.0 && is_peak(frame, size)).collect();
-    found.sort_by(|(_, a), (_, b)| b.total_cmp(a));
-    found.into_iter().map(|(frame, _)| jump(seen, frame)).collect()
+    let mut found: Vec<usize> = (0..large.len()).filter(is_peak).collect();
+    found.sort_by(|a, b| large[*b].1.total_cmp(&large[*a].1));
+    found.into_iter().map(|i| jump(seen, &large[i].2)).collect()
 }
 
-/// What the robot does beside its motion between a frame and the one before.
-fn jump(seen: &Coordinates, frame: usize) -> Jump {
-    let [phi1_rad, phi2_rad] = &seen.phi_rad;
-    let coordinates = [
-        (&seen.x_m, 1.0),
-        (&seen.y_m, 1.0),
-        (&seen.theta_rad, M_PER_RAD),
-        (phi1_rad, M_PER_RAD),
-        (phi2_rad, M_PER_RAD),
-    ];
-    let (first, last) = (frame.saturating_sub(1 + NEAR), seen.len().min(frame + 1 + NEAR) - 1);
-    let jump_m = coordinates.map(|(of, unit)| unit * signals::step(of, frame));
-    let moved_m = coordinates.map(|(of, unit)| {
-        let before = (of[frame - 1] - of[first]) / (frame - 1 - first) as f64;
-        let after = (of[last] - of[frame]) / (last - frame) as f64;
-        0.5 * unit * (before + after)
-    });
-    Jump {
-        frame,
-        displacement_m: jump_m[0].hypot(jump_m[1]),
-        turn_rad: jump_m[2] / M_PER_RAD,
-        missing_frames: missing_frames(jump_m, moved_m),
+/// Four frames in a row of those that show link 0: what happens between the two in the middle is compared
+/// with the motion before and after them.
+struct Step([usize; 4]);
+
+impl Step {
+    /// Frames among them that do not show link 0.
+    fn hidden(&self) -> usize {
+        self.0[3] - self.0[0] - 3
+    }
+
+    /// Of the four positions in their sum.
+    fn weights(&self) -> [f64; 4] {
+        let [first, before, after, last] = self.0.map(|frame| frame as f64);
+        let part = |frames: f64| 0.5 * (after - before) / frames;
+        let (of_first, of_last) = (part(before - first), part(last - after));
+        [of_first, -1.0 - of_first, 1.0 + of_last, -of_last]
+    }
+
+    /// How far a series goes in the middle, beside its mean motion before and after.
+    fn of(&self, series: &[f64]) -> f64 {
+        self.0.iter().zip(self.weights()).map(|(&frame, weight)| weight * series[frame]).sum()
+    }
+
+    /// How many times the standard deviation of white noise that of the same is.
+    fn noise_gain(&self) -> f64 {
+        self.weights().iter().map(|weight| weight * weight).sum::<f64>().sqrt()
     }
 }
 
-/// How many frames of the motion make the jump, if they do.
-fn missing_frames<const N: usize>(jump: [f64; N], moved: [f64; N]) -> Option<f64> {
-    let dot = |a: [f64; N], b: [f64; N]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let frames = dot(jump, moved) / dot(moved, moved);
-    let explained = frames * frames * dot(moved, moved);
-    let is_motion = dot(jump, jump) - explained <= UNLIKE * UNLIKE * dot(jump, jump);
-    (is_motion && frames > 0.5).then_some(frames)
+/// What the robot does beside its motion.
+fn jump(seen: &Coordinates, step: &Step) -> Jump {
+    let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = seen;
+    let &Step([_, before, after, _]) = step;
+    let coordinates = [
+        (x_m, 1.0),
+        (y_m, 1.0),
+        (theta_rad, M_PER_RAD),
+        (phi1_rad, M_PER_RAD),
+        (phi2_rad, M_PER_RAD),
+    ];
+    let known = coordinates.map(|(of, unit)| {
+        jump_and_motion(of, before, after).map(|parts| parts.map(|part| unit * part))
+    });
+    Jump {
+        before,
+        after,
+        displacement_m: step.of(x_m).hypot(step.of(y_m)),
+        turn_rad: step.of(theta_rad),
+        missing_frames: missing_frames(known.iter().flatten()),
+    }
+}
+
+/// How far a coordinate jumps between two frames, and how far it moves in one before and after; `None` of
+/// a joint that is hidden there.
+fn jump_and_motion(of: &[f64], before: usize, after: usize) -> Option<[f64; 2]> {
+    let is_seen = |frame: &usize| !of[*frame].is_nan();
+    let first = (before.saturating_sub(NEAR)..before).find(is_seen)?;
+    let last = (after + 1..of.len().min(after + 1 + NEAR)).rev().find(is_seen)?;
+    let rate = |from: usize, to: usize| (of[to] - of[from]) / (to - from) as f64;
+    let moved = 0.5 * (rate(first, before) + rate(after, last));
+    let jump = of[after] - of[before] - (after - before) as f64 * moved;
+    (!jump.is_nan()).then_some([jump, moved])
+}
+
+/// How many frames of the motion, or of its reverse, make the jump, if they do.
+fn missing_frames<'c>(coordinates: impl Iterator<Item = &'c [f64; 2]> + Clone) -> Option<f64> {
+    let sum = |of: fn(&[f64; 2]) -> f64| coordinates.clone().map(of).sum::<f64>();
+    let jumped = sum(|[jump, _]| jump * jump);
+    let moved = sum(|[_, moved]| moved * moved);
+    let frames = sum(|[jump, moved]| jump * moved) / moved;
+    let is_motion = jumped - frames * frames * moved <= UNLIKE * UNLIKE * jumped;
+    (is_motion && frames.abs() > 0.5).then_some(frames)
 }
 
 /// How many rows have every marker exactly where the row before has it, although the robot moves before
@@ -148,8 +200,9 @@ mod tests {
     fn a_recording_that_goes_on_has_no_jump_also_with_gaps() {
         let mut seen = recorded(0..FRAMES);
         assert_eq!(jumps(&seen), []);
-        seen.x_m[100..120].fill(f64::NAN);
-        seen.y_m[100..120].fill(f64::NAN);
+        for gap in [100..120, 140..141, 150..155, 157..159, 160..161] {
+            hide(&mut seen, gap);
+        }
         assert_eq!(jumps(&seen), []);
         assert_eq!(jumps(&recorded(0..3)), []);
         assert_eq!(jumps(&recorded(0..0)), []);
@@ -162,21 +215,48 @@ mod tests {
         seen.y_m[321..].iter_mut().for_each(|y| *y -= 4e-3);
         seen.theta_rad[500..].iter_mut().for_each(|theta| *theta -= 0.05);
         let found = jumps(&seen);
-        assert_eq!(found.iter().map(|jump| jump.frame).collect::<Vec<_>>(), [500, 321]);
+        assert_eq!(found.iter().map(|jump| jump.after).collect::<Vec<_>>(), [500, 321]);
         assert!((found[0].turn_rad + 0.05).abs() < 0.01, "{found:?}");
         assert!((found[1].displacement_m - 5e-3).abs() < 5e-4, "{found:?}");
         assert!(found.iter().all(|jump| jump.missing_frames.is_none()), "{found:?}");
     }
 
     #[test]
-    fn rows_that_were_deleted_are_counted_by_the_motion() {
-        for missing in [2, 6] {
-            let seen = recorded((0..300).chain(300 + missing..FRAMES));
+    fn rows_that_were_deleted_or_doubled_are_counted_by_the_motion() {
+        for (next, missing) in [(302, 2.0), (306, 6.0), (293, -7.0)] {
+            let seen = recorded((0..300).chain(next..FRAMES));
             let found = jumps(&seen);
             assert_eq!(found.len(), 1, "{found:?}");
-            assert_eq!(found[0].frame, 300);
+            assert_eq!((found[0].before, found[0].after), (299, 300));
             let frames = found[0].missing_frames.unwrap();
-            assert!((frames - missing as f64).abs() < 0.5, "{frames} of {missing}");
+            assert!((frames - missing).abs() < 0.5, "{frames} of {missing}");
+        }
+    }
+
+    #[test]
+    fn a_jump_is_seen_beside_hidden_frames_and_across_some() {
+        let whole = recorded((0..300).chain(307..FRAMES));
+        let mut joints = whole.clone();
+        joints.phi_rad[0][296..300].fill(f64::NAN);
+        joints.phi_rad[1][290..310].fill(f64::NAN);
+        let (mut beside, mut across, mut wide) = (whole.clone(), whole.clone(), whole);
+        hide(&mut beside, 298..299);
+        hide(&mut beside, 301..303);
+        hide(&mut across, 299..302);
+        hide(&mut wide, 297..303);
+        for (seen, frames) in [(joints, (299, 300)), (beside, (299, 300)), (across, (298, 302))] {
+            let found = jumps(&seen);
+            assert_eq!(found.len(), 1, "{found:?}");
+            assert_eq!((found[0].before, found[0].after), frames);
+            let missing = found[0].missing_frames.unwrap();
+            assert!((missing - 7.0).abs() < 0.5, "{missing}");
+        }
+        assert_eq!(jumps(&wide), []);
+    }
+
+    fn hide(seen: &mut Coordinates, frames: std::ops::Range<usize>) {
+        for series in [&mut seen.x_m, &mut seen.y_m, &mut seen.theta_rad] {
+            series[frames.clone()].fill(f64::NAN);
         }
     }
 

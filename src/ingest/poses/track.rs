@@ -1,6 +1,8 @@
 //! Every link's pose in every frame, and from them the robot's coordinates (eq. 1).
 
-use super::continuity::repeated_rows;
+use std::ops::RangeInclusive;
+
+use super::continuity::{Jump, jumps, repeated_rows};
 use super::multibody::{Linkage, PARTS};
 use super::suspension::{self, LinkRecording};
 use super::tilt::Tilt;
@@ -66,6 +68,13 @@ impl Coordinates {
     pub fn len(&self) -> usize {
         self.x_m.len()
     }
+
+    fn leave_out(&mut self, frames: RangeInclusive<usize>) {
+        let Self { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = self;
+        for series in [x_m, y_m, theta_rad, phi1_rad, phi2_rad] {
+            series[frames.clone()].fill(f64::NAN);
+        }
+    }
 }
 
 /// By how much the links of a frame would be elsewhere if the joints' positions were those that
@@ -103,7 +112,10 @@ pub struct Tracked {
     /// Rows of the file in which every marker is exactly where it was in the row before, although the
     /// robot moves.
     pub repeated_rows: usize,
-    /// As seen, and with short gaps filled.
+    /// Where the robot jumps from one frame to the next, the farthest jump first.
+    pub jumps: Vec<Jump>,
+    /// As seen, and with short gaps filled and the frames to the first one after a jump left out, so that
+    /// nothing is averaged or measured across it.
     pub seen: Coordinates,
     pub filled: Coordinates,
     /// RMS misfit of links 0, 1, 2, mm; NaN where there is no fit.
@@ -227,14 +239,20 @@ impl LinkPoses {
                 *fill = Fill::Interpolated;
             }
         }
-        let filled = coordinates(fill_gaps(&x_m), fill_gaps(&y_m), filled_theta);
+        let mut filled = coordinates(fill_gaps(&x_m), fill_gaps(&y_m), filled_theta);
         let seen = coordinates(x_m, y_m, theta);
+        let jumps = jumps(&seen);
+        for &Jump { before, after, .. } in &jumps {
+            filled.leave_out(before + 1..=after);
+            fill.iter_mut().for_each(|fill| fill[before + 1..=after].fill(Fill::Missing));
+        }
         let markers: usize = layout.iter().map(Vec::len).sum();
         Ok(Tracked {
             first_frame,
             own_poses: self.own_poses,
             inserted_frames: frames - numbers.len(),
             repeated_rows: self.repeated_rows,
+            jumps,
             seen,
             filled,
             residual_mm,

@@ -8,6 +8,6 @@ mod smooth;
 pub use derivative::{WEIGHTS, derivative};
 pub use gaps::fill;
 pub use smooth::{
-    JointSignal, STEP_GAIN, THIRD, THIRD_GAIN, WINDOW_WITHOUT_GAIT, best_window, moving_average,
-    noise, response, step, third_differences,
+    JointSignal, THIRD, THIRD_GAIN, WINDOW_WITHOUT_GAIT, best_window, moving_average, noise,
+    response, third_differences,
 };

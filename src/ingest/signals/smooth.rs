@@ -64,20 +64,6 @@ pub fn third_differences(series: &[f64]) -> impl Iterator<Item = f64> {
     series.windows(THIRD.len()).map(difference)
 }
 
-/// How far a series jumps at a sample, beside its motion before and after; NaN where one of the two samples
-/// before it, itself or the next is missing. Third differences are twice a jump.
-///
-/// # Panics
-/// There are no two samples before it, or none after it.
-#[inline]
-pub fn step(series: &[f64], at: usize) -> f64 {
-    let near = series[at - 2..=at + 1].iter().zip(THIRD);
-    -0.5 * near.map(|(x, weight)| x * weight).sum::<f64>()
-}
-
-/// How many times the variance of white noise that of [`step`] is.
-pub const STEP_GAIN: f64 = THIRD_GAIN / 4.0;
-
 /// Noise of a series of positions, in its own unit. The median of third differences bears outliers.
 pub fn noise(series: &[f64]) -> f64 {
     let differences = third_differences(series).map(f64::abs);

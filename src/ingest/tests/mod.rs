@@ -302,6 +302,66 @@ fn a_frame_jump_is_a_gap_in_time() {
     assert_eq!(check_of(&jumped, "W007").message, "2 cycles with gaps are left out");
 }
 
+/// The rows of an export: frame, subframe, and three cells for each marker.
+fn with_rows(text: &str, change: impl FnOnce(&mut Vec<Vec<String>>)) -> String {
+    const HEADER: usize = 5;
+    let lines: Vec<&str> = text.lines().collect();
+    let cells = |line: &&str| line.split(',').map(str::to_owned).collect();
+    let mut rows: Vec<Vec<String>> = lines[HEADER..].iter().map(cells).collect();
+    change(&mut rows);
+    let header = lines[..HEADER].iter().map(|line| (*line).to_owned());
+    header.chain(rows.iter().map(|row| row.join(","))).map(|line| line + "\r\n").collect()
+}
+
+#[test]
+fn a_cycle_in_which_a_camera_is_knocked_does_not_count() {
+    let (mut recording, trial) = symmetric(3.9);
+    recording.loss = 0.0;
+    let text = recording.export();
+    let knocked = with_rows(&text, |rows| {
+        for x in rows[900..].iter_mut().flat_map(|row| row[2..].iter_mut().step_by(3)) {
+            *x = format!("{:.6}", x.parse::<f64>().unwrap() + 5.0);
+        }
+    });
+    let [whole, knocked] = [&text, &knocked].map(|text| process_text(text, &trial).unwrap());
+    // Frame 900 lies in cycle 4 (773 to 967).
+    let counts =
+        |trial: &ProcessedTrial| trial.cycles.iter().map(|cycle| cycle.used).collect::<Vec<_>>();
+    let mut expected = counts(&whole);
+    assert!(std::mem::replace(&mut expected[4], false));
+    assert_eq!(counts(&knocked), expected);
+    assert!(knocked.cycles[4].reason.contains("the robot jumps in it"));
+    assert_eq!(names(&knocked.poses, "fill0")[899..902], ["measured", "missing", "measured"]);
+    for (i, (whole, knocked)) in whole.cycles.iter().zip(&knocked.cycles).enumerate() {
+        let [whole, knocked] = [whole, knocked].map(|cycle| cycle.metrics.d_m);
+        assert!(i == 4 || (knocked / whole - 1.0).abs() < 1e-4, "{i}: {knocked} {whole}");
+    }
+    assert_eq!(knocked.row.status, TrialStatus::Flagged);
+    assert!(knocked.row.message.starts_with("the robot jumps by "), "{}", knocked.row.message);
+}
+
+#[test]
+fn a_trial_whose_rows_were_deleted_or_doubled_and_numbered_anew_fails() {
+    let (mut recording, trial) = symmetric(3.9);
+    recording.loss = 0.0;
+    let text = recording.export();
+    let next = |row: usize| {
+        with_rows(&text, |rows| {
+            let first: usize = rows[0][0].parse().unwrap();
+            *rows = rows[..900].iter().chain(&rows[row..]).cloned().collect();
+            rows.iter_mut().zip(first..).for_each(|(row, number)| row[0] = number.to_string());
+        })
+    };
+    for (next, found) in [
+        (next(906), "as if some 6 frames were missing there: were rows deleted"),
+        (next(895), "as if some 5 frames were there twice: were rows doubled"),
+    ] {
+        let failure = process_text(&next, &trial).unwrap_err().to_string();
+        assert!(failure.contains("W025 jump: the robot jumps by "), "{failure}");
+        assert!(failure.contains(found), "{failure}");
+    }
+}
+
 #[test]
 fn a_transient_is_skipped() {
     let (mut recording, trial) = symmetric(3.9);
