@@ -467,13 +467,35 @@ fn packed_files_and_other_frame_rates_are_taken_where_allowed() {
     assert_eq!(ended.status, Some(0), "{}", ended.errors);
 }
 
+/// Writes fits of campaigns that are named by numbers.
+fn write_fits(path: &Path, campaigns: impl Iterator<Item = usize>) {
+    let fit = |campaign: usize| FitRow { campaign: campaign.to_string(), ..FitRow::blank() };
+    let made = Provenance { input: String::new() };
+    FitRow::to_table(&campaigns.map(fit).collect::<Vec<_>>()).write(path, &made).unwrap();
+}
+
+#[test]
+fn a_fit_that_stands_twice_in_a_table_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fits.parquet");
+    write_fits(&path, [1, 2, 3, 2].into_iter());
+    let reader = Reader::default();
+    let model = FitRow::blank().model;
+    let twice = format!("column `campaign, model`: found `2 {model}` twice, needed each once");
+    let message = reader.rows::<FitRow>(&path).unwrap_err().to_string();
+    assert!(message.ends_with(&twice), "{message}");
+    let message = reader.bearable_table(&path).unwrap_err().to_string();
+    assert!(message.ends_with(&twice), "{message}");
+    // Whoever looks into it sees all.
+    assert_eq!(reader.table(&path).unwrap().len(), 4);
+}
+
 #[test]
 fn a_table_with_more_rows_than_it_may_have_is_refused_before_it_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("fits.parquet");
     let read = |rows: usize| {
-        let made = Provenance { input: String::new() };
-        FitRow::to_table(&vec![FitRow::blank(); rows]).write(&path, &made).unwrap();
+        write_fits(&path, 0..rows);
         Reader::default().bearable_table(&path)
     };
     assert_eq!(read(1_000).unwrap().len(), 1_000);

@@ -10,11 +10,12 @@ use serde_json::Value as Json;
 
 use super::CompareError;
 use crate::named::Named as _;
-use crate::store::{PredictionSource, Reader, RunStatus, StoreError, Table, write_bytes};
+use crate::store::{
+    PredictionSource, Reader, RunStatus, StoreError, Table, row_names, write_bytes,
+};
 
-/// Tables whose rows are compared, and the columns that name a row.
-const TABLES: [(&str, &[&str]); 3] =
-    [("trials", &["trial"]), ("fits", &["campaign", "model"]), ("robot_parameters", &["trial"])];
+/// Tables whose rows are compared by their names.
+const TABLES: [&str; 3] = ["trials", "fits", "robot_parameters"];
 /// A trial's frequency is the commanded one to this part of it.
 const NEAR: f64 = 0.05;
 const FORMAT: u32 = 1;
@@ -131,14 +132,15 @@ impl Snapshot {
     /// As [`Snapshot::of_run`].
     pub fn of_tables(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
         let (mut tables, mut input) = (BTreeMap::new(), String::new());
-        for (table, key) in TABLES {
-            let (rows, of_table) =
-                match rows(&derived.join(format!("{table}.parquet")), key, reader) {
-                    Err(error) if error.is_not_there() && table != "trials" => continue,
-                    rows => rows?,
-                };
+        for table in TABLES {
+            let path = derived.join(format!("{table}.parquet"));
+            let names = row_names(&path);
+            let (rows, of_table) = match rows(&path, names, reader) {
+                Err(error) if error.is_not_there() && table != "trials" => continue,
+                rows => rows?,
+            };
             let name = |row: &Record| {
-                key.iter().map(|column| text(row, column)).collect::<Vec<_>>().join(" ")
+                names.iter().map(|column| text(row, column)).collect::<Vec<_>>().join(" ")
             };
             let named = rows.into_iter().map(|row| (name(&row), row));
             tables.insert(table.to_owned(), named.collect());

@@ -131,17 +131,17 @@ impl Reader {
     /// A table that is not absurdly long.
     ///
     /// # Errors
-    /// As [`Reader::table`], or it has more rows than a table of its name may have.
+    /// As [`Reader::table`], or it has more rows than a table of its name may have, or two with one name.
     pub fn bearable_table(&self, path: &Path) -> Result<Table, StoreError> {
-        Table::parse_at_most(path, self.bytes(path)?, most_rows(path))
+        Table::parse_at_most(path, self.bytes(path)?, most_rows(path))?.each_row_once()
     }
 
     /// The rows of a table.
     ///
     /// # Errors
-    /// As [`Reader::table`], or a column is missing or of another type.
+    /// As [`Reader::table`], or a column is missing or of another type, or two rows have one name.
     pub fn rows<R: Columns>(&self, path: &Path) -> Result<Vec<R>, StoreError> {
-        R::from_table(&self.table(path)?)
+        R::from_table(&self.table(path)?.each_row_once()?)
     }
 
     /// The rows of a table; none if it is not there.

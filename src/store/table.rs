@@ -1,6 +1,7 @@
 //! Tables as Parquet files.
 
 use std::cell::Cell;
+use std::collections::HashSet;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -38,11 +39,29 @@ const MOST_ROWS: [(&str, usize); 13] = [
     ("optimum_maps", 1_000_000),
 ];
 
+/// Columns that name a row, of tables in which each has a name of its own.
+const ROW_NAMES: [(&str, &[&str]); 5] = [
+    ("trials", &["trial"]),
+    ("robot_parameters", &["trial"]),
+    ("fits", &["campaign", "model"]),
+    ("alternative_fits", &["campaign", "model"]),
+    ("comparison", &["campaign", "model"]),
+];
+
+/// What is known of the table with this file.
+fn known<T: Copy>(path: &Path, of_tables: &[(&str, T)]) -> Option<T> {
+    let name = path.file_stem()?.to_str()?;
+    of_tables.iter().find(|(known, _)| *known == name).map(|(_, of_table)| *of_table)
+}
+
 /// Most rows of the table with this file.
 pub(super) fn most_rows(path: &Path) -> usize {
-    let name = path.file_stem().and_then(|name| name.to_str());
-    let known = MOST_ROWS.iter().find(|(known, _)| Some(*known) == name);
-    known.map_or(usize::MAX, |(_, most)| *most)
+    known(path, &MOST_ROWS).unwrap_or(usize::MAX)
+}
+
+/// The columns that name a row of the table with this file; none if its rows have no names.
+pub fn row_names(path: &Path) -> &'static [&'static str] {
+    known(path, &ROW_NAMES).unwrap_or_default()
 }
 
 /// Key of the fingerprint in a file's metadata.
@@ -201,6 +220,26 @@ impl Table {
             .ok_or_else(|| table_error("it is damaged".to_owned()))?
             .map_err(|error| table_error(error.to_string()))?;
         Ok(Self { path: path.to_owned(), input, frame })
+    }
+
+    /// The same table, if no two of its rows have one name.
+    pub(super) fn each_row_once(self) -> Result<Self, StoreError> {
+        let names = row_names(&self.path);
+        let texts = names.iter().map(|name| self.frame.column(name).ok()?.str().ok());
+        // A column that is not there is missed by name where it is needed.
+        let Some(texts) = texts.collect::<Option<Vec<_>>>().filter(|texts| !texts.is_empty())
+        else {
+            return Ok(self);
+        };
+        let mut seen = HashSet::new();
+        let name = |row| texts.iter().map(|text| text.get(row).unwrap_or("")).collect::<Vec<_>>();
+        match (0..self.len()).map(name).find(|name| !seen.insert(name.clone())) {
+            Some(again) => {
+                let found = format!("`{}` twice", again.join(" "));
+                Err(self.wrong(&names.join(", "), &found, "each once"))
+            }
+            None => Ok(self),
+        }
     }
 
     /// Number of rows.

@@ -232,6 +232,7 @@ fn trials_and_fits_answer_what_is_about_them() {
     let again = |status: TrialStatus, d_m: f64| {
         let mut row = made_up::trial(made_up::SKEWED, 3.9, [d_m, 0.04, 0.02, 0.02]);
         row.status = status;
+        row.trial += &format!("-{d_m}");
         row
     };
     tables.trials.extend([again(TrialStatus::Failed, 9.0), again(TrialStatus::Flagged, 0.2)]);

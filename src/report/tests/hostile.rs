@@ -122,11 +122,20 @@ fn numbers_of(tables: &mut MadeUp) -> Vec<&mut f64> {
     numbers
 }
 
-fn repeat_or_drop<T: Clone>(rows: &mut Vec<T>, changes: &[(Index, bool)]) {
+/// With another name, which `name` gives of a row.
+fn repeat_or_drop<T: Clone>(
+    rows: &mut Vec<T>,
+    changes: &[(Index, bool)],
+    name: fn(&mut T) -> &mut String,
+) {
     for (at, is_repeated) in changes.iter().filter(|_| rows.len() > 1).collect::<Vec<_>>() {
         let at = at.index(rows.len());
         match is_repeated {
-            true => rows.push(rows[at].clone()),
+            true => {
+                let mut again = rows[at].clone();
+                *name(&mut again) += &format!("-{}", rows.len());
+                rows.push(again);
+            }
             false => drop(rows.remove(at)),
         }
     }
@@ -143,9 +152,9 @@ proptest! {
     ) {
         let folder = temporary();
         let mut tables = few();
-        repeat_or_drop(&mut tables.trials, &rows);
-        repeat_or_drop(&mut tables.fits, &rows);
-        repeat_or_drop(&mut tables.predictions, &rows);
+        repeat_or_drop(&mut tables.trials, &rows, |row| &mut row.trial);
+        repeat_or_drop(&mut tables.fits, &rows, |row| &mut row.campaign);
+        repeat_or_drop(&mut tables.predictions, &rows, |row| &mut row.trial);
         {
             let mut numbers = numbers_of(&mut tables);
             for (at, value) in &changes {
