@@ -11,6 +11,10 @@ const LEAST_JUMP_M: f64 = 2e-3;
 const LEAST_JUMP_RAD: f64 = 0.02;
 /// The same in standard deviations of what the recording's noise makes of it.
 const DEVIATIONS: f64 = 8.0;
+/// Frames that tell whether the robot jumps between the third and the fourth of them.
+const NEAREST: usize = 6;
+/// How large a jump must be without either of the two frames beside it, where it is larger than 1 with both.
+const STAYS: f64 = 0.5;
 /// Frames that may be hidden at and beside a jump; over more of them the robot may have done anything.
 const MOST_HIDDEN: usize = 5;
 /// What a radian counts where a jump is compared with the motion, m: the length of a link.
@@ -49,12 +53,11 @@ pub fn jumps(seen: &Coordinates) -> Vec<Jump> {
         let over = link0.iter().map(|(of, least)| step.of(of).abs() / least);
         over.fold(0.0, f64::max) / step.noise_gain()
     };
-    let from = |nth: usize| (0..seen.len()).filter(|&frame| !x_m[frame].is_nan()).skip(nth);
-    let steps = from(0).zip(from(1)).zip(from(2)).zip(from(3));
-    let steps = steps.map(|(((first, before), after), last)| Step([first, before, after, last]));
-    let sized = steps.enumerate().map(|(nth, step)| (nth, size(&step), step));
-    let large: Vec<_> =
-        sized.filter(|(_, size, step)| *size > 1.0 && step.hidden() <= MOST_HIDDEN).collect();
+    let frames: Vec<usize> = (0..seen.len()).filter(|&frame| !x_m[frame].is_nan()).collect();
+    let is_near = |near: &[usize]| near[NEAREST - 1] - near[0] <= NEAREST - 1 + MOST_HIDDEN;
+    let sized = frames.windows(NEAREST).enumerate().filter(|(_, near)| is_near(near));
+    let sized = sized.map(|(nth, near)| (nth, size(&Step::of_nearest(near))));
+    let large: Vec<(usize, f64)> = sized.filter(|(_, size)| *size > 1.0).collect();
     // What a jump leaves beside it is smaller.
     let is_beside = |a: usize, b: usize| large[b].0 - large[a].0 <= 2;
     let is_peak = |i: &usize| {
@@ -63,9 +66,11 @@ pub fn jumps(seen: &Coordinates) -> Vec<Jump> {
         before.all(|other| large[other].1 < large[*i].1)
             && after.all(|other| large[other].1 <= large[*i].1)
     };
-    let mut found: Vec<usize> = (0..large.len()).filter(is_peak).collect();
+    let nearest = |i: usize| &frames[large[i].0..large[i].0 + NEAREST];
+    let stays = |i: &usize| Step::without_one(nearest(*i)).iter().all(|step| size(step) > STAYS);
+    let mut found: Vec<usize> = (0..large.len()).filter(is_peak).filter(stays).collect();
     found.sort_by(|a, b| large[*b].1.total_cmp(&large[*a].1));
-    found.into_iter().map(|i| jump(seen, &large[i].2)).collect()
+    found.into_iter().map(|i| jump(seen, &Step::of_nearest(nearest(i)))).collect()
 }
 
 /// Four frames in a row of those that show link 0: what happens between the two in the middle is compared
@@ -73,9 +78,15 @@ pub fn jumps(seen: &Coordinates) -> Vec<Jump> {
 struct Step([usize; 4]);
 
 impl Step {
-    /// Frames among them that do not show link 0.
-    fn hidden(&self) -> usize {
-        self.0[3] - self.0[0] - 3
+    /// The four in the middle of the nearest frames.
+    fn of_nearest(near: &[usize]) -> Self {
+        Self([1, 2, 3, 4].map(|i| near[i]))
+    }
+
+    /// The same without the first frame after the jump, and without the last before it. Where that one alone is
+    /// off the others, as with a marker that was taken for another, nothing is left.
+    fn without_one(near: &[usize]) -> [Self; 2] {
+        [[1, 2, 4, 5], [0, 1, 3, 4]].map(|of| Self(of.map(|i| near[i])))
     }
 
     /// Of the four positions in their sum.
@@ -206,6 +217,18 @@ mod tests {
         assert_eq!(jumps(&seen), []);
         assert_eq!(jumps(&recorded(0..3)), []);
         assert_eq!(jumps(&recorded(0..0)), []);
+    }
+
+    #[test]
+    fn one_frame_that_is_off_the_others_is_no_jump() {
+        for off_m in [3e-3, -0.02, 0.3] {
+            let mut seen = recorded(0..FRAMES);
+            seen.x_m[300] += off_m;
+            seen.theta_rad[300] += off_m;
+            assert_eq!(jumps(&seen), []);
+            hide(&mut seen, 299..300);
+            assert_eq!(jumps(&seen), []);
+        }
     }
 
     #[test]
