@@ -28,8 +28,8 @@ pub use schema::{
 pub use sensitivity::{KnownFrom, SENSITIVE_METRICS, SensitivityRow};
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Sharing, Stopped, TrialStatus};
-pub(crate) use table::guarded;
-pub use table::{Provenance, Table, hush_damaged_tables, is_own_table, row_names};
+pub use table::{Provenance, Table, hush_damaged_tables, is_own_table};
+pub(crate) use table::{guarded, row_names};
 pub(crate) use tables::table_set;
 pub use time::{UtcTime, time_text};
 

@@ -45,7 +45,7 @@ pub struct Jump {
 /// missing is not seen.
 pub fn jumps(seen: &Coordinates) -> Vec<Jump> {
     let Coordinates { x_m, y_m, theta_rad, .. } = seen;
-    let gain = Step([0, 1, 2, 3]).noise_gain();
+    let gain = Step::new([0, 1, 2, 3]).noise_gain();
     let link0 = [(x_m, LEAST_JUMP_M), (y_m, LEAST_JUMP_M), (theta_rad, LEAST_JUMP_RAD)]
         .map(|(of, least)| (of, (least / gain).max(DEVIATIONS * signals::noise(of))));
     // Over what is no jump yet.
@@ -75,43 +75,46 @@ pub fn jumps(seen: &Coordinates) -> Vec<Jump> {
 
 /// Four frames in a row of those that show link 0: what happens between the two in the middle is compared
 /// with the motion before and after them.
-struct Step([usize; 4]);
+struct Step {
+    frames: [usize; 4],
+    /// Of the four positions in their sum.
+    weights: [f64; 4],
+}
 
 impl Step {
+    fn new(frames: [usize; 4]) -> Self {
+        let [first, before, after, last] = frames.map(|frame| frame as f64);
+        let part = |frames: f64| 0.5 * (after - before) / frames;
+        let (of_first, of_last) = (part(before - first), part(last - after));
+        Self { frames, weights: [of_first, -1.0 - of_first, 1.0 + of_last, -of_last] }
+    }
+
     /// The four in the middle of the nearest frames.
     fn of_nearest(near: &[usize]) -> Self {
-        Self([1, 2, 3, 4].map(|i| near[i]))
+        Self::new([1, 2, 3, 4].map(|i| near[i]))
     }
 
     /// The same without the first frame after the jump, and without the last before it. Where that one alone is
     /// off the others, as with a marker that was taken for another, nothing is left.
     fn without_one(near: &[usize]) -> [Self; 2] {
-        [[1, 2, 4, 5], [0, 1, 3, 4]].map(|of| Self(of.map(|i| near[i])))
-    }
-
-    /// Of the four positions in their sum.
-    fn weights(&self) -> [f64; 4] {
-        let [first, before, after, last] = self.0.map(|frame| frame as f64);
-        let part = |frames: f64| 0.5 * (after - before) / frames;
-        let (of_first, of_last) = (part(before - first), part(last - after));
-        [of_first, -1.0 - of_first, 1.0 + of_last, -of_last]
+        [[1, 2, 4, 5], [0, 1, 3, 4]].map(|of| Self::new(of.map(|i| near[i])))
     }
 
     /// How far a series goes in the middle, beside its mean motion before and after.
     fn of(&self, series: &[f64]) -> f64 {
-        self.0.iter().zip(self.weights()).map(|(&frame, weight)| weight * series[frame]).sum()
+        self.frames.iter().zip(self.weights).map(|(&frame, weight)| weight * series[frame]).sum()
     }
 
     /// How many times the standard deviation of white noise that of the same is.
     fn noise_gain(&self) -> f64 {
-        self.weights().iter().map(|weight| weight * weight).sum::<f64>().sqrt()
+        self.weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
     }
 }
 
 /// What the robot does beside its motion.
 fn jump(seen: &Coordinates, step: &Step) -> Jump {
     let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = seen;
-    let &Step([_, before, after, _]) = step;
+    let [_, before, after, _] = step.frames;
     let coordinates = [
         (x_m, 1.0),
         (y_m, 1.0),
