@@ -3,12 +3,15 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
+use common::temporary;
 use tempfile::TempDir;
 use trilink::store::{Columns as _, FitRow, Provenance, Reader, Table};
 
@@ -40,7 +43,7 @@ impl Folder {
     fn new() -> Self {
         static SOUND: OnceLock<Folder> = OnceLock::new();
         let sound = SOUND.get_or_init(|| {
-            let folder = Self(TempDir::new().unwrap());
+            let folder = Self(temporary());
             folder.write("pipeline.toml", CONFIG.as_bytes());
             let ended = folder.trilink(&["synth", "raw/x", "--omega", "3.5,3.9", "--seed", "1"]);
             assert_eq!(ended.status, Some(0), "{}", ended.errors);
@@ -51,7 +54,7 @@ impl Folder {
             fs::remove_file(folder.path("raw/x/kinematic-coast-down-r1.csv")).unwrap();
             folder
         });
-        let folder = Self(TempDir::new().unwrap());
+        let folder = Self(temporary());
         fs::create_dir_all(folder.path("raw/x")).unwrap();
         fs::copy(sound.path("pipeline.toml"), folder.path("pipeline.toml")).unwrap();
         for entry in fs::read_dir(sound.path("raw/x")).unwrap() {

@@ -5,10 +5,10 @@
 mod common;
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::OnceLock;
 
-use common::{files, succeed, text, trilink};
+use common::{files, succeed, temporary, text, trilink};
 use serde_json::{Value, json as value};
 use tempfile::TempDir;
 use trilink::config::{Config, GaitInput};
@@ -59,7 +59,7 @@ const DECAYS: [&str; 3] =
 
 /// A demo that has run.
 struct Demo {
-    folder: PathBuf,
+    folder: TempDir,
     stdout: String,
     stderr: String,
 }
@@ -68,15 +68,10 @@ struct Demo {
 fn demo() -> &'static Demo {
     static DEMO: OnceLock<Demo> = OnceLock::new();
     DEMO.get_or_init(|| {
-        let name = env!("CARGO_MANIFEST_DIR").replace(['/', '\\', ':'], "_");
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("cli{name}"));
-        if folder.exists() {
-            std::fs::remove_dir_all(&folder).expect("the earlier demo can go");
-        }
-        std::fs::create_dir_all(&folder).expect("a folder for the demo");
-        write(&folder, "pipeline.toml", toml_of(&settings()));
-        succeed(&folder, &["synth", "raw/demo", "--omega", "0.5,3.9", "--seed", "1"]);
-        let output = trilink(&folder, &["demo"]);
+        let folder = temporary();
+        write(folder.path(), "pipeline.toml", toml_of(&settings()));
+        succeed(folder.path(), &["synth", "raw/demo", "--omega", "0.5,3.9", "--seed", "1"]);
+        let output = trilink(folder.path(), &["demo"]);
         let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
         assert_eq!(output.status.code(), Some(0), "{stderr}");
         Demo { folder, stdout, stderr }
@@ -114,14 +109,14 @@ fn empty_folder() -> TempDir {
 fn fresh_copy() -> TempDir {
     let folder = empty_folder();
     write(folder.path(), "pipeline.toml", toml_of(&settings()));
-    for (name, bytes) in files(&demo().folder.join("raw/demo")) {
+    for (name, bytes) in files(&demo().folder.path().join("raw/demo")) {
         write(&folder.path().join("raw/demo"), name.to_str().expect("a plain name"), bytes);
     }
     folder
 }
 
 fn derived(name: &str) -> Table {
-    Table::read(&demo().folder.join("derived").join(name)).expect("a table")
+    Table::read(&demo().folder.path().join("derived").join(name)).expect("a table")
 }
 
 fn json(path: &Path) -> Value {
@@ -130,7 +125,7 @@ fn json(path: &Path) -> Value {
 }
 
 fn truth() -> Value {
-    json(&demo().folder.join("raw/demo/truth.json"))
+    json(&demo().folder.path().join("raw/demo/truth.json"))
 }
 
 fn near(found: f64, known: f64, relative: f64) -> bool {
@@ -184,7 +179,7 @@ fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
         "history.html",
     ];
     expected.extend(reports.map(|name| format!("reports/{name}")));
-    let left = files(&demo().folder);
+    let left = files(demo().folder.path());
     let made: BTreeSet<String> = left
         .keys()
         .map(|path| path.to_str().expect("a plain name").replace('\\', "/"))
@@ -208,7 +203,7 @@ fn the_demo_ends_with_the_fits_and_where_the_page_is() {
     }
     // Whether a model fits stands beside its objective, and a coefficient of one that does not is
     // marked.
-    let fits = json(&demo().folder.join("reports/fits.json"));
+    let fits = json(&demo().folder.path().join("reports/fits.json"));
     for (fit, line) in fits.as_array().expect("fits").iter().zip(&lines[1..]) {
         let is_free = !fit["free"].as_array().expect("a list").is_empty();
         match fit["adequate"].as_bool() {
@@ -221,7 +216,7 @@ fn the_demo_ends_with_the_fits_and_where_the_page_is() {
     }
     let page = lines[lines.len() - 1].strip_prefix("page: ").expect("the last line");
     assert!(page.ends_with("index.html"), "{page}");
-    assert!(demo().folder.join(page).exists());
+    assert!(demo().folder.path().join(page).exists());
 }
 
 #[test]
@@ -392,7 +387,7 @@ fn the_tables_have_the_documented_columns() {
 
 #[test]
 fn every_table_says_which_version_made_it_of_what_and_has_a_checksum() {
-    for (path, bytes) in files(&demo().folder.join("derived")) {
+    for (path, bytes) in files(&demo().folder.path().join("derived")) {
         for key in ["trilink.version", "trilink.input", "trilink.blake3"] {
             let holds = bytes.windows(key.len()).any(|window| window == key.as_bytes());
             assert!(holds, "{}: {key}", path.display());
@@ -452,7 +447,7 @@ fn predictions_are_at_the_trials_frequencies_and_on_a_finer_grid() {
 
 #[test]
 fn a_sentence_says_which_model_the_data_of_a_campaign_prefer() {
-    let page = demo().folder.join("reports/index.html");
+    let page = demo().folder.path().join("reports/index.html");
     let page = std::fs::read_to_string(page).expect("the page").replace("&#x2f;", "/");
     let fits = FitRow::from_table(&derived("fits.parquet")).expect("fits");
     for campaign in ["kinematic-symmetric", "semi-passive-symmetric"] {
@@ -480,12 +475,12 @@ fn a_sentence_says_which_model_the_data_of_a_campaign_prefer() {
 
 #[test]
 fn the_record_counts_trials_and_names_fits_and_figures() {
-    let record = json(&demo().folder.join("reports/run.json"));
+    let record = json(&demo().folder.path().join("reports/run.json"));
     assert_eq!(record["trials"]["total"], 7);
     assert_eq!(record["trials"]["failed"], 0);
     assert_eq!(record["fits"].as_array().map(Vec::len), Some(4));
     assert_eq!(record["figures"], Value::from(FIGURES.to_vec()));
-    let fits = json(&demo().folder.join("reports/fits.json"));
+    let fits = json(&demo().folder.path().join("reports/fits.json"));
     assert_eq!(fits.as_array().map(Vec::len), Some(4));
 }
 
@@ -509,7 +504,7 @@ fn the_stages_one_by_one_give_what_a_run_gives() {
     for stage in ["ingest", "fit", "report"] {
         succeed(folder.path(), &[stage]);
     }
-    let [stages, run] = [folder.path(), &demo().folder].map(|folder| {
+    let [stages, run] = [folder.path(), demo().folder.path()].map(|folder| {
         let mut left = files(folder);
         // What says when it was made.
         for name in ["run.json", "history.parquet", "history.html"] {
@@ -684,7 +679,7 @@ fn virtual_markers_can_be_left_out_by_a_pattern() {
     succeed(folder.path(), &["ingest"]);
     let poses = format!("derived/poses/{trial}.parquet");
     let found = Table::read(&folder.path().join(&poses)).unwrap();
-    let usual = Table::read(&demo().folder.join(&poses)).unwrap();
+    let usual = Table::read(&demo().folder.path().join(&poses)).unwrap();
     assert_eq!(found.values::<f64>("x_m").unwrap(), usual.values::<f64>("x_m").unwrap());
 
     write(folder.path(), "pipeline.toml", ignoring.replacen("V_*", "F?", 1));

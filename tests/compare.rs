@@ -7,7 +7,7 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use common::{Small, small_settings, succeed, text, trilink};
+use common::{Small, small_settings, succeed, temporary, text, trilink};
 use serde_json::Value;
 use tempfile::TempDir;
 use trilink::compare::HistoryRow;
@@ -15,7 +15,7 @@ use trilink::store::{Columns as _, Table};
 
 /// A laboratory's night: synthetic trials of one truth that were run.
 fn night(arguments: &[&str]) -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = temporary();
     std::fs::write(
         folder.path().join("pipeline.toml"),
         toml::to_string(&small_settings()).unwrap(),

@@ -11,14 +11,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-use common::{Small, assert_same, succeed, text, trilink};
+use common::{Small, assert_same, succeed, temporary, text, trilink};
 use trilink::store::Table;
 
 /// Nine trials; of one the marker file is empty.
 fn project() -> Small {
     static MADE: OnceLock<Small> = OnceLock::new();
     let made = MADE.get_or_init(|| {
-        let folder = Small(tempfile::tempdir().unwrap());
+        let folder = Small(temporary());
         folder.write("pipeline.toml", common::SMALL);
         folder.replace("pipeline.toml", "starts = 2\nbootstrap = 3", "starts = 1\nbootstrap = 0");
         folder.replace("pipeline.toml", "\"no-skid\", \"skid-roll\"", "\"no-skid\"");

@@ -15,7 +15,7 @@ mod replay;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use common::{files, succeed, trilink};
+use common::{files, succeed, temporary, trilink};
 use driver::Browser;
 use serde_json::json;
 use tempfile::TempDir;
@@ -26,7 +26,7 @@ const SIZES: [(u32, u32); 2] = [(1400, 900), (400, 800)];
 
 /// The reports of trials that were made, run and compared with a baseline.
 fn reports(settings: &str, omega_rad_s: &str) -> (TempDir, PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = temporary();
     std::fs::write(folder.path().join("pipeline.toml"), settings).unwrap();
     let synth = ["synth", "raw/demo", "--omega", omega_rad_s, "--seed", "1"];
     let save = ["compare", "--save", "baseline.json"];

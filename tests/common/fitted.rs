@@ -8,7 +8,7 @@ use tempfile::TempDir;
 use trilink::config::{Config, GaitInput, RobotDeviation};
 use trilink::robot::Model;
 
-use crate::common::succeed;
+use crate::common::{succeed, temporary};
 
 pub const CAMPAIGN: &str = "kinematic-symmetric";
 pub const OMEGAS: &str = "1,1.8,2.6,3.4,4.2,5";
@@ -21,7 +21,7 @@ pub fn folder() -> &'static Path {
 
 /// The same with trials of this relative standard error, or that say none.
 pub fn fitted(error: f64) -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = temporary();
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == CAMPAIGN);
     config.campaign.get_mut(CAMPAIGN).unwrap().models = vec![Model::SKID_ROLL];

@@ -1,6 +1,11 @@
 //! What the fuzz targets share: a small project, what is done to one of its files, and the commands
 //! that read it. `tests/hostile.rs` does the same with some hundred inputs of its own.
 
+// Not all of it is used here.
+#[allow(dead_code)]
+#[path = "temporary.rs"]
+mod temporary;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -223,10 +228,10 @@ pub fn recorded(program: Program) -> Vec<u8> {
 }
 
 /// A folder of this process, in memory where there is such a place.
-fn scratch() -> PathBuf {
+fn scratch() -> &'static Path {
     let shm = Path::new("/dev/shm");
     let root = if shm.is_dir() { shm.to_owned() } else { std::env::temp_dir() };
-    root.join(format!("trilink-fuzz-{}", std::process::id()))
+    temporary::of_process(&root)
 }
 
 /// A project as its makers left it.
@@ -239,8 +244,7 @@ impl Project {
     fn get(program: Program) -> &'static Self {
         static PROJECT: OnceLock<Project> = OnceLock::new();
         PROJECT.get_or_init(|| {
-            let mut project = Self { folder: scratch(), files: BTreeMap::new() };
-            let _ = fs::remove_dir_all(&project.folder);
+            let mut project = Self { folder: scratch().join("project"), files: BTreeMap::new() };
             fs::create_dir_all(&project.folder).expect("a folder");
             fs::write(project.folder.join(CONFIG), PIPELINE).expect("written");
             for line in MAKERS {

@@ -3,10 +3,14 @@
 // Not every test file uses all of it.
 #![allow(dead_code)]
 
+mod temporary;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
+
+pub use temporary::temporary;
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -85,7 +89,7 @@ impl Small {
     pub fn raw() -> Self {
         static MADE: OnceLock<Small> = OnceLock::new();
         let made = MADE.get_or_init(|| {
-            let folder = Self(tempfile::tempdir().expect("a temporary folder"));
+            let folder = Self(temporary());
             folder.write("pipeline.toml", SMALL);
             succeed(folder.path(), &["-q", "synth", "raw", "--omega", "5,6", "--seed", "1"]);
             // Some tests take trials from the list and leave their files.
@@ -109,7 +113,7 @@ impl Small {
 
     /// The same files with the same times elsewhere.
     pub fn copy(&self) -> Self {
-        let copy = Self(tempfile::tempdir().expect("a temporary folder"));
+        let copy = Self(temporary());
         let mut open = vec![PathBuf::new()];
         while let Some(inner) = open.pop() {
             std::fs::create_dir_all(copy.path().join(&inner)).expect("a folder");
@@ -211,7 +215,7 @@ pub fn small_settings() -> Config {
 
 /// A folder in which such a configuration has run on synthetic trials of a few frequencies.
 pub fn small_run(config: &Config, seed: &str) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = temporary();
     let text = toml::to_string(config).expect("a configuration is TOML");
     std::fs::write(folder.path().join("pipeline.toml"), text).expect("the file can be written");
     let synth = ["synth", "raw/demo", "--omega", "2,3.9", "--seed", seed, "--quiet"];

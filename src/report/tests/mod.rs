@@ -6,6 +6,8 @@ mod names;
 mod print;
 mod recording;
 mod replay;
+#[path = "../../../tests/common/temporary.rs"]
+mod temporary;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -17,6 +19,7 @@ use crate::config::{Config, FigureWidth};
 use crate::motion::{FromRest, Model, MotionStatus};
 use crate::store::{CheckRow, Columns as _, FitStatus, Reader, Severity, TrialRow, TrialStatus};
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
+use temporary::temporary;
 
 /// What a figure begins with on a page: its text alternative.
 const SHEET: &str = "<div class=\"sheet\" role=\"group\" aria-label=\"";
@@ -59,10 +62,6 @@ fn reported_in_short(tables: &MadeUp, folder: &Path) -> Reported {
     let mut config = config(folder);
     config.campaign.remove(SEMI_PASSIVE);
     report(&config).expect("reports")
-}
-
-fn temporary() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder")
 }
 
 fn read(path: &Path) -> String {
