@@ -12,7 +12,7 @@ use trilink::fit::{FitData, Fitted, fit};
 use trilink::metrics::{Estimate, GaitMetrics};
 use trilink::motion::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink::robot::Parameter;
-use trilink::store::TrialRow;
+use trilink::store::{TrialRow, TrialStatus};
 
 /// Relative noise of d and v, and of the skid ratios.
 const NOISE: [f64; 2] = [0.01, 0.03];
@@ -127,6 +127,54 @@ fn without_repeats_cycles_or_errors_there_is_no_interval() {
     assert!(one.fits[0].lack_of_fit > 0.0);
     assert_eq!((none.fits[0].adequate, none.bootstrap.len()), (None, 0));
     assert!(none.comparison[0].sentence.contains("is not known"), "{:?}", none.comparison);
+}
+
+#[test]
+fn models_with_as_many_coefficients_as_measurements_are_neither_tested_nor_preferred() {
+    let mut config = config(CAMPAIGN, &[Model::SKID, Model::SKID_ROLL]);
+    let weights = &mut config.campaign.get_mut(CAMPAIGN).unwrap().weights;
+    (weights.d, weights.v) = (0.0, 0.0);
+    let trials = trials(CAMPAIGN, &viscous(CAMPAIGN)[5..6], 1);
+    let Fitted { fits, comparison, .. } = fitted(&config, trials.clone());
+    for fit in &fits {
+        assert!(fit.j < 1e-9 && fit.adequate.is_none() && fit.misfit.is_empty(), "{fit:?}");
+    }
+    let sentence = &comparison[0].sentence;
+    let start = "The data do not clearly prefer one model; ";
+    let end = "is not known, since there are no more measurements than free coefficients.";
+    assert!(sentence.starts_with(start) && sentence.ends_with(end), "{sentence}");
+    assert!(sentence.contains("the lowest in 10 of 20 replicates"), "{sentence}");
+    // One that could be tested comes before one that could not.
+    let weights = &mut config.campaign.get_mut(CAMPAIGN).unwrap().weights;
+    (weights.d, weights.v) = (10.0, 1.0);
+    config.campaign.get_mut(CAMPAIGN).unwrap().models =
+        vec![Model::new("coulomb-viscous"), Model::SKID_ROLL];
+    let Fitted { fits, comparison, .. } = fitted(&config, trials);
+    assert_eq!([0, 1].map(|i| fits[i].adequate), [None, Some(true)]);
+    assert_eq!([0, 1].map(|i| comparison[i].preferred), [false, true]);
+}
+
+#[test]
+fn a_fit_to_the_one_trial_that_is_left_says_so_and_where_it_is_off() {
+    let config = config(CAMPAIGN, &[Model::SKID_ROLL]);
+    let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN)[5..7], 1);
+    trials[1].status = TrialStatus::Failed;
+    let Fitted { fits, comparison, .. } = fitted(&config, trials.clone());
+    assert_eq!(fits[0].adequate, Some(true), "{:?}", fits[0]);
+    assert!(fits[0].notes.ends_with("the model leaves out: that takes 3 frequencies"));
+    let begins = "Fitted to 1 of 2 trials: the others have no metrics. Only skid-roll has a fit";
+    assert!(comparison[0].sentence.starts_with(begins), "{:?}", comparison[0].sentence);
+    // Of its four measurements three are as the model has them.
+    for off in [1.04, 1.1] {
+        let mut trials = trials.clone();
+        trials[0].metrics.d_m *= off;
+        trials[0].metrics.v_m_s *= off;
+        let fit = &fitted(&config, trials).fits[0];
+        let [part, at] = fit.misfit.split_once(" is measured ").map(Into::into).unwrap();
+        assert_eq!(fit.adequate, Some(false), "{fit:?}");
+        assert!(part != "v" && !at.starts_with("0.0") && at.ends_with(" at 3 rad/s"), "{fit:?}");
+        assert_eq!(fit.notes, "");
+    }
 }
 
 #[test]

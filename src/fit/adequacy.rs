@@ -14,7 +14,8 @@
 //! within, and that each of the three is as often outside of (Westfall and Young's step of the
 //! least p-value); a pattern counts where the objective is more than noise alone leaves on average.
 //! What a metric is off by without anything that tells its noise does not
-//! count. Errors are normally distributed with the standard deviations that their trial's cycles
+//! count. A model is not tested by no more measurements than it has free coefficients: noise would
+//! leave next to nothing. Errors are normally distributed with the standard deviations that their trial's cycles
 //! tell, without bias, and not exactly: a draw is judged by what its own cycles and repeats would tell.
 //! Assumed is that trials err independently of each other; what they share counts as misfit.
 //!
@@ -69,7 +70,7 @@ pub(super) struct Adequacy {
     pub runs: [f64; 2],
     pub is_adequate: Option<bool>,
     /// Where and to which side the measurements are off, or by how much where nothing tells the noise; empty
-    /// for an adequate model.
+    /// for an adequate model, and for one with as many coefficients as measurements.
     pub misfit: String,
 }
 
@@ -86,6 +87,9 @@ impl Adequacy {
     /// Tests a fit all motions of which exist.
     pub fn new(point: &FittedPoint, resampler: &Resampler) -> Self {
         let terms = terms(point, resampler);
+        if independent(&terms) <= point.values.len() {
+            return Self::UNKNOWN;
+        }
         let unknown = || Self { misfit: how_far_off(&terms), ..Self::UNKNOWN };
         if terms.iter().all(|term| term.deviation == 0.0) {
             return unknown();
@@ -104,6 +108,12 @@ impl Adequacy {
             .collect();
         let alone = |of: &dyn Fn(&Statistics) -> f64| mean(drawn.iter().map(of));
         let explained = alone(&Statistics::cost);
+        let mut noise = [0.0; TERMS];
+        terms.iter().for_each(|term| noise[term.metric] += term.weight * term.deviation);
+        // It goes through all measurements the noise of which is known, whatever they are.
+        if explained < ZERO * noise.iter().sum::<f64>() {
+            return Self::UNKNOWN;
+        }
         let part = 1.0 - rarity(&drawn, explained);
         let highest = |of: &dyn Fn(&Statistics) -> f64| {
             quantiles_low(drawn.iter().map(of).collect(), [part])[0]
@@ -130,7 +140,8 @@ impl Adequacy {
             let most = highest(&|all| all.costs[*i]) / alone(&|all| all.costs[*i]);
             !is_adequate && (ratios[*i] > most || is_patterned(*i))
         };
-        let mut off: Vec<usize> = (0..TERMS).filter(|i| ratios[*i] > 0.0).collect();
+        let mut off: Vec<usize> =
+            (0..TERMS).filter(|i| observed.costs[*i] > ZERO * noise[*i]).collect();
         off.sort_by(|a, b| ratios[*b].total_cmp(&ratios[*a]));
         // All together they may be off where none is by itself: then the one that is the most.
         let first = off.first().copied();
@@ -201,6 +212,15 @@ fn terms<'o>(point: &FittedPoint<'o>, resampler: &Resampler) -> Vec<Term<'o>> {
         }
     }
     terms
+}
+
+/// How many measurements they are of.
+fn independent(terms: &[Term]) -> usize {
+    let of_trial = |terms: &[Term]| {
+        let has = |metric: usize| terms.iter().any(|term| term.metric == metric);
+        terms.len() - usize::from(has(D) && has(V))
+    };
+    terms.chunk_by(|a, b| a.measurement == b.measurement).map(of_trial).sum()
 }
 
 /// Residuals of noise alone, where the fit is the truth; and how many times their noise would be told.
@@ -364,7 +384,9 @@ fn where_off(terms: &[Term], metric: usize) -> Option<String> {
     })?;
     // Predicted over measured, less 1, as measured over predicted.
     let percent = |term: &&Term| 100.0 * (1.0 / (1.0 + term.value) - 1.0).abs();
-    let off = furthest.iter().filter(|term| size(term) > 1.0);
+    // The fit may have brought all of them near.
+    let most = furthest.iter().map(size).fold(0.0, f64::max);
+    let off = furthest.iter().filter(|term| size(term) >= most.min(1.0));
     let off: Vec<&&Term> = off.collect();
     let (first, last) = (off.first()?, off.last()?);
     let [low, high] = crate::stats::extremes(off.iter().map(|term| percent(term)));
@@ -481,6 +503,11 @@ mod tests {
         assert_eq!(
             where_off(&terms[..1], 2).as_deref(),
             Some("sigma0 is measured 3.1 % above the model at 0.5 rad/s")
+        );
+        // The least that is off is where it is furthest off.
+        assert_eq!(
+            where_off(&terms[1..2], 2).as_deref(),
+            Some("sigma0 is measured 0.20 % below the model at 1 rad/s")
         );
         assert_eq!(where_off(&terms, 0), None);
         assert_eq!(how_far_off(&terms[3..]), "the model is off by 29 % in sigma0 (RMS)");

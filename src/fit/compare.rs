@@ -12,10 +12,11 @@ const CLEARLY: f64 = 0.95;
 /// Predictions whose objectives differ by less than this part are as good as each other.
 const ALIKE: f64 = 0.05;
 
-/// Completes the rows of a campaign's comparison by what needs all of its models. Where none fits, what
-/// `contradicts` the configuration by the nearest one is said.
+/// Completes the rows of a comparison of a campaign of so many trials by what needs all of its models. Where
+/// none is known to fit, what `contradicts` the configuration by the nearest one is said.
 pub(super) fn complete(
     models: &mut [Fitted],
+    trials: usize,
     resampler: &Resampler,
     replicates: usize,
     contradicts: impl Fn(Model) -> Option<String>,
@@ -29,7 +30,8 @@ pub(super) fn complete(
     let both = models.iter().flat_map(|model| model.comparison.iter().zip(&model.fits));
     let ranked = ranked(both.collect());
     let preferred = ranked.first().map(|(row, _)| row.model);
-    let sentence = sentence(&ranked, replicates, contradicts);
+    let sentence = fitted_to(resampler.measurements.len(), trials)
+        + &sentence(&ranked, replicates, contradicts);
     let is_preferred = |model: &&Fitted| model.fits.iter().any(|fit| Some(fit.model) == preferred);
     let best = models.iter().find(is_preferred).map_or(&[][..], |best| &best.predictions);
     let noise = Noise::new(resampler);
@@ -49,19 +51,24 @@ pub(super) fn complete(
 }
 
 /// Selection frequency of each model: the part of the replicates in which its criterion is the
-/// lowest; `criteria` are those of all models' replicates. Missing without any.
+/// lowest, of which models that are equal have equal parts; `criteria` are those of all models'
+/// replicates. Missing without any.
 fn selection_frequencies(criteria: &[Vec<f64>]) -> Vec<f64> {
     let replicates = criteria.iter().map(Vec::len).max().unwrap_or(0);
-    let lowest = |number: usize| {
-        let at = |model: &usize| criteria[*model].get(number).copied().unwrap_or(f64::INFINITY);
-        (0..criteria.len()).min_by(|a, b| at(a).total_cmp(&at(b)))
-    };
-    let won: Vec<usize> = (0..replicates).filter_map(lowest).collect();
-    let part = |(model, criteria): (usize, &Vec<f64>)| match criteria.is_empty() {
+    let mut won = vec![0.0; criteria.len()];
+    for number in 0..replicates {
+        let at = |of: &Vec<f64>| of.get(number).copied().unwrap_or(f64::INFINITY);
+        let lowest = criteria.iter().map(at).fold(f64::INFINITY, f64::min);
+        let first = |of: &Vec<f64>| lowest.is_finite() && at(of) <= lowest;
+        let share = 1.0 / criteria.iter().filter(|of| first(of)).count() as f64;
+        let winners = won.iter_mut().zip(criteria).filter(|(_, of)| first(of));
+        winners.for_each(|(won, _)| *won += share);
+    }
+    let part = |(won, of): (f64, &Vec<f64>)| match of.is_empty() {
         true => f64::NAN,
-        false => won.iter().filter(|won| **won == model).count() as f64 / replicates as f64,
+        false => won / replicates as f64,
     };
-    criteria.iter().enumerate().map(part).collect()
+    won.into_iter().zip(criteria).map(part).collect()
 }
 
 /// A model as it compares with the others, and as it was fitted.
@@ -102,6 +109,15 @@ pub fn preferred(comparison: &[ComparisonRow], fits: &[FitRow]) -> Vec<Model> {
     first.chain(rivals(&ranked)).map(|row| row.model).collect()
 }
 
+/// Of how many of its trials a campaign's fits are, if not of all.
+fn fitted_to(measured: usize, trials: usize) -> String {
+    match measured {
+        0 => String::new(),
+        _ if measured == trials => String::new(),
+        _ => format!("Fitted to {measured} of {trials} trials: the others have no metrics. "),
+    }
+}
+
 /// The outcome of a campaign's comparison, in a sentence.
 fn sentence(
     ranked: &[Candidate],
@@ -112,20 +128,21 @@ fn sentence(
         return "No model of this campaign has a fit.".to_owned();
     };
     let lowest = |value: fn(&ComparisonRow) -> f64| {
-        let known = ranked.iter().map(|(row, _)| *row).filter(|row| !value(row).is_nan());
-        known.min_by(|a, b| value(a).total_cmp(&value(b)))
+        let known = ranked.iter().filter(|(row, _)| !value(row).is_nan());
+        known.min_by(|(a, _), (b, _)| value(a).total_cmp(&value(b)))
     };
     let rivals = rivals(ranked);
     let is_clear = rivals.is_empty();
-    let nearer = lowest(|row| row.criterion).filter(|row| row.model != first.model);
+    let nearer = lowest(|row| row.criterion).filter(|(row, _)| row.model != first.model);
     let model = first.model;
     let mut text = match (rank(fit), nearer) {
         _ if ranked.len() == 1 => format!("Only {model} has a fit"),
         (2, _) => format!("None fits; {model} is the best of those"),
-        (0, Some(nearer)) => {
-            format!("The data fit {model}; {} is nearer and does not fit", nearer.model)
+        (0, Some((nearer, fit))) => {
+            let whether = if rank(fit) == 2 { "does not fit" } else { "may not fit" };
+            format!("The data fit {model}; {} is nearer and {whether}", nearer.model)
         }
-        (_, Some(nearer)) => {
+        (_, Some((nearer, _))) => {
             format!("{model} is nearest of those that may fit; {} does not fit", nearer.model)
         }
         _ if is_clear => format!("The data prefer {model}"),
@@ -157,17 +174,21 @@ fn sentence(
         // Said at the beginning.
         Some(false) => format!("; {ratio}; {misfit}"),
         None => {
+            let why = match first.terms <= first.free {
+                true => "there are no more measurements than free coefficients",
+                false => "nothing tells the noise",
+            };
             let colon = if misfit.is_empty() { "" } else { ": " };
-            format!("; whether it fits is not known, since nothing tells the noise{colon}{misfit}")
+            format!("; whether it fits is not known, since {why}{colon}{misfit}")
         }
     };
-    let cause = contradicts(model).filter(|_| fit.adequate == Some(false));
+    let cause = contradicts(model).filter(|_| fit.adequate != Some(true));
     text += &cause.map_or(String::new(), |cause| format!("; {cause}"));
     if ranked.len() == 1 {
         return text + ".";
     }
     let is_alike = |ours: f64, best: f64| ours <= (1.0 + ALIKE) * best;
-    if let Some(best) = lowest(|row| row.j_left_out) {
+    if let Some((best, _)) = lowest(|row| row.j_left_out) {
         let [ours, least] = [first, best].map(|row| row.j_left_out);
         text += &match best.model {
             _ if best.model == model => {
@@ -182,8 +203,8 @@ fn sentence(
             ),
         };
     }
-    if let Some(best) = lowest(|row| row.j_extrapolated)
-        .filter(|best| !is_alike(first.j_extrapolated, best.j_extrapolated))
+    if let Some((best, _)) = lowest(|row| row.j_extrapolated)
+        .filter(|(best, _)| !is_alike(first.j_extrapolated, best.j_extrapolated))
     {
         text += &format!(
             "; fitted up to {} rad/s, what is above is predicted better by {} ({:.4} against {:.4})",
@@ -203,7 +224,9 @@ mod tests {
 
     fn row(model: Model, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
         let criterion = 100.0 * j.ln();
-        ComparisonRow { model, j, j_left_out, wins, criterion, free: 3, ..ComparisonRow::blank() }
+        let (free, terms) = (3, 12);
+        let blank = ComparisonRow::blank();
+        ComparisonRow { model, j, j_left_out, wins, criterion, free, terms, ..blank }
     }
 
     fn of(rows: &[ComparisonRow], adequate: &[Option<bool>]) -> String {
@@ -255,6 +278,8 @@ mod tests {
         let other = of(&rows, &[Some(true), Some(false)]);
         assert!(other.starts_with("The data fit skid; skid-roll is nearer and does not fit"));
         assert_eq!(other.matches("not fit").count(), 1, "{other}");
+        let other = of(&rows, &[Some(true), None]);
+        assert!(other.starts_with("The data fit skid; skid-roll is nearer and may not fit: J"));
         let other = of(&rows, &[None, Some(false)]);
         let start = "skid is nearest of those that may fit; skid-roll does not fit: J";
         assert!(other.starts_with(start) && other.contains("is not known"), "{other}");
@@ -332,8 +357,11 @@ mod tests {
         assert_eq!(
             of(&rows, &[None, None]),
             "Only skid has a fit: J = 0.3000; whether it fits is not known, since nothing tells \
-             the noise: the model is off by 12 % in d (RMS)."
+             the noise: the model is off by 12 % in d (RMS); push measures twice what is configured."
         );
+        let few = [rows[0].clone(), ComparisonRow { terms: 3, ..rows[1].clone() }];
+        let text = of(&few, &[None, None]);
+        assert!(text.contains("since there are no more measurements than free coefficients"));
         assert!(of(&rows, &[None, Some(false)]).contains("it does not fit"));
         assert_eq!(of(&rows[..1], &[None]), "No model of this campaign has a fit.");
     }
@@ -346,9 +374,17 @@ mod tests {
             vec![2.0, 1.0, 2.0, 2.0],
         ]);
         assert_eq!((won[0], won[2]), (0.5, 0.5));
-        assert!(
-            won[1].is_nan()
-                && selection_frequencies(&[Vec::new(), Vec::new()]).iter().all(|won| won.is_nan())
-        );
+        assert!(won[1].is_nan());
+        assert!(selection_frequencies(&[Vec::new(), Vec::new()]).iter().all(|won| won.is_nan()));
+        // Models that go through all measurements are equal, and what cannot be fitted wins nothing.
+        let (equal, none) = (vec![-130.0, -130.0], vec![f64::INFINITY, f64::NAN]);
+        assert_eq!(selection_frequencies(&[equal.clone(), equal, none.clone()]), [0.5, 0.5, 0.0]);
+        assert_eq!(selection_frequencies(&[none]), [0.0]);
+    }
+
+    #[test]
+    fn fits_of_a_part_of_the_trials_say_so() {
+        let text = "Fitted to 1 of 13 trials: the others have no metrics. ";
+        assert_eq!([0, 1, 13].map(|measured| fitted_to(measured, 13)), ["", text, ""]);
     }
 }

@@ -6,7 +6,8 @@
 //! - *Systematic*: what all trials share, and no repeat shows.
 //!   - What the fit takes the model for: a jackknife over blocks of neighbouring frequencies
 //!     spreads by more than the scatter if no one set of coefficients describes them all. Only
-//!     what exceeds [`BY_CHANCE`] times the scatter's variance counts.
+//!     what exceeds [`BY_CHANCE`] times the scatter's variance counts. Fewer than [`LEAST_BLOCKS`]
+//!     frequencies do not tell it, and it is missing.
 //!   - What is assumed of the robot: every standard deviation that the configuration gives, or
 //!     that joint-release and coast-down trials have, moves the fit by so much.
 //!   - The gait, where the command drives the model: servos miss it, and the measured gait gives
@@ -43,7 +44,7 @@ const BLOCKS: usize = 6;
 /// (2.2), because least absolute deviations go from breakpoint to breakpoint.
 const BY_CHANCE: f64 = 6.0;
 /// Fewer do not tell a spread.
-const LEAST_BLOCKS: usize = 3;
+pub(super) const LEAST_BLOCKS: usize = 3;
 
 /// Of the free parameters, in their order.
 #[derive(Debug, Clone, PartialEq)]

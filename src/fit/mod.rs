@@ -224,7 +224,9 @@ pub fn fit_except(
         let mut models: Vec<Fitted> = models.collect();
         let contradicts =
             |model| inputs.iter().find(|of| of.model.name == model)?.contradiction(data);
-        compare::complete(&mut models, &resampler, inputs[0].fit.bootstrap, contradicts);
+        let (campaign, replicates) = (&inputs[0].campaign.name, inputs[0].fit.bootstrap);
+        let trials = data.trials.iter().filter(|trial| trial.campaign == *campaign).count();
+        compare::complete(&mut models, trials, &resampler, replicates, contradicts);
         models.into_iter().for_each(|fitted| all.extend(fitted));
     }
     for fit in &mut all.fits {

@@ -6,7 +6,7 @@ use super::bands::Bands;
 use super::criterion::criterion;
 use super::fitted_point::HeldPoint;
 use super::input::FreeParameter;
-use super::intervals::Intervals;
+use super::intervals::{Intervals, LEAST_BLOCKS};
 use super::job::{Fit, Job};
 use super::objective::METRICS;
 use super::predict::{predictions, residuals};
@@ -40,6 +40,13 @@ impl Job<'_> {
         };
         let Adequacy { lack_of_fit, by_metric, autocorrelation, runs, .. } = fit.adequacy;
         let [lower, upper] = intervals.limits.map(|limits| spread(parameters, &limits));
+        let mut notes = self.notes();
+        let has_intervals = !free.is_empty() && status.is_ok() && intervals.why_none.is_empty();
+        if has_intervals && fit.systematic.blocks.is_empty() {
+            notes.push(format!(
+                "no interval holds what the model leaves out: that takes {LEAST_BLOCKS} frequencies"
+            ));
+        }
         FitRow {
             lower,
             upper,
@@ -58,7 +65,7 @@ impl Job<'_> {
             runs_limit: runs[1],
             adequate: fit.adequacy.is_adequate,
             misfit: fit.adequacy.misfit.clone(),
-            notes: self.notes(),
+            notes: notes.join("; "),
             measured: self.measured.iter().copied().filter(held).collect(),
             identifiable: classed(Class::Identifiable),
             practically_not: classed(Class::PracticallyNot),
@@ -161,7 +168,7 @@ impl Job<'_> {
     }
 
     /// What was fitted instead of what is missing, and what the objective lacks.
-    fn notes(&self) -> String {
+    fn notes(&self) -> Vec<String> {
         let measurements = &self.objective.measurements;
         let raw: Vec<&str> = measurements
             .iter()
@@ -184,7 +191,7 @@ impl Job<'_> {
         if !lacking.is_empty() {
             notes.push(format!("the objective lacks {}: no trial has it", lacking.join(", ")));
         }
-        notes.join("; ")
+        notes
     }
 
     /// The model's row of the comparison, without what needs the other models.

@@ -31,7 +31,7 @@ pub struct FitSummary {
     pub free: Vec<Parameter>,
     /// The gait that drove the fit; the motion is that of the commanded one.
     pub fitted_gait: GaitInput,
-    /// Whether the model fits; null where nothing tells the noise.
+    /// Whether the model fits; null where nothing tells.
     pub adequate: Option<bool>,
     /// Where and to which side the measurements are off an inadequate model.
     pub misfit: String,

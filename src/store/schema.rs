@@ -352,7 +352,7 @@ rows! {
         /// Value of the objective (eq. 22), averaged over the trials.
         pub j: f64,
         /// The objective over the one that noise alone leaves, and the limit of this ratio;
-        /// missing where nothing tells the noise.
+        /// missing where nothing tells the noise, or no measurement is left to test the model with.
         pub lack_of_fit: f64,
         pub lack_of_fit_limit: f64,
         /// The same ratio of the terms of d, v, sigma and alpha_1.
@@ -368,7 +368,7 @@ rows! {
         /// residuals, of the metric where they are fewest, and its limit.
         pub runs: f64,
         pub runs_limit: f64,
-        /// Whether the model is within the three limits; missing where nothing tells the noise.
+        /// Whether the model is within the three limits; missing where they are.
         pub adequate: Option<bool>,
         /// Where and to which side the measurements are off an inadequate model, or by how much where
         /// nothing tells the noise.
@@ -376,7 +376,7 @@ rows! {
         /// Whether the same coefficients describe the robot's other campaigns; missing where that
         /// was not asked for or could not be tested.
         pub sharing: Option<Sharing>,
-        /// What was fitted instead of what is missing, and what the objective lacks.
+        /// What was fitted instead of what is missing, and what the objective and the intervals lack.
         pub notes: String,
         /// Trials that it is averaged over.
         pub trials: i64,
