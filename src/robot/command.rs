@@ -123,10 +123,14 @@ impl JointCommand {
     }
 
     /// What was measured of the joint that follows this command: its mean and first harmonic, with the
-    /// command's second one.
+    /// command's second one. It is not known (NaN) where no joint can turn so far.
     #[must_use]
     pub fn measured(self, measured: Self) -> Self {
-        Self { second: self.second, ..measured }
+        let Self { offset_rad, amplitude_rad, .. } = measured;
+        match offset_rad.abs() + amplitude_rad.abs() <= TAU {
+            true => Self { second: self.second, ..measured },
+            false => Self::new(f64::NAN, f64::NAN, f64::NAN),
+        }
     }
 
     /// The same command as it is an angle of omega later.
@@ -275,6 +279,18 @@ impl JointCommand {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_no_joint_can_turn_by_is_not_known() {
+        let command = JointCommand::new(0.1, 0.5, 0.2);
+        let measured = |offset_rad, amplitude_rad| {
+            command.measured(JointCommand::new(offset_rad, amplitude_rad, 0.3)).to_array()
+        };
+        assert_eq!(measured(-3.0, 3.0), [-3.0, 3.0, 0.3]);
+        for [offset_rad, amplitude_rad] in [[0.1, 1e6], [-7.0, 0.5], [f64::NAN, 0.5]] {
+            assert!(measured(offset_rad, amplitude_rad).iter().all(|number| number.is_nan()));
+        }
+    }
 
     /// A flat top has three turning points in one place, and a dominant second harmonic turns round
     /// four times.

@@ -407,6 +407,8 @@ fn many(frame: &DataFrame, rows: usize) -> PolarsResult<DataFrame> {
         let again = all.clone();
         all.vstack_mut(&again)?;
     }
+    // Of what is in very many pieces polars is slow to tell the size.
+    all.rechunk_mut();
     Ok(all)
 }
 

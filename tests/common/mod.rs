@@ -40,6 +40,11 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the text is UTF-8")
 }
 
+/// Whether a run found nothing to do; what its fits lack is said again.
+pub fn was_up_to_date(output: &Output) -> bool {
+    text(&output.stderr).ends_with("everything was up to date\n")
+}
+
 /// What is beside the results: who holds them, and the record of times and hashes.
 const BESIDE: [&str; 2] = [".lock", "up-to-date.json"];
 

@@ -49,11 +49,13 @@ pub fn lay_out(mut samples: Vec<Layer>, left: f64, right: f64) -> Vec<Entry> {
 
 /// The text, or as much of it as fits.
 fn shorten(label: &str, room: f64) -> String {
-    let (mut short, mut left) = (label.to_owned(), label.chars());
-    while style::text_width(&short) > room && left.next_back().is_some() {
-        short = format!("{}…", left.as_str());
+    if style::text_width(label) <= room {
+        return label.to_owned();
     }
-    short
+    let cut = |end: usize| format!("{}…", &label[..end]);
+    let ends: Vec<usize> = label.char_indices().map(|(end, _)| end).collect();
+    let fitting = ends.partition_point(|end| style::text_width(&cut(*end)) <= room);
+    cut(ends[..fitting].last().copied().unwrap_or(0))
 }
 
 #[cfg(test)]
@@ -74,5 +76,16 @@ mod tests {
         assert_eq!(rows(width - 20.0), [0, 1, 0]);
         assert_eq!(rows(60.0), [0, 1, 2]);
         assert!(lay_out(samples, 0.0, 60.0).iter().any(|entry| entry.sample.name.contains('…')));
+    }
+
+    #[test]
+    fn as_much_of_a_name_is_shown_as_fits_however_long_it_is() {
+        let name = "a model's name ".repeat(10_000);
+        let short = shorten(&name, 100.0);
+        let kept = short.strip_suffix('…').expect("it is too long");
+        let longer = format!("{}…", &name[..=kept.len()]);
+        assert!(name.starts_with(kept) && style::text_width(&short) <= 100.0, "{short}");
+        assert!(style::text_width(&longer) > 100.0, "{longer}");
+        assert_eq!([shorten("é", 100.0), shorten("é", 1.0), shorten("", -1.0)], ["é", "…", "…"]);
     }
 }
