@@ -14,9 +14,10 @@
 //! within, and that each of the three is as often outside of (Westfall and Young's step of the
 //! least p-value); a pattern counts where the objective is more than noise alone leaves on average.
 //! What a metric is off by without anything that tells its noise does not
-//! count. A model is not tested by no more measurements than it has free coefficients: noise would
-//! leave next to nothing. Errors are normally distributed with the standard deviations that their trial's cycles
-//! tell, without bias, and not exactly: a draw is judged by what its own cycles and repeats would tell.
+//! count. No more measurements than free coefficients test nothing: noise would leave next to
+//! nothing of them. Errors are normally distributed with the standard deviations that their trial's
+//! cycles tell, without bias, and not exactly: a draw is judged by what its own cycles and repeats
+//! would tell.
 //! Assumed is that trials err independently of each other; what they share counts as misfit.
 //!
 //! Reference: N. R. Draper and H. Smith, *Applied Regression Analysis*, 3rd ed., Wiley 1998,
@@ -112,7 +113,7 @@ impl Adequacy {
         terms.iter().for_each(|term| noise[term.metric] += term.weight * term.deviation);
         // It goes through all measurements the noise of which is known, whatever they are.
         if explained < ZERO * noise.iter().sum::<f64>() {
-            return Self::UNKNOWN;
+            return unknown();
         }
         let part = 1.0 - rarity(&drawn, explained);
         let highest = |of: &dyn Fn(&Statistics) -> f64| {
