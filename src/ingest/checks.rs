@@ -148,7 +148,8 @@ impl fmt::Display for Finding {
         write!(f, "{}: {}", self.check, self.message)?;
         match self.severity {
             Severity::Error => {
-                write!(f, " (found {:.3}, needed at most {})", self.value, self.limit)
+                let digits = if self.value.fract() == 0.0 { 0 } else { 3 };
+                write!(f, " (found {:.digits$}, needed at most {})", self.value, self.limit)
             }
             _ => Ok(()),
         }

@@ -359,6 +359,7 @@ fn a_trial_whose_rows_were_deleted_or_doubled_and_numbered_anew_fails() {
         let failure = process_text(&next, &trial).unwrap_err().to_string();
         assert!(failure.contains("W025 jump: the robot jumps by "), "{failure}");
         assert!(failure.contains(found), "{failure}");
+        assert!(failure.ends_with(" (found 1, needed at most 0)"), "{failure}");
     }
 }
 
