@@ -7,7 +7,7 @@ use plotters::style::text_anchor::HPos;
 use super::axis::{Axis, Range};
 use super::figure::Layer;
 use super::frame::{Area, Drawn, Frame};
-use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, RIGHT, TICK_LABELS, TOP};
+use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, NOTE, RIGHT, TICK_LABELS, TOP};
 use super::legend::{Entry, ROW, SAMPLE_GAP};
 use super::style::{self, Look, SAMPLE, stroke, units};
 use crate::report::svg::{Markup, escaped};
@@ -72,7 +72,7 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     area.draw(&Markup(begin))?;
     let (panel, right) = (cell.panel, cell.width - RIGHT);
     write(&area, &cell.title, HPos::Left, (LEFT, TOP - 8.0))?;
-    write(&area, &panel.beyond, HPos::Right, (right, TOP - 8.0))?;
+    write(&area, &cell.beyond, HPos::Right, (right, TOP - 8.0))?;
     draw_legend(&cell.legend, TOP - 12.0 - 0.5 * ROW, false, &area)?;
     let (across, up) = (cell.x.range.span(), cell.y.range.span());
     let pixel = (across / (right - LEFT), up / cell.inner_height);
@@ -116,7 +116,7 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     others.into_iter().try_for_each(|layer| frame.draw_group(layer))?;
     for (note, row) in cell.notes.iter().zip(1..) {
         let baseline = TOP + f64::from(row) * 1.3 * style::EM + 2.0;
-        write(&area, note, HPos::Right, (right - 7.0, baseline))?;
+        write(&area, note, HPos::Right, (right - NOTE, baseline))?;
     }
     area.draw(&Markup(end))
 }

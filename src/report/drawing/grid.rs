@@ -1,7 +1,5 @@
 //! Where the panels of a figure are and how large.
 
-use std::iter;
-
 use super::axis::{Axis, Range, Scale};
 use super::figure::{Figure, Layout, Panel};
 use super::legend;
@@ -20,13 +18,19 @@ const SHARED_BOTTOM: f64 = 7.0;
 const LEAST_WIDTH: f64 = 200.0;
 /// Around the figure's legend, px.
 pub const MARGIN: f64 = 10.0;
+/// Between a note and the frame, px.
+pub const NOTE: f64 = 7.0;
+/// Least between a title and what stands beside it, px.
+const GAP: f64 = 3.0;
 
 /// A panel and its part of the figure, px.
 pub struct Cell<'f> {
     pub panel: &'f Panel,
     /// The panel's, with its letter where there are several, as far as there is room.
     pub title: String,
-    /// What there is no room for in the title, and the panel's own.
+    /// The panel's, if there is room for it beside the title.
+    pub beyond: String,
+    /// What there is no room for above the panel, and the panel's own.
     pub notes: Vec<String>,
     pub left: f64,
     pub top: f64,
@@ -108,7 +112,7 @@ impl<'f> Grid<'f> {
             let has_x_labels = !is_shared || nth + 1 == panels.len();
             let bottom = if has_x_labels { BOTTOM } else { SHARED_BOTTOM };
             let letter = if panels.len() > 1 { format!("({letter}) ") } else { String::new() };
-            let (title, notes) = titled(letter + &panel.title, &panel.notes, right - LEFT);
+            let (title, beyond, notes) = titled(letter + &panel.title, panel, right - LEFT);
             let samples = if has_own_legends { panel.samples() } else { Vec::new() };
             let from = right - legend::row_width(&samples);
             let legend = legend::lay_out(samples, from, right);
@@ -117,6 +121,7 @@ impl<'f> Grid<'f> {
             cells.push(Cell {
                 panel,
                 title,
+                beyond,
                 notes,
                 left,
                 top,
@@ -134,15 +139,23 @@ impl<'f> Grid<'f> {
     }
 }
 
-/// A title and the notes of a panel: what is too long for its line goes on below it from its comma.
-fn titled(title: String, notes: &[String], room: f64) -> (String, Vec<String>) {
-    match title.split_once(", ") {
-        Some((short, rest)) if style::text_width(&title) > room => {
-            let notes = iter::once(rest.to_owned()).chain(notes.iter().cloned());
-            (short.to_owned(), notes.collect())
-        }
-        _ => (title, notes.to_vec()),
+/// The title of a panel, what lies beyond it, and its notes: what is too long for the line above the
+/// panel goes on below it, a title from its comma.
+fn titled(mut title: String, panel: &Panel, room: f64) -> (String, String, Vec<String>) {
+    let mut notes = panel.notes.clone();
+    if style::text_width(&title) > room
+        && let Some((short, rest)) = title.split_once(", ")
+    {
+        notes.insert(0, rest.to_owned());
+        title = short.to_owned();
     }
+    let beyond = &panel.beyond;
+    let width = style::text_width(&title) + GAP + style::text_width(beyond);
+    if beyond.is_empty() || width <= room {
+        return (title, beyond.clone(), notes);
+    }
+    notes.push(legend::shorten(beyond, room - 2.0 * NOTE));
+    (title, String::new(), notes)
 }
 
 /// Height of the frame of a map that is as wide as the figure: not more than it needs, and not as
@@ -186,12 +199,27 @@ mod tests {
     fn a_title_that_is_too_long_goes_on_in_the_panel() {
         let title = "Path of the middle link, d = 472.3 \u{b1} 1.1 mm";
         let width = style::text_width(title);
-        let notes = ["a note".to_owned()];
-        let of = |room: f64| titled(title.to_owned(), &notes, room);
-        assert_eq!(of(width), (title.to_owned(), notes.to_vec()));
-        let (short, below) = of(0.7 * width);
-        assert_eq!(short, "Path of the middle link");
+        let panel = Panel { notes: vec!["a note".to_owned()], ..Panel::default() };
+        let of = |room: f64| titled(title.to_owned(), &panel, room);
+        assert_eq!(of(width), (title.to_owned(), String::new(), panel.notes.clone()));
+        let (short, beside, below) = of(0.7 * width);
+        assert_eq!([&short, &beside], ["Path of the middle link", ""]);
         assert_eq!(below, ["d = 472.3 \u{b1} 1.1 mm", "a note"]);
+    }
+
+    #[test]
+    fn what_lies_beyond_a_panel_is_not_written_over_its_title() {
+        let beyond = "skid to \u{2212}100 %".to_owned();
+        let room = style::text_width("(c) d") + GAP + style::text_width(&beyond);
+        let panel = Panel { beyond, notes: vec!["a note".to_owned()], ..Panel::default() };
+        let of = |room: f64| titled("(c) d".to_owned(), &panel, room);
+        assert_eq!(of(room), ("(c) d".to_owned(), panel.beyond.clone(), panel.notes.clone()));
+        let (title, beside, below) = of(room - 1.0);
+        assert_eq!([&title, &beside], ["(c) d", ""]);
+        assert_eq!(below, ["a note", &panel.beyond]);
+        let (_, _, below) = of(0.6 * room);
+        assert!(below[1].starts_with("skid") && below[1].ends_with('\u{2026}'), "{below:?}");
+        assert!(style::text_width(&below[1]) <= 0.6 * room - 2.0 * NOTE);
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub fn lay_out(mut samples: Vec<Layer>, left: f64, right: f64) -> Vec<Entry> {
 }
 
 /// The text, or as much of it as fits.
-fn shorten(label: &str, room: f64) -> String {
+pub fn shorten(label: &str, room: f64) -> String {
     if style::text_width(label) <= room {
         return label.to_owned();
     }

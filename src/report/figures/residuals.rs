@@ -59,8 +59,8 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
     let most = beyond.first().map_or(String::new(), |(_, _, farthest)| fixed(*farthest, 0));
     let beyond = match beyond.as_slice() {
         [] => String::new(),
-        [(model, ..)] => format!("{model}: to {most} %"),
-        several => format!("{} models: to {most} %", several.len()),
+        [(model, ..)] => format!("{model} to {most} %"),
+        several => format!("{} models to {most} %", several.len()),
     };
     let error = |trial: &TrialRow| {
         let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
