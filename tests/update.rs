@@ -326,6 +326,43 @@ fn a_trial_that_failed_is_not_tried_again_until_something_changes() {
     assert_same(&folder.results(), &Small::done().results(), "whole again");
 }
 
+/// The models without roll resistance, which the coast-down contradicts.
+const CONTRADICTED: [&str; 2] = ["kinematic-skewed skid", "kinematic-symmetric no-skid"];
+
+#[test]
+fn what_a_coast_down_contradicts_is_said_as_long_as_it_is_there() {
+    let folder = Small::done();
+    let (file, before) = (format!("raw/{COAST}.csv"), folder.results());
+    let whole = folder.read(&file);
+    folder.write(&file, "");
+    let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
+    for fit in CONTRADICTED {
+        let perhaps = format!("perhaps fit {fit}: if robot_parameters.parquet changes\n");
+        assert!(ahead.contains(&perhaps), "{ahead}");
+    }
+    assert_eq!(trilink(folder.path(), &["run"]).status.code(), Some(1));
+    assert_eq!(redone(&folder)[1], CONTRADICTED);
+    assert_same(&folder.results(), &folder.scratch(), "without it");
+    folder.write(&file, whole);
+    folder.run();
+    assert_same(&folder.results(), &before, "with it");
+}
+
+#[test]
+fn of_how_many_trials_a_fit_is_is_said_as_many_as_there_are() {
+    let folder = Small::done();
+    let gone = "[[trial]]\nid = \"gone\"\nfile = \"gone.csv\"\nkind = \"gait\"\n\
+                campaign = \"kinematic-skewed\"\nomega_rad_s = 4.0\n";
+    let list = text(&folder.read("raw/trials.toml"));
+    folder.write("raw/trials.toml", format!("{list}\n{gone}"));
+    assert_eq!(trilink(folder.path(), &["run"]).status.code(), Some(1));
+    assert_eq!(redone(&folder)[1], ["kinematic-skewed skid"]);
+    assert_same(&folder.results(), &folder.scratch(), "one more, which is not there");
+    folder.write("raw/trials.toml", list);
+    folder.run();
+    assert_same(&folder.results(), &Small::done().results(), "without it");
+}
+
 #[test]
 fn measured_robot_parameters_make_fits_depend_on_the_robot_s_other_trials() {
     let folder = Small::done();

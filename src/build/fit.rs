@@ -16,8 +16,10 @@ use crate::fit::{
 use crate::interrupt::stop_if_asked;
 use crate::store::{BootstrapRow, FitRow, Provenance, Reader, SharedFitRow};
 
-/// Part of every fit whose robot has measured parameters.
+/// Part of every fit of a campaign, and of what campaigns share if its robot has measured parameters.
 const ROBOTS: &str = "robot_parameters.parquet";
+/// Part of every fit of a campaign.
+const WITHOUT_METRICS: &str = "the number of trials without metrics";
 
 pub struct FitStage {
     derived: PathBuf,
@@ -114,6 +116,15 @@ fn parts_of(trials: BTreeMap<String, String>, of_robot: &FitInput, data: &FitDat
     parts
 }
 
+/// What a fit of a campaign is made of, and what is said beside it in the comparison.
+fn parts_of_own(input: &FitInput, data: &FitData) -> Fingerprint {
+    let mut parts = parts_of(input.trials(data), input, data);
+    let robots = hash_of(&(parts.remove(ROBOTS), input.contradiction(data)));
+    parts.insert(ROBOTS.to_owned(), robots);
+    parts.insert(WITHOUT_METRICS.to_owned(), input.trials_without_metrics(data).to_string());
+    parts
+}
+
 fn part_of_trial(trial: &str) -> String {
     format!("trial {trial}")
 }
@@ -153,7 +164,7 @@ impl Stage for FitStage {
     }
 
     fn wanted(&self, data: &FitData) -> Vec<Wanted> {
-        let own = |input: &FitInput| parts_of(input.trials(data), input, data);
+        let own = |input: &FitInput| parts_of_own(input, data);
         let shared = |input: &SharedInput| parts_of(input.trials(data), &input.campaigns[0], data);
         self.all_wanted(own, shared)
     }

@@ -12,11 +12,11 @@ const CLEARLY: f64 = 0.95;
 /// Predictions whose objectives differ by less than this part are as good as each other.
 const ALIKE: f64 = 0.05;
 
-/// Completes the rows of a comparison of a campaign of so many trials by what needs all of its models. Where
-/// none is known to fit, what `contradicts` the configuration by the nearest one is said.
+/// Completes the rows of a comparison of a campaign, with so many trials `without` metrics, by what needs all
+/// of its models. Where none is known to fit, what `contradicts` the configuration by the nearest one is said.
 pub(super) fn complete(
     models: &mut [Fitted],
-    trials: usize,
+    without: usize,
     resampler: &Resampler,
     replicates: usize,
     contradicts: impl Fn(Model) -> Option<String>,
@@ -30,7 +30,7 @@ pub(super) fn complete(
     let both = models.iter().flat_map(|model| model.comparison.iter().zip(&model.fits));
     let ranked = ranked(both.collect());
     let preferred = ranked.first().map(|(row, _)| row.model);
-    let sentence = fitted_to(resampler.measurements.len(), trials)
+    let sentence = fitted_to(resampler.measurements.len(), without)
         + &sentence(&ranked, replicates, contradicts);
     let is_preferred = |model: &&Fitted| model.fits.iter().any(|fit| Some(fit.model) == preferred);
     let best = models.iter().find(is_preferred).map_or(&[][..], |best| &best.predictions);
@@ -110,11 +110,13 @@ pub fn preferred(comparison: &[ComparisonRow], fits: &[FitRow]) -> Vec<Model> {
 }
 
 /// Of how many of its trials a campaign's fits are, if not of all.
-fn fitted_to(measured: usize, trials: usize) -> String {
-    match measured {
-        0 => String::new(),
-        _ if measured == trials => String::new(),
-        _ => format!("Fitted to {measured} of {trials} trials: the others have no metrics. "),
+fn fitted_to(measured: usize, without: usize) -> String {
+    match (measured, without) {
+        (0, _) | (_, 0) => String::new(),
+        _ => {
+            let trials = measured + without;
+            format!("Fitted to {measured} of {trials} trials: the others have no metrics. ")
+        }
     }
 }
 
@@ -385,6 +387,6 @@ mod tests {
     #[test]
     fn fits_of_a_part_of_the_trials_say_so() {
         let text = "Fitted to 1 of 13 trials: the others have no metrics. ";
-        assert_eq!([0, 1, 13].map(|measured| fitted_to(measured, 13)), ["", text, ""]);
+        assert_eq!([0, 1, 13].map(|measured| fitted_to(measured, 13 - measured)), ["", text, ""]);
     }
 }

@@ -102,6 +102,12 @@ impl FitInput {
         measurements
     }
 
+    /// How many trials the campaign has that measured nothing.
+    pub fn trials_without_metrics(&self, data: &FitData) -> usize {
+        let trials = data.trials.iter().filter(|trial| trial.campaign == self.campaign.name);
+        trials.filter(|trial| Measurement::new(trial, self.fit.sigma).is_none()).count()
+    }
+
     /// Hash of what the fit reads of each trial. Numbers are printed such that they can be told apart.
     pub fn trials(&self, data: &FitData) -> BTreeMap<String, String> {
         let of_trial = |measurement: Measurement| {
@@ -133,8 +139,9 @@ impl FitInput {
 
     /// Hash of all of it.
     pub fn robots(&self, data: &FitData) -> String {
-        let values = |row: &RobotParameterRow| (row.law, MEASURED.map(|(_, of)| of(row).value));
-        let rows: Vec<(Option<DecayLaw>, [f64; 4])> = self.of_robot(data).map(values).collect();
+        let values = |row: &RobotParameterRow| (row.law, MEASURED.map(|(_, of)| of(row)));
+        let rows: Vec<(Option<DecayLaw>, [Estimate; 4])> =
+            self.of_robot(data).map(values).collect();
         hash(format!("{rows:?}").as_bytes())
     }
 
@@ -161,7 +168,7 @@ impl FitInput {
     }
 
     /// What a trial tells of the robot that the model has not, or that is not what is configured.
-    pub(super) fn contradiction(&self, data: &FitData) -> Option<String> {
+    pub fn contradiction(&self, data: &FitData) -> Option<String> {
         self.missing_law(data).or_else(|| self.wrong_number(data))
     }
 

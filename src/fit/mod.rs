@@ -224,9 +224,9 @@ pub fn fit_except(
         let mut models: Vec<Fitted> = models.collect();
         let contradicts =
             |model| inputs.iter().find(|of| of.model.name == model)?.contradiction(data);
-        let (campaign, replicates) = (&inputs[0].campaign.name, inputs[0].fit.bootstrap);
-        let trials = data.trials.iter().filter(|trial| trial.campaign == *campaign).count();
-        compare::complete(&mut models, trials, &resampler, replicates, contradicts);
+        let (replicates, without) =
+            (inputs[0].fit.bootstrap, inputs[0].trials_without_metrics(data));
+        compare::complete(&mut models, without, &resampler, replicates, contradicts);
         models.into_iter().for_each(|fitted| all.extend(fitted));
     }
     for fit in &mut all.fits {
