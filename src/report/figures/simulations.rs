@@ -16,6 +16,7 @@ use crate::report::drawing::{Figure, Layer, Layout, Look, Panel};
 use crate::report::looks::{self, ModelLook};
 use crate::report::series::{DISPLACEMENT, Quantity, SPEED};
 use crate::report::simulated::{self, SAMPLES, Steady};
+use crate::robot::Robot;
 
 const OMEGA_RAD_S: f64 = 4.0;
 /// The model of the robot that skids.
@@ -41,26 +42,37 @@ pub fn passive(
     // The paper's own robot with the joint of its simulations, any other as it is.
     let joint_of = |setup: Config| Some(setup.campaign_setup(SEMI_PASSIVE)?.0);
     let [default, simulated] = [Config::default(), Config::of_simulations()].map(joint_of);
+    let is_papers = config.campaign_setup(campaign).map(|(robot, _)| robot) == default;
     let of = |omega_rad_s| {
         let mut problem = simulated::configured(config, campaign, Model::NO_SKID, omega_rad_s)?;
-        if default.as_ref() == Some(&problem.robot) {
+        if is_papers {
             problem.robot = simulated.clone()?;
         }
         Some(problem)
     };
     let problem = of(OMEGA_RAD_S).ok_or_else(|| format!("campaign {campaign} is not configured"));
-    let with_motion = || -> Result<[Figure; 2], String> {
+    let with_motion = || -> Result<[Figure; 3], String> {
         let problem = problem?;
         let no_motion = |error: MotionError| no_motion(&error);
         let steady = simulated::steady(&problem).map_err(no_motion)?;
-        let from_rest = gait_and_path(&from_rest, campaign, &problem, &steady);
-        Ok([
-            time_courses(&courses, campaign, &problem, &steady.cycle),
-            from_rest.map_err(no_motion)?,
-        ])
+        let joint = joint(&problem.robot, is_papers);
+        let from_rest = gait_and_path(&from_rest, (campaign, &joint), &problem, &steady);
+        let from_rest = from_rest.map_err(no_motion)?;
+        let courses = time_courses(&courses, (campaign, &joint), &problem, &steady.cycle);
+        let sweep = self::sweep(&sweep, (campaign, &joint), of);
+        Ok([courses, from_rest, sweep])
     };
-    let figures = with_motion().map_err(|why| not_drawn(&courses, &why))?;
-    Ok(figures.into_iter().chain([self::sweep(&sweep, campaign, of)]).collect())
+    with_motion().map(Vec::from).map_err(|why| not_drawn(&courses, &why))
+}
+
+/// The values of the passive joint, and whose they are.
+fn joint(robot: &Robot, is_papers: bool) -> String {
+    let Robot { stiffness_nm_rad, damping_nm_s_rad, .. } = robot;
+    let whose = match is_papers {
+        true => "the values of the paper's simulations (Table II), all else as configured",
+        false => "as configured",
+    };
+    format!("with k_τ = {stiffness_nm_rad} N m/rad and c_τ = {damping_nm_s_rad} N m s/rad, {whose}")
 }
 
 fn no_motion(error: &MotionError) -> String {
@@ -80,7 +92,12 @@ fn course(
 
 const JOINTS: (&str, &str) = ("Joint angles", "Angle (deg)");
 
-fn time_courses(stem: &str, campaign: &str, problem: &Problem, cycle: &[Sample]) -> Figure {
+fn time_courses(
+    stem: &str,
+    (campaign, joint): (&str, &str),
+    problem: &Problem,
+    cycle: &[Sample],
+) -> Figure {
     let shown = (cycle, CYCLES);
     let joints = course(JOINTS, &["φ₁", "φ₂"], shown, |s, i| DEG * s.phi_rad[i]);
     let rates = ["dx/dt", "dy/dt", "h dθ/dt"];
@@ -93,7 +110,7 @@ fn time_courses(stem: &str, campaign: &str, problem: &Problem, cycle: &[Sample])
     let difference = over_time(cycle, CYCLES, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
     let crossings = crossings(&difference).into_iter().map(|time_s| (time_s, f64::NAN));
     forces.layers.push(Layer::new("φ₁ = φ₂", crossings, Look::Guides));
-    let texts = texts("passive", context! { campaign, omega => OMEGA_RAD_S.to_string() });
+    let texts = texts("passive", context! { campaign, joint, omega => OMEGA_RAD_S.to_string() });
     let panels = vec![joints, velocities, forces];
     Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
@@ -136,13 +153,14 @@ fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
 
 fn gait_and_path(
     stem: &str,
-    campaign: &str,
+    (campaign, joint): (&str, &str),
     problem: &Problem,
     steady: &Steady,
 ) -> Result<Figure, MotionError> {
     let (cycle, d_m) = (steady.cycle.as_slice(), steady.metrics.d_m);
-    let cycles = steady.cycles_to_settle.unwrap_or(MOST_FROM_REST).clamp(1, MOST_FROM_REST);
-    let from_rest = problem.cycles_from_rest(cycles, SAMPLES)?;
+    let settled = steady.cycles_to_settle.map(|cycles| cycles.max(1));
+    let drawn = settled.unwrap_or(MOST_FROM_REST).min(MOST_FROM_REST);
+    let from_rest = problem.cycles_from_rest(drawn, SAMPLES)?;
     let steady = |points| Layer::new("no-skid, steady", points, no_skid());
     let from_rest = Layer::new("from rest", shape(&from_rest), looks::TRANSIENT);
     let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
@@ -153,15 +171,21 @@ fn gait_and_path(
     let title = format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m);
     let values = context! {
         campaign,
+        joint,
         omega => OMEGA_RAD_S.to_string(),
-        cycles => cycles,
+        settled,
+        drawn,
         path_cycles => PATH_CYCLES,
     };
     let panels = vec![gait, map(title, vec![steady(path), start, arrow])];
     Ok(Figure::new(stem, texts("from-rest", values), &[campaign], Layout::Pairs, panels))
 }
 
-fn sweep(stem: &str, campaign: &str, of: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
+fn sweep(
+    stem: &str,
+    (campaign, joint): (&str, &str),
+    of: impl Fn(f64) -> Option<Problem> + Sync,
+) -> Figure {
     let (low, high, count) = SWEEP;
     let solve = |i: i32| {
         // Nearer to each other where the motion changes fastest.
@@ -181,7 +205,7 @@ fn sweep(stem: &str, campaign: &str, of: impl Fn(f64) -> Option<Problem> + Sync)
             vec![Layer::new("no-skid", points, no_skid()), Layer::new("peak", peak, Look::Rings)];
         Panel::new(title.to_owned() + &said.unwrap_or_default(), FREQUENCY, axis_label, layers)
     };
-    let texts = texts("sweep", context! { campaign });
+    let texts = texts("sweep", context! { campaign, joint });
     let panels = [DISPLACEMENT, SPEED].map(panel).into();
     Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
@@ -200,6 +224,28 @@ fn peak(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn captions_have_the_joint_s_values_and_say_whose_they_are() {
+        let mut config = Config::default();
+        config.robot.get_mut("semi-passive").expect("the paper's").stiffness_nm_rad = Some(0.2);
+        for (config, joint) in [
+            (
+                Config::default(),
+                "with k_τ = 0.188 N m/rad and c_τ = 0.007 N m s/rad, the values of the paper's \
+                 simulations (Table II), all else as configured",
+            ),
+            (config, "with k_τ = 0.2 N m/rad and c_τ = 0.006 N m s/rad, as configured"),
+        ] {
+            let input = ReportInput::new(&config, Default::default());
+            let stems = ["a", "b", "c"].map(str::to_owned);
+            let figures = passive(stems, SEMI_PASSIVE, &input).expect("there are motions");
+            assert_eq!(figures.len(), 3);
+            for Figure { caption, .. } in figures {
+                assert!(caption.contains(joint), "{caption}");
+            }
+        }
+    }
 
     #[test]
     fn the_highest_peak_is_found_between_the_points_and_not_at_an_end() {

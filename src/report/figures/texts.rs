@@ -42,6 +42,23 @@ mod tests {
              included. Bars. Lines: the fitted model skid-roll under the commanded gait, shaded the \
              95 % interval where there is one."
         );
+        let from_rest = |settled: Option<usize>, drawn: usize| {
+            let joint = "as configured";
+            let values = minijinja::context! {
+                campaign => "a", omega => "4", joint, settled, drawn, path_cycles => 3,
+            };
+            let [_, caption] = texts("from-rest", values);
+            caption.split(". ").nth(1).unwrap_or_default().to_owned()
+        };
+        let settled = "From rest the motion comes within 1 % of the steady one after";
+        assert_eq!(from_rest(Some(1), 1), format!("{settled} 1 cycle"));
+        assert_eq!(
+            from_rest(Some(55), 40),
+            format!("{settled} 55 cycles, of which the first 40 are drawn")
+        );
+        let not_found = "From rest the motion was not found to come within 1 % of the steady one; its \
+                         first 40 cycles are drawn";
+        assert_eq!(from_rest(None, 40), not_found);
         assert!(all.values().flatten().all(|text| !text.contains("  ") && !text.contains('\n')));
     }
 }
