@@ -39,6 +39,7 @@ struct Truth {
     config: Config,
     campaign: &'static str,
     skid_kg_s: [f64; 3],
+    omegas_rad_s: &'static [f64],
     motions: Vec<GaitMetrics>,
 }
 
@@ -52,14 +53,18 @@ impl Truth {
 }
 
 fn truth(campaign: &'static str, skid_kg_s: [f64; 3]) -> Truth {
+    truth_at(campaign, skid_kg_s, &OMEGAS_RAD_S)
+}
+
+fn truth_at(campaign: &'static str, skid_kg_s: [f64; 3], omegas_rad_s: &'static [f64]) -> Truth {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == campaign);
     config.campaign.values_mut().for_each(|campaign| campaign.models = vec![Model::SKID_ROLL]);
     config.fit.starts = 1;
     config.fit.sigma = SigmaKind::Raw;
     config.fit.gait_input = GaitInput::Commanded;
-    let truth = Truth { config, campaign, skid_kg_s, motions: Vec::new() };
-    let motions = OMEGAS_RAD_S.iter().map(|omega_rad_s| truth.motion(*omega_rad_s)).collect();
+    let truth = Truth { config, campaign, skid_kg_s, omegas_rad_s, motions: Vec::new() };
+    let motions = omegas_rad_s.iter().map(|omega_rad_s| truth.motion(*omega_rad_s)).collect();
     Truth { motions, ..truth }
 }
 
@@ -67,7 +72,7 @@ fn truth(campaign: &'static str, skid_kg_s: [f64; 3]) -> Truth {
 fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut data = FitData::default();
-    for (omega_rad_s, motion) in OMEGAS_RAD_S.iter().zip(&truth.motions) {
+    for (omega_rad_s, motion) in truth.omegas_rad_s.iter().zip(&truth.motions) {
         for repeat in 0..repeats {
             let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
             let trial_noise = if repeats > 1 { TRIAL_NOISE } else { [0.0; 3] };
@@ -235,6 +240,38 @@ fn intervals_are_about_as_wide_as_the_estimates_are_off() {
         assert!((0.65..1.6).contains(&ratio), "{found:?}");
         assert!(coverage.intervals >= 13 && coverage.widest < 5.0, "{found:?}");
     }
+}
+
+/// Slow trials without skid ratios hardly tell how much the wheels resist: most fits end at a bound.
+#[test]
+fn coefficients_that_trials_do_not_determine_have_no_limits() {
+    const SLOW_RAD_S: [f64; 6] = [0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
+    let mut truth = truth_at("kinematic-symmetric", [100.0, 50.0, 80.0], &SLOW_RAD_S);
+    truth.config.campaign.values_mut().for_each(|campaign| campaign.weights.sigma = 0.0);
+    let (mut at_bound, mut coefficients, mut held) = (0, 0, 0);
+    for (bootstrap, profiles, campaigns) in [(0, true, 12), (60, true, 4), (60, false, 4)] {
+        (truth.config.fit.bootstrap, truth.config.fit.profiles) = (bootstrap, profiles);
+        for fitted in fitted(&truth, campaigns, 1, true) {
+            let fit = &fitted.fits[0];
+            for (skid, known) in Parameter::SKID.into_iter().zip(truth.skid_kg_s) {
+                let limits = [fit.lower[skid], fit.upper[skid]];
+                let is_at_bound = fit.at_bound.contains(&skid);
+                if fit.practically_not.contains(&skid) || is_at_bound {
+                    assert!(limits.iter().all(|limit| limit.is_nan()), "{skid}: {limits:?}");
+                }
+                // Where a profile is under its limit is the truth, too.
+                let of_skid = fitted.profiles.iter().filter(|row| row.parameter == skid);
+                let inside = of_skid.filter(|row| row.j <= row.limit_j).map(|row| row.value);
+                let [lowest, highest] = inside
+                    .fold([f64::INFINITY, 0.0], |[low, high], of| [low.min(of), high.max(of)]);
+                at_bound += usize::from(is_at_bound);
+                coefficients += usize::from(profiles);
+                held += usize::from(lowest <= known && known <= highest);
+            }
+        }
+    }
+    assert!(at_bound > 20, "{at_bound}");
+    assert!(held as f64 >= 0.9 * coefficients as f64, "{held} of {coefficients}");
 }
 
 #[test]

@@ -31,7 +31,7 @@ use super::input::FreeParameter;
 use super::measurement::Measurement;
 use super::noise_correction::NoiseCorrection;
 use super::objective::Objective;
-use super::profile::Profile;
+use super::profile::{Class, Profile};
 use super::resampler::Resampler;
 use super::starts::{Start, search_from};
 use crate::robot::Robot;
@@ -193,11 +193,9 @@ impl Intervals {
         let correction = NoiseCorrection::of(point, resampler).spread;
         for (index, free) in parameters.iter().enumerate() {
             let fitted = point.values[index];
-            // Logarithms of the limits by scatter over the fitted value.
             let scatter = [0, 1].map(|side| {
                 let limit = scatter_limit(profiles, replicates, index, free, side);
-                let correction = if replicates.is_empty() { 1.0 } else { correction };
-                correction * (limit / fitted).ln()
+                limit.offset(fitted, correction)
             });
             let scatter = scatter.map(f64::abs);
             let of = |all: &[Vec<f64>]| all.iter().map(|shifts| shifts[index]).collect::<Vec<_>>();
@@ -222,33 +220,63 @@ impl Intervals {
     }
 }
 
-/// A limit by scatter; NaN where it is open: where the profile does not end the interval, or
-/// where the replicates' quantile is a bound.
+/// A limit by scatter alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum ScatterLimit {
+    /// Quantile of the replicates, before their noise correction.
+    Resampled(f64),
+    /// Where the profile crosses its limit.
+    Profiled(f64),
+    /// Nothing ends the interval on this side.
+    Open,
+}
+
+impl ScatterLimit {
+    /// Its logarithm less that of the fitted value; NaN where it is open.
+    fn offset(self, fitted: f64, correction: f64) -> f64 {
+        match self {
+            Self::Resampled(limit) => correction * (limit / fitted).ln(),
+            Self::Profiled(limit) => (limit / fitted).ln(),
+            Self::Open => f64::NAN,
+        }
+    }
+}
+
+/// The limit by scatter on one side: none of a coefficient that is not identifiable. Replicates that
+/// stay at a bound tell no width, since the bootstrap is not consistent there (D. W. K. Andrews,
+/// Econometrica 68 (2000) 399).
 fn scatter_limit(
     profiles: &[Profile],
     replicates: &[Start],
     index: usize,
     free: &FreeParameter,
     side: usize,
-) -> f64 {
-    let profiled = profiles.get(index).map(|profile| profile.interval[side]);
-    if profiled == Some(None) {
-        return f64::NAN;
-    }
+) -> ScatterLimit {
     let ends = replicates.iter().map(|refit| refit.ended[index]).collect();
-    let resampled = quantiles(ends, SIDES_95);
-    // Where the replicates stay at an edge of the objective they tell no width.
-    let limit = match resampled[0] < resampled[1] {
-        true => resampled[side],
-        false => profiled.flatten().unwrap_or(f64::NAN),
+    let quantiles = quantiles(ends, SIDES_95);
+    let is_within = quantiles.iter().all(|limit| !free.is_at_bound(*limit).contains(&true));
+    let resampled = Some(quantiles).filter(|[low, high]| low < high && is_within);
+    let limit = match (profiles.get(index), resampled) {
+        (Some(profile), _) if profile.class != Class::Identifiable => ScatterLimit::Open,
+        (_, Some(resampled)) => ScatterLimit::Resampled(resampled[side]),
+        (Some(profile), None) => {
+            profile.interval[side].map_or(ScatterLimit::Open, ScatterLimit::Profiled)
+        }
+        (None, None) => ScatterLimit::Open,
     };
-    if free.is_at_bound(limit)[side] { f64::NAN } else { limit }
+    match limit {
+        ScatterLimit::Resampled(value) | ScatterLimit::Profiled(value)
+            if free.is_at_bound(value)[side] =>
+        {
+            ScatterLimit::Open
+        }
+        limit => limit,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::profile::Class;
     use crate::robot::Parameter;
     use crate::store::Stopped;
 
@@ -275,11 +303,25 @@ mod tests {
         let limits = |profiles: &[Profile], replicates: &[Start]| {
             [0, 1].map(|side| scatter_limit(profiles, replicates, 0, &free, side))
         };
+        use ScatterLimit::{Open, Profiled, Resampled};
         let profiles = [profile];
-        assert_eq!(limits(&profiles, &moved), [0.5, 0.52]);
-        assert_eq!(limits(&profiles, &still), [0.49, 0.53]);
-        assert_eq!(limits(&profiles, &[]), [0.49, 0.53]);
-        assert!(limits(&[], &still).iter().all(|limit| limit.is_nan()));
+        assert_eq!(limits(&profiles, &moved), [Resampled(0.5), Resampled(0.52)]);
+        assert_eq!(limits(&profiles, &still), [Profiled(0.49), Profiled(0.53)]);
+        assert_eq!(limits(&profiles, &[]), [Profiled(0.49), Profiled(0.53)]);
+        assert_eq!(limits(&[], &still), [Open; 2]);
+        // Some replicates end at the upper bound.
+        let mut cut_off = moved.clone();
+        cut_off[..4].iter_mut().for_each(|refit| refit.ended = vec![1.0]);
+        assert_eq!(limits(&[], &cut_off), [Open; 2]);
+        assert_eq!(limits(&profiles, &cut_off), [Profiled(0.49), Profiled(0.53)]);
+        let [profile] = profiles;
+        let interval = [Some(0.3), None];
+        let half_open = [Profile { interval, class: Class::PracticallyNot, ..profile }];
+        for replicates in [&moved, &still, &cut_off] {
+            assert_eq!(limits(&half_open, replicates), [Open; 2]);
+        }
+        assert_eq!(Resampled(2.0).offset(1.0, 0.5), 0.5 * 2.0_f64.ln());
+        assert_eq!(Profiled(2.0).offset(1.0, 0.5), 2.0_f64.ln());
     }
 
     #[test]

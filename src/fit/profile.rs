@@ -31,6 +31,8 @@ const GROWTH: f64 = 1.8;
 const CROSSING: f64 = 0.02;
 /// Linearised residuals are good within about this factor's logarithm.
 const RADIUS: f64 = 1.0;
+/// Logarithm of a factor that no fit of a resample reaches.
+const OPEN_RANGE: f64 = 30.0;
 
 /// How well the measurements determine a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,17 +61,27 @@ fn noise(cost: f64) -> f64 {
     5e-6 + 1e-5 * cost
 }
 
-/// The objective's limit for each parameter.
+/// The objective's limit for each parameter; infinite where the resamples determine none.
+///
+/// The fit of a resample stays at a bound whatever its noise, so that holding a coefficient there
+/// costs nothing and gives no limit (S. G. Self and K.-Y. Liang, J. Am. Stat. Assoc. 82 (1987)
+/// 605): such a coefficient has the largest limit of the others.
 pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f64> {
-    let bounds = limits(&fit.evaluator.parameters, &fit.values, RADIUS);
-    let count = bounds.len();
+    let parameters = &fit.evaluator.parameters;
+    let bounds = limits(parameters, &fit.values, RADIUS);
     let rises: Vec<Vec<f64>> = (0..RESAMPLES)
         .into_par_iter()
         .map(|number| {
             let all = fit.resampled_residuals(&resampler.draw(number));
-            let lowest = |held| sum(&all, &minimise(&all, &bounds, held));
-            let free = lowest(None);
-            (0..count).map(|index| lowest(Some(index)) - free).collect()
+            let free = minimise(&all, &bounds, None);
+            let rise = |index: usize| {
+                let lowest = match bounds[index].contains(&free[index]) {
+                    true => minimise(&all, &with_open_range(&bounds, index), None),
+                    false => free.clone(),
+                };
+                sum(&all, &minimise(&all, &bounds, Some(index))) - sum(&all, &lowest)
+            };
+            (0..bounds.len()).map(rise).collect()
         })
         .collect();
     let correction = NoiseCorrection::of(fit, resampler);
@@ -78,7 +90,27 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
         let rise = correction.rise * quantiles_low(of_one, [LEVEL])[0];
         fit.cost + rise.max(2.0 * noise(fit.cost))
     };
-    (0..count).map(limit).collect()
+    let is_at_bound: Vec<bool> = parameters
+        .iter()
+        .zip(&fit.values)
+        .map(|(of, value)| of.is_at_bound(*value))
+        .map(|sides| sides.contains(&true))
+        .collect();
+    let own: Vec<f64> = (0..bounds.len()).map(limit).collect();
+    let determined = own.iter().zip(&is_at_bound).filter(|(_, at_bound)| !**at_bound);
+    let of_others = determined.map(|(limit, _)| *limit).reduce(f64::max).unwrap_or(f64::INFINITY);
+    own.iter()
+        .zip(&is_at_bound)
+        .map(|(own, at_bound)| if *at_bound { of_others } else { *own })
+        .collect()
+}
+
+/// The same bounds but for one parameter, of which a resample's fit is not cut off: its linearised
+/// residuals show what the noise costs, not where the parameter ends.
+fn with_open_range(bounds: &[[f64; 2]], index: usize) -> Vec<[f64; 2]> {
+    let mut open = bounds.to_vec();
+    open[index] = [-OPEN_RANGE, OPEN_RANGE];
+    open
 }
 
 /// The profile of the parameter with this index.
