@@ -23,6 +23,11 @@ pub fn harmless(text: &str) -> Cow<'_, str> {
     harmless.into()
 }
 
+/// A part of a sentence that states these numbers; empty if one of them is missing.
+pub fn known<const N: usize>(numbers: [f64; N], part: impl FnOnce([f64; N]) -> String) -> String {
+    if numbers.iter().all(|number| number.is_finite()) { part(numbers) } else { String::new() }
+}
+
 /// A name, such as a marker's label, as a key of TOML.
 pub fn toml_key(name: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';

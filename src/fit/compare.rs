@@ -5,6 +5,7 @@ use super::resampler::Resampler;
 use super::tell_apart::{Noise, Tell};
 use crate::robot::Model;
 use crate::store::{ComparisonRow, FitRow};
+use crate::text::known;
 
 /// Part of the replicates from which on a model is clearly preferred.
 const CLEARLY: f64 = 0.95;
@@ -154,35 +155,51 @@ fn sentence(
         let names: Vec<&str> = rivals.iter().map(|row| row.model.name()).collect();
         text += &format!(" and not told apart from {}", names.join(", "));
     }
-    text += &format!(": J = {:.4}", first.j);
+    text += &known([first.j], |[j]| format!(": J = {j:.4}"));
     if let Some((second, _)) = ranked.get(1) {
-        text += &format!(
-            " with {} free, criterion {:.1} against {:.1} of {} (J = {:.4} with {})",
-            first.free, first.criterion, second.criterion, second.model, second.j, second.free
-        );
+        let numbers = [first.criterion, second.criterion, second.j];
+        text += &known(numbers, |[ours, other, j]| {
+            format!(
+                " with {} free, criterion {ours:.1} against {other:.1} of {} (J = {j:.4} with {})",
+                first.free, second.model, second.free
+            )
+        });
     }
     if first.wins.is_finite() && ranked.len() > 1 {
         let won = (first.wins * replicates as f64).round();
         text += &format!(", the lowest in {won} of {replicates} replicates");
     }
     let FitRow { lack_of_fit, lack_of_fit_limit, misfit, .. } = fit;
-    let ratio = format!(
-        "J is {lack_of_fit:.2} times what noise alone leaves, of which up to \
-         {lack_of_fit_limit:.2} would be noise"
-    );
-    text += &match fit.adequate {
-        Some(true) => format!("; it fits ({ratio})"),
-        Some(false) if ranked.len() == 1 => format!("; it does not fit ({ratio}; {misfit})"),
+    let ratio = known([*lack_of_fit, *lack_of_fit_limit], |[ratio, limit]| {
+        format!(
+            "J is {ratio:.2} times what noise alone leaves, of which up to {limit:.2} would be noise"
+        )
+    });
+    let reasons = match fit.adequate {
+        Some(true) => vec![ratio],
+        Some(false) => vec![ratio, misfit.clone()],
+        None => vec![misfit.clone()],
+    };
+    let reasons =
+        reasons.into_iter().filter(|reason| !reason.is_empty()).collect::<Vec<_>>().join("; ");
+    let verdict = match fit.adequate {
+        Some(true) => "it fits".to_owned(),
+        Some(false) if ranked.len() == 1 => "it does not fit".to_owned(),
         // Said at the beginning.
-        Some(false) => format!("; {ratio}; {misfit}"),
+        Some(false) => String::new(),
         None => {
             let why = match first.terms <= first.free {
                 true => "there are no more measurements than free coefficients",
                 false => "nothing tells the noise",
             };
-            let colon = if misfit.is_empty() { "" } else { ": " };
-            format!("; whether it fits is not known, since {why}{colon}{misfit}")
+            format!("whether it fits is not known, since {why}")
         }
+    };
+    text += &match (&*verdict, &*reasons) {
+        ("", "") => String::new(),
+        ("", one) | (one, "") => format!("; {one}"),
+        (verdict, reasons) if fit.adequate.is_none() => format!("; {verdict}: {reasons}"),
+        (verdict, reasons) => format!("; {verdict} ({reasons})"),
     };
     let cause = contradicts(model).filter(|_| fit.adequate != Some(true));
     text += &cause.map_or(String::new(), |cause| format!("; {cause}"));
@@ -191,8 +208,7 @@ fn sentence(
     }
     let is_alike = |ours: f64, best: f64| ours <= (1.0 + ALIKE) * best;
     if let Some((best, _)) = lowest(|row| row.j_left_out) {
-        let [ours, least] = [first, best].map(|row| row.j_left_out);
-        text += &match best.model {
+        text += &known([first.j_left_out, best.j_left_out], |[ours, least]| match best.model {
             _ if best.model == model => {
                 format!("; it predicts left-out frequencies best ({least:.4})")
             }
@@ -203,15 +219,18 @@ fn sentence(
                 "; left-out frequencies are predicted better by {other} ({least:.4} against \
                  {ours:.4})"
             ),
-        };
+        });
     }
-    if let Some((best, _)) = lowest(|row| row.j_extrapolated)
-        .filter(|(best, _)| !is_alike(first.j_extrapolated, best.j_extrapolated))
-    {
-        text += &format!(
-            "; fitted up to {} rad/s, what is above is predicted better by {} ({:.4} against {:.4})",
-            best.extrapolated_above_rad_s, best.model, best.j_extrapolated, first.j_extrapolated
-        );
+    if let Some((best, _)) = lowest(|row| row.j_extrapolated) {
+        let numbers = [first.j_extrapolated, best.j_extrapolated, best.extrapolated_above_rad_s];
+        text += &known(numbers, |[ours, least, above_rad_s]| match is_alike(ours, least) {
+            true => String::new(),
+            false => format!(
+                "; fitted up to {above_rad_s} rad/s, what is above is predicted better by {} \
+                 ({least:.4} against {ours:.4})",
+                best.model
+            ),
+        });
     }
     text + "."
 }
@@ -350,6 +369,69 @@ mod tests {
         let trivially = ComparisonRow { j_extrapolated: 0.39, ..richer };
         let text = of(&[trivially, poorer], &[Some(true), Some(true)]);
         assert!(!text.contains("fitted up to"), "{text}");
+    }
+
+    #[test]
+    fn what_was_not_extrapolated_is_not_compared() {
+        let other = ComparisonRow {
+            j_extrapolated: 4.2379,
+            extrapolated_above_rad_s: 4.5,
+            ..row(Model::SKID, 0.4, 0.5, 0.02)
+        };
+        let rows = [other, row(Model::SKID_ROLL, 0.3, f64::NAN, 0.98)];
+        let text = of(&rows, &[Some(false), Some(true)]);
+        assert!(!text.contains("NaN") && !text.contains("predicted"), "{text}");
+    }
+
+    #[test]
+    fn a_sentence_leaves_out_what_is_missing() {
+        let rows = [row(Model::SKID, 0.4, 0.5, 0.4), row(Model::SKID_ROLL, 0.3, 0.35, 0.6)];
+        let extrapolated = |(nth, row): (usize, ComparisonRow)| ComparisonRow {
+            j_extrapolated: 1.0 - 0.1 * nth as f64,
+            extrapolated_above_rad_s: 4.5,
+            ..row
+        };
+        let rows: Vec<ComparisonRow> = rows.into_iter().enumerate().map(extrapolated).collect();
+        let all = [Some(true), Some(false), None];
+        for adequate in all.into_iter().flat_map(|one| all.map(|other| [one, other])) {
+            for part in 0..8 {
+                for lacking in 0..2 {
+                    let mut rows = rows.clone();
+                    let ComparisonRow {
+                        j,
+                        criterion,
+                        wins,
+                        j_left_out,
+                        j_extrapolated,
+                        extrapolated_above_rad_s,
+                        ..
+                    } = &mut rows[lacking];
+                    if let Some(number) =
+                        [j, criterion, wins, j_left_out, j_extrapolated, extrapolated_above_rad_s]
+                            .into_iter()
+                            .nth(part)
+                    {
+                        *number = f64::NAN;
+                    }
+                    let mut fits = adequate.map(|adequate| FitRow {
+                        adequate,
+                        lack_of_fit: 1.1,
+                        lack_of_fit_limit: 1.5,
+                        ..FitRow::blank()
+                    });
+                    match part {
+                        6 => fits[lacking].lack_of_fit = f64::NAN,
+                        7 => fits[lacking].lack_of_fit_limit = f64::NAN,
+                        _ => {}
+                    }
+                    let text =
+                        sentence(&ranked(rows.iter().zip(&fits).collect()), 200, |_| None);
+                    let is_whole = !text.contains("NaN")
+                        && ["; ;", ";.", ": ;", "()", "  "].iter().all(|gap| !text.contains(gap));
+                    assert!(is_whole, "{part} {lacking} {adequate:?}: {text}");
+                }
+            }
+        }
     }
 
     #[test]

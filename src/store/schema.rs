@@ -10,6 +10,7 @@ use crate::config::{GaitInput, SigmaKind};
 use crate::metrics::{Bifurcation, BranchKind, Estimate, FromRest, GaitMetrics, MotionStatus};
 use crate::robot::decay::{DecayLaw, Swing};
 use crate::robot::{ByParameter, ContactForces, JointCommand, Model, Parameter};
+use crate::text::known;
 use crate::trial::TrialKind;
 
 /// `derived/poses/<trial>.parquet`.
@@ -428,14 +429,18 @@ impl SharedFitRow {
             Some(Sharing::Refused) => "one set of coefficients for all campaigns is refused",
             None => "whether all campaigns have the same coefficients is not known",
         };
-        let j = format!("J = {:.4} against {j_separate:.4} of separate fits", fit.j);
-        match fit.sharing {
-            Some(_) => format!(
-                "{verdict}: {j}, {rise:.4} more, of which up to {rise_limit:.4} would be chance \
-                 (p = {p_value:.3})."
-            ),
-            None => format!("{verdict}, since {not_tested}: {j}."),
-        }
+        let reason = match not_tested.is_empty() || fit.sharing.is_some() {
+            true => String::new(),
+            false => format!(", since {not_tested}"),
+        };
+        let j = known([fit.j, *j_separate], |[j, separate]| {
+            format!(": J = {j:.4} against {separate:.4} of separate fits")
+        });
+        let tested = known([*rise, *rise_limit, *p_value], |[rise, limit, p]| {
+            format!(", {rise:.4} more, of which up to {limit:.4} would be chance (p = {p:.3})")
+        });
+        let tested = if fit.sharing.is_some() && !j.is_empty() { tested } else { String::new() };
+        format!("{verdict}{reason}{j}{tested}.")
     }
 }
 

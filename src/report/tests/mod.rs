@@ -2,6 +2,7 @@
 
 mod hostile;
 pub(super) mod made_up;
+mod missing;
 mod names;
 mod print;
 mod recording;
