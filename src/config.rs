@@ -10,6 +10,7 @@ mod model;
 mod paths;
 mod robot;
 mod settings;
+mod strict;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -27,6 +28,7 @@ pub use model::{Free, GaitInput, ModelConfig, Models};
 pub use paths::{Paths, is_pattern};
 pub use robot::{RobotConfig, RobotDeviation};
 pub use settings::Setting;
+use strict::Strict;
 
 use crate::robot::{Gait, JointCommand, Model, Robot, SecondHarmonic};
 
@@ -375,7 +377,7 @@ fn with_defaults(text: &str) -> Result<Spanned<DeTable<'_>>, toml::de::Error> {
 
 impl Config {
     fn parse(text: &str) -> Result<Self, toml::de::Error> {
-        Self::deserialize(toml::Deserializer::from(with_defaults(text)?))
+        Self::deserialize(Strict(toml::Deserializer::from(with_defaults(text)?)))
     }
 
     /// Reads and checks a configuration file and makes its paths relative to where it lies.

@@ -122,6 +122,7 @@ fn single_brackets(path: &Path, text: &str, error: ConfigError) -> ConfigError {
         Some(index) => ConfigError::Syntax {
             path: path.to_owned(),
             line: index + 1,
+            key: None,
             message: "found `[trial]`, needed `[[trial]]` before each trial".to_owned(),
             suggestion: None,
         },
@@ -204,5 +205,39 @@ impl Trial {
             None if is_gait => error("omega_rad_s", "nothing".into(), NEEDED_OMEGA),
             _ => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_a_list_and_should_be_none_is_refused_by_its_key() {
+        let said = |old: &str, new: &str| {
+            let text = "ignore = ['x']\n[[trial]]\nid = 'a'\nfile = 'a.csv'\nkind = 'gait'\n\
+                        omega_rad_s = 3.9\nsmoothing_window = 9\n";
+            let text = text.replacen(old, new, 1);
+            parse_toml::<TrialList>(Path::new("t.toml"), &text).unwrap_err().to_string()
+        };
+        for (old, new, message) in [
+            (
+                "= 3.9",
+                "= [3.9, 4.5]",
+                "line 6: key `trial[0].omega_rad_s`: found a list of length 2, needed a number",
+            ),
+            ("= 9", "= [9]", "key `trial[0].smoothing_window`: found a list of length 1, needed"),
+            ("= 'a.csv'", "= ['a.csv']", "key `trial[0].file`: invalid type: list, expected a str"),
+            ("= 'gait'", "= ['gait']", "key `trial[0].kind`: wanted string"),
+            ("['x']", "'x'", "key `ignore`: invalid type: string \"x\", expected a list"),
+            ("['x']", "[['x']]", "key `ignore`: invalid type: list, expected a string"),
+        ] {
+            assert!(said(old, new).contains(message), "{}", said(old, new));
+        }
+        let listed = "trial = [['a', 'a.csv', 'gait']]\n";
+        let error = parse_toml::<TrialList>(Path::new("t.toml"), listed).unwrap_err().to_string();
+        let expected =
+            "key `trial`: found a list of length 3, needed a table with the keys id, file";
+        assert!(error.contains(expected), "{error}");
     }
 }

@@ -716,6 +716,69 @@ fn calibrated_markers_can_be_pasted_into_the_configuration() {
     assert!(stderr.contains("did you mean `kinematic-symmetric-3.90-r1`?"), "{stderr}");
 }
 
+/// What the program says when nothing could be done.
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = trilink(folder, arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+    stderr
+}
+
+#[test]
+fn a_list_of_another_length_is_refused_by_its_key_and_both_lengths() {
+    let folder = empty_folder();
+    let defaults = toml_of(&Config::default());
+    let simulate = ["simulate", "kinematic-skewed", "--model", "skid", "--omega", "3"];
+    for (old, new, message) in [
+        (
+            "mass_kg = [1.04, 0.2, 0.2]",
+            "mass_kg = [1.2, 0.3, 0.3, 0.3, \"x\"]",
+            "key `robot.kinematic.mass_kg`: found a list of length 5, needed a list of length 3",
+        ),
+        (
+            "skid_bounds_kg_s = [1.0, 1000.0]",
+            "skid_bounds_kg_s = [1.0, 10.0, 100.0]",
+            "key `fit.skid_bounds_kg_s`: found a list of length 3, needed a list of length 2",
+        ),
+        (
+            "M1 = [110.0, 35.0, 62.0]",
+            "M1 = [110.0, 35.0, 62.0, 1.0]",
+            "key `markers.link0.M1`: found a list of length 4, needed a list of length 3",
+        ),
+        (
+            "b_m = 0.0685",
+            "b_m = [0.0685, 0.001]",
+            "key `robot.kinematic.b_m`: found a list of length 2, needed a number",
+        ),
+    ] {
+        let changed = defaults.replacen(old, new, 1);
+        assert_ne!(changed, defaults, "{old}");
+        write(folder.path(), "pipeline.toml", changed);
+        for command in [&["config", "check"][..], &simulate] {
+            let said = refused(folder.path(), command);
+            assert!(said.contains(message), "{said}");
+        }
+    }
+    write(folder.path(), "pipeline.toml", &defaults);
+    for (setting, message) in [
+        ("mass_kg=1.2,0.3,0.3,0.3", "found a list of length 4, needed a list of length 3"),
+        ("mass_kg=1.2,0.3", "found a list of length 2, needed a list of length 3"),
+        ("mass_kg=1.2", "expected a list of length 3"),
+        ("h_m=0.1,0.2", "found a list of length 2, needed a number"),
+    ] {
+        let said = refused(folder.path(), &[&simulate[..], &["--set", setting]].concat());
+        assert!(said.contains(&format!("--set {setting}: ")) && said.contains(message), "{said}");
+    }
+    let list = "[[trial]]\nid = \"a\"\nfile = \"a.csv\"\nkind = \"gait\"\n\
+                campaign = \"kinematic-skewed\"\nomega_rad_s = [3.0, 3.5]\n";
+    write(folder.path(), "raw/demo/trials.toml", list);
+    let message = "trials.toml, line 6: key `trial[0].omega_rad_s`: found a list of length 2, needed a number";
+    for command in ["check", "run"] {
+        let said = refused(folder.path(), &[command]);
+        assert!(said.contains(message), "{said}");
+    }
+}
+
 #[test]
 fn every_subcommand_explains_itself() {
     let folder = empty_folder();

@@ -5,17 +5,31 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
+use super::settings::{key_at, line_at};
+use super::strict::Strict;
+
 /// Why a configuration or a list of trials cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     #[error("{}: cannot be read: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
-    #[error("{}, line {line}: {message}{}", path.display(), hint(suggestion))]
-    Syntax { path: PathBuf, line: usize, message: String, suggestion: Option<String> },
+    #[error("{}, line {line}: {}{message}{}", path.display(), of_key(key), hint(suggestion))]
+    Syntax {
+        path: PathBuf,
+        line: usize,
+        /// Whose value is wrong.
+        key: Option<String>,
+        message: String,
+        suggestion: Option<String>,
+    },
     #[error("{}: key `{key}`: found {found}, needed {needed}", path.display())]
     Value { path: PathBuf, key: String, found: String, needed: String },
     #[error("{}: found {found}, needed {needed}", pattern.display())]
     Pattern { pattern: PathBuf, found: String, needed: &'static str },
+}
+
+fn of_key(key: &Option<String>) -> String {
+    key.as_ref().map_or(String::new(), |key| format!("key `{key}`: "))
 }
 
 fn hint(suggestion: &Option<String>) -> String {
@@ -24,19 +38,26 @@ fn hint(suggestion: &Option<String>) -> String {
 
 /// Parses TOML; an unknown key's error names its line and the nearest known key.
 pub(crate) fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, ConfigError> {
-    toml::from_str(text).map_err(|error| ConfigError::toml(path, text, &error))
+    let parsed = toml::Deserializer::parse(text).and_then(|text| T::deserialize(Strict(text)));
+    parsed.map_err(|error| ConfigError::toml(path, text, &error))
 }
 
 impl ConfigError {
     pub(super) fn toml(path: &Path, text: &str, error: &toml::de::Error) -> Self {
         let start = error.span().map_or(0, |span| span.start.min(text.len()));
-        let line = 1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count();
+        let line = line_at(text, start);
         let written = text.lines().nth(line - 1).unwrap_or_default();
         let message = in_plain_words(error.message().trim());
         let message = format!("{message}{}", mistake(&message, written));
-        Self::Syntax { path: path.to_owned(), line, suggestion: unknown_name(&message), message }
+        let is_of_value = OF_VALUES.iter().any(|begin| message.starts_with(begin));
+        let key = if is_of_value { key_at(text, start) } else { None };
+        let suggestion = unknown_name(&message);
+        Self::Syntax { path: path.to_owned(), line, key, message, suggestion }
     }
 }
+
+/// How messages begin that are of a key's value.
+const OF_VALUES: [&str; 4] = ["found a list", "invalid ", "unknown variant", "wanted "];
 
 /// What a line was probably meant to be.
 fn mistake(message: &str, line: &str) -> String {
@@ -60,9 +81,15 @@ fn in_plain_words(message: &str) -> String {
         ("expected usize", "expected a whole number of 0 or more"),
         ("expected f64", "expected a number"),
         ("an array of length", "a list of length"),
+        ("type: sequence", "type: list"),
+        ("expected a sequence", "expected a list"),
+        ("expected a map", "expected a table"),
         ("invalid unquoted key", "a key such as `\"Snake:M1\"` stands in quotes; without"),
     ];
-    words.iter().fold(message.to_owned(), |message, (rust, plain)| message.replace(rust, plain))
+    let message = message
+        .split_once(", expected struct ")
+        .map_or_else(|| message.to_owned(), |(found, _)| format!("{found}, expected a table"));
+    words.iter().fold(message, |message, (rust, plain)| message.replace(rust, plain))
 }
 
 /// serde says "unknown field `a`, expected one of `b`, `c`": the expected name nearest to `a`.

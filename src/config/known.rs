@@ -7,6 +7,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Error, IntoDeserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
+use super::strict::Strict;
 use super::{RobotConfig, RobotDeviation};
 
 /// `h_m = 0.144`, or `h_m = { value = 0.144, sd = 0.0005 }`; lists in the same way.
@@ -54,7 +55,7 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for KnownVisitor<T> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Known<T>, A::Error> {
-        alone(T::deserialize(SeqAccessDeserializer::new(list)))
+        alone(T::deserialize(Strict(SeqAccessDeserializer::new(list))))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<Known<T>, A::Error> {
@@ -198,7 +199,12 @@ mod tests {
             ("h_m = { value = 0.2, sdd = 0.001 }", "did you mean `sd`?"),
             ("h_m = { value = 0.2 }", "missing field `sd`"),
             ("h_m = \"long\"", "expected a number"),
-            ("mass_kg = [1.0, 0.2]", "a list of length 3"),
+            ("mass_kg = [1.0, 0.2]", "found a list of length 2, needed a list of length 3"),
+            (
+                "mass_kg = [1.2, 0.3, 0.3, 0.3, \"x\"]",
+                "key `robot.ours.mass_kg`: found a list of length 5, needed a list of length 3",
+            ),
+            ("h_m = [0.2]", "key `robot.ours.h_m`: found a list of length 1, needed a number"),
             ("skid_kg_s = { value = [1.0, 1.0, 1.0], sd = [0.1, 0.1, 0.1] }", "invalid type: map"),
             ("h_mm = 0.2", "did you mean `h_m`?"),
         ] {

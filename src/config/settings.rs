@@ -1,5 +1,7 @@
 //! The value of every key, and where it comes from.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 use toml::Value;
 use toml::de::{DeTable, DeValue, Error};
@@ -24,20 +26,20 @@ impl Config {
     /// The text is not TOML.
     pub fn settings(text: &str) -> Result<Vec<Setting>, Error> {
         let mut own = Vec::new();
-        lines(DeTable::parse(text)?.get_ref(), "", text, &mut own);
+        places(DeTable::parse(text)?.get_ref(), "", &mut own);
         let all = toml::Table::deserialize(toml::Deserializer::from(with_defaults(text)?))?;
         let mut settings = Vec::new();
         flatten(Value::Table(all), String::new(), &mut settings);
         for setting in &mut settings {
             let found = own.iter().find(|(key, _)| *key == setting.key);
-            setting.line = found.map(|(_, line)| *line);
+            setting.line = found.map(|(_, place)| line_at(text, place.start));
         }
         Ok(settings)
     }
 }
 
 /// A key below another one.
-fn below(above: &str, key: &str) -> String {
+pub(super) fn below(above: &str, key: &str) -> String {
     let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     let key = match !key.is_empty() && key.chars().all(is_bare) {
         true => key.to_owned(),
@@ -46,16 +48,34 @@ fn below(above: &str, key: &str) -> String {
     if above.is_empty() { key } else { format!("{above}.{key}") }
 }
 
-/// The keys of a table with their lines.
-fn lines(table: &DeTable, above: &str, text: &str, found: &mut Vec<(String, usize)>) {
+/// The number of the line where something stands.
+pub(super) fn line_at(text: &str, start: usize) -> usize {
+    1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count()
+}
+
+/// The key in whose line or value something stands.
+pub(super) fn key_at(text: &str, at: usize) -> Option<String> {
+    let mut found = Vec::new();
+    places(DeTable::parse(text).ok()?.get_ref(), "", &mut found);
+    found.into_iter().rfind(|(_, place)| place.contains(&at)).map(|(key, _)| key)
+}
+
+/// The keys of a table, and where they stand with their values; those inside of a list after it.
+fn places(table: &DeTable, above: &str, found: &mut Vec<(String, Range<usize>)>) {
     for (key, value) in table {
         let name = below(above, key.get_ref());
+        let place = key.span().start..value.span().end;
         match value.get_ref() {
-            DeValue::Table(inner) if !inner.is_empty() => lines(inner, &name, text, found),
-            _ => {
-                let before = &text.as_bytes()[..key.span().start];
-                found.push((name, 1 + before.iter().filter(|&&byte| byte == b'\n').count()));
+            DeValue::Table(inner) if !inner.is_empty() => places(inner, &name, found),
+            DeValue::Array(list) => {
+                found.push((name.clone(), place));
+                for (i, value) in list.iter().enumerate() {
+                    if let DeValue::Table(inner) = value.get_ref() {
+                        places(inner, &format!("{name}[{i}]"), found);
+                    }
+                }
             }
+            _ => found.push((name, place)),
         }
     }
 }

@@ -1,0 +1,392 @@
+//! Lists of just the length that is needed, and no list for a table or a number. serde's own visitors
+//! stop where they have enough and never see the rest of a list, and take a list's values for a table's.
+
+use std::fmt;
+
+use serde::Deserializer;
+use serde::de::{DeserializeSeed, EnumAccess, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
+
+/// A deserializer that refuses what is too long, too short or no table, at any depth.
+pub(super) struct Strict<D>(pub D);
+
+/// What the type asks for of which serde's visitors let other things pass.
+#[derive(Clone, Copy)]
+enum Needed {
+    Anything,
+    Number,
+    List { length: usize },
+    Table { keys: &'static [&'static str] },
+}
+
+macro_rules! forward {
+    ($needed:expr; $($method:ident)*) => {
+        $(fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, D::Error> {
+            self.0.$method(StrictVisitor { visitor, needed: $needed })
+        })*
+    };
+}
+
+impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
+    type Error = D::Error;
+
+    forward! { Needed::Anything;
+        deserialize_any deserialize_bool deserialize_char deserialize_str deserialize_string
+        deserialize_bytes deserialize_byte_buf deserialize_option deserialize_unit deserialize_seq
+        deserialize_map deserialize_identifier deserialize_ignored_any
+    }
+
+    forward! { Needed::Number;
+        deserialize_i8 deserialize_i16 deserialize_i32 deserialize_i64 deserialize_i128
+        deserialize_u8 deserialize_u16 deserialize_u32 deserialize_u64 deserialize_u128
+        deserialize_f32 deserialize_f64
+    }
+
+    fn deserialize_unit_struct<V: Visitor<'de>>(
+        self,
+        name: &'static str,
+        visitor: V,
+    ) -> Result<V::Value, D::Error> {
+        let visitor = StrictVisitor { visitor, needed: Needed::Anything };
+        self.0.deserialize_unit_struct(name, visitor)
+    }
+
+    fn deserialize_newtype_struct<V: Visitor<'de>>(
+        self,
+        name: &'static str,
+        visitor: V,
+    ) -> Result<V::Value, D::Error> {
+        let visitor = StrictVisitor { visitor, needed: Needed::Anything };
+        self.0.deserialize_newtype_struct(name, visitor)
+    }
+
+    fn deserialize_tuple<V: Visitor<'de>>(
+        self,
+        length: usize,
+        visitor: V,
+    ) -> Result<V::Value, D::Error> {
+        let visitor = StrictVisitor { visitor, needed: Needed::List { length } };
+        self.0.deserialize_tuple(length, visitor)
+    }
+
+    fn deserialize_tuple_struct<V: Visitor<'de>>(
+        self,
+        name: &'static str,
+        length: usize,
+        visitor: V,
+    ) -> Result<V::Value, D::Error> {
+        let visitor = StrictVisitor { visitor, needed: Needed::List { length } };
+        self.0.deserialize_tuple_struct(name, length, visitor)
+    }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        name: &'static str,
+        keys: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, D::Error> {
+        let visitor = StrictVisitor { visitor, needed: Needed::Table { keys } };
+        self.0.deserialize_struct(name, keys, visitor)
+    }
+
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        name: &'static str,
+        variants: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, D::Error> {
+        let visitor = StrictVisitor { visitor, needed: Needed::Anything };
+        self.0.deserialize_enum(name, variants, visitor)
+    }
+}
+
+struct StrictVisitor<V> {
+    visitor: V,
+    needed: Needed,
+}
+
+macro_rules! pass {
+    ($($method:ident: $value:ty,)*) => {
+        $(fn $method<E: Error>(self, value: $value) -> Result<V::Value, E> {
+            self.visitor.$method(value)
+        })*
+    };
+}
+
+impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
+    type Value = V::Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        self.visitor.expecting(f)
+    }
+
+    // What TOML has; smaller numbers come as these.
+    pass! {
+        visit_bool: bool,
+        visit_i64: i64,
+        visit_i128: i128,
+        visit_u64: u64,
+        visit_u128: u128,
+        visit_f64: f64,
+        visit_str: &str,
+        visit_borrowed_str: &'de str,
+        visit_string: String,
+    }
+
+    fn visit_none<E: Error>(self) -> Result<V::Value, E> {
+        self.visitor.visit_none()
+    }
+
+    fn visit_unit<E: Error>(self) -> Result<V::Value, E> {
+        self.visitor.visit_unit()
+    }
+
+    fn visit_some<D: Deserializer<'de>>(self, value: D) -> Result<V::Value, D::Error> {
+        self.visitor.visit_some(Strict(value))
+    }
+
+    fn visit_newtype_struct<D: Deserializer<'de>>(self, value: D) -> Result<V::Value, D::Error> {
+        self.visitor.visit_newtype_struct(Strict(value))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<V::Value, A::Error> {
+        let mut list = Elements { list, taken: 0, has_ended: false };
+        let needed = match self.needed {
+            Needed::Anything => return self.visitor.visit_seq(list),
+            Needed::Number => "a number".to_owned(),
+            Needed::Table { keys } => format!("a table with the keys {}", keys.join(", ")),
+            Needed::List { length } => {
+                let value = self.visitor.visit_seq(&mut list);
+                // An element that is wrong is named itself, unlike one that is missing.
+                if value.is_err() && !list.has_ended || list.count()? == length {
+                    return value;
+                }
+                format!("a list of length {length}")
+            }
+        };
+        let found = list.count()?;
+        Err(A::Error::custom(format!("found a list of length {found}, needed {needed}")))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<V::Value, A::Error> {
+        self.visitor.visit_map(Entries(table))
+    }
+
+    // Names of variants alone: no key has a variant with a value.
+    fn visit_enum<A: EnumAccess<'de>>(self, name: A) -> Result<V::Value, A::Error> {
+        self.visitor.visit_enum(name)
+    }
+}
+
+struct StrictSeed<S>(S);
+
+impl<'de, S: DeserializeSeed<'de>> DeserializeSeed<'de> for StrictSeed<S> {
+    type Value = S::Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<S::Value, D::Error> {
+        self.0.deserialize(Strict(deserializer))
+    }
+}
+
+/// Elements of a list, which are counted.
+struct Elements<A> {
+    list: A,
+    taken: usize,
+    has_ended: bool,
+}
+
+impl<'de, A: SeqAccess<'de>> Elements<A> {
+    /// How many there are.
+    fn count(&mut self) -> Result<usize, A::Error> {
+        while self.next_element::<IgnoredAny>()?.is_some() {}
+        Ok(self.taken)
+    }
+}
+
+impl<'de, A: SeqAccess<'de>> SeqAccess<'de> for Elements<A> {
+    type Error = A::Error;
+
+    fn next_element_seed<S: DeserializeSeed<'de>>(
+        &mut self,
+        seed: S,
+    ) -> Result<Option<S::Value>, A::Error> {
+        if self.has_ended {
+            return Ok(None);
+        }
+        let element = self.list.next_element_seed(StrictSeed(seed))?;
+        self.has_ended = element.is_none();
+        self.taken += usize::from(element.is_some());
+        Ok(element)
+    }
+
+    fn size_hint(&self) -> Option<usize> {
+        self.list.size_hint()
+    }
+}
+
+/// Entries of a table.
+struct Entries<A>(A);
+
+impl<'de, A: MapAccess<'de>> MapAccess<'de> for Entries<A> {
+    type Error = A::Error;
+
+    fn next_key_seed<S: DeserializeSeed<'de>>(
+        &mut self,
+        seed: S,
+    ) -> Result<Option<S::Value>, A::Error> {
+        self.0.next_key_seed(seed)
+    }
+
+    fn next_value_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, A::Error> {
+        self.0.next_value_seed(StrictSeed(seed))
+    }
+
+    fn size_hint(&self) -> Option<usize> {
+        self.0.size_hint()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use toml::{Table, Value};
+
+    use super::super::settings::below;
+    use super::super::{Config, ConfigError, FigureWidth, RobotDeviation, SharedFits, Smoothing};
+    use crate::config::Robots;
+
+    /// A configuration with every key there is, also those that may be left out.
+    fn every_key() -> Value {
+        let mut config = Config::default();
+        config.ingest.smoothing_window = Smoothing::Window(9);
+        config.report.width_mm = FigureWidth::Mm(90.0);
+        config.fit.shared = Some(SharedFits { robot: Robots(vec!["kinematic".to_owned()]) });
+        config.optimise.power_w = Some(2.0);
+        config.optimise.torque_nm = Some(0.5);
+        let robot = config.robot.get_mut("semi-passive").unwrap();
+        robot.standard_deviation = Some(RobotDeviation::default());
+        robot.load_n = Some([7.2, 3.6, 3.6]);
+        robot.skid_static_n = Some([1.0; 3]);
+        robot.roll_dry_n = Some([1.0; 3]);
+        robot.stribeck_m_s = Some(0.1);
+        let joint = config.gait.get_mut("skewed").unwrap().joint1.as_mut().unwrap();
+        (joint.amplitude2_deg, joint.phase2_deg) = (Some(5.0), Some(0.0));
+        Value::try_from(config).unwrap()
+    }
+
+    /// Values with other lengths, by their keys, and how their errors begin.
+    fn of_other_lengths(value: &Value, key: &str, found: &mut Vec<(String, Value, String)>) {
+        let mut add = |value: Value, error: String| found.push((key.to_owned(), value, error));
+        let a_list = |length: usize, needed: &str| {
+            format!("key `{key}`: found a list of length {length}, needed {needed}")
+        };
+        match value {
+            Value::Array(list) if list.first().is_some_and(Value::is_float) => {
+                let (length, number) = (list.len(), list[0].clone());
+                let needed = format!("a list of length {length}");
+                for other in (0..2 * length).filter(|other| *other != length) {
+                    let numbers = vec![number.clone(); other];
+                    add(numbers.into(), a_list(other, &needed));
+                }
+                let text_too_much = [&list[..], &["x".into()]].concat();
+                add(text_too_much.into(), a_list(length + 1, &needed));
+                let nested = vec![Value::from(vec![number.clone()]); length];
+                add(nested.into(), a_list(1, "a number"));
+                add(number, format!("key `{key}`: invalid type: floating point"));
+            }
+            // These are a word or a number.
+            Value::Integer(_) | Value::Float(_)
+                if ["ingest.smoothing_window", "report.width_mm"].contains(&key) =>
+            {
+                add(vec![value.clone()].into(), format!("key `{key}`: invalid value: ["));
+            }
+            Value::Integer(_) | Value::Float(_) => {
+                add(vec![value.clone()].into(), a_list(1, "a"));
+                add(vec![value.clone(); 2].into(), a_list(2, "a"));
+            }
+            Value::String(_) | Value::Boolean(_) => {
+                add(vec![value.clone(); 2].into(), format!("key `{key}`: "));
+            }
+            Value::Table(table) => {
+                let numbers: Vec<Value> =
+                    table.values().filter(|value| value.is_float()).cloned().collect();
+                if !key.is_empty() && !numbers.is_empty() {
+                    add(numbers.into(), format!("key `{key}`: "));
+                }
+                for (name, value) in table {
+                    of_other_lengths(value, &below(key, name), found);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A table with another value of a key.
+    fn with(value: &Value, key: &str, other: &Value) -> String {
+        let key: Table = format!("{key} = 0").parse().unwrap();
+        let (mut changed, mut place) = (value.clone(), &Value::Table(key));
+        let mut inner = &mut changed;
+        while let Value::Table(table) = place {
+            let (name, deeper) = table.iter().next().unwrap();
+            (inner, place) = (&mut inner[name.as_str()], deeper);
+        }
+        *inner = other.clone();
+        toml::to_string(&changed).unwrap()
+    }
+
+    fn error(text: &str) -> Option<String> {
+        let error = Config::parse(text).err()?;
+        Some(ConfigError::toml(Path::new("p.toml"), text, &error).to_string())
+    }
+
+    #[test]
+    fn every_list_and_number_of_another_length_is_refused_by_its_key() {
+        let all = every_key();
+        assert_eq!(error(&toml::to_string(&all).unwrap()), None);
+        let mut others = Vec::new();
+        of_other_lengths(&all, "", &mut others);
+        assert!(others.len() > 500, "{}", others.len());
+        // What is `[fit.shared] robot` or `[paths] raw` may be a list or one.
+        others.retain(|(key, ..)| !["fit.shared.robot", "paths.raw"].contains(&key.as_str()));
+        for (key, other, expected) in others {
+            let message = error(&with(&all, &key, &other));
+            let is_named = message.as_ref().is_some_and(|message| message.contains(&expected));
+            assert!(is_named, "{key} = {other}: {expected}: {message:?}");
+        }
+    }
+
+    #[test]
+    fn lists_beside_a_standard_deviation_are_as_long_as_without_it() {
+        let all = every_key();
+        for (value, needed) in [
+            (
+                "{ value = [1, 1, 1, 1], sd = [0, 0, 0] }",
+                "key `robot.kinematic.mass_kg.value`: found a list of length 4, needed a list of \
+                 length 3",
+            ),
+            (
+                "{ value = [1, 1, 1], sd = [0, 0] }",
+                "key `robot.kinematic.mass_kg.sd`: found a list of length 2, needed a list of length 3",
+            ),
+            (
+                "{ value = [1, 1, 1], sd = 0.1 }",
+                "key `robot.kinematic.mass_kg.sd`: invalid type: floating point `0.1`, expected a \
+                 list of length 3",
+            ),
+        ] {
+            let value = format!("v = {value}").parse::<Table>().unwrap().remove("v").unwrap();
+            let message = error(&with(&all, "robot.kinematic.mass_kg", &value)).unwrap();
+            assert!(message.contains(needed), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_list_is_no_table() {
+        let all = every_key();
+        let weights = vec![Value::Float(10.0); 4].into();
+        let message = error(&with(&all, "campaign.kinematic-skewed.weights", &weights)).unwrap();
+        let expected = "key `campaign.kinematic-skewed.weights`: found a list of length 4, needed \
+                        a table with the keys d, v, sigma, alpha";
+        assert!(message.ends_with(expected), "{message}");
+    }
+}
