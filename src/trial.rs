@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{Config, ConfigError, one_of, parse_toml};
 use crate::files;
 use crate::named::named;
+use crate::pattern::matches_label;
 pub use folders::{ListedTrial, TrialFolder, TrialFolders, find_folders};
 
 /// Name of the list inside a trial folder.
@@ -63,27 +64,32 @@ pub struct Trial {
 }
 
 /// The list in `trials.toml`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrialList {
-    /// Marker files of the folder that are no trials: `*` stands for any characters, `?` for one.
+    /// Marker files of the folder that are no trials, or are to be none although they have an entry: `*`
+    /// stands for any characters, `?` for one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ignore: Vec<String>,
     #[serde(default)]
     pub trial: Vec<Trial>,
+    /// Ids of entries whose files `ignore` names, which are not among `trial`.
+    #[serde(skip)]
+    pub ignored: Vec<String>,
 }
 
 impl TrialList {
-    /// Reads the list of a trial folder. What is wrong with a single trial, such as a missing
-    /// file or an unknown campaign, is left to [`Trial::check`], so that the others can go on.
+    /// Reads the list of a trial folder, without the trials whose files it ignores. What is wrong with a
+    /// single trial, such as a missing file or an unknown campaign, is left to [`Trial::check`], so that
+    /// the others can go on.
     ///
     /// # Errors
-    /// The list cannot be read or parsed, or an id is malformed or used twice.
+    /// The list cannot be read or parsed, an id is malformed or used twice, or no trial is left.
     pub fn load(folder: &Path) -> Result<Self, ConfigError> {
         let path = folder.join(TRIALS_FILE);
         let text = crate::files::read_text(&path)
             .map_err(|source| ConfigError::Read { path: path.clone(), source })?;
-        let list: Self =
+        let mut list: Self =
             parse_toml(&path, &text).map_err(|error| single_brackets(&path, &text, error))?;
         let error = |key: &str, found, needed: &str| {
             let (path, key, needed) = (path.clone(), key.to_owned(), needed.to_owned());
@@ -111,8 +117,32 @@ impl TrialList {
                 return error(&key, found, "an id that no other trial has");
             }
         }
+        let is_ignored = |trial: &Trial| {
+            let names = |pattern: &&String| matches_label(pattern, &trial.file);
+            list.ignore.iter().filter(names).any(|pattern| !is_catch_all(pattern))
+        };
+        let (ignored, kept): (Vec<Trial>, _) = list.trial.into_iter().partition(is_ignored);
+        if kept.is_empty() {
+            let found = format!("{:?}, which name the files of all trials", list.ignore);
+            return error("ignore", found, "at least one [[trial]] whose file none of them names");
+        }
+        list.ignored = ignored.into_iter().map(|trial| trial.id).collect();
+        list.trial = kept;
         Ok(list)
     }
+
+    /// Whether a marker file of the folder is neither a trial nor named by `ignore`.
+    pub(crate) fn lacks(&self, file: &str) -> bool {
+        !self.trial.iter().any(|trial| trial.file == file)
+            && !self.ignore.iter().any(|pattern| matches_label(pattern, file))
+    }
+}
+
+/// Whether a pattern names no file in particular, as `*` and `*.csv`: it stands for the files without an
+/// entry.
+fn is_catch_all(pattern: &str) -> bool {
+    let stem = pattern.split('.').next().unwrap_or_default();
+    !stem.is_empty() && stem.chars().all(|c| "*?".contains(c))
 }
 
 /// What is wrong with a list in which `[trial]` stands for `[[trial]]`, else the parser's error.
@@ -211,6 +241,40 @@ impl Trial {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn loaded(ignore: &str) -> Result<TrialList, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let entry =
+            |id: &str| format!("[[trial]]\nid = '{id}'\nfile = '{id}.csv'\nkind = 'gait'\n");
+        let list = format!("ignore = [{ignore}]\n{}", ["a-1", "a-2", "b-1"].map(entry).concat());
+        std::fs::write(folder.path().join(TRIALS_FILE), list).unwrap();
+        TrialList::load(folder.path()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn an_ignored_file_is_no_trial_although_it_has_an_entry() {
+        let ids = |list: &TrialList| list.trial.iter().map(|of| of.id.clone()).collect::<Vec<_>>();
+        for (ignore, left, ignored) in [
+            ("", &["a-1", "a-2", "b-1"][..], &[][..]),
+            ("'a-2.csv'", &["a-1", "b-1"], &["a-2"]),
+            ("'a-*.csv', 'wand*'", &["b-1"], &["a-1", "a-2"]),
+            ("'?-1*'", &["a-2"], &["a-1", "b-1"]),
+            // They stand for the files that have no entry.
+            ("'*'", &["a-1", "a-2", "b-1"], &[]),
+            ("'*.csv', 'b-1.csv'", &["a-1", "a-2"], &["b-1"]),
+        ] {
+            let list = loaded(ignore).unwrap();
+            assert_eq!((&ids(&list)[..], &list.ignored[..]), (&own(left)[..], &own(ignored)[..]));
+            assert!(["a-1", "a-2", "b-1"].iter().all(|id| !list.lacks(&format!("{id}.csv"))));
+        }
+        let message = loaded("'a-*', 'b-1.csv'").unwrap_err();
+        assert!(message.contains("key `ignore`: found [\"a-*\", \"b-1.csv\"]"), "{message}");
+        assert!(message.ends_with("needed at least one [[trial]] whose file none of them names"));
+    }
+
+    fn own(ids: &[&str]) -> Vec<String> {
+        ids.iter().map(|id| (*id).to_owned()).collect()
+    }
 
     #[test]
     fn what_is_a_list_and_should_be_none_is_refused_by_its_key() {

@@ -136,6 +136,35 @@ fn a_trial_stays_until_it_leaves_its_list_or_other_folders_are_to_go() {
 }
 
 #[test]
+fn an_ignored_recording_is_left_out_although_its_entry_stays() {
+    let folder = nights(false);
+    folder.write(&format!("raw/second/{SKEWED}.csv"), "beyond help");
+    let failed = said(folder.path(), &["run"], 1);
+    assert!(failed.contains(&format!("failed: {SKEWED}")), "{failed}");
+    let ignore = format!("ignore = [\"*\", \"{SKEWED}.csv\"]");
+    folder.replace("raw/second/trials.toml", "ignore = [\"*\"]", &ignore);
+    let line = format!("left out, because `ignore` of trials.toml names the file: {SKEWED}\n");
+    let run = said(folder.path(), &["run"], 0);
+    assert_eq!(run.matches(&line).count(), 1, "{run}");
+    assert!(rows(&folder).iter().all(|row| row.trial != SKEWED));
+    assert!(said(folder.path(), &["check"], 0).contains(&line));
+    let checked = succeed(folder.path(), &["config", "check"]);
+    assert!(checked.contains(&line) && checked.ends_with("4 trials, 0 that cannot be processed\n"));
+    // As if it had no entry.
+    let other = nights(false);
+    let list = text(&other.read("raw/second/trials.toml"));
+    let entry = list.split("[[trial]]").find(|entry| entry.contains(SKEWED)).unwrap();
+    other.replace("raw/second/trials.toml", &format!("[[trial]]{entry}"), "");
+    assert_same(&folder.results(), &results(&other, &[&["run"]]), "without the entry");
+    // `explain` says so.
+    let advice = succeed(folder.path(), &["explain", "E001"]).replace("\n   ", "");
+    assert!(
+        advice.contains("`ignore` in `trials.toml`") && advice.contains("`[[trial]]`"),
+        "{advice}"
+    );
+}
+
+#[test]
 fn trials_of_one_id_are_kept_apart_by_their_folders_names_in_every_table_and_page() {
     let names = ["first", "second"].map(|front| format!("{front}_{SKEWED}"));
     let together = nights(true);

@@ -30,8 +30,8 @@ pub struct IngestStage {
     derived: PathBuf,
     folders: Vec<TrialFolder>,
     trials: Vec<(ListedTrial, Result<IngestInput, TrialError>)>,
-    /// Ids that several folders have, in words.
-    told_apart: Option<String>,
+    /// What is to be said of the lists: of ignored trials and of ids that several folders have.
+    notes: Vec<String>,
     /// Missing for some of the trials, of which nothing is said together.
     together: Option<FolderInput>,
 }
@@ -42,14 +42,14 @@ impl IngestStage {
     pub fn new(config: &Config) -> Result<Self, RunError> {
         let all = TrialFolders::load(&config.paths)?;
         let together = Some(FolderInput::new(config, &all.folders));
-        let told_apart = all.told_apart();
+        let notes = all.ignored().into_iter().chain(all.told_apart()).collect();
         let TrialFolders { folders, trials } = all;
         let with_input = |listed: ListedTrial| {
             let input = IngestInput::new(config, &listed.trial);
             (listed, input)
         };
         let trials = trials.into_par_iter().map(with_input).collect();
-        Ok(Self { derived: config.paths.derived.clone(), folders, trials, told_apart, together })
+        Ok(Self { derived: config.paths.derived.clone(), folders, trials, notes, together })
     }
 
     /// The stage of some of the trials, with tables elsewhere.
@@ -201,7 +201,7 @@ impl Stage for IngestStage {
         mut work: Work<Self>,
         watch: &dyn Watch,
     ) -> Result<(Ingested, StageState), RunError> {
-        self.told_apart.iter().for_each(|sentence| watch.note(sentence));
+        self.notes.iter().for_each(|sentence| watch.note(sentence));
         let derived = &self.derived;
         let target = |entry: &Entry| Target::Trial(entry.listed.trial.id.clone());
         let is_kept = |entry: &Entry| work.kept.contains_key(&target(entry));

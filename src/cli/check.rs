@@ -64,7 +64,9 @@ impl Check {
 }
 
 fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
-    let TrialFolders { folders, trials: listed } = TrialFolders::load(&context.config.paths)?;
+    let all = TrialFolders::load(&context.config.paths)?;
+    all.ignored().iter().for_each(|sentence| context.progress.say(sentence));
+    let TrialFolders { folders, trials: listed } = all;
     let stage = context.progress.stage("check", listed.len());
     let found: Vec<(TrialRow, Vec<CheckRow>)> = listed
         .par_iter()

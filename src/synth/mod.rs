@@ -282,7 +282,7 @@ pub fn synthesise(
     write_bytes(&folder.join(TRUTH_FILE), truth.to_json().as_bytes())?;
     // The list comes last: a folder with a list is complete.
     let trial = plans.into_iter().map(|plan| plan.trial).collect();
-    let list = TrialList { ignore: Vec::new(), trial };
+    let list = TrialList { trial, ..TrialList::default() };
     let header = "# Synthetic trials, written by `trilink synth`.\n\n";
     let text = header.to_owned() + &toml::to_string(&list).expect("a trial list is plain TOML");
     write_bytes(&folder.join(TRIALS_FILE), text.as_bytes())?;

@@ -11,6 +11,8 @@ use crate::files::{absolute, is_device_name};
 const MOST_FRONT: usize = 64;
 /// Characters of a hash that tell folders apart whose names do not.
 const HASH_CHARACTERS: usize = 8;
+/// More ids are not named in one sentence.
+const MOST_IDS: usize = 10;
 
 /// A trial folder.
 #[derive(Debug, Clone, PartialEq)]
@@ -137,6 +139,20 @@ impl TrialFolders {
             }
         }
         Ok(())
+    }
+
+    /// A sentence on the trials whose files their lists ignore.
+    pub fn ignored(&self) -> Option<String> {
+        let ids: Vec<&str> =
+            self.folders.iter().flat_map(|of| &of.list.ignored).map(String::as_str).collect();
+        let more = match ids.len().saturating_sub(MOST_IDS) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        let shown = ids.iter().take(MOST_IDS).copied().collect::<Vec<_>>().join(", ");
+        let sentence =
+            || format!("left out, because `ignore` of trials.toml names the file: {shown}{more}");
+        (!ids.is_empty()).then(sentence)
     }
 
     /// A sentence on the ids that several folders have.

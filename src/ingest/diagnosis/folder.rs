@@ -10,7 +10,6 @@ use super::campaigns::{fail, find_common_offsets, find_other_campaigns};
 use crate::config::{Campaign, Config};
 use crate::ingest::Ingested;
 use crate::ingest::checks::{Check, Finding};
-use crate::pattern::matches_label;
 use crate::robot::Gait;
 use crate::store::{CheckRow, Severity, TrialRow, TrialStatus};
 use crate::trial::TrialFolder;
@@ -65,12 +64,8 @@ impl FolderInput {
 
 /// Marker files of a folder that are not in its list, in order.
 fn unlisted(TrialFolder { path, list, .. }: &TrialFolder) -> Vec<String> {
-    let is_listed = |name: &str| {
-        list.trial.iter().any(|trial| trial.file == name)
-            || list.ignore.iter().any(|pattern| matches_label(pattern, name))
-    };
     let names = vicon::marker_files(path).unwrap_or_default();
-    names.into_iter().filter(|name| !is_listed(name)).collect()
+    names.into_iter().filter(|name| list.lacks(name)).collect()
 }
 
 /// Fails trials whose marker files have the same content.
