@@ -401,12 +401,17 @@ impl Config {
     /// # Errors
     /// As [`Config::load`].
     pub fn load_or_default(path: Option<&Path>) -> Result<Self, ConfigError> {
+        Self::file(path).map_or_else(|| Ok(Self::default()), Self::load)
+    }
+
+    /// The file that [`Config::load_or_default`] loads; `None` where it takes the defaults.
+    pub fn file(path: Option<&Path>) -> Option<&Path> {
         let own = Path::new(CONFIG_FILE);
         // Only without a file the defaults count: not where it cannot be read.
         let is_absent = |error: std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
         match path {
-            None if own.symlink_metadata().is_err_and(is_absent) => Ok(Self::default()),
-            path => Self::load(path.unwrap_or(own)),
+            None if own.symlink_metadata().is_err_and(is_absent) => None,
+            path => Some(path.unwrap_or(own)),
         }
     }
 

@@ -779,6 +779,72 @@ fn a_list_of_another_length_is_refused_by_its_key_and_both_lengths() {
     }
 }
 
+/// Trials that `settings` makes, without its file.
+fn trials_of(settings: &str) -> TempDir {
+    let folder = empty_folder();
+    write(folder.path(), "other.toml", settings);
+    let synth = ["-c", "other.toml", "-q", "synth", "raw", "--omega", "5", "--seed", "1"];
+    succeed(folder.path(), &synth);
+    folder
+}
+
+#[test]
+fn without_a_configuration_nothing_is_made_of_trials_that_are_not_the_paper_s() {
+    let small = &common::SMALL[..common::SMALL.find("[campaign.kinematic-skewed]").unwrap()];
+    // Another campaign; and the paper's, of a robot with other markers.
+    let campaign = small.replace("campaign.kinematic-symmetric", "campaign.slalom");
+    let markers = "[markers.link0]\nA1 = [80.0, 30.0, 60.0]\nA2 = [-80.0, 30.0, 60.0]\n\
+                   [markers.link1]\nB1 = [40.0, 30.0, 55.0]\nB2 = [-40.0, -30.0, 55.0]\n\
+                   [markers.link2]\nC1 = [-40.0, 30.0, 55.0]\nC2 = [40.0, -30.0, 55.0]\n";
+    for (settings, why) in [
+        (
+            campaign.clone(),
+            "not one trial of 1 is of its robots: trials.toml, trial `slalom-5.00-r1`",
+        ),
+        (format!("{small}{markers}"), "the file's labels are "),
+    ] {
+        let folder = trials_of(&settings);
+        let before = files(folder.path());
+        for command in [&["run", "raw"][..], &["run", "raw", "--dry-run"], &["ingest", "raw"]] {
+            let said = refused(folder.path(), command);
+            assert!(said.contains(why), "{said}");
+            for way in ["no pipeline.toml", "-c FILE", "`trilink init raw`", "`trilink demo`"] {
+                assert!(said.contains(way), "{said}");
+            }
+        }
+        assert!(files(folder.path()) == before, "nothing is written");
+        let checked = trilink(folder.path(), &["check", "raw"]);
+        assert_eq!(checked.status.code(), Some(1));
+        assert!(text(&checked.stderr).contains("no pipeline.toml here: the paper's robots"));
+        // What was ingested with a configuration is not fitted without it.
+        succeed(folder.path(), &["-c", "other.toml", "-q", "ingest"]);
+        let before = files(folder.path());
+        if settings == campaign {
+            for command in ["fit", "report"] {
+                let said = refused(folder.path(), &[command]);
+                let why = "not one ingested trial of 1 is of its campaigns: found `slalom`";
+                assert!(said.contains(why) && said.contains("`trilink init raw`"), "{said}");
+            }
+        }
+        assert!(files(folder.path()) == before, "nothing is written");
+    }
+    // Files without a list.
+    let said = refused(empty_folder().path(), &["run", "raw"]);
+    assert!(said.contains("raw/trials.toml: cannot be read") && said.contains("-c FILE"), "{said}");
+}
+
+#[test]
+fn without_a_configuration_trials_of_the_paper_s_robots_are_ingested() {
+    let small = &common::SMALL[..common::SMALL.find("[campaign.kinematic-skewed]").unwrap()];
+    let folder = trials_of(small);
+    let output = trilink(folder.path(), &["ingest", "raw"]);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{stderr}");
+    assert!(stderr.starts_with("no pipeline.toml here: the paper's robots"), "{stderr}");
+    let named = trilink(folder.path(), &["-c", "other.toml", "ingest"]);
+    assert!(!text(&named.stderr).contains("no pipeline.toml"));
+}
+
 #[test]
 fn every_subcommand_explains_itself() {
     let folder = empty_folder();

@@ -83,6 +83,7 @@ impl From<RunError> for Failure {
         match error {
             RunError::Trials(error) => error.into(),
             RunError::Store(error) => error.into(),
+            RunError::Unconfigured { .. } => Self(ConfigError::new_err(error.to_string())),
             RunError::Held(_) => Self(BusyError::new_err(error.to_string())),
             // What Python raises of itself where nobody says how far the work was.
             RunError::Interrupted { .. } => Self(PyKeyboardInterrupt::new_err(error.to_string())),

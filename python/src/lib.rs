@@ -15,8 +15,9 @@ use polars::prelude::DataFrame;
 use pyo3::prelude::*;
 use pyo3::types::PyCFunction;
 use serde_json::json;
-use trilink::build::{RerunOptions, RunError, RunResults, run as run_pipeline};
+use trilink::build::{RerunOptions, RunError, RunResults, check_unconfigured, run as run_pipeline};
 use trilink::cli::watch;
+use trilink::config::Config;
 use trilink::inspect::{Query, find, meaning, query, unit};
 
 use error::Failure;
@@ -53,9 +54,13 @@ enum Shown {
 fn run(py: Python<'_>, request: &str) -> PyResult<String> {
     let RunRequest { config, folders, only, force, verify, wait, progress } =
         serde_json::from_str(request).map_err(Failure::from)?;
+    let is_configured = Config::file(config.as_deref()).is_some();
     let mut config = config::load(config.as_deref())?;
     if let Some(folders) = folders {
         config.paths.raw = folders;
+    }
+    if !is_configured {
+        check_unconfigured(&config).map_err(Failure::from)?;
     }
     let options = RerunOptions { force, verify, only };
     // Which says how far it was.

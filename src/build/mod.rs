@@ -15,6 +15,7 @@ mod report;
 mod shard;
 mod summary;
 mod target;
+mod unconfigured;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -48,6 +49,7 @@ pub use shard::{fit_shard, ingest_shard};
 use summary::RunRecord;
 pub use summary::{RunResults, StageRecord, TrialCounts, count};
 pub use target::Target;
+pub use unconfigured::{check_unconfigured, check_unconfigured_tables};
 
 /// Somebody who watches a run.
 pub trait Watch: Sync {
@@ -77,6 +79,12 @@ pub enum RunError {
     Report(#[from] ReportError),
     #[error(transparent)]
     OwnTable(#[from] OwnTableError),
+    #[error(
+        "found no pipeline.toml here, without which the paper's experiment is assumed, but {why}; needed the \
+         configuration of these trials: name it with -c FILE, or begin one with `trilink init {folders}` \
+         (`trilink demo` shows the paper's)"
+    )]
+    Unconfigured { why: String, folders: String },
     #[error(
         "{}: found the place of ingested trials, whose fits would be replaced; needed another folder \
          for a table that was made elsewhere",

@@ -47,6 +47,7 @@ struct CheckLine {
 
 impl Check {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+        context.say_assumed();
         let is_folder = |path: &PathBuf| path.is_dir() || is_pattern(path) && !path.exists();
         let folders = self.paths.iter().filter(|path| is_folder(path)).count();
         match self.paths.len() {

@@ -34,6 +34,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::build::RunError;
 use crate::config::{CONFIG_FILE, Config, Paths};
 use crate::interrupt::{self, Interrupted};
 use output::note;
@@ -181,7 +182,30 @@ type Failure = Box<dyn std::error::Error>;
 /// What every subcommand starts from.
 struct Context {
     config: Config,
+    /// Whether the configuration is a file's. Else nobody has said that the robots are the paper's.
+    is_configured: bool,
     progress: Progress,
+}
+
+impl Context {
+    /// Without a configuration file: says what is assumed, if `check` finds that it may be so.
+    fn check_assumed(
+        &self,
+        check: impl Fn(&Config) -> Result<(), RunError>,
+    ) -> Result<(), RunError> {
+        if !self.is_configured {
+            check(&self.config)?;
+            self.say_assumed();
+        }
+        Ok(())
+    }
+
+    fn say_assumed(&self) {
+        if !self.is_configured {
+            let assumed = "the paper's robots, gaits, campaigns and markers are assumed";
+            self.progress.say(&format!("no {CONFIG_FILE} here: {assumed}"));
+        }
+    }
 }
 
 /// Runs the program and gives its exit status.
@@ -222,7 +246,7 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
 }
 
 fn is_interrupted(failure: &Failure) -> bool {
-    matches!(failure.downcast_ref(), Some(crate::build::RunError::Interrupted { .. }))
+    matches!(failure.downcast_ref(), Some(RunError::Interrupted { .. }))
 }
 
 fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {
@@ -259,7 +283,8 @@ impl Options {
     fn begin(&self, line: &[OsString]) -> Result<Context, Failure> {
         let progress = self.listen(line)?;
         let config = Config::load_or_default(self.config.as_deref())?;
-        Ok(Context { config, progress })
+        let is_configured = Config::file(self.config.as_deref()).is_some();
+        Ok(Context { config, is_configured, progress })
     }
 
     /// Listens to signals, opens the log and starts the threads.

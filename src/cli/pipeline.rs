@@ -6,7 +6,8 @@ use super::output::{note, say};
 use super::synth::write_trials;
 use super::{Context, Exclusive, Failure, Folders, Outcome};
 use crate::build::{
-    DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, count, dry_run, run,
+    DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, check_unconfigured,
+    count, dry_run, run,
 };
 use crate::config::Campaign;
 use crate::ingest::Ingested;
@@ -100,6 +101,7 @@ impl Run {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         let only = self.folders.only;
         self.folders.configure(&mut context.config.paths);
+        context.check_assumed(check_unconfigured)?;
         self.update.run(&context, only)
     }
 }

@@ -35,6 +35,7 @@ impl Ingest {
     pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         let only = self.folders.only;
         self.folders.configure(&mut context.config.paths);
+        context.check_assumed(build::check_unconfigured)?;
         if let Some(trial) = self.calibrate {
             return calibrate::run(&context, &trial);
         }
@@ -91,6 +92,7 @@ impl Fit {
             drop(watch);
             return Ok(say_fitted_own(&fitted, home));
         }
+        context.check_assumed(build::check_unconfigured_tables)?;
         if let Some((part, shards)) = self.replicates.zip(self.into) {
             let (count, home) = build::fit_shard(&context.config, part, &shards, wait, &watch)?;
             say!("{count} replicates of all models; {part} in {}", home.display());
@@ -141,6 +143,7 @@ pub(super) struct Report {
 
 impl Report {
     pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
+        context.check_assumed(build::check_unconfigured_tables)?;
         let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
         let reported = build::report(&context.config, &self.trial, wait, &watch)?;
         drop(watch);

@@ -1,12 +1,15 @@
 //! What the ingest reads of the configuration.
 
+use std::path::Path;
+
 use serde::Serialize;
 
-use super::error::Problem;
+use super::error::{Problem, TrialFailure};
+use super::markers::layout::locate;
 use crate::config::{Config, GaitConfig, Ingest, Markers, NamedEntry, RobotConfig, Vicon};
 use crate::robot::{Gait, Robot};
 use crate::trial::{Trial, TrialError, TrialKind};
-use crate::vicon::MarkerFile;
+use crate::vicon::{self, MarkerFile};
 
 /// What every marker file is read with.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -76,6 +79,16 @@ impl IngestInput {
             found: "a name without a robot or a gait".to_owned(),
             needed: "one that pipeline.toml describes in full".to_owned(),
         })
+    }
+
+    /// Checks that a file has the markers of the layout, and nothing else.
+    ///
+    /// # Errors
+    /// It has not, or cannot be read.
+    pub fn check_labels(&self, path: &Path) -> Result<(), TrialFailure> {
+        let IngestSettings { vicon: Vicon { ignore, .. }, markers, .. } = &self.settings;
+        let file = vicon::read_markers(path)?.without(ignore);
+        locate(markers, &file).map(drop).map_err(|problem| problem.of(path))
     }
 
     pub(super) fn robot(&self) -> Robot {
