@@ -6,6 +6,9 @@ use std::path::Path;
 use crate::motion::Pose;
 use crate::store::{CycleRow, LABELS_APART, Reader, StoreError, Table, poses_path, wheels_path};
 
+/// Frames on each side that a velocity is computed from, beside the moving average's.
+const DERIVATIVE_REACH: usize = 2;
+
 /// Links, wheels: 0, 1, 2 = middle, front, rear. What is missing is NaN.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
@@ -21,6 +24,7 @@ pub struct Recording {
     /// where the table does not tell.
     pub unseen: [FrameTexts; 3],
     pub corrected: [FrameTexts; 3],
+    /// Without those that are not of whole averages: see [`Recording::read`].
     pub roll_m_s: [Vec<f64>; 3],
     pub skid_m_s: [Vec<f64>; 3],
     /// Empty for trials that are not of kind `gait`.
@@ -90,11 +94,17 @@ pub struct Shown {
 
 impl Recording {
     /// Reads the tables of a trial and joins them by frame, what one lacks is missing; `None` if
-    /// that of poses or of wheels is not there.
+    /// that of poses or of wheels is not there. Velocities at the ends of a recording and beside its gaps,
+    /// where the moving average over `smoothing_window` frames shrinks, are mostly noise and left out.
     ///
     /// # Errors
     /// A table cannot be read or lacks a column.
-    pub fn read(derived: &Path, trial: &str, reader: &Reader) -> Result<Option<Self>, StoreError> {
+    pub fn read(
+        derived: &Path,
+        trial: &str,
+        smoothing_window: i64,
+        reader: &Reader,
+    ) -> Result<Option<Self>, StoreError> {
         let (poses_path, wheels_path) = (poses_path(derived, trial), wheels_path(derived, trial));
         let [poses, wheels] = [&poses_path, &wheels_path].map(|path| reader.table(path));
         let is_absent =
@@ -116,7 +126,10 @@ impl Recording {
         let numbers = |table: &Table, name: &str| table.values::<f64>(name);
         let wheel = |name: String| -> Result<Vec<f64>, StoreError> {
             let values = numbers(&wheels, &name)?;
-            Ok(rows.iter().map(|row| row.map_or(f64::NAN, |row| values[row])).collect())
+            let mut values: Vec<f64> =
+                rows.iter().map(|row| row.map_or(f64::NAN, |row| values[row])).collect();
+            leave_out_edges(&mut values, smoothing_window);
+            Ok(values)
         };
         Ok(Some(Self {
             time_s: numbers(&poses, "time_s")?,
@@ -213,6 +226,20 @@ impl Recording {
     }
 }
 
+/// Makes the velocities missing that a moving average over so many frames, which shrinks at the ends of
+/// every run without gaps, has a part in; nothing where the width is not known.
+fn leave_out_edges(velocities: &mut [f64], smoothing_window: i64) {
+    let Some(window) = usize::try_from(smoothing_window).ok().filter(|of| *of > 0) else {
+        return;
+    };
+    let edge = window / 2 + DERIVATIVE_REACH;
+    for run in velocities.chunk_by_mut(|a, b| a.is_nan() == b.is_nan()) {
+        let frames = run.len();
+        run[..edge.min(frames)].fill(f64::NAN);
+        run[frames.saturating_sub(edge)..].fill(f64::NAN);
+    }
+}
+
 /// Where the frames of a table or their times do not rise.
 fn fall(table: &Table) -> Result<Option<String>, StoreError> {
     let (frames, time_s) = (table.values::<i64>("frame")?, table.values::<f64>("time_s")?);
@@ -260,6 +287,28 @@ mod tests {
         assert_eq!(recording(&used).used_cycles(5), Some((6.0, 2)));
         assert_eq!(recording(&used).used_cycles(1), Some((2.0, 1)));
         assert_eq!(recording(&[false; 3]).used_cycles(5), None);
+    }
+
+    #[test]
+    fn velocities_of_shrunken_averages_are_left_out_at_ends_and_at_gaps() {
+        let known = |window: i64, missing: &[usize]| -> Vec<usize> {
+            let mut all: Vec<f64> = (0..40).map(f64::from).collect();
+            missing.iter().for_each(|&i| all[i] = f64::NAN);
+            leave_out_edges(&mut all, window);
+            (0..40).filter(|&i| !all[i].is_nan()).collect()
+        };
+        let frames = |ranges: &[std::ops::Range<usize>]| {
+            ranges.iter().cloned().flatten().collect::<Vec<_>>()
+        };
+        assert_eq!(known(5, &[]), frames(&[4..36]));
+        assert_eq!(known(10, &[]), frames(&[7..33]));
+        assert_eq!(known(5, &[15, 16]), frames(&[4..11, 21..36]));
+        // Nothing is left of a short run.
+        assert_eq!(known(5, &[15, 24]), frames(&[4..11, 29..36]));
+        assert!(known(200, &[]).is_empty());
+        for unknown in [0, -3, i64::MIN] {
+            assert_eq!(known(unknown, &[20]).len(), 39);
+        }
     }
 
     #[test]

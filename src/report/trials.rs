@@ -137,7 +137,10 @@ pub fn write(
     let written = trials.into_par_iter().with_max_len(1).map(|trial| {
         let recording = match trial.status {
             TrialStatus::Failed => None,
-            _ => Recording::read(&input.paths.derived, &trial.trial, reader)?,
+            _ => {
+                let TrialRow { trial, smoothing_window, .. } = trial;
+                Recording::read(&input.paths.derived, trial, *smoothing_window, reader)?
+            }
         };
         let problem = recording.as_ref().and_then(|recording| recording.problem.clone());
         let page = pages.get(&trial.trial).map(|file| format!("{FOLDER}/{file}"));

@@ -243,7 +243,9 @@ impl Inputs<'_> {
     }
 
     fn recording(self, trial: &str) -> Result<Result<Recording, String>, StoreError> {
-        let recording = Recording::read(&self.config.paths.derived, trial, self.reader)?;
+        let row = self.tables.trials.iter().find(|row| row.trial == trial);
+        let window = row.map_or(0, |row| row.smoothing_window);
+        let recording = Recording::read(&self.config.paths.derived, trial, window, self.reader)?;
         Ok(recording
             .ok_or_else(|| format!("poses/{trial}.parquet or wheels/{trial}.parquet is not there")))
     }

@@ -138,7 +138,14 @@ fn arrows_are_as_long_as_their_scale_says() {
     let robot = data["half"].as_f64().expect("h") + data["side"].as_f64().expect("l");
     assert!(longest > 0.3 * robot && longest < robot, "{longest}");
     assert_eq!((&skid["across"], &skid["unit"]), (&true.into(), &"mm/s".into()));
-    assert!(page.contains("class=\"arrow skid\" d=\"M0 0V"));
+    // The average is not whole at the ends of the recording: no velocity, and none to draw in the first frame.
+    for values in skid["values"].as_array().expect("wheels") {
+        let values = values.as_array().expect("a wheel");
+        let known = values.iter().filter(|value| !value.is_null()).count();
+        assert!(values[0].is_null() && values[values.len() - 1].is_null(), "{values:?}");
+        assert!(known > values.len() / 2, "{known} of {}", values.len());
+    }
+    assert!(!page.contains("class=\"arrow skid\" d="));
 }
 
 #[test]
