@@ -42,11 +42,11 @@ pub(super) fn complete(
         for row in &mut model.comparison {
             row.sentence.clone_from(&sentence);
             row.preferred = Some(row.model) == preferred;
-            if let Some(tell) = tell.as_ref().filter(|_| !row.preferred) {
-                row.tell_omega_rad_s = tell.omega_rad_s;
-                tell.metric.clone_into(&mut row.tell_metric);
-                row.tell_standard_errors = tell.standard_errors;
-            }
+            // Rows of a former run may have one from when another model was preferred.
+            let tell = tell.as_ref().filter(|_| !row.preferred);
+            row.tell_omega_rad_s = tell.map_or(f64::NAN, |tell| tell.omega_rad_s);
+            row.tell_metric = tell.map_or("", |tell| tell.metric).to_owned();
+            row.tell_standard_errors = tell.map_or(f64::NAN, |tell| tell.standard_errors);
         }
     }
 }
