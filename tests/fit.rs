@@ -454,6 +454,37 @@ fn a_model_without_a_motion_says_so_and_the_others_are_fitted() {
 }
 
 #[test]
+fn the_ideal_robot_is_driven_by_the_command_where_the_measured_gait_drives_the_others() {
+    for (reference, d_m) in [(&REFERENCES[0], 0.663466), (&REFERENCES[1], 0.122405)] {
+        let mut config = quick(reference);
+        config.fit.gait_input = Config::default().fit.gait_input;
+        let models = vec![Model::NO_SKID, Model::NO_SKID_MEASURED, Model::SKID_ROLL];
+        config.campaign.get_mut(reference.campaign).unwrap().models = models;
+        let (_, command) = config.campaign_setup(reference.campaign).unwrap();
+        let mut rows = named(reference);
+        for row in &mut rows {
+            row.gait = command.joints.map(|joint| {
+                let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = joint.unwrap();
+                JointGait { offset_rad, amplitude_rad, phase_rad, ..JointGait::blank() }
+            });
+            row.gait[1].amplitude_rad *= 0.97;
+        }
+        let Fitted { fits, alternatives, predictions, .. } = fit(&config, &rows.into(), &|_| {});
+        let inputs: Vec<GaitInput> = fits.iter().map(|fit| fit.gait_input).collect();
+        let measured = GaitInput::Measured;
+        assert_eq!(inputs, [GaitInput::Commanded, measured, measured]);
+        assert!(fits[0].status.is_ok() && fits[0].j != fits[1].j, "{} {}", fits[0].j, fits[1].j);
+        assert!(alternatives.iter().all(|fit| fit.model == Model::SKID_ROLL));
+        let ideal = predictions.iter().filter(|row| row.model == Model::NO_SKID);
+        assert!(ideal.clone().count() > 100);
+        for row in ideal {
+            let found = row.metrics.d_m;
+            assert!((found - d_m).abs() < 1e-6, "{found} at {} rad/s", row.omega_rad_s);
+        }
+    }
+}
+
+#[test]
 fn trials_without_a_measured_gait_leave_the_models_that_need_it_without_a_fit() {
     let reference = &REFERENCES[1];
     let mut config = quick(reference);

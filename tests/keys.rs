@@ -96,6 +96,7 @@ fn of_model(value: &Value) -> Value {
             "viscous" | "coulomb" => "coulomb-viscous",
             "coulomb-viscous" => "stribeck-viscous",
             "none" => "viscous",
+            "commanded" => "measured",
             _ => "commanded",
         }
         .into(),

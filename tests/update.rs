@@ -131,7 +131,7 @@ fn a_changed_key_redoes_what_reads_it() {
     let gap = "[ingest]\nmax_gap_s = 0.05\n[fit]";
     let models = "models = [\"no-skid\", \"skid\", \"skid-roll\"]";
     let free_by_default = "[model.skid-roll]\nfree = [\"skid1\"]\n[fit]";
-    let input = "[model.no-skid]\ninput = \"commanded\"\n[fit]";
+    let input = "[model.no-skid]\ninput = \"measured\"\n[fit]";
     let unused = "[model.other]\nskid = \"viscous\"\nroll = \"none\"\nfree = []\n[fit]";
     let cases: [(&str, &str, &str, usize, &[&str]); 12] = [
         ("pipeline.toml", "starts = 2", "starts = 3", 0, &with_search),

@@ -259,16 +259,32 @@ impl<'t> Source<'t> {
         self.fits.iter().filter(move |fit| fit.campaign == campaign)
     }
 
-    /// The gait that drives the models of campaigns, in words. One that is driven by each trial's
-    /// measured gait whatever the fits' input is not counted.
-    pub fn gait_input(self, campaigns: &[&str]) -> &'static str {
-        let fits = campaigns.iter().flat_map(|campaign| self.fits_of(campaign));
-        let fits = fits.filter(|fit| !self.is_of_trials(fit.model));
-        let inputs: BTreeSet<&str> = fits.map(|fit| fit.gait_input.name()).collect();
-        match inputs.into_iter().collect::<Vec<_>>().as_slice() {
-            [only] if *only == GaitInput::Measured.name() => "measured gait",
-            [] | [_] => "commanded gait",
-            _ => "commanded gait of some and the measured one of others",
+    /// The gait that drives the fits of models to campaigns, in words; empty where there is none.
+    /// Models that are driven by each trial's measured gait whatever `[fit]` says are not counted.
+    pub fn gait_input<'m>(self, shown: impl IntoIterator<Item = (&'m str, Model)>) -> String {
+        let mut by_input = [BTreeSet::new(), BTreeSet::new()];
+        for (campaign, model) in shown {
+            let fit = self.fits_of(campaign).find(|fit| fit.model == model);
+            let fit = fit.filter(|_| !self.is_of_trials(model));
+            if let Some(fit) = fit {
+                by_input[usize::from(fit.gait_input == GaitInput::Measured)].insert(model);
+            }
+        }
+        let [commanded, measured] = &by_input;
+        let names = |models: &BTreeSet<Model>| {
+            models.iter().map(|model| model.name()).collect::<Vec<_>>().join(" and ")
+        };
+        match (commanded.is_empty(), measured.is_empty()) {
+            (true, true) => String::new(),
+            (false, true) => "commanded gait".to_owned(),
+            (true, false) => "measured gait".to_owned(),
+            _ if !commanded.is_disjoint(measured) => {
+                "commanded gait of some campaigns and the measured one of others".to_owned()
+            }
+            _ if commanded.len() <= measured.len() => {
+                format!("measured gait, {} under the commanded one", names(commanded))
+            }
+            _ => format!("commanded gait, {} under the measured one", names(measured)),
         }
     }
 }

@@ -16,11 +16,11 @@ use crate::store::TrialRow;
 pub fn figure(stem: &str, campaign: &str, tables: &Tables, config: &ReportInput) -> Option<Figure> {
     let joint = config.campaign_setup(campaign)?.1.passive_joint()?;
     let (quantity, source) = (AMPLITUDES[joint], tables.source(config));
-    let (series, input) = if joint == 0 {
+    let series: Vec<Series> = if joint == 0 {
         let models = source.models(campaign);
         let models = models.iter().filter_map(|of| source.model(campaign, *of, &quantity, 0));
         let measured = source.measured(campaign, &quantity, 0);
-        (measured.into_iter().chain(models).collect(), source.gait_input(&[campaign]))
+        measured.into_iter().chain(models).collect()
     } else {
         // Of this joint the tables have the first harmonic alone, and nothing of models.
         let with_its_own = |trial: &TrialRow| {
@@ -31,6 +31,8 @@ pub fn figure(stem: &str, campaign: &str, tables: &Tables, config: &ReportInput)
         };
         let trials: Vec<TrialRow> = source.measured_trials(campaign).map(with_its_own).collect();
         let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign);
+        // Each trial's own gait has no curve.
+        let fits = fits.filter(|fit| !source.is_of_trials(fit.model));
         let models = fits.map(|fit| {
             let curve = simulated::curve(tables, config, fit, |solver, problem| {
                 simulated::amplitude_rad(solver, problem, joint).map(|rad| DEG * rad)
@@ -39,8 +41,12 @@ pub fn figure(stem: &str, campaign: &str, tables: &Tables, config: &ReportInput)
             Series { campaign: campaign.to_owned(), model: Some(fit.model), flagged: false, layer }
         });
         let measured = Source { trials: &trials, ..source }.measured(campaign, &quantity, 0);
-        (measured.into_iter().chain(models).collect(), "commanded gait")
+        measured.into_iter().chain(models).collect()
     };
-    let texts = texts("alpha", context! { campaign, bars => BARS, input });
-    Some(frequency::figure(stem, texts, &[campaign], &[(quantity, series)]))
+    let plots = [(quantity, series)];
+    let (input, of_trials) = frequency::drivers(&plots, source);
+    // The curves of joint 2 are solved for under the command, whatever drove the fits.
+    let input = if joint == 0 || input.is_empty() { input } else { "commanded gait".to_owned() };
+    let values = context! { campaign, bars => BARS, input, of_trials };
+    Some(frequency::figure(stem, texts("alpha", values), &[campaign], &plots))
 }

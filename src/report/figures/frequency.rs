@@ -49,14 +49,20 @@ pub fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
         let measured = source.measured(campaign, &quantity, 0);
         (quantity, measured.into_iter().chain(models.iter().filter_map(model)).collect())
     });
-    let mut shown = plots.iter().flat_map(|(_, series)| series);
-    let values = context! {
-        campaign,
-        bars => BARS,
-        input => source.gait_input(&[campaign]),
-        by_measured => shown.any(|of| of.model.is_some_and(|model| source.is_of_trials(model))),
-    };
+    let (input, of_trials) = drivers(&plots, source);
+    let values = context! { campaign, bars => BARS, input, of_trials };
     figure(stem, texts("models", values), &[campaign], &plots)
+}
+
+/// What drives the models of plots: the gait in words, empty without a line, and the names of those
+/// that each trial's own gait drives, whatever `[fit]` says.
+pub fn drivers(plots: &[Plot], source: Source<'_>) -> (String, Vec<&'static str>) {
+    let series = plots.iter().flat_map(|(_, series)| series);
+    let drawn = series.filter_map(|of| Some((of.campaign.as_str(), of.model?)));
+    let drawn: BTreeSet<(&str, Model)> = drawn.collect();
+    let of_trials = drawn.iter().map(|(_, model)| *model).filter(|of| source.is_of_trials(*of));
+    let of_trials: BTreeSet<&str> = of_trials.map(Model::name).collect();
+    (source.gait_input(drawn), of_trials.into_iter().collect())
 }
 
 /// Figs. 19 and 20: the wheels' skid ratios of campaigns, measured and by one model, or of a single
@@ -80,12 +86,13 @@ pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
         }
         (quantity, series)
     });
+    let (input, _) = drivers(&plots, source);
     let values = context! {
         campaigns => Serde(campaigns),
         bars => BARS,
         models => models.iter().map(|model| model.name()).collect::<Vec<_>>(),
         debiased => source.sigma == SigmaKind::Debiased,
-        input => source.gait_input(campaigns),
+        input,
     };
     figure(stem, texts("skid", values), campaigns, &plots)
 }

@@ -48,6 +48,8 @@ pub fn sections(
         let trials = tables.trials.iter().filter(|row| row.campaign == name).count();
         let own = |figure: &Figure| figure.campaigns == [name] && figure.stem != figures::TRUTH;
         let (own_figures, own_fits) = (images(drawn, own), fits(&tables.fits));
+        let of_campaign = tables.fits.iter().filter(|fit| fit.campaign == name);
+        let fitted = of_campaign.map(|fit| (name, fit.model));
         if trials == 0 && own_fits.is_empty() && own_figures.is_empty() {
             return Ok(None);
         }
@@ -56,6 +58,7 @@ pub fn sections(
                 robot => setup.map(|campaign| &campaign.robot),
                 gait => setup.map(|campaign| &campaign.gait),
                 trials => trials,
+                driven_by => tables.source(input).gait_input(fitted),
                 figures => own_figures,
                 parameters => heads.collect::<Vec<_>>(),
                 fits => own_fits,

@@ -197,7 +197,9 @@ impl Tables {
 
     /// With the commanded gait, where the others are driven by the measured one.
     fn alternatives(&self) -> Vec<FitRow> {
-        let fits = self.fits.iter().filter(|fit| fit.model != Model::NO_SKID_MEASURED);
+        let models = Config::default().model;
+        let has_input = |model| models.get(model).is_some_and(|model| model.input.is_some());
+        let fits = self.fits.iter().filter(|fit| !has_input(&fit.model));
         let other = |fit: &FitRow| {
             let mut other = FitRow { gait_input: GaitInput::Commanded, ..fit.clone() };
             other.parameters[Parameter::Skid0] *= 1.02;
@@ -429,7 +431,7 @@ pub fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
     FitRow {
         campaign: campaign.to_owned(),
         model,
-        gait_input: GaitInput::Measured,
+        gait_input: Config::default().model[&model].input.unwrap_or(GaitInput::Measured),
         scatter: ByParameter::from_fn(|of| when(skids && [Skid0, Skid1].contains(&of), 4.31)),
         systematic: ByParameter::from_fn(|of| match of {
             Skid0 => when(skids, 5.27),

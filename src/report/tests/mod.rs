@@ -495,6 +495,13 @@ fn a_figures_csv_has_the_plotted_numbers() {
     assert_eq!(of(",no-skid-measured,model,"), 2 * 12);
     let singular = read(&folder.path().join("reports/figures/fig17.csv"));
     assert!(!singular.contains("no-skid-measured") && !singular.contains("NaN"));
+    let page = read(&folder.path().join("reports/index.html"));
+    for text in [
+        "under the measured gait, no-skid under the commanded one, shaded",
+        "Open circles: no-skid-measured, under each trial",
+    ] {
+        assert!(page.contains(text), "{text}");
+    }
 }
 
 #[test]
@@ -503,6 +510,7 @@ fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
     for text in [
         "The data prefer &lt;skid-roll&gt;: J = 1.0508.",
         "<td class=\"n\">98.5 %</td>",
+        "Its models move under the measured gait, no-skid under the commanded one.",
         "With the commanded gait instead",
         // 1.02 times 104.21, of a model that does not fit.
         "<strong>106.3†</strong>",
@@ -641,7 +649,8 @@ fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
     let fig16 = figure("fig16");
     assert!(fig16.caption.contains("under the measured gait,"), "{}", fig16.caption);
     assert!(figure("fig17").caption.contains("under the commanded gait,"));
-    assert!(figure("fig19").caption.contains("commanded gait of some and the measured one"));
+    let of_both = "commanded gait of some campaigns and the measured one of others";
+    assert!(figure("fig19").caption.contains(of_both));
     let names: Vec<&str> = fig16.panels[0].layers.iter().map(|layer| &*layer.name).collect();
     assert!(names.contains(&"skid-roll (does not fit)") && names.contains(&"skid"), "{names:?}");
     assert!(plotted::csv(fig16).contains(",skid-roll,model,"));
