@@ -8,7 +8,7 @@ use crate::motion::Model;
 use crate::report::drawing::{Layer, Look, Point};
 use crate::report::looks::{self, ModelLook};
 use crate::stats::HALF_WIDTH_95;
-use crate::store::{FitRow, PredictionRow, PredictionSource, TrialRow, TrialStatus};
+use crate::store::{ComparisonRow, FitRow, PredictionRow, PredictionSource, TrialRow, TrialStatus};
 use crate::trial::TrialKind;
 
 /// Of a frequency: what is nearer to each other is of one trial.
@@ -127,6 +127,7 @@ pub struct Source<'t> {
     pub trials: &'t [TrialRow],
     pub predictions: &'t [PredictionRow],
     pub fits: &'t [FitRow],
+    pub comparison: &'t [ComparisonRow],
     /// The measured skid ratios that the fits compare with.
     pub sigma: SigmaKind,
     pub models: &'t Models,
@@ -165,6 +166,25 @@ impl<'t> Source<'t> {
     pub fn models(self, campaign: &str) -> BTreeSet<Model> {
         let rows = self.predictions.iter().filter(|row| row.campaign == campaign);
         rows.map(|row| row.model).collect()
+    }
+
+    /// Of a campaign's models that skid the preferred one; where the preferred model of all cannot
+    /// skid the first of the others in the order of the comparison: adequate ones first, then by
+    /// criterion.
+    pub fn preferred_with_skid(self, campaign: &str) -> Option<Model> {
+        let fit_of = |model: Model| self.fits_of(campaign).find(|fit| fit.model == model);
+        let adequacy = |model: Model| match fit_of(model).and_then(|fit| fit.adequate) {
+            Some(true) => 0,
+            None => 1,
+            Some(false) => 2,
+        };
+        let rows = self.comparison.iter().filter(|row| row.campaign == campaign);
+        let ranked = rows.filter(|row| row.criterion.is_finite() && self.skids(row.model));
+        let first = ranked.min_by(|a, b| {
+            let key = |row: &ComparisonRow| (!row.preferred, adequacy(row.model));
+            key(a).cmp(&key(b)).then(a.criterion.total_cmp(&b.criterion))
+        });
+        first.map(|row| row.model)
     }
 
     /// What a model predicts of a campaign, at the trials' frequencies or along its curve.

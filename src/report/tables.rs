@@ -113,8 +113,8 @@ impl Tables {
 
     pub fn source<'t>(&'t self, config: &'t ReportInput) -> Source<'t> {
         let (sigma, models) = (config.sigma, config.models());
-        let Self { trials, predictions, fits, .. } = self;
-        Source { trials, predictions, fits, sigma, models }
+        let Self { trials, predictions, fits, comparison, .. } = self;
+        Source { trials, predictions, fits, comparison, sigma, models }
     }
 
     /// Whether an optimum is of coefficients that are fitted no more.

@@ -19,8 +19,6 @@ pub const BARS: &str = "Markers: means over the cycles of each trial, of flagged
                     longer than the marker.";
 /// A model further above the measurements than this would flatten them.
 const FARTHEST_MODEL: f64 = 1.5;
-/// The model of the figures of two campaigns.
-const SHARED_MODEL: Model = Model::SKID_ROLL;
 
 /// One quantity against the frequency.
 pub type Plot = (Quantity, Vec<Series>);
@@ -65,20 +63,22 @@ pub fn drivers(plots: &[Plot], source: Source<'_>) -> (String, Vec<&'static str>
     (source.gait_input(drawn), of_trials.into_iter().collect())
 }
 
-/// Figs. 19 and 20: the wheels' skid ratios of campaigns, measured and by one model, or of a single
-/// campaign by all its models that skid.
+/// Figs. 19 and 20: the wheels' skid ratios of campaigns, measured and by the preferred model of
+/// each, or of a single campaign by all its models that skid.
 pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
-    let models = campaigns.iter().flat_map(|campaign| source.models(campaign));
-    let mut models: BTreeSet<Model> = models.filter(|model| source.skids(*model)).collect();
     let has_several = campaigns.len() > 1;
-    if has_several && models.contains(&SHARED_MODEL) {
-        models = [SHARED_MODEL].into();
-    }
+    let models = |campaign: &str| -> Vec<Model> {
+        match has_several {
+            true => source.preferred_with_skid(campaign).into_iter().collect(),
+            false => source.models(campaign).into_iter().filter(|of| source.skids(*of)).collect(),
+        }
+    };
+    let models: Vec<Vec<Model>> = campaigns.iter().map(|campaign| models(campaign)).collect();
     let plots = SKID.map(|quantity| -> Plot {
         let of_campaign = |(nth, campaign): (usize, &&str)| {
             let measured = source.measured(campaign, &quantity, nth).into_iter();
             let model = |model: &Model| source.model(campaign, *model, &quantity, nth);
-            measured.chain(models.iter().filter_map(model)).collect::<Vec<_>>()
+            measured.chain(models[nth].iter().filter_map(model)).collect::<Vec<_>>()
         };
         let mut series: Vec<Series> = campaigns.iter().enumerate().flat_map(of_campaign).collect();
         for Series { campaign, layer, .. } in series.iter_mut().filter(|_| has_several) {
@@ -86,13 +86,13 @@ pub fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
         }
         (quantity, series)
     });
-    let (input, _) = drivers(&plots, source);
+    let (input, of_trials) = drivers(&plots, source);
     let values = context! {
         campaigns => Serde(campaigns),
         bars => BARS,
-        models => models.iter().map(|model| model.name()).collect::<Vec<_>>(),
         debiased => source.sigma == SigmaKind::Debiased,
         input,
+        of_trials,
     };
     figure(stem, texts("skid", values), campaigns, &plots)
 }

@@ -31,16 +31,16 @@ mod tests {
             campaigns => vec!["a", "b"],
             debiased => false,
             bars => "Bars.",
-            models => ["skid-roll"],
             input => "commanded gait",
+            of_trials => Vec::<&str>::new(),
         };
         let [title, caption] = texts("skid", values);
         assert_eq!(title, "Skid ratios of campaigns a and b");
         assert_eq!(
             caption,
             "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω, the markers' noise \
-             included. Bars. Lines: the fitted model skid-roll under the commanded gait, shaded the \
-             95 % interval where there is one."
+             included. Bars. Lines: of each campaign's fitted models that skid the preferred one, \
+             under the commanded gait, shaded the 95 % interval where there is one."
         );
         let from_rest = |settled: Option<usize>, drawn: usize| {
             let joint = "as configured";

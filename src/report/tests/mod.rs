@@ -18,7 +18,9 @@ use super::tables::Tables;
 use super::*;
 use crate::config::{Config, FigureWidth};
 use crate::motion::{FromRest, Model, MotionStatus};
-use crate::store::{CheckRow, Columns as _, FitStatus, Reader, Severity, TrialRow, TrialStatus};
+use crate::store::{
+    CheckRow, Columns as _, ComparisonRow, FitStatus, Reader, Severity, TrialRow, TrialStatus,
+};
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
 use temporary::temporary;
 
@@ -662,6 +664,46 @@ fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
     };
     assert_eq!(bands("skid"), [3, 3]);
     assert_eq!(bands("skid-roll"), [0, 3]);
+}
+
+#[test]
+fn figures_of_several_campaigns_show_the_preferred_model_of_each() {
+    let folder = temporary();
+    let (mut tables, derived) = (MadeUp::of_the_paper(), folder.path().join("derived"));
+    for fit in tables.fits.iter_mut().filter(|fit| fit.model == Model::SKID) {
+        fit.adequate = Some(true);
+    }
+    tables.write(&derived);
+    let mut config = config(folder.path());
+    config.campaign.remove(SEMI_PASSIVE);
+    let path = derived.join("comparison.parquet");
+    let rows: Vec<ComparisonRow> = Reader::default().rows(&path).expect("rows");
+    let lines = |preferred: [(&str, Model); 2]| {
+        let row = |row: &ComparisonRow| ComparisonRow {
+            preferred: preferred.contains(&(row.campaign.as_str(), row.model)),
+            ..row.clone()
+        };
+        let rows: Vec<ComparisonRow> = rows.iter().map(row).collect();
+        let made = crate::store::Provenance { input: "made up".to_owned() };
+        ComparisonRow::to_table(&rows).write(&path, &made).expect("writes");
+        let input = ReportInput::new(&config, BTreeSet::new());
+        let content = Content::read(&input, Reader::default()).expect("reads");
+        let figure = content.figures.iter().find(|figure| figure.stem == "fig19").expect("fig19");
+        let names = figure.panels[0].layers.iter().map(|layer| layer.name.clone());
+        let mut names: Vec<String> = names.filter(|name| !name.contains("measured")).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(
+        lines([(SKEWED, Model::SKID), (made_up::SYMMETRIC, Model::SKID_ROLL)]),
+        ["kinematic-skewed, skid", "kinematic-symmetric, skid-roll"]
+    );
+    // Without skid there is no skid ratio: of the others the next in the comparison's order, and of
+    // those that fit skid-roll has the lowest criterion.
+    assert_eq!(
+        lines([(SKEWED, Model::NO_SKID), (made_up::SYMMETRIC, Model::SKID)]),
+        ["kinematic-skewed, skid-roll", "kinematic-symmetric, skid"]
+    );
 }
 
 #[test]
