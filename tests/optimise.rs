@@ -381,6 +381,58 @@ fn fitted_coefficients_are_those_of_the_preferred_model() {
 }
 
 #[test]
+fn an_optimum_beyond_the_trials_of_the_fit_says_so() {
+    let line = ["optimise", CAMPAIGN, "--fitted", "--maximise", "d", "--starts", "2"];
+    let run = |more: &[&str]| {
+        let output = trilink(folder(), &[&line[..], more].concat());
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        (text(&output.stdout), said)
+    };
+    let found = |more: &[&str]| {
+        let (printed, said) = run(&[more, &["--replicates", "0", "--json"]].concat());
+        let rows: Vec<Value> = serde_json::from_str(&printed).unwrap();
+        (rows, said)
+    };
+    let beyond = "omega 9 rad/s (trials 1 to 5)";
+    let own = tempfile::tempdir().unwrap();
+    let [table, figure] =
+        ["o.csv", "o.svg"].map(|name| own.path().join(name).display().to_string());
+    let free = ["--free", "amplitude1", "--omega", "9"];
+    let files = ["--table", &table, "--figure", &figure];
+    let (rows, said) = found(&[&free[..], &files].concat());
+    assert_eq!(rows[0]["extrapolated"], true);
+    assert!(rows[0]["beyond_trials"].as_str().unwrap().starts_with(beyond), "{}", rows[0]);
+    assert!(said.contains("extrapolated beyond the trials of the fit") && said.contains(beyond));
+    let csv = std::fs::read_to_string(table).unwrap();
+    assert!(csv.lines().next().unwrap().contains(",extrapolated,beyond_trials,"), "{csv}");
+    let svg = std::fs::read_to_string(figure).unwrap();
+    assert!(svg.contains("optimum, extrapolated"), "{svg}");
+    let (printed, _) = run(&[&free[..], &["--replicates", "0"]].concat());
+    assert!(printed.contains(&format!("extrapolated: {beyond}")), "{printed}");
+    let (toml, _) = run(&[&free[..], &["--replicates", "0", "--gait-toml"]].concat());
+    assert!(toml.contains(&format!("# extrapolated: {beyond}")), "{toml}");
+    let within = ["--free", "omega", "--omega", "1..5"];
+    let (rows, said) = found(&within);
+    assert_eq!((&rows[0]["extrapolated"], &rows[0]["beyond_trials"]), (&false.into(), &"".into()));
+    assert!(!said.contains("extrapolated"), "{said}");
+    let front = ["--pareto", "v", "--free", "omega", "--omega", "1..9", "--json"];
+    let (printed, said) = run(&front);
+    let rows: Vec<Value> = serde_json::from_str(&printed).unwrap();
+    for row in &rows {
+        let is_beyond = row["omega_rad_s"].as_f64().unwrap() > 5.0 * 1.005;
+        assert_eq!(row["extrapolated"], is_beyond, "{row}");
+    }
+    let is_any = rows.iter().any(|row| row["extrapolated"] == true);
+    assert_eq!(said.contains("extrapolated"), is_any, "{said}");
+    // Configured coefficients are no extrapolation.
+    let configured = ["optimise", CAMPAIGN, "--model", "skid-roll", "--maximise", "d", "--json"];
+    let printed = succeed(folder(), &[&configured[..], &free, &["--starts", "2"]].concat());
+    let rows: Vec<Value> = serde_json::from_str(&printed).unwrap();
+    assert!(rows[0]["extrapolated"].is_null(), "{}", rows[0]);
+}
+
+#[test]
 fn a_figure_shows_the_optimum_among_the_gaits_around_it() {
     let problem = problem("kinematic-symmetric");
     let free = vec![Command::Omega];
@@ -549,8 +601,12 @@ fn what_is_kept_is_on_the_page_until_the_model_is_fitted_anew() {
         text.contains("Best in 4 of 4 replicates") && text.contains("no replicates were asked")
     );
     assert!(figure.is_file());
+    assert!(!text.contains("Extrapolated beyond the trials"), "{rows:?}");
     let said = text_of(&trilink(home, &["run"]));
     assert!(said.contains("everything was up to date"), "{said}");
+    keep(&["--maximise", "d", "--replicates", "0", "--omega", "11..12"]);
+    succeed(home, &["run"]);
+    assert!(page().contains("Extrapolated beyond the trials of the fit:</strong> omega 11"));
     // Second harmonics have limits, too; here the joint's largest angle tells them in every replicate.
     let more = ["--free", "omega,second2", "--starts", "2", "--replicates", "4", "--json"];
     let rows = succeed(home, &[&line[..line.len() - 1], &["--maximise", "v"], &more].concat());

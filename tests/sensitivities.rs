@@ -29,6 +29,7 @@ fn fitted_motions_and_their_intervals_are_those_of_the_predictions() {
     let (answers, said) = simulate(folder(), &["--omega", OMEGAS, "--fitted", "--bands"]);
     let table = Table::read(&folder().join("fits/predictions.parquet")).unwrap();
     let rows: Vec<PredictionRow> = PredictionRow::from_table(&table).unwrap();
+    assert!(rows.iter().all(|row| (1.0..=5.0).contains(&row.omega_rad_s)), "beyond the trials");
     let rows = rows.iter().filter(|row| row.source == PredictionSource::Trial);
     let mut compared = 0;
     for (row, answer) in rows.zip(&answers) {
@@ -180,4 +181,74 @@ fn sensitivities_are_printed_as_csv_and_json_and_drawn() {
     let output = trilink(own.path(), &[&singular[..], &["--set", "amplitude1_deg=31"]].concat());
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("det W_b"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_motion_beyond_the_trials_of_its_fit_says_so_wherever_it_is_written() {
+    let (answers, said) = simulate(folder(), &["--omega", "3,12", "--fitted", "--bands"]);
+    let beyond = "omega 12 rad/s (trials 1 to 5)";
+    let of = |answer: &Value| (answer["extrapolated"].clone(), answer["beyond_trials"].clone());
+    assert_eq!(of(&answers[0]), (Value::from(false), Value::from("")));
+    assert_eq!(of(&answers[1]), (Value::from(true), Value::from(beyond)));
+    let warning = format!(
+        "warning: {CAMPAIGN} skid-roll: extrapolated beyond the trials of the fit, 1 of 2 motions: {beyond}"
+    );
+    assert!(said.contains(&warning), "{said}");
+    let (within, said) = simulate(folder(), &["--omega", "1,5", "--fitted"]);
+    assert!(within.iter().all(|of| of["extrapolated"] == false), "{within:?}");
+    assert!(!said.contains("extrapolated"), "{said}");
+    let gait = ["--omega", "3", "--fitted", "--set", "amplitude1_deg=45", "offset2_deg=20"];
+    let (other, said) = simulate(folder(), &gait);
+    assert_eq!(
+        other[0]["beyond_trials"],
+        "amplitude1 45 degrees (trials 30), offset2 20 degrees (trials 0)"
+    );
+    assert!(said.contains("offset2 20 degrees (trials 0)"), "{said}");
+    // Of coefficients that are not fitted there is nothing to say.
+    let (configured, _) = simulate(folder(), &["--omega", "12"]);
+    assert!(configured[0].get("extrapolated").is_none(), "{configured:?}");
+
+    let begin = ["simulate", CAMPAIGN, "--model", "skid-roll", "--omega", "12"];
+    let begin = [&begin[..], &["--fitted"]].concat();
+    let printed = succeed(folder(), &begin);
+    assert!(printed.contains("stable, from rest after 3 cycles, extrapolated"), "{printed}");
+    let own = tempfile::tempdir().unwrap();
+    let file = |name: &str| own.path().join(name).display().to_string();
+    let [csv, trajectory, page] = ["s.csv", "t.csv", "p.html"].map(file);
+    succeed(folder(), &[&begin[..], &["--trajectory", &trajectory, "--page", &page]].concat());
+    succeed(folder(), &[&begin[..], &["--sensitivities", "--table", &csv]].concat());
+    for path in [&csv, &trajectory] {
+        let text = std::fs::read_to_string(path).unwrap();
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        let column = lines[0].iter().position(|name| *name == "extrapolated").expect(path);
+        assert!(lines[1..].iter().all(|line| line[column] == "true"), "{path}: {text}");
+    }
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(page.contains("Extrapolated beyond the trials of the fit:</strong> omega 12 rad"));
+    let line = ["design", CAMPAIGN, "--for", "d at 9", "--add", "2", "--omega", "3,8", "--json"];
+    let output = trilink(folder(), &line);
+    let said = text(&output.stderr);
+    assert!(
+        said.contains("the fit: a trial: omega 8 rad/s (trials 1 to 5); d at 9: omega 9 rad/s"),
+        "{said}"
+    );
+    let advice: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    let of = |row: &Value| row["extrapolated"].clone();
+    let [trials, expected] = ["trials", "expected"].map(|of| advice[of].as_array().unwrap());
+    assert_eq!(trials.iter().map(of).collect::<Vec<_>>(), [false, true]);
+    assert_eq!((of(&expected[0]), of(expected.last().unwrap())), (Value::Null, true.into()));
+}
+
+#[test]
+fn without_the_trials_it_is_not_known_what_is_beyond_them() {
+    let own = fitted(0.002);
+    std::fs::remove_file(own.path().join("fits/trials.parquet")).unwrap();
+    let (answers, said) = simulate(own.path(), &["--omega", "12", "--fitted"]);
+    assert!(answers[0]["extrapolated"].is_null(), "{answers:?}");
+    let why = answers[0]["beyond_trials"].as_str().unwrap();
+    assert!(
+        why.starts_with("not known: ") && why.ends_with("trials.parquet is not there"),
+        "{why}"
+    );
+    assert!(said.contains("what the trials of the fit cover is not known"), "{said}");
 }

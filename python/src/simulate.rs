@@ -123,8 +123,8 @@ fn columns<'py>(
     py: Python<'py>,
     rows: &[TrajectoryRow],
 ) -> PyResult<(Vec<String>, Bound<'py, PyByteArray>)> {
-    // All but the model's name are numbers.
-    let frame = TrajectoryRow::to_table(rows).frame.drop("model").map_err(Failure::from)?;
+    // All but the model's name, and what is said of fits, are numbers.
+    let frame = TrajectoryRow::to_table(rows).frame.drop_many(["model", "extrapolated"]);
     let names = frame.get_column_names_owned().iter().map(ToString::to_string).collect();
     let numbers = frame.columns().iter().map(|column| column.f64());
     let numbers = numbers.collect::<Result<Vec<_>, _>>().map_err(Failure::from)?;

@@ -109,6 +109,7 @@ impl Design {
                 })
                 .map_err(|why| of_model(&model, why))??,
         };
+        self.note_extrapolation(&model, &advice);
         match (self.csv, self.json) {
             (true, _) => drop(print_rows(&advice.trials, true, false)),
             (_, true) => {
@@ -117,6 +118,25 @@ impl Design {
             _ => self.print(&model, &advice),
         }
         Ok(Outcome::Well)
+    }
+
+    /// Says what of an advice is beyond the trials that were fitted.
+    fn note_extrapolation(&self, model: &str, advice: &Advice) {
+        let of_trials = advice.trials.iter().map(|of| ("a trial", &of.extrapolation));
+        let of_predictions =
+            advice.expected.iter().map(|of| (of.quantity.as_str(), &of.extrapolation));
+        let beyond =
+            of_trials.chain(of_predictions).filter(|(_, of)| of.extrapolated == Some(true));
+        let mut beyond: Vec<String> =
+            beyond.map(|(what, of)| format!("{what}: {}", of.beyond_trials)).collect();
+        beyond.dedup();
+        if !beyond.is_empty() {
+            note!(
+                "warning: {} {model}: extrapolated beyond the trials of the fit: {}",
+                self.campaign,
+                beyond.join("; ")
+            );
+        }
     }
 
     /// The gaits that could be tried, and whose they are.
@@ -233,6 +253,9 @@ fn print_trials(trials: &[DesignRow]) {
     let mut headings = vec!["gait of".to_owned(), "omega rad/s".to_owned()];
     headings.extend(joints.iter().map(|joint| format!("amplitude{} deg", joint + 1)));
     headings.extend(["repeats", "d mm", "v mm/s"].map(str::to_owned));
+    let is_extrapolated = |of: &DesignRow| of.extrapolation.extrapolated == Some(true);
+    let numbers = headings.len();
+    headings.extend(trials.iter().any(is_extrapolated).then(|| "remark".to_owned()));
     let line = |of: &DesignRow| {
         let mut cells = vec![of.campaign.clone(), short(of.omega_rad_s)];
         let amplitudes = joints.iter().map(|joint| of.amplitude_rad[*joint].to_degrees());
@@ -240,10 +263,14 @@ fn print_trials(trials: &[DesignRow]) {
         let metrics = [of.metrics.d_m, of.metrics.v_m_s].map(|of| short(1e3 * of));
         cells.push(of.repeats.to_string());
         cells.extend(metrics);
+        cells.extend(is_extrapolated(of).then(|| "extrapolated".to_owned()));
         cells
     };
-    let headings: Vec<(&str, bool)> =
-        headings.iter().enumerate().map(|(i, name)| (name.as_str(), i > 0)).collect();
+    let headings: Vec<(&str, bool)> = headings
+        .iter()
+        .enumerate()
+        .map(|(i, name)| (name.as_str(), i > 0 && i < numbers))
+        .collect();
     table::print(&headings, &trials.iter().map(line).collect::<Vec<_>>(), None);
 }
 

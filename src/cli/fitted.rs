@@ -1,8 +1,9 @@
-//! What `--fitted` says beside its answers.
+//! What is said of fits beside answers.
 
 use super::Failure;
 use super::output::note;
 use crate::config::Config;
+use crate::motion::Problem;
 use crate::robot::Model;
 use crate::simulate::{KnownFits, Setup, campaign_of};
 
@@ -12,6 +13,31 @@ pub(super) fn note_caution(campaign: &str, setup: &Setup) {
     let caution = fit.caution();
     if !caution.is_empty() {
         note!("warning: {campaign} {}: {caution}", setup.model);
+    }
+}
+
+/// Says which of some motions are beyond the trials that a setup's coefficients were fitted to.
+pub(super) fn note_extrapolation(
+    campaign: &str,
+    setup: &Setup,
+    problems: impl ExactSizeIterator<Item = Problem>,
+) {
+    let (model, all) = (setup.model, problems.len());
+    match setup.measured_range() {
+        Some(Ok(range)) => {
+            if let Some((count, beyond)) = range.summary(problems) {
+                note!(
+                    "warning: {campaign} {model}: extrapolated beyond the trials of the fit, {count} of {all} \
+                     motions: {beyond}"
+                );
+            }
+        }
+        Some(Err(why)) => {
+            note!(
+                "warning: {campaign} {model}: what the trials of the fit cover is not known: {why}"
+            );
+        }
+        None => {}
     }
 }
 

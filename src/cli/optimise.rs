@@ -5,7 +5,7 @@ mod front;
 
 use std::path::{Path, PathBuf};
 
-use super::fitted::{note_caution, preferred};
+use super::fitted::{note_caution, note_extrapolation, preferred};
 use super::omegas::low_high;
 use super::output::{note, say};
 use super::rows_file::{RowsFile, print_rows, write_figure};
@@ -18,7 +18,7 @@ use crate::optimise::{Bounds, Certainty, Command, Found, Kept, Optimum, Search, 
 use crate::report::optimum_drawing;
 use crate::robot::{Gait, JointCommand};
 use crate::simulate::{KnownFits, Setup};
-use crate::store::{Objective, OptimumRow};
+use crate::store::{Extrapolation, Objective, OptimumRow};
 
 #[derive(clap::Args)]
 pub(super) struct Optimise {
@@ -155,17 +155,20 @@ impl Optimise {
             of.row(nth + 1, &self.campaign, &setup, &search, present.as_ref())
         };
         let mut optima: Vec<OptimumRow> = found.optima.iter().enumerate().map(row).collect();
+        let problems = found.optima.iter().map(|of| of.problem.clone());
+        note_extrapolation(&self.campaign, &setup, problems);
         certainty::fill(&mut optima, &certainty);
         let best = found.best().filter(|_| self.figure.is_some() || self.keep);
         let maps = best.map_or(Vec::new(), |best| {
             let replicates = certainty.as_ref().map_or(&[][..], |of| &of.places);
-            let shown = Shown { present: present.as_ref(), replicates };
+            let range = setup.measured_range().and_then(Result::ok);
+            let shown = Shown { present: present.as_ref(), replicates, range };
             search.map((&self.campaign, setup.model), best, shown)
         });
         if let Some(path) = self.figure.as_ref().filter(|_| !maps.is_empty()) {
             write_figure(path, &context.progress, |ending| optimum_drawing(&maps, ending))?;
         }
-        let outcome = self.print(&search, &found, present.as_ref(), &certainty, &optima)?;
+        let outcome = self.print(&setup, &search, &found, present.as_ref(), &certainty, &optima)?;
         if self.keep {
             let kept = Kept { optima, maps };
             let derived = &context.config.paths.derived;
@@ -229,6 +232,7 @@ impl Optimise {
 
     fn print(
         &self,
+        setup: &Setup,
         search: &Search,
         found: &Found,
         present: Option<&Optimum>,
@@ -250,10 +254,11 @@ impl Optimise {
         }
         if self.gait_toml {
             if let Some(best) = found.best() {
-                say!("{}", gait_toml(&self.campaign, objective, best).trim_end());
+                let beyond = setup.extrapolation(&best.problem);
+                say!("{}", gait_toml(&self.campaign, objective, best, &beyond).trim_end());
             }
         } else if !print_rows(rows, self.csv, self.json) {
-            print_table(objective, optima, present);
+            print_table(setup, objective, optima, present);
             match certainty {
                 Ok(certainty) => certainty::print(objective, certainty),
                 Err(why) if self.fitted => say!("no intervals: {why}"),
@@ -272,7 +277,7 @@ impl Optimise {
 }
 
 /// The optima, and the present gait at its best frequency.
-fn print_table(objective: Objective, optima: &[Optimum], present: Option<&Optimum>) {
+fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present: Option<&Optimum>) {
     let (name, scale) = match objective {
         Objective::Distance => ("d mm".to_owned(), 1e3),
         Objective::Speed => ("v mm/s".to_owned(), 1e3),
@@ -314,7 +319,7 @@ fn print_table(objective: Objective, optima: &[Optimum], present: Option<&Optimu
             short(of.motion.work_j / metrics.d_m),
             short(of.power_w()),
             of.starts.to_string(),
-            remark(of),
+            remark(setup, of),
         ]);
         cells
     };
@@ -333,13 +338,19 @@ fn print_table(objective: Objective, optima: &[Optimum], present: Option<&Optimu
     }
 }
 
-/// What keeps it from being better, and why it does not count.
-fn remark(of: &Optimum) -> String {
+/// What keeps it from being better, in what it is beyond the trials of the fit, and why it does not count.
+fn remark(setup: &Setup, of: &Optimum) -> String {
     let at_bound = match of.at_bound.is_empty() {
         true => String::new(),
         false => format!("at its bound: {}", of.at_bound.join(", ")),
     };
-    let parts = [at_bound, why_not(of)];
+    let extrapolated = match setup.extrapolation(&of.problem) {
+        Extrapolation { extrapolated: Some(true), beyond_trials } => {
+            format!("extrapolated: {beyond_trials}")
+        }
+        _ => String::new(),
+    };
+    let parts = [at_bound, extrapolated, why_not(of)];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
@@ -354,16 +365,24 @@ fn why_not(of: &Optimum) -> String {
 }
 
 /// The gait as an entry of `pipeline.toml`.
-fn gait_toml(campaign: &str, objective: Objective, best: &Optimum) -> String {
+fn gait_toml(
+    campaign: &str,
+    objective: Objective,
+    best: &Optimum,
+    extrapolation: &Extrapolation,
+) -> String {
     let Gait { joints } = best.problem.gait;
     let mut text = format!(
-        "# {} = {} {} at {} rad/s\n[gait.{campaign}-best-{}]\n",
+        "# {} = {} {} at {} rad/s\n",
         objective.name(),
         short(best.value),
         objective.unit(),
-        best.problem.omega_rad_s,
-        objective.name()
+        best.problem.omega_rad_s
     );
+    if extrapolation.extrapolated == Some(true) {
+        text += &format!("# extrapolated: {}\n", extrapolation.beyond_trials);
+    }
+    text += &format!("[gait.{campaign}-best-{}]\n", objective.name());
     for (joint, command) in joints.iter().enumerate() {
         let Some(command) = command else { continue };
         let numbers = command.to_array().map(f64::to_degrees);

@@ -17,7 +17,7 @@ use crate::fit::{
 };
 use crate::robot::Parameter;
 use crate::stats::{HALF_WIDTH_95, SIDES_95, quantiles};
-use crate::store::FitRow;
+use crate::store::{Columns as _, Extrapolation, FitRow};
 
 /// Draws of the noise, and those of them with which the robot's uncertain numbers are off in turn.
 const DRAWS: u64 = 500;
@@ -29,7 +29,13 @@ pub(super) enum Quantity {
     Parameter(usize, FreeParameter),
     /// A prediction, with its value and what it changes by, relative: with each coefficient's logarithm
     /// and with each uncertain number of the robot.
-    Prediction { name: String, value: f64, slopes: Vec<f64>, assumed: Vec<f64> },
+    Prediction {
+        name: String,
+        value: f64,
+        extrapolation: Extrapolation,
+        slopes: Vec<f64>,
+        assumed: Vec<f64>,
+    },
 }
 
 /// Half widths of 95 % of a quantity's logarithm.
@@ -50,6 +56,7 @@ impl Quantity {
             all.push(Self::Prediction {
                 name: format!("{} at {}", metric_names()[of.metric], of.omega_rad_s),
                 value: told.metrics.to_array()[of.metric],
+                extrapolation: information.extrapolation(information.command(), of.omega_rad_s),
                 slopes: told.slopes.iter().map(|slope| slope[of.metric]).collect(),
                 assumed: told.by_assumed.iter().map(|of_one| of_one[of.metric]).collect(),
             });
@@ -84,12 +91,13 @@ impl Quantity {
     ) -> ExpectedRow {
         let [now, then, evenly] = spreads;
         match self {
-            Self::Prediction { name, value, .. } => {
+            Self::Prediction { name, value, extrapolation, .. } => {
                 let half_widths = spreads.map(|of| value * of.total());
                 let [half_width, expected_half_width, evenly_half_width] = half_widths;
                 ExpectedRow {
                     quantity: name.clone(),
                     value: *value,
+                    extrapolation: extrapolation.clone(),
                     lower: value - half_width,
                     upper: value + half_width,
                     half_width,
@@ -107,6 +115,7 @@ impl Quantity {
                 ExpectedRow {
                     quantity: parameter.name().to_owned(),
                     value,
+                    extrapolation: Extrapolation::blank(),
                     lower,
                     upper,
                     half_width,

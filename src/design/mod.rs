@@ -17,7 +17,7 @@ use crate::fit::{FitInformation, TrialInformation, metric_named, metric_names};
 use crate::metrics::GaitMetrics;
 use crate::named::named;
 use crate::robot::{Gait, JointCommand};
-use crate::store::{FitRow, rows};
+use crate::store::{Extrapolation, FitRow, rows};
 use choice::{Choice, Size};
 use criterion::{Criterion, Weighed};
 use expected::{Quantity, Spread};
@@ -108,6 +108,8 @@ rows! {
         pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
         /// How often it is to be made.
         pub repeats: i64,
+        /// Whether it is beyond the trials that were fitted.
+        pub extrapolation: Extrapolation as "{}",
         /// What it would measure, as the fit predicts it.
         pub metrics: GaitMetrics,
     }
@@ -119,6 +121,8 @@ rows! {
         /// A fitted parameter, or a prediction such as `d at 2.5`.
         pub quantity: String,
         pub value: f64,
+        /// Of a prediction whether it is beyond the trials that were fitted.
+        pub extrapolation: Extrapolation as "{}",
         /// The 95 % interval; missing where it is open.
         pub lower: f64,
         pub upper: f64,
@@ -165,7 +169,7 @@ pub fn advise(
         quantity.row(information, row, [now[i], then[i], evenly[i]])
     };
     Ok(Advice {
-        trials: design_rows(&choice, &candidates, &told),
+        trials: design_rows(information, &choice, &candidates, &told),
         expected: quantities.iter().enumerate().map(expected).collect(),
         untold: untold::untold(information, row, &criterion, &candidates),
         is_best_of_all,
@@ -214,6 +218,7 @@ fn at_replicates(
 
 /// The chosen trials, each once.
 fn design_rows(
+    information: &FitInformation,
     choice: &[usize],
     candidates: &[&Candidate],
     told: &[TrialInformation],
@@ -226,6 +231,7 @@ fn design_rows(
             omega_rad_s: *omega_rad_s,
             amplitude_rad: command.joints.map(|of| of.map_or(f64::NAN, amplitude)),
             repeats: same.len() as i64,
+            extrapolation: information.extrapolation(*command, *omega_rad_s),
             metrics: told[same[0]].metrics,
         }
     };

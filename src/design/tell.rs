@@ -125,7 +125,7 @@ pub fn tell(
     };
     let (choice, is_best_of_all) = best(&score, Size { add, candidates: common.len(), repeats })?;
     Ok(Advice {
-        trials: design_rows(&choice, &common, &of_one),
+        trials: design_rows(one, &choice, &common, &of_one),
         expected: Vec::new(),
         untold: Vec::new(),
         is_best_of_all,

@@ -8,6 +8,7 @@ use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::GaitOverFrequency;
 use super::input::FreeParameter;
 use super::least_absolute::{Residual, minimise};
+use super::measured_range::MeasuredRange;
 use super::measurement::Measurement;
 use super::objective::METRICS;
 use super::resampler::Resampler;
@@ -17,6 +18,7 @@ use super::terms::{Response, TERMS};
 use crate::metrics::GaitMetrics;
 use crate::motion::{FIT_ACCURACY, Problem, Solver};
 use crate::robot::{Gait, JointCommand, Robot};
+use crate::store::{Columns as _, Extrapolation};
 
 /// Metrics that have a term in the objective: d, v, the wheels' sigma, alpha_1.
 pub const MEASURED_METRICS: usize = TERMS;
@@ -108,6 +110,14 @@ impl<'f> FitInformation<'f> {
     /// Lowest and highest frequency of the trials, rad/s.
     pub fn range_rad_s(&self) -> [f64; 2] {
         crate::stats::extremes(self.measurements().iter().map(|of| of.omega_rad_s))
+    }
+
+    /// Whether a trial with a commanded gait at a frequency is beyond those that were fitted.
+    pub fn extrapolation(&self, command: Gait, omega_rad_s: f64) -> Extrapolation {
+        let objective = self.point.evaluator.objective;
+        let problem = objective.problem(&objective.robot, command, omega_rad_s);
+        let range = MeasuredRange::new(self.measurements(), &self.command());
+        range.map_or_else(Extrapolation::blank, |range| range.extrapolation(&problem))
     }
 
     fn measurements(&self) -> &[Measurement] {

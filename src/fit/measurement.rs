@@ -33,7 +33,7 @@ pub struct Measurement {
 }
 
 /// Frequencies that differ by less than this part are the same.
-const SAME_FREQUENCY: f64 = 0.005;
+pub(super) const SAME_FREQUENCY: f64 = 0.005;
 /// What a metric of a trial can be, in its unit; any other is missing.
 const MEASURABLE: RangeInclusive<f64> = 1e-9..=1e9;
 

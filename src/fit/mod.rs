@@ -28,6 +28,7 @@ mod job;
 mod known;
 mod law_class;
 mod least_absolute;
+mod measured_range;
 mod measurement;
 mod noise_correction;
 mod objective;
@@ -65,6 +66,7 @@ pub use information::{
 };
 pub use input::{FitCampaign, FitInput, FreeParameter};
 pub use known::{KnownFit, PredictionBands};
+pub use measured_range::MeasuredRange;
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective, Protocol};
 pub use shared::SharedInput;

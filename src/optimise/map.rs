@@ -6,6 +6,8 @@ use rayon::prelude::*;
 
 use super::landscape::{ACCURACY, Landscape, Place};
 use super::{Command, Optimum, Search, whole_turns};
+use crate::fit::MeasuredRange;
+use crate::motion::Problem;
 use crate::robot::Model;
 use crate::store::{MapPoint, OptimumMapRow};
 
@@ -21,6 +23,8 @@ pub struct Shown<'s> {
     pub present: Option<&'s Optimum>,
     /// What varies, in the optimum of each replicate of the fit.
     pub replicates: &'s [Vec<f64>],
+    /// What the trials cover that the coefficients were fitted to.
+    pub range: Option<&'s MeasuredRange>,
 }
 
 impl Search {
@@ -59,7 +63,7 @@ impl Search {
         let second = second.first();
         let name = |axis: Option<&Axis>| axis.map_or(String::new(), |of| of.command.to_string());
         let [x_command, y_command] = [Some(first), second].map(name);
-        let row = |point: MapPoint, [x, y]: [f64; 2], value: f64| OptimumMapRow {
+        let row = |point: MapPoint, [x, y]: [f64; 2], value: f64, of: &Problem| OptimumMapRow {
             campaign: campaign.to_owned(),
             model,
             objective: self.objective,
@@ -69,6 +73,7 @@ impl Search {
             x,
             y,
             value,
+            extrapolated: shown.range.map(|range| range.is_exceeded(of)),
         };
         let at = |axis: &Axis, part: f64| {
             let [low, high] = axis.command.range(&self.bounds);
@@ -84,7 +89,9 @@ impl Search {
             let point = |part: &f64| {
                 place[first.nth] = *part;
                 let worse = counted(&mut landscape, &place) - cost;
-                row(MapPoint::Grid, [at(first, *part), y], best.value * (sign * worse).exp())
+                let value = best.value * (sign * worse).exp();
+                let problem = landscape.problem_at(&place);
+                row(MapPoint::Grid, [at(first, *part), y], value, &problem)
             };
             first.parts.iter().map(point).collect::<Vec<_>>()
         };
@@ -109,13 +116,17 @@ impl Search {
                 let found = self.free.iter().zip(values).find(|(of, _)| **of == command);
                 found.map_or(f64::NAN, |(_, value)| *value)
             };
-            rows.push(row(MapPoint::Replicate, place(&of), f64::NAN));
+            let mut problem = best.problem.clone();
+            let both = self.free.iter().zip(values);
+            both.for_each(|(command, value)| command.set(&mut problem, *value));
+            rows.push(row(MapPoint::Replicate, place(&of), f64::NAN, &problem));
         }
         rows.extend(shown.present.map(|of| {
-            row(MapPoint::Present, place(&|command| command.value(&of.problem)), of.value)
+            let place = place(&|command| command.value(&of.problem));
+            row(MapPoint::Present, place, of.value, &of.problem)
         }));
         let optimum = place(&|command| command.value(&best.problem));
-        rows.push(row(MapPoint::Optimum, optimum, best.value));
+        rows.push(row(MapPoint::Optimum, optimum, best.value, &best.problem));
         rows
     }
 

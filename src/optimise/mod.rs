@@ -118,6 +118,7 @@ impl Optimum {
             model: setup.model,
             parameters: ByParameter::from_fn(known),
             adequate: setup.fit().and_then(|fit| fit.adequate),
+            extrapolation: setup.extrapolation(&self.problem),
             objective: search.objective,
             value: self.value,
             omega_rad_s: self.problem.omega_rad_s,

@@ -114,6 +114,10 @@ pub const PRESENT: Look = Look::Marker { colour: INK, shape: Shape::Square, fill
 pub const REPLICATES: Look =
     Look::Marker { colour: okabe_ito::ORANGE, shape: Shape::Circle, filled: false };
 pub const EDGE: Look = line(OTHER, SHORT_DASHES);
+/// Where the trials end that the coefficients were fitted to, and gaits beyond.
+pub const TRIALS_EDGE: Look = line(okabe_ito::ORANGE, LONG_DASHES);
+pub const EXTRAPOLATED: Look =
+    Look::Marker { colour: okabe_ito::VERMILLION, shape: Shape::Circle, filled: false };
 
 /// ColorBrewer's blues.
 /// <https://colorbrewer2.org/#type=sequential&scheme=Blues>

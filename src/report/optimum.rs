@@ -12,6 +12,8 @@ use super::{FREQUENCY, ReportError, looks};
 use crate::robot::Model;
 use crate::store::{MapPoint, Objective, OptimumMapRow};
 
+/// What lies beyond the trials of the fit.
+const EXTRAPOLATED: &str = "extrapolated";
 /// Parts of the best value that lines show it within.
 const WITHIN: [f64; 5] = [0.01, 0.05, 0.1, 0.25, 0.5];
 
@@ -23,20 +25,28 @@ pub fn optimum_drawing(map: &[OptimumMapRow], ending: &str) -> Result<Vec<u8>, R
     drawn(&figure("optimum", map.first().map_or("", |row| &row.campaign), map), ending)
 }
 
-/// The drawing of a front of a campaign's model: a point for each gait, and what the axes say.
+/// The drawing of a front of a campaign's model: a point for each gait, whether it is extrapolated, and what
+/// the axes say.
 ///
 /// # Errors
 /// There is no such format, or nothing can be drawn.
 pub fn front_drawing(
     [campaign, model]: [&str; 2],
     [along, up]: [&str; 2],
-    points: &[(f64, f64)],
+    points: &[(f64, f64, bool)],
     ending: &str,
 ) -> Result<Vec<u8>, ReportError> {
-    let layers = vec![
-        Layer::new("front", points.iter().copied(), looks::RECORDED),
-        Layer::new("its gaits", points.iter().copied(), looks::OPTIMUM),
+    let all = points.iter().map(|(x, y, _)| (*x, *y));
+    let of = |is_extrapolated: bool| {
+        let own = points.iter().filter(move |(.., is)| *is == is_extrapolated);
+        own.map(|(x, y, _)| (*x, *y))
+    };
+    let mut layers = vec![
+        Layer::new("front", all, looks::RECORDED),
+        Layer::new("its gaits", of(false), looks::OPTIMUM),
+        Layer::new(EXTRAPOLATED, of(true), looks::EXTRAPOLATED),
     ];
+    layers.retain(|layer| !layer.points.is_empty());
     let title = format!("Gaits of {campaign}, {model}, of which none is better in both");
     let panel = Panel::new("", along, up, layers);
     let titles = [title, String::new()];
@@ -115,10 +125,16 @@ fn marks(map: &[&OptimumMapRow], point: impl Fn(&OptimumMapRow) -> (f64, f64)) -
         let points = map.iter().filter(|row| row.point == of).map(|row| point(row));
         Layer::new(name, points, look)
     };
+    let is_extrapolated =
+        |row: &&&OptimumMapRow| row.point == MapPoint::Optimum && row.extrapolated == Some(true);
+    let optimum = match map.iter().find(is_extrapolated) {
+        Some(_) => ("optimum, extrapolated", MapPoint::Optimum, looks::EXTRAPOLATED),
+        None => ("optimum", MapPoint::Optimum, looks::OPTIMUM),
+    };
     let marks = [
         ("of replicates", MapPoint::Replicate, looks::REPLICATES),
         ("present gait", MapPoint::Present, looks::PRESENT),
-        ("optimum", MapPoint::Optimum, looks::OPTIMUM),
+        optimum,
     ];
     marks.into_iter().map(layer).filter(|layer| !layer.points.is_empty()).collect()
 }
@@ -134,11 +150,22 @@ fn plane(map: &[&OptimumMapRow], [label_x, label_y]: [String; 2]) -> Panel {
         let points = contour(&x, &y, &values, best_value * (1.0 + worse * part));
         Layer::new(&format!("within {} %", 100.0 * part), points, looks::within(nth))
     };
-    let mut layers = vec![Layer::new("edge of what counts", edge(&x, &y, &values), looks::EDGE)];
+    let measured: Vec<f64> = measured(map, values.len());
+    let mut layers = vec![
+        Layer::new("edge of what counts", edge(&x, &y, &values), looks::EDGE),
+        Layer::new("edge of the trials", edge(&x, &y, &measured), looks::TRIALS_EDGE),
+    ];
     layers.extend(WITHIN.into_iter().enumerate().rev().map(level));
     layers.retain(|layer| !layer.points.is_empty());
     layers.extend(marks(map, |row| (row.x, row.y)));
     Panel::new("", &label_x, label_y.as_str(), layers)
+}
+
+/// The grid with a value where a gait is known not to be extrapolated.
+fn measured(map: &[&OptimumMapRow], count: usize) -> Vec<f64> {
+    let grid = map.iter().filter(|row| row.point == MapPoint::Grid).take(count);
+    let of = |row: &&OptimumMapRow| if row.extrapolated == Some(false) { 1.0 } else { f64::NAN };
+    grid.map(of).collect()
 }
 
 /// Around the places with a value: half way to the next ones, and along the grid's sides. A single line has none.
@@ -165,7 +192,14 @@ fn curve(map: &[&OptimumMapRow], label: &str) -> Panel {
         let near = known.min_by(|(a, _), (b, _)| (*a - row.x).abs().total_cmp(&(*b - row.x).abs()));
         (row.x, near.map_or(f64::NAN, |(_, value)| *value))
     };
+    let beyond = map.iter().filter(|row| row.point == MapPoint::Grid).take(along.len());
+    let beyond = beyond.map(|row| {
+        let is_extrapolated = row.extrapolated == Some(true);
+        (row.x, if is_extrapolated { row.value } else { f64::NAN })
+    });
+    let beyond = Layer::new(EXTRAPOLATED, beyond, looks::TRIALS_EDGE);
     let mut layers = vec![Layer::new(&objective, points, looks::RECORDED)];
+    layers.extend(Some(beyond).filter(|of| of.points.iter().any(|point| point.y.is_finite())));
     layers.extend(marks(map, at));
     Panel::new("", label, objective.as_str(), layers)
 }

@@ -61,7 +61,12 @@ fn figure(campaign: &str, rows: &[SensitivityRow]) -> Figure {
         format!("{campaign}, {} at {} rad/s", row.model, row.omega_rad_s)
     });
     let title = format!("Elasticities of {motion}");
-    let caption = "Relative change of each metric per relative change of a parameter.".to_owned();
+    let mut caption =
+        "Relative change of each metric per relative change of a parameter.".to_owned();
+    let extrapolation = rows.first().map(|row| &row.extrapolation);
+    if let Some(of) = extrapolation.filter(|of| of.extrapolated == Some(true)) {
+        caption += &format!(" Extrapolated: {}.", of.beyond_trials);
+    }
     Figure::new("sensitivities", [title, caption], &[campaign], Layout::Stack, panels)
 }
 

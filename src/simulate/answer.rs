@@ -10,7 +10,7 @@ use crate::motion::{
     Solver, SteadyMotion,
 };
 use crate::robot::Model;
-use crate::store::rows;
+use crate::store::{Columns as _, Extrapolation, rows};
 
 /// What the motion of a [`Setup`](super::Setup) is at one frequency. One that does not exist has a reason
 /// and no numbers: NaN, null in JSON.
@@ -39,6 +39,9 @@ pub struct Answer<'a> {
     /// What the coefficients were fitted to.
     #[serde(skip_serializing_if = "Option::is_none")]
     fit: Option<&'a FitSummary>,
+    /// Whether the motion is beyond the trials of that fit.
+    #[serde(flatten)]
+    pub extrapolation: Option<Extrapolation>,
     parameters: &'a Map<String, Value>,
     /// What the joints are commanded to do.
     gait: &'a Map<String, Value>,
@@ -85,6 +88,8 @@ rows! {
         pub no_interval: String,
         /// Whether the model fits the trials that its coefficients are from.
         pub adequate: Option<bool>,
+        /// Whether the motion is beyond those trials.
+        pub extrapolation: Extrapolation as "{}",
         pub work_j: f64,
         pub work_j_m: f64,
         pub status: MotionStatus,
@@ -136,9 +141,15 @@ impl<'a> Answer<'a> {
             sharp_limit,
             interval: None,
             fit: setup.fit(),
+            extrapolation: setup.fit().map(|_| setup.extrapolation(problem)),
             parameters: &setup.parameters,
             gait: &setup.commands,
         }
+    }
+
+    /// Whether the motion is beyond the trials that the coefficients were fitted to.
+    pub fn is_extrapolated(&self) -> bool {
+        self.extrapolation.as_ref().is_some_and(|of| of.extrapolated == Some(true))
     }
 
     /// The same as a line of a table.
@@ -150,6 +161,7 @@ impl<'a> Answer<'a> {
             upper: interval.map_or(GaitMetrics::MISSING, |interval| interval.upper),
             no_interval: interval.map_or("", |interval| &interval.no_interval).to_owned(),
             adequate: self.fit.and_then(|fit| fit.adequate),
+            extrapolation: self.extrapolation.clone().unwrap_or_else(Extrapolation::blank),
             model: self.model,
             omega_rad_s: self.omega_rad_s,
             metrics: self.metrics,

@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::settings::campaign_of;
 use super::{Setup, SetupError};
 use crate::config::{Config, GaitInput};
-use crate::fit::{FitData, FitInput, KnownFit, PredictionBands, preferred};
-use crate::robot::{Model, Parameter};
+use crate::fit::{FitData, FitInput, KnownFit, MeasuredRange, PredictionBands, preferred};
+use crate::robot::{Model, Parameter, Robot};
 use crate::store::{BootstrapRow, ComparisonRow, FitRow, Reader, StoreError};
 
 /// Relative difference of a coefficient from a fitted one that is none.
@@ -21,8 +21,10 @@ pub struct KnownFits {
     fits: Vec<FitRow>,
     alternatives: Vec<FitRow>,
     bootstrap: Vec<BootstrapRow>,
-    /// What was fitted; only with bands.
+    /// What was fitted: the trials, and with bands all of it.
     pub data: FitData,
+    /// Why the trials are not there; empty where they are.
+    without_trials: String,
 }
 
 /// What an answer says of the fit that its coefficients are from.
@@ -96,13 +98,20 @@ impl KnownFits {
         let fits = reader.rows(&path).map_err(wrong)?;
         let (mut alternatives, mut bootstrap, mut data) =
             (Vec::new(), Vec::new(), FitData::default());
+        let mut without_trials = String::new();
+        let wrong = |error: StoreError| error.to_string();
         if bands {
-            let wrong = |error: StoreError| error.to_string();
             alternatives = reader.rows(&derived.join("alternative_fits.parquet")).map_err(wrong)?;
             bootstrap = reader.rows(&derived.join("bootstrap.parquet")).map_err(wrong)?;
             data = FitData::read(derived, &reader).map_err(wrong)?;
+        } else {
+            let trials = derived.join("trials.parquet");
+            match reader.rows_if_there(&trials).map_err(wrong)? {
+                Some(rows) => data.trials = rows,
+                None => without_trials = format!("{} is not there", trials.display()),
+            }
         }
-        Ok(Self { path, fits, alternatives, bootstrap, data })
+        Ok(Self { path, fits, alternatives, bootstrap, data, without_trials })
     }
 
     /// The model that the comparison of a campaign's fits prefers.
@@ -134,6 +143,26 @@ impl KnownFits {
                 .into())
             }
         }
+    }
+
+    /// What the trials of a fit cover.
+    ///
+    /// # Errors
+    /// A sentence on why that is not known.
+    pub fn measured_range(&self, fit: &FitRow, input: &FitInput) -> Result<MeasuredRange, String> {
+        if !self.without_trials.is_empty() {
+            return Err(self.without_trials.clone());
+        }
+        let measurements = input.measurements(&self.data);
+        if measurements.len() as i64 != fit.trials {
+            return Err(format!(
+                "the trials are not those of the fit: it is of {}, found {}",
+                fit.trials,
+                measurements.len()
+            ));
+        }
+        MeasuredRange::new(&measurements, &input.gait.value.to_gait())
+            .ok_or_else(|| "the fit is of no trial".to_owned())
     }
 
     /// The fit of a model to a campaign.
@@ -168,6 +197,12 @@ impl KnownFits {
     }
 }
 
+/// Whether a robot's value of a parameter is not the fitted one.
+fn is_other(parameter: Parameter, robot: &Robot, fit: &FitRow) -> bool {
+    let (own, fitted) = (parameter.of(robot), fit.parameters[parameter]);
+    (own - fitted).abs() > SAME_VALUE * fitted.abs()
+}
+
 /// A fit that a setup's coefficients are from.
 #[derive(Debug, Clone)]
 pub(super) struct FittedSetup {
@@ -175,6 +210,8 @@ pub(super) struct FittedSetup {
     /// What the fit reads of the configuration.
     input: FitInput,
     pub summary: FitSummary,
+    /// What its trials cover, or why that is not known.
+    pub range: Result<MeasuredRange, String>,
 }
 
 impl FittedSetup {
@@ -187,7 +224,8 @@ impl FittedSetup {
         let known = fits.of(campaign, model)?;
         let input = FitInput::new(config, campaign, model);
         let input = input.ok_or_else(|| "no such campaign or model".to_owned())?;
-        Ok(Self { summary: FitSummary::new(&known.row), known, input })
+        let range = fits.measured_range(&known.row, &input);
+        Ok(Self { summary: FitSummary::new(&known.row), known, input, range })
     }
 
     /// The configuration with the coefficients that the model knows as they were fitted.
@@ -217,10 +255,7 @@ impl FittedSetup {
         task: impl FnOnce(&PredictionBands) -> T,
     ) -> Result<T, String> {
         let row = &self.known.row;
-        let is_other = |parameter: &&Parameter| {
-            let (own, fitted) = (parameter.of(&setup.robot), row.parameters[**parameter]);
-            (own - fitted).abs() > SAME_VALUE * fitted.abs()
-        };
+        let is_other = |parameter: &&Parameter| is_other(**parameter, &setup.robot, row);
         if let Some(other) = row.free.iter().find(is_other) {
             return Err(format!(
                 "{other} is set: of what is not as it was fitted nothing is known"

@@ -12,10 +12,10 @@ use rayon::prelude::*;
 use serde_json::{Map, Value};
 
 use crate::config::{Config, ConfigError, one_of};
-use crate::fit::{Alternatives, PredictionBands};
+use crate::fit::{Alternatives, MeasuredRange, PredictionBands};
 use crate::motion::{MotionError, Problem};
 use crate::robot::{Gait, Laws, Model, Robot};
-use crate::store::{SensitivityRow, TrajectoryRow};
+use crate::store::{Columns as _, Extrapolation, SensitivityRow, TrajectoryRow};
 
 pub use answer::{Answer, Interval, SimulationRow};
 use fitted::FittedSetup;
@@ -122,6 +122,23 @@ impl Setup {
     /// What there is to say of the fit that the coefficients are from.
     pub fn fit(&self) -> Option<&FitSummary> {
         self.fitted.as_ref().map(|fitted| &fitted.summary)
+    }
+
+    /// What the trials of that fit cover, or why that is not known; `None` where nothing is fitted.
+    pub fn measured_range(&self) -> Option<Result<&MeasuredRange, &str>> {
+        let range = &self.fitted.as_ref()?.range;
+        Some(range.as_ref().map_err(String::as_str))
+    }
+
+    /// Whether a motion with its coefficients is beyond the trials that these were fitted to.
+    pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
+        match self.measured_range() {
+            None => Extrapolation::blank(),
+            Some(Ok(range)) => range.extrapolation(problem),
+            Some(Err(why)) => {
+                Extrapolation { extrapolated: None, beyond_trials: format!("not known: {why}") }
+            }
+        }
     }
 
     /// Adds to its answers how far their metrics may be off by what the coefficients may be, or why

@@ -36,6 +36,7 @@ fn row(answer: &Answer, sample: &Sample) -> TrajectoryRow {
     TrajectoryRow {
         model: answer.model,
         omega_rad_s: answer.omega_rad_s,
+        extrapolated: answer.extrapolation.as_ref().and_then(|of| of.extrapolated),
         time_s: sample.time_s,
         x_m: sample.pose.x_m,
         y_m: sample.pose.y_m,

@@ -3,6 +3,7 @@
 mod atomic;
 pub(crate) mod checksum;
 pub(crate) mod columns;
+mod extrapolation;
 mod optimum;
 mod schema;
 mod sensitivity;
@@ -17,6 +18,7 @@ pub use atomic::{
 };
 pub(crate) use columns::rows;
 pub use columns::{Columns, numbers, repeated, texts};
+pub use extrapolation::Extrapolation;
 pub use optimum::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
 pub use polars::prelude::Column;
 pub use schema::{

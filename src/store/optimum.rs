@@ -1,5 +1,6 @@
 //! The tables of optimal gaits.
 
+use super::Extrapolation;
 use super::columns::rows;
 use crate::metrics::{FromRest, GaitMetrics, MotionStatus};
 use crate::named::named;
@@ -60,6 +61,9 @@ rows! {
         pub parameters: ByParameter<f64>,
         /// Whether the model fits the trials that its coefficients are from.
         pub adequate: Option<bool>,
+        /// Whether the gait is beyond those trials.
+        #[serde(flatten)]
+        pub extrapolation: Extrapolation as "{}",
         pub objective: Objective,
         pub value: f64,
         /// Of a front the other objective, and its value.
@@ -153,5 +157,7 @@ rows! {
         pub y: f64,
         /// Of the objective; missing where there is no stable motion within the bounds, and of replicates.
         pub value: f64,
+        /// Whether the gait is beyond the trials that the coefficients were fitted to; missing where they were not.
+        pub extrapolated: Option<bool>,
     }
 }

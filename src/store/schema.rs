@@ -616,6 +616,8 @@ rows! {
     pub struct TrajectoryRow {
         pub model: Model,
         pub omega_rad_s: f64,
+        /// Whether it is beyond the trials that its coefficients were fitted to; missing where they were not.
+        pub extrapolated: Option<bool>,
         /// After phase 0, s.
         pub time_s: f64,
         /// Centre and heading of link 0.

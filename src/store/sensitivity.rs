@@ -1,5 +1,6 @@
 //! The table of sensitivities.
 
+use super::Extrapolation;
 use super::columns::rows;
 use crate::metrics::GaitMetrics;
 use crate::named::named;
@@ -29,6 +30,9 @@ rows! {
     pub struct SensitivityRow {
         pub model: Model,
         pub omega_rad_s: f64,
+        /// Whether the motion is beyond the trials that its coefficients were fitted to.
+        #[serde(flatten)]
+        pub extrapolation: Extrapolation as "{}",
         /// As `--set` has it, and its value, in the unit of its name.
         pub parameter: String,
         pub parameter_value: f64,

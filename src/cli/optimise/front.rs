@@ -1,6 +1,7 @@
 //! What `optimise --pareto` prints and writes.
 
 use super::{Optimise, print_table};
+use crate::cli::fitted::note_extrapolation;
 use crate::cli::progress::Progress;
 use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
 use crate::cli::{Failure, Outcome};
@@ -51,20 +52,25 @@ impl Optimise {
             ..of.row(nth + 1, &self.campaign, setup, search, None)
         };
         let rows: Vec<OptimumRow> = front.iter().enumerate().map(row).collect();
+        let problems = front.iter().map(|of| of.problem.clone());
+        note_extrapolation(&self.campaign, setup, problems);
         if let Some(path) = &self.table {
             let input = blake3::hash(format!("{search:?} {other:?}").as_bytes());
             RowsFile::new(path, "--table")?.write(&rows, &input)?;
         }
         if let Some(path) = &self.figure {
             let names = [&*self.campaign, setup.model.name()];
-            let points: Vec<(f64, f64)> =
-                front.iter().map(|of| (other.value_of(of), of.value)).collect();
+            let point = |row: &OptimumRow| {
+                let is_extrapolated = row.extrapolation.extrapolated == Some(true);
+                (row.other_value, row.value, is_extrapolated)
+            };
+            let points: Vec<(f64, f64, bool)> = rows.iter().map(point).collect();
             let labels = [other, objective].map(with_unit);
             let labels = labels.each_ref().map(String::as_str);
             write_figure(path, progress, |ending| front_drawing(names, labels, &points, ending))?;
         }
         if !print_rows(&rows, self.csv, self.json) {
-            print_table(objective, &front, None);
+            print_table(setup, objective, &front, None);
         }
         Ok(Outcome::Well)
     }

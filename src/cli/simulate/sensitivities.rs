@@ -106,6 +106,9 @@ fn print(rows: &[SensitivityRow]) {
         first.model,
         first.omega_rad_s
     );
+    if first.extrapolation.extrapolated == Some(true) {
+        say!("extrapolated: {}", first.extrapolation.beyond_trials);
+    }
     let headings = ["parameter", "value"].into_iter().chain(SENSITIVE_METRICS);
     let headings: Vec<(&str, bool)> =
         headings.enumerate().map(|(nth, name)| (name, nth > 0)).collect();

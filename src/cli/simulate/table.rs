@@ -32,7 +32,7 @@ pub(super) fn print(answers: &[&Answer]) {
             false => fixed(answer.work_j_m, 6),
         };
         say!(
-            "{model:<width$} {:>11} {:>13.7} {:>13.7} {sigma} {:>12.8} {:>13} {work:>10}  {}{}",
+            "{model:<width$} {:>11} {:>13.7} {:>13.7} {sigma} {:>12.8} {:>13} {work:>10}  {}{}{}",
             answer.omega_rad_s,
             1e3 * d_m,
             1e3 * v_m_s,
@@ -40,6 +40,7 @@ pub(super) fn print(answers: &[&Answer]) {
             fixed(dtheta_rad.to_degrees(), 8),
             answer.status,
             reach_in_words(answer),
+            if answer.is_extrapolated() { ", extrapolated" } else { "" },
         );
         if let Some(interval) = &answer.interval {
             print_interval(interval, width);

@@ -34,6 +34,7 @@ pub(super) fn of(
     let quantities = with_sums(&problem, uncertain);
     let derivatives = quantities.iter().map(|of| Ok((*of, differentiated.by(*of)?)));
     let derivatives: Vec<_> = derivatives.collect::<Result<_, MotionError>>()?;
+    let extrapolation = setup.extrapolation(&problem);
     let mut rows = Vec::with_capacity(COUNT * derivatives.len());
     for (nth, metric) in SENSITIVE_METRICS.iter().enumerate() {
         let metric_value = differentiated.values[nth];
@@ -53,6 +54,7 @@ pub(super) fn of(
             rows.push(SensitivityRow {
                 model: setup.model,
                 omega_rad_s,
+                extrapolation: extrapolation.clone(),
                 parameter: name,
                 parameter_value: value * scale,
                 metric: (*metric).to_owned(),
