@@ -252,3 +252,35 @@ fn without_the_trials_it_is_not_known_what_is_beyond_them() {
     );
     assert!(said.contains("what the trials of the fit cover is not known"), "{said}");
 }
+
+#[test]
+fn coefficients_that_are_not_the_fitted_ones_are_said_to_be_starting_values() {
+    let said = |folder: &Path, line: &[&str]| {
+        let output = trilink(folder, line);
+        assert_eq!(output.status.code(), Some(0), "{line:?}: {}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    let starting = "not fitted, but starting values of the configuration: skid0_kg_s, skid1_kg_s, skid2_kg_s; \
+                    --fitted takes those that ";
+    let simulate = ["simulate", CAMPAIGN, "--model", "skid-roll", "--omega", "3"];
+    let optimise =
+        ["optimise", CAMPAIGN, "--model", "skid-roll", "--maximise", "v", "--free", "omega"];
+    let empty = tempfile::tempdir().unwrap();
+    for line in [&simulate[..], &[&optimise[..], &["--starts", "2"]].concat()] {
+        let found = said(folder(), line);
+        assert!(found.contains(starting) && found.contains("fits.parquet has"), "{found}");
+        assert_eq!(said(empty.path(), line), "", "{line:?}");
+        let fitted = said(folder(), &[line, &["--fitted"]].concat());
+        assert!(!fitted.contains("starting values"), "{fitted}");
+    }
+    // What is said on the command line is not of the configuration.
+    let one = said(folder(), &[&simulate[..], &["--set", "skid0_kg_s=90"]].concat());
+    assert!(one.contains("configuration: skid1_kg_s, skid2_kg_s;"), "{one}");
+    let all = said(folder(), &[&simulate[..], &["--set", "skid_kg_s=90,30,40"]].concat());
+    assert!(!all.contains("starting values"), "{all}");
+    let other = said(folder(), &["simulate", CAMPAIGN, "--model", "coulomb", "--omega", "3"]);
+    assert!(other.contains("has fits of skid-roll, not of coulomb"), "{other}");
+    // Nothing of it is fitted.
+    let none = said(folder(), &["simulate", CAMPAIGN, "--model", "no-skid", "--omega", "3"]);
+    assert_eq!(none, "");
+}

@@ -5,7 +5,7 @@ use super::output::note;
 use crate::config::Config;
 use crate::motion::Problem;
 use crate::robot::Model;
-use crate::simulate::{KnownFits, Setup, campaign_of};
+use crate::simulate::{KnownFits, Setup, campaign_of, starting_values};
 
 /// Says what is to be known of the fit that a setup's coefficients are from.
 pub(super) fn note_caution(campaign: &str, setup: &Setup) {
@@ -38,6 +38,13 @@ pub(super) fn note_extrapolation(
             );
         }
         None => {}
+    }
+}
+
+/// Says of which setups without fitted coefficients there are fits.
+pub(super) fn note_starting_values(config: &Config, campaign: &str, setups: &[Setup]) {
+    for (model, said) in starting_values(config, campaign, setups) {
+        note!("note: {campaign} {model}: {said}");
     }
 }
 

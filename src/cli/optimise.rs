@@ -5,7 +5,7 @@ mod front;
 
 use std::path::{Path, PathBuf};
 
-use super::fitted::{note_caution, note_extrapolation, preferred};
+use super::fitted::{note_caution, note_extrapolation, note_starting_values, preferred};
 use super::omegas::low_high;
 use super::output::{note, say};
 use super::rows_file::{RowsFile, print_rows, write_figure};
@@ -120,6 +120,9 @@ impl Optimise {
         let fits = fits.transpose()?;
         let setup = self.setup(config, fits.as_ref())?;
         note_caution(&self.campaign, &setup);
+        if !self.fitted {
+            note_starting_values(&context.config, &self.campaign, std::slice::from_ref(&setup));
+        }
         let free = match self.free.is_empty() {
             true => Command::all(&setup.gait),
             false => Command::parse(&self.free, &setup.gait)?,

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 use sensitivities::{Asked, Sensitivities};
 
-use super::fitted::{note_caution, note_extrapolation};
+use super::fitted::{note_caution, note_extrapolation, note_starting_values};
 use super::omegas::{Omegas, parse_omegas};
 use super::output::write_data;
 use super::rows_file::print_rows;
@@ -88,6 +88,9 @@ impl Simulate {
         for setup in &setups {
             note_caution(&self.campaign, setup);
             note_extrapolation(&self.campaign, setup, omegas.iter().map(|of| setup.problem(*of)));
+        }
+        if fits.is_none() {
+            note_starting_values(&context.config, &self.campaign, &setups);
         }
         if self.sensitivities.sensitivities {
             let asked = Asked {

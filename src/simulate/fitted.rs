@@ -203,6 +203,48 @@ fn is_other(parameter: Parameter, robot: &Robot, fit: &FitRow) -> bool {
     (own - fitted).abs() > SAME_VALUE * fitted.abs()
 }
 
+/// What is to be said of setups that have coefficients from the configuration though their campaign was
+/// fitted, by model; nothing of coefficients that settings gave.
+pub(crate) fn starting_values(
+    config: &Config,
+    campaign: &str,
+    setups: &[Setup],
+) -> Vec<(Model, String)> {
+    let path = config.paths.derived.join("fits.parquet");
+    // Tables that cannot be used are no matter of a motion that needs none.
+    let fits: Vec<FitRow> = Reader::default().rows(&path).unwrap_or_default();
+    let fits = || fits.iter().filter(|row| row.campaign == campaign && row.status.is_ok());
+    let Some((robot, _)) = config.campaign_setup(campaign) else { return Vec::new() };
+    let configured = |free: &[Parameter], setup: &Setup| {
+        let is_configured = |of: &&Parameter| of.of(&setup.robot) == of.of(&robot);
+        let names = free.iter().filter(is_configured).map(|of| of.name());
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let path = path.display();
+    let of_setup = |setup: &Setup| {
+        let (names, what) = match fits().find(|row| row.model == setup.model) {
+            Some(fit) => {
+                let others = fit.free.iter().copied();
+                let others: Vec<Parameter> =
+                    others.filter(|of| is_other(*of, &setup.robot, fit)).collect();
+                (configured(&others, setup), format!("--fitted takes those that {path} has"))
+            }
+            None => {
+                let models: Vec<&str> = fits().map(|row| row.model.name()).collect();
+                let free = FitInput::new(config, campaign, setup.model)?.free();
+                let free: Vec<Parameter> = free.into_iter().map(|of| of.parameter).collect();
+                let names =
+                    if models.is_empty() { String::new() } else { configured(&free, setup) };
+                let models = models.join(", ");
+                (names, format!("{path} has fits of {models}, not of {}", setup.model))
+            }
+        };
+        let said = format!("not fitted, but starting values of the configuration: {names}; {what}");
+        (!names.is_empty()).then_some((setup.model, said))
+    };
+    setups.iter().filter_map(of_setup).collect()
+}
+
 /// A fit that a setup's coefficients are from.
 #[derive(Debug, Clone)]
 pub(super) struct FittedSetup {

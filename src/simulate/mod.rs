@@ -19,6 +19,7 @@ use crate::store::{Columns as _, Extrapolation, SensitivityRow, TrajectoryRow};
 
 pub use answer::{Answer, Interval, SimulationRow};
 use fitted::FittedSetup;
+pub(crate) use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};
 use sensitivity::Uncertain;
 pub(crate) use settings::{campaign_of, with_settings};
