@@ -190,6 +190,31 @@ fn branches_prints_what_it_meets_and_writes_all_points_and_a_figure() {
 }
 
 #[test]
+fn numbers_of_the_gait_and_sums_can_vary_as_settings_set_them() {
+    let folder = tempfile::tempdir().unwrap();
+    for (key, [low, high]) in [
+        ("amplitude2_deg", ["25", "35"]),
+        ("offset2_deg", ["5", "10"]),
+        ("mass0_kg", ["1", "1.1"]),
+        ("roll_sum_kg_s", ["1", "1.5"]),
+    ] {
+        let over = format!("{key}={low}..{high}");
+        let line =
+            ["branches", "semi-passive-symmetric", "--omega", "3", "--json", "--over", &over];
+        let points: Vec<Value> = serde_json::from_str(&succeed(folder.path(), &line)).unwrap();
+        for (point, value) in [(points.first(), low), (points.last(), high)] {
+            let set = format!("{key}={value}");
+            let line =
+                ["simulate", "semi-passive-symmetric", "--model", "skid-roll", "--omega", "3"];
+            let line = [&line[..], &["--json", "--set", &set]].concat();
+            let answer: Vec<Value> = serde_json::from_str(&succeed(folder.path(), &line)).unwrap();
+            let [one, other] = [point.unwrap(), &answer[0]].map(|of| of["d_m"].as_f64().unwrap());
+            assert!(near(one, other, 1e-6), "{set}: {one} {other}");
+        }
+    }
+}
+
+#[test]
 fn what_cannot_vary_is_named() {
     let folder = tempfile::tempdir().unwrap();
     for (over, named) in [
@@ -198,6 +223,12 @@ fn what_cannot_vary_is_named() {
         (vec!["omega_rad_s=-1..2"], "found -1, needed a frequency above 0"),
         (vec!["omega_rad_s=1..2", "--omega", "3"], "`--over omega_rad_s` varies it already"),
         (vec!["h_m=-0.1..0.2", "--omega", "3"], "h_m"),
+        (
+            vec!["offset2_deg=0..10", "--omega", "3"],
+            "at offset2_deg=0 the motion is its own mirror",
+        ),
+        (vec!["rest_angle_deg=0..10", "--omega", "3"], "needed a range that does not begin there"),
+        (vec!["offset1_deg=1..10", "--omega", "3"], "found `offset1_deg`, needed"),
     ] {
         let mut arguments = vec!["branches", "semi-passive-symmetric", "--over"];
         arguments.extend(&over);

@@ -433,6 +433,27 @@ fn an_optimum_beyond_the_trials_of_the_fit_says_so() {
 }
 
 #[test]
+fn what_varies_is_named_with_its_unit_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let line =
+        ["optimise", "kinematic-skewed", "--model", "skid-roll", "--maximise", "d", "--json"];
+    let free = |names: &[&str]| {
+        let rows =
+            succeed(folder.path(), &[&line[..], &["--starts", "1", "--free"], names].concat());
+        let rows: Vec<Value> = serde_json::from_str(&rows).unwrap();
+        rows[0]["free"].clone()
+    };
+    assert_eq!(
+        free(&["omega_rad_s", "amplitude1_deg,offset2_deg", "phase2_deg"]),
+        free(&["omega", "amplitude1", "offset2", "phase2"])
+    );
+    assert_eq!(
+        free(&["omega_rad_s", "second_amplitude1_deg", "second_phase1_deg"]),
+        free(&["omega", "second1"])
+    );
+}
+
+#[test]
 fn a_figure_shows_the_optimum_among_the_gaits_around_it() {
     let problem = problem("kinematic-symmetric");
     let free = vec![Command::Omega];

@@ -237,6 +237,16 @@ fn a_motion_beyond_the_trials_of_its_fit_says_so_wherever_it_is_written() {
     let [trials, expected] = ["trials", "expected"].map(|of| advice[of].as_array().unwrap());
     assert_eq!(trials.iter().map(of).collect::<Vec<_>>(), [false, true]);
     assert_eq!((of(&expected[0]), of(expected.last().unwrap())), (Value::Null, true.into()));
+    let line = ["branches", CAMPAIGN, "--fitted", "--over", "omega_rad_s=4..6", "--json"];
+    let output = trilink(folder(), &line);
+    let said = text(&output.stderr);
+    assert!(said.contains("skid-roll, which the comparison of the fits prefers"), "{said}");
+    assert!(said.contains("omega 5.") && said.contains("to 6 rad/s (trials 1 to 5)"), "{said}");
+    let points: Vec<Value> = serde_json::from_str(&text(&output.stdout)).unwrap();
+    for point in &points {
+        let is_beyond = point["value"].as_f64().unwrap() > 5.0 * 1.005;
+        assert_eq!(point["extrapolated"], is_beyond, "{point}");
+    }
 }
 
 #[test]
@@ -265,8 +275,9 @@ fn coefficients_that_are_not_the_fitted_ones_are_said_to_be_starting_values() {
     let simulate = ["simulate", CAMPAIGN, "--model", "skid-roll", "--omega", "3"];
     let optimise =
         ["optimise", CAMPAIGN, "--model", "skid-roll", "--maximise", "v", "--free", "omega"];
+    let branches = ["branches", CAMPAIGN, "--over", "omega_rad_s=2..3"];
     let empty = tempfile::tempdir().unwrap();
-    for line in [&simulate[..], &[&optimise[..], &["--starts", "2"]].concat()] {
+    for line in [&simulate[..], &[&optimise[..], &["--starts", "2"]].concat(), &branches] {
         let found = said(folder(), line);
         assert!(found.contains(starting) && found.contains("fits.parquet has"), "{found}");
         assert_eq!(said(empty.path(), line), "", "{line:?}");
@@ -283,4 +294,43 @@ fn coefficients_that_are_not_the_fitted_ones_are_said_to_be_starting_values() {
     // Nothing of it is fitted.
     let none = said(folder(), &["simulate", CAMPAIGN, "--model", "no-skid", "--omega", "3"]);
     assert_eq!(none, "");
+}
+
+#[test]
+fn every_name_that_sensitivities_print_is_one_that_settings_take() {
+    let empty = tempfile::tempdir().unwrap();
+    for (campaign, model) in
+        [("kinematic-skewed", "coulomb-viscous"), ("semi-passive-symmetric", "skid-roll")]
+    {
+        let line = ["simulate", campaign, "--model", model, "--omega", "3", "--json"];
+        let found = |more: &[&str]| -> Vec<Value> {
+            let printed = succeed(empty.path(), &[&line[..], more].concat());
+            serde_json::from_str(&printed).unwrap()
+        };
+        let known = &found(&[])[0]["d_m"].as_f64().unwrap();
+        let rows = found(&["--sensitivities"]);
+        let of_d = rows.iter().filter(|row| row["metric"] == "d_m");
+        let mut count = 0;
+        for row in of_d.filter(|row| row["parameter"] != "omega_rad_s") {
+            let (name, value) = (row["parameter"].as_str().unwrap(), &row["parameter_value"]);
+            let answer = &found(&["--set", &format!("{name}={value}")])[0];
+            let d_m = answer["d_m"].as_f64().unwrap();
+            assert!((d_m / known - 1.0).abs() < 1e-8, "{name}: {d_m} {known}");
+            count += 1;
+        }
+        assert!(count > 20, "{campaign}: {count}");
+    }
+    let line = ["simulate", "kinematic-symmetric", "--model", "skid", "--omega", "3", "--set"];
+    let heavier = succeed(empty.path(), &[&line[..], &["mass0_kg=1.05", "--json"]].concat());
+    let heavier: Vec<Value> = serde_json::from_str(&heavier).unwrap();
+    assert_eq!(heavier[0]["parameters"]["mass_kg"], serde_json::json!([1.05, 0.2, 0.2]));
+    for (setting, named) in [
+        ("mass0_kg=1,2", "--set mass0_kg=1,2: found a list of length 2, needed a number"),
+        ("skid_kg_s=1,2,3,4", "found a list of length 4, needed a list of length 3"),
+        ("omega_rad_s=2", "--set omega_rad_s=2: the frequency has an option of its own, --omega"),
+    ] {
+        let output = trilink(empty.path(), &[&line[..], &[setting]].concat());
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains(named), "{}", text(&output.stderr));
+    }
 }

@@ -2,20 +2,21 @@
 
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
+use super::fitted::{note_caution, note_extrapolation, note_starting_values, preferred};
 use super::omegas::low_high;
 use super::output::say;
 use super::rows_file::{RowsFile, print_rows, write_figure};
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
-use crate::config::{Config, RobotConfig, did_you_mean};
+use crate::config::{Config, GaitConfig, RobotConfig, did_you_mean};
 use crate::motion::{Branch, Problem, branches};
 use crate::report::branches_drawing;
-use crate::robot::{Gait, Laws};
-use crate::simulate::{laws_of, with_settings};
+use crate::robot::Laws;
+use crate::simulate::{KnownFits, Setup, number_names, with_number};
 use crate::store::BranchRow;
 
+/// The model that is taken where none is named, without fits.
+const MODEL: &str = "skid-roll";
 /// The name of the frequency among what branches can be followed over.
 const OMEGA: &str = "omega_rad_s";
 
@@ -24,17 +25,21 @@ pub(super) struct Branches {
     /// Name of a `[campaign.*]`.
     campaign: String,
     /// What to vary, from where the first motion is solved for: `omega_rad_s=0.5..12`, or a number of
-    /// the robot such as `damping_nm_s_rad=0.0002..0.01`; of one wheel or link with its number, as
-    /// columns have it: `skid1_kg_s=20..400`.
+    /// the robot or the gait such as `damping_nm_s_rad=0.0002..0.01`; of one wheel, link or joint with
+    /// its number, as columns have it: `skid1_kg_s=20..400`, `amplitude2_deg=5..60`.
     #[arg(long, value_name = "KEY=LOW..HIGH", value_parser = parse_over)]
     over: Over,
-    /// Name of a `[model.*]`: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll or your own.
-    #[arg(long, default_value = "skid-roll")]
-    model: String,
+    /// Name of a `[model.*]`: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll or your own [default: skid-roll, with
+    /// --fitted the one that the comparison prefers].
+    #[arg(long)]
+    model: Option<String>,
+    /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration.
+    #[arg(long)]
+    fitted: bool,
     /// The frequency, rad/s, where another parameter varies.
     #[arg(long, value_name = "RAD_S")]
     omega: Option<f64>,
-    /// Parameters of the robot: `skid_kg_s=104,34,45`, one or several.
+    /// Numbers of the robot and the gait, as `simulate` takes them.
     #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Write all points: Parquet, CSV or JSON, by the file's ending.
@@ -60,14 +65,20 @@ struct Over {
 
 impl Branches {
     pub fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let config = with_settings(context.config, &self.campaign, &self.set)?;
         let (key, [low, high]) = (&self.over.key, self.over.range);
-        let gait = config.campaign_setup(&self.campaign).ok_or("no such campaign")?.1;
-        let vary = Vary::new(config, &self, gait)?;
+        let setup = self.setup(&context.config)?;
+        let vary = Vary::new(&context.config, &self, &setup)?;
+        note_caution(&self.campaign, &setup);
         let file = self.table.as_deref().map(|path| RowsFile::new(path, "--table")).transpose()?;
         let found = branches(&|value| vary.problem(value), [low, high])
             .map_err(|error| format!("--over: at {key}={low}: {error}"))?;
-        let rows = rows(&found, key);
+        let rows =
+            rows(&found, key, |value| setup.extrapolation(&vary.problem(value)).extrapolated);
+        let values: Vec<f64> = rows.iter().map(|row| row.value).collect();
+        note_extrapolation(&self.campaign, &setup, values.iter().map(|of| vary.problem(*of)));
+        if !self.fitted {
+            note_starting_values(&context.config, &self.campaign, std::slice::from_ref(&setup));
+        }
         if let Some(file) = file {
             let input =
                 blake3::hash(format!("{:?} {key} {low} {high}", vary.problem(low)).as_bytes());
@@ -75,7 +86,7 @@ impl Branches {
             context.progress.say(&format!("{}: {} points", file.path.display(), rows.len()));
         }
         if let Some(path) = &self.figure {
-            let names = [&self.campaign, &self.model, key].map(String::as_str);
+            let names = [self.campaign.as_str(), setup.model.name(), key];
             let drawn = |ending: &str| branches_drawing(names, &rows, ending);
             write_figure(path, &context.progress, drawn)?;
         }
@@ -84,12 +95,28 @@ impl Branches {
         }
         Ok(Outcome::Well)
     }
+
+    /// The model, with configured or fitted coefficients.
+    fn setup(&self, config: &Config) -> Result<Setup, Failure> {
+        let (campaign, settings) = (&self.campaign, &self.set);
+        let named = self.model.as_deref();
+        if !self.fitted {
+            let model = named.unwrap_or(MODEL);
+            return Ok(Setup::new(config.clone(), campaign, model, settings)?);
+        }
+        let fits = KnownFits::read(config, false)?;
+        let model = match named {
+            Some(model) => model.to_owned(),
+            None => preferred(config, &fits, campaign)?.name().to_owned(),
+        };
+        Ok(Setup::fitted(config.clone(), campaign, &model, settings, &fits)?)
+    }
 }
 
 /// The problems along a range.
 struct Vary {
     robot: RobotConfig,
-    gait: Gait,
+    gait: GaitConfig,
     laws: Laws,
     key: String,
     /// Where it is not the one that varies.
@@ -97,11 +124,9 @@ struct Vary {
 }
 
 impl Vary {
-    fn new(mut config: Config, of: &Branches, gait: Gait) -> Result<Self, Failure> {
+    fn new(config: &Config, of: &Branches, setup: &Setup) -> Result<Self, Failure> {
         let Over { key, range } = of.over.clone();
-        let name = config.campaign[&of.campaign].robot.clone();
-        let robot = config.robot[&name].clone();
-        let laws = laws_of(&config, &of.campaign, &of.model)?;
+        let (robot, gait) = (setup.robot_config.clone(), setup.gait_config.clone());
         let omega_rad_s = match (key == OMEGA, of.omega) {
             (true, None) => range[0],
             (true, Some(_)) => return Err("--omega: `--over omega_rad_s` varies it already".into()),
@@ -115,60 +140,48 @@ impl Vary {
             return Err(format!("--over: found {}, needed a frequency above 0", range[0]).into());
         }
         for value in range.into_iter().filter(|_| key != OMEGA) {
-            let varied = with_value(&robot, &key, value).ok_or_else(|| {
-                let known = keys(&robot);
+            let varied = with_number(&robot, &gait, &key, value).ok_or_else(|| {
+                let known = number_names(&robot, &gait);
                 let hint = did_you_mean(&key, known.iter().map(String::as_str));
                 let known = known.join("`, `");
                 format!("--over: found `{key}`, needed `{OMEGA}` or one of `{known}`{hint}")
             })?;
-            config.robot.insert(name.clone(), varied);
+            let mut config = config.clone();
+            let campaign = config.campaign[&of.campaign].clone();
+            config.robot.insert(campaign.robot, varied.0);
+            config.gait.insert(campaign.gait, varied.1);
             config.check(Path::new("--over"))?;
         }
-        Ok(Self { robot, gait, laws, key, omega_rad_s })
+        let vary = Self { robot, gait, laws: setup.laws, key, omega_rad_s };
+        let [low, high] = range.map(|value| vary.problem(value).is_mirrored());
+        match low && !high {
+            true => Err(format!(
+                "--over: at {}={} the motion is its own mirror image and beside it none is: needed a range \
+                 that does not begin there",
+                vary.key, range[0]
+            )
+            .into()),
+            false => Ok(vary),
+        }
     }
 
     fn problem(&self, value: f64) -> Problem {
         let is_omega = self.key == OMEGA;
-        let varied = if is_omega { None } else { with_value(&self.robot, &self.key, value) };
+        let varied = match is_omega {
+            true => None,
+            false => with_number(&self.robot, &self.gait, &self.key, value),
+        };
+        let (robot, gait) = match &varied {
+            Some((robot, gait)) => (robot, gait),
+            None => (&self.robot, &self.gait),
+        };
         Problem {
-            robot: varied.as_ref().unwrap_or(&self.robot).to_robot(),
-            gait: self.gait,
+            robot: robot.to_robot(),
+            gait: gait.to_gait(),
             laws: self.laws,
             omega_rad_s: if is_omega { value } else { self.omega_rad_s },
         }
     }
-}
-
-/// Numbers of a robot, those of single wheels and links with their number.
-fn keys(robot: &RobotConfig) -> Vec<String> {
-    let fields = serde_json::to_value(robot).ok();
-    let fields = fields.as_ref().and_then(Value::as_object).into_iter().flatten();
-    let keys = fields.flat_map(|(key, value)| match value {
-        Value::Number(_) => vec![key.clone()],
-        Value::Array(_) => (0..3).map(|of| numbered(key, of)).collect(),
-        _ => Vec::new(),
-    });
-    keys.collect()
-}
-
-/// `skid1_kg_s` of `skid_kg_s`.
-fn numbered(key: &str, number: usize) -> String {
-    const UNITS: [&str; 4] = ["_kg_m2", "_kg_s", "_kg", "_n"];
-    let unit = UNITS.into_iter().find(|unit| key.ends_with(unit)).unwrap_or_default();
-    let name = key.strip_suffix(unit).unwrap_or(key);
-    format!("{name}{number}{unit}")
-}
-
-/// A robot with one of these numbers changed.
-fn with_value(robot: &RobotConfig, key: &str, value: f64) -> Option<RobotConfig> {
-    let mut fields = serde_json::to_value(robot).ok()?;
-    let found = fields.as_object_mut()?.iter_mut().find_map(|(name, field)| match field {
-        Value::Number(_) => (name == key).then_some(field),
-        Value::Array(all) => (0..3).find(|&of| numbered(name, of) == key).map(|of| &mut all[of]),
-        _ => None,
-    })?;
-    *found = value.into();
-    serde_json::from_value(fields).ok()
 }
 
 fn parse_over(text: &str) -> Result<Over, String> {
@@ -181,7 +194,12 @@ fn parse_over(text: &str) -> Result<Over, String> {
     Ok(Over { key: key.trim().to_owned(), range: [low, high] })
 }
 
-fn rows(found: &[Branch], parameter: &str) -> Vec<BranchRow> {
+/// A row for each point; `extrapolated` says of a value whether it is beyond the trials of the fit.
+fn rows(
+    found: &[Branch],
+    parameter: &str,
+    extrapolated: impl Fn(f64) -> Option<bool>,
+) -> Vec<BranchRow> {
     let number = |index: usize| index as i64 + 1;
     let of_branch = |(index, branch): (usize, &Branch)| {
         let (kind, parent) = (branch.kind, branch.parent.map(number));
@@ -192,6 +210,7 @@ fn rows(found: &[Branch], parameter: &str) -> Vec<BranchRow> {
             periods: kind.periods(),
             parameter: parameter.to_owned(),
             value: point.value,
+            extrapolated: extrapolated(point.value),
             metrics: point.metrics,
             floquet: point.floquet,
             status: point.status,
@@ -264,21 +283,5 @@ mod tests {
             let message = parse_over(text).err().unwrap();
             assert!(message.contains(named), "{message}");
         }
-    }
-
-    #[test]
-    fn every_number_of_a_robot_can_vary_and_nothing_else() {
-        let config = Config::default();
-        let robot = &config.robot["semi-passive"];
-        let known = keys(robot);
-        for key in ["h_m", "damping_nm_s_rad", "rest_angle_deg", "skid1_kg_s", "inertia2_kg_m2"] {
-            assert!(known.iter().any(|known| known == key), "{key}: {known:?}");
-        }
-        for key in &known {
-            let varied = with_value(robot, key, 0.1234).unwrap();
-            assert_ne!(varied, *robot, "{key}");
-            assert_eq!(with_value(robot, key, 0.1234), Some(varied));
-        }
-        assert_eq!(with_value(robot, "skid_kg_s", 1.0), None);
     }
 }

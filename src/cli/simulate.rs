@@ -30,8 +30,9 @@ pub(super) struct Simulate {
     /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. May be given again.
     #[arg(long, required = true, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
-    /// Parameters of the robot, one or several: `skid_kg_s=104,34,45`, or of a wheel `skid_dry0=1.8`; and of the gait, of a
-    /// commanded joint: `offset1_deg=10`, `amplitude2_deg=25`, `phase2_deg=-80`.
+    /// Numbers of the robot, one or several: `skid_kg_s=104,34,45`, or of one wheel or link, as `--sensitivities` names them,
+    /// `skid_dry0_n=1.8`, `mass0_kg=1.05`; and of the gait, of a commanded joint: `offset1_deg=10`, `amplitude2_deg=25`,
+    /// `phase2_deg=-80`.
     #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration; the gait is

@@ -88,7 +88,9 @@ impl<'de> Deserialize<'de> for Free {
         let mut parameters = Vec::new();
         for name in Vec::<String>::deserialize(deserializer)? {
             let of_wheel = |of: &Parameter| of.key().trim_end_matches(char::is_numeric) == name;
-            match Parameter::ALL.into_iter().find(|parameter| parameter.key() == name) {
+            // With the unit or without it.
+            let is_own = |of: &Parameter| [of.key(), of.name()].contains(&name.as_str());
+            match Parameter::ALL.into_iter().find(is_own) {
                 Some(parameter) => parameters.push(parameter),
                 None if Parameter::ALL.iter().any(of_wheel) => {
                     parameters.extend(Parameter::ALL.into_iter().filter(of_wheel));
@@ -123,5 +125,12 @@ mod tests {
             "skid = \"stribeck\"\nroll = \"coulomb\"\nfree = [\"skid_static\", \"roll_dry\"]";
         let names: Vec<&str> = free(listed).iter().flatten().map(|of| of.key()).collect();
         assert_eq!(names, ["skid_static0", "skid_static1", "skid_static2", "roll_dry"]);
+        // As columns have them, too.
+        for of in Parameter::ALL {
+            let listed =
+                |name| format!("skid = \"stribeck\"\nroll = \"coulomb\"\nfree = [\"{name}\"]");
+            assert_eq!(free(&listed(of.name())), Ok(vec![of]));
+            assert_eq!(free(&listed(of.key())), Ok(vec![of]));
+        }
     }
 }

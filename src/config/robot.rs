@@ -173,7 +173,13 @@ impl RobotConfig {
         let load_n = self.load_n.unwrap_or([1.0; 3]);
         let dry = |own: Option<[f64; 3]>, of_n: [f64; 3]| {
             let is_said = own.is_some() || of_n != [0.0; 3];
-            is_said.then(|| std::array::from_fn(|wheel| of_n[wheel] / load_n[wheel]))
+            let own = own.unwrap_or([f64::NAN; 3]);
+            // What is the same stays as it was said.
+            let of_wheel = |wheel: usize| match own[wheel] * load_n[wheel] == of_n[wheel] {
+                true => own[wheel],
+                false => of_n[wheel] / load_n[wheel],
+            };
+            is_said.then(|| std::array::from_fn(of_wheel))
         };
         let number =
             |own: Option<f64>, of: f64, unsaid: f64| (own.is_some() || of != unsaid).then_some(of);

@@ -89,17 +89,24 @@ impl Command {
         all.extend(Self::seconds(gait, |_| true));
         let mut free: Vec<Self> = Vec::new();
         for name in names.iter().flat_map(|names| names.split(',')).map(str::trim) {
+            let written = name;
+            // As `simulate --sensitivities` has them, too: both numbers of a second harmonic are one.
+            let name = name.trim_end_matches("_deg").trim_end_matches("_rad_s");
+            let of_second = |joint: usize| {
+                ["second", "second_amplitude", "second_phase"]
+                    .map(|of| format!("{of}{}", joint + 1))
+            };
             let of_group = |command: &&Self| match command {
                 Self::Omega => false,
                 Self::Joint(joint, IN_PHASE | QUADRATURE) => {
-                    name == "seconds" || name == format!("second{}", joint + 1)
+                    name == "seconds" || of_second(*joint).iter().any(|of| of == name)
                 }
                 Self::Joint(_, number) => name == format!("{}s", NUMBERS[*number]),
             };
             let named: Vec<Self> =
                 all.iter().filter(|of| of.to_string() == name || of_group(of)).copied().collect();
             if named.is_empty() {
-                return Err(unknown(name, gait, &Self::all(gait)));
+                return Err(unknown(written, gait, &Self::all(gait)));
             }
             free.extend(named);
         }
@@ -178,7 +185,7 @@ impl Command {
 
 fn unknown(name: &str, gait: &Gait, all: &[Command]) -> String {
     let known: Vec<String> = all.iter().map(Command::to_string).collect();
-    let why = match name {
+    let why = match name.trim_end_matches("_deg") {
         "phase1" | "phase2" | "phases" if gait.passive_joint().is_some() => {
             "; the phase of the only commanded joint changes nothing".to_owned()
         }

@@ -146,6 +146,11 @@ impl Parameter {
         Self::ALL.into_iter().find(|other| *other != self && self.is_part_of(*other))
     }
 
+    /// Whether the configuration of a robot has a key of its name: it is of no single wheel, and no sum.
+    pub fn is_key(self) -> bool {
+        !self.is_sum() && !self.key().ends_with(|c: char| c.is_ascii_digit())
+    }
+
     /// Whether it is the sum of others.
     pub fn is_sum(self) -> bool {
         Self::ALL.into_iter().any(|other| other.sum() == Some(self))

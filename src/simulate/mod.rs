@@ -11,7 +11,7 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 
-use crate::config::{Config, ConfigError, one_of};
+use crate::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
 use crate::fit::{Alternatives, MeasuredRange, PredictionBands};
 use crate::motion::{MotionError, Problem};
 use crate::robot::{Gait, Laws, Model, Robot};
@@ -22,7 +22,8 @@ use fitted::FittedSetup;
 pub(crate) use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};
 use sensitivity::Uncertain;
-pub(crate) use settings::{campaign_of, with_settings};
+use settings::with_settings;
+pub(crate) use settings::{campaign_of, number_names, with_number};
 
 /// Why something cannot be simulated.
 #[derive(Debug, thiserror::Error)]
@@ -56,7 +57,9 @@ pub struct Setup {
     pub gait: Gait,
     pub laws: Laws,
     pub model: Model,
-    /// The robot's keys and the gait's, as the answers show them.
+    /// The keys of both, and how the answers show them.
+    pub(crate) robot_config: RobotConfig,
+    pub(crate) gait_config: GaitConfig,
     parameters: Map<String, Value>,
     commands: Map<String, Value>,
     /// What the configuration says of how well the robot is known.
@@ -104,10 +107,20 @@ impl Setup {
         let laws = laws_of(&config, campaign, model)?;
         let of = &config.campaign[campaign];
         let uncertain = Uncertain::configured(&config.robot[&of.robot], laws, &gait);
-        let parameters = keys_of(&config.robot[&of.robot])?;
-        let commands = keys_of(&config.gait[&of.gait])?;
-        let model = Model::new(model);
-        Ok(Self { robot, gait, laws, model, parameters, commands, uncertain, fitted: None })
+        let (robot_config, gait_config) =
+            (config.robot[&of.robot].clone(), config.gait[&of.gait].clone());
+        Ok(Self {
+            robot,
+            gait,
+            laws,
+            model: Model::new(model),
+            parameters: keys_of(&robot_config)?,
+            commands: keys_of(&gait_config)?,
+            robot_config,
+            gait_config,
+            uncertain,
+            fitted: None,
+        })
     }
 
     /// Its problem at a frequency.

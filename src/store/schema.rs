@@ -600,6 +600,8 @@ rows! {
         /// What the branch is followed over, and its value there.
         pub parameter: String,
         pub value: f64,
+        /// Whether it is beyond the trials that its coefficients were fitted to; missing where they were not.
+        pub extrapolated: Option<bool>,
         /// Per period of the command.
         pub metrics: GaitMetrics,
         /// Modulus of the largest Floquet multiplier of the motion's own period.

@@ -286,7 +286,7 @@ impl Problem {
     }
 
     /// Whether the mirror image of the motion follows half a period later.
-    fn is_mirrored(&self) -> bool {
+    pub(crate) fn is_mirrored(&self) -> bool {
         let rests_straight = self.robot.rest_angle_rad == 0.0;
         self.gait.is_symmetric() && (self.gait.passive_joint().is_none() || rests_straight)
     }

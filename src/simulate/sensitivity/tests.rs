@@ -1,6 +1,7 @@
 use super::*;
-use crate::config::Config;
+use crate::config::{Config, ModelConfig};
 use crate::motion::{REFERENCE_ACCURACY, Solver};
+use crate::robot::{Model, Parameter, Property, RollLaw, SkidLaw};
 
 /// Dimensions of a quantity or a metric: powers of length, mass and time.
 fn dimensions(name: &str) -> [f64; 3] {
@@ -92,4 +93,58 @@ fn derivatives_are_those_of_independent_differences() {
             }
         }
     }
+}
+
+#[test]
+fn every_number_is_what_a_setting_of_its_name_gives() {
+    let mut config = Config::default();
+    let robot = config.robot.get_mut("kinematic").expect("the paper's");
+    robot.load_n = Some([8.0, 3.0, 7.0]);
+    for robot in config.robot.values_mut() {
+        robot.skid_static_n = Some([0.3, 0.2, 0.1]);
+        robot.stribeck_m_s = Some(0.02);
+        robot.roll_dry_n = Some([0.01, 0.02, 0.03]);
+    }
+    let gait = config.gait.get_mut("skewed").expect("the paper's");
+    let joint = gait.joint2.as_mut().expect("commanded");
+    (joint.amplitude2_deg, joint.phase2_deg) = (Some(5.0), Some(20.0));
+    let ours = ModelConfig {
+        skid: SkidLaw::StribeckViscous,
+        roll: RollLaw::CoulombViscous,
+        input: None,
+        free: None,
+    };
+    config.model.insert(Model::new("ours"), ours);
+    let models = config.model.iter().filter(|(_, of)| !of.is_of_trials());
+    let models: Vec<String> = models.map(|(name, _)| name.name().to_owned()).collect();
+    let mut names = std::collections::BTreeSet::new();
+    for (campaign, model) in
+        config.campaign.keys().flat_map(|of| models.iter().map(move |model| (of, model)))
+    {
+        let with = |settings: &[String]| {
+            Setup::new(config.clone(), campaign, model, settings).expect(campaign)
+        };
+        let problem = with(&[]).problem(3.0);
+        let sums = Parameter::ALL.into_iter().filter(|of| of.is_sum()).map(Quantity::coefficient);
+        let all = Quantity::all(&problem).into_iter().chain(sums);
+        for quantity in all.filter(|of| *of != Quantity::Omega) {
+            let (name, value) = (quantity.name(), quantity.of(&problem) * quantity.scale());
+            // As it is printed it changes nothing, and more of it is more of it.
+            for part in [1.0, 1.01] {
+                let set = with(&[format!("{name}={}", part * value)]).problem(3.0);
+                for of in Quantity::all(&problem) {
+                    let known = of.of(&problem);
+                    let known = if of == quantity { part * known } else { known };
+                    let is_part = matches!((of, quantity),
+                        (Quantity::Robot(Property::Coefficient(one)), Quantity::Robot(Property::Coefficient(all)))
+                            if one != all && one.is_part_of(all));
+                    let known = if is_part { part * known } else { known };
+                    let miss = (of.of(&set) - known).abs();
+                    assert!(miss <= 1e-12 * known.abs(), "{campaign} {model} {name}: {of:?}");
+                }
+            }
+            names.insert(name);
+        }
+    }
+    assert!(names.len() > 35, "{names:?}");
 }
