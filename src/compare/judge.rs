@@ -10,7 +10,8 @@ use crate::stats::HALF_WIDTH_95;
 pub enum Verdict {
     Same,
     Within,
-    /// Different, without a tolerance or a standard error to judge it by.
+    /// Different, without a tolerance or a standard error to judge it by, or of a model that fits
+    /// in neither run.
     NotJudged,
     Out,
 }
@@ -32,7 +33,7 @@ pub fn judge(
     [baseline, candidate]: [f64; 2],
     error: Option<StandardError>,
 ) -> Judged {
-    let difference = (candidate - baseline).abs();
+    let difference = tolerance.distance([baseline, candidate]);
     let errors = error.and_then(|error| error.normal(difference));
     let fixed = [tolerance.absolute, tolerance.relative.map(|part| part * baseline.abs())];
     let fixed = fixed.into_iter().flatten().fold(f64::NAN, f64::max);

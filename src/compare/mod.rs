@@ -15,6 +15,7 @@ mod snapshot;
 mod steps;
 mod trend;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 pub use files::{changes, junit, page, to_json};
@@ -150,6 +151,7 @@ pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> C
     };
     let trials = [baseline, candidate].map(|run| run.records("trials"));
     let [then, now] = &means::of_campaigns(trials);
+    let inadequate = models_that_fit_in_neither([baseline, candidate]);
     for (table, tolerances) in config.tables() {
         let runs = match table {
             "campaigns" => [then, now],
@@ -157,11 +159,36 @@ pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> C
         };
         compared.table(table, tolerances, runs);
     }
+    let is_of_inadequate = |of: &str| {
+        let campaign_and_model = of.splitn(3, ' ').take(2).collect::<Vec<_>>().join(" ");
+        inadequate.contains(campaign_and_model.as_str())
+    };
+    for difference in &mut compared.differences {
+        let Difference { table, of, judged, .. } = difference;
+        if matches!(*table, "fits" | "predictions")
+            && judged.verdict == Verdict::Out
+            && is_of_inadequate(of)
+        {
+            judged.verdict = Verdict::NotJudged;
+        }
+    }
     compared.differences.sort_by(|one, other| {
         let rank = |difference: &Difference| difference.judged.verdict != Verdict::Out;
         rank(one).cmp(&rank(other)).then(other.severity().total_cmp(&one.severity()))
     });
     compared
+}
+
+/// Campaign and model of the fits that are inadequate in both runs: their coefficients describe
+/// neither, and go from one optimum to another by chance.
+fn models_that_fit_in_neither<'s>([baseline, candidate]: [&'s Snapshot; 2]) -> BTreeSet<&'s str> {
+    let fits = |run: &'s Snapshot| run.records("fits");
+    let is_inadequate = |record: &Record| snapshot::text(record, "adequate") == "false";
+    let both =
+        fits(baseline).iter().filter_map(|(of, then)| Some((of, then, fits(candidate).get(of)?)));
+    both.filter(|(_, then, now)| is_inadequate(then) && is_inadequate(now))
+        .map(|(of, ..)| of.as_str())
+        .collect()
 }
 
 impl Compared {

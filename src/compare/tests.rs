@@ -63,6 +63,40 @@ fn the_same_run_does_not_differ() {
 }
 
 #[test]
+fn a_fit_that_is_better_is_no_difference() {
+    let run_with_j = |j: f64| {
+        let mut run = run(&[0.4, 0.41], 100.0);
+        let fit = run.tables.get_mut("fits").unwrap().get_mut("symmetric skid-roll").unwrap();
+        fit.insert("j".to_owned(), j.into());
+        run
+    };
+    let [baseline, better, worse] = [1.0, 0.6, 1.3].map(run_with_j);
+    assert!(compared(&baseline, &better).is_well());
+    assert_eq!(out(&compared(&baseline, &worse)), ["fits symmetric skid-roll j"]);
+}
+
+#[test]
+fn a_model_that_fits_in_neither_run_is_listed_and_not_judged() {
+    let run_with = |skid0_kg_s: f64, d_m: f64, adequate: &str| {
+        let mut run = run(&[0.4, 0.41], skid0_kg_s);
+        let fit = run.tables.get_mut("fits").unwrap().get_mut("symmetric skid-roll").unwrap();
+        fit.insert("adequate".to_owned(), adequate.into());
+        let prediction = [("d_m".to_owned(), d_m.into())].into();
+        let predictions = [("symmetric skid-roll 2.00 rad/s".to_owned(), prediction)].into();
+        run.tables.insert("predictions".to_owned(), predictions);
+        run
+    };
+    let compared =
+        |then: &str, now: &str| compared(&run_with(100.0, 0.4, then), &run_with(200.0, 0.5, now));
+    let neither = compared("false", "false");
+    assert!(neither.is_well(), "{:?}", out(&neither));
+    assert_eq!(neither.count(Verdict::NotJudged), 2);
+    for [then, now] in [["true", "false"], ["false", "true"], ["true", "true"]] {
+        assert_eq!(out(&compared(then, now)).len(), 2, "{then} {now}");
+    }
+}
+
+#[test]
 fn noise_is_within_and_a_change_is_named() {
     let baseline = run(&[0.4, 0.41], 100.0);
     let noisy = compared(&baseline, &run(&[0.402, 0.409], 101.0));

@@ -142,8 +142,10 @@ impl<'r> Series<'r> {
     fn since_baseline(&self, runs: &Runs) -> Option<Json> {
         let (baseline, rows) = *self.baselines(runs).last()?;
         let is_out = |row: &&&HistoryRow| {
-            self.limit(baseline, row)
-                .is_some_and(|limit| (row.value - baseline.value).abs() > limit)
+            let distance = self.tolerance.map(|of| of.distance([baseline.value, row.value]));
+            distance
+                .zip(self.limit(baseline, row))
+                .is_some_and(|(distance, limit)| distance > limit)
         };
         let out = rows.iter().rev().take_while(is_out).last();
         let change = percent(rows.last()?.value, baseline.value);

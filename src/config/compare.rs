@@ -43,6 +43,9 @@ pub struct Tolerance {
     /// To the standard errors of both runs together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub standard_errors: Option<f64>,
+    /// Whether only a rise is out of tolerance: of what is better the lower it is.
+    #[serde(skip_serializing_if = "is_false")]
+    pub rises_only: bool,
     /// Whether a value may be there in one run and missing in the other.
     #[serde(skip_serializing_if = "is_false")]
     pub may_be_missing: bool,
@@ -56,6 +59,12 @@ impl Tolerance {
     /// Whether it says anything.
     pub fn judges(&self) -> bool {
         self.absolute.or(self.relative).or(self.standard_errors).is_some()
+    }
+
+    /// How far a value is from a baseline's to a side that is judged.
+    pub fn distance(&self, [baseline, value]: [f64; 2]) -> f64 {
+        let rise = value - baseline;
+        if self.rises_only { rise.max(0.0) } else { rise.abs() }
     }
 }
 
