@@ -765,6 +765,8 @@ fn a_list_of_another_length_is_refused_by_its_key_and_both_lengths() {
         ("mass_kg=1.2,0.3", "found a list of length 2, needed a list of length 3"),
         ("mass_kg=1.2", "expected a list of length 3"),
         ("h_m=0.1,0.2", "found a list of length 2, needed a number"),
+        // One wheel of three.
+        ("skid_dry0=1,2", "found a list of length 2, needed a number"),
     ] {
         let said = refused(folder.path(), &[&simulate[..], &["--set", setting]].concat());
         assert!(said.contains(&format!("--set {setting}: ")) && said.contains(message), "{said}");
