@@ -30,6 +30,7 @@ pub use robot::{RobotConfig, RobotDeviation};
 pub use settings::Setting;
 use strict::Strict;
 
+use crate::named::named;
 use crate::robot::{Gait, JointCommand, Model, Robot, SecondHarmonic};
 
 /// The configuration file that is used when none is named.
@@ -85,9 +86,32 @@ pub struct Vicon {
     pub rate_hz: f64,
     /// Take each file's own rate instead; then each must say one.
     pub rate_from_file: bool,
+    /// Unit of the coordinates in files that do not say theirs.
+    pub unit: LengthUnit,
     /// Labels of markers that are left out, such as virtual ones: `*` stands for any characters,
     /// `?` for one; with or without the subject.
     pub ignore: Vec<String>,
+}
+
+named! {
+    /// Units of length of marker files.
+    pub enum LengthUnit {
+        Mm = "mm",
+        Cm = "cm",
+        M = "m",
+        In = "in",
+    }
+}
+
+impl LengthUnit {
+    pub fn mm(self) -> f64 {
+        match self {
+            Self::Mm => 1.0,
+            Self::Cm => 10.0,
+            Self::M => 1000.0,
+            Self::In => 25.4,
+        }
+    }
 }
 
 /// How markers become velocities and cycles.

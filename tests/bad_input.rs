@@ -147,10 +147,11 @@ fn assert_nothing_done(damage: impl FnOnce(&Folder), command: &str, named: &[&st
 
 #[test]
 fn a_marker_file_that_cannot_be_used_is_named_and_the_other_trial_is_done() {
-    let contents: [(&[u8], &[&str]); 4] = [
+    let contents: [(&[u8], &[&str]); 5] = [
         (b"", &["3.50-r1.csv", "found an empty file", "needed a `Trajectories` section"]),
         (b"\0\x01\xff\xfe\0\0garbage", &["3.50-r1.csv", "needed a `Trajectories` section"]),
         (b"\x1f\x8bgarbage", &["3.50-r1.csv", "cannot be unpacked"]),
+        (b"Format Version,1.23,Take Name,a\n\n", &["OptiTrack Motive", "export C3D"]),
         (b"Trajectories\r\n", &["3.50-r1.csv, line 1", "needed a row that starts with `Frame"]),
     ];
     for (bytes, named) in contents {
@@ -195,6 +196,91 @@ fn a_damaged_c3d_file_is_named_and_the_other_trial_is_done() {
         };
         assert_one_fails(damage, named);
     }
+}
+
+#[test]
+fn a_c3d_file_that_contradicts_itself_is_flagged_or_refused_with_all_numbers() {
+    let folder = Folder::new();
+    let synth = ["synth", "raw/y", "--omega", "3.5", "--seed", "1", "--format", "c3d"];
+    assert_eq!(folder.trilink(&synth).status, Some(0));
+    let sound = fs::read(folder.path(&format!("raw/y/{BAD}.c3d"))).unwrap();
+    fs::remove_file(folder.path(BAD_FILE)).unwrap();
+    folder.replace(TRIALS, &format!("{BAD}.csv"), "a.c3d");
+    let of = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut file = sound.clone();
+        change(&mut file);
+        folder.write("raw/x/a.c3d", &file);
+        let ended = folder.trilink(&["ingest"]);
+        let checks = Table::read(&folder.path("derived/checks.parquet")).unwrap();
+        let column = |name: &str| checks.values::<String>(name).unwrap();
+        let rows = column("trial").into_iter().zip(column("check")).zip(column("message"));
+        let own = rows.filter(|((trial, check), _)| trial == BAD && check.starts_with("W027"));
+        (ended, own.map(|(_, message)| message).collect::<Vec<_>>())
+    };
+    // In place of a name or a number of the parameters.
+    let edited = |name: &'static [u8], at: usize, bytes: &'static [u8]| {
+        move |file: &mut Vec<u8>| {
+            let found = file.windows(name.len()).position(|window| window == name).unwrap();
+            file[found + at..found + at + bytes.len()].copy_from_slice(bytes);
+        }
+    };
+    let distance = || {
+        let trials = Table::read(&folder.path("derived/trials.parquet")).unwrap();
+        trials.values::<f64>("d_m").unwrap()[0]
+    };
+    let (ended, told) = of(&|_| {});
+    assert_eq!((ended.status, told.len()), (Some(0), 0), "{}", ended.errors);
+    let right = distance();
+
+    type Change<'c> = &'c dyn Fn(&mut Vec<u8>);
+    let flagged: [(Change, &[&str]); 4] = [
+        (&|file| file[2] = 9, &["10 (POINT:USED) and 9 (header word 2), took 10"]),
+        (&|file| file[4] = 7, &["0 (ANALOG:USED x", "7 (header word 3), took 0"]),
+        (
+            &|file| file[20..24].copy_from_slice(&100.0_f32.to_le_bytes()),
+            &["frame rate, Hz: found 120 (POINT:RATE) and 100 (header words 11 and 12), took 120"],
+        ),
+        (
+            &edited(b"\x05\x01UNITS", 6, b"X"),
+            &["unit: found none (POINT:UNITS), took mm (vicon.unit)"],
+        ),
+    ];
+    for (change, named) in flagged {
+        let (ended, told) = of(change);
+        assert_eq!((ended.status, told.len()), (Some(0), 1), "{named:?}: {}", ended.errors);
+        assert_names(&told[0], named);
+        assert_eq!(distance(), right, "{named:?}");
+    }
+    // As integers of two scales, of which nobody knows which is right.
+    let (ended, _) = of(&|file| {
+        file[12..16].copy_from_slice(&0.05_f32.to_le_bytes());
+        edited(b"\x05\x01SCALE", 11, &[0x0a, 0xd7, 0xa3, 0x3c])(file);
+    });
+    assert_eq!(ended.status, Some(1));
+    assert_names(&ended.errors, &[BAD, "0.02 (POINT:SCALE) and 0.05 (header words 7 and 8)"]);
+
+    folder.replace("pipeline.toml", "[fit]", "[vicon]\nunit = \"cm\"\n[fit]");
+    let (ended, _) = of(&edited(b"\x05\x01UNITS", 6, b"X"));
+    assert_eq!(ended.status, Some(1));
+    assert_names(&ended.errors, &[BAD, "times as far apart as in [markers]"]);
+}
+
+#[test]
+fn a_file_that_a_spreadsheet_took_the_decimal_points_of_is_refused_by_its_cause() {
+    let lose = |folder: &Folder| {
+        let text = fs::read_to_string(folder.path(BAD_FILE)).unwrap();
+        // As it takes -276.716 for a number with a point of thousands, but not 603.46.
+        let cell = |cell: &str| match cell.split_once('.') {
+            Some((whole, part)) if part.len() == 3 && whole.len() <= 4 => format!("{whole}{part}"),
+            _ => cell.to_owned(),
+        };
+        let line = |line: &str| line.split(',').map(cell).collect::<Vec<_>>().join(";");
+        let text: Vec<String> = text.lines().map(line).collect();
+        folder.write(BAD_FILE, text.join("\r\n").as_bytes());
+    };
+    let named =
+        ["3.50-r1.csv", "numbers that lost their decimal point: Snake:M1 X is", "export the"];
+    assert_one_fails(lose, &named);
 }
 
 #[test]
@@ -460,6 +546,14 @@ fn packed_files_and_other_frame_rates_are_taken_where_allowed() {
     packer.finish().unwrap();
     fs::remove_file(folder.path(BAD_FILE)).unwrap();
     folder.replace(TRIALS, &format!("{BAD}.csv"), &format!("{BAD}.csv.gz"));
+    assert_eq!(folder.trilink(&["ingest"]).status, Some(0));
+
+    // Lines that end by CR alone, and labels in Windows-1252.
+    let folder = Folder::new();
+    let text = fs::read_to_string(folder.path(BAD_FILE)).unwrap();
+    let text = text.replace("\r\n", "\r").replace("Snake:", "Schl\u{e4}nge:");
+    let windows: Vec<u8> = text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+    folder.write(BAD_FILE, &windows);
     assert_eq!(folder.trilink(&["ingest"]).status, Some(0));
 
     let folder = Folder::new();

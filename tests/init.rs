@@ -280,6 +280,68 @@ fn two_campaigns_in_two_folders_beside_what_is_no_trial() {
     assert!(checked.contains("campaign hook: robot snake, gait hook, 2 trials"), "{checked}");
 }
 
+/// Changes the coordinates of each marker in every frame of a file.
+fn change(path: &Path, to: impl Fn([f64; 3]) -> [f64; 3]) {
+    let content = std::fs::read_to_string(path).unwrap();
+    let changed = |(i, line): (usize, &str)| {
+        if i < 5 || line.trim().is_empty() {
+            return line.to_owned();
+        }
+        let cells: Vec<&str> = line.split(',').collect();
+        let markers = cells[2..].chunks_exact(3).flat_map(|marker| {
+            let seen = marker.iter().filter(|cell| !cell.is_empty());
+            let seen: Vec<f64> = seen.map(|cell| cell.parse().unwrap()).collect();
+            match <[f64; 3]>::try_from(seen) {
+                Ok(position) => to(position).map(|x| x.to_string()),
+                Err(_) => Default::default(),
+            }
+        });
+        let begin = cells[..2].iter().map(|cell| (*cell).to_owned());
+        begin.chain(markers).collect::<Vec<_>>().join(",")
+    };
+    let lines: Vec<String> = content.lines().enumerate().map(changed).collect();
+    std::fs::write(path, lines.join("\r\n") + "\r\n").unwrap();
+}
+
+#[test]
+fn the_unit_of_files_that_do_not_say_theirs_is_given_once() {
+    let folder = recorded(CART, "3", |name| name.starts_with("weave"));
+    let path = folder.path();
+    let name = "raw/weave-3.00-r1.csv";
+    change(&path.join(name), |position| position.map(|x| x / 10.0));
+    let content = read(path, name);
+    let units = content.lines().nth(4).unwrap().to_owned() + "\r\n";
+    std::fs::write(path.join(name), content.replacen(&units, "", 1)).unwrap();
+    let unknown = refused(path, &["init", "raw", "--unit", "km"]);
+    assert!(unknown.contains("found `km`, needed mm, cm, m or in"), "{unknown}");
+    succeed(path, &["-q", "init", "raw", "--l-m", "0.13", "--unit", "cm"]);
+    assert!(read(path, "pipeline.toml").contains("unit = \"cm\"  # of files that do not say"));
+    edit(path, "pipeline.toml", &EDITED);
+    let config = Config::load(&path.join("pipeline.toml")).unwrap();
+    assert!((config.robot["snake"].h_m - 0.2).abs() < 1e-3, "{}", config.robot["snake"].h_m);
+    succeed(path, &["-q", "check"]);
+
+    // A file that says less of itself than it should is marked in the list.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    std::fs::write(path.join("pipeline.toml"), CART).unwrap();
+    let synth = ["-q", "synth", "raw", "--omega", "3", "--seed", "3", "--law", "skid-roll"];
+    succeed(path, &[&synth[..], &["--format", "c3d"]].concat());
+    std::fs::remove_file(path.join("pipeline.toml")).unwrap();
+    let kept = "weave-3.00-r1.c3d";
+    let others = names(&path.join("raw")).into_iter().filter(|name| name != kept);
+    others.for_each(|name| std::fs::remove_file(path.join("raw").join(name)).unwrap());
+    let mut file = std::fs::read(path.join("raw").join(kept)).unwrap();
+    let at = file.windows(7).position(|bytes| bytes == b"\x05\x01UNITS").unwrap();
+    file[at + 6] = b'X';
+    std::fs::write(path.join("raw").join(kept), file).unwrap();
+    let found = found(path, &["raw", "--l-m", "0.13"], 0);
+    let told = "unit: found none (POINT:UNITS), took mm (vicon.unit)";
+    let marks = found["marks"].as_array().unwrap();
+    assert!(marks.iter().any(|mark| mark["of"] == "file" && mark["text"] == told), "{marks:?}");
+    assert!(read(path, "raw/trials.toml").contains(&format!("# CHECK: {told}")));
+}
+
 #[test]
 fn nothing_is_overwritten_and_what_cannot_be_done_is_said() {
     let folder = recorded(CART, "3", |name| name.starts_with("weave"));

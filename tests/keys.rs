@@ -15,7 +15,8 @@ use trilink::build::{Finished, RerunOptions, run};
 use trilink::config::Config;
 
 /// Values of keys whose next best value would not be valid.
-const OTHERS: [(&str, &str); 12] = [
+const OTHERS: [(&str, &str); 13] = [
+    ("vicon.unit", "\"cm\""),
     ("vicon.ignore", "[\"V_*\"]"),
     ("ingest.poses", "\"links\""),
     ("ingest.smoothing_window", "9"),

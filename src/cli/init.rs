@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use super::output::{say, write_data};
 use super::{Failure, Outcome, table};
-use crate::config::CONFIG_FILE;
+use crate::config::{CONFIG_FILE, LengthUnit};
 use crate::init::{Findings, FoundFile, JointSwing, Request, init};
+use crate::named::Named as _;
 
 /// Lengths that may be a robot's, m.
 const LENGTHS_M: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
@@ -25,6 +26,9 @@ pub(super) struct Init {
     /// A marker of the front link [default: by their names, or where the robot moves].
     #[arg(long, value_name = "LABEL")]
     front: Option<String>,
+    /// Unit of files that do not say theirs: mm, cm, m or in.
+    #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = parse_unit)]
+    unit: LengthUnit,
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
@@ -36,9 +40,9 @@ pub(super) struct Init {
 impl Init {
     /// `progress` shows which file is read.
     pub fn run(self, progress: super::Progress) -> Result<Outcome, Failure> {
-        let Self { folders, out, l_m, front, force, json } = self;
+        let Self { folders, out, l_m, front, unit, force, json } = self;
         let out = if out.as_os_str() == "." { PathBuf::new() } else { out };
-        let request = Request { folders, out, l_m, front, force };
+        let request = Request { folders, out, l_m, front, unit, force };
         let listed = |folder: &PathBuf| crate::vicon::marker_files(folder).map_or(0, |of| of.len());
         let stage = progress.stage("init", request.folders.iter().map(listed).sum());
         let on_file = |file: &str| {
@@ -58,6 +62,11 @@ impl Init {
 fn parse_length(text: &str) -> Result<f64, String> {
     let needed = || format!("found `{text}`, needed a number from 0.001 to 100 m");
     text.parse().ok().filter(|length| LENGTHS_M.contains(length)).ok_or_else(needed)
+}
+
+fn parse_unit(text: &str) -> Result<LengthUnit, String> {
+    let needed = || format!("found `{text}`, needed mm, cm, m or in");
+    LengthUnit::of_name(text).ok_or_else(needed)
 }
 
 fn say_findings(found: &Findings, request: &Request) {

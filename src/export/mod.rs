@@ -73,7 +73,7 @@ impl Motion {
         let folders = TrialFolders::load(&config.paths)?;
         let ListedTrial { folder, trial, .. } = find(&folders, name)?;
         let path = folders.folders[*folder].path.join(&trial.file);
-        let markers = read_markers(&path)?.without(&config.vicon.ignore);
+        let markers = read_markers(&path, config.vicon.unit)?.without(&config.vicon.ignore);
         let of_settings = (!config.vicon.rate_from_file).then_some(config.vicon.rate_hz);
         let rate_hz = markers.rate_hz.or(of_settings).filter(|rate_hz| *rate_hz > 0.0);
         let rate_hz = rate_hz.ok_or(ExportError::NoRate { path })?;

@@ -91,6 +91,8 @@ named! {
         RepeatedRows = "W024 repeated-rows",
         /// The robot goes on smoothly from frame to frame.
         Jump = "W025 jump",
+        /// What a file states of itself is there and agrees with itself and its size.
+        FileHeader = "W027 file-header",
         /// The joints do what no other campaign commands.
         OtherCampaign = "E002 other-campaign",
         /// No other trial has the same marker file.

@@ -86,8 +86,8 @@ impl IngestInput {
     /// # Errors
     /// It has not, or cannot be read.
     pub fn check_labels(&self, path: &Path) -> Result<(), TrialFailure> {
-        let IngestSettings { vicon: Vicon { ignore, .. }, markers, .. } = &self.settings;
-        let file = vicon::read_markers(path)?.without(ignore);
+        let IngestSettings { vicon: Vicon { unit, ignore, .. }, markers, .. } = &self.settings;
+        let file = vicon::read_markers(path, *unit)?.without(ignore);
         locate(markers, &file).map(drop).map_err(|problem| problem.of(path))
     }
 

@@ -50,7 +50,7 @@ pub use folder::{Entry, FOLDERS, IngestedTrial, MarkerStamp, TABLES, ingest_tria
 pub use input::{IngestInput, IngestSettings};
 pub use survey::{FileSurvey, Gaps, MarkerCoverage, Recording, survey};
 
-use crate::config::{Config, Smoothing};
+use crate::config::{Config, Smoothing, Vicon};
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::robot::Gait;
 use crate::store::{CheckRow, CycleRow, RobotParameterRow, Severity, Table, TrialRow, TrialStatus};
@@ -186,8 +186,8 @@ fn process(
     input: &IngestInput,
     known: &mut Known,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    let ignore = &input.settings.vicon.ignore;
-    let file = vicon::parse_markers(path, bytes.as_ref())?.without(ignore);
+    let Vicon { unit, ignore, .. } = &input.settings.vicon;
+    let file = vicon::parse_markers(path, bytes.as_ref(), *unit)?.without(ignore);
     // Of a long recording that is a gigabyte.
     drop(bytes);
     let processed = process_recording(file, trial, input, known);

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::error::Problem;
 use super::input::IngestSettings;
 use super::markers::layout::{self, Layout};
-use super::poses::{self, describe_tracking, tracking_checks};
+use super::poses::{self, describe_tracking, header_check, tracking_checks};
 use crate::store::{Columns as _, TrialRow};
 use crate::vicon::{self, MarkerFile, Section};
 
@@ -79,7 +79,7 @@ pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
     survey.readable = true;
     // What is wrong with the sections is wrong with the markers too.
     survey.sections = vicon::sections(path, &bytes).unwrap_or_default();
-    match vicon::parse_markers(path, &bytes) {
+    match vicon::parse_markers(path, &bytes, settings.vicon.unit) {
         Ok(file) => survey.add_markers(path, &file, settings),
         Err(error) => survey.stops.push(error.to_string()),
     }
@@ -88,6 +88,7 @@ pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
 
 impl FileSurvey {
     fn add_markers(&mut self, path: &Path, file: &MarkerFile, settings: &IngestSettings) {
+        self.warnings.extend(header_check(file).map(|finding| finding.to_string()));
         let ignore = &settings.vicon.ignore;
         let whole = file;
         let file = &whole.clone().without(ignore);

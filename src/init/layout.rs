@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::clusters::Links;
 use super::motion::{Motion, Shape};
-use crate::config::Markers;
+use crate::config::{LengthUnit, Markers};
 use crate::ingest::calibrate::of_file;
 use crate::ingest::{Calibration, fit_rigid};
 use crate::robot::{Gait, JointCommand, Robot, rotated};
@@ -30,6 +30,8 @@ const L_OF_H: f64 = 0.112 / 0.144;
 /// A gait's file.
 pub(super) struct Candidate<'m> {
     pub path: PathBuf,
+    /// Of a file that does not say its own.
+    pub unit: LengthUnit,
     pub rate_hz: f64,
     pub omega_rad_s: f64,
     pub motion: &'m Motion,
@@ -172,7 +174,7 @@ fn measured(
     thin_hz: Option<f64>,
 ) -> Result<Calibration, String> {
     let in_file = |reason: &dyn std::fmt::Display| format!("{}: {reason}", of.path.display());
-    let file = read_markers(&of.path).map_err(|error| error.to_string())?;
+    let file = read_markers(&of.path, of.unit).map_err(|error| error.to_string())?;
     let stride = thin_hz.map_or(1, |thin_hz| ((of.rate_hz / thin_hz) as usize).max(1));
     let file = file.thinned(stride);
     let known = |link: usize| links[link].iter().map(|name| (name.clone(), [0.0; 3])).collect();

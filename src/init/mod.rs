@@ -25,7 +25,7 @@ use layout::{Candidate, Layout};
 use motion::Motion;
 use survey::Survey;
 
-use crate::config::ConfigError;
+use crate::config::{ConfigError, LengthUnit};
 use crate::store::StoreError;
 use crate::trial::TrialKind;
 
@@ -39,6 +39,8 @@ pub struct Request {
     pub l_m: Option<f64>,
     /// A marker of the front link.
     pub front: Option<String>,
+    /// Of files that do not say theirs.
+    pub unit: LengthUnit,
     /// Replace files that are there.
     pub force: bool,
 }
@@ -153,13 +155,13 @@ struct Described {
 /// nothing can be written. Files that cannot be used are findings.
 pub fn init(request: &Request, on_file: &(dyn Fn(&str) + Sync)) -> Result<Findings, InitError> {
     let folders = survey::folders(request)?;
-    let surveys = survey::read_all(&folders, on_file);
+    let surveys = survey::read_all(&folders, request.unit, on_file);
     let links = clusters::shown_by_most(surveys.iter().filter_map(|of| of.links.as_ref().ok()));
     let links = links.ok_or_else(|| InitError::NoChain(survey::reasons(&surveys)))?;
     let rate_hz = survey::usual_rate_hz(&surveys);
-    let mut described = survey::describe_all(&surveys, &links, rate_hz);
+    let mut described = survey::describe_all(&surveys, &links, request.unit, rate_hz);
     let (links, front_doubt) = put_front_first(links, &mut described, request.front.as_deref())?;
-    let layout = find_layout(&links, &surveys, &described, rate_hz, request.l_m)?;
+    let layout = find_layout(&links, &surveys, &described, rate_hz, request)?;
 
     let gaits: Vec<(usize, Performed)> = described
         .iter()
@@ -247,7 +249,7 @@ fn find_layout(
     surveys: &[Survey],
     described: &[Result<Described, String>],
     rate_hz: f64,
-    l_m: Option<f64>,
+    request: &Request,
 ) -> Result<Layout, InitError> {
     let known =
         || surveys.iter().zip(described).filter_map(|(of, found)| Some((of, found.as_ref().ok()?)));
@@ -255,6 +257,7 @@ fn find_layout(
         known().filter_map(|(survey, Described { motion, recorded })| match recorded {
             Recorded::Gait { omega_rad_s, .. } => Some(Candidate {
                 path: survey.path.clone(),
+                unit: request.unit,
                 rate_hz: survey.rate_hz.unwrap_or(rate_hz),
                 omega_rad_s: *omega_rad_s,
                 motion,
@@ -265,7 +268,7 @@ fn find_layout(
         .filter(|(_, of)| of.recorded == Recorded::CoastDown)
         .map(|(_, of)| &of.motion)
         .collect();
-    Layout::find(links, candidates.collect(), &coasts, l_m)
+    Layout::find(links, candidates.collect(), &coasts, request.l_m)
         .map_err(|reasons| InitError::NoLayout(reasons.join("\n")))
 }
 

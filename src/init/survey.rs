@@ -8,7 +8,7 @@ use super::clusters::{self, Links};
 use super::frequency::Recorded;
 use super::motion::Motion;
 use super::{Described, InitError, Request};
-use crate::config::Config;
+use crate::config::{Config, LengthUnit};
 use crate::trial::{TRIALS_FILE, Trial, TrialList};
 use crate::vicon::{self, read_markers};
 
@@ -42,6 +42,8 @@ pub(super) struct Survey {
     pub rate_hz: Option<f64>,
     pub frames: i64,
     pub links: Result<Links, String>,
+    /// What the file states of itself that is missing or contradicts itself.
+    pub doubts: Vec<String>,
     /// Why it cannot be read.
     pub unread: Option<String>,
 }
@@ -93,8 +95,12 @@ pub(super) fn folders(request: &Request) -> Result<Vec<Folder>, InitError> {
     Ok(folders)
 }
 
-/// Every file of the folders, in their order.
-pub(super) fn read_all(folders: &[Folder], on_file: &(dyn Fn(&str) + Sync)) -> Vec<Survey> {
+/// Every file of the folders, in their order; `unit` is that of files that do not say theirs.
+pub(super) fn read_all(
+    folders: &[Folder],
+    unit: LengthUnit,
+    on_file: &(dyn Fn(&str) + Sync),
+) -> Vec<Survey> {
     let files: Vec<(usize, &Folder, &String)> = folders
         .iter()
         .enumerate()
@@ -103,14 +109,14 @@ pub(super) fn read_all(folders: &[Folder], on_file: &(dyn Fn(&str) + Sync)) -> V
     files
         .into_par_iter()
         .map(|(i, folder, file)| {
-            let survey = read(i, folder, file);
+            let survey = read(i, folder, file, unit);
             on_file(file);
             survey
         })
         .collect()
 }
 
-fn read(index: usize, folder: &Folder, name: &str) -> Survey {
+fn read(index: usize, folder: &Folder, name: &str, unit: LengthUnit) -> Survey {
     let listed = folder.list.iter().flat_map(|list| &list.trial).find(|of| of.file == name);
     let path = folder.path.join(name);
     let mut survey = Survey {
@@ -122,17 +128,19 @@ fn read(index: usize, folder: &Folder, name: &str) -> Survey {
         rate_hz: None,
         frames: 0,
         links: Err(String::new()),
+        doubts: Vec::new(),
         unread: None,
     };
-    match read_markers(&path) {
+    match read_markers(&path, unit) {
         Err(error) => survey.unread = Some(error.problem.to_string()),
         Ok(file) => {
             let ends = file.frames.first().zip(file.frames.last());
             survey.frames = ends.map_or(0, |(first, last)| last - first + 1);
             survey.rate_hz = file.rate_hz;
             let rate_hz = file.rate_hz.unwrap_or(RATE_HZ);
-            survey.links = clusters::links(&file.thinned((rate_hz / RATE_HZ) as usize));
-            survey.labels = file.labels;
+            let thinned = file.thinned((rate_hz / RATE_HZ) as usize);
+            survey.links = clusters::links(&thinned);
+            (survey.labels, survey.doubts) = (file.labels, file.doubts);
         }
     }
     survey
@@ -150,13 +158,14 @@ pub(super) fn usual_rate_hz(surveys: &[Survey]) -> f64 {
 pub(super) fn describe_all(
     surveys: &[Survey],
     links: &Links,
+    unit: LengthUnit,
     usual_hz: f64,
 ) -> Vec<Result<Described, String>> {
     let describe = |survey: &Survey| {
         if let Some(reason) = &survey.unread {
             return Err(reason.clone());
         }
-        let file = read_markers(&survey.path).map_err(|error| error.problem.to_string())?;
+        let file = read_markers(&survey.path, unit).map_err(|error| error.problem.to_string())?;
         let rate_hz = survey.rate_hz.unwrap_or(usual_hz);
         let motion = Motion::of(&file, links, rate_hz)?;
         let recorded = Recorded::of(&motion)?;

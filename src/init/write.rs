@@ -11,6 +11,7 @@ use super::frequency::Recorded;
 use super::layout::Layout;
 use super::survey::{Folder, Survey};
 use super::{Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request};
+use crate::config::LengthUnit;
 use crate::files::name_in;
 use crate::ingest::MarkerPosition;
 use crate::report::fill;
@@ -238,6 +239,7 @@ impl Written<'_> {
             "files": self.surveys.len(),
             "raw": if let [one] = &raw[..] { text(one) } else { list(raw.iter().map(String::as_str)) },
             "rate": self.rate(),
+            "unit": (request.unit != LengthUnit::Mm).then(|| text(request.unit.name())),
             "elsewhere": (!elsewhere.is_empty()).then(|| list(elsewhere.iter().map(String::as_str))),
             "measured": measured,
             "has_coast": has_coast,
@@ -310,6 +312,7 @@ impl Written<'_> {
             json!({
                 "id": text(&id),
                 "file": text(&survey.name),
+                "doubt": (!survey.doubts.is_empty()).then(|| remark(&survey.doubts.join("; "))),
                 "kind": of.recorded.kind().name(),
                 "campaign": group.map(|group| text(&group.name)),
                 "robot": group.is_none().then(|| text(robot)),

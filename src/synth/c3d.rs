@@ -112,6 +112,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::config::LengthUnit;
     use crate::vicon::parse_markers;
 
     #[test]
@@ -128,7 +129,7 @@ mod tests {
             positions_mm,
             label_errors: Vec::new(),
         };
-        let read = parse_markers(Path::new("a.c3d"), &c3d(&film)).unwrap();
+        let read = parse_markers(Path::new("a.c3d"), &c3d(&film), LengthUnit::Mm).unwrap();
         assert_eq!(read.rate_hz, Some(120.0));
         assert_eq!(read.frames, [65_535, 65_536]);
         assert_eq!(read.labels, film.labels);

@@ -9,16 +9,21 @@ const FRAME_CELLS: [&[u8]; 2] = [b"Frame", b"Field #"];
 /// Longest number whose decimal comma is turned into a point, bytes.
 const LONGEST_NUMBER: usize = 64;
 
-/// The lines of a text without their ends, numbered from 1.
+/// The lines of a text without their ends (LF, CR LF, or CR alone), numbered from 1.
 #[derive(Clone)]
 pub(super) struct Lines<'t> {
     rest: &'t [u8],
+    /// Last byte of a line's end.
+    end: u8,
     number: usize,
 }
 
 impl<'t> Lines<'t> {
     pub fn new(text: &'t [u8]) -> Self {
-        Self { rest: text, number: 0 }
+        let first = memchr::memchr2(b'\r', b'\n', text).map_or(&[][..], |at| &text[at..]);
+        let after = first.iter().find(|&&byte| byte != b'\r');
+        let is_cr = first.starts_with(b"\r") && after != Some(&b'\n');
+        Self { rest: text, end: if is_cr { b'\r' } else { b'\n' }, number: 0 }
     }
 }
 
@@ -29,7 +34,7 @@ impl<'t> Iterator for Lines<'t> {
         if self.rest.is_empty() {
             return None;
         }
-        let end = memchr::memchr(b'\n', self.rest).unwrap_or(self.rest.len());
+        let end = memchr::memchr(self.end, self.rest).unwrap_or(self.rest.len());
         let line = &self.rest[..end];
         self.rest = self.rest.get(end + 1..).unwrap_or_default();
         self.number += 1;
@@ -157,6 +162,27 @@ pub(super) fn trimmed(cell: &[u8]) -> &[u8] {
     let cell = cell.trim_ascii();
     let unquoted = cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\""));
     unquoted.map_or(cell, <[u8]>::trim_ascii)
+}
+
+/// Of the bytes 0x80 to 0x9f in Windows-1252; beyond are those of Latin-1.
+const WINDOWS_1252: [char; 32] = [
+    '\u{20ac}', '\u{81}', '\u{201a}', '\u{192}', '\u{201e}', '\u{2026}', '\u{2020}', '\u{2021}',
+    '\u{2c6}', '\u{2030}', '\u{160}', '\u{2039}', '\u{152}', '\u{8d}', '\u{17d}', '\u{8f}',
+    '\u{90}', '\u{2018}', '\u{2019}', '\u{201c}', '\u{201d}', '\u{2022}', '\u{2013}', '\u{2014}',
+    '\u{2dc}', '\u{2122}', '\u{161}', '\u{203a}', '\u{153}', '\u{9d}', '\u{17e}', '\u{178}',
+];
+
+/// A label as text: in UTF-8, or else in Windows-1252, in which older programs and spreadsheets
+/// write.
+pub(super) fn label_text(label: &[u8]) -> String {
+    let windows = |&byte: &u8| match byte {
+        0x80..=0x9f => WINDOWS_1252[usize::from(byte - 0x80)],
+        _ => char::from(byte),
+    };
+    match std::str::from_utf8(label) {
+        Ok(text) => text.to_owned(),
+        Err(_) => label.iter().map(windows).collect(),
+    }
 }
 
 /// A cell for a message: readable, and not longer than a message should be.

@@ -8,12 +8,12 @@
 //! ,,mm,mm,mm,mm,mm,mm   units; the older Workstation export has none
 //! ```
 
-use super::Problem;
-use super::cells::{Dialect, Lines, shown};
-use super::sections;
+use super::cells::{Dialect, Lines, label_text, shown};
+use super::foreign::{self, NEEDED_SECTION};
+use super::{Problem, units};
+use crate::config::LengthUnit;
 
 const SECTION: &[u8] = b"Trajectories";
-const NEEDED_SECTION: &str = "a `Trajectories` section";
 /// Lines below the title among which the row of axes must be; blank ones count.
 const HEADER_LINES: usize = 8;
 
@@ -21,6 +21,8 @@ const HEADER_LINES: usize = 8;
 pub(super) struct Header<'t> {
     pub dialect: Dialect,
     pub rate_hz: Option<f64>,
+    /// Of the coordinates.
+    pub unit: LengthUnit,
     pub labels: Vec<String>,
     /// What each column of the table holds.
     pub columns: Vec<Column>,
@@ -41,20 +43,21 @@ pub(super) enum Column {
 }
 
 /// Finds the section and reads its header. A file whose first table has no title may still be
-/// the markers, their title cut off by hand; then the rate may be unknown.
-pub(super) fn find(text: &[u8]) -> Result<Header<'_>, Problem> {
+/// the markers, their title cut off by hand; then the rate may be unknown. `unit` is that of a file
+/// without a row of units.
+pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, Problem> {
     let dialect = Dialect::of(text);
     if dialect.is_blank(text) {
         return Err(Problem::new("an empty file", NEEDED_SECTION));
     }
     let mut lines = Lines::new(text);
     if let Some(line) = title_line(dialect, &mut lines) {
-        return read(dialect, lines, line);
+        return read(dialect, lines, line, unit);
     }
     if starts_without_title(dialect, text) {
-        return read(dialect, Lines::new(text), 0);
+        return read(dialect, Lines::new(text), 0, unit);
     }
-    Err(Problem::new(other_content(dialect, text), NEEDED_SECTION))
+    Err(foreign::describe(dialect, text))
 }
 
 /// The line of the next title of the markers' section.
@@ -76,27 +79,13 @@ fn starts_without_title(dialect: Dialect, text: &[u8]) -> bool {
     !titled && filled().take(3).skip(1).any(|(_, line)| is_axes(line))
 }
 
-/// What a file without markers holds instead.
-fn other_content(dialect: Dialect, text: &[u8]) -> String {
-    let sections = sections::list(dialect, text);
-    let names = sections.iter().map(|section| section.name.as_str());
-    let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
-    let quoted = |line: &[u8]| line.starts_with(b"\"") && line.ends_with(b"\"");
-    match names[..] {
-        ["Objects"] => {
-            "only the section `Objects` (poses of rigid bodies, from Tracker)".to_owned()
-        }
-        [one] => format!("only the section `{one}`"),
-        [] if Lines::new(text).next().is_some_and(|(_, line)| quoted(line)) => {
-            "a table of quoted cells (a graph plot, from Tracker)".to_owned()
-        }
-        [] => "no section at all".to_owned(),
-        _ => format!("only the sections `{}`", names.join("`, `")),
-    }
-}
-
 /// Reads the header below a title's line.
-fn read(dialect: Dialect, mut lines: Lines<'_>, title: usize) -> Result<Header<'_>, Problem> {
+fn read(
+    dialect: Dialect,
+    mut lines: Lines<'_>,
+    title: usize,
+    unit: LengthUnit,
+) -> Result<Header<'_>, Problem> {
     const NEEDED_AXES: &str = "a row that starts with `Frame,Sub Frame,X,Y,Z`";
     let quoted = |cell: &[u8]| format!("`{}`", shown(cell));
     let mut above = Vec::new();
@@ -131,18 +120,23 @@ fn read(dialect: Dialect, mut lines: Lines<'_>, title: usize) -> Result<Header<'
         let needed = "at least one label with X, Y, Z below it";
         return Err(Problem::in_line(line, quoted(axes), needed));
     }
-    let mut header = Header { dialect, rate_hz, labels, columns, line, body: lines.clone() };
-    if let Some((line, units)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
-        for (column, unit) in header.columns.iter().zip(dialect.cells(units)) {
-            if let Column::Axis(marker, _) = column
-                && !unit.is_empty()
-                && !unit.eq_ignore_ascii_case(b"mm")
-            {
-                let label = &header.labels[*marker as usize];
-                let found = format!("unit {} of {label}", quoted(unit));
-                return Err(Problem::in_line(line, found, "millimetres (`mm`)"));
+    let mut header = Header { dialect, rate_hz, unit, labels, columns, line, body: lines.clone() };
+    if let Some((line, row)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
+        let mut said: Option<LengthUnit> = None;
+        for (column, cell) in header.columns.iter().zip(dialect.cells(row)) {
+            let Column::Axis(marker, _) = column else { continue };
+            if cell.is_empty() {
+                continue;
+            }
+            let found = || format!("unit {} of {}", quoted(cell), header.labels[*marker as usize]);
+            let unit = units::of_text(cell)
+                .ok_or_else(|| Problem::in_line(line, found(), units::needed()))?;
+            if let Some(other) = said.replace(unit).filter(|other| *other != unit) {
+                let found = format!("{} beside `{other}`", found());
+                return Err(Problem::in_line(line, found, "one unit for all markers"));
             }
         }
+        header.unit = said.unwrap_or(unit);
         (header.line, header.body) = (line, lines);
     }
     Ok(header)
@@ -161,7 +155,7 @@ fn markers(dialect: Dialect, labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Ve
             for axis in 0..3 {
                 columns[start + usize::from(axis)] = Column::Axis(labels.len() as u32, axis);
             }
-            labels.push(String::from_utf8_lossy(label).into_owned());
+            labels.push(label_text(label));
         }
     }
     (labels, columns)

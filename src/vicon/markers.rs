@@ -21,6 +21,9 @@ pub struct MarkerFile {
     pub rows_without_frame: usize,
     /// Rows with more cells than the header has columns; what is beyond is not read.
     pub rows_too_long: usize,
+    /// Numbers of the file about itself that are missing or contradict each other, and what was
+    /// taken.
+    pub doubts: Vec<String>,
     /// Row by row, marker by marker, X, Y, Z.
     pub(crate) positions_mm: Vec<[f64; 3]>,
 }
@@ -60,6 +63,7 @@ impl MarkerFile {
             rate_hz: self.rate_hz.map(|rate_hz| rate_hz / stride as f64),
             frames: kept.iter().map(|&row| self.frames[row] / stride).collect(),
             labels: self.labels.clone(),
+            doubts: self.doubts.clone(),
             positions_mm: kept.iter().flat_map(|&row| self.row_mm(row)).copied().collect(),
             ..*self
         }

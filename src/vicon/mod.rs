@@ -8,11 +8,14 @@
 mod bytes;
 mod c3d;
 mod cells;
+mod decimals;
 mod error;
+mod foreign;
 mod header;
 mod markers;
 mod rows;
 mod sections;
+mod units;
 
 use std::path::Path;
 
@@ -20,6 +23,8 @@ pub use bytes::read_file;
 pub use error::{Problem, ViconError};
 pub use markers::MarkerFile;
 pub use sections::Section;
+
+use crate::config::LengthUnit;
 
 /// Names of marker files end like this, packed or not.
 const ENDINGS: [&str; 2] = [".csv", ".c3d"];
@@ -41,23 +46,25 @@ pub fn marker_files(folder: &Path) -> std::io::Result<Vec<String>> {
     Ok(names)
 }
 
-/// Reads the markers of an exported file, CSV or C3D, as it is or packed by gzip.
+/// Reads the markers of an exported file, CSV or C3D, as it is or packed by gzip; `unit` is that of
+/// a file which does not say its own.
 ///
 /// # Errors
 /// The file is missing, unreadable, empty or too large when unpacked; has no `Trajectories`
-/// section with named markers, or two; has text where a number should be, or frame numbers
-/// that do not increase; is a C3D file that is cut or damaged. Every message names the file,
-/// the line of a text, what was found and what was needed.
-pub fn read_markers(path: &Path) -> Result<MarkerFile, ViconError> {
-    parse_markers(path, &read_file(path)?.0)
+/// section with named markers, or two; has text where a number should be, numbers that lost their
+/// decimal point, or frame numbers that do not increase; is a C3D file that is cut or damaged, or
+/// whose counts contradict each other. Every message names the file, the line of a text, what was
+/// found and what was needed.
+pub fn read_markers(path: &Path, unit: LengthUnit) -> Result<MarkerFile, ViconError> {
+    parse_markers(path, &read_file(path)?.0, unit)
 }
 
 /// [`read_markers`] of bytes at hand, packed or not; `path` is the file that errors name.
 ///
 /// # Errors
 /// As [`read_markers`].
-pub fn parse_markers(path: &Path, file: &[u8]) -> Result<MarkerFile, ViconError> {
-    by_format(path, file, c3d::parse, rows::parse)
+pub fn parse_markers(path: &Path, file: &[u8], unit: LengthUnit) -> Result<MarkerFile, ViconError> {
+    by_format(path, file, |file| c3d::parse(file, unit), |text| rows::parse(text, unit))
 }
 
 /// Every table of a file's bytes, also those that are not read.
@@ -71,8 +78,8 @@ pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ViconError> {
 fn by_format<T>(
     path: &Path,
     file: &[u8],
-    of_c3d: fn(&[u8]) -> Result<T, Problem>,
-    of_text: fn(&[u8]) -> Result<T, Problem>,
+    of_c3d: impl Fn(&[u8]) -> Result<T, Problem>,
+    of_text: impl Fn(&[u8]) -> Result<T, Problem>,
 ) -> Result<T, ViconError> {
     let read = |content: &[u8]| match c3d::is_c3d(path, content) {
         true => of_c3d(content),

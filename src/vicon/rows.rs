@@ -3,14 +3,16 @@
 use super::cells::{Dialect, plain_decimal, shown, trimmed};
 use super::header::{self, Column, Header};
 use super::markers::{LARGEST_MM, MISSING};
-use super::{MarkerFile, Problem};
+use super::{MarkerFile, Problem, decimals};
+use crate::config::LengthUnit;
 
 /// Largest frame number that is believed, so that differences of two cannot overflow.
 const LARGEST_FRAME: f64 = 1e12;
 
-/// Parses the markers' table, up to the next section or the end of the text.
-pub(super) fn parse(text: &[u8]) -> Result<MarkerFile, Problem> {
-    let header = header::find(text)?;
+/// Parses the markers' table, up to the next section or the end of the text; `unit` is that of a
+/// table which does not say its own.
+pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<MarkerFile, Problem> {
+    let header = header::find(text, unit)?;
     let dialect = header.dialect;
     let markers = header.labels.len();
     // Up to the next section; a long recording would be copied to have more room. A full row has a byte per cell.
@@ -71,7 +73,18 @@ pub(super) fn parse(text: &[u8]) -> Result<MarkerFile, Problem> {
             _ => Problem::new(unnumbered(), "at least one"),
         });
     }
-    Ok(MarkerFile { rate_hz, frames, labels, rows_without_frame, rows_too_long, positions_mm })
+    let doubts = Vec::new();
+    let file = MarkerFile {
+        rate_hz,
+        frames,
+        labels,
+        rows_without_frame,
+        rows_too_long,
+        doubts,
+        positions_mm,
+    };
+    decimals::check(&file)?;
+    Ok(file)
 }
 
 /// A title is a lone text cell; without a blank row above it could be damage, so then only the
@@ -109,7 +122,7 @@ impl Row<'_> {
         }
         let is_whole = |frame: &f64| frame.fract() == 0.0 && frame.abs() <= LARGEST_FRAME;
         let frame = dialect.number(cell).filter(is_whole).map(|frame| Some(frame as i64));
-        frame.ok_or_else(|| self.not_a_number(0, cell, "a whole frame number"))
+        frame.ok_or_else(|| self.not_a_number(0, cell, "a whole frame number".to_owned()))
     }
 
     /// Fills in what the row has, and gives what is beyond its columns. Cells that are empty or cut
@@ -138,7 +151,7 @@ impl Row<'_> {
         Ok(rest)
     }
 
-    /// The number at the start of `rest` (NaN for an empty cell) and the length of its cell.
+    /// The number at the start of `rest`, mm (NaN for an empty cell), and the length of its cell.
     #[inline]
     fn cell(&self, column: usize, rest: &[u8]) -> Result<(f64, usize), Problem> {
         let dialect = self.header.dialect;
@@ -146,21 +159,23 @@ impl Row<'_> {
         if ends(0) {
             return Ok((f64::NAN, 0));
         }
+        let mm = self.header.unit.mm();
         let is_near = |value: &f64| value.abs() <= LARGEST_MM;
-        if let Some(number) = plain_decimal(rest).filter(|(value, at)| is_near(value) && ends(*at))
-        {
+        let plain = plain_decimal(rest).map(|(value, at)| (value * mm, at));
+        if let Some(number) = plain.filter(|(value, at)| is_near(value) && ends(*at)) {
             return Ok(number);
         }
         let end = dialect.cell_end(rest);
         let cell = trimmed(&rest[..end]);
-        let value =
-            if cell.is_empty() { Some(f64::NAN) } else { dialect.number(cell).filter(is_near) };
-        let error = || self.not_a_number(column, cell, "a number of mm or an empty cell");
+        let number = || dialect.number(cell).map(|value| value * mm);
+        let value = if cell.is_empty() { Some(f64::NAN) } else { number().filter(is_near) };
+        let needed = || format!("a number of {} or an empty cell", self.header.unit);
+        let error = || self.not_a_number(column, cell, needed());
         Ok((value.ok_or_else(error)?, end))
     }
 
     #[cold]
-    fn not_a_number(&self, column: usize, cell: &[u8], needed: &'static str) -> Problem {
+    fn not_a_number(&self, column: usize, cell: &[u8], needed: String) -> Problem {
         let Header { columns, labels, .. } = self.header;
         let name = match columns[column] {
             Column::Axis(marker, axis) => {
@@ -170,6 +185,6 @@ impl Row<'_> {
         };
         let place = format!(", line {}, column {} ({name})", self.line, column + 1);
         let found = format!("`{}`", shown(cell));
-        Problem::Content { place, found, needed: needed.to_owned() }
+        Problem::Content { place, found, needed }
     }
 }

@@ -11,16 +11,18 @@ use proptest::prelude::*;
 
 use super::*;
 
+const MM: LengthUnit = LengthUnit::Mm;
+
 fn fixture(name: &str) -> PathBuf {
     Path::new("tests/fixtures/vicon").join(name)
 }
 
 fn read(name: &str) -> MarkerFile {
-    read_markers(&fixture(name)).unwrap()
+    read_markers(&fixture(name), MM).unwrap()
 }
 
 fn message(name: &str) -> String {
-    read_markers(&fixture(name)).unwrap_err().to_string()
+    read_markers(&fixture(name), MM).unwrap_err().to_string()
 }
 
 /// NaN equals NaN here.
@@ -166,7 +168,11 @@ fn every_error_names_file_line_found_and_needed() {
              needed a `Trajectories` section",
         ),
         ("utf-16.csv", ": found UTF-16, needed a text in UTF-8; save it as `CSV UTF-8`"),
-        ("not-a-table.csv", ": found no section at all, needed a `Trajectories` section"),
+        (
+            "not-a-table.csv",
+            ": found no section at all in a text that begins with `hello, world`, \
+             needed a `Trajectories` section",
+        ),
         (
             "no-axes.csv",
             ", line 1: found no row of axes in the next lines, \
@@ -183,7 +189,6 @@ fn every_error_names_file_line_found_and_needed() {
              needed at least one label with X, Y, Z below it",
         ),
         ("bad-rate.csv", ", line 2: found `fast`, needed the frame rate, a number of Hz above 0"),
-        ("metres.csv", ", line 5: found unit `m` of Snake:M1, needed millimetres (`mm`)"),
         ("no-rows.csv", ": found no row of numbers below line 5, needed at least one frame"),
         (
             "no-frame-numbers.csv",
@@ -224,6 +229,140 @@ fn every_error_names_file_line_found_and_needed() {
 }
 
 #[test]
+fn units_are_understood_and_one_for_all_markers() {
+    let plain = read("nexus.csv");
+    let metres = read("metres.csv");
+    assert_eq!(metres.row_mm(1), [[1250.0, -2500.0, 3000.0], [11e3, 21e3, 31e3]]);
+    let text = String::from_utf8(read_file(&fixture("nexus.csv")).unwrap().0).unwrap();
+    let read = |units: &str, unit: LengthUnit| {
+        let text = text.replace(",,mm,mm,mm,mm,mm,mm\r\n", units);
+        let read = parse_markers(Path::new("a"), text.as_bytes(), unit);
+        read.map_err(|error| error.to_string())
+    };
+    for (units, unit) in [("MM", 1.0), ("Centimeters", 10.0), ("metres", 1000.0), ("in", 25.4)] {
+        let row = format!(",,{}\r\n", [units; 6].join(","));
+        let found = read(&row, LengthUnit::M).unwrap();
+        let expected = [[1.5, -2.0, 3.0], [10.0, 20.0, 30.0]].map(|of| of.map(|x: f64| x * unit));
+        assert_eq!(found.row_mm(0), expected, "{units}");
+    }
+    // A table without a row of units, as the older Workstation wrote it.
+    assert_eq!(read("", MM).unwrap().row_mm(0), plain.row_mm(0));
+    assert_eq!(read("", LengthUnit::M).unwrap().position_mm(0, 0), [1500.0, -2000.0, 3000.0]);
+    assert_eq!(
+        read(",,deg,deg,deg,mm,mm,mm\r\n", MM).unwrap_err(),
+        "a, line 5: found unit `deg` of Snake:M1, needed a unit of length: `mm`, `cm`, `m`, `in`"
+    );
+    assert_eq!(
+        read(",,mm,mm,mm,m,m,m\r\n", MM).unwrap_err(),
+        "a, line 5: found unit `m` of Snake:M2 beside `mm`, needed one unit for all markers"
+    );
+}
+
+#[test]
+fn lines_may_end_by_carriage_returns_alone() {
+    let text = String::from_utf8(read_file(&fixture("several-sections.csv")).unwrap().0).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    for (end, last) in [("\r", "\r"), ("\r", ""), ("\r", "\r\r"), ("\r\n", ""), ("\n", "\n\n")] {
+        let text = lines.join(end) + last;
+        let (path, file) = (Path::new("a"), text.as_bytes());
+        assert_eq!(parse_markers(path, file, MM).unwrap(), read("nexus.csv"), "{end:?} {last:?}");
+        assert_eq!(sections(path, file).unwrap().len(), 3, "{end:?} {last:?}");
+    }
+}
+
+#[test]
+fn labels_are_read_in_utf_8_and_in_windows_1252() {
+    let text = String::from_utf8(read_file(&fixture("nexus.csv")).unwrap().0).unwrap();
+    let labels = ["M\u{f6}1", "\u{17d}\u{e9}"];
+    let expected: Vec<String> = labels.map(|label| format!("Snake:{label}")).to_vec();
+    let in_utf8 = text.replace("M1", labels[0]).replace("M2", labels[1]);
+    let windows = |c: char| match c {
+        '\u{17d}' => 0x8e,
+        c => u8::try_from(u32::from(c)).unwrap(),
+    };
+    let in_windows: Vec<u8> = in_utf8.chars().map(windows).collect();
+    for file in [in_utf8.as_bytes(), &in_windows] {
+        assert_eq!(parse_markers(Path::new("a"), file, MM).unwrap().labels, expected);
+    }
+}
+
+#[test]
+fn numbers_that_lost_their_decimal_point_are_told() {
+    let table = |number: &dyn Fn(f64) -> String| {
+        let mut text = "Trajectories\n120\n;;S:A;;\nFrame;Sub Frame;X;Y;Z\n;;mm;mm;mm\n".to_owned();
+        for frame in 0..60 {
+            let t = f64::from(frame);
+            let [x, y] = [-276.716 + 0.53 * t, 603.46 + 0.71 * t].map(number);
+            text += &format!("{};0;{x};{y};61.5\n", 100 + frame);
+        }
+        parse_markers(Path::new("a"), text.as_bytes(), MM).map_err(|error| error.to_string())
+    };
+    // Six digits, of which three after the point make it one of thousands.
+    let six = |x: f64| format!("{:.2}", x).trim_end_matches('0').to_owned();
+    assert_eq!(table(&six).unwrap().doubts, [""; 0]);
+    let mixed = |x: f64| match x as i64 % 3 {
+        0 => format!("{:.0}", 1000.0 * x),
+        _ => six(x),
+    };
+    let message = table(&mixed).unwrap_err();
+    let begin = "a: found numbers that lost their decimal point: S:A X is -276186 in frame 101 and \
+                 -275.66 in frame 102, needed";
+    assert!(
+        message.starts_with(begin) && message.contains("took the points for thousands"),
+        "{message}"
+    );
+    // Whole numbers are no such thing, nor is a marker that jumps.
+    assert!(table(&|x| format!("{x:.0}")).is_ok());
+    let far = |x: f64| format!("{}", if x as i64 % 3 == 0 { 200_000.0 } else { x });
+    assert!(table(&far).is_ok());
+}
+
+#[test]
+fn files_of_other_kinds_are_named_with_what_to_do() {
+    let motive = "Format Version,1.23,Take Name,take 7,Capture Frame Rate,100.000000,Length Units,Meters\n\n\
+                  ,,Marker,Marker,Marker\n,,Car:A,Car:A,Car:A\n,,1,1,1\n,,Position,Position,Position\n\
+                  Frame,Time (Seconds),X,Y,Z\n0,0.000000,0.1,0.2,0.05\n1,0.010000,0.101,0.202,0.05\n";
+    let utf16: Vec<u8> = "Trajectories\n120\n".bytes().flat_map(|byte| [byte, 0]).collect();
+    let kinds: [(&[u8], &str, &str); 11] = [
+        (
+            motive.as_bytes(),
+            "an OptiTrack Motive export, which is not read yet",
+            "; export C3D from Motive instead, with Z up",
+        ),
+        (
+            b"PathFileType\t4\t(X/Y/Z)\ta.trc\n",
+            "a TRC file (of Motion Analysis or OpenSim)",
+            "; export C3D instead",
+        ),
+        (b"NO_OF_FRAMES\t100\n", "a Qualisys TSV export", "; export C3D instead"),
+        (b"PK\x03\x04\0\0", "a zip archive or an Excel workbook", "; save or unpack it as CSV"),
+        (
+            b"frame,time_s,link0_x_m\n1,0,0.1\n",
+            "a table of `trilink export`",
+            "; take the marker file that it was made from",
+        ),
+        (b"<!DOCTYPE html>\n<html>", "HTML or XML", "; export CSV or C3D"),
+        (&utf16, "UTF-16", ""),
+        (b"\0\x01\xff\xfe\0\0garbage", "a binary file", ""),
+        (
+            b"1,0,1.5,-2,3\n2,0,1.5,-2,3\n",
+            "numbers without a header (title, rate, labels and axes)",
+            "",
+        ),
+        (
+            b"Frame,Sub Frame,X,Y,Z\n1,0,1,2,3\n",
+            "a row of axes in line 1, and no title above it",
+            "",
+        ),
+        (b"dear all\n", "no section at all in a text that begins with `dear all`", ""),
+    ];
+    for (file, found, instead) in kinds {
+        let message = parse_markers(Path::new("a"), file, MM).unwrap_err().to_string();
+        assert_eq!(message, format!("a: found {found}, needed a `Trajectories` section{instead}"));
+    }
+}
+
+#[test]
 fn a_packed_file_that_is_cut_off_is_an_error() {
     // What follows is the unpacking library's own words.
     let expected = format!("{}: cannot be unpacked: ", fixture("broken.csv.gz").display());
@@ -232,7 +371,7 @@ fn a_packed_file_that_is_cut_off_is_an_error() {
 
 #[test]
 fn a_folder_is_an_error_and_no_panic() {
-    assert!(read_markers(Path::new("tests/fixtures")).is_err());
+    assert!(read_markers(Path::new("tests/fixtures"), MM).is_err());
 }
 
 #[test]
@@ -253,7 +392,7 @@ fn a_packed_file_that_is_made_to_fill_the_memory_is_refused() {
     let bomb = packer.finish().unwrap();
     assert!(bomb.len() < 1 << 20);
     assert_eq!(
-        parse_markers(Path::new("a"), &bomb).unwrap_err().to_string(),
+        parse_markers(Path::new("a"), &bomb, MM).unwrap_err().to_string(),
         "a: found more than 67108864 bytes when unpacked, needed at most that"
     );
 }
@@ -279,7 +418,7 @@ fn reading_is_as_fast_as_parsing_every_cell() {
         };
         (0..20).map(timed).min().unwrap()
     };
-    let read = || parse_markers(Path::new("a"), text.as_bytes()).unwrap().row_mm(4999)[29][2];
+    let read = || parse_markers(Path::new("a"), text.as_bytes(), MM).unwrap().row_mm(4999)[29][2];
     let parse = || {
         let cells = text.split(['\n', ',']).filter_map(|cell| cell.parse::<f64>().ok());
         cells.sum::<f64>()
@@ -380,7 +519,7 @@ proptest! {
         for name in ["damaged.csv", "damaged.c3d"] {
             let path = Path::new(name);
             let _ = sections(path, &file);
-            let Ok(markers) = parse_markers(path, &file) else { continue };
+            let Ok(markers) = parse_markers(path, &file, MM) else { continue };
             for row in 0..markers.frames.len() {
                 for position in markers.row_mm(row) {
                     let missing = position.iter().filter(|x| x.is_nan()).count();
@@ -395,6 +534,6 @@ proptest! {
 
     #[test]
     fn any_bytes_never_panic(file in prop::collection::vec(any::<u8>(), 0..200)) {
-        let _ = parse_markers(Path::new("any"), &file);
+        let _ = parse_markers(Path::new("any"), &file, MM);
     }
 }

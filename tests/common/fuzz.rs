@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use polars::prelude::{Column, DataFrame, DataType, PolarsResult, Series, StringChunked};
-use trilink::config::Config;
+use trilink::config::{Config, LengthUnit};
 use trilink::ingest::IngestInput;
 use trilink::motion::{FIT_ACCURACY, Problem};
 use trilink::report::ReportInput;
@@ -109,7 +109,7 @@ pub type Program = fn(&Path, &str) -> i32;
 pub fn markers(name: &str, file: &[u8]) {
     let path = Path::new(name);
     let _ = sections(path, file);
-    let Ok(markers) = parse_markers(path, file) else { return };
+    let Ok(markers) = parse_markers(path, file, LengthUnit::Mm) else { return };
     assert!(!markers.frames.is_empty() && !markers.labels.is_empty());
     assert!(markers.frames.windows(2).all(|pair| pair[0] < pair[1]));
     for row in 0..markers.frames.len() {

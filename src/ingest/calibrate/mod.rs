@@ -125,7 +125,7 @@ pub fn calibrate(
     let settings @ IngestSettings { vicon, markers, .. } = &input.settings;
     let (robot, gait) = (input.robot(), input.command(trial));
     let path = folder.join(&trial.file);
-    let file = vicon::read_markers(&path).map_err(TrialFailure::from)?;
+    let file = vicon::read_markers(&path, vicon.unit).map_err(TrialFailure::from)?;
     let file = file.without(&vicon.ignore);
     let calibration = settings
         .frame_rate(&file)

@@ -111,13 +111,14 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::config::LengthUnit;
     use crate::ingest::error::TrialFailure;
     use crate::vicon::read_markers;
 
     /// The markers of the fixture with two subjects that both have a marker `X`.
     fn located(link0: [&str; 2]) -> Result<Layout, TrialFailure> {
         let path = Path::new("tests/fixtures/vicon/two-subjects.csv");
-        let file = read_markers(path).unwrap();
+        let file = read_markers(path, LengthUnit::Mm).unwrap();
         let link0 = link0.into_iter().map(|label| (label.to_owned(), [0.0; 3])).collect();
         let markers = Markers { link0, link1: BTreeMap::new(), link2: BTreeMap::new() };
         locate(&markers, &file).map_err(|problem| problem.of(Path::new("a.csv")))

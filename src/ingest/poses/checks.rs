@@ -59,11 +59,20 @@ pub fn tracking_checks(
         );
         findings.push(Finding::at_most(Check::LongRows, rows, 0.0, long));
     }
+    findings.extend(header_check(file));
     findings.extend(label_checks(tracked, file, layout));
     findings.push(tilt_check(&tracked.tilt));
     findings.push(repeats_check(tracked, file));
     findings.push(jumps_check(tracked, file.rate_hz.unwrap_or(assumed_hz)));
     findings
+}
+
+/// What a file states of itself that is missing or contradicts itself; nothing of a file that does not.
+pub fn header_check(file: &MarkerFile) -> Option<Finding> {
+    let doubts = &file.doubts;
+    let count = doubts.len() as f64;
+    let check = || Finding::at_most(Check::FileHeader, count, 0.0, doubts.join("; "));
+    (!doubts.is_empty()).then(check)
 }
 
 /// Frames that were held or doubled.

@@ -299,6 +299,7 @@ mod tests {
             labels: vec!["M1".to_owned()],
             rows_without_frame: 0,
             rows_too_long: 0,
+            doubts: Vec::new(),
             positions_mm: moves_mm.iter().map(position).collect(),
         }
     }

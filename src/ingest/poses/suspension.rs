@@ -190,6 +190,7 @@ mod tests {
             labels: (0..markers().len()).map(|i| i.to_string()).collect(),
             rows_without_frame: 0,
             rows_too_long: 0,
+            doubts: Vec::new(),
             positions_mm,
         }
     }

@@ -3,6 +3,7 @@
 //!
 //! Everything that the file states about its own size is checked against the bytes that are there.
 
+mod counts;
 mod parameters;
 
 #[cfg(test)]
@@ -10,10 +11,12 @@ mod tests;
 
 use std::path::Path;
 
-use super::cells::shown;
+use super::cells::{label_text, shown};
 use super::markers::{LARGEST_MM, MISSING};
-use super::{MarkerFile, Problem, Section};
-use parameters::{ByteOrder, Parameters, bytes_at, decimal};
+use super::{MarkerFile, Problem, Section, units};
+use crate::config::LengthUnit;
+use counts::{Counts, Layout};
+use parameters::{ByteOrder, Parameters};
 
 const BLOCK: usize = 512;
 /// Blocks that a section of parameters can have: they are counted by one byte.
@@ -38,15 +41,17 @@ fn parameter_section(content: &[u8]) -> Option<&[u8]> {
     Some(&section[..section.len().min(MOST_PARAMETER_BLOCKS * BLOCK)])
 }
 
-/// The markers of a C3D file.
-pub(super) fn parse(content: &[u8]) -> Result<MarkerFile, Problem> {
-    let contents = Contents::read(content)?;
-    let mm_per_unit = contents.mm_per_unit()?;
-    // First: labels are cheap to invent, frames are not.
-    let data = contents.frames(content)?;
+/// The markers of a C3D file; `unit` is that of a file which does not say its own.
+pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<MarkerFile, Problem> {
+    let mut contents = Contents::read(content)?;
+    let said = contents.mm_per_unit()?;
+    if said.is_none() {
+        contents.doubts.push(format!("unit: found none (POINT:UNITS), took {unit} (vicon.unit)"));
+    }
+    let mm_per_unit = said.unwrap_or(unit.mm());
     let markers = contents.markers()?;
-    let mut positions_mm = Vec::with_capacity(markers.len() * contents.frame_count);
-    for (i, frame) in data.enumerate() {
+    let mut positions_mm = Vec::with_capacity(markers.len() * contents.layout.frame_count);
+    for (i, frame) in contents.frames(content).enumerate() {
         for (point, label) in &markers {
             let seen = contents.position(frame, *point).unwrap_or(MISSING);
             let position = seen.map(|x| x * mm_per_unit);
@@ -60,10 +65,11 @@ pub(super) fn parse(content: &[u8]) -> Result<MarkerFile, Problem> {
     }
     Ok(MarkerFile {
         rate_hz: contents.rate_hz,
-        frames: (contents.first_frame..).take(contents.frame_count).collect(),
+        frames: (contents.first_frame..).take(contents.layout.frame_count).collect(),
         labels: markers.into_iter().map(|(_, label)| label).collect(),
         rows_without_frame: 0,
         rows_too_long: 0,
+        doubts: contents.doubts,
         positions_mm,
     })
 }
@@ -73,28 +79,25 @@ pub(super) fn sections(content: &[u8]) -> Result<Vec<Section>, Problem> {
     let contents = Contents::read(content)?;
     let section =
         |name: &str, rate_hz, rows| Section { name: name.to_owned(), line: 0, rate_hz, rows };
-    let per_frame = contents.analog_per_frame;
+    let (frame_count, per_frame) = (contents.layout.frame_count, contents.analog_per_frame);
     let analog_hz = contents.rate_hz.map(|rate_hz| rate_hz * per_frame as f64);
-    let points = section("Points", contents.rate_hz, contents.frame_count);
-    let analog = section("Analog", analog_hz, contents.frame_count.saturating_mul(per_frame));
-    Ok([points].into_iter().chain((contents.analog_values > 0).then_some(analog)).collect())
+    let points = section("Points", contents.rate_hz, frame_count);
+    let analog = section("Analog", analog_hz, frame_count.saturating_mul(per_frame));
+    Ok([points].into_iter().chain((contents.layout.analog_values > 0).then_some(analog)).collect())
 }
 
-/// What the header and the parameters state of the data.
+/// What a file holds.
 struct Contents<'f> {
     parameters: Parameters<'f>,
-    points: usize,
-    /// Analog values a frame, all channels.
-    analog_values: usize,
+    layout: Layout,
     /// Analog samples a frame and channel.
     analog_per_frame: usize,
     first_frame: i64,
-    frame_count: usize,
     rate_hz: Option<f64>,
-    /// Millimetres (or metres) a step of integer data; floats have a negative one.
+    /// Units of the file in one step of integer data.
     scale: f64,
-    /// First byte of the data.
-    data_start: usize,
+    /// Numbers that contradict each other, and what was taken.
+    doubts: Vec<String>,
 }
 
 impl<'f> Contents<'f> {
@@ -107,31 +110,33 @@ impl<'f> Contents<'f> {
         let order = ByteOrder::of(section).map_err(|found| {
             Problem::new(format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
         })?;
-        let parameters = Parameters::read(section, order)
+        let word = |number: usize| {
+            let at = 2 * (number - 1);
+            usize::from(order.u16([header[at], header[at + 1]]))
+        };
+        // The section ends where the data begin, or else after as many blocks as it says.
+        let blocks = match word(9).checked_sub(usize::from(header[0])) {
+            Some(blocks) if blocks > 0 => blocks,
+            _ => section.get(2).map_or(0, |&blocks| blocks.into()),
+        };
+        let parameters = Parameters::read(section, blocks * BLOCK, order)
             .ok_or_else(|| Problem::new("a cut or damaged parameter section", "a whole one"))?;
-        let word = |i: usize| order.u16([header[2 * i], header[2 * i + 1]]);
-        // A number is taken from the parameters or else from the header.
-        let real = |name: &str, i: usize| {
-            let in_header = || Some(decimal(order.f32(bytes_at(header, 2 * i)?)));
-            parameters.number("POINT", name).or_else(in_header).unwrap_or(0.0)
+        let counts = Counts::read(header, &parameters, content.len());
+        if counts.has_no_points() {
+            return Err(no_points(&parameters, word(3)));
+        }
+        let (layout, doubts) = counts.layout(content)?;
+        let analog_per_frame = match parameters.number("ANALOG", "USED") {
+            Some(channels) if channels >= 1.0 => layout.analog_values / channels as usize,
+            _ => word(10),
         };
-        let whole = |name: &str| Some(usize::from(parameters.number("POINT", name)? as u16));
-        let (first_frame, last_frame) = frame_range(&parameters, word(3), word(4));
-        let data_block = match word(8) {
-            0 => whole("DATA_START").unwrap_or(0),
-            block => usize::from(block),
-        };
-        let data_start = data_block.checked_sub(1).map(|block| block * BLOCK);
         Ok(Self {
-            points: whole("USED").unwrap_or(usize::from(word(1))),
-            analog_values: usize::from(word(2)),
-            analog_per_frame: usize::from(word(9)),
-            first_frame,
-            frame_count: usize::try_from(last_frame - first_frame + 1).unwrap_or(0),
-            rate_hz: Some(real("RATE", 10)).filter(|hz| *hz > 0.0 && hz.is_finite()),
-            scale: real("SCALE", 6),
-            data_start: data_start
-                .ok_or_else(|| Problem::new("no place of the data", "POINT:DATA_START"))?,
+            scale: if layout.is_float { -1.0 } else { counts.integer_scale()? },
+            layout,
+            analog_per_frame,
+            first_frame: counts.first_frame,
+            rate_hz: counts.rate_hz(),
+            doubts,
             parameters,
         })
     }
@@ -139,55 +144,68 @@ impl<'f> Contents<'f> {
     /// Index and label of every point that is a marker. Unlabelled points have none, or `*12`.
     fn markers(&self) -> Result<Vec<(usize, String)>, Problem> {
         let texts = |name: &str| self.parameters.texts("POINT", name);
-        let outputs: Vec<&[u8]> =
-            MODEL_OUTPUTS.iter().filter_map(|name| texts(name)).flatten().collect();
+        let lists: Vec<(&str, Vec<&[u8]>)> =
+            MODEL_OUTPUTS.iter().filter_map(|name| Some((*name, texts(name)?))).collect();
         let more = (2..).map_while(|i| texts(&format!("LABELS{i}"))).flatten();
         let labels = texts("LABELS").unwrap_or_default().into_iter().chain(more);
-        let is_marker =
-            |label: &[u8]| !label.is_empty() && label[0] != b'*' && !outputs.contains(&label);
-        let markers = labels.take(self.points).enumerate().filter(|(_, label)| is_marker(label));
-        let text = |(point, label)| (point, String::from_utf8_lossy(label).into_owned());
+        let is_labelled = |label: &[u8]| !label.is_empty() && label[0] != b'*';
+        let labelled: Vec<(usize, &[u8])> = labels
+            .take(self.layout.points)
+            .enumerate()
+            .filter(|(_, label)| is_labelled(label))
+            .collect();
+        let list_of =
+            |label: &[u8]| lists.iter().find(|(_, of)| of.contains(&label)).map(|(name, _)| *name);
+        let markers = labelled.iter().filter(|(_, label)| list_of(label).is_none());
+        let text = |(point, label): &(usize, &[u8])| (*point, label_text(label));
         let markers: Vec<(usize, String)> = markers.map(text).collect();
-        if markers.is_empty() {
-            let found = format!("{} points without a label", self.points);
-            return Err(Problem::new(found, "at least one marker in POINT:LABELS"));
+        if !markers.is_empty() {
+            return Ok(markers);
         }
-        Ok(markers)
+        let (all, outputs) = (self.layout.points, labelled.len());
+        let mut found = Vec::new();
+        if outputs > 0 {
+            let mut named: Vec<&str> =
+                labelled.iter().filter_map(|(_, label)| list_of(label)).collect();
+            named.dedup();
+            let named: Vec<String> = named.iter().map(|name| format!("POINT:{name}")).collect();
+            found.push(format!(
+                "{outputs} points that are outputs of models ({}) and no markers",
+                named.join(", ")
+            ));
+        }
+        if all > outputs {
+            found.push(format!("{} points without a label", all - outputs));
+        }
+        let needed = "at least one marker in POINT:LABELS; export the labelled trajectories";
+        Err(Problem::new(found.join(" and "), needed))
     }
 
-    fn mm_per_unit(&self) -> Result<f64, Problem> {
+    /// Millimetres a unit of the file, if it says its unit.
+    fn mm_per_unit(&self) -> Result<Option<f64>, Problem> {
         let units = self.parameters.texts("POINT", "UNITS").unwrap_or_default();
         match units.first().copied().unwrap_or_default() {
-            b"mm" => Ok(1.0),
-            b"m" => Ok(1000.0),
-            unit => Err(Problem::new(format!("POINT:UNITS `{}`", shown(unit)), "`mm` or `m`")),
+            b"" => Ok(None),
+            unit => match units::of_text(unit) {
+                Some(unit) => Ok(Some(unit.mm())),
+                None => {
+                    let found = format!("POINT:UNITS `{}`", shown(unit));
+                    Err(Problem::new(found, units::needed()))
+                }
+            },
         }
-    }
-
-    fn is_float(&self) -> bool {
-        self.scale < 0.0
     }
 
     /// The bytes of each frame.
-    fn frames<'c>(&self, content: &'c [u8]) -> Result<impl Iterator<Item = &'c [u8]>, Problem> {
-        let value = if self.is_float() { 4 } else { 2 };
-        let frame = value * (4 * self.points + self.analog_values);
-        let data = content.get(self.data_start..).unwrap_or_default();
-        if self.frame_count == 0 || frame == 0 {
-            return Err(Problem::new("no frames", "at least one"));
-        }
-        let whole = data.len() / frame;
-        if whole < self.frame_count {
-            let found = format!("{whole} of {} frames", self.frame_count);
-            return Err(Problem::new(found, "all of them; is the copy complete?"));
-        }
-        Ok(data.chunks_exact(frame).take(self.frame_count))
+    fn frames<'c>(&self, content: &'c [u8]) -> impl Iterator<Item = &'c [u8]> {
+        let data = content.get(self.layout.data_start..).unwrap_or_default();
+        data.chunks_exact(self.layout.frame_bytes()).take(self.layout.frame_count)
     }
 
     /// Where a point was, in the file's unit; `None` if the cameras did not see it.
     fn position(&self, frame: &[u8], point: usize) -> Option<[f64; 3]> {
         let order = self.parameters.order;
-        let (position, residual) = if self.is_float() {
+        let (position, residual) = if self.layout.is_float {
             let [x, y, z, residual] = values::<4>(frame, point)?.map(|bytes| order.f32(bytes));
             ([x, y, z].map(f64::from), residual)
         } else {
@@ -203,17 +221,14 @@ fn values<const N: usize>(frame: &[u8], point: usize) -> Option<[[u8; N]; 4]> {
     frame.as_chunks::<N>().0.get(4 * point..)?.first_chunk().copied()
 }
 
-/// First and last frame. The header's words end at 65535; longer files have parameters.
-fn frame_range(parameters: &Parameters<'_>, first: u16, last: u16) -> (i64, i64) {
-    let long = |name: &str| match parameters.numbers("TRIAL", name)?[..] {
-        [low, high, ..] => Some(i64::from(low as u16) + 65536 * i64::from(high as u16)),
-        _ => None,
+/// What a file without points holds instead.
+fn no_points(parameters: &Parameters, analog_values: usize) -> Problem {
+    let used = |group: &str| parameters.number(group, "USED").filter(|used| *used > 0.0);
+    let instead = match (used("ROTATION"), analog_values) {
+        (Some(rotations), _) => format!("only rotations of {rotations} segments"),
+        (None, 0) => "as in a file of rotations or events only".to_owned(),
+        (None, _) => "only analog channels".to_owned(),
     };
-    if let Some(range) = long("ACTUAL_START_FIELD").zip(long("ACTUAL_END_FIELD")) {
-        return range;
-    }
-    let first = i64::from(first);
-    let counted = parameters.number("POINT", "LONG_FRAMES");
-    let last = counted.map_or(i64::from(last), |frames| first + i64::from(frames as u32) - 1);
-    (first, last)
+    let found = format!("no points (POINT:USED is 0), {instead}");
+    Problem::new(found, "positions of markers; export the labelled trajectories")
 }

@@ -24,29 +24,37 @@ struct Parameter<'f> {
 }
 
 impl<'f> Parameters<'f> {
-    /// Reads a section up to its last record. `None` if it leads out of its bytes.
-    pub fn read(section: &'f [u8], order: ByteOrder) -> Option<Self> {
+    /// Reads a section of so many bytes up to its last record, after which zeros stand or the
+    /// section's end. `None` if it leads out of the bytes that are there.
+    pub fn read(section: &'f [u8], length: usize, order: ByteOrder) -> Option<Self> {
         let mut read = Self { order, groups: Vec::new(), parameters: Vec::new() };
         let mut at = 4;
-        loop {
-            let [length, id] = bytes_at::<2>(section, at)?.map(u8::cast_signed);
-            if length == 0 {
-                return Some(read);
+        while at < length || length == 0 {
+            let [name_length, id] = bytes_at::<2>(section, at)?.map(u8::cast_signed);
+            if name_length == 0 {
+                break;
             }
-            let name_end = at + 2 + usize::from(length.unsigned_abs());
+            let name_end = at + 2 + usize::from(name_length.unsigned_abs());
             let name = section.get(at + 2..name_end)?;
             let next = usize::from(order.u16(bytes_at(section, name_end)?));
+            let mut end = name_end + 2;
             if id < 0 {
                 read.groups.push((id.unsigned_abs(), name));
             } else {
-                let content = section.get(name_end + 2..)?;
-                read.parameters.push(parameter(id.unsigned_abs(), name, content)?);
+                let (parameter, bytes) = parameter(id.unsigned_abs(), name, section.get(end..)?)?;
+                read.parameters.push(parameter);
+                end += bytes;
             }
             if next == 0 {
-                return Some(read);
+                break;
             }
             at = name_end + next;
+            if at > length && length > 0 {
+                // Some programs leave anything in the last one. Behind a record is its description.
+                at = end + 1 + section.get(end).map_or(0, |&bytes| usize::from(bytes));
+            }
         }
+        Some(read)
     }
 
     fn find(&self, group: &str, name: &str) -> Option<&Parameter<'f>> {
@@ -83,7 +91,8 @@ impl<'f> Parameters<'f> {
     }
 }
 
-fn parameter<'f>(group: u8, name: &'f [u8], content: &'f [u8]) -> Option<Parameter<'f>> {
+/// A parameter, and how many bytes type, dimensions and values have.
+fn parameter<'f>(group: u8, name: &'f [u8], content: &'f [u8]) -> Option<(Parameter<'f>, usize)> {
     let [kind, dimensions] = bytes_at::<2>(content, 0)?;
     let kind = kind.cast_signed();
     let sizes = content.get(2..2 + usize::from(dimensions))?;
@@ -91,7 +100,8 @@ fn parameter<'f>(group: u8, name: &'f [u8], content: &'f [u8]) -> Option<Paramet
     let length = count.checked_mul(usize::from(kind.unsigned_abs()))?;
     let values = content.get(2 + sizes.len()..)?.get(..length)?;
     let width = sizes.first().copied().map_or(1, usize::from);
-    Some(Parameter { group, name, kind, width, values })
+    let bytes = 2 + sizes.len() + length;
+    Some((Parameter { group, name, kind, width, values }, bytes))
 }
 
 /// The number that was meant: 119.88 and not 119.87999725341797.

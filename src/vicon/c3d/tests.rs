@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::config::LengthUnit;
 use crate::vicon::{ViconError, parse_markers, sections};
 
 /// What a file is made of; [`Recipe::default`] is the table of `nexus.csv`.
@@ -137,7 +138,7 @@ impl Recipe {
     }
 
     fn read(&self) -> Result<MarkerFile, ViconError> {
-        parse_markers(Path::new("a.c3d"), &self.file())
+        parse_markers(Path::new("a.c3d"), &self.file(), LengthUnit::Mm)
     }
 }
 
@@ -146,7 +147,7 @@ fn plain() -> MarkerFile {
 }
 
 fn message(file: &[u8]) -> String {
-    parse_markers(Path::new("a.c3d"), file).unwrap_err().to_string()
+    parse_markers(Path::new("a.c3d"), file, LengthUnit::Mm).unwrap_err().to_string()
 }
 
 #[test]
@@ -172,7 +173,7 @@ fn every_processor_and_number_format_gives_the_same() {
 #[test]
 fn content_tells_a_file_that_has_another_name() {
     let file = Recipe::default().file();
-    assert_eq!(parse_markers(Path::new("a.csv"), &file).unwrap(), plain());
+    assert_eq!(parse_markers(Path::new("a.csv"), &file, LengthUnit::Mm).unwrap(), plain());
 }
 
 #[test]
@@ -248,13 +249,12 @@ fn every_error_says_what_was_found_and_needed() {
     let needed_all = "needed all of them; is the copy complete?";
     let data = 3 * BLOCK;
     assert_eq!(message(&whole[..data + 40]), format!("a.c3d: found 1 of 2 frames, {needed_all}"));
-    let unit = Recipe { unit: "cm", ..Recipe::default() }.read().unwrap_err().to_string();
-    assert_eq!(unit, "a.c3d: found POINT:UNITS `cm`, needed `mm` or `m`");
     let labels = vec![vec!["*0", "*1"]];
     let unlabelled = Recipe { labels, ..Recipe::default() }.read().unwrap_err().to_string();
     assert_eq!(
         unlabelled,
-        "a.c3d: found 2 points without a label, needed at least one marker in POINT:LABELS"
+        "a.c3d: found 2 points without a label, needed at least one marker in POINT:LABELS; export the \
+         labelled trajectories"
     );
     let mut wild = Recipe::default();
     wild.frames[1][0] = Some([0.0, 2e6, 0.0]);
@@ -278,7 +278,7 @@ proptest! {
         file.truncate(length.max(BLOCK));
         let path = Path::new("a.c3d");
         let _ = sections(path, &file);
-        if let Ok(markers) = parse_markers(path, &file) {
+        if let Ok(markers) = parse_markers(path, &file, LengthUnit::Mm) {
             let numbers = 3 * markers.frames.len() * markers.labels.len();
             prop_assert!(2 * numbers <= file.len());
         }

@@ -38,6 +38,7 @@ fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (MarkerFile, Vec<LinkMark
         positions_mm,
         rows_without_frame: 0,
         rows_too_long: 0,
+        doubts: Vec::new(),
     };
     (file, markers)
 }
