@@ -304,6 +304,34 @@ fn change(path: &Path, to: impl Fn([f64; 3]) -> [f64; 3]) {
 }
 
 #[test]
+fn files_with_another_axis_up_are_said_to_have_it() {
+    let folder = recorded(CART, "2.5,4", |name| name.starts_with("weave"));
+    let path = folder.path();
+    let [first, second] =
+        ["weave-2.50-r1.csv", "weave-4.00-r1.csv"].map(|of| path.join("raw").join(of));
+    let said = |up: &str| {
+        format!(
+            "the file's {up} axis points up, not z: the markers stay level along it and move as three \
+             links across it; export with z up"
+        )
+    };
+    // One of two is left out by its cause.
+    change(&first, |[x, y, z]| [x, z, -y]);
+    let left_out = found(path, &["raw", "--l-m", "0.13", "--front", "N1"], 1);
+    assert_eq!(left_out["files"][0]["problem"], said("y"));
+    assert_eq!(left_out["files"][1]["problem"], Value::Null);
+    std::fs::remove_file(path.join("pipeline.toml")).unwrap();
+    std::fs::remove_file(path.join("raw/trials.toml")).unwrap();
+    // Without any other file it is why nothing is written.
+    change(&second, |[x, y, z]| [z, x, y]);
+    let refused = refused(path, &["init", "raw"]);
+    for (file, up) in [("weave-2.50-r1.csv", "y"), ("weave-4.00-r1.csv", "x")] {
+        assert!(refused.contains(&format!("{file}: {}", said(up))), "{refused}");
+    }
+    assert!(!path.join("pipeline.toml").exists());
+}
+
+#[test]
 fn the_unit_of_files_that_do_not_say_theirs_is_given_once() {
     let folder = recorded(CART, "3", |name| name.starts_with("weave"));
     let path = folder.path();

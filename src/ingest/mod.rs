@@ -44,6 +44,7 @@ use std::path::Path;
 
 pub use calibrate::{Calibration, CalibrationError, MarkerPosition, calibrate};
 pub use checks::Check;
+pub(crate) use diagnosis::other_axis_up;
 pub use diagnosis::{FolderInput, undiagnosed};
 pub use error::{Problem, TrialFailure};
 pub use folder::{Entry, FOLDERS, IngestedTrial, MarkerStamp, TABLES, ingest_trials, outdated};

@@ -5,6 +5,7 @@
 //! (`frequency`), the file that shows it best where the markers sit (`layout`), all gaits together which
 //! of them are one campaign (`campaigns`). What is not known is written as such (`write`).
 
+mod axes;
 mod campaigns;
 mod clusters;
 mod frequency;

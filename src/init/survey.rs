@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::axes::Upwards;
 use super::clusters::{self, Links};
 use super::frequency::Recorded;
 use super::motion::Motion;
@@ -140,6 +141,14 @@ fn read(index: usize, folder: &Folder, name: &str, unit: LengthUnit) -> Survey {
             let rate_hz = file.rate_hz.unwrap_or(RATE_HZ);
             let thinned = file.thinned((rate_hz / RATE_HZ) as usize);
             survey.links = clusters::links(&thinned);
+            if survey.links.is_err()
+                && let Some(Upwards { shows_links, sentence }) = Upwards::of(&thinned)
+            {
+                match shows_links {
+                    true => survey.unread = Some(sentence),
+                    false => survey.links = Err(sentence),
+                }
+            }
             (survey.labels, survey.doubts) = (file.labels, file.doubts);
         }
     }

@@ -69,6 +69,13 @@ impl MarkerFile {
         }
     }
 
+    /// Turns a file's axes so that its first (0) or second (1) points up: it becomes the third.
+    pub(crate) fn turn_up(&mut self, axis: usize) {
+        for position in &mut self.positions_mm {
+            position.rotate_left(axis + 1);
+        }
+    }
+
     /// Where a marker was in a row of the file, mm; three NaN where the cameras did not see it.
     ///
     /// # Panics

@@ -30,6 +30,15 @@ struct Markers<'a> {
     rows: Vec<usize>,
 }
 
+/// Says that another axis of a file than z points up, and what the markers do besides staying level
+/// along it.
+pub fn other_axis_up(up: &str, markers: &str) -> String {
+    format!(
+        "the file's {up} axis points up, not z: the markers stay level along it and {markers}; export \
+         with z up"
+    )
+}
+
 /// Whether the markers lie on their links as in the layout.
 ///
 /// # Errors
@@ -126,10 +135,7 @@ impl Markers<'_> {
         let (up, _) = axes.into_iter().find(|(_, axes)| {
             self.all_off_mm(self.layout, *axes) <= SOUND_MM && self.is_level(axes[2].0)
         })?;
-        Some(format!(
-            "the file's {up} axis points up, not z: the markers stay level along it and lie as in \
-             [markers] across it; export with z up"
-        ))
+        Some(other_axis_up(up, "lie as in [markers] across it"))
     }
 
     /// Whether the markers hardly move along an axis of the file.

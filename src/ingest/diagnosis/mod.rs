@@ -15,5 +15,5 @@ mod linkage;
 
 pub use folder::{FolderInput, undiagnosed};
 pub use gait::{check_gait, check_swing};
-pub use layout::check_layout;
+pub use layout::{check_layout, other_axis_up};
 pub use linkage::check_linkage;
