@@ -326,7 +326,10 @@ fn the_command_says_what_it_advises_and_what_is_wrong() {
         (all(&["--tell", "skid"]), "the models no-skid, skid-roll; list skid under"),
         (all(&["--add", "0"]), "0 is not in 1..=50"),
         (all(&["--omega", "1,2"]), "each of 2 candidates 1 times (--repeats)"),
-        (vec!["design", CAMPAIGN, "--model", "no-skid"], "kinematic-symmetric no-skid: singular"),
+        (
+            vec!["design", CAMPAIGN, "--model", "no-skid"],
+            "kinematic-symmetric no-skid: the model does not fit",
+        ),
         (vec!["design", "kinematic", "--model", "skid-roll"], "no fit of campaign kinematic"),
     ] {
         let output = trilink(folder.path(), &arguments);
