@@ -40,6 +40,7 @@ mod tables;
 #[cfg(test)]
 mod tests;
 
+use std::ops::Range;
 use std::path::Path;
 
 pub use calibrate::{Calibration, CalibrationError, MarkerPosition, calibrate};
@@ -53,19 +54,20 @@ pub use survey::{FileSurvey, Gaps, MarkerCoverage, Recording, survey};
 
 use crate::config::{Config, Smoothing, Vicon};
 use crate::metrics::{Estimate, GaitMetrics};
-use crate::robot::Gait;
+use crate::robot::{Gait, Robot};
 use crate::store::{CheckRow, CycleRow, RobotParameterRow, Severity, Table, TrialRow, TrialStatus};
 use crate::trial::{Trial, TrialKind};
 use crate::vicon::{self, MarkerFile};
 use checks::Finding;
-use cycles::{CycleData, steady, summary, wheel_velocities};
+use cycles::steady::{self, Steady};
+use cycles::{Cycle, CycleData, WheelVelocities, summary, wheel_velocities};
 use identification::{against_configured, coast, release};
 use markers::layout;
 pub(crate) use markers::layout::{LinkMarker, marker_name};
 pub(crate) use markers::rigid::fit as fit_rigid;
 pub(crate) use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics, strongest_line};
 pub(crate) use poses::frame_grid;
-use poses::{Linkage, Tracked};
+use poses::{Coordinates, Linkage, Tracked};
 use signals::JointSignal;
 
 /// Used cycles below which a trial has no means.
@@ -219,21 +221,52 @@ fn process_recording(
     diagnosis::check_layout(&file, &layout)?;
     let linkage = Linkage::of(robot);
     let max_gap = settings.max_gap_frames(rate_hz);
-    let poses = poses::solve(&file, &layout, Some(linkage), ingest.poses, rate_hz)?;
+    let track = |file: &MarkerFile, steady: Range<usize>| {
+        poses::solve(file, &layout, Some(linkage), ingest.poses, rate_hz, steady)?.over_time(
+            &file.frames,
+            &layout,
+            max_gap,
+        )
+    };
+    let look_at = |file: &MarkerFile, tracked: &Tracked, frames: &Range<usize>| {
+        let mut found = poses::tracking_checks(tracked, file, &layout, settings, frames);
+        found.extend(diagnosis::check_linkage(&linkage, tracked));
+        found
+    };
+    let mut tracked = track(&file, 0..file.frames.len())?;
+    *findings = look_at(&file, &tracked, &(0..tracked.frames()));
+    // Frames whose joints tell the gait.
+    let mut on_the_clock = 0..tracked.frames();
+    if let Some(command) = &gait
+        && findings.iter().any(|found| !found.holds())
+        && let Ok(frames) = frames_in_use(trial, input, command, &tracked, rate_hz)
+    {
+        let is_constant = |found: &&Finding| {
+            matches!(found.check, Check::Tilt | Check::JointPositions) && !found.holds()
+        };
+        if findings.iter().any(|found| is_constant(&found)) {
+            // The robot may have been lifted before or after.
+            let row_of = |frame: usize| tracked.recorded_frames.partition_point(|&of| of < frame);
+            let inside = track(&file, row_of(frames.start)..row_of(frames.end))?;
+            let off = |all: &[Finding]| all.iter().filter(is_constant).map(|of| of.severity).max();
+            let of_frames = look_at(&file, &inside, &frames);
+            if off(&of_frames) < off(findings) {
+                tracked = inside;
+            }
+        }
+        *findings = look_at(&file, &tracked, &frames);
+        on_the_clock = tracked.on_one_clock(&frames);
+    }
+    poses::describe_tracking(row, &tracked);
     // Of a long recording they are a gigabyte.
     file.forget_positions();
-    let tracked = poses.over_time(&file.frames, &layout, max_gap)?;
-    poses::describe_tracking(row, &tracked);
-    findings.extend(poses::tracking_checks(row, &tracked, &file, &layout, settings));
-    findings.extend(diagnosis::check_linkage(&linkage, &tracked));
     stop_beyond_limits(findings)?;
 
     let skip_cycles = ingest.skip_cycles;
-    let measure = |(gait, omega_rad_s): &(Gait, f64)| {
-        let command = CommandedGait { gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
+    let measure = |command: &(Gait, f64)| {
+        let (driven, gait) =
+            (measure_phase(command, &tracked, on_the_clock, rate_hz, skip_cycles)?, &command.0);
         let phi_rad = &tracked.seen.phi_rad;
-        diagnosis::check_swing(&command, phi_rad)?;
-        let driven = command.estimate_phase(phi_rad)?;
         row.omega_rad_s = driven.omega_rad_s;
         row.gait = summary::joint_gaits(phi_rad, &driven.moving, &driven.phase);
         // Before cycles are looked for that show the commanded gait.
@@ -244,31 +277,17 @@ fn process_recording(
     };
     let driven = gait.as_ref().map(measure).transpose()?;
     let window = smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref());
-    let smooth = tracked.filled.map(|series| signals::moving_average(series, window));
-    let wheels = wheel_velocities(robot, &smooth, rate_hz);
+    let motion = Motion::of(robot, &tracked, window, rate_hz);
 
     row.smoothing_window = window as i64;
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
-        let data = CycleData {
-            robot,
-            gait,
-            driven,
-            tracked: &tracked,
-            raw_wheels: &wheel_velocities(robot, &tracked.filled, rate_hz),
-            rate_hz,
-            smooth: &smooth,
-            wheels: &wheels,
-        };
-        let cycles = data.cycles();
-        let steady = steady::steady(&cycles, skip_cycles);
-        if steady.used.len() < LEAST_USED_CYCLES {
-            return Err(Problem::TooFewCycles {
-                whole: cycles.len(),
-                skipped: steady.skipped,
-                usable: steady.used.len(),
-                needed: LEAST_USED_CYCLES,
-            });
+        let data = motion.cycle_data(robot, gait, driven, &tracked, rate_hz);
+        let (cycles, steady) = steady_cycles(&data, skip_cycles)?;
+        // What every trial is checked for goes first.
+        if let Some(frames) = checked_frames(&data, &cycles, &steady) {
+            *findings = look_at(&file, &tracked, &frames);
+            stop_beyond_limits(findings)?;
         }
         summary::describe_gait(row, &data, &cycles, &steady);
         findings.extend(summary::gait_checks(row, &data, &cycles, &steady));
@@ -278,7 +297,7 @@ fn process_recording(
         TrialKind::Gait => None,
         TrialKind::JointRelease => Some(release::measure(robot, &tracked.seen, rate_hz)?),
         TrialKind::CoastDown => {
-            Some(coast::measure(robot, &tracked.seen, &wheels.roll_m_s[0], rate_hz)?)
+            Some(coast::measure(robot, &tracked.seen, &motion.wheels.roll_m_s[0], rate_hz)?)
         }
     };
     let parameters = measured.map(|(parameters, found)| {
@@ -300,9 +319,103 @@ fn process_recording(
         row: row.clone(),
         parameters,
         cycles: cycle_rows,
-        wheels: tables::wheels(&trial.id, tracked.first_frame, wheels, rate_hz),
-        poses: tables::poses(&trial.id, tracked, smooth, markers, rate_hz),
+        wheels: tables::wheels(&trial.id, tracked.first_frame, motion.wheels, rate_hz),
+        poses: tables::poses(&trial.id, tracked, motion.smooth, markers, rate_hz),
     })
+}
+
+/// Frequency and phase of a commanded gait, from the joints in some frames.
+fn measure_phase(
+    (gait, omega_rad_s): &(Gait, f64),
+    tracked: &Tracked,
+    frames: Range<usize>,
+    rate_hz: f64,
+    skip_cycles: usize,
+) -> Result<GaitPhase, Problem> {
+    let command = CommandedGait { gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
+    let phi_rad = &tracked.seen.phi_rad;
+    diagnosis::check_swing(&command, phi_rad)?;
+    if frames == (0..tracked.frames()) {
+        return command.estimate_phase(phi_rad);
+    }
+    let mut phi_rad = phi_rad.clone();
+    for phi_rad in &mut phi_rad {
+        phi_rad[..frames.start].fill(f64::NAN);
+        phi_rad[frames.end..].fill(f64::NAN);
+    }
+    command.estimate_phase(&phi_rad)
+}
+
+/// What follows from the coordinates: smoothed, and the wheels' velocities.
+struct Motion {
+    smooth: Coordinates,
+    wheels: WheelVelocities,
+    raw_wheels: WheelVelocities,
+}
+
+impl Motion {
+    fn of(robot: &Robot, tracked: &Tracked, window: usize, rate_hz: f64) -> Self {
+        let smooth = tracked.filled.map(|series| signals::moving_average(series, window));
+        let wheels = wheel_velocities(robot, &smooth, rate_hz);
+        Self { smooth, wheels, raw_wheels: wheel_velocities(robot, &tracked.filled, rate_hz) }
+    }
+
+    fn cycle_data<'m>(
+        &'m self,
+        robot: &'m Robot,
+        gait: &'m Gait,
+        driven: &'m GaitPhase,
+        tracked: &'m Tracked,
+        rate_hz: f64,
+    ) -> CycleData<'m> {
+        let Self { smooth, wheels, raw_wheels } = self;
+        CycleData { robot, gait, driven, tracked, raw_wheels, rate_hz, smooth, wheels }
+    }
+}
+
+/// The cycles, and which of them count.
+///
+/// # Errors
+/// Too few do.
+fn steady_cycles(data: &CycleData, skip_cycles: usize) -> Result<(Vec<Cycle>, Steady), Problem> {
+    let cycles = data.cycles();
+    let steady = steady::steady(&cycles, skip_cycles);
+    match steady.used.len() < LEAST_USED_CYCLES {
+        true => Err(Problem::TooFewCycles {
+            whole: cycles.len(),
+            skipped: steady.skipped,
+            usable: steady.used.len(),
+            needed: LEAST_USED_CYCLES,
+        }),
+        false => Ok((cycles, steady)),
+    }
+}
+
+/// The frames that the checks of a trial look at ([`Steady::span`]), with all from the end of the skipped cycles
+/// on: rows that are missing there may shift the phase so that a cycle more is skipped.
+fn checked_frames(data: &CycleData, cycles: &[Cycle], steady: &Steady) -> Option<Range<usize>> {
+    let GaitPhase { phase, moving, .. } = data.driven;
+    let skipped = steady.skip as f64 * std::f64::consts::TAU / phase.step_rad;
+    let span = steady.span(cycles)?;
+    Some(span.start.min(moving.start + skipped.ceil() as usize)..span.end)
+}
+
+/// The same at a first look.
+fn frames_in_use(
+    trial: &Trial,
+    input: &IngestInput,
+    command: &(Gait, f64),
+    tracked: &Tracked,
+    rate_hz: f64,
+) -> Result<Range<usize>, Problem> {
+    let (robot, ingest) = (&input.robot(), &input.settings.ingest);
+    let all = 0..tracked.frames();
+    let driven = measure_phase(command, tracked, all.clone(), rate_hz, ingest.skip_cycles)?;
+    let window = smoothing_window(trial, ingest.smoothing_window, tracked, Some(&driven));
+    let motion = Motion::of(robot, tracked, window, rate_hz);
+    let data = motion.cycle_data(robot, &command.0, &driven, tracked, rate_hz);
+    let (cycles, steady) = steady_cycles(&data, ingest.skip_cycles)?;
+    Ok(checked_frames(&data, &cycles, &steady).unwrap_or(all))
 }
 
 /// Width of the moving average, samples: the trial's own, the configured one, or the one with

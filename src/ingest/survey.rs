@@ -8,8 +8,7 @@ use serde::Serialize;
 use super::error::Problem;
 use super::input::IngestSettings;
 use super::markers::layout::{self, Layout};
-use super::poses::{self, describe_tracking, header_check, tracking_checks};
-use crate::store::{Columns as _, TrialRow};
+use super::poses::{self, header_check, tracking_checks};
 use crate::vicon::{self, MarkerFile, Section};
 
 /// A marker file at a glance.
@@ -102,13 +101,11 @@ impl FileSurvey {
         }
         let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
         let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
-        let tracked = poses::solve(file, &layout, None, poses, rate_hz)
+        let tracked = poses::solve(file, &layout, None, poses, rate_hz, 0..file.frames.len())
             .and_then(|poses| poses.over_time(&file.frames, &layout, max_gap))
             .map_err(stop);
         let Ok(tracked) = tracked else { return };
-        let mut row = TrialRow::blank();
-        describe_tracking(&mut row, &tracked);
-        let findings = tracking_checks(&row, &tracked, file, &layout, settings);
+        let findings = tracking_checks(&tracked, file, &layout, settings, &(0..tracked.frames()));
         let wrong = findings.into_iter().filter(|finding| !finding.holds());
         self.warnings = wrong.map(|finding| finding.to_string()).collect();
     }

@@ -9,7 +9,7 @@ mod outlying;
 pub mod steady;
 pub mod summary;
 
-pub use measure::CycleData;
+pub use measure::{Cycle, CycleData};
 
 use crate::ingest::poses::Coordinates;
 use crate::ingest::signals::derivative;

@@ -22,7 +22,7 @@ pub struct Steady {
     pub skip: usize,
     /// Leading cycles taken for transient.
     pub skipped: usize,
-    /// Later cycles left out because of gaps or jumps.
+    /// Later cycles that would count but for gaps or jumps, up to the last that counts.
     pub gapped: usize,
     /// Later cycles left out because the joints were off their gait.
     pub off_gait: usize,
@@ -43,6 +43,13 @@ impl Steady {
             "d or the rotation still changes from cycle to cycle"
         };
         reason.to_owned()
+    }
+
+    /// The frames that the checks of a trial look at: from the first cycle that is not skipped and shows the
+    /// gait, although a gap, a jump or what a jump makes of its neighbours may cost it, to the last that counts.
+    pub fn span(&self, cycles: &[Cycle]) -> Option<Range<usize>> {
+        let first = cycles.get(self.skip..)?.iter().find(|cycle| cycle.is_gait)?;
+        Some(frames_within(first.start, cycles[*self.used.last()?].end))
     }
 
     /// The frames from the first cycle that counts to the last one.
@@ -67,10 +74,12 @@ pub fn steady(cycles: &[Cycle], skip: usize) -> Steady {
     drifting += usize::from(drifting > 0 && used.len() > least + drifting);
     used.drain(..drifting);
     let later = &cycles[begin..];
+    let up_to_last = &cycles[begin..used.last().map_or(cycles.len(), |last| last + 1)];
+    let is_gapped = |cycle: &&Cycle| !cycle.is_whole() && cycle.is_gait;
     Steady {
         skip: begin,
         skipped: if drifting > 0 { used[0] } else { begin },
-        gapped: later.iter().filter(|cycle| !cycle.is_whole()).count(),
+        gapped: up_to_last.iter().filter(is_gapped).count(),
         off_gait: later.iter().filter(|cycle| cycle.is_whole() && !cycle.is_gait).count(),
         used,
     }
@@ -133,6 +142,20 @@ mod tests {
             Steady { used: vec![2, 4, 6, 7], skip: 2, skipped: 2, gapped: 1, off_gait: 1 };
         let found = steady(&list, 2);
         assert_eq!(found, expected);
+        // The frames of each: a jump in the first of them is looked at, too.
+        list.iter_mut().zip(0..).for_each(|(cycle, nth)| {
+            (cycle.start, cycle.end) = (100.0 * f64::from(nth), 100.0 * f64::from(nth + 1));
+        });
+        assert_eq!(found.span(&list), Some(200..801));
+        list[2].metrics.d_m = f64::NAN;
+        assert_eq!(steady(&list, 2).span(&list), Some(200..801));
+        list[2].is_gait = false;
+        assert_eq!(steady(&list, 2).span(&list), Some(300..801));
+        (list[2].metrics.d_m, list[2].is_gait) = (0.4, true);
+        // The robot leaves the cameras' sight at the end.
+        let mut longer = list.clone();
+        longer.extend(cycles(&[f64::NAN; 4]));
+        assert_eq!(steady(&longer, 2), expected);
         let reasons = list.iter().enumerate().map(|(nth, cycle)| found.reason(nth, cycle));
         let transient = "one of the first 2, taken for transient";
         let (unseen, off) =

@@ -127,32 +127,69 @@ impl CommandedGait<'_> {
     }
 }
 
-/// The frames from the first to the last in which a commanded joint leaves the angle at which
-/// the recording starts or ends.
+/// The frames in which the robot is driven: from the first to the last in which a commanded joint leaves
+/// the angle at which the recording starts or ends, without what is no gait at either end.
 fn moving(joints: &[Joint], step: f64) -> Range<usize> {
     let frames = joints.first().map_or(0, |(_, _, phi)| phi.len());
     let rest = |backwards: bool| {
         let still = joints.iter().map(|(_, _, phi)| {
-            let noise_rad = noise(phi);
+            let tolerance = rest_tolerance(phi);
             let mut phi = phi.to_vec();
             if backwards {
                 phi.reverse();
             }
-            frames_at_rest(&phi, noise_rad)
+            frames_at_rest(&phi, tolerance)
         });
         still.min().filter(|still| *still as f64 * step > REST_PHASE_RAD).unwrap_or(0)
     };
     let start = rest(false);
-    start..frames.saturating_sub(rest(true)).max(start)
+    without_handling(joints, start..frames.saturating_sub(rest(true)).max(start), step)
+}
+
+/// Leaves out what is too short for a gait at either end and apart from it by a rest: hands that put the
+/// robot down or take it away turn its joints, too.
+fn without_handling(joints: &[Joint], moving: Range<usize>, step: f64) -> Range<usize> {
+    /// Of a period; no gait is still for two parts in a row.
+    const PARTS: f64 = 8.0;
+    let frames = ((TAU / (PARTS * step)) as usize).max(1);
+    let tolerances: Vec<f64> = joints.iter().map(|(_, _, phi)| 1.5 * rest_tolerance(phi)).collect();
+    let is_still = |start: usize| {
+        joints.iter().zip(&tolerances).all(|((_, _, phi), tolerance)| {
+            let [low, high] = extremes(seen(&phi[start..moving.end.min(start + frames)]));
+            // Of what was not seen nothing is known.
+            (0.0..=*tolerance).contains(&(high - low))
+        })
+    };
+    let starts: Vec<usize> = moving.clone().step_by(frames).collect();
+    let still: Vec<bool> = starts.iter().map(|start| is_still(*start)).collect();
+    let is_rest = |part: usize| {
+        let of = |other: Option<usize>| other.and_then(|other| still.get(other)) == Some(&true);
+        still[part] && (of(part.checked_sub(1)) || of(Some(part + 1)))
+    };
+    let parts: Vec<usize> = (0..starts.len()).collect();
+    let motions = parts.chunk_by(|a, b| is_rest(*a) == is_rest(*b)).filter(|run| !is_rest(run[0]));
+    let gaits: Vec<&[usize]> =
+        motions.filter(|run| run.len() as f64 >= PARTS * LEAST_PERIODS).collect();
+    match (gaits.first(), gaits.last()) {
+        (Some(first), Some(last)) => {
+            let end = starts.get(last[last.len() - 1] + 1).copied().unwrap_or(moving.end);
+            starts[first[0]]..end
+        }
+        _ => moving,
+    }
+}
+
+/// How far an angle that rests is from where it is, at most.
+fn rest_tolerance(phi_rad: &[f64]) -> f64 {
+    let [low, high] = extremes(seen(phi_rad));
+    (6.0 * noise(phi_rad)).max(0.005 * (high - low))
 }
 
 /// Frames before an angle leaves, for good, where it starts.
-fn frames_at_rest(phi_rad: &[f64], noise_rad: f64) -> usize {
+fn frames_at_rest(phi_rad: &[f64], tolerance: f64) -> usize {
     const FIRST: usize = 5;
     const IN_A_ROW: usize = 3;
-    let [low, high] = extremes(seen(phi_rad));
     let reference = mean(seen(phi_rad).take(FIRST));
-    let tolerance = (6.0 * noise_rad).max(0.005 * (high - low));
     let mut away = 0;
     for (i, phi) in phi_rad.iter().enumerate().filter(|(_, phi)| !phi.is_nan()) {
         away = if (phi - reference).abs() > tolerance { away + 1 } else { 0 };
@@ -291,6 +328,27 @@ mod tests {
         assert!((driven.moving.start as f64 / 120.0 - begin).abs() < 0.1);
         assert!((driven.moving.end as f64 / 120.0 - end).abs() < 0.1);
         assert!((driven.omega_rad_s - 3.9).abs() < 2e-3);
+    }
+
+    #[test]
+    fn joints_that_hands_turn_before_and_after_a_rest_are_no_gait() {
+        // The robot is put down, waits, moves, waits as long as it moved, and is taken away.
+        let motion = |t: f64| {
+            let turned = |from: f64, to: f64| {
+                let part = ((t - from) / (to - from)).clamp(0.0, 1.0);
+                0.4 * part * part * (3.0 - 2.0 * part)
+            };
+            let [phi1, phi2] = gait_at(3.9 * (t.clamp(8.0, 25.0) - 8.0));
+            [phi1 + turned(45.0, 46.0), phi2 + turned(0.0, 1.5) - turned(45.5, 46.5)]
+        };
+        let driven = measure(motion, 48.0, 3.9).unwrap();
+        assert!((driven.moving.start as f64 / 120.0 - 8.0).abs() < 0.9, "{:?}", driven.moving);
+        assert!((driven.moving.end as f64 / 120.0 - 25.0).abs() < 0.9, "{:?}", driven.moving);
+        assert!((driven.omega_rad_s - 3.9).abs() < 5e-3, "{}", driven.omega_rad_s);
+        // A pause of the gait is none of that.
+        let clock = |t: f64| if (12.0..15.0).contains(&t) { 12.0 } else { t };
+        let paused = measure(|t| gait_at(3.9 * clock(t)), 27.0, 3.9).unwrap();
+        assert_eq!(paused.moving, 0..27 * 120);
     }
 
     #[test]

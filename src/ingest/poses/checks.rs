@@ -1,6 +1,7 @@
 //! What is found from the markers alone, whatever was recorded.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use super::continuity::Jump;
 use super::tilt::{MOST_DEG, Tilt, Turn};
@@ -17,17 +18,29 @@ use crate::vicon::MarkerFile;
 
 /// Adds coverage and residual to a row.
 pub fn describe_tracking(row: &mut TrialRow, tracked: &Tracked) {
-    row.coverage = tracked.coverage;
-    row.residual_mm = mean(tracked.residual_mm.iter().flat_map(|residuals| seen(residuals)));
+    let all = 0..tracked.frames();
+    row.coverage = tracked.coverage(&all);
+    row.residual_mm = residual_mm(tracked, &all);
 }
 
-/// Checks that every trial has to pass.
+fn residual_mm(tracked: &Tracked, frames: &Range<usize>) -> f64 {
+    mean(tracked.residual_mm.iter().flat_map(|residuals| seen(&residuals[frames.clone()])))
+}
+
+/// How many of some rising frames are in a range.
+fn count_within(rising: &[usize], frames: &Range<usize>) -> usize {
+    let before = |end: usize| rising.partition_point(|&frame| frame < end);
+    before(frames.end) - before(frames.start)
+}
+
+/// Checks that every trial has to pass, in the frames that count: what happens outside of them, as
+/// while the robot is put down and taken away, is nobody's mistake.
 pub fn tracking_checks(
-    row: &TrialRow,
     tracked: &Tracked,
     file: &MarkerFile,
     layout: &Layout,
     settings: &IngestSettings,
+    frames: &Range<usize>,
 ) -> Vec<Finding> {
     let assumed_hz = settings.vicon.rate_hz;
     let rate = match file.rate_hz {
@@ -37,18 +50,23 @@ pub fn tracking_checks(
         }
     };
     let rate_hz = file.rate_hz.unwrap_or(f64::NAN);
-    let inserted = tracked.inserted_frames as f64;
+    let missing = |frames: &Range<usize>| {
+        (frames.len() - count_within(&tracked.recorded_frames, frames)) as f64
+    };
+    let (inserted, inserted_anywhere) = (missing(frames), missing(&(0..tracked.frames())));
     let unnumbered = file.rows_without_frame as f64;
     let left_out = format!("{inserted} frames are left out of the file");
-    let covered = format!("{:.1} % of all markers' frames were seen", 100.0 * row.coverage);
-    let off = format!("markers are {:.2} mm off the layout on average", row.residual_mm);
+    let (coverage, residual_mm) = (tracked.coverage(frames), residual_mm(tracked, frames));
+    let covered = format!("{:.1} % of all markers' frames were seen", 100.0 * coverage);
+    let off = format!("markers are {residual_mm:.2} mm off the layout on average");
     let numbered = format!("{unnumbered} rows without a frame number are left out");
     let most_mm = settings.ingest.max_residual_mm;
     let mut findings = vec![
         Finding::new(Check::Rate, file.rate_hz.is_some(), rate_hz, assumed_hz, rate),
-        Finding::at_most(Check::FrameContinuity, inserted, 0.0, left_out),
-        Finding::at_least(Check::Coverage, row.coverage, LEAST_COVERAGE, covered),
-        Finding::at_most(Check::Residual, row.residual_mm, most_mm, off),
+        Finding::at_most(Check::FrameContinuity, inserted, 0.0, left_out)
+            .notable(inserted_anywhere > 0.0),
+        Finding::at_least(Check::Coverage, coverage, LEAST_COVERAGE, covered),
+        Finding::at_most(Check::Residual, residual_mm, most_mm, off),
         Finding::at_most(Check::RowsWithoutFrame, unnumbered, 0.0, numbered),
     ];
     if file.rows_too_long > 0 {
@@ -60,10 +78,10 @@ pub fn tracking_checks(
         findings.push(Finding::at_most(Check::LongRows, rows, 0.0, long));
     }
     findings.extend(header_check(file));
-    findings.extend(label_checks(tracked, file, layout));
+    findings.extend(label_checks(tracked, file, layout, frames));
     findings.push(tilt_check(&tracked.tilt));
-    findings.push(repeats_check(tracked, file));
-    findings.push(jumps_check(tracked, file.rate_hz.unwrap_or(assumed_hz)));
+    findings.push(repeats_check(tracked, frames));
+    findings.push(jumps_check(tracked, file.rate_hz.unwrap_or(assumed_hz), frames));
     findings
 }
 
@@ -76,9 +94,9 @@ pub fn header_check(file: &MarkerFile) -> Option<Finding> {
 }
 
 /// Frames that were held or doubled.
-fn repeats_check(tracked: &Tracked, file: &MarkerFile) -> Finding {
-    let repeated = tracked.repeated_rows;
-    let part = repeated as f64 / file.frames.len() as f64;
+fn repeats_check(tracked: &Tracked, frames: &Range<usize>) -> Finding {
+    let repeated = count_within(&tracked.repeated_frames, frames);
+    let part = repeated as f64 / count_within(&tracked.recorded_frames, frames) as f64;
     let message = match repeated {
         0 => "no row repeats the one before".to_owned(),
         _ => format!(
@@ -90,14 +108,26 @@ fn repeats_check(tracked: &Tracked, file: &MarkerFile) -> Finding {
     Finding::at_most(Check::RepeatedRows, part, MOST_REPEATED, message).notable(repeated > 0)
 }
 
-/// How often the robot jumps, and what the farthest jump may be. Where one may be of frames that are
-/// missing, nobody knows the time of what follows, and the trial fails.
-fn jumps_check(tracked: &Tracked, rate_hz: f64) -> Finding {
-    let jumps = &tracked.jumps;
+/// How often the robot jumps in the frames that count, and what the farthest jump may be. Where one may be
+/// of frames that are missing, nobody knows the time of what follows, and the trial fails.
+fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Finding {
+    let is_within = |jump: &&Jump| (frames.start + 1..frames.end).contains(&jump.after);
+    let jumps: Vec<&Jump> = tracked.jumps.iter().filter(is_within).collect();
     let of_frames = jumps.iter().find(|jump| jump.missing_frames.is_some());
-    let Some(&worst) = of_frames.or(jumps.first()) else {
-        let message = "the robot goes on smoothly from frame to frame".to_owned();
-        return Finding::at_most(Check::Jump, 0.0, 0.0, message);
+    let Some(&&worst) = of_frames.or(jumps.first()) else {
+        let message = match tracked.jumps.first() {
+            None => "the robot goes on smoothly from frame to frame".to_owned(),
+            Some(&Jump { after, displacement_m, turn_rad, .. }) => format!(
+                "the robot jumps by {:.1} mm and {:.1} degrees in one frame, {} ({:.1} s), before or after the \
+                 cycles in use",
+                1000.0 * displacement_m,
+                turn_rad.to_degrees(),
+                tracked.first_frame + after as i64,
+                after as f64 / rate_hz
+            ),
+        };
+        let found = Finding::at_most(Check::Jump, 0.0, 0.0, message);
+        return found.notable(!tracked.jumps.is_empty());
     };
     let Jump { after, displacement_m, turn_rad, missing_frames, .. } = worst;
     let times = match jumps.len() {
@@ -155,7 +185,12 @@ fn tilt_check(tilt: &Tilt) -> Finding {
 }
 
 /// How many frames had a wrong marker, and which markers they were.
-fn label_checks(tracked: &Tracked, file: &MarkerFile, layout: &Layout) -> [Finding; 3] {
+fn label_checks(
+    tracked: &Tracked,
+    file: &MarkerFile,
+    layout: &Layout,
+    frames: &Range<usize>,
+) -> [Finding; 3] {
     let label =
         |link: usize, marker: u16| file.labels[layout[link][marker as usize].column].as_str();
     let named = |link: usize, outlier: Outlier| match outlier {
@@ -176,18 +211,18 @@ fn label_checks(tracked: &Tracked, file: &MarkerFile, layout: &Layout) -> [Findi
         (Check::AmbiguousMarkers, MOST_AMBIGUOUS, ambiguous),
     ]
     .map(|(check, limit, what)| {
-        let all = tracked.fill[0].len();
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         let mut count = |(_, name)| *counts.entry(name).or_default() += 1;
         let is_concerned = |frame: &usize| {
             let found = (0..3).filter_map(|link| named(link, tracked.outlier[link][*frame]));
             found.filter(|(of, _)| *of == check).map(&mut count).count() > 0
         };
-        let frames = (0..all).filter(is_concerned).count();
+        let concerned = frames.clone().filter(is_concerned).count();
         let each: Vec<String> =
             counts.iter().map(|(name, count)| format!("{name} in {count}")).collect();
         let list = if each.is_empty() { String::new() } else { format!(": {}", each.join(", ")) };
-        let message = format!("{frames} frames {what}{list}");
-        Finding::at_most(check, frames as f64 / all as f64, limit, message).notable(frames > 0)
+        let message = format!("{concerned} frames {what}{list}");
+        let part = concerned as f64 / frames.len() as f64;
+        Finding::at_most(check, part, limit, message).notable(concerned > 0)
     })
 }

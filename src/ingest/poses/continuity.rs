@@ -156,9 +156,9 @@ fn missing_frames<'c>(coordinates: impl Iterator<Item = &'c [f64; 2]> + Clone) -
     (is_motion && frames.abs() > 0.5).then_some(frames)
 }
 
-/// How many rows have every marker exactly where the row before has it, although the robot moves before
+/// The rows that have every marker exactly where the row before has it, although the robot moves before
 /// or after.
-pub fn repeated_rows(file: &MarkerFile) -> usize {
+pub fn repeated_rows(file: &MarkerFile) -> Vec<usize> {
     let rows = file.frames.len();
     let bits = |row: usize| file.row_mm(row).iter().flatten().map(|mm| mm.to_bits());
     let is_same = |a: usize, b: usize| file.frames[b] == file.frames[a] + 1 && bits(a).eq(bits(b));
@@ -167,7 +167,7 @@ pub fn repeated_rows(file: &MarkerFile) -> usize {
         let moved = positions.map(|(a, b)| (b[0] - a[0]).hypot(b[1] - a[1]).hypot(b[2] - a[2]));
         moved.fold(0.0, f64::max)
     };
-    let (mut repeated, mut first) = (0, 0);
+    let (mut repeated, mut first) = (Vec::new(), 0);
     for next in 1..=rows {
         let last = next - 1;
         if next < rows && is_same(last, next) {
@@ -177,7 +177,7 @@ pub fn repeated_rows(file: &MarkerFile) -> usize {
             let before = if first > 0 { moved_mm(first - 1, first) } else { 0.0 };
             let after = if next < rows { moved_mm(last, next) } else { 0.0 };
             if before.max(after) > LEAST_MOVED_MM {
-                repeated += last - first;
+                repeated.extend(first + 1..=last);
             }
         }
         first = next;
@@ -306,18 +306,18 @@ mod tests {
 
     #[test]
     fn rows_that_repeat_are_counted_where_the_robot_moves() {
-        assert_eq!(repeated_rows(&markers(&[0.0, 1.0, 1.0, 1.0])), 0);
-        assert_eq!(repeated_rows(&markers(&[0.0, 0.0, 1.0, 0.0, 1.0, 0.0])), 3);
+        assert!(repeated_rows(&markers(&[0.0, 1.0, 1.0, 1.0])).is_empty());
+        assert_eq!(repeated_rows(&markers(&[0.0, 0.0, 1.0, 0.0, 1.0, 0.0])), [1, 3, 5]);
         // Until the end of the file.
-        assert_eq!(repeated_rows(&markers(&[0.0, 1.0, 0.0, 0.0])), 2);
+        assert_eq!(repeated_rows(&markers(&[0.0, 1.0, 0.0, 0.0])), [2, 3]);
         // At rest.
-        assert_eq!(repeated_rows(&markers(&[0.0, 0.0, 0.05, 0.0])), 0);
+        assert!(repeated_rows(&markers(&[0.0, 0.0, 0.05, 0.0])).is_empty());
         // Unseen, and the same place some frames later.
         let mut unseen = markers(&[0.0, 1.0, 0.0, 1.0, 1.0]);
         unseen.positions_mm[1..3].fill([f64::NAN; 3]);
-        assert_eq!(repeated_rows(&unseen), 0);
+        assert!(repeated_rows(&unseen).is_empty());
         let mut later = markers(&[0.0, 1.0, 0.0, 1.0]);
         later.frames = vec![1, 2, 4, 5];
-        assert_eq!(repeated_rows(&later), 0);
+        assert!(repeated_rows(&later).is_empty());
     }
 }

@@ -8,6 +8,8 @@
 //! over the markers ([`MarkerMoments`]), which is not taken again. Instead of the joint angles the links'
 //! headings are the unknowns, which gives the same minimum.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, Matrix4, UnitComplex, Vector2, Vector3, Vector4, Vector5};
 
 use crate::ingest::markers::labels::LinkFit;
@@ -106,16 +108,16 @@ impl Linkage {
     /// millimetre wrong would bend the poses by half a degree. What the trial does not determine,
     /// such as both positions of a joint that does not turn, stays near where it was. Then the same
     /// without each of [`PARTS`] parts of the trial, whose differences tell how well the joints
-    /// are known.
-    pub fn refined(&self, fits: &[Vec<LinkFit>; 3]) -> (Self, [Self; PARTS]) {
-        let rows = fits[0].len();
+    /// are known. It is looked at in some rows.
+    pub fn refined(&self, fits: &[Vec<LinkFit>; 3], from: Range<usize>) -> (Self, [Self; PARTS]) {
+        let rows = from.len();
         let stride = (rows / ROWS).max(1);
         let alike = (ALIKE_FRAMES / stride as f64).max(1.0);
         let parts = [0, 1].map(|side| {
             let [middle, outer] = [&fits[0], &fits[1 + side]];
             let pose = |row: usize| Some((middle[row].pose()?, outer[row].pose()?));
             std::array::from_fn::<_, PARTS, _>(|i| {
-                let [begin, end] = [i, i + 1].map(|part| part * rows / PARTS);
+                let [begin, end] = [i, i + 1].map(|part| from.start + part * rows / PARTS);
                 let firsts = (begin..end).step_by(stride * NEIGHBOURS);
                 let run = |first: usize| (first..end.min(first + NEIGHBOURS)).filter_map(pose);
                 self.joints[side].equations(firsts.map(run))
@@ -399,10 +401,10 @@ mod tests {
         robot.l_m -= 0.001;
         let wrong = Linkage::of(&robot);
         assert!((wrong.distance_mm(&right) - 2.0).abs() < 1e-9);
-        assert!(wrong.refined(&fits).0.distance_mm(&right) < 0.3);
+        assert!(wrong.refined(&fits, 0..2000).0.distance_mm(&right) < 0.3);
         // From a joint that does not turn only their sum is known.
         let still = fits.map(|fits| vec![fits[0]; 200]);
-        let (refined, _) = wrong.refined(&still);
+        let (refined, _) = wrong.refined(&still, 0..200);
         let [middle, front] = [0, 1].map(|link| still[link][0].pose().unwrap());
         let positions = refined.joints[0];
         let (a, b) = (middle.at(positions.in_middle), front.at(positions.in_outer));
@@ -426,7 +428,7 @@ mod tests {
                 fits.extend(pose.map(|pose| LinkFit::new(0b111, Some(pose), Outlier::None)));
             }
         }
-        let distance_mm = right.refined(&fits).0.distance_mm(&right);
+        let distance_mm = right.refined(&fits, 0..6000).0.distance_mm(&right);
         assert!(distance_mm < 0.4, "{distance_mm}");
     }
 

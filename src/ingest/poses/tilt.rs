@@ -14,6 +14,7 @@
 //! are tilted alike (a straight run), it is the floor.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use nalgebra::{Matrix2, Rotation3, RowVector2, SVector, Vector2, Vector3};
 
@@ -88,17 +89,23 @@ pub struct Tilt {
 }
 
 impl Tilt {
-    /// Of a trial, from the frames in which nothing is wrong with a link's markers.
-    pub fn of(file: &MarkerFile, layout: &Layout, fits: &[Vec<LinkFit>; 3]) -> Self {
-        let rows = file.frames.len();
+    /// Of a trial, from those of some rows in which nothing is wrong with a link's markers.
+    pub fn of(
+        file: &MarkerFile,
+        layout: &Layout,
+        fits: &[Vec<LinkFit>; 3],
+        from: Range<usize>,
+    ) -> Self {
+        let rows = from.len();
         let stride = (rows / ROWS).max(1);
-        let begin = (0..rows)
+        let begin = from
+            .clone()
             .flat_map(|row| file.row_mm(row))
             .find(|[x, _, _]| !x.is_nan())
             .map_or([0.0; 2], |[x, y, _]| [*x, *y]);
         let mut parts = [Equations::new(); BLOCKS];
         for (i, part) in parts.iter_mut().enumerate() {
-            let rows = i * rows / BLOCKS..(i + 1) * rows / BLOCKS;
+            let rows = from.start + i * rows / BLOCKS..from.start + (i + 1) * rows / BLOCKS;
             for (link, markers) in layout.iter().enumerate() {
                 for marker in markers {
                     // X and Y count from where the robot starts.

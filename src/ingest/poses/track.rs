@@ -1,6 +1,6 @@
 //! Every link's pose in every frame, and from them the robot's coordinates (eq. 1).
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use super::continuity::{Jump, jumps, repeated_rows};
 use super::multibody::{Linkage, PARTS};
@@ -92,7 +92,7 @@ pub struct LinkPoses {
     first_frame: i64,
     /// With those that the file leaves out.
     frames: usize,
-    repeated_rows: usize,
+    repeated_frames: Vec<usize>,
     fits: [Vec<LinkFit>; 3],
     own_poses: Vec<[LinkPose; 3]>,
     tilt: Tilt,
@@ -107,11 +107,10 @@ pub struct Tracked {
     /// What the links' own markers give in some rows that show all links, spread over the trial:
     /// their joints are not closed.
     pub own_poses: Vec<[LinkPose; 3]>,
-    /// Frames that the file leaves out.
-    pub inserted_frames: usize,
-    /// Rows of the file in which every marker is exactly where it was in the row before, although the
-    /// robot moves.
-    pub repeated_rows: usize,
+    /// Frames that the file has, rising.
+    pub recorded_frames: Vec<usize>,
+    /// Those in which every marker is exactly where it was in the row before, although the robot moves.
+    pub repeated_frames: Vec<usize>,
     /// Where the robot jumps from one frame to the next, the farthest jump first.
     pub jumps: Vec<Jump>,
     /// As seen, and with short gaps filled and the frames to the first one after a jump left out, so that
@@ -132,31 +131,60 @@ pub struct Tracked {
     pub joints: Option<Linkage>,
     /// In some frames, spread over the trial; none without closed joints.
     pub joint_shifts: Vec<JointShift>,
-    /// Part of all markers' frames that the cameras saw.
-    pub coverage: f64,
+    /// Markers of the layout.
+    markers: usize,
 }
 
-/// Fits the links in every row, each by itself or all with their joints closed by `linkage`.
+impl Tracked {
+    /// Number of frames, with those that the file leaves out.
+    pub fn frames(&self) -> usize {
+        self.seen.len()
+    }
+
+    /// The frames around some of them between which and these no frame numbers may be missing.
+    pub fn on_one_clock(&self, frames: &Range<usize>) -> Range<usize> {
+        let jumps = self.jumps.iter().filter(|jump| jump.missing_frames.is_some());
+        let earlier = jumps.clone().map(|jump| jump.after).filter(|after| *after <= frames.start);
+        let later = jumps.map(|jump| jump.after).filter(|after| *after >= frames.end);
+        earlier.max().unwrap_or(0)..later.min().unwrap_or(self.frames())
+    }
+
+    /// Part of all markers' frames that the cameras saw.
+    pub fn coverage(&self, frames: &Range<usize>) -> f64 {
+        let unseen = |of_link: &Vec<u64>| -> usize {
+            of_link[frames.clone()].iter().map(|markers| markers.count_ones() as usize).sum()
+        };
+        let (all, unseen) =
+            (self.markers * frames.len(), self.unseen.iter().map(unseen).sum::<usize>());
+        (all - unseen) as f64 / all as f64
+    }
+}
+
+/// Fits the links in every row, each by itself or all with their joints closed by `linkage`. What is
+/// constant over the trial, tilt and the joints' positions, is estimated from the `steady` rows.
 pub fn solve(
     file: &MarkerFile,
     layout: &Layout,
     linkage: Option<Linkage>,
     poses: Poses,
     rate_hz: f64,
+    steady: Range<usize>,
 ) -> Result<LinkPoses, Problem> {
     let (first_frame, frames) = frame_grid(&file.frames)?;
-    let (mut fits, tilt) = upright_fits(file, layout, rate_hz);
-    let refined = linkage.map(|linkage| linkage.refined(&fits));
+    let (mut fits, tilt) = upright_fits(file, layout, rate_hz, steady.clone());
+    let refined = linkage.map(|linkage| linkage.refined(&fits, steady.clone()));
     let rows = file.frames.len();
     let all = |row: usize| match own_poses(&fits, row) {
         [Some(middle), Some(front), Some(rear)] => Some([middle, front, rear]),
         _ => None,
     };
-    let sample = (0..rows).step_by((rows / OWN_POSES).max(1)).filter_map(all).collect();
+    let stride = (steady.len() / OWN_POSES).max(1);
+    let sample = steady.step_by(stride).filter_map(all).collect();
+    let frame_of = |row: usize| (file.frames[row] - first_frame) as usize;
     let mut joint_shifts = Vec::new();
     if let (Poses::Chain, Some((joints, without))) = (poses, refined) {
         let stride = (rows / SHIFTS).max(1);
-        for (row, &frame) in file.frames.iter().enumerate() {
+        for row in 0..rows {
             let own = own_poses(&fits, row);
             if row % stride == 0
                 && let [Some(middle), Some(_), Some(_)] = own
@@ -167,7 +195,7 @@ pub fn solve(
                     let [along_mm, across_mm] = rotated(-middle.theta_rad, [shift[0], shift[1]]);
                     [along_mm / 1000.0, across_mm / 1000.0, shift[2], shift[3], shift[4]]
                 });
-                joint_shifts.push(JointShift { frame: (frame - first_frame) as usize, without });
+                joint_shifts.push(JointShift { frame: frame_of(row), without });
             }
             for (fits, pose) in fits.iter_mut().zip(joints.close(own)) {
                 let fit = &mut fits[row];
@@ -178,7 +206,7 @@ pub fn solve(
     Ok(LinkPoses {
         first_frame,
         frames,
-        repeated_rows: repeated_rows(file),
+        repeated_frames: repeated_rows(file).into_iter().map(frame_of).collect(),
         fits,
         own_poses: sample,
         tilt,
@@ -208,12 +236,10 @@ impl LinkPoses {
         let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
         let all = layout.each_ref().map(|of| (0..of.len() as u16).map(bit).sum::<u64>());
         let mut unseen = all.map(|markers| vec![markers; frames]);
-        let mut markers_seen = 0;
         // Of a long recording each link's are some hundred megabytes.
         for (link, fits) in fits.into_iter().enumerate() {
             for (fit, frame) in fits.iter().zip(numbers) {
                 let i = (frame - first_frame) as usize;
-                markers_seen += u64::from(fit.seen.count_ones());
                 unseen[link][i] = all[link] & !fit.seen;
                 outlier[link][i] = fit.outlier();
                 let Some(pose) = fit.pose() else { continue };
@@ -246,12 +272,11 @@ impl LinkPoses {
             filled.leave_out(before + 1..=after);
             fill.iter_mut().for_each(|fill| fill[before + 1..=after].fill(Fill::Missing));
         }
-        let markers: usize = layout.iter().map(Vec::len).sum();
         Ok(Tracked {
             first_frame,
             own_poses: self.own_poses,
-            inserted_frames: frames - numbers.len(),
-            repeated_rows: self.repeated_rows,
+            recorded_frames: numbers.iter().map(|number| (number - first_frame) as usize).collect(),
+            repeated_frames: self.repeated_frames,
             jumps,
             seen,
             filled,
@@ -262,16 +287,21 @@ impl LinkPoses {
             tilt: self.tilt,
             joints: self.joints,
             joint_shifts: self.joint_shifts,
-            coverage: markers_seen as f64 / (markers * frames) as f64,
+            markers: layout.iter().map(Vec::len).sum(),
         })
     }
 }
 
 /// Poses of links 0, 1, 2 in every row of the file, as on a level floor with upright links, and
-/// the tilt that was found.
-fn upright_fits(file: &MarkerFile, layout: &Layout, rate_hz: f64) -> ([Vec<LinkFit>; 3], Tilt) {
+/// the tilt that was found in the `steady` ones.
+fn upright_fits(
+    file: &MarkerFile,
+    layout: &Layout,
+    rate_hz: f64,
+    steady: Range<usize>,
+) -> ([Vec<LinkFit>; 3], Tilt) {
     let mut fits = fit_links(file, layout);
-    let tilt = Tilt::of(file, layout, &fits);
+    let tilt = Tilt::of(file, layout, &fits, steady);
     let (file, layout) = tilt.corrected(file, layout);
     if tilt.is_corrected() {
         fits = fit_links(&file, &layout);

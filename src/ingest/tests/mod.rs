@@ -5,6 +5,9 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use proptest::prelude::*;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
 use crate::config::Poses;
@@ -336,7 +339,7 @@ fn a_cycle_in_which_a_camera_is_knocked_does_not_count() {
         let [whole, knocked] = [whole, knocked].map(|cycle| cycle.metrics.d_m);
         assert!(i == 4 || (knocked / whole - 1.0).abs() < 1e-4, "{i}: {knocked} {whole}");
     }
-    assert_eq!(knocked.row.status, TrialStatus::Flagged);
+    assert_eq!(knocked.row.status, TrialStatus::Flagged, "{:?}", check_of(&knocked, "W025"));
     assert!(knocked.row.message.starts_with("the robot jumps by "), "{}", knocked.row.message);
 }
 
@@ -658,6 +661,93 @@ fn bad_trials_fail_by_themselves() {
         "W018", "W005", "W006", "W007", "W009", "W010", "W019", "W023",
     ];
     assert_eq!(good, codes);
+}
+
+/// The rows of an export without gaps, and before and after them the robot that stands for a second and
+/// then is snatched: lifted, tilted and taken a metre away within half a second, or the reverse.
+fn put_down_and_taken_away(text: &str) -> String {
+    const STANDS: usize = 120;
+    const MOVES: usize = 60;
+    /// Frames whose way it makes in the first.
+    const SNATCHED: usize = 6;
+    with_rows(text, |rows| {
+        let mut noise = ChaCha8Rng::seed_from_u64(3);
+        let mut moved = |row: &[String], frames_away: usize| -> Vec<String> {
+            let numbers: Vec<f64> = row[2..].iter().filter_map(|cell| cell.parse().ok()).collect();
+            let part = frames_away as f64 / MOVES as f64;
+            let (sin, cos) = (0.5 * part).sin_cos();
+            let (y0, z0) = (numbers[1], numbers[2]);
+            let at = |place: &[f64]| {
+                let (y, z) = (place[1] - y0, place[2] - z0);
+                [
+                    place[0] + 1000.0 * part,
+                    y0 + cos * y - sin * z,
+                    z0 + sin * y + cos * z + 300.0 * part,
+                ]
+            };
+            let places = numbers.chunks(3).flat_map(at);
+            let mut cell = |mm: f64| {
+                let normal: f64 = StandardNormal.sample(&mut noise);
+                format!("{:.3}", mm + 0.2 * normal)
+            };
+            row[..2].iter().cloned().chain(places.map(&mut cell)).collect()
+        };
+        let (first, last) = (rows[0].clone(), rows[rows.len() - 1].clone());
+        let begin = (SNATCHED..MOVES).rev().chain([0; STANDS]).map(|away| moved(&first, away));
+        let mut all: Vec<Vec<String>> = begin.collect();
+        all.append(rows);
+        all.extend([0; STANDS].into_iter().chain(SNATCHED..MOVES).map(|away| moved(&last, away)));
+        all.iter_mut().zip(1..).for_each(|(row, number)| row[0] = number.to_string());
+        *rows = all;
+    })
+}
+
+#[test]
+fn a_recording_in_which_the_robot_is_put_down_and_taken_away_need_not_be_trimmed() {
+    for omega_rad_s in [2.0, 3.9] {
+        let (mut recording, trial) = symmetric(omega_rad_s);
+        recording.loss = 0.0;
+        let text = recording.export();
+        let trimmed = process_text(&text, &trial).unwrap();
+        let untrimmed = process_text(&put_down_and_taken_away(&text), &trial).unwrap();
+        assert_eq!(untrimmed.row.status, TrialStatus::Ok, "{}", untrimmed.row.message);
+        let jump = check_of(&untrimmed, "W025");
+        assert_eq!((jump.severity, jump.value), (Severity::Info, 0.0));
+        assert!(jump.message.contains("before or after the cycles in use"), "{}", jump.message);
+        // By chance a cycle more or less is taken for transient.
+        let cycles = [&trimmed, &untrimmed].map(|trial| trial.row.cycles);
+        assert!(cycles.iter().all(|count| *count >= 5), "{cycles:?}");
+        let rate = |trial: &ProcessedTrial| trial.row.omega_rad_s;
+        assert!((rate(&untrimmed) / rate(&trimmed) - 1.0).abs() < 1e-4);
+        let [there, here] = [&untrimmed, &trimmed].map(|trial| trial.row.metrics);
+        assert!((there.d_m / here.d_m - 1.0).abs() < 1e-3, "{there:?} {here:?}");
+        for (there, here) in there.sigma.into_iter().zip(here.sigma) {
+            assert!((there / here - 1.0).abs() < 0.02, "{there} {here}");
+        }
+    }
+}
+
+#[test]
+fn rows_that_were_deleted_outside_of_the_cycles_in_use_cost_nothing() {
+    let (mut recording, trial) = symmetric(3.9);
+    recording.loss = 0.0;
+    let text = recording.export();
+    let whole = process_text(&text, &trial).unwrap();
+    let rows = text.lines().count() - 5;
+    // In the first cycle, and after the last.
+    for deleted in [50..65, rows - 40..rows - 25] {
+        let cut = with_rows(&text, |rows| {
+            rows.drain(deleted.clone());
+            rows.iter_mut().zip(1..).for_each(|(row, number)| row[0] = number.to_string());
+        });
+        let cut = process_text(&cut, &trial).unwrap();
+        assert_eq!(cut.row.status, TrialStatus::Ok, "{}", cut.row.message);
+        assert_eq!(check_of(&cut, "W025").severity, Severity::Info);
+        // By less than what deleting frames anywhere does to the frequency.
+        let off = (cut.row.omega_rad_s - whole.row.omega_rad_s).abs();
+        assert!(off < 4.0 * whole.row.omega_rad_s_se, "{off} {}", whole.row.omega_rad_s_se);
+        assert!((cut.row.metrics.d_m / whole.row.metrics.d_m - 1.0).abs() < 1e-3);
+    }
 }
 
 /// What the trials of a recipe come to, with what was planted.
