@@ -107,6 +107,21 @@ fn the_true_model_fits_and_a_wrong_one_does_not() {
 }
 
 #[test]
+fn of_filtered_coordinates_it_is_not_known_whether_a_model_fits() {
+    let config = config(CAMPAIGN, &[Model::SKID, Model::SKID_ROLL]);
+    let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
+    trials[3].noise_white = Some(false);
+    let Fitted { fits, comparison, .. } = fitted(&config, trials);
+    for fit in &fits {
+        assert!(fit.adequate.is_none() && fit.lack_of_fit.is_nan(), "{fit:?}");
+        assert!(fit.misfit.starts_with("the model is off by "), "{}", fit.misfit);
+    }
+    let sentence = &comparison[0].sentence;
+    let why = "whether it fits is not known, since 1 trial was filtered before the export (W026: export unfiltered)";
+    assert!(sentence.contains(why), "{sentence}");
+}
+
+#[test]
 fn without_repeats_cycles_or_errors_there_is_no_interval() {
     let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
     let config = config(CAMPAIGN, &[Model::SKID_ROLL]);

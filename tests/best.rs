@@ -62,6 +62,7 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
                 gait: gait.joints.map(|joint| joint.unwrap_or(gait.joints[1].unwrap())),
                 gait_errors_rad: [[0.0; 3]; 2],
                 lacks_debiased: false,
+                is_filtered: false,
             }
         })
         .collect();

@@ -315,7 +315,7 @@ fn the_tables_have_the_documented_columns() {
              dtheta_rad_se phi1_offset_rad phi1_amplitude_rad phi1_phase_rad \
              phi1_harmonics_rad phi1_offset_rad_se phi1_amplitude_rad_se phi1_phase_rad_se \
              phi2_offset_rad phi2_amplitude_rad phi2_phase_rad phi2_harmonics_rad \
-             phi2_offset_rad_se phi2_amplitude_rad_se phi2_phase_rad_se coverage residual_mm smoothing_window smoothing_left1 \
+             phi2_offset_rad_se phi2_amplitude_rad_se phi2_phase_rad_se coverage residual_mm noise_white smoothing_window smoothing_left1 \
              smoothing_left2 smoothing_left3 status message"
                 .to_owned(),
         ),

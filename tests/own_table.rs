@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use common::{files, small_run, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 use trilink::robot::Parameter;
-use trilink::store::{Columns, FitRow, PredictionRow, Table};
+use trilink::store::{Columns, ComparisonRow, FitRow, PredictionRow, Table};
 
 /// A folder with tables of ingested trials, which no test changes but by adding tables beside them.
 fn folder() -> &'static Path {
@@ -82,6 +82,35 @@ fn with_d_and_v_alone_the_fit_says_what_is_missing_and_has_no_intervals() {
     }
     let predictions: Vec<PredictionRow> = rows("two/predictions.parquet");
     assert!(predictions.iter().all(|row| !row.no_interval.is_empty()));
+}
+
+#[test]
+fn a_table_says_of_which_trials_the_noise_is_not_white() {
+    let table = |white: [&str; 6]| {
+        let rows =
+            [(1.5, 0.458), (2.5, 0.471), (3.3, 0.476), (3.9, 0.478), (4.5, 0.480), (5.2, 0.481)];
+        let row = |((omega, d), white): ((f64, f64), &str)| {
+            format!("kinematic-symmetric,{omega},{d},0.004,9,{white}\n")
+        };
+        let rows: String = rows.into_iter().zip(white).map(row).collect();
+        format!("campaign,omega_rad_s,d_m,d_m_se,cycles,noise_white\n{rows}")
+    };
+    let (status, said) = fit("white", &table(["true", "", "TRUE", "-", "true", "true"]));
+    assert_eq!(status, Some(0), "{said}");
+    let is_tested = |name: &str| {
+        let fits: Vec<FitRow> = rows(&format!("{name}/fits.parquet"));
+        fits.iter().any(|fit| fit.adequate.is_some())
+    };
+    assert!(is_tested("white"), "{said}");
+    let (status, said) = fit("filtered", &table(["true", "", "false", "-", "true", "true"]));
+    assert_eq!(status, Some(0), "{said}");
+    let compared: Vec<ComparisonRow> = rows("filtered/comparison.parquet");
+    let sentence = &compared[0].sentence;
+    assert!(sentence.contains("export unfiltered") && !is_tested("filtered"), "{sentence}");
+    let (status, said) = fit("pink", &table(["true", "", "pink", "-", "true", "true"]));
+    assert_eq!(status, Some(2), "{said}");
+    let wrong = "line 4, column `noise_white`: found `pink`, needed true or false";
+    assert!(said.contains(wrong), "{said}");
 }
 
 #[test]

@@ -14,7 +14,8 @@
 //! within, and that each of the three is as often outside of (Westfall and Young's step of the
 //! least p-value); a pattern counts where the objective is more than noise alone leaves on average.
 //! What a metric is off by without anything that tells its noise does not
-//! count. No more measurements than free coefficients test nothing: noise would leave next to
+//! count, and nothing tells it where coordinates were filtered before the export: errors are then of
+//! noise that is not white. No more measurements than free coefficients test nothing: noise would leave next to
 //! nothing of them. Errors are normally distributed with the standard deviations that their trial's
 //! cycles tell, without bias, and not exactly: a draw is judged by what its own cycles and repeats
 //! would tell.
@@ -58,7 +59,7 @@ const GROUPS: [&[usize]; 4] = [&[0], &[1], &[2, 3, 4], &[5]];
 const D: usize = 0;
 const V: usize = 1;
 
-/// The result of the test. Ratios are NaN where nothing tells the noise.
+/// The result of the test. Ratios are NaN where nothing tells the noise, as of filtered coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Adequacy {
     /// The objective over the mean of what noise alone leaves, and the limit of this ratio.
@@ -92,7 +93,8 @@ impl Adequacy {
             return Self::UNKNOWN;
         }
         let unknown = || Self { misfit: how_far_off(&terms), ..Self::UNKNOWN };
-        if terms.iter().all(|term| term.deviation == 0.0) {
+        let is_filtered = resampler.measurements.iter().any(|of| of.is_filtered);
+        if is_filtered || terms.iter().all(|term| term.deviation == 0.0) {
             return unknown();
         }
         let exactly = vec![[1.0; TERMS]; resampler.measurements.len()];

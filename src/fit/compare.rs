@@ -31,8 +31,9 @@ pub(super) fn complete(
     let both = models.iter().flat_map(|model| model.comparison.iter().zip(&model.fits));
     let ranked = ranked(both.collect());
     let preferred = ranked.first().map(|(row, _)| row.model);
+    let filtered = resampler.measurements.iter().filter(|of| of.is_filtered).count();
     let sentence = fitted_to(resampler.measurements.len(), without)
-        + &sentence(&ranked, replicates, contradicts);
+        + &sentence(&ranked, replicates, filtered, contradicts);
     let is_preferred = |model: &&Fitted| model.fits.iter().any(|fit| Some(fit.model) == preferred);
     let best = models.iter().find(is_preferred).map_or(&[][..], |best| &best.predictions);
     let noise = Noise::new(resampler);
@@ -121,10 +122,22 @@ fn fitted_to(measured: usize, without: usize) -> String {
     }
 }
 
-/// The outcome of a campaign's comparison, in a sentence.
+/// Why nothing tells the noise of so many filtered trials.
+fn filtered_why(filtered: usize) -> String {
+    let trials = match filtered {
+        1 => "1 trial was".to_owned(),
+        several => format!("{several} trials were"),
+    };
+    format!(
+        "{trials} filtered before the export (W026: export unfiltered), so that nothing tells the noise"
+    )
+}
+
+/// The outcome of a campaign's comparison, in a sentence; so many of its trials are filtered.
 fn sentence(
     ranked: &[Candidate],
     replicates: usize,
+    filtered: usize,
     contradicts: impl Fn(Model) -> Option<String>,
 ) -> String {
     let Some(&(first, fit)) = ranked.first() else {
@@ -188,9 +201,10 @@ fn sentence(
         // Said at the beginning.
         Some(false) => String::new(),
         None => {
-            let why = match first.terms <= first.free {
-                true => "there are no more measurements than free coefficients",
-                false => "nothing tells the noise",
+            let why = match (first.terms <= first.free, filtered) {
+                (true, _) => "there are no more measurements than free coefficients".to_owned(),
+                (false, 0) => "nothing tells the noise".to_owned(),
+                (false, filtered) => filtered_why(filtered),
             };
             format!("whether it fits is not known, since {why}")
         }
@@ -264,7 +278,7 @@ mod tests {
             ..FitRow::blank()
         };
         let fits: Vec<FitRow> = adequate.iter().map(fit).collect();
-        sentence(&ranked(rows.iter().zip(&fits).collect()), 200, |_| Some(CAUSE.to_owned()))
+        sentence(&ranked(rows.iter().zip(&fits).collect()), 200, 0, |_| Some(CAUSE.to_owned()))
     }
 
     #[test]
@@ -425,12 +439,28 @@ mod tests {
                         _ => {}
                     }
                     let text =
-                        sentence(&ranked(rows.iter().zip(&fits).collect()), 200, |_| None);
+                        sentence(&ranked(rows.iter().zip(&fits).collect()), 200, 0, |_| None);
                     let is_whole = !text.contains("NaN")
                         && ["; ;", ";.", ": ;", "()", "  "].iter().all(|gap| !text.contains(gap));
                     assert!(is_whole, "{part} {lacking} {adequate:?}: {text}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn of_filtered_trials_it_is_not_known_whether_a_model_fits() {
+        let rows = [row(Model::SKID, 0.4, 0.5, 0.02), row(Model::SKID_ROLL, 0.3, 0.35, 0.98)];
+        let fits = [FitRow::blank(), FitRow::blank()];
+        let ranked = ranked(rows.iter().zip(&fits).collect());
+        for (filtered, why) in [
+            (0, "since nothing tells the noise"),
+            (1, "since 1 trial was filtered before the export (W026: "),
+            (4, "since 4 trials were filtered before the export (W026: "),
+        ] {
+            let text = sentence(&ranked, 200, filtered, |_| None);
+            assert!(text.contains(why) && !text.contains("it fits ("), "{text}");
+            assert_eq!(text.contains("export unfiltered"), filtered > 0, "{text}");
         }
     }
 

@@ -30,6 +30,8 @@ pub struct Measurement {
     pub gait_errors_rad: [[f64; 3]; 2],
     /// Whether raw skid ratios stand for debiased ones that are not known.
     pub lacks_debiased: bool,
+    /// Whether a filter before the export has left its errors untold.
+    pub is_filtered: bool,
 }
 
 /// Frequencies that differ by less than this part are the same.
@@ -65,6 +67,7 @@ impl Measurement {
             gait: trial.gait.map(|joint| joint.command()),
             gait_errors_rad: trial.gait.map(|joint| joint.errors_rad()),
             lacks_debiased: kind == SigmaKind::Debiased && trial.lacks_debiased(),
+            is_filtered: trial.noise_white == Some(false),
         })
     }
 

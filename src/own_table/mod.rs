@@ -14,7 +14,9 @@ use polars::prelude::DataType;
 use crate::config::{Config, GaitInput, ParameterSource, SigmaKind, did_you_mean, nearest};
 use crate::metrics::GaitMetrics;
 use crate::named::Named;
-use crate::store::{Columns as _, StoreError, Table, TrialRow, TrialStatus, numbers, texts};
+use crate::store::{
+    Columns as _, StoreError, Table, TrialRow, TrialStatus, numbers, texts, truths,
+};
 use crate::trial::{NEEDED_OMEGA, OMEGA_RAD_S, TrialKind, is_valid_name};
 use cells::{Cell, Cells};
 
@@ -173,6 +175,13 @@ fn rows(
                     .collect();
                 texts(name, texts_of.iter().map(String::as_str))
             }
+            DataType::Boolean => {
+                let truths_of = given.iter().enumerate();
+                truths(
+                    name,
+                    truths_of.map(|(row, cell)| truth(name, cell, row, problems)).collect(),
+                )
+            }
             dtype => {
                 let is_whole = dtype.is_integer();
                 let numbers_of = given.iter().enumerate();
@@ -210,6 +219,20 @@ fn text(column: &str, cell: &Cell, row: usize, problems: &mut Problems) -> Strin
         problems.push((Some(row), format!("column `{column}`: found `{text}`, needed {needed}")));
     }
     first.to_owned()
+}
+
+/// Whether a cell says yes or no; neither where it is missing or wrong.
+fn truth(column: &str, cell: &Cell, row: usize, problems: &mut Problems) -> Option<bool> {
+    let found = match cell {
+        Cell::Missing => return None,
+        Cell::Number(_, text) | Cell::Text(text) => text,
+    };
+    let truth = found.to_lowercase().parse().ok();
+    if truth.is_none() {
+        let needed = "needed true or false";
+        problems.push((Some(row), format!("column `{column}`: found `{found}`, {needed}")));
+    }
+    truth
 }
 
 /// The number of a cell; NaN where it is missing or wrong.

@@ -423,6 +423,11 @@ pub fn numbers(name: &str, values: Vec<f64>) -> Column {
     nulls.unwrap_or(values).into_column()
 }
 
+/// A column of what is true, false or not known.
+pub fn truths(name: &str, values: Vec<Option<bool>>) -> Column {
+    plain(name, values)
+}
+
 /// A column of text.
 pub fn texts<'t>(name: &str, values: impl Iterator<Item = &'t str>) -> Column {
     StringChunked::from_iter_values(name.into(), values).into_column()

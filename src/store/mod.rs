@@ -17,7 +17,7 @@ pub use atomic::{
     PendingFile, ToDisk, WRITING, remove_unfinished, unfinished, write_bytes, write_if_changed,
 };
 pub(crate) use columns::rows;
-pub use columns::{Columns, numbers, repeated, texts};
+pub use columns::{Columns, numbers, repeated, texts, truths};
 pub use extrapolation::Extrapolation;
 pub use optimum::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
 pub use polars::prelude::Column;

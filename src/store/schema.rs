@@ -79,6 +79,9 @@ rows! {
         pub coverage: f64,
         /// Mean residual of the rigid fits, mm.
         pub residual_mm: f64,
+        /// Whether the markers' noise is white, as all errors take it to be; a filter before the export ends that.
+        /// Missing where too little was seen to tell.
+        pub noise_white: Option<bool>,
         /// Width of the moving average, samples.
         pub smoothing_window: i64,
         /// What it leaves of the speeds of the gait's first three harmonics. Only the raw skid

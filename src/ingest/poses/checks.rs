@@ -7,7 +7,7 @@ use super::continuity::Jump;
 use super::tilt::{MOST_DEG, Tilt, Turn};
 use super::track::Tracked;
 use crate::ingest::checks::{
-    Check, Finding, LEAST_COVERAGE, MOST_AMBIGUOUS, MOST_MISPLACED, MOST_REPEATED,
+    Check, Finding, LEAST_COVERAGE, MAX_SLOW_NOISE, MOST_AMBIGUOUS, MOST_MISPLACED, MOST_REPEATED,
 };
 use crate::ingest::input::IngestSettings;
 use crate::ingest::markers::labels::Outlier;
@@ -16,11 +16,13 @@ use crate::stats::{mean, seen};
 use crate::store::TrialRow;
 use crate::vicon::MarkerFile;
 
-/// Adds coverage and residual to a row.
+/// Adds coverage, residual and whether the noise is white to a row.
 pub fn describe_tracking(row: &mut TrialRow, tracked: &Tracked) {
     let all = 0..tracked.frames();
     row.coverage = tracked.coverage(&all);
     row.residual_mm = residual_mm(tracked, &all);
+    let ratio = tracked.slow_noise_ratio;
+    row.noise_white = (!ratio.is_nan()).then_some(ratio <= MAX_SLOW_NOISE);
 }
 
 fn residual_mm(tracked: &Tracked, frames: &Range<usize>) -> f64 {
@@ -82,7 +84,24 @@ pub fn tracking_checks(
     findings.push(tilt_check(&tracked.tilt));
     findings.push(repeats_check(tracked, frames));
     findings.push(jumps_check(tracked, file.rate_hz.unwrap_or(assumed_hz), frames));
+    findings.push(noise_check(tracked.slow_noise_ratio));
     findings
+}
+
+/// Whether the markers' noise is white: a file tells it as a whole.
+fn noise_check(ratio: f64) -> Finding {
+    let message = if ratio > MAX_SLOW_NOISE {
+        format!(
+            "the markers' noise over a tenth of a second is {ratio:.1} times what neighbouring frames show: the \
+             coordinates were low-passed or smoothed, and no error can be read off them; export unfiltered"
+        )
+    } else if ratio.is_nan() {
+        "too little noise was seen to tell whether it is white".to_owned()
+    } else {
+        "the markers' noise is white".to_owned()
+    };
+    // What is not known is no fault.
+    Finding::new(Check::Filtered, !(ratio > MAX_SLOW_NOISE), ratio, MAX_SLOW_NOISE, message)
 }
 
 /// What a file states of itself that is missing or contradicts itself; nothing of a file that does not.

@@ -11,6 +11,7 @@ use crate::ingest::error::Problem;
 use crate::ingest::markers::labels::{LinkFit, Outlier, bit, correct_labels};
 use crate::ingest::markers::layout::Layout;
 use crate::ingest::markers::rigid::LinkPose;
+use crate::ingest::markers::whiteness::slow_noise_ratio;
 use crate::ingest::signals;
 use crate::named::named;
 use crate::robot::rotated;
@@ -93,6 +94,7 @@ pub struct LinkPoses {
     /// With those that the file leaves out.
     frames: usize,
     repeated_frames: Vec<usize>,
+    slow_noise_ratio: f64,
     fits: [Vec<LinkFit>; 3],
     own_poses: Vec<[LinkPose; 3]>,
     tilt: Tilt,
@@ -111,6 +113,8 @@ pub struct Tracked {
     pub recorded_frames: Vec<usize>,
     /// Those in which every marker is exactly where it was in the row before, although the robot moves.
     pub repeated_frames: Vec<usize>,
+    /// What the markers' slow noise is over what white noise would be ([`slow_noise_ratio`]).
+    pub slow_noise_ratio: f64,
     /// Where the robot jumps from one frame to the next, the farthest jump first.
     pub jumps: Vec<Jump>,
     /// As seen, and with short gaps filled and the frames to the first one after a jump left out, so that
@@ -207,6 +211,7 @@ pub fn solve(
         first_frame,
         frames,
         repeated_frames: repeated_rows(file).into_iter().map(frame_of).collect(),
+        slow_noise_ratio: slow_noise_ratio(file, layout, rate_hz, [first_frame, frames as i64]),
         fits,
         own_poses: sample,
         tilt,
@@ -277,6 +282,7 @@ impl LinkPoses {
             own_poses: self.own_poses,
             recorded_frames: numbers.iter().map(|number| (number - first_frame) as usize).collect(),
             repeated_frames: self.repeated_frames,
+            slow_noise_ratio: self.slow_noise_ratio,
             jumps,
             seen,
             filled,

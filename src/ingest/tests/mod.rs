@@ -13,6 +13,7 @@ use super::*;
 use crate::config::Poses;
 use crate::metrics::{Estimate, GaitMetrics};
 use crate::robot::Robot;
+use crate::stats::mean;
 use crate::store::{Columns as _, Severity};
 use crate::synth::{Recipe, Tilt, synthesise};
 
@@ -658,7 +659,7 @@ fn bad_trials_fail_by_themselves() {
         .collect();
     let codes = [
         "W001", "W002", "W003", "W004", "W008", "W011", "W012", "W013", "W017", "W024", "W025",
-        "W018", "W005", "W006", "W007", "W009", "W010", "W019", "W023",
+        "W026", "W018", "W005", "W006", "W007", "W009", "W010", "W019", "W023",
     ];
     assert_eq!(good, codes);
 }
@@ -748,6 +749,33 @@ fn rows_that_were_deleted_outside_of_the_cycles_in_use_cost_nothing() {
         assert!(off < 4.0 * whole.row.omega_rad_s_se, "{off} {}", whole.row.omega_rad_s_se);
         assert!((cut.row.metrics.d_m / whole.row.metrics.d_m - 1.0).abs() < 1e-3);
     }
+}
+
+#[test]
+fn noise_of_recordings_is_white_and_that_of_a_smoothed_export_is_flagged() {
+    for (trial, _) in ingested(&Recipe { omegas_rad_s: vec![0.5, 3.9, 6.0], ..Recipe::new(4) }) {
+        let check = check_of(&trial, "W026");
+        assert!(check.severity == Severity::Ok && (0.8..1.25).contains(&check.value), "{check:?}");
+        assert_eq!(trial.row.noise_white, Some(true));
+    }
+    let (mut recording, trial) = symmetric(3.9);
+    recording.loss = 0.0;
+    // A moving average over seven frames.
+    let smoothed = with_rows(&recording.export(), |rows| {
+        let numbers =
+            |row: &Vec<String>| row[2..].iter().map(|cell| cell.parse::<f64>().unwrap()).collect();
+        let exact: Vec<Vec<f64>> = rows.iter().map(numbers).collect();
+        for (row, near) in rows[3..].iter_mut().zip(exact.windows(7)) {
+            for (column, cell) in row[2..].iter_mut().enumerate() {
+                *cell = format!("{:.3}", mean(near.iter().map(|row| row[column])));
+            }
+        }
+    });
+    let smoothed = process_text(&smoothed, &trial).unwrap();
+    let check = check_of(&smoothed, "W026");
+    assert!(check.severity == Severity::Warning && check.value > 4.0, "{check:?}");
+    assert!(smoothed.row.message.contains("export unfiltered"), "{}", smoothed.row.message);
+    assert_eq!(smoothed.row.noise_white, Some(false));
 }
 
 /// What the trials of a recipe come to, with what was planted.

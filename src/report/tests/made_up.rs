@@ -399,6 +399,7 @@ pub fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> TrialRo
         ],
         coverage: 0.9934,
         residual_mm: 0.1873,
+        noise_white: Some(true),
         smoothing_window: 11,
         smoothing_left1: 0.99,
         smoothing_left2: 0.96,
