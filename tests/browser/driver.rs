@@ -210,6 +210,17 @@ impl Browser {
         }
     }
 
+    /// A finger taps on a place in the window.
+    pub fn tap(&mut self, [x, y]: [f64; 2]) {
+        let touch = json!({ "enabled": true, "maxTouchPoints": 1 });
+        self.call("Emulation.setTouchEmulationEnabled", touch);
+        for (kind, points) in [("touchStart", json!([{ "x": x, "y": y }])), ("touchEnd", json!([]))]
+        {
+            let event = json!({ "type": kind, "touchPoints": points });
+            self.call("Input.dispatchTouchEvent", event);
+        }
+    }
+
     /// Scrolls to the first element of that selector and gives its middle in the window.
     #[track_caller]
     pub fn middle_of(&mut self, selector: &str) -> [f64; 2] {

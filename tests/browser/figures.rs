@@ -116,6 +116,68 @@ fn the_nearest_curve_is_told_with_its_interval_under_the_pointer_and_by_the_keyb
 }
 
 #[test]
+fn a_tap_tells_a_value_and_a_second_one_goes_to_its_trial() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(390, 844);
+    browser.open(&demo().join("index.html"));
+    let point = browser.place(&within(POINT));
+    browser.tap(point);
+    let tapped = told(&mut browser);
+    assert_says_trial_omega_and_value(&tapped);
+    assert!(tapped.ends_with("; tap again for its page"), "{tapped}");
+    // It stays until another place is tapped.
+    browser.evaluate("new Promise(done => setTimeout(done, 300))");
+    assert_eq!(told(&mut browser), tapped);
+    let caption = browser.middle_of("figcaption");
+    browser.tap(caption);
+    assert_eq!(told(&mut browser), "");
+
+    let point = browser.place(&within(POINT));
+    browser.tap(point);
+    assert_eq!(told(&mut browser), tapped);
+    browser.tap(point);
+    browser.wait_for("Page.loadEventFired");
+    let heading = browser.evaluate("document.querySelector(\"h1\").textContent");
+    assert!(tapped.contains(heading.as_str().unwrap()), "{heading} {tapped}");
+    assert_no_problems(&browser);
+}
+
+/// Of what is drawn, what has no colour of its own or is filled where it is a line.
+const COLOURS: &str = r#"(() => {
+  const drawn = [...document.querySelectorAll(".sheet path, .sheet text, .replay figure > svg path")];
+  const lines = drawn.filter(of => of.hasAttribute("stroke") && !of.hasAttribute("fill"));
+  const of = style => [...new Set(lines.map(line => getComputedStyle(line)[style]))];
+  const lost = lines.filter(line => getComputedStyle(line).stroke === "none");
+  return [lines.length, lost.length, of("fill"), of("stroke").length];
+})()"#;
+
+#[test]
+fn a_page_without_its_styles_has_coloured_charts() {
+    let Some(mut browser) = Browser::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let trial = files(demo()).into_keys().find(|path| path.starts_with("trials")).unwrap();
+    for name in [Path::new("index.html"), &trial] {
+        let page = common::text(&std::fs::read(demo().join(name)).unwrap()).to_owned();
+        let policy = "<head>\n<meta http-equiv=\"Content-Security-Policy\" \
+                      content=\"style-src 'self'; script-src 'self'\">";
+        let strict = folder.path().join("strict.html");
+        std::fs::write(&strict, page.replacen("<head>", policy, 1)).unwrap();
+        for is_dark in [false, true] {
+            browser.dark(is_dark);
+            browser.open(&strict);
+            let found = browser.evaluate(COLOURS);
+            let what = format!("{} {found}", name.display());
+            assert!(found[0].as_u64() > Some(20) && found[1] == 0, "{what}");
+            assert_eq!(found[2], json!(["none"]), "{what}");
+            assert!(found[3].as_u64() > Some(2), "{what}");
+            // Dark ink needs light paper.
+            let scheme = browser.evaluate("getComputedStyle(document.documentElement).colorScheme");
+            assert_eq!(scheme, "normal", "{what}");
+        }
+    }
+}
+
+#[test]
 fn a_legend_switches_its_series_off_and_on_by_pointer_and_keyboard() {
     let Some(mut browser) = Browser::start() else { return };
     browser.window(1400, 900);

@@ -104,6 +104,33 @@ fn the_table_of_trials_is_sorted_by_pointer_or_keyboard_and_filtered_by_words() 
 }
 
 #[test]
+fn every_link_of_the_bar_is_seen_at_any_width() {
+    let Some(mut browser) = Browser::start() else { return };
+    for page in [demo().join("index.html"), demo().join("history.html"), own().join("index.html")] {
+        for (width, height) in [(1400, 900), (800, 900), (390, 844)] {
+            browser.window(width, height);
+            browser.open(&page);
+            let found = browser.evaluate(
+                r#"(() => {
+                  const list = document.querySelector("nav.bar > ul");
+                  const within = list.getBoundingClientRect();
+                  const links = [...list.querySelectorAll("a")];
+                  const hidden = links.filter(link => {
+                    const box = link.getBoundingClientRect();
+                    return !link.checkVisibility() || box.right > innerWidth + 1
+                      || box.bottom > within.bottom + 1 || box.top < within.top - 1;
+                  });
+                  return [links.map(link => link.textContent), hidden.map(link => link.textContent)];
+                })()"#,
+            );
+            let [links, hidden]: [Vec<String>; 2] = serde_json::from_value(found).unwrap();
+            assert!(links.len() >= 4, "{links:?}");
+            assert_eq!(hidden, Vec::<String>::new(), "{} at {width} px", page.display());
+        }
+    }
+}
+
+#[test]
 fn the_navigation_stays_in_reach_and_has_what_each_campaign_has() {
     let Some(mut browser) = Browser::start() else { return };
     for (width, height) in SIZES {

@@ -22,6 +22,41 @@ fn no_page_is_wider_than_its_window_fails_or_asks_a_network() {
     assert_no_problems(&browser);
 }
 
+/// Of tables that are wider than their place: whether they can be scrolled from the keyboard, and
+/// whether the edge beyond which they go on is darker than the other one.
+const EDGES: &str = r#"[...document.querySelectorAll(".scroll")]
+  .filter(scroll => scroll.scrollWidth > scroll.clientWidth + 1)
+  .map(scroll => {
+    const { backgroundAttachment, backgroundImage } = getComputedStyle(scroll);
+    const heads = [...scroll.querySelectorAll("thead th")]
+      .map(head => getComputedStyle(head).backgroundColor);
+    return [scroll.ariaLabel, scroll.tabIndex, backgroundAttachment,
+      (backgroundImage.match(/linear-gradient/g) || []).length,
+      heads.every(head => /\/ 0?\.0|, 0?\.0/.test(head))];
+  })"#;
+
+#[test]
+fn a_table_that_goes_on_beyond_its_edge_shows_it() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(390, 844);
+    let mut wide = 0;
+    for page in all_pages(demo()) {
+        browser.open(&page);
+        for table in browser.evaluate(EDGES).as_array().unwrap() {
+            assert_eq!(table[1], 0, "{table}");
+            assert_eq!(table[2], "local, local, scroll, scroll, scroll", "{table}");
+            assert_eq!((&table[3], &table[4]), (&json!(4), &json!(true)), "{table}");
+            wide += 1;
+        }
+        let outside = browser.evaluate(
+            r#"[...document.querySelectorAll("table")].filter(table =>
+              table.getBoundingClientRect().right > innerWidth + 1 && !table.closest(".scroll")).length"#,
+        );
+        assert_eq!(outside, 0, "{}", page.display());
+    }
+    assert!(wide > 3, "{wide} tables");
+}
+
 #[test]
 fn every_link_of_every_page_leads_somewhere() {
     let Some(mut browser) = Browser::start() else { return };

@@ -15,6 +15,9 @@ use crate::report::svg::Svg;
 /// Around the legend and the panels.
 const BODY: &str = "<g fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\">\n";
 const END: &str = "</g>\n</svg>\n";
+/// What a panel or a legend by itself has where nothing else is said.
+const PRESENTATION: &str =
+    "overflow=\"visible\" fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\"";
 
 /// A figure that was drawn.
 pub struct Drawing {
@@ -67,12 +70,14 @@ impl Drawing {
         )
     }
 
-    /// The legend and the panels, for pages.
-    pub fn parts(&self) -> [&str; 2] {
+    /// The legend and the panels, for pages: drawn as it is where a page may have no styles, too.
+    pub fn parts(&self) -> [String; 2] {
         let panels = ["<svg class=\"panel\"", "<svg class=\"whole panel\""];
         let panels = panels.map(|panel| self.body.find(panel));
         let legend = panels.into_iter().flatten().min().unwrap_or(self.body.len());
-        self.body.split_at(legend).into()
+        let (legend, panels) = self.body.split_at(legend);
+        [legend, panels]
+            .map(|part| part.replace(" viewBox=\"", &format!(" {PRESENTATION} viewBox=\"")))
     }
 }
 

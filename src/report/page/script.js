@@ -1,7 +1,8 @@
 "use strict";
 // Figures: legends switch series on and off; pointer, and in a panel that has the focus the arrow
 // keys, find values (left and right along a series, up and down between them); a click or Enter on
-// a measured point goes to its trial or run. Nothing here is needed to read a page.
+// a measured point goes to its trial or run. A finger finds a value with a tap and goes with another.
+// Nothing here is needed to read a page.
 (() => {
   const tip = document.createElement("div");
   tip.className = "tip";
@@ -101,21 +102,43 @@
       panel.style.cursor = point && pages.has(point.trial) ? "pointer" : "";
       if (!point) return;
       tip.textContent = point.text;
-      const at = new DOMPoint(point.x, point.y).matrixTransform(panel.getScreenCTM());
+      place();
+    };
+    const place = () => {
+      if (!near) return;
+      const at = new DOMPoint(near.x, near.y).matrixTransform(panel.getScreenCTM());
       tip.style.left = `${Math.max(4, Math.min(at.x + 12, innerWidth - tip.offsetWidth - 4))}px`;
       tip.style.top = `${Math.max(4, at.y - tip.offsetHeight - 8)}px`;
     };
     const open = () => { if (near && pages.has(near.trial)) location.href = pages.get(near.trial); };
-    panel.addEventListener("pointermove", event => {
+    // Measured points first, and only what is near.
+    const find = (event, reach) => {
       const at = new DOMPoint(event.clientX, event.clientY)
         .matrixTransform(panel.getScreenCTM().inverse());
-      // Measured points first, and only what is within 15 px.
       const far = point => Math.hypot(point.x - at.x, point.y - at.y) + (point.curve ? 50 : 0);
       const best = points.filter(shown).reduce((a, b) => (far(b) < far(a) ? b : a), points[0]);
-      show(shown(best) && far(best) < 150 ? best : null);
+      return shown(best) && far(best) < reach ? best : null;
+    };
+    // A finger is no pointer that hovers, and covers more than one.
+    let finger = false;
+    const is_finger = event => event.pointerType === "touch";
+    panel.addEventListener("pointerdown", event => { finger = is_finger(event); });
+    panel.addEventListener("pointermove", event => {
+      if (!is_finger(event)) show(find(event, 150));
     });
-    panel.addEventListener("pointerleave", () => show(null));
-    panel.addEventListener("click", open);
+    panel.addEventListener("pointerleave", event => { if (!is_finger(event)) show(null); });
+    panel.addEventListener("click", event => {
+      if (!finger) return open();
+      const [before, point] = [near, find(event, 300)];
+      if (point && point === before) return open();
+      show(point);
+      if (point && pages.has(point.trial)) tip.textContent += "; tap again for its page";
+      place();
+    });
+    document.addEventListener("pointerdown", event => {
+      if (is_finger(event) && near && !panel.contains(event.target)) show(null);
+    });
+    addEventListener("scroll", () => { if (finger && near) place(); }, { passive: true });
     panel.setAttribute("tabindex", "0");
     panel.setAttribute("role", "group");
     panel.setAttribute("aria-label", `${y.label} against ${x.label}; arrow keys go from point to point and from series to series`);
@@ -139,6 +162,14 @@
       const from = near?.group === group ? own.indexOf(near) : at;
       show(next(own, from, along && near ? along * Math.ceil(own.length / 40) : near ? 0 : 1));
     });
+  }
+  // So far down do the parts of the page begin.
+  const bar = document.querySelector("nav.bar");
+  if (bar) {
+    const measure = () =>
+      document.documentElement.style.setProperty("--bar", `${bar.offsetHeight}px`);
+    new ResizeObserver(measure).observe(bar);
+    measure();
   }
   for (const menu of document.querySelectorAll("nav details")) {
     const close = event => { if (event.type === "click" || event.key === "Escape") menu.open = false; };

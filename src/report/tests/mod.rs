@@ -614,6 +614,23 @@ fn synthetic_trials_are_called_so_and_compared_with_their_truth() {
     assert!(broken.missing.iter().any(|sentence| sentence.contains("truth.json")));
 }
 
+#[test]
+fn what_figures_and_the_replay_draw_has_its_colours_without_a_style() {
+    let files = files(&standard().0.path().join("reports"));
+    let page = std::str::from_utf8(&files["index.html"]).expect("text");
+    let drawings = page.matches("<svg class=").count();
+    let presented = "overflow=\"visible\" fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\" viewBox=";
+    assert!(drawings > 10);
+    assert_eq!(page.matches(presented).count(), drawings);
+    for (name, bytes) in files.iter().filter(|(name, _)| name.ends_with(".html")) {
+        let page = std::str::from_utf8(bytes).expect("text");
+        for markup in page.split("<svg").skip(1).map(|rest| rest.split("</svg>").next()) {
+            let styled = markup.is_some_and(|markup| markup.contains(" style="));
+            assert!(!styled, "{name}: {markup:?}");
+        }
+    }
+}
+
 /// Writes a report to look at into the folder that the variable names.
 #[test]
 #[ignore = "for the eye: TRILINK_LOOK=folder cargo test --lib report -- --ignored"]
