@@ -10,7 +10,7 @@ use super::table::{self, short};
 use super::{Context, Failure, Outcome};
 use crate::config::{Config, GaitConfig, RobotConfig, did_you_mean};
 use crate::motion::{Branch, Problem, branches};
-use crate::report::branches_drawing;
+use crate::report::{FigureFile, branches_drawing};
 use crate::robot::Laws;
 use crate::simulate::{KnownFits, Setup, number_names, with_number};
 use crate::store::BranchRow;
@@ -87,8 +87,9 @@ impl Branches {
         }
         if let Some(path) = &self.figure {
             let names = [self.campaign.as_str(), setup.model.name(), key];
-            let drawn = |ending: &str| branches_drawing(names, &rows, ending);
-            write_figure(path, &context.progress, drawn)?;
+            let fitted_to = self.fitted.then_some(&context.config.paths);
+            let drawn = |file: FigureFile| branches_drawing(names, &rows, file);
+            write_figure(path, &context.progress, fitted_to, drawn)?;
         }
         if !print_rows(&rows, self.csv, self.json) {
             print(&found, &rows);

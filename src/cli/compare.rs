@@ -94,7 +94,7 @@ impl Compare {
         let reports = &paths.reports;
         let html = reports.join("compare.html");
         let json = serde_json::to_string_pretty(&to_json(&compared))?;
-        write_bytes(&html, page(&compared, &baseline, &candidate)?.as_bytes())?;
+        write_bytes(&html, page(&compared, &baseline, &candidate, paths)?.as_bytes())?;
         write_bytes(&reports.join("compare.xml"), junit(&compared)?.as_bytes())?;
         write_bytes(&reports.join("compare.json"), (json.clone() + "\n").as_bytes())?;
         if self.json {

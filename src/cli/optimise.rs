@@ -15,7 +15,7 @@ use crate::build::hold;
 use crate::config::{Config, did_you_mean};
 use crate::metrics::FromRest;
 use crate::optimise::{Bounds, Certainty, Command, Found, Kept, Optimum, Search, Shown, outside};
-use crate::report::optimum_drawing;
+use crate::report::{FigureFile, optimum_drawing};
 use crate::robot::{Gait, JointCommand};
 use crate::simulate::{KnownFits, Setup};
 use crate::store::{Extrapolation, Objective, OptimumRow};
@@ -144,7 +144,7 @@ impl Optimise {
         let problem = setup.problem(present_rad_s);
         let search = Search { problem, objective, free, bounds, starts };
         if let Some(other) = other {
-            return self.print_front(&context.progress, &setup, &search, other);
+            return self.print_front(&context, &setup, &search, other);
         }
         let found = search.run();
         // What the present gait comes to at its own best frequency.
@@ -169,7 +169,9 @@ impl Optimise {
             search.map((&self.campaign, setup.model), best, shown)
         });
         if let Some(path) = self.figure.as_ref().filter(|_| !maps.is_empty()) {
-            write_figure(path, &context.progress, |ending| optimum_drawing(&maps, ending))?;
+            let fitted_to = self.fitted.then_some(&context.config.paths);
+            let drawn = |file: FigureFile| optimum_drawing(&maps, file);
+            write_figure(path, &context.progress, fitted_to, drawn)?;
         }
         let outcome = self.print(&setup, &search, &found, present.as_ref(), &certainty, &optima)?;
         if self.keep {

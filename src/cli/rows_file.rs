@@ -6,9 +6,10 @@ use std::path::Path;
 use super::Failure;
 use super::output::write_data;
 use super::progress::Progress;
+use crate::config::Paths;
 use crate::files::ending;
 use crate::inspect::{View, csv, json};
-use crate::report::ReportError;
+use crate::report::{FigureFile, ReportError, notice_of_folders};
 use crate::store::{Columns, Provenance, write_if_changed};
 
 /// A file of rows.
@@ -61,13 +62,16 @@ impl<'p> RowsFile<'p> {
     }
 }
 
-/// Writes what `drawn` draws for the file's ending.
+/// Writes what `drawn` draws for the file's ending, of coefficients that were `fitted_to` the trials of
+/// these paths or to none.
 pub(super) fn write_figure(
     path: &Path,
     progress: &Progress,
-    drawn: impl FnOnce(&str) -> Result<Vec<u8>, ReportError>,
+    fitted_to: Option<&Paths>,
+    drawn: impl FnOnce(FigureFile<'_>) -> Result<Vec<u8>, ReportError>,
 ) -> Result<(), Failure> {
-    write_if_changed(path, &drawn(ending(path))?)?;
+    let is_synthetic = fitted_to.is_some_and(|paths| !notice_of_folders(paths).is_empty());
+    write_if_changed(path, &drawn(FigureFile { ending: ending(path), is_synthetic })?)?;
     progress.say(&path.display().to_string());
     Ok(())
 }

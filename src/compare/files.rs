@@ -8,10 +8,10 @@ use super::figures::figures;
 use super::snapshot::SCORECARD;
 use super::{CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
 use crate::config::{Compare, Paths};
-use crate::report::{fill, image, percent, significant};
+use crate::report::{fill, image, notice_of_folders, percent, significant};
 use crate::store::{Reader, StoreError};
 
-/// `compare.html`.
+/// `compare.html`. Of `paths` it says whether their trials are synthetic.
 ///
 /// # Errors
 /// A figure cannot be drawn or the template not filled in.
@@ -19,12 +19,16 @@ pub fn page(
     compared: &Compared,
     baseline: &Snapshot,
     candidate: &Snapshot,
+    paths: &Paths,
 ) -> Result<String, CompareError> {
+    let synthetic = notice_of_folders(paths);
     let not_judged = compared.differences.iter().filter(|d| d.judged.verdict == Verdict::NotJudged);
-    let figures = figures(compared, baseline, candidate);
+    let mut figures = figures(compared, baseline, candidate);
+    figures.iter_mut().for_each(|figure| figure.is_synthetic = !synthetic.is_empty());
     let figures = figures.iter().map(image).collect::<Result<Vec<_>, _>>()?;
     let page = json!({
         "version": env!("CARGO_PKG_VERSION"),
+        "synthetic": synthetic,
         "baseline_version": baseline.version,
         "is_well": compared.is_well(),
         "cells": compared.cells,

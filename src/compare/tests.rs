@@ -203,7 +203,7 @@ fn the_files_name_what_is_out_and_escape_what_they_hold() {
     let trials = candidate.tables.get_mut("trials").unwrap();
     trials.get_mut("<odd>").unwrap().insert("status".to_owned(), Json::from("failed"));
     let compared = compared(&known, &candidate);
-    let html = page(&compared, &known, &candidate).unwrap();
+    let html = page(&compared, &known, &candidate, &Config::default().paths).unwrap();
     assert!(html.contains("trial-0") && html.contains("skid0_kg_s"), "{html}");
     assert!(html.contains("&lt;odd&gt;") && !html.contains("<odd>"));
     assert!(html.contains("Trials of symmetric"), "the curves that differ are drawn");

@@ -11,7 +11,8 @@ use super::runs::Runs;
 use super::steps::{Step, steps};
 use crate::config::{Compare, Config, Tolerance, tolerance};
 use crate::report::{
-    Figure, Layer, Layout, Look, Panel, Scale, colours, fill, image, percent, significant, trends,
+    Figure, Layer, Layout, Look, Panel, Scale, colours, fill, image, notice_of_folders, percent,
+    significant, trends,
 };
 use crate::store::write_bytes;
 
@@ -61,13 +62,17 @@ pub fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareError> {
         let steps: Vec<Json> = of_run.iter().map(|(series, step)| series.sentence(step)).collect();
         json!({ "run": run, "date": runs.date(run), "why": runs.changed(run), "steps": steps })
     });
-    let groups = groups.iter().map(|((_, campaign), series)| group(campaign, series, &runs));
+    let synthetic = notice_of_folders(&config.paths);
+    let is_synthetic = !synthetic.is_empty();
+    let groups = groups.iter();
+    let groups = groups.map(|((_, campaign), series)| group(campaign, series, &runs, is_synthetic));
     let accepted = rows.iter().filter(|row| row.quantity == ACCEPTED).rev();
     let accepted = accepted.map(|row| {
         json!({ "run": row.run, "time": &*row.time, "why": row.note, "out": row.value.to_string() })
     });
     let page = json!({
         "version": env!("CARGO_PKG_VERSION"),
+        "synthetic": synthetic,
         "groups": groups.collect::<Result<Vec<_>, _>>()?,
         "steps": found.collect::<Vec<_>>(),
         "accepted": accepted.collect::<Vec<_>>(),
@@ -206,7 +211,12 @@ const INTERVAL: &str = "95 % interval";
 const RUN: &str = "run";
 
 /// The figure and the table of a campaign, or of what is of whole runs.
-fn group(campaign: &str, series: &[Series], runs: &Runs) -> Result<Json, CompareError> {
+fn group(
+    campaign: &str,
+    series: &[Series],
+    runs: &Runs,
+    is_synthetic: bool,
+) -> Result<Json, CompareError> {
     let name = match campaign.is_empty() {
         true => "Whole runs".to_owned(),
         false => format!("Campaign {campaign}"),
@@ -214,7 +224,7 @@ fn group(campaign: &str, series: &[Series], runs: &Runs) -> Result<Json, Compare
     let panels = series.iter().map(|series| series.panel(runs)).collect();
     let texts = [format!("{name}, run by run"), String::new()];
     let layout = if runs.count() > MOST_MARKERS { Layout::Pairs } else { Layout::Grid };
-    let figure = Figure::new("", texts, &[campaign], layout, panels);
+    let figure = Figure { is_synthetic, ..Figure::new("", texts, &[campaign], layout, panels) };
     let row = |series: &Series| {
         let mut last = series.rows.iter().rev();
         let (now, then) = (last.next()?, last.next());

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::drawing::{Figure, Layer, Layout, Panel};
-use super::ending::drawn;
+use super::ending::{FigureFile, drawn};
 use super::figures::FREQUENCY;
 use super::series::{AMPLITUDE, DISPLACEMENT, Quantity, SPEED, TURNING};
 use super::{ReportError, looks};
@@ -18,9 +18,9 @@ use crate::store::BranchRow;
 pub fn branches_drawing(
     names: [&str; 3],
     rows: &[BranchRow],
-    ending: &str,
+    file: FigureFile<'_>,
 ) -> Result<Vec<u8>, ReportError> {
-    drawn(&figure(names, rows), ending)
+    drawn(&figure(names, rows), file)
 }
 
 fn figure([campaign, model, parameter]: [&str; 3], rows: &[BranchRow]) -> Figure {

@@ -64,7 +64,7 @@ impl Content {
         missing.extend(found.missing);
         let pages = trials::pages(input, &tables);
         let hash_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
-        let page_parts = trials::parts(input, &tables, &pages, hash_of);
+        let page_parts = trials::parts(input, (&tables, truth.as_ref()), &pages, hash_of);
         let figures = found.figures;
         let changes = None;
         Ok(Self { tables, figures, missing, truth, pages, changes, page_parts, reader })

@@ -5,6 +5,7 @@ use super::figures;
 use super::numbers::{as_configured, decimals, fixed, significant};
 use super::parameters::FittedParameter;
 use super::tables::Tables;
+use super::truth::Truth;
 use crate::named::Named as _;
 use crate::robot::Parameter;
 use crate::store::FitRow;
@@ -28,7 +29,7 @@ pub fn citations() -> String {
 }
 
 /// `coefficients.tex`: a table of every campaign that has fits, in the order of the page.
-pub fn coefficients(input: &ReportInput, tables: &Tables) -> String {
+pub fn coefficients(input: &ReportInput, tables: &Tables, truth: Option<&Truth>) -> String {
     let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
     let mut text = format!(
@@ -39,7 +40,9 @@ pub fn coefficients(input: &ReportInput, tables: &Tables) -> String {
     for (nth, name) in names.into_iter().enumerate() {
         let fits: Vec<&FitRow> = tables.fits.iter().filter(|fit| fit.campaign == name).collect();
         if !fits.is_empty() {
-            text.push_str(&table(nth + 1, name, input, &fits));
+            let is_synthetic =
+                truth.is_some_and(|truth| truth.is_synthetic_in(&[name.to_owned()], tables));
+            text.push_str(&table(nth + 1, name, (input, is_synthetic), &fits));
         }
     }
     text
@@ -60,7 +63,12 @@ impl Notes {
     }
 }
 
-fn table(nth: usize, campaign: &str, input: &ReportInput, fits: &[&FitRow]) -> String {
+fn table(
+    nth: usize,
+    campaign: &str,
+    (input, is_synthetic): (&ReportInput, bool),
+    fits: &[&FitRow],
+) -> String {
     let mut notes = Notes::default();
     let is_row = |of: &Parameter| {
         let in_a_model = fits.iter().any(|fit| fit.parameters[*of].is_finite());
@@ -99,11 +107,12 @@ fn table(nth: usize, campaign: &str, input: &ReportInput, fits: &[&FitRow]) -> S
     format!(
         "\n\\begin{{table}}\n\\centering\n\
          \\caption{{Coefficients of the models of campaign {}{setup}, with 95\\,\\% confidence \
-         intervals of those that are fitted}}\n\
+         intervals of those that are fitted{}}}\n\
          \\label{{tab:coefficients-{nth}}}\n\
          \\begin{{tabular}}{{l{}}}\n\\hline\n{models} \\\\\n\\hline\n{}\\hline\n{j}{lack}\\hline\n\
          \\end{{tabular}}\n\\par\\smallskip\n{{\\footnotesize\n{}}}\n\\end{{table}}\n",
         escaped(campaign),
+        if is_synthetic { ". Synthetic trials, not recorded" } else { "" },
         "c".repeat(fits.len()),
         rows.concat(),
         notes.collect::<String>(),

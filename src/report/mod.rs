@@ -45,6 +45,7 @@ use crate::store::{Stamp, StoreError, ToDisk};
 pub use branches::branches_drawing;
 pub use content::{Content, input_paths};
 pub(crate) use drawing::{Figure, Layer, Layout, Look, Panel, Scale};
+pub use ending::FigureFile;
 pub use figures::FREQUENCY;
 pub use input::ReportInput;
 pub(crate) use looks::{colours, trends};
@@ -55,6 +56,7 @@ pub use replay::{SimulationError, simulation_page};
 pub use sensitivities::sensitivities_drawing;
 use trials::PagesWritten;
 pub use trials::page_of;
+pub(crate) use truth::notice_of_folders;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -168,14 +170,16 @@ impl Content {
             || with_svg.into_par_iter().with_max_len(1).map(draw).collect::<Result<Vec<_>, _>>();
         let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
         let judge = || scorecard::scorecard(tables.clone(), input.sigma, is_synthetic);
-        let of_trials = || trials::write(input, (&**tables, reader), pages, kept_pages, to_disk);
+        let known = (&**tables, truth.as_ref());
+        let of_trials = || trials::write(input, (known, reader), pages, kept_pages, to_disk);
         let (drawn, (scores, of_trials)) = rayon::join(draw_all, || rayon::join(judge, of_trials));
         let (drawn, scores, of_trials) = (drawn?, scores?, of_trials?);
         write(FITS, &json(&fits_json::fits(tables))?)?;
-        write(COEFFICIENTS, latex::coefficients(input, tables).as_bytes())?;
+        write(COEFFICIENTS, latex::coefficients(input, tables, truth.as_ref()).as_bytes())?;
         write(CITATIONS, latex::citations().as_bytes())?;
         write(SCORECARD, &json(&scores)?)?;
-        write(SCORECARD_PAGE, page::scorecard_html(&scores, is_synthetic)?.as_bytes())?;
+        let notice = truth.as_ref().map_or(String::new(), |truth| truth.notice(tables));
+        write(SCORECARD_PAGE, page::scorecard_html(&scores, &notice)?.as_bytes())?;
         let said = [missing.as_slice(), &of_trials.damaged].concat();
         let (truth, changes) = (truth.as_ref(), changes.as_ref());
         let remarks = page::Remarks { missing: &said, truth, changes };
@@ -220,8 +224,9 @@ fn draw(
     let drawing = Drawing::of(figure).map_err(error)?;
     let svg = drawing.svg();
     let tree = raster::parsed(&svg).map_err(error)?;
-    let png = raster::png(&tree, figure.print.dots_per_inch()).map_err(error)?;
-    let pdf = pdf::pdf(&tree, &figure.title).map_err(|why| error(why.to_string()))?;
+    let png = raster::png(&tree, figure.print.dots_per_inch(), figure.comment()).map_err(error)?;
+    let pdf = pdf::pdf(&tree, &figure.title, figure.comment());
+    let pdf = pdf.map_err(|why| error(why.to_string()))?;
     let csv = plotted::csv(figure);
     let files = [svg.as_bytes(), &png, &pdf, csv.as_bytes()];
     for (name, bytes) in file_names(&figure.stem).iter().zip(files) {

@@ -6,7 +6,7 @@ use minijinja::context;
 
 use super::contour::contour;
 use super::drawing::{Figure, Layer, Layout, Panel};
-use super::ending::drawn;
+use super::ending::{FigureFile, drawn};
 use super::figures::texts;
 use super::{FREQUENCY, ReportError, looks};
 use crate::robot::Model;
@@ -21,8 +21,11 @@ const WITHIN: [f64; 5] = [0.01, 0.05, 0.1, 0.25, 0.5];
 ///
 /// # Errors
 /// There is no such format, or nothing can be drawn.
-pub fn optimum_drawing(map: &[OptimumMapRow], ending: &str) -> Result<Vec<u8>, ReportError> {
-    drawn(&figure("optimum", map.first().map_or("", |row| &row.campaign), map), ending)
+pub fn optimum_drawing(
+    map: &[OptimumMapRow],
+    file: FigureFile<'_>,
+) -> Result<Vec<u8>, ReportError> {
+    drawn(&figure("optimum", map.first().map_or("", |row| &row.campaign), map), file)
 }
 
 /// The drawing of a front of a campaign's model: a point for each gait, whether it is extrapolated, and what
@@ -34,7 +37,7 @@ pub fn front_drawing(
     [campaign, model]: [&str; 2],
     [along, up]: [&str; 2],
     points: &[(f64, f64, bool)],
-    ending: &str,
+    file: FigureFile<'_>,
 ) -> Result<Vec<u8>, ReportError> {
     let all = points.iter().map(|(x, y, _)| (*x, *y));
     let of = |is_extrapolated: bool| {
@@ -50,7 +53,7 @@ pub fn front_drawing(
     let title = format!("Gaits of {campaign}, {model}, of which none is better in both");
     let panel = Panel::new("", along, up, layers);
     let titles = [title, String::new()];
-    drawn(&Figure::new("front", titles, &[campaign], Layout::Stack, vec![panel]), ending)
+    drawn(&Figure::new("front", titles, &[campaign], Layout::Stack, vec![panel]), file)
 }
 
 /// A panel for every map of a campaign's objectives.
@@ -239,7 +242,10 @@ mod tests {
         assert!((most - 1.85).abs() < 1e-9, "{most}");
         assert_eq!(named("optimum").points.len(), 1);
         assert!(panel.layers.iter().all(|of| of.name != "of replicates"));
-        assert!(optimum_drawing(&map, "svg").is_ok() && optimum_drawing(&map, "gif").is_err());
+        let drawn = |ending| optimum_drawing(&map, FigureFile { ending, is_synthetic: true });
+        assert!(drawn("gif").is_err());
+        let svg = String::from_utf8(drawn("svg").expect("is drawn")).expect("text");
+        assert!(svg.contains(">Synthetic trials, not recorded</text>"));
     }
 
     #[test]

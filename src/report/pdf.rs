@@ -37,7 +37,7 @@ const FONT_NAME: Name<'static> = Name(b"TRLINK+Roboto-Regular");
 ///
 /// # Errors
 /// It cannot be packed.
-pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
+pub fn pdf(svg: &Tree, title: &str, subject: Option<&str>) -> io::Result<Vec<u8>> {
     static FONT_FILE: LazyLock<io::Result<Vec<u8>>> =
         LazyLock::new(|| packed(ROBOTO, Compression::default()));
     let font_file = FONT_FILE.as_ref().map_err(|error| io::Error::from(error.kind()))?;
@@ -52,7 +52,12 @@ pub fn pdf(svg: &Tree, title: &str) -> io::Result<Vec<u8>> {
     let [catalog, pages, page, contents, font, cid_font, descriptor, file, to_unicode, info] = ids;
     let mut pdf = Pdf::new();
     pdf.catalog(catalog).pages(pages);
-    pdf.document_info(info).title(TextStr(title));
+    let mut about = pdf.document_info(info);
+    about.title(TextStr(title));
+    if let Some(subject) = subject {
+        about.subject(TextStr(subject));
+    }
+    about.finish();
     pdf.pages(pages).kids([page]).count(1);
     let mut of_page = pdf.page(page);
     of_page.media_box(Rect::new(0.0, 0.0, width, height)).parent(pages).contents(contents);

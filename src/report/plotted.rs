@@ -4,11 +4,31 @@ use super::drawing::{Figure, Panel, Point};
 use crate::csv::field;
 
 /// The plotted numbers, one row per point, each quantity in a column of its name and unit;
-/// `*_error_95` is the half-width of the error bar.
+/// `*_error_95` is the half-width of the error bar. Where trials were computed a last column,
+/// `origin`, says so.
 pub fn csv(figure: &Figure) -> String {
-    if let Some(csv) = &figure.csv {
-        return csv.clone();
+    let csv = figure.csv.clone().unwrap_or_else(|| of_panels(figure));
+    match figure.is_synthetic {
+        true => with_origin(&csv),
+        false => csv,
     }
+}
+
+/// A table of which every row says that its trials are synthetic.
+fn with_origin(csv: &str) -> String {
+    let (mut with_origin, mut is_quoted) = (String::with_capacity(2 * csv.len()), false);
+    let mut origin = ",origin";
+    for c in csv.chars() {
+        is_quoted ^= c == '"';
+        if c == '\n' && !is_quoted {
+            with_origin.push_str(std::mem::replace(&mut origin, ",synthetic"));
+        }
+        with_origin.push(c);
+    }
+    with_origin
+}
+
+fn of_panels(figure: &Figure) -> String {
     let of_panels: Vec<Vec<String>> = figure.panels.iter().map(columns).collect();
     let mut all: Vec<&String> = Vec::new();
     for name in of_panels.iter().flatten() {

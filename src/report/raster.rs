@@ -31,24 +31,28 @@ pub fn parsed(svg: &str) -> Result<Tree, String> {
     Tree::from_str(&svg, &options).map_err(|error| error.to_string())
 }
 
-/// The PNG of a figure with so many dots per inch. It knows its size in print.
+/// The PNG of a figure with so many dots per inch. It knows its size in print, and has the comment.
 ///
 /// # Errors
 /// A sentence on why it cannot be encoded.
-pub fn png(svg: &Tree, dots_per_inch: f32) -> Result<Vec<u8>, String> {
+pub fn png(svg: &Tree, dots_per_inch: f32, comment: Option<&str>) -> Result<Vec<u8>, String> {
     let area = svg.size().width() * svg.size().height();
     let scale = (dots_per_inch / PX_PER_INCH).min((MOST_PIXELS / area).sqrt());
     let [width, height] =
         [svg.size().width(), svg.size().height()].map(|length| (length * scale).round() as u32);
     let mut pixels = Pixmap::new(width, height).ok_or("it has no size")?;
     resvg::render(svg, Transform::from_scale(scale, scale), &mut pixels.as_mut());
-    encoded(&pixels, (scale * PX_PER_INCH * INCHES_PER_METRE).round() as u32)
+    encoded(&pixels, (scale * PX_PER_INCH * INCHES_PER_METRE).round() as u32, comment)
         .map_err(|error| error.to_string())
 }
 
 /// Opaque pixels as PNG: lines on white, each row as its difference to the one above, are packed well
 /// with little effort.
-fn encoded(pixels: &Pixmap, per_metre: u32) -> Result<Vec<u8>, EncodingError> {
+fn encoded(
+    pixels: &Pixmap,
+    per_metre: u32,
+    comment: Option<&str>,
+) -> Result<Vec<u8>, EncodingError> {
     let mut png = Vec::new();
     let mut encoder = Encoder::new(&mut png, pixels.width(), pixels.height());
     encoder.set_color(ColorType::Rgb);
@@ -58,6 +62,9 @@ fn encoded(pixels: &Pixmap, per_metre: u32) -> Result<Vec<u8>, EncodingError> {
         yppu: per_metre,
         unit: Unit::Meter,
     }));
+    if let Some(comment) = comment {
+        encoder.add_text_chunk("Comment".to_owned(), comment.to_owned())?;
+    }
     const UP: u8 = 2;
     /// Pixels that are compared at once.
     const PART: usize = 32;
@@ -99,7 +106,7 @@ mod tests {
                  <text y=\"15\" font-family=\"{}\">{sign}</text></svg>",
                 style::FAMILY
             );
-            parsed(&text).and_then(|svg| png(&svg, PX_PER_INCH)).expect("draws")
+            parsed(&text).and_then(|svg| png(&svg, PX_PER_INCH, None)).expect("draws")
         };
         let (nothing, missing) = (drawn(' '), drawn('\u{6f22}'));
         for sign in "0123456789.,;:()/-+±×–…·²³°₀₁₂σωφθλαΔéü\u{2212}".chars()

@@ -3,7 +3,7 @@
 use super::ReportError;
 use super::drawing::style::Look;
 use super::drawing::{Figure, Layer, Layout, Panel, Scale};
-use super::ending::drawn;
+use super::ending::{FigureFile, drawn};
 use super::looks::colours;
 use crate::store::{SENSITIVE_METRICS, SensitivityRow};
 
@@ -18,9 +18,9 @@ const SHOWN: usize = 7;
 pub fn sensitivities_drawing(
     campaign: &str,
     rows: &[SensitivityRow],
-    ending: &str,
+    file: FigureFile<'_>,
 ) -> Result<Vec<u8>, ReportError> {
-    drawn(&figure(campaign, rows), ending)
+    drawn(&figure(campaign, rows), file)
 }
 
 fn figure(campaign: &str, rows: &[SensitivityRow]) -> Figure {

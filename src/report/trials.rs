@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::page::{self, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
+use super::truth::Truth;
 use super::{ReportError, ReportInput, figures, replay};
 use crate::robot::Robot;
 use crate::store::{
@@ -72,7 +73,7 @@ fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
 /// `stamp` gives the hash of a file.
 pub fn parts(
     input: &ReportInput,
-    tables: &Tables,
+    (tables, truth): (&Tables, Option<&Truth>),
     pages: &TrialPages,
     stamp: impl Fn(&Path) -> Option<String>,
 ) -> PageParts {
@@ -94,8 +95,10 @@ pub fn parts(
         let setup = input.campaign_setup(&trial.campaign);
         let robot = robots.first().and_then(|row| input.robot(&row.robot));
         let beside = page::neighbours(trial, tables, pages);
-        let rows =
-            format!("{trial:?} {checks:?} {robots:?} {setup:?} {robot:?} {markers} {beside:?}");
+        let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
+        let rows = format!(
+            "{trial:?} {checks:?} {robots:?} {setup:?} {robot:?} {markers} {beside:?} {is_synthetic}"
+        );
         let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
         let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
         let source = tables.source(input);
@@ -127,7 +130,7 @@ pub struct PagesWritten {
 /// A table of a trial is there and cannot be read, or a page not be filled in or written.
 pub fn write(
     input: &ReportInput,
-    (tables, reader): (&Tables, &Reader),
+    ((tables, truth), reader): ((&Tables, Option<&Truth>), &Reader),
     pages: &TrialPages,
     kept: &BTreeSet<String>,
     to_disk: &ToDisk,
@@ -147,7 +150,9 @@ pub fn write(
         let page = page.filter(|page| !kept.contains(page));
         if let Some(page) = &page {
             let of_trial = |recording| figures::trial::figures(trial, recording, inputs);
-            let figures = recording.as_ref().map_or(Vec::new(), of_trial);
+            let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
+            let mut figures = recording.as_ref().map_or(Vec::new(), of_trial);
+            figures.iter_mut().for_each(|figure| figure.is_synthetic = is_synthetic);
             let images = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;
             let replay = recording.as_ref().zip(robot_of(trial, input, tables));
             let replay = replay.and_then(|(recording, robot)| {
@@ -155,7 +160,8 @@ pub fn write(
                 replay::of_trial(trial, recording, robot, input, fit)
             });
             let (recording, replay) = (recording.as_ref(), replay.as_ref());
-            let html = page::trial_html(trial, inputs, pages, recording, replay, &images)?;
+            let html =
+                page::trial_html(trial, inputs, pages, is_synthetic, recording, replay, &images)?;
             to_disk.write_if_changed(&input.paths.reports.join(page), html.as_bytes())?;
         }
         Ok((page, problem))

@@ -1,6 +1,7 @@
 //! Planted truth against what was recovered, where a `truth.json` lies in a trial folder.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
@@ -13,7 +14,7 @@ use crate::config::Paths;
 use crate::metrics::GaitMetrics;
 use crate::robot::{Model, Parameter, Robot};
 use crate::store::{Reader, StoreError, TrialRow};
-use crate::trial::TRUTH_FILE;
+use crate::trial::{TRUTH_FILE, find_folders};
 
 /// What the trials were made from. Unknown entries are passed over, missing ones are unknown.
 #[derive(Debug, Default, Deserialize)]
@@ -21,6 +22,9 @@ use crate::trial::TRUTH_FILE;
 pub struct Truth {
     /// The trials were computed, not recorded.
     pub synthetic: bool,
+    /// Folders of such trials.
+    #[serde(skip)]
+    pub synthetic_folders: BTreeSet<String>,
     pub seed: Option<u64>,
     /// Relative standard deviation of friction from cycle to cycle.
     pub friction_variation: f64,
@@ -152,6 +156,7 @@ impl Truth {
                 Some((row.trial.clone(), planted.remove(id)?))
             });
             truth.trials = here.collect();
+            truth.synthetic_folders.extend(truth.synthetic.then(|| folder.clone()));
             match &mut all {
                 None => all = Some(truth),
                 Some(all) => all.extend(truth, &folder, missing),
@@ -163,6 +168,7 @@ impl Truth {
     /// Adds what was planted in another folder.
     fn extend(&mut self, other: Self, folder: &str, missing: &mut Vec<String>) {
         self.synthetic |= other.synthetic;
+        self.synthetic_folders.extend(other.synthetic_folders);
         self.seed = self.seed.filter(|seed| other.seed == Some(*seed));
         self.friction_variation = self.friction_variation.max(other.friction_variation);
         self.servo = self.servo.or(other.servo);
@@ -182,6 +188,58 @@ impl Truth {
                 ));
             }
         }
+    }
+}
+
+/// What pages say where all trials were computed, and where some were.
+const ALL: &str = "These trials are synthetic.";
+const SOME: &str = "Some of these trials are synthetic";
+
+impl Truth {
+    /// Whether a trial was computed.
+    pub fn is_synthetic(&self, trial: &TrialRow) -> bool {
+        // Tables that were made elsewhere may not say where their trials are.
+        self.synthetic
+            && (trial.folder.is_empty() || self.synthetic_folders.contains(&trial.folder))
+    }
+
+    /// Whether any trial of these campaigns was computed; of all campaigns where none is named.
+    pub fn is_synthetic_in(&self, campaigns: &[String], tables: &Tables) -> bool {
+        let is_of = |trial: &&TrialRow| campaigns.is_empty() || campaigns.contains(&trial.campaign);
+        tables.trials.iter().filter(is_of).any(|trial| self.is_synthetic(trial))
+    }
+
+    /// What the pages say of trials that were computed; empty where all were recorded.
+    pub fn notice(&self, tables: &Tables) -> String {
+        let synthetic = tables.trials.iter().filter(|trial| self.is_synthetic(trial)).count();
+        if synthetic == 0 {
+            return String::new();
+        }
+        match synthetic == tables.trials.len() {
+            true => ALL.to_owned(),
+            false => {
+                let folders: Vec<&str> =
+                    self.synthetic_folders.iter().map(String::as_str).collect();
+                format!("{SOME}: those of {}.", folders.join(", "))
+            }
+        }
+    }
+}
+
+/// What pages without the trials' table say of trials that were computed; empty where all were
+/// recorded. What is wrong with a file is said by the report.
+pub fn notice_of_folders(paths: &Paths) -> String {
+    let folders = find_folders(paths).unwrap_or_default();
+    let is_synthetic = |folder: &&PathBuf| {
+        let truth = std::fs::read(folder.join(TRUTH_FILE)).ok();
+        truth
+            .and_then(|bytes| serde_json::from_slice::<Truth>(&bytes).ok())
+            .is_some_and(|truth| truth.synthetic)
+    };
+    match folders.iter().filter(is_synthetic).count() {
+        0 => String::new(),
+        synthetic if synthetic == folders.len() => ALL.to_owned(),
+        _ => format!("{SOME}."),
     }
 }
 

@@ -58,6 +58,29 @@ fn a_table_that_goes_on_beyond_its_edge_shows_it() {
 }
 
 #[test]
+fn every_page_says_that_its_trials_are_synthetic() {
+    let Some(mut browser) = Browser::start() else { return };
+    for (width, height) in SIZES {
+        browser.window(width, height);
+        for page in all_pages(demo()) {
+            browser.open(&page);
+            let said = browser.evaluate(
+                r#"(() => {
+                  const said = document.querySelector("aside");
+                  return [document.title, said?.innerText, said?.getBoundingClientRect().bottom,
+                    [...document.querySelectorAll(".sheet")].every(sheet =>
+                      sheet.innerText.includes("Synthetic trials"))];
+                })()"#,
+            );
+            let what = format!("{} {said}", page.display());
+            assert!(said[0].as_str().unwrap().starts_with("Synthetic trials: "), "{what}");
+            assert!(said[1].as_str().expect(&what).contains("synthetic"), "{what}");
+            assert!(said[2].as_f64() < Some(200.0) && said[3] == true, "{what}");
+        }
+    }
+}
+
+#[test]
 fn every_link_of_every_page_leads_somewhere() {
     let Some(mut browser) = Browser::start() else { return };
     for reports in [demo(), own()] {

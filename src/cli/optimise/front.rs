@@ -2,11 +2,10 @@
 
 use super::{Optimise, print_table};
 use crate::cli::fitted::note_extrapolation;
-use crate::cli::progress::Progress;
 use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
-use crate::cli::{Failure, Outcome};
+use crate::cli::{Context, Failure, Outcome};
 use crate::optimise::{Optimum, Search};
-use crate::report::{front_drawing, with_unit};
+use crate::report::{FigureFile, front_drawing, with_unit};
 use crate::simulate::Setup;
 use crate::store::{Objective, OptimumRow};
 
@@ -34,7 +33,7 @@ impl Optimise {
 
     pub(super) fn print_front(
         &self,
-        progress: &Progress,
+        context: &Context,
         setup: &Setup,
         search: &Search,
         other: Objective,
@@ -67,7 +66,9 @@ impl Optimise {
             let points: Vec<(f64, f64, bool)> = rows.iter().map(point).collect();
             let labels = [other, objective].map(with_unit);
             let labels = labels.each_ref().map(String::as_str);
-            write_figure(path, progress, |ending| front_drawing(names, labels, &points, ending))?;
+            let fitted_to = self.fitted.then_some(&context.config.paths);
+            let drawn = |file: FigureFile| front_drawing(names, labels, &points, file);
+            write_figure(path, &context.progress, fitted_to, drawn)?;
         }
         if !print_rows(&rows, self.csv, self.json) {
             print_table(setup, objective, &front, None);

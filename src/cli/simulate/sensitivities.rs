@@ -7,7 +7,7 @@ use crate::cli::output::{note, say};
 use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
 use crate::cli::table::{self, short};
 use crate::cli::{Context, Failure, Outcome};
-use crate::report::sensitivities_drawing;
+use crate::report::{FigureFile, sensitivities_drawing};
 use crate::simulate::{KnownFits, Setup};
 use crate::store::{SENSITIVE_METRICS, SensitivityRow};
 
@@ -69,8 +69,9 @@ impl Sensitivities {
             context.progress.say(&format!("{}: {} rows", file.path.display(), rows.len()));
         }
         if let Some(path) = self.figure.as_deref().filter(|_| !rows.is_empty()) {
-            let drawn = |ending: &str| sensitivities_drawing(campaign, &rows, ending);
-            write_figure(path, &context.progress, drawn)?;
+            let fitted_to = asked.fits.map(|_| &context.config.paths);
+            let drawn = |file: FigureFile| sensitivities_drawing(campaign, &rows, file);
+            write_figure(path, &context.progress, fitted_to, drawn)?;
         }
         if !print_rows(&rows, asked.csv, asked.json) {
             all.iter().for_each(|rows| print(rows));

@@ -1,6 +1,7 @@
 //! A figure before it is drawn.
 
 use super::axis::{Range, Scale};
+use super::render::SYNTHETIC;
 use super::style::{EM, Look, SAMPLE, Shape};
 
 /// Of a pixel in print, as SVG and pages have it.
@@ -104,6 +105,8 @@ pub struct Figure {
     pub panels: Vec<Panel>,
     pub layout: Layout,
     pub print: Print,
+    /// It shows trials that were computed, or what was fitted to them; its files say so.
+    pub is_synthetic: bool,
     /// The plotted numbers as CSV and what they show as text, where these have more to them than
     /// the panels.
     pub csv: Option<String>,
@@ -193,6 +196,11 @@ impl Figure {
     ) -> Self {
         let campaigns = campaigns.iter().map(|&campaign| campaign.to_owned()).collect();
         Self { stem: stem.to_owned(), title, caption, campaigns, layout, panels, ..Self::default() }
+    }
+
+    /// What its files say beside the picture.
+    pub fn comment(&self) -> Option<&'static str> {
+        self.is_synthetic.then_some(SYNTHETIC)
     }
 
     /// Whether there is nothing to draw.

@@ -8,7 +8,7 @@ use plotters::prelude::IntoDrawingArea;
 
 use super::draw;
 use super::figure::Figure;
-use super::grid::Grid;
+use super::grid::{Grid, MARGIN};
 use super::style::{self, units};
 use crate::report::svg::Svg;
 
@@ -19,6 +19,11 @@ const END: &str = "</g>\n</svg>\n";
 const PRESENTATION: &str =
     "overflow=\"visible\" fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\"";
 
+/// What files of figures of computed trials say, in the picture and beside it.
+pub const SYNTHETIC: &str = "Synthetic trials, not recorded";
+/// Height of the line that says so, px.
+const SYNTHETIC_ROW: f64 = 18.0;
+
 /// A figure that was drawn.
 pub struct Drawing {
     pub columns: usize,
@@ -26,6 +31,7 @@ pub struct Drawing {
     pub width: f64,
     height: f64,
     scale: f64,
+    is_synthetic: bool,
     /// Its legend and its panels as SVG.
     body: String,
 }
@@ -44,29 +50,49 @@ impl Drawing {
         if !body.chars().all(is_text) {
             body = body.replace(|c| !is_text(c), "\u{fffd}");
         }
-        Ok(Self { columns, width, height, scale: figure.print.scale(), body })
+        Ok(Self::new(figure, [width, height], columns, body))
     }
 
     /// That of a figure of which the `svg` is kept.
     pub fn of_svg(figure: &Figure, svg: &str) -> Self {
         let Grid { columns, width, height, .. } = Grid::new(figure);
+        let mut drawing = Self::new(figure, [width, height], columns, String::new());
         let from = svg.find(BODY).map_or(svg.len(), |from| from + BODY.len());
-        let body = svg[from..].strip_suffix(END).unwrap_or_default().to_owned();
-        Self { columns, width, height, scale: figure.print.scale(), body }
+        let body = svg[from..].strip_suffix(END);
+        let body = body.and_then(|body| body.strip_prefix(&drawing.mark()));
+        drawing.body.push_str(body.unwrap_or_default());
+        drawing
+    }
+
+    fn new(figure: &Figure, [width, height]: [f64; 2], columns: usize, body: String) -> Self {
+        let (scale, is_synthetic) = (figure.print.scale(), figure.is_synthetic);
+        Self { columns, width, height, scale, is_synthetic, body }
+    }
+
+    /// What its file says of trials that were computed, below the panels.
+    fn mark(&self) -> String {
+        if !self.is_synthetic {
+            return String::new();
+        }
+        let (below, colour) = (self.height + SYNTHETIC_ROW - 6.0, style::MARK);
+        format!(
+            "<text x=\"{MARGIN}\" y=\"{below}\" fill=\"{colour}\" font-size=\"12\">{SYNTHETIC}</text>\n"
+        )
     }
 
     /// The figure with its font inside.
     pub fn svg(&self) -> String {
         static FONT: LazyLock<String> = LazyLock::new(|| BASE64.encode(style::ROBOTO));
-        let Self { width, height, scale, body, .. } = self;
+        let Self { width, height, scale, is_synthetic, body, .. } = self;
         let rounded = |px: f64| (1e3 * px).round() / 1e3;
-        let [across, down] = [width, height].map(|px| rounded(scale * px));
-        let (width, font) = (rounded(*width), &*FONT);
+        let height = if *is_synthetic { height + SYNTHETIC_ROW } else { *height };
+        let [across, down] = [*width, height].map(|px| rounded(scale * px));
+        let (width, font, mark) = (rounded(*width), &*FONT, self.mark());
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{across}\" height=\"{down}\" \
              viewBox=\"0 0 {width} {height}\">\n\
              <style>@font-face{{font-family:Roboto;src:url(data:font/ttf;base64,{font}) format(\"truetype\")}}</style>\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{body}{END}"
+             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{mark}{body}{END}"
         )
     }
 

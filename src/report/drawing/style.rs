@@ -8,6 +8,8 @@ use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyl
 
 /// Text, frames and measurements.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
+/// Of what a figure's file warns of.
+pub const MARK: &str = "#a8201a";
 pub const GRID: RGBColor = RGBColor(226, 226, 226);
 pub const PAPER: RGBColor = RGBColor(255, 255, 255);
 /// The robot's links on a map.

@@ -163,7 +163,11 @@ pub fn figures(
     found.figures.push(work::figure(WORK, tables, config));
     found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, inputs.source)));
     let Figures { figures, missing } = &mut found;
-    figures.iter_mut().for_each(|figure| figure.print = config.print());
+    for figure in figures.iter_mut() {
+        figure.print = config.print();
+        figure.is_synthetic =
+            truth.is_some_and(|truth| truth.is_synthetic_in(&figure.campaigns, tables));
+    }
     figures.retain(|figure| !figure.is_empty());
     figures.retain(|Figure { stem, panels, .. }| {
         let is_drawn = panels.len() <= MOST_PANELS;

@@ -13,6 +13,7 @@ use crate::report::figures::frequency;
 use crate::report::parameters::{FittedParameter, HELD};
 use crate::report::series::Source;
 use crate::report::tables::Tables;
+use crate::report::truth::Truth;
 use crate::report::{ReportError, ReportInput, figures};
 use crate::robot::{Parameter, Property};
 use crate::store::{FitRow, PredictionSource};
@@ -20,7 +21,7 @@ use crate::store::{FitRow, PredictionSource};
 /// Sections in the paper's order, then by name; without those that have nothing to say.
 pub fn sections(
     input: &ReportInput,
-    tables: &Tables,
+    (tables, truth): (&Tables, Option<&Truth>),
     drawn: &[Drawn<'_>],
 ) -> Result<Vec<Value>, ReportError> {
     let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
@@ -69,7 +70,7 @@ pub fn sections(
                 comparison => Serde(comparison.collect::<Vec<_>>()),
                 optima => optima::section(tables, name),
                 notes => remarks(tables, name),
-                answer => answer(name, tables, tables.source(input))?,
+                answer => answer(name, (tables, truth), tables.source(input))?,
         }))
     };
     names.into_iter().filter_map(|name| section(name).transpose()).collect()
@@ -94,7 +95,11 @@ fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'sta
 
 /// What the first screen says of a campaign: what the measurements say, and of the model that they
 /// prefer the coefficients and the curve.
-fn answer(name: &str, tables: &Tables, source: Source<'_>) -> Result<Value, ReportError> {
+fn answer(
+    name: &str,
+    (tables, truth): (&Tables, Option<&Truth>),
+    source: Source<'_>,
+) -> Result<Value, ReportError> {
     let fit = tables.preferred(name);
     let mut compared = tables.comparison.iter().filter(|row| row.campaign == name);
     // Whether it fits stands beside it; the whole sentence is with the campaign.
@@ -108,7 +113,9 @@ fn answer(name: &str, tables: &Tables, source: Source<'_>) -> Result<Value, Repo
         context! { label => parameter.label(), unit => parameter.unit(), of_fit => Serde(of_fit) }
     };
     let free = fit.map_or(&[][..], |fit| &fit.free);
-    let curve = frequency::overview(name, fit.map(|fit| fit.model), source);
+    let mut curve = frequency::overview(name, fit.map(|fit| fit.model), source);
+    curve.is_synthetic =
+        truth.is_some_and(|truth| truth.is_synthetic_in(&[name.to_owned()], tables));
     let curve = (!curve.is_empty()).then(|| image(&curve)).transpose()?;
     Ok(context! {
         fit => Serde(fit),

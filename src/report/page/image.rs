@@ -26,6 +26,7 @@ pub fn image_of_drawing(figure: &Figure, drawing: &Drawing) -> Value {
         title => &figure.title,
         caption => &figure.caption,
         alternative => plotted::text_alternative(figure),
+        synthetic => figure.is_synthetic,
         legend,
         panels,
         columns,

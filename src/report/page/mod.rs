@@ -74,7 +74,7 @@ pub fn html(
     let raw = input.paths.raw.iter().map(|raw| relative(&input.paths.reports, raw));
     let page = context! {
         version => env!("CARGO_PKG_VERSION"),
-        synthetic => truth.is_some_and(|truth| truth.synthetic),
+        synthetic => truth.map_or(String::new(), |truth| truth.notice(tables)),
         fits => tables.fits.len(),
         figures => drawn.len(),
         pages => Serde(pages),
@@ -85,7 +85,7 @@ pub fn html(
         names => trials.len(),
         missing => Serde(missing),
         changes => Serde(changes),
-        campaigns => campaigns::sections(input, tables, drawn)?,
+        campaigns => campaigns::sections(input, (tables, truth), drawn)?,
         shared => shared::sections(tables),
         comparisons => images(drawn, |figure| {
             figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
@@ -110,14 +110,14 @@ pub fn html(
     fill("index.html", include_str!("index.html"), &page).map_err(ReportError::Page)
 }
 
-/// The page of the scorecard as HTML.
+/// The page of the scorecard as HTML. `synthetic` is what it says of trials that were computed.
 ///
 /// # Errors
 /// The template cannot be filled in.
-pub fn scorecard_html(scores: &[JudgedClaim], is_synthetic: bool) -> Result<String, ReportError> {
+pub fn scorecard_html(scores: &[JudgedClaim], synthetic: &str) -> Result<String, ReportError> {
     let page = context! {
         version => env!("CARGO_PKG_VERSION"),
-        synthetic => is_synthetic,
+        synthetic,
         scorecard => Serde(scores),
     };
     let page = fill("scorecard-page.html", include_str!("scorecard-page.html"), &page);

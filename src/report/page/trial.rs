@@ -22,6 +22,7 @@ pub fn html(
     trial: &TrialRow,
     (tables, input): (&Tables, &ReportInput),
     pages: &TrialPages,
+    is_synthetic: bool,
     recording: Option<&Recording>,
     replay: Option<&Replay>,
     figures: &[Value],
@@ -32,6 +33,7 @@ pub fn html(
     let (models, predicted) = predicted(trial, tables, input);
     let page = context! {
         version => env!("CARGO_PKG_VERSION"),
+        synthetic => if is_synthetic { "This trial is synthetic." } else { "" },
         trial => Serde(trial),
         rate_hz => recording.and_then(Recording::rate_hz),
         beside => Serde(neighbours(trial, tables, pages)),

@@ -59,6 +59,7 @@ pub fn page(
     let replay = replay.value(&format!("Motion of {title}"));
     let values = context! {
         version => env!("CARGO_PKG_VERSION"),
+        synthetic => "",
         title,
         answer => Serde(answer),
         replay => replay,

@@ -189,9 +189,10 @@ proptest! {
             prop_assert!(svg.len() < 4_000_000, "{}: {} bytes", figure.stem, svg.len());
             prop_assert!(plotted::csv(figure).len() < 4_000_000);
         }
-        let tables = (&*content.tables, &content.reader);
+        let known = (&*content.tables, content.truth.as_ref());
         let write = |to_disk: &ToDisk| {
-            trials::write(&input, tables, &content.pages, &BTreeSet::new(), to_disk)
+            let (pages, kept) = (&content.pages, BTreeSet::new());
+            trials::write(&input, (known, &content.reader), pages, &kept, to_disk)
         };
         ToDisk::during(write).0.expect("pages");
         prop_assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());

@@ -364,7 +364,11 @@ fn of_many_trials_only_those_to_look_at_the_first_of_each_frequency_and_those_as
     config.campaign.remove(SEMI_PASSIVE);
     let page = read(&report(&config).expect("reports").page);
     assert!(page.contains("2 of 36 trials have a page") && page.contains("report --trial NAME"));
-    assert_eq!(page.matches("href=\"trials/").count(), 4, "in the warnings and in the table");
+    assert_eq!(
+        page.matches("href=\"trials/").count(),
+        6,
+        "first, in the warnings and in the table"
+    );
     assert!(page.contains(&format!("<th scope=\"row\">{}</th>", all[0].trial)));
     let written = std::fs::read_dir(folder.path().join("reports/trials")).expect("a folder");
     assert_eq!(written.count(), 2);
@@ -474,17 +478,21 @@ fn a_figures_csv_has_the_plotted_numbers() {
     let csv = read(&folder.path().join("reports/figures/fig16.csv"));
     let mut lines = csv.lines();
     let header = "panel,campaign,series,kind,trial,omega_rad_s,d_mm,d_mm_error_95,d_mm_lo,d_mm_hi,\
-                  v_mm_s,v_mm_s_error_95,v_mm_s_lo,v_mm_s_hi";
+                  v_mm_s,v_mm_s_error_95,v_mm_s_lo,v_mm_s_hi,origin";
     assert_eq!(lines.next(), Some(header));
     let measured = "kinematic-skewed,measured,measured,kinematic-skewed-0.50-r1";
-    assert!(csv.contains(&format!("\na,{measured},0.5002,105.8,2.281048,,,,,,\n")), "{csv}");
+    assert!(
+        csv.contains(&format!("\na,{measured},0.5002,105.8,2.281048,,,,,,,synthetic\n")),
+        "{csv}"
+    );
     assert!(csv.contains(&format!("\nb,{measured},0.5002,,,,,")), "{csv}");
-    assert!(csv.contains("\na,kinematic-skewed,no-skid,model,,6,122.405,,,,,,,\n"));
+    assert!(csv.contains("\na,kinematic-skewed,no-skid,model,,6,122.405,,,,,,,,synthetic\n"));
     let profiles = read(&folder.path().join("reports/figures/kinematic-skewed-profiles.csv"));
-    let header = "panel,title,layer,skid0_kg_s,delta_j_percent_of_j,skid1_kg_s,skid2_kg_s";
+    let header = "panel,title,layer,skid0_kg_s,delta_j_percent_of_j,skid1_kg_s,skid2_kg_s,origin";
     assert_eq!(profiles.lines().next(), Some(header));
     let residuals = read(&folder.path().join("reports/figures/kinematic-skewed-residuals.csv"));
-    let header = "panel,title,trial,layer,omega_rad_s,residual_percent,residual_percent_error_95";
+    let header =
+        "panel,title,trial,layer,omega_rad_s,residual_percent,residual_percent_error_95,origin";
     assert_eq!(residuals.lines().next(), Some(header));
     let of_curve = |line: &&str| line.starts_with("a,kinematic-skewed,skid-roll,model,,6,");
     let numbers = csv.lines().find(of_curve).expect("its end").split(',').skip(6).take(4);
@@ -612,6 +620,125 @@ fn synthetic_trials_are_called_so_and_compared_with_their_truth() {
     std::fs::write(raw.join("truth.json"), "{ \"synthetic\": ").expect("writes");
     let broken = reported_in_short(&MadeUp::of_the_paper(), folder.path());
     assert!(broken.missing.iter().any(|sentence| sentence.contains("truth.json")));
+}
+
+#[test]
+fn every_page_and_every_file_of_a_figure_says_that_its_trials_are_synthetic() {
+    const SAID: &str = "Synthetic trials, not recorded";
+    let holds =
+        |bytes: &[u8], text: &str| bytes.windows(text.len()).any(|of| of == text.as_bytes());
+    let plain = temporary();
+    reported_in_short(&MadeUp::of_the_paper(), plain.path());
+    let [synthetic, recorded] =
+        [standard().0.path(), plain.path()].map(|folder| files(&folder.join("reports")));
+    for (files, is_synthetic) in [(synthetic, true), (recorded, false)] {
+        for (name, bytes) in &files {
+            let says = |text: &str| assert_eq!(holds(bytes, text), is_synthetic, "{name}: {text}");
+            match name.rsplit_once('.').expect("an ending").1 {
+                "html" => ["<title>Synthetic trials: ", "synthetic.</strong>"].map(says).into(),
+                "svg" => [">Synthetic trials, not recorded</text>"].map(says).into(),
+                "png" => ["tEXtComment\0Synthetic trials, not recorded"].map(says).into(),
+                "pdf" => ["/Subject (Synthetic trials, not recorded)"].map(says).into(),
+                "tex" => [
+                    "with 95\\,\\% confidence intervals of those that are fitted. Synthetic trials",
+                ]
+                .map(says)
+                .into(),
+                "csv" => {
+                    let table = std::str::from_utf8(bytes).expect("text");
+                    let (head, rows) = table.split_once('\n').expect("a head");
+                    assert_eq!(head.ends_with(",origin"), is_synthetic, "{name}");
+                    let all = rows.lines().all(|row| row.ends_with(",synthetic"));
+                    assert_eq!(all, is_synthetic, "{name}");
+                    Vec::new()
+                }
+                _ => Vec::new(),
+            };
+        }
+        let page = std::str::from_utf8(&files["index.html"]).expect("text");
+        let marks = page.matches("<p class=\"origin\">Synthetic trials</p>").count();
+        let sheets = if is_synthetic { page.matches(SHEET).count() } else { 0 };
+        assert_eq!(marks, sheets, "figures that are lifted out of the page");
+        // What is printed of the figure is as high as before, and the line is below it.
+        let svg = std::str::from_utf8(&files["fig16.svg"]).expect("text");
+        assert_eq!(svg.contains(SAID), is_synthetic);
+    }
+}
+
+#[test]
+fn of_several_folders_those_with_synthetic_trials_are_named() {
+    let folder = temporary();
+    let mut tables = MadeUp::of_the_paper();
+    for row in &mut tables.trials {
+        row.folder = if row.campaign == SKEWED { "computed" } else { "recorded" }.to_owned();
+        row.id.clone_from(&row.trial);
+    }
+    tables.write(&folder.path().join("derived"));
+    let mut config = config(folder.path());
+    config.campaign.remove(SEMI_PASSIVE);
+    config.paths.raw = ["computed", "recorded"].map(|name| folder.path().join(name)).into();
+    for raw in &config.paths.raw {
+        std::fs::create_dir_all(raw).expect("a folder");
+    }
+    std::fs::write(folder.path().join("computed/truth.json"), made_up::truth()).expect("writes");
+    let reported = report(&config).expect("reports");
+    let page = read(&reported.page);
+    assert!(page.contains("Some of these trials are synthetic: those of computed."), "{page}");
+    let says = |stem: &str| {
+        read(&folder.path().join(format!("reports/figures/{stem}.svg")))
+            .contains("Synthetic trials")
+    };
+    assert_eq!([says("fig16"), says("fig17")], [true, false]);
+    let of_trial = |campaign: &str| {
+        let trial = tables.trials.iter().find(|row| row.campaign == campaign).expect("a trial");
+        read(&folder.path().join("reports").join(page_of(&trial.trial)))
+    };
+    assert!(of_trial(SKEWED).contains("This trial is synthetic."));
+    assert!(!of_trial(made_up::SYMMETRIC).contains("synthetic"));
+}
+
+#[test]
+fn a_failed_trial_is_said_first_with_its_cause_and_its_page() {
+    let folder = temporary();
+    let cause = "kinematic-skewed-3.00-r2.csv, line 6: found `abc`, needed a number";
+    let mut tables = made_up::with_trouble(MadeUp::of_the_paper(), cause);
+    let page = read(&reported_in_short(&tables, folder.path()).page);
+    let first = |page: &str| {
+        let (_, first) = page.split_once("<main>").expect("a page");
+        first.split_once("class=\"answers\"").expect("answers").0.replace('\n', " ")
+    };
+    let said = first(&page);
+    let total = tables.trials.len();
+    for text in [
+        &format!("1 of {total} trials failed: no results"),
+        "<li><a href=\"trials&#x2f;kinematic-skewed-3.00-r2.html\">kinematic-skewed-3.00-r2</a>: \
+         kinematic-skewed-3.00-r2.csv, line 6: found `abc`, needed a number</li>",
+        &format!("1 of {total} trials flagged: look at their results"),
+        "residual 0.62 mm, limit 0.5 mm</li>",
+    ] {
+        assert!(said.replace("trials/", "trials&#x2f;").contains(text), "{text}: {said}");
+    }
+    let [failed, flagged] = [" failed:", " flagged:"].map(|of| said.find(of).expect("a box"));
+    assert!(failed < flagged);
+    assert!(!said.contains(" more</a>"), "{said}");
+
+    // Of many so many are named, and how many there are.
+    let failed = tables.trials.iter().find(|row| row.status == TrialStatus::Failed);
+    let failed = failed.expect("one failed").clone();
+    tables.trials.extend(
+        (0..16).map(|nth| TrialRow { trial: format!("{}-{nth}", failed.trial), ..failed.clone() }),
+    );
+    let page = read(&reported_in_short(&tables, folder.path()).page);
+    let said = first(&page);
+    for text in [
+        &format!("17 of {} trials failed: no results", total + 16),
+        "<a href=\"#warnings\">and 12 more</a>",
+    ] {
+        assert!(said.contains(text), "{text}: {said}");
+    }
+    assert_eq!(said.matches("found `abc`").count(), 5, "{said}");
+    let all = page.split_once("<h2 id=\"warnings\">").expect("the checks").1;
+    assert_eq!(all.matches("found `abc`").count(), 17);
 }
 
 #[test]

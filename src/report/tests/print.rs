@@ -200,7 +200,8 @@ fn what_shines_through_in_an_svg_does_in_its_pdf() {
     let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"20\">\
                <path d=\"M1 1H9V9z\" fill=\"#0072b2\" fill-opacity=\"0.2\"/>\
                <path d=\"M1 1H9V9z\" fill=\"#0072b2\"/></svg>";
-    let pdf = raster::parsed(svg).and_then(|tree| pdf::pdf(&tree, "").map_err(|e| e.to_string()));
+    let pdf =
+        raster::parsed(svg).and_then(|tree| pdf::pdf(&tree, "", None).map_err(|e| e.to_string()));
     let pdf = pdf.expect("draws");
     let plain = String::from_utf8_lossy(&pdf);
     assert!(plain.contains("/O20") && plain.contains("/ca 0.2"), "{plain}");
