@@ -67,7 +67,7 @@ pub(crate) use markers::layout::{LinkMarker, marker_name};
 pub(crate) use markers::rigid::fit as fit_rigid;
 pub(crate) use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics, strongest_line};
 pub(crate) use poses::frame_grid;
-use poses::{Coordinates, Linkage, Tracked};
+use poses::{Constant, Coordinates, Linkage, Tracked};
 use signals::JointSignal;
 
 /// Used cycles below which a trial has no means.
@@ -221,19 +221,26 @@ fn process_recording(
     diagnosis::check_layout(&file, &layout)?;
     let linkage = Linkage::of(robot);
     let max_gap = settings.max_gap_frames(rate_hz);
-    let track = |file: &MarkerFile, steady: Range<usize>| {
-        poses::solve(file, &layout, Some(linkage), ingest.poses, rate_hz, steady)?.over_time(
-            &file.frames,
-            &layout,
-            max_gap,
-        )
+    let solve = |file: &MarkerFile, steady: Range<usize>| {
+        poses::solve(file, &layout, Some(linkage), ingest.poses, rate_hz, steady)
     };
     let look_at = |file: &MarkerFile, tracked: &Tracked, frames: &Range<usize>| {
         let mut found = poses::tracking_checks(tracked, file, &layout, settings, frames);
-        found.extend(diagnosis::check_linkage(&linkage, tracked));
+        found.extend(diagnosis::check_linkage(&linkage, &tracked.constant));
         found
     };
-    let mut tracked = track(&file, 0..file.frames.len())?;
+    // How bad it is what is constant over the trial.
+    let severity = |constant: &Constant| {
+        let checks = [poses::tilt_check(&constant.tilt)].into_iter();
+        let checks = checks.chain(diagnosis::check_linkage(&linkage, constant));
+        checks.filter(|found| !found.holds()).map(|found| found.severity).max()
+    };
+    let poses = solve(&file, 0..file.frames.len())?;
+    if gait.is_none() || severity(&poses.constant).is_none() {
+        // Of a long recording they are a gigabyte.
+        file.forget_positions();
+    }
+    let mut tracked = poses.over_time(&file.frames, &layout, max_gap)?;
     *findings = look_at(&file, &tracked, &(0..tracked.frames()));
     // Frames whose joints tell the gait.
     let mut on_the_clock = 0..tracked.frames();
@@ -241,24 +248,18 @@ fn process_recording(
         && findings.iter().any(|found| !found.holds())
         && let Ok(frames) = frames_in_use(trial, input, command, &tracked, rate_hz)
     {
-        let is_constant = |found: &&Finding| {
-            matches!(found.check, Check::Tilt | Check::JointPositions) && !found.holds()
-        };
-        if findings.iter().any(|found| is_constant(&found)) {
+        if severity(&tracked.constant).is_some() {
             // The robot may have been lifted before or after.
             let row_of = |frame: usize| tracked.recorded_frames.partition_point(|&of| of < frame);
-            let inside = track(&file, row_of(frames.start)..row_of(frames.end))?;
-            let off = |all: &[Finding]| all.iter().filter(is_constant).map(|of| of.severity).max();
-            let of_frames = look_at(&file, &inside, &frames);
-            if off(&of_frames) < off(findings) {
-                tracked = inside;
+            let poses = solve(&file, row_of(frames.start)..row_of(frames.end))?;
+            if severity(&poses.constant) < severity(&tracked.constant) {
+                tracked = poses.over_time(&file.frames, &layout, max_gap)?;
             }
         }
         *findings = look_at(&file, &tracked, &frames);
         on_the_clock = tracked.on_one_clock(&frames);
     }
     poses::describe_tracking(row, &tracked);
-    // Of a long recording they are a gigabyte.
     file.forget_positions();
     stop_beyond_limits(findings)?;
 
@@ -282,7 +283,8 @@ fn process_recording(
     row.smoothing_window = window as i64;
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
-        let data = motion.cycle_data(robot, gait, driven, &tracked, rate_hz);
+        let raw_wheels = wheel_velocities(robot, &tracked.filled, rate_hz);
+        let data = motion.cycle_data(robot, gait, driven, &tracked, &raw_wheels, rate_hz);
         let (cycles, steady) = steady_cycles(&data, skip_cycles)?;
         // What every trial is checked for goes first.
         if let Some(frames) = checked_frames(&data, &cycles, &steady) {
@@ -350,14 +352,13 @@ fn measure_phase(
 struct Motion {
     smooth: Coordinates,
     wheels: WheelVelocities,
-    raw_wheels: WheelVelocities,
 }
 
 impl Motion {
     fn of(robot: &Robot, tracked: &Tracked, window: usize, rate_hz: f64) -> Self {
         let smooth = tracked.filled.map(|series| signals::moving_average(series, window));
         let wheels = wheel_velocities(robot, &smooth, rate_hz);
-        Self { smooth, wheels, raw_wheels: wheel_velocities(robot, &tracked.filled, rate_hz) }
+        Self { smooth, wheels }
     }
 
     fn cycle_data<'m>(
@@ -366,9 +367,10 @@ impl Motion {
         gait: &'m Gait,
         driven: &'m GaitPhase,
         tracked: &'m Tracked,
+        raw_wheels: &'m WheelVelocities,
         rate_hz: f64,
     ) -> CycleData<'m> {
-        let Self { smooth, wheels, raw_wheels } = self;
+        let Self { smooth, wheels } = self;
         CycleData { robot, gait, driven, tracked, raw_wheels, rate_hz, smooth, wheels }
     }
 }
@@ -413,7 +415,8 @@ fn frames_in_use(
     let driven = measure_phase(command, tracked, all.clone(), rate_hz, ingest.skip_cycles)?;
     let window = smoothing_window(trial, ingest.smoothing_window, tracked, Some(&driven));
     let motion = Motion::of(robot, tracked, window, rate_hz);
-    let data = motion.cycle_data(robot, &command.0, &driven, tracked, rate_hz);
+    let raw_wheels = wheel_velocities(robot, &tracked.filled, rate_hz);
+    let data = motion.cycle_data(robot, &command.0, &driven, tracked, &raw_wheels, rate_hz);
     let (cycles, steady) = steady_cycles(&data, ingest.skip_cycles)?;
     Ok(checked_frames(&data, &cycles, &steady).unwrap_or(all))
 }

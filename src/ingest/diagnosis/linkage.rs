@@ -2,7 +2,7 @@
 
 use crate::ingest::checks::{Check, Finding, JOINT_POSITION_MM};
 use crate::ingest::markers::rigid::LinkPose;
-use crate::ingest::poses::{JointPosition, Linkage, Tracked};
+use crate::ingest::poses::{Constant, JointPosition, Linkage};
 use crate::stats::{extremes, mean, wrap};
 
 /// Joints that are nearer to where h and l put them are theirs, mm.
@@ -12,10 +12,10 @@ const LEAST_TURN_RAD: f64 = 0.17;
 
 /// Finds whether the joints are where h and l of the robot put them. What is found is an error if a
 /// cause is known.
-pub fn check_linkage(linkage: &Linkage, tracked: &Tracked) -> Option<Finding> {
-    let found = tracked.joints?;
+pub fn check_linkage(linkage: &Linkage, constant: &Constant) -> Option<Finding> {
+    let found = constant.joints?;
     let mm = linkage.distance_mm(&found);
-    let cause = if mm > NEAR_MM { cause(linkage, &tracked.own_poses) } else { None };
+    let cause = if mm > NEAR_MM { cause(linkage, &constant.own_poses) } else { None };
     let message = format!("a joint is {mm:.2} mm off where h_m and l_m of the robot put it");
     let finding = |message| Finding::at_most(Check::JointPositions, mm, JOINT_POSITION_MM, message);
     Some(match cause {

@@ -1,20 +1,20 @@
-//! Whether the markers' noise is white, as that of cameras about is, and as all errors take it to be.
-//! A low-pass filter before the export ends its spectrum far below half the frame rate: then neighbouring
-//! frames differ by next to nothing and do not tell how far off the slow motion is.
+//! Whether the markers' noise is white, as camera noise nearly is and all standard errors assume. A
+//! low-pass filter before the export cuts its spectrum off far below the Nyquist frequency:
+//! differences of neighbouring frames then underestimate the noise at low frequencies.
 //!
-//! Only noise changes the distance of two markers of a link. The Hadamard variance of that distance (of
-//! second differences of adjacent means; W. J. Riley, *Handbook of Frequency Stability Analysis*, NIST
-//! Special Publication 1065, 2008, section 5.2) is in inverse proportion to the number of samples averaged
-//! if the noise is white, and a drift leaves nothing in it.
+//! Only noise changes the distance between two markers of a link. Its Hadamard variance (of second
+//! differences of adjacent means; W. J. Riley, *Handbook of Frequency Stability Analysis*, NIST
+//! Special Publication 1065, 2008, section 5.2) is inversely proportional to the number of samples
+//! averaged if the noise is white, and a linear drift does not change it.
 
 use super::layout::Layout;
 use crate::stats::{MAD_TO_DEVIATION, mean, median, median_high, seen};
 use crate::vicon::MarkerFile;
 
-/// Averaging time, s: second differences of such means are of noise around 5 Hz, which filters pass.
+/// Averaging time, s: second differences of such means pass noise around 5 Hz, as filters do.
 const AVERAGED_S: f64 = 0.1;
 /// Standard deviations beyond which a distance is that of a marker that jumped.
-const FAR: f64 = 6.0;
+const OUTLIER_DEVIATIONS: f64 = 6.0;
 /// Fewer differences of means tell no variance.
 const MIN_DIFFERENCES: usize = 5;
 /// Less noise is rounding, not that of a camera, mm.
@@ -24,9 +24,9 @@ const SECOND_GAIN: f64 = 6.0;
 /// Median of the square of a standard normal deviate.
 const MEDIAN_SQUARE: f64 = 0.4549;
 
-/// Standard deviation of the noise in means over [`AVERAGED_S`], over that which white noise has if it is
-/// as large as neighbouring frames show: about 1 of white noise; of pairs of markers the median. NaN if
-/// too little was seen to tell. `first_frame` and `frames` are the recording's, with those left out.
+/// Standard deviation of the noise in means over [`AVERAGED_S`], relative to what is expected from
+/// neighbouring frames if it is white (then about 1). Median over pairs of markers; NaN with too
+/// few frames or too little noise. `frames` counts frames missing from the file, too.
 pub fn slow_noise_ratio(
     file: &MarkerFile,
     layout: &Layout,
@@ -46,29 +46,29 @@ pub fn slow_noise_ratio(
             let squares = [0, 1, 2].map(|axis| (one[axis] - other[axis]).powi(2));
             distances_mm[(frame - first_frame) as usize] = squares.iter().sum::<f64>().sqrt();
         }
-        leave_out_jumps(&mut distances_mm);
+        reject_outliers(&mut distances_mm);
         variance_ratio(&distances_mm, averaged)
     });
     median(ratios.collect()).sqrt()
 }
 
-fn leave_out_jumps(distances_mm: &mut [f64]) {
+fn reject_outliers(distances_mm: &mut [f64]) {
     let middle = median_high(seen(distances_mm).collect());
     let spread =
         median_high(seen(distances_mm).map(|distance| (distance - middle).abs()).collect());
-    let far = FAR * MAD_TO_DEVIATION * spread;
+    let far = OUTLIER_DEVIATIONS * MAD_TO_DEVIATION * spread;
     let jumped = distances_mm.iter_mut().filter(|distance| (**distance - middle).abs() > far);
     jumped.for_each(|distance| *distance = f64::NAN);
 }
 
-/// The variance of single samples that means over so many tell if the noise is white, over that which
-/// neighbouring samples tell. The former is by the median, which steps of the distance do not move; the
-/// latter is the mean, which a few noisy frames raise as they do the variance of means.
+/// Variance of a sample as estimated from means over `averaged` samples if the noise is white,
+/// divided by that from neighbouring samples. The former is a median, robust to steps; the latter
+/// is a mean, which a few noisy frames raise as they do the variance of means.
 fn variance_ratio(distances_mm: &[f64], averaged: usize) -> Option<f64> {
     let second = |w: &[f64]| w[0] - 2.0 * w[1] + w[2];
     let fast: Vec<f64> = distances_mm.windows(3).map(second).collect();
     let fast = mean(seen(&fast).map(|difference| difference * difference)) / SECOND_GAIN;
-    // Means over what was seen of at least half of the samples, and their variance in that of one.
+    // Means of blocks at least half of which was seen, and their variance over a sample's.
     let means = distances_mm.chunks_exact(averaged).map(|samples| {
         let count = seen(samples).count();
         let is_known = 2 * count >= averaged;

@@ -35,8 +35,8 @@ fn count_within(rising: &[usize], frames: &Range<usize>) -> usize {
     before(frames.end) - before(frames.start)
 }
 
-/// Checks that every trial has to pass, in the frames that count: what happens outside of them, as
-/// while the robot is put down and taken away, is nobody's mistake.
+/// Checks that every trial has to pass, within the frames in use: before and after them the robot
+/// may be put down and taken away.
 pub fn tracking_checks(
     tracked: &Tracked,
     file: &MarkerFile,
@@ -81,7 +81,7 @@ pub fn tracking_checks(
     }
     findings.extend(header_check(file));
     findings.extend(label_checks(tracked, file, layout, frames));
-    findings.push(tilt_check(&tracked.tilt));
+    findings.push(tilt_check(&tracked.constant.tilt));
     findings.push(repeats_check(tracked, frames));
     findings.push(jumps_check(tracked, file.rate_hz.unwrap_or(assumed_hz), frames));
     findings.push(noise_check(tracked.slow_noise_ratio));
@@ -93,10 +93,10 @@ fn noise_check(ratio: f64) -> Finding {
     let message = if ratio > MAX_SLOW_NOISE {
         format!(
             "the markers' noise over a tenth of a second is {ratio:.1} times what neighbouring frames show: the \
-             coordinates were low-passed or smoothed, and no error can be read off them; export unfiltered"
+             coordinates were low-pass filtered or smoothed, so that standard errors are too small; export unfiltered"
         )
     } else if ratio.is_nan() {
-        "too little noise was seen to tell whether it is white".to_owned()
+        "too little noise to test whether it is white".to_owned()
     } else {
         "the markers' noise is white".to_owned()
     };
@@ -104,7 +104,7 @@ fn noise_check(ratio: f64) -> Finding {
     Finding::new(Check::Filtered, !(ratio > MAX_SLOW_NOISE), ratio, MAX_SLOW_NOISE, message)
 }
 
-/// What a file states of itself that is missing or contradicts itself; nothing of a file that does not.
+/// Metadata that the file lacks or that contradict each other; `None` if there are none.
 pub fn header_check(file: &MarkerFile) -> Option<Finding> {
     let doubts = &file.doubts;
     let count = doubts.len() as f64;
@@ -127,8 +127,8 @@ fn repeats_check(tracked: &Tracked, frames: &Range<usize>) -> Finding {
     Finding::at_most(Check::RepeatedRows, part, MOST_REPEATED, message).notable(repeated > 0)
 }
 
-/// How often the robot jumps in the frames that count, and what the farthest jump may be. Where one may be
-/// of frames that are missing, nobody knows the time of what follows, and the trial fails.
+/// Number of jumps within the frames in use, and the likely cause of the farthest. Where frames may
+/// be missing, the times of all later frames are unknown, and the trial fails.
 fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Finding {
     let is_within = |jump: &&Jump| (frames.start + 1..frames.end).contains(&jump.after);
     let jumps: Vec<&Jump> = tracked.jumps.iter().filter(is_within).collect();
@@ -181,7 +181,8 @@ fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Findin
 }
 
 /// What is tilted most, and what was done about all that is.
-fn tilt_check(tilt: &Tilt) -> Finding {
+/// Whether floor and links are level.
+pub fn tilt_check(tilt: &Tilt) -> Finding {
     let [link0, link1, link2] = tilt.links;
     let turns =
         [("the floor", tilt.floor), ("link 0", link0), ("link 1", link1), ("link 2", link2)];

@@ -8,6 +8,6 @@ mod suspension;
 mod tilt;
 mod track;
 
-pub use checks::{describe_tracking, header_check, tracking_checks};
+pub use checks::{describe_tracking, header_check, tilt_check, tracking_checks};
 pub use multibody::{JointPosition, Linkage, PARTS};
-pub use track::{Coordinates, JointShift, Tracked, frame_grid, solve};
+pub use track::{Constant, Coordinates, JointShift, Tracked, frame_grid, solve};

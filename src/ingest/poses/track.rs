@@ -96,19 +96,27 @@ pub struct LinkPoses {
     repeated_frames: Vec<usize>,
     slow_noise_ratio: f64,
     fits: [Vec<LinkFit>; 3],
-    own_poses: Vec<[LinkPose; 3]>,
-    tilt: Tilt,
-    joints: Option<Linkage>,
+    pub constant: Constant,
     joint_shifts: Vec<JointShift>,
+}
+
+/// What is constant over a trial.
+#[derive(Debug)]
+pub struct Constant {
+    /// Tilt of floor and links, before it was corrected.
+    pub tilt: Tilt,
+    /// Where the trial has its joints; unknown without a robot.
+    pub joints: Option<Linkage>,
+    /// What the links' own markers give in some rows that show all links, spread over the trial:
+    /// their joints are not closed.
+    pub own_poses: Vec<[LinkPose; 3]>,
 }
 
 /// What is known from the markers, frame by frame without jumps in time.
 #[derive(Debug)]
 pub struct Tracked {
     pub first_frame: i64,
-    /// What the links' own markers give in some rows that show all links, spread over the trial:
-    /// their joints are not closed.
-    pub own_poses: Vec<[LinkPose; 3]>,
+    pub constant: Constant,
     /// Frames that the file has, rising.
     pub recorded_frames: Vec<usize>,
     /// Those in which every marker is exactly where it was in the row before, although the robot moves.
@@ -129,10 +137,6 @@ pub struct Tracked {
     /// Which markers of links 0, 1, 2 were not seen: a bit for each by its index in the link's
     /// layout.
     pub unseen: [Vec<u64>; 3],
-    /// What of the heights was found tilted, before it was corrected.
-    pub tilt: Tilt,
-    /// Where the trial has its joints; unknown without a robot.
-    pub joints: Option<Linkage>,
     /// In some frames, spread over the trial; none without closed joints.
     pub joint_shifts: Vec<JointShift>,
     /// Markers of the layout.
@@ -213,9 +217,7 @@ pub fn solve(
         repeated_frames: repeated_rows(file).into_iter().map(frame_of).collect(),
         slow_noise_ratio: slow_noise_ratio(file, layout, rate_hz, [first_frame, frames as i64]),
         fits,
-        own_poses: sample,
-        tilt,
-        joints: refined.map(|(found, _)| found),
+        constant: Constant { tilt, joints: refined.map(|(found, _)| found), own_poses: sample },
         joint_shifts,
     })
 }
@@ -279,7 +281,7 @@ impl LinkPoses {
         }
         Ok(Tracked {
             first_frame,
-            own_poses: self.own_poses,
+            constant: self.constant,
             recorded_frames: numbers.iter().map(|number| (number - first_frame) as usize).collect(),
             repeated_frames: self.repeated_frames,
             slow_noise_ratio: self.slow_noise_ratio,
@@ -290,8 +292,6 @@ impl LinkPoses {
             fill,
             outlier,
             unseen,
-            tilt: self.tilt,
-            joints: self.joints,
             joint_shifts: self.joint_shifts,
             markers: layout.iter().map(Vec::len).sum(),
         })
