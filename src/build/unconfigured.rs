@@ -1,4 +1,4 @@
-//! Without a configuration file the paper's experiment is assumed: only of trials that may be its own.
+//! Without a configuration file the paper's experiment is assumed, if any trial can belong to it.
 
 use std::io::ErrorKind;
 
@@ -8,9 +8,9 @@ use crate::ingest::{IngestInput, TrialFailure};
 use crate::store::TrialRow;
 use crate::trial::{ListedTrial, TrialFolders, TrialKind};
 
-/// Makes sure that the defaults, which nobody has chosen, describe one trial of the folders at least, with a gait
-/// if any has one: the names of its entry, and the labels of its marker file. Those that they do not describe
-/// fail one by one.
+/// Checks that the defaults match at least one trial of the folders (with a gait, if any has one):
+/// the names in its entry and the labels of its marker file. Trials that do not match fail later,
+/// one by one.
 ///
 /// # Errors
 /// They describe none; or there is no list of trials.

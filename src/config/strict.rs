@@ -1,15 +1,15 @@
-//! Lists of just the length that is needed, and no list for a table or a number. serde's own visitors
-//! stop where they have enough and never see the rest of a list, and take a list's values for a table's.
+//! Checks the length of every list, and rejects a list in place of a table or a number. serde's own
+//! visitors ignore the surplus elements of a list, and fill a struct from a list's values.
 
 use std::fmt;
 
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, EnumAccess, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
-/// A deserializer that refuses what is too long, too short or no table, at any depth.
+/// Wraps a deserializer to reject lists of wrong length or type, at any depth.
 pub(super) struct Strict<D>(pub D);
 
-/// What the type asks for of which serde's visitors let other things pass.
+/// What the type expects, where serde's own visitors accept other values.
 #[derive(Clone, Copy)]
 enum Needed {
     Anything,

@@ -122,7 +122,7 @@ fn fitted_to(measured: usize, without: usize) -> String {
     }
 }
 
-/// Why nothing tells the noise of so many filtered trials.
+/// Why the noise is unknown if trials are filtered.
 fn filtered_why(filtered: usize) -> String {
     let trials = match filtered {
         1 => "1 trial was".to_owned(),

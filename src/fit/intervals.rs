@@ -195,7 +195,7 @@ impl Intervals {
             let fitted = point.values[index];
             let scatter = [0, 1].map(|side| {
                 let limit = scatter_limit(profiles, replicates, index, free, side);
-                limit.offset(fitted, correction)
+                limit.log_ratio(fitted, correction)
             });
             let scatter = scatter.map(f64::abs);
             let of = |all: &[Vec<f64>]| all.iter().map(|shifts| shifts[index]).collect::<Vec<_>>();
@@ -233,7 +233,7 @@ enum ScatterLimit {
 
 impl ScatterLimit {
     /// Its logarithm less that of the fitted value; NaN where it is open.
-    fn offset(self, fitted: f64, correction: f64) -> f64 {
+    fn log_ratio(self, fitted: f64, correction: f64) -> f64 {
         match self {
             Self::Resampled(limit) => correction * (limit / fitted).ln(),
             Self::Profiled(limit) => (limit / fitted).ln(),
@@ -242,8 +242,8 @@ impl ScatterLimit {
     }
 }
 
-/// The limit by scatter on one side: none of a coefficient that is not identifiable. Replicates that
-/// stay at a bound tell no width, since the bootstrap is not consistent there (D. W. K. Andrews,
+/// The limit by scatter on one side: open if the coefficient is not identifiable, by the profile
+/// where replicates are at a bound, since the bootstrap is inconsistent there (D. W. K. Andrews,
 /// Econometrica 68 (2000) 399).
 fn scatter_limit(
     profiles: &[Profile],
@@ -320,8 +320,8 @@ mod tests {
         for replicates in [&moved, &still, &cut_off] {
             assert_eq!(limits(&half_open, replicates), [Open; 2]);
         }
-        assert_eq!(Resampled(2.0).offset(1.0, 0.5), 0.5 * 2.0_f64.ln());
-        assert_eq!(Profiled(2.0).offset(1.0, 0.5), 2.0_f64.ln());
+        assert_eq!(Resampled(2.0).log_ratio(1.0, 0.5), 0.5 * 2.0_f64.ln());
+        assert_eq!(Profiled(2.0).log_ratio(1.0, 0.5), 2.0_f64.ln());
     }
 
     #[test]

@@ -9,9 +9,9 @@ use crate::robot::Gait;
 use crate::stats::extremes;
 use crate::store::Extrapolation;
 
-/// Part of its amplitude by which a joint may move otherwise than in any trial: servos follow their
-/// commands no better. Of phases as an angle.
-const SAME_GAIT: f64 = 0.05;
+/// Tolerance of a joint's angles, relative to its amplitude: servos follow their commands no
+/// better. Of phases, in rad.
+const ANGLE_TOLERANCE: f64 = 0.05;
 
 /// What is compared: the names that `optimise --free` has for them.
 const NAMES: [&str; 8] =
@@ -22,14 +22,14 @@ const OFFSET: usize = 3;
 const SECOND: usize = 5;
 const PHASE: usize = 7;
 
-/// One of each; missing where a gait has none.
+/// A value of each; NaN if a gait has none.
 type Numbers = [f64; NAMES.len()];
 
 /// The frequencies and gaits that the trials of a fit cover, each by itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredRange {
     ranges: [[f64; 2]; NAMES.len()],
-    /// Where another number begins.
+    /// With their tolerances.
     limits: [[f64; 2]; NAMES.len()],
 }
 
@@ -65,15 +65,15 @@ fn rounded(value: f64) -> f64 {
 }
 
 impl MeasuredRange {
-    /// Of measurements of one campaign with a commanded gait; `None` without any. A number of the
-    /// gait that no trial measured is taken to be as commanded, as is every second harmonic.
+    /// The range of one campaign's measurements with a commanded gait; `None` without any. What no
+    /// trial measured is taken as commanded; second harmonics cover 0 to the command.
     pub fn new(measurements: &[Measurement], command: &Gait) -> Option<Self> {
         let [commanded, none] =
             [command, &Gait { joints: [None; 2] }].map(|of| numbers(of, f64::NAN));
         let measured = |of: &Measurement| {
             let joint = |i: usize| command.joints[i].map(|_| of.gait[i]);
             let mut numbers = numbers(&Gait { joints: [0, 1].map(joint) }, of.omega_rad_s);
-            numbers[PHASE] = near(numbers[PHASE], commanded[PHASE]);
+            numbers[PHASE] = wrap_near(numbers[PHASE], commanded[PHASE]);
             numbers[SECOND..PHASE].copy_from_slice(&none[SECOND..PHASE]);
             numbers
         };
@@ -88,8 +88,8 @@ impl MeasuredRange {
             let [low, high] = ranges[number];
             let margin_rad = match number {
                 OMEGA => return [low * (1.0 - SAME_FREQUENCY), high * (1.0 + SAME_FREQUENCY)],
-                PHASE => SAME_GAIT,
-                of_joint => SAME_GAIT * ranges[AMPLITUDE + (of_joint - AMPLITUDE) % 2][1],
+                PHASE => ANGLE_TOLERANCE,
+                of_joint => ANGLE_TOLERANCE * ranges[AMPLITUDE + (of_joint - AMPLITUDE) % 2][1],
             };
             [low - margin_rad, high + margin_rad]
         };
@@ -100,7 +100,7 @@ impl MeasuredRange {
     /// What of a motion no trial has.
     fn beyond(&self, problem: &Problem) -> Vec<Beyond> {
         let mut own = numbers(&problem.gait, problem.omega_rad_s);
-        own[PHASE] = near(own[PHASE], 0.5 * (self.ranges[PHASE][0] + self.ranges[PHASE][1]));
+        own[PHASE] = wrap_near(own[PHASE], 0.5 * (self.ranges[PHASE][0] + self.ranges[PHASE][1]));
         let mut mirrored = own;
         mirrored[OFFSET..SECOND].iter_mut().for_each(|offset_rad| *offset_rad *= -1.0);
         // The mirror image of a motion is one as well, unless the spring rests at an angle.
@@ -162,7 +162,7 @@ fn numbers(gait: &Gait, omega_rad_s: f64) -> Numbers {
 }
 
 /// The same angle, within half a turn of another one.
-fn near(angle_rad: f64, other_rad: f64) -> f64 {
+fn wrap_near(angle_rad: f64, other_rad: f64) -> f64 {
     angle_rad - TAU * ((angle_rad - other_rad) / TAU).round()
 }
 

@@ -32,7 +32,7 @@ const CROSSING: f64 = 0.02;
 /// Linearised residuals are good within about this factor's logarithm.
 const RADIUS: f64 = 1.0;
 /// Logarithm of a factor that no fit of a resample reaches.
-const OPEN_RANGE: f64 = 30.0;
+const UNBOUNDED_LOG: f64 = 30.0;
 
 /// How well the measurements determine a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,9 +63,9 @@ fn noise(cost: f64) -> f64 {
 
 /// The objective's limit for each parameter; infinite where the resamples determine none.
 ///
-/// The fit of a resample stays at a bound whatever its noise, so that holding a coefficient there
-/// costs nothing and gives no limit (S. G. Self and K.-Y. Liang, J. Am. Stat. Assoc. 82 (1987)
-/// 605): such a coefficient has the largest limit of the others.
+/// A resample's fit stays at a bound whatever its noise: holding a coefficient there raises no
+/// objective and gives no limit (S. G. Self and K.-Y. Liang, J. Am. Stat. Assoc. 82 (1987) 605).
+/// Such a coefficient takes the largest limit of the others.
 pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f64> {
     let parameters = &fit.evaluator.parameters;
     let bounds = limits(parameters, &fit.values, RADIUS);
@@ -76,7 +76,7 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
             let free = minimise(&all, &bounds, None);
             let rise = |index: usize| {
                 let lowest = match bounds[index].contains(&free[index]) {
-                    true => minimise(&all, &with_open_range(&bounds, index), None),
+                    true => minimise(&all, &with_unbounded(&bounds, index), None),
                     false => free.clone(),
                 };
                 sum(&all, &minimise(&all, &bounds, Some(index))) - sum(&all, &lowest)
@@ -105,11 +105,11 @@ pub(super) fn profile_limits(fit: &FittedPoint, resampler: &Resampler) -> Vec<f6
         .collect()
 }
 
-/// The same bounds but for one parameter, of which a resample's fit is not cut off: its linearised
-/// residuals show what the noise costs, not where the parameter ends.
-fn with_open_range(bounds: &[[f64; 2]], index: usize) -> Vec<[f64; 2]> {
+/// The bounds with one parameter unbounded, so that a resample's linearised residuals give the
+/// whole rise by noise, not one cut off at the bound.
+fn with_unbounded(bounds: &[[f64; 2]], index: usize) -> Vec<[f64; 2]> {
     let mut open = bounds.to_vec();
-    open[index] = [-OPEN_RANGE, OPEN_RANGE];
+    open[index] = [-UNBOUNDED_LOG, UNBOUNDED_LOG];
     open
 }
 

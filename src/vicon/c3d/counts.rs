@@ -1,6 +1,6 @@
-//! How the frames lie in a file. Header and parameters state every count, and the size of the data
-//! has to agree with them to less than a block. Where they contradict each other, what fills the
-//! data is taken and said, and where that does not settle it, the file is refused.
+//! Layout of the frames in a file. Header and parameters both state every count, and the data's
+//! size must agree with them to within a block. Of contradictory counts those that fill the data
+//! are used, with a note; where that leaves a choice, the file is rejected.
 
 #[cfg(test)]
 mod tests;
@@ -11,10 +11,10 @@ use super::BLOCK;
 use super::parameters::{Parameters, bytes_at, decimal};
 use crate::vicon::Problem;
 
-/// Where counts of 16 bits end; longer recordings have this instead.
-const MAX_WORD: usize = 65_535;
+/// Largest 16-bit count; longer recordings state this instead.
+const MAX_U16: usize = 65_535;
 /// Scales and rates that differ by less than this part are the same number.
-const SAME: f64 = 1e-4;
+const RELATIVE_TOLERANCE: f64 = 1e-4;
 
 /// How the frames lie in the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,8 +87,8 @@ pub(super) struct Counts {
     frames: Stated<usize>,
     /// Whether longer counts are stated than 16 bits have.
     has_long_counts: bool,
-    /// Frames that there are at least where all counts end at [`MAX_WORD`].
-    least_frames: Option<usize>,
+    /// Least number of frames where all counts are capped at [`MAX_U16`].
+    min_frames: Option<usize>,
     pub first_frame: i64,
     /// Where the data end at most.
     data_end: usize,
@@ -117,7 +117,8 @@ impl Counts {
         let by_samples = channels.filter(|channels| *channels == 0 || word(10) > 0);
         let by_rates = || {
             let samples = number("ANALOG", "RATE")? / rate_hz.0.first()?.0;
-            let is_whole = samples >= 1.0 && (samples.round() / samples - 1.0).abs() < SAME;
+            let is_whole =
+                samples >= 1.0 && (samples.round() / samples - 1.0).abs() < RELATIVE_TOLERANCE;
             Some(channels? * (samples.round() as u16 as usize)).filter(|_| is_whole)
         };
         let block = |block: usize| Some(block.checked_sub(1)? * BLOCK);
@@ -138,23 +139,23 @@ impl Counts {
         let of_range = range.and_then(|(first, last)| usize::try_from(last - first + 1).ok());
         let long_frames = number("POINT", "LONG_FRAMES").map(|frames| frames as u32 as usize);
         let frames = number("POINT", "FRAMES").map(|frames| frames as u32 as usize);
-        // Also of a last frame that was counted from 0 again after 65,535.
-        let of_header = ![0, MAX_WORD].contains(&last);
+        // Modulo 65536: the last frame's number may have wrapped around.
+        let of_header = ![0, MAX_U16].contains(&last);
         let of_header = of_header.then(|| (last + 65536 - first) % 65536 + 1);
         let longest = of_range.or(long_frames);
         // 16 bits of a longer count do not contradict it.
         let is_whole = |count: &usize| match longest {
             Some(long) if long % 65536 == count % 65536 => long == *count,
-            _ => *count < MAX_WORD,
+            _ => *count < MAX_U16,
         };
         let stated = Stated::of([
             (of_range, "TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD"),
             (long_frames, "POINT:LONG_FRAMES"),
-            (frames.filter(|frames| *frames > MAX_WORD || is_whole(frames)), "POINT:FRAMES"),
+            (frames.filter(|frames| *frames > MAX_U16 || is_whole(frames)), "POINT:FRAMES"),
             (of_header.filter(is_whole), "header words 4 and 5"),
         ]);
         let stated = Stated(stated.0.into_iter().filter(|(count, _)| *count > 0).collect());
-        let ends_at_most = last == MAX_WORD || frames == Some(MAX_WORD);
+        let ends_at_most = last == MAX_U16 || frames == Some(MAX_U16);
         Self {
             points: Stated::of([
                 (whole("POINT", "USED"), "POINT:USED"),
@@ -172,10 +173,10 @@ impl Counts {
             ]),
             rate_hz,
             data_start,
-            has_long_counts: longest.or(frames.filter(|frames| *frames > MAX_WORD)).is_some(),
-            least_frames: (stated.0.is_empty() && ends_at_most).then(|| match frames {
-                Some(frames) if last != MAX_WORD => frames,
-                _ => (MAX_WORD + 1).saturating_sub(first),
+            has_long_counts: longest.or(frames.filter(|frames| *frames > MAX_U16)).is_some(),
+            min_frames: (stated.0.is_empty() && ends_at_most).then(|| match frames {
+                Some(frames) if last != MAX_U16 => frames,
+                _ => (MAX_U16 + 1).saturating_sub(first),
             }),
             frames: stated,
             first_frame: range.map_or(first as i64, |(first, _)| first),
@@ -199,10 +200,12 @@ impl Counts {
     pub fn integer_scale(&self) -> Result<f64, Problem> {
         let positive: Vec<_> = self.scale.0.iter().filter(|(scale, _)| *scale > 0.0).collect();
         match positive[..] {
-            [(first, _), (second, _)] if (first / second - 1.0).abs() > SAME => Err(Problem::new(
-                format!("two scales of the positions: {}", self.scale),
-                "one: which is right is not known; export the file anew, as floating-point numbers",
-            )),
+            [(first, _), (second, _)] if (first / second - 1.0).abs() > RELATIVE_TOLERANCE => {
+                Err(Problem::new(
+                    format!("two scales of the positions: {}", self.scale),
+                    "one: which is right is not known; export the file anew, as floating-point numbers",
+                ))
+            }
             [(scale, _), ..] => Ok(*scale),
             [] => Err(Problem::new("no scale of the positions", "POINT:SCALE")),
         }
@@ -220,7 +223,7 @@ impl Counts {
         if self.scale.0.is_empty() {
             return Err(Problem::new("no scale of the positions", "POINT:SCALE"));
         }
-        if self.frames.0.is_empty() && self.least_frames.is_none() {
+        if self.frames.0.is_empty() && self.min_frames.is_none() {
             return Err(Problem::new("no frames", "at least one"));
         }
         let data = &content[..self.data_end.min(content.len())];
@@ -270,13 +273,13 @@ impl Counts {
         layouts
     }
 
-    /// The layout with the most frames that fill the data, of those that are stated; or by the size,
-    /// where all counts end at [`MAX_WORD`].
+    /// The layout with the largest stated frame count that fills the data, or by the size where
+    /// all counts are capped at [`MAX_U16`].
     fn filled(&self, layout: Layout, data: &[u8]) -> Option<Layout> {
         let bytes = data.len().checked_sub(layout.data_start)?;
         let frame = layout.frame_bytes();
         let with = |frame_count: usize| Layout { frame_count, ..layout };
-        if let Some(least) = self.least_frames {
+        if let Some(least) = self.min_frames {
             // What fills the last block up is no frame.
             let mut count = bytes / frame;
             while bytes - (count.saturating_sub(1)) * frame < BLOCK
@@ -289,30 +292,30 @@ impl Counts {
         }
         let fills = |count: &usize| {
             let used = count.saturating_mul(frame);
-            used <= bytes && ends(&data[layout.data_start + used..])
+            used <= bytes && is_padding(&data[layout.data_start + used..])
         };
         let mut counts = self.frames.values();
         counts.sort_unstable_by(|a, b| b.cmp(a));
         let largest = *counts.iter().find(|count| fills(count))?;
-        // The smaller one is right where only what fills the last block up would follow.
+        // A smaller count is right if all frames after it are zeros (padding).
         let is_enough = |count: &&usize| is_blank(data, with(largest), **count);
         let least = counts.iter().rev().filter(|count| **count < largest).find(is_enough);
         Some(with(least.copied().unwrap_or(largest)))
     }
 
-    /// The layout with frames that were counted from 0 again after 65,535.
+    /// The layout where the number of frames is stated modulo 65536.
     fn wrapped(&self, layout: Layout, data: &[u8]) -> Option<Layout> {
         let bytes = data.len().checked_sub(layout.data_start)?;
         let frame = layout.frame_bytes();
         let [stated] = self.frames.values()[..] else { return None };
-        let times = (bytes / frame).checked_sub(stated)? / (MAX_WORD + 1);
-        let frame_count = stated + times * (MAX_WORD + 1);
-        let fills = times > 0 && ends(&data[layout.data_start + frame_count * frame..]);
+        let times = (bytes / frame).checked_sub(stated)? / (MAX_U16 + 1);
+        let frame_count = stated + times * (MAX_U16 + 1);
+        let fills = times > 0 && is_padding(&data[layout.data_start + frame_count * frame..]);
         (fills && !self.has_long_counts).then_some(Layout { frame_count, ..layout })
     }
 
-    /// Whether so many analog values follow from the rates of points and samples, and the header says
-    /// them too or has the channels in their place, as some programs write it.
+    /// Whether this number of analog values follows from the rates of points and samples, and the
+    /// header has it too, or the number of channels, as some programs write.
     fn is_by_rates(&self, analog_values: usize) -> bool {
         let in_header = self.analog_values.0.last().map(|(values, _)| *values);
         let is_in_header = in_header == Some(analog_values) || in_header == self.channels;
@@ -340,7 +343,7 @@ impl Counts {
         let bytes = |layout: &Layout| data.len().saturating_sub(layout.data_start);
         let mut sizes: Vec<String> = stated.iter().map(|of| bytes(of).to_string()).collect();
         sizes.dedup();
-        let frames = match self.least_frames {
+        let frames = match self.min_frames {
             Some(least) => format!("{least} or more"),
             None => self.frames.to_string(),
         };
@@ -377,17 +380,17 @@ impl Counts {
             note("scale, which is below 0 with floating-point numbers", &self.scale, format.into());
         }
         if let [(first, _), (second, _), ..] = self.rate_hz.0[..]
-            && (first / second - 1.0).abs() > SAME
+            && (first / second - 1.0).abs() > RELATIVE_TOLERANCE
         {
             note("frame rate, Hz", &self.rate_hz, first.to_string());
         }
-        let is_other = !self.frames.values().contains(&frame_count) && self.least_frames.is_none();
+        let is_other = !self.frames.values().contains(&frame_count) && self.min_frames.is_none();
         if self.frames.is_contradictory() || is_other {
             note("frames", &self.frames, frame_count.to_string());
         }
         let (bytes, frame) = (layout.bytes(), layout.frame_bytes());
         let rest = data.get(layout.data_start + bytes..).unwrap_or_default();
-        if !ends(rest) {
+        if !is_padding(rest) {
             let over = rest.len();
             let found = format!(
                 "{frame_count} of {frame} bytes, which are {bytes}, and {over} bytes of data after them"
@@ -399,7 +402,7 @@ impl Counts {
 }
 
 /// Whether so much after the frames only fills the last block up, or is nothing but zeros.
-fn ends(rest: &[u8]) -> bool {
+fn is_padding(rest: &[u8]) -> bool {
     rest.len() < BLOCK || rest.iter().all(|&byte| byte == 0)
 }
 
