@@ -11,6 +11,7 @@ use super::numbers::fixed;
 use super::parameters::FittedParameter;
 use super::tables::Tables;
 use crate::config::Paths;
+use crate::files;
 use crate::metrics::GaitMetrics;
 use crate::robot::{Model, Parameter, Robot};
 use crate::store::{Reader, StoreError, TrialRow};
@@ -231,9 +232,9 @@ impl Truth {
 pub fn notice_of_folders(paths: &Paths) -> String {
     let folders = find_folders(paths).unwrap_or_default();
     let is_synthetic = |folder: &&PathBuf| {
-        let truth = std::fs::read(folder.join(TRUTH_FILE)).ok();
+        let truth = files::read(&folder.join(TRUTH_FILE), files::TEXT_BYTES).ok();
         truth
-            .and_then(|bytes| serde_json::from_slice::<Truth>(&bytes).ok())
+            .and_then(|(json, _)| serde_json::from_slice::<Truth>(&json).ok())
             .is_some_and(|truth| truth.synthetic)
     };
     match folders.iter().filter(is_synthetic).count() {
