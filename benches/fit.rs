@@ -44,6 +44,7 @@ fn measurements(data: &str) -> Vec<Measurement> {
             gait: gait.joints.map(|joint| joint.expect("both joints are commanded")),
             gait_errors_rad: [[0.0; 3]; 2],
             lacks_debiased: false,
+            is_filtered: false,
         }
     };
     data.lines().skip(1).map(row).collect()

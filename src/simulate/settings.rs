@@ -286,7 +286,7 @@ mod tests {
         ] {
             let settings = [setting.to_owned()];
             let found = with_settings(config(), "kinematic-symmetric", &settings);
-            let message = found.err().expect(setting).to_string();
+            let message = found.expect_err(setting).to_string();
             assert!(message.contains(named) && message.contains("--set"), "{setting}: {message}");
         }
     }

@@ -101,7 +101,8 @@ fn noise_check(ratio: f64) -> Finding {
         "the markers' noise is white".to_owned()
     };
     // What is not known is no fault.
-    Finding::new(Check::Filtered, !(ratio > MAX_SLOW_NOISE), ratio, MAX_SLOW_NOISE, message)
+    let is_white = ratio.is_nan() || ratio <= MAX_SLOW_NOISE;
+    Finding::new(Check::Filtered, is_white, ratio, MAX_SLOW_NOISE, message)
 }
 
 /// Metadata that the file lacks or that contradict each other; `None` if there are none.
