@@ -68,7 +68,8 @@ def test_trajectories_are_arrays_of_the_program_s_table(program, tmp_path, monke
     command = [program, "simulate", "kinematic-symmetric", "--model=skid-roll", "--omega=3.9"]
     command += ["--trajectory=cycle.parquet", "--samples=120", "--quiet"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    known = polars.read_parquet("cycle.parquet").drop("model")
+    # Arrays are of numbers alone.
+    known = polars.read_parquet("cycle.parquet").drop("model", "extrapolated")
     answer = trilink.simulate(
         "kinematic-symmetric", model="skid-roll", omega_rad_s=3.9, samples=120
     )

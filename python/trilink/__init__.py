@@ -204,7 +204,7 @@ def simulate(
     multiplier `floquet`, `from_rest`, `cycles_to_settle`, of dry friction `sharp_limit`, the `model`, the
     robot's `parameters` and the `gait`. A motion that does not exist has a `reason`, and None for numbers. With `samples`
     there is `trajectory`, NumPy arrays by the names that `trilink simulate --trajectory` gives its
-    columns: `time_s`, `x_m`, `phi1_rad`, `skid0_m_s`, .. (NaN where there is no value), or None.
+    columns of numbers: `time_s`, `x_m`, `phi1_rad`, `skid0_m_s`, .. (NaN where there is no value), or None.
 
     Raises ConfigError where there is no such campaign, model or parameter.
     """
