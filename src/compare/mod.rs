@@ -151,7 +151,6 @@ pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> C
     };
     let trials = [baseline, candidate].map(|run| run.records("trials"));
     let [then, now] = &means::of_campaigns(trials);
-    let inadequate = models_that_fit_in_neither([baseline, candidate]);
     for (table, tolerances) in config.tables() {
         let runs = match table {
             "campaigns" => [then, now],
@@ -159,15 +158,12 @@ pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> C
         };
         compared.table(table, tolerances, runs);
     }
-    let is_of_inadequate = |of: &str| {
-        let campaign_and_model = of.splitn(3, ' ').take(2).collect::<Vec<_>>().join(" ");
-        inadequate.contains(campaign_and_model.as_str())
-    };
+    let inadequate = models_that_fit_in_neither([baseline, candidate]);
     for difference in &mut compared.differences {
         let Difference { table, of, judged, .. } = difference;
-        if matches!(*table, "fits" | "predictions")
-            && judged.verdict == Verdict::Out
-            && is_of_inadequate(of)
+        let record = candidate.records(table).get(of.as_str());
+        if judged.verdict == Verdict::Out
+            && record.is_some_and(|record| inadequate.contains(&campaign_and_model(record)))
         {
             judged.verdict = Verdict::NotJudged;
         }
@@ -181,14 +177,18 @@ pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> C
 
 /// Campaign and model of the fits that are inadequate in both runs: their coefficients describe
 /// neither, and go from one optimum to another by chance.
-fn models_that_fit_in_neither<'s>([baseline, candidate]: [&'s Snapshot; 2]) -> BTreeSet<&'s str> {
-    let fits = |run: &'s Snapshot| run.records("fits");
-    let is_inadequate = |record: &Record| snapshot::text(record, "adequate") == "false";
-    let both =
-        fits(baseline).iter().filter_map(|(of, then)| Some((of, then, fits(candidate).get(of)?)));
-    both.filter(|(_, then, now)| is_inadequate(then) && is_inadequate(now))
-        .map(|(of, ..)| of.as_str())
-        .collect()
+fn models_that_fit_in_neither(runs: [&Snapshot; 2]) -> BTreeSet<[&str; 2]> {
+    let [baseline, candidate] = runs.map(|run| {
+        let fits = run.records("fits").values();
+        let inadequate = fits.filter(|fit| snapshot::text(fit, "adequate") == "false");
+        inadequate.map(campaign_and_model).collect::<BTreeSet<_>>()
+    });
+    baseline.intersection(&candidate).copied().collect()
+}
+
+/// What a fit or a prediction is of.
+fn campaign_and_model(record: &Record) -> [&str; 2] {
+    ["campaign", "model"].map(|column| snapshot::text(record, column))
 }
 
 impl Compared {

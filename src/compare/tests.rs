@@ -81,7 +81,9 @@ fn a_model_that_fits_in_neither_run_is_listed_and_not_judged() {
         let mut run = run(&[0.4, 0.41], skid0_kg_s);
         let fit = run.tables.get_mut("fits").unwrap().get_mut("symmetric skid-roll").unwrap();
         fit.insert("adequate".to_owned(), adequate.into());
-        let prediction = [("d_m".to_owned(), d_m.into())].into();
+        let of = [("campaign", "symmetric"), ("model", "skid-roll")];
+        let of = of.map(|(column, name)| (column.to_owned(), Json::from(name)));
+        let prediction = of.into_iter().chain([("d_m".to_owned(), d_m.into())]).collect();
         let predictions = [("symmetric skid-roll 2.00 rad/s".to_owned(), prediction)].into();
         run.tables.insert("predictions".to_owned(), predictions);
         run

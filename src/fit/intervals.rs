@@ -256,21 +256,14 @@ fn scatter_limit(
     let quantiles = quantiles(ends, SIDES_95);
     let is_within = quantiles.iter().all(|limit| !free.is_at_bound(*limit).contains(&true));
     let resampled = Some(quantiles).filter(|[low, high]| low < high && is_within);
-    let limit = match (profiles.get(index), resampled) {
+    let is_inside = |limit: &f64| !free.is_at_bound(*limit)[side];
+    match (profiles.get(index), resampled) {
         (Some(profile), _) if profile.class != Class::Identifiable => ScatterLimit::Open,
         (_, Some(resampled)) => ScatterLimit::Resampled(resampled[side]),
-        (Some(profile), None) => {
-            profile.interval[side].map_or(ScatterLimit::Open, ScatterLimit::Profiled)
-        }
+        (Some(profile), None) => profile.interval[side]
+            .filter(is_inside)
+            .map_or(ScatterLimit::Open, ScatterLimit::Profiled),
         (None, None) => ScatterLimit::Open,
-    };
-    match limit {
-        ScatterLimit::Resampled(value) | ScatterLimit::Profiled(value)
-            if free.is_at_bound(value)[side] =>
-        {
-            ScatterLimit::Open
-        }
-        limit => limit,
     }
 }
 

@@ -161,7 +161,7 @@ fn numbers(gait: &Gait, omega_rad_s: f64) -> Numbers {
     numbers
 }
 
-/// The same angle, within half a turn of another one.
+/// Wraps an angle to within half a turn of another one.
 fn wrap_near(angle_rad: f64, other_rad: f64) -> f64 {
     angle_rad - TAU * ((angle_rad - other_rad) / TAU).round()
 }

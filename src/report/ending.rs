@@ -3,7 +3,7 @@
 use super::drawing::{Drawing, Figure};
 use super::{ReportError, pdf, raster};
 
-/// What a command writes a figure to.
+/// File that a command writes a figure to.
 #[derive(Debug, Clone, Copy)]
 pub struct FigureFile<'f> {
     /// Of its name: `svg`, `png` or `pdf`.

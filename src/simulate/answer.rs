@@ -88,7 +88,7 @@ rows! {
         pub no_interval: String,
         /// Whether the model fits the trials that its coefficients are from.
         pub adequate: Option<bool>,
-        /// Whether the motion is beyond those trials.
+        /// Whether the motion is beyond the trials of the fit.
         pub extrapolation: Extrapolation as "{}",
         pub work_j: f64,
         pub work_j_m: f64,

@@ -197,7 +197,7 @@ impl KnownFits {
     }
 }
 
-/// Whether a robot's value of a parameter is not the fitted one.
+/// Whether a robot's parameter differs from its fitted value.
 fn is_other(parameter: Parameter, robot: &Robot, fit: &FitRow) -> bool {
     let (own, fitted) = (parameter.of(robot), fit.parameters[parameter]);
     (own - fitted).abs() > SAME_VALUE * fitted.abs()

@@ -5,8 +5,8 @@ use super::{MarkerFile, Problem};
 
 /// Digits that stand after a point that is taken for one of thousands: three.
 const FACTOR: f64 = 1000.0;
-/// A number is the one of another frame times [`FACTOR`] if they differ by less than this part, or
-/// this many mm.
+/// Tolerances, relative and in mm, within which a number equals [`FACTOR`] times that of another
+/// frame.
 const SAME: f64 = 0.05;
 const SAME_MM: f64 = 2.0;
 /// Numbers below this are told from others by chance, mm.

@@ -110,7 +110,7 @@ pub fn html(
     fill("index.html", include_str!("index.html"), &page).map_err(ReportError::Page)
 }
 
-/// The page of the scorecard as HTML. `synthetic` is what it says of trials that were computed.
+/// The page of the scorecard as HTML, with a notice if trials are `synthetic`, else an empty one.
 ///
 /// # Errors
 /// The template cannot be filled in.
