@@ -1,147 +1,105 @@
-//! Gives every stage the hash of its own source: of the files of its room (a folder or file right
-//! below `src/`) and of the rooms that these use, found by following `crate::room`. Tests and
-//! comments are left out, and so are all other rooms: a change of the search redoes no trial.
+//! Gives every stage the hash of what its results are made of: the sources of its crate and of the
+//! crates of this workspace that it depends on, and the checksums of all others. A change of the report
+//! redoes no fit, one of the solver no trial.
 
-use std::collections::BTreeSet;
-use std::collections::btree_map::{BTreeMap, Entry};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// The stages' rooms, and in which environment variables the program finds their hashes. The page
-/// shows what `compare` finds, which draws by the report.
+use toml::Table;
+
+/// The stages' crates, and in which environment variables the program finds their hashes.
 const STAGES: [(&str, &str); 3] = [
-    ("ingest", "TRILINK_INGEST_SOURCE"),
-    ("fit", "TRILINK_FIT_SOURCE"),
-    ("compare", "TRILINK_REPORT_SOURCE"),
+    ("trilink-ingest", "TRILINK_INGEST_SOURCE"),
+    ("trilink-fit", "TRILINK_FIT_SOURCE"),
+    ("trilink-report", "TRILINK_REPORT_SOURCE"),
 ];
 
 fn main() {
-    for changed in ["src", "Cargo.lock", "build.rs"] {
+    for changed in ["crates", "src/compare", "Cargo.lock", "build.rs"] {
         println!("cargo:rerun-if-changed={changed}");
     }
     let home = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo says where"));
-    for (room, variable) in STAGES {
-        println!("cargo:rustc-env={variable}={}", source_hash(&home, room));
-    }
-}
-
-/// Hash of a room, of all rooms that it uses and of the versions of all crates.
-pub fn source_hash(home: &Path, room: &str) -> String {
-    let mut hash = Hash::new();
-    for (name, text) in closure(&home.join("src"), room).into_values().flat_map(|room| room.files) {
-        hash.add(&name);
-        hash.add(&text);
-    }
-    hash.add(&lines(&fs::read_to_string(home.join("Cargo.lock")).unwrap_or_default()));
-    format!("{:032x}", hash.0)
-}
-
-/// A room and all that it uses, by name.
-pub fn closure(src: &Path, room: &str) -> BTreeMap<String, Room> {
-    let mut found = BTreeMap::new();
-    let mut open = vec![room.to_owned()];
-    while let Some(name) = open.pop() {
-        let path = [format!("{name}.rs"), format!("{name}/mod.rs")].map(|file| src.join(file));
-        let Some(path) = path.into_iter().find(|path| path.is_file()) else { continue };
-        if let Entry::Vacant(entry) = found.entry(name) {
-            let mut room = Room::default();
-            room.read(src, &path, 1);
-            open.extend(room.uses.iter().cloned());
-            entry.insert(room);
+    let lock = fs::read_to_string(home.join("Cargo.lock")).expect("Cargo.lock");
+    let lock = Packages::new(&lock);
+    for (package, variable) in STAGES {
+        let mut hash = lock.source_hash(&home, package);
+        // The page shows what the comparison with the baseline finds.
+        if package == "trilink-report" {
+            hash.add_files(&home.join("src/compare"));
         }
+        println!("cargo:rustc-env={variable}={:032x}", hash.0);
     }
-    found
 }
 
-/// A folder or file right below `src/`.
-#[derive(Default)]
-pub struct Room {
-    /// Source and what it includes, by path from `src/`.
-    files: BTreeMap<String, String>,
-    /// Names below `crate::`.
-    uses: BTreeSet<String>,
-}
+/// The packages of `Cargo.lock` by name; of several versions of one, all.
+pub struct Packages(BTreeMap<String, Vec<Table>>);
 
-impl Room {
-    /// Reads a module, its children and what they include. `depth` is 1 right below the crate.
-    fn read(&mut self, src: &Path, path: &Path, depth: usize) {
-        let text = without_tests(&fs::read_to_string(path).unwrap_or_default());
-        let folder = path.parent().unwrap_or(src);
-        let own = match path.file_name().is_some_and(|name| name == "mod.rs") {
-            true => folder.to_owned(),
-            false => path.with_extension(""),
-        };
-        for line in text.lines() {
-            let declared = line.trim_start_matches("pub").trim_start_matches("(crate)").trim();
-            if let Some(child) = declared.strip_prefix("mod ").and_then(|l| l.strip_suffix(';')) {
-                let child = [format!("{child}.rs"), format!("{child}/mod.rs")];
-                if let Some(child) = child.iter().map(|c| own.join(c)).find(|c| c.is_file()) {
-                    self.read(src, &child, depth + 1);
+impl Packages {
+    pub fn new(lock: &str) -> Self {
+        let lock: Table = lock.parse().expect("Cargo.lock is TOML");
+        let mut packages: BTreeMap<String, Vec<Table>> = BTreeMap::new();
+        for package in lock["package"].as_array().into_iter().flatten() {
+            let package = package.as_table().expect("a package is a table");
+            let name = package["name"].as_str().expect("a name").to_owned();
+            packages.entry(name).or_default().push(package.clone());
+        }
+        Self(packages)
+    }
+
+    /// Hash of a package and of all that it depends on.
+    pub fn source_hash(&self, home: &Path, package: &str) -> Hash {
+        let mut hash = Hash::new();
+        for name in self.closure(home, package) {
+            for found in self.0.get(&name).into_iter().flatten() {
+                hash.add(&name);
+                for key in ["version", "checksum"] {
+                    hash.add(found.get(key).and_then(|text| text.as_str()).unwrap_or_default());
                 }
             }
-        }
-        for include in ["include_str!(\"", "include_bytes!(\""] {
-            for name in text.split(include).skip(1).filter_map(|rest| rest.split('"').next()) {
-                let bytes = fs::read(folder.join(name)).unwrap_or_default();
-                self.add(src, &folder.join(name), lines(&String::from_utf8_lossy(&bytes)));
+            if let Some(folder) = folder(home, &name) {
+                hash.add_files(&folder.join("src"));
             }
         }
-        // Whoever is two folders deep reaches the crate with two `super::`, too.
-        let root = "super::".repeat(depth);
-        let above = |rest: &str| rest.split(&root).skip(1).map(str::to_owned).collect::<Vec<_>>();
-        for rest in text.split("crate::").skip(1).map(str::to_owned).chain(above(&text)) {
-            let end = if rest.starts_with('{') { rest.find('}').unwrap_or(0) } else { 0 };
-            let names = match end {
-                0 => &rest[..rest.find(|c| !is_letter(c)).unwrap_or(rest.len())],
-                end => &rest[1..end],
-            };
-            self.uses.extend(names.split(|c| !is_letter(c)).map(str::to_owned));
-        }
-        self.add(src, path, text);
+        hash
     }
 
-    fn add(&mut self, src: &Path, path: &Path, text: String) {
-        let name = path.strip_prefix(src).unwrap_or(path).to_string_lossy().replace('\\', "/");
-        self.files.insert(name, text);
+    /// Names of a package and of all that it depends on, in order.
+    pub fn closure(&self, home: &Path, package: &str) -> Vec<String> {
+        let (mut found, mut open) = (Vec::new(), vec![package.to_owned()]);
+        while let Some(name) = open.pop() {
+            if !found.contains(&name) {
+                open.extend(self.dependencies(home, &name));
+                found.push(name);
+            }
+        }
+        found.sort();
+        found
+    }
+
+    /// What a package depends on. The lock has what its tests depend on, too, of packages of this workspace.
+    fn dependencies(&self, home: &Path, name: &str) -> Vec<String> {
+        if let Some(folder) = folder(home, name) {
+            let manifest = fs::read_to_string(folder.join("Cargo.toml")).expect("a manifest");
+            let manifest: Table = manifest.parse().expect("a manifest is TOML");
+            let dependencies = manifest.get("dependencies").and_then(|table| table.as_table());
+            return dependencies.into_iter().flatten().map(|(name, _)| name.clone()).collect();
+        }
+        let packages = self.0.get(name).into_iter().flatten();
+        let listed = packages.filter_map(|package| package.get("dependencies")?.as_array());
+        let names = listed.flatten().filter_map(|listed| listed.as_str()?.split(' ').next());
+        names.map(str::to_owned).collect()
     }
 }
 
-fn is_letter(c: char) -> bool {
-    c.is_alphanumeric() || c == '_'
-}
-
-/// The text with the same ends of lines everywhere.
-fn lines(text: &str) -> String {
-    text.lines().map(|line| line.to_owned() + "\n").collect()
-}
-
-/// Source without lines of comments and without items that are compiled for tests alone.
-fn without_tests(text: &str) -> String {
-    let mut kept = String::new();
-    let mut lines = text.lines().filter(|line| !line.trim_start().starts_with("//"));
-    while let Some(line) = lines.next() {
-        if line.trim() != "#[cfg(test)]" {
-            kept += line;
-            kept += "\n";
-            continue;
-        }
-        // As it is formatted, an item ends with its first line or where a line closes it.
-        let indent = &line[..line.len() - line.trim_start().len()];
-        let first = lines.by_ref().find(|line| !line.trim_start().starts_with("#[")).unwrap_or("");
-        if !first.ends_with([';', '}']) {
-            let ends = |line: &&str| *line == format!("{indent}}}") || line.ends_with(';');
-            let closing = |line: &&str| match first.ends_with('{') {
-                true => **line == format!("{indent}}}"),
-                false => ends(line),
-            };
-            lines.by_ref().find(|line| closing(line));
-        }
-    }
-    kept
+/// Where the source of a package of this workspace is; what comes from a registry has a checksum.
+fn folder(home: &Path, package: &str) -> Option<PathBuf> {
+    let folder = home.join("crates").join(package.strip_prefix("trilink-")?);
+    folder.join("Cargo.toml").is_file().then_some(folder)
 }
 
 /// Fowler, Noll and Vo's hash (FNV-1a) of 128 bits: the same wherever the program is built.
-struct Hash(u128);
+pub struct Hash(pub u128);
 
 impl Hash {
     fn new() -> Self {
@@ -152,6 +110,26 @@ impl Hash {
         // What no text has stands between two of them.
         for byte in text.bytes().chain([0xff]) {
             self.0 = (self.0 ^ u128::from(byte)).wrapping_mul(0x0100_0000_0000_0000_0000_013b);
+        }
+    }
+
+    /// Names and contents of the files below a folder, but for tests, with the same ends of lines everywhere.
+    fn add_files(&mut self, folder: &Path) {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        paths.sort();
+        for path in paths {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            match &*name {
+                "tests" | "tests.rs" => {}
+                _ if path.is_dir() => self.add_files(&path),
+                name => {
+                    self.add(name);
+                    let bytes = fs::read(&path).unwrap_or_default();
+                    let text = String::from_utf8_lossy(&bytes);
+                    text.lines().for_each(|line| self.add(line));
+                }
+            }
         }
     }
 }

@@ -1,6 +1,8 @@
 //! What the targets do: what a test does in small, with the program in the same process.
 
-#[path = "../../tests/common/fuzz.rs"]
+#[path = "../../tests/it/common/temporary.rs"]
+mod temporary;
+#[path = "../../tests/it/common/fuzz.rs"]
 mod inputs;
 
 use std::path::Path;

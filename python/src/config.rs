@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::SystemTime;
 
-use trilink::config::{CONFIG_FILE, Config};
+use trilink_tables::config::{CONFIG_FILE, Config};
 
 use crate::error::Failure;
 

@@ -5,8 +5,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyModule;
 use trilink::build::RunError;
 use trilink::inspect::InspectError;
-use trilink::simulate::SetupError;
-use trilink::store::StoreError;
+use trilink_fit::simulate::SetupError;
+use trilink_tables::StoreError;
 
 pyo3::create_exception!(trilink, Error, PyException, "What trilink could not do, and why.");
 pyo3::create_exception!(
@@ -48,8 +48,8 @@ impl From<Failure> for PyErr {
     }
 }
 
-impl From<trilink::config::ConfigError> for Failure {
-    fn from(error: trilink::config::ConfigError) -> Self {
+impl From<trilink_tables::config::ConfigError> for Failure {
+    fn from(error: trilink_tables::config::ConfigError) -> Self {
         Self(ConfigError::new_err(error.to_string()))
     }
 }

@@ -17,8 +17,8 @@ use pyo3::types::PyCFunction;
 use serde_json::json;
 use trilink::build::{RerunOptions, RunError, RunResults, check_unconfigured, run as run_pipeline};
 use trilink::cli::watch;
-use trilink::config::Config;
 use trilink::inspect::{Query, find, meaning, query, unit};
+use trilink_tables::config::Config;
 
 use error::Failure;
 use interrupt::interruptible;

@@ -44,7 +44,7 @@ pub unsafe extern "C" fn PyInit__trilink() -> *mut ffi::PyObject {
 
 fn fill(module: Bound<'_, PyModule>) -> PyResult<Bound<'_, PyModule>> {
     let py = module.py();
-    trilink::store::hush_damaged_tables();
+    trilink_tables::hush_damaged_tables();
     crate::error::add_to(&module)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     let main = |arguments: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| {

@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use trilink::config::Campaign;
 use trilink::interrupt;
-use trilink::simulate::{Answer, Setup};
-use trilink::store::{Columns, TrajectoryRow};
+use trilink_fit::simulate::{Answer, Setup};
+use trilink_tables::config::Campaign;
+use trilink_tables::{Columns, TrajectoryRow};
 
 use crate::error::Failure;
 use crate::interrupt::interruptible;

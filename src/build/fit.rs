@@ -4,48 +4,49 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use trilink_fit::{
+    FitData, FitEvent, FitInput, FitInputs, FitKey, Fitted, Replicates, SharedInput, fit_except,
+    input_paths,
+};
+use trilink_tables::config::{Config, GaitInput, ParameterSource};
+use trilink_tables::{BootstrapRow, FitRow, Provenance, Reader, SharedFitRow};
+
 use super::plan::{Stage, Touched, Wanted, Work, hash_of};
 use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, SETTINGS, Target};
 use super::{RunError, Watch};
-use crate::config::{Config, GaitInput, ParameterSource};
-use crate::fit::{
-    FitData, FitEvent, FitInput, FitInputs, FitKey, Fitted, Replicates, SharedInput, fit_except,
-    input_paths,
-};
 use crate::interrupt::stop_if_asked;
-use crate::store::{BootstrapRow, FitRow, Provenance, Reader, SharedFitRow};
 
 /// Part of every fit of a campaign, and of what campaigns share if its robot has measured parameters.
 const ROBOTS: &str = "robot_parameters.parquet";
 /// Part of every fit of a campaign.
 const WITHOUT_METRICS: &str = "the number of trials without metrics";
 
-pub struct FitStage {
+pub(super) struct FitStage {
     derived: PathBuf,
     inputs: FitInputs,
     pub replicates: Replicates,
 }
 
 impl FitStage {
-    pub fn new(config: &Config) -> Self {
+    pub(super) fn new(config: &Config) -> Self {
         let (derived, inputs) = (config.paths.derived.clone(), FitInputs::new(config));
         Self { derived, inputs, replicates: Replicates::default() }
     }
 
     /// The same without what campaigns share.
-    pub fn without_shared(mut self) -> Self {
+    pub(super) fn without_shared(mut self) -> Self {
         self.inputs.shared.clear();
         self
     }
 
     /// How many models are fitted.
-    pub fn models(&self) -> usize {
+    pub(super) fn models(&self) -> usize {
         self.inputs.own.len() + self.inputs.shared.len()
     }
 
     /// Hashes of what each is fitted with, but for measurements.
-    pub fn settings(&self) -> Vec<Fingerprint> {
+    pub(super) fn settings(&self) -> Vec<Fingerprint> {
         let of = self.all_wanted(|_| Fingerprint::new(), |_| Fingerprint::new());
         of.into_iter().map(|wanted| wanted.parts).collect()
     }
@@ -69,7 +70,7 @@ impl FitStage {
     }
 
     /// Fits the models that are not kept.
-    pub fn fit(
+    pub(super) fn fit(
         &self,
         data: &FitData,
         kept: BTreeMap<FitKey, Fitted>,

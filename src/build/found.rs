@@ -8,6 +8,10 @@ use std::path::{Component::Normal, Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::Deserialize;
+use trilink_base::files;
+use trilink_ingest::Ingested;
+use trilink_tables::config::{Config, GaitInput};
+use trilink_tables::{BootstrapRow, Reader, StoreError};
 
 use super::fit::FitStage;
 use super::ingest::IngestStage;
@@ -16,10 +20,6 @@ use super::plan::Stage;
 use super::record::changed_outputs;
 use super::shard::{FORMAT, MANIFEST, Manifest, fit_of_any_number, project, replicates_table};
 use super::{RunError, count};
-use crate::config::{Config, GaitInput};
-use crate::files;
-use crate::ingest::Ingested;
-use crate::store::{BootstrapRow, Reader, StoreError};
 
 /// What was found of one part.
 #[derive(Debug)]
@@ -78,7 +78,7 @@ impl ShardsStatus {
 type Found = (PathBuf, Part, Result<Manifest, PartStatus>);
 
 /// A part that can be joined.
-pub struct Shard<R> {
+pub(super) struct Shard<R> {
     pub folder: PathBuf,
     pub manifest: Manifest,
     pub rows: R,
@@ -86,10 +86,10 @@ pub struct Shard<R> {
 }
 
 /// Replicates by what drives their models.
-pub type Refits = BTreeMap<GaitInput, Vec<BootstrapRow>>;
+pub(super) type Refits = BTreeMap<GaitInput, Vec<BootstrapRow>>;
 
 /// The parts that can be joined.
-pub enum Shards {
+pub(super) enum Shards {
     Trials(IngestStage, Vec<Shard<Ingested>>),
     /// With the hash of what they were made of.
     Replicates(String, Vec<Shard<Refits>>),
@@ -99,7 +99,7 @@ pub enum Shards {
 ///
 /// # Errors
 /// There is no part, or the lists of trials or the tables that they are of cannot be read.
-pub fn look(config: &Config, shards: &Path) -> Result<(Shards, ShardsStatus), RunError> {
+pub(super) fn look(config: &Config, shards: &Path) -> Result<(Shards, ShardsStatus), RunError> {
     let mut found = find(shards)?;
     found.sort_by(|(a_folder, a, _), (b_folder, b, _)| (a, a_folder).cmp(&(b, b_folder)));
     // The division is what most say it is.

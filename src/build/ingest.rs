@@ -8,25 +8,25 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 use serde_json::json;
+use trilink_base::files::name_in;
+use trilink_ingest::{
+    Entry, FolderInput, IngestInput, Ingested, MarkerStamp, ingest_trials, outdated, undiagnosed,
+};
+use trilink_tables::config::Config;
+use trilink_tables::trial::{ListedTrial, TrialError, TrialFolder, TrialFolders};
+use trilink_tables::{Provenance, Reader, StoreError, TrialRow, TrialStatus};
 
 use super::plan::{PlannedTarget, Stage, StagePlan, Touched, Wanted, Work, hash_of};
 use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
-use crate::config::Config;
-use crate::files::name_in;
-use crate::ingest::{
-    Entry, FolderInput, IngestInput, Ingested, MarkerStamp, ingest_trials, outdated, undiagnosed,
-};
 use crate::interrupt::stop_if_asked;
-use crate::store::{Provenance, Reader, StoreError, TrialRow, TrialStatus};
-use crate::trial::{ListedTrial, TrialError, TrialFolder, TrialFolders};
 
 const ENTRY: &str = "the entry in trials.toml";
 const FOLDER: &str = "the folder";
 const MARKER_FILE: &str = "the marker file";
 
-pub struct IngestStage {
+pub(super) struct IngestStage {
     derived: PathBuf,
     folders: Vec<TrialFolder>,
     trials: Vec<(ListedTrial, Result<IngestInput, TrialError>)>,
@@ -39,7 +39,7 @@ pub struct IngestStage {
 impl IngestStage {
     /// # Errors
     /// A list of trials cannot be used.
-    pub fn new(config: &Config) -> Result<Self, RunError> {
+    pub(super) fn new(config: &Config) -> Result<Self, RunError> {
         let all = TrialFolders::load(&config.paths)?;
         let together = Some(FolderInput::new(config, &all.folders));
         let notes = all.ignored().into_iter().chain(all.told_apart()).collect();
@@ -53,23 +53,23 @@ impl IngestStage {
     }
 
     /// The stage of some of the trials, with tables elsewhere.
-    pub fn of_some(mut self, keep: impl Fn(&str) -> bool, derived: &Path) -> Self {
+    pub(super) fn of_some(mut self, keep: impl Fn(&str) -> bool, derived: &Path) -> Self {
         self.retain(keep);
         Self { derived: derived.to_owned(), together: None, ..self }
     }
 
     /// Leaves out trials.
-    pub fn retain(&mut self, keep: impl Fn(&str) -> bool) {
+    pub(super) fn retain(&mut self, keep: impl Fn(&str) -> bool) {
         self.trials.retain(|(listed, _)| keep(&listed.trial.id));
     }
 
     /// Names of the trials, in order.
-    pub fn trials(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn trials(&self) -> impl Iterator<Item = &str> {
         self.trials.iter().map(|(listed, _)| listed.trial.id.as_str())
     }
 
     /// Names of the folders, in order.
-    pub fn folders(&self) -> impl Iterator<Item = &String> {
+    pub(super) fn folders(&self) -> impl Iterator<Item = &String> {
         self.folders.iter().map(|folder| &folder.name)
     }
 
@@ -83,7 +83,7 @@ impl IngestStage {
     }
 
     /// What later stages may find changed by what is planned.
-    pub fn touched(&self, plan: &StagePlan) -> Touched {
+    pub(super) fn touched(&self, plan: &StagePlan) -> Touched {
         let mut touched = Touched::default();
         let redone = plan.targets.iter().map(|PlannedTarget { target, .. }| target);
         touched.trials.extend(redone.chain(&plan.removed).map(Target::name));

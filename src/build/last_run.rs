@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 
 use serde::Deserialize;
+use trilink_tables::config::Config;
+use trilink_tables::{Reader, RunStatus, StoreError, is_there};
 
 use super::lock::Lock;
 use super::record::{RECORD_FILE, Record, changed_outputs};
 use super::{RunError, Watch, record_path, take_over};
-use crate::config::Config;
-use crate::store::{Reader, RunStatus, StoreError, is_there};
 
 /// What `run.json` says of the last run.
 #[derive(Debug, Deserialize)]
@@ -23,7 +23,7 @@ pub(super) struct LastRun {
 
 impl LastRun {
     /// `None` if there is no `run.json` that can be understood.
-    pub fn load(config: &Config) -> Option<Self> {
+    pub(super) fn load(config: &Config) -> Option<Self> {
         serde_json::from_slice(&Reader::default().bytes(&record_path(config)).ok()?).ok()
     }
 }

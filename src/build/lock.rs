@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
+use trilink_tables::{StoreError, WRITING, remove_unfinished};
 
 use crate::interrupt::stop_if_asked;
-use crate::store::{StoreError, WRITING, remove_unfinished};
 
 /// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
 /// system lets go of it when a process ends, however that ends.
-pub const LOCK_FILE: &str = ".lock";
+pub(super) const LOCK_FILE: &str = ".lock";
 
 /// How often who waits looks whether the lock is free.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
@@ -139,7 +139,7 @@ pub fn sweep(_lock: &Lock, folders: &[PathBuf]) -> Result<(), StoreError> {
 ///
 /// # Errors
 /// Names the first place that will not do.
-pub fn check_places(folders: &[PathBuf], files: &[PathBuf]) -> Result<(), StoreError> {
+pub(super) fn check_places(folders: &[PathBuf], files: &[PathBuf]) -> Result<(), StoreError> {
     for folder in folders {
         let error = |source| StoreError::Write { path: folder.clone(), source };
         if folder.exists() && !folder.is_dir() {

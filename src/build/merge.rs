@@ -4,6 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use rayon::prelude::*;
+use trilink_fit::{Fitted, Replicates};
+use trilink_ingest::Ingested;
+use trilink_tables::config::Config;
+use trilink_tables::{StoreError, write_if_changed};
 
 use super::found::{PartStatus, Refits, Shard, Shards, ShardsStatus, look};
 use super::ingest::IngestStage;
@@ -12,11 +16,7 @@ use super::record::Made;
 use super::shard::{Manifest, fit_of_any_number};
 use super::target::Target;
 use super::{RunError, Sequence, Watch, interruptible, take_over};
-use crate::config::Config;
-use crate::fit::{Fitted, Replicates};
-use crate::ingest::Ingested;
 use crate::interrupt::stop_if_asked;
-use crate::store::{StoreError, write_if_changed};
 
 /// Files that are copied at a time: most of that is waiting for the disk.
 const COPIES: usize = 16;

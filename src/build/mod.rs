@@ -21,16 +21,16 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::clock::utc_now;
-use crate::config::{Config, ConfigError, did_you_mean};
-use crate::fit::{Fitted, input_paths};
-use crate::ingest::{FolderInput, Ingested};
-use crate::interrupt::{Interrupted, abandonable};
-use crate::own_table::OwnTableError;
-use crate::report::{ReportError, Reported};
-use crate::store::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
-use crate::trial::{TRIALS_FILE, find_folders};
+use trilink_fit::{Fitted, input_paths};
+use trilink_ingest::own_table::OwnTableError;
+use trilink_ingest::{FolderInput, Ingested};
+use trilink_report::{ReportError, Reported};
+use trilink_tables::clock::utc_now;
+use trilink_tables::config::{Config, ConfigError, did_you_mean};
+use trilink_tables::trial::{TRIALS_FILE, find_folders};
+use trilink_tables::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
 
+use crate::interrupt::{Interrupted, abandonable};
 use fit::FitStage;
 pub use found::{PartStatus, ShardsStatus, shards_status};
 use ingest::IngestStage;
@@ -185,8 +185,8 @@ pub struct Finished {
 ///
 /// ```
 /// use trilink::build::{RerunOptions, run};
-/// use trilink::config::Config;
-/// use trilink::synth::{Recipe, synthesise};
+/// use trilink_tables::config::Config;
+/// use trilink_synth::{Recipe, synthesise};
 ///
 /// let folder = tempfile::tempdir()?;
 /// let mut config = Config::default();
@@ -596,10 +596,10 @@ fn interruptible<T>(
 fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
     let (derived, reports) = (&config.paths.derived, &config.paths.reports);
     let folders = folders(config);
-    let names = [RECORD_FILE].into_iter().chain(crate::ingest::TABLES);
-    let names = names.chain(crate::fit::TABLES).chain(crate::optimise::TABLES);
+    let names = [RECORD_FILE].into_iter().chain(trilink_ingest::TABLES);
+    let names = names.chain(trilink_fit::TABLES).chain(trilink_fit::optimise::TABLES);
     let mut files: Vec<PathBuf> = names.map(|name| derived.join(name)).collect();
-    files.extend(crate::report::FILES.map(|name| reports.join(name)));
+    files.extend(trilink_report::FILES.map(|name| reports.join(name)));
     files.push(record_path(config));
     hold_places(&folders, &files, wait, watch)
 }
@@ -630,7 +630,7 @@ fn folders(config: &Config) -> Vec<PathBuf> {
 
 /// A folder of results and those inside of it that tables are written to.
 fn table_folders(derived: &Path) -> Vec<PathBuf> {
-    let inner = crate::ingest::FOLDERS.map(|folder| derived.join(folder));
+    let inner = trilink_ingest::FOLDERS.map(|folder| derived.join(folder));
     std::iter::once(derived.to_owned()).chain(inner).collect()
 }
 

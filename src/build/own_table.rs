@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use trilink_fit::{FitData, Fitted, Replicates, TABLES};
+use trilink_ingest::own_table::OwnTable;
+use trilink_tables::config::Config;
+use trilink_tables::{Columns as _, Provenance, TrialRow};
+
 use super::fit::FitStage;
 use super::plan::{Stage as _, hash_of};
 use super::record::RECORD_FILE;
 use super::{RunError, Watch, hold_places, interruptible};
-use crate::config::Config;
-use crate::fit::{FitData, Fitted, Replicates, TABLES};
-use crate::own_table::OwnTable;
-use crate::store::{Columns as _, Provenance, TrialRow};
 
 const TRIALS: &str = "trials.parquet";
 

@@ -6,11 +6,11 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
+use trilink_tables::{Reader, Stamp, StoreError, hash};
 
 use super::record::{Inputs, Made, Outputs, Record, StageState, changed_outputs};
 use super::target::{Fingerprint, SETTINGS, Target, changed_settings, reasons};
 use super::{RunError, Watch};
-use crate::store::{Reader, Stamp, StoreError, hash};
 
 /// How a stage is done again.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -63,7 +63,7 @@ impl StagePlan {
 
 /// A target as it would be made now.
 #[derive(Debug, Clone)]
-pub struct Wanted {
+pub(super) struct Wanted {
     pub target: Target,
     pub settings: Value,
     pub parts: Fingerprint,
@@ -73,7 +73,7 @@ pub struct Wanted {
 
 impl Wanted {
     /// A target that is made of `settings` and other parts.
-    pub fn new(target: Target, settings: &impl Serialize, mut parts: Fingerprint) -> Self {
+    pub(super) fn new(target: Target, settings: &impl Serialize, mut parts: Fingerprint) -> Self {
         let settings = serde_json::to_value(settings).expect("settings have text keys");
         if !settings.is_null() {
             parts.insert(SETTINGS.to_owned(), hash_of(&settings));
@@ -82,20 +82,20 @@ impl Wanted {
     }
 
     /// It as made, with the files that it left.
-    pub fn made(self, outputs: Outputs) -> Made {
+    pub(super) fn made(self, outputs: Outputs) -> Made {
         let Self { target, parts, campaigns, .. } = self;
         Made { target, parts, campaigns, outputs }
     }
 }
 
 /// Of the value as JSON.
-pub fn hash_of(value: &impl Serialize) -> String {
+pub(super) fn hash_of(value: &impl Serialize) -> String {
     hash(&serde_json::to_vec(value).expect("plain data with text keys"))
 }
 
 /// A stage as the engine sees it. It reads files, makes targets of them, each with files of its
 /// own, and files of the stage as a whole.
-pub trait Stage: Sync {
+pub(super) trait Stage: Sync {
     /// What the targets are made of, read.
     type Sources;
     /// What stays of a target that is not made again.
@@ -187,7 +187,7 @@ pub trait Stage: Sync {
 }
 
 /// What there is to do.
-pub struct Work<S: Stage + ?Sized> {
+pub(super) struct Work<S: Stage + ?Sized> {
     pub sources: S::Sources,
     /// All targets in order.
     pub wanted: Vec<Wanted>,
@@ -197,14 +197,14 @@ pub struct Work<S: Stage + ?Sized> {
 
 /// What later stages may find changed.
 #[derive(Debug, Default)]
-pub struct Touched {
+pub(super) struct Touched {
     pub trials: BTreeSet<String>,
     pub campaigns: BTreeSet<String>,
     pub robots: BTreeSet<String>,
 }
 
 /// A plan with what it takes to carry it out.
-pub struct Planned<'k, S: Stage> {
+pub(super) struct Planned<'k, S: Stage> {
     pub plan: StagePlan,
     next: Next<S>,
     known: &'k StageState,
@@ -222,7 +222,7 @@ enum Next<S: Stage> {
 ///
 /// # Errors
 /// What the stage reads cannot be used.
-pub fn plan<'k, S: Stage>(
+pub(super) fn plan<'k, S: Stage>(
     stage: &S,
     derived: &Path,
     record: &'k Record,
@@ -312,7 +312,7 @@ pub fn plan<'k, S: Stage>(
 }
 
 /// Plans to join targets that were all made elsewhere.
-pub fn join<'k, S: Stage<Sources = ()>>(
+pub(super) fn join<'k, S: Stage<Sources = ()>>(
     stage: &S,
     record: &'k Record,
     kept: BTreeMap<Target, (Made, S::Kept)>,
@@ -335,7 +335,7 @@ fn ahead<S: Stage>(whole: Value, wanted: &[Wanted]) -> StageState {
 
 /// What a stage will have to do once those before it are done that have `touched` something: more
 /// than that only if other tables than the record knows lie about.
-pub fn plan_after<S: Stage>(
+pub(super) fn plan_after<S: Stage>(
     stage: &S,
     known: &StageState,
     options: RerunOptions,
@@ -410,7 +410,7 @@ fn changed_files(old: &BTreeMap<String, Stamp>, new: &BTreeMap<String, Stamp>) -
 
 impl<S: Stage> Planned<'_, S> {
     /// What there is already, if there is nothing to do and nothing worth to be recorded.
-    pub fn up_to_date(self) -> Option<(S::Output, StagePlan)> {
+    pub(super) fn up_to_date(self) -> Option<(S::Output, StagePlan)> {
         let Next::Nothing(output, inputs) = self.next else { return None };
         let is_confirmed = inputs.is_none_or(|inputs| self.known.are_confirmed_by(&inputs));
         is_confirmed.then_some((output, self.plan))
@@ -420,7 +420,7 @@ impl<S: Stage> Planned<'_, S> {
     ///
     /// # Errors
     /// A file cannot be written or removed.
-    pub fn carry_out(
+    pub(super) fn carry_out(
         self,
         stage: &S,
         watch: &dyn Watch,

@@ -12,13 +12,13 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use trilink_base::files::{self, name_in};
+use trilink_tables::{Reader, Stamp, StoreError, write_bytes};
 
 use super::target::{Fingerprint, Target};
-use crate::files::{self, name_in};
-use crate::store::{Reader, Stamp, StoreError, write_bytes};
 
 /// Name of the record inside `derived/`.
-pub const RECORD_FILE: &str = "up-to-date.json";
+pub(super) const RECORD_FILE: &str = "up-to-date.json";
 
 /// Raise it when the meaning of the record changes: then everything is redone once.
 const FORMAT: u32 = 3;
@@ -26,7 +26,7 @@ const FORMAT: u32 = 3;
 /// The whole record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Record {
+pub(super) struct Record {
     format: u32,
     pub ingest: StageState,
     pub fit: StageState,
@@ -38,7 +38,7 @@ pub struct Record {
 /// What a stage left.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StageState {
+pub(super) struct StageState {
     /// Hash of the stage's source.
     pub source: String,
     /// Settings of the stage as a whole.
@@ -59,12 +59,12 @@ pub struct StageState {
 }
 
 /// Files by their path in a stage's folder.
-pub type Outputs = BTreeMap<String, Stamp>;
+pub(super) type Outputs = BTreeMap<String, Stamp>;
 
 /// A target that was made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Made {
+pub(super) struct Made {
     pub target: Target,
     pub parts: Fingerprint,
     /// Campaigns that a figure shows.
@@ -82,7 +82,7 @@ impl Default for Record {
 
 impl Record {
     /// The record of a folder; an empty one, with the reason, if there is none that can be used.
-    pub fn load(derived: &Path) -> (Self, Option<String>) {
+    pub(super) fn load(derived: &Path) -> (Self, Option<String>) {
         let path = derived.join(RECORD_FILE);
         let unusable = |problem: String| {
             let message = format!("{}: {problem}; everything is redone", path.display());
@@ -115,7 +115,7 @@ impl Record {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn save(&self, derived: &Path) -> Result<(), StoreError> {
+    pub(super) fn save(&self, derived: &Path) -> Result<(), StoreError> {
         let json = serde_json::to_vec(self).expect("a record is plain data with text keys");
         write_bytes(&derived.join(RECORD_FILE), &json).map(|_| ())
     }
@@ -123,7 +123,7 @@ impl Record {
 
 impl Record {
     /// The part of a stage, by its name.
-    pub fn state_mut(&mut self, stage: &str) -> &mut StageState {
+    pub(super) fn state_mut(&mut self, stage: &str) -> &mut StageState {
         match stage {
             "ingest" => &mut self.ingest,
             "fit" => &mut self.fit,
@@ -134,21 +134,21 @@ impl Record {
 
 impl StageState {
     /// Whether nothing is found out about the files that is worth to be recorded.
-    pub fn are_confirmed_by(&self, inputs: &BTreeMap<String, Stamp>) -> bool {
+    pub(super) fn are_confirmed_by(&self, inputs: &BTreeMap<String, Stamp>) -> bool {
         let mut both = self.inputs.iter().zip(inputs);
         self.inputs.len() == inputs.len()
             && both.all(|((old_path, old), (path, new))| old_path == path && new.confirms(old))
     }
 
     /// Files that the stage wrote, by their path in its folder.
-    pub fn written(&self) -> impl Iterator<Item = (&String, &Stamp)> {
+    pub(super) fn written(&self) -> impl Iterator<Item = (&String, &Stamp)> {
         self.targets.iter().flat_map(|made| &made.outputs).chain(&self.outputs)
     }
 }
 
 /// Files that a stage reads, read again only where they may have changed.
 #[derive(Debug)]
-pub struct Inputs<'k> {
+pub(super) struct Inputs<'k> {
     derived: &'k Path,
     known: &'k StageState,
     verify: bool,
@@ -160,7 +160,12 @@ pub struct Inputs<'k> {
 
 impl<'k> Inputs<'k> {
     /// The inputs of a stage of which the record knows so much.
-    pub fn new(derived: &'k Path, record: &'k Record, known: &'k StageState, verify: bool) -> Self {
+    pub(super) fn new(
+        derived: &'k Path,
+        record: &'k Record,
+        known: &'k StageState,
+        verify: bool,
+    ) -> Self {
         let written = record.ingest.written().chain(record.fit.written());
         let written = written.map(|(name, stamp)| (name.as_str(), stamp)).collect();
         Self { derived, known, verify, written, seen: Mutex::default() }
@@ -170,7 +175,7 @@ impl<'k> Inputs<'k> {
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn stamp(&self, path: &Path, own: bool) -> io::Result<Stamp> {
+    pub(super) fn stamp(&self, path: &Path, own: bool) -> io::Result<Stamp> {
         let name = name_in(self.derived, path);
         let written = self.written.get(name.as_str()).copied();
         let known = written.or_else(|| self.known.inputs.get(&name));
@@ -184,7 +189,7 @@ impl<'k> Inputs<'k> {
     ///
     /// # Errors
     /// One of them cannot be read.
-    pub fn stamp_all(&self, paths: &[(PathBuf, bool)]) -> Result<(), StoreError> {
+    pub(super) fn stamp_all(&self, paths: &[(PathBuf, bool)]) -> Result<(), StoreError> {
         paths.par_iter().try_for_each(|(path, own)| {
             let error = |source| StoreError::Read { path: path.clone(), source };
             self.stamp(path, *own).map(drop).map_err(error)
@@ -192,19 +197,19 @@ impl<'k> Inputs<'k> {
     }
 
     /// Reads files that were looked at.
-    pub fn reader(&self) -> Reader {
+    pub(super) fn reader(&self) -> Reader {
         Reader(self.seen.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
     /// What was looked at, by its path from `derived/`.
-    pub fn named(self) -> BTreeMap<String, Stamp> {
+    pub(super) fn named(self) -> BTreeMap<String, Stamp> {
         let named = |(path, stamp): (PathBuf, Stamp)| (name_in(self.derived, &path), stamp);
         let seen = self.seen.into_inner().unwrap_or_else(PoisonError::into_inner);
         seen.into_iter().map(named).collect()
     }
 
     /// Whether these are the files that the stage read, unchanged.
-    pub fn are_read(&self, paths: &[(PathBuf, bool)]) -> bool {
+    pub(super) fn are_read(&self, paths: &[(PathBuf, bool)]) -> bool {
         let is_read = |(path, _): &(PathBuf, bool)| {
             let known = self.known.inputs.get(&name_in(self.derived, path));
             known.is_some_and(|stamp| stamp.is_intact(path, self.verify))
@@ -214,7 +219,7 @@ impl<'k> Inputs<'k> {
 }
 
 /// What is wrong with files that were written into `folder`.
-pub fn changed_outputs(folder: &Path, outputs: &Outputs, verify: bool) -> Vec<String> {
+pub(super) fn changed_outputs(folder: &Path, outputs: &Outputs, verify: bool) -> Vec<String> {
     let changed = outputs.iter().filter_map(|(name, stamp)| {
         let path = folder.join(name);
         match stamp.is_intact(&path, verify) {

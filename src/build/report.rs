@@ -4,21 +4,21 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde_json::Value;
+use trilink_report::{Content, ReportInput, Reported, input_paths, page_of};
+use trilink_tables::Reader;
+use trilink_tables::config::Config;
 
 use super::plan::{Stage, Touched, Wanted, Work};
 use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
 use crate::compare::changes;
-use crate::config::Config;
-use crate::report::{Content, ReportInput, Reported, input_paths, page_of};
-use crate::store::Reader;
 
-pub struct ReportStage(ReportInput);
+pub(super) struct ReportStage(ReportInput);
 
 impl ReportStage {
     /// With the pages of the trials that are `asked` for now or were before.
-    pub fn new(config: &Config, known: &StageState, asked: &[String]) -> Self {
+    pub(super) fn new(config: &Config, known: &StageState, asked: &[String]) -> Self {
         let before = known.whole.get("asked_pages").and_then(Value::as_array);
         let before = before.into_iter().flatten().filter_map(Value::as_str).map(str::to_owned);
         Self(ReportInput::new(config, before.chain(asked.iter().cloned()).collect()))

@@ -10,6 +10,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
+use trilink_fit::{FitData, Replicates};
+use trilink_ingest::{Ingested, TABLES};
+use trilink_tables::config::{Config, GaitInput};
+use trilink_tables::{BootstrapRow, Columns as _, Provenance, StoreError, write_bytes};
 
 use super::fit::FitStage;
 use super::ingest::IngestStage;
@@ -18,20 +22,16 @@ use super::part::{Division, Part};
 use super::plan::{RerunOptions, Stage, hash_of, plan};
 use super::record::{Inputs, Record, StageState};
 use super::{RunError, Watch, hold_places, interruptible, table_folders};
-use crate::config::{Config, GaitInput};
-use crate::fit::{FitData, Replicates};
-use crate::ingest::{Ingested, TABLES};
-use crate::store::{BootstrapRow, Columns as _, Provenance, StoreError, write_bytes};
 
 /// Name of the manifest inside of a part's folder.
-pub const MANIFEST: &str = "manifest.json";
+pub(super) const MANIFEST: &str = "manifest.json";
 /// Raise it when the meaning of the manifest changes.
-pub const FORMAT: u32 = 1;
+pub(super) const FORMAT: u32 = 1;
 
 /// What a part was made of and what it left.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Manifest {
+pub(super) struct Manifest {
     pub format: u32,
     pub version: String,
     pub part: Part,
@@ -44,12 +44,12 @@ pub struct Manifest {
 }
 
 /// Table of replicates of models that are driven so.
-pub fn replicates_table(driven_by: GaitInput) -> String {
+pub(super) fn replicates_table(driven_by: GaitInput) -> String {
     format!("{driven_by}-bootstrap.parquet")
 }
 
 /// Hash of all that a stage is made of.
-pub fn project<S: Stage>(stage: &S, sources: &S::Sources) -> String {
+pub(super) fn project<S: Stage>(stage: &S, sources: &S::Sources) -> String {
     let wanted = stage.wanted(sources);
     let parts: Vec<_> = wanted.iter().map(|wanted| (&wanted.target, &wanted.parts)).collect();
     hash_of(&(stage.whole(), parts))
@@ -60,7 +60,7 @@ pub fn project<S: Stage>(stage: &S, sources: &S::Sources) -> String {
 ///
 /// # Errors
 /// There are no tables, or they cannot be read.
-pub fn fit_of_any_number(config: &Config) -> Result<(FitStage, FitData, String), RunError> {
+pub(super) fn fit_of_any_number(config: &Config) -> Result<(FitStage, FitData, String), RunError> {
     let mut any = config.clone();
     any.fit.bootstrap = 0;
     let any = FitStage::new(&any).without_shared();

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use serde::Serialize;
+use trilink_robot::Model;
+use trilink_tables::{CheckRow, FitStatus, RunStatus, TrialRow, TrialStatus};
 
 use super::{Finished, StagePlan, Target};
-use crate::robot::Model;
-use crate::store::{CheckRow, FitStatus, RunStatus, TrialRow, TrialStatus};
 
 /// `run.json`: what ran and how long it took, however it ended.
 #[derive(Serialize)]

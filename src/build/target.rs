@@ -5,9 +5,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-
-use crate::fit::FitKey;
-use crate::robot::Model;
+use trilink_fit::FitKey;
+use trilink_robot::Model;
 
 /// Something that a stage makes and that can be made again alone.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -73,14 +72,14 @@ impl fmt::Display for Target {
 }
 
 /// What a target is made of: a short text, mostly a hash, by what it is of.
-pub type Fingerprint = BTreeMap<String, String>;
+pub(super) type Fingerprint = BTreeMap<String, String>;
 
 /// The part of a fingerprint that stands for the keys of the configuration that are read.
-pub const SETTINGS: &str = "the configuration";
+pub(super) const SETTINGS: &str = "the configuration";
 
 /// Why what was made of `old` is not what would be made of `new`; `settings` says what has changed
 /// in the configuration.
-pub fn reasons(
+pub(super) fn reasons(
     old: &Fingerprint,
     new: &Fingerprint,
     settings: impl FnOnce() -> Vec<String>,
@@ -107,7 +106,7 @@ pub fn reasons(
 
 /// What has changed in settings, by the dotted names of their keys: `fit.starts: 8 -> 4`. A table
 /// of which no key stays is named as a whole: `robot: kinematic -> semi-passive`.
-pub fn changed_settings(old: &Value, new: &Value) -> Vec<String> {
+pub(super) fn changed_settings(old: &Value, new: &Value) -> Vec<String> {
     let mut changed = Vec::new();
     add_changed("", old, new, &mut changed);
     changed

@@ -2,11 +2,12 @@
 
 use std::io::ErrorKind;
 
+use trilink_ingest::{IngestInput, TrialFailure};
+use trilink_tables::TrialRow;
+use trilink_tables::config::{Config, ConfigError};
+use trilink_tables::trial::{ListedTrial, TrialFolders, TrialKind};
+
 use super::{RunError, ingested};
-use crate::config::{Config, ConfigError};
-use crate::ingest::{IngestInput, TrialFailure};
-use crate::store::TrialRow;
-use crate::trial::{ListedTrial, TrialFolders, TrialKind};
 
 /// Checks that the defaults match at least one trial of the folders (with a gait, if any has one):
 /// the names in its entry and the labels of its marker file. Trials that do not match fail later,

@@ -2,18 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use trilink_fit::simulate::{KnownFits, Setup, number_names, with_number};
+use trilink_mechanics::{Branch, Problem, branches};
+use trilink_report::{FigureFile, branches_drawing};
+use trilink_robot::Laws;
+use trilink_tables::BranchRow;
+use trilink_tables::config::{Config, GaitConfig, RobotConfig, did_you_mean};
+
 use super::fitted::{note_caution, note_extrapolation, note_starting_values, preferred};
 use super::omegas::low_high;
 use super::output::say;
 use super::rows_file::{RowsFile, print_rows, write_figure};
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
-use crate::config::{Config, GaitConfig, RobotConfig, did_you_mean};
-use crate::motion::{Branch, Problem, branches};
-use crate::report::{FigureFile, branches_drawing};
-use crate::robot::Laws;
-use crate::simulate::{KnownFits, Setup, number_names, with_number};
-use crate::store::BranchRow;
 
 /// The model that is taken where none is named, without fits.
 const MODEL: &str = "skid-roll";
@@ -64,7 +65,7 @@ struct Over {
 }
 
 impl Branches {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let (key, [low, high]) = (&self.over.key, self.over.range);
         let setup = self.setup(&context.config)?;
         let vary = Vary::new(&context.config, &self, &setup)?;
@@ -204,7 +205,7 @@ fn rows(
     let number = |index: usize| index as i64 + 1;
     let of_branch = |(index, branch): (usize, &Branch)| {
         let (kind, parent) = (branch.kind, branch.parent.map(number));
-        let row = |point: &crate::motion::BranchPoint| BranchRow {
+        let row = |point: &trilink_mechanics::BranchPoint| BranchRow {
             branch: number(index),
             kind,
             parent,

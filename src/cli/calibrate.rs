@@ -1,13 +1,13 @@
 //! `trilink ingest --calibrate`: the marker layouts that a trial shows, as TOML.
 
 use serde_json::json;
+use trilink_ingest::{Calibration, MarkerPosition, calibrate};
+use trilink_tables::config::toml_key;
+use trilink_tables::trial::{TrialFolder, TrialFolders};
 
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::ingest::{Calibration, MarkerPosition, calibrate};
-use crate::report::fill;
-use crate::text::toml_key;
-use crate::trial::{TrialFolder, TrialFolders};
+use crate::template::fill;
 
 /// Estimates the layouts from one trial and prints them.
 pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
@@ -40,7 +40,7 @@ pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
         "left_out": found.left_out,
         "links": found.links.each_ref().map(lines),
     });
-    say!("{}", fill("calibration", include_str!("calibration.txt"), &values)?.trim_end());
+    say!("{}", fill(include_str!("calibration.txt"), &values)?.trim_end());
     Ok(Outcome::Well)
 }
 

@@ -5,14 +5,13 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 use serde::Serialize;
+use trilink_ingest::{FileSurvey, FolderInput, IngestSettings, Ingested, Recording, survey};
+use trilink_tables::config::is_pattern;
+use trilink_tables::trial::{ListedTrial, TrialFolders};
+use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, hash};
 
 use super::output::{say, write_data};
 use super::{Context, Failure, Outcome};
-use crate::config::is_pattern;
-use crate::ingest::{self, FileSurvey, FolderInput, IngestSettings, Ingested, Recording, survey};
-use crate::store::{CheckRow, Severity, TrialRow, TrialStatus, hash};
-use crate::trial::{ListedTrial, TrialFolders};
-use crate::vicon;
 
 #[derive(clap::Args)]
 pub(super) struct Check {
@@ -46,7 +45,7 @@ struct CheckLine {
 }
 
 impl Check {
-    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         context.say_assumed();
         let is_folder = |path: &PathBuf| path.is_dir() || is_pattern(path) && !path.exists();
         let folders = self.paths.iter().filter(|path| is_folder(path)).count();
@@ -73,7 +72,7 @@ fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
         .par_iter()
         .with_max_len(1)
         .map(|ListedTrial { folder, trial, .. }| {
-            let found = ingest::check_trial(&folders[*folder].path, trial, &context.config);
+            let found = trilink_ingest::check_trial(&folders[*folder].path, trial, &context.config);
             stage.step(&trial.id);
             stage.stop_if_asked("trials");
             found
@@ -85,7 +84,7 @@ fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
     // The file's name might point out of the folder.
     let content = |ListedTrial { folder, trial, .. }: &ListedTrial| {
         trial.check(&context.config).ok()?;
-        let bytes = vicon::read_file(&folders[*folder].path.join(&trial.file)).ok()?.0;
+        let bytes = trilink_mocap::read_file(&folders[*folder].path.join(&trial.file)).ok()?.0;
         Some((trial.id.clone(), hash(&bytes)))
     };
     let contents = listed.iter().filter_map(content).collect();

@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::NonEmptyStringValueParser;
+use trilink_tables::clock::utc_now;
+use trilink_tables::config::{Config, Paths, Tolerances};
+use trilink_tables::{is_there, write_bytes};
 
 use super::output::{note, say, write_data};
 use super::{Context, Exclusive, Failure, Outcome, table};
 use crate::build::{Lock, check_finished, hold, share, sweep};
-use crate::clock::utc_now;
 use crate::compare::{
     Acceptance, Compared, Difference, Lone, Snapshot, Verdict, compare, junit, note_acceptances,
     page, remember, tables_folder, to_json,
 };
-use crate::config::{Config, Paths, Tolerances};
-use crate::store::{is_there, write_bytes};
 
 /// More differences than this are on the page.
 const MOST_ROWS: usize = 40;
@@ -49,7 +49,7 @@ pub(super) struct Compare {
 }
 
 impl Compare {
-    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         // Tolerances for once are not those of the history.
         let configured = context.config.clone();
         for line in &self.tolerance {
@@ -167,7 +167,7 @@ fn existing_folder(folder: &Path) -> Result<&Path, Failure> {
 /// A line of TOML over the configuration's tolerances.
 fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
     let option = Path::new("--tolerance");
-    let named: BTreeMap<String, Tolerances> = crate::config::parse_toml(option, line)?;
+    let named: BTreeMap<String, Tolerances> = trilink_tables::config::parse_toml(option, line)?;
     let mut all = toml::Table::try_from(&config.compare)?;
     for (name, tolerances) in named {
         let Some(toml::Value::Table(table)) = all.get_mut(&name) else {

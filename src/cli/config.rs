@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use trilink_tables::config::{CONFIG_FILE, Config};
+use trilink_tables::trial::{ListedTrial, TrialFolders};
+
 use super::output::{say, write_data};
 use super::{Context, Failure, Outcome};
-use crate::config::{CONFIG_FILE, Config};
-use crate::trial::{ListedTrial, TrialFolders};
 
 /// Keys and values of at most so many characters stand beside where they come from in one column.
 const COLUMN: usize = 60;
@@ -40,7 +41,7 @@ struct Show {
 
 impl ConfigCommand {
     /// `file` is the one that the command line names.
-    pub fn run(self, context: &Context, file: Option<&Path>) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: &Context, file: Option<&Path>) -> Result<Outcome, Failure> {
         let file = file.unwrap_or(Path::new(CONFIG_FILE));
         match self.command {
             Command::Show(show) => show.run(file),
@@ -52,7 +53,7 @@ impl ConfigCommand {
 /// The text of the file, if there is one.
 fn text_of(file: &Path) -> Result<String, Failure> {
     match file.exists() {
-        true => Ok(crate::files::read_text(file)?),
+        true => Ok(trilink_base::files::read_text(file)?),
         false => Ok(String::new()),
     }
 }
@@ -66,7 +67,7 @@ impl Show {
         let unknown = |key: &&String| !settings.iter().any(|of| is_below(&of.key, key));
         if let Some(key) = self.keys.iter().find(unknown) {
             let known = settings.iter().map(|of| of.key.as_str());
-            let hint = crate::config::did_you_mean(key, known);
+            let hint = trilink_tables::config::did_you_mean(key, known);
             return Err(format!("found `{key}`, needed a key of the configuration{hint}").into());
         }
         let mut shown = settings;

@@ -1,6 +1,14 @@
 //! `trilink design`.
 
 use serde_json::{Value, json};
+use trilink_fit::design::{
+    Advice, Aim, Candidate, DesignRow, ExpectedRow, Optimality, Prediction, Untold, advise, tell,
+};
+use trilink_fit::simulate::{FitSummary, KnownFits};
+use trilink_fit::{FitInformation, FitInput, KnownFit};
+use trilink_robot::{Gait, Model};
+use trilink_tables::config::{Config, did_you_mean};
+use trilink_tables::{Columns, FitRow};
 
 use super::fitted::preferred;
 use super::omegas::{Omegas, parse_numbers, parse_omegas};
@@ -8,15 +16,7 @@ use super::output::{note, say, write_data};
 use super::rows_file::print_rows;
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
-use crate::config::{Config, did_you_mean};
-use crate::design::{
-    Advice, Aim, Candidate, DesignRow, ExpectedRow, Optimality, Prediction, Untold, advise, tell,
-};
-use crate::fit::{FitInformation, FitInput, KnownFit};
 use crate::inspect::{View, json as json_of};
-use crate::robot::{Gait, Model};
-use crate::simulate::{FitSummary, KnownFits};
-use crate::store::{Columns, FitRow};
 
 /// Frequencies that are tried where none are given.
 const FREQUENCIES: usize = 24;
@@ -65,7 +65,7 @@ pub(super) struct Design {
 }
 
 impl Design {
-    pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: &Context) -> Result<Outcome, Failure> {
         let config = &context.config;
         let fits = KnownFits::read(config, true)?;
         let fit = |name: &str| -> Result<(KnownFit, FitInput), Failure> {

@@ -1,9 +1,10 @@
 //! `trilink explain`.
 
+use trilink_tables::Explanation;
+use trilink_tables::config::did_you_mean;
+
 use super::output::{say, write_data};
 use super::{Failure, Outcome};
-use crate::config::did_you_mean;
-use crate::explanations::Explanation;
 
 /// Lines are no longer, so that they can be read in any terminal.
 const MOST_CHARACTERS: usize = 80;
@@ -19,7 +20,7 @@ pub(super) struct Explain {
 }
 
 impl Explain {
-    pub fn run(self) -> Result<Outcome, Failure> {
+    pub(super) fn run(self) -> Result<Outcome, Failure> {
         let mut found = Vec::new();
         let mut unknown = Vec::new();
         for name in &self.checks {

@@ -3,10 +3,22 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use trilink_tables::write_bytes;
+
 use super::output::{note, say};
 use super::{Context, Failure, Outcome};
 use crate::export::{ExportFormat, Motion, write_petab};
-use crate::store::write_bytes;
+
+/// How a trial is written.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Format {
+    /// OpenSim's table of markers, mm; the links' axles and the joints are markers, too.
+    Trc,
+    /// MCAP with Foxglove's frame transforms and point clouds, m.
+    Mcap,
+    /// One row per frame.
+    Csv,
+}
 
 #[derive(clap::Args)]
 pub(super) struct Export {
@@ -15,7 +27,7 @@ pub(super) struct Export {
     trial: Option<String>,
     /// For OpenSim, for Foxglove or Rerun, or a table.
     #[arg(long, value_enum, requires = "trial")]
-    format: Option<ExportFormat>,
+    format: Option<Format>,
     /// Write the fits instead, as PEtab problems in a new folder: parameters, conditions,
     /// observables and measurements; the model is in no language that PEtab knows.
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["trial", "format", "output"])]
@@ -29,7 +41,7 @@ pub(super) struct Export {
 }
 
 impl Export {
-    pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: &Context) -> Result<Outcome, Failure> {
         if let Some(folder) = &self.petab {
             return self.write_petab(context, folder);
         }
@@ -38,10 +50,10 @@ impl Export {
         };
         let motion = Motion::read(&context.config, &trial)?;
         let to_stdout = self.output.as_deref().is_some_and(|path| path.as_os_str() == "-");
-        let extension = match format {
-            ExportFormat::Trc => "trc",
-            ExportFormat::Mcap => "mcap",
-            ExportFormat::Csv => "csv",
+        let (extension, format) = match format {
+            Format::Trc => ("trc", ExportFormat::Trc),
+            Format::Mcap => ("mcap", ExportFormat::Mcap),
+            Format::Csv => ("csv", ExportFormat::Csv),
         };
         let path = self.output.unwrap_or_else(|| format!("{}.{extension}", motion.name).into());
         if !to_stdout && !self.force && path.symlink_metadata().is_ok() {

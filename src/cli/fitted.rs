@@ -1,11 +1,12 @@
 //! What is said of fits beside answers.
 
+use trilink_fit::simulate::{KnownFits, Setup, campaign_of, starting_values};
+use trilink_mechanics::Problem;
+use trilink_robot::Model;
+use trilink_tables::config::Config;
+
 use super::Failure;
 use super::output::note;
-use crate::config::Config;
-use crate::motion::Problem;
-use crate::robot::Model;
-use crate::simulate::{KnownFits, Setup, campaign_of, starting_values};
 
 /// Says what is to be known of the fit that a setup's coefficients are from.
 pub(super) fn note_caution(campaign: &str, setup: &Setup) {

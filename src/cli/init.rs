@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
+use trilink_base::Named as _;
+use trilink_mocap::LengthUnit;
+use trilink_tables::config::CONFIG_FILE;
+
 use super::output::{say, write_data};
 use super::{Failure, Outcome, table};
-use crate::config::{CONFIG_FILE, LengthUnit};
 use crate::init::{Findings, FoundFile, JointSwing, Request, init};
-use crate::named::Named as _;
 
 /// Lengths that may be a robot's, m.
 const LENGTHS_M: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
@@ -39,11 +41,12 @@ pub(super) struct Init {
 
 impl Init {
     /// `progress` shows which file is read.
-    pub fn run(self, progress: super::Progress) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, progress: super::Progress) -> Result<Outcome, Failure> {
         let Self { folders, out, l_m, front, unit, force, json } = self;
         let out = if out.as_os_str() == "." { PathBuf::new() } else { out };
         let request = Request { folders, out, l_m, front, unit, force };
-        let listed = |folder: &PathBuf| crate::vicon::marker_files(folder).map_or(0, |of| of.len());
+        let listed =
+            |folder: &PathBuf| trilink_mocap::marker_files(folder).map_or(0, |of| of.len());
         let stage = progress.stage("init", request.folders.iter().map(listed).sum());
         let on_file = |file: &str| {
             stage.step(file);

@@ -46,7 +46,7 @@ pub(super) struct Inspect {
 }
 
 impl Inspect {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let derived = &context.config.paths.derived;
         let Some(name) = &self.table else {
             return list_tables(&context);

@@ -22,7 +22,7 @@ pub(super) struct Merge {
 }
 
 impl Merge {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let Self { shards, allow_missing, status, exclusive } = self;
         if status {
             return Ok(say_status(&build::shards_status(&context.config, &shards)?));

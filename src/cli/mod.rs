@@ -35,11 +35,11 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::build::RunError;
-use crate::config::{CONFIG_FILE, Config, Paths};
 use crate::interrupt::{self, Interrupted};
 use output::note;
 use progress::Progress;
 pub use progress::watch;
+use trilink_tables::config::{CONFIG_FILE, Config, Paths};
 
 /// More threads than this take longer to start than they could save.
 const MOST_THREADS: usize = 1024;
@@ -221,7 +221,7 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
         return 2;
     }
     let arguments = Arguments::try_parse_from(&line).unwrap_or_else(|error| error.exit());
-    crate::store::hush_damaged_tables();
+    trilink_tables::hush_damaged_tables();
     let status = match interrupt::abandonable(|| run(arguments, &line)) {
         Ok(Ok(Outcome::Well)) => 0,
         Ok(Ok(Outcome::NeedsAttention)) => 1,

@@ -5,6 +5,16 @@ mod front;
 
 use std::path::{Path, PathBuf};
 
+use trilink_fit::optimise::{
+    Bounds, Certainty, Command, Found, Kept, Optimum, Search, Shown, outside,
+};
+use trilink_fit::simulate::{KnownFits, Setup};
+use trilink_report::{FigureFile, optimum_drawing};
+use trilink_robot::metrics::FromRest;
+use trilink_robot::{Gait, JointCommand};
+use trilink_tables::config::{Config, did_you_mean};
+use trilink_tables::{Extrapolation, Objective, OptimumRow};
+
 use super::fitted::{note_caution, note_extrapolation, note_starting_values, preferred};
 use super::omegas::low_high;
 use super::output::{note, say};
@@ -12,13 +22,6 @@ use super::rows_file::{RowsFile, print_rows, write_figure};
 use super::table::{self, short};
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::hold;
-use crate::config::{Config, did_you_mean};
-use crate::metrics::FromRest;
-use crate::optimise::{Bounds, Certainty, Command, Found, Kept, Optimum, Search, Shown, outside};
-use crate::report::{FigureFile, optimum_drawing};
-use crate::robot::{Gait, JointCommand};
-use crate::simulate::{KnownFits, Setup};
-use crate::store::{Extrapolation, Objective, OptimumRow};
 
 #[derive(clap::Args)]
 pub(super) struct Optimise {
@@ -101,7 +104,7 @@ pub(super) struct Optimise {
 }
 
 impl Optimise {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let config = self.configured(context.config.clone())?;
         let settings = &config.optimise;
         let radians = |[low, high]: [f64; 2]| [low.to_radians(), high.to_radians()];

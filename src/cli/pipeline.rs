@@ -2,6 +2,18 @@
 
 use std::collections::BTreeSet;
 
+use trilink_ingest::Ingested;
+use trilink_robot::Parameter;
+use trilink_robot::decay::DecayLaw;
+use trilink_statistics::Estimate;
+use trilink_synth::{Recipe, planted_models};
+use trilink_tables::config::Campaign;
+use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE};
+use trilink_tables::{
+    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus,
+    is_there,
+};
+
 use super::output::{note, say};
 use super::synth::write_trials;
 use super::{Context, Exclusive, Failure, Folders, Outcome};
@@ -9,17 +21,6 @@ use crate::build::{
     DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, check_unconfigured,
     count, dry_run, run,
 };
-use crate::config::Campaign;
-use crate::ingest::Ingested;
-use crate::metrics::Estimate;
-use crate::robot::Parameter;
-use crate::robot::decay::DecayLaw;
-use crate::store::{
-    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus,
-    is_there,
-};
-use crate::synth::{Recipe, planted_models};
-use crate::trial::{TRIALS_FILE, TRUTH_FILE};
 
 /// More trials than this are on the page.
 const MOST_LINES: usize = 20;
@@ -63,7 +64,7 @@ pub(super) struct Update {
 }
 
 impl Demo {
-    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         let [raw] = &context.config.paths.raw[..] else {
             return Err("key `paths.raw`: found several folders, needed one for the demo".into());
         };
@@ -98,7 +99,7 @@ impl Demo {
 }
 
 impl Run {
-    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         let only = self.folders.only;
         self.folders.configure(&mut context.config.paths);
         context.check_assumed(check_unconfigured)?;

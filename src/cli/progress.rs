@@ -21,7 +21,7 @@ pub(super) enum Progress {
 
 impl Progress {
     /// There are no bars where lines of the log (`logged`) come between.
-    pub fn new(quiet: bool, logged: bool) -> Self {
+    pub(super) fn new(quiet: bool, logged: bool) -> Self {
         match (quiet, std::io::stderr().is_terminal() && !logged) {
             (true, _) => Self::Quiet,
             (false, true) => Self::Bars,
@@ -30,14 +30,14 @@ impl Progress {
     }
 
     /// A message beside the results.
-    pub fn say(self, message: &str) {
+    pub(super) fn say(self, message: &str) {
         if self != Self::Quiet {
             note!("{message}");
         }
     }
 
     /// A stage of `total` steps.
-    pub fn stage(self, name: &'static str, total: usize) -> Stage {
+    pub(super) fn stage(self, name: &'static str, total: usize) -> Stage {
         let bar = match self {
             Self::Bars => ProgressBar::new(total as u64),
             Self::Quiet | Self::Lines => ProgressBar::hidden(),
@@ -51,7 +51,7 @@ impl Progress {
     }
 
     /// Shows the stages of a run, one after the other, and the reasons if it is to `explain`.
-    pub fn watch(self, explain: bool) -> Watcher {
+    pub(super) fn watch(self, explain: bool) -> Watcher {
         Watcher { progress: self, line: write_note, explain, stage: Mutex::new(None) }
     }
 }
@@ -142,7 +142,7 @@ pub(super) struct Stage {
 
 impl Stage {
     /// One more step is done.
-    pub fn step(&self, message: &str) {
+    pub(super) fn step(&self, message: &str) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         match self.shown {
             Progress::Quiet => {}
@@ -172,20 +172,20 @@ impl Stage {
     }
 
     /// Shows on a bar the progress within a step.
-    pub fn part(&self, what: &str, done: usize, total: usize) {
+    pub(super) fn part(&self, what: &str, done: usize, total: usize) {
         if self.shown == Progress::Bars {
             self.bar.set_message(harmless(&format!("{what} {done}/{total}")).into_owned());
         }
     }
 
     /// One more step is done that is too small for a line of its own.
-    pub fn tick(&self) {
+    pub(super) fn tick(&self) {
         self.done.fetch_add(1, Ordering::Relaxed);
         self.bar.inc(1);
     }
 
     /// Abandons the work after a step if somebody asked for it.
-    pub fn stop_if_asked(&self, steps: &str) {
+    pub(super) fn stop_if_asked(&self, steps: &str) {
         interrupt::stop_if_asked(|| {
             format!("{} of {} {steps}", self.done.load(Ordering::Relaxed), self.total)
         });

@@ -3,14 +3,15 @@
 
 use std::path::Path;
 
+use trilink_base::files::ending;
+use trilink_report::{FigureFile, ReportError, notice_of_folders};
+use trilink_tables::config::Paths;
+use trilink_tables::{Columns, Provenance, write_if_changed};
+
 use super::Failure;
 use super::output::write_data;
 use super::progress::Progress;
-use crate::config::Paths;
-use crate::files::ending;
 use crate::inspect::{View, csv, json};
-use crate::report::{FigureFile, ReportError, notice_of_folders};
-use crate::store::{Columns, Provenance, write_if_changed};
 
 /// A file of rows.
 pub(super) struct RowsFile<'p> {
@@ -27,7 +28,7 @@ enum Format {
 
 impl<'p> RowsFile<'p> {
     /// The file that an `option` names.
-    pub fn new(path: &'p Path, option: &str) -> Result<Self, Failure> {
+    pub(super) fn new(path: &'p Path, option: &str) -> Result<Self, Failure> {
         let format = match ending(path).to_ascii_lowercase().as_str() {
             "parquet" => Format::Parquet,
             "csv" => Format::Csv,
@@ -44,7 +45,11 @@ impl<'p> RowsFile<'p> {
     }
 
     /// Writes the rows, which are made of what has this hash.
-    pub fn write<T: Columns>(&self, rows: &[T], input: &blake3::Hash) -> Result<(), Failure> {
+    pub(super) fn write<T: Columns>(
+        &self,
+        rows: &[T],
+        input: &blake3::Hash,
+    ) -> Result<(), Failure> {
         let table = T::to_table(rows);
         match self.format {
             Format::Parquet => {

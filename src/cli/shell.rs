@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use clap::CommandFactory;
 use clap::builder::Resettable;
 use clap_complete::Shell;
+use trilink_tables::write_bytes;
 
 use super::output::write_data;
 use super::{Arguments, Failure, Outcome};
-use crate::store::write_bytes;
 
 #[derive(clap::Args)]
 pub(super) struct Completions {
@@ -25,7 +25,7 @@ pub(super) struct Man {
 }
 
 impl Completions {
-    pub fn run(self) -> Result<Outcome, Failure> {
+    pub(super) fn run(self) -> Result<Outcome, Failure> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Arguments::command(), "trilink", &mut script);
         write_data(String::from_utf8(script)?.trim_end());
@@ -34,7 +34,7 @@ impl Completions {
 }
 
 impl Man {
-    pub fn run(self) -> Result<Outcome, Failure> {
+    pub(super) fn run(self) -> Result<Outcome, Failure> {
         let mut command = Arguments::command().disable_help_subcommand(true);
         command.build();
         let Some(folder) = self.folder else {

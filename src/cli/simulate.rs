@@ -8,16 +8,16 @@ mod trajectory;
 use std::path::PathBuf;
 
 use rayon::prelude::*;
-use sensitivities::{Asked, Sensitivities};
+use trilink_fit::simulate::{Answer, KnownFits, Setup, SimulationRow};
+use trilink_robot::Model;
+use trilink_tables::config::Config;
 
 use super::fitted::{note_caution, note_extrapolation, note_starting_values};
 use super::omegas::{Omegas, parse_omegas};
 use super::output::write_data;
 use super::rows_file::print_rows;
 use super::{Context, Failure, Outcome};
-use crate::config::Config;
-use crate::robot::Model;
-use crate::simulate::{Answer, KnownFits, Setup, SimulationRow};
+use sensitivities::{Asked, Sensitivities};
 
 #[derive(clap::Args)]
 pub(super) struct Simulate {
@@ -65,7 +65,7 @@ pub(super) struct Simulate {
 }
 
 impl Simulate {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let models = models(&self.model, &context.config);
         let with_bands = self.bands || self.sensitivities.sensitivities;
         let fits = self.fitted.then(|| KnownFits::read(&context.config, with_bands)).transpose()?;

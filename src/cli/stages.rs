@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use trilink_fit::Fitted;
+use trilink_ingest::Ingested;
+use trilink_tables::FitRow;
+
 use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, pipeline};
 use crate::build::{self, Part};
-use crate::fit::Fitted;
-use crate::ingest::Ingested;
-use crate::store::FitRow;
 
 #[derive(clap::Args)]
 pub(super) struct Ingest {
@@ -32,7 +33,7 @@ pub(super) struct Ingest {
 }
 
 impl Ingest {
-    pub fn run(self, mut context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         let only = self.folders.only;
         self.folders.configure(&mut context.config.paths);
         context.check_assumed(build::check_unconfigured)?;
@@ -85,7 +86,7 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: &Context) -> Result<Outcome, Failure> {
         let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
         if let Some((table, home)) = self.trials.zip(self.into.as_ref()) {
             let (_, fitted) = build::fit_own_table(&context.config, &table, home, wait, &watch)?;
@@ -142,7 +143,7 @@ pub(super) struct Report {
 }
 
 impl Report {
-    pub fn run(self, context: &Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: &Context) -> Result<Outcome, Failure> {
         context.check_assumed(build::check_unconfigured_tables)?;
         let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
         let reported = build::report(&context.config, &self.trial, wait, &watch)?;

@@ -3,11 +3,21 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use trilink_robot::Model;
+use trilink_synth::{Format, OMEGAS_RAD_S, Recipe, Servo, synthesise};
+
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
-use crate::robot::Model;
-use crate::synth::{Format, OMEGAS_RAD_S, Recipe, Servo, synthesise};
+
+/// How the marker files are written.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum FileFormat {
+    /// Text, as Nexus exports `Trajectories`; six significant digits.
+    Csv,
+    /// Vicon's own binary format.
+    C3d,
+}
 
 #[derive(clap::Args)]
 pub(super) struct Synth {
@@ -52,8 +62,8 @@ pub(super) struct Synth {
     #[arg(long, value_name = "PART", default_value_t = 0.0, value_parser = parse_part)]
     friction_variation: f64,
     /// How the marker files are written.
-    #[arg(long, value_enum, default_value_t = Format::Csv)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t = FileFormat::Csv)]
+    format: FileFormat,
     /// Part of the frames in which one marker is swapped with another of its link or jumps by
     /// 20 mm, 0 to 1, for practice; `truth.json` lists them.
     #[arg(long, value_name = "PART", default_value_t = 0.0, value_parser = parse_part)]
@@ -61,7 +71,7 @@ pub(super) struct Synth {
 }
 
 impl Synth {
-    pub fn run(self, context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let Self { folder, seed, omega, .. } = self;
         let robots = context.config.campaign.values().map(|campaign| &campaign.robot);
         let mut laws = BTreeMap::new();
@@ -81,7 +91,10 @@ impl Synth {
             days: self.days.into(),
             servo: Servo { lag_s: self.servo_lag, compliance_rad_nm: self.servo_compliance },
             friction_variation: self.friction_variation,
-            format: self.format,
+            format: match self.format {
+                FileFormat::Csv => Format::Csv,
+                FileFormat::C3d => Format::C3d,
+            },
             misplaced: self.misplaced,
             ..Recipe::new(seed)
         };

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
+use trilink_report::colours;
+use trilink_robot::metrics::GaitMetrics;
+
 use super::means::campaigns;
 use super::snapshot::{Record, Records, Snapshot, number, text};
 use super::{Compared, Difference};
-use crate::metrics::GaitMetrics;
-use crate::report::{Figure, Layer, Layout, Look, Panel, Scale, colours};
 
 /// Of the metrics, in their order.
 const LABELS: [&str; 7] =
@@ -22,7 +24,11 @@ struct Curves<'s> {
 }
 
 /// A figure for each campaign's trials, and for each model, that has something out of tolerance.
-pub fn figures(compared: &Compared, baseline: &Snapshot, candidate: &Snapshot) -> Vec<Figure> {
+pub(super) fn figures(
+    compared: &Compared,
+    baseline: &Snapshot,
+    candidate: &Snapshot,
+) -> Vec<Figure> {
     let [trials, predictions] =
         ["trials", "predictions"].map(|table| [baseline.records(table), candidate.records(table)]);
     let mut figures = Vec::new();

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use serde_json::{Value as Json, json};
+use trilink_base::numbers::{percent, significant};
+use trilink_report::{AcceptedBaseline, ChangedValue, Changes, fill, image, notice_of_folders};
+use trilink_tables::config::{Compare, Paths};
+use trilink_tables::{Reader, StoreError};
 
 use super::figures::figures;
-use super::snapshot::SCORECARD;
+use super::snapshot::{Acceptance, SCORECARD};
 use super::{CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
-use crate::config::{Compare, Paths};
-use crate::report::{fill, image, notice_of_folders, percent, significant};
-use crate::store::{Reader, StoreError};
 
 /// `compare.html`. Of `paths` it says whether their trials are synthetic.
 ///
@@ -54,19 +55,19 @@ impl Lone {
 }
 
 /// A difference as people read it; its change is relative, its errors are standard errors.
-fn row(difference: &Difference) -> Json {
+fn row(difference: &Difference) -> ChangedValue {
     let Difference { table, of, column, baseline, candidate, judged } = difference;
     let numbers = baseline.as_f64().zip(candidate.as_f64());
-    json!({
-        "table": table,
-        "of": of,
-        "column": column,
-        "baseline": text(baseline),
-        "candidate": text(candidate),
-        "change": numbers.map(|(then, now)| percent(now, then)).unwrap_or_default(),
-        "errors": judged.errors.map(|errors| format!("{errors:.1}")).unwrap_or_default(),
-        "limit": judged.limit.map(|limit| significant(limit, 3)).unwrap_or_default(),
-    })
+    ChangedValue {
+        table: (*table).to_owned(),
+        of: of.clone(),
+        column: column.clone(),
+        baseline: text(baseline),
+        candidate: text(candidate),
+        change: numbers.map(|(then, now)| percent(now, then)).unwrap_or_default(),
+        errors: judged.errors.map(|errors| format!("{errors:.1}")).unwrap_or_default(),
+        limit: judged.limit.map(|limit| significant(limit, 3)).unwrap_or_default(),
+    }
 }
 
 fn text(value: &Json) -> String {
@@ -96,7 +97,7 @@ pub fn changes(
     config: &Compare,
     paths: &Paths,
     reader: &Reader,
-) -> Result<Option<Json>, StoreError> {
+) -> Result<Option<Changes>, StoreError> {
     let path = &paths.baseline;
     if !reader.0.contains_key(path) {
         return Ok(None);
@@ -105,7 +106,7 @@ pub fn changes(
         Ok(baseline) => baseline,
         Err(problem) => {
             let problem = format!("{} {problem}", paths.name_of(path));
-            return Ok(Some(json!({ "problem": problem })));
+            return Ok(Some(Changes::NotCompared { problem }));
         }
     };
     baseline.tables.remove(SCORECARD);
@@ -118,17 +119,20 @@ pub fn changes(
     };
     let [out, within, not_judged] =
         [Verdict::Out, Verdict::Within, Verdict::NotJudged].map(|verdict| compared.count(verdict));
-    Ok(Some(json!({
-        "problem": null,
-        "accepted": baseline.accepted.last(),
-        "out": out,
-        "within": within,
-        "not_judged": not_judged,
-        "same": compared.cells - out - within - not_judged,
-        "largest": compared.out().take(NAMED).map(row).collect::<Vec<_>>(),
-        "vanished": names(&compared.vanished),
-        "appeared": names(&compared.appeared),
-    })))
+    let accepted = |Acceptance { time, reason, .. }: &Acceptance| AcceptedBaseline {
+        time: time.clone(),
+        reason: reason.clone(),
+    };
+    Ok(Some(Changes::Compared {
+        accepted: baseline.accepted.last().map(accepted),
+        out,
+        within,
+        not_judged,
+        same: compared.cells - out - within - not_judged,
+        largest: compared.out().take(NAMED).map(row).collect(),
+        vanished: names(&compared.vanished),
+        appeared: names(&compared.appeared),
+    }))
 }
 
 /// JUnit's XML, by which servers that build software show what failed: a suite for each table, a
@@ -169,11 +173,13 @@ impl Difference {
     /// The difference in words.
     pub fn sentence(&self) -> String {
         let row = row(self);
-        let parts =
-            [("", "change", ""), ("", "errors", " standard errors"), ("limit ", "limit", "")];
-        let part = |(before, part, after): (&str, &str, &str)| {
-            let text = row[part].as_str().filter(|text| !text.is_empty())?;
-            Some(format!("{before}{text}{after}"))
+        let parts = [
+            ("", &row.change, ""),
+            ("", &row.errors, " standard errors"),
+            ("limit ", &row.limit, ""),
+        ];
+        let part = |(before, text, after): (&str, &String, &str)| {
+            (!text.is_empty()).then(|| format!("{before}{text}{after}"))
         };
         let parts: Vec<String> = parts.into_iter().filter_map(part).collect();
         let parts = match parts.is_empty() {

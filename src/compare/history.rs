@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use polars::prelude::Column;
+use trilink_tables::{Columns as _, Reader, RunStatus, StoreError, UtcTime, rows};
 
 use super::CompareError;
-use crate::store::{Columns as _, Reader, RunStatus, StoreError, UtcTime, rows};
 
 rows! {
     /// One figure of merit of one run, or something that happened: `history.parquet`.
@@ -49,17 +49,17 @@ impl HistoryRow {
 }
 
 /// The quantity of a row that tells of a new baseline.
-pub const ACCEPTED: &str = "accepted";
+pub(super) const ACCEPTED: &str = "accepted";
 /// The same of a trial of the first run that knows its trials, and of one that came or is gone since.
-pub const TRIAL: &str = "trial";
-pub const CAME: &str = "trial came";
-pub const GONE: &str = "trial gone";
+pub(super) const TRIAL: &str = "trial";
+pub(super) const CAME: &str = "trial came";
+pub(super) const GONE: &str = "trial gone";
 /// The quantity of a trial's mean begins with this, and that of how many ended how.
-pub const MEAN: &str = "mean ";
-pub const TRIALS: &str = "trials ";
+pub(super) const MEAN: &str = "mean ";
+pub(super) const TRIALS: &str = "trials ";
 
 /// What is not the same when nothing has changed.
-pub const SECONDS: &str = "_s of run";
+pub(super) const SECONDS: &str = "_s of run";
 
 /// Where the history lies.
 pub fn history_path(reports: &Path) -> PathBuf {
@@ -67,17 +67,17 @@ pub fn history_path(reports: &Path) -> PathBuf {
 }
 
 /// The number of the run after those of the rows.
-pub fn next_run(rows: &[HistoryRow]) -> i64 {
+pub(super) fn next_run(rows: &[HistoryRow]) -> i64 {
     rows.iter().map(|row| row.run).max().unwrap_or(0) + 1
 }
 
 /// The last run that came to figures of merit; 0 if there is none.
-pub fn last_run(rows: &[HistoryRow]) -> i64 {
+pub(super) fn last_run(rows: &[HistoryRow]) -> i64 {
     rows.iter().rfind(|row| row.is_measured()).map_or(0, |row| row.run)
 }
 
 /// The history as it is found.
-pub struct History {
+pub(super) struct History {
     pub rows: Vec<HistoryRow>,
     /// That it was damaged.
     pub problem: Option<String>,
@@ -85,7 +85,7 @@ pub struct History {
 
 impl History {
     /// Reads the history. One that is damaged is moved aside, and a new one begins.
-    pub fn load(reports: &Path) -> Result<Self, CompareError> {
+    pub(super) fn load(reports: &Path) -> Result<Self, CompareError> {
         let path = history_path(reports);
         let rows = Reader::default().table(&path).and_then(|mut table| {
             let sound = HistoryRow::to_table(&[]).frame;

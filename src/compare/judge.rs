@@ -1,8 +1,9 @@
 //! Whether a difference is more than noise.
 
+use trilink_statistics::HALF_WIDTH_95;
+use trilink_tables::config::Tolerance;
+
 use super::snapshot::{Record, number};
-use crate::config::Tolerance;
-use crate::stats::HALF_WIDTH_95;
 
 /// The outcome of a comparison of two values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -28,7 +29,7 @@ pub struct Judged {
 }
 
 /// Judges a number that differs.
-pub fn judge(
+pub(super) fn judge(
     tolerance: Tolerance,
     [baseline, candidate]: [f64; 2],
     error: Option<StandardError>,
@@ -53,7 +54,7 @@ pub fn judge(
 
 /// The largest difference from a baseline that is within a tolerance, where the difference has this
 /// standard error; `None` if it takes an error that is not known.
-pub fn limit(tolerance: Tolerance, baseline: f64, error: f64) -> Option<f64> {
+pub(super) fn limit(tolerance: Tolerance, baseline: f64, error: f64) -> Option<f64> {
     let by_errors = tolerance.standard_errors.map(|most| most * error);
     if by_errors.is_some_and(f64::is_nan) {
         return None;
@@ -64,7 +65,7 @@ pub fn limit(tolerance: Tolerance, baseline: f64, error: f64) -> Option<f64> {
 
 /// The standard error of a difference.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StandardError {
+pub(super) struct StandardError {
     pub error: f64,
     /// Degrees of freedom; infinite where the error is known well.
     pub freedom: f64,
@@ -73,12 +74,12 @@ pub struct StandardError {
 impl StandardError {
     /// Of the difference of two runs' values of a column, by their `*_se`, the scatter's part of
     /// their 95 % intervals or the limits of these. `None` if one of them has none.
-    pub fn of_difference(column: &str, [one, other]: [&Record; 2]) -> Option<Self> {
+    pub(super) fn of_difference(column: &str, [one, other]: [&Record; 2]) -> Option<Self> {
         Some(Self::of(column, one)?.with(Self::of(column, other)?))
     }
 
     /// Of a record's value.
-    pub fn of(column: &str, record: &Record) -> Option<Self> {
+    pub(super) fn of(column: &str, record: &Record) -> Option<Self> {
         let of = |end: &str| number(record, &format!("{column}_{end}"));
         if let Some(error) = of("se") {
             let cycles = number(record, "cycles").unwrap_or(f64::INFINITY);
@@ -94,7 +95,7 @@ impl StandardError {
 
     /// Of a sum or difference of independent values (Welch 1947 and Satterthwaite 1946 for the
     /// degrees of freedom).
-    pub fn with(self, other: Self) -> Self {
+    pub(super) fn with(self, other: Self) -> Self {
         let squares = [self, other].map(|of| of.error * of.error);
         let spread = squares[0].powi(2) / self.freedom + squares[1].powi(2) / other.freedom;
         let sum = squares[0] + squares[1];
@@ -105,7 +106,7 @@ impl StandardError {
     /// A difference in standard errors, as far out as it would be if the error were known: few
     /// cycles give large multiples by chance (Wallace, Annals of Mathematical Statistics 30,
     /// 1959).
-    pub fn normal(self, difference: f64) -> Option<f64> {
+    pub(super) fn normal(self, difference: f64) -> Option<f64> {
         let multiple = difference / self.error;
         if !(self.error > 0.0 && multiple.is_finite()) {
             return None;

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use trilink_robot::metrics::GaitMetrics;
+
 use super::judge::StandardError;
 use super::snapshot::{Record, Records, number, text};
-use crate::metrics::GaitMetrics;
 
 /// Each campaign's means over the trials that both runs have, with their standard errors.
-pub fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
+pub(super) fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
     let mut means = [Records::new(), Records::new()];
     for campaign in campaigns(runs[0]) {
         let of_campaign = runs[0].iter().filter(|(_, trial)| text(trial, "campaign") == campaign);
@@ -38,12 +39,12 @@ pub fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
 }
 
 /// Names of the campaigns that have trials, in order.
-pub fn campaigns(trials: &Records) -> BTreeSet<&str> {
+pub(super) fn campaigns(trials: &Records) -> BTreeSet<&str> {
     trials.values().map(|trial| text(trial, "campaign")).filter(|name| !name.is_empty()).collect()
 }
 
 /// A mean and its standard error.
-pub fn mean(
+pub(super) fn mean(
     values: impl ExactSizeIterator<Item = (f64, StandardError)>,
 ) -> Option<(f64, StandardError)> {
     let count = values.len() as f64;

@@ -26,10 +26,11 @@ pub use snapshot::{Acceptance, Record, Records, Snapshot, tables_folder};
 
 use serde::Serialize;
 use serde_json::Value as Json;
+use trilink_plot::DrawError;
+use trilink_report::ReportError;
+use trilink_tables::config::{Compare, Tolerances, tolerance};
+use trilink_tables::{StoreError, TrialStatus};
 
-use crate::config::{Compare, Tolerances, tolerance};
-use crate::report::ReportError;
-use crate::store::{StoreError, TrialStatus};
 use judge::{StandardError, judge};
 
 /// Why runs cannot be compared.
@@ -41,6 +42,8 @@ pub enum CompareError {
     Baseline { path: PathBuf, message: String },
     #[error(transparent)]
     Report(#[from] ReportError),
+    #[error(transparent)]
+    Draw(#[from] DrawError),
     #[error("{file}: cannot be written: {message}")]
     File { file: &'static str, message: String },
 }

@@ -3,6 +3,13 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use trilink_robot::Parameter;
+use trilink_robot::metrics::GaitMetrics;
+use trilink_statistics::HALF_WIDTH_95;
+use trilink_tables::clock::utc_now;
+use trilink_tables::config::Config;
+use trilink_tables::{Columns as _, Provenance, RunStatus, TrialStatus, UtcTime};
+
 use super::history::{
     ACCEPTED, CAME, GONE, History, HistoryRow, MEAN, SECONDS, TRIAL, TRIALS, history_path,
     last_run, next_run,
@@ -12,12 +19,6 @@ use super::means::{campaigns, mean};
 use super::snapshot::{MadeOf, Snapshot, number, text};
 use super::trend;
 use super::{Acceptance, CompareError};
-use crate::clock::utc_now;
-use crate::config::Config;
-use crate::metrics::GaitMetrics;
-use crate::robot::Parameter;
-use crate::stats::HALF_WIDTH_95;
-use crate::store::{Columns as _, Provenance, RunStatus, TrialStatus, UtcTime};
 
 /// Metrics of trials whose means are kept.
 const MEANS: [&str; 7] = [

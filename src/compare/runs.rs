@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use chrono::{DateTime, Datelike as _, Utc};
 use serde_json::{Value as Json, json};
+use trilink_tables::{RunStatus, TrialStatus};
 
 use super::history::{ACCEPTED, CAME, GONE, HistoryRow, SECONDS, TRIALS};
-use crate::store::{RunStatus, TrialStatus};
 
 /// So many trials are named.
 const NAMED: usize = 3;
@@ -14,7 +14,7 @@ const NAMED: usize = 3;
 const DIGITS: usize = 8;
 
 /// All runs.
-pub struct Runs<'r> {
+pub(super) struct Runs<'r> {
     runs: BTreeMap<i64, Run<'r>>,
     /// Those that became the baseline.
     pub accepted: BTreeSet<i64>,
@@ -33,7 +33,7 @@ struct Run<'r> {
 }
 
 impl<'r> Runs<'r> {
-    pub fn new(rows: &'r [HistoryRow]) -> Self {
+    pub(super) fn new(rows: &'r [HistoryRow]) -> Self {
         let mut runs: BTreeMap<i64, Run> = BTreeMap::new();
         let accepted = rows.iter().filter(|row| row.quantity == ACCEPTED).map(|row| row.run);
         for row in rows.iter().filter(|row| row.quantity != ACCEPTED) {
@@ -62,27 +62,27 @@ impl<'r> Runs<'r> {
         Self { accepted: accepted.collect(), labels, runs }
     }
 
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.runs.len()
     }
 
-    pub fn labels(&self) -> &[(f64, String)] {
+    pub(super) fn labels(&self) -> &[(f64, String)] {
         &self.labels
     }
 
     /// Its number and time, as links name it.
-    pub fn name(&self, run: i64) -> String {
+    pub(super) fn name(&self, run: i64) -> String {
         let time = self.runs.get(&run).map_or("", |run| &run.first.time);
         format!("run {run}, {}", to_the_minute(time))
     }
 
-    pub fn date(&self, run: i64) -> &str {
+    pub(super) fn date(&self, run: i64) -> &str {
         let time = self.runs.get(&run).map_or("", |run| &run.first.time);
         time.get(..10).unwrap_or(time)
     }
 
     /// What else changed from the run before that came to figures of merit.
-    pub fn changed(&self, run: i64) -> String {
+    pub(super) fn changed(&self, run: i64) -> String {
         let Some(now) = self.runs.get(&run) else { return String::new() };
         let mut earlier = self.runs.range(..run).rev().map(|(_, run)| run);
         let Some(then) = earlier.find(|run| run.first.is_measured()) else { return String::new() };
@@ -117,7 +117,7 @@ impl<'r> Runs<'r> {
     }
 
     /// A row of the page's table for each, the last one first.
-    pub fn rows(&self) -> Vec<Json> {
+    pub(super) fn rows(&self) -> Vec<Json> {
         let row = |(number, run): (&i64, &Run)| {
             let Run { first, trials, seconds, .. } = run;
             let failure = Some(&first.note).filter(|_| first.quantity.is_empty());

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use polars::prelude::AnyValue;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
-
-use super::CompareError;
-use crate::named::Named as _;
-use crate::store::{
+use trilink_base::Named as _;
+use trilink_tables::{
     PredictionSource, Reader, RunStatus, StoreError, Table, row_names, write_bytes,
 };
+
+use super::CompareError;
 
 /// Tables whose rows are compared by their names.
 const TABLES: [&str; 3] = ["trials", "fits", "robot_parameters"];
@@ -20,7 +20,7 @@ const TABLES: [&str; 3] = ["trials", "fits", "robot_parameters"];
 const NEAR: f64 = 0.05;
 const FORMAT: u32 = 1;
 /// A table that the report makes.
-pub const SCORECARD: &str = "scorecard";
+pub(super) const SCORECARD: &str = "scorecard";
 
 /// Values by column: numbers, texts, and null for what is missing.
 pub type Record = BTreeMap<String, Json>;
@@ -86,7 +86,7 @@ impl Snapshot {
             return Self::of_run(&derived, &reports);
         }
         let error = |message: String| CompareError::Baseline { path: path.to_owned(), message };
-        match crate::files::read_text(path) {
+        match trilink_base::files::read_text(path) {
             Err(source) if source.kind() == NotFound => {
                 Err(error("is not there; `trilink compare --accept WHY` makes it".to_owned()))
             }
@@ -294,7 +294,7 @@ fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
 /// Reads a file of JSON; `None` if there is none.
 fn read_json(path: &Path) -> Result<Option<Json>, CompareError> {
     let error = |message| CompareError::Baseline { path: path.to_owned(), message };
-    match crate::files::read_text(path) {
+    match trilink_base::files::read_text(path) {
         Err(source) if source.kind() == NotFound => Ok(None),
         Err(source) => Err(error(format!("cannot be read: {source}"))),
         Ok(text) => serde_json::from_str(&text)

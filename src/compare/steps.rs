@@ -6,7 +6,7 @@
 //! 34, 1963, estimate it, over a moving window). One run that is off is no step while there are
 //! later ones that are not; the last run is taken as it is.
 
-use crate::stats::{MAD_TO_DEVIATION, median};
+use trilink_statistics::{MAD_TO_DEVIATION, median};
 
 /// Runs on either side of which the levels are taken.
 const WINDOW: usize = 8;
@@ -21,7 +21,7 @@ const MEDIAN_DEVIATION: f64 = 1.2533;
 
 /// A change of level.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
+pub(super) struct Step {
     /// The first value of the new level.
     pub index: usize,
     pub before: f64,
@@ -29,7 +29,7 @@ pub struct Step {
 }
 
 /// All steps of the values, of which `limit` gives what a value may differ by from another level.
-pub fn steps(values: &[f64], limit: impl Fn(usize, f64) -> Option<f64>) -> Vec<Step> {
+pub(super) fn steps(values: &[f64], limit: impl Fn(usize, f64) -> Option<f64>) -> Vec<Step> {
     let differences: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     let (mut found, mut start, mut index) = (Vec::new(), 0, 1);
     while index < values.len() {

@@ -2,7 +2,7 @@
 
 mod history;
 
-use crate::config::Config;
+use trilink_tables::config::Config;
 
 use super::*;
 
@@ -178,7 +178,7 @@ fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
     let trials = saved.tables.get_mut("trials").unwrap();
     trials.get_mut("trial-0").unwrap().insert("sigma0".to_owned(), Json::Null);
     saved.accepted.push(Acceptance {
-        time: crate::clock::utc_now(),
+        time: trilink_tables::clock::utc_now(),
         reason: "new \"wheels\"".to_owned(),
         differences: 2,
     });

@@ -3,21 +3,20 @@
 use std::collections::BTreeMap;
 
 use serde_json::{Value as Json, json};
+use trilink_base::numbers::{percent, significant};
+use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
+use trilink_report::{colours, fill, image, notice_of_folders, trends};
+use trilink_tables::config::{Compare, Config, Tolerance, tolerance};
+use trilink_tables::write_bytes;
 
 use super::CompareError;
 use super::history::{ACCEPTED, HistoryRow, MEAN};
 use super::judge::limit;
 use super::runs::Runs;
 use super::steps::{Step, steps};
-use crate::config::{Compare, Config, Tolerance, tolerance};
-use crate::report::{
-    Figure, Layer, Layout, Look, Panel, Scale, colours, fill, image, notice_of_folders, percent,
-    significant, trends,
-};
-use crate::store::write_bytes;
 
 /// The page beside the history.
-pub const PAGE: &str = "history.html";
+pub(super) const PAGE: &str = "history.html";
 /// Of so many runs each has a marker and an error bar.
 const MOST_MARKERS: usize = 40;
 
@@ -33,7 +32,7 @@ struct Series<'r> {
 ///
 /// # Errors
 /// A figure cannot be drawn or the page not written.
-pub fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareError> {
+pub(super) fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareError> {
     let runs = Runs::new(rows);
     // What is of whole runs comes last.
     let mut groups: BTreeMap<(bool, &str), Vec<Series>> = BTreeMap::new();

@@ -2,10 +2,11 @@
 //! (`/tf`), the markers that were seen as point clouds (`/markers`), by Foxglove's own schemas, in
 //! metres. Times are since the first frame.
 
+use trilink_robot::Pose;
+
 use super::Motion;
 use super::mcap::{Channel, Message as Recorded, mcap};
 use super::protobuf::Message;
-use crate::robot::Pose;
 
 /// Foxglove's schemas as Protocol Buffers describe them (`foxglove-schemas-protobuf` 0.4, MIT).
 const FRAME_TRANSFORMS: &[u8] = include_bytes!("foxglove/FrameTransforms.bin");
@@ -18,7 +19,7 @@ const FLOAT32_BYTES: u32 = 4;
 const POINT_BYTES: u32 = 3 * FLOAT32_BYTES;
 const NS_PER_S: f64 = 1e9;
 
-pub fn write(motion: &Motion) -> Vec<u8> {
+pub(super) fn write(motion: &Motion) -> Vec<u8> {
     let channels = [
         Channel { topic: "/tf", schema: "foxglove.FrameTransforms", description: FRAME_TRANSFORMS },
         Channel { topic: "/markers", schema: "foxglove.PointCloud", description: POINT_CLOUD },

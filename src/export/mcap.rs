@@ -8,14 +8,14 @@ const ENCODING: &str = "protobuf";
 const PLAIN: &str = "";
 
 /// A topic with the schema of its messages.
-pub struct Channel {
+pub(super) struct Channel {
     pub topic: &'static str,
     pub schema: &'static str,
     /// The schema's `FileDescriptorSet`.
     pub description: &'static [u8],
 }
 
-pub struct Message {
+pub(super) struct Message {
     /// Its index.
     pub channel: u16,
     pub sequence: u32,
@@ -60,7 +60,7 @@ impl Bytes {
 }
 
 /// A file of messages by rising time. Their channels have the indices that schemas have, from 1.
-pub fn mcap(channels: &[Channel], messages: impl Iterator<Item = Message>) -> Vec<u8> {
+pub(super) fn mcap(channels: &[Channel], messages: impl Iterator<Item = Message>) -> Vec<u8> {
     let mut known = Bytes::default();
     for (channel, id) in channels.iter().zip(1..) {
         let schema = Bytes::default().u16(id).sized(channel.schema.as_bytes());

@@ -10,16 +10,16 @@ mod trc;
 
 use std::path::PathBuf;
 
-use crate::config::{Config, ConfigError, nearest};
-use crate::robot::{Pose, Robot};
-use crate::store::{Reader, StoreError, TrialRow, TrialStatus, poses_path};
-use crate::trial::{ListedTrial, TrialFolders};
-use crate::vicon::{MarkerFile, ViconError, read_markers};
+use trilink_mocap::{MarkerFile, ViconError, read_markers};
+use trilink_robot::{Pose, Robot};
+use trilink_tables::config::{Config, ConfigError, nearest};
+use trilink_tables::trial::{ListedTrial, TrialFolders};
+use trilink_tables::{Reader, StoreError, TrialRow, TrialStatus, poses_path};
 
 pub use petab::write_petab;
 
 /// How a trial is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExportFormat {
     /// OpenSim's table of markers, mm; the links' axles and the joints are markers, too.
     Trc,

@@ -10,12 +10,13 @@
 
 use std::path::{Path, PathBuf};
 
+use trilink_fit::{FitData, FitInput, Measurement};
+use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{JointCommand, Parameter};
+use trilink_tables::config::{Config, GaitInput};
+use trilink_tables::{FitRow, Reader, write_bytes};
+
 use super::ExportError;
-use crate::config::{Config, GaitInput};
-use crate::fit::{FitData, FitInput, Measurement};
-use crate::metrics::GaitMetrics;
-use crate::robot::{JointCommand, Parameter};
-use crate::store::{FitRow, Reader, write_bytes};
 
 /// Of what a fit compares, the first of the metrics in their order.
 const MEANINGS: [&str; 6] = [

@@ -3,26 +3,26 @@
 
 /// A message that is being written.
 #[derive(Default)]
-pub struct Message(pub Vec<u8>);
+pub(super) struct Message(pub Vec<u8>);
 
 impl Message {
-    pub fn double(self, field: u64, value: f64) -> Self {
+    pub(super) fn double(self, field: u64, value: f64) -> Self {
         self.tag(field, 1).raw(&value.to_le_bytes())
     }
 
-    pub fn fixed32(self, field: u64, value: u32) -> Self {
+    pub(super) fn fixed32(self, field: u64, value: u32) -> Self {
         self.tag(field, 5).raw(&value.to_le_bytes())
     }
 
-    pub fn whole(self, field: u64, value: u64) -> Self {
+    pub(super) fn whole(self, field: u64, value: u64) -> Self {
         self.tag(field, 0).varint(value)
     }
 
-    pub fn bytes(self, field: u64, bytes: &[u8]) -> Self {
+    pub(super) fn bytes(self, field: u64, bytes: &[u8]) -> Self {
         self.tag(field, 2).varint(bytes.len() as u64).raw(bytes)
     }
 
-    pub fn message(self, field: u64, message: &Self) -> Self {
+    pub(super) fn message(self, field: u64, message: &Self) -> Self {
         self.bytes(field, &message.0)
     }
 

@@ -1,9 +1,10 @@
 //! One row per frame: the links' poses, then the markers.
 
-use super::Motion;
-use crate::csv;
+use trilink_base::csv;
 
-pub fn write(motion: &Motion) -> String {
+use super::Motion;
+
+pub(super) fn write(motion: &Motion) -> String {
     let mut columns: Vec<String> = vec!["frame".to_owned(), "time_s".to_owned()];
     if motion.without_poses.is_none() {
         let of_link = |link| ["x_m", "y_m", "theta_rad"].map(|name| format!("link{link}_{name}"));

@@ -8,7 +8,7 @@ use super::Motion;
 
 const AXLES_AND_JOINTS: [&str; 5] = ["link0", "link1", "link2", "joint1", "joint2"];
 
-pub fn write(motion: &Motion) -> String {
+pub(super) fn write(motion: &Motion) -> String {
     let mut labels = motion.labels();
     if motion.without_poses.is_none() {
         labels.extend(AXLES_AND_JOINTS.map(str::to_owned));

@@ -1,9 +1,10 @@
 //! Files in which another axis than z points up.
 
+use trilink_ingest::other_axis_up;
+use trilink_mocap::MarkerFile;
+use trilink_statistics::{mean, median, quantiles_low};
+
 use super::clusters;
-use crate::ingest::other_axis_up;
-use crate::stats::{mean, median, quantiles_low};
-use crate::vicon::MarkerFile;
 
 /// Along the axis that points up markers stay this level, mm.
 const LEVEL_MM: f64 = 15.0;
@@ -20,7 +21,7 @@ pub(super) struct Upwards {
 
 impl Upwards {
     /// `None` if z may point up.
-    pub fn of(file: &MarkerFile) -> Option<Self> {
+    pub(super) fn of(file: &MarkerFile) -> Option<Self> {
         let is_level = |axis: &usize| ranges_mm(file, *axis) < LEVEL_MM;
         let [axis] = [0, 1].into_iter().filter(is_level).collect::<Vec<_>>()[..] else {
             return None;

@@ -6,8 +6,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Complex;
-
-use crate::stats::{extremes, median};
+use trilink_statistics::{extremes, median};
 
 /// Commanded joints do the same within this, degrees.
 const SAME_DEG: f64 = 5.0;
@@ -195,13 +194,13 @@ fn whole(files: &[Performed], of: Vec<usize>) -> Group {
         };
         // About the first one, so that angles on both sides of half a turn have a median.
         let first_deg = relative(&files[of[0]], joint).phase_deg;
-        let off = |deg: f64| crate::stats::wrap((deg - first_deg).to_radians()).to_degrees();
+        let off = |deg: f64| trilink_statistics::wrap((deg - first_deg).to_radians()).to_degrees();
         let phase_deg = first_deg + values(&|of| off(of.phase_deg));
         let phase_deg = if joint == 0 || passive.is_some() { 0.0 } else { phase_deg };
         JointSwing {
             offset_deg: values(&|of| of.offset_deg),
             amplitude_deg: values(&|of| of.amplitude_deg),
-            phase_deg: crate::stats::wrap(phase_deg.to_radians()).to_degrees(),
+            phase_deg: trilink_statistics::wrap(phase_deg.to_radians()).to_degrees(),
         }
     };
     let joints = [swings(0), swings(1)];

@@ -3,9 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::ingest::calibrate::{Body, between, in_order, rigid_groups};
-use crate::ingest::marker_name;
-use crate::vicon::MarkerFile;
+use trilink_ingest::calibrate::{Body, between, in_order, rigid_groups};
+use trilink_ingest::marker_name;
+use trilink_mocap::MarkerFile;
 
 /// The two positions of a joint, by the links that it connects, are nearer than this (RMS), mm.
 const JOINT_MM: f64 = 5.0;

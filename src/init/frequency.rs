@@ -3,11 +3,12 @@
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
+use trilink_ingest::{CommandedGait, GAIT_HARMONICS, Harmonics, strongest_line};
+use trilink_robot::{Gait, JointCommand};
+use trilink_statistics::{mean, seen, wrap};
+use trilink_tables::trial::TrialKind;
+
 use super::motion::Motion;
-use crate::ingest::{CommandedGait, GAIT_HARMONICS, Harmonics, strongest_line};
-use crate::robot::{Gait, JointCommand};
-use crate::stats::{mean, seen, wrap};
-use crate::trial::TrialKind;
 
 /// Joints that turn by less are held, degrees.
 const HELD_DEG: f64 = 4.0;
@@ -35,7 +36,7 @@ pub(super) struct Swing {
 
 impl Swing {
     /// Seen from the other end of the robot.
-    pub fn reversed(self) -> Self {
+    pub(super) fn reversed(self) -> Self {
         Self { offset_rad: -self.offset_rad, phase_rad: wrap(self.phase_rad + PI), ..self }
     }
 }
@@ -56,7 +57,7 @@ pub(super) enum Recorded {
 }
 
 impl Recorded {
-    pub fn kind(&self) -> TrialKind {
+    pub(super) fn kind(&self) -> TrialKind {
         match self {
             Self::Gait { .. } => TrialKind::Gait,
             Self::Release { .. } => TrialKind::JointRelease,
@@ -65,7 +66,7 @@ impl Recorded {
     }
 
     /// What a motion is, or what it is not. Link 1 is the front link.
-    pub fn of(motion: &Motion) -> Result<Self, String> {
+    pub(super) fn of(motion: &Motion) -> Result<Self, String> {
         let ranges_deg = motion.ranges_deg();
         let most_deg = ranges_deg[0].max(ranges_deg[1]);
         if !most_deg.is_finite() {

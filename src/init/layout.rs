@@ -3,15 +3,16 @@
 use std::path::PathBuf;
 
 use rayon::prelude::*;
+use trilink_ingest::calibrate::of_file;
+use trilink_ingest::{Calibration, fit_rigid};
+use trilink_mocap::LengthUnit;
+use trilink_mocap::read_markers;
+use trilink_robot::{Gait, JointCommand, Robot, rotated};
+use trilink_statistics::{mean, seen, wrap};
+use trilink_tables::config::Markers;
 
 use super::clusters::Links;
 use super::motion::{Motion, Shape};
-use crate::config::{LengthUnit, Markers};
-use crate::ingest::calibrate::of_file;
-use crate::ingest::{Calibration, fit_rigid};
-use crate::robot::{Gait, JointCommand, Robot, rotated};
-use crate::stats::{mean, seen, wrap};
-use crate::vicon::read_markers;
 
 /// Files that are tried, those whose joints turn most.
 const MOST_TRIED: usize = 4;
@@ -49,7 +50,7 @@ pub(super) struct Layout {
 
 impl Layout {
     /// Of links with the front one second. `None` says that no file shows it, with the reasons.
-    pub fn find(
+    pub(super) fn find(
         links: &Links,
         mut candidates: Vec<Candidate>,
         coasts: &[&Motion],
@@ -125,7 +126,7 @@ impl Layout {
     }
 
     /// What has to be added to a motion's phi1 and phi2, rad.
-    pub fn offsets_rad(&self, motion: &Motion) -> Option<[f64; 2]> {
+    pub(super) fn offsets_rad(&self, motion: &Motion) -> Option<[f64; 2]> {
         let [middle, front, rear] = self.constants_rad(motion)?;
         Some([wrap(middle - front), wrap(rear - middle)])
     }
@@ -150,7 +151,7 @@ fn differ_deg(of: &Calibration, all: &[&Calibration], link: usize) -> f64 {
 
 /// Markers of a link by name, mm.
 fn positions(of: &Calibration, link: usize) -> Shape {
-    let place = |marker: &crate::ingest::MarkerPosition| {
+    let place = |marker: &trilink_ingest::MarkerPosition| {
         let [x, y, _] = marker.position_mm.map(|of| of.value);
         (marker.label.clone(), [x, y])
     };

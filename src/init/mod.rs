@@ -19,16 +19,17 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 pub use campaigns::JointSwing;
+use trilink_mocap::LengthUnit;
+use trilink_tables::StoreError;
+use trilink_tables::config::ConfigError;
+use trilink_tables::trial::TrialKind;
+
 use campaigns::Performed;
 use clusters::Links;
 use frequency::{Recorded, Swing};
 use layout::{Candidate, Layout};
 use motion::Motion;
 use survey::Survey;
-
-use crate::config::{ConfigError, LengthUnit};
-use crate::store::StoreError;
-use crate::trial::TrialKind;
 
 /// What to look at, and where to write.
 #[derive(Debug, Clone)]
@@ -281,7 +282,7 @@ fn performed(survey: &Survey, of: &Described, layout: &Layout) -> Option<Perform
     let joint = |i: usize| {
         let Swing { offset_rad, amplitude_rad, phase_rad } = swings[i];
         let [offset, phase] =
-            [offset_rad + offsets_rad[i], phase_rad - first_rad].map(crate::stats::wrap);
+            [offset_rad + offsets_rad[i], phase_rad - first_rad].map(trilink_statistics::wrap);
         JointSwing {
             offset_deg: offset.to_degrees(),
             amplitude_deg: amplitude_rad.to_degrees(),

@@ -1,11 +1,12 @@
 //! How the links move in a file: the joints' angles and the robot's way.
 
+use trilink_ingest::calibrate::{Body, between};
+use trilink_ingest::frame_grid;
+use trilink_mocap::MarkerFile;
+use trilink_robot::rotated;
+use trilink_statistics::{quantiles_low, unwrap};
+
 use super::clusters::{Links, columns};
-use crate::ingest::calibrate::{Body, between};
-use crate::ingest::frame_grid;
-use crate::robot::rotated;
-use crate::stats::{quantiles_low, unwrap};
-use crate::vicon::MarkerFile;
 
 /// Rates above twice this one are thinned, Hz: no joint of a robot swings faster than a twentieth.
 const RATE_HZ: f64 = 60.0;
@@ -34,7 +35,7 @@ pub(super) struct Motion {
 
 impl Motion {
     /// Of the links in a file with this rate, or why it is not seen.
-    pub fn of(file: &MarkerFile, links: &Links, rate_hz: f64) -> Result<Self, String> {
+    pub(super) fn of(file: &MarkerFile, links: &Links, rate_hz: f64) -> Result<Self, String> {
         let columns = columns(links, &file.labels)?;
         let stride = ((rate_hz / RATE_HZ) as usize).max(1);
         let file = file.thinned(stride);
@@ -60,7 +61,7 @@ impl Motion {
             return Err("shows no two links together".to_owned());
         }
         let shape = |link: usize| -> Shape {
-            let place = |(marker, name): (&crate::ingest::LinkMarker, &String)| {
+            let place = |(marker, name): (&trilink_ingest::LinkMarker, &String)| {
                 (name.clone(), marker.local_position_mm)
             };
             bodies[link].markers.iter().zip(&links[link]).map(place).collect()
@@ -98,16 +99,16 @@ impl Motion {
     }
 
     /// How far links 1 and 2 turn, all but the rarest angles, degrees.
-    pub fn ranges_deg(&self) -> [f64; 2] {
+    pub(super) fn ranges_deg(&self) -> [f64; 2] {
         self.turns_rad.each_ref().map(|turns_rad| {
-            let seen = crate::stats::seen(turns_rad).collect();
+            let seen = trilink_statistics::seen(turns_rad).collect();
             let [low, high] = quantiles_low(seen, [0.02, 0.98]);
             (high - low).to_degrees()
         })
     }
 
     /// Calls link 2 link 1 and the other way round.
-    pub fn exchange(&mut self) {
+    pub(super) fn exchange(&mut self) {
         self.turns_rad.swap(0, 1);
         self.shapes.swap(1, 2);
         self.ahead_m = -self.ahead_m;

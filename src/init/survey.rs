@@ -3,15 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use trilink_mocap::LengthUnit;
+use trilink_mocap::read_markers;
+use trilink_tables::config::Config;
+use trilink_tables::trial::{TRIALS_FILE, Trial, TrialList};
 
 use super::axes::Upwards;
 use super::clusters::{self, Links};
 use super::frequency::Recorded;
 use super::motion::Motion;
 use super::{Described, InitError, Request};
-use crate::config::{Config, LengthUnit};
-use crate::trial::{TRIALS_FILE, Trial, TrialList};
-use crate::vicon::{self, read_markers};
 
 /// Rate at which groups of markers are looked for, Hz.
 const RATE_HZ: f64 = 15.0;
@@ -25,7 +26,7 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    pub fn list_path(&self) -> PathBuf {
+    pub(super) fn list_path(&self) -> PathBuf {
         self.path.join(TRIALS_FILE)
     }
 }
@@ -51,14 +52,14 @@ pub(super) struct Survey {
 
 impl Survey {
     /// The file's name without what says its format.
-    pub fn stem(&self) -> String {
+    pub(super) fn stem(&self) -> String {
         let name = self.name.strip_suffix(".gz").unwrap_or(&self.name);
         let stem = Path::new(name).file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
     }
 
     /// Subjects of the labels, each once.
-    pub fn subjects(&self) -> Vec<String> {
+    pub(super) fn subjects(&self) -> Vec<String> {
         let of = |label: &String| Some(label.rsplit_once(':')?.0.to_owned());
         let mut subjects: Vec<String> = self.labels.iter().filter_map(of).collect();
         subjects.sort();
@@ -75,7 +76,7 @@ pub(super) fn folders(request: &Request) -> Result<Vec<Folder>, InitError> {
     }
     let mut folders: Vec<Folder> = Vec::new();
     for path in &request.folders {
-        let files = vicon::marker_files(path)
+        let files = trilink_mocap::marker_files(path)
             .map_err(|source| InitError::Folder { path: path.clone(), source })?;
         let is_same = |other: &Folder| path.canonicalize().ok() == other.path.canonicalize().ok();
         if folders.iter().any(is_same) {

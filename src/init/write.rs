@@ -4,6 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde_json::{Value, json};
+use trilink_base::files::name_in;
+use trilink_ingest::MarkerPosition;
+use trilink_mocap::LengthUnit;
+use trilink_tables::PendingFile;
+use trilink_tables::config::toml_key;
+use trilink_tables::trial::{TrialKind, is_valid_id};
 
 use super::campaigns::{Group, Performed, named_omega, words};
 use super::clusters::{Links, names};
@@ -11,13 +17,7 @@ use super::frequency::Recorded;
 use super::layout::Layout;
 use super::survey::{Folder, Survey};
 use super::{Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request};
-use crate::config::LengthUnit;
-use crate::files::name_in;
-use crate::ingest::MarkerPosition;
-use crate::report::fill;
-use crate::store::PendingFile;
-use crate::text::toml_key;
-use crate::trial::{TrialKind, is_valid_id};
+use crate::template::fill;
 
 /// Begins what a line is marked by.
 const MARK: &str = "# CHECK: ";
@@ -147,7 +147,7 @@ impl Written<'_> {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         for survey in &self.surveys {
             let is_of_robot = |label: &&String| {
-                let name = crate::ingest::marker_name(label);
+                let name = trilink_ingest::marker_name(label);
                 self.links.iter().flatten().any(|of| of == name || of == *label)
             };
             let subject = survey.labels.iter().find(is_of_robot);
@@ -262,7 +262,7 @@ impl Written<'_> {
             "campaigns": campaigns.collect::<Vec<Value>>(),
             "links": calibration.links.each_ref().map(|markers| markers.iter().map(line).collect::<Vec<_>>()),
         });
-        Ok(fill("pipeline", include_str!("pipeline.txt"), &values)?)
+        Ok(fill(include_str!("pipeline.txt"), &values)?)
     }
 
     /// The line of `[vicon]` on the frame rate.
@@ -323,7 +323,7 @@ impl Written<'_> {
             "left_out": self.surveys.iter().enumerate().filter_map(left_out).collect::<Vec<_>>(),
             "trials": self.trials(folder).map(trial).collect::<Vec<_>>(),
         });
-        Ok(fill("trials", include_str!("trials.txt"), &values)?)
+        Ok(fill(include_str!("trials.txt"), &values)?)
     }
 }
 

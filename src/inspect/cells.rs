@@ -3,9 +3,9 @@
 use polars::prelude::{AnyValue, DataType, Float64Chunked, IntoSeries, PolarsResult, Series};
 use polars::prelude::{NamedFrom, StringChunked};
 use serde_json::Value as Json;
+use trilink_tables::time_text;
 
 use super::View;
-use crate::store::time_text;
 
 /// CSV with a line of names; what is missing is empty. Text that a spreadsheet would compute as a
 /// formula has an apostrophe before it.
@@ -20,7 +20,7 @@ pub fn csv(view: &View) -> String {
     };
     let names = view.columns.iter().map(|column| as_text(column.name.clone())).collect();
     let lines = std::iter::once(names).chain(view.cells(cell));
-    lines.map(|cells: Vec<String>| crate::csv::line(&cells)).collect()
+    lines.map(|cells: Vec<String>| trilink_base::csv::line(&cells)).collect()
 }
 
 /// A JSON array of objects, one a line; what is missing or no number is null.

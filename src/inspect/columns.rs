@@ -9,10 +9,10 @@ use polars::prelude::{
     ChunkFull, DataFrame, DataType, IntoColumn, ParallelStrategy, ParquetReader, PolarsResult,
     SerReader, StringChunked,
 };
+use trilink_base::files;
+use trilink_tables::{StoreError, checksum, guarded};
 
 use super::find::tables_of;
-use crate::files;
-use crate::store::{StoreError, checksum, guarded};
 
 /// The name of each table of a folder, as a column.
 const TRIAL: &str = "trial";

@@ -216,7 +216,8 @@ impl Evaluator<'_> {
             polars_bail!(ComputeError: "found `{pattern}`, needed a pattern such as 'kinematic%'");
         };
         let pattern = case(found);
-        let is_like = |text: &str| crate::pattern::matches(&pattern, &case(text), ['%', '_']);
+        let is_like =
+            |text: &str| trilink_base::pattern::matches(&pattern, &case(text), ['%', '_']);
         Ok(text.str()?.iter().map(|text| text.map(is_like)).collect())
     }
 

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use trilink_tables::config::did_you_mean;
+use trilink_tables::tables_in;
+
 use super::{InspectError, sentence_end};
-use crate::config::did_you_mean;
-use crate::store::tables_in;
 
 /// A table of `derived`, or a folder of tables that are of a kind.
 #[derive(Debug, Clone, PartialEq, Eq)]

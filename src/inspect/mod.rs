@@ -19,10 +19,9 @@ pub use meaning::{meaning, unit};
 use polars::prelude::{
     AnyValue, Column, DataFrame, DataType, IntoColumn, PolarsResult, SortMultipleOptions,
 };
-
-use crate::config::did_you_mean;
-use crate::pattern::matches;
-use crate::store::{StoreError, Table};
+use trilink_base::pattern::matches;
+use trilink_tables::config::did_you_mean;
+use trilink_tables::{StoreError, Table};
 
 /// Why a table cannot be looked into.
 #[derive(Debug, thiserror::Error)]

@@ -3,15 +3,15 @@
 use std::thread;
 
 use polars::prelude::{DataType, NamedFrom, Series, df};
+use trilink_robot::Parameter;
+use trilink_tables::{Columns as _, Provenance};
 
 use super::condition::{mask, parse};
 use super::*;
-use crate::robot::Parameter;
-use crate::store::{Columns as _, Provenance};
 
 const TEXTS: [&str; 4] = ["kinematic-symmetric", "kinematic-skewed", "", "it's"];
 
-crate::store::rows! {
+trilink_tables::rows! {
     /// A table's row.
     pub struct Row {
         pub campaign: String,

@@ -1,10 +1,11 @@
 //! How sure the optima of a fitted model are.
 
+use trilink_fit::optimise::{Certainty, Command, Found, Search};
+use trilink_fit::simulate::{KnownFits, Setup};
+use trilink_tables::{Objective, OptimumRow};
+
 use crate::cli::output::say;
 use crate::cli::table::short;
-use crate::optimise::{Certainty, Command, Found, Search};
-use crate::simulate::{KnownFits, Setup};
-use crate::store::{Objective, OptimumRow};
 
 /// Replicates that are searched where none are named.
 const MOST: usize = 200;

@@ -1,13 +1,14 @@
 //! What `optimise --pareto` prints and writes.
 
+use trilink_fit::optimise::{Optimum, Search};
+use trilink_fit::simulate::Setup;
+use trilink_report::{FigureFile, front_drawing, with_unit};
+use trilink_tables::{Objective, OptimumRow};
+
 use super::{Optimise, print_table};
 use crate::cli::fitted::note_extrapolation;
 use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
 use crate::cli::{Context, Failure, Outcome};
-use crate::optimise::{Optimum, Search};
-use crate::report::{FigureFile, front_drawing, with_unit};
-use crate::simulate::Setup;
-use crate::store::{Objective, OptimumRow};
 
 impl Optimise {
     /// The objective, and the other one of a front.
@@ -46,7 +47,7 @@ impl Optimise {
         }
         let row = |(nth, of): (usize, &Optimum)| OptimumRow {
             other_objective: Some(other),
-            other_value: other.value_of(of),
+            other_value: of.value_of(other),
             no_interval: "a front has none".to_owned(),
             ..of.row(nth + 1, &self.campaign, setup, search, None)
         };

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use trilink_fit::simulate::{Answer, Setup};
+use trilink_report::{SimulationError, simulation_page};
+use trilink_tables::write_if_changed;
+
 use crate::cli::Failure;
-use crate::report::{SimulationError, simulation_page};
-use crate::simulate::{Answer, Setup};
-use crate::store::write_if_changed;
 
 /// A page plays one motion.
 pub(super) fn check(models: usize, frequencies: usize) -> Result<(), Failure> {

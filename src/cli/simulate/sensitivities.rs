@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
+use trilink_fit::simulate::{KnownFits, Setup};
+use trilink_report::{FigureFile, sensitivities_drawing};
+use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
+
 use super::table::fixed;
 use crate::cli::output::{note, say};
 use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
 use crate::cli::table::{self, short};
 use crate::cli::{Context, Failure, Outcome};
-use crate::report::{FigureFile, sensitivities_drawing};
-use crate::simulate::{KnownFits, Setup};
-use crate::store::{SENSITIVE_METRICS, SensitivityRow};
 
 #[derive(clap::Args)]
 pub(super) struct Sensitivities {
@@ -37,7 +38,7 @@ pub(super) struct Asked<'a> {
 }
 
 impl Sensitivities {
-    pub fn run(&self, context: &Context, asked: &Asked) -> Result<Outcome, Failure> {
+    pub(super) fn run(&self, context: &Context, asked: &Asked) -> Result<Outcome, Failure> {
         let Asked { campaign, setups, omegas_rad_s, .. } = asked;
         let motions = setups.len() * omegas_rad_s.len();
         if self.figure.is_some() && motions != 1 {

@@ -1,9 +1,10 @@
 //! The table that `simulate` prints.
 
+use trilink_fit::simulate::{Answer, Interval};
+use trilink_mechanics::{FromRest, MotionStatus, SharpLimit};
+use trilink_robot::metrics::GaitMetrics;
+
 use crate::cli::output::say;
-use crate::metrics::GaitMetrics;
-use crate::motion::{FromRest, MotionStatus, SharpLimit};
-use crate::simulate::{Answer, Interval};
 
 pub(super) fn print(answers: &[&Answer]) {
     let names = answers.iter().map(|answer| answer.model.name().chars().count());

@@ -2,21 +2,22 @@
 
 use std::path::Path;
 
+use trilink_fit::simulate::{Answer, Setup};
+
 use crate::cli::Failure;
 use crate::cli::rows_file::RowsFile;
-use crate::simulate::{Answer, Setup};
 
 /// Where motions over time go.
 pub(super) struct File<'p>(RowsFile<'p>);
 
 impl<'p> File<'p> {
-    pub fn new(path: &'p Path) -> Result<Self, Failure> {
+    pub(super) fn new(path: &'p Path) -> Result<Self, Failure> {
         Ok(Self(RowsFile::new(path, "--trajectory")?))
     }
 
     /// Writes one steady cycle of every answer, or the transient from rest and one cycle more.
     /// Gives a sentence on what is in the file.
-    pub fn write(
+    pub(super) fn write(
         &self,
         solved: &[(&Setup, Answer)],
         from_rest: bool,

@@ -5,16 +5,16 @@ use std::path::Path;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
+use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{ByParameter, Parameter};
+use trilink_tables::config::Config;
+use trilink_tables::{
+    Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, UtcTime, numbers, texts,
+};
 
 use crate::compare::history::{ACCEPTED, CAME, GONE, HistoryRow, history_path};
 use crate::compare::remember;
 use crate::compare::trend;
-use crate::config::Config;
-use crate::metrics::GaitMetrics;
-use crate::robot::{ByParameter, Parameter};
-use crate::store::{
-    Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, UtcTime, numbers, texts,
-};
 
 fn config(folder: &Path) -> Config {
     let mut config = Config::default();

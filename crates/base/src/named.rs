@@ -1,0 +1,67 @@
+//! Values that have names in files, in tables and on the command line.
+
+/// A value that is known by its name.
+pub trait Named: Sized {
+    /// What stands where nothing is known.
+    fn first() -> Self;
+    fn as_name(&self) -> &str;
+    /// `None` if no value has this name.
+    fn of_name(name: &str) -> Option<Self>;
+}
+
+impl Named for String {
+    fn first() -> Self {
+        Self::new()
+    }
+
+    fn as_name(&self) -> &str {
+        self
+    }
+
+    fn of_name(name: &str) -> Option<Self> {
+        Some(name.to_owned())
+    }
+}
+
+/// Defines an enumeration with the names of its values; serde knows it by them.
+#[macro_export]
+macro_rules! named {
+    ($(#[$meta:meta])* pub enum $type:ident {
+        $($(#[$value_meta:meta])* $value:ident = $name:literal,)*
+    }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[derive(serde::Serialize, serde::Deserialize)]
+        pub enum $type { $($(#[$value_meta])* #[serde(rename = $name)] $value,)* }
+
+        impl $type {
+            /// Every value.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$value),*];
+
+            /// Its name in files and on the command line.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$value => $name,)* }
+            }
+        }
+
+        impl $crate::Named for $type {
+            fn first() -> Self {
+                Self::ALL[0]
+            }
+
+            fn as_name(&self) -> &str {
+                self.name()
+            }
+
+            fn of_name(name: &str) -> Option<Self> {
+                Self::ALL.into_iter().find(|value| value.name() == name)
+            }
+        }
+
+        impl std::fmt::Display for $type {
+            fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.pad(self.name())
+            }
+        }
+    };
+}

@@ -1,0 +1,77 @@
+//! Optimal gaits: one optimum from sixteen starts on one core, and how sure it is by two hundred replicates on all,
+//! over five commands of the kinematic robot and the three of the semi-passive one.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use trilink_fit::Alternatives;
+use trilink_fit::optimise::{Bounds, Certainty, Command, Objective, Search};
+use trilink_mechanics::{Laws, Problem};
+use trilink_robot::{Gait, Robot};
+
+const REPLICATES: u32 = 200;
+
+/// Frequency, amplitudes and offsets of a robot.
+fn search(objective: Objective, robot: Robot, gait: Gait, laws: Laws) -> Search {
+    let mut free = Command::all(&gait);
+    free.truncate(5);
+    let bounds = Bounds {
+        omega_rad_s: [0.5, 12.0],
+        amplitude_rad: [5.0, 60.0].map(f64::to_radians),
+        angle_rad: 75.0_f64.to_radians(),
+        rate_rad_s: 360.0_f64.to_radians(),
+        power_w: None,
+        torque_nm: None,
+        least: None,
+    };
+    let problem = Problem { robot, gait, laws, omega_rad_s: 6.0 };
+    Search { problem, objective, free, bounds, starts: 16 }
+}
+
+/// Coefficients that are off by up to 5 %, each in another way.
+fn replicates(robot: &Robot) -> Alternatives {
+    let off = |number: u32| {
+        let mut robot = robot.clone();
+        for (wheel, of) in robot.skid_kg_s.iter_mut().chain(&mut robot.skid_dry_n).enumerate() {
+            *of *= 1.0 + 0.05 * (1.7 * f64::from(number) + 2.9 * wheel as f64).sin();
+        }
+        robot
+    };
+    Alternatives { replicates: (0..REPLICATES).map(off).collect(), ..Alternatives::default() }
+}
+
+fn optima(criterion: &mut Criterion) {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let kinematic = Robot { skid_kg_s: [104.0, 34.0, 45.0], ..Robot::kinematic() };
+    let semi_passive = Robot::semi_passive();
+    let (both, one_joint) = (Gait::symmetric(), Gait::passive_symmetric());
+    let (viscous, dry) = (Laws::SKID_ROLL, Laws::COULOMB);
+    let (speed, work) = (Objective::Speed, Objective::WorkPerMetre);
+    let cases = [
+        ("kinematic, skid-roll", search(speed, kinematic.clone(), both, viscous)),
+        ("kinematic, skid-roll", search(work, kinematic.clone(), both, viscous)),
+        ("kinematic, coulomb", search(speed, kinematic, both, dry)),
+        ("semi-passive, skid-roll", search(speed, semi_passive.clone(), one_joint, viscous)),
+        ("semi-passive, coulomb", search(speed, semi_passive, one_joint, dry)),
+    ];
+    for (name, search) in cases {
+        let objective = search.objective;
+        let (count, starts) = (search.free.len(), search.starts);
+        let of = format!("{name}: {objective} over {count} commands");
+        criterion.bench_function(&format!("{of}, {starts} starts, one core"), |bencher| {
+            bencher.iter(|| one.install(|| black_box(search.run())));
+        });
+        let found = search.run();
+        let alternatives = replicates(&search.problem.robot);
+        criterion.bench_function(&format!("{of}, {REPLICATES} replicates"), |bencher| {
+            bencher.iter(|| black_box(Certainty::new(&search, &found.optima, &alternatives)));
+        });
+    }
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default().sample_size(10);
+    targets = optima
+}
+criterion_main!(benches);

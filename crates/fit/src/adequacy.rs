@@ -1,0 +1,525 @@
+//! Whether a model is adequate: a lack-of-fit test.
+//!
+//! A model that is true misses the measurements by their noise alone: by the standard errors of
+//! the cycles' means, by what repeats of a frequency differ by (pure error, where there are
+//! repeats), and where the measured gait drives the model by what that gait's own errors make of
+//! its motion. Noise is drawn by these [`DRAWS`] times and fitted with the model linearised at the
+//! fit; so often is the distribution known of
+//!
+//! - the objective that noise alone leaves (the ratio to its mean is the lack of fit),
+//! - the lag-1 autocorrelation of the residuals over frequency, and
+//! - the runs of residuals of one sign (Wald and Wolfowitz).
+//!
+//! The model is adequate if none of the three is outside of limits that 95 of 100 draws are all
+//! within, and that each of the three is as often outside of (Westfall and Young's step of the
+//! least p-value); a pattern counts where the objective is more than noise alone leaves on average.
+//! What a metric is off by without anything that tells its noise does not
+//! count, and nothing tells it where coordinates were filtered before the export: errors are then of
+//! noise that is not white. No more measurements than free coefficients test nothing: noise would leave next to
+//! nothing of them. Errors are normally distributed with the standard deviations that their trial's
+//! cycles tell, without bias, and not exactly: a draw is judged by what its own cycles and repeats
+//! would tell.
+//! Assumed is that trials err independently of each other; what they share counts as misfit.
+//!
+//! Reference: N. R. Draper and H. Smith, *Applied Regression Analysis*, 3rd ed., Wiley 1998,
+//! sections 2.1 (lack of fit and pure error) and 7.3 (runs); for the draws Davison and Hinkley
+//! 1997, section 4.2; P. H. Westfall and S. S. Young, *Resampling-Based Multiple Testing*, Wiley
+//! 1993, section 2.3.
+
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use trilink_statistics::{mean, quantiles_low};
+
+use super::fitted_point::FittedPoint;
+use super::least_absolute::{dot, minimise};
+use super::objective::METRICS;
+use super::resample::Metrics;
+use super::resampler::Resampler;
+use super::search::limits;
+use super::terms::{Response, TERMS, Target, Terms};
+
+/// Draws of noise.
+const DRAWS: usize = 400;
+/// Part of them that an adequate model is within, by all three tests. Of recordings it is about as many: 522 of
+/// the 540 fits of 180 nights by the model that is true (crates/fit/tests/it/coverage.rs).
+const LEVEL: f64 = 0.95;
+/// Linearised residuals are good within about this factor's logarithm.
+const RADIUS: f64 = 1.0;
+/// Fewer residuals have no pattern.
+const LEAST_PATTERN: usize = 5;
+/// Standard deviations below which a residual is one of those that the fit has made zero.
+const ZERO: f64 = 1e-4;
+/// Metrics that a misfit names at most.
+const MOST_NAMED: usize = 3;
+/// Parts of the objective that are tested by themselves: d, v, sigma, alpha_1.
+const GROUPS: [&[usize]; 4] = [&[0], &[1], &[2, 3, 4], &[5]];
+
+/// d and v are one measurement: v errs as d does, has no pattern of its own, and is not named
+/// beside d.
+const D: usize = 0;
+const V: usize = 1;
+
+/// The result of the test. Ratios are NaN where nothing tells the noise, as of filtered coordinates.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Adequacy {
+    /// The objective over the mean of what noise alone leaves, and the limit of this ratio.
+    pub lack_of_fit: [f64; 2],
+    /// The ratio for the terms of d, v, sigma and alpha_1.
+    pub by_metric: [f64; 4],
+    /// The largest of a metric's residuals, and its limit.
+    pub autocorrelation: [f64; 2],
+    /// The fewest, over the number of independent residuals', and its limit.
+    pub runs: [f64; 2],
+    pub is_adequate: Option<bool>,
+    /// Where and to which side the measurements are off, or by how much where nothing tells the noise; empty
+    /// for an adequate model, and for one with as many coefficients as measurements.
+    pub misfit: String,
+}
+
+impl Adequacy {
+    pub(crate) const UNKNOWN: Self = Self {
+        lack_of_fit: [f64::NAN; 2],
+        by_metric: [f64::NAN; 4],
+        autocorrelation: [f64::NAN; 2],
+        runs: [f64::NAN; 2],
+        is_adequate: None,
+        misfit: String::new(),
+    };
+
+    /// Tests a fit all motions of which exist.
+    pub(crate) fn new(point: &FittedPoint, resampler: &Resampler) -> Self {
+        let terms = terms(point, resampler);
+        if independent(&terms) <= point.values.len() {
+            return Self::UNKNOWN;
+        }
+        let unknown = || Self { misfit: how_far_off(&terms), ..Self::UNKNOWN };
+        let is_filtered = resampler.measurements.iter().any(|of| of.is_filtered);
+        if is_filtered || terms.iter().all(|term| term.deviation == 0.0) {
+            return unknown();
+        }
+        let exactly = vec![[1.0; TERMS]; resampler.measurements.len()];
+        let observed = Statistics::new(&terms, |term| term.value, &exactly);
+        let bounds = limits(&point.evaluator.parameters, &point.values, RADIUS);
+        let drawn: Vec<Statistics> = (0..DRAWS)
+            .into_par_iter()
+            .map(|number| {
+                let (noise, told) = noise(point, resampler, &terms, number);
+                let left = left_by_fit(point, &terms, &noise, &bounds);
+                let mut left = left.into_iter();
+                Statistics::new(&terms, |_| left.next().unwrap_or(f64::NAN), &told)
+            })
+            .collect();
+        let alone = |of: &dyn Fn(&Statistics) -> f64| mean(drawn.iter().map(of));
+        let explained = alone(&Statistics::cost);
+        let mut noise = [0.0; TERMS];
+        terms.iter().for_each(|term| noise[term.metric] += term.weight * term.deviation);
+        // It goes through all measurements the noise of which is known, whatever they are.
+        if explained < ZERO * noise.iter().sum::<f64>() {
+            return unknown();
+        }
+        let part = 1.0 - rarity(&drawn, explained);
+        let highest = |of: &dyn Fn(&Statistics) -> f64| {
+            quantiles_low(drawn.iter().map(of).collect(), [part])[0]
+        };
+        let [cost, autocorrelation, runs] = TESTS.map(|test| [test(&observed), highest(&test)]);
+        let (lack_of_fit, runs) = (cost.map(|j| j / explained), runs.map(|runs| -runs));
+        // Absurd errors tell nothing.
+        if lack_of_fit.iter().any(|ratio| !ratio.is_finite()) {
+            return unknown();
+        }
+        let by_metric = GROUPS.map(|group| {
+            let of_group = |all: &Statistics| group.iter().map(|&i| all.costs[i]).sum::<f64>();
+            of_group(&observed) / alone(&of_group)
+        });
+        let is_patterned = |i: usize| {
+            observed.autocorrelations[i] > autocorrelation[1] || observed.runs[i] < runs[1]
+        };
+        // Of each metric.
+        let ratios: [f64; TERMS] =
+            std::array::from_fn(|i| observed.costs[i] / alone(&|all| all.costs[i]));
+        let has_pattern = lack_of_fit[0] > 1.0 && (0..TERMS).any(is_patterned);
+        let is_adequate = lack_of_fit[0] <= lack_of_fit[1] && !has_pattern;
+        let is_off = |i: &usize| {
+            let most = highest(&|all| all.costs[*i]) / alone(&|all| all.costs[*i]);
+            !is_adequate && (ratios[*i] > most || is_patterned(*i))
+        };
+        let mut off: Vec<usize> =
+            (0..TERMS).filter(|i| observed.costs[*i] > ZERO * noise[*i]).collect();
+        off.sort_by(|a, b| ratios[*b].total_cmp(&ratios[*a]));
+        // All together they may be off where none is by itself: then the one that is the most.
+        let first = off.first().copied();
+        off.retain(is_off);
+        if off.is_empty() && !is_adequate {
+            off.extend(first);
+        }
+        let has_d = off.contains(&D);
+        off.retain(|i| *i != V || !has_d);
+        let named = off.into_iter().take(MOST_NAMED).filter_map(|i| where_off(&terms, i));
+        Self {
+            lack_of_fit,
+            by_metric,
+            autocorrelation,
+            runs,
+            is_adequate: Some(is_adequate),
+            misfit: named.collect::<Vec<_>>().join("; "),
+        }
+    }
+}
+
+/// A term of the objective at the fit.
+struct Term<'o> {
+    /// The campaign, where it is not alone.
+    campaign: &'o str,
+    measurement: usize,
+    condition: usize,
+    /// Index of its metric.
+    metric: usize,
+    measured: f64,
+    omega_rad_s: f64,
+    weight: f64,
+    /// Predicted over measured, less 1.
+    value: f64,
+    /// By how much that changes with the condition's metric.
+    gain: f64,
+    /// Standard deviation of that by noise; 0 if nothing tells it.
+    deviation: f64,
+}
+
+/// The terms of all measurements, by frequency.
+fn terms<'o>(point: &FittedPoint<'o>, resampler: &Resampler) -> Vec<Term<'o>> {
+    let objective = point.evaluator.objective;
+    let sizes = objective.campaign_sizes();
+    let mut terms = Vec::new();
+    let noises = resampler.noises().into_iter().zip(point.noises(resampler));
+    for ((measurement, each), (own, all)) in objective.measurements.iter().enumerate().zip(noises) {
+        let Some((predicted, ratios)) = point.metrics_of(measurement) else { continue };
+        let condition = objective.conditions.of_trials[measurement].0;
+        let (share, campaign) = (1.0 / sizes[measurement], &*objective.protocol(each).name);
+        for (metric, weight, measured) in objective.terms(each) {
+            let value = predicted.to_array()[metric] / measured - 1.0;
+            let (weight, gain) = (share * weight, ratios[metric] / measured);
+            let deviation = if own[metric] > 0.0 { all[metric] / measured } else { 0.0 };
+            let omega_rad_s = each.frequency_rad_s;
+            terms.push(Term {
+                campaign,
+                measurement,
+                condition,
+                metric,
+                measured,
+                omega_rad_s,
+                weight,
+                value,
+                gain,
+                deviation,
+            });
+        }
+    }
+    terms
+}
+
+/// How many measurements they are of.
+fn independent(terms: &[Term]) -> usize {
+    let of_trial = |terms: &[Term]| {
+        let has = |metric: usize| terms.iter().any(|term| term.metric == metric);
+        terms.len() - usize::from(has(D) && has(V))
+    };
+    terms.chunk_by(|a, b| a.measurement == b.measurement).map(of_trial).sum()
+}
+
+/// Residuals of noise alone, where the fit is the truth; and how many times their noise would be told.
+fn noise(
+    point: &FittedPoint,
+    resampler: &Resampler,
+    terms: &[Term],
+    number: usize,
+) -> (Vec<f64>, Vec<Metrics>) {
+    let mut random = ["noise", "gait noise"].map(|purpose| resampler.random(purpose, number));
+    let errors: Vec<[f64; TERMS]> = resampler
+        .noises_and_spreads()
+        .zip(&point.gait_effects)
+        .map(|((noise, spread), effects)| {
+            let drawn = noise.draw(&mut random);
+            let mut own: [f64; TERMS] =
+                std::array::from_fn(|_| StandardNormal.sample(&mut random[0]));
+            own[V] = own[D];
+            std::array::from_fn(|i| {
+                let by_gait = effects.iter().zip(&drawn.gait).map(|(of, gait)| of[i] * gait);
+                let measured = drawn.metrics[i] * noise.deviations()[i] + own[i] * spread[i];
+                by_gait.sum::<f64>() - measured
+            })
+        })
+        .collect();
+    let of_term = |term: &Term| match term.deviation > 0.0 {
+        true => errors[term.measurement][term.metric] / term.measured,
+        false => 0.0,
+    };
+    (terms.iter().map(of_term).collect(), resampler.told(number))
+}
+
+/// What a fit leaves of residuals.
+fn left_by_fit(
+    point: &FittedPoint,
+    terms: &[Term],
+    residuals: &[f64],
+    bounds: &[[f64; 2]],
+) -> Vec<f64> {
+    // As functions of what the fit changes a condition's metric by.
+    let target = |(term, residual): (&Term, &f64)| {
+        let &Term { condition, metric, gain, .. } = term;
+        Target { condition, metric, value: -residual / gain, weight: term.weight * gain }
+    };
+    let shares = vec![1.0; point.responses.len()];
+    let changes = Terms::new(shares, terms.iter().zip(residuals).map(target));
+    let mut changes = changes.residuals(&point.responses);
+    changes.iter_mut().for_each(|change| change.value = 0.0);
+    let step = minimise(&changes, bounds, None);
+    let changes: Vec<[f64; TERMS]> = point
+        .responses
+        .iter()
+        .map(|response| {
+            let change = |of: &Response, metric| dot(&of.affine(metric).1, step.as_slice());
+            std::array::from_fn(|metric| response.as_ref().map_or(0.0, |of| change(of, metric)))
+        })
+        .collect();
+    let left = |(term, residual): (&Term, &f64)| {
+        residual + term.gain * changes[term.condition][term.metric]
+    };
+    terms.iter().zip(residuals).map(left).collect()
+}
+
+/// What is tested of residuals.
+struct Statistics {
+    /// Contributions of the metrics to the objective, as far as their noise is known, over how many times the
+    /// noise is told.
+    costs: [f64; TERMS],
+    autocorrelations: [f64; TERMS],
+    runs: [f64; TERMS],
+}
+
+impl Statistics {
+    /// Of residuals, and of how many times its noise is told of each measurement.
+    fn new(terms: &[Term], mut residual: impl FnMut(&Term) -> f64, told: &[Metrics]) -> Self {
+        let mut costs = [0.0; TERMS];
+        let [mut noise, mut told_noise] = [0.0; 2];
+        let mut series: [Vec<f64>; TERMS] = Default::default();
+        for term in terms {
+            let value = residual(term);
+            if term.deviation > 0.0 {
+                let told = told[term.measurement][term.metric];
+                costs[term.metric] += term.weight * value.abs();
+                series[term.metric].push(value / (term.deviation * told));
+                noise += term.weight * term.deviation;
+                told_noise += term.weight * term.deviation * told;
+            }
+        }
+        costs.iter_mut().for_each(|cost| *cost *= noise / told_noise);
+        series[V].clear();
+        let autocorrelations = series.each_ref().map(|series| autocorrelation(series));
+        Self { costs, autocorrelations, runs: series.each_ref().map(|series| runs(series)) }
+    }
+
+    fn cost(&self) -> f64 {
+        self.costs.iter().sum()
+    }
+
+    fn autocorrelation(&self) -> f64 {
+        self.autocorrelations.into_iter().fold(f64::NAN, f64::max)
+    }
+
+    fn runs(&self) -> f64 {
+        self.runs.into_iter().fold(f64::NAN, f64::min)
+    }
+}
+
+/// What is tested, the more of it the worse.
+const TESTS: [fn(&Statistics) -> f64; 3] =
+    [Statistics::cost, Statistics::autocorrelation, |all| -all.runs()];
+
+/// How rare each test may find an adequate model, so that [`LEVEL`] of the draws are adequate, of
+/// which the objective is so large on average.
+fn rarity(drawn: &[Statistics], explained: f64) -> f64 {
+    let [of_cost, of_autocorrelation, of_runs] = TESTS.map(|test| {
+        let mut sorted: Vec<f64> = drawn.iter().map(test).collect();
+        sorted.sort_by(f64::total_cmp);
+        let below = |value: f64| sorted.partition_point(|other| other.total_cmp(&value).is_lt());
+        let part = |all| 1.0 - below(test(all)) as f64 / drawn.len() as f64;
+        drawn.iter().map(part).collect::<Vec<f64>>()
+    });
+    let rarest = |(i, all): (usize, &Statistics)| match all.cost() > explained {
+        true => of_cost[i].min(of_autocorrelation[i]).min(of_runs[i]),
+        false => of_cost[i],
+    };
+    quantiles_low(drawn.iter().enumerate().map(rarest).collect(), [1.0 - LEVEL])[0]
+}
+
+/// Lag-1 autocorrelation of residuals around zero; NaN of a few.
+fn autocorrelation(series: &[f64]) -> f64 {
+    if series.len() < LEAST_PATTERN {
+        return f64::NAN;
+    }
+    let products = series.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
+    products / series.iter().map(|z| z * z).sum::<f64>()
+}
+
+/// Runs of one sign, over the (n + 1) / 2 that independent signs have on average; NaN of a few.
+fn runs(series: &[f64]) -> f64 {
+    let signs: Vec<bool> =
+        series.iter().filter(|z| z.abs() > ZERO).map(|z| z.is_sign_positive()).collect();
+    if signs.len() < LEAST_PATTERN {
+        return f64::NAN;
+    }
+    let count = signs.chunk_by(|a, b| a == b).count() as f64;
+    count / (0.5 * (signs.len() + 1) as f64)
+}
+
+/// Of a metric's residuals of one sign at neighbouring frequencies those that are the furthest
+/// off: by how much, to which side and where.
+fn where_off(terms: &[Term], metric: usize) -> Option<String> {
+    let known = terms.iter().filter(|term| term.metric == metric && term.deviation > 0.0);
+    let known: Vec<&Term> = known.collect();
+    let size = |term: &&Term| (term.value / term.deviation).abs();
+    let sign = |term: &&Term| term.value > 0.0;
+    let goes_on =
+        |a: &&Term, b: &&Term| a.campaign == b.campaign && (sign(a) == sign(b) || size(b) <= ZERO);
+    let furthest = known.chunk_by(goes_on).max_by(|a, b| {
+        let sum = |run: &[&Term]| run.iter().map(size).sum::<f64>();
+        sum(a).total_cmp(&sum(b))
+    })?;
+    // Predicted over measured, less 1, as measured over predicted.
+    let percent = |term: &&Term| 100.0 * (1.0 / (1.0 + term.value) - 1.0).abs();
+    // The fit may have brought all of them near.
+    let most = furthest.iter().map(size).fold(0.0, f64::max);
+    let off = furthest.iter().filter(|term| size(term) >= most.min(1.0));
+    let off: Vec<&&Term> = off.collect();
+    let (first, last) = (off.first()?, off.last()?);
+    let [low, high] = trilink_statistics::extremes(off.iter().map(|term| percent(term)));
+    let side = if first.value > 0.0 { "below" } else { "above" };
+    let [from, to] = [first.omega_rad_s, last.omega_rad_s];
+    let at = if from == to { format!("{to} rad/s") } else { format!("{from} to {to} rad/s") };
+    let of = match first.campaign {
+        "" => String::new(),
+        campaign => format!("{campaign}: "),
+    };
+    if low.is_infinite() {
+        return Some(format!("{of}the model has no {} at {at}", METRICS[metric]));
+    }
+    // It has none at some of the frequencies.
+    let high = if high.is_finite() { high } else { low };
+    let [low, high] = [low, high].map(two_digits);
+    let by = if low == high { high } else { format!("{low} to {high}") };
+    Some(format!("{of}{} is measured {by} % {side} the model at {at}", METRICS[metric]))
+}
+
+/// By how much each metric is off, where there is no noise to compare that with.
+fn how_far_off(terms: &[Term]) -> String {
+    let of_metric = |(metric, name): (usize, &&str)| {
+        let squares =
+            terms.iter().filter(|term| term.metric == metric).map(|term| term.value.powi(2));
+        let percent = 100.0 * mean(squares).sqrt();
+        percent.is_finite().then(|| format!("{} % in {name}", two_digits(percent)))
+    };
+    let off: Vec<String> = METRICS.iter().enumerate().filter_map(of_metric).collect();
+    if off.is_empty() {
+        String::new()
+    } else {
+        format!("the model is off by {} (RMS)", off.join(", "))
+    }
+}
+
+/// A positive number with two digits, or all of those before the point.
+fn two_digits(value: f64) -> String {
+    let decimals = (1.0 - value.abs().max(1e-9).log10().floor()).max(0.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smooth_misfit_has_a_large_autocorrelation_and_few_runs() {
+        let smooth = [-2.0, -1.0, -1.0, 0.5, 1.0, 2.0, 2.0];
+        let rough = [-2.0, 1.0, -1.0, 0.5, -1.0, 2.0, -2.0];
+        assert!(autocorrelation(&smooth) > 0.5 && autocorrelation(&rough) < -0.5);
+        assert_eq!((runs(&smooth), runs(&rough)), (0.5, 1.75));
+        // Residuals that the fit has made zero have no sign.
+        assert_eq!(runs(&[1.0, 1.0, 1e-9, -1e-9, 1.0, 1.0, 1.0]), 1.0 / 3.0);
+        assert!(runs(&smooth[..4]).is_nan() && autocorrelation(&smooth[..4]).is_nan());
+    }
+
+    #[test]
+    fn so_many_draws_of_noise_alone_are_adequate_by_all_tests_at_once() {
+        // Permutations that do not go with one another.
+        let draw = |i: usize| {
+            let part = |of: usize| (i * of % 401) as f64 / 401.0;
+            let [mut costs, mut autocorrelations, mut runs] = [[f64::NAN; TERMS]; 3];
+            costs = costs.map(|_| 0.5 + part(37));
+            (autocorrelations[D], runs[D]) = (part(101), part(211));
+            Statistics { costs, autocorrelations, runs }
+        };
+        let drawn: Vec<Statistics> = (1..=DRAWS).map(draw).collect();
+        let explained = mean(drawn.iter().map(Statistics::cost));
+        let rarity = rarity(&drawn, explained);
+        // Between that of one test and Bonferroni's, as a pattern counts in every other draw.
+        assert!(rarity > 0.05 / 3.0 && rarity < 0.05, "{rarity}");
+        let highest = |of: &dyn Fn(&Statistics) -> f64| {
+            quantiles_low(drawn.iter().map(of).collect(), [1.0 - rarity])[0]
+        };
+        let limits = TESTS.map(|test| highest(&test));
+        let is_adequate = |all: &&Statistics| {
+            let has_pattern = all.autocorrelation() > limits[1] || -all.runs() > limits[2];
+            all.cost() <= limits[0] && !(has_pattern && all.cost() > explained)
+        };
+        let adequate = drawn.iter().filter(is_adequate).count();
+        assert!(adequate.abs_diff(380) <= 3, "{adequate}");
+        // What has no pattern is judged by its objective alone.
+        let no_pattern = |i| Statistics {
+            autocorrelations: [f64::NAN; TERMS],
+            runs: [f64::NAN; TERMS],
+            ..draw(i)
+        };
+        let drawn: Vec<Statistics> = (1..=DRAWS).map(no_pattern).collect();
+        assert!((self::rarity(&drawn, explained) - 0.05).abs() < 0.003);
+    }
+
+    #[test]
+    fn the_furthest_run_is_named_with_its_side_and_frequencies() {
+        let term = |(omega_rad_s, value): (f64, f64)| Term {
+            campaign: "",
+            measurement: 0,
+            condition: 0,
+            metric: 2,
+            measured: 0.03,
+            omega_rad_s,
+            weight: 1.0,
+            value,
+            gain: 1.0 / 0.03,
+            deviation: 0.01,
+        };
+        // Predicted over measured, less 1.
+        let values = [(0.5, -0.03), (1.0, 0.002), (2.0, -0.02), (3.0, 0.25), (4.0, 1.0 / 3.0)];
+        let terms: Vec<Term> = values.into_iter().map(term).collect();
+        assert_eq!(
+            where_off(&terms, 2).as_deref(),
+            Some("sigma0 is measured 20 to 25 % below the model at 3 to 4 rad/s")
+        );
+        assert_eq!(
+            where_off(&terms[..1], 2).as_deref(),
+            Some("sigma0 is measured 3.1 % above the model at 0.5 rad/s")
+        );
+        // The least that is off is where it is furthest off.
+        assert_eq!(
+            where_off(&terms[1..2], 2).as_deref(),
+            Some("sigma0 is measured 0.20 % below the model at 1 rad/s")
+        );
+        assert_eq!(where_off(&terms, 0), None);
+        assert_eq!(how_far_off(&terms[3..]), "the model is off by 29 % in sigma0 (RMS)");
+        assert_eq!(how_far_off(&[]), "");
+        // A model without skid.
+        let none = [(0.5, -1.0), (1.0, -1.0)].map(term);
+        assert_eq!(
+            where_off(&none, 2).as_deref(),
+            Some("the model has no sigma0 at 0.5 to 1 rad/s")
+        );
+    }
+}

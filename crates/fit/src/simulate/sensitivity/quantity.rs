@@ -1,0 +1,110 @@
+//! The numbers that a motion depends on.
+
+use trilink_mechanics::Problem;
+use trilink_robot::{JointCommand, Parameter, Property, SecondHarmonic};
+
+/// A number of the robot, of the gait, or the frequency.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Quantity {
+    Robot(Property),
+    /// Of a commanded joint (0 or 1): offset, amplitude, phase, those of its second harmonic.
+    Gait(usize, usize),
+    Omega,
+}
+
+/// The numbers of a joint's command.
+const JOINT_NUMBERS: [&str; 5] =
+    ["offset", "amplitude", "phase", "second_amplitude", "second_phase"];
+/// Those of the mean and of the first harmonic.
+pub(super) const OF_FIRST: usize = 3;
+
+impl Quantity {
+    pub(super) fn coefficient(of: Parameter) -> Self {
+        Self::Robot(Property::Coefficient(of))
+    }
+
+    /// All that a motion can depend on, sums of others aside.
+    pub(super) fn all(problem: &Problem) -> Vec<Self> {
+        let links = (0..3).map(Property::Mass).chain((0..3).map(Property::Inertia));
+        let known = |of: &Parameter| !of.is_sum() && problem.laws.know(*of, &problem.gait);
+        let coefficients = Parameter::ALL.into_iter().filter(known).map(Property::Coefficient);
+        let properties = [Property::H, Property::L, Property::B].into_iter().chain(links);
+        let properties = properties
+            .chain(coefficients)
+            .chain(problem.gait.passive_joint().map(|_| Property::RestAngle));
+        let mut all: Vec<Self> = properties.map(Self::Robot).collect();
+        for (joint, command) in problem.gait.joints.iter().enumerate() {
+            let Some(command) = command else { continue };
+            let has_second = command.second.is_some();
+            let count = if has_second { JOINT_NUMBERS.len() } else { OF_FIRST };
+            all.extend((0..count).map(|number| Self::Gait(joint, number)));
+        }
+        all.push(Self::Omega);
+        all
+    }
+
+    /// Its name, with its unit, as `--set` has it.
+    pub(super) fn name(self) -> String {
+        match self {
+            Self::Robot(Property::H) => "h_m".to_owned(),
+            Self::Robot(Property::L) => "l_m".to_owned(),
+            Self::Robot(Property::B) => "b_m".to_owned(),
+            Self::Robot(Property::Mass(link)) => format!("mass{link}_kg"),
+            Self::Robot(Property::Inertia(link)) => format!("inertia{link}_kg_m2"),
+            Self::Robot(Property::Coefficient(parameter)) => parameter.name().to_owned(),
+            Self::Robot(Property::RestAngle) => "rest_angle_deg".to_owned(),
+            Self::Gait(joint, number) => format!("{}{}_deg", JOINT_NUMBERS[number], joint + 1),
+            Self::Omega => "omega_rad_s".to_owned(),
+        }
+    }
+
+    /// How many of its unit one of the problem's is: angles are degrees.
+    pub(super) fn scale(self) -> f64 {
+        match self {
+            Self::Robot(Property::RestAngle) | Self::Gait(..) => 1_f64.to_degrees(),
+            _ => 1.0,
+        }
+    }
+
+    /// Its value in a problem, in SI units.
+    pub(super) fn of(self, problem: &Problem) -> f64 {
+        match self {
+            Self::Robot(property) => property.of(&problem.robot),
+            Self::Gait(joint, number) => {
+                problem.gait.joints[joint].as_ref().map_or(f64::NAN, |of| number_of(of, number))
+            }
+            Self::Omega => problem.omega_rad_s,
+        }
+    }
+
+    /// Gives it a value in a problem, in SI units.
+    pub(super) fn set(self, problem: &mut Problem, value: f64) {
+        match self {
+            Self::Robot(property) => property.set(&mut problem.robot, value),
+            Self::Gait(joint, number) => {
+                if let Some(of) = &mut problem.gait.joints[joint] {
+                    match number {
+                        0..OF_FIRST => *of.numbers_mut()[number] = value,
+                        OF_FIRST => {
+                            let phase_rad = of.second().phase_rad();
+                            of.second = Some(SecondHarmonic::new(value, phase_rad));
+                        }
+                        _ => {
+                            let amplitude_rad = of.second().amplitude_rad();
+                            of.second = Some(SecondHarmonic::new(amplitude_rad, value));
+                        }
+                    }
+                }
+            }
+            Self::Omega => problem.omega_rad_s = value,
+        }
+    }
+}
+
+fn number_of(command: &JointCommand, number: usize) -> f64 {
+    match number {
+        0..OF_FIRST => command.to_array()[number],
+        OF_FIRST => command.second().amplitude_rad(),
+        _ => command.second().phase_rad(),
+    }
+}

@@ -1,0 +1,295 @@
+//! Settings of a campaign's robot and gait, as `--set` has them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use trilink_robot::Parameter;
+use trilink_tables::config::{
+    Config, ConfigError, GaitConfig, JointConfig, RobotConfig, did_you_mean, nearest, parse_toml,
+};
+
+use super::SetupError;
+
+/// The configuration with `key=value` settings in the campaign's robot and gait.
+pub(crate) fn with_settings(
+    mut config: Config,
+    campaign: &str,
+    settings: &[String],
+) -> Result<Config, SetupError> {
+    let found = campaign_of(&config, campaign)?;
+    let robot = config.robot.get_mut(&found.robot).ok_or_else(|| "no such robot".to_owned())?;
+    let gait = config.gait.get_mut(&found.gait).ok_or_else(|| "no such gait".to_owned())?;
+    for setting in settings.iter().flat_map(|setting| setting.split_whitespace()) {
+        let (key, value) = setting
+            .split_once('=')
+            .ok_or_else(|| format!("--set: found `{setting}`, needed KEY=VALUE"))?;
+        if key == "omega_rad_s" {
+            return Err(format!(
+                "--set {setting}: the frequency has an option of its own, --omega"
+            )
+            .into());
+        }
+        let is_set = set_gait(gait, key, value)
+            .map_err(|needed| format!("--set {setting}: {needed} in gait `{}`", found.gait))?;
+        if !is_set {
+            *robot = with_robot_setting(robot, key, value)
+                .map_err(|error| of_setting(setting, key, gait, error))?;
+        }
+    }
+    config.check_setup(Path::new("--set"), campaign)?;
+    Ok(config)
+}
+
+/// A campaign of a configuration.
+pub fn campaign_of(
+    config: &Config,
+    campaign: &str,
+) -> Result<trilink_tables::config::Campaign, SetupError> {
+    config.campaign.get(campaign).cloned().ok_or_else(|| {
+        let names: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
+        let hint = did_you_mean(campaign, names.iter().copied());
+        let known = names.join("`, `");
+        format!("campaign `{campaign}`: needed one of `{known}`{hint}").into()
+    })
+}
+
+type JointNumber = (&'static str, fn(&mut JointConfig) -> &mut f64);
+
+/// The numbers of a joint's command.
+const JOINT_NUMBERS: [JointNumber; 5] = [
+    ("offset", |joint| &mut joint.offset_deg),
+    ("amplitude", |joint| &mut joint.amplitude_deg),
+    ("phase", |joint| &mut joint.phase_deg),
+    ("second_amplitude", |joint| joint.amplitude2_deg.get_or_insert(0.0)),
+    ("second_phase", |joint| joint.phase2_deg.get_or_insert(0.0)),
+];
+
+/// Gives a joint's number, such as `offset1_deg`, its value; whether there is such a key.
+fn set_gait(gait: &mut GaitConfig, key: &str, value: &str) -> Result<bool, String> {
+    for (joint, command) in [(1, &mut gait.joint1), (2, &mut gait.joint2)] {
+        for (name, number) in JOINT_NUMBERS {
+            if key != format!("{name}{joint}_deg") {
+                continue;
+            }
+            let command = command.as_mut().ok_or_else(|| {
+                format!("found a number of joint {joint}, which is passive and has no command")
+            })?;
+            let parsed = value.parse();
+            *number(command) =
+                parsed.map_err(|_| format!("found `{value}`, needed a number of degrees"))?;
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// The keys of a gait's commanded joints.
+fn gait_keys(gait: &GaitConfig) -> Vec<String> {
+    let joints = [(1, &gait.joint1), (2, &gait.joint2)];
+    let commanded = joints.into_iter().filter(|(_, command)| command.is_some());
+    commanded
+        .flat_map(|(joint, _)| JOINT_NUMBERS.map(|(name, _)| format!("{name}{joint}_deg")))
+        .collect()
+}
+
+fn with_robot_setting(
+    robot: &RobotConfig,
+    key: &str,
+    value: &str,
+) -> Result<RobotConfig, ConfigError> {
+    let place = Path::new("--set");
+    let value = if value.contains(',') { format!("[{value}]") } else { value.to_owned() };
+    if with_robot_number(robot, key, 0.0).is_some() {
+        let number: BTreeMap<String, f64> = parse_toml(place, &format!("{key} = {value}\n"))?;
+        let changed = number.get(key).and_then(|number| with_robot_number(robot, key, *number));
+        return Ok(changed.unwrap_or_else(|| robot.clone()));
+    }
+    let mut keys = keys_of(robot);
+    keys.extend(parse_toml::<toml::Table>(place, &format!("{key} = {value}\n"))?);
+    parse_toml(place, &keys.to_string())
+}
+
+fn keys_of(robot: &RobotConfig) -> toml::Table {
+    toml::Table::try_from(robot).expect("a configuration is plain data")
+}
+
+/// The names of the single numbers of a robot and a gait, those of links, wheels and joints with their
+/// number: what `simulate --sensitivities` answers with, but for the frequency.
+pub fn number_names(robot: &RobotConfig, gait: &GaitConfig) -> Vec<String> {
+    let keys = keys_of(robot).into_iter().flat_map(|(key, value)| match value {
+        toml::Value::Float(_) => vec![key],
+        toml::Value::Array(_) => (0..3).map(|of| numbered(&key, of)).collect(),
+        _ => Vec::new(),
+    });
+    let mut names: Vec<String> = keys.collect();
+    let sums = Parameter::ALL.into_iter().filter(|of| of.is_sum());
+    let has_parts = |sum: &Parameter| {
+        Parameter::ALL
+            .iter()
+            .any(|of| of.sum() == Some(*sum) && names.iter().any(|n| n == of.name()))
+    };
+    let sums: Vec<String> = sums.filter(has_parts).map(|of| of.name().to_owned()).collect();
+    names.extend(sums);
+    names.extend(gait_keys(gait));
+    names
+}
+
+/// A robot and a gait with one of these numbers changed; `None` if they have none of this name.
+pub fn with_number(
+    robot: &RobotConfig,
+    gait: &GaitConfig,
+    name: &str,
+    value: f64,
+) -> Option<(RobotConfig, GaitConfig)> {
+    let mut changed = gait.clone();
+    match set_gait(&mut changed, name, &value.to_string()) {
+        Ok(true) => Some((robot.clone(), changed)),
+        Ok(false) => Some((with_robot_number(robot, name, value)?, changed)),
+        Err(_) => None,
+    }
+}
+
+/// A robot with one of its numbers changed. A coefficient is in its own unit: dry friction in N, also where
+/// the robot says it as a part of `load_n`.
+fn with_robot_number(robot: &RobotConfig, name: &str, value: f64) -> Option<RobotConfig> {
+    let mut keys = keys_of(robot);
+    let parameter = Parameter::ALL.into_iter().find(|of| [of.key(), of.name()].contains(&name));
+    let key = parameter.map_or(name, |of| of.name());
+    if let Some(parameter) = parameter.filter(|of| !of.is_key()) {
+        let mut changed = robot.clone();
+        let mut with = robot.to_robot();
+        parameter.set(&mut with, value);
+        changed.set_coefficients(&with);
+        return Some(changed);
+    }
+    let is_key = parameter.is_some() || keys.get(key).is_some_and(toml::Value::is_float);
+    let list = keys.iter_mut().find_map(|(name, values)| {
+        let list = values.as_array_mut()?;
+        (0..list.len()).find(|of| numbered(name, *of) == key).and_then(|of| list.get_mut(of))
+    });
+    match list {
+        Some(number) => *number = value.into(),
+        None if is_key => {
+            keys.insert(key.to_owned(), value.into());
+        }
+        None => return None,
+    }
+    toml::Value::Table(keys).try_into().ok()
+}
+
+/// `skid1_kg_s` of `skid_kg_s`.
+fn numbered(key: &str, number: usize) -> String {
+    const UNITS: [&str; 4] = ["_kg_m2", "_kg_s", "_kg", "_n"];
+    let unit = UNITS.into_iter().find(|unit| key.ends_with(unit)).unwrap_or_default();
+    let name = key.strip_suffix(unit).unwrap_or(key);
+    format!("{name}{number}{unit}")
+}
+
+/// What is wrong with a setting, which has no lines.
+fn of_setting(setting: &str, key: &str, gait: &GaitConfig, error: ConfigError) -> String {
+    match error {
+        ConfigError::Syntax { message, suggestion, .. } if message.starts_with("unknown ") => {
+            let of_gait = gait_keys(gait);
+            let names = suggestion.iter().chain(&of_gait).map(String::as_str);
+            let hint = nearest(key, names)
+                .map_or(String::new(), |name| format!("; did you mean `{name}`?"));
+            format!("--set {setting}: {message}, or of the gait `{}`{hint}", of_gait.join("`, `"))
+        }
+        ConfigError::Syntax { message, suggestion, .. } => {
+            let hint = suggestion.map_or(String::new(), |name| format!("; did you mean `{name}`?"));
+            format!("--set {setting}: {message}{hint}")
+        }
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trilink_robot::Gait;
+
+    use super::*;
+
+    /// The paper's campaigns, one with what the paper does not have.
+    fn config() -> Config {
+        let mut config = Config::default();
+        let robot = config.robot.get_mut("kinematic").expect("the paper's");
+        robot.load_n = Some([8.0, 3.0, 7.0]);
+        robot.skid_static_n = Some([0.3, 0.2, 0.1]);
+        robot.stribeck_m_s = Some(0.02);
+        robot.roll_dry_n = Some([0.01, 0.02, 0.03]);
+        let joint = |gait: &mut GaitConfig| gait.joint2.clone().expect("commanded");
+        let gait = config.gait.get_mut("skewed").expect("the paper's");
+        let second =
+            JointConfig { amplitude2_deg: Some(5.0), phase2_deg: Some(20.0), ..joint(gait) };
+        gait.joint2 = Some(second);
+        config
+    }
+
+    #[test]
+    fn every_number_of_a_robot_and_a_gait_can_be_changed_and_nothing_else() {
+        let config = config();
+        for campaign in config.campaign.values() {
+            let (robot, gait) = (&config.robot[&campaign.robot], &config.gait[&campaign.gait]);
+            let known = number_names(robot, gait);
+            for name in
+                ["h_m", "mass0_kg", "inertia2_kg_m2", "skid1_kg_s", "roll_sum_kg_s", "offset2_deg"]
+            {
+                assert!(known.iter().any(|known| known == name), "{name}: {known:?}");
+            }
+            for name in &known {
+                let changed = with_number(robot, gait, name, 0.1234).expect(name);
+                assert_ne!(changed, (robot.clone(), gait.clone()), "{name}");
+                assert_eq!(with_number(robot, gait, name, 0.1234), Some(changed));
+            }
+            for name in ["skid_kg_s", "mass3_kg", "omega_rad_s", "standard_deviation", "offset_deg"]
+            {
+                assert_eq!(with_number(robot, gait, name, 1.0), None, "{name}");
+            }
+        }
+        let [robot, gait] = ["semi-passive", "passive-symmetric"];
+        let (robot, gait) = (&config.robot[robot], &config.gait[gait]);
+        assert_eq!(gait.to_gait(), Gait::passive_symmetric());
+        assert_eq!(with_number(robot, gait, "offset1_deg", 1.0), None);
+    }
+
+    #[test]
+    fn what_is_set_by_its_name_is_that_in_its_unit() {
+        let set = |setting: &str| {
+            let settings = [setting.to_owned()];
+            let config = with_settings(config(), "kinematic-symmetric", &settings).expect(setting);
+            config.robot["kinematic"].clone()
+        };
+        let robot = |setting: &str| set(setting).to_robot();
+        assert_eq!(robot("mass0_kg=1.05").mass_kg[0], 1.05);
+        assert_eq!(robot("inertia2_kg_m2=6e-4").inertia_kg_m2[2], 6e-4);
+        assert_eq!(robot("skid1=40").skid_kg_s, robot("skid1_kg_s=40").skid_kg_s);
+        assert_eq!(robot("roll=2.4").roll_kg_s, [1.2, 0.6, 0.6]);
+        assert_eq!(robot("roll_sum_kg_s=2.4").roll_kg_s, [1.2, 0.6, 0.6]);
+        // In newtons, of which the load is known; the others stay as they were said.
+        assert_eq!(robot("skid_dry1_n=1.5").skid_dry_n[1], 1.5);
+        let known = config().robot["kinematic"].clone();
+        let changed = set("skid_dry1_n=1.5");
+        let others = |of: &RobotConfig| of.skid_dry_n.map(|[first, _, third]| [first, third]);
+        assert_eq!(others(&changed), others(&known));
+        assert_eq!(changed.roll_dry_n, known.roll_dry_n);
+        // The key itself is a part of the load.
+        assert_eq!(set("skid_dry_n=0.1,0.2,0.3").skid_dry_n, Some([0.1, 0.2, 0.3]));
+    }
+
+    #[test]
+    fn a_list_for_a_number_and_the_frequency_are_refused() {
+        for (setting, named) in [
+            ("mass0_kg=1,2", "found a list of length 2, needed a number"),
+            ("skid0_kg_s=1,2,3", "found a list of length 3, needed a number"),
+            ("skid_kg_s=1,2,3,4", "found a list of length 4, needed a list of length 3"),
+            ("mass3_kg=1", "mass3_kg"),
+            ("mass0_kg=-1", "found -1"),
+            ("omega_rad_s=3", "--omega"),
+        ] {
+            let settings = [setting.to_owned()];
+            let found = with_settings(config(), "kinematic-symmetric", &settings);
+            let message = found.expect_err(setting).to_string();
+            assert!(message.contains(named) && message.contains("--set"), "{setting}: {message}");
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Motions over time.
+
+use trilink_mechanics::{
+    FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY, Sample, Solver,
+};
+use trilink_tables::TrajectoryRow;
+
+use super::Answer;
+
+/// Cycles that there are of a motion which does not settle.
+const UNSETTLED_CYCLES: usize = 50;
+
+pub(super) fn of(
+    problem: &Problem,
+    answer: &Answer,
+    from_rest: bool,
+    samples: usize,
+) -> Result<Vec<TrajectoryRow>, MotionError> {
+    let found = match from_rest {
+        true => {
+            let cycles = answer.cycles_to_settle.map_or(UNSETTLED_CYCLES, |cycles| cycles + 1);
+            problem.cycles_from_rest(cycles, samples)
+        }
+        false => steady_cycle(problem, samples),
+    };
+    Ok(found?.iter().map(|sample| row(answer, sample)).collect())
+}
+
+fn steady_cycle(problem: &Problem, samples: usize) -> Result<Vec<Sample>, MotionError> {
+    let mut solver = Solver::default();
+    // The roughest motions cannot be had to the higher accuracy.
+    let fine = solver.solve(problem, FORCES_ACCURACY);
+    fine.or_else(|_| solver.solve(problem, REFERENCE_ACCURACY))?;
+    solver.cycle(samples)
+}
+
+fn row(answer: &Answer, sample: &Sample) -> TrajectoryRow {
+    let [x_rate_m_s, y_rate_m_s, theta_rate_rad_s, phi_rate_rad_s @ ..] = sample.rates;
+    TrajectoryRow {
+        model: answer.model,
+        omega_rad_s: answer.omega_rad_s,
+        extrapolated: answer.extrapolation.as_ref().and_then(|of| of.extrapolated),
+        time_s: sample.time_s,
+        x_m: sample.pose.x_m,
+        y_m: sample.pose.y_m,
+        theta_rad: sample.pose.theta_rad,
+        phi_rad: sample.phi_rad,
+        x_rate_m_s,
+        y_rate_m_s,
+        theta_rate_rad_s,
+        phi_rate_rad_s,
+        roll_m_s: sample.roll_m_s,
+        skid_m_s: sample.skid_m_s,
+        forces: sample.forces,
+    }
+}

@@ -1,0 +1,105 @@
+//! What the joints' positions do to the means: they are measured in the trial itself, so all its
+//! cycles have their error in common, and no difference between cycles shows it.
+//!
+//! It is the jackknife's over parts of the trial: every part's joints move the links a little
+//! ([`JointShift`]), and with them a wheel by `a` along and `b` across its link, which turns by `c`. With the
+//! link's rate of turn and the wheel's roll velocity its skid velocity changes by
+//! `b' + a theta' - c roll`.
+
+use std::ops::Range;
+
+use trilink_robot::rotated;
+use trilink_statistics::{mean, seen};
+
+use super::measure::CycleData;
+use crate::phase::{GAIT_HARMONICS, Harmonics};
+use crate::poses::{JointShift, PARTS};
+
+/// Standard errors that a trial's cycles have in common.
+pub(super) struct JointErrors {
+    /// Of the offset, amplitude and phase of each joint's first harmonic.
+    pub gait_rad: [[f64; 3]; 2],
+    /// Of the wheels' mean squared skid velocities, m^2/s^2.
+    pub skid_square: [f64; 3],
+}
+
+/// Of the cycles in some frames.
+pub(super) fn joint_errors(data: &CycleData, frames: &Range<usize>) -> JointErrors {
+    let shifts: Vec<&JointShift> =
+        data.tracked.joint_shifts.iter().filter(|shift| frames.contains(&shift.frame)).collect();
+    JointErrors {
+        gait_rad: [0, 1].map(|joint| gait_shifts(data, frames, &shifts, joint).map(jackknife)),
+        skid_square: [0, 1, 2].map(|wheel| jackknife(skid_shifts(data, frames, &shifts, wheel))),
+    }
+}
+
+/// By how much the offset, amplitude and phase of a joint's first harmonic are larger without each part.
+fn gait_shifts(
+    data: &CycleData,
+    frames: &Range<usize>,
+    shifts: &[&JointShift],
+    joint: usize,
+) -> [[f64; PARTS]; 3] {
+    let phase = &data.driven.phase;
+    let phi_rad = &data.tracked.seen.phi_rad[joint];
+    let first = Harmonics::fit(phi_rad, frames.clone(), phase, GAIT_HARMONICS);
+    let Some(first) = first else { return [[f64::NAN; PARTS]; 3] };
+    // Of phi1 = theta_0 - theta_1 and phi2 = theta_2 - theta_0.
+    let side = [1.0, -1.0][joint];
+    let weights: [&dyn Fn(f64) -> f64; 3] =
+        [&|_| 1.0, &|phase| 2.0 * phase.cos(), &|phase| -2.0 * phase.sin() / first.amplitude(1)];
+    weights.map(|weight| {
+        std::array::from_fn(|part| {
+            mean(shifts.iter().map(|JointShift { frame, without }| {
+                let turned_rad = side * (without[part][2] - without[part][3 + joint]);
+                turned_rad * weight(phase.at(*frame as f64) + first.phase_rad())
+            }))
+        })
+    })
+}
+
+/// By how much the mean square of a wheel's skid velocity is larger without each part.
+fn skid_shifts(
+    data: &CycleData,
+    frames: &Range<usize>,
+    shifts: &[&JointShift],
+    wheel: usize,
+) -> [f64; PARTS] {
+    let (robot, driven, half_rate_hz) = (data.robot, data.driven, 0.5 * data.rate_hz);
+    let skid = &data.raw_wheels.skid_m_s[wheel];
+    let fit = Harmonics::fit(skid, frames.clone(), &driven.phase, driven.shape_harmonics);
+    let Some(fit) = fit else { return [f64::NAN; PARTS] };
+    let slope = fit.slope().over(frames.clone(), &driven.phase);
+    let fit = fit.over(frames.clone(), &driven.phase);
+    let heading = |frame: usize| {
+        let [phi1, phi2] = [0, 1].map(|joint| data.smooth.phi_rad[joint][frame]);
+        data.smooth.theta_rad[frame] + [0.0, -phi1, phi2][wheel]
+    };
+    std::array::from_fn(|part| {
+        let products = shifts.iter().filter(|shift| frames.contains(&(shift.frame + 1)));
+        let product = |JointShift { frame, without }: &&JointShift| {
+            let [along, across, middle_rad, ..] = without[part];
+            let turn_rad = without[part][2 + wheel];
+            // The wheel is where h and l of the robot put it (eq. 1): the link turns about link 0.
+            let side = [0.0, 1.0, -1.0][wheel];
+            let to_link = side * data.smooth.phi_rad[wheel.saturating_sub(1)][*frame];
+            let to_joint = [along, across + side * robot.h_m * middle_rad];
+            let [along, across] = if wheel == 0 { to_joint } else { rotated(to_link, to_joint) };
+            let across = across + side * robot.l_m * turn_rad;
+            let turning_rad_s = (heading(frame + 1) - heading(frame - 1)) * half_rate_hz;
+            let own = along * turning_rad_s - turn_rad * data.wheels.roll_m_s[wheel][*frame];
+            let i = frame - frames.start;
+            // Over whole cycles, the product with a rate is minus that with the other's rate.
+            2.0 * (fit[i] * own - slope[i] * driven.omega_rad_s * across)
+        };
+        let products: Vec<f64> = products.filter(|shift| shift.frame > 0).map(product).collect();
+        mean(seen(&products))
+    })
+}
+
+/// The standard error by what comes out without each part; none if nothing does.
+fn jackknife(without: [f64; PARTS]) -> f64 {
+    let middle = mean(without);
+    let squares: f64 = without.iter().map(|value| (value - middle).powi(2)).sum();
+    ((PARTS - 1) as f64 / PARTS as f64 * squares).sqrt().max(0.0)
+}

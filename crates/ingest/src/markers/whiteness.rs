@@ -1,0 +1,225 @@
+//! Whether the markers' noise is white, as camera noise nearly is and all standard errors assume. A
+//! low-pass filter before the export cuts its spectrum off far below the Nyquist frequency:
+//! differences of neighbouring frames then underestimate the noise at low frequencies.
+//!
+//! Only noise changes the distance between two markers of a link. Its Hadamard variance (of second
+//! differences of adjacent means; W. J. Riley, *Handbook of Frequency Stability Analysis*, NIST
+//! Special Publication 1065, 2008, section 5.2) is inversely proportional to the number of samples
+//! averaged if the noise is white, and a linear drift does not change it.
+
+use trilink_mocap::MarkerFile;
+use trilink_statistics::{MAD_TO_DEVIATION, mean, median, median_high, seen};
+
+use super::layout::Layout;
+
+/// Averaging time, s: second differences of such means pass noise around 5 Hz, as filters do.
+const AVERAGED_S: f64 = 0.1;
+/// Standard deviations beyond which a distance is that of a marker that jumped.
+const OUTLIER_DEVIATIONS: f64 = 6.0;
+/// Fewer differences of means tell no variance.
+const MIN_DIFFERENCES: usize = 5;
+/// Less noise is rounding, not that of a camera, mm.
+const MIN_NOISE_MM: f64 = 0.005;
+/// Sum of the squared weights of a second difference.
+const SECOND_GAIN: f64 = 6.0;
+/// Median of the square of a standard normal deviate.
+const MEDIAN_SQUARE: f64 = 0.4549;
+
+/// Standard deviation of the noise in means over [`AVERAGED_S`], relative to what is expected from
+/// neighbouring frames if it is white (then about 1). Median over pairs of markers; NaN with too
+/// few frames or too little noise. `frames` counts frames missing from the file, too.
+pub(crate) fn slow_noise_ratio(
+    file: &MarkerFile,
+    layout: &Layout,
+    rate_hz: f64,
+    [first_frame, frames]: [i64; 2],
+) -> f64 {
+    let averaged = ((AVERAGED_S * rate_hz).round() as usize).max(2);
+    // Every marker of a link with the next one.
+    let pairs = layout.iter().flat_map(|markers| {
+        let next = (1..markers.len()).chain((markers.len() > 2).then_some(0));
+        next.enumerate().map(|(one, other)| [one, other].map(|marker| markers[marker].column))
+    });
+    let ratios = pairs.filter_map(|pair| {
+        let mut distances_mm = vec![f64::NAN; frames as usize];
+        for (row, frame) in file.frames.iter().enumerate() {
+            let [one, other] = pair.map(|column| file.position_mm(row, column));
+            let squares = [0, 1, 2].map(|axis| (one[axis] - other[axis]).powi(2));
+            distances_mm[(frame - first_frame) as usize] = squares.iter().sum::<f64>().sqrt();
+        }
+        reject_outliers(&mut distances_mm);
+        variance_ratio(&distances_mm, averaged)
+    });
+    median(ratios.collect()).sqrt()
+}
+
+fn reject_outliers(distances_mm: &mut [f64]) {
+    let middle = median_high(seen(distances_mm).collect());
+    let spread =
+        median_high(seen(distances_mm).map(|distance| (distance - middle).abs()).collect());
+    let far = OUTLIER_DEVIATIONS * MAD_TO_DEVIATION * spread;
+    let jumped = distances_mm.iter_mut().filter(|distance| (**distance - middle).abs() > far);
+    jumped.for_each(|distance| *distance = f64::NAN);
+}
+
+/// Variance of a sample as estimated from means over `averaged` samples if the noise is white,
+/// divided by that from neighbouring samples. The former is a median, robust to steps; the latter
+/// is a mean, which a few noisy frames raise as they do the variance of means.
+fn variance_ratio(distances_mm: &[f64], averaged: usize) -> Option<f64> {
+    let second = |w: &[f64]| w[0] - 2.0 * w[1] + w[2];
+    let fast: Vec<f64> = distances_mm.windows(3).map(second).collect();
+    let fast = mean(seen(&fast).map(|difference| difference * difference)) / SECOND_GAIN;
+    // Means of blocks at least half of which was seen, and their variance over a sample's.
+    let means = distances_mm.chunks_exact(averaged).map(|samples| {
+        let count = seen(samples).count();
+        let is_known = 2 * count >= averaged;
+        if is_known { [mean(seen(samples)), 1.0 / count as f64] } else { [f64::NAN; 2] }
+    });
+    let means: Vec<[f64; 2]> = means.collect();
+    let slow = means.windows(3).map(|w| {
+        let difference = second(&[w[0][0], w[1][0], w[2][0]]);
+        difference * difference / (w[0][1] + 4.0 * w[1][1] + w[2][1])
+    });
+    let slow: Vec<f64> = slow.filter(|square| !square.is_nan()).collect();
+    if slow.len() < MIN_DIFFERENCES || fast.is_nan() {
+        return None;
+    }
+    let slow = median(slow) / MEDIAN_SQUARE;
+    (slow > MIN_NOISE_MM * MIN_NOISE_MM).then_some(slow / fast)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+    use crate::markers::layout::LinkMarker;
+
+    const FRAMES: usize = 1800;
+
+    fn normal(seed: u64) -> impl FnMut() -> f64 {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        move || StandardNormal.sample(&mut random)
+    }
+
+    /// Forwards and backwards through a Butterworth filter of second order, as exports are (bilinear
+    /// transform; Winter, *Biomechanics and Motor Control of Human Movement*, section 2.2.4).
+    fn low_passed(series: &[f64], cutoff_hz: f64) -> Vec<f64> {
+        let c = 1.0 / (std::f64::consts::PI * cutoff_hz / 120.0).tan();
+        let scale = 1.0 / (1.0 + 2.0_f64.sqrt() * c + c * c);
+        let feedback = [2.0 * scale * (1.0 - c * c), scale * (1.0 - 2.0_f64.sqrt() * c + c * c)];
+        let pass = |series: Vec<f64>| {
+            let (mut x, mut y) = ([series[0]; 2], [series[0]; 2]);
+            let filtered = series.into_iter().map(move |new| {
+                let out =
+                    scale * (new + 2.0 * x[0] + x[1]) - feedback[0] * y[0] - feedback[1] * y[1];
+                (x, y) = ([new, x[0]], [out, y[0]]);
+                out
+            });
+            filtered.collect::<Vec<f64>>()
+        };
+        let mut series = pass(series.to_vec());
+        series.reverse();
+        series = pass(series);
+        series.reverse();
+        series
+    }
+
+    /// Three markers of a link that moves along a circle, with noise of so many mm, changed coordinate by
+    /// coordinate.
+    fn recording(noise_mm: f64, change: impl Fn(Vec<f64>) -> Vec<f64>) -> MarkerFile {
+        let mut noise = normal(5);
+        let places = [[0.0, 0.0, 50.0], [60.0, 10.0, 60.0], [-20.0, 50.0, 55.0]];
+        let mut series = Vec::new();
+        for [x, y, z] in places {
+            for axis in 0..3 {
+                let at = |i: usize| {
+                    let (sin, cos) = (0.01 * i as f64).sin_cos();
+                    let place =
+                        [400.0 * cos + cos * x - sin * y, 400.0 * sin + sin * x + cos * y, z];
+                    place[axis] + noise_mm * noise()
+                };
+                series.push(change((0..FRAMES).map(at).collect()));
+            }
+        }
+        MarkerFile {
+            rate_hz: Some(120.0),
+            frames: (1..=FRAMES as i64).collect(),
+            labels: ["A", "B", "C"].map(str::to_owned).into(),
+            rows_without_frame: 0,
+            rows_too_long: 0,
+            doubts: Vec::new(),
+            positions_mm: (0..FRAMES)
+                .flat_map(|i| [0, 3, 6].map(|first| [0, 1, 2].map(|axis| series[first + axis][i])))
+                .collect(),
+        }
+    }
+
+    fn ratio(file: &MarkerFile) -> f64 {
+        let marker = |column| LinkMarker { column, local_position_mm: [0.0; 2], height_mm: 0.0 };
+        let layout = [[0, 1, 2].map(marker).to_vec(), Vec::new(), Vec::new()];
+        let first = file.frames[0];
+        let frames = file.frames[file.frames.len() - 1] - first + 1;
+        slow_noise_ratio(file, &layout, 120.0, [first, frames])
+    }
+
+    fn hide(file: &mut MarkerFile) {
+        let mut state = normal(9);
+        for position in &mut file.positions_mm {
+            if state() > 1.6 {
+                *position = [f64::NAN; 3];
+            }
+        }
+    }
+
+    #[test]
+    fn white_noise_is_white_with_gaps_few_digits_jumps_and_a_marker_that_moves() {
+        for noise_mm in [0.03, 0.2, 1.0] {
+            let white = recording(noise_mm, |series| series);
+            assert!((ratio(&white) - 1.0).abs() < 0.2, "{noise_mm}: {}", ratio(&white));
+            let mut gaps = white.clone();
+            hide(&mut gaps);
+            assert!((ratio(&gaps) - 1.0).abs() < 0.25, "{noise_mm}: {}", ratio(&gaps));
+            let mut jumped = white.clone();
+            for row in (0..FRAMES).step_by(37) {
+                jumped.positions_mm[3 * row + 1][0] += 20.0;
+            }
+            assert!((ratio(&jumped) - 1.0).abs() < 0.25, "{noise_mm}: {}", ratio(&jumped));
+            let mut moved = white.clone();
+            (1000..FRAMES).for_each(|row| moved.positions_mm[3 * row + 2][1] += 2.0 * noise_mm);
+            assert!(ratio(&moved) < 1.3, "{noise_mm}: {}", ratio(&moved));
+            for digit_mm in [0.001, 0.01, 0.1, 1.0] {
+                let round = |x: &f64| (x / digit_mm).round() * digit_mm;
+                let rounded = recording(noise_mm, |series| series.iter().map(round).collect());
+                let ratio = ratio(&rounded);
+                assert!(ratio.is_nan() || ratio < 1.4, "{noise_mm} {digit_mm}: {ratio}");
+            }
+        }
+    }
+
+    #[test]
+    fn noise_that_was_filtered_before_the_export_is_not_white() {
+        for (cutoff_hz, least) in [(6.0, 20.0), (10.0, 15.0), (15.0, 8.0), (20.0, 5.0), (30.0, 2.5)]
+        {
+            let round = |x: f64| (100.0 * x).round() / 100.0;
+            let filter =
+                |series: Vec<f64>| low_passed(&series, cutoff_hz).into_iter().map(round).collect();
+            let mut filtered = recording(0.2, filter);
+            assert!(ratio(&filtered) > least, "{cutoff_hz} Hz: {}", ratio(&filtered));
+            hide(&mut filtered);
+            assert!(ratio(&filtered) > least, "{cutoff_hz} Hz: {}", ratio(&filtered));
+        }
+    }
+
+    #[test]
+    fn without_noise_or_with_too_few_frames_nothing_is_told() {
+        assert!(ratio(&recording(0.0, |series| series)).is_nan());
+        assert!(ratio(&recording(0.0, |series| low_passed(&series, 6.0))).is_nan());
+        let mut few = recording(0.2, |series| series);
+        few.frames.truncate(70);
+        few.positions_mm.truncate(3 * 70);
+        assert!(ratio(&few).is_nan());
+    }
+}

@@ -1,0 +1,13 @@
+//! Series of numbers, one for each frame and NaN where missing, whatever they are of: gaps that are
+//! filled, smoothing, derivatives.
+
+mod derivative;
+mod gaps;
+mod smooth;
+
+pub(crate) use derivative::{WEIGHTS, derivative};
+pub(crate) use gaps::fill;
+pub(crate) use smooth::{
+    JointSignal, THIRD, THIRD_GAIN, WINDOW_WITHOUT_GAIT, best_window, moving_average, noise,
+    response, third_differences,
+};

@@ -1,0 +1,253 @@
+//! What a marker file holds, without a trial's entry, and what would stop it from being
+//! ingested.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use trilink_mocap::{MarkerFile, Section};
+
+use super::error::Problem;
+use super::input::IngestSettings;
+use super::markers::layout::{self, Layout};
+use super::poses::{self, header_check, tracking_checks};
+
+/// A marker file at a glance.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct FileSurvey {
+    pub file: PathBuf,
+    /// Whether the file could be opened at all.
+    pub readable: bool,
+    /// Every table in it, also those that are not read.
+    pub sections: Vec<Section>,
+    /// Missing if its markers cannot be read.
+    pub recording: Option<Recording>,
+    /// What would stop it from being ingested; nothing if nothing does.
+    pub stops: Vec<String>,
+    /// What would flag it.
+    pub warnings: Vec<String>,
+}
+
+/// What the markers' table holds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Recording {
+    /// Frame rate that the file states, Hz.
+    pub rate_hz: Option<f64>,
+    pub first_frame: i64,
+    pub last_frame: i64,
+    /// Rows with a frame number.
+    pub rows: usize,
+    /// Frames between the first and the last that have no row.
+    pub frames_left_out: i64,
+    pub rows_without_frame: usize,
+    /// Part of all markers' frames in which they were seen.
+    pub coverage: f64,
+    pub markers: Vec<MarkerCoverage>,
+    pub gaps: Gaps,
+}
+
+/// One marker of a file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MarkerCoverage {
+    pub label: String,
+    /// The link that the layout puts it on.
+    pub link: Option<usize>,
+    /// Whether `vicon.ignore` names it: then it counts for nothing else here.
+    pub ignored: bool,
+    /// Part of the frames in which it was seen.
+    pub coverage: f64,
+    /// Gaps between frames in which it was seen.
+    pub gaps: usize,
+}
+
+/// The gaps of all markers, each between two frames in which the marker was seen. Without a
+/// gap there is no median and no longest one, without a rate there are no seconds.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Gaps {
+    pub count: usize,
+    pub median_frames: Option<i64>,
+    pub longest_frames: Option<i64>,
+    pub median_s: Option<f64>,
+    pub longest_s: Option<f64>,
+}
+
+/// Reads a marker file, and lists what is there and what is wrong with it.
+pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
+    let mut survey = FileSurvey { file: path.to_owned(), ..FileSurvey::default() };
+    let read = trilink_mocap::read_file(path).map_err(|error| survey.stops.push(error.to_string()));
+    let Ok((bytes, _)) = read else { return survey };
+    survey.readable = true;
+    // What is wrong with the sections is wrong with the markers too.
+    survey.sections = trilink_mocap::sections(path, &bytes).unwrap_or_default();
+    match trilink_mocap::parse_markers(path, &bytes, settings.vicon.unit) {
+        Ok(file) => survey.add_markers(path, &file, settings),
+        Err(error) => survey.stops.push(error.to_string()),
+    }
+    survey
+}
+
+impl FileSurvey {
+    fn add_markers(&mut self, path: &Path, file: &MarkerFile, settings: &IngestSettings) {
+        self.warnings.extend(header_check(file).map(|finding| finding.to_string()));
+        let ignore = &settings.vicon.ignore;
+        let whole = file;
+        let file = &whole.clone().without(ignore);
+        let mut stop = |problem: Problem| self.stops.push(problem.of(path).to_string());
+        let rate_hz = settings.frame_rate(file).map_err(&mut stop).ok();
+        let (layout, problems) = layout::locate_all(&settings.markers, file);
+        self.recording =
+            Some(Recording::of(whole, ignore, Some(&layout), whole.rate_hz.or(rate_hz)));
+        if !problems.is_empty() {
+            return problems.into_iter().for_each(stop);
+        }
+        let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
+        let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
+        let tracked = poses::solve(file, &layout, None, poses, rate_hz, 0..file.frames.len())
+            .and_then(|poses| poses.over_time(&file.frames, &layout, max_gap))
+            .map_err(stop);
+        let Ok(tracked) = tracked else { return };
+        let findings = tracking_checks(&tracked, file, &layout, settings, &(0..tracked.frames()));
+        let wrong = findings.into_iter().filter(|finding| !finding.holds());
+        self.warnings = wrong.map(|finding| finding.to_string()).collect();
+    }
+}
+
+impl Recording {
+    fn of(
+        file: &MarkerFile,
+        ignore: &[String],
+        layout: Option<&Layout>,
+        rate_hz: Option<f64>,
+    ) -> Self {
+        let (first_frame, last_frame) = (file.frames[0], file.frames[file.frames.len() - 1]);
+        let frames = last_frame - first_frame + 1;
+        let mut gaps = Vec::new();
+        let mut markers: Vec<MarkerCoverage> = Vec::with_capacity(file.labels.len());
+        let (mut seen_in_all, mut kept) = (0, 0);
+        for (i, label) in file.labels.iter().enumerate() {
+            let seen: Vec<i64> = (0..file.frames.len())
+                .filter(|&row| !file.position_mm(row, i)[0].is_nan())
+                .map(|row| file.frames[row])
+                .collect();
+            let own: Vec<i64> =
+                seen.windows(2).map(|pair| pair[1] - pair[0] - 1).filter(|gap| *gap > 0).collect();
+            // The layout's columns are those of the markers that are kept.
+            let on = |markers: &Vec<layout::LinkMarker>| markers.iter().any(|m| m.column == kept);
+            let ignored = file.is_named(i, ignore);
+            markers.push(MarkerCoverage {
+                label: label.clone(),
+                link: layout.filter(|_| !ignored).and_then(|links| links.iter().position(on)),
+                ignored,
+                coverage: seen.len() as f64 / frames as f64,
+                gaps: own.len(),
+            });
+            if !ignored {
+                kept += 1;
+                seen_in_all += seen.len();
+                gaps.extend(own);
+            }
+        }
+        Self {
+            rate_hz: file.rate_hz,
+            first_frame,
+            last_frame,
+            rows: file.frames.len(),
+            frames_left_out: frames - file.frames.len() as i64,
+            rows_without_frame: file.rows_without_frame,
+            coverage: seen_in_all as f64 / (f64::from(kept.max(1) as u32) * frames as f64),
+            markers,
+            gaps: Gaps::of(gaps, rate_hz),
+        }
+    }
+}
+
+impl Gaps {
+    /// Of gaps that last so many frames.
+    fn of(mut gaps: Vec<i64>, rate_hz: Option<f64>) -> Self {
+        gaps.sort_unstable();
+        let median_frames = gaps.get(gaps.len() / 2).copied();
+        let longest_frames = gaps.last().copied();
+        let seconds = |frames: Option<i64>| Some(frames? as f64 / rate_hz?);
+        Self {
+            count: gaps.len(),
+            median_frames,
+            longest_frames,
+            median_s: seconds(median_frames),
+            longest_s: seconds(longest_frames),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trilink_tables::config::Config;
+
+    use super::*;
+
+    fn fixture(name: &str) -> FileSurvey {
+        survey(
+            &Path::new("../mocap/tests/fixtures").join(name),
+            &IngestSettings::new(&Config::default()),
+        )
+    }
+
+    #[test]
+    fn gaps_are_between_frames_in_which_a_marker_was_seen() {
+        let recording = fixture("gaps.csv").recording.unwrap();
+        assert_eq!((recording.first_frame, recording.last_frame, recording.rows), (1, 5, 5));
+        let markers = recording.markers.iter().map(|m| (m.label.as_str(), m.coverage, m.gaps));
+        assert_eq!(markers.collect::<Vec<_>>(), [("Snake:M1", 0.4, 1), ("Snake:M2", 0.6, 1)]);
+        assert_eq!(recording.coverage, 0.5);
+        let expected = Gaps {
+            count: 2,
+            median_frames: Some(2),
+            longest_frames: Some(2),
+            median_s: Some(2.0 / 120.0),
+            longest_s: Some(2.0 / 120.0),
+        };
+        assert_eq!(recording.gaps, expected);
+    }
+
+    #[test]
+    fn a_jump_of_the_frames_is_a_gap_of_every_marker() {
+        let recording = fixture("frames.csv").recording.unwrap();
+        assert_eq!(recording.frames_left_out, 62766);
+        assert_eq!(recording.rows_without_frame, 2);
+        assert_eq!((recording.gaps.count, recording.gaps.longest_frames), (2, Some(62766)));
+    }
+
+    #[test]
+    fn everything_that_would_stop_a_file_is_listed_and_not_only_the_first() {
+        let path = Path::new("../mocap/tests/fixtures/nexus.csv");
+        let mut config = Config::default();
+        config.vicon.rate_hz = 100.0;
+        config.markers.link0.retain(|label, _| label == "M1" || label == "M2");
+        config.markers.link1.retain(|label, _| label == "F1");
+        config.markers.link2.clear();
+        let survey = survey(path, &IngestSettings::new(&config));
+        assert_eq!(survey.stops.len(), 2, "{:?}", survey.stops);
+        assert!(survey.stops[0].contains("found a frame rate of 120 Hz, needed 100 Hz"));
+        assert!(survey.stops[1].contains("found no marker `F1`"));
+        assert!(survey.recording.is_some());
+    }
+
+    #[test]
+    fn ignored_markers_are_named_as_in_the_file_and_count_for_nothing_else() {
+        let path = Path::new("../mocap/tests/fixtures/gaps.csv");
+        let mut config = Config::default();
+        config.vicon.ignore = vec!["*1".to_owned()];
+        let recording = survey(path, &IngestSettings::new(&config)).recording.unwrap();
+        let ignored = recording.markers.iter().map(|m| (m.label.as_str(), m.ignored));
+        assert_eq!(ignored.collect::<Vec<_>>(), [("Snake:M1", true), ("Snake:M2", false)]);
+        assert_eq!((recording.coverage, recording.gaps.count), (0.6, 1));
+    }
+
+    #[test]
+    fn a_file_without_markers_has_its_sections_listed() {
+        let survey = fixture("devices-only.csv");
+        assert!(survey.readable);
+        assert_eq!(survey.sections.len(), 1);
+        assert_eq!(survey.recording, None);
+        assert!(survey.stops[0].contains("found only the section `Devices`"));
+        assert!(!fixture("absent.csv").readable);
+    }
+}

@@ -1,0 +1,92 @@
+//! What acts on the robot: wheel forces, actuation torques and power (eq. 8 to 10, 14, 15).
+
+use nalgebra::{SMatrix, SVector};
+use trilink_robot::{ContactForces, Dry, Friction, Trig, dot, force_balance, roll_rows, skid_rows};
+
+use super::Problem;
+use super::reduced::KinematicState;
+
+/// Ratio of singular values at which the constraints are not independent any more.
+const SINGULAR: f64 = 1e-6;
+
+/// The forces in a state with these time derivatives of its velocities.
+///
+/// Eq. 7's left-hand side is what actuators and constraints supply, `E tau + W^T Lambda`. Its
+/// rows of the body and of the passive joint have no actuator and give `Lambda`; for the
+/// kinematic robot these are three equations that fail at singular shapes, for the
+/// semi-passive one four, of which `Lambda` is the least-squares solution that it satisfies.
+pub(super) fn contact_forces(
+    problem: &Problem,
+    state: &KinematicState,
+    acceleration: &[f64; 5],
+) -> ContactForces {
+    let robot = &problem.robot;
+    let passive = problem.gait.passive_joint();
+    let KinematicState { phi_rad, velocity } = state;
+    let trig = Trig::new(*phi_rad);
+    let supplied =
+        force_balance::<f64, Dry>(robot, passive, *phi_rad, &trig, velocity, acceleration).force;
+    let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
+    let (skid_m_s, roll_m_s) =
+        (skid.map(|row| dot(&row, velocity)), roll.map(|row| dot(&row, velocity)));
+
+    let skid_n: [f64; 3] = std::array::from_fn(|i| Dry::skid(robot, i, skid_m_s[i])[0]);
+    let roll_n: [f64; 3] = std::array::from_fn(|i| Dry::roll(robot, i, roll_m_s[i])[0]);
+    let lateral_n = if problem.laws.skids() {
+        skid_n.map(|force| -force)
+    } else {
+        constraint_forces(passive, &skid, &supplied).unwrap_or([f64::NAN; 3])
+    };
+    let torque_nm = std::array::from_fn(|joint| {
+        let row = 3 + joint;
+        if passive == Some(joint) {
+            let stretched = phi_rad[joint] - robot.rest_angle_rad;
+            return -robot.stiffness_nm_rad * stretched - robot.damping_nm_s_rad * velocity[row];
+        }
+        if problem.laws.skids() {
+            return supplied[row];
+        }
+        supplied[row] - (0..3).map(|i| skid[i][row] * lateral_n[i]).sum::<f64>()
+    });
+    let power_w = if problem.is_determined() {
+        // Constraints do no work: what is supplied comes from the actuators.
+        dot(&supplied, velocity)
+    } else {
+        let actuated = (0..2).filter(|joint| passive != Some(*joint));
+        actuated.map(|joint| torque_nm[joint] * velocity[3 + joint]).sum()
+    };
+    let wheels: f64 = (0..3).map(|i| skid_n[i] * skid_m_s[i] + roll_n[i] * roll_m_s[i]).sum();
+    let joint = passive.map_or(0.0, |p| robot.damping_nm_s_rad * velocity[3 + p].powi(2));
+    ContactForces {
+        lateral_n,
+        roll_n: roll_n.map(|force| -force),
+        torque_nm,
+        power_w,
+        loss_w: wheels + joint,
+    }
+}
+
+/// Lambda from the rows that no actuator supplies; `None` where it is unbounded.
+fn constraint_forces(
+    passive: Option<usize>,
+    skid_rows: &[[f64; 5]; 3],
+    supplied: &[f64; 5],
+) -> Option<[f64; 3]> {
+    // One column per wheel; a row that an actuator supplies is left zero.
+    let mut columns = SMatrix::<f64, 4, 3>::zeros();
+    let mut right = SVector::<f64, 4>::zeros();
+    let rows = [Some(0), Some(1), Some(2), passive.map(|p| 3 + p)];
+    for (equation, row) in rows.into_iter().enumerate() {
+        if let Some(row) = row {
+            right[equation] = supplied[row];
+            (0..3).for_each(|i| columns[(equation, i)] = skid_rows[i][row]);
+        }
+    }
+    let decomposed = columns.svd(true, true);
+    let singular = &decomposed.singular_values;
+    if singular.min() <= SINGULAR * singular.max() {
+        return None;
+    }
+    let lambda = decomposed.solve(&right, 0.0).ok()?;
+    lambda.iter().all(|force| force.is_finite()).then_some([lambda[0], lambda[1], lambda[2]])
+}

@@ -1,0 +1,25 @@
+//! Steady motions, transients and branches against references, conservation laws and other methods.
+
+#![allow(clippy::unwrap_used, unreachable_pub)]
+
+mod draws;
+mod effort;
+mod friction;
+mod motion;
+mod motion_properties;
+mod settling;
+
+use trilink_robot::Laws;
+
+/// Those of the program's models.
+fn laws(model: &str) -> Laws {
+    match model {
+        "no-skid" | "no-skid-measured" | "no-skid-damped" => Laws::NO_SKID,
+        "no-skid-roll" => Laws::NO_SKID_ROLL,
+        "skid" => Laws::SKID,
+        "skid-roll" => Laws::SKID_ROLL,
+        "coulomb" => Laws::COULOMB,
+        "coulomb-viscous" => Laws::COULOMB_VISCOUS,
+        other => panic!("no model {other}"),
+    }
+}

@@ -1,0 +1,555 @@
+//! Steady motions against numbers from an independent derivation.
+
+use std::f64::consts::{PI, TAU};
+
+use trilink_mechanics::{
+    FIT_ACCURACY, FORCES_ACCURACY, Laws, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY,
+    Sample, Solver,
+};
+use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{Gait, JointCommand, Parameter, Robot, SecondHarmonic};
+
+/// A row of `periodic.csv`.
+struct Row {
+    problem: Problem,
+    metrics: GaitMetrics,
+    name: String,
+}
+
+fn rows() -> Vec<Row> {
+    let text = include_str!("../fixtures/periodic.csv");
+    text.lines().skip(1).map(row).collect()
+}
+
+fn row(line: &str) -> Row {
+    // The third field may be quoted and hold commas.
+    let mut fields = Vec::new();
+    let mut quoted = false;
+    let mut field = String::new();
+    for character in line.chars().chain([',']) {
+        match character {
+            '"' => quoted = !quoted,
+            ',' if !quoted => fields.push(std::mem::take(&mut field)),
+            other => field.push(other),
+        }
+    }
+    let number = |i: usize| fields[i].parse::<f64>().unwrap();
+    let (mut robot, gait) = match fields[0].as_str() {
+        "kinematic-symmetric" => (Robot::kinematic(), Gait::symmetric()),
+        "kinematic-skewed" => (Robot::kinematic(), Gait::skewed()),
+        "semi-passive-symmetric" => (Robot::semi_passive(), Gait::passive_symmetric()),
+        other => panic!("unknown campaign {other}"),
+    };
+    for setting in fields[2].split_whitespace() {
+        let (key, value) = setting.split_once('=').unwrap();
+        let values: Vec<f64> = value.split(',').map(|x| x.parse().unwrap()).collect();
+        match key {
+            "skid_kg_s" => robot.skid_kg_s = [values[0], values[1], values[2]],
+            "stiffness_nm_rad" => robot.stiffness_nm_rad = values[0],
+            "damping_nm_s_rad" => robot.damping_nm_s_rad = values[0],
+            other => panic!("unknown key {other}"),
+        }
+    }
+    let laws = crate::laws(&fields[1]);
+    let alpha1_rad = match fields[9].as_str() {
+        "" => gait.joints[0].unwrap().amplitude_rad,
+        _ => number(9).to_radians(),
+    };
+    Row {
+        problem: Problem { robot, gait, laws, omega_rad_s: number(3) },
+        metrics: GaitMetrics {
+            d_m: number(4),
+            v_m_s: number(5),
+            sigma: [number(6), number(7), number(8)],
+            alpha1_rad,
+            dtheta_rad: fields[10].parse().unwrap(),
+        },
+        name: format!("{} {} at {}", fields[0], fields[1], fields[3]),
+    }
+}
+
+#[test]
+fn every_reference_motion_is_met_to_1e_8() {
+    for row in rows() {
+        let motion = row.problem.solve(REFERENCE_ACCURACY).unwrap();
+        let (found, known) = (motion.metrics.to_array(), row.metrics.to_array());
+        for (found, known) in found.iter().zip(&known).take(6) {
+            assert!((found - known).abs() <= 1e-8 * known.abs(), "{}: {found} {known}", row.name);
+        }
+        assert!((found[6] - known[6]).abs() < 1e-9, "{}: dtheta {}", row.name, found[6]);
+        assert_eq!(motion.status(), MotionStatus::Stable, "{}", row.name);
+    }
+}
+
+#[test]
+fn a_fit_s_accuracy_is_1e_6() {
+    for row in rows() {
+        let motion = row.problem.solve(FIT_ACCURACY).unwrap();
+        let (found, known) = (motion.metrics.to_array(), row.metrics.to_array());
+        for (found, known) in found.iter().zip(&known).take(6) {
+            assert!((found - known).abs() <= 1e-6 * known.abs(), "{}: {found} {known}", row.name);
+        }
+    }
+}
+
+#[test]
+fn a_neighbour_leads_to_the_same_motion_by_fewer_jacobians() {
+    for row in rows() {
+        let mut solver = Solver::default();
+        let cold = solver.solve(&row.problem, REFERENCE_ACCURACY).unwrap();
+        let cold_jacobians = solver.effort().factorisations;
+        let near = Problem { omega_rad_s: 1.02 * row.problem.omega_rad_s, ..row.problem.clone() };
+        solver.solve(&near, REFERENCE_ACCURACY).unwrap();
+        let warm = solver.solve(&row.problem, REFERENCE_ACCURACY).unwrap();
+        let d = (warm.d_m - cold.d_m).abs();
+        assert!(d < 1e-9 * cold.d_m, "{}: {d}", row.name);
+        assert!(solver.effort().factorisations < cold_jacobians, "{}", row.name);
+    }
+}
+
+#[test]
+fn where_there_is_no_motion_nearby_the_next_one_starts_from_the_one_before() {
+    let problem = Problem {
+        robot: Robot::semi_passive(),
+        gait: Gait::passive_symmetric(),
+        laws: Laws::SKID_ROLL,
+        omega_rad_s: 3.0,
+    };
+    let mut none = problem.clone();
+    none.gait.joints[1].as_mut().unwrap().amplitude_rad = f64::NAN;
+    let next = Problem { omega_rad_s: 3.02, ..problem.clone() };
+    let mut solver = Solver::default();
+    let here = solver.solve_near(&problem, 1e-9).unwrap();
+    assert_eq!(here, problem.solve(1e-9).unwrap().metrics);
+    assert!(solver.solve_near(&none, 1e-9).is_err());
+    // Nothing is said of a motion that there is not.
+    assert!(solver.floquet().is_err());
+    let there = solver.solve_near(&next, 1e-9).unwrap();
+    let steps = solver.effort().newton_steps;
+    let known = solver.solve(&next, 1e-9).unwrap();
+    assert!((there.d_m / known.d_m - 1.0).abs() < 1e-8, "{there:?} {known:?}");
+    let mut anew = Solver::default();
+    anew.solve(&next, 1e-9).unwrap();
+    assert!(steps < anew.effort().newton_steps, "{steps} {:?}", anew.effort());
+}
+
+#[test]
+fn the_kinematic_robot_that_cannot_skid_goes_the_same_way_at_every_frequency() {
+    for (gait, d_m) in [(Gait::symmetric(), 0.663466), (Gait::skewed(), 0.122405)] {
+        for omega_rad_s in [0.5, 1.0, 2.0, 3.9, 6.0] {
+            let problem =
+                Problem { robot: Robot::kinematic(), gait, laws: Laws::NO_SKID, omega_rad_s };
+            let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+            // The known values have six digits.
+            assert!((found.d_m - d_m).abs() < 0.5e-6 + 1e-6 * d_m, "{}", found.d_m);
+            let speed = found.d_m * omega_rad_s / std::f64::consts::TAU;
+            assert!((found.v_m_s - speed).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_gait_that_meets_a_singular_shape_off_the_limit_has_no_motion() {
+    let mut gait = Gait::symmetric();
+    gait.joints[0].as_mut().unwrap().amplitude_rad *= 1.05;
+    let problem =
+        Problem { robot: Robot::kinematic(), gait, laws: Laws::NO_SKID, omega_rad_s: 3.9 };
+    let error = problem.solve(REFERENCE_ACCURACY).unwrap_err();
+    assert_eq!(error.status(), MotionStatus::Singular, "{error}");
+}
+
+#[test]
+fn from_rest_the_robot_settles_into_the_steady_motion() {
+    for row in rows().into_iter().filter(|row| row.problem.laws.skids()) {
+        let steady = row.problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+        let period_s = std::f64::consts::TAU / row.problem.omega_rad_s;
+        let path = row.problem.transient(31.5 * period_s, 1.0 / period_s, 1e-9).unwrap();
+        let [from, to] = [path[29], path[30]];
+        let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);
+        assert!((d_m - steady.d_m).abs() < 1e-6 * steady.d_m, "{}: {d_m} {}", row.name, steady.d_m);
+        assert!((to[2] - from[2] - steady.dtheta_rad).abs() < 1e-6, "{}", row.name);
+    }
+}
+
+#[test]
+fn wheels_that_hardly_skid_go_the_way_of_wheels_that_cannot() {
+    let setups = [
+        (Robot::kinematic(), Gait::symmetric(), Laws::SKID, Laws::NO_SKID),
+        (Robot::kinematic(), Gait::skewed(), Laws::SKID, Laws::NO_SKID),
+        (Robot::kinematic(), Gait::skewed(), Laws::SKID_ROLL, Laws::NO_SKID_ROLL),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL, Laws::NO_SKID_ROLL),
+    ];
+    for (robot, gait, skids, cannot) in setups {
+        let problem = Problem { robot, gait, laws: cannot, omega_rad_s: 3.9 };
+        let limit = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+        let mut last: Option<(f64, [f64; 3])> = None;
+        for skid_kg_s in [1e2, 1e3, 1e4, 1e5, 1e6] {
+            let robot = Robot { skid_kg_s: [skid_kg_s; 3], ..problem.robot.clone() };
+            let problem = Problem { robot, laws: skids, ..problem.clone() };
+            let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+            let off = (found.d_m - limit.d_m).abs() / limit.d_m;
+            if let Some((last_off, last_sigma)) = last {
+                // Forces approach those of the constraints, so skidding goes with 1 / c.
+                assert!(off < 0.3 * last_off, "{skids:?} {skid_kg_s}: {off} after {last_off}");
+                for (sigma, last) in found.sigma.iter().zip(last_sigma) {
+                    assert!(*sigma < 0.2 * last, "{skids:?} {skid_kg_s}: {sigma} after {last}");
+                }
+            }
+            last = Some((off, found.sigma));
+        }
+        let (off, sigma) = last.unwrap();
+        assert!(
+            off < 1e-4 && sigma.iter().all(|sigma| *sigma < 1e-4),
+            "{skids:?}: {off} {sigma:?}"
+        );
+    }
+}
+
+#[test]
+fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
+    // Exchanging the side links and looking backwards gives the same robot.
+    let front = Problem {
+        robot: Robot::semi_passive(),
+        gait: Gait::passive_symmetric(),
+        laws: Laws::SKID_ROLL,
+        omega_rad_s: 3.0,
+    };
+    let mut rear = front.clone();
+    rear.gait.joints.swap(0, 1);
+    for laws in [Laws::SKID_ROLL, Laws::SKID, Laws::NO_SKID_ROLL] {
+        let [front, rear] = [&front, &rear].map(|problem| {
+            let problem = Problem { laws, ..problem.clone() };
+            problem.solve(REFERENCE_ACCURACY).unwrap().metrics
+        });
+        assert!((front.d_m - rear.d_m).abs() < 1e-9 * front.d_m, "{laws:?}: {front:?} {rear:?}");
+        assert!((front.sigma[1] - rear.sigma[2]).abs() < 1e-9, "{laws:?}");
+    }
+}
+
+/// Of every kind, with second harmonics, one of them of nothing.
+fn with_second_harmonics() -> Vec<Problem> {
+    let command = |offset_rad: f64, phase_rad: f64, [amplitude2_rad, phase2_rad]: [f64; 2]| {
+        let second = Some(SecondHarmonic::new(amplitude2_rad, phase2_rad));
+        JointCommand { second, ..JointCommand::new(offset_rad, 0.5, phase_rad) }
+    };
+    let (front, rear) = (command(0.3, 0.4, [0.15, 2.0]), command(-0.2, -1.3, [0.2, -1.0]));
+    // Both joints' angles stay apart: that the wheels cannot skid is no contradiction.
+    let apart = [command(0.9, 0.0, [0.1, 2.0]), command(-0.9, -1.6, [0.15, -1.0])];
+    let nothing = command(0.0, 0.2, [0.0, 0.0]);
+    let kinds = [
+        (Robot::kinematic(), [Some(front), Some(rear)], Laws::SKID_ROLL),
+        (Robot::kinematic(), apart.map(Some), Laws::NO_SKID_ROLL),
+        (Robot::kinematic(), [Some(nothing), Some(JointCommand::new(0.0, 0.4, -1.2))], Laws::SKID),
+        (Robot::semi_passive(), [None, Some(rear)], Laws::SKID_ROLL),
+        (Robot::semi_passive(), [Some(front), None], Laws::NO_SKID_ROLL),
+        (Robot::semi_passive(), [None, Some(nothing)], Laws::NO_SKID),
+    ];
+    let problem =
+        |(robot, joints, laws)| Problem { robot, gait: Gait { joints }, laws, omega_rad_s: 3.0 };
+    kinds.into_iter().map(problem).collect()
+}
+
+#[test]
+fn a_second_harmonic_of_nothing_changes_no_bit() {
+    let nothing = |mut problem: Problem| {
+        for command in problem.gait.joints.iter_mut().flatten() {
+            command.second = Some(SecondHarmonic::default());
+        }
+        problem
+    };
+    let gaits = [Gait::symmetric(), Gait::skewed(), Gait::passive_symmetric()];
+    for gait in gaits {
+        for laws in [Laws::SKID_ROLL, Laws::NO_SKID_ROLL] {
+            let problem = Problem { robot: Robot::semi_passive(), gait, laws, omega_rad_s: 3.0 };
+            let solved = |problem: &Problem| -> Result<_, MotionError> {
+                let mut solver = Solver::default();
+                let metrics = solver.solve(problem, FIT_ACCURACY)?;
+                let steady = solver.steady_motion(metrics)?.to_array();
+                let derivatives = solver.derivatives()?;
+                let work = solver.work_derivatives()?;
+                let first = (derivatives.parameters, derivatives.omega, derivatives.gait);
+                Ok((format!("{steady:?} {first:?} {:?}", work.gait), derivatives.second))
+            };
+            match (solved(&problem), solved(&nothing(problem.clone()))) {
+                (Ok((without, second)), Ok((with, _))) => {
+                    assert_eq!(without, with, "{laws:?} {gait:?}");
+                    assert!(second.as_flattened().iter().all(|of| *of == GaitMetrics::NONE));
+                }
+                (without, with) => {
+                    assert_eq!(without.unwrap_err().to_string(), with.unwrap_err().to_string());
+                }
+            }
+        }
+    }
+}
+
+/// The mirror image of a motion is that of the opposite angles; and where time begins changes nothing
+/// but between which poses a robot that turns is displaced.
+#[test]
+fn mirror_image_and_time_shift_of_second_harmonics_leave_the_metrics() {
+    for problem in with_second_harmonics() {
+        let known = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
+        let moved = |of: &dyn Fn(JointCommand) -> JointCommand| {
+            let mut problem = problem.clone();
+            problem.gait.joints = problem.gait.joints.map(|joint| joint.map(of));
+            problem.solve(REFERENCE_ACCURACY).unwrap().metrics
+        };
+        let is_one = |one: GaitMetrics, other: GaitMetrics| {
+            let both = one.to_array().into_iter().zip(other.to_array());
+            both.into_iter().for_each(|(one, other)| {
+                assert!((one - other).abs() < 1e-8 * (other.abs() + 1e-2), "{problem:?}");
+            });
+        };
+        let later = moved(&|of| of.later(0.8));
+        is_one(GaitMetrics { d_m: known.d_m, v_m_s: known.v_m_s, ..later }, known);
+        let mirrored = moved(&|of| {
+            let second = of.second.map(|of| {
+                let (in_phase_rad, quadrature_rad) = (-of.in_phase_rad, -of.quadrature_rad);
+                SecondHarmonic { in_phase_rad, quadrature_rad }
+            });
+            let phase_rad = of.phase_rad + PI;
+            JointCommand { offset_rad: -of.offset_rad, phase_rad, second, ..of }
+        });
+        is_one(GaitMetrics { dtheta_rad: -mirrored.dtheta_rad, ..mirrored }, known);
+    }
+}
+
+#[test]
+fn steady_motions_with_second_harmonics_are_what_follows_from_rest() {
+    const CYCLES: usize = 20;
+    let mut problems = with_second_harmonics();
+    // Without resistance to rolling it takes too long.
+    problems.retain(|problem| problem.laws != Laws::NO_SKID);
+    for problem in problems.into_iter().chain([dry_with_second_harmonics()]) {
+        let GaitMetrics { d_m, dtheta_rad, .. } = problem.solve(1e-8).unwrap().metrics;
+        let period_s = TAU / problem.omega_rad_s;
+        let duration_s = (CYCLES as f64 + 1.5) * period_s;
+        let path = problem.transient(duration_s, 1.0 / period_s, 1e-8).unwrap();
+        let [from, to] = [path[CYCLES - 1], path[CYCLES]];
+        let found_m = (to[0] - from[0]).hypot(to[1] - from[1]);
+        assert!((found_m - d_m).abs() < 1e-5 * d_m, "{found_m} {d_m} {problem:?}");
+        assert!((to[2] - from[2] - dtheta_rad).abs() < 1e-5, "{problem:?}");
+    }
+}
+
+/// Under dry friction that is not too sharp for differences.
+fn dry_with_second_harmonics() -> Problem {
+    let mut problem = with_second_harmonics().remove(0);
+    (problem.laws, problem.robot.transition_m_s) = (Laws::COULOMB_VISCOUS, 0.05);
+    problem
+}
+
+#[test]
+fn derivatives_by_second_harmonics_under_dry_friction_are_those_of_differences() {
+    let problem = dry_with_second_harmonics();
+    let mut solver = Solver::default();
+    solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+    let (derivatives, work) = (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+    for (joint, part) in [(0, 0), (1, 1)] {
+        let difference = |step: f64| -> [f64; 8] {
+            let [low, high] = [-step, step].map(|step| {
+                let mut problem = problem.clone();
+                let second = problem.gait.joints[joint].as_mut().unwrap().second.as_mut().unwrap();
+                *[&mut second.in_phase_rad, &mut second.quadrature_rad][part] += step;
+                problem.solve(1e-12).unwrap().to_array()
+            });
+            std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
+        };
+        let (coarse, fine) = (difference(4e-4), difference(2e-4));
+        let found = derivatives.second[joint][part].to_array().into_iter();
+        for (i, found) in found.chain([work.second[joint][part]]).enumerate() {
+            let known = (4.0 * fine[i] - coarse[i]) / 3.0;
+            let size = known.abs().max(1e-3);
+            assert!((found - known).abs() < 1e-6 * size, "{joint} {part} {i}: {found} {known}");
+        }
+    }
+}
+
+/// A parameter of the robot, or omega, or a joint and which number of its command.
+type Variable = Result<Parameter, Option<(usize, usize)>>;
+
+#[test]
+fn derivatives_are_those_of_central_differences() {
+    let mut problems: Vec<Problem> = rows().into_iter().map(|row| row.problem).collect();
+    let offset = |joint: usize| {
+        let command = JointCommand::new(0.3, 0.5, 0.4);
+        Gait { joints: [0, 1].map(|j| (j == joint).then_some(command)) }
+    };
+    let robot = Robot { rest_angle_rad: -0.1, ..Robot::semi_passive() };
+    for laws in [Laws::NO_SKID, Laws::NO_SKID_ROLL, Laws::SKID, Laws::SKID_ROLL] {
+        // Whole periods, with the front and with the rear joint on its spring.
+        for gait in [offset(0), offset(1)] {
+            problems.push(Problem { robot: robot.clone(), gait, laws, omega_rad_s: 3.0 });
+        }
+        let (robot, gait) = (Robot::kinematic(), Gait::skewed());
+        problems.push(Problem { robot, gait, laws, omega_rad_s: 3.0 });
+    }
+    problems
+        .into_iter()
+        .for_each(|problem| compare_with_differences(problem, Parameter::ALL.len()));
+}
+
+#[test]
+fn derivatives_by_second_harmonics_are_those_of_central_differences() {
+    with_second_harmonics().into_iter().for_each(|problem| compare_with_differences(problem, 0));
+}
+
+/// The derivatives with respect to so many parameters, omega and the gait.
+fn compare_with_differences(problem: Problem, parameters: usize) {
+    let changed = |problem: &Problem, variable: Variable, step: f64| {
+        let mut problem = problem.clone();
+        match variable {
+            Ok(parameter) => {
+                let value = parameter.of(&problem.robot) + step;
+                parameter.set(&mut problem.robot, value);
+            }
+            Err(None) => problem.omega_rad_s += step,
+            Err(Some((joint, number))) => {
+                let command = problem.gait.joints[joint].as_mut().unwrap();
+                match (number, command.second.as_mut()) {
+                    (3, Some(second)) => second.in_phase_rad += step,
+                    (_, Some(second)) if number > 3 => second.quadrature_rad += step,
+                    _ => *command.numbers_mut()[number] += step,
+                }
+            }
+        }
+        problem.solve(1e-13).unwrap().to_array()
+    };
+    let mut solver = Solver::default();
+    let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+    let metrics = solver.steady_motion(metrics).unwrap().to_array();
+    let (derivatives, work) = (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+    let [distance, _] = solver.distance_and_work_derivatives().unwrap();
+    let of_d = |of: &GaitMetrics| of.d_m;
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs()) || b.is_nan();
+    assert!(near(distance.omega, of_d(&derivatives.omega)), "{problem:?}");
+    for (of, found) in distance.parameters.iter() {
+        assert!(near(*found, of_d(&derivatives.parameters[of])), "{of} {problem:?}");
+    }
+    for (found, of) in distance.gait.iter().flatten().zip(derivatives.gait.iter().flatten()) {
+        assert!(near(*found, of_d(of)), "{found} {of:?} {problem:?}");
+    }
+    let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
+    assert!((solver.loss_j().unwrap() - loss_j).abs() <= 1e-12 * work_j.abs(), "{problem:?}");
+    for (found, of) in distance.second.iter().flatten().zip(derivatives.second.iter().flatten()) {
+        assert!(near(*found, of_d(of)), "{found} {of:?} {problem:?}");
+    }
+    let by_parameter = derivatives.parameters.iter().take(parameters);
+    let by_parameter = by_parameter.map(|(of, &found)| (Ok(of), (found, work.parameters[of])));
+    let numbers = (0..2).flat_map(|joint| (0..5).map(move |number| (joint, number)));
+    let by_gait = numbers.map(|(j, n)| {
+        let both = match n {
+            0..3 => (derivatives.gait[j][n], work.gait[j][n]),
+            _ => (derivatives.second[j][n - 3], work.second[j][n - 3]),
+        };
+        (Err(Some((j, n))), both)
+    });
+    let by_omega = [(Err(None), (derivatives.omega, work.omega))];
+    for (variable, (derivative, by_work)) in by_parameter.chain(by_omega).chain(by_gait) {
+        let value = match variable {
+            Ok(parameter) => parameter.of(&problem.robot),
+            Err(None) => problem.omega_rad_s,
+            Err(Some((joint, number))) => match problem.gait.joints[joint] {
+                // The motion without skid exists for none of its neighbours.
+                Some(_) if derivative.d_m.is_nan() => continue,
+                Some(of) if number < 3 => of.to_array()[number],
+                Some(JointCommand { second: Some(second), .. }) => {
+                    [second.in_phase_rad, second.quadrature_rad][number - 3]
+                }
+                _ => continue,
+            },
+        };
+        // Richardson's extrapolation of central differences.
+        let difference = |step: f64| -> [f64; 8] {
+            let (low, high) =
+                (changed(&problem, variable, -step), changed(&problem, variable, step));
+            std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
+        };
+        let step = 2e-3 * if value == 0.0 { 0.1 } else { value };
+        let (coarse, fine) = (difference(step), difference(0.5 * step));
+        let found = derivative.to_array().into_iter().chain([by_work]);
+        for (i, found) in found.enumerate() {
+            let known = (4.0 * fine[i] - coarse[i]) / 3.0;
+            // Relative to the derivative, or to what a change by the whole value would do.
+            let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
+            assert!(
+                (found - known).abs() <= 1e-6 * size + 1e-11,
+                "{:?} {variable:?} metric {i} at {}: {found} against {known}",
+                problem.laws,
+                problem.omega_rad_s,
+            );
+        }
+    }
+}
+
+/// The largest of these values in a cycle over the largest in every eleventh sample of it: 1 for
+/// what is bounded and resolved, 11 for what has a pole. No sample meets a crossing of
+/// `phi1 = phi2`: both densities miss those of the symmetric gait by half a step.
+fn growth(laws: Laws, values: impl Fn(&Sample) -> [f64; 3]) -> f64 {
+    let (robot, gait) = (Robot::kinematic(), Gait::symmetric());
+    let mut solver = Solver::default();
+    solver.solve(&Problem { robot, gait, laws, omega_rad_s: 4.0 }, FORCES_ACCURACY).unwrap();
+    let samples = solver.cycle(1100).unwrap();
+    let largest = |step: usize| {
+        let sizes = samples.iter().step_by(step).flat_map(|sample| values(sample).map(f64::abs));
+        sizes.fold(0.0, f64::max)
+    };
+    largest(1) / largest(11)
+}
+
+/// Sections II.A and II.B: eq. 6 bounds the velocities of the circular gait. The paper has its
+/// constraint forces unbounded with and without losses; without any, and with side links that are
+/// alike, the motion is its own mirror image about the crossing, and the forces have a limit.
+#[test]
+fn where_the_kinematic_robot_crosses_equal_angles_its_forces_are_unbounded_with_losses_alone() {
+    let velocities = |sample: &Sample| {
+        let [x, y, turning, ..] = sample.rates;
+        [x, y, Robot::kinematic().h_m * turning]
+    };
+    let forces = |sample: &Sample| sample.forces.lateral_n;
+    assert!(growth(Laws::NO_SKID, velocities) < 1.05);
+    assert!(growth(Laws::NO_SKID, forces) < 1.05);
+    let with_roll = growth(Laws::NO_SKID_ROLL, forces);
+    assert!((with_roll - 11.0).abs() < 0.1, "{with_roll}");
+}
+
+/// With the passive joint's damping and without its stiffness, which keeps energy.
+#[test]
+fn a_successor_solves_as_the_solver_would_bit_by_bit() {
+    for (robot, gait, laws) in [
+        (Robot::kinematic(), Gait::symmetric(), Laws::SKID_ROLL),
+        (Robot::kinematic(), Gait::skewed(), Laws::COULOMB),
+        (Robot::kinematic(), Gait::skewed(), Laws::NO_SKID),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::NO_SKID_ROLL),
+    ] {
+        let at = |omega_rad_s| Problem { robot: robot.clone(), gait, laws, omega_rad_s };
+        let mut solver = Solver::default();
+        solver.solve(&at(3.9), FIT_ACCURACY).unwrap();
+        let mut successor = solver.successor();
+        assert!(matches!(successor.floquet(), Err(MotionError::Unsolved)), "{laws:?}");
+        let next = |of: &mut Solver| {
+            let metrics = of.solve(&at(4.0), FIT_ACCURACY).unwrap();
+            (metrics, of.effort(), of.derivatives().unwrap())
+        };
+        let (here, there) = (next(&mut solver), next(&mut successor));
+        assert_eq!(format!("{here:?}"), format!("{there:?}"), "{laws:?}");
+    }
+}
+
+#[test]
+fn six_coefficients_dissipate_in_the_kinematic_robot_and_seven_in_the_semi_passive_one() {
+    let count = |robot: Robot, gait: Gait| {
+        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
+        let mut solver = Solver::default();
+        solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
+        let derivatives = solver.derivatives().unwrap().parameters;
+        let dissipating = derivatives.iter().filter(|(parameter, derivative)| {
+            !matches!(parameter, Parameter::RollSum | Parameter::Stiffness)
+                && derivative.to_array().iter().any(|slope| *slope != 0.0)
+        });
+        dissipating.count()
+    };
+    assert_eq!(count(Robot::kinematic(), Gait::skewed()), 6);
+    assert_eq!(count(Robot::semi_passive(), Gait::passive_symmetric()), 7);
+}

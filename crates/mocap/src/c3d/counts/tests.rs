@@ -1,0 +1,486 @@
+//! Files whose header, parameters and size contradict each other, in every way.
+
+use std::path::Path;
+
+use crate::LengthUnit;
+use crate::{MarkerFile, parse_markers, sections};
+
+const BLOCK: usize = 512;
+/// What analog values are; no marker is there.
+const ANALOG: f32 = 7777.0;
+
+/// What is in a file, and what it states of it; without a change both are the same.
+#[derive(Debug, Clone)]
+struct File {
+    points: usize,
+    analog_values: usize,
+    frames: usize,
+    is_float: bool,
+    is_big_endian: bool,
+    /// Bytes after the padded data.
+    more_bytes: usize,
+    // What is stated; of parameters `None` leaves them out.
+    used: Option<u16>,
+    word2: u16,
+    channels: Option<u16>,
+    samples: u16,
+    word3: u16,
+    analog_rate: Option<f32>,
+    scale: Option<f32>,
+    header_scale: f32,
+    rate: f32,
+    header_rate: f32,
+    first: u16,
+    last: u16,
+    frames_stated: Option<u16>,
+    frames_as_float: Option<f32>,
+    long_frames: Option<f32>,
+    range: Option<[u32; 2]>,
+    data_start: Option<u16>,
+    unit: Option<&'static str>,
+    /// Points that are listed as outputs of models.
+    angles: usize,
+    rotations: Option<u16>,
+    is_full: bool,
+    last_pointer: Option<u16>,
+}
+
+impl File {
+    /// Two channels with three samples each where there are analog values at all.
+    fn new(points: usize, frames: usize, is_float: bool, has_analog: bool) -> Self {
+        let scale = if is_float { -0.1 } else { 0.05 };
+        let analog_values = if has_analog { 6 } else { 0 };
+        Self {
+            points,
+            analog_values,
+            frames,
+            is_float,
+            is_big_endian: false,
+            more_bytes: 0,
+            used: Some(points as u16),
+            word2: points as u16,
+            channels: Some(if has_analog { 2 } else { 0 }),
+            samples: if has_analog { 3 } else { 1 },
+            word3: analog_values as u16,
+            analog_rate: has_analog.then_some(300.0),
+            scale: Some(scale),
+            header_scale: scale,
+            rate: 100.0,
+            header_rate: 100.0,
+            first: 1,
+            last: frames.min(65_535) as u16,
+            frames_stated: Some(frames.min(65_535) as u16),
+            frames_as_float: None,
+            long_frames: None,
+            range: None,
+            data_start: None,
+            unit: Some("mm"),
+            angles: 0,
+            rotations: None,
+            is_full: false,
+            last_pointer: None,
+        }
+    }
+
+    fn word(&self, x: u16) -> [u8; 2] {
+        if self.is_big_endian { x.to_be_bytes() } else { x.to_le_bytes() }
+    }
+
+    fn real(&self, x: f32) -> [u8; 4] {
+        if self.is_big_endian { x.to_be_bytes() } else { x.to_le_bytes() }
+    }
+
+    fn record(&self, to: &mut Vec<u8>, id: i8, name: &str, content: &[u8]) {
+        to.extend([name.len() as u8, id.cast_unsigned()]);
+        to.extend(name.as_bytes());
+        to.extend(self.word(content.len() as u16 + 3));
+        to.extend(content);
+        to.push(0);
+    }
+
+    fn texts(&self, to: &mut Vec<u8>, name: &str, texts: &[String]) {
+        let width = texts.iter().map(String::len).max().unwrap_or(0);
+        let mut content = vec![0xff, 2, width as u8, texts.len() as u8];
+        texts.iter().for_each(|text| content.extend(format!("{text:width$}").as_bytes()));
+        self.record(to, 1, name, &content);
+    }
+
+    fn parameters(&self) -> Vec<u8> {
+        let mut to = vec![1, 0x50, 1, if self.is_big_endian { 86 } else { 84 }];
+        for (id, name) in [(-1, "POINT"), (-2, "ANALOG"), (-3, "TRIAL"), (-4, "ROTATION")] {
+            self.record(&mut to, id, name, &[]);
+        }
+        let whole = |to: &mut Vec<u8>, group: i8, name: &str, number: Option<u16>| {
+            let number = number.map(|number| [&[2, 0], &self.word(number)[..]].concat());
+            number.iter().for_each(|content| self.record(to, group, name, content));
+        };
+        let real = |to: &mut Vec<u8>, group: i8, name: &str, number: Option<f32>| {
+            let number = number.map(|number| [&[4, 0], &self.real(number)[..]].concat());
+            number.iter().for_each(|content| self.record(to, group, name, content));
+        };
+        whole(&mut to, 1, "USED", self.used);
+        whole(&mut to, 1, "FRAMES", self.frames_stated);
+        real(&mut to, 1, "FRAMES", self.frames_as_float);
+        real(&mut to, 1, "LONG_FRAMES", self.long_frames);
+        whole(&mut to, 1, "DATA_START", self.data_start);
+        real(&mut to, 1, "SCALE", self.scale);
+        real(&mut to, 1, "RATE", Some(self.rate));
+        whole(&mut to, 2, "USED", self.channels);
+        real(&mut to, 2, "RATE", self.analog_rate);
+        whole(&mut to, 4, "USED", self.rotations);
+        for (i, name) in ["ACTUAL_START_FIELD", "ACTUAL_END_FIELD"].iter().enumerate() {
+            if let Some(range) = self.range {
+                let [low, high] = [range[i] as u16, (range[i] >> 16) as u16].map(|x| self.word(x));
+                self.record(&mut to, 3, name, &[&[2, 1, 2], &low[..], &high].concat());
+            }
+        }
+        if let Some(unit) = self.unit {
+            self.texts(&mut to, "UNITS", &[unit.to_owned()]);
+        }
+        let labels: Vec<String> = (0..self.points).map(|i| format!("Car:{i}")).collect();
+        self.texts(&mut to, "ANGLES", &labels[..self.angles]);
+        self.texts(&mut to, "LABELS", &labels);
+        if let Some(pointer) = self.last_pointer {
+            let at = to.windows(6).rposition(|bytes| bytes == b"LABELS").unwrap() + 6;
+            to.splice(at..at + 2, self.word(pointer));
+        }
+        // Of a text without its letters.
+        const LEAST_RECORD: usize = 12;
+        let length = (to.len() + LEAST_RECORD).next_multiple_of(BLOCK);
+        while self.is_full && to.len() < length {
+            let letters = match length - to.len() {
+                rest @ 251.. => rest.min(120),
+                rest => rest - LEAST_RECORD,
+            };
+            self.texts(&mut to, "PAD", &["x".repeat(letters)]);
+        }
+        to.resize(length, 0);
+        to[2] = (length / BLOCK) as u8;
+        to
+    }
+
+    /// Where a point is in a frame, mm.
+    fn position(point: usize, frame: usize) -> [f64; 3] {
+        [100.0 + (frame % 1000) as f64, 20.0 * (point + 1) as f64, 50.0]
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let parameters = self.parameters();
+        let mut file = vec![2, 0x50];
+        for word in [self.word2, self.word3, self.first, self.last, 0] {
+            file.extend(self.word(word));
+        }
+        file.extend(self.real(self.header_scale));
+        file.extend(self.word(2 + (parameters.len() / BLOCK) as u16));
+        file.extend(self.word(self.samples));
+        file.extend(self.real(self.header_rate));
+        file.resize(BLOCK, 0);
+        file.extend(parameters);
+        let scale = f64::from(self.header_scale.abs());
+        let mut push = |x: f64, unit: f64| match self.is_float {
+            true => file.extend(self.real(x as f32)),
+            false => file.extend(self.word(((x / unit).round() as i16).cast_unsigned())),
+        };
+        for frame in 0..self.frames {
+            for point in 0..self.points {
+                Self::position(point, frame).iter().for_each(|x| push(*x, scale));
+                push(0.0, 1.0);
+            }
+            (0..self.analog_values).for_each(|_| push(ANALOG.into(), 1.0));
+        }
+        file.resize(file.len().next_multiple_of(BLOCK), 0);
+        file.resize(file.len() + self.more_bytes, 1);
+        file
+    }
+
+    fn read(&self) -> Result<MarkerFile, String> {
+        let (path, bytes) = (Path::new("a.c3d"), self.bytes());
+        let _ = sections(path, &bytes);
+        parse_markers(path, &bytes, LengthUnit::Mm).map_err(|error| error.to_string())
+    }
+
+    /// Markers and frames as they are in the file.
+    fn assert_right(&self, read: &MarkerFile) {
+        assert_eq!(read.frames.len(), self.frames, "{self:?}");
+        assert_eq!(read.labels.len(), self.points, "{self:?}");
+        for row in 0..self.frames {
+            for point in 0..self.points {
+                let (found, is) = (read.position_mm(row, point), Self::position(point, row));
+                let off = (0..3).map(|axis| (found[axis] - is[axis]).abs()).fold(0.0, f64::max);
+                assert!(off < 1e-3, "{self:?}: {found:?} for {is:?} in row {row}");
+            }
+        }
+    }
+
+    /// Right, without a doubt.
+    fn assert_read(&self) {
+        let read = self.read().unwrap();
+        assert_eq!(read.doubts, [""; 0]);
+        self.assert_right(&read);
+    }
+
+    /// Right, and said with all numbers; or refused with all of them.
+    fn assert_told(&self, numbers: &[&str]) {
+        let message = match self.read() {
+            Ok(read) => {
+                self.assert_right(&read);
+                read.doubts.join("; ")
+            }
+            Err(message) => message,
+        };
+        for number in numbers {
+            assert!(message.contains(number), "{message:?} without {number:?}: {self:?}");
+        }
+    }
+
+    /// As [`File::assert_told`], and not refused.
+    fn assert_right_and_told(&self, numbers: &[&str]) {
+        assert!(self.read().is_ok(), "{:?}", self.read());
+        self.assert_told(numbers);
+    }
+}
+
+/// Short files, which fill a block whatever they state, and long ones.
+fn all() -> impl Iterator<Item = File> {
+    let sizes = [(2, 6), (3, 600), (10, 900)];
+    sizes.into_iter().flat_map(|(points, frames)| {
+        [(true, true), (true, false), (false, true), (false, false)]
+            .into_iter()
+            .map(move |(is_float, has_analog)| File::new(points, frames, is_float, has_analog))
+    })
+}
+
+#[test]
+fn a_file_that_agrees_with_itself_is_read_without_a_doubt() {
+    for file in all() {
+        file.assert_read();
+        File { used: None, frames_stated: None, scale: None, channels: None, ..file.clone() }
+            .assert_read();
+        File { analog_rate: None, range: Some([1, file.frames as u32]), ..file.clone() }
+            .assert_read();
+        File { is_big_endian: true, ..file.clone() }.assert_read();
+        // Blocks of zeros hold nothing.
+        let bytes = [file.bytes(), vec![0; 3 * BLOCK]].concat();
+        let read = parse_markers(Path::new("a.c3d"), &bytes, LengthUnit::Mm).unwrap();
+        assert_eq!(read.doubts, [""; 0]);
+        file.assert_right(&read);
+        // The scale of floating-point numbers scales nothing.
+        if file.is_float {
+            File { header_scale: -1.0, ..file }.assert_read();
+        }
+    }
+}
+
+#[test]
+fn every_contradiction_is_settled_by_the_size_or_refused_with_all_numbers() {
+    for file in all() {
+        let is_long = file.frames > 100;
+        for other in [1, 5, file.points + 1, 2 * file.points, 40] {
+            if other == file.points {
+                continue;
+            }
+            let numbers = [format!("{} (", file.points), format!("{other} (")];
+            let numbers = numbers.each_ref().map(String::as_str);
+            let other = other as u16;
+            let files =
+                [File { used: Some(other), ..file.clone() }, File { word2: other, ..file.clone() }];
+            for file in files {
+                if is_long {
+                    file.assert_right_and_told(&numbers)
+                } else {
+                    file.assert_told(&numbers)
+                }
+            }
+        }
+        for other in [0, 1, 2, 4, 12] {
+            let product = other * file.samples;
+            let numbers = [format!("{} (", file.analog_values), format!("{other} (header word 3")];
+            let numbers = numbers.each_ref().map(String::as_str);
+            if usize::from(other) != file.analog_values {
+                let file = File { word3: other, ..file.clone() };
+                if is_long {
+                    file.assert_right_and_told(&numbers)
+                } else {
+                    file.assert_told(&numbers)
+                }
+            }
+            if usize::from(product) != file.analog_values {
+                let numbers = [numbers[0], &format!("{product} (ANALOG:USED")];
+                let file = File { channels: Some(other), ..file.clone() };
+                if is_long {
+                    file.assert_right_and_told(&numbers)
+                } else {
+                    file.assert_told(&numbers)
+                }
+            }
+        }
+        if file.analog_values > 0 {
+            let numbers = ["2 (ANALOG:USED", "6 (header word 3"];
+            File { samples: 1, ..file.clone() }.assert_right_and_told(&numbers);
+            // Header word 3 counts the channels.
+            let numbers = ["6 (ANALOG:USED", "2 (header word 3"];
+            File { word3: 2, ..file.clone() }.assert_right_and_told(&numbers);
+        }
+        for other in [1, file.frames - 1, file.frames + 1, 2 * file.frames, 40_000] {
+            let numbers = [format!("{} (", file.frames), format!("{other} (")];
+            let numbers = numbers.each_ref().map(String::as_str);
+            let (frames, last) = (Some(other as u16), other as u16);
+            File { frames_stated: frames, ..file.clone() }.assert_right_and_told(&numbers);
+            File { last, ..file.clone() }.assert_right_and_told(&numbers);
+            let long_frames = Some(other as f32);
+            File { long_frames, ..file.clone() }.assert_right_and_told(&numbers);
+            let range = Some([1, other as u32]);
+            File { range, ..file.clone() }.assert_right_and_told(&numbers);
+        }
+        // Of the other format, by the header or by the parameter.
+        let (own, other) = (file.header_scale, if file.is_float { 0.05 } else { -0.1 });
+        let numbers = [format!("{own} ("), format!("{other} (")];
+        let numbers = numbers.each_ref().map(String::as_str);
+        let files = [File { scale: Some(other), ..file.clone() }];
+        for file in files {
+            if is_long { file.assert_right_and_told(&numbers) } else { file.assert_told(&numbers) }
+        }
+        if !file.is_float {
+            let message = File { scale: Some(0.02), ..file.clone() }.read().unwrap_err();
+            assert!(message.contains("0.02 (POINT:SCALE) and 0.05 (header"), "{message}");
+        }
+        File { rate: 120.0, ..file.clone() }.assert_right_and_told(&["120 (", "100 (header"]);
+        // The place of the data is where they fill the file.
+        File { data_start: Some(2), ..file.clone() }.assert_read();
+    }
+}
+
+/// Header and parameters are wrong alike: only the size can say it.
+#[test]
+fn what_only_the_size_contradicts_is_told_with_the_bytes_or_refused() {
+    for file in all().filter(|file| file.frames > 100) {
+        let told = |file: File, number: &str| {
+            let message = match file.read() {
+                Ok(read) => read.doubts.join("; "),
+                Err(message) => message,
+            };
+            assert!(message.contains(number), "{message:?} without {number:?}: {file:?}");
+        };
+        for points in [1, 2, 5, 11] {
+            let file = File { used: Some(points), word2: points, ..file.clone() };
+            if usize::from(points) != file.points {
+                told(file, "frames");
+            }
+        }
+        for values in [1, 12] {
+            let (channels, samples) = (Some(values), 1);
+            told(File { channels, samples, word3: values, ..file.clone() }, "frames");
+        }
+        let (frames, more) = ((file.frames / 2) as u16, (file.frames + 100) as u16);
+        let fewer = File { last: frames, frames_stated: Some(frames), ..file.clone() };
+        told(fewer, &format!("{frames} of "));
+        let more = File { last: more, frames_stated: Some(more), ..file.clone() };
+        told(more, " frames, needed all of them; is the copy complete?");
+        let scale = if file.is_float { 0.05 } else { -0.1 };
+        told(File { scale: Some(scale), header_scale: scale, ..file.clone() }, "frames");
+        // What follows the data, as in files of which a part was cut off in the header.
+        let message = File { more_bytes: 2000, ..file.clone() }.read().unwrap().doubts.join("; ");
+        assert!(message.contains(&format!("{} of ", file.frames)), "{message}");
+    }
+}
+
+#[test]
+fn the_values_a_frame_are_those_of_all_samples_where_the_header_counts_channels() {
+    let file = File { word3: 2, ..File::new(2, 6, true, true) };
+    let read = file.read().unwrap();
+    file.assert_right(&read);
+    let told = "analog values a frame: found 6 (ANALOG:USED x header word 10) and 2 (header word 3), took 6";
+    assert_eq!(read.doubts, [told]);
+    let listed = sections(Path::new("a.c3d"), &file.bytes()).unwrap();
+    let analog = listed.iter().find(|section| section.name == "Analog").unwrap();
+    assert_eq!((analog.rate_hz, analog.rows), (Some(300.0), 18));
+    // Of a few frames without a rate nobody knows.
+    let unknown = File { analog_rate: None, ..file }.read().unwrap_err();
+    assert!(unknown.contains("counts that contradict each other"), "{unknown}");
+}
+
+#[test]
+fn recordings_beyond_65535_frames_are_read_to_their_end() {
+    for is_float in [false, true] {
+        // Counts that end there, that are counted from 0 again, and that are whole elsewhere.
+        let ends = File::new(1, 70_000, is_float, false);
+        ends.assert_read();
+        File { frames_stated: None, ..ends.clone() }.assert_read();
+        File { last: 4_464, frames_stated: Some(65_535), ..ends.clone() }
+            .assert_right_and_told(&["4464 (header words 4 and 5)", "took 70000"]);
+        File { last: 4_464, frames_stated: Some(4_464), ..ends.clone() }
+            .assert_right_and_told(&["4464 (POINT:FRAMES)", "took 70000"]);
+        File { range: Some([1, 70_000]), frames_stated: Some(4_464), ..ends.clone() }.assert_read();
+        File { long_frames: Some(70_000.0), last: 4_464, ..ends.clone() }.assert_read();
+        let (frames_stated, frames_as_float) = (None, Some(70_000.0));
+        File { frames_stated, frames_as_float, ..ends.clone() }.assert_read();
+        File { frames: 65_535, ..ends }.assert_read();
+    }
+    let late =
+        File { first: 60_000, last: 65_535, range: None, ..File::new(2, 9_000, true, false) };
+    let read = late.read().unwrap();
+    late.assert_right(&read);
+    assert_eq!((read.frames[0], read.doubts.len()), (60_000, 0));
+}
+
+#[test]
+fn a_parameter_section_may_be_full_and_its_last_record_lead_anywhere() {
+    for file in all() {
+        File { last_pointer: Some(0x1100), ..file.clone() }.assert_read();
+        File { last_pointer: Some(0), ..file.clone() }.assert_read();
+        File { is_full: true, is_big_endian: true, ..file.clone() }.assert_read();
+        File { is_full: true, ..file }.assert_read();
+    }
+}
+
+#[test]
+fn units_are_understood_and_a_missing_one_is_told() {
+    let file = File::new(2, 6, true, false);
+    for (unit, mm) in [
+        ("mm", 1.0),
+        ("MM", 1.0),
+        ("millimetres", 1.0),
+        ("cm", 10.0),
+        ("m", 1000.0),
+        ("Meters", 1000.0),
+        ("metres", 1000.0),
+        ("inches", 25.4),
+    ] {
+        let read = File { unit: Some(unit), ..file.clone() }.read().unwrap();
+        assert_eq!(read.position_mm(0, 1), [100.0, 40.0, 50.0].map(|x: f64| x * mm), "{unit}");
+    }
+    let other = File { unit: Some("deg"), ..file.clone() }.read().unwrap_err();
+    let needed = "needed a unit of length: `mm`, `cm`, `m`, `in`";
+    assert_eq!(other, format!("a.c3d: found POINT:UNITS `deg`, {needed}"));
+    let none = File { unit: None, ..file };
+    for unit in LengthUnit::ALL {
+        let read = parse_markers(Path::new("a.c3d"), &none.bytes(), unit).unwrap();
+        assert_eq!(read.position_mm(5, 0), [105.0, 20.0, 50.0].map(|x: f64| x * unit.mm()));
+        let told = format!("unit: found none (POINT:UNITS), took {unit} (vicon.unit)");
+        assert_eq!(read.doubts, [told]);
+    }
+}
+
+#[test]
+fn a_file_without_markers_says_what_it_has_instead() {
+    let plain = File::new(2, 6, true, false);
+    let outputs = File { angles: 2, ..plain.clone() }.read().unwrap_err();
+    assert_eq!(
+        outputs,
+        "a.c3d: found 2 points that are outputs of models (POINT:ANGLES) and no markers, needed at \
+         least one marker in POINT:LABELS; export the labelled trajectories"
+    );
+    let none = File { points: 0, used: Some(0), word2: 0, ..plain };
+    let needed = "needed positions of markers; export the labelled trajectories";
+    let found = "found no points (POINT:USED is 0)";
+    assert_eq!(
+        none.read().unwrap_err(),
+        format!("a.c3d: {found}, as in a file of rotations or events only, {needed}")
+    );
+    let rotations = File { rotations: Some(3), ..none.clone() };
+    let message = rotations.read().unwrap_err();
+    assert_eq!(message, format!("a.c3d: {found}, only rotations of 3 segments, {needed}"));
+    let analog = File { points: 0, used: Some(0), word2: 0, ..File::new(2, 6, true, true) };
+    let message = analog.read().unwrap_err();
+    assert_eq!(message, format!("a.c3d: {found}, only analog channels, {needed}"));
+}

@@ -1,0 +1,234 @@
+//! C3D, the cameras' binary format (<https://www.c3d.org>): a header of 512 bytes, a section of
+//! parameters, then frame by frame every point (X, Y, Z, residual) and every analog sample.
+//!
+//! Everything that the file states about its own size is checked against the bytes that are there.
+
+mod counts;
+mod parameters;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use super::cells::{label_text, shown};
+use super::markers::{LARGEST_MM, MISSING};
+use super::{MarkerFile, Problem, Section, units};
+use crate::LengthUnit;
+use counts::{Counts, Layout};
+use parameters::{ByteOrder, Parameters};
+
+const BLOCK: usize = 512;
+/// Blocks that a section of parameters can have: they are counted by one byte.
+const MOST_PARAMETER_BLOCKS: usize = 255;
+/// Second byte of every C3D file.
+const MAGIC: u8 = 0x50;
+/// Lists of points that are not markers but what models made of them.
+const MODEL_OUTPUTS: [&str; 5] = ["ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS"];
+
+/// Whether a file is C3D, by its content or else by its name.
+pub(super) fn is_c3d(path: &Path, content: &[u8]) -> bool {
+    let name = path.to_string_lossy().to_ascii_lowercase();
+    let is_named = name.strip_suffix(".gz").unwrap_or(&name).ends_with(".c3d");
+    let order = || ByteOrder::of(parameter_section(content)?).ok();
+    is_named || content.get(1) == Some(&MAGIC) && order().is_some()
+}
+
+/// The bytes from the parameters' start that can belong to them.
+fn parameter_section(content: &[u8]) -> Option<&[u8]> {
+    let block = usize::from(*content.first()?).checked_sub(1)?;
+    let section = content.get(block * BLOCK..)?;
+    Some(&section[..section.len().min(MOST_PARAMETER_BLOCKS * BLOCK)])
+}
+
+/// The markers of a C3D file; `unit` is that of a file which does not say its own.
+pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<MarkerFile, Problem> {
+    let mut contents = Contents::read(content)?;
+    let said = contents.mm_per_unit()?;
+    if said.is_none() {
+        contents.doubts.push(format!("unit: found none (POINT:UNITS), took {unit} (vicon.unit)"));
+    }
+    let mm_per_unit = said.unwrap_or(unit.mm());
+    let markers = contents.markers()?;
+    let mut positions_mm = Vec::with_capacity(markers.len() * contents.layout.frame_count);
+    for (i, frame) in contents.frames(content).enumerate() {
+        for (point, label) in &markers {
+            let seen = contents.position(frame, *point).unwrap_or(MISSING);
+            let position = seen.map(|x| x * mm_per_unit);
+            if let Some(x) = position.iter().find(|x| x.abs() > LARGEST_MM) {
+                let frame = contents.first_frame + i as i64;
+                let found = format!("{x} mm for {label} in frame {frame}");
+                return Err(Problem::new(found, "a number of mm within a kilometre"));
+            }
+            positions_mm.push(position);
+        }
+    }
+    Ok(MarkerFile {
+        rate_hz: contents.rate_hz,
+        frames: (contents.first_frame..).take(contents.layout.frame_count).collect(),
+        labels: markers.into_iter().map(|(_, label)| label).collect(),
+        rows_without_frame: 0,
+        rows_too_long: 0,
+        doubts: contents.doubts,
+        positions_mm,
+    })
+}
+
+/// Points and analog samples as if they were sections of an export.
+pub(super) fn sections(content: &[u8]) -> Result<Vec<Section>, Problem> {
+    let contents = Contents::read(content)?;
+    let section =
+        |name: &str, rate_hz, rows| Section { name: name.to_owned(), line: 0, rate_hz, rows };
+    let (frame_count, per_frame) = (contents.layout.frame_count, contents.analog_per_frame);
+    let analog_hz = contents.rate_hz.map(|rate_hz| rate_hz * per_frame as f64);
+    let points = section("Points", contents.rate_hz, frame_count);
+    let analog = section("Analog", analog_hz, frame_count.saturating_mul(per_frame));
+    Ok([points].into_iter().chain((contents.layout.analog_values > 0).then_some(analog)).collect())
+}
+
+/// What a file holds.
+struct Contents<'f> {
+    parameters: Parameters<'f>,
+    layout: Layout,
+    /// Analog samples a frame and channel.
+    analog_per_frame: usize,
+    first_frame: i64,
+    rate_hz: Option<f64>,
+    /// Units of the file in one step of integer data.
+    scale: f64,
+    /// Numbers that contradict each other, and what was taken.
+    doubts: Vec<String>,
+}
+
+impl<'f> Contents<'f> {
+    fn read(content: &'f [u8]) -> Result<Self, Problem> {
+        let header = content.get(..BLOCK).filter(|header| header[1] == MAGIC).ok_or_else(|| {
+            Problem::new("no C3D header", "512 bytes of which the second is 0x50")
+        })?;
+        let section = parameter_section(content)
+            .ok_or_else(|| Problem::new("no parameter section", "one inside the file"))?;
+        let order = ByteOrder::of(section).map_err(|found| {
+            Problem::new(format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
+        })?;
+        let word = |number: usize| {
+            let at = 2 * (number - 1);
+            usize::from(order.u16([header[at], header[at + 1]]))
+        };
+        // The section ends where the data begin, or else after as many blocks as it says.
+        let blocks = match word(9).checked_sub(usize::from(header[0])) {
+            Some(blocks) if blocks > 0 => blocks,
+            _ => section.get(2).map_or(0, |&blocks| blocks.into()),
+        };
+        let parameters = Parameters::read(section, blocks * BLOCK, order)
+            .ok_or_else(|| Problem::new("a cut or damaged parameter section", "a whole one"))?;
+        let counts = Counts::read(header, &parameters, content.len());
+        if counts.has_no_points() {
+            return Err(no_points(&parameters, word(3)));
+        }
+        let (layout, doubts) = counts.layout(content)?;
+        let analog_per_frame = match parameters.number("ANALOG", "USED") {
+            Some(channels) if channels >= 1.0 => layout.analog_values / channels as usize,
+            _ => word(10),
+        };
+        Ok(Self {
+            scale: if layout.is_float { -1.0 } else { counts.integer_scale()? },
+            layout,
+            analog_per_frame,
+            first_frame: counts.first_frame,
+            rate_hz: counts.rate_hz(),
+            doubts,
+            parameters,
+        })
+    }
+
+    /// Index and label of every point that is a marker. Unlabelled points have none, or `*12`.
+    fn markers(&self) -> Result<Vec<(usize, String)>, Problem> {
+        let texts = |name: &str| self.parameters.texts("POINT", name);
+        let lists: Vec<(&str, Vec<&[u8]>)> =
+            MODEL_OUTPUTS.iter().filter_map(|name| Some((*name, texts(name)?))).collect();
+        let more = (2..).map_while(|i| texts(&format!("LABELS{i}"))).flatten();
+        let labels = texts("LABELS").unwrap_or_default().into_iter().chain(more);
+        let is_labelled = |label: &[u8]| !label.is_empty() && label[0] != b'*';
+        let labelled: Vec<(usize, &[u8])> = labels
+            .take(self.layout.points)
+            .enumerate()
+            .filter(|(_, label)| is_labelled(label))
+            .collect();
+        let list_of =
+            |label: &[u8]| lists.iter().find(|(_, of)| of.contains(&label)).map(|(name, _)| *name);
+        let markers = labelled.iter().filter(|(_, label)| list_of(label).is_none());
+        let text = |(point, label): &(usize, &[u8])| (*point, label_text(label));
+        let markers: Vec<(usize, String)> = markers.map(text).collect();
+        if !markers.is_empty() {
+            return Ok(markers);
+        }
+        let (all, outputs) = (self.layout.points, labelled.len());
+        let mut found = Vec::new();
+        if outputs > 0 {
+            let mut named: Vec<&str> =
+                labelled.iter().filter_map(|(_, label)| list_of(label)).collect();
+            named.dedup();
+            let named: Vec<String> = named.iter().map(|name| format!("POINT:{name}")).collect();
+            found.push(format!(
+                "{outputs} points that are outputs of models ({}) and no markers",
+                named.join(", ")
+            ));
+        }
+        if all > outputs {
+            found.push(format!("{} points without a label", all - outputs));
+        }
+        let needed = "at least one marker in POINT:LABELS; export the labelled trajectories";
+        Err(Problem::new(found.join(" and "), needed))
+    }
+
+    /// Millimetres a unit of the file, if it says its unit.
+    fn mm_per_unit(&self) -> Result<Option<f64>, Problem> {
+        let units = self.parameters.texts("POINT", "UNITS").unwrap_or_default();
+        match units.first().copied().unwrap_or_default() {
+            b"" => Ok(None),
+            unit => match units::of_text(unit) {
+                Some(unit) => Ok(Some(unit.mm())),
+                None => {
+                    let found = format!("POINT:UNITS `{}`", shown(unit));
+                    Err(Problem::new(found, units::needed()))
+                }
+            },
+        }
+    }
+
+    /// The bytes of each frame.
+    fn frames<'c>(&self, content: &'c [u8]) -> impl Iterator<Item = &'c [u8]> {
+        let data = content.get(self.layout.data_start..).unwrap_or_default();
+        data.chunks_exact(self.layout.frame_bytes()).take(self.layout.frame_count)
+    }
+
+    /// Where a point was, in the file's unit; `None` if the cameras did not see it.
+    fn position(&self, frame: &[u8], point: usize) -> Option<[f64; 3]> {
+        let order = self.parameters.order;
+        let (position, residual) = if self.layout.is_float {
+            let [x, y, z, residual] = values::<4>(frame, point)?.map(|bytes| order.f32(bytes));
+            ([x, y, z].map(f64::from), residual)
+        } else {
+            let [x, y, z, residual] = values::<2>(frame, point)?.map(|bytes| order.i16(bytes));
+            ([x, y, z].map(|x| f64::from(x) * self.scale), f32::from(residual))
+        };
+        (residual >= 0.0 && position.iter().all(|x| !x.is_nan())).then_some(position)
+    }
+}
+
+/// The four values of a point in a frame.
+fn values<const N: usize>(frame: &[u8], point: usize) -> Option<[[u8; N]; 4]> {
+    frame.as_chunks::<N>().0.get(4 * point..)?.first_chunk().copied()
+}
+
+/// What a file without points holds instead.
+fn no_points(parameters: &Parameters, analog_values: usize) -> Problem {
+    let used = |group: &str| parameters.number(group, "USED").filter(|used| *used > 0.0);
+    let instead = match (used("ROTATION"), analog_values) {
+        (Some(rotations), _) => format!("only rotations of {rotations} segments"),
+        (None, 0) => "as in a file of rotations or events only".to_owned(),
+        (None, _) => "only analog channels".to_owned(),
+    };
+    let found = format!("no points (POINT:USED is 0), {instead}");
+    Problem::new(found, "positions of markers; export the labelled trajectories")
+}

@@ -1,0 +1,48 @@
+//! Figures as data to SVG, PNG, PDF and CSV, with the same bytes on every machine.
+//!
+//! A [`Figure`] is a grid of [`Panel`]s, a panel's [`Layer`]s are its lines, bands and markers, and a
+//! layer's [`Look`] says how it is drawn. Nothing here knows what the numbers mean.
+//!
+//! - The data: `figure` and `style`.
+//! - The layout: `axis` ([`Scale`], ticks), `grid`, `legend`.
+//! - The drawing: `draw`, `frame` and `polyline` onto plotters' backend, `svg`; `render` gives a
+//!   [`Drawing`].
+//! - The files: `encode` ([`Format`]), `raster` (PNG), `pdf`, and `plotted`, the numbers as CSV and as
+//!   a text alternative.
+//!
+//! ```
+//! use trilink_plot::{Figure, Format, Layer, Layout, Look, Panel, RGBColor};
+//!
+//! let look = Look::Line { colour: RGBColor(0, 114, 178), dash: None };
+//! let line = Layer::new("d", [(1.0, 0.31), (2.0, 0.42)], look);
+//! let panel = Panel::new("", "Actuation frequency ω (rad/s)", "d (m)", vec![line]);
+//! let figure = Figure::new("distance", Default::default(), &[], Layout::Grid, vec![panel]);
+//! assert!(figure.encode(Format::Svg).unwrap().starts_with(b"<svg"));
+//! assert_eq!(figure.encode(Format::Csv).unwrap().split(|b| *b == b'\n').count(), 4);
+//! ```
+//!
+//! The example `figure` draws two panels with curves and error bars in every format.
+
+mod axis;
+mod draw;
+mod encode;
+mod figure;
+mod frame;
+mod grid;
+mod legend;
+mod pdf;
+mod plotted;
+mod polyline;
+mod raster;
+mod render;
+mod style;
+mod svg;
+
+pub use axis::{Range, Scale};
+pub use encode::{DrawError, Format};
+pub use figure::{Figure, Layer, Layout, Panel, Point, Print};
+pub use plotted::{number, text_alternative};
+pub use plotters::style::RGBColor;
+pub use polyline::envelope;
+pub use render::Drawing;
+pub use style::{DASHES, Dash, INK, Look, ROBOTO, SOLID, Shape, WIDTH};

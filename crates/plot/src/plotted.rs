@@ -1,0 +1,158 @@
+//! What figures show without drawing it: the numbers as CSV, and a description.
+
+use trilink_base::csv::field;
+
+use super::{Figure, Panel, Point};
+
+/// The plotted numbers, one row per point, each quantity in a column of its name and unit;
+/// `*_error_95` is the half-width of the error bar. Where trials were computed a last column,
+/// `origin`, says so.
+pub(crate) fn csv(figure: &Figure) -> String {
+    let csv = figure.csv.clone().unwrap_or_else(|| of_panels(figure));
+    match figure.is_synthetic {
+        true => with_origin(&csv),
+        false => csv,
+    }
+}
+
+/// A table of which every row says that its trials are synthetic.
+fn with_origin(csv: &str) -> String {
+    let (mut with_origin, mut is_quoted) = (String::with_capacity(2 * csv.len()), false);
+    let mut origin = ",origin";
+    for c in csv.chars() {
+        is_quoted ^= c == '"';
+        if c == '\n' && !is_quoted {
+            with_origin.push_str(std::mem::replace(&mut origin, ",synthetic"));
+        }
+        with_origin.push(c);
+    }
+    with_origin
+}
+
+fn of_panels(figure: &Figure) -> String {
+    let of_panels: Vec<Vec<String>> = figure.panels.iter().map(columns).collect();
+    let mut all: Vec<&String> = Vec::new();
+    for name in of_panels.iter().flatten() {
+        if !all.contains(&name) {
+            all.push(name);
+        }
+    }
+    let layers = figure.panels.iter().flat_map(|panel| &panel.layers);
+    let have_trials = layers.clone().any(|layer| !layer.trials.is_empty());
+    let trial = if have_trials { "trial," } else { "" };
+    let names: String = all.iter().map(|name| format!(",{name}")).collect();
+    let mut csv = format!("panel,title,{trial}layer{names}\n");
+    for ((letter, panel), own) in figure.lettered().zip(&of_panels) {
+        let title = field(&panel.title);
+        let place = |name| all.iter().position(|of| *of == name);
+        let places: Vec<Option<usize>> = own.iter().map(place).collect();
+        for layer in &panel.layers {
+            let name = field(&layer.name);
+            for (nth, Point { x, y, error }) in layer.points.iter().enumerate() {
+                let trial = layer.trials.get(nth).map_or("", String::as_str);
+                let trial = if have_trials { field(trial) + "," } else { String::new() };
+                let mut values = vec![String::new(); all.len()];
+                for (place, value) in places.iter().zip([x, y, error]) {
+                    if let Some(place) = place {
+                        values[*place] = number(*value);
+                    }
+                }
+                csv.push_str(&format!("{letter},{title},{trial}{name},{}\n", values.join(",")));
+            }
+        }
+    }
+    csv
+}
+
+/// Columns of what a panel plots against what, and of its error bars if it has any.
+fn columns(panel: &Panel) -> Vec<String> {
+    let [x, y] = [&panel.x_label, &panel.y_label].map(|label| column(label));
+    let mut errors = panel.layers.iter().flat_map(|layer| &layer.points).map(|point| point.error);
+    let error = errors.any(f64::is_finite).then(|| format!("{y}_error_95"));
+    [x, y].into_iter().chain(error).collect()
+}
+
+/// The quantity and the unit of an axis as the name of a column: `omega_rad_s` for
+/// `Actuation frequency ω (rad/s)`.
+fn column(label: &str) -> String {
+    let with_unit = label.strip_suffix(')').and_then(|label| label.split_once(" ("));
+    let (words, unit) = with_unit.unwrap_or((label, ""));
+    // A symbol at the end says what the words before it say.
+    let last = words.rsplit(' ').next().unwrap_or_default();
+    let mut letters = last.chars().filter(|c| !('₀'..='₉').contains(c));
+    let is_symbol = letters.next().is_some_and(|c| c.is_lowercase()) && letters.next().is_none();
+    let words = if is_symbol { last } else { words };
+    let mut name = String::new();
+    for c in format!("{words} {}", unit.replace("N m", "Nm")).chars() {
+        match c {
+            'Δ' => name.push_str("delta_"),
+            'α' => name.push_str("alpha"),
+            'θ' => name.push_str("theta"),
+            'σ' => name.push_str("sigma"),
+            'φ' => name.push_str("phi"),
+            'ω' => name.push_str("omega"),
+            '%' => name.push_str("percent"),
+            '₀'..='₉' => name.extend(char::from_digit(c as u32 - '₀' as u32, 10)),
+            // As `skid0` everywhere.
+            '0'..='9' => name = name.trim_end_matches('_').to_owned() + &c.to_string(),
+            c if c.is_alphanumeric() => name.extend(c.to_lowercase()),
+            _ if name.ends_with('_') => {}
+            _ => name.push('_'),
+        }
+    }
+    name.trim_end_matches('_').to_owned()
+}
+
+/// What a figure shows for those who cannot see it.
+pub fn text_alternative(figure: &Figure) -> String {
+    let of_panels = || {
+        let titles = figure.lettered().map(|(letter, panel)| {
+            format!(" ({letter}) {}: {} against {}.", panel.title, panel.y_label, panel.x_label)
+        });
+        format!("{}.{}", figure.title, titles.collect::<String>())
+    };
+    figure.alternative.clone().unwrap_or_else(of_panels)
+}
+
+/// Ten digits: what the tables are good for, without the noise of a change of units. Nothing for
+/// what is not a number.
+pub fn number(value: f64) -> String {
+    if !value.is_finite() {
+        return String::new();
+    }
+    let rounded: f64 = format!("{value:.9e}").parse().unwrap_or(value);
+    rounded.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_trials_are_in_quotes_where_they_have_to_be() {
+        use crate::{Layer, Layout};
+        let layer = Layer::new("a", [(1.0, 2.0)], crate::Look::Guides);
+        let layer = Layer { trials: vec!["one, \"two\"".to_owned()], ..layer };
+        let panels = vec![Panel::new("", "Time (s)", "d (m)", vec![layer])];
+        let csv = csv(&Figure::new("any", Default::default(), &[], Layout::Grid, panels));
+        assert!(csv.ends_with("a,,\"one, \"\"two\"\"\",a,1,2\n"), "{csv}");
+    }
+
+    #[test]
+    fn columns_are_named_by_the_quantity_and_its_unit() {
+        for (label, name) in [
+            ("Actuation frequency ω (rad/s)", "omega_rad_s"),
+            ("Mean speed v (mm/s)", "v_mm_s"),
+            ("Skid ratio σ₁", "sigma1"),
+            ("φ₁ (deg)", "phi1_deg"),
+            ("Time (s)", "time_s"),
+            ("Residual (%)", "residual_percent"),
+            ("Skid 0 (kg/s)", "skid0_kg_s"),
+            ("Damping (N m s/rad)", "damping_nm_s_rad"),
+            ("ΔJ (% of J)", "delta_j_percent_of_j"),
+            ("Start, by rank", "start_by_rank"),
+        ] {
+            assert_eq!(column(label), name);
+        }
+    }
+}

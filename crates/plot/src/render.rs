@@ -1,0 +1,263 @@
+//! A figure as SVG with its font inside.
+
+use std::sync::LazyLock;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use plotters::prelude::IntoDrawingArea;
+
+use super::draw;
+use super::figure::Figure;
+use super::grid::{Grid, MARGIN};
+use super::style::{self, units};
+use crate::DrawError;
+use crate::svg::Svg;
+
+/// Around the legend and the panels.
+const BODY: &str = "<g fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\">\n";
+const END: &str = "</g>\n</svg>\n";
+/// What a panel or a legend by itself has where nothing else is said.
+const PRESENTATION: &str =
+    "overflow=\"visible\" fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\"";
+
+/// What files of figures of computed trials say, in the picture and beside it.
+pub(crate) const SYNTHETIC: &str = "Synthetic trials, not recorded";
+/// Height of the line that says so, px.
+const SYNTHETIC_ROW: f64 = 18.0;
+
+/// A figure that was drawn.
+pub struct Drawing {
+    pub columns: usize,
+    /// Both px.
+    pub width: f64,
+    height: f64,
+    scale: f64,
+    is_synthetic: bool,
+    /// Its legend and its panels as SVG.
+    body: String,
+}
+
+impl Drawing {
+    /// Draws a figure.
+    ///
+    /// # Errors
+    /// The backend fails.
+    pub fn of(figure: &Figure) -> Result<Self, DrawError> {
+        let grid = Grid::new(figure);
+        let Grid { columns, width, height, .. } = grid;
+        let mut body = String::new();
+        let backend = Svg::new(&mut body, (units(width) as u32, units(height) as u32));
+        draw::draw(grid, &backend.into_drawing_area())
+            .map_err(|error| figure.error(error.to_string()))?;
+        // Names can have characters that XML cannot.
+        let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
+        if !body.chars().all(is_text) {
+            body = body.replace(|c| !is_text(c), "\u{fffd}");
+        }
+        Ok(Self::new(figure, [width, height], columns, body))
+    }
+
+    /// That of a figure of which the `svg` is kept.
+    pub fn of_svg(figure: &Figure, svg: &str) -> Self {
+        let Grid { columns, width, height, .. } = Grid::new(figure);
+        let mut drawing = Self::new(figure, [width, height], columns, String::new());
+        let from = svg.find(BODY).map_or(svg.len(), |from| from + BODY.len());
+        let body = svg[from..].strip_suffix(END);
+        let body = body.and_then(|body| body.strip_prefix(&drawing.mark()));
+        drawing.body.push_str(body.unwrap_or_default());
+        drawing
+    }
+
+    fn new(figure: &Figure, [width, height]: [f64; 2], columns: usize, body: String) -> Self {
+        let (scale, is_synthetic) = (figure.print.scale(), figure.is_synthetic);
+        Self { columns, width, height, scale, is_synthetic, body }
+    }
+
+    /// What its file says of trials that were computed, below the panels.
+    fn mark(&self) -> String {
+        if !self.is_synthetic {
+            return String::new();
+        }
+        let (below, colour) = (self.height + SYNTHETIC_ROW - 6.0, style::MARK);
+        format!(
+            "<text x=\"{MARGIN}\" y=\"{below}\" fill=\"{colour}\" font-size=\"12\">{SYNTHETIC}</text>\n"
+        )
+    }
+
+    /// The figure with its font inside.
+    pub fn svg(&self) -> String {
+        static FONT: LazyLock<String> = LazyLock::new(|| BASE64.encode(style::ROBOTO));
+        let Self { width, height, scale, is_synthetic, body, .. } = self;
+        let rounded = |px: f64| (1e3 * px).round() / 1e3;
+        let height = if *is_synthetic { height + SYNTHETIC_ROW } else { *height };
+        let [across, down] = [*width, height].map(|px| rounded(scale * px));
+        let (width, font, mark) = (rounded(*width), &*FONT, self.mark());
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{across}\" height=\"{down}\" \
+             viewBox=\"0 0 {width} {height}\">\n\
+             <style>@font-face{{font-family:Roboto;src:url(data:font/ttf;base64,{font}) format(\"truetype\")}}</style>\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{mark}{body}{END}"
+        )
+    }
+
+    /// The legend and the panels, for pages: drawn as it is where a page may have no styles, too.
+    pub fn parts(&self) -> [String; 2] {
+        let panels = ["<svg class=\"panel\"", "<svg class=\"whole panel\""];
+        let panels = panels.map(|panel| self.body.find(panel));
+        let legend = panels.into_iter().flatten().min().unwrap_or(self.body.len());
+        let (legend, panels) = self.body.split_at(legend);
+        [legend, panels]
+            .map(|part| part.replace(" viewBox=\"", &format!(" {PRESENTATION} viewBox=\"")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::raster;
+    use crate::{Layer, Layout, Look, Panel, Range, Scale};
+
+    const LOOKS: [Look; 10] = [
+        Look::Line { colour: style::INK, dash: style::DASHES },
+        Look::Line { colour: style::INK, dash: style::SOLID },
+        Look::Marker { colour: style::INK, shape: style::Shape::Square, filled: false },
+        Look::Dots { colour: style::INK, joined: true },
+        Look::Dots { colour: style::INK, joined: false },
+        Look::Rings,
+        Look::Guides,
+        Look::Spans(style::INK),
+        Look::Links,
+        Look::Arrow,
+    ];
+    const SCALES: [Scale; 4] = [Scale::Linear, Scale::FromZero, Scale::Equal, Scale::Decades];
+
+    fn drawn(points: &[(f64, f64, f64)], look: Look, scale: Scale) -> String {
+        let band = points.iter().map(|(_, y, error)| [y - error, y + error]).collect();
+        let layer = Layer { band, ..Layer::with_errors("a", points.iter().copied(), look) };
+        let layers = vec![layer];
+        let panel = Panel { x_scale: scale, y_scale: scale, ..Panel::new("", "x", "y", layers) };
+        let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
+        Drawing::of(&figure).expect("is drawn").svg()
+    }
+
+    #[test]
+    fn any_numbers_are_drawn_in_little_time_and_space() {
+        let hostile = [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::MAX,
+            f64::MIN,
+            1e150,
+            1e99,
+            f64::MIN_POSITIVE,
+            5e-324,
+            0.0,
+            -1.0,
+            1e9,
+        ];
+        let empty = drawn(&[], Look::Rings, Scale::Linear).len();
+        for look in LOOKS {
+            for scale in SCALES {
+                for (nth, value) in hostile.into_iter().enumerate() {
+                    let other = hostile[(nth + 5) % hostile.len()];
+                    let points = [(1.0, 2.0, 0.1), (value, 3.0, other), (other, value, value)];
+                    for points in [&points[..], &points[1..], &points[2..]] {
+                        let size = drawn(points, look, scale).len();
+                        assert!(
+                            size < empty + 40_000,
+                            "{look:?} {scale:?} {points:?}: {size} bytes"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn very_many_points_are_drawn_as_far_as_they_have_room() {
+        let point = |i: i32| (f64::from(i), (0.7 * f64::from(i).powi(2)).sin(), 0.1);
+        let points: Vec<(f64, f64, f64)> = (0..200_000).map(point).collect();
+        let empty = drawn(&[], Look::Rings, Scale::Linear).len();
+        for look in LOOKS {
+            let size = drawn(&points, look, Scale::Linear).len();
+            let most = if matches!(look, Look::Guides | Look::Spans(_)) { 40 } else { 4 };
+            assert!(size < empty + most * 1_000_000, "{look:?}: {size} bytes");
+        }
+    }
+
+    #[test]
+    fn a_band_lies_behind_its_line_is_broken_with_it_and_ends_at_the_panel() {
+        let (nan, look) = (f64::NAN, LOOKS[1]);
+        let xs = [0.0, 1.0, 2.0, nan, 4.0, 5.0];
+        let line = Layer::new("a", xs.map(|x| (x, 1.0)), look);
+        let band = vec![[0.9, 1.1], [0.5, 9.0], [0.9, 1.1], [nan; 2], [0.8, 1.2], [0.8, 1.2]];
+        let drawn = |band: Vec<[f64; 2]>| {
+            let layers = vec![Layer { band, ..line.clone() }];
+            let shown = Some(Range { low: 0.0, high: 2.0 });
+            let panel = Panel { shown, ..Panel::new("", "x", "y", layers) };
+            let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
+            Drawing::of(&figure).expect("is drawn").svg()
+        };
+        let svg = drawn(band);
+        let (areas, curve) = svg.split_once("<g data-name=\"a\" data-band=").expect("the curve");
+        let (_, areas) = areas.rsplit_once("<g data-name=\"a\">").expect("the band");
+        assert!(areas.contains("fill-opacity=\"0.2\""));
+        // Two areas in one path, of three places and of two: there and back.
+        let path = areas.split("d=\"").nth(1).and_then(|rest| rest.split('"').next());
+        let numbers: Vec<Vec<i32>> = path
+            .expect("a path")
+            .split_terminator('z')
+            .map(|area| {
+                let spaced = area.replace('m', " ").replace('-', " -");
+                spaced.split_whitespace().map(|n| n.parse().expect("a number")).collect()
+            })
+            .collect();
+        assert_eq!([numbers[0].len(), numbers[1].len()], [2 * 6, 2 * 4]);
+        assert_eq!(numbers.len(), 2);
+        // The second begins where the first did, and is level with itself.
+        assert!(numbers[1][0] > 0 && numbers[1][3] == 0, "{numbers:?}");
+        assert!(curve.starts_with("\"0 1 0.9 1.1\n1 1 0.5 9\n2 1 0.9 1.1\n4 1 0.8 1.2\n5 1 "));
+        assert!(!drawn(Vec::new()).contains("data-band"));
+    }
+
+    #[test]
+    fn a_figure_that_is_kept_is_shown_as_it_was_drawn_and_every_group_is_closed() {
+        let layers = ["a", "b"].map(|name| Layer::new(name, [(0.0, 1.0), (1.0, 2.0)], LOOKS[0]));
+        let panel = Panel::new("", "x", "y", layers.into());
+        let panels = vec![panel.clone(), panel];
+        let figure = Figure::new("any", Default::default(), &[], Layout::Stack, panels);
+        let drawing = Drawing::of(&figure).expect("is drawn");
+        let kept = Drawing::of_svg(&figure, &drawing.svg());
+        assert_eq!(kept.parts(), drawing.parts());
+        assert_eq!((kept.columns, kept.width), (drawing.columns, drawing.width));
+        for part in drawing.parts() {
+            let count = |tag: &str| part.matches(tag).count();
+            assert!(count("<g ") > 0 || count("<svg ") > 0);
+            assert_eq!([count("<g "), count("<svg ")], [count("</g>"), count("</svg>")]);
+        }
+    }
+
+    #[test]
+    fn the_label_of_an_axis_gives_way_to_values_that_hardly_differ() {
+        for (apart, has_label) in [(1e-3, true), (1e-8, false)] {
+            let layer = Layer::new("a", [(0.0, 0.00983), (1.0, 0.00983 + apart)], LOOKS[0]);
+            let panel = Panel::new("", "x", "mean of J", vec![layer]);
+            let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
+            let svg = Drawing::of(&figure).expect("is drawn").svg();
+            assert_eq!(svg.contains(">mean of J<"), has_label, "{apart}");
+            // The page's script still has it.
+            assert!(svg.contains("0 mean of J\""), "{apart}");
+        }
+    }
+
+    #[test]
+    fn names_that_xml_cannot_have_are_still_drawn() {
+        let layers = vec![Layer::new("\u{1b}[31m\u{0}", [(1.0, 2.0)], LOOKS[0])];
+        let panel = Panel::new("a\u{1}\u{ffff}b<&", "\r\n\t", "", layers);
+        let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
+        let svg = Drawing::of(&figure).expect("is drawn").svg();
+        assert!(svg.contains("a\\u{1}\u{fffd}b&lt;&amp;"));
+        raster::parsed(&svg).expect("is well formed");
+    }
+}

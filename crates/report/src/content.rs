@@ -1,0 +1,92 @@
+//! What a report is made of, and what each of its figures and pages.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use trilink_plot::Figure;
+use trilink_tables::config::Paths;
+use trilink_tables::trial::TRUTH_FILE;
+use trilink_tables::{Reader, StoreError, hash, is_there, tables_in};
+
+use super::page::TrialPages;
+use super::tables::{Tables, table_paths};
+use super::trials::{self, PageParts};
+use super::truth::Truth;
+use super::{ReportError, ReportInput, figures};
+use crate::Changes;
+
+/// What a report is made of.
+#[derive(Debug)]
+pub struct Content {
+    pub(super) tables: Arc<Tables>,
+    pub(super) figures: Vec<Figure>,
+    pub(super) missing: Vec<String>,
+    pub(super) truth: Option<Truth>,
+    /// Files of the trials' pages.
+    pub(super) pages: TrialPages,
+    /// What [`Content::with_changes`] has.
+    pub(super) changes: Option<Changes>,
+    page_parts: PageParts,
+    pub(super) reader: Reader,
+}
+
+/// Files that there are to read, and whether they are the program's own.
+///
+/// # Errors
+/// A folder cannot be read.
+pub fn input_paths(paths: &Paths) -> Result<Vec<(PathBuf, bool)>, StoreError> {
+    let tables = table_paths(&paths.derived).into_iter().map(|path| (path, true));
+    let mut there = Vec::new();
+    let truths = paths.raw.iter().map(|folder| (folder.join(TRUTH_FILE), false));
+    let baseline = std::iter::once((paths.baseline.clone(), false));
+    for (path, own) in tables.chain(truths).chain(baseline) {
+        if is_there(&path)? {
+            there.push((path, own));
+        }
+    }
+    for folder in ["cycles", "poses", "wheels"] {
+        let tables = tables_in(&paths.derived.join(folder))?;
+        there.extend(tables.into_iter().map(|path| (path, true)));
+    }
+    Ok(there)
+}
+
+impl Content {
+    /// Reads the tables and the truth, and puts the figures together.
+    ///
+    /// # Errors
+    /// `trials.parquet` is not there, or a file cannot be read.
+    pub fn read(input: &ReportInput, reader: Reader) -> Result<Self, ReportError> {
+        let tables = Arc::new(Tables::read(&input.paths.derived, &reader)?);
+        let mut missing = tables.missing.clone();
+        let truth = Truth::read(&input.paths, &tables.trials, &reader, &mut missing)?;
+        let found = figures::figures((&*tables, &reader), input, truth.as_ref())?;
+        missing.extend(found.missing);
+        let pages = trials::pages(input, &tables);
+        let hash_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
+        let page_parts = trials::parts(input, (&tables, truth.as_ref()), &pages, hash_of);
+        let figures = found.figures;
+        let changes = None;
+        Ok(Self { tables, figures, missing, truth, pages, changes, page_parts, reader })
+    }
+
+    /// With what changed since the baseline, as `changes.html` shows it; `None` without a baseline.
+    pub fn with_changes(self, changes: Option<Changes>) -> Self {
+        Self { changes, ..self }
+    }
+
+    /// Stem, campaigns and hash of every figure. Numbers are printed such that they can be told
+    /// apart.
+    pub fn figures(&self) -> impl Iterator<Item = (&str, &[String], String)> {
+        self.figures.iter().map(|figure| {
+            let hash = hash(format!("{figure:?}").as_bytes());
+            (figure.stem.as_str(), figure.campaigns.as_slice(), hash)
+        })
+    }
+
+    /// The campaign of every trial's page and what the page is made of, by its path inside of
+    /// `reports/`.
+    pub fn page_parts(&self) -> &PageParts {
+        &self.page_parts
+    }
+}

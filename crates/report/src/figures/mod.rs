@@ -1,0 +1,375 @@
+//! The figures: which there are, and which of them the tables at hand allow.
+
+mod amplitude;
+mod common;
+mod fits;
+pub(crate) mod frequency;
+mod recovered;
+mod release;
+mod residuals;
+mod simulations;
+mod texts;
+mod tracking;
+pub(crate) mod trial;
+mod work;
+
+use std::collections::BTreeSet;
+
+use rayon::prelude::*;
+
+pub use common::FREQUENCY;
+pub(crate) use texts::texts;
+
+use trilink_plot::Figure;
+use trilink_robot::{Gait, JointCommand};
+use trilink_tables::trial::TrialKind;
+use trilink_tables::{Reader, StoreError, TrialRow};
+
+use super::recording::Recording;
+use super::tables::Tables;
+use super::truth::Truth;
+use crate::series::Source;
+use crate::simulated;
+use crate::{ReportInput, optimum};
+
+pub(crate) const SKEWED: &str = "kinematic-skewed";
+pub(crate) const SYMMETRIC: &str = "kinematic-symmetric";
+pub(crate) const SEMI_PASSIVE: &str = "semi-passive-symmetric";
+/// The campaigns of the paper, in its order.
+pub(crate) const PAPER_CAMPAIGNS: [&str; 3] = [SKEWED, SYMMETRIC, SEMI_PASSIVE];
+
+/// Whether any of the campaigns is the paper's.
+pub(crate) fn are_of_the_paper(campaigns: &BTreeSet<&str>) -> bool {
+    PAPER_CAMPAIGNS.iter().any(|campaign| campaigns.contains(campaign))
+}
+
+/// The figures that the paper printed: its name, what it shows, and of which campaigns (of a robot,
+/// all of that robot's).
+const PRINTED: [(&str, &str, &[&str]); 17] = [
+    ("fig03", SIMULATED, &[SEMI_PASSIVE]),
+    ("fig04", FROM_REST, &[SEMI_PASSIVE]),
+    ("fig05", SWEEP, &[SEMI_PASSIVE]),
+    ("fig06", SIMULATED, &[SYMMETRIC]),
+    ("fig08", RELEASE, &[SEMI_PASSIVE]),
+    ("fig09", GAIT, &[SKEWED]),
+    ("fig10", MEASURED, &[SKEWED]),
+    ("fig11", GAIT, &[SYMMETRIC]),
+    ("fig12", WHEELS, &[SYMMETRIC]),
+    ("fig13", MEASURED, &[SYMMETRIC]),
+    ("fig14", GAIT, &[SEMI_PASSIVE]),
+    ("fig15", MEASURED, &[SEMI_PASSIVE]),
+    ("fig16", MODELS, &[SKEWED]),
+    ("fig17", MODELS, &[SYMMETRIC]),
+    ("fig18", MODELS, &[SEMI_PASSIVE]),
+    ("fig19", BY_GAIT, &[SYMMETRIC, SKEWED]),
+    ("fig20", BY_ROBOT, &[SYMMETRIC, SEMI_PASSIVE]),
+];
+
+// What a figure shows: the end of its files' name.
+const SIMULATED: &str = "simulated";
+const FROM_REST: &str = "from-rest";
+const SWEEP: &str = "sweep";
+const GAIT: &str = "gait";
+const WHEELS: &str = "wheels";
+const MEASURED: &str = "d-v";
+const MODELS: &str = "models";
+const SKID: &str = "sigma";
+const AMPLITUDE: &str = "alpha";
+const RESIDUALS: &str = "residuals";
+const RELEASE: &str = "release";
+const BY_GAIT: &str = "by-gait";
+const BY_ROBOT: &str = "by-robot";
+/// The figure of planted truth, and that of the actuators' work.
+pub(crate) const TRUTH: &str = "truth";
+const WORK: &str = "work";
+const OPTIMA: &str = "optima";
+
+/// A figure of more panels would not fit into a picture.
+const MOST_PANELS: usize = 100;
+/// Most campaigns that are told apart in one figure.
+const MOST_TOGETHER: usize = 4;
+
+/// Frequency of the trials that the paper shows moment by moment, rad/s.
+const SHOWN_RAD_S: f64 = 3.9;
+
+/// Name of a figure's files: the paper's if it printed the figure, else by what it is of.
+fn stem(name: &str, kind: &str, campaigns: &[&str]) -> String {
+    let is_printed = |printed: &&(_, &str, &[&str])| (printed.1, printed.2) == (kind, campaigns);
+    let printed = PRINTED.iter().find(is_printed);
+    printed.map_or_else(|| format!("{name}-{kind}"), |(stem, ..)| (*stem).to_owned())
+}
+
+/// `Fig. 16` for `fig16`, nothing for figures that the paper does not have.
+pub(crate) fn number(stem: &str) -> String {
+    let digits = stem.strip_prefix("fig");
+    let digits = digits.filter(|_| PRINTED.iter().any(|(printed, ..)| *printed == stem));
+    digits.map_or(String::new(), |digits| format!("Fig. {}", digits.trim_start_matches('0')))
+}
+
+/// A figure in a sentence.
+fn called(stem: &str) -> String {
+    Some(number(stem)).filter(|number| !number.is_empty()).unwrap_or(format!("Figure {stem}"))
+}
+
+/// Figures to draw, and sentences on what is missing.
+#[derive(Default)]
+pub(crate) struct Figures {
+    pub figures: Vec<Figure>,
+    pub missing: Vec<String>,
+}
+
+impl Figures {
+    fn add(&mut self, found: Result<impl IntoIterator<Item = Figure>, String>) {
+        match found {
+            Ok(figures) => self.figures.extend(figures),
+            Err(sentence) => self.missing.push(sentence),
+        }
+    }
+}
+
+/// What figures are made from.
+#[derive(Clone, Copy)]
+struct Inputs<'r> {
+    tables: &'r Tables,
+    source: Source<'r>,
+    reader: &'r Reader,
+    config: &'r ReportInput,
+}
+
+/// The same figures of every campaign: its motion simulated and tracked, its measurements and models
+/// against the frequency, what its models miss and how its fits came about. Then the campaigns of
+/// one robot and those of one gait beside each other, and what is of a robot or of all.
+///
+/// # Errors
+/// A table of a trial that is drawn cannot be read.
+pub(crate) fn figures(
+    (tables, reader): (&Tables, &Reader),
+    config: &ReportInput,
+    truth: Option<&Truth>,
+) -> Result<Figures, StoreError> {
+    let inputs = Inputs { tables, source: tables.source(config), reader, config };
+    let mut campaigns: Vec<&str> = tables.campaigns(config).into_iter().collect();
+    campaigns.sort_by_key(|campaign| rank(campaign));
+    let mut taken = BTreeSet::new();
+    let named = campaigns.iter().map(|campaign| (*campaign, file_name(campaign, &mut taken)));
+    let of_campaigns = named.collect::<Vec<_>>().into_par_iter();
+    let of_campaigns = of_campaigns.map(|(campaign, name)| inputs.of_campaign(campaign, &name));
+    let mut found = Figures::default();
+    for of_campaign in of_campaigns.collect::<Result<Vec<_>, _>>()? {
+        found.figures.extend(of_campaign.figures);
+        found.missing.extend(of_campaign.missing);
+    }
+    found.figures.extend(inputs.together(&campaigns));
+    inputs.releases(&campaigns, &mut found)?;
+    found.figures.push(work::figure(WORK, tables, config));
+    found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, inputs.source)));
+    let Figures { figures, missing } = &mut found;
+    for figure in figures.iter_mut() {
+        figure.print = config.print();
+        figure.is_synthetic =
+            truth.is_some_and(|truth| truth.is_synthetic_in(&figure.campaigns, tables));
+    }
+    figures.retain(|figure| !figure.is_empty());
+    figures.retain(|Figure { stem, panels, .. }| {
+        let is_drawn = panels.len() <= MOST_PANELS;
+        let why = format!("found {} panels, needed at most {MOST_PANELS}", panels.len());
+        missing.extend((!is_drawn).then(|| format!("Figure {stem} is not drawn: {why}.")));
+        is_drawn
+    });
+    Ok(found)
+}
+
+impl Inputs<'_> {
+    fn of_campaign(self, campaign: &str, name: &str) -> Result<Figures, StoreError> {
+        let Self { tables, source, config, .. } = self;
+        let stem = |kind: &str| stem(name, kind, &[campaign]);
+        let mut found = Figures::default();
+        let has_measurements = source.has_measurements(campaign);
+        let without = match (has_measurements, source.models(campaign).is_empty()) {
+            (true, false) => None,
+            (true, true) => Some("no model is drawn, because nothing was fitted"),
+            (false, false) => Some("no measurement is drawn, because no trial has results"),
+            (false, true) => Some(
+                "nothing is drawn of it, because it has no trial with results and no prediction",
+            ),
+        };
+        found.missing.extend(without.map(|without| format!("Campaign {campaign}: {without}.")));
+        if let Some((_, gait)) = config.campaign_setup(campaign) {
+            found.add(match gait.passive_joint() {
+                Some(_) => {
+                    simulations::passive([SIMULATED, FROM_REST, SWEEP].map(stem), campaign, config)
+                }
+                None => {
+                    simulations::skidding(&stem(SIMULATED), campaign, config).map(|of| vec![of])
+                }
+            });
+        }
+        self.tracked([GAIT, WHEELS].map(stem), campaign, &mut found)?;
+        found.figures.extend([
+            frequency::measured(&stem(MEASURED), campaign, source),
+            frequency::models(&stem(MODELS), campaign, source),
+            frequency::skid(&stem(SKID), &[campaign], source),
+        ]);
+        found.figures.extend(amplitude::figure(&stem(AMPLITUDE), campaign, tables, config));
+        found.figures.push(residuals::figure(&stem(RESIDUALS), campaign, source));
+        found.figures.extend(fits::figures(name, campaign, tables, source));
+        found.figures.push(optimum::figure(&stem(OPTIMA), campaign, tables.maps_of(campaign)));
+        Ok(found)
+    }
+
+    /// The figures of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked, and of its
+    /// wheels. Without a trial there are none.
+    fn tracked(
+        self,
+        [gait, wheels]: [String; 2],
+        campaign: &str,
+        found: &mut Figures,
+    ) -> Result<(), StoreError> {
+        let distance = |trial: &&TrialRow| (trial.omega_rad_s - SHOWN_RAD_S).abs();
+        let measured = self.source.measured_trials(campaign);
+        let nearest = measured
+            .filter(|trial| simulated::OMEGAS_RAD_S.contains(&trial.omega_rad_s))
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.trial.cmp(&b.trial)));
+        let Some(trial) = nearest else { return Ok(()) };
+        let recording = self.recording(&trial.trial)?;
+        let draw = |missing: &mut Vec<String>| {
+            let setup = self.config.campaign_setup(campaign);
+            setup.ok_or_else(|| format!("campaign {campaign} is not configured"))?;
+            let recording = recording?;
+            let no_cycle = || format!("trial {} has no used cycle", trial.trial);
+            let inputs = (self.tables, self.config);
+            let motion = tracking::figure(&gait, trial, &recording, inputs, missing);
+            let wheels = tracking::wheels(&wheels, trial, &recording);
+            Ok::<_, String>([motion.ok_or_else(no_cycle)?].into_iter().chain(wheels))
+        };
+        let figures = draw(&mut found.missing);
+        found.add(figures.map_err(|why| not_drawn(&gait, &why)));
+        Ok(())
+    }
+
+    fn recording(self, trial: &str) -> Result<Result<Recording, String>, StoreError> {
+        let row = self.tables.trials.iter().find(|row| row.trial == trial);
+        let window = row.map_or(0, |row| row.smoothing_window);
+        let recording = Recording::read(&self.config.paths.derived, trial, window, self.reader)?;
+        Ok(recording
+            .ok_or_else(|| format!("poses/{trial}.parquet or wheels/{trial}.parquet is not there")))
+    }
+
+    /// The skid ratios of the campaigns of one robot, and of those of one gait, whether all joints
+    /// have its commands or one is passive.
+    fn together(self, campaigns: &[&str]) -> Vec<Figure> {
+        let setup = |campaign: &str| self.config.campaigns().get(campaign);
+        let is_drawn = |campaign: &&str| {
+            self.source.has_measurements(campaign) || !self.source.models(campaign).is_empty()
+        };
+        let mut members: Vec<(Gait, &str)> = campaigns
+            .iter()
+            .filter(|campaign| is_drawn(campaign))
+            .filter_map(|campaign| Some((self.config.campaign_setup(campaign)?.1, *campaign)))
+            .collect();
+        // Whatever their names: first what is least offset and wholly commanded.
+        let offsets = |gait: &Gait| -> f64 {
+            gait.joints.iter().flatten().map(|joint| joint.offset_rad.abs()).sum()
+        };
+        members.sort_by(|(a, _), (b, _)| {
+            let is_passive = |gait: &Gait| gait.passive_joint().is_some();
+            offsets(a).total_cmp(&offsets(b)).then(is_passive(a).cmp(&is_passive(b)))
+        });
+        let mut groups: Vec<(&str, &str, Vec<&str>)> = Vec::new();
+        for (nth, (gait, campaign)) in members.iter().enumerate() {
+            let Some(of) = setup(campaign) else { continue };
+            let has_robot = |(_, other): &(Gait, &str)| {
+                setup(other).is_some_and(|other| other.robot == of.robot)
+            };
+            let has_gait = |(other, _): &(Gait, &str)| is_alike(gait, other);
+            let names = |is_of: &dyn Fn(&(Gait, &str)) -> bool| -> Vec<&str> {
+                members.iter().filter(|other| is_of(other)).map(|(_, other)| *other).collect()
+            };
+            if !members[..nth].iter().any(has_robot) {
+                groups.push((&of.robot, BY_GAIT, names(&has_robot)));
+            }
+            let of_gait = names(&has_gait);
+            let is_new = !groups.iter().any(|(_, _, known)| *known == of_gait);
+            if is_new && !members[..nth].iter().any(has_gait) {
+                groups.push((&of.gait, BY_ROBOT, of_gait));
+            }
+        }
+        let mut taken = [BTreeSet::new(), BTreeSet::new()];
+        let mut figures = Vec::new();
+        for (of, kind, campaigns) in groups {
+            let most = campaigns.len().div_ceil(campaigns.len().div_ceil(MOST_TOGETHER));
+            for campaigns in campaigns.chunks(most).filter(|campaigns| campaigns.len() > 1) {
+                let name = file_name(of, &mut taken[usize::from(kind == BY_ROBOT)]);
+                let stem = stem(&name, kind, campaigns);
+                figures.push(frequency::skid(&stem, campaigns, self.source));
+            }
+        }
+        figures
+    }
+
+    /// Fig. 8: of every robot the first release that follows its law.
+    fn releases(self, campaigns: &[&str], found: &mut Figures) -> Result<(), StoreError> {
+        let releases = self.tables.robots.iter().filter(|row| row.kind == TrialKind::JointRelease);
+        let robots: BTreeSet<&str> = releases.clone().map(|row| row.robot.as_str()).collect();
+        let mut taken = BTreeSet::new();
+        for robot in robots {
+            let setup = self.config.campaigns();
+            let is_of = |of: &&&str| setup.get(**of).is_some_and(|of| of.robot == robot);
+            let campaigns: Vec<&str> = campaigns.iter().filter(is_of).copied().collect();
+            let stem = stem(&file_name(robot, &mut taken), RELEASE, &campaigns);
+            let rows = releases.clone().filter(|row| row.robot == robot);
+            let Some(row) = rows.min_by_key(|row| !row.status.is_ok()) else { continue };
+            let figure = match row.status.is_ok() {
+                false => Err(format!("of trial {}, {}", row.trial, row.status)),
+                true => self.recording(&row.trial)?.and_then(|recording| {
+                    let no_swing = || format!("the tables of trial {} show no swing", row.trial);
+                    release::figure(&stem, row, &recording).ok_or_else(no_swing)
+                }),
+            };
+            found.add(figure.map(Some).map_err(|why| not_drawn(&stem, &why)));
+        }
+        Ok(())
+    }
+}
+
+/// Whether two gaits are one. Where a joint is passive that is decided by the other joint, of which
+/// the phase is only where time begins.
+fn is_alike(one: &Gait, other: &Gait) -> bool {
+    let is_whole = [one, other].iter().all(|gait| gait.passive_joint().is_none());
+    let mut joints = one.joints.iter().zip(&other.joints);
+    joints.all(|joints| match joints {
+        (Some(one), Some(other)) => {
+            let phase_rad = if is_whole { other.phase_rad } else { one.phase_rad };
+            *one == JointCommand { phase_rad, ..*other }
+        }
+        _ => !is_whole,
+    })
+}
+
+fn not_drawn(stem: &str, why: &str) -> String {
+    format!("{} is not drawn, because {why}.", called(stem))
+}
+
+/// Place of a campaign: those of the paper in its order, then the others by name.
+pub(crate) fn rank(campaign: &str) -> (usize, &str) {
+    let paper = PAPER_CAMPAIGNS.iter().position(|known| *known == campaign);
+    (paper.unwrap_or(PAPER_CAMPAIGNS.len()), campaign)
+}
+
+/// Campaigns that have measurements, in the paper's order and then by name.
+fn campaigns_of(source: Source<'_>) -> Vec<&str> {
+    let campaigns = source.trials.iter().map(|trial| rank(&trial.campaign));
+    let ranked: BTreeSet<(usize, &str)> = campaigns.collect();
+    let names = ranked.into_iter().map(|(_, name)| name);
+    names.filter(|campaign| source.has_measurements(campaign)).collect()
+}
+
+/// The name of a campaign or trial as a file name; a number keeps two that look alike apart.
+pub(crate) fn file_name(name: &str, taken: &mut BTreeSet<String>) -> String {
+    let safe = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
+    let base: String = name.chars().map(safe).collect();
+    let base = if base.starts_with('.') { format!("_{base}") } else { base };
+    let numbered = (2..).map(|number| format!("{base}-{number}"));
+    let mut names = [base.clone()].into_iter().chain(numbered);
+    names.find(|name| taken.insert(name.to_lowercase())).unwrap_or(base)
+}

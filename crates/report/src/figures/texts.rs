@@ -1,0 +1,64 @@
+//! Titles and captions: `texts.toml`.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use minijinja::value::Value;
+use minijinja::{Environment, UndefinedBehavior};
+
+type Texts = BTreeMap<String, [String; 2]>;
+
+/// Title and caption of a figure with these values.
+pub(crate) fn texts(name: &str, values: Value) -> [String; 2] {
+    static TEXTS: LazyLock<Texts> =
+        LazyLock::new(|| toml::from_str(include_str!("texts.toml")).unwrap_or_default());
+    let mut environment = Environment::new();
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    let fill = |text: &String| {
+        environment.render_str(text, &values).unwrap_or_else(|error| error.to_string())
+    };
+    TEXTS.get(name).map(|texts| texts.each_ref().map(fill)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_figure_says_is_filled_in() {
+        let all: Texts = toml::from_str(include_str!("texts.toml")).expect("well formed");
+        let values = minijinja::context! {
+            campaigns => vec!["a", "b"],
+            debiased => false,
+            bars => "Bars.",
+            input => "commanded gait",
+            of_trials => Vec::<&str>::new(),
+        };
+        let [title, caption] = texts("skid", values);
+        assert_eq!(title, "Skid ratios of campaigns a and b");
+        assert_eq!(
+            caption,
+            "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω, the markers' noise \
+             included. Bars. Lines: of each campaign's fitted models that skid the preferred one, \
+             under the commanded gait, shaded the 95 % interval where there is one."
+        );
+        let from_rest = |settled: Option<usize>, drawn: usize| {
+            let joint = "as configured";
+            let values = minijinja::context! {
+                campaign => "a", omega => "4", joint, settled, drawn, path_cycles => 3,
+            };
+            let [_, caption] = texts("from-rest", values);
+            caption.split(". ").nth(1).unwrap_or_default().to_owned()
+        };
+        let settled = "From rest the motion comes within 1 % of the steady one after";
+        assert_eq!(from_rest(Some(1), 1), format!("{settled} 1 cycle"));
+        assert_eq!(
+            from_rest(Some(55), 40),
+            format!("{settled} 55 cycles, of which the first 40 are drawn")
+        );
+        let not_found = "From rest the motion was not found to come within 1 % of the steady one; its \
+                         first 40 cycles are drawn";
+        assert_eq!(from_rest(None, 40), not_found);
+        assert!(all.values().flatten().all(|text| !text.contains("  ") && !text.contains('\n')));
+    }
+}

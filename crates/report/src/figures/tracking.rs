@@ -1,0 +1,179 @@
+//! Figs. 9, 11, 12 and 14: one trial as it was tracked, and what models make of its gait.
+
+use minijinja::context;
+use trilink_base::numbers::with_error;
+use trilink_mechanics::{Model, MotionError, Problem, Sample};
+use trilink_plot::{Figure, Layer, Layout, Look, Panel};
+use trilink_robot::{Gait, rotated};
+use trilink_tables::TrialRow;
+
+use super::common::{self, DEG, links, links_at_start, map, shape, time_course, travel};
+use super::texts::texts;
+use crate::ReportInput;
+use crate::looks;
+use crate::recording::{Recording, Shown};
+use crate::simulated;
+use crate::tables::Tables;
+
+/// Cycles that are shown.
+const CYCLES: usize = 4;
+/// How much harder skidding is where the measured ellipse meets a singularity: without skid
+/// there would be no motion.
+const STIFF: f64 = 100.0;
+
+/// The gait, heading and path of a trial; `None` without a used cycle. Adds
+/// sentences on models that have no motion.
+pub(super) fn figure(
+    stem: &str,
+    trial: &TrialRow,
+    recording: &Recording,
+    (tables, config): (&Tables, &ReportInput),
+    missing: &mut Vec<String>,
+) -> Option<Figure> {
+    let (robot, commanded_gait) = config.campaign_setup(&trial.campaign)?;
+    let Shown { start_s, end_s, cycles, frames: shown } =
+        recording.shown(trial.omega_rad_s, CYCLES)?;
+    let start = recording.pose_at(start_s)?;
+    let measured = |point: &dyn Fn(usize) -> (f64, f64)| {
+        Layer::new("measured", shown.clone().map(point), looks::RECORDED)
+    };
+    let [phi1, phi2] = recording.phi_rad.each_ref();
+    let mut gait = vec![measured(&|i| (DEG * phi1[i], DEG * phi2[i]))];
+    let mut heading =
+        vec![measured(&|i| (recording.time_s[i] - start_s, DEG * recording.theta_rad[i]))];
+    // In a frame that starts where the motion does, with x along its travel.
+    let end = recording.pose_at(end_s).unwrap_or(start);
+    let travel_rad = (end.y_m - start.y_m).atan2(end.x_m - start.x_m);
+    let position = |(x, y): (f64, f64)| {
+        let [along, aside] = rotated(-travel_rad, [x - start.x_m, y - start.y_m]);
+        (along, aside)
+    };
+    let seen = |i: usize| position((recording.x_m[i], recording.y_m[i]));
+    let first = shown.start.min(phi1.len().saturating_sub(1));
+    let at_start = links(&robot, start, [phi1[first], phi2[first]]);
+    let positions = shown.clone().map(seen).filter(|(x, y)| (x + y).is_finite());
+    let mut path = vec![
+        links_at_start(at_start.into_iter().map(position)),
+        travel(&positions.collect::<Vec<_>>()),
+        measured(&seen),
+    ];
+    // What is wholly commanded is shown as such.
+    let is_whole = commanded_gait.passive_joint().is_none();
+    gait.extend(is_whole.then(|| commanded(&commanded_gait)));
+    let overlays = overlays(stem, trial, (tables, config), missing);
+    for Overlay { name, problem, look, cycle } in overlays {
+        let is_commanded = is_whole && problem.gait == commanded_gait;
+        let curve = |points: Vec<(f64, f64)>| Layer::new(&name, points, look);
+        if !is_commanded {
+            gait.push(curve(shape(&cycle)));
+        }
+        let poses = simulated::repeat(&cycle, cycles, start);
+        heading.push(curve(poses.iter().map(|(t, pose)| (*t, DEG * pose.theta_rad)).collect()));
+        let positions = poses.iter().map(|(_, pose)| position((pose.x_m, pose.y_m)));
+        path.push(curve(positions.collect()));
+    }
+    let d = with_error(1e3 * trial.metrics.d_m, 1e3 * trial.metrics_se.d_m);
+    let TrialRow { trial, campaign, omega_rad_s, .. } = trial;
+    let omega = format!("{omega_rad_s:.1}");
+    let panels = vec![
+        common::gait("Gait", gait),
+        Panel::new("Heading θ", "Time in these cycles (s)", "θ (deg)", heading),
+        map(format!("Path of the middle link, d = {d} mm"), path),
+    ];
+    let texts = texts("tracking", context! { campaign, omega, cycles, trial });
+    Some(Figure::new(stem, texts, &[campaign], Layout::Pairs, panels))
+}
+
+/// Fig. 12: how the wheels rolled and skidded; `None` without a used cycle.
+pub(super) fn wheels(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Figure> {
+    let Shown { start_s, cycles, frames, .. } = recording.shown(trial.omega_rad_s, CYCLES)?;
+    let panel = |kind: &str, wheel: &str, values: &[f64]| {
+        let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
+        let (title, y_label) = (format!("{kind} velocity of {wheel}"), format!("{kind} (mm/s)"));
+        time_course(&title, &y_label, vec![Layer::new("measured", points, looks::RECORDED)])
+    };
+    let wheels = ["wheel 0 (middle)", "wheel 1 (front)", "wheel 2 (rear)"].into_iter();
+    let panels = wheels.zip(recording.roll_m_s.iter().zip(&recording.skid_m_s)).flat_map(
+        |(wheel, (roll_m_s, skid_m_s))| {
+            [panel("Roll", wheel, roll_m_s), panel("Skid", wheel, skid_m_s)]
+        },
+    );
+    let TrialRow { trial, campaign, omega_rad_s, smoothing_window, .. } = trial;
+    let omega = format!("{omega_rad_s:.1}");
+    let values = context! { campaign, omega, cycles, trial, smoothing_window => *smoothing_window };
+    Some(Figure::new(stem, texts("wheels", values), &[campaign], Layout::Pairs, panels.collect()))
+}
+
+/// The loop that both joints were commanded.
+fn commanded(gait: &Gait) -> Layer {
+    let points = (0..=simulated::SAMPLES).map(|i| {
+        let phase = std::f64::consts::TAU * i as f64 / simulated::SAMPLES as f64;
+        let [phi1, phi2] = gait.at(phase, 1.0).phi_rad;
+        (DEG * phi1, DEG * phi2)
+    });
+    Layer::new("commanded", points, looks::COMMANDED)
+}
+
+/// A simulated motion that is drawn over a measured one.
+struct Overlay {
+    name: String,
+    problem: Problem,
+    look: Look,
+    cycle: Vec<Sample>,
+}
+
+/// What the paper draws over its trials, as configured: the motion without skid, and where a joint
+/// is passive that with roll resistance, else the one under the measured ellipse; then that of the
+/// fitted model which the measurements prefer. Adds sentences on those that there are not.
+fn overlays(
+    stem: &str,
+    trial: &TrialRow,
+    (tables, config): (&Tables, &ReportInput),
+    missing: &mut Vec<String>,
+) -> Vec<Overlay> {
+    let line = |model| config.look(model).line();
+    let solve = |name: &str, look: Look, problem: Problem| {
+        let cycle = simulated::stable_cycle(&problem);
+        cycle.map(|cycle| Overlay { name: name.to_owned(), problem, look, cycle })
+    };
+    let mut found = Vec::new();
+    let mut add = |name: &str, solved: Result<Overlay, MotionError>| match solved {
+        Ok(overlay) => found.push(overlay),
+        Err(error) => {
+            let (figure, trial) = (super::called(stem), &trial.trial);
+            missing.push(format!("{figure}: {name} is not drawn over trial {trial}: {error}."));
+        }
+    };
+    let configured =
+        |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
+    let Some(no_skid) = configured(Model::NO_SKID) else { return found };
+    let is_passive = no_skid.gait.passive_joint().is_some();
+    let ellipse = |problem| simulated::under_gait_of(trial, problem);
+    let of_ellipse = ellipse(no_skid.clone());
+    add("no-skid", solve("no-skid", line(Model::NO_SKID), no_skid));
+    let (name, solved) = if is_passive {
+        let (model, name) = (Model::NO_SKID_ROLL, Model::NO_SKID_ROLL.name());
+        (name, configured(model).map(|of| solve(name, line(model), of)))
+    } else {
+        let name = "no-skid, measured ellipse";
+        match solve(name, line(Model::NO_SKID_MEASURED), of_ellipse) {
+            Err(MotionError::Singular { .. }) => {
+                let name = "skid-roll, measured ellipse, 100 times the skid coefficients";
+                let stiff = |mut problem: Problem| {
+                    problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
+                    solve(name, looks::STIFF, ellipse(problem))
+                };
+                (name, configured(Model::SKID_ROLL).map(stiff))
+            }
+            solved => (name, Some(solved)),
+        }
+    };
+    solved.into_iter().for_each(|solved| add(name, solved));
+    let preferred = tables.preferred(&trial.campaign).and_then(|fit| {
+        let name = format!("{}, fitted", fit.model.name());
+        let problem = simulated::fitted_to(config, fit, trial)?;
+        Some((solve(&name, config.look(fit.model).over_recorded(), problem), name))
+    });
+    preferred.into_iter().for_each(|(solved, name)| add(&name, solved));
+    found
+}

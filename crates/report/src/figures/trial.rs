@@ -1,0 +1,198 @@
+//! What the page of a trial shows: its path, and what its links and wheels did all the time.
+
+use minijinja::context;
+use minijinja::value::Value;
+use trilink_mechanics::Pose;
+use trilink_plot::envelope;
+use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
+use trilink_tables::trial::TrialKind;
+use trilink_tables::{CycleRow, TrialRow};
+
+use super::common::{DEG, lines, links, links_at_start, map, time_course, travel};
+use super::texts::texts;
+use super::tracking;
+use crate::ReportInput;
+use crate::looks;
+use crate::recording::Recording;
+use crate::series::{QUANTITIES, Quantity};
+use crate::tables::Tables;
+
+/// Parts of a trial of which the greatest residuals are shown.
+const PARTS: usize = 100;
+/// Parts of a curve of which the least and the greatest value are shown.
+const DENSE_PARTS: usize = 400;
+
+/// The figures of a trial; those without anything to show are left out.
+pub(crate) fn figures(
+    trial: &TrialRow,
+    recording: &Recording,
+    (tables, config): (&Tables, &ReportInput),
+) -> Vec<Figure> {
+    let unused = unused_cycles(trial, recording);
+    let panel = |title: &str, y_label: &str, layers: Vec<Layer>| {
+        time_course(title, y_label, unused.iter().cloned().chain(layers).collect())
+    };
+    let over_time = |values: &[f64], factor: f64| -> Vec<(f64, f64)> {
+        let values = values.iter().map(|value| factor * value);
+        recording.time_s.iter().copied().zip(values).collect()
+    };
+    // A panel for each: lines over each other hide one another.
+    let course = |title: String, y_label: &str, values: &[f64], factor: f64| {
+        let points = envelope(&over_time(values, factor), DENSE_PARTS).concat();
+        panel(&title, y_label, vec![Layer::new("measured", points, looks::RECORDED)])
+    };
+    let angle = |(phi_rad, joint): (&Vec<f64>, &str)| {
+        course(format!("Joint angle {joint}"), &format!("{joint} (deg)"), phi_rad, DEG)
+    };
+    let angles = recording.phi_rad.iter().zip(["φ₁", "φ₂"]).map(angle).collect();
+    let wheels = [("Roll", &recording.roll_m_s), ("Skid", &recording.skid_m_s)].into_iter();
+    let wheels = wheels.flat_map(|(kind, all_m_s)| {
+        let titles = (0..).map(move |wheel| format!("{kind} velocity of wheel {wheel}"));
+        let y_label = format!("{kind} (mm/s)");
+        titles
+            .zip(all_m_s)
+            .map(|(title, m_s)| course(title, &y_label, m_s, 1e3))
+            .collect::<Vec<_>>()
+    });
+    let residuals = lines(&["link 0", "link 1", "link 2"], |link| {
+        let ends = envelope(&over_time(&recording.residual_mm[link], 1.0), PARTS);
+        ends.into_iter().map(|[a, b]| if b.1 >= a.1 { b } else { a }).collect()
+    });
+    let figure = |stem: &str, values: Value, layout: Layout, panels: Vec<Panel>| {
+        Figure::new(stem, texts(stem, values), &[], layout, panels)
+    };
+    let smoothing_window = trial.smoothing_window;
+    let values = context! { smoothing_window, unused => !unused.is_empty() };
+    let angles = figure("angles", values.clone(), Layout::Pairs, angles);
+    let velocities = figure("velocities", values, Layout::Grid, wheels.collect());
+    let residuals = panel("Residuals", "Residual (mm)", residuals);
+    let gaps = time_course("Gaps", "Link", gaps(recording));
+    let gaps = Panel { y_scale: Scale::Whole, ..gaps };
+    let reconstruction =
+        figure("reconstruction", context! { parts => PARTS }, Layout::Stack, vec![residuals, gaps]);
+    // That of a trial of which the models have no motion says so by its legend.
+    let motion = tracking::figure("gait", trial, recording, (tables, config), &mut Vec::new());
+    let own = [path(trial, recording, config), angles, velocities, cycles(trial, recording)];
+    let all = motion.into_iter().chain(own).chain([reconstruction]);
+    all.filter(|figure| !figure.is_empty()).collect()
+}
+
+fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure {
+    let all: Vec<(f64, f64)> =
+        recording.x_m.iter().copied().zip(recording.y_m.iter().copied()).collect();
+    let seen: Vec<(f64, f64)> = all.iter().copied().filter(|(x, y)| (x + y).is_finite()).collect();
+    let mut layers = Vec::new();
+    let at = |i: usize| {
+        let pose = Pose { x_m: all[i].0, y_m: all[i].1, theta_rad: recording.theta_rad[i] };
+        (pose, recording.phi_rad.each_ref().map(|phi_rad| phi_rad[i]))
+    };
+    let is_known = |(pose, phi_rad): &(Pose, [f64; 2])| {
+        (pose.x_m + pose.y_m + pose.theta_rad + phi_rad[0] + phi_rad[1]).is_finite()
+    };
+    let start = (0..all.len()).map(at).find(is_known);
+    if let (Some((pose, phi_rad)), Some((robot, _))) =
+        (start, config.campaign_setup(&trial.campaign))
+    {
+        layers.extend([links_at_start(links(&robot, pose, phi_rad)), travel(&seen)]);
+    }
+    layers.push(Layer::new("measured", all, looks::RECORDED));
+    let texts = texts("path", context! { gait => trial.kind == TrialKind::Gait });
+    let panels = vec![map("Path of the middle link", layers)];
+    Figure::new("path", texts, &[], Layout::Stack, panels)
+}
+
+/// What was measured of each cycle, and of those in use the mean.
+fn cycles(trial: &TrialRow, recording: &Recording) -> Figure {
+    let panel = |quantity: &Quantity| {
+        let layer = |(name, look, used): (&str, Look, bool)| {
+            let cycles = recording.cycles.iter().filter(|cycle| cycle.used == used);
+            let points = cycles.map(|cycle| (cycle.cycle as f64, (quantity.of)(&cycle.metrics)));
+            Layer::new(name, points, look)
+        };
+        let kinds = [("not in use", looks::UNUSED, false), ("in use", looks::measured(0), true)];
+        let mean = Layer::new("mean", [(f64::NAN, (quantity.of)(&trial.metrics))], Look::Guides);
+        let layers = [mean].into_iter().chain(kinds.map(layer)).collect();
+        Panel {
+            x_scale: Scale::Whole,
+            ..Panel::new(quantity.title, "Cycle", quantity.axis_label, layers)
+        }
+    };
+    let panels = QUANTITIES.iter().map(panel).collect();
+    Figure::new("cycles", texts("cycles", context! {}), &[], Layout::Grid, panels)
+}
+
+/// Time outside of the cycles in use; nothing for trials without cycles.
+fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
+    let period_s = std::f64::consts::TAU / trial.omega_rad_s;
+    let band = |from_s, to_s| {
+        Layer::new("not in use", [(from_s, f64::NAN), (to_s, f64::NAN)], Look::Band(looks::BAND))
+    };
+    let (mut bands, mut end_s) = (Vec::new(), f64::NAN);
+    for CycleRow { start_s, .. } in recording.cycles.iter().filter(|cycle| cycle.used) {
+        // Cycles that follow one another meet but for rounding.
+        let follows = *start_s <= end_s + 1e-3 * period_s;
+        bands.extend((!follows).then(|| band(end_s, *start_s)));
+        end_s = start_s + period_s;
+    }
+    let is_longer = recording.time_s.last().is_some_and(|last_s| *last_s > end_s);
+    bands.extend(is_longer.then(|| band(end_s, f64::NAN)));
+    bands
+}
+
+/// Where the frames of each link were not measured.
+fn gaps(recording: &Recording) -> Vec<Layer> {
+    const KINDS: [(&str, &str); 3] =
+        [("rigid", "other markers"), ("interpolated", "interpolated"), ("missing", "missing")];
+    let (Some(first_s), Some(last_s)) = (recording.time_s.first(), recording.time_s.last()) else {
+        return Vec::new();
+    };
+    // With room for a unit of height.
+    let bar = |from_s, to_s, link| [(from_s, link, 0.5), (to_s, link, 0.5)];
+    let recorded = [0.0, 1.0, 2.0].into_iter().flat_map(|link| bar(*first_s, *last_s, link));
+    let mut layers = vec![Layer::with_errors("", recorded, Look::Spans(looks::BAND))];
+    for (nth, (fill, name)) in KINDS.into_iter().enumerate() {
+        let mut bars = Vec::new();
+        for (fills, link) in recording.fill.iter().zip([0.0, 1.0, 2.0]) {
+            let mut i = 0;
+            for (frames, of) in fills.runs() {
+                let (from_s, to_s) = (recording.time_s[i], recording.time_s[i + frames - 1]);
+                i += frames;
+                bars.extend(bar(from_s, to_s, link).into_iter().filter(|_| of == fill));
+            }
+        }
+        layers.push(Layer::with_errors(name, bars, looks::gap(nth)));
+    }
+    layers
+}
+
+#[cfg(test)]
+mod tests {
+    use trilink_tables::Columns as _;
+
+    use super::*;
+
+    #[test]
+    fn time_outside_of_the_used_cycles_is_shaded() {
+        let cycle = |start_s: f64, used| CycleRow { start_s, used, ..CycleRow::blank() };
+        let recording = Recording {
+            time_s: (0..100).map(f64::from).collect(),
+            cycles: vec![
+                cycle(10.0, false),
+                cycle(20.0, true),
+                cycle(30.0, true),
+                cycle(40.0, false),
+                cycle(50.0, true),
+            ],
+            ..Recording::default()
+        };
+        let trial = TrialRow { omega_rad_s: std::f64::consts::TAU / 10.0, ..TrialRow::blank() };
+        let bands: Vec<_> = unused_cycles(&trial, &recording)
+            .into_iter()
+            .map(|layer| [layer.points[0].x, layer.points[1].x])
+            .collect();
+        assert!(bands[0][0].is_nan() && bands[0][1] == 20.0);
+        assert_eq!(bands[1][1].round(), 50.0);
+        assert!((bands[1][0] - 40.0).abs() < 1e-9);
+        assert!(bands.len() == 3 && bands[2][1].is_nan());
+    }
+}

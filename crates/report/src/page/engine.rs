@@ -1,0 +1,71 @@
+//! How templates are filled in, and what they share.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use minijinja::syntax::SyntaxConfig;
+use minijinja::value::{Serde, Value};
+use minijinja::{Environment, UndefinedBehavior, escape_formatter};
+use serde::Serialize;
+use trilink_base::numbers::{
+    as_configured, fixed, interval, percent, share, short, significant, with_error,
+};
+use trilink_base::text::harmless;
+use trilink_plot::ROBOTO;
+use trilink_tables::Explanation;
+
+/// Templates that others include or extend.
+const SHARED: [(&str, &str); 12] = [
+    ("base.html", include_str!("base.html")),
+    ("check.html", include_str!("check.html")),
+    ("changes.html", include_str!("changes.html")),
+    ("figure.html", include_str!("figure.html")),
+    ("sheet.html", include_str!("sheet.html")),
+    ("optima.html", include_str!("optima.html")),
+    ("replay.html", include_str!("replay.html")),
+    ("replay.css", include_str!("replay.css")),
+    ("replay.js", include_str!("replay.js")),
+    ("scorecard.html", include_str!("scorecard.html")),
+    ("script.js", include_str!("script.js")),
+    ("style.css", include_str!("style.css")),
+];
+
+/// Fills in a template; a name that ends with `.html` or `.xml` makes the engine escape what it
+/// fills in. Names and messages cannot act on who reads them. Numbers are written by the functions of [`trilink_base::numbers`], as filters.
+///
+/// # Errors
+/// A template is wrong, or a value that it asks for is not there.
+pub fn fill(
+    name: &str,
+    template: &str,
+    values: &impl Serialize,
+) -> Result<String, minijinja::Error> {
+    let mut environment = Environment::new();
+    let syntax = SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).build();
+    environment.set_syntax(syntax?);
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    environment.set_formatter(|out, state, value| match value.as_str() {
+        Some(text) if !value.is_safe() => {
+            escape_formatter(out, state, &Value::from(harmless(text).as_ref()))
+        }
+        _ => escape_formatter(out, state, value),
+    });
+    environment.add_filter("fixed", fixed);
+    environment.add_filter("significant", significant);
+    environment.add_filter("as_configured", as_configured);
+    environment.add_filter("with_error", with_error);
+    environment.add_filter("percent", percent);
+    environment.add_filter("share", share);
+    environment.add_filter("short", short);
+    environment.add_filter("interval", |limits: Vec<f64>, digits| {
+        limits.try_into().map_or_else(|_| String::new(), |limits| interval(limits, digits))
+    });
+    environment.add_filter("explained", |check: String| Serde(Explanation::of(&check)));
+    environment.add_filter("degrees", f64::to_degrees);
+    environment.add_test("finite", f64::is_finite);
+    environment.add_global("font_base64", STANDARD.encode(ROBOTO));
+    for (name, text) in SHARED {
+        environment.add_template(name, text)?;
+    }
+    environment.add_template(name, template)?;
+    environment.get_template(name)?.render(Serde(values))
+}

@@ -1,0 +1,34 @@
+//! Drawings inside of pages.
+
+use minijinja::context;
+use minijinja::value::Value;
+use trilink_plot::{DrawError, Drawing, Figure, WIDTH};
+
+use crate::figures;
+
+/// Draws a figure for a page.
+///
+/// # Errors
+/// It cannot be drawn.
+pub fn image(figure: &Figure) -> Result<Value, DrawError> {
+    Ok(image_of_drawing(figure, &Drawing::of(figure)?))
+}
+
+/// A figure that was drawn, for a page.
+pub(crate) fn image_of_drawing(figure: &Figure, drawing: &Drawing) -> Value {
+    let [legend, panels] = drawing.parts();
+    let Drawing { columns, width, .. } = *drawing;
+    context! {
+        stem => &figure.stem,
+        number => figures::number(&figure.stem),
+        title => &figure.title,
+        caption => &figure.caption,
+        alternative => trilink_plot::text_alternative(figure),
+        synthetic => figure.is_synthetic,
+        legend,
+        panels,
+        columns,
+        width => width.round() as u32,
+        wide => width > WIDTH,
+    }
+}

@@ -1,0 +1,135 @@
+//! `index.html`, one file with everything in it, and a page for each trial.
+
+mod campaigns;
+mod engine;
+mod image;
+mod optima;
+mod shared;
+mod trial;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use minijinja::context;
+use minijinja::value::{Serde, Value};
+
+pub use engine::fill;
+pub use image::image;
+pub(crate) use image::image_of_drawing;
+pub(crate) use trial::{html as trial_html, neighbours};
+
+use trilink_base::files::relative;
+use trilink_plot::Figure;
+use trilink_tables::config::SigmaKind;
+use trilink_tables::{CheckRow, Severity};
+
+use super::Changes;
+use super::scorecard::JudgedClaim;
+use super::tables::Tables;
+use super::truth::{self, Truth};
+use super::{ReportError, ReportInput, figures};
+
+/// Trials' names, and the files of their pages in `trials/`.
+pub(crate) type TrialPages = BTreeMap<String, String>;
+
+/// A figure, and what the page shows of it.
+pub(crate) type Drawn<'f> = (&'f Figure, Value);
+
+/// What the page says that is not in the tables.
+pub(crate) struct Remarks<'r> {
+    /// Sentences on what is not in the report.
+    pub missing: &'r [String],
+    pub truth: Option<&'r Truth>,
+    /// What changed since the baseline.
+    pub changes: Option<&'r Changes>,
+}
+
+/// The page as HTML.
+///
+/// # Errors
+/// The template cannot be filled in.
+pub(crate) fn html(
+    input: &ReportInput,
+    tables: &Tables,
+    drawn: &[Drawn<'_>],
+    pages: &TrialPages,
+    scores: &[JudgedClaim],
+    Remarks { missing, truth, changes }: Remarks<'_>,
+) -> Result<String, ReportError> {
+    let robots = tables.robots.iter();
+    let robots = robots.flat_map(|row| row.quantities().map(move |quantity| (row, quantity)));
+    // What checks of each trial say that a person has to look at.
+    let mut messages: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for check in tables.checks.iter().filter(|check| check.severity > Severity::Info) {
+        let message = Some(check.message.as_str()).filter(|message| !message.is_empty());
+        messages.entry(&check.trial).or_default().extend(message);
+    }
+    // Checks of campaigns and folders.
+    let trials: BTreeSet<&str> = tables.trials.iter().map(|row| row.trial.as_str()).collect();
+    let is_common = |check: &CheckRow| !trials.contains(check.trial.as_str());
+    let troubling = tables.checks.iter().filter(|check| check.severity >= Severity::Warning);
+    // How many trials each of them says something of.
+    let own = troubling.clone().filter(|check| !is_common(check));
+    let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
+    own.for_each(|row| *reasons.entry(&row.check).or_default() += 1);
+    // What was fitted instead of what is missing, by campaign.
+    let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
+    let raw = input.paths.raw.iter().map(|raw| relative(&input.paths.reports, raw));
+    let page = context! {
+        version => env!("CARGO_PKG_VERSION"),
+        synthetic => truth.map_or(String::new(), |truth| truth.notice(tables)),
+        fits => tables.fits.len(),
+        figures => drawn.len(),
+        pages => Serde(pages),
+        messages => Serde(messages),
+        fit_notes => Serde(notes.filter(|(_, note)| !note.is_empty()).collect::<BTreeSet<_>>()),
+        checks => Serde(&tables.checks),
+        common => Serde(troubling.filter(|check| is_common(check)).collect::<Vec<_>>()),
+        names => trials.len(),
+        missing => Serde(missing),
+        changes => Serde(changes),
+        campaigns => campaigns::sections(input, (tables, truth), drawn)?,
+        shared => shared::sections(tables),
+        comparisons => images(drawn, |figure| {
+            figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
+        }),
+        releases => images(drawn, |figure| figure.campaigns.is_empty()),
+        recovered => images(drawn, |figure| figure.stem == figures::TRUTH),
+        robots => Serde(robots.collect::<Vec<_>>()),
+        decays => Serde(tables.robots.iter().map(|row| (row, row.laws())).collect::<Vec<_>>()),
+        trials => Serde(&tables.trials),
+        // As the fits use them.
+        sigmas => Serde(tables.trials.iter().map(|row| row.sigma(input.sigma)).collect::<Vec<_>>()),
+        debiased => input.sigma == SigmaKind::Debiased,
+        truth => truth.map(|truth| truth::compare(truth, tables)),
+        scorecard => Serde(scores),
+        of_the_paper => figures::are_of_the_paper(&tables.campaigns(input)),
+        reasons => Serde(reasons.into_iter().collect::<Vec<_>>()),
+        raw => Serde(raw.collect::<Vec<_>>()),
+        derived => relative(&input.paths.reports, &input.paths.derived),
+        input => &tables.input,
+        configuration => input.configuration(),
+    };
+    fill("index.html", include_str!("index.html"), &page).map_err(ReportError::Page)
+}
+
+/// The page of the scorecard as HTML, with a notice if trials are `synthetic`, else an empty one.
+///
+/// # Errors
+/// The template cannot be filled in.
+pub(crate) fn scorecard_html(
+    scores: &[JudgedClaim],
+    synthetic: &str,
+) -> Result<String, ReportError> {
+    let page = context! {
+        version => env!("CARGO_PKG_VERSION"),
+        synthetic,
+        scorecard => Serde(scores),
+    };
+    let page = fill("scorecard-page.html", include_str!("scorecard-page.html"), &page);
+    page.map_err(ReportError::Page)
+}
+
+fn images(drawn: &[Drawn<'_>], is_wanted: impl Fn(&Figure) -> bool) -> Vec<Value> {
+    let wanted = drawn.iter().filter(|(figure, _)| is_wanted(figure));
+    wanted.map(|(_, image)| image.clone()).collect()
+}

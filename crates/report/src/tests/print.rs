@@ -1,0 +1,197 @@
+//! Figures at a size of print.
+
+use std::io::Read;
+
+use flate2::read::ZlibDecoder;
+use trilink_robot::Parameter;
+
+use super::*;
+
+/// A figure's files with these keys of `[report]`.
+fn printed(width_mm: FigureWidth, font_pt: f64, stem: &str) -> [Vec<u8>; 3] {
+    let folder = temporary();
+    MadeUp::of_the_paper().write(&folder.path().join("derived"));
+    let mut config = config(folder.path());
+    config.campaign.retain(|name, _| name == SKEWED);
+    (config.report.width_mm, config.report.font_pt) = (width_mm, font_pt);
+    let input = ReportInput::new(&config, BTreeSet::new());
+    let content = Content::read(&input, Reader::default()).expect("reads");
+    let figure = content.figures.iter().find(|figure| figure.stem == stem).expect("a figure");
+    let write = |name: &str, bytes: &[u8]| {
+        trilink_tables::write_bytes(&input.paths.reports.join(name), bytes).map(drop)
+    };
+    draw(figure, None, &write).expect("draws");
+    let figures = input.paths.reports.join("figures");
+    ["svg", "png", "pdf"]
+        .map(|kind| std::fs::read(figures.join(format!("{stem}.{kind}"))).expect("a file"))
+}
+
+/// What is packed in a PDF, after each other.
+fn unpacked(pdf: &[u8]) -> String {
+    let mut text = String::new();
+    for (at, _) in pdf.windows(7).enumerate().filter(|(_, of)| of == b"stream\n") {
+        let mut stream = Vec::new();
+        if ZlibDecoder::new(&pdf[at + 7..]).read_to_end(&mut stream).is_ok() {
+            text.push_str(&String::from_utf8_lossy(&stream));
+        }
+    }
+    text
+}
+
+fn number_after(text: &str, before: &str) -> f64 {
+    let (_, rest) = text.split_once(before).unwrap_or_else(|| panic!("no {before}"));
+    let end = rest.find(|c: char| !(c.is_ascii_digit() || c == '.')).expect("an end");
+    rest[..end].parse().expect("a number")
+}
+
+/// Width and size of text of a figure's SVG, mm and points.
+fn size_of_svg(svg: &str) -> [f64; 2] {
+    let (width_px, drawn_px) =
+        (number_after(svg, " width=\""), number_after(svg, "viewBox=\"0 0 "));
+    // In panels ten units are a pixel.
+    let text_px = 0.1 * number_after(svg, "font-size=\"") * width_px / drawn_px;
+    [width_px / 96.0 * 25.4, 0.75 * text_px]
+}
+
+#[test]
+fn figures_come_out_at_the_width_with_text_of_the_size_that_are_asked_for() {
+    for (stem, width_mm, font_pt) in
+        [("fig16", 88.9, 8.0), ("fig09", 88.9, 8.0), ("kinematic-skewed-sigma", 180.0, 7.0)]
+    {
+        let [svg, png, pdf] = printed(FigureWidth::Mm(width_mm), font_pt, stem);
+        let found = size_of_svg(std::str::from_utf8(&svg).expect("text"));
+        assert!((found[0] - width_mm).abs() < 1e-3, "{stem}: {found:?}");
+        assert!((found[1] - font_pt).abs() < 1e-3, "{stem}: {found:?}");
+
+        let number = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().expect("four"));
+        let physical = png.windows(4).position(|chunk| chunk == b"pHYs").expect("a resolution");
+        let (pixels, per_metre) = (f64::from(number(16)), f64::from(number(physical + 4)));
+        assert!((1e3 * pixels / per_metre - width_mm).abs() < 0.1, "{pixels} {per_metre}");
+        assert_eq!((per_metre * 0.0254).round(), 600.0);
+
+        let width_pt = number_after(&String::from_utf8_lossy(&pdf), "/MediaBox [0 0 ");
+        assert!((width_pt / 72.0 * 25.4 - width_mm).abs() < 1e-2, "{stem}: {width_pt}");
+        let content = unpacked(&pdf);
+        assert!((0.75 * number_after(&content, "1 Tf\n") - font_pt).abs() < 1e-2, "{stem}");
+    }
+}
+
+#[test]
+fn what_is_not_asked_for_leaves_figures_as_they_are() {
+    let [svg, png, pdf] = printed(FigureWidth::Auto, 9.0, "fig16");
+    let found = size_of_svg(std::str::from_utf8(&svg).expect("text"));
+    assert_eq!(found.map(|size| (10.0 * size).round()), [1217.0, 90.0]);
+    assert_eq!(u32::from_be_bytes(png[16..20].try_into().expect("four")), 1380);
+    assert_eq!(number_after(&String::from_utf8_lossy(&pdf), "/MediaBox [0 0 "), 345.0);
+    // Text of another size in a figure of the same proportions.
+    let [larger, ..] = printed(FigureWidth::Auto, 18.0, "fig16");
+    let larger = size_of_svg(std::str::from_utf8(&larger).expect("text"));
+    assert_eq!(larger.map(|size| (10.0 * size).round()), [2434.0, 180.0]);
+}
+
+#[test]
+fn a_pdf_has_its_text_as_text_in_its_own_font_and_no_date() {
+    let [svg, _, pdf] = printed(FigureWidth::Auto, 9.0, "fig16");
+    let plain = String::from_utf8_lossy(&pdf);
+    for part in ["/FontFile2", "/ToUnicode", "/Title", "+Roboto-Regular"] {
+        assert!(plain.contains(part), "{part}");
+    }
+    for part in ["Date", "/Image", "/ID"] {
+        assert!(!plain.contains(part), "{part}");
+    }
+    // Every character of the drawing has its glyph, which the PDF says to mean it.
+    let (svg, content) = (String::from_utf8(svg).expect("text"), unpacked(&pdf));
+    let parts = svg.split("<text ").skip(1).filter_map(|part| part.split(['>', '<']).nth(1));
+    let texts = parts.collect::<String>().replace("&#x2f;", "/");
+    let shown = texts.chars().count();
+    assert!(shown > 200, "{texts}");
+    assert_eq!(content.matches(" Tm\n").count(), shown, "{texts}");
+    for character in texts.chars().collect::<BTreeSet<_>>() {
+        let code = format!("> <{:04X}>", u32::from(character));
+        assert!(content.contains(&code), "{character:?} {code}");
+    }
+}
+
+#[test]
+fn every_figure_has_room_at_the_narrowest_width_that_may_be_asked_for() {
+    let folder = temporary();
+    MadeUp::of_the_paper().write(&folder.path().join("derived"));
+    let mut config = config(folder.path());
+    config.report.width_mm = FigureWidth::Mm(7.0 * config.report.font_pt);
+    let figures = report(&config).expect("reports").figures;
+    assert!(figures.iter().any(|figure| figure == "fig10"), "{figures:?}");
+}
+
+/// What LaTeX makes of a document, where there is LaTeX.
+fn compile(tables: &str) {
+    let folder = temporary();
+    let document =
+        "\\documentclass{article}\n\\begin{document}\n\\input{coefficients}\n\\end{document}\n";
+    std::fs::write(folder.path().join("coefficients.tex"), tables).expect("writes");
+    std::fs::write(folder.path().join("paper.tex"), document).expect("writes");
+    let mut latex = std::process::Command::new("pdflatex");
+    latex.args(["-halt-on-error", "paper"]).current_dir(folder.path());
+    if let Ok(output) = latex.output() {
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    }
+}
+
+#[test]
+fn every_campaign_s_coefficients_are_a_table_for_latex() {
+    const HOSTILE: &str = "50 % of $x_1$ & \\input{secret} #1~^{}\u{202e}\n";
+    let folder = temporary();
+    let mut tables = MadeUp::of_the_paper();
+    let mut config = config(folder.path());
+    let campaign = config.campaign.remove(SEMI_PASSIVE).expect("a campaign");
+    config.campaign.insert(HOSTILE.to_owned(), campaign);
+    tables.fits.iter_mut().filter(|fit| fit.campaign == SEMI_PASSIVE).for_each(|fit| {
+        fit.campaign = HOSTILE.to_owned();
+    });
+    let fit = tables.fits.iter_mut().find(|fit| fit.model == Model::SKID_ROLL).expect("a fit");
+    for parameter in Parameter::ALL {
+        (fit.lower[parameter], fit.upper[parameter]) = (f64::NAN, f64::NAN);
+    }
+    fit.no_interval = "nothing tells the noise of the measurements".to_owned();
+    let of = |fit: &&trilink_tables::FitRow| fit.campaign == SKEWED && fit.model == Model::SKID;
+    let skid = tables.fits.iter().find(of).expect("a fit").clone();
+    tables.write(&folder.path().join("derived"));
+    report(&config).expect("reports");
+    let text = read(&folder.path().join("reports/coefficients.tex"));
+
+    let found: Vec<&str> = text.split("\\begin{table}").skip(1).collect();
+    let campaigns: BTreeSet<&str> = tables.fits.iter().map(|fit| fit.campaign.as_str()).collect();
+    assert_eq!(found.len(), campaigns.len());
+    for (table, campaign) in found.iter().zip(&campaigns) {
+        let fits = tables.fits.iter().filter(|fit| fit.campaign == *campaign).count();
+        let (cells, below) = table.split_once("\\end{tabular}").expect("an end");
+        let rows = cells.lines().filter(|line| line.ends_with("\\\\"));
+        let separators = |row: &str| row.replace("\\&", "").matches('&').count();
+        assert!(rows.clone().count() > 6, "{table}");
+        rows.clone().for_each(|row| assert_eq!(separators(row), fits, "{row}"));
+        // Every letter has its note, and what there is no number of has a letter.
+        let marks = cells.split("\\textsuperscript{").skip(1).filter_map(|of| of.split('}').next());
+        for letter in marks.flat_map(|letters| letters.split(',')) {
+            assert!(
+                below.contains(&format!("\\textsuperscript{{{letter}}}\\,")),
+                "{letter} {table}"
+            );
+        }
+        assert_eq!(cells.matches("---").count(), cells.matches("---\\textsuperscript").count());
+    }
+    let plain = text.replace("\\{", "").replace("\\}", "");
+    assert_eq!(plain.matches('{').count(), plain.matches('}').count());
+    assert!(
+        text.contains("50 \\% of \\$x\\_1\\$ \\& \\textbackslash{}input\\{secret\\} \\#1"),
+        "{text}"
+    );
+    assert!(text.contains("No interval: Nothing tells the noise of the measurements."), "{text}");
+    let of = Parameter::Skid0;
+    let [value, up, down] = [
+        skid.parameters[of],
+        skid.upper[of] - skid.parameters[of],
+        skid.parameters[of] - skid.lower[of],
+    ];
+    let cell = format!("${value:.1}^{{+{up:.1}}}_{{-{down:.1}}}$");
+    assert!(text.contains(&cell), "{cell} {text}");
+    compile(&text);
+}

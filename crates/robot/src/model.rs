@@ -1,0 +1,84 @@
+//! Names of models of the wheels.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use trilink_base::Named;
+
+/// The name of a model of the wheels; the configuration says what it stands for. Every name is
+/// kept once for as long as the program runs, so that rows of tables have it for nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Model(&'static str);
+
+impl Model {
+    /// `W q' = 0`, damping of the passive joint only.
+    pub const NO_SKID: Self = Self("no-skid");
+    /// The same, driven by the measured gait of each trial.
+    pub const NO_SKID_MEASURED: Self = Self("no-skid-measured");
+    /// `W q' = 0` with the joint's damping free in the fit.
+    pub const NO_SKID_DAMPED: Self = Self("no-skid-damped");
+    /// `W q' = 0` with roll resistance.
+    pub const NO_SKID_ROLL: Self = Self("no-skid-roll");
+    /// Skid resistance instead of constraints.
+    pub const SKID: Self = Self("skid");
+    /// Skid and roll resistance.
+    pub const SKID_ROLL: Self = Self("skid-roll");
+    /// The paper's.
+    pub const PAPER: [Self; 6] = [
+        Self::NO_SKID,
+        Self::NO_SKID_MEASURED,
+        Self::NO_SKID_DAMPED,
+        Self::NO_SKID_ROLL,
+        Self::SKID,
+        Self::SKID_ROLL,
+    ];
+
+    /// The model of this name.
+    pub fn new(name: &str) -> Self {
+        static NAMES: Mutex<BTreeSet<&str>> = Mutex::new(BTreeSet::new());
+        let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+        if !names.contains(name) {
+            names.insert(Box::leak(name.into()));
+        }
+        Self(names.get(name).copied().unwrap_or_default())
+    }
+
+    /// Its name in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        self.0
+    }
+}
+
+impl Serialize for Model {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Model {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer).map(|name| Self::new(&name))
+    }
+}
+
+impl Named for Model {
+    fn first() -> Self {
+        Self("")
+    }
+
+    fn as_name(&self) -> &str {
+        self.0
+    }
+
+    fn of_name(name: &str) -> Option<Self> {
+        (!name.is_empty()).then(|| Self::new(name))
+    }
+}
+
+impl fmt::Display for Model {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.pad(self.0)
+    }
+}

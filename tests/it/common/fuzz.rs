@@ -1,0 +1,445 @@
+//! What the fuzz targets share: a small project, what is done to one of its files, and the commands
+//! that read it. `tests/it/hostile.rs` does the same with some hundred inputs of its own.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use polars::prelude::{Column, DataFrame, DataType, PolarsResult, Series, StringChunked};
+use trilink_ingest::IngestInput;
+use trilink_mechanics::{FIT_ACCURACY, Problem};
+use trilink_mocap::LengthUnit;
+use trilink_mocap::{parse_markers, sections};
+use trilink_report::ReportInput;
+use trilink_tables::config::Config;
+use trilink_tables::trial::TrialList;
+use trilink_tables::{Provenance, Table};
+
+/// Stands between `pipeline.toml` and `trials.toml`.
+const BETWEEN: &[u8] = b"\n%%\n";
+
+const CONFIG: &str = "pipeline.toml";
+const RECORD: &str = "derived/up-to-date.json";
+/// Of the small project: two campaigns that share coefficients. Its figures are small: painting their pixels,
+/// which is not what is tried, would take more than half of the time.
+const PIPELINE: &str = r#"[paths]
+raw = "raw"
+baseline = "baseline.json"
+[report]
+width_mm = 28.0
+font_pt = 4.0
+trial_pages = 2
+[fit]
+starts = 1
+bootstrap = 4
+shared = { robot = "kinematic" }
+[campaign.kinematic-symmetric]
+robot = "kinematic"
+gait = "symmetric"
+models = ["skid", "skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+[campaign.kinematic-skewed]
+robot = "kinematic"
+gait = "skewed"
+models = ["skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+"#;
+const TRIAL: &str = "kinematic-skewed-4.00-r1";
+
+/// What makes it, in its folder `{}`.
+const MAKERS: [&str; 4] = [
+    "synth {}/raw --omega 3,4,5",
+    "run",
+    "compare --accept as-it-is",
+    "optimise kinematic-skewed --model skid-roll --fitted --keep --maximise v --starts 2 --free omega amplitudes",
+];
+
+/// Tables of which each trial has its own.
+const OF_TRIALS: [&str; 3] = ["poses", "wheels", "cycles"];
+/// Commands, and the tables that they read.
+const READERS: [(&str, &[&str]); 8] = [
+    (
+        "report",
+        &[
+            "trials",
+            "checks",
+            "fits",
+            "alternative_fits",
+            "shared_fits",
+            "predictions",
+            "comparison",
+            "starts",
+            "profiles",
+            "bootstrap",
+            "robot_parameters",
+            "optima",
+            "optimum_maps",
+            "poses",
+            "wheels",
+            "cycles",
+        ],
+    ),
+    ("compare", &["trials", "fits", "robot_parameters", "predictions"]),
+    (
+        "simulate kinematic-skewed --model skid-roll --omega 4 --fitted --bands --csv",
+        &["trials", "cycles", "robot_parameters", "fits", "alternative_fits", "bootstrap"],
+    ),
+    (
+        "design kinematic-symmetric --omega 3,5 --add 1 --csv",
+        &["trials", "cycles", "fits", "alternative_fits", "bootstrap", "comparison"],
+    ),
+    (
+        "optimise kinematic-skewed --fitted --maximise v --starts 1 --free amplitudes --omega 4 --replicates 2 --csv",
+        &["trials", "cycles", "fits", "alternative_fits", "bootstrap", "comparison"],
+    ),
+    ("export kinematic-skewed-4.00-r1 --format csv --output -", &["trials", "poses"]),
+    ("export --petab {}/petab --force", &["trials", "fits"]),
+    ("fit", &["trials", "cycles", "robot_parameters"]),
+];
+
+/// Runs the program on a configuration with a line of arguments; gives its exit status.
+pub type Program = fn(&Path, &str) -> i32;
+
+/// Whatever bytes a marker file has, reading it gives markers or an error.
+pub fn markers(name: &str, file: &[u8]) {
+    let path = Path::new(name);
+    let _ = sections(path, file);
+    let Ok(markers) = parse_markers(path, file, LengthUnit::Mm) else { return };
+    assert!(!markers.frames.is_empty() && !markers.labels.is_empty());
+    assert!(markers.frames.windows(2).all(|pair| pair[0] < pair[1]));
+    for row in 0..markers.frames.len() {
+        for position in markers.row_mm(row) {
+            let missing = position.iter().filter(|x| x.is_nan()).count();
+            assert!(missing == 0 || missing == 3);
+        }
+    }
+}
+
+/// `pipeline.toml` and `trials.toml`: they are refused, or every stage can take its settings from
+/// them and every model be solved or not.
+pub fn settings(text: &[u8]) {
+    let at = text.windows(BETWEEN.len()).position(|bytes| bytes == BETWEEN);
+    let (pipeline, trials) = match at {
+        Some(at) => (&text[..at], &text[at + BETWEEN.len()..]),
+        None => (text, &b""[..]),
+    };
+    let folder = scratch().join("settings");
+    fs::create_dir_all(&folder).expect("a folder");
+    fs::write(folder.join("pipeline.toml"), pipeline).expect("written");
+    fs::write(folder.join("trials.toml"), trials).expect("written");
+    let (config, list) = (Config::load(&folder.join("pipeline.toml")), TrialList::load(&folder));
+    let Ok(config) = config else { return };
+    for trial in list.iter().flat_map(|list| &list.trial) {
+        let _ = trial.check(&config);
+        let _ = IngestInput::new(&config, trial);
+    }
+    let report = ReportInput::new(&config, Default::default());
+    let _ = report.configuration();
+    for (name, campaign) in &config.campaign {
+        let Some((robot, gait)) = config.campaign_setup(name) else { continue };
+        for model in &campaign.models {
+            let laws = config.model[model].laws();
+            let robot = robot.clone();
+            let _ = Problem { robot, gait, laws, omega_rad_s: 3.9 }.solve(FIT_ACCURACY);
+        }
+    }
+}
+
+/// Makes the small project, which takes longer than an input may.
+pub fn begin(program: Program) {
+    Project::get(program);
+}
+
+/// Tables that a command reads; of those that every trial has, one trial's.
+pub fn tables() -> Vec<&'static str> {
+    let mut all: Vec<&str> = READERS.iter().flat_map(|(_, tables)| *tables).copied().collect();
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// The tables that the small project has, by the same names.
+pub fn tables_there(program: Program) -> Vec<String> {
+    let project = Project::get(program);
+    let derived = project.folder.join("derived");
+    let names = project.files.keys().filter_map(|path| path.strip_prefix(&derived).ok());
+    let tables = names.filter(|name| name.extension().is_some_and(|ending| ending == "parquet"));
+    let kind = |name: &Path| match name.parent().and_then(Path::to_str) {
+        Some(folder) if !folder.is_empty() => folder.to_owned(),
+        _ => name.with_extension("").to_string_lossy().into_owned(),
+    };
+    let mut kinds: Vec<String> = tables.map(kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    kinds
+}
+
+/// The commands that read a table.
+pub fn readers(table: &str) -> Vec<&'static str> {
+    let reads = |(line, tables): &(&'static str, &[&str])| tables.contains(&table).then_some(*line);
+    READERS.iter().filter_map(reads).collect()
+}
+
+/// No table is damaged: all commands do what they are for.
+pub fn undamaged(program: Program) {
+    let project = Project::get(program);
+    for (line, _) in READERS {
+        project.restore();
+        assert_eq!(project.does(program, line), 0, "{line}");
+    }
+}
+
+/// A derived table is damaged: a command that reads it ends with its results or with an error.
+pub fn table(program: Program, name: &str, reader: &str, data: &[u8]) {
+    let project = Project::get(program);
+    project.restore();
+    let of_trial = format!("{name}/{TRIAL}");
+    let file = if OF_TRIALS.contains(&name) { &of_trial } else { name };
+    project.damage(&format!("derived/{file}.parquet"), data);
+    project.does(program, reader);
+}
+
+/// `history.parquet`, to which a run is added.
+pub fn history(program: Program, data: &[u8]) {
+    let project = Project::get(program);
+    project.restore();
+    project.damage("reports/history.parquet", data);
+    project.does(program, "compare");
+}
+
+/// `up-to-date.json`: what it says was done is done or found not to be.
+pub fn record(program: Program, data: &[u8]) {
+    let project = Project::get(program);
+    project.restore();
+    fs::write(project.folder.join(RECORD), data).expect("written");
+    project.does(program, "run --dry-run");
+    project.does(program, "run");
+}
+
+/// The record of the small project: where the fuzzer begins.
+pub fn recorded(program: Program) -> Vec<u8> {
+    let project = Project::get(program);
+    project.files[&project.folder.join(RECORD)].clone()
+}
+
+/// A folder of this process, in memory where there is such a place.
+fn scratch() -> &'static Path {
+    let shm = Path::new("/dev/shm");
+    let root = if shm.is_dir() { shm.to_owned() } else { std::env::temp_dir() };
+    super::temporary::of_process(&root)
+}
+
+/// A project as its makers left it.
+struct Project {
+    folder: PathBuf,
+    files: BTreeMap<PathBuf, Vec<u8>>,
+}
+
+impl Project {
+    fn get(program: Program) -> &'static Self {
+        static PROJECT: OnceLock<Project> = OnceLock::new();
+        PROJECT.get_or_init(|| {
+            let mut project = Self { folder: scratch().join("project"), files: BTreeMap::new() };
+            fs::create_dir_all(&project.folder).expect("a folder");
+            fs::write(project.folder.join(CONFIG), PIPELINE).expect("written");
+            for line in MAKERS {
+                assert_eq!(project.does(program, line), 0, "{line}");
+            }
+            for folder in ["derived", "reports"] {
+                collect(&project.folder.join(folder), &mut project.files);
+            }
+            project
+        })
+    }
+
+    /// Runs a command, which ends with a status of its own whatever it finds.
+    fn does(&self, program: Program, line: &str) -> i32 {
+        let line = line.replace("{}", &self.folder.display().to_string());
+        let status = program(&self.folder.join(CONFIG), &line);
+        assert!((0..=2).contains(&status), "{line}: exit status {status}");
+        status
+    }
+
+    /// Everything as the makers left it.
+    fn restore(&self) {
+        for (path, bytes) in &self.files {
+            if fs::read(path).ok().as_ref() != Some(bytes) {
+                let _ = fs::remove_dir_all(path);
+                fs::write(path, bytes).expect("written");
+            }
+        }
+    }
+
+    /// Damages a table: its bytes are the data, or its cells are edited as the data says.
+    fn damage(&self, name: &str, data: &[u8]) {
+        let path = self.folder.join(name);
+        match data.split_first() {
+            Some((0xff, bytes)) => fs::write(path, bytes).expect("written"),
+            _ => {
+                let mut table = Table::read(&path).expect("the table of a run");
+                let input = table.input.clone().unwrap_or_default();
+                edit(&mut table.frame, &mut Data(data));
+                table.write(&path, &Provenance { input }).expect("written");
+            }
+        }
+    }
+}
+
+fn collect(folder: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            collect(&path, files);
+        } else {
+            files.insert(path.clone(), fs::read(&path).expect("a file"));
+        }
+    }
+}
+
+/// Bytes that are used up; zeros after the last.
+struct Data<'d>(&'d [u8]);
+
+impl Data<'_> {
+    fn byte(&mut self) -> u8 {
+        let Some((first, rest)) = self.0.split_first() else { return 0 };
+        self.0 = rest;
+        *first
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        let wide = usize::from(self.byte()) << 8 | usize::from(self.byte());
+        wide % count.max(1)
+    }
+
+    fn number(&mut self) -> f64 {
+        const ODD: [f64; 12] = [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            0.0,
+            -0.0,
+            -1.0,
+            1e308,
+            -1e308,
+            5e-324,
+            1e6,
+            9e18,
+            1.5,
+        ];
+        match self.below(ODD.len() + 1) {
+            i if i < ODD.len() => ODD[i],
+            _ => f64::from_le_bytes(std::array::from_fn(|_| self.byte())),
+        }
+    }
+
+    fn text(&mut self) -> String {
+        const ODD: [&str; 10] = [
+            "",
+            "ok",
+            "failed",
+            "skid-roll",
+            "gait",
+            "../../outside",
+            "<script>alert(1)</script>",
+            "\u{1b}[31m\u{202e}\n\r\0",
+            "no such",
+            "trial,curve",
+        ];
+        match self.below(ODD.len() + 2) {
+            i if i < ODD.len() => ODD[i].to_owned(),
+            i if i == ODD.len() => "long".repeat(5_000),
+            _ => String::from_utf8_lossy(&[self.byte(), self.byte(), self.byte()]).into_owned(),
+        }
+    }
+}
+
+/// Of a table, so that what it needs itself stays within bounds.
+const MOST_ROWS: usize = 100_000;
+const MOST_BYTES: usize = 30_000_000;
+/// Of a text that is in all rows, characters.
+const MOST_TEXT: usize = 100;
+
+/// Edits a table until the data are used up.
+fn edit(frame: &mut DataFrame, data: &mut Data) {
+    while !data.0.is_empty() && frame.width() > 0 {
+        let names: Vec<String> = frame.get_column_names().iter().map(|n| n.to_string()).collect();
+        let name = names[data.below(names.len())].as_str();
+        let height = frame.height();
+        let edited = match data.byte() % 8 {
+            // One cell, or a whole column.
+            0..=2 => set(frame, name, Some(data.below(height)), data),
+            3 => set(frame, name, None, data),
+            4 => frame.drop(name),
+            5 => {
+                let types = [DataType::Float64, DataType::Int64, DataType::String];
+                let to = &types[data.below(3)];
+                // Text of a time that no calendar has is a panic of polars'.
+                let number = |of: &Column| match of.dtype().is_temporal() {
+                    true => of.cast(&DataType::Int64),
+                    false => Ok(of.clone()),
+                };
+                let column = frame.column(name).and_then(number).and_then(|of| of.cast(to));
+                column.map(|column| with(frame, column))
+            }
+            // Rows are left out, come twice or are very many.
+            6 => Ok(frame.slice(data.below(height + 1) as i64, data.below(height + 1))),
+            _ => {
+                let most = MOST_ROWS.min(MOST_BYTES * height / frame.estimated_size().max(1));
+                many(frame, [2 * height, 1_000, MOST_ROWS][data.below(3)].min(most))
+            }
+        };
+        if let Ok(edited) = edited {
+            *frame = edited;
+        }
+    }
+    frame.rechunk_mut();
+}
+
+/// A table's rows again and again, up to so many.
+fn many(frame: &DataFrame, rows: usize) -> PolarsResult<DataFrame> {
+    let mut all = frame.clone();
+    while (1..=rows / 2).contains(&all.height()) {
+        let again = all.clone();
+        all.vstack_mut(&again)?;
+    }
+    // Of what is in very many pieces polars is slow to tell the size.
+    all.rechunk_mut();
+    Ok(all)
+}
+
+/// A table with another value in one row, or in all.
+fn set(
+    frame: &DataFrame,
+    name: &str,
+    row: Option<usize>,
+    data: &mut Data,
+) -> PolarsResult<DataFrame> {
+    let column = frame.column(name)?;
+    let is_here = |i: usize| row.is_none_or(|row| row == i);
+    let is_missing = data.byte().is_multiple_of(8);
+    let series: Series = if column.dtype() == &DataType::String {
+        let most = if row.is_none() { MOST_TEXT } else { usize::MAX };
+        let text = data.text().chars().take(most).collect::<String>();
+        let text = Some(text).filter(|_| !is_missing);
+        let old = column.str()?.iter().enumerate();
+        let new = old.map(|(i, old)| if is_here(i) { text.clone() } else { old.map(Into::into) });
+        let mut texts: StringChunked = new.collect();
+        texts.rename(name.into());
+        texts.into()
+    } else {
+        let value = Some(data.number()).filter(|_| !is_missing);
+        let numbers = column.cast(&DataType::Float64)?;
+        let old = numbers.f64()?.iter().enumerate();
+        let new: Vec<Option<f64>> =
+            old.map(|(i, old)| if is_here(i) { value } else { old }).collect();
+        Series::from_iter(new).with_name(name.into()).cast(column.dtype())?
+    };
+    Ok(with(frame, series.into()))
+}
+
+fn with(frame: &DataFrame, column: Column) -> DataFrame {
+    let mut frame = frame.clone();
+    let _ = frame.with_column(column);
+    frame
+}

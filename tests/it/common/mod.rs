@@ -1,0 +1,229 @@
+//! Running the program and looking at what it leaves.
+
+// Not every test file uses all of it.
+#![allow(dead_code)]
+
+pub mod fitted;
+pub mod fuzz;
+mod temporary;
+mod trials;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+pub use temporary::temporary;
+pub use trials::noisy_trial;
+
+use trilink_mechanics::Model;
+use trilink_tables::config::{Config, GaitInput};
+
+/// Runs the program in `folder`.
+pub fn trilink(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_trilink"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("the program starts")
+}
+
+/// Runs the program, which must end with status 0; gives what it wrote to standard output.
+pub fn succeed(folder: &Path, arguments: &[&str]) -> String {
+    let output = trilink(folder, arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// Bytes as text.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("the text is UTF-8")
+}
+
+/// What is beside the results: who holds them, and the record of times and hashes.
+const BESIDE: [&str; 2] = [".lock", "up-to-date.json"];
+
+/// Every file of results below a folder, by its path from there.
+pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(inner) = open.pop() {
+        for entry in std::fs::read_dir(&inner).expect("the folder is there") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                open.push(path);
+            } else if !BESIDE.iter().any(|name| path.ends_with(name)) {
+                let bytes = std::fs::read(&path).expect("the file is readable");
+                let name = path.strip_prefix(folder).expect("the file is inside");
+                found.insert(name.to_owned(), bytes);
+            }
+        }
+    }
+    found
+}
+
+/// Two campaigns of which little is asked: a run of their trials takes a second.
+pub const SMALL: &str = r#"[paths]
+raw = "raw"
+[fit]
+starts = 2
+bootstrap = 3
+profiles = false
+[campaign.kinematic-symmetric]
+robot = "kinematic"
+gait = "symmetric"
+models = ["no-skid", "skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
+[campaign.kinematic-skewed]
+robot = "kinematic"
+gait = "skewed"
+models = ["skid"]
+weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
+"#;
+
+/// What a run of them says that has nothing to do: what the fits lack is said again.
+pub const UP_TO_DATE: &str = "kinematic-symmetric: no interval holds what the model leaves out: \
+                              that takes 3 frequencies\neverything was up to date\n";
+
+/// Where the trials of [`SMALL`] are and what is made of them.
+pub struct Small(pub tempfile::TempDir);
+
+impl Small {
+    /// Trials of which nothing is made yet.
+    pub fn raw() -> Self {
+        static MADE: OnceLock<Small> = OnceLock::new();
+        let made = MADE.get_or_init(|| {
+            let folder = Self(temporary());
+            folder.write("pipeline.toml", SMALL);
+            succeed(folder.path(), &["-q", "synth", "raw", "--omega", "5,6", "--seed", "1"]);
+            // Some tests take trials from the list and leave their files.
+            let list = text(&folder.read("raw/trials.toml"));
+            folder.write("raw/trials.toml", format!("ignore = [\"*\"]\n{list}"));
+            folder
+        });
+        made.copy()
+    }
+
+    /// Trials of which everything is made.
+    pub fn done() -> Self {
+        static DONE: OnceLock<Small> = OnceLock::new();
+        let done = DONE.get_or_init(|| {
+            let folder = Self::raw();
+            folder.run();
+            folder
+        });
+        done.copy()
+    }
+
+    /// The same files with the same times elsewhere.
+    pub fn copy(&self) -> Self {
+        let copy = Self(temporary());
+        let mut open = vec![PathBuf::new()];
+        while let Some(inner) = open.pop() {
+            std::fs::create_dir_all(copy.path().join(&inner)).expect("a folder");
+            for entry in std::fs::read_dir(self.path().join(&inner)).expect("a folder") {
+                let entry = entry.expect("an entry");
+                let name = inner.join(entry.file_name());
+                if entry.path().is_dir() {
+                    open.push(name);
+                    continue;
+                }
+                let place = copy.path().join(name);
+                std::fs::copy(entry.path(), &place).expect("a copy");
+                let time = entry.metadata().and_then(|data| data.modified()).expect("a time");
+                let file = std::fs::File::options().write(true).open(place).expect("a file");
+                file.set_modified(time).expect("a time");
+            }
+        }
+        copy
+    }
+
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub fn place(&self, name: &str) -> PathBuf {
+        self.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        let place = self.place(name);
+        std::fs::create_dir_all(place.parent().expect("a parent")).expect("a folder");
+        std::fs::write(place, bytes).expect("a file");
+    }
+
+    pub fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.place(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// Replaces the first `old` in a file.
+    pub fn replace(&self, name: &str, old: &str, new: &str) {
+        let content = text(&self.read(name));
+        assert!(content.contains(old), "{name} has no {old:?}");
+        self.write(name, content.replacen(old, new, 1));
+    }
+
+    /// Runs what has changed.
+    pub fn run(&self) -> String {
+        succeed(self.path(), &["run"])
+    }
+
+    /// What a run left, but for when and how long.
+    pub fn results(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut results = files(self.path());
+        results.retain(|name, _| name.starts_with("derived") || name.starts_with("reports"));
+        for told_by_the_clock in ["run.json", "history.parquet", "history.html"] {
+            results.remove(&Path::new("reports").join(told_by_the_clock));
+        }
+        results
+    }
+
+    /// What a run from scratch of the same trials and configuration leaves.
+    pub fn scratch(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let copy = self.copy();
+        for made in ["derived", "reports"] {
+            let _ = std::fs::remove_dir_all(copy.place(made));
+        }
+        let output = trilink(copy.path(), &["run"]);
+        assert!(output.status.code() < Some(2), "{}", text(&output.stderr));
+        copy.results()
+    }
+}
+
+/// Both have the same files with the same bytes.
+pub fn assert_same(
+    found: &BTreeMap<PathBuf, Vec<u8>>,
+    expected: &BTreeMap<PathBuf, Vec<u8>>,
+    what: &str,
+) {
+    let names = |files: &BTreeMap<PathBuf, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(found), names(expected), "{what}");
+    for (name, bytes) in found {
+        assert!(bytes == &expected[name], "{what}: {} differs", name.display());
+    }
+}
+
+/// A configuration of one campaign and two models, whose fits are quick.
+pub fn small_settings() -> Config {
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == "kinematic-symmetric");
+    for campaign in config.campaign.values_mut() {
+        campaign.models = vec![Model::NO_SKID, Model::SKID_ROLL];
+    }
+    config.fit.starts = 2;
+    config.fit.bootstrap = 40;
+    // Its gait as measured crosses a singular shape without skid.
+    config.fit.gait_input = GaitInput::Commanded;
+    config
+}
+
+/// A folder in which such a configuration has run on synthetic trials of a few frequencies.
+pub fn small_run(config: &Config, seed: &str) -> tempfile::TempDir {
+    let folder = temporary();
+    let text = toml::to_string(config).expect("a configuration is TOML");
+    std::fs::write(folder.path().join("pipeline.toml"), text).expect("the file can be written");
+    let synth = ["synth", "raw/demo", "--omega", "2,3.9", "--seed", seed, "--quiet"];
+    succeed(folder.path(), &synth);
+    succeed(folder.path(), &["run", "--quiet"]);
+    folder
+}

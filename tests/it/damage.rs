@@ -1,0 +1,386 @@
+//! Damage to what a run left and to the places where it writes: a run mends what it can, says
+//! what it cannot, and harms nothing else. Damage to marker files and settings is in
+//! `bad_input.rs`.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use trilink_tables::Table;
+
+use crate::common::{Small, UP_TO_DATE, assert_same, text, trilink};
+
+const TRIAL: &str = "kinematic-symmetric-5.00-r1";
+const RECORD: &str = "derived/up-to-date.json";
+
+/// What is done to a file.
+#[derive(Debug, Clone, Copy)]
+enum Damage {
+    Gone,
+    Empty,
+    Garbage,
+    Half,
+    /// One byte in the middle.
+    Flipped,
+    /// Another file in its place.
+    Other(&'static str),
+    /// A folder in its place.
+    Folder,
+}
+
+impl Damage {
+    fn strike(self, folder: &Small, name: &str) {
+        let place = folder.place(name);
+        match self {
+            Self::Gone if place.is_dir() => fs::remove_dir_all(place).unwrap(),
+            Self::Gone => fs::remove_file(place).unwrap(),
+            Self::Empty => folder.write(name, ""),
+            Self::Garbage => folder.write(name, b"PAR1 \xff\xfe{garbage"),
+            Self::Half => {
+                let bytes = folder.read(name);
+                folder.write(name, &bytes[..bytes.len() / 2]);
+            }
+            Self::Flipped => {
+                let mut bytes = folder.read(name);
+                let middle = bytes.len() / 2;
+                bytes[middle] ^= 0x20;
+                folder.write(name, bytes);
+            }
+            Self::Other(other) => folder.write(name, folder.read(other)),
+            Self::Folder => {
+                if place.exists() {
+                    fs::remove_file(&place).unwrap();
+                }
+                fs::create_dir(place).unwrap();
+            }
+        }
+    }
+}
+
+fn assert_says(output: &Output, status: i32, named: &[&str], what: &str) {
+    let said = text(&output.stderr);
+    assert!(!said.contains("panicked"), "{what}: {said}");
+    assert_eq!(output.status.code(), Some(status), "{what}: {said}");
+    for name in named {
+        assert!(said.contains(name), "{what}: {said:?} does not name {name:?}");
+    }
+}
+
+fn assert_nothing_half_written(folder: &Path) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        assert!(!path.to_string_lossy().contains(".writing-"), "{} was left", path.display());
+        if path.is_dir() {
+            assert_nothing_half_written(&path);
+        }
+    }
+}
+
+#[test]
+fn damaged_results_are_made_again() {
+    use Damage::{Empty, Flipped, Garbage, Gone, Half, Other};
+    let poses = format!("derived/poses/{TRIAL}.parquet");
+    let wheels = format!("derived/wheels/{TRIAL}.parquet");
+    let cycles = format!("derived/cycles/{TRIAL}.parquet");
+    let cases: [(&str, Damage, &str); 34] = [
+        ("derived/trials.parquet", Gone, "trials.parquet is gone"),
+        ("derived/trials.parquet", Empty, "trials.parquet is not as it was written"),
+        ("derived/trials.parquet", Flipped, "trials.parquet is not as it was written"),
+        ("derived/trials.parquet", Other("derived/fits.parquet"), "trials.parquet is not as"),
+        ("derived/checks.parquet", Half, "checks.parquet is not as it was written"),
+        ("derived/robot_parameters.parquet", Garbage, "robot_parameters.parquet is not as"),
+        (&poses, Gone, "poses/kinematic-symmetric-5.00-r1.parquet is gone"),
+        (&wheels, Garbage, "wheels/kinematic-symmetric-5.00-r1.parquet is not as it was written"),
+        (&cycles, Empty, "cycles/kinematic-symmetric-5.00-r1.parquet is not as it was written"),
+        (&cycles, Flipped, "cycles/kinematic-symmetric-5.00-r1.parquet is not as it was written"),
+        ("derived/poses", Gone, "poses/kinematic-symmetric-5.00-r1.parquet is gone"),
+        ("derived/fits.parquet", Gone, "fits.parquet is gone"),
+        ("derived/starts.parquet", Half, "starts.parquet is not as it was written"),
+        ("derived/profiles.parquet", Garbage, "profiles.parquet is not as it was written"),
+        ("derived/bootstrap.parquet", Empty, "bootstrap.parquet is not as it was written"),
+        ("derived/comparison.parquet", Other("derived/fits.parquet"), "comparison.parquet is not"),
+        ("derived/predictions.parquet", Flipped, "predictions.parquet is not as it was written"),
+        ("reports/figures/fig17.svg", Gone, "figures/fig17.svg is gone"),
+        ("reports/figures/fig17.svg", Flipped, "figures/fig17.svg is not as it was written"),
+        ("reports/figures/fig17.png", Garbage, "figures/fig17.png is not as it was written"),
+        ("reports/figures/fig17.csv", Empty, "figures/fig17.csv is not as it was written"),
+        ("reports/index.html", Gone, "index.html is gone"),
+        ("reports/index.html", Half, "index.html is not as it was written"),
+        ("reports/fits.json", Garbage, "fits.json is not as it was written"),
+        ("reports/run.json", Gone, ""),
+        ("reports", Gone, "figures/fig17.svg is gone"),
+        ("derived", Gone, "new"),
+        (RECORD, Gone, "new"),
+        (RECORD, Empty, "up-to-date.json: not a record of trilink"),
+        (RECORD, Garbage, "up-to-date.json: not a record of trilink"),
+        (RECORD, Half, "up-to-date.json: not a record of trilink"),
+        (RECORD, Other("reports/fits.json"), "up-to-date.json: not a record of trilink"),
+        ("derived/.lock", Garbage, ""),
+        ("derived/.lock", Gone, ""),
+    ];
+    let expected = Small::done().results();
+    for (name, damage, why) in cases {
+        let folder = Small::done();
+        folder.run();
+        damage.strike(&folder, name);
+        let what = format!("{name} {damage:?}");
+        let output = trilink(folder.path(), &["run", "--explain"]);
+        assert_says(&output, 0, &[why], &what);
+        assert_same(&folder.results(), &expected, &what);
+        assert!(folder.place("reports/run.json").is_file(), "{what}");
+        let again = trilink(folder.path(), &["run"]);
+        assert_eq!(text(&again.stderr), UP_TO_DATE, "{what}");
+    }
+}
+
+/// A change of the record.
+type Change = fn(&mut Value);
+
+#[test]
+fn a_record_that_says_what_is_not_true_is_not_believed() {
+    let expected = Small::done().results();
+    let cases: [(&str, Change); 6] = [
+        ("a later format", |record| record["format"] = 99.into()),
+        ("an unknown key", |record| record["extra"] = 1.into()),
+        ("no stages", |record| *record = serde_json::json!({ "format": 2 })),
+        ("another hash", |record| {
+            let made = record["ingest"]["targets"].as_array_mut().unwrap();
+            let of_trial = |made: &&mut Value| made["target"]["trial"] == TRIAL;
+            made.iter_mut().find(of_trial).unwrap()["parts"]["the marker file"] = "0".into();
+        }),
+        ("a trial that there is not", |record| {
+            let made = record["ingest"]["targets"].as_array_mut().unwrap();
+            let mut nobody = made[0].clone();
+            nobody["target"]["trial"] = "nobody".into();
+            made.push(nobody);
+        }),
+        ("a fit that there is not", |record| {
+            let made = record["fit"]["targets"].as_array_mut().unwrap();
+            let mut nobody = made[0].clone();
+            nobody["target"]["fit"]["campaign"] = "no campaign".into();
+            made.push(nobody);
+        }),
+    ];
+    for (what, change) in cases {
+        let folder = Small::done();
+        let mut record: Value = serde_json::from_slice(&folder.read(RECORD)).unwrap();
+        change(&mut record);
+        folder.write(RECORD, serde_json::to_vec(&record).unwrap());
+        assert_says(&trilink(folder.path(), &["run"]), 0, &[], what);
+        assert_same(&folder.results(), &expected, what);
+    }
+}
+
+#[test]
+fn places_that_cannot_be_written_to_are_named_before_any_work() {
+    let folder_there = ["found a folder, needed a place for a file"];
+    let file_there = ["found a file, needed a folder"];
+    let in_place_of_files = [
+        "derived/trials.parquet",
+        "derived/checks.parquet",
+        "derived/predictions.parquet",
+        "derived/.lock",
+        RECORD,
+        "reports/index.html",
+        "reports/fits.json",
+        "reports/run.json",
+    ];
+    for name in in_place_of_files {
+        let folder = Small::done();
+        Damage::Folder.strike(&folder, name);
+        let before = folder.results();
+        let output = trilink(folder.path(), &["run", "--force"]);
+        assert_says(&output, 2, &[name, folder_there[0]], name);
+        assert!(!text(&output.stderr).contains("ingest 1/"), "{name}");
+        assert_same(&folder.results(), &before, name);
+    }
+    for name in ["derived", "reports", "derived/poses", "derived/cycles", "reports/figures"] {
+        let folder = Small::done();
+        fs::remove_dir_all(folder.place(name)).unwrap();
+        folder.write(name, "precious");
+        let before = folder.results();
+        let output = trilink(folder.path(), &["run"]);
+        assert_says(&output, 2, &[name, file_there[0]], name);
+        assert!(!text(&output.stderr).contains("ingest 1/"), "{name}");
+        assert_eq!(folder.read(name), b"precious");
+        assert_same(&folder.results(), &before, name);
+    }
+}
+
+#[test]
+fn a_folder_in_the_place_of_a_trial_s_table_or_a_figure_is_named_and_mended_once_it_is_gone() {
+    for name in ["derived/poses/kinematic-symmetric-5.00-r1.parquet", "reports/figures/fig17.svg"] {
+        let folder = Small::done();
+        Damage::Folder.strike(&folder, name);
+        let output = trilink(folder.path(), &["run"]);
+        assert_says(&output, 2, &[name, "cannot be written"], name);
+        assert_nothing_half_written(folder.path());
+        fs::remove_dir(folder.place(name)).unwrap();
+        folder.run();
+        assert_same(&folder.results(), &Small::done().results(), name);
+    }
+}
+
+#[test]
+fn stages_without_the_tables_before_them_say_which_command_makes_them() {
+    for command in ["fit", "report"] {
+        let folder = Small::raw();
+        let output = trilink(folder.path(), &[command]);
+        let named = ["trials.parquet", "not there", "`trilink ingest` makes it"];
+        assert_says(&output, 2, &named, command);
+    }
+}
+
+#[test]
+fn trials_and_truth_that_cannot_be_read_are_named() {
+    let cases: [(&str, Damage, i32, &[&str]); 6] = [
+        ("raw/trials.toml", Damage::Gone, 2, &["trials.toml: cannot be read"]),
+        ("raw/trials.toml", Damage::Folder, 2, &["trials.toml: cannot be read"]),
+        ("raw/trials.toml", Damage::Garbage, 2, &["trials.toml: cannot be read"]),
+        ("raw/trials.toml", Damage::Empty, 2, &["trials.toml", "at least one [[trial]]"]),
+        ("raw/truth.json", Damage::Half, 0, &["truth.json is passed over"]),
+        ("raw/truth.json", Damage::Gone, 0, &[]),
+    ];
+    for (name, damage, status, named) in cases {
+        let folder = Small::done();
+        let before = folder.results();
+        damage.strike(&folder, name);
+        let what = format!("{name} {damage:?}");
+        let output = trilink(folder.path(), &["run"]);
+        assert_says(&output, status, named, &what);
+        let expected = if status == 2 { before } else { folder.scratch() };
+        assert_same(&folder.results(), &expected, &what);
+    }
+}
+
+#[test]
+fn what_killed_writers_left_is_swept_away_although_all_else_is_up_to_date() {
+    let folder = Small::done();
+    folder.run();
+    let table = folder.read(&format!("derived/poses/{TRIAL}.parquet"));
+    let left: [(&str, &[u8]); 4] = [
+        ("derived/.writing-a1B2c3", b"half a"),
+        ("derived/wheels/.writing-x", b""),
+        ("reports/figures/.writing-y", b"<svg"),
+        ("derived/poses/nobody.parquet", &table),
+    ];
+    for (name, bytes) in left {
+        folder.write(name, bytes);
+        let ahead = crate::common::succeed(folder.path(), &["run", "--dry-run"]);
+        assert!(!ahead.is_empty(), "{name}");
+        assert_says(&trilink(folder.path(), &["run"]), 0, &[], name);
+        assert!(!folder.place(name).exists(), "{name}");
+        assert_same(&folder.results(), &Small::done().results(), name);
+    }
+}
+
+/// Runs the program with files limited to `kib` KiB, which is what a full disk is like: writing
+/// goes on for a while and then fails.
+#[cfg(unix)]
+fn with_little_room(folder: &Small, kib: u32) -> Output {
+    let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" run --force", 2 * kib);
+    Command::new("sh")
+        .args(["-c", &script, env!("CARGO_BIN_EXE_trilink")])
+        .current_dir(folder.path())
+        .output()
+        .unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_ends_the_run_with_earlier_results_in_place_and_whole() {
+    for kib in [1, 16, 40, 90] {
+        let folder = Small::done();
+        let before = folder.results();
+        let output = with_little_room(&folder, kib);
+        assert_says(&output, 2, &["cannot be written"], &format!("{kib} KiB"));
+        assert_nothing_half_written(folder.path());
+        assert_same(&folder.results(), &before, "a full disk");
+        folder.run();
+        assert_same(&folder.results(), &before, "room again");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn folders_and_files_without_permission_are_named() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let set = |folder: &Small, name: &str, mode: u32| {
+        fs::set_permissions(folder.place(name), fs::Permissions::from_mode(mode)).unwrap();
+    };
+    let folder = Small::done();
+    folder.run();
+    for name in ["derived", "reports", "reports/figures"] {
+        set(&folder, name, 0o555);
+    }
+    if fs::write(folder.place("derived/probe"), "").is_ok() {
+        // Who may do everything is not kept from it.
+        for name in ["derived", "reports", "reports/figures"] {
+            set(&folder, name, 0o755);
+        }
+        return;
+    }
+    let before = folder.results();
+    // Nothing is to be done, so nothing is to be written.
+    assert_says(&trilink(folder.path(), &["run"]), 0, &[], "up to date");
+    let output = trilink(folder.path(), &["run", "--force"]);
+    assert_says(&output, 2, &["derived", "cannot be written"], "a read-only folder");
+    assert_same(&folder.results(), &before, "a read-only folder");
+    set(&folder, "derived", 0o755);
+    let output = trilink(folder.path(), &["run", "--force"]);
+    assert_says(&output, 2, &["reports", "cannot be written"], "a read-only folder");
+    assert_same(&folder.results(), &before, "a read-only folder");
+    for name in ["reports", "reports/figures"] {
+        set(&folder, name, 0o755);
+    }
+    let file = format!("raw/{TRIAL}.csv");
+    set(&folder, &file, 0o000);
+    folder.write("derived/up-to-date.json", "");
+    let output = trilink(folder.path(), &["run"]);
+    assert_says(&output, 1, &[TRIAL, "cannot be read"], "an unreadable file");
+    set(&folder, &file, 0o644);
+    folder.run();
+    assert_same(&folder.results(), &before, "readable again");
+}
+
+#[test]
+fn a_table_that_another_program_wrote_is_read_or_named_but_never_taken_for_the_last_one() {
+    let folder = Small::done();
+    let before = folder.results();
+    // A fit of a subset, by a script.
+    let table = Table::read(&folder.place("derived/fits.parquet")).unwrap();
+    let provenance = trilink_tables::Provenance { input: "a script".to_owned() };
+    table.write(&folder.place("derived/fits.parquet"), &provenance).unwrap();
+    let output = trilink(folder.path(), &["run", "--explain"]);
+    assert_says(&output, 0, &["fits.parquet is not as it was written"], "a script's table");
+    assert_same(&folder.results(), &before, "a script's table");
+}
+
+#[test]
+fn a_table_of_which_a_bit_was_changed_is_refused_wherever_it_is_read() {
+    let folder = Small::done();
+    let simulate = "simulate kinematic-symmetric --model skid --omega 5 --fitted --csv";
+    let cases = [
+        ("derived/fits.parquet", "inspect fits"),
+        ("derived/fits.parquet", "inspect fits --schema"),
+        ("derived/fits.parquet", "report"),
+        ("derived/fits.parquet", simulate),
+        ("derived/trials.parquet", "fit"),
+        ("derived/trials.parquet", "export --petab petab"),
+    ];
+    for (name, command) in cases {
+        let whole = folder.read(name);
+        // Of rows, of a page's header, of the description of the columns, and of the metadata.
+        for place in [4, 5, 700, whole.len() / 2, whole.len() - 100, whole.len() - 6] {
+            let mut damaged = whole.clone();
+            damaged[place] ^= 1;
+            folder.write(name, damaged);
+            let line: Vec<&str> = command.split(' ').collect();
+            let output = trilink(folder.path(), &line);
+            let file = Path::new(name).file_name().and_then(|file| file.to_str()).unwrap();
+            assert_says(&output, 2, &[file, "damaged"], &format!("{command}, {place}"));
+        }
+        folder.write(name, whole);
+    }
+}

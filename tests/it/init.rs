@@ -1,0 +1,443 @@
+//! The first hour: from marker files alone, by `init`, to a fitted coefficient.
+
+use std::path::Path;
+
+use serde_json::Value;
+use tempfile::TempDir;
+use trilink_tables::config::Config;
+use trilink_tables::trial::{TrialKind, TrialList};
+use trilink_tables::{Columns as _, ComparisonRow, FitRow, FitStatus, Table};
+
+use crate::common::{succeed, text, trilink};
+
+/// Another robot with other labels and dimensions; both joints are commanded.
+const CART: &str = r#"
+[vicon]
+rate_hz = 100.0
+[robot.cart]
+h_m = 0.2
+l_m = 0.13
+b_m = 0.075
+mass_kg = [1.6, 0.42, 0.38]
+inertia_kg_m2 = [0.016, 0.0011, 0.0010]
+roll_kg_s = [0.8, 0.4, 0.4]
+skid_kg_s = [150.0, 70.0, 60.0]
+skid_dry_n = [2.9, 1.3, 1.4]
+[gait.level]
+joint1 = { offset_deg = 0.0, amplitude_deg = 26.0, phase_deg = 0.0 }
+joint2 = { offset_deg = 0.0, amplitude_deg = 31.0, phase_deg = -80.0 }
+[gait.bent]
+joint1 = { offset_deg = 35.0, amplitude_deg = 28.0, phase_deg = 0.0 }
+joint2 = { offset_deg = -35.0, amplitude_deg = 28.0, phase_deg = -90.0 }
+[campaign.weave]
+robot = "cart"
+gait = "level"
+models = ["skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+[campaign.hook]
+robot = "cart"
+gait = "bent"
+models = ["skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
+[markers.link0]
+Body-L = [60.0, 52.0, 70.0]
+Body-R = [-20.0, -52.0, 70.0]
+Body-T = [-125.0, 30.0, 85.0]
+[markers.link1]
+N1 = [60.0, 0.0, 50.0]
+N2 = [-40.0, 33.0, 50.0]
+N3 = [-35.0, -28.0, 64.0]
+[markers.link2]
+T1 = [-66.0, 5.0, 50.0]
+T2 = [20.0, 36.0, 50.0]
+T3 = [45.0, -31.0, 64.0]
+"#;
+
+/// What a person adds to the test's runs so that they are quick. It changes no coefficient.
+const QUICK: &str = "starts = 2\nbootstrap = 2\nprofiles = false\n";
+
+/// What a person writes into the configuration: what no camera sees of the robot.
+const EDITED: [&str; 3] =
+    ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.0011, 0.0010]"];
+
+/// A folder with the marker files of some trials in `raw/`, and nothing else but `truth.json` beside.
+fn recorded(settings: &str, omegas: &str, kept: impl Fn(&str) -> bool) -> TempDir {
+    recorded_of("skid-roll", settings, omegas, kept)
+}
+
+/// The same with the motion of a model.
+fn recorded_of(model: &str, settings: &str, omegas: &str, kept: impl Fn(&str) -> bool) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    std::fs::write(path.join("pipeline.toml"), settings).unwrap();
+    let synth = ["-q", "synth", "raw", "--omega", omegas, "--seed", "3", "--law", model];
+    succeed(path, &synth);
+    std::fs::rename(path.join("raw/truth.json"), path.join("truth.json")).unwrap();
+    std::fs::remove_file(path.join("pipeline.toml")).unwrap();
+    for name in names(&path.join("raw")) {
+        if !name.ends_with(".csv") || !kept(&name) {
+            std::fs::remove_file(path.join("raw").join(name)).unwrap();
+        }
+    }
+    folder
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    std::fs::read_to_string(folder.join(name)).unwrap()
+}
+
+/// Replaces whole lines, each of which begins with a key, by others.
+fn edit(folder: &Path, name: &str, lines: &[&str]) {
+    let mut content: Vec<String> = read(folder, name).lines().map(str::to_owned).collect();
+    for line in lines {
+        let key = line.split(" = ").next().unwrap();
+        let is_of = |of: &&mut String| of.split(" = ").next() == Some(key);
+        *content.iter_mut().find(is_of).unwrap_or_else(|| panic!("no {key}")) = line.to_string();
+    }
+    std::fs::write(folder.join(name), content.join("\n") + "\n").unwrap();
+}
+
+/// Makes the fits of a configuration quick.
+fn quick(folder: &Path) {
+    let content = read(folder, "pipeline.toml");
+    let content = match content.split_once("[fit]\n") {
+        Some((before, after)) => format!("{before}[fit]\n{QUICK}{after}"),
+        None => content.replacen("\n[vicon]\n", &format!("\n[fit]\n{QUICK}\n[vicon]\n"), 1),
+    };
+    std::fs::write(folder.join("pipeline.toml"), content).unwrap();
+}
+
+fn found(folder: &Path, arguments: &[&str], status: i32) -> Value {
+    let output = trilink(folder, &[&["-q", "init", "--json"], arguments].concat());
+    assert_eq!(output.status.code(), Some(status), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = trilink(folder, &[&["-q"], arguments].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stdout));
+    text(&output.stderr)
+}
+
+fn truth(folder: &Path) -> Value {
+    let truth: Value = serde_json::from_str(&read(folder, "truth.json")).unwrap();
+    truth["campaigns"].clone()
+}
+
+/// One campaign's data prefer this model, which fits, and has coefficients within a part of the planted ones.
+fn assert_preferred(folder: &Path, model: &str, planted: &Value, within: f64) {
+    let table = |name: &str| Table::read(&folder.join("derived").join(name)).unwrap();
+    let fits = FitRow::from_table(&table("fits.parquet")).unwrap();
+    let fit = fits.iter().find(|fit| fit.model.name() == model).unwrap();
+    assert_eq!((&fit.status, fit.adequate), (&FitStatus::Ok, Some(true)));
+    let compared = ComparisonRow::from_table(&table("comparison.parquet")).unwrap();
+    let preferred = compared.iter().find(|row| row.preferred).unwrap();
+    assert_eq!(preferred.model.name(), model, "{}", preferred.sentence);
+    assert!(preferred.sentence.starts_with("The data prefer"), "{}", preferred.sentence);
+    for (parameter, planted) in fit.free.iter().zip(planted.as_array().unwrap()) {
+        let (found, planted) = (fit.parameters[*parameter], planted.as_f64().unwrap());
+        assert!((found / planted - 1.0).abs() < within, "{parameter:?}: {found} for {planted}");
+    }
+}
+
+#[test]
+fn a_dry_floor_is_told_as_such_from_marker_files_and_dimensions() {
+    let kept = |name: &str| name.starts_with("hook") || name.contains("coast");
+    let folder = recorded_of("coulomb", CART, "2,4.5", kept);
+    let path = folder.path();
+    const GIVEN: [&str; 4] = ["--l-m", "0.13", "--front", "N1"];
+    assert!(GIVEN.len() / 2 + EDITED.len() <= 5);
+    // Wheels that stick now and skid to one side then hide where the links point; a coast-down does not.
+    let found = found(path, &[&["raw"][..], &GIVEN].concat(), 0);
+    for (joint, sign) in [(0, 1.0), (1, -1.0)] {
+        let offset = found["campaigns"][0]["joints"][joint]["offset_deg"].as_f64().unwrap();
+        assert!((offset - sign * 35.0).abs() < 1.0, "{offset}");
+    }
+    edit(path, "pipeline.toml", &EDITED);
+    quick(path);
+    succeed(path, &["-q", "ingest"]);
+    succeed(path, &["-q", "fit"]);
+    assert_preferred(path, "coulomb", &truth(path)["hook"]["skid_dry_n"], 0.03);
+}
+
+#[test]
+fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
+    let folder = recorded(CART, "2,4.5", |name| name.starts_with("weave"));
+    let path = folder.path();
+    // Names that say nothing.
+    for (i, name) in names(&path.join("raw")).iter().enumerate() {
+        let new = format!("raw/Take {:02}.csv", i + 1);
+        std::fs::rename(path.join("raw").join(name), path.join(new)).unwrap();
+    }
+    let told = succeed(path, &["-q", "init", "raw", "--l-m", "0.13"]);
+    assert!(told.contains("middle link: Body-L, Body-R, Body-T"), "{told}");
+    assert!(told.contains("then: trilink check"), "{told}");
+
+    // What a person does: the length on the command line above, and the edited lines.
+    const GIVEN: [&str; 1] = ["--l-m 0.13"];
+    assert!(GIVEN.len() + EDITED.len() <= 5);
+    // Before that nothing is computed with numbers that nobody knows.
+    let unknown = refused(path, &["check"]);
+    assert!(unknown.contains("b_m") && unknown.contains("NaN"), "{unknown}");
+    edit(path, "pipeline.toml", &EDITED);
+    quick(path);
+    succeed(path, &["-q", "check"]);
+    succeed(path, &["-q", "run"]);
+
+    assert_preferred(path, "skid-roll", &truth(path)["weave"]["skid_kg_s"], 0.15);
+    let config = Config::load(&path.join("pipeline.toml")).unwrap();
+    let (robot, gait) = config.campaign_setup("take").unwrap();
+    assert!((robot.h_m - 0.2).abs() < 3e-4, "{}", robot.h_m);
+    let [first, second] = gait.joints.map(Option::unwrap);
+    for (found, expected_deg) in [
+        (first.amplitude_rad, 26.0),
+        (second.amplitude_rad, 31.0),
+        (first.offset_rad, 0.0),
+        (second.offset_rad, 0.0),
+        (second.phase_rad, -80.0),
+    ] {
+        let found_deg = found.to_degrees();
+        assert!((found_deg - expected_deg).abs() < 1.0, "{found_deg} for {expected_deg}");
+    }
+}
+
+#[test]
+fn two_campaigns_in_two_folders_beside_what_is_no_trial() {
+    let folder =
+        recorded(CART, "2.5,4", |name| name.starts_with("weave") || name.contains("coast"));
+    let path = folder.path();
+    let hook = recorded(CART, "2.5,4", |name| name.starts_with("hook"));
+    for name in ["first", "second", "nothing"] {
+        std::fs::create_dir(path.join(name)).unwrap();
+    }
+    for name in names(&path.join("raw")) {
+        let to = format!("first/{name}");
+        std::fs::rename(path.join("raw").join(&name), path.join(to)).unwrap();
+    }
+    for name in names(&hook.path().join("raw")) {
+        let mut content = read(hook.path(), &format!("raw/{name}"));
+        if name.contains("2.50") {
+            // A subject of another name, and two markers that stand beside the floor.
+            content = content.replace("Snake:", "Schlange:");
+            let beside = |(i, line): (usize, &str)| match i {
+                0 | 1 => format!("{line}\r\n"),
+                2 => format!("{line}Wand:W1,,,Wand:W2,,,\r\n"),
+                3 => format!("{line},X,Y,Z,X,Y,Z\r\n"),
+                4 => format!("{line},mm,mm,mm,mm,mm,mm\r\n"),
+                _ => format!("{line},1500.0,20.0,10.0,1600.0,{}.0,10.0\r\n", 40 + i % 2),
+            };
+            content = content.lines().enumerate().map(beside).collect();
+        }
+        std::fs::write(path.join("second").join(&name), content).unwrap();
+    }
+    let whole = std::fs::read(path.join("second/hook-4.00-r1.csv")).unwrap();
+    let damaged = [&whole[..whole.len() / 3], b"\n1,0,what,is,this\n"].concat();
+    std::fs::write(path.join("second/hook-9.00-r1.csv"), damaged).unwrap();
+
+    let arguments = ["first", "second", "nothing", "--l-m", "0.13"];
+    let found = found(path, &arguments, 1);
+    let campaigns = found["campaigns"].as_array().unwrap();
+    let named: Vec<_> = campaigns.iter().map(|of| of["name"].as_str().unwrap()).collect();
+    assert_eq!(named, ["hook", "weave"]);
+    for (of, offset_deg) in campaigns.iter().zip([35.0, 0.0]) {
+        assert_eq!((of["files"].as_u64(), &of["passive_joint"]), (Some(2), &Value::Null));
+        for (joint, sign) in [(0, 1.0), (1, -1.0)] {
+            let offset = of["joints"][joint]["offset_deg"].as_f64().unwrap();
+            assert!((offset - sign * offset_deg).abs() < 1.0, "{offset} for {offset_deg}");
+        }
+    }
+    assert_eq!(found["elsewhere"], serde_json::json!(["W1", "W2"]));
+    assert_eq!(found["empty"], serde_json::json!(["nothing"]));
+    assert_eq!(found["robot"], "snake");
+    let problem = |of: &&Value| of["problem"].is_string();
+    let left_out: Vec<_> = found["files"].as_array().unwrap().iter().filter(problem).collect();
+    assert_eq!(left_out.len(), 1, "{left_out:?}");
+    assert_eq!(left_out[0]["file"], "hook-9.00-r1.csv");
+
+    let [first, second] = ["first", "second"].map(|of| TrialList::load(&path.join(of)).unwrap());
+    assert_eq!(second.ignore, ["hook-9.00-r1.csv"]);
+    assert!(read(path, "second/trials.toml").contains("# CHECK: line"), "the reason is there");
+    let omegas: Vec<_> = second.trial.iter().map(|trial| trial.omega_rad_s).collect();
+    assert_eq!(omegas, [Some(2.5), Some(4.0)]);
+    let kinds: Vec<_> = first.trial.iter().map(|trial| trial.kind).collect();
+    assert_eq!(kinds, [TrialKind::CoastDown, TrialKind::Gait, TrialKind::Gait]);
+    assert!(!path.join("nothing/trials.toml").exists());
+
+    edit(path, "pipeline.toml", &EDITED);
+    succeed(path, &["-q", "check"]);
+    let checked = succeed(path, &["-q", "config", "check"]);
+    assert!(checked.contains("campaign hook: robot snake, gait hook, 2 trials"), "{checked}");
+}
+
+/// Changes the coordinates of each marker in every frame of a file.
+fn change(path: &Path, to: impl Fn([f64; 3]) -> [f64; 3]) {
+    let content = std::fs::read_to_string(path).unwrap();
+    let changed = |(i, line): (usize, &str)| {
+        if i < 5 || line.trim().is_empty() {
+            return line.to_owned();
+        }
+        let cells: Vec<&str> = line.split(',').collect();
+        let markers = cells[2..].chunks_exact(3).flat_map(|marker| {
+            let seen = marker.iter().filter(|cell| !cell.is_empty());
+            let seen: Vec<f64> = seen.map(|cell| cell.parse().unwrap()).collect();
+            match <[f64; 3]>::try_from(seen) {
+                Ok(position) => to(position).map(|x| x.to_string()),
+                Err(_) => Default::default(),
+            }
+        });
+        let begin = cells[..2].iter().map(|cell| (*cell).to_owned());
+        begin.chain(markers).collect::<Vec<_>>().join(",")
+    };
+    let lines: Vec<String> = content.lines().enumerate().map(changed).collect();
+    std::fs::write(path, lines.join("\r\n") + "\r\n").unwrap();
+}
+
+#[test]
+fn files_with_another_axis_up_are_said_to_have_it() {
+    let folder = recorded(CART, "2.5,4", |name| name.starts_with("weave"));
+    let path = folder.path();
+    let [first, second] =
+        ["weave-2.50-r1.csv", "weave-4.00-r1.csv"].map(|of| path.join("raw").join(of));
+    let said = |up: &str| {
+        format!(
+            "the file's {up} axis points up, not z: the markers stay level along it and move as three \
+             links across it; export with z up"
+        )
+    };
+    // One of two is left out by its cause.
+    change(&first, |[x, y, z]| [x, z, -y]);
+    let left_out = found(path, &["raw", "--l-m", "0.13", "--front", "N1"], 1);
+    assert_eq!(left_out["files"][0]["problem"], said("y"));
+    assert_eq!(left_out["files"][1]["problem"], Value::Null);
+    std::fs::remove_file(path.join("pipeline.toml")).unwrap();
+    std::fs::remove_file(path.join("raw/trials.toml")).unwrap();
+    // Without any other file it is why nothing is written.
+    change(&second, |[x, y, z]| [z, x, y]);
+    let refused = refused(path, &["init", "raw"]);
+    for (file, up) in [("weave-2.50-r1.csv", "y"), ("weave-4.00-r1.csv", "x")] {
+        assert!(refused.contains(&format!("{file}: {}", said(up))), "{refused}");
+    }
+    assert!(!path.join("pipeline.toml").exists());
+}
+
+#[test]
+fn the_unit_of_files_that_do_not_say_theirs_is_given_once() {
+    let folder = recorded(CART, "3", |name| name.starts_with("weave"));
+    let path = folder.path();
+    let name = "raw/weave-3.00-r1.csv";
+    change(&path.join(name), |position| position.map(|x| x / 10.0));
+    let content = read(path, name);
+    let units = content.lines().nth(4).unwrap().to_owned() + "\r\n";
+    std::fs::write(path.join(name), content.replacen(&units, "", 1)).unwrap();
+    let unknown = refused(path, &["init", "raw", "--unit", "km"]);
+    assert!(unknown.contains("found `km`, needed mm, cm, m or in"), "{unknown}");
+    succeed(path, &["-q", "init", "raw", "--l-m", "0.13", "--unit", "cm"]);
+    assert!(read(path, "pipeline.toml").contains("unit = \"cm\"  # of files that do not say"));
+    edit(path, "pipeline.toml", &EDITED);
+    let config = Config::load(&path.join("pipeline.toml")).unwrap();
+    assert!((config.robot["snake"].h_m - 0.2).abs() < 1e-3, "{}", config.robot["snake"].h_m);
+    succeed(path, &["-q", "check"]);
+
+    // A file that says less of itself than it should is marked in the list.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    std::fs::write(path.join("pipeline.toml"), CART).unwrap();
+    let synth = ["-q", "synth", "raw", "--omega", "3", "--seed", "3", "--law", "skid-roll"];
+    succeed(path, &[&synth[..], &["--format", "c3d"]].concat());
+    std::fs::remove_file(path.join("pipeline.toml")).unwrap();
+    let kept = "weave-3.00-r1.c3d";
+    let others = names(&path.join("raw")).into_iter().filter(|name| name != kept);
+    others.for_each(|name| std::fs::remove_file(path.join("raw").join(name)).unwrap());
+    let mut file = std::fs::read(path.join("raw").join(kept)).unwrap();
+    let at = file.windows(7).position(|bytes| bytes == b"\x05\x01UNITS").unwrap();
+    file[at + 6] = b'X';
+    std::fs::write(path.join("raw").join(kept), file).unwrap();
+    let found = found(path, &["raw", "--l-m", "0.13"], 0);
+    let told = "unit: found none (POINT:UNITS), took mm (vicon.unit)";
+    let marks = found["marks"].as_array().unwrap();
+    assert!(marks.iter().any(|mark| mark["of"] == "file" && mark["text"] == told), "{marks:?}");
+    assert!(read(path, "raw/trials.toml").contains(&format!("# CHECK: {told}")));
+}
+
+#[test]
+fn nothing_is_overwritten_and_what_cannot_be_done_is_said() {
+    let folder = recorded(CART, "3", |name| name.starts_with("weave"));
+    let path = folder.path();
+    std::fs::create_dir(path.join("empty")).unwrap();
+    let empty = refused(path, &["init", "empty"]);
+    assert!(empty.contains("empty: found no marker file"), "{empty}");
+    let absent = refused(path, &["init", "absent"]);
+    assert!(absent.contains("absent: cannot be read"), "{absent}");
+    let millimetres = refused(path, &["init", "raw", "--l-m", "130"]);
+    assert!(millimetres.contains("found `130`"), "{millimetres}");
+    let no_link = refused(path, &["init", "raw", "--front", "Nose"]);
+    assert!(no_link.contains("found `Nose`") && no_link.contains("N1, N2, N3"), "{no_link}");
+    assert!(!path.join("pipeline.toml").exists() && !path.join("raw/trials.toml").exists());
+
+    std::fs::write(path.join("pipeline.toml"), "# mine\n").unwrap();
+    let there = refused(path, &["init", "raw"]);
+    assert!(there.contains("pipeline.toml: found a file") && there.contains("--force"), "{there}");
+    assert_eq!(read(path, "pipeline.toml"), "# mine\n");
+    // A list that is there stays, and is read.
+    let list = "[[trial]]\nid = \"a\"\nfile = \"weave-3.00-r1.csv\"\nkind = \"gait\"\ncampaign = \"mine\"\nomega_rad_s = 3.0\n";
+    std::fs::write(path.join("raw/trials.toml"), list).unwrap();
+    let elsewhere = found(path, &["raw", "--out", "config", "--front", "T1"], 0);
+    assert_eq!(elsewhere["kept"], serde_json::json!(["raw/trials.toml"]));
+    assert_eq!(elsewhere["campaigns"][0]["name"], "mine");
+    assert_eq!(elsewhere["links"][1], serde_json::json!(["T1", "T2", "T3"]));
+    assert_eq!(read(path, "raw/trials.toml"), list);
+    let written = read(path, "config/pipeline.toml");
+    assert!(written.contains("raw = \"../raw\""), "{written}");
+    // Of one frequency nobody knows whether a joint is passive, and l is as far as the wheels show it.
+    let marks = elsewhere["marks"].as_array().unwrap();
+    let marked =
+        |of: &str| marks.iter().filter(|mark| mark["text"].as_str().unwrap().contains(of)).count();
+    assert_eq!((marked("--l-m"), marked("one frequency"), marked("front link")), (1, 1, 0));
+
+    succeed(path, &["-q", "init", "raw", "--force"]);
+    assert!(read(path, "pipeline.toml").starts_with("# Begun by"));
+    assert!(read(path, "raw/trials.toml").contains("campaign = \"mine\""));
+}
+
+#[test]
+fn a_passive_joint_is_found_and_its_parameters_are_measured() {
+    let settings = include_str!("../fixtures/trolley.toml");
+    let folder = recorded(settings, "2.5,4.2", |name| !name.starts_with("wriggling"));
+    let path = folder.path();
+    let found = found(path, &["raw", "--l-m", "0.13"], 0);
+    assert_eq!(found["campaigns"][0]["passive_joint"], 2);
+    let kind = |kind: &str| {
+        found["files"].as_array().unwrap().iter().filter(|of| of["kind"] == kind).count()
+    };
+    assert_eq!([kind("gait"), kind("joint-release"), kind("coast-down")], [2, 1, 1]);
+    let doubts = read(path, "pipeline.toml");
+    assert!(doubts.contains("# CHECK: joint 2 is taken for passive"), "{doubts}");
+    edit(path, "pipeline.toml", &EDITED);
+    succeed(path, &["-q", "check"]);
+}
+
+#[test]
+fn a_coast_down_says_where_the_links_point_that_every_gait_bends() {
+    let kept = |name: &str| name.starts_with("hook") || name.contains("coast");
+    let folder = recorded(CART, "3", kept);
+    let path = folder.path();
+    let marked = "wheels that skid to one side";
+    let straight = found(path, &["raw", "--l-m", "0.13", "--front", "N1"], 0);
+    for (joint, offset_deg) in [(0, 35.0), (1, -35.0)] {
+        let found = straight["campaigns"][0]["joints"][joint]["offset_deg"].as_f64().unwrap();
+        assert!((found - offset_deg).abs() < 1.0, "{found} for {offset_deg}");
+    }
+    assert!(!read(path, "pipeline.toml").contains(marked));
+
+    std::fs::remove_file(path.join("raw/cart-coast-down-r1.csv")).unwrap();
+    found(path, &["raw", "--l-m", "0.13", "--front", "N1", "--force"], 0);
+    assert!(read(path, "pipeline.toml").contains(marked));
+}

@@ -1,0 +1,35 @@
+//! The whole program, run as its users run it. One binary, since each would link polars anew.
+
+#![allow(clippy::unwrap_used, unreachable_pub)]
+
+mod common;
+
+mod another_robot;
+mod bad_input;
+mod branches;
+mod browser;
+mod cli;
+mod compare;
+mod damage;
+mod design;
+mod documents;
+mod export;
+mod faults;
+mod folders;
+mod hostile;
+mod init;
+mod inspect;
+mod keys;
+mod kill;
+mod manners;
+mod mistakes;
+mod optimise;
+mod own_table;
+mod scheduling;
+mod sensitivities;
+mod shards;
+mod shared;
+mod simulate;
+mod source;
+mod synth;
+mod update;

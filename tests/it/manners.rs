@@ -1,0 +1,346 @@
+//! How the program behaves among others: shells, pipes, signals, logs.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use crate::common::{Small, files, small_settings, succeed, text, trilink};
+use tempfile::TempDir;
+
+const COMMANDS: [&str; 20] = [
+    "demo",
+    "run",
+    "ingest",
+    "merge",
+    "fit",
+    "report",
+    "check",
+    "config",
+    "explain",
+    "init",
+    "compare",
+    "inspect",
+    "simulate",
+    "branches",
+    "optimise",
+    "design",
+    "export",
+    "synth",
+    "completions",
+    "man",
+];
+
+/// A folder with synthetic trials and nothing made of them.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let text = toml::to_string(&small_settings()).unwrap();
+    std::fs::write(folder.path().join("pipeline.toml"), text).unwrap();
+    let omegas = "0.5,1,1.5,2,2.5,3,3.5,4,4.5,5";
+    succeed(folder.path(), &["synth", "raw/demo", "--omega", omegas, "--quiet"]);
+    folder
+}
+
+fn here() -> &'static Path {
+    Path::new(".")
+}
+
+#[test]
+fn shells_complete_every_command() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = succeed(here(), &["completions", shell]);
+        for command in COMMANDS {
+            assert!(script.contains(command), "{shell} {command}");
+        }
+    }
+    let script = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(script.path(), succeed(here(), &["completions", "bash"])).unwrap();
+    if let Ok(checked) = Command::new("bash").arg("-n").arg(script.path()).output() {
+        assert!(checked.status.success(), "{}", text(&checked.stderr));
+    }
+}
+
+#[test]
+fn the_manual_has_a_page_for_every_command_with_examples() {
+    let page = succeed(here(), &["man"]);
+    assert!(page.contains(".TH trilink 1") && page.contains(".SH EXIT STATUS\n.nf\n"), "{page}");
+    let folder = tempfile::tempdir().unwrap();
+    succeed(here(), &["man", "--folder", folder.path().to_str().unwrap()]);
+    let pages = files(folder.path());
+    assert_eq!(pages.len(), COMMANDS.len() + 1);
+    for command in COMMANDS {
+        let page = text(&pages[Path::new(&format!("trilink-{command}.1"))]);
+        assert!(page.contains(".SH EXAMPLES\n.nf\n\\&  trilink "), "{page}");
+        assert!(succeed(here(), &[command, "--help"]).contains("Examples:\n  trilink "));
+    }
+}
+
+#[test]
+fn help_has_no_colours_where_nobody_wants_them() {
+    let help = |variables: &[(&str, &str)]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trilink"));
+        command.arg("--help").envs(variables.iter().copied());
+        text(&command.output().unwrap().stdout)
+    };
+    assert!(help(&[("CLICOLOR_FORCE", "1")]).contains('\u{1b}'));
+    assert!(!help(&[]).contains('\u{1b}'));
+    assert!(!help(&[("NO_COLOR", "1")]).contains('\u{1b}'));
+}
+
+#[test]
+fn a_log_has_stages_trials_and_how_it_ended() {
+    let folder = folder();
+    let file = folder.path().join("nightly.log");
+    std::fs::write(&file, "earlier\n").unwrap();
+    succeed(folder.path(), &["run", "--quiet", "--log", "nightly.log"]);
+    let log = std::fs::read_to_string(&file).unwrap();
+    let lines: Vec<&str> = log.lines().collect();
+    assert_eq!(lines[0], "earlier");
+    assert!(lines[1].contains(" INFO begin version=\"") && lines[1].contains("--log nightly.log"));
+    for part in [
+        "INFO stage begins stage=\"ingest\"",
+        "DEBUG trial trial=\"kinematic-symmetric-2.00-r1\" status=\"ok\" after_s=",
+        "INFO stage done stage=\"fit\" seconds=",
+        "DEBUG fit campaign=\"kinematic-symmetric\" model=\"skid-roll\" j=0.0",
+        "INFO end status=0",
+    ] {
+        assert!(log.contains(part), "{part}\n{log}");
+    }
+    assert!(lines[1].starts_with("20") && lines[1][..20].contains('T'), "{}", lines[1]);
+
+    let said = trilink(folder.path(), &["fit", "-v", "--quiet"]);
+    let errors = text(&said.stderr);
+    assert!(errors.contains("INFO begin") && errors.contains("INFO end status=0"), "{errors}");
+    assert!(!errors.contains("DEBUG"));
+    assert!(text(&trilink(folder.path(), &["fit", "-vv"]).stderr).contains("DEBUG fit campaign="));
+    let refused = trilink(folder.path(), &["fit", "--log", "nowhere/nightly.log"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("--log: nowhere/nightly.log: "));
+}
+
+#[test]
+fn the_record_of_a_run_tells_a_monitor_when_it_was_and_how_it_ended() {
+    let folder = folder();
+    let record = || -> serde_json::Value {
+        let text = std::fs::read_to_string(folder.path().join("reports/run.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    succeed(folder.path(), &["run", "--quiet"]);
+    assert_eq!(record()["status"], "ok");
+    let [started, ended] =
+        ["started", "ended"].map(|key| record()[key].as_str().unwrap().to_owned());
+    assert!(started <= ended && started.len() == 20 && started.ends_with('Z'), "{started} {ended}");
+    assert!(record()["seconds"].as_f64().unwrap() > 0.0);
+    std::fs::remove_file(folder.path().join("raw/demo/trials.toml")).unwrap();
+    assert_eq!(trilink(folder.path(), &["run", "--quiet"]).status.code(), Some(2));
+    assert_eq!(record()["status"], "failed");
+    assert!(record()["error"].as_str().unwrap().contains("trials.toml"));
+}
+
+#[test]
+fn a_full_disk_is_an_error() {
+    let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") else { return };
+    let output = Command::new(env!("CARGO_BIN_EXE_trilink"))
+        .args(["simulate", "kinematic-symmetric", "--model", "no-skid", "--omega", "4"])
+        .stdout(full)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("error: standard output: "), "{}", text(&output.stderr));
+}
+
+/// Runs until a line of standard error begins as said, then sends a signal: exit status and the
+/// last line.
+#[cfg(unix)]
+fn stopped(folder: &Path, begins: &str, signal: &str) -> (Option<i32>, String) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_trilink"))
+        .args(["run", "--threads", "1"])
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.starts_with(begins)), "no line begins with {begins}");
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let last = lines.last().unwrap_or_default();
+    (child.wait().unwrap().code(), last)
+}
+
+#[cfg(unix)]
+#[test]
+fn the_first_interruption_leaves_whole_files_and_says_what_is_left() {
+    let folder = folder();
+    let record = || std::fs::read_to_string(folder.path().join("reports/run.json")).unwrap();
+    let (status, said) = stopped(folder.path(), "ingest 2/", "-INT");
+    assert_eq!(status, Some(130), "{said}");
+    assert!(said.starts_with("error: interrupted during ingest after "), "{said}");
+    assert!(
+        said.contains(" of 11 trials; left: ingest, fit, report. Every file is whole"),
+        "{said}"
+    );
+    assert!(record().contains("\"status\": \"interrupted\""));
+    let left = files(folder.path());
+    let unfinished = |path: &Path| path.to_string_lossy().contains(".writing-");
+    assert!(!left.keys().any(|path| unfinished(path)), "{:?}", left.keys());
+    for (path, bytes) in &left {
+        if path.extension().is_some_and(|extension| extension == "parquet") {
+            assert_eq!(bytes[bytes.len() - 4..], *b"PAR1", "{}", path.display());
+        }
+    }
+    let (status, said) = stopped(folder.path(), "fit 1/", "-TERM");
+    assert_eq!(status, Some(143), "{said}");
+    assert!(
+        said.contains("interrupted during fit") && said.contains("left: fit, report"),
+        "{said}"
+    );
+    assert!(folder.path().join("derived/trials.parquet").exists());
+    assert!(!folder.path().join("derived/fits.parquet").exists());
+    succeed(folder.path(), &["run", "--quiet"]);
+    assert!(record().contains("\"status\": \"ok\""));
+}
+
+#[cfg(unix)]
+#[test]
+fn arguments_that_are_no_utf_8_are_refused_by_name() {
+    use std::os::unix::ffi::OsStrExt;
+    let odd = std::ffi::OsStr::from_bytes(b"raw\xff");
+    for before in [&["run"][..], &["run", "-c"], &["run", "--log"], &["compare"]] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trilink"));
+        let output = command.args(before).arg(odd).current_dir(std::env::temp_dir()).output();
+        let output = output.unwrap();
+        assert_eq!(output.status.code(), Some(2), "{before:?}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).contains("found bytes that are no UTF-8"), "{before:?}");
+    }
+}
+
+#[test]
+fn a_stage_that_has_nothing_to_read_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["ingest", "fit", "report", "run", "compare"] {
+        let arguments: &[&str] =
+            if command == "compare" { &["compare", "--save", "x.json"] } else { &[command] };
+        assert_eq!(trilink(folder.path(), arguments).status.code(), Some(2), "{command}");
+        let left = std::fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(left, 0, "{command}");
+    }
+}
+
+#[test]
+fn the_demo_runs_nobody_elses_trials() {
+    let folder = Small::raw();
+    std::fs::remove_file(folder.place("raw/truth.json")).unwrap();
+    let refused = trilink(folder.path(), &["demo"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let said = text(&refused.stderr);
+    assert!(said.contains("raw/trials.toml: found trials that are not the demo's"), "{said}");
+    assert!(!folder.place("derived").exists());
+}
+
+#[test]
+fn a_run_names_the_trials_that_it_removes_and_what_needs_a_person() {
+    let folder = Small::done();
+    let list = text(&folder.read("raw/trials.toml"));
+    let (first, others) = list.split_once("[[trial]]").unwrap();
+    let trials: Vec<&str> = others.split("[[trial]]").collect();
+    let id = |trial: &str| trial.split('"').nth(1).unwrap().to_owned();
+    let (removed, damaged) = (id(trials[0]), id(trials[1]));
+    let kept = trials[1..].iter().map(|trial| format!("[[trial]]{trial}")).collect::<String>();
+    folder.write("raw/trials.toml", format!("{first}{kept}"));
+    folder.write(&format!("raw/{damaged}.csv"), "nothing");
+    let output = trilink(folder.path(), &["run"]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    let said = text(&output.stderr);
+    assert!(said.contains(&format!("not in the list of trials any more, removed: {removed}")));
+    let block = said.split("needs a person:\n").nth(1).unwrap();
+    assert!(block.starts_with(&format!("  failed: {damaged}: ")), "{said}");
+    // The same where there is nothing to do.
+    let again = text(&trilink(folder.path(), &["run"]).stderr);
+    assert!(again.contains("needs a person:\n") && again.contains("everything was up to date"));
+}
+
+#[test]
+fn flagged_trials_are_named_with_their_reasons() {
+    let folder = Small::raw();
+    let settings = text(&folder.read("pipeline.toml"));
+    folder.write("pipeline.toml", format!("{settings}\n[ingest]\nmax_residual_mm = 0.08\n"));
+    let said = text(&trilink(folder.path(), &["run"]).stderr);
+    let block = said.split("used, but look at:\n").nth(1).unwrap();
+    assert!(block.starts_with("  flagged: kinematic-"), "{said}");
+    assert!(block.contains("mm off the layout on average"), "{said}");
+}
+
+#[test]
+fn messages_say_what_is_meant() {
+    let folder = Small::raw();
+    let list = text(&folder.read("raw/trials.toml"));
+    folder.write("raw/trials.toml", list.replacen("[[trial]]", "[trial]", 2));
+    let said = text(&trilink(folder.path(), &["check"]).stderr);
+    assert!(said.contains("found `[trial]`, needed `[[trial]]` before each trial"), "{said}");
+    assert!(said.contains("raw/trials.toml, line "), "{said}");
+    folder.write("raw/trials.toml", list);
+    std::fs::remove_file(folder.place("raw/kinematic-symmetric-5.00-r1.csv")).unwrap();
+    let said = text(&trilink(folder.path(), &["check"]).stdout);
+    assert!(said.contains("  E001 failed: raw/kinematic-symmetric-5.00-r1.csv: "), "{said}");
+}
+
+#[test]
+fn a_check_is_explained_by_its_code_or_its_name() {
+    let all = succeed(here(), &["explain"]);
+    assert!(all.lines().any(|line| line == "W018 joint-places"), "{all}");
+    assert_eq!(all.lines().count(), 33);
+    let one = succeed(here(), &["explain", "W018"]);
+    for part in ["W018 joint-places\n  What: ", "\n  Why it matters: ", "\n  What to do: "] {
+        assert!(one.contains(part), "{one}");
+    }
+    assert!(one.lines().all(|line| line.chars().count() <= 80), "{one}");
+    assert_eq!(succeed(here(), &["explain", "joint-places"]), one);
+    let json: Vec<serde_json::Value> =
+        serde_json::from_str(&succeed(here(), &["explain", "w018", "E001", "--json"])).unwrap();
+    assert_eq!((json.len(), &json[1]["check"]), (2, &"E001 failed".into()));
+    let unknown = trilink(here(), &["explain", "W18", "nothing", "W001"]);
+    let error = text(&unknown.stderr);
+    assert_eq!(unknown.status.code(), Some(2), "{error}");
+    assert!(error.contains("`W18`; did you mean `W018`?, found `nothing`"), "{error}");
+}
+
+#[test]
+fn the_configuration_says_what_counts_and_where_it_comes_from() {
+    let folder = folder();
+    std::fs::write(folder.path().join("own.toml"), "[fit]\nstarts = 3\n").unwrap();
+    let show = |arguments: &[&str]| {
+        let command = ["--config", "own.toml", "config", "show"];
+        succeed(folder.path(), &[&command, arguments].concat())
+    };
+    let all = show(&[]);
+    assert!(
+        all.lines()
+            .any(|line| line.starts_with("ingest.skip_cycles = 2 ") && line.ends_with("# default"))
+    );
+    let own = show(&["fit", "--own"]);
+    assert!(own.lines().all(|line| line.contains("  # own.toml, line 2")), "{own}");
+    assert!(own.contains("fit.starts = ") && !own.contains("ingest"), "{own}");
+    // What is printed is a configuration that amounts to the same.
+    std::fs::write(folder.path().join("whole.toml"), &all).unwrap();
+    let whole = succeed(folder.path(), &["--config", "whole.toml", "config", "show", "--json"]);
+    let values = |json: &str| -> Vec<[serde_json::Value; 2]> {
+        let rows: Vec<serde_json::Value> = serde_json::from_str(json).unwrap();
+        rows.into_iter().map(|row| [row["key"].clone(), row["value"].clone()]).collect()
+    };
+    assert_eq!(values(&whole), values(&show(&["--json"])));
+    let unknown = trilink(folder.path(), &["config", "show", "fit.start"]);
+    assert!(text(&unknown.stderr).contains("did you mean `fit.starts`?"));
+
+    let check = succeed(folder.path(), &["config", "check"]);
+    assert!(
+        check.contains(" that cannot be processed") && check.contains(", 0 that cannot"),
+        "{check}"
+    );
+    let list = folder.path().join("raw/demo/trials.toml");
+    let broken =
+        std::fs::read_to_string(&list).unwrap().replacen("campaign = \"", "campaign = \"un", 1);
+    std::fs::write(&list, broken).unwrap();
+    let check = trilink(folder.path(), &["config", "check"]);
+    assert_eq!(check.status.code(), Some(1));
+    assert!(text(&check.stdout).contains("key `campaign`"), "{}", text(&check.stdout));
+}
