@@ -33,6 +33,6 @@ pub mod export;
 pub mod cli;
 
 /// Ctrl-C.
-pub mod interrupt;
+mod interrupt;
 
 mod template;

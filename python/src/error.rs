@@ -86,7 +86,9 @@ impl From<RunError> for Failure {
             RunError::Unconfigured { .. } => Self(ConfigError::new_err(error.to_string())),
             RunError::Held(_) => Self(BusyError::new_err(error.to_string())),
             // What Python raises of itself where nobody says how far the work was.
-            RunError::Interrupted { .. } => Self(PyKeyboardInterrupt::new_err(error.to_string())),
+            RunError::Interrupted { .. } | RunError::Stopped(_) => {
+                Self(PyKeyboardInterrupt::new_err(error.to_string()))
+            }
             other => Self(Error::new_err(other.to_string())),
         }
     }

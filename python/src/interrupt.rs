@@ -5,9 +5,8 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use trilink::interrupt;
+use trilink_base::cancel::CancelToken;
 
 /// How often Python is asked for signals.
 const INTERVAL: Duration = Duration::from_millis(20);
@@ -17,9 +16,10 @@ const INTERVAL: Duration = Duration::from_millis(20);
 /// to stop and the exception is raised after it, unless the work's own result says how far it was.
 ///
 /// # Errors
-/// What a handler of a signal raised, or that the work was stopped.
-pub fn interruptible<T: Send>(
+/// What a handler of a signal raised.
+pub(crate) fn interruptible<T: Send>(
     py: Python<'_>,
+    cancel: &CancelToken,
     work: impl FnOnce() -> T + Send,
     says_so: impl FnOnce(&T) -> bool,
 ) -> PyResult<T> {
@@ -30,24 +30,19 @@ pub fn interruptible<T: Send>(
             let worker = scope.spawn(move || {
                 // Dropped at the end, also by a panic.
                 let _done = done;
-                interrupt::abandonable(work)
+                work()
             });
             while let Err(RecvTimeoutError::Timeout) = is_done.recv_timeout(INTERVAL) {
                 if let Err(exception) = Python::attach(|py| py.check_signals()) {
-                    interrupt::ask();
+                    cancel.cancel();
                     raised.get_or_insert(exception);
                 }
             }
             worker.join().unwrap_or_else(|panic| resume_unwind(panic))
         })
     });
-    if raised.is_some() {
-        interrupt::forget();
-    }
-    match (result, raised) {
-        (Ok(result), Some(_)) if says_so(&result) => Ok(result),
-        (_, Some(exception)) => Err(exception),
-        (Ok(result), None) => Ok(result),
-        (Err(interrupted), None) => Err(PyKeyboardInterrupt::new_err(interrupted.done)),
+    match raised {
+        Some(exception) if !says_so(&result) => Err(exception),
+        _ => Ok(result),
     }
 }

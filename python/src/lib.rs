@@ -15,9 +15,12 @@ use polars::prelude::DataFrame;
 use pyo3::prelude::*;
 use pyo3::types::PyCFunction;
 use serde_json::json;
-use trilink::build::{RerunOptions, RunError, RunResults, check_unconfigured, run as run_pipeline};
+use trilink::build::{
+    RerunOptions, RunError, RunResults, Watch, check_unconfigured, run as run_pipeline,
+};
 use trilink::cli::watch;
 use trilink::inspect::{Query, find, meaning, query, unit};
+use trilink_base::cancel::CancelToken;
 use trilink_tables::config::Config;
 
 use error::Failure;
@@ -65,13 +68,15 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
     let options = RerunOptions { force, verify, only };
     // Which says how far it was.
     let is_stopped = |result: &Result<_, _>| matches!(result, Err(RunError::Interrupted { .. }));
+    let cancel = CancelToken::default();
     let work = || match progress {
         Some(shown) => {
-            run_pipeline(&config, options, wait, &watch(shown == Shown::Bars, write_line))
+            let watch = watch(shown == Shown::Bars, write_line, cancel.clone());
+            run_pipeline(&config, options, wait, &watch)
         }
-        None => run_pipeline(&config, options, wait, &()),
+        None => run_pipeline(&config, options, wait, &Unwatched(cancel.clone())),
     };
-    let finished = interruptible(py, work, is_stopped)?.map_err(Failure::from)?;
+    let finished = interruptible(py, &cancel, work, is_stopped)?.map_err(Failure::from)?;
     let needs_a_person = finished.ingested.needs_a_person()
         || finished.history_problem.is_some()
         || !finished.reported.damaged.is_empty();
@@ -85,6 +90,15 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
         "derived": config.paths.derived,
     });
     Ok(answer.to_string())
+}
+
+/// Nobody watches a run that can be asked to stop.
+struct Unwatched(CancelToken);
+
+impl Watch for Unwatched {
+    fn cancel_token(&self) -> CancelToken {
+        self.0.clone()
+    }
 }
 
 /// Writes a line to `sys.stderr`. That it cannot be written ends nothing.

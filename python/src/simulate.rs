@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use rayon::prelude::*;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use trilink::interrupt;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_fit::simulate::{Answer, Setup};
 use trilink_tables::config::Campaign;
 use trilink_tables::{Columns, TrajectoryRow};
@@ -49,14 +50,21 @@ pub fn simulate<'py>(py: Python<'py>, request: &str) -> PyResult<(String, Vec<Tr
     let solve = |&omega_rad_s: &f64| {
         let answer = setup.answer(omega_rad_s, *from_rest);
         let rows = samples.map(|samples| setup.trajectory(&answer, *from_rest, samples).ok());
-        interrupt::stop_if_asked(String::new);
         (answer, rows.flatten())
     };
     let solved: Vec<(Answer, Option<Vec<TrajectoryRow>>)> = match &omegas_rad_s[..] {
         // Another thread would take a part of the time of one solution.
         [omega_rad_s] => vec![py.detach(|| solve(omega_rad_s))],
         all => {
-            interruptible(py, || all.par_iter().with_max_len(1).map(solve).collect(), |_| false)?
+            let cancel = CancelToken::default();
+            let solve = |omega_rad_s| {
+                cancel.check()?;
+                Ok(solve(omega_rad_s))
+            };
+            let work =
+                || all.par_iter().with_max_len(1).map(solve).collect::<Result<_, Cancelled>>();
+            let solved = interruptible(py, &cancel, work, |_| false)?;
+            solved.map_err(|Cancelled| PyKeyboardInterrupt::new_err(()))?
         }
     };
     let (answers, rows): (Vec<Answer>, Vec<_>) = solved.into_iter().unzip();

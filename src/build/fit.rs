@@ -15,7 +15,6 @@ use super::plan::{Stage, Touched, Wanted, Work, hash_of};
 use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, SETTINGS, Target};
 use super::{RunError, Watch};
-use crate::interrupt::stop_if_asked;
 
 /// Part of every fit of a campaign, and of what campaigns share if its robot has measured parameters.
 const ROBOTS: &str = "robot_parameters.parquet";
@@ -70,6 +69,9 @@ impl FitStage {
     }
 
     /// Fits the models that are not kept.
+    ///
+    /// # Errors
+    /// The work is to stop.
     pub(super) fn fit(
         &self,
         data: &FitData,
@@ -77,7 +79,7 @@ impl FitStage {
         replicates: &Replicates,
         watch: &dyn Watch,
         on_replicate: &(dyn Fn(GaitInput, &BootstrapRow) + Sync),
-    ) -> Fitted {
+    ) -> Result<Fitted, RunError> {
         let FitInputs { own, shared } = &self.inputs;
         let (fits, models) = (AtomicUsize::new(0), own.len() + shared.len() - kept.len());
         let on_event = |event: FitEvent| match event {
@@ -97,12 +99,16 @@ impl FitStage {
                 fits.fetch_add(1, Ordering::Relaxed);
             }
             FitEvent::Replicate { driven_by, row, done, total } => {
-                stop_if_asked(|| format!("{} of {models} fits", fits.load(Ordering::Relaxed)));
                 watch.part(&format!("{} {} replicate", row.campaign, row.model), done, total);
                 on_replicate(driven_by, row);
             }
         };
-        fit_except(&self.inputs, data, kept, replicates, &on_event)
+        let fitted =
+            fit_except(&self.inputs, data, kept, replicates, &on_event, &watch.cancel_token());
+        fitted.map_err(|_| {
+            let done = format!("{} of {models} fits", fits.load(Ordering::Relaxed));
+            RunError::Interrupted { stage: Self::NAME, done }
+        })
     }
 }
 
@@ -190,7 +196,7 @@ impl Stage for FitStage {
             Target::SharedFit { robot, model } => Some((FitKey::Shared { robot, model }, rows)),
             _ => None,
         });
-        let output = self.fit(&sources, kept.collect(), &self.replicates, watch, &|_, _| {});
+        let output = self.fit(&sources, kept.collect(), &self.replicates, watch, &|_, _| {})?;
         let parts: Vec<&Fingerprint> = wanted.iter().map(|wanted| &wanted.parts).collect();
         let outputs = output.write(&self.derived, &Provenance { input: hash_of(&parts) })?;
         let targets = wanted.into_iter().map(|wanted| wanted.made(BTreeMap::new())).collect();

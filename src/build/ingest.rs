@@ -20,7 +20,6 @@ use super::plan::{PlannedTarget, Stage, StagePlan, Touched, Wanted, Work, hash_o
 use super::record::{Inputs, Made, Record, StageState};
 use super::target::{Fingerprint, Target};
 use super::{RunError, Watch};
-use crate::interrupt::stop_if_asked;
 
 const ENTRY: &str = "the entry in trials.toml";
 const FOLDER: &str = "the folder";
@@ -215,13 +214,21 @@ impl Stage for IngestStage {
                 true => tracing::debug!(trial, status, after_s, "trial"),
                 false => tracing::warn!(trial, status, message, "trial"),
             }
-            let done = 1 + done.fetch_add(1, Ordering::Relaxed);
-            stop_if_asked(|| format!("{done} of {total} trials"));
+            done.fetch_add(1, Ordering::Relaxed);
         };
         let provenance = |entry: Entry, file: Option<&MarkerStamp>| Provenance {
             input: hash_of(&Self::trial(entry, file).parts),
         };
-        let mut ingested = ingest_trials(derived, &redone, &provenance, &on_trial)?.into_iter();
+        let stopped = |error| match error {
+            StoreError::Cancelled(_) => {
+                let done = format!("{} of {total} trials", done.load(Ordering::Relaxed));
+                RunError::Interrupted { stage: Self::NAME, done }
+            }
+            other => other.into(),
+        };
+        let cancel = watch.cancel_token();
+        let ingested = ingest_trials(derived, &redone, &provenance, &on_trial, &cancel);
+        let mut ingested = ingested.map_err(stopped)?.into_iter();
         let (mut output, mut targets, mut inputs) =
             (Ingested::default(), Vec::new(), BTreeMap::new());
         for entry in self.entries() {

@@ -8,7 +8,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 use trilink_tables::{StoreError, WRITING, remove_unfinished};
 
-use crate::interrupt::stop_if_asked;
+use super::Watch;
 
 /// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
 /// system lets go of it when a process ends, however that ends.
@@ -33,11 +33,11 @@ struct Holder {
 
 impl Lock {
     /// Takes the lock of `derived`, which is made if need be. If another process has it, waits
-    /// for it after `on_wait` was told who that is, or without `on_wait` gives up.
+    /// for it after `waiting` was told who that is, or without `waiting` gives up.
     ///
     /// # Errors
     /// Another process has it, or the file cannot be written.
-    pub fn take(derived: &Path, on_wait: Option<&dyn Fn(&str)>) -> Result<Self, StoreError> {
+    pub fn take(derived: &Path, waiting: Option<&dyn Watch>) -> Result<Self, StoreError> {
         let path = derived.join(LOCK_FILE);
         let error = |source| StoreError::Write { path: path.clone(), source };
         std::fs::create_dir_all(derived)
@@ -61,10 +61,11 @@ impl Lock {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 let held = StoreError::Held { path: path.clone(), holder: holder(&mut file) };
-                let Some(on_wait) = on_wait else { return Err(held) };
-                on_wait(&held.to_string());
+                let Some(watch) = waiting else { return Err(held) };
+                watch.note(&format!("{held}; waiting"));
+                let cancel = watch.cancel_token();
                 while let Err(TryLockError::WouldBlock) = file.try_lock() {
-                    stop_if_asked(String::new);
+                    cancel.check()?;
                     std::thread::sleep(LOOK_AGAIN);
                 }
             }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use rayon::prelude::*;
+use trilink_base::cancel::CancelToken;
 use trilink_fit::{Fitted, Replicates};
 use trilink_ingest::Ingested;
 use trilink_tables::config::Config;
@@ -16,7 +17,6 @@ use super::record::Made;
 use super::shard::{Manifest, fit_of_any_number};
 use super::target::Target;
 use super::{RunError, Sequence, Watch, interruptible, take_over};
-use crate::interrupt::stop_if_asked;
 
 /// Files that are copied at a time: most of that is waiting for the disk.
 const COPIES: usize = 16;
@@ -84,9 +84,10 @@ fn merge_trials(
     let mut record = Sequence::new(config, RerunOptions::FORCE, watch).0.record;
     let (ingested, _, state) = interruptible(IngestStage::NAME, || {
         watch.begin("merge", shards.len());
+        let cancel = watch.cancel_token();
         let joined = |shard: Shard<Ingested>| {
             let part = shard.manifest.part;
-            let copied = copy(&stage, shard, derived)?;
+            let copied = copy(&stage, shard, derived, &cancel)?;
             watch.step(&part.to_string());
             tracing::info!(%part, "merged");
             Ok(copied)
@@ -136,6 +137,7 @@ fn copy(
     stage: &IngestStage,
     shard: Shard<Ingested>,
     derived: &Path,
+    cancel: &CancelToken,
 ) -> Result<Vec<Kept>, StoreError> {
     let Shard { folder, manifest: Manifest { mut state, .. }, rows, reader } = shard;
     let targets = std::mem::take(&mut state.targets);
@@ -143,7 +145,7 @@ fn copy(
     let trials: Vec<_> =
         targets.into_iter().filter_map(|made| Some((rows.remove(&made.target)?, made))).collect();
     let copied = trials.into_par_iter().map(|(rows, mut made)| {
-        stop_if_asked(String::new);
+        cancel.check()?;
         for (name, stamp) in &mut made.outputs {
             let bytes = reader.bytes(&folder.join(name))?;
             *stamp = write_if_changed(&derived.join(name), &bytes)?;

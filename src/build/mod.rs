@@ -21,6 +21,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_fit::{Fitted, input_paths};
 use trilink_ingest::own_table::OwnTableError;
 use trilink_ingest::{FolderInput, Ingested};
@@ -30,7 +31,6 @@ use trilink_tables::config::{Config, ConfigError, did_you_mean};
 use trilink_tables::trial::{TRIALS_FILE, find_folders};
 use trilink_tables::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
 
-use crate::interrupt::{Interrupted, abandonable};
 use fit::FitStage;
 pub use found::{PartStatus, ShardsStatus, shards_status};
 use ingest::IngestStage;
@@ -61,6 +61,10 @@ pub trait Watch: Sync {
     fn part(&self, _what: &str, _done: usize, _total: usize) {}
     /// What a stage is about to do again.
     fn planned(&self, _plan: &StagePlan) {}
+    /// What may ask the work to stop.
+    fn cancel_token(&self) -> CancelToken {
+        CancelToken::default()
+    }
     /// Something that a person should know.
     fn note(&self, _message: &str) {}
 }
@@ -131,6 +135,9 @@ pub enum RunError {
         left(stage)
     )]
     Interrupted { stage: &'static str, done: String },
+    /// Before the first stage.
+    #[error(transparent)]
+    Stopped(#[from] Cancelled),
 }
 
 impl RunError {
@@ -138,6 +145,7 @@ impl RunError {
     fn of_lock(error: StoreError) -> Self {
         match error {
             StoreError::Held { .. } => Self::Held(error),
+            StoreError::Cancelled(_) => Self::Stopped(Cancelled),
             other => Self::Store(other),
         }
     }
@@ -194,7 +202,7 @@ pub struct Finished {
 /// (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
 /// config.paths.start_at(folder.path());
 /// let recipe = Recipe { omegas_rad_s: vec![3.0, 4.0], ..Recipe::new(1) };
-/// synthesise(&config, &config.paths.raw[0], &recipe, &|_| {})?;
+/// synthesise(&config, &config.paths.raw[0], &recipe, &|_| Ok(()))?;
 ///
 /// let finished = run(&config, RerunOptions::default(), false, &())?;
 /// assert!(finished.reported.page.is_file() && !finished.was_up_to_date);
@@ -583,13 +591,18 @@ fn alone<S: Stage>(
     sequence.advance(&stage)
 }
 
-/// Does work of a stage that a signal may end.
+/// Does work of a stage that may be asked to stop.
 fn interruptible<T>(
     stage: &'static str,
     work: impl FnOnce() -> Result<T, RunError>,
 ) -> Result<T, RunError> {
-    let interrupted = |Interrupted { done }| Err(RunError::Interrupted { stage, done });
-    abandonable(work).unwrap_or_else(interrupted)
+    work().map_err(|error| match error {
+        RunError::Store(StoreError::Cancelled(_))
+        | RunError::Report(ReportError::Store(StoreError::Cancelled(_))) => {
+            RunError::Interrupted { stage, done: String::new() }
+        }
+        other => other,
+    })
 }
 
 /// Takes the lock of the folder of results, and makes sure that there is where to write to.
@@ -612,9 +625,7 @@ fn hold_places(
     watch: &dyn Watch,
 ) -> Result<Lock, RunError> {
     check_places(&folders[..1], &[folders[0].join(LOCK_FILE)])?;
-    let waiting = |held: &str| watch.note(&format!("{held}; waiting"));
-    let on_wait: Option<&dyn Fn(&str)> = if wait { Some(&waiting) } else { None };
-    let lock = Lock::take(&folders[0], on_wait).map_err(RunError::of_lock)?;
+    let lock = Lock::take(&folders[0], wait.then_some(watch)).map_err(RunError::of_lock)?;
     check_places(folders, files)?;
     sweep(&lock, folders)?;
     Ok(lock)

@@ -41,7 +41,7 @@ pub fn fit_own_table(
     let data = FitData::from(own.trials.clone());
     let fitted = interruptible(FitStage::NAME, || {
         watch.begin(FitStage::NAME, stage.models());
-        Ok(stage.fit(&data, BTreeMap::new(), &Replicates::default(), watch, &|_, _| {}))
+        stage.fit(&data, BTreeMap::new(), &Replicates::default(), watch, &|_, _| {})
     })?;
     let provenance = Provenance { input: hash_of(&(&own.hash, stage.settings())) };
     fitted.write(home, &provenance)?;

@@ -122,7 +122,7 @@ impl Stage for ReportStage {
                 target => drop(pages.insert(target.name())),
             }
         }
-        let made = sources.write(&self.0, svgs, &pages)?;
+        let made = sources.write(&self.0, svgs, &pages, &watch.cancel_token())?;
         made.reported.missing.iter().for_each(|missing| tracing::warn!(missing, "not drawn"));
         watch.step(&format!("{} figures and pages", wanted.len() - kept.len()));
         let mut written = made.targets;

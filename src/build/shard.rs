@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
+use trilink_base::cancel::CancelToken;
 use trilink_fit::{FitData, Replicates};
 use trilink_ingest::{Ingested, TABLES};
 use trilink_tables::config::{Config, GaitInput};
@@ -84,6 +85,10 @@ impl Watch for OfPart<'_> {
 
     fn part(&self, what: &str, done: usize, total: usize) {
         self.1.part(&format!("{what} of {}", self.0), done, total);
+    }
+
+    fn cancel_token(&self) -> CancelToken {
+        self.1.cancel_token()
     }
 
     fn note(&self, message: &str) {
@@ -181,7 +186,7 @@ pub fn fit_shard(
         };
         let replicates = Replicates { numbers: part.from..part.to, given: BTreeMap::new() };
         watch.begin(FitStage::NAME, stage.wanted(&data).len());
-        stage.fit(&data, BTreeMap::new(), &replicates, watch, &on_replicate);
+        stage.fit(&data, BTreeMap::new(), &replicates, watch, &on_replicate)?;
         let mut rows = rows.into_inner().unwrap_or_else(PoisonError::into_inner);
         let mut state = StageState { source: FitStage::SOURCE.to_owned(), ..StageState::default() };
         let mut count = 0;

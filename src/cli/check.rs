@@ -11,7 +11,7 @@ use trilink_tables::trial::{ListedTrial, TrialFolders};
 use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, hash};
 
 use super::output::{say, write_data};
-use super::{Context, Failure, Outcome};
+use super::{Context, Failure, Interrupted, Outcome};
 
 #[derive(clap::Args)]
 pub(super) struct Check {
@@ -72,12 +72,12 @@ fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
         .par_iter()
         .with_max_len(1)
         .map(|ListedTrial { folder, trial, .. }| {
+            stage.check("trials")?;
             let found = trilink_ingest::check_trial(&folders[*folder].path, trial, &context.config);
             stage.step(&trial.id);
-            stage.stop_if_asked("trials");
-            found
+            Ok(found)
         })
-        .collect();
+        .collect::<Result<_, Interrupted>>()?;
     drop(stage);
     let (trials, checks): (Vec<_>, Vec<_>) = found.into_iter().unzip();
     let mut rows = Ingested { trials, checks: checks.concat(), ..Ingested::default() };

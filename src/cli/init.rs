@@ -8,7 +8,8 @@ use trilink_tables::config::CONFIG_FILE;
 
 use super::output::{say, write_data};
 use super::{Failure, Outcome, table};
-use crate::init::{Findings, FoundFile, JointSwing, Request, init};
+use crate::init::{Findings, FoundFile, InitError, JointSwing, Request, init};
+use crate::interrupt;
 
 /// Lengths that may be a robot's, m.
 const LENGTHS_M: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
@@ -50,9 +51,15 @@ impl Init {
         let stage = progress.stage("init", request.folders.iter().map(listed).sum());
         let on_file = |file: &str| {
             stage.step(file);
-            stage.stop_if_asked("files");
+            interrupt::token().check()
         };
-        let found = init(&request, &on_file)?;
+        let found = match init(&request, &on_file) {
+            Err(InitError::Cancelled(_)) => {
+                stage.check("files")?;
+                return Ok(Outcome::NeedsAttention);
+            }
+            found => found?,
+        };
         drop(stage);
         match json {
             true => write_data(&serde_json::to_string_pretty(&found)?),

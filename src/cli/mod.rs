@@ -35,10 +35,11 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::build::RunError;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt;
 use output::note;
 use progress::Progress;
 pub use progress::watch;
+use trilink_base::cancel::Cancelled;
 use trilink_tables::config::{CONFIG_FILE, Config, Paths};
 
 /// More threads than this take longer to start than they could save.
@@ -222,31 +223,38 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
     }
     let arguments = Arguments::try_parse_from(&line).unwrap_or_else(|error| error.exit());
     trilink_tables::hush_damaged_tables();
-    let status = match interrupt::abandonable(|| run(arguments, &line)) {
-        Ok(Ok(Outcome::Well)) => 0,
-        Ok(Ok(Outcome::NeedsAttention)) => 1,
-        Ok(Err(failure)) => {
-            note!("error: {failure}");
+    let status = match run(arguments, &line) {
+        Ok(Outcome::Well) => 0,
+        Ok(Outcome::NeedsAttention) => 1,
+        Err(failure) => {
+            let is_run = matches!(failure.downcast_ref(), Some(RunError::Interrupted { .. }));
+            // Nothing is wrong with a command that was asked to stop.
+            match is_stopped(&failure) {
+                true => note!("{failure}"),
+                false => note!("error: {failure}"),
+            }
             tracing::error!("{failure}");
             // An interrupted command has the signal's status.
-            interrupt::exit_status().filter(|_| is_interrupted(&failure)).unwrap_or(2)
-        }
-        Err(Interrupted { done }) => {
-            let message = match done.is_empty() {
-                true => "interrupted".to_owned(),
-                false => format!("interrupted after {done}"),
-            };
-            note!("{message}");
-            tracing::error!("{message}");
-            interrupt::exit_status().unwrap_or(2)
+            let is_interrupted = is_run || is_stopped(&failure);
+            interrupt::exit_status().filter(|_| is_interrupted).unwrap_or(2)
         }
     };
     tracing::info!(status, "end");
     status
 }
 
-fn is_interrupted(failure: &Failure) -> bool {
-    matches!(failure.downcast_ref(), Some(RunError::Interrupted { .. }))
+/// A command was asked to stop after some of its steps.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted after {done}")]
+struct Interrupted {
+    /// Such as `12 of 42 trials`.
+    done: String,
+}
+
+fn is_stopped(failure: &Failure) -> bool {
+    failure.is::<Interrupted>()
+        || failure.is::<Cancelled>()
+        || matches!(failure.downcast_ref(), Some(RunError::Stopped(_)))
 }
 
 fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {

@@ -156,7 +156,7 @@ impl Optimise {
         let is_more = search.free.len() > by_omega.len();
         let present = is_more.then(|| Search { free: by_omega, ..search.clone() }.present());
         let present = present.flatten();
-        let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found));
+        let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found))?;
         let row = |(nth, of): (usize, &Optimum)| {
             of.row(nth + 1, &self.campaign, &setup, &search, present.as_ref())
         };

@@ -6,9 +6,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use trilink_base::cancel::{CancelToken, Cancelled};
 
 use super::output::{harmless, note, write_note};
 use crate::build::{PlannedTarget, StagePlan, Target, Watch};
+use crate::cli::Interrupted;
 use crate::interrupt;
 
 /// How progress is shown.
@@ -52,15 +54,16 @@ impl Progress {
 
     /// Shows the stages of a run, one after the other, and the reasons if it is to `explain`.
     pub(super) fn watch(self, explain: bool) -> Watcher {
-        Watcher { progress: self, line: write_note, explain, stage: Mutex::new(None) }
+        let cancel = interrupt::token().clone();
+        Watcher { progress: self, line: write_note, explain, cancel, stage: Mutex::new(None) }
     }
 }
 
 /// Shows a run as `trilink run` does: with `bars` on standard error, which must be a terminal then, else by
-/// lines that are given to `line`.
-pub fn watch(bars: bool, line: fn(&str)) -> impl Watch {
+/// lines that are given to `line`; the run stops if `cancel` asks for it.
+pub fn watch(bars: bool, line: fn(&str), cancel: CancelToken) -> impl Watch {
     let progress = if bars { Progress::Bars } else { Progress::Lines };
-    Watcher { line, ..progress.watch(false) }
+    Watcher { line, cancel, ..progress.watch(false) }
 }
 
 /// Shows a whole run, one stage after the other.
@@ -69,6 +72,7 @@ pub(super) struct Watcher {
     /// Takes a line.
     line: fn(&str),
     explain: bool,
+    cancel: CancelToken,
     stage: Mutex<Option<Stage>>,
 }
 
@@ -101,6 +105,10 @@ impl Watch for Watcher {
             let trials = trials.join(", ");
             self.say(&format!("not in the list of trials any more, removed: {trials}"));
         }
+    }
+
+    fn cancel_token(&self) -> CancelToken {
+        self.cancel.clone()
     }
 
     fn note(&self, message: &str) {
@@ -184,11 +192,15 @@ impl Stage {
         self.bar.inc(1);
     }
 
-    /// Abandons the work after a step if somebody asked for it.
-    pub(super) fn stop_if_asked(&self, steps: &str) {
-        interrupt::stop_if_asked(|| {
-            format!("{} of {} {steps}", self.done.load(Ordering::Relaxed), self.total)
-        });
+    /// How far it is.
+    ///
+    /// # Errors
+    /// Somebody asked for the command to stop.
+    pub(super) fn check(&self, steps: &str) -> Result<(), Interrupted> {
+        interrupt::token().check().map_err(|Cancelled| {
+            let done = self.done.load(Ordering::Relaxed);
+            Interrupted { done: format!("{done} of {} {steps}", self.total) }
+        })
     }
 }
 

@@ -16,7 +16,7 @@ use super::fitted::{note_caution, note_extrapolation, note_starting_values};
 use super::omegas::{Omegas, parse_omegas};
 use super::output::write_data;
 use super::rows_file::print_rows;
-use super::{Context, Failure, Outcome};
+use super::{Context, Failure, Interrupted, Outcome};
 use sensitivities::{Asked, Sensitivities};
 
 #[derive(clap::Args)]
@@ -110,12 +110,12 @@ impl Simulate {
             .into_par_iter()
             .with_max_len(1)
             .map(|(setup, omega_rad_s)| {
+                stage.check("frequencies")?;
                 let answer = setup.answer(omega_rad_s, self.from_rest);
                 stage.tick();
-                stage.stop_if_asked("frequencies");
-                (setup, answer)
+                Ok((setup, answer))
             })
-            .collect();
+            .collect::<Result<_, Interrupted>>()?;
         drop(stage);
         if let Some(fits) = fits.as_ref().filter(|_| self.bands) {
             for of_setup in solved.chunk_by_mut(|(a, _), (b, _)| a.model == b.model) {

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use trilink_robot::Model;
-use trilink_synth::{Format, OMEGAS_RAD_S, Recipe, Servo, synthesise};
+use trilink_synth::{Format, OMEGAS_RAD_S, Recipe, Servo, SynthError, synthesise};
 
 use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
 use super::{Context, Failure, Outcome};
+use crate::interrupt;
 
 /// How the marker files are written.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -113,9 +114,15 @@ pub(super) fn write_trials(
     let stage = context.progress.stage("synth", recipe.trials(&context.config));
     let on_trial = |trial: &str| {
         stage.step(trial);
-        stage.stop_if_asked("trials");
+        interrupt::token().check()
     };
-    Ok(synthesise(&context.config, folder, recipe, &on_trial)?.len())
+    match synthesise(&context.config, folder, recipe, &on_trial) {
+        Err(SynthError::Cancelled(_)) => {
+            stage.check("trials")?;
+            Ok(0)
+        }
+        made => Ok(made?.len()),
+    }
 }
 
 fn parse_factors(text: &str) -> Result<[f64; 3], String> {

@@ -19,6 +19,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 pub use campaigns::JointSwing;
+use trilink_base::cancel::Cancelled;
 use trilink_mocap::LengthUnit;
 use trilink_tables::StoreError;
 use trilink_tables::config::ConfigError;
@@ -50,6 +51,8 @@ pub struct Request {
 /// Why nothing is written.
 #[derive(Debug, thiserror::Error)]
 pub enum InitError {
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     #[error("{}: found a file, needed a new one, or --force to replace it", .0.display())]
     Exists(PathBuf),
     #[error("{}: cannot be read: {source}", path.display())]
@@ -149,15 +152,18 @@ struct Described {
     recorded: Recorded,
 }
 
+/// Is notified of a file that was read; asks the work to stop by an error.
+pub type OnFile<'f> = &'f (dyn Fn(&str) -> Result<(), Cancelled> + Sync);
+
 /// Looks at folders of marker files and writes what they show. `on_file` hears of each file that was
 /// read, from any thread.
 ///
 /// # Errors
 /// A file would be overwritten, a folder cannot be read, no file shows the robot's three links, or
 /// nothing can be written. Files that cannot be used are findings.
-pub fn init(request: &Request, on_file: &(dyn Fn(&str) + Sync)) -> Result<Findings, InitError> {
+pub fn init(request: &Request, on_file: OnFile) -> Result<Findings, InitError> {
     let folders = survey::folders(request)?;
-    let surveys = survey::read_all(&folders, request.unit, on_file);
+    let surveys = survey::read_all(&folders, request.unit, on_file)?;
     let links = clusters::shown_by_most(surveys.iter().filter_map(|of| of.links.as_ref().ok()));
     let links = links.ok_or_else(|| InitError::NoChain(survey::reasons(&surveys)))?;
     let rate_hz = survey::usual_rate_hz(&surveys);

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use trilink_base::cancel::Cancelled;
 use trilink_mocap::LengthUnit;
 use trilink_mocap::read_markers;
 use trilink_tables::config::Config;
@@ -12,7 +13,7 @@ use super::axes::Upwards;
 use super::clusters::{self, Links};
 use super::frequency::Recorded;
 use super::motion::Motion;
-use super::{Described, InitError, Request};
+use super::{Described, InitError, OnFile, Request};
 
 /// Rate at which groups of markers are looked for, Hz.
 const RATE_HZ: f64 = 15.0;
@@ -101,8 +102,8 @@ pub(super) fn folders(request: &Request) -> Result<Vec<Folder>, InitError> {
 pub(super) fn read_all(
     folders: &[Folder],
     unit: LengthUnit,
-    on_file: &(dyn Fn(&str) + Sync),
-) -> Vec<Survey> {
+    on_file: OnFile,
+) -> Result<Vec<Survey>, Cancelled> {
     let files: Vec<(usize, &Folder, &String)> = folders
         .iter()
         .enumerate()
@@ -112,8 +113,8 @@ pub(super) fn read_all(
         .into_par_iter()
         .map(|(i, folder, file)| {
             let survey = read(i, folder, file, unit);
-            on_file(file);
-            survey
+            on_file(file)?;
+            Ok(survey)
         })
         .collect()
 }

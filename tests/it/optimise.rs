@@ -579,7 +579,7 @@ fn what_is_kept_is_on_the_page_until_the_model_is_fitted_anew() {
     (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 8, false);
     config.paths.start_at(home);
     let recipe = Recipe { omegas_rad_s: vec![2.0, 3.0, 4.0, 5.0], ..Recipe::new(1) };
-    synthesise(&config, &config.paths.raw[0], &recipe, &|_| {}).unwrap();
+    synthesise(&config, &config.paths.raw[0], &recipe, &|_| Ok(())).unwrap();
     let write = |config: &Config| {
         let Config { campaign, fit, .. } = config;
         let said = Config { campaign: campaign.clone(), fit: fit.clone(), ..Config::default() };

@@ -1,59 +1,60 @@
-//! Work that is asked to stop.
-//!
-//! Work is abandoned by unwinding from wherever it is: rayon carries that from its threads to the
-//! caller, and every file that is not yet in its place is removed on the way. No step has to say
-//! that it was cut short, and no result of half the steps can be taken for one of all.
+//! Work that can be asked to stop.
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Number of the signal that asked to stop; 0 for none.
-static ASKED: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
+/// A request to stop, which its clones share. Whoever works asks for it between two steps.
+#[derive(Debug, Clone, Default)]
+pub struct CancelToken(Arc<AtomicBool>);
 
-/// Asked.
-pub fn asked() -> &'static Arc<AtomicUsize> {
-    ASKED.get_or_init(Arc::default)
-}
+/// Work was asked to stop: it has no result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cancelled;
 
-/// Work that was abandoned.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Interrupted {
-    /// How far it was, such as `12 of 42 trials`; may be empty.
-    pub done: String,
-}
+impl CancelToken {
+    /// Asks the work to stop.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 
-/// Abandons the work if that was asked for, by unwinding to [`abandonable`]; `done` says how far it is.
-pub fn stop_if_asked(done: impl FnOnce() -> String) {
-    if asked().load(Ordering::Relaxed) != 0 {
-        resume_unwind(Box::new(Interrupted { done: done() }));
+    /// Whether the work is to stop.
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    /// Between two steps of work that can fail.
+    ///
+    /// # Errors
+    /// The work is to stop.
+    pub fn check(&self) -> Result<(), Cancelled> {
+        if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
+    }
+
+    /// The flag itself, for the handler of a signal to raise.
+    pub fn flag(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.0)
     }
 }
 
-/// Does work that [`stop_if_asked`] may abandon.
-///
-/// # Errors
-/// It was abandoned.
-pub fn abandonable<T>(work: impl FnOnce() -> T) -> Result<T, Interrupted> {
-    catch_unwind(AssertUnwindSafe(work)).map_err(|payload| match payload.downcast() {
-        Ok(interrupted) => *interrupted,
-        Err(panic) => resume_unwind(panic),
-    })
+impl std::fmt::Display for Cancelled {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("interrupted")
+    }
 }
+
+impl std::error::Error for Cancelled {}
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn work_goes_on_while_nobody_asks_it_to_stop() {
-        assert_eq!(abandonable(|| stop_if_asked(String::new)), Ok(()));
-    }
-
-    #[test]
-    fn abandoned_work_says_how_far_it_was() {
-        let interrupted = Interrupted { done: "1 of 2 trials".to_owned() };
-        let abandoned = interrupted.clone();
-        assert_eq!(abandonable(|| resume_unwind(Box::new(abandoned))), Err::<(), _>(interrupted));
+    fn clones_share_the_request() {
+        let token = CancelToken::default();
+        let clone = token.clone();
+        assert_eq!(clone.check(), Ok(()));
+        token.cancel();
+        assert_eq!(clone.check(), Err(Cancelled));
+        assert_eq!(CancelToken::default().check(), Ok(()));
     }
 }

@@ -4,6 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use trilink_base::cancel::CancelToken;
 use trilink_fit::Alternatives;
 use trilink_fit::optimise::{Bounds, Certainty, Command, Objective, Search};
 use trilink_mechanics::{Laws, Problem};
@@ -64,7 +65,14 @@ fn optima(criterion: &mut Criterion) {
         let found = search.run();
         let alternatives = replicates(&search.problem.robot);
         criterion.bench_function(&format!("{of}, {REPLICATES} replicates"), |bencher| {
-            bencher.iter(|| black_box(Certainty::new(&search, &found.optima, &alternatives)));
+            bencher.iter(|| {
+                black_box(Certainty::new(
+                    &search,
+                    &found.optima,
+                    &alternatives,
+                    &CancelToken::default(),
+                ))
+            });
         });
     }
 }

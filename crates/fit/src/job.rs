@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::REFERENCE_ACCURACY;
 use trilink_robot::{Parameter, Robot};
 use trilink_tables::config::GaitInput;
@@ -80,44 +81,61 @@ impl<'j> Job<'j> {
         Self { input, free, objective, measured, others, resampler, replicates }
     }
 
+    /// The same, whose searches stop when they are asked to.
+    pub(crate) fn until(mut self, cancel: &CancelToken) -> Self {
+        self.objective.cancel = cancel.clone();
+        self
+    }
+
     /// The model's rows, without what needs the campaign's other models.
-    pub(crate) fn run(&self, on_event: OnEvent) -> Fitted {
+    ///
+    /// # Errors
+    /// The work is to stop.
+    pub(crate) fn run(&self, on_event: OnEvent) -> Result<Fitted, Cancelled> {
         if self.objective.measurements.is_empty() {
             let status = FitStatus::Failed("failed: no trial with metrics".to_owned());
             let comparison = vec![self.comparison_row(status.clone())];
             let row = |job: &Self| job.fit_row(&job.objective.robot, status.clone());
             let alternatives = self.driven_otherwise().iter().map(row).collect();
-            return Fitted { fits: vec![row(self)], alternatives, comparison, ..Fitted::default() };
+            let fits = vec![row(self)];
+            return Ok(Fitted { fits, alternatives, comparison, ..Fitted::default() });
         }
         let starts = search_all(&self.objective, &self.free, self.input.fit.starts);
+        self.objective.cancel.check()?;
         let (mut fit, status) = self.best_of(&starts);
         if status.is_ok() {
-            self.follow_profiles(&mut fit);
-            self.bootstrap(&mut fit, on_event);
-            self.assess(&mut fit);
+            self.follow_profiles(&mut fit)?;
+            self.bootstrap(&mut fit, on_event)?;
+            self.assess(&mut fit)?;
         }
-        let alternative =
-            self.driven_otherwise().map(|job| job.nearby(&fit.point.values, on_event));
+        let alternative = self
+            .driven_otherwise()
+            .map(|job| job.nearby(&fit.point.values, on_event))
+            .transpose()?;
         if let Some(other) = alternative.as_ref().filter(|other| other.status.is_ok()) {
             let values: Vec<f64> = other.free.iter().map(|of| other.parameters[*of]).collect();
             self.note_shift(&mut fit, &values);
         }
-        self.rows(fit, &starts, status, alternative)
+        Ok(self.rows(fit, &starts, status, alternative))
     }
 
     /// The fit and its row, where no other model is compared with it; searches go out from the usual
     /// starts and from `near` values.
-    pub(crate) fn run_alone(&self, near: &[Vec<f64>]) -> (Fit<'_>, FitRow) {
+    ///
+    /// # Errors
+    /// The work is to stop.
+    pub(crate) fn run_alone(&self, near: &[Vec<f64>]) -> Result<(Fit<'_>, FitRow), Cancelled> {
         let mut starts = search_all(&self.objective, &self.free, self.input.fit.starts);
         let from = |values: &Vec<f64>| {
             search_from(self.objective.evaluator(self.free.clone()), values.clone())
         };
         starts.par_extend(near.par_iter().map(from));
+        self.objective.cancel.check()?;
         let (mut fit, status) = self.best_of(&starts);
         if status.is_ok() {
-            self.follow_profiles(&mut fit);
-            self.bootstrap(&mut fit, &|_| {});
-            self.assess(&mut fit);
+            self.follow_profiles(&mut fit)?;
+            self.bootstrap(&mut fit, &|_| {})?;
+            self.assess(&mut fit)?;
             if let Some(other) = self.driven_otherwise() {
                 let evaluator = other.objective.evaluator(self.free.clone());
                 let near = search_from(evaluator, fit.point.values.clone());
@@ -128,7 +146,7 @@ impl<'j> Job<'j> {
             }
         }
         let row = self.row(&fit, &starts, status);
-        (fit, row)
+        Ok((fit, row))
     }
 
     /// The fit that a row has, with the replicates that are given; `otherwise` is driven by the other
@@ -139,7 +157,7 @@ impl<'j> Job<'j> {
         };
         let evaluator = self.objective.evaluator(self.free.clone());
         let mut fit = Fit::new(FittedPoint::new(evaluator, values(row)), row.j);
-        self.bootstrap(&mut fit, &|_| {});
+        (fit.replicates, fit.criteria) = self.given_replicates(&fit.point).into_iter().unzip();
         fit.systematic = Systematic::new(&fit.point, &self.others).0;
         if let Some(other) = otherwise {
             self.note_shift(&mut fit, &values(other));
@@ -176,7 +194,7 @@ impl<'j> Job<'j> {
 
     /// The fit's row, without profiles if there are replicates, where a fit nearby has these values: searches go out from
     /// there and from the first of the usual starts.
-    fn nearby(&self, values: &[f64], on_event: OnEvent) -> FitRow {
+    fn nearby(&self, values: &[f64], on_event: OnEvent) -> Result<FitRow, Cancelled> {
         let parameters = self.free.clone();
         let near = search_from(self.objective.evaluator(parameters.clone()), values.to_vec());
         let mut starts = vec![near];
@@ -184,22 +202,23 @@ impl<'j> Job<'j> {
             let usual = self.input.fit.starts.min(USUAL_STARTS);
             starts.extend(search_all(&self.objective, &parameters, usual));
         }
+        self.objective.cancel.check()?;
         let (mut fit, status) = self.best_of(&starts);
         if status.is_ok() {
             match self.input.fit.bootstrap {
-                0 => self.follow_profiles(&mut fit),
-                _ => self.bootstrap(&mut fit, on_event),
+                0 => self.follow_profiles(&mut fit)?,
+                _ => self.bootstrap(&mut fit, on_event)?,
             }
-            self.assess(&mut fit);
+            self.assess(&mut fit)?;
             self.note_shift(&mut fit, values);
         }
-        self.row(&fit, &starts, status)
+        Ok(self.row(&fit, &starts, status))
     }
 
     /// Profiles of all free parameters; a lower objective on one of them resumes the fit.
-    fn follow_profiles(&self, fit: &mut Fit) {
+    fn follow_profiles(&self, fit: &mut Fit) -> Result<(), Cancelled> {
         if !self.input.fit.profiles {
-            return;
+            return Ok(());
         }
         loop {
             let limits = profile_limits(&fit.point, self.resampler);
@@ -209,14 +228,15 @@ impl<'j> Job<'j> {
                 .enumerate()
                 .map(|(index, limit)| profile(point, index, *limit))
                 .collect();
+            self.objective.cancel.check()?;
             fit.solves += fit.profiles.iter().map(|profile| profile.solves).sum::<usize>();
             let lower = fit.profiles.iter().filter_map(|profile| profile.lower_than(point.cost));
             let lowest = lower.min_by(|a, b| a.cost.total_cmp(&b.cost)).cloned();
-            let Some(lowest) = lowest.filter(|_| fit.resumed < MOST_RESUMES) else { return };
+            let Some(lowest) = lowest.filter(|_| fit.resumed < MOST_RESUMES) else { return Ok(()) };
             let resumed = search_from(fit.point.evaluator.clone(), lowest.values);
             fit.solves += resumed.solves;
             if resumed.cost >= fit.cost * (1.0 - LOWER) {
-                return;
+                return Ok(());
             }
             fit.resumed += 1;
             fit.cost = resumed.cost;
@@ -224,13 +244,9 @@ impl<'j> Job<'j> {
         }
     }
 
-    fn bootstrap(&self, fit: &mut Fit, on_event: OnEvent) {
-        // Replicates without noise would all be the same.
-        let total = if self.resampler.is_silent() { 0 } else { self.input.fit.bootstrap };
-        let Replicates { numbers, given } = self.replicates;
-        let numbers = numbers.start.min(total)..numbers.end.min(total);
-        let (point, ended, total) = (&fit.point, Ended::default(), numbers.len());
-        let (parameters, driven_by) = (&point.evaluator.parameters, self.objective.gait_input);
+    /// Replicates that were fitted elsewhere, with their criteria.
+    fn given_replicates(&self, point: &FittedPoint) -> Vec<(Start, f64)> {
+        let parameters = &point.evaluator.parameters;
         let (campaign, model) = (&self.input.campaign.name, self.input.model.name);
         let is_own = |row: &&BootstrapRow| row.campaign == *campaign && row.model == model;
         let known = |row: &BootstrapRow| {
@@ -243,26 +259,40 @@ impl<'j> Job<'j> {
             };
             (refit, row.criterion_resampled)
         };
-        let given = given.get(&driven_by).into_iter().flatten();
-        let mut replicates: Vec<(Start, f64)> = given.filter(is_own).map(known).collect();
-        replicates.par_extend(numbers.into_par_iter().map(|number| {
+        let given = self.replicates.given.get(&self.objective.gait_input);
+        given.into_iter().flatten().filter(is_own).map(known).collect()
+    }
+
+    fn bootstrap(&self, fit: &mut Fit, on_event: OnEvent) -> Result<(), Cancelled> {
+        // Replicates without noise would all be the same.
+        let total = if self.resampler.is_silent() { 0 } else { self.input.fit.bootstrap };
+        let numbers = &self.replicates.numbers;
+        let numbers = numbers.start.min(total)..numbers.end.min(total);
+        let (point, ended, total) = (&fit.point, Ended::default(), numbers.len());
+        let (parameters, driven_by) = (&point.evaluator.parameters, self.objective.gait_input);
+        let mut replicates = self.given_replicates(point);
+        let fitted = numbers.into_par_iter().map(|number| {
             let refit = point.refit(&self.resampler.draw(number), &ended);
             // Models are compared of one campaign.
             let criterion = match self.objective.protocols.len() {
                 1 => criterion::resampled(point, self.resampler, number),
                 _ => f64::NAN,
             };
+            // What a search has that was stopped is no result.
+            self.objective.cancel.check()?;
             let done = ended.load(Ordering::Relaxed);
             let row = &self.replicate_row(parameters, number, &refit, criterion);
             on_event(FitEvent::Replicate { driven_by, row, done, total });
-            (refit, criterion)
-        }));
+            Ok((refit, criterion))
+        });
+        replicates.extend(fitted.collect::<Result<Vec<_>, Cancelled>>()?);
         (fit.replicates, fit.criteria) = replicates.into_iter().unzip();
         fit.solves += fit.replicates.iter().map(|refit| refit.solves).sum::<usize>();
+        Ok(())
     }
 
     /// Whether the model fits, and what all trials share.
-    fn assess(&self, fit: &mut Fit) {
+    fn assess(&self, fit: &mut Fit) -> Result<(), Cancelled> {
         fit.adequacy = Adequacy::new(&fit.point, self.resampler);
         if self.objective.laws.skid.is_dry() {
             fit.law_is_like = law_is_like(&fit.point, self.resampler);
@@ -272,6 +302,7 @@ impl<'j> Job<'j> {
             let (systematic, solves) = Systematic::new(&fit.point, &self.others);
             (fit.systematic, fit.solves) = (systematic, fit.solves + solves);
         }
+        self.objective.cancel.check()
     }
 
     /// Takes the coefficients with the measured gait for a known shift where the command drives
@@ -375,7 +406,7 @@ mod tests {
         let point = FittedPoint::new(evaluator, vec![95.0, 34.0, 44.0]);
         let began = point.cost;
         let mut fit = Fit::new(point, began);
-        job.follow_profiles(&mut fit);
+        job.follow_profiles(&mut fit).unwrap();
         assert!(began > 0.269 && fit.resumed >= 1, "{began} {}", fit.resumed);
         assert!((fit.cost / 0.26140684 - 1.0).abs() < 1e-6, "{}", fit.cost);
         // The profiles are those of the lower fit.
@@ -391,7 +422,8 @@ mod tests {
         let resampler = Resampler::new(1, measurements(), &BTreeMap::new());
         let replicates = Replicates::default();
         let job = Job::new(&input, &FitData::default(), &resampler, &replicates);
-        let Fitted { fits, bootstrap, comparison, predictions, residuals, .. } = job.run(&|_| {});
+        let Fitted { fits, bootstrap, comparison, predictions, residuals, .. } =
+            job.run(&|_| {}).unwrap();
         let (fit, first) = (&fits[0], Parameter::Skid0);
         let found = Parameter::SKID.map(|skid| fit.parameters[skid]).into_iter();
         // Nothing tells their noise.

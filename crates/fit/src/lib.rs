@@ -76,6 +76,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use rayon::prelude::*;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::{
     BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, ResidualRow,
@@ -192,7 +193,10 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// assert!((skid0_kg_s / 104.0 - 1.0).abs() < 1e-4);
 /// ```
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
-    fit_except(&FitInputs::new(config), data, BTreeMap::new(), &Replicates::default(), on_event)
+    let (inputs, replicates) = (FitInputs::new(config), Replicates::default());
+    let token = CancelToken::default();
+    fit_except(&inputs, data, BTreeMap::new(), &replicates, on_event, &token)
+        .expect("nobody has the token that could stop it")
 }
 
 /// All that is fitted.
@@ -212,13 +216,17 @@ impl FitInputs {
 
 /// [`fit`] of those models only that are not `cached`, with these replicates; what is shared has all of
 /// its own. The tables are those that a fit of all would have given.
+///
+/// # Errors
+/// The work is to stop.
 pub fn fit_except(
     inputs: &FitInputs,
     data: &FitData,
     mut cached: BTreeMap<FitKey, Fitted>,
     replicates: &Replicates,
     on_event: OnEvent,
-) -> Fitted {
+    cancel: &CancelToken,
+) -> Result<Fitted, Cancelled> {
     let key = FitInput::key;
     let campaigns: Vec<&[FitInput]> =
         inputs.own.chunk_by(|a, b| a.campaign.name == b.campaign.name).collect();
@@ -240,14 +248,15 @@ pub fn fit_except(
         .par_iter()
         .with_max_len(1)
         .map(|(input, resampler)| {
-            let fitted = Job::new(input, data, resampler, replicates).run(on_event);
+            let job = Job::new(input, data, resampler, replicates).until(cancel);
+            let fitted = job.run(on_event)?;
             fitted.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
-            (key(input), fitted)
+            Ok((key(input), fitted))
         })
-        .collect();
+        .collect::<Result<_, Cancelled>>()?;
     cached.extend(fitted);
-    let mut all =
-        Fitted { shared: fit_shared(inputs, data, &cached, on_event), ..Fitted::default() };
+    let shared = fit_shared(inputs, data, &cached, on_event, cancel)?;
+    let mut all = Fitted { shared, ..Fitted::default() };
     for (inputs, resampler) in sampled {
         let models = inputs.iter().filter_map(|input| cached.remove(&key(input)));
         let mut models: Vec<Fitted> = models.collect();
@@ -264,7 +273,7 @@ pub fn fit_except(
         };
         fit.sharing = all.shared.iter().find(is_of).and_then(|row| row.fit.sharing);
     }
-    all
+    Ok(all)
 }
 
 /// What campaigns share, beside the `known` fits to each of them; as they are where they are known.
@@ -273,14 +282,16 @@ fn fit_shared(
     data: &FitData,
     known: &BTreeMap<FitKey, Fitted>,
     on_event: OnEvent,
-) -> Vec<SharedFitRow> {
+    cancel: &CancelToken,
+) -> Result<Vec<SharedFitRow>, Cancelled> {
     let of_model = |shared: &SharedInput| {
         if let Some(Fitted { shared, .. }) = known.get(&shared.key()) {
-            return shared.clone();
+            return Ok(shared.clone());
         }
-        let row = shared.fit(data, known);
+        let row = shared.fit(data, known, cancel)?;
         on_event(FitEvent::Shared(&row));
-        vec![row]
+        Ok(vec![row])
     };
-    inputs.shared.par_iter().with_max_len(1).flat_map_iter(of_model).collect()
+    let rows = inputs.shared.par_iter().with_max_len(1).map(of_model);
+    Ok(rows.collect::<Result<Vec<_>, Cancelled>>()?.concat())
 }

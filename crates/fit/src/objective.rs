@@ -1,5 +1,6 @@
 //! How far a model is from the measurements (eq. 21 and 22).
 
+use trilink_base::cancel::CancelToken;
 use trilink_mechanics::{FIT_ACCURACY, Laws, MotionError, Problem, Solver};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, JointCommand, Parameter, Robot};
@@ -26,6 +27,8 @@ pub struct Objective {
     /// What drives the model.
     pub gait_input: GaitInput,
     pub measurements: Vec<Measurement>,
+    /// Asks the searches to stop where they are.
+    pub(super) cancel: CancelToken,
     pub(super) conditions: Conditions,
 }
 
@@ -78,7 +81,8 @@ impl Objective {
         measurements: Vec<Measurement>,
     ) -> Self {
         let conditions = Conditions::default();
-        let mut all = Self { laws, robot, protocols, gait_input, measurements, conditions };
+        let cancel = CancelToken::default();
+        let mut all = Self { laws, robot, protocols, gait_input, measurements, cancel, conditions };
         all.conditions = Conditions::new(
             &all.measurements,
             |measurement| all.gait_of(measurement),
@@ -90,7 +94,9 @@ impl Objective {
     /// The same driven by another gait.
     pub(crate) fn driven_as(&self, gait_input: GaitInput) -> Self {
         let Self { laws, ref robot, ref protocols, ref measurements, .. } = *self;
-        Self::pooled(laws, robot.clone(), protocols.clone(), gait_input, measurements.clone())
+        let (robot, protocols) = (robot.clone(), protocols.clone());
+        let driven = Self::pooled(laws, robot, protocols, gait_input, measurements.clone());
+        Self { cancel: self.cancel.clone(), ..driven }
     }
 
     /// The gait and the weights of a measurement's campaign.

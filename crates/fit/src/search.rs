@@ -20,7 +20,6 @@ use argmin::core::{
     TerminationReason,
 };
 use nalgebra::DVector;
-use trilink_base::cancel::stop_if_asked;
 use trilink_mechanics::REFERENCE_ACCURACY;
 use trilink_tables::Stopped;
 
@@ -122,8 +121,10 @@ impl Iterate {
         is_last: bool,
         ended: &Ended,
     ) -> Self {
-        // Where many searches are abandoned, rayon begins thousands of them before it gives up.
-        stop_if_asked(String::new);
+        // Where many searches are to stop, rayon begins thousands of them before it gives up.
+        if on.objective.cancel.is_cancelled() {
+            return self;
+        }
         let solver = TrustRegion { tolerance, is_last, ..self.solver };
         let result = Executor::new(on, solver)
             .configure(|state| state.param(self.values).cost(self.cost).max_iters(MAX_ITERATIONS))
@@ -175,6 +176,9 @@ impl<'e, 'o> Solver<&'e mut Evaluator<'o>, State> for TrustRegion {
         let (Some(evaluator), Some(values)) = (problem.problem.as_mut(), &state.param) else {
             return Err(argmin_error!(NotInitialized, "no first iterate"));
         };
+        if evaluator.objective.cancel.is_cancelled() {
+            return Ok((state.terminate_with(TerminationReason::Interrupt), None));
+        }
         let converged = TerminationReason::SolverConverged;
         let cost = state.cost;
         let (step, expected) = self.best_step(&evaluator.parameters, values);
@@ -208,15 +212,10 @@ impl<'e, 'o> Solver<&'e mut Evaluator<'o>, State> for TrustRegion {
     }
 }
 
-/// Abandons a search if the program is asked to stop, and counts it when it has ended.
+/// Counts a search when it has ended.
 struct Observer(Ended);
 
 impl Observe<State> for Observer {
-    fn observe_iter(&mut self, _: &State, _: &KV) -> Result<(), Error> {
-        stop_if_asked(String::new);
-        Ok(())
-    }
-
     fn observe_final(&mut self, _: &State) -> Result<(), Error> {
         self.0.fetch_add(1, Ordering::Relaxed);
         Ok(())

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_robot::Model;
 use trilink_statistics::mean;
 use trilink_tables::config::Config;
@@ -100,7 +101,15 @@ impl SharedInput {
     }
 
     /// The fit beside those to each campaign.
-    pub(super) fn fit(&self, data: &FitData, known: &BTreeMap<FitKey, Fitted>) -> SharedFitRow {
+    ///
+    /// # Errors
+    /// The work is to stop.
+    pub(super) fn fit(
+        &self,
+        data: &FitData,
+        known: &BTreeMap<FitKey, Fitted>,
+        cancel: &CancelToken,
+    ) -> Result<SharedFitRow, Cancelled> {
         let own = self.campaigns.iter().filter_map(|input| known.get(&input.key()));
         let separate: &[&FitRow] = &own.flat_map(|fitted| &fitted.fits).collect::<Vec<_>>();
         let measurements = self.measurements(data);
@@ -118,12 +127,13 @@ impl SharedInput {
             let gait_input = first.gait_input();
             let model = self.model;
             let fit = FitRow { campaign, model, gait_input, status, ..FitRow::blank() };
-            return SharedFitRow { fit, not_tested: why, ..blank };
+            return Ok(SharedFitRow { fit, not_tested: why, ..blank });
         }
         let resampler = Resampler::new(first.fit.seed, measurements, &data.cycles);
         let replicates = Replicates::default();
-        let job = Job::pooled(&self.campaigns, self.free(), data, &resampler, &replicates);
-        let (fit, row) = job.run_alone(&near(&job, separate));
+        let job =
+            Job::pooled(&self.campaigns, self.free(), data, &resampler, &replicates).until(cancel);
+        let (fit, row) = job.run_alone(&near(&job, separate))?;
         let test = match (self.untestable(&row, separate), nearest) {
             (Some(why), _) => SharingTest::none(why),
             (None, None) => SharingTest::none("no model of a campaign has all motions".to_owned()),
@@ -133,7 +143,8 @@ impl SharedInput {
         };
         let SharingTest { rise: [rise, rise_limit], p_value, sharing, not_tested } = test;
         let fit = FitRow { campaign, sharing, ..row };
-        SharedFitRow { fit, rise, rise_limit, p_value, not_tested, ..blank }
+        cancel.check()?;
+        Ok(SharedFitRow { fit, rise, rise_limit, p_value, not_tested, ..blank })
     }
 
     /// Why sharing cannot be tested, whatever the fits leave.

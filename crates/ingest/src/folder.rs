@@ -5,6 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use trilink_base::cancel::CancelToken;
 use trilink_mocap::ViconError;
 use trilink_tables::trial::{ListedTrial, TrialError, TrialFolder, TrialKind};
 use trilink_tables::{
@@ -57,15 +58,17 @@ pub struct IngestedTrial {
 /// once a marker file is read; `on_trial` is called on any thread and in any order.
 ///
 /// # Errors
-/// A table cannot be written. What is wrong with one trial is in its row instead.
+/// A table cannot be written, or the work is to stop. What is wrong with one trial is in its row instead.
 pub fn ingest_trials(
     derived: &Path,
     trials: &[Entry],
     provenance: &(dyn Fn(Entry, Option<&MarkerStamp>) -> Provenance + Sync),
     on_trial: &(dyn Fn(&TrialRow) + Sync),
+    cancel: &CancelToken,
 ) -> Result<Vec<IngestedTrial>, StoreError> {
     let (ingested, stamps) = ToDisk::during(|to_disk| {
         let ingested = trials.par_iter().with_max_len(1).map(|entry| {
+            cancel.check()?;
             let ingested = ingest_trial(derived, *entry, provenance, to_disk)?;
             on_trial(&ingested.0.rows.trials[0]);
             Ok(ingested)

@@ -136,7 +136,7 @@ pub struct ProcessedTrial {
 /// config.campaign.retain(|name, _| name == "kinematic-symmetric");
 /// let folder = tempfile::tempdir()?;
 /// let recipe = Recipe { omegas_rad_s: vec![4.0], ..Recipe::new(1) };
-/// synthesise(&config, folder.path(), &recipe, &|_| {})?;
+/// synthesise(&config, folder.path(), &recipe, &|_| Ok(()))?;
 ///
 /// let list = TrialList::load(folder.path())?;
 /// let processed = process_trial(folder.path(), &list.trial[0], &config)?;

@@ -31,7 +31,7 @@ fn differences(seed: u64, omegas_rad_s: &[f64]) -> Vec<Differences> {
     let config = Config::default();
     let folder = tempfile::tempdir().unwrap();
     let recipe = Recipe { omegas_rad_s: omegas_rad_s.into(), ..Recipe::new(seed) };
-    let trials = synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
+    let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
     let truth = std::fs::read_to_string(folder.path().join(TRUTH_FILE)).unwrap();
     let truth: Value = serde_json::from_str(&truth).unwrap();
     trials

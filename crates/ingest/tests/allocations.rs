@@ -74,7 +74,7 @@ fn ten_hours_of_a_recording_need_hardly_more_than_a_gigabyte_beside_its_values()
     config.campaign.retain(|name, _| name == "kinematic-symmetric");
     let folder = tempfile::tempdir().unwrap();
     let recipe = Recipe { omegas_rad_s: vec![0.2], ..Recipe::new(1) };
-    synthesise(&config, folder.path(), &recipe, &|_| {}).unwrap();
+    synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
     let trial = TrialList::load(folder.path()).unwrap().trial.remove(0);
     let place = folder.path().join(&trial.file);
     let file = fs::read_to_string(&place).unwrap();

@@ -56,6 +56,7 @@ use std::path::PathBuf;
 use minijinja::value::Value;
 use rayon::prelude::*;
 use serde::Serialize;
+use trilink_base::cancel::CancelToken;
 use trilink_plot::{DrawError, Drawing, Figure, Format};
 use trilink_tables::{Stamp, StoreError, ToDisk};
 
@@ -135,18 +136,19 @@ impl Content {
     /// have are left alone.
     ///
     /// # Errors
-    /// A table of a trial cannot be read, or a file not be written.
+    /// A table of a trial cannot be read, a file not be written, or the work is to stop.
     pub fn write(
         &self,
         input: &ReportInput,
         kept: BTreeMap<String, String>,
         kept_pages: &BTreeSet<String>,
+        cancel: &CancelToken,
     ) -> Result<Written, ReportError> {
         let stems = self.figures.iter().map(|figure| figure.stem.clone());
         let drawn_now: Vec<String> =
             stems.clone().filter(|stem| !kept.contains_key(stem)).collect();
         let (of_trials, stamps) =
-            ToDisk::during(|to_disk| self.write_all(input, kept, kept_pages, to_disk));
+            ToDisk::during(|to_disk| self.write_all(input, kept, kept_pages, (to_disk, cancel)));
         let (mut stamps, PagesWritten { pages, damaged }) = (stamps?, of_trials?);
         let mut stamps_of = |names: Vec<String>| -> BTreeMap<String, Stamp> {
             let of = |name: String| {
@@ -170,7 +172,7 @@ impl Content {
         input: &ReportInput,
         mut kept: BTreeMap<String, String>,
         kept_pages: &BTreeSet<String>,
-        to_disk: &ToDisk,
+        (to_disk, cancel): (&ToDisk, &CancelToken),
     ) -> Result<PagesWritten, ReportError> {
         let Self { tables, figures, missing, truth, pages, changes, reader, .. } = self;
         let write = |name: &str, bytes: &[u8]| {
@@ -179,7 +181,7 @@ impl Content {
         let with_svg: Vec<_> =
             figures.iter().map(|figure| (figure, kept.remove(&figure.stem))).collect();
         let draw = |(figure, svg)| {
-            trilink_base::cancel::stop_if_asked(String::new);
+            cancel.check().map_err(StoreError::from)?;
             draw(figure, svg, &write).map(|image| (figure, image))
         };
         let draw_all =

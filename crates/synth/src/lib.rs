@@ -20,7 +20,7 @@
 //! config.campaign.retain(|name, _| name == "kinematic-symmetric");
 //! let folder = tempfile::tempdir()?;
 //! let recipe = Recipe { omegas_rad_s: vec![4.0], ..Recipe::new(1) };
-//! let trials = synthesise(&config, folder.path(), &recipe, &|_| {})?;
+//! let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(()))?;
 //! assert_eq!(trials.len(), recipe.trials(&config));
 //! assert!(folder.path().join(&trials[0].file).is_file());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -38,6 +38,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use trilink_base::cancel::Cancelled;
 use trilink_base::files;
 use trilink_mechanics::{MotionError, Problem};
 use trilink_mocap::{c3d_bytes, csv_bytes};
@@ -122,6 +123,8 @@ pub enum SynthError {
     Motion { trial: String, source: MotionError },
     #[error(transparent)]
     Store(#[from] StoreError),
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 fn listed(omegas_rad_s: &[f64]) -> String {
@@ -238,7 +241,7 @@ pub fn synthesise(
     config: &Config,
     folder: &Path,
     recipe: &Recipe,
-    on_trial: &(dyn Fn(&str) + Sync),
+    on_trial: &(dyn Fn(&str) -> Result<(), Cancelled> + Sync),
 ) -> Result<Vec<Trial>, SynthError> {
     plan::check(config, recipe)?;
     let (mut plans, campaigns, days) = plan::gaits(config, recipe);
@@ -275,7 +278,7 @@ pub fn synthesise(
             Source::Decay(decay) => (film(&decay.coordinates), None),
         };
         write_bytes(&folder.join(&trial.file), &format.bytes(&film))?;
-        on_trial(&trial.id);
+        on_trial(&trial.id)?;
         let truth =
             |(Problem { gait, omega_rad_s, .. }, day, metrics): (Problem, _, _)| TrialTruth {
                 omega_rad_s,

@@ -69,9 +69,13 @@ pub use time::{UtcTime, time_text};
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
+use trilink_base::cancel::Cancelled;
+
 /// Why a table or file could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     #[error("{}: cannot be written: {source}", path.display())]
     Write { path: PathBuf, source: std::io::Error },
     #[error("{}: cannot be read: {source}", path.display())]

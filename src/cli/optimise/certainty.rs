@@ -1,30 +1,39 @@
 //! How sure the optima of a fitted model are.
 
+use trilink_base::cancel::Cancelled;
 use trilink_fit::optimise::{Certainty, Command, Found, Search};
 use trilink_fit::simulate::{KnownFits, Setup};
 use trilink_tables::{Objective, OptimumRow};
 
 use crate::cli::output::say;
 use crate::cli::table::short;
+use crate::interrupt;
 
 /// Replicates that are searched where none are named.
 const MOST: usize = 200;
 
 /// How sure what was found is, by so many replicates of the fit at most, or why that is not known.
+///
+/// # Errors
+/// The command is to stop.
 pub(super) fn of(
     setup: &Setup,
     fits: Option<&KnownFits>,
     most: Option<usize>,
     (search, found): (&Search, &Found),
-) -> Result<Certainty, String> {
+) -> Result<Result<Certainty, String>, Cancelled> {
     let most = most.unwrap_or(MOST);
-    let fits = fits.ok_or("the coefficients are not fitted")?;
-    if most == 0 {
-        return Err("no replicates were asked for".to_owned());
-    }
-    let alternatives = setup.alternatives(fits, most)?;
-    Certainty::new(search, &found.optima, &alternatives)
-        .ok_or_else(|| "no optimum counts".to_owned())
+    let alternatives = match fits {
+        None => Err("the coefficients are not fitted".to_owned()),
+        Some(_) if most == 0 => Err("no replicates were asked for".to_owned()),
+        Some(fits) => setup.alternatives(fits, most),
+    };
+    let alternatives = match alternatives {
+        Ok(alternatives) => alternatives,
+        Err(why) => return Ok(Err(why)),
+    };
+    let certainty = Certainty::new(search, &found.optima, &alternatives, interrupt::token())?;
+    Ok(certainty.ok_or_else(|| "no optimum counts".to_owned()))
 }
 
 /// Fills in what the rows say of it.

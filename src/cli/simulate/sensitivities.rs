@@ -11,6 +11,7 @@ use crate::cli::output::{note, say};
 use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
 use crate::cli::table::{self, short};
 use crate::cli::{Context, Failure, Outcome};
+use crate::interrupt;
 
 #[derive(clap::Args)]
 pub(super) struct Sensitivities {
@@ -48,7 +49,12 @@ impl Sensitivities {
         let (mut all, mut outcome) = (Vec::new(), Outcome::Well);
         let mut input = blake3::Hasher::new();
         for setup in *setups {
-            let found = setup.sensitivities(omegas_rad_s, asked.from_rest, asked.fits);
+            let found = setup.sensitivities(
+                omegas_rad_s,
+                asked.from_rest,
+                asked.fits,
+                interrupt::token(),
+            )?;
             if let Some(why) = found.unknown {
                 let model = setup.model;
                 note!("{campaign} {model}: the fitted coefficients are taken as exact: {why}");

@@ -4,7 +4,7 @@
 //! a place of its own, too, so that another may appear, which is then followed with all of them.
 
 use rayon::prelude::*;
-use trilink_base::cancel;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::Problem;
 use trilink_robot::{Robot, SecondHarmonic};
 use trilink_statistics::quantiles;
@@ -99,9 +99,17 @@ fn others(followed: &[Vec<Followed>]) -> Vec<Start> {
 
 impl Certainty {
     /// Of the optima that a search has found, the best first; `None` if that does not count.
-    pub fn new(search: &Search, optima: &[Optimum], alternatives: &Alternatives) -> Option<Self> {
+    ///
+    /// # Errors
+    /// The work is to stop.
+    pub fn new(
+        search: &Search,
+        optima: &[Optimum],
+        alternatives: &Alternatives,
+        cancel: &CancelToken,
+    ) -> Result<Option<Self>, Cancelled> {
         let candidates: Vec<&Optimum> = optima.iter().take_while(|of| of.counts()).collect();
-        let best = *candidates.first()?;
+        let Some(best) = candidates.first().copied() else { return Ok(None) };
         let of_robot = |robot: &Robot| {
             let problem = Problem { robot: robot.clone(), ..search.problem.clone() };
             Search { problem, ..search.clone() }
@@ -118,23 +126,25 @@ impl Certainty {
             .with_max_len(1)
             .enumerate()
             .map(|(nth, search)| {
+                cancel.check()?;
                 let own = nth.is_multiple_of(SPREAD).then(|| {
                     let place = search.spread(1 + nth / SPREAD);
                     Start { candidate: None, place, curvature: None }
                 });
                 let mut ends = Vec::new();
                 search.follow(known.iter().chain(&own), &mut ends);
-                ends
+                Ok(ends)
             })
-            .collect();
+            .collect::<Result<_, Cancelled>>()?;
         let others = others(&followed);
         let both = (&searches, &mut followed).into_par_iter().with_max_len(1);
         let all: Vec<Again> = both
             .map(|(search, ends)| {
+                cancel.check()?;
                 search.follow(others.iter(), ends);
-                search.again(&candidates, ends)
+                Ok(search.again(&candidates, ends))
             })
-            .collect();
+            .collect::<Result<_, Cancelled>>()?;
         let limits = |fitted: f64, of: &dyn Fn(&Best) -> f64| {
             let found: Vec<f64> =
                 all.iter().map(|again| again.best.as_ref().map_or(f64::NAN, of)).collect();
@@ -181,7 +191,7 @@ impl Certainty {
             // Beyond a limit there may be more.
             Some(if again.is_over_limit { lost.max(0.0) } else { lost })
         });
-        Some(Self {
+        Ok(Some(Self {
             replicates: replicates.len(),
             without: count(&|again| again.best.is_none()),
             value,
@@ -193,7 +203,7 @@ impl Certainty {
             regret: quantiles(regrets.collect(), [0.5, 0.95]),
             not_reached: count(&|again| again.fitted.is_none()),
             over_limit: count(&|again| again.is_over_limit),
-        })
+        }))
     }
 
     /// Fills in what rows of the optima say of it.
@@ -229,7 +239,6 @@ impl Search {
     /// Adds where searches end. What is far from the best so far where it begins is not searched from, if that is an
     /// optimum of other coefficients.
     fn follow<'s>(&self, starts: impl Iterator<Item = &'s Start>, ends: &mut Vec<Followed>) {
-        cancel::stop_if_asked(String::new);
         let mut landscape = self.landscape(ROUGH_ACCURACY);
         for Start { candidate, place, curvature } in starts {
             let best = ends.iter().map(|of| of.end.point.cost).fold(f64::INFINITY, f64::min);
@@ -332,6 +341,10 @@ mod tests {
         })
     }
 
+    fn certainty(search: &Search, optima: &[Optimum], of: &Alternatives) -> Option<Certainty> {
+        Certainty::new(search, optima, of, &CancelToken::default()).expect("nobody stops it")
+    }
+
     #[test]
     fn the_interval_has_the_truths_optimum_in_it() {
         const TRUTH_KG_S: [f64; 3] = [420.0, 200.0, 70.0];
@@ -351,7 +364,7 @@ mod tests {
         };
         let search = of(fitted);
         let found = search.run();
-        let sure = Certainty::new(&search, &found.optima, &alternatives).expect("it counts");
+        let sure = certainty(&search, &found.optima, &alternatives).expect("it counts");
         let is_in = |[low, high]: [f64; 2], value: f64| low < value && value < high;
         assert!(is_in(sure.value, value), "{:?} {value}", sure.value);
         let [(Command::Omega, limits_rad_s)] = sure.commands[..] else { panic!("{sure:?}") };
@@ -361,7 +374,7 @@ mod tests {
         assert!(-1e-6 < median && median <= most && 0.0 < most && most < 0.01, "{sure:?}");
         // The same with any number of threads.
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-        let again = one.install(|| Certainty::new(&search, &found.optima, &alternatives));
+        let again = one.install(|| certainty(&search, &found.optima, &alternatives));
         assert_eq!(again, Some(sure));
     }
 
@@ -373,7 +386,7 @@ mod tests {
         for objective in [Objective::Speed, Objective::WorkPerMetre] {
             let search = of_omega(problem.clone(), objective, [1.0, 8.0]);
             let found = search.run();
-            let sure = Certainty::new(&search, &found.optima, &alternatives).expect("it counts");
+            let sure = certainty(&search, &found.optima, &alternatives).expect("it counts");
             assert!(sure.regret.iter().all(|part| part.abs() < 1e-9), "{sure:?}");
             let [low, high] = sure.value.map(|limit| limit / found.optima[0].value - 1.0);
             assert!(low.abs() < 1e-9 && high.abs() < 1e-9, "{sure:?}");

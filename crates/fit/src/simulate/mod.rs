@@ -10,6 +10,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use serde_json::{Map, Value};
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{MotionError, Problem};
 use trilink_robot::{Gait, Laws, Model, Robot};
 use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
@@ -184,12 +185,16 @@ impl Setup {
 
     /// How the metrics of its motions answer to every number that they depend on, and what the
     /// uncertainty of each contributes; that of fitted coefficients where `fits` were read with bands.
+    ///
+    /// # Errors
+    /// The work is to stop.
     pub fn sensitivities(
         &self,
         omegas_rad_s: &[f64],
         from_rest: bool,
         fits: Option<&KnownFits>,
-    ) -> Sensitivities {
+        cancel: &CancelToken,
+    ) -> Result<Sensitivities, Cancelled> {
         let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
             let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0));
             fitted.with_bands(self, &fits.data, |bands| {
@@ -202,12 +207,12 @@ impl Setup {
             None => (self.uncertain.clone(), None),
         };
         let of = |&omega_rad_s: &f64| {
-            let rows = sensitivity::of(self, omega_rad_s, from_rest, &uncertain);
-            trilink_base::cancel::stop_if_asked(String::new);
-            (omega_rad_s, rows)
+            cancel.check()?;
+            Ok((omega_rad_s, sensitivity::of(self, omega_rad_s, from_rest, &uncertain)))
         };
-        let motions = omegas_rad_s.par_iter().with_max_len(1).map(of).collect();
-        Sensitivities { motions, unknown }
+        let motions =
+            omegas_rad_s.par_iter().with_max_len(1).map(of).collect::<Result<_, Cancelled>>()?;
+        Ok(Sensitivities { motions, unknown })
     }
 
     fn interval(&self, omega_rad_s: f64, from_rest: bool, bands: &PredictionBands) -> Interval {

@@ -317,7 +317,7 @@ fn night(noise_seed: u64) -> Night {
     let config = Config::default();
     let folder = tempfile::tempdir().unwrap();
     let recipe = Recipe { noise_seed: Some(noise_seed), ..Recipe::new(1) };
-    let listed = synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
+    let listed = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
     let mut data = FitData::default();
     for trial in &listed {
         let processed = process_trial(folder.path(), trial, &config).unwrap();

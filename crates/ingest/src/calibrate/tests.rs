@@ -8,7 +8,7 @@ use super::*;
 
 fn trials(recipe: &Recipe) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    synthesise(&Config::default(), folder.path(), recipe, &|_| ()).unwrap();
+    synthesise(&Config::default(), folder.path(), recipe, &|_| Ok(())).unwrap();
     folder
 }
 
@@ -69,7 +69,7 @@ fn directions(seeds: std::ops::RangeInclusive<u64>, aslant_deg: f64) -> Vec<[f64
     let of_seed = |seed: u64| {
         let folder = tempfile::tempdir().unwrap();
         let recipe = Recipe { omegas_rad_s: vec![3.0, 5.0], ..Recipe::new(seed) };
-        synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
+        synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
         let of_trial = |omega: &str| {
             let id = format!("kinematic-symmetric-{omega}-r1");
             let found = calibrate(&config, folder.path(), &id).unwrap();

@@ -13,7 +13,7 @@ fn shares(seeds: Range<u64>, omegas_rad_s: &[f64]) -> BTreeMap<(String, String),
         let folder = tempfile::tempdir().unwrap();
         let omegas_rad_s = omegas_rad_s.to_vec();
         let recipe = Recipe { omegas_rad_s, noise_seed: Some(seed), ..Recipe::new(1) };
-        let trials = synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
+        let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
         let truth = fs::read_to_string(folder.path().join("truth.json")).unwrap();
         let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
         let mut found = Vec::new();

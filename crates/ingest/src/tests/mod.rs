@@ -532,7 +532,7 @@ fn folder() -> tempfile::TempDir {
     write("empty.csv", "");
     let others = folder.path().join("others");
     let recipe = Recipe { omegas_rad_s: Vec::new(), ..Recipe::new(1) };
-    synthesise(&Config::default(), &others, &recipe, &|_| ()).unwrap();
+    synthesise(&Config::default(), &others, &recipe, &|_| Ok(())).unwrap();
     write("coast.csv", &fs::read_to_string(others.join("kinematic-coast-down-r1.csv")).unwrap());
     write("text.csv", &text.replacen(",0,", ",0,lost ", 1));
     let frame = text.split_inclusive("\r\n").nth(5).unwrap();
@@ -577,7 +577,8 @@ fn ingest_folder(
     };
     let entries: Vec<Entry> = trials.iter().zip(&inputs).map(entry).collect();
     let provenance = || Provenance { input: String::new() };
-    let done = ingest_trials(derived, &entries, &|_, _| provenance(), &|_| ())?;
+    let done =
+        ingest_trials(derived, &entries, &|_, _| provenance(), &|_| (), &Default::default())?;
     let (mut all, mut written) = (Ingested::default(), Vec::new());
     for IngestedTrial { rows, written: tables, .. } in done {
         all.extend(rows);
@@ -806,7 +807,7 @@ fn noise_of_recordings_is_white_and_that_of_a_smoothed_export_is_flagged() {
 /// What the trials of a recipe come to, with what was planted.
 fn ingested(recipe: &Recipe) -> Vec<(ProcessedTrial, serde_json::Value)> {
     let (folder, config) = (tempfile::tempdir().unwrap(), Config::default());
-    let trials = synthesise(&config, folder.path(), recipe, &|_| ()).unwrap();
+    let trials = synthesise(&config, folder.path(), recipe, &|_| Ok(())).unwrap();
     let truth = fs::read_to_string(folder.path().join("truth.json")).unwrap();
     let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
     let process = |trial: &Trial| process_trial(folder.path(), trial, &config).unwrap();
@@ -863,7 +864,7 @@ fn what_a_soft_suspension_and_noise_do_is_no_tilt_and_moves_no_joint() {
 fn h_and_l_that_are_wrong_by_a_millimetre_are_flagged_and_do_not_bend_the_joints() {
     let folder = tempfile::tempdir().unwrap();
     let recipe = Recipe { omegas_rad_s: vec![3.9], ..Recipe::new(3) };
-    let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| ()).unwrap();
+    let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| Ok(())).unwrap();
     let mut wrong = Config::default();
     for robot in wrong.robot.values_mut() {
         robot.h_m += 0.001;
@@ -899,7 +900,7 @@ fn a_few_jumped_markers_are_said_and_need_nobody_and_many_are_flagged() {
 fn masses_and_moments_of_inertia_in_grams_are_told_by_what_a_trial_measures() {
     let folder = tempfile::tempdir().unwrap();
     let recipe = Recipe { omegas_rad_s: Vec::new(), ..Recipe::new(4) };
-    let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| ()).unwrap();
+    let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| Ok(())).unwrap();
     let mut in_grams = Config::default();
     for robot in in_grams.robot.values_mut() {
         robot.mass_kg = robot.mass_kg.map(|mass| 1e3 * mass);
@@ -928,7 +929,7 @@ fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParamet
         let recipe = Recipe { omegas_rad_s: Vec::new(), ..Recipe::new(seed) };
         let mut config = Config::default();
         change(&mut config);
-        let trials = synthesise(&config, folder.path(), &recipe, &|_| ()).unwrap();
+        let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
         let mut configured = Config::default();
         for robot in configured.robot.values_mut() {
             robot.roll_kg_s = [0.5, 1.0, 1.5];

@@ -37,7 +37,7 @@ const SHEET: &str = "<div class=\"sheet\" role=\"group\" aria-label=\"";
 fn report(config: &Config) -> Result<Reported, ReportError> {
     let input = ReportInput::new(config, BTreeSet::new());
     let content = Content::read(&input, Reader::default())?;
-    let written = content.write(&input, BTreeMap::new(), &BTreeSet::new())?;
+    let written = content.write(&input, BTreeMap::new(), &BTreeSet::new(), &Default::default())?;
     Ok(written.reported)
 }
 
@@ -407,7 +407,9 @@ fn a_thousand_trials_more_are_less_than_what_a_page_may_grow() {
         config.report.trial_pages = 1000;
         let input = ReportInput::new(&config, BTreeSet::new());
         let content = Content::read(&input, Reader::default()).expect("reads");
-        let written = content.write(&input, BTreeMap::new(), &BTreeSet::new()).expect("writes");
+        let written = content
+            .write(&input, BTreeMap::new(), &BTreeSet::new(), &Default::default())
+            .expect("writes");
         (read(&written.reported.page).len(), tables.trials.len())
     };
     let [(few, before), (many, after)] = [1, 20].map(bytes);
