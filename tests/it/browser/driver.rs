@@ -1,9 +1,11 @@
 //! A browser that a test drives as a reader would, through Chrome's DevTools protocol on two pipes.
 
+use std::any::Any;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{PoisonError, RwLock};
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -28,6 +30,9 @@ const KEYS: [(&str, &str, u32, &str); 10] = [
     ("End", "End", 35, ""),
 ];
 
+/// Held by every browser that is open; for writing by one whose test takes times.
+static OPEN: RwLock<()> = RwLock::new(());
+
 /// A browser with one page in it.
 pub struct Browser {
     process: Child,
@@ -38,6 +43,8 @@ pub struct Browser {
     /// What happened and was not asked for.
     events: Vec<Value>,
     _profile: TempDir,
+    /// The lock on [`OPEN`], until the browser has ended.
+    _open: Box<dyn Any>,
 }
 
 impl Drop for Browser {
@@ -61,10 +68,20 @@ impl Browser {
     /// The browser that `TRILINK_BROWSER` names, or the first that is found; without one the test
     /// is to pass and says so.
     pub fn start() -> Option<Self> {
+        Self::locked(|| Box::new(OPEN.read().unwrap_or_else(PoisonError::into_inner)))
+    }
+
+    /// The same once no other test has a browser open, for a test that takes times.
+    pub fn start_alone() -> Option<Self> {
+        Self::locked(|| Box::new(OPEN.write().unwrap_or_else(PoisonError::into_inner)))
+    }
+
+    fn locked(lock: impl FnOnce() -> Box<dyn Any>) -> Option<Self> {
         let Some(place) = place() else {
             eprintln!("skipped: no browser among {NAMES:?}; TRILINK_BROWSER can name one");
             return None;
         };
+        let open = lock();
         let profile = tempfile::tempdir().expect("a temporary folder");
         // The browser reads commands from descriptor 3 and answers to descriptor 4.
         let mut process = Command::new("sh")
@@ -97,6 +114,7 @@ impl Browser {
             last_id: 0,
             events: Vec::new(),
             _profile: profile,
+            _open: open,
         };
         let page = browser.call("Target.createTarget", json!({ "url": "about:blank" }));
         let target = json!({ "targetId": page["targetId"], "flatten": true });

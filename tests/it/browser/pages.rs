@@ -245,7 +245,7 @@ fn figures_can_be_read_on_dark_pages() {
 
 #[test]
 fn the_report_is_small_and_of_use_within_a_second() {
-    let Some(mut browser) = Browser::start() else { return };
+    let Some(mut browser) = Browser::start_alone() else { return };
     let page = demo().join("index.html");
     let bytes = std::fs::metadata(&page).unwrap().len();
     assert!(bytes < 1_500_000, "{bytes} bytes");
