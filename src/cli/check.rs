@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use trilink_ingest::{FileSurvey, FolderInput, IngestSettings, Ingested, Recording, survey};
+use trilink_ingest::{FileSurvey, FolderInput, IngestSettings, Ingested, RecordingSurvey, survey};
 use trilink_tables::config::is_pattern;
 use trilink_tables::trial::{ListedTrial, TrialFolders};
 use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, hash};
@@ -191,8 +191,8 @@ fn say_survey(survey: &FileSurvey) {
     survey.warnings.iter().for_each(|warning| say!("  flags it: {warning}"));
 }
 
-fn say_recording(recording: &Recording) {
-    let Recording { first_frame, last_frame, rows, markers, gaps, .. } = recording;
+fn say_recording(recording: &RecordingSurvey) {
+    let RecordingSurvey { first_frame, last_frame, rows, markers, gaps, .. } = recording;
     say!("  rate: {}", hertz(recording.rate_hz));
     say!(
         "  frames: {first_frame} to {last_frame} in {rows} rows, {} left out; \

@@ -10,7 +10,7 @@ mod trc;
 
 use std::path::PathBuf;
 
-use trilink_mocap::{MarkerFile, ViconError, read_markers};
+use trilink_mocap::{ReadError, Recording, read_markers};
 use trilink_robot::{Pose, Robot};
 use trilink_tables::config::{Config, ConfigError, nearest};
 use trilink_tables::trial::{ListedTrial, TrialFolders};
@@ -39,7 +39,7 @@ pub enum ExportError {
     #[error("trial `{name}`: found in several folders, needed one of `{}`", names.join("`, `"))]
     Ambiguous { name: String, names: Vec<String> },
     #[error(transparent)]
-    Markers(#[from] ViconError),
+    Markers(#[from] ReadError),
     #[error("{}: found no frame rate, needed one of the file or `vicon.rate_hz`", path.display())]
     NoRate { path: PathBuf },
     #[error(transparent)]
@@ -54,7 +54,7 @@ type LinkPoses = [Pose; 3];
 pub struct Motion {
     /// Its name, with its folder's in front where others have the same.
     pub name: String,
-    markers: MarkerFile,
+    markers: Recording,
     rate_hz: f64,
     /// By row of the marker file; none where a link was missing.
     poses: Vec<Option<LinkPoses>>,

@@ -1,7 +1,7 @@
 //! Files in which another axis than z points up.
 
 use trilink_ingest::other_axis_up;
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_statistics::{mean, median, quantiles_low};
 
 use super::clusters;
@@ -21,7 +21,7 @@ pub(super) struct Upwards {
 
 impl Upwards {
     /// `None` if z may point up.
-    pub(super) fn of(file: &MarkerFile) -> Option<Self> {
+    pub(super) fn of(file: &Recording) -> Option<Self> {
         let is_level = |axis: &usize| ranges_mm(file, *axis) < LEVEL_MM;
         let [axis] = [0, 1].into_iter().filter(is_level).collect::<Vec<_>>()[..] else {
             return None;
@@ -42,13 +42,13 @@ impl Upwards {
     }
 }
 
-fn positions(file: &MarkerFile, axis: usize) -> impl Iterator<Item = f64> {
+fn positions(file: &Recording, axis: usize) -> impl Iterator<Item = f64> {
     let rows = (0..file.frames.len()).flat_map(|row| file.row_mm(row));
     rows.map(move |position| position[axis]).filter(|x| !x.is_nan())
 }
 
 /// Median over the markers of how far each moves along an axis, mm.
-fn ranges_mm(file: &MarkerFile, axis: usize) -> f64 {
+fn ranges_mm(file: &Recording, axis: usize) -> f64 {
     let range = |marker: usize| {
         let along = (0..file.frames.len()).map(|row| file.position_mm(row, marker)[axis]);
         let [low, high] = quantiles_low(along.filter(|x| !x.is_nan()).collect(), [0.02, 0.98]);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use trilink_ingest::calibrate::{Body, between, in_order, rigid_groups};
 use trilink_ingest::marker_name;
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 
 /// The two positions of a joint, by the links that it connects, are nearer than this (RMS), mm.
 const JOINT_MM: f64 = 5.0;
@@ -27,7 +27,7 @@ pub(super) fn names(labels: &[String]) -> Vec<String> {
 }
 
 /// The links that a file shows, the middle one first, or what it shows instead.
-pub(super) fn links(file: &MarkerFile) -> Result<Links, String> {
+pub(super) fn links(file: &Recording) -> Result<Links, String> {
     let mut groups = rigid_groups(file);
     // The order of the file decides among groups of one size.
     groups.sort_by_key(|group| std::cmp::Reverse(group.len()));

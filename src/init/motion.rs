@@ -2,7 +2,7 @@
 
 use trilink_ingest::calibrate::{Body, between};
 use trilink_ingest::frame_grid;
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::rotated;
 use trilink_statistics::{quantiles_low, unwrap};
 
@@ -35,7 +35,7 @@ pub(super) struct Motion {
 
 impl Motion {
     /// Of the links in a file with this rate, or why it is not seen.
-    pub(super) fn of(file: &MarkerFile, links: &Links, rate_hz: f64) -> Result<Self, String> {
+    pub(super) fn of(file: &Recording, links: &Links, rate_hz: f64) -> Result<Self, String> {
         let columns = columns(links, &file.labels)?;
         let stride = ((rate_hz / RATE_HZ) as usize).max(1);
         let file = file.thinned(stride);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use trilink_mocap::ViconError;
+use trilink_mocap::ReadError;
 use trilink_tables::trial::TrialError;
 
 /// Why one trial gives no numbers. The other trials go on.
@@ -11,7 +11,7 @@ pub enum TrialFailure {
     #[error(transparent)]
     Trial(#[from] TrialError),
     #[error(transparent)]
-    Vicon(#[from] ViconError),
+    Vicon(#[from] ReadError),
     #[error("{}: {problem}", path.display())]
     Recording { path: PathBuf, problem: Problem },
 }

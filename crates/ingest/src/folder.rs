@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use trilink_base::cancel::CancelToken;
-use trilink_mocap::ViconError;
+use trilink_mocap::ReadError;
 use trilink_tables::trial::{ListedTrial, TrialError, TrialFolder, TrialKind};
 use trilink_tables::{
     Columns as _, CycleRow, Provenance, Stamp, StoreError, Table, ToDisk, TrialRow, cycles_path,
@@ -99,7 +99,7 @@ fn ingest_trial(
     let input = input.as_ref().map_err(|error| TrialFailure::from(error.clone()));
     let processed = input.and_then(|input| {
         let file = trilink_mocap::read_file(&entry.marker_file());
-        let file = file.map_err(|error| ViconError { path: path.clone(), ..error });
+        let file = file.map_err(|error| ReadError { path: path.clone(), ..error });
         // What is read may be newer than its time, never older.
         marker_file = Some(match &file {
             Ok((file, metadata)) => Ok(Stamp::of_input(metadata, file)),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::{Gait, Robot};
 use trilink_tables::config::{Config, GaitConfig, Ingest, Markers, NamedEntry, RobotConfig, Vicon};
 use trilink_tables::trial::{Trial, TrialError, TrialKind};
@@ -37,7 +37,7 @@ impl IngestSettings {
 
     /// The file's frame rate, Hz, if it may be the one. If the file has none, the configured one,
     /// unless each file has to state its own.
-    pub(super) fn frame_rate(&self, file: &MarkerFile) -> Result<f64, Problem> {
+    pub(super) fn frame_rate(&self, file: &Recording) -> Result<f64, Problem> {
         let needed_hz = self.vicon.rate_hz;
         match file.rate_hz {
             Some(found_hz) if found_hz != needed_hz && !self.vicon.rate_from_file => {

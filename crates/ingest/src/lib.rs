@@ -72,9 +72,9 @@ pub use diagnosis::{FolderInput, undiagnosed};
 pub use error::{Problem, TrialFailure};
 pub use folder::{Entry, FOLDERS, IngestedTrial, MarkerStamp, TABLES, ingest_trials, outdated};
 pub use input::{IngestInput, IngestSettings};
-pub use survey::{FileSurvey, Gaps, MarkerCoverage, Recording, survey};
+pub use survey::{FileSurvey, Gaps, MarkerCoverage, RecordingSurvey, survey};
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, Robot};
 use trilink_statistics::Estimate;
@@ -235,7 +235,7 @@ fn stop_beyond_limits(findings: &[Finding]) -> Result<(), Problem> {
 
 /// [`process`] of the markers of a trial.
 fn process_recording(
-    mut file: MarkerFile,
+    mut file: Recording,
     trial: &Trial,
     input: &IngestInput,
     Known { row, findings }: &mut Known,
@@ -247,10 +247,10 @@ fn process_recording(
     diagnosis::check_layout(&file, &layout)?;
     let linkage = Linkage::of(robot);
     let max_gap = settings.max_gap_frames(rate_hz);
-    let solve = |file: &MarkerFile, steady: Range<usize>| {
+    let solve = |file: &Recording, steady: Range<usize>| {
         poses::solve(file, &layout, Some(linkage), ingest.poses, rate_hz, steady)
     };
-    let look_at = |file: &MarkerFile, tracked: &Tracked, frames: &Range<usize>| {
+    let look_at = |file: &Recording, tracked: &Tracked, frames: &Range<usize>| {
         let mut found = poses::tracking_checks(tracked, file, &layout, settings, frames);
         found.extend(diagnosis::check_linkage(&linkage, &tracked.constant));
         found

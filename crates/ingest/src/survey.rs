@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use trilink_mocap::{MarkerFile, Section};
+use trilink_mocap::{Recording, Section};
 
 use super::error::Problem;
 use super::input::IngestSettings;
@@ -20,7 +20,7 @@ pub struct FileSurvey {
     /// Every table in it, also those that are not read.
     pub sections: Vec<Section>,
     /// Missing if its markers cannot be read.
-    pub recording: Option<Recording>,
+    pub recording: Option<RecordingSurvey>,
     /// What would stop it from being ingested; nothing if nothing does.
     pub stops: Vec<String>,
     /// What would flag it.
@@ -29,7 +29,7 @@ pub struct FileSurvey {
 
 /// What the markers' table holds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Recording {
+pub struct RecordingSurvey {
     /// Frame rate that the file states, Hz.
     pub rate_hz: Option<f64>,
     pub first_frame: i64,
@@ -86,7 +86,7 @@ pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
 }
 
 impl FileSurvey {
-    fn add_markers(&mut self, path: &Path, file: &MarkerFile, settings: &IngestSettings) {
+    fn add_markers(&mut self, path: &Path, file: &Recording, settings: &IngestSettings) {
         self.warnings.extend(header_check(file).map(|finding| finding.to_string()));
         let ignore = &settings.vicon.ignore;
         let whole = file;
@@ -95,7 +95,7 @@ impl FileSurvey {
         let rate_hz = settings.frame_rate(file).map_err(&mut stop).ok();
         let (layout, problems) = layout::locate_all(&settings.markers, file);
         self.recording =
-            Some(Recording::of(whole, ignore, Some(&layout), whole.rate_hz.or(rate_hz)));
+            Some(RecordingSurvey::of(whole, ignore, Some(&layout), whole.rate_hz.or(rate_hz)));
         if !problems.is_empty() {
             return problems.into_iter().for_each(stop);
         }
@@ -111,9 +111,9 @@ impl FileSurvey {
     }
 }
 
-impl Recording {
+impl RecordingSurvey {
     fn of(
-        file: &MarkerFile,
+        file: &Recording,
         ignore: &[String],
         layout: Option<&Layout>,
         rate_hz: Option<f64>,

@@ -11,7 +11,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use trilink_mocap::{LengthUnit, MarkerFile, read_markers};
+use trilink_mocap::{LengthUnit, Recording, read_markers};
 
 const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/nexus.c3d");
 
@@ -28,7 +28,7 @@ fn duration(frames: u64, rate_hz: Option<f64>) -> String {
     }
 }
 
-fn print(file: &MarkerFile) {
+fn print(file: &Recording) {
     // A file that can be read has a frame at least.
     let frames = file.frames[file.frames.len() - 1].abs_diff(file.frames[0]) as f64 + 1.0;
     println!("{:<24} {:>8} {:>6} {:>14}", "marker", "seen", "gaps", "longest gap");

@@ -8,7 +8,7 @@ use std::path::Path;
 use flate2::read::MultiGzDecoder;
 use trilink_base::files;
 
-use super::{Problem, ViconError};
+use super::{Problem, ReadError};
 
 /// Largest text that is unpacked, bytes: some ten hours of ten markers.
 const UNPACKED_LIMIT_BYTES: u64 = 1 << 30;
@@ -26,7 +26,7 @@ const UTF16_MARKS: [&[u8]; 2] = [&[0xff, 0xfe], &[0xfe, 0xff]];
 ///
 /// # Errors
 /// The file is missing or unreadable.
-pub fn read_file(path: &Path) -> Result<(Vec<u8>, Metadata), ViconError> {
+pub fn read_file(path: &Path) -> Result<(Vec<u8>, Metadata), ReadError> {
     files::read(path, files::DATA_BYTES).map_err(|error| match error.kind() {
         ErrorKind::NotFound => Problem::Missing.of(path),
         _ => Problem::Read(error).of(path),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// Why a marker file cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{}{problem}", path.display())]
-pub struct ViconError {
+pub struct ReadError {
     pub path: PathBuf,
     pub problem: Problem,
 }
@@ -40,12 +40,12 @@ impl Problem {
         Self::Content { place: format!(", line {line}"), found, needed }
     }
 
-    pub(super) fn of(self, path: &Path) -> ViconError {
-        ViconError { path: path.to_owned(), problem: self }
+    pub(super) fn of(self, path: &Path) -> ReadError {
+        ReadError { path: path.to_owned(), problem: self }
     }
 }
 
-impl ViconError {
+impl ReadError {
     /// What the system says of a file that cannot be read.
     pub fn system(&self) -> Option<ErrorKind> {
         match &self.problem {

@@ -5,7 +5,7 @@
 //! straight into one flat vector. C3D files are recognised by their content or name. Nothing is
 //! interpolated and nothing is guessed: what the file leaves empty is missing.
 //!
-//! [`read_markers`] gives a [`MarkerFile`], in mm. The modules in the order that a file passes them:
+//! [`read_markers`] gives a [`Recording`], in mm. The modules in the order that a file passes them:
 //!
 //! - `bytes`: files, unpacked where gzip packed them; then by format
 //! - text: `cells`, `sections`, `header`, `units`, `rows`, `decimals`; `foreign` says what another
@@ -15,15 +15,15 @@
 //! - `write`: the same files from markers, as Nexus writes them.
 //!
 //! ```
-//! use trilink_mocap::{LengthUnit, MarkerFile, csv_bytes, parse_markers};
+//! use trilink_mocap::{LengthUnit, Recording, csv_bytes, parse_markers};
 //!
 //! let seen_then_hidden = vec![[1.5, -2.0, 3.0], [f64::NAN; 3]];
-//! let file = MarkerFile::new(Some(120.0), vec![1, 2], vec!["Snake:V_1".into()], seen_then_hidden);
+//! let file = Recording::new(Some(120.0), vec![1, 2], vec!["Snake:V_1".into()], seen_then_hidden);
 //! let read = parse_markers("trial.csv".as_ref(), &csv_bytes(&file), LengthUnit::Mm)?;
 //! assert_eq!((read.rate_hz, &read.labels), (Some(120.0), &file.labels));
 //! assert_eq!(read.position_mm(0, 0), [1.5, -2.0, 3.0]);
 //! assert!(read.position_mm(1, 0)[0].is_nan());
-//! # Ok::<(), trilink_mocap::ViconError>(())
+//! # Ok::<(), trilink_mocap::ReadError>(())
 //! ```
 //!
 //! The example `gaps` prints how well the cameras saw each marker.
@@ -44,8 +44,8 @@ mod write;
 use std::path::Path;
 
 pub use bytes::read_file;
-pub use error::{Problem, ViconError};
-pub use markers::MarkerFile;
+pub use error::{Problem, ReadError};
+pub use markers::Recording;
 pub use sections::Section;
 pub use units::LengthUnit;
 pub use write::{c3d_bytes, csv_bytes};
@@ -79,7 +79,7 @@ pub fn marker_files(folder: &Path) -> std::io::Result<Vec<String>> {
 /// decimal point, or frame numbers that do not increase; is a C3D file that is cut or damaged, or
 /// whose counts contradict each other. Every message names the file, the line of a text, what was
 /// found and what was needed.
-pub fn read_markers(path: &Path, unit: LengthUnit) -> Result<MarkerFile, ViconError> {
+pub fn read_markers(path: &Path, unit: LengthUnit) -> Result<Recording, ReadError> {
     parse_markers(path, &read_file(path)?.0, unit)
 }
 
@@ -87,7 +87,7 @@ pub fn read_markers(path: &Path, unit: LengthUnit) -> Result<MarkerFile, ViconEr
 ///
 /// # Errors
 /// As [`read_markers`].
-pub fn parse_markers(path: &Path, file: &[u8], unit: LengthUnit) -> Result<MarkerFile, ViconError> {
+pub fn parse_markers(path: &Path, file: &[u8], unit: LengthUnit) -> Result<Recording, ReadError> {
     by_format(path, file, |file| c3d::parse(file, unit), |text| rows::parse(text, unit))
 }
 
@@ -95,7 +95,7 @@ pub fn parse_markers(path: &Path, file: &[u8], unit: LengthUnit) -> Result<Marke
 ///
 /// # Errors
 /// The file cannot be unpacked, or is neither text nor C3D.
-pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ViconError> {
+pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ReadError> {
     by_format(path, file, c3d::sections, |text| Ok(sections::list(cells::Dialect::of(text), text)))
 }
 
@@ -104,7 +104,7 @@ fn by_format<T>(
     file: &[u8],
     of_c3d: impl Fn(&[u8]) -> Result<T, Problem>,
     of_text: impl Fn(&[u8]) -> Result<T, Problem>,
-) -> Result<T, ViconError> {
+) -> Result<T, ReadError> {
     let read = |content: &[u8]| match c3d::is_c3d(path, content) {
         true => of_c3d(content),
         false => of_text(bytes::text(content)?),

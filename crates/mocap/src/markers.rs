@@ -10,7 +10,7 @@ pub(super) const MISSING: [f64; 3] = [f64::NAN; 3];
 
 /// The markers of one file, mm in the cameras' frame, in the order of the file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MarkerFile {
+pub struct Recording {
     /// Frame rate that the file states, Hz; a file that somebody trimmed may have none.
     pub rate_hz: Option<f64>,
     /// Frame number of each row, increasing; the first is often not 1, and numbers can jump.
@@ -28,7 +28,7 @@ pub struct MarkerFile {
     pub positions_mm: Vec<[f64; 3]>,
 }
 
-impl MarkerFile {
+impl Recording {
     /// Markers that no file has yet: `positions_mm` frame by frame, marker by marker, three NaN where
     /// one was not seen.
     ///
@@ -106,7 +106,7 @@ impl MarkerFile {
         self.positions_mm = Vec::new();
     }
 
-    /// All markers of a row, mm, in the order of [`MarkerFile::labels`].
+    /// All markers of a row, mm, in the order of [`Recording::labels`].
     ///
     /// # Panics
     /// There is no such row.

@@ -3,7 +3,7 @@
 use super::cells::{Dialect, plain_decimal, shown, trimmed};
 use super::header::{self, Column, Header};
 use super::markers::{LARGEST_MM, MISSING};
-use super::{MarkerFile, Problem, decimals};
+use super::{Problem, Recording, decimals};
 use crate::LengthUnit;
 
 /// Largest frame number that is believed, so that differences of two cannot overflow.
@@ -11,7 +11,7 @@ const LARGEST_FRAME: f64 = 1e12;
 
 /// Parses the markers' table, up to the next section or the end of the text; `unit` is that of a
 /// table which does not say its own.
-pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<MarkerFile, Problem> {
+pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, Problem> {
     let header = header::find(text, unit)?;
     let dialect = header.dialect;
     let markers = header.labels.len();
@@ -74,7 +74,7 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<MarkerFile, Problem
         });
     }
     let doubts = Vec::new();
-    let file = MarkerFile {
+    let file = Recording {
         rate_hz,
         frames,
         labels,

@@ -17,7 +17,7 @@ fn fixture(name: &str) -> PathBuf {
     Path::new("tests/fixtures").join(name)
 }
 
-fn read(name: &str) -> MarkerFile {
+fn read(name: &str) -> Recording {
     read_markers(&fixture(name), MM).unwrap()
 }
 
@@ -26,7 +26,7 @@ fn message(name: &str) -> String {
 }
 
 /// NaN equals NaN here.
-fn rows(file: &MarkerFile) -> Vec<Vec<Option<[f64; 3]>>> {
+fn rows(file: &Recording) -> Vec<Vec<Option<[f64; 3]>>> {
     let seen = |p: &[f64; 3]| (!p[0].is_nan()).then_some(*p);
     (0..file.frames.len()).map(|row| file.row_mm(row).iter().map(seen).collect()).collect()
 }
@@ -67,7 +67,7 @@ fn the_way_a_file_was_saved_changes_nothing() {
 #[test]
 fn a_file_without_title_and_rate_has_an_unknown_rate() {
     for name in ["no-title.csv", "no-rate.csv", "no-title-then-section.csv"] {
-        let expected = MarkerFile { rate_hz: None, ..read("nexus.csv") };
+        let expected = Recording { rate_hz: None, ..read("nexus.csv") };
         assert_eq!(read(name), expected, "{name}");
     }
 }
@@ -441,7 +441,7 @@ fn fixtures() -> &'static [Vec<u8>] {
 /// What reading may hold at most, bytes: so many times the file, and some.
 const MEMORY_FACTOR: usize = 64;
 
-impl MarkerFile {
+impl Recording {
     fn memory_bytes(&self) -> usize {
         let labels = self.labels.iter().map(String::capacity).sum::<usize>();
         labels

@@ -1,8 +1,10 @@
 //! A figure before it is drawn.
 
 use super::axis::{Range, Scale};
-use super::render::SYNTHETIC;
 use super::style::{EM, Look, SAMPLE, Shape};
+
+/// What files of figures of computed trials say, in the picture and beside it.
+pub(crate) const SYNTHETIC: &str = "Synthetic trials, not recorded";
 
 /// Of a pixel in print, as SVG and pages have it.
 pub(crate) const PT_PER_PX: f32 = 0.75;

@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use plotters::prelude::IntoDrawingArea;
 
 use super::draw;
-use super::figure::Figure;
+use super::figure::{Figure, SYNTHETIC};
 use super::grid::{Grid, MARGIN};
 use super::style::{self, units};
 use crate::DrawError;
@@ -20,9 +20,7 @@ const END: &str = "</g>\n</svg>\n";
 const PRESENTATION: &str =
     "overflow=\"visible\" fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\"";
 
-/// What files of figures of computed trials say, in the picture and beside it.
-pub(crate) const SYNTHETIC: &str = "Synthetic trials, not recorded";
-/// Height of the line that says so, px.
+/// Height of the line that says that trials are synthetic, px.
 const SYNTHETIC_ROW: f64 = 18.0;
 
 /// A figure that was drawn.

@@ -9,7 +9,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, Normal};
 use serde::Serialize;
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::{Pose, Robot, in_world};
 use trilink_tables::config::Markers;
 
@@ -67,7 +67,7 @@ impl Wobble {
 
 /// What the cameras made of a motion, and where they were wrong.
 pub(super) struct Film {
-    pub markers: MarkerFile,
+    pub markers: Recording,
     pub label_errors: Vec<LabelError>,
 }
 
@@ -147,7 +147,7 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
     };
     let frames = (first_frame as i64..).take(coordinates.len()).collect();
     let positions_mm = positions_mm.into_iter().map(|seen| seen.unwrap_or([f64::NAN; 3])).collect();
-    let markers = MarkerFile::new(Some(rate_hz), frames, labels, positions_mm);
+    let markers = Recording::new(Some(rate_hz), frames, labels, positions_mm);
     Film { markers, label_errors }
 }
 

@@ -1,6 +1,6 @@
 //! The layout by some of a trial's rows.
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::{Robot, rotated};
 use trilink_statistics::wrap;
 
@@ -47,7 +47,7 @@ pub(super) struct LayoutEstimate {
 impl LayoutEstimate {
     /// `None` if the rows do not determine where the joints are or where the wheels roll to.
     pub(super) fn of(
-        file: &MarkerFile,
+        file: &Recording,
         bodies: &[Body; 3],
         robot: &Robot,
         rate_hz: f64,

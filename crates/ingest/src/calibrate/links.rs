@@ -6,7 +6,7 @@
 //! ahead: the one that the commanded gait fits better is right. The direction in which the robot
 //! moves does not decide: some gaits drive it backwards.
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::JointCommand;
 use trilink_statistics::{quantiles_low, unwrap};
 
@@ -31,7 +31,7 @@ const WIDTH: f64 = 2.563;
 /// Groups of the columns of a file, each of two at least and rigid, by their first column; other
 /// columns are in no group. Two groups join if all distances between them are constant, the most
 /// constant first (complete linkage).
-pub fn rigid_groups(file: &MarkerFile) -> Vec<Vec<usize>> {
+pub fn rigid_groups(file: &Recording) -> Vec<Vec<usize>> {
     let columns = 0..file.labels.len();
     let spread = |a: usize| columns.clone().map(move |b| spread_mm(file, a, b)).collect();
     let spreads: Vec<Vec<f64>> = columns.clone().map(spread).collect();
@@ -58,7 +58,7 @@ pub fn rigid_groups(file: &MarkerFile) -> Vec<Vec<usize>> {
 
 /// Robust standard deviation of the distance of two markers; infinite if they are hardly ever
 /// seen together.
-fn spread_mm(file: &MarkerFile, a: usize, b: usize) -> f64 {
+fn spread_mm(file: &Recording, a: usize, b: usize) -> f64 {
     if a == b {
         return 0.0;
     }
@@ -81,7 +81,7 @@ fn spread_mm(file: &MarkerFile, a: usize, b: usize) -> f64 {
 /// The bodies with the middle link first, and then the one in front, as far as there is a commanded
 /// gait.
 pub fn in_order(
-    file: &MarkerFile,
+    file: &Recording,
     mut bodies: [Body; 3],
     command: Option<CommandedGait>,
 ) -> Result<[Body; 3], Problem> {

@@ -24,7 +24,7 @@ mod tests;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::{Gait, Robot};
 use trilink_statistics::{Estimate, quantiles_low, wrap};
 use trilink_tables::config::{Config, ConfigError, Markers, nearest};
@@ -143,7 +143,7 @@ struct Parts {
 }
 
 impl Parts {
-    fn of(file: &MarkerFile, cycle_frames: Option<f64>) -> Self {
+    fn of(file: &Recording, cycle_frames: Option<f64>) -> Self {
         let all = file.frames.last().map_or(0, |last| last - file.frames[0] + 1) as f64;
         let cycles = cycle_frames.map_or(0, |frames| (all / frames) as usize);
         match cycle_frames.filter(|_| cycles >= LEAST_PARTS) {
@@ -156,7 +156,7 @@ impl Parts {
     }
 
     /// `None` after the last whole part.
-    fn of_row(&self, file: &MarkerFile, row: usize) -> Option<usize> {
+    fn of_row(&self, file: &Recording, row: usize) -> Option<usize> {
         let part = ((file.frames[row] - file.frames[0]) as f64 / self.frames) as usize;
         (part < self.count).then_some(part)
     }
@@ -178,7 +178,7 @@ impl Calibration {
 /// # Errors
 /// The markers do not form three rigid groups, or a joint hardly turns.
 pub fn of_file(
-    file: &MarkerFile,
+    file: &Recording,
     markers: &Markers,
     robot: &Robot,
     gait: Option<&(Gait, f64)>,

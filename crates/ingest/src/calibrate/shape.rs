@@ -2,7 +2,7 @@
 //! 1975). Each row is fitted to the shape so far, and the shape becomes the mean of the
 //! fitted rows.
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::rotated;
 use trilink_statistics::{mean, median_high};
 
@@ -23,7 +23,7 @@ pub struct Body {
 impl Body {
     /// Of the markers of some columns; `None` if no two of them are ever seen together, or one
     /// is never seen with two others.
-    pub fn of(file: &MarkerFile, columns: &[usize]) -> Option<Self> {
+    pub fn of(file: &Recording, columns: &[usize]) -> Option<Self> {
         let rows = file.frames.len();
         let seen = |row: usize| {
             columns.iter().filter(|&&column| !file.position_mm(row, column)[0].is_nan()).count()
@@ -49,7 +49,7 @@ impl Body {
 
     /// The shape by the means over some of the rows, and the poses that follow from it. Rows in
     /// which something is wrong keep the pose that they had.
-    pub fn refined(&self, file: &MarkerFile, is_used: &dyn Fn(usize) -> bool) -> Self {
+    pub fn refined(&self, file: &Recording, is_used: &dyn Fn(usize) -> bool) -> Self {
         let mut body = self.clone();
         for _ in 0..MEANS {
             reshape(file, &mut body.markers, &body.fits, is_used, &|values| mean(values));
@@ -76,7 +76,7 @@ impl Body {
     }
 }
 
-fn fits(file: &MarkerFile, markers: &[LinkMarker]) -> Vec<LinkFit> {
+fn fits(file: &Recording, markers: &[LinkMarker]) -> Vec<LinkFit> {
     // A marker without a position yet is not fitted.
     let known: Vec<LinkMarker> =
         markers.iter().filter(|marker| !marker.local_position_mm[0].is_nan()).copied().collect();
@@ -93,7 +93,7 @@ fn good_rows<'f>(
 
 /// Moves every marker to the average position that the rows' poses give it.
 fn reshape(
-    file: &MarkerFile,
+    file: &Recording,
     markers: &mut [LinkMarker],
     fits: &[LinkFit],
     is_used: &dyn Fn(usize) -> bool,

@@ -1,7 +1,7 @@
 //! Whether the markers lie on their links as in the layout, and if not, how it should be read.
 
 use nalgebra::Vector3;
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_statistics::{mean, median, quantiles_low};
 
 use crate::error::Problem;
@@ -25,7 +25,7 @@ type Axes = [(usize, f64); 3];
 const AS_THEY_ARE: Axes = [(0, 1.0), (1, 1.0), (2, 1.0)];
 
 struct Markers<'a> {
-    file: &'a MarkerFile,
+    file: &'a Recording,
     layout: &'a Layout,
     rows: Vec<usize>,
 }
@@ -43,7 +43,7 @@ pub fn other_axis_up(up: &str, markers: &str) -> String {
 ///
 /// # Errors
 /// They do not, and a cause is known.
-pub(crate) fn check_layout(file: &MarkerFile, layout: &Layout) -> Result<(), Problem> {
+pub(crate) fn check_layout(file: &Recording, layout: &Layout) -> Result<(), Problem> {
     let stride = (file.frames.len() / ROWS).max(1);
     let rows = (0..file.frames.len()).step_by(stride).collect();
     let markers = Markers { file, layout, rows };

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_tables::config::Markers;
 
 use crate::error::Problem;
@@ -31,14 +31,14 @@ pub(crate) type Layout = [Vec<LinkMarker>; 3];
 /// Finds every marker of the configured layout in the file: by its whole label, or else by the
 /// part after the subject if only one subject has it. The error is about the first that is not
 /// found.
-pub(crate) fn locate(markers: &Markers, file: &MarkerFile) -> Result<Layout, Problem> {
+pub(crate) fn locate(markers: &Markers, file: &Recording) -> Result<Layout, Problem> {
     let (layout, problems) = locate_all(markers, file);
     problems.into_iter().next().map_or(Ok(layout), Err)
 }
 
 /// The markers that are found, and an error for every one that is not; a single one if most are
 /// not there, as in a file of something else.
-pub(crate) fn locate_all(markers: &Markers, file: &MarkerFile) -> (Layout, Vec<Problem>) {
+pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Problem>) {
     let mut layout = [const { Vec::new() }; 3];
     let mut problems = Vec::new();
     let mut owners: BTreeMap<usize, &str> = BTreeMap::new();

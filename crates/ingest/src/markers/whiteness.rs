@@ -7,7 +7,7 @@
 //! Special Publication 1065, 2008, section 5.2) is inversely proportional to the number of samples
 //! averaged if the noise is white, and a linear drift does not change it.
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_statistics::{MAD_TO_DEVIATION, mean, median, median_high, seen};
 
 use super::layout::Layout;
@@ -29,7 +29,7 @@ const MEDIAN_SQUARE: f64 = 0.4549;
 /// neighbouring frames if it is white (then about 1). Median over pairs of markers; NaN with too
 /// few frames or too little noise. `frames` counts frames missing from the file, too.
 pub(crate) fn slow_noise_ratio(
-    file: &MarkerFile,
+    file: &Recording,
     layout: &Layout,
     rate_hz: f64,
     [first_frame, frames]: [i64; 2],
@@ -129,7 +129,7 @@ mod tests {
 
     /// Three markers of a link that moves along a circle, with noise of so many mm, changed coordinate by
     /// coordinate.
-    fn recording(noise_mm: f64, change: impl Fn(Vec<f64>) -> Vec<f64>) -> MarkerFile {
+    fn recording(noise_mm: f64, change: impl Fn(Vec<f64>) -> Vec<f64>) -> Recording {
         let mut noise = normal(5);
         let places = [[0.0, 0.0, 50.0], [60.0, 10.0, 60.0], [-20.0, 50.0, 55.0]];
         let mut series = Vec::new();
@@ -144,7 +144,7 @@ mod tests {
                 series.push(change((0..FRAMES).map(at).collect()));
             }
         }
-        MarkerFile {
+        Recording {
             rate_hz: Some(120.0),
             frames: (1..=FRAMES as i64).collect(),
             labels: ["A", "B", "C"].map(str::to_owned).into(),
@@ -157,7 +157,7 @@ mod tests {
         }
     }
 
-    fn ratio(file: &MarkerFile) -> f64 {
+    fn ratio(file: &Recording) -> f64 {
         let marker = |column| LinkMarker { column, local_position_mm: [0.0; 2], height_mm: 0.0 };
         let layout = [[0, 1, 2].map(marker).to_vec(), Vec::new(), Vec::new()];
         let first = file.frames[0];
@@ -165,7 +165,7 @@ mod tests {
         slow_noise_ratio(file, &layout, 120.0, [first, frames])
     }
 
-    fn hide(file: &mut MarkerFile) {
+    fn hide(file: &mut Recording) {
         let mut state = normal(9);
         for position in &mut file.positions_mm {
             if state() > 1.6 {

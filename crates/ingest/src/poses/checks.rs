@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_statistics::{mean, seen};
 use trilink_tables::TrialRow;
 
@@ -40,7 +40,7 @@ fn count_within(rising: &[usize], frames: &Range<usize>) -> usize {
 /// may be put down and taken away.
 pub(crate) fn tracking_checks(
     tracked: &Tracked,
-    file: &MarkerFile,
+    file: &Recording,
     layout: &Layout,
     settings: &IngestSettings,
     frames: &Range<usize>,
@@ -107,7 +107,7 @@ fn noise_check(ratio: f64) -> Finding {
 }
 
 /// Metadata that the file lacks or that contradict each other; `None` if there are none.
-pub(crate) fn header_check(file: &MarkerFile) -> Option<Finding> {
+pub(crate) fn header_check(file: &Recording) -> Option<Finding> {
     let doubts = &file.doubts;
     let count = doubts.len() as f64;
     let check = || Finding::at_most(Check::FileHeader, count, 0.0, doubts.join("; "));
@@ -209,7 +209,7 @@ pub(crate) fn tilt_check(tilt: &Tilt) -> Finding {
 /// How many frames had a wrong marker, and which markers they were.
 fn label_checks(
     tracked: &Tracked,
-    file: &MarkerFile,
+    file: &Recording,
     layout: &Layout,
     frames: &Range<usize>,
 ) -> [Finding; 3] {

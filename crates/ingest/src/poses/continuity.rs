@@ -1,7 +1,7 @@
 //! Whether the robot goes on from frame to frame: a knocked camera, rows that were deleted and frames that
 //! were held break that, also where the frame numbers do not tell.
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 
 use super::coordinates::Coordinates;
 use crate::signals;
@@ -159,7 +159,7 @@ fn missing_frames<'c>(coordinates: impl Iterator<Item = &'c [f64; 2]> + Clone) -
 
 /// The rows that have every marker exactly where the row before has it, although the robot moves before
 /// or after.
-pub(super) fn repeated_rows(file: &MarkerFile) -> Vec<usize> {
+pub(super) fn repeated_rows(file: &Recording) -> Vec<usize> {
     let rows = file.frames.len();
     let bits = |row: usize| file.row_mm(row).iter().flatten().map(|mm| mm.to_bits());
     let is_same = |a: usize, b: usize| file.frames[b] == file.frames[a] + 1 && bits(a).eq(bits(b));
@@ -288,13 +288,13 @@ mod tests {
     }
 
     /// One marker that moves by so much in each row.
-    fn markers(moves_mm: &[f64]) -> MarkerFile {
+    fn markers(moves_mm: &[f64]) -> Recording {
         let mut at = 0.0;
         let position = |moved: &f64| {
             at += moved;
             [at, 0.0, 30.0]
         };
-        MarkerFile {
+        Recording {
             rate_hz: Some(120.0),
             frames: (1..=moves_mm.len() as i64).collect(),
             labels: vec!["M1".to_owned()],

@@ -8,7 +8,7 @@
 //! [`Tilt`]: super::tilt::Tilt
 
 use nalgebra::Vector3;
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::rotated;
 use trilink_statistics::NormalEquations;
 
@@ -27,7 +27,7 @@ const TIMES_NOISE: f64 = 4.0;
 /// A link's markers in a file.
 #[derive(Clone, Copy)]
 pub(super) struct LinkRecording<'f> {
-    pub file: &'f MarkerFile,
+    pub file: &'f Recording,
     pub markers: &'f [LinkMarker],
     /// Tilt of the floor that the markers' positions still have.
     pub floor: Turn,
@@ -160,7 +160,7 @@ mod tests {
     }
 
     /// A link that stays where it is but for its tilt, with some noise of the cameras.
-    fn film(tilt_rad: f64, noise_mm: f64) -> MarkerFile {
+    fn film(tilt_rad: f64, noise_mm: f64) -> Recording {
         let (origin, theta) = TRUE;
         let (sin, cos) = theta.sin_cos();
         let mut k = 0.0_f64;
@@ -185,7 +185,7 @@ mod tests {
         for i in (4 * 1000..4 * 1240).filter(|i| i % 4 < 2) {
             positions_mm[i] = [f64::NAN; 3];
         }
-        MarkerFile {
+        Recording {
             rate_hz: Some(RATE_HZ),
             frames: (0..ROWS as i64).collect(),
             labels: (0..markers().len()).map(|i| i.to_string()).collect(),
@@ -197,7 +197,7 @@ mod tests {
     }
 
     /// RMS distance of the link's axle and heading from the truth, mm and rad, before and after.
-    fn errors(file: &MarkerFile) -> [[f64; 2]; 2] {
+    fn errors(file: &Recording) -> [[f64; 2]; 2] {
         let markers = markers();
         let mut fits: Vec<LinkFit> =
             (0..ROWS).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();

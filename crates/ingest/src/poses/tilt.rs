@@ -17,7 +17,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use nalgebra::{Matrix2, Rotation3, RowVector2, SVector, Vector2, Vector3};
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_statistics::NormalEquations;
 
 use crate::markers::labels::LinkFit;
@@ -91,7 +91,7 @@ pub(crate) struct Tilt {
 impl Tilt {
     /// Of a trial, from those of some rows in which nothing is wrong with a link's markers.
     pub(crate) fn of(
-        file: &MarkerFile,
+        file: &Recording,
         layout: &Layout,
         fits: &[Vec<LinkFit>; 3],
         from: Range<usize>,
@@ -167,9 +167,9 @@ impl Tilt {
     /// Markers and layout as they would be without the tilt that is to be corrected.
     pub(crate) fn corrected<'f>(
         &self,
-        file: &'f MarkerFile,
+        file: &'f Recording,
         layout: &'f Layout,
-    ) -> (Cow<'f, MarkerFile>, Cow<'f, Layout>) {
+    ) -> (Cow<'f, Recording>, Cow<'f, Layout>) {
         let (mut file, mut layout) = (Cow::Borrowed(file), Cow::Borrowed(layout));
         if self.floor.is_corrected() {
             let back = self.floor.rotation().inverse();

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use trilink_base::named;
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_robot::rotated;
 use trilink_statistics::{unwrap, wrap};
 use trilink_tables::config::Poses;
@@ -137,7 +137,7 @@ impl Tracked {
 /// Fits the links in every row, each by itself or all with their joints closed by `linkage`. What is
 /// constant over the trial, tilt and the joints' positions, is estimated from the `steady` rows.
 pub(crate) fn solve(
-    file: &MarkerFile,
+    file: &Recording,
     layout: &Layout,
     linkage: Option<Linkage>,
     poses: Poses,
@@ -267,7 +267,7 @@ impl LinkPoses {
 /// Poses of links 0, 1, 2 in every row of the file, as on a level floor with upright links, and
 /// the tilt that was found in the `steady` ones.
 fn upright_fits(
-    file: &MarkerFile,
+    file: &Recording,
     layout: &Layout,
     rate_hz: f64,
     steady: Range<usize>,
@@ -286,7 +286,7 @@ fn upright_fits(
 }
 
 /// Poses of links 0, 1, 2 in every row of the file, without the markers that are wrong.
-fn fit_links(file: &MarkerFile, layout: &Layout) -> [Vec<LinkFit>; 3] {
+fn fit_links(file: &Recording, layout: &Layout) -> [Vec<LinkFit>; 3] {
     layout.each_ref().map(|markers| {
         let rows = 0..file.frames.len();
         let mut fits = rows.map(|row| LinkFit::of(file.row_mm(row), markers)).collect::<Vec<_>>();

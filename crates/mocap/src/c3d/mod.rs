@@ -13,7 +13,7 @@ use std::path::Path;
 
 use super::cells::{label_text, shown};
 use super::markers::{LARGEST_MM, MISSING};
-use super::{MarkerFile, Problem, Section, units};
+use super::{Problem, Recording, Section, units};
 use crate::LengthUnit;
 use counts::{Counts, Layout};
 use parameters::{ByteOrder, Parameters};
@@ -42,7 +42,7 @@ fn parameter_section(content: &[u8]) -> Option<&[u8]> {
 }
 
 /// The markers of a C3D file; `unit` is that of a file which does not say its own.
-pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<MarkerFile, Problem> {
+pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<Recording, Problem> {
     let mut contents = Contents::read(content)?;
     let said = contents.mm_per_unit()?;
     if said.is_none() {
@@ -63,7 +63,7 @@ pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<MarkerFile, Prob
             positions_mm.push(position);
         }
     }
-    Ok(MarkerFile {
+    Ok(Recording {
         rate_hz: contents.rate_hz,
         frames: (contents.first_frame..).take(contents.layout.frame_count).collect(),
         labels: markers.into_iter().map(|(_, label)| label).collect(),

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::LengthUnit;
-use crate::{ViconError, parse_markers, sections};
+use crate::{ReadError, parse_markers, sections};
 
 /// What a file is made of; [`Recipe::default`] is the table of `nexus.csv`.
 struct Recipe {
@@ -137,12 +137,12 @@ impl Recipe {
         file
     }
 
-    fn read(&self) -> Result<MarkerFile, ViconError> {
+    fn read(&self) -> Result<Recording, ReadError> {
         parse_markers(Path::new("a.c3d"), &self.file(), LengthUnit::Mm)
     }
 }
 
-fn plain() -> MarkerFile {
+fn plain() -> Recording {
     Recipe::default().read().unwrap()
 }
 

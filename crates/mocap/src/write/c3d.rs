@@ -1,6 +1,6 @@
 //! C3D (<https://www.c3d.org>).
 
-use crate::MarkerFile;
+use crate::Recording;
 use crate::markers::MISSING;
 
 const BLOCK: usize = 512;
@@ -14,7 +14,7 @@ const LARGEST_WORD: usize = 65_535;
 /// A recording as Nexus 2 writes it to C3D: little-endian floats, mm, a residual of -1 where a marker was
 /// not seen. Frames that are not in the recording are written as if no marker was seen; a rate that is
 /// not known is written as 0.
-pub fn c3d_bytes(markers: &MarkerFile) -> Vec<u8> {
+pub fn c3d_bytes(markers: &Recording) -> Vec<u8> {
     let first = markers.frames.first().copied().unwrap_or(1);
     let last = markers.frames.last().copied().unwrap_or(first - 1);
     let film = Film {
@@ -144,7 +144,7 @@ mod tests {
             _ => [f64::from(i), -0.5 * f64::from(i), 62.0],
         };
         // More labels than one list holds, and frames beyond the header's words.
-        let written = MarkerFile::new(
+        let written = Recording::new(
             Some(120.0),
             vec![65_535, 65_536],
             (0..300).map(|i| format!("Snake:M{i}")).collect(),
@@ -152,7 +152,7 @@ mod tests {
         );
         let read = |file: &[u8]| parse_markers(Path::new("a.c3d"), file, LengthUnit::Mm).unwrap();
         assert_eq!(format!("{:?}", read(&c3d_bytes(&written))), format!("{written:?}"));
-        let with_a_jump = MarkerFile { frames: vec![65_535, 65_537], ..written };
+        let with_a_jump = Recording { frames: vec![65_535, 65_537], ..written };
         let read = read(&c3d_bytes(&with_a_jump));
         assert_eq!(read.frames, [65_535, 65_536, 65_537]);
         assert!(read.row_mm(1).iter().flatten().all(|x| x.is_nan()));

@@ -2,11 +2,11 @@
 
 use std::io::Write;
 
-use crate::MarkerFile;
+use crate::Recording;
 
 /// A recording as Nexus 2 exports its `Trajectories` to CSV: six significant digits, mm, empty
 /// cells where a marker was not seen.
-pub fn csv_bytes(markers: &MarkerFile) -> Vec<u8> {
+pub fn csv_bytes(markers: &Recording) -> Vec<u8> {
     let mut export = Vec::with_capacity(markers.positions_mm.len() * 28);
     header(&mut export, markers);
     for (row, frame) in markers.frames.iter().enumerate() {
@@ -27,7 +27,7 @@ pub fn csv_bytes(markers: &MarkerFile) -> Vec<u8> {
 }
 
 /// Title, rate (empty if it is not known), labels, axes and units.
-fn header(export: &mut Vec<u8>, markers: &MarkerFile) {
+fn header(export: &mut Vec<u8>, markers: &Recording) {
     let mut labels = String::from(",,");
     let mut axes = String::from("Frame,Sub Frame");
     let mut units = String::from(",");

@@ -1,6 +1,6 @@
 //! What may have happened to a link's markers in one row, judged by that row alone.
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 
 use super::{LinkFit, Outlier, seen};
 use crate::markers::layout::LinkMarker;
@@ -20,7 +20,7 @@ pub(super) struct Explanation {
 
 /// A link's markers and which residuals are noise.
 pub(super) struct LinkMarkers<'a> {
-    pub file: &'a MarkerFile,
+    pub file: &'a Recording,
     pub markers: &'a [LinkMarker],
     pub tolerance_mm: f64,
     pub usual_mm: f64,

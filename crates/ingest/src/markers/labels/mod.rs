@@ -14,7 +14,7 @@ mod motion;
 #[cfg(test)]
 mod tests;
 
-use trilink_mocap::MarkerFile;
+use trilink_mocap::Recording;
 use trilink_statistics::median_high;
 
 use super::layout::LinkMarker;
@@ -148,7 +148,7 @@ fn seen(
 
 /// Finds the rows in which a marker of the link is mislabelled, and corrects them: `fits` are those
 /// of all its markers in every row of the file.
-pub(crate) fn correct_labels(file: &MarkerFile, markers: &[LinkMarker], fits: &mut [LinkFit]) {
+pub(crate) fn correct_labels(file: &Recording, markers: &[LinkMarker], fits: &mut [LinkFit]) {
     let residuals = fits.iter().filter_map(|fit| Some(fit.pose()?.residual_mm));
     let median_mm = median_high(residuals.collect());
     if median_mm.is_nan() {

@@ -9,7 +9,7 @@ use crate::markers::rigid::{LinkPose, MarkerMoments};
 const FRAMES: usize = 60;
 
 /// Link 1's three markers over time; the link moves and turns.
-fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (MarkerFile, Vec<LinkMarker>) {
+fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (Recording, Vec<LinkMarker>) {
     let layout = Config::default().markers.link1;
     let markers: Vec<LinkMarker> = layout
         .values()
@@ -32,7 +32,7 @@ fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (MarkerFile, Vec<LinkMark
         change(frame, &mut row);
         positions_mm.extend(row);
     }
-    let file = MarkerFile {
+    let file = Recording {
         rate_hz: Some(120.0),
         labels: ["F1", "F2", "F3"].map(str::to_owned).into(),
         frames: (100..).take(FRAMES).collect(),

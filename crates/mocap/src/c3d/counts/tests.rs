@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::LengthUnit;
-use crate::{MarkerFile, parse_markers, sections};
+use crate::{Recording, parse_markers, sections};
 
 const BLOCK: usize = 512;
 /// What analog values are; no marker is there.
@@ -193,14 +193,14 @@ impl File {
         file
     }
 
-    fn read(&self) -> Result<MarkerFile, String> {
+    fn read(&self) -> Result<Recording, String> {
         let (path, bytes) = (Path::new("a.c3d"), self.bytes());
         let _ = sections(path, &bytes);
         parse_markers(path, &bytes, LengthUnit::Mm).map_err(|error| error.to_string())
     }
 
     /// Markers and frames as they are in the file.
-    fn assert_right(&self, read: &MarkerFile) {
+    fn assert_right(&self, read: &Recording) {
         assert_eq!(read.frames.len(), self.frames, "{self:?}");
         assert_eq!(read.labels.len(), self.points, "{self:?}");
         for row in 0..self.frames {

@@ -10,9 +10,12 @@ use trilink_robot::{Laws, Model};
 use trilink_tables::config::Config;
 
 const DATA: [(&str, &str); 3] = [
-    ("kinematic-symmetric", include_str!("../tests/fixtures/kinematic-symmetric.csv")),
-    ("kinematic-skewed", include_str!("../tests/fixtures/kinematic-skewed.csv")),
-    ("semi-passive-symmetric", include_str!("../tests/fixtures/semi-passive-symmetric.csv")),
+    ("kinematic-symmetric", include_str!("../crates/fit/tests/fixtures/kinematic-symmetric.csv")),
+    ("kinematic-skewed", include_str!("../crates/fit/tests/fixtures/kinematic-skewed.csv")),
+    (
+        "semi-passive-symmetric",
+        include_str!("../crates/fit/tests/fixtures/semi-passive-symmetric.csv"),
+    ),
 ];
 
 fn measurements(data: &str) -> Vec<Measurement> {
