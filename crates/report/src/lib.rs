@@ -13,6 +13,7 @@
 //!
 //! ```no_run
 //! use std::collections::{BTreeMap, BTreeSet};
+//! use trilink_base::cancel::CancelToken;
 //! use trilink_report::{Content, ReportInput};
 //! use trilink_tables::{Reader, config::Config};
 //!
@@ -20,7 +21,8 @@
 //! let input = ReportInput::new(&config, BTreeSet::new());
 //! let content = Content::read(&input, Reader::default())?;
 //! // Nothing is kept from an earlier report: every figure and page is made anew.
-//! let written = content.write(&input, BTreeMap::new(), &BTreeSet::new())?;
+//! let cancel = CancelToken::default();
+//! let written = content.write(&input, BTreeMap::new(), &BTreeSet::new(), &cancel)?;
 //! println!("{}", written.reported.page.display());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
