@@ -10,13 +10,13 @@ use trilink_base::cancel::CancelToken;
 /// A shell's exit status of what a signal has ended is this and its number.
 const STATUS: i32 = 128;
 
-/// Number of the signal that asked to stop; 0 for none.
+/// Number of the signal that was received; 0 for none.
 static SIGNAL: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
 
-/// What the signals of this process ask to stop: what a command does.
+/// Cancelled by SIGINT and SIGTERM.
 static COMMAND: LazyLock<CancelToken> = LazyLock::new(CancelToken::default);
 
-/// The token of the command that this process runs.
+/// Cancels the command that this process runs.
 pub(crate) fn token() -> &'static CancelToken {
     &COMMAND
 }
@@ -40,7 +40,7 @@ pub(crate) fn listen() -> std::io::Result<()> {
     Ok(())
 }
 
-/// The exit status of a program that was asked to stop.
+/// The exit status of a program that a signal cancelled.
 pub(crate) fn exit_status() -> Option<u8> {
     let signal = SIGNAL.load(Ordering::Relaxed);
     (signal != 0).then(|| u8::try_from(STATUS as usize + signal).unwrap_or(u8::MAX))

@@ -92,7 +92,7 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
     Ok(answer.to_string())
 }
 
-/// Nobody watches a run that can be asked to stop.
+/// Shows nothing of a run that can be cancelled.
 struct Unwatched(CancelToken);
 
 impl Watch for Unwatched {

@@ -71,7 +71,7 @@ impl FitStage {
     /// Fits the models that are not kept.
     ///
     /// # Errors
-    /// The work is to stop.
+    /// The work was cancelled.
     pub(super) fn fit(
         &self,
         data: &FitData,

@@ -33,7 +33,7 @@ struct Holder {
 
 impl Lock {
     /// Takes the lock of `derived`, which is made if need be. If another process has it, waits
-    /// for it after `waiting` was told who that is, or without `waiting` gives up.
+    /// for it after `waiting` was told who that is; without `waiting` it gives up.
     ///
     /// # Errors
     /// Another process has it, or the file cannot be written.

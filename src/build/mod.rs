@@ -61,7 +61,7 @@ pub trait Watch: Sync {
     fn part(&self, _what: &str, _done: usize, _total: usize) {}
     /// What a stage is about to do again.
     fn planned(&self, _plan: &StagePlan) {}
-    /// What may ask the work to stop.
+    /// Cancels the run; by default nothing does.
     fn cancel_token(&self) -> CancelToken {
         CancelToken::default()
     }
@@ -135,7 +135,7 @@ pub enum RunError {
         left(stage)
     )]
     Interrupted { stage: &'static str, done: String },
-    /// Before the first stage.
+    /// Cancelled before the first stage.
     #[error(transparent)]
     Stopped(#[from] Cancelled),
 }
@@ -591,7 +591,7 @@ fn alone<S: Stage>(
     sequence.advance(&stage)
 }
 
-/// Does work of a stage that may be asked to stop.
+/// Runs a stage's work; says of which stage it was if that is cancelled.
 fn interruptible<T>(
     stage: &'static str,
     work: impl FnOnce() -> Result<T, RunError>,

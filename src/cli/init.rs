@@ -54,10 +54,7 @@ impl Init {
             interrupt::token().check()
         };
         let found = match init(&request, &on_file) {
-            Err(InitError::Cancelled(_)) => {
-                stage.check("files")?;
-                return Ok(Outcome::NeedsAttention);
-            }
+            Err(InitError::Cancelled(_)) => return Err(stage.interrupted("files").into()),
             found => found?,
         };
         drop(stage);

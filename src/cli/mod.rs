@@ -228,14 +228,14 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
         Ok(Outcome::NeedsAttention) => 1,
         Err(failure) => {
             let is_run = matches!(failure.downcast_ref(), Some(RunError::Interrupted { .. }));
-            // Nothing is wrong with a command that was asked to stop.
-            match is_stopped(&failure) {
+            // A cancelled command is no error.
+            match is_cancelled(&failure) {
                 true => note!("{failure}"),
                 false => note!("error: {failure}"),
             }
             tracing::error!("{failure}");
             // An interrupted command has the signal's status.
-            let is_interrupted = is_run || is_stopped(&failure);
+            let is_interrupted = is_run || is_cancelled(&failure);
             interrupt::exit_status().filter(|_| is_interrupted).unwrap_or(2)
         }
     };
@@ -243,7 +243,7 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
     status
 }
 
-/// A command was asked to stop after some of its steps.
+/// A command was cancelled after some of its steps.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted after {done}")]
 struct Interrupted {
@@ -251,7 +251,7 @@ struct Interrupted {
     done: String,
 }
 
-fn is_stopped(failure: &Failure) -> bool {
+fn is_cancelled(failure: &Failure) -> bool {
     failure.is::<Interrupted>()
         || failure.is::<Cancelled>()
         || matches!(failure.downcast_ref(), Some(RunError::Stopped(_)))

@@ -60,7 +60,7 @@ impl Progress {
 }
 
 /// Shows a run as `trilink run` does: with `bars` on standard error, which must be a terminal then, else by
-/// lines that are given to `line`; the run stops if `cancel` asks for it.
+/// lines that are given to `line`; `cancel` cancels the run.
 pub fn watch(bars: bool, line: fn(&str), cancel: CancelToken) -> impl Watch {
     let progress = if bars { Progress::Bars } else { Progress::Lines };
     Watcher { line, cancel, ..progress.watch(false) }
@@ -192,15 +192,18 @@ impl Stage {
         self.bar.inc(1);
     }
 
-    /// How far it is.
+    /// Ends the command with `?` once it was cancelled.
     ///
     /// # Errors
-    /// Somebody asked for the command to stop.
+    /// The command was cancelled.
     pub(super) fn check(&self, steps: &str) -> Result<(), Interrupted> {
-        interrupt::token().check().map_err(|Cancelled| {
-            let done = self.done.load(Ordering::Relaxed);
-            Interrupted { done: format!("{done} of {} {steps}", self.total) }
-        })
+        interrupt::token().check().map_err(|Cancelled| self.interrupted(steps))
+    }
+
+    /// How many of its `steps`, such as trials, were done when it was cancelled.
+    pub(super) fn interrupted(&self, steps: &str) -> Interrupted {
+        let done = self.done.load(Ordering::Relaxed);
+        Interrupted { done: format!("{done} of {} {steps}", self.total) }
     }
 }
 

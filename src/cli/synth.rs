@@ -117,10 +117,7 @@ pub(super) fn write_trials(
         interrupt::token().check()
     };
     match synthesise(&context.config, folder, recipe, &on_trial) {
-        Err(SynthError::Cancelled(_)) => {
-            stage.check("trials")?;
-            Ok(0)
-        }
+        Err(SynthError::Cancelled(_)) => Err(stage.interrupted("trials").into()),
         made => Ok(made?.len()),
     }
 }

@@ -152,7 +152,7 @@ struct Described {
     recorded: Recorded,
 }
 
-/// Is notified of a file that was read; asks the work to stop by an error.
+/// Called after each file that was read; an error cancels the rest.
 pub type OnFile<'f> = &'f (dyn Fn(&str) -> Result<(), Cancelled> + Sync);
 
 /// Looks at folders of marker files and writes what they show. `on_file` hears of each file that was

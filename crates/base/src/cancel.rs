@@ -1,36 +1,36 @@
-//! Work that can be asked to stop.
+//! Cooperative cancellation of long work.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A request to stop, which its clones share. Whoever works asks for it between two steps.
+/// A request to stop that all clones share. Long work checks it between two steps.
 #[derive(Debug, Clone, Default)]
 pub struct CancelToken(Arc<AtomicBool>);
 
-/// Work was asked to stop: it has no result.
+/// The work was cancelled and has no result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cancelled;
 
 impl CancelToken {
-    /// Asks the work to stop.
+    /// Requests cancellation; it cannot be taken back.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the work is to stop.
+    /// Whether cancellation was requested.
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Between two steps of work that can fail.
+    /// Ends a fallible function with `?` once cancellation was requested.
     ///
     /// # Errors
-    /// The work is to stop.
+    /// The work was cancelled.
     pub fn check(&self) -> Result<(), Cancelled> {
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
     }
 
-    /// The flag itself, for the handler of a signal to raise.
+    /// The shared flag, for a signal handler to set.
     pub fn flag(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.0)
     }

@@ -81,8 +81,8 @@ impl<'j> Job<'j> {
         Self { input, free, objective, measured, others, resampler, replicates }
     }
 
-    /// The same, whose searches stop when they are asked to.
-    pub(crate) fn until(mut self, cancel: &CancelToken) -> Self {
+    /// This job, cancellable by `cancel`.
+    pub(crate) fn cancelled_by(mut self, cancel: &CancelToken) -> Self {
         self.objective.cancel = cancel.clone();
         self
     }
@@ -90,7 +90,7 @@ impl<'j> Job<'j> {
     /// The model's rows, without what needs the campaign's other models.
     ///
     /// # Errors
-    /// The work is to stop.
+    /// The work was cancelled.
     pub(crate) fn run(&self, on_event: OnEvent) -> Result<Fitted, Cancelled> {
         if self.objective.measurements.is_empty() {
             let status = FitStatus::Failed("failed: no trial with metrics".to_owned());
@@ -123,7 +123,7 @@ impl<'j> Job<'j> {
     /// starts and from `near` values.
     ///
     /// # Errors
-    /// The work is to stop.
+    /// The work was cancelled.
     pub(crate) fn run_alone(&self, near: &[Vec<f64>]) -> Result<(Fit<'_>, FitRow), Cancelled> {
         let mut starts = search_all(&self.objective, &self.free, self.input.fit.starts);
         let from = |values: &Vec<f64>| {
@@ -244,7 +244,7 @@ impl<'j> Job<'j> {
         }
     }
 
-    /// Replicates that were fitted elsewhere, with their criteria.
+    /// Replicates that other shards fitted, with their Schwarz criteria.
     fn given_replicates(&self, point: &FittedPoint) -> Vec<(Start, f64)> {
         let parameters = &point.evaluator.parameters;
         let (campaign, model) = (&self.input.campaign.name, self.input.model.name);
@@ -278,7 +278,7 @@ impl<'j> Job<'j> {
                 1 => criterion::resampled(point, self.resampler, number),
                 _ => f64::NAN,
             };
-            // What a search has that was stopped is no result.
+            // A cancelled search has stopped short of the minimum.
             self.objective.cancel.check()?;
             let done = ended.load(Ordering::Relaxed);
             let row = &self.replicate_row(parameters, number, &refit, criterion);

@@ -196,7 +196,7 @@ pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
     let (inputs, replicates) = (FitInputs::new(config), Replicates::default());
     let token = CancelToken::default();
     fit_except(&inputs, data, BTreeMap::new(), &replicates, on_event, &token)
-        .expect("nobody has the token that could stop it")
+        .expect("the token is not shared, so nothing cancels it")
 }
 
 /// All that is fitted.
@@ -218,7 +218,7 @@ impl FitInputs {
 /// its own. The tables are those that a fit of all would have given.
 ///
 /// # Errors
-/// The work is to stop.
+/// The work was cancelled.
 pub fn fit_except(
     inputs: &FitInputs,
     data: &FitData,
@@ -248,7 +248,7 @@ pub fn fit_except(
         .par_iter()
         .with_max_len(1)
         .map(|(input, resampler)| {
-            let job = Job::new(input, data, resampler, replicates).until(cancel);
+            let job = Job::new(input, data, resampler, replicates).cancelled_by(cancel);
             let fitted = job.run(on_event)?;
             fitted.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
             Ok((key(input), fitted))

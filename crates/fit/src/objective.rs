@@ -27,7 +27,7 @@ pub struct Objective {
     /// What drives the model.
     pub gait_input: GaitInput,
     pub measurements: Vec<Measurement>,
-    /// Asks the searches to stop where they are.
+    /// Cancels the searches.
     pub(super) cancel: CancelToken,
     pub(super) conditions: Conditions,
 }

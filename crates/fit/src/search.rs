@@ -121,7 +121,7 @@ impl Iterate {
         is_last: bool,
         ended: &Ended,
     ) -> Self {
-        // Where many searches are to stop, rayon begins thousands of them before it gives up.
+        // After cancellation rayon still starts the searches that are queued, which may be thousands.
         if on.objective.cancel.is_cancelled() {
             return self;
         }
@@ -212,7 +212,7 @@ impl<'e, 'o> Solver<&'e mut Evaluator<'o>, State> for TrustRegion {
     }
 }
 
-/// Counts a search when it has ended.
+/// Counts finished searches.
 struct Observer(Ended);
 
 impl Observe<State> for Observer {

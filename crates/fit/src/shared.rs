@@ -103,7 +103,7 @@ impl SharedInput {
     /// The fit beside those to each campaign.
     ///
     /// # Errors
-    /// The work is to stop.
+    /// The work was cancelled.
     pub(super) fn fit(
         &self,
         data: &FitData,
@@ -131,8 +131,8 @@ impl SharedInput {
         }
         let resampler = Resampler::new(first.fit.seed, measurements, &data.cycles);
         let replicates = Replicates::default();
-        let job =
-            Job::pooled(&self.campaigns, self.free(), data, &resampler, &replicates).until(cancel);
+        let job = Job::pooled(&self.campaigns, self.free(), data, &resampler, &replicates)
+            .cancelled_by(cancel);
         let (fit, row) = job.run_alone(&near(&job, separate))?;
         let test = match (self.untestable(&row, separate), nearest) {
             (Some(why), _) => SharingTest::none(why),

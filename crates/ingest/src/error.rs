@@ -11,7 +11,7 @@ pub enum TrialFailure {
     #[error(transparent)]
     Trial(#[from] TrialError),
     #[error(transparent)]
-    Vicon(#[from] ReadError),
+    Markers(#[from] ReadError),
     #[error("{}: {problem}", path.display())]
     Recording { path: PathBuf, problem: Problem },
 }

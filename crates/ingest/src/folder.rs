@@ -58,7 +58,7 @@ pub struct IngestedTrial {
 /// once a marker file is read; `on_trial` is called on any thread and in any order.
 ///
 /// # Errors
-/// A table cannot be written, or the work is to stop. What is wrong with one trial is in its row instead.
+/// A table cannot be written, or the work was cancelled. What is wrong with one trial is in its row instead.
 pub fn ingest_trials(
     derived: &Path,
     trials: &[Entry],

@@ -3,7 +3,7 @@
 use super::axis::{Range, Scale};
 use super::style::{EM, Look, SAMPLE, Shape};
 
-/// What files of figures of computed trials say, in the picture and beside it.
+/// Notice in every file of a figure that shows synthetic trials: drawn below the panels and stored as a comment.
 pub(crate) const SYNTHETIC: &str = "Synthetic trials, not recorded";
 
 /// Of a pixel in print, as SVG and pages have it.

@@ -20,7 +20,7 @@ const END: &str = "</g>\n</svg>\n";
 const PRESENTATION: &str =
     "overflow=\"visible\" fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\"";
 
-/// Height of the line that says that trials are synthetic, px.
+/// Height of the line with [`SYNTHETIC`], px.
 const SYNTHETIC_ROW: f64 = 18.0;
 
 /// A figure that was drawn.

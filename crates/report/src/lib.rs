@@ -138,7 +138,7 @@ impl Content {
     /// have are left alone.
     ///
     /// # Errors
-    /// A table of a trial cannot be read, a file not be written, or the work is to stop.
+    /// A table of a trial cannot be read, a file not be written, or the work was cancelled.
     pub fn write(
         &self,
         input: &ReportInput,

@@ -15,7 +15,7 @@ const MOST: usize = 200;
 /// How sure what was found is, by so many replicates of the fit at most, or why that is not known.
 ///
 /// # Errors
-/// The command is to stop.
+/// The command was cancelled.
 pub(super) fn of(
     setup: &Setup,
     fits: Option<&KnownFits>,
@@ -28,12 +28,13 @@ pub(super) fn of(
         Some(_) if most == 0 => Err("no replicates were asked for".to_owned()),
         Some(fits) => setup.alternatives(fits, most),
     };
-    let alternatives = match alternatives {
-        Ok(alternatives) => alternatives,
-        Err(why) => return Ok(Err(why)),
-    };
-    let certainty = Certainty::new(search, &found.optima, &alternatives, interrupt::token())?;
-    Ok(certainty.ok_or_else(|| "no optimum counts".to_owned()))
+    Ok(match alternatives {
+        Err(why) => Err(why),
+        Ok(alternatives) => {
+            Certainty::new(search, &found.optima, &alternatives, interrupt::token())?
+                .ok_or_else(|| "no optimum counts".to_owned())
+        }
+    })
 }
 
 /// Fills in what the rows say of it.

@@ -30,7 +30,7 @@ const KEYS: [(&str, &str, u32, &str); 10] = [
     ("End", "End", 35, ""),
 ];
 
-/// Held by every browser that is open; for writing by one whose test takes times.
+/// Every open browser holds it for reading; that of a test which measures durations holds it for writing.
 static OPEN: RwLock<()> = RwLock::new(());
 
 /// A browser with one page in it.
@@ -71,7 +71,8 @@ impl Browser {
         Self::locked(|| Box::new(OPEN.read().unwrap_or_else(PoisonError::into_inner)))
     }
 
-    /// The same once no other test has a browser open, for a test that takes times.
+    /// As [`Browser::start`], but waits until no other test has a browser open and keeps others from
+    /// opening one: for tests that measure durations.
     pub fn start_alone() -> Option<Self> {
         Self::locked(|| Box::new(OPEN.write().unwrap_or_else(PoisonError::into_inner)))
     }

@@ -101,7 +101,7 @@ impl Certainty {
     /// Of the optima that a search has found, the best first; `None` if that does not count.
     ///
     /// # Errors
-    /// The work is to stop.
+    /// The work was cancelled.
     pub fn new(
         search: &Search,
         optima: &[Optimum],

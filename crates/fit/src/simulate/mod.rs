@@ -187,7 +187,7 @@ impl Setup {
     /// uncertainty of each contributes; that of fitted coefficients where `fits` were read with bands.
     ///
     /// # Errors
-    /// The work is to stop.
+    /// The work was cancelled.
     pub fn sensitivities(
         &self,
         omegas_rad_s: &[f64],
