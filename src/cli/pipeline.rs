@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use trilink_ingest::Ingested;
-use trilink_robot::Parameter;
 use trilink_robot::decay::DecayLaw;
+use trilink_robot::{Parameter, Quantity};
 use trilink_statistics::Estimate;
 use trilink_synth::{Recipe, planted_models};
 use trilink_tables::config::Campaign;
@@ -232,7 +232,8 @@ pub(super) fn print_fits(fits: &[FitRow]) {
             say!("{campaign:<24} {model:<17} {status}");
             continue;
         }
-        let (skid, others) = Parameter::ALL.split_at(Parameter::SKID.len());
+        let (skid, others): (Vec<Parameter>, _) =
+            Parameter::ALL.into_iter().partition(|of| of.quantity() == Quantity::Skid);
         let skid: String = skid.iter().map(|of| format!(" {:>10}", cell(fit, *of))).collect();
         let others: String = others
             .iter()

@@ -3,7 +3,7 @@
 use std::thread;
 
 use polars::prelude::{DataType, NamedFrom, Series, df};
-use trilink_robot::Parameter;
+use trilink_robot::{Parameter, Quantity};
 use trilink_tables::{Columns as _, Provenance};
 
 use super::condition::{mask, parse};
@@ -26,7 +26,7 @@ trilink_tables::rows! {
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let rows = [(3.9, 12, true), (4.0, 7, false), (0.5, 7, true), (f64::NAN, 0, false)];
-    let lists = [&Parameter::SKID[..2], &[Parameter::Skid0], &[], &[]];
+    let lists = [&Quantity::Skid.of_each()[..2], &[Quantity::Skid.of(0)], &[], &[]];
     let row = |((campaign, at_bound), (omega_rad_s, cycles, used)): ((&str, &[_]), _)| Row {
         campaign: campaign.to_owned(),
         omega_rad_s,

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use serde_json::{Value, json as value};
 use tempfile::TempDir;
 use trilink_mechanics::Model;
-use trilink_robot::Parameter;
+use trilink_robot::Quantity;
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::{Columns as _, FitRow, Table};
 
@@ -423,7 +423,7 @@ fn fitted_skid_coefficients_are_the_planted_ones_to_20_percent_or_marked() {
     assert_eq!(fits.len(), 4);
     for fit in fits.iter().filter(|fit| fit.model == Model::SKID_ROLL) {
         let planted = &truth["campaigns"][&fit.campaign]["skid_kg_s"];
-        for (i, skid) in Parameter::SKID.into_iter().enumerate() {
+        for (i, skid) in Quantity::Skid.of_each().into_iter().enumerate() {
             assert!(fit.free.contains(&skid));
             let (found, known) = (fit.parameters[skid], planted[i].as_f64().expect("a number"));
             let told = near(found, known, 0.2) || !fit.identifiable.contains(&skid);

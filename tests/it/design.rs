@@ -10,7 +10,7 @@ use trilink_fit::design::{Advice, Aim, Candidate, Optimality, Prediction, advise
 use trilink_fit::{FitData, FitInput, Fitted, KnownFit, fit};
 use trilink_mechanics::{FIT_ACCURACY, Model, Problem};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Laws, Parameter};
+use trilink_robot::{Laws, Parameter, Quantity};
 use trilink_tables::config::{Config, Free, GaitInput, ModelConfig, SigmaKind};
 use trilink_tables::{FitRow, TrialRow};
 
@@ -207,7 +207,7 @@ fn what_trials_of_one_frequency_do_not_tell_the_advised_ones_tell() {
     const PRECISE: [f64; 2] = [0.001, 0.001];
     let mut config = config(Model::SKID_ROLL);
     config.fit.profiles = true;
-    let free = Free(vec![Parameter::Skid0, Parameter::Skid1]);
+    let free = Free(vec![Quantity::Skid.of(0), Quantity::Skid.of(1)]);
     config.campaign.get_mut(CAMPAIGN).unwrap().free.insert(Model::SKID_ROLL, free);
     // One distance cannot tell two coefficients.
     let made = of_distance_only(trials_with(PRECISE, &[2.0; 4], 3));
@@ -274,7 +274,7 @@ fn models_are_told_apart_where_they_differ() {
         let mut config = config(model);
         config.fit.bootstrap = 20;
         let Laws { skid, roll } = Laws::SKID_ROLL;
-        let free = Some(Free(vec![Parameter::Skid0, Parameter::Skid1]));
+        let free = Some(Free(vec![Quantity::Skid.of(0), Quantity::Skid.of(1)]));
         config.model.insert(held, ModelConfig { skid, roll, input: None, free });
         let known = fitted(&config, &trials_with([0.05, 0.1], &MADE_RAD_S, 1));
         (FitInput::new(&config, CAMPAIGN, model).unwrap(), known)

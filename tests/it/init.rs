@@ -343,7 +343,8 @@ fn the_unit_of_files_that_do_not_say_theirs_is_given_once() {
     assert!(read(path, "pipeline.toml").contains("unit = \"cm\"  # of files that do not say"));
     edit(path, "pipeline.toml", &EDITED);
     let config = Config::load(&path.join("pipeline.toml")).unwrap();
-    assert!((config.robot["snake"].h_m - 0.2).abs() < 1e-3, "{}", config.robot["snake"].h_m);
+    let h_m = config.robot["snake"].to_robot().h_m;
+    assert!((h_m - 0.2).abs() < 1e-3, "{h_m}");
     succeed(path, &["-q", "check"]);
 
     // A file that says less of itself than it should is marked in the list.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use tempfile::TempDir;
-use trilink_robot::Parameter;
+use trilink_robot::Quantity;
 use trilink_tables::{Columns, ComparisonRow, FitRow, PredictionRow, Table};
 
 use crate::common::{files, small_run, small_settings, succeed, text, trilink};
@@ -74,7 +74,7 @@ fn with_d_and_v_alone_the_fit_says_what_is_missing_and_has_no_intervals() {
     let fits: Vec<FitRow> = rows("two/fits.parquet");
     let skid = fits.iter().find(|fit| !fit.free.is_empty()).unwrap();
     assert!(skid.status.is_ok() && skid.j.is_finite() && skid.adequate.is_none());
-    for parameter in Parameter::SKID {
+    for parameter in Quantity::Skid.of_each() {
         assert!(skid.lower[parameter].is_nan() && skid.upper[parameter].is_nan());
     }
     let predictions: Vec<PredictionRow> = rows("two/predictions.parquet");

@@ -278,8 +278,7 @@ fn a_robot_with_standard_deviations_can_be_set_too() {
     let folder = empty_folder();
     let mut config = Config::default();
     let robot = config.robot.get_mut("kinematic").expect("the paper's robot");
-    robot.standard_deviation =
-        Some(trilink_tables::config::RobotDeviation { h_m: 0.001, ..Default::default() });
+    robot.set_deviation(trilink_robot::Quantity::H, [0.001]);
     let text_of = toml::to_string(&config).expect("the configuration can be written");
     std::fs::write(folder.path().join("pipeline.toml"), text_of).expect("the file is writable");
     let motion = ["simulate", "kinematic-symmetric", "--model", "skid", "--omega", "3", "--json"];

@@ -442,7 +442,7 @@ fn the_demo_has_a_dry_robot_in_an_untidy_laboratory_and_a_tidy_viscous_one() {
     // 13 frequencies, three of them with three trials in two of the campaigns, and three decays.
     assert_eq!(recipe.trials(&config), 3 * 13 + 2 * 6 + 3);
     for robot in config.robot.values_mut() {
-        robot.skid_dry_n = None;
+        robot.clear(trilink_robot::Quantity::SkidDry);
     }
     let plain = Recipe::demo(&config, 1);
     assert!(plain.laws.is_empty() && plain.days == 1 && plain.trials(&config) == 3 * 13 + 3);

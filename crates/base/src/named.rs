@@ -39,7 +39,7 @@ macro_rules! named {
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$value),*];
 
             /// Its name in files and on the command line.
-            pub fn name(self) -> &'static str {
+            pub const fn name(self) -> &'static str {
                 match self { $(Self::$value => $name,)* }
             }
         }

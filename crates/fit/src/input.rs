@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 use trilink_robot::decay::DecayLaw;
-use trilink_robot::{Family, Model, Parameter, Property, Robot, RollLaw};
+use trilink_robot::{Model, Parameter, Quantity, Robot, RollLaw};
 use trilink_statistics::{Estimate, mean};
 use trilink_tables::config::{
     Config, Fit, Free, GaitConfig, GaitInput, ModelConfig, NamedEntry, ParameterSource,
@@ -45,10 +45,10 @@ type Measured = (Parameter, fn(&RobotParameterRow) -> Estimate);
 
 /// The parameters that joint-release and coast-down trials measure.
 const MEASURED: [Measured; 4] = [
-    (Parameter::Stiffness, |row| row.stiffness_nm_rad),
-    (Parameter::Damping, |row| row.damping_nm_s_rad),
-    (Parameter::RollSum, |row| row.roll_sum_kg_s),
-    (Parameter::RollDrySum, |row| row.roll_dry_sum_n),
+    (Quantity::Stiffness.one(), |row| row.stiffness_nm_rad),
+    (Quantity::Damping.one(), |row| row.damping_nm_s_rad),
+    (Quantity::Roll.sum(), |row| row.roll_sum_kg_s),
+    (Quantity::RollDry.sum(), |row| row.roll_dry_sum_n),
 ];
 
 impl FitInput {
@@ -76,10 +76,13 @@ impl FitInput {
         let free = input.free();
         let mut read = Config::default().fit;
         for one in &free {
-            *bounds(one.parameter, &mut read) = *bounds(one.parameter, &mut input.fit);
+            let quantity = one.parameter.quantity();
+            *read.bounds_mut(quantity) = input.fit.bounds(quantity);
         }
         let fit = &mut input.fit;
-        Parameter::ALL.into_iter().for_each(|of| *bounds(of, fit) = *bounds(of, &mut read));
+        for parameter in Parameter::ALL {
+            *fit.bounds_mut(parameter.quantity()) = read.bounds(parameter.quantity());
+        }
         if free.is_empty() {
             (fit.starts, fit.profiles) = (1, false);
         }
@@ -217,9 +220,9 @@ impl FitInput {
     /// The robot with each of its parameters in turn off by the standard deviation that the
     /// configuration gives, or the trials that measured it have.
     pub(super) fn uncertain_robots(&self, robot: &Robot, data: &FitData) -> Vec<Robot> {
-        let off = |property: Property, deviation: f64| {
+        let off = |parameter: Parameter, deviation: f64| {
             let mut other = robot.clone();
-            property.set(&mut other, property.of(robot) + deviation);
+            parameter.set(&mut other, parameter.of(robot) + deviation);
             other
         };
         let (laws, gait) = (self.model.value.laws(), self.gait.value.to_gait());
@@ -232,7 +235,7 @@ impl FitInput {
                 let squares: Vec<f64> = found.map(|found| found.se.powi(2)).collect();
                 let error = squares.iter().sum::<f64>().sqrt() / squares.len() as f64;
                 if error > 0.0 {
-                    robots.push(off(Property::Coefficient(parameter), error));
+                    robots.push(off(parameter, error));
                 }
             }
         }
@@ -257,10 +260,10 @@ impl FitInput {
         let listed = self.campaign.value.free.clone();
         let listed = listed.map_or_else(|| model.free(), |Free(listed)| listed).into_iter();
         let known = listed.filter(|parameter| model.laws().know(*parameter, &gait));
-        let mut fit = self.fit.clone();
         let free = |parameter: Parameter| {
-            let [low, high] = *bounds(parameter, &mut fit);
-            let is_beside_dry = parameter.family() == Family::Skid && model.laws().skid.is_dry();
+            let [low, high] = self.fit.bounds(parameter.quantity());
+            let is_beside_dry =
+                parameter.quantity() == Quantity::Skid && model.laws().skid.is_dry();
             let low = if is_beside_dry { BESIDE_DRY * low } else { low };
             FreeParameter { parameter, bounds: [low, high] }
         };
@@ -289,23 +292,9 @@ impl FreeParameter {
     }
 }
 
-/// The bounds of a parameter, which others may share.
-fn bounds(parameter: Parameter, fit: &mut Fit) -> &mut [f64; 2] {
-    match (parameter.family(), parameter) {
-        (Family::Skid, _) => &mut fit.skid_bounds_kg_s,
-        (Family::Roll, _) => &mut fit.roll_bounds_kg_s,
-        (_, Parameter::Stribeck) => &mut fit.stribeck_bounds_m_s,
-        (Family::SkidDry | Family::Stribeck | Family::RollDry, _) => &mut fit.dry_bounds_n,
-        (Family::Transition, _) => &mut fit.transition_bounds_m_s,
-        (Family::Joint, Parameter::Stiffness) => &mut fit.stiffness_bounds_nm_rad,
-        (Family::Joint, _) => &mut fit.damping_bounds_nm_s_rad,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use trilink_tables::Columns as _;
-    use trilink_tables::config::RobotDeviation;
 
     use super::*;
 
@@ -323,7 +312,7 @@ mod tests {
         };
         model(&mut config, Model::SKID_ROLL, |other| other.free = None);
         assert_eq!(of(&config), before);
-        model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Parameter::Skid1])));
+        model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Quantity::Skid.of(1)])));
         let with_free = of(&config);
         assert_ne!(with_free, before);
         model(&mut config, Model::SKID, |own| own.input = Some(GaitInput::Commanded));
@@ -332,11 +321,11 @@ mod tests {
         config.fit.gait_input = GaitInput::Commanded;
         assert_eq!(of(&config), with_input);
         // The campaign's list goes first.
-        let listed = Free(vec![Parameter::Skid0]);
+        let listed = Free(vec![Quantity::Skid.of(0)]);
         let free = &mut config.campaign.get_mut(campaign).expect("the paper's").free;
         free.insert(Model::SKID, listed);
         let with_list = of(&config);
-        model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Parameter::Skid2])));
+        model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Quantity::Skid.of(2)])));
         assert_eq!(of(&config), with_list);
     }
 
@@ -346,7 +335,7 @@ mod tests {
             let config = Config::default();
             let input = FitInput::new(&config, "kinematic-skewed", Model::new(name));
             let free = input.expect("the paper's").free();
-            let of = free.iter().find(|free| free.parameter == Parameter::Skid1);
+            let of = free.iter().find(|free| free.parameter == Quantity::Skid.of(1));
             of.expect("is free").bounds
         };
         assert_eq!(bounds("skid-roll"), [1.0, 1000.0]);
@@ -358,13 +347,10 @@ mod tests {
         let campaign = "kinematic-symmetric";
         let mut config = Config::default();
         let robot = config.robot.get_mut("kinematic").expect("the paper's");
-        robot.load_n = Some([8.0, 4.0, 4.0]);
-        robot.standard_deviation = Some(RobotDeviation {
-            transition_m_s: 0.002,
-            skid_dry_n: [0.0, 0.05, 0.0],
-            damping_nm_s_rad: 0.001,
-            ..RobotDeviation::default()
-        });
+        robot.set_load_n([8.0, 4.0, 4.0]);
+        robot.set_deviation(Quantity::Transition, [0.002]);
+        robot.set_deviation(Quantity::SkidDry, [0.0, 0.05, 0.0]);
+        robot.set_deviation(Quantity::Damping, [0.001]);
         let robots = |name| {
             let input = FitInput::new(&config, campaign, Model::new(name)).expect("the paper's");
             let robot = input.robot.value.to_robot();
@@ -413,7 +399,7 @@ mod tests {
         input.robot.name = "ours".to_owned();
         input.fit.robot_parameters = ParameterSource::Measured;
         let (robot, measured) = input.measured_robot(&data);
-        assert_eq!(measured, [Parameter::Damping, Parameter::RollSum]);
+        assert_eq!(measured, [Quantity::Damping.one(), Quantity::Roll.sum()]);
         assert_eq!(robot.stiffness_nm_rad, configured.stiffness_nm_rad);
         assert_eq!(robot.damping_nm_s_rad, 0.01);
         for (found, expected) in robot.roll_kg_s.iter().zip([0.6, 0.3, 0.3]) {
@@ -449,7 +435,7 @@ mod tests {
         input.model.value.roll = RollLaw::CoulombViscous;
         let (robot, measured) = input.measured_robot(&data);
         let [roll, roll_dry] = [robot.roll_kg_s, robot.roll_dry_n].map(|of| of.iter().sum::<f64>());
-        assert!(measured.contains(&Parameter::RollDrySum), "{measured:?}");
+        assert!(measured.contains(&Quantity::RollDry.sum()), "{measured:?}");
         assert!((roll - 0.8).abs() < 1e-12 && (roll_dry - 0.3).abs() < 1e-12, "{roll} {roll_dry}");
     }
 }

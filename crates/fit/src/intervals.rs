@@ -274,14 +274,15 @@ fn scatter_limit(
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::Parameter;
     use trilink_tables::Stopped;
+
+    use trilink_robot::Quantity;
 
     use super::*;
 
     #[test]
     fn replicates_that_do_not_move_give_no_width_of_zero() {
-        let free = FreeParameter { parameter: Parameter::Damping, bounds: [1e-4, 1.0] };
+        let free = FreeParameter { parameter: Quantity::Damping.one(), bounds: [1e-4, 1.0] };
         let replicate = |value: f64| Start {
             began: Vec::new(),
             ended: vec![value],

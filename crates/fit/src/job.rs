@@ -363,6 +363,8 @@ mod tests {
     use trilink_tables::config::{Config, SigmaKind};
     use trilink_tables::{Columns as _, ResidualRow, TrialRow};
 
+    use trilink_robot::Quantity;
+
     use super::*;
     use crate::Measurement;
 
@@ -424,8 +426,8 @@ mod tests {
         let job = Job::new(&input, &FitData::default(), &resampler, &replicates);
         let Fitted { fits, bootstrap, comparison, predictions, residuals, .. } =
             job.run(&|_| {}).unwrap();
-        let (fit, first) = (&fits[0], Parameter::Skid0);
-        let found = Parameter::SKID.map(|skid| fit.parameters[skid]).into_iter();
+        let (fit, first) = (&fits[0], Quantity::Skid.of(0));
+        let found = Quantity::Skid.of_each().map(|skid| fit.parameters[skid]).into_iter();
         // Nothing tells their noise.
         assert!(fit.upper[first].is_nan() && bootstrap.is_empty());
         let reasons = predictions.iter().all(|row| row.no_interval == fit.no_interval);

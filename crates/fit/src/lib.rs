@@ -189,7 +189,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// };
 /// let trials: Vec<TrialRow> = [1.0, 2.0, 3.0, 4.0].map(trial).into();
 /// let fitted = fit(&config, &FitData::from(trials), &|_| {});
-/// let skid0_kg_s = fitted.fits[0].parameters[Parameter::Skid0];
+/// let skid0_kg_s = fitted.fits[0].parameters[Quantity::Skid.of(0)];
 /// assert!((skid0_kg_s / 104.0 - 1.0).abs() < 1e-4);
 /// ```
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {

@@ -66,7 +66,7 @@ impl IngestInput {
             let robot = campaign.map(|campaign| &campaign.robot).or(trial.robot.as_ref())?;
             let mut robot = NamedEntry::of(&config.robot, robot)?;
             // Only a fit reads it.
-            robot.value.standard_deviation = None;
+            robot.value.forget_deviations();
             let gait = match campaign {
                 Some(campaign) => Some(NamedEntry::of(&config.gait, &campaign.gait)?),
                 None => None,

@@ -79,7 +79,7 @@ fn table(
     for parameter in Parameter::ALL.into_iter().filter(is_row) {
         let cells = fits.iter().map(|fit| cell(fit, parameter, &mut notes));
         let cells: String = cells.map(|cell| format!(" & {cell}")).collect();
-        let (symbol, unit) = (symbol(parameter), escaped(parameter.unit()).replace(' ', "\\,"));
+        let (symbol, unit) = (parameter.latex(), escaped(parameter.unit()).replace(' ', "\\,"));
         rows.push(format!("${symbol}$ ({unit}){cells} \\\\\n"));
     }
     let mut of_fits =
@@ -189,33 +189,6 @@ fn sentence(why: &str) -> String {
     let mut letters = why.chars();
     let first = letters.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
     format!("{first}{}.", letters.as_str().trim_end_matches('.'))
-}
-
-/// As the paper writes it.
-fn symbol(parameter: Parameter) -> &'static str {
-    match parameter {
-        Parameter::Skid0 => "c^S_0",
-        Parameter::Skid1 => "c^S_1",
-        Parameter::Skid2 => "c^S_2",
-        Parameter::Roll0 => "c^R_0",
-        Parameter::Roll1 => "c^R_1",
-        Parameter::Roll2 => "c^R_2",
-        Parameter::RollSum => "c^R_0 + c^R_1 + c^R_2",
-        Parameter::SkidDry0 => "F^S_0",
-        Parameter::SkidDry1 => "F^S_1",
-        Parameter::SkidDry2 => "F^S_2",
-        Parameter::SkidStatic0 => "F^s_0",
-        Parameter::SkidStatic1 => "F^s_1",
-        Parameter::SkidStatic2 => "F^s_2",
-        Parameter::Stribeck => "v_s",
-        Parameter::RollDry0 => "F^R_0",
-        Parameter::RollDry1 => "F^R_1",
-        Parameter::RollDry2 => "F^R_2",
-        Parameter::RollDrySum => "F^R_0 + F^R_1 + F^R_2",
-        Parameter::Transition => "v_t",
-        Parameter::Stiffness => "k_\\tau",
-        Parameter::Damping => "c_\\tau",
-    }
 }
 
 /// Text as it may stand in a document.

@@ -53,20 +53,14 @@ pub(crate) struct PlantedLaw {
 }
 
 /// Parameters of a campaign's robot.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub(crate) struct PlantedCampaign {
     /// `skid-roll` if it is not said.
     pub law: Option<PlantedLaw>,
-    pub skid_kg_s: Option<[f64; 3]>,
-    pub roll_kg_s: Option<[f64; 3]>,
-    pub skid_dry_n: Option<[f64; 3]>,
-    pub skid_static_n: Option<[f64; 3]>,
-    pub stribeck_m_s: Option<f64>,
-    pub roll_dry_n: Option<[f64; 3]>,
-    pub transition_m_s: Option<f64>,
-    pub stiffness_nm_rad: Option<f64>,
-    pub damping_nm_s_rad: Option<f64>,
+    /// By the keys of quantities: a number, or one a wheel.
+    #[serde(flatten)]
+    pub planted: BTreeMap<String, serde_json::Value>,
 }
 
 impl PlantedCampaign {
@@ -76,22 +70,17 @@ impl PlantedCampaign {
     }
 
     fn of(&self, parameter: Parameter) -> Option<f64> {
-        // What is not known is missing, and so is what follows from it.
-        let wheels = |of: Option<[f64; 3]>| of.unwrap_or([f64::NAN; 3]);
-        let known = |of: Option<f64>| of.unwrap_or(f64::NAN);
-        let robot = Robot {
-            skid_kg_s: wheels(self.skid_kg_s),
-            roll_kg_s: wheels(self.roll_kg_s),
-            stiffness_nm_rad: known(self.stiffness_nm_rad),
-            damping_nm_s_rad: known(self.damping_nm_s_rad),
-            skid_dry_n: wheels(self.skid_dry_n),
-            skid_static_n: wheels(self.skid_static_n),
-            stribeck_m_s: known(self.stribeck_m_s),
-            roll_dry_n: wheels(self.roll_dry_n),
-            transition_m_s: known(self.transition_m_s),
-            ..Robot::kinematic()
-        };
-        Some(parameter.of(&robot)).filter(|value| !value.is_nan())
+        let planted = self.planted.get(parameter.quantity().name())?;
+        let each = planted.as_array().map_or(std::slice::from_ref(planted), Vec::as_slice);
+        let mut robot = Robot::kinematic();
+        let numbers = parameter.quantity().numbers_mut(&mut robot);
+        if each.len() != numbers.len() {
+            return None;
+        }
+        for (number, planted) in numbers.iter_mut().zip(each) {
+            *number = planted.as_f64()?;
+        }
+        Some(parameter.of(&robot))
     }
 }
 
@@ -179,7 +168,7 @@ impl Truth {
         self.trials.extend(other.trials);
         for (campaign, planted) in other.campaigns {
             let known = self.campaigns.entry(campaign.clone());
-            let known = known.or_insert(planted);
+            let known = known.or_insert_with(|| planted.clone());
             if *known != planted {
                 // Nothing is known of a campaign in which not all is alike.
                 *known = PlantedCampaign::default();
@@ -381,6 +370,8 @@ fn sentence(
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::Quantity;
+
     use super::*;
     use crate::tests::made_up;
 
@@ -412,13 +403,13 @@ mod tests {
         assert_eq!(
             known,
             [
-                dry(Parameter::SkidDry0, 2.0),
-                dry(Parameter::SkidDry1, 1.0),
-                dry(Parameter::SkidDry2, 1.1),
-                dry(Parameter::Transition, 0.005),
-                wet(Parameter::Skid0, 100.0),
-                wet(Parameter::Skid1, 50.0),
-                wet(Parameter::Skid2, 60.0),
+                dry(Quantity::SkidDry.of(0), 2.0),
+                dry(Quantity::SkidDry.of(1), 1.0),
+                dry(Quantity::SkidDry.of(2), 1.1),
+                dry(Quantity::Transition.one(), 0.005),
+                wet(Quantity::Skid.of(0), 100.0),
+                wet(Quantity::Skid.of(1), 50.0),
+                wet(Quantity::Skid.of(2), 60.0),
             ]
         );
         assert_eq!(

@@ -13,7 +13,7 @@
 
 use std::fmt::Debug;
 
-use super::{Number, Parameter, Robot};
+use super::{Number, Parameter, Quantity, Robot};
 
 /// Friction of a robot's wheels. Forces are those that resist, so of the velocity's sign.
 pub trait Friction: Copy + Debug + Send + Sync + 'static {
@@ -43,8 +43,8 @@ pub trait Friction: Copy + Debug + Send + Sync + 'static {
 pub struct Viscous;
 
 impl Friction for Viscous {
-    const SKID: &'static [Parameter] = &Parameter::SKID;
-    const ROLL: &'static [Parameter] = &Parameter::ROLL;
+    const SKID: &'static [Parameter] = &Quantity::Skid.of_each();
+    const ROLL: &'static [Parameter] = &Quantity::Roll.of_each();
     const IS_LINEAR: bool = true;
 
     #[inline(always)]
@@ -76,25 +76,25 @@ pub struct Dry;
 
 impl Friction for Dry {
     const SKID: &'static [Parameter] = &[
-        Parameter::Skid0,
-        Parameter::Skid1,
-        Parameter::Skid2,
-        Parameter::SkidDry0,
-        Parameter::SkidDry1,
-        Parameter::SkidDry2,
-        Parameter::SkidStatic0,
-        Parameter::SkidStatic1,
-        Parameter::SkidStatic2,
-        Parameter::Stribeck,
+        Quantity::Skid.of(0),
+        Quantity::Skid.of(1),
+        Quantity::Skid.of(2),
+        Quantity::SkidDry.of(0),
+        Quantity::SkidDry.of(1),
+        Quantity::SkidDry.of(2),
+        Quantity::SkidStatic.of(0),
+        Quantity::SkidStatic.of(1),
+        Quantity::SkidStatic.of(2),
+        Quantity::Stribeck.one(),
     ];
     const ROLL: &'static [Parameter] = &[
-        Parameter::Roll0,
-        Parameter::Roll1,
-        Parameter::Roll2,
-        Parameter::RollDry0,
-        Parameter::RollDry1,
-        Parameter::RollDry2,
-        Parameter::Transition,
+        Quantity::Roll.of(0),
+        Quantity::Roll.of(1),
+        Quantity::Roll.of(2),
+        Quantity::RollDry.of(0),
+        Quantity::RollDry.of(1),
+        Quantity::RollDry.of(2),
+        Quantity::Transition.one(),
     ];
     const IS_LINEAR: bool = false;
 

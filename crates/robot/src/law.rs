@@ -2,7 +2,7 @@
 
 use trilink_base::named;
 
-use super::{Family, Gait, Parameter, Robot};
+use super::{Gait, Parameter, Quantity, Robot};
 
 named! {
     /// What resists a wheel's motion across it.
@@ -98,37 +98,20 @@ impl Laws {
         self.skid.is_dry() || self.roll.is_dry()
     }
 
-    /// A robot without the resistances that the laws do not know.
+    /// A robot with the coefficients that the laws do not use set to zero.
     pub fn effective(self, robot: &Robot) -> Robot {
         let mut robot = robot.clone();
-        if !self.roll.is_viscous() {
-            robot.roll_kg_s = [0.0; 3];
-        }
-        if !self.skid.is_viscous() {
-            robot.skid_kg_s = [0.0; 3];
-        }
-        if !self.skid.is_dry() {
-            robot.skid_dry_n = [0.0; 3];
-        }
-        if !self.skid.has_static() {
-            robot.stribeck_m_s = 0.0;
-        }
-        if !self.roll.is_dry() {
-            robot.roll_dry_n = [0.0; 3];
+        for quantity in Quantity::ALL {
+            let of = quantity.definition();
+            if of.is_resistance && !(of.matters)(self, &Gait { joints: [None, None] }) {
+                quantity.numbers_mut(&mut robot).fill(0.0);
+            }
         }
         robot
     }
 
     /// Whether the motion of a robot with this gait can depend on a parameter.
     pub fn know(self, parameter: Parameter, gait: &Gait) -> bool {
-        match parameter.family() {
-            Family::Skid => self.skid.is_viscous(),
-            Family::SkidDry => self.skid.is_dry(),
-            Family::Stribeck => self.skid.has_static(),
-            Family::Roll => self.roll.is_viscous(),
-            Family::RollDry => self.roll.is_dry(),
-            Family::Transition => self.are_dry(),
-            Family::Joint => gait.passive_joint().is_some(),
-        }
+        (parameter.quantity().definition().matters)(self, gait)
     }
 }

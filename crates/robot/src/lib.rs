@@ -3,8 +3,8 @@
 //!
 //! Index order is always 0, 1, 2 = middle, front, rear link. Units are SI and stand in the names.
 //!
-//! - What there is: [`Robot`] (Tables I and II), [`Parameter`] for each coefficient that a fit can free
-//!   and [`Property`] for every number of a robot.
+//! - What there is: [`Robot`] (Tables I and II), [`Quantity`], the table of what it is described by, and
+//!   [`Parameter`], a single number of it.
 //! - What moves it: `command` and `gait`, a [`Gait`] of one [`JointCommand`] a joint (eq. 18 and 19).
 //! - What it does: `kinematics` (eq. 1), [`skid_rows`] and [`roll_rows`] that give the wheels'
 //!   velocities, [`det_wb`] (eq. 4).
@@ -36,7 +36,7 @@ pub mod metrics;
 mod model;
 mod number;
 mod parameter;
-mod property;
+mod quantity;
 
 pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
 pub use command::{JointCommand, MOST_TURNS, SecondHarmonic, Turns};
@@ -49,8 +49,8 @@ pub use kinematics::{
 pub use law::{Laws, RollLaw, SkidLaw};
 pub use model::Model;
 pub use number::{LANES, Lanes, Number};
-pub use parameter::{ByParameter, Family, Parameter};
-pub use property::Property;
+pub use parameter::{ByParameter, Parameter};
+pub use quantity::{Definition, Per, Quantity, Unit};
 
 /// Parameters of a robot (Tables I and II).
 #[derive(Debug, Clone, PartialEq)]
@@ -88,27 +88,17 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// Each wheel's part of the sum of the roll resistances; equal parts where there is none.
-    pub fn roll_shares(&self) -> [f64; 3] {
-        shares(self.roll_kg_s)
-    }
-
-    /// Each wheel's part of the sum of the dry roll resistances; equal parts where there is none.
-    pub fn roll_dry_shares(&self) -> [f64; 3] {
-        shares(self.roll_dry_n)
-    }
+    /// Links, each with a wheel.
+    pub const LINKS: usize = 3;
 
     /// The same with all friction of the wheels times a factor.
     pub fn resisted(&self, factor: f64) -> Self {
-        let times = |of: [f64; 3]| of.map(|one| factor * one);
-        Self {
-            roll_kg_s: times(self.roll_kg_s),
-            skid_kg_s: times(self.skid_kg_s),
-            skid_dry_n: times(self.skid_dry_n),
-            skid_static_n: times(self.skid_static_n),
-            roll_dry_n: times(self.roll_dry_n),
-            ..self.clone()
+        let mut robot = self.clone();
+        let wheels = |of: &Quantity| of.definition().is_resistance && of.count() > 1;
+        for quantity in Quantity::ALL.into_iter().filter(wheels) {
+            quantity.numbers_mut(&mut robot).iter_mut().for_each(|number| *number *= factor);
         }
+        robot
     }
 
     /// Table I with the skid coefficients used in the paper's simulations, and dry friction of a
@@ -148,10 +138,4 @@ impl Robot {
             ..Self::kinematic()
         }
     }
-}
-
-/// Each one's part of their sum; equal parts where there is none.
-fn shares(of: [f64; 3]) -> [f64; 3] {
-    let sum: f64 = of.iter().sum();
-    if sum > 0.0 { of.map(|one| one / sum) } else { [1.0 / 3.0; 3] }
 }

@@ -1,216 +1,229 @@
-//! The robot's parameters that a fit can free: the one list of them.
+//! Single numbers of a robot.
 
+use std::fmt;
 use std::ops::{Index, IndexMut};
+use std::sync::LazyLock;
 
-use serde::{Serialize, Serializer};
-use trilink_base::named;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use trilink_base::Named;
 
-use super::Robot;
+use super::{Quantity, Robot, Unit};
 
-/// What a parameter belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Family {
-    /// Viscous resistance of the wheels to skidding.
-    Skid,
-    /// Dry friction of the wheels across them.
-    SkidDry,
-    /// What dry friction across the wheels is at low speeds, and from which speed it is not.
-    Stribeck,
-    /// Viscous resistance of the wheels to rolling.
-    Roll,
-    /// Dry friction of the wheels along them.
-    RollDry,
-    /// The speed within which dry friction changes its sign.
-    Transition,
-    /// The passive joint.
-    Joint,
+/// A number of a robot: a [`Quantity`] of a wheel, a link or the whole robot, or the sum of a
+/// quantity over the wheels. Its name is that of its column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Parameter {
+    quantity: Quantity,
+    /// Of the wheel or link; behind the last one that of their sum.
+    place: u8,
 }
 
-named! {
-    /// A parameter of the robot that a fit can free, in the order of the tables, by its column
-    /// there.
-    pub enum Parameter {
-        /// Skid resistance of wheel 0 (eq. 15).
-        Skid0 = "skid0_kg_s",
-        Skid1 = "skid1_kg_s",
-        Skid2 = "skid2_kg_s",
-        /// Roll resistance of wheel 0 (eq. 14).
-        Roll0 = "roll0_kg_s",
-        Roll1 = "roll1_kg_s",
-        Roll2 = "roll2_kg_s",
-        /// Sum of the wheels' roll resistances; their proportions stay. Distances and speeds
-        /// hardly tell more of them.
-        RollSum = "roll_sum_kg_s",
-        /// Dry friction of wheel 0 across it.
-        SkidDry0 = "skid_dry0_n",
-        SkidDry1 = "skid_dry1_n",
-        SkidDry2 = "skid_dry2_n",
-        /// The same at low speeds.
-        SkidStatic0 = "skid_static0_n",
-        SkidStatic1 = "skid_static1_n",
-        SkidStatic2 = "skid_static2_n",
-        /// Speed from which that is dry friction alone.
-        Stribeck = "stribeck_m_s",
-        /// Dry friction of wheel 0 along it.
-        RollDry0 = "roll_dry0_n",
-        RollDry1 = "roll_dry1_n",
-        RollDry2 = "roll_dry2_n",
-        /// Their sum; their proportions stay.
-        RollDrySum = "roll_dry_sum_n",
-        /// Speed within which dry friction changes its sign.
-        Transition = "transition_m_s",
-        /// Stiffness of the passive joint (eq. 11).
-        Stiffness = "stiffness_nm_rad",
-        /// Damping of the passive joint (eq. 11).
-        Damping = "damping_nm_s_rad",
-    }
+/// What a parameter is called.
+struct Names {
+    column: String,
+    key: String,
+    label: String,
 }
 
 impl Parameter {
-    /// Skid resistances of wheels 0, 1, 2.
-    pub const SKID: [Self; 3] = [Self::Skid0, Self::Skid1, Self::Skid2];
-    /// Roll resistances of wheels 0, 1, 2.
-    pub const ROLL: [Self; 3] = [Self::Roll0, Self::Roll1, Self::Roll2];
-    /// Dry friction of wheels 0, 1, 2 across them.
-    pub const SKID_DRY: [Self; 3] = [Self::SkidDry0, Self::SkidDry1, Self::SkidDry2];
-    /// The same at low speeds.
-    pub const SKID_STATIC: [Self; 3] = [Self::SkidStatic0, Self::SkidStatic1, Self::SkidStatic2];
-    /// Dry friction of wheels 0, 1, 2 along them.
-    pub const ROLL_DRY: [Self; 3] = [Self::RollDry0, Self::RollDry1, Self::RollDry2];
+    /// How many a fit can free.
+    const COUNT: usize = {
+        let (mut count, mut i) = (0, 0);
+        while i < Quantity::ALL.len() {
+            count += Self::count_of(Quantity::ALL[i]);
+            i += 1;
+        }
+        count
+    };
 
-    /// What it belongs to, its name in the configuration and on a figure's axis, and its unit.
-    const fn about(self) -> (Family, [&'static str; 3]) {
-        match self {
-            Self::Skid0 => (Family::Skid, ["skid0", "Skid 0", "kg/s"]),
-            Self::Skid1 => (Family::Skid, ["skid1", "Skid 1", "kg/s"]),
-            Self::Skid2 => (Family::Skid, ["skid2", "Skid 2", "kg/s"]),
-            Self::Roll0 => (Family::Roll, ["roll0", "Roll 0", "kg/s"]),
-            Self::Roll1 => (Family::Roll, ["roll1", "Roll 1", "kg/s"]),
-            Self::Roll2 => (Family::Roll, ["roll2", "Roll 2", "kg/s"]),
-            Self::RollSum => (Family::Roll, ["roll", "Sum of roll", "kg/s"]),
-            Self::SkidDry0 => (Family::SkidDry, ["skid_dry0", "Dry skid 0", "N"]),
-            Self::SkidDry1 => (Family::SkidDry, ["skid_dry1", "Dry skid 1", "N"]),
-            Self::SkidDry2 => (Family::SkidDry, ["skid_dry2", "Dry skid 2", "N"]),
-            Self::SkidStatic0 => (Family::Stribeck, ["skid_static0", "Static skid 0", "N"]),
-            Self::SkidStatic1 => (Family::Stribeck, ["skid_static1", "Static skid 1", "N"]),
-            Self::SkidStatic2 => (Family::Stribeck, ["skid_static2", "Static skid 2", "N"]),
-            Self::Stribeck => (Family::Stribeck, ["stribeck", "Stribeck speed", "m/s"]),
-            Self::RollDry0 => (Family::RollDry, ["roll_dry0", "Dry roll 0", "N"]),
-            Self::RollDry1 => (Family::RollDry, ["roll_dry1", "Dry roll 1", "N"]),
-            Self::RollDry2 => (Family::RollDry, ["roll_dry2", "Dry roll 2", "N"]),
-            Self::RollDrySum => (Family::RollDry, ["roll_dry", "Sum of dry roll", "N"]),
-            Self::Transition => (Family::Transition, ["transition", "Transition speed", "m/s"]),
-            Self::Stiffness => (Family::Joint, ["stiffness", "Stiffness", "N m/rad"]),
-            Self::Damping => (Family::Joint, ["damping", "Damping", "N m s/rad"]),
+    /// All that a fit can free, in the order of the tables.
+    pub const ALL: [Self; Self::COUNT] = {
+        let mut all = [Self::new(Quantity::H, 0); Self::COUNT];
+        let (mut count, mut i) = (0, 0);
+        while i < Quantity::ALL.len() {
+            let mut place = 0;
+            while place < Self::count_of(Quantity::ALL[i]) {
+                all[count] = Self::new(Quantity::ALL[i], place);
+                (count, place) = (count + 1, place + 1);
+            }
+            i += 1;
+        }
+        all
+    };
+
+    /// Of a quantity, how many a fit can free.
+    const fn count_of(quantity: Quantity) -> usize {
+        let of = quantity.definition();
+        if of.is_fitted { quantity.count() + of.sum_label.is_some() as usize } else { 0 }
+    }
+
+    pub(super) const fn new(quantity: Quantity, place: usize) -> Self {
+        Self { quantity, place: place as u8 }
+    }
+
+    /// What it is a number of.
+    pub const fn quantity(self) -> Quantity {
+        self.quantity
+    }
+
+    /// Its place in [`Parameter::ALL`].
+    const fn index(self) -> usize {
+        let (mut before, mut i) = (0, 0);
+        while i < self.quantity as usize {
+            before += Self::count_of(Quantity::ALL[i]);
+            i += 1;
+        }
+        before + self.place as usize
+    }
+
+    /// The wheel or link that it is of; `None` of a number of the robot and of a sum.
+    pub fn wheel_or_link(self) -> Option<usize> {
+        let place = usize::from(self.place);
+        (self.quantity.count() > 1 && place < self.quantity.count()).then_some(place)
+    }
+
+    fn names(self) -> &'static Names {
+        static NAMES: LazyLock<Vec<Vec<Names>>> = LazyLock::new(|| {
+            let of = |quantity: Quantity| quantity.parameters().map(Parameter::new_names).collect();
+            Quantity::ALL.into_iter().map(of).collect()
+        });
+        &NAMES[self.quantity as usize][usize::from(self.place)]
+    }
+
+    fn new_names(self) -> Names {
+        let (stem, of) = (self.quantity.stem(), self.quantity.definition());
+        let unit = of.unit.name();
+        match (self.wheel_or_link(), of.sum_label) {
+            (Some(i), _) => Names {
+                column: format!("{stem}{i}_{unit}"),
+                key: format!("{stem}{i}"),
+                label: format!("{} {i}", of.label),
+            },
+            (None, Some(label)) => Names {
+                column: format!("{stem}_sum_{unit}"),
+                key: stem.to_owned(),
+                label: label.to_owned(),
+            },
+            (None, None) => Names {
+                column: self.quantity.name().to_owned(),
+                key: stem.to_owned(),
+                label: of.label.to_owned(),
+            },
         }
     }
 
-    /// What it belongs to.
-    pub const fn family(self) -> Family {
-        self.about().0
+    /// Its column in tables.
+    pub fn name(self) -> &'static str {
+        &self.names().column
     }
 
-    /// Its name in the configuration.
-    pub const fn key(self) -> &'static str {
-        self.about().1[0]
+    /// Its name in lists of the configuration.
+    pub fn key(self) -> &'static str {
+        &self.names().key
     }
 
     /// Its name on a figure's axis.
-    pub const fn label(self) -> &'static str {
-        self.about().1[1]
+    pub fn label(self) -> &'static str {
+        &self.names().label
     }
 
-    /// The unit of its values.
+    /// Its symbol in LaTeX.
+    pub fn latex(self) -> String {
+        let symbol = self.quantity.definition().latex;
+        match self.wheel_or_link() {
+            Some(i) => format!("{symbol}_{i}"),
+            None if self.is_sum() => {
+                let each = (0..self.quantity.count()).map(|i| format!("{symbol}_{i}"));
+                each.collect::<Vec<_>>().join(" + ")
+            }
+            None => symbol.to_owned(),
+        }
+    }
+
+    /// The unit of its values, as people write it.
     pub const fn unit(self) -> &'static str {
-        self.about().1[2]
+        self.quantity.definition().unit.symbol()
     }
 
     /// The power of omega that goes with it: a motion is the same per radian of phase at another
-    /// frequency where every parameter has grown by its power of that.
+    /// frequency where every parameter that fits can free has grown by its power of that.
     pub fn power_of_omega(self) -> f64 {
-        match self.unit() {
-            "N" | "N m/rad" => 2.0,
+        match self.quantity.definition().unit {
+            Unit::Newton | Unit::NewtonMetrePerRadian => 2.0,
             _ => 1.0,
         }
     }
 
     /// Whether a value of it is one of `other` too: the same, or the sum that it is part of.
     pub fn is_part_of(self, other: Self) -> bool {
-        self == other
-            || other == Self::RollSum && Self::ROLL.contains(&self)
-            || other == Self::RollDrySum && Self::ROLL_DRY.contains(&self)
+        self == other || other.is_sum() && self.quantity == other.quantity
     }
 
     /// The sum that it is a part of.
     pub fn sum(self) -> Option<Self> {
-        Self::ALL.into_iter().find(|other| *other != self && self.is_part_of(*other))
-    }
-
-    /// Whether the configuration of a robot has a key of its name: it is of no single wheel, and no sum.
-    pub fn is_key(self) -> bool {
-        !self.is_sum() && !self.key().ends_with(|c: char| c.is_ascii_digit())
+        let has_sum = self.quantity.definition().sum_label.is_some();
+        (has_sum && !self.is_sum()).then(|| self.quantity.sum())
     }
 
     /// Whether it is the sum of others.
     pub fn is_sum(self) -> bool {
-        Self::ALL.into_iter().any(|other| other.sum() == Some(self))
+        usize::from(self.place) == self.quantity.count()
     }
 
-    /// Its value in a robot.
+    /// Its value in a robot, in SI units.
     pub fn of(self, robot: &Robot) -> f64 {
-        match self {
-            Self::Skid0 => robot.skid_kg_s[0],
-            Self::Skid1 => robot.skid_kg_s[1],
-            Self::Skid2 => robot.skid_kg_s[2],
-            Self::Roll0 => robot.roll_kg_s[0],
-            Self::Roll1 => robot.roll_kg_s[1],
-            Self::Roll2 => robot.roll_kg_s[2],
-            Self::RollSum => robot.roll_kg_s.iter().sum(),
-            Self::SkidDry0 => robot.skid_dry_n[0],
-            Self::SkidDry1 => robot.skid_dry_n[1],
-            Self::SkidDry2 => robot.skid_dry_n[2],
-            Self::SkidStatic0 => robot.skid_static_n[0],
-            Self::SkidStatic1 => robot.skid_static_n[1],
-            Self::SkidStatic2 => robot.skid_static_n[2],
-            Self::Stribeck => robot.stribeck_m_s,
-            Self::RollDry0 => robot.roll_dry_n[0],
-            Self::RollDry1 => robot.roll_dry_n[1],
-            Self::RollDry2 => robot.roll_dry_n[2],
-            Self::RollDrySum => robot.roll_dry_n.iter().sum(),
-            Self::Transition => robot.transition_m_s,
-            Self::Stiffness => robot.stiffness_nm_rad,
-            Self::Damping => robot.damping_nm_s_rad,
-        }
+        let numbers = self.quantity.numbers(robot);
+        numbers.get(usize::from(self.place)).copied().unwrap_or_else(|| numbers.iter().sum())
     }
 
-    /// Gives it a value in a robot. Without any roll resistance to keep the proportions of, the
+    /// Gives it a value in a robot, in SI units. Without any resistance to keep the proportions of, the
     /// wheels share a sum equally.
     pub fn set(self, robot: &mut Robot, value: f64) {
-        match self {
-            Self::Skid0 => robot.skid_kg_s[0] = value,
-            Self::Skid1 => robot.skid_kg_s[1] = value,
-            Self::Skid2 => robot.skid_kg_s[2] = value,
-            Self::Roll0 => robot.roll_kg_s[0] = value,
-            Self::Roll1 => robot.roll_kg_s[1] = value,
-            Self::Roll2 => robot.roll_kg_s[2] = value,
-            Self::RollSum => robot.roll_kg_s = robot.roll_shares().map(|share| share * value),
-            Self::SkidDry0 => robot.skid_dry_n[0] = value,
-            Self::SkidDry1 => robot.skid_dry_n[1] = value,
-            Self::SkidDry2 => robot.skid_dry_n[2] = value,
-            Self::SkidStatic0 => robot.skid_static_n[0] = value,
-            Self::SkidStatic1 => robot.skid_static_n[1] = value,
-            Self::SkidStatic2 => robot.skid_static_n[2] = value,
-            Self::Stribeck => robot.stribeck_m_s = value,
-            Self::RollDry0 => robot.roll_dry_n[0] = value,
-            Self::RollDry1 => robot.roll_dry_n[1] = value,
-            Self::RollDry2 => robot.roll_dry_n[2] = value,
-            Self::RollDrySum => {
-                robot.roll_dry_n = robot.roll_dry_shares().map(|share| share * value);
+        match usize::from(self.place) {
+            place if place < self.quantity.count() => {
+                self.quantity.numbers_mut(robot)[place] = value;
             }
-            Self::Transition => robot.transition_m_s = value,
-            Self::Stiffness => robot.stiffness_nm_rad = value,
-            Self::Damping => robot.damping_nm_s_rad = value,
+            _ => {
+                let shares = self.quantity.shares(robot).map(|share| share * value);
+                self.quantity.numbers_mut(robot).copy_from_slice(&shares);
+            }
         }
+    }
+}
+
+impl Named for Parameter {
+    fn first() -> Self {
+        Self::ALL[0]
+    }
+
+    fn as_name(&self) -> &str {
+        self.name()
+    }
+
+    fn of_name(name: &str) -> Option<Self> {
+        let mut all = Quantity::ALL.into_iter().flat_map(Quantity::parameters);
+        all.find(|parameter| parameter.name() == name)
+    }
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// By its name.
+impl Serialize for Parameter {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+impl<'de> Deserialize<'de> for Parameter {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let unknown = || serde::de::Error::custom(format!("unknown parameter `{name}`"));
+        Self::of_name(&name).ok_or_else(unknown)
     }
 }
 
@@ -260,13 +273,13 @@ impl<T> ByParameter<T> {
 impl<T> Index<Parameter> for ByParameter<T> {
     type Output = T;
     fn index(&self, parameter: Parameter) -> &T {
-        &self.0[parameter as usize]
+        &self.0[parameter.index()]
     }
 }
 
 impl<T> IndexMut<Parameter> for ByParameter<T> {
     fn index_mut(&mut self, parameter: Parameter) -> &mut T {
-        &mut self.0[parameter as usize]
+        &mut self.0[parameter.index()]
     }
 }
 
@@ -303,10 +316,10 @@ mod tests {
     #[test]
     fn a_sum_of_roll_resistances_keeps_their_proportions() {
         let mut robot = Robot::kinematic();
-        Parameter::RollSum.set(&mut robot, 2.4);
+        Quantity::Roll.sum().set(&mut robot, 2.4);
         assert_eq!(robot.roll_kg_s, [1.2, 0.6, 0.6]);
         robot.roll_kg_s = [0.0; 3];
-        Parameter::RollSum.set(&mut robot, 2.4);
+        Quantity::Roll.sum().set(&mut robot, 2.4);
         assert_eq!(robot.roll_kg_s.map(|roll| (roll * 10.0).round()), [8.0; 3]);
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use trilink_base::files;
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Gait, JointCommand, Laws, Model, Robot, RollLaw, SkidLaw};
+use trilink_robot::{Gait, JointCommand, Laws, Model, Quantity, Robot, RollLaw, SkidLaw};
 use trilink_tables::trial::TRUTH_FILE;
 
 use super::cameras::LabelError;
@@ -64,27 +64,22 @@ pub struct Law {
     pub roll: RollLaw,
 }
 
-/// Planted coefficients; null are those of the passive joint where there is none, and viscous ones
-/// that the law does not know. Dry ones are there where it does.
+/// Planted coefficients: of every quantity that the law and the gait know, as the configuration has it.
 #[derive(Debug, Serialize)]
 pub struct CampaignTruth {
     /// `skid-roll` if it is not there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<Law>,
-    pub skid_kg_s: Option<[f64; 3]>,
-    pub roll_kg_s: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub skid_dry_n: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub skid_static_n: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stribeck_m_s: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub roll_dry_n: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub transition_m_s: Option<f64>,
-    pub stiffness_nm_rad: Option<f64>,
-    pub damping_nm_s_rad: Option<f64>,
+    #[serde(flatten)]
+    pub planted: BTreeMap<Quantity, Numbers>,
+}
+
+/// One number, or one a wheel.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+pub enum Numbers {
+    One(f64),
+    Each(Vec<f64>),
 }
 
 /// The steady motion of one trial and the gait that its servos reached.
@@ -111,20 +106,15 @@ impl Truth {
 
 impl CampaignTruth {
     pub(super) fn new(law: Option<Law>, laws: Laws, robot: &Robot, gait: &Gait) -> Self {
-        let spring = gait.passive_joint().map(|_| robot);
-        let Laws { skid, roll } = laws;
-        Self {
-            law,
-            skid_kg_s: skid.is_viscous().then_some(robot.skid_kg_s),
-            roll_kg_s: roll.is_viscous().then_some(robot.roll_kg_s),
-            skid_dry_n: skid.is_dry().then_some(robot.skid_dry_n),
-            skid_static_n: skid.has_static().then_some(robot.skid_static_n),
-            stribeck_m_s: skid.has_static().then_some(robot.stribeck_m_s),
-            roll_dry_n: roll.is_dry().then_some(robot.roll_dry_n),
-            transition_m_s: laws.are_dry().then_some(robot.transition_m_s),
-            stiffness_nm_rad: spring.map(|robot| robot.stiffness_nm_rad),
-            damping_nm_s_rad: spring.map(|robot| robot.damping_nm_s_rad),
-        }
+        let planted = Quantity::ALL.into_iter().filter(|of| {
+            let definition = of.definition();
+            definition.is_fitted && (definition.matters)(laws, gait)
+        });
+        let numbers = |of: Quantity| match of.numbers(robot) {
+            [one] => (of, Numbers::One(*one)),
+            each => (of, Numbers::Each(each.to_vec())),
+        };
+        Self { law, planted: planted.map(numbers).collect() }
     }
 }
 

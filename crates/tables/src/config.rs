@@ -6,7 +6,6 @@ mod check;
 mod compare;
 mod error;
 mod key;
-mod known;
 mod model;
 mod paths;
 mod robot;
@@ -28,10 +27,10 @@ pub use error::{did_you_mean, nearest, parse_toml};
 pub use key::toml_key;
 pub use model::{Free, GaitInput, ModelConfig, Models};
 pub use paths::{Paths, is_pattern};
-pub use robot::{RobotConfig, RobotDeviation};
+pub use robot::RobotConfig;
 pub use settings::Setting;
 use trilink_mocap::LengthUnit;
-use trilink_robot::{Gait, JointCommand, Model, Robot, SecondHarmonic};
+use trilink_robot::{Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic};
 
 use strict::Strict;
 
@@ -163,6 +162,27 @@ pub struct Fit {
     /// What campaigns have in common.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shared: Option<SharedFits>,
+}
+
+impl Fit {
+    /// Bounds of the free parameters of a quantity, which other quantities may share; those of dry friction
+    /// for what no fit frees.
+    pub fn bounds(&self, quantity: Quantity) -> [f64; 2] {
+        *self.clone().bounds_mut(quantity)
+    }
+
+    /// The same, to change.
+    pub fn bounds_mut(&mut self, quantity: Quantity) -> &mut [f64; 2] {
+        match quantity {
+            Quantity::Skid => &mut self.skid_bounds_kg_s,
+            Quantity::Roll => &mut self.roll_bounds_kg_s,
+            Quantity::Stribeck => &mut self.stribeck_bounds_m_s,
+            Quantity::Transition => &mut self.transition_bounds_m_s,
+            Quantity::Stiffness => &mut self.stiffness_bounds_nm_rad,
+            Quantity::Damping => &mut self.damping_bounds_nm_s_rad,
+            _ => &mut self.dry_bounds_n,
+        }
+    }
 }
 
 /// Fits of one set of coefficients to several campaigns.
@@ -424,9 +444,9 @@ impl Config {
     /// another than its experiments' (Table II has both).
     pub fn of_simulations() -> Self {
         let (mut config, simulated) = (Self::default(), Robot::semi_passive());
-        for robot in config.robot.values_mut().filter(|robot| robot.stiffness_nm_rad.is_some()) {
-            robot.stiffness_nm_rad = Some(simulated.stiffness_nm_rad);
-            robot.damping_nm_s_rad = Some(simulated.damping_nm_s_rad);
+        for robot in config.robot.values_mut().filter(|of| of.get(Quantity::Stiffness).is_some()) {
+            robot.set(Quantity::Stiffness, [simulated.stiffness_nm_rad]);
+            robot.set(Quantity::Damping, [simulated.damping_nm_s_rad]);
         }
         config
     }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use trilink_base::text::known;
 use trilink_robot::decay::{DecayLaw, Swing};
 use trilink_robot::metrics::{Bifurcation, BranchKind, FromRest, GaitMetrics, MotionStatus};
-use trilink_robot::{ByParameter, ContactForces, JointCommand, Model, Parameter};
+use trilink_robot::{ByParameter, ContactForces, JointCommand, Model, Parameter, Quantity};
 use trilink_statistics::Estimate;
 
 use super::{FitStatus, PredictionSource, Severity, Sharing, Stopped, TrialStatus};
@@ -289,11 +289,11 @@ impl RobotParameterRow {
         [
             ("omega_n", "rad/s", (self.natural_rad_s, f64::NAN)),
             ("zeta", "", (self.damping_ratio, f64::NAN)),
-            ("k_tau", Parameter::Stiffness.unit(), stiffness),
-            ("c_tau", Parameter::Damping.unit(), damping),
+            ("k_tau", Quantity::Stiffness.one().unit(), stiffness),
+            ("c_tau", Quantity::Damping.one().unit(), damping),
             ("T_tau", "N m", (self.joint_dry_nm, f64::NAN)),
-            ("sum c_R", Parameter::RollSum.unit(), roll),
-            ("sum F_R", Parameter::RollDrySum.unit(), roll_dry),
+            ("sum c_R", Quantity::Roll.sum().unit(), roll),
+            ("sum F_R", Quantity::RollDry.sum().unit(), roll_dry),
         ]
         .into_iter()
         .map(|(name, unit, (measured, configured))| RobotQuantity {

@@ -317,7 +317,7 @@ fn arrow_schema(frame: &DataFrame) -> KeyValue {
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::Parameter;
+    use trilink_robot::{Parameter, Quantity};
     use trilink_statistics::Estimate;
 
     use super::super::columns::{numbers, repeated};
@@ -431,9 +431,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/table.parquet");
         let rows = vec![
-            Row { number: 1.5, count: 1, some: Some(7), free: Parameter::SKID.into(), ..row("x") },
+            Row {
+                number: 1.5,
+                count: 1,
+                some: Some(7),
+                free: Quantity::Skid.of_each().into(),
+                ..row("x")
+            },
             Row { number: f64::NAN, count: 2, used: false, ..row("") },
-            Row { number: -2.0, count: 3, free: vec![Parameter::Damping], ..row("z") },
+            Row { number: -2.0, count: 3, free: vec![Quantity::Damping.one()], ..row("z") },
         ];
         Row::to_table(&rows).write(&path, &provenance()).unwrap();
         let found = Table::read(&path).unwrap();

@@ -6,7 +6,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{ByParameter, Parameter};
+use trilink_robot::{ByParameter, Quantity};
 use trilink_tables::config::Config;
 use trilink_tables::{
     Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, UtcTime, numbers, texts,
@@ -217,11 +217,11 @@ fn a_history_of_former_columns_goes_on() {
         ..TrialRow::blank()
     };
     let of_skid0 = |value: f64| {
-        ByParameter::from_fn(|of| if of == Parameter::Skid0 { value } else { f64::NAN })
+        ByParameter::from_fn(|of| if of == Quantity::Skid.of(0) { value } else { f64::NAN })
     };
     let fit = FitRow {
         campaign: "skewed".to_owned(),
-        free: vec![Parameter::Skid0],
+        free: vec![Quantity::Skid.of(0)],
         parameters: of_skid0(101.0),
         lower: of_skid0(99.0),
         upper: of_skid0(103.0),

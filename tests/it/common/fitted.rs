@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 
 use serde_json::Value;
 use tempfile::TempDir;
-use trilink_robot::Model;
-use trilink_tables::config::{Config, GaitInput, RobotDeviation};
+use trilink_robot::{Model, Quantity};
+use trilink_tables::config::{Config, GaitInput};
 
 use crate::common::{succeed, temporary};
 
@@ -27,8 +27,9 @@ pub fn fitted(error: f64) -> TempDir {
     config.campaign.get_mut(CAMPAIGN).unwrap().models = vec![Model::SKID_ROLL];
     (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 40, false);
     config.fit.gait_input = GaitInput::Commanded;
-    config.robot.get_mut("kinematic").unwrap().standard_deviation =
-        Some(RobotDeviation { l_m: 0.0005, mass_kg: [0.01, 0.0, 0.0], ..Default::default() });
+    let robot = config.robot.get_mut("kinematic").unwrap();
+    robot.set_deviation(Quantity::L, [0.0005]);
+    robot.set_deviation(Quantity::Mass, [0.01, 0.0, 0.0]);
     let write = |config: &Config| {
         let text = toml::to_string(config).unwrap();
         std::fs::write(folder.path().join("pipeline.toml"), text).unwrap();

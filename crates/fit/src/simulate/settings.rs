@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use trilink_robot::Parameter;
 use trilink_tables::config::{
     Config, ConfigError, GaitConfig, JointConfig, RobotConfig, did_you_mean, nearest, parse_toml,
 };
@@ -99,39 +98,20 @@ fn with_robot_setting(
 ) -> Result<RobotConfig, ConfigError> {
     let place = Path::new("--set");
     let value = if value.contains(',') { format!("[{value}]") } else { value.to_owned() };
-    if with_robot_number(robot, key, 0.0).is_some() {
+    if robot.with(key, 0.0).is_some() {
         let number: BTreeMap<String, f64> = parse_toml(place, &format!("{key} = {value}\n"))?;
-        let changed = number.get(key).and_then(|number| with_robot_number(robot, key, *number));
+        let changed = number.get(key).and_then(|number| robot.with(key, *number));
         return Ok(changed.unwrap_or_else(|| robot.clone()));
     }
-    let mut keys = keys_of(robot);
+    let mut keys = toml::Table::try_from(robot).expect("a configuration is plain data");
     keys.extend(parse_toml::<toml::Table>(place, &format!("{key} = {value}\n"))?);
     parse_toml(place, &keys.to_string())
-}
-
-fn keys_of(robot: &RobotConfig) -> toml::Table {
-    toml::Table::try_from(robot).expect("a configuration is plain data")
 }
 
 /// The names of the single numbers of a robot and a gait, those of links, wheels and joints with their
 /// number: what `simulate --sensitivities` answers with, but for the frequency.
 pub fn number_names(robot: &RobotConfig, gait: &GaitConfig) -> Vec<String> {
-    let keys = keys_of(robot).into_iter().flat_map(|(key, value)| match value {
-        toml::Value::Float(_) => vec![key],
-        toml::Value::Array(_) => (0..3).map(|of| numbered(&key, of)).collect(),
-        _ => Vec::new(),
-    });
-    let mut names: Vec<String> = keys.collect();
-    let sums = Parameter::ALL.into_iter().filter(|of| of.is_sum());
-    let has_parts = |sum: &Parameter| {
-        Parameter::ALL
-            .iter()
-            .any(|of| of.sum() == Some(*sum) && names.iter().any(|n| n == of.name()))
-    };
-    let sums: Vec<String> = sums.filter(has_parts).map(|of| of.name().to_owned()).collect();
-    names.extend(sums);
-    names.extend(gait_keys(gait));
-    names
+    robot.names().into_iter().chain(gait_keys(gait)).collect()
 }
 
 /// A robot and a gait with one of these numbers changed; `None` if they have none of this name.
@@ -144,45 +124,9 @@ pub fn with_number(
     let mut changed = gait.clone();
     match set_gait(&mut changed, name, &value.to_string()) {
         Ok(true) => Some((robot.clone(), changed)),
-        Ok(false) => Some((with_robot_number(robot, name, value)?, changed)),
+        Ok(false) => Some((robot.with(name, value)?, changed)),
         Err(_) => None,
     }
-}
-
-/// A robot with one of its numbers changed. A coefficient is in its own unit: dry friction in N, also where
-/// the robot says it as a part of `load_n`.
-fn with_robot_number(robot: &RobotConfig, name: &str, value: f64) -> Option<RobotConfig> {
-    let mut keys = keys_of(robot);
-    let parameter = Parameter::ALL.into_iter().find(|of| [of.key(), of.name()].contains(&name));
-    let key = parameter.map_or(name, |of| of.name());
-    if let Some(parameter) = parameter.filter(|of| !of.is_key()) {
-        let mut changed = robot.clone();
-        let mut with = robot.to_robot();
-        parameter.set(&mut with, value);
-        changed.set_coefficients(&with);
-        return Some(changed);
-    }
-    let is_key = parameter.is_some() || keys.get(key).is_some_and(toml::Value::is_float);
-    let list = keys.iter_mut().find_map(|(name, values)| {
-        let list = values.as_array_mut()?;
-        (0..list.len()).find(|of| numbered(name, *of) == key).and_then(|of| list.get_mut(of))
-    });
-    match list {
-        Some(number) => *number = value.into(),
-        None if is_key => {
-            keys.insert(key.to_owned(), value.into());
-        }
-        None => return None,
-    }
-    toml::Value::Table(keys).try_into().ok()
-}
-
-/// `skid1_kg_s` of `skid_kg_s`.
-fn numbered(key: &str, number: usize) -> String {
-    const UNITS: [&str; 4] = ["_kg_m2", "_kg_s", "_kg", "_n"];
-    let unit = UNITS.into_iter().find(|unit| key.ends_with(unit)).unwrap_or_default();
-    let name = key.strip_suffix(unit).unwrap_or(key);
-    format!("{name}{number}{unit}")
 }
 
 /// What is wrong with a setting, which has no lines.
@@ -205,7 +149,7 @@ fn of_setting(setting: &str, key: &str, gait: &GaitConfig, error: ConfigError) -
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::Gait;
+    use trilink_robot::{Gait, Quantity};
 
     use super::*;
 
@@ -213,10 +157,10 @@ mod tests {
     fn config() -> Config {
         let mut config = Config::default();
         let robot = config.robot.get_mut("kinematic").expect("the paper's");
-        robot.load_n = Some([8.0, 3.0, 7.0]);
-        robot.skid_static_n = Some([0.3, 0.2, 0.1]);
-        robot.stribeck_m_s = Some(0.02);
-        robot.roll_dry_n = Some([0.01, 0.02, 0.03]);
+        robot.set_load_n([8.0, 3.0, 7.0]);
+        robot.set(Quantity::SkidStatic, [0.3, 0.2, 0.1]);
+        robot.set(Quantity::Stribeck, [0.02]);
+        robot.set(Quantity::RollDry, [0.01, 0.02, 0.03]);
         let joint = |gait: &mut GaitConfig| gait.joint2.clone().expect("commanded");
         let gait = config.gait.get_mut("skewed").expect("the paper's");
         let second =
@@ -269,11 +213,12 @@ mod tests {
         assert_eq!(robot("skid_dry1_n=1.5").skid_dry_n[1], 1.5);
         let known = config().robot["kinematic"].clone();
         let changed = set("skid_dry1_n=1.5");
-        let others = |of: &RobotConfig| of.skid_dry_n.map(|[first, _, third]| [first, third]);
+        let others = |of: &RobotConfig| of.get(Quantity::SkidDry).map(|dry| [dry[0], dry[2]]);
         assert_eq!(others(&changed), others(&known));
-        assert_eq!(changed.roll_dry_n, known.roll_dry_n);
+        assert_eq!(changed.get(Quantity::RollDry), known.get(Quantity::RollDry));
         // The key itself is a part of the load.
-        assert_eq!(set("skid_dry_n=0.1,0.2,0.3").skid_dry_n, Some([0.1, 0.2, 0.3]));
+        let parts = set("skid_dry_n=0.1,0.2,0.3");
+        assert_eq!(parts.get(Quantity::SkidDry), Some(&[0.1, 0.2, 0.3][..]));
     }
 
     #[test]

@@ -4,10 +4,10 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use trilink_fit::{FitData, Fitted, fit};
 use trilink_mechanics::{FIT_ACCURACY, Laws, Model, Problem};
-use trilink_robot::Parameter;
+use trilink_robot::Quantity;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_statistics::Estimate;
-use trilink_tables::config::{Config, RobotDeviation, SigmaKind};
+use trilink_tables::config::{Config, SigmaKind};
 use trilink_tables::{TrialRow, TrialStatus};
 
 use crate::common::noisy_trial;
@@ -76,7 +76,7 @@ fn no_viscous_model_fits_a_robot_with_dry_friction_and_it_says_where() {
             assert_eq!(fit.adequate, Some(false), "{campaign} {fit:?}");
             assert!(fit.lack_of_fit > 2.0 * fit.lack_of_fit_limit, "{campaign} {fit:?}");
             assert!(fit.misfit.contains("rad/s") && fit.misfit.contains("the model at"));
-            let limits = Parameter::SKID.map(|of| [fit.lower[of], fit.upper[of]]);
+            let limits = Quantity::Skid.of_each().map(|of| [fit.lower[of], fit.upper[of]]);
             assert!(limits.as_flattened().iter().all(|limit| limit.is_nan()), "{limits:?}");
             assert_eq!(fit.no_interval, "the model does not fit");
         }
@@ -131,7 +131,7 @@ fn without_repeats_cycles_or_errors_there_is_no_interval() {
     let reason = "no cycles, repeats or standard errors tell the noise of ";
     for (fitted, metrics) in [(&one, "sigma1"), (&none, "d, v, sigma0, sigma1, sigma2")] {
         let fit = &fitted.fits[0];
-        for of in Parameter::SKID {
+        for of in Quantity::Skid.of_each() {
             let missing = [fit.lower[of], fit.upper[of], fit.scatter[of], fit.systematic[of]];
             assert!(missing.iter().all(|limit| limit.is_nan()), "{missing:?}");
         }
@@ -208,7 +208,7 @@ fn raw_skid_ratios_stand_for_debiased_ones_that_are_not_known_and_that_is_said()
     assert_eq!(raw.fits[0].notes, "");
     config.fit.sigma = SigmaKind::Debiased;
     let substituted = fitted(&config, trials.clone());
-    for of in Parameter::SKID {
+    for of in Quantity::Skid.of_each() {
         assert_eq!(substituted.fits[0].parameters[of], raw.fits[0].parameters[of]);
     }
     assert_eq!(substituted.comparison[0].j_sigma, raw.comparison[0].j_sigma);
@@ -229,10 +229,9 @@ fn what_is_assumed_of_the_robot_is_a_part_of_the_interval() {
     let mut config = config(CAMPAIGN, &[Model::SKID_ROLL]);
     let exact = fitted(&config, trials.clone()).fits.remove(0);
     let robot = config.robot.get_mut("kinematic").unwrap();
-    robot.standard_deviation =
-        Some(RobotDeviation { roll_kg_s: [0.06, 0.03, 0.03], ..RobotDeviation::default() });
+    robot.set_deviation(Quantity::Roll, [0.06, 0.03, 0.03]);
     let uncertain = fitted(&config, trials).fits.remove(0);
-    for of in Parameter::SKID {
+    for of in Quantity::Skid.of_each() {
         assert_eq!(exact.parameters[of], uncertain.parameters[of]);
         assert_eq!(exact.scatter[of], uncertain.scatter[of]);
         assert!(exact.scatter[of] > 0.0);

@@ -15,7 +15,7 @@ use serde_json::Value;
 use trilink_fit::{FitData, Fitted, fit};
 use trilink_ingest::process_trial;
 use trilink_mechanics::{FIT_ACCURACY, Laws, Model, Problem};
-use trilink_robot::Parameter;
+use trilink_robot::Quantity;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_synth::{Recipe, synthesise};
 use trilink_tables::config::{Config, GaitInput, SigmaKind};
@@ -163,7 +163,7 @@ fn coverage(truth: &Truth, fitted: &[Fitted]) -> [Coverage; 3] {
         let known = truth.skid_kg_s[wheel];
         let mut coverage = Coverage::default();
         for fit in &fits {
-            let skid = Parameter::SKID[wheel];
+            let skid = Quantity::Skid.of_each()[wheel];
             let (found, low, high) = (fit.parameters[skid], fit.lower[skid], fit.upper[skid]);
             // An open side holds everything.
             let is_above = low.is_nan() || low <= known;
@@ -251,7 +251,7 @@ fn coefficients_that_trials_do_not_determine_have_no_limits() {
         (truth.config.fit.bootstrap, truth.config.fit.profiles) = (bootstrap, profiles);
         for fitted in fitted(&truth, campaigns, 1, true) {
             let fit = &fitted.fits[0];
-            for (skid, known) in Parameter::SKID.into_iter().zip(truth.skid_kg_s) {
+            for (skid, known) in Quantity::Skid.of_each().into_iter().zip(truth.skid_kg_s) {
                 let limits = [fit.lower[skid], fit.upper[skid]];
                 let is_at_bound = fit.at_bound.contains(&skid);
                 if fit.practically_not.contains(&skid) || is_at_bound {
@@ -359,7 +359,7 @@ impl Share {
 fn judge_fits(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
     let is_true = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SKID_ROLL;
     let fits = || nights.iter().map(|night| (night, night.fits.iter().find(is_true).unwrap()));
-    for (wheel, skid) in Parameter::SKID.into_iter().enumerate() {
+    for (wheel, skid) in Quantity::Skid.of_each().into_iter().enumerate() {
         let told = || {
             fits().filter(|(_, fit)| fit.identifiable.contains(&skid) && fit.no_interval.is_empty())
         };

@@ -6,7 +6,7 @@ use trilink_fit::{FitData, FitInput, Fitted, Objective, fit};
 use trilink_mechanics::{Laws, Model, Problem, REFERENCE_ACCURACY};
 use trilink_robot::decay::DecayLaw;
 use trilink_robot::metrics::{GaitMetrics, MotionStatus};
-use trilink_robot::{JointCommand, Parameter, Robot};
+use trilink_robot::{JointCommand, Parameter, Quantity, Robot};
 use trilink_statistics::Estimate;
 use trilink_tables::config::{
     Campaign, Config, Free, GaitInput, ParameterSource, SigmaKind, Weights,
@@ -122,7 +122,7 @@ fn thirty_of_thirty_two_starts_end_at_the_reference_s_best_objective() {
         assert!(reached >= 30, "{}: {reached} of 32: {:?}", reference.campaign, fitted.starts);
         // The work is bounded too: a start takes some ten evaluations of twelve motions.
         assert!(found.solves < 32 * 12 * 20, "{}: {}", reference.campaign, found.solves);
-        let skid = Parameter::SKID.map(|skid| found.parameters[skid]);
+        let skid = Quantity::Skid.of_each().map(|skid| found.parameters[skid]);
         for (found, known) in skid.iter().zip(reference.best_skid_kg_s) {
             assert!((found - known).abs() < 1e-4 * known, "{}: {skid:?}", reference.campaign);
         }
@@ -152,7 +152,7 @@ fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
     let mut missed = |input: GaitInput| {
         config.fit.gait_input = input;
         let found = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
-        let skid = Parameter::SKID.map(|skid| found.parameters[skid]);
+        let skid = Quantity::Skid.of_each().map(|skid| found.parameters[skid]);
         let missed =
             skid.iter().zip(reference.best_skid_kg_s).map(|(c, known)| (c / known - 1.0).abs());
         missed.fold(0.0, f64::max)
@@ -175,8 +175,8 @@ fn a_model_of_one_s_own_is_fitted_as_a_shipped_one_with_its_laws() {
     assert_eq!((shipped.model, ours.model), (Model::SKID_ROLL, own));
     assert_eq!((ours.j, &ours.free), (shipped.j, &shipped.free));
     assert_eq!(
-        Parameter::SKID.map(|skid| ours.parameters[skid]),
-        Parameter::SKID.map(|skid| shipped.parameters[skid])
+        Quantity::Skid.of_each().map(|skid| ours.parameters[skid]),
+        Quantity::Skid.of_each().map(|skid| shipped.parameters[skid])
     );
     let of = |model: Model| {
         predictions
@@ -213,14 +213,14 @@ fn data_of_dry_friction_give_back_its_coefficients() {
     let Fitted { fits, predictions, .. } = fit(&config, &rows.into(), &|_| {});
     let of = |model| fits.iter().find(|row| row.model == model).unwrap();
     let (dry, viscous) = (of(model), of(Model::SKID_ROLL));
-    assert_eq!(dry.free, Parameter::SKID_DRY);
-    for (parameter, planted) in Parameter::SKID_DRY.into_iter().zip(planted) {
+    assert_eq!(dry.free, Quantity::SkidDry.of_each());
+    for (parameter, planted) in Quantity::SkidDry.of_each().into_iter().zip(planted) {
         let found = dry.parameters[parameter];
         assert!((found / planted - 1.0).abs() < 1e-3, "{parameter}: {found}");
     }
-    assert_eq!(dry.parameters[Parameter::Transition], 0.005);
-    assert!(dry.parameters[Parameter::Skid0].is_nan());
-    assert!(viscous.parameters[Parameter::SkidDry0].is_nan());
+    assert_eq!(dry.parameters[Quantity::Transition.one()], 0.005);
+    assert!(dry.parameters[Quantity::Skid.of(0)].is_nan());
+    assert!(viscous.parameters[Quantity::SkidDry.of(0)].is_nan());
     assert!(dry.j < 1e-3 * viscous.j, "{} {}", dry.j, viscous.j);
     assert!(predictions.iter().any(|row| row.model == model && row.metrics.d_m > 0.0));
 }
@@ -245,7 +245,7 @@ fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
         fit(&config, &rows.clone().into(), &|_| {})
     };
     let by_input = GaitInput::ALL.map(|input| (input, fitted(input)));
-    let skid = |row: &FitRow| Parameter::SKID.map(|skid| row.parameters[skid]);
+    let skid = |row: &FitRow| Quantity::Skid.of_each().map(|skid| row.parameters[skid]);
     for (input, Fitted { fits, alternatives, .. }) in &by_input {
         assert_eq!(
             fits.iter().map(|row| row.gait_input).collect::<Vec<_>>(),
@@ -261,7 +261,7 @@ fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
             assert!((found / known - 1.0).abs() < 1e-6, "{found} {known}");
         }
         // Of the same resamples; the profiles, which can open an interval, are the main fit's.
-        for skid in Parameter::SKID {
+        for skid in Quantity::Skid.of_each() {
             for (found, known) in
                 [(alternative.lower, known.lower), (alternative.upper, known.upper)]
             {
@@ -402,7 +402,8 @@ fn failed_trials_and_missing_metrics_are_left_out_and_the_others_fitted() {
     let fit = &fitted.fits[0];
     assert_eq!((fit.trials, &fit.status), (11, &FitStatus::Ok));
     assert!(
-        (fit.parameters[Parameter::Skid0] / whole.parameters[Parameter::Skid0] - 1.0).abs() < 0.1
+        (fit.parameters[Quantity::Skid.of(0)] / whole.parameters[Quantity::Skid.of(0)] - 1.0).abs()
+            < 0.1
     );
     // d and v of a trial are one measurement.
     assert_eq!(fitted.comparison[0].terms, 4 * 11 - 1);
@@ -417,12 +418,14 @@ fn bounds_that_exclude_the_configured_start_are_respected_and_marked() {
     let fitted = fit(&config, &named(reference).into(), &|_| {});
     let fit = &fitted.fits[0];
     assert_eq!(fit.status, FitStatus::Ok);
-    let [skid0, skid1, skid2] = Parameter::SKID;
+    let [skid0, skid1, skid2] = Quantity::Skid.of_each();
     assert!((55.0..90.0).contains(&fit.parameters[skid0]));
     assert_eq!([skid1, skid2].map(|skid| fit.parameters[skid]), [55.0, 55.0]);
     assert_eq!(fit.at_bound, [skid1, skid2]);
     for start in &fitted.starts {
-        assert!(Parameter::SKID.iter().all(|skid| (55.0..=90.0).contains(&start.began[*skid])));
+        assert!(
+            Quantity::Skid.of_each().iter().all(|skid| (55.0..=90.0).contains(&start.began[*skid]))
+        );
     }
     // What lies beyond the bounds is not known.
     assert!(fit.lower[skid1].is_nan() && fit.lower[skid2].is_nan());
@@ -509,7 +512,7 @@ fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
     let mut config = quick(reference);
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
     campaign.free =
-        [(Model::SKID_ROLL, Free(vec![Parameter::Stiffness, Parameter::Damping]))].into();
+        [(Model::SKID_ROLL, Free(vec![Quantity::Stiffness.one(), Quantity::Damping.one()]))].into();
     campaign.weights = Weights { d: 0.0, v: 0.0, sigma: 0.0, alpha: 1.0 };
     let mut rows = named(reference);
     rows.drain(4..);
@@ -519,7 +522,7 @@ fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
     let fit = &fitted.fits[0];
     assert_eq!(fit.status, FitStatus::Ok);
     assert!(fit.j < 1e-6, "{}", fit.j);
-    assert!(!fit.identifiable.contains(&Parameter::Damping), "{fit:?}");
+    assert!(!fit.identifiable.contains(&Quantity::Damping.one()), "{fit:?}");
 }
 
 #[test]
@@ -531,7 +534,7 @@ fn a_coefficient_that_nothing_measured_depends_on_is_structurally_not_identifiab
     campaign.weights = Weights { d: 0.0, v: 0.0, sigma: 0.0, alpha: 1.0 };
     let fitted = fit(&config, &named(reference).into(), &|_| {});
     let fit = &fitted.fits[0];
-    assert_eq!(fit.structurally_not, Parameter::SKID);
+    assert_eq!(fit.structurally_not, Quantity::Skid.of_each());
     assert!(fit.lower.iter().chain(fit.upper.iter()).all(|(_, limit)| limit.is_nan()));
 }
 
@@ -543,11 +546,17 @@ fn noise_free_trials_give_back_whatever_is_free() {
     let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
     let model = Model::SKID_ROLL;
     for (free, planted) in [
-        ([&Parameter::SKID[..], &[Parameter::RollSum]].concat(), vec![Parameter::RollSum]),
-        (vec![Parameter::Roll0, Parameter::Skid2], vec![Parameter::Roll0, Parameter::Skid2]),
         (
-            vec![Parameter::Stiffness, Parameter::Damping],
-            vec![Parameter::Stiffness, Parameter::Damping],
+            [&Quantity::Skid.of_each()[..], &[Quantity::Roll.sum()]].concat(),
+            vec![Quantity::Roll.sum()],
+        ),
+        (
+            vec![Quantity::Roll.of(0), Quantity::Skid.of(2)],
+            vec![Quantity::Roll.of(0), Quantity::Skid.of(2)],
+        ),
+        (
+            vec![Quantity::Stiffness.one(), Quantity::Damping.one()],
+            vec![Quantity::Stiffness.one(), Quantity::Damping.one()],
         ),
     ] {
         let mut truth = robot.clone();
@@ -594,10 +603,10 @@ fn measured_parameters_of_the_robot_take_the_place_of_configured_ones() {
     };
     let data = FitData { robots: vec![release], ..FitData::from(named(reference)) };
     let fit = fit(&config, &data, &|_| {}).fits.remove(0);
-    let joint = [Parameter::Stiffness, Parameter::Damping];
+    let joint = [Quantity::Stiffness.one(), Quantity::Damping.one()];
     assert_eq!(joint.map(|of| fit.parameters[of]), [0.15, 0.0065]);
     // There is no coast-down.
-    let roll = [Parameter::Roll0, Parameter::RollSum];
+    let roll = [Quantity::Roll.of(0), Quantity::Roll.sum()];
     assert_eq!(roll.map(|of| fit.parameters[of]), [0.6, 1.2]);
     assert_eq!(fit.measured, joint);
 }

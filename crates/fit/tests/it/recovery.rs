@@ -2,7 +2,7 @@
 
 use trilink_fit::{Fitted, fit};
 use trilink_mechanics::{Model, Problem, REFERENCE_ACCURACY};
-use trilink_robot::{Family, Laws, Parameter, RollLaw, SkidLaw};
+use trilink_robot::{Laws, Parameter, Quantity, RollLaw, SkidLaw};
 use trilink_synth::OMEGAS_RAD_S;
 use trilink_tables::config::{Config, Free, GaitInput, ModelConfig, SigmaKind};
 use trilink_tables::{Columns as _, FitRow, TrialRow};
@@ -16,8 +16,11 @@ struct Case {
     planted: &'static [(Parameter, f64)],
 }
 
-const DRY: [(Parameter, f64); 3] =
-    [(Parameter::SkidDry0, 2.2), (Parameter::SkidDry1, 0.7), (Parameter::SkidDry2, 1.0)];
+const DRY: [(Parameter, f64); 3] = [
+    (Quantity::SkidDry.of(0), 2.2),
+    (Quantity::SkidDry.of(1), 0.7),
+    (Quantity::SkidDry.of(2), 1.0),
+];
 
 const fn laws(skid: SkidLaw, roll: RollLaw) -> Laws {
     Laws { skid, roll }
@@ -26,7 +29,7 @@ const fn laws(skid: SkidLaw, roll: RollLaw) -> Laws {
 const CASES: [Case; 5] = [
     Case {
         laws: Laws::COULOMB,
-        planted: &[DRY[0], DRY[1], DRY[2], (Parameter::Transition, 0.008)],
+        planted: &[DRY[0], DRY[1], DRY[2], (Quantity::Transition.one(), 0.008)],
     },
     Case {
         laws: Laws::COULOMB_VISCOUS,
@@ -34,9 +37,9 @@ const CASES: [Case; 5] = [
             DRY[0],
             DRY[1],
             DRY[2],
-            (Parameter::Skid0, 20.0),
-            (Parameter::Skid1, 14.0),
-            (Parameter::Skid2, 9.0),
+            (Quantity::Skid.of(0), 20.0),
+            (Quantity::Skid.of(1), 14.0),
+            (Quantity::Skid.of(2), 9.0),
         ],
     },
     Case {
@@ -45,19 +48,29 @@ const CASES: [Case; 5] = [
             DRY[0],
             DRY[1],
             DRY[2],
-            (Parameter::SkidStatic0, 2.9),
-            (Parameter::SkidStatic1, 1.1),
-            (Parameter::SkidStatic2, 1.3),
-            (Parameter::Stribeck, 0.05),
+            (Quantity::SkidStatic.of(0), 2.9),
+            (Quantity::SkidStatic.of(1), 1.1),
+            (Quantity::SkidStatic.of(2), 1.3),
+            (Quantity::Stribeck.one(), 0.05),
         ],
     },
     Case {
         laws: laws(SkidLaw::Coulomb, RollLaw::CoulombViscous),
-        planted: &[DRY[0], DRY[1], DRY[2], (Parameter::RollSum, 1.0), (Parameter::RollDrySum, 0.3)],
+        planted: &[
+            DRY[0],
+            DRY[1],
+            DRY[2],
+            (Quantity::Roll.sum(), 1.0),
+            (Quantity::RollDry.sum(), 0.3),
+        ],
     },
     Case {
         laws: Laws::SKID_ROLL,
-        planted: &[(Parameter::Skid0, 104.0), (Parameter::Skid1, 34.0), (Parameter::Skid2, 45.0)],
+        planted: &[
+            (Quantity::Skid.of(0), 104.0),
+            (Quantity::Skid.of(1), 34.0),
+            (Quantity::Skid.of(2), 45.0),
+        ],
     },
 ];
 
@@ -79,9 +92,9 @@ fn fitted_with(
     config.campaign.retain(|name, _| name == campaign);
     config.campaign.get_mut(campaign).unwrap().models = vec![model];
     let of_robot = config.robot.get_mut(&config.campaign[campaign].robot).unwrap();
-    of_robot.skid_static_n = Some([2.0, 1.0, 1.0]);
-    of_robot.stribeck_m_s = Some(0.03);
-    of_robot.roll_dry_n = Some([0.1, 0.05, 0.05]);
+    of_robot.set(Quantity::SkidStatic, [2.0, 1.0, 1.0]);
+    of_robot.set(Quantity::Stribeck, [0.03]);
+    of_robot.set(Quantity::RollDry, [0.1, 0.05, 0.05]);
     (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (starts, 0, false);
     (config.fit.sigma, config.fit.gait_input) = (SigmaKind::Raw, GaitInput::Commanded);
     let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
@@ -107,21 +120,19 @@ fn off(fit: &FitRow, planted: &[(Parameter, f64)]) -> f64 {
 fn dry_friction_and_the_speed_of_its_transition_are_given_back() {
     let fit = fitted(CAMPAIGNS[0], &CASES[0], 1);
     assert!(off(&fit, CASES[0].planted) < 1e-3, "{:?}", fit.parameters);
-    assert!(fit.free.iter().any(|parameter| parameter.family() == Family::Transition));
+    assert!(fit.free.iter().any(|parameter| *parameter == Quantity::Transition.one()));
 }
 
 #[test]
 fn a_law_that_is_viscous_at_all_of_its_motions_is_said_to_be() {
-    let case = Case {
-        laws: Laws::COULOMB,
-        planted: &[
-            (Parameter::SkidDry0, 83.2),
-            (Parameter::SkidDry1, 27.2),
-            (Parameter::SkidDry2, 36.0),
-        ],
-    };
+    const PLANTED: [(Parameter, f64); 3] = [
+        (Quantity::SkidDry.of(0), 83.2),
+        (Quantity::SkidDry.of(1), 27.2),
+        (Quantity::SkidDry.of(2), 36.0),
+    ];
+    let case = Case { laws: Laws::COULOMB, planted: &PLANTED };
     let mut config = Config::default();
-    config.robot.get_mut("kinematic").unwrap().transition_m_s = Some(0.8);
+    config.robot.get_mut("kinematic").unwrap().set(Quantity::Transition, [0.8]);
     let fit = fitted_with(CAMPAIGNS[0], &case, 1, config);
     assert!(off(&fit, case.planted) < 1e-3, "{:?}", fit.parameters);
     let said = "viscous with F / v_t = 104.0000, 34.0000, 45.0000 kg/s: no wheel skids faster than \

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use trilink_fit::{FitData, Fitted, fit};
 use trilink_mechanics::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Parameter, Robot};
+use trilink_robot::{Quantity, Robot};
 use trilink_tables::config::{Config, Free, GaitInput, Robots, SharedFits, SigmaKind};
 use trilink_tables::{FitRow, SharedFitRow, Sharing, TrialRow};
 
@@ -138,7 +138,7 @@ fn noise_free_data_of_one_set_of_coefficients_give_it_back() {
         (row.robot.as_str(), &row.campaigns[..]),
         ("kinematic", &CAMPAIGNS.map(String::from)[..])
     );
-    for (parameter, planted) in Parameter::SKID.into_iter().zip(planted) {
+    for (parameter, planted) in Quantity::Skid.of_each().into_iter().zip(planted) {
         let found = row.fit.parameters[parameter];
         assert!((found / planted - 1.0).abs() < 1e-3, "{parameter}: {found}");
     }
@@ -177,7 +177,7 @@ fn one_robot_with_dry_friction_is_refused_one_set_of_viscous_coefficients_and_ha
     let [viscous, dry] = shared.as_slice() else { panic!("{shared:?}") };
     assert_eq!(viscous.fit.sharing, Some(Sharing::Refused), "{viscous:?}");
     assert_eq!(dry.fit.sharing, Some(Sharing::Kept), "{dry:?}");
-    for (parameter, planted) in Parameter::SKID_DRY.into_iter().zip([1.8, 0.9, 0.9]) {
+    for (parameter, planted) in Quantity::SkidDry.of_each().into_iter().zip([1.8, 0.9, 0.9]) {
         let found = dry.fit.parameters[parameter];
         assert!((found / planted - 1.0).abs() < 0.03, "{parameter}: {found}");
     }
@@ -185,7 +185,7 @@ fn one_robot_with_dry_friction_is_refused_one_set_of_viscous_coefficients_and_ha
     let of = |campaign: &str| {
         let is_of = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SKID_ROLL;
         let fit = fits.iter().find(is_of).unwrap();
-        Parameter::SKID.map(|skid| fit.parameters[skid])
+        Quantity::Skid.of_each().map(|skid| fit.parameters[skid])
     };
     let [skewed, symmetric] = CAMPAIGNS.map(of);
     let apart = (0..3).map(|i| (skewed[i] / symmetric[i]).ln().abs()).fold(0.0, f64::max);
@@ -199,7 +199,7 @@ fn what_is_shared_has_intervals_and_the_campaigns_own_fits_stay_as_they_are() {
     let data = trials(&viscous([[100.0, 40.0, 50.0]; 2]), 1.0, 2);
     let with = fit(&config, &data, &|_| {});
     let row = &with.shared[0].fit;
-    for (parameter, planted) in Parameter::SKID.into_iter().zip([100.0, 40.0, 50.0]) {
+    for (parameter, planted) in Quantity::Skid.of_each().into_iter().zip([100.0, 40.0, 50.0]) {
         let limits = row.lower[parameter]..row.upper[parameter];
         // Of 20 replicates.
         let widened = 0.9 * limits.start..1.1 * limits.end;
@@ -207,7 +207,7 @@ fn what_is_shared_has_intervals_and_the_campaigns_own_fits_stay_as_they_are() {
         let own = with.fits.iter().map(|fit| fit.scatter[parameter]).fold(f64::INFINITY, f64::min);
         assert!(row.scatter[parameter] < 1.5 * own, "{} {own}", row.scatter[parameter]);
     }
-    assert_eq!(row.identifiable, Parameter::SKID);
+    assert_eq!(row.identifiable, Quantity::Skid.of_each());
     config.fit.shared = None;
     let mut without = fit(&config, &data, &|_| {});
     assert!(without.shared.is_empty());
@@ -219,7 +219,7 @@ fn what_is_shared_has_intervals_and_the_campaigns_own_fits_stay_as_they_are() {
 fn campaigns_that_leave_other_coefficients_free_are_fitted_together_and_not_tested() {
     let mut config = config(&[Model::SKID_ROLL]);
     let campaign = config.campaign.get_mut(CAMPAIGNS[0]).unwrap();
-    campaign.free.insert(Model::SKID_ROLL, Free(vec![Parameter::Skid1]));
+    campaign.free.insert(Model::SKID_ROLL, Free(vec![Quantity::Skid.of(1)]));
     let data = trials(&viscous([[100.0, 40.0, 50.0]; 2]), 1.0, 3);
     let row = &fit(&config, &data, &|_| {}).shared[0];
     assert_eq!((row.fit.free.len(), row.fit.sharing), (3, None));

@@ -139,7 +139,8 @@ fn rolling_is_judged_by_the_law_that_the_robot_is_configured_with() {
     let law_check = |roll_kg_s: [f64; 3], roll_dry_n: [f64; 3], coasting: &[[f64; 5]]| {
         let mut config = Config::default();
         let robot = config.robot.get_mut("semi-passive").expect("the paper's");
-        (robot.roll_kg_s, robot.roll_dry_n) = (roll_kg_s, Some(roll_dry_n));
+        robot.set(Quantity::Roll, roll_kg_s);
+        robot.set(Quantity::RollDry, roll_dry_n);
         let ProcessedTrial { row, checks, .. } =
             measured_with(&config, TrialKind::CoastDown, coasting, 1).expect("it can be measured");
         let check = checks.into_iter().find(|check| check.check == "W021 decay-law");

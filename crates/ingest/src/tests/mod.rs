@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use trilink_robot::Robot;
 use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{Quantity, Robot};
 use trilink_statistics::Estimate;
 use trilink_statistics::mean;
 use trilink_synth::{Recipe, Tilt, synthesise};
@@ -867,8 +867,9 @@ fn h_and_l_that_are_wrong_by_a_millimetre_are_flagged_and_do_not_bend_the_joints
     let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| Ok(())).unwrap();
     let mut wrong = Config::default();
     for robot in wrong.robot.values_mut() {
-        robot.h_m += 0.001;
-        robot.l_m -= 0.001;
+        let Robot { h_m, l_m, .. } = robot.to_robot();
+        robot.set(Quantity::H, [h_m + 0.001]);
+        robot.set(Quantity::L, [l_m - 0.001]);
     }
     for trial in trials.iter().filter(|trial| trial.kind == TrialKind::Gait) {
         let right = process_trial(folder.path(), trial, &Config::default()).unwrap();
@@ -903,8 +904,9 @@ fn masses_and_moments_of_inertia_in_grams_are_told_by_what_a_trial_measures() {
     let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| Ok(())).unwrap();
     let mut in_grams = Config::default();
     for robot in in_grams.robot.values_mut() {
-        robot.mass_kg = robot.mass_kg.map(|mass| 1e3 * mass);
-        robot.inertia_kg_m2 = robot.inertia_kg_m2.map(|inertia| 1e3 * inertia);
+        let Robot { mass_kg, inertia_kg_m2, .. } = robot.to_robot();
+        robot.set(Quantity::Mass, mass_kg.map(|mass| 1e3 * mass));
+        robot.set(Quantity::Inertia, inertia_kg_m2.map(|inertia| 1e3 * inertia));
     }
     assert!(!trials.is_empty());
     for trial in trials {
@@ -932,9 +934,9 @@ fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParamet
         let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
         let mut configured = Config::default();
         for robot in configured.robot.values_mut() {
-            robot.roll_kg_s = [0.5, 1.0, 1.5];
-            robot.stiffness_nm_rad = Some(0.25);
-            robot.damping_nm_s_rad = Some(0.01);
+            robot.set(Quantity::Roll, [0.5, 1.0, 1.5]);
+            robot.set(Quantity::Stiffness, [0.25]);
+            robot.set(Quantity::Damping, [0.01]);
         }
         for trial in trials {
             let processed = process_trial(folder.path(), &trial, &configured).unwrap();
@@ -950,9 +952,10 @@ fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParamet
 fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() {
     let stiff = |config: &mut Config| {
         let robot = config.robot.get_mut("semi-passive").unwrap();
-        (robot.stiffness_nm_rad, robot.damping_nm_s_rad) = (Some(0.3), Some(0.004));
-        robot.rest_angle_deg = Some(45.0);
-        robot.roll_kg_s = [0.9, 0.5, 0.2];
+        robot.set(Quantity::Stiffness, [0.3]);
+        robot.set(Quantity::Damping, [0.004]);
+        robot.set(Quantity::RestAngle, [45.0]);
+        robot.set(Quantity::Roll, [0.9, 0.5, 0.2]);
     };
     let (mut within, mut count) = (0, 0);
     let mut worst = [0.0_f64; 5];

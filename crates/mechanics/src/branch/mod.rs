@@ -119,8 +119,7 @@ impl Problem {
     fn per_radian_as(&self, omega_rad_s: f64) -> Self {
         let ratio = omega_rad_s / self.omega_rad_s;
         let mut problem = Self { omega_rad_s, ..self.clone() };
-        let is_sum = |of: &Parameter| matches!(of, Parameter::RollSum | Parameter::RollDrySum);
-        for parameter in Parameter::ALL.into_iter().filter(|of| !is_sum(of)) {
+        for parameter in Parameter::ALL.into_iter().filter(|of| !of.is_sum()) {
             let value = parameter.of(&self.robot) * ratio.powf(parameter.power_of_omega());
             parameter.set(&mut problem.robot, value);
         }

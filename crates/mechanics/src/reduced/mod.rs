@@ -104,13 +104,10 @@ impl<T: Copy> Derivatives<T> {
     /// Fills in the derivatives with respect to the sums of the wheels' resistances, whose
     /// proportions stay when they change; `weighted` adds three derivatives with these weights.
     pub(super) fn set_sums(&mut self, robot: &Robot, weighted: impl Fn([f64; 3], [T; 3]) -> T) {
-        let sums = [
-            (Parameter::RollSum, robot.roll_shares(), Parameter::ROLL),
-            (Parameter::RollDrySum, robot.roll_dry_shares(), Parameter::ROLL_DRY),
-        ];
-        for (sum, shares, of_wheels) in sums {
-            let of_wheels = of_wheels.map(|parameter| self.parameters[parameter]);
-            self.parameters[sum] = weighted(shares, of_wheels);
+        for sum in Parameter::ALL.into_iter().filter(|of| of.is_sum()) {
+            let quantity = sum.quantity();
+            let of_wheels = quantity.of_each().map(|parameter| self.parameters[parameter]);
+            self.parameters[sum] = weighted(quantity.shares(robot), of_wheels);
         }
     }
 }

@@ -3,7 +3,8 @@
 use std::marker::PhantomData;
 
 use trilink_robot::{
-    Balance, Friction, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows,
+    Balance, Friction, Number, Parameter, Quantity, Trig, dforce_dphi, dot, force_balance,
+    roll_rows,
 };
 
 use super::harmonic::{HarmonicMotion, joint_sign};
@@ -306,8 +307,8 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
     fn parameter(&self, column: usize) -> Parameter {
         match column.checked_sub(F::ROLL.len()) {
             None => F::ROLL[column],
-            Some(0) => Parameter::Stiffness,
-            Some(_) => Parameter::Damping,
+            Some(0) => Quantity::Stiffness.one(),
+            Some(_) => Quantity::Damping.one(),
         }
     }
 

@@ -3,8 +3,8 @@
 use std::marker::PhantomData;
 
 use trilink_robot::{
-    Balance, Friction, Number, Parameter, Trig, dforce_dphi, dot, force_balance, roll_rows,
-    skid_rows,
+    Balance, Friction, Number, Parameter, Quantity, Trig, dforce_dphi, dot, force_balance,
+    roll_rows, skid_rows,
 };
 
 use super::harmonic::HarmonicMotion;
@@ -134,7 +134,7 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
     }
 
     fn parameter(&self, column: usize) -> Parameter {
-        const JOINT: [Parameter; 2] = [Parameter::Stiffness, Parameter::Damping];
+        const JOINT: [Parameter; 2] = [Quantity::Stiffness.one(), Quantity::Damping.one()];
         match column.checked_sub(Self::OF_WHEELS) {
             Some(number) => JOINT[number],
             None => F::SKID.get(column).copied().unwrap_or_else(|| F::ROLL[column - F::SKID.len()]),

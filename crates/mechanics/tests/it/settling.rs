@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use trilink_mechanics::{
     Attractor, Laws, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
 };
-use trilink_robot::{Gait, JointCommand, Parameter, Robot};
+use trilink_robot::{Gait, JointCommand, Quantity, Robot};
 
 fn settle(problem: &Problem) -> Result<Attractor, MotionError> {
     Solver::default().settle(problem, REFERENCE_ACCURACY)
@@ -189,8 +189,12 @@ fn the_derivatives_of_a_motion_without_symmetry_are_those_of_its_differences() {
     };
     let omega = differences(&|problem, by| problem.omega_rad_s += by, 1e-4);
     same("omega", derivatives.omega.to_array(), omega);
-    for parameter in [Parameter::Damping, Parameter::Stiffness, Parameter::Skid1, Parameter::Roll0]
-    {
+    for parameter in [
+        Quantity::Damping.one(),
+        Quantity::Stiffness.one(),
+        Quantity::Skid.of(1),
+        Quantity::Roll.of(0),
+    ] {
         let value = parameter.of(&problem.robot);
         let set = |problem: &mut Problem, by: f64| parameter.set(&mut problem.robot, value + by);
         let found = differences(&set, 1e-5 * value);

@@ -228,7 +228,11 @@ mod tests {
     #[test]
     fn captions_have_the_joint_s_values_and_say_whose_they_are() {
         let mut config = Config::default();
-        config.robot.get_mut("semi-passive").expect("the paper's").stiffness_nm_rad = Some(0.2);
+        config
+            .robot
+            .get_mut("semi-passive")
+            .expect("the paper's")
+            .set(trilink_robot::Quantity::Stiffness, [0.2]);
         for (config, joint) in [
             (
                 Config::default(),

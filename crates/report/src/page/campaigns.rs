@@ -6,7 +6,7 @@ use minijinja::context;
 use minijinja::value::{Serde, Value};
 use trilink_mechanics::{FromRest, MotionStatus};
 use trilink_plot::Figure;
-use trilink_robot::{Parameter, Property};
+use trilink_robot::{Parameter, Quantity};
 use trilink_tables::config::RobotConfig;
 use trilink_tables::{FitRow, PredictionSource};
 
@@ -82,15 +82,16 @@ fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'sta
     let has_intervals =
         |fit: &&FitRow| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_empty();
     let fits: Vec<&FitRow> = tables.fits.iter().filter(has_intervals).collect();
-    let is_held = |property: &Property| {
-        let Property::Coefficient(parameter) = property else { return true };
-        let mut of_fits = fits.iter().map(|fit| FittedParameter::of(fit, *parameter));
-        of_fits.any(|of| of.marks[0] == Some(HELD))
+    let is_held = |quantity: &Quantity| {
+        let mut held = fits.iter().flat_map(|fit| {
+            let numbers = quantity.parameters().filter(|of| !of.is_sum());
+            numbers.map(|of| FittedParameter::of(fit, of).marks[0] == Some(HELD))
+        });
+        !quantity.definition().is_fitted || held.any(|is_held| is_held)
     };
     let robot = input.configured_robot(name).filter(|_| !fits.is_empty());
-    let exact = robot.map(RobotConfig::exact).unwrap_or_default().into_iter();
-    let told = exact.filter(|(_, of)| of.iter().any(is_held));
-    told.map(|(key, _)| key).collect()
+    let exact = robot.into_iter().flat_map(RobotConfig::exact);
+    exact.filter(is_held).map(Quantity::name).collect()
 }
 
 /// What the first screen says of a campaign: what the measurements say, and of the model that they

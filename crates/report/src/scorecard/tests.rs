@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use trilink_robot::{Model, Parameter};
+use trilink_robot::{Model, Quantity};
 use trilink_tables::Reader;
 use trilink_tables::TrialStatus;
 use trilink_tables::config::Config;
@@ -298,7 +298,7 @@ fn no_claim_is_that_a_model_is_better_than_one_that_it_contains() {
     let damping = |tables: &MadeUp| find(&with_tables(tables, false), "fig18-damped").verdict;
     assert_eq!(damping(&tables), Verdict::Reproduced);
     for fit in tables.fits.iter_mut().filter(|fit| fit.model == Model::NO_SKID_DAMPED) {
-        fit.parameters[Parameter::Damping] = 0.005;
+        fit.parameters[Quantity::Damping.one()] = 0.005;
     }
     assert_eq!(damping(&tables), Verdict::Differs);
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use trilink_mechanics::{FromRest, Model, MotionStatus};
 use trilink_robot::decay::DecayLaw;
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{ByParameter, Parameter};
+use trilink_robot::{ByParameter, Parameter, Quantity};
 use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::trial::TrialKind;
@@ -204,7 +204,7 @@ impl Tables {
         let fits = self.fits.iter().filter(|fit| !has_input(&fit.model));
         let other = |fit: &FitRow| {
             let mut other = FitRow { gait_input: GaitInput::Commanded, ..fit.clone() };
-            other.parameters[Parameter::Skid0] *= 1.02;
+            other.parameters[Quantity::Skid.of(0)] *= 1.02;
             other.adequate = Some(false);
             other
         };
@@ -283,7 +283,11 @@ impl Tables {
                 model: fit.model,
                 replicate,
                 parameters: ByParameter::from_fn(|of| {
-                    fit.parameters[of] * (1.0 + 0.03 * off[of as usize % 3])
+                    fit.parameters[of]
+                        * (1.0
+                            + 0.03
+                                * off
+                                    [Parameter::ALL.iter().position(|one| *one == of).unwrap() % 3])
                 }),
                 j: fit.j,
                 ..BootstrapRow::blank()
@@ -412,14 +416,14 @@ pub(crate) fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> 
 }
 
 pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
-    use Parameter::{Damping, Skid0, Skid1, Skid2};
+    const SKID: [Parameter; 3] = Quantity::Skid.of_each();
     let laws = Config::default().model[&model].laws();
     let (skids, rolls) = (laws.skids(), laws.roll.is_viscous());
     let passive = campaign == SEMI_PASSIVE;
     let when = |has: bool, value: f64| if has { value } else { f64::NAN };
     let free: Vec<Parameter> = match model {
-        _ if skids => Parameter::SKID.into(),
-        Model::NO_SKID_DAMPED => vec![Damping],
+        _ if skids => Quantity::Skid.of_each().into(),
+        Model::NO_SKID_DAMPED => vec![Quantity::Damping.one()],
         _ => Vec::new(),
     };
     let listed = |has: bool, parameter: Parameter| if has { vec![parameter] } else { Vec::new() };
@@ -435,11 +439,11 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         campaign: campaign.to_owned(),
         model,
         gait_input: Config::default().model[&model].input.unwrap_or(GaitInput::Measured),
-        scatter: ByParameter::from_fn(|of| when(skids && [Skid0, Skid1].contains(&of), 4.31)),
-        systematic: ByParameter::from_fn(|of| match of {
-            Skid0 => when(skids, 5.27),
-            Skid1 => when(skids, 0.0),
-            _ => f64::NAN,
+        scatter: ByParameter::from_fn(|of| when(skids && [SKID[0], SKID[1]].contains(&of), 4.31)),
+        systematic: ByParameter::from_fn(|of| match () {
+            () if of == SKID[0] => when(skids, 5.27),
+            () if of == SKID[1] => when(skids, 0.0),
+            () => f64::NAN,
         }),
         no_interval: match passive && model == Model::NO_SKID_DAMPED {
             true => "no repeats, cycles or errors".to_owned(),
@@ -454,27 +458,28 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
             SYMMETRIC => "raw skid ratios are fitted: trial one".to_owned(),
             _ => String::new(),
         },
-        parameters: ByParameter::from_fn(|of| match of {
-            Skid0 => when(skids, 104.21),
-            Skid1 => when(skids, 34.072),
-            Skid2 => when(skids, 1000.0),
-            Parameter::Roll0 => when(rolls, 0.6),
-            Parameter::Roll1 | Parameter::Roll2 => when(rolls, 0.3),
-            Parameter::RollSum => when(rolls, 1.2),
-            Parameter::Stiffness => when(passive, 0.188),
-            Damping => when(passive, 0.00712),
+        parameters: ByParameter::from_fn(|of| match (of.quantity(), of.is_sum()) {
+            _ if of == SKID[0] => when(skids, 104.21),
+            _ if of == SKID[1] => when(skids, 34.072),
+            _ if of == SKID[2] => when(skids, 1000.0),
+            (Quantity::Roll, true) => when(rolls, 1.2),
+            (Quantity::Roll, false) => {
+                when(rolls, if of == Quantity::Roll.of(0) { 0.6 } else { 0.3 })
+            }
+            (Quantity::Stiffness, _) => when(passive, 0.188),
+            (Quantity::Damping, _) => when(passive, 0.00712),
             _ => f64::NAN,
         }),
-        lower: ByParameter::from_fn(|of| match of {
-            Skid0 => when(skids, 98.4),
-            Skid1 => when(skids, 21.3),
-            _ => f64::NAN,
+        lower: ByParameter::from_fn(|of| match () {
+            () if of == SKID[0] => when(skids, 98.4),
+            () if of == SKID[1] => when(skids, 21.3),
+            () => f64::NAN,
         }),
-        upper: ByParameter::from_fn(|of| when(skids && of == Skid0, 111.9)),
-        identifiable: listed(skids, Skid0),
-        practically_not: listed(skids, Skid1),
-        structurally_not: listed(skids, Skid2),
-        at_bound: listed(skids, Skid2),
+        upper: ByParameter::from_fn(|of| when(skids && of == SKID[0], 111.9)),
+        identifiable: listed(skids, SKID[0]),
+        practically_not: listed(skids, SKID[1]),
+        structurally_not: listed(skids, SKID[2]),
+        at_bound: listed(skids, SKID[2]),
         starts: if free.is_empty() { 1 } else { 8 },
         free,
         j: when(model != Model::NO_SKID_MEASURED || campaign == SKEWED, 4.2031 / (1 + nth) as f64),

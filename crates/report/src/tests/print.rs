@@ -3,7 +3,7 @@
 use std::io::Read;
 
 use flate2::read::ZlibDecoder;
-use trilink_robot::Parameter;
+use trilink_robot::{Parameter, Quantity};
 
 use super::*;
 
@@ -185,7 +185,7 @@ fn every_campaign_s_coefficients_are_a_table_for_latex() {
         "{text}"
     );
     assert!(text.contains("No interval: Nothing tells the noise of the measurements."), "{text}");
-    let of = Parameter::Skid0;
+    let of = Quantity::Skid.of(0);
     let [value, up, down] = [
         skid.parameters[of],
         skid.upper[of] - skid.parameters[of],

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use toml::Value;
 use trilink_base::pattern::{matches, matches_label};
-use trilink_robot::{Gait, Model, Parameter};
+use trilink_robot::{Gait, Laws, Model, Parameter, Quantity, Robot};
 
 use super::{
     Campaign, Config, ConfigError, GaitConfig, JointConfig, ModelConfig, RobotConfig, Robots,
@@ -16,7 +16,7 @@ use super::{
 
 /// The least and the most that every number may be, by its key, in which `*` stands for any
 /// characters. More starts or replicates find nothing new and may not fit into memory.
-const RANGES: [(&str, f64, f64); 43] = [
+const RANGES: [(&str, f64, f64); 28] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -39,22 +39,7 @@ const RANGES: [(&str, f64, f64); 43] = [
     ("compare.run_time_ratio", 1.0, 1e6),
     ("compare.*", 0.0, 1e9),
     ("robot.*.standard_deviation.*", 0.0, 1e6),
-    ("robot.*.h_m", 1e-3, 100.0),
-    ("robot.*.l_m", 1e-3, 100.0),
-    ("robot.*.b_m", 1e-3, 100.0),
-    ("robot.*.mass_kg", 1e-6, 1e5),
-    ("robot.*.inertia_kg_m2", 1e-9, 1e6),
-    ("robot.*.roll_kg_s", 0.0, 1e6),
-    ("robot.*.skid_kg_s", 0.0, 1e6),
-    ("robot.*.skid_dry_n", 0.0, 1e6),
-    ("robot.*.skid_static_n", 0.0, 1e6),
-    ("robot.*.roll_dry_n", 0.0, 1e6),
     ("robot.*.load_n", 1e-6, 1e6),
-    ("robot.*.transition_m_s", 1e-6, 100.0),
-    ("robot.*.stribeck_m_s", 1e-6, 100.0),
-    ("robot.*.stiffness_nm_rad", 0.0, 1e6),
-    ("robot.*.damping_nm_s_rad", 0.0, 1e6),
-    ("robot.*.rest_angle_deg", -180.0, 180.0),
     ("gait.*.amplitude_deg", 0.1, 179.0),
     ("gait.*.amplitude2_deg", 0.0, 179.0),
     ("gait.*", -360.0, 360.0),
@@ -88,6 +73,16 @@ const LEAST_SPREAD_MM: f64 = 5.0;
 /// their labels.
 const WIDTH_MM_PER_PT: f64 = 7.0;
 
+/// Those, and the ranges of the robots' quantities.
+fn ranges() -> impl Iterator<Item = (String, f64, f64)> {
+    let of_robots = Quantity::ALL.into_iter().map(|quantity| {
+        let [least, most] = quantity.definition().range;
+        (format!("robot.*.{}", quantity.name()), least, most)
+    });
+    let others = RANGES.into_iter().map(|(key, least, most)| (key.to_owned(), least, most));
+    others.chain(of_robots)
+}
+
 impl Config {
     /// Checks every value; `path` is the file that errors name.
     pub fn check(&self, path: &Path) -> Result<(), ConfigError> {
@@ -113,18 +108,22 @@ impl Config {
             let key = format!("model.{name}.free");
             check.free(&key, *name, model, &model.free(), &Gait::passive_symmetric())?;
         }
-        for (key, bounds) in [
-            ("fit.skid_bounds_kg_s", self.fit.skid_bounds_kg_s),
-            ("fit.roll_bounds_kg_s", self.fit.roll_bounds_kg_s),
-            ("fit.dry_bounds_n", self.fit.dry_bounds_n),
-            ("fit.transition_bounds_m_s", self.fit.transition_bounds_m_s),
-            ("fit.stribeck_bounds_m_s", self.fit.stribeck_bounds_m_s),
-            ("fit.stiffness_bounds_nm_rad", self.fit.stiffness_bounds_nm_rad),
-            ("fit.damping_bounds_nm_s_rad", self.fit.damping_bounds_nm_s_rad),
-            ("optimise.omega_rad_s", self.optimise.omega_rad_s),
-            ("optimise.amplitude_deg", self.optimise.amplitude_deg),
-        ] {
-            check.that(bounds[0] < bounds[1], key, &bounds, "a lower bound below the upper one")?;
+        let of_fit = |(key, value): (&String, &Value)| {
+            let bounds = value.as_array().filter(|_| key.contains("_bounds_"))?;
+            let [low, high] = [0, 1].map(|i| bounds[i].as_float().unwrap_or(f64::NAN));
+            Some((format!("fit.{key}"), [low, high]))
+        };
+        let of_fit = values["fit"].as_table().into_iter().flatten().filter_map(of_fit);
+        for (key, bounds) in of_fit.chain([
+            ("optimise.omega_rad_s".to_owned(), self.optimise.omega_rad_s),
+            ("optimise.amplitude_deg".to_owned(), self.optimise.amplitude_deg),
+        ]) {
+            check.that(
+                bounds[0] < bounds[1],
+                &key,
+                &bounds,
+                "a lower bound below the upper one",
+            )?;
         }
         let font_pt = self.report.font_pt;
         let (found, least_mm) = (self.report.width_mm.mm(), WIDTH_MM_PER_PT * font_pt);
@@ -172,7 +171,8 @@ impl Config {
             let needed = format!(
                 "stiffness_nm_rad and damping_nm_s_rad, because gait `{gait}` of campaign `{name}` leaves a joint passive",
             );
-            let is_there = spring.stiffness_nm_rad.and(spring.damping_nm_s_rad).is_some();
+            let is_given = |of| spring.get(of).is_some();
+            let is_there = is_given(Quantity::Stiffness) && is_given(Quantity::Damping);
             let key = format!("robot.{robot}.stiffness_nm_rad");
             check.that(is_there, &key, &"no passive joint", &needed)?;
         }
@@ -231,18 +231,20 @@ impl Config {
 
     /// Checks that a robot says what the laws of a model need; both are there.
     pub fn check_laws(&self, path: &Path, robot: &str, model: Model) -> Result<(), ConfigError> {
-        let (has, ModelConfig { skid, roll, .. }) = (&self.robot[robot], &self.model[&model]);
-        for (is_needed, is_there, key) in [
-            (skid.is_dry(), has.skid_dry_n.is_some(), "skid_dry_n"),
-            (skid.has_static(), has.skid_static_n.is_some(), "skid_static_n"),
-            (skid.has_static(), has.stribeck_m_s.is_some(), "stribeck_m_s"),
-            (roll.is_dry(), has.roll_dry_n.is_some(), "roll_dry_n"),
-        ] {
+        let (has, laws) = (&self.robot[robot], self.model[&model].laws());
+        let Laws { skid, roll } = laws;
+        // What has a default without an effect.
+        let is_needed = |of: &Quantity| {
+            let definition = of.definition();
+            definition.is_resistance && (definition.matters)(laws, &Gait { joints: [None; 2] })
+        };
+        for quantity in Quantity::ALL.into_iter().filter(is_needed) {
+            let key = quantity.name();
             let needed = format!(
                 "{key}, which model `{model}` (skid = \"{skid}\", roll = \"{roll}\") has to know"
             );
             let key = format!("robot.{robot}.{key}");
-            (Checker { path }).that(!is_needed || is_there, &key, &"nothing", &needed)?;
+            (Checker { path }).that(has.get(quantity).is_some(), &key, &"nothing", &needed)?;
         }
         Ok(())
     }
@@ -314,7 +316,8 @@ impl Checker<'_> {
 
     /// Checks that masses and moments of inertia are of links as long as they are.
     fn gyration(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {
-        for link in 0..3 {
+        let robot = robot.to_robot();
+        for link in 0..Robot::LINKS {
             let (length, length_m) =
                 if link == 0 { ("h_m", robot.h_m) } else { ("l_m", robot.l_m) };
             let (mass_kg, inertia_kg_m2) = (robot.mass_kg[link], robot.inertia_kg_m2[link]);
@@ -375,9 +378,10 @@ impl Checker<'_> {
             }
             _ => return Ok(()),
         };
-        let range = RANGES.iter().find(|(pattern, ..)| matches(pattern, key, ['*', '?']));
+        let mut ranges = ranges();
+        let range = ranges.find(|(pattern, ..)| matches(pattern, key, ['*', '?']));
         let (_, least, most) = range.expect("every number has a range");
-        let range = *least..=*most;
+        let range = least..=most;
         if range.contains(&number) {
             return Ok(());
         }
@@ -539,7 +543,7 @@ mod tests {
     #[test]
     fn the_documentation_has_every_range() {
         let text = include_str!("../../../../docs/settings.md");
-        for (key, least, most) in RANGES {
+        for (key, least, most) in ranges() {
             let row = format!("| `{key}` | {least} | {most} |");
             assert!(text.contains(&row), "docs/settings.md lacks {row}");
         }

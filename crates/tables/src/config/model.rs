@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use trilink_base::named;
-use trilink_robot::{Family, Laws, Model, Parameter, RollLaw, SkidLaw};
+use trilink_robot::{Laws, Model, Parameter, Quantity, RollLaw, SkidLaw};
 
 /// Models by their names.
 pub type Models = BTreeMap<Model, ModelConfig>;
@@ -34,9 +34,9 @@ impl ModelConfig {
 
     /// What its fit leaves free where the campaign does not say.
     pub fn free(&self) -> Vec<Parameter> {
-        let of_skidding = |of: &Parameter| match of.family() {
-            Family::Skid => self.skid.is_viscous(),
-            Family::SkidDry => self.skid.is_dry(),
+        let of_skidding = |of: &Parameter| match of.quantity() {
+            Quantity::Skid => self.skid.is_viscous(),
+            Quantity::SkidDry => self.skid.is_dry(),
             _ => false,
         };
         let by_default = || Parameter::ALL.into_iter().filter(of_skidding).collect();
@@ -86,7 +86,7 @@ impl<'de> Deserialize<'de> for Free {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut parameters = Vec::new();
         for name in Vec::<String>::deserialize(deserializer)? {
-            let of_wheel = |of: &Parameter| of.key().trim_end_matches(char::is_numeric) == name;
+            let of_wheel = |of: &Parameter| of.quantity().stem() == name;
             // With the unit or without it.
             let is_own = |of: &Parameter| [of.key(), of.name()].contains(&name.as_str());
             match Parameter::ALL.into_iter().find(is_own) {
@@ -114,9 +114,15 @@ mod tests {
     #[test]
     fn a_model_that_does_not_say_what_is_free_frees_how_it_skids() {
         let free = |text: &str| toml::from_str::<ModelConfig>(text).map(|model| model.free());
-        assert_eq!(free("skid = \"viscous\"\nroll = \"none\""), Ok(Parameter::SKID.into()));
-        assert_eq!(free("skid = \"stribeck\"\nroll = \"coulomb\""), Ok(Parameter::SKID_DRY.into()));
-        let both = [Parameter::SKID, Parameter::SKID_DRY].concat();
+        assert_eq!(
+            free("skid = \"viscous\"\nroll = \"none\""),
+            Ok(Quantity::Skid.of_each().into())
+        );
+        assert_eq!(
+            free("skid = \"stribeck\"\nroll = \"coulomb\""),
+            Ok(Quantity::SkidDry.of_each().into())
+        );
+        let both = [Quantity::Skid.of_each(), Quantity::SkidDry.of_each()].concat();
         assert_eq!(free("skid = \"coulomb-viscous\"\nroll = \"none\""), Ok(both));
         assert_eq!(free("skid = \"constrained\"\nroll = \"viscous\""), Ok(Vec::new()));
         // Lists name all wheels at once, or one, or sums.

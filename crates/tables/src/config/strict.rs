@@ -252,7 +252,9 @@ mod tests {
     use toml::{Table, Value};
 
     use super::super::settings::below;
-    use super::super::{Config, ConfigError, FigureWidth, RobotDeviation, SharedFits, Smoothing};
+    use trilink_robot::Quantity;
+
+    use super::super::{Config, ConfigError, FigureWidth, SharedFits, Smoothing};
     use crate::config::Robots;
 
     /// A configuration with every key there is, also those that may be left out.
@@ -264,11 +266,13 @@ mod tests {
         config.optimise.power_w = Some(2.0);
         config.optimise.torque_nm = Some(0.5);
         let robot = config.robot.get_mut("semi-passive").unwrap();
-        robot.standard_deviation = Some(RobotDeviation::default());
-        robot.load_n = Some([7.2, 3.6, 3.6]);
-        robot.skid_static_n = Some([1.0; 3]);
-        robot.roll_dry_n = Some([1.0; 3]);
-        robot.stribeck_m_s = Some(0.1);
+        for of in Quantity::ALL.into_iter().filter(|of| of.definition().has_deviation) {
+            robot.set_deviation(of, vec![0.0; of.count()]);
+        }
+        robot.set_load_n([7.2, 3.6, 3.6]);
+        robot.set(Quantity::SkidStatic, [1.0; 3]);
+        robot.set(Quantity::RollDry, [1.0; 3]);
+        robot.set(Quantity::Stribeck, [0.1]);
         let joint = config.gait.get_mut("skewed").unwrap().joint1.as_mut().unwrap();
         (joint.amplitude2_deg, joint.phase2_deg) = (Some(5.0), Some(0.0));
         Value::try_from(config).unwrap()

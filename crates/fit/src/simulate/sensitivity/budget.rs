@@ -7,7 +7,7 @@
 //! Reference: JCGM 100:2008, *Guide to the expression of uncertainty in measurement*, section 5.
 
 use trilink_mechanics::Problem;
-use trilink_robot::{Gait, Laws, Parameter, Property, Robot};
+use trilink_robot::{Gait, Laws, Parameter, Robot};
 use trilink_tables::KnownFrom;
 use trilink_tables::config::RobotConfig;
 
@@ -41,8 +41,8 @@ struct Together {
 impl Uncertain {
     /// By the standard deviations of the configuration, of what a motion knows.
     pub(in crate::simulate) fn configured(robot: &RobotConfig, laws: Laws, gait: &Gait) -> Self {
-        let independent = |(property, deviation)| {
-            let (quantity, source) = (Quantity::Robot(property), KnownFrom::Configured);
+        let independent = |(parameter, deviation)| {
+            let (quantity, source) = (Quantity::Robot(parameter), KnownFrom::Configured);
             Independent { quantity, deviation, source, refit: Vec::new() }
         };
         let independent = robot.deviations(laws, gait).into_iter().map(independent).collect();
@@ -60,7 +60,7 @@ impl Uncertain {
         let covariance = covariance(replicates, coefficients.len());
         let independent = bands.assumed().filter_map(|(robot, shifts)| {
             let quantity = changed(problem, bands.robot(), robot)?;
-            let is_measured = |of: &Parameter| quantity == Quantity::coefficient(*of);
+            let is_measured = |of: &Parameter| quantity == Quantity::Robot(*of);
             let is_measured = measured.iter().any(is_measured);
             let source = if is_measured { KnownFrom::Measured } else { KnownFrom::Configured };
             let at =
@@ -78,7 +78,7 @@ impl Uncertain {
     pub(super) fn quantities(&self) -> impl Iterator<Item = Quantity> {
         let own = self.independent.iter().map(|of| of.quantity);
         let fitted = self.fitted.iter().flat_map(|of| of.coefficients.iter().copied());
-        own.chain(fitted.map(Quantity::coefficient))
+        own.chain(fitted.map(Quantity::Robot))
     }
 }
 
@@ -90,9 +90,7 @@ fn changed(problem: &Problem, robot: &Robot, other: &Robot) -> Option<Quantity> 
     let all: Vec<Quantity> = all.collect();
     match all[..] {
         [one] => Some(one),
-        [Quantity::Robot(Property::Coefficient(first)), ..] => {
-            first.sum().map(Quantity::coefficient)
-        }
+        [Quantity::Robot(first), ..] => first.sum().map(Quantity::Robot),
         _ => None,
     }
 }
@@ -151,7 +149,7 @@ impl Budget {
         // Per logarithm of each.
         let slopes: Vec<f64> = coefficients
             .iter()
-            .map(|of| by(Quantity::coefficient(*of)) * of.of(&problem.robot))
+            .map(|of| by(Quantity::Robot(*of)) * of.of(&problem.robot))
             .collect();
         let along = |shifts: &[f64]| -> f64 {
             slopes.iter().zip(shifts).map(|(slope, shift)| slope * shift).sum()

@@ -9,7 +9,6 @@
 use trilink_mechanics::{
     Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
-use trilink_robot::Property;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_tables::SENSITIVE_METRICS;
 
@@ -64,7 +63,7 @@ impl<'p> Differentiated<'p> {
     /// A motion nearby does not exist.
     pub(super) fn by(&self, quantity: Quantity) -> Result<(ByMetric, ByMetric), MotionError> {
         let own = match quantity {
-            Quantity::Robot(Property::Coefficient(of)) => {
+            Quantity::Robot(of) if of.quantity().definition().is_fitted => {
                 (&self.metrics.parameters[of], self.work.parameters[of])
             }
             Quantity::Gait(joint, number) if number >= OF_FIRST => {

@@ -1,12 +1,12 @@
 //! The numbers that a motion depends on.
 
 use trilink_mechanics::Problem;
-use trilink_robot::{JointCommand, Parameter, Property, SecondHarmonic};
+use trilink_robot::{JointCommand, Parameter, Quantity as OfRobot, SecondHarmonic};
 
 /// A number of the robot, of the gait, or the frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Quantity {
-    Robot(Property),
+    Robot(Parameter),
     /// Of a commanded joint (0 or 1): offset, amplitude, phase, those of its second harmonic.
     Gait(usize, usize),
     Omega,
@@ -19,20 +19,11 @@ const JOINT_NUMBERS: [&str; 5] =
 pub(super) const OF_FIRST: usize = 3;
 
 impl Quantity {
-    pub(super) fn coefficient(of: Parameter) -> Self {
-        Self::Robot(Property::Coefficient(of))
-    }
-
     /// All that a motion can depend on, sums of others aside.
     pub(super) fn all(problem: &Problem) -> Vec<Self> {
-        let links = (0..3).map(Property::Mass).chain((0..3).map(Property::Inertia));
+        let of_robot = OfRobot::ALL.into_iter().flat_map(OfRobot::parameters);
         let known = |of: &Parameter| !of.is_sum() && problem.laws.know(*of, &problem.gait);
-        let coefficients = Parameter::ALL.into_iter().filter(known).map(Property::Coefficient);
-        let properties = [Property::H, Property::L, Property::B].into_iter().chain(links);
-        let properties = properties
-            .chain(coefficients)
-            .chain(problem.gait.passive_joint().map(|_| Property::RestAngle));
-        let mut all: Vec<Self> = properties.map(Self::Robot).collect();
+        let mut all: Vec<Self> = of_robot.filter(known).map(Self::Robot).collect();
         for (joint, command) in problem.gait.joints.iter().enumerate() {
             let Some(command) = command else { continue };
             let has_second = command.second.is_some();
@@ -46,13 +37,7 @@ impl Quantity {
     /// Its name, with its unit, as `--set` has it.
     pub(super) fn name(self) -> String {
         match self {
-            Self::Robot(Property::H) => "h_m".to_owned(),
-            Self::Robot(Property::L) => "l_m".to_owned(),
-            Self::Robot(Property::B) => "b_m".to_owned(),
-            Self::Robot(Property::Mass(link)) => format!("mass{link}_kg"),
-            Self::Robot(Property::Inertia(link)) => format!("inertia{link}_kg_m2"),
-            Self::Robot(Property::Coefficient(parameter)) => parameter.name().to_owned(),
-            Self::Robot(Property::RestAngle) => "rest_angle_deg".to_owned(),
+            Self::Robot(parameter) => parameter.name().to_owned(),
             Self::Gait(joint, number) => format!("{}{}_deg", JOINT_NUMBERS[number], joint + 1),
             Self::Omega => "omega_rad_s".to_owned(),
         }
@@ -61,15 +46,16 @@ impl Quantity {
     /// How many of its unit one of the problem's is: angles are degrees.
     pub(super) fn scale(self) -> f64 {
         match self {
-            Self::Robot(Property::RestAngle) | Self::Gait(..) => 1_f64.to_degrees(),
-            _ => 1.0,
+            Self::Robot(of) => 1.0 / of.quantity().definition().unit.in_si(),
+            Self::Gait(..) => 1_f64.to_degrees(),
+            Self::Omega => 1.0,
         }
     }
 
     /// Its value in a problem, in SI units.
     pub(super) fn of(self, problem: &Problem) -> f64 {
         match self {
-            Self::Robot(property) => property.of(&problem.robot),
+            Self::Robot(parameter) => parameter.of(&problem.robot),
             Self::Gait(joint, number) => {
                 problem.gait.joints[joint].as_ref().map_or(f64::NAN, |of| number_of(of, number))
             }
@@ -80,7 +66,7 @@ impl Quantity {
     /// Gives it a value in a problem, in SI units.
     pub(super) fn set(self, problem: &mut Problem, value: f64) {
         match self {
-            Self::Robot(property) => property.set(&mut problem.robot, value),
+            Self::Robot(parameter) => parameter.set(&mut problem.robot, value),
             Self::Gait(joint, number) => {
                 if let Some(of) = &mut problem.gait.joints[joint] {
                     match number {

@@ -1,5 +1,5 @@
 use trilink_mechanics::{REFERENCE_ACCURACY, Solver};
-use trilink_robot::{Model, Parameter, Property, RollLaw, SkidLaw};
+use trilink_robot::{Model, Parameter, Quantity as OfRobot, RollLaw, SkidLaw};
 use trilink_tables::config::{Config, ModelConfig};
 
 use super::*;
@@ -100,11 +100,11 @@ fn derivatives_are_those_of_independent_differences() {
 fn every_number_is_what_a_setting_of_its_name_gives() {
     let mut config = Config::default();
     let robot = config.robot.get_mut("kinematic").expect("the paper's");
-    robot.load_n = Some([8.0, 3.0, 7.0]);
+    robot.set_load_n([8.0, 3.0, 7.0]);
     for robot in config.robot.values_mut() {
-        robot.skid_static_n = Some([0.3, 0.2, 0.1]);
-        robot.stribeck_m_s = Some(0.02);
-        robot.roll_dry_n = Some([0.01, 0.02, 0.03]);
+        robot.set(OfRobot::SkidStatic, [0.3, 0.2, 0.1]);
+        robot.set(OfRobot::Stribeck, [0.02]);
+        robot.set(OfRobot::RollDry, [0.01, 0.02, 0.03]);
     }
     let gait = config.gait.get_mut("skewed").expect("the paper's");
     let joint = gait.joint2.as_mut().expect("commanded");
@@ -126,7 +126,7 @@ fn every_number_is_what_a_setting_of_its_name_gives() {
             Setup::new(config.clone(), campaign, model, settings).expect(campaign)
         };
         let problem = with(&[]).problem(3.0);
-        let sums = Parameter::ALL.into_iter().filter(|of| of.is_sum()).map(Quantity::coefficient);
+        let sums = Parameter::ALL.into_iter().filter(|of| of.is_sum()).map(Quantity::Robot);
         let all = Quantity::all(&problem).into_iter().chain(sums);
         for quantity in all.filter(|of| *of != Quantity::Omega) {
             let (name, value) = (quantity.name(), quantity.of(&problem) * quantity.scale());
@@ -137,7 +137,7 @@ fn every_number_is_what_a_setting_of_its_name_gives() {
                     let known = of.of(&problem);
                     let known = if of == quantity { part * known } else { known };
                     let is_part = matches!((of, quantity),
-                        (Quantity::Robot(Property::Coefficient(one)), Quantity::Robot(Property::Coefficient(all)))
+                        (Quantity::Robot(one), Quantity::Robot(all))
                             if one != all && one.is_part_of(all));
                     let known = if is_part { part * known } else { known };
                     let miss = (of.of(&set) - known).abs();
