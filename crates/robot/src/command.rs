@@ -33,27 +33,32 @@ struct Polar {
 }
 
 impl From<SecondHarmonic> for Polar {
+    #[inline]
     fn from(of: SecondHarmonic) -> Self {
         Self { amplitude2_rad: of.amplitude_rad(), phase2_rad: of.phase_rad() }
     }
 }
 
 impl SecondHarmonic {
+    #[inline]
     pub fn new(amplitude_rad: f64, phase_rad: f64) -> Self {
         let (sin, cos) = phase_rad.sin_cos();
         Self { in_phase_rad: amplitude_rad * cos, quadrature_rad: amplitude_rad * sin }
     }
 
+    #[inline]
     pub fn amplitude_rad(self) -> f64 {
         self.in_phase_rad.hypot(self.quadrature_rad)
     }
 
     /// Within half a turn of zero.
+    #[inline]
     pub fn phase_rad(self) -> f64 {
         self.quadrature_rad.atan2(self.in_phase_rad)
     }
 
     /// Derivatives with respect to amplitude and phase from those with respect to the two parts.
+    #[inline]
     pub fn polar_slopes(self, [by_in_phase, by_quadrature]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = self.phase_rad().sin_cos();
         [
@@ -103,21 +108,25 @@ impl fmt::Debug for JointCommand {
 
 impl JointCommand {
     /// Without a second harmonic.
+    #[inline]
     pub fn new(offset_rad: f64, amplitude_rad: f64, phase_rad: f64) -> Self {
         Self { offset_rad, amplitude_rad, phase_rad, second: None }
     }
 
     /// Offset, amplitude and phase, rad.
+    #[inline]
     pub fn to_array(self) -> [f64; 3] {
         [self.offset_rad, self.amplitude_rad, self.phase_rad]
     }
 
     /// The same to write to.
+    #[inline]
     pub fn numbers_mut(&mut self) -> [&mut f64; 3] {
         [&mut self.offset_rad, &mut self.amplitude_rad, &mut self.phase_rad]
     }
 
     /// The second harmonic, of nothing where there is none.
+    #[inline]
     pub fn second(self) -> SecondHarmonic {
         self.second.unwrap_or_default()
     }
@@ -125,6 +134,7 @@ impl JointCommand {
     /// What was measured of the joint that follows this command: its mean and first harmonic, with the
     /// command's second one. It is not known (NaN) where no joint can turn so far.
     #[must_use]
+    #[inline]
     pub fn measured(self, measured: Self) -> Self {
         let Self { offset_rad, amplitude_rad, .. } = measured;
         match offset_rad.abs() + amplitude_rad.abs() <= TAU {
@@ -135,6 +145,7 @@ impl JointCommand {
 
     /// The same command as it is an angle of omega later.
     #[must_use]
+    #[inline]
     pub fn later(self, phase_rad: f64) -> Self {
         let second = self
             .second
@@ -143,6 +154,7 @@ impl JointCommand {
     }
 
     /// The angle (order 0) or a derivative of it with respect to the phase `omega t`.
+    #[inline]
     pub fn derivative(&self, order: i32, phase_rad: f64) -> f64 {
         let quarters = f64::from(order) * FRAC_PI_2;
         let offset_rad = if order == 0 { self.offset_rad } else { 0.0 };
@@ -155,6 +167,7 @@ impl JointCommand {
 
     /// Derivatives of the angle (order 0) or of its rate per omega (1) at a phase with respect to
     /// offset, amplitude, phase and both parts of the second harmonic.
+    #[inline]
     pub fn slopes(&self, order: i32, phase_rad: f64) -> [f64; 5] {
         let quarters = f64::from(order) * FRAC_PI_2;
         let (sin, cos) = (phase_rad + self.phase_rad + quarters).sin_cos();
@@ -166,6 +179,7 @@ impl JointCommand {
 
     /// Phases `omega t` at which the angle (order 0) or its rate (1) turns round, from half a turn
     /// before the first harmonic's largest angle on.
+    #[inline]
     pub fn turns(&self, order: i32) -> Turns {
         /// Parts of a cycle in which no derivative up to the third has two roots.
         const PARTS: usize = 32;
@@ -249,11 +263,13 @@ impl JointCommand {
     }
 
     /// Highest and lowest angle of a cycle, rad.
+    #[inline]
     pub fn range_rad(&self) -> [f64; 2] {
         self.extremes().map(|at| self.derivative(0, at))
     }
 
     /// Half the way between the highest and the lowest angle of a cycle, rad.
+    #[inline]
     pub fn half_range_rad(&self) -> f64 {
         match self.second() == SecondHarmonic::default() {
             true => self.amplitude_rad.abs(),
@@ -265,6 +281,7 @@ impl JointCommand {
     }
 
     /// Derivatives of that with respect to the numbers of [`JointCommand::slopes`].
+    #[inline]
     pub fn half_range_slopes(&self) -> [f64; 5] {
         match self.second() == SecondHarmonic::default() {
             true => [0.0, self.amplitude_rad.signum(), 0.0, 0.0, 0.0],

@@ -50,12 +50,14 @@ impl Gait {
     }
 
     /// Index (0 or 1) of the passive joint, if there is one.
+    #[inline]
     pub fn passive_joint(&self) -> Option<usize> {
         self.joints.iter().position(Option::is_none)
     }
 
     /// Whether half a period later every commanded angle has changed its sign: none has an offset or a
     /// second harmonic.
+    #[inline]
     pub fn is_symmetric(&self) -> bool {
         let is_symmetric = |joint: &JointCommand| {
             joint.offset_rad == 0.0 && joint.second() == SecondHarmonic::default()
@@ -106,6 +108,7 @@ impl Gait {
     }
 
     /// The commanded shape at phase `omega t`.
+    #[inline]
     pub fn at(&self, phase_rad: f64, omega_rad_s: f64) -> Shape {
         let waves = self.waves(phase_rad, omega_rad_s);
         self.shape(&waves, self.double_turn(phase_rad), omega_rad_s)

@@ -26,17 +26,20 @@ pub struct Pose {
 
 impl Pose {
     /// The pose moved along its own heading.
+    #[inline]
     pub fn ahead(self, length_m: f64) -> Self {
         let (sin, cos) = self.theta_rad.sin_cos();
         Self { x_m: self.x_m + length_m * cos, y_m: self.y_m + length_m * sin, ..self }
     }
 
     /// The pose turned to the left about its own origin.
+    #[inline]
     pub fn turned(self, angle_rad: f64) -> Self {
         Self { theta_rad: self.theta_rad + angle_rad, ..self }
     }
 
     /// The mirror image in the x axis.
+    #[inline]
     pub fn mirrored(self) -> Self {
         Self { x_m: self.x_m, y_m: -self.y_m, theta_rad: -self.theta_rad }
     }
@@ -48,6 +51,7 @@ impl Mul for Pose {
 
     // Positions turn, headings add.
     #[allow(clippy::suspicious_arithmetic_impl)]
+    #[inline]
     fn mul(self, local: Self) -> Self {
         let origin = [self.x_m, self.y_m];
         let [x_m, y_m] = in_world(origin, self.theta_rad, [local.x_m, local.y_m]);
@@ -72,6 +76,7 @@ pub fn in_world(origin: [f64; 2], theta_rad: f64, [x, y]: [f64; 2]) -> [f64; 2] 
 impl Robot {
     /// Poses of links 0, 1, 2 with link 0 at `middle`: `r1 = r0 + h t0 + l t1` along
     /// `theta - phi1`, `r2 = r0 - h t0 - l t2` along `theta + phi2`.
+    #[inline]
     pub fn link_poses(&self, middle: Pose, [phi1, phi2]: [f64; 2]) -> [Pose; 3] {
         let (front, rear) = (middle.ahead(self.h_m), middle.ahead(-self.h_m));
         [middle, front.turned(-phi1).ahead(self.l_m), rear.turned(phi2).ahead(-self.l_m)]
@@ -137,6 +142,7 @@ pub fn dot<T: Number>(row: &[T; 5], velocity: &Velocity<T>) -> T {
 ///
 /// The sign is the opposite of eq. 4's, as working eq. 1 out shows; only the zeros matter.
 /// Likewise `det A = +det(W_b)^2` where the paper has a minus.
+#[inline]
 pub fn det_wb(robot: &Robot, trig: &Trig) -> f64 {
     let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
     robot.h_m * (s1 * c2 - c1 * s2) + robot.l_m * (s1 - s2)

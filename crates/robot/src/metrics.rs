@@ -45,12 +45,14 @@ impl GaitMetrics {
         Self { d_m: 0.0, v_m_s: 0.0, sigma: [0.0; 3], alpha1_rad: 0.0, dtheta_rad: 0.0 };
 
     /// The metrics in the order of the fields.
+    #[inline]
     pub fn to_array(self) -> [f64; 7] {
         let [middle, front, rear] = self.sigma;
         [self.d_m, self.v_m_s, middle, front, rear, self.alpha1_rad, self.dtheta_rad]
     }
 
     /// The inverse of [`GaitMetrics::to_array`].
+    #[inline]
     pub fn from_array(values: [f64; 7]) -> Self {
         let [d_m, v_m_s, sigma @ .., alpha1_rad, dtheta_rad] = values;
         Self { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad }
@@ -76,6 +78,7 @@ named! {
 
 impl MotionStatus {
     /// By the modulus of the largest Floquet multiplier, if there is one.
+    #[inline]
     pub fn new(modulus: Option<f64>, is_symmetry_broken: bool) -> Self {
         match (modulus.is_some_and(|modulus| modulus >= 1.0), is_symmetry_broken) {
             (true, _) => Self::Unstable,
@@ -85,11 +88,13 @@ impl MotionStatus {
     }
 
     /// Whether a robot that is nearby gets into it.
+    #[inline]
     pub fn is_stable(self) -> bool {
         matches!(self, Self::Stable | Self::SymmetryBroken)
     }
 
     /// Whether the robot gets into it from rest and stays in it.
+    #[inline]
     pub fn is_reached_and_stays(self, from_rest: FromRest) -> bool {
         self.is_stable() && from_rest == FromRest::Reached
     }
@@ -136,6 +141,7 @@ named! {
 
 impl BranchKind {
     /// Periods of the command after which each motion repeats itself.
+    #[inline]
     pub fn periods(self) -> i64 {
         if self == Self::PeriodDoubled { 2 } else { 1 }
     }

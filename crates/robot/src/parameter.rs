@@ -62,19 +62,27 @@ impl Parameter {
     }
 
     /// What it is a number of.
+    #[inline]
     pub const fn quantity(self) -> Quantity {
         self.quantity
     }
 
     /// Its place in [`Parameter::ALL`].
+    #[inline]
     const fn index(self) -> usize {
-        let (mut before, mut i) = (0, 0);
-        while i < self.quantity as usize {
-            before += Self::count_of(Quantity::ALL[i]);
+        Self::FIRST[self.quantity as usize] + self.place as usize
+    }
+
+    /// The place of each quantity's first number.
+    const FIRST: [usize; Quantity::ALL.len()] = {
+        let mut first = [0; Quantity::ALL.len()];
+        let mut i = 1;
+        while i < Quantity::ALL.len() {
+            first[i] = first[i - 1] + Self::count_of(Quantity::ALL[i - 1]);
             i += 1;
         }
-        before + self.place as usize
-    }
+        first
+    };
 
     /// The wheel or link that it is of; `None` of a number of the robot and of a sum.
     pub fn wheel_or_link(self) -> Option<usize> {
