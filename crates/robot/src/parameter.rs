@@ -70,6 +70,7 @@ impl Parameter {
     /// Its place in [`Parameter::ALL`].
     #[inline]
     const fn index(self) -> usize {
+        debug_assert!(self.quantity.definition().is_fitted, "no fit frees it");
         Self::FIRST[self.quantity as usize] + self.place as usize
     }
 
