@@ -183,7 +183,7 @@ fn if_asked<R: Columns>(
     missing: &mut Vec<String>,
 ) -> Result<Vec<R>, ReportError> {
     match optional(derived, reader, name) {
-        Err(ReportError::Store(error)) if error.is_of_columns() => {
+        Err(ReportError::Store(error)) if error.is_schema_mismatch() => {
             missing.push(format!("{error}: `trilink optimise --keep` makes it anew."));
             Ok(Vec::new())
         }

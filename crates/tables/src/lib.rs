@@ -4,13 +4,14 @@
 //! - What is asked for: [`config`] (`pipeline.toml`; its `Default` is the paper's experiment) and
 //!   [`trial`] (`trials.toml`).
 //! - What is in the tables: `schema`, `optimum` and `sensitivity`, a struct for each kind of row, such
-//!   as [`TrialRow`]; `status` and `extrapolation`, the names in their columns; `explanations`, what
+//!   as [`TrialRow`]; `objective`, what an [`Objective`] is worth; `status` and `extrapolation`, the names in their columns; `explanations`, what
 //!   each check means.
 //! - How they are stored: `columns` ([`Columns`], from rows to columns and back), `table` ([`Table`],
-//!   Parquet with its [`Provenance`]), [`checksum`].
+//!   Parquet with its [`Provenance`]), `table_set` ([`table_set!`], the tables that a stage reads and writes
+//!   together), [`checksum`].
 //! - How they are kept consistent: `atomic` (a file is there whole or not at all), `stamp` ([`Reader`],
 //!   which refuses a file that changed since it was looked at).
-//! - [`clock`] and `time`: the time of a run.
+//! - [`clock`]: now; `time` ([`UtcTime`]): a time as a column.
 //!
 //! ```
 //! use trilink_tables::{Provenance, Table, config::Config, numbers, texts};
@@ -40,7 +41,7 @@ mod sensitivity;
 mod stamp;
 mod status;
 mod table;
-mod tables;
+mod table_set;
 mod time;
 pub mod trial;
 
@@ -107,16 +108,17 @@ impl StoreError {
     pub fn is_not_there(&self) -> bool {
         let Self::Read { source, .. } = self else { return false };
         match source.kind() {
-            // No file has a name that no file can have.
+            // An invalid name cannot exist.
             ErrorKind::NotFound | ErrorKind::InvalidFilename => true,
-            // The system was not asked for a name with NUL; what it finds invalid may be there.
+            // NUL is refused by std before any system call (no OS error); EINVAL from the system proves
+            // nothing.
             ErrorKind::InvalidInput => source.raw_os_error().is_none(),
             _ => false,
         }
     }
 
-    /// Whether it is a table, but of another version.
-    pub fn is_of_columns(&self) -> bool {
+    /// Whether it is a table, but with columns of another version.
+    pub fn is_schema_mismatch(&self) -> bool {
         matches!(self, Self::Column { .. } | Self::Columns { .. })
     }
 }

@@ -30,7 +30,7 @@ impl Kept {
         let (known, problem) = match Self::read(derived, &Reader::default()) {
             Ok(known) => (known, None),
             Err(error) if error.is_not_there() => (Self::default(), None),
-            Err(error) if error.is_of_columns() => (Self::default(), Some(error)),
+            Err(error) if error.is_schema_mismatch() => (Self::default(), Some(error)),
             Err(error) => return Err(error),
         };
         let mut all = known.by_target();
