@@ -36,6 +36,16 @@ const NOTHING: f64 = 10.0 * FIT_ACCURACY;
 /// Changes of the metrics, in the order of [`GaitMetrics::to_array`].
 type Changes = [f64; 7];
 
+/// Why a motion has no band, and what to do about it.
+pub(super) fn explained(error: &MotionError) -> String {
+    match error {
+        MotionError::GaitUnknown => {
+            format!("{error}; gait_input = \"commanded\" under [fit] does without")
+        }
+        _ => error.to_string(),
+    }
+}
+
 /// How far a motion's metrics may be off.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Band {

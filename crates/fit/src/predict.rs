@@ -9,7 +9,7 @@ use trilink_robot::metrics::GaitMetrics;
 use trilink_tables::{PredictionRow, PredictionSource, ResidualRow};
 
 use super::FitInput;
-use super::bands::{Band, Bands};
+use super::bands::{Band, Bands, explained};
 use super::conditions::Condition;
 use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
@@ -43,7 +43,8 @@ impl Predicted {
             let band = bands.as_ref().map_err(Clone::clone).and_then(|bands| {
                 // Others go on from this motion.
                 bands.band(solver.clone(), problem, metrics).map_err(|error| {
-                    format!("the fit to a resample has no motion at this frequency: {error}")
+                    let why = explained(&error);
+                    format!("the fit to a resample has no motion at this frequency: {why}")
                 })
             });
             Ok((metrics, status, band))

@@ -1,20 +1,23 @@
 //! The models' motion: steady periodic solutions and the transients from rest.
 //!
-//! Every solution comes from collocation by the same rule, Radau IIA: a transient is integrated
-//! one element after the other, a steady motion is a periodic boundary value problem that is
-//! solved for all elements at once.
+//! Every solution but those of eq. 3, which take quadrature, comes from collocation with Radau IIA: a
+//! transient is integrated one element after the other, a steady motion (limit cycle) is a periodic
+//! boundary value problem that is solved for all elements at once. Equations are those of Raz and Or,
+//! *Locomotion Dynamics of an Underactuated Three-Link Robotic Vehicle*.
 //!
-//! A [`Problem`] is a robot, a gait, laws of friction and a frequency. In reading order:
+//! A [`Problem`] is a robot, a gait, friction laws and a frequency. In reading order:
 //!
 //! - The equations (eq. 7) in the states that matter: `reduced`; `quadrature` (eq. 3, where no wheel
 //!   skids and no joint is passive).
 //! - Collocation: `radau`, `element`, `lu`, `mesh`, then `transient` and `orbit`, the periodic problem
-//!   with its Floquet multipliers; `method` and [`Solver`] choose among them.
+//!   with its Floquet multipliers; `method` and `solver` ([`Solver`], which also gives the [`Attractor`])
+//!   choose among them.
 //! - What a solution says, as [`SteadyMotion`] and [`Sample`]: `cycle`, `extreme`, `path`, `forces`,
 //!   `trajectory`.
 //! - Its derivatives, by adjoints: `sensitivity` and `gradient` ([`Derivatives`]).
-//! - Which motion it is: `attractor` ([`Attractor`], reached from rest), `branch` ([`branches`] through
-//!   folds), `sharp` ([`SharpLimit`], dry friction as the transition speed goes to zero).
+//! - Which motion it is: `attractor` (the one reached from rest), `branch` ([`branches`] through folds, by
+//!   numerical continuation), `sharp` ([`SharpLimit`], regularised Coulomb friction as the transition
+//!   speed goes to zero).
 //!
 //! ```
 //! use trilink_mechanics::{Laws, Problem, REFERENCE_ACCURACY};
@@ -65,7 +68,7 @@ pub use trilink_robot::ContactForces;
 pub use trilink_robot::metrics::{FromRest, MotionStatus};
 pub use trilink_robot::{Laws, Model, Pose};
 
-/// A result of this module.
+/// A result of this crate.
 pub(crate) type Result<T> = std::result::Result<T, MotionError>;
 
 /// Why there is no motion to report.
@@ -93,11 +96,10 @@ pub enum MotionError {
     Determined,
     #[error("a robot without a commanded joint does not move")]
     NotDriven,
-    #[error(
-        "the offset, amplitude and phase of the commanded joints were not measured; \
-         gait_input = \"commanded\" under [fit] does without"
-    )]
+    #[error("the offset, amplitude and phase of the commanded joints were not measured")]
     GaitUnknown,
+    #[error("cancelled")]
+    Cancelled,
 }
 
 fn repeats(after: Option<usize>) -> String {
@@ -105,7 +107,7 @@ fn repeats(after: Option<usize>) -> String {
 }
 
 impl MotionError {
-    /// What there is of the motion.
+    /// The status of a motion that was not found for this reason.
     pub fn status(&self) -> MotionStatus {
         match self {
             Self::Singular { .. } => MotionStatus::Singular,
@@ -115,7 +117,7 @@ impl MotionError {
     }
 }
 
-/// A robot under laws of friction and a gait at one frequency.
+/// A robot under friction laws and a gait at one frequency.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
     pub robot: Robot,
@@ -134,7 +136,7 @@ pub const FIT_ACCURACY: f64 = 1e-6;
 
 impl Problem {
     /// Solves for the steady periodic motion to a relative `accuracy` of its metrics, and for
-    /// its stability. A [`Solver`] does the same many times over without allocating.
+    /// its stability. A [`Solver`] does the same many times over and allocates for the first only.
     ///
     /// # Errors
     /// There is no such motion, or it could not be found or resolved.
@@ -158,8 +160,8 @@ impl Problem {
         self.varied_transient(&[], duration_s, rate_hz, tolerance)
     }
 
-    /// The same where all friction of the wheels in cycle i is `friction[i]` times the robot's, in
-    /// cycles that have none the robot's.
+    /// The same where all friction of the wheels in cycle i is scaled by `friction[i]`; cycles beyond
+    /// the slice are unscaled.
     ///
     /// # Errors
     /// As [`Problem::transient`].
@@ -199,7 +201,7 @@ impl Problem {
         Self { robot: self.robot.resisted(factor), ..self.clone() }
     }
 
-    /// The same without the resistances that the laws do not know.
+    /// The same with the coefficients that the laws do not use set to zero.
     fn effective(&self) -> Self {
         Self { robot: self.laws.effective(&self.robot), ..self.clone() }
     }
@@ -214,8 +216,8 @@ pub struct SteadyMotion {
     pub floquet: Option<f64>,
     /// Work of the actuators over a cycle, J.
     pub work_j: f64,
-    /// Whether it is one of two motions that are each other's mirror image half a period later, though
-    /// the commands are their own.
+    /// Whether it has lost the commands' symmetry (mirror image, half a period later) and so belongs to
+    /// a mirror-image pair (pitchfork).
     pub is_symmetry_broken: bool,
 }
 
@@ -227,7 +229,7 @@ impl SteadyMotion {
         values
     }
 
-    /// Whether it is stable, and one of two that are each other's mirror image.
+    /// Whether it is stable, and whether it has lost the commands' symmetry.
     pub fn status(&self) -> MotionStatus {
         MotionStatus::new(self.floquet, self.is_symmetry_broken)
     }

@@ -16,6 +16,7 @@ use trilink_robot::{Gait, Laws, Model, Robot};
 use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
 use trilink_tables::{Columns as _, Extrapolation, SensitivityRow, TrajectoryRow};
 
+use crate::bands::explained;
 use crate::{Alternatives, MeasuredRange, PredictionBands};
 
 pub use answer::{Answer, Interval, SimulationRow};
@@ -221,7 +222,9 @@ impl Setup {
             .and_then(|(solver, motion)| bands.limits(solver, &problem, motion.metrics));
         match limits {
             Ok([lower, upper]) => Interval { lower, upper, no_interval: String::new() },
-            Err(error) => Interval::unknown(format!("a fit to a resample has none: {error}")),
+            Err(error) => {
+                Interval::unknown(format!("a fit to a resample has none: {}", explained(&error)))
+            }
         }
     }
 

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
+mod allocations;
 mod draws;
 mod effort;
 mod friction;
