@@ -5,7 +5,7 @@
 //! - [`files`]: regular files of a bounded size; [`csv`]: fields and records, written and read.
 //! - [`pattern`]: `*` and `?` in names of files, campaigns and markers.
 //! - [`Named`] and [`named!`]: enumerations whose values have names in files, in tables and on the
-//!   command line.
+//!   command line; [`LengthUnit`] is one.
 //! - [`numbers`] and [`text`]: numbers, and text from elsewhere, as they are printed.
 //! - [`cancel`]: work that Ctrl-C stops.
 //!
@@ -19,9 +19,11 @@
 pub mod cancel;
 pub mod csv;
 pub mod files;
+mod length;
 mod named;
 pub mod numbers;
 pub mod pattern;
 pub mod text;
 
+pub use length::LengthUnit;
 pub use named::Named;

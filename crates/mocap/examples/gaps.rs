@@ -38,8 +38,8 @@ fn print(file: &Recording) {
         let seen: Vec<i64> = rows.filter(|(row, _)| is_seen(*row)).map(|(_, at)| *at).collect();
         let gaps = gaps(&seen);
         let longest = gaps.iter().max().map_or("-".into(), |&gap| duration(gap, file.rate_hz));
-        let part = 100.0 * seen.len() as f64 / frames;
-        println!("{label:<24} {part:>6.1} % {:>6} {longest:>14}", gaps.len());
+        let percent = 100.0 * seen.len() as f64 / frames;
+        println!("{label:<24} {percent:>6.1} % {:>6} {longest:>14}", gaps.len());
     }
 }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use flate2::read::MultiGzDecoder;
 use trilink_base::files;
 
-use super::{Problem, ReadError};
+use super::{FileProblem, ReadError};
 
 /// Largest text that is unpacked, bytes: some ten hours of ten markers.
 const UNPACKED_LIMIT_BYTES: u64 = 1 << 30;
@@ -28,18 +28,18 @@ const UTF16_MARKS: [&[u8]; 2] = [&[0xff, 0xfe], &[0xfe, 0xff]];
 /// The file is missing or unreadable.
 pub fn read_file(path: &Path) -> Result<(Vec<u8>, Metadata), ReadError> {
     files::read(path, files::DATA_BYTES).map_err(|error| match error.kind() {
-        ErrorKind::NotFound => Problem::Missing.of(path),
-        _ => Problem::Read(error).of(path),
+        ErrorKind::NotFound => FileProblem::Missing.of(path),
+        _ => FileProblem::Read(error).of(path),
     })
 }
 
 /// The content of a file: unpacked if it is packed.
-pub(super) fn unpack(file: &[u8]) -> Result<Cow<'_, [u8]>, Problem> {
+pub(super) fn unpack(file: &[u8]) -> Result<Cow<'_, [u8]>, FileProblem> {
     let by_ratio = LARGEST_RATIO.saturating_mul(file.len() as u64);
     unpack_at_most(file, by_ratio.clamp(LEAST_LIMIT_BYTES, UNPACKED_LIMIT_BYTES))
 }
 
-pub(super) fn unpack_at_most(file: &[u8], limit_bytes: u64) -> Result<Cow<'_, [u8]>, Problem> {
+pub(super) fn unpack_at_most(file: &[u8], limit_bytes: u64) -> Result<Cow<'_, [u8]>, FileProblem> {
     if !file.starts_with(GZIP_MAGIC) {
         return Ok(Cow::Borrowed(file));
     }
@@ -47,18 +47,18 @@ pub(super) fn unpack_at_most(file: &[u8], limit_bytes: u64) -> Result<Cow<'_, [u
     MultiGzDecoder::new(file)
         .take(limit_bytes.saturating_add(1))
         .read_to_end(&mut content)
-        .map_err(Problem::Unpack)?;
+        .map_err(FileProblem::Unpack)?;
     if content.len() as u64 > limit_bytes {
         let found = format!("more than {limit_bytes} bytes when unpacked");
-        return Err(Problem::new(found, "at most that"));
+        return Err(FileProblem::new(found, "at most that"));
     }
     Ok(Cow::Owned(content))
 }
 
 /// The text of a file's content, without a byte-order mark.
-pub(super) fn text(content: &[u8]) -> Result<&[u8], Problem> {
+pub(super) fn text(content: &[u8]) -> Result<&[u8], FileProblem> {
     if UTF16_MARKS.iter().any(|mark| content.starts_with(mark)) {
-        return Err(Problem::new("UTF-16", "a text in UTF-8; save it as `CSV UTF-8`"));
+        return Err(FileProblem::new("UTF-16", "a text in UTF-8; save it as `CSV UTF-8`"));
     }
     Ok(content.strip_prefix(BYTE_ORDER_MARK).unwrap_or(content))
 }

@@ -1,7 +1,7 @@
 //! Numbers that lost their decimal point: a spreadsheet with decimal commas takes the point of
 //! `-276.716` for one of thousands, and leaves that of `603.46`.
 
-use super::{Problem, Recording};
+use super::{FileProblem, Recording};
 
 /// Digits that stand after a point that is taken for one of thousands: three.
 const FACTOR: f64 = 1000.0;
@@ -15,7 +15,7 @@ const MIN_MM: f64 = 10.0 * FACTOR;
 const MIN_FOUND: usize = 3;
 
 /// Refuses a file whose numbers lost their decimal points here and there.
-pub(super) fn check(file: &Recording) -> Result<(), Problem> {
+pub(super) fn check(file: &Recording) -> Result<(), FileProblem> {
     if !file.positions_mm.as_flattened().iter().any(|x| x.abs() >= MIN_MM) {
         return Ok(());
     }
@@ -53,7 +53,7 @@ pub(super) fn check(file: &Recording) -> Result<(), Problem> {
     );
     let needed = "them as exported: a spreadsheet with decimal commas took the points for thousands; \
                   export the file again, and open it only with the cells imported as text";
-    Err(Problem::new(found, needed))
+    Err(FileProblem::new(found, needed))
 }
 
 /// Whether a whole number is another one without its decimal point.

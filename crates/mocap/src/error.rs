@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 #[error("{}{problem}", path.display())]
 pub struct ReadError {
     pub path: PathBuf,
-    pub problem: Problem,
+    pub problem: FileProblem,
 }
 
 /// What is wrong, as it is written after the file's name.
 #[derive(Debug, thiserror::Error)]
-pub enum Problem {
+pub enum FileProblem {
     #[error(": no such file")]
     Missing,
     #[error(": cannot be read: {0}")]
@@ -25,7 +25,7 @@ pub enum Problem {
     Content { place: String, found: String, needed: String },
 }
 
-impl Problem {
+impl FileProblem {
     /// What is wrong with a file as a whole.
     pub(super) fn new(found: impl Into<String>, needed: impl Into<String>) -> Self {
         Self::Content { place: String::new(), found: found.into(), needed: needed.into() }
@@ -49,8 +49,8 @@ impl ReadError {
     /// What the system says of a file that cannot be read.
     pub fn system(&self) -> Option<ErrorKind> {
         match &self.problem {
-            Problem::Missing => Some(ErrorKind::NotFound),
-            Problem::Read(error) => Some(error.kind()),
+            FileProblem::Missing => Some(ErrorKind::NotFound),
+            FileProblem::Read(error) => Some(error.kind()),
             _ => None,
         }
     }

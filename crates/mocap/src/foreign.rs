@@ -1,6 +1,6 @@
 //! What a file is that has no section of markers, and what to do about it.
 
-use super::Problem;
+use super::FileProblem;
 use super::cells::{Dialect, Lines, shown};
 use super::sections;
 
@@ -23,16 +23,16 @@ const KINDS: [(&[u8], &str, &str); 8] = [
 ];
 
 /// What a text without the section is.
-pub(super) fn describe(dialect: Dialect, text: &[u8]) -> Problem {
+pub(super) fn describe(dialect: Dialect, text: &[u8]) -> FileProblem {
     if let Some((_, what, instead)) = KINDS.iter().find(|(start, ..)| begins_with(text, start)) {
-        return Problem::new(*what, format!("{NEEDED_SECTION}; {instead}"));
+        return FileProblem::new(*what, format!("{NEEDED_SECTION}; {instead}"));
     }
     let found = match is_utf16(text) {
         true => "UTF-16".to_owned(),
         false if text.contains(&0) => "a binary file".to_owned(),
         false => other_tables(dialect, text),
     };
-    Problem::new(found, NEEDED_SECTION)
+    FileProblem::new(found, NEEDED_SECTION)
 }
 
 fn begins_with(text: &[u8], start: &[u8]) -> bool {

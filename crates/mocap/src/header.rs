@@ -10,7 +10,7 @@
 
 use super::cells::{Dialect, Lines, label_text, shown};
 use super::foreign::{self, NEEDED_SECTION};
-use super::{Problem, units};
+use super::{FileProblem, units};
 use crate::LengthUnit;
 
 const SECTION: &[u8] = b"Trajectories";
@@ -45,10 +45,10 @@ pub(super) enum Column {
 /// Finds the section and reads its header. A file whose first table has no title may still be
 /// the markers, their title cut off by hand; then the rate may be unknown. `unit` is that of a file
 /// without a row of units.
-pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, Problem> {
+pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FileProblem> {
     let dialect = Dialect::of(text);
     if dialect.is_blank(text) {
-        return Err(Problem::new("an empty file", NEEDED_SECTION));
+        return Err(FileProblem::new("an empty file", NEEDED_SECTION));
     }
     let mut lines = Lines::new(text);
     if let Some(line) = title_line(dialect, &mut lines) {
@@ -85,13 +85,13 @@ fn read(
     mut lines: Lines<'_>,
     title: usize,
     unit: LengthUnit,
-) -> Result<Header<'_>, Problem> {
+) -> Result<Header<'_>, FileProblem> {
     const NEEDED_AXES: &str = "a row that starts with `Frame,Sub Frame,X,Y,Z`";
     let quoted = |cell: &[u8]| format!("`{}`", shown(cell));
     let mut above = Vec::new();
     let (line, axes) = loop {
         let next = lines.next().filter(|(line, _)| *line <= title + HEADER_LINES);
-        let none = || Problem::in_line(title, "no row of axes in the next lines", NEEDED_AXES);
+        let none = || FileProblem::in_line(title, "no row of axes in the next lines", NEEDED_AXES);
         let (line, row) = next.ok_or_else(none)?;
         if dialect.is_axis_row(row) {
             break (line, row);
@@ -106,19 +106,19 @@ fn read(
             let cell = dialect.first_cell(rate);
             let rate_hz = dialect.number(cell).filter(|rate_hz| *rate_hz > 0.0);
             let needed = "the frame rate, a number of Hz above 0";
-            let error = || Problem::in_line(line, quoted(cell), needed);
+            let error = || FileProblem::in_line(line, quoted(cell), needed);
             (Some(rate_hz.ok_or_else(error)?), labels)
         }
         [] => {
             let needed = "a row of marker labels above it";
-            return Err(Problem::in_line(line, "the row of axes at once", needed));
+            return Err(FileProblem::in_line(line, "the row of axes at once", needed));
         }
-        [.., (line, row)] => return Err(Problem::in_line(line, quoted(row), NEEDED_AXES)),
+        [.., (line, row)] => return Err(FileProblem::in_line(line, quoted(row), NEEDED_AXES)),
     };
     let (labels, columns) = markers(dialect, labels_row, axes);
     if labels.is_empty() {
         let needed = "at least one label with X, Y, Z below it";
-        return Err(Problem::in_line(line, quoted(axes), needed));
+        return Err(FileProblem::in_line(line, quoted(axes), needed));
     }
     let mut header = Header { dialect, rate_hz, unit, labels, columns, line, body: lines.clone() };
     if let Some((line, row)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
@@ -130,10 +130,10 @@ fn read(
             }
             let found = || format!("unit {} of {}", quoted(cell), header.labels[*marker as usize]);
             let unit = units::of_text(cell)
-                .ok_or_else(|| Problem::in_line(line, found(), units::needed()))?;
+                .ok_or_else(|| FileProblem::in_line(line, found(), units::needed()))?;
             if let Some(other) = said.replace(unit).filter(|other| *other != unit) {
                 let found = format!("{} beside `{other}`", found());
-                return Err(Problem::in_line(line, found, "one unit for all markers"));
+                return Err(FileProblem::in_line(line, found, "one unit for all markers"));
             }
         }
         header.unit = said.unwrap_or(unit);

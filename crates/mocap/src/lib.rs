@@ -7,11 +7,11 @@
 //!
 //! [`read_markers`] gives a [`Recording`], in mm. The modules in the order that a file passes them:
 //!
-//! - `bytes`: files, unpacked where gzip packed them; then by format
-//! - text: `cells`, `sections`, `header`, `units`, `rows`, `decimals`; `foreign` says what another
-//!   program's file is; or
-//! - `c3d`: <https://www.c3d.org>, integers and floats of all three processor types.
-//! - `markers`: what both end in; `error`: what was found, what was needed, in which line.
+//! - `bytes` reads and decompresses; then, by format,
+//!   - text: `cells`, `sections`, `header`, `units`, `rows`, `decimals`; `foreign` says what another
+//!     program's file is;
+//!   - C3D: `c3d` (<https://www.c3d.org>), integers and floats of all three processor types;
+//! - both give `markers`; `error`: what was found, what was needed, in which line.
 //! - `write`: the same files from markers, as Nexus writes them.
 //!
 //! ```
@@ -44,16 +44,16 @@ mod write;
 use std::path::Path;
 
 pub use bytes::read_file;
-pub use error::{Problem, ReadError};
+pub use error::{FileProblem, ReadError};
 pub use markers::Recording;
 pub use sections::Section;
-pub use units::LengthUnit;
+pub use trilink_base::LengthUnit;
 pub use write::{c3d_bytes, csv_bytes};
 
 /// Names of marker files end like this, packed or not.
 const ENDINGS: [&str; 2] = [".csv", ".c3d"];
 
-/// Names of the marker files of a folder, in order.
+/// Names of the marker files of a folder, sorted.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -102,8 +102,8 @@ pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ReadError> {
 fn by_format<T>(
     path: &Path,
     file: &[u8],
-    of_c3d: impl Fn(&[u8]) -> Result<T, Problem>,
-    of_text: impl Fn(&[u8]) -> Result<T, Problem>,
+    of_c3d: impl Fn(&[u8]) -> Result<T, FileProblem>,
+    of_text: impl Fn(&[u8]) -> Result<T, FileProblem>,
 ) -> Result<T, ReadError> {
     let read = |content: &[u8]| match c3d::is_c3d(path, content) {
         true => of_c3d(content),

@@ -3,7 +3,7 @@
 use super::cells::{Dialect, plain_decimal, shown, trimmed};
 use super::header::{self, Column, Header};
 use super::markers::{LARGEST_MM, MISSING};
-use super::{Problem, Recording, decimals};
+use super::{FileProblem, Recording, decimals};
 use crate::LengthUnit;
 
 /// Largest frame number that is believed, so that differences of two cannot overflow.
@@ -11,7 +11,7 @@ const LARGEST_FRAME: f64 = 1e12;
 
 /// Parses the markers' table, up to the next section or the end of the text; `unit` is that of a
 /// table which does not say its own.
-pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, Problem> {
+pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProblem> {
     let header = header::find(text, unit)?;
     let dialect = header.dialect;
     let markers = header.labels.len();
@@ -32,7 +32,11 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, Problem>
             let rest = [(line, cells)].into_iter().chain(lines);
             match header::title_line(dialect, rest) {
                 Some(line) => {
-                    return Err(Problem::in_line(line, "a second `Trajectories` section", "one"));
+                    return Err(FileProblem::in_line(
+                        line,
+                        "a second `Trajectories` section",
+                        "one",
+                    ));
                 }
                 None => break,
             }
@@ -45,20 +49,20 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, Problem>
         };
         if let Some(&previous) = frames.last().filter(|&&previous| frame <= previous) {
             let found = format!("frame {frame} after frame {previous}");
-            return Err(Problem::in_line(line, found, "a larger number"));
+            return Err(FileProblem::in_line(line, found, "a larger number"));
         }
         frames.push(frame);
         if row.is_cut(text) {
             let found = format!("the file's end after {} cells of a row", dialect.count(cells));
             let needed = format!("{}; is the copy complete?", header.columns.len());
-            return Err(Problem::in_line(line, found, needed));
+            return Err(FileProblem::in_line(line, found, needed));
         }
         let start = positions_mm.len();
         // A full row has a byte per cell, so this many cells mean that rows are cut short;
         // a crafted file could otherwise ask for far more memory than its own size.
         if (start + markers) * 3 > text.len() {
             let found = format!("rows much shorter than the {markers} markers of the header");
-            return Err(Problem::in_line(line, found, "one cell per axis"));
+            return Err(FileProblem::in_line(line, found, "one cell per axis"));
         }
         positions_mm.resize(start + markers, MISSING);
         let rest = row.positions(&mut positions_mm[start..])?;
@@ -69,8 +73,11 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, Problem>
         let unnumbered =
             || format!("{rows_without_frame} rows below line {line} and none with a frame number");
         return Err(match rows_without_frame {
-            0 => Problem::new(format!("no row of numbers below line {line}"), "at least one frame"),
-            _ => Problem::new(unnumbered(), "at least one"),
+            0 => FileProblem::new(
+                format!("no row of numbers below line {line}"),
+                "at least one frame",
+            ),
+            _ => FileProblem::new(unnumbered(), "at least one"),
         });
     }
     let doubts = Vec::new();
@@ -114,7 +121,7 @@ impl Row<'_> {
     }
 
     /// The row's frame number; `None` if the cell is empty.
-    fn frame(&self) -> Result<Option<i64>, Problem> {
+    fn frame(&self) -> Result<Option<i64>, FileProblem> {
         let dialect = self.header.dialect;
         let cell = dialect.first_cell(self.cells);
         if cell.is_empty() {
@@ -128,7 +135,7 @@ impl Row<'_> {
     /// Fills in what the row has, and gives what is beyond its columns. Cells that are empty or cut
     /// off stay missing, and a marker of which only some coordinates are there is missing as a
     /// whole.
-    fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<&[u8], Problem> {
+    fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<&[u8], FileProblem> {
         let mut rest = self.cells;
         for (i, column) in self.header.columns.iter().enumerate() {
             if let &Column::Axis(marker, axis) = column {
@@ -153,7 +160,7 @@ impl Row<'_> {
 
     /// The number at the start of `rest`, mm (NaN for an empty cell), and the length of its cell.
     #[inline]
-    fn cell(&self, column: usize, rest: &[u8]) -> Result<(f64, usize), Problem> {
+    fn cell(&self, column: usize, rest: &[u8]) -> Result<(f64, usize), FileProblem> {
         let dialect = self.header.dialect;
         let ends = |at: usize| rest.get(at).is_none_or(|&byte| byte == dialect.separator);
         if ends(0) {
@@ -175,7 +182,7 @@ impl Row<'_> {
     }
 
     #[cold]
-    fn not_a_number(&self, column: usize, cell: &[u8], needed: String) -> Problem {
+    fn not_a_number(&self, column: usize, cell: &[u8], needed: String) -> FileProblem {
         let Header { columns, labels, .. } = self.header;
         let name = match columns[column] {
             Column::Axis(marker, axis) => {
@@ -185,6 +192,6 @@ impl Row<'_> {
         };
         let place = format!(", line {}, column {} ({name})", self.line, column + 1);
         let found = format!("`{}`", shown(cell));
-        Problem::Content { place, found, needed }
+        FileProblem::Content { place, found, needed }
     }
 }

@@ -399,7 +399,7 @@ fn a_packed_file_that_is_made_to_fill_the_memory_is_refused() {
 
 /// Polars alone took 1.6 times as long as this reader for the same bytes, one thread each.
 #[test]
-#[ignore = "a timing; alone and with --release: cargo test --release --lib -- --ignored reading"]
+#[ignore = "a timing; alone and with --release: cargo test --release -p trilink-mocap --lib reading -- --ignored"]
 fn reading_is_as_fast_as_parsing_every_cell() {
     let mut text = String::from("Trajectories\n120\n,");
     let row = |cell: &str| cell.repeat(30) + "\n";

@@ -29,7 +29,7 @@ pub use model::{Free, GaitInput, ModelConfig, Models};
 pub use paths::{Paths, is_pattern};
 pub use robot::RobotConfig;
 pub use settings::Setting;
-use trilink_mocap::LengthUnit;
+use trilink_base::LengthUnit;
 use trilink_robot::{Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic};
 
 use strict::Strict;

@@ -9,7 +9,7 @@ use std::fmt;
 
 use super::BLOCK;
 use super::parameters::{Parameters, bytes_at, decimal};
-use crate::Problem;
+use crate::FileProblem;
 
 /// Largest 16-bit count; longer recordings state this instead.
 const MAX_U16: usize = 65_535;
@@ -197,17 +197,17 @@ impl Counts {
     ///
     /// # Errors
     /// The places that state it differ: which is right is not known, and all positions have it.
-    pub(super) fn integer_scale(&self) -> Result<f64, Problem> {
+    pub(super) fn integer_scale(&self) -> Result<f64, FileProblem> {
         let positive: Vec<_> = self.scale.0.iter().filter(|(scale, _)| *scale > 0.0).collect();
         match positive[..] {
             [(first, _), (second, _)] if (first / second - 1.0).abs() > RELATIVE_TOLERANCE => {
-                Err(Problem::new(
+                Err(FileProblem::new(
                     format!("two scales of the positions: {}", self.scale),
                     "one: which is right is not known; export the file anew, as floating-point numbers",
                 ))
             }
             [(scale, _), ..] => Ok(*scale),
-            [] => Err(Problem::new("no scale of the positions", "POINT:SCALE")),
+            [] => Err(FileProblem::new("no scale of the positions", "POINT:SCALE")),
         }
     }
 
@@ -216,15 +216,15 @@ impl Counts {
     /// # Errors
     /// There is no frame, the file is shorter than its frames, or its numbers contradict each other
     /// and its size does not tell which are right.
-    pub(super) fn layout(&self, content: &[u8]) -> Result<(Layout, Vec<String>), Problem> {
+    pub(super) fn layout(&self, content: &[u8]) -> Result<(Layout, Vec<String>), FileProblem> {
         if self.data_start.0.is_empty() {
-            return Err(Problem::new("no place of the data", "POINT:DATA_START"));
+            return Err(FileProblem::new("no place of the data", "POINT:DATA_START"));
         }
         if self.scale.0.is_empty() {
-            return Err(Problem::new("no scale of the positions", "POINT:SCALE"));
+            return Err(FileProblem::new("no scale of the positions", "POINT:SCALE"));
         }
         if self.frames.0.is_empty() && self.min_frames.is_none() {
-            return Err(Problem::new("no frames", "at least one"));
+            return Err(FileProblem::new("no frames", "at least one"));
         }
         let data = &content[..self.data_end.min(content.len())];
         let stated = self.layouts(&self.analog_values.values());
@@ -328,18 +328,18 @@ impl Counts {
     }
 
     /// The only stated layout of data that it does not fill, if the file only goes on after it.
-    fn not_filling(&self, layout: Layout, data: &[u8]) -> Result<Layout, Problem> {
+    fn not_filling(&self, layout: Layout, data: &[u8]) -> Result<Layout, FileProblem> {
         let frame_count = self.frames.values()[0];
         let layout = Layout { frame_count, ..layout };
         let whole = data.len().saturating_sub(layout.data_start) / layout.frame_bytes();
         if whole < layout.frame_count {
             let found = format!("{whole} of {frame_count} frames");
-            return Err(Problem::new(found, "all of them; is the copy complete?"));
+            return Err(FileProblem::new(found, "all of them; is the copy complete?"));
         }
         Ok(layout)
     }
 
-    fn contradiction(&self, stated: &[Layout], data: &[u8]) -> Problem {
+    fn contradiction(&self, stated: &[Layout], data: &[u8]) -> FileProblem {
         let bytes = |layout: &Layout| data.len().saturating_sub(layout.data_start);
         let mut sizes: Vec<String> = stated.iter().map(|of| bytes(of).to_string()).collect();
         sizes.dedup();
@@ -357,7 +357,7 @@ impl Counts {
         );
         let needed = "counts that are the same in header and parameters and fill the data to less \
                       than a block of 512 bytes; export the file anew";
-        Problem::new(found, needed)
+        FileProblem::new(found, needed)
     }
 
     /// What had to be chosen, each with all numbers.

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use super::cells::{label_text, shown};
 use super::markers::{LARGEST_MM, MISSING};
-use super::{Problem, Recording, Section, units};
+use super::{FileProblem, Recording, Section, units};
 use crate::LengthUnit;
 use counts::{Counts, Layout};
 use parameters::{ByteOrder, Parameters};
@@ -42,7 +42,7 @@ fn parameter_section(content: &[u8]) -> Option<&[u8]> {
 }
 
 /// The markers of a C3D file; `unit` is that of a file which does not say its own.
-pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<Recording, Problem> {
+pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<Recording, FileProblem> {
     let mut contents = Contents::read(content)?;
     let said = contents.mm_per_unit()?;
     if said.is_none() {
@@ -58,7 +58,7 @@ pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<Recording, Probl
             if let Some(x) = position.iter().find(|x| x.abs() > LARGEST_MM) {
                 let frame = contents.first_frame + i as i64;
                 let found = format!("{x} mm for {label} in frame {frame}");
-                return Err(Problem::new(found, "a number of mm within a kilometre"));
+                return Err(FileProblem::new(found, "a number of mm within a kilometre"));
             }
             positions_mm.push(position);
         }
@@ -75,7 +75,7 @@ pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<Recording, Probl
 }
 
 /// Points and analog samples as if they were sections of an export.
-pub(super) fn sections(content: &[u8]) -> Result<Vec<Section>, Problem> {
+pub(super) fn sections(content: &[u8]) -> Result<Vec<Section>, FileProblem> {
     let contents = Contents::read(content)?;
     let section =
         |name: &str, rate_hz, rows| Section { name: name.to_owned(), line: 0, rate_hz, rows };
@@ -101,14 +101,14 @@ struct Contents<'f> {
 }
 
 impl<'f> Contents<'f> {
-    fn read(content: &'f [u8]) -> Result<Self, Problem> {
+    fn read(content: &'f [u8]) -> Result<Self, FileProblem> {
         let header = content.get(..BLOCK).filter(|header| header[1] == MAGIC).ok_or_else(|| {
-            Problem::new("no C3D header", "512 bytes of which the second is 0x50")
+            FileProblem::new("no C3D header", "512 bytes of which the second is 0x50")
         })?;
         let section = parameter_section(content)
-            .ok_or_else(|| Problem::new("no parameter section", "one inside the file"))?;
+            .ok_or_else(|| FileProblem::new("no parameter section", "one inside the file"))?;
         let order = ByteOrder::of(section).map_err(|found| {
-            Problem::new(format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
+            FileProblem::new(format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
         })?;
         let word = |number: usize| {
             let at = 2 * (number - 1);
@@ -120,7 +120,7 @@ impl<'f> Contents<'f> {
             _ => section.get(2).map_or(0, |&blocks| blocks.into()),
         };
         let parameters = Parameters::read(section, blocks * BLOCK, order)
-            .ok_or_else(|| Problem::new("a cut or damaged parameter section", "a whole one"))?;
+            .ok_or_else(|| FileProblem::new("a cut or damaged parameter section", "a whole one"))?;
         let counts = Counts::read(header, &parameters, content.len());
         if counts.has_no_points() {
             return Err(no_points(&parameters, word(3)));
@@ -142,7 +142,7 @@ impl<'f> Contents<'f> {
     }
 
     /// Index and label of every point that is a marker. Unlabelled points have none, or `*12`.
-    fn markers(&self) -> Result<Vec<(usize, String)>, Problem> {
+    fn markers(&self) -> Result<Vec<(usize, String)>, FileProblem> {
         let texts = |name: &str| self.parameters.texts("POINT", name);
         let lists: Vec<(&str, Vec<&[u8]>)> =
             MODEL_OUTPUTS.iter().filter_map(|name| Some((*name, texts(name)?))).collect();
@@ -178,11 +178,11 @@ impl<'f> Contents<'f> {
             found.push(format!("{} points without a label", all - outputs));
         }
         let needed = "at least one marker in POINT:LABELS; export the labelled trajectories";
-        Err(Problem::new(found.join(" and "), needed))
+        Err(FileProblem::new(found.join(" and "), needed))
     }
 
     /// Millimetres a unit of the file, if it says its unit.
-    fn mm_per_unit(&self) -> Result<Option<f64>, Problem> {
+    fn mm_per_unit(&self) -> Result<Option<f64>, FileProblem> {
         let units = self.parameters.texts("POINT", "UNITS").unwrap_or_default();
         match units.first().copied().unwrap_or_default() {
             b"" => Ok(None),
@@ -190,7 +190,7 @@ impl<'f> Contents<'f> {
                 Some(unit) => Ok(Some(unit.mm())),
                 None => {
                     let found = format!("POINT:UNITS `{}`", shown(unit));
-                    Err(Problem::new(found, units::needed()))
+                    Err(FileProblem::new(found, units::needed()))
                 }
             },
         }
@@ -222,7 +222,7 @@ fn values<const N: usize>(frame: &[u8], point: usize) -> Option<[[u8; N]; 4]> {
 }
 
 /// What a file without points holds instead.
-fn no_points(parameters: &Parameters, analog_values: usize) -> Problem {
+fn no_points(parameters: &Parameters, analog_values: usize) -> FileProblem {
     let used = |group: &str| parameters.number(group, "USED").filter(|used| *used > 0.0);
     let instead = match (used("ROTATION"), analog_values) {
         (Some(rotations), _) => format!("only rotations of {rotations} segments"),
@@ -230,5 +230,5 @@ fn no_points(parameters: &Parameters, analog_values: usize) -> Problem {
         (None, _) => "only analog channels".to_owned(),
     };
     let found = format!("no points (POINT:USED is 0), {instead}");
-    Problem::new(found, "positions of markers; export the labelled trajectories")
+    FileProblem::new(found, "positions of markers; export the labelled trajectories")
 }
