@@ -1,6 +1,6 @@
-//! Gives every stage the hash of what its results are made of: the sources of its crate and of the
-//! crates of this workspace that it depends on, and the checksums of all others. A change of the report
-//! redoes no fit, one of the solver no trial.
+//! Gives every stage the hash of what its results are made of: the sources and assets of its crate and of
+//! the crates of this workspace that it depends on, the features that they ask of others, and the
+//! checksums of those. A change of the report redoes no fit, one of the solver no trial.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ const STAGES: [(&str, &str); 3] = [
 ];
 
 fn main() {
-    for changed in ["crates", "src/compare", "Cargo.lock", "build.rs"] {
+    for changed in ["crates", "src/compare", "Cargo.lock", "Cargo.toml", "build.rs"] {
         println!("cargo:rerun-if-changed={changed}");
     }
     let home = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo says where"));
@@ -50,6 +50,8 @@ impl Packages {
     /// Hash of a package and of all that it depends on.
     pub fn source_hash(&self, home: &Path, package: &str) -> Hash {
         let mut hash = Hash::new();
+        let workspace = manifest(home);
+        let workspace = workspace.get("workspace").and_then(|table| table.get("dependencies"));
         for name in self.closure(home, package) {
             for found in self.0.get(&name).into_iter().flatten() {
                 hash.add(&name);
@@ -57,14 +59,21 @@ impl Packages {
                     hash.add(found.get(key).and_then(|text| text.as_str()).unwrap_or_default());
                 }
             }
+            let entry = workspace.and_then(|table| table.get(&name));
+            hash.add(entry.map(ToString::to_string).unwrap_or_default());
             if let Some(folder) = folder(home, &name) {
+                let manifest = manifest(&folder);
+                for key in ["dependencies", "features"] {
+                    hash.add(manifest.get(key).map(ToString::to_string).unwrap_or_default());
+                }
                 hash.add_files(&folder.join("src"));
+                hash.add_files(&folder.join("assets"));
             }
         }
         hash
     }
 
-    /// Names of a package and of all that it depends on, in order.
+    /// Names of a package and of all that it depends on, sorted.
     pub fn closure(&self, home: &Path, package: &str) -> Vec<String> {
         let (mut found, mut open) = (Vec::new(), vec![package.to_owned()]);
         while let Some(name) = open.pop() {
@@ -77,11 +86,11 @@ impl Packages {
         found
     }
 
-    /// What a package depends on. The lock has what its tests depend on, too, of packages of this workspace.
+    /// What a package depends on. For workspace members `Cargo.lock` also lists dev-dependencies, so read
+    /// the manifest.
     fn dependencies(&self, home: &Path, name: &str) -> Vec<String> {
         if let Some(folder) = folder(home, name) {
-            let manifest = fs::read_to_string(folder.join("Cargo.toml")).expect("a manifest");
-            let manifest: Table = manifest.parse().expect("a manifest is TOML");
+            let manifest = manifest(&folder);
             let dependencies = manifest.get("dependencies").and_then(|table| table.as_table());
             return dependencies.into_iter().flatten().map(|(name, _)| name.clone()).collect();
         }
@@ -90,6 +99,12 @@ impl Packages {
         let names = listed.flatten().filter_map(|listed| listed.as_str()?.split(' ').next());
         names.map(str::to_owned).collect()
     }
+}
+
+/// The manifest of a folder.
+fn manifest(folder: &Path) -> Table {
+    let text = fs::read_to_string(folder.join("Cargo.toml")).expect("a manifest");
+    text.parse().expect("a manifest is TOML")
 }
 
 /// Where the source of a package of this workspace is; what comes from a registry has a checksum.
@@ -106,10 +121,10 @@ impl Hash {
         Self(0x6c62_272e_07bb_0142_62b8_2175_6295_c58d)
     }
 
-    fn add(&mut self, text: &str) {
-        // What no text has stands between two of them.
-        for byte in text.bytes().chain([0xff]) {
-            self.0 = (self.0 ^ u128::from(byte)).wrapping_mul(0x0100_0000_0000_0000_0000_013b);
+    fn add(&mut self, entry: impl AsRef<[u8]>) {
+        // 0xff never occurs in UTF-8, so it separates entries.
+        for byte in entry.as_ref().iter().chain(&[0xff]) {
+            self.0 = (self.0 ^ u128::from(*byte)).wrapping_mul(0x0100_0000_0000_0000_0000_013b);
         }
     }
 
@@ -126,8 +141,10 @@ impl Hash {
                 name => {
                     self.add(name);
                     let bytes = fs::read(&path).unwrap_or_default();
-                    let text = String::from_utf8_lossy(&bytes);
-                    text.lines().for_each(|line| self.add(line));
+                    match std::str::from_utf8(&bytes) {
+                        Ok(text) => text.lines().for_each(|line| self.add(line)),
+                        Err(_) => self.add(&bytes),
+                    }
                 }
             }
         }

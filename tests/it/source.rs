@@ -4,6 +4,7 @@
 #[path = "../../build.rs"]
 mod build;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
@@ -31,7 +32,7 @@ fn a_stage_is_its_crate_and_those_that_it_depends_on() {
         assert!(!has("trilink-ingest", name), "{name}");
     }
     assert!(has("trilink-fit", "trilink-mechanics"));
-    for name in ["trilink-ingest", "trilink-report", "trilink-plot", "clap"] {
+    for name in ["trilink-ingest", "trilink-mocap", "trilink-report", "trilink-plot", "clap"] {
         assert!(!has("trilink-fit", name), "{name}");
     }
     assert!(has("trilink-report", "trilink-plot") && !has("trilink-report", "trilink-fit"));
@@ -45,6 +46,15 @@ fn a_changed_source_changes_the_hash_of_the_stages_that_use_it_alone() {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, text).unwrap();
     };
+    let workspace = |features: &str| {
+        write(
+            "../Cargo.toml",
+            &format!(
+                "[workspace.dependencies]\nwide = {{ version = '1', features = [{features}] }}\n"
+            ),
+        );
+    };
+    workspace("");
     write("low/Cargo.toml", "[dependencies]\nwide = '1'\n[dev-dependencies]\ninsta = '1'\n");
     write("low/src/lib.rs", "pub fn one() {}\n");
     write("high/Cargo.toml", "[dependencies]\ntrilink-low = '1'\n");
@@ -64,6 +74,16 @@ fn a_changed_source_changes_the_hash_of_the_stages_that_use_it_alone() {
     let differ = |now: [u128; 2]| [0, 1].map(|i| now[i] != before[i]);
     assert_eq!(differ(hashes(&lock("1.0.0", "2.0.0"))), [false, false]);
     assert_eq!(differ(hashes(&lock("1.0.1", "1.0.0"))), [true, true]);
+    workspace("'std'");
+    assert_eq!(differ(hashes(&lock("1.0.0", "1.0.0"))), [true, true]);
+    workspace("");
+    write("high/assets/font.ttf", "a font");
+    assert_eq!(differ(hashes(&lock("1.0.0", "1.0.0"))), [false, true]);
+    fs::remove_dir_all(home.path().join("crates/high/assets")).unwrap();
+    write("high/Cargo.toml", "[dependencies.trilink-low]\nversion = '1'\nfeatures = ['more']\n");
+    assert_eq!(differ(hashes(&lock("1.0.0", "1.0.0"))), [false, true]);
+    let described = "[package]\ndescription = 'High'\n[dependencies]\ntrilink-low = '1'\n";
+    write("high/Cargo.toml", described);
     write("high/src/lib.rs", "pub fn three() {}\n");
     assert_eq!(differ(hashes(&lock("1.0.0", "1.0.0"))), [false, true]);
     write("high/src/lib.rs", "pub fn two() {}\r\n");
@@ -71,4 +91,31 @@ fn a_changed_source_changes_the_hash_of_the_stages_that_use_it_alone() {
     assert_eq!(differ(hashes(&lock("1.0.0", "1.0.0"))), [false, false]);
     write("low/src/lib.rs", "pub fn other() {}\n");
     assert_eq!(differ(hashes(&lock("1.0.0", "1.0.0"))), [true, true]);
+}
+
+#[test]
+fn every_crate_depends_on_those_of_the_architecture_s_table_alone() {
+    if !Path::new("crates").is_dir() {
+        return;
+    }
+    let document = fs::read_to_string("docs/architecture.md").unwrap();
+    let rows = document.lines().filter_map(|line| line.strip_prefix("| `")?.split_once('`'));
+    let listed = |text: &str| -> BTreeSet<String> {
+        text.split('`').skip(1).step_by(2).map(|name| format!("trilink-{name}")).collect()
+    };
+    let table: BTreeMap<String, BTreeSet<String>> = rows
+        .map_while(|(name, rest)| Some((name.to_owned(), listed(rest.rsplit('|').nth(1)?))))
+        .take_while(|(name, _)| name != "trilink")
+        .collect();
+    let mut found = BTreeMap::new();
+    for folder in fs::read_dir("crates").unwrap() {
+        let folder = folder.unwrap();
+        let manifest = fs::read_to_string(folder.path().join("Cargo.toml")).unwrap();
+        let manifest: toml::Table = manifest.parse().unwrap();
+        let dependencies = manifest.get("dependencies").and_then(|table| table.as_table());
+        let names = dependencies.into_iter().flatten().map(|(name, _)| name.clone());
+        let own = names.filter(|name| name.starts_with("trilink-")).collect::<BTreeSet<_>>();
+        found.insert(folder.file_name().into_string().unwrap(), own);
+    }
+    assert_eq!(table, found);
 }
