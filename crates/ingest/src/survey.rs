@@ -1,10 +1,11 @@
-//! What a marker file holds, without a trial's entry, and what would stop it from being
+//! What a marker file without an entry in `trials.toml` holds, and what would stop it from being
 //! ingested.
 
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use trilink_mocap::{Recording, Section};
+use trilink_statistics::median_high;
 
 use super::error::Problem;
 use super::input::IngestSettings;
@@ -39,7 +40,7 @@ pub struct RecordingSurvey {
     /// Frames between the first and the last that have no row.
     pub frames_left_out: i64,
     pub rows_without_frame: usize,
-    /// Part of all markers' frames in which they were seen.
+    /// Fraction of marker frames that were seen.
     pub coverage: f64,
     pub markers: Vec<MarkerCoverage>,
     pub gaps: Gaps,
@@ -53,7 +54,7 @@ pub struct MarkerCoverage {
     pub link: Option<usize>,
     /// Whether `vicon.ignore` names it: then it counts for nothing else here.
     pub ignored: bool,
-    /// Part of the frames in which it was seen.
+    /// Fraction of the frames in which it was seen.
     pub coverage: f64,
     /// Gaps between frames in which it was seen.
     pub gaps: usize,
@@ -64,6 +65,7 @@ pub struct MarkerCoverage {
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Gaps {
     pub count: usize,
+    /// Of an even number of gaps the higher one of the two in the middle.
     pub median_frames: Option<i64>,
     pub longest_frames: Option<i64>,
     pub median_s: Option<f64>,
@@ -76,7 +78,7 @@ pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
     let read = trilink_mocap::read_file(path).map_err(|error| survey.stops.push(error.to_string()));
     let Ok((bytes, _)) = read else { return survey };
     survey.readable = true;
-    // What is wrong with the sections is wrong with the markers too.
+    // An error of the sections is one of the markers, too, and told there.
     survey.sections = trilink_mocap::sections(path, &bytes).unwrap_or_default();
     match trilink_mocap::parse_markers(path, &bytes, settings.vicon.unit) {
         Ok(file) => survey.add_markers(path, &file, settings),
@@ -95,7 +97,7 @@ impl FileSurvey {
         let rate_hz = settings.frame_rate(file).map_err(&mut stop).ok();
         let (layout, problems) = layout::locate_all(&settings.markers, file);
         self.recording =
-            Some(RecordingSurvey::of(whole, ignore, Some(&layout), whole.rate_hz.or(rate_hz)));
+            Some(RecordingSurvey::of(whole, ignore, &layout, whole.rate_hz.or(rate_hz)));
         if !problems.is_empty() {
             return problems.into_iter().for_each(stop);
         }
@@ -107,17 +109,13 @@ impl FileSurvey {
         let Ok(tracked) = tracked else { return };
         let findings = tracking_checks(&tracked, file, &layout, settings, &(0..tracked.frames()));
         let wrong = findings.into_iter().filter(|finding| !finding.holds());
+        // The check of the header is one of these.
         self.warnings = wrong.map(|finding| finding.to_string()).collect();
     }
 }
 
 impl RecordingSurvey {
-    fn of(
-        file: &Recording,
-        ignore: &[String],
-        layout: Option<&Layout>,
-        rate_hz: Option<f64>,
-    ) -> Self {
+    fn of(file: &Recording, ignore: &[String], layout: &Layout, rate_hz: Option<f64>) -> Self {
         let (first_frame, last_frame) = (file.frames[0], file.frames[file.frames.len() - 1]);
         let frames = last_frame - first_frame + 1;
         let mut gaps = Vec::new();
@@ -135,7 +133,7 @@ impl RecordingSurvey {
             let ignored = file.is_named(i, ignore);
             markers.push(MarkerCoverage {
                 label: label.clone(),
-                link: layout.filter(|_| !ignored).and_then(|links| links.iter().position(on)),
+                link: layout.iter().position(on).filter(|_| !ignored),
                 ignored,
                 coverage: seen.len() as f64 / frames as f64,
                 gaps: own.len(),
@@ -162,10 +160,10 @@ impl RecordingSurvey {
 
 impl Gaps {
     /// Of gaps that last so many frames.
-    fn of(mut gaps: Vec<i64>, rate_hz: Option<f64>) -> Self {
-        gaps.sort_unstable();
-        let median_frames = gaps.get(gaps.len() / 2).copied();
-        let longest_frames = gaps.last().copied();
+    fn of(gaps: Vec<i64>, rate_hz: Option<f64>) -> Self {
+        let longest_frames = gaps.iter().max().copied();
+        let median = || median_high(gaps.iter().map(|frames| *frames as f64).collect());
+        let median_frames = longest_frames.map(|_| median() as i64);
         let seconds = |frames: Option<i64>| Some(frames? as f64 / rate_hz?);
         Self {
             count: gaps.len(),

@@ -1,7 +1,8 @@
 //! A figure of two panels with model curves and measurements, as SVG, PNG, PDF and CSV.
 //!
 //! The numbers are made up: a resonance curve, a band around it, and points with error bars. The
-//! CSV holds every plotted number; error bars are half-widths of 95 % intervals.
+//! CSV holds the points of curves and measurements and the half-widths of the error bars (95 %
+//! intervals), not the bands.
 //!
 //! ```sh
 //! cargo run -p trilink-plot --example figure                   # into figure/ of the temp folder
@@ -16,7 +17,8 @@ use trilink_plot::{Figure, Format, INK, Layer, Layout, Look, Panel, RGBColor, SO
 const BLUE: RGBColor = RGBColor(0, 114, 178);
 const OMEGA: &str = "Actuation frequency ω (rad/s)";
 
-/// Displacement per cycle at a frequency, m: a resonance at 3.5 rad/s.
+/// Displacement per cycle at a frequency, m: a resonance of natural frequency 3.5 rad/s and damping
+/// ratio 0.5.
 fn d_m(omega_rad_s: f64) -> f64 {
     let ratio = omega_rad_s / 3.5;
     0.2 / ((1.0 - ratio * ratio).powi(2) + ratio * ratio).sqrt()
@@ -45,7 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1).map_or_else(default, PathBuf::from);
     let panels =
         vec![panel("Displacement", "d (m)", d_m, 0.01), panel("Speed", "v (cm/s)", v_cm_s, 0.4)];
-    let texts = ["Displacement and speed", "Bars and bands: 95 % intervals."].map(str::to_owned);
+    let texts = ["Displacement and speed", "Bars: 95 % intervals. Band: 5 % to either side."]
+        .map(str::to_owned);
     let figure = Figure::new("resonance", texts, &[], Layout::Grid, panels);
     std::fs::create_dir_all(&folder)?;
     let (_, files) = figure.encode_all()?;

@@ -1,7 +1,8 @@
 //! Figures as data to SVG, PNG, PDF and CSV, with the same bytes on every machine.
 //!
 //! A [`Figure`] is a grid of [`Panel`]s, a panel's [`Layer`]s are its lines, bands and markers, and a
-//! layer's [`Look`] says how it is drawn. Nothing here knows what the numbers mean.
+//! layer's [`Look`] says how it is drawn. Nothing here knows what the numbers mean; a figure may carry
+//! the names of the trials and campaigns that it shows, and a notice that they are synthetic.
 //!
 //! - The data: `figure` and `style`.
 //! - The layout: `axis` ([`Scale`], ticks), `grid`, `legend`.
