@@ -60,9 +60,9 @@ fn optima(criterion: &mut Criterion) {
         let (count, starts) = (search.free.len(), search.starts);
         let of = format!("{name}: {objective} over {count} commands");
         criterion.bench_function(&format!("{of}, {starts} starts, one core"), |bencher| {
-            bencher.iter(|| one.install(|| black_box(search.run())));
+            bencher.iter(|| one.install(|| black_box(search.run(&CancelToken::default()))));
         });
-        let found = search.run();
+        let found = search.run(&CancelToken::default()).expect("nobody cancels it");
         let alternatives = replicates(&search.problem.robot);
         criterion.bench_function(&format!("{of}, {REPLICATES} replicates"), |bencher| {
             bencher.iter(|| {

@@ -1,4 +1,4 @@
-//! Ctrl-C: the first one stops the work between two steps, the second one at once.
+//! Ctrl-C and SIGTERM: the first one stops the work between two steps, the second one at once.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};

@@ -15,6 +15,7 @@ use super::output::say;
 use super::rows_file::{RowsFile, print_rows, write_figure};
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
+use crate::interrupt;
 
 /// The model that is taken where none is named, without fits.
 const MODEL: &str = "skid-roll";
@@ -71,8 +72,10 @@ impl Branches {
         let vary = Vary::new(&context.config, &self, &setup)?;
         note_caution(&self.campaign, &setup);
         let file = self.table.as_deref().map(|path| RowsFile::new(path, "--table")).transpose()?;
-        let found = branches(&|value| vary.problem(value), [low, high])
-            .map_err(|error| format!("--over: at {key}={low}: {error}"))?;
+        let cancel = interrupt::token();
+        let found = branches(&|value| vary.problem(value), [low, high], &|| cancel.is_cancelled());
+        cancel.check()?;
+        let found = found.map_err(|error| format!("--over: at {key}={low}: {error}"))?;
         let rows =
             rows(&found, key, |value| setup.extrapolation(&vary.problem(value)).extrapolated);
         let values: Vec<f64> = rows.iter().map(|row| row.value).collect();

@@ -17,6 +17,7 @@ use super::rows_file::print_rows;
 use super::table::{self, short};
 use super::{Context, Failure, Outcome};
 use crate::inspect::{View, json as json_of};
+use crate::interrupt;
 
 /// Frequencies that are tried where none are given.
 const FREQUENCIES: usize = 24;
@@ -96,7 +97,7 @@ impl Design {
                     let candidates = self.all_candidates(one, &gaits);
                     other
                         .with_information(&of_other, &fits.data, |other| {
-                            tell(one, other, &candidates, size)
+                            tell(one, other, &candidates, size, interrupt::token())
                         })
                         .map_err(|why| of_model(name, why) + &told(&other.row))
                 })
@@ -105,7 +106,7 @@ impl Design {
                 .with_information(&input, &fits.data, |information| {
                     let aim = self.aim.map_or(Aim::Coefficients(self.optimality), Aim::Prediction);
                     let candidates = self.all_candidates(information, &gaits);
-                    advise(information, &known.row, &candidates, aim, size)
+                    advise(information, &known.row, &candidates, aim, size, interrupt::token())
                 })
                 .map_err(|why| of_model(&model, why))??,
         };

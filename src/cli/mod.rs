@@ -40,6 +40,7 @@ use output::note;
 use progress::Progress;
 pub use progress::watch;
 use trilink_base::cancel::Cancelled;
+use trilink_fit::design::AdviceError;
 use trilink_tables::config::{CONFIG_FILE, Config, Paths};
 
 /// More threads than this take longer to start than they could save.
@@ -255,6 +256,7 @@ fn is_cancelled(failure: &Failure) -> bool {
     failure.is::<Interrupted>()
         || failure.is::<Cancelled>()
         || matches!(failure.downcast_ref(), Some(RunError::Stopped(_)))
+        || matches!(failure.downcast_ref(), Some(AdviceError::Cancelled(_)))
 }
 
 fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {

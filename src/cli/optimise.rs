@@ -22,6 +22,7 @@ use super::rows_file::{RowsFile, print_rows, write_figure};
 use super::table::{self, short};
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::hold;
+use crate::interrupt;
 
 #[derive(clap::Args)]
 pub(super) struct Optimise {
@@ -149,13 +150,16 @@ impl Optimise {
         if let Some(other) = other {
             return self.print_front(&context, &setup, &search, other);
         }
-        let found = search.run();
+        let cancel = interrupt::token();
+        let found = search.run(cancel)?;
         // What the present gait comes to at its own best frequency.
         let by_omega: Vec<Command> =
             search.free.iter().copied().filter(|of| *of == Command::Omega).collect();
         let is_more = search.free.len() > by_omega.len();
-        let present = is_more.then(|| Search { free: by_omega, ..search.clone() }.present());
-        let present = present.flatten();
+        let present = match is_more {
+            true => Search { free: by_omega, ..search.clone() }.present(cancel)?,
+            false => None,
+        };
         let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found))?;
         let row = |(nth, of): (usize, &Optimum)| {
             of.row(nth + 1, &self.campaign, &setup, &search, present.as_ref())
@@ -165,12 +169,13 @@ impl Optimise {
         note_extrapolation(&self.campaign, &setup, problems);
         certainty::fill(&mut optima, &certainty);
         let best = found.best().filter(|_| self.figure.is_some() || self.keep);
-        let maps = best.map_or(Vec::new(), |best| {
+        let maps = best.map(|best| {
             let replicates = certainty.as_ref().map_or(&[][..], |of| &of.places);
             let range = setup.measured_range().and_then(Result::ok);
             let shown = Shown { present: present.as_ref(), replicates, range };
-            search.map((&self.campaign, setup.model), best, shown)
+            search.map((&self.campaign, setup.model), best, shown, cancel)
         });
+        let maps = maps.transpose()?.unwrap_or_default();
         if let Some(path) = self.figure.as_ref().filter(|_| !maps.is_empty()) {
             let fitted_to = self.fitted.then_some(&context.config.paths);
             let drawn = |file: FigureFile| optimum_drawing(&maps, file);

@@ -1,5 +1,6 @@
 //! Branches of steady motions over a parameter.
 
+use std::cell::Cell;
 use std::f64::consts::TAU;
 
 use serde_json::Value;
@@ -59,7 +60,7 @@ fn near(found: f64, known: f64, relative: f64) -> bool {
 
 #[test]
 fn a_branch_without_symmetry_begins_where_the_symmetric_motion_loses_its_stability() {
-    let found = branches(&semi_passive, [11.0, 12.0]).unwrap();
+    let found = branches(&semi_passive, [11.0, 12.0], &|| false).unwrap();
     let [symmetric, broken] = &found[..] else { panic!("{} branches", found.len()) };
     assert_eq!((symmetric.kind, symmetric.parent), (BranchKind::Symmetric, None));
     assert_eq!((broken.kind, broken.parent), (BranchKind::SymmetryBroken, Some(0)));
@@ -90,7 +91,7 @@ fn a_branch_without_symmetry_begins_where_the_symmetric_motion_loses_its_stabili
 
 #[test]
 fn a_branch_is_followed_through_folds() {
-    let found = branches(&without_roll_resistance, [0.345, 0.365]).unwrap();
+    let found = branches(&without_roll_resistance, [0.345, 0.365], &|| false).unwrap();
     let [branch] = &found[..] else { panic!("{} branches", found.len()) };
     assert_eq!((branch.kind, branch.end.as_str()), (BranchKind::Symmetric, "the end of the range"));
     let folds = met(branch, Bifurcation::Fold);
@@ -121,7 +122,7 @@ fn a_branch_is_followed_through_folds() {
 
 #[test]
 fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_followed() {
-    let found = branches(&doubling, [2.0, 4.5]).unwrap();
+    let found = branches(&doubling, [2.0, 4.5], &|| false).unwrap();
     let doublings = met(&found[0], Bifurcation::PeriodDoubling);
     assert!(!doublings.is_empty(), "{:?}", found[0].points);
     for point in doublings {
@@ -149,6 +150,17 @@ fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_fo
 }
 
 #[test]
+fn a_branch_ends_where_its_work_is_cancelled() {
+    let asked = Cell::new(0);
+    let is_third = || {
+        asked.set(asked.get() + 1);
+        asked.get() == 3
+    };
+    assert_eq!(branches(&semi_passive, [11.0, 12.0], &is_third), Err(MotionError::Cancelled));
+    assert_eq!(asked.get(), 3);
+}
+
+#[test]
 fn what_eq_3_gives_has_no_branches() {
     let problem = |omega_rad_s: f64| Problem {
         robot: Robot::kinematic(),
@@ -156,7 +168,7 @@ fn what_eq_3_gives_has_no_branches() {
         laws: Laws::NO_SKID,
         omega_rad_s,
     };
-    assert_eq!(branches(&problem, [1.0, 2.0]), Err(MotionError::Determined));
+    assert_eq!(branches(&problem, [1.0, 2.0], &|| false), Err(MotionError::Determined));
 }
 
 #[test]

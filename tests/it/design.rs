@@ -6,7 +6,10 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde_json::Value;
-use trilink_fit::design::{Advice, Aim, Candidate, Optimality, Prediction, advise, tell};
+use trilink_base::cancel::{CancelToken, Cancelled};
+use trilink_fit::design::{
+    Advice, AdviceError, Aim, Candidate, Optimality, Prediction, advise, tell,
+};
 use trilink_fit::{FitData, FitInput, Fitted, KnownFit, fit};
 use trilink_mechanics::{FIT_ACCURACY, Model, Problem};
 use trilink_robot::metrics::GaitMetrics;
@@ -75,7 +78,7 @@ fn advised(config: &Config, (known, data): &(KnownFit, FitData), aim: Aim) -> Ad
     let model = known.row.model;
     let input = FitInput::new(config, CAMPAIGN, model).unwrap();
     let advice = known.with_information(&input, data, |information| {
-        advise(information, &known.row, &candidates(), aim, [ADD, 1])
+        advise(information, &known.row, &candidates(), aim, [ADD, 1], &CancelToken::default())
     });
     advice.unwrap().unwrap()
 }
@@ -91,6 +94,23 @@ fn mean_logarithm(row: &FitRow) -> f64 {
         (0.5 * (row.upper[*parameter] - row.lower[*parameter]) / row.parameters[*parameter]).ln()
     };
     row.free.iter().map(of).sum::<f64>() / row.free.len() as f64
+}
+
+#[test]
+fn cancelled_advice_ends_at_once() {
+    let config = config(Model::SKID_ROLL);
+    let (known, data) = fitted(&config, &trials(&MADE_RAD_S, 1));
+    let input = FitInput::new(&config, CAMPAIGN, known.row.model).unwrap();
+    let cancel = CancelToken::default();
+    cancel.cancel();
+    let (aim, size) = (Aim::Coefficients(Optimality::Determinant), [ADD, 1]);
+    let results = known.with_information(&input, &data, |information| {
+        let advice = advise(information, &known.row, &candidates(), aim, size, &cancel);
+        [advice, tell(information, information, &candidates(), size, &cancel)]
+    });
+    for result in results.unwrap() {
+        assert_eq!(result, Err(AdviceError::Cancelled(Cancelled)));
+    }
 }
 
 /// Logarithms of how much narrower the intervals of one seed get: as predicted, with the advised trials,
@@ -283,7 +303,9 @@ fn models_are_told_apart_where_they_differ() {
         let (input, (known, data)) = &one;
         known.with_information(input, data, |one| {
             let (input, (known, data)) = &other;
-            known.with_information(input, data, |other| tell(one, other, candidates, [add, 1]))
+            known.with_information(input, data, |other| {
+                tell(one, other, candidates, [add, 1], &CancelToken::default())
+            })
         })
     };
     let best = of(&candidates(), 1).unwrap().unwrap().unwrap();

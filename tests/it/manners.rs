@@ -148,12 +148,13 @@ fn a_full_disk_is_an_error() {
     assert!(text(&output.stderr).contains("error: standard output: "), "{}", text(&output.stderr));
 }
 
-/// Runs until a line of standard error begins as said, then sends a signal: exit status and the
-/// last line.
+/// Runs a command until a line of standard error begins as said, then sends a signal: exit status and
+/// the last line.
 #[cfg(unix)]
-fn stopped(folder: &Path, begins: &str, signal: &str) -> (Option<i32>, String) {
+fn stopped(folder: &Path, command: &[&str], begins: &str, signal: &str) -> (Option<i32>, String) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_trilink"))
-        .args(["run", "--threads", "1"])
+        .args(["--threads", "1"])
+        .args(command)
         .current_dir(folder)
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -169,10 +170,23 @@ fn stopped(folder: &Path, begins: &str, signal: &str) -> (Option<i32>, String) {
 
 #[cfg(unix)]
 #[test]
+fn a_search_ends_at_the_first_signal() {
+    let folder = tempfile::tempdir().unwrap();
+    // It would take hours, and says before it begins that the present amplitude is larger.
+    let command = ["optimise", "semi-passive-symmetric", "--model", "coulomb", "--maximise", "v"];
+    let command = [&command[..], &["--starts", "10000", "--amplitude-deg", "5..6"]].concat();
+    for (signal, status) in [("-INT", 130), ("-TERM", 143)] {
+        let stopped = stopped(folder.path(), &command, "the present gait is outside", signal);
+        assert_eq!(stopped, (Some(status), "cancelled".to_owned()));
+    }
+}
+
+#[cfg(unix)]
+#[test]
 fn the_first_interruption_leaves_whole_files_and_says_what_is_left() {
     let folder = folder();
     let record = || std::fs::read_to_string(folder.path().join("reports/run.json")).unwrap();
-    let (status, said) = stopped(folder.path(), "ingest 2/", "-INT");
+    let (status, said) = stopped(folder.path(), &["run"], "ingest 2/", "-INT");
     assert_eq!(status, Some(130), "{said}");
     assert!(said.starts_with("error: interrupted during ingest after "), "{said}");
     assert!(
@@ -188,7 +202,7 @@ fn the_first_interruption_leaves_whole_files_and_says_what_is_left() {
             assert_eq!(bytes[bytes.len() - 4..], *b"PAR1", "{}", path.display());
         }
     }
-    let (status, said) = stopped(folder.path(), "fit 1/", "-TERM");
+    let (status, said) = stopped(folder.path(), &["run"], "fit 1/", "-TERM");
     assert_eq!(status, Some(143), "{said}");
     assert!(
         said.contains("interrupted during fit") && said.contains("left: fit, report"),

@@ -6,7 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde_json::Value;
-use trilink_fit::optimise::{Bounds, Command, Objective, Search, Shown};
+use trilink_base::cancel::CancelToken;
+use trilink_fit::optimise::{Bounds, Command, Found, Objective, Search, Shown};
 use trilink_mechanics::{Laws, Problem, Solver};
 use trilink_robot::Model;
 use trilink_synth::{Recipe, synthesise};
@@ -30,6 +31,10 @@ fn bounds() -> Bounds {
         torque_nm: None,
         least: None,
     }
+}
+
+fn run(search: &Search) -> Found {
+    search.run(&CancelToken::default()).unwrap()
 }
 
 fn problem(campaign: &str) -> Problem {
@@ -88,7 +93,7 @@ fn no_point_of_a_grid_is_better_for_any_objective() {
             Command::all(&problem.gait).into_iter().find(|of| *of != Command::Omega).unwrap();
         let free = vec![Command::Omega, amplitude];
         let search = Search { problem, objective, free, bounds: bounds(), starts: 4 };
-        let found = search.run();
+        let found = run(&search);
         let best = found.best().unwrap_or_else(|| panic!("{campaign} {objective}"));
         let mut solver = Solver::default();
         let mut known = if objective.is_minimised() { f64::INFINITY } else { 0.0 };
@@ -163,7 +168,7 @@ fn an_evolution_over_five_commands_finds_nothing_better() {
             .collect();
         assert_eq!(free.len(), 5);
         let search = Search { problem, objective, free, bounds: bounds(), starts: 8 };
-        let found = search.run();
+        let found = run(&search);
         let known = evolve(&search, &ranges, generations);
         assert_not_better(&search, found.best().unwrap().value, known, "evolution");
     }
@@ -181,7 +186,7 @@ fn two_harmonics_are_at_least_as_good_as_one_and_no_gait_nearby_is_better() {
         let one = Search { problem, objective, free: free.clone(), bounds: bounds(), starts: 2 };
         let two = Search { free: Command::with_seconds(free, &gait), ..one.clone() };
         assert_eq!(two.free.len(), 10);
-        let (found, of_two) = (one.run(), two.run());
+        let (found, of_two) = (run(&one), run(&two));
         let best = of_two.best().unwrap();
         assert_not_better(&two, best.value, found.best().unwrap().value, "one harmonic");
         for command in best.problem.gait.joints.iter().flatten() {
@@ -256,7 +261,7 @@ fn what_changes_at_an_optimum_within_the_ranges_is_of_second_order() {
     let free = vec![Command::Omega];
     let objective = Objective::Speed;
     let search = Search { problem, objective, free, bounds: bounds(), starts: 4 };
-    let found = search.run();
+    let found = run(&search);
     let best = found.best().unwrap();
     assert!(best.at_bound.is_empty(), "{:?}", best.at_bound);
     let mut solver = Solver::default();
@@ -276,7 +281,7 @@ fn a_limit_that_nothing_which_varies_can_keep_is_none() {
     for objective in Objective::ALL {
         let problem = problem.clone();
         let search = Search { problem, objective, free: free.clone(), bounds: bounds(), starts: 2 };
-        let found = search.run();
+        let found = run(&search);
         let best = found.best().unwrap_or_else(|| panic!("{objective}"));
         let [front, _] = best.problem.gait.joints.map(Option::unwrap);
         assert!(front.offset_rad + front.amplitude_rad <= 1.2 + 1e-6, "{objective} {front:?}");
@@ -289,11 +294,11 @@ fn limits_of_power_and_torque_are_kept_and_named() {
     let free = Command::all(&problem.gait);
     let objective = Objective::Speed;
     let search = Search { problem, objective, free, bounds: bounds(), starts: 3 };
-    let free_power_w = search.run().best().unwrap().power_w();
+    let free_power_w = run(&search).best().unwrap().power_w();
     let power_w = 0.5 * free_power_w;
     let limited =
         Search { bounds: Bounds { power_w: Some(power_w), ..bounds() }, ..search.clone() };
-    let found = limited.run();
+    let found = run(&limited);
     let best = found.best().unwrap();
     assert!(best.power_w() <= power_w * (1.0 + 1e-6), "{} {power_w}", best.power_w());
     assert!(best.at_bound.iter().any(|of| of == "power"), "{:?}", best.at_bound);
@@ -308,10 +313,10 @@ fn limits_of_power_and_torque_are_kept_and_named() {
         starts: 2,
         ..search
     };
-    let torque_nm = 0.8 * largest(&of_amplitudes.run().best().unwrap().problem);
+    let torque_nm = 0.8 * largest(&run(&of_amplitudes).best().unwrap().problem);
     let limited =
         Search { bounds: Bounds { torque_nm: Some(torque_nm), ..bounds() }, ..of_amplitudes };
-    let found = limited.run();
+    let found = run(&limited);
     let best = found.best().unwrap();
     assert!(largest(&best.problem) <= torque_nm * (1.0 + 1e-5));
     assert!(best.at_bound.iter().any(|of| of == "torque"), "{:?}", best.at_bound);
@@ -454,10 +459,11 @@ fn a_figure_shows_the_optimum_among_the_gaits_around_it() {
     let free = vec![Command::Omega];
     let objective = Objective::WorkPerMetre;
     let search = Search { problem, objective, free, bounds: bounds(), starts: 2 };
-    let found = search.run();
+    let found = run(&search);
     let best = found.best().unwrap();
     let model = Model::new("skid-roll");
-    let map = search.map(("any", model), best, Shown { present: Some(best), ..Shown::default() });
+    let shown = Shown { present: Some(best), ..Shown::default() };
+    let map = search.map(("any", model), best, shown, &CancelToken::default()).unwrap();
     let of = |point: MapPoint| map.iter().filter(move |row| row.point == point);
     assert!(map.iter().all(|row| row.x_command == "omega" && row.y_command.is_empty()));
     let place = of(MapPoint::Optimum).next().unwrap().x;
@@ -523,7 +529,7 @@ fn no_gait_of_a_grid_is_better_in_both_than_a_front() {
     let problem = problem("kinematic-symmetric");
     let search = Search { problem, objective, free, bounds: bounds(), starts: 3 };
     let other = Objective::WorkPerMetre;
-    let front = search.front(other);
+    let front = search.front(other, &CancelToken::default()).unwrap();
     assert!(front.len() > 8 && front.iter().all(|of| of.counts()), "{}", front.len());
     let both = |v: f64, work_per_metre: f64| [v, -work_per_metre];
     let of_front: Vec<[f64; 2]> =
@@ -558,12 +564,12 @@ fn what_must_not_be_worse_limits_a_search() {
     let objective = Objective::WorkPerMetre;
     let problem = problem("kinematic-symmetric");
     let search = Search { problem, objective, free, bounds: bounds(), starts: 2 };
-    let slow = search.run();
-    let fast = Search { objective: Objective::Speed, ..search.clone() }.run();
+    let slow = run(&search);
+    let fast = run(&Search { objective: Objective::Speed, ..search.clone() });
     let [slow, fast] = [slow, fast].map(|of| of.best().unwrap().motion.metrics.v_m_s);
     let least = 0.5 * (slow + fast);
     let bounds = Bounds { least: Some((Objective::Speed, least)), ..bounds() };
-    let found = Search { bounds, ..search }.run();
+    let found = run(&Search { bounds, ..search });
     let best = found.best().unwrap();
     assert!((best.motion.metrics.v_m_s / least - 1.0).abs() < 1e-6, "{best:?}");
     assert_eq!(best.at_bound, ["least"]);

@@ -22,10 +22,10 @@ impl CancelToken {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Ends a fallible function with `?` once cancellation was requested.
+    /// `Err(Cancelled)` once cancellation was requested: call it as `token.check()?` between steps.
     ///
     /// # Errors
-    /// The work was cancelled.
+    /// Cancellation was requested.
     pub fn check(&self) -> Result<(), Cancelled> {
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
     }
@@ -38,7 +38,7 @@ impl CancelToken {
 
 impl std::fmt::Display for Cancelled {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("interrupted")
+        f.write_str("cancelled")
     }
 }
 

@@ -9,6 +9,7 @@ use super::{Optimise, print_table};
 use crate::cli::fitted::note_extrapolation;
 use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
 use crate::cli::{Context, Failure, Outcome};
+use crate::interrupt;
 
 impl Optimise {
     /// The objective, and the other one of a front.
@@ -39,7 +40,7 @@ impl Optimise {
         search: &Search,
         other: Objective,
     ) -> Result<Outcome, Failure> {
-        let front = search.front(other);
+        let front = search.front(other, interrupt::token())?;
         let objective = search.objective;
         if front.is_empty() {
             let (one, other) = (objective.name(), other.name());

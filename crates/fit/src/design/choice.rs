@@ -10,6 +10,9 @@ use argmin::core::{
     Error, Executor, IterState, KV, Problem, Solver, State as _, TerminationReason,
 };
 use rayon::prelude::*;
+use trilink_base::cancel::CancelToken;
+
+use super::AdviceError;
 
 /// Most choices that are all looked at.
 const FEW: usize = 6_000;
@@ -42,27 +45,36 @@ pub(super) struct Size {
 /// The best choice that was looked at, and whether those are all.
 ///
 /// # Errors
-/// There are too few candidates.
-pub(super) fn best(score: &impl Score, size: Size) -> Result<(Choice, bool), String> {
+/// There are too few candidates, or the work was cancelled.
+pub(super) fn best(
+    score: &impl Score,
+    size: Size,
+    cancel: &CancelToken,
+) -> Result<(Choice, bool), AdviceError> {
     let Size { add, candidates, repeats } = size;
     if candidates * repeats < add {
         return Err(format!(
             "--add: found {add}, needed {} at most: each of {candidates} candidates {repeats} times (--repeats)",
             candidates * repeats
-        ));
+        )
+        .into());
     }
     let of_allowed = |choice: &[usize]| {
         let count = |of: usize| choice.iter().filter(|other| **other == of).count();
-        match choice.iter().all(|of| count(*of) <= repeats) {
+        // With every other choice ruled out the search ends.
+        match !cancel.is_cancelled() && choice.iter().all(|of| count(*of) <= repeats) {
             true => score.of(choice),
             false => f64::INFINITY,
         }
     };
     let searched = by_exchange(&of_allowed, candidates, add);
     if choices(candidates, add).is_none_or(|all| all > FEW) {
+        cancel.check()?;
         return Ok((searched, false));
     }
-    Ok((of_all(&of_allowed, candidates, add).unwrap_or(searched), true))
+    let best = of_all(&of_allowed, candidates, add).unwrap_or(searched);
+    cancel.check()?;
+    Ok((best, true))
 }
 
 /// How many choices there are; `None` of far too many.
@@ -177,12 +189,16 @@ mod tests {
         };
         assert_eq!(by_exchange(&score, 5, 2), [0, 4]);
         let size = |candidates: usize, repeats: usize| Size { add: 2, candidates, repeats };
-        assert_eq!(best(&score, size(5, 1)), Ok((vec![0, 4], true)));
+        let cancel = CancelToken::default();
+        assert_eq!(best(&score, size(5, 1), &cancel).ok(), Some((vec![0, 4], true)));
         // The middle alone, twice.
         let middle =
             |choice: &[usize]| -> f64 { choice.iter().map(|of| of.abs_diff(2) as f64).sum() };
-        assert_eq!(best(&middle, size(5, 2)), Ok((vec![2, 2], true)));
-        assert_eq!(best(&middle, size(5, 1)), Ok((vec![1, 2], true)));
-        assert!(best(&middle, size(1, 1)).is_err());
+        assert_eq!(best(&middle, size(5, 2), &cancel).ok(), Some((vec![2, 2], true)));
+        assert_eq!(best(&middle, size(5, 1), &cancel).ok(), Some((vec![1, 2], true)));
+        assert!(best(&middle, size(1, 1), &cancel).is_err());
+        cancel.cancel();
+        let cancelled = best(&middle, size(5, 1), &cancel);
+        assert!(matches!(cancelled, Err(AdviceError::Cancelled(_))), "{cancelled:?}");
     }
 }

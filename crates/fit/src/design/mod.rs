@@ -12,6 +12,7 @@ mod tell;
 mod untold;
 
 use rayon::prelude::*;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_base::named;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, JointCommand};
@@ -99,6 +100,21 @@ pub struct Advice {
     pub standard_errors: f64,
 }
 
+/// Why there is no advice.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AdviceError {
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    #[error("{0}")]
+    Impossible(String),
+}
+
+impl From<String> for AdviceError {
+    fn from(why: String) -> Self {
+        Self::Impossible(why)
+    }
+}
+
 rows! {
     /// A trial that is advised.
     pub struct DesignRow {
@@ -138,24 +154,25 @@ rows! {
 /// fit's.
 ///
 /// # Errors
-/// A sentence on why there is no advice.
+/// There is no advice, or the work was cancelled.
 pub fn advise(
     information: &FitInformation,
     row: &FitRow,
     candidates: &[Candidate],
     aim: Aim,
     [add, repeats]: [usize; 2],
-) -> Result<Advice, String> {
+    cancel: &CancelToken,
+) -> Result<Advice, AdviceError> {
     let none: Vec<f64> = vec![0.0; information.free().count()];
     let all = candidates.len();
-    let (candidates, told) = with_motion(information, candidates, &none)?;
+    let (candidates, told) = with_motion(information, candidates, &none, cancel)?;
     let existing = information.trials(&none, true);
     let weighed = |trials: &[TrialInformation]| trials.iter().map(Sums::of).collect();
     let mut points = vec![Weighed::new(&existing, weighed(&told), information, &none, aim)?];
-    points.extend(at_replicates(information, &candidates, aim));
+    points.extend(at_replicates(information, &candidates, aim, cancel)?);
     let criterion = Criterion::new(information, points, aim);
     let (choice, is_best_of_all) =
-        choice::best(&criterion, Size { add, candidates: candidates.len(), repeats })?;
+        choice::best(&criterion, Size { add, candidates: candidates.len(), repeats }, cancel)?;
     let quantities = Quantity::all(information, aim)?;
     let spread = |choice: &[usize]| {
         let trials = existing.iter().chain(choice.iter().map(|of| &told[*of]));
@@ -183,14 +200,18 @@ fn with_motion<'c>(
     information: &FitInformation,
     candidates: &'c [Candidate],
     shifts: &[f64],
-) -> Result<(Vec<&'c Candidate>, Vec<TrialInformation>), String> {
-    let told = |of: &Candidate| information.candidate(of.command, of.omega_rad_s, shifts, true);
-    let all: Vec<Option<TrialInformation>> =
-        candidates.par_iter().with_max_len(1).map(told).collect();
+    cancel: &CancelToken,
+) -> Result<(Vec<&'c Candidate>, Vec<TrialInformation>), AdviceError> {
+    let told = |of: &Candidate| {
+        cancel.check()?;
+        Ok(information.candidate(of.command, of.omega_rad_s, shifts, true))
+    };
+    let all = candidates.par_iter().with_max_len(1).map(told);
+    let all: Vec<Option<TrialInformation>> = all.collect::<Result<_, Cancelled>>()?;
     let both = candidates.iter().zip(all).filter_map(|(of, told)| Some((of, told?)));
     let (candidates, told): (Vec<_>, Vec<_>) = both.unzip();
     match candidates.is_empty() {
-        true => Err("no candidate has a stable motion".to_owned()),
+        true => Err("no candidate has a stable motion".to_owned().into()),
         false => Ok((candidates, told)),
     }
 }
@@ -200,20 +221,23 @@ fn at_replicates(
     information: &FitInformation,
     candidates: &[&Candidate],
     aim: Aim,
-) -> Vec<Weighed> {
+    cancel: &CancelToken,
+) -> Result<Vec<Weighed>, Cancelled> {
     let all = information.replicates();
     let count = all.len().min(MOST_REPLICATES);
     let numbers: Vec<usize> = (0..count).map(|i| i * all.len() / count).collect();
     let at = |number: usize| {
+        cancel.check()?;
         let shifts = &all[number];
         let of = |of: &&Candidate| {
             let told = information.candidate(of.command, of.omega_rad_s, shifts, false);
             told.as_ref().map_or_else(|| Sums::none(shifts.len()), Sums::of)
         };
         let told = candidates.iter().map(of).collect();
-        Weighed::new(&information.trials(shifts, false), told, information, shifts, aim).ok()
+        Ok(Weighed::new(&information.trials(shifts, false), told, information, shifts, aim).ok())
     };
-    numbers.into_par_iter().with_max_len(1).filter_map(at).collect()
+    let weighed = numbers.into_par_iter().with_max_len(1).map(at);
+    Ok(weighed.collect::<Result<Vec<_>, Cancelled>>()?.into_iter().flatten().collect())
 }
 
 /// The chosen trials, each once.

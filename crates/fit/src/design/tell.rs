@@ -9,10 +9,11 @@
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use trilink_base::cancel::{CancelToken, Cancelled};
 
 use super::choice::{Size, best};
 use super::godambe::{deviations, of_bounds};
-use super::{Advice, Candidate, design_rows};
+use super::{Advice, AdviceError, Candidate, design_rows};
 use crate::{FitInformation, MEASURED_METRICS, TrialInformation};
 
 const D: usize = 0;
@@ -100,30 +101,34 @@ impl Rival {
 /// The trials of `candidates`, `add` of them, each at most `repeats` times, that tell the fits of two models apart best.
 ///
 /// # Errors
-/// A sentence on why there is no advice.
+/// There is no advice, or the work was cancelled.
 pub fn tell(
     one: &FitInformation,
     other: &FitInformation,
     candidates: &[Candidate],
     [add, repeats]: [usize; 2],
-) -> Result<Advice, String> {
+    cancel: &CancelToken,
+) -> Result<Advice, AdviceError> {
     let told = |of: &FitInformation, candidate: &Candidate| {
         let none = vec![0.0; of.free().count()];
         of.candidate(candidate.command, candidate.omega_rad_s, &none, false)
     };
-    let both =
-        candidates.par_iter().with_max_len(1).map(|of| Some((told(one, of)?, told(other, of)?)));
-    let both: Vec<Option<_>> = both.collect();
+    let both = candidates.par_iter().with_max_len(1).map(|of| {
+        cancel.check()?;
+        Ok(told(one, of).zip(told(other, of)))
+    });
+    let both = both.collect::<Result<Vec<_>, Cancelled>>()?;
     let common = candidates.iter().zip(both).filter_map(|(of, both)| Some((of, both?)));
     let (common, (of_one, of_other)): (Vec<&Candidate>, (Vec<_>, Vec<_>)) = common.unzip();
     if common.is_empty() {
-        return Err("at no candidate both models have a stable motion".to_owned());
+        return Err("at no candidate both models have a stable motion".to_owned().into());
     }
     let rivals = [Rival::new(other, &of_one, &of_other), Rival::new(one, &of_other, &of_one)];
     let score = |choice: &[usize]| -> f64 {
         -0.5 * rivals.iter().map(|rival| rival.remains(choice)).sum::<f64>()
     };
-    let (choice, is_best_of_all) = best(&score, Size { add, candidates: common.len(), repeats })?;
+    let size = Size { add, candidates: common.len(), repeats };
+    let (choice, is_best_of_all) = best(&score, size, cancel)?;
     Ok(Advice {
         trials: design_rows(one, &choice, &common, &of_one),
         expected: Vec::new(),

@@ -341,8 +341,12 @@ mod tests {
         })
     }
 
+    fn run(search: &Search) -> Found {
+        search.run(&CancelToken::default()).expect("nobody cancels it")
+    }
+
     fn certainty(search: &Search, optima: &[Optimum], of: &Alternatives) -> Option<Certainty> {
-        Certainty::new(search, optima, of, &CancelToken::default()).expect("nobody stops it")
+        Certainty::new(search, optima, of, &CancelToken::default()).expect("nobody cancels it")
     }
 
     #[test]
@@ -355,7 +359,7 @@ mod tests {
             (best.value, best.problem.omega_rad_s)
         };
         let mut random = ChaCha8Rng::seed_from_u64(5);
-        let (value, omega_rad_s) = best(&of(TRUTH_KG_S).run());
+        let (value, omega_rad_s) = best(&run(&of(TRUTH_KG_S)));
         let fitted = off(TRUTH_KG_S, 0.03, &mut random);
         let replicate = |_| semi_passive(off(fitted, 0.03, &mut random)).robot;
         let alternatives = Alternatives {
@@ -363,7 +367,7 @@ mod tests {
             ..Alternatives::default()
         };
         let search = of(fitted);
-        let found = search.run();
+        let found = run(&search);
         let sure = certainty(&search, &found.optima, &alternatives).expect("it counts");
         let is_in = |[low, high]: [f64; 2], value: f64| low < value && value < high;
         assert!(is_in(sure.value, value), "{:?} {value}", sure.value);
@@ -385,7 +389,7 @@ mod tests {
         let alternatives = Alternatives { replicates, ..Alternatives::default() };
         for objective in [Objective::Speed, Objective::WorkPerMetre] {
             let search = of_omega(problem.clone(), objective, [1.0, 8.0]);
-            let found = search.run();
+            let found = run(&search);
             let sure = certainty(&search, &found.optima, &alternatives).expect("it counts");
             assert!(sure.regret.iter().all(|part| part.abs() < 1e-9), "{sure:?}");
             let [low, high] = sure.value.map(|limit| limit / found.optima[0].value - 1.0);

@@ -4,6 +4,7 @@
 //! integrated system identification and system optimization*, IEEE Trans. Syst. Man Cybern. 1 (1971) 296: one
 //! objective is searched with a limit to the other.
 
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_tables::Objective;
 
 use super::landscape::LEAST_NAME;
@@ -19,12 +20,17 @@ const BETTER: f64 = 1e-7;
 impl Search {
     /// The Pareto front of the objective and another one: gaits that count, from the best in the first to the best
     /// in the other, at even steps of the other's logarithm; empty where an objective has no optimum that counts.
-    pub fn front(&self, other: Objective) -> Vec<Optimum> {
-        let ends = [self.objective, other].map(|objective| {
-            let mut optima = Self { objective, ..self.clone() }.run().optima.into_iter();
-            optima.next().filter(Optimum::counts)
-        });
-        let [Some(first), Some(last)] = ends else { return Vec::new() };
+    ///
+    /// # Errors
+    /// The work was cancelled.
+    pub fn front(&self, other: Objective, cancel: &CancelToken) -> Result<Vec<Optimum>, Cancelled> {
+        let end = |objective| {
+            let found = Self { objective, ..self.clone() }.run(cancel)?;
+            Ok(found.optima.into_iter().next().filter(Optimum::counts))
+        };
+        let (Some(first), Some(last)) = (end(self.objective)?, end(other)?) else {
+            return Ok(Vec::new());
+        };
         let [from, to] = [&first, &last].map(|of| of.value_of(other).ln());
         let mut front = vec![first];
         for step in 1..POINTS - 1 {
@@ -34,7 +40,8 @@ impl Search {
             let search =
                 Self { problem: nearest.clone(), bounds, starts: 1 + STARTS, ..self.clone() };
             let again = Self { problem: last.problem.clone(), starts: 1, ..search.clone() };
-            let found = [search, again].into_iter().flat_map(|search| search.run().optima);
+            let found = [search.run(cancel)?, again.run(cancel)?].into_iter();
+            let found = found.flat_map(|found| found.optima);
             let cost = |of: &Optimum| self.objective.cost_of_value(of.value_of(self.objective));
             let best = found.filter(Optimum::counts).min_by(|a, b| cost(a).total_cmp(&cost(b)));
             // That the other is limited is what a front is.
@@ -52,6 +59,7 @@ impl Search {
             all.iter().any(|[x, y]| x <= a && y <= b && (*x < a - BETTER || *y < b - BETTER))
         };
         let kept = all.iter().map(|of| !is_behind(of)).collect::<Vec<bool>>();
-        front.into_iter().zip(kept).filter_map(|(of, is_kept)| is_kept.then_some(of)).collect()
+        let kept = front.into_iter().zip(kept);
+        Ok(kept.filter_map(|(of, is_kept)| is_kept.then_some(of)).collect())
     }
 }

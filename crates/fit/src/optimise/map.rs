@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::Problem;
 use trilink_robot::Model;
 use trilink_tables::{MapPoint, OptimumMapRow};
@@ -30,12 +31,16 @@ pub struct Shown<'s> {
 impl Search {
     /// The objective about an optimum of this search, over the one or two commands that it answers to most: those of
     /// which a small part of their ranges costs most.
+    ///
+    /// # Errors
+    /// The work was cancelled.
     pub fn map(
         &self,
         (campaign, model): (&str, Model),
         best: &Optimum,
         shown: Shown,
-    ) -> Vec<OptimumMapRow> {
+        cancel: &CancelToken,
+    ) -> Result<Vec<OptimumMapRow>, Cancelled> {
         let mut landscape = self.landscape(ACCURACY);
         let middle = landscape.place_of(&best.problem);
         let cost = counted(&mut landscape, &middle);
@@ -59,7 +64,7 @@ impl Search {
                 parts: self.parts(*i, middle[*i]),
             })
             .collect();
-        let Some((first, second)) = axes.split_first() else { return Vec::new() };
+        let Some((first, second)) = axes.split_first() else { return Ok(Vec::new()) };
         let second = second.first();
         let name = |axis: Option<&Axis>| axis.map_or(String::new(), |of| of.command.to_string());
         let [x_command, y_command] = [Some(first), second].map(name);
@@ -81,6 +86,7 @@ impl Search {
         };
         let sign = if self.objective.is_minimised() { 1.0 } else { -1.0 };
         let along_first = |part: Option<f64>| {
+            cancel.check()?;
             let mut landscape = self.landscape(ACCURACY);
             let (mut place, mut y) = (middle, f64::NAN);
             if let (Some(part), Some(axis)) = (part, second) {
@@ -93,12 +99,12 @@ impl Search {
                 let problem = landscape.problem_at(&place);
                 row(MapPoint::Grid, [at(first, *part), y], value, &problem)
             };
-            first.parts.iter().map(point).collect::<Vec<_>>()
+            Ok(first.parts.iter().map(point).collect())
         };
         let seconds: Vec<Option<f64>> =
             second.map_or(vec![None], |axis| axis.parts.iter().copied().map(Some).collect());
-        let mut rows: Vec<OptimumMapRow> =
-            seconds.into_par_iter().with_max_len(1).flat_map_iter(along_first).collect();
+        let grid = seconds.into_par_iter().with_max_len(1).map(along_first);
+        let mut rows = grid.collect::<Result<Vec<Vec<_>>, Cancelled>>()?.concat();
         // A phase a turn away is as near as it can be to the optimum's.
         let place = |value: &dyn Fn(Command) -> f64| {
             let of_axis = |axis: &Axis| {
@@ -127,7 +133,7 @@ impl Search {
         }));
         let optimum = place(&|command| command.value(&best.problem));
         rows.push(row(MapPoint::Optimum, optimum, best.value, &best.problem));
-        rows
+        Ok(rows)
     }
 
     /// Places along a command, as parts of its range: all of it, or of a phase a turn; that of the optimum

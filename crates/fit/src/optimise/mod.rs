@@ -17,6 +17,7 @@ mod search;
 use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{
     Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
@@ -173,39 +174,46 @@ impl Found {
 
 impl Search {
     /// Searches from all starts.
-    pub fn run(&self) -> Found {
-        let seeds = self.without_seconds();
+    ///
+    /// # Errors
+    /// The work was cancelled.
+    pub fn run(&self, cancel: &CancelToken) -> Result<Found, Cancelled> {
+        let seeds = self.without_seconds(cancel)?;
         let ends: Vec<Option<End>> = (0..self.starts + seeds.len())
             .into_par_iter()
             .with_max_len(1)
             .map(|number| {
+                cancel.check()?;
                 let mut landscape = self.landscape(ROUGH_ACCURACY);
                 let start = match number.checked_sub(self.starts) {
                     Some(seed) => seeds[seed],
                     None if number == 0 => landscape.place_of(&self.problem),
                     None => self.spread(number),
                 };
-                climb(&mut landscape, start, None)
+                Ok(climb(&mut landscape, start, None))
             })
-            .collect();
+            .collect::<Result<_, Cancelled>>()?;
         let all = ends.len();
         let rough = ends.into_iter().flatten().map(|end| (end, 1)).collect();
-        let fine: Vec<(End, usize)> = self
+        let fine: Vec<Option<(End, usize)>> = self
             .distinct(rough, ROUGH_ACCURACY)
             .into_par_iter()
             .with_max_len(1)
-            .filter_map(|(end, _, starts)| {
+            .map(|(end, _, starts)| {
+                cancel.check()?;
                 let mut landscape = self.landscape(ACCURACY);
-                Some((climb(&mut landscape, end.place, Some(end.curvature))?, starts))
+                let end = climb(&mut landscape, end.place, Some(end.curvature));
+                Ok(end.map(|end| (end, starts)))
             })
-            .collect();
+            .collect::<Result<_, Cancelled>>()?;
+        let fine: Vec<(End, usize)> = fine.into_iter().flatten().collect();
         let failed = all - fine.iter().map(|(_, starts)| starts).sum::<usize>();
         let distinct = self.distinct(fine, ACCURACY).into_par_iter().with_max_len(1);
         let mut optima: Vec<Optimum> = distinct
             .filter_map(|(end, problem, starts)| self.confirm(end, problem, starts))
             .collect();
         optima.sort_by_key(|of| !of.counts());
-        Found { optima, failed }
+        Ok(Found { optima, failed })
     }
 
     /// Of ends with motions of an accuracy, the best first, those that are not the same as one before, and how many
@@ -230,13 +238,13 @@ impl Search {
     /// Where searches with second harmonics begin, too: the best gaits without them, so that none is better than what
     /// is found, and the same with a little of them, since those of a gait that is its own mirror image change
     /// nothing of first order.
-    fn without_seconds(&self) -> Vec<Place> {
+    fn without_seconds(&self, cancel: &CancelToken) -> Result<Vec<Place>, Cancelled> {
         const MOST: usize = 3;
         const LITTLE: f64 = 0.04;
         let mut first = self.clone();
         first.free.retain(|of| !of.is_second());
         if first.free.len() == self.free.len() || first.free.is_empty() {
-            return Vec::new();
+            return Ok(Vec::new());
         }
         let landscape = self.landscape(ACCURACY);
         let seed = |of: &Optimum| {
@@ -247,14 +255,19 @@ impl Search {
             }
             [place, self.within_limits(moved)]
         };
-        first.run().optima.iter().filter(|of| of.counts()).take(MOST).flat_map(seed).collect()
+        let found = first.run(cancel)?;
+        Ok(found.optima.iter().filter(|of| of.counts()).take(MOST).flat_map(seed).collect())
     }
 
     /// The best of what searches from the present gait end in; what does not vary stays as it is, whatever the
     /// bounds say of it.
-    pub fn present(&self) -> Option<Optimum> {
+    ///
+    /// # Errors
+    /// The work was cancelled.
+    pub fn present(&self, cancel: &CancelToken) -> Result<Option<Optimum>, Cancelled> {
         let bounds = Bounds { angle_rad: f64::INFINITY, rate_rad_s: f64::INFINITY, ..self.bounds };
-        Search { bounds, ..self.clone() }.run().optima.into_iter().next()
+        let found = Search { bounds, ..self.clone() }.run(cancel)?;
+        Ok(found.optima.into_iter().next())
     }
 
     /// The objective by motions of a relative accuracy.
@@ -540,6 +553,27 @@ mod tests {
         assert!(is_stable(&end.place), "{end:?}");
         let omega_rad_s = landscape.problem_at(&end.place).omega_rad_s;
         assert!((omega_rad_s - stable).abs() < STEP_RAD_S, "{omega_rad_s} {stable} {unstable}");
-        assert!(search.run().optima.iter().all(|of| of.status.is_stable()));
+        let found = search.run(&CancelToken::default()).expect("nobody cancels it");
+        assert!(found.optima.iter().all(|of| of.status.is_stable()));
+    }
+
+    #[test]
+    fn a_cancelled_search_ends_at_once() {
+        let search = of_omega(
+            Problem {
+                robot: Robot::kinematic(),
+                gait: Gait::symmetric(),
+                laws: Laws::SKID_ROLL,
+                omega_rad_s: 3.0,
+            },
+            Objective::Speed,
+            [1.0, 8.0],
+        );
+        // It would take hours.
+        let search = Search { starts: 1_000_000, ..search };
+        let cancel = CancelToken::default();
+        cancel.cancel();
+        assert!(search.run(&cancel).is_err() && search.present(&cancel).is_err());
+        assert!(search.front(Objective::Distance, &cancel).is_err());
     }
 }

@@ -50,43 +50,53 @@ const MOST_BRANCHES: usize = 16;
 pub(super) const ACCURACY: f64 = 1e-9;
 
 /// Follows the motion at the low end of a range of a parameter to its ends, and every branch that it
-/// meets. `problem_at` gives the problem of each value.
+/// meets. `problem_at` gives the problem of each value; `is_cancelled` is asked before each step.
 ///
 /// # Errors
-/// There is no motion at the low end, or it has no states of its own.
-pub fn branches(problem_at: &dyn Fn(f64) -> Problem, range: [f64; 2]) -> Result<Vec<Branch>> {
+/// There is no motion at the low end, or it has no states of its own; or the work was cancelled.
+pub fn branches(
+    problem_at: &dyn Fn(f64) -> Problem,
+    range: [f64; 2],
+    is_cancelled: &dyn Fn() -> bool,
+) -> Result<Vec<Branch>> {
     let first = problem_at(range[0]).effective();
     // The same per radian of phase at the first frequency: then no time depends on the parameter.
     let omega_rad_s = first.omega_rad_s;
     let at = |value: f64| problem_at(value).effective().per_radian_as(omega_rad_s);
     let speed = |value: f64| problem_at(value).omega_rad_s;
+    let over = Over { range, omega_rad_s: &speed, is_cancelled };
     match first.gait.joints {
         [None, None] => Err(MotionError::NotDriven),
         [Some(_), Some(_)] if !first.laws.skids() => Err(MotionError::Determined),
-        _ if first.laws.are_dry() => with_friction::<Dry>(&at, &speed, range, &first),
-        _ => with_friction::<Viscous>(&at, &speed, range, &first),
+        _ if first.laws.are_dry() => with_friction::<Dry>(&at, &over, &first),
+        _ => with_friction::<Viscous>(&at, &over, &first),
     }
+}
+
+/// What branches are followed over.
+struct Over<'a> {
+    range: [f64; 2],
+    omega_rad_s: &'a dyn Fn(f64) -> f64,
+    is_cancelled: &'a dyn Fn() -> bool,
 }
 
 /// The same for one kind of friction; `first` is the problem at the low end.
 fn with_friction<F: Friction>(
     at: &dyn Fn(f64) -> Problem,
-    speed: &dyn Fn(f64) -> f64,
-    range: [f64; 2],
+    over: &Over,
     first: &Problem,
 ) -> Result<Vec<Branch>> {
     match (first.gait.passive_joint(), first.laws.skids()) {
-        (None, _) => follow(&|value| Skid::<3, F>::new(at(value), 0), speed, range),
-        (Some(of), true) => follow(&|value| Skid::<5, F>::new(at(value), of), speed, range),
-        (Some(of), false) => follow(&|value| PassiveNoSkid::<F>::new(at(value), of), speed, range),
+        (None, _) => follow(&|value| Skid::<3, F>::new(at(value), 0), over),
+        (Some(of), true) => follow(&|value| Skid::<5, F>::new(at(value), of), over),
+        (Some(of), false) => follow(&|value| PassiveNoSkid::<F>::new(at(value), of), over),
     }
 }
 
 /// All branches of a kind of motion, each with those that begin on it after those that were met before.
 fn follow<const N: usize, R: Reduced<N>>(
     model_at: &dyn Fn(f64) -> R,
-    omega_rad_s: &dyn Fn(f64) -> f64,
-    range: [f64; 2],
+    &Over { range, omega_rad_s, is_cancelled }: &Over,
 ) -> Result<Vec<Branch>> {
     let model = model_at(range[0]);
     let mut orbit = PeriodicOrbit::default();
@@ -99,7 +109,7 @@ fn follow<const N: usize, R: Reduced<N>>(
         let origin = waiting.remove(0);
         let parent = origin.parent;
         let mut walk = Walk::new(model_at, range, origin, found.len())?;
-        let mut branch = walk.walk();
+        let mut branch = walk.walk(is_cancelled)?;
         branch.points.iter_mut().for_each(|point| {
             point.metrics.v_m_s = point.metrics.d_m * omega_rad_s(point.value) / TAU;
         });

@@ -385,16 +385,26 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
     }
 
     /// Follows the branch.
-    pub(super) fn walk(&mut self) -> Branch {
+    ///
+    /// # Errors
+    /// The work was cancelled.
+    pub(super) fn walk(&mut self, is_cancelled: &dyn Fn() -> bool) -> Result<Branch> {
         let mut points = vec![self.point(None)];
-        let end = self.follow(&mut points);
-        Branch { kind: self.kind, parent: self.parent, points, end }
+        let end = self.follow(&mut points, is_cancelled)?;
+        Ok(Branch { kind: self.kind, parent: self.parent, points, end })
     }
 
-    fn follow(&mut self, points: &mut Vec<BranchPoint>) -> String {
+    fn follow(
+        &mut self,
+        points: &mut Vec<BranchPoint>,
+        is_cancelled: &dyn Fn() -> bool,
+    ) -> Result<String> {
         let [low, high] = self.range;
         let mut length = FIRST;
         while points.len() < MOST_POINTS {
+            if is_cancelled() {
+                return Err(MotionError::Cancelled);
+            }
             self.reference = self.difference;
             self.tests[Test::Joins as usize] = self.closeness();
             let from = self.place();
@@ -407,7 +417,7 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
                     let why = arrived
                         .err()
                         .map_or("it turns too sharply".to_owned(), |error| error.to_string());
-                    return format!("cannot be followed beyond {:.6}: {why}", self.value);
+                    return Ok(format!("cannot be followed beyond {:.6}: {why}", self.value));
                 }
                 continue;
             }
@@ -418,15 +428,15 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
                 gone *= (bound - from.value) / (self.value - from.value);
                 self.back_to(&from);
                 if let Err(error) = self.advance_to(bound, gone) {
-                    return format!("cannot be followed beyond {:.6}: {error}", from.value);
+                    return Ok(format!("cannot be followed beyond {:.6}: {error}", from.value));
                 }
             }
             let growth = self.largest_multiplier();
             if growth > MOST_GROWTH {
-                return format!(
+                return Ok(format!(
                     "cannot be followed beyond {:.6}: disturbances grow by {growth:.0e} in a period",
                     from.value
-                );
+                ));
             }
             let here = self.place();
             let (before, after) = (from.tests, here.tests);
@@ -452,7 +462,7 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
             if let Some(point) = joins {
                 points.push(point);
                 self.joins_at = Some(point.value);
-                return format!("joins the branch that it began on at {:.6}", point.value);
+                return Ok(format!("joins the branch that it began on at {:.6}", point.value));
             }
             for (_, _, point, origin) in met {
                 points.push(point);
@@ -461,11 +471,11 @@ impl<'a, const N: usize, R: Reduced<N>> Walk<'a, N, R> {
             self.back_to(&here);
             points.push(last);
             if !is_inside {
-                return "the end of the range".to_owned();
+                return Ok("the end of the range".to_owned());
             }
             length = (1.4 * length).min(LONGEST);
         }
-        format!("cannot be followed beyond {:.6} in {MOST_POINTS} points", self.value)
+        Ok(format!("cannot be followed beyond {:.6} in {MOST_POINTS} points", self.value))
     }
 
     /// Where another branch begins at the point at hand, if one does that can be followed.
