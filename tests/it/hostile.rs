@@ -44,7 +44,7 @@ fn within_seconds(what: &str, work: impl FnOnce()) {
 }
 
 #[test]
-#[ignore = "for long: TRILINK_HOSTILE=seconds cargo test --test it hostile -- --ignored --nocapture"]
+#[ignore = "for long: TRILINK_HOSTILE=seconds cargo test -p trilink --test it hostile:: -- --ignored --nocapture"]
 fn tables_with_absurd_content_end_so_however_often_they_are_tried() {
     let seconds = std::env::var("TRILINK_HOSTILE").unwrap().parse().unwrap();
     let (begin, mut seed) = (Instant::now(), 0);

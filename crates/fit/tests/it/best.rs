@@ -137,7 +137,7 @@ fn the_search_finds_the_best_known_objective_to_a_millionth() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release --test best -- --ignored --nocapture prints the table"]
+#[ignore = "minutes: cargo test --release -p trilink-fit --test it best:: -- --ignored --nocapture prints the table"]
 fn a_long_evolution_gives_the_best_known_objectives() {
     let evolved: Vec<Vec<f64>> = KNOWN
         .par_iter()

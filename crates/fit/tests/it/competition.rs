@@ -159,7 +159,7 @@ fn of_a_kinematic_campaign_the_true_law_is_preferred_and_the_nested_one_is_not()
 }
 
 #[test]
-#[ignore = "40 seeds of three laws and three campaigns: minutes with a release build"]
+#[ignore = "40 seeds of three laws and three campaigns: minutes: cargo test --release -p trilink-fit --test it competition:: -- --ignored"]
 fn in_nine_of_ten_campaigns_the_true_law_is_preferred_and_fits() {
     let seeds: u64 = std::env::var("SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(40);
     let mut missed = Vec::new();

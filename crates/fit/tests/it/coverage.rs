@@ -273,7 +273,7 @@ fn coefficients_that_trials_do_not_determine_have_no_limits() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release --test coverage -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p trilink-fit --test it coverage:: -- --ignored --nocapture"]
 fn ninety_five_percent_intervals_hold_the_truth_in_88_to_99_of_100_campaigns() {
     for (bootstrap, profiles) in [(200, false), (0, true)] {
         for ((campaign, skid_kg_s), repeats, with_cycles) in [
@@ -445,7 +445,7 @@ fn judge_predictions(campaign: &str, nights: &[Night], failures: &mut Vec<String
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release --test coverage nights -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p trilink-fit --test it nights -- --ignored --nocapture"]
 fn intervals_and_errors_of_a_hundred_and_eighty_nights_hold_the_planted_truth() {
     let seeds: Vec<u64> = NIGHTS.into_iter().flatten().collect();
     let nights: Vec<Night> = seeds.into_par_iter().map(night).collect();

@@ -143,7 +143,7 @@ fn a_law_that_is_viscous_at_all_of_its_motions_is_said_to_be() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release --test recovery -- --ignored"]
+#[ignore = "minutes: cargo test --release -p trilink-fit --test it recovery:: -- --ignored"]
 fn every_law_is_given_back_by_every_campaign() {
     let mut wrong = Vec::new();
     for campaign in CAMPAIGNS {

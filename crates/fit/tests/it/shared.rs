@@ -107,7 +107,7 @@ fn counts(what: &str, models: &[Model], motions: &[Motions; 2], seeds: u64) -> V
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release --test shared -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p trilink-fit --test it shared:: -- --ignored --nocapture"]
 fn sharing_is_nearly_always_judged_right() {
     let models = [Model::SKID_ROLL, Model::new(COULOMB)];
     let [[_, refused], [kept, _]] = counts("dry", &models, &dry(), 24)[..] else { panic!() };

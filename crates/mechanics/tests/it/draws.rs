@@ -263,16 +263,14 @@ fn two_robots_at_any_frequency_end_where_they_go_from_rest() {
     draws(robots_of_every_law(3, 2), false);
 }
 
-/// Takes minutes: `cargo test --release --test draws -- --ignored forty`.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "minutes: cargo test --release -p trilink-mechanics --test it forty -- --ignored"]
 fn forty_robots_at_any_frequency_end_where_they_go_from_rest() {
     draws(robots_of_every_law(3, 40), true);
 }
 
-/// Takes minutes: `cargo test -p trilink-mechanics --test it draws -- --ignored --nocapture`.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "minutes: cargo test -p trilink-mechanics --test it ten_thousand -- --ignored --nocapture"]
 fn ten_thousand_draws_end_in_a_status_that_the_motion_from_rest_confirms() {
     draw(2, 10_000, true);
 }

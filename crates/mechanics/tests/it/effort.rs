@@ -1,5 +1,5 @@
 //! What the solutions take is pinned beside what they are: a solver that needs more steps for the
-//! same result fails here. After a wanted change, `INSTA_UPDATE=always cargo test -p trilink-mechanics effort`
+//! same result fails here. After a wanted change, `INSTA_UPDATE=always cargo test -p trilink-mechanics --test it effort::`
 //! writes the new numbers.
 
 use std::fmt::Write as _;
@@ -90,7 +90,7 @@ fn times_us(robot: &Robot, gait: Gait, laws: Laws) -> [f64; 2] {
 }
 
 #[test]
-#[ignore = "a timing; alone and with --release: cargo test --release --test effort -- --ignored"]
+#[ignore = "a timing; alone and with --release: cargo test --release -p trilink-mechanics --test it effort:: -- --ignored"]
 fn a_solution_takes_no_longer_than_its_bound_and_derivatives_little_more() {
     let skewed = Robot { skid_kg_s: [74.5, 91.0, 95.0], ..Robot::kinematic() };
     let passive = Robot { stiffness_nm_rad: 0.137, ..Robot::semi_passive() };

@@ -769,7 +769,7 @@ fn what_figures_and_the_replay_draw_has_its_colours_without_a_style() {
 
 /// Writes a report to look at into the folder that the variable names.
 #[test]
-#[ignore = "for the eye: TRILINK_LOOK=folder cargo test --lib report -- --ignored"]
+#[ignore = "for the eye: TRILINK_LOOK=folder cargo test -p trilink-report --lib to_look_at -- --ignored"]
 fn a_report_to_look_at() {
     let folder = std::env::var_os("TRILINK_LOOK").expect("TRILINK_LOOK names a folder");
     let folder = Path::new(&folder);
