@@ -4,15 +4,17 @@
 //! It is made of the crates of this workspace, each of which can be used without it. In the order that
 //! a trial passes through them:
 //!
-//! - `trilink_mocap` reads marker files, `trilink_ingest` makes trials of them, `trilink_fit` fits
-//!   models to those and `trilink_report` shows what came of it, by `trilink_plot`;
+//! - `trilink_mocap` reads marker files, `trilink_ingest` evaluates trials, `trilink_fit` fits models to
+//!   them and `trilink_report` draws the results with `trilink_plot`;
 //! - `trilink_synth` makes trials with a known truth;
-//! - `trilink_tables` has the settings and tables that they share, `trilink_mechanics` the models'
-//!   motion, `trilink_robot` the equations, `trilink_statistics` and `trilink_base` the rest.
+//! - `trilink_tables` has the settings and tables that they share, `trilink_mechanics` solves for the
+//!   models' motions, `trilink_robot` has the robot's equations, `trilink_statistics` averages, quantiles and
+//!   least squares, `trilink_base` file reads, CSV, patterns, named values, numbers as text and
+//!   cancellation.
 //!
-//! What is here decides what is run and talks to people. The modules in reading order: [`init`] for a
-//! new laboratory, [`build`] that runs the stages, [`compare`], [`inspect`] and [`export`] for what
-//! they left, [`cli`] in front of all, [`interrupt`].
+//! This package decides what is run and prints. The modules in reading order: [`init`] for a new
+//! laboratory, [`build`] that runs the stages, [`compare`], [`inspect`] and [`export`] for their results,
+//! [`cli`], the command line in front of all, [`interrupt`] and `template`.
 
 /// Marker files alone to a first `pipeline.toml` and `trials.toml`.
 pub mod init;
@@ -32,7 +34,8 @@ pub mod export;
 /// The command line.
 pub mod cli;
 
-/// Ctrl-C.
+/// Ctrl-C and SIGTERM.
 mod interrupt;
 
+/// Text files and messages from templates.
 mod template;
