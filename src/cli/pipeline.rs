@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use trilink_ingest::Ingested;
+use trilink_report::shared_fit_sentence;
 use trilink_robot::decay::DecayLaw;
 use trilink_robot::{Parameter, Quantity};
 use trilink_statistics::Estimate;
@@ -264,7 +265,12 @@ pub(super) fn print_shared(rows: &[SharedFitRow]) {
     for row in rows {
         let SharedFitRow { robot, fit, .. } = row;
         let values = fit.free.iter().map(|of| format!(" {} {}", of.name(), cell(fit, *of)));
-        say!("{robot} {}: {}{}", fit.model, row.sentence(), values.collect::<Vec<_>>().join(","));
+        say!(
+            "{robot} {}: {}{}",
+            fit.model,
+            shared_fit_sentence(row),
+            values.collect::<Vec<_>>().join(",")
+        );
     }
 }
 

@@ -70,7 +70,7 @@ pub use figures::FREQUENCY;
 pub use input::ReportInput;
 pub use looks::{colours, trends};
 pub use optimum::{front_drawing, optimum_drawing, with_unit};
-pub use page::{fill, image};
+pub use page::{fill, image, shared_fit_sentence};
 pub use replay::{SimulationError, simulation_page};
 pub use sensitivities::sensitivities_drawing;
 use trials::PagesWritten;

@@ -3,9 +3,9 @@
 //!
 //! - What is asked for: [`config`] (`pipeline.toml`; its `Default` is the paper's experiment) and
 //!   [`trial`] (`trials.toml`).
-//! - What is in the tables: `schema`, `optimum` and `sensitivity`, a struct for each kind of row, such
-//!   as [`TrialRow`]; `objective`, what an [`Objective`] is worth; `status` and `extrapolation`, the names in their columns; `explanations`, what
-//!   each check means.
+//! - What is in the tables: `rows`, a struct for each kind of row, such as [`TrialRow`], in a file for
+//!   the stage that writes them; `status`, the names in their columns; `explanations`, what each check
+//!   means.
 //! - How they are stored: `columns` ([`Columns`], from rows to columns and back), `table` ([`Table`],
 //!   Parquet with its [`Provenance`]), `table_set` ([`table_set!`], the tables that a stage reads and writes
 //!   together), [`checksum`].
@@ -33,11 +33,8 @@ pub mod clock;
 mod columns;
 pub mod config;
 mod explanations;
-mod extrapolation;
 mod objective;
-mod optimum;
-mod schema;
-mod sensitivity;
+mod rows;
 mod stamp;
 mod status;
 mod table;
@@ -52,16 +49,18 @@ pub use columns::{Columns, NamedCell, numbers, repeated, texts, truths};
 #[doc(hidden)]
 pub use columns::{fill, interleave, pattern_of};
 pub use explanations::Explanation;
-pub use extrapolation::Extrapolation;
-pub use optimum::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
 pub use polars::prelude::Column;
-pub use schema::{
-    BootstrapRow, BranchRow, CheckRow, ComparisonRow, CycleRow, DecayFit, FitRow, JointCycle,
-    JointGait, LABELS_APART, PredictionRow, ProfileRow, ResidualRow, RobotParameterRow,
-    RobotQuantity, SharedFitRow, StartRow, TrajectoryRow, TrialRow, cycles_path, poses_path,
-    wheels_path,
+pub use rows::extrapolation::Extrapolation;
+pub use rows::fits::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, SharedFitRow, StartRow};
+pub use rows::motions::{BranchRow, TrajectoryRow};
+pub use rows::optima::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
+pub use rows::predictions::{PredictionRow, ResidualRow};
+pub use rows::recording::{
+    CycleRow, JointCycle, LABELS_APART, cycles_path, poses_path, wheels_path,
 };
-pub use sensitivity::{KnownFrom, SENSITIVE_METRICS, SensitivityRow};
+pub use rows::robot_parameters::{DecayFit, RobotParameterRow, RobotQuantity};
+pub use rows::sensitivities::{KnownFrom, SENSITIVE_METRICS, SensitivityRow};
+pub use rows::trials::{CheckRow, JointGait, TrialRow};
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Sharing, Stopped, TrialStatus};
 pub use table::{Provenance, Table, guarded, hush_damaged_tables, is_own_table, row_names};

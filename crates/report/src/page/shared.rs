@@ -2,6 +2,7 @@
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
+use trilink_base::text::known;
 use trilink_robot::Parameter;
 use trilink_tables::{FitRow, SharedFitRow, Sharing};
 
@@ -30,7 +31,7 @@ fn section(rows: &[SharedFitRow], tables: &Tables) -> Value {
             heads => heads.collect::<Vec<_>>(),
             parameters => Serde(values(&row.fit)),
             own => own.collect::<Vec<_>>(),
-            sentence => row.sentence(),
+            sentence => shared_fit_sentence(row),
         }
     });
     context! {
@@ -39,6 +40,31 @@ fn section(rows: &[SharedFitRow], tables: &Tables) -> Value {
         sentence => sentence(rows),
         models => models.collect::<Vec<_>>(),
     }
+}
+
+/// What came out of fitting the campaigns of a robot together, in a sentence.
+pub fn shared_fit_sentence(row: &SharedFitRow) -> String {
+    let SharedFitRow { fit, j_separate, rise, rise_limit, p_value, not_tested, .. } = row;
+    if !fit.status.is_ok() {
+        return format!("one set of coefficients for all campaigns has no fit ({}).", fit.status);
+    }
+    let verdict = match fit.sharing {
+        Some(Sharing::Kept) => "one set of coefficients describes all campaigns as well",
+        Some(Sharing::Refused) => "one set of coefficients for all campaigns is refused",
+        None => "whether all campaigns have the same coefficients is not known",
+    };
+    let reason = match not_tested.is_empty() || fit.sharing.is_some() {
+        true => String::new(),
+        false => format!(", since {not_tested}"),
+    };
+    let j = known([fit.j, *j_separate], |[j, separate]| {
+        format!(": J = {j:.4} against {separate:.4} of separate fits")
+    });
+    let tested = known([*rise, *rise_limit, *p_value], |[rise, limit, p]| {
+        format!(", {rise:.4} more, of which up to {limit:.4} would be chance (p = {p:.3})")
+    });
+    let tested = if fit.sharing.is_some() && !j.is_empty() { tested } else { String::new() };
+    format!("{verdict}{reason}{j}{tested}.")
 }
 
 /// The answer of all models of a robot.

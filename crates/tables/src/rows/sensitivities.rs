@@ -4,8 +4,7 @@ use trilink_base::named;
 use trilink_robot::Model;
 use trilink_robot::metrics::GaitMetrics;
 
-use super::Extrapolation;
-use crate::rows;
+use crate::{Extrapolation, rows};
 
 /// The metrics of which there are sensitivities: d, v, sigma of the wheels, alpha_1, the actuators' work a
 /// cycle.

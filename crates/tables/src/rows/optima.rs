@@ -4,8 +4,7 @@ use trilink_base::named;
 use trilink_robot::metrics::{FromRest, GaitMetrics, MotionStatus};
 use trilink_robot::{ByParameter, Model};
 
-use super::Extrapolation;
-use crate::rows;
+use crate::{Extrapolation, rows};
 
 named! {
     /// What an optimal gait is best in.
