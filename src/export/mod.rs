@@ -14,7 +14,9 @@ use trilink_mocap::{ReadError, Recording, read_markers};
 use trilink_robot::{Pose, Robot};
 use trilink_tables::config::{Config, ConfigError, nearest};
 use trilink_tables::trial::{ListedTrial, TrialFolders};
-use trilink_tables::{Reader, StoreError, TrialRow, TrialStatus, poses_path};
+use trilink_tables::{
+    Coordinates, Frames as _, Reader, StoreError, TrialRow, TrialStatus, poses_path,
+};
 
 pub use petab::write_petab;
 
@@ -168,15 +170,11 @@ fn poses(
 ) -> Result<Vec<Option<LinkPoses>>, StoreError> {
     let table = Reader::default().table(&poses_path(&config.paths.derived, trial))?;
     let known = table.values::<i64>("frame")?;
-    let columns =
-        ["x_m", "y_m", "theta_rad", "phi1_rad", "phi2_rad"].map(|name| table.values::<f64>(name));
-    let [x_m, y_m, theta_rad, phi1_rad, phi2_rad] = columns;
-    let (x_m, y_m, theta_rad) = (x_m?, y_m?, theta_rad?);
-    let (phi1_rad, phi2_rad) = (phi1_rad?, phi2_rad?);
+    let Coordinates { x_m, y_m, theta_rad, phi_rad } = Coordinates::from_table(&table)?;
     let pose = |frame: &i64| {
         let row = known.binary_search(frame).ok()?;
         let middle = Pose { x_m: x_m[row], y_m: y_m[row], theta_rad: theta_rad[row] };
-        let poses = robot.link_poses(middle, [phi1_rad[row], phi2_rad[row]]);
+        let poses = robot.link_poses(middle, [phi_rad[0][row], phi_rad[1][row]]);
         let is_known = |pose: &Pose| (pose.x_m + pose.y_m + pose.theta_rad).is_finite();
         poses.iter().all(is_known).then_some(poses)
     };

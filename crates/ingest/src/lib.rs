@@ -81,19 +81,20 @@ use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, Smoothing, Vicon};
 use trilink_tables::trial::{Trial, TrialKind};
 use trilink_tables::{
-    CheckRow, CycleRow, RobotParameterRow, Severity, Table, TrialRow, TrialStatus,
+    CheckRow, Clock, Coordinates, CycleRow, Frames as _, RobotParameterRow, Severity, Table,
+    TrialRow, TrialStatus, WheelFrames, WheelVelocities,
 };
 
 use checks::Finding;
 use cycles::steady::{self, Steady};
-use cycles::{Cycle, CycleData, WheelVelocities, summary, wheel_velocities};
+use cycles::{Cycle, CycleData, summary, wheel_velocities};
 use identification::{against_configured, coast, release};
 use markers::layout;
 pub use markers::layout::{LinkMarker, marker_name};
 pub use markers::rigid::fit as fit_rigid;
 pub use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics, strongest_line};
 pub use poses::frame_grid;
-use poses::{Constant, Coordinates, Linkage, Tracked};
+use poses::{Constant, Linkage, Tracked};
 use signals::JointSignal;
 
 /// Used cycles below which a trial has no means.
@@ -347,7 +348,11 @@ fn process_recording(
         row: row.clone(),
         parameters,
         cycles: cycle_rows,
-        wheels: tables::wheels(&trial.id, tracked.first_frame, motion.wheels, rate_hz),
+        wheels: WheelFrames {
+            clock: Clock::new(tracked.first_frame, tracked.frames(), rate_hz),
+            velocities: motion.wheels,
+        }
+        .into_table(&trial.id),
         poses: tables::poses(&trial.id, tracked, motion.smooth, markers, rate_hz),
     })
 }

@@ -1,10 +1,12 @@
 //! What was recorded of one trial, frame by frame, from its own tables.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use trilink_mechanics::Pose;
-use trilink_tables::{CycleRow, LABELS_APART, Reader, StoreError, Table, poses_path, wheels_path};
+use trilink_tables::{
+    Clock, Coordinates, CycleRow, Fill, FrameTexts, Frames as _, LABELS_APART, PoseFrames, Reader,
+    StoreError, WheelFrames, poses_path, wheels_path,
+};
 
 /// Frames on each side that a velocity is computed from, beside the moving average's.
 const DERIVATIVE_REACH: usize = 2;
@@ -18,8 +20,7 @@ pub(crate) struct Recording {
     pub theta_rad: Vec<f64>,
     pub phi_rad: [Vec<f64>; 2],
     pub residual_mm: [Vec<f64>; 3],
-    /// `measured`, `rigid`, `interpolated` or `missing`.
-    pub fill: [FrameTexts; 3],
+    pub fill: [Vec<Fill>; 3],
     /// Labels of the markers that the cameras did not see, and of those that were corrected; empty
     /// where the table does not tell.
     pub unseen: [FrameTexts; 3],
@@ -31,46 +32,6 @@ pub(crate) struct Recording {
     pub cycles: Vec<CycleRow>,
     /// Where the tables have other frames than each other.
     pub problem: Option<String>,
-}
-
-/// A text for each frame, of which there are few: each is kept once, as of a long recording there
-/// are millions.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct FrameTexts {
-    known: Vec<String>,
-    /// Which of them each frame has.
-    frames: Vec<u32>,
-}
-
-impl FrameTexts {
-    fn is_empty(&self) -> bool {
-        self.frames.is_empty()
-    }
-
-    fn get(&self, frame: usize) -> Option<&str> {
-        Some(&self.known[*self.frames.get(frame)? as usize])
-    }
-
-    /// In how many frames in a row stands which text.
-    pub(crate) fn runs(&self) -> impl Iterator<Item = (usize, &str)> {
-        let runs = self.frames.chunk_by(|a, b| a == b);
-        runs.map(|run| (run.len(), self.known[run[0] as usize].as_str()))
-    }
-}
-
-impl FromIterator<String> for FrameTexts {
-    fn from_iter<T: IntoIterator<Item = String>>(texts: T) -> Self {
-        let (mut known, mut numbers) = (Vec::new(), BTreeMap::new());
-        let number = |text: String| match numbers.get(&text) {
-            Some(number) => *number,
-            None => {
-                known.push(text.clone());
-                *numbers.entry(text).or_insert(known.len() as u32 - 1)
-            }
-        };
-        let frames = texts.into_iter().map(number).collect();
-        Self { known, frames }
-    }
 }
 
 /// What is known of a marker in a frame.
@@ -112,44 +73,45 @@ impl Recording {
         if is_absent(&poses) || is_absent(&wheels) {
             return Ok(None);
         }
-        let (poses, wheels) = (poses?, wheels?);
-        for (table, path) in [(&poses, &poses_path), (&wheels, &wheels_path)] {
-            if let Some(fall) = fall(table)? {
+        let (poses, wheels) =
+            (PoseFrames::from_table(&poses?)?, WheelFrames::from_table(&wheels?)?);
+        for (clock, path) in [(&poses.clock, &poses_path), (&wheels.clock, &wheels_path)] {
+            if let Some(fall) = fall(clock) {
                 let problem = Some(format!("{}: {fall}", path.display()));
                 return Ok(Some(Self { problem, ..Self::default() }));
             }
         }
-        let [frames, of_wheels] = [poses.values::<i64>("frame")?, wheels.values::<i64>("frame")?];
-        let rows: Vec<_> = frames.iter().map(|frame| of_wheels.binary_search(frame).ok()).collect();
+        let PoseFrames { clock: Clock { frame, time_s }, coordinates, residual_mm, .. } = poses;
+        let Coordinates { x_m, y_m, theta_rad, phi_rad } = coordinates;
+        let of_wheels = wheels.clock.frame;
+        let rows: Vec<_> = frame.iter().map(|frame| of_wheels.binary_search(frame).ok()).collect();
         let shared = rows.iter().flatten().count();
-        let is_whole = shared == frames.len() && shared == of_wheels.len();
-        let numbers = |table: &Table, name: &str| table.values::<f64>(name);
-        let wheel = |name: String| -> Result<Vec<f64>, StoreError> {
-            let values = numbers(&wheels, &name)?;
+        let is_whole = shared == frame.len() && shared == of_wheels.len();
+        let by_frame = |values: Vec<f64>| {
             let mut values: Vec<f64> =
                 rows.iter().map(|row| row.map_or(f64::NAN, |row| values[row])).collect();
             leave_out_edges(&mut values, smoothing_window);
-            Ok(values)
+            values
         };
         Ok(Some(Self {
-            time_s: numbers(&poses, "time_s")?,
-            x_m: numbers(&poses, "x_m")?,
-            y_m: numbers(&poses, "y_m")?,
-            theta_rad: numbers(&poses, "theta_rad")?,
-            phi_rad: [numbers(&poses, "phi1_rad")?, numbers(&poses, "phi2_rad")?],
-            residual_mm: three(|link| numbers(&poses, &format!("residual{link}_mm")))?,
-            fill: three(|link| texts(&poses, &format!("fill{link}")))?,
-            unseen: three(|link| texts_if_there(&poses, &format!("unseen{link}")))?,
-            corrected: three(|link| texts_if_there(&poses, &format!("corrected{link}")))?,
-            roll_m_s: three(|wheel_number| wheel(format!("roll{wheel_number}_m_s")))?,
-            skid_m_s: three(|wheel_number| wheel(format!("skid{wheel_number}_m_s")))?,
+            time_s,
+            x_m,
+            y_m,
+            theta_rad,
+            phi_rad,
+            residual_mm,
+            fill: poses.fill,
+            unseen: poses.unseen,
+            corrected: poses.corrected,
+            roll_m_s: wheels.velocities.roll_m_s.map(by_frame),
+            skid_m_s: wheels.velocities.skid_m_s.map(by_frame),
             cycles: reader.cycles_if_there(derived, trial)?.unwrap_or_default(),
             problem: (!is_whole).then(|| {
                 format!(
                     "{}: found {} frames, {shared} of the {} of {}, needed the same ones",
                     wheels_path.display(),
                     of_wheels.len(),
-                    frames.len(),
+                    frame.len(),
                     poses_path.display()
                 )
             }),
@@ -204,7 +166,7 @@ impl Recording {
             labels.is_some_and(|labels| labels.split(LABELS_APART).any(|name| name == label))
         };
         let is_missing = match self.unseen[link].is_empty() {
-            true => matches!(self.fill[link].get(i), Some("interpolated" | "missing")),
+            true => matches!(self.fill[link].get(i), Some(Fill::Interpolated | Fill::Missing)),
             false => names(&self.unseen),
         };
         match (names(&self.corrected), is_missing) {
@@ -241,29 +203,11 @@ fn leave_out_edges(velocities: &mut [f64], smoothing_window: i64) {
 }
 
 /// Where the frames of a table or their times do not rise.
-fn fall(table: &Table) -> Result<Option<String>, StoreError> {
-    let (frames, time_s) = (table.values::<i64>("frame")?, table.values::<f64>("time_s")?);
-    let rises = |i: &usize| frames[i - 1] < frames[*i] && time_s[i - 1] < time_s[*i];
-    let fall = (1..frames.len()).find(|i| !rises(i));
-    Ok(fall.map(|i| {
-        let [before, after] = [i - 1, i].map(|i| format!("{} at {} s", frames[i], time_s[i]));
-        format!("found `frame` {after} after {before}, needed frames that rise")
-    }))
-}
-
-fn texts(table: &Table, name: &str) -> Result<FrameTexts, StoreError> {
-    Ok(table.values::<String>(name)?.into_iter().collect())
-}
-
-fn texts_if_there(table: &Table, name: &str) -> Result<FrameTexts, StoreError> {
-    match table.frame.column(name) {
-        Ok(_) => texts(table, name),
-        Err(_) => Ok(FrameTexts::default()),
-    }
-}
-
-fn three<T>(of: impl Fn(usize) -> Result<T, StoreError>) -> Result<[T; 3], StoreError> {
-    Ok([of(0)?, of(1)?, of(2)?])
+fn fall(Clock { frame, time_s }: &Clock) -> Option<String> {
+    let rises = |i: &usize| frame[i - 1] < frame[*i] && time_s[i - 1] < time_s[*i];
+    let fall = (1..frame.len()).find(|i| !rises(i))?;
+    let [before, after] = [fall - 1, fall].map(|i| format!("{} at {} s", frame[i], time_s[i]));
+    Some(format!("found `frame` {after} after {before}, needed frames that rise"))
 }
 
 #[cfg(test)]
@@ -327,10 +271,10 @@ mod tests {
 
     #[test]
     fn a_marker_is_what_the_table_says_and_without_that_as_its_link() {
-        let texts = |all: [&str; 3]| -> FrameTexts { all.map(str::to_owned).into_iter().collect() };
+        let texts = |all: [&str; 3]| FrameTexts::of(all.into_iter(), str::to_owned);
         let none = FrameTexts::default;
-        let fill = texts(["measured", "interpolated", "rigid"]);
-        let untold = Recording { fill: [fill.clone(), fill, none()], ..Recording::default() };
+        let fill = vec![Fill::Measured, Fill::Interpolated, Fill::Rigid];
+        let untold = Recording { fill: [fill.clone(), fill, Vec::new()], ..Recording::default() };
         let told = Recording {
             unseen: [texts(["", "R1, R2", ""]), none(), none()],
             corrected: [texts(["", "", "R10"]), none(), none()],

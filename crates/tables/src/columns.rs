@@ -12,8 +12,8 @@ use trilink_robot::{ByParameter, Model, Parameter};
 use trilink_statistics::Estimate;
 
 use super::{
-    FitStatus, KnownFrom, MapPoint, Objective, PredictionSource, RunStatus, Severity, Sharing,
-    Stopped, StoreError, Table, TrialStatus,
+    Fill, FitStatus, KnownFrom, LabelFault, MapPoint, Objective, PredictionSource, RunStatus,
+    Severity, Sharing, Stopped, StoreError, Table, TrialStatus,
 };
 use crate::config::GaitInput;
 use crate::trial::TrialKind;
@@ -30,6 +30,11 @@ pub trait Columns: Sized {
 
     /// Adds the columns of one value a row.
     fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>);
+
+    /// [`Columns::write`] of values that are not needed any more.
+    fn write_all(values: Vec<Self>, pattern: &str, columns: &mut Vec<Column>) {
+        Self::write(&values.iter().collect::<Vec<_>>(), pattern, columns);
+    }
 
     /// One value a row.
     ///
@@ -200,7 +205,7 @@ impl<T: Columns, const N: usize> Columns for [T; N] {
     }
 }
 
-fn numbered<const N: usize>(pattern: &str) -> impl Iterator<Item = String> {
+pub(super) fn numbered<const N: usize>(pattern: &str) -> impl Iterator<Item = String> {
     (0..N).map(move |i| fill(pattern, &(i + usize::from(N == 2)).to_string()))
 }
 
@@ -290,6 +295,10 @@ impl Columns for f64 {
         columns.push(numbers(name, values.iter().map(|value| **value).collect()));
     }
 
+    fn write_all(values: Vec<Self>, name: &str, columns: &mut Vec<Column>) {
+        columns.push(numbers(name, values));
+    }
+
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
         let is_number = DataType::is_primitive_numeric;
         let column = table.column(name, ("numbers", is_number), &DataType::Float64)?;
@@ -304,7 +313,6 @@ impl Columns for f64 {
     }
 }
 
-/// No whole number of a table is larger, so that the sum of a column can be taken.
 /// Values that stand in tables by their names.
 pub trait NamedCell: Named {}
 
@@ -316,10 +324,12 @@ named_cells![
     Bifurcation,
     BranchKind,
     DecayLaw,
+    Fill,
     FitStatus,
     FromRest,
     GaitInput,
     KnownFrom,
+    LabelFault,
     MapPoint,
     Model,
     MotionStatus,
@@ -335,6 +345,7 @@ named_cells![
     TrialStatus,
 ];
 
+/// No whole number of a table is larger, so that the sum of a column can be taken.
 const LARGEST_WHOLE: u64 = 1_000_000_000_000;
 
 /// Other programs turn whole numbers into floating-point ones where some are missing.

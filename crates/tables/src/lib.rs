@@ -6,9 +6,8 @@
 //! - What is in the tables: `rows`, a struct for each kind of row, such as [`TrialRow`], in a file for
 //!   the stage that writes them; `status`, the names in their columns; `explanations`, what each check
 //!   means.
-//! - How they are stored: `columns` ([`Columns`], from rows to columns and back), `table` ([`Table`],
-//!   Parquet with its [`Provenance`]), `table_set` ([`table_set!`], the tables that a stage reads and writes
-//!   together), [`checksum`].
+//! - How they are stored: `columns` ([`Columns`], from rows to columns and back), `frames` ([`Frames`],
+//!   what has a row for each frame), `table` ([`Table`], Parquet with its [`Provenance`]), [`checksum`].
 //! - How they are kept consistent: `atomic` (a file is there whole or not at all), `stamp` ([`Reader`],
 //!   which refuses a file that changed since it was looked at).
 //! - [`clock`]: now; `time` ([`UtcTime`]): a time as a column.
@@ -33,6 +32,7 @@ pub mod clock;
 mod columns;
 pub mod config;
 mod explanations;
+mod frames;
 mod objective;
 mod rows;
 mod stamp;
@@ -49,6 +49,7 @@ pub use columns::{Columns, NamedCell, numbers, repeated, texts, truths};
 #[doc(hidden)]
 pub use columns::{fill, interleave, pattern_of};
 pub use explanations::Explanation;
+pub use frames::{FrameTexts, Frames};
 pub use polars::prelude::Column;
 pub use rows::extrapolation::Extrapolation;
 pub use rows::fits::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, SharedFitRow, StartRow};
@@ -56,7 +57,8 @@ pub use rows::motions::{BranchRow, TrajectoryRow};
 pub use rows::optima::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
 pub use rows::predictions::{PredictionRow, ResidualRow};
 pub use rows::recording::{
-    CycleRow, JointCycle, LABELS_APART, cycles_path, poses_path, wheels_path,
+    Clock, Coordinates, CycleRow, Fill, JointCycle, LABELS_APART, LabelFault, PoseFrames,
+    WheelFrames, WheelVelocities, cycles_path, poses_path, wheels_path,
 };
 pub use rows::robot_parameters::{DecayFit, RobotParameterRow, RobotQuantity};
 pub use rows::sensitivities::{KnownFrom, SENSITIVE_METRICS, SensitivityRow};

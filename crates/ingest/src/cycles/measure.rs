@@ -6,11 +6,10 @@ use std::ops::Range;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, Robot};
 use trilink_statistics::{mean, seen};
-use trilink_tables::{Columns as _, JointCycle};
+use trilink_tables::{Columns as _, Coordinates, JointCycle, WheelVelocities};
 
-use super::WheelVelocities;
 use crate::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
-use crate::poses::{Coordinates, Tracked};
+use crate::poses::Tracked;
 
 /// A cycle in which a commanded joint is off its gait by more than this part of the amplitude
 /// (RMS) is not the gait: a start, a stop, a pause.

@@ -12,16 +12,9 @@ pub(crate) mod summary;
 pub(crate) use measure::{Cycle, CycleData};
 
 use trilink_robot::{Robot, Trig, roll_rows, rotated, skid_rows};
+use trilink_tables::{Coordinates, WheelVelocities};
 
-use crate::poses::Coordinates;
 use crate::signals::derivative;
-
-/// Velocities of wheels 0, 1, 2 over time, m/s; NaN where missing.
-#[derive(Debug, Clone)]
-pub(crate) struct WheelVelocities {
-    pub roll_m_s: [Vec<f64>; 3],
-    pub skid_m_s: [Vec<f64>; 3],
-}
 
 /// Differentiates smoothed coordinates and applies eq. 1 in link 0's frame. A wheel's velocity
 /// is known without the other side link.
@@ -30,7 +23,7 @@ pub(crate) fn wheel_velocities(
     coordinates: &Coordinates,
     rate_hz: f64,
 ) -> WheelVelocities {
-    let frames = coordinates.len();
+    let frames = coordinates.frames();
     let rates = coordinates.map(|series| derivative(series, rate_hz));
     let missing = || [(); 3].map(|()| vec![f64::NAN; frames]);
     let (mut roll_m_s, mut skid_m_s) = (missing(), missing());

@@ -11,13 +11,12 @@ use trilink_robot::Robot;
 use trilink_robot::decay::{Coast, DecayLaw};
 use trilink_statistics::Estimate;
 use trilink_statistics::{mean, seen};
-use trilink_tables::{Columns as _, DecayFit, FitStatus, RobotParameterRow};
+use trilink_tables::{Columns as _, Coordinates, DecayFit, FitStatus, RobotParameterRow};
 
 use super::laws::{Laws, Words};
 use super::{Curve, Law};
 use crate::checks::{Check, Finding};
 use crate::error::Problem;
-use crate::poses::Coordinates;
 
 /// A robot that is slower than this was not pushed, m/s.
 const LEAST_SPEED_M_S: f64 = 0.05;

@@ -13,13 +13,12 @@ use nalgebra::SVector;
 use trilink_robot::Robot;
 use trilink_robot::decay::{DecayLaw, Swing};
 use trilink_statistics::{Estimate, extremes, mean, median_high, seen};
-use trilink_tables::{Columns as _, DecayFit, FitStatus, RobotParameterRow};
+use trilink_tables::{Columns as _, Coordinates, DecayFit, FitStatus, RobotParameterRow};
 
 use super::laws::{Laws, Words};
 use super::{Curve, Law};
 use crate::checks::{Check, Finding};
 use crate::error::Problem;
-use crate::poses::Coordinates;
 use crate::signals::{moving_average, noise};
 
 /// A joint that moves less than this was not let go, rad.

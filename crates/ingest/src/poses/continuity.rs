@@ -2,8 +2,8 @@
 //! were held break that, also where the frame numbers do not tell.
 
 use trilink_mocap::Recording;
+use trilink_tables::Coordinates;
 
-use super::coordinates::Coordinates;
 use crate::signals;
 
 /// Smallest displacement of link 0, m, and smallest turn, rad, that are taken for a jump in four frames in a
@@ -54,7 +54,7 @@ pub(super) fn jumps(seen: &Coordinates) -> Vec<Jump> {
         let over = link0.iter().map(|(of, least)| step.of(of).abs() / least);
         over.fold(0.0, f64::max) / step.noise_gain()
     };
-    let frames: Vec<usize> = (0..seen.len()).filter(|&frame| !x_m[frame].is_nan()).collect();
+    let frames: Vec<usize> = (0..seen.frames()).filter(|&frame| !x_m[frame].is_nan()).collect();
     let is_near = |near: &[usize]| near[NEAREST - 1] - near[0] <= NEAREST - 1 + MOST_HIDDEN;
     let sized = frames.windows(NEAREST).enumerate().filter(|(_, near)| is_near(near));
     let sized = sized.map(|(nth, near)| (nth, size(&Step::of_nearest(near))));

@@ -3,14 +3,12 @@
 
 mod checks;
 mod continuity;
-mod coordinates;
 mod multibody;
 mod suspension;
 mod tilt;
 mod track;
 
 pub(crate) use checks::{describe_tracking, header_check, tilt_check, tracking_checks};
-pub(crate) use coordinates::Coordinates;
 pub(crate) use multibody::{JointPosition, Linkage, PARTS};
 pub use track::frame_grid;
 pub(crate) use track::{Constant, JointShift, Tracked, solve};

@@ -2,14 +2,13 @@
 
 use std::ops::Range;
 
-use trilink_base::named;
 use trilink_mocap::Recording;
 use trilink_robot::rotated;
 use trilink_statistics::{unwrap, wrap};
 use trilink_tables::config::Poses;
+use trilink_tables::{Coordinates, Fill};
 
 use super::continuity::{Jump, jumps, repeated_rows};
-use super::coordinates::Coordinates;
 use super::multibody::{Linkage, PARTS};
 use super::suspension::{self, LinkRecording};
 use super::tilt::Tilt;
@@ -30,19 +29,6 @@ const MOST_LEFT_OUT_AT_ALL: i64 = 1_000_000;
 const SHIFTS: usize = 500;
 /// Rows of which the links' own poses are kept.
 const OWN_POSES: usize = 400;
-
-named! {
-    /// Where a link's pose in a frame comes from.
-    pub enum Fill {
-        /// All its markers were seen.
-        Measured = "measured",
-        /// Some were not, or one had jumped; the pose is that of the others.
-        Rigid = "rigid",
-        /// The frame lies in a short gap.
-        Interpolated = "interpolated",
-        Missing = "missing",
-    }
-}
 
 /// By how much the links of a frame would be elsewhere if the joints' positions were those that
 /// follow without one part of the trial: link 0 along and across itself, m, and the turns of links
@@ -112,7 +98,7 @@ pub(crate) struct Tracked {
 impl Tracked {
     /// Number of frames, with those that the file leaves out.
     pub(crate) fn frames(&self) -> usize {
-        self.seen.len()
+        self.seen.frames()
     }
 
     /// The frames around some of them between which and these no frame numbers may be missing.

@@ -8,7 +8,6 @@ use trilink_robot::decay::DecayLaw::{self, Coulomb, CoulombViscous, Viscous};
 
 use super::*;
 use crate::identification::{coast, release};
-use crate::poses::Coordinates;
 
 const RATE_HZ: f64 = 120.0;
 const STEPS: usize = 400;

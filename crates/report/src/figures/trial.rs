@@ -6,7 +6,7 @@ use trilink_mechanics::Pose;
 use trilink_plot::envelope;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
 use trilink_tables::trial::TrialKind;
-use trilink_tables::{CycleRow, TrialRow};
+use trilink_tables::{CycleRow, Fill, TrialRow};
 
 use super::common::{DEG, lines, links, links_at_start, map, time_course, travel};
 use super::texts::texts;
@@ -141,8 +141,11 @@ fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
 
 /// Where the frames of each link were not measured.
 fn gaps(recording: &Recording) -> Vec<Layer> {
-    const KINDS: [(&str, &str); 3] =
-        [("rigid", "other markers"), ("interpolated", "interpolated"), ("missing", "missing")];
+    const KINDS: [(Fill, &str); 3] = [
+        (Fill::Rigid, "other markers"),
+        (Fill::Interpolated, "interpolated"),
+        (Fill::Missing, "missing"),
+    ];
     let (Some(first_s), Some(last_s)) = (recording.time_s.first(), recording.time_s.last()) else {
         return Vec::new();
     };
@@ -154,10 +157,10 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
         let mut bars = Vec::new();
         for (fills, link) in recording.fill.iter().zip([0.0, 1.0, 2.0]) {
             let mut i = 0;
-            for (frames, of) in fills.runs() {
-                let (from_s, to_s) = (recording.time_s[i], recording.time_s[i + frames - 1]);
-                i += frames;
-                bars.extend(bar(from_s, to_s, link).into_iter().filter(|_| of == fill));
+            for run in fills.chunk_by(|a, b| a == b) {
+                let (from_s, to_s) = (recording.time_s[i], recording.time_s[i + run.len() - 1]);
+                i += run.len();
+                bars.extend(bar(from_s, to_s, link).into_iter().filter(|_| run[0] == fill));
             }
         }
         layers.push(Layer::with_errors(name, bars, looks::gap(nth)));

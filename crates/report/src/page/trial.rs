@@ -5,7 +5,7 @@ use minijinja::value::{Serde, Value};
 use serde::Serialize;
 use trilink_mechanics::Model;
 use trilink_statistics::Estimate;
-use trilink_tables::{CheckRow, RobotParameterRow, RobotQuantity, TrialRow};
+use trilink_tables::{CheckRow, Fill, RobotParameterRow, RobotQuantity, TrialRow};
 
 use super::{TrialPages, fill};
 use crate::recording::Recording;
@@ -119,14 +119,10 @@ fn gaps(recording: &Recording) -> [([f64; 4], Option<f64>); 3] {
         _ => f64::NAN,
     };
     recording.fill.each_ref().map(|fill| {
-        let frames = |runs: &mut dyn Iterator<Item = (usize, &str)>| -> usize {
-            runs.map(|(frames, _)| frames).sum()
-        };
-        let all = frames(&mut fill.runs()).max(1);
-        let part =
-            |name: &str| frames(&mut fill.runs().filter(|(_, of)| *of == name)) as f64 / all as f64;
-        let missing = fill.runs().filter(|(_, of)| *of == "missing");
-        let longest_s = missing.map(|(frames, _)| frames as f64 * step_s).max_by(f64::total_cmp);
-        (["measured", "rigid", "interpolated", "missing"].map(part), longest_s)
+        let frames = |of: Fill| fill.iter().filter(|fill| **fill == of).count();
+        let part = |of: Fill| frames(of) as f64 / fill.len().max(1) as f64;
+        let missing = fill.chunk_by(|a, b| a == b).filter(|run| run[0] == Fill::Missing);
+        let longest_s = missing.map(|run| run.len() as f64 * step_s).max_by(f64::total_cmp);
+        (Fill::ALL.map(part), longest_s)
     })
 }

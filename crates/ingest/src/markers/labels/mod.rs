@@ -16,6 +16,7 @@ mod tests;
 
 use trilink_mocap::Recording;
 use trilink_statistics::median_high;
+use trilink_tables::LabelFault;
 
 use super::layout::LinkMarker;
 use super::rigid::{self, LinkPose, MarkerMoments};
@@ -45,13 +46,13 @@ pub enum Outlier {
 }
 
 impl Outlier {
-    /// As `poses/<trial>.parquet` writes it.
-    pub fn name(self) -> &'static str {
+    /// Its kind.
+    pub fn fault(self) -> LabelFault {
         match self {
-            Self::None => "none",
-            Self::Jumped(_) => "jumped",
-            Self::Swapped(..) => "swapped",
-            Self::Ambiguous => "ambiguous",
+            Self::None => LabelFault::None,
+            Self::Jumped(_) => LabelFault::Jumped,
+            Self::Swapped(..) => LabelFault::Swapped,
+            Self::Ambiguous => LabelFault::Ambiguous,
         }
     }
 
