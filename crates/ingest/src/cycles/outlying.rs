@@ -5,7 +5,7 @@ use trilink_statistics::{fisher, mean};
 
 use super::measure::Cycle;
 use super::steady::Steady;
-use crate::checks::{Check, Finding, OUTLYING};
+use crate::checks::{Check, Finding};
 
 /// What chance does no more often than so many standard deviations is not taken for chance.
 const DEVIATIONS: f64 = 4.0;
@@ -51,7 +51,7 @@ pub(super) fn outlying_cycle(cycles: &[Cycle], steady: &Steady, rate_hz: f64) ->
             }
         }
     }
-    Finding::at_most(Check::OutlyingCycle, value, OUTLYING, message)
+    Finding::at_most(Check::OutlyingCycle, value, message)
 }
 
 /// How many, their sum and that of their squares.

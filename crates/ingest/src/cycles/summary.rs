@@ -15,9 +15,7 @@ use super::measure::{Cycle, CycleData, first_harmonic};
 use super::noise::{SkidNoise, end_variances};
 use super::outlying::outlying_cycle;
 use super::steady::Steady;
-use crate::checks::{
-    CLIPPING, Check, D_DRIFT, FREQUENCY_TOLERANCE, Finding, LEAST_CYCLES, MOST_GAPPED,
-};
+use crate::checks::{Check, Finding};
 use crate::diagnosis::check_gait;
 use crate::phase::{GAIT_HARMONICS, Harmonics, LinearPhase};
 use crate::signals::response;
@@ -167,12 +165,11 @@ pub(crate) fn gait_checks(
     let drift = drift_of_d(cycles, steady);
     let drifted = format!("d changes by {:.2} % over the cycles used", 100.0 * drift);
     let mut findings = vec![
-        Finding::at_most(Check::Frequency, off_command, FREQUENCY_TOLERANCE, measured),
-        Finding::at_least(Check::SteadyState, used as f64, LEAST_CYCLES, counted),
-        Finding::at_most(Check::LongGaps, part_gapped, MOST_GAPPED, gapped)
-            .notable(steady.gapped > 0),
+        Finding::at_most(Check::Frequency, off_command, measured),
+        Finding::at_least(Check::SteadyState, used as f64, counted),
+        Finding::at_most(Check::LongGaps, part_gapped, gapped).notable(steady.gapped > 0),
         check_gait(row.gait.map(|joint| joint.command()), data.gait),
-        Finding::at_most(Check::Drift, drift, D_DRIFT, drifted),
+        Finding::at_most(Check::Drift, drift, drifted),
     ];
     let (phi_rad, phase) = (&data.tracked.seen.phi_rad, &data.driven.phase);
     let clipping = |frames| clipping_check(data.gait, phi_rad, &frames, phase);
@@ -231,7 +228,7 @@ fn clipping_check(
             }
         }
     }
-    Finding::at_most(Check::GaitClipping, value, CLIPPING, message)
+    Finding::at_most(Check::GaitClipping, value, message)
 }
 
 #[cfg(test)]

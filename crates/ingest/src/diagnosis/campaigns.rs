@@ -10,7 +10,7 @@ use trilink_tables::{CheckRow, TrialRow, TrialStatus};
 
 use super::gait::off_deg;
 use crate::Ingested;
-use crate::checks::{Check, Finding, GAIT_TOLERANCE_DEG};
+use crate::checks::{Check, Finding};
 
 /// A gait that the joints follow this well is theirs, degrees.
 const FOLLOWED_DEG: f64 = 4.0;
@@ -48,7 +48,7 @@ fn other_campaigns<'g>(
     }
     let commanded = |gait: &Gait| gait.joints.iter().flatten().count();
     // A passive joint may do anything.
-    let least = if follows(row, own, GAIT_TOLERANCE_DEG) { commanded(own) + 1 } else { 0 };
+    let least = if follows(row, own, Check::Gait.limit()) { commanded(own) + 1 } else { 0 };
     let followed = gaits
         .iter()
         .filter(|(_, gait)| commanded(gait) >= least && follows(row, gait, FOLLOWED_DEG))
@@ -132,7 +132,7 @@ pub(super) fn fail(row: &mut TrialRow, checks: &mut Vec<CheckRow>, check: Check,
         false => format!("{message}; {}", row.message),
     };
     row.status = TrialStatus::Failed;
-    let finding = Finding::new(check, false, f64::NAN, f64::NAN, message).failing().row(&row.trial);
+    let finding = Finding::new(check, false, f64::NAN, f64::NAN, message).row(&row.trial);
     // Beside the trial's other checks.
     let after = checks.iter().rposition(|other| other.trial == row.trial);
     checks.insert(after.map_or(checks.len(), |last| last + 1), finding);

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 use serde_json::Value;
+use trilink_base::Named as _;
 use trilink_robot::Gait;
 use trilink_tables::config::{Campaign, Config};
 use trilink_tables::trial::TrialFolder;
@@ -55,8 +56,8 @@ impl FolderInput {
                  ignore = [..] of trials.toml",
                 if count == 1 { " is" } else { "s are" }
             );
-            let finding = Finding::at_most(Check::Unlisted, count as f64, 0.0, message);
-            rows.checks.push(finding.failing().row(&format!("folder {folder}")));
+            let finding = Finding::at_most(Check::Unlisted, count as f64, message);
+            rows.checks.push(finding.row(&format!("folder {folder}")));
         }
     }
 }
@@ -125,7 +126,7 @@ fn find_common_reasons(rows: &mut Ingested) {
             }
             let (count, all) = (checks.len() as f64, trials.len() as f64);
             let message = format!("{count} of {all} trials: {}", said(checks[0]));
-            let finding = Finding::new(Check::CommonReason, false, count, all, message).failing();
+            let finding = Finding::new(Check::CommonReason, false, count, all, message);
             found.push(finding.row(&format!("campaign {campaign}")));
         }
     }
@@ -162,16 +163,10 @@ impl Ingested {
 
 /// The rows of a trial as they were before [`FolderInput::diagnose`].
 pub fn undiagnosed(mut rows: Ingested) -> Ingested {
-    let together = [
-        Check::OtherCampaign,
-        Check::SameFile,
-        Check::CommonOffset,
-        Check::CommonReason,
-        Check::Unlisted,
-    ]
-    .map(|check| check.to_string());
+    let is_of_several =
+        |row: &CheckRow| Check::of_name(&row.check).is_some_and(Check::is_of_several);
     let before = rows.checks.len();
-    rows.checks.retain(|row| !together.contains(&row.check));
+    rows.checks.retain(|row| !is_of_several(row));
     if rows.checks.len() < before {
         for row in &mut rows.trials {
             let found = rows.checks.iter().filter(|check| check.severity > Severity::Info);

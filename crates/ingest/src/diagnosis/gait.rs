@@ -7,7 +7,7 @@ use nalgebra::{Complex, ComplexField as _};
 use trilink_robot::{Gait, JointCommand};
 use trilink_statistics::{extremes, mean, median, seen, wrap};
 
-use crate::checks::{Check, Finding, GAIT_TOLERANCE_DEG};
+use crate::checks::{Check, Finding};
 use crate::error::Problem;
 use crate::phase::CommandedGait;
 
@@ -70,9 +70,9 @@ fn mended(command: JointCommand, quantity: Quantity, undo: fn(f64) -> f64) -> Jo
 /// else altogether.
 pub(crate) fn check_gait(measured: [JointCommand; 2], gait: &Gait) -> Finding {
     let off_deg = off_deg(measured, gait);
-    let causes = if off_deg > GAIT_TOLERANCE_DEG { causes(measured, gait) } else { Vec::new() };
+    let causes = if off_deg > Check::Gait.limit() { causes(measured, gait) } else { Vec::new() };
     let message = match &causes[..] {
-        _ if off_deg <= GAIT_TOLERANCE_DEG => {
+        _ if off_deg <= Check::Gait.limit() => {
             format!("the joints are up to {off_deg:.1} degrees off the command")
         }
         [] => format!(
@@ -84,9 +84,8 @@ pub(crate) fn check_gait(measured: [JointCommand; 2], gait: &Gait) -> Finding {
             cause.clone() + &others.collect::<String>()
         }
     };
-    let finding = Finding::at_most(Check::Gait, off_deg, GAIT_TOLERANCE_DEG, message);
-    let is_other = off_deg > 2.0 * GAIT_TOLERANCE_DEG;
-    if !causes.is_empty() || is_other { finding.failing() } else { finding }
+    let finding = Finding::at_most(Check::Gait, off_deg, message);
+    if causes.is_empty() { finding } else { finding.failing() }
 }
 
 /// Largest difference between what the joints do and a gait, with the clock that brings them

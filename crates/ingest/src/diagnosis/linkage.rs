@@ -2,7 +2,7 @@
 
 use trilink_statistics::{extremes, mean, wrap};
 
-use crate::checks::{Check, Finding, JOINT_POSITION_MM};
+use crate::checks::{Check, Finding};
 use crate::markers::rigid::LinkPose;
 use crate::poses::{Constant, JointPosition, Linkage};
 
@@ -18,10 +18,10 @@ pub(crate) fn check_linkage(linkage: &Linkage, constant: &Constant) -> Option<Fi
     let mm = linkage.distance_mm(&found);
     let cause = if mm > NEAR_MM { cause(linkage, &constant.own_poses) } else { None };
     let message = format!("a joint is {mm:.2} mm off where h_m and l_m of the robot put it");
-    let finding = |message| Finding::at_most(Check::JointPositions, mm, JOINT_POSITION_MM, message);
+    let finding = |message| Finding::at_most(Check::JointPositions, mm, message);
     Some(match cause {
         Some(cause) => finding(format!("{message}: {cause}")).failing(),
-        None if mm > JOINT_POSITION_MM => {
+        None if mm > Check::JointPositions.limit() => {
             finding(format!("{message}: {}", farthest(linkage, &found)))
         }
         None => finding(message),

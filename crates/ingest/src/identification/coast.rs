@@ -44,8 +44,6 @@ const WORDS: Words = Words {
     motion: "a roll",
     off: |misfit_m| format!("{:.2} mm", 1e3 * misfit_m),
 };
-/// How bent the robot may be, degrees.
-const STRAIGHT_DEG: f64 = 5.0;
 
 /// The robot's parameters by a trial of kind `coast-down`, and its checks; `speed_m_s` is the
 /// smoothed roll velocity of wheel 0.
@@ -130,12 +128,12 @@ pub(crate) fn measure(
         .iter()
         .map(|phi| mean(seen(&phi[start..end])).abs().to_degrees())
         .fold(0.0, f64::max);
-    let asked = match bent_deg > STRAIGHT_DEG {
+    let asked = match bent_deg > Check::Straight.limit() {
         true => ": is kind right in trials.toml, and is no table of [markers] turned?",
         false => "",
     };
     let bent = format!("the robot is bent by {bent_deg:.1} degrees{asked}");
-    let straight = Finding::at_most(Check::Straight, bent_deg, STRAIGHT_DEG, bent);
+    let straight = Finding::at_most(Check::Straight, bent_deg, bent);
     Ok((row, std::iter::once(straight).chain(checks).collect()))
 }
 

@@ -28,9 +28,6 @@ const REFUSED_BEYOND: f64 = 3.0;
 /// Third differences of independent values are as certain as so many times fewer independent ones.
 const THIRD_DEPENDENCE: f64 = 2.31;
 
-/// How many times as large as configured a measured parameter may be, or as small.
-const MOST_TIMES: f64 = 3.0;
-
 /// The mistake of units that makes one measured parameter so many times as large as configured.
 fn mistaken_unit(of: &RobotQuantity) -> Option<&'static str> {
     let of_joint = of.unit.starts_with("N m");
@@ -51,7 +48,7 @@ pub(crate) fn against_configured(row: &RobotParameterRow) -> Finding {
     let known = || row.quantities().filter(is_known);
     let Some(of) = known().max_by(|a, b| times(a).total_cmp(&times(b))) else {
         let none = "none is configured".to_owned();
-        return Finding::at_most(Check::RobotParameters, 1.0, MOST_TIMES, none);
+        return Finding::at_most(Check::RobotParameters, 1.0, none);
     };
     let mistake =
         mistaken_unit(&of).filter(|of| known().all(|one| mistaken_unit(&one) == Some(of)));
@@ -61,7 +58,7 @@ pub(crate) fn against_configured(row: &RobotParameterRow) -> Finding {
     let message = format!(
         "{name} is measured {measured:.3e} {unit}, configured {configured:.3e}: {factor:.4} times as much{hint}"
     );
-    let finding = Finding::at_most(Check::RobotParameters, times(&of), MOST_TIMES, message);
+    let finding = Finding::at_most(Check::RobotParameters, times(&of), message);
     if mistake.is_some() { finding.failing() } else { finding }
 }
 
@@ -173,7 +170,7 @@ impl<const N: usize> Curve<N> {
                  that is {found:.1} times the noise, needed at most {needed:.1}"
             ),
         };
-        Finding::at_most(Check::Decay, found, needed, message)
+        Finding::new(Check::Decay, found <= needed, found, needed, message)
     }
 }
 

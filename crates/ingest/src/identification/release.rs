@@ -49,9 +49,6 @@ const WORDS: Words = Words {
     motion: "a swing",
     off: |misfit_rad| format!("{:.2} degrees", misfit_rad.to_degrees()),
 };
-/// How much the held links may move, as a part of the first swing.
-const HELD_TOLERANCE: f64 = 0.02;
-
 /// No cameras see an angle better than this, rad.
 const LEAST_NOISE_RAD: f64 = 1e-4;
 
@@ -192,7 +189,7 @@ pub(crate) fn measure(
         held.map(|series| &series[start..end]).map(deviation).into_iter().fold(0.0, f64::max);
     let moved_part = moved / largest;
     let moved = format!("the held links move by {:.2} degrees (RMS)", moved.to_degrees());
-    let held = Finding::at_most(Check::HeldLinks, moved_part, HELD_TOLERANCE, moved);
+    let held = Finding::at_most(Check::HeldLinks, moved_part, moved);
     Ok((row, std::iter::once(held).chain(checks).collect()))
 }
 

@@ -8,11 +8,9 @@ use trilink_statistics::{mean, seen};
 use trilink_tables::TrialRow;
 
 use super::continuity::Jump;
-use super::tilt::{MOST_DEG, Tilt, Turn};
+use super::tilt::{Tilt, Turn};
 use super::track::Tracked;
-use crate::checks::{
-    Check, Finding, LEAST_COVERAGE, MAX_SLOW_NOISE, MOST_AMBIGUOUS, MOST_MISPLACED, MOST_REPEATED,
-};
+use crate::checks::{Check, Finding};
 use crate::input::IngestSettings;
 use crate::markers::labels::Outlier;
 use crate::markers::layout::Layout;
@@ -23,7 +21,7 @@ pub(crate) fn describe_tracking(row: &mut TrialRow, tracked: &Tracked) {
     row.coverage = tracked.coverage(&all);
     row.residual_mm = residual_mm(tracked, &all);
     let ratio = tracked.slow_noise_ratio;
-    row.noise_white = (!ratio.is_nan()).then_some(ratio <= MAX_SLOW_NOISE);
+    row.noise_white = (!ratio.is_nan()).then_some(ratio <= Check::Filtered.limit());
 }
 
 fn residual_mm(tracked: &Tracked, frames: &Range<usize>) -> f64 {
@@ -66,11 +64,11 @@ pub(crate) fn tracking_checks(
     let most_mm = settings.ingest.max_residual_mm;
     let mut findings = vec![
         Finding::new(Check::Rate, file.rate_hz.is_some(), rate_hz, assumed_hz, rate),
-        Finding::at_most(Check::FrameContinuity, inserted, 0.0, left_out)
+        Finding::at_most(Check::FrameContinuity, inserted, left_out)
             .notable(inserted_anywhere > 0.0),
-        Finding::at_least(Check::Coverage, coverage, LEAST_COVERAGE, covered),
-        Finding::at_most(Check::Residual, residual_mm, most_mm, off),
-        Finding::at_most(Check::RowsWithoutFrame, unnumbered, 0.0, numbered),
+        Finding::at_least(Check::Coverage, coverage, covered),
+        Finding::new(Check::Residual, residual_mm <= most_mm, residual_mm, most_mm, off),
+        Finding::at_most(Check::RowsWithoutFrame, unnumbered, numbered),
     ];
     if file.rows_too_long > 0 {
         let rows = file.rows_too_long as f64;
@@ -78,7 +76,7 @@ pub(crate) fn tracking_checks(
         let long = format!(
             "{found} more cells than the header has columns: numbers may stand in wrong columns"
         );
-        findings.push(Finding::at_most(Check::LongRows, rows, 0.0, long));
+        findings.push(Finding::at_most(Check::LongRows, rows, long));
     }
     findings.extend(header_check(file));
     findings.extend(label_checks(tracked, file, layout, frames));
@@ -91,7 +89,8 @@ pub(crate) fn tracking_checks(
 
 /// Whether the markers' noise is white: a file tells it as a whole.
 fn noise_check(ratio: f64) -> Finding {
-    let message = if ratio > MAX_SLOW_NOISE {
+    let limit = Check::Filtered.limit();
+    let message = if ratio > limit {
         format!(
             "the markers' noise over a tenth of a second is {ratio:.1} times what neighbouring frames show: the \
              coordinates were low-pass filtered or smoothed, so that standard errors are too small; export unfiltered"
@@ -102,15 +101,15 @@ fn noise_check(ratio: f64) -> Finding {
         "the markers' noise is white".to_owned()
     };
     // What is not known is no fault.
-    let is_white = ratio.is_nan() || ratio <= MAX_SLOW_NOISE;
-    Finding::new(Check::Filtered, is_white, ratio, MAX_SLOW_NOISE, message)
+    let is_white = ratio.is_nan() || ratio <= limit;
+    Finding::new(Check::Filtered, is_white, ratio, limit, message)
 }
 
 /// Metadata that the file lacks or that contradict each other; `None` if there are none.
 pub(crate) fn header_check(file: &Recording) -> Option<Finding> {
     let doubts = &file.doubts;
     let count = doubts.len() as f64;
-    let check = || Finding::at_most(Check::FileHeader, count, 0.0, doubts.join("; "));
+    let check = || Finding::at_most(Check::FileHeader, count, doubts.join("; "));
     (!doubts.is_empty()).then(check)
 }
 
@@ -126,7 +125,7 @@ fn repeats_check(tracked: &Tracked, frames: &Range<usize>) -> Finding {
             100.0 * part
         ),
     };
-    Finding::at_most(Check::RepeatedRows, part, MOST_REPEATED, message).notable(repeated > 0)
+    Finding::at_most(Check::RepeatedRows, part, message).notable(repeated > 0)
 }
 
 /// Number of jumps within the frames in use, and the likely cause of the farthest. Where frames may
@@ -147,7 +146,7 @@ fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Findin
                 after as f64 / rate_hz
             ),
         };
-        let found = Finding::at_most(Check::Jump, 0.0, 0.0, message);
+        let found = Finding::at_most(Check::Jump, 0.0, message);
         return found.notable(!tracked.jumps.is_empty());
     };
     let Jump { after, displacement_m, turn_rad, missing_frames, .. } = worst;
@@ -178,11 +177,10 @@ fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Findin
         tracked.first_frame + after as i64,
         after as f64 / rate_hz
     );
-    let found = Finding::at_most(Check::Jump, jumps.len() as f64, 0.0, message);
+    let found = Finding::at_most(Check::Jump, jumps.len() as f64, message);
     if missing_frames.is_some() { found.failing() } else { found }
 }
 
-/// What is tilted most, and what was done about all that is.
 /// Whether floor and links are level.
 pub(crate) fn tilt_check(tilt: &Tilt) -> Finding {
     let [link0, link1, link2] = tilt.links;
@@ -203,7 +201,7 @@ pub(crate) fn tilt_check(tilt: &Tilt) -> Finding {
         true => "floor and links are level".to_owned(),
         false => large.join(", "),
     };
-    Finding::new(Check::Tilt, large.is_empty(), largest_deg, MOST_DEG, message)
+    Finding::new(Check::Tilt, large.is_empty(), largest_deg, Check::Tilt.limit(), message)
 }
 
 /// How many frames had a wrong marker, and which markers they were.
@@ -228,11 +226,11 @@ fn label_checks(
     let ambiguous = "have markers that contradict each other or the motion, and it \
          is not clear which of them; the link's pose is thrown out";
     [
-        (Check::JumpedMarker, MOST_MISPLACED, jumped),
-        (Check::SwappedLabels, MOST_MISPLACED, swapped),
-        (Check::AmbiguousMarkers, MOST_AMBIGUOUS, ambiguous),
+        (Check::JumpedMarker, jumped),
+        (Check::SwappedLabels, swapped),
+        (Check::AmbiguousMarkers, ambiguous),
     ]
-    .map(|(check, limit, what)| {
+    .map(|(check, what)| {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         let mut count = |(_, name)| *counts.entry(name).or_default() += 1;
         let is_concerned = |frame: &usize| {
@@ -245,6 +243,6 @@ fn label_checks(
         let list = if each.is_empty() { String::new() } else { format!(": {}", each.join(", ")) };
         let message = format!("{concerned} frames {what}{list}");
         let part = concerned as f64 / frames.len() as f64;
-        Finding::at_most(check, part, limit, message).notable(concerned > 0)
+        Finding::at_most(check, part, message).notable(concerned > 0)
     })
 }

@@ -20,12 +20,10 @@ use nalgebra::{Matrix2, Rotation3, RowVector2, SVector, Vector2, Vector3};
 use trilink_mocap::Recording;
 use trilink_statistics::NormalEquations;
 
+use crate::checks::Check;
 use crate::markers::labels::LinkFit;
 use crate::markers::layout::Layout;
 
-/// A tilt above this is corrected and flagged, degrees. A suspension that swings by 0.3 degrees
-/// within 6 to 20 s stays below it.
-pub(super) const MOST_DEG: f64 = 0.5;
 /// A tilt above this is no tilt but a layout whose heights are wrong: flagged, not corrected.
 const PLAUSIBLE_DEG: f64 = 3.0;
 /// Standard errors by which a tilt must differ from none.
@@ -68,7 +66,7 @@ impl Turn {
 
     /// Whether it is more than what is left alone.
     pub(crate) fn is_large(&self) -> bool {
-        self.certain_deg() > MOST_DEG
+        self.certain_deg() > Check::Tilt.limit()
     }
 
     /// Whether it is undone.
