@@ -7,9 +7,9 @@ use serde::Deserialize;
 use trilink_tables::config::Config;
 use trilink_tables::{Reader, RunStatus, StoreError, is_there};
 
-use super::lock::Lock;
+use super::lock::{Lock, record_path, take_over};
 use super::record::{RECORD_FILE, Record, changed_outputs};
-use super::{RunError, Watch, record_path, take_over};
+use super::{RunError, Watch};
 
 /// What `run.json` says of the last run.
 #[derive(Debug, Deserialize)]

@@ -6,13 +6,15 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
+use trilink_tables::config::Config;
 use trilink_tables::{StoreError, WRITING, remove_unfinished};
 
-use super::Watch;
+use super::record::RECORD_FILE;
+use super::{RunError, Watch};
 
 /// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
 /// system lets go of it when a process ends, however that ends.
-pub(super) const LOCK_FILE: &str = ".lock";
+const LOCK_FILE: &str = ".lock";
 
 /// How often who waits looks whether the lock is free.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
@@ -140,7 +142,7 @@ pub fn sweep(_lock: &Lock, folders: &[PathBuf]) -> Result<(), StoreError> {
 ///
 /// # Errors
 /// Names the first place that will not do.
-pub(super) fn check_places(folders: &[PathBuf], files: &[PathBuf]) -> Result<(), StoreError> {
+fn check_places(folders: &[PathBuf], files: &[PathBuf]) -> Result<(), StoreError> {
     for folder in folders {
         let error = |source| StoreError::Write { path: folder.clone(), source };
         if folder.exists() && !folder.is_dir() {
@@ -157,4 +159,48 @@ pub(super) fn check_places(folders: &[PathBuf], files: &[PathBuf]) -> Result<(),
         }
         None => Ok(()),
     }
+}
+
+/// Takes the lock of the folder of results, and makes sure that there is where to write to.
+pub(super) fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
+    let (derived, reports) = (&config.paths.derived, &config.paths.reports);
+    let folders = folders(config);
+    let names = [RECORD_FILE].into_iter().chain(trilink_ingest::TABLES);
+    let names = names.chain(trilink_fit::TABLES).chain(trilink_fit::optimise::TABLES);
+    let mut files: Vec<PathBuf> = names.map(|name| derived.join(name)).collect();
+    files.extend(trilink_report::FILES.map(|name| reports.join(name)));
+    files.push(record_path(config));
+    hold_places(&folders, &files, wait, watch)
+}
+
+/// Takes the lock in the first of `folders`, and makes sure that all files can be written.
+pub(super) fn hold_places(
+    folders: &[PathBuf],
+    files: &[PathBuf],
+    wait: bool,
+    watch: &dyn Watch,
+) -> Result<Lock, RunError> {
+    check_places(&folders[..1], &[folders[0].join(LOCK_FILE)])?;
+    let lock = Lock::take(&folders[0], wait.then_some(watch)).map_err(RunError::of_lock)?;
+    check_places(folders, files)?;
+    sweep(&lock, folders)?;
+    Ok(lock)
+}
+
+/// Folders that are written to, `derived/` first.
+pub(super) fn folders(config: &Config) -> Vec<PathBuf> {
+    let reports = &config.paths.reports;
+    let mut folders = table_folders(&config.paths.derived);
+    folders.extend([reports.clone(), reports.join("figures"), reports.join("trials")]);
+    folders
+}
+
+/// A folder of results and those inside of it that tables are written to.
+pub(super) fn table_folders(derived: &Path) -> Vec<PathBuf> {
+    let inner = trilink_ingest::FOLDERS.map(|folder| derived.join(folder));
+    std::iter::once(derived.to_owned()).chain(inner).collect()
+}
+
+pub(super) fn record_path(config: &Config) -> PathBuf {
+    config.paths.reports.join("run.json")
 }

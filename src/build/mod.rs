@@ -2,23 +2,22 @@
 //! redone and why, in which order, and a record of how it went.
 
 mod fit;
-mod found;
 mod ingest;
 mod last_run;
 mod lock;
-mod merge;
 mod own_table;
 mod part;
 mod plan;
 mod record;
 mod report;
-mod shard;
+mod shards;
+mod steps;
 mod summary;
 mod target;
 mod unconfigured;
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use trilink_base::cancel::{CancelToken, Cancelled};
@@ -32,23 +31,21 @@ use trilink_tables::trial::{TRIALS_FILE, find_folders};
 use trilink_tables::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
 
 use fit::FitStage;
-pub use found::{PartStatus, ShardsStatus, shards_status};
 use ingest::IngestStage;
 use last_run::{LastRun, confirm};
 pub use last_run::{check_finished, hold};
-use lock::{LOCK_FILE, check_places};
 pub use lock::{Lock, share, sweep};
-pub use merge::{Merged, merge};
+use lock::{folders, record_path, take_over};
 pub use own_table::fit_own_table;
 pub use part::Part;
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, hash_of, plan, plan_after};
-use record::{RECORD_FILE, Record};
+use record::Record;
 use report::ReportStage;
-pub use shard::{fit_shard, ingest_shard};
-use summary::RunRecord;
+pub use shards::{Merged, PartStatus, ShardsStatus, fit_shard, ingest_shard, merge, shards_status};
+use summary::{RunRecord, results_configuration};
 pub use summary::{RunResults, StageRecord, TrialCounts, count};
-pub use target::Target;
+pub use target::{Kind, Target};
 pub use unconfigured::{check_unconfigured, check_unconfigured_tables};
 
 /// Somebody who watches a run.
@@ -150,6 +147,18 @@ impl RunError {
         }
     }
 
+    /// It as the end of a stage of which so much was `done`, if the work was cancelled.
+    fn interrupted(self, stage: &'static str, done: String) -> Self {
+        match self {
+            Self::Stopped(Cancelled)
+            | Self::Store(StoreError::Cancelled(_))
+            | Self::Report(ReportError::Store(StoreError::Cancelled(_))) => {
+                Self::Interrupted { stage, done }
+            }
+            other => other,
+        }
+    }
+
     /// Whether a table is not as it was written, although its size and time are.
     fn is_of_changed_table(&self) -> bool {
         use ReportError::Store;
@@ -219,8 +228,8 @@ pub fn run(
     wait: bool,
     watch: &dyn Watch,
 ) -> Result<Finished, RunError> {
-    let (mut look, problem) = Sequence::new(config, options, watch);
-    problem.iter().for_each(|problem| watch.note(problem));
+    let mut look = Sequence::new(config, options, watch);
+    look.problem.iter().for_each(|problem| watch.note(problem));
     look.may_write = false;
     // Looking comes first: an unchanged folder is not even locked.
     match look.all() {
@@ -235,7 +244,7 @@ pub fn run(
     }
     let _lock = take_over(config, wait, watch)?;
     // Whoever held the lock may have been faster.
-    let (mut sequence, _) = Sequence::new(config, options, watch);
+    let mut sequence = Sequence::new(config, options, watch);
     let remember_failure = |started: &str, status, why: &str| {
         // Why a run ended is to be said, not why that could not be recorded.
         let problem = crate::compare::remember_failure(config, started, status, why);
@@ -251,7 +260,7 @@ pub fn run(
     {
         watch.note(&format!("{error}: every file is read again"));
         let options = RerunOptions { verify: true, ..options };
-        sequence = Sequence::new(config, options, watch).0;
+        sequence = Sequence::new(config, options, watch);
         finished = sequence.all();
     }
     if let Err(error) = &finished {
@@ -271,6 +280,8 @@ struct Sequence<'s> {
     options: RerunOptions,
     watch: &'s dyn Watch,
     record: Record,
+    /// Why there is no record that can be used.
+    problem: Option<String>,
     /// Else it only looks whether there is something to do.
     may_write: bool,
     /// Whether it is a run, of which `run.json` tells, and not one stage alone.
@@ -283,15 +294,21 @@ struct Sequence<'s> {
 }
 
 impl<'s> Sequence<'s> {
-    /// A sequence that may write, and why the folder's record cannot be used.
-    fn new(config: &Config, options: RerunOptions, watch: &'s dyn Watch) -> (Self, Option<String>) {
+    /// A sequence that may write.
+    fn new(config: &Config, options: RerunOptions, watch: &'s dyn Watch) -> Self {
         let (record, problem) = Record::load(&config.paths.derived);
-        let config = config.clone();
-        let (may_write, stages, began_at, began) = (true, Vec::new(), utc_now(), Instant::now());
-        let is_run = false;
-        let sequence =
-            Self { config, options, watch, record, may_write, is_run, stages, began_at, began };
-        (sequence, problem)
+        Self {
+            config: config.clone(),
+            options,
+            watch,
+            record,
+            problem,
+            may_write: true,
+            is_run: false,
+            stages: Vec::new(),
+            began_at: utc_now(),
+            began: Instant::now(),
+        }
     }
 
     /// Names of the trial folders of which there are tables.
@@ -303,12 +320,9 @@ impl<'s> Sequence<'s> {
         // Without a record, the tables themselves tell.
         let table = Reader::default().table(&self.config.paths.derived.join("trials.parquet"));
         let folders = table.and_then(|table| table.values::<String>("folder")).unwrap_or_default();
-        folders
-            .into_iter()
-            .filter(|folder| !folder.is_empty())
-            .collect::<BTreeSet<_>>()
-            .into_iter()
-            .collect()
+        let folders: BTreeSet<String> =
+            folders.into_iter().filter(|folder| !folder.is_empty()).collect();
+        folders.into_iter().collect()
     }
 
     /// Takes for the trial folders those of which there are tables, if there are any.
@@ -340,34 +354,29 @@ impl<'s> Sequence<'s> {
 
     /// Does what a stage has to do, and records it.
     fn advance<S: Stage>(&mut self, stage: &S) -> Result<S::Output, RunError> {
-        let (begin, stage_name) = (Instant::now(), S::NAME);
+        let begin = Instant::now();
+        if self.may_write {
+            tracing::info!(stage = S::NAME, "stage begins");
+        }
         let derived = &self.config.paths.derived;
-        let planned = || plan(stage, derived, &self.record, self.options);
+        let planned = plan(stage, derived, &self.record, self.options)?;
         let (output, plan) = if self.may_write {
-            tracing::info!(stage = stage_name, "stage begins");
-            let work = || {
-                let planned = planned()?;
-                let is_first = !self.stages.iter().any(|stage| stage.did_something);
-                if self.is_run && is_first && !planned.plan.is_empty() {
-                    self.write_record(RunStatus::Running, None, None)?;
-                }
-                planned.carry_out(stage, self.watch)
-            };
-            let (output, plan, state) = interruptible(stage_name, work)?;
+            let is_first = !self.stages.iter().any(|stage| stage.did_something);
+            if self.is_run && is_first && !planned.plan.is_empty() {
+                self.write_record(RunStatus::Running, None, None)?;
+            }
+            let (output, plan, state) = planned.carry_out(stage, (self.watch, ""))?;
             *self.record.state_mut(S::NAME) = state;
             if !plan.is_empty() {
                 self.record.save(derived)?;
             }
-            tracing::info!(
-                stage = stage_name,
-                seconds = begin.elapsed().as_secs_f64(),
-                "stage done"
-            );
+            let seconds = begin.elapsed().as_secs_f64();
+            tracing::info!(stage = S::NAME, seconds, "stage done");
             (output, plan)
         } else {
-            planned()?.up_to_date().ok_or(RunError::Outdated)?
+            planned.up_to_date().ok_or(RunError::Outdated)?
         };
-        self.stages.push(StageRecord::new(stage_name, begin.elapsed().as_secs_f64(), &plan));
+        self.stages.push(StageRecord::new(S::NAME, begin.elapsed().as_secs_f64(), &plan));
         Ok(output)
     }
 
@@ -426,7 +435,7 @@ impl<'s> Sequence<'s> {
         let record = RunRecord {
             program: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
-            source: source(),
+            source: hash_of(&[IngestStage::SOURCE, FitStage::SOURCE]),
             configuration: results_configuration(&self.config),
             status,
             error,
@@ -441,20 +450,6 @@ impl<'s> Sequence<'s> {
         let json = serde_json::to_string_pretty(&record).expect("a record is plain data");
         write_bytes(&record_path(&self.config), (json + "\n").as_bytes())
     }
-}
-
-/// Hash of the source that makes the tables.
-fn source() -> String {
-    hash_of(&[IngestStage::SOURCE, FitStage::SOURCE])
-}
-
-/// Hash of the settings that results depend on, not places and looks.
-fn results_configuration(config: &Config) -> String {
-    let mut settings = serde_json::to_value(config).expect("a configuration is plain data");
-    if let Some(tables) = settings.as_object_mut() {
-        tables.retain(|name, _| !["paths", "report", "compare"].contains(&name.as_str()));
-    }
-    hash_of(&settings)
 }
 
 /// What a run would do: certainly if the stages before have nothing to do, else perhaps.
@@ -474,37 +469,33 @@ pub struct DryRun {
 /// # Errors
 /// The list of trials or a table cannot be used.
 pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunError> {
-    let (mut sequence, problem) = Sequence::new(config, options, &());
+    let mut sequence = Sequence::new(config, options, &());
     sequence.find_folders()?;
-    let config = &sequence.config;
-    let (known, derived) = (&sequence.record, &config.paths.derived);
-    let (trials, models) = (IngestStage::new(config)?, FitStage::new(config));
-    let figures = ReportStage::new(config, &known.report, &[]);
-    let ingest = plan(&trials, derived, known, options)?.plan;
-    let mut touched = trials.touched(&ingest);
-    let (fit, mut uncertain_from) = match ingest.is_empty() {
-        false => (plan_after(&models, &known.fit, options, &touched), 1),
-        true => (plan(&models, derived, known, options)?.plan, 2),
+    let Sequence { config, record, .. } = &sequence;
+    let (derived, reports) = (&config.paths.derived, &config.paths.reports);
+    let models = FitStage::new(config);
+    let figures = ReportStage::new(config, &record.report, &[]);
+    let ingest = plan(&IngestStage::new(config)?, derived, record, options)?.plan;
+    let fit = match ingest.is_empty() {
+        true => plan(&models, derived, record, options)?.plan,
+        false => plan_after(&models, record, options, &ingest.touched),
     };
-    let mut others = Vec::new();
+    let (mut uncertain_from, mut others) = (if ingest.is_empty() { 2 } else { 1 }, Vec::new());
     let report = if ingest.is_empty() && fit.is_empty() {
         uncertain_from = 3;
-        if !unfinished(&folders(config)).is_empty() {
-            others.push("a killed run left unfinished files");
-        }
-        if !sequence.is_recorded() {
-            others.push("run.json is not as it was written");
-        }
-        if !crate::compare::is_drawn(&config.paths.reports) {
-            others.push("history.html is not that of history.parquet");
-        }
-        plan(&figures, derived, known, options)?.plan
+        let unlike = [
+            (unfinished(&folders(config)).is_empty(), "a killed run left unfinished files"),
+            (sequence.is_recorded(), "run.json is not as it was written"),
+            (crate::compare::is_drawn(reports), "history.html is not that of history.parquet"),
+        ];
+        others
+            .extend(unlike.into_iter().filter_map(|(is_well, other)| (!is_well).then_some(other)));
+        plan(&figures, derived, record, options)?.plan
     } else {
-        let fits = fit.targets.iter().map(|planned| &planned.target).chain(&fit.removed);
-        touched.campaigns.extend(fits.filter_map(|target| target.campaign().cloned()));
-        plan_after(&figures, &known.report, options, &touched)
+        plan_after(&figures, record, options, &(&ingest.touched | &fit.touched))
     };
-    Ok(DryRun { stages: [ingest, fit, report], uncertain_from, others, problem })
+    let stages = [ingest, fit, report];
+    Ok(DryRun { stages, uncertain_from, others, problem: sequence.problem })
 }
 
 /// The first stage, of all trials: marker files to tables. Those of other folders than the
@@ -580,71 +571,13 @@ fn alone<S: Stage>(
     stage: impl Fn(&mut Sequence) -> Result<S, RunError>,
 ) -> Result<S::Output, RunError> {
     // Where there is nothing to read, no folder is left behind.
-    stage(&mut Sequence::new(config, options, watch).0)?;
+    stage(&mut Sequence::new(config, options, watch))?;
     let _lock = take_over(config, wait, watch)?;
-    let mut sequence = Sequence::new(config, options, watch).0;
+    let mut sequence = Sequence::new(config, options, watch);
     let stage = stage(&mut sequence)?;
     if S::NAME != ReportStage::NAME {
         // The tables will be younger than the last run.
         sequence.record.run = None;
     }
     sequence.advance(&stage)
-}
-
-/// Runs a stage's work; says of which stage it was if that is cancelled.
-fn interruptible<T>(
-    stage: &'static str,
-    work: impl FnOnce() -> Result<T, RunError>,
-) -> Result<T, RunError> {
-    work().map_err(|error| match error {
-        RunError::Store(StoreError::Cancelled(_))
-        | RunError::Report(ReportError::Store(StoreError::Cancelled(_))) => {
-            RunError::Interrupted { stage, done: String::new() }
-        }
-        other => other,
-    })
-}
-
-/// Takes the lock of the folder of results, and makes sure that there is where to write to.
-fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
-    let (derived, reports) = (&config.paths.derived, &config.paths.reports);
-    let folders = folders(config);
-    let names = [RECORD_FILE].into_iter().chain(trilink_ingest::TABLES);
-    let names = names.chain(trilink_fit::TABLES).chain(trilink_fit::optimise::TABLES);
-    let mut files: Vec<PathBuf> = names.map(|name| derived.join(name)).collect();
-    files.extend(trilink_report::FILES.map(|name| reports.join(name)));
-    files.push(record_path(config));
-    hold_places(&folders, &files, wait, watch)
-}
-
-/// Takes the lock in the first of `folders`, and makes sure that all files can be written.
-fn hold_places(
-    folders: &[PathBuf],
-    files: &[PathBuf],
-    wait: bool,
-    watch: &dyn Watch,
-) -> Result<Lock, RunError> {
-    check_places(&folders[..1], &[folders[0].join(LOCK_FILE)])?;
-    let lock = Lock::take(&folders[0], wait.then_some(watch)).map_err(RunError::of_lock)?;
-    check_places(folders, files)?;
-    sweep(&lock, folders)?;
-    Ok(lock)
-}
-
-/// Folders that are written to, `derived/` first.
-fn folders(config: &Config) -> Vec<PathBuf> {
-    let reports = &config.paths.reports;
-    let mut folders = table_folders(&config.paths.derived);
-    folders.extend([reports.clone(), reports.join("figures"), reports.join("trials")]);
-    folders
-}
-
-/// A folder of results and those inside of it that tables are written to.
-fn table_folders(derived: &Path) -> Vec<PathBuf> {
-    let inner = trilink_ingest::FOLDERS.map(|folder| derived.join(folder));
-    std::iter::once(derived.to_owned()).chain(inner).collect()
-}
-
-fn record_path(config: &Config) -> PathBuf {
-    config.paths.reports.join("run.json")
 }

@@ -3,15 +3,18 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use trilink_fit::{FitData, Fitted, Replicates, TABLES};
+use trilink_fit::{FitData, Fitted, TABLES};
 use trilink_ingest::own_table::OwnTable;
 use trilink_tables::config::Config;
 use trilink_tables::{Columns as _, Provenance, TrialRow};
 
 use super::fit::FitStage;
-use super::plan::{Stage as _, hash_of};
+use super::lock::hold_places;
+use super::plan::hash_of;
 use super::record::RECORD_FILE;
-use super::{RunError, Watch, hold_places, interruptible};
+use super::steps::Steps;
+use super::target::Key;
+use super::{RunError, Watch};
 
 const TRIALS: &str = "trials.parquet";
 
@@ -39,11 +42,12 @@ pub fn fit_own_table(
     let files: Vec<_> = TABLES.iter().chain([&TRIALS]).map(|name| home.join(name)).collect();
     let _lock = hold_places(&[home.to_owned()], &files, wait, watch)?;
     let data = FitData::from(own.trials.clone());
-    let fitted = interruptible(FitStage::NAME, || {
-        watch.begin(FitStage::NAME, stage.models());
-        stage.fit(&data, BTreeMap::new(), &Replicates::default(), watch, &|_, _| {})
-    })?;
-    let provenance = Provenance { input: hash_of(&(&own.hash, stage.settings())) };
+    let targets = stage.targets(None);
+    let steps = Steps::begin::<FitStage>(watch, targets.len(), "");
+    let fitted = stage.fit(&data, BTreeMap::new(), &steps, &|_, _| {});
+    let fitted = steps.end::<FitStage, _>(fitted)?;
+    let settings: Vec<Key> = targets.into_iter().map(|target| target.parts).collect();
+    let provenance = Provenance { input: hash_of(&(&own.hash, settings)) };
     fitted.write(home, &provenance)?;
     TrialRow::to_table(&own.trials).write_if_changed(&home.join(TRIALS), &provenance)?;
     Ok((own, fitted))

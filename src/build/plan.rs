@@ -1,15 +1,17 @@
 //! What a stage has to do again and why, and doing it: one engine for all stages.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
-use trilink_tables::{Reader, Stamp, StoreError, hash};
+use trilink_report::page_of;
+use trilink_tables::{Reader, StoreError, hash};
 
-use super::record::{Inputs, Made, Outputs, Record, StageState, changed_outputs};
-use super::target::{Fingerprint, SETTINGS, Target, changed_settings, reasons};
+use super::record::{Files, Inputs, Made, Record, StageState, changed_outputs};
+use super::steps::Steps;
+use super::target::{Key, Kind, SETTINGS, Target, changed_settings, reasons};
 use super::{RunError, Watch};
 
 /// How a stage is done again.
@@ -37,6 +39,8 @@ pub struct StagePlan {
     pub removed: Vec<Target>,
     /// Why files of the stage as a whole are looked at again, if no target gives a reason.
     pub whole: Vec<String>,
+    /// What the targets are of that are made again or removed.
+    pub(super) touched: BTreeSet<String>,
 }
 
 /// A target to make again, and why.
@@ -47,17 +51,40 @@ pub struct PlannedTarget {
 }
 
 impl StagePlan {
-    /// Adds a target; without a reason it is up to date.
-    fn add(&mut self, target: Target, why: Vec<String>) {
-        match why.is_empty() {
-            true => self.up_to_date += 1,
-            false => self.targets.push(PlannedTarget { target, why }),
-        }
-    }
-
     /// Whether all is up to date.
     pub fn is_empty(&self) -> bool {
         self.targets.is_empty() && self.removed.is_empty() && self.whole.is_empty()
+    }
+
+    /// A plan for `wanted` targets. All are made again for the `common` reasons, new ones anyway,
+    /// those that were made for `other` reasons, too.
+    fn new(
+        known: &StageState,
+        wanted: &[Wanted],
+        common: &[String],
+        force: bool,
+        other: impl Fn(&Made, &Wanted) -> Vec<String> + Sync,
+    ) -> Self {
+        let mut made = known.by_target();
+        let reasons = |wanted: &Wanted| match made.get(&wanted.target) {
+            None if !force => vec!["new".to_owned()],
+            Some(made) if !force => [common, &other(made, wanted)].concat(),
+            _ => common.to_vec(),
+        };
+        let why: Vec<Vec<String>> = wanted.par_iter().map(reasons).collect();
+        let mut plan = Self::default();
+        for (Wanted { target, of, .. }, why) in wanted.iter().zip(why) {
+            made.remove(target);
+            if why.is_empty() {
+                plan.up_to_date += 1;
+                continue;
+            }
+            plan.touched.extend(of.iter().cloned());
+            plan.targets.push(PlannedTarget { target: target.clone(), why });
+        }
+        plan.touched.extend(made.values().flat_map(|made| made.of.iter().cloned()));
+        plan.removed = made.into_keys().cloned().collect();
+        plan
     }
 }
 
@@ -66,25 +93,30 @@ impl StagePlan {
 pub(super) struct Wanted {
     pub target: Target,
     pub settings: Value,
-    pub parts: Fingerprint,
-    /// Campaigns that a figure shows.
-    pub campaigns: Vec<String>,
+    pub parts: Key,
+    /// The trial, campaigns and robot that it is of, such as `trial a`: it may change when they do.
+    pub of: Vec<String>,
 }
 
 impl Wanted {
     /// A target that is made of `settings` and other parts.
-    pub(super) fn new(target: Target, settings: &impl Serialize, mut parts: Fingerprint) -> Self {
+    pub(super) fn new(
+        target: Target,
+        settings: &impl Serialize,
+        mut parts: Key,
+        of: Vec<String>,
+    ) -> Self {
         let settings = serde_json::to_value(settings).expect("settings have text keys");
         if !settings.is_null() {
             parts.insert(SETTINGS.to_owned(), hash_of(&settings));
         }
-        Self { target, settings, parts, campaigns: Vec::new() }
+        Self { target, settings, parts, of }
     }
 
     /// It as made, with the files that it left.
-    pub(super) fn made(self, outputs: Outputs) -> Made {
-        let Self { target, parts, campaigns, .. } = self;
-        Made { target, parts, campaigns, outputs }
+    pub(super) fn made(self, outputs: Files) -> Made {
+        let Self { target, parts, of, .. } = self;
+        Made { target, parts, of, outputs }
     }
 }
 
@@ -93,25 +125,61 @@ pub(super) fn hash_of(value: &impl Serialize) -> String {
     hash(&serde_json::to_vec(value).expect("plain data with text keys"))
 }
 
+/// What a fit is made of if it reads what was measured of its robot.
+pub(super) const ROBOTS: &str = "robot_parameters.parquet";
+
+/// What figures are of that are of no campaign, and trials that measure a robot.
+pub(super) const ANY_ROBOT: &str = "any robot";
+
+/// Why a target may have to be made again once the stages before are done that have `touched`
+/// trials, campaigns and robots.
+fn perhaps(made: &Made, touched: &BTreeSet<String>) -> Vec<String> {
+    let is_touched =
+        |kind: &str| made.of.iter().any(|of| of.starts_with(kind) && touched.contains(of));
+    let mut why = Vec::new();
+    match made.target.kind {
+        Kind::Trial => {}
+        Kind::Fit | Kind::SharedFit => {
+            let parts = made.parts.keys().filter(|part| touched.contains(*part));
+            why.extend(parts.map(|part| format!("if {part} changes")));
+            if made.parts.contains_key(ROBOTS) && is_touched("robot ") {
+                why.push(format!("if {ROBOTS} changes"));
+            }
+            if why.is_empty() && is_touched("campaign ") {
+                why.push("if its trials change".to_owned());
+            }
+        }
+        Kind::Figure | Kind::Page => {
+            let mut trials = touched.iter().filter_map(|of| of.strip_prefix("trial "));
+            if trials.any(|trial| page_of(trial) == made.target.name) {
+                why.push("if its trial changes".to_owned());
+            } else if is_touched("") {
+                why.push("if what it shows changes".to_owned());
+            }
+        }
+    }
+    why
+}
+
 /// A stage as the engine sees it. It reads files, makes targets of them, each with files of its
 /// own, and files of the stage as a whole.
 pub(super) trait Stage: Sync {
     /// What the targets are made of, read.
     type Sources;
-    /// What stays of a target that is not made again.
-    type Kept: Sync;
     type Output: Clone;
+    /// What the stage has of one target beside its files.
+    type Rows: Sync;
 
     const NAME: &'static str;
     /// Hash of the stage's source, see `build.rs`.
     const SOURCE: &'static str;
+    /// What its steps are; empty where there are none.
+    const STEPS: &'static str;
     /// Whether the files of the stage as a whole are the rows of its targets; else they are made
     /// of everything that is read.
     const ROWS_OF_TARGETS: bool;
     /// What to say where targets have another order than they had.
     const OTHER_ORDER: &'static str;
-    /// What to say where nothing is kept of a target that is up to date.
-    const NOT_KEPT: &'static str;
 
     /// The stage's part of the record.
     fn state(record: &Record) -> &StageState;
@@ -124,66 +192,34 @@ pub(super) trait Stage: Sync {
         Value::Null
     }
 
-    /// Whether a stage that is otherwise unchanged finds everything as it did, as far as that can
-    /// be told without reading it.
-    fn reads_the_same(&self, _known: &StageState, _inputs: &Inputs) -> Result<bool, RunError> {
-        Ok(false)
-    }
+    /// The files that it reads for the plan, and whether they are the program's own.
+    fn input_paths(&self, known: &StageState) -> Result<Vec<(PathBuf, bool)>, RunError>;
+
+    /// The targets in order, with the parts of their keys that are known before anything is read.
+    fn foreseen(&self, known: &StageState) -> Vec<Wanted>;
 
     /// Reads what the targets are made of.
-    fn read(&self, inputs: &Inputs) -> Result<Self::Sources, RunError>;
+    fn read(&self, inputs: Inputs) -> Result<Self::Sources, RunError>;
 
-    /// All targets in order.
+    /// The targets in order.
     fn wanted(&self, sources: &Self::Sources) -> Vec<Wanted>;
 
-    /// Completes a target's parts by what is looked at only if the target was `made` before; gives
-    /// a reason to make it again whatever its parts are.
-    fn complete(
-        &self,
-        _index: usize,
-        _wanted: &mut Wanted,
-        _made: &Made,
-        _inputs: &Inputs,
-    ) -> Option<String> {
-        None
-    }
+    /// What the stage gave the last time, as it was `written`.
+    fn earlier(&self, known: &StageState, written: &Reader) -> Result<Self::Output, StoreError>;
 
-    /// What the stage gave the last time, as it was `written`; or why its files cannot be used.
-    fn earlier(&self, known: &StageState, written: &Reader) -> Result<Self::Output, String>;
-
-    /// What stays of each target that is not made again.
-    fn kept(&self, known: &StageState, earlier: Self::Output) -> BTreeMap<Target, Self::Kept>;
+    /// What there is of each target.
+    fn by_target(&self, known: &StageState, earlier: Self::Output) -> BTreeMap<Target, Self::Rows>;
 
     /// What is there that nobody accounts for.
     fn leftovers(&self, _known: &StageState) -> Result<Vec<String>, RunError> {
         Ok(Vec::new())
     }
 
-    /// How many steps it takes to make so many targets.
-    fn steps(&self, targets: usize) -> usize {
-        targets
-    }
-
     /// Makes what is not kept and the files of the stage as a whole. Gives of the record its
     /// targets in order, the whole stage's files, what is missing, and the stamps of files as they
     /// were when they were read, where that was not for the plan.
-    fn make(
-        &self,
-        work: Work<Self>,
-        watch: &dyn Watch,
-    ) -> Result<(Self::Output, StageState), RunError>;
-
-    /// Targets that there will be, with the parts of them that are known before the stages before
-    /// are done.
-    fn foreseen(&self, known: &StageState) -> Vec<Wanted> {
-        let of_stage = known.targets.iter();
-        of_stage.map(|made| Wanted::new(made.target.clone(), &(), Fingerprint::new())).collect()
-    }
-
-    /// Why a target may have to be made again once the stages before are done.
-    fn perhaps(&self, _made: &Made, _touched: &Touched) -> Vec<String> {
-        Vec::new()
-    }
+    fn make(&self, work: Work<Self>, steps: &Steps)
+    -> Result<(Self::Output, StageState), RunError>;
 }
 
 /// What there is to do.
@@ -192,30 +228,22 @@ pub(super) struct Work<S: Stage + ?Sized> {
     /// All targets in order.
     pub wanted: Vec<Wanted>,
     /// Those that stay.
-    pub kept: BTreeMap<Target, (Made, S::Kept)>,
-}
-
-/// What later stages may find changed.
-#[derive(Debug, Default)]
-pub(super) struct Touched {
-    pub trials: BTreeSet<String>,
-    pub campaigns: BTreeSet<String>,
-    pub robots: BTreeSet<String>,
+    pub kept: BTreeMap<Target, (Made, S::Rows)>,
 }
 
 /// A plan with what it takes to carry it out.
 pub(super) struct Planned<'k, S: Stage> {
     pub plan: StagePlan,
     next: Next<S>,
+    /// The files that were read for the plan, by their path from `derived/`.
+    inputs: Files,
     known: &'k StageState,
 }
 
 enum Next<S: Stage> {
-    /// All is up to date: what there is, and the stamps of the files as they are now, where they
-    /// were looked at one by one.
-    Nothing(S::Output, Option<BTreeMap<String, Stamp>>),
-    /// What there is to do, and the record's part as far as it is known.
-    Make(Box<(Work<S>, StageState)>),
+    /// All is up to date: what there is.
+    Nothing(S::Output),
+    Make(Box<Work<S>>),
 }
 
 /// Compares what a stage would make now with what the record has of it.
@@ -230,137 +258,102 @@ pub(super) fn plan<'k, S: Stage>(
 ) -> Result<Planned<'k, S>, RunError> {
     let RerunOptions { force, verify, .. } = options;
     let (home, known) = (stage.home(), S::state(record));
-    let inputs = Inputs::new(derived, record, known, verify);
-    let changed = |outputs: &Outputs| changed_outputs(home, outputs, verify);
-    let mut damaged = if force { Vec::new() } else { changed(&known.outputs) };
+    let changed = |outputs: &Files| changed_outputs(home, outputs, verify);
+    let mut common = common::<S>(known, force);
+    let mut whole = if force { Vec::new() } else { changed(&known.outputs) };
     let mut earlier = None;
-    if !force && !known.source.is_empty() && (damaged.is_empty() || !S::ROWS_OF_TARGETS) {
+    if common.is_empty() && (whole.is_empty() || !S::ROWS_OF_TARGETS) {
         let found = stage.earlier(known, &Reader::of(home, &known.outputs));
-        earlier = found.map_err(|why| damaged.push(why)).ok();
+        earlier = found.map_err(|error| whole.push(error.to_string())).ok();
     }
-    let (is_same_source, whole) = (known.source == S::SOURCE, stage.whole());
-    let mut plan = StagePlan::default();
+    if S::ROWS_OF_TARGETS {
+        common.append(&mut whole);
+    }
+    whole.splice(..0, common.iter().cloned());
+    whole.extend(changed_settings(&known.whole, &stage.whole()));
+    whole.extend(stage.leftovers(known)?);
+
+    let looked = Inputs::look(stage.input_paths(known)?, (derived, record), known, verify);
+    let (inputs, are_whole) = (looked.stamps(derived), looked.are_whole());
+    let changed_inputs = changed_files(&known.inputs, &inputs);
     if let Some(output) = &earlier
-        && damaged.is_empty()
-        && is_same_source
-        && known.whole == whole
-        && stage.reads_the_same(known, &inputs)?
+        && whole.is_empty()
+        && are_whole
+        && changed_inputs.is_none()
+        && are_as_foreseen(&known.targets, &stage.foreseen(known))
         && known.targets.par_iter().all(|made| changed(&made.outputs).is_empty())
     {
-        plan.up_to_date = known.targets.len();
-        return Ok(Planned { plan, next: Next::Nothing(output.clone(), None), known });
+        let plan = StagePlan { up_to_date: known.targets.len(), ..StagePlan::default() };
+        return Ok(Planned { plan, next: Next::Nothing(output.clone()), inputs, known });
     }
-    let sources = stage.read(&inputs)?;
-    let mut rows = earlier.clone().map(|earlier| stage.kept(known, earlier)).unwrap_or_default();
-    let made: BTreeMap<&Target, &Made> =
-        known.targets.iter().map(|made| (&made.target, made)).collect();
-    let mut wanted = stage.wanted(&sources);
-    let reasons = |(index, wanted): (usize, &mut Wanted)| {
-        let made = match made.get(&wanted.target) {
-            _ if force => return vec!["--force".to_owned()],
-            None => return vec!["new".to_owned()],
-            Some(made) => made,
-        };
-        let mut why: Vec<String> =
-            stage.complete(index, wanted, made, &inputs).into_iter().collect();
-        why.extend(source_reason::<S>(known));
-        if S::ROWS_OF_TARGETS {
-            why.extend(damaged.iter().cloned());
-        }
-        why.extend(known.reasons(&made.parts, wanted));
+
+    let sources = stage.read(looked)?;
+    let wanted = stage.wanted(&sources);
+    let mut rows =
+        earlier.clone().map(|earlier| stage.by_target(known, earlier)).unwrap_or_default();
+    let other = |made: &Made, wanted: &Wanted| {
+        let mut why = known.reasons(&made.parts, wanted);
         why.extend(changed(&made.outputs));
-        if why.is_empty() && !rows.contains_key(&wanted.target) {
-            why.push(S::NOT_KEPT.to_owned());
+        if why.is_empty() && common.is_empty() && !rows.contains_key(&made.target) {
+            why.push("its rows are not there".to_owned());
         }
         why
     };
-    let why: Vec<Vec<String>> = wanted.par_iter_mut().enumerate().map(reasons).collect();
-    let mut kept = Vec::new();
-    for (wanted, why) in wanted.iter().zip(why) {
-        if why.is_empty() {
-            kept.extend(made.get(&wanted.target).zip(rows.remove(&wanted.target)));
-        }
-        plan.add(wanted.target.clone(), why);
-    }
-    plan.removed = removed(known, &wanted);
+    let mut plan = StagePlan::new(known, &wanted, &common, force, other);
     if plan.is_empty() {
         let order = known.targets.iter().map(|made| &made.target);
         if !order.eq(wanted.iter().map(|wanted| &wanted.target)) {
             plan.whole.push(S::OTHER_ORDER.to_owned());
         }
-        plan.whole.extend(force.then(|| "--force".to_owned()));
-        plan.whole.extend(damaged);
-        plan.whole.extend(source_reason::<S>(known));
-        plan.whole.extend(changed_settings(&known.whole, &whole));
-        plan.whole.extend(stage.leftovers(known)?);
+        plan.whole.extend(whole);
+        plan.whole.extend(changed_inputs.filter(|_| !S::ROWS_OF_TARGETS));
     }
-    let inputs = inputs.named();
-    if plan.is_empty() && !S::ROWS_OF_TARGETS {
-        plan.whole.extend(changed_files(&known.inputs, &inputs));
-    }
-    if let Some(earlier) = earlier
+    if let Some(output) = earlier
         && plan.is_empty()
     {
-        return Ok(Planned { plan, next: Next::Nothing(earlier, Some(inputs)), known });
+        return Ok(Planned { plan, next: Next::Nothing(output), inputs, known });
     }
-    let with_record =
-        |(made, stays): (&&Made, _)| (made.target.clone(), (Made::clone(made), stays));
-    let kept = kept.into_iter().map(with_record).collect();
-    let state = StageState { inputs, ..ahead::<S>(whole, &wanted) };
-    let next = Next::Make(Box::new((Work { sources, wanted, kept }, state)));
-    Ok(Planned { plan, next, known })
+    let redone: BTreeSet<&Target> = plan.targets.iter().map(|planned| &planned.target).collect();
+    let made = known.by_target();
+    let stays = |Wanted { target, .. }: &Wanted| {
+        let made = Made::clone(made.get(target).filter(|_| !redone.contains(target))?);
+        Some((target.clone(), (made, rows.remove(target)?)))
+    };
+    let kept = wanted.iter().filter_map(stays).collect();
+    let next = Next::Make(Box::new(Work { sources, wanted, kept }));
+    Ok(Planned { plan, next, inputs, known })
 }
 
 /// Plans to join targets that were all made elsewhere.
-pub(super) fn join<'k, S: Stage<Sources = ()>>(
+pub(super) fn join<'k, S: Stage>(
     stage: &S,
+    sources: S::Sources,
     record: &'k Record,
-    kept: BTreeMap<Target, (Made, S::Kept)>,
+    kept: BTreeMap<Target, (Made, S::Rows)>,
 ) -> Planned<'k, S> {
-    let (known, wanted) = (S::state(record), stage.wanted(&()));
-    let removed = removed(known, &wanted);
-    let plan = StagePlan { up_to_date: kept.len(), removed, ..StagePlan::default() };
-    let state = ahead::<S>(stage.whole(), &wanted);
-    Planned { plan, next: Next::Make(Box::new((Work { sources: (), wanted, kept }, state))), known }
-}
-
-/// The record of a stage as far as it is known before the stage is done.
-fn ahead<S: Stage>(whole: Value, wanted: &[Wanted]) -> StageState {
-    let of_target = |wanted: &Wanted| {
-        wanted.parts.get(SETTINGS).map(|hash| (hash.clone(), wanted.settings.clone()))
-    };
-    let (source, settings) = (S::SOURCE.to_owned(), wanted.iter().filter_map(of_target).collect());
-    StageState { source, whole, settings, ..StageState::default() }
+    let known = S::state(record);
+    let wanted = stage.foreseen(known);
+    let plan = StagePlan::new(known, &wanted, &[], true, |_, _| Vec::new());
+    let next = Next::Make(Box::new(Work { sources, wanted, kept }));
+    Planned { plan, next, inputs: Files::new(), known }
 }
 
 /// What a stage will have to do once those before it are done that have `touched` something: more
 /// than that only if other tables than the record knows lie about.
 pub(super) fn plan_after<S: Stage>(
     stage: &S,
-    known: &StageState,
+    record: &Record,
     options: RerunOptions,
-    touched: &Touched,
+    touched: &BTreeSet<String>,
 ) -> StagePlan {
-    let mut plan = StagePlan::default();
-    let made: BTreeMap<&Target, &Made> =
-        known.targets.iter().map(|made| (&made.target, made)).collect();
-    let foreseen = stage.foreseen(known);
-    plan.removed = removed(known, &foreseen);
-    for wanted in foreseen {
-        let mut why = Vec::new();
-        match made.get(&wanted.target) {
-            _ if options.force => why.push("--force".to_owned()),
-            None => why.push("new".to_owned()),
-            Some(made) => {
-                let mut old = made.parts.clone();
-                old.retain(|name, _| wanted.parts.contains_key(name));
-                why.extend(source_reason::<S>(known));
-                why.extend(known.reasons(&old, &wanted));
-                why.extend(stage.perhaps(made, touched));
-            }
-        }
-        plan.add(wanted.target, why);
-    }
+    let (known, force) = (S::state(record), options.force);
+    let other = |made: &Made, wanted: &Wanted| {
+        let mut old = made.parts.clone();
+        old.retain(|name, _| wanted.parts.contains_key(name));
+        [known.reasons(&old, wanted), perhaps(made, touched)].concat()
+    };
+    let common = common::<S>(known, force);
+    let mut plan = StagePlan::new(known, &stage.foreseen(known), &common, force, other);
     if !S::ROWS_OF_TARGETS {
         let is_new = known.targets.is_empty();
         plan.whole.push(if is_new { "new" } else { "if a table changes" }.to_owned());
@@ -368,36 +361,28 @@ pub(super) fn plan_after<S: Stage>(
     plan
 }
 
-/// Targets that are no more.
-fn removed(known: &StageState, wanted: &[Wanted]) -> Vec<Target> {
-    let wanted: BTreeSet<&Target> = wanted.iter().map(|wanted| &wanted.target).collect();
-    let known = known.targets.iter().map(|made| &made.target);
-    let removed: BTreeSet<&Target> = known.filter(|target| !wanted.contains(target)).collect();
-    removed.into_iter().cloned().collect()
-}
-
-/// What is said if the program's source of a stage is another than it was.
-fn source_reason<S: Stage>(known: &StageState) -> Option<String> {
-    let reason = match known.source.is_empty() {
-        true => "new".to_owned(),
-        false => format!("the program's {} has changed", S::NAME),
-    };
-    (known.source != S::SOURCE).then_some(reason)
-}
-
-impl StageState {
-    /// Why a target that was made of `old` parts is to be made again.
-    fn reasons(&self, old: &Fingerprint, wanted: &Wanted) -> Vec<String> {
-        reasons(old, &wanted.parts, || {
-            let settings = old.get(SETTINGS).and_then(|hash| self.settings.get(hash));
-            settings.map_or(Vec::new(), |old| changed_settings(old, &wanted.settings))
-        })
+/// Why all of a stage is made again, whatever it is made of.
+fn common<S: Stage>(known: &StageState, force: bool) -> Vec<String> {
+    match force {
+        true => vec!["--force".to_owned()],
+        false if known.source == S::SOURCE => Vec::new(),
+        false if known.source.is_empty() => vec!["new".to_owned()],
+        false => vec![format!("the program's {} has changed", S::NAME)],
     }
 }
 
+/// Whether what was made is what is foreseen, as far as that is known without reading anything.
+fn are_as_foreseen(made: &[Made], foreseen: &[Wanted]) -> bool {
+    let has = |made: &Made, wanted: &Wanted| {
+        made.target == wanted.target
+            && wanted.parts.iter().all(|(name, part)| made.parts.get(name) == Some(part))
+    };
+    made.len() == foreseen.len() && made.iter().zip(foreseen).all(|(made, of)| has(made, of))
+}
+
 /// Which files have another content than when they were read.
-fn changed_files(old: &BTreeMap<String, Stamp>, new: &BTreeMap<String, Stamp>) -> Option<String> {
-    let content = |inputs: &BTreeMap<String, Stamp>| -> Fingerprint {
+fn changed_files(old: &Files, new: &Files) -> Option<String> {
+    let content = |inputs: &Files| -> Key {
         inputs.iter().map(|(path, stamp)| (path.clone(), stamp.blake3.clone())).collect()
     };
     let changed = reasons(&content(old), &content(new), Vec::new);
@@ -408,39 +393,59 @@ fn changed_files(old: &BTreeMap<String, Stamp>, new: &BTreeMap<String, Stamp>) -
     })
 }
 
+impl StageState {
+    /// The targets that were made.
+    fn by_target(&self) -> BTreeMap<&Target, &Made> {
+        self.targets.iter().map(|made| (&made.target, made)).collect()
+    }
+
+    /// Why a target that was made of `old` parts is to be made again.
+    fn reasons(&self, old: &Key, wanted: &Wanted) -> Vec<String> {
+        reasons(old, &wanted.parts, || {
+            let settings = old.get(SETTINGS).and_then(|hash| self.settings.get(hash));
+            settings.map_or(Vec::new(), |old| changed_settings(old, &wanted.settings))
+        })
+    }
+}
+
 impl<S: Stage> Planned<'_, S> {
     /// What there is already, if there is nothing to do and nothing worth to be recorded.
     pub(super) fn up_to_date(self) -> Option<(S::Output, StagePlan)> {
-        let Next::Nothing(output, inputs) = self.next else { return None };
-        let is_confirmed = inputs.is_none_or(|inputs| self.known.are_confirmed_by(&inputs));
+        let Next::Nothing(output) = self.next else { return None };
+        let mut both = self.inputs.iter().zip(&self.known.inputs);
+        let is_confirmed = self.inputs.len() == self.known.inputs.len()
+            && both.all(|((path, new), (old_path, old))| path == old_path && new.confirms(old));
         is_confirmed.then_some((output, self.plan))
     }
 
-    /// Does what is planned; gives what to record, too.
+    /// Does what is planned; gives what to record, too. Says with every step of which part it is.
     ///
     /// # Errors
-    /// A file cannot be written or removed.
+    /// A file cannot be written or removed, or the work was cancelled.
     pub(super) fn carry_out(
         self,
         stage: &S,
-        watch: &dyn Watch,
+        (watch, of): (&dyn Watch, &str),
     ) -> Result<(S::Output, StagePlan, StageState), RunError> {
-        let Self { plan, next, known } = self;
+        let Self { plan, next, mut inputs, known } = self;
         watch.planned(&plan);
-        let (work, mut state) = match next {
-            Next::Nothing(output, inputs) => {
-                let mut state = known.clone();
-                state.inputs = inputs.unwrap_or(state.inputs);
-                return Ok((output, plan, state));
+        let work = match next {
+            Next::Nothing(output) => {
+                return Ok((output, plan, StageState { inputs, ..known.clone() }));
             }
-            Next::Make(work) => *work,
+            Next::Make(work) => work,
         };
-        watch.begin(S::NAME, stage.steps(plan.targets.len()));
-        let (output, made) = stage.make(work, watch)?;
+        let of_target = |wanted: &Wanted| {
+            wanted.parts.get(SETTINGS).map(|hash| (hash.clone(), wanted.settings.clone()))
+        };
+        let settings = work.wanted.iter().filter_map(of_target).collect();
+        let total = if S::STEPS.is_empty() { 1 } else { plan.targets.len() };
+        let steps = Steps::begin::<S>(watch, total, of);
+        let (output, made) = steps.end::<S, _>(stage.make(*work, &steps))?;
         remove_outdated(stage.home(), known, &made)?;
-        state.inputs.extend(made.inputs);
-        let StageState { targets, outputs, missing, .. } = made;
-        Ok((output, plan, StageState { targets, outputs, missing, ..state }))
+        inputs.extend(made.inputs);
+        let (source, whole) = (S::SOURCE.to_owned(), stage.whole());
+        Ok((output, plan, StageState { source, whole, settings, inputs, ..made }))
     }
 }
 
@@ -454,4 +459,20 @@ fn remove_outdated(home: &Path, known: &StageState, made: &StageState) -> Result
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_figure_of_a_robot_may_change_with_the_robot_s_trials() {
+        let target = Target::new(Kind::Figure, "fig08");
+        let of = vec![ANY_ROBOT.to_owned()];
+        let made = Wanted::new(target, &(), Key::new(), of).made(Files::new());
+        let mut touched = BTreeSet::from(["campaign semi-passive-symmetric".to_owned()]);
+        assert!(perhaps(&made, &touched).is_empty());
+        touched.extend(["robot semi-passive", ANY_ROBOT].map(str::to_owned));
+        assert_eq!(perhaps(&made, &touched), ["if what it shows changes"]);
+    }
 }

@@ -7,21 +7,21 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use trilink_base::files::{self, name_in};
 use trilink_tables::{Reader, Stamp, StoreError, write_bytes};
 
-use super::target::{Fingerprint, Target};
+use super::target::{Key, Target};
 
 /// Name of the record inside `derived/`.
 pub(super) const RECORD_FILE: &str = "up-to-date.json";
 
 /// Raise it when the meaning of the record changes: then everything is redone once.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 /// The whole record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -46,68 +46,41 @@ pub(super) struct StageState {
     /// Settings of its targets, by their hashes.
     pub settings: BTreeMap<String, Value>,
     /// Files that were read, by their path from `derived/`.
-    pub inputs: BTreeMap<String, Stamp>,
+    pub inputs: Files,
     /// In order.
     pub targets: Vec<Made>,
-    /// Files of the stage as a whole, by their path in its folder.
-    pub outputs: Outputs,
+    /// Files of the stage as a whole.
+    pub outputs: Files,
     /// Sentences on what is not in the report.
     pub missing: Vec<String>,
     /// What the report says of tables that do not belong together.
-    #[serde(default)]
     pub damaged: Vec<String>,
 }
 
-/// Files by their path in a stage's folder.
-pub(super) type Outputs = BTreeMap<String, Stamp>;
+/// Files that a stage wrote, by their path in its folder.
+pub(super) type Files = BTreeMap<String, Stamp>;
 
 /// A target that was made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Made {
     pub target: Target,
-    pub parts: Fingerprint,
-    /// Campaigns that a figure shows.
-    pub campaigns: Vec<String>,
+    pub parts: Key,
+    /// What it is of, as [`super::plan::Wanted`] has it.
+    pub of: Vec<String>,
     /// Its own files.
-    pub outputs: Outputs,
-}
-
-impl Default for Record {
-    fn default() -> Self {
-        let [ingest, fit, report] = std::array::from_fn(|_| StageState::default());
-        Self { format: FORMAT, ingest, fit, report, run: None }
-    }
+    pub outputs: Files,
 }
 
 impl Record {
     /// The record of a folder; an empty one, with the reason, if there is none that can be used.
     pub(super) fn load(derived: &Path) -> (Self, Option<String>) {
         let path = derived.join(RECORD_FILE);
-        let unusable = |problem: String| {
-            let message = format!("{}: {problem}; everything is redone", path.display());
-            (Self::default(), Some(message))
-        };
-        #[derive(Deserialize)]
-        struct Format {
-            format: u32,
-        }
-        let json = match files::read(&path, files::TEXT_BYTES) {
-            Ok((json, _)) => json,
-            Err(problem) if problem.kind() == ErrorKind::NotFound => return Default::default(),
-            Err(problem) => return unusable(format!("cannot be read: {problem}")),
-        };
-        let found = serde_json::from_slice::<Self>(&json);
-        let format = match &found {
-            Ok(record) => Some(record.format),
-            Err(_) => serde_json::from_slice(&json).ok().map(|Format { format }| format),
-        };
-        match (found, format) {
-            (_, Some(format)) if format != FORMAT => {
-                unusable(format!("found a record of format {format}, needed format {FORMAT}"))
+        match read_json(&path, FORMAT, "not a record of trilink") {
+            Ok(found) => (found.unwrap_or_default(), None),
+            Err(why) => {
+                (Self::default(), Some(format!("{}: {why}; everything is redone", path.display())))
             }
-            (Ok(record), _) => (record, None),
-            (Err(problem), _) => unusable(format!("not a record of trilink: {problem}")),
         }
     }
 
@@ -119,9 +92,7 @@ impl Record {
         let json = serde_json::to_vec(self).expect("a record is plain data with text keys");
         write_bytes(&derived.join(RECORD_FILE), &json).map(|_| ())
     }
-}
 
-impl Record {
     /// The part of a stage, by its name.
     pub(super) fn state_mut(&mut self, stage: &str) -> &mut StageState {
         match stage {
@@ -132,94 +103,103 @@ impl Record {
     }
 }
 
-impl StageState {
-    /// Whether nothing is found out about the files that is worth to be recorded.
-    pub(super) fn are_confirmed_by(&self, inputs: &BTreeMap<String, Stamp>) -> bool {
-        let mut both = self.inputs.iter().zip(inputs);
-        self.inputs.len() == inputs.len()
-            && both.all(|((old_path, old), (path, new))| old_path == path && new.confirms(old))
+impl Default for Record {
+    fn default() -> Self {
+        let [ingest, fit, report] = std::array::from_fn(|_| StageState::default());
+        Self { format: FORMAT, ingest, fit, report, run: None }
     }
+}
 
+/// What a JSON file of a `format` has; `None` if it is not there.
+///
+/// # Errors
+/// It cannot be read, is of another format, or is not what it should be, which `unlike` says.
+pub(super) fn read_json<T: DeserializeOwned>(
+    path: &Path,
+    format: u32,
+    unlike: &str,
+) -> Result<Option<T>, String> {
+    #[derive(Deserialize)]
+    struct Format {
+        format: u32,
+    }
+    let json = match files::read(path, files::TEXT_BYTES) {
+        Ok((json, _)) => json,
+        Err(problem) if problem.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(problem) => return Err(format!("cannot be read: {problem}")),
+    };
+    match serde_json::from_slice(&json) {
+        Ok(Format { format: found }) if found != format => {
+            Err(format!("found format {found}, needed {format}"))
+        }
+        _ => serde_json::from_slice(&json).map_err(|problem| format!("{unlike}: {problem}")),
+    }
+}
+
+impl StageState {
     /// Files that the stage wrote, by their path in its folder.
     pub(super) fn written(&self) -> impl Iterator<Item = (&String, &Stamp)> {
         self.targets.iter().flat_map(|made| &made.outputs).chain(&self.outputs)
     }
 }
 
-/// Files that a stage reads, read again only where they may have changed.
-#[derive(Debug)]
-pub(super) struct Inputs<'k> {
-    derived: &'k Path,
-    known: &'k StageState,
-    verify: bool,
-    /// The files in `derived/` as they were written.
-    written: HashMap<&'k str, &'k Stamp>,
-    /// Those that were looked at.
-    seen: Mutex<HashMap<PathBuf, Stamp>>,
-}
+/// Files that a stage reads, as they are now.
+pub(super) struct Inputs(BTreeMap<PathBuf, io::Result<Stamp>>);
 
-impl<'k> Inputs<'k> {
-    /// The inputs of a stage of which the record knows so much.
-    pub(super) fn new(
-        derived: &'k Path,
-        record: &'k Record,
-        known: &'k StageState,
+impl Inputs {
+    /// Looks at files, of which the program's own are marked; reads those that may have changed
+    /// since a stage of the record read or wrote them, or all to `verify` them.
+    pub(super) fn look(
+        paths: Vec<(PathBuf, bool)>,
+        (derived, record): (&Path, &Record),
+        known: &StageState,
         verify: bool,
     ) -> Self {
-        let written = record.ingest.written().chain(record.fit.written());
-        let written = written.map(|(name, stamp)| (name.as_str(), stamp)).collect();
-        Self { derived, known, verify, written, seen: Mutex::default() }
+        let written: HashMap<&String, &Stamp> =
+            record.ingest.written().chain(record.fit.written()).collect();
+        let look = |(path, own): (PathBuf, bool)| {
+            let name = name_in(derived, &path);
+            let known = written.get(&name).copied().or_else(|| known.inputs.get(&name));
+            let stamp = Stamp::renew(&path, known, own, verify);
+            (path, stamp)
+        };
+        Self(paths.into_par_iter().map(look).collect())
     }
 
-    /// The stamp of a file; of one of its `own` that only who holds the lock writes.
-    ///
-    /// # Errors
-    /// It cannot be read.
-    pub(super) fn stamp(&self, path: &Path, own: bool) -> io::Result<Stamp> {
-        let name = name_in(self.derived, path);
-        let written = self.written.get(name.as_str()).copied();
-        let known = written.or_else(|| self.known.inputs.get(&name));
-        let stamp = Stamp::renew(path, known, own, self.verify)?;
-        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        seen.insert(path.to_owned(), stamp.clone());
-        Ok(stamp)
+    /// A file, if it was looked at; or why it cannot be read.
+    pub(super) fn get(&self, path: &Path) -> Option<Result<Stamp, ErrorKind>> {
+        let found = self.0.get(path)?;
+        Some(found.as_ref().map(Stamp::clone).map_err(io::Error::kind))
     }
 
-    /// [`Self::stamp`] of many.
+    /// Whether all can be read.
+    pub(super) fn are_whole(&self) -> bool {
+        self.0.values().all(Result::is_ok)
+    }
+
+    /// Those that can be read, by their path from `derived/`.
+    pub(super) fn stamps(&self, derived: &Path) -> Files {
+        let named = |(path, found): (&PathBuf, &io::Result<Stamp>)| {
+            Some((name_in(derived, path), found.as_ref().ok()?.clone()))
+        };
+        self.0.iter().filter_map(named).collect()
+    }
+
+    /// Reads these files as they are.
     ///
     /// # Errors
     /// One of them cannot be read.
-    pub(super) fn stamp_all(&self, paths: &[(PathBuf, bool)]) -> Result<(), StoreError> {
-        paths.par_iter().try_for_each(|(path, own)| {
-            let error = |source| StoreError::Read { path: path.clone(), source };
-            self.stamp(path, *own).map(drop).map_err(error)
-        })
-    }
-
-    /// Reads files that were looked at.
-    pub(super) fn reader(&self) -> Reader {
-        Reader(self.seen.lock().unwrap_or_else(PoisonError::into_inner).clone())
-    }
-
-    /// What was looked at, by its path from `derived/`.
-    pub(super) fn named(self) -> BTreeMap<String, Stamp> {
-        let named = |(path, stamp): (PathBuf, Stamp)| (name_in(self.derived, &path), stamp);
-        let seen = self.seen.into_inner().unwrap_or_else(PoisonError::into_inner);
-        seen.into_iter().map(named).collect()
-    }
-
-    /// Whether these are the files that the stage read, unchanged.
-    pub(super) fn are_read(&self, paths: &[(PathBuf, bool)]) -> bool {
-        let is_read = |(path, _): &(PathBuf, bool)| {
-            let known = self.known.inputs.get(&name_in(self.derived, path));
-            known.is_some_and(|stamp| stamp.is_intact(path, self.verify))
-        };
-        paths.len() == self.known.inputs.len() && paths.par_iter().all(is_read)
+    pub(super) fn into_reader(self) -> Result<Reader, StoreError> {
+        let files = self.0.into_iter().map(|(path, found)| match found {
+            Ok(stamp) => Ok((path, stamp)),
+            Err(source) => Err(StoreError::Read { path, source }),
+        });
+        Ok(Reader(files.collect::<Result<_, _>>()?))
     }
 }
 
 /// What is wrong with files that were written into `folder`.
-pub(super) fn changed_outputs(folder: &Path, outputs: &Outputs, verify: bool) -> Vec<String> {
+pub(super) fn changed_outputs(folder: &Path, outputs: &Files, verify: bool) -> Vec<String> {
     let changed = outputs.iter().filter_map(|(name, stamp)| {
         let path = folder.join(name);
         match stamp.is_intact(&path, verify) {

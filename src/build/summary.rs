@@ -4,9 +4,11 @@ use std::path::Path;
 
 use serde::Serialize;
 use trilink_robot::Model;
+use trilink_tables::config::Config;
 use trilink_tables::{CheckRow, FitStatus, RunStatus, TrialRow, TrialStatus};
 
-use super::{Finished, StagePlan, Target};
+use super::plan::hash_of;
+use super::{Finished, StagePlan};
 
 /// `run.json`: what ran and how long it took, however it ended.
 #[derive(Serialize)]
@@ -31,6 +33,15 @@ pub(super) struct RunRecord<'r> {
     pub stages: &'r [StageRecord],
     #[serde(flatten)]
     pub results: Option<RunResults<'r>>,
+}
+
+/// Hash of the settings that results depend on, not places and looks.
+pub(super) fn results_configuration(config: &Config) -> String {
+    let mut settings = serde_json::to_value(config).expect("a configuration is plain data");
+    if let Some(tables) = settings.as_object_mut() {
+        tables.retain(|name, _| !["paths", "report", "compare"].contains(&name.as_str()));
+    }
+    hash_of(&settings)
 }
 
 /// What came of a run that came to its end, as `run.json` has it.
@@ -118,9 +129,9 @@ impl StageRecord {
             stage,
             seconds,
             did_something: !plan.is_empty(),
-            redone: plan.targets.iter().map(|planned| planned.target.name()).collect(),
+            redone: plan.targets.iter().map(|planned| planned.target.name.clone()).collect(),
             up_to_date: plan.up_to_date,
-            removed: plan.removed.iter().map(Target::name).collect(),
+            removed: plan.removed.iter().map(|target| target.name.clone()).collect(),
         }
     }
 }

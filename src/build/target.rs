@@ -6,99 +6,81 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use trilink_fit::FitKey;
-use trilink_robot::Model;
+
+/// What a target is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// The tables of a trial, by its id.
+    Trial,
+    /// A model of a campaign.
+    Fit,
+    /// A model of all campaigns of a robot.
+    SharedFit,
+    /// By the name of its files without extension.
+    Figure,
+    /// The page of a trial, by its path inside of `reports/`.
+    Page,
+}
 
 /// Something that a stage makes and that can be made again alone.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Target {
-    /// The tables of a trial, by its id.
-    Trial(String),
-    /// A model of a campaign.
-    Fit { campaign: String, model: Model },
-    /// A model of all campaigns of a robot.
-    SharedFit { robot: String, model: Model },
-    /// By the name of its files without extension.
-    Figure(String),
-    /// The page of a trial, by its path inside of `reports/`.
-    Page(String),
+#[serde(deny_unknown_fields)]
+pub struct Target {
+    pub kind: Kind,
+    pub name: String,
 }
 
 impl Target {
-    /// What it is, in a word.
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Trial(_) => "trial",
-            Self::Fit { .. } => "fit",
-            Self::SharedFit { .. } => "shared fit",
-            Self::Figure(_) => "figure",
-            Self::Page(_) => "page",
-        }
+    pub(super) fn new(kind: Kind, name: &str) -> Self {
+        Self { kind, name: name.to_owned() }
     }
 
-    /// Which one it is.
-    pub fn name(&self) -> String {
-        match self {
-            Self::Trial(name) | Self::Figure(name) | Self::Page(name) => name.clone(),
-            Self::Fit { campaign, model } => format!("{campaign} {model}"),
-            Self::SharedFit { robot, model } => format!("{robot} {model}"),
-        }
-    }
-}
-
-impl From<FitKey> for Target {
-    fn from(key: FitKey) -> Self {
+    pub(super) fn of_fit(key: &FitKey) -> Self {
         match key {
-            FitKey::Own { campaign, model } => Self::Fit { campaign, model },
-            FitKey::Shared { robot, model } => Self::SharedFit { robot, model },
-        }
-    }
-}
-
-impl Target {
-    /// The campaign of a fit.
-    pub fn campaign(&self) -> Option<&String> {
-        match self {
-            Self::Fit { campaign, .. } => Some(campaign),
-            _ => None,
+            FitKey::Own { campaign, model } => Self::new(Kind::Fit, &format!("{campaign} {model}")),
+            FitKey::Shared { robot, model } => {
+                Self::new(Kind::SharedFit, &format!("{robot} {model}"))
+            }
         }
     }
 }
 
 impl fmt::Display for Target {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        write!(f, "{} {}", self.kind(), self.name())
+        let kind = match self.kind {
+            Kind::Trial => "trial",
+            Kind::Fit => "fit",
+            Kind::SharedFit => "shared fit",
+            Kind::Figure => "figure",
+            Kind::Page => "page",
+        };
+        write!(f, "{kind} {}", self.name)
     }
 }
 
-/// What a target is made of: a short text, mostly a hash, by what it is of.
-pub(super) type Fingerprint = BTreeMap<String, String>;
+/// The key of a target's content: a short text, mostly a hash, by what it is of. The source of its
+/// stage is beside it in the record.
+pub(super) type Key = BTreeMap<String, String>;
 
-/// The part of a fingerprint that stands for the keys of the configuration that are read.
+/// The part of a key that stands for the keys of the configuration that are read.
 pub(super) const SETTINGS: &str = "the configuration";
 
-/// Why what was made of `old` is not what would be made of `new`; `settings` says what has changed
-/// in the configuration.
-pub(super) fn reasons(
-    old: &Fingerprint,
-    new: &Fingerprint,
-    settings: impl FnOnce() -> Vec<String>,
-) -> Vec<String> {
+/// Why what was made by the key `old` is not what would be made by `new`; `settings` says what has
+/// changed in the configuration.
+pub(super) fn reasons(old: &Key, new: &Key, settings: impl Fn() -> Vec<String>) -> Vec<String> {
     let mut why = Vec::new();
-    let mut settings = Some(settings);
     for name in old.keys().chain(new.keys()).collect::<BTreeSet<_>>() {
-        match (old.get(name), new.get(name)) {
-            (old, new) if old == new => {}
-            _ if name == SETTINGS => {
-                let changed = settings.take().map_or(Vec::new(), |settings| settings());
-                match changed.is_empty() {
-                    true => why.push(format!("{name} changed")),
-                    false => why.extend(changed),
-                }
-            }
-            (Some(_), Some(_)) => why.push(format!("{name} changed")),
-            (None, _) => why.push(format!("{name} is new")),
-            (_, None) => why.push(format!("{name} is gone")),
+        let changed = match (old.get(name), new.get(name)) {
+            (old, new) if old == new => continue,
+            (Some(_), Some(_)) => "changed",
+            (None, _) => "is new",
+            (_, None) => "is gone",
+        };
+        let settings = if name == SETTINGS { settings() } else { Vec::new() };
+        match settings.is_empty() {
+            true => why.push(format!("{name} {changed}")),
+            false => why.extend(settings),
         }
     }
     why
@@ -136,7 +118,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    fn parts(parts: &[(&str, &str)]) -> Fingerprint {
+    fn parts(parts: &[(&str, &str)]) -> Key {
         parts.iter().map(|(name, part)| ((*name).to_owned(), (*part).to_owned())).collect()
     }
 

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use trilink_base::cancel::{CancelToken, Cancelled};
 
 use super::output::{harmless, note, write_note};
-use crate::build::{PlannedTarget, StagePlan, Target, Watch};
+use crate::build::{Kind, PlannedTarget, StagePlan, Watch};
 use crate::cli::Interrupted;
 use crate::interrupt;
 
@@ -99,8 +99,8 @@ impl Watch for Watcher {
             plan.removed.iter().for_each(|target| note!("{target}: is no more"));
             plan.whole.iter().for_each(|why| note!("{why}"));
         }
-        let trials = plan.removed.iter().filter(|target| matches!(target, Target::Trial(_)));
-        let trials: Vec<String> = trials.map(Target::name).collect();
+        let trials = plan.removed.iter().filter(|target| target.kind == Kind::Trial);
+        let trials: Vec<String> = trials.map(|target| target.name.clone()).collect();
         if !trials.is_empty() {
             let trials = trials.join(", ");
             self.say(&format!("not in the list of trials any more, removed: {trials}"));

@@ -146,19 +146,19 @@ fn a_record_that_says_what_is_not_true_is_not_believed() {
         ("no stages", |record| *record = serde_json::json!({ "format": 2 })),
         ("another hash", |record| {
             let made = record["ingest"]["targets"].as_array_mut().unwrap();
-            let of_trial = |made: &&mut Value| made["target"]["trial"] == TRIAL;
+            let of_trial = |made: &&mut Value| made["target"]["name"] == TRIAL;
             made.iter_mut().find(of_trial).unwrap()["parts"]["the marker file"] = "0".into();
         }),
         ("a trial that there is not", |record| {
             let made = record["ingest"]["targets"].as_array_mut().unwrap();
             let mut nobody = made[0].clone();
-            nobody["target"]["trial"] = "nobody".into();
+            nobody["target"]["name"] = "nobody".into();
             made.push(nobody);
         }),
         ("a fit that there is not", |record| {
             let made = record["fit"]["targets"].as_array_mut().unwrap();
             let mut nobody = made[0].clone();
-            nobody["target"]["fit"]["campaign"] = "no campaign".into();
+            nobody["target"]["name"] = "no campaign skid".into();
             made.push(nobody);
         }),
     ];

@@ -178,7 +178,7 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
         (&rot, ".parquet is not as it was written", false),
         (&lose, ".parquet is gone", false),
         (&cut, "manifest.json: damaged: EOF", false),
-        (&of_format, "manifest.json: found format 7, needed 1", false),
+        (&of_format, "manifest.json: found format 7, needed 2", false),
         (&of_none, "manifest.json: damaged: found part `1-of-0`, needed one such as", false),
         (&escape, "manifest.json: found file ../poses/", false),
         (&configure, "made with another configuration, or of other trials", false),
