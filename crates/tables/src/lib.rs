@@ -7,7 +7,8 @@
 //!   the stage that writes them; `status`, the names in their columns; `explanations`, what each check
 //!   means.
 //! - How they are stored: `columns` ([`Columns`], from rows to columns and back), `frames` ([`Frames`],
-//!   what has a row for each frame), `table` ([`Table`], Parquet with its [`Provenance`]), [`checksum`].
+//!   what has a row for each frame), `table` ([`Table`], Parquet with its [`Provenance`]), `table_set`
+//!   ([`table_set!`], the tables that a stage reads and writes together), [`checksum`].
 //! - How they are kept consistent: `atomic` (a file is there whole or not at all), `stamp` ([`Reader`],
 //!   which refuses a file that changed since it was looked at).
 //! - [`clock`]: now; `time` ([`UtcTime`]): a time as a column.
