@@ -60,25 +60,22 @@ pub fn check_finished(
         };
         return error(path, problem);
     };
-    match (status, why) {
-        (RunStatus::Ok | RunStatus::Attention, _) => {}
+    let began = format!("the run that began at {started}");
+    match status {
+        RunStatus::Ok | RunStatus::Attention => {}
         // Who runs holds the lock.
-        (RunStatus::Running, _) => {
-            return error(path, format!("the run that began at {started} was killed"));
-        }
-        (RunStatus::Failed | RunStatus::Interrupted, why) => {
+        RunStatus::Running => return error(path, format!("{began} was killed")),
+        RunStatus::Failed | RunStatus::Interrupted => {
             let why = why.map_or(String::new(), |why| format!(": {why}"));
-            return error(path, format!("the run that began at {started}: {status}{why}"));
+            return error(path, format!("{began}: {status}{why}"));
         }
     }
     let (known, _) = Record::load(derived);
     if known.run.is_none_or(|stamp| stamp.content_of(&path).is_none()) {
-        return error(path, format!("the run that began at {started} is older than the tables"));
+        return error(path, format!("{began} is older than the tables"));
     }
-    let outputs = [known.ingest.outputs, known.fit.outputs];
-    if let Some(changed) =
-        outputs.iter().flat_map(|outputs| changed_outputs(derived, outputs, true)).next()
-    {
+    let tables = known.ingest.outputs.into_iter().chain(known.fit.outputs).collect();
+    if let Some(changed) = changed_outputs(derived, &tables, true).into_iter().next() {
         return error(derived.clone(), changed);
     }
     let path = derived.join(RECORD_FILE);

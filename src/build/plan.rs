@@ -222,13 +222,15 @@ pub(super) trait Stage: Sync {
     -> Result<(Self::Output, StageState), RunError>;
 }
 
+/// Targets that stay, as they were made, with what the stage has of them.
+pub(super) type Kept<S> = BTreeMap<Target, (Made, <S as Stage>::Rows)>;
+
 /// What there is to do.
 pub(super) struct Work<S: Stage + ?Sized> {
     pub sources: S::Sources,
     /// All targets in order.
     pub wanted: Vec<Wanted>,
-    /// Those that stay.
-    pub kept: BTreeMap<Target, (Made, S::Rows)>,
+    pub kept: Kept<S>,
 }
 
 /// A plan with what it takes to carry it out.
@@ -329,7 +331,7 @@ pub(super) fn join<'k, S: Stage>(
     stage: &S,
     sources: S::Sources,
     record: &'k Record,
-    kept: BTreeMap<Target, (Made, S::Rows)>,
+    kept: Kept<S>,
 ) -> Planned<'k, S> {
     let known = S::state(record);
     let wanted = stage.foreseen(known);

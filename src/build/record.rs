@@ -168,8 +168,10 @@ impl Inputs {
 
     /// A file, if it was looked at; or why it cannot be read.
     pub(super) fn get(&self, path: &Path) -> Option<Result<Stamp, ErrorKind>> {
-        let found = self.0.get(path)?;
-        Some(found.as_ref().map(Stamp::clone).map_err(io::Error::kind))
+        Some(match self.0.get(path)? {
+            Ok(stamp) => Ok(stamp.clone()),
+            Err(problem) => Err(problem.kind()),
+        })
     }
 
     /// Whether all can be read.

@@ -26,7 +26,7 @@ use super::fit::FitStage;
 use super::ingest::IngestStage;
 use super::lock::{hold_places, share, table_folders, take_over};
 use super::part::{Division, Part};
-use super::plan::{RerunOptions, Stage, Wanted, hash_of, join, plan};
+use super::plan::{Kept, RerunOptions, Stage, Wanted, hash_of, join, plan};
 use super::record::{Inputs, Made, Record, StageState, changed_outputs, read_json};
 use super::steps::Steps;
 use super::target::{Kind, Target};
@@ -480,7 +480,7 @@ fn merge_trials(
         Err(_) => join_all(),
     };
     let kept = kept.map_err(|error| error.interrupted(IngestStage::NAME, String::new()))?;
-    let kept: BTreeMap<Target, _> = kept.into_iter().flatten().collect();
+    let kept: Kept<IngestStage> = kept.into_iter().flatten().collect();
     stage.retain(|trial| kept.contains_key(&Target::new(Kind::Trial, trial)));
     let (ingested, _, state) =
         join(&stage, Vec::new(), &record, kept).carry_out(&stage, (watch, ""))?;
@@ -495,7 +495,7 @@ fn copy(
     state: StageState,
     derived: &Path,
     cancel: &CancelToken,
-) -> Result<Vec<(Target, (Made, Ingested))>, RunError> {
+) -> Result<Kept<IngestStage>, RunError> {
     let reader = Reader::of(folder, state.written());
     let mut rows = Ingested::read(folder, &reader)?.by_target();
     let with_rows = |made: Made| {

@@ -79,17 +79,18 @@ struct FitRecord<'r> {
 impl<'r> RunResults<'r> {
     pub fn new(finished: &'r Finished) -> Self {
         let Finished { ingested, fitted, reported, .. } = finished;
-        let together = ingested.together().map(|CheckRow { trial, message, .. }| Attention {
-            trial,
+        let attention = |row: &'r TrialRow| Attention {
+            trial: &row.trial,
+            status: row.status,
+            message: &row.message,
+        };
+        let of_several = |row: &'r CheckRow| Attention {
+            trial: &row.trial,
             status: TrialStatus::Failed,
-            message,
-        });
-        let others = ingested.trials.iter().filter(|trial| trial.status != TrialStatus::Ok);
-        let attention = others.map(|TrialRow { trial, status, message, .. }| Attention {
-            trial,
-            status: *status,
-            message,
-        });
+            message: &row.message,
+        };
+        let trials = ingested.trials.iter().filter(|trial| trial.status != TrialStatus::Ok);
+        let attention = trials.map(attention).chain(ingested.together().map(of_several));
         let fits = fitted.fits.iter().map(|fit| FitRecord {
             campaign: &fit.campaign,
             model: fit.model,
@@ -98,7 +99,7 @@ impl<'r> RunResults<'r> {
         });
         Self {
             trials: count(&ingested.trials),
-            attention: attention.chain(together).collect(),
+            attention: attention.collect(),
             fits: fits.collect(),
             figures: &reported.figures,
             missing: &reported.missing,
