@@ -1,28 +1,28 @@
 //! `trilink branches`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use trilink_fit::simulate::{KnownFits, Setup, number_names, with_number};
+use trilink_fit::simulate::{Setup, number_names, with_number};
 use trilink_mechanics::{Branch, Problem, branches};
 use trilink_report::{FigureFile, branches_drawing};
 use trilink_robot::Laws;
 use trilink_tables::BranchRow;
 use trilink_tables::config::{Config, GaitConfig, RobotConfig, did_you_mean};
 
-use super::fitted::{note_caution, note_extrapolation, note_starting_values, preferred};
-use super::omegas::low_high;
 use super::output::say;
-use super::rows_file::{RowsFile, print_rows, write_figure};
-use super::table::{self, short};
+use super::parse::low_high;
+use super::results::{Files, Format};
+use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
+use super::table::{Table, short};
 use super::{Context, Failure, Outcome};
 use crate::interrupt;
 
-/// The model that is taken where none is named, without fits.
-const MODEL: &str = "skid-roll";
 /// The name of the frequency among what branches can be followed over.
 const OMEGA: &str = "omega_rad_s";
 
+/// Follow a model's steady motions over a parameter: folds, lost symmetry, doubled periods.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/branches.txt").trim_end())]
 pub(super) struct Branches {
     /// Name of a `[campaign.*]`.
     campaign: String,
@@ -35,27 +35,15 @@ pub(super) struct Branches {
     /// --fitted the one that the comparison prefers].
     #[arg(long)]
     model: Option<String>,
-    /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration.
-    #[arg(long)]
-    fitted: bool,
+    #[command(flatten)]
+    numbers: Numbers,
     /// The frequency, rad/s, where another parameter varies.
     #[arg(long, value_name = "RAD_S")]
     omega: Option<f64>,
-    /// Numbers of the robot and the gait, as `simulate` takes them.
-    #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// Write all points: Parquet, CSV or JSON, by the file's ending.
-    #[arg(long, value_name = "FILE")]
-    table: Option<PathBuf>,
-    /// Draw the branches: SVG, PNG or PDF, by the file's ending.
-    #[arg(long, value_name = "FILE")]
-    figure: Option<PathBuf>,
-    /// Print all points as CSV.
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
-    /// Print all points as JSON.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    files: Files,
+    #[command(flatten)]
+    format: Format,
 }
 
 /// A parameter and its range.
@@ -67,54 +55,31 @@ struct Over {
 
 impl Branches {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
+        let (campaign, config) = (&self.campaign, &context.config);
         let (key, [low, high]) = (&self.over.key, self.over.range);
-        let setup = self.setup(&context.config)?;
-        let vary = Vary::new(&context.config, &self, &setup)?;
-        note_caution(&self.campaign, &setup);
-        let file = self.table.as_deref().map(|path| RowsFile::new(path, "--table")).transpose()?;
+        let fits = self.numbers.fits(config, false)?;
+        let setup =
+            self.numbers.setup(config.clone(), campaign, self.model.as_deref(), fits.as_ref())?;
+        let vary = Vary::new(config, &self, &setup)?;
+        note_caution(campaign, &setup);
+        self.files.check()?;
         let cancel = interrupt::token();
         let found = branches(&|value| vary.problem(value), [low, high], &|| cancel.is_cancelled());
         cancel.check()?;
         let found = found.map_err(|error| format!("--over: at {key}={low}: {error}"))?;
         let rows =
             rows(&found, key, |value| setup.extrapolation(&vary.problem(value)).extrapolated);
-        let values: Vec<f64> = rows.iter().map(|row| row.value).collect();
-        note_extrapolation(&self.campaign, &setup, values.iter().map(|of| vary.problem(*of)));
-        if !self.fitted {
-            note_starting_values(&context.config, &self.campaign, std::slice::from_ref(&setup));
-        }
-        if let Some(file) = file {
-            let input =
-                blake3::hash(format!("{:?} {key} {low} {high}", vary.problem(low)).as_bytes());
-            file.write(&rows, &input)?;
-            context.progress.say(&format!("{}: {} points", file.path.display(), rows.len()));
-        }
-        if let Some(path) = &self.figure {
-            let names = [self.campaign.as_str(), setup.model.name(), key];
-            let fitted_to = self.fitted.then_some(&context.config.paths);
-            let drawn = |file: FigureFile| branches_drawing(names, &rows, file);
-            write_figure(path, &context.progress, fitted_to, drawn)?;
-        }
-        if !print_rows(&rows, self.csv, self.json) {
+        note_extrapolation(campaign, &setup, rows.iter().map(|row| vary.problem(row.value)));
+        note_starting_values(config, campaign, std::slice::from_ref(&setup));
+        let input = format!("{:?} {key} {low} {high}", vary.problem(low));
+        self.files.write(&context, &rows, &input, "points")?;
+        let names = [campaign.as_str(), setup.model.name(), key];
+        let drawn = |file: FigureFile| branches_drawing(names, &rows, file);
+        self.files.draw(&context, self.numbers.fitted, drawn)?;
+        if !self.format.rows(&rows) {
             print(&found, &rows);
         }
         Ok(Outcome::Well)
-    }
-
-    /// The model, with configured or fitted coefficients.
-    fn setup(&self, config: &Config) -> Result<Setup, Failure> {
-        let (campaign, settings) = (&self.campaign, &self.set);
-        let named = self.model.as_deref();
-        if !self.fitted {
-            let model = named.unwrap_or(MODEL);
-            return Ok(Setup::new(config.clone(), campaign, model, settings)?);
-        }
-        let fits = KnownFits::read(config, false)?;
-        let model = match named {
-            Some(model) => model.to_owned(),
-            None => preferred(config, &fits, campaign)?.name().to_owned(),
-        };
-        Ok(Setup::fitted(config.clone(), campaign, &model, settings, &fits)?)
     }
 }
 
@@ -159,33 +124,30 @@ impl Vary {
         }
         let vary = Self { robot, gait, laws: setup.laws, key, omega_rad_s };
         let [low, high] = range.map(|value| vary.problem(value).is_mirrored());
-        match low && !high {
-            true => Err(format!(
+        if low && !high {
+            return Err(format!(
                 "--over: at {}={} the motion is its own mirror image and beside it none is: needed a range \
                  that does not begin there",
                 vary.key, range[0]
             )
-            .into()),
-            false => Ok(vary),
+            .into());
         }
+        Ok(vary)
     }
 
     fn problem(&self, value: f64) -> Problem {
-        let is_omega = self.key == OMEGA;
-        let varied = match is_omega {
-            true => None,
-            false => with_number(&self.robot, &self.gait, &self.key, value),
-        };
-        let (robot, gait) = match &varied {
-            Some((robot, gait)) => (robot, gait),
-            None => (&self.robot, &self.gait),
-        };
-        Problem {
-            robot: robot.to_robot(),
-            gait: gait.to_gait(),
+        let mut problem = Problem {
+            robot: self.robot.to_robot(),
+            gait: self.gait.to_gait(),
             laws: self.laws,
-            omega_rad_s: if is_omega { value } else { self.omega_rad_s },
+            omega_rad_s: self.omega_rad_s,
+        };
+        if self.key == OMEGA {
+            problem.omega_rad_s = value;
+        } else if let Some((robot, gait)) = with_number(&self.robot, &self.gait, &self.key, value) {
+            (problem.robot, problem.gait) = (robot.to_robot(), gait.to_gait());
         }
+        problem
     }
 }
 
@@ -229,18 +191,7 @@ fn rows(
 /// Where each branch begins and ends, and what happens on it.
 fn print(found: &[Branch], rows: &[BranchRow]) {
     let Some(first) = rows.first() else { return };
-    let headings = [
-        ("branch", true),
-        ("kind", false),
-        (first.parameter.as_str(), true),
-        ("d mm", true),
-        ("v mm/s", true),
-        ("dtheta deg", true),
-        ("floquet", true),
-        ("status", false),
-        ("", false),
-    ];
-    let mut lines = Vec::new();
+    let mut lines: Vec<(&BranchRow, String)> = Vec::new();
     for (branch, index) in found.iter().zip(1_i64..) {
         let of_branch: Vec<&BranchRow> = rows.iter().filter(|row| row.branch == index).collect();
         let last = of_branch.len().saturating_sub(1);
@@ -253,21 +204,20 @@ fn print(found: &[Branch], rows: &[BranchRow]) {
                 }
                 _ => continue,
             };
-            let metrics = &row.metrics;
-            lines.push(vec![
-                index.to_string(),
-                row.kind.to_string(),
-                format!("{:.7}", row.value),
-                short(1e3 * metrics.d_m),
-                short(1e3 * metrics.v_m_s),
-                short(metrics.dtheta_rad.to_degrees()),
-                format!("{:.6}", row.floquet),
-                row.status.to_string(),
-                what,
-            ]);
+            lines.push((row, what));
         }
     }
-    table::print(&headings, &lines, None);
+    Table::of(&lines)
+        .right("branch", |(row, _)| row.branch.to_string())
+        .left("kind", |(row, _)| row.kind.to_string())
+        .right(&first.parameter, |(row, _)| format!("{:.7}", row.value))
+        .right("d mm", |(row, _)| short(1e3 * row.metrics.d_m))
+        .right("v mm/s", |(row, _)| short(1e3 * row.metrics.v_m_s))
+        .right("dtheta deg", |(row, _)| short(row.metrics.dtheta_rad.to_degrees()))
+        .right("floquet", |(row, _)| format!("{:.6}", row.floquet))
+        .left("status", |(row, _)| row.status.to_string())
+        .left("", |(_, what)| what.clone())
+        .print();
     say!("{} points of {} branches", rows.len(), found.len());
 }
 

@@ -5,9 +5,8 @@ use trilink_ingest::{Calibration, MarkerPosition, calibrate};
 use trilink_tables::config::toml_key;
 use trilink_tables::trial::{TrialFolder, TrialFolders};
 
-use super::output::say;
+use super::output::write_text;
 use super::{Context, Failure, Outcome};
-use crate::template::fill;
 
 /// Estimates the layouts from one trial and prints them.
 pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
@@ -40,7 +39,7 @@ pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
         "left_out": found.left_out,
         "links": found.links.each_ref().map(lines),
     });
-    say!("{}", fill(include_str!("calibration.txt"), &values)?.trim_end());
+    write_text(include_str!("text/calibration.txt"), &values)?;
     Ok(Outcome::Well)
 }
 

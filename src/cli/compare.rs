@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::NonEmptyStringValueParser;
+use serde_json::json;
 use trilink_tables::clock::utc_now;
 use trilink_tables::config::{Config, Paths, Tolerances};
 use trilink_tables::{is_there, write_bytes};
 
-use super::output::{note, say, write_data};
-use super::{Context, Exclusive, Failure, Outcome, table};
+use super::output::{note, say, write_data, write_text};
+use super::table::Table;
+use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::{Lock, check_finished, hold, share, sweep};
 use crate::compare::{
     Acceptance, Compared, Difference, Lone, Snapshot, Verdict, compare, junit, note_acceptances,
@@ -20,7 +22,9 @@ use crate::compare::{
 /// More differences than this are on the page.
 const MOST_ROWS: usize = 40;
 
+/// Compare the tables with those of an earlier run: what differs by more than noise.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/compare.txt").trim_end())]
 pub(super) struct Compare {
     /// A file that `--accept` or `--save` wrote, or a folder of tables [default: `paths.baseline` of
     /// the configuration].
@@ -73,7 +77,7 @@ impl Compare {
         };
         if let Some(file) = &self.save {
             save(&candidate, file, lock.as_ref())?;
-            context.progress.say(&format!("saved {}", file.display()));
+            context.say(&format!("saved {}", file.display()));
         }
         let path = match &self.baseline {
             Some(path) => path,
@@ -100,7 +104,7 @@ impl Compare {
         if self.json {
             write_data(&json);
         } else {
-            print(&compared, &html);
+            print(&compared, &html)?;
         }
         let mut accepted = baseline.accepted;
         if let Some(reason) = self.accept {
@@ -108,7 +112,7 @@ impl Compare {
             accepted.push(Acceptance { time: utc_now(), reason, differences });
             let candidate = Snapshot { accepted: accepted.clone(), ..candidate };
             save(&candidate, path, lock.as_ref())?;
-            context.progress.say(&format!(
+            context.say(&format!(
                 "{} is the new baseline, and on the page after the next run",
                 path.display()
             ));
@@ -181,35 +185,29 @@ fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print(compared: &Compared, page: &Path) {
+fn print(compared: &Compared, page: &Path) -> Result<(), Failure> {
     let out: Vec<&Difference> = compared.out().collect();
     if !out.is_empty() {
-        let row = |of: &&Difference| vec![of.table.to_owned(), of.of.clone(), of.sentence()];
-        let rows: Vec<_> = out.iter().take(MOST_ROWS).map(row).collect();
-        table::print(&["table", "row", "out of tolerance"].map(|name| (name, false)), &rows, None);
+        Table::of(&out[..out.len().min(MOST_ROWS)])
+            .left("table", |of| of.table.to_owned())
+            .left("row", |of| of.of.clone())
+            .left("out of tolerance", |of| of.sentence())
+            .print();
         if out.len() > MOST_ROWS {
             say!("and {} more", out.len() - MOST_ROWS);
         }
     }
-    let lone = |what: &str, all: &[Lone]| {
-        all.iter().take(MOST_ROWS).for_each(|lone| say!("{what}: {}", lone.name()));
-        if all.len() > MOST_ROWS {
-            say!("{what}: {} more", all.len() - MOST_ROWS);
-        }
-    };
-    lone("vanished", &compared.vanished);
-    lone("appeared", &compared.appeared);
-    for time in compared.run_times.iter().filter(|time| time.is_longer) {
-        let (stage, now, then) = (&time.stage, time.candidate_s, time.baseline_s);
-        say!("longer: {stage}: {now:.1} s, baseline {then:.1} s");
-    }
-    let (within, not_judged) =
-        (compared.count(Verdict::Within), compared.count(Verdict::NotJudged));
-    say!(
-        "{} values compared: {} out of tolerance, {within} differ within it, {not_judged} differ \
-         and are not judged",
-        compared.cells,
-        out.len()
-    );
-    say!("page: {}", page.display());
+    let names = |all: &[Lone]| all.iter().map(Lone::name).collect::<Vec<_>>();
+    let text = json!({
+        "vanished": names(&compared.vanished),
+        "appeared": names(&compared.appeared),
+        "most": MOST_ROWS,
+        "longer": compared.run_times.iter().filter(|time| time.is_longer).collect::<Vec<_>>(),
+        "cells": compared.cells,
+        "out": out.len(),
+        "within": compared.count(Verdict::Within),
+        "not_judged": compared.count(Verdict::NotJudged),
+        "page": page,
+    });
+    write_text(include_str!("text/compare.txt"), &text)
 }

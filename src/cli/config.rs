@@ -6,13 +6,15 @@ use std::path::Path;
 use trilink_tables::config::{CONFIG_FILE, Config};
 use trilink_tables::trial::{ListedTrial, TrialFolders};
 
-use super::output::{say, write_data};
+use super::output::{say, write_json};
 use super::{Context, Failure, Outcome};
 
 /// Keys and values of at most so many characters stand beside where they come from in one column.
 const COLUMN: usize = 60;
 
+/// Look into the configuration: its values and where they come from, and what is wrong.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/config.txt").trim_end())]
 pub(super) struct ConfigCommand {
     #[command(subcommand)]
     command: Command,
@@ -40,12 +42,10 @@ struct Show {
 }
 
 impl ConfigCommand {
-    /// `file` is the one that the command line names.
-    pub(super) fn run(self, context: &Context, file: Option<&Path>) -> Result<Outcome, Failure> {
-        let file = file.unwrap_or(Path::new(CONFIG_FILE));
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         match self.command {
-            Command::Show(show) => show.run(file),
-            Command::Check => check(context, file),
+            Command::Show(show) => show.run(&context.file),
+            Command::Check => check(&context, &context.file),
         }
     }
 }
@@ -71,13 +71,11 @@ impl Show {
             return Err(format!("found `{key}`, needed a key of the configuration{hint}").into());
         }
         let mut shown = settings;
-        shown.retain(|of| {
-            let is_asked = |key: &String| is_below(&of.key, key);
-            (self.keys.is_empty() || self.keys.iter().any(is_asked))
-                && (!self.own || of.line.is_some())
-        });
+        let is_asked = |of: &str| self.keys.iter().any(|key| is_below(of, key));
+        shown.retain(|of| self.keys.is_empty() || is_asked(&of.key));
+        shown.retain(|of| !self.own || of.line.is_some());
         if self.json {
-            write_data(&serde_json::to_string_pretty(&shown)?);
+            write_json(&shown)?;
             return Ok(Outcome::Well);
         }
         for of in &shown {
@@ -121,15 +119,14 @@ fn check(context: &Context, file: &Path) -> Result<Outcome, Failure> {
     let mut wrong = 0;
     for ListedTrial { folder, trial, .. } in &trials {
         let path = &folders[*folder].path;
+        let missing = || format!("trial `{}`: {} is not there", trial.id, trial.file);
         let is_missing = !path.join(&trial.file).exists();
-        let missing =
-            is_missing.then(|| format!("trial `{}`: {} is not there", trial.id, trial.file));
-        let problem = trial.check(config).err().map(|error| error.to_string()).or(missing);
-        if let Some(problem) = problem {
+        let problem = trial.check(config).err().map(|error| error.to_string());
+        if let Some(problem) = problem.or_else(|| is_missing.then(missing)) {
             say!("{}: {problem}", path.display());
             wrong += 1;
         }
     }
     say!("{} folders, {} trials, {wrong} that cannot be processed", folders.len(), trials.len());
-    Ok(if wrong == 0 { Outcome::Well } else { Outcome::NeedsAttention })
+    Ok(Outcome::well_if(wrong == 0))
 }

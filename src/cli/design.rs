@@ -1,5 +1,7 @@
 //! `trilink design`.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 use trilink_fit::design::{
     Advice, Aim, Candidate, DesignRow, ExpectedRow, Optimality, Prediction, Untold, advise, tell,
@@ -7,14 +9,14 @@ use trilink_fit::design::{
 use trilink_fit::simulate::{FitSummary, KnownFits};
 use trilink_fit::{FitInformation, FitInput, KnownFit};
 use trilink_robot::{Gait, Model};
+use trilink_tables::Columns;
 use trilink_tables::config::{Config, did_you_mean};
-use trilink_tables::{Columns, FitRow};
 
-use super::fitted::preferred;
-use super::omegas::{Omegas, parse_numbers, parse_omegas};
-use super::output::{note, say, write_data};
-use super::rows_file::print_rows;
-use super::table::{self, short};
+use super::output::{note, say, write_json};
+use super::parse::{Omegas, parse_numbers, parse_omegas};
+use super::results::Format;
+use super::setup::preferred;
+use super::table::{Table, short};
 use super::{Context, Failure, Outcome};
 use crate::inspect::{View, json as json_of};
 use crate::interrupt;
@@ -26,7 +28,9 @@ const NEAR: f64 = 1.05;
 /// Largest half width, as a part of a value, that is called a half width.
 const OPEN: f64 = 10.0;
 
+/// Advise which trials to make next: for the coefficients, for a prediction, or to tell two models apart.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/design.txt").trim_end())]
 pub(super) struct Design {
     /// Name of a `[campaign.*]` that was fitted.
     campaign: String,
@@ -57,16 +61,12 @@ pub(super) struct Design {
     /// Tell the model from this other one instead.
     #[arg(long, value_name = "MODEL", conflicts_with = "optimality")]
     tell: Option<String>,
-    /// Print the advised trials as CSV with every digit.
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    format: Format,
 }
 
 impl Design {
-    pub(super) fn run(self, context: &Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let config = &context.config;
         let fits = KnownFits::read(config, true)?;
         let fit = |name: &str| -> Result<(KnownFit, FitInput), Failure> {
@@ -94,12 +94,16 @@ impl Design {
             }
             Some((name, (other, of_other))) => known
                 .with_information(&input, &fits.data, |one| {
+                    let told = match other.row.adequate {
+                        Some(false) => "; the trials so far tell it apart",
+                        _ => "",
+                    };
                     let candidates = self.all_candidates(one, &gaits);
                     other
                         .with_information(&of_other, &fits.data, |other| {
                             tell(one, other, &candidates, size, interrupt::token())
                         })
-                        .map_err(|why| of_model(name, why) + &told(&other.row))
+                        .map_err(|why| of_model(name, why) + told)
                 })
                 .map_err(|why| of_model(&model, why))???,
             None => known
@@ -111,12 +115,10 @@ impl Design {
                 .map_err(|why| of_model(&model, why))??,
         };
         self.note_extrapolation(&model, &advice);
-        match (self.csv, self.json) {
-            (true, _) => drop(print_rows(&advice.trials, true, false)),
-            (_, true) => {
-                write_data(&serde_json::to_string_pretty(&self.to_json(&model, &advice)?)?)
-            }
-            _ => self.print(&model, &advice),
+        if self.format.json {
+            write_json(&self.to_json(&model, &advice)?)?;
+        } else if !self.format.rows(&advice.trials) {
+            self.print(&model, &advice);
         }
         Ok(Outcome::Well)
     }
@@ -206,14 +208,12 @@ impl Design {
     fn to_json(&self, model: &str, advice: &Advice) -> Result<Value, Failure> {
         let of = |table| serde_json::from_str::<Value>(&json_of(&View::of(table)));
         let untold = |of: &Untold| {
-            let exchanged = of.exchanged.iter();
-            let exchanged =
-                exchanged.map(|(other, change)| (other.name().to_owned(), json!(change)));
+            let exchanged = of.exchanged.iter().map(|(other, change)| (other.name(), change));
             json!({
                 "parameter": of.parameter.name(),
                 "deviation": of.deviation,
                 "deviation_with": of.deviation_with,
-                "exchanged": exchanged.collect::<serde_json::Map<_, _>>(),
+                "exchanged": exchanged.collect::<BTreeMap<_, _>>(),
                 "omega_rad_s": of.trial.as_ref().map(|of| of.omega_rad_s),
                 "campaign": of.trial.as_ref().map(|of| &of.campaign),
             })
@@ -249,53 +249,41 @@ impl Design {
 }
 
 fn print_trials(trials: &[DesignRow]) {
-    let joints: Vec<usize> =
-        (0..2).filter(|i| trials.iter().any(|of| of.amplitude_rad[*i].is_finite())).collect();
-    let mut headings = vec!["gait of".to_owned(), "omega rad/s".to_owned()];
-    headings.extend(joints.iter().map(|joint| format!("amplitude{} deg", joint + 1)));
-    headings.extend(["repeats", "d mm", "v mm/s"].map(str::to_owned));
+    let mut table = Table::of(trials)
+        .left("gait of", |of| of.campaign.clone())
+        .right("omega rad/s", |of| short(of.omega_rad_s));
+    let amplitude_rad = |of: &DesignRow, joint: usize| of.amplitude_rad[joint];
+    for joint in
+        (0..2).filter(|joint| trials.iter().any(|of| amplitude_rad(of, *joint).is_finite()))
+    {
+        table = table.right(&format!("amplitude{} deg", joint + 1), |of| {
+            format!("{:.1}", amplitude_rad(of, joint).to_degrees())
+        });
+    }
+    table = table
+        .right("repeats", |of| of.repeats.to_string())
+        .right("d mm", |of| short(1e3 * of.metrics.d_m))
+        .right("v mm/s", |of| short(1e3 * of.metrics.v_m_s));
     let is_extrapolated = |of: &DesignRow| of.extrapolation.extrapolated == Some(true);
-    let numbers = headings.len();
-    headings.extend(trials.iter().any(is_extrapolated).then(|| "remark".to_owned()));
-    let line = |of: &DesignRow| {
-        let mut cells = vec![of.campaign.clone(), short(of.omega_rad_s)];
-        let amplitudes = joints.iter().map(|joint| of.amplitude_rad[*joint].to_degrees());
-        cells.extend(amplitudes.map(|of| format!("{of:.1}")));
-        let metrics = [of.metrics.d_m, of.metrics.v_m_s].map(|of| short(1e3 * of));
-        cells.push(of.repeats.to_string());
-        cells.extend(metrics);
-        cells.extend(is_extrapolated(of).then(|| "extrapolated".to_owned()));
-        cells
-    };
-    let headings: Vec<(&str, bool)> = headings
-        .iter()
-        .enumerate()
-        .map(|(i, name)| (name.as_str(), i > 0 && i < numbers))
-        .collect();
-    table::print(&headings, &trials.iter().map(line).collect::<Vec<_>>(), None);
+    let remark = |of: &DesignRow| if is_extrapolated(of) { "extrapolated" } else { "" };
+    if trials.iter().any(is_extrapolated) {
+        table = table.left("remark", |of| remark(of).to_owned());
+    }
+    table.print();
 }
 
 fn print_expected(expected: &[ExpectedRow]) {
-    let headings =
-        [("", false), ("value", true), ("now", true), ("expected", true), ("spread evenly", true)];
-    let line = |of: &ExpectedRow| {
-        let part = |half_width: f64| match half_width / of.value.abs() {
-            part if part < OPEN => format!("{} ({} %)", short(half_width), rounded(100.0 * part)),
-            _ => "open".to_owned(),
-        };
-        let half_widths = [of.half_width, of.expected_half_width, of.evenly_half_width];
-        let cells = [of.quantity.clone(), short(of.value)].into_iter();
-        cells.chain(half_widths.map(part)).collect()
+    let part = |half_width: f64, of: &ExpectedRow| match half_width / of.value.abs() {
+        part if part < OPEN => format!("{} ({} %)", short(half_width), rounded(100.0 * part)),
+        _ => "open".to_owned(),
     };
-    table::print(&headings, &expected.iter().map(line).collect::<Vec<_>>(), None);
-}
-
-/// What to say where a model that is to be told from another one does not fit.
-fn told(row: &FitRow) -> String {
-    match row.adequate {
-        Some(false) => "; the trials so far tell it apart".to_owned(),
-        _ => String::new(),
-    }
+    Table::of(expected)
+        .left("", |of| of.quantity.clone())
+        .right("value", |of| short(of.value))
+        .right("now", |of| part(of.half_width, of))
+        .right("expected", |of| part(of.expected_half_width, of))
+        .right("spread evenly", |of| part(of.evenly_half_width, of))
+        .print();
 }
 
 /// To two digits.

@@ -20,7 +20,10 @@ enum Format {
     Csv,
 }
 
+/// Write a trial's markers and poses for OpenSim, for Foxglove or Rerun, or as a table; or the fits as
+/// PEtab.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/export.txt").trim_end())]
 pub(super) struct Export {
     /// Its name, or `FOLDER/ID`.
     #[arg(required_unless_present = "petab", requires = "format")]
@@ -41,9 +44,9 @@ pub(super) struct Export {
 }
 
 impl Export {
-    pub(super) fn run(self, context: &Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         if let Some(folder) = &self.petab {
-            return self.write_petab(context, folder);
+            return self.write_petab(&context, folder);
         }
         let (Some(trial), Some(format)) = (self.trial, self.format) else {
             return Err("found no trial and no --format, needed both, or --petab".into());

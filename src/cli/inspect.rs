@@ -5,44 +5,34 @@ use std::collections::BTreeSet;
 use polars::prelude::{AnyValue, DataType};
 
 use super::output::{note, say, write_data};
-use super::{Context, Failure, Outcome, table};
+use super::results::Format;
+use super::table::{self, Table};
+use super::{Context, Failure, Outcome};
 use crate::inspect::{
-    ColumnInfo, Listed, Query, View, csv, describe, describe_all, find, float, json, list, meaning,
-    query, text, unit,
+    ColumnInfo, Listed, Query, View, describe, describe_all, find, float, list, meaning, query,
+    text, unit,
 };
 
 /// Others write whole schemas into a file's metadata.
 const LONGEST_METADATA: usize = 100;
 
+/// Look into a table of `derived`, or into any Parquet file.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/inspect.txt").trim_end())]
 pub(super) struct Inspect {
     /// A table of `derived`, such as `trials`, `fits`, `poses/TRIAL` or `poses` of all trials, or
     /// any Parquet file; all of `derived` are listed if none is named.
     table: Option<String>,
-    /// Columns to show, in this order; * is any characters, ? is one.
-    #[arg(long, value_delimiter = ',', value_name = "COLUMN,..")]
-    columns: Vec<String>,
-    /// Rows to show, by a condition as SQL has it: "campaign = 'x' and omega_rad_s > 3".
-    #[arg(long = "where", value_name = "CONDITION")]
-    condition: Option<String>,
+    #[command(flatten)]
+    query: Query,
     /// Columns to sort by; downwards with a minus sign or ` desc`.
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "COLUMN,..")]
     sort: Vec<String>,
-    /// Rows at most, the first ones.
-    #[arg(long, value_name = "N", conflicts_with = "tail")]
-    head: Option<usize>,
-    /// Rows at most, the last ones.
-    #[arg(long, value_name = "N")]
-    tail: Option<usize>,
     /// Show the columns with their types, units and meanings instead of rows.
     #[arg(long, conflicts_with_all = ["columns", "condition", "sort", "head", "tail", "csv"])]
     schema: bool,
-    /// Print CSV with every digit.
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
-    /// Print a JSON array of objects with every digit, or with `--schema` of the columns.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    format: Format,
 }
 
 impl Inspect {
@@ -53,23 +43,18 @@ impl Inspect {
         };
         let path = find(derived, name)?;
         if self.schema {
-            return show_schema(&path, self.json);
+            return show_schema(&path, self.format.json);
         }
         let sort = self.sort.iter().map(|key| sort_key(key)).collect::<Result<_, _>>()?;
-        let columns = self.columns.iter().map(|column| column.trim().to_owned()).collect();
-        let Self { head, tail, .. } = self;
-        let asked = Query { columns, condition: self.condition.clone(), sort, head, tail };
-        let view = query(&path, &asked)?;
+        let view = query(&path, &Query { sort, ..self.query })?;
         if !view.left_out.is_empty() {
             let columns = view.left_out.iter();
             let columns: Vec<String> =
                 columns.map(|column| format!("{} ({})", column.name, column.type_name)).collect();
-            context.progress.say(&format!("not shown: {}", columns.join(", ")));
+            context.say(&format!("not shown: {}", columns.join(", ")));
         }
-        match (self.csv, self.json) {
-            (true, _) => write_data(csv(&view).trim_end_matches('\n')),
-            (_, true) => write_data(&json(&view)),
-            _ => show(&context, &view),
+        if !self.format.view(&view) {
+            show(&context, &view);
         }
         Ok(Outcome::Well)
     }
@@ -78,17 +63,18 @@ impl Inspect {
 /// The rows with some digits.
 fn show(context: &Context, view: &View) {
     let cells = view.cells(in_short);
-    let is_number = |column: &ColumnInfo| column.dtype == Some(DataType::Float64);
-    let columns = view.columns.iter();
-    let headings: Vec<_> =
-        columns.map(|column| (column.name.as_str(), is_number(column))).collect();
-    let hidden = table::print(&headings, &cells, table::terminal_width());
+    let mut table = Table::of(&cells);
+    for (i, column) in view.columns.iter().enumerate() {
+        let is_number = column.dtype == Some(DataType::Float64);
+        table = table.column(&column.name, is_number, |row| row[i].clone());
+    }
+    let hidden = table.print_fitting(table::terminal_width());
     if hidden > 0 {
-        context.progress.say(&format!(
+        context.say(&format!(
             "{hidden} columns do not fit on the terminal; --columns chooses, --csv has them all"
         ));
     }
-    context.progress.say(&format!("{} of {} rows", cells.len(), view.total));
+    context.say(&format!("{} of {} rows", cells.len(), view.total));
 }
 
 /// Six significant digits, and a dash where nothing is.
@@ -132,16 +118,12 @@ fn show_schema(path: &std::path::Path, as_json: bool) -> Result<Outcome, Failure
         write_data(&format!("[{}]", columns.join(",\n ")));
         return Ok(Outcome::Well);
     }
-    let row = |column: &ColumnInfo| {
-        vec![
-            column.name.clone(),
-            column.type_name.clone(),
-            unit(&column.name).unwrap_or_default().to_owned(),
-            meaning(&column.name).unwrap_or_default(),
-        ]
-    };
-    let rows: Vec<Vec<String>> = info.columns.iter().map(row).collect();
-    table::print(&["column", "type", "unit", "meaning"].map(|name| (name, false)), &rows, None);
+    Table::of(&info.columns)
+        .left("column", |column| column.name.clone())
+        .left("type", |column| column.type_name.clone())
+        .left("unit", |column| unit(&column.name).unwrap_or_default().to_owned())
+        .left("meaning", |column| meaning(&column.name).unwrap_or_default())
+        .print();
     say!("{} rows in {}", info.rows, path.display());
     for (key, value) in &info.metadata {
         let (start, is_cut) = match value.char_indices().nth(LONGEST_METADATA) {
@@ -161,7 +143,6 @@ fn list_tables(context: &Context) -> Result<Outcome, Failure> {
         let none = "no tables; `trilink run` makes them";
         return Err(format!("{}: {none}", derived.display()).into());
     }
-    let headings = [("table", false), ("rows", true), ("columns", true)];
     let mut problems = BTreeSet::new();
     let row = |listed: &Listed| match describe(&listed.path) {
         Ok(info) => {
@@ -169,15 +150,19 @@ fn list_tables(context: &Context) -> Result<Outcome, Failure> {
                 Some(tables) => format!("{tables} tables"),
                 None => info.rows.to_string(),
             };
-            vec![listed.name.clone(), rows, info.columns.len().to_string()]
+            [listed.name.clone(), rows, info.columns.len().to_string()]
         }
         Err(problem) => {
             problems.insert(problem.to_string());
-            vec![listed.name.clone(), "-".to_owned(), "-".to_owned()]
+            [listed.name.clone(), "-".to_owned(), "-".to_owned()]
         }
     };
-    let rows: Vec<Vec<String>> = tables.iter().map(row).collect();
-    table::print(&headings, &rows, None);
+    let rows: Vec<[String; 3]> = tables.iter().map(row).collect();
+    Table::of(&rows)
+        .left("table", |row| row[0].clone())
+        .right("rows", |row| row[1].clone())
+        .right("columns", |row| row[2].clone())
+        .print();
     problems.iter().for_each(|problem| note!("{problem}"));
-    Ok(if problems.is_empty() { Outcome::Well } else { Outcome::NeedsAttention })
+    Ok(Outcome::well_if(problems.is_empty()))
 }

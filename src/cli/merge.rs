@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use super::output::{note, say};
-use super::{Context, Exclusive, Failure, Outcome, pipeline, stages};
+use super::{Context, Exclusive, Failure, Outcome, stages};
 use crate::build::{self, Merged, ShardsStatus};
 
+/// Join the parts of an ingest or bootstrap into the tables that an undivided one leaves.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/merge.txt").trim_end())]
 pub(super) struct Merge {
     /// Folder with the parts.
     #[arg(value_name = "FOLDER")]
@@ -27,17 +29,11 @@ impl Merge {
         if status {
             return Ok(say_status(&build::shards_status(&context.config, &shards)?));
         }
-        let watch = context.progress.watch(false);
-        let (merged, status) =
-            build::merge(&context.config, &shards, allow_missing, exclusive.wait, &watch)?;
-        drop(watch);
+        let (merged, status) = context.watched(|watch| {
+            build::merge(&context.config, &shards, allow_missing, exclusive.wait, watch)
+        })?;
         let outcome = match merged {
-            Merged::Trials(ingested) => {
-                let counts = build::count(&ingested.trials);
-                let derived = context.config.paths.derived.display();
-                say!("{}; tables in {derived}", pipeline::in_words(&counts));
-                stages::judge(&context, &ingested)
-            }
+            Merged::Trials(ingested) => stages::say_ingested(&context, &ingested),
             Merged::Fits(fitted) => stages::say_fitted(&context, &fitted)?,
         };
         if status.is_whole() {
@@ -53,9 +49,8 @@ fn say_status(status: &ShardsStatus) -> Outcome {
     for (folder, _, part) in &status.parts {
         say!("{}: {part}", folder.display());
     }
-    if status.is_whole() {
-        return Outcome::Well;
+    if !status.is_whole() {
+        say!("{}", status.again());
     }
-    say!("{}", status.again());
-    Outcome::NeedsAttention
+    Outcome::well_if(status.is_whole())
 }

@@ -9,17 +9,17 @@ mod config;
 mod design;
 mod explain;
 mod export;
-mod fitted;
 mod init;
 mod inspect;
 mod log;
 mod merge;
-mod omegas;
 mod optimise;
 mod output;
+mod parse;
 mod pipeline;
 mod progress;
-mod rows_file;
+mod results;
+mod setup;
 mod shell;
 mod simulate;
 mod stages;
@@ -37,8 +37,8 @@ use clap::{Parser, Subcommand};
 use crate::build::RunError;
 use crate::interrupt;
 use output::note;
-use progress::Progress;
 pub use progress::watch;
+use progress::{Progress, Watcher};
 use trilink_base::cancel::Cancelled;
 use trilink_fit::design::AdviceError;
 use trilink_tables::config::{CONFIG_FILE, Config, Paths};
@@ -77,68 +77,45 @@ struct Options {
     verbose: u8,
 }
 
-#[derive(Subcommand)]
-enum Command {
-    /// Make the demo's trials if they are not there, then run them.
-    #[command(after_help = include_str!("examples/demo.txt").trim_end())]
+/// The program's commands, each an entry with its type, whose documentation and examples are its help. Help, completions
+/// and manual follow; what `run` asks for says what is begun before it.
+macro_rules! commands {
+    ($($name:ident($command:ty),)*) => {
+        #[derive(Subcommand)]
+        enum Command {
+            $($name($command),)*
+        }
+
+        impl Command {
+            fn run(self, options: &Options, line: &[OsString]) -> Result<Outcome, Failure> {
+                match self {
+                    $(Self::$name(command) => command.run(Begin::begin(options, line)?),)*
+                }
+            }
+        }
+    };
+}
+
+commands! {
     Demo(pipeline::Demo),
-    /// Write a first pipeline.toml and trials.toml from marker files alone.
-    #[command(after_help = include_str!("examples/init.txt").trim_end())]
     Init(init::Init),
-    /// Ingest, fit and report trial folders.
-    #[command(after_help = include_str!("examples/run.txt").trim_end())]
     Run(pipeline::Run),
-    /// Marker files to tables of poses, wheel velocities, cycles and trials.
-    #[command(after_help = include_str!("examples/ingest.txt").trim_end())]
     Ingest(stages::Ingest),
-    /// Join the parts of an ingest or bootstrap into the tables that an undivided one leaves.
-    #[command(after_help = include_str!("examples/merge.txt").trim_end())]
     Merge(merge::Merge),
-    /// Fit every model of every campaign to the trials.
-    #[command(after_help = include_str!("examples/fit.txt").trim_end())]
     Fit(stages::Fit),
-    /// Draw the figures and write the page.
-    #[command(after_help = include_str!("examples/report.txt").trim_end())]
     Report(stages::Report),
-    /// Read trial folders or marker files, write nothing, say what is there and what is wrong.
-    #[command(after_help = include_str!("examples/check.txt").trim_end())]
     Check(check::Check),
-    /// Look into the configuration: its values and where they come from, and what is wrong.
-    #[command(after_help = include_str!("examples/config.txt").trim_end())]
     Config(config::ConfigCommand),
-    /// Say what a check looks at, why that matters and what to do.
-    #[command(after_help = include_str!("examples/explain.txt").trim_end())]
     Explain(explain::Explain),
-    /// Compare the tables with those of an earlier run: what differs by more than noise.
-    #[command(after_help = include_str!("examples/compare.txt").trim_end())]
     Compare(compare::Compare),
-    /// Look into a table of `derived`, or into any Parquet file.
-    #[command(after_help = include_str!("examples/inspect.txt").trim_end())]
     Inspect(inspect::Inspect),
-    /// Write a trial's markers and poses for OpenSim, for Foxglove or Rerun, or as a table; or the fits as
-    /// PEtab.
-    #[command(after_help = include_str!("examples/export.txt").trim_end())]
     Export(export::Export),
-    /// Solve for a model's steady motion.
-    #[command(after_help = include_str!("examples/simulate.txt").trim_end())]
     Simulate(simulate::Simulate),
-    /// Follow a model's steady motions over a parameter: folds, lost symmetry, doubled periods.
-    #[command(after_help = include_str!("examples/branches.txt").trim_end())]
     Branches(branches::Branches),
-    /// Search for the gait with which a model's robot goes farthest, fastest or with least work.
-    #[command(after_help = include_str!("examples/optimise.txt").trim_end())]
     Optimise(optimise::Optimise),
-    /// Advise which trials to make next: for the coefficients, for a prediction, or to tell two models apart.
-    #[command(after_help = include_str!("examples/design.txt").trim_end())]
     Design(design::Design),
-    /// Write trials with a known truth, as the camera system would.
-    #[command(after_help = include_str!("examples/synth.txt").trim_end())]
     Synth(synth::Synth),
-    /// Print what makes a shell complete commands and options.
-    #[command(after_help = include_str!("examples/completions.txt").trim_end())]
     Completions(shell::Completions),
-    /// Print the manual's page.
-    #[command(after_help = include_str!("examples/man.txt").trim_end())]
     Man(shell::Man),
 }
 
@@ -178,15 +155,70 @@ enum Outcome {
     NeedsAttention,
 }
 
+impl Outcome {
+    fn well_if(is_well: bool) -> Self {
+        if is_well { Self::Well } else { Self::NeedsAttention }
+    }
+}
+
 /// Nothing could be done: exit status 2.
 type Failure = Box<dyn std::error::Error>;
 
-/// What every subcommand starts from.
+/// What a command starts from.
+trait Begin: Sized {
+    fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure>;
+}
+
+/// What needs neither a configuration nor time.
+impl Begin for () {
+    fn begin(_: &Options, _: &[OsString]) -> Result<Self, Failure> {
+        Ok(())
+    }
+}
+
+/// Listens to signals, opens the log and starts the threads.
+impl Begin for Progress {
+    fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure> {
+        interrupt::listen()?;
+        log::begin(options.log.as_deref(), options.verbose)?;
+        if let Some(threads) = options.threads {
+            if !(1..=MOST_THREADS).contains(&threads) {
+                let needed = format!("needed 1 to {MOST_THREADS}");
+                return Err(format!("--threads: found {threads}, {needed}").into());
+            }
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+        }
+        let line: Vec<&str> =
+            line.iter().skip(1).filter_map(|argument| argument.to_str()).collect();
+        tracing::info!(
+            version = env!("CARGO_PKG_VERSION"),
+            arguments = line.join(" "),
+            config = %options.config.as_deref().unwrap_or(Path::new(CONFIG_FILE)).display(),
+            "begin"
+        );
+        Ok(Self::new(options.quiet, options.verbose > 0))
+    }
+}
+
+/// The same with the configuration.
 struct Context {
     config: Config,
+    /// The file that the command line names, or the one that is looked for.
+    file: PathBuf,
     /// Whether the configuration is a file's. Else nobody has said that the robots are the paper's.
     is_configured: bool,
     progress: Progress,
+}
+
+impl Begin for Context {
+    fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure> {
+        let progress = Progress::begin(options, line)?;
+        let file = options.config.as_deref();
+        let (config, is_configured) =
+            (Config::load_or_default(file)?, Config::file(file).is_some());
+        let file = file.unwrap_or(Path::new(CONFIG_FILE)).to_owned();
+        Ok(Self { config, file, is_configured, progress })
+    }
 }
 
 impl Context {
@@ -197,16 +229,20 @@ impl Context {
     ) -> Result<(), RunError> {
         if !self.is_configured {
             check(&self.config)?;
-            self.say_assumed();
+            let assumed = "the paper's robots, gaits, campaigns and markers are assumed";
+            self.say(&format!("no {CONFIG_FILE} here: {assumed}"));
         }
         Ok(())
     }
 
-    fn say_assumed(&self) {
-        if !self.is_configured {
-            let assumed = "the paper's robots, gaits, campaigns and markers are assumed";
-            self.progress.say(&format!("no {CONFIG_FILE} here: {assumed}"));
-        }
+    /// A message beside the results.
+    fn say(&self, message: &str) {
+        self.progress.say(message);
+    }
+
+    /// What long work gives, with its stages shown meanwhile.
+    fn watched<T>(&self, work: impl FnOnce(&Watcher) -> T) -> T {
+        work(&self.progress.watch(false))
     }
 }
 
@@ -224,20 +260,17 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
     }
     let arguments = Arguments::try_parse_from(&line).unwrap_or_else(|error| error.exit());
     trilink_tables::hush_damaged_tables();
-    let status = match run(arguments, &line) {
+    let status = match arguments.command.run(&arguments.options, &line) {
         Ok(Outcome::Well) => 0,
         Ok(Outcome::NeedsAttention) => 1,
         Err(failure) => {
-            let is_run = matches!(failure.downcast_ref(), Some(RunError::Interrupted { .. }));
             // A cancelled command is no error.
-            match is_cancelled(&failure) {
-                true => note!("{failure}"),
-                false => note!("error: {failure}"),
-            }
+            let is_cancelled = is_cancelled(&failure);
+            note!("{}{failure}", if is_cancelled { "" } else { "error: " });
             tracing::error!("{failure}");
             // An interrupted command has the signal's status.
-            let is_interrupted = is_run || is_cancelled(&failure);
-            interrupt::exit_status().filter(|_| is_interrupted).unwrap_or(2)
+            let is_run = matches!(failure.downcast_ref(), Some(RunError::Interrupted { .. }));
+            interrupt::exit_status().filter(|_| is_run || is_cancelled).unwrap_or(2)
         }
     };
     tracing::info!(status, "end");
@@ -257,65 +290,4 @@ fn is_cancelled(failure: &Failure) -> bool {
         || failure.is::<Cancelled>()
         || matches!(failure.downcast_ref(), Some(RunError::Stopped(_)))
         || matches!(failure.downcast_ref(), Some(AdviceError::Cancelled(_)))
-}
-
-fn run(arguments: Arguments, line: &[OsString]) -> Result<Outcome, Failure> {
-    let Arguments { options, command } = arguments;
-    let context = || options.begin(line);
-    match command {
-        Command::Demo(command) => command.run(context()?),
-        // What it writes is the configuration.
-        Command::Init(command) => command.run(options.listen(line)?),
-        Command::Run(command) => command.run(context()?),
-        Command::Ingest(command) => command.run(context()?),
-        Command::Merge(command) => command.run(context()?),
-        Command::Fit(command) => command.run(&context()?),
-        Command::Report(command) => command.run(&context()?),
-        Command::Check(command) => command.run(context()?),
-        Command::Config(command) => command.run(&context()?, options.config.as_deref()),
-        Command::Compare(command) => command.run(context()?),
-        Command::Inspect(command) => command.run(context()?),
-        Command::Export(command) => command.run(&context()?),
-        Command::Simulate(command) => command.run(context()?),
-        Command::Branches(command) => command.run(context()?),
-        Command::Optimise(command) => command.run(context()?),
-        Command::Design(command) => command.run(&context()?),
-        Command::Synth(command) => command.run(context()?),
-        // These need no configuration.
-        Command::Explain(command) => command.run(),
-        Command::Completions(command) => command.run(),
-        Command::Man(command) => command.run(),
-    }
-}
-
-impl Options {
-    /// [`Options::listen`], and reads the configuration.
-    fn begin(&self, line: &[OsString]) -> Result<Context, Failure> {
-        let progress = self.listen(line)?;
-        let config = Config::load_or_default(self.config.as_deref())?;
-        let is_configured = Config::file(self.config.as_deref()).is_some();
-        Ok(Context { config, is_configured, progress })
-    }
-
-    /// Listens to signals, opens the log and starts the threads.
-    fn listen(&self, line: &[OsString]) -> Result<Progress, Failure> {
-        interrupt::listen()?;
-        log::begin(self.log.as_deref(), self.verbose)?;
-        if let Some(threads) = self.threads {
-            if !(1..=MOST_THREADS).contains(&threads) {
-                let needed = format!("needed 1 to {MOST_THREADS}");
-                return Err(format!("--threads: found {threads}, {needed}").into());
-            }
-            rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
-        }
-        let line: Vec<&str> =
-            line.iter().skip(1).filter_map(|argument| argument.to_str()).collect();
-        tracing::info!(
-            version = env!("CARGO_PKG_VERSION"),
-            arguments = line.join(" "),
-            config = %self.config.as_deref().unwrap_or(Path::new(CONFIG_FILE)).display(),
-            "begin"
-        );
-        Ok(Progress::new(self.quiet, self.verbose > 0))
-    }
 }

@@ -3,37 +3,39 @@
 mod certainty;
 mod front;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use trilink_fit::optimise::{
     Bounds, Certainty, Command, Found, Kept, Optimum, Search, Shown, outside,
 };
-use trilink_fit::simulate::{KnownFits, Setup};
+use trilink_fit::simulate::Setup;
 use trilink_report::{FigureFile, optimum_drawing};
 use trilink_robot::metrics::FromRest;
 use trilink_robot::{Gait, JointCommand};
 use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Extrapolation, Objective, OptimumRow};
 
-use super::fitted::{note_caution, note_extrapolation, note_starting_values, preferred};
-use super::omegas::low_high;
 use super::output::{note, say};
-use super::rows_file::{RowsFile, print_rows, write_figure};
-use super::table::{self, short};
+use super::parse::{finite, low_high, positive};
+use super::results::{Files, Format, write_rows};
+use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
+use super::table::{Table, short};
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::hold;
 use crate::interrupt;
 
+/// Search for the gait with which a model's robot goes farthest, fastest or with least work.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/optimise.txt").trim_end())]
+#[command(mut_arg("figure", |of| of.help("Draw the objective about the optimum, over the two commands that it answers to most: SVG, PNG or PDF, by the file's ending")))]
 pub(super) struct Optimise {
     /// Name of a `[campaign.*]`, whose robot and gait are the present ones.
     campaign: String,
     /// Name of a `[model.*]`: skid-roll, coulomb or your own [default with --fitted: the one that the comparison prefers].
     #[arg(long, required_unless_present = "fitted")]
     model: Option<String>,
-    /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration.
-    #[arg(long)]
-    fitted: bool,
+    #[command(flatten)]
+    numbers: Numbers,
     /// Replicates of the fit with which the searches are done again, for intervals of the optimum; 0 for none [default: all, up to
     /// 200].
     #[arg(long, value_name = "N", requires = "fitted")]
@@ -77,35 +79,25 @@ pub(super) struct Optimise {
     /// Places where searches begin [default: optimise.starts].
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
-    /// Parameters of the robot and numbers of the gait, as `simulate` takes them.
-    #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
-    set: Vec<String>,
     /// Print the optimal gait as an entry of pipeline.toml.
     #[arg(long, conflicts_with_all = ["json", "csv"])]
     gait_toml: bool,
-    /// Draw the objective about the optimum, over the two commands that it answers to most: SVG, PNG or PDF, by the
-    /// file's ending.
-    #[arg(long, value_name = "FILE")]
-    figure: Option<PathBuf>,
-    /// Write all optima: Parquet, CSV or JSON, by the file's ending.
-    #[arg(long, value_name = "FILE")]
-    table: Option<PathBuf>,
+    #[command(flatten)]
+    files: Files,
     /// Keep the optima in `derived/optima.parquet`, and the objective about the best in `optimum_maps.parquet`: the page
     /// shows them from the next `trilink report` or `trilink run` on.
     #[arg(long, requires = "fitted", conflicts_with_all = ["set", "pareto"])]
     keep: bool,
     #[command(flatten)]
     exclusive: Exclusive,
-    /// Print CSV with every digit.
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    format: Format,
 }
 
 impl Optimise {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
+        let campaign = &self.campaign;
+        self.files.check()?;
         let config = self.configured(context.config.clone())?;
         let settings = &config.optimise;
         let radians = |[low, high]: [f64; 2]| [low.to_radians(), high.to_radians()];
@@ -120,13 +112,10 @@ impl Optimise {
             least: self.least,
         };
         let (objective, other) = self.objectives()?;
-        let fits = self.fitted.then(|| KnownFits::read(&config, self.replicates != Some(0)));
-        let fits = fits.transpose()?;
-        let setup = self.setup(config, fits.as_ref())?;
-        note_caution(&self.campaign, &setup);
-        if !self.fitted {
-            note_starting_values(&context.config, &self.campaign, std::slice::from_ref(&setup));
-        }
+        let fits = self.numbers.fits(&config, self.replicates != Some(0))?;
+        let setup = self.numbers.setup(config, campaign, self.model.as_deref(), fits.as_ref())?;
+        note_caution(campaign, &setup);
+        note_starting_values(&context.config, campaign, std::slice::from_ref(&setup));
         let free = match self.free.is_empty() {
             true => Command::all(&setup.gait),
             false => Command::parse(&self.free, &setup.gait)?,
@@ -141,11 +130,8 @@ impl Optimise {
                 "the present gait is outside the bounds: {message}; the search begins at the nearest within"
             );
         }
-        let present_rad_s = match self.omega {
-            Some([low, high]) if low == high => low,
-            _ => 0.5 * (omega_rad_s[0] + omega_rad_s[1]),
-        };
-        let problem = setup.problem(present_rad_s);
+        let problem =
+            setup.problem(self.fixed_rad_s().unwrap_or(0.5 * omega_rad_s.iter().sum::<f64>()));
         let search = Search { problem, objective, free, bounds, starts };
         if let Some(other) = other {
             return self.print_front(&context, &setup, &search, other);
@@ -153,69 +139,53 @@ impl Optimise {
         let cancel = interrupt::token();
         let found = search.run(cancel)?;
         // What the present gait comes to at its own best frequency.
-        let by_omega: Vec<Command> =
-            search.free.iter().copied().filter(|of| *of == Command::Omega).collect();
-        let is_more = search.free.len() > by_omega.len();
-        let present = match is_more {
-            true => Search { free: by_omega, ..search.clone() }.present(cancel)?,
-            false => None,
-        };
+        let mut by_omega = Search { free: search.free.clone(), ..search.clone() };
+        by_omega.free.retain(|of| *of == Command::Omega);
+        let is_more = search.free.len() > by_omega.free.len();
+        let present = if is_more { by_omega.present(cancel)? } else { None };
         let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found))?;
         let row = |(nth, of): (usize, &Optimum)| {
-            of.row(nth + 1, &self.campaign, &setup, &search, present.as_ref())
+            of.row(nth + 1, campaign, &setup, &search, present.as_ref())
         };
         let mut optima: Vec<OptimumRow> = found.optima.iter().enumerate().map(row).collect();
-        let problems = found.optima.iter().map(|of| of.problem.clone());
-        note_extrapolation(&self.campaign, &setup, problems);
-        certainty::fill(&mut optima, &certainty);
-        let best = found.best().filter(|_| self.figure.is_some() || self.keep);
+        note_extrapolation(campaign, &setup, found.optima.iter().map(|of| of.problem.clone()));
+        certainty::fill_in(&mut optima, &certainty);
+        let best = found.best().filter(|_| self.files.figure.is_some() || self.keep);
         let maps = best.map(|best| {
             let replicates = certainty.as_ref().map_or(&[][..], |of| &of.places);
             let range = setup.measured_range().and_then(Result::ok);
             let shown = Shown { present: present.as_ref(), replicates, range };
-            search.map((&self.campaign, setup.model), best, shown, cancel)
+            search.map((campaign, setup.model), best, shown, cancel)
         });
         let maps = maps.transpose()?.unwrap_or_default();
-        if let Some(path) = self.figure.as_ref().filter(|_| !maps.is_empty()) {
-            let fitted_to = self.fitted.then_some(&context.config.paths);
+        if !maps.is_empty() {
             let drawn = |file: FigureFile| optimum_drawing(&maps, file);
-            write_figure(path, &context.progress, fitted_to, drawn)?;
+            self.files.draw(&context, self.numbers.fitted, drawn)?;
         }
         let outcome = self.print(&setup, &search, &found, present.as_ref(), &certainty, &optima)?;
         if self.keep {
             let kept = Kept { optima, maps };
             let derived = &context.config.paths.derived;
-            let _lock = hold(&context.config, self.exclusive.wait, &context.progress.watch(false))?;
+            let _lock =
+                context.watched(|watch| hold(&context.config, self.exclusive.wait, watch))?;
             if let Some(problem) = kept.keep(derived)? {
                 note!("{problem}; the optima that were there are left out");
             }
-            context.progress.say(&format!("kept in {}", derived.join("optima.parquet").display()));
+            context.say(&format!("kept in {}", derived.join("optima.parquet").display()));
         }
         Ok(outcome)
     }
 
-    /// The model, with configured or fitted coefficients.
-    fn setup(&self, config: Config, fits: Option<&KnownFits>) -> Result<Setup, Failure> {
-        let (campaign, settings) = (&self.campaign, &self.set);
-        let setup = match (&self.model, fits) {
-            (Some(model), None) => Setup::new(config, campaign, model, settings)?,
-            (Some(model), Some(fits)) => Setup::fitted(config, campaign, model, settings, fits)?,
-            (None, Some(fits)) => {
-                let model = preferred(&config, fits, campaign)?;
-                Setup::fitted(config, campaign, model.name(), settings, fits)?
-            }
-            (None, None) => return Err("--model: needed".into()),
-        };
-        Ok(setup)
+    /// The one frequency where it does not vary.
+    fn fixed_rad_s(&self) -> Option<f64> {
+        self.omega.filter(|[low, high]| low == high).map(|[omega_rad_s, _]| omega_rad_s)
     }
 
     /// The configuration with what the options say.
     fn configured(&self, mut config: Config) -> Result<Config, Failure> {
         let settings = &mut config.optimise;
-        match self.omega {
-            Some([low, high]) if low == high && low > 0.0 => {}
-            Some(range) => settings.omega_rad_s = range,
-            None => {}
+        if !self.fixed_rad_s().is_some_and(|omega_rad_s| omega_rad_s > 0.0) {
+            settings.omega_rad_s = self.omega.unwrap_or(settings.omega_rad_s);
         }
         settings.amplitude_deg = self.amplitude_deg.unwrap_or(settings.amplitude_deg);
         settings.angle_deg = self.angle_deg.unwrap_or(settings.angle_deg);
@@ -229,7 +199,7 @@ impl Optimise {
 
     /// The commands that vary where one frequency may be given.
     fn varying(&self, mut free: Vec<Command>) -> Result<Vec<Command>, Failure> {
-        let is_fixed = self.omega.is_some_and(|[low, high]| low == high);
+        let is_fixed = self.fixed_rad_s().is_some();
         if is_fixed && self.free.is_empty() {
             free.retain(|of| *of != Command::Omega);
         }
@@ -255,26 +225,25 @@ impl Optimise {
         let objective = search.objective;
         let Found { optima, failed } = found;
         let Some(first) = optima.first() else {
-            return Err(match objective.knows_work() {
-                true => "no search found a motion within the bounds on which the actuators do work"
-                    .into(),
-                false => "no search found a steady motion within the bounds".into(),
-            });
+            let motion = match objective.knows_work() {
+                true => "motion within the bounds on which the actuators do work",
+                false => "steady motion within the bounds",
+            };
+            return Err(format!("no search found a {motion}").into());
         };
-        if let Some(path) = &self.table {
-            let input = blake3::hash(format!("{search:?}").as_bytes());
-            RowsFile::new(path, "--table")?.write(rows, &input)?;
+        if let Some(path) = &self.files.table {
+            write_rows(path, rows, &format!("{search:?}"))?;
         }
         if self.gait_toml {
             if let Some(best) = found.best() {
                 let beyond = setup.extrapolation(&best.problem);
                 say!("{}", gait_toml(&self.campaign, objective, best, &beyond).trim_end());
             }
-        } else if !print_rows(rows, self.csv, self.json) {
+        } else if !self.format.rows(rows) {
             print_table(setup, objective, optima, present);
             match certainty {
-                Ok(certainty) => certainty::print(objective, certainty),
-                Err(why) if self.fitted => say!("no intervals: {why}"),
+                Ok(certainty) => certainty::print(objective, certainty)?,
+                Err(why) if self.numbers.fitted => say!("no intervals: {why}"),
                 Err(_) => {}
             }
             if *failed > 0 {
@@ -297,54 +266,38 @@ fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present:
         other => (format!("{} {}", other.name(), other.unit()), 1.0),
     };
     let Some(first) = optima.first() else { return };
-    let joints: Vec<usize> =
-        (0..2).filter(|joint| first.problem.gait.joints[*joint].is_some()).collect();
+    let numbers = (1..).map(|i: usize| i.to_string()).zip(optima);
+    let lines: Vec<(String, &Optimum)> =
+        numbers.chain(present.map(|of| ("present".to_owned(), of))).collect();
+    let mut table = Table::of(&lines)
+        .left("", |(name, _)| name.clone())
+        .right(&name, |(_, of)| short(scale * of.value))
+        .right("omega rad/s", |(_, of)| short(of.problem.omega_rad_s));
     let has_second = optima.iter().any(|of| of.problem.gait.has_second());
-    let mut headings = vec!["".to_owned(), name, "omega rad/s".to_owned()];
-    for joint in &joints {
-        for number in ["amplitude", "offset", "phase"] {
-            headings.push(format!("{number}{} deg", joint + 1));
-        }
-        if has_second {
-            headings
-                .extend(["amplitude", "phase"].map(|of| format!("second {of}{} deg", joint + 1)));
+    let angles: [(&str, fn(&JointCommand) -> f64); 5] = [
+        ("amplitude", |of| of.amplitude_rad),
+        ("offset", |of| of.offset_rad),
+        ("phase", |of| of.phase_rad),
+        ("second amplitude", |of| of.second().amplitude_rad()),
+        ("second phase", |of| of.second().phase_rad()),
+    ];
+    for joint in (0..2).filter(|joint| first.problem.gait.joints[*joint].is_some()) {
+        for (name, angle_rad) in &angles[..if has_second { 5 } else { 3 }] {
+            table = table.right(&format!("{name}{} deg", joint + 1), |(_, of)| {
+                let command = of.problem.gait.joints[joint];
+                let angle_rad = command.map_or(f64::NAN, |command| angle_rad(&command));
+                format!("{:.3}", angle_rad.to_degrees() + 0.0)
+            });
         }
     }
-    headings.extend(["d mm", "v mm/s", "work J/m", "power W"].map(str::to_owned));
-    let numbers = headings.len();
-    headings.extend(["starts", "remark"].map(str::to_owned));
-    let line = |name: String, of: &Optimum| {
-        let mut cells = vec![name, short(scale * of.value), short(of.problem.omega_rad_s)];
-        for command in joints.iter().filter_map(|joint| of.problem.gait.joints[*joint]) {
-            let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = command;
-            let numbers = [amplitude_rad, offset_rad, phase_rad];
-            cells.extend(numbers.map(|of| format!("{:.3}", of.to_degrees() + 0.0)));
-            if has_second {
-                let second = command.second();
-                let numbers = [second.amplitude_rad(), second.phase_rad()];
-                cells.extend(numbers.map(|of| format!("{:.3}", of.to_degrees() + 0.0)));
-            }
-        }
-        let metrics = of.motion.metrics;
-        cells.extend([
-            short(1e3 * metrics.d_m),
-            short(1e3 * metrics.v_m_s),
-            short(of.motion.work_j / metrics.d_m),
-            short(of.power_w()),
-            of.starts.to_string(),
-            remark(setup, of),
-        ]);
-        cells
-    };
-    let mut lines: Vec<Vec<String>> =
-        optima.iter().enumerate().map(|(i, of)| line((i + 1).to_string(), of)).collect();
-    lines.extend(present.map(|of| line("present".to_owned(), of)));
-    let headings: Vec<(&str, bool)> = headings
-        .iter()
-        .enumerate()
-        .map(|(i, name)| (name.as_str(), i > 0 && i <= numbers))
-        .collect();
-    table::print(&headings, &lines, None);
+    table
+        .right("d mm", |(_, of)| short(1e3 * of.motion.metrics.d_m))
+        .right("v mm/s", |(_, of)| short(1e3 * of.motion.metrics.v_m_s))
+        .right("work J/m", |(_, of)| short(of.motion.work_j / of.motion.metrics.d_m))
+        .right("power W", |(_, of)| short(of.power_w()))
+        .right("starts", |(_, of)| of.starts.to_string())
+        .left("remark", |(_, of)| remark(setup, of))
+        .print();
     if let (Some(best), Some(present)) = (optima.first().filter(|of| of.counts()), present) {
         let percent = 100.0 * (best.value / present.value - 1.0);
         say!("the best is {percent:+.1} % of the present gait at its best frequency");
@@ -416,6 +369,10 @@ fn parse_objective(text: &str) -> Result<Objective, String> {
     of_names(text, |of| !of.is_minimised())
 }
 
+fn parse_minimised(text: &str) -> Result<Objective, String> {
+    of_names(text, Objective::is_minimised)
+}
+
 fn parse_any(text: &str) -> Result<Objective, String> {
     of_names(text, |_| true)
 }
@@ -424,15 +381,9 @@ fn parse_any(text: &str) -> Result<Objective, String> {
 fn parse_least(text: &str) -> Result<(Objective, f64), String> {
     let needed = || format!("found `{text}`, needed WHAT=VALUE, such as v=0.05");
     let (what, value) = text.split_once('=').ok_or_else(needed)?;
-    let value: f64 = value.trim().parse().map_err(|_| needed())?;
-    match value > 0.0 && value.is_finite() {
-        true => Ok((parse_any(what.trim())?, value)),
-        false => Err(needed() + ", above 0"),
-    }
-}
-
-fn parse_minimised(text: &str) -> Result<Objective, String> {
-    of_names(text, Objective::is_minimised)
+    value.trim().parse::<f64>().map_err(|_| needed())?;
+    let value = positive(value).ok_or_else(|| needed() + ", above 0")?;
+    Ok((parse_any(what.trim())?, value))
 }
 
 /// The objective with a name, of those for which `is_one` holds.
@@ -449,11 +400,10 @@ fn of_names(text: &str, is_one: impl Fn(Objective) -> bool) -> Result<Objective,
 /// `LOW..HIGH`, or one number as both.
 fn parse_range(text: &str) -> Result<[f64; 2], String> {
     let needed = || format!("found `{text}`, needed LOW..HIGH or a number");
-    let one = || text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-    let range = low_high(text).or_else(|| one().map(|value| [value; 2])).ok_or_else(needed)?;
-    let is_range = text.contains("..");
-    match !is_range || range[0] < range[1] {
-        true => Ok(range),
-        false => Err(needed() + ", the lower number first"),
+    let range = low_high(text).or_else(|| finite(text).map(|value| [value; 2]));
+    let range = range.ok_or_else(needed)?;
+    match text.contains("..") && range[0] >= range[1] {
+        true => Err(needed() + ", the lower number first"),
+        false => Ok(range),
     }
 }

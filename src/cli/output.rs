@@ -1,38 +1,14 @@
 //! Lines on standard output and standard error. The reader may have closed the pipe
 //! (`trilink simulate .. | head`): then the program ends.
 
-use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::io::{ErrorKind, IsTerminal, Write};
 
-/// Text that does nothing to a terminal but to stand there: names may hold control characters and
-/// marks that turn the direction of writing, which are escaped. Lines end and columns stay.
-pub(super) fn harmless(text: &str) -> Cow<'_, str> {
-    escaped(text, |c| matches!(c, '\n' | '\t'))
-}
+use serde::Serialize;
+use trilink_base::text::harmless;
 
-/// Text of one line, whatever names it has.
-fn one_line(text: &str) -> Cow<'_, str> {
-    escaped(text, |_| false)
-}
-
-fn escaped(text: &str, stays: fn(char) -> bool) -> Cow<'_, str> {
-    let is_mark = |c| {
-        matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}')
-            || matches!(c, '\u{2066}'..='\u{2069}')
-    };
-    let acts = |c: char| (c.is_control() || is_mark(c)) && !stays(c);
-    if !text.contains(acts) {
-        return text.into();
-    }
-    let mut escaped = String::new();
-    for c in text.chars() {
-        match acts(c) {
-            true => escaped.extend(c.escape_default()),
-            false => escaped.push(c),
-        }
-    }
-    escaped.into()
-}
+use super::Failure;
+use crate::template::fill;
 
 /// Writes text and the end of its line to standard output, and ends the program quietly if nobody
 /// reads any more.
@@ -57,6 +33,12 @@ pub(super) fn write_data(text: &str) {
     }
 }
 
+/// Prints a value as JSON.
+pub(super) fn write_json(value: &impl Serialize) -> Result<(), Failure> {
+    write_data(&serde_json::to_string_pretty(value)?);
+    Ok(())
+}
+
 /// Writes a line beside the results, on standard error. That nobody reads it ends nothing.
 pub(super) fn write_note(text: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{}", harmless(text));
@@ -65,7 +47,7 @@ pub(super) fn write_note(text: &str) {
 /// A line of results, on standard output.
 macro_rules! say {
     ($($part:tt)*) => {
-        $crate::cli::output::write_line(&$crate::cli::output::harmless(&format!($($part)*)))
+        $crate::cli::output::write_line(&trilink_base::text::harmless(&format!($($part)*)))
     };
 }
 
@@ -78,6 +60,21 @@ macro_rules! note {
 
 pub(super) use {note, say};
 
+/// Prints a value as JSON, or else as a template of text shows it, in which it is `of`.
+pub(super) fn write(value: &impl Serialize, as_json: bool, template: &str) -> Result<(), Failure> {
+    match as_json {
+        true => write_json(value)?,
+        false => write_text(template, &BTreeMap::from([("of", value)]))?,
+    }
+    Ok(())
+}
+
+/// Prints a template of text with these values.
+pub(super) fn write_text(template: &str, values: &impl Serialize) -> Result<(), Failure> {
+    say!("{}", fill(template, values)?.trim_end());
+    Ok(())
+}
+
 /// A log's lines: a name cannot begin another one.
 pub(super) struct Lines<W>(pub W);
 
@@ -85,7 +82,9 @@ impl<W: Write> Write for Lines<W> {
     /// Each event comes whole.
     fn write(&mut self, event: &[u8]) -> std::io::Result<usize> {
         let text = String::from_utf8_lossy(event);
-        writeln!(self.0, "{}", one_line(text.trim_end_matches('\n')))?;
+        let one_line =
+            harmless(text.trim_end_matches('\n')).replace('\n', "\\n").replace('\t', "\\t");
+        writeln!(self.0, "{one_line}")?;
         Ok(event.len())
     }
 

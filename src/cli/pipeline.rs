@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
+use trilink_fit::Fitted;
 use trilink_ingest::Ingested;
-use trilink_report::shared_fit_sentence;
+use trilink_report::{Reported, shared_fit_sentence};
 use trilink_robot::decay::DecayLaw;
 use trilink_robot::{Parameter, Quantity};
 use trilink_statistics::Estimate;
@@ -11,8 +12,7 @@ use trilink_synth::{Recipe, planted_models};
 use trilink_tables::config::Campaign;
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE};
 use trilink_tables::{
-    ComparisonRow, FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus,
-    is_there,
+    FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus, is_there,
 };
 
 use super::output::{note, say};
@@ -31,13 +31,17 @@ const DEMO_SEED: u64 = 1;
 /// flags no more than half of a campaign's trials.
 const DEMO_NOISE_SEED: u64 = 3;
 
+/// Make the demo's trials if they are not there, then run them.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/demo.txt").trim_end())]
 pub(super) struct Demo {
     #[command(flatten)]
     update: Update,
 }
 
+/// Ingest, fit and report trial folders.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/run.txt").trim_end())]
 pub(super) struct Run {
     #[command(flatten)]
     folders: Folders,
@@ -80,7 +84,7 @@ impl Demo {
                 say!("everything: {} is not there", list.display());
                 return Ok(Outcome::Well);
             }
-            context.progress.say(&format!("the demo's trials, synthetic, in {}", raw.display()));
+            context.say(&format!("the demo's trials, synthetic, in {}", raw.display()));
             let recipe = Recipe::demo(&context.config, DEMO_SEED);
             let recipe = Recipe { noise_seed: Some(DEMO_NOISE_SEED), ..recipe };
             write_trials(&context, raw, &recipe)?;
@@ -117,27 +121,17 @@ impl Update {
         let watch = context.progress.watch(self.explain);
         let finished = run(&context.config, options, self.exclusive.wait, &watch)?;
         drop(watch);
-        let Finished { ingested, fitted, reported, .. } = &finished;
-        print_fits(&fitted.fits);
-        print_comparison(&fitted.comparison);
-        print_shared(&fitted.shared);
+        let Finished { ingested, fitted, reported, history_problem, .. } = &finished;
+        print_fitted(fitted);
         print_parameters(&ingested.parameters);
-        let trials = count(&ingested.trials);
-        say!("{}", in_words(&trials));
+        say!("{}", in_words(&ingested.trials));
         say!("page: {}", reported.page.display());
         note_together(ingested);
-        say_attention(context, &ingested.trials, finished.history_problem.as_deref());
-        if finished.was_up_to_date {
-            context.progress.say("everything was up to date");
-        } else {
-            say_missing(context, &reported.missing);
-        }
-        reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
+        say_attention(context, &ingested.trials, history_problem.as_deref());
+        say_missing(context, reported, finished.was_up_to_date);
         // A failed trial needs a person. A model that has no motion is a result, not a failure.
-        match (ingested.needs_a_person(), &finished.history_problem) {
-            (false, None) if reported.damaged.is_empty() => Ok(Outcome::Well),
-            _ => Ok(Outcome::NeedsAttention),
-        }
+        let is_whole = history_problem.is_none() && reported.damaged.is_empty();
+        Ok(Outcome::well_if(is_whole && !ingested.needs_a_person()))
     }
 
     /// What a run would do, a line each.
@@ -170,8 +164,8 @@ pub(super) fn note_together(ingested: &Ingested) {
 }
 
 /// How many trials ended how.
-pub(super) fn in_words(count: &TrialCounts) -> String {
-    let TrialCounts { total, ok, flagged, failed } = count;
+pub(super) fn in_words(trials: &[TrialRow]) -> String {
+    let TrialCounts { total, ok, flagged, failed } = count(trials);
     format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed")
 }
 
@@ -190,12 +184,18 @@ pub(super) fn say_attention(context: &Context, trials: &[TrialRow], other: Optio
     let failed = of(TrialStatus::Failed).map(line).chain(other.map(str::to_owned)).collect();
     block("needs a person", failed).iter().for_each(|block| note!("{block}"));
     let flagged = block("used, but look at", of(TrialStatus::Flagged).map(line).collect());
-    flagged.iter().for_each(|block| context.progress.say(block));
+    flagged.iter().for_each(|block| context.say(block));
 }
 
-/// Figures that could not be drawn, and why.
-pub(super) fn say_missing(context: &Context, missing: &[String]) {
-    missing.iter().for_each(|missing| context.progress.say(&format!("not drawn: {missing}")));
+/// Figures that could not be drawn and tables that could not be read, and why.
+pub(super) fn say_missing(context: &Context, reported: &Reported, was_up_to_date: bool) {
+    match was_up_to_date {
+        true => context.say("everything was up to date"),
+        false => {
+            reported.missing.iter().for_each(|figure| context.say(&format!("not drawn: {figure}")));
+        }
+    }
+    reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
 }
 
 /// Robot parameters measured by releases and coast-downs, beside the configured ones; nothing if
@@ -221,8 +221,27 @@ pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
     }
 }
 
+/// The fitted parameters, what the measurements say of each campaign's models, and whether one set of coefficients
+/// describes all campaigns of each robot.
+pub(super) fn print_fitted(Fitted { fits, comparison, shared, .. }: &Fitted) {
+    print_fits(fits);
+    for models in comparison.chunk_by(|a, b| a.campaign == b.campaign) {
+        say!("{}: {}", models[0].campaign, models[0].sentence);
+    }
+    for row in shared {
+        let SharedFitRow { robot, fit, .. } = row;
+        let values = fit.free.iter().map(|of| format!(" {} {}", of.name(), cell(fit, *of)));
+        say!(
+            "{robot} {}: {}{}",
+            fit.model,
+            shared_fit_sentence(row),
+            values.collect::<Vec<_>>().join(",")
+        );
+    }
+}
+
 /// A short table of the fitted parameters.
-pub(super) fn print_fits(fits: &[FitRow]) {
+fn print_fits(fits: &[FitRow]) {
     let [c_s0, c_s1, c_s2] = ["c_S0", "c_S1", "c_S2"].map(|name| format!("{name:>10}"));
     let marks = "c_S in kg/s; ~ not identifiable, | at its bound, ? of a model that does not fit";
     let head = format!("{:<24} {:<17} {:>9} {:>14}", "campaign", "model", "J", "over noise's");
@@ -251,27 +270,6 @@ pub(super) fn print_fits(fits: &[FitRow]) {
     let notes = fits.iter().map(|fit| (&fit.campaign, &fit.notes));
     let notes: BTreeSet<_> = notes.filter(|(_, note)| !note.is_empty()).collect();
     notes.iter().for_each(|(campaign, note)| note!("{campaign}: {note}"));
-}
-
-/// What the measurements say of each campaign's models.
-pub(super) fn print_comparison(rows: &[ComparisonRow]) {
-    for models in rows.chunk_by(|a, b| a.campaign == b.campaign) {
-        say!("{}: {}", models[0].campaign, models[0].sentence);
-    }
-}
-
-/// Whether one set of coefficients describes all campaigns of each robot.
-pub(super) fn print_shared(rows: &[SharedFitRow]) {
-    for row in rows {
-        let SharedFitRow { robot, fit, .. } = row;
-        let values = fit.free.iter().map(|of| format!(" {} {}", of.name(), cell(fit, *of)));
-        say!(
-            "{robot} {}: {}{}",
-            fit.model,
-            shared_fit_sentence(row),
-            values.collect::<Vec<_>>().join(",")
-        );
-    }
 }
 
 fn cell(fit: &FitRow, parameter: Parameter) -> String {

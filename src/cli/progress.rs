@@ -8,81 +8,84 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use trilink_base::cancel::{CancelToken, Cancelled};
 
-use super::output::{harmless, note, write_note};
+use trilink_base::text::harmless;
+
+use super::Interrupted;
+use super::output::{note, write_note};
 use crate::build::{Kind, PlannedTarget, StagePlan, Watch};
-use crate::cli::Interrupted;
 use crate::interrupt;
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Progress {
-    Quiet,
+enum Shown {
+    Nothing,
     Lines,
     Bars,
+}
+
+/// Shows progress and messages.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Progress {
+    shown: Shown,
+    /// Takes a line.
+    line: fn(&str),
 }
 
 impl Progress {
     /// There are no bars where lines of the log (`logged`) come between.
     pub(super) fn new(quiet: bool, logged: bool) -> Self {
-        match (quiet, std::io::stderr().is_terminal() && !logged) {
-            (true, _) => Self::Quiet,
-            (false, true) => Self::Bars,
-            (false, false) => Self::Lines,
-        }
+        let shown = match (quiet, std::io::stderr().is_terminal() && !logged) {
+            (true, _) => Shown::Nothing,
+            (false, true) => Shown::Bars,
+            (false, false) => Shown::Lines,
+        };
+        Self { shown, line: write_note }
     }
 
     /// A message beside the results.
     pub(super) fn say(self, message: &str) {
-        if self != Self::Quiet {
-            note!("{message}");
+        if self.shown != Shown::Nothing {
+            (self.line)(message);
         }
     }
 
     /// A stage of `total` steps.
     pub(super) fn stage(self, name: &'static str, total: usize) -> Stage {
-        let bar = match self {
-            Self::Bars => ProgressBar::new(total as u64),
-            Self::Quiet | Self::Lines => ProgressBar::hidden(),
+        let bar = match self.shown {
+            Shown::Bars => ProgressBar::new(total as u64),
+            Shown::Nothing | Shown::Lines => ProgressBar::hidden(),
         };
         let style =
             ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta:>4} left {msg}");
         bar.set_style(style.expect("the template is well-formed"));
         bar.set_prefix(name);
         let (begin, done) = (Instant::now(), AtomicUsize::new(0));
-        Stage { shown: self, line: write_note, name, total, begin, done, bar }
+        Stage { progress: self, name, total, begin, done, bar }
     }
 
     /// Shows the stages of a run, one after the other, and the reasons if it is to `explain`.
     pub(super) fn watch(self, explain: bool) -> Watcher {
         let cancel = interrupt::token().clone();
-        Watcher { progress: self, line: write_note, explain, cancel, stage: Mutex::new(None) }
+        Watcher { progress: self, explain, cancel, stage: Mutex::new(None) }
     }
 }
 
 /// Shows a run as `trilink run` does: with `bars` on standard error, which must be a terminal then, else by
 /// lines that are given to `line`; `cancel` cancels the run.
 pub fn watch(bars: bool, line: fn(&str), cancel: CancelToken) -> impl Watch {
-    let progress = if bars { Progress::Bars } else { Progress::Lines };
-    Watcher { line, cancel, ..progress.watch(false) }
+    let shown = if bars { Shown::Bars } else { Shown::Lines };
+    Watcher { progress: Progress { shown, line }, explain: false, cancel, stage: Mutex::new(None) }
 }
 
 /// Shows a whole run, one stage after the other.
 pub(super) struct Watcher {
     progress: Progress,
-    /// Takes a line.
-    line: fn(&str),
     explain: bool,
     cancel: CancelToken,
     stage: Mutex<Option<Stage>>,
 }
 
 impl Watcher {
-    fn say(&self, message: &str) {
-        if self.progress != Progress::Quiet {
-            (self.line)(message);
-        }
-    }
-
     fn with_stage(&self, show: impl Fn(&Stage)) {
         if let Ok(stage) = self.stage.lock() {
             stage.iter().for_each(show);
@@ -103,7 +106,7 @@ impl Watch for Watcher {
         let trials: Vec<String> = trials.map(|target| target.name.clone()).collect();
         if !trials.is_empty() {
             let trials = trials.join(", ");
-            self.say(&format!("not in the list of trials any more, removed: {trials}"));
+            self.note(&format!("not in the list of trials any more, removed: {trials}"));
         }
     }
 
@@ -112,16 +115,14 @@ impl Watch for Watcher {
     }
 
     fn note(&self, message: &str) {
-        self.say(message);
+        self.progress.say(message);
     }
 
     fn begin(&self, stage: &'static str, total: usize) {
         if let Ok(mut current) = self.stage.lock() {
             // The old bar goes before the new one comes.
             *current = None;
-            let mut next = self.progress.stage(stage, total);
-            next.line = self.line;
-            *current = Some(next);
+            *current = Some(self.progress.stage(stage, total));
         }
     }
 
@@ -139,8 +140,7 @@ const SHORT: Duration = Duration::from_secs(5);
 
 /// Progress of one stage; its steps may end on any thread.
 pub(super) struct Stage {
-    shown: Progress,
-    line: fn(&str),
+    progress: Progress,
     name: &'static str,
     total: usize,
     begin: Instant,
@@ -152,17 +152,12 @@ impl Stage {
     /// One more step is done.
     pub(super) fn step(&self, message: &str) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        match self.shown {
-            Progress::Quiet => {}
-            Progress::Lines => {
-                let left = self.time_left(done);
-                (self.line)(&format!("{} {done}/{} {message}{left}", self.name, self.total));
-            }
-            Progress::Bars => {
-                self.bar.set_message(harmless(message).into_owned());
-                self.bar.inc(1);
-            }
+        if self.progress.shown == Shown::Lines {
+            let left = self.time_left(done);
+            self.progress.say(&format!("{} {done}/{} {message}{left}", self.name, self.total));
         }
+        self.bar.set_message(harmless(message).into_owned());
+        self.bar.inc(1);
     }
 
     /// How long the rest will take if it goes on like this.
@@ -181,9 +176,7 @@ impl Stage {
 
     /// Shows on a bar the progress within a step.
     pub(super) fn part(&self, what: &str, done: usize, total: usize) {
-        if self.shown == Progress::Bars {
-            self.bar.set_message(harmless(&format!("{what} {done}/{total}")).into_owned());
-        }
+        self.bar.set_message(harmless(&format!("{what} {done}/{total}")).into_owned());
     }
 
     /// One more step is done that is too small for a line of its own.

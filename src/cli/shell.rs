@@ -11,13 +11,17 @@ use trilink_tables::write_bytes;
 use super::output::write_data;
 use super::{Arguments, Failure, Outcome};
 
+/// Print what makes a shell complete commands and options.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/completions.txt").trim_end())]
 pub(super) struct Completions {
     /// Whose.
     shell: Shell,
 }
 
+/// Print the manual's page.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/man.txt").trim_end())]
 pub(super) struct Man {
     /// Write a page for every command into this folder instead.
     #[arg(long, value_name = "FOLDER")]
@@ -25,7 +29,7 @@ pub(super) struct Man {
 }
 
 impl Completions {
-    pub(super) fn run(self) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, (): ()) -> Result<Outcome, Failure> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut Arguments::command(), "trilink", &mut script);
         write_data(String::from_utf8(script)?.trim_end());
@@ -34,7 +38,7 @@ impl Completions {
 }
 
 impl Man {
-    pub(super) fn run(self) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, (): ()) -> Result<Outcome, Failure> {
         let mut command = Arguments::command().disable_help_subcommand(true);
         command.build();
         let Some(folder) = self.folder else {

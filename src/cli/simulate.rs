@@ -8,18 +8,20 @@ mod trajectory;
 use std::path::PathBuf;
 
 use rayon::prelude::*;
-use trilink_fit::simulate::{Answer, KnownFits, Setup, SimulationRow};
+use trilink_fit::simulate::{Answer, Setup, SimulationRow};
 use trilink_robot::Model;
 use trilink_tables::config::Config;
 
-use super::fitted::{note_caution, note_extrapolation, note_starting_values};
-use super::omegas::{Omegas, parse_omegas};
-use super::output::write_data;
-use super::rows_file::print_rows;
+use super::output::write_json;
+use super::parse::{Omegas, parse_omegas};
+use super::results::{Format, check_ending};
+use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
 use super::{Context, Failure, Interrupted, Outcome};
-use sensitivities::{Asked, Sensitivities};
+use sensitivities::Sensitivities;
 
+/// Solve for a model's steady motion.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/simulate.txt").trim_end())]
 pub(super) struct Simulate {
     /// Name of a `[campaign.*]`.
     campaign: String,
@@ -30,15 +32,8 @@ pub(super) struct Simulate {
     /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. May be given again.
     #[arg(long, required = true, allow_hyphen_values = true, value_parser = parse_omegas)]
     omega: Vec<Omegas>,
-    /// Numbers of the robot, one or several: `skid_kg_s=104,34,45`, or of one wheel or link, as `--sensitivities` names them,
-    /// `skid_dry0_n=1.8`, `mass0_kg=1.05`; and of the gait, of a commanded joint: `offset1_deg=10`, `amplitude2_deg=25`,
-    /// `phase2_deg=-80`.
-    #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration; the gait is
-    /// the commanded one.
-    #[arg(long)]
-    fitted: bool,
+    #[command(flatten)]
+    numbers: Numbers,
     /// Add the 95 % intervals of the metrics by what the fitted coefficients may be off by.
     #[arg(long, requires = "fitted")]
     bands: bool,
@@ -56,54 +51,38 @@ pub(super) struct Simulate {
     page: Option<PathBuf>,
     #[command(flatten)]
     sensitivities: Sensitivities,
-    /// Print CSV with every digit.
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    format: Format,
 }
 
 impl Simulate {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let models = models(&self.model, &context.config);
+        let (campaign, config) = (&self.campaign, &context.config);
+        let models = models(&self.model, config);
         let with_bands = self.bands || self.sensitivities.sensitivities;
-        let fits = self.fitted.then(|| KnownFits::read(&context.config, with_bands)).transpose()?;
+        let fits = self.numbers.fits(config, with_bands)?;
         let setup = |model: &String| {
-            let (config, campaign) = (context.config.clone(), &self.campaign);
-            match &fits {
-                Some(fits) => Setup::fitted(config, campaign, model, &self.set, fits),
-                None => Setup::new(config, campaign, model, &self.set),
-            }
+            self.numbers.setup(config.clone(), campaign, Some(model), fits.as_ref())
         };
         let setups: Vec<Setup> = models.iter().map(setup).collect::<Result<_, _>>()?;
         let omegas: Vec<f64> = self.omega.concat();
         if self.page.is_some() {
             page::check(models.len(), omegas.len())?;
         }
-        let trajectory = self.trajectory.as_deref().map(trajectory::File::new).transpose()?;
+        if let Some(path) = &self.trajectory {
+            check_ending(path, "--trajectory")?;
+        }
         let solved: Vec<(&Setup, f64)> = setups
             .iter()
             .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
             .collect();
         for setup in &setups {
-            note_caution(&self.campaign, setup);
-            note_extrapolation(&self.campaign, setup, omegas.iter().map(|of| setup.problem(*of)));
+            note_caution(campaign, setup);
+            note_extrapolation(campaign, setup, omegas.iter().map(|of| setup.problem(*of)));
         }
-        if fits.is_none() {
-            note_starting_values(&context.config, &self.campaign, &setups);
-        }
+        note_starting_values(config, campaign, &setups);
         if self.sensitivities.sensitivities {
-            let asked = Asked {
-                campaign: &self.campaign,
-                setups: &setups,
-                omegas_rad_s: &omegas,
-                from_rest: self.from_rest,
-                fits: fits.as_ref(),
-                csv: self.csv,
-                json: self.json,
-            };
-            return self.sensitivities.run(&context, &asked);
+            return self.print_sensitivities(&context, &setups, &omegas, fits.as_ref());
         }
         let stage = context.progress.stage("simulate", solved.len());
         let mut solved: Vec<(&Setup, Answer)> = solved
@@ -125,24 +104,20 @@ impl Simulate {
                 setup.add_bands(&mut answers, self.from_rest, fits);
             }
         }
-        if let Some(file) = trajectory {
-            let message = file.write(&solved, self.from_rest, self.samples as usize)?;
-            context.progress.say(&message);
+        if let Some(path) = &self.trajectory {
+            context.say(&trajectory::write(path, &solved, self.from_rest, self.samples as usize)?);
         }
         if let (Some(path), [(setup, answer)]) = (&self.page, &solved[..]) {
-            context.progress.say(&page::write(path, &self.campaign, setup, answer)?);
+            context.say(&page::write(path, campaign, setup, answer)?);
         }
         let answers: Vec<&Answer> = solved.iter().map(|(_, answer)| answer).collect();
-        match (self.csv, self.json) {
-            (true, _) => {
-                let rows: Vec<SimulationRow> = answers.iter().map(|of| of.row()).collect();
-                print_rows(&rows, true, false);
-            }
-            (_, true) => write_data(&serde_json::to_string_pretty(&answers)?),
-            _ => table::print(&answers),
+        let rows: Vec<SimulationRow> = answers.iter().map(|of| of.row()).collect();
+        if self.format.json {
+            write_json(&answers)?;
+        } else if !self.format.rows(&rows) {
+            table::print(&answers);
         }
-        let all_exist = answers.iter().all(|answer| answer.metrics.d_m.is_finite());
-        Ok(if all_exist { Outcome::Well } else { Outcome::NeedsAttention })
+        Ok(Outcome::well_if(answers.iter().all(|answer| answer.metrics.d_m.is_finite())))
     }
 }
 

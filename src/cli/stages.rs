@@ -10,7 +10,9 @@ use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, pipeline};
 use crate::build::{self, Part};
 
+/// Marker files to tables of poses, wheel velocities, cycles and trials.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/ingest.txt").trim_end())]
 pub(super) struct Ingest {
     #[command(flatten)]
     folders: Folders,
@@ -34,39 +36,43 @@ pub(super) struct Ingest {
 
 impl Ingest {
     pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
-        let only = self.folders.only;
+        let (only, wait) = (self.folders.only, self.exclusive.wait);
         self.folders.configure(&mut context.config.paths);
         context.check_assumed(build::check_unconfigured)?;
         if let Some(trial) = self.calibrate {
             return calibrate::run(&context, &trial);
         }
-        let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
         if let Some((part, shards)) = self.shard.zip(self.into) {
-            let (ingested, home) =
-                build::ingest_shard(&context.config, part, &shards, wait, &watch)?;
-            drop(watch);
-            let counts = build::count(&ingested.trials);
-            say!("{}; {part} in {}", pipeline::in_words(&counts), home.display());
+            let (ingested, home) = context.watched(|watch| {
+                build::ingest_shard(&context.config, part, &shards, wait, watch)
+            })?;
+            say!("{}; {part} in {}", pipeline::in_words(&ingested.trials), home.display());
             return Ok(judge(&context, &ingested));
         }
-        let ingested = build::ingest(&context.config, only, wait, &watch)?;
-        drop(watch);
+        let ingested =
+            context.watched(|watch| build::ingest(&context.config, only, wait, watch))?;
         pipeline::print_parameters(&ingested.parameters);
-        let counts = build::count(&ingested.trials);
-        let derived = context.config.paths.derived.display();
-        say!("{}; tables in {derived}", pipeline::in_words(&counts));
-        Ok(judge(&context, &ingested))
+        Ok(say_ingested(&context, &ingested))
     }
+}
+
+/// Says what was ingested.
+pub(super) fn say_ingested(context: &Context, ingested: &Ingested) -> Outcome {
+    let derived = context.config.paths.derived.display();
+    say!("{}; tables in {derived}", pipeline::in_words(&ingested.trials));
+    judge(context, ingested)
 }
 
 /// Says which trials need a person, and whether any does.
 pub(super) fn judge(context: &Context, ingested: &Ingested) -> Outcome {
     pipeline::note_together(ingested);
     pipeline::say_attention(context, &ingested.trials, None);
-    if ingested.needs_a_person() { Outcome::NeedsAttention } else { Outcome::Well }
+    Outcome::well_if(!ingested.needs_a_person())
 }
 
+/// Fit every model of every campaign to the trials.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/fit.txt").trim_end())]
 pub(super) struct Fit {
     #[command(flatten)]
     exclusive: Exclusive,
@@ -86,49 +92,47 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    pub(super) fn run(self, context: &Context) -> Result<Outcome, Failure> {
-        let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
+        let wait = self.exclusive.wait;
         if let Some((table, home)) = self.trials.zip(self.into.as_ref()) {
-            let (_, fitted) = build::fit_own_table(&context.config, &table, home, wait, &watch)?;
-            drop(watch);
+            let (_, fitted) = context.watched(|watch| {
+                build::fit_own_table(&context.config, &table, home, wait, watch)
+            })?;
             return Ok(say_fitted_own(&fitted, home));
         }
         context.check_assumed(build::check_unconfigured_tables)?;
         if let Some((part, shards)) = self.replicates.zip(self.into) {
-            let (count, home) = build::fit_shard(&context.config, part, &shards, wait, &watch)?;
+            let (count, home) = context
+                .watched(|watch| build::fit_shard(&context.config, part, &shards, wait, watch))?;
             say!("{count} replicates of all models; {part} in {}", home.display());
             return Ok(Outcome::Well);
         }
-        let fitted = build::fit(&context.config, wait, &watch)?;
-        drop(watch);
-        say_fitted(context, &fitted)
+        let fitted = context.watched(|watch| build::fit(&context.config, wait, watch))?;
+        say_fitted(&context, &fitted)
     }
 }
 
 /// Says what was fitted to a table that was made elsewhere, and where there are no intervals.
 fn say_fitted_own(fitted: &Fitted, home: &Path) -> Outcome {
-    pipeline::print_fits(&fitted.fits);
-    pipeline::print_comparison(&fitted.comparison);
-    pipeline::print_shared(&fitted.shared);
+    pipeline::print_fitted(fitted);
     let without = fitted.fits.iter().filter(|fit| !fit.no_interval.is_empty());
     for FitRow { campaign, model, no_interval, .. } in without {
         note!("{campaign} {model}: no confidence limits, because {no_interval}");
     }
     say!("tables in {}", home.display());
-    let all_ok = fitted.fits.iter().all(|fit| fit.status.is_ok());
-    if all_ok { Outcome::Well } else { Outcome::NeedsAttention }
+    Outcome::well_if(fitted.fits.iter().all(|fit| fit.status.is_ok()))
 }
 
 /// Says what was fitted.
 pub(super) fn say_fitted(context: &Context, fitted: &Fitted) -> Result<Outcome, Failure> {
     let ingested = build::ingested(&context.config)?;
-    pipeline::print_fits(&fitted.fits);
-    pipeline::print_comparison(&fitted.comparison);
-    pipeline::print_shared(&fitted.shared);
+    pipeline::print_fitted(fitted);
     Ok(judge(context, &ingested))
 }
 
+/// Draw the figures and write the page.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/report.txt").trim_end())]
 pub(super) struct Report {
     #[arg(
         long,
@@ -143,15 +147,13 @@ pub(super) struct Report {
 }
 
 impl Report {
-    pub(super) fn run(self, context: &Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         context.check_assumed(build::check_unconfigured_tables)?;
-        let (wait, watch) = (self.exclusive.wait, context.progress.watch(false));
-        let reported = build::report(&context.config, &self.trial, wait, &watch)?;
-        drop(watch);
-        pipeline::say_missing(context, &reported.missing);
-        reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
+        let wait = self.exclusive.wait;
+        let reported =
+            context.watched(|watch| build::report(&context.config, &self.trial, wait, watch))?;
+        pipeline::say_missing(&context, &reported, false);
         say!("page: {}", reported.page.display());
-        let is_whole = reported.damaged.is_empty();
-        Ok(if is_whole { Outcome::Well } else { Outcome::NeedsAttention })
+        Ok(Outcome::well_if(reported.damaged.is_empty()))
     }
 }

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use trilink_robot::Model;
 use trilink_synth::{Format, OMEGAS_RAD_S, Recipe, Servo, SynthError, synthesise};
 
-use super::omegas::{Omegas, parse_omegas};
 use super::output::say;
+use super::parse::{Omegas, parse_omegas, positive, within};
 use super::{Context, Failure, Outcome};
 use crate::interrupt;
 
@@ -20,7 +20,9 @@ enum FileFormat {
     C3d,
 }
 
+/// Write trials with a known truth, as the camera system would.
 #[derive(clap::Args)]
+#[command(after_help = include_str!("examples/synth.txt").trim_end())]
 pub(super) struct Synth {
     /// Trial folder to write.
     folder: PathBuf,
@@ -54,20 +56,20 @@ pub(super) struct Synth {
     days: u8,
     /// Time constant of the servos, which lag behind their commands in the first order, s; 0.02 is
     /// that of a hobby servo.
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_lag)]
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = within(0.0, 1.0, " s"))]
     servo_lag: f64,
     /// By how much the servos give way to the joints' torque, rad/(N m), such as 0.05.
-    #[arg(long, value_name = "RAD_PER_NM", default_value_t = 0.0, value_parser = parse_compliance)]
+    #[arg(long, value_name = "RAD_PER_NM", default_value_t = 0.0, value_parser = within(0.0, 1.0, " rad/(N m)"))]
     servo_compliance: f64,
     /// Relative standard deviation of all friction from cycle to cycle, 0 to 1.
-    #[arg(long, value_name = "PART", default_value_t = 0.0, value_parser = parse_part)]
+    #[arg(long, value_name = "PART", default_value_t = 0.0, value_parser = within(0.0, 1.0, ""))]
     friction_variation: f64,
     /// How the marker files are written.
     #[arg(long, value_enum, default_value_t = FileFormat::Csv)]
     format: FileFormat,
     /// Part of the frames in which one marker is swapped with another of its link or jumps by
     /// 20 mm, 0 to 1, for practice; `truth.json` lists them.
-    #[arg(long, value_name = "PART", default_value_t = 0.0, value_parser = parse_part)]
+    #[arg(long, value_name = "PART", default_value_t = 0.0, value_parser = within(0.0, 1.0, ""))]
     misplaced: f64,
 }
 
@@ -124,25 +126,6 @@ pub(super) fn write_trials(
 
 fn parse_factors(text: &str) -> Result<[f64; 3], String> {
     let needed = || format!("found `{text}`, needed three numbers above 0, such as 1,1.05,1");
-    let factors = text.split(',').map(|factor| factor.trim().parse::<f64>().ok());
-    let factors: Option<Vec<f64>> =
-        factors.map(|factor| factor.filter(|factor| *factor > 0.0 && factor.is_finite())).collect();
+    let factors: Option<Vec<f64>> = text.split(',').map(positive).collect();
     factors.and_then(|factors| factors.try_into().ok()).ok_or_else(needed)
-}
-
-fn parse_part(text: &str) -> Result<f64, String> {
-    parse_up_to(text, 1.0, "")
-}
-
-fn parse_lag(text: &str) -> Result<f64, String> {
-    parse_up_to(text, 1.0, " s")
-}
-
-fn parse_compliance(text: &str) -> Result<f64, String> {
-    parse_up_to(text, 1.0, " rad/(N m)")
-}
-
-fn parse_up_to(text: &str, most: f64, unit: &str) -> Result<f64, String> {
-    let needed = || format!("found `{text}`, needed a number from 0 to {most}{unit}");
-    text.parse().ok().filter(|part| (0.0..=most).contains(part)).ok_or_else(needed)
 }

@@ -6,36 +6,67 @@ use super::output::say;
 
 const GAP: &str = "  ";
 
-/// Prints a table and gives the number of columns at its end that do not fit into `width`. A
-/// heading is a column's name, and whether its cells end at its right.
-pub(super) fn print(
-    headings: &[(&str, bool)],
-    rows: &[Vec<String>],
-    width: Option<usize>,
-) -> usize {
-    let mut widths: Vec<usize> =
-        headings.iter().map(|(name, _)| measure_text_width(name)).collect();
-    for row in rows {
-        for (width, cell) in widths.iter_mut().zip(row) {
-            *width = measure_text_width(cell).max(*width);
-        }
+/// A table of some rows, a column after the other.
+pub(super) struct Table<'r, R> {
+    rows: &'r [R],
+    columns: Vec<Column>,
+}
+
+/// A column's heading and cells, and whether these end at its right.
+struct Column {
+    cells: Vec<String>,
+    width: usize,
+    is_right: bool,
+}
+
+impl<'r, R> Table<'r, R> {
+    pub(super) fn of(rows: &'r [R]) -> Self {
+        Self { rows, columns: Vec::new() }
     }
-    let fitting = fitting(&widths, width);
-    let line = |cells: &mut dyn Iterator<Item = &str>| {
-        let mut line = String::new();
-        for ((cell, (_, right)), width) in cells.zip(headings).zip(&widths).take(fitting) {
-            let space = " ".repeat(width - measure_text_width(cell));
-            let (before, after) = if *right { (&*space, "") } else { ("", &*space) };
-            line.push_str(if line.is_empty() { "" } else { GAP });
-            line.extend([before, cell, after]);
-        }
-        say!("{}", line.trim_end());
-    };
-    line(&mut headings.iter().map(|(name, _)| *name));
-    for row in rows {
-        line(&mut row.iter().map(String::as_str));
+
+    /// Adds a column of text.
+    pub(super) fn left(self, name: &str, cell: impl Fn(&R) -> String) -> Self {
+        self.column(name, false, cell)
     }
-    headings.len() - fitting
+
+    /// Adds a column of numbers.
+    pub(super) fn right(self, name: &str, cell: impl Fn(&R) -> String) -> Self {
+        self.column(name, true, cell)
+    }
+
+    /// Adds a column whose cells end at its right or not.
+    pub(super) fn column(
+        mut self,
+        name: &str,
+        is_right: bool,
+        cell: impl Fn(&R) -> String,
+    ) -> Self {
+        let cells = std::iter::once(name.to_owned()).chain(self.rows.iter().map(cell));
+        let cells: Vec<String> = cells.collect();
+        let width = cells.iter().map(|cell| measure_text_width(cell)).max().unwrap_or(0);
+        self.columns.push(Column { cells, width, is_right });
+        self
+    }
+
+    /// Prints it.
+    pub(super) fn print(&self) {
+        self.print_fitting(None);
+    }
+
+    /// Prints it, and gives the number of columns at its end that do not fit into `width`.
+    pub(super) fn print_fitting(&self, width: Option<usize>) -> usize {
+        let widths: Vec<usize> = self.columns.iter().map(|column| column.width).collect();
+        let fitting = fitting(&widths, width);
+        for line in 0..=self.rows.len() {
+            let cells = self.columns.iter().take(fitting).map(|column| {
+                let cell = &column.cells[line];
+                let space = " ".repeat(column.width - measure_text_width(cell));
+                if column.is_right { space + cell } else { cell.clone() + &space }
+            });
+            say!("{}", cells.collect::<Vec<_>>().join(GAP).trim_end());
+        }
+        self.columns.len() - fitting
+    }
 }
 
 /// How many columns fit, one at least.

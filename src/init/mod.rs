@@ -14,11 +14,14 @@ mod motion;
 mod survey;
 mod write;
 
+use std::convert::Infallible;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use serde::Serialize;
 
 pub use campaigns::JointSwing;
+use trilink_base::Named as _;
 use trilink_base::cancel::Cancelled;
 use trilink_mocap::LengthUnit;
 use trilink_tables::StoreError;
@@ -32,20 +35,46 @@ use layout::{Candidate, Layout};
 use motion::Motion;
 use survey::Survey;
 
+/// Lengths that may be a robot's, m.
+const LENGTHS_M: RangeInclusive<f64> = 1e-3..=100.0;
+
 /// What to look at, and where to write.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct Request {
+    /// Folders of marker files.
+    #[arg(value_name = "FOLDER", required = true)]
     pub folders: Vec<PathBuf>,
-    /// Folder of `pipeline.toml`.
+    /// Folder of pipeline.toml; lists of trials are beside their files.
+    #[arg(long, value_name = "DIR", default_value = ".", value_parser = parse_folder)]
     pub out: PathBuf,
-    /// From joint to wheel of a side link, m.
+    /// Length from joint to wheel of the side links, m, by which their markers are placed [default: as
+    /// far as the wheels show it].
+    #[arg(long, value_name = "M", value_parser = parse_length)]
     pub l_m: Option<f64>,
-    /// A marker of the front link.
+    /// A marker of the front link [default: by their names, or where the robot moves].
+    #[arg(long, value_name = "LABEL")]
     pub front: Option<String>,
-    /// Of files that do not say theirs.
+    /// Unit of files that do not say theirs: mm, cm, m or in.
+    #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = parse_unit)]
     pub unit: LengthUnit,
     /// Replace files that are there.
+    #[arg(long)]
     pub force: bool,
+}
+
+/// A folder; the one where the command is given has no name.
+fn parse_folder(text: &str) -> Result<PathBuf, Infallible> {
+    Ok(if text == "." { PathBuf::new() } else { text.into() })
+}
+
+fn parse_length(text: &str) -> Result<f64, String> {
+    let needed = || format!("found `{text}`, needed a number from 0.001 to 100 m");
+    text.parse().ok().filter(|length| LENGTHS_M.contains(length)).ok_or_else(needed)
+}
+
+fn parse_unit(text: &str) -> Result<LengthUnit, String> {
+    let needed = || format!("found `{text}`, needed mm, cm, m or in");
+    LengthUnit::of_name(text).ok_or_else(needed)
 }
 
 /// Why nothing is written.

@@ -3,12 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use serde_json::{Value, json};
+use serde_json::json;
 use trilink_base::files::name_in;
 use trilink_ingest::MarkerPosition;
 use trilink_mocap::LengthUnit;
 use trilink_tables::PendingFile;
-use trilink_tables::config::toml_key;
 use trilink_tables::trial::{TrialKind, is_valid_id};
 
 use super::campaigns::{Group, Performed, named_omega, words};
@@ -23,20 +22,6 @@ use crate::template::fill;
 const MARK: &str = "# CHECK: ";
 /// Directions of side links that are known less well are marked, degrees.
 const WELL_DEG: f64 = 0.5;
-/// Models that compete in a campaign, by whether a joint is passive, with what they leave free where no
-/// trial says the wheels' rolling resistance.
-const MODELS: [&[&str]; 2] = [
-    &["no-skid", "no-skid-measured", "skid", "skid-roll", "coulomb"],
-    &["no-skid", "no-skid-damped", "no-skid-roll", "skid-roll", "coulomb"],
-];
-const FREE: [&[(&str, &str)]; 2] = [
-    &[("skid-roll", r#"["skid", "roll"]"#), ("coulomb", r#"["skid_dry", "roll"]"#)],
-    &[
-        ("no-skid-roll", r#"["roll"]"#),
-        ("skid-roll", r#"["skid", "roll"]"#),
-        ("coulomb", r#"["skid_dry", "roll"]"#),
-    ],
-];
 /// Longest name of a robot that a subject gives it.
 const ROBOT: &str = "robot";
 
@@ -114,23 +99,6 @@ fn remark(text: &str) -> String {
     text.replace(['\n', '\r'], " ").trim_start_matches([':', ',', ' ']).to_owned()
 }
 
-fn text(text: &str) -> String {
-    toml::Value::String(text.to_owned()).to_string()
-}
-
-fn list<'t>(texts: impl Iterator<Item = &'t str>) -> String {
-    format!("[{}]", texts.map(text).collect::<Vec<_>>().join(", "))
-}
-
-/// A number without a minus sign before zero.
-fn fixed(number: f64, digits: usize) -> String {
-    let text = format!("{number:.digits$}");
-    match text.strip_prefix('-') {
-        Some(rest) if !rest.contains(|c: char| ('1'..='9').contains(&c)) => rest.to_owned(),
-        _ => text,
-    }
-}
-
 impl Written<'_> {
     /// Trials of a folder: what each is, by the index of its file.
     fn trials(&self, folder: usize) -> impl Iterator<Item = (usize, &Described)> {
@@ -195,128 +163,73 @@ impl Written<'_> {
     fn pipeline(&self, robot: &str, elsewhere: &[String]) -> Result<String, InitError> {
         let Self { request, layout, .. } = self;
         let with_trials = |i: &usize| self.trials(*i).next().is_some();
-        let raw: Vec<String> = (0..self.folders.len())
-            .filter(with_trials)
-            .map(|i| match name_in(&request.out, &self.folders[i].path) {
-                name if name.is_empty() => ".".to_owned(),
-                name => name,
-            })
-            .collect();
-        let measured: Vec<&str> = [TrialKind::CoastDown, TrialKind::JointRelease]
-            .into_iter()
-            .filter(|kind| self.has(*kind))
-            .map(|kind| kind.name())
-            .collect();
+        let folders = (0..self.folders.len()).filter(with_trials);
+        let raw = folders.map(|i| match name_in(&request.out, &self.folders[i].path) {
+            name if name.is_empty() => ".".to_owned(),
+            name => name,
+        });
+        let measured = [TrialKind::CoastDown, TrialKind::JointRelease];
+        let measured = measured.into_iter().filter(|kind| self.has(*kind)).map(TrialKind::name);
         let calibration = &layout.calibration;
-        let line = |marker: &MarkerPosition| {
-            let all = |of: [f64; 3]| of.map(|x| fixed(x, 2)).join(", ");
-            let position = all(marker.position_mm.map(|of| of.value));
-            format!("{} = [{position}]", toml_key(&marker.label))
-        };
-        let [front, rear] = calibration.l_mm;
-        let has_coast = self.has(TrialKind::CoastDown);
-        let free = |passive: usize| {
-            let line = |(model, free): &(&str, &str)| format!("{model} = {free}");
-            if has_coast { Vec::new() } else { FREE[passive].iter().map(line).collect() }
-        };
-        let campaigns = self.groups.iter().map(|group| {
-            let is_passive = usize::from(group.passive.is_some());
-            json!({
-                "key": toml_key(&group.name),
-                "name": text(&group.name),
-                "files": group.files.len(),
-                "joints": joints(group),
-                "passive": group.passive.map(|joint| joint + 1),
-                "doubt": group.doubt,
-                "models": list(MODELS[is_passive].iter().copied()),
-                // Table III's.
-                "alpha": (["0.0", "50.0"][is_passive]),
-                "free": free(is_passive),
-            })
-        });
+        let place =
+            |marker: &MarkerPosition| (marker.label.clone(), marker.position_mm.map(|of| of.value));
+        let places = |markers: &Vec<MarkerPosition>| markers.iter().map(place).collect::<Vec<_>>();
+        let campaign = |group: &Group| json!({ "of": found_campaign(group), "doubt": group.doubt });
         let passive = self.groups.iter().find_map(|group| Some(group.joints[group.passive?]));
-        let values = json!({
-            "files": self.surveys.len(),
-            "raw": if let [one] = &raw[..] { text(one) } else { list(raw.iter().map(String::as_str)) },
-            "rate": self.rate(),
-            "unit": (request.unit != LengthUnit::Mm).then(|| text(request.unit.name())),
-            "elsewhere": (!elsewhere.is_empty()).then(|| list(elsewhere.iter().map(String::as_str))),
-            "measured": measured,
-            "has_coast": has_coast,
-            "has_release": self.has(TrialKind::JointRelease),
-            "robot": toml_key(robot),
-            "robot_name": text(robot),
-            "h_m": fixed(calibration.h_mm.value / 1e3, 5),
-            "h_se_mm": fixed(calibration.h_mm.se, 2),
-            "layout_file": remark(&layout.path.display().to_string()),
-            "l_m": fixed(layout.l_m, 5),
-            "l_is_given": request.l_m.is_some(),
-            "wheels_mm": [fixed(front.value, 1), fixed(rear.value, 1)],
-            "rest_deg": passive.map(|joint| fixed(joint.offset_deg, 1)),
-            "direction": match layout.direction_se_deg {
-                se if se.is_nan() => "of the coast-down that is nearest to straight".to_owned(),
-                se => format!("in which their wheels roll, +- {} degrees", fixed(se, 2)),
-            },
-            "is_direction_doubtful": layout.direction_se_deg > WELL_DEG,
-            "front_doubt": self.front_doubt,
-            "campaigns": campaigns.collect::<Vec<Value>>(),
-            "links": calibration.links.each_ref().map(|markers| markers.iter().map(line).collect::<Vec<_>>()),
-        });
-        Ok(fill(include_str!("pipeline.txt"), &values)?)
-    }
-
-    /// The line of `[vicon]` on the frame rate.
-    fn rate(&self) -> String {
         let usable = || self.surveys.iter().zip(&self.described).filter(|(_, found)| found.is_ok());
         let said: BTreeSet<u64> =
             usable().filter_map(|(of, _)| Some(of.rate_hz?.to_bits())).collect();
-        let silent = usable().filter(|(of, _)| of.rate_hz.is_none()).count();
-        let rate_hz = format!("rate_hz = {:?}", self.rate_hz);
-        match (said.len(), silent) {
-            (0, _) => format!(
-                "{rate_hz}  {MARK}no file says its rate, Hz; every frequency was measured with this one"
-            ),
-            (1, 0) => format!("{rate_hz}  # as all files say"),
-            (1, silent) => format!(
-                "{rate_hz}  {MARK}{silent} files do not say their rate; this is that of the others"
-            ),
-            (_, 0) => "rate_from_file = true  # the files have several".to_owned(),
-            (_, silent) => format!(
-                "rate_from_file = true  {MARK}the files have several rates, and {silent} do not say \
-                 theirs and will fail"
-            ),
-        }
+        let values = json!({
+            "files": self.surveys.len(),
+            "raw": raw.collect::<Vec<_>>(),
+            "rate_hz": format!("{:?}", self.rate_hz),
+            "rates": said.len(),
+            "silent": usable().filter(|(of, _)| of.rate_hz.is_none()).count(),
+            "unit": (request.unit != LengthUnit::Mm).then(|| request.unit.name()),
+            "elsewhere": elsewhere,
+            "measured": measured.collect::<Vec<_>>(),
+            "has_coast": self.has(TrialKind::CoastDown),
+            "has_release": self.has(TrialKind::JointRelease),
+            "robot": robot,
+            "h_mm": [calibration.h_mm.value, calibration.h_mm.se],
+            "layout_file": remark(&layout.path.display().to_string()),
+            "l_m": layout.l_m,
+            "l_is_given": request.l_m.is_some(),
+            "wheels_mm": calibration.l_mm.each_ref().map(|of| of.value),
+            "rest_deg": passive.map(|joint| joint.offset_deg),
+            "direction_se_deg": layout.direction_se_deg,
+            "is_direction_doubtful": layout.direction_se_deg > WELL_DEG,
+            "front_doubt": self.front_doubt,
+            "campaigns": self.groups.iter().map(campaign).collect::<Vec<_>>(),
+            "links": calibration.links.each_ref().map(places),
+        });
+        Ok(fill(include_str!("pipeline.txt"), &values)?)
     }
 
     /// The list of a folder's trials.
     fn list(&self, folder: usize, robot: &str) -> Result<String, InitError> {
         let left_out = |(i, of): (usize, &Survey)| {
             let reason = self.described[i].as_ref().err().filter(|_| of.folder == folder)?;
-            Some(json!({ "file": text(&of.name), "reason": remark(reason) }))
+            Some((of.name.clone(), remark(reason)))
         };
         let mut ids = BTreeSet::new();
         let trial = |(i, of): (usize, &Described)| {
             let survey = &self.surveys[i];
-            let id = id(survey, &mut ids);
-            let group = self.campaign(i);
-            let gait = self.gaits.iter().find(|(file, _)| *file == i).map(|(_, gait)| gait);
+            let campaign = self.campaign(i).map(|group| &group.name);
+            let gait = self.gaits.iter().find(|(file, _)| *file == i);
+            let omega_rad_s = gait.map(|(_, gait)| gait.omega_rad_s);
             let listed = survey.listed.as_ref().and_then(|trial| trial.omega_rad_s);
-            let omega = gait.map(|gait| {
-                let named = listed.or_else(|| named_omega(&survey.stem(), gait.omega_rad_s));
-                let measured = fixed(gait.omega_rad_s, 4);
-                match named {
-                    Some(named) => (format!("{named:?}"), format!("{measured} measured")),
-                    None => (measured, "as measured".to_owned()),
-                }
-            });
+            let named = omega_rad_s
+                .and_then(|measured| listed.or_else(|| named_omega(&survey.stem(), measured)));
             json!({
-                "id": text(&id),
-                "file": text(&survey.name),
-                "doubt": (!survey.doubts.is_empty()).then(|| remark(&survey.doubts.join("; "))),
+                "id": id(survey, &mut ids),
+                "file": survey.name,
+                "doubt": remark(&survey.doubts.join("; ")),
                 "kind": of.recorded.kind().name(),
-                "campaign": group.map(|group| text(&group.name)),
-                "robot": group.is_none().then(|| text(robot)),
-                "omega": omega,
+                "campaign": campaign,
+                "robot": campaign.is_none().then_some(robot),
+                "named": named.map(|omega| format!("{omega:?}")),
+                "measured": omega_rad_s,
             })
         };
         let values = json!({
@@ -325,20 +238,6 @@ impl Written<'_> {
         });
         Ok(fill(include_str!("trials.txt"), &values)?)
     }
-}
-
-/// The lines of a gait's joints.
-fn joints(group: &Group) -> Vec<String> {
-    let line = |i: usize| {
-        let joint = group.joints[i];
-        let [offset, amplitude, phase] =
-            [joint.offset_deg, joint.amplitude_deg.max(0.1), joint.phase_deg].map(|x| fixed(x, 1));
-        format!(
-            "joint{} = {{ offset_deg = {offset}, amplitude_deg = {amplitude}, phase_deg = {phase} }}",
-            i + 1
-        )
-    };
-    (0..2).filter(|i| group.passive != Some(*i)).map(line).collect()
 }
 
 /// The id of a trial: its file's name as far as an id may have it, and another one than before.

@@ -8,6 +8,7 @@ mod meaning;
 #[cfg(test)]
 mod tests;
 
+use std::convert::Infallible;
 use std::path::Path;
 
 pub use cells::{csv, float, json, text};
@@ -33,18 +34,28 @@ pub enum InspectError {
     Query(String),
 }
 
-/// What to show of a table.
-#[derive(Debug, Clone, Default)]
+/// What to show of a table: all columns that can be shown if none are named.
+#[derive(Debug, Clone, Default, clap::Args)]
 pub struct Query {
-    /// All that can be shown if empty.
+    /// Columns to show, in this order; * is any characters, ? is one.
+    #[arg(long, value_delimiter = ',', value_parser = trimmed, value_name = "COLUMN,..")]
     pub columns: Vec<String>,
+    /// Rows to show, by a condition as SQL has it: "campaign = 'x' and omega_rad_s > 3".
+    #[arg(long = "where", value_name = "CONDITION")]
     pub condition: Option<String>,
     /// Columns to sort by, and whether downwards.
+    #[arg(skip)]
     pub sort: Vec<(String, bool)>,
-    /// Rows at most, after all else: the first ones.
+    /// Rows at most, the first ones.
+    #[arg(long, value_name = "N", conflicts_with = "tail")]
     pub head: Option<usize>,
-    /// The last ones.
+    /// Rows at most, the last ones.
+    #[arg(long, value_name = "N")]
     pub tail: Option<usize>,
+}
+
+fn trimmed(text: &str) -> Result<String, Infallible> {
+    Ok(text.trim().to_owned())
 }
 
 /// What a query gives.

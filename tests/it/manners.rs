@@ -7,28 +7,17 @@ use std::process::{Command, Stdio};
 use crate::common::{Small, files, small_settings, succeed, text, trilink};
 use tempfile::TempDir;
 
-const COMMANDS: [&str; 20] = [
-    "demo",
-    "run",
-    "ingest",
-    "merge",
-    "fit",
-    "report",
-    "check",
-    "config",
-    "explain",
-    "init",
-    "compare",
-    "inspect",
-    "simulate",
-    "branches",
-    "optimise",
-    "design",
-    "export",
-    "synth",
-    "completions",
-    "man",
-];
+/// Every command, as the help lists them.
+fn commands() -> Vec<String> {
+    let help = succeed(here(), &["--help"]);
+    let (_, list) = help.split_once("\nCommands:\n").unwrap();
+    let (list, _) = list.split_once("\n\n").unwrap();
+    let names = list.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let names = names.filter_map(|line| line.split_whitespace().next()).map(str::to_owned);
+    let commands: Vec<String> = names.filter(|name| name != "help").collect();
+    assert!(commands.len() >= 20 && commands.iter().any(|name| name == "demo"), "{commands:?}");
+    commands
+}
 
 /// A folder with synthetic trials and nothing made of them.
 fn folder() -> TempDir {
@@ -46,9 +35,10 @@ fn here() -> &'static Path {
 
 #[test]
 fn shells_complete_every_command() {
+    let commands = commands();
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let script = succeed(here(), &["completions", shell]);
-        for command in COMMANDS {
+        for command in &commands {
             assert!(script.contains(command), "{shell} {command}");
         }
     }
@@ -66,11 +56,12 @@ fn the_manual_has_a_page_for_every_command_with_examples() {
     let folder = tempfile::tempdir().unwrap();
     succeed(here(), &["man", "--folder", folder.path().to_str().unwrap()]);
     let pages = files(folder.path());
-    assert_eq!(pages.len(), COMMANDS.len() + 1);
-    for command in COMMANDS {
+    let commands = commands();
+    assert_eq!(pages.len(), commands.len() + 1);
+    for command in &commands {
         let page = text(&pages[Path::new(&format!("trilink-{command}.1"))]);
         assert!(page.contains(".SH EXAMPLES\n.nf\n\\&  trilink "), "{page}");
-        assert!(succeed(here(), &[command, "--help"]).contains("Examples:\n  trilink "));
+        assert!(succeed(here(), &[command.as_str(), "--help"]).contains("Examples:\n  trilink "));
     }
 }
 

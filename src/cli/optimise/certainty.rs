@@ -1,11 +1,13 @@
 //! How sure the optima of a fitted model are.
 
+use serde_json::json;
 use trilink_base::cancel::Cancelled;
 use trilink_fit::optimise::{Certainty, Command, Found, Search};
 use trilink_fit::simulate::{KnownFits, Setup};
 use trilink_tables::{Objective, OptimumRow};
 
-use crate::cli::output::say;
+use crate::cli::Failure;
+use crate::cli::output::write_text;
 use crate::cli::table::short;
 use crate::interrupt;
 
@@ -38,7 +40,7 @@ pub(super) fn of(
 }
 
 /// Fills in what the rows say of it.
-pub(super) fn fill(rows: &mut [OptimumRow], certainty: &Result<Certainty, String>) {
+pub(super) fn fill_in(rows: &mut [OptimumRow], certainty: &Result<Certainty, String>) {
     match certainty {
         Ok(certainty) => certainty.fill(rows),
         Err(why) => rows.iter_mut().for_each(|row| row.no_interval.clone_from(why)),
@@ -46,7 +48,7 @@ pub(super) fn fill(rows: &mut [OptimumRow], certainty: &Result<Certainty, String
 }
 
 /// Says it in lines.
-pub(super) fn print(objective: Objective, certainty: &Certainty) {
+pub(super) fn print(objective: Objective, certainty: &Certainty) -> Result<(), Failure> {
     let Certainty { replicates, without, value, commands, best_in, another, .. } = certainty;
     let limits = |name: &str, [low, high]: [f64; 2], unit: &str| {
         format!("{name} {} to {} {unit}", short(low), short(high))
@@ -59,7 +61,6 @@ pub(super) fn print(objective: Objective, certainty: &Certainty) {
     };
     let mut parts = vec![limits(objective.name(), *value, objective.unit())];
     parts.extend(commands.iter().map(of_command));
-    say!("95 % by {replicates} replicates of the fit: {}", parts.join(", "));
     let counted = best_in.iter().enumerate().filter(|(_, count)| **count > 0);
     let mut best: Vec<String> =
         counted.map(|(nth, count)| format!("{} in {count}", nth + 1)).collect();
@@ -68,14 +69,13 @@ pub(super) fn print(objective: Objective, certainty: &Certainty) {
             best.push(format!("{name} in {count}"));
         }
     }
-    say!("the best is {}", best.join(", "));
-    let [median, most] = certainty.regret.map(|part| short(100.0 * part));
-    say!("gait 1 where a replicate is true: {median} % short of the best, {most} % in 95 of 100");
-    let Certainty { not_reached, over_limit, .. } = certainty;
-    if *not_reached > 0 {
-        say!("in {not_reached} it has no stable motion that is reached from rest");
-    }
-    if *over_limit > 0 {
-        say!("in {over_limit} it exceeds a limit");
-    }
+    let text = json!({
+        "replicates": replicates,
+        "limits": parts,
+        "best": best,
+        "regret": certainty.regret.map(|part| short(100.0 * part)),
+        "not_reached": certainty.not_reached,
+        "over_limit": certainty.over_limit,
+    });
+    write_text(include_str!("../text/certainty.txt"), &text)
 }

@@ -6,8 +6,8 @@ use trilink_report::{FigureFile, front_drawing, with_unit};
 use trilink_tables::{Objective, OptimumRow};
 
 use super::{Optimise, print_table};
-use crate::cli::fitted::note_extrapolation;
-use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
+use crate::cli::results::write_rows;
+use crate::cli::setup::note_extrapolation;
 use crate::cli::{Context, Failure, Outcome};
 use crate::interrupt;
 
@@ -55,24 +55,20 @@ impl Optimise {
         let rows: Vec<OptimumRow> = front.iter().enumerate().map(row).collect();
         let problems = front.iter().map(|of| of.problem.clone());
         note_extrapolation(&self.campaign, setup, problems);
-        if let Some(path) = &self.table {
-            let input = blake3::hash(format!("{search:?} {other:?}").as_bytes());
-            RowsFile::new(path, "--table")?.write(&rows, &input)?;
+        if let Some(path) = &self.files.table {
+            write_rows(path, &rows, &format!("{search:?} {other:?}"))?;
         }
-        if let Some(path) = &self.figure {
-            let names = [&*self.campaign, setup.model.name()];
-            let point = |row: &OptimumRow| {
-                let is_extrapolated = row.extrapolation.extrapolated == Some(true);
-                (row.other_value, row.value, is_extrapolated)
-            };
-            let points: Vec<(f64, f64, bool)> = rows.iter().map(point).collect();
-            let labels = [other, objective].map(with_unit);
-            let labels = labels.each_ref().map(String::as_str);
-            let fitted_to = self.fitted.then_some(&context.config.paths);
-            let drawn = |file: FigureFile| front_drawing(names, labels, &points, file);
-            write_figure(path, &context.progress, fitted_to, drawn)?;
-        }
-        if !print_rows(&rows, self.csv, self.json) {
+        let names = [&*self.campaign, setup.model.name()];
+        let point = |row: &OptimumRow| {
+            let is_extrapolated = row.extrapolation.extrapolated == Some(true);
+            (row.other_value, row.value, is_extrapolated)
+        };
+        let points: Vec<(f64, f64, bool)> = rows.iter().map(point).collect();
+        let labels = [other, objective].map(with_unit);
+        let labels = labels.each_ref().map(String::as_str);
+        let drawn = |file: FigureFile| front_drawing(names, labels, &points, file);
+        self.files.draw(context, self.numbers.fitted, drawn)?;
+        if !self.format.rows(&rows) {
             print_table(setup, objective, &front, None);
         }
         Ok(Outcome::Well)

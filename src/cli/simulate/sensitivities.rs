@@ -1,86 +1,69 @@
 //! What `simulate --sensitivities` prints and writes.
 
-use std::path::PathBuf;
-
 use trilink_fit::simulate::{KnownFits, Setup};
 use trilink_report::{FigureFile, sensitivities_drawing};
 use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
 
-use super::table::fixed;
+use super::Simulate;
 use crate::cli::output::{note, say};
-use crate::cli::rows_file::{RowsFile, print_rows, write_figure};
-use crate::cli::table::{self, short};
+use crate::cli::results::Files;
+use crate::cli::table::{Table, short};
 use crate::cli::{Context, Failure, Outcome};
 use crate::interrupt;
+use crate::template::fixed;
 
 #[derive(clap::Args)]
+#[command(mut_arg("table", |of| of.requires("sensitivities").help("Write the sensitivities: Parquet, CSV or JSON, by the file's ending")))]
+#[command(mut_arg("figure", |of| of.requires("sensitivities").help("Draw the elasticities of one motion: SVG, PNG or PDF, by the file's ending")))]
 pub(super) struct Sensitivities {
     /// Answer with how d, v, sigma, alpha1 and the work answer to every number of the robot, the gait and the frequency, and with
     /// what the uncertainty of each contributes.
     #[arg(long, conflicts_with_all = ["trajectory", "page", "bands"])]
     pub sensitivities: bool,
-    /// Write the sensitivities: Parquet, CSV or JSON, by the file's ending.
-    #[arg(long, value_name = "FILE", requires = "sensitivities")]
-    table: Option<PathBuf>,
-    /// Draw the elasticities of one motion: SVG, PNG or PDF, by the file's ending.
-    #[arg(long, value_name = "FILE", requires = "sensitivities")]
-    figure: Option<PathBuf>,
+    #[command(flatten)]
+    files: Files,
 }
 
-/// The motions that are asked for, and how they are shown.
-pub(super) struct Asked<'a> {
-    pub campaign: &'a str,
-    pub setups: &'a [Setup],
-    pub omegas_rad_s: &'a [f64],
-    pub from_rest: bool,
-    pub fits: Option<&'a KnownFits>,
-    pub csv: bool,
-    pub json: bool,
-}
-
-impl Sensitivities {
-    pub(super) fn run(&self, context: &Context, asked: &Asked) -> Result<Outcome, Failure> {
-        let Asked { campaign, setups, omegas_rad_s, .. } = asked;
+impl Simulate {
+    pub(super) fn print_sensitivities(
+        &self,
+        context: &Context,
+        setups: &[Setup],
+        omegas_rad_s: &[f64],
+        fits: Option<&KnownFits>,
+    ) -> Result<Outcome, Failure> {
+        let (campaign, files) = (&self.campaign, &self.sensitivities.files);
         let motions = setups.len() * omegas_rad_s.len();
-        if self.figure.is_some() && motions != 1 {
+        if files.figure.is_some() && motions != 1 {
             return Err(format!("--figure: found {motions} motions, needed one").into());
         }
-        let file = self.table.as_deref().map(|path| RowsFile::new(path, "--table")).transpose()?;
-        let (mut all, mut outcome) = (Vec::new(), Outcome::Well);
-        let mut input = blake3::Hasher::new();
-        for setup in *setups {
-            let found = setup.sensitivities(
-                omegas_rad_s,
-                asked.from_rest,
-                asked.fits,
-                interrupt::token(),
-            )?;
+        files.check()?;
+        let (mut all, mut outcome, mut input) = (Vec::new(), Outcome::Well, String::new());
+        for setup in setups {
+            let model = setup.model;
+            let found =
+                setup.sensitivities(omegas_rad_s, self.from_rest, fits, interrupt::token())?;
             if let Some(why) = found.unknown {
-                let model = setup.model;
                 note!("{campaign} {model}: the fitted coefficients are taken as exact: {why}");
             }
             for (omega_rad_s, rows) in found.motions {
-                input.update(format!("{:?}", setup.problem(omega_rad_s)).as_bytes());
+                input += &format!("{:?}", setup.problem(omega_rad_s));
                 match rows {
                     Ok(rows) => all.push(rows),
                     Err(error) => {
-                        note!("{campaign} {} at {omega_rad_s} rad/s: {error}", setup.model);
+                        note!("{campaign} {model} at {omega_rad_s} rad/s: {error}");
                         outcome = Outcome::NeedsAttention;
                     }
                 }
             }
         }
         let rows = all.concat();
-        if let Some(file) = file {
-            file.write(&rows, &input.finalize())?;
-            context.progress.say(&format!("{}: {} rows", file.path.display(), rows.len()));
-        }
-        if let Some(path) = self.figure.as_deref().filter(|_| !rows.is_empty()) {
-            let fitted_to = asked.fits.map(|_| &context.config.paths);
+        files.write(context, &rows, &input, "rows")?;
+        if !rows.is_empty() {
             let drawn = |file: FigureFile| sensitivities_drawing(campaign, &rows, file);
-            write_figure(path, &context.progress, fitted_to, drawn)?;
+            files.draw(context, self.numbers.fitted, drawn)?;
         }
-        if !print_rows(&rows, asked.csv, asked.json) {
+        if !self.format.rows(&rows) {
             all.iter().for_each(|rows| print(rows));
         }
         Ok(outcome)
@@ -117,16 +100,14 @@ fn print(rows: &[SensitivityRow]) {
     if first.extrapolation.extrapolated == Some(true) {
         say!("extrapolated: {}", first.extrapolation.beyond_trials);
     }
-    let headings = ["parameter", "value"].into_iter().chain(SENSITIVE_METRICS);
-    let headings: Vec<(&str, bool)> =
-        headings.enumerate().map(|(nth, name)| (name, nth > 0)).collect();
     let number = |value: f64| if value.is_nan() { "-".to_owned() } else { fixed(value, 4) };
-    let line = |of: &Vec<&SensitivityRow>| {
-        let begin = [of[0].parameter.clone(), short(of[0].parameter_value)];
-        begin.into_iter().chain(of.iter().map(|row| number(row.elasticity))).collect()
-    };
-    let lines: Vec<Vec<String>> = parameters.iter().map(line).collect();
-    table::print(&headings, &lines, None);
+    let mut table = Table::of(&parameters)
+        .left("parameter", |of| of[0].parameter.clone())
+        .right("value", |of| short(of[0].parameter_value));
+    for (i, name) in SENSITIVE_METRICS.into_iter().enumerate() {
+        table = table.right(name, |of| number(of[i].elasticity));
+    }
+    table.print();
 
     let (mut known, exact): (Vec<_>, Vec<_>) =
         parameters.into_iter().partition(|of| of[0].known_from.is_some());
@@ -136,9 +117,6 @@ fn print(rows: &[SensitivityRow]) {
     }
     known.sort_by(by_size(|row| row.variance_part));
     say!("\nstandard deviations, and what part of each metric's variance they make:");
-    let headings = ["parameter", "deviation", "from"].into_iter().chain(SENSITIVE_METRICS);
-    let headings: Vec<(&str, bool)> =
-        headings.enumerate().map(|(nth, name)| (name, nth != 0 && nth != 2)).collect();
     let part = |row: &&SensitivityRow| match row.variance_part.is_nan() {
         true => "-".to_owned(),
         false => format!("{:.1} %", 100.0 * row.variance_part),
@@ -155,7 +133,12 @@ fn print(rows: &[SensitivityRow]) {
     };
     lines.push(whole("standard deviation", |row| row.metric_deviation));
     lines.push(whole("of", |row| row.metric_value));
-    table::print(&headings, &lines, None);
+    let headings = ["parameter", "deviation", "from"].into_iter().chain(SENSITIVE_METRICS);
+    let mut table = Table::of(&lines);
+    for (i, name) in headings.enumerate() {
+        table = table.column(name, i != 0 && i != 2, |line| line[i].clone());
+    }
+    table.print();
     let exact: Vec<&str> = exact.iter().map(|of| of[0].parameter.as_str()).collect();
     say!("taken as exact: {}\n", exact.join(", "));
 }

@@ -5,6 +5,7 @@ use trilink_mechanics::{FromRest, MotionStatus, SharpLimit};
 use trilink_robot::metrics::GaitMetrics;
 
 use crate::cli::output::say;
+use crate::template::fixed;
 
 pub(super) fn print(answers: &[&Answer]) {
     let names = answers.iter().map(|answer| answer.model.name().chars().count());
@@ -26,19 +27,14 @@ pub(super) fn print(answers: &[&Answer]) {
             say!("{model:<width$} {:>11} {}: {reason}", answer.omega_rad_s, answer.status);
             continue;
         }
-        let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = answer.metrics;
-        let sigma = sigma.map(|sigma| format!("{sigma:>12.9}")).join(" ");
         let work = match answer.work_j_m.is_nan() {
             true => String::new(),
             false => fixed(answer.work_j_m, 6),
         };
         say!(
-            "{model:<width$} {:>11} {:>13.7} {:>13.7} {sigma} {:>12.8} {:>13} {work:>10}  {}{}{}",
+            "{model:<width$} {:>11} {} {work:>10}  {}{}{}",
             answer.omega_rad_s,
-            1e3 * d_m,
-            1e3 * v_m_s,
-            alpha1_rad.to_degrees(),
-            fixed(dtheta_rad.to_degrees(), 8),
+            numbers(&answer.metrics, [7, 9, 8]),
             answer.status,
             reach_in_words(answer),
             if answer.is_extrapolated() { ", extrapolated" } else { "" },
@@ -47,6 +43,7 @@ pub(super) fn print(answers: &[&Answer]) {
             print_interval(interval, width);
         }
         if let Some(SharpLimit { metrics, uncertainty }) = &answer.sharp_limit {
+            let d_m = answer.metrics.d_m;
             let percent = |value: f64| 100.0 * value / d_m;
             say!(
                 "{:<width$} {:>11} d is {:+.2} % (\u{b1}{:.2}) where transition_m_s goes to zero",
@@ -66,24 +63,17 @@ fn print_interval(interval: &Interval, width: usize) {
         return;
     }
     for (what, limits) in [("95 % from", interval.lower), ("to", interval.upper)] {
-        let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = limits;
-        let sigma = sigma.map(|sigma| format!("{sigma:>12.6}")).join(" ");
-        say!(
-            "{:<width$} {what:>11} {:>13.4} {:>13.4} {sigma} {:>12.5} {:>13}",
-            "",
-            1e3 * d_m,
-            1e3 * v_m_s,
-            alpha1_rad.to_degrees(),
-            fixed(dtheta_rad.to_degrees(), 5),
-        );
+        say!("{:<width$} {what:>11} {}", "", numbers(&limits, [4, 6, 5]));
     }
 }
 
-/// A number with `digits` after the point, without a minus before nothing.
-pub(super) fn fixed(value: f64, digits: usize) -> String {
-    let text = format!("{value:.digits$}");
-    let is_nothing = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
-    if is_nothing { text.trim_start_matches('-').to_owned() } else { text }
+/// Metrics in columns; `digits` are those of lengths, of skid ratios and of angles.
+fn numbers(metrics: &GaitMetrics, [length, ratio, angle]: [usize; 3]) -> String {
+    let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = metrics;
+    let lengths = [d_m, v_m_s].map(|of| format!("{:>13.length$}", 1e3 * of)).join(" ");
+    let sigma = sigma.map(|sigma| format!("{sigma:>12.ratio$}")).join(" ");
+    let dtheta_deg = fixed(dtheta_rad.to_degrees(), angle);
+    format!("{lengths} {sigma} {:>12.angle$} {dtheta_deg:>13}", alpha1_rad.to_degrees())
 }
 
 /// What is to be known of a motion beside its numbers.

@@ -1,13 +1,34 @@
-//! Frequencies on the command line, and other lists of numbers above zero.
+//! Numbers on the command line.
 
 /// Frequencies of one `--omega`, rad/s.
 pub(super) type Omegas = Vec<f64>;
 
+/// Parses a finite number.
+pub(super) fn finite(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+/// Parses a finite number above 0.
+pub(super) fn positive(text: &str) -> Option<f64> {
+    finite(text).filter(|number| *number > 0.0)
+}
+
 /// Parses `LOW..HIGH`.
 pub(super) fn low_high(text: &str) -> Option<[f64; 2]> {
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
     let (low, high) = text.split_once("..")?;
-    Some([number(low)?, number(high)?])
+    Some([finite(low)?, finite(high)?])
+}
+
+/// Parses a number from `low` to `high`, in this unit.
+pub(super) fn within(
+    low: f64,
+    high: f64,
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let needed = || format!("found `{text}`, needed a number from {low} to {high}{unit}");
+        text.parse().ok().filter(|number| (low..=high).contains(number)).ok_or_else(needed)
+    }
 }
 
 /// Parses `3.9,4` and `0.5..6/12`, twelve from 0.5 to 6.
