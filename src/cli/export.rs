@@ -1,13 +1,13 @@
 //! `trilink export`.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use trilink_tables::write_bytes;
 
 use super::output::{note, say};
 use super::{Context, Failure, Outcome};
-use crate::export::{ExportFormat, Motion, write_petab};
+use crate::export::{ExportFormat, Motion};
 
 /// How a trial is written.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -20,21 +20,15 @@ enum Format {
     Csv,
 }
 
-/// Write a trial's markers and poses for OpenSim, for Foxglove or Rerun, or as a table; or the fits as
-/// PEtab.
+/// Write a trial's markers and poses for OpenSim, for Foxglove or Rerun, or as a table.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/export.txt").trim_end())]
 pub(super) struct Export {
     /// Its name, or `FOLDER/ID`.
-    #[arg(required_unless_present = "petab", requires = "format")]
-    trial: Option<String>,
+    trial: String,
     /// For OpenSim, for Foxglove or Rerun, or a table.
-    #[arg(long, value_enum, requires = "trial")]
-    format: Option<Format>,
-    /// Write the fits instead, as PEtab problems in a new folder: parameters, conditions,
-    /// observables and measurements; the model is in no language that PEtab knows.
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["trial", "format", "output"])]
-    petab: Option<PathBuf>,
+    #[arg(long, value_enum)]
+    format: Format,
     /// File to write, `-` for standard output [default: TRIAL.FORMAT here].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -45,15 +39,9 @@ pub(super) struct Export {
 
 impl Export {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
-        if let Some(folder) = &self.petab {
-            return self.write_petab(&context, folder);
-        }
-        let (Some(trial), Some(format)) = (self.trial, self.format) else {
-            return Err("found no trial and no --format, needed both, or --petab".into());
-        };
-        let motion = Motion::read(&context.config, &trial)?;
+        let motion = Motion::read(&context.config, &self.trial)?;
         let to_stdout = self.output.as_deref().is_some_and(|path| path.as_os_str() == "-");
-        let (extension, format) = match format {
+        let (extension, format) = match self.format {
             Format::Trc => ("trc", ExportFormat::Trc),
             Format::Mcap => ("mcap", ExportFormat::Mcap),
             Format::Csv => ("csv", ExportFormat::Csv),
@@ -85,21 +73,5 @@ impl Export {
                 Outcome::NeedsAttention
             }
         })
-    }
-
-    fn write_petab(&self, context: &Context, folder: &Path) -> Result<Outcome, Failure> {
-        let is_used = std::fs::read_dir(folder).is_ok_and(|mut inside| inside.next().is_some());
-        if is_used && !self.force {
-            let needed = "needed a new folder, or --force to replace files";
-            return Err(format!("{}: found a folder with files, {needed}", folder.display()).into());
-        }
-        let written = write_petab(&context.config, folder)?;
-        if written.is_empty() {
-            let fits = context.config.paths.derived.join("fits.parquet");
-            return Err(format!("{}: found no fit to trials, needed one", fits.display()).into());
-        }
-        written.iter().for_each(|home| say!("{}", home.join("problem.yaml").display()));
-        note!("the problems name no model: theirs is in no language that PEtab knows");
-        Ok(Outcome::Well)
     }
 }

@@ -3,7 +3,6 @@
 
 mod foxglove;
 mod mcap;
-mod petab;
 mod protobuf;
 mod table;
 mod trc;
@@ -17,8 +16,6 @@ use trilink_tables::trial::{ListedTrial, TrialFolders};
 use trilink_tables::{
     Coordinates, Frames as _, Reader, StoreError, TrialRow, TrialStatus, poses_path,
 };
-
-pub use petab::write_petab;
 
 /// How a trial is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

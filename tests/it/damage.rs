@@ -367,7 +367,6 @@ fn a_table_of_which_a_bit_was_changed_is_refused_wherever_it_is_read() {
         ("derived/fits.parquet", "report"),
         ("derived/fits.parquet", simulate),
         ("derived/trials.parquet", "fit"),
-        ("derived/trials.parquet", "export --petab petab"),
     ];
     for (name, command) in cases {
         let whole = folder.read(name);

@@ -58,7 +58,7 @@ const MAKERS: [&str; 4] = [
 /// Tables of which each trial has its own.
 const OF_TRIALS: [&str; 3] = ["poses", "wheels", "cycles"];
 /// Commands, and the tables that they read.
-const READERS: [(&str, &[&str]); 8] = [
+const READERS: [(&str, &[&str]); 7] = [
     (
         "report",
         &[
@@ -94,7 +94,6 @@ const READERS: [(&str, &[&str]); 8] = [
         &["trials", "cycles", "fits", "alternative_fits", "bootstrap", "comparison"],
     ),
     ("export kinematic-skewed-4.00-r1 --format csv --output -", &["trials", "poses"]),
-    ("export --petab {}/petab --force", &["trials", "fits"]),
     ("fit", &["trials", "cycles", "robot_parameters"]),
 ];
 
