@@ -6,61 +6,74 @@ use std::path::{Path, PathBuf};
 use trilink_tables::{
     BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, OptimumMapRow, OptimumRow,
     PredictionRow, ProfileRow, Reader, RobotParameterRow, SharedFitRow, StartRow, StoreError,
-    Table, TrialRow, is_there,
+    Table, TrialRow,
 };
 
 use super::ReportError;
 use super::series::Source;
 use crate::ReportInput;
 
-/// Tables that are read, and what the report lacks without them, empty of what is only there if it was asked for;
-/// it cannot be without the first.
-const TABLES: [(&str, &str); 13] = [
-    ("trials", "no trial is listed"),
-    ("checks", "no check is listed"),
-    ("fits", "no model is fitted"),
-    ("alternative_fits", "what the other gait input gives is not listed"),
-    ("shared_fits", "what campaigns share is not listed"),
-    ("predictions", "no model is drawn"),
-    ("comparison", "no model is compared"),
-    ("starts", "no search is drawn"),
-    ("profiles", "no profile is drawn"),
-    ("bootstrap", "no replicate is drawn"),
-    ("robot_parameters", "no measured parameter of a robot is listed"),
-    ("optima", ""),
-    ("optimum_maps", ""),
-];
+/// Defines the rows of `derived/` by their tables: what the report lacks without each, empty of what is only
+/// there if it was asked for.
+macro_rules! tables {
+    ($($(#[$meta:meta])* $field:ident: $row:ty = $name:literal, $without:literal;)*) => {
+        /// Tables that are read beside the first, which must be there.
+        const TABLES: &[&str] = &[$($name),*];
+
+        /// Rows of `derived/`.
+        #[derive(Debug, Default)]
+        pub(crate) struct Tables {
+            /// Fingerprint of the marker files and of all else that the trials were computed from.
+            pub input: Option<String>,
+            pub trials: Vec<TrialRow>,
+            $($(#[$meta])* pub $field: Vec<$row>,)*
+            /// Sentences on tables that are not there.
+            pub missing: Vec<String>,
+        }
+
+        impl Tables {
+            fn with_trials(
+                trials: &Table,
+                derived: &Path,
+                reader: &Reader,
+            ) -> Result<Self, ReportError> {
+                let mut missing = Vec::new();
+                Ok(Self {
+                    input: trials.input.clone(),
+                    trials: TrialRow::from_table(trials)?,
+                    $($field: rows(derived, reader, ($name, $without), &mut missing)?,)*
+                    missing,
+                })
+            }
+        }
+    };
+}
+
+tables! {
+    checks: CheckRow = "checks", "no check is listed";
+    fits: FitRow = "fits", "no model is fitted";
+    /// Driven by the other gait than the configured one.
+    alternative_fits: FitRow = "alternative_fits", "what the other gait input gives is not listed";
+    /// Of all campaigns of a robot together.
+    shared_fits: SharedFitRow = "shared_fits", "what campaigns share is not listed";
+    predictions: PredictionRow = "predictions", "no model is drawn";
+    comparison: ComparisonRow = "comparison", "no model is compared";
+    starts: StartRow = "starts", "no search is drawn";
+    profiles: ProfileRow = "profiles", "no profile is drawn";
+    bootstrap: BootstrapRow = "bootstrap", "no replicate is drawn";
+    /// Of releases and coast-downs.
+    robots: RobotParameterRow = "robot_parameters", "no measured parameter of a robot is listed";
+    /// What `trilink optimise --keep` left.
+    optima: OptimumRow = "optima", "";
+    optimum_maps: OptimumMapRow = "optimum_maps", "";
+}
 
 /// The tables that are read, where they are there.
 pub(crate) fn table_paths(derived: &Path) -> Vec<PathBuf> {
-    TABLES.map(|(name, _)| table_path(derived, name)).into()
+    [TRIALS].iter().chain(TABLES).map(|name| table_path(derived, name)).collect()
 }
 
-/// Rows of `derived/`.
-#[derive(Debug, Default)]
-pub(crate) struct Tables {
-    /// Fingerprint of the marker files and of all else that the trials were computed from.
-    pub input: Option<String>,
-    pub trials: Vec<TrialRow>,
-    pub checks: Vec<CheckRow>,
-    pub fits: Vec<FitRow>,
-    /// Driven by the other gait than the configured one.
-    pub alternative_fits: Vec<FitRow>,
-    /// Of all campaigns of a robot together.
-    pub shared_fits: Vec<SharedFitRow>,
-    pub predictions: Vec<PredictionRow>,
-    pub comparison: Vec<ComparisonRow>,
-    pub starts: Vec<StartRow>,
-    pub profiles: Vec<ProfileRow>,
-    pub bootstrap: Vec<BootstrapRow>,
-    /// Of releases and coast-downs.
-    pub robots: Vec<RobotParameterRow>,
-    /// What `trilink optimise --keep` left.
-    pub optima: Vec<OptimumRow>,
-    pub optimum_maps: Vec<OptimumMapRow>,
-    /// Sentences on tables that are not there.
-    pub missing: Vec<String>,
-}
+const TRIALS: &str = "trials";
 
 impl Tables {
     /// Reads the tables of a folder. Only `trials.parquet` must be there; rows come in the
@@ -69,35 +82,11 @@ impl Tables {
     /// # Errors
     /// There is no `trials.parquet`, or a table cannot be read, has too many rows or lacks a column.
     pub(crate) fn read(derived: &Path, reader: &Reader) -> Result<Self, ReportError> {
-        let path = table_path(derived, "trials");
-        let Some(trials) = read(derived, reader, "trials")? else {
+        let path = table_path(derived, TRIALS);
+        let Some(trials) = read(derived, reader, TRIALS)? else {
             return Err(StoreError::NotIngested { path }.into());
         };
-        let mut missing = Vec::new();
-        for (name, without) in TABLES.iter().filter(|(_, without)| !without.is_empty()) {
-            if !is_there(&table_path(derived, name))? {
-                missing.push(format!("Table {name}.parquet is not there: {without}."));
-            }
-        }
-        let optima = if_asked(derived, reader, "optima", &mut missing)?;
-        let optimum_maps = if_asked(derived, reader, "optimum_maps", &mut missing)?;
-        let mut tables = Self {
-            input: trials.input.clone(),
-            trials: TrialRow::from_table(&trials)?,
-            checks: optional(derived, reader, "checks")?,
-            fits: optional(derived, reader, "fits")?,
-            alternative_fits: optional(derived, reader, "alternative_fits")?,
-            shared_fits: optional(derived, reader, "shared_fits")?,
-            predictions: optional(derived, reader, "predictions")?,
-            comparison: optional(derived, reader, "comparison")?,
-            starts: optional(derived, reader, "starts")?,
-            profiles: optional(derived, reader, "profiles")?,
-            bootstrap: optional(derived, reader, "bootstrap")?,
-            robots: optional(derived, reader, "robot_parameters")?,
-            optima,
-            optimum_maps,
-            missing,
-        };
+        let mut tables = Self::with_trials(&trials, derived, reader)?;
         tables.trials.sort_by(|a, b| {
             let key =
                 |row: &TrialRow| (row.campaign.is_empty(), row.campaign.clone(), row.kind.name());
@@ -166,27 +155,26 @@ fn read(derived: &Path, reader: &Reader, name: &str) -> Result<Option<Table>, Re
     }
 }
 
-fn optional<R: Columns>(
+/// The rows of a table with what the report lacks `without` it. One that no run makes is left out where it is of
+/// another version.
+fn rows<R: Columns>(
     derived: &Path,
     reader: &Reader,
-    name: &str,
-) -> Result<Vec<R>, ReportError> {
-    let table = read(derived, reader, name)?;
-    Ok(table.map_or(Ok(Vec::new()), |table| R::from_table(&table))?)
-}
-
-/// The rows of a table that no run makes: of another version it is left out.
-fn if_asked<R: Columns>(
-    derived: &Path,
-    reader: &Reader,
-    name: &str,
+    (name, without): (&str, &str),
     missing: &mut Vec<String>,
 ) -> Result<Vec<R>, ReportError> {
-    match optional(derived, reader, name) {
-        Err(ReportError::Store(error)) if error.is_schema_mismatch() => {
+    let is_made_by_a_run = !without.is_empty();
+    let Some(table) = read(derived, reader, name)? else {
+        missing.extend(
+            is_made_by_a_run.then(|| format!("Table {name}.parquet is not there: {without}.")),
+        );
+        return Ok(Vec::new());
+    };
+    match R::from_table(&table) {
+        Err(error) if !is_made_by_a_run && error.is_schema_mismatch() => {
             missing.push(format!("{error}: `trilink optimise --keep` makes it anew."));
             Ok(Vec::new())
         }
-        found => found,
+        rows => Ok(rows?),
     }
 }

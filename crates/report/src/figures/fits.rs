@@ -13,29 +13,34 @@ use crate::parameters::FittedParameter;
 use crate::series::Source;
 use crate::tables::Tables;
 
-/// Ends of the names that the files of the figures can have.
-pub(super) const KINDS: [&str; 3] = ["starts", "profiles", "replicates"];
-
 /// The figures of a campaign's fits.
-pub(super) fn figures(stem: &str, campaign: &str, tables: &Tables, source: Source) -> [Figure; 3] {
-    let fits: Vec<&FitRow> =
-        tables.fits.iter().filter(|fit| fit.campaign == campaign && !fit.free.is_empty()).collect();
-    let figure = |kind: &str, panels: Vec<Panel>| {
-        let (stem, texts) = (format!("{stem}-{kind}"), texts(kind, context! { campaign }));
-        Figure::new(&stem, texts, &[campaign], Layout::Grid, panels)
+pub(super) fn figures(
+    [starts, profiles, replicates]: [String; 3],
+    campaign: &str,
+    tables: &Tables,
+    source: Source,
+) -> [Figure; 3] {
+    let of_campaign = tables.fits.iter().filter(|fit| fit.campaign == campaign);
+    let fits = || of_campaign.clone().filter(|fit| !fit.free.is_empty());
+    let figure = |stem: &str, kind: &str, panels: Vec<Panel>| {
+        Figure::new(stem, texts(kind, context! { campaign }), &[campaign], Layout::Grid, panels)
     };
+    let look = |fit: &FitRow| source.look(fit.model);
     [
         figure(
-            KINDS[0],
-            fits.iter().filter_map(|fit| waterfall(fit, tables, source.look(fit.model))).collect(),
+            &starts,
+            "starts",
+            fits().filter_map(|fit| waterfall(fit, tables, look(fit))).collect(),
         ),
         figure(
-            KINDS[1],
-            fits.iter().flat_map(|fit| profiles(fit, tables, source.look(fit.model))).collect(),
+            &profiles,
+            "profiles",
+            fits().flat_map(|fit| self::profiles(fit, tables, look(fit))).collect(),
         ),
         figure(
-            KINDS[2],
-            fits.iter().flat_map(|fit| replicates(fit, tables, source.look(fit.model))).collect(),
+            &replicates,
+            "replicates",
+            fits().flat_map(|fit| self::replicates(fit, tables, look(fit))).collect(),
         ),
     ]
 }

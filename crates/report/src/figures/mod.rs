@@ -43,46 +43,50 @@ pub(crate) fn are_of_the_paper(campaigns: &BTreeSet<&str>) -> bool {
     PAPER_CAMPAIGNS.iter().any(|campaign| campaigns.contains(campaign))
 }
 
-/// The figures that the paper printed: its name, what it shows, and of which campaigns (of a robot,
-/// all of that robot's).
-const PRINTED: [(&str, &str, &[&str]); 17] = [
-    ("fig03", SIMULATED, &[SEMI_PASSIVE]),
-    ("fig04", FROM_REST, &[SEMI_PASSIVE]),
-    ("fig05", SWEEP, &[SEMI_PASSIVE]),
-    ("fig06", SIMULATED, &[SYMMETRIC]),
-    ("fig08", RELEASE, &[SEMI_PASSIVE]),
-    ("fig09", GAIT, &[SKEWED]),
-    ("fig10", MEASURED, &[SKEWED]),
-    ("fig11", GAIT, &[SYMMETRIC]),
-    ("fig12", WHEELS, &[SYMMETRIC]),
-    ("fig13", MEASURED, &[SYMMETRIC]),
-    ("fig14", GAIT, &[SEMI_PASSIVE]),
-    ("fig15", MEASURED, &[SEMI_PASSIVE]),
-    ("fig16", MODELS, &[SKEWED]),
-    ("fig17", MODELS, &[SYMMETRIC]),
-    ("fig18", MODELS, &[SEMI_PASSIVE]),
-    ("fig19", BY_GAIT, &[SYMMETRIC, SKEWED]),
-    ("fig20", BY_ROBOT, &[SYMMETRIC, SEMI_PASSIVE]),
+/// What a figure shows: the end of its files' name, and its names where the paper printed it, each with the
+/// campaigns that it is of (of a robot, all of that robot's).
+#[derive(Clone, Copy)]
+struct Kind(&'static str, &'static [(&'static str, &'static [&'static str])]);
+
+const SIMULATED: Kind = Kind("simulated", &[("fig03", &[SEMI_PASSIVE]), ("fig06", &[SYMMETRIC])]);
+const FROM_REST: Kind = Kind("from-rest", &[("fig04", &[SEMI_PASSIVE])]);
+const SWEEP: Kind = Kind("sweep", &[("fig05", &[SEMI_PASSIVE])]);
+const GAIT: Kind =
+    Kind("gait", &[("fig09", &[SKEWED]), ("fig11", &[SYMMETRIC]), ("fig14", &[SEMI_PASSIVE])]);
+const WHEELS: Kind = Kind("wheels", &[("fig12", &[SYMMETRIC])]);
+const MEASURED: Kind =
+    Kind("d-v", &[("fig10", &[SKEWED]), ("fig13", &[SYMMETRIC]), ("fig15", &[SEMI_PASSIVE])]);
+const MODELS: Kind =
+    Kind("models", &[("fig16", &[SKEWED]), ("fig17", &[SYMMETRIC]), ("fig18", &[SEMI_PASSIVE])]);
+const SKID: Kind = Kind("sigma", &[]);
+const AMPLITUDE: Kind = Kind("alpha", &[]);
+const RESIDUALS: Kind = Kind("residuals", &[]);
+const STARTS: Kind = Kind("starts", &[]);
+const PROFILES: Kind = Kind("profiles", &[]);
+const REPLICATES: Kind = Kind("replicates", &[]);
+const OPTIMA: Kind = Kind("optima", &[]);
+const BY_GAIT: Kind = Kind("by-gait", &[("fig19", &[SYMMETRIC, SKEWED])]);
+const BY_ROBOT: Kind = Kind("by-robot", &[("fig20", &[SYMMETRIC, SEMI_PASSIVE])]);
+const RELEASE: Kind = Kind("release", &[("fig08", &[SEMI_PASSIVE])]);
+
+/// All of them, in the order of the page. Beside them is what is of all campaigns.
+const KINDS: [Kind; 17] = [
+    SIMULATED, FROM_REST, SWEEP, GAIT, WHEELS, MEASURED, MODELS, SKID, AMPLITUDE, RESIDUALS,
+    STARTS, PROFILES, REPLICATES, OPTIMA, BY_GAIT, BY_ROBOT, RELEASE,
 ];
 
-// What a figure shows: the end of its files' name.
-const SIMULATED: &str = "simulated";
-const FROM_REST: &str = "from-rest";
-const SWEEP: &str = "sweep";
-const GAIT: &str = "gait";
-const WHEELS: &str = "wheels";
-const MEASURED: &str = "d-v";
-const MODELS: &str = "models";
-const SKID: &str = "sigma";
-const AMPLITUDE: &str = "alpha";
-const RESIDUALS: &str = "residuals";
-const RELEASE: &str = "release";
-const BY_GAIT: &str = "by-gait";
-const BY_ROBOT: &str = "by-robot";
 /// The figure of planted truth, and that of the actuators' work.
 pub(crate) const TRUTH: &str = "truth";
 const WORK: &str = "work";
-const OPTIMA: &str = "optima";
+
+impl Kind {
+    /// Name of the figure's files: the paper's if it printed the figure, else by what it is of.
+    fn stem(&self, name: &str, campaigns: &[&str]) -> String {
+        let Self(end, printed) = self;
+        let printed = printed.iter().find(|(_, of)| *of == campaigns);
+        printed.map_or_else(|| format!("{name}-{end}"), |(stem, _)| (*stem).to_owned())
+    }
+}
 
 /// A figure of more panels would not fit into a picture.
 const MOST_PANELS: usize = 100;
@@ -92,17 +96,12 @@ const MOST_TOGETHER: usize = 4;
 /// Frequency of the trials that the paper shows moment by moment, rad/s.
 const SHOWN_RAD_S: f64 = 3.9;
 
-/// Name of a figure's files: the paper's if it printed the figure, else by what it is of.
-fn stem(name: &str, kind: &str, campaigns: &[&str]) -> String {
-    let is_printed = |printed: &&(_, &str, &[&str])| (printed.1, printed.2) == (kind, campaigns);
-    let printed = PRINTED.iter().find(is_printed);
-    printed.map_or_else(|| format!("{name}-{kind}"), |(stem, ..)| (*stem).to_owned())
-}
-
 /// `Fig. 16` for `fig16`, nothing for figures that the paper does not have.
 pub(crate) fn number(stem: &str) -> String {
     let digits = stem.strip_prefix("fig");
-    let digits = digits.filter(|_| PRINTED.iter().any(|(printed, ..)| *printed == stem));
+    let digits = digits.filter(|_| {
+        KINDS.iter().flat_map(|Kind(_, printed)| *printed).any(|(printed, _)| *printed == stem)
+    });
     digits.map_or(String::new(), |digits| format!("Fig. {}", digits.trim_start_matches('0')))
 }
 
@@ -182,7 +181,7 @@ pub(crate) fn figures(
 impl Inputs<'_> {
     fn of_campaign(self, campaign: &str, name: &str) -> Result<Figures, StoreError> {
         let Self { tables, source, config, .. } = self;
-        let stem = |kind: &str| stem(name, kind, &[campaign]);
+        let stem = |kind: Kind| kind.stem(name, &[campaign]);
         let mut found = Figures::default();
         let has_measurements = source.has_measurements(campaign);
         let without = match (has_measurements, source.models(campaign).is_empty()) {
@@ -212,7 +211,8 @@ impl Inputs<'_> {
         ]);
         found.figures.extend(amplitude::figure(&stem(AMPLITUDE), campaign, tables, config));
         found.figures.push(residuals::figure(&stem(RESIDUALS), campaign, source));
-        found.figures.extend(fits::figures(name, campaign, tables, source));
+        let stems = [STARTS, PROFILES, REPLICATES].map(stem);
+        found.figures.extend(fits::figures(stems, campaign, tables, source));
         found.figures.push(optimum::figure(&stem(OPTIMA), campaign, tables.maps_of(campaign)));
         Ok(found)
     }
@@ -275,7 +275,7 @@ impl Inputs<'_> {
             let is_passive = |gait: &Gait| gait.passive_joint().is_some();
             offsets(a).total_cmp(&offsets(b)).then(is_passive(a).cmp(&is_passive(b)))
         });
-        let mut groups: Vec<(&str, &str, Vec<&str>)> = Vec::new();
+        let mut groups: Vec<(&str, Kind, Vec<&str>)> = Vec::new();
         for (nth, (gait, campaign)) in members.iter().enumerate() {
             let Some(of) = setup(campaign) else { continue };
             let has_robot = |(_, other): &(Gait, &str)| {
@@ -299,8 +299,8 @@ impl Inputs<'_> {
         for (of, kind, campaigns) in groups {
             let most = campaigns.len().div_ceil(campaigns.len().div_ceil(MOST_TOGETHER));
             for campaigns in campaigns.chunks(most).filter(|campaigns| campaigns.len() > 1) {
-                let name = file_name(of, &mut taken[usize::from(kind == BY_ROBOT)]);
-                let stem = stem(&name, kind, campaigns);
+                let name = file_name(of, &mut taken[usize::from(kind.0 == BY_ROBOT.0)]);
+                let stem = kind.stem(&name, campaigns);
                 figures.push(frequency::skid(&stem, campaigns, self.source));
             }
         }
@@ -316,7 +316,7 @@ impl Inputs<'_> {
             let setup = self.config.campaigns();
             let is_of = |of: &&&str| setup.get(**of).is_some_and(|of| of.robot == robot);
             let campaigns: Vec<&str> = campaigns.iter().filter(is_of).copied().collect();
-            let stem = stem(&file_name(robot, &mut taken), RELEASE, &campaigns);
+            let stem = RELEASE.stem(&file_name(robot, &mut taken), &campaigns);
             let rows = releases.clone().filter(|row| row.robot == robot);
             let Some(row) = rows.min_by_key(|row| !row.status.is_ok()) else { continue };
             let figure = match row.status.is_ok() {
@@ -372,4 +372,17 @@ pub(crate) fn file_name(name: &str, taken: &mut BTreeSet<String>) -> String {
     let numbered = (2..).map(|number| format!("{base}-{number}"));
     let mut names = [base.clone()].into_iter().chain(numbered);
     names.find(|name| taken.insert(name.to_lowercase())).unwrap_or(base)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_figure_is_documented() {
+        let documents = include_str!("../../../../docs/tables.md");
+        for Kind(end, _) in KINDS {
+            assert!(documents.contains(&format!("-{end}`")), "{end}");
+        }
+    }
 }
