@@ -71,6 +71,7 @@ impl Parameter {
     #[inline]
     const fn index(self) -> usize {
         debug_assert!(self.quantity.definition().is_fitted, "no fit frees it");
+        debug_assert!(self.quantity.definition().is_fitted, "no fit frees it");
         Self::FIRST[self.quantity as usize] + self.place as usize
     }
 
