@@ -274,7 +274,8 @@ fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present:
         .right(&name, |(_, of)| short(scale * of.value))
         .right("omega rad/s", |(_, of)| short(of.problem.omega_rad_s));
     let has_second = optima.iter().any(|of| of.problem.gait.has_second());
-    let angles: [(&str, fn(&JointCommand) -> f64); 5] = [
+    type Angle = (&'static str, fn(&JointCommand) -> f64);
+    let angles: [Angle; 5] = [
         ("amplitude", |of| of.amplitude_rad),
         ("offset", |of| of.offset_rad),
         ("phase", |of| of.phase_rad),
