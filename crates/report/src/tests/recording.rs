@@ -48,6 +48,9 @@ pub(crate) fn write(derived: &Path, trial: &TrialRow) {
         fill(0),
         fill(1),
         fill(2),
+        repeated("outlier0", "none", frames),
+        repeated("outlier1", "none", frames),
+        repeated("outlier2", "none", frames),
         unseen(0, ""),
         unseen(1, "F1, F2, F3"),
         unseen(2, "R2"),
@@ -94,6 +97,9 @@ pub(crate) fn write_release(derived: &Path, trial: &str) {
         repeated("fill0", "measured", frames),
         repeated("fill1", "measured", frames),
         repeated("fill2", "measured", frames),
+        repeated("outlier0", "none", frames),
+        repeated("outlier1", "none", frames),
+        repeated("outlier2", "none", frames),
     ]);
     save(&poses, &poses_path(derived, trial));
     save(&wheels(frames, &|_| 0.0), &wheels_path(derived, trial));

@@ -175,7 +175,7 @@ rows! {
         /// are one.
         pub free: i64,
         pub terms: i64,
-        /// Information criterion, see [`trilink_fit`]; differences count, lower is better.
+        /// Information criterion, see `trilink_fit`; differences count, lower is better.
         pub criterion: f64,
         /// Part of the bootstrap's replicates in which the model has the campaign's lowest
         /// criterion, with the frequencies resampled, too.
