@@ -169,7 +169,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// use trilink_tables::config::{Config, GaitInput, SigmaKind};
 /// use trilink_fit::{FitData, fit};
 /// use trilink_mechanics::{FIT_ACCURACY, Problem, Solver};
-/// use trilink_robot::{Laws, Model, Parameter};
+/// use trilink_robot::{Laws, Model, Quantity};
 /// use trilink_tables::{Columns, TrialRow};
 ///
 /// let campaign = "kinematic-symmetric";
